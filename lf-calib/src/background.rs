@@ -1,0 +1,116 @@
+//! What stays in every frame: per pixel, the minimum or a low quantile over many frames.
+
+use crate::Refusal;
+use crate::white::other_size;
+use ndarray::Array2;
+use rayon::prelude::*;
+
+/// Frames taken in one after another.
+///
+/// Of n frames the quantile q lies between the sorted counts number floor(q (n - 1)) and the next, counted from 0, and
+/// is interpolated linearly; q = 0 is the minimum. Only the counts up to there are kept: one plane for the minimum
+/// whatever the number of frames, floor(q (n - 1)) + 2 planes for a quantile.
+#[derive(Debug, Clone)]
+pub struct Background {
+    position: f64,
+    planes: usize,
+    frames: usize,
+    shape: Option<(usize, usize)>,
+    /// The lowest counts of each pixel in rising order, `planes` a pixel.
+    lowest: Vec<f32>,
+}
+
+impl Background {
+    /// Of this many frames, the quantile 0 to 1.
+    ///
+    /// # Panics
+    /// If there are no frames or the quantile is outside 0 to 1.
+    pub fn new(frames: usize, quantile: f64) -> Self {
+        assert!(frames > 0 && (0.0..=1.0).contains(&quantile));
+        let position = quantile * (frames - 1) as f64;
+        let planes = position.ceil() as usize + 1;
+        Self { position, planes, frames: 0, shape: None, lowest: Vec::new() }
+    }
+
+    /// Takes in a frame.
+    ///
+    /// # Errors
+    /// Refuses another size than the first frame's.
+    pub fn add(&mut self, frame: &Array2<f32>) -> Result<(), Refusal> {
+        let shape = *self.shape.get_or_insert(frame.dim());
+        if shape != frame.dim() {
+            return Err(other_size(frame, shape));
+        }
+        if self.lowest.is_empty() {
+            self.lowest = vec![f32::INFINITY; frame.len() * self.planes];
+        }
+        let frame = frame.as_standard_layout();
+        let counts = frame.as_slice().expect("a standard layout is one slice");
+        // Insertion into a short sorted list; whatever falls off its end can never be needed.
+        self.lowest.par_chunks_mut(self.planes).zip(counts).with_min_len(4096).for_each(|(lowest, &count)| {
+            let mut count = count;
+            for kept in lowest.iter_mut() {
+                if count < *kept {
+                    std::mem::swap(kept, &mut count);
+                }
+            }
+        });
+        self.frames += 1;
+        Ok(())
+    }
+
+    /// The background of the frames taken in; none of no frame.
+    pub fn finish(self) -> Option<Array2<f32>> {
+        let (below, share) = (self.position.floor() as usize, self.position.fract() as f32);
+        let values = self
+            .lowest
+            .par_chunks(self.planes)
+            .map(|lowest| {
+                let above = lowest[(below + 1).min(self.planes - 1)];
+                lowest[below] + share * (above - lowest[below])
+            })
+            .collect();
+        let shape = self.shape.filter(|_| self.frames > 0)?;
+        Array2::from_shape_vec(shape, values).ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frame n of pixel p holds (7 n + p) mod 11: the values 0 to 10 once each, in another order for each pixel.
+    fn frames() -> Vec<Array2<f32>> {
+        (0..11)
+            .map(|n| Array2::from_shape_fn((4, 5), |(row, column)| ((7 * n + 5 * row + column) % 11) as f32))
+            .collect()
+    }
+
+    fn background(quantile: f64) -> Array2<f32> {
+        let mut background = Background::new(11, quantile);
+        frames().iter().for_each(|frame| background.add(frame).unwrap());
+        background.finish().unwrap()
+    }
+
+    #[test]
+    fn quantiles_of_eleven_known_counts() {
+        for (quantile, expected) in [(0.0, 0.0), (0.05, 0.5), (0.1, 1.0), (0.25, 2.5), (0.5, 5.0), (1.0, 10.0)] {
+            let found = background(quantile);
+            assert!(found.iter().all(|value| (value - expected).abs() < 1e-6), "{quantile}: {found}");
+        }
+    }
+
+    #[test]
+    fn the_minimum_keeps_one_plane_for_any_number_of_frames() {
+        assert_eq!(Background::new(1_000_000, 0.0).planes, 1);
+        assert_eq!(Background::new(1001, 0.05).planes, 51);
+    }
+
+    #[test]
+    fn sizes_must_match() {
+        let mut background = Background::new(2, 0.0);
+        background.add(&Array2::zeros((4, 5))).unwrap();
+        assert_eq!(background.add(&Array2::zeros((5, 4))).unwrap_err().wanted, "wanted 5 x 4 px like the first");
+        assert!(Background::new(2, 0.0).finish().is_none());
+    }
+}

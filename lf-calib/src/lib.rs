@@ -1,0 +1,25 @@
+//! White images and particle frames to a camera that can be trusted.
+//!
+//! [`White`] averages white images, [`lattice::find`] finds the lattice of the lenslet *images* in the mean, and
+//! [`calibrate()`] turns it into the microlenses of a camera. [`Background`] is what stays in every frame.
+//!
+//! Image places are pixels from the left and top edge: a pixel's centre is at a half.
+
+mod background;
+mod calibrate;
+mod cell;
+mod fit;
+pub mod lattice;
+mod period;
+mod radial;
+mod reading;
+mod refusal;
+mod symmetry;
+mod trail;
+mod white;
+
+pub use background::Background;
+pub use calibrate::{calibrate, overlap};
+pub use lattice::{Centre, ImageLattice};
+pub use refusal::Refusal;
+pub use white::White;

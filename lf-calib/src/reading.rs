@@ -1,0 +1,121 @@
+//! One lenslet image read against the mean cell: where its centre is, how bright it is, how well it fits.
+
+use crate::cell::Cell;
+use crate::period::shortest;
+use glam::{DMat2, DVec2};
+use nalgebra::{Matrix4, Vector4};
+use ndarray::ArrayView2;
+
+/// Radius of the pixels that are read, in shortest lattice vectors: the rims of discs that touch lie well inside.
+const WINDOW: f64 = 0.62;
+/// Least share of the window inside the image: half a disc cut by the frame is still read.
+const LEAST_INSIDE: f64 = 0.7;
+/// Farthest a centre may be from its prediction, in shortest lattice vectors.
+const FARTHEST: f64 = 0.35;
+
+/// What one lenslet image says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Reading {
+    /// Centre, px from the image's left and top edge.
+    pub centre_px: DVec2,
+    /// Counts where the cell is 0.
+    pub floor: f64,
+    /// Counts per unit of the cell.
+    pub gain: f64,
+    /// Relative change of the gain across the lenslet, per px, as it was given.
+    pub shade_per_px: DVec2,
+    /// Share of the variance of the pixels that the cell explains.
+    pub explained: f64,
+}
+
+/// The pixels around a place, by (column, row), or none if too many of them are outside the image.
+pub(crate) fn window(
+    centre_px: DVec2,
+    shortest_px: f64,
+    (height, width): (usize, usize),
+) -> Option<impl Iterator<Item = (usize, usize)>> {
+    let radius = WINDOW * shortest_px;
+    let whole = std::f64::consts::PI * radius * radius;
+    let rows = inside(centre_px.y, radius, height);
+    let columns = move |row: usize| {
+        let dy = row as f64 + 0.5 - centre_px.y;
+        inside(centre_px.x, (radius * radius - dy * dy).max(0.0).sqrt(), width)
+    };
+    let count: usize = rows.clone().map(|row| columns(row).len()).sum();
+    (count as f64 >= LEAST_INSIDE * whole)
+        .then(|| rows.flat_map(move |row| columns(row).map(move |column| (column, row))))
+}
+
+/// Pixels whose centres lie within `reach` of `centre`.
+fn inside(centre: f64, reach: f64, size: usize) -> std::ops::Range<usize> {
+    let first = (centre - reach - 0.5).ceil().max(0.0) as usize;
+    let end = ((centre + reach - 0.5).floor() + 1.0).clamp(0.0, size as f64) as usize;
+    first..end.max(first)
+}
+
+impl Reading {
+    /// A count at an offset from the centre in units of the cell.
+    pub fn level(&self, count: f64, offset_px: DVec2) -> f64 {
+        (count - self.floor) / (self.gain * (1.0 + self.shade_per_px.dot(offset_px)))
+    }
+}
+
+/// Least squares of the pixels around `from_px` against floor + gain (1 + shade . x) T(x - centre), x from `from_px`, by
+/// Gauss-Newton. The shade is not fitted: in one lenslet it looks like a shift. None if the window leaves the image, if
+/// the centre runs away, or if there is no light.
+pub(crate) fn read(
+    image: ArrayView2<f32>,
+    cell: &Cell,
+    basis_px: DMat2,
+    from_px: DVec2,
+    shade_per_px: DVec2,
+) -> Option<Reading> {
+    let shortest = shortest(basis_px);
+    let to_cell = basis_px.inverse();
+    let slope_to_px = to_cell.transpose();
+    let mut centre = from_px;
+    let mut reading = None;
+    for _ in 0..8 {
+        let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+        let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        for (column, row) in window(from_px, shortest, image.dim())? {
+            let count_here = image[(row, column)] as f64;
+            let place = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+            let (value, slope) = cell.at(to_cell * (place - centre));
+            let shade = 1.0 + shade_per_px.dot(place - from_px);
+            let (value, slope) = (shade * value, shade * (slope_to_px * slope));
+            let line = [1.0, value, -slope.x, -slope.y];
+            for a in 0..4 {
+                for b in 0..=a {
+                    normal[(a, b)] += line[a] * line[b];
+                }
+                right[a] += line[a] * count_here;
+            }
+            count += 1.0;
+            sum += count_here;
+            squares += count_here * count_here;
+        }
+        normal.fill_upper_triangle_with_lower_triangle();
+        let solution = normal.cholesky()?.solve(&right);
+        let gain = solution[1];
+        if gain <= 0.0 {
+            return None;
+        }
+        let variance = squares - sum * sum / count;
+        let misfit = squares - solution.dot(&right);
+        let step = DVec2::new(solution[2], solution[3]) / gain;
+        // A long step is a bad linearisation: it says which way, not how far.
+        let step = step.clamp_length_max(0.12 * shortest);
+        centre += step;
+        if !centre.is_finite() || centre.distance(from_px) > FARTHEST * shortest {
+            return None;
+        }
+        let explained = if variance > 0.0 { 1.0 - misfit / variance } else { 0.0 };
+        reading = Some(Reading { centre_px: centre, floor: solution[0], gain, shade_per_px, explained });
+        // Gauss-Newton squares its error: what a step of 0.01 px leaves is far below any noise.
+        if step.length() < 0.01 {
+            break;
+        }
+    }
+    reading
+}

@@ -1,0 +1,272 @@
+//! The contract of lf-calib's command line.
+
+mod scenes;
+
+use lf_core::camera::{Aperture, Camera, Layout};
+use lf_core::image;
+use ndarray::Array2;
+use serde_json::Value;
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use tempfile::TempDir;
+
+/// A folder with a camera, a white image of it and three frames.
+struct Place(TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        let truth = truth();
+        fs::write(place.path("nominal.json"), scenes::nominal(&truth).to_json()).unwrap();
+        place.image("white.exr", &scenes::discs(&truth, 0.9));
+        for n in 0..3 {
+            let frame = Array2::from_shape_fn((5, 7), |(row, column)| ((row * 7 + column + 5 * n) % 13) as f32);
+            place.image(&format!("frame-{n}.exr"), &frame);
+        }
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn image(&self, name: &str, pixels: &Array2<f32>) {
+        image::save(&self.path(name), pixels, &Vec::new()).unwrap();
+    }
+
+    /// The tool in the folder, so that file names and messages are short.
+    fn tool(&self, line: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lf-calib"));
+        command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null()).env("LF_HISTORY", "off");
+        command
+    }
+
+    fn run(&self, line: &str) -> Output {
+        self.tool(line).output().unwrap()
+    }
+
+    fn done(&self, line: &str) -> Output {
+        let output = self.run(line);
+        assert!(output.status.success(), "{line}: {output:?}");
+        output
+    }
+
+    /// Runs a line that must fail with code 2 and this one line, and leave no output.
+    fn refused(&self, line: &str, message: &str) {
+        let output = self.run(line);
+        assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
+        assert_eq!(String::from_utf8(output.stderr).unwrap(), format!("lf-calib: {message}\n"), "{line}");
+        assert!(output.stdout.is_empty(), "{line}");
+        assert!(!self.path("out").exists() && !self.path("out.exr").exists(), "{line}");
+    }
+}
+
+fn truth() -> Camera {
+    scenes::camera(280, Layout::Hexagonal, 0.003, [0.0123, -0.0257])
+}
+
+fn piped(mut command: Command, bytes: Vec<u8>) -> Output {
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let writer = std::thread::spawn(move || stdin.write_all(&bytes));
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap().unwrap();
+    output
+}
+
+#[test]
+fn the_camera_is_the_nominal_one_with_measured_microlenses() {
+    let place = Place::new();
+    place.done("lattice white.exr -c nominal.json -o out");
+    let camera = Camera::open(&place.path("out")).unwrap();
+    let (truth, nominal) = (truth(), scenes::nominal(&truth()));
+    assert_eq!(camera.sensor, nominal.sensor);
+    assert_eq!(camera.main_lens, nominal.main_lens);
+    assert_eq!(camera.microlenses.layout, Layout::Hexagonal);
+    assert!(scenes::farthest_px(&camera, &truth) < 0.003);
+    let measured = &camera.calibration.unwrap()["lattice"];
+    for key in ["image_pitch_px", "residual_rms_px", "affine_departure_px", "lenslets", "contrast"] {
+        assert!(measured[key].as_f64().is_some(), "{key} in {measured}");
+    }
+    for key in ["pitch_mm", "rotation_rad", "offset_mm"] {
+        assert!(measured["standard_uncertainty"][key].as_f64().unwrap() > 0.0, "{key}");
+    }
+}
+
+#[test]
+fn file_pipe_and_redirect_give_the_same_bytes() {
+    let place = Place::new();
+    let from_file = place.done("lattice white.exr -c nominal.json").stdout;
+    place.done("lattice white.exr -c nominal.json -o out");
+    assert_eq!(fs::read(place.path("out")).unwrap(), from_file);
+    let white = || fs::read(place.path("white.exr")).unwrap();
+    assert_eq!(piped(place.tool("lattice -c nominal.json"), white()).stdout, from_file);
+    assert_eq!(piped(place.tool("lattice - -c nominal.json"), white()).stdout, from_file);
+    let mut redirected = place.tool("lattice -c nominal.json");
+    redirected.stdin(File::open(place.path("white.exr")).unwrap());
+    assert_eq!(redirected.output().unwrap().stdout, from_file);
+
+    let from_files = place.done("background frame-0.exr frame-1.exr").stdout;
+    let frame = fs::read(place.path("frame-0.exr")).unwrap();
+    assert_eq!(piped(place.tool("background - frame-1.exr"), frame).stdout, from_files);
+}
+
+#[test]
+fn any_number_of_threads_and_a_second_run_give_the_same_bytes() {
+    let place = Place::new();
+    for line in ["lattice white.exr -c nominal.json", "background frame-0.exr frame-1.exr frame-2.exr --quantile 0.3"] {
+        let once = place.done(line).stdout;
+        for threads in [1, 2, 4] {
+            assert_eq!(place.done(&format!("{line} --threads {threads}")).stdout, once, "{line}, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn several_whites_are_averaged() {
+    let place = Place::new();
+    let white = image::open(&place.path("white.exr")).unwrap().pixels;
+    place.image("dim.exr", &white.mapv(|value| 0.5 * value));
+    place.image("bright.exr", &white.mapv(|value| 1.5 * value));
+    let one = place.done("lattice white.exr -c nominal.json").stdout;
+    let two = place.done("lattice dim.exr bright.exr -c nominal.json").stdout;
+    let pitch =
+        |text: &[u8]| serde_json::from_slice::<Value>(text).unwrap()["microlenses"]["pitch_mm"].as_f64().unwrap();
+    assert!((pitch(&one) - pitch(&two)).abs() < 1e-9);
+}
+
+#[test]
+fn history_and_earlier_calibration_are_kept() {
+    let place = Place::new();
+    let mut nominal = scenes::nominal(&truth());
+    nominal.calibration = Some(serde_json::json!({"focus": {"depth_mm": 0.25}}));
+    fs::write(place.path("nominal.json"), nominal.to_json()).unwrap();
+    let mut once = place.tool("lattice white.exr -c nominal.json -o once");
+    assert!(once.env_remove("LF_HISTORY").status().unwrap().success());
+    let mut twice = place.tool("lattice white.exr -c once -o twice");
+    assert!(twice.env_remove("LF_HISTORY").status().unwrap().success());
+    let calibration = Camera::open(&place.path("twice")).unwrap().calibration.unwrap();
+    assert_eq!(calibration["focus"]["depth_mm"], 0.25);
+    assert_eq!(calibration["history"].as_array().unwrap().len(), 2);
+    assert_eq!(calibration["history"][0]["tool"], "lf-calib");
+}
+
+#[test]
+fn background_is_the_minimum_or_a_quantile() {
+    let place = Place::new();
+    place.done("background frame-0.exr frame-1.exr frame-2.exr -o lowest.exr");
+    place.done("background frame-0.exr frame-1.exr frame-2.exr --quantile 0.25 -o low.exr");
+    let [lowest, low] = ["lowest.exr", "low.exr"].map(|name| image::open(&place.path(name)).unwrap().pixels);
+    // Pixel 3 counts 3, 8 and 0; pixel 9 counts 9, 1 and 6: a quarter lies half way from the lowest to the next.
+    assert_eq!((lowest[(0, 3)], low[(0, 3)]), (0.0, 1.5));
+    assert_eq!((lowest[(1, 2)], low[(1, 2)]), (1.0, 3.5));
+}
+
+#[test]
+fn stats_say_what_was_processed() {
+    let place = Place::new();
+    place.done("lattice white.exr -c nominal.json -o out --stats stats.json");
+    let stats: Value = serde_json::from_str(&fs::read_to_string(place.path("stats.json")).unwrap()).unwrap();
+    assert!(stats["counts"]["lenslets"].as_u64().unwrap() > 400);
+    assert!(stats["phases"]["lattice"].as_f64().is_some());
+}
+
+#[test]
+fn whites_that_cannot_be_used() {
+    let place = Place::new();
+    place.image("small.exr", &Array2::zeros((20, 30)));
+    place.refused(
+        "lattice white.exr small.exr -c nominal.json -o out",
+        "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px",
+    );
+    place.refused("lattice none.exr -c nominal.json -o out", "none.exr: no such file; wanted a file to read");
+    let wanted = "wanted a white image with dark gaps between the discs of the lenslets";
+    place.image("flat.exr", &Array2::from_elem((280, 280), 7.0));
+    place.refused("lattice flat.exr -c nominal.json -o out", &format!("flat.exr: flat, 7 everywhere; {wanted}"));
+    let square = scenes::squares(&scenes::camera(280, Layout::Square, 0.0, [0.0, 0.0]), 1.0);
+    place.image("square.exr", &square);
+    let line = "lattice square.exr -c nominal.json -o out";
+    place.refused(
+        line,
+        &format!("square.exr: no lattice: the contrast of what repeats is 0.38 %; {wanted} (at least 2 %)"),
+    );
+    let mut dark = Array2::zeros((280, 280));
+    dark[(3, 4)] = f32::NAN;
+    place.image("nan.exr", &dark);
+    place.refused(
+        "lattice nan.exr -c nominal.json -o out",
+        "nan.exr: 1 pixel is not a count, the first NaN at x 4, y 3; wanted finite values that are not negative",
+    );
+    let clipped = scenes::discs(&truth(), 0.9).mapv(|value| if value > 500.0 { 4095.0 } else { 3.0 });
+    place.image("clipped.exr", &clipped);
+    let output = place.run("lattice clipped.exr -c nominal.json -o out");
+    assert_eq!(output.status.code(), Some(2));
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.contains("saturated") && message.contains("at 4095, full scale; wanted at most 2 %"), "{message}");
+    assert!(!place.path("out").exists());
+}
+
+#[test]
+fn colour_is_refused() {
+    let place = Place::new();
+    let colour = ::image::RgbImage::from_fn(280, 280, |x, y| ::image::Rgb([x as u8, y as u8, 0]));
+    colour.save(place.path("colour.png")).unwrap();
+    let output = place.run("lattice colour.png -c nominal.json -o out");
+    assert_eq!(output.status.code(), Some(2));
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.starts_with("lf-calib: colour.png: ") && message.matches('\n').count() == 1, "{message}");
+    assert!(!place.path("out").exists());
+}
+
+#[test]
+fn arguments_that_cannot_be_used() {
+    let place = Place::new();
+    place.refused(
+        "lattice white.exr -c nominal.json -o white.exr",
+        "white.exr: is also an input; wanted another file to write to",
+    );
+    place.refused("lattice - -c - -o out", "standard input: named more than once; wanted - for one input only");
+    place.refused("background frame-0.exr --quantile 0.7 -o out.exr", "--quantile: 0.7; wanted 0 to 0.5");
+    place.refused("background frame-0.exr --quantile NaN -o out.exr", "--quantile: NaN; wanted 0 to 0.5");
+    place.refused(
+        "background frame-0.exr frame-1.exr white.exr -o out.exr",
+        "white.exr: image of 280 x 280 px; wanted 7 x 5 px like the first",
+    );
+    place.refused(
+        "lattice white.exr -c nominal.json -o none/out",
+        "none/out: its folder does not exist; wanted an existing folder",
+    );
+    for line in ["", "lattice", "lattice white.exr", "volume white.exr -c nominal.json"] {
+        let output = place.run(line);
+        assert_eq!(output.status.code(), Some(2), "{line}");
+        assert_eq!(String::from_utf8(output.stderr).unwrap().matches('\n').count(), 1, "{line}");
+    }
+}
+
+#[test]
+fn a_full_disk_is_an_error() {
+    if !Path::new("/dev/full").exists() {
+        return;
+    }
+    let place = Place::new();
+    for line in ["lattice white.exr -c nominal.json -o /dev/full", "background frame-0.exr -o /dev/full"] {
+        let output = place.run(line);
+        assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
+        assert_eq!(String::from_utf8(output.stderr).unwrap().matches('\n').count(), 1, "{line}");
+    }
+}
+
+#[test]
+fn images_that_overlap_by_their_f_number_are_warned_of() {
+    let place = Place::new();
+    let mut nominal = truth();
+    nominal.main_lens.working_f_number = 3.5;
+    nominal.main_lens.aperture = Aperture::Circle;
+    fs::write(place.path("nominal.json"), nominal.to_json()).unwrap();
+    let output = place.done("lattice white.exr -c nominal.json");
+    assert!(String::from_utf8(output.stderr).unwrap().starts_with("lf-calib: warning: by its f-number"));
+    assert!(place.done("lattice white.exr -c nominal.json -q").stderr.is_empty());
+}

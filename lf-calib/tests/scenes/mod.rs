@@ -1,0 +1,145 @@
+//! White images drawn without the code under test.
+#![allow(dead_code)]
+
+use glam::DVec2;
+use lf_core::camera::{Aperture, Camera, Layout, MainLens, Microlenses, Sensor};
+use lf_core::optics::Optics;
+use ndarray::Array2;
+
+/// The seed camera of the simulations with a round stop: 14 px lenslets whose discs touch.
+pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2]) -> Camera {
+    Camera {
+        sensor: Sensor { width: side, height: side, pixel_pitch_mm: 0.0055 },
+        main_lens: MainLens {
+            focal_length_mm: 200.0,
+            magnification: 1.0,
+            working_f_number: 4.0,
+            aperture: Aperture::Circle,
+        },
+        microlenses: Microlenses { layout, pitch_mm: 0.077, focal_length_mm: 0.308, rotation_rad, offset_mm },
+        calibration: None,
+    }
+}
+
+/// The same camera as its maker would describe it: right lens, roughly right lattice.
+pub fn nominal(truth: &Camera) -> Camera {
+    let mut nominal = truth.clone();
+    nominal.microlenses.pitch_mm *= 1.02;
+    nominal.microlenses.rotation_rad -= 0.01;
+    nominal.microlenses.offset_mm[0] += 0.003;
+    nominal.microlenses.offset_mm[1] -= 0.002;
+    nominal
+}
+
+/// How far the lenslet image farthest off is from the truth's, within the frame, px.
+pub fn farthest_px(found: &Camera, truth: &Camera) -> f64 {
+    let px_per_mm = (1.0 + truth.demagnification()) / truth.sensor.pixel_pitch_mm;
+    let half = 0.5 * truth.sensor.pixel_pitch_mm * DVec2::new(truth.sensor.width as f64, truth.sensor.height as f64);
+    let lattice = found.lattice();
+    let off = |centre: DVec2| {
+        let (i, j) = lattice.lenslet_at(centre);
+        lattice.centre_mm(i, j).distance(centre) * px_per_mm
+    };
+    truth.lattice().lenslets_within(DVec2::ZERO, half).map(|(_, _, centre)| off(centre)).fold(0.0, f64::max)
+}
+
+/// Discs of `fill` times the stop's image, 1000 counts, dark between, overlaps brighter: a pixel's count is the area that
+/// the discs cover of its square, chord by chord.
+pub fn discs(camera: &Camera, fill: f64) -> Array2<f32> {
+    let radius = 0.5 * fill * stop_px(camera);
+    spots(camera, radius, |corner| covered(corner, radius))
+}
+
+/// The same behind a square stop, sides along x and y: a pixel's count is the area covered, exactly.
+pub fn squares(camera: &Camera, fill: f64) -> Array2<f32> {
+    let half = 0.5 * fill * stop_px(camera);
+    let side = |corner: f64| ((corner + 1.0).min(half) - corner.max(-half)).max(0.0);
+    spots(camera, half, |corner| side(corner.x) * side(corner.y))
+}
+
+/// Diameter or side of the stop's image under a lenslet, px.
+fn stop_px(camera: &Camera) -> f64 {
+    camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm
+}
+
+/// A thousand times `share` for every pixel within `reach_px` of a lenslet image's centre, by the pixel's corner.
+fn spots(camera: &Camera, reach_px: f64, share: impl Fn(DVec2) -> f64) -> Array2<f32> {
+    let pitch = camera.sensor.pixel_pitch_mm;
+    let (width, height) = (camera.sensor.width, camera.sensor.height);
+    let middle = 0.5 * DVec2::new(width as f64, height as f64);
+    let mut image = Array2::zeros((height, width));
+    for (_, _, centre) in camera.lattice().lenslets_within(DVec2::ZERO, (middle + reach_px) * pitch) {
+        let centre = centre * (1.0 + camera.demagnification()) / pitch + middle;
+        let range = |centre: f64, size: usize| {
+            let edge = |place: f64| place.clamp(0.0, size as f64) as usize;
+            edge((centre - reach_px).floor())..edge((centre + reach_px).ceil())
+        };
+        for row in range(centre.y, height) {
+            for column in range(centre.x, width) {
+                image[(row, column)] += (1000.0 * share(DVec2::new(column as f64, row as f64) - centre)) as f32;
+            }
+        }
+    }
+    image
+}
+
+/// Rays through the shared optics: from everywhere on the array, through everywhere in the stop, counted by pixel and
+/// scaled to a mean of 1000 in the discs.
+pub fn rays(camera: &Camera, per_pixel: usize) -> Array2<f32> {
+    let optics = Optics::new(camera);
+    let (width, height) = (camera.sensor.width, camera.sensor.height);
+    let half =
+        0.5 * camera.sensor.pixel_pitch_mm * DVec2::new(width as f64, height as f64) + camera.microlenses.pitch_mm;
+    let mut image = Array2::zeros((height, width));
+    let mut state = 1;
+    for _ in 0..width * height * per_pixel {
+        let mut signed = || 2.0 * uniform(&mut state) - 1.0;
+        let array = half * DVec2::new(signed(), signed());
+        let stop = optics.half_aperture_mm() * DVec2::new(signed(), signed());
+        if !optics.passes(stop) {
+            continue;
+        }
+        if let Some((column, row)) = optics.pixel_at(optics.sensor_from_array(array, stop)) {
+            image[(row, column)] += 1000.0 / per_pixel as f32;
+        }
+    }
+    image
+}
+
+/// Area of the unit square with this corner inside the circle about 0.
+fn covered(corner: DVec2, radius: f64) -> f64 {
+    let nearest = corner.max(DVec2::ZERO).max(-(corner + 1.0)).length();
+    let farthest = corner.abs().max((corner + 1.0).abs()).length();
+    if farthest <= radius {
+        return 1.0;
+    }
+    if nearest >= radius {
+        return 0.0;
+    }
+    const CHORDS: usize = 64;
+    let chord = |n: usize| {
+        let x = corner.x + (n as f64 + 0.5) / CHORDS as f64;
+        let half = (radius * radius - x * x).max(0.0).sqrt();
+        (half.min(corner.y + 1.0) - (-half).max(corner.y)).max(0.0)
+    };
+    (0..CHORDS).map(chord).sum::<f64>() / CHORDS as f64
+}
+
+/// Adds noise of `share` of each pixel's count, one stream a pixel.
+pub fn noisy(image: &mut Array2<f32>, share: f64) {
+    for (n, value) in image.iter_mut().enumerate() {
+        // A sum of twelve uniform numbers less six is near enough to normal.
+        let mut state = n as u64 ^ 0x9e37_79b9_7f4a_7c15;
+        let sum: f64 = (0..12).map(|_| uniform(&mut state)).sum::<f64>() - 6.0;
+        *value = (*value as f64 * (1.0 + share * sum)).max(0.0) as f32;
+    }
+}
+
+/// SplitMix64, as a number from 0 to 1.
+pub fn uniform(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}

@@ -1,0 +1,408 @@
+//! The camera: its JSON, its checks, and the lattice of its microlenses.
+//!
+//! | symbol | key | derived here |
+//! | --- | --- | --- |
+//! | `pp` | `sensor.pixel_pitch_mm` | |
+//! | `p` | `microlenses.pitch_mm` | |
+//! | `f_l` | `microlenses.focal_length_mm` | |
+//! | `f`, `m` | `main_lens.focal_length_mm`, `main_lens.magnification` | |
+//! | `s_i`, `s_o` | | [`Camera::image_distance_mm`], [`Camera::object_distance_mm`] |
+//! | `N_w`, `D` | `main_lens.working_f_number` | [`Camera::aperture_mm`] |
+//! | `k` | | [`Camera::demagnification`] |
+
+use crate::{Error, Result};
+use glam::{DMat2, DVec2};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// A plenoptic camera whose sensor sits one microlens focal length behind the array.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// The pixels.
+    pub sensor: Sensor,
+    /// The main lens.
+    pub main_lens: MainLens,
+    /// The microlens array.
+    pub microlenses: Microlenses,
+    /// What a calibration learned: residuals and their units. Kept, and read by no tool.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<serde_json::Value>,
+}
+
+/// The pixels behind the array.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// Pixel columns.
+    pub width: usize,
+    /// Pixel rows.
+    pub height: usize,
+    /// Distance between pixels, mm.
+    pub pixel_pitch_mm: f64,
+}
+
+/// A thin main lens focused on the plane Z = 0.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MainLens {
+    /// Focal length, mm.
+    pub focal_length_mm: f64,
+    /// Size of the magnification, |M|.
+    pub magnification: f64,
+    /// Image distance over aperture diameter.
+    pub working_f_number: f64,
+    /// Shape of the stop.
+    pub aperture: Aperture,
+}
+
+/// Shape of the main lens's stop; its diameter or side is [`Camera::aperture_mm`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Aperture {
+    /// A disc.
+    Circle,
+    /// A square, sides along x and y.
+    Square,
+}
+
+/// The lattice of the microlenses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Microlenses {
+    /// Square or hexagonal.
+    pub layout: Layout,
+    /// Distance between neighbouring lenslets, mm.
+    pub pitch_mm: f64,
+    /// Focal length, mm; also the distance to the sensor.
+    pub focal_length_mm: f64,
+    /// Turn of the lattice about `offset_mm`, from x towards y, rad.
+    pub rotation_rad: f64,
+    /// Place of the lattice's origin, mm; see [`Lattice`].
+    pub offset_mm: [f64; 2],
+}
+
+/// How the lenslets are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Layout {
+    /// Rows and columns one pitch apart.
+    Square,
+    /// Rows `pitch sqrt(3)/2` apart, odd rows shifted by half a pitch.
+    Hexagonal,
+}
+
+impl Camera {
+    /// Reads and checks a camera file; `-` is standard input.
+    pub fn open(path: &Path) -> Result<Self> {
+        let text = crate::io::open_text(path)?;
+        Self::from_json(&text).map_err(|(found, wanted)| Error::new(crate::io::name(path), found, wanted))
+    }
+
+    /// Reads and checks a camera; the error is (found, wanted).
+    pub fn from_json(text: &str) -> std::result::Result<Self, (String, String)> {
+        const WANTED: &str = "wanted a camera.json";
+        let value: serde_json::Value =
+            serde_json::from_str(text).map_err(|error| (format!("not JSON ({error})"), WANTED.to_string()))?;
+        for block in ["distortion", "tilt", "centres", "vignetting"] {
+            if value.get(block).is_some() {
+                return Err((
+                    format!("has a '{block}' block, which this version does not model"),
+                    "wanted a camera without it".to_string(),
+                ));
+            }
+        }
+        let camera: Self = serde_json::from_value(value).map_err(|error| (error.to_string(), WANTED.to_string()))?;
+        camera.check().map_err(|found| (found, WANTED.to_string()))?;
+        Ok(camera)
+    }
+
+    /// The camera as indented JSON with a final line end.
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).expect("a camera is plain data");
+        text.push('\n');
+        text
+    }
+
+    /// Checks that every length is usable.
+    ///
+    /// # Errors
+    /// Says which key is wrong.
+    pub fn check(&self) -> std::result::Result<(), String> {
+        let positive = [
+            ("sensor.pixel_pitch_mm", self.sensor.pixel_pitch_mm),
+            ("main_lens.focal_length_mm", self.main_lens.focal_length_mm),
+            ("main_lens.magnification", self.main_lens.magnification),
+            ("main_lens.working_f_number", self.main_lens.working_f_number),
+            ("microlenses.pitch_mm", self.microlenses.pitch_mm),
+            ("microlenses.focal_length_mm", self.microlenses.focal_length_mm),
+        ];
+        for (key, value) in positive {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(format!("{key} is {value}, not a positive length or number"));
+            }
+        }
+        let (width, height) = (self.sensor.width, self.sensor.height);
+        if width == 0 || height == 0 || width > 1 << 20 || height > 1 << 20 {
+            return Err(format!("sensor is {width} x {height} px, outside 1 to 1048576 a side"));
+        }
+        if self.microlenses.pitch_mm < self.sensor.pixel_pitch_mm {
+            return Err(format!(
+                "microlenses.pitch_mm {} is smaller than a pixel ({} mm)",
+                self.microlenses.pitch_mm, self.sensor.pixel_pitch_mm
+            ));
+        }
+        let [x, y] = self.microlenses.offset_mm;
+        if !(self.microlenses.rotation_rad.is_finite() && x.is_finite() && y.is_finite()) {
+            return Err("microlenses.rotation_rad or offset_mm is not finite".to_string());
+        }
+        if self.demagnification() >= 0.5 {
+            return Err(format!(
+                "microlens focal length {} mm is not small beside the image distance {} mm",
+                self.microlenses.focal_length_mm,
+                self.image_distance_mm()
+            ));
+        }
+        Ok(())
+    }
+
+    /// Refuses an image of another size than the sensor.
+    pub fn check_image(&self, name: &str, width: usize, height: usize) -> Result<()> {
+        if (width, height) == (self.sensor.width, self.sensor.height) {
+            return Ok(());
+        }
+        Err(Error::new(
+            name,
+            format!("image of {width} x {height} px"),
+            format!("wanted the camera's {} x {} px", self.sensor.width, self.sensor.height),
+        ))
+    }
+
+    /// s_i = f (1 + m), mm.
+    pub fn image_distance_mm(&self) -> f64 {
+        self.main_lens.focal_length_mm * (1.0 + self.main_lens.magnification)
+    }
+
+    /// s_o = f (1 + 1/m), mm.
+    pub fn object_distance_mm(&self) -> f64 {
+        self.main_lens.focal_length_mm * (1.0 + 1.0 / self.main_lens.magnification)
+    }
+
+    /// D = s_i / N_w: diameter of a round stop, side of a square one, mm.
+    pub fn aperture_mm(&self) -> f64 {
+        self.image_distance_mm() / self.main_lens.working_f_number
+    }
+
+    /// k = f_l / s_i: size of the aperture's image under a lenslet over the aperture's.
+    pub fn demagnification(&self) -> f64 {
+        self.microlenses.focal_length_mm / self.image_distance_mm()
+    }
+
+    /// Lenslet pitch in pixels.
+    pub fn pitch_px(&self) -> f64 {
+        self.microlenses.pitch_mm / self.sensor.pixel_pitch_mm
+    }
+
+    /// The microlens lattice.
+    pub fn lattice(&self) -> Lattice {
+        Lattice::new(&self.microlenses)
+    }
+
+    /// What the sensor sees of the focal plane: half width and half height, mm.
+    pub fn half_view_mm(&self) -> [f64; 2] {
+        let scale = 0.5 * self.sensor.pixel_pitch_mm / self.main_lens.magnification;
+        [self.sensor.width as f64 * scale, self.sensor.height as f64 * scale]
+    }
+
+    /// Spacing of a grid of `pixels_per_voxel` at the focal plane, mm.
+    pub fn voxel_spacing_mm(&self, pixels_per_voxel: [f64; 3]) -> [f64; 3] {
+        pixels_per_voxel.map(|ratio| ratio * self.sensor.pixel_pitch_mm / self.main_lens.magnification)
+    }
+}
+
+/// Lenslet centres: `offset + R(rotation) q`, where q is `((i + 1/2) p, (j + 1/2) p)` for a square lattice and
+/// `((i + (j odd)/2) p, j p sqrt(3)/2)` for a hexagonal one. Without bounds: the sensor decides what is seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lattice {
+    layout: Layout,
+    pitch_mm: f64,
+    offset_mm: DVec2,
+    turn: DMat2,
+}
+
+impl Lattice {
+    fn new(microlenses: &Microlenses) -> Self {
+        Self {
+            layout: microlenses.layout,
+            pitch_mm: microlenses.pitch_mm,
+            offset_mm: DVec2::from(microlenses.offset_mm),
+            turn: DMat2::from_angle(microlenses.rotation_rad),
+        }
+    }
+
+    /// Distance between rows of lenslets, mm.
+    pub fn row_pitch_mm(&self) -> f64 {
+        match self.layout {
+            Layout::Square => self.pitch_mm,
+            Layout::Hexagonal => self.pitch_mm * 0.75f64.sqrt(),
+        }
+    }
+
+    /// Shift of row `j` along the row, in pitches.
+    #[inline]
+    fn row_shift(&self, j: i64) -> f64 {
+        match self.layout {
+            Layout::Square => 0.5,
+            Layout::Hexagonal => 0.5 * (j & 1) as f64,
+        }
+    }
+
+    /// Distance of row 0 from the offset, in row pitches.
+    #[inline]
+    fn first_row(&self) -> f64 {
+        match self.layout {
+            Layout::Square => 0.5,
+            Layout::Hexagonal => 0.0,
+        }
+    }
+
+    /// Centre of lenslet (i, j), mm.
+    #[inline]
+    pub fn centre_mm(&self, i: i64, j: i64) -> DVec2 {
+        let along = (i as f64 + self.row_shift(j)) * self.pitch_mm;
+        let across = (j as f64 + self.first_row()) * self.row_pitch_mm();
+        self.offset_mm + self.turn * DVec2::new(along, across)
+    }
+
+    /// The lenslet whose cell holds a point of the array: the nearest centre.
+    #[inline]
+    pub fn lenslet_at(&self, point_mm: DVec2) -> (i64, i64) {
+        let q = self.turn.transpose() * (point_mm - self.offset_mm);
+        match self.layout {
+            Layout::Square => ((q.x / self.pitch_mm).floor() as i64, (q.y / self.pitch_mm).floor() as i64),
+            Layout::Hexagonal => {
+                let row_pitch = self.row_pitch_mm();
+                let below = (q.y / row_pitch).floor() as i64;
+                let nearest = |j: i64| {
+                    let i = (q.x / self.pitch_mm - self.row_shift(j)).round();
+                    let dx = q.x - (i + self.row_shift(j)) * self.pitch_mm;
+                    let dy = q.y - j as f64 * row_pitch;
+                    (dx * dx + dy * dy, i as i64)
+                };
+                let (low, high) = (nearest(below), nearest(below + 1));
+                if low.0 <= high.0 { (low.1, below) } else { (high.1, below + 1) }
+            }
+        }
+    }
+
+    /// Lattice coordinates (along a row in pitches, across rows in row pitches) of a point, without the rows' shift.
+    pub fn place(&self, point_mm: DVec2) -> DVec2 {
+        let q = self.turn.transpose() * (point_mm - self.offset_mm);
+        DVec2::new(q.x / self.pitch_mm, q.y / self.row_pitch_mm())
+    }
+
+    /// The lenslets whose centres lie within a box of half sides `reach_mm` about a point, row by row.
+    pub fn lenslets_within(&self, point_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = (i64, i64, DVec2)> + '_ {
+        let q = self.place(point_mm);
+        // A box turned with the lattice that holds the box asked for.
+        let (sin, cos) = (self.turn.x_axis.y.abs(), self.turn.x_axis.x.abs());
+        let along = (reach_mm.x * cos + reach_mm.y * sin) / self.pitch_mm;
+        let across = (reach_mm.x * sin + reach_mm.y * cos) / self.row_pitch_mm();
+        let first_row = (q.y - across - self.first_row()).ceil() as i64;
+        let last_row = (q.y + across - self.first_row()).floor() as i64;
+        (first_row..=last_row).flat_map(move |j| {
+            let first = (q.x - along - self.row_shift(j)).ceil() as i64;
+            let last = (q.x + along - self.row_shift(j)).floor() as i64;
+            (first..=last).map(move |i| (i, j, self.centre_mm(i, j)))
+        })
+    }
+
+    /// Corners of a lenslet's cell relative to its centre, in order around it, mm.
+    pub fn cell_mm(&self) -> Vec<DVec2> {
+        let corner = |x: f64, y: f64| self.turn * DVec2::new(x, y) * self.pitch_mm;
+        match self.layout {
+            Layout::Square => [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| corner(x, y)).to_vec(),
+            Layout::Hexagonal => {
+                let (side, flat) = (1.0 / 3f64.sqrt(), 0.5);
+                [
+                    (0.0, -side),
+                    (flat, -side / 2.0),
+                    (flat, side / 2.0),
+                    (0.0, side),
+                    (-flat, side / 2.0),
+                    (-flat, -side / 2.0),
+                ]
+                .map(|(x, y)| corner(x, y))
+                .to_vec()
+            }
+        }
+    }
+
+    /// Area of a cell, mm^2.
+    pub fn cell_area_mm2(&self) -> f64 {
+        self.pitch_mm * self.row_pitch_mm()
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// The seed camera of the simulations: 77 um lenslets of 0.308 mm behind a 200 mm lens at m = 1, N_w = 4.
+    pub(crate) fn seed(lenslets: usize, aperture: Aperture, layout: Layout, rotation_rad: f64) -> Camera {
+        Camera {
+            sensor: Sensor { width: 14 * lenslets, height: 14 * lenslets, pixel_pitch_mm: 0.0055 },
+            main_lens: MainLens { focal_length_mm: 200.0, magnification: 1.0, working_f_number: 4.0, aperture },
+            microlenses: Microlenses {
+                layout,
+                pitch_mm: 0.077,
+                focal_length_mm: 0.308,
+                rotation_rad,
+                offset_mm: [0.0, 0.0],
+            },
+            calibration: None,
+        }
+    }
+
+    #[test]
+    fn seed_camera_is_matched() {
+        let camera = seed(20, Aperture::Square, Layout::Square, 0.0);
+        assert!((camera.aperture_mm() - 100.0).abs() < 1e-12);
+        assert!((camera.demagnification() * camera.aperture_mm() - camera.microlenses.pitch_mm).abs() < 1e-12);
+    }
+
+    #[test]
+    fn every_point_belongs_to_its_nearest_lenslet() {
+        for layout in [Layout::Square, Layout::Hexagonal] {
+            let lattice = seed(20, Aperture::Square, layout, 0.1).lattice();
+            for n in 0..2000 {
+                let point = DVec2::new((n as f64 * 0.618).fract() - 0.5, (n as f64 * 0.414).fract() - 0.5) * 1.5;
+                let (i, j) = lattice.lenslet_at(point);
+                let mine = lattice.centre_mm(i, j).distance(point);
+                let best = lattice
+                    .lenslets_within(point, DVec2::splat(0.1))
+                    .map(|(_, _, centre)| centre.distance(point))
+                    .fold(f64::INFINITY, f64::min);
+                assert!(mine <= best + 1e-12, "{layout:?} {point}: {mine} against {best}");
+            }
+        }
+    }
+
+    #[test]
+    fn cells_tile_the_plane() {
+        for layout in [Layout::Square, Layout::Hexagonal] {
+            let lattice = seed(20, Aperture::Square, layout, 0.2).lattice();
+            let cell = lattice.cell_mm();
+            let area: f64 = (0..cell.len()).map(|n| cell[n].perp_dot(cell[(n + 1) % cell.len()])).sum::<f64>() / 2.0;
+            assert!((area - lattice.cell_area_mm2()).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn blocks_that_are_not_modelled_are_refused() {
+        let mut value = serde_json::to_value(seed(20, Aperture::Circle, Layout::Square, 0.0)).unwrap();
+        assert!(Camera::from_json(&value.to_string()).is_ok());
+        value["tilt"] = serde_json::json!([0.1, 0.0]);
+        assert!(Camera::from_json(&value.to_string()).unwrap_err().0.contains("'tilt'"));
+    }
+}

@@ -1,0 +1,70 @@
+//! Progress for people: a bar on a terminal, nothing anywhere else.
+
+use indicatif::{HumanCount, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use std::io::{IsTerminal, Write};
+
+/// What standard error shows: lines, and bars that the lines never tear.
+pub(super) struct Screen {
+    bars: Option<MultiProgress>,
+}
+
+impl Screen {
+    pub(super) fn new(quiet: bool) -> Self {
+        let visible = !quiet && std::io::stderr().is_terminal();
+        Self { bars: visible.then(|| MultiProgress::with_draw_target(ProgressDrawTarget::stderr())) }
+    }
+
+    /// Prints a line; a closed standard error is no reason to stop.
+    pub(super) fn print(&self, line: &str) {
+        let print = || {
+            let _ = writeln!(std::io::stderr().lock(), "{line}");
+        };
+        match &self.bars {
+            Some(bars) => bars.suspend(print),
+            None => print(),
+        }
+    }
+
+    pub(super) fn progress(&self, what: &str, total: u64) -> Progress {
+        let Some(bars) = &self.bars else {
+            return Progress { bar: None };
+        };
+        let style = "{msg:<14} [{wide_bar:.dim}] {percent:>3}% {human_pos}/{human_len} {rate:>9}/s {eta:>4} left";
+        let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
+        let style = style.with_key("rate", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            let rate = state.per_sec();
+            let _ = if rate < 10.0 { write!(out, "{rate:.1}") } else { write!(out, "{}", HumanCount(rate as u64)) };
+        });
+        let bar =
+            bars.add(ProgressBar::new(total).with_style(style.progress_chars("=> ")).with_message(what.to_owned()));
+        Progress { bar: Some((bar, bars.clone())) }
+    }
+}
+
+/// A progress counter; the bar goes when it is dropped. Cheap, `Sync`, silent unless standard error is a terminal.
+pub struct Progress {
+    bar: Option<(ProgressBar, MultiProgress)>,
+}
+
+impl Progress {
+    /// A counter that shows nothing, for callers without a [`super::Session`].
+    pub fn hidden() -> Self {
+        Self { bar: None }
+    }
+
+    /// Counts `steps` more.
+    pub fn add(&self, steps: u64) {
+        if let Some((bar, _)) = &self.bar {
+            bar.inc(steps);
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some((bar, bars)) = self.bar.take() {
+            bar.finish_and_clear();
+            bars.remove(&bar);
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! Weights along one axis: through which lenslet, onto which pixel, and from which part of the aperture.
+
+use super::Model;
+use super::blur::Blur;
+
+/// The optics of one slice of voxels along one axis of the sensor. mm, but pixels where the name says so.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Axis {
+    pub(crate) alpha: f64,
+    pub(crate) beta: f64,
+    pub(crate) demagnification: f64,
+    pub(crate) half_aperture: f64,
+    pub(crate) pixel_pitch: f64,
+    pub(crate) pixels: usize,
+    /// Aperture sections, for [`Model::Drt`].
+    pub(crate) sections: usize,
+}
+
+/// Light that goes through one lenslet onto one pixel, along one axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece {
+    /// Column or row.
+    pub pixel: u32,
+    /// Share of the light that passes the full width of the aperture; 0 to 1.
+    pub weight: f32,
+    /// The part of the aperture it comes through, lower end, mm.
+    pub u0: f32,
+    /// The part of the aperture it comes through, upper end, mm.
+    pub u1: f32,
+}
+
+/// Part of a cell along the axis: `[low, high]` about the lenslet's centre, and how its edges look.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Span {
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+    pub(crate) blur: Blur,
+}
+
+/// A share below this is not kept; the shares of a voxel along an axis sum to 1.
+const LEAST_SHARE: f64 = 1e-6;
+
+impl Span {
+    /// Share of the light at `t` (about the lenslet's centre) that falls within.
+    fn share(&self, t: f64) -> f64 {
+        self.blur.cdf(t - self.low) - self.blur.cdf(t - self.high)
+    }
+
+    /// Integral of [`Span::share`] up to `t`.
+    fn ramp(&self, t: f64) -> f64 {
+        self.blur.ramp(t - self.low) - self.blur.ramp(t - self.high)
+    }
+}
+
+impl Axis {
+    /// The part of the aperture whose light can fall within `span` of the lenslet at `t0` behind the voxel's chief
+    /// ray (`t0 = x_m(0) - c`); empty where low >= high.
+    fn aperture_part(&self, t0: f64, span: &Span) -> (f64, f64) {
+        let (low, high) = (span.low - span.blur.reach() - t0, span.high + span.blur.reach() - t0);
+        let half = self.half_aperture;
+        if self.alpha.abs() * half < 1e-12 {
+            return if low <= 0.0 && high > 0.0 { (-half, half) } else { (0.0, 0.0) };
+        }
+        let (a, b) = (low / self.alpha, high / self.alpha);
+        (a.min(b).max(-half), a.max(b).min(half))
+    }
+
+    /// Appends the pieces of a voxel whose chief ray meets the array at `x0`, through the lenslet at `centre`.
+    pub(crate) fn pieces(&self, model: Model, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
+        match model {
+            Model::Exact => self.exact(x0, centre, span, out),
+            Model::Drt => self.drt(x0, centre, span, out),
+        }
+    }
+
+    /// U -> lenslet and U -> pixel are both linear between edges: the share is the length of a U interval, or the
+    /// integral over it of the blurred cell, over D.
+    fn exact(&self, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
+        let t0 = x0 - centre;
+        let (low, high) = self.aperture_part(t0, span);
+        if low >= high {
+            return;
+        }
+        // Place in pixels falls with U: place = zero - slope U.
+        let slope = self.demagnification * (1.0 - self.alpha) / self.pixel_pitch;
+        let zero = (centre + self.demagnification * x0) / self.pixel_pitch + 0.5 * self.pixels as f64;
+        let first = (zero - slope * high).floor().max(0.0);
+        let last = (zero - slope * low).ceil().min(self.pixels as f64);
+        let integral_to = |u: f64| span.ramp(t0 + self.alpha * u) / self.alpha;
+        let flat = self.alpha.abs() * (high - low) < 1e-9;
+        let mut pixel = first;
+        let mut upper = ((zero - pixel) / slope).min(high);
+        let mut integral_upper = if flat { 0.0 } else { integral_to(upper) };
+        while pixel < last {
+            let lower = ((zero - pixel - 1.0) / slope).max(low);
+            let light = if flat {
+                span.share(t0 + self.alpha * 0.5 * (lower + upper)) * (upper - lower)
+            } else {
+                let integral_lower = integral_to(lower);
+                let light = integral_upper - integral_lower;
+                integral_upper = integral_lower;
+                light
+            };
+            let weight = light / (2.0 * self.half_aperture);
+            if weight > LEAST_SHARE && upper > lower {
+                let (u0, u1) = self.unblurred(t0, span, lower, upper);
+                out.push(Piece { pixel: pixel as u32, weight: weight as f32, u0: u0 as f32, u1: u1 as f32 });
+            }
+            upper = lower;
+            pixel += 1.0;
+        }
+    }
+
+    /// The part of `[lower, upper]` inside the cell's sharp edges, where most of the light comes through; its nearer
+    /// end where no part is.
+    fn unblurred(&self, t0: f64, span: &Span, lower: f64, upper: f64) -> (f64, f64) {
+        if self.alpha.abs() * self.half_aperture < 1e-12 {
+            return (lower, upper);
+        }
+        let (a, b) = ((span.low - t0) / self.alpha, (span.high - t0) / self.alpha);
+        let (a, b) = (a.min(b), a.max(b));
+        if a >= upper {
+            (upper, upper)
+        } else if b <= lower {
+            (lower, lower)
+        } else {
+            (lower.max(a), upper.min(b))
+        }
+    }
+
+    /// The paper's weights: w1 is the share of a section's beam on the lenslet, w2 the overlap of a pixel-sized square
+    /// about its chief ray with each pixel, and the section's share of the aperture is 1/n.
+    fn drt(&self, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
+        let t0 = x0 - centre;
+        let (low, high) = self.aperture_part(t0, span);
+        if low >= high {
+            return;
+        }
+        let n = self.sections as f64;
+        let width = 2.0 * self.half_aperture / n;
+        let first = ((low + self.half_aperture) / width).floor().max(0.0) as usize;
+        let last = (((high + self.half_aperture) / width).ceil() as usize).min(self.sections);
+        for section in first..last {
+            let u = -self.half_aperture + (section as f64 + 0.5) * width;
+            let beam = self.alpha * width;
+            let t = t0 + self.alpha * u;
+            let w1 = if beam.abs() < 1e-9 {
+                span.share(t)
+            } else {
+                (span.ramp(t + 0.5 * beam) - span.ramp(t - 0.5 * beam)) / beam
+            };
+            if w1 <= LEAST_SHARE {
+                continue;
+            }
+            let sensor = centre + self.demagnification * (x0 + self.alpha * u - u);
+            let left = sensor / self.pixel_pitch + 0.5 * self.pixels as f64 - 0.5;
+            let part = left - left.floor();
+            for (pixel, w2) in [(left.floor(), 1.0 - part), (left.floor() + 1.0, part)] {
+                let weight = w1 * w2 / n;
+                if pixel >= 0.0 && pixel < self.pixels as f64 && weight > LEAST_SHARE {
+                    out.push(Piece { pixel: pixel as u32, weight: weight as f32, u0: u as f32, u1: u as f32 });
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+use super::*;
+use crate::camera::tests::seed;
+use std::collections::BTreeMap;
+
+fn grid(shape: [usize; 3], ratio: [f64; 3]) -> Grid {
+    let spacing_mm = ratio.map(|r| r * 0.0055);
+    let origin_mm = std::array::from_fn(|axis| -0.5 * (shape[axis] - 1) as f64 * spacing_mm[axis]);
+    Grid { shape, spacing_mm, origin_mm }
+}
+
+fn weights(footprint: &Footprint, voxel: [usize; 3]) -> BTreeMap<(u32, u32), f64> {
+    let mut map = BTreeMap::new();
+    footprint.visit(
+        voxel,
+        &mut Scratch::default(),
+        |_| true,
+        |column, row, weight| {
+            *map.entry((column, row)).or_insert(0.0) += f64::from(weight);
+        },
+    );
+    map
+}
+
+const MODELS: [Model; 2] = [Model::Exact, Model::Drt];
+const BASES: [Basis; 3] = [Basis::Point, Basis::Box, Basis::Blob { sigma_vox: 0.7 }];
+
+#[test]
+fn weights_sum_to_one_inside_the_sensor() {
+    let grid = grid([41, 41, 21], [1.0, 1.0, 90.0]);
+    for aperture in [Aperture::Square, Aperture::Circle] {
+        for (layout, rotation) in
+            [(Layout::Square, 0.0), (Layout::Square, 0.003), (Layout::Square, 0.2), (Layout::Hexagonal, 0.003)]
+        {
+            let camera = seed(40, aperture, layout, rotation);
+            for model in MODELS {
+                for basis in BASES {
+                    let footprint = Footprint::new(&camera, &grid, model, basis).unwrap();
+                    for voxel in [[0, 0, 0], [23, 26, 10], [7, 33, 9], [40, 11, 15], [13, 13, 20]] {
+                        let map = weights(&footprint, voxel);
+                        let sum: f64 = map.values().sum();
+                        assert!(map.values().all(|w| *w >= 0.0));
+                        // A round stop is cut piece by piece and a turned cell stepped, to about 1 %.
+                        let stepped = rotation > 0.1 || layout == Layout::Hexagonal;
+                        let slack = if aperture == Aperture::Circle || stepped { 0.02 } else { 2e-3 };
+                        assert!(
+                            (sum - 1.0).abs() < slack,
+                            "{aperture:?} {layout:?} {rotation} {model:?} {basis:?} {voxel:?}: {sum}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Z = 4 mm at m = 1, s_i = s_o = 400: alpha = 4/396. The point (0, 0) stands behind a corner of four lenslets with
+/// centres at +-0.0385. In one axis lenslet +0.0385 takes U from 0 to 0.077 / alpha = 7.623 mm, which lands at
+/// 0.0385 - k (1 - alpha) U, that is from 7 px to 7 - 0.00077 (1 - alpha) 7.623 / 0.0055 = 5.943515 px behind the axis.
+/// So the pixel 6 to 7 takes U from 0 to 7.2151 mm of D = 100, and the pixel 5 to 6 the rest.
+#[test]
+fn exact_weights_of_a_point_by_hand() {
+    let camera = seed(40, Aperture::Square, Layout::Square, 0.0);
+    let grid = Grid { shape: [1, 1, 1], spacing_mm: [0.0055, 0.0055, 0.055], origin_mm: [0.0, 0.0, 4.0] };
+    let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+    let mut columns = Vec::new();
+    footprint.columns(0, 0, &mut columns);
+    let share = |pixel: u32| columns.iter().filter(|p| p.pixel == pixel).map(|p| f64::from(p.weight)).sum::<f64>();
+    let alpha: f64 = 4.0 / 396.0;
+    let first = 0.0055 / (0.00077 * (1.0 - alpha));
+    let whole = 0.077 / alpha;
+    assert!((share(280 + 6) - first / 100.0).abs() < 1e-7);
+    assert!((share(280 + 5) - (whole - first) / 100.0).abs() < 1e-7);
+    assert!((share(279 - 6) - first / 100.0).abs() < 1e-7);
+}
+
+#[test]
+fn products_in_line_are_the_weights_lenslet_by_lenslet() {
+    let grid = grid([41, 41, 21], [1.0, 2.0, 90.0]);
+    for aperture in [Aperture::Square, Aperture::Circle] {
+        let camera = seed(40, aperture, Layout::Square, 0.0);
+        for model in MODELS {
+            for basis in BASES {
+                let footprint = Footprint::new(&camera, &grid, model, basis).unwrap();
+                assert!(footprint.in_line());
+                for voxel in [[0, 0, 0], [23, 26, 10], [7, 33, 9], [40, 11, 20]] {
+                    let (mut columns, mut rows) = (Vec::new(), Vec::new());
+                    footprint.columns(voxel[0], voxel[2], &mut columns);
+                    footprint.rows(voxel[1], voxel[2], &mut rows);
+                    let mut map = BTreeMap::new();
+                    for row in &rows {
+                        let chords = footprint.chords(row);
+                        for column in &columns {
+                            let w = footprint.scale() * row.weight * column.weight * chords.share(column.u0, column.u1);
+                            *map.entry((column.pixel, row.pixel)).or_insert(0.0) += f64::from(w);
+                        }
+                    }
+                    let slow = weights(&footprint, voxel);
+                    let difference: f64 =
+                        map.iter().map(|(at, w)| (w - slow.get(at).copied().unwrap_or(0.0)).abs()).sum();
+                    let missing: f64 = slow.iter().filter(|(at, _)| !map.contains_key(at)).map(|(_, w)| w).sum();
+                    assert!(difference + missing < 1e-5, "{aperture:?} {model:?} {basis:?} {voxel:?}: {difference}");
+                }
+            }
+        }
+    }
+}
+
+/// Rays drawn evenly over the stop and the basis must fill the pixels as the weights say: total variation distance
+/// against the sampling noise of the same number of rays.
+#[test]
+fn exact_weights_are_what_rays_do() {
+    let grid = grid([41, 41, 21], [1.0, 1.0, 90.0]);
+    const RAYS: usize = 400_000;
+    for aperture in [Aperture::Square, Aperture::Circle] {
+        for (layout, rotation) in
+            [(Layout::Square, 0.0), (Layout::Square, 0.003), (Layout::Hexagonal, 0.003), (Layout::Square, 0.3)]
+        {
+            let camera = seed(40, aperture, layout, rotation);
+            let optics = Optics::new(&camera);
+            for basis in BASES {
+                let footprint = Footprint::new(&camera, &grid, Model::Exact, basis).unwrap();
+                for voxel in [[3, 5, 0], [25, 27, 10], [8, 33, 11], [40, 11, 17]] {
+                    let map = weights(&footprint, voxel);
+                    let centre = DVec2::new(grid.centre_mm(0, voxel[0]), grid.centre_mm(1, voxel[1]));
+                    let z_mm = grid.centre_mm(2, voxel[2]);
+                    let mut hits: BTreeMap<(u32, u32), f64> = BTreeMap::new();
+                    let mut passed = 0.0;
+                    // The root of x^5 = x + 1 spread four coordinates evenly (Roberts' sequence).
+                    let g: f64 = 1.167_303_978_261_418_7;
+                    for n in 1..=RAYS {
+                        let r: [f64; 4] = std::array::from_fn(|d| (n as f64 * g.powi(-(d as i32) - 1)).fract());
+                        let u = (DVec2::new(r[0], r[1]) * 2.0 - 1.0) * optics.half_aperture_mm();
+                        if !optics.passes(u) {
+                            continue;
+                        }
+                        let spread = match basis {
+                            Basis::Point => DVec2::ZERO,
+                            Basis::Box => (DVec2::new(r[2], r[3]) - 0.5) * 0.0055,
+                            Basis::Blob { sigma_vox } => {
+                                let length = (-2.0 * (1.0 - r[2]).ln()).sqrt();
+                                DVec2::from_angle(std::f64::consts::TAU * r[3]) * length * sigma_vox * 0.0055
+                            }
+                        };
+                        passed += 1.0;
+                        let hit = optics.pixel_at(optics.sensor_from_object(centre + spread, z_mm, u));
+                        if let Some((column, row)) = hit {
+                            *hits.entry((column as u32, row as u32)).or_insert(0.0) += 1.0;
+                        }
+                    }
+                    let mut distance = 0.0;
+                    for (at, count) in &hits {
+                        distance += (count / passed - map.get(at).copied().unwrap_or(0.0)).abs();
+                    }
+                    distance += map.iter().filter(|(at, _)| !hits.contains_key(at)).map(|(_, w)| w).sum::<f64>();
+                    distance *= 0.5;
+                    let noise = (map.len() as f64 / passed).sqrt() * 0.1;
+                    // Slabs step over a hexagon's slanted sides and chords over the rim of a round stop.
+                    let model = match (layout, aperture, rotation > 0.1) {
+                        (Layout::Square, Aperture::Square, false) => 0.002,
+                        (Layout::Square, Aperture::Circle, false) => 0.006,
+                        _ => 0.02,
+                    };
+                    assert!(
+                        distance < noise + model,
+                        "{aperture:?} {layout:?} {rotation} {basis:?} {voxel:?}: {distance:.5}, noise {noise:.5}"
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! The voxel grid: linear index, voxel coordinates and millimetres.
+
+use serde::{Deserialize, Serialize};
+
+/// A regular grid in the object frame of [`crate::optics`]. `origin_mm` is the centre of voxel (0, 0, 0).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Grid {
+    /// Voxels along x, y, z.
+    pub shape: [usize; 3],
+    /// Distance between voxel centres along x, y, z, mm.
+    pub spacing_mm: [f64; 3],
+    /// Centre of voxel (0, 0, 0), mm.
+    pub origin_mm: [f64; 3],
+}
+
+impl Grid {
+    /// The grid of `round(extent / spacing)` voxels an axis, centred in `bounds_mm` = `[[x0, x1], [y0, y1], [z0, z1]]`.
+    ///
+    /// # Errors
+    /// Says which axis has no voxel, runs backwards or is not finite.
+    pub fn in_bounds(bounds_mm: [[f64; 2]; 3], spacing_mm: [f64; 3]) -> Result<Self, String> {
+        let mut shape = [0; 3];
+        let mut origin_mm = [0.0; 3];
+        for axis in 0..3 {
+            let [low, high] = bounds_mm[axis];
+            let count = ((high - low) / spacing_mm[axis]).round();
+            if !(count >= 1.0 && count < 2f64.powi(40) && spacing_mm[axis] > 0.0) {
+                let name = ["x", "y", "z"][axis];
+                return Err(format!(
+                    "{name} from {low} to {high} mm in steps of {} mm holds no voxel",
+                    spacing_mm[axis]
+                ));
+            }
+            shape[axis] = count as usize;
+            origin_mm[axis] = 0.5 * (low + high) - 0.5 * (count - 1.0) * spacing_mm[axis];
+        }
+        let grid = Self { shape, spacing_mm, origin_mm };
+        grid.check()?;
+        Ok(grid)
+    }
+
+    /// Checks that the grid can be indexed by 64 bits and placed in space.
+    ///
+    /// # Errors
+    /// Says which key is wrong.
+    pub fn check(&self) -> Result<(), String> {
+        if self.shape.contains(&0) {
+            return Err(format!("grid shape {:?} has an empty axis", self.shape));
+        }
+        let product = self.shape.iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64));
+        if product.is_none_or(|product| product > 1 << 62) {
+            return Err(format!("grid shape {:?} has more voxels than can be counted", self.shape));
+        }
+        if !self.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
+            return Err(format!("grid spacing_mm {:?} is not positive", self.spacing_mm));
+        }
+        if !self.origin_mm.iter().all(|o| o.is_finite()) {
+            return Err(format!("grid origin_mm {:?} is not finite", self.origin_mm));
+        }
+        Ok(())
+    }
+
+    /// Number of voxels.
+    #[allow(clippy::len_without_is_empty)]
+    pub fn len(&self) -> u64 {
+        self.shape.iter().map(|&n| n as u64).product()
+    }
+
+    /// Linear index `x + nx (y + ny z)`.
+    #[inline]
+    pub fn index(&self, voxel: [usize; 3]) -> u64 {
+        let [nx, ny, _] = self.shape.map(|n| n as u64);
+        voxel[0] as u64 + nx * (voxel[1] as u64 + ny * voxel[2] as u64)
+    }
+
+    /// Voxel coordinates of a linear index.
+    #[inline]
+    pub fn voxel(&self, index: u64) -> [usize; 3] {
+        let [nx, ny, _] = self.shape.map(|n| n as u64);
+        [(index % nx) as usize, (index / nx % ny) as usize, (index / nx / ny) as usize]
+    }
+
+    /// Coordinate of voxel `i`'s centre along `axis`, mm.
+    #[inline]
+    pub fn centre_mm(&self, axis: usize, i: usize) -> f64 {
+        self.origin_mm[axis] + i as f64 * self.spacing_mm[axis]
+    }
+
+    /// Place of a point in voxels along `axis`; a whole number is a voxel centre.
+    #[inline]
+    pub fn place_vox(&self, axis: usize, mm: f64) -> f64 {
+        (mm - self.origin_mm[axis]) / self.spacing_mm[axis]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grid_is_centred_in_its_extent() {
+        let grid = Grid::in_bounds([[-1.0, 1.0], [0.0, 1.04], [-5.0, 5.0]], [0.5, 0.25, 10.0]).unwrap();
+        assert_eq!(grid.shape, [4, 4, 1]);
+        assert_eq!(grid.origin_mm, [-0.75, 0.52 - 0.375, 0.0]);
+        for index in 0..grid.len() {
+            assert_eq!(grid.index(grid.voxel(index)), index);
+        }
+        assert!((grid.place_vox(0, grid.centre_mm(0, 3)) - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn hopeless_grids_are_refused() {
+        assert!(Grid::in_bounds([[0.0, 0.0], [0.0, 1.0], [0.0, 1.0]], [0.5; 3]).is_err());
+        assert!(Grid::in_bounds([[0.0, 1.0], [0.0, f64::NAN], [0.0, 1.0]], [0.5; 3]).is_err());
+        let grid = Grid { shape: [usize::MAX, 2, 2], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
+        assert!(grid.check().is_err());
+    }
+}

@@ -1,0 +1,145 @@
+//! EXR of one part with named `f32` channels and one JSON text attribute, to and from memory.
+
+use super::{Refusal, believable, damaged, refusal};
+use ::exr::meta::MetaData;
+use ::exr::meta::attribute::{AttributeValue, LineOrder, SampleType, Text};
+use ::exr::prelude::{
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels,
+    ReadLayers, SmallVec, Vec2, WritableImage,
+};
+use std::collections::HashMap;
+use std::io::Cursor;
+
+/// What an EXR says of itself before its pixels are touched, checked for what we read.
+pub(crate) struct Header {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// Names in the file's order, which is alphabetical.
+    pub(crate) channels: Vec<String>,
+    attributes: HashMap<Text, AttributeValue>,
+    shared: HashMap<Text, AttributeValue>,
+}
+
+impl Header {
+    /// # Errors
+    /// Several parts, deep or subsampled data, a crop, or a size that the file cannot hold.
+    pub(crate) fn read(bytes: &[u8]) -> Result<Self, Refusal> {
+        let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
+        let [header] = meta.headers.as_slice() else {
+            return Err(refusal(format!("{} parts", meta.headers.len()), "wanted one part"));
+        };
+        if header.deep {
+            return Err(refusal("deep data", "wanted one value a pixel"));
+        }
+        let list = &header.channels.list;
+        if list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
+            return Err(refusal("subsampled channels", "wanted a value for every pixel"));
+        }
+        let window = header.shared_attributes.display_window;
+        if window.position != header.own_attributes.layer_position || window.size != header.layer_size {
+            return Err(refusal("a crop, data and display window differ", "wanted the whole image"));
+        }
+        let Vec2(width, height) = header.layer_size;
+        let sizes = list.iter().map(|channel| if channel.sample_type == SampleType::F16 { 2 } else { 4 });
+        believable(width as u64, height as u64, sizes.sum(), bytes.len())?;
+        Ok(Self {
+            width,
+            height,
+            channels: list.iter().map(|channel| channel.name.to_string()).collect(),
+            attributes: header.own_attributes.other.clone(),
+            shared: header.shared_attributes.other.clone(),
+        })
+    }
+
+    /// A text attribute by name.
+    pub(crate) fn text(&self, name: &str) -> Option<String> {
+        let name = Text::new_or_none(name)?;
+        match self.attributes.get(&name).or_else(|| self.shared.get(&name))? {
+            AttributeValue::Text(text) => Some(String::from_utf8_lossy(text.as_slice()).into_owned()),
+            _ => None,
+        }
+    }
+}
+
+/// The named channels in the order asked, each in rows from the top.
+///
+/// # Errors
+/// Damage, and the names of channels that are not there.
+pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N]) -> Result<[Vec<f32>; N], Refusal> {
+    let missing: Vec<&str> = names.into_iter().filter(|name| !header.channels.iter().any(|has| has == name)).collect();
+    if !missing.is_empty() {
+        let found = format!("channels {} without {}", header.channels.join(", "), missing.join(", "));
+        return Err(refusal(found, format!("wanted channels {}", names.join(", "))));
+    }
+    let image = ::exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(damaged)?;
+    let mut list = image.layer_data.channel_data.list;
+    let pixels = header.width * header.height;
+    let mut values = names.map(|_| Vec::new());
+    for (name, values) in names.iter().zip(&mut values) {
+        let Some(place) = list.iter().position(|channel| channel.name.eq(name)) else {
+            return Err(damaged(format!("channel {name} is missing")));
+        };
+        *values = match list.swap_remove(place).sample_data {
+            FlatSamples::F32(samples) => samples,
+            other => other.values_as_f32().collect(),
+        };
+        if values.len() != pixels {
+            return Err(damaged(format!("channel {name} has {} of {pixels} values", values.len())));
+        }
+    }
+    Ok(values)
+}
+
+/// One part of `f32` channels; `attribute` is a name and JSON text. Equal input gives equal bytes.
+///
+/// # Errors
+/// No pixels.
+pub(crate) fn write(
+    width: usize,
+    height: usize,
+    channels: Vec<(&str, Vec<f32>)>,
+    attribute: Option<(&str, String)>,
+) -> Result<Vec<u8>, Refusal> {
+    if width == 0 || height == 0 {
+        return Err(refusal(format!("{width} x {height} pixels to write"), "wanted an image with pixels"));
+    }
+    let channels: SmallVec<_> =
+        channels.into_iter().map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values))).collect();
+    let mut attributes = LayerAttributes::default();
+    // The library keeps attributes in a hash map and writes them in its order: more than one would make equal images differ.
+    if let Some((name, json)) = attribute {
+        attributes.other.insert(Text::new_or_panic(name), AttributeValue::Text(Text::new_or_panic(ascii(&json))));
+    }
+    // So would any line order but this one, because blocks are compressed in parallel.
+    let encoding =
+        Encoding { compression: Compression::ZIP1, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let layer = Layer::new((width, height), attributes, encoding, AnyChannels::sort(channels));
+    let mut file = Cursor::new(Vec::new());
+    Image::from_layer(layer)
+        .write()
+        .to_buffered(&mut file)
+        .map_err(|error| refusal(format!("cannot be encoded ({error})"), "wanted an image that fits the EXR format"))?;
+    Ok(file.into_inner())
+}
+
+/// JSON with every letter beyond ASCII as an escape: EXR text names no encoding.
+fn ascii(json: &str) -> String {
+    let mut text = String::with_capacity(json.len());
+    for letter in json.chars() {
+        if letter.is_ascii() {
+            text.push(letter);
+        } else {
+            for unit in letter.encode_utf16(&mut [0; 2]) {
+                text.push_str(&format!("\\u{unit:04x}"));
+            }
+        }
+    }
+    text
+}

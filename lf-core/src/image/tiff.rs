@@ -1,0 +1,88 @@
+//! TIFF of one page, 8-bit, 16-bit or `f32` grey.
+
+use super::{Refusal, array, believable, damaged, refusal};
+use ::tiff::ColorType;
+use ::tiff::decoder::{Decoder, DecodingResult, Limits};
+use ::tiff::tags::Tag;
+use ndarray::Array2;
+use std::io::Cursor;
+
+const WANTED: &str = "wanted 8-bit, 16-bit or 32-bit float grey";
+
+/// `PhotometricInterpretation` where 0 is black.
+const BLACK_IS_ZERO: u16 = 1;
+
+/// Pages counted before it stops to matter; also ends a chain of directories that bites its tail.
+const MANY: usize = 10_000;
+
+pub(super) fn read(bytes: &[u8]) -> Result<Array2<f32>, Refusal> {
+    match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
+        1 => {}
+        MANY.. => return Err(refusal(format!("{MANY} pages or more"), "wanted one page (split the stack into files)")),
+        pages => return Err(refusal(format!("{pages} pages"), "wanted one page (split the stack into files)")),
+    }
+    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(damaged)?;
+    let (width, height) = decoder.dimensions().map_err(damaged)?;
+    let depth = match decoder.colortype().map_err(damaged)? {
+        ColorType::Gray(depth @ (8 | 16 | 32)) => depth,
+        ColorType::Gray(depth) => return Err(refusal(format!("{depth}-bit grey"), WANTED)),
+        ColorType::GrayA(_) => return Err(refusal("an alpha channel", WANTED)),
+        ColorType::Palette(_) => return Err(refusal("a colour palette", WANTED)),
+        ColorType::Multiband { num_samples, .. } => return Err(refusal(format!("{num_samples} channels"), WANTED)),
+        _ => return Err(refusal("colour", WANTED)),
+    };
+    let photometric: Option<u16> = decoder.find_tag_unsigned(Tag::PhotometricInterpretation).map_err(damaged)?;
+    if photometric.is_some_and(|meaning| meaning != BLACK_IS_ZERO) {
+        return Err(refusal("inverted grey, 0 is white", "wanted linear counts, 0 is black"));
+    }
+    believable(width.into(), height.into(), u64::from(depth / 8), bytes.len())?;
+
+    let most = width as usize * height as usize * 4;
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = most;
+    limits.intermediate_buffer_size = most + bytes.len();
+    let mut decoder = decoder.with_limits(limits);
+    let values = match decoder.read_image().map_err(damaged)? {
+        DecodingResult::U8(values) => values.into_iter().map(f32::from).collect(),
+        DecodingResult::U16(values) => values.into_iter().map(f32::from).collect(),
+        DecodingResult::F32(values) => values,
+        DecodingResult::U32(_) | DecodingResult::I32(_) => return Err(refusal("32-bit whole numbers", WANTED)),
+        DecodingResult::F16(_) => return Err(refusal("16-bit float", WANTED)),
+        _ => return Err(refusal("signed samples", WANTED)),
+    };
+    array(width as usize, height as usize, values)
+}
+
+/// Follows the chain of directories, in either byte order, classic or BigTIFF. None where it leaves the file, or where a
+/// tag of the first claims more bytes than the file has: the library would make room for them before it looks.
+fn pages(bytes: &[u8]) -> Option<usize> {
+    let number = |at: usize, width: usize| -> Option<usize> {
+        let field = bytes.get(at..at.checked_add(width)?)?;
+        let push = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
+        let value = if bytes[0] == b'I' { field.iter().rev().fold(0, push) } else { field.iter().fold(0, push) };
+        usize::try_from(value).ok()
+    };
+    // Widths of an entry count, of a value count or offset, and of a whole entry.
+    let (counter, word, entry, first) = if number(2, 2)? == 43 { (8, 8, 20, 8) } else { (2, 4, 12, 4) };
+    let mut directory = number(first, word)?;
+    let mut pages = 0;
+    while directory != 0 && pages < MANY {
+        let entries = number(directory, counter)?;
+        let start = directory.checked_add(counter)?;
+        if pages == 0 {
+            for i in 0..entries {
+                let at = start.checked_add(i.checked_mul(entry)?)?;
+                let size = match number(at.checked_add(2)?, 2)? {
+                    3 | 8 => 2,
+                    4 | 9 | 11 | 13 => 4,
+                    5 | 10 | 12 | 16..=18 => 8,
+                    _ => 1,
+                };
+                number(at.checked_add(4)?, word)?.checked_mul(size).filter(|&length| length <= bytes.len())?;
+            }
+        }
+        directory = number(start.checked_add(entries.checked_mul(entry)?)?, word)?;
+        pages += 1;
+    }
+    Some(pages)
+}

@@ -1,0 +1,18 @@
+//! What a stage of the light-field chain is made of: files, camera, grid, rays, weights.
+//!
+//! A tool of your own links this crate and reads and writes the same files as the six tools do.
+//! Lengths are millimetres, image places pixels; the frame and its signs are in [`optics`].
+
+pub mod camera;
+pub mod cli;
+pub mod error;
+pub mod field;
+pub mod footprint;
+pub mod grid;
+pub mod history;
+pub mod image;
+pub mod io;
+pub mod optics;
+pub mod volume;
+
+pub use error::{Error, Result};

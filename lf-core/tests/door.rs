@@ -1,0 +1,236 @@
+//! The front door, seen from outside: this program runs itself as a tool and looks at what a user would see.
+
+use clap::Parser;
+use lf_core::cli::{self, Common, Session, Verdict};
+use lf_core::{Error, Result, io};
+use serde_json::Value;
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Output, Stdio};
+
+/// Set where this program is to be the tool.
+const TOOL: &str = "LF_TEST_TOOL";
+
+/// A tool that does what it is told
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(flatten)]
+    common: Common,
+    /// What to do
+    deed: String,
+    /// The input
+    #[arg(default_value = "-")]
+    input: PathBuf,
+    /// The output
+    #[arg(short, default_value = "-")]
+    output: PathBuf,
+}
+
+fn tool() -> ExitCode {
+    cli::run("lf-tool", |arguments: &Arguments| &arguments.common, deed)
+}
+
+fn deed(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    session.say("said");
+    session.explain("explained");
+    match arguments.deed.as_str() {
+        "no" => return Ok(Verdict::No),
+        "fail" => return Err(Error::new("a\nb.exr", "two lines", "wanted one")),
+        "panic" => panic!("the floor\ngave way"),
+        "deep" => (0..100).for_each(|i| {
+            rayon::join(|| assert!(i < 50, "step {i} of a worker"), || ());
+        }),
+        "warn" => session.warn("thin ice"),
+        "history" => {
+            let history = session.history(&Vec::new());
+            io::save_text(Path::new("-"), |out| write!(out, "{}", serde_json::to_string(&history)?))?;
+        }
+        "count" => {
+            session.count("voxels", 7);
+            session.count("voxels", 8);
+            let progress = session.progress("counting", 10);
+            session.phase("read", |session| {
+                session.phase("check", |_| Ok(()))?;
+                progress.add(10);
+                Ok(())
+            })?;
+            session.phase("read", |_| Ok(()))?;
+        }
+        "println" => print!("left in the buffer"),
+        "copy" => {
+            session.keep_apart(&arguments.output, &[&arguments.input])?;
+            let bytes = io::open(&arguments.input)?;
+            session.explain(format!("mapped: {}", bytes.is_mapped()));
+            io::save(&arguments.output, |out| out.write_all(&bytes))?;
+        }
+        other => return Err(Error::new("deed", other, "wanted another")),
+    }
+    Ok(Verdict::Done)
+}
+
+fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(arguments).env(TOOL, "yes").env_remove("LF_HISTORY").stdin(Stdio::null());
+    command
+}
+
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    seen(command(arguments).output().unwrap())
+}
+
+fn seen(output: Output) -> (i32, String, String) {
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+/// Refused with exactly this line.
+fn refused(arguments: &[&str], line: &str) {
+    assert_eq!(run(arguments), (2, String::new(), format!("lf-tool: {line}\n")), "{arguments:?}");
+}
+
+fn help_and_version_are_results() {
+    let (code, out, err) = run(&["--help"]);
+    assert!(code == 0 && err.is_empty() && out.contains("Common options:") && out.contains("--threads <N>"), "{out}");
+    let (code, out, err) = run(&["--version"]);
+    assert!(code == 0 && err.is_empty() && out.trim().ends_with(env!("CARGO_PKG_VERSION")), "{out}");
+    let full = command(&["--help"]).stdout(File::create("/dev/full").unwrap()).output().unwrap();
+    let line = "lf-tool: standard output: no space left on device; wanted room for the whole output\n";
+    assert_eq!(seen(full), (2, String::new(), line.into()));
+}
+
+fn a_slip_is_one_line() {
+    refused(&[], "the following required arguments were not provided: <DEED>; see 'lf-tool --help'");
+    refused(
+        &["no", "--threads", "x"],
+        "invalid value 'x' for '--threads <N>': invalid digit found in string; see 'lf-tool --help'",
+    );
+    refused(&["no", "--threads", "1025"], "--threads: 1025; wanted at most 1024; see 'lf-tool --help'");
+    let (code, _, err) = run(&["no", "--stat", "x"]);
+    assert_eq!((code, err.lines().count()), (2, 1), "{err}");
+    assert!(err.contains("unexpected argument '--stat' found (a similar argument exists: '--stats')"), "{err}");
+}
+
+fn outcomes_have_their_codes() {
+    assert_eq!(run(&["no", "-q"]), (1, String::new(), String::new()));
+    assert_eq!(run(&["warn"]), (0, String::new(), "lf-tool: said\nlf-tool: warning: thin ice\n".into()));
+    assert_eq!(run(&["no", "-v"]), (1, String::new(), "lf-tool: said\nlf-tool: explained\n".into()));
+    refused(&["fail", "-q"], "a b.exr: two lines; wanted one");
+}
+
+fn a_panic_is_one_line() {
+    let (code, out, err) = run(&["panic", "-q"]);
+    assert!(code == 2 && out.is_empty() && err.lines().count() == 1, "{err}");
+    let start = "lf-tool: internal error: the floor gave way (";
+    assert!(err.starts_with(start) && err.contains("door.rs:") && err.ends_with("; please report it\n"), "{err}");
+    let (code, _, err) = run(&["deep", "-q", "--threads", "3"]);
+    assert!(code == 2 && err.lines().count() == 1 && err.contains("step 50 of a worker"), "{err}");
+}
+
+fn history_can_be_left_out() {
+    let (_, out, _) = run(&["history", "--threads", "2"]);
+    let history: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(history[0]["tool"], "lf-tool");
+    assert_eq!(history[0]["arguments"], serde_json::json!(["history", "--threads", "2"]));
+    let output = command(&["history"]).env("LF_HISTORY", "off").output().unwrap();
+    assert_eq!(output.stdout, b"[]");
+}
+
+fn stats_are_written_whatever_the_verdict() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stats.json");
+    let name = path.to_str().unwrap();
+    assert_eq!(run(&["count", "-q", "--threads", "3", "--stats", name]), (0, String::new(), String::new()));
+    let stats: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    assert_eq!(stats["tool"], "lf-tool");
+    assert_eq!(stats["threads"], 3);
+    assert_eq!(stats["counts"], serde_json::json!({"voxels": 8}));
+    let phases: Vec<&String> = stats["phases"].as_object().unwrap().keys().collect();
+    assert_eq!(phases, ["read", "check"]);
+    assert!(stats["seconds"].as_f64().unwrap() > 0.0 && stats["peak_bytes"].as_u64().unwrap() > 100_000);
+    fs::remove_file(&path).unwrap();
+    assert_eq!(run(&["no", "-q", "--stats", name]).0, 1);
+    assert!(path.exists());
+    refused(
+        &["no", "-q", "--stats", "/dev/full"],
+        "/dev/full: no space left on device; wanted room for the whole output",
+    );
+}
+
+fn bytes_come_by_name_redirect_and_pipe() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("input");
+    fs::write(&path, "0123456789").unwrap();
+    let by_name = command(&["copy", "-v", path.to_str().unwrap()]).output().unwrap();
+    let redirected = command(&["copy", "-v"]).stdin(File::open(&path).unwrap()).output().unwrap();
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    writer.write_all(b"0123456789").unwrap();
+    drop(writer);
+    let piped = command(&["copy", "-v"]).stdin(reader).output().unwrap();
+    for (output, mapped) in [(by_name, true), (redirected, true), (piped, false)] {
+        assert_eq!(output.stdout, b"0123456789");
+        assert!(String::from_utf8(output.stderr).unwrap().contains(&format!("mapped: {mapped}")));
+    }
+    // Half read by someone else before us.
+    let mut file = File::open(&path).unwrap();
+    std::io::Seek::seek(&mut file, std::io::SeekFrom::Start(4)).unwrap();
+    assert_eq!(command(&["copy"]).stdin(file).output().unwrap().stdout, b"456789");
+    let folder = command(&["copy", "-q"]).stdin(File::open(folder.path()).unwrap()).output().unwrap();
+    assert_eq!(seen(folder).2, "lf-tool: standard input: is a folder; wanted a file to read\n");
+}
+
+fn a_lost_output_is_noticed() {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = command(&["history", "-q"]).stdout(writer).output().unwrap();
+    let line = "lf-tool: standard output: closed by its reader before the end; wanted a reader that takes everything\n";
+    assert_eq!(seen(output), (2, String::new(), line.into()));
+    let output = command(&["println", "-q"]).stdout(File::create("/dev/full").unwrap()).output().unwrap();
+    let line = "lf-tool: standard output: no space left on device; wanted room for the whole output\n";
+    assert_eq!(seen(output), (2, String::new(), line.into()));
+}
+
+fn outputs_and_inputs_stay_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a");
+    fs::write(&path, "precious").unwrap();
+    let name = path.to_str().unwrap();
+    let wanted = "wanted another file to write to";
+    refused(&["copy", "-q", name, "-o", name], &format!("{name}: is also an input; {wanted}"));
+    refused(&["copy", "-q", name, "--stats", name], &format!("{name}: is an input and the --stats file; {wanted}"));
+    let new = folder.path().join("b");
+    let new = new.to_str().unwrap();
+    refused(
+        &["copy", "-q", name, "-o", new, "--stats", new],
+        &format!("{new}: is the output and the --stats file; {wanted}"),
+    );
+    let appended = File::options().append(true).open(&path).unwrap();
+    let output = command(&["copy", "-q", name]).stdout(appended).output().unwrap();
+    assert_eq!(seen(output).2, format!("lf-tool: standard output: is also an input; {wanted}\n"));
+    assert_eq!(fs::read(&path).unwrap(), b"precious");
+}
+
+fn main() -> ExitCode {
+    if std::env::var_os(TOOL).is_some() {
+        return tool();
+    }
+    let tests: [(&str, fn()); 9] = [
+        ("help_and_version_are_results", help_and_version_are_results),
+        ("a_slip_is_one_line", a_slip_is_one_line),
+        ("outcomes_have_their_codes", outcomes_have_their_codes),
+        ("a_panic_is_one_line", a_panic_is_one_line),
+        ("history_can_be_left_out", history_can_be_left_out),
+        ("stats_are_written_whatever_the_verdict", stats_are_written_whatever_the_verdict),
+        ("bytes_come_by_name_redirect_and_pipe", bytes_come_by_name_redirect_and_pipe),
+        ("a_lost_output_is_noticed", a_lost_output_is_noticed),
+        ("outputs_and_inputs_stay_apart", outputs_and_inputs_stay_apart),
+    ];
+    let mut failed = false;
+    for (name, test) in tests {
+        let passed = std::panic::catch_unwind(test).is_ok();
+        println!("test {name} ... {}", if passed { "ok" } else { "FAILED" });
+        failed |= !passed;
+    }
+    ExitCode::from(u8::from(failed) * 101)
+}

@@ -1,0 +1,298 @@
+//! Images: what is written is read; what is not a grey image of counts is refused; damage never panics.
+
+mod allocation;
+
+use image::{ExtendedColorType, ImageEncoder};
+use lf_core::history::{History, Step};
+use lf_core::image::{Image, from_bytes, open, open_counts, save};
+use ndarray::{Array2, array};
+use std::io::Cursor;
+use std::path::Path;
+use tiff::encoder::{TiffEncoder, colortype};
+use tiff::tags::Tag;
+
+fn steps() -> History {
+    let arguments = ["frames", "scène 𝄞 \"1\".json", "\\"].map(str::to_owned).to_vec();
+    vec![Step { tool: "lf-synth".into(), version: "0.1.0".into(), arguments }]
+}
+
+fn ramp(height: usize, width: usize) -> Array2<f32> {
+    Array2::from_shape_fn((height, width), |(y, x)| (y * width + x) as f32 * 0.37)
+}
+
+/// The bytes that [`save`] leaves.
+fn exr(pixels: &Array2<f32>, history: &History) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("image.exr");
+    save(&path, pixels, history).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+fn read(bytes: &[u8]) -> lf_core::Result<Image> {
+    from_bytes(bytes, "frame")
+}
+
+fn refusal(bytes: &[u8]) -> String {
+    match read(bytes) {
+        Ok(_) => panic!("should be refused"),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn grey_tiff<C: colortype::ColorType>(width: u32, height: u32, samples: &[C::Inner]) -> Vec<u8>
+where
+    [C::Inner]: tiff::encoder::TiffValue,
+{
+    let mut file = Cursor::new(Vec::new());
+    TiffEncoder::new(&mut file).unwrap().write_image::<C>(width, height, samples).unwrap();
+    file.into_inner()
+}
+
+fn png(width: u32, height: u32, samples: &[u8], colour: ExtendedColorType) -> Vec<u8> {
+    let mut file = Vec::new();
+    image::codecs::png::PngEncoder::new(&mut file).write_image(samples, width, height, colour).unwrap();
+    file
+}
+
+#[test]
+fn an_exr_comes_back_with_its_history() {
+    for (height, width) in [(1, 1), (3, 5), (70, 33)] {
+        let pixels = ramp(height, width);
+        let image = read(&exr(&pixels, &steps())).unwrap();
+        assert_eq!(image.pixels, pixels);
+        assert_eq!(image.history, steps());
+        assert!(read(&exr(&pixels, &History::new())).unwrap().history.is_empty());
+    }
+}
+
+#[test]
+fn every_bit_of_a_float_survives() {
+    let odd = [f32::NAN, f32::INFINITY, -0.0, 1e-45, f32::MAX, -7.25];
+    let pixels = Array2::from_shape_vec((2, 3), odd.to_vec()).unwrap();
+    let image = read(&exr(&pixels, &History::new())).unwrap();
+    assert!(image.pixels.iter().zip(odd).all(|(found, wanted)| found.to_bits() == wanted.to_bits()));
+}
+
+/// Line order and attribute order once made equal images differ.
+#[test]
+fn equal_images_are_equal_bytes() {
+    let pixels = ramp(257, 130);
+    let first = exr(&pixels, &steps());
+    for _ in 0..20 {
+        assert!(exr(&pixels, &steps()) == first);
+    }
+    // A transposed view has other strides and the same pixels.
+    let turned = pixels.t().as_standard_layout().into_owned().reversed_axes();
+    assert!(exr(&turned, &steps()) == first);
+}
+
+#[test]
+fn other_exr_samples_are_read_and_other_channels_refused() {
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, ImageAttributes, IntegerBounds, Layer, LayerAttributes,
+        WritableImage, f16,
+    };
+    let file = |channels: Vec<(&str, FlatSamples)>| {
+        let list = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
+        let mut file = Cursor::new(Vec::new());
+        let image = exr::image::Image::from_channels((2, 1), AnyChannels::sort(list));
+        image.write().to_buffered(&mut file).unwrap();
+        file.into_inner()
+    };
+    let one = || FlatSamples::F32(vec![1.0, 2.5]);
+    let half = FlatSamples::F16(vec![f16::from_f32(1.0), f16::from_f32(2.5)]);
+    assert_eq!(read(&file(vec![("Y", half)])).unwrap().pixels, array![[1.0, 2.5]]);
+    assert_eq!(read(&file(vec![("Y", FlatSamples::U32(vec![7, 8]))])).unwrap().pixels, array![[7.0, 8.0]]);
+    let wanted = "; wanted one channel Y, linear counts";
+    assert_eq!(
+        refusal(&file(vec![("R", one()), ("G", one()), ("B", one())])),
+        format!("frame: colour, channels B, G, R{wanted}")
+    );
+    assert_eq!(refusal(&file(vec![("Y", one()), ("A", one())])), format!("frame: an alpha channel{wanted}"));
+    assert_eq!(refusal(&file(vec![("Z", one())])), format!("frame: channel Z{wanted}"));
+    assert_eq!(
+        refusal(&file(vec![("u", one()), ("v", one()), ("w", one())])),
+        format!("frame: a vector field{wanted}")
+    );
+
+    let layer = |name: &str| {
+        let list = [AnyChannel::new("Y", one())].into_iter().collect();
+        Layer::new((2, 1), LayerAttributes::named(name), Encoding::UNCOMPRESSED, AnyChannels::sort(list))
+    };
+    let mut two = Cursor::new(Vec::new());
+    let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((2, 1)));
+    let image = exr::image::Image::from_layers(attributes, vec![layer("a"), layer("b")]);
+    image.write().to_buffered(&mut two).unwrap();
+    assert_eq!(refusal(&two.into_inner()), "frame: 2 parts; wanted one part");
+}
+
+#[test]
+fn tiff_grey_is_read_as_it_stands() {
+    let wanted = array![[0.0, 1.0, 255.0], [7.0, 128.0, 3.0]];
+    assert_eq!(read(&grey_tiff::<colortype::Gray8>(3, 2, &[0, 1, 255, 7, 128, 3])).unwrap().pixels, wanted);
+    assert_eq!(read(&grey_tiff::<colortype::Gray16>(3, 2, &[0, 1, 255, 7, 128, 3])).unwrap().pixels, wanted);
+    let sixteen = read(&grey_tiff::<colortype::Gray16>(1, 1, &[65535])).unwrap();
+    assert_eq!(sixteen.pixels, array![[65535.0]]);
+    let float = read(&grey_tiff::<colortype::Gray32Float>(3, 1, &[0.25, 1e6, -3.5])).unwrap();
+    assert_eq!(float.pixels, array![[0.25, 1e6, -3.5]]);
+    assert!(float.history.is_empty());
+}
+
+#[test]
+fn packed_tiff_is_read() {
+    use tiff::encoder::{Compression, DeflateLevel};
+    let samples: Vec<u16> = (0..400 * 300).map(|i| (i % 4096) as u16).collect();
+    for compression in [Compression::Lzw, Compression::Deflate(DeflateLevel::Best), Compression::Packbits] {
+        let mut file = Cursor::new(Vec::new());
+        let mut encoder = TiffEncoder::new(&mut file).unwrap().with_compression(compression);
+        encoder.write_image::<colortype::Gray16>(400, 300, &samples).unwrap();
+        let image = read(&file.into_inner()).unwrap();
+        assert!(image.pixels.iter().zip(&samples).all(|(&found, &wanted)| found == f32::from(wanted)));
+    }
+}
+
+#[test]
+fn other_tiffs_are_refused() {
+    let wanted = "; wanted 8-bit, 16-bit or 32-bit float grey";
+    assert_eq!(refusal(&grey_tiff::<colortype::RGB8>(1, 1, &[1, 2, 3])), format!("frame: colour{wanted}"));
+    assert_eq!(refusal(&grey_tiff::<colortype::RGBA16>(1, 1, &[1, 2, 3, 4])), format!("frame: colour{wanted}"));
+    assert_eq!(refusal(&grey_tiff::<colortype::Gray32>(1, 1, &[1])), format!("frame: 32-bit whole numbers{wanted}"));
+    assert_eq!(refusal(&grey_tiff::<colortype::Gray64>(1, 1, &[1])), format!("frame: 64-bit grey{wanted}"));
+    assert_eq!(refusal(&grey_tiff::<colortype::GrayI16>(1, 1, &[-1])), format!("frame: signed samples{wanted}"));
+
+    let mut stack = Cursor::new(Vec::new());
+    let mut encoder = TiffEncoder::new(&mut stack).unwrap();
+    for page in 0..3 {
+        encoder.write_image::<colortype::Gray8>(2, 1, &[page, page]).unwrap();
+    }
+    assert_eq!(refusal(&stack.into_inner()), "frame: 3 pages; wanted one page (split the stack into files)");
+
+    let mut inverted = Cursor::new(Vec::new());
+    let mut encoder = TiffEncoder::new(&mut inverted).unwrap();
+    let mut page = encoder.new_image::<colortype::Gray8>(2, 1).unwrap();
+    page.encoder().write_tag(Tag::PhotometricInterpretation, 0u16).unwrap();
+    page.write_data(&[1, 2]).unwrap();
+    assert_eq!(refusal(&inverted.into_inner()), "frame: inverted grey, 0 is white; wanted linear counts, 0 is black");
+}
+
+#[test]
+fn png_grey_is_read_and_other_png_refused() {
+    assert_eq!(read(&png(3, 1, &[0, 9, 255], ExtendedColorType::L8)).unwrap().pixels, array![[0.0, 9.0, 255.0]]);
+    let samples: Vec<u8> = [300u16, 65535].iter().flat_map(|value| value.to_ne_bytes()).collect();
+    assert_eq!(read(&png(1, 2, &samples, ExtendedColorType::L16)).unwrap().pixels, array![[300.0], [65535.0]]);
+    let wanted = "; wanted 8-bit or 16-bit grey";
+    assert_eq!(refusal(&png(1, 1, &[1, 2, 3], ExtendedColorType::Rgb8)), format!("frame: colour{wanted}"));
+    assert_eq!(refusal(&png(1, 1, &[1, 2], ExtendedColorType::La8)), format!("frame: an alpha channel{wanted}"));
+}
+
+#[test]
+fn other_files_are_named() {
+    assert_eq!(refusal(b""), "frame: empty; wanted an EXR, TIFF or PNG image");
+    assert_eq!(refusal(b"{\"a\": 1}"), "frame: not an image by its first bytes; wanted EXR, TIFF or PNG");
+}
+
+#[test]
+fn the_name_does_not_decide_what_is_read_but_may_not_lie_about_what_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.tif");
+    let refused = save(&path, &ramp(2, 2), &steps()).unwrap_err();
+    assert!(refused.to_string().ends_with("the name of a .tif file; wanted .exr, the format written"), "{refused}");
+    std::fs::write(&path, exr(&ramp(2, 2), &steps())).unwrap();
+    assert_eq!(open(&path).unwrap().pixels, ramp(2, 2));
+}
+
+#[test]
+fn what_is_no_count_is_counted_and_placed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.exr");
+    let mut pixels = ramp(4, 6);
+    save(&path, &pixels, &steps()).unwrap();
+    assert_eq!(open_counts(&path).unwrap().pixels, pixels);
+    pixels[[2, 5]] = -1.5;
+    save(&path, &pixels, &steps()).unwrap();
+    let refusal = |path: &Path| open_counts(path).map(|_| ()).unwrap_err().to_string();
+    assert!(refusal(&path).contains("1 pixel is not a count, the first -1.5 at x 5, y 2; wanted finite"));
+    pixels[[1, 3]] = f32::NAN;
+    pixels[[3, 0]] = f32::INFINITY;
+    save(&path, &pixels, &steps()).unwrap();
+    assert!(refusal(&path).contains("3 pixels are not a count, the first NaN at x 3, y 1"));
+    assert!(open(&path).is_ok());
+}
+
+#[test]
+fn an_image_without_pixels_is_not_written() {
+    let refused = save(Path::new("/dev/null"), &Array2::zeros((0, 5)), &History::new()).unwrap_err();
+    assert_eq!(refused.to_string(), "/dev/null: 5 x 0 pixels to write; wanted an image with pixels");
+}
+
+fn replace(bytes: &mut [u8], from: &[u8], to: &[u8]) {
+    let at = bytes.windows(from.len()).position(|window| window == from).unwrap();
+    bytes[at..at + to.len()].copy_from_slice(to);
+}
+
+#[test]
+fn sizes_that_the_file_cannot_hold_allocate_nothing() {
+    let side = 60_000u32;
+    // The windows of a 5 x 3 EXR become 60000 x 60000.
+    let mut bytes = exr(&ramp(3, 5), &steps());
+    let window = |x: u32, y: u32| [0, 0, x - 1, y - 1].iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    replace(&mut bytes, &window(5, 3), &window(side, side));
+    replace(&mut bytes, &window(5, 3), &window(side, side));
+    check_hostile("exr", &bytes);
+    // So do width and height of a PNG, whose header must then be summed anew, and of a TIFF.
+    let mut bytes = png(5, 3, &[1; 15], ExtendedColorType::L8);
+    bytes[16..20].copy_from_slice(&side.to_be_bytes());
+    bytes[20..24].copy_from_slice(&side.to_be_bytes());
+    let sum = crc32(&bytes[12..29]);
+    bytes[29..33].copy_from_slice(&sum.to_be_bytes());
+    check_hostile("png", &bytes);
+    let mut bytes = grey_tiff::<colortype::Gray16>(5, 3, &[1; 15]);
+    for (tag, old) in [(256u16, 5u32), (257, 3)] {
+        let entry = |value: u32| {
+            let words = [tag.to_le_bytes(), 4u16.to_le_bytes()].concat();
+            [words, 1u32.to_le_bytes().to_vec(), value.to_le_bytes().to_vec()].concat()
+        };
+        replace(&mut bytes, &entry(old), &entry(side));
+    }
+    check_hostile("tiff", &bytes);
+}
+
+fn check_hostile(kind: &str, bytes: &[u8]) {
+    let (message, largest) = allocation::largest(|| refusal(bytes));
+    assert!(message.contains("60000 x 60000 pixels in a file of"), "{kind}: {message}");
+    assert!(largest < 1 << 20, "{kind}: allocated {largest}");
+}
+
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0u32, |sum, &byte| {
+        (0..8).fold(sum ^ u32::from(byte), |sum, _| (sum >> 1) ^ (0xedb8_8320 & (sum & 1).wrapping_neg()))
+    })
+}
+
+#[test]
+fn damage_never_panics_and_never_takes_much_memory() {
+    let samples: Vec<u16> = (0..35).map(|i| i * 1000).collect();
+    let files = [
+        ("exr", exr(&ramp(5, 7), &steps())),
+        ("tiff", grey_tiff::<colortype::Gray16>(7, 5, &samples)),
+        ("float", grey_tiff::<colortype::Gray32Float>(7, 5, &[0.5; 35])),
+        ("png", png(7, 5, &[3; 35], ExtendedColorType::L8)),
+    ];
+    for (kind, file) in &files {
+        for length in 0..file.len() {
+            let (_, largest) = allocation::largest(|| read(&file[..length]).is_err());
+            assert!(largest < 4 << 20, "{kind} cut to {length} of {}: allocated {largest}", file.len());
+        }
+        for at in 0..file.len() {
+            for change in [1u8, 2, 4, 8, 16, 32, 64, 128, 255] {
+                let mut bytes = file.clone();
+                bytes[at] ^= change;
+                let (outcome, largest) = allocation::largest(|| read(&bytes));
+                assert!(largest < 4 << 20, "{kind} byte {at} changed by {change}: allocated {largest}");
+                if let Ok(image) = outcome {
+                    assert!(!image.pixels.is_empty());
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Projection and back-projection over a subset of the image's rows, weights made on the way.
+
+use crate::inline::InLine;
+use crate::scattered::Scattered;
+use lf_core::footprint::Footprint;
+
+/// The weights of a support's voxels, for whichever camera.
+pub(crate) enum Operator<'a> {
+    /// A square lattice in line with the pixels: products of two profiles.
+    InLine(InLine),
+    /// Any other.
+    Scattered(Scattered<'a>),
+}
+
+/// An image whose rows are long enough for four-lane reads and writes at any column.
+pub(crate) struct Plane {
+    pub(crate) stride: usize,
+    pub(crate) values: Vec<f32>,
+}
+
+impl Plane {
+    pub(crate) fn new(width: usize, height: usize) -> Self {
+        let stride = width + 4;
+        Self { stride, values: vec![0.0; stride * height] }
+    }
+}
+
+/// Rows of subset s out of n: those whose number leaves s when divided by n.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rows {
+    pub(crate) subset: usize,
+    pub(crate) subsets: usize,
+}
+
+impl<'a> Operator<'a> {
+    pub(crate) fn new(footprint: &'a Footprint, indices: &[u64], subsets: usize) -> Self {
+        if footprint.in_line() {
+            Self::InLine(InLine::new(footprint, indices, subsets))
+        } else {
+            Self::Scattered(Scattered::new(footprint, indices))
+        }
+    }
+
+    /// Sets the subset's rows of `plane` to the projection of the strengths: p_i = sum_j w_ij E_j.
+    pub(crate) fn project(&mut self, rows: Rows, strengths: &[f32], plane: &mut Plane) {
+        match self {
+            Self::InLine(weights) => weights.project(rows, strengths, plane),
+            Self::Scattered(weights) => weights.project(rows, strengths, plane),
+        }
+    }
+
+    /// Calls `update(strength, sum_i w_ij v_i, sum_i w_ij)` on every voxel's strength, i over the subset's rows.
+    pub(crate) fn back_project(
+        &mut self,
+        rows: Rows,
+        plane: &Plane,
+        strengths: &mut [f32],
+        update: impl Fn(&mut f32, f32, f32) + Sync,
+    ) {
+        match self {
+            Self::InLine(weights) => weights.back_project(rows, plane, strengths, update),
+            Self::Scattered(weights) => weights.back_project(rows, plane, strengths, update),
+        }
+    }
+}

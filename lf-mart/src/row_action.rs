@@ -1,0 +1,120 @@
+//! The paper's MART (eq. 1), pixel after pixel:
+//!
+//! ```text
+//! E_j <- E_j (I_i / sum_j w_ij E_j)^(mu w_ij)
+//! ```
+//!
+//! The result depends on the order of the pixels, which the paper does not give. Here it is the order of the image,
+//! rows from the top, each from the left. The weights are stored, pixel by pixel, as the method needs them.
+
+use crate::{DARK, Options, Solved};
+use lf_core::footprint::{Footprint, Scratch};
+use ndarray::ArrayView2;
+use rayon::prelude::*;
+
+/// A voxel and its weight on a pixel.
+#[derive(Clone, Copy)]
+struct Weight {
+    voxel: u32,
+    weight: f32,
+}
+
+/// Support voxels whose weights are made at once, to be stored in their order.
+const RUN: usize = 1 << 14;
+
+/// The weights of a voxel, each pixel once, by rising pixel.
+fn merged(footprint: &Footprint, index: u64, scratch: &mut Scratch, width: usize) -> Vec<(u32, f32)> {
+    let mut weights: Vec<(u32, f32)> = Vec::new();
+    footprint.visit(
+        footprint.grid().voxel(index),
+        scratch,
+        |_| true,
+        |column, row, weight| {
+            weights.push((row * width as u32 + column, weight));
+        },
+    );
+    weights.sort_unstable_by_key(|(pixel, _)| *pixel);
+    weights.dedup_by(|next, kept| {
+        let same = next.0 == kept.0;
+        if same {
+            kept.1 += next.1;
+        }
+        same
+    });
+    weights
+}
+
+fn runs(footprint: &Footprint, indices: &[u64], width: usize, mut take: impl FnMut(usize, Vec<(u32, f32)>)) {
+    for (run, part) in indices.chunks(RUN).enumerate() {
+        let made: Vec<Vec<(u32, f32)>> = part
+            .par_iter()
+            .map_init(Scratch::default, |scratch, index| merged(footprint, *index, scratch, width))
+            .collect();
+        for (n, weights) in made.into_iter().enumerate() {
+            take(run * RUN + n, weights);
+        }
+    }
+}
+
+pub(crate) fn solve(
+    image: ArrayView2<f32>,
+    footprint: &Footprint,
+    indices: &[u64],
+    options: &Options,
+    done: impl Fn(u64),
+) -> Result<Solved, String> {
+    let (height, width) = image.dim();
+    let mut starts = vec![0u64; height * width + 1];
+    let mut seen = vec![false; indices.len()];
+    runs(footprint, indices, width, |voxel, weights| {
+        seen[voxel] = !weights.is_empty();
+        for (pixel, _) in weights {
+            starts[pixel as usize + 1] += 1;
+        }
+    });
+    for pixel in 0..height * width {
+        starts[pixel + 1] += starts[pixel];
+    }
+    let count = starts[height * width];
+    let bytes = count * size_of::<Weight>() as u64;
+    if bytes > options.max_bytes {
+        return Err(format!("{count} weights of 8 bytes take {:.1} GB", bytes as f64 * 1e-9));
+    }
+    let mut next = starts.clone();
+    let mut stored = vec![Weight { voxel: 0, weight: 0.0 }; count as usize];
+    runs(footprint, indices, width, |voxel, weights| {
+        for (pixel, weight) in weights {
+            let place = &mut next[pixel as usize];
+            stored[*place as usize] = Weight { voxel: voxel as u32, weight };
+            *place += 1;
+        }
+    });
+
+    let peak = image.iter().fold(0f32, |peak, value| peak.max(*value));
+    let dark = (DARK * peak).max(f32::MIN_POSITIVE);
+    let total: f64 = image.iter().map(|value| f64::from(*value)).sum();
+    let even = (total / indices.len().max(1) as f64) as f32;
+    let mut strengths: Vec<f32> = seen.iter().map(|seen| if *seen { even } else { 0.0 }).collect();
+    let relaxation = options.relaxation as f32;
+    let mut misfit = Vec::with_capacity(options.iterations);
+    for _ in 0..options.iterations {
+        let (mut off, mut all) = (0.0, 0.0);
+        for (pixel, measured) in image.iter().enumerate() {
+            let weights = &stored[starts[pixel] as usize..starts[pixel + 1] as usize];
+            if weights.is_empty() {
+                continue;
+            }
+            let projected: f32 = weights.iter().map(|w| w.weight * strengths[w.voxel as usize]).sum();
+            off += f64::from(measured - projected).powi(2);
+            all += f64::from(*measured).powi(2);
+            let ratio = relaxation * (measured.max(dark) / projected.max(dark)).ln();
+            for w in weights {
+                let strength = &mut strengths[w.voxel as usize];
+                *strength = (*strength * (ratio * w.weight).exp()).min(f32::MAX);
+            }
+        }
+        misfit.push(if all > 0.0 { f64::sqrt(off / all) } else { 0.0 });
+        done(1);
+    }
+    Ok(Solved { indices: indices.to_vec(), strengths, misfit, unseen: seen.iter().filter(|seen| !**seen).count() })
+}

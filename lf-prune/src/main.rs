@@ -1,0 +1,122 @@
+//! The door of lf-prune: what was typed, image and camera in, one call, a support out.
+
+use clap::{Parser, ValueEnum};
+use lf_core::camera::Camera;
+use lf_core::cli::{self, Common, Session, Verdict, numbers};
+use lf_core::grid::Grid;
+use lf_core::{Error, Result, image, io, volume};
+use lf_prune::{DEFAULT_THRESHOLD, Options, Score, prune};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Image and camera to the voxels that may hold light, by dense ray tracing
+#[derive(Parser)]
+#[command(
+    name = "lf-prune",
+    version,
+    max_term_width = 100,
+    after_help = "Examples:
+  lf-prune frame.exr -c camera.json --pvr 2,2,10 --depth -5,5 -o support.lfv
+  lf-prune frame.exr -c camera.json --depth -5,5 | lf-mart -i frame.exr -c camera.json -o volume.lfv"
+)]
+struct Arguments {
+    /// Light-field image (EXR, TIFF, PNG), - for standard input
+    #[arg(default_value = "-")]
+    image: PathBuf,
+    /// camera.json
+    #[arg(short, long, value_name = "FILE")]
+    camera: PathBuf,
+    /// Image to subtract first; what falls below zero becomes zero
+    #[arg(short, long, value_name = "FILE")]
+    background: Option<PathBuf>,
+    /// Pixels per voxel along x, y, z
+    #[arg(long, value_name = "X,Y,Z", default_value = "1,1,10", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    pvr: [f64; 3],
+    /// Depth of the volume, mm; towards the camera is positive
+    #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    depth: [f64; 2],
+    /// Sides of the volume, mm [default: what the sensor sees of the focal plane]
+    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    bounds: Option<[f64; 4]>,
+    /// How the pixels of a voxel become its score
+    #[arg(long, value_enum, default_value_t = ScoreName::Geometric)]
+    score: ScoreName,
+    /// Least score kept, as a share of the image's brightest pixel
+    #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_THRESHOLD)]
+    threshold: f64,
+    /// Keep every voxel that can be seen: the baseline of plain MART, not a mode to recommend
+    #[arg(long)]
+    keep_all: bool,
+    /// Support (.lfv), - for standard output
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    output: PathBuf,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ScoreName {
+    /// Geometric mean of the pixels
+    Geometric,
+    /// The darkest pixel
+    Minimum,
+}
+
+fn main() -> ExitCode {
+    cli::run("lf-prune", |arguments: &Arguments| &arguments.common, run)
+}
+
+fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    if !(0.0..=1.0).contains(&arguments.threshold) {
+        let found = format!("{}", arguments.threshold);
+        return Err(Error::new("--threshold", found, "wanted a share of the brightest pixel, 0 to 1"));
+    }
+    let mut inputs = vec![arguments.image.as_path(), arguments.camera.as_path()];
+    inputs.extend(arguments.background.as_deref());
+    session.keep_apart(&arguments.output, &inputs)?;
+    let name = io::name(&arguments.image);
+    let (camera, image) = session.phase("read", |_| {
+        let camera = Camera::open(&arguments.camera)?;
+        let image = image::open_frame(&arguments.image, arguments.background.as_deref())?;
+        let (height, width) = image.pixels.dim();
+        camera.check_image(&name, width, height)?;
+        Ok((camera, image))
+    })?;
+    let [half_x, half_y] = camera.half_view_mm();
+    let [x0, x1, y0, y1] = arguments.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
+    let grid = Grid::in_bounds([[x0, x1], [y0, y1], arguments.depth], camera.voxel_spacing_mm(arguments.pvr))
+        .map_err(|found| Error::new("--pvr, --depth, --bounds", found, "wanted a grid with voxels"))?;
+    let options = Options {
+        score: match arguments.score {
+            ScoreName::Geometric => Score::Geometric,
+            ScoreName::Minimum => Score::Minimum,
+        },
+        threshold: arguments.threshold,
+        keep_all: arguments.keep_all,
+    };
+    let support = session.phase("prune", |session| {
+        let progress = session.progress("pruning", grid.shape[2] as u64);
+        prune(image.pixels.view(), &camera, &grid, &options, |slices| progress.add(slices))
+            .map_err(|found| Error::new("--depth", found, "wanted a volume before the lens"))
+    })?;
+    let (kept, all) = (support.indices.len(), grid.len());
+    session.count("voxels", all);
+    session.count("kept", kept);
+    let [nx, ny, nz] = grid.shape;
+    session.explain(format!(
+        "kept {kept} of {nx} x {ny} x {nz} voxels ({:.3} %) scoring {} of the brightest pixel or more",
+        100.0 * kept as f64 / all as f64,
+        options.threshold
+    ));
+    if kept == 0 {
+        let wanted = "wanted a brighter image, a lower --threshold or another --depth";
+        return Err(Error::new(name, "no voxel survives pruning", wanted));
+    }
+    session.phase("write", |session| {
+        let history = session.history(&image.history);
+        io::save(&arguments.output, |out| {
+            volume::write(out, &grid, &support.indices, &[("score", &support.scores)], &history)
+        })
+    })?;
+    Ok(Verdict::Done)
+}

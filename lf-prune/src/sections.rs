@@ -1,0 +1,38 @@
+//! The aperture in sections.
+
+use lf_core::camera::{Aperture, Camera};
+use lf_core::footprint::aperture_sections;
+
+/// Section centres along one axis and, for each, which sections of the other axis lie inside the stop.
+pub(crate) struct Sections {
+    /// Centres along either axis, mm.
+    pub(crate) centres_mm: Vec<f64>,
+    /// For each row of sections v: the sections u in `first..n - first` lie inside.
+    pub(crate) first: Vec<usize>,
+}
+
+impl Sections {
+    /// n x n sections, n = pixels per lenslet; a section lies inside the stop when its centre does: a round stop has no
+    /// corner sections, and counting them would prune every voxel.
+    pub(crate) fn new(camera: &Camera) -> Self {
+        let n = aperture_sections(camera);
+        let half = 0.5 * camera.aperture_mm();
+        let centres_mm: Vec<f64> = (0..n).map(|i| half * ((2 * i + 1) as f64 / n as f64 - 1.0)).collect();
+        let first = centres_mm
+            .iter()
+            .map(|v| match camera.main_lens.aperture {
+                Aperture::Square => 0,
+                Aperture::Circle => {
+                    centres_mm.iter().take_while(|u| **u < 0.0 && **u * **u + v * v > half * half).count()
+                }
+            })
+            .collect();
+        Self { centres_mm, first }
+    }
+
+    /// Number of sections inside the stop.
+    pub(crate) fn count(&self) -> u32 {
+        let n = self.centres_mm.len();
+        self.first.iter().map(|first| (n - 2 * first) as u32).sum()
+    }
+}

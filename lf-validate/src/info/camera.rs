@@ -1,0 +1,109 @@
+use super::sheet::{Sheet, by, figures, whole};
+use lf_core::camera::{Aperture, Camera, Layout};
+
+/// Largest k D / p - 1 called matched: a tenth of a pixel of fourteen.
+const MATCHED: f64 = 0.007;
+
+/// Describes a camera by what follows from it.
+pub fn camera(camera: &Camera) -> Sheet {
+    let mut sheet = Sheet::new("plenoptic camera (camera.json)");
+    let (sensor, lens, array) = (&camera.sensor, &camera.main_lens, &camera.microlenses);
+    let lattice = camera.lattice();
+    let sides = [sensor.width, sensor.height].map(|n| n as f64 * sensor.pixel_pitch_mm);
+    sheet.line(
+        "sensor",
+        format!("{} x {} px of {} mm = {} mm", sensor.width, sensor.height, figures(sensor.pixel_pitch_mm), by(&sides)),
+    );
+    sheet.line("main lens", format!("f {} mm, |M| {}", figures(lens.focal_length_mm), figures(lens.magnification)));
+    sheet.line("image distance s_i", format!("{} mm", figures(camera.image_distance_mm())));
+    sheet.line("object distance s_o", format!("{} mm", figures(camera.object_distance_mm())));
+    let stop = match lens.aperture {
+        Aperture::Circle => "round",
+        Aperture::Square => "square",
+    };
+    let number = figures(lens.working_f_number);
+    sheet.line("aperture D", format!("{} mm, {stop}, working f-number {number}", figures(camera.aperture_mm())));
+    let layout = match array.layout {
+        Layout::Square => "square",
+        Layout::Hexagonal => "hexagonal",
+    };
+    let pitch = figures(array.pitch_mm);
+    sheet.line("lenslets", format!("{layout}, pitch {pitch} mm = {} px", figures(camera.pitch_px())));
+    let turn = figures(1e3 * array.rotation_rad);
+    sheet.line("", format!("turned {turn} mrad, offset {} mm", array.offset_mm.map(figures).join(", ")));
+    let across = [sides[0] / array.pitch_mm, sides[1] / lattice.row_pitch_mm()];
+    let total = sides[0] * sides[1] / lattice.cell_area_mm2();
+    sheet.line("lenslets on the sensor", format!("{}, about {}", by(&across), whole(total.round() as u64)));
+    sheet.line("demagnification k", figures(camera.demagnification()));
+    let fill = camera.demagnification() * camera.aperture_mm() / array.pitch_mm;
+    let verdict = match fill - 1.0 {
+        over if over > MATCHED => "not matched: lenslet images overlap",
+        under if under < -MATCHED => "not matched: gaps between lenslet images",
+        _ => "matched",
+    };
+    sheet.line("lenslet image k D", format!("{} of the pitch: {verdict}", figures(fill)));
+    let view = camera.half_view_mm().map(|half| 2.0 * half);
+    sheet.line("seen in focus", format!("{} mm", by(&view)));
+    let pixel = camera.voxel_spacing_mm([1.0; 3])[0];
+    sheet.line("pixel in focus", format!("{} mm", figures(pixel)));
+    for (label, width) in [("depth for one pixel", sensor.pixel_pitch_mm), ("depth for one lenslet", array.pitch_mm)] {
+        let depth = depth_of_spread_mm(camera, width);
+        let note = "of spread on the array";
+        sheet.line(label, format!("{} mm = {} px in focus, {note}", figures(depth), figures(depth / pixel)));
+    }
+    if camera.calibration.is_some() {
+        sheet.line("calibration", "present");
+    }
+    sheet
+}
+
+/// The Z at which a point's light is `width_mm` wide on the array: alpha(Z) D = width, by the rays of
+/// [`lf_core::optics`] solved for Z.
+fn depth_of_spread_mm(camera: &Camera, width_mm: f64) -> f64 {
+    let alpha = width_mm / camera.aperture_mm();
+    camera.object_distance_mm() - camera.image_distance_mm() / (camera.main_lens.magnification + alpha)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lf_core::optics::Optics;
+
+    const SEED: &str = r#"{
+        "sensor": {"width": 280, "height": 280, "pixel_pitch_mm": 0.0055},
+        "main_lens": {"focal_length_mm": 200.0, "magnification": 1.0, "working_f_number": 4.0, "aperture": "square"},
+        "microlenses": {"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308,
+                        "rotation_rad": 0.0, "offset_mm": [0.0, 0.0]}
+    }"#;
+
+    #[test]
+    fn the_seed_camera_in_figures() {
+        let seed = Camera::from_json(SEED).unwrap();
+        let text = self::camera(&seed).to_string();
+        for wanted in [
+            "280 x 280 px of 0.0055 mm = 1.54 x 1.54 mm",
+            "400 mm",
+            "100 mm, square",
+            "= 14 px",
+            "20 x 20, about 400",
+            "0.00077",
+            "1 of the pitch: matched",
+            "1.54 x 1.54 mm",
+        ] {
+            assert!(text.contains(wanted), "{wanted} is not in\n{text}");
+        }
+        let unmatched = SEED.replace("\"working_f_number\": 4.0", "\"working_f_number\": 8.0");
+        let text = self::camera(&Camera::from_json(&unmatched).unwrap()).to_string();
+        assert!(text.contains("0.5 of the pitch: not matched: gaps"), "{text}");
+    }
+
+    #[test]
+    fn depth_for_a_lenslet_spreads_the_light_by_a_lenslet() {
+        let mut seed = Camera::from_json(SEED).unwrap();
+        seed.main_lens.magnification = 0.95;
+        let depth = depth_of_spread_mm(&seed, 0.077);
+        let rays = Optics::new(&seed);
+        assert!((rays.alpha(depth) * 2.0 * rays.half_aperture_mm() - 0.077).abs() < 1e-12);
+        assert!(depth > 0.0);
+    }
+}

@@ -1,0 +1,76 @@
+use super::sheet::{Sheet, by, figures, range, share, whole};
+use crate::statistics::Summary;
+use lf_core::field::{Field, MEASURED, REPLACED};
+
+/// Describes a vector field. Ranges are of the vectors that are measured or replaced.
+pub fn field(field: &Field) -> Sheet {
+    let layout = &field.layout;
+    let mut sheet = Sheet::new("vector field");
+    let [nx, ny, nz] = layout.shape;
+    let total = field.flag.len();
+    sheet.line("vectors", format!("{nx} x {ny} x {nz} = {}, every {} mm", whole(total as u64), by(&layout.spacing_mm)));
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let first = layout.origin_mm[axis];
+        let last = first + layout.shape[axis].saturating_sub(1) as f64 * layout.spacing_mm[axis];
+        sheet.line(format!("places {name}"), format!("{} to {} mm", figures(first), figures(last)));
+    }
+    sheet.line("voxel", format!("{} mm", by(&layout.voxel_mm)));
+    if layout.window.contains(&0) {
+        sheet.line("window", "none: not correlated");
+    } else {
+        let window = layout.window.map(|n| n as f64);
+        let length = [0, 1, 2].map(|axis| window[axis] * layout.voxel_mm[axis]);
+        let overlap = figures(100.0 * layout.overlap);
+        sheet.line("window", format!("{} voxels = {} mm, overlap {overlap} %", by(&window), by(&length)));
+    }
+    let count = |flag: f32| field.flag.iter().filter(|&&found| found == flag).count();
+    let (measured, replaced) = (count(MEASURED), count(REPLACED));
+    for (label, count) in [("measured", measured), ("replaced", replaced), ("no data", total - measured - replaced)] {
+        sheet.line(label, format!("{}, {}", whole(count as u64), share(count, total)));
+    }
+    let held = |values: &[f32]| {
+        let kept = values.iter().zip(&field.flag).filter(|(_, flag)| [MEASURED, REPLACED].contains(*flag));
+        Summary::of(kept.map(|(value, _)| value))
+    };
+    for (label, values) in [
+        ("u (mm)", &field.u),
+        ("v (mm)", &field.v),
+        ("w (mm)", &field.w),
+        ("peak", &field.peak),
+        ("ratio", &field.ratio),
+        ("su (mm)", &field.su),
+        ("sv (mm)", &field.sv),
+        ("sw (mm)", &field.sw),
+    ] {
+        sheet.line(label, range(&held(values)));
+    }
+    sheet.history(&layout.history);
+    sheet
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lf_core::field::NO_DATA;
+
+    #[test]
+    fn ranges_leave_out_places_without_data() {
+        let mut truth = crate::truth::tests::field([4, 5, 3], |_| [0.5, 0.0, -1.0]);
+        truth.u[7] = 1e6;
+        truth.flag[7] = NO_DATA;
+        let text = field(&truth).to_string();
+        for wanted in [
+            "4 x 5 x 3 = 60",
+            "-3 to 1 mm",
+            "none: not correlated",
+            "measured  59, 98.3333 %",
+            "min 0.5, max 0.5",
+            "no finite value",
+        ] {
+            assert!(text.contains(wanted), "{wanted} is not in\n{text}");
+        }
+        truth.layout.window = [32, 32, 16];
+        truth.layout.overlap = 0.75;
+        assert!(field(&truth).to_string().contains("32 x 32 x 16 voxels = 0.32 x 0.64 x 1.6 mm, overlap 75 %"));
+    }
+}

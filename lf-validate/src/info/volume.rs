@@ -1,0 +1,45 @@
+use super::sheet::{Sheet, by, figures, range, whole};
+use crate::statistics::Summary;
+use lf_core::grid::Grid;
+use lf_core::history::History;
+
+/// Describes a sparse volume: its grid, `count` voxels held, and columns by name.
+pub fn volume(grid: &Grid, count: usize, columns: &[(&str, &[f32])], history: &History) -> Sheet {
+    let mut sheet = Sheet::new("sparse volume (.lfv)");
+    let [nx, ny, nz] = grid.shape;
+    sheet.line("grid", format!("{nx} x {ny} x {nz} = {} voxels of {} mm", whole(grid.len()), by(&grid.spacing_mm)));
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let half = 0.5 * grid.spacing_mm[axis];
+        let ends = [grid.centre_mm(axis, 0) - half, grid.centre_mm(axis, grid.shape[axis] - 1) + half];
+        sheet.line(format!("extent {name}"), format!("{} to {} mm", figures(ends[0]), figures(ends[1])));
+    }
+    let percent = 100.0 * count as f64 / grid.len() as f64;
+    sheet.line("voxels held", format!("{}, {} % of the grid", whole(count as u64), figures(percent)));
+    for (name, values) in columns {
+        sheet.line(format!("column {name}"), range(&Summary::of(*values)));
+    }
+    sheet.history(history);
+    sheet
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn extents_reach_the_voxels_rims() {
+        let grid = Grid { shape: [4, 2, 1], spacing_mm: [0.5, 1.0, 10.0], origin_mm: [-0.75, -0.5, 0.0] };
+        let text = volume(&grid, 2, &[("score", &[1.0, 3.0])], &Vec::new()).to_string();
+        for wanted in [
+            "4 x 2 x 1 = 8 voxels of 0.5 x 1 x 10 mm",
+            "-1 to 1 mm",
+            "-5 to 5 mm",
+            "2, 25 % of the grid",
+            "min 1, max 3, mean 2, sum 4",
+            "none",
+        ] {
+            assert!(text.contains(wanted), "{wanted} is not in\n{text}");
+        }
+        assert!(volume(&grid, 0, &[("score", &[])], &Vec::new()).to_string().contains("no values"));
+    }
+}

@@ -1,0 +1,10 @@
+//! Result and truth to scores.
+//!
+//! Slices and fields in, plain structs out; the structs serialise to the JSON that lf-validate prints. Sums are taken in
+//! f64 in the order of the data, so a score depends on nothing but its inputs.
+
+pub mod displacement;
+pub mod info;
+pub mod quality;
+pub mod statistics;
+pub mod truth;

@@ -1,0 +1,264 @@
+//! How well a reconstruction stands for the true volume.
+//!
+//! ```text
+//! Q = sum E1 E0 / sqrt(sum E1^2 * sum E0^2)        E1 reconstruction, E0 truth, over every voxel of the grid
+//! ```
+//!
+//! Departure: the paper's Eq. 2 prints one sum under the root. The measure meant is the normalised correlation of Elsinga
+//! et al. 2006, Exp. Fluids 41:933, with a sum of each; only so is a volume against itself 1.
+//!
+//! Voxels that a file does not hold are zero, and a stored zero counts as one that is not held.
+
+use lf_core::grid::Grid;
+use serde::Serialize;
+use std::cmp::Ordering;
+
+/// Largest disagreement of two grids' spacings and origins, relative to the spacing and to the extent: far above the
+/// rounding of the few operations that make a grid, far below what moves a voxel.
+const GRID_TOLERANCE: f64 = 1e-9;
+
+/// A sparse volume's light: strictly rising linear indices, an intensity for each.
+#[derive(Debug, Clone, Copy)]
+pub struct Light<'a> {
+    /// The grid.
+    pub grid: &'a Grid,
+    /// Indices of the voxels held.
+    pub indices: &'a [u64],
+    /// Their intensities, finite.
+    pub intensity: &'a [f32],
+}
+
+/// The score of a volume against the truth.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Quality {
+    /// Q; 0 where either volume has no light.
+    pub q: f64,
+    /// sum E1 E0 / sum E1^2: the factor on the volume that brings it closest to the truth in least squares. The truth's
+    /// energy left over is then 1 - q^2. `null` where the volume has no light.
+    pub scale: Option<f64>,
+    /// Share of sum |E1| in voxels where E0 is zero: light where there was none. It counts from where the truth's
+    /// particle images were cut. `null` where the volume has no light.
+    pub ghost_share: Option<f64>,
+    /// Share of sum |E0| in voxels where E1 is zero: light that was lost. `null` where the truth has no light.
+    pub missed_share: Option<f64>,
+    /// Voxels of the truth that are not zero.
+    pub truth_voxels: u64,
+    /// Voxels of the volume that are not zero.
+    pub volume_voxels: u64,
+    /// Voxels in which neither is zero.
+    pub shared_voxels: u64,
+    /// sum E0.
+    pub truth_sum: f64,
+    /// sum E1.
+    pub volume_sum: f64,
+}
+
+/// Scores `volume` against `truth`. One merge of the two index lists, no memory of its own.
+///
+/// # Errors
+/// Two phrases, found and wanted, where the grids disagree.
+pub fn quality(truth: Light, volume: Light) -> Result<Quality, (String, String)> {
+    if !grids_agree(truth.grid, volume.grid) {
+        return Err((name_grid(volume.grid), format!("wanted the truth's {}", name_grid(truth.grid))));
+    }
+    let mut sums = Sums::default();
+    for_each_pair(truth, volume, |_, e0, e1| sums.add(e0, e1));
+    Ok(sums.quality())
+}
+
+/// Visits the voxels that either volume holds, in rising order: linear index, truth, volume.
+fn for_each_pair(truth: Light, volume: Light, mut visit: impl FnMut(u64, f64, f64)) {
+    let (mut t, mut v) = (0, 0);
+    while t < truth.indices.len() || v < volume.indices.len() {
+        let true_index = truth.indices.get(t).copied().unwrap_or(u64::MAX);
+        let index = volume.indices.get(v).copied().unwrap_or(u64::MAX);
+        let order = true_index.cmp(&index);
+        let (mut e0, mut e1) = (0.0, 0.0);
+        if order != Ordering::Greater {
+            e0 = f64::from(truth.intensity[t]);
+            t += 1;
+        }
+        if order != Ordering::Less {
+            e1 = f64::from(volume.intensity[v]);
+            v += 1;
+        }
+        visit(true_index.min(index), e0, e1);
+    }
+}
+
+/// What a score of any set of voxels is made of.
+#[derive(Debug, Clone, Default)]
+struct Sums {
+    product: f64,
+    truth_square: f64,
+    volume_square: f64,
+    truth: f64,
+    volume: f64,
+    truth_size: f64,
+    volume_size: f64,
+    ghost: f64,
+    missed: f64,
+    truth_voxels: u64,
+    volume_voxels: u64,
+    shared_voxels: u64,
+}
+
+impl Sums {
+    #[inline]
+    fn add(&mut self, e0: f64, e1: f64) {
+        self.product += e0 * e1;
+        self.truth_square += e0 * e0;
+        self.volume_square += e1 * e1;
+        self.truth += e0;
+        self.volume += e1;
+        self.truth_size += e0.abs();
+        self.volume_size += e1.abs();
+        let (true_light, light) = (e0 != 0.0, e1 != 0.0);
+        self.truth_voxels += u64::from(true_light);
+        self.volume_voxels += u64::from(light);
+        self.shared_voxels += u64::from(true_light && light);
+        if !true_light {
+            self.ghost += e1.abs();
+        }
+        if !light {
+            self.missed += e0.abs();
+        }
+    }
+
+    fn quality(&self) -> Quality {
+        // A root of each sum, and not of their product, which may overflow; and Q passes 1 by rounding only.
+        let norm = self.truth_square.sqrt() * self.volume_square.sqrt();
+        Quality {
+            q: if norm > 0.0 { (self.product / norm).clamp(-1.0, 1.0) } else { 0.0 },
+            scale: ratio(self.product, self.volume_square),
+            ghost_share: ratio(self.ghost, self.volume_size),
+            missed_share: ratio(self.missed, self.truth_size),
+            truth_voxels: self.truth_voxels,
+            volume_voxels: self.volume_voxels,
+            shared_voxels: self.shared_voxels,
+            truth_sum: self.truth,
+            volume_sum: self.volume,
+        }
+    }
+}
+
+fn ratio(part: f64, whole: f64) -> Option<f64> {
+    (whole > 0.0).then(|| part / whole)
+}
+
+fn grids_agree(a: &Grid, b: &Grid) -> bool {
+    a.shape == b.shape
+        && (0..3).all(|axis| {
+            let spacing = a.spacing_mm[axis].max(b.spacing_mm[axis]);
+            let extent = spacing * a.shape[axis] as f64;
+            (a.spacing_mm[axis] - b.spacing_mm[axis]).abs() <= GRID_TOLERANCE * spacing
+                && (a.origin_mm[axis] - b.origin_mm[axis]).abs() <= GRID_TOLERANCE * extent
+        })
+}
+
+fn name_grid(grid: &Grid) -> String {
+    let [nx, ny, nz] = grid.shape;
+    let ([dx, dy, dz], [x, y, z]) = (grid.spacing_mm, grid.origin_mm);
+    format!("grid of {nx} x {ny} x {nz} voxels of {dx} x {dy} x {dz} mm from ({x}, {y}, {z}) mm")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid() -> Grid {
+        Grid { shape: [4, 3, 2], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [-0.15, -0.1, -0.5] }
+    }
+
+    fn score(truth: (&[u64], &[f32]), volume: (&[u64], &[f32])) -> Quality {
+        let grid = grid();
+        let light = |(indices, intensity)| Light { grid: &grid, indices, intensity };
+        quality(light(truth), light(volume)).unwrap()
+    }
+
+    #[test]
+    fn score_by_hand() {
+        // E0 = 3 at 1, 4 at 5, 5 at 9; E1 = 2 at 0, 6 at 5, 3 at 9: products 24 + 15, squares 50 and 49.
+        let found = score((&[1, 5, 9], &[3.0, 4.0, 5.0]), (&[0, 5, 9], &[2.0, 6.0, 3.0]));
+        assert!((found.q - 39.0 / (50f64 * 49.0).sqrt()).abs() < 1e-15);
+        assert!((found.scale.unwrap() - 39.0 / 49.0).abs() < 1e-15);
+        assert!((found.ghost_share.unwrap() - 2.0 / 11.0).abs() < 1e-15);
+        assert!((found.missed_share.unwrap() - 3.0 / 12.0).abs() < 1e-15);
+        assert_eq!((found.truth_voxels, found.volume_voxels, found.shared_voxels), (3, 3, 2));
+        assert_eq!((found.truth_sum, found.volume_sum), (12.0, 11.0));
+    }
+
+    #[test]
+    fn a_scaled_copy_scores_one_and_gives_its_scale() {
+        let truth: &[f32] = &[3.0, 0.1, 1e-20, 7e15];
+        let copy: Vec<f32> = truth.iter().map(|e| e / 4.0).collect();
+        let found = score((&[1, 5, 9, 23], truth), (&[1, 5, 9, 23], &copy));
+        assert!((found.q - 1.0).abs() < 1e-15 && found.q <= 1.0);
+        assert!((found.scale.unwrap() - 4.0).abs() < 1e-14);
+        assert_eq!((found.ghost_share, found.missed_share), (Some(0.0), Some(0.0)));
+    }
+
+    #[test]
+    fn stored_zeros_change_nothing() {
+        let sparse = score((&[1, 5], &[3.0, 4.0]), (&[5], &[1.0]));
+        assert_eq!(sparse, score((&[0, 1, 5, 8], &[0.0, 3.0, 4.0, 0.0]), (&[1, 5, 7], &[0.0, 1.0, -0.0])));
+    }
+
+    #[test]
+    fn darkness_scores_zero_and_has_no_shares() {
+        let dark = score((&[1], &[3.0]), (&[], &[]));
+        assert_eq!((dark.q, dark.scale, dark.ghost_share, dark.missed_share), (0.0, None, None, Some(1.0)));
+        let both = score((&[], &[]), (&[2], &[0.0]));
+        assert_eq!((both.q, both.missed_share), (0.0, None));
+        assert!(!serde_json::to_string(&both).unwrap().contains("NaN"));
+    }
+
+    // Methods that are not multiplicative leave negative light: a share of a plain sum would pass 1 or change sign.
+    #[test]
+    fn negative_light_counts_by_its_size() {
+        let found = score((&[1, 2, 5], &[3.0, -1.0, 4.0]), (&[0, 2, 5], &[-2.0, 1.0, 1.0]));
+        assert_eq!((found.ghost_share, found.missed_share), (Some(0.5), Some(3.0 / 8.0)));
+        assert_eq!((found.truth_sum, found.volume_sum), (6.0, 0.0));
+    }
+
+    #[test]
+    fn merge_equals_the_dense_sums() {
+        let grid = Grid { shape: [10, 10, 10], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
+        let held = |stride: u64| -> (Vec<u64>, Vec<f32>) {
+            (0..1000).filter(|i| i * i % stride < 3).map(|i| (i, (i as f32 * 0.37).sin().abs())).unzip()
+        };
+        let (truth, volume) = (held(7), held(11));
+        let dense = |(indices, values): &(Vec<u64>, Vec<f32>)| {
+            let mut all = vec![0.0; 1000];
+            indices.iter().zip(values).for_each(|(&i, &e)| all[i as usize] = f64::from(e));
+            all
+        };
+        let (e0, e1) = (dense(&truth), dense(&volume));
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let found = quality(
+            Light { grid: &grid, indices: &truth.0, intensity: &truth.1 },
+            Light { grid: &grid, indices: &volume.0, intensity: &volume.1 },
+        )
+        .unwrap();
+        assert!((found.q - dot(&e0, &e1) / (dot(&e0, &e0) * dot(&e1, &e1)).sqrt()).abs() < 1e-14);
+        assert!((found.scale.unwrap() - dot(&e0, &e1) / dot(&e1, &e1)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn grids_agree_to_rounding_and_no_further() {
+        let mut other = grid();
+        other.origin_mm[0] += 1e-15;
+        assert!(grids_agree(&grid(), &other));
+        other.origin_mm[0] += 1e-6;
+        assert!(!grids_agree(&grid(), &other));
+        other = grid();
+        other.spacing_mm[2] *= 1.0 + 1e-8;
+        assert!(!grids_agree(&grid(), &other));
+        other = grid();
+        other.shape[1] = 4;
+        let (a, b) = (grid(), other);
+        let light = |grid| Light { grid, indices: &[], intensity: &[] };
+        let (found, wanted) = quality(light(&a), light(&b)).unwrap_err();
+        assert!(found.contains("4 x 4 x 2") && wanted.contains("4 x 3 x 2"));
+    }
+}

@@ -1,0 +1,121 @@
+//! Where the windows of a pass stand, and the cells they share.
+//!
+//! Windows that overlap share sums: every axis is cut at each window's first and last voxel, and the pieces are the
+//! cells. A window is a whole number of cells; at 75 % overlap a cell is a quarter of a window and serves 64 windows.
+
+use crate::options::Pass;
+use std::ops::Range;
+
+/// One axis of a lattice.
+#[derive(Debug, Clone)]
+pub(crate) struct Axis {
+    /// First voxel of each window.
+    pub starts: Vec<usize>,
+    /// Window, voxels.
+    pub window: usize,
+    /// Distance between windows, voxels.
+    pub step: usize,
+    /// First voxel of each cell and the one after its last.
+    pub cells: Vec<Range<usize>>,
+    /// Cells of each window.
+    pub spans: Vec<Range<usize>>,
+    /// Windows of each cell.
+    pub users: Vec<Range<usize>>,
+}
+
+impl Axis {
+    /// As many windows as fit in `length` voxels, `step` apart, with what is left over shared by both ends.
+    pub fn new(length: usize, window: usize, step: usize) -> Self {
+        let count = (length - window) / step + 1;
+        let first = (length - window - (count - 1) * step) / 2;
+        let starts: Vec<usize> = (0..count).map(|k| first + k * step).collect();
+        let mut cuts: Vec<usize> = starts.iter().flat_map(|&start| [start, start + window]).collect();
+        cuts.sort_unstable();
+        cuts.dedup();
+        let inside =
+            |cell: &Range<usize>| starts.iter().any(|&start| start <= cell.start && cell.end <= start + window);
+        let cells: Vec<Range<usize>> = cuts.windows(2).map(|cut| cut[0]..cut[1]).filter(inside).collect();
+        let at = |voxel: usize| cells.partition_point(|cell| cell.start < voxel);
+        let spans: Vec<Range<usize>> = starts.iter().map(|&start| at(start)..at(start + window)).collect();
+        let users = (0..cells.len())
+            .map(|cell| {
+                let first = spans.partition_point(|span| span.end <= cell);
+                first..spans.partition_point(|span| span.start <= cell)
+            })
+            .collect();
+        Self { starts, window, step, cells, spans, users }
+    }
+
+    /// Number of windows.
+    pub fn count(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// Centre of window `k`, voxels; a whole number is a voxel centre.
+    pub fn centre_vox(&self, k: usize) -> f64 {
+        self.starts[k] as f64 + (self.window as f64 - 1.0) / 2.0
+    }
+}
+
+/// The windows of a pass along x, y, z. Node (i, j, k) has the index `i + nx (j + ny k)`.
+#[derive(Debug, Clone)]
+pub(crate) struct Lattice {
+    pub axes: [Axis; 3],
+}
+
+impl Lattice {
+    /// The lattice of `pass` in a volume of `shape` voxels.
+    pub fn new(shape: [usize; 3], pass: &Pass) -> Self {
+        Self { axes: std::array::from_fn(|axis| Axis::new(shape[axis], pass.window[axis], pass.step(axis))) }
+    }
+
+    /// Windows along x, y, z.
+    pub fn shape(&self) -> [usize; 3] {
+        std::array::from_fn(|axis| self.axes[axis].count())
+    }
+
+    /// Number of windows.
+    pub fn count(&self) -> usize {
+        self.shape().iter().product()
+    }
+
+    /// Index of a node.
+    pub fn index(&self, node: [usize; 3]) -> usize {
+        node[0] + self.axes[0].count() * (node[1] + self.axes[1].count() * node[2])
+    }
+
+    /// Node of an index.
+    pub fn node(&self, index: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.shape();
+        [index % nx, index / nx % ny, index / nx / ny]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_are_whole_numbers_of_cells_whatever_the_overlap() {
+        for (length, window, step) in [(128, 32, 8), (100, 32, 13), (7, 7, 3), (50, 10, 10), (50, 10, 25), (9, 1, 1)] {
+            let axis = Axis::new(length, window, step);
+            assert!(axis.starts.last().unwrap() + window <= length);
+            for (k, span) in axis.spans.iter().enumerate() {
+                let cells = &axis.cells[span.clone()];
+                assert_eq!((cells[0].start, cells.last().unwrap().end), (axis.starts[k], axis.starts[k] + window));
+                assert!(cells.windows(2).all(|pair| pair[0].end == pair[1].start));
+            }
+            for (cell, users) in axis.users.iter().enumerate() {
+                for k in 0..axis.count() {
+                    assert_eq!(users.contains(&k), axis.spans[k].contains(&cell));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_papers_volume_gives_the_papers_count() {
+        let pass = Pass { window: [160, 160, 16], overlap: 0.75, search: [4, 4, 3] };
+        assert_eq!(Lattice::new([1820, 1820, 182], &pass).count(), 74_088);
+    }
+}

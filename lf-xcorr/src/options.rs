@@ -1,0 +1,121 @@
+//! What is meant by a run: the list of passes, the floor and the validation.
+
+use crate::error::{Error, Side};
+
+/// One pass of the multigrid: interrogation windows of one size on one lattice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pass {
+    /// Interrogation window, voxels.
+    pub window: [usize; 3],
+    /// Share of a window that the next one covers too, 0 to below 1.
+    pub overlap: f64,
+    /// Search radius about the predicted shift (zero in the first pass), voxels.
+    pub search: [usize; 3],
+}
+
+impl Pass {
+    /// Distance between neighbouring windows along `axis`, voxels; at least 1.
+    pub fn step(&self, axis: usize) -> usize {
+        ((self.window[axis] as f64 * (1.0 - self.overlap)).round() as usize).max(1)
+    }
+
+    /// Voxels binned into one along `axis` so that the search stays within [`Pass::BINNED_SEARCH`] bins.
+    pub fn bin(&self, axis: usize) -> usize {
+        self.search[axis].div_ceil(Self::BINNED_SEARCH).max(1)
+    }
+
+    /// Constant: widest search, in bins, before the first pass bins voxels. The cost of a pass grows with the number of
+    /// trial shifts, (2 x 8 + 1)^3 at most; a later pass takes back what the bins blur. Larger: slower, more memory.
+    pub const BINNED_SEARCH: usize = 8;
+}
+
+/// The normalised median test (Westerweel & Scarano, Exp. Fluids 39, 2005) over the 26 neighbours.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MedianTest {
+    /// Largest accepted residual over the neighbours' median residual. The authors' value is 2.
+    pub threshold: f64,
+    /// Fluctuation of a good measurement along each axis, voxels: what keeps a calm neighbourhood from being too strict.
+    /// The authors' 0.1 px; along z a voxel is as deep as the particles are long, so 0.1 voxel there too.
+    pub tolerance_vox: [f64; 3],
+}
+
+impl Default for MedianTest {
+    fn default() -> Self {
+        Self { threshold: 2.0, tolerance_vox: [0.1; 3] }
+    }
+}
+
+/// What is meant by a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// From coarse to fine; each pass predicts the shift for the next.
+    pub passes: Vec<Pass>,
+    /// Voxels below this share of their volume's brightest are taken as dark.
+    pub floor: f32,
+    /// The outlier test after every pass.
+    pub median_test: MedianTest,
+}
+
+impl Options {
+    /// Constant: a voxel under a thousandth of the peak holds a millionth of its energy, and leaving such voxels out saves
+    /// most of the work in a reconstruction with haze. On reconstructed pairs every floor from 0 to 0.01 gave the same error
+    /// to 0.001 voxel; 0.03 begins to cost. See [`Options::floor`].
+    pub const FLOOR: f32 = 1e-3;
+    /// Constant: search of every pass after the first: the first pass is good to about a voxel (or a bin), the fit needs a
+    /// voxel beyond the peak, and the rest is room for the gradients a coarse window averages.
+    pub const REFINE: [usize; 3] = [4, 4, 3];
+
+    /// Two passes: `initial` with `search`, then `window` with `refine`, both at `overlap`.
+    pub fn coarse_to_fine(
+        initial: [usize; 3],
+        window: [usize; 3],
+        overlap: f64,
+        search: [usize; 3],
+        refine: [usize; 3],
+    ) -> Self {
+        let passes = vec![Pass { window: initial, overlap, search }, Pass { window, overlap, search: refine }];
+        Self { passes, floor: Self::FLOOR, median_test: MedianTest::default() }
+    }
+
+    /// Checks the options against the volume's `shape`.
+    ///
+    /// # Errors
+    /// Says which number does not fit.
+    pub fn check(&self, shape: [usize; 3]) -> Result<(), Error> {
+        let refuse = |found: String, wanted: &str| Err(Error::new(Side::Options, found, wanted));
+        if self.passes.is_empty() {
+            return refuse("no pass".into(), "wanted at least one window size");
+        }
+        if !(self.floor >= 0.0 && self.floor < 1.0) {
+            return refuse(format!("floor {}", self.floor), "wanted a share of the peak, 0 to below 1");
+        }
+        if !(self.median_test.threshold > 0.0 && self.median_test.tolerance_vox.iter().all(|t| *t > 0.0)) {
+            return refuse("a median test that nothing passes".into(), "wanted a threshold and tolerances above 0");
+        }
+        for pass in &self.passes {
+            if !(0.0..1.0).contains(&pass.overlap) {
+                return refuse(format!("overlap {}", pass.overlap), "wanted 0 to below 1");
+            }
+            if pass.window.contains(&0) {
+                return refuse(format!("window {}", triple(pass.window)), "wanted at least one voxel along each axis");
+            }
+            if (0..3).any(|axis| pass.window[axis] > shape[axis]) {
+                let found = format!("window {} in a volume of {} voxels", triple(pass.window), triple(shape));
+                return refuse(found, "wanted a window no larger than the volume");
+            }
+            if pass.search.contains(&0) {
+                return refuse(format!("search {}", triple(pass.search)), "wanted at least 1 voxel along each axis");
+            }
+            if (0..3).any(|axis| pass.search[axis] > shape[axis]) {
+                let found = format!("search {} in a volume of {} voxels", triple(pass.search), triple(shape));
+                return refuse(found, "wanted a search radius no larger than the volume");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `160 x 160 x 16`.
+pub fn triple(n: [usize; 3]) -> String {
+    format!("{} x {} x {}", n[0], n[1], n[2])
+}

@@ -1,0 +1,226 @@
+//! One pass: the sums of every cell, shared by the windows that overlap there, and the peak of every window.
+//!
+//! Memory: the cells of one layer of windows at a time, never the whole lattice.
+
+use crate::energy;
+use crate::kernel;
+use crate::lattice::Lattice;
+use crate::overlap::{Which, voxels};
+use crate::peak::{self, Peak};
+use crate::shifts::{Shifts, Sums, channel};
+use crate::sparse::Rows;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Finds the peak of every node that has a box of shifts to search; the others get `None`.
+pub(crate) fn measure(
+    first: &Rows,
+    second: &Rows,
+    lattice: &Lattice,
+    search: &[Option<Shifts>],
+    watch: &(dyn Fn(u64) + Sync),
+) -> Vec<Option<Peak>> {
+    let voxels = lattice.axes.iter().map(|axis| axis.window).product();
+    windows(first, second, lattice, search, |sums| {
+        let peak = peak::find(sums, voxels);
+        watch(1);
+        peak
+    })
+}
+
+/// Calls `each(sums)` for every node that has a box of shifts, and gives the answers in the order of the nodes.
+fn windows<T: Send>(
+    first: &Rows,
+    second: &Rows,
+    lattice: &Lattice,
+    search: &[Option<Shifts>],
+    each: impl Fn(&Sums) -> T + Sync,
+) -> Vec<Option<T>> {
+    let [nx, ny, nz] = lattice.shape();
+    let [x, y, z] = &lattice.axes;
+    let mut cells: Vec<Vec<Option<Sums>>> = vec![Vec::new(); z.cells.len()];
+    let mut answers = Vec::with_capacity(lattice.count());
+    let mut ready = 0;
+    for k in 0..nz {
+        // Let go of the layers of cells behind this layer of windows, and sum the new ones.
+        cells[..z.spans[k].start].iter_mut().for_each(|layer| *layer = Vec::new());
+        for layer in ready.max(z.spans[k].start)..z.spans[k].end {
+            cells[layer] = cell_layer(first, second, lattice, search, layer);
+        }
+        ready = ready.max(z.spans[k].end);
+
+        // Add cells into columns of this layer's depth, columns into rows, rows into windows.
+        let boxes = |i: Range<usize>, j: Range<usize>| {
+            Shifts::hull_of(
+                j.flat_map(|j| i.clone().map(move |i| [i, j, k])).filter_map(|node| search[lattice.index(node)]),
+            )
+        };
+        let layers = &cells[z.spans[k].clone()];
+        let columns = gather(x.cells.len(), y.cells.len(), |cx, cy| {
+            let parts = layers.iter().map(|layer| &layer[cx + x.cells.len() * cy]);
+            total(boxes(x.users[cx].clone(), y.users[cy].clone()), parts)
+        });
+        let rows = gather(x.cells.len(), ny, |cx, j| {
+            let parts = y.spans[j].clone().map(|cy| &columns[cx + x.cells.len() * cy]);
+            total(boxes(x.users[cx].clone(), j..j + 1), parts)
+        });
+        answers.extend(gather(nx, ny, |i, j| {
+            let parts = x.spans[i].clone().map(|cx| &rows[cx + x.cells.len() * j]);
+            let sums = total(boxes(i..i + 1, j..j + 1), parts)?;
+            Some(each(&sums))
+        }));
+    }
+    answers
+}
+
+/// The sums of every cell of one layer.
+fn cell_layer(
+    first: &Rows,
+    second: &Rows,
+    lattice: &Lattice,
+    search: &[Option<Shifts>],
+    layer: usize,
+) -> Vec<Option<Sums>> {
+    let [x, y, z] = &lattice.axes;
+    let count = x.cells.len() * y.cells.len();
+    let one = |scratch: &mut (kernel::Scratch, energy::Scratch), place: usize| {
+        let (cx, cy) = (place % x.cells.len(), place / x.cells.len());
+        let users = [x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()];
+        let nodes = users[2].clone().flat_map(|k| {
+            let users = &users;
+            users[1].clone().flat_map(move |j| users[0].clone().map(move |i| [i, j, k]))
+        });
+        let shifts = Shifts::hull_of(nodes.filter_map(|node| search[lattice.index(node)]))?;
+        let cell = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
+        let mut sums = Sums::zero(shifts);
+        kernel::products(first, second, &cell, &shifts, sums.channel_mut(channel::PRODUCT), &mut scratch.0);
+        for (which, rows, channel) in [(Which::First, first, channel::FIRST), (Which::Second, second, channel::SECOND)]
+        {
+            let ranges = voxels(which, &cell, first.shape, &shifts);
+            let (sum, squares) = sums.pair_mut(channel);
+            energy::sums(rows, &ranges, sum, squares, &mut scratch.1);
+        }
+        Some(sums)
+    };
+    (0..count).into_par_iter().map_init(Default::default, one).collect()
+}
+
+/// `make(i, j)` for every place of an nx x ny table, x fastest.
+fn gather<T: Send>(nx: usize, ny: usize, make: impl Fn(usize, usize) -> T + Sync) -> Vec<T> {
+    (0..nx * ny).into_par_iter().map(|place| make(place % nx, place / nx)).collect()
+}
+
+/// The sum of `parts` over `shifts`; `None` where nothing is searched.
+fn total<'a>(shifts: Option<Shifts>, parts: impl Iterator<Item = &'a Option<Sums>>) -> Option<Sums> {
+    let mut sums = Sums::zero(shifts?);
+    parts.flatten().for_each(|part| sums.add(part));
+    Some(sums)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::Pass;
+    use crate::shifts::{back, on};
+    use crate::sparse::Sparse;
+    use lf_core::grid::Grid;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    /// The sums of one window by the definition: every midpoint, every shift, dense volumes.
+    fn oracle(dense: [&[f32]; 2], shape: [usize; 3], window: &[Range<usize>; 3], shifts: Shifts) -> Sums {
+        let inside = |p: [i32; 3]| (0..3).all(|a| p[a] >= 0 && p[a] < shape[a] as i32);
+        let at = |volume: usize, p: [i32; 3]| {
+            dense[volume][p[0] as usize + shape[0] * (p[1] as usize + shape[1] * p[2] as usize)] as f64
+        };
+        let mut sums = Sums::zero(shifts);
+        for k in 0..shifts.len() {
+            let place = [k % shifts.n[0], k / shifts.n[0] % shifts.n[1], k / shifts.n[0] / shifts.n[1]];
+            let d: [i32; 3] = std::array::from_fn(|a| shifts.low[a] + place[a] as i32);
+            for z in window[2].clone() {
+                for y in window[1].clone() {
+                    for x in window[0].clone() {
+                        let x = [x as i32, y as i32, z as i32];
+                        let from = std::array::from_fn(|a| x[a] - back(d[a]));
+                        let to = std::array::from_fn(|a| x[a] + on(d[a]));
+                        if inside(from) && inside(to) {
+                            let (a, b) = (at(0, from), at(1, to));
+                            for (channel, value) in [a * b, a, a * a, b, b * b].into_iter().enumerate() {
+                                sums.channel_mut(channel)[k] += value;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        sums
+    }
+
+    fn rows(dense: &[f32], shape: [usize; 3]) -> Rows {
+        let grid = Grid { shape, spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
+        let indices: Vec<u64> = (0..dense.len() as u64).filter(|&i| dense[i as usize] > 0.0).collect();
+        let intensity: Vec<f32> = indices.iter().map(|&i| dense[i as usize]).collect();
+        Rows::new(&Sparse { grid: &grid, indices: &indices, intensity: &intensity }, 0.0)
+    }
+
+    #[test]
+    fn the_oracle_agrees_with_a_case_solved_by_hand() {
+        // A row of 7 voxels: 2 at voxel 2, then 3 at voxel 4. Only the shift 2 pairs them, at midpoint 3.
+        let (mut a, mut b) = ([0f32; 7], [0f32; 7]);
+        (a[2], b[4]) = (2.0, 3.0);
+        let shifts = Shifts { low: [-3, 0, 0], n: [7, 1, 1] };
+        let sums = oracle([&a, &b], [7, 1, 1], &[0..7, 0..1, 0..1], shifts);
+        assert_eq!(sums.channel(channel::PRODUCT), [0.0, 0.0, 0.0, 0.0, 0.0, 6.0, 0.0]);
+        // At -3 midpoints 1 to 4 pair voxels 3 to 6 with voxels 0 to 3: neither light. At -2 midpoints 1 to 5 pair 2 to 6 with
+        // 0 to 4: both. At 3 midpoints 1 to 4 pair 0 to 3 with 3 to 6: both.
+        assert_eq!(sums.channel(channel::FIRST), [0.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0]);
+        assert_eq!(sums.channel(channel::SECOND_SQUARED), [0.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0]);
+        // Midpoint 3 is in a window of voxels 3 to 4, not in one of 4 to 5.
+        for (window, product) in [(3..5, 6.0), (4..6, 0.0)] {
+            let sums = oracle([&a, &b], [7, 1, 1], &[window, 0..1, 0..1], shifts);
+            assert_eq!(sums.channel(channel::PRODUCT)[5], product);
+        }
+    }
+
+    #[test]
+    fn shared_sparse_sums_are_the_oracles() {
+        let mut random = Pcg64Mcg::seed_from_u64(4);
+        for (shape, window, overlap, radius, lit) in [
+            ([12, 10, 9], [8, 8, 4], 0.75, [2, 3, 1], 0.3),
+            ([23, 7, 5], [9, 5, 5], 0.4, [6, 2, 2], 0.1),
+            ([30, 6, 4], [30, 6, 1], 0.0, [11, 1, 1], 0.5),
+            ([40, 3, 3], [5, 3, 3], 0.5, [13, 1, 1], 0.9),
+        ] {
+            let mut dense = || -> Vec<f32> {
+                let mut voxel = || if random.random::<f64>() < lit { random.random::<f32>() } else { 0.0 };
+                (0..shape.iter().product()).map(|_| voxel()).collect()
+            };
+            let (a, b) = (dense(), dense());
+            let lattice = Lattice::new(shape, &Pass { window, overlap, search: radius });
+            // Every window has its own prediction, and some are not searched.
+            let search: Vec<Option<Shifts>> = (0..lattice.count())
+                .map(|_| {
+                    (random.random::<f64>() < 0.8)
+                        .then(|| Shifts::around([0; 3].map(|_| random.random_range(-3..4)), radius))
+                })
+                .collect();
+            let window = |node: [usize; 3]| -> [Range<usize>; 3] {
+                std::array::from_fn(|a| lattice.axes[a].starts[node[a]]..lattice.axes[a].starts[node[a]] + window[a])
+            };
+            let found = windows(&rows(&a, shape), &rows(&b, shape), &lattice, &search, Sums::clone);
+            for (node, sums) in found.iter().enumerate() {
+                assert_eq!(sums.as_ref().map(|sums| sums.shifts), search[node]);
+                let Some(sums) = sums else { continue };
+                let wanted = oracle([&a, &b], shape, &window(lattice.node(node)), sums.shifts);
+                for c in 0..channel::COUNT {
+                    for (k, (found, wanted)) in sums.channel(c).iter().zip(wanted.channel(c)).enumerate() {
+                        assert!(
+                            (found - wanted).abs() < 1e-9,
+                            "node {node} channel {c} shift {k}: {found} for {wanted}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! The contract of the command line: what goes in, what comes out, and what a slip is answered with.
+
+mod scene;
+
+use lf_core::field::{Field, MEASURED};
+use lf_core::grid::Grid;
+use lf_core::volume;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// A folder with two volumes, and the tool run in it.
+struct Bench {
+    folder: tempfile::TempDir,
+}
+
+const SMALL: [&str; 4] = ["--window", "24,24,12", "--search", "6,6,4"];
+
+impl Bench {
+    fn new() -> Self {
+        let bench = Self { folder: tempfile::tempdir().unwrap() };
+        let mut grid = scene::grid([48, 40, 24]);
+        grid.spacing_mm = [0.1, 0.1, 0.5];
+        let [a, b] = scene::pair(&grid, 10.0 / (24.0 * 24.0 * 12.0), [0.75; 3], 1, |_| [1.3, -0.7, 0.4]);
+        bench.save("a.lfv", &a);
+        bench.save("b.lfv", &b);
+        bench
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn save(&self, name: &str, volume: &scene::Volume) {
+        self.write(name, &volume.grid, &volume.indices, &[("intensity", &volume.intensity)]);
+    }
+
+    fn write(&self, name: &str, grid: &Grid, indices: &[u64], columns: &[(&str, &[f32])]) {
+        let mut file = File::create(self.path(name)).unwrap();
+        volume::write(&mut file, grid, indices, columns, &Vec::new()).unwrap();
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lf-xcorr"));
+        command.args(arguments).current_dir(self.folder.path()).env("LF_HISTORY", "off").stdin(Stdio::null());
+        command
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    /// Runs what must work and answers with standard error.
+    fn works(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{arguments:?}: {error}");
+        error
+    }
+
+    /// Runs what must fail: exit code 2, nothing on standard output, one line that starts with the tool's name.
+    fn fails(&self, arguments: &[&str], words: &[&str]) {
+        let output = self.run(arguments);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+        assert!(output.stdout.is_empty());
+        assert!(error.starts_with("lf-xcorr: ") && error.lines().count() == 1, "{arguments:?}: {error}");
+        words.iter().for_each(|word| assert!(error.contains(word), "{arguments:?}: {word:?} not in {error}"));
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap()
+    }
+}
+
+#[test]
+fn file_pipe_and_redirect_give_the_same_bytes_on_any_number_of_threads() {
+    let bench = Bench::new();
+    bench.works(&[&["a.lfv", "b.lfv", "-o", "file.exr", "--threads", "1"], &SMALL[..]].concat());
+    let wanted = bench.bytes("file.exr");
+    for threads in ["2", "4"] {
+        bench.works(&[&["a.lfv", "b.lfv", "-o", "again.exr", "--threads", threads], &SMALL[..]].concat());
+        assert!(bench.bytes("again.exr") == wanted, "{threads} threads");
+    }
+
+    let arguments = [&["-", "b.lfv"], &SMALL[..]].concat();
+    let redirected = bench.command(&arguments).stdin(File::open(bench.path("a.lfv")).unwrap()).output().unwrap();
+    assert!(redirected.status.success() && redirected.stdout == wanted);
+
+    let mut piped = bench.command(&arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let mut pipe = piped.stdin.take().unwrap();
+    std::io::copy(&mut File::open(bench.path("a.lfv")).unwrap(), &mut pipe).unwrap();
+    drop(pipe);
+    assert!(piped.wait_with_output().unwrap().stdout == wanted);
+
+    let swapped = [&["a.lfv", "-", "-o", "-"], &SMALL[..]].concat();
+    let redirected = bench.command(&swapped).stdin(File::open(bench.path("b.lfv")).unwrap()).output().unwrap();
+    assert!(redirected.stdout == wanted);
+}
+
+#[test]
+fn the_field_is_the_displacement_in_millimetres() {
+    let bench = Bench::new();
+    let said = bench.works(&[&["a.lfv", "b.lfv", "-o", "field.exr", "--stats", "s.json"], &SMALL[..]].concat());
+    assert!(said.is_empty(), "a typed window is no reason to warn: {said}");
+    let field = Field::open(&bench.path("field.exr")).unwrap();
+    assert_eq!((field.layout.shape, field.layout.window, field.layout.overlap), ([5, 3, 5], [24, 24, 12], 0.75));
+    for i in (0..field.len()).filter(|&i| field.flag[i] == MEASURED) {
+        for (found, wanted) in [(field.u[i], 0.13), (field.v[i], -0.07), (field.w[i], 0.2)] {
+            assert!((found - wanted).abs() < 0.03, "{found} for {wanted}");
+        }
+    }
+    let stats = String::from_utf8(bench.bytes("s.json")).unwrap();
+    ["vectors", "measured", "replaced", "no_data"].iter().for_each(|key| assert!(stats.contains(key)));
+}
+
+#[test]
+fn other_formats_and_the_picture() {
+    let bench = Bench::new();
+    bench.works(&[&["a.lfv", "b.lfv", "-o", "f.csv", "--plot", "f.svg", "-q"], &SMALL[..]].concat());
+    bench.works(&[&["a.lfv", "b.lfv", "-o", "f.vti", "-q"], &SMALL[..]].concat());
+    assert_eq!(bench.bytes("f.csv").iter().filter(|&&byte| byte == b'\n').count(), 1 + 5 * 3 * 5);
+    assert!(bench.bytes("f.svg").starts_with(b"<svg") && bench.bytes("f.vti").starts_with(b"<?xml"));
+}
+
+#[test]
+fn verbose_says_what_was_decided() {
+    let bench = Bench::new();
+    let said = bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], &SMALL[..]].concat());
+    for words in
+        ["pass 1: windows of 48 x 40 x 24", "pass 2: windows of 24 x 24 x 12", "search to 6 x 6 x 4", "outliers"]
+    {
+        assert!(said.contains(words), "{words:?} not in {said}");
+    }
+}
+
+#[test]
+fn default_windows_shrink_to_the_volume_with_a_warning_and_typed_ones_do_not() {
+    let bench = Bench::new();
+    let said = bench.works(&["a.lfv", "b.lfv", "-o", "f.exr"]);
+    assert!(said.contains("warning: the default --window 160 x 160 x 16 does not fit"), "{said}");
+    assert_eq!(Field::open(&bench.path("f.exr")).unwrap().layout.window, [48, 40, 16]);
+    bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "--window", "49,40,16"], &["49 x 40 x 16", "48 x 40 x 24"]);
+    bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "--initial", "48,41,16", "-q"], &["48 x 41 x 16"]);
+}
+
+#[test]
+fn bad_input_gets_one_line() {
+    let bench = Bench::new();
+    let grid = scene::grid([48, 40, 24]);
+    bench.write("grid.lfv", &grid, &[1, 2], &[("intensity", &[1.0, 2.0])]);
+    bench.write("score.lfv", &grid, &[1, 2], &[("score", &[1.0, 2.0]), ("depth", &[1.0, 2.0])]);
+    bench.write("empty.lfv", &grid, &[], &[("intensity", &[])]);
+    bench.write("negative.lfv", &grid, &[1, 2], &[("intensity", &[1.0, -2.0])]);
+    std::fs::write(bench.path("text.lfv"), "not a volume").unwrap();
+    let small = |more: &[&'static str]| [more, &["-o", "f.exr", "-q"], &SMALL[..]].concat();
+
+    bench.fails(&small(&["missing.lfv", "b.lfv"]), &["missing.lfv"]);
+    bench.fails(&small(&["a.lfv", "text.lfv"]), &["text.lfv"]);
+    bench.fails(&small(&["a.lfv", "grid.lfv"]), &["a.lfv and grid.lfv", "[0.1, 0.1, 0.5]", "[1.0, 1.0, 1.0]"]);
+    bench.fails(&small(&["grid.lfv", "score.lfv"]), &["score.lfv", "score", "depth", "intensity"]);
+    bench.fails(&small(&["grid.lfv", "empty.lfv"]), &["empty.lfv", "0 voxels"]);
+    bench.fails(&small(&["negative.lfv", "grid.lfv"]), &["negative.lfv", "-2", "[2, 0, 0]"]);
+    bench.fails(&small(&["-", "-"]), &["standard input"]);
+
+    for (option, value) in [
+        ("--overlap", "1"),
+        ("--overlap", "-0.1"),
+        ("--overlap", "nan"),
+        ("--window", "10,10"),
+        ("--window", "10,0,10"),
+        ("--window", "10,x,10"),
+        ("--search", "99,1,1"),
+        ("--floor", "1"),
+        ("--refine", "0,1,1"),
+    ] {
+        bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "-q", &format!("{option}={value}")], &[&option[2..]]);
+    }
+    bench.fails(&small(&["a.lfv"]), &["<B>"]);
+    bench.fails(&["a.lfv", "b.lfv", "-o", "a.lfv", "-q"], &["input"]);
+    bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "b.lfv", "-q"], &["input"]);
+    bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "f.exr", "-q"], &["--plot"]);
+    bench.fails(&[&["a.lfv", "b.lfv", "-o", "f.png", "-q"], &SMALL[..]].concat(), &[".png"]);
+    bench.fails(&[&["a.lfv", "b.lfv", "-o", "nowhere/f.exr", "-q"], &SMALL[..]].concat(), &["nowhere"]);
+    if Path::new("/dev/full").exists() {
+        bench.fails(&[&["a.lfv", "b.lfv", "-o", "/dev/full", "-q"], &SMALL[..]].concat(), &["/dev/full"]);
+    }
+    assert!(!bench.path("f.exr").exists(), "no half file");
+}

@@ -1,0 +1,90 @@
+//! What the six command lines have in common.
+
+use lf_tests::samples::Samples;
+use lf_tests::tools::{Call, TOOLS};
+use lf_tests::uses::uses;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+fn tools() -> impl Iterator<Item = &'static str> {
+    TOOLS.into_iter().filter(|tool| uses().any(|this| this.tool == *tool))
+}
+
+#[test]
+fn help_and_version_go_to_standard_output() {
+    for tool in tools() {
+        for word in ["--help", "-h"] {
+            let help = Call::new(tool).word(word).run().done();
+            let text = String::from_utf8(help.stdout).unwrap();
+            assert!(help.stderr.is_empty(), "{tool}");
+            for word in ["--threads", "--stats", "--quiet", "--verbose"] {
+                assert!(text.contains(word), "{tool} has no {word}");
+            }
+            assert!(text.lines().all(|line| line.chars().count() <= 100), "{tool} {word} is wider than 100");
+        }
+        let version = Call::new(tool).word("--version").run().done();
+        assert!(version.stdout.starts_with(tool.as_bytes()), "{tool}");
+        Call::new(tool).word("--help").closed_pipe().run().refused("standard output");
+    }
+}
+
+#[test]
+fn a_slip_of_the_finger_is_one_line() {
+    let samples = Samples::new();
+    for this in uses() {
+        let call = || this.sound_call(&samples, &samples.path("slip"));
+        call().word("--no-such-option").run().refused("--no-such-option");
+        call().words(["--threads", "many"]).run().refused("--threads");
+        call().words(["--threads", "100000"]).run().refused("--threads");
+        assert!(!samples.path("slip").exists(), "{this:?}");
+    }
+}
+
+#[test]
+fn a_run_is_silent_and_quiet_is_never_louder() {
+    let samples = Samples::new();
+    for this in uses() {
+        let output = samples.path(this.output().unwrap_or("unused"));
+        let ended = this.sound_call(&samples, &output).word("--quiet").run().done();
+        assert_eq!(ended.stderr, "", "{this:?}");
+        if this.output().is_some() {
+            assert!(ended.stdout.is_empty(), "{this:?}");
+        }
+        let verbose = this.sound_call(&samples, &output).word("--verbose").run().done();
+        let begins = format!("{}: ", this.tool);
+        assert!(verbose.stderr.lines().all(|line| line.starts_with(&begins)), "{this:?}\n{}", verbose.stderr);
+    }
+}
+
+#[test]
+fn stats_are_json_with_the_agreed_keys() {
+    let samples = Samples::new();
+    for this in uses() {
+        let output = samples.path(this.output().unwrap_or("unused"));
+        let stats = samples.path("stats.json");
+        this.sound_call(&samples, &output).words(["--threads", "2", "--stats"]).word(&stats).run().done();
+        let found: Value = serde_json::from_slice(&fs::read(&stats).unwrap()).unwrap();
+        assert_eq!(found["tool"], this.tool);
+        assert_eq!(found["threads"], 2, "{this:?}");
+        assert!(found["peak_bytes"].as_u64().is_some_and(|bytes| bytes > 0), "{this:?}");
+        assert!(!found["phases"].as_object().unwrap().is_empty(), "{this:?}");
+        assert!(found["phases"].as_object().unwrap().values().all(Value::is_number), "{this:?}");
+        fs::remove_file(stats).unwrap();
+    }
+}
+
+#[test]
+fn headers_remember_the_run_unless_told_not_to() {
+    let samples = Samples::new();
+    let info = |output: &Path| {
+        String::from_utf8(Call::new("lf-validate").word("info").word(output).run().done().stdout).unwrap()
+    };
+    for this in uses().filter(|this| this.output().is_some_and(|name| name.contains(".lfv") || name.contains(".exr"))) {
+        let output = samples.path(this.output().unwrap());
+        this.sound_call(&samples, &output).env("LF_HISTORY", "on").run().done();
+        assert!(info(&output).contains(&format!("{} {}", this.tool, env!("CARGO_PKG_VERSION"))), "{this:?}");
+        this.sound_call(&samples, &output).run().done();
+        assert!(!info(&output).contains(this.tool), "{this:?}");
+    }
+}

@@ -1,0 +1,202 @@
+//! Ways to use the tools, as data: what holds for every tool is tested once, over this table.
+
+use crate::samples::{Kind, Samples};
+use crate::tools::Call;
+use std::path::{Path, PathBuf};
+
+/// A word of a command line.
+#[derive(Debug, Clone, Copy)]
+pub enum Word {
+    /// Itself.
+    Plain(&'static str),
+    /// A sample.
+    Input(Kind),
+    /// The output, by this name.
+    Output(&'static str),
+}
+
+use Word::{Input, Output, Plain};
+
+/// A command line that works.
+#[derive(Debug, Clone, Copy)]
+pub struct Use {
+    /// The tool.
+    pub tool: &'static str,
+    /// What follows its name. The first input can also come from standard input where `pipes` is set.
+    pub words: &'static [Word],
+    /// Whether the first input is the tool's main input.
+    pub pipes: bool,
+}
+
+/// The uses to test: all, or those of the tools that `LF_ONLY` names, with commas between.
+pub fn uses() -> impl Iterator<Item = &'static Use> {
+    let only = std::env::var("LF_ONLY").ok();
+    USES.iter().filter(move |this| only.as_ref().is_none_or(|only| only.split(',').any(|tool| tool == this.tool)))
+}
+
+/// Every job of every tool, on inputs that take a moment.
+const USES: &[Use] = &[
+    Use {
+        tool: "lf-synth",
+        words: &[Plain("white"), Input(Kind::Scene), Plain("-o"), Output("rendered.exr")],
+        pipes: true,
+    },
+    Use { tool: "lf-synth", words: &[Plain("frames"), Input(Kind::Scene), Plain("-o"), Output("frames")], pipes: true },
+    Use {
+        tool: "lf-calib",
+        words: &[
+            Plain("lattice"),
+            Input(Kind::White),
+            Plain("-c"),
+            Input(Kind::Camera),
+            Plain("-o"),
+            Output("calibrated.json"),
+        ],
+        pipes: true,
+    },
+    Use {
+        tool: "lf-calib",
+        words: &[Plain("background"), Input(Kind::Image), Input(Kind::White), Plain("-o"), Output("background.exr")],
+        pipes: true,
+    },
+    Use {
+        tool: "lf-prune",
+        words: &[
+            Input(Kind::Image),
+            Plain("-c"),
+            Input(Kind::Camera),
+            Plain("--pvr"),
+            Plain("1,1,10"),
+            Plain("--depth"),
+            Plain("-0.3,0.3"),
+            Plain("--bounds"),
+            Plain("-0.1,0.1,-0.1,0.1"),
+            Plain("-o"),
+            Output("pruned.lfv"),
+        ],
+        pipes: true,
+    },
+    Use {
+        tool: "lf-mart",
+        words: &[
+            Input(Kind::Support),
+            Plain("-i"),
+            Input(Kind::Image),
+            Plain("-c"),
+            Input(Kind::Camera),
+            Plain("--iterations"),
+            Plain("2"),
+            Plain("-o"),
+            Output("reconstructed.lfv"),
+        ],
+        pipes: true,
+    },
+    Use {
+        tool: "lf-prune",
+        words: &[
+            Input(Kind::Image),
+            Plain("-b"),
+            Input(Kind::White),
+            Plain("-c"),
+            Input(Kind::Camera),
+            Plain("--keep-all"),
+            Plain("--pvr"),
+            Plain("2,2,20"),
+            Plain("--depth=-0.3,0.3"),
+            Plain("--bounds=-0.1,0.1,-0.1,0.1"),
+            Plain("-o"),
+            Output("kept.lfv"),
+        ],
+        pipes: true,
+    },
+    Use {
+        tool: "lf-mart",
+        words: &[
+            Input(Kind::Support),
+            Plain("-i"),
+            Input(Kind::Image),
+            Plain("-b"),
+            Input(Kind::White),
+            Plain("-c"),
+            Input(Kind::Camera),
+            Plain("--weights"),
+            Plain("drt"),
+            Plain("--method"),
+            Plain("mart"),
+            Plain("--iterations"),
+            Plain("1"),
+            Plain("-o"),
+            Output("rows.lfv"),
+        ],
+        pipes: true,
+    },
+    Use {
+        tool: "lf-xcorr",
+        words: &[
+            Input(Kind::Volume),
+            Input(Kind::Moved),
+            Plain("--window"),
+            Plain("16,16,8"),
+            Plain("--initial"),
+            Plain("24,24,12"),
+            Plain("--overlap"),
+            Plain("0.5"),
+            Plain("-o"),
+            Output("correlated.exr"),
+        ],
+        pipes: true,
+    },
+    Use { tool: "lf-validate", words: &[Plain("quality"), Input(Kind::Volume), Input(Kind::Moved)], pipes: false },
+    Use {
+        tool: "lf-validate",
+        words: &[Plain("displacement"), Input(Kind::Field), Input(Kind::Field), Plain("-c"), Input(Kind::Camera)],
+        pipes: false,
+    },
+    Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Camera)], pipes: true },
+    Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Scene)], pipes: true },
+    Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Image)], pipes: true },
+    Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Volume)], pipes: true },
+    Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Field)], pipes: true },
+];
+
+impl Use {
+    /// Kinds of its inputs, in order.
+    pub fn inputs(&self) -> Vec<Kind> {
+        self.words.iter().filter_map(|word| if let Input(kind) = word { Some(*kind) } else { None }).collect()
+    }
+
+    /// Name of its output file or folder; none where the answer is on standard output.
+    pub fn output(&self) -> Option<&'static str> {
+        self.words.iter().find_map(|word| if let Output(name) = word { Some(*name) } else { None })
+    }
+
+    /// Whether its output is a folder.
+    pub fn fills_folder(&self) -> bool {
+        self.output().is_some_and(|name| !name.contains('.'))
+    }
+
+    /// Whether it takes whatever it can recognise.
+    pub fn takes_any_kind(&self) -> bool {
+        matches!(self.words, [Plain("info"), ..])
+    }
+
+    /// Paths of its inputs among the samples.
+    pub fn sound(&self, samples: &Samples) -> Vec<PathBuf> {
+        self.inputs().iter().map(|&kind| samples.sound(kind)).collect()
+    }
+
+    /// The call on these inputs, in order, writing to `output`.
+    pub fn call(&self, inputs: &[PathBuf], output: &Path) -> Call {
+        let mut inputs = inputs.iter();
+        self.words.iter().fold(Call::new(self.tool), |call, word| match word {
+            Plain(word) => call.word(word),
+            Input(_) => call.word(inputs.next().expect("an input for every slot")),
+            Output(_) => call.word(output),
+        })
+    }
+
+    /// The call on sound inputs.
+    pub fn sound_call(&self, samples: &Samples, output: &Path) -> Call {
+        self.call(&self.sound(samples), output)
+    }
+}

@@ -1,0 +1,173 @@
+//! The walls between the rooms of the house.
+
+use lf_tests::tools::{TOOLS, cargo, workspace};
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Every Rust source under a folder, with its text; none where there is no such folder.
+fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let text = fs::read_to_string(&path).unwrap();
+            found.push((path, text));
+        }
+    }
+    found
+}
+
+/// The sources of a tool, of its door or of its workshop. The door is main.rs and the modules that it declares.
+fn room(tool: &str, is_door: bool) -> Vec<(PathBuf, String)> {
+    let folder = workspace().join(tool).join("src");
+    let main = fs::read_to_string(folder.join("main.rs")).unwrap();
+    let modules: Vec<&str> = main.lines().filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')).collect();
+    let in_door = |path: &Path| {
+        let first = path.strip_prefix(&folder).unwrap().iter().next().unwrap().to_string_lossy().into_owned();
+        let stem = first.trim_end_matches(".rs");
+        stem == "main" || modules.contains(&stem)
+    };
+    let mut all = sources(&folder);
+    all.retain(|(path, _)| in_door(path) == is_door);
+    assert!(!all.is_empty(), "{tool} has sources");
+    all
+}
+
+/// Lines of code of a source, without comments and without its tests, numbered from 1.
+fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = text.lines().take_while(|line| line.trim() != "#[cfg(test)]");
+    lines.enumerate().map(|(n, line)| (n + 1, line.split("//").next().unwrap_or_default()))
+}
+
+/// Where the code of `sources` has one of `words`.
+fn mentions(sources: &[(PathBuf, String)], words: &[&str]) -> Vec<String> {
+    let mut found = Vec::new();
+    for (path, text) in sources {
+        for (n, line) in code(text) {
+            if let Some(word) = words.iter().find(|word| line.contains(**word)) {
+                found.push(format!("{}:{n} has `{word}`", path.display()));
+            }
+        }
+    }
+    found
+}
+
+fn packages() -> Vec<Value> {
+    let output = cargo().args(["metadata", "--no-deps", "--format-version", "1"]).output().unwrap();
+    let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
+    metadata["packages"].as_array().unwrap().clone()
+}
+
+// The renderer judges the reconstruction: if both used one set of weights, an error in them would never show.
+#[test]
+fn the_renderer_knows_nothing_of_the_weights() {
+    for folder in ["src", "tests", "benches", "examples"] {
+        for (path, text) in sources(&workspace().join("lf-synth").join(folder)) {
+            let words = text.to_lowercase();
+            assert!(!words.contains("footprint"), "{} mentions footprint", path.display());
+        }
+    }
+}
+
+#[test]
+fn no_tool_depends_on_another() {
+    let packages = packages();
+    for tool in TOOLS.into_iter().chain(["lf-core"]) {
+        let package = packages.iter().find(|package| package["name"] == tool).unwrap();
+        for dependency in package["dependencies"].as_array().unwrap() {
+            let name = dependency["name"].as_str().unwrap();
+            assert!(!TOOLS.contains(&name), "{tool} depends on {name}");
+        }
+    }
+}
+
+#[test]
+fn every_member_is_known_to_these_tests() {
+    for package in packages() {
+        let name = package["name"].as_str().unwrap().to_owned();
+        assert!(TOOLS.contains(&name.as_str()) || ["lf-core", "lf-tests"].contains(&name.as_str()), "{name}");
+    }
+}
+
+// A loop over a tool's data in its door is work that no library can offer.
+#[test]
+fn doors_hold_no_loop_over_voxels_or_pixels() {
+    const DATA: [&str; 10] =
+        ["indices", "pixels", "voxel", "intensity", "score", "column(", "shape", "width", "height", ".len()"];
+    for tool in TOOLS {
+        for (path, text) in room(tool, true) {
+            for (n, line) in code(&text) {
+                let start = line.trim_start();
+                let place = format!("{}:{n}", path.display());
+                assert!(!start.starts_with("while ") && !start.starts_with("loop "), "{place} has a loop");
+                if let Some((_, over)) = start.strip_prefix("for ").and_then(|rest| rest.split_once(" in ")) {
+                    let over = if over.starts_with('[') { "a few literals" } else { over };
+                    assert!(!DATA.iter().any(|word| over.contains(word)), "{place} loops over {over}");
+                }
+            }
+            assert_eq!(mentions(&[(path, text)], &["par_iter", "for_each_init", "unsafe"]), [""; 0]);
+        }
+    }
+}
+
+#[test]
+fn workshops_have_no_paths_no_printing_no_clock_and_no_globals() {
+    const FOREIGN: [&str; 12] = [
+        "println!",
+        "print!(",
+        "eprint",
+        "dbg!",
+        "std::path",
+        "std::fs",
+        "std::env",
+        "std::process",
+        "Instant",
+        "SystemTime",
+        "static mut",
+        "thread_local!",
+    ];
+    for tool in TOOLS {
+        let mut found = mentions(&room(tool, false), &FOREIGN);
+        // A scene names the files that it is made of.
+        found.retain(|place| !(place.contains("lf-synth/src/scene.rs") && place.ends_with("`std::path`")));
+        assert_eq!(found, [""; 0]);
+    }
+}
+
+#[test]
+fn the_weights_know_no_files() {
+    let footprint = workspace().join("lf-core/src/footprint");
+    assert_eq!(mentions(&sources(&footprint), &["std::fs", "std::path", "crate::io", "crate::image"]), [""; 0]);
+    let optics = fs::read_to_string(workspace().join("lf-core/src/optics.rs")).unwrap();
+    assert_eq!(mentions(&[("optics.rs".into(), optics)], &["footprint", "std::fs", "std::path"]), [""; 0]);
+}
+
+// Mapping a file needs one unsafe call and vector instructions need some: they stay where a reader looks for them.
+#[test]
+fn unsafe_code_has_its_places() {
+    let is_place = |path: &Path| {
+        let name = path.file_name().unwrap().to_string_lossy();
+        path.ends_with("lf-core/src/io.rs")
+            || path.components().any(|part| part.as_os_str() == "footprint")
+            || name.starts_with("kernel")
+    };
+    for crate_name in TOOLS.into_iter().chain(["lf-core"]) {
+        let mut all = sources(&workspace().join(crate_name).join("src"));
+        all.retain(|(path, _)| !is_place(path));
+        assert_eq!(mentions(&all, &["unsafe {", "unsafe fn", "unsafe impl"]), [""; 0]);
+    }
+}
+
+#[test]
+fn no_source_names_a_place_of_one_machine() {
+    for folder in TOOLS.into_iter().chain(["lf-core", "tests", "scripts"]) {
+        for (path, text) in sources(&workspace().join(folder)) {
+            for place in [concat!("/ho", "me/"), concat!("/ro", "ot/"), concat!("/wo", "rk/")] {
+                assert!(!text.contains(place), "{} names {place}", path.display());
+            }
+        }
+    }
+}
