@@ -6,6 +6,7 @@ use lf_core::cli::{self, Common, Session, Verdict};
 use lf_core::{Error, Result, image, io, volume};
 use lf_synth::flow::Velocity;
 use lf_synth::particles::{self, Particle};
+use lf_synth::scene::CameraSource;
 use lf_synth::{Scene, ready, render, truth};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -129,6 +130,18 @@ fn frames(path: &Path, folder: &Path, seed: Option<u64>, session: &mut Session) 
     let wrong = |found| Error::new(io::name(path), found, "wanted a scene.json");
     let grid = scene.grid(&camera).map_err(wrong)?;
     let history = session.history(&Vec::new());
+    let mut inputs = vec![path];
+    inputs.extend(scene.particles.csv.as_deref());
+    let camera_file = match &scene.camera {
+        CameraSource::Path(file) => Some(path.parent().unwrap_or(Path::new("")).join(file)),
+        CameraSource::Camera(_) => None,
+    };
+    inputs.extend(camera_file.as_deref());
+    let numbered = |n| [format!("frame-{n:04}.exr"), format!("truth-{n:04}.lfv")];
+    let fixed = ["flow.exr", "particles.csv", "camera.json"].map(String::from);
+    for name in (0..scene.frames).flat_map(numbered).chain(fixed) {
+        session.keep_apart(&folder.join(name), &inputs)?;
+    }
     std::fs::create_dir_all(folder).map_err(|error| io::writing(&io::output_name(folder), &error))?;
     let mut shown = Vec::new();
     for frame in 0..scene.frames {
