@@ -92,6 +92,10 @@ pub enum Layout {
     Hexagonal,
 }
 
+/// A lattice turned by less than moves any lenslet of the sensor by this many pixels counts as not turned. Particle
+/// images spread over 0.6 px and more, and calibration on white images errs by some thousandths.
+pub const IN_LINE_PX: f64 = 0.02;
+
 impl Camera {
     /// Reads and checks a camera file; `-` is standard input.
     pub fn open(path: &Path) -> Result<Self> {
@@ -164,6 +168,18 @@ impl Camera {
             ));
         }
         Ok(())
+    }
+
+    /// The camera with its lattice exactly in line with the pixels, where it has a square lattice turned by so little that
+    /// no lenslet moves by more than [`IN_LINE_PX`].
+    pub fn in_line(&self) -> Option<Self> {
+        let drift_px = 0.5 * self.sensor.width.max(self.sensor.height) as f64 * self.microlenses.rotation_rad.abs();
+        if self.microlenses.layout != Layout::Square || drift_px > IN_LINE_PX {
+            return None;
+        }
+        let mut straight = self.clone();
+        straight.microlenses.rotation_rad = 0.0;
+        Some(straight)
     }
 
     /// Refuses an image of another size than the sensor.

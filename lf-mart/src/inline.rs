@@ -196,7 +196,7 @@ impl InLine {
         rows: Rows,
         plane: &Plane,
         strengths: &mut [f32],
-        update: impl Fn(&mut f32, f32, f32) + Sync,
+        update: impl Fn(usize, &mut f32, f32, f32) + Sync,
     ) {
         // Runs of about equal work, cut between lines; how they are cut cannot change a sum.
         const RUN: usize = 4096;
@@ -232,7 +232,7 @@ impl InLine {
                         sum += tap.share * s;
                         weight += tap.share * w;
                     }
-                    update(&mut run[n - base], sum, weight);
+                    update(n, &mut run[n - base], sum, weight);
                 }
             }
         });

@@ -20,8 +20,13 @@ pub(crate) struct Plane {
 
 impl Plane {
     pub(crate) fn new(width: usize, height: usize) -> Self {
-        let stride = width + 4;
+        let stride = Self::stride(width);
         Self { stride, values: vec![0.0; stride * height] }
+    }
+
+    /// Values a row of an image `width` pixels wide.
+    pub(crate) fn stride(width: usize) -> usize {
+        width + 4
     }
 }
 
@@ -32,12 +37,19 @@ pub(crate) struct Rows {
     pub(crate) subsets: usize,
 }
 
+impl Rows {
+    /// Whether the subset has this row.
+    pub(crate) fn hold(self, row: u32) -> bool {
+        row as usize % self.subsets == self.subset
+    }
+}
+
 impl<'a> Operator<'a> {
     pub(crate) fn new(footprint: &'a Footprint, indices: &[u64], subsets: usize) -> Self {
         if footprint.in_line() {
             Self::InLine(InLine::new(footprint, indices, subsets))
         } else {
-            Self::Scattered(Scattered::new(footprint, indices))
+            Self::Scattered(Scattered::new(footprint, indices, subsets))
         }
     }
 
@@ -49,13 +61,13 @@ impl<'a> Operator<'a> {
         }
     }
 
-    /// Calls `update(strength, sum_i w_ij v_i, sum_i w_ij)` on every voxel's strength, i over the subset's rows.
+    /// Calls `update(j, strength, sum_i w_ij v_i, sum_i w_ij)` on every voxel's strength, i over the subset's rows.
     pub(crate) fn back_project(
         &mut self,
         rows: Rows,
         plane: &Plane,
         strengths: &mut [f32],
-        update: impl Fn(&mut f32, f32, f32) + Sync,
+        update: impl Fn(usize, &mut f32, f32, f32) + Sync,
     ) {
         match self {
             Self::InLine(weights) => weights.back_project(rows, plane, strengths, update),

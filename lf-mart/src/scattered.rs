@@ -7,46 +7,157 @@ use rayon::prelude::*;
 /// Parts of the support projected apart and added in order: the sum is the same for any number of threads.
 const PARTS: usize = 8;
 
+/// Weights are kept once those of all voxels held take no more than this; before, they are made anew at every use,
+/// which takes 30 times as long.
+const KEPT_BYTES: usize = 2 << 30;
+
 pub(crate) struct Scattered<'a> {
     footprint: &'a Footprint,
     indices: Vec<u64>,
     planes: Vec<Plane>,
+    kept: Option<Kept>,
+}
+
+/// A place in a [`Plane`] and the weight on it.
+#[derive(Clone, Copy)]
+struct Weight {
+    place: u32,
+    weight: f32,
+}
+
+/// All weights, voxel by voxel, subset by subset.
+struct Kept {
+    /// Weights of voxel j in subset s are `starts[j * subsets + s] ..` the next.
+    starts: Vec<u32>,
+    weights: Vec<Weight>,
+}
+
+/// Voxels whose weights are counted to foretell the bytes of all.
+const SAMPLE: usize = 256;
+/// Voxels whose weights are made at once, to be kept in their order.
+const RUN: usize = 1 << 12;
+
+impl Kept {
+    fn new(footprint: &Footprint, indices: &[u64], subsets: usize, most_bytes: usize) -> Option<Self> {
+        let made = |indices: &[u64]| -> Vec<(Vec<u32>, Vec<Weight>)> {
+            let of = |merger: &mut Merger, index: &u64| {
+                let mut ends = vec![0; subsets];
+                let weights = merger.weights(footprint, *index, &mut ends);
+                (ends, weights)
+            };
+            indices.par_iter().with_min_len(64).map_init(|| Merger::new(footprint), of).collect()
+        };
+        let sample: Vec<u64> = indices.iter().step_by(indices.len().div_ceil(SAMPLE).max(1)).copied().collect();
+        let count: usize = made(&sample).iter().map(|(_, weights)| weights.len()).sum();
+        let bytes = count as f64 / sample.len().max(1) as f64 * (indices.len() * size_of::<Weight>()) as f64;
+        if bytes > most_bytes as f64 {
+            return None;
+        }
+        let mut kept = Self { starts: vec![0], weights: Vec::new() };
+        for run in indices.chunks(RUN) {
+            for (ends, weights) in made(run) {
+                let base = kept.weights.len() as u32;
+                kept.starts.extend(ends.iter().map(|end| base + end));
+                kept.weights.extend(weights);
+            }
+        }
+        Some(kept)
+    }
+
+    #[inline]
+    fn of(&self, voxel: usize, rows: Rows) -> &[Weight] {
+        let n = voxel * rows.subsets + rows.subset;
+        &self.weights[self.starts[n] as usize..self.starts[n + 1] as usize]
+    }
+}
+
+/// Adds up the weights of one voxel; a buffer a thread.
+struct Merger {
+    scratch: Scratch,
+    /// Weight on each place; zero between voxels.
+    sums: Vec<f32>,
+    places: Vec<u32>,
+}
+
+impl Merger {
+    fn new(footprint: &Footprint) -> Self {
+        let (width, height) = footprint.sensor();
+        Self { scratch: Scratch::default(), sums: Plane::new(width, height).values, places: Vec::new() }
+    }
+
+    /// Weights of a voxel, each pixel once, by rising subset. `ends` becomes where each subset ends.
+    fn weights(&mut self, footprint: &Footprint, index: u64, ends: &mut [u32]) -> Vec<Weight> {
+        let stride = Plane::stride(footprint.sensor().0);
+        let subsets = ends.len();
+        let subset = |place: u32| place as usize / stride % subsets;
+        let (sums, places) = (&mut self.sums, &mut self.places);
+        let add = |column: u32, row: u32, weight: f32| {
+            let place = row * stride as u32 + column;
+            let sum = &mut sums[place as usize];
+            if *sum == 0.0 {
+                places.push(place);
+            }
+            *sum += weight;
+        };
+        footprint.visit(footprint.grid().voxel(index), &mut self.scratch, |_| true, add);
+        let mut next = vec![0u32; ends.len() + 1];
+        for place in places.iter() {
+            next[subset(*place) + 1] += 1;
+        }
+        for n in 1..next.len() {
+            next[n] += next[n - 1];
+        }
+        ends.copy_from_slice(&next[1..]);
+        let mut weights = vec![Weight { place: 0, weight: 0.0 }; places.len()];
+        for place in places.drain(..) {
+            let at = &mut next[subset(place)];
+            weights[*at as usize] = Weight { place, weight: std::mem::take(&mut sums[place as usize]) };
+            *at += 1;
+        }
+        weights
+    }
 }
 
 impl<'a> Scattered<'a> {
-    pub(crate) fn new(footprint: &'a Footprint, indices: &[u64]) -> Self {
+    pub(crate) fn new(footprint: &'a Footprint, indices: &[u64], subsets: usize) -> Self {
+        Self::keeping(footprint, indices, subsets, KEPT_BYTES)
+    }
+
+    /// With all weights kept if they take no more than `bytes`.
+    pub(crate) fn keeping(footprint: &'a Footprint, indices: &[u64], subsets: usize, bytes: usize) -> Self {
         let (width, height) = footprint.sensor();
         let planes = (0..PARTS).map(|_| Plane::new(width, height)).collect();
-        Self { footprint, indices: indices.to_vec(), planes }
+        Self { footprint, indices: indices.to_vec(), planes, kept: Kept::new(footprint, indices, subsets, bytes) }
     }
 
     pub(crate) fn project(&mut self, rows: Rows, strengths: &[f32], plane: &mut Plane) {
         let part = self.indices.len().div_ceil(PARTS).max(1);
-        let mine = |row: usize| row % rows.subsets == rows.subset;
-        let (footprint, indices) = (self.footprint, &self.indices);
+        let (footprint, indices, kept) = (self.footprint, &self.indices, &self.kept);
         self.planes.par_iter_mut().enumerate().for_each(|(n, plane)| {
             for row in plane.values.chunks_mut(plane.stride).skip(rows.subset).step_by(rows.subsets) {
                 row.fill(0.0);
             }
-            let range = (n * part).min(indices.len())..((n + 1) * part).min(indices.len());
+            let stride = plane.stride;
+            let values = &mut plane.values;
             let mut scratch = Scratch::default();
-            for (index, strength) in indices[range.clone()].iter().zip(&strengths[range]) {
-                let voxel = footprint.grid().voxel(*index);
-                let stride = plane.stride;
-                let values = &mut plane.values;
-                footprint.visit(
-                    voxel,
-                    &mut scratch,
-                    |row| mine(row as usize),
-                    |column, row, weight| {
+            for voxel in (n * part).min(indices.len())..((n + 1) * part).min(indices.len()) {
+                let strength = strengths[voxel];
+                if let Some(kept) = kept {
+                    for w in kept.of(voxel, rows) {
+                        values[w.place as usize] += w.weight * strength;
+                    }
+                } else {
+                    let add = |column, row, weight: f32| {
                         values[row as usize * stride + column as usize] += weight * strength;
-                    },
-                );
+                    };
+                    footprint.visit(footprint.grid().voxel(indices[voxel]), &mut scratch, |row| rows.hold(row), add);
+                }
             }
         });
         let planes = &self.planes;
         let stride = plane.stride;
-        plane.values.par_chunks_mut(stride).enumerate().filter(|(row, _)| mine(*row)).for_each(|(row, out)| {
+        let lines = plane.values.par_chunks_mut(stride).enumerate();
+        lines.filter(|(row, _)| rows.hold(*row as u32)).for_each(|(row, out)| {
             out.fill(0.0);
             for part in planes {
                 for (sum, value) in out.iter_mut().zip(&part.values[row * stride..(row + 1) * stride]) {
@@ -61,19 +172,25 @@ impl<'a> Scattered<'a> {
         rows: Rows,
         plane: &Plane,
         strengths: &mut [f32],
-        update: impl Fn(&mut f32, f32, f32) + Sync,
+        update: impl Fn(usize, &mut f32, f32, f32) + Sync,
     ) {
-        strengths.par_iter_mut().zip(&self.indices).with_min_len(64).for_each_init(
-            Scratch::default,
-            |scratch, (strength, index)| {
-                let (mut sum, mut share) = (0.0, 0.0);
-                let mine = |row: u32| row as usize % rows.subsets == rows.subset;
-                self.footprint.visit(self.footprint.grid().voxel(*index), scratch, mine, |column, row, weight| {
+        let voxels = strengths.par_iter_mut().enumerate().with_min_len(64);
+        voxels.for_each_init(Scratch::default, |scratch, (voxel, strength)| {
+            let (mut sum, mut share) = (0.0, 0.0);
+            if let Some(kept) = &self.kept {
+                for w in kept.of(voxel, rows) {
+                    sum += w.weight * plane.values[w.place as usize];
+                    share += w.weight;
+                }
+            } else {
+                let add = |column, row, weight: f32| {
                     sum += weight * plane.values[row as usize * plane.stride + column as usize];
                     share += weight;
-                });
-                update(strength, sum, share);
-            },
-        );
+                };
+                let place = self.footprint.grid().voxel(self.indices[voxel]);
+                self.footprint.visit(place, scratch, |row| rows.hold(row), add);
+            }
+            update(voxel, strength, sum, share);
+        });
     }
 }

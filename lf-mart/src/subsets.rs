@@ -19,13 +19,21 @@ const SUBSETS: usize = 14;
 /// One update multiplies a strength by no more than this, or divides it.
 const GREATEST_STEP: f32 = 20.0;
 
-/// A voxel whose strength has fallen to this share of the strongest is spent: it is dropped after the sweep. On the
+/// A voxel whose strength has fallen to this share of the strongest is spent: it is dropped. On the
 /// `core` scenes this moves Q by less than 1e-5 and takes nine voxels of ten off the second sweep.
 const SPENT: f32 = 1e-5;
+
+/// A larger support is looked at roughly first, where that is quicker: see [`Footprint::rough`].
+const LARGE: usize = 20_000;
 
 /// Subsets in an order that has neighbours far apart: steps of 5 of 14.
 fn order(subsets: usize) -> impl Iterator<Item = usize> {
     (0..subsets).map(move |n| n * 5 % subsets)
+}
+
+fn keep<T>(values: &mut Vec<T>, held: &[bool]) {
+    let mut held = held.iter();
+    values.retain(|_| *held.next().expect("one for each"));
 }
 
 pub(crate) fn solve(
@@ -37,7 +45,10 @@ pub(crate) fn solve(
 ) -> Solved {
     let (height, width) = image.dim();
     let mut active = indices.to_vec();
-    let mut operator = Operator::new(footprint, &active, SUBSETS);
+    // The first sweep needs no more than to tell the voxels that have light from those that have none.
+    let first_look = footprint.rough();
+    let mut rough = !footprint.in_line() && active.len() > LARGE;
+    let mut operator = Operator::new(if rough { &first_look } else { footprint }, &active, SUBSETS);
     let peak = image.iter().fold(0f32, |peak, value| peak.max(*value));
     let dark = (DARK * peak).max(f32::MIN_POSITIVE);
     let total: f64 = image.iter().map(|value| f64::from(*value)).sum();
@@ -48,22 +59,28 @@ pub(crate) fn solve(
     let mut plane = Plane::new(width, height);
     for subset in 0..SUBSETS {
         let rows = Rows { subset, subsets: SUBSETS };
-        operator.back_project(rows, &plane, &mut strengths, |strength, _, weight| *strength += weight);
+        operator.back_project(rows, &plane, &mut strengths, |_, strength, _, weight| *strength += weight);
     }
+    // A subset that sees little of a voxel may not move it as far as one that sees its share.
+    let mut share: Vec<f32> = strengths.iter().map(|seen| seen / SUBSETS as f32).collect();
     let unseen = strengths.iter().filter(|seen| **seen <= 0.0).count();
     strengths.par_iter_mut().for_each(|strength| *strength = if *strength > 0.0 { even } else { 0.0 });
 
     let relaxation = options.relaxation as f32;
     let greatest = GREATEST_STEP.ln();
     let mut misfit = Vec::with_capacity(options.iterations);
-    for _ in 0..options.iterations {
+    for sweep in 0..options.iterations {
+        if rough && sweep > 0 {
+            operator = Operator::new(footprint, &active, SUBSETS);
+            rough = false;
+        }
         let (mut off, mut all) = (0f64, 0f64);
         for subset in order(SUBSETS) {
             let rows = Rows { subset, subsets: SUBSETS };
             operator.project(rows, &strengths, &mut plane);
             let parts: Vec<(f64, f64)> = plane
                 .values
-                .par_chunks_mut(width + 4)
+                .par_chunks_mut(Plane::stride(width))
                 .enumerate()
                 .filter(|(row, _)| row % SUBSETS == subset)
                 .map(|(row, projected)| {
@@ -82,21 +99,25 @@ pub(crate) fn solve(
                 off += part_off;
                 all += part_all;
             }
-            operator.back_project(rows, &plane, &mut strengths, |strength, sum, weight| {
+            operator.back_project(rows, &plane, &mut strengths, |voxel, strength, sum, weight| {
                 if weight > 0.0 {
-                    *strength *= (relaxation * sum / weight).clamp(-greatest, greatest).exp();
+                    let step = relaxation * sum / weight.max(share[voxel]);
+                    *strength *= step.clamp(-greatest, greatest).exp();
                 }
             });
+            let least = SPENT * strengths.iter().fold(0f32, |peak, strength| peak.max(*strength));
+            let alive = |strength: &f32| *strength > least;
+            // Tables are made anew only where that saves more than it costs.
+            if strengths.iter().filter(|strength| alive(strength)).count() * 2 < active.len() {
+                let held: Vec<bool> = strengths.iter().map(alive).collect();
+                keep(&mut active, &held);
+                keep(&mut share, &held);
+                keep(&mut strengths, &held);
+                operator = Operator::new(footprint, &active, SUBSETS);
+                rough = false;
+            }
         }
         misfit.push(if all > 0.0 { (off / all).sqrt() } else { 0.0 });
-        let least = SPENT * strengths.iter().fold(0f32, |peak, strength| peak.max(*strength));
-        let alive = strengths.iter().filter(|strength| **strength > least).count();
-        // Tables are made anew only where that saves more than it costs.
-        if alive * 4 < active.len() * 3 {
-            (active, strengths) =
-                active.iter().zip(&strengths).filter(|(_, strength)| **strength > least).map(|(i, s)| (*i, *s)).unzip();
-            operator = Operator::new(footprint, &active, SUBSETS);
-        }
         done(1);
     }
     Solved { indices: active, strengths, misfit, unseen }

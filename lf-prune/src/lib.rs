@@ -8,7 +8,7 @@ mod inline;
 mod scattered;
 mod sections;
 
-use lf_core::camera::{Camera, Layout};
+use lf_core::camera::Camera;
 use lf_core::footprint::check_depth;
 use lf_core::grid::Grid;
 use ndarray::ArrayView2;
@@ -85,14 +85,13 @@ pub fn prune(
         return Ok(Support { indices: Vec::new(), scores: Vec::new() });
     }
     let scores = Scores::new(image, peak, options);
-    let straight = camera.microlenses.layout == Layout::Square && camera.microlenses.rotation_rad == 0.0;
+    let straight = camera.in_line();
     let slices: Vec<Slice> = (0..nz)
         .into_par_iter()
         .map(|z| {
-            let slice = if straight {
-                inline::slice(&scores, camera, grid, z)
-            } else {
-                scattered::slice(&scores, camera, grid, z)
+            let slice = match &straight {
+                Some(camera) => inline::slice(&scores, camera, grid, z),
+                None => scattered::slice(&scores, camera, grid, z),
             };
             done(1);
             slice

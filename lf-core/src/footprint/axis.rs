@@ -2,6 +2,7 @@
 
 use super::Model;
 use super::blur::Blur;
+use std::ops::Range;
 
 /// The optics of one slice of voxels along one axis of the sensor. mm, but pixels where the name says so.
 #[derive(Debug, Clone, Copy)]
@@ -65,6 +66,25 @@ impl Axis {
         (a.min(b).max(-half), a.max(b).min(half))
     }
 
+    /// The pixels that [`Axis::pieces`] may name, and perhaps one more at either end.
+    pub(crate) fn pixels_reached(&self, x0: f64, centre: f64, span: &Span) -> Range<u32> {
+        let (low, high) = self.aperture_part(x0 - centre, span);
+        if low >= high {
+            return 0..0;
+        }
+        // A section's chief ray may lie half a section beside the part of the aperture that its beam reaches.
+        let section = self.half_aperture / self.sections as f64;
+        let (zero, slope) = self.line(x0, centre);
+        let (first, last) = (zero - slope * (high + section) - 0.5, zero - slope * (low - section) + 0.5);
+        first.floor().max(0.0) as u32..last.ceil().clamp(0.0, self.pixels as f64) as u32
+    }
+
+    /// Place in pixels falls with U: place = zero - slope U.
+    fn line(&self, x0: f64, centre: f64) -> (f64, f64) {
+        let slope = self.demagnification * (1.0 - self.alpha) / self.pixel_pitch;
+        ((centre + self.demagnification * x0) / self.pixel_pitch + 0.5 * self.pixels as f64, slope)
+    }
+
     /// Appends the pieces of a voxel whose chief ray meets the array at `x0`, through the lenslet at `centre`.
     pub(crate) fn pieces(&self, model: Model, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
         match model {
@@ -81,9 +101,7 @@ impl Axis {
         if low >= high {
             return;
         }
-        // Place in pixels falls with U: place = zero - slope U.
-        let slope = self.demagnification * (1.0 - self.alpha) / self.pixel_pitch;
-        let zero = (centre + self.demagnification * x0) / self.pixel_pitch + 0.5 * self.pixels as f64;
+        let (zero, slope) = self.line(x0, centre);
         let first = (zero - slope * high).floor().max(0.0);
         let last = (zero - slope * low).ceil().min(self.pixels as f64);
         let integral_to = |u: f64| span.ramp(t0 + self.alpha * u) / self.alpha;

@@ -19,10 +19,13 @@ pub(crate) struct Slab {
 /// A square cell turned by no more than this is one rectangle whose edges are widened by their slant; beyond it, slabs.
 /// 0.02 rad slants the edge of a 14 px cell by 0.28 px, less than half the spread of a particle image.
 const ONE_SLAB_RAD: f64 = 0.02;
-/// A slab for each such part of a pitch that an edge wanders. Coarse: a hexagon's tapers go in 3 steps, of 2.3 px at
-/// 14 px pitch, where a pixel's beam on the array is wider than that. Fine: 9 steps, of 0.8 px, nearer the focal plane.
+/// A slab for each such part of a pitch that an edge wanders. Rough: a hexagon's tapers go in one step. Coarse: in 3, of
+/// 2.3 px at 14 px pitch, where a pixel's beam on the array is wider than that. Fine: in 9, of 0.8 px, nearer the focal
+/// plane.
+pub(crate) const ROUGH: f64 = 0.51;
+/// See [`ROUGH`].
 pub(crate) const COARSE: f64 = 0.17;
-/// See [`COARSE`].
+/// See [`ROUGH`].
 pub(crate) const FINE: f64 = 0.06;
 
 /// The slabs of a camera's cell, edges stepping by `step` pitches. They tile the array where the lenslets' cells do.
@@ -92,19 +95,24 @@ mod tests {
     fn slabs_have_the_area_of_the_cell() {
         for layout in [Layout::Square, Layout::Hexagonal] {
             for rotation in [0.0, 0.003, 0.1, 0.7] {
-                let camera = seed(20, Aperture::Square, layout, rotation);
-                let slabs = slabs(&camera, COARSE);
-                let area: f64 = slabs.iter().map(|s| (s.x[1] - s.x[0]) * (s.y[1] - s.y[0])).sum();
-                let exact = camera.lattice().cell_area_mm2();
-                assert!((area / exact - 1.0).abs() < 5e-3, "{layout:?} {rotation}: {area} against {exact}");
+                for step in [ROUGH, COARSE, FINE] {
+                    let camera = seed(20, Aperture::Square, layout, rotation);
+                    let slabs = slabs(&camera, step);
+                    let area: f64 = slabs.iter().map(|s| (s.x[1] - s.x[0]) * (s.y[1] - s.y[0])).sum();
+                    let exact = camera.lattice().cell_area_mm2();
+                    assert!((area / exact - 1.0).abs() < 5e-3, "{layout:?} {rotation}: {area} against {exact}");
+                }
             }
         }
     }
 
     #[test]
-    fn a_square_in_line_is_one_slab_and_a_hexagon_seven() {
-        assert_eq!(slabs(&seed(20, Aperture::Square, Layout::Square, 0.0), COARSE).len(), 1);
-        assert_eq!(slabs(&seed(20, Aperture::Square, Layout::Hexagonal, 0.0), COARSE).len(), 7);
-        assert_eq!(slabs(&seed(20, Aperture::Square, Layout::Hexagonal, 0.003), COARSE).len(), 7);
+    fn a_square_in_line_is_one_slab_and_a_hexagon_three_or_more() {
+        let count = |layout, rotation, step| slabs(&seed(20, Aperture::Square, layout, rotation), step).len();
+        for (step, hexagon) in [(ROUGH, 3), (COARSE, 7), (FINE, 19)] {
+            assert_eq!(count(Layout::Square, 0.0, step), 1);
+            assert_eq!(count(Layout::Hexagonal, 0.0, step), hexagon);
+            assert_eq!(count(Layout::Hexagonal, 0.003, step), hexagon);
+        }
     }
 }

@@ -17,7 +17,7 @@ mod disc;
 pub use axis::Piece;
 pub use disc::Chords;
 
-use crate::camera::{Aperture, Camera, Lattice, Layout};
+use crate::camera::{Aperture, Camera, Lattice};
 use crate::grid::Grid;
 use crate::optics::Optics;
 use axis::{Axis, Span};
@@ -55,6 +55,7 @@ pub struct Footprint {
     basis: Basis,
     grid: Grid,
     optics: Optics,
+    rough: Vec<Slab>,
     coarse: Vec<Slab>,
     fine: Vec<Slab>,
     circle: bool,
@@ -73,10 +74,6 @@ pub struct Scratch {
     rows: Vec<Vec<Piece>>,
 }
 
-/// A lattice turned by less than moves any lenslet of the sensor by this many pixels counts as not turned. Particle
-/// images spread over 0.6 px and more, and calibration on white images errs by some thousandths.
-const IN_LINE_PX: f64 = 0.02;
-
 impl Footprint {
     /// The weights of `grid`'s voxels.
     ///
@@ -92,28 +89,31 @@ impl Footprint {
         }
         let circle = camera.main_lens.aperture == Aperture::Circle;
         let sections = aperture_sections(camera);
-        let reach_mm = 0.5 * camera.sensor.width.max(camera.sensor.height) as f64 * camera.sensor.pixel_pitch_mm;
-        let drift_px = camera.microlenses.rotation_rad.abs() * reach_mm / camera.sensor.pixel_pitch_mm;
-        let in_line = camera.microlenses.layout == Layout::Square && drift_px <= IN_LINE_PX;
-        let mut straight = camera.clone();
-        if in_line {
-            straight.microlenses.rotation_rad = 0.0;
-        }
+        let in_line = camera.in_line();
+        let straight = in_line.clone().unwrap_or_else(|| camera.clone());
         Ok(Self {
             model,
             basis,
             grid: grid.clone(),
             coarse: cell::slabs(&straight, cell::COARSE),
             fine: cell::slabs(&straight, cell::FINE),
+            rough: cell::slabs(&straight, cell::ROUGH),
             optics: Optics::new(&straight),
             circle,
             scale: aperture_scale(model, circle, sections, optics.half_aperture_mm()),
-            in_line,
+            in_line: in_line.is_some(),
             width: camera.sensor.width,
             height: camera.sensor.height,
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
             sections,
         })
+    }
+
+    /// The same for a first look: the slanted sides of a hexagon or a turned square in so few steps that weights come
+    /// in half the time and err by a few per cent. The same weights for a lattice in line.
+    pub fn rough(&self) -> Self {
+        let rough = self.rough.clone();
+        Self { coarse: rough.clone(), fine: rough, ..self.clone() }
     }
 
     /// The grid.
@@ -127,7 +127,7 @@ impl Footprint {
     }
 
     /// Whether [`Footprint::columns`] and [`Footprint::rows`] hold for this camera: a square lattice in line with the
-    /// pixels (to [`IN_LINE_PX`]).
+    /// pixels: see [`Camera::in_line`].
     pub fn in_line(&self) -> bool {
         self.in_line
     }
@@ -216,8 +216,8 @@ impl Footprint {
         let (blur_x, blur_y) = (self.blur(&across, 0), self.blur(&down, 1));
         let chief = DVec2::new(-across.beta * self.grid.centre_mm(0, x), -across.beta * self.grid.centre_mm(1, y));
         let pixel_beam = across.alpha.abs() * 2.0 * across.half_aperture / self.sections as f64;
-        let near = pixel_beam < 0.25 * self.sections as f64 * self.pixel_pitch_mm;
-        let slabs = if near { &self.fine } else { &self.coarse };
+        let beam_lenslets = pixel_beam / (self.sections as f64 * self.pixel_pitch_mm);
+        let slabs = if beam_lenslets < 0.25 { &self.fine } else { &self.coarse };
         let count = slabs.len();
         scratch.columns.resize_with(count, Vec::new);
         scratch.rows.resize_with(count, Vec::new);
@@ -236,6 +236,9 @@ impl Footprint {
             for (n, slab) in slabs.iter().enumerate() {
                 scratch.rows[n].clear();
                 let span_y = Span { low: slab.y[0], high: slab.y[1], blur: blur_y.widened(slab.slant_y) };
+                if !down.pixels_reached(chief.y, centre.y, &span_y).any(&wanted) {
+                    continue;
+                }
                 down.pieces(self.model, chief.y, centre.y, &span_y, &mut scratch.rows[n]);
                 scratch.rows[n].retain(|row| wanted(row.pixel));
                 if scratch.rows[n].is_empty() {

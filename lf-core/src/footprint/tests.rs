@@ -1,4 +1,5 @@
 use super::*;
+use crate::camera::Layout;
 use crate::camera::tests::seed;
 use std::collections::BTreeMap;
 
@@ -105,6 +106,29 @@ fn products_in_line_are_the_weights_lenslet_by_lenslet() {
     }
 }
 
+#[test]
+fn rows_asked_for_apart_are_the_whole() {
+    let grid = grid([41, 41, 21], [1.0, 2.0, 90.0]);
+    for (layout, rotation) in [(Layout::Square, 0.0), (Layout::Square, 0.2), (Layout::Hexagonal, 0.003)] {
+        for model in MODELS {
+            let camera = seed(40, Aperture::Circle, layout, rotation);
+            let footprint = Footprint::new(&camera, &grid, model, Basis::Blob { sigma_vox: 0.7 }).unwrap();
+            for voxel in [[0, 0, 0], [23, 26, 10], [7, 33, 9], [40, 11, 20]] {
+                let whole = weights(&footprint, voxel);
+                let mut apart = BTreeMap::new();
+                for subset in 0..5 {
+                    let mine = |row: u32| row % 5 == subset;
+                    footprint.visit(voxel, &mut Scratch::default(), mine, |column, row, weight| {
+                        assert!(mine(row));
+                        *apart.entry((column, row)).or_insert(0.0) += f64::from(weight);
+                    });
+                }
+                assert_eq!(whole, apart, "{layout:?} {rotation} {model:?} {voxel:?}");
+            }
+        }
+    }
+}
+
 /// Rays drawn evenly over the stop and the basis must fill the pixels as the weights say: total variation distance
 /// against the sampling noise of the same number of rays.
 #[test]
@@ -119,7 +143,7 @@ fn exact_weights_are_what_rays_do() {
             let optics = Optics::new(&camera);
             for basis in BASES {
                 let footprint = Footprint::new(&camera, &grid, Model::Exact, basis).unwrap();
-                for voxel in [[3, 5, 0], [25, 27, 10], [8, 33, 11], [40, 11, 17]] {
+                for voxel in [[3, 5, 0], [25, 27, 10], [8, 33, 11], [30, 20, 6], [40, 11, 17]] {
                     let map = weights(&footprint, voxel);
                     let centre = DVec2::new(grid.centre_mm(0, voxel[0]), grid.centre_mm(1, voxel[1]));
                     let z_mm = grid.centre_mm(2, voxel[2]);
