@@ -53,6 +53,7 @@ pub(crate) struct InLine {
     sources: Vec<Source>,
     source_starts: Vec<u32>,
     subsets: usize,
+    stride: usize,
 }
 
 fn taps_of(pieces: &[Piece], circle: bool, taps: &mut Vec<Tap>, parts: &mut Vec<Parts>) {
@@ -103,6 +104,7 @@ impl InLine {
             sources: Vec::new(),
             source_starts: Vec::new(),
             subsets,
+            stride: Plane::stride(footprint.sensor().0),
         };
         let mut pieces = Vec::new();
         for z in 0..nz {
@@ -188,6 +190,16 @@ impl InLine {
                 }
             }
         });
+    }
+
+    pub(crate) fn shares(&self) -> Vec<f32> {
+        let mut shares = vec![0.0; self.profiles.len()];
+        let plane = Plane { stride: self.stride, values: vec![0.0; self.stride * (self.source_starts.len() - 1)] };
+        for subset in 0..self.subsets {
+            let rows = Rows { subset, subsets: self.subsets };
+            self.back_project(rows, &plane, &mut shares, |_, share, _, weight| *share += weight);
+        }
+        shares
     }
 
     /// Slices' strengths are the things written; lines of a slice share row taps.

@@ -53,6 +53,14 @@ impl<'a> Operator<'a> {
         }
     }
 
+    /// The sum of each voxel's weights.
+    pub(crate) fn shares(&self) -> Vec<f32> {
+        match self {
+            Self::InLine(weights) => weights.shares(),
+            Self::Scattered(weights) => weights.shares(),
+        }
+    }
+
     /// Sets the subset's rows of `plane` to the projection of the strengths: p_i = sum_j w_ij E_j.
     pub(crate) fn project(&mut self, rows: Rows, strengths: &[f32], plane: &mut Plane) {
         match self {

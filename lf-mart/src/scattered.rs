@@ -30,6 +30,7 @@ struct Kept {
     /// Weights of voxel j in subset s are `starts[j * subsets + s] ..` the next.
     starts: Vec<u32>,
     weights: Vec<Weight>,
+    subsets: usize,
 }
 
 /// Voxels whose weights are counted to foretell the bytes of all.
@@ -53,7 +54,7 @@ impl Kept {
         if bytes > most_bytes as f64 {
             return None;
         }
-        let mut kept = Self { starts: vec![0], weights: Vec::new() };
+        let mut kept = Self { starts: vec![0], weights: Vec::new(), subsets };
         for run in indices.chunks(RUN) {
             for (ends, weights) in made(run) {
                 let base = kept.weights.len() as u32;
@@ -62,6 +63,11 @@ impl Kept {
             }
         }
         Some(kept)
+    }
+
+    fn all_of(&self, voxel: usize) -> &[Weight] {
+        let n = voxel * self.subsets;
+        &self.weights[self.starts[n] as usize..self.starts[n + self.subsets] as usize]
     }
 
     #[inline]
@@ -128,6 +134,24 @@ impl<'a> Scattered<'a> {
         let (width, height) = footprint.sensor();
         let planes = (0..PARTS).map(|_| Plane::new(width, height)).collect();
         Self { footprint, indices: indices.to_vec(), planes, kept: Kept::new(footprint, indices, subsets, bytes) }
+    }
+
+    pub(crate) fn shares(&self) -> Vec<f32> {
+        if let Some(kept) = &self.kept {
+            let of = |voxel| kept.all_of(voxel).iter().map(|w| w.weight).sum();
+            return (0..self.indices.len()).into_par_iter().map(of).collect();
+        }
+        let of = |scratch: &mut Scratch, index: &u64| {
+            let mut share = 0.0;
+            self.footprint.visit(
+                self.footprint.grid().voxel(*index),
+                scratch,
+                |_| true,
+                |_, _, weight| share += weight,
+            );
+            share
+        };
+        self.indices.par_iter().map_init(Scratch::default, of).collect()
     }
 
     pub(crate) fn project(&mut self, rows: Rows, strengths: &[f32], plane: &mut Plane) {

@@ -227,10 +227,14 @@ impl Footprint {
         let margin = corner + DVec2::new(blur_x.reach(), blur_y.reach());
         let spread = across.alpha.abs() * across.half_aperture;
         let lattice: &Lattice = self.optics.lattice();
+        let whole = Span { low: -corner.y, high: corner.y, blur: blur_y };
         for (_, _, centre) in lattice.lenslets_within(chief, margin + DVec2::splat(spread)) {
             // A lenslet that the light of a round stop cannot reach; a section's beam is wider than its chief ray.
             let beyond = ((centre - chief).abs() - margin).max(DVec2::ZERO);
             if self.circle && beyond.length() > spread * (1.0 + 2.0 / self.sections as f64) {
+                continue;
+            }
+            if !down.pixels_reached(chief.y, centre.y, &whole).any(&wanted) {
                 continue;
             }
             for (n, slab) in slabs.iter().enumerate() {
