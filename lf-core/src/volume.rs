@@ -217,13 +217,13 @@ pub fn write(
     write_with(out, grid, indices, columns, history, &Map::new())
 }
 
-/// Writes as [`write`] does, with further header keys, such as another file's [`Volume::extra`]. An empty history is left out.
+/// Writes as [`write()`] does, with further header keys, such as another file's [`Volume::extra`]. An empty history is left out.
 ///
 /// # Errors
 /// Those of `out`, a value that is not finite, and a header above 1 MiB.
 ///
 /// # Panics
-/// As [`write`], and where a key is one of the format's own.
+/// As [`write()`], and where a key is one of the format's own.
 pub fn write_with(
     out: &mut dyn Write,
     grid: &Grid,
