@@ -2,8 +2,7 @@
 //!
 //! `w(voxel, pixel)` is the share of the light a voxel sends through the aperture that lands on the pixel. The weights
 //! of a voxel are not negative and sum to 1 where all its light reaches the sensor. Sources: the exact weights are the
-//! geometry of [`crate::optics`] integrated; the dense-ray-tracing weights are those of Shi, Wang, Ding, New & Soria
-//! (2016), as Shi, Ding, New & Soria (2017) use them.
+//! geometry of [`crate::optics`] integrated; the dense-ray-tracing weights are those of Shi, Ding, New & Soria (2017).
 //!
 //! A weight is a product of a column's share and a row's share for every rectangle of a lenslet's cell
 //! ([`Piece`]), times the share of the aperture piece inside a round stop ([`Chords`]). Where the cells of all lenslets
