@@ -25,6 +25,7 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Camera {
         focal_length_mm: nominal.microlenses.focal_length_mm,
         rotation_rad: nearest_turn(lattice.rotation_rad, nominal.microlenses.rotation_rad, lattice.layout),
         offset_mm: centre_mm.to_array(),
+        gap_mm: nominal.microlenses.gap_mm,
     };
     camera.microlenses.offset_mm = nearest_offset(&camera, nominal.microlenses.offset_mm);
     let measured = json!({

@@ -8,6 +8,7 @@
 //! | `f`, `m` | `main_lens.focal_length_mm`, `main_lens.magnification` | |
 //! | `s_i`, `s_o` | | [`Camera::image_distance_mm`], [`Camera::object_distance_mm`] |
 //! | `N_w`, `D` | `main_lens.working_f_number` | [`Camera::aperture_mm`] |
+//! | `g` | `microlenses.gap_mm`; f_l where absent | |
 //! | `k` | | [`Camera::demagnification`] |
 
 use crate::{Error, Result};
@@ -25,6 +26,15 @@ pub struct Camera {
     pub main_lens: MainLens,
     /// The microlens array.
     pub microlenses: Microlenses,
+    /// Distortion of the main lens; absent, none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Distortion>,
+    /// Tilt of the sensor against the array; absent, none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tilt: Option<Tilt>,
+    /// What the camera looks into; absent, air.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub medium: Option<Medium>,
     /// What a calibration learned: residuals and their units. Kept, and read by no tool.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<serde_json::Value>,
@@ -80,6 +90,53 @@ pub struct Microlenses {
     pub rotation_rad: f64,
     /// Place of the lattice's origin, mm; see [`Lattice`].
     pub offset_mm: [f64; 2],
+    /// Distance from the array to the sensor on the axis, mm; absent, the focal length.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap_mm: Option<f64>,
+}
+
+/// Distortion of the main lens after Brown (1966): radial, and tangential by a decentred element. It moves a point's whole
+/// image by what its chief ray is moved; see [`crate::optics`] for the equation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Distortion {
+    /// k1, k2, k3: coefficients of r^2, r^4, r^6, r the tangent of the chief ray behind the lens.
+    #[serde(default)]
+    pub radial: [f64; 3],
+    /// p1, p2.
+    #[serde(default)]
+    pub tangential: [f64; 2],
+}
+
+/// Tilt of the sensor against the array: the gap between them widens by tan(x_rad) along x and by tan(y_rad) along y.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tilt {
+    /// Along x, rad.
+    pub x_rad: f64,
+    /// Along y, rad.
+    pub y_rad: f64,
+}
+
+/// A medium behind a flat window at right angles to the axis; the camera stands in air. Z = 0 is the plane in the medium
+/// that rays near the axis come from which meet on the array.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Medium {
+    /// Index of refraction of the medium, relative to air.
+    pub index: f64,
+    /// Z of the window's wet face, mm.
+    pub window_z_mm: f64,
+    /// Thickness of the window, mm; absent, the medium ends in air.
+    #[serde(default)]
+    pub window_thickness_mm: f64,
+    /// Index of refraction of the window, relative to air.
+    #[serde(default = "one")]
+    pub window_index: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// How the lenslets are packed.
@@ -108,7 +165,7 @@ impl Camera {
         const WANTED: &str = "wanted a camera.json";
         let value: serde_json::Value =
             serde_json::from_str(text).map_err(|error| (format!("not JSON ({error})"), WANTED.to_string()))?;
-        for block in ["distortion", "tilt", "centres", "vignetting"] {
+        for block in ["centres", "vignetting"] {
             if value.get(block).is_some() {
                 return Err((
                     format!("has a '{block}' block, which this version does not model"),
@@ -160,6 +217,32 @@ impl Camera {
         if !(self.microlenses.rotation_rad.is_finite() && x.is_finite() && y.is_finite()) {
             return Err("microlenses.rotation_rad or offset_mm is not finite".to_string());
         }
+        if let Some(gap) = self.microlenses.gap_mm
+            && !(gap.is_finite() && gap > 0.0)
+        {
+            return Err(format!("microlenses.gap_mm is {gap}, not a positive length"));
+        }
+        if let Some(Distortion { radial, tangential }) = &self.distortion
+            && !radial.iter().chain(tangential).all(|number| number.is_finite())
+        {
+            return Err("distortion has a number that is not finite".to_string());
+        }
+        if let Some(Tilt { x_rad, y_rad }) = self.tilt
+            && !(x_rad.abs() < 0.5 && y_rad.abs() < 0.5)
+        {
+            return Err(format!("tilt ({x_rad}, {y_rad}) rad is not within half a radian"));
+        }
+        let gap = self.gap_mm();
+        if let Some(Tilt { x_rad, y_rad }) = self.tilt {
+            let half = [width, height].map(|pixels| 0.5 * pixels as f64 * self.sensor.pixel_pitch_mm);
+            let nearer = x_rad.abs().tan() * half[0] + y_rad.abs().tan() * half[1];
+            if nearer >= gap {
+                return Err(format!("tilt brings the sensor {nearer:.3} mm towards an array {gap:.3} mm before it"));
+            }
+        }
+        if let Some(medium) = &self.medium {
+            medium.check(self.object_distance_mm())?;
+        }
         if self.demagnification() >= 0.5 {
             return Err(format!(
                 "microlens focal length {} mm is not small beside the image distance {} mm",
@@ -170,9 +253,23 @@ impl Camera {
         Ok(())
     }
 
+    /// The first of the camera's blocks that weights do not follow yet: distortion, tilt, gap, medium.
+    pub fn beyond_weights(&self) -> Option<&'static str> {
+        let blocks = [
+            (self.distortion.is_some(), "distortion"),
+            (self.tilt.is_some(), "tilt"),
+            (self.microlenses.gap_mm.is_some(), "microlenses.gap_mm"),
+            (self.medium.is_some(), "medium"),
+        ];
+        blocks.into_iter().find_map(|(given, name)| given.then_some(name))
+    }
+
     /// The camera with its lattice exactly in line with the pixels, where it has a square lattice turned by so little that
-    /// no lenslet moves by more than [`IN_LINE_PX`].
+    /// no lenslet moves by more than [`IN_LINE_PX`], and nothing else that bends its columns.
     pub fn in_line(&self) -> Option<Self> {
+        if self.beyond_weights().is_some() {
+            return None;
+        }
         let drift_px = 0.5 * self.sensor.width.max(self.sensor.height) as f64 * self.microlenses.rotation_rad.abs();
         if self.microlenses.layout != Layout::Square || drift_px > IN_LINE_PX {
             return None;
@@ -209,9 +306,15 @@ impl Camera {
         self.image_distance_mm() / self.main_lens.working_f_number
     }
 
-    /// k = f_l / s_i: size of the aperture's image under a lenslet over the aperture's.
+    /// Distance from the array to the sensor on the axis, mm.
+    pub fn gap_mm(&self) -> f64 {
+        self.microlenses.gap_mm.unwrap_or(self.microlenses.focal_length_mm)
+    }
+
+    /// k = f_l / s_i: size of the aperture's image under a lenslet over the aperture's; the gap in place of f_l where
+    /// they differ.
     pub fn demagnification(&self) -> f64 {
-        self.microlenses.focal_length_mm / self.image_distance_mm()
+        self.gap_mm() / self.image_distance_mm()
     }
 
     /// Lenslet pitch in pixels.
@@ -233,6 +336,34 @@ impl Camera {
     /// Spacing of a grid of `pixels_per_voxel` at the focal plane, mm.
     pub fn voxel_spacing_mm(&self, pixels_per_voxel: [f64; 3]) -> [f64; 3] {
         pixels_per_voxel.map(|ratio| ratio * self.sensor.pixel_pitch_mm / self.main_lens.magnification)
+    }
+}
+
+impl Medium {
+    /// Thicknesses and indices of what a ray from Z passes before the air: medium, window.
+    pub fn layers_from(&self, z_mm: f64) -> [(f64, f64); 2] {
+        [(self.window_z_mm - z_mm, self.index), (self.window_thickness_mm, self.window_index)]
+    }
+
+    /// Distance from the window to the main lens, mm, for a lens focused on the object distance `s_o` in air.
+    pub fn air_mm(&self, object_distance_mm: f64) -> f64 {
+        object_distance_mm - self.layers_from(0.0).iter().map(|(thickness, index)| thickness / index).sum::<f64>()
+    }
+
+    fn check(&self, object_distance_mm: f64) -> std::result::Result<(), String> {
+        for (key, index) in [("index", self.index), ("window_index", self.window_index)] {
+            if !(1.0..=4.0).contains(&index) {
+                return Err(format!("medium.{key} is {index}, outside 1 to 4"));
+            }
+        }
+        if !(self.window_thickness_mm.is_finite() && self.window_thickness_mm >= 0.0) {
+            return Err(format!("medium.window_thickness_mm is {}, not a length", self.window_thickness_mm));
+        }
+        let air = self.air_mm(object_distance_mm);
+        if !(air > 0.0) {
+            return Err(format!("medium.window_z_mm {} leaves the main lens no air before it", self.window_z_mm));
+        }
+        Ok(())
     }
 }
 
@@ -311,6 +442,27 @@ impl Lattice {
         }
     }
 
+    /// Centre of the lenslet whose cell holds a point of the array, mm; as [`Lattice::lenslet_at`], without branches.
+    #[inline(always)]
+    pub fn nearest_centre_mm(&self, point_mm: DVec2) -> DVec2 {
+        let q = self.turn.transpose() * (point_mm - self.offset_mm);
+        let centre = match self.layout {
+            Layout::Square => ((q / self.pitch_mm).floor() + 0.5) * self.pitch_mm,
+            Layout::Hexagonal => {
+                let row_pitch = self.row_pitch_mm();
+                let below = (q.y / row_pitch).floor();
+                let nearest = |row: f64| {
+                    let shift = 0.5 * (row - 2.0 * (0.5 * row).floor());
+                    DVec2::new(((q.x / self.pitch_mm - shift + 0.5).floor() + shift) * self.pitch_mm, row * row_pitch)
+                };
+                let (low, high) = (nearest(below), nearest(below + 1.0));
+                let nearer = (q - low).length_squared() <= (q - high).length_squared();
+                if nearer { low } else { high }
+            }
+        };
+        self.offset_mm + self.turn * centre
+    }
+
     /// Lattice coordinates (along a row in pitches, across rows in row pitches) of a point, without the rows' shift.
     pub fn place(&self, point_mm: DVec2) -> DVec2 {
         let q = self.turn.transpose() * (point_mm - self.offset_mm);
@@ -375,7 +527,11 @@ pub(crate) mod tests {
                 focal_length_mm: 0.308,
                 rotation_rad,
                 offset_mm: [0.0, 0.0],
+                gap_mm: None,
             },
+            distortion: None,
+            tilt: None,
+            medium: None,
             calibration: None,
         }
     }
@@ -400,6 +556,7 @@ pub(crate) mod tests {
                     .map(|(_, _, centre)| centre.distance(point))
                     .fold(f64::INFINITY, f64::min);
                 assert!(mine <= best + 1e-12, "{layout:?} {point}: {mine} against {best}");
+                assert!(lattice.nearest_centre_mm(point).distance(lattice.centre_mm(i, j)) < 1e-12);
             }
         }
     }
@@ -418,7 +575,7 @@ pub(crate) mod tests {
     fn blocks_that_are_not_modelled_are_refused() {
         let mut value = serde_json::to_value(seed(20, Aperture::Circle, Layout::Square, 0.0)).unwrap();
         assert!(Camera::from_json(&value.to_string()).is_ok());
-        value["tilt"] = serde_json::json!([0.1, 0.0]);
-        assert!(Camera::from_json(&value.to_string()).unwrap_err().0.contains("'tilt'"));
+        value["centres"] = serde_json::json!([]);
+        assert!(Camera::from_json(&value.to_string()).unwrap_err().0.contains("'centres'"));
     }
 }

@@ -16,7 +16,10 @@ pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2
             working_f_number: 4.0,
             aperture: Aperture::Circle,
         },
-        microlenses: Microlenses { layout, pitch_mm: 0.077, focal_length_mm: 0.308, rotation_rad, offset_mm },
+        microlenses: Microlenses { layout, pitch_mm: 0.077, focal_length_mm: 0.308, rotation_rad, offset_mm, gap_mm: None },
+        distortion: None,
+        tilt: None,
+        medium: None,
         calibration: None,
     }
 }

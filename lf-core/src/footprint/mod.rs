@@ -277,6 +277,9 @@ pub fn check_depth(camera: &Camera, grid: &Grid) -> Result<(), String> {
     let optics = Optics::new(camera);
     for z in [0, grid.shape[2] - 1] {
         let z_mm = grid.centre_mm(2, z);
+        if let Some(medium) = camera.medium.as_ref().filter(|medium| z_mm >= medium.window_z_mm) {
+            return Err(format!("depth {z_mm} mm is not before the window, which is at {} mm", medium.window_z_mm));
+        }
         if z_mm >= 0.9 * camera.object_distance_mm() || optics.alpha(z_mm) > 0.5 {
             return Err(format!(
                 "depth {z_mm} mm is too near the main lens, which stands {:.1} mm before the focal plane",
