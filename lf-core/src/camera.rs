@@ -360,7 +360,7 @@ impl Medium {
             return Err(format!("medium.window_thickness_mm is {}, not a length", self.window_thickness_mm));
         }
         let air = self.air_mm(object_distance_mm);
-        if !(air > 0.0) {
+        if !air.is_finite() || air <= 0.0 {
             return Err(format!("medium.window_z_mm {} leaves the main lens no air before it", self.window_z_mm));
         }
         Ok(())
@@ -445,22 +445,29 @@ impl Lattice {
     /// Centre of the lenslet whose cell holds a point of the array, mm; as [`Lattice::lenslet_at`], without branches.
     #[inline(always)]
     pub fn nearest_centre_mm(&self, point_mm: DVec2) -> DVec2 {
-        let q = self.turn.transpose() * (point_mm - self.offset_mm);
-        let centre = match self.layout {
-            Layout::Square => ((q / self.pitch_mm).floor() + 0.5) * self.pitch_mm,
+        // By components, which compilers turn into arithmetic on several points at once.
+        let (cos, sin) = (self.turn.x_axis.x, self.turn.x_axis.y);
+        let (x, y) = (point_mm.x - self.offset_mm.x, point_mm.y - self.offset_mm.y);
+        let (qx, qy) = (cos * x + sin * y, cos * y - sin * x);
+        let per_pitch = 1.0 / self.pitch_mm;
+        let (cx, cy) = match self.layout {
+            Layout::Square => {
+                (((qx * per_pitch).floor() + 0.5) * self.pitch_mm, ((qy * per_pitch).floor() + 0.5) * self.pitch_mm)
+            }
             Layout::Hexagonal => {
                 let row_pitch = self.row_pitch_mm();
-                let below = (q.y / row_pitch).floor();
+                let below = (qy / row_pitch).floor();
                 let nearest = |row: f64| {
                     let shift = 0.5 * (row - 2.0 * (0.5 * row).floor());
-                    DVec2::new(((q.x / self.pitch_mm - shift + 0.5).floor() + shift) * self.pitch_mm, row * row_pitch)
+                    let (x, y) = (((qx * per_pitch - shift + 0.5).floor() + shift) * self.pitch_mm, row * row_pitch);
+                    ((qx - x) * (qx - x) + (qy - y) * (qy - y), x, y)
                 };
                 let (low, high) = (nearest(below), nearest(below + 1.0));
-                let nearer = (q - low).length_squared() <= (q - high).length_squared();
-                if nearer { low } else { high }
+                let nearer = low.0 <= high.0;
+                (if nearer { low.1 } else { high.1 }, if nearer { low.2 } else { high.2 })
             }
         };
-        self.offset_mm + self.turn * centre
+        DVec2::new(self.offset_mm.x + cos * cx - sin * cy, self.offset_mm.y + cos * cy + sin * cx)
     }
 
     /// Lattice coordinates (along a row in pitches, across rows in row pitches) of a point, without the rows' shift.

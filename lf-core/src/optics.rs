@@ -105,6 +105,12 @@ impl Optics {
         self.demagnification
     }
 
+    /// s_i, mm.
+    #[inline]
+    pub fn image_distance_mm(&self) -> f64 {
+        self.image_distance_mm
+    }
+
     /// D / 2, mm.
     #[inline]
     pub fn half_aperture_mm(&self) -> f64 {
@@ -174,8 +180,7 @@ impl Optics {
         let t = self.slope(object_mm, z_mm, DVec2::ZERO);
         let r2 = t.length_squared();
         let both = 2.0 * t.x * t.y;
-        let tangential =
-            DVec2::new(p1 * both + p2 * (r2 + 2.0 * t.x * t.x), p1 * (r2 + 2.0 * t.y * t.y) + p2 * both);
+        let tangential = DVec2::new(p1 * both + p2 * (r2 + 2.0 * t.x * t.x), p1 * (r2 + 2.0 * t.y * t.y) + p2 * both);
         self.image_distance_mm * (t * (r2 * (k1 + r2 * (k2 + r2 * k3))) + tangential)
     }
 

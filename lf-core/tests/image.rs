@@ -4,7 +4,7 @@ mod allocation;
 
 use image::{ExtendedColorType, ImageEncoder};
 use lf_core::history::{History, Step};
-use lf_core::image::{Image, from_bytes, open, open_counts, save};
+use lf_core::image::{Image, from_bytes, open, open_counts, outside_u16, save};
 use ndarray::{Array2, array};
 use std::io::Cursor;
 use std::path::Path;
@@ -22,8 +22,12 @@ fn ramp(height: usize, width: usize) -> Array2<f32> {
 
 /// The bytes that [`save`] leaves.
 fn exr(pixels: &Array2<f32>, history: &History) -> Vec<u8> {
+    saved("image.exr", pixels, history)
+}
+
+fn saved(name: &str, pixels: &Array2<f32>, history: &History) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("image.exr");
+    let path = folder.path().join(name);
     save(&path, pixels, history).unwrap();
     std::fs::read(path).unwrap()
 }
@@ -194,11 +198,89 @@ fn other_files_are_named() {
 #[test]
 fn the_name_does_not_decide_what_is_read_but_may_not_lie_about_what_is_written() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("frame.tif");
+    let path = folder.path().join("frame.png");
     let refused = save(&path, &ramp(2, 2), &steps()).unwrap_err();
-    assert!(refused.to_string().ends_with("the name of a .tif file; wanted .exr, the format written"), "{refused}");
+    assert!(
+        refused.to_string().ends_with("the name of a .png file; wanted .exr or .tif, the formats written"),
+        "{refused}"
+    );
+    assert!(!path.exists());
     std::fs::write(&path, exr(&ramp(2, 2), &steps())).unwrap();
     assert_eq!(open(&path).unwrap().pixels, ramp(2, 2));
+}
+
+#[test]
+fn a_tiff_comes_back_in_whole_counts_with_its_history() {
+    // One strip and many, of odd and even length.
+    for (height, width) in [(1, 1), (3, 5), (1201, 1033)] {
+        let pixels = Array2::from_shape_fn((height, width), |(y, x)| ((y * width + x) % 65536) as f32);
+        for name in ["frame.tif", "frame.TIFF"] {
+            let bytes = saved(name, &pixels, &steps());
+            assert!(bytes.starts_with(b"II") || bytes.starts_with(b"MM"));
+            let image = read(&bytes).unwrap();
+            assert_eq!(image.pixels, pixels);
+            assert_eq!(image.history, steps());
+        }
+        assert!(read(&saved("frame.tif", &pixels, &History::new())).unwrap().history.is_empty());
+        let turned = pixels.t().as_standard_layout().into_owned().reversed_axes();
+        assert!(saved("a.tif", &turned, &steps()) == saved("b.tif", &pixels, &steps()));
+    }
+}
+
+#[test]
+fn a_tiff_is_what_other_readers_expect() {
+    let bytes = saved("frame.tif", &array![[0.0, 65535.0, 258.0], [1.0, 2.0, 3.0]], &steps());
+    let mut decoder = tiff::decoder::Decoder::new(Cursor::new(bytes)).unwrap();
+    assert_eq!(decoder.colortype().unwrap(), tiff::ColorType::Gray(16));
+    assert_eq!(decoder.get_tag_unsigned::<u16>(Tag::PhotometricInterpretation).unwrap(), 1);
+    let text = decoder.get_tag_ascii_string(Tag::ImageDescription).unwrap();
+    assert!(text.is_ascii() && text.contains("\"tool\":\"lf-synth\""), "{text}");
+    assert_eq!(serde_json::from_str::<History>(&text).unwrap(), steps());
+    let tiff::decoder::DecodingResult::U16(samples) = decoder.read_image().unwrap() else { panic!("16-bit") };
+    assert_eq!(samples, [0, 65535, 258, 1, 2, 3]);
+}
+
+#[test]
+fn a_tiff_rounds_clips_and_refuses_nan() {
+    let mut pixels =
+        array![[0.49, 0.5, 1.4999, -0.49, 65535.49], [-0.5, -3.0, 65535.5, f32::INFINITY, f32::NEG_INFINITY]];
+    assert_eq!(outside_u16(&pixels), 5);
+    let image = read(&saved("frame.tif", &pixels, &History::new())).unwrap();
+    assert_eq!(image.pixels, array![[0.0, 1.0, 1.0, 0.0, 65535.0], [0.0, 0.0, 65535.0, 65535.0, 0.0]]);
+    assert_eq!(outside_u16(&image.pixels), 0);
+
+    pixels[[1, 2]] = f32::NAN;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.tif");
+    let refused = save(&path, &pixels, &steps()).unwrap_err().to_string();
+    assert!(refused.contains("frame.tif: 1 pixel is NaN, the first at x 2, y 1; wanted numbers"), "{refused}");
+    assert!(!path.exists());
+    assert_eq!(outside_u16(&pixels), 5);
+    let refused = save(&path, &Array2::zeros((0, 5)), &History::new()).unwrap_err().to_string();
+    assert!(refused.ends_with("5 x 0 pixels to write; wanted an image with pixels"), "{refused}");
+}
+
+#[test]
+fn a_description_that_is_not_ours_is_no_history() {
+    for text in ["ImageJ=1.54f\nunit=um\n", "{\"tool\": 1}", "[1, 2]", ""] {
+        let mut file = Cursor::new(Vec::new());
+        let mut encoder = TiffEncoder::new(&mut file).unwrap();
+        let mut page = encoder.new_image::<colortype::Gray16>(2, 1).unwrap();
+        page.encoder().write_tag(Tag::ImageDescription, text).unwrap();
+        page.write_data(&[1, 2]).unwrap();
+        let image = read(&file.into_inner()).unwrap();
+        assert!(image.history.is_empty());
+        assert_eq!(image.pixels, array![[1.0, 2.0]]);
+    }
+}
+
+/// A frame of 29 megapixels is written beside one that is still wanted.
+#[test]
+fn a_tiff_takes_one_buffer_of_its_size() {
+    let pixels = ramp(500, 400);
+    let folder = tempfile::tempdir().unwrap();
+    let (_, largest) = allocation::largest(|| save(&folder.path().join("frame.tif"), &pixels, &steps()).unwrap());
+    assert!(largest < 2 * 500 * 400 + (300 << 10), "{largest}");
 }
 
 #[test]
@@ -275,6 +357,7 @@ fn damage_never_panics_and_never_takes_much_memory() {
     let files = [
         ("exr", exr(&ramp(5, 7), &steps())),
         ("tiff", grey_tiff::<colortype::Gray16>(7, 5, &samples)),
+        ("ours", saved("frame.tif", &ramp(5, 7), &steps())),
         ("float", grey_tiff::<colortype::Gray32Float>(7, 5, &[0.5; 35])),
         ("png", png(7, 5, &[3; 35], ExtendedColorType::L8)),
     ];

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 /// A ready scene's name and what it stands for.
-pub const NAMES: [(&str, &str); 5] = [
+pub const NAMES: [(&str, &str); 12] = [
     ("demo", "a small volume of 60 x 60 lenslets at 0.5 particles each, round stop, moved by the paper's Case A1"),
     (
         "core",
@@ -12,6 +12,22 @@ pub const NAMES: [(&str, &str); 5] = [
     ("core-round", "the same behind a round stop"),
     ("core-hexagonal", "the same on a hexagonal lattice turned by 3 mrad"),
     ("uniform", "40 x 40 lenslets at 0.5 particles each, all displaced by (0.02, -0.013, 0.06) mm"),
+    (
+        "waves",
+        "the volume of section 4, 1820 x 1820 x 182 voxels of 1 x 1 x 10 px, 0.5 particles a lenslet, Case A1 at 25 px",
+    ),
+    (
+        "full",
+        "the size of section 5, 3300 x 2200 x 182 voxels of 2 x 2 x 10 px, 0.4 particles a lenslet, by the simulations' camera",
+    ),
+    (
+        "experiment",
+        "the experiment of section 5: 200 mm f/4 at 0.95, a jet in water behind 20 mm of Perspex, a 10 mm sheet, noise",
+    ),
+    ("tank", "a corner of it: the same camera, water, sheet and noise on 60 x 60 lenslets, a vortex ring"),
+    ("jet", "a round jet with two vortex rings in its shear layer, 60 x 60 lenslets at 0.5 particles each"),
+    ("ring", "a vortex ring that moves along x, 60 x 60 lenslets at 0.5 particles each"),
+    ("target", "a target of dots 1.1 mm apart at seven depths on 120 x 120 lenslets, for calibration"),
 ];
 
 /// The paper's table of simulation parameters did not survive in its text. These follow from it or match it: 5.5 um
@@ -33,6 +49,27 @@ fn volume(lenslets: u32) -> Value {
     json!({"x_mm": [-half, half], "y_mm": [-half, half], "z_mm": [-5.0, 5.0]})
 }
 
+/// The camera of the paper's section 5: 200 mm lens at f/4 and M = -0.95, hence working at f/7.8, which lenslets of 0.6 mm
+/// match. The text gives the tank (360 mm across, 20 mm of Perspex), not its place: its middle is taken to be in focus.
+fn experiment_camera(width: u32, height: u32) -> Value {
+    json!({
+        "sensor": {"width": width, "height": height, "pixel_pitch_mm": 0.0055},
+        "main_lens": {"focal_length_mm": 200.0, "magnification": 0.95, "working_f_number": 7.8, "aperture": "circle"},
+        "microlenses": {
+            "layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.6, "rotation_rad": 0.0, "offset_mm": [0.0, 0.0]
+        },
+        "medium": {"index": 1.333, "window_z_mm": 180.0, "window_thickness_mm": 20.0, "window_index": 1.49}
+    })
+}
+
+/// A 12-bit sensor of 20,000 electrons, as that of the paper's camera is said to be.
+fn sensor_noise() -> Value {
+    json!({
+        "gain_counts_per_electron": 0.2, "photon_noise": true, "full_well_electrons": 20000.0,
+        "read_noise_electrons": 12.0, "dark_counts": 40.0, "bits": 12
+    })
+}
+
 /// A ready scene.
 pub fn scene(name: &str) -> Option<Value> {
     let (_, about) = NAMES.iter().find(|(known, _)| *known == name)?;
@@ -48,13 +85,38 @@ pub fn scene(name: &str) -> Option<Value> {
             "seed": 1
         })
     };
+    let moved = |lenslets, flow, voxel, vectors| {
+        json!({
+            "about": about,
+            "camera": camera(lenslets + 18, "circle", "square", 0.0),
+            "volume": volume(lenslets),
+            "particles": {"per_lenslet": 0.5, "sigma_px": 0.75, "intensity": 100000.0},
+            "flow": flow,
+            "frames": 2,
+            "truth": {"pixels_per_voxel": voxel, "sigma_vox": 0.75, "vectors": vectors},
+            "seed": 1
+        })
+    };
+    let wave = json!({"kind": "wave", "case": "A1", "omega": 0.25, "amplitude_px": 25.0});
+    let ring = |at: [f64; 3], radius: f64, displacement: f64| {
+        json!({
+            "kind": "ring", "centre_mm": at, "axis": [1.0, 0.0, 0.0], "radius_mm": radius,
+            "core_mm": 0.3 * radius, "displacement_mm": displacement
+        })
+    };
+    let jet = |diameter: f64, displacement: f64| {
+        json!({
+            "kind": "jet", "centre_mm": [0.0, 0.0, 0.0], "axis": [1.0, 0.0, 0.0], "diameter_mm": diameter,
+            "shear_layer_mm": 0.05 * diameter, "displacement_mm": displacement
+        })
+    };
     Some(match name {
         "demo" => json!({
             "about": about,
             "camera": camera(78, "circle", "square", 0.0),
             "volume": volume(60),
             "particles": {"per_lenslet": 0.5, "sigma_px": 1.0, "intensity": 100000.0, "rays": 50_000},
-            "flow": {"kind": "wave", "case": "A1", "omega": 0.25, "amplitude_px": 25.0},
+            "flow": wave,
             "frames": 2,
             "truth": {"pixels_per_voxel": [2.0, 2.0, 10.0], "sigma_vox": 0.75, "vectors": [33, 33, 17]},
             "white": {"counts": 1000.0, "rays_per_lenslet": 20_000},
@@ -73,26 +135,94 @@ pub fn scene(name: &str) -> Option<Value> {
             "truth": {"pixels_per_voxel": [1.0, 1.0, 10.0], "sigma_vox": 0.75, "vectors": [9, 9, 9]},
             "seed": 1
         }),
+        "waves" => moved(130, wave, [1.0, 1.0, 10.0], [65, 65, 33]),
+        "full" => {
+            // 471 x 314 lenslets on 6600 x 4400 px, and 182 slices of 10 px.
+            let mut camera = camera(1, "circle", "square", 0.0);
+            camera["sensor"] = json!({"width": 6600, "height": 4400, "pixel_pitch_mm": 0.0055});
+            json!({
+                "about": about,
+                "camera": camera,
+                "volume": {"x_mm": [-18.15, 18.15], "y_mm": [-12.1, 12.1], "z_mm": [-5.005, 5.005]},
+                "particles": {"per_lenslet": 0.4, "sigma_px": 0.75, "intensity": 100000.0},
+                "flow": wave,
+                "frames": 2,
+                "truth": {"pixels_per_voxel": [2.0, 2.0, 10.0], "sigma_vox": 0.75, "vectors": [83, 55, 23]},
+                "seed": 1
+            })
+        }
+        "experiment" => json!({
+            "about": about,
+            "camera": experiment_camera(6600, 4400),
+            "volume": {"x_mm": [-19.1, 19.1], "y_mm": [-12.74, 12.74], "z_mm": [-7.9, 7.9]},
+            "particles": {
+                "per_lenslet": 0.6, "sigma_px": 0.9, "size_spread": 0.2, "intensity": 60000.0, "intensity_spread": 0.3
+            },
+            "light": {"profile": "gaussian", "centre_mm": 0.0, "thickness_mm": 10.0},
+            // At most 60 px (0.347 mm) between frames; the jet is 20 mm wide, its rings are where its shear layer rolls up.
+            "flow": [
+                jet(20.0, 0.2),
+                ring([-9.0, 0.0, 0.0], 10.0, 0.12),
+                ring([9.0, 0.0, 0.0], 11.0, 0.1)
+            ],
+            "frames": 2,
+            "sensor_noise": sensor_noise(),
+            "truth": {"pixels_per_voxel": [2.0, 2.0, 10.0], "sigma_vox": 0.75, "vectors": [83, 55, 35]},
+            "seed": 1
+        }),
+        "tank" => json!({
+            "about": about,
+            "camera": experiment_camera(78 * 14, 78 * 14),
+            "volume": {"x_mm": [-2.4, 2.4], "y_mm": [-2.4, 2.4], "z_mm": [-7.9, 7.9]},
+            "particles": {
+                "per_lenslet": 0.6, "sigma_px": 0.9, "size_spread": 0.2, "intensity": 60000.0, "intensity_spread": 0.3
+            },
+            "light": {"profile": "gaussian", "centre_mm": 0.0, "thickness_mm": 10.0},
+            "flow": ring([0.0, 0.0, 0.0], 1.2, 0.1),
+            "frames": 2,
+            "sensor_noise": sensor_noise(),
+            "truth": {"pixels_per_voxel": [2.0, 2.0, 10.0], "sigma_vox": 0.75, "vectors": [33, 33, 17]},
+            "seed": 1
+        }),
+        "jet" => {
+            let flow = json!([jet(2.4, 0.06), ring([-1.1, 0.0, 0.0], 1.2, 0.04), ring([1.1, 0.0, 0.0], 1.3, 0.03)]);
+            moved(60, flow, [2.0, 2.0, 10.0], [33, 33, 17])
+        }
+        "ring" => moved(60, ring([0.0, 0.0, 0.0], 1.2, 0.1), [2.0, 2.0, 10.0], [33, 33, 17]),
+        "target" => json!({
+            "about": about,
+            "camera": camera(120, "circle", "square", 0.0),
+            "volume": volume(102),
+            "particles": {"count": 0, "sigma_px": 1.0},
+            "frames": 1,
+            "dots": {
+                "spacing_mm": 1.1, "diameter_mm": 0.05, "depths_mm": [-4.0, -2.7, -1.3, 0.0, 1.3, 2.7, 4.0],
+                "intensity": 500000.0
+            },
+            "seed": 1
+        }),
         _ => return None,
     })
 }
 
-/// Sets a key of a scene, `particles.per_lenslet=0.5`; the value is JSON, or a string where it is not.
+/// Sets a key of a scene, `particles.per_lenslet=0.5`; the value is JSON, or a string where it is not;
+/// null takes the key away.
 ///
 /// # Errors
 /// Says what is wrong with the words.
 pub fn set(scene: &mut Value, words: &str) -> Result<(), String> {
     let (key, text) = words.split_once('=').ok_or_else(|| format!("'{words}' has no '='"))?;
     let value = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_string()));
+    let wrong = || format!("'{key}' is not a key of a scene");
+    let mut parts = key.split('.').peekable();
     let mut place = scene;
-    for part in key.split('.') {
-        if part.is_empty() || !place.is_object() {
-            return Err(format!("'{key}' is not a key of a scene"));
+    while let Some(part) = parts.next() {
+        let object = place.as_object_mut().filter(|_| !part.is_empty()).ok_or_else(wrong)?;
+        if parts.peek().is_none() && value.is_null() {
+            object.shift_remove(part);
+            return Ok(());
         }
-        place = &mut place[part];
-        if place.is_null() {
-            *place = json!({});
-        }
+        place = object.entry(part).or_insert_with(|| json!({}));
     }
     *place = value;
     Ok(())

@@ -1,6 +1,12 @@
 //! What to render: `scene.json`. An effect without a key is not modelled and costs nothing.
 
-use crate::flow::Flow;
+use crate::diffraction::Diffraction;
+use crate::dots::Dots;
+use crate::flow::Flows;
+use crate::light::{SecondStop, Sheet};
+use crate::render::{Glow, Rays};
+use crate::samples::Shape;
+use crate::sensor::SensorNoise;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use lf_core::{Error, Result};
@@ -16,22 +22,37 @@ pub struct Scene {
     pub about: Option<String>,
     /// The camera, or the path of its file from the scene's folder.
     pub camera: CameraSource,
+    /// Blur by diffraction at the lenslets; absent, none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diffraction: Option<Diffraction>,
+    /// A second stop on the axis, which cuts the beam away from it (cat's-eye vignetting).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_stop: Option<SecondStop>,
     /// Where particles are lit.
     pub volume: Volume,
     /// The particles.
     pub particles: Particles,
-    /// How they move from frame to frame; absent, they stay.
+    /// Brightness along z; absent, even.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub flow: Option<Flow>,
-    /// Number of frames, one unit of time apart.
-    #[serde(default = "two")]
-    pub frames: usize,
-    /// The exact volumes and displacements written beside the frames.
+    pub light: Option<Sheet>,
+    /// How they move from frame to frame; absent, they stay. Several flows add up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flow: Option<Flows>,
+    /// Number of frames, a unit of time apart, or their times.
     #[serde(default)]
-    pub truth: Truth,
+    pub frames: Frames,
+    /// What the sensor makes of the light; absent, the exact expectation is written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor_noise: Option<SensorNoise>,
+    /// The exact volumes and displacements written beside the frames; absent, none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<Truth>,
     /// The flat field.
     #[serde(default)]
     pub white: White,
+    /// The dot target.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dots: Option<Dots>,
     /// Seed of all that is random.
     #[serde(default)]
     pub seed: u64,
@@ -63,7 +84,8 @@ pub struct Volume {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Particles {
-    /// Particles for each lenslet that the volume covers at the focal plane; this or `count` or `csv`.
+    /// Particles for each lenslet that the volume covers at the focal plane; this or `count` or `csv`, or none of them
+    /// where the flow is of tracks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub per_lenslet: Option<f64>,
     /// Particles in the volume.
@@ -72,14 +94,38 @@ pub struct Particles {
     /// Particles of the first frame from a `particles.csv`, path from the scene's folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub csv: Option<PathBuf>,
-    /// Standard deviation of the Gaussian particle image at the focal plane, px.
-    pub sigma_px: f64,
+    /// Standard deviation of a Gaussian particle image at the focal plane, px; this or `diameter_px`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma_px: Option<f64>,
+    /// Diameter of an even disc as particle image at the focal plane, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diameter_px: Option<f64>,
+    /// Standard deviation of the particle images' sizes over their mean, log-normal; absent, all are the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size_spread: Option<f64>,
     /// Counts that one particle sends through the aperture.
     #[serde(default = "default_intensity")]
     pub intensity: f64,
+    /// Standard deviation of the particles' intensities over their mean, log-normal; absent, all are the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intensity_spread: Option<f64>,
+    /// Noise of the ray tracing wanted: root mean square error of a frame's lit pixels over its brightest pixel; this or
+    /// `rays`, and 0.01 without either.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ray_noise: Option<f64>,
     /// Rays cast for each particle and frame.
-    #[serde(default = "default_rays")]
-    pub rays: u32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rays: Option<u32>,
+}
+
+/// When the frames are taken, in intervals of time between which the flow moves by its displacement.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Frames {
+    /// So many, at 0, 1, 2 ...
+    Count(usize),
+    /// At these times, rising.
+    Times(Vec<f64>),
 }
 
 /// The exact volumes and displacements.
@@ -107,50 +153,88 @@ pub struct White {
     pub working_f_number: Option<f64>,
 }
 
-impl Default for Truth {
-    fn default() -> Self {
-        Self { pixels_per_voxel: [1.0, 1.0, 10.0], sigma_vox: 0.75, vectors: [33, 33, 17] }
-    }
-}
-
 impl Default for White {
     fn default() -> Self {
         Self { counts: 1000.0, rays_per_lenslet: 40_000, working_f_number: None }
     }
 }
 
-fn two() -> usize {
-    2
+impl Default for Frames {
+    fn default() -> Self {
+        Self::Count(2)
+    }
+}
+
+impl Frames {
+    /// The times.
+    pub fn times(&self) -> Vec<f64> {
+        match self {
+            Self::Count(count) => (0..*count).map(|n| n as f64).collect(),
+            Self::Times(times) => times.clone(),
+        }
+    }
+
+    fn check(&self) -> std::result::Result<(), String> {
+        let (count, rise) = match self {
+            Self::Count(count) => (*count, true),
+            Self::Times(times) => {
+                (times.len(), times.iter().all(|t| t.abs() < 1e6) && times.windows(2).all(|pair| pair[0] < pair[1]))
+            }
+        };
+        if !(1..=10_000).contains(&count) {
+            return Err(format!("frames asks for {count}, outside 1 to 10000"));
+        }
+        if rise { Ok(()) } else { Err("frames has times that do not rise, or beyond 1e6".to_string()) }
+    }
 }
 
 fn default_intensity() -> f64 {
     1e5
 }
 
-fn default_rays() -> u32 {
-    50_000
+/// Rays that leave a relative noise of 0.01 and 0.001 in the frames: measured by `--measure-noise` on the ready scenes
+/// (0.009 to 0.010 in the worst of them, `core`, at 0.01), in which it falls with their number to the power of 3/4.
+const RAYS_AT_HUNDREDTH: f64 = 15_000.0;
+
+/// Rays for a particle of average brightness that leave `noise`.
+fn rays_for_noise(noise: f64) -> u32 {
+    (RAYS_AT_HUNDREDTH * (0.01 / noise).powf(4.0 / 3.0)).clamp(256.0, 2e7) as u32
 }
 
 impl Scene {
-    /// Reads and checks a scene and its camera; `-` is standard input.
-    pub fn open(path: &Path) -> Result<(Self, Camera)> {
+    /// Reads and checks a scene and its camera; `-` is standard input. Paths in it come back as seen from here, and the
+    /// files it takes are listed.
+    pub fn open(path: &Path) -> Result<(Self, Camera, Vec<PathBuf>)> {
         let name = lf_core::io::name(path);
         let text = lf_core::io::open_text(path)?;
         let wrong =
             |found: String| Error::new(name.clone(), found, "wanted a scene.json as `lf-synth scene` prints them");
         let mut scene: Self = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
+        let mut files = Vec::new();
         if let Some(csv) = &mut scene.particles.csv {
             *csv = folder.join(&*csv);
+            files.push(csv.clone());
+        }
+        if let Some(flow) = &mut scene.flow {
+            flow.join(folder);
+            files.extend(flow.sampled().into_iter().chain(flow.tracks()).map(Path::to_path_buf));
+        }
+        if let Some(noise) = &mut scene.sensor_noise {
+            noise.join(folder);
+            files.extend(noise.background.clone());
         }
         let camera = match &scene.camera {
-            CameraSource::Path(file) => Camera::open(&folder.join(file))?,
+            CameraSource::Path(file) => {
+                files.push(folder.join(file));
+                Camera::open(&folder.join(file))?
+            }
             CameraSource::Camera(value) => {
                 Camera::from_json(&value.to_string()).map_err(|(found, _)| wrong(format!("camera: {found}")))?
             }
         };
         scene.check(&camera).map_err(wrong)?;
-        Ok((scene, camera))
+        Ok((scene, camera, files))
     }
 
     /// The volume's bounds along x, y, z, mm.
@@ -158,69 +242,132 @@ impl Scene {
         [self.volume.x_mm, self.volume.y_mm, self.volume.z_mm]
     }
 
-    /// The grid of the exact volumes.
+    /// The grid of the exact volumes; none where the scene asks for no truth.
     ///
     /// # Errors
     /// Where it has no voxel.
-    pub fn grid(&self, camera: &Camera) -> std::result::Result<Grid, String> {
-        Grid::in_bounds(self.bounds_mm(), camera.voxel_spacing_mm(self.truth.pixels_per_voxel))
+    pub fn grid(&self, camera: &Camera) -> std::result::Result<Option<Grid>, String> {
+        let in_bounds = |truth: &Truth| {
+            Grid::in_bounds(self.bounds_mm(), camera.voxel_spacing_mm(truth.pixels_per_voxel))
+                .map_err(|found| format!("truth: {found}"))
+        };
+        self.truth.as_ref().map(in_bounds).transpose()
+    }
+
+    /// What a particle sends out.
+    pub fn glow(&self, camera: &Camera) -> Glow {
+        let p = &self.particles;
+        let pixel_mm = camera.sensor.pixel_pitch_mm / camera.main_lens.magnification;
+        let (shape, size_px) = match (p.sigma_px, p.diameter_px) {
+            (_, Some(diameter)) => (Shape::Disc, 0.5 * diameter),
+            (sigma, None) => (Shape::Gaussian, sigma.unwrap_or(0.0)),
+        };
+        Glow { shape, size_mm: size_px * pixel_mm, rays: self.rays(p.intensity) }
+    }
+
+    /// Rays of a particle; `intensity` is an average one.
+    pub fn rays(&self, intensity: f64) -> Rays {
+        match (self.particles.rays, self.particles.ray_noise) {
+            (Some(rays), _) => Rays::Each(rays),
+            (None, noise) => Rays::At(rays_for_noise(noise.unwrap_or(0.01)), intensity),
+        }
     }
 
     /// Checks what the types do not.
     fn check(&self, camera: &Camera) -> std::result::Result<(), String> {
+        self.check_volume(camera)?;
+        self.check_particles(camera)?;
+        self.frames.check()?;
+        if let Some(diffraction) = &self.diffraction {
+            diffraction.check()?;
+        }
+        if let Some(stop) = &self.second_stop {
+            stop.check(camera)?;
+        }
+        if let Some(light) = &self.light {
+            light.check()?;
+        }
+        if let Some(flow) = &self.flow {
+            flow.check()?;
+        }
+        if let Some(noise) = &self.sensor_noise {
+            noise.check()?;
+        }
+        if let Some(dots) = &self.dots {
+            dots.check(camera.half_view_mm())?;
+            for depth in &dots.depths_mm {
+                check_depth(camera, *depth).map_err(|found| format!("dots.depths_mm {found}"))?;
+            }
+        }
+        positive("white.counts", self.white.counts)?;
+        positive("white.working_f_number", self.white.working_f_number.unwrap_or(1.0))?;
+        if self.white.rays_per_lenslet == 0 {
+            return Err("white.rays_per_lenslet must be at least 1".to_string());
+        }
+        if let Some(truth) = &self.truth {
+            positive("truth.sigma_vox", truth.sigma_vox)?;
+            if truth.sigma_vox > 5.0 {
+                return Err(format!("truth.sigma_vox {} is above 5", truth.sigma_vox));
+            }
+            if truth.vectors.iter().any(|n| *n < 2 || *n > 4096) {
+                return Err(format!("truth.vectors {:?} is outside 2 to 4096", truth.vectors));
+            }
+        }
+        self.grid(camera).map(|_| ())
+    }
+
+    fn check_volume(&self, camera: &Camera) -> std::result::Result<(), String> {
         for (name, [low, high]) in ["x_mm", "y_mm", "z_mm"].iter().zip(self.bounds_mm()) {
             if !(low.is_finite() && high.is_finite() && low < high) {
                 return Err(format!("volume.{name} [{low}, {high}] does not rise"));
             }
         }
-        let nearest = 0.9 * camera.object_distance_mm();
-        if self.volume.z_mm[1] > nearest {
-            return Err(format!(
-                "volume.z_mm reaches {} mm, beyond {nearest:.1} mm, where the main lens stands",
-                self.volume.z_mm[1]
-            ));
-        }
-        let p = &self.particles;
-        let given = [p.per_lenslet.is_some(), p.count.is_some(), p.csv.is_some()];
-        if given.iter().filter(|given| **given).count() != 1 {
-            return Err("particles must have one of 'per_lenslet', 'count' and 'csv'".to_string());
-        }
-        if p.per_lenslet.is_some_and(|density| !(0.0..=100.0).contains(&density)) {
-            return Err(format!("particles.per_lenslet {:?} is outside 0 to 100", p.per_lenslet.unwrap_or(0.0)));
-        }
-        if self.particle_count(camera) > 1e8 {
-            return Err(format!("asks for {:.0} particles, more than 1e8", self.particle_count(camera)));
-        }
-        for (key, value) in [
-            ("particles.sigma_px", p.sigma_px),
-            ("particles.intensity", p.intensity),
-            ("truth.sigma_vox", self.truth.sigma_vox),
-            ("white.counts", self.white.counts),
-            ("white.working_f_number", self.white.working_f_number.unwrap_or(1.0)),
-        ] {
-            if !(value.is_finite() && value > 0.0 && value < 1e12) {
-                return Err(format!("{key} is {value}, not a positive number"));
-            }
-        }
-        if p.rays == 0 || self.white.rays_per_lenslet == 0 {
-            return Err("particles.rays and white.rays_per_lenslet must be at least 1".to_string());
-        }
-        if self.truth.sigma_vox > 5.0 {
-            return Err(format!("truth.sigma_vox {} is above 5", self.truth.sigma_vox));
-        }
-        if self.truth.vectors.iter().any(|n| *n < 2 || *n > 4096) {
-            return Err(format!("truth.vectors {:?} is outside 2 to 4096", self.truth.vectors));
-        }
-        if self.frames == 0 || self.frames > 10_000 {
-            return Err(format!("frames is {}, outside 1 to 10000", self.frames));
-        }
-        if let Some(flow) = &self.flow {
-            flow.check()?;
-        }
-        self.grid(camera).map(|_| ()).map_err(|found| format!("truth: {found}"))
+        check_depth(camera, self.volume.z_mm[1]).map_err(|found| format!("volume.z_mm reaches {found}"))
     }
 
-    /// Particles in the volume, from the density or the count; not used with a `csv`.
+    fn check_particles(&self, camera: &Camera) -> std::result::Result<(), String> {
+        let p = &self.particles;
+        let given = [p.per_lenslet.is_some(), p.count.is_some(), p.csv.is_some()];
+        let given = given.iter().filter(|given| **given).count();
+        if self.flow.as_ref().is_some_and(|flow| flow.tracks().is_some()) {
+            if given > 0 {
+                return Err(
+                    "particles come from the flow's tracks, not from 'per_lenslet', 'count' or 'csv'".to_string()
+                );
+            }
+        } else if given != 1 {
+            return Err("particles must have one of 'per_lenslet', 'count' and 'csv'".to_string());
+        }
+        if p.sigma_px.is_some() == p.diameter_px.is_some() {
+            return Err("particles must have one of 'sigma_px' and 'diameter_px'".to_string());
+        }
+        if p.rays.is_some() && p.ray_noise.is_some() {
+            return Err("particles has both 'rays' and 'ray_noise'".to_string());
+        }
+        if let Some(density) = p.per_lenslet.filter(|density| !(0.0..=100.0).contains(density)) {
+            return Err(format!("particles.per_lenslet {density} is outside 0 to 100"));
+        }
+        if self.particle_count(camera) > 1e8 {
+            return Err(format!("particles: asks for {:.0} particles, more than 1e8", self.particle_count(camera)));
+        }
+        positive("particles.sigma_px", p.sigma_px.unwrap_or(1.0))?;
+        positive("particles.diameter_px", p.diameter_px.unwrap_or(1.0))?;
+        positive("particles.intensity", p.intensity)?;
+        for (key, spread) in [("size_spread", p.size_spread), ("intensity_spread", p.intensity_spread)] {
+            if let Some(spread) = spread.filter(|spread| !(0.0..=3.0).contains(spread)) {
+                return Err(format!("particles.{key} {spread} is outside 0 to 3"));
+            }
+        }
+        if let Some(noise) = p.ray_noise.filter(|noise| !(1e-4..=1.0).contains(noise)) {
+            return Err(format!("particles.ray_noise {noise} is outside 0.0001 to 1"));
+        }
+        match p.rays {
+            Some(rays @ (0 | 20_000_001..)) => Err(format!("particles.rays {rays} is outside 1 to 20000000")),
+            _ => Ok(()),
+        }
+    }
+
+    /// Particles in the volume, from the density or the count; not used with a `csv` or tracks.
     pub fn particle_count(&self, camera: &Camera) -> f64 {
         let p = &self.particles;
         if let Some(count) = p.count {
@@ -237,4 +384,30 @@ impl Scene {
         let [half_x, half_y] = camera.half_view_mm();
         1.0 - seen(self.volume.x_mm, half_x) * seen(self.volume.y_mm, half_y)
     }
+}
+
+fn positive(key: &str, value: f64) -> std::result::Result<(), String> {
+    if value.is_finite() && value > 0.0 && value < 1e12 {
+        return Ok(());
+    }
+    Err(format!("{key} is {value}, not a positive number"))
+}
+
+/// Whether the main lens makes an image of what is at a depth.
+fn check_depth(camera: &Camera, z_mm: f64) -> std::result::Result<(), String> {
+    if !z_mm.is_finite() {
+        return Err(format!("{z_mm}, not a length"));
+    }
+    if let Some(medium) = &camera.medium {
+        return if z_mm < medium.window_z_mm {
+            Ok(())
+        } else {
+            Err(format!("{z_mm} mm, beyond the window's wet face at {} mm", medium.window_z_mm))
+        };
+    }
+    let (focal, lens) = (camera.main_lens.focal_length_mm, camera.object_distance_mm());
+    if lens - z_mm > focal {
+        return Ok(());
+    }
+    Err(format!("{z_mm} mm, within the focal length ({focal} mm) of the main lens at {lens:.1} mm"))
 }

@@ -6,36 +6,68 @@ use glam::DVec3;
 use lf_core::field::{Field, Layout, MEASURED};
 use lf_core::grid::Grid;
 use lf_core::history::History;
+use rayon::prelude::*;
 
 /// A particle ends this many standard deviations from its centre along each axis; the light left out is 2e-4.
 const REACH_SIGMA: f64 = 4.0;
 
+/// A particle's share of the voxels along an axis, from the first.
+struct Profile {
+    first: usize,
+    shares: Vec<f64>,
+}
+
 /// Particles as Gaussians of `sigma_vox` voxels, sampled at voxel centres, each summing to its particle's intensity.
-/// Rising indices and intensities.
+/// Rising indices and intensities. Slices are made side by side, each in memory of its own, in the order of the particles.
 pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>, Vec<f32>) {
     let reach = REACH_SIGMA * sigma_vox;
-    let mut lit: Vec<(u64, f32)> = Vec::new();
-    for particle in particles {
-        let profile: [Vec<(usize, f64)>; 3] = std::array::from_fn(|axis| {
-            let place = grid.place_vox(axis, particle.place_mm[axis]);
-            let first = (place - reach).ceil() as i64;
-            let last = (place + reach).floor() as i64;
-            let bell = |i: i64| (-0.5 * ((i as f64 - place) / sigma_vox).powi(2)).exp();
-            let sum: f64 = (first..=last).map(bell).sum();
-            (first.max(0)..=last.min(grid.shape[axis] as i64 - 1)).map(|i| (i as usize, bell(i) / sum)).collect()
-        });
-        for &(z, wz) in &profile[2] {
-            for &(y, wy) in &profile[1] {
-                for &(x, wx) in &profile[0] {
-                    lit.push((grid.index([x, y, z]), (particle.intensity * wx * wy * wz) as f32));
-                }
-            }
+    let profile = |axis: usize, particle: &Particle| {
+        let place = grid.place_vox(axis, particle.place_mm[axis]);
+        let (first, last) = ((place - reach).ceil() as i64, (place + reach).floor() as i64);
+        let bell = |i: i64| (-0.5 * ((i as f64 - place) / sigma_vox).powi(2)).exp();
+        let sum: f64 = (first..=last).map(bell).sum();
+        let within = first.max(0)..=last.min(grid.shape[axis] as i64 - 1);
+        Profile { first: *within.start() as usize, shares: within.map(|i| bell(i) / sum).collect() }
+    };
+    let mut slices: Vec<Vec<(usize, f64)>> = vec![Vec::new(); grid.shape[2]];
+    for (n, particle) in particles.iter().enumerate() {
+        let Profile { first, shares } = profile(2, particle);
+        for (z, share) in shares.iter().enumerate() {
+            slices[first + z].push((n, particle.intensity * share));
         }
     }
-    lit.sort_by_key(|(index, _)| *index);
-    let mut indices: Vec<u64> = Vec::with_capacity(lit.len());
-    let mut intensity: Vec<f32> = Vec::with_capacity(lit.len());
-    for (index, value) in lit {
+    let lit: Vec<(Vec<u64>, Vec<f32>)> = slices
+        .par_iter()
+        .enumerate()
+        .map(|(z, members)| {
+            let mut voxels: Vec<(u64, f32)> = Vec::new();
+            for &(n, light) in members {
+                let (across, down) = (profile(0, &particles[n]), profile(1, &particles[n]));
+                for (y, wy) in down.shares.iter().enumerate() {
+                    for (x, wx) in across.shares.iter().enumerate() {
+                        let index = grid.index([across.first + x, down.first + y, z]);
+                        voxels.push((index, (light * wx * wy) as f32));
+                    }
+                }
+            }
+            merged(voxels)
+        })
+        .collect();
+    let count = lit.iter().map(|(indices, _)| indices.len()).sum();
+    let (mut indices, mut intensity) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    for (slice_indices, slice_intensity) in lit {
+        indices.extend(slice_indices);
+        intensity.extend(slice_intensity);
+    }
+    (indices, intensity)
+}
+
+/// Rising indices, and the sums of what stands at each in the order given.
+fn merged(mut voxels: Vec<(u64, f32)>) -> (Vec<u64>, Vec<f32>) {
+    voxels.sort_by_key(|(index, _)| *index);
+    let mut indices: Vec<u64> = Vec::with_capacity(voxels.len());
+    let mut intensity: Vec<f32> = Vec::with_capacity(voxels.len());
+    for (index, value) in voxels {
         if indices.last() == Some(&index) {
             *intensity.last_mut().expect("as long as indices") += value;
         } else {
@@ -46,10 +78,10 @@ pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>,
     (indices, intensity)
 }
 
-/// The displacement from one frame to the next at `shape` places from bound to bound; see
-/// [`Velocity::displacement_mm`].
+/// The displacement during `interval` at `shape` places from bound to bound; see [`Velocity::displacement_mm`].
 pub fn displacement(
     flow: &Velocity,
+    interval: f64,
     bounds_mm: [[f64; 2]; 3],
     shape: [usize; 3],
     voxel_mm: [f64; 3],
@@ -59,20 +91,14 @@ pub fn displacement(
     let origin_mm = bounds_mm.map(|[low, _]| low);
     let layout = Layout { shape, spacing_mm, origin_mm, voxel_mm, window: [0; 3], overlap: 0.0, history };
     let mut field = Field::empty(layout);
-    let mut n = 0;
-    for k in 0..shape[2] {
-        for j in 0..shape[1] {
-            for i in 0..shape[0] {
-                let steps = DVec3::new(i as f64, j as f64, k as f64);
-                let place = DVec3::from(origin_mm) + steps * DVec3::from(spacing_mm);
-                let d = flow.displacement_mm(place);
-                (field.u[n], field.v[n], field.w[n]) = (d.x as f32, d.y as f32, d.z as f32);
-                field.peak[n] = 1.0;
-                field.flag[n] = MEASURED;
-                n += 1;
-            }
-        }
+    let place = |n: usize| DVec3::from(field.place_mm(n));
+    let vectors: Vec<DVec3> =
+        (0..field.len()).into_par_iter().map(|n| flow.displacement_mm(place(n), interval)).collect();
+    for (n, d) in vectors.iter().enumerate() {
+        (field.u[n], field.v[n], field.w[n]) = (d.x as f32, d.y as f32, d.z as f32);
     }
+    field.peak.fill(1.0);
+    field.flag.fill(MEASURED);
     field
 }
 
@@ -84,7 +110,7 @@ mod tests {
     fn a_particle_keeps_its_intensity_and_place() {
         let grid = Grid { shape: [20, 20, 20], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [0.0; 3] };
         let place_mm = DVec3::new(1.03, 0.88, 9.7);
-        let particles = [Particle { id: 0, place_mm, intensity: 50.0 }];
+        let particles = [Particle { id: 0, place_mm, intensity: 50.0, size: 1.0 }];
         let (indices, intensity) = volume(&grid, &particles, 0.75);
         assert!(indices.windows(2).all(|pair| pair[0] < pair[1]));
         let sum: f64 = intensity.iter().map(|v| f64::from(*v)).sum();
@@ -103,7 +129,7 @@ mod tests {
     #[test]
     fn neighbours_add_up() {
         let grid = Grid { shape: [8, 8, 8], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-        let particle = |id, x| Particle { id, place_mm: DVec3::new(x, 4.0, 4.0), intensity: 1.0 };
+        let particle = |id, x| Particle { id, place_mm: DVec3::new(x, 4.0, 4.0), intensity: 1.0, size: 1.0 };
         let both = volume(&grid, &[particle(0, 3.0), particle(1, 4.0)], 0.75);
         let sum: f32 = both.1.iter().sum();
         assert!((sum - 2.0).abs() < 1e-3);

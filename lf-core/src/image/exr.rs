@@ -130,7 +130,7 @@ pub(crate) fn write(
 }
 
 /// JSON with every letter beyond ASCII as an escape: EXR text names no encoding.
-fn ascii(json: &str) -> String {
+pub(super) fn ascii(json: &str) -> String {
     let mut text = String::with_capacity(json.len());
     for letter in json.chars() {
         if letter.is_ascii() {

@@ -1,10 +1,12 @@
 //! Light-field images: EXR, TIFF, PNG to and from `Array2<f32>` of shape (height, width), row 0 at the top.
 //!
-//! What is written: EXR in one part with one `f32` channel `Y`, linear counts, ZIP1, rows from top to bottom, and one text
-//! attribute `lf:history` with the steps as JSON. Equal images and histories give equal bytes.
-//! What is read, by the first bytes and not by the name: that (also with half or whole-number samples, any compression
-//! the library knows), TIFF of one page with 8-bit, 16-bit or `f32` grey, PNG with 8-bit or 16-bit grey. Values are taken
-//! as they stand: no gamma, no scaling.
+//! What is written, by the extension of the name: EXR in one part with one `f32` channel `Y`, linear counts, ZIP1, rows
+//! from top to bottom, and one text attribute `lf:history` with the steps as JSON; or, under `.tif` and `.tiff`, TIFF
+//! of one page with 16-bit grey, whole counts, not compressed, and the same steps in the tag `ImageDescription`. Equal
+//! images and histories give equal bytes.
+//! What is read, by the first bytes and not by the name: that (EXR also with half or whole-number samples, any
+//! compression the library knows), TIFF of one page with 8-bit, 16-bit or `f32` grey, PNG with 8-bit or 16-bit grey.
+//! Values are taken as they stand: no gamma, no scaling.
 
 pub(crate) mod exr;
 mod frame;
@@ -62,7 +64,7 @@ pub fn open(path: &Path) -> Result<Image> {
 pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
     guarded(|| match bytes {
         [0x76, 0x2f, 0x31, 0x01, ..] => light_field(bytes),
-        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::read(bytes).map(plain),
+        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::read(bytes),
         [0x89, b'P', b'N', b'G', ..] => png::read(bytes).map(plain),
         [] => Err(refusal("empty", "wanted an EXR, TIFF or PNG image")),
         _ => Err(refusal("not an image by its first bytes", "wanted EXR, TIFF or PNG")),
@@ -88,26 +90,37 @@ pub fn open_counts(path: &Path) -> Result<Image> {
     }
 }
 
-/// Writes an EXR; `-` is standard output.
+/// Writes an EXR, or a 16-bit TIFF where the name ends in `.tif` or `.tiff`; `-` is an EXR on standard output. A TIFF
+/// holds counts rounded to whole ones and clipped to 0..=65535: [`outside_u16`] says how many are clipped.
 ///
 /// # Errors
-/// Those of writing, no pixels, and a name that promises another format.
+/// Those of writing, no pixels, a name that promises another format, and NaN for a TIFF.
 pub fn save(path: &Path, pixels: &Array2<f32>, history: &History) -> Result<()> {
     let name = io::output_name(path);
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    if ["tif", "tiff", "png", "jpg", "jpeg"].contains(&extension.as_str()) {
-        return Err(Error::new(name, format!("the name of a .{extension} file"), "wanted .exr, the format written"));
-    }
-    let bytes = to_bytes(pixels, history).map_err(|(found, wanted)| Error::new(&name, found, wanted))?;
+    let bytes = match extension.as_str() {
+        "png" | "jpg" | "jpeg" => {
+            Err(refusal(format!("the name of a .{extension} file"), "wanted .exr or .tif, the formats written"))
+        }
+        "tif" | "tiff" => steps(history).and_then(|steps| guarded(|| tiff::write(pixels, steps))),
+        _ => steps(history).and_then(|steps| {
+            let (height, width) = pixels.dim();
+            let steps = steps.map(|steps| (HISTORY, steps));
+            guarded(|| exr::write(width, height, vec![("Y", pixels.iter().copied().collect())], steps))
+        }),
+    };
+    let bytes = bytes.map_err(|(found, wanted)| Error::new(&name, found, wanted))?;
     io::save(path, |out| out.write_all(&bytes))
 }
 
-/// The bytes that [`save`] writes.
-fn to_bytes(pixels: &Array2<f32>, history: &History) -> std::result::Result<Vec<u8>, Refusal> {
-    let (height, width) = pixels.dim();
-    let steps =
-        if history.is_empty() { None } else { Some((HISTORY, serde_json::to_string(history).map_err(damaged)?)) };
-    guarded(|| exr::write(width, height, vec![("Y", pixels.iter().copied().collect())], steps))
+/// How many pixels [`save`] clips in a TIFF: those that do not round to 0..=65535, NaN among them.
+pub fn outside_u16(pixels: &Array2<f32>) -> u64 {
+    pixels.iter().filter(|value| !(0.0..=65535.0).contains(&value.round())).count() as u64
+}
+
+/// The steps as JSON; None where there are none.
+fn steps(history: &History) -> std::result::Result<Option<String>, Refusal> {
+    if history.is_empty() { Ok(None) } else { serde_json::to_string(history).map(Some).map_err(damaged) }
 }
 
 fn plain(pixels: Array2<f32>) -> Image {

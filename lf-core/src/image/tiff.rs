@@ -1,9 +1,14 @@
-//! TIFF of one page, 8-bit, 16-bit or `f32` grey.
+//! TIFF of one page: 8-bit, 16-bit or `f32` grey read, 16-bit grey written.
 
-use super::{Refusal, array, believable, damaged, refusal};
+use super::exr::ascii;
+use super::{Image, Refusal, array, believable, damaged, refusal};
+use crate::history::History;
 use ::tiff::ColorType;
 use ::tiff::decoder::{Decoder, DecodingResult, Limits};
+use ::tiff::encoder::colortype::Gray16;
+use ::tiff::encoder::{TiffEncoder, TiffKindStandard};
 use ::tiff::tags::Tag;
+use ::tiff::{TiffError, TiffResult};
 use ndarray::Array2;
 use std::io::Cursor;
 
@@ -15,7 +20,7 @@ const BLACK_IS_ZERO: u16 = 1;
 /// Pages counted before it stops to matter; also ends a chain of directories that bites its tail.
 const MANY: usize = 10_000;
 
-pub(super) fn read(bytes: &[u8]) -> Result<Array2<f32>, Refusal> {
+pub(super) fn read(bytes: &[u8]) -> Result<Image, Refusal> {
     match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
         1 => {}
         MANY.. => return Err(refusal(format!("{MANY} pages or more"), "wanted one page (split the stack into files)")),
@@ -36,6 +41,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Array2<f32>, Refusal> {
         return Err(refusal("inverted grey, 0 is white", "wanted linear counts, 0 is black"));
     }
     believable(width.into(), height.into(), u64::from(depth / 8), bytes.len())?;
+    let history = history(&mut decoder);
 
     let most = width as usize * height as usize * 4;
     let mut limits = Limits::default();
@@ -50,8 +56,64 @@ pub(super) fn read(bytes: &[u8]) -> Result<Array2<f32>, Refusal> {
         DecodingResult::F16(_) => return Err(refusal("16-bit float", WANTED)),
         _ => return Err(refusal("signed samples", WANTED)),
     };
-    array(width as usize, height as usize, values)
+    Ok(Image { pixels: array(width as usize, height as usize, values)?, history })
 }
+
+/// The steps in `ImageDescription`; empty where it says anything else.
+fn history(decoder: &mut Decoder<Cursor<&[u8]>>) -> History {
+    let text = decoder.find_tag(Tag::ImageDescription).ok().flatten().and_then(|value| value.into_string().ok());
+    text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
+}
+
+/// One page of 16-bit grey in strips that are not compressed, in the byte order of the machine; `steps` is JSON text.
+/// Counts are rounded to the nearest whole one, halves away from zero, and clipped. Equal input gives equal bytes.
+///
+/// # Errors
+/// No pixels, NaN, and more than the 4 GiB of a classic TIFF.
+pub(super) fn write(pixels: &Array2<f32>, steps: Option<String>) -> Result<Vec<u8>, Refusal> {
+    let (height, width) = pixels.dim();
+    if width == 0 || height == 0 {
+        return Err(refusal(format!("{width} x {height} pixels to write"), "wanted an image with pixels"));
+    }
+    if let Some(((y, x), _)) = pixels.indexed_iter().find(|(_, value)| value.is_nan()) {
+        let bad = pixels.iter().filter(|value| value.is_nan()).count();
+        let bad = if bad == 1 { "1 pixel is".into() } else { format!("{bad} pixels are") };
+        let found = format!("{bad} NaN, the first at x {x}, y {y}");
+        return Err(refusal(found, "wanted numbers for a 16-bit TIFF, or the name of an .exr"));
+    }
+    encode(pixels, width, height, steps)
+        .map_err(|error| refusal(format!("cannot be encoded ({error})"), "wanted an image that fits the TIFF format"))
+}
+
+fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<String>) -> TiffResult<Vec<u8>> {
+    let length = 2 * width * height;
+    if u32::try_from(length).is_err() {
+        return Err(TiffError::IntSizeError);
+    }
+    let mut file = Cursor::new(Vec::with_capacity(length + TAGS));
+    let mut encoder = TiffEncoder::<_, TiffKindStandard>::new(&mut file)?;
+    let mut page = encoder.new_image::<Gray16>(u32::try_from(width)?, u32::try_from(height)?)?;
+    if let Some(steps) = steps {
+        page.encoder().write_tag(Tag::ImageDescription, ascii(&steps).as_str())?;
+    }
+    let mut values = pixels.iter();
+    let mut strip: Vec<u16> = Vec::new();
+    loop {
+        let samples = page.next_strip_sample_count() as usize;
+        if samples == 0 {
+            break;
+        }
+        strip.clear();
+        // A cast from float to whole number saturates.
+        strip.extend(values.by_ref().take(samples).map(|value| value.round() as u16));
+        page.write_strip(&strip)?;
+    }
+    page.finish()?;
+    Ok(file.into_inner())
+}
+
+/// Room for what is not pixels, bytes; more would only make the buffer move once.
+const TAGS: usize = 64 << 10;
 
 /// Follows the chain of directories, in either byte order, classic or BigTIFF. None where it leaves the file, or where a
 /// tag of the first claims more bytes than the file has: the library would make room for them before it looks.

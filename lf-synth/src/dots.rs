@@ -1,0 +1,216 @@
+//! A plate of dots that is shown at known depths: the target of a calibration.
+
+use crate::particles::Particle;
+use crate::render::{Glow, Rays};
+use crate::samples::Shape;
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// A square grid of dots on a plate across the optical axis, one image a depth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Dots {
+    /// From a dot to the next of its row or column, mm.
+    pub spacing_mm: f64,
+    /// Across a dot, mm.
+    pub diameter_mm: f64,
+    /// The plate's z in each image, mm.
+    pub depths_mm: Vec<f64>,
+    /// Counts that one dot sends through the aperture.
+    #[serde(default = "default_intensity")]
+    pub intensity: f64,
+    /// Turn of the grid about its centre, from x to y, rad.
+    #[serde(default)]
+    pub rotation_rad: f64,
+    /// Place of the grid's centre, x and y, where a dot sits, mm.
+    #[serde(default)]
+    pub centre_mm: [f64; 2],
+    /// Half the plate's extent along its rows and columns, about its centre, mm; absent, the plate fills what the
+    /// sensor sees of the focal plane, whatever its turn and centre.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub half_size_mm: Option<[f64; 2]>,
+}
+
+fn default_intensity() -> f64 {
+    1e5
+}
+
+/// The most dots a plate may have.
+const MOST: f64 = 1e6;
+
+/// A dot this part of a spacing beyond the edge is on it: 3 mm are 30 spacings of 0.1 mm, though not in binary.
+const EDGE: f64 = 1e-9;
+
+impl Dots {
+    /// What a dot sends out: an even disc.
+    pub fn glow(&self, rays: Rays) -> Glow {
+        Glow { shape: Shape::Disc, size_mm: 0.5 * self.diameter_mm, rays }
+    }
+
+    /// Checks what the types do not, for a sensor that sees `half_view_mm` of the focal plane to either side of the
+    /// axis.
+    ///
+    /// # Errors
+    /// Names the key.
+    pub fn check(&self, half_view_mm: [f64; 2]) -> Result<(), String> {
+        let [half_x, half_y] = self.half_size_mm.unwrap_or([1.0; 2]);
+        for (key, value) in [
+            ("spacing_mm", self.spacing_mm),
+            ("diameter_mm", self.diameter_mm),
+            ("intensity", self.intensity),
+            ("half_size_mm", half_x),
+            ("half_size_mm", half_y),
+        ] {
+            if !(value > 0.0 && value < 1e12) {
+                return Err(format!("dots.{key} is {value}, not a positive number"));
+            }
+        }
+        if self.diameter_mm >= self.spacing_mm {
+            return Err(format!(
+                "dots.diameter_mm {} is not below dots.spacing_mm {}: the dots touch",
+                self.diameter_mm, self.spacing_mm
+            ));
+        }
+        let [x, y] = self.centre_mm;
+        for (key, value) in [("rotation_rad", self.rotation_rad), ("centre_mm", x), ("centre_mm", y)] {
+            if !(-1e12..1e12).contains(&value) {
+                return Err(format!("dots.{key} is {value}, not a finite number"));
+            }
+        }
+        if self.depths_mm.is_empty() || self.depths_mm.len() > 10_000 {
+            return Err(format!("dots.depths_mm has {} depths, outside 1 to 10000", self.depths_mm.len()));
+        }
+        if let Some(depth) = self.depths_mm.iter().find(|depth| !depth.is_finite()) {
+            return Err(format!("dots.depths_mm has {depth}, not a finite number"));
+        }
+        let [columns, rows] = self.steps(half_view_mm).map(|[first, last]| (last - first + 1.0).max(0.0));
+        if columns * rows > MOST {
+            return Err(format!(
+                "dots asks for a grid of {columns} x {rows} = {:.0} dots, more than {MOST:.0}",
+                columns * rows
+            ));
+        }
+        Ok(())
+    }
+
+    /// The dots with the plate at `depth_mm`, row by row from low y, in the frame of the plate; ids from 0 and the same
+    /// at every depth. `half_view_mm` as for [`check`](Self::check), which must have passed.
+    pub fn target(&self, half_view_mm: [f64; 2], depth_mm: f64) -> Vec<Particle> {
+        let [columns, rows] = self.steps(half_view_mm);
+        let count = |[first, last]: [f64; 2]| (last - first + 1.0).max(0.0) as u64;
+        let (turn, centre) = (DVec2::from_angle(self.rotation_rad), DVec2::from(self.centre_mm));
+        let seen = DVec2::from(half_view_mm) + EDGE * self.spacing_mm;
+        let place = |row: u64, column: u64| {
+            let steps = DVec2::new(columns[0] + column as f64, rows[0] + row as f64);
+            centre + turn.rotate(steps * self.spacing_mm)
+        };
+        (0..count(rows))
+            .flat_map(|row| (0..count(columns)).map(move |column| place(row, column)))
+            .filter(|place| self.half_size_mm.is_some() || place.abs().cmple(seen).all())
+            .zip(0..)
+            .map(|(place, id)| Particle {
+                id,
+                place_mm: DVec3::new(place.x, place.y, depth_mm),
+                intensity: self.intensity,
+                size: 1.0,
+            })
+            .collect()
+    }
+
+    /// First and last step from the centre along rows and columns that may bear a dot: the plate's, or those of the box
+    /// around the view in the plate's frame.
+    fn steps(&self, half_view_mm: [f64; 2]) -> [[f64; 2]; 2] {
+        let (middle, reach) = match self.half_size_mm {
+            Some(half) => (DVec2::ZERO, DVec2::from(half)),
+            None => {
+                let turn = DVec2::from_angle(self.rotation_rad);
+                let half = DVec2::from(half_view_mm);
+                let middle = DVec2::from_angle(-self.rotation_rad).rotate(-DVec2::from(self.centre_mm));
+                let [across, along] = [turn.x.abs(), turn.y.abs()];
+                (middle, DVec2::new(across * half.x + along * half.y, along * half.x + across * half.y))
+            }
+        };
+        let first = ((middle - reach) / self.spacing_mm - EDGE).ceil();
+        let last = ((middle + reach) / self.spacing_mm + EDGE).floor();
+        [[first.x, last.x], [first.y, last.y]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn dots() -> Dots {
+        serde_json::from_str(r#"{"spacing_mm": 0.1, "diameter_mm": 0.03, "depths_mm": [-1, 0, 1]}"#).unwrap()
+    }
+
+    #[test]
+    fn a_plain_plate_by_hand() {
+        let plate = Dots { half_size_mm: Some([0.3, 0.1]), ..dots() };
+        plate.check([1.0, 1.0]).unwrap();
+        let target = plate.target([1.0, 1.0], 0.5);
+        assert_eq!(target.len(), 7 * 3);
+        for (n, dot) in target.iter().enumerate() {
+            let place = DVec3::new(((n % 7) as f64 - 3.0) * 0.1, ((n / 7) as f64 - 1.0) * 0.1, 0.5);
+            assert!(dot.place_mm.distance(place) < 1e-12, "{dot:?}");
+            assert_eq!((dot.id, dot.intensity, dot.size), (n as u64, 1e5, 1.0));
+        }
+    }
+
+    #[test]
+    fn a_dot_is_the_same_at_every_depth() {
+        let plate = Dots { rotation_rad: 0.2, centre_mm: [0.04, -0.03], ..dots() };
+        let [near, far] = [1.0, -1.0].map(|depth| plate.target([2.0, 1.0], depth));
+        assert_eq!(near.len(), far.len());
+        for (a, b) in near.iter().zip(&far) {
+            assert_eq!((a.id, a.place_mm.truncate()), (b.id, b.place_mm.truncate()));
+            assert_eq!((a.place_mm.z, b.place_mm.z), (1.0, -1.0));
+        }
+        assert!(near.iter().enumerate().all(|(n, dot)| dot.id == n as u64));
+    }
+
+    /// Whatever its turn and centre, a plate without a size fills the view and goes no further: every dot of a greater
+    /// plate that lies in the view is there, and no other.
+    #[test]
+    fn without_a_size_the_plate_fills_the_view() {
+        for (rotation_rad, centre_mm) in [(0.0, [0.0; 2]), (0.3, [0.0; 2]), (-2.2, [0.37, -5.0]), (1.6, [9.0, 0.02])] {
+            let plate = Dots { rotation_rad, centre_mm, ..dots() };
+            let view = [0.91, 0.52];
+            plate.check(view).unwrap();
+            let all = Dots { half_size_mm: Some([11.0; 2]), ..plate.clone() }.target(view, 0.0);
+            let in_view = |dot: &&Particle| dot.place_mm.x.abs() <= view[0] && dot.place_mm.y.abs() <= view[1];
+            let wanted: Vec<DVec3> = all.iter().filter(in_view).map(|dot| dot.place_mm).collect();
+            let found: Vec<DVec3> = plate.target(view, 0.0).iter().map(|dot| dot.place_mm).collect();
+            assert!(wanted.len() > 150 && found.len() == wanted.len(), "{} of {}", found.len(), wanted.len());
+            assert!(found.iter().zip(&wanted).all(|(a, b)| a.distance(*b) < 1e-12));
+        }
+    }
+
+    #[test]
+    fn the_centre_bears_a_dot_and_the_grid_turns_about_it_from_x_to_y() {
+        let plate = Dots { rotation_rad: 0.1, centre_mm: [0.2, -0.1], ..dots() };
+        let target = plate.target([1.0, 1.0], 0.0);
+        let at = |place: DVec3| target.iter().find(|dot| dot.place_mm.distance(place) < 1e-12);
+        let centre = at(DVec3::new(0.2, -0.1, 0.0)).unwrap();
+        let next = at(DVec3::new(0.2 + 0.1 * 0.1f64.cos(), -0.1 + 0.1 * 0.1f64.sin(), 0.0)).unwrap();
+        assert_eq!(next.id, centre.id + 1);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let refused = |plate: Dots| plate.check([3.0, 2.0]).unwrap_err();
+        assert!(dots().check([3.0, 2.0]).is_ok());
+        assert!(refused(Dots { spacing_mm: f64::NAN, ..dots() }).contains("dots.spacing_mm is NaN"));
+        assert!(refused(Dots { diameter_mm: 0.0, ..dots() }).contains("dots.diameter_mm is 0"));
+        assert!(refused(Dots { diameter_mm: 0.1, ..dots() }).contains("the dots touch"));
+        assert!(refused(Dots { intensity: -1.0, ..dots() }).contains("dots.intensity is -1"));
+        assert!(refused(Dots { half_size_mm: Some([1.0, 0.0]), ..dots() }).contains("dots.half_size_mm is 0"));
+        assert!(refused(Dots { rotation_rad: f64::INFINITY, ..dots() }).contains("dots.rotation_rad is inf"));
+        assert!(refused(Dots { centre_mm: [0.0, f64::NAN], ..dots() }).contains("dots.centre_mm is NaN"));
+        assert!(refused(Dots { depths_mm: vec![], ..dots() }).contains("dots.depths_mm has 0 depths"));
+        assert!(refused(Dots { depths_mm: vec![0.0, f64::NAN], ..dots() }).contains("dots.depths_mm has NaN"));
+        let dense = Dots { spacing_mm: 0.001, diameter_mm: 0.0005, ..dots() };
+        assert_eq!(refused(dense), "dots asks for a grid of 6001 x 4001 = 24010001 dots, more than 1000000");
+        assert!(serde_json::from_str::<Dots>(r#"{"spacing": 1}"#).unwrap_err().to_string().contains("unknown field"));
+    }
+}

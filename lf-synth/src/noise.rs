@@ -1,0 +1,37 @@
+//! The noise of the ray tracing itself, measured.
+
+use crate::particles::Particle;
+use crate::render::{Glow, Instrument};
+use ndarray::Array2;
+
+/// Particles that it is measured on.
+pub const SAMPLE: usize = 200;
+
+/// Renders that are averaged, each with rays of its own, to stand for one of so many times the rays.
+const RENDERS: u64 = 100;
+
+/// Root mean square error of the lit pixels over the brightest pixel, for the [`SAMPLE`] particles nearest in x and y to
+/// their common middle, which overlap there as they do in the whole frame. 0 without light.
+pub fn measure(instrument: &Instrument, particles: &[Particle], glow: &Glow, seed: u64) -> f64 {
+    let middle = particles.iter().map(|particle| particle.place_mm.truncate()).sum::<glam::DVec2>()
+        / particles.len().max(1) as f64;
+    let mut near = particles.to_vec();
+    let distance = |particle: &Particle| (particle.place_mm.truncate() - middle).abs().max_element();
+    near.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    near.truncate(SAMPLE);
+    let render = |n: u64| instrument.frame(&near, glow, seed ^ (n << 48), |_| ()).pixels;
+    let one = render(0);
+    let mut mean = Array2::<f64>::zeros(one.dim());
+    for n in 1..=RENDERS {
+        mean.zip_mut_with(&render(n), |sum, pixel| *sum += f64::from(*pixel) / RENDERS as f64);
+    }
+    let brightest = mean.iter().copied().fold(0.0, f64::max);
+    let (mut squares, mut lit) = (0.0, 0u64);
+    for (one, mean) in one.iter().zip(&mean) {
+        if *mean > 0.0 {
+            squares += (f64::from(*one) - mean).powi(2);
+            lit += 1;
+        }
+    }
+    if lit == 0 { 0.0 } else { (squares / lit as f64).sqrt() / brightest }
+}

@@ -1,0 +1,97 @@
+//! Rays counted by pixel.
+
+use ndarray::Array2;
+use rayon::prelude::*;
+
+/// Rays counted by pixel in a part of the sensor, and those that fell on the sensor beside it.
+#[derive(Debug, Default)]
+pub struct Patch {
+    left: usize,
+    top: usize,
+    width: usize,
+    rays: Vec<u32>,
+    strays: Vec<usize>,
+    arrived: u64,
+    counts_per_ray: f64,
+}
+
+impl Patch {
+    /// Empties it and moves it to the pixels from `low` to below `high` that are on a sensor of `size`, all as (column, row).
+    pub fn clear(&mut self, low: [f64; 2], high: [f64; 2], size: [usize; 2], counts_per_ray: f64) {
+        // A bound that is not a number counts as 0.
+        let on_sensor = |place: f64, axis: usize| place.clamp(0.0, size[axis] as f64) as usize;
+        let [left, top] = [0, 1].map(|axis| on_sensor(low[axis].floor(), axis));
+        let [right, bottom] = [0, 1].map(|axis| on_sensor(high[axis].ceil(), axis));
+        (self.left, self.top, self.width) = (left, top, right.saturating_sub(left));
+        self.rays.clear();
+        self.rays.resize(self.width * bottom.saturating_sub(top), 0);
+        self.strays.clear();
+        (self.arrived, self.counts_per_ray) = (0, counts_per_ray);
+    }
+
+    /// Its left and top edges, px.
+    pub fn corner(&self) -> [f64; 2] {
+        [self.left as f64, self.top as f64]
+    }
+
+    /// Counts rays by the column and row of their pixel from its corner, on a sensor of `size`.
+    #[inline(always)]
+    pub fn count(&mut self, columns: &[i32], rows: &[i32], size: [usize; 2]) {
+        let wide = self.width as u32;
+        let high = (self.rays.len() / self.width.max(1)) as u32;
+        let mut within = 0;
+        for (&column, &row) in columns.iter().zip(rows) {
+            // What is negative wraps to beyond the patch.
+            let (x, y) = (column as u32, row as u32);
+            if x < wide && y < high {
+                self.rays[(y * wide + x) as usize] += 1;
+                within += 1;
+            } else {
+                self.stray(column.into(), row.into(), size);
+            }
+        }
+        self.arrived += within;
+    }
+
+    #[cold]
+    fn stray(&mut self, column: i64, row: i64, [width, height]: [usize; 2]) {
+        let (x, y) = (column + self.left as i64, row + self.top as i64);
+        if (0..width as i64).contains(&x) && (0..height as i64).contains(&y) {
+            self.strays.push(y as usize * width + x as usize);
+            self.arrived += 1;
+        }
+    }
+
+    /// Counts that arrived on the sensor.
+    pub fn arrived(&self) -> f64 {
+        self.arrived as f64 * self.counts_per_ray
+    }
+}
+
+/// Rows of an image that a thread adds to at a time.
+const BAND: usize = 64;
+
+/// Adds patches to an image in their order.
+pub fn add(image: &mut Array2<f32>, patches: &[Patch]) {
+    let width = image.ncols();
+    let pixels = image.as_slice_mut().expect("an image of our own is in rows");
+    pixels.par_chunks_mut(BAND * width).enumerate().for_each(|(band, rows)| {
+        for patch in patches.iter().filter(|patch| !patch.rays.is_empty()) {
+            let height = patch.rays.len() / patch.width;
+            let from = patch.top.max(band * BAND);
+            let to = (patch.top + height).min(band * BAND + rows.len() / width);
+            for row in from..to {
+                let start = (row - band * BAND) * width + patch.left;
+                let counted = &patch.rays[(row - patch.top) * patch.width..][..patch.width];
+                for (pixel, rays) in rows[start..][..patch.width].iter_mut().zip(counted) {
+                    *pixel += (f64::from(*rays) * patch.counts_per_ray) as f32;
+                }
+            }
+        }
+    });
+    for patch in patches {
+        for &stray in &patch.strays {
+            pixels[stray] += patch.counts_per_ray as f32;
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Images whose answer is known on paper.
+
+use glam::{DVec2, DVec3};
+use lf_core::camera::{Aperture, Camera, Medium};
+use lf_synth::light::SecondStop;
+use lf_synth::particles::Particle;
+use lf_synth::ready;
+use lf_synth::render::{Glow, Instrument, Rays, Rendered};
+use lf_synth::samples::Shape;
+
+/// The simulations' camera: m = 1, s_i = s_o = 400 mm, D = 100 mm, k = 0.00077, lenslets of 14 px.
+fn camera(aperture: Aperture) -> Camera {
+    let scene = ready::scene("core").unwrap();
+    let mut camera = Camera::from_json(&scene["camera"].to_string()).unwrap();
+    camera.main_lens.aperture = aperture;
+    camera
+}
+
+fn point(place: [f64; 3]) -> Particle {
+    Particle { id: 7, place_mm: DVec3::from(place), intensity: 1000.0, size: 1.0 }
+}
+
+/// A point that is almost one: 1e-4 px.
+fn image_of(camera: &Camera, stop: Option<SecondStop>, place: [f64; 3], rays: u32) -> Rendered {
+    let glow = Glow { shape: Shape::Disc, size_mm: 5.5e-7, rays: Rays::Each(rays) };
+    Instrument::new(camera, stop, None).frame(&[point(place)], &glow, 1, |_| ())
+}
+
+/// Mean place of the light in a part of the image, px from the left and top edges.
+fn centroid(image: &Rendered, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) -> DVec2 {
+    let (mut sum, mut moment) = (0.0, DVec2::ZERO);
+    for row in rows {
+        for column in columns.clone() {
+            let light = f64::from(image.pixels[[row, column]]);
+            sum += light;
+            moment += light * DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+        }
+    }
+    moment / sum
+}
+
+/// A point in focus on the axis of lenslet (2, 3) lights that lenslet's image, a disc as wide as the pitch centred at
+/// c (1 + k), evenly: 1000 counts over pi 7^2 pixels.
+#[test]
+fn a_point_in_focus_fills_the_disc_of_one_lenslet() {
+    let camera = camera(Aperture::Circle);
+    let centre_mm = DVec2::new(2.5, 3.5) * 0.077;
+    let image = image_of(&camera, None, [-centre_mm.x, -centre_mm.y, 0.0], 1_000_000);
+    let centre_px = centre_mm * 1.00077 / 0.0055 + 266.0;
+    let even = 1000.0 / (std::f64::consts::PI * 49.0);
+    for ((row, column), light) in image.pixels.indexed_iter() {
+        let distance = DVec2::new(column as f64 + 0.5, row as f64 + 0.5).distance(centre_px);
+        let wanted = if distance < 7.0 - 0.75 {
+            even
+        } else if distance > 7.0 + 0.75 {
+            0.0
+        } else {
+            continue;
+        };
+        assert!((f64::from(*light) - wanted).abs() < 0.02 * even, "{light} at {column}, {row}");
+    }
+    assert!((image.arrived - image.emitted).abs() < 1e-6);
+}
+
+/// Light is neither made nor lost: what arrives is what is in the image, and beside the sensor's edge, where a point on the
+/// axis of the edge's lenslets has half of its light, the other half is lost.
+#[test]
+fn light_arrives_or_is_lost() {
+    let camera = camera(Aperture::Square);
+    let half = 38.0 * 0.5 * 0.077;
+    for (x, share) in [(0.0, 1.0), (half, 0.5), (half + 1.0, 0.0)] {
+        let image = image_of(&camera, None, [x, 0.02, 4.0], 40_000);
+        let sum: f64 = image.pixels.iter().map(|light| f64::from(*light)).sum();
+        assert!((sum - image.arrived).abs() < 1e-3 && image.emitted == 1000.0);
+        assert!((image.arrived / image.emitted - share).abs() < 0.02, "{x}: {}", image.arrived / image.emitted);
+    }
+}
+
+/// The middle of the light under lenslet c of a point on the axis is at c + k (1 - 1/alpha) c: it drifts from lenslet to
+/// lenslet by k (1 - 1/alpha) of the pitch, inwards before the focal plane (Z > 0) and outwards behind it.
+#[test]
+fn sub_images_drift_by_the_depth_and_its_sign() {
+    let camera = camera(Aperture::Square);
+    for z in [-4.0f64, -2.0, 2.0, 4.0] {
+        let image = image_of(&camera, None, [0.0385, 0.0385, z], 400_000);
+        let beta = 400.0 / (400.0 - z);
+        let alpha = beta - 1.0;
+        // Lenslets 3 either way from the one on which the point's image lies, none cut by the rim of the beam.
+        let centre_px = |n: i64| (n as f64 + 0.5) * 14.0 + 266.0;
+        for n in [-3, -2, 0, 1] {
+            let c = (n as f64 + 0.5) * 0.077;
+            let by_hand = 0.00077 * (c - (c + beta * 0.0385) / alpha) / 0.0055;
+            let near = |place: f64| (place - 5.0) as usize..(place + 5.0) as usize;
+            let found = centroid(&image, near(centre_px(n) + by_hand), near(centre_px(-1))).x - centre_px(n);
+            assert!((found - by_hand).abs() < 0.05, "lenslet {n} at {z} mm: {found} px, not {by_hand}");
+        }
+    }
+}
+
+/// Images of lenslets in white light are p (1 + k) apart: over 30 lenslets, 0.32 px more than the lenslets are.
+#[test]
+fn lenslet_images_are_wider_apart_than_lenslets() {
+    let mut camera = camera(Aperture::Circle);
+    camera.main_lens.working_f_number = 8.0;
+    let image = Instrument::new(&camera, None, None).white(&camera, 1000.0, 40_000, 3, |_| ());
+    let place = |n: usize| centroid(&image, 14 * n..14 * (n + 1), 266..280).x;
+    let apart = place(34) - place(4);
+    assert!((apart - 30.0 * 14.0 * 1.00077).abs() < 0.02, "{apart}");
+    let plateau = image.pixels[[273, 273]];
+    assert!((plateau - 1000.0).abs() < 25.0, "{plateau}");
+}
+
+/// In water behind a window, near the axis of a lens stopped down, a point at depth Z looks as one at Z / n in air.
+#[test]
+fn water_brings_depths_nearer() {
+    let mut air = camera(Aperture::Square);
+    air.main_lens.working_f_number = 16.0;
+    let mut water = air.clone();
+    water.medium = Some(Medium { index: 1.333, window_z_mm: 30.0, window_thickness_mm: 10.0, window_index: 1.49 });
+    for z in [-5.0, 4.0] {
+        let (wet, dry) =
+            (image_of(&water, None, [0.1, -0.2, z], 100_000), image_of(&air, None, [0.1, -0.2, z / 1.333], 100_000));
+        let difference: f64 = wet.pixels.iter().zip(&dry.pixels).map(|(a, b)| f64::from((a - b).abs())).sum();
+        assert!(difference < 0.05 * 1000.0, "{difference} of 1000 counts differ at {z} mm");
+        let unmoved = image_of(&air, None, [0.1, -0.2, z], 100_000);
+        let difference: f64 = wet.pixels.iter().zip(&unmoved.pixels).map(|(a, b)| f64::from((a - b).abs())).sum();
+        assert!(difference > 0.5 * 1000.0, "{difference}");
+    }
+}
+
+/// The 1D oracle: shares of the aperture by pixel column, cut at lenslet edges and then at pixel edges.
+fn columns(camera: &Camera, x_mm: f64, z_mm: f64) -> Vec<f64> {
+    let (pitch, pixel) = (camera.microlenses.pitch_mm, camera.sensor.pixel_pitch_mm);
+    let (s_i, s_o) = (camera.image_distance_mm(), camera.object_distance_mm());
+    let half = 0.5 * camera.aperture_mm();
+    let k = camera.microlenses.focal_length_mm / s_i;
+    let beta = s_i / (s_o - z_mm);
+    let alpha = 1.0 - s_i / camera.main_lens.focal_length_mm + beta;
+    let width = camera.sensor.width;
+    let mut shares = vec![0.0; width];
+    for lenslet in -40..40 {
+        let centre = (f64::from(lenslet) + 0.5) * pitch;
+        let through = |edge: f64| (edge + beta * x_mm) / alpha;
+        let (a, b) = (through(centre - 0.5 * pitch), through(centre + 0.5 * pitch));
+        let (low, high) = (a.min(b).max(-half), a.max(b).min(half));
+        for (column, share) in shares.iter_mut().enumerate() {
+            // x_s = c + k (alpha - 1) U - k beta X, which falls with U.
+            let at = |edge: f64| (edge - centre + k * beta * x_mm) / (k * (alpha - 1.0));
+            let edge = |n: usize| (n as f64 - 0.5 * width as f64) * pixel;
+            let (a, b) = (at(edge(column)), at(edge(column + 1)));
+            *share += (a.max(b).min(high) - a.min(b).max(low)).max(0.0) / (2.0 * half);
+        }
+    }
+    shares
+}
+
+/// Behind a square stop and a lattice in line, an image is the product of its columns and its rows.
+#[test]
+fn images_are_those_of_the_interval_oracle() {
+    let camera = camera(Aperture::Square);
+    for (x, y, z) in [(0.011, -0.043, 3.3), (-0.2, 0.31, -4.7), (0.02, 0.005, 0.4)] {
+        let image = image_of(&camera, None, [x, y, z], 1_000_000);
+        let (across, down) = (columns(&camera, x, z), columns(&camera, y, z));
+        assert!((across.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        let peak = across.iter().copied().fold(0.0, f64::max) * down.iter().copied().fold(0.0, f64::max);
+        let mut worst = 0.0f64;
+        for ((row, column), light) in image.pixels.indexed_iter() {
+            worst = worst.max((f64::from(*light) / 1000.0 - across[column] * down[row]).abs() / peak);
+        }
+        assert!(worst < 0.03, "{worst} of the peak at {z} mm");
+    }
+}
+
+/// A second stop 100 mm before the aperture, as wide as it: of a white field's beam to the place x_m on the array it passes
+/// the overlap of two discs 100 (x_m / s_i) apart, at 4 mm on the array 1 mm: 1 - 2 * 1 / (pi 50) of the light nearly.
+#[test]
+fn a_second_stop_cuts_the_overlap_of_two_discs() {
+    let mut camera = camera(Aperture::Circle);
+    camera.sensor.width = 2800;
+    camera.sensor.height = 28;
+    // A beam towards the middle comes from a disc magnified by what lies before the lens: 1 - 100 (1 / f - 1 / s_i).
+    let magnified = 1.0 - 100.0 * (1.0 / 200.0 - 1.0 / 400.0);
+    let stop = SecondStop { distance_mm: 100.0, diameter_mm: 100.0 * magnified };
+    let open = Instrument::new(&camera, None, None).white(&camera, 1000.0, 20_000, 1, |_| ());
+    let cut = Instrument::new(&camera, Some(stop), None).white(&camera, 1000.0, 20_000, 1, |_| ());
+    for lenslet in [100, 150, 190] {
+        let sum = |image: &Rendered| -> f64 {
+            let columns = 14 * lenslet..14 * (lenslet + 4);
+            image.pixels.slice(ndarray::s![.., columns]).iter().map(|light| f64::from(*light)).sum()
+        };
+        let x_mm = (14.0 * (lenslet as f64 + 2.0) - 1400.0) * 0.0055;
+        // At the second stop the beam is shifted by 100 x / s_i; seen from the aperture, by that over its magnification.
+        let apart = 100.0 * x_mm / 400.0 / magnified;
+        let part = 0.5 * apart / 50.0;
+        let overlap = (2.0 * part.acos() - 2.0 * part * (1.0 - part * part).sqrt()) / std::f64::consts::PI;
+        let found = sum(&cut) / sum(&open);
+        assert!((found - overlap).abs() < 0.004, "{found}, not {overlap}, at {x_mm} mm");
+    }
+    let ratio = cut.arrived / cut.emitted;
+    assert!(ratio < open.arrived / open.emitted);
+}
+
+/// What changes nothing leaves the bytes alone: a second stop too wide to cut anything. A medium that is air does but round.
+#[test]
+fn effects_without_effect_change_nothing() {
+    let camera = camera(Aperture::Circle);
+    let place = [0.3, -0.2, 3.0];
+    let plain = image_of(&camera, None, place, 30_000);
+    let wide = SecondStop { distance_mm: 50.0, diameter_mm: 1e4 };
+    assert_eq!(image_of(&camera, Some(wide), place, 30_000), plain);
+    let mut air = camera.clone();
+    air.medium = Some(Medium { index: 1.0, window_z_mm: 30.0, window_thickness_mm: 10.0, window_index: 1.0 });
+    let through_air = image_of(&air, None, place, 30_000);
+    let moved: f64 = through_air.pixels.iter().zip(&plain.pixels).map(|(a, b)| f64::from((a - b).abs())).sum();
+    assert!(moved < 1.0, "{moved} of 1000 counts");
+}
