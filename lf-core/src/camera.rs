@@ -455,16 +455,16 @@ impl Lattice {
                 (((qx * per_pitch).floor() + 0.5) * self.pitch_mm, ((qy * per_pitch).floor() + 0.5) * self.pitch_mm)
             }
             Layout::Hexagonal => {
+                // The nearest of the row below, and of that above, whose shift is the other one.
                 let row_pitch = self.row_pitch_mm();
-                let below = (qy / row_pitch).floor();
-                let nearest = |row: f64| {
-                    let shift = 0.5 * (row - 2.0 * (0.5 * row).floor());
-                    let (x, y) = (((qx * per_pitch - shift + 0.5).floor() + shift) * self.pitch_mm, row * row_pitch);
-                    ((qx - x) * (qx - x) + (qy - y) * (qy - y), x, y)
-                };
-                let (low, high) = (nearest(below), nearest(below + 1.0));
-                let nearer = low.0 <= high.0;
-                (if nearer { low.1 } else { high.1 }, if nearer { low.2 } else { high.2 })
+                let below = (qy * (1.0 / row_pitch)).floor();
+                let (x, shift) = (qx * per_pitch, 0.5 * below - (0.5 * below).floor());
+                let (low_x, high_x) = ((x - shift + 0.5).floor() + shift, (x + shift).floor() + 0.5 - shift);
+                let (low_x, high_x) = (low_x * self.pitch_mm, high_x * self.pitch_mm);
+                let (low_y, high_y) = (below * row_pitch, (below + 1.0) * row_pitch);
+                let low = (qx - low_x) * (qx - low_x) + (qy - low_y) * (qy - low_y);
+                let high = (qx - high_x) * (qx - high_x) + (qy - high_y) * (qy - high_y);
+                (if low <= high { low_x } else { high_x }, if low <= high { low_y } else { high_y })
             }
         };
         DVec2::new(self.offset_mm.x + cos * cx - sin * cy, self.offset_mm.y + cos * cy + sin * cx)

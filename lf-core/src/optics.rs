@@ -32,9 +32,9 @@
 use crate::camera::{Aperture, Camera, Distortion, Lattice, Medium};
 use glam::DVec2;
 
-/// Steps of Newton's method for a ray through a window. Each squares the error, which starts at a few hundredths at most for
-/// rays within 0.5 rad of the axis.
-const SNELL_STEPS: usize = 4;
+/// Steps of Newton's method for a ray through a window. Each squares the error, which starts at about a tenth of the squared
+/// slope: two leave 1e-10 for rays within 0.15 rad of the axis.
+const SNELL_STEPS: usize = 2;
 
 /// The rays of one camera.
 #[derive(Debug, Clone)]
@@ -132,7 +132,7 @@ impl Optics {
     }
 
     /// Slope of a ray in the air before the main lens over its distance from the object's axis, 1/mm: q = g (U - X).
-    /// `offset_mm2` is |U - X|^2. Errs by less than 1e-12 of itself for rays within 0.5 rad of the axis.
+    /// `offset_mm2` is |U - X|^2. Errs by less than 1e-10 of itself for rays within 0.15 rad of the axis, 1e-7 within 0.4.
     #[inline(always)]
     pub fn slope_per_mm(&self, z_mm: f64, offset_mm2: f64) -> f64 {
         let Some(medium) = &self.medium else {
@@ -283,17 +283,20 @@ mod tests {
     /// Snell's law itself at both faces, from the ray's places on them, and the plane in focus where paraxial rays say.
     #[test]
     fn rays_through_a_window_obey_snell() {
-        let optics = with(|camera| camera.medium = Some(TANK));
-        let air = TANK.air_mm(400.0);
-        assert!((air - (400.0 - 60.0 / 1.333 - 20.0 / 1.49)).abs() < 1e-12);
-        for (x, u, z) in [(0.0, 50.0, 0.0), (3.0, -35.0, -5.0), (-10.0, 20.0, 7.0), (0.0, 150.0, 0.0)] {
-            let sine = |slope: f64| slope / (1.0 + slope * slope).sqrt();
-            let slope = optics.slope(DVec2::new(x, 0.0), z, DVec2::new(u, 0.0)).x;
-            let (in_window, in_water) = (sine(slope) / 1.49, sine(slope) / 1.333);
-            let aside = |sine: f64| sine / (1.0 - sine * sine).sqrt();
-            let reached = x + (60.0 - z) * aside(in_water) + 20.0 * aside(in_window) + air * slope;
-            assert!((reached - u).abs() < 1e-10, "{reached} for {u}");
+        assert!((TANK.air_mm(400.0) - (400.0 - 60.0 / 1.333 - 20.0 / 1.49)).abs() < 1e-12);
+        for tank in [TANK, Medium { window_z_mm: 400.0, ..TANK }] {
+            let optics = with(|camera| camera.medium = Some(tank.clone()));
+            for (x, u, z) in [(0.0, 50.0, 0.0), (3.0, -35.0, -5.0), (-10.0, 20.0, 7.0), (0.0, 150.0, 0.0)] {
+                let sine = |slope: f64| slope / (1.0 + slope * slope).sqrt();
+                let slope = optics.slope(DVec2::new(x, 0.0), z, DVec2::new(u, 0.0)).x;
+                let (in_window, in_water) = (sine(slope) / 1.49, sine(slope) / 1.333);
+                let aside = |sine: f64| sine / (1.0 - sine * sine).sqrt();
+                let wet = (tank.window_z_mm - z) * aside(in_water) + 20.0 * aside(in_window);
+                let reached = x + wet + tank.air_mm(400.0) * slope;
+                assert!((reached - u).abs() < if u == 150.0 { 1e-5 } else { 1e-9 }, "{reached} for {u}");
+            }
         }
+        let optics = with(|camera| camera.medium = Some(TANK));
         // Near the axis a point at depth Z in water is one at Z / n in air.
         let near = DVec2::new(1e-4, 0.0);
         let in_air = with(|_| ()).array_from_object(DVec2::ZERO, 4.0 / 1.333, near);

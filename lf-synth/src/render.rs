@@ -2,7 +2,7 @@
 //!
 //! A ray carries an even share of its particle's counts. The rays of one particle are counted in a patch of the sensor, and
 //! patches are added to the image in the order of the particles, so the image has the same bytes for any number of threads.
-//! Each step of the way is a loop over [`FLIGHT`] rays; one that the scene does not ask for is not run.
+//! Each step of the way is a loop over a few hundred rays; one that the scene does not ask for is not run.
 
 use crate::diffraction::Pattern;
 use crate::kernel::fastest;

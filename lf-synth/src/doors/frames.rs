@@ -4,6 +4,7 @@ use super::{Stage, report, save_image, save_text};
 use crate::{Format, Source};
 use lf_core::cli::Session;
 use lf_core::field::Field;
+use lf_core::grid::Grid;
 use lf_core::{Error, Result, io, volume};
 use lf_synth::cast::Cast;
 use lf_synth::flow::{Sampled, Velocity};
@@ -59,11 +60,14 @@ fn seeded(stage: &Stage, name: &str, velocity: &Velocity, session: &Session) -> 
 }
 
 /// Bytes that the particles, a frame and its truth take at their most.
-fn bytes(stage: &Stage, cast: &Cast) -> f64 {
+fn bytes(stage: &Stage, cast: &Cast, grid: Option<&Grid>) -> f64 {
     let sensor = &stage.camera.sensor;
-    let truth = stage.scene.truth.as_ref().map_or(0.0, |truth| 24.0 * (8.0 * truth.sigma_vox + 1.0).powi(3));
-    let particles = cast.most() as f64 * (3.0 * size_of::<Particle>() as f64 + truth);
-    12.0 * (sensor.width * sensor.height) as f64 + particles
+    let voxels = stage.scene.truth.as_ref().zip(grid).map_or(0.0, |(truth, grid)| {
+        let of_particle = (8.0 * truth.sigma_vox + 1.0).powi(3);
+        (cast.most() as f64 * of_particle).min(grid.shape.iter().map(|n| *n as f64).product())
+    });
+    let particles = cast.most() as f64 * size_of::<Particle>() as f64;
+    12.0 * (sensor.width * sensor.height) as f64 + 3.0 * particles + 24.0 * voxels
 }
 
 pub fn render(
@@ -96,7 +100,7 @@ pub fn render(
             Cast::Carried { all: seeded(&stage, &name, &velocity, session)?, velocity, time: 0.0 }
         }
     };
-    let bytes = bytes(&stage, &cast);
+    let bytes = bytes(&stage, &cast, grid.as_ref());
     if bytes > most_bytes {
         let found = format!("needs about {:.1} GB", 1e-9 * bytes);
         return Err(Error::new(name, found, format!("wanted --max-memory {:.1} to allow it", 1e-9 * most_bytes)));
@@ -106,7 +110,7 @@ pub fn render(
     let history = session.history(&Vec::new());
     let (mut counts, mut rays, mut shown) = (Vec::new(), 0, Vec::new());
     for (frame, &time) in times.iter().enumerate() {
-        let lit = session.phase("particles", |_| Ok(cast.at(frame, time, scene.bounds_mm(), scene.light.as_ref())))?;
+        let lit = session.phase("carry", |_| Ok(cast.at(frame, time, scene.bounds_mm(), scene.light.as_ref())))?;
         let seed = scene.seed ^ ((frame as u64) << 32);
         let mut image = session.phase("render", |session| {
             let progress = session.progress("rendering", lit.len() as u64);

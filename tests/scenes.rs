@@ -1,0 +1,234 @@
+//! Scenes as their users write them: every effect, every output, and what is wrong with a scene in one line.
+
+use lf_tests::tools::Call;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+fn scene(name: &str, keys: &[&str]) -> Vec<u8> {
+    let set = keys.iter().flat_map(|key| ["--set", key]);
+    Call::new("lf-synth").words(["scene", name]).words(set).run().done().stdout
+}
+
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), fs::read(&path).unwrap())).collect()
+}
+
+/// A camera with everything that bends or stops light, particles with every spread, a sheet, flows that add up, a noisy
+/// sensor: small.
+const EVERYTHING: [&str; 17] = [
+    "camera.sensor={\"width\": 280, \"height\": 252, \"pixel_pitch_mm\": 0.0055}",
+    "camera.microlenses.layout=hexagonal",
+    "camera.microlenses.rotation_rad=0.01",
+    "camera.microlenses.gap_mm=0.61",
+    "camera.tilt={\"x_rad\": 0.002, \"y_rad\": -0.001}",
+    "camera.distortion={\"radial\": [3.0, 0.0, 0.0], \"tangential\": [0.01, 0.02]}",
+    "diffraction.wavelength_mm=0.000532",
+    "second_stop={\"distance_mm\": 60.0, \"diameter_mm\": 45.0}",
+    "volume={\"x_mm\": [-0.5, 0.5], \"y_mm\": [-0.5, 0.5], \"z_mm\": [-5, 5]}",
+    "flow=[{\"kind\": \"uniform\", \"displacement_mm\": [0.1, 0, 0]}, {\"kind\": \"rotation\", \"axis\": [0, 0, 1], \
+        \"angle_rad\": 0.1}]",
+    "frames=[0.0, 0.5]",
+    "particles.sigma_px=null",
+    "particles.diameter_px=2.0",
+    "particles.rays=3000",
+    "sensor_noise.dead_share=0.01",
+    "sensor_noise.hot_share=0.01",
+    "truth.vectors=[3, 3, 3]",
+];
+
+fn rendered(task: &str, scene: &[u8], threads: &str, more: &[&str]) -> BTreeMap<String, Vec<u8>> {
+    let folder = TempDir::new().unwrap();
+    let output = if ["white", "dark"].contains(&task) { folder.path().join("image.tif") } else { folder.path().into() };
+    let call = Call::new("lf-synth").words([task, "-", "--quiet", "--threads", threads]).words(more);
+    call.word("-o").word(output).pipe(scene.to_vec()).run().done();
+    files(folder.path())
+}
+
+/// Every task with every effect gives the same files for any number of threads, and every file is what it says.
+#[test]
+fn everything_at_once_has_the_same_bytes_for_any_number_of_threads() {
+    let text = scene("tank", &EVERYTHING);
+    for (task, more, names) in [
+        (
+            "frames",
+            &["--format", "tiff"][..],
+            &[
+                "camera.json",
+                "flow.exr",
+                "frame-0000.tif",
+                "frame-0001.tif",
+                "particles.csv",
+                "scene-used.json",
+                "truth-0000.lfv",
+                "truth-0001.lfv",
+            ][..],
+        ),
+        ("white", &[][..], &["image.tif"][..]),
+        ("dark", &[][..], &["image.tif"][..]),
+    ] {
+        let one = rendered(task, &text, "1", more);
+        assert_eq!(one.keys().collect::<Vec<_>>(), names, "{task}");
+        for threads in ["2", "5"] {
+            assert!(rendered(task, &text, threads, more) == one, "{task} with {threads} threads");
+        }
+    }
+}
+
+/// The scene that a run leaves behind gives the same frames again, from another folder.
+#[test]
+fn the_scene_as_used_renders_the_same_again() {
+    let first = rendered("frames", &scene("tank", &EVERYTHING), "0", &["--seed", "5"]);
+    let again = rendered("frames", &first["scene-used.json"], "0", &[]);
+    assert!(first == again);
+}
+
+#[test]
+fn dots_are_stepped_through_their_depths() {
+    let keys = ["dots.depths_mm=[-1.5, 2]", "dots.half_size_mm=[1.2, 0.1]", "particles.rays=2000"];
+    let made = rendered("dots", &scene("target", &keys), "0", &[]);
+    let names: Vec<&str> = made.keys().map(String::as_str).collect();
+    assert_eq!(names, ["camera.json", "dots-0000.exr", "dots-0001.exr", "dots.csv", "scene-used.json"]);
+    let table = String::from_utf8(made["dots.csv"].clone()).unwrap();
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines.len(), 1 + 2 * 3, "{table}");
+    assert_eq!(lines[1], "0,0,-1.1000000,0.0000000,-1.5000000,500000");
+    assert_eq!(lines[6], "1,2,1.1000000,0.0000000,2.0000000,500000");
+}
+
+/// Tracks show the particles where the table says, at the frames asked for, and leave no flow behind.
+#[test]
+fn tracks_are_followed() {
+    let folder = TempDir::new().unwrap();
+    let table = "frame,id,x_mm,y_mm,z_mm,intensity\n0,4,0.1,0.2,0.3,500\n0,9,0.1,0.0,0.3,500\n1,4,0.2,0.2,0.3,500\n\
+                 2,4,0.3,0.2,0.3,400\n";
+    fs::write(folder.path().join("tracks.csv"), table).unwrap();
+    let text = scene(
+        "core",
+        &[
+            "flow={\"kind\": \"tracks\", \"path\": \"tracks.csv\"}",
+            "particles.per_lenslet=null",
+            "particles.rays=1000",
+            "frames=[0, 2]",
+        ],
+    );
+    fs::write(folder.path().join("scene.json"), text).unwrap();
+    Call::new("lf-synth").within(folder.path()).words(["frames", "scene.json", "-o", "made"]).run().done();
+    let made = files(&folder.path().join("made"));
+    assert!(!made.contains_key("flow.exr"));
+    let shown = String::from_utf8(made["particles.csv"].clone()).unwrap();
+    let lines: Vec<&str> = shown.lines().collect();
+    assert_eq!(lines.len(), 4, "{shown}");
+    assert!(lines[3].starts_with("1,4,0.3"), "{shown}");
+}
+
+/// A displacement that lf-synth has written is a flow that it can follow: the particles of both are the same within what
+/// lies between the field's vectors.
+#[test]
+fn a_written_flow_can_be_followed() {
+    let folder = TempDir::new().unwrap();
+    let (small, coarse) =
+        ("volume={\"x_mm\": [-0.4, 0.4], \"y_mm\": [-0.4, 0.4], \"z_mm\": [-5, 5]}", "particles.rays=1000");
+    let shear = "flow={\"kind\": \"shear\", \"along\": \"x\", \"across\": \"z\", \"rate\": 0.01}";
+    let places = |flow: &str, folder: &Path, name: &str| {
+        fs::write(folder.join("scene.json"), scene("core", &[small, coarse, flow, "frames=2"])).unwrap();
+        Call::new("lf-synth").within(folder).words(["frames", "scene.json", "-o", name]).run().done();
+        let table = fs::read_to_string(folder.join(name).join("particles.csv")).unwrap();
+        let number = |text: &str| text.parse::<f64>().unwrap();
+        table.lines().skip(1).map(|line| line.split(',').map(number).collect()).collect::<Vec<Vec<f64>>>()
+    };
+    let written = places(shear, folder.path(), "written");
+    let followed = places("flow={\"kind\": \"sampled\", \"path\": \"written/flow.exr\"}", folder.path(), "followed");
+    assert!(written.len() > 10 && written.len() == followed.len());
+    for (a, b) in written.iter().zip(&followed) {
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn no_particles_are_black_frames() {
+    let made = rendered("frames", &scene("core", &["particles.per_lenslet=0"]), "0", &[]);
+    let image = lf_core::image::from_bytes(&made["frame-0000.exr"], "frame").unwrap();
+    assert!(image.pixels.iter().all(|pixel| *pixel == 0.0));
+    assert_eq!(made["particles.csv"].iter().filter(|byte| **byte == b'\n').count(), 1);
+}
+
+/// A key that the scene does not have is not modelled: without truth there is none.
+#[test]
+fn what_is_not_asked_for_is_not_made() {
+    let made = rendered("frames", &scene("core", &["truth=null", "particles.rays=100"]), "0", &[]);
+    let names: Vec<&str> = made.keys().map(String::as_str).collect();
+    assert_eq!(names, ["camera.json", "frame-0000.exr", "particles.csv", "scene-used.json"]);
+}
+
+#[test]
+fn bad_scenes_are_refused_by_name() {
+    let background = TempDir::new().unwrap();
+    let other = background.path().join("light.exr");
+    lf_core::image::save(&other, &ndarray::Array2::zeros((4, 6)), &Vec::new()).unwrap();
+    let light = format!("sensor_noise.background={:?}", other.display().to_string());
+    for (name, key, named) in [
+        ("core", "wind=1", "wind"),
+        ("core", "camera.main_lens.magnification=-1", "magnification"),
+        ("core", "volume.z_mm=[-5, 250]", "focal length"),
+        ("core", "volume.x_mm=[1, -1]", "x_mm"),
+        ("tank", "volume.z_mm=[-5, 190]", "wet face"),
+        ("tank", "camera.medium.window_z_mm=900", "no air"),
+        ("core", "camera.tilt={\"x_rad\": 0.3, \"y_rad\": 0}", "tilt"),
+        ("core", "particles.per_lenslet=1000", "per_lenslet"),
+        ("core", "particles.per_lenslet=null", "per_lenslet"),
+        ("core", "particles.diameter_px=3", "diameter_px"),
+        ("core", "particles.ray_noise=0.1", "ray_noise"),
+        ("core", "particles.intensity_spread=-1", "intensity_spread"),
+        ("core", "light={\"profile\": \"top-hat\", \"thickness_mm\": 0}", "thickness_mm"),
+        ("core", "diffraction.wavelength_mm=532", "wavelength_mm"),
+        ("core", "second_stop={\"distance_mm\": 500, \"diameter_mm\": 3}", "distance_mm"),
+        ("core", "flow={\"kind\": \"swirl\"}", "swirl"),
+        ("core", "flow={\"kind\": \"tracks\", \"path\": \"there.csv\"}", "tracks"),
+        ("core", "flow={\"kind\": \"sampled\", \"path\": \"there.exr\"}", "there.exr"),
+        ("uniform", "flow={\"kind\": \"uniform\", \"displacement_mm\": [1e6, 0, 0]}", "flow through"),
+        ("core", "frames=[1, 1]", "frames"),
+        ("core", "frames=0", "frames"),
+        ("core", "sensor_noise.bits=20", "bits"),
+        ("core", light.as_str(), "light.exr"),
+        ("target", "dots.depths_mm=[300]", "depths_mm"),
+        ("target", "dots.spacing_mm=1e-4", "dots"),
+    ] {
+        let folder = TempDir::new().unwrap();
+        let output = folder.path().join("made");
+        let task = if name == "target" { "dots" } else { "frames" };
+        let call = Call::new("lf-synth").words([task, "-", "-o"]).word(&output);
+        call.pipe(scene(name, &[key])).run().refused(named);
+        assert!(!output.exists(), "{key} left something behind");
+    }
+    let crowd = scene("core", &["particles.per_lenslet=null", "particles.count=50000000"]);
+    let call = Call::new("lf-synth").words(["frames", "-", "--max-memory", "1", "-o", "nowhere"]);
+    call.pipe(crowd).run().refused("GB");
+    Call::new("lf-synth").words(["dots", "-", "-o", "nowhere"]).pipe(scene("core", &[])).run().refused("dots");
+}
+
+/// A volume that the sensor does not see is rendered with a word about it.
+#[test]
+fn what_the_sensor_cannot_see_is_said() {
+    let folder = TempDir::new().unwrap();
+    let text =
+        scene("core", &["volume.x_mm=[-3, 3]", "truth=null", "particles.rays=100", "particles.per_lenslet=0.01"]);
+    let ended = Call::new("lf-synth").words(["frames", "-", "-o"]).word(folder.path()).pipe(text).run().done();
+    assert!(ended.stderr.contains("51.2 %") && ended.stderr.lines().count() == 1, "{}", ended.stderr);
+}
+
+/// The noise asked for is what is measured, or less.
+#[test]
+fn the_ray_noise_asked_for_is_kept() {
+    for (noise, most) in [("0.02", 2.0), ("0.005", 0.5)] {
+        let keys = ["particles.rays=null", &format!("particles.ray_noise={noise}"), "truth=null"];
+        let folder = TempDir::new().unwrap();
+        let call = Call::new("lf-synth").words(["frames", "-", "--measure-noise", "-o"]).word(folder.path());
+        let ended = call.pipe(scene("core", &keys)).run().done();
+        let words = ended.stderr.split_once("ray noise ").expect("it is said").1;
+        let measured: f64 = words.split_once(" %").unwrap().0.parse().unwrap();
+        assert!(measured > 0.4 * most && measured <= most, "{measured} % for {noise}");
+    }
+}
