@@ -1,8 +1,12 @@
-//! Scores for a square lattice in line with the pixels, where a ray's column depends on x and u alone and its row on y
-//! and v: the aperture's rows are added up once for all voxels that share an image row.
+//! Sums for a square lattice in line with the pixels, where a ray's column depends on x and u alone and its row on y and v.
+//!
+//! First the image's rows are added up along v, then those sums along u. From a voxel to its neighbour only the rays that
+//! pass into another lenslet change their row or column: of n sections a side, one or two. So both sums are carried on
+//! from neighbour to neighbour by what changes, in whole numbers, which no order of adding can alter: a voxel costs a few
+//! additions, whatever the sections.
 
 use crate::sections::Sections;
-use crate::{Scores, Slice};
+use crate::{Levels, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
@@ -28,60 +32,114 @@ fn pixels(along: usize, camera: &Camera, grid: &Grid, z_mm: f64, centres_mm: &[f
     pixels
 }
 
-pub(crate) fn slice(scores: &Scores, camera: &Camera, grid: &Grid, z: usize) -> Slice {
+/// Sections u (or v) of one width of the stop there: those of the other axis from `first` to `n - first` lie inside.
+struct Chord {
+    first: usize,
+    /// How many of its v are on the sensor.
+    seen: u32,
+}
+
+/// What the sum of a voxel gains and loses against its neighbour at x - 1: places in the chords' sums.
+struct Steps {
+    starts: Vec<u32>,
+    gains: Vec<u32>,
+    losses: Vec<u32>,
+}
+
+impl Steps {
+    fn new(columns: &[u32], n: usize, chord_of: &[Option<usize>], width: usize) -> Self {
+        let nothing = width as u32;
+        let mut steps = Self { starts: vec![0], gains: Vec::new(), losses: Vec::new() };
+        for x in 0..columns.len() / n {
+            for u in 0..n {
+                let Some(chord) = chord_of[u] else { continue };
+                let place = |x: usize| columns[x * n + u].min(nothing);
+                let (new, old) = (place(x), if x == 0 { nothing } else { place(x - 1) });
+                if new != old {
+                    let base = (chord * (width + 1)) as u32;
+                    steps.gains.push(base + new);
+                    steps.losses.push(base + old);
+                }
+            }
+            steps.starts.push(steps.gains.len() as u32);
+        }
+        steps
+    }
+}
+
+/// The voxels of a slice that are kept, with the sum of their levels and how many they are.
+pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> Slice {
     let sections = Sections::new(camera);
     let n = sections.centres_mm.len();
     let z_mm = grid.centre_mm(2, z);
     let columns = pixels(0, camera, grid, z_mm, &sections.centres_mm);
     let rows = pixels(1, camera, grid, z_mm, &sections.centres_mm);
     let [nx, ny, _] = grid.shape;
-    let geometric = scores.geometric();
+    let width = levels.width;
 
-    // Columns seen by each x within each chord.
-    let seen_within = |first: usize| -> Vec<u32> {
-        (0..nx)
-            .map(|x| {
-                columns[x * n + first..(x + 1) * n - first].iter().filter(|column| **column != BESIDE).count() as u32
-            })
-            .collect()
-    };
-    let seen: Vec<Vec<u32>> = (0..=n / 2).map(seen_within).collect();
+    let mut firsts: Vec<usize> = sections.first.iter().copied().filter(|first| 2 * first < n).collect();
+    firsts.sort_unstable();
+    firsts.dedup();
+    let chord_of: Vec<Option<usize>> =
+        sections.first.iter().map(|first| firsts.iter().position(|known| known == first)).collect();
+    let steps = Steps::new(&columns, n, &chord_of, width);
+    let mut chords: Vec<Chord> = firsts.iter().map(|first| Chord { first: *first, seen: 0 }).collect();
+    // Chord after chord, the sums over its v of image rows, one a column, and a last one of 0 for rays beside the sensor.
+    let mut sums = vec![0i32; chords.len() * (width + 1)];
 
-    // Sums along u of one image row within one chord, kept while voxels of later y may ask for them again.
-    let mut sums: Vec<Option<Vec<f32>>> = vec![None; camera.sensor.height * (n / 2 + 1)];
-    let sum_along = |row: u32, first: usize| -> Vec<f32> {
-        let line = &scores.values[row as usize * scores.width..(row as usize + 1) * scores.width];
-        (0..nx)
-            .map(|x| {
-                let part = &columns[x * n + first..(x + 1) * n - first];
-                let values = part.iter().filter(|column| **column != BESIDE).map(|column| line[*column as usize]);
-                if geometric { values.sum() } else { values.fold(f32::INFINITY, f32::min) }
-            })
-            .collect()
-    };
-
+    let mut current = vec![BESIDE; n];
+    let mut counts: Vec<u32> = Vec::new();
+    let mut limits = vec![i32::MAX; nx];
+    let mut seen = vec![0u32; nx];
     let mut kept = Slice::new();
-    let mut total = vec![0f32; nx];
-    let mut count = vec![0u32; nx];
     for y in 0..ny {
-        total.fill(if geometric { 0.0 } else { f32::INFINITY });
-        count.fill(0);
-        for (v, &row) in rows[y * n..(y + 1) * n].iter().enumerate() {
-            let first = sections.first[v];
-            if row == BESIDE || 2 * first >= n {
+        for v in 0..n {
+            let (old, new) = (current[v], rows[y * n + v]);
+            if old == new {
                 continue;
             }
-            let sum = sums[row as usize * (n / 2 + 1) + first].get_or_insert_with(|| sum_along(row, first));
-            for x in 0..nx {
-                total[x] = if geometric { total[x] + sum[x] } else { total[x].min(sum[x]) };
-                count[x] += seen[first][x];
+            current[v] = new;
+            for (chord, sums) in chords.iter_mut().zip(sums.chunks_exact_mut(width + 1)) {
+                if v < chord.first || v >= n - chord.first {
+                    continue;
+                }
+                exchange(&mut sums[..width], levels.row(old), levels.row(new));
+                chord.seen += u32::from(new != BESIDE);
+                chord.seen -= u32::from(old != BESIDE);
             }
         }
+        let now: Vec<u32> = chords.iter().map(|chord| chord.seen).collect();
+        if now != counts {
+            counts = now;
+            for x in 0..nx {
+                let on_sensor = |u: &usize| columns[x * n + u] != BESIDE;
+                seen[x] = (0..n).filter(on_sensor).filter_map(|u| chord_of[u]).map(|chord| counts[chord]).sum();
+                limits[x] = levels.least_sum(seen[x], sections.count());
+            }
+        }
+        let mut sum = 0;
         for x in 0..nx {
-            if let Some(score) = scores.keep(total[x], count[x], sections.count()) {
-                kept.push(((y * nx + x) as u32, score));
+            for step in steps.starts[x] as usize..steps.starts[x + 1] as usize {
+                sum += sums[steps.gains[step] as usize] - sums[steps.losses[step] as usize];
+            }
+            if sum >= limits[x] {
+                kept.push(((y * nx + x) as u32, levels.score(sum, seen[x])));
             }
         }
     }
     kept
+}
+
+/// Takes one row of levels out of the sums and puts another in; none is beside the sensor.
+fn exchange(sums: &mut [i32], old: Option<&[i32]>, new: Option<&[i32]>) {
+    match (old, new) {
+        (Some(old), Some(new)) => {
+            for ((sum, old), new) in sums.iter_mut().zip(old).zip(new) {
+                *sum += new - old;
+            }
+        }
+        (None, Some(new)) => sums.iter_mut().zip(new).for_each(|(sum, new)| *sum += new),
+        (Some(old), None) => sums.iter_mut().zip(old).for_each(|(sum, old)| *sum -= old),
+        (None, None) => {}
+    }
 }

@@ -5,8 +5,11 @@
 //! is high enough. Source: Shi, Ding, New & Soria (2017), section 2, after Atkinson & Soria (2009).
 
 mod inline;
+mod noise;
 mod scattered;
 mod sections;
+
+pub use noise::{Automatic, noise};
 
 use lf_core::camera::Camera;
 use lf_core::footprint::check_depth;
@@ -15,12 +18,13 @@ use ndarray::ArrayView2;
 use rayon::prelude::*;
 
 /// How the pixels of a voxel become its score.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Score {
-    /// Geometric mean: forgives a few dark pixels among many.
+    /// Geometric mean of the pixels over the brightest: forgives a few dark pixels among many.
     Geometric,
-    /// The darkest pixel.
-    Minimum,
+    /// The share of the pixels that reach the threshold, of which all but this share must: 0 for the darkest pixel to
+    /// decide, more for a low quantile, which some dead or noisy pixels cannot sway.
+    Share(f64),
 }
 
 /// Which voxels are kept.
@@ -28,24 +32,17 @@ pub enum Score {
 pub struct Options {
     /// How a voxel is scored.
     pub score: Score,
-    /// Least score kept, as a share of the image's brightest pixel.
+    /// Least geometric mean kept, or least bright pixel, as a share of the image's brightest.
     pub threshold: f64,
+    /// A pixel counts as no darker than this share of the brightest in a geometric mean, so that one of them costs a voxel
+    /// a factor of `dark^(1/sections)` and not everything. The noise, where there is one.
+    pub dark: f64,
     /// Keep every voxel that can be seen, whatever its score.
     pub keep_all: bool,
 }
 
-impl Default for Options {
-    fn default() -> Self {
-        Self { score: Score::Geometric, threshold: DEFAULT_THRESHOLD, keep_all: false }
-    }
-}
-
-/// The paper gives no threshold. See the README for what this one keeps and loses.
-pub const DEFAULT_THRESHOLD: f64 = 0.01;
-
-/// A dark pixel counts as this share of the brightest in a geometric mean, so that one of them costs a voxel a factor
-/// of `DARK^(1/sections)` and not everything.
-const DARK: f64 = 1e-6;
+/// What a pixel counts as at least in an image without noise.
+pub const DARK: f64 = 1e-6;
 
 /// A voxel counts as seen where at least this share of the aperture's sections leads to the sensor.
 const SEEN_SHARE: f64 = 0.5;
@@ -55,7 +52,7 @@ const SEEN_SHARE: f64 = 0.5;
 pub struct Support {
     /// Rising linear indices.
     pub indices: Vec<u64>,
-    /// Score of each, counts.
+    /// Score of each: the geometric mean in counts, or the share of pixels.
     pub scores: Vec<f32>,
 }
 
@@ -63,8 +60,8 @@ pub struct Support {
 type Slice = Vec<(u32, f32)>;
 
 /// Scores the voxels of `grid` against an image of the camera's size and keeps those that may hold light.
-/// `done` is told how many slices are finished. The work is about `2 n` look-ups a voxel for a square lattice in line
-/// with the pixels (n aperture sections a side), and up to `n^2` otherwise.
+/// `done` is told how many slices are finished. The work is a few additions a voxel for a square lattice in line with the
+/// pixels, and otherwise up to one ray for each section of the aperture.
 ///
 /// # Errors
 /// Where the grid is too deep, or a slice has 2^32 voxels or more.
@@ -84,14 +81,14 @@ pub fn prune(
     if peak <= 0.0 && !options.keep_all {
         return Ok(Support { indices: Vec::new(), scores: Vec::new() });
     }
-    let scores = Scores::new(image, peak, options);
+    let levels = Levels::new(image, peak, options);
     let straight = camera.in_line();
     let slices: Vec<Slice> = (0..nz)
         .into_par_iter()
         .map(|z| {
             let slice = match &straight {
-                Some(camera) => inline::slice(&scores, camera, grid, z),
-                None => scattered::slice(&scores, camera, grid, z),
+                Some(camera) => inline::slice(&levels, camera, grid, z),
+                None => scattered::slice(&levels, camera, grid, z),
             };
             done(1);
             slice
@@ -107,48 +104,83 @@ pub fn prune(
     Ok(support)
 }
 
-/// The image as what scores add up or compare, and the rule for keeping.
-struct Scores<'a> {
-    /// ln(share of the peak) for a geometric mean, share of the peak for a minimum.
-    values: Vec<f32>,
-    width: usize,
-    peak: f32,
-    options: &'a Options,
-    /// Threshold in terms of `values`.
-    least: f32,
+impl Support {
+    /// How many of these places lie in a voxel of `grid`, and in how many of those that voxel is not kept.
+    pub fn lost(&self, grid: &Grid, places_mm: &[[f64; 3]]) -> (usize, usize) {
+        let (mut inside, mut lost) = (0, 0);
+        for place in places_mm {
+            let voxel = [0, 1, 2].map(|axis| grid.place_vox(axis, place[axis]).round());
+            if (0..3).all(|axis| voxel[axis] >= 0.0 && voxel[axis] < grid.shape[axis] as f64) {
+                inside += 1;
+                let index = grid.index(voxel.map(|step| step as usize));
+                lost += usize::from(self.indices.binary_search(&index).is_err());
+            }
+        }
+        (inside, lost)
+    }
 }
 
-impl<'a> Scores<'a> {
+/// The image as whole numbers of at most 0 that scores add up, and the rule for keeping.
+struct Levels<'a> {
+    /// ln(pixel over the brightest) in parts of 1 / [`Levels::unit`]; or 0 for a pixel that reaches the threshold, else -1.
+    values: Vec<i32>,
+    width: usize,
+    peak: f64,
+    options: &'a Options,
+    unit: f64,
+}
+
+impl<'a> Levels<'a> {
     fn new(image: ArrayView2<f32>, peak: f32, options: &'a Options) -> Self {
-        let peak = if peak > 0.0 { peak } else { 1.0 };
-        let geometric = options.score == Score::Geometric;
-        let value = |pixel: &f32| {
-            let share = f64::from(*pixel) / f64::from(peak);
-            (if geometric { share.max(DARK).ln() } else { share }) as f32
-        };
-        let least = if geometric { options.threshold.max(DARK).ln() } else { options.threshold };
+        let peak = if peak > 0.0 { f64::from(peak) } else { 1.0 };
         let (height, width) = image.dim();
-        let mut values = Vec::with_capacity(height * width);
-        values.extend(image.iter().map(value));
-        Self { values, width, peak, options, least: least as f32 }
+        // The sum over as many sections as pixels of the lenslet, 512 a side at most, stays within an i32.
+        let unit = 512.0;
+        let level = |pixel: &f32| {
+            let share = f64::from(*pixel) / peak;
+            match options.score {
+                Score::Geometric => (share.max(options.dark).ln() * unit).round() as i32,
+                Score::Share(_) => -i32::from(share < options.threshold || share <= 0.0),
+            }
+        };
+        let mut values = vec![0; height * width];
+        values.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, levels)| {
+            for (value, pixel) in levels.iter_mut().zip(image.row(y)) {
+                *value = level(pixel);
+            }
+        });
+        Self { values, width, peak, options, unit }
     }
 
-    fn geometric(&self) -> bool {
-        self.options.score == Score::Geometric
+    /// A row of the image; none beside the sensor.
+    fn row(&self, row: u32) -> Option<&[i32]> {
+        self.values.get(row as usize * self.width..)?.get(..self.width)
     }
 
-    /// A voxel's score in counts if it is kept: `sum` adds up or is the least of the `seen` values out of `sections`.
-    #[inline]
-    fn keep(&self, sum: f32, seen: u32, sections: u32) -> Option<f32> {
+    /// The least sum of `seen` levels out of `sections` that a voxel is kept with.
+    fn least_sum(&self, seen: u32, sections: u32) -> i32 {
         if f64::from(seen) < SEEN_SHARE * f64::from(sections) {
-            return None;
+            return i32::MAX;
         }
-        let mean = if self.geometric() { sum / seen as f32 } else { sum };
-        // A score must be above zero even where the threshold is zero.
-        if !self.options.keep_all && (mean < self.least || (!self.geometric() && mean <= 0.0)) {
-            return None;
+        if self.options.keep_all {
+            return i32::MIN;
         }
-        Some(self.peak * if self.geometric() { mean.exp() } else { mean })
+        match self.options.score {
+            Score::Geometric => {
+                let least = self.options.threshold.max(self.options.dark).ln();
+                (least * self.unit * f64::from(seen)).ceil() as i32
+            }
+            Score::Share(dark) => -((dark * f64::from(seen) + 1e-9).floor() as i32),
+        }
+    }
+
+    /// A voxel's score by the sum of `seen` levels.
+    fn score(&self, sum: i32, seen: u32) -> f32 {
+        let mean = f64::from(sum) / f64::from(seen.max(1));
+        match self.options.score {
+            Score::Geometric => (self.peak * (mean / self.unit).exp()) as f32,
+            Score::Share(_) => (1.0 + mean) as f32,
+        }
     }
 }
 

@@ -4,8 +4,9 @@ use clap::{Parser, ValueEnum};
 use lf_core::camera::Camera;
 use lf_core::cli::{self, Common, Session, Verdict, numbers};
 use lf_core::grid::Grid;
-use lf_core::{Error, Result, image, io, volume};
-use lf_prune::{DEFAULT_THRESHOLD, Options, Score, prune};
+use lf_core::{Error, Result, image, io, particles, volume};
+use lf_prune::{Automatic, DARK, Options, Score, prune};
+use ndarray::ArrayView2;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -41,9 +42,21 @@ struct Arguments {
     /// How the pixels of a voxel become its score
     #[arg(long, value_enum, default_value_t = ScoreName::Geometric)]
     score: ScoreName,
-    /// Least score kept, as a share of the image's brightest pixel
-    #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_THRESHOLD)]
-    threshold: f64,
+    /// Share of a voxel's pixels that may be darker than the threshold, with --score quantile
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    quantile: f64,
+    /// Least score kept, as a share of the image's brightest pixel; auto finds it from the image's light and noise
+    #[arg(long, value_name = "SHARE|auto", default_value = "auto")]
+    threshold: String,
+    /// What a pixel counts as at least in a geometric mean, as a share of the brightest
+    #[arg(long, value_name = "SHARE", default_value_t = DARK)]
+    dark: f64,
+    /// particles.csv of the image: report how many of its particles are lost
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// Frame of --truth that the image shows
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    frame: usize,
     /// Keep every voxel that can be seen: the baseline of plain MART, not a mode to recommend
     #[arg(long)]
     keep_all: bool,
@@ -60,6 +73,55 @@ enum ScoreName {
     Geometric,
     /// The darkest pixel
     Minimum,
+    /// A low quantile of the pixels, which some dead or noisy ones cannot sway
+    Quantile,
+}
+
+impl Arguments {
+    /// The threshold typed; none for auto.
+    fn typed(&self) -> Option<f64> {
+        self.threshold.parse().ok()
+    }
+
+    fn check(&self) -> Result<()> {
+        let share = |option: &str, value: f64| {
+            if (0.0..=1.0).contains(&value) {
+                return Ok(());
+            }
+            Err(Error::new(option, format!("{value}"), "wanted a share, 0 to 1"))
+        };
+        share("--quantile", self.quantile)?;
+        share("--dark", self.dark)?;
+        match self.typed() {
+            Some(value) => share("--threshold", value),
+            None if self.threshold == "auto" => Ok(()),
+            None => Err(Error::new("--threshold", &self.threshold, "wanted a share, 0 to 1, or auto")),
+        }
+    }
+
+    fn options(&self, image: ArrayView2<f32>, session: &mut Session) -> Options {
+        let threshold = self.typed().unwrap_or_else(|| {
+            let found = Automatic::new(image);
+            session.count("noise", found.noise);
+            session.count("threshold", found.threshold);
+            session.explain(format!(
+                "noise {:.2} % of the brightest pixel, threshold {:.2} %",
+                100.0 * found.noise,
+                100.0 * found.threshold
+            ));
+            found.threshold
+        });
+        Options {
+            score: match self.score {
+                ScoreName::Geometric => Score::Geometric,
+                ScoreName::Minimum => Score::Share(0.0),
+                ScoreName::Quantile => Score::Share(self.quantile),
+            },
+            threshold,
+            dark: self.dark,
+            keep_all: self.keep_all,
+        }
+    }
 }
 
 fn main() -> ExitCode {
@@ -67,12 +129,9 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    if !(0.0..=1.0).contains(&arguments.threshold) {
-        let found = format!("{}", arguments.threshold);
-        return Err(Error::new("--threshold", found, "wanted a share of the brightest pixel, 0 to 1"));
-    }
+    arguments.check()?;
     let mut inputs = vec![arguments.image.as_path(), arguments.camera.as_path()];
-    inputs.extend(arguments.background.as_deref());
+    inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.truth.as_deref()));
     session.keep_apart(&arguments.output, &inputs)?;
     let name = io::name(&arguments.image);
     let (camera, image) = session.phase("read", |_| {
@@ -86,14 +145,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let [x0, x1, y0, y1] = arguments.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
     let grid = Grid::in_bounds([[x0, x1], [y0, y1], arguments.depth], camera.voxel_spacing_mm(arguments.pvr))
         .map_err(|found| Error::new("--pvr, --depth, --bounds", found, "wanted a grid with voxels"))?;
-    let options = Options {
-        score: match arguments.score {
-            ScoreName::Geometric => Score::Geometric,
-            ScoreName::Minimum => Score::Minimum,
-        },
-        threshold: arguments.threshold,
-        keep_all: arguments.keep_all,
-    };
+    let options = arguments.options(image.pixels.view(), session);
     let support = session.phase("prune", |session| {
         let progress = session.progress("pruning", grid.shape[2] as u64);
         prune(image.pixels.view(), &camera, &grid, &options, |slices| progress.add(slices))
@@ -108,6 +160,20 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         100.0 * kept as f64 / all as f64,
         options.threshold
     ));
+    if let Some(file) = &arguments.truth {
+        let table = particles::read(&io::open_text(file)?)
+            .map_err(|found| Error::new(io::name(file), found, "wanted a particles.csv"))?;
+        let shown = table.iter().filter(|particle| particle.frame == arguments.frame);
+        let places: Vec<[f64; 3]> = shown.map(|particle| particle.place_mm).collect();
+        let (inside, lost) = support.lost(&grid, &places);
+        session.count("particles", inside);
+        session.count("lost_particles", lost);
+        session.say(format!(
+            "{lost} of {inside} particles lost ({:.2} %), {:.0} voxels kept for each",
+            100.0 * lost as f64 / inside.max(1) as f64,
+            kept as f64 / inside.max(1) as f64
+        ));
+    }
     if kept == 0 {
         let wanted = "wanted a brighter image, a lower --threshold or another --depth";
         return Err(Error::new(name, "no voxel survives pruning", wanted));

@@ -1,7 +1,7 @@
 //! Scores for turned and hexagonal lattices, ray by ray, ended early where a voxel is beyond hope.
 
 use crate::sections::Sections;
-use crate::{SEEN_SHARE, Scores, Slice};
+use crate::{Levels, SEEN_SHARE, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
@@ -21,7 +21,7 @@ fn scattered_order(count: usize) -> Vec<usize> {
     (0..count).map(|n| n * stride % count).collect()
 }
 
-pub(crate) fn slice(scores: &Scores, camera: &Camera, grid: &Grid, z: usize) -> Slice {
+pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> Slice {
     let optics = Optics::new(camera);
     let sections = Sections::new(camera);
     let n = sections.centres_mm.len();
@@ -31,19 +31,16 @@ pub(crate) fn slice(scores: &Scores, camera: &Camera, grid: &Grid, z: usize) -> 
         .map(|(u, v)| DVec2::new(sections.centres_mm[u], sections.centres_mm[v]))
         .collect();
     let order: Vec<DVec2> = scattered_order(inside.len()).into_iter().map(|place| inside[place]).collect();
-    let geometric = scores.geometric();
     let sections = order.len() as u32;
-    // With every ray to come as bright as can be (0 in logarithms), the mean of all could still reach `least`; a voxel
-    // part of whose rays miss the sensor has fewer to make up for.
-    let hopeless = if geometric { scores.least * sections as f32 } else { scores.least };
-    let hopeful = |sum: f32| scores.options.keep_all || sum >= hopeless;
+    // With every ray to come as bright as can be (a level of 0), the sum could still reach this; a voxel part of whose rays
+    // miss the sensor has fewer to make up for.
+    let hopeless = levels.least_sum(sections, sections);
 
     let mut kept = Slice::new();
     for y in 0..grid.shape[1] {
         for x in 0..grid.shape[0] {
             let point = DVec2::new(grid.centre_mm(0, x), grid.centre_mm(1, y));
-            let mut sum = if geometric { 0.0 } else { f32::INFINITY };
-            let (mut seen, mut beside) = (0u32, 0u32);
+            let (mut sum, mut seen, mut beside) = (0, 0u32, 0u32);
             for aperture in &order {
                 let Some((column, row)) = optics.pixel_at(optics.sensor_from_object(point, z_mm, *aperture)) else {
                     beside += 1;
@@ -52,17 +49,14 @@ pub(crate) fn slice(scores: &Scores, camera: &Camera, grid: &Grid, z: usize) -> 
                     }
                     continue;
                 };
-                let value = scores.values[row * scores.width + column];
                 seen += 1;
-                sum = if geometric { sum + value } else { sum.min(value) };
-                if !hopeful(sum) {
+                sum += levels.values[row * levels.width + column];
+                if sum < hopeless {
                     break;
                 }
             }
-            if seen + beside == sections
-                && let Some(score) = scores.keep(sum, seen, sections)
-            {
-                kept.push(((y * grid.shape[0] + x) as u32, score));
+            if seen + beside == sections && sum >= levels.least_sum(seen, sections) {
+                kept.push(((y * grid.shape[0] + x) as u32, levels.score(sum, seen)));
             }
         }
     }

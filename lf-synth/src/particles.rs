@@ -2,6 +2,7 @@
 
 use crate::flow::{Velocity, places};
 use glam::DVec3;
+use lf_core::particles::{self as table, HEADER};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -128,8 +129,6 @@ pub fn inside(particles: &[Particle], bounds_mm: [[f64; 2]; 3]) -> Vec<Particle>
     particles.iter().filter(|particle| within(particle.place_mm)).copied().collect()
 }
 
-const HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity";
-
 /// The text of a `particles.csv`.
 pub fn to_csv(frames: &[Vec<Particle>]) -> String {
     let mut text = format!("{HEADER}\n");
@@ -178,29 +177,11 @@ pub fn tracks_from_csv(text: &str) -> Result<Vec<Vec<Particle>>, String> {
 }
 
 fn lines(text: &str) -> Result<Vec<(usize, Particle)>, String> {
-    let mut lines = text.lines();
-    if lines.next().map(str::trim) != Some(HEADER) {
-        return Err(format!("line 1 is not '{HEADER}'"));
-    }
-    let mut particles = Vec::new();
-    for (n, line) in lines.enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let wrong = || format!("line {} is not six numbers: '{line}'", n + 2);
-        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
-        let [frame, id, x, y, z, intensity] = fields[..] else { return Err(wrong()) };
-        let number = |text: &str| text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong);
-        let intensity = number(intensity)?;
-        if intensity < 0.0 {
-            return Err(format!("line {} has a negative intensity", n + 2));
-        }
-        let particle = Particle {
-            id: id.parse().map_err(|_| wrong())?,
-            place_mm: DVec3::new(number(x)?, number(y)?, number(z)?),
-            intensity,
-            size: 1.0,
-        };
-        particles.push((frame.parse().map_err(|_| wrong())?, particle));
-    }
-    Ok(particles)
+    let particle = |line: table::Particle| {
+        let place_mm = DVec3::from(line.place_mm);
+        (line.frame, Particle { id: line.id, place_mm, intensity: line.intensity, size: 1.0 })
+    };
+    Ok(table::read(text)?.into_iter().map(particle).collect())
 }
 
 #[cfg(test)]

@@ -306,8 +306,9 @@ impl Scene {
         }
         if let Some(truth) = &self.truth {
             positive("truth.sigma_vox", truth.sigma_vox)?;
-            if truth.sigma_vox > 5.0 {
-                return Err(format!("truth.sigma_vox {} is above 5", truth.sigma_vox));
+            // Narrower than this, a particle could fall between voxels.
+            if !(0.2..=5.0).contains(&truth.sigma_vox) {
+                return Err(format!("truth.sigma_vox {} is outside 0.2 to 5", truth.sigma_vox));
             }
             if truth.vectors.iter().any(|n| *n < 2 || *n > 4096) {
                 return Err(format!("truth.vectors {:?} is outside 2 to 4096", truth.vectors));

@@ -13,8 +13,11 @@ use lf_synth::{noise, truth};
 use std::path::Path;
 use std::time::Instant;
 
+/// A flow that turns a particle round in less of a frame than this many steps follow is a slip of units.
+const MOST_STEPS: f64 = 1e5;
+
 /// The velocity field of a scene's flow.
-fn velocity(stage: &Stage) -> Result<Velocity> {
+fn velocity(stage: &Stage, name: &str) -> Result<Velocity> {
     let Some(flow) = &stage.scene.flow else { return Ok(Velocity::rest()) };
     let open = |path: &Path| {
         let wrong = |found| Error::new(io::name(path), found, "wanted a field without gaps");
@@ -23,7 +26,12 @@ fn velocity(stage: &Stage) -> Result<Velocity> {
     let sampled: Result<Vec<Sampled>> = flow.sampled().into_iter().map(open).collect();
     let camera = &stage.camera;
     let pixel_mm = camera.sensor.pixel_pitch_mm / camera.main_lens.magnification;
-    Ok(flow.velocity(sampled?, stage.scene.bounds_mm(), pixel_mm))
+    let velocity = flow.velocity(sampled?, stage.scene.bounds_mm(), pixel_mm);
+    if velocity.steps() > MOST_STEPS {
+        let found = format!("flow needs {:.1e} steps from frame to frame", velocity.steps());
+        return Err(Error::new(name, found, format!("wanted at most {MOST_STEPS:.0e}: a gentler one")));
+    }
+    Ok(velocity)
 }
 
 /// The particles of every frame of tracks.
@@ -96,7 +104,7 @@ pub fn render(
     let mut cast = match scene.flow.as_ref().and_then(|flow| flow.tracks()) {
         Some(file) => tracks(file, &times)?,
         None => {
-            let velocity = velocity(&stage)?;
+            let velocity = velocity(&stage, &name)?;
             Cast::Carried { all: seeded(&stage, &name, &velocity, session)?, velocity, time: 0.0 }
         }
     };

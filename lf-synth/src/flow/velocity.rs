@@ -108,6 +108,11 @@ impl Velocity {
         rate
     }
 
+    /// Steps that a unit of time is cut into.
+    pub fn steps(&self) -> f64 {
+        self.steps.unwrap_or(1.0)
+    }
+
     /// Velocity at a place, mm a unit of time.
     pub fn at(&self, place_mm: DVec3) -> DVec3 {
         self.parts.iter().map(|part| part.at(place_mm)).sum()

@@ -1,0 +1,77 @@
+//! The noise of an image, found in its darkest places.
+
+use ndarray::ArrayView2;
+use rayon::prelude::*;
+
+/// Side of a tile, px; an image smaller than a tile has no noise that could be told.
+const TILE: usize = 4;
+
+/// Share of the tiles, the darkest, that are taken for places without light.
+const DARKEST: f64 = 0.05;
+
+/// Standard deviation of the pixels where the image is darkest, counts: the median over the darkest twentieth of its tiles
+/// of 4 x 4 px. What light there is even there counts as noise; an image cut at 0 shows about 0.6 of its noise.
+pub fn noise(image: ArrayView2<f32>) -> f64 {
+    let (height, width) = image.dim();
+    let rows: Vec<usize> = (0..height / TILE).collect();
+    let mut tiles: Vec<(f64, f64)> = rows
+        .into_par_iter()
+        .flat_map_iter(|row| {
+            (0..width / TILE).map(move |column| {
+                let (mut sum, mut squares) = (0.0, 0.0);
+                for y in 0..TILE {
+                    for x in 0..TILE {
+                        let value = f64::from(image[[row * TILE + y, column * TILE + x]]);
+                        sum += value;
+                        squares += value * value;
+                    }
+                }
+                let count = (TILE * TILE) as f64;
+                let mean = sum / count;
+                (mean, (squares / count - mean * mean).max(0.0) * count / (count - 1.0))
+            })
+        })
+        .collect();
+    if tiles.is_empty() {
+        return 0.0;
+    }
+    let darkest = ((tiles.len() as f64 * DARKEST).ceil() as usize).min(tiles.len());
+    tiles.select_nth_unstable_by(darkest - 1, |a, b| a.0.total_cmp(&b.0));
+    let dark = &mut tiles[..darkest];
+    let middle = darkest / 2;
+    dark.select_nth_unstable_by(middle, |a, b| a.1.total_cmp(&b.1));
+    dark[middle].1.sqrt()
+}
+
+/// A threshold found from the image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Automatic {
+    /// Noise over the brightest pixel.
+    pub noise: f64,
+    /// Least geometric mean kept, over the brightest pixel.
+    pub threshold: f64,
+}
+
+/// Threshold over the mean of the light's own brightness, sum I^2 / sum I, which grows with the overlap of particles as
+/// their scores do, and not with the size of the image as its brightest pixel does. A particle's voxel has a quarter of it
+/// at least in the ready scenes core and full, also where noise is 2 % of the brightest pixel; half as much keeps twice
+/// the voxels.
+const PART: f64 = 0.2;
+
+impl Automatic {
+    /// The threshold for an image, shape (height, width), not negative.
+    pub fn new(image: ArrayView2<f32>) -> Self {
+        let (mut light, mut squares, mut peak) = (0f64, 0f64, 0f64);
+        for value in image {
+            let value = f64::from(*value);
+            light += value;
+            squares += value * value;
+            peak = peak.max(value);
+        }
+        if peak <= 0.0 {
+            return Self { noise: 0.0, threshold: 0.0 };
+        }
+        let noise = (noise(image) / peak).min(1.0);
+        Self { noise, threshold: (PART * squares / light / peak).max(noise).min(1.0) }
+    }
+}
