@@ -42,18 +42,57 @@ pub(crate) struct InLine {
     circle: bool,
     /// Support voxels of line (y, z) are `lines[y + ny z] .. lines[y + ny z + 1]`.
     lines: Vec<u32>,
-    /// Column profile of each support voxel: first and end tap.
-    profiles: Vec<(u32, u32)>,
+    /// Column profile of each support voxel.
+    profiles: Vec<u32>,
+    /// First and end tap of each profile.
+    ranges: Vec<(u32, u32)>,
+    /// Sum of each profile's shares.
+    sums: Vec<f32>,
     taps: Vec<Tap>,
     parts: Vec<Parts>,
     row_taps: Vec<RowTap>,
+    /// Sum of each line's row shares, scale of the aperture left out.
+    line_sums: Vec<f32>,
     /// Row taps of a line's subset s are `row_starts[line * (subsets + 1) + s] ..` the next.
     row_starts: Vec<u32>,
     /// Sources of image row r are `source_starts[r] .. source_starts[r + 1]`.
     sources: Vec<Source>,
     source_starts: Vec<u32>,
     subsets: usize,
-    stride: usize,
+    /// What the sum of products of shares is multiplied by for a voxel's whole light.
+    scale: f32,
+}
+
+/// The column profiles of a slice's voxels, counted from its first.
+#[derive(Default)]
+struct Columns {
+    profiles: Vec<u32>,
+    ranges: Vec<(u32, u32)>,
+    sums: Vec<f32>,
+    taps: Vec<Tap>,
+    parts: Vec<Parts>,
+}
+
+impl Columns {
+    fn new(footprint: &Footprint, z: usize, voxels: impl Iterator<Item = usize>, circle: bool) -> Self {
+        const UNKNOWN: u32 = u32::MAX;
+        let mut this = Self::default();
+        let mut known = vec![UNKNOWN; footprint.grid().shape[0]];
+        let mut pieces = Vec::new();
+        for x in voxels {
+            if known[x] == UNKNOWN {
+                known[x] = this.ranges.len() as u32;
+                pieces.clear();
+                footprint.columns(x, z, &mut pieces);
+                let first = this.taps.len() as u32;
+                taps_of(&pieces, circle, &mut this.taps, &mut this.parts);
+                this.ranges.push((first, this.taps.len() as u32));
+                this.sums.push(pieces.iter().map(|piece| piece.weight).sum());
+            }
+            this.profiles.push(known[x]);
+        }
+        this
+    }
 }
 
 fn taps_of(pieces: &[Piece], circle: bool, taps: &mut Vec<Tap>, parts: &mut Vec<Parts>) {
@@ -93,33 +132,37 @@ impl InLine {
             .map(|line| indices.partition_point(|index| *index < line * nx as u64) as u32)
             .collect();
 
+        // Slice by slice side by side, then one after the other.
+        let slices: Vec<Columns> = (0..nz)
+            .into_par_iter()
+            .map(|z| {
+                let voxels = &indices[lines[ny * z] as usize..lines[ny * (z + 1)] as usize];
+                Columns::new(footprint, z, voxels.iter().map(|index| (index % nx as u64) as usize), circle)
+            })
+            .collect();
         let mut this = Self {
             circle,
             lines,
             profiles: Vec::with_capacity(indices.len()),
+            ranges: Vec::new(),
+            sums: Vec::new(),
             taps: Vec::new(),
             parts: Vec::new(),
             row_taps: Vec::new(),
+            line_sums: Vec::new(),
             row_starts: Vec::new(),
             sources: Vec::new(),
             source_starts: Vec::new(),
             subsets,
-            stride: Plane::stride(footprint.sensor().0),
+            scale: footprint.scale() * if circle { std::f32::consts::FRAC_PI_4 } else { 1.0 },
         };
-        let mut pieces = Vec::new();
-        for z in 0..nz {
-            let mut known: Vec<Option<(u32, u32)>> = vec![None; nx];
-            for n in this.lines[ny * z]..this.lines[ny * (z + 1)] {
-                let x = (indices[n as usize] % nx as u64) as usize;
-                let profile = *known[x].get_or_insert_with(|| {
-                    pieces.clear();
-                    footprint.columns(x, z, &mut pieces);
-                    let first = this.taps.len() as u32;
-                    taps_of(&pieces, circle, &mut this.taps, &mut this.parts);
-                    (first, this.taps.len() as u32)
-                });
-                this.profiles.push(profile);
-            }
+        for slice in slices {
+            let (first_tap, first_range) = (this.taps.len() as u32, this.ranges.len() as u32);
+            this.profiles.extend(slice.profiles.iter().map(|profile| first_range + profile));
+            this.ranges.extend(slice.ranges.iter().map(|(first, end)| (first_tap + first, first_tap + end)));
+            this.sums.extend(slice.sums);
+            this.taps.extend(slice.taps);
+            this.parts.extend(slice.parts);
         }
         this.fill_rows(footprint, ny, nz);
         this
@@ -127,26 +170,40 @@ impl InLine {
 
     fn fill_rows(&mut self, footprint: &Footprint, ny: usize, nz: usize) {
         let subsets = self.subsets;
-        let mut pieces = Vec::new();
-        for line in 0..ny * nz {
-            pieces.clear();
-            if self.lines[line] < self.lines[line + 1] {
-                footprint.rows(line % ny, line / ny, &mut pieces);
-            }
-            pieces.sort_by_key(|piece| piece.pixel as usize % subsets);
-            let mut subset = 0;
-            for piece in &pieces {
-                while subset <= piece.pixel as usize % subsets {
-                    self.row_starts.push(self.row_taps.len() as u32);
-                    subset += 1;
+        let lines = &self.lines;
+        let slices: Vec<(Vec<RowTap>, Vec<u32>, Vec<f32>)> = (0..nz)
+            .into_par_iter()
+            .map(|z| {
+                let (mut taps, mut starts, mut sums, mut pieces) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+                for y in 0..ny {
+                    pieces.clear();
+                    if lines[ny * z + y] < lines[ny * z + y + 1] {
+                        footprint.rows(y, z, &mut pieces);
+                    }
+                    pieces.sort_by_key(|piece| piece.pixel as usize % subsets);
+                    sums.push(pieces.iter().map(|piece| piece.weight).sum());
+                    let mut subset = 0;
+                    for piece in &pieces {
+                        while subset <= piece.pixel as usize % subsets {
+                            starts.push(taps.len() as u32);
+                            subset += 1;
+                        }
+                        let share = footprint.scale() * piece.weight;
+                        taps.push(RowTap { row: piece.pixel, share, chords: footprint.chords(piece) });
+                    }
+                    while subset <= subsets {
+                        starts.push(taps.len() as u32);
+                        subset += 1;
+                    }
                 }
-                let share = footprint.scale() * piece.weight;
-                self.row_taps.push(RowTap { row: piece.pixel, share, chords: footprint.chords(piece) });
-            }
-            while subset <= subsets {
-                self.row_starts.push(self.row_taps.len() as u32);
-                subset += 1;
-            }
+                (taps, starts, sums)
+            })
+            .collect();
+        for (taps, starts, sums) in slices {
+            let first = self.row_taps.len() as u32;
+            self.row_starts.extend(starts.iter().map(|start| first + start));
+            self.row_taps.extend(taps);
+            self.line_sums.extend(sums);
         }
         // The same taps by image row, lines in rising order.
         let (_, height) = footprint.sensor();
@@ -171,6 +228,17 @@ impl InLine {
         self.source_starts = starts;
     }
 
+    /// Forgets the voxels that are not held; what is known of the others stays.
+    pub(crate) fn retain(&mut self, held: &[bool]) {
+        crate::subsets::keep(&mut self.profiles, held);
+        let (mut kept, mut n) = (0, 0);
+        for end in &mut self.lines {
+            kept += held[n..*end as usize].iter().filter(|held| **held).count() as u32;
+            n = *end as usize;
+            *end = kept;
+        }
+    }
+
     /// Image rows are the things written: each is one thread's, and its sources come in a fixed order.
     pub(crate) fn project(&self, rows: Rows, strengths: &[f32], plane: &mut Plane) {
         let wanted = plane.values.par_chunks_mut(plane.stride).enumerate();
@@ -179,7 +247,8 @@ impl InLine {
             for source in &self.sources[self.source_starts[row] as usize..self.source_starts[row + 1] as usize] {
                 let tap = &self.row_taps[source.tap as usize];
                 let line = self.lines[source.line as usize] as usize..self.lines[source.line as usize + 1] as usize;
-                for (strength, &(first, end)) in strengths[line.clone()].iter().zip(&self.profiles[line]) {
+                for (strength, profile) in strengths[line.clone()].iter().zip(&self.profiles[line]) {
+                    let (first, end) = self.ranges[*profile as usize];
                     let light = tap.share * strength;
                     let taps = first as usize..end as usize;
                     if self.circle {
@@ -192,12 +261,12 @@ impl InLine {
         });
     }
 
+    /// What a round stop cuts from a voxel at the edge of sight is taken to be what it cuts from others.
     pub(crate) fn shares(&self) -> Vec<f32> {
-        let mut shares = vec![0.0; self.profiles.len()];
-        let plane = Plane { stride: self.stride, values: vec![0.0; self.stride * (self.source_starts.len() - 1)] };
-        for subset in 0..self.subsets {
-            let rows = Rows { subset, subsets: self.subsets };
-            self.back_project(rows, &plane, &mut shares, |_, share, _, weight| *share += weight);
+        let mut shares = Vec::with_capacity(self.profiles.len());
+        for (line, sum) in self.line_sums.iter().enumerate() {
+            let voxels = &self.profiles[self.lines[line] as usize..self.lines[line + 1] as usize];
+            shares.extend(voxels.iter().map(|profile| self.scale * sum * self.sums[*profile as usize]));
         }
         shares
     }
@@ -231,7 +300,7 @@ impl InLine {
                     continue;
                 }
                 for n in self.lines[line] as usize..self.lines[line + 1] as usize {
-                    let (first, end) = self.profiles[n];
+                    let (first, end) = self.ranges[self.profiles[n] as usize];
                     let columns = first as usize..end as usize;
                     let (mut sum, mut weight) = (0.0, 0.0);
                     for tap in taps {

@@ -53,6 +53,17 @@ impl<'a> Operator<'a> {
         }
     }
 
+    /// Forgets the voxels that are not held. `false` where that takes making it anew.
+    pub(crate) fn retain(&mut self, held: &[bool]) -> bool {
+        match self {
+            Self::InLine(weights) => {
+                weights.retain(held);
+                true
+            }
+            Self::Scattered(_) => false,
+        }
+    }
+
     /// The sum of each voxel's weights.
     pub(crate) fn shares(&self) -> Vec<f32> {
         match self {

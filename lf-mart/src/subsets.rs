@@ -31,7 +31,7 @@ fn order(subsets: usize) -> impl Iterator<Item = usize> {
     (0..subsets).map(move |n| n * 5 % subsets)
 }
 
-fn keep<T>(values: &mut Vec<T>, held: &[bool]) {
+pub(crate) fn keep<T>(values: &mut Vec<T>, held: &[bool]) {
     let mut held = held.iter();
     values.retain(|_| *held.next().expect("one for each"));
 }
@@ -103,14 +103,18 @@ pub(crate) fn solve(
             });
             let least = SPENT * strengths.iter().fold(0f32, |peak, strength| peak.max(*strength));
             let alive = |strength: &f32| *strength > least;
-            // Tables are made anew only where that saves more than it costs.
-            if strengths.iter().filter(|strength| alive(strength)).count() * 2 < active.len() {
+            let spent = active.len() - strengths.iter().filter(|strength| alive(strength)).count();
+            // Dropping costs a look at each voxel; making weights anew, half of a sweep.
+            let in_line = footprint.in_line();
+            if spent * if in_line { 20 } else { 2 } > active.len() {
                 let held: Vec<bool> = strengths.iter().map(alive).collect();
                 keep(&mut active, &held);
                 keep(&mut share, &held);
                 keep(&mut strengths, &held);
-                operator = Operator::new(footprint, &active, SUBSETS);
-                rough = false;
+                if !operator.retain(&held) {
+                    operator = Operator::new(footprint, &active, SUBSETS);
+                    rough = false;
+                }
             }
         }
         misfit.push(if all > 0.0 { (off / all).sqrt() } else { 0.0 });
