@@ -12,6 +12,7 @@ pub mod grid;
 pub mod history;
 pub mod image;
 pub mod io;
+pub mod kernel;
 pub mod optics;
 pub mod particles;
 pub mod volume;

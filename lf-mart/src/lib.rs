@@ -6,10 +6,14 @@
 
 pub mod blob;
 mod inline;
+mod kernel;
+#[cfg(target_arch = "x86_64")]
+mod kernel_avx;
 mod operator;
 mod row_action;
 mod scattered;
 mod subsets;
+mod tables;
 
 use lf_core::camera::Camera;
 use lf_core::footprint::{Basis, Footprint, Model};

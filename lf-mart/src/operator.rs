@@ -1,7 +1,8 @@
 //! Projection and back-projection over a subset of the image's rows, weights made on the way.
 
-use crate::inline::InLine;
+use crate::kernel::PADDING;
 use crate::scattered::Scattered;
+use crate::tables::InLine;
 use lf_core::footprint::Footprint;
 
 /// The weights of a support's voxels, for whichever camera.
@@ -26,7 +27,7 @@ impl Plane {
 
     /// Values a row of an image `width` pixels wide.
     pub(crate) fn stride(width: usize) -> usize {
-        width + 4
+        width + PADDING
     }
 }
 

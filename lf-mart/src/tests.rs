@@ -150,7 +150,10 @@ fn projections_are_the_matrix_and_its_transpose() {
                 for (row, line) in plane.values.chunks(plane.stride).enumerate() {
                     for (column, value) in line[..width].iter().enumerate() {
                         let exact = pixels[row * width + column];
-                        assert!((f64::from(*value) - exact).abs() < 1e-5 * (exact + 0.01), "{row} {column} {value}");
+                        assert!(
+                            (f64::from(*value) - exact).abs() < 1e-5 * (exact + 0.01),
+                            "{row} {column} {value} {exact} {model:?} {basis:?}"
+                        );
                     }
                 }
                 for (n, value) in plane.values.iter_mut().enumerate() {

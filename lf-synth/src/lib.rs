@@ -6,7 +6,6 @@ pub mod cast;
 pub mod diffraction;
 pub mod dots;
 pub mod flow;
-mod kernel;
 pub mod light;
 pub mod noise;
 pub mod particles;

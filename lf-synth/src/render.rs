@@ -5,13 +5,13 @@
 //! Each step of the way is a loop over a few hundred rays; one that the scene does not ask for is not run.
 
 use crate::diffraction::Pattern;
-use crate::kernel::fastest;
 use crate::light::SecondStop;
 use crate::particles::{Particle, stream};
 use crate::patch::{self, Patch};
 use crate::samples::{Samples, Shape};
 use glam::DVec2;
 use lf_core::camera::Camera;
+use lf_core::kernel::fastest;
 use lf_core::optics::Optics;
 use ndarray::Array2;
 use rayon::prelude::*;

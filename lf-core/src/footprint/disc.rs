@@ -7,8 +7,8 @@ pub struct Chords {
     pub inner: f32,
     /// Rectangles beyond `|u| >= outer` lie outside, mm.
     pub outer: f32,
-    /// Half chords at three Gauss-Legendre nodes of v, mm.
-    nodes: [f32; 3],
+    /// Half chords at three Gauss-Legendre nodes of v, of weights 5, 8 and 5 out of 18, mm.
+    pub nodes: [f32; 3],
 }
 
 /// Gauss-Legendre: middle node 8/18, outer nodes 5/18 each at -/+ sqrt(3/5) of the half interval.

@@ -2,7 +2,7 @@
 
 /// Runs `work` with the widest arithmetic that the machine has and that keeps its results: no fused operations.
 #[inline(always)]
-pub(crate) fn fastest(work: impl FnOnce()) {
+pub fn fastest(work: impl FnOnce()) {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
