@@ -1,6 +1,7 @@
 //! The voxel grid: linear index, voxel coordinates and millimetres.
 
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// A regular grid in the object frame of [`crate::optics`]. `origin_mm` is the centre of voxel (0, 0, 0).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -14,7 +15,30 @@ pub struct Grid {
     pub origin_mm: [f64; 3],
 }
 
+/// Largest disagreement of spacings and origins of one grid, relative to the spacing and to the extent: far above the
+/// rounding of the few operations that make a grid, far below what moves a voxel.
+const TOLERANCE: f64 = 1e-9;
+
+impl fmt::Display for Grid {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let [nx, ny, nz] = self.shape;
+        let ([dx, dy, dz], [x, y, z]) = (self.spacing_mm, self.origin_mm);
+        write!(f, "grid of {nx} x {ny} x {nz} voxels of {dx} x {dy} x {dz} mm from ({x}, {y}, {z}) mm")
+    }
+}
+
 impl Grid {
+    /// Whether it is the same grid, but for rounding.
+    pub fn agrees_with(&self, other: &Self) -> bool {
+        self.shape == other.shape
+            && (0..3).all(|axis| {
+                let spacing = self.spacing_mm[axis].max(other.spacing_mm[axis]);
+                let extent = spacing * self.shape[axis] as f64;
+                (self.spacing_mm[axis] - other.spacing_mm[axis]).abs() <= TOLERANCE * spacing
+                    && (self.origin_mm[axis] - other.origin_mm[axis]).abs() <= TOLERANCE * extent
+            })
+    }
+
     /// The grid of `round(extent / spacing)` voxels an axis, centred in `bounds_mm` = `[[x0, x1], [y0, y1], [z0, z1]]`.
     ///
     /// # Errors

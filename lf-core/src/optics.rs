@@ -220,6 +220,19 @@ impl Optics {
         sensor_mm / self.pixel_pitch_mm + 0.5 * DVec2::new(self.width as f64, self.height as f64)
     }
 
+    /// Where the middle of a pixel is on the sensor, mm.
+    #[inline]
+    pub fn centre_mm(&self, column: u32, row: u32) -> DVec2 {
+        let place = DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
+        (place - 0.5 * DVec2::new(self.width as f64, self.height as f64)) * self.pixel_pitch_mm
+    }
+
+    /// Columns and rows of the sensor.
+    #[inline]
+    pub fn sensor_px(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
     /// Column and row of the pixel under a place on the sensor; none beside the sensor.
     #[inline]
     pub fn pixel_at(&self, sensor_mm: DVec2) -> Option<(usize, usize)> {

@@ -1,32 +1,54 @@
 //! Image, camera and voxels to intensities, by multiplicative algebraic reconstruction.
 //!
-//! Two methods. `mart` is the row action of Shi, Ding, New & Soria (2017), eq. 1: pixel after pixel, weights stored.
-//! `subsets` is the default: simultaneous MART (SMART) over interleaved image rows, one subset of rows after another,
-//! weights made from profiles where they are used and never stored as a matrix.
+//! `mart` is the row action of Shi, Ding, New & Soria (2017), eq. 1: pixel after pixel, weights stored. `smart` and
+//! `mlem` move all voxels by all pixels at once. `subsets`, the default, is `smart` over interleaved image rows, one
+//! subset of rows after another, with momentum. All but `mart` make weights from profiles where they are used; a
+//! matrix is kept for turned and hexagonal lattices alone, and where it fits.
 
 pub mod blob;
 mod inline;
 mod kernel;
 #[cfg(target_arch = "x86_64")]
 mod kernel_avx;
+mod memory;
+mod momentum;
 mod operator;
 mod row_action;
 mod scattered;
-mod subsets;
+mod simultaneous;
 mod tables;
+
+pub use memory::estimate_bytes;
 
 use lf_core::camera::Camera;
 use lf_core::footprint::{Basis, Footprint, Model};
 use lf_core::grid::Grid;
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2};
 
 /// How intensities are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// Ordered subsets of SMART: the default.
+    /// Ordered subsets of SMART with momentum: the default.
     Subsets,
+    /// Simultaneous MART: all pixels at once.
+    Smart,
+    /// Maximum likelihood by expectation maximisation: as SMART, with the mean of ratios in place of that of logarithms.
+    Mlem,
     /// The paper's row action.
     Mart,
+}
+
+/// When sweeps end before their number is reached.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Until {
+    /// Never.
+    Never,
+    /// When two sweeps bring the misfit down by less than a hundredth.
+    Stall,
+    /// When the misfit is this or less.
+    Misfit(f64),
+    /// When the misfit is what noise of this standard deviation, counts, leaves, or stalls.
+    Noise(f64),
 }
 
 /// What is done and how often.
@@ -38,12 +60,41 @@ pub struct Options {
     pub basis: Basis,
     /// The method.
     pub method: Method,
-    /// Sweeps over all pixels.
+    /// Sweeps over all pixels, at most.
     pub iterations: usize,
+    /// When fewer are enough.
+    pub until: Until,
     /// Relaxation: the factor mu of the exponent.
     pub relaxation: f64,
-    /// Refuse to store more weights than fit into so many bytes (`Method::Mart` alone stores any).
+    /// A dark pixel counts as this share of the image's brightest: the logarithm stays finite, and one dark pixel among
+    /// hundreds cannot put out a voxel at once.
+    pub floor: f64,
+    /// One step multiplies a strength by no more than this, or divides it.
+    pub clamp: f64,
+    /// Refuse what would take more memory than this, bytes.
     pub max_bytes: u64,
+}
+
+/// Where a reconstruction begins: the intensities of some voxels. The others begin dim.
+#[derive(Debug, Clone, Copy)]
+pub struct Start<'a> {
+    /// Rising linear indices on the support's grid.
+    pub indices: &'a [u64],
+    /// Intensity of each, counts.
+    pub intensity: &'a [f32],
+}
+
+/// A sweep that is done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sweep {
+    /// Its number, from 1.
+    pub number: usize,
+    /// `|image - projection| / |image|` over the pixels the support can reach, each as it was before its own update.
+    pub misfit: f64,
+    /// Sum of the changes of the strengths, without sign, over the sum of the strengths.
+    pub change: f64,
+    /// Voxels still held to have light.
+    pub voxels: usize,
 }
 
 /// A reconstruction.
@@ -53,53 +104,109 @@ pub struct Reconstruction {
     pub indices: Vec<u64>,
     /// Intensity of each, counts: what the voxel sends through the aperture.
     pub intensity: Vec<f32>,
-    /// `|image - projection| / |image|` over the pixels the support can reach, before each sweep.
-    pub misfit: Vec<f64>,
+    /// The sweeps.
+    pub sweeps: Vec<Sweep>,
     /// Support voxels that no pixel sees; they are left out.
     pub unseen: usize,
 }
 
-/// A dark pixel counts as this share of the image's brightest: the logarithm stays finite, and one dark pixel among
-/// hundreds cannot put out a voxel at once.
-const DARK: f32 = 1e-4;
-
 /// Voxels of the result below this share of its brightest are not written.
 const LEAST_SHARE: f32 = 1e-4;
 
-/// Solves for the intensities of the voxels `indices` (rising) of `grid`. `done` is told how many sweeps are finished.
+/// Strengths stay below this, in units of the image's brightest pixel: sums over any image stay finite.
+const GREATEST_STRENGTH: f32 = 1e20;
+
+/// What a voxel begins with that a [`Start`] does not name, as a share of its brightest.
+const DIM: f32 = 1e-3;
+
+/// Solves for the intensities of the voxels `indices` (rising) of `grid`. `done` is told of each sweep.
 ///
 /// # Errors
-/// Where the grid is too deep for the camera, an index lies outside it, or the weights do not fit.
+/// Where the grid is too deep for the camera, an index lies outside it, or memory does not suffice.
 pub fn reconstruct(
     image: ArrayView2<f32>,
     camera: &Camera,
     grid: &Grid,
     indices: &[u64],
+    start: Option<Start>,
     options: &Options,
-    done: impl Fn(u64),
+    done: impl FnMut(&Sweep),
 ) -> Result<Reconstruction, String> {
     if indices.last().is_some_and(|last| *last >= grid.len()) || u32::try_from(indices.len()).is_err() {
         return Err(format!("{} voxels, or one outside the grid", indices.len()));
     }
+    let bytes = estimate_bytes(camera, grid, indices, options)?;
+    if bytes > options.max_bytes {
+        return Err(format!("{} voxels would take about {:.1} GB", indices.len(), bytes as f64 * 1e-9));
+    }
     let footprint = Footprint::new(camera, grid, options.weights, options.basis)?;
+    // In units of the brightest pixel no sum is too large or too small for f32, whatever a camera's counts are.
+    let peak = f64::from(image.iter().fold(0f32, |peak, value| peak.max(*value)));
+    let unit = if peak > 0.0 { peak } else { 1.0 };
+    let image = image.mapv(|value| (f64::from(value) / unit) as f32);
+    let problem = Problem { image, unit, footprint: &footprint, indices, start, options };
     let solved = match options.method {
-        Method::Subsets => subsets::solve(image, &footprint, indices, options, done),
-        Method::Mart => row_action::solve(image, &footprint, indices, options, done)?,
+        Method::Mart => row_action::solve(&problem, done)?,
+        Method::Subsets | Method::Smart | Method::Mlem => simultaneous::solve(&problem, done),
     };
-    let (indices, intensity) = match options.basis {
+    let (indices, mut intensity) = match options.basis {
         Basis::Blob { sigma_vox } => blob::spread(grid, &solved.indices, &solved.strengths, sigma_vox, LEAST_SHARE),
         Basis::Point | Basis::Box => blob::lit(&solved.indices, &solved.strengths, LEAST_SHARE),
     };
-    Ok(Reconstruction { indices, intensity, misfit: solved.misfit, unseen: solved.unseen })
+    let largest = f64::from(f32::MAX);
+    intensity.iter_mut().for_each(|value| *value = (f64::from(*value) * unit).min(largest) as f32);
+    Ok(Reconstruction { indices, intensity, sweeps: solved.sweeps, unseen: solved.unseen })
+}
+
+/// What a method is given.
+pub(crate) struct Problem<'a> {
+    /// The brightest pixel is 1.
+    pub(crate) image: Array2<f32>,
+    /// Counts of the brightest pixel.
+    pub(crate) unit: f64,
+    pub(crate) footprint: &'a Footprint,
+    pub(crate) indices: &'a [u64],
+    pub(crate) start: Option<Start<'a>>,
+    pub(crate) options: &'a Options,
+}
+
+impl Problem<'_> {
+    /// Strengths to begin with: those of the start, or an even volume of the image's light.
+    pub(crate) fn first_strengths(&self) -> Vec<f32> {
+        let Some(start) = self.start else {
+            let total: f64 = self.image.iter().map(|value| f64::from(*value)).sum();
+            return vec![(total / self.indices.len().max(1) as f64) as f32; self.indices.len()];
+        };
+        let in_units = |intensity: f32| ((f64::from(intensity) / self.unit) as f32).clamp(0.0, GREATEST_STRENGTH);
+        let dim = DIM * start.intensity.iter().fold(0f32, |peak, value| peak.max(in_units(*value)));
+        let mut known = start.indices.iter().zip(start.intensity).peekable();
+        let of = |index: &u64| {
+            while known.next_if(|(place, _)| *place < index).is_some() {}
+            known.next_if(|(place, _)| *place == index).map_or(dim, |(_, intensity)| in_units(*intensity).max(dim))
+        };
+        self.indices.iter().map(of).collect()
+    }
+
+    /// Whether the sweeps so far are enough. `pixels` are those reached, `light` the root of their sum of squares.
+    pub(crate) fn enough(&self, sweeps: &[Sweep], pixels: usize, light: f64) -> bool {
+        let Some(last) = sweeps.last() else { return false };
+        let stalls = || sweeps.len() > 2 && last.misfit > 0.99 * sweeps[sweeps.len() - 3].misfit;
+        match self.options.until {
+            Until::Never => false,
+            Until::Stall => stalls(),
+            Until::Misfit(wanted) => last.misfit <= wanted,
+            Until::Noise(sigma) => last.misfit <= sigma / self.unit * (pixels as f64).sqrt() / light || stalls(),
+        }
+    }
 }
 
 /// What a method finds.
 pub(crate) struct Solved {
     /// Rising indices of the voxels still held to have light.
     pub(crate) indices: Vec<u64>,
-    /// Strength of each.
+    /// Strength of each, in units of the brightest pixel.
     pub(crate) strengths: Vec<f32>,
-    pub(crate) misfit: Vec<f64>,
+    pub(crate) sweeps: Vec<Sweep>,
     pub(crate) unseen: usize,
 }
 

@@ -4,11 +4,14 @@ use clap::{Parser, ValueEnum};
 use lf_core::camera::Camera;
 use lf_core::cli::{self, Common, Session, Verdict};
 use lf_core::footprint::{Basis, Model};
+use lf_core::grid::Grid;
 use lf_core::volume::{self, Volume};
 use lf_core::{Error, Result, image, io};
-use lf_mart::{Method, Options, reconstruct};
+use lf_mart::{Method, Options, Start, Sweep, Until, estimate_bytes, reconstruct};
+use serde_json::json;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Instant;
 
 /// Image, camera and voxels to intensities, by multiplicative algebraic reconstruction
 #[derive(Parser)]
@@ -18,6 +21,8 @@ use std::process::ExitCode;
     max_term_width = 100,
     after_help = "Examples:
   lf-mart support.lfv -i frame.exr -c camera.json -o volume.lfv
+  lf-mart support.lfv -i frame.exr -c camera.json --iterations 3 --log sweeps.jsonl -o quick.lfv
+  lf-mart support.lfv -i frame.exr -c camera.json --start quick.lfv -o volume.lfv
   lf-mart support.lfv -i frame.exr -c camera.json --weights drt --method mart --relaxation 2.5 \\
           --iterations 30 -o paper.lfv      (the paper's DRT-MART)"
 )]
@@ -46,14 +51,30 @@ struct Arguments {
     /// How intensities are found
     #[arg(long, value_enum, default_value_t = MethodName::Subsets)]
     method: MethodName,
-    /// Sweeps over all pixels [default: 60, with --method mart 30]
+    /// Sweeps over all pixels, at most [default: 60, with smart and mlem 100, with mart 30]
     #[arg(long, value_name = "N")]
     iterations: Option<usize>,
-    /// Factor of the exponent; the paper takes 2 to 2.5 with --method mart [default: 1.5, with --method mart 2.5]
+    /// End sooner: when the misfit stalls, at the image's noise, at this misfit, or never [default: stall, with smart,
+    /// mlem and mart never]
+    #[arg(long, value_name = "stall|noise|MISFIT|never")]
+    until: Option<String>,
+    /// Factor of the exponent; the paper takes 2 to 2.5 with mart [default: 1.5, with smart and mlem 1, with mart 2.5]
     #[arg(long, value_name = "MU")]
     relaxation: Option<f64>,
-    /// Most memory that --method mart may store weights in, GB
-    #[arg(long, value_name = "GB", default_value_t = 12.0)]
+    /// What a dark pixel counts as, as a share of the brightest
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-4)]
+    floor: f64,
+    /// Most that one step multiplies or divides an intensity by [default: 20, with mart 1e6]
+    #[arg(long, value_name = "FACTOR")]
+    clamp: Option<f64>,
+    /// Volume (.lfv) to begin with, on the same grid
+    #[arg(long, value_name = "FILE")]
+    start: Option<PathBuf>,
+    /// Write one line of JSON for each sweep: misfit, change, voxels held, seconds since the beginning
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Refuse what would take more memory than this, GB
+    #[arg(long, value_name = "GB", default_value_t = 8.0)]
     max_memory: f64,
     /// Volume (.lfv), - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
@@ -68,6 +89,8 @@ enum WeightsName {
     Exact,
     /// The paper's dense ray tracing: n x n sections of the aperture, one beam and one chief ray each
     Drt,
+    /// Tomographic PIV's: a sphere for the voxel, a cylinder for the pixel's line of sight
+    Sphere,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -82,36 +105,61 @@ enum BasisName {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum MethodName {
-    /// Ordered subsets of simultaneous MART, weights made from profiles
+    /// Ordered subsets of simultaneous MART, with momentum
     Subsets,
+    /// Simultaneous MART
+    Smart,
+    /// Maximum likelihood by expectation maximisation
+    Mlem,
     /// The paper's row action, pixel after pixel, weights stored
     Mart,
 }
 
 impl Arguments {
-    fn options(&self) -> Result<Options> {
+    /// `sigma` is asked for the noise of the image, counts.
+    fn options(&self, sigma: impl FnOnce() -> f64) -> Result<Options> {
         let blob = Basis::Blob { sigma_vox: self.blob };
         let basis = match (self.basis, self.weights) {
-            (Some(BasisName::Point), _) | (None, WeightsName::Drt) => Basis::Point,
+            (Some(BasisName::Point), _) | (None, WeightsName::Drt | WeightsName::Sphere) => Basis::Point,
             (Some(BasisName::Box), _) => Basis::Box,
             (Some(BasisName::Blob), _) | (None, WeightsName::Exact) => blob,
         };
-        let mart = self.method == MethodName::Mart;
+        let (method, iterations, until, relaxation, clamp) = match self.method {
+            MethodName::Subsets => (Method::Subsets, 60, "stall", 1.5, 20.0),
+            MethodName::Smart => (Method::Smart, 100, "never", 1.0, 20.0),
+            MethodName::Mlem => (Method::Mlem, 100, "never", 1.0, 20.0),
+            MethodName::Mart => (Method::Mart, 30, "never", 2.5, 1e6),
+        };
+        let until = self.until.as_deref().unwrap_or(until);
         let options = Options {
             weights: match self.weights {
                 WeightsName::Exact => Model::Exact,
                 WeightsName::Drt => Model::Drt,
+                WeightsName::Sphere => Model::Sphere,
             },
             basis,
-            method: if mart { Method::Mart } else { Method::Subsets },
-            iterations: self.iterations.unwrap_or(if mart { 30 } else { 60 }),
-            relaxation: self.relaxation.unwrap_or(if mart { 2.5 } else { 1.5 }),
+            method,
+            iterations: self.iterations.unwrap_or(iterations),
+            until: match until {
+                "stall" => Until::Stall,
+                "never" => Until::Never,
+                "noise" => Until::Noise(sigma()),
+                typed => match typed.parse::<f64>() {
+                    Ok(misfit) if misfit > 0.0 && misfit < 1.0 => Until::Misfit(misfit),
+                    _ => return Err(Error::new("--until", typed, "wanted stall, noise, never, or a misfit in 0 to 1")),
+                },
+            },
+            relaxation: self.relaxation.unwrap_or(relaxation),
+            floor: self.floor,
+            clamp: self.clamp.unwrap_or(clamp),
             max_bytes: (self.max_memory * 1e9) as u64,
         };
         for (option, value, least, most) in [
             ("--blob", self.blob, 0.05, 10.0),
             ("--relaxation", options.relaxation, 1e-6, 100.0),
             ("--iterations", options.iterations as f64, 1.0, 1e6),
+            ("--floor", options.floor, 1e-12, 0.1),
+            ("--clamp", options.clamp, 1.001, 1e6),
             ("--max-memory", self.max_memory, 1e-3, 1e6),
         ] {
             if !(least..=most).contains(&value) {
@@ -120,6 +168,17 @@ impl Arguments {
         }
         Ok(options)
     }
+
+    /// The volume to begin with.
+    fn first(&self, grid: &Grid) -> Result<Option<Volume>> {
+        let Some(file) = &self.start else { return Ok(None) };
+        let start = Volume::open(file)?;
+        start.require("intensity")?;
+        if !start.grid().agrees_with(grid) {
+            return Err(Error::new(io::name(file), start.grid().to_string(), format!("wanted the support's {grid}")));
+        }
+        Ok(Some(start))
+    }
 }
 
 fn main() -> ExitCode {
@@ -127,10 +186,14 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    let options = arguments.options()?;
+    arguments.options(|| 0.0)?;
     let mut inputs = vec![arguments.support.as_path(), arguments.image.as_path(), arguments.camera.as_path()];
-    inputs.extend(arguments.background.as_deref());
+    inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.start.as_deref()));
     session.keep_apart(&arguments.output, &inputs)?;
+    if let Some(log) = &arguments.log {
+        inputs.push(&arguments.output);
+        session.keep_apart(log, &inputs)?;
+    }
     let name = io::name(&arguments.support);
     let (camera, image, support) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
@@ -146,34 +209,63 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if support.count() == 0 {
         return Err(Error::new(name, "holds no voxel", "wanted a support with voxels"));
     }
+    let start = arguments.first(support.grid())?;
+    let options = arguments.options(|| {
+        let sigma = image::noise(image.pixels.view());
+        session.explain(format!("noise {sigma:.3} counts"));
+        session.count("noise_counts", sigma);
+        sigma
+    })?;
+    let wanted = "wanted a support that fits the camera and --max-memory";
+    let refuse = |found: String| Error::new(name.clone(), found, wanted);
+    let bytes = estimate_bytes(&camera, support.grid(), support.indices(), &options).map_err(refuse)?;
+    session.count("estimated_bytes", bytes);
+    session.explain(format!("about {:.2} GB of memory for {} voxels", bytes as f64 * 1e-9, support.count()));
+    let mut log = String::new();
     let volume = session.phase("reconstruct", |session| {
         let progress = session.progress("sweeps", options.iterations as u64);
-        let wanted = "wanted a support that fits the camera and --max-memory";
-        reconstruct(image.pixels.view(), &camera, support.grid(), support.indices(), &options, |n| progress.add(n))
-            .map_err(|found| Error::new(name.clone(), found, wanted))
+        let began = Instant::now();
+        let done = |sweep: &Sweep| {
+            progress.add(1);
+            let Sweep { number, misfit, change, voxels } = *sweep;
+            let seconds = began.elapsed().as_secs_f64();
+            session.explain(format!("sweep {number}: misfit {misfit:.4}, change {change:.4}, {voxels} voxels held"));
+            log += &json!({"iteration": number, "misfit": misfit, "change": change, "voxels": voxels,
+                "seconds": seconds})
+            .to_string();
+            log.push('\n');
+        };
+        let begin = start
+            .as_ref()
+            .and_then(|start| start.column("intensity").map(|intensity| Start { indices: start.indices(), intensity }));
+        reconstruct(image.pixels.view(), &camera, support.grid(), support.indices(), begin, &options, done)
+            .map_err(refuse)
     })?;
     if volume.indices.is_empty() {
         let wanted = format!("wanted a support that {} can light", io::name(&arguments.image));
         return Err(Error::new(name, "no voxel has light", wanted));
     }
+    let (sweeps, misfit) = volume.sweeps.last().map_or((0, 0.0), |sweep| (sweep.number, sweep.misfit));
     session.count("support_voxels", support.count());
     session.count("unseen_voxels", volume.unseen);
     session.count("lit_voxels", volume.indices.len());
-    session.count("sweeps", options.iterations);
-    let misfit = volume.misfit.last().copied().unwrap_or(0.0);
+    session.count("sweeps", sweeps);
     session.count("misfit", misfit);
     session.explain(format!(
-        "{} voxels, {} unseen; misfit before the last of {} sweeps {misfit:.4}; {} voxels lit",
+        "{} voxels, {} unseen; misfit {misfit:.4} in the last of {sweeps} sweeps; {} voxels lit",
         support.count(),
         volume.unseen,
-        options.iterations,
         volume.indices.len()
     ));
     session.phase("write", |session| {
         let history = session.history(support.history());
         io::save(&arguments.output, |out| {
             volume::write(out, support.grid(), &volume.indices, &[("intensity", &volume.intensity)], &history)
-        })
+        })?;
+        match &arguments.log {
+            Some(file) => io::save_text(file, |out| out.write_all(log.as_bytes())),
+            None => Ok(()),
+        }
     })?;
     Ok(Verdict::Done)
 }

@@ -45,12 +45,19 @@ impl Rows {
     }
 }
 
+/// Keeps the values that are held.
+pub(crate) fn keep<T>(values: &mut Vec<T>, held: &[bool]) {
+    let mut held = held.iter();
+    values.retain(|_| *held.next().expect("one for each"));
+}
+
 impl<'a> Operator<'a> {
-    pub(crate) fn new(footprint: &'a Footprint, indices: &[u64], subsets: usize) -> Self {
+    /// With weights stored where that takes no more than a part of `max_bytes`.
+    pub(crate) fn new(footprint: &'a Footprint, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
         if footprint.in_line() {
             Self::InLine(InLine::new(footprint, indices, subsets))
         } else {
-            Self::Scattered(Scattered::new(footprint, indices, subsets))
+            Self::Scattered(Scattered::new(footprint, indices, subsets, max_bytes))
         }
     }
 

@@ -7,9 +7,9 @@
 //! The result depends on the order of the pixels, which the paper does not give. Here it is the order of the image,
 //! rows from the top, each from the left. The weights are stored, pixel by pixel, as the method needs them.
 
-use crate::{DARK, Options, Solved};
+use crate::simultaneous::change;
+use crate::{GREATEST_STRENGTH, Problem, Solved, Sweep};
 use lf_core::footprint::{Footprint, Scratch};
-use ndarray::ArrayView2;
 use rayon::prelude::*;
 
 /// A voxel and its weight on a pixel.
@@ -20,7 +20,7 @@ struct Weight {
 }
 
 /// Support voxels whose weights are made at once, to be stored in their order.
-const RUN: usize = 1 << 14;
+pub(crate) const RUN: usize = 1 << 12;
 
 /// The weights of a voxel, each pixel once, by rising pixel.
 fn merged(footprint: &Footprint, index: u64, scratch: &mut Scratch, width: usize) -> Vec<(u32, f32)> {
@@ -56,13 +56,11 @@ fn runs(footprint: &Footprint, indices: &[u64], width: usize, mut take: impl FnM
     }
 }
 
-pub(crate) fn solve(
-    image: ArrayView2<f32>,
-    footprint: &Footprint,
-    indices: &[u64],
-    options: &Options,
-    done: impl Fn(u64),
-) -> Result<Solved, String> {
+/// Bytes of a stored weight and what points to it.
+pub(crate) const WEIGHT_BYTES: u64 = size_of::<Weight>() as u64;
+
+pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<Solved, String> {
+    let Problem { ref image, footprint, indices, options, .. } = *problem;
     let (height, width) = image.dim();
     let mut starts = vec![0u64; height * width + 1];
     let mut seen = vec![false; indices.len()];
@@ -76,9 +74,9 @@ pub(crate) fn solve(
         starts[pixel + 1] += starts[pixel];
     }
     let count = starts[height * width];
-    let bytes = count * size_of::<Weight>() as u64;
+    let bytes = count * WEIGHT_BYTES;
     if bytes > options.max_bytes {
-        return Err(format!("{count} weights of 8 bytes take {:.1} GB", bytes as f64 * 1e-9));
+        return Err(format!("{count} weights of {WEIGHT_BYTES} bytes take {:.1} GB", bytes as f64 * 1e-9));
     }
     let mut next = starts.clone();
     let mut stored = vec![Weight { voxel: 0, weight: 0.0 }; count as usize];
@@ -90,15 +88,14 @@ pub(crate) fn solve(
         }
     });
 
-    let peak = image.iter().fold(0f32, |peak, value| peak.max(*value));
-    let dark = (DARK * peak).max(f32::MIN_POSITIVE);
-    let total: f64 = image.iter().map(|value| f64::from(*value)).sum();
-    let even = (total / indices.len().max(1) as f64) as f32;
-    let mut strengths: Vec<f32> = seen.iter().map(|seen| if *seen { even } else { 0.0 }).collect();
-    let relaxation = options.relaxation as f32;
-    let mut misfit = Vec::with_capacity(options.iterations);
-    for _ in 0..options.iterations {
-        let (mut off, mut all) = (0.0, 0.0);
+    let dark = options.floor as f32;
+    let mut strengths = problem.first_strengths();
+    strengths.iter_mut().zip(&seen).filter(|(_, seen)| !**seen).for_each(|(strength, _)| *strength = 0.0);
+    let (relaxation, greatest) = (options.relaxation as f32, options.clamp.ln() as f32);
+    let mut sweeps: Vec<Sweep> = Vec::new();
+    for number in 1..=options.iterations {
+        let before = strengths.clone();
+        let (mut off, mut all, mut pixels) = (0.0, 0.0, 0);
         for (pixel, measured) in image.iter().enumerate() {
             let weights = &stored[starts[pixel] as usize..starts[pixel + 1] as usize];
             if weights.is_empty() {
@@ -107,14 +104,21 @@ pub(crate) fn solve(
             let projected: f32 = weights.iter().map(|w| w.weight * strengths[w.voxel as usize]).sum();
             off += f64::from(measured - projected).powi(2);
             all += f64::from(*measured).powi(2);
+            pixels += 1;
             let ratio = relaxation * (measured.max(dark) / projected.max(dark)).ln();
             for w in weights {
                 let strength = &mut strengths[w.voxel as usize];
-                *strength = (*strength * (ratio * w.weight).exp()).min(f32::MAX);
+                let factor = (ratio * w.weight).clamp(-greatest, greatest).exp();
+                *strength = (*strength * factor).min(GREATEST_STRENGTH);
             }
         }
-        misfit.push(if all > 0.0 { f64::sqrt(off / all) } else { 0.0 });
-        done(1);
+        let misfit = if all > 0.0 { f64::sqrt(off / all) } else { 0.0 };
+        let sweep = Sweep { number, misfit, change: change(&before, &strengths), voxels: indices.len() };
+        done(&sweep);
+        sweeps.push(sweep);
+        if problem.enough(&sweeps, pixels, all.sqrt()) {
+            break;
+        }
     }
-    Ok(Solved { indices: indices.to_vec(), strengths, misfit, unseen: seen.iter().filter(|seen| !**seen).count() })
+    Ok(Solved { indices: indices.to_vec(), strengths, sweeps, unseen: seen.iter().filter(|seen| !**seen).count() })
 }

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 /// Parts of the support projected apart and added in order: the sum is the same for any number of threads.
 const PARTS: usize = 8;
 
-/// Weights are kept once those of all voxels held take no more than this; before, they are made anew at every use,
-/// which takes 30 times as long.
-const KEPT_BYTES: usize = 2 << 30;
+/// Weights are kept once those of all voxels held take no more than this part of the memory allowed; before, they are
+/// made anew at every use, which takes 30 times as long.
+const KEPT_PART: f64 = 0.5;
 
 pub(crate) struct Scattered<'a> {
     footprint: &'a Footprint,
@@ -125,8 +125,8 @@ impl Merger {
 }
 
 impl<'a> Scattered<'a> {
-    pub(crate) fn new(footprint: &'a Footprint, indices: &[u64], subsets: usize) -> Self {
-        Self::keeping(footprint, indices, subsets, KEPT_BYTES)
+    pub(crate) fn new(footprint: &'a Footprint, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
+        Self::keeping(footprint, indices, subsets, (KEPT_PART * max_bytes as f64) as usize)
     }
 
     /// With all weights kept if they take no more than `bytes`.

@@ -176,7 +176,7 @@ impl InLine {
 
     /// Forgets the voxels that are not held; what is known of the others stays.
     pub(crate) fn retain(&mut self, held: &[bool]) {
-        crate::subsets::keep(&mut self.profiles, held);
+        crate::operator::keep(&mut self.profiles, held);
         let (mut kept, mut n) = (0, 0);
         for end in &mut self.lines {
             kept += held[n..*end as usize].iter().filter(|held| **held).count() as u32;

@@ -5,11 +5,11 @@
 //! is high enough. Source: Shi, Ding, New & Soria (2017), section 2, after Atkinson & Soria (2009).
 
 mod inline;
-mod noise;
 mod scattered;
 mod sections;
+mod threshold;
 
-pub use noise::{Automatic, noise};
+pub use threshold::Automatic;
 
 use lf_core::camera::Camera;
 use lf_core::footprint::check_depth;

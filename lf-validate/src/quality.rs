@@ -13,10 +13,6 @@ use lf_core::grid::Grid;
 use serde::Serialize;
 use std::cmp::Ordering;
 
-/// Largest disagreement of two grids' spacings and origins, relative to the spacing and to the extent: far above the
-/// rounding of the few operations that make a grid, far below what moves a voxel.
-const GRID_TOLERANCE: f64 = 1e-9;
-
 /// A sparse volume's light: strictly rising linear indices, an intensity for each.
 #[derive(Debug, Clone, Copy)]
 pub struct Light<'a> {
@@ -58,8 +54,8 @@ pub struct Quality {
 /// # Errors
 /// Two phrases, found and wanted, where the grids disagree.
 pub fn quality(truth: Light, volume: Light) -> Result<Quality, (String, String)> {
-    if !grids_agree(truth.grid, volume.grid) {
-        return Err((name_grid(volume.grid), format!("wanted the truth's {}", name_grid(truth.grid))));
+    if !truth.grid.agrees_with(volume.grid) {
+        return Err((volume.grid.to_string(), format!("wanted the truth's {}", truth.grid)));
     }
     let mut sums = Sums::default();
     for_each_pair(truth, volume, |_, e0, e1| sums.add(e0, e1));
@@ -144,22 +140,6 @@ impl Sums {
 
 fn ratio(part: f64, whole: f64) -> Option<f64> {
     (whole > 0.0).then(|| part / whole)
-}
-
-fn grids_agree(a: &Grid, b: &Grid) -> bool {
-    a.shape == b.shape
-        && (0..3).all(|axis| {
-            let spacing = a.spacing_mm[axis].max(b.spacing_mm[axis]);
-            let extent = spacing * a.shape[axis] as f64;
-            (a.spacing_mm[axis] - b.spacing_mm[axis]).abs() <= GRID_TOLERANCE * spacing
-                && (a.origin_mm[axis] - b.origin_mm[axis]).abs() <= GRID_TOLERANCE * extent
-        })
-}
-
-fn name_grid(grid: &Grid) -> String {
-    let [nx, ny, nz] = grid.shape;
-    let ([dx, dy, dz], [x, y, z]) = (grid.spacing_mm, grid.origin_mm);
-    format!("grid of {nx} x {ny} x {nz} voxels of {dx} x {dy} x {dz} mm from ({x}, {y}, {z}) mm")
 }
 
 #[cfg(test)]
@@ -248,12 +228,12 @@ mod tests {
     fn grids_agree_to_rounding_and_no_further() {
         let mut other = grid();
         other.origin_mm[0] += 1e-15;
-        assert!(grids_agree(&grid(), &other));
+        assert!(grid().agrees_with(&other));
         other.origin_mm[0] += 1e-6;
-        assert!(!grids_agree(&grid(), &other));
+        assert!(!grid().agrees_with(&other));
         other = grid();
         other.spacing_mm[2] *= 1.0 + 1e-8;
-        assert!(!grids_agree(&grid(), &other));
+        assert!(!grid().agrees_with(&other));
         other = grid();
         other.shape[1] = 4;
         let (a, b) = (grid(), other);

@@ -88,7 +88,7 @@ impl Axis {
     /// Appends the pieces of a voxel whose chief ray meets the array at `x0`, through the lenslet at `centre`.
     pub(crate) fn pieces(&self, model: Model, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
         match model {
-            Model::Exact => self.exact(x0, centre, span, out),
+            Model::Exact | Model::Sphere => self.exact(x0, centre, span, out),
             Model::Drt => self.drt(x0, centre, span, out),
         }
     }

@@ -12,6 +12,7 @@ mod axis;
 mod blur;
 mod cell;
 mod disc;
+mod sphere;
 
 pub use axis::Piece;
 pub use disc::Chords;
@@ -23,6 +24,7 @@ use axis::{Axis, Span};
 use blur::Blur;
 use cell::Slab;
 use glam::DVec2;
+use sphere::Sphere;
 
 /// How weights are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +33,9 @@ pub enum Model {
     Exact,
     /// The paper's: the aperture in n x n sections, one beam and one chief ray each.
     Drt,
+    /// Tomographic PIV's, for comparison: a sphere for the voxel, a cylinder for a pixel's line of sight. Knows no
+    /// [`Basis`].
+    Sphere,
 }
 
 /// What a voxel stands for, seen sideways; the weights are averaged over it.
@@ -64,6 +69,7 @@ pub struct Footprint {
     height: usize,
     pixel_pitch_mm: f64,
     sections: usize,
+    sphere: Option<Sphere>,
 }
 
 /// Buffers for [`Footprint::visit`]; one a thread.
@@ -100,11 +106,12 @@ impl Footprint {
             optics: Optics::new(&straight),
             circle,
             scale: aperture_scale(model, circle, sections, optics.half_aperture_mm()),
-            in_line: in_line.is_some(),
+            in_line: in_line.is_some() && model != Model::Sphere,
             width: camera.sensor.width,
             height: camera.sensor.height,
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
             sections,
+            sphere: (model == Model::Sphere).then(|| Sphere::new(camera, grid)),
         })
     }
 
@@ -210,6 +217,10 @@ impl Footprint {
         wanted: impl Fn(u32) -> bool,
         mut found: impl FnMut(u32, u32, f32),
     ) {
+        if let Some(sphere) = &self.sphere {
+            let place = std::array::from_fn(|axis| self.grid.centre_mm(axis, voxel[axis]));
+            return sphere.visit(place, &self.optics, wanted, found);
+        }
         let [x, y, z] = voxel;
         let (across, down) = (self.axis(z, self.width), self.axis(z, self.height));
         let (blur_x, blur_y) = (self.blur(&across, 0), self.blur(&down, 1));
@@ -293,7 +304,7 @@ pub fn check_depth(camera: &Camera, grid: &Grid) -> Result<(), String> {
 fn aperture_scale(model: Model, circle: bool, sections: usize, half_aperture: f64) -> f32 {
     match (circle, model) {
         (false, _) => 1.0,
-        (true, Model::Exact) => std::f32::consts::FRAC_1_PI * 4.0,
+        (true, Model::Exact | Model::Sphere) => std::f32::consts::FRAC_1_PI * 4.0,
         (true, Model::Drt) => {
             let n = sections as f64;
             let centre = |i: usize| -half_aperture + (i as f64 + 0.5) * 2.0 * half_aperture / n;

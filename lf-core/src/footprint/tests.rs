@@ -193,3 +193,26 @@ fn exact_weights_are_what_rays_do() {
         }
     }
 }
+
+/// The line of sight through a lenslet's middle stands for all of it: out of focus, where a lenslet is a small part of
+/// the beam, sphere and cylinder come near the exact weights, and they sum to 1.
+#[test]
+fn spheres_are_rough_but_not_astray() {
+    let grid = grid([41, 41, 21], [1.0, 1.0, 90.0]);
+    for aperture in [Aperture::Square, Aperture::Circle] {
+        for layout in [Layout::Square, Layout::Hexagonal] {
+            let camera = seed(40, aperture, layout, 0.003);
+            let exact = Footprint::new(&camera, &grid, Model::Exact, Basis::Box).unwrap();
+            let sphere = Footprint::new(&camera, &grid, Model::Sphere, Basis::Box).unwrap();
+            for voxel in [[0, 0, 0], [23, 26, 3], [7, 33, 18], [40, 11, 20]] {
+                let (a, b) = (weights(&exact, voxel), weights(&sphere, voxel));
+                let sum: f64 = b.values().sum();
+                let dot: f64 = b.iter().map(|(pixel, weight)| weight * a.get(pixel).unwrap_or(&0.0)).sum();
+                let length = |map: &BTreeMap<_, f64>| map.values().map(|w| w * w).sum::<f64>().sqrt();
+                let cosine = dot / (length(&a) * length(&b));
+                assert!((sum - 1.0).abs() < 0.2, "{aperture:?} {layout:?} {voxel:?}: {sum}");
+                assert!(cosine > 0.7 && cosine < 0.95, "{aperture:?} {layout:?} {voxel:?}: {cosine}");
+            }
+        }
+    }
+}

@@ -10,10 +10,12 @@
 
 pub(crate) mod exr;
 mod frame;
+mod noise;
 mod png;
 mod tiff;
 
 pub use frame::open_frame;
+pub use noise::noise;
 
 use crate::history::History;
 use crate::{Error, Result, io};

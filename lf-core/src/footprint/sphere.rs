@@ -1,0 +1,151 @@
+//! The weight of tomographic PIV (Elsinga et al. 2006) carried over to a lenslet's pixels: the share of a sphere, the
+//! voxel, inside a cylinder, a pixel's line of sight through the middle of its lenslet.
+//!
+//! For comparison only: it takes the whole lenslet for its middle (Shi et al. 2016 show what that costs).
+
+use crate::camera::Camera;
+use crate::grid::Grid;
+use crate::optics::Optics;
+use glam::DVec2;
+
+/// Steps of the distance between sphere and line of sight.
+const STEPS: usize = 256;
+/// Rings and spokes of the sum over a sphere.
+const RINGS: usize = 48;
+
+#[derive(Debug, Clone)]
+pub(crate) struct Sphere {
+    /// Share of the sphere inside the cylinder, by distance from 0 to `reach_mm`.
+    shares: Vec<f32>,
+    /// On the array, mm.
+    reach_mm: f64,
+    /// Half a lenslet's image, mm.
+    half_image_mm: f64,
+    /// Makes the weights of a voxel sum to 1 on the mean.
+    scale: f64,
+}
+
+impl Sphere {
+    /// The cylinder is as wide as a lenslet; the sphere has the volume of a cube as wide as a voxel.
+    pub(crate) fn new(camera: &Camera, grid: &Grid) -> Self {
+        let pitch = camera.microlenses.pitch_mm;
+        let width = camera.main_lens.magnification * (grid.spacing_mm[0] * grid.spacing_mm[1]).sqrt();
+        let sphere = width * (0.75 / std::f64::consts::PI).cbrt();
+        let cylinder = 0.5 * pitch;
+        let reach_mm = cylinder + sphere;
+        let share = |n: usize| inside(n as f64 / STEPS as f64 * reach_mm, sphere, cylinder) as f32;
+        let sections = camera.pitch_px() * (1.0 + camera.demagnification());
+        let stop = if camera.main_lens.aperture == crate::camera::Aperture::Circle {
+            0.25 * std::f64::consts::PI
+        } else {
+            1.0
+        };
+        let lenslets = std::f64::consts::PI * cylinder * cylinder / camera.lattice().cell_area_mm2();
+        // A lenslet's image of the aperture is k D wide.
+        let image = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+        Self {
+            shares: (0..=STEPS).map(share).collect(),
+            reach_mm,
+            half_image_mm: 0.5 * image.min(sections) * camera.sensor.pixel_pitch_mm,
+            scale: 1.0 / (image * image * stop * lenslets),
+        }
+    }
+
+    /// As [`super::Footprint::visit`], for a voxel at `place_mm`.
+    pub(crate) fn visit(
+        &self,
+        place_mm: [f64; 3],
+        optics: &Optics,
+        wanted: impl Fn(u32) -> bool,
+        mut found: impl FnMut(u32, u32, f32),
+    ) {
+        let [x, y, z] = place_mm;
+        let (alpha, k) = (optics.alpha(z), optics.demagnification());
+        let chief = -optics.beta(z) * DVec2::new(x, y);
+        let spread = alpha.abs() * optics.half_aperture_mm() + self.reach_mm;
+        for (_, _, centre) in optics.lattice().lenslets_within(chief, DVec2::splat(spread)) {
+            // Light from U meets the array at chief + alpha U; the line of sight of the pixel at s comes from
+            // U = c - (s - c) / k.
+            let (first, last) = self.pixels(optics, alpha, chief, centre);
+            for row in first.1..last.1 {
+                if !wanted(row) {
+                    continue;
+                }
+                for column in first.0..last.0 {
+                    let sensor = optics.centre_mm(column, row);
+                    let aperture = centre - (sensor - centre) / k;
+                    if !optics.passes(aperture) {
+                        continue;
+                    }
+                    let distance = (chief + alpha * aperture - centre).length();
+                    if distance < self.reach_mm {
+                        let step = (distance / self.reach_mm * STEPS as f64).round() as usize;
+                        let weight = self.scale as f32 * self.shares[step];
+                        if weight > 0.0 {
+                            found(column, row, weight);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// First and end column and row of the pixels under a lenslet whose lines of sight may reach the voxel.
+    fn pixels(&self, optics: &Optics, alpha: f64, chief: DVec2, centre: DVec2) -> ((u32, u32), (u32, u32)) {
+        let k = optics.demagnification();
+        let middle = centre * (1.0 + k);
+        let (mut low, mut high) = (middle - self.half_image_mm, middle + self.half_image_mm);
+        if alpha.abs() * optics.half_aperture_mm() > self.reach_mm {
+            let at = |side: f64| centre + k * (centre - (centre - chief + side * self.reach_mm) / alpha);
+            let (a, b) = (at(-1.0), at(1.0));
+            low = low.max(a.min(b));
+            high = high.min(a.max(b));
+        }
+        let (low, high) = (optics.place_px(low), optics.place_px(high));
+        let [width, height] = optics.sensor_px();
+        let clamp = |value: f64, most: usize| value.clamp(0.0, most as f64) as u32;
+        (
+            (clamp(low.x.floor(), width), clamp(low.y.floor(), height)),
+            (clamp(high.x.ceil(), width), clamp(high.y.ceil(), height)),
+        )
+    }
+}
+
+/// Share of a sphere of radius `sphere` within `cylinder` of a line that passes its middle at `distance`.
+fn inside(distance: f64, sphere: f64, cylinder: f64) -> f64 {
+    let (mut within, mut all) = (0.0, 0.0);
+    for ring in 0..RINGS {
+        let r = (ring as f64 + 0.5) / RINGS as f64 * sphere;
+        let column = r * (sphere * sphere - r * r).sqrt();
+        for spoke in 0..RINGS {
+            let angle = (spoke as f64 + 0.5) / RINGS as f64 * std::f64::consts::PI;
+            let (sin, cos) = angle.sin_cos();
+            all += column;
+            if (distance + r * cos).hypot(r * sin) <= cylinder {
+                within += column;
+            }
+        }
+    }
+    within / all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::inside;
+
+    /// A plane through the middle halves a sphere, and one at half its radius leaves a cap of 5/32: h^2 (3 r - h) / (4 r^3)
+    /// with h = r / 2.
+    #[test]
+    fn a_wide_cylinder_cuts_as_a_plane_does() {
+        assert!((inside(0.0, 1.0, 2.0) - 1.0).abs() < 1e-12);
+        assert!((inside(1000.0, 1.0, 1000.0) - 0.5).abs() < 0.01);
+        assert!((inside(1000.5, 1.0, 1000.0) - 5.0 / 32.0).abs() < 0.01);
+        assert_eq!(inside(1001.1, 1.0, 1000.0), 0.0);
+    }
+
+    /// A thin line through the middle of a sphere of radius 1 meets 2 pi r^2 of 4 pi / 3.
+    #[test]
+    fn a_thin_cylinder_cuts_a_core() {
+        assert!((inside(0.0, 1.0, 0.3) - 1.5 * 0.09).abs() < 0.02);
+    }
+}

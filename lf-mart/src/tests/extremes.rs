@@ -1,0 +1,174 @@
+//! Laws any reconstruction obeys, and what no camera should send.
+
+use super::*;
+use crate::{Start, Sweep};
+
+#[test]
+fn a_brighter_image_is_a_brighter_volume() {
+    let grid = grid();
+    let indices = voxels(&grid);
+    let strengths: Vec<f32> = (0..indices.len()).map(|n| 1000.0 * hash(n)).collect();
+    let camera = camera("circle", "square", 0.0);
+    let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+    let image = image_of(&matrix(&footprint, &indices), &strengths, 168);
+    for method in METHODS {
+        let options = options(method, 4);
+        let one = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+        // From far below a photon to far beyond any sensor.
+        for scale in [1e-25f32, 1e-6, 1024.0, 1e25] {
+            let scaled = image.mapv(|value| value * scale);
+            let other = reconstruct(scaled.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+            assert_eq!(one.indices, other.indices, "{method:?} {scale}");
+            for (a, b) in one.intensity.iter().zip(&other.intensity) {
+                assert!((b / (a * scale) - 1.0).abs() < 1e-3, "{method:?} {scale}: {a} {b}");
+            }
+        }
+    }
+}
+
+#[test]
+fn extremes_stay_finite() {
+    let grid = grid();
+    let indices = voxels(&grid);
+    let camera = camera("square", "square", 0.0);
+    let mut spike = Array2::zeros((168, 182));
+    spike[[80, 91]] = 1e30;
+    let images = [
+        Array2::zeros((168, 182)),
+        Array2::from_elem((168, 182), 1e-45),
+        Array2::from_elem((168, 182), 1e-30),
+        Array2::from_elem((168, 182), 1e30),
+        Array2::from_elem((168, 182), f32::MAX),
+        Array2::from_shape_fn((168, 182), |(row, column)| if (row + column) % 2 == 0 { 0.0 } else { 65535.0 }),
+        spike,
+    ];
+    for method in METHODS {
+        for relaxation in [1e-6, 2.5, 100.0] {
+            for image in &images {
+                let options = Options { relaxation, ..options(method, 30) };
+                let found = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+                assert!(found.intensity.iter().all(|e| e.is_finite() && *e >= 0.0), "{method:?} {relaxation}");
+                assert!(found.sweeps.iter().all(|sweep| sweep.misfit.is_finite()), "{method:?} {relaxation}");
+            }
+        }
+    }
+}
+
+#[test]
+fn voxels_that_no_pixel_sees_are_counted_and_left_out() {
+    let camera = camera("square", "square", 0.0);
+    let grid = Grid::in_bounds([[-2.0, 2.0], [-0.1, 0.1], [-0.1, 0.1]], [0.0055, 0.0055, 0.055]).unwrap();
+    let indices = vec![grid.index([0, 5, 1]), grid.index([grid.shape[0] / 2, 5, 1])];
+    let image = Array2::from_elem((168, 182), 1.0);
+    for method in METHODS {
+        let found = reconstruct(image.view(), &camera, &grid, &indices, None, &options(method, 2), |_| ()).unwrap();
+        assert_eq!((found.unseen, found.indices.as_slice()), (1, &indices[1..]), "{method:?}");
+    }
+}
+
+#[test]
+fn weights_that_do_not_fit_are_refused() {
+    let grid = grid();
+    let image = Array2::from_elem((168, 182), 1.0);
+    let options = Options { max_bytes: 1000, ..options(Method::Mart, 1) };
+    let camera = camera("square", "square", 0.0);
+    let refused = reconstruct(image.view(), &camera, &grid, &voxels(&grid), None, &options, |_| ());
+    assert!(refused.unwrap_err().contains("GB"));
+    assert!(reconstruct(image.view(), &camera, &grid, &[grid.len()], None, &options, |_| ()).is_err());
+}
+
+#[test]
+fn memory_is_foretold_and_what_exceeds_it_refused() {
+    let grid = grid();
+    let image = Array2::from_elem((168, 182), 1.0);
+    for camera in cameras() {
+        for method in METHODS {
+            let bytes = crate::estimate_bytes(&camera, &grid, &voxels(&grid), &options(method, 1)).unwrap();
+            let options = Options { max_bytes: bytes - 1, ..options(method, 1) };
+            let refused = reconstruct(image.view(), &camera, &grid, &voxels(&grid), None, &options, |_| ());
+            assert!(refused.unwrap_err().contains("GB"));
+        }
+    }
+}
+
+/// A camera of 3 x 3 lenslets and one voxel: at the focal plane, at its edge of sight, hundreds of lenslets out of focus.
+#[test]
+fn one_voxel_anywhere_is_found_in_a_hundred_thousand_sweeps() {
+    let text = r#"{"sensor": {"width": 42, "height": 42, "pixel_pitch_mm": 0.0055},
+        "main_lens": {"focal_length_mm": 200, "magnification": 1, "working_f_number": 4, "aperture": "square"},
+        "microlenses": {"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0,
+        "offset_mm": [0, 0]}}"#;
+    let camera = Camera::from_json(text).unwrap();
+    let focus = [[-0.01, 0.01], [-0.01, 0.01], [-0.01, 0.01]];
+    for (bounds, method, sweeps) in [
+        (focus, Method::Subsets, 1000),
+        (focus, Method::Smart, 100_000),
+        (focus, Method::Mart, 100_000),
+        ([[0.1, 0.12], [-0.01, 0.01], [-0.01, 0.01]], Method::Subsets, 1000),
+        ([[-0.01, 0.01], [-0.01, 0.01], [60.0, 60.02]], Method::Subsets, 1000),
+        ([[-0.01, 0.01], [-0.01, 0.01], [-120.02, -120.0]], Method::Subsets, 1000),
+    ] {
+        let grid = Grid::in_bounds(bounds, [0.02, 0.02, 0.02]).unwrap();
+        let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+        let matrix = matrix(&footprint, &[0]);
+        assert!(matrix.sum() > 0.0, "{bounds:?}");
+        let image = image_of(&matrix, &[3000.0], 42);
+        let mut last = None;
+        let done = |sweep: &Sweep| last = Some(*sweep);
+        let options = options(method, sweeps);
+        let found = reconstruct(image.view(), &camera, &grid, &[0], None, &options, done).unwrap();
+        assert_eq!(last.unwrap().number, sweeps);
+        assert!((found.intensity[0] / 3000.0 - 1.0).abs() < 1e-3, "{bounds:?}: {:?}", found.intensity);
+        assert!(last.unwrap().misfit < 1e-3, "{bounds:?}: {last:?}");
+    }
+}
+
+#[test]
+fn a_start_is_gone_on_from_and_what_it_lacks_can_come_back() {
+    let grid = grid();
+    let indices = voxels(&grid);
+    let strengths: Vec<f32> = (0..indices.len()).map(|n| 100.0 + 1000.0 * hash(n)).collect();
+    let camera = camera("square", "square", 0.0);
+    let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+    let image = image_of(&matrix(&footprint, &indices), &strengths, 168);
+    for method in METHODS {
+        let run = |start: Option<Start>, sweeps| {
+            reconstruct(image.view(), &camera, &grid, &indices, start, &options(method, sweeps), |_| ()).unwrap()
+        };
+        let truth = Start { indices: &indices, intensity: &strengths };
+        assert!(run(Some(truth), 1).sweeps[0].misfit < 1e-5, "{method:?}");
+        // Without every third voxel, and with one that the support has not.
+        let mut known: Vec<(u64, f32)> = indices.iter().copied().zip(strengths.iter().copied()).collect();
+        known = known.into_iter().enumerate().filter(|(n, _)| n % 3 > 0).map(|(_, known)| known).collect();
+        known.insert(0, (0, 5000.0));
+        known.dedup_by_key(|(index, _)| *index);
+        let (places, values): (Vec<u64>, Vec<f32>) = known.into_iter().unzip();
+        let part = run(Some(Start { indices: &places, intensity: &values }), 300);
+        let first = part.sweeps[0].misfit;
+        assert!(first > 0.1 && part.sweeps.last().unwrap().misfit < 0.3 * first, "{method:?}: {first}");
+    }
+}
+
+#[test]
+fn sweeps_end_when_they_are_told_to() {
+    let grid = grid();
+    let indices = voxels(&grid);
+    let strengths: Vec<f32> = (0..indices.len()).map(|n| 100.0 + 1000.0 * hash(n)).collect();
+    let camera = camera("square", "square", 0.0);
+    let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+    let mut image = image_of(&matrix(&footprint, &indices), &strengths, 168);
+    let run = |image: &Array2<f32>, until| {
+        let options = Options { until, ..options(Method::Subsets, 200) };
+        reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap().sweeps
+    };
+    assert_eq!(run(&image, Until::Never).len(), 200);
+    let sweeps = run(&image, Until::Misfit(0.05));
+    let (last, before) = (sweeps[sweeps.len() - 1], sweeps[sweeps.len() - 2]);
+    assert!(last.misfit <= 0.05 && before.misfit > 0.05, "{before:?} {last:?}");
+    // What no volume explains: the misfit stalls.
+    image.iter_mut().enumerate().for_each(|(n, value)| *value += 20.0 * hash(n));
+    let stalled = run(&image, Until::Stall);
+    assert!(stalled.len() > 3 && stalled.len() < 100, "{}", stalled.len());
+    let noise = run(&image, Until::Noise(20.0));
+    assert!(noise.len() < stalled.len(), "{} against {}", noise.len(), stalled.len());
+}
