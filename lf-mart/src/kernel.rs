@@ -172,6 +172,8 @@ pub(crate) struct Profiles {
     ranges: Vec<(u32, u32)>,
     /// Sum of each one's shares.
     pub(crate) sums: Vec<f32>,
+    /// Shares of each one.
+    pub(crate) counts: Vec<u32>,
     taps: Vec<Tap>,
     cut_taps: Vec<CutTap>,
 }
@@ -179,7 +181,16 @@ pub(crate) struct Profiles {
 impl Profiles {
     pub(crate) fn new(width: usize, circle: bool) -> Self {
         let wide = wide();
-        Self { width, circle, wide, ranges: Vec::new(), sums: Vec::new(), taps: Vec::new(), cut_taps: Vec::new() }
+        Self {
+            width,
+            circle,
+            wide,
+            ranges: Vec::new(),
+            sums: Vec::new(),
+            counts: Vec::new(),
+            taps: Vec::new(),
+            cut_taps: Vec::new(),
+        }
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -195,6 +206,7 @@ impl Profiles {
             take(pieces, &mut self.taps);
         }
         self.ranges.push((first, self.count_taps()));
+        self.counts.push(pieces.len() as u32);
         self.sums.push(pieces.iter().map(|piece| piece.weight).sum());
     }
 
@@ -205,6 +217,7 @@ impl Profiles {
     /// Room for what others hold.
     pub(crate) fn reserve<'a>(&mut self, others: impl Iterator<Item = &'a Self> + Clone) {
         self.ranges.reserve_exact(others.clone().map(|other| other.ranges.len()).sum());
+        self.counts.reserve_exact(others.clone().map(|other| other.counts.len()).sum());
         self.sums.reserve_exact(others.clone().map(|other| other.sums.len()).sum());
         self.taps.reserve_exact(others.clone().map(|other| other.taps.len()).sum());
         self.cut_taps.reserve_exact(others.map(|other| other.cut_taps.len()).sum());
@@ -215,6 +228,7 @@ impl Profiles {
         let base = self.count_taps();
         self.ranges.extend(other.ranges.iter().map(|(first, end)| (base + first, base + end)));
         self.sums.extend(other.sums);
+        self.counts.extend(other.counts);
         self.taps.extend(other.taps);
         self.cut_taps.extend(other.cut_taps);
     }

@@ -95,6 +95,8 @@ pub struct Sweep {
     pub change: f64,
     /// Voxels still held to have light.
     pub voxels: usize,
+    /// Weights touched, forward and back.
+    pub weights: u64,
 }
 
 /// A reconstruction.

@@ -70,7 +70,7 @@ struct Arguments {
     /// Volume (.lfv) to begin with, on the same grid
     #[arg(long, value_name = "FILE")]
     start: Option<PathBuf>,
-    /// Write one line of JSON for each sweep: misfit, change, voxels held, seconds since the beginning
+    /// Write one line of JSON for each sweep: misfit, change, voxels held, weights touched, seconds since the beginning
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     /// Refuse what would take more memory than this, GB
@@ -227,11 +227,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let began = Instant::now();
         let done = |sweep: &Sweep| {
             progress.add(1);
-            let Sweep { number, misfit, change, voxels } = *sweep;
+            let Sweep { number, misfit, change, voxels, weights } = *sweep;
             let seconds = began.elapsed().as_secs_f64();
             session.explain(format!("sweep {number}: misfit {misfit:.4}, change {change:.4}, {voxels} voxels held"));
             log += &json!({"iteration": number, "misfit": misfit, "change": change, "voxels": voxels,
-                "seconds": seconds})
+                "weights": weights, "seconds": seconds})
             .to_string();
             log.push('\n');
         };
@@ -251,6 +251,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.count("lit_voxels", volume.indices.len());
     session.count("sweeps", sweeps);
     session.count("misfit", misfit);
+    session.count("weights_touched", volume.sweeps.iter().map(|sweep| sweep.weights).sum::<u64>());
     session.explain(format!(
         "{} voxels, {} unseen; misfit {misfit:.4} in the last of {sweeps} sweeps; {} voxels lit",
         support.count(),

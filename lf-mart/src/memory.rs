@@ -1,14 +1,11 @@
 //! What a reconstruction will take, before it is begun.
 
 use crate::operator::Plane;
+use crate::scattered::count_weights;
 use crate::{Method, Options, row_action};
 use lf_core::camera::Camera;
-use lf_core::footprint::{Basis, Footprint, Scratch};
+use lf_core::footprint::{Basis, Footprint};
 use lf_core::grid::Grid;
-use rayon::prelude::*;
-
-/// Voxels whose weights are counted to foretell those of all.
-const SAMPLE: usize = 256;
 
 /// Slices whose profiles are counted.
 const SLICES: usize = 9;
@@ -28,34 +25,20 @@ pub fn estimate_bytes(camera: &Camera, grid: &Grid, indices: &[u64], options: &O
     let voxels = indices.len() as u64;
     let weights = match options.method {
         Method::Mart => {
-            let stored = stored_weights(&footprint, indices);
+            let stored = count_weights(&footprint, indices);
             let run = stored as f64 / voxels.max(1) as f64 * row_action::RUN as f64;
             8 * voxels + (stored + 2 * run as u64) * row_action::WEIGHT_BYTES + 4 * plane
         }
         _ if footprint.in_line() => voxels * VOXEL_BYTES + tables(&footprint, indices) + 2 * plane,
         _ => {
             // Kept once they fit into their part: what counts is the least of both.
-            let all = stored_weights(&footprint, indices) * 8;
+            let all = count_weights(&footprint, indices) * 8;
             voxels * VOXEL_BYTES + all.min(options.max_bytes / 2) + 10 * plane
         }
     };
     // Lit voxels are a few for each of the support, or a blob of them for each pixel that is lit; both are rare.
     let written = if matches!(options.basis, Basis::Blob { .. }) { 2 * 12 * voxels } else { 12 * voxels };
     Ok(weights.max(written / 2))
-}
-
-/// Weights of all voxels, from those of some.
-fn stored_weights(footprint: &Footprint, indices: &[u64]) -> u64 {
-    let sample: Vec<u64> = indices.iter().step_by(indices.len().div_ceil(SAMPLE).max(1)).copied().collect();
-    let count = |scratch: &mut Scratch, index: &u64| {
-        let mut pixels: Vec<(u32, u32)> = Vec::new();
-        footprint.visit(footprint.grid().voxel(*index), scratch, |_| true, |x, y, _| pixels.push((y, x)));
-        pixels.sort_unstable();
-        pixels.dedup();
-        pixels.len()
-    };
-    let count: usize = sample.par_iter().map_init(Scratch::default, count).sum();
-    (count as f64 / sample.len().max(1) as f64 * indices.len() as f64) as u64
 }
 
 /// Profiles of a camera in line: of columns for each x and z of the support, of rows for each y and z, twice while they

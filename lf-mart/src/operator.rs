@@ -72,6 +72,14 @@ impl<'a> Operator<'a> {
         }
     }
 
+    /// Weights of all voxels: what one projection or back-projection over all rows touches.
+    pub fn weights(&self) -> u64 {
+        match self {
+            Self::InLine(weights) => weights.weights(),
+            Self::Scattered(weights) => weights.weights(),
+        }
+    }
+
     /// The sum of each voxel's weights.
     pub(crate) fn shares(&self) -> Vec<f32> {
         match self {

@@ -113,7 +113,8 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<S
             }
         }
         let misfit = if all > 0.0 { f64::sqrt(off / all) } else { 0.0 };
-        let sweep = Sweep { number, misfit, change: change(&before, &strengths), voxels: indices.len() };
+        let sweep =
+            Sweep { number, misfit, change: change(&before, &strengths), voxels: indices.len(), weights: 2 * count };
         done(&sweep);
         sweeps.push(sweep);
         if problem.enough(&sweeps, pixels, all.sqrt()) {

@@ -33,8 +33,23 @@ struct Kept {
     subsets: usize,
 }
 
-/// Voxels whose weights are counted to foretell the bytes of all.
+/// Voxels whose weights are counted to foretell those of all.
 const SAMPLE: usize = 256;
+
+/// Weights of all voxels, each pixel once, from those of some.
+pub(crate) fn count_weights(footprint: &Footprint, indices: &[u64]) -> u64 {
+    let sample: Vec<u64> = indices.iter().step_by(indices.len().div_ceil(SAMPLE).max(1)).copied().collect();
+    let count = |scratch: &mut Scratch, index: &u64| {
+        let mut pixels: Vec<(u32, u32)> = Vec::new();
+        footprint.visit(footprint.grid().voxel(*index), scratch, |_| true, |x, y, _| pixels.push((y, x)));
+        pixels.sort_unstable();
+        pixels.dedup();
+        pixels.len()
+    };
+    let count: usize = sample.par_iter().map_init(Scratch::default, count).sum();
+    (count as f64 / sample.len().max(1) as f64 * indices.len() as f64) as u64
+}
+
 /// Voxels whose weights are made at once, to be kept in their order.
 const RUN: usize = 1 << 12;
 
@@ -48,9 +63,7 @@ impl Kept {
             };
             indices.par_iter().with_min_len(64).map_init(|| Merger::new(footprint), of).collect()
         };
-        let sample: Vec<u64> = indices.iter().step_by(indices.len().div_ceil(SAMPLE).max(1)).copied().collect();
-        let count: usize = made(&sample).iter().map(|(_, weights)| weights.len()).sum();
-        let bytes = count as f64 / sample.len().max(1) as f64 * (indices.len() * size_of::<Weight>()) as f64;
+        let bytes = count_weights(footprint, indices) as f64 * size_of::<Weight>() as f64;
         if bytes > most_bytes as f64 {
             return None;
         }
@@ -134,6 +147,14 @@ impl<'a> Scattered<'a> {
         let (width, height) = footprint.sensor();
         let planes = (0..PARTS).map(|_| Plane::new(width, height)).collect();
         Self { footprint, indices: indices.to_vec(), planes, kept: Kept::new(footprint, indices, subsets, bytes) }
+    }
+
+    /// Weights of all voxels: those kept, or an estimate from a sample.
+    pub(crate) fn weights(&self) -> u64 {
+        match &self.kept {
+            Some(kept) => kept.weights.len() as u64,
+            None => count_weights(self.footprint, &self.indices),
+        }
     }
 
     pub(crate) fn shares(&self) -> Vec<f32> {

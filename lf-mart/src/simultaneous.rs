@@ -93,6 +93,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
     let mut rough = !footprint.in_line() && subsets > 1 && problem.start.is_none() && active.len() > LARGE;
     let mut operator = Operator::new(if rough { &first_look } else { footprint }, &active, subsets, options.max_bytes);
     let mut plane = Plane::new(width, height);
+    let mut weights = operator.weights();
     // A subset that sees little of a voxel may not move it as far as one that sees its share.
     let mut share = operator.shares();
     let unseen = share.iter().filter(|share| **share <= 0.0).count();
@@ -112,9 +113,10 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
         }
         let at_first = subsets > 1 && problem.start.is_none() && number <= FIRST_SWEEPS;
         let spent_share = if at_first { SPENT_AT_FIRST } else { SPENT };
-        let mut misfit = Misfit::default();
+        let (mut misfit, mut touched) = (Misfit::default(), 0.0);
         for subset in order(subsets) {
             let rows = Rows { subset, subsets };
+            touched += 2.0 * weights as f64 / subsets as f64;
             operator.project(rows, &strengths, &mut plane);
             misfit.add(&compare(problem, rows, &mut plane));
             operator.back_project(rows, &plane, &mut strengths, |voxel, strength, sum, weight| {
@@ -138,6 +140,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
                     operator = Operator::new(footprint, &active, subsets, options.max_bytes);
                     rough = false;
                 }
+                weights = operator.weights();
             }
         }
         let sweep = Sweep {
@@ -145,6 +148,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
             misfit: misfit.value(),
             change: change(momentum.before(), &strengths),
             voxels: active.len(),
+            weights: touched as u64,
         };
         done(&sweep);
         sweeps.push(sweep);

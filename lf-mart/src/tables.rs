@@ -185,6 +185,18 @@ impl InLine {
         }
     }
 
+    /// Weights of all voxels; those that a round stop cuts to nothing among them.
+    pub(crate) fn weights(&self) -> u64 {
+        let lines = self.row_starts.chunks(self.subsets + 1).zip(self.lines.windows(2));
+        lines
+            .map(|(starts, voxels)| {
+                let profiles = &self.profiles[voxels[0] as usize..voxels[1] as usize];
+                let columns: u64 = profiles.iter().map(|profile| u64::from(self.table.counts[*profile as usize])).sum();
+                u64::from(starts[self.subsets] - starts[0]) * columns
+            })
+            .sum()
+    }
+
     /// What a round stop cuts from a voxel at the edge of sight is taken to be what it cuts from others.
     pub(crate) fn shares(&self) -> Vec<f32> {
         let mut shares = Vec::with_capacity(self.profiles.len());
