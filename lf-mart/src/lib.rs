@@ -13,6 +13,7 @@ mod kernel_avx;
 mod memory;
 mod momentum;
 mod operator;
+pub mod projector;
 mod row_action;
 mod scattered;
 mod simultaneous;

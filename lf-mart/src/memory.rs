@@ -33,7 +33,7 @@ pub fn estimate_bytes(camera: &Camera, grid: &Grid, indices: &[u64], options: &O
         _ => {
             // Kept once they fit into their part: what counts is the least of both.
             let all = count_weights(&footprint, indices) * 8;
-            voxels * VOXEL_BYTES + all.min(options.max_bytes / 2) + 10 * plane
+            voxels * VOXEL_BYTES + all.min(options.max_bytes / 10 * 8) + 10 * plane
         }
     };
     // Lit voxels are a few for each of the support, or a blob of them for each pixel that is lit; both are rare.

@@ -3,7 +3,7 @@
 use crate::kernel::PADDING;
 use crate::scattered::Scattered;
 use crate::tables::InLine;
-use lf_core::footprint::Footprint;
+use lf_core::footprint::{Footprint, RowSet};
 
 /// The weights of a support's voxels, for whichever camera.
 pub(crate) enum Operator<'a> {
@@ -39,6 +39,10 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
+    pub(crate) fn set(self) -> RowSet {
+        RowSet { first: self.subset as u32, step: self.subsets as u32 }
+    }
+
     /// Whether the subset has this row.
     pub(crate) fn hold(self, row: u32) -> bool {
         row as usize % self.subsets == self.subset
@@ -61,14 +65,11 @@ impl<'a> Operator<'a> {
         }
     }
 
-    /// Forgets the voxels that are not held. `false` where that takes making it anew.
-    pub(crate) fn retain(&mut self, held: &[bool]) -> bool {
+    /// Forgets the voxels that are not held.
+    pub(crate) fn retain(&mut self, held: &[bool]) {
         match self {
-            Self::InLine(weights) => {
-                weights.retain(held);
-                true
-            }
-            Self::Scattered(_) => false,
+            Self::InLine(weights) => weights.retain(held),
+            Self::Scattered(weights) => weights.retain(held),
         }
     }
 

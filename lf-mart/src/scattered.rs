@@ -1,7 +1,7 @@
 //! Weights voxel by voxel, for turned and hexagonal lattices.
 
-use crate::operator::{Plane, Rows};
-use lf_core::footprint::{Footprint, Scratch};
+use crate::operator::{Plane, Rows, keep};
+use lf_core::footprint::{Footprint, Lenslets, RowSet, Scratch};
 use rayon::prelude::*;
 
 /// Parts of the support projected apart and added in order: the sum is the same for any number of threads.
@@ -9,10 +9,40 @@ const PARTS: usize = 8;
 
 /// Weights are kept once those of all voxels held take no more than this part of the memory allowed; before, they are
 /// made anew at every use, which takes 30 times as long.
-const KEPT_PART: f64 = 0.5;
+const KEPT_PART: f64 = 0.8;
+
+/// Buffers of a thread, for whichever weights.
+#[derive(Default)]
+struct Buffers {
+    lenslets: Lenslets,
+    scratch: Scratch,
+}
+
+impl Buffers {
+    /// Calls `found(row, first column, share, columns)` for the weights of a voxel on the wanted rows: `share *
+    /// columns[n]` on the n-th pixel from the first. A pixel may come more than once.
+    fn visit(
+        &mut self,
+        footprint: &Footprint,
+        index: u64,
+        wanted: RowSet,
+        mut found: impl FnMut(u32, u32, f32, &[f32]),
+    ) {
+        let voxel = footprint.grid().voxel(index);
+        if footprint.has_products() {
+            footprint.through_lenslets(voxel, &mut self.lenslets, wanted, found);
+        } else {
+            let mine = |row: u32| row % wanted.step == wanted.first;
+            footprint.visit(voxel, &mut self.scratch, mine, |column, row, weight| found(row, column, weight, &[1.0]));
+        }
+    }
+}
 
 pub(crate) struct Scattered<'a> {
     footprint: &'a Footprint,
+    subsets: usize,
+    /// Bytes that kept weights may take.
+    most_bytes: usize,
     indices: Vec<u64>,
     planes: Vec<Plane>,
     kept: Option<Kept>,
@@ -39,14 +69,16 @@ const SAMPLE: usize = 256;
 /// Weights of all voxels, each pixel once, from those of some.
 pub(crate) fn count_weights(footprint: &Footprint, indices: &[u64]) -> u64 {
     let sample: Vec<u64> = indices.iter().step_by(indices.len().div_ceil(SAMPLE).max(1)).copied().collect();
-    let count = |scratch: &mut Scratch, index: &u64| {
+    let count = |buffers: &mut Buffers, index: &u64| {
         let mut pixels: Vec<(u32, u32)> = Vec::new();
-        footprint.visit(footprint.grid().voxel(*index), scratch, |_| true, |x, y, _| pixels.push((y, x)));
+        buffers.visit(footprint, *index, RowSet::ALL, |row, first, _, columns| {
+            pixels.extend((first..).zip(columns).filter(|(_, weight)| **weight > 0.0).map(|(column, _)| (row, column)));
+        });
         pixels.sort_unstable();
         pixels.dedup();
         pixels.len()
     };
-    let count: usize = sample.par_iter().map_init(Scratch::default, count).sum();
+    let count: usize = sample.par_iter().map_init(Buffers::default, count).sum();
     (count as f64 / sample.len().max(1) as f64 * indices.len() as f64) as u64
 }
 
@@ -64,7 +96,7 @@ impl Kept {
             indices.par_iter().with_min_len(64).map_init(|| Merger::new(footprint), of).collect()
         };
         let bytes = count_weights(footprint, indices) as f64 * size_of::<Weight>() as f64;
-        if bytes > most_bytes as f64 {
+        if bytes > most_bytes as f64 || bytes > MOST_WEIGHTS * size_of::<Weight>() as f64 {
             return None;
         }
         let mut kept = Self { starts: vec![0], weights: Vec::new(), subsets };
@@ -76,6 +108,21 @@ impl Kept {
             }
         }
         Some(kept)
+    }
+
+    fn retain(&mut self, held: &[bool]) {
+        let (mut end, mut starts) = (0, vec![0]);
+        for (voxel, _) in held.iter().enumerate().filter(|(_, held)| **held) {
+            for n in voxel * self.subsets..(voxel + 1) * self.subsets {
+                let weights = self.starts[n] as usize..self.starts[n + 1] as usize;
+                let count = weights.len();
+                self.weights.copy_within(weights, end);
+                end += count;
+                starts.push(end as u32);
+            }
+        }
+        self.weights.truncate(end);
+        self.starts = starts;
     }
 
     fn all_of(&self, voxel: usize) -> &[Weight] {
@@ -90,9 +137,15 @@ impl Kept {
     }
 }
 
+/// Weights are counted in 32 bits; a sample foretells them to a few per cent.
+const MOST_WEIGHTS: f64 = 0.9 * u32::MAX as f64;
+
+/// A column's share below this is not kept; those of a voxel sum to 1.
+const LEAST_WEIGHT: f32 = 1e-6;
+
 /// Adds up the weights of one voxel; a buffer a thread.
 struct Merger {
-    scratch: Scratch,
+    buffers: Buffers,
     /// Weight on each place; zero between voxels.
     sums: Vec<f32>,
     places: Vec<u32>,
@@ -101,7 +154,7 @@ struct Merger {
 impl Merger {
     fn new(footprint: &Footprint) -> Self {
         let (width, height) = footprint.sensor();
-        Self { scratch: Scratch::default(), sums: Plane::new(width, height).values, places: Vec::new() }
+        Self { buffers: Buffers::default(), sums: Plane::new(width, height).values, places: Vec::new() }
     }
 
     /// Weights of a voxel, each pixel once, by rising subset. `ends` becomes where each subset ends.
@@ -110,15 +163,16 @@ impl Merger {
         let subsets = ends.len();
         let subset = |place: u32| place as usize / stride % subsets;
         let (sums, places) = (&mut self.sums, &mut self.places);
-        let add = |column: u32, row: u32, weight: f32| {
-            let place = row * stride as u32 + column;
-            let sum = &mut sums[place as usize];
-            if *sum == 0.0 {
-                places.push(place);
+        self.buffers.visit(footprint, index, RowSet::ALL, |row, first, share, columns| {
+            let place = row * stride as u32 + first;
+            for (place, weight) in (place..).zip(columns).filter(|(_, weight)| **weight > LEAST_WEIGHT) {
+                let sum = &mut sums[place as usize];
+                if *sum == 0.0 {
+                    places.push(place);
+                }
+                *sum += share * weight;
             }
-            *sum += weight;
-        };
-        footprint.visit(footprint.grid().voxel(index), &mut self.scratch, |_| true, add);
+        });
         let mut next = vec![0u32; ends.len() + 1];
         for place in places.iter() {
             next[subset(*place) + 1] += 1;
@@ -146,7 +200,17 @@ impl<'a> Scattered<'a> {
     pub(crate) fn keeping(footprint: &'a Footprint, indices: &[u64], subsets: usize, bytes: usize) -> Self {
         let (width, height) = footprint.sensor();
         let planes = (0..PARTS).map(|_| Plane::new(width, height)).collect();
-        Self { footprint, indices: indices.to_vec(), planes, kept: Kept::new(footprint, indices, subsets, bytes) }
+        let kept = Kept::new(footprint, indices, subsets, bytes);
+        Self { footprint, subsets, most_bytes: bytes, indices: indices.to_vec(), planes, kept }
+    }
+
+    /// Forgets the voxels that are not held; keeps the weights of the others as soon as they fit.
+    pub(crate) fn retain(&mut self, held: &[bool]) {
+        keep(&mut self.indices, held);
+        match &mut self.kept {
+            Some(kept) => kept.retain(held),
+            None => self.kept = Kept::new(self.footprint, &self.indices, self.subsets, self.most_bytes),
+        }
     }
 
     /// Weights of all voxels: those kept, or an estimate from a sample.
@@ -162,17 +226,14 @@ impl<'a> Scattered<'a> {
             let of = |voxel| kept.all_of(voxel).iter().map(|w| w.weight).sum();
             return (0..self.indices.len()).into_par_iter().map(of).collect();
         }
-        let of = |scratch: &mut Scratch, index: &u64| {
-            let mut share = 0.0;
-            self.footprint.visit(
-                self.footprint.grid().voxel(*index),
-                scratch,
-                |_| true,
-                |_, _, weight| share += weight,
-            );
-            share
+        let of = |buffers: &mut Buffers, index: &u64| {
+            let mut all = 0.0;
+            buffers.visit(self.footprint, *index, RowSet::ALL, |_, _, share, columns| {
+                all += share * columns.iter().sum::<f32>();
+            });
+            all
         };
-        self.indices.par_iter().map_init(Scratch::default, of).collect()
+        self.indices.par_iter().map_init(Buffers::default, of).collect()
     }
 
     pub(crate) fn project(&mut self, rows: Rows, strengths: &[f32], plane: &mut Plane) {
@@ -184,7 +245,7 @@ impl<'a> Scattered<'a> {
             }
             let stride = plane.stride;
             let values = &mut plane.values;
-            let mut scratch = Scratch::default();
+            let mut buffers = Buffers::default();
             for voxel in (n * part).min(indices.len())..((n + 1) * part).min(indices.len()) {
                 let strength = strengths[voxel];
                 if let Some(kept) = kept {
@@ -192,10 +253,11 @@ impl<'a> Scattered<'a> {
                         values[w.place as usize] += w.weight * strength;
                     }
                 } else {
-                    let add = |column, row, weight: f32| {
-                        values[row as usize * stride + column as usize] += weight * strength;
-                    };
-                    footprint.visit(footprint.grid().voxel(indices[voxel]), &mut scratch, |row| rows.hold(row), add);
+                    buffers.visit(footprint, indices[voxel], rows.set(), |row, first, share, columns| {
+                        let out = &mut values[row as usize * stride + first as usize..][..columns.len()];
+                        let light = share * strength;
+                        out.iter_mut().zip(columns).for_each(|(value, weight)| *value += light * weight);
+                    });
                 }
             }
         });
@@ -220,22 +282,26 @@ impl<'a> Scattered<'a> {
         update: impl Fn(usize, &mut f32, f32, f32) + Sync,
     ) {
         let voxels = strengths.par_iter_mut().enumerate().with_min_len(64);
-        voxels.for_each_init(Scratch::default, |scratch, (voxel, strength)| {
-            let (mut sum, mut share) = (0.0, 0.0);
+        voxels.for_each_init(Buffers::default, |buffers, (voxel, strength)| {
+            let (mut sum, mut all) = (0.0, 0.0);
             if let Some(kept) = &self.kept {
                 for w in kept.of(voxel, rows) {
                     sum += w.weight * plane.values[w.place as usize];
-                    share += w.weight;
+                    all += w.weight;
                 }
             } else {
-                let add = |column, row, weight: f32| {
-                    sum += weight * plane.values[row as usize * plane.stride + column as usize];
-                    share += weight;
-                };
-                let place = self.footprint.grid().voxel(self.indices[voxel]);
-                self.footprint.visit(place, scratch, |row| rows.hold(row), add);
+                buffers.visit(self.footprint, self.indices[voxel], rows.set(), |row, first, share, columns| {
+                    let line = &plane.values[row as usize * plane.stride + first as usize..][..columns.len()];
+                    let (mut part, mut whole) = (0.0, 0.0);
+                    for (value, weight) in line.iter().zip(columns) {
+                        part += value * weight;
+                        whole += weight;
+                    }
+                    sum += share * part;
+                    all += share * whole;
+                });
             }
-            update(voxel, strength, sum, share);
+            update(voxel, strength, sum, all);
         });
     }
 }

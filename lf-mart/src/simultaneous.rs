@@ -83,85 +83,110 @@ fn compare(problem: &Problem, rows: Rows, plane: &mut Plane) -> Misfit {
     all
 }
 
+/// The voxels still held, and what is known of each.
+struct State<'a> {
+    problem: &'a Problem<'a>,
+    operator: Operator<'a>,
+    plane: Plane,
+    active: Vec<u64>,
+    strengths: Vec<f32>,
+    /// A subset's share of each voxel's weights: one that sees less may not move the voxel as far.
+    share: Vec<f32>,
+    momentum: Momentum,
+    /// Of the sweep that is going on.
+    misfit: Misfit,
+    /// Weights of all voxels, and those touched in this sweep.
+    weights: u64,
+    touched: f64,
+}
+
+impl State<'_> {
+    /// Moves all strengths by some image rows, and drops the voxels that are spent.
+    fn step(&mut self, rows: Rows, spent_share: f32) {
+        let options = self.problem.options;
+        let (relaxation, greatest) = (options.relaxation as f32, options.clamp.ln() as f32);
+        let ratios = options.method == Method::Mlem;
+        self.touched += 2.0 * self.weights as f64 / rows.subsets as f64;
+        self.operator.project(rows, &self.strengths, &mut self.plane);
+        self.misfit.add(&compare(self.problem, rows, &mut self.plane));
+        let share = &self.share;
+        self.operator.back_project(rows, &self.plane, &mut self.strengths, |voxel, strength, sum, weight| {
+            if weight > 0.0 {
+                let step = if ratios { (sum / weight).ln() } else { sum / weight.max(share[voxel]) };
+                let factor = (relaxation * step).clamp(-greatest, greatest).exp();
+                *strength = (*strength * factor).min(GREATEST_STRENGTH);
+            }
+        });
+        let least = spent_share * self.strengths.iter().fold(0f32, |peak, strength| peak.max(*strength));
+        let spent = self.strengths.iter().filter(|strength| **strength <= least).count();
+        // Dropping costs a look at each voxel.
+        if spent * 20 > self.active.len() {
+            let held: Vec<bool> = self.strengths.iter().map(|strength| *strength > least).collect();
+            keep(&mut self.active, &held);
+            keep(&mut self.share, &held);
+            keep(&mut self.strengths, &held);
+            self.momentum.retain(&held);
+            self.operator.retain(&held);
+            self.weights = self.operator.weights();
+        }
+    }
+}
+
 pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
     let Problem { footprint, options, .. } = *problem;
     let subsets = if options.method == Method::Subsets { SUBSETS } else { 1 };
     let (height, width) = problem.image.dim();
-    let mut active = problem.indices.to_vec();
+    let clears_haze = subsets > 1 && problem.start.is_none();
+    let active = problem.indices.to_vec();
     // The first sweep needs no more than to tell the voxels that have light from those that have none.
     let first_look = footprint.rough();
-    let mut rough = !footprint.in_line() && subsets > 1 && problem.start.is_none() && active.len() > LARGE;
-    let mut operator = Operator::new(if rough { &first_look } else { footprint }, &active, subsets, options.max_bytes);
-    let mut plane = Plane::new(width, height);
-    let mut weights = operator.weights();
-    // A subset that sees little of a voxel may not move it as far as one that sees its share.
+    let mut rough = first_look.as_ref().filter(|_| clears_haze && active.len() > LARGE);
+    let operator = Operator::new(rough.unwrap_or(footprint), &active, subsets, options.max_bytes);
     let mut share = operator.shares();
     let unseen = share.iter().filter(|share| **share <= 0.0).count();
     let mut strengths = problem.first_strengths();
     // Voxels that no pixel sees are put out.
     strengths.iter_mut().zip(&share).filter(|(_, share)| **share <= 0.0).for_each(|(strength, _)| *strength = 0.0);
     share.iter_mut().for_each(|share| *share /= subsets as f32);
+    let mut state = State {
+        problem,
+        plane: Plane::new(width, height),
+        momentum: Momentum::new(&strengths),
+        misfit: Misfit::default(),
+        weights: operator.weights(),
+        touched: 0.0,
+        operator,
+        active,
+        strengths,
+        share,
+    };
 
-    let (relaxation, greatest) = (options.relaxation as f32, options.clamp.ln() as f32);
-    let ratios = options.method == Method::Mlem;
-    let mut momentum = Momentum::new(&strengths);
     let mut sweeps: Vec<Sweep> = Vec::new();
     for number in 1..=options.iterations {
-        if rough && number > 1 {
-            operator = Operator::new(footprint, &active, subsets, options.max_bytes);
-            rough = false;
+        if number > 1 && rough.take().is_some() {
+            state.operator = Operator::new(footprint, &state.active, subsets, options.max_bytes);
         }
-        let at_first = subsets > 1 && problem.start.is_none() && number <= FIRST_SWEEPS;
-        let spent_share = if at_first { SPENT_AT_FIRST } else { SPENT };
-        let (mut misfit, mut touched) = (Misfit::default(), 0.0);
+        (state.misfit, state.touched) = (Misfit::default(), 0.0);
+        let spent_share = if clears_haze && number <= FIRST_SWEEPS { SPENT_AT_FIRST } else { SPENT };
         for subset in order(subsets) {
-            let rows = Rows { subset, subsets };
-            touched += 2.0 * weights as f64 / subsets as f64;
-            operator.project(rows, &strengths, &mut plane);
-            misfit.add(&compare(problem, rows, &mut plane));
-            operator.back_project(rows, &plane, &mut strengths, |voxel, strength, sum, weight| {
-                if weight > 0.0 {
-                    let step = if ratios { (sum / weight).ln() } else { sum / weight.max(share[voxel]) };
-                    let factor = (relaxation * step).clamp(-greatest, greatest).exp();
-                    *strength = (*strength * factor).min(GREATEST_STRENGTH);
-                }
-            });
-            let least = spent_share * strengths.iter().fold(0f32, |peak, strength| peak.max(*strength));
-            let alive = |strength: &f32| *strength > least;
-            let spent = active.len() - strengths.iter().filter(|strength| alive(strength)).count();
-            // Dropping costs a look at each voxel; making weights anew, half of a sweep.
-            if spent * if footprint.in_line() { 20 } else { 2 } > active.len() {
-                let held: Vec<bool> = strengths.iter().map(alive).collect();
-                keep(&mut active, &held);
-                keep(&mut share, &held);
-                keep(&mut strengths, &held);
-                momentum.retain(&held);
-                if !operator.retain(&held) {
-                    operator = Operator::new(footprint, &active, subsets, options.max_bytes);
-                    rough = false;
-                }
-                weights = operator.weights();
-            }
+            state.step(Rows { subset, subsets }, spent_share);
         }
-        let sweep = Sweep {
-            number,
-            misfit: misfit.value(),
-            change: change(momentum.before(), &strengths),
-            voxels: active.len(),
-            weights: touched as u64,
-        };
+        let misfit = state.misfit.value();
+        let change = change(state.momentum.before(), &state.strengths);
+        let sweep = Sweep { number, misfit, change, voxels: state.active.len(), weights: state.touched as u64 };
         done(&sweep);
         sweeps.push(sweep);
-        if number == options.iterations || problem.enough(&sweeps, misfit.pixels, misfit.all.sqrt()) {
+        let (pixels, light) = (state.misfit.pixels, state.misfit.all.sqrt());
+        if number == options.iterations || problem.enough(&sweeps, pixels, light) {
             break;
         }
         if options.method == Method::Subsets {
-            momentum.carry(&mut strengths, misfit.value());
+            state.momentum.carry(&mut state.strengths, misfit);
         } else {
-            momentum.remember(&strengths);
+            state.momentum.remember(&state.strengths);
         }
     }
-    Solved { indices: active, strengths, sweeps, unseen }
+    Solved { indices: state.active, strengths: state.strengths, sweeps, unseen }
 }
 
 /// Sum of the changes without sign over the sum.

@@ -43,12 +43,12 @@ const LEAST_SHARE: f64 = 1e-6;
 
 impl Span {
     /// Share of the light at `t` (about the lenslet's centre) that falls within.
-    fn share(&self, t: f64) -> f64 {
+    pub(super) fn share(&self, t: f64) -> f64 {
         self.blur.cdf(t - self.low) - self.blur.cdf(t - self.high)
     }
 
     /// Integral of [`Span::share`] up to `t`.
-    fn ramp(&self, t: f64) -> f64 {
+    pub(super) fn ramp(&self, t: f64) -> f64 {
         self.blur.ramp(t - self.low) - self.blur.ramp(t - self.high)
     }
 }
@@ -56,7 +56,7 @@ impl Span {
 impl Axis {
     /// The part of the aperture whose light can fall within `span` of the lenslet at `t0` behind the voxel's chief
     /// ray (`t0 = x_m(0) - c`); empty where low >= high.
-    fn aperture_part(&self, t0: f64, span: &Span) -> (f64, f64) {
+    pub(super) fn aperture_part(&self, t0: f64, span: &Span) -> (f64, f64) {
         let (low, high) = (span.low - span.blur.reach() - t0, span.high + span.blur.reach() - t0);
         let half = self.half_aperture;
         if self.alpha.abs() * half < 1e-12 {
@@ -80,7 +80,7 @@ impl Axis {
     }
 
     /// Place in pixels falls with U: place = zero - slope U.
-    fn line(&self, x0: f64, centre: f64) -> (f64, f64) {
+    pub(super) fn line(&self, x0: f64, centre: f64) -> (f64, f64) {
         let slope = self.demagnification * (1.0 - self.alpha) / self.pixel_pitch;
         ((centre + self.demagnification * x0) / self.pixel_pitch + 0.5 * self.pixels as f64, slope)
     }
@@ -131,7 +131,7 @@ impl Axis {
 
     /// The part of `[lower, upper]` inside the cell's sharp edges, where most of the light comes through; its nearer
     /// end where no part is.
-    fn unblurred(&self, t0: f64, span: &Span, lower: f64, upper: f64) -> (f64, f64) {
+    pub(super) fn unblurred(&self, t0: f64, span: &Span, lower: f64, upper: f64) -> (f64, f64) {
         if self.alpha.abs() * self.half_aperture < 1e-12 {
             return (lower, upper);
         }

@@ -12,10 +12,12 @@ mod axis;
 mod blur;
 mod cell;
 mod disc;
+mod lenslet;
 mod sphere;
 
 pub use axis::Piece;
 pub use disc::Chords;
+pub use lenslet::{Lenslets, RowSet};
 
 use crate::camera::{Aperture, Camera, Lattice};
 use crate::grid::Grid;
@@ -116,10 +118,11 @@ impl Footprint {
     }
 
     /// The same for a first look: the slanted sides of a hexagon or a turned square in so few steps that weights come
-    /// in half the time and err by a few per cent. The same weights for a lattice in line.
-    pub fn rough(&self) -> Self {
+    /// in half the time and err by a few per cent. Nothing where that would be the same weights.
+    pub fn rough(&self) -> Option<Self> {
         let rough = self.rough.clone();
-        Self { coarse: rough.clone(), fine: rough, ..self.clone() }
+        let same = self.model != Model::Exact || rough.len() == self.coarse.len().min(self.fine.len());
+        (!same).then(|| Self { coarse: rough.clone(), fine: rough, ..self.clone() })
     }
 
     /// The grid.
@@ -208,6 +211,25 @@ impl Footprint {
         }
     }
 
+    /// The slabs for a slice: fine ones where the beam of one pixel is narrower on the array than a coarse one.
+    fn slabs(&self, axis: &Axis) -> &[Slab] {
+        let pixel_beam = axis.alpha.abs() * 2.0 * axis.half_aperture / self.sections as f64;
+        let beam_lenslets = pixel_beam / (self.sections as f64 * self.pixel_pitch_mm);
+        if beam_lenslets < 0.25 { &self.fine } else { &self.coarse }
+    }
+
+    /// Half sides of all slabs of a cell.
+    fn corner(&self, slabs: &[Slab]) -> DVec2 {
+        slabs.iter().fold(DVec2::ZERO, |corner, slab| {
+            corner.max(DVec2::new(slab.x[0].abs().max(slab.x[1].abs()), slab.y[0].abs().max(slab.y[1].abs())))
+        })
+    }
+
+    /// Whether [`Footprint::through_lenslets`] holds.
+    pub fn has_products(&self) -> bool {
+        self.model == Model::Exact
+    }
+
     /// Calls `found(column, row, weight)` for the pixels of a voxel whose row `wanted` accepts. A pixel may come more
     /// than once: its weight is the sum. Works for every camera; about 0.1 us for each lenslet and slab of its cell.
     pub fn visit(
@@ -225,15 +247,11 @@ impl Footprint {
         let (across, down) = (self.axis(z, self.width), self.axis(z, self.height));
         let (blur_x, blur_y) = (self.blur(&across, 0), self.blur(&down, 1));
         let chief = DVec2::new(-across.beta * self.grid.centre_mm(0, x), -across.beta * self.grid.centre_mm(1, y));
-        let pixel_beam = across.alpha.abs() * 2.0 * across.half_aperture / self.sections as f64;
-        let beam_lenslets = pixel_beam / (self.sections as f64 * self.pixel_pitch_mm);
-        let slabs = if beam_lenslets < 0.25 { &self.fine } else { &self.coarse };
+        let slabs = self.slabs(&across);
         let count = slabs.len();
         scratch.columns.resize_with(count, Vec::new);
         scratch.rows.resize_with(count, Vec::new);
-        let corner = slabs.iter().fold(DVec2::ZERO, |corner, slab| {
-            corner.max(DVec2::new(slab.x[0].abs().max(slab.x[1].abs()), slab.y[0].abs().max(slab.y[1].abs())))
-        });
+        let corner = self.corner(slabs);
         let margin = corner + DVec2::new(blur_x.reach(), blur_y.reach());
         let spread = across.alpha.abs() * across.half_aperture;
         let lattice: &Lattice = self.optics.lattice();

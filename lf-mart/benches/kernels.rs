@@ -1,0 +1,161 @@
+//! Rates of projection and back-projection in weights a second, against a stored matrix (compressed sparse rows, one
+//! by pixel to project and one by voxel to project back) and against the machine's memory: `cargo bench -p lf-mart`.
+//!
+//! 60 x 60 lenslets, 8000 particles as 3 x 3 x 9 voxels of 1 x 1 x 10 px each. Medians of seven runs.
+
+use lf_core::camera::Camera;
+use lf_core::footprint::{Basis, Footprint, Model, Scratch};
+use lf_core::grid::Grid;
+use lf_mart::projector::Projector;
+use ndarray::Array2;
+use rayon::prelude::*;
+use std::hint::black_box;
+use std::time::Instant;
+
+const PARTICLES: u64 = 8000;
+const RUNS: usize = 7;
+
+fn camera(aperture: &str, layout: &str, rotation: f64) -> Camera {
+    let text = format!(
+        r#"{{"sensor": {{"width": 840, "height": 840, "pixel_pitch_mm": 0.0055}},
+        "main_lens": {{"focal_length_mm": 200, "magnification": 1, "working_f_number": 4, "aperture": "{aperture}"}},
+        "microlenses": {{"layout": "{layout}", "pitch_mm": 0.077, "focal_length_mm": 0.308,
+        "rotation_rad": {rotation}, "offset_mm": [0, 0]}}}}"#
+    );
+    Camera::from_json(&text).expect("a camera")
+}
+
+fn voxels(grid: &Grid) -> Vec<u64> {
+    let mut state = 1u64;
+    let mut random = |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) as usize) % below
+    };
+    let [nx, ny, nz] = grid.shape;
+    let mut all = Vec::new();
+    for _ in 0..PARTICLES {
+        let [x, y, z] = [random(nx - 2), random(ny - 2), random(nz - 8)];
+        all.extend((0..81).map(|n| grid.index([x + n % 3, y + n / 3 % 3, z + n / 9])));
+    }
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
+/// Median seconds of a piece of work.
+fn seconds(mut work: impl FnMut()) -> f64 {
+    let mut all: Vec<f64> = (0..RUNS)
+        .map(|_| {
+            let began = Instant::now();
+            work();
+            began.elapsed().as_secs_f64()
+        })
+        .collect();
+    all.sort_by(f64::total_cmp);
+    all[RUNS / 2]
+}
+
+/// Rows of a sparse matrix: (column, weight).
+struct Stored {
+    starts: Vec<usize>,
+    weights: Vec<(u32, f32)>,
+}
+
+impl Stored {
+    fn of(rows: usize, entries: impl Iterator<Item = (u32, u32, f32)> + Clone) -> Self {
+        let mut starts = vec![0; rows + 1];
+        for (row, _, _) in entries.clone() {
+            starts[row as usize + 1] += 1;
+        }
+        for row in 0..rows {
+            starts[row + 1] += starts[row];
+        }
+        let mut next = starts.clone();
+        let mut weights = vec![(0, 0.0); starts[rows]];
+        for (row, column, weight) in entries {
+            weights[next[row as usize]] = (column, weight);
+            next[row as usize] += 1;
+        }
+        Self { starts, weights }
+    }
+
+    fn times(&self, vector: &[f32]) -> Vec<f32> {
+        let of = |row: usize| {
+            let row = &self.weights[self.starts[row]..self.starts[row + 1]];
+            row.iter().map(|(column, weight)| weight * vector[*column as usize]).sum()
+        };
+        (0..self.starts.len() - 1).into_par_iter().with_min_len(256).map(of).collect()
+    }
+}
+
+fn main() {
+    // cargo test --benches asks for a look only.
+    if std::env::args().any(|argument| argument == "--test") {
+        return;
+    }
+    let grid = Grid::in_bounds([[-2.0, 2.0], [-2.0, 2.0], [-5.0, 5.0]], [0.0055, 0.0055, 0.055]).expect("a grid");
+    let all = voxels(&grid);
+    let basis = Basis::Blob { sigma_vox: 0.65 };
+    println!("{:<40} {:>10} {:>14} {:>10} {:>10}", "", "voxels", "weights/voxel", "forward", "back");
+    println!("{:<40} {:>10} {:>14} {:>21}", "", "", "", "million weights/s");
+    let row = |name: &str, voxels: usize, weights: f64, forward: f64, back: f64| {
+        let rate = |seconds: f64| 1e-6 * weights / seconds;
+        let each = weights / voxels as f64;
+        println!("{name:<40} {voxels:>10} {each:>14.0} {:>10.0} {:>10.0}", rate(forward), rate(back));
+    };
+    for (name, aperture, layout, rotation, share) in [
+        ("square stop, in line", "square", "square", 0.0, 1),
+        ("round stop, in line", "circle", "square", 0.0, 1),
+        ("square stop, turned, weights remade", "square", "square", 0.003, 20),
+        ("hexagonal, turned, weights remade", "circle", "hexagonal", 0.003, 60),
+    ] {
+        let footprint =
+            Footprint::new(&camera(aperture, layout, rotation), &grid, Model::Exact, basis).expect("weights");
+        let some: Vec<u64> = all.iter().step_by(share).copied().collect();
+        let mut projector = Projector::new(&footprint, &some, 0);
+        let strengths = vec![1.0; some.len()];
+        let weights = projector.weights() as f64;
+        let forward = seconds(|| {
+            black_box(projector.project(&strengths));
+        });
+        let image = Array2::from_elem((840, 840), 1.0);
+        // Two passes: the sums and the weights.
+        let back = 0.5
+            * seconds(|| {
+                black_box(projector.back_project(image.view()));
+            });
+        row(name, some.len(), weights, forward, back);
+    }
+
+    let footprint = Footprint::new(&camera("square", "square", 0.0), &grid, Model::Exact, basis).expect("weights");
+    let some: Vec<u64> = all.iter().step_by(5).copied().collect();
+    let mut entries: Vec<(u32, u32, f32)> = Vec::new();
+    let mut scratch = Scratch::default();
+    for (n, index) in some.iter().enumerate() {
+        let add = |column, row, weight| entries.push((row * 840 + column, n as u32, weight));
+        footprint.visit(grid.voxel(*index), &mut scratch, |_| true, add);
+    }
+    let by_pixel = Stored::of(840 * 840, entries.iter().copied());
+    let by_voxel = Stored::of(some.len(), entries.iter().map(|(pixel, voxel, weight)| (*voxel, *pixel, *weight)));
+    let (strengths, image) = (vec![1f32; some.len()], vec![1f32; 840 * 840]);
+    let forward = seconds(|| {
+        black_box(by_pixel.times(&strengths));
+    });
+    let back = seconds(|| {
+        black_box(by_voxel.times(&image));
+    });
+    row("square stop, stored, 8 bytes a weight", some.len(), entries.len() as f64, forward, back);
+
+    let big = vec![1u64; 1 << 26];
+    let read = seconds(|| {
+        black_box(
+            big.par_chunks(1 << 16).map(|part| part.iter().fold(0u64, |sum, x| sum ^ x)).reduce(|| 0, |a, b| a ^ b),
+        );
+    });
+    let rate = (8 * big.len()) as f64 / read;
+    println!(
+        "\nmemory reads {:.1} GB/s: no stored matrix of 8 bytes a weight can pass {:.0} million weights/s",
+        1e-9 * rate,
+        1e-6 * rate / 8.0
+    );
+}

@@ -1,0 +1,99 @@
+//! Projection and back-projection without a matrix, for solvers of one's own.
+
+use crate::operator::{Operator, Plane, Rows};
+use lf_core::footprint::Footprint;
+use ndarray::{Array2, ArrayView2};
+
+/// The weights of a support's voxels as two operations.
+pub struct Projector<'a> {
+    operator: Operator<'a>,
+    plane: Plane,
+    voxels: usize,
+    width: usize,
+}
+
+const ALL: Rows = Rows { subset: 0, subsets: 1 };
+
+impl<'a> Projector<'a> {
+    /// For the voxels `indices` (rising) of the footprint's grid. Turned and hexagonal lattices keep their weights where
+    /// they take no more than four fifths of `max_bytes`.
+    pub fn new(footprint: &'a Footprint, indices: &[u64], max_bytes: u64) -> Self {
+        let (width, height) = footprint.sensor();
+        let operator = Operator::new(footprint, indices, 1, max_bytes);
+        Self { operator, plane: Plane::new(width, height), voxels: indices.len(), width }
+    }
+
+    /// Weights that one projection or back-projection touches; an estimate where they are not kept.
+    pub fn weights(&self) -> u64 {
+        self.operator.weights()
+    }
+
+    /// p_i = sum_j w_ij E_j: the image, shape (height, width), of one strength for each voxel.
+    ///
+    /// # Panics
+    /// Where there are more or fewer strengths than voxels.
+    pub fn project(&mut self, strengths: &[f32]) -> Array2<f32> {
+        assert_eq!(strengths.len(), self.voxels, "one strength for each voxel");
+        self.operator.project(ALL, strengths, &mut self.plane);
+        let (stride, width) = (self.plane.stride, self.width);
+        let height = self.plane.values.len() / stride;
+        Array2::from_shape_fn((height, width), |(row, column)| self.plane.values[row * stride + column])
+    }
+
+    /// Sum_i w_ij v_i and sum_i w_ij of each voxel, for an image `v`.
+    ///
+    /// # Panics
+    /// Where the image has another size than the sensor.
+    pub fn back_project(&mut self, image: ArrayView2<f32>) -> Vec<(f32, f32)> {
+        let stride = self.plane.stride;
+        let height = self.plane.values.len() / stride;
+        assert_eq!(image.dim(), (height, self.width), "the sensor's image");
+        for (line, row) in self.plane.values.chunks_mut(stride).zip(image.rows()) {
+            line[..self.width].iter_mut().zip(row).for_each(|(value, pixel)| *value = *pixel);
+        }
+        let mut sums = vec![0f32; self.voxels];
+        let mut weights = vec![0f32; self.voxels];
+        self.operator.back_project(ALL, &self.plane, &mut sums, |_, out, sum, _| *out = sum);
+        self.operator.back_project(ALL, &self.plane, &mut weights, |_, out, _, weight| *out = weight);
+        sums.into_iter().zip(weights).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lf_core::camera::Camera;
+    use lf_core::footprint::{Basis, Model};
+    use lf_core::grid::Grid;
+
+    /// The adjoint: <W e, v> = <e, W' v> for any e and v.
+    #[test]
+    fn back_projection_is_the_transpose() {
+        for (aperture, layout, rotation) in
+            [("square", "square", 0.0), ("circle", "square", 0.0), ("circle", "hexagonal", 0.003)]
+        {
+            let text = format!(
+                r#"{{"sensor": {{"width": 98, "height": 84, "pixel_pitch_mm": 0.0055}},
+                "main_lens": {{"focal_length_mm": 200, "magnification": 1, "working_f_number": 4, "aperture": "{aperture}"}},
+                "microlenses": {{"layout": "{layout}", "pitch_mm": 0.077, "focal_length_mm": 0.308,
+                "rotation_rad": {rotation}, "offset_mm": [0, 0]}}}}"#
+            );
+            let camera = Camera::from_json(&text).unwrap();
+            let grid = Grid::in_bounds([[-0.2, 0.2], [-0.2, 0.2], [-1.0, 1.0]], [0.0055, 0.0055, 0.055]).unwrap();
+            let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Blob { sigma_vox: 0.65 }).unwrap();
+            let indices: Vec<u64> = (0..200).map(|n| n * grid.len() / 200).collect();
+            let hash = |n: usize| (((n as u32 + 1).wrapping_mul(2_654_435_761) >> 9) % 1000) as f32 / 1000.0;
+            let strengths: Vec<f32> = (0..indices.len()).map(hash).collect();
+            let image = Array2::from_shape_fn((84, 98), |(row, column)| hash(1000 + row * 98 + column));
+            let mut projector = Projector::new(&footprint, &indices, 1 << 30);
+            let dot =
+                |a: &mut dyn Iterator<Item = (f32, f32)>| a.map(|(a, b)| f64::from(a) * f64::from(b)).sum::<f64>();
+            let projected = projector.project(&strengths);
+            let left = dot(&mut projected.iter().copied().zip(image.iter().copied()));
+            let back = projector.back_project(image.view());
+            let right = dot(&mut strengths.iter().copied().zip(back.iter().map(|(sum, _)| *sum)));
+            assert!(left > 1.0 && (left / right - 1.0).abs() < 1e-5, "{aperture} {layout}: {left} {right}");
+            assert!(projector.weights() > 10_000);
+        }
+    }
+}
