@@ -25,8 +25,9 @@ PVR = 1,1,10
 DEPTH = -5,5
 BOUNDS =
 
-# Pruning and reconstruction; --help of the tools says what else can stand in the FLAGS.
-THRESHOLD = 0.01
+# Pruning (auto: found from each frame) and reconstruction (sweeps, at most); --help of the tools says what else can
+# stand in the FLAGS.
+THRESHOLD = auto
 ITERATIONS = 60
 PRUNE_FLAGS =
 MART_FLAGS =

@@ -131,6 +131,23 @@ const USES: &[Use] = &[
         pipes: true,
     },
     Use {
+        tool: "lf-mart",
+        words: &[
+            Input(Kind::Support),
+            Plain("-i"),
+            Input(Kind::Image),
+            Plain("-c"),
+            Input(Kind::Camera),
+            Plain("--start"),
+            Input(Kind::Volume),
+            Plain("--until"),
+            Plain("noise"),
+            Plain("-o"),
+            Output("gone-on.lfv"),
+        ],
+        pipes: true,
+    },
+    Use {
         tool: "lf-xcorr",
         words: &[
             Input(Kind::Volume),
