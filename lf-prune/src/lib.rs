@@ -4,10 +4,13 @@
 //! would light all of those pixels, so a voxel is kept where their product (a mean of logarithms, or the least of them)
 //! is high enough. Source: Shi, Ding, New & Soria (2017), section 2, after Atkinson & Soria (2009).
 
+mod cell;
 mod inline;
+mod lines;
 mod scattered;
 mod sections;
 mod threshold;
+mod views;
 
 pub use threshold::Automatic;
 
@@ -16,6 +19,7 @@ use lf_core::footprint::check_depth;
 use lf_core::grid::Grid;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
+use views::Views;
 
 /// How the pixels of a voxel become its score.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +65,8 @@ type Slice = Vec<(u32, f32)>;
 
 /// Scores the voxels of `grid` against an image of the camera's size and keeps those that may hold light.
 /// `done` is told how many slices are finished. The work is a few additions a voxel for a square lattice in line with the
-/// pixels, and otherwise up to one ray for each section of the aperture.
+/// pixels; for another, one for each section of the aperture and each lenslet that its rays from a line of voxels pass;
+/// and with a medium, distortion, tilt or gap, up to one ray for each section and voxel.
 ///
 /// # Errors
 /// Where the grid is too deep, or a slice has 2^32 voxels or more.
@@ -83,12 +88,14 @@ pub fn prune(
     }
     let levels = Levels::new(image, peak, options);
     let straight = camera.in_line();
+    let views = (straight.is_none() && camera.beyond_weights().is_none()).then(|| Views::new(&levels, camera));
     let slices: Vec<Slice> = (0..nz)
         .into_par_iter()
         .map(|z| {
-            let slice = match &straight {
-                Some(camera) => inline::slice(&levels, camera, grid, z),
-                None => scattered::slice(&levels, camera, grid, z),
+            let slice = match (&straight, &views) {
+                (Some(camera), _) => inline::slice(&levels, camera, grid, z),
+                (None, Some(views)) => lines::slice(&levels, camera, views, grid, z),
+                (None, None) => scattered::slice(&levels, camera, grid, z),
             };
             done(1);
             slice

@@ -1,4 +1,4 @@
-//! Scores for turned and hexagonal lattices, ray by ray, ended early where a voxel is beyond hope.
+//! Scores for cameras whose rays bend (see [`Camera::beyond_weights`]), ray by ray, ended early where a voxel is beyond hope.
 
 use crate::sections::Sections;
 use crate::{Levels, SEEN_SHARE, Slice};
@@ -23,13 +23,8 @@ fn scattered_order(count: usize) -> Vec<usize> {
 
 pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> Slice {
     let optics = Optics::new(camera);
-    let sections = Sections::new(camera);
-    let n = sections.centres_mm.len();
     let z_mm = grid.centre_mm(2, z);
-    let inside: Vec<DVec2> = (0..n)
-        .flat_map(|v| (sections.first[v]..n - sections.first[v]).map(move |u| (u, v)))
-        .map(|(u, v)| DVec2::new(sections.centres_mm[u], sections.centres_mm[v]))
-        .collect();
+    let inside = Sections::new(camera).inside_mm();
     let order: Vec<DVec2> = scattered_order(inside.len()).into_iter().map(|place| inside[place]).collect();
     let sections = order.len() as u32;
     // With every ray to come as bright as can be (a level of 0), the sum could still reach this; a voxel part of whose rays

@@ -1,5 +1,6 @@
 //! The aperture in sections.
 
+use glam::DVec2;
 use lf_core::camera::{Aperture, Camera};
 use lf_core::footprint::aperture_sections;
 
@@ -34,5 +35,12 @@ impl Sections {
     pub(crate) fn count(&self) -> u32 {
         let n = self.centres_mm.len();
         self.first.iter().map(|first| (n - 2 * first) as u32).sum()
+    }
+
+    /// Centres of the sections inside the stop, mm.
+    pub(crate) fn inside_mm(&self) -> Vec<DVec2> {
+        let n = self.centres_mm.len();
+        let inside = (0..n).flat_map(|v| (self.first[v]..n - self.first[v]).map(move |u| (u, v)));
+        inside.map(|(u, v)| DVec2::new(self.centres_mm[u], self.centres_mm[v])).collect()
     }
 }

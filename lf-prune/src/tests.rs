@@ -140,3 +140,65 @@ fn places_are_lost_by_their_voxel() {
     let support = Support { indices: vec![grid.index([1, 2, 3])], scores: vec![1.0] };
     assert_eq!(support.lost(&grid, &[[1.4, 1.6, 3.3], [1.6, 1.6, 3.3], [1.0, 2.0, 3.6]]), (2, 1));
 }
+
+/// Sums along lines are the same rule as rays one by one: the same voxels and scores, for every shape of cell and stop, at
+/// the edge of sight, where voxels lie on the edges of cells and where they are larger than them.
+#[test]
+fn sums_along_lines_are_the_rays_one_by_one() {
+    let image = speckle();
+    let grids = [
+        Grid::in_bounds([[-0.9, 0.9], [-0.9, 0.8], [-4.0, 4.0]], [0.011, 0.027, 0.4]).unwrap(),
+        Grid::in_bounds([[-0.34, 0.2], [-0.25, 0.25], [-2.0, 2.0]], [0.0055, 0.0385, 0.2]).unwrap(),
+        // The middle slice is in focus, and its voxels meet the array at every half and quarter pitch.
+        Grid { shape: [60, 21, 20], spacing_mm: [0.01925, 0.0385, 0.3], origin_mm: [-0.5775, -0.385, -2.1] },
+        Grid { shape: [13, 9, 20], spacing_mm: [0.2, 0.13, 0.3], origin_mm: [-1.2, -0.5, -3.0] },
+    ];
+    let third = std::f64::consts::FRAC_PI_3;
+    let square = [0.003, 0.02, 0.3, -1.0, 1.5 * third, 3.0 * third].map(|turn| ("square", turn));
+    let hexagonal = [0.0, 0.003, -0.3, 0.5 * third, third].map(|turn| ("hexagonal", turn));
+    for (layout, turn) in square.into_iter().chain(hexagonal) {
+        for aperture in ["square", "circle"] {
+            let camera = camera(aperture, layout, turn);
+            for options in [
+                Options { threshold: 0.37, ..PLAIN },
+                Options { score: Score::Share(0.0), threshold: 1e-3, ..PLAIN },
+                Options { score: Score::Share(0.15), threshold: 0.2, ..PLAIN },
+                Options { keep_all: true, ..PLAIN },
+            ] {
+                let levels = Levels::new(image.view(), 1.0, &options);
+                let views = Views::new(&levels, &camera);
+                let (mut kept, mut all) = (0, 0);
+                for grid in &grids {
+                    for z in [0, 7, 10] {
+                        let fast = lines::slice(&levels, &camera, &views, grid, z);
+                        let slow = scattered::slice(&levels, &camera, grid, z);
+                        assert!(fast == slow, "{layout} {turn} {aperture} {options:?} {grid} {z}");
+                        all += grid.shape[0] * grid.shape[1];
+                        kept += fast.len();
+                    }
+                }
+                assert!(kept > 0 && kept < all, "{kept} of {all}");
+            }
+        }
+    }
+}
+
+/// A long, low sensor, whose rows of lenslets the lines leave and enter by its upper and lower sides.
+#[test]
+fn lines_may_leave_the_rows_of_lenslets() {
+    let speckle = speckle();
+    let image = Array2::from_shape_fn((56, 1820), |(y, x)| speckle[[y, x % 280]]);
+    for (layout, turn) in [("square", 0.003), ("square", -0.003), ("hexagonal", 0.003), ("hexagonal", -0.02)] {
+        let mut camera = camera("square", layout, turn);
+        (camera.sensor.width, camera.sensor.height) = (1820, 56);
+        let options = Options { keep_all: true, ..PLAIN };
+        let levels = Levels::new(image.view(), 1.0, &options);
+        let views = Views::new(&levels, &camera);
+        let grid = Grid::in_bounds([[-5.2, 5.2], [-0.3, 0.3], [-1.0, 1.0]], [0.03, 0.007, 0.5]).unwrap();
+        for z in 0..4 {
+            let fast = lines::slice(&levels, &camera, &views, &grid, z);
+            assert!(fast == scattered::slice(&levels, &camera, &grid, z), "{layout} {turn} {z}");
+            assert!(!fast.is_empty());
+        }
+    }
+}
