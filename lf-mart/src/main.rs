@@ -83,7 +83,7 @@ struct Arguments {
     common: Common,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum WeightsName {
     /// Geometric optics without sampling
     Exact,
@@ -124,6 +124,13 @@ impl Arguments {
             (Some(BasisName::Box), _) => Basis::Box,
             (Some(BasisName::Blob), _) | (None, WeightsName::Exact) => blob,
         };
+        if self.weights == WeightsName::Sphere && basis != Basis::Point {
+            return Err(Error::new(
+                "--basis",
+                "box or blob with --weights sphere",
+                "wanted point, which is its default",
+            ));
+        }
         let (method, iterations, until, relaxation, clamp) = match self.method {
             MethodName::Subsets => (Method::Subsets, 60, "stall", 1.5, 20.0),
             MethodName::Smart => (Method::Smart, 100, "never", 1.0, 20.0),

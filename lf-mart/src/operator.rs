@@ -8,7 +8,7 @@ use lf_core::footprint::{Footprint, RowSet};
 /// The weights of a support's voxels, for whichever camera.
 pub(crate) enum Operator<'a> {
     /// A square lattice in line with the pixels: products of two profiles.
-    InLine(InLine),
+    InLine(Box<InLine>),
     /// Any other.
     Scattered(Scattered<'a>),
 }
@@ -59,7 +59,7 @@ impl<'a> Operator<'a> {
     /// With weights stored where that takes no more than a part of `max_bytes`.
     pub(crate) fn new(footprint: &'a Footprint, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
         if footprint.in_line() {
-            Self::InLine(InLine::new(footprint, indices, subsets))
+            Self::InLine(Box::new(InLine::new(footprint, indices, subsets)))
         } else {
             Self::Scattered(Scattered::new(footprint, indices, subsets, max_bytes))
         }
@@ -71,6 +71,11 @@ impl<'a> Operator<'a> {
             Self::InLine(weights) => weights.retain(held),
             Self::Scattered(weights) => weights.retain(held),
         }
+    }
+
+    /// Whether weights are made anew at every use.
+    pub(crate) fn is_remade(&self) -> bool {
+        matches!(self, Self::Scattered(weights) if weights.is_remade())
     }
 
     /// Weights of all voxels: what one projection or back-projection over all rows touches.

@@ -204,6 +204,10 @@ impl<'a> Scattered<'a> {
         Self { footprint, subsets, most_bytes: bytes, indices: indices.to_vec(), planes, kept }
     }
 
+    pub(crate) fn is_remade(&self) -> bool {
+        self.kept.is_none()
+    }
+
     /// Forgets the voxels that are not held; keeps the weights of the others as soon as they fit.
     pub(crate) fn retain(&mut self, held: &[bool]) {
         keep(&mut self.indices, held);

@@ -67,6 +67,9 @@ struct Arguments {
     common: Common,
 }
 
+/// Its logarithms still add up in whole numbers.
+const LEAST_DARK: f64 = 1e-12;
+
 #[derive(Clone, Copy, ValueEnum)]
 enum ScoreName {
     /// Geometric mean of the pixels
@@ -92,6 +95,9 @@ impl Arguments {
         };
         share("--quantile", self.quantile)?;
         share("--dark", self.dark)?;
+        if self.dark < LEAST_DARK {
+            return Err(Error::new("--dark", format!("{}", self.dark), format!("wanted {LEAST_DARK} or more")));
+        }
         match self.typed() {
             Some(value) => share("--threshold", value),
             None if self.threshold == "auto" => Ok(()),
