@@ -133,7 +133,7 @@ const USES: &[Use] = &[
     Use {
         tool: "lf-mart",
         words: &[
-            Input(Kind::Support),
+            Input(Kind::Volume),
             Plain("-i"),
             Input(Kind::Image),
             Plain("-c"),

@@ -140,9 +140,6 @@ impl Kept {
 /// Weights are counted in 32 bits; a sample foretells them to a few per cent.
 const MOST_WEIGHTS: f64 = 0.9 * u32::MAX as f64;
 
-/// A column's share below this is not kept; those of a voxel sum to 1.
-const LEAST_WEIGHT: f32 = 1e-6;
-
 /// Adds up the weights of one voxel; a buffer a thread.
 struct Merger {
     buffers: Buffers,
@@ -165,7 +162,7 @@ impl Merger {
         let (sums, places) = (&mut self.sums, &mut self.places);
         self.buffers.visit(footprint, index, RowSet::ALL, |row, first, share, columns| {
             let place = row * stride as u32 + first;
-            for (place, weight) in (place..).zip(columns).filter(|(_, weight)| **weight > LEAST_WEIGHT) {
+            for (place, weight) in (place..).zip(columns).filter(|(_, weight)| **weight > 0.0) {
                 let sum = &mut sums[place as usize];
                 if *sum == 0.0 {
                     places.push(place);

@@ -7,7 +7,7 @@ use crate::operator::{Operator, Plane, Rows};
 use crate::scattered::Scattered;
 use crate::{Method, Options, Until, reconstruct};
 use lf_core::camera::Camera;
-use lf_core::footprint::{Basis, Footprint, Model, Scratch};
+use lf_core::footprint::{Basis, Footprint, Lenslets, Model, RowSet, Scratch};
 use lf_core::grid::Grid;
 use ndarray::{Array1, Array2};
 
@@ -62,6 +62,25 @@ fn matrix(footprint: &Footprint, indices: &[u64]) -> Array2<f64> {
     matrix
 }
 
+/// The same by lenslets, where that holds: lattices that are not in line are projected so.
+fn matrix_by_lenslets(footprint: &Footprint, indices: &[u64]) -> Array2<f64> {
+    if !footprint.has_products() {
+        return matrix(footprint, indices);
+    }
+    let (width, height) = footprint.sensor();
+    let mut matrix = Array2::zeros((width * height, indices.len()));
+    let mut lenslets = Lenslets::default();
+    for (n, index) in indices.iter().enumerate() {
+        let voxel = footprint.grid().voxel(*index);
+        footprint.through_lenslets(voxel, &mut lenslets, RowSet::ALL, |row, first, share, columns| {
+            for (column, weight) in (first as usize..).zip(columns) {
+                matrix[[row as usize * width + column, n]] += f64::from(share) * f64::from(*weight);
+            }
+        });
+    }
+    matrix
+}
+
 fn rows(subset: usize) -> Rows {
     Rows { subset, subsets: SUBSETS }
 }
@@ -77,13 +96,17 @@ fn projections_are_the_matrix_and_its_transpose() {
         {
             let footprint = Footprint::new(&camera, &grid, model, basis).unwrap();
             let (width, height) = footprint.sensor();
-            let matrix = matrix(&footprint, &indices);
-            let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
+            let strengths_of = Array1::from_iter(strengths.iter().map(|e| f64::from(*e)));
             let mut operators = vec![Operator::new(&footprint, &indices, SUBSETS, 1 << 30)];
             for bytes in [0, usize::MAX] {
                 operators.push(Operator::Scattered(Scattered::keeping(&footprint, &indices, SUBSETS, bytes)));
             }
             for operator in &mut operators {
+                let matrix = match operator {
+                    Operator::InLine(_) => matrix(&footprint, &indices),
+                    Operator::Scattered(_) => matrix_by_lenslets(&footprint, &indices),
+                };
+                let pixels = matrix.dot(&strengths_of);
                 let mut plane = Plane::new(width, height);
                 // Buffers start dirty: what was in a row before may not be seen.
                 plane.values.fill(f32::NAN);

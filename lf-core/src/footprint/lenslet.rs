@@ -183,14 +183,15 @@ impl<'a> Fan<'a> {
         let unit = self.unit();
         for pixel in first..last {
             let lower = self.edge(pixel + 1);
-            out.weights.push(if self.flat {
+            let share = if self.flat {
                 self.flat_share(lower, upper)
             } else {
                 let below = self.integral(lower);
                 let share = (above - below) * unit;
                 above = below;
                 share
-            });
+            };
+            out.weights.push(if share > LEAST { share } else { 0.0 });
             if parts {
                 let (u0, u1) = self.axis.unblurred(self.t0, &self.ramp.span, lower, upper);
                 out.parts.push((u0 as f32, u1 as f32));
@@ -281,5 +282,5 @@ impl Footprint {
     }
 }
 
-/// A row's share below this is not kept.
+/// A column's or a row's share below this is not kept; those of a voxel sum to 1.
 const LEAST: f32 = 1e-6;
