@@ -1,9 +1,9 @@
 //! Projection and back-projection over products of profiles, in pieces that fit a core's cache.
 
 use crate::kernel::{Line, Lines};
-use crate::operator::{Plane, Rows};
+use crate::operator::Plane;
 use crate::tables::InLine;
-use lf_core::footprint::Chords;
+use lf_core::footprint::{Chords, RowSet};
 use rayon::prelude::*;
 
 /// Support voxels that one thread takes at a time when it gathers.
@@ -11,9 +11,9 @@ const RUN: usize = 4096;
 
 impl InLine {
     /// The lines of image rows that a line of voxels lights, of one subset and between two image rows.
-    fn lit(&self, line: usize, rows: Rows, image_rows: std::ops::Range<usize>, stride: usize, lit: &mut Lines) {
+    fn lit(&self, line: usize, rows: RowSet, image_rows: std::ops::Range<usize>, stride: usize, lit: &mut Lines) {
         lit.clear();
-        let at = line * (self.subsets + 1) + rows.subset;
+        let at = line * (self.subsets + 1) + rows.first as usize;
         for n in self.row_starts[at] as usize..self.row_starts[at + 1] as usize {
             let tap = self.row_taps[n];
             if image_rows.contains(&(tap.row as usize)) {
@@ -25,13 +25,13 @@ impl InLine {
 
     /// A thread has a band of image rows to itself, and goes through the slices: the profiles of one slice and the
     /// band's rows stay in its cache. What lands on a pixel comes in the order of the voxels, however many threads.
-    pub(crate) fn project(&self, rows: Rows, strengths: &[f32], plane: &mut Plane) {
+    pub(crate) fn project(&self, rows: RowSet, strengths: &[f32], plane: &mut Plane) {
         let stride = plane.stride;
         let bands = plane.values.par_chunks_mut(self.band * stride).enumerate();
         bands.for_each_init(Lines::default, |lit, (band, out)| {
             let first_row = band * self.band;
             let band_rows = first_row..first_row + out.len() / stride;
-            for row in band_rows.clone().filter(|row| rows.hold(*row as u32)) {
+            for row in band_rows.clone().filter(|row| rows.holds(*row as u32)) {
                 out[(row - first_row) * stride..][..stride].fill(0.0);
             }
             for lines in self.reached[band * self.slices..][..self.slices].iter().cloned() {
@@ -56,7 +56,7 @@ impl InLine {
     /// a sum.
     pub(crate) fn back_project(
         &self,
-        rows: Rows,
+        rows: RowSet,
         plane: &Plane,
         strengths: &mut [f32],
         update: impl Fn(usize, &mut f32, f32, f32) + Sync,

@@ -1,10 +1,12 @@
 //! What a reconstruction will take, before it is begun.
 
+use crate::kernel::{CutTap, Tap};
 use crate::operator::Plane;
-use crate::scattered::count_weights;
+use crate::scattered::{self, count_weights};
+use crate::tables::RowTap;
 use crate::{Method, Options, row_action};
 use lf_core::camera::Camera;
-use lf_core::footprint::{Basis, Footprint};
+use lf_core::footprint::{Chords, Footprint};
 use lf_core::grid::Grid;
 
 /// Slices whose profiles are counted.
@@ -14,7 +16,7 @@ const SLICES: usize = 9;
 const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
 
 /// Bytes that [`crate::reconstruct`] will have in use at most, beside image and support themselves: an estimate from
-/// a sample of the voxels and slices, good to a fifth.
+/// a sample of the voxels and slices. Small ones may be exceeded by half.
 ///
 /// # Errors
 /// Where the grid is too deep for the camera.
@@ -23,7 +25,7 @@ pub fn estimate_bytes(camera: &Camera, grid: &Grid, indices: &[u64], options: &O
     let (width, height) = footprint.sensor();
     let plane = Plane::stride(width) as u64 * height as u64 * 4;
     let voxels = indices.len() as u64;
-    let weights = match options.method {
+    Ok(match options.method {
         Method::Mart => {
             let stored = count_weights(&footprint, indices);
             let run = stored as f64 / voxels.max(1) as f64 * row_action::RUN as f64;
@@ -32,13 +34,10 @@ pub fn estimate_bytes(camera: &Camera, grid: &Grid, indices: &[u64], options: &O
         _ if footprint.in_line() => voxels * VOXEL_BYTES + tables(&footprint, indices) + 2 * plane,
         _ => {
             // Kept once they fit into their part: what counts is the least of both.
-            let all = count_weights(&footprint, indices) * 8;
-            voxels * VOXEL_BYTES + all.min(options.max_bytes / 10 * 8) + 10 * plane
+            let all = count_weights(&footprint, indices) * scattered::WEIGHT_BYTES;
+            voxels * VOXEL_BYTES + all.min(scattered::kept_bytes(options.max_bytes)) + 10 * plane
         }
-    };
-    // Lit voxels are a few for each of the support, or a blob of them for each pixel that is lit; both are rare.
-    let written = if matches!(options.basis, Basis::Blob { .. }) { 2 * 12 * voxels } else { 12 * voxels };
-    Ok(weights.max(written / 2))
+    })
 }
 
 /// Profiles of a camera in line: of columns for each x and z of the support, of rows for each y and z, twice while they
@@ -46,7 +45,8 @@ pub fn estimate_bytes(camera: &Camera, grid: &Grid, indices: &[u64], options: &O
 fn tables(footprint: &Footprint, indices: &[u64]) -> u64 {
     let [nx, ny, nz] = footprint.grid().shape;
     let circle = footprint.circle();
-    let (run_of_eight, row): (u64, u64) = if circle { (104, 28) } else { (40, 8) };
+    let run_of_eight = if circle { size_of::<CutTap>() } else { size_of::<Tap>() };
+    let row = size_of::<RowTap>() + if circle { size_of::<Chords>() } else { 0 };
     let mut pieces = Vec::new();
     let (mut columns, mut rows) = (0f64, 0f64);
     let slices: Vec<usize> = (0..nz).step_by(nz.div_ceil(SLICES)).collect();

@@ -31,24 +31,6 @@ impl Plane {
     }
 }
 
-/// Rows of subset s out of n: those whose number leaves s when divided by n.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Rows {
-    pub(crate) subset: usize,
-    pub(crate) subsets: usize,
-}
-
-impl Rows {
-    pub(crate) fn set(self) -> RowSet {
-        RowSet { first: self.subset as u32, step: self.subsets as u32 }
-    }
-
-    /// Whether the subset has this row.
-    pub(crate) fn hold(self, row: u32) -> bool {
-        row as usize % self.subsets == self.subset
-    }
-}
-
 /// Keeps the values that are held.
 pub(crate) fn keep<T>(values: &mut Vec<T>, held: &[bool]) {
     let mut held = held.iter();
@@ -79,7 +61,7 @@ impl<'a> Operator<'a> {
     }
 
     /// Weights of all voxels: what one projection or back-projection over all rows touches.
-    pub fn weights(&self) -> u64 {
+    pub(crate) fn weights(&self) -> u64 {
         match self {
             Self::InLine(weights) => weights.weights(),
             Self::Scattered(weights) => weights.weights(),
@@ -95,7 +77,7 @@ impl<'a> Operator<'a> {
     }
 
     /// Sets the subset's rows of `plane` to the projection of the strengths: p_i = sum_j w_ij E_j.
-    pub(crate) fn project(&mut self, rows: Rows, strengths: &[f32], plane: &mut Plane) {
+    pub(crate) fn project(&mut self, rows: RowSet, strengths: &[f32], plane: &mut Plane) {
         match self {
             Self::InLine(weights) => weights.project(rows, strengths, plane),
             Self::Scattered(weights) => weights.project(rows, strengths, plane),
@@ -105,7 +87,7 @@ impl<'a> Operator<'a> {
     /// Calls `update(j, strength, sum_i w_ij v_i, sum_i w_ij)` on every voxel's strength, i over the subset's rows.
     pub(crate) fn back_project(
         &mut self,
-        rows: Rows,
+        rows: RowSet,
         plane: &Plane,
         strengths: &mut [f32],
         update: impl Fn(usize, &mut f32, f32, f32) + Sync,

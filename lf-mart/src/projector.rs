@@ -1,7 +1,7 @@
 //! Projection and back-projection without a matrix, for solvers of one's own.
 
-use crate::operator::{Operator, Plane, Rows};
-use lf_core::footprint::Footprint;
+use crate::operator::{Operator, Plane};
+use lf_core::footprint::{Footprint, RowSet};
 use ndarray::{Array2, ArrayView2};
 
 /// The weights of a support's voxels as two operations.
@@ -11,8 +11,6 @@ pub struct Projector<'a> {
     voxels: usize,
     width: usize,
 }
-
-const ALL: Rows = Rows { subset: 0, subsets: 1 };
 
 impl<'a> Projector<'a> {
     /// For the voxels `indices` (rising) of the footprint's grid. Turned and hexagonal lattices keep their weights where
@@ -34,7 +32,7 @@ impl<'a> Projector<'a> {
     /// Where there are more or fewer strengths than voxels.
     pub fn project(&mut self, strengths: &[f32]) -> Array2<f32> {
         assert_eq!(strengths.len(), self.voxels, "one strength for each voxel");
-        self.operator.project(ALL, strengths, &mut self.plane);
+        self.operator.project(RowSet::ALL, strengths, &mut self.plane);
         let (stride, width) = (self.plane.stride, self.width);
         let height = self.plane.values.len() / stride;
         Array2::from_shape_fn((height, width), |(row, column)| self.plane.values[row * stride + column])
@@ -53,8 +51,8 @@ impl<'a> Projector<'a> {
         }
         let mut sums = vec![0f32; self.voxels];
         let mut weights = vec![0f32; self.voxels];
-        self.operator.back_project(ALL, &self.plane, &mut sums, |_, out, sum, _| *out = sum);
-        self.operator.back_project(ALL, &self.plane, &mut weights, |_, out, _, weight| *out = weight);
+        self.operator.back_project(RowSet::ALL, &self.plane, &mut sums, |_, out, sum, _| *out = sum);
+        self.operator.back_project(RowSet::ALL, &self.plane, &mut weights, |_, out, _, weight| *out = weight);
         sums.into_iter().zip(weights).collect()
     }
 }
@@ -62,29 +60,19 @@ impl<'a> Projector<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lf_core::camera::Camera;
+    use crate::tests::{cameras, grid, hash, voxels};
     use lf_core::footprint::{Basis, Model};
-    use lf_core::grid::Grid;
 
     /// The adjoint: <W e, v> = <e, W' v> for any e and v.
     #[test]
     fn back_projection_is_the_transpose() {
-        for (aperture, layout, rotation) in
-            [("square", "square", 0.0), ("circle", "square", 0.0), ("circle", "hexagonal", 0.003)]
-        {
-            let text = format!(
-                r#"{{"sensor": {{"width": 98, "height": 84, "pixel_pitch_mm": 0.0055}},
-                "main_lens": {{"focal_length_mm": 200, "magnification": 1, "working_f_number": 4, "aperture": "{aperture}"}},
-                "microlenses": {{"layout": "{layout}", "pitch_mm": 0.077, "focal_length_mm": 0.308,
-                "rotation_rad": {rotation}, "offset_mm": [0, 0]}}}}"#
-            );
-            let camera = Camera::from_json(&text).unwrap();
-            let grid = Grid::in_bounds([[-0.2, 0.2], [-0.2, 0.2], [-1.0, 1.0]], [0.0055, 0.0055, 0.055]).unwrap();
+        let grid = grid();
+        let indices = voxels(&grid);
+        let strengths: Vec<f32> = (0..indices.len()).map(hash).collect();
+        for camera in cameras() {
             let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Blob { sigma_vox: 0.65 }).unwrap();
-            let indices: Vec<u64> = (0..200).map(|n| n * grid.len() / 200).collect();
-            let hash = |n: usize| (((n as u32 + 1).wrapping_mul(2_654_435_761) >> 9) % 1000) as f32 / 1000.0;
-            let strengths: Vec<f32> = (0..indices.len()).map(hash).collect();
-            let image = Array2::from_shape_fn((84, 98), |(row, column)| hash(1000 + row * 98 + column));
+            let (width, height) = footprint.sensor();
+            let image = Array2::from_shape_fn((height, width), |(row, column)| hash(1000 + row * width + column));
             let mut projector = Projector::new(&footprint, &indices, 1 << 30);
             let dot =
                 |a: &mut dyn Iterator<Item = (f32, f32)>| a.map(|(a, b)| f64::from(a) * f64::from(b)).sum::<f64>();
@@ -92,7 +80,7 @@ mod tests {
             let left = dot(&mut projected.iter().copied().zip(image.iter().copied()));
             let back = projector.back_project(image.view());
             let right = dot(&mut strengths.iter().copied().zip(back.iter().map(|(sum, _)| *sum)));
-            assert!(left > 1.0 && (left / right - 1.0).abs() < 1e-5, "{aperture} {layout}: {left} {right}");
+            assert!(left > 1.0 && (left / right - 1.0).abs() < 1e-5, "{camera:?}: {left} {right}");
             assert!(projector.weights() > 10_000);
         }
     }

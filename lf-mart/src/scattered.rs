@@ -1,6 +1,6 @@
 //! Weights voxel by voxel, for turned and hexagonal lattices.
 
-use crate::operator::{Plane, Rows, keep};
+use crate::operator::{Plane, keep};
 use lf_core::footprint::{Footprint, Lenslets, RowSet, Scratch};
 use rayon::prelude::*;
 
@@ -8,8 +8,13 @@ use rayon::prelude::*;
 const PARTS: usize = 8;
 
 /// Weights are kept once those of all voxels held take no more than this part of the memory allowed; before, they are
-/// made anew at every use, which takes 30 times as long.
+/// made anew at every use, which takes ten to a hundred times as long.
 const KEPT_PART: f64 = 0.8;
+
+/// Bytes that kept weights may take where so many are allowed for all.
+pub(crate) fn kept_bytes(max_bytes: u64) -> u64 {
+    (KEPT_PART * max_bytes as f64) as u64
+}
 
 /// Buffers of a thread, for whichever weights.
 #[derive(Default)]
@@ -32,7 +37,7 @@ impl Buffers {
         if footprint.has_products() {
             footprint.through_lenslets(voxel, &mut self.lenslets, wanted, found);
         } else {
-            let mine = |row: u32| row % wanted.step == wanted.first;
+            let mine = |row| wanted.holds(row);
             footprint.visit(voxel, &mut self.scratch, mine, |column, row, weight| found(row, column, weight, &[1.0]));
         }
     }
@@ -42,9 +47,11 @@ pub(crate) struct Scattered<'a> {
     footprint: &'a Footprint,
     subsets: usize,
     /// Bytes that kept weights may take.
-    most_bytes: usize,
+    most_bytes: u64,
     indices: Vec<u64>,
     planes: Vec<Plane>,
+    /// Weights of all voxels: as many as are kept, or an estimate from a sample.
+    weights: u64,
     kept: Option<Kept>,
 }
 
@@ -54,6 +61,9 @@ struct Weight {
     place: u32,
     weight: f32,
 }
+
+/// Bytes of a kept weight.
+pub(crate) const WEIGHT_BYTES: u64 = size_of::<Weight>() as u64;
 
 /// All weights, voxel by voxel, subset by subset.
 struct Kept {
@@ -86,7 +96,7 @@ pub(crate) fn count_weights(footprint: &Footprint, indices: &[u64]) -> u64 {
 const RUN: usize = 1 << 12;
 
 impl Kept {
-    fn new(footprint: &Footprint, indices: &[u64], subsets: usize, most_bytes: usize) -> Option<Self> {
+    fn new(footprint: &Footprint, indices: &[u64], subsets: usize) -> Self {
         let made = |indices: &[u64]| -> Vec<(Vec<u32>, Vec<Weight>)> {
             let of = |merger: &mut Merger, index: &u64| {
                 let mut ends = vec![0; subsets];
@@ -95,10 +105,6 @@ impl Kept {
             };
             indices.par_iter().with_min_len(64).map_init(|| Merger::new(footprint), of).collect()
         };
-        let bytes = count_weights(footprint, indices) as f64 * size_of::<Weight>() as f64;
-        if bytes > most_bytes as f64 || bytes > MOST_WEIGHTS * size_of::<Weight>() as f64 {
-            return None;
-        }
         let mut kept = Self { starts: vec![0], weights: Vec::new(), subsets };
         for run in indices.chunks(RUN) {
             for (ends, weights) in made(run) {
@@ -107,7 +113,7 @@ impl Kept {
                 kept.weights.extend(weights);
             }
         }
-        Some(kept)
+        kept
     }
 
     fn retain(&mut self, held: &[bool]) {
@@ -131,14 +137,14 @@ impl Kept {
     }
 
     #[inline]
-    fn of(&self, voxel: usize, rows: Rows) -> &[Weight] {
-        let n = voxel * rows.subsets + rows.subset;
+    fn of(&self, voxel: usize, rows: RowSet) -> &[Weight] {
+        let n = voxel * self.subsets + rows.first as usize;
         &self.weights[self.starts[n] as usize..self.starts[n + 1] as usize]
     }
 }
 
 /// Weights are counted in 32 bits; a sample foretells them to a few per cent.
-const MOST_WEIGHTS: f64 = 0.9 * u32::MAX as f64;
+const MOST_WEIGHTS: u64 = u32::MAX as u64 / 10 * 9;
 
 /// Adds up the weights of one voxel; a buffer a thread.
 struct Merger {
@@ -190,15 +196,26 @@ impl Merger {
 
 impl<'a> Scattered<'a> {
     pub(crate) fn new(footprint: &'a Footprint, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
-        Self::keeping(footprint, indices, subsets, (KEPT_PART * max_bytes as f64) as usize)
+        Self::keeping(footprint, indices, subsets, kept_bytes(max_bytes))
     }
 
     /// With all weights kept if they take no more than `bytes`.
-    pub(crate) fn keeping(footprint: &'a Footprint, indices: &[u64], subsets: usize, bytes: usize) -> Self {
+    pub(crate) fn keeping(footprint: &'a Footprint, indices: &[u64], subsets: usize, bytes: u64) -> Self {
         let (width, height) = footprint.sensor();
         let planes = (0..PARTS).map(|_| Plane::new(width, height)).collect();
-        let kept = Kept::new(footprint, indices, subsets, bytes);
-        Self { footprint, subsets, most_bytes: bytes, indices: indices.to_vec(), planes, kept }
+        let indices = indices.to_vec();
+        let mut this = Self { footprint, subsets, most_bytes: bytes, indices, planes, weights: 0, kept: None };
+        this.keep_if_it_fits();
+        this
+    }
+
+    fn keep_if_it_fits(&mut self) {
+        self.weights = count_weights(self.footprint, &self.indices);
+        if self.weights <= MOST_WEIGHTS.min(self.most_bytes / WEIGHT_BYTES) {
+            let kept = Kept::new(self.footprint, &self.indices, self.subsets);
+            self.weights = kept.weights.len() as u64;
+            self.kept = Some(kept);
+        }
     }
 
     pub(crate) fn is_remade(&self) -> bool {
@@ -209,17 +226,16 @@ impl<'a> Scattered<'a> {
     pub(crate) fn retain(&mut self, held: &[bool]) {
         keep(&mut self.indices, held);
         match &mut self.kept {
-            Some(kept) => kept.retain(held),
-            None => self.kept = Kept::new(self.footprint, &self.indices, self.subsets, self.most_bytes),
+            Some(kept) => {
+                kept.retain(held);
+                self.weights = kept.weights.len() as u64;
+            }
+            None => self.keep_if_it_fits(),
         }
     }
 
-    /// Weights of all voxels: those kept, or an estimate from a sample.
     pub(crate) fn weights(&self) -> u64 {
-        match &self.kept {
-            Some(kept) => kept.weights.len() as u64,
-            None => count_weights(self.footprint, &self.indices),
-        }
+        self.weights
     }
 
     pub(crate) fn shares(&self) -> Vec<f32> {
@@ -237,11 +253,11 @@ impl<'a> Scattered<'a> {
         self.indices.par_iter().map_init(Buffers::default, of).collect()
     }
 
-    pub(crate) fn project(&mut self, rows: Rows, strengths: &[f32], plane: &mut Plane) {
+    pub(crate) fn project(&mut self, rows: RowSet, strengths: &[f32], plane: &mut Plane) {
         let part = self.indices.len().div_ceil(PARTS).max(1);
         let (footprint, indices, kept) = (self.footprint, &self.indices, &self.kept);
         self.planes.par_iter_mut().enumerate().for_each(|(n, plane)| {
-            for row in plane.values.chunks_mut(plane.stride).skip(rows.subset).step_by(rows.subsets) {
+            for row in plane.values.chunks_mut(plane.stride).skip(rows.first as usize).step_by(rows.step as usize) {
                 row.fill(0.0);
             }
             let stride = plane.stride;
@@ -254,7 +270,7 @@ impl<'a> Scattered<'a> {
                         values[w.place as usize] += w.weight * strength;
                     }
                 } else {
-                    buffers.visit(footprint, indices[voxel], rows.set(), |row, first, share, columns| {
+                    buffers.visit(footprint, indices[voxel], rows, |row, first, share, columns| {
                         let out = &mut values[row as usize * stride + first as usize..][..columns.len()];
                         let light = share * strength;
                         out.iter_mut().zip(columns).for_each(|(value, weight)| *value += light * weight);
@@ -265,7 +281,7 @@ impl<'a> Scattered<'a> {
         let planes = &self.planes;
         let stride = plane.stride;
         let lines = plane.values.par_chunks_mut(stride).enumerate();
-        lines.filter(|(row, _)| rows.hold(*row as u32)).for_each(|(row, out)| {
+        lines.filter(|(row, _)| rows.holds(*row as u32)).for_each(|(row, out)| {
             out.fill(0.0);
             for part in planes {
                 for (sum, value) in out.iter_mut().zip(&part.values[row * stride..(row + 1) * stride]) {
@@ -277,7 +293,7 @@ impl<'a> Scattered<'a> {
 
     pub(crate) fn back_project(
         &self,
-        rows: Rows,
+        rows: RowSet,
         plane: &Plane,
         strengths: &mut [f32],
         update: impl Fn(usize, &mut f32, f32, f32) + Sync,
@@ -291,7 +307,7 @@ impl<'a> Scattered<'a> {
                     all += w.weight;
                 }
             } else {
-                buffers.visit(self.footprint, self.indices[voxel], rows.set(), |row, first, share, columns| {
+                buffers.visit(self.footprint, self.indices[voxel], rows, |row, first, share, columns| {
                     let line = &plane.values[row as usize * plane.stride + first as usize..][..columns.len()];
                     let (mut part, mut whole) = (0.0, 0.0);
                     for (value, weight) in line.iter().zip(columns) {

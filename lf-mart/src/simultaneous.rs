@@ -12,8 +12,9 @@
 //! as in focus, and each subset moves all strengths once, so a sweep moves them n times.
 
 use crate::momentum::Momentum;
-use crate::operator::{Operator, Plane, Rows, keep};
+use crate::operator::{Operator, Plane, keep};
 use crate::{GREATEST_STRENGTH, Method, Problem, Solved, Sweep};
+use lf_core::footprint::RowSet;
 use rayon::prelude::*;
 
 /// Subsets of the default; fixed, since it was tuned with the relaxation.
@@ -24,7 +25,7 @@ const SUBSETS: usize = 14;
 const SPENT: f32 = 1e-4;
 
 /// The same while the subsets' first sweeps still have the haze to clear: on the ready scenes `core` and `full` a third
-/// of the time, and Q within 2e-4.
+/// of the time, and Q within 1e-3.
 const SPENT_AT_FIRST: f32 = 3e-3;
 const FIRST_SWEEPS: usize = 2;
 
@@ -61,11 +62,11 @@ impl Misfit {
 }
 
 /// Turns the projection, in a subset's rows, into what is to be projected back.
-fn compare(problem: &Problem, rows: Rows, plane: &mut Plane) -> Misfit {
+fn compare(problem: &Problem, rows: RowSet, plane: &mut Plane) -> Misfit {
     let (stride, width) = (plane.stride, problem.image.ncols());
     let dark = problem.options.floor as f32;
     let ratios = problem.options.method == Method::Mlem;
-    let lines = plane.values.par_chunks_mut(stride).enumerate().filter(|(row, _)| rows.hold(*row as u32));
+    let lines = plane.values.par_chunks_mut(stride).enumerate().filter(|(row, _)| rows.holds(*row as u32));
     let parts: Vec<Misfit> = lines
         .map(|(row, projected)| {
             let mut misfit = Misfit::default();
@@ -106,11 +107,11 @@ struct State<'a> {
 
 impl State<'_> {
     /// Moves all strengths by some image rows, and drops the voxels that are spent.
-    fn step(&mut self, rows: Rows, spent_share: f32) {
+    fn step(&mut self, rows: RowSet, spent_share: f32) {
         let options = self.problem.options;
         let (relaxation, greatest) = (options.relaxation as f32, options.clamp.ln() as f32);
         let ratios = options.method == Method::Mlem;
-        self.touched += 2.0 * self.weights as f64 / rows.subsets as f64;
+        self.touched += 2.0 * self.weights as f64 / f64::from(rows.step);
         self.operator.project(rows, &self.strengths, &mut self.plane);
         self.misfit.add(&compare(self.problem, rows, &mut self.plane));
         let share = &self.share;
@@ -177,7 +178,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
                 true if number <= FIRST_SWEEPS => SPENT_AT_FIRST,
                 _ => SPENT,
             };
-            state.step(Rows { subset, subsets }, spent_share);
+            state.step(RowSet { first: subset as u32, step: subsets as u32 }, spent_share);
         }
         let misfit = state.misfit.value();
         let change = change(state.momentum.before(), &state.strengths);

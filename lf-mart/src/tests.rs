@@ -3,7 +3,7 @@
 mod extremes;
 mod slow;
 
-use crate::operator::{Operator, Plane, Rows};
+use crate::operator::{Operator, Plane};
 use crate::scattered::Scattered;
 use crate::{Method, Options, Until, reconstruct};
 use lf_core::camera::Camera;
@@ -24,7 +24,7 @@ fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
     Camera::from_json(&text).unwrap()
 }
 
-fn cameras() -> [Camera; 4] {
+pub(crate) fn cameras() -> [Camera; 4] {
     [
         camera("square", "square", 0.0),
         camera("circle", "square", 0.0),
@@ -33,12 +33,12 @@ fn cameras() -> [Camera; 4] {
     ]
 }
 
-fn grid() -> Grid {
+pub(crate) fn grid() -> Grid {
     Grid::in_bounds([[-0.11, 0.11], [-0.1, 0.1], [-1.5, 1.5]], [0.0055, 0.0055, 0.055]).unwrap()
 }
 
 /// A few voxels all over the grid, with neighbours among them, by rising index.
-fn voxels(grid: &Grid) -> Vec<u64> {
+pub(crate) fn voxels(grid: &Grid) -> Vec<u64> {
     let mut indices: Vec<u64> = (0..60u64).map(|n| n * n * 7919 % grid.len()).collect();
     indices.extend((0..12).map(|n| grid.index([20 + n % 3, 15 + n / 3, 30])));
     indices.sort_unstable();
@@ -46,7 +46,7 @@ fn voxels(grid: &Grid) -> Vec<u64> {
     indices
 }
 
-fn hash(n: usize) -> f32 {
+pub(crate) fn hash(n: usize) -> f32 {
     (((n as u32).wrapping_add(1).wrapping_mul(2_654_435_761) >> 9) % 1000) as f32 / 1000.0
 }
 
@@ -81,8 +81,8 @@ fn matrix_by_lenslets(footprint: &Footprint, indices: &[u64]) -> Array2<f64> {
     matrix
 }
 
-fn rows(subset: usize) -> Rows {
-    Rows { subset, subsets: SUBSETS }
+fn rows(subset: usize) -> RowSet {
+    RowSet { first: subset as u32, step: SUBSETS as u32 }
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn projections_are_the_matrix_and_its_transpose() {
             let (width, height) = footprint.sensor();
             let strengths_of = Array1::from_iter(strengths.iter().map(|e| f64::from(*e)));
             let mut operators = vec![Operator::new(&footprint, &indices, SUBSETS, 1 << 30)];
-            for bytes in [0, usize::MAX] {
+            for bytes in [0, u64::MAX] {
                 operators.push(Operator::Scattered(Scattered::keeping(&footprint, &indices, SUBSETS, bytes)));
             }
             for operator in &mut operators {

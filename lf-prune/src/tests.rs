@@ -13,6 +13,14 @@ fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
 
 const PLAIN: Options = Options { score: Score::Geometric, threshold: 0.05, dark: DARK, keep_all: false };
 
+/// All kinds of score, each with a threshold that keeps some voxels.
+const RULES: [Options; 4] = [
+    Options { threshold: 0.37, ..PLAIN },
+    Options { score: Score::Share(0.0), threshold: 1e-3, ..PLAIN },
+    Options { score: Score::Share(0.15), threshold: 0.2, ..PLAIN },
+    Options { keep_all: true, ..PLAIN },
+];
+
 fn grid() -> Grid {
     Grid::in_bounds([[-0.3, 0.3], [-0.25, 0.25], [-2.0, 2.0]], [0.011, 0.011, 0.2]).unwrap()
 }
@@ -32,12 +40,7 @@ fn sums_carried_on_are_the_rays_one_by_one() {
     let wide = Grid::in_bounds([[-0.9, 0.9], [-0.8, 0.8], [-4.0, 4.0]], [0.011, 0.023, 0.4]).unwrap();
     for aperture in ["square", "circle"] {
         let camera = camera(aperture, "square", 0.0);
-        for options in [
-            Options { threshold: 0.37, ..PLAIN },
-            Options { score: Score::Share(0.0), threshold: 1e-3, ..PLAIN },
-            Options { score: Score::Share(0.15), threshold: 0.2, ..PLAIN },
-            Options { keep_all: true, ..PLAIN },
-        ] {
+        for options in RULES {
             let levels = Levels::new(image.view(), 1.0, &options);
             let (mut kept, mut all) = (0, 0);
             for grid in [grid(), wide.clone()] {
@@ -159,12 +162,7 @@ fn sums_along_lines_are_the_rays_one_by_one() {
     for (layout, turn) in square.into_iter().chain(hexagonal) {
         for aperture in ["square", "circle"] {
             let camera = camera(aperture, layout, turn);
-            for options in [
-                Options { threshold: 0.37, ..PLAIN },
-                Options { score: Score::Share(0.0), threshold: 1e-3, ..PLAIN },
-                Options { score: Score::Share(0.15), threshold: 0.2, ..PLAIN },
-                Options { keep_all: true, ..PLAIN },
-            ] {
+            for options in RULES {
                 let levels = Levels::new(image.view(), 1.0, &options);
                 let views = Views::new(&levels, &camera);
                 let (mut kept, mut all) = (0, 0);

@@ -23,6 +23,12 @@ impl RowSet {
     /// All rows.
     pub const ALL: Self = Self { first: 0, step: 1 };
 
+    /// Whether a row is one of them.
+    #[inline]
+    pub fn holds(self, row: u32) -> bool {
+        row % self.step == self.first
+    }
+
     /// Those of `low .. high`, rising.
     fn within(self, low: u32, high: u32) -> impl Iterator<Item = u32> {
         let behind = (low % self.step + self.step - self.first) % self.step;
