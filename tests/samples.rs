@@ -253,6 +253,7 @@ fn field() -> Field {
         voxel_mm: [0.0055, 0.0055, 0.055],
         window: [16, 16, 8],
         overlap: 0.5,
+        dt_s: None,
         history: History::new(),
     });
     for i in 0..field.len() {

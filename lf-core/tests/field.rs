@@ -13,6 +13,7 @@ fn layout(shape: [usize; 3]) -> Layout {
         voxel_mm: [0.0058, 0.0058, 0.058],
         window: [160, 160, 16],
         overlap: 0.75,
+        dt_s: None,
         history: vec![Step { tool: "lf-xcorr".into(), version: "0.1.0".into(), arguments: vec!["µ.lfv".into()] }],
     }
 }
@@ -20,8 +21,8 @@ fn layout(shape: [usize; 3]) -> Layout {
 /// Every value tells its component and its place.
 fn field() -> Field {
     let mut field = Field::empty(layout([4, 3, 2]));
-    let Field { u, v, w, peak, ratio, su, sv, sw, flag, .. } = &mut field;
-    for (k, component) in [u, v, w, peak, ratio, su, sv, sw].into_iter().enumerate() {
+    let Field { u, v, w, peak, ratio, su, sv, sw, flag, count, .. } = &mut field;
+    for (k, component) in [u, v, w, peak, ratio, su, sv, sw, count].into_iter().enumerate() {
         for (i, value) in component.iter_mut().enumerate() {
             *value = 100.0 * k as f32 + i as f32 + 0.1;
         }
@@ -31,8 +32,20 @@ fn field() -> Field {
     flag[7] = NO_DATA;
     field.u[7] = f32::NAN;
     field.su[7] = f32::NAN;
+    field.count[6] = f32::NAN;
     field.ratio[0] = f32::INFINITY;
     field
+}
+
+/// The same with 0.5 ms between the volumes: a velocity is 2000 times the displacement.
+fn timed() -> Field {
+    let mut field = field();
+    field.layout.dt_s = Some(0.0005);
+    field
+}
+
+fn velocity(field: &Field, i: usize) -> [f32; 3] {
+    [field.u[i], field.v[i], field.w[i]].map(|mm| (mm as f64 / 0.0005) as f32)
 }
 
 fn written(field: &Field, name: &str) -> Vec<u8> {
@@ -43,8 +56,8 @@ fn written(field: &Field, name: &str) -> Vec<u8> {
 }
 
 fn bits(field: &Field) -> Vec<u32> {
-    let Field { u, v, w, peak, ratio, su, sv, sw, flag, .. } = field;
-    [u, v, w, peak, ratio, su, sv, sw, flag].into_iter().flatten().map(|value| value.to_bits()).collect()
+    let Field { layout: _, u, v, w, peak, ratio, su, sv, sw, flag, count } = field;
+    [u, v, w, peak, ratio, su, sv, sw, flag, count].into_iter().flatten().map(|value| value.to_bits()).collect()
 }
 
 fn refusal(bytes: &[u8]) -> String {
@@ -58,7 +71,7 @@ fn refusal(bytes: &[u8]) -> String {
 fn an_empty_field_says_that_it_is() {
     let field = Field::empty(layout([2, 2, 1]));
     assert_eq!((field.len(), field.u[3], field.flag[3]), (4, 0.0, NO_DATA));
-    assert!(field.sw[3].is_nan());
+    assert!(field.sw[3].is_nan() && field.count[3].is_nan());
     assert_eq!(field.place_mm(3), [-0.75, 2.5, 0.125]);
 }
 
@@ -72,6 +85,11 @@ fn a_round_trip_changes_nothing_and_equal_fields_are_equal_bytes() {
     let back = Field::from_bytes(&first, "field").unwrap();
     assert_eq!(back.layout, field.layout);
     assert_eq!(bits(&back), bits(&field));
+
+    let timed = timed();
+    let back = Field::from_bytes(&written(&timed, "field.exr"), "field").unwrap();
+    assert_eq!(back.layout, timed.layout);
+    assert_eq!(bits(&back), bits(&timed));
 }
 
 #[test]
@@ -82,8 +100,8 @@ fn vector_i_j_k_is_in_column_i_of_row_k_ny_plus_j() {
     let layer = image.from_buffered(std::io::Cursor::new(&bytes)).unwrap().layer_data;
     assert_eq!(layer.size, Vec2(4, 6));
     let names: Vec<String> = layer.channel_data.list.iter().map(|channel| channel.name.to_string()).collect();
-    assert_eq!(names, ["flag", "peak", "ratio", "su", "sv", "sw", "u", "v", "w"]);
-    let w: Vec<f32> = layer.channel_data.list[8].sample_data.values_as_f32().collect();
+    assert_eq!(names, ["count", "flag", "peak", "ratio", "su", "sv", "sw", "u", "v", "w"]);
+    let w: Vec<f32> = layer.channel_data.list[9].sample_data.values_as_f32().collect();
     let (i, j, k) = (3, 1, 1);
     assert_eq!(w[(k * 3 + j) * 4 + i], 200.0 + (i + 4 * (j + 3 * k)) as f32 + 0.1);
 }
@@ -99,23 +117,68 @@ fn other_images_are_refused() {
     assert_eq!(refusal(b""), "field: empty; wanted a vector field in EXR");
 }
 
+/// 4 x 6 pixels of named channels, each 1 everywhere but the flag, under any text as the layout.
+fn file(names: &[&str], json: &str) -> Vec<u8> {
+    use exr::prelude::*;
+    let value = |name: &str| f32::from(u8::from(name != "flag"));
+    let channel = |name: &&str| AnyChannel::new(*name, FlatSamples::F32(vec![value(name); 24]));
+    let list = names.iter().map(channel).collect::<SmallVec<_>>();
+    let mut attributes = LayerAttributes::default();
+    attributes.other.insert("lf:field".into(), attribute::AttributeValue::Text(json.into()));
+    let layer = Layer::new((4, 6), attributes, Encoding::UNCOMPRESSED, AnyChannels::sort(list));
+    let mut file = std::io::Cursor::new(Vec::new());
+    exr::image::Image::from_layer(layer).write().to_buffered(&mut file).unwrap();
+    file.into_inner()
+}
+
+const REQUIRED: [&str; 9] = ["u", "v", "w", "peak", "ratio", "su", "sv", "sw", "flag"];
+const GOOD: &str = r#"{"shape": [4, 3, 2], "spacing_mm": [1, 1, 1], "origin_mm": [0, 0, 0], "voxel_mm": [0, 0, 0], "window": [0, 0, 0], "overlap": 0}"#;
+
+#[test]
+fn a_file_may_lack_the_count_the_time_and_the_history() {
+    let field = Field::from_bytes(&file(&REQUIRED, GOOD), "field").unwrap();
+    assert!(field.layout.history.is_empty() && field.layout.dt_s.is_none());
+    assert!(field.count.len() == 24 && field.count.iter().all(|count| count.is_nan()));
+    let counted = Field::from_bytes(&file(&[&REQUIRED[..], &["count"]].concat(), GOOD), "field").unwrap();
+    assert_eq!(counted.count, [1.0; 24]);
+}
+
+#[test]
+fn units_are_written_for_every_channel_and_not_read() {
+    use exr::meta::{MetaData, attribute::AttributeValue};
+    for (field, dt) in [(field(), None), (timed(), Some(0.0005))] {
+        let meta = MetaData::read_from_buffered(std::io::Cursor::new(written(&field, "field.exr")), false).unwrap();
+        let AttributeValue::Text(text) = &meta.headers[0].own_attributes.other[&b"lf:field"[..]] else { panic!() };
+        let json: serde_json::Value = serde_json::from_str(&text.to_string()).unwrap();
+        let units = json["units"].as_object().unwrap();
+        let named: Vec<_> = units.iter().map(|(name, unit)| format!("{name} {}", unit.as_str().unwrap())).collect();
+        assert_eq!(named.join(", "), "u mm, v mm, w mm, peak 1, ratio 1, su mm, sv mm, sw mm, flag 1, count 1");
+        assert_eq!(json.get("dt_s").and_then(serde_json::Value::as_f64), dt);
+    }
+    let strange = GOOD.replace("\"overlap\"", "\"units\": {\"u\": \"inch\"}, \"overlap\"");
+    assert_eq!(Field::from_bytes(&file(&REQUIRED, &strange), "field").unwrap().u[0], 1.0);
+}
+
+#[test]
+fn a_time_that_is_not_positive_is_refused_both_ways() {
+    let folder = tempfile::tempdir().unwrap();
+    for (dt_s, shown) in [(0.0, "0"), (-1e-3, "-0.001"), (f64::NAN, "NaN"), (f64::INFINITY, "inf")] {
+        let mut field = field();
+        field.layout.dt_s = Some(dt_s);
+        let refused = field.save(&folder.path().join("field.exr")).unwrap_err().to_string();
+        assert!(refused.ends_with(&format!("dt_s {shown}; wanted a positive time")), "{refused}");
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    for (dt_s, message) in [("0", "dt_s 0;"), ("-2", "dt_s -2;"), ("NaN", "attribute lf:field"), ("\"1\"", "string")] {
+        let json = GOOD.replace("\"overlap\"", &format!("\"dt_s\": {dt_s}, \"overlap\""));
+        let refusal = refusal(&file(&REQUIRED, &json));
+        assert!(refusal.starts_with("field: ") && refusal.contains(message), "{refusal}");
+    }
+}
+
 #[test]
 fn missing_channels_and_false_layouts_are_named() {
-    use exr::prelude::*;
-    let file = |names: &[&str], json: &str| {
-        let list =
-            names.iter().map(|name| AnyChannel::new(*name, FlatSamples::F32(vec![0.0; 24]))).collect::<SmallVec<_>>();
-        let mut attributes = LayerAttributes::default();
-        attributes.other.insert("lf:field".into(), attribute::AttributeValue::Text(json.into()));
-        let layer = Layer::new((4, 6), attributes, Encoding::UNCOMPRESSED, AnyChannels::sort(list));
-        let mut file = std::io::Cursor::new(Vec::new());
-        exr::image::Image::from_layer(layer).write().to_buffered(&mut file).unwrap();
-        file.into_inner()
-    };
-    let all = ["u", "v", "w", "peak", "ratio", "su", "sv", "sw", "flag"];
-    let good = r#"{"shape": [4, 3, 2], "spacing_mm": [1, 1, 1], "origin_mm": [0, 0, 0], "voxel_mm": [0, 0, 0], "window": [0, 0, 0], "overlap": 0}"#;
-    assert!(Field::from_bytes(&file(&all, good), "field").unwrap().layout.history.is_empty());
-    let found = refusal(&file(&["u", "v", "peak", "ratio", "su", "sv", "sw"], good));
+    let found = refusal(&file(&["u", "v", "peak", "ratio", "su", "sv", "sw"], GOOD));
     assert!(found.starts_with("field: channels peak, ratio, su, sv, sw, u, v without w, flag; wanted"), "{found}");
     let changes = [
         ("[4, 3, 2]", "[3, 4, 2]", "4 x 6 pixels for a shape of 3 x 4 x 2"),
@@ -126,7 +189,7 @@ fn missing_channels_and_false_layouts_are_named() {
         ("\"overlap\": 0", "\"over\": 0", "missing field `overlap`"),
     ];
     for (from, to, message) in changes {
-        let refusal = refusal(&file(&all, &good.replace(from, to)));
+        let refusal = refusal(&file(&REQUIRED, &GOOD.replace(from, to)));
         assert!(refusal.starts_with("field: ") && refusal.contains(message), "{refusal}");
     }
 }
@@ -154,27 +217,49 @@ fn a_csv_has_units_and_every_bit() {
     let field = field();
     let text = String::from_utf8(written(&field, "field.csv")).unwrap();
     let mut lines = text.lines();
-    assert_eq!(lines.next().unwrap(), "x_mm,y_mm,z_mm,u_mm,v_mm,w_mm,peak,ratio,su_mm,sv_mm,sw_mm,flag");
+    let header = "x_mm,y_mm,z_mm,u_mm,v_mm,w_mm,peak,ratio,su_mm,sv_mm,sw_mm,flag,count";
+    assert_eq!(lines.next().unwrap(), header);
     for (i, line) in lines.enumerate() {
         let numbers: Vec<f64> = line.split(',').map(|number| number.parse().unwrap()).collect();
-        assert_eq!(numbers.len(), 12);
+        assert_eq!(numbers.len(), 13);
         assert_eq!(numbers[..3], field.place_mm(i));
         assert_eq!((numbers[4] as f32, numbers[5] as f32), (field.v[i], field.w[i]));
         assert_eq!(numbers[11] as f32, field.flag[i]);
+        assert_eq!((numbers[12] as f32).to_bits(), field.count[i].to_bits());
     }
     assert_eq!(text.lines().count(), 25);
     assert!(text.contains("NaN") && text.contains(",inf,"));
+
+    let timed = timed();
+    let text = String::from_utf8(written(&timed, "field.csv")).unwrap();
+    let (first, rest) = text.split_once('\n').unwrap();
+    assert_eq!(first, format!("{header},u_mm_s,v_mm_s,w_mm_s"));
+    for (i, line) in rest.lines().enumerate() {
+        let numbers: Vec<f32> = line.split(',').map(|number| number.parse().unwrap()).collect();
+        assert_eq!(numbers.len(), 16);
+        assert_eq!([13, 14, 15].map(|k: usize| numbers[k].to_bits()), velocity(&timed, i).map(f32::to_bits));
+    }
 }
 
 /// Reads the XML as a VTK reader does: offsets count from the byte behind the underscore, each array behind its length.
 #[test]
 fn a_vti_finds_its_arrays() {
-    let field = field();
-    let bytes = written(&field, "field.vti");
+    let (names, xml) = arrays(&field());
+    assert_eq!(names, ["displacement_mm", "uncertainty_mm", "peak", "ratio", "flag", "count"]);
+    assert!(xml.contains(r#"WholeExtent="0 3 0 2 0 1" Origin="-1 2 0.125" Spacing="0.25 0.5 1""#), "{xml}");
+    assert!(xml.contains("<!-- Time between the volumes: not known. -->") && !xml.contains("dt_s"), "{xml}");
+    let (names, xml) = arrays(&timed());
+    assert_eq!(names, ["displacement_mm", "uncertainty_mm", "peak", "ratio", "flag", "count", "velocity_mm_s"]);
+    assert!(xml.contains(r#"Name="dt_s" NumberOfTuples="1" format="ascii">0.0005</DataArray></FieldData>"#), "{xml}");
+    assert!(xml.contains("0.0005 s. -->") && xml.contains("displacement_mm and uncertainty_mm in mm"), "{xml}");
+}
+
+/// The names of a `.vti`'s arrays, whose values are checked, and its XML.
+fn arrays(field: &Field) -> (Vec<String>, String) {
+    let bytes = written(field, "field.vti");
     let mark = b"<AppendedData encoding=\"raw\">\n_";
     let start = bytes.windows(mark.len()).position(|window| window == mark).unwrap() + mark.len();
     let xml = std::str::from_utf8(&bytes[..start]).unwrap();
-    assert!(xml.contains(r#"WholeExtent="0 3 0 2 0 1" Origin="-1 2 0.125" Spacing="0.25 0.5 1""#), "{xml}");
     let attribute = |line: &str, name: &str| -> String {
         line.split_once(&format!("{name}=\"")).unwrap().1.split_once('"').unwrap().0.to_owned()
     };
@@ -194,11 +279,13 @@ fn a_vti_finds_its_arrays() {
         match name.as_str() {
             "displacement_mm" => assert_eq!(values[3 * 9..][..3], [field.u[9], field.v[9], field.w[9]]),
             "uncertainty_mm" => assert_eq!(values[3 * 9..][..3], [field.su[9], field.sv[9], field.sw[9]]),
+            "velocity_mm_s" => assert_eq!(values[3 * 9..][..3], velocity(field, 9)),
+            "count" => assert_eq!((components, values[9]), (1, field.count[9])),
             _ => assert_eq!(components, 1),
         }
         end += 8 + length;
         names.push(name);
     }
-    assert_eq!(names, ["displacement_mm", "uncertainty_mm", "peak", "ratio", "flag"]);
     assert_eq!(&bytes[end..], b"\n</AppendedData>\n</VTKFile>\n");
+    (names, xml.to_owned())
 }

@@ -89,7 +89,7 @@ pub fn displacement(
 ) -> Field {
     let spacing_mm: [f64; 3] = std::array::from_fn(|a| (bounds_mm[a][1] - bounds_mm[a][0]) / (shape[a] - 1) as f64);
     let origin_mm = bounds_mm.map(|[low, _]| low);
-    let layout = Layout { shape, spacing_mm, origin_mm, voxel_mm, window: [0; 3], overlap: 0.0, history };
+    let layout = Layout { shape, spacing_mm, origin_mm, voxel_mm, window: [0; 3], overlap: 0.0, dt_s: None, history };
     let mut field = Field::empty(layout);
     let place = |n: usize| DVec3::from(field.place_mm(n));
     let vectors: Vec<DVec3> =

@@ -55,6 +55,7 @@ pub(crate) mod tests {
             voxel_mm: [0.01, 0.02, 0.1],
             window: [0; 3],
             overlap: 0.0,
+            dt_s: None,
             history: Vec::new(),
         };
         let mut field = Field::empty(layout);

@@ -52,6 +52,7 @@ impl Place {
             voxel_mm: [0.01, 0.01, 0.1],
             window: [32, 32, 16],
             overlap: 0.75,
+            dt_s: None,
             history: Vec::new(),
         });
         field.flag.fill(MEASURED);

@@ -279,6 +279,7 @@ impl<'a> Level<'a> {
             voxel_mm: grid.spacing_mm,
             window: self.pass.window,
             overlap,
+            dt_s: None,
             history: Vec::new(),
         });
         for (node, vector) in vectors.iter().enumerate() {

@@ -1,17 +1,20 @@
 //! Vector fields: EXR, `.vti`, `.csv`.
 //!
 //! The EXR is the format that stages exchange: one part, `f32` channels `u`, `v`, `w` (displacement, mm, in the object
-//! frame of [`crate::optics`]), `peak`, `ratio`, `su`, `sv`, `sw` (standard uncertainty, mm) and `flag`, and one text
-//! attribute `lf:field`, the JSON of [`Layout`]. A field of nx x ny x nz vectors is an image nx wide and ny nz high; vector
-//! (i, j, k) is in column i of row k ny + j. The other two are for eyes: ParaView and a spreadsheet.
+//! frame of [`crate::optics`]), `peak`, `ratio`, `su`, `sv`, `sw` (standard uncertainty, mm), `flag` and `count` (particle
+//! images in the window; a file may lack it), and one text attribute `lf:field`, the JSON of [`Layout`] and of `units`, the
+//! unit of every channel, which is not read. A field of nx x ny x nz vectors is an image nx wide and ny nz high; vector
+//! (i, j, k) is in column i of row k ny + j. The other two are for eyes: ParaView and a spreadsheet. They hold the
+//! velocity, mm/s, as well where the time between the volumes is known.
 
 mod csv;
+mod layout;
 mod vti;
 
-use crate::history::History;
+pub use layout::Layout;
+
 use crate::image::{exr, guarded};
 use crate::{Error, Result, io};
-use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// `flag` of a measured vector.
@@ -24,59 +27,24 @@ pub const NO_DATA: f32 = 2.0;
 /// The attribute that holds the layout.
 const LAYOUT: &str = "lf:field";
 
-const CHANNELS: [&str; 9] = ["u", "v", "w", "peak", "ratio", "su", "sv", "sw", "flag"];
+/// The components as channels, with their units, in the order of [`Field::components`].
+const COMPONENTS: [(&str, &str); 10] = [
+    ("u", "mm"),
+    ("v", "mm"),
+    ("w", "mm"),
+    ("peak", "1"),
+    ("ratio", "1"),
+    ("su", "mm"),
+    ("sv", "mm"),
+    ("sw", "mm"),
+    ("flag", "1"),
+    ("count", "1"),
+];
 
-/// Where a field's vectors stand and how they were made: the attribute `lf:field`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Layout {
-    /// Vectors along x, y, z.
-    pub shape: [usize; 3],
-    /// Distance between vectors, mm.
-    pub spacing_mm: [f64; 3],
-    /// Place of vector (0, 0, 0), mm.
-    pub origin_mm: [f64; 3],
-    /// Voxel spacing of the volumes correlated, mm; zeros where there were none.
-    pub voxel_mm: [f64; 3],
-    /// Interrogation window of the last pass, voxels; zeros where there was none (a truth field).
-    pub window: [usize; 3],
-    /// Overlap of the last pass, 0 to 1.
-    pub overlap: f64,
-    /// The steps that led to it.
-    #[serde(default)]
-    pub history: History,
-}
-
-impl Layout {
-    /// Number of vectors; none where a shape is empty or beyond counting.
-    fn checked_len(&self) -> Option<usize> {
-        self.shape.iter().try_fold(1usize, |product, &n| product.checked_mul(n)).filter(|&len| len > 0)
-    }
-
-    /// # Errors
-    /// What was found and what was wanted.
-    fn check(&self) -> std::result::Result<(), (String, String)> {
-        let positive = |lengths: [f64; 3]| lengths.iter().all(|length| length.is_finite() && *length > 0.0);
-        let wrong =
-            |key: &str, value: String, wanted: &str| Err((format!("{key} {value}"), format!("wanted {wanted}")));
-        if self.checked_len().is_none() {
-            return wrong("shape", format!("{:?}", self.shape), "at least one vector an axis");
-        }
-        if !positive(self.spacing_mm) {
-            return wrong("spacing_mm", format!("{:?}", self.spacing_mm), "positive lengths");
-        }
-        // Zero where no volume was correlated.
-        if !self.voxel_mm.iter().all(|length| length.is_finite() && *length >= 0.0) {
-            return wrong("voxel_mm", format!("{:?}", self.voxel_mm), "lengths that are not negative");
-        }
-        if !self.origin_mm.iter().all(|place| place.is_finite()) {
-            return wrong("origin_mm", format!("{:?}", self.origin_mm), "finite lengths");
-        }
-        if !(0.0..=1.0).contains(&self.overlap) {
-            return wrong("overlap", self.overlap.to_string(), "0 to 1");
-        }
-        Ok(())
-    }
-}
+/// The channels that every file has.
+const REQUIRED: [&str; 9] = ["u", "v", "w", "peak", "ratio", "su", "sv", "sw", "flag"];
+/// The channel that a file may lack.
+const COUNT: &str = "count";
 
 /// A field of vectors, each component in the order x fastest, then y, then z.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,16 +69,18 @@ pub struct Field {
     pub sw: Vec<f32>,
     /// [`MEASURED`], [`REPLACED`] or [`NO_DATA`].
     pub flag: Vec<f32>,
+    /// Particle images in the vector's window; NaN where not counted.
+    pub count: Vec<f32>,
 }
 
 impl Field {
-    /// A field of `layout.shape` vectors, all zero and [`NO_DATA`], uncertainties NaN.
+    /// A field of `layout.shape` vectors, all zero and [`NO_DATA`], uncertainties and counts NaN.
     pub fn empty(layout: Layout) -> Self {
         let len = layout.shape.iter().product();
         let of = |value: f32| vec![value; len];
         let [u, v, w, peak, ratio] = [0.0; 5].map(of);
-        let [su, sv, sw] = [f32::NAN; 3].map(of);
-        Self { layout, u, v, w, peak, ratio, su, sv, sw, flag: of(NO_DATA) }
+        let [su, sv, sw, count] = [f32::NAN; 4].map(of);
+        Self { layout, u, v, w, peak, ratio, su, sv, sw, flag: of(NO_DATA), count }
     }
 
     /// Number of vectors.
@@ -162,8 +132,14 @@ impl Field {
             let found = format!("{} x {} pixels for a shape of {nx} x {ny} x {nz}", header.width, header.height);
             return Err((found, "wanted nx x (ny nz) pixels".into()));
         }
-        let [u, v, w, peak, ratio, su, sv, sw, flag] = exr::read(bytes, header, CHANNELS)?;
-        let field = Self { layout, u, v, w, peak, ratio, su, sv, sw, flag };
+        let [u, v, w, peak, ratio, su, sv, sw, flag, count] = if header.channels.iter().any(|name| name == COUNT) {
+            exr::read(bytes, header, COMPONENTS.map(|(name, _)| name))?
+        } else {
+            let [u, v, w, peak, ratio, su, sv, sw, flag] = exr::read(bytes, header, REQUIRED)?;
+            let count = vec![f32::NAN; flag.len()];
+            [u, v, w, peak, ratio, su, sv, sw, flag, count]
+        };
+        let field = Self { layout, u, v, w, peak, ratio, su, sv, sw, flag, count };
         field.check()?;
         Ok(field)
     }
@@ -198,7 +174,7 @@ impl Field {
     pub fn save(&self, path: &Path) -> Result<()> {
         let refused = |(found, wanted): (String, String)| Error::new(io::output_name(path), found, wanted);
         self.layout.check().map_err(refused)?;
-        for (name, values) in CHANNELS.iter().zip(self.components()) {
+        for ((name, _), values) in COMPONENTS.iter().zip(self.components()) {
             assert_eq!(Some(values.len()), self.layout.checked_len(), "length of component {name}");
         }
         self.check().map_err(refused)?;
@@ -214,16 +190,22 @@ impl Field {
         }
     }
 
-    /// In the order of [`CHANNELS`].
-    fn components(&self) -> [&[f32]; 9] {
-        [&self.u, &self.v, &self.w, &self.peak, &self.ratio, &self.su, &self.sv, &self.sw, &self.flag]
+    /// In the order of [`COMPONENTS`].
+    fn components(&self) -> [&[f32]; 10] {
+        let Self { layout: _, u, v, w, peak, ratio, su, sv, sw, flag, count } = self;
+        [u, v, w, peak, ratio, su, sv, sw, flag, count].map(Vec::as_slice)
+    }
+
+    /// Velocity of vector `i`, mm/s; none where the time between the volumes is not known.
+    fn velocity_mm_s(&self, i: usize) -> Option<[f32; 3]> {
+        let dt_s = self.layout.dt_s?;
+        Some([self.u[i], self.v[i], self.w[i]].map(|mm| (f64::from(mm) / dt_s) as f32))
     }
 
     fn to_exr(&self) -> std::result::Result<Vec<u8>, (String, String)> {
         let [nx, ny, nz] = self.layout.shape;
-        let layout = serde_json::to_string(&self.layout)
-            .map_err(|error| (format!("its layout cannot be written ({error})"), "wanted plain numbers".into()))?;
-        let channels = CHANNELS.into_iter().zip(self.components().map(<[f32]>::to_vec)).collect();
-        exr::write(nx, ny * nz, channels, Some((LAYOUT, layout)))
+        let names = COMPONENTS.into_iter().map(|(name, _)| name);
+        let channels = names.zip(self.components().map(<[f32]>::to_vec)).collect();
+        exr::write(nx, ny * nz, channels, Some((LAYOUT, self.layout.to_json()?)))
     }
 }

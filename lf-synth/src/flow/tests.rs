@@ -156,6 +156,7 @@ fn a_sampled_field_is_trilinear() {
         voxel_mm: [0.0; 3],
         window: [0; 3],
         overlap: 0.0,
+        dt_s: None,
         history: Vec::new(),
     };
     let mut sampled = Field::empty(layout);

@@ -23,6 +23,9 @@ pub fn field(field: &Field) -> Sheet {
         let overlap = figures(100.0 * layout.overlap);
         sheet.line("window", format!("{} voxels = {} mm, overlap {overlap} %", by(&window), by(&length)));
     }
+    if let Some(dt_s) = layout.dt_s {
+        sheet.line("time step", format!("{} s", figures(dt_s)));
+    }
     let count = |flag: f32| field.flag.iter().filter(|&&found| found == flag).count();
     let (measured, replaced) = (count(MEASURED), count(REPLACED));
     for (label, count) in [("measured", measured), ("replaced", replaced), ("no data", total - measured - replaced)] {
@@ -41,6 +44,7 @@ pub fn field(field: &Field) -> Sheet {
         ("su (mm)", &field.su),
         ("sv (mm)", &field.sv),
         ("sw (mm)", &field.sw),
+        ("count", &field.count),
     ] {
         sheet.line(label, range(&held(values)));
     }
@@ -66,11 +70,19 @@ mod tests {
             "measured  59, 98.3333 %",
             "min 0.5, max 0.5",
             "no finite value",
+            "count     no finite value",
         ] {
             assert!(text.contains(wanted), "{wanted} is not in\n{text}");
         }
         truth.layout.window = [32, 32, 16];
         truth.layout.overlap = 0.75;
-        assert!(field(&truth).to_string().contains("32 x 32 x 16 voxels = 0.32 x 0.64 x 1.6 mm, overlap 75 %"));
+        truth.layout.dt_s = Some(2.5e-4);
+        truth.count.fill(9.0);
+        let text = field(&truth).to_string();
+        for wanted in
+            ["32 x 32 x 16 voxels = 0.32 x 0.64 x 1.6 mm, overlap 75 %", "0.00025 s", "count      min 9, max 9"]
+        {
+            assert!(text.contains(wanted), "{wanted} is not in\n{text}");
+        }
     }
 }

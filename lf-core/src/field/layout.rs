@@ -1,0 +1,96 @@
+//! Where the vectors of a field stand and how they were made.
+
+use super::COMPONENTS;
+use crate::history::History;
+use serde::ser::{SerializeMap, Serializer};
+use serde::{Deserialize, Serialize};
+
+/// What was found and what was wanted.
+type Refusal = (String, String);
+
+/// Where a field's vectors stand and how they were made: the attribute `lf:field`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Layout {
+    /// Vectors along x, y, z.
+    pub shape: [usize; 3],
+    /// Distance between vectors, mm.
+    pub spacing_mm: [f64; 3],
+    /// Place of vector (0, 0, 0), mm.
+    pub origin_mm: [f64; 3],
+    /// Voxel spacing of the volumes correlated, mm; zeros where there were none.
+    pub voxel_mm: [f64; 3],
+    /// Interrogation window of the last pass, voxels; zeros where there was none (a truth field).
+    pub window: [usize; 3],
+    /// Overlap of the last pass, 0 to 1.
+    pub overlap: f64,
+    /// Time between the two volumes, s; none where it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dt_s: Option<f64>,
+    /// The steps that led to it.
+    #[serde(default)]
+    pub history: History,
+}
+
+/// The attribute as it is written: the layout, and the unit of every channel for whoever reads the file without this text.
+#[derive(Serialize)]
+struct Attribute<'a> {
+    units: Units,
+    #[serde(flatten)]
+    layout: &'a Layout,
+}
+
+struct Units;
+
+impl Serialize for Units {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(COMPONENTS.len()))?;
+        for (name, unit) in COMPONENTS {
+            map.serialize_entry(name, unit)?;
+        }
+        map.end()
+    }
+}
+
+impl Layout {
+    /// The JSON of the attribute `lf:field`, units included.
+    ///
+    /// # Errors
+    /// A number that JSON has no word for.
+    pub(super) fn to_json(&self) -> Result<String, Refusal> {
+        serde_json::to_string(&Attribute { units: Units, layout: self })
+            .map_err(|error| (format!("its layout cannot be written ({error})"), "wanted plain numbers".into()))
+    }
+
+    /// Number of vectors; none where a shape is empty or beyond counting.
+    pub(super) fn checked_len(&self) -> Option<usize> {
+        self.shape.iter().try_fold(1usize, |product, &n| product.checked_mul(n)).filter(|&len| len > 0)
+    }
+
+    /// # Errors
+    /// What was found and what was wanted.
+    pub(super) fn check(&self) -> Result<(), Refusal> {
+        let positive = |lengths: [f64; 3]| lengths.iter().all(|length| length.is_finite() && *length > 0.0);
+        let wrong =
+            |key: &str, value: String, wanted: &str| Err((format!("{key} {value}"), format!("wanted {wanted}")));
+        if self.checked_len().is_none() {
+            return wrong("shape", format!("{:?}", self.shape), "at least one vector an axis");
+        }
+        if !positive(self.spacing_mm) {
+            return wrong("spacing_mm", format!("{:?}", self.spacing_mm), "positive lengths");
+        }
+        // Zero where no volume was correlated.
+        if !self.voxel_mm.iter().all(|length| length.is_finite() && *length >= 0.0) {
+            return wrong("voxel_mm", format!("{:?}", self.voxel_mm), "lengths that are not negative");
+        }
+        if !self.origin_mm.iter().all(|place| place.is_finite()) {
+            return wrong("origin_mm", format!("{:?}", self.origin_mm), "finite lengths");
+        }
+        if !(0.0..=1.0).contains(&self.overlap) {
+            return wrong("overlap", self.overlap.to_string(), "0 to 1");
+        }
+        if let Some(dt_s) = self.dt_s.filter(|dt_s| !(dt_s.is_finite() && *dt_s > 0.0)) {
+            return wrong("dt_s", dt_s.to_string(), "a positive time");
+        }
+        Ok(())
+    }
+}
