@@ -6,6 +6,7 @@ use lf_core::field::{MEASURED, NO_DATA, REPLACED};
 use lf_core::history::History;
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, io};
+use lf_xcorr::plot::{self, Cut};
 use lf_xcorr::{Options, Outcome, PassReport, Side, Sparse, triple};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -46,9 +47,12 @@ struct Arguments {
     /// Take voxels below this share of their volume's brightest as dark
     #[arg(long, value_name = "SHARE", default_value_t = Options::FLOOR)]
     floor: f32,
-    /// Draw the middle slice across z
+    /// Draw a slice of the field: colours through the plane, arrows in it
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    /// Which slice: the axis it stands across, and where (mm; the nearest layer), as z=0.5 [default: z, its middle]
+    #[arg(long, value_name = "AXIS[=MM]", requires = "plot")]
+    slice: Option<Cut>,
     #[command(flatten)]
     common: Common,
 }
@@ -79,7 +83,12 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     }
 
     let volumes = session.phase("read", |_| Ok([Volume::open(a)?, Volume::open(b)?]))?;
-    let shape = volumes[0].grid().shape;
+    let grid = volumes[0].grid();
+    let shape = grid.shape;
+    let cut = arguments.slice.unwrap_or_default();
+    let bounds_mm =
+        [-0.5, shape[cut.axis] as f64 - 0.5].map(|i| grid.origin_mm[cut.axis] + i * grid.spacing_mm[cut.axis]);
+    cut.check(bounds_mm, "volume").map_err(|(found, wanted)| Error::new(volumes[0].name(), found, wanted))?;
     let options = meant(arguments, shape);
     options.check(shape).map_err(|error| refused(error, &volumes))?;
     tell_clamped(arguments, shape, &options, session);
@@ -87,12 +96,14 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     outcome.field.layout.history = session.history(&both(volumes[0].history(), volumes[1].history()));
     tell(&outcome, session);
     session.phase("write", |_| {
+        outcome.field.save(&arguments.output)?;
+        // The field is kept even where the volume holds the slice and the field, which is smaller, does not.
         if let Some(path) = &arguments.plot {
-            let drawn = lf_xcorr::plot::slice(&outcome.field);
-            let svg = drawn.map_err(|error| Error::new(io::output_name(path), error, "wanted a picture"))?;
+            let refused = |(found, wanted): plot::Refusal| Error::new(io::output_name(path), found, wanted);
+            let svg = plot::slice(&outcome.field, cut).map_err(refused)?;
             io::save_text(path, |out| out.write_all(svg.as_bytes()))?;
         }
-        outcome.field.save(&arguments.output)
+        Ok(())
     })?;
     Ok(Verdict::Done)
 }

@@ -120,7 +120,43 @@ fn other_formats_and_the_picture() {
     bench.works(&[&["a.lfv", "b.lfv", "-o", "f.csv", "--plot", "f.svg", "-q"], &SMALL[..]].concat());
     bench.works(&[&["a.lfv", "b.lfv", "-o", "f.vti", "-q"], &SMALL[..]].concat());
     assert_eq!(bench.bytes("f.csv").iter().filter(|&&byte| byte == b'\n').count(), 1 + 5 * 3 * 5);
+    assert!(bench.bytes("f.csv").starts_with(b"x_mm,y_mm,z_mm,u_mm,v_mm,w_mm,"));
     assert!(bench.bytes("f.svg").starts_with(b"<svg") && bench.bytes("f.vti").starts_with(b"<?xml"));
+}
+
+#[test]
+fn the_picture_is_of_the_slice_that_was_asked_for() {
+    let bench = Bench::new();
+    for (slice, title) in [
+        (&[][..], "z = 5.75 mm (layer 3 of 5)"),
+        (&["--slice", "z"], "z = 5.75 mm (layer 3 of 5)"),
+        (&["--slice", "z=4"], "z = 4.25 mm (layer 2 of 5)"),
+        (&["--slice", "y=1.2"], "y = 1.35 mm (layer 1 of 3)"),
+        (&["--slice=x=2.6"], "x = 2.35 mm (layer 3 of 5)"),
+    ] {
+        bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "f.svg", "-q"], slice, &SMALL[..]].concat());
+        let svg = String::from_utf8(bench.bytes("f.svg")).unwrap();
+        assert!(svg.contains(&format!("Displacement at {title}")), "{slice:?}: {svg:.3000}");
+    }
+}
+
+#[test]
+fn a_slice_that_is_none_gets_one_line() {
+    let bench = Bench::new();
+    let with = |slice: &'static str| {
+        [&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--plot", "f.svg", "--slice", slice], &SMALL[..]].concat()
+    };
+    for slice in ["", "q", "q=1", "z=", "z=here", "z=nan", "z=1,2", "3"] {
+        bench.fails(&with(slice), &["--slice", "z=0.5"]);
+    }
+    bench.fails(&with("z=12.3"), &["a.lfv: slice z = 12.3 mm is outside the volume; wanted -0.25 to 11.75 mm"]);
+    bench.fails(&with("y=-1"), &["a.lfv: slice y = -1 mm is outside the volume; wanted -0.05 to 3.95 mm"]);
+    bench.fails(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--slice", "z"], &SMALL[..]].concat(), &["--plot"]);
+    assert!(!bench.path("f.exr").exists() && !bench.path("f.svg").exists(), "refused before the work");
+
+    // In the volume, but beyond the outermost windows: known when the work is done, which is kept.
+    bench.fails(&with("x=0.2"), &["f.svg: slice x = 0.2 mm is outside the field; wanted 0.85 to 3.85 mm"]);
+    assert!(bench.path("f.exr").exists() && !bench.path("f.svg").exists());
 }
 
 #[test]

@@ -2,8 +2,9 @@
 
 mod scene;
 
-use lf_core::field::{Field, MEASURED, NO_DATA, REPLACED};
+use lf_core::field::{Field, Layout, MEASURED, NO_DATA, REPLACED};
 use lf_core::grid::Grid;
+use lf_xcorr::plot::{self, Cut};
 use lf_xcorr::{Error, Options, Side, Sparse, correlate};
 use scene::Volume;
 
@@ -218,10 +219,57 @@ fn the_picture_holds_what_it_promises() {
     let mut field = field(&a, &b);
     let layer = 6 * 5 * 4;
     (field.flag[layer], field.flag[layer + 1]) = (NO_DATA, REPLACED);
-    let svg = lf_xcorr::plot::slice(&field).unwrap();
-    for words in ["x, mm", "y, mm", "w, mm", "layer 5 of 9", "replaced", "no data", "in the plane"] {
-        assert!(svg.contains(words), "{words}");
-    }
+    let drawn = |field: &Field, cut: &str| plot::slice(field, cut.parse().unwrap()).unwrap();
+    let holds = |svg: &str, words: &[&str]| words.iter().for_each(|words| assert!(svg.contains(words), "{words}"));
+    let counts = "this layer: 28 measured, 1 replaced, 1 no data";
+    holds(&drawn(&field, "z"), &["x, mm", "y, mm", "w, mm", "layer 5 of 9", "colour: w", "arrows: u and v", counts]);
+    holds(&drawn(&field, "x=30"), &["y, mm", "z, mm", "u, mm", "layer 3 of 6", "colour: u", "arrows: v and w"]);
+    field.layout.dt_s = Some(0.01);
+    holds(&drawn(&field, "y"), &["Velocity at y", "x, mm", "z, mm", "v, mm/s", "layer 3 of 5", "colour: v"]);
     let nothing = Field::empty(field.layout.clone());
-    assert!(lf_xcorr::plot::slice(&nothing).unwrap().contains("no data"));
+    holds(&drawn(&nothing, "z"), &["30 no data"]);
+    let (found, wanted) = plot::slice(&field, "y=60".parse().unwrap()).unwrap_err();
+    assert_eq!((&*found, &*wanted), ("slice y = 60 mm is outside the field", "wanted 11.5 to 51.5 mm"));
+}
+
+/// One wild vector changes one arrow and one cell: the scale of colours and arrows stays.
+#[test]
+fn a_wild_vector_does_not_shrink_the_rest_of_the_picture() {
+    let [a, b] = particles(8);
+    let field = field(&a, &b);
+    let mut wild = field.clone();
+    let node = 6 * (2 + 5 * 4) + 3;
+    (wild.u[node], wild.w[node]) = (1e3, -1e4);
+    let [tame, svg] = [&field, &wild].map(|field| plot::slice(field, Cut::default()).unwrap());
+    assert!(svg.contains("one arrow cut short") && !tame.contains("cut short"));
+    assert!(svg.len() < tame.len() + 500);
+    let bar = |svg: &str| svg[svg.find(">\nw, mm").unwrap()..].to_owned();
+    assert_eq!(bar(&tame), bar(&svg));
+}
+
+#[test]
+fn every_shape_of_field_can_be_drawn() {
+    let layout = |shape| Layout {
+        shape,
+        spacing_mm: [0.2, 0.3, 4.0],
+        origin_mm: [0.0; 3],
+        voxel_mm: [0.01; 3],
+        window: [16; 3],
+        overlap: 0.75,
+        dt_s: None,
+        history: Vec::new(),
+    };
+    for shape in [[1, 1, 1], [1, 1, 40], [50, 1, 1], [1, 50, 2], [300, 2, 1]] {
+        let mut field = Field::empty(layout(shape));
+        for flag in [NO_DATA, REPLACED, MEASURED] {
+            field.flag.fill(flag);
+            for value in [0.0, 1e-9, -3e7] {
+                field.v.fill(value);
+                for cut in ["x", "y", "z"] {
+                    let svg = plot::slice(&field, cut.parse().unwrap()).unwrap();
+                    assert!(svg.starts_with("<svg") && !svg.contains("NaN") && !svg.contains("inf"), "{shape:?} {cut}");
+                }
+            }
+        }
+    }
 }

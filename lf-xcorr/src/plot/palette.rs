@@ -1,14 +1,28 @@
-//! Colours for a value between two ends: dark blue through magenta to orange, readable as lines on white paper.
+//! Colours for a signed value: blue below, near white at 0, red above.
 
 use plotters::style::RGBColor;
 
-/// Colours at equal distances. Lightness rises all the way, so order survives a grey print and most colour blindness.
-const STOPS: [[u8; 3]; 6] =
-    [[23, 20, 120], [94, 10, 160], [160, 30, 150], [205, 65, 105], [236, 110, 60], [245, 165, 40]];
+/// What arrows and words are drawn in.
+pub(super) const INK: RGBColor = RGBColor(25, 25, 35);
+/// Replaced vectors.
+pub(super) const GREY: RGBColor = RGBColor(95, 95, 95);
+/// Cells without data, and the cross in them.
+pub(super) const EMPTY: [RGBColor; 2] = [RGBColor(222, 222, 222), RGBColor(140, 140, 140)];
 
-/// The colour at `share`, 0 to 1.
+/// Colours at equal distances. Blue and red are told apart by most colour-blind eyes; both ends are light enough for ink.
+const STOPS: [[u8; 3]; 7] = [
+    [62, 118, 186],
+    [126, 168, 214],
+    [192, 213, 234],
+    [248, 247, 244],
+    [247, 208, 188],
+    [230, 150, 124],
+    [202, 86, 70],
+];
+
+/// The colour at `share` of the limit, -1 to 1; beyond it is as at the limit.
 pub(super) fn colour(share: f64) -> RGBColor {
-    let place = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
+    let place = (0.5 + 0.5 * share.clamp(-1.0, 1.0)) * (STOPS.len() - 1) as f64;
     let low = (place as usize).min(STOPS.len() - 2);
     let part = place - low as f64;
     let [r, g, b] = std::array::from_fn(|c| {
@@ -17,21 +31,15 @@ pub(super) fn colour(share: f64) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// The number 1, 2 or 5 times a power of ten that is nearest to `value` from below.
-pub(super) fn round_below(value: f64) -> f64 {
-    let power = 10f64.powf(value.log10().floor());
-    // A hair of room for 0.2 = 2 x 0.1 in binary.
-    [5.0, 2.0, 1.0].map(|digit| digit * power).into_iter().find(|round| *round <= value * (1.0 + 1e-9)).unwrap_or(power)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn round_numbers() {
-        for (value, round) in [(0.0234, 0.02), (0.99, 0.5), (1.0, 1.0), (73.0, 50.0), (0.2, 0.2)] {
-            assert!((round_below(value) - round).abs() < 1e-12 * round);
-        }
+    fn nothing_is_pale_and_the_ends_are_not() {
+        let RGBColor(r, g, b) = colour(0.0);
+        assert!(r.min(g).min(b) > 240);
+        let [RGBColor(red, _, blue), RGBColor(red_above, _, blue_above)] = [colour(-9.0), colour(1.0)];
+        assert!(blue > red + 100 && red_above > blue_above + 100);
     }
 }

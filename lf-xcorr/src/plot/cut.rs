@@ -1,0 +1,111 @@
+//! Where a field is cut for a picture.
+
+use super::Refusal;
+use super::numbers::short;
+use lf_core::field::Layout;
+use std::str::FromStr;
+
+/// The letters of the axes.
+pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// A plane across one axis of a field. As text it is `z` (the middle) or `z=0.5` (mm).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cut {
+    /// The axis that the plane stands across: 0, 1, 2 for x, y, z.
+    pub axis: usize,
+    /// Where it stands on that axis, mm: the layer of vectors nearest to it is drawn. None is the middle layer.
+    pub place_mm: Option<f64>,
+}
+
+impl Default for Cut {
+    /// The middle across z.
+    fn default() -> Self {
+        Self { axis: 2, place_mm: None }
+    }
+}
+
+impl FromStr for Cut {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (axis, place) = text.split_once('=').map_or((text, None), |(axis, place)| (axis, Some(place)));
+        let axis = AXES.iter().position(|letter| *letter == axis.trim());
+        let place_mm = place.map(|place| place.trim().parse().ok().filter(|mm: &f64| mm.is_finite()));
+        match (axis, place_mm) {
+            (Some(axis), None) => Ok(Self { axis, place_mm: None }),
+            (Some(axis), Some(Some(mm))) => Ok(Self { axis, place_mm: Some(mm) }),
+            _ => Err("wanted x, y or z, alone or with a place in mm, like z=0.5".into()),
+        }
+    }
+}
+
+impl Cut {
+    /// Refuses a place outside `bounds_mm` of the cut's axis; `what` names whose bounds they are.
+    ///
+    /// # Errors
+    /// What was found and what was wanted.
+    pub fn check(&self, bounds_mm: [f64; 2], what: &str) -> Result<(), Refusal> {
+        let axis = AXES[self.axis];
+        match self.place_mm {
+            Some(mm) if !(bounds_mm[0]..=bounds_mm[1]).contains(&mm) => {
+                let [low, high] = bounds_mm.map(|bound| short(bound, bounds_mm[1] - bounds_mm[0]));
+                Err((format!("slice {axis} = {mm} mm is outside the {what}"), format!("wanted {low} to {high} mm")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The layer of vectors nearest to the place.
+    pub(super) fn layer(&self, layout: &Layout) -> Result<usize, Refusal> {
+        let (axis, count) = (self.axis, layout.shape[self.axis]);
+        self.check(bounds_mm(layout, axis), "field")?;
+        Ok(self.place_mm.map_or(count / 2, |mm| {
+            let layer = (mm - layout.origin_mm[axis]) / layout.spacing_mm[axis];
+            (layer.round().max(0.0) as usize).min(count - 1)
+        }))
+    }
+}
+
+/// Extent of a field along an axis, mm: half a distance between vectors beyond the outermost.
+pub(super) fn bounds_mm(layout: &Layout, axis: usize) -> [f64; 2] {
+    let low = layout.origin_mm[axis] - 0.5 * layout.spacing_mm[axis];
+    [low, low + layout.shape[axis] as f64 * layout.spacing_mm[axis]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cuts_as_text() {
+        for (text, axis, place_mm) in [("z", 2, None), ("x=0", 0, Some(0.0)), ("y = -1.5", 1, Some(-1.5))] {
+            assert_eq!(text.parse(), Ok(Cut { axis, place_mm }));
+        }
+        for text in ["", "=", "w", "zz", "z=", "z=a", "z=nan", "z=inf", "z=1=2", "1", "Z"] {
+            assert!(text.parse::<Cut>().unwrap_err().contains("like z=0.5"), "{text}");
+        }
+    }
+
+    #[test]
+    fn the_nearest_layer_and_none_beyond_the_cells() {
+        let layout = Layout {
+            shape: [4, 1, 3],
+            spacing_mm: [0.5, 1.0, 2.0],
+            origin_mm: [-1.0, 7.0, 0.0],
+            voxel_mm: [0.0; 3],
+            window: [0; 3],
+            overlap: 0.0,
+            dt_s: None,
+            history: Vec::new(),
+        };
+        let layer = |text: &str| text.parse::<Cut>().unwrap().layer(&layout);
+        for (text, wanted) in
+            [("z", 1), ("x", 2), ("y", 0), ("z=-1", 0), ("z=0.99", 0), ("z=1.1", 1), ("z=5", 2), ("x=-0.1", 2)]
+        {
+            assert_eq!(layer(text), Ok(wanted), "{text}");
+        }
+        let refusal = layer("z=5.01").unwrap_err();
+        assert_eq!(refusal, ("slice z = 5.01 mm is outside the field".into(), "wanted -1 to 5 mm".into()));
+        assert!(layer("x=-1.3").is_err() && layer("y=0").is_err());
+    }
+}
