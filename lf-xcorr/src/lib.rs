@@ -40,9 +40,12 @@ mod overlap;
 mod pass;
 mod peak;
 pub mod plot;
+mod running;
 mod score;
 mod shifts;
 mod sparse;
+#[cfg_attr(not(test), expect(dead_code, reason = "pass.rs does not choose between the paths yet"))]
+mod transform;
 mod validation;
 
 pub use error::{Error, Side};

@@ -1,0 +1,159 @@
+use super::*;
+use crate::sparse::Sparse;
+use lf_core::grid::Grid;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+/// The sums by the definition: every voxel of the moved window, every shift, dense volumes.
+fn oracle(dense: [&[f32]; 2], shape: [usize; 3], window: &[Range<usize>; 3], shifts: Shifts) -> Sums {
+    let inside = |p: [i32; 3]| (0..3).all(|a| p[a] >= 0 && p[a] < shape[a] as i32);
+    let at = |volume: usize, p: [i32; 3]| {
+        dense[volume][p[0] as usize + shape[0] * (p[1] as usize + shape[1] * p[2] as usize)] as f64
+    };
+    let moved = [0, 1, 2].map(|a| back((shifts.low[a] + shifts.high(a)) >> 1));
+    let mut sums = Sums::zero(shifts);
+    for k in 0..shifts.len() {
+        let place = [k % shifts.n[0], k / shifts.n[0] % shifts.n[1], k / shifts.n[0] / shifts.n[1]];
+        let d: [i32; 3] = std::array::from_fn(|a| shifts.low[a] + place[a] as i32);
+        for z in window[2].clone() {
+            for y in window[1].clone() {
+                for x in window[0].clone() {
+                    let midpoint = [x as i32, y as i32, z as i32];
+                    let from = std::array::from_fn(|a| midpoint[a] - moved[a]);
+                    let to = std::array::from_fn(|a| from[a] + d[a]);
+                    if inside(from) && inside(to) {
+                        let (a, b) = (at(0, from), at(1, to));
+                        for (channel, value) in [a * b, a, a * a, b, b * b].into_iter().enumerate() {
+                            sums.channel_mut(channel)[k] += value;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    sums
+}
+
+fn rows(dense: &[f32], shape: [usize; 3]) -> Rows {
+    let grid = Grid { shape, spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
+    let indices: Vec<u64> = (0..dense.len() as u64).filter(|&i| dense[i as usize] > 0.0).collect();
+    let intensity: Vec<f32> = indices.iter().map(|&i| dense[i as usize]).collect();
+    Rows::new(&Sparse { grid: &grid, indices: &indices, intensity: &intensity }, 0.0)
+}
+
+/// A volume with a share `lit` of its voxels lit.
+fn volume(random: &mut Pcg64Mcg, shape: [usize; 3], lit: f64) -> Vec<f32> {
+    let mut voxel = || if random.random::<f64>() < lit { random.random::<f32>() } else { 0.0 };
+    (0..shape.iter().product()).map(|_| voxel()).collect()
+}
+
+#[test]
+fn the_oracle_agrees_with_a_case_solved_by_hand() {
+    // A row of 7 voxels: 2 at voxel 2, then 3 at voxel 4. The box is centred on 1: the window of the first is not moved.
+    let (mut a, mut b) = ([0f32; 7], [0f32; 7]);
+    (a[2], b[4]) = (2.0, 3.0);
+    let shifts = Shifts { low: [-1, 0, 0], n: [5, 1, 1] };
+    let sums = oracle([&a, &b], [7, 1, 1], &[2..5, 0..1, 0..1], shifts);
+    assert_eq!(sums.channel(channel::PRODUCT), [0.0, 0.0, 0.0, 6.0, 0.0]);
+    assert_eq!(sums.channel(channel::FIRST), [2.0; 5]);
+    // Voxels 2 to 4 meet 1 to 3 at -1 and 5 to 7 at 3, of which 7 is outside; voxel 4 is met in between.
+    assert_eq!(sums.channel(channel::SECOND), [0.0, 3.0, 3.0, 3.0, 0.0]);
+    // At 3 voxel 4 has no partner: a first volume lit there alone counts as dark.
+    let mut a = [0f32; 7];
+    a[4] = 2.0;
+    let sums = oracle([&a, &b], [7, 1, 1], &[2..5, 0..1, 0..1], shifts);
+    assert_eq!(sums.channel(channel::FIRST_SQUARED), [4.0, 4.0, 4.0, 4.0, 0.0]);
+    // Centred on 2 or 3 the window of the first is moved back by 1.
+    let sums = oracle([&a, &b], [7, 1, 1], &[2..5, 0..1, 0..1], Shifts { low: [1, 0, 0], n: [3, 1, 1] });
+    assert_eq!(sums.channel(channel::FIRST), [0.0; 3]);
+}
+
+#[test]
+fn transforms_give_the_oracles_sums() {
+    let mut random = Pcg64Mcg::seed_from_u64(11);
+    let mut scratch = Scratch::default();
+    for (shape, window, n_shifts, lit) in [
+        ([16, 14, 12], [8, 8, 8], [9, 9, 7], 0.02),
+        ([16, 14, 12], [8, 8, 8], [9, 9, 7], 1.0),
+        ([23, 17, 11], [9, 7, 5], [5, 11, 3], 0.3),
+        ([23, 17, 11], [23, 17, 11], [4, 6, 7], 0.05),
+        ([30, 12, 1], [13, 5, 1], [9, 7, 3], 0.5),
+        ([1, 9, 20], [1, 3, 11], [3, 5, 9], 0.7),
+        ([19, 1, 1], [7, 1, 1], [8, 1, 1], 0.4),
+    ] {
+        let plan = Plan::new(window, n_shifts);
+        for trial in 0..8 {
+            let (a, b) = (volume(&mut random, shape, lit), volume(&mut random, shape, lit));
+            // The first two windows stand in the corners, the rest anywhere.
+            let window: [Range<usize>; 3] = std::array::from_fn(|axis| {
+                let last = shape[axis] - window[axis];
+                let start = [0, last].get(trial).copied().unwrap_or_else(|| random.random_range(0..last + 1));
+                start..start + window[axis]
+            });
+            let low = std::array::from_fn(|axis| {
+                random.random_range(-6..5) - if trial < 4 { n_shifts[axis] as i32 / 2 } else { 0 }
+            });
+            let shifts = Shifts { low, n: n_shifts };
+            let found = plan.sums(&rows(&a, shape), &rows(&b, shape), &window, shifts, &mut scratch);
+            let wanted = oracle([&a, &b], shape, &window, shifts);
+            for c in 0..channel::COUNT {
+                let largest = wanted.channel(c).iter().fold(0.0, |largest: f64, &sum| largest.max(sum));
+                for (k, (found, wanted)) in found.channel(c).iter().zip(wanted.channel(c)).enumerate() {
+                    assert!(
+                        (found - wanted).abs() <= 1e-9 * largest,
+                        "{shape:?} {window:?} {low:?} channel {c} shift {k}: {found} for {wanted}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn dark_stays_dark() {
+    let shape = [40, 24, 24];
+    let mut random = Pcg64Mcg::seed_from_u64(3);
+    let (a, mut b) = (volume(&mut random, shape, 0.5), volume(&mut random, shape, 0.5));
+    // Light up to x = 19 only: a window from 20 on meets it at shifts of less than zero alone.
+    b.iter_mut().enumerate().filter(|(i, _)| i % shape[0] >= 20).for_each(|(_, value)| *value = 0.0);
+    let shifts = Shifts::around([0; 3], [4, 4, 4]);
+    let window = [20..36, 4..20, 4..20];
+    let (a, b) = (rows(&a, shape), rows(&b, shape));
+    let plan = Plan::new([16; 3], shifts.n);
+    let sums = plan.sums(&a, &b, &window, shifts, &mut Scratch::default());
+    for (k, &product) in sums.channel(channel::PRODUCT).iter().enumerate() {
+        let meets = shifts.low[0] + ((k % shifts.n[0]) as i32) < 0;
+        assert_eq!(product > 0.0, meets, "shift {k}: {product}");
+    }
+    // Without any light in the second, or in the first, nothing is left at all.
+    for (a, b) in [(&a, &rows(&[0.0; 40 * 24 * 24], shape)), (&rows(&[0.0; 40 * 24 * 24], shape), &b)] {
+        let sums = plan.sums(a, b, &window, shifts, &mut Scratch::default());
+        assert!(sums.channel(channel::PRODUCT).iter().all(|&product| product == 0.0));
+    }
+}
+
+#[test]
+fn at_the_centre_of_the_box_the_pairs_are_the_direct_paths() {
+    use crate::kernel;
+    let shape = [30, 22, 14];
+    let mut random = Pcg64Mcg::seed_from_u64(8);
+    let (a, b) = (volume(&mut random, shape, 0.2), volume(&mut random, shape, 0.2));
+    let (a, b) = (rows(&a, shape), rows(&b, shape));
+    let window = [8..20, 0..12, 2..14];
+    for centre in [[0, 0, 0], [3, -3, 1], [-5, 4, -2]] {
+        let shifts = Shifts::around(centre, [2, 1, 3]);
+        let sums = Plan::new([12; 3], shifts.n).sums(&a, &b, &window, shifts, &mut Scratch::default());
+        let mut direct = vec![0.0; shifts.len()];
+        kernel::products(&a, &b, &window, &shifts, &mut direct, &mut kernel::Scratch::default());
+        let k = shifts.len() / 2;
+        assert!((sums.channel(channel::PRODUCT)[k] - direct[k]).abs() < 1e-9 * direct[k]);
+    }
+}
+
+#[test]
+fn lengths_have_small_factors_and_hold_window_and_search() {
+    assert_eq!([1, 7, 11, 31, 49, 96, 97].map(|n| smooth(n, 1)), [1, 8, 12, 32, 50, 96, 100]);
+    assert_eq!([1, 7, 15, 31, 45].map(|n| smooth(n, 2)), [2, 8, 16, 32, 48]);
+    let plan = Plan::new([32, 9, 1], [9, 5, 3]);
+    assert_eq!(plan.size, [40, 15, 3]);
+}
