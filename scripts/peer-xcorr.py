@@ -1,0 +1,238 @@
+#!/usr/bin/env python3
+"""Correlates two .lfv volumes with OpenPIV's three-dimensional correlation and prints one JSON object: vectors, seconds,
+vectors a second, vectors that are zero or not numbers, and with --shift the bias and RMS of the others, in voxels.
+
+    peer-xcorr.py a.lfv b.lfv --window 32,32,32 --overlap 0.75 --vectors 500 --shift 2.3,-1.6,0.7
+    peer-xcorr.py --make DIR --sigma-z 4         writes DIR/a.lfv and DIR/b.lfv, displaced by (2.3, -1.6, 0.7) voxels
+
+Needs numpy; without the package openpiv the comparison is left out. Only the correlation is timed, on one core as OpenPIV
+runs it; reading and making dense are not. OpenPIV has one pass, no validation, and keeps both windows in place.
+"""
+
+import argparse
+import importlib.util
+import json
+import math
+import os
+import sys
+import time
+from pathlib import Path
+
+SHIFT = (2.3, -1.6, 0.7)
+SIGNATURE = b"\x89LFV\r\n\x1a\n"
+
+
+def triple(kind):
+    """A value per axis from `1,2,3`, or one for all from `1`."""
+
+    def parse(text):
+        values = [kind(word) for word in text.split(",")]
+        values = values * 3 if len(values) == 1 else values
+        if len(values) != 3:
+            raise argparse.ArgumentTypeError("wanted one number or three, like 32,32,32")
+        return values
+
+    return parse
+
+
+def read(path):
+    """A .lfv as (dense array [z, y, x], peak 1)."""
+    import numpy as np
+
+    data = path.read_bytes()
+    if data[:8] != SIGNATURE or int.from_bytes(data[8:12], "little") != 1:
+        sys.exit(f"{path}: not a .lfv of version 1")
+    place = 16 + int.from_bytes(data[12:16], "little")
+    header = json.loads(data[16:place])
+    count, (nx, ny, nz) = header["count"], header["grid"]["shape"]
+    indices = np.frombuffer(data, "<u8", count, place)
+    place += 8 * count
+    for name in header["columns"]:
+        place += -place % 64
+        if name == "intensity":
+            dense = np.zeros(nx * ny * nz, np.float32)
+            dense[indices] = np.frombuffer(data, "<f4", count, place)
+            return (dense / max(dense.max(), np.finfo(np.float32).tiny)).reshape(nz, ny, nx)
+        place += 4 * count
+    sys.exit(f"{path}: no column `intensity`")
+
+
+def write(path, dense):
+    """Writes the lit voxels of a dense array [z, y, x] as a .lfv with voxels of 1 mm."""
+    import numpy as np
+
+    indices = np.flatnonzero(dense).astype("<u8")
+    body = indices.tobytes()
+    body += bytes(-len(body) % 64) + dense.reshape(-1)[indices].astype("<f4").tobytes()
+    header = {
+        "count": len(indices),
+        "grid": {"shape": list(dense.shape[::-1]), "spacing_mm": [1.0] * 3, "origin_mm": [0.0] * 3},
+        "columns": ["intensity"],
+        "checksum": f"{xxh3(body):016x}",
+        "history": [{"tool": "peer-xcorr.py", "version": "1", "arguments": sys.argv[1:]}],
+    }
+    text = json.dumps(header).encode()
+    text += b" " * (-(16 + len(text)) % 64)
+    path.write_bytes(SIGNATURE + (1).to_bytes(4, "little") + len(text).to_bytes(4, "little") + text + body)
+
+
+def xxh3(data):
+    """XXH3-64, seed 0, of more than 240 bytes: the hash the format asks for, which Python does not bring along."""
+    import numpy as np
+
+    secret = bytes.fromhex(
+        "b8fe6c3923a44bbe7c01812cf721ad1cded46de9839097db7240a4a4b7b3671fcb79e64eccc0e578825ad07dccff7221"
+        "b8084674f743248ee03590e6813a264c3c2852bb91c300cb88d0658b1b532ea371644897a20df94e3819ef46a9deacd8"
+        "a8fa763fe39c343ff9dcbbc7c70b4f1d8a51e04bcdb45931c89f7ec9d9787364eac5ac8334d3ebc3c581a0fffa1363eb"
+        "170ddd51b7f0da49d316552629d4689e2b16be587d47a1fc8ff8b8d17ad031ce45cb3a8f95160428afd7fbcabb4b407e"
+    )
+    p32 = 0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D
+    p64 = 0x9E3779B185EBCA87, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x85EBCA77C2B2AE63, 0x27D4EB2F165667C5
+    assert len(data) > 240 and len(secret) == 192
+    words = lambda start, n: np.frombuffer(secret, "<u8", n, start)
+    low, bits32 = np.uint64(0xFFFFFFFF), np.uint64(32)
+    keys = np.array([words(8 * stripe, 8) for stripe in range(16)])
+
+    def added(stripes, keys):
+        """What stripes [.., 8 words] add to the eight sums."""
+        mixed = stripes ^ keys
+        swapped = stripes[..., [1, 0, 3, 2, 5, 4, 7, 6]]
+        return ((mixed & low) * (mixed >> bits32) + swapped).sum(axis=-2, dtype=np.uint64)
+
+    sums = np.array([p32[2], *p64[:4], p32[1], p64[4], p32[0]], np.uint64)
+    blocks = (len(data) - 1) // 1024
+    of_blocks = added(np.frombuffer(data, "<u8", 128 * blocks).reshape(blocks, 16, 8), keys)
+    for block in of_blocks:
+        sums = sums + block
+        sums = (sums ^ (sums >> np.uint64(47)) ^ words(128, 8)) * np.uint64(p32[0])
+    stripes = (len(data) - 1 - 1024 * blocks) // 64
+    rest = np.frombuffer(data, "<u8", 8 * stripes, 1024 * blocks).reshape(stripes, 8)
+    last = np.frombuffer(data[-64:], "<u8").reshape(1, 8)
+    sums = sums + added(rest, keys[:stripes]) + added(last, words(121, 8).reshape(1, 8))
+
+    mask = (1 << 64) - 1
+    mixed = [int(sum) ^ int(key) for sum, key in zip(sums, words(11, 8))]
+    folded = [a * b for a, b in zip(mixed[::2], mixed[1::2])]
+    hash = (len(data) * p64[0] + sum((product & mask) ^ (product >> 64) for product in folded)) & mask
+    hash = (hash ^ (hash >> 37)) * 0x165667919E3779F9 & mask
+    return hash ^ (hash >> 32)
+
+
+def make(folder, sigma_z, shape=(128, 128, 128), sigma=0.75, particles=8, seed=1):
+    """Writes a pair of volumes with `particles` in 32^3 voxels on average, half of the shift before and after the middle."""
+    import numpy as np
+
+    random = np.random.default_rng(seed)
+    size, sigmas = np.array(shape[::-1]), np.array([sigma_z, sigma, sigma])
+    margin = np.ceil(4 * sigmas + 4)
+    count = round(particles / 32**3 * float(np.prod(size + 2 * margin)))
+    places = random.uniform(-margin - 0.5, size + margin - 0.5, (count, 3))
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, half in (("a.lfv", -0.5), ("b.lfv", 0.5)):
+        dense = np.zeros(size, np.float32)
+        for place in places + half * np.array(SHIFT[::-1]):
+            lines, box = [], []
+            for centre, sigma_vox, length in zip(place, sigmas, size):
+                start = max(math.ceil(centre - 4 * sigma_vox), 0)
+                voxels = np.arange(start, max(min(math.floor(centre + 4 * sigma_vox) + 1, length), start))
+                lines.append(np.exp(-0.5 * ((voxels - centre) / sigma_vox) ** 2))
+                box.append(slice(start, start + len(voxels)))
+            dense[tuple(box)] += np.einsum("i,j,k->ijk", *lines).astype(np.float32)
+        write(folder / name, dense)
+
+
+def middle(dense, box):
+    """The box [x, y, z] in the middle of a dense array."""
+    starts = [(length - n) // 2 for length, n in zip(dense.shape, box[::-1])]
+    return dense[tuple(slice(start, start + n) for start, n in zip(starts, box[::-1]))]
+
+
+def fitted(box, window, step, limit):
+    """`box`, made shorter along its longest axis until it holds no more than `limit` windows."""
+    counts = [(n - w) // s + 1 for n, w, s in zip(box, window, step)]
+    while limit and math.prod(counts) > limit:
+        axis = counts.index(max(counts))
+        counts[axis] -= 1
+    return [w + s * (n - 1) for n, w, s in zip(counts, window, step)]
+
+
+def correlate(volumes, window, step, search):
+    """Displacements [vector, (x, y, z)] in voxels, and the seconds they took. With a search OpenPIV covers less of the box:
+    it counts windows as if their step were larger by the search."""
+    import numpy as np
+    from openpiv.pyprocess3D import extended_search_area_piv3D
+
+    overlap = [w - s for w, s in zip(window, step)]
+    began = time.perf_counter()
+    found = extended_search_area_piv3D(
+        *volumes,
+        window_size=tuple(window[::-1]),
+        overlap=tuple(overlap[::-1]),
+        search_area_size=tuple(w + 2 * r for w, r in zip(window[::-1], search[::-1])),
+    )
+    seconds = time.perf_counter() - began
+    # OpenPIV takes [row, column, depth] and gives u along columns, v against rows, w along depth. Ours are [z, y, x]. The
+    # sign of v is for a y axis that points up; that of its correlation's place is the opposite, and the two leave these.
+    along_columns, against_rows, along_depth = (np.asarray(component).ravel() for component in found)
+    return np.stack([along_depth, -along_columns, against_rows], axis=1), seconds
+
+
+def score(vectors, shift):
+    """Counts, and how far the vectors are from `shift`; within a voxel of it they are no outliers."""
+    import numpy as np
+
+    finite = np.isfinite(vectors).all(axis=1)
+    zero = (vectors == 0).all(axis=1)
+    figures = {"not_numbers": int((~finite).sum()), "zero": int(zero.sum())}
+    if shift is not None:
+        error = (vectors - np.array(shift))[finite & ~zero]
+        good = error[(np.abs(error) <= 1).all(axis=1)]
+        figures["outliers"] = len(error) - len(good)
+        for name, error in (("", error), ("_without_outliers", good)):
+            if len(error):
+                figures["bias_vox" + name] = [round(float(value), 5) for value in error.mean(axis=0)]
+                figures["rms_vox" + name] = [round(float(value), 5) for value in np.sqrt((error**2).mean(axis=0))]
+    return figures
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("volumes", nargs="*", type=Path, metavar="FILE.lfv")
+    option = parser.add_argument
+    option("--window", type=triple(int), default=[32] * 3, metavar="X,Y,Z", help="voxels [32]")
+    option("--overlap", type=float, default=0.75, metavar="SHARE", help="of a window and the next [0.75]")
+    option("--search", type=triple(int), default=[0] * 3, metavar="X,Y,Z", help="voxels around the second window [0]")
+    option("--box", type=triple(int), metavar="X,Y,Z", help="correlate these voxels in the middle only")
+    option("--vectors", type=int, default=0, metavar="N", help="at most so many, in the middle")
+    option("--shift", type=triple(float), metavar="U,V,W", help="the displacement there is, voxels")
+    option("--make", type=Path, metavar="DIR", help="write a pair of volumes instead")
+    option("--sigma-z", type=float, default=0.75, metavar="VOXELS", help="of the particles written [0.75]")
+    arguments = parser.parse_args()
+
+    os.environ.setdefault("TQDM_DISABLE", "1")
+    if arguments.make:
+        make(arguments.make, arguments.sigma_z)
+        return
+    if len(arguments.volumes) != 2:
+        parser.error("wanted two volumes")
+    if not all(importlib.util.find_spec(name) for name in ("numpy", "openpiv")):
+        print("The Python package openpiv is not installed; the comparison is left out.")
+        return
+    dense = [read(path) for path in arguments.volumes]
+    if dense[0].shape != dense[1].shape:
+        sys.exit(f"volumes of {dense[0].shape[::-1]} and {dense[1].shape[::-1]} voxels; wanted two of one grid")
+    window, search = arguments.window, arguments.search
+    step = [max(round(w * (1 - arguments.overlap)), 1) for w in window]
+    reach = [w + 2 * r for w, r in zip(window, search)]
+    box = arguments.box or list(dense[0].shape[::-1])
+    if any(n < r or n > length for n, r, length in zip(box, reach, dense[0].shape[::-1])):
+        sys.exit(f"a box of {box} voxels; wanted one that holds {reach} and is held by {list(dense[0].shape[::-1])}")
+    box = fitted(box, reach, step, arguments.vectors)
+    vectors, seconds = correlate([middle(volume, box) for volume in dense], window, step, search)
+    figures = {"peer": "openpiv", "box": box, "window": window, "step": step, "vectors": len(vectors)}
+    figures |= {"seconds": round(seconds, 3), "vectors_per_s": round(len(vectors) / seconds, 3)}
+    print(json.dumps(figures | score(vectors, arguments.shift)))
+
+
+if __name__ == "__main__":
+    main()
