@@ -1,44 +1,66 @@
-//! How fast is a pass over volumes of the demo's kind: blobs in a haze, and blobs alone?
+//! How fast is a pass over volumes of particles?
 
 #[path = "../tests/scene/mod.rs"]
 mod scene;
 
 use divan::{Bencher, counter::ItemsCount};
-use lf_xcorr::{Options, Pass, correlate, windows};
+use lf_xcorr::{Deform, Options, Pass, Route, correlate, windows};
 
 fn main() {
     divan::main();
 }
 
-/// Vectors per second of one fine pass, for windows of a side in voxels.
+/// Vectors per second of one pass, for windows of a side in voxels.
 #[divan::bench(args = [16, 24, 32], sample_count = 5)]
-fn fine_pass(bencher: Bencher, side: usize) {
-    measure(bencher, Pass { window: [side; 3], overlap: 0.75, search: Options::REFINE }, 8.0, 0.75);
+fn window(bencher: Bencher, side: usize) {
+    measure(bencher, pass(side, 0.75, Options::REFINE), 8.0, 0.75, Route::Direct, Deform::Never);
 }
 
 /// The same with particles long along z.
 #[divan::bench(args = [16, 24, 32], sample_count = 5)]
 fn long_particles(bencher: Bencher, side: usize) {
-    measure(bencher, Pass { window: [side; 3], overlap: 0.75, search: Options::REFINE }, 8.0, 4.0);
+    measure(bencher, pass(side, 0.75, Options::REFINE), 8.0, 4.0, Route::Direct, Deform::Never);
 }
 
 /// Growth with density, particles in 32^3 voxels.
 #[divan::bench(args = [2, 8, 32, 128], sample_count = 5)]
 fn density(bencher: Bencher, particles: usize) {
-    measure(bencher, Pass { window: [32; 3], overlap: 0.75, search: Options::REFINE }, particles as f64, 0.75);
+    measure(bencher, pass(32, 0.75, Options::REFINE), particles as f64, 0.75, Route::Direct, Deform::Never);
 }
 
 /// Growth with the search radius.
 #[divan::bench(args = [2, 4, 8], sample_count = 5)]
 fn search(bencher: Bencher, radius: usize) {
-    measure(bencher, Pass { window: [32; 3], overlap: 0.75, search: [radius; 3] }, 8.0, 0.75);
+    measure(bencher, pass(32, 0.75, [radius; 3]), 8.0, 0.75, Route::Direct, Deform::Never);
 }
 
-fn measure(bencher: Bencher, pass: Pass, particles: f64, sigma_z_vox: f64) {
+/// Repeats on deformed volumes.
+#[divan::bench(sample_count = 5)]
+fn deformed(bencher: Bencher) {
+    measure(bencher, pass(32, 0.75, Options::REFINE), 8.0, 0.75, Route::Direct, Deform::Auto);
+}
+
+/// Products voxel by voxel against transforms, by particles in 32^3 voxels; windows apart, a search of half a window.
+#[divan::bench(args = [2, 8, 32, 128], sample_count = 3)]
+fn apart_direct(bencher: Bencher, particles: usize) {
+    measure(bencher, pass(32, 0.0, [16; 3]), particles as f64, 0.75, Route::Direct, Deform::Never);
+}
+
+/// As `apart_direct`.
+#[divan::bench(args = [2, 8, 32, 128], sample_count = 3)]
+fn apart_transforms(bencher: Bencher, particles: usize) {
+    measure(bencher, pass(32, 0.0, [16; 3]), particles as f64, 0.75, Route::Transform, Deform::Never);
+}
+
+fn pass(side: usize, overlap: f64, search: [usize; 3]) -> Pass {
+    Pass { window: [side; 3], overlap, search }
+}
+
+fn measure(bencher: Bencher, pass: Pass, particles: f64, sigma_z_vox: f64, route: Route, deform: Deform) {
     let grid = scene::grid([128; 3]);
     let density = particles / 32f64.powi(3);
     let [a, b] = scene::pair(&grid, density, [0.75, 0.75, sigma_z_vox], 1, |_| [0.3, -0.6, 0.7]);
-    let options = Options { passes: vec![pass], floor: Options::FLOOR, median_test: Default::default() };
+    let options = Options { route, deform, ..Options::of(vec![pass]) };
     let count = windows(grid.shape, &options);
     bencher.counter(ItemsCount::new(count)).bench(|| correlate(&a.sparse(), &b.sparse(), &options));
 }

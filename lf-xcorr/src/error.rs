@@ -3,12 +3,14 @@
 /// Which of the inputs a refusal is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// The first volume.
-    First,
-    /// The second volume.
-    Second,
-    /// The two volumes together.
+    /// The first volume of a pair, counted from 0.
+    First(usize),
+    /// The second volume of a pair.
+    Second(usize),
+    /// The volumes together.
     Both,
+    /// The mask.
+    Mask,
     /// The options, whatever the volumes hold.
     Options,
 }

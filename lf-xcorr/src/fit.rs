@@ -8,14 +8,25 @@
 /// still this share of the peak: particles long along z have a broad peak whose neighbours differ by less than the noise.
 const BROAD: f64 = 0.6;
 
-/// Place and height of the peak at the whole shift `at` of a box of `n` shifts; `at` is not on the box's edge.
+/// A fitted peak.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Fit {
+    /// Place of the top from the whole shift, voxels.
+    pub offset: [f64; 3],
+    /// Score at the top.
+    pub height: f64,
+    /// Covariance of the Gaussian, voxels squared; infinite on the diagonal where three points show no peak.
+    pub covariance: [[f64; 3]; 3],
+}
+
+/// The peak at the whole shift `at` of a box of `n` shifts; `at` is not on the box's edge.
 ///
 /// A least-squares quadratic through the logarithms, weighted by the square of the score (the error of a logarithm is the
 /// error of the score over the score). The offset is within one voxel of `at` on each axis. Where the neighbours do not
 /// form a peak the fit falls back to three points per axis.
 ///
 /// Promise: a score that is the same at +d and -d gives an offset of exactly zero.
-pub(crate) fn gaussian(score: &[f64], n: [usize; 3], at: [usize; 3]) -> ([f64; 3], f64) {
+pub(crate) fn gaussian(score: &[f64], n: [usize; 3], at: [usize; 3]) -> Fit {
     let get = |d: [i32; 3]| {
         let inside = (0..3).all(|a| at[a] as i32 + d[a] >= 0 && at[a] as i32 + d[a] < n[a] as i32);
         let [x, y, z] = std::array::from_fn(|a| (at[a] as i32 + d[a]) as usize);
@@ -27,8 +38,8 @@ pub(crate) fn gaussian(score: &[f64], n: [usize; 3], at: [usize; 3]) -> ([f64; 3
         if off(-2).min(off(2)) > BROAD * top { 2 } else { 1 }
     });
     let quadratic = normal_equations(get, top, reach).and_then(solve).and_then(vertex);
-    let (offset, gain) = quadratic.unwrap_or_else(|| per_axis(get, top));
-    (offset, top * gain.exp())
+    let (offset, gain, covariance) = quadratic.unwrap_or_else(|| per_axis(get, top));
+    Fit { offset, height: top * gain.exp(), covariance }
 }
 
 /// Terms of the quadratic: those that keep their sign under d -> -d, then those that change it.
@@ -93,8 +104,11 @@ fn solve((mut matrix, mut right): Normal) -> Option<[f64; TERMS]> {
     Some(right)
 }
 
-/// Where the quadratic is highest, and how much higher than at the whole shift; `None` where it has no top within a voxel.
-fn vertex(c: [f64; TERMS]) -> Option<([f64; 3], f64)> {
+/// Where the peak's top is, the logarithm of its height over the score at the whole shift, and its covariance.
+type Top = ([f64; 3], f64, [[f64; 3]; 3]);
+
+/// The top of the quadratic; `None` where it has none within a voxel.
+fn vertex(c: [f64; TERMS]) -> Option<Top> {
     // Minus the Hessian must be positive definite: its leading minors are.
     let [xx, yy, zz] = [1, 2, 3].map(|i| -2.0 * c[i]);
     let [xy, xz, yz] = [4, 5, 6].map(|i| -c[i]);
@@ -105,18 +119,17 @@ fn vertex(c: [f64; TERMS]) -> Option<([f64; 3], f64)> {
     if !(xx > 0.0 && minor > 0.0 && determinant > 0.0) {
         return None;
     }
-    let offset = [
-        (cx * x + cy * y + cz * z) / determinant,
-        (cy * x + (xx * zz - xz * xz) * y + (xy * xz - xx * yz) * z) / determinant,
-        (cz * x + (xy * xz - xx * yz) * y + minor * z) / determinant,
-    ];
+    let covariance = [[cx, cy, cz], [cy, xx * zz - xz * xz, xy * xz - xx * yz], [cz, xy * xz - xx * yz, minor]]
+        .map(|row| row.map(|cofactor| cofactor / determinant));
+    let offset = covariance.map(|row| row[0] * x + row[1] * y + row[2] * z);
     let gain = 0.5 * (offset[0] * x + offset[1] * y + offset[2] * z);
-    offset.iter().all(|o| o.abs() <= 1.0).then_some((offset, gain))
+    offset.iter().all(|o| o.abs() <= 1.0).then_some((offset, gain, covariance))
 }
 
 /// Three points per axis: a Gaussian where they are all positive, else a parabola.
-fn per_axis(get: impl Fn([i32; 3]) -> f64, top: f64) -> ([f64; 3], f64) {
-    let mut gain = 0.0;
+fn per_axis(get: impl Fn([i32; 3]) -> f64, top: f64) -> Top {
+    let (mut gain, mut covariance) = (0.0, [[0.0; 3]; 3]);
+    (0..3).for_each(|axis| covariance[axis][axis] = f64::INFINITY);
     let offset = std::array::from_fn(|axis| {
         let off = |d: i32| get(std::array::from_fn(|a| if a == axis { d } else { 0 })) / top;
         let gaussian = off(-1) > 0.0 && off(1) > 0.0;
@@ -127,9 +140,10 @@ fn per_axis(get: impl Fn([i32; 3]) -> f64, top: f64) -> ([f64; 3], f64) {
         }
         let offset = (before - after) / (2.0 * curve);
         gain += 0.25 * (after - before) * offset;
+        covariance[axis][axis] = -curve.recip();
         offset
     });
-    (offset, gain)
+    (offset, gain, covariance)
 }
 
 #[cfg(test)]
@@ -151,16 +165,22 @@ mod tests {
         let long = |d: [f64; 3]| (d[0] * d[0] + d[1] * d[1]) / 1.1 + d[2] * d[2] / 32.0;
         let tilted = |d: [f64; 3]| (d[0] * d[0] + d[1] * d[1]) / 1.1 + d[2] * d[2] / 4.0 + 0.3 * d[0] * d[2];
         for score in [peak(offset, round), peak(offset, long), peak(offset, tilted)] {
-            let (found, height) = gaussian(&score, N, [3; 3]);
-            (0..3).for_each(|a| assert!((found[a] - offset[a]).abs() < 1e-9, "{found:?}"));
-            assert!((height - 1.0).abs() < 1e-9, "{height}");
+            let found = gaussian(&score, N, [3; 3]);
+            (0..3).for_each(|a| assert!((found.offset[a] - offset[a]).abs() < 1e-9, "{found:?}"));
+            assert!((found.height - 1.0).abs() < 1e-9, "{found:?}");
+        }
+        // By hand: the inverse of 1 / 1.1, 0.15 and 0.25 in x and z.
+        let covariance = gaussian(&peak(offset, tilted), N, [3; 3]).covariance;
+        let determinant = 0.25 / 1.1 - 0.15 * 0.15;
+        for (i, j, wanted) in [(0, 0, 0.25 / determinant), (0, 2, -0.15 / determinant), (1, 1, 1.1), (0, 1, 0.0)] {
+            assert!((covariance[i][j] - wanted).abs() < 1e-8, "{covariance:?}");
         }
     }
 
     #[test]
     fn a_symmetric_peak_stays_exactly_where_it_is() {
         let rough = |d: [f64; 3]| d[0] * d[0] + 0.7 * d[1] * d[1] + 0.1 * d[2].abs() + (d[0] * d[1] * 3.0).cos();
-        assert_eq!(gaussian(&peak([0.0; 3], rough), N, [3; 3]).0, [0.0; 3]);
+        assert_eq!(gaussian(&peak([0.0; 3], rough), N, [3; 3]).offset, [0.0; 3]);
     }
 
     #[test]
@@ -168,7 +188,7 @@ mod tests {
         let mut score = vec![0.0; 343];
         score[3 + 7 * (3 + 7 * 3)] = 0.8;
         score[4 + 7 * (3 + 7 * 3)] = 0.4;
-        let (offset, height) = gaussian(&score, N, [3; 3]);
+        let Fit { offset, height, .. } = gaussian(&score, N, [3; 3]);
         // By hand: a parabola through (-1, 0), (0, 1), (1, 1/2) has its top at 1/6.
         assert!((offset[0] - 1.0 / 6.0).abs() < 1e-12 && offset[1] == 0.0 && offset[2] == 0.0, "{offset:?}");
         assert!(height > 0.8);

@@ -17,7 +17,7 @@ pub(crate) struct Scratch {
     lit: Vec<bool>,
 }
 
-/// Writes the products of `cell` for every shift.
+/// Adds the products of `cell` for every shift.
 pub(crate) fn products(
     first: &Rows,
     second: &Rows,
@@ -82,7 +82,6 @@ fn lanes<const L: usize>(
     out: &mut [f64],
     scratch: &mut Scratch,
 ) {
-    out.fill(0.0);
     let shape = first.shape;
     let (start, end): ([i32; 3], [i32; 3]) =
         (cell.each_ref().map(|c| c.start as i32), cell.each_ref().map(|c| c.end as i32));

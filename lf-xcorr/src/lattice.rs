@@ -84,6 +84,15 @@ impl Lattice {
         node[0] + self.axes[0].count() * (node[1] + self.axes[1].count() * node[2])
     }
 
+    /// The voxels of a window.
+    pub fn window(&self, index: usize) -> [Range<usize>; 3] {
+        let node = self.node(index);
+        std::array::from_fn(|a| {
+            let start = self.axes[a].starts[node[a]];
+            start..start + self.axes[a].window
+        })
+    }
+
     /// Node of an index.
     pub fn node(&self, index: usize) -> [usize; 3] {
         let [nx, ny, _] = self.shape();

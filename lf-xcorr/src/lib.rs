@@ -27,30 +27,40 @@
 //! assert_eq!((field.u[0], field.v[0], field.w[0]), (0.2, 0.0, 0.5));
 //! ```
 
-#[cfg_attr(not(test), expect(dead_code, reason = "pass.rs does not choose between the paths yet"))]
 mod cost;
+mod deform;
 mod energy;
 mod error;
 mod fill;
 mod fit;
 mod kernel;
 mod lattice;
+mod level;
+mod mask;
 mod multigrid;
 mod neighbours;
 mod options;
+mod outcome;
 mod overlap;
+mod overlay;
 mod pass;
 mod peak;
 pub mod plot;
-mod running;
+mod predictor;
+mod response;
+mod run;
 mod score;
 mod shifts;
+mod smooth;
 mod sparse;
-#[cfg_attr(not(test), expect(dead_code, reason = "pass.rs does not choose between the paths yet"))]
 mod transform;
+mod uncertainty;
 mod validation;
 
 pub use error::{Error, Side};
-pub use multigrid::{Outcome, PassReport, correlate, correlate_watched, windows};
-pub use options::{MedianTest, Options, Pass, triple};
+pub use level::Counts;
+pub use mask::Mask;
+pub use multigrid::{correlate, correlate_pairs, windows};
+pub use options::{Deform, MedianTest, Options, Pass, Route, triple};
+pub use outcome::{Outcome, PassReport, Repeat};
 pub use sparse::Sparse;

@@ -9,29 +9,50 @@ use crate::overlap::{Which, voxels};
 use crate::peak::{self, Peak};
 use crate::shifts::{Shifts, Sums, channel};
 use crate::sparse::Rows;
+use crate::transform::{self, Plan};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Finds the peak of every node that has a box of shifts to search; the others get `None`.
+/// How the sums of a window are found.
+pub(crate) enum Path {
+    /// Cell by cell, products of lit voxels.
+    Direct,
+    /// Window by window, by transforms; the boxes of shifts are of the planned size.
+    Transform(Plan),
+}
+
+/// Finds the peak of every node that has a box of shifts to search; the others get `None`. The sums are those of all
+/// `pairs` together.
 pub(crate) fn measure(
-    first: &Rows,
-    second: &Rows,
+    pairs: &[[&Rows; 2]],
     lattice: &Lattice,
     search: &[Option<Shifts>],
+    path: &Path,
     watch: &(dyn Fn(u64) + Sync),
 ) -> Vec<Option<Peak>> {
-    let voxels = lattice.axes.iter().map(|axis| axis.window).product();
-    windows(first, second, lattice, search, |sums| {
+    let voxels = lattice.axes.iter().map(|axis| axis.window).product::<usize>() * pairs.len();
+    let find = |sums: &Sums| {
         let peak = peak::find(sums, voxels);
         watch(1);
         peak
-    })
+    };
+    match path {
+        Path::Direct => windows(pairs, lattice, search, find),
+        Path::Transform(plan) => {
+            let one = |scratch: &mut transform::Scratch, node: usize| {
+                let (shifts, window) = (search[node]?, lattice.window(node));
+                let mut sums = Sums::zero(shifts);
+                pairs.iter().for_each(|[first, second]| sums.add(&plan.sums(first, second, &window, shifts, scratch)));
+                Some(find(&sums))
+            };
+            (0..lattice.count()).into_par_iter().map_init(Default::default, one).collect()
+        }
+    }
 }
 
 /// Calls `each(sums)` for every node that has a box of shifts, and gives the answers in the order of the nodes.
 fn windows<T: Send>(
-    first: &Rows,
-    second: &Rows,
+    pairs: &[[&Rows; 2]],
     lattice: &Lattice,
     search: &[Option<Shifts>],
     each: impl Fn(&Sums) -> T + Sync,
@@ -45,7 +66,7 @@ fn windows<T: Send>(
         // Let go of the layers of cells behind this layer of windows, and sum the new ones.
         cells[..z.spans[k].start].iter_mut().for_each(|layer| *layer = Vec::new());
         for layer in ready.max(z.spans[k].start)..z.spans[k].end {
-            cells[layer] = cell_layer(first, second, lattice, search, layer);
+            cells[layer] = cell_layer(pairs, lattice, search, layer);
         }
         ready = ready.max(z.spans[k].end);
 
@@ -74,13 +95,7 @@ fn windows<T: Send>(
 }
 
 /// The sums of every cell of one layer.
-fn cell_layer(
-    first: &Rows,
-    second: &Rows,
-    lattice: &Lattice,
-    search: &[Option<Shifts>],
-    layer: usize,
-) -> Vec<Option<Sums>> {
+fn cell_layer(pairs: &[[&Rows; 2]], lattice: &Lattice, search: &[Option<Shifts>], layer: usize) -> Vec<Option<Sums>> {
     let [x, y, z] = &lattice.axes;
     let count = x.cells.len() * y.cells.len();
     let one = |scratch: &mut (kernel::Scratch, energy::Scratch), place: usize| {
@@ -92,15 +107,22 @@ fn cell_layer(
         });
         let shifts = Shifts::hull_of(nodes.filter_map(|node| search[lattice.index(node)]))?;
         let cell = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
-        let mut sums = Sums::zero(shifts);
-        kernel::products(first, second, &cell, &shifts, sums.channel_mut(channel::PRODUCT), &mut scratch.0);
-        for (which, rows, channel) in [(Which::First, first, channel::FIRST), (Which::Second, second, channel::SECOND)]
-        {
-            let ranges = voxels(which, &cell, first.shape, &shifts);
-            let (sum, squares) = sums.pair_mut(channel);
-            energy::sums(rows, &ranges, sum, squares, &mut scratch.1);
+        let mut sums: Option<Sums> = None;
+        for [first, second] in pairs {
+            let mut of_pair = Sums::zero(shifts);
+            kernel::products(first, second, &cell, &shifts, of_pair.channel_mut(channel::PRODUCT), &mut scratch.0);
+            let volumes = [(Which::First, first, channel::FIRST), (Which::Second, second, channel::SECOND)];
+            for (which, rows, channel) in volumes {
+                let ranges = voxels(which, &cell, first.shape, &shifts);
+                let (sum, squares) = of_pair.pair_mut(channel);
+                energy::sums(rows, &ranges, sum, squares, &mut scratch.1);
+            }
+            match &mut sums {
+                Some(sums) => sums.add(&of_pair),
+                None => sums = Some(of_pair),
+            }
         }
-        Some(sums)
+        sums
     };
     (0..count).into_par_iter().map_init(Default::default, one).collect()
 }
@@ -122,8 +144,6 @@ mod tests {
     use super::*;
     use crate::options::Pass;
     use crate::shifts::{back, on};
-    use crate::sparse::Sparse;
-    use lf_core::grid::Grid;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
@@ -154,13 +174,6 @@ mod tests {
             }
         }
         sums
-    }
-
-    fn rows(dense: &[f32], shape: [usize; 3]) -> Rows {
-        let grid = Grid { shape, spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-        let indices: Vec<u64> = (0..dense.len() as u64).filter(|&i| dense[i as usize] > 0.0).collect();
-        let intensity: Vec<f32> = indices.iter().map(|&i| dense[i as usize]).collect();
-        Rows::new(&Sparse { grid: &grid, indices: &indices, intensity: &intensity }, 0.0)
     }
 
     #[test]
@@ -204,14 +217,12 @@ mod tests {
                         .then(|| Shifts::around([0; 3].map(|_| random.random_range(-3..4)), radius))
                 })
                 .collect();
-            let window = |node: [usize; 3]| -> [Range<usize>; 3] {
-                std::array::from_fn(|a| lattice.axes[a].starts[node[a]]..lattice.axes[a].starts[node[a]] + window[a])
-            };
-            let found = windows(&rows(&a, shape), &rows(&b, shape), &lattice, &search, Sums::clone);
+            let (a_rows, b_rows) = (Rows::of_dense(shape, &a), Rows::of_dense(shape, &b));
+            let found = windows(&[[&a_rows, &b_rows]], &lattice, &search, Sums::clone);
             for (node, sums) in found.iter().enumerate() {
                 assert_eq!(sums.as_ref().map(|sums| sums.shifts), search[node]);
                 let Some(sums) = sums else { continue };
-                let wanted = oracle([&a, &b], shape, &window(lattice.node(node)), sums.shifts);
+                let wanted = oracle([&a, &b], shape, &lattice.window(node), sums.shifts);
                 for c in 0..channel::COUNT {
                     for (k, (found, wanted)) in sums.channel(c).iter().zip(wanted.channel(c)).enumerate() {
                         assert!(

@@ -1,6 +1,6 @@
 //! From the sums of a window to its displacement.
 
-use crate::fit;
+use crate::fit::{self, Fit};
 use crate::score::normalised;
 use crate::shifts::{Shifts, Sums, channel};
 
@@ -24,12 +24,14 @@ pub(crate) struct Reading {
     pub height: f64,
     /// First to second peak, at most [`RATIO_LIMIT`].
     pub ratio: f64,
+    /// Covariance of the peak, taken as a Gaussian, voxels squared.
+    pub covariance_vox2: [[f64; 3]; 3],
 }
 
 /// Constant: the ratio where no second peak rises above a thousandth of the first; it keeps the ratio finite everywhere.
 pub(crate) const RATIO_LIMIT: f64 = 1e3;
 
-/// Finds the peak in the sums of a window of `voxels` voxels.
+/// Finds the peak in the sums of a window of `voxels` voxels, those of every pair counted.
 pub(crate) fn find(sums: &Sums, voxels: usize) -> Peak {
     let lit = |channel: usize| sums.channel(channel).iter().any(|&sum| sum > 0.0);
     if !(lit(channel::FIRST) && lit(channel::SECOND)) {
@@ -42,11 +44,11 @@ pub(crate) fn find(sums: &Sums, voxels: usize) -> Peak {
     if score[best] <= 0.0 || (0..3).any(|axis| at[axis] == 0 || at[axis] + 1 == shifts.n[axis]) {
         return Peak::Outside;
     }
-    let (offset, height) = fit::gaussian(&score, shifts.n, at);
+    let Fit { offset, height, covariance } = fit::gaussian(&score, shifts.n, at);
     let second = second(&score, &shifts, best);
     let ratio = if second * RATIO_LIMIT > score[best] { score[best] / second } else { RATIO_LIMIT };
     let shift_vox = std::array::from_fn(|axis| (shifts.low[axis] + at[axis] as i32) as f64 + offset[axis]);
-    Peak::Inside(Reading { shift_vox, height: height.clamp(0.0, 1.0), ratio })
+    Peak::Inside(Reading { shift_vox, height: height.clamp(0.0, 1.0), ratio, covariance_vox2: covariance })
 }
 
 /// The score of the second peak: the highest shift, `best` apart, that none of its 26 neighbours exceeds. The flank of a

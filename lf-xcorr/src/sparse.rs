@@ -1,8 +1,10 @@
 //! The lit voxels of a volume, sorted into rows along x.
 
 use crate::error::{Error, Side};
+use crate::mask::Mask;
 use lf_core::grid::Grid;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A sparse volume as a caller holds it: one intensity per linear index, indices strictly rising.
 #[derive(Debug, Clone, Copy)]
@@ -16,8 +18,8 @@ pub struct Sparse<'a> {
 }
 
 impl Sparse<'_> {
-    /// Checks that the volume can be correlated; `side` is what a refusal is about.
-    pub(crate) fn check(&self, side: Side) -> Result<(), Error> {
+    /// Checks that the volume can be correlated inside `mask`; `side` is what a refusal is about.
+    pub(crate) fn check(&self, mask: &Mask, side: Side) -> Result<(), Error> {
         assert_eq!(self.indices.len(), self.intensity.len(), "one intensity per index");
         let ordered = self.indices.windows(2).all(|pair| pair[0] < pair[1]);
         assert!(ordered && self.indices.last().is_none_or(|&last| last < self.grid.len()), "indices rise in the grid");
@@ -31,6 +33,11 @@ impl Sparse<'_> {
         if self.peak() == 0.0 {
             let found = format!("{} voxels, none of them lit", self.indices.len());
             return Err(Error::new(side, found, "wanted a volume with light in it"));
+        }
+        let mut lit = self.indices.iter().zip(self.intensity).filter(|(_, value)| **value > 0.0);
+        if !lit.any(|(&index, _)| mask.holds(index, self.grid.voxel(index))) {
+            let found = format!("{} voxels, none of them lit inside the mask", self.indices.len());
+            return Err(Error::new(side, found, "wanted light inside the mask"));
         }
         Ok(())
     }
@@ -51,15 +58,19 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// The voxels of `volume` of at least `floor` times its peak.
-    pub fn new(volume: &Sparse, floor: f32) -> Self {
-        let shape = volume.grid.shape;
+    /// The voxels of `volume` inside `mask` of at least `floor` times its peak, counted from the mask's corner.
+    pub fn new(volume: &Sparse, mask: &Mask, floor: f32) -> Self {
+        let grid = volume.grid;
+        let sides = mask.sides(grid.shape);
+        let shape = sides.each_ref().map(Range::len);
         let least = (floor * volume.peak()).max(f32::MIN_POSITIVE);
         let mut rows = Self::with_capacity(shape, volume.indices.len());
-        for (&index, &value) in volume.indices.iter().zip(volume.intensity) {
-            if value >= least {
-                rows.open_row((index / shape[0] as u64) as usize);
-                rows.x.push((index % shape[0] as u64) as u32);
+        for (&index, &value) in volume.indices.iter().zip(volume.intensity).filter(|(_, value)| **value >= least) {
+            let voxel = grid.voxel(index);
+            if mask.holds(index, voxel) {
+                let [x, y, z]: [usize; 3] = std::array::from_fn(|a| voxel[a] - sides[a].start);
+                rows.open_row(y + shape[1] * z);
+                rows.x.push(x as u32);
                 rows.value.push(value);
             }
         }
@@ -82,6 +93,11 @@ impl Rows {
     /// Number of lit voxels.
     pub fn count(&self) -> usize {
         self.x.len()
+    }
+
+    /// The brightest voxel; 0 where all is dark.
+    pub fn peak(&self) -> f32 {
+        self.value.iter().fold(0.0, |peak, &value| value.max(peak))
     }
 
     /// The lit voxels of row (y, z) with x in `from .. to`.
@@ -115,13 +131,29 @@ impl Rows {
                 lit.map(|(x, &value)| (x as u32, value as f32)).collect()
             })
             .collect();
-        let mut rows = Self::with_capacity(shape, lines.iter().map(Vec::len).sum());
-        for (row, line) in lines.iter().enumerate() {
+        Self::from_lines(shape, lines.iter().map(Vec::as_slice))
+    }
+
+    /// The lit voxels of a dense volume, x fastest.
+    #[cfg(test)]
+    pub fn of_dense(shape: [usize; 3], dense: &[f32]) -> Self {
+        let lit = |line: &[f32]| -> Vec<(u32, f32)> {
+            let lit = line.iter().enumerate().filter(|(_, value)| **value > 0.0);
+            lit.map(|(x, &value)| (x as u32, value)).collect()
+        };
+        let lines: Vec<_> = dense.chunks(shape[0]).map(lit).collect();
+        Self::from_lines(shape, lines.iter().map(Vec::as_slice))
+    }
+
+    /// Rows from the lit voxels of each, in order.
+    pub fn from_lines<'a>(shape: [usize; 3], lines: impl Iterator<Item = &'a [(u32, f32)]> + Clone) -> Self {
+        let mut rows = Self::with_capacity(shape, lines.clone().map(<[_]>::len).sum());
+        for (row, line) in lines.enumerate() {
             rows.open_row(row);
             rows.x.extend(line.iter().map(|lit| lit.0));
             rows.value.extend(line.iter().map(|lit| lit.1));
         }
-        rows.open_row(lines.len());
+        rows.open_row(shape[1] * shape[2]);
         rows
     }
 }

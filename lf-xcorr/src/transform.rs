@@ -11,7 +11,7 @@
 //! 1e-12 of the energies. The transforms are one-dimensional, pass by pass: lines known to be dark on the way in, and
 //! lines nobody reads on the way out, are left out.
 
-use crate::running;
+use crate::energy;
 use crate::shifts::{Shifts, Sums, back, channel};
 use crate::sparse::Rows;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -50,7 +50,7 @@ pub(crate) struct Scratch {
     real: Vec<f64>,
     /// What the transforms work in.
     work: Vec<Complex<f64>>,
-    energy: running::Scratch,
+    energy: energy::Scratch,
 }
 
 impl Plan {
@@ -101,7 +101,7 @@ impl Plan {
         for (rows, channel, of_second) in [(first, channel::FIRST, false), (second, channel::SECOND, true)] {
             let (sum, squares) = sums.pair_mut(channel);
             let ranges = [0, 1, 2].map(|axis| paired(axis, of_second));
-            running::sums(rows, &ranges, sum, squares, &mut scratch.energy);
+            energy::sums(rows, &ranges, sum, squares, &mut scratch.energy);
         }
 
         // Transform both along x and y, and correlate if both hold light.

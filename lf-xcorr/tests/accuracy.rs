@@ -18,7 +18,7 @@ fn error(field: &Field, truth: impl Fn([f64; 3]) -> [f64; 3]) -> [[f64; 2]; 3] {
 }
 
 fn report(name: &str, outcome: &Outcome, error: [[f64; 2]; 3], seconds: f64) {
-    let last = outcome.passes.last().unwrap();
+    let last = outcome.passes.last().unwrap().counts();
     println!(
         "{name}: bias {:+.4} {:+.4} {:+.4} RMS {:.4} {:.4} {:.4} voxel; {} vectors, {} outliers, {} outside, {} recovered, {} replaced; {seconds:.2} s",
         error[0][0],
@@ -51,7 +51,7 @@ fn round_particles_are_measured_without_bias() {
     let (error, outcome) = uniform("round", [0.75; 3]);
     error.iter().for_each(|[bias, rms]| assert!(bias.abs() < 0.005 && *rms < 0.02, "{error:?}"));
     assert_eq!(outcome.field.len(), 13 * 13 * 13);
-    assert_eq!(outcome.passes[1].replaced + outcome.passes[1].no_data, 0);
+    assert_eq!(outcome.passes[1].counts().replaced + outcome.passes[1].counts().no_data, 0);
 }
 
 // Scar: normalised by the energy of one window, these read 0.1 voxel short in w.
@@ -60,7 +60,7 @@ fn particles_long_along_z_do_not_read_short() {
     let (error, outcome) = uniform("long", [0.75, 0.75, 4.0]);
     error[..2].iter().for_each(|[bias, rms]| assert!(bias.abs() < 0.005 && *rms < 0.02, "{error:?}"));
     assert!(error[2][0].abs() < 0.01 && error[2][1] < 0.06, "{error:?}");
-    assert_eq!(outcome.passes[1].replaced + outcome.passes[1].no_data, 0);
+    assert_eq!(outcome.passes[1].counts().replaced + outcome.passes[1].counts().no_data, 0);
 }
 
 /// Both windows move, so a rotation is not read as a contraction: the radial part stays small.

@@ -1,22 +1,16 @@
 use super::*;
 use crate::options::Pass;
-use crate::pass;
-use crate::peak;
+use crate::pass::{Path, measure};
 use crate::shifts::Shifts;
-use crate::sparse::Sparse;
-use crate::transform::Scratch;
-use lf_core::grid::Grid;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use std::ops::Range;
 
 /// A volume with a share `lit` of its voxels lit at random.
 fn volume(seed: u64, shape: [usize; 3], lit: f64) -> Rows {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let grid = Grid { shape, spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-    let indices: Vec<u64> = (0..grid.len()).filter(|_| random.random::<f64>() < lit).collect();
-    let intensity: Vec<f32> = indices.iter().map(|_| random.random::<f32>() + 0.1).collect();
-    Rows::new(&Sparse { grid: &grid, indices: &indices, intensity: &intensity }, 0.0)
+    let mut voxel = || if random.random::<f64>() < lit { random.random::<f32>() + 0.1 } else { 0.0 };
+    let dense: Vec<f32> = (0..shape.iter().product()).map(|_| voxel()).collect();
+    Rows::of_dense(shape, &dense)
 }
 
 #[test]
@@ -38,10 +32,13 @@ fn sparse_light_is_multiplied_and_a_full_volume_transformed() {
 #[test]
 fn light_is_counted_by_hand() {
     // Windows of 4 voxels, 2 apart, in 8 x 4 x 2 voxels: cells of 2 x 4 x 2. Three voxels in one row, one in another.
-    let grid = Grid { shape: [8, 4, 2], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-    let indices = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 3, 1]].map(|voxel| grid.index(voxel));
-    let rows = Rows::new(&Sparse { grid: &grid, indices: &indices, intensity: &[1.0; 4] }, 0.0);
-    let lattice = Lattice::new(grid.shape, &Pass { window: [4, 4, 2], overlap: 0.5, search: [1; 3] });
+    let shape = [8, 4, 2];
+    let mut dense = [0.0; 64];
+    for [x, y, z] in [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 3, 1]] {
+        dense[x + 8 * (y + 4 * z)] = 1.0;
+    }
+    let rows = Rows::of_dense(shape, &dense);
+    let lattice = Lattice::new(shape, &Pass { window: [4, 4, 2], overlap: 0.5, search: [1; 3] });
     let light = Light::count(&rows, &lattice);
     assert_eq!(light.voxels, [3, 1, 0, 0]);
     assert_eq!(light.rows, [2, 1, 0, 0]);
@@ -70,6 +67,7 @@ fn table() {
                 let pass = Pass { window: [window; 3], overlap, search: [radius; 3] };
                 let lattice = Lattice::new(shape, &pass);
                 let search = vec![Some(Shifts::around([0; 3], pass.search)); lattice.count()];
+                let search_n = pass.search.map(|radius| 2 * radius + 1);
                 let cost = estimate(&a, &b, &lattice, pass.search);
                 let work = Work::count(&a, &b, &lattice, pass.search);
                 let run = |path: usize| {
@@ -77,10 +75,11 @@ fn table() {
                         // The clock ticks every few milliseconds.
                         let (start_s, mut runs) = (busy_s(), 0);
                         while runs == 0 || busy_s() - start_s < 0.1 {
-                            match path {
-                                0 => drop(std::hint::black_box(pass::measure(&a, &b, &lattice, &search, &|_| ()))),
-                                _ => by_transforms(&a, &b, &lattice, pass.search),
-                            }
+                            let path = match path {
+                                0 => Path::Direct,
+                                _ => Path::Transform(Plan::new(pass.window, search_n)),
+                            };
+                            std::hint::black_box(measure(&[[&a, &b]], &lattice, &search, &path, &|_| ()));
                             runs += 1;
                         }
                         (busy_s() - start_s) / runs as f64
@@ -110,20 +109,4 @@ fn table() {
 fn busy_s() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("a Linux machine");
     text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).expect("nanoseconds come first") * 1e-9
-}
-
-/// A pass by transforms, window after window.
-fn by_transforms(a: &Rows, b: &Rows, lattice: &Lattice, radius: [usize; 3]) {
-    let shifts = Shifts::around([0; 3], radius);
-    let plan = Plan::new([0, 1, 2].map(|axis| lattice.axes[axis].window), shifts.n);
-    let mut scratch = Scratch::default();
-    let voxels = lattice.axes.iter().map(|axis| axis.window).product();
-    for node in 0..lattice.count() {
-        let node = lattice.node(node);
-        let window: [Range<usize>; 3] = std::array::from_fn(|axis| {
-            let start = lattice.axes[axis].starts[node[axis]];
-            start..start + lattice.axes[axis].window
-        });
-        std::hint::black_box(peak::find(&plan.sums(a, b, &window, shifts, &mut scratch), voxels));
-    }
 }

@@ -1,6 +1,4 @@
 use super::*;
-use crate::sparse::Sparse;
-use lf_core::grid::Grid;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -32,13 +30,6 @@ fn oracle(dense: [&[f32]; 2], shape: [usize; 3], window: &[Range<usize>; 3], shi
         }
     }
     sums
-}
-
-fn rows(dense: &[f32], shape: [usize; 3]) -> Rows {
-    let grid = Grid { shape, spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-    let indices: Vec<u64> = (0..dense.len() as u64).filter(|&i| dense[i as usize] > 0.0).collect();
-    let intensity: Vec<f32> = indices.iter().map(|&i| dense[i as usize]).collect();
-    Rows::new(&Sparse { grid: &grid, indices: &indices, intensity: &intensity }, 0.0)
 }
 
 /// A volume with a share `lit` of its voxels lit.
@@ -94,7 +85,8 @@ fn transforms_give_the_oracles_sums() {
                 random.random_range(-6..5) - if trial < 4 { n_shifts[axis] as i32 / 2 } else { 0 }
             });
             let shifts = Shifts { low, n: n_shifts };
-            let found = plan.sums(&rows(&a, shape), &rows(&b, shape), &window, shifts, &mut scratch);
+            let found =
+                plan.sums(&Rows::of_dense(shape, &a), &Rows::of_dense(shape, &b), &window, shifts, &mut scratch);
             let wanted = oracle([&a, &b], shape, &window, shifts);
             for c in 0..channel::COUNT {
                 let largest = wanted.channel(c).iter().fold(0.0, |largest: f64, &sum| largest.max(sum));
@@ -118,7 +110,7 @@ fn dark_stays_dark() {
     b.iter_mut().enumerate().filter(|(i, _)| i % shape[0] >= 20).for_each(|(_, value)| *value = 0.0);
     let shifts = Shifts::around([0; 3], [4, 4, 4]);
     let window = [20..36, 4..20, 4..20];
-    let (a, b) = (rows(&a, shape), rows(&b, shape));
+    let (a, b) = (Rows::of_dense(shape, &a), Rows::of_dense(shape, &b));
     let plan = Plan::new([16; 3], shifts.n);
     let sums = plan.sums(&a, &b, &window, shifts, &mut Scratch::default());
     for (k, &product) in sums.channel(channel::PRODUCT).iter().enumerate() {
@@ -126,7 +118,8 @@ fn dark_stays_dark() {
         assert_eq!(product > 0.0, meets, "shift {k}: {product}");
     }
     // Without any light in the second, or in the first, nothing is left at all.
-    for (a, b) in [(&a, &rows(&[0.0; 40 * 24 * 24], shape)), (&rows(&[0.0; 40 * 24 * 24], shape), &b)] {
+    let dark = Rows::of_dense(shape, &[0.0; 40 * 24 * 24]);
+    for (a, b) in [(&a, &dark), (&dark, &b)] {
         let sums = plan.sums(a, b, &window, shifts, &mut Scratch::default());
         assert!(sums.channel(channel::PRODUCT).iter().all(|&product| product == 0.0));
     }
@@ -138,7 +131,7 @@ fn at_the_centre_of_the_box_the_pairs_are_the_direct_paths() {
     let shape = [30, 22, 14];
     let mut random = Pcg64Mcg::seed_from_u64(8);
     let (a, b) = (volume(&mut random, shape, 0.2), volume(&mut random, shape, 0.2));
-    let (a, b) = (rows(&a, shape), rows(&b, shape));
+    let (a, b) = (Rows::of_dense(shape, &a), Rows::of_dense(shape, &b));
     let window = [8..20, 0..12, 2..14];
     for centre in [[0, 0, 0], [3, -3, 1], [-5, 4, -2]] {
         let shifts = Shifts::around(centre, [2, 1, 3]);

@@ -1,0 +1,248 @@
+//! Both volumes moved half way towards each other along a predicted field, so that equal particles lie on each other.
+//!
+//! Convention: the field is a displacement at midpoints. Light at `a` of the first volume goes to the `m` with
+//! `m = a + d(m) / 2`, light at `b` of the second to the `m` with `m = b - d(m) / 2`. What is masked, or stands for a place
+//! outside the volume, is cut off at the midpoints, from both alike: what is cut in one only pulls the peak.
+//!
+//! Departure: the usual way asks, for every voxel moved to, what light lies where it comes from, and interpolates. Here each
+//! lit voxel is sent off and spread over the 6 x 6 x 6 voxels around its target with the quintic B-spline. That costs 216
+//! additions per lit voxel and none per dark one, loses no light, keeps it positive, and moves the first five moments of
+//! every particle image exactly (the spline repeats polynomials up to the fifth degree). What is left attracts the peak of
+//! particles of 0.75 voxel by less than 0.001 voxel; with the cubic spline it is 0.007, with straight lines 0.06. Particle
+//! images become wider: a variance of 1/2 voxel^2 is added along each axis.
+
+use crate::mask::Mask;
+use crate::predictor::Predictor;
+use crate::sparse::Rows;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// What the spline adds to the variance of a particle image along each axis, voxels squared.
+pub(crate) const SPLINE_VARIANCE_VOX2: f64 = 0.5;
+
+/// Voxels that a spline reaches along an axis.
+const REACH: usize = 6;
+
+/// Of these, those before the voxel that holds the place.
+const BEFORE: usize = 2;
+
+/// The two volumes of a pair at the midpoints of `field`, those inside `mask`. Voxels below `least` of either are left out.
+pub(crate) fn matched(pair: [&Rows; 2], field: &Predictor, mask: &Mask, least: [f32; 2]) -> [Rows; 2] {
+    let counts = |place: [usize; 3]| counts(place, field, mask, pair[0].shape);
+    [moved(pair[0], field, 0.5, least[0], &counts), moved(pair[1], field, -0.5, least[1], &counts)]
+}
+
+/// Whether the light at a midpoint counts: it is not masked, and both places that it stands for are inside the volume, by a
+/// margin for the light that the spline would have brought from beyond.
+fn counts(place: [usize; 3], field: &Predictor, mask: &Mask, shape: [usize; 3]) -> bool {
+    // Constant: most of what the spline spreads comes from within 1.5 voxels; where nothing moves nothing is missing.
+    const MARGIN_VOX: f64 = 1.5;
+    let middle = place.map(|place| place as f64);
+    let shift = field.at(middle);
+    let inside = |a: usize| {
+        let reach = 0.5 * shift[a].abs() + shift[a].abs().min(MARGIN_VOX);
+        middle[a] - reach >= -0.5 && middle[a] + reach <= shape[a] as f64 - 0.5
+    };
+    (0..3).all(inside) && mask.holds_voxel(place, shape)
+}
+
+/// The light of `rows` at the midpoints: `share` 0.5 for a first volume, -0.5 for a second.
+fn moved(rows: &Rows, field: &Predictor, share: f64, least: f32, counts: &(dyn Fn([usize; 3]) -> bool + Sync)) -> Rows {
+    let shape = rows.shape;
+    let planes: Vec<Plane> = (0..shape[2]).into_par_iter().map(|z| Plane::new(rows, z, field, share)).collect();
+    let lines: Vec<Vec<Vec<(u32, f32)>>> = (0..shape[2])
+        .into_par_iter()
+        .map_init(
+            || vec![0f32; shape[0] * shape[1]],
+            |dense, z| {
+                planes.iter().for_each(|plane| plane.spread(z, shape, dense));
+                let line = |(y, line)| harvest(line, least, |x| counts([x, y, z]));
+                dense.chunks_mut(shape[0]).enumerate().map(line).collect()
+            },
+        )
+        .collect();
+    Rows::from_lines(shape, lines.iter().flatten().map(Vec::as_slice))
+}
+
+/// Takes the lit voxels that count out of a line and leaves it dark.
+fn harvest(line: &mut [f32], least: f32, counts: impl Fn(usize) -> bool) -> Vec<(u32, f32)> {
+    let lit = line.iter().enumerate().filter(|(x, value)| **value > 0.0 && **value >= least && counts(*x));
+    let lit = lit.map(|(x, &value)| (x as u32, value)).collect();
+    line.fill(0.0);
+    lit
+}
+
+/// The targets of one plane of lit voxels.
+struct Plane {
+    /// Target along x, y, z, voxels, and intensity.
+    light: Vec<([f32; 3], f32)>,
+    /// Planes that it reaches.
+    reach: Range<usize>,
+}
+
+impl Plane {
+    fn new(rows: &Rows, z: usize, field: &Predictor, share: f64) -> Self {
+        let shape = rows.shape;
+        let mut light = Vec::new();
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for y in 0..shape[1] {
+            let (places, values) = rows.run(y, z, 0, shape[0] as i32);
+            for (&x, &value) in places.iter().zip(values) {
+                let place = [x as f64, y as f64, z as f64];
+                let target = midpoint(place, field, share).map(|place| place as f32);
+                (low, high) = (low.min(target[2]), high.max(target[2]));
+                light.push((target, value));
+            }
+        }
+        let reach = if light.is_empty() {
+            0..0
+        } else {
+            let from = (low.floor() as i64 - BEFORE as i64).max(0) as usize;
+            from..((high.floor() as i64 + (REACH - BEFORE) as i64).clamp(0, shape[2] as i64) as usize).max(from)
+        };
+        Self { light, reach }
+    }
+
+    /// Adds the light that reaches plane `z`.
+    fn spread(&self, z: usize, shape: [usize; 3], dense: &mut [f32]) {
+        if !self.reach.contains(&z) {
+            return;
+        }
+        for &(target, value) in &self.light {
+            let base = target.map(|place| place.floor());
+            let first = base.map(|place| place as i64 - BEFORE as i64);
+            let k = z as i64 - first[2];
+            if !(0..REACH as i64).contains(&k) {
+                continue;
+            }
+            let value = value * spline(target[2] - base[2])[k as usize];
+            let [along_x, along_y] = [0, 1].map(|axis| spline(target[axis] - base[axis]));
+            for (j, weight) in along_y.iter().enumerate() {
+                let y = first[1] + j as i64;
+                if !(0..shape[1] as i64).contains(&y) {
+                    continue;
+                }
+                let line = &mut dense[y as usize * shape[0]..][..shape[0]];
+                let value = value * weight;
+                let from = first[0];
+                if from >= 0 && from + REACH as i64 <= shape[0] as i64 {
+                    let line = &mut line[from as usize..][..REACH];
+                    (0..REACH).for_each(|i| line[i] += value * along_x[i]);
+                } else {
+                    for (i, weight) in along_x.iter().enumerate() {
+                        if let Some(to) = usize::try_from(from + i as i64).ok().and_then(|x| line.get_mut(x)) {
+                            *to += value * weight;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Where light at `place` stands half way.
+fn midpoint(place: [f64; 3], field: &Predictor, share: f64) -> [f64; 3] {
+    // The field is asked at the midpoint, which is what is sought. Each round divides the error by 2 / gradient.
+    const ROUNDS: usize = 8;
+    const CLOSE_VOX: f64 = 1e-4;
+    let mut shift = field.at(place);
+    for _ in 0..ROUNDS {
+        let better = field.at(std::array::from_fn(|a| place[a] + share * shift[a]));
+        let change = (0..3).fold(0f64, |change, a| change.max((better[a] - shift[a]).abs()));
+        shift = better;
+        if change < CLOSE_VOX {
+            break;
+        }
+    }
+    std::array::from_fn(|a| place[a] + share * shift[a])
+}
+
+/// The quintic B-spline's weights of the voxels -2 to 3 about a place `t` beyond voxel 0.
+fn spline(t: f32) -> [f32; REACH] {
+    let rest = 1.0 - t;
+    let [fifth, rest_fifth] = [t, rest].map(|t| t * t * t * t * t);
+    [
+        rest_fifth,
+        26.0 + t * (-50.0 + t * (20.0 + t * (20.0 + t * (-20.0 + 5.0 * t)))),
+        66.0 + t * t * (-60.0 + t * t * (30.0 - 10.0 * t)),
+        26.0 + t * (50.0 + t * (20.0 + t * (-20.0 + t * (-20.0 + 10.0 * t)))),
+        1.0 + t * (5.0 + t * (10.0 + t * (10.0 + t * (5.0 - 5.0 * t)))),
+        fifth,
+    ]
+    .map(|weight| weight / 120.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::Sparse;
+    use lf_core::grid::Grid;
+
+    #[test]
+    fn the_spline_repeats_polynomials_to_the_fifth_degree() {
+        for t in [0.0f32, 0.1, 0.5, 0.73, 0.999] {
+            let moment = |power: i32| -> f64 {
+                let places = spline(t).into_iter().zip(-2..);
+                places.map(|(weight, voxel)| weight as f64 * (voxel as f64 - t as f64).powi(power)).sum()
+            };
+            // By hand: the moments of the sum of six uniform variables of variance 1/12.
+            for (power, wanted) in [(0, 1.0), (1, 0.0), (2, 0.5), (3, 0.0), (4, 0.7), (5, 0.0)] {
+                assert!((moment(power) - wanted).abs() < 1e-5, "{power} at {t}: {}", moment(power));
+            }
+        }
+    }
+
+    /// The oracle: every lit voxel to its target, by the definition, with a field that is solved by hand.
+    #[test]
+    fn a_shear_moves_centres_of_mass_half_way_and_keeps_their_light() {
+        let shape = [40, 30, 20];
+        let grid = Grid { shape, spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
+        // u = 0.2 (y - 10), w = 0.1 (x - 20) at the nodes of a coarse lattice, linear between them.
+        let nodes = (0..8).map(|k| {
+            let [x, y] = [(k % 2) as f64 * 39.0, (k / 2 % 2) as f64 * 29.0];
+            Some([0.2 * (y - 10.0), 0.0, 0.1 * (x - 20.0)])
+        });
+        let field = Predictor::new([2, 2, 2], [0.0; 3], [39.0, 29.0, 19.0], nodes.collect(), [0.0; 3]).unwrap();
+        for (share, place) in [(0.5, [12usize, 17, 9]), (-0.5, [25, 6, 11])] {
+            let rows = Rows::new(
+                &Sparse { grid: &grid, indices: &[grid.index(place)], intensity: &[3.0] },
+                &Mask::Everything,
+                0.0,
+            );
+            let moved = moved(&rows, &field, share, 0.0, &|_| true);
+            let (mut light, mut centre) = (0.0, [0.0; 3]);
+            for row in 0..shape[1] * shape[2] {
+                let (places, values) = moved.run(row % shape[1], row / shape[1], 0, shape[0] as i32);
+                for (&x, &value) in places.iter().zip(values) {
+                    light += value as f64;
+                    let voxel = [x as usize, row % shape[1], row / shape[1]];
+                    (0..3).for_each(|a| centre[a] += value as f64 * voxel[a] as f64);
+                }
+            }
+            let [x, y, z] = place.map(|p| p as f64);
+            // Half way: y stays, x' = x + share u(y), z' = z + share w(x').
+            let across = x + share * 0.2 * (y - 10.0);
+            let wanted = [across, y, z + share * 0.1 * (across - 20.0)];
+            assert!((light - 3.0).abs() < 1e-5, "{light}");
+            (0..3).for_each(|a| assert!((centre[a] / light - wanted[a]).abs() < 1e-3, "{centre:?} {wanted:?}"));
+        }
+    }
+
+    /// By hand: 4 voxels on, the places 8 and above of the first volume have no partner, nor have those of the second below 4.
+    /// In the middle that is below 2 and above 7; and a margin of 1.5.
+    #[test]
+    fn what_has_no_partner_is_cut_from_both_alike() {
+        let shape = [12, 3, 3];
+        let nodes = vec![Some([4.0, 0.0, 0.0]); 8];
+        let field = Predictor::new([2, 2, 2], [0.0; 3], [11.0, 2.0, 2.0], nodes, [0.0; 3]).unwrap();
+        let even = Rows::of_dense(shape, &[1.0; 108]);
+        let support: Vec<u64> = (0..108).filter(|i| i % 12 != 5).collect();
+        for (mask, wanted) in
+            [(Mask::Everything, vec![3, 4, 5, 6, 7, 8]), (Mask::Support(&support), vec![3, 4, 6, 7, 8])]
+        {
+            let [first, second] = matched([&even, &even], &field, &mask, [0.0; 2]);
+            assert_eq!(first.run(1, 1, 0, 12).0, wanted);
+            assert_eq!(second.run(1, 1, 0, 12).0, wanted);
+        }
+    }
+}

@@ -1,0 +1,245 @@
+//! What was typed, and what it means for a volume.
+
+use clap::{Parser, ValueEnum};
+use lf_core::cli::{Common, Session, numbers};
+use lf_core::grid::Grid;
+use lf_xcorr::plot::Cut;
+use lf_xcorr::{Deform, Options, Pass, Route, triple};
+use std::ops::Range;
+use std::path::PathBuf;
+
+/// The paper's final window, voxels.
+const WINDOW: [usize; 3] = [160, 160, 16];
+
+/// Two sparse volumes to a velocity field
+///
+/// Correlates the lit voxels of two volumes of one grid in passes, large windows first, and writes a displacement vector in
+/// millimetres for every window: its components, the correlation at its peak, the ratio to the second peak, the standard
+/// uncertainty of each component, the number of particle images and a flag (0 measured, 1 replaced from neighbours, 2 no
+/// data). The last pass is repeated on volumes deformed by what is known until the vectors stand still.
+#[derive(Parser)]
+#[command(name = "lf-xcorr", version)]
+pub struct Arguments {
+    /// First volume (.lfv with a column `intensity`); `-` is standard input
+    pub a: PathBuf,
+    /// Second volume
+    pub b: PathBuf,
+    /// Two more volumes of the same flow; the correlations of all pairs are summed. Can be given again
+    #[arg(long, num_args = 2, value_names = ["A", "B"], action = clap::ArgAction::Append)]
+    pub and: Vec<PathBuf>,
+    /// Where the field goes: .exr, .vti or .csv; `-` is EXR on standard output
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+    /// Time between the volumes, seconds: velocities in .vti, .csv and the picture
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub dt: Option<f64>,
+    /// Correlate a part: a box in mm (x0,x1,y0,y1,z0,z1) that windows lie in, or the voxels of a .lfv of the same grid
+    #[arg(long, value_name = "BOX|FILE.lfv", allow_hyphen_values = true, value_parser = mask)]
+    pub mask: Option<MaskSource>,
+    /// Draw a slice of the field: colours through the plane, arrows in it
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    /// Which slice: the axis it stands across, and where (mm; the nearest layer), as z=0.5 [default: z, its middle]
+    #[arg(long, value_name = "AXIS[=MM]", requires = "plot")]
+    pub slice: Option<Cut>,
+    #[command(flatten)]
+    pub passes: Passes,
+    #[command(flatten)]
+    pub method: Method,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// The windows.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Windows")]
+pub struct Passes {
+    /// Interrogation window of the last pass, voxels [default: 160,160,16, or the volume where it is smaller]
+    #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
+    window: Option<[usize; 3]>,
+    /// Interrogation window of the first pass, voxels [default: twice the window, or the volume where it is smaller]
+    #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
+    initial: Option<[usize; 3]>,
+    /// Share of a window that the next one covers too
+    #[arg(long, value_name = "SHARE", default_value_t = 0.75)]
+    overlap: f64,
+    /// Largest displacement the first pass looks for, voxels [default: an eighth of its window, at least 4]
+    #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
+    search: Option<[usize; 3]>,
+    /// How far later passes look from where the one before points, voxels [default: 4,4,3]
+    #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
+    refine: Option<[usize; 3]>,
+    /// A pass, in place of --initial and --window; given once for each pass, coarse to fine
+    #[arg(long, value_name = "X,Y,Z[:OVERLAP[:X,Y,Z]]", value_parser = typed_pass, conflicts_with_all = ["window", "initial"])]
+    pass: Vec<TypedPass>,
+    /// Passes by name: those of the paper's simulations, or of its experiment
+    #[arg(long, value_enum, conflicts_with_all = ["window", "initial", "pass"])]
+    settings: Option<Settings>,
+}
+
+/// How the correlation is done.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Method")]
+pub struct Method {
+    /// Deform the volumes by what is known of the field: in repeats and where gradients ask for it, always, or never
+    #[arg(long, value_enum, default_value_t = When::Auto)]
+    deform: When,
+    /// How often the last pass is done at most
+    #[arg(long, value_name = "N", default_value_t = Options::REPEATS)]
+    repeats: usize,
+    /// The last pass is repeated until vectors change by less than this, voxels
+    #[arg(long, value_name = "VOXELS", default_value_t = Options::STALL_VOX)]
+    stall: f64,
+    /// Standard deviation of the smoothing of the field that repeats start from, in windows: less follows steeper fields,
+    /// with more noise
+    #[arg(long, value_name = "WINDOWS", default_value_t = Options::SMOOTHING)]
+    smoothing: f64,
+    /// Sum products voxel by voxel, or by Fourier transforms; auto takes what should be faster (-v tells)
+    #[arg(long, value_enum, default_value_t = By::Auto)]
+    route: By,
+    /// Take voxels below this share of their volume's brightest as dark
+    #[arg(long, value_name = "SHARE", default_value_t = Options::FLOOR)]
+    floor: f32,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Settings {
+    /// 320,320,32 then 160,160,16, overlap 0.75
+    Paper,
+    /// 320,320,64 then 160,160,32, overlap 0.75
+    PaperJet,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum When {
+    Auto,
+    Always,
+    Never,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum By {
+    Auto,
+    Direct,
+    Transform,
+}
+
+/// A pass as typed.
+#[derive(Clone, Copy)]
+struct TypedPass {
+    window: [usize; 3],
+    overlap: Option<f64>,
+    search: Option<[usize; 3]>,
+}
+
+/// A mask as typed.
+#[derive(Clone)]
+pub enum MaskSource {
+    /// x0, x1, y0, y1, z0, z1 in mm.
+    Box([f64; 6]),
+    /// A volume whose voxels count.
+    Support(PathBuf),
+}
+
+fn whole_triple(text: &str) -> Result<[usize; 3], String> {
+    let numbers: Option<Vec<usize>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let numbers = numbers.and_then(|numbers| <[usize; 3]>::try_from(numbers).ok());
+    numbers
+        .filter(|numbers| !numbers.contains(&0))
+        .ok_or_else(|| "wanted three whole numbers above 0, like 160,160,16".into())
+}
+
+fn typed_pass(text: &str) -> Result<TypedPass, String> {
+    let mut parts = text.splitn(3, ':');
+    let window = whole_triple(parts.next().unwrap_or_default())?;
+    let overlap = parts.next().map(|part| part.trim().parse()).transpose();
+    let overlap = overlap.map_err(|_| "wanted an overlap after the window, like 160,160,16:0.75")?;
+    Ok(TypedPass { window, overlap, search: parts.next().map(whole_triple).transpose()? })
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.trim().parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds > 0.0);
+    seconds.ok_or_else(|| "wanted seconds, above 0".into())
+}
+
+fn mask(text: &str) -> Result<MaskSource, String> {
+    if text.contains(',') && !text.ends_with(".lfv") {
+        return numbers(text).map(MaskSource::Box).map_err(|wanted| format!("{wanted}, or the name of a .lfv"));
+    }
+    Ok(MaskSource::Support(text.into()))
+}
+
+impl Arguments {
+    /// The options for a volume of `shape`.
+    pub fn options(&self, shape: [usize; 3]) -> Options {
+        let method = &self.method;
+        Options {
+            floor: method.floor,
+            deform: match method.deform {
+                When::Auto => Deform::Auto,
+                When::Always => Deform::Always,
+                When::Never => Deform::Never,
+            },
+            repeats: method.repeats,
+            stall_vox: method.stall,
+            smoothing: method.smoothing,
+            route: match method.route {
+                By::Auto => Route::Auto,
+                By::Direct => Route::Direct,
+                By::Transform => Route::Transform,
+            },
+            ..Options::of(self.passes.meant(shape))
+        }
+    }
+}
+
+impl Passes {
+    fn meant(&self, shape: [usize; 3]) -> Vec<Pass> {
+        let fitted = |wanted: [usize; 3]| [0, 1, 2].map(|axis| wanted[axis].min(shape[axis]));
+        let typed = |window| TypedPass { window, overlap: None, search: None };
+        let named = |windows: [[usize; 3]; 2]| windows.map(typed).to_vec();
+        let passes = match self.settings {
+            Some(Settings::Paper) => named([[320, 320, 32], WINDOW]),
+            Some(Settings::PaperJet) => named([[320, 320, 64], [160, 160, 32]]),
+            None if !self.pass.is_empty() => self.pass.clone(),
+            None => {
+                let window = self.window.unwrap_or(fitted(WINDOW));
+                let initial = self.initial.unwrap_or(fitted(window.map(|n| n.saturating_mul(2))));
+                named([initial, window])
+            }
+        };
+        let full = |(number, pass): (usize, &TypedPass)| {
+            let first = self.search.unwrap_or(fitted(pass.window.map(|n| (n / 8).max(4))));
+            let later = self.refine.unwrap_or(fitted(Options::REFINE));
+            let search = pass.search.unwrap_or(if number == 0 { first } else { later });
+            Pass { window: pass.window, overlap: pass.overlap.unwrap_or(self.overlap), search }
+        };
+        passes.iter().enumerate().map(full).collect()
+    }
+
+    /// Warns of a default window that the volume made smaller.
+    pub fn tell_fitted(&self, shape: [usize; 3], options: &Options, session: &Session) {
+        if self.window.is_some() || self.settings.is_some() || !self.pass.is_empty() {
+            return;
+        }
+        let (first, last) = (options.passes[0].window, options.passes[options.passes.len() - 1].window);
+        let told = |flag: &str, wanted: [usize; 3], used: [usize; 3]| {
+            let [wanted, used, shape] = [wanted, used, shape].map(triple);
+            session.warn(format!("the default --{flag} {wanted} does not fit {shape} voxels; used {used}"));
+        };
+        if last != WINDOW {
+            told("window", WINDOW, last);
+        } else if self.initial.is_none() && first != WINDOW.map(|n| 2 * n) {
+            told("initial", WINDOW.map(|n| 2 * n), first);
+        }
+    }
+}
+
+/// The voxels whose centres lie in a box of x0, x1, y0, y1, z0, z1 mm.
+pub fn voxels_in(box_mm: [f64; 6], grid: &Grid) -> [Range<usize>; 3] {
+    std::array::from_fn(|axis| {
+        let place = |mm: f64| (mm - grid.origin_mm[axis]) / grid.spacing_mm[axis];
+        let clamp = |voxel: f64| voxel.clamp(0.0, grid.shape[axis] as f64) as usize;
+        clamp(place(box_mm[2 * axis]).ceil())..clamp(place(box_mm[2 * axis + 1]).floor() + 1.0)
+    })
+}

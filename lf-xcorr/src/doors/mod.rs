@@ -1,0 +1,4 @@
+//! What the command reads and tells.
+
+pub mod arguments;
+pub mod report;

@@ -1,0 +1,71 @@
+//! What a run tells of itself.
+
+use lf_core::cli::Session;
+use lf_core::field::{MEASURED, NO_DATA, REPLACED};
+use lf_xcorr::{Outcome, PassReport, Repeat, triple};
+
+/// Tells what every pass did, and warns of a field that is mostly made up.
+pub fn tell(outcome: &Outcome, session: &mut Session) {
+    for (number, pass) in outcome.passes.iter().enumerate() {
+        session.explain(pass_line(number + 1, pass));
+        for (again, repeat) in pass.repeats.iter().enumerate() {
+            session.explain(repeat_line(number + 1, again + 1, repeat));
+        }
+    }
+    let flags = &outcome.field.flag;
+    let count = |flag: f32| flags.iter().filter(|&&other| other == flag).count();
+    let (measured, replaced) = (count(MEASURED), count(REPLACED));
+    if replaced * 5 > flags.len() - count(NO_DATA) {
+        session.warn(format!("{replaced} vectors replaced against {measured} measured; try larger windows"));
+    }
+    session.count("vectors", flags.len());
+    session.count("measured", measured);
+    session.count("replaced", replaced);
+    session.count("no_data", count(NO_DATA));
+    if let Some(pass) = outcome.passes.last() {
+        session.count("lit_voxels_a", pass.lit[0]);
+        session.count("lit_voxels_b", pass.lit[1]);
+        session.count("repeats", pass.repeats.len());
+    }
+}
+
+fn pass_line(number: usize, pass: &PassReport) -> String {
+    let (bins, unit) = match pass.bin {
+        [1, 1, 1] => (String::new(), "voxels"),
+        bin => (format!(" in bins of {}", triple(bin)), "bins"),
+    };
+    format!(
+        "pass {number}: windows of {} voxels, {} of them {} voxels apart; search to {} voxels{bins}; {} and {} lit {unit}",
+        triple(pass.window),
+        triple(pass.nodes),
+        triple(pass.step),
+        triple(pass.search),
+        pass.lit[0],
+        pass.lit[1]
+    )
+}
+
+fn repeat_line(number: usize, again: usize, repeat: &Repeat) -> String {
+    let counts = repeat.counts;
+    let state = if repeat.deformed {
+        format!("deformed by {:.2} voxel across a window", repeat.change_across_vox)
+    } else {
+        "as they are".to_owned()
+    };
+    let change =
+        if repeat.change_vox.is_nan() { String::new() } else { format!(", changed by {:.4} voxel", repeat.change_vox) };
+    let path = if repeat.transform { "by transforms" } else { "direct" };
+    format!(
+        "pass {number}.{again}: {state}; {path} (estimated {:.3} s direct, {:.3} s by transforms, on one core); correlation {:.3}{change}; {} dark, {} without a peak inside the search, {} outliers; \
+         {} of these by their second peak, {} replaced, {} without data",
+        repeat.direct_s,
+        repeat.transform_s,
+        repeat.correlation,
+        counts.dark,
+        counts.outside,
+        counts.outliers,
+        counts.recovered,
+        counts.replaced,
+        counts.no_data
+    )
+}
