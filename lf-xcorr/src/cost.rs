@@ -26,7 +26,7 @@ pub(crate) fn estimate(first: &Rows, second: &Rows, lattice: &Lattice, search_ra
 
 /// Constant: nanoseconds of a multiplication of the products, a pair of rows, a voxel, a row and shift along x and an
 /// addition of the energies, a shift that one set of sums hands to the next, and what is to be added to the last for each
-/// doubling of the shifts above 512, as the sums leave the caches. Fitted to `tests::table` on one core of a Xeon (Sapphire
+/// doubling of the shifts above 512, as the sums leave the caches. Fitted to `benches/routes.rs` on one core of a Xeon (Sapphire
 /// Rapids, AVX2 code) at 0.1 % to 100 % of light, windows of 16 to 64 and radii of 4 to 16: 0.6 to 1.4 of what was measured.
 /// Where they are wrong the slower path is taken; `transform` says what else the choice changes.
 const DIRECT_NS: [f64; 7] = [0.21, 8.6, 1.0, 44.0, 0.16, 4.8, 1.3];

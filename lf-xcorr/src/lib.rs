@@ -63,4 +63,6 @@ pub use mask::Mask;
 pub use multigrid::{correlate, correlate_pairs, windows};
 pub use options::{Deform, MedianTest, Options, Pass, Route, triple};
 pub use outcome::{Outcome, PassReport, Repeat};
+#[doc(hidden)]
+pub use pass::one_pass;
 pub use sparse::Sparse;

@@ -2,13 +2,17 @@
 //!
 //! Memory: the cells of one layer of windows at a time, never the whole lattice.
 
+use crate::cost::estimate;
 use crate::energy;
 use crate::kernel;
 use crate::lattice::Lattice;
+use crate::mask::Mask;
+use crate::options::Pass;
 use crate::overlap::{Which, voxels};
 use crate::peak::{self, Peak};
+use crate::score::Room;
 use crate::shifts::{Shifts, Sums, channel};
-use crate::sparse::Rows;
+use crate::sparse::{Rows, Sparse};
 use crate::transform::{self, Plan};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -30,32 +34,57 @@ pub(crate) fn measure(
     path: &Path,
     watch: &(dyn Fn(u64) + Sync),
 ) -> Vec<Option<Peak>> {
-    let voxels = lattice.axes.iter().map(|axis| axis.window).product::<usize>() * pairs.len();
-    let find = |sums: &Sums| {
-        let peak = peak::find(sums, voxels);
+    // In a dark volume what is outside counts as dark, so that a shift by whole voxels stays exact. On a ground of light it
+    // would be an edge that both windows share.
+    let shape = pairs[0][0].shape;
+    let full = pairs.iter().flatten().any(|rows| 2 * rows.count() > shape.iter().product());
+    let found = |sums: &Sums, room: Room| {
+        let peak = peak::find(sums, &room);
         watch(1);
         peak
     };
+    let whole = |shifts: &Shifts| {
+        Room::of(std::array::from_fn(|a| vec![lattice.axes[a].window as f64; shifts.n[a]]), pairs.len())
+    };
     match path {
-        Path::Direct => windows(pairs, lattice, search, find),
+        Path::Direct => windows(pairs, lattice, search, |node, sums| {
+            let room = || Room::new(&lattice.window(node), shape, &sums.shifts, pairs.len());
+            found(sums, if full { room() } else { whole(&sums.shifts) })
+        }),
         Path::Transform(plan) => {
             let one = |scratch: &mut transform::Scratch, node: usize| {
                 let (shifts, window) = (search[node]?, lattice.window(node));
                 let mut sums = Sums::zero(shifts);
                 pairs.iter().for_each(|[first, second]| sums.add(&plan.sums(first, second, &window, shifts, scratch)));
-                Some(find(&sums))
+                let room = || plan.room(&window, shape, &shifts, pairs.len());
+                Some(found(&sums, if full { room() } else { whole(&shifts) }))
             };
             (0..lattice.count()).into_par_iter().map_init(Default::default, one).collect()
         }
     }
 }
 
-/// Calls `each(sums)` for every node that has a box of shifts, and gives the answers in the order of the nodes.
+/// One pass about zero, by products or by transforms, for benches: how many peaks it found inside the search, and the
+/// seconds that either path was estimated to take.
+#[doc(hidden)]
+pub fn one_pass(volumes: [&Sparse; 2], pass: &Pass, transform: bool) -> (usize, [f64; 2]) {
+    let rows = volumes.map(|volume| Rows::new(volume, &Mask::Everything, 0.0));
+    let lattice = Lattice::new(rows[0].shape, pass);
+    let shifts = Shifts::around([0; 3], pass.search);
+    let search = vec![Some(shifts); lattice.count()];
+    let path = if transform { Path::Transform(Plan::new(pass.window, shifts.n)) } else { Path::Direct };
+    let peaks = measure(&[rows.each_ref()], &lattice, &search, &path, &|_| ());
+    let cost = estimate(&rows[0], &rows[1], &lattice, pass.search);
+    let inside = peaks.iter().filter(|peak| matches!(peak, Some(Peak::Inside(_)))).count();
+    (inside, [cost.direct_s, cost.transform_s])
+}
+
+/// Calls `each(node, sums)` for every node that has a box of shifts, and gives the answers in the order of the nodes.
 fn windows<T: Send>(
     pairs: &[[&Rows; 2]],
     lattice: &Lattice,
     search: &[Option<Shifts>],
-    each: impl Fn(&Sums) -> T + Sync,
+    each: impl Fn(usize, &Sums) -> T + Sync,
 ) -> Vec<Option<T>> {
     let [nx, ny, nz] = lattice.shape();
     let [x, y, z] = &lattice.axes;
@@ -88,7 +117,7 @@ fn windows<T: Send>(
         answers.extend(gather(nx, ny, |i, j| {
             let parts = x.spans[i].clone().map(|cx| &rows[cx + x.cells.len() * j]);
             let sums = total(boxes(i..i + 1, j..j + 1), parts)?;
-            Some(each(&sums))
+            Some(each(lattice.index([i, j, k]), &sums))
         }));
     }
     answers
@@ -142,7 +171,6 @@ fn total<'a>(shifts: Option<Shifts>, parts: impl Iterator<Item = &'a Option<Sums
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::Pass;
     use crate::shifts::{back, on};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
@@ -218,7 +246,7 @@ mod tests {
                 })
                 .collect();
             let (a_rows, b_rows) = (Rows::of_dense(shape, &a), Rows::of_dense(shape, &b));
-            let found = windows(&[[&a_rows, &b_rows]], &lattice, &search, Sums::clone);
+            let found = windows(&[[&a_rows, &b_rows]], &lattice, &search, |_, sums| sums.clone());
             for (node, sums) in found.iter().enumerate() {
                 assert_eq!(sums.as_ref().map(|sums| sums.shifts), search[node]);
                 let Some(sums) = sums else { continue };

@@ -1,7 +1,7 @@
 //! From the sums of a window to its displacement.
 
 use crate::fit::{self, Fit};
-use crate::score::normalised;
+use crate::score::{Room, normalised};
 use crate::shifts::{Shifts, Sums, channel};
 
 /// What a window measured.
@@ -31,14 +31,14 @@ pub(crate) struct Reading {
 /// Constant: the ratio where no second peak rises above a thousandth of the first; it keeps the ratio finite everywhere.
 pub(crate) const RATIO_LIMIT: f64 = 1e3;
 
-/// Finds the peak in the sums of a window of `voxels` voxels, those of every pair counted.
-pub(crate) fn find(sums: &Sums, voxels: usize) -> Peak {
+/// Finds the peak in the sums of a window.
+pub(crate) fn find(sums: &Sums, room: &Room) -> Peak {
     let lit = |channel: usize| sums.channel(channel).iter().any(|&sum| sum > 0.0);
     if !(lit(channel::FIRST) && lit(channel::SECOND)) {
         return Peak::Dark;
     }
     let shifts = sums.shifts;
-    let score = normalised(sums, voxels as f64);
+    let score = normalised(sums, room);
     let best = (1..score.len()).fold(0, |best, k| if score[k] > score[best] { k } else { best });
     let at = [best % shifts.n[0], best / shifts.n[0] % shifts.n[1], best / shifts.n[0] / shifts.n[1]];
     if score[best] <= 0.0 || (0..3).any(|axis| at[axis] == 0 || at[axis] + 1 == shifts.n[axis]) {

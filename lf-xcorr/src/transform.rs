@@ -12,6 +12,7 @@
 //! lines nobody reads on the way out, are left out.
 
 use crate::energy;
+use crate::score::Room;
 use crate::shifts::{Shifts, Sums, back, channel};
 use crate::sparse::Rows;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -86,14 +87,12 @@ impl Plan {
         assert_eq!(window.each_ref().map(Range::len), self.window, "a window of the planned size");
         assert_eq!(shifts.n, self.n_shifts, "as many shifts as planned");
         let mut sums = Sums::zero(shifts);
-        let from = [0, 1, 2].map(|a| window[a].start as i32 - back((shifts.low[a] + shifts.high(a)).div_euclid(2)));
+        let from = self.from(window, &shifts);
 
         // Sum each volume over the voxels that every shift pairs.
         let paired = |axis: usize, of_second: bool| -> Vec<Range<i32>> {
-            let length = first.shape[axis] as i32;
             let pairs = |d: i32| {
-                let start = from[axis].max(0).max(-d);
-                let end = (from[axis] + self.window[axis] as i32).min(length).min(length - d).max(start);
+                let Range { start, end } = self.paired(from[axis], axis, first.shape[axis], d);
                 if of_second { start + d..end + d } else { start..end }
             };
             shifts.along(axis).map(pairs).collect()
@@ -113,6 +112,28 @@ impl Plan {
             self.correlate(least, sums.channel_mut(channel::PRODUCT), scratch);
         }
         sums
+    }
+
+    /// How many voxels each shift pairs, in `pairs` pairs of volumes of `shape`.
+    pub fn room(&self, window: &[Range<usize>; 3], shape: [usize; 3], shifts: &Shifts, pairs: usize) -> Room {
+        let from = self.from(window, shifts);
+        let along = |axis: usize| {
+            let room = |d: i32| self.paired(from[axis], axis, shape[axis], d).len() as f64;
+            shifts.along(axis).map(room).collect()
+        };
+        Room::of(std::array::from_fn(along), pairs)
+    }
+
+    /// First voxel of the first volume's window.
+    fn from(&self, window: &[Range<usize>; 3], shifts: &Shifts) -> [i32; 3] {
+        [0, 1, 2].map(|a| window[a].start as i32 - back((shifts.low[a] + shifts.high(a)).div_euclid(2)))
+    }
+
+    /// The voxels of the first volume along an axis that the shift `d` pairs, of a window that starts at `from`.
+    fn paired(&self, from: i32, axis: usize, length: usize, d: i32) -> Range<i32> {
+        let length = length as i32;
+        let start = from.max(0).max(-d);
+        start..(from + self.window[axis] as i32).min(length).min(length - d).max(start)
     }
 
     /// Multiplications and additions of one window's transforms, where a share `lit_rows` of the rows of the two volumes

@@ -1,0 +1,107 @@
+//! Far from the usual: gains, sizes of particle images, densities, displacements, shapes.
+
+mod scene;
+
+use lf_core::field::{Field, MEASURED};
+use lf_xcorr::{Options, Pass, Route, correlate};
+use scene::Volume;
+
+const SHIFT: [f64; 3] = [1.3, -0.4, 0.6];
+
+/// Bias and root mean square error over u, v, w, voxels, of vectors with a particle image in their window; and their share.
+fn error(field: &Field) -> [f64; 3] {
+    let measured: Vec<usize> =
+        (0..field.len()).filter(|&i| field.flag[i] == MEASURED && field.count[i] > 0.0).collect();
+    let components = [&field.u, &field.v, &field.w];
+    let mut worst = [0f64; 2];
+    for (values, shift) in components.iter().zip(SHIFT) {
+        let errors = measured.iter().map(|&i| values[i] as f64 - shift);
+        let (sum, squares) = errors.fold((0.0, 0.0), |(sum, squares), e| (sum + e, squares + e * e));
+        worst[0] = worst[0].max((sum / measured.len() as f64).abs());
+        worst[1] = worst[1].max((squares / measured.len() as f64).sqrt());
+    }
+    [worst[0], worst[1], measured.len() as f64 / field.len() as f64]
+}
+
+fn options() -> Options {
+    Options::coarse_to_fine([48; 3], [32; 3], 0.75, [6; 3], [3; 3])
+}
+
+fn cloud(density: f64, sigma_vox: f64) -> [Volume; 2] {
+    scene::pair(&scene::grid([64; 3]), density / 32f64.powi(3), [sigma_vox; 3], 1, |_| SHIFT)
+}
+
+fn field(a: &Volume, b: &Volume) -> Field {
+    correlate(&a.sparse(), &b.sparse(), &options()).unwrap().field
+}
+
+/// Scar: products of f32 squares would under- and overflow here.
+#[test]
+fn any_gain_gives_the_same_field() {
+    let [a, b] = cloud(10.0, 0.8);
+    let usual = field(&a, &b);
+    for [gain_a, gain_b] in [[1e-30f32, 1e-30], [1e30, 1e30], [1e-30, 1e30]] {
+        let scaled = |volume: &Volume, gain: f32| Volume {
+            grid: volume.grid.clone(),
+            indices: volume.indices.clone(),
+            intensity: volume.intensity.iter().map(|value| value * gain).collect(),
+        };
+        let found = field(&scaled(&a, gain_a), &scaled(&b, gain_b));
+        for i in 0..found.len() {
+            assert_eq!(found.flag[i], usual.flag[i]);
+            assert!((found.u[i] - usual.u[i]).abs() < 1e-4, "{} {}", found.u[i], usual.u[i]);
+            let same = (found.su[i] - usual.su[i]).abs() < 1e-3 * usual.su[i] || usual.su[i].is_nan();
+            assert!(same, "{} {}", found.su[i], usual.su[i]);
+        }
+    }
+}
+
+#[test]
+fn small_and_large_particle_images_are_measured() {
+    for (sigma_vox, bias, rms) in [(0.3, 0.1, 0.15), (0.5, 0.015, 0.03), (1.5, 0.002, 0.004), (4.0, 0.005, 0.012)] {
+        let [a, b] = cloud(10.0, sigma_vox);
+        let found = error(&field(&a, &b));
+        assert!(found[0] < bias && found[1] < rms && found[2] > 0.95, "{sigma_vox}: {found:?}");
+    }
+}
+
+#[test]
+fn one_particle_and_thousands_in_a_window_are_measured() {
+    for (density, bias, rms, measured) in
+        [(1.0, 0.08, 0.12, 0.6), (300.0, 0.0015, 0.002, 0.99), (3000.0, 0.003, 0.006, 0.99)]
+    {
+        let [a, b] = cloud(density, 0.8);
+        let found = error(&field(&a, &b));
+        assert!(found[0] < bias && found[1] < rms && found[2] > measured, "{density}: {found:?}");
+    }
+}
+
+/// Light everywhere, a third of a particle's peak: the ground is no particle and hardly pulls.
+#[test]
+fn an_even_ground_changes_little() {
+    let [a, b] = cloud(10.0, 0.8);
+    let grounded = |volume: &Volume| {
+        let mut dense = vec![0.3f32; volume.grid.len() as usize];
+        volume.indices.iter().zip(&volume.intensity).for_each(|(&i, value)| dense[i as usize] += value);
+        Volume::from_dense(&volume.grid, &dense)
+    };
+    for route in [Route::Direct, Route::Transform] {
+        let options = Options { route, ..options() };
+        let (a, b) = (grounded(&a), grounded(&b));
+        let found = error(&correlate(&a.sparse(), &b.sparse(), &options).unwrap().field);
+        assert!(found[0] < 0.025 && found[1] < 0.04 && found[2] > 0.95, "{route:?}: {found:?}");
+    }
+}
+
+/// More than half a window, found by a search as wide.
+#[test]
+fn displacements_beyond_half_a_window_are_found() {
+    let shift = [19.3, 0.0, -2.4];
+    let [a, b] = scene::pair(&scene::grid([96, 48, 48]), 10.0 / 32f64.powi(3), [0.8; 3], 3, |_| shift);
+    let pass = |window: usize, search: [usize; 3]| Pass { window: [window; 3], overlap: 0.5, search };
+    let options = Options::of(vec![pass(32, [24, 4, 6]), pass(24, [3; 3])]);
+    let field = correlate(&a.sparse(), &b.sparse(), &options).unwrap().field;
+    let good = |i: &usize| (field.u[*i] - 19.3).abs() < 0.1 && (field.w[*i] + 2.4).abs() < 0.1;
+    let count = (0..field.len()).filter(|&i| field.flag[i] == MEASURED).filter(good).count();
+    assert!(count * 10 > field.len() * 8, "{count} of {}", field.len());
+}
