@@ -4,6 +4,7 @@
 //! is within a factor of 2 of what is measured. Departure: every window is taken to be searched about the same shift; the
 //! direct path takes longer where neighbours differ, for a cell is summed over all shifts that its windows ask for.
 
+use crate::kernel::lanes_for;
 use crate::lattice::{Axis, Lattice};
 use crate::sparse::Rows;
 use crate::transform::Plan;
@@ -103,14 +104,9 @@ fn transform(light: &[Light; 2], lattice: &Lattice, radius: [usize; 3]) -> [f64;
     work.map(|steps| steps * lattice.count() as f64)
 }
 
-/// Shifts along x that a vector holds, and vectors that hold `n` of them: the widths of `kernel::products`.
+/// Shifts along x that a vector holds, and vectors that hold `n` of them.
 fn lanes(n: usize) -> [f64; 2] {
-    let lanes = match n {
-        0..=8 => 8,
-        9..=12 => 12,
-        17..=20 => 20,
-        _ => 16,
-    };
+    let lanes = lanes_for(n);
     [lanes as f64, n.div_ceil(lanes) as f64]
 }
 

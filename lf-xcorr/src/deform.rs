@@ -26,28 +26,30 @@ const REACH: usize = 6;
 /// Of these, those before the voxel that holds the place.
 const BEFORE: usize = 2;
 
-/// The two volumes of a pair at the midpoints of `field`, those inside `mask`. Voxels below `least` of either are left out.
-pub(crate) fn matched(pair: [&Rows; 2], field: &Predictor, mask: &Mask, least: [f32; 2]) -> [Rows; 2] {
+/// The two volumes of a pair at the midpoints of `field`, those inside `mask`; what was dark in a volume stays dark.
+pub(crate) fn matched(pair: [&Rows; 2], field: &Predictor, mask: &Mask) -> [Rows; 2] {
     let counts = |place: [usize; 3]| counts(place, field, mask, pair[0].shape);
-    [moved(pair[0], field, 0.5, least[0], &counts), moved(pair[1], field, -0.5, least[1], &counts)]
+    [moved(pair[0], field, 0.5, &counts), moved(pair[1], field, -0.5, &counts)]
 }
 
 /// Whether the light at a midpoint counts: it is not masked, and both places that it stands for are inside the volume, by a
 /// margin for the light that the spline would have brought from beyond.
 fn counts(place: [usize; 3], field: &Predictor, mask: &Mask, shape: [usize; 3]) -> bool {
-    // Constant: most of what the spline spreads comes from within 1.5 voxels; where nothing moves nothing is missing.
+    // Constant: most of what the spline spreads comes from within 1.5 voxels; where nothing moves nothing is missing, and of a
+    // thin volume something must stay.
     const MARGIN_VOX: f64 = 1.5;
+    const MARGIN_SHARE: f64 = 0.1;
     let middle = place.map(|place| place as f64);
     let shift = field.at(middle);
     let inside = |a: usize| {
-        let reach = 0.5 * shift[a].abs() + shift[a].abs().min(MARGIN_VOX);
+        let reach = 0.5 * shift[a].abs() + shift[a].abs().min(MARGIN_VOX).min(MARGIN_SHARE * shape[a] as f64);
         middle[a] - reach >= -0.5 && middle[a] + reach <= shape[a] as f64 - 0.5
     };
     (0..3).all(inside) && mask.holds_voxel(place, shape)
 }
 
 /// The light of `rows` at the midpoints: `share` 0.5 for a first volume, -0.5 for a second.
-fn moved(rows: &Rows, field: &Predictor, share: f64, least: f32, counts: &(dyn Fn([usize; 3]) -> bool + Sync)) -> Rows {
+fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]) -> bool + Sync)) -> Rows {
     let shape = rows.shape;
     let planes: Vec<Plane> = (0..shape[2]).into_par_iter().map(|z| Plane::new(rows, z, field, share)).collect();
     let lines: Vec<Vec<Vec<(u32, f32)>>> = (0..shape[2])
@@ -56,7 +58,7 @@ fn moved(rows: &Rows, field: &Predictor, share: f64, least: f32, counts: &(dyn F
             || vec![0f32; shape[0] * shape[1]],
             |dense, z| {
                 planes.iter().for_each(|plane| plane.spread(z, shape, dense));
-                let line = |(y, line)| harvest(line, least, |x| counts([x, y, z]));
+                let line = |(y, line)| harvest(line, rows.least, |x| counts([x, y, z]));
                 dense.chunks_mut(shape[0]).enumerate().map(line).collect()
             },
         )
@@ -202,14 +204,14 @@ mod tests {
             let [x, y] = [(k % 2) as f64 * 39.0, (k / 2 % 2) as f64 * 29.0];
             Some([0.2 * (y - 10.0), 0.0, 0.1 * (x - 20.0)])
         });
-        let field = Predictor::new([2, 2, 2], [0.0; 3], [39.0, 29.0, 19.0], nodes.collect(), [0.0; 3]).unwrap();
+        let field = Predictor::new([2, 2, 2], [0.0; 3], [39.0, 29.0, 19.0], nodes.collect(), [0.0; 3], 0.0).unwrap();
         for (share, place) in [(0.5, [12usize, 17, 9]), (-0.5, [25, 6, 11])] {
             let rows = Rows::new(
                 &Sparse { grid: &grid, indices: &[grid.index(place)], intensity: &[3.0] },
                 &Mask::Everything,
                 0.0,
             );
-            let moved = moved(&rows, &field, share, 0.0, &|_| true);
+            let moved = moved(&rows, &field, share, &|_| true);
             let (mut light, mut centre) = (0.0, [0.0; 3]);
             for row in 0..shape[1] * shape[2] {
                 let (places, values) = moved.run(row % shape[1], row / shape[1], 0, shape[0] as i32);
@@ -228,21 +230,22 @@ mod tests {
         }
     }
 
-    /// By hand: 4 voxels on, the places 8 and above of the first volume have no partner, nor have those of the second below 4.
-    /// In the middle that is below 2 and above 7; and a margin of 1.5.
+    /// By hand: 4 voxels on, the places 11 and above of the first volume have no partner, nor have those of the second below 4.
+    /// In the middle that is below 2 and above 12; and a margin of 1.5.
     #[test]
     fn what_has_no_partner_is_cut_from_both_alike() {
-        let shape = [12, 3, 3];
+        let shape = [15, 3, 3];
         let nodes = vec![Some([4.0, 0.0, 0.0]); 8];
-        let field = Predictor::new([2, 2, 2], [0.0; 3], [11.0, 2.0, 2.0], nodes, [0.0; 3]).unwrap();
-        let even = Rows::of_dense(shape, &[1.0; 108]);
-        let support: Vec<u64> = (0..108).filter(|i| i % 12 != 5).collect();
-        for (mask, wanted) in
-            [(Mask::Everything, vec![3, 4, 5, 6, 7, 8]), (Mask::Support(&support), vec![3, 4, 6, 7, 8])]
-        {
-            let [first, second] = matched([&even, &even], &field, &mask, [0.0; 2]);
-            assert_eq!(first.run(1, 1, 0, 12).0, wanted);
-            assert_eq!(second.run(1, 1, 0, 12).0, wanted);
+        let field = Predictor::new([2, 2, 2], [0.0; 3], [14.0, 2.0, 2.0], nodes, [0.0; 3], 0.0).unwrap();
+        let even = Rows::of_dense(shape, &[1.0; 135]);
+        let support: Vec<u64> = (0..135).filter(|i| i % 15 != 5).collect();
+        for (mask, wanted) in [
+            (Mask::Everything, (3..12).collect::<Vec<u32>>()),
+            (Mask::Support(&support), vec![3, 4, 6, 7, 8, 9, 10, 11]),
+        ] {
+            let [first, second] = matched([&even, &even], &field, &mask);
+            assert_eq!(first.run(1, 1, 0, 15).0, wanted);
+            assert_eq!(second.run(1, 1, 0, 15).0, wanted);
         }
     }
 }

@@ -16,6 +16,13 @@ pub(crate) fn fill(shape: [usize; 3], vectors: &mut [Option<[f64; 3]>], mut hole
     }
 }
 
+/// The vectors with every hole filled; `None` where there is nothing to fill from.
+pub(crate) fn filled(shape: [usize; 3], mut vectors: Vec<Option<[f64; 3]>>) -> Option<Vec<[f64; 3]>> {
+    let holes = (0..vectors.len()).filter(|&node| vectors[node].is_none()).collect();
+    fill(shape, &mut vectors, holes);
+    vectors.into_iter().collect()
+}
+
 /// The plane through the neighbours of a node, by least squares.
 pub(crate) struct Plane {
     /// Its value at the node.

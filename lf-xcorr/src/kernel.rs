@@ -56,11 +56,21 @@ fn portable(
     out: &mut [f64],
     scratch: &mut Scratch,
 ) {
-    match shifts.n[0] {
-        0..=8 => lanes::<8>(first, second, cell, shifts, out, scratch),
-        9..=12 => lanes::<12>(first, second, cell, shifts, out, scratch),
-        17..=20 => lanes::<20>(first, second, cell, shifts, out, scratch),
+    match lanes_for(shifts.n[0]) {
+        8 => lanes::<8>(first, second, cell, shifts, out, scratch),
+        12 => lanes::<12>(first, second, cell, shifts, out, scratch),
+        20 => lanes::<20>(first, second, cell, shifts, out, scratch),
         _ => lanes::<16>(first, second, cell, shifts, out, scratch),
+    }
+}
+
+/// How many of `n` shifts along x are summed at a time.
+pub(crate) fn lanes_for(n: usize) -> usize {
+    match n {
+        0..=8 => 8,
+        9..=12 => 12,
+        17..=20 => 20,
+        _ => 16,
     }
 }
 

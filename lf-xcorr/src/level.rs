@@ -1,13 +1,13 @@
 //! One pass at its resolution: vectors measured, tested, searched again, replaced.
 
 use crate::cost::{Cost, estimate};
-use crate::fill::fill;
+use crate::fill::{fill, filled};
 use crate::lattice::Lattice;
 use crate::options::{MedianTest, Pass, Route};
 use crate::pass::{Path, measure};
 use crate::peak::{Peak, Reading};
 use crate::predictor::Predictor;
-use crate::response::{Noise, unresolved};
+use crate::response::{Noise, noise_ratio, unresolved};
 use crate::shifts::Shifts;
 use crate::sparse::Rows;
 use crate::transform::Plan;
@@ -98,6 +98,8 @@ pub(crate) struct Level<'a> {
     /// Standard deviation of the predictor's smoothing, windows.
     smoothing_windows: f64,
     pairs: Vec<[Cow<'a, Rows>; 2]>,
+    /// Whether most voxels of a volume are lit.
+    full: bool,
 }
 
 impl<'a> Level<'a> {
@@ -110,7 +112,9 @@ impl<'a> Level<'a> {
             })
         });
         let lattice = Lattice::new(shape, &pass);
-        Self { pass, bin, pairs: pairs.collect(), lattice, smoothing_windows }
+        let pairs: Vec<[Cow<Rows>; 2]> = pairs.collect();
+        let full = pairs.iter().flatten().any(|rows| 2 * rows.count() > shape.iter().product());
+        Self { pass, bin, pairs, full, lattice, smoothing_windows }
     }
 
     /// A volume at the resolution of the pass.
@@ -140,11 +144,11 @@ impl<'a> Level<'a> {
             let centre = |a: usize| ((shift_vox[a] - base[node][a]) / self.bin[a] as f64).round() as i32;
             Shifts::around(std::array::from_fn(centre), radius)
         };
-        // Look close where a vector is known, and as far as the pass says elsewhere.
         let usual = if search.known.is_some() { Self::CLOSE } else { self.pass.search };
         let cost = self.cost(trial, usual);
         let transform = match search.route {
-            Route::Auto => cost.transform_s < cost.direct_s,
+            // Products look close where a vector is known.
+            Route::Auto => search.known.is_none() && (cost.transform_s < cost.direct_s || !self.fits(usual)),
             Route::Direct => false,
             Route::Transform => true,
         };
@@ -236,13 +240,22 @@ impl<'a> Level<'a> {
     /// the fit.
     const CLOSE: [usize; 3] = [2, 2, 2];
 
-    /// What the pass would cost on either path, every window searched within `radius`.
+    /// What the pass would cost on either path, every window searched within `radius` by products, and as far as the pass
+    /// says by transforms, which are read off products.
     fn cost(&self, trial: &Trial, radius: [usize; 3]) -> Cost {
-        let costs = trial.pairs.iter().map(|[first, second]| estimate(first, second, &self.lattice, radius));
-        costs.fold(Cost { direct_s: 0.0, transform_s: 0.0 }, |sum, cost| Cost {
-            direct_s: sum.direct_s + cost.direct_s,
-            transform_s: sum.transform_s + cost.transform_s,
-        })
+        let mut sum = Cost { direct_s: 0.0, transform_s: 0.0 };
+        for [first, second] in &trial.pairs {
+            let cost = |radius: [usize; 3]| estimate(first, second, &self.lattice, radius);
+            sum.direct_s += cost(radius).direct_s;
+            sum.transform_s += cost(self.pass.search).transform_s + cost(Self::CLOSE).direct_s;
+        }
+        sum
+    }
+
+    /// Whether the sums of the direct path fit into [`Pass::MOST_BYTES`].
+    fn fits(&self, radius: [usize; 3]) -> bool {
+        let pass = Pass { search: radius, ..self.pass };
+        pass.direct_bytes(&self.lattice, self.pairs.len()) <= Pass::MOST_BYTES
     }
 
     /// The test with the tolerance that the width of the peaks asks for along each axis.
@@ -269,7 +282,7 @@ impl<'a> Level<'a> {
         base: &[[f64; 3]],
         watch: &(dyn Fn(u64) + Sync),
     ) -> Vec<Option<Peak>> {
-        let mut peaks = measure(&trial.pairs, &self.lattice, &search, path, watch);
+        let mut peaks = measure(&trial.pairs, &self.lattice, &search, path, self.full, watch);
         for (peak, base) in peaks.iter_mut().zip(base) {
             if let Some(Peak::Inside(reading)) = peak {
                 let bin = self.bin.map(|bin| bin as f64);
@@ -302,7 +315,8 @@ impl<'a> Level<'a> {
     pub fn predictor(&self, vectors: &[Vector]) -> Option<Predictor> {
         let vectors = vectors.iter().map(Vector::shift_vox).collect();
         let step_vox = self.step_vox().map(|step| step as f64);
-        Predictor::new(self.lattice.shape(), self.centre_vox(0), step_vox, vectors, self.smoothing())
+        let noise_ratio = noise_ratio(&self.lattice, self.smoothing());
+        Predictor::new(self.lattice.shape(), self.centre_vox(0), step_vox, vectors, self.smoothing(), noise_ratio)
     }
 
     /// What noise becomes after the pass was done `times` times.
@@ -310,13 +324,11 @@ impl<'a> Level<'a> {
         Noise::new(&self.lattice, self.smoothing(), times)
     }
 
-    /// What of each vector the windows are too large for, after the pass was done `times` times, voxels; 0 for vectors
-    /// without data.
+    /// What of each vector the windows are too large for, after the pass was done `times` times, voxels. Vectors without
+    /// data count as their neighbours have it.
     pub fn unresolved(&self, vectors: &[Vector], times: usize) -> Vec<[f64; 3]> {
-        let mut filled: Vec<_> = vectors.iter().map(Vector::shift_vox).collect();
-        let holes = (0..filled.len()).filter(|&node| filled[node].is_none()).collect();
-        fill(self.lattice.shape(), &mut filled, holes);
-        let filled: Vec<[f64; 3]> = filled.into_iter().map(Option::unwrap_or_default).collect();
+        let known = vectors.iter().map(Vector::shift_vox).collect();
+        let filled = filled(self.lattice.shape(), known).unwrap_or_else(|| vec![[0.0; 3]; vectors.len()]);
         unresolved(&self.lattice, filled, self.smoothing(), times)
     }
 

@@ -31,6 +31,7 @@ mod cost;
 mod deform;
 mod energy;
 mod error;
+mod evidence;
 mod fill;
 mod fit;
 mod kernel;

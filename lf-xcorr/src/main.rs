@@ -18,6 +18,9 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    if let Some((option, why)) = arguments.idle() {
+        return Err(Error::new(option, format!("changes nothing: {why}"), "wanted it left out"));
+    }
     let inputs: Vec<&Path> = inputs(arguments)?;
     session.keep_apart(&arguments.output, &inputs)?;
     if let Some(plot) = &arguments.plot {
@@ -36,14 +39,10 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         Ok((volumes, support))
     })?;
     let grid = volumes[0].grid();
-    let cut = arguments.slice.unwrap_or_default();
-    let bounds_mm =
-        [-0.5, grid.shape[cut.axis] as f64 - 0.5].map(|i| grid.origin_mm[cut.axis] + i * grid.spacing_mm[cut.axis]);
-    cut.check(bounds_mm, "volume").map_err(|(found, wanted)| Error::new(volumes[0].name(), found, wanted))?;
     let mask = match (&arguments.mask, &support) {
         (Some(MaskSource::Box(box_mm)), _) => Mask::Box(voxels_in(*box_mm, grid)),
         (_, Some(support)) => {
-            if support.grid() != grid {
+            if !support.grid().agrees_with(grid) {
                 let wanted = format!("wanted that of {}, {grid}", volumes[0].name());
                 return Err(Error::new(support.name(), format!("a grid of {}", support.grid()), wanted));
             }
@@ -51,11 +50,18 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         }
         _ => Mask::Everything,
     };
-    let shape = mask.part(grid).map_err(|error| refused(error, &volumes))?.shape;
+    let part = mask.part(grid).map_err(|error| refused(error, &volumes))?;
+    let shape = part.shape;
+    let cut = arguments.slice.unwrap_or_default();
+    let bounds_mm =
+        [-0.5, shape[cut.axis] as f64 - 0.5].map(|i| part.origin_mm[cut.axis] + i * part.spacing_mm[cut.axis]);
+    let what = if let Mask::Box(_) = mask { "mask" } else { "volume" };
+    cut.check(bounds_mm, what).map_err(|(found, wanted)| Error::new(volumes[0].name(), found, wanted))?;
     let options = arguments.options(shape);
     options.check(shape).map_err(|error| refused(error, &volumes))?;
     arguments.passes.tell_fitted(shape, &options, session);
-    let mut outcome = session.phase("correlate", |session| correlate(&volumes, &mask, &options, session))?;
+    let windows = lf_xcorr::windows(shape, &options);
+    let mut outcome = session.phase("correlate", |session| correlate(&volumes, &mask, &options, windows, session))?;
     let histories: Vec<&History> = volumes.iter().chain(&support).map(Volume::history).collect();
     outcome.field.layout.history = session.history(&together(&histories));
     outcome.field.layout.dt_s = arguments.dt;
@@ -90,15 +96,14 @@ fn inputs(arguments: &Arguments) -> Result<Vec<&Path>> {
     Ok(inputs)
 }
 
-fn correlate(volumes: &[Volume], mask: &Mask, options: &Options, session: &Session) -> Result<Outcome> {
+fn correlate(volumes: &[Volume], mask: &Mask, options: &Options, windows: u64, session: &Session) -> Result<Outcome> {
     let sparse = volumes.iter().map(|volume| {
         let intensity = volume.require("intensity")?;
         Ok(Sparse { grid: volume.grid(), indices: volume.indices(), intensity })
     });
     let sparse = sparse.collect::<Result<Vec<Sparse>>>()?;
     let pairs: Vec<[Sparse; 2]> = sparse.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
-    let part = mask.part(pairs[0][0].grid).map_err(|error| refused(error, volumes))?;
-    let progress = session.progress("windows", lf_xcorr::windows(part.shape, options));
+    let progress = session.progress("windows", windows);
     let watch = |windows| progress.add(windows);
     lf_xcorr::correlate_pairs(&pairs, mask, options, &watch).map_err(|error| refused(error, volumes))
 }

@@ -12,7 +12,7 @@ pub enum Mask<'a> {
     Everything,
     /// A box of voxels: windows lie inside it.
     Box([Range<usize>; 3]),
-    /// A set of voxels as strictly rising linear indices, such as a support: light elsewhere is dark.
+    /// A set of voxels as strictly rising linear indices of the grid, such as a support: light elsewhere is dark.
     Support(&'a [u64]),
 }
 

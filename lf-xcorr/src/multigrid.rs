@@ -9,7 +9,7 @@ use crate::options::{Deform, Options, Pass, triple};
 use crate::outcome::{Outcome, PassReport, field};
 use crate::run::Run;
 use crate::sparse::{Rows, Sparse};
-use crate::uncertainty::{Shape, statistics};
+use crate::uncertainty::{OfPass, statistics};
 
 /// Correlates two volumes of one grid.
 ///
@@ -23,7 +23,7 @@ pub fn correlate(first: &Sparse, second: &Sparse, options: &Options) -> Result<O
 }
 
 /// Correlates several pairs of one grid, taken to show the same flow: their correlations are summed before a peak is
-/// sought. Calls `watch(n)` after n more windows; there are [`windows`] of them, and a few searched again.
+/// sought, every volume counting by its sum of squares. Calls `watch(n)` after n more windows, of [`windows`] in all.
 ///
 /// # Errors
 /// As [`correlate`].
@@ -39,7 +39,7 @@ pub fn correlate_pairs(
     let grid = pairs[0][0].grid;
     for (number, pair) in pairs.iter().enumerate() {
         for (volume, side) in pair.iter().zip([Side::First(number), Side::Second(number)]) {
-            if volume.grid != grid {
+            if !volume.grid.agrees_with(grid) {
                 let [wanted, found] = [grid, volume.grid].map(|grid| {
                     format!("{} voxels of {:?} mm at {:?} mm", triple(grid.shape), grid.spacing_mm, grid.origin_mm)
                 });
@@ -56,7 +56,12 @@ pub fn correlate_pairs(
 
     // Light is masked where it is, or once it is moved, where it is then.
     let rows = |mask: &Mask| -> Vec<[Rows; 2]> {
-        pairs.iter().map(|pair| pair.each_ref().map(|volume| Rows::new(volume, mask, options.floor))).collect()
+        let one = |volume: &Sparse| {
+            let rows = Rows::new(volume, mask, options.floor);
+            // Of several pairs none decides by being brighter.
+            if pairs.len() > 1 { rows.of_unit_energy() } else { rows }
+        };
+        pairs.iter().map(|pair| pair.each_ref().map(one)).collect()
     };
     let volumes = rows(&mask.of_light());
     let masked = if let Mask::Support(_) = mask { Some(rows(mask)) } else { None };
@@ -72,9 +77,10 @@ pub fn correlate_pairs(
         if next.is_none() {
             // A peak of volumes that were not deformed is narrower by what the spline adds to both.
             let widened_vox2 = if run.deformed.is_some() { 0.0 } else { 2.0 * SPLINE_VARIANCE_VOX2 };
-            let shape = Shape { widened_vox2, noise: level.noise(run.repeats.len()) };
+            let of_pass = OfPass { widened_vox2, noise: level.noise(run.repeats.len()) };
             let unresolved = level.unresolved(&run.vectors, run.repeats.len());
-            let statistics = statistics(&run.matched(), &level.lattice, &run.vectors, &unresolved, &shape);
+            let light = run.light();
+            let statistics = statistics(&run.matched(), &level.lattice, &run.vectors, &unresolved, &light, &of_pass);
             let field = field(&level, &run.vectors, &statistics, &part);
             return Ok(Outcome { field, passes: reports });
         }
@@ -98,7 +104,8 @@ fn most_repeats(options: &Options, last: bool) -> usize {
     }
 }
 
-/// Windows in all passes over a volume of `shape`, repeats counted: what [`correlate_pairs`] counts up to.
+/// Windows in all passes over a volume of `shape`, repeats counted: what [`correlate_pairs`] counts up to. Expects options
+/// that [`Options::check`] accepts.
 pub fn windows(shape: [usize; 3], options: &Options) -> u64 {
     let count = |(number, pass): (usize, &Pass)| {
         let last = number + 1 == options.passes.len();

@@ -1,6 +1,9 @@
-//! What is meant by a run: the list of passes, the floor and the validation.
+//! What is meant by a run: its passes, when they are deformed and repeated, how products are summed, the validation.
 
 use crate::error::{Error, Side};
+use crate::lattice::Lattice;
+use crate::level::binned;
+use crate::shifts::channel;
 
 /// One pass of the multigrid: interrogation windows of one size on one lattice.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,12 +22,24 @@ impl Pass {
         ((self.window[axis] as f64 * (1.0 - self.overlap)).round() as usize).max(1)
     }
 
+    /// Bytes that the direct path holds for the sums of `pairs` pairs: of the cells of one layer of windows, and of their
+    /// columns and rows.
+    pub(crate) fn direct_bytes(&self, lattice: &Lattice, pairs: usize) -> f64 {
+        let shifts: f64 = self.search.iter().map(|&radius| (2 * radius + 1) as f64).product();
+        let [x, y, z] = &lattice.axes;
+        let layers = z.spans.iter().map(|span| span.len()).max().unwrap_or(0) + 2;
+        (x.cells.len() * y.cells.len() * layers * pairs) as f64 * shifts * (channel::COUNT * size_of::<f64>()) as f64
+    }
+
+    /// Constant: the paper's windows take a fiftieth of it, and a machine that holds its volumes has it.
+    pub(crate) const MOST_BYTES: f64 = 4e9;
+
     /// Voxels binned into one along `axis` so that the search stays within [`Pass::BINNED_SEARCH`] bins.
     pub fn bin(&self, axis: usize) -> usize {
         self.search[axis].div_ceil(Self::BINNED_SEARCH).max(1)
     }
 
-    /// Constant: widest search, in bins, before the first pass bins voxels. The cost of a pass grows with the number of
+    /// Constant: widest search, in bins, before a pass bins voxels, the last one excepted. The cost of a pass grows with the number of
     /// trial shifts, (2 x 8 + 1)^3 at most; a later pass takes back what the bins blur. Larger: slower, more memory.
     pub const BINNED_SEARCH: usize = 8;
 }
@@ -54,12 +69,13 @@ impl Default for MedianTest {
 /// When the volumes are deformed by what is known of the field before they are correlated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Deform {
-    /// In repetitions of the last pass, and before where the displacement changes by more than
-    /// [`Deform::CHANGE_VOX`] across a window.
+    /// In repeats of a pass, and the first time where the displacement changes by more than [`Deform::CHANGE_VOX`] across
+    /// a window.
     Auto,
     /// Wherever something is known.
     Always,
-    /// Never: windows are moved by whole voxels, and no pass is repeated.
+    /// Never: windows are moved by whole voxels, and no pass is repeated. For the uncertainties the volumes are still laid on
+    /// each other.
     Never,
 }
 
@@ -109,6 +125,8 @@ impl Options {
     /// Constant: search of every pass after the first: the first pass is good to about a voxel (or a bin), the fit needs a
     /// voxel beyond the peak, and the rest is room for the gradients a coarse window averages.
     pub const REFINE: [usize; 3] = [4, 4, 3];
+
+    const MOST_REPEATS: usize = 100;
 
     /// Constant: most repetitions of the last pass. Gradients that can be followed are followed in three or four.
     pub const REPEATS: usize = 6;
@@ -160,16 +178,16 @@ impl Options {
         if !(self.median_test.threshold > 0.0 && self.median_test.tolerance_vox.iter().all(|t| *t > 0.0)) {
             return refuse("a median test that nothing passes".into(), "wanted a threshold and tolerances above 0");
         }
-        if self.repeats == 0 {
-            return refuse("0 repeats of the last pass".into(), "wanted at least 1");
+        if !(1..=Self::MOST_REPEATS).contains(&self.repeats) {
+            return refuse(format!("{} repeats of the last pass", self.repeats), "wanted 1 to 100");
         }
         if !(0.0..f64::INFINITY).contains(&self.stall_vox) {
-            return refuse(format!("a stall of {} voxel", self.stall_vox), "wanted 0 or more");
+            return refuse(format!("a stall of {} voxel", self.stall_vox), "wanted a number of 0 or more");
         }
         if !(0.0..=4.0).contains(&self.smoothing) {
             return refuse(format!("a smoothing of {} windows", self.smoothing), "wanted 0 to 4");
         }
-        for pass in &self.passes {
+        for (number, pass) in self.passes.iter().enumerate() {
             if !(0.0..1.0).contains(&pass.overlap) {
                 return refuse(format!("overlap {}", pass.overlap), "wanted 0 to below 1");
             }
@@ -186,6 +204,13 @@ impl Options {
             if (0..3).any(|axis| pass.search[axis] > shape[axis]) {
                 let found = format!("search {} in a volume of {} voxels", triple(pass.search), triple(shape));
                 return refuse(found, "wanted a search radius no larger than the volume");
+            }
+            let (shape, fine, _) = binned(shape, pass, number + 1 < self.passes.len());
+            let bytes = fine.direct_bytes(&Lattice::new(shape, &fine), 1);
+            if self.route == Route::Direct && bytes > Pass::MOST_BYTES {
+                let (search, window) = (triple(pass.search), triple(pass.window));
+                let found = format!("search {search} in windows {window} takes {:.0} GB directly", bytes / 1e9);
+                return refuse(found, "wanted a shorter search, less overlap, a pass before it, or transforms");
             }
         }
         Ok(())

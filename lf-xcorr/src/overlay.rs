@@ -175,3 +175,53 @@ impl Overlay {
         self.start[row] + first..self.start[row] + last
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    /// The oracle: from every voxel to the brightest neighbour, again and again, on dense arrays.
+    #[test]
+    fn voxels_belong_to_the_maximum_they_climb_to() {
+        let shape = [9, 7, 5];
+        let mut random = Pcg64Mcg::seed_from_u64(3);
+        let mut voxel = || if random.random::<f64>() < 0.4 { random.random_range(1..6) as f32 } else { 0.0 };
+        let [a, b]: [Vec<f32>; 2] = [0, 1].map(|_| (0..315).map(|_| voxel()).collect());
+        let overlay = Overlay::new(&[Rows::of_dense(shape, &a), Rows::of_dense(shape, &b)]);
+        let place = |k: usize| [k % 9, k / 9 % 7, k / 63];
+        let light = |k: usize| a[k] + b[k];
+        let up = |k: usize| {
+            let near = |other: &usize| (0..3).all(|axis| place(k)[axis].abs_diff(place(*other)[axis]) <= 1);
+            let brighter = |x: &usize, y: &usize| light(*x).total_cmp(&light(*y)).then(x.cmp(y));
+            (0..315).filter(near).max_by(brighter).unwrap()
+        };
+        let top = |mut k: usize| {
+            while up(k) != k {
+                k = up(k);
+            }
+            k
+        };
+        let lit: Vec<usize> = (0..315).filter(|&k| light(k) > 0.0).collect();
+        assert_eq!(overlay.light.len(), lit.len());
+        for (i, &k) in lit.iter().enumerate() {
+            assert_eq!(overlay.light[i], [a[k], b[k]]);
+            let end = overlay.tops[overlay.particle[i] as usize].0;
+            assert_eq!(lit[end as usize], top(k));
+        }
+
+        // Neighbours, of a box that the volume's sides cut.
+        let mut seen = 0;
+        overlay.visit([&(4..9), &(0..7), &(2..5)], |voxel| {
+            let k = lit.iter().copied().filter(|&k| place(k)[0] >= 4 && place(k)[2] >= 2).nth(seen).unwrap();
+            seen += 1;
+            assert_eq!(voxel.light, [a[k], b[k]]);
+            for (axis, step) in [1, 9, 63].into_iter().enumerate() {
+                let inside = place(k)[axis] + 1 < shape[axis];
+                assert_eq!(voxel.next[axis], if inside { [a[k + step], b[k + step]] } else { [0.0; 2] });
+            }
+        });
+        assert_eq!(seen, lit.iter().filter(|&&k| place(k)[0] >= 4 && place(k)[2] >= 2).count());
+    }
+}

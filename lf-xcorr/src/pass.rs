@@ -25,39 +25,37 @@ pub(crate) enum Path {
     Transform(Plan),
 }
 
-/// Finds the peak of every node that has a box of shifts to search; the others get `None`. The sums are those of all
-/// `pairs` together.
+/// Finds the peak of every node that has a box of shifts to search; the others get `None`. The score is that of all `pairs`
+/// together.
+///
+/// In a dark volume what is outside counts as dark, so that a shift by whole voxels stays exact. In a `full` one, with light
+/// everywhere, that would be an edge that both windows share, and outside does not count.
 pub(crate) fn measure(
     pairs: &[[&Rows; 2]],
     lattice: &Lattice,
     search: &[Option<Shifts>],
     path: &Path,
+    full: bool,
     watch: &(dyn Fn(u64) + Sync),
 ) -> Vec<Option<Peak>> {
-    // In a dark volume what is outside counts as dark, so that a shift by whole voxels stays exact. On a ground of light it
-    // would be an edge that both windows share.
     let shape = pairs[0][0].shape;
-    let full = pairs.iter().flatten().any(|rows| 2 * rows.count() > shape.iter().product());
-    let found = |sums: &Sums, room: Room| {
+    let found = |sums: &[Sums], room: Room| {
         let peak = peak::find(sums, &room);
         watch(1);
         peak
     };
-    let whole = |shifts: &Shifts| {
-        Room::of(std::array::from_fn(|a| vec![lattice.axes[a].window as f64; shifts.n[a]]), pairs.len())
-    };
+    let whole = |shifts: &Shifts| Room::of(std::array::from_fn(|a| vec![lattice.axes[a].window as f64; shifts.n[a]]));
     match path {
         Path::Direct => windows(pairs, lattice, search, |node, sums| {
-            let room = || Room::new(&lattice.window(node), shape, &sums.shifts, pairs.len());
-            found(sums, if full { room() } else { whole(&sums.shifts) })
+            let shifts = &sums[0].shifts;
+            found(sums, if full { Room::new(&lattice.window(node), shape, shifts) } else { whole(shifts) })
         }),
         Path::Transform(plan) => {
             let one = |scratch: &mut transform::Scratch, node: usize| {
                 let (shifts, window) = (search[node]?, lattice.window(node));
-                let mut sums = Sums::zero(shifts);
-                pairs.iter().for_each(|[first, second]| sums.add(&plan.sums(first, second, &window, shifts, scratch)));
-                let room = || plan.room(&window, shape, &shifts, pairs.len());
-                Some(found(&sums, if full { room() } else { whole(&shifts) }))
+                let sums = pairs.iter().map(|[first, second]| plan.sums(first, second, &window, shifts, scratch));
+                let sums: Vec<Sums> = sums.collect();
+                Some(found(&sums, if full { plan.room(&window, shape, &shifts) } else { whole(&shifts) }))
             };
             (0..lattice.count()).into_par_iter().map_init(Default::default, one).collect()
         }
@@ -73,50 +71,62 @@ pub fn one_pass(volumes: [&Sparse; 2], pass: &Pass, transform: bool) -> (usize, 
     let shifts = Shifts::around([0; 3], pass.search);
     let search = vec![Some(shifts); lattice.count()];
     let path = if transform { Path::Transform(Plan::new(pass.window, shifts.n)) } else { Path::Direct };
-    let peaks = measure(&[rows.each_ref()], &lattice, &search, &path, &|_| ());
+    let peaks = measure(&[rows.each_ref()], &lattice, &search, &path, false, &|_| ());
     let cost = estimate(&rows[0], &rows[1], &lattice, pass.search);
     let inside = peaks.iter().filter(|peak| matches!(peak, Some(Peak::Inside(_)))).count();
     (inside, [cost.direct_s, cost.transform_s])
 }
 
-/// Calls `each(node, sums)` for every node that has a box of shifts, and gives the answers in the order of the nodes.
+/// Calls `each(node, sums)` for every node that has a box of shifts, and gives the answers in the order of the nodes; `sums`
+/// are those of each pair.
 fn windows<T: Send>(
     pairs: &[[&Rows; 2]],
     lattice: &Lattice,
     search: &[Option<Shifts>],
-    each: impl Fn(usize, &Sums) -> T + Sync,
+    each: impl Fn(usize, &[Sums]) -> T + Sync,
 ) -> Vec<Option<T>> {
     let [nx, ny, nz] = lattice.shape();
     let [x, y, z] = &lattice.axes;
-    let mut cells: Vec<Vec<Option<Sums>>> = vec![Vec::new(); z.cells.len()];
+    let mut cells: Vec<Vec<Vec<Option<Sums>>>> = vec![vec![Vec::new(); z.cells.len()]; pairs.len()];
     let mut answers = Vec::with_capacity(lattice.count());
     let mut ready = 0;
     for k in 0..nz {
-        // Let go of the layers of cells behind this layer of windows, and sum the new ones.
-        cells[..z.spans[k].start].iter_mut().for_each(|layer| *layer = Vec::new());
-        for layer in ready.max(z.spans[k].start)..z.spans[k].end {
-            cells[layer] = cell_layer(pairs, lattice, search, layer);
-        }
-        ready = ready.max(z.spans[k].end);
-
-        // Add cells into columns of this layer's depth, columns into rows, rows into windows.
         let boxes = |i: Range<usize>, j: Range<usize>| {
             Shifts::hull_of(
                 j.flat_map(|j| i.clone().map(move |i| [i, j, k])).filter_map(|node| search[lattice.index(node)]),
             )
         };
-        let layers = &cells[z.spans[k].clone()];
-        let columns = gather(x.cells.len(), y.cells.len(), |cx, cy| {
-            let parts = layers.iter().map(|layer| &layer[cx + x.cells.len() * cy]);
-            total(boxes(x.users[cx].clone(), y.users[cy].clone()), parts)
-        });
-        let rows = gather(x.cells.len(), ny, |cx, j| {
-            let parts = y.spans[j].clone().map(|cy| &columns[cx + x.cells.len() * cy]);
-            total(boxes(x.users[cx].clone(), j..j + 1), parts)
-        });
+        let rows: Vec<Vec<Option<Sums>>> = cells
+            .iter_mut()
+            .zip(pairs)
+            .map(|(cells, pair)| {
+                // Let go of the layers of cells behind this layer of windows, and sum the new ones.
+                cells[..z.spans[k].start].iter_mut().for_each(|layer| *layer = Vec::new());
+                for layer in ready.max(z.spans[k].start)..z.spans[k].end {
+                    cells[layer] = cell_layer(pair, lattice, search, layer);
+                }
+
+                // Add cells into columns of this layer's depth, columns into rows.
+                let layers = &cells[z.spans[k].clone()];
+                let columns = gather(x.cells.len(), y.cells.len(), |cx, cy| {
+                    let parts = layers.iter().map(|layer| &layer[cx + x.cells.len() * cy]);
+                    total(boxes(x.users[cx].clone(), y.users[cy].clone()), parts)
+                });
+                gather(x.cells.len(), ny, |cx, j| {
+                    let parts = y.spans[j].clone().map(|cy| &columns[cx + x.cells.len() * cy]);
+                    total(boxes(x.users[cx].clone(), j..j + 1), parts)
+                })
+            })
+            .collect();
+        ready = ready.max(z.spans[k].end);
+
+        // Add rows into windows.
         answers.extend(gather(nx, ny, |i, j| {
-            let parts = x.spans[i].clone().map(|cx| &rows[cx + x.cells.len() * j]);
-            let sums = total(boxes(i..i + 1, j..j + 1), parts)?;
+            let window = |rows: &Vec<Option<Sums>>| {
+                let parts = x.spans[i].clone().map(|cx| &rows[cx + x.cells.len() * j]);
+                total(boxes(i..i + 1, j..j + 1), parts)
+            };
+            let sums = rows.iter().map(window).collect::<Option<Vec<Sums>>>()?;
             Some(each(lattice.index([i, j, k]), &sums))
         }));
     }
@@ -124,7 +134,12 @@ fn windows<T: Send>(
 }
 
 /// The sums of every cell of one layer.
-fn cell_layer(pairs: &[[&Rows; 2]], lattice: &Lattice, search: &[Option<Shifts>], layer: usize) -> Vec<Option<Sums>> {
+fn cell_layer(
+    [first, second]: &[&Rows; 2],
+    lattice: &Lattice,
+    search: &[Option<Shifts>],
+    layer: usize,
+) -> Vec<Option<Sums>> {
     let [x, y, z] = &lattice.axes;
     let count = x.cells.len() * y.cells.len();
     let one = |scratch: &mut (kernel::Scratch, energy::Scratch), place: usize| {
@@ -136,22 +151,15 @@ fn cell_layer(pairs: &[[&Rows; 2]], lattice: &Lattice, search: &[Option<Shifts>]
         });
         let shifts = Shifts::hull_of(nodes.filter_map(|node| search[lattice.index(node)]))?;
         let cell = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
-        let mut sums: Option<Sums> = None;
-        for [first, second] in pairs {
-            let mut of_pair = Sums::zero(shifts);
-            kernel::products(first, second, &cell, &shifts, of_pair.channel_mut(channel::PRODUCT), &mut scratch.0);
-            let volumes = [(Which::First, first, channel::FIRST), (Which::Second, second, channel::SECOND)];
-            for (which, rows, channel) in volumes {
-                let ranges = voxels(which, &cell, first.shape, &shifts);
-                let (sum, squares) = of_pair.pair_mut(channel);
-                energy::sums(rows, &ranges, sum, squares, &mut scratch.1);
-            }
-            match &mut sums {
-                Some(sums) => sums.add(&of_pair),
-                None => sums = Some(of_pair),
-            }
+        let mut sums = Sums::zero(shifts);
+        kernel::products(first, second, &cell, &shifts, sums.channel_mut(channel::PRODUCT), &mut scratch.0);
+        for (which, rows, channel) in [(Which::First, first, channel::FIRST), (Which::Second, second, channel::SECOND)]
+        {
+            let ranges = voxels(which, &cell, first.shape, &shifts);
+            let (sum, squares) = sums.pair_mut(channel);
+            energy::sums(rows, &ranges, sum, squares, &mut scratch.1);
         }
-        sums
+        Some(sums)
     };
     (0..count).into_par_iter().map_init(Default::default, one).collect()
 }
@@ -246,7 +254,7 @@ mod tests {
                 })
                 .collect();
             let (a_rows, b_rows) = (Rows::of_dense(shape, &a), Rows::of_dense(shape, &b));
-            let found = windows(&[[&a_rows, &b_rows]], &lattice, &search, |_, sums| sums.clone());
+            let found = windows(&[[&a_rows, &b_rows]], &lattice, &search, |_, sums| sums[0].clone());
             for (node, sums) in found.iter().enumerate() {
                 assert_eq!(sums.as_ref().map(|sums| sums.shifts), search[node]);
                 let Some(sums) = sums else { continue };

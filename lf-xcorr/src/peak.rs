@@ -31,14 +31,14 @@ pub(crate) struct Reading {
 /// Constant: the ratio where no second peak rises above a thousandth of the first; it keeps the ratio finite everywhere.
 pub(crate) const RATIO_LIMIT: f64 = 1e3;
 
-/// Finds the peak in the sums of a window.
-pub(crate) fn find(sums: &Sums, room: &Room) -> Peak {
-    let lit = |channel: usize| sums.channel(channel).iter().any(|&sum| sum > 0.0);
+/// Finds the peak in the sums of a window, those of each pair.
+pub(crate) fn find(pairs: &[Sums], room: &Room) -> Peak {
+    let lit = |channel: usize| pairs.iter().any(|sums| sums.channel(channel).iter().any(|&sum| sum > 0.0));
     if !(lit(channel::FIRST) && lit(channel::SECOND)) {
         return Peak::Dark;
     }
-    let shifts = sums.shifts;
-    let score = normalised(sums, room);
+    let shifts = pairs[0].shifts;
+    let score = normalised(pairs, room);
     let best = (1..score.len()).fold(0, |best, k| if score[k] > score[best] { k } else { best });
     let at = [best % shifts.n[0], best / shifts.n[0] % shifts.n[1], best / shifts.n[0] / shifts.n[1]];
     if score[best] <= 0.0 || (0..3).any(|axis| at[axis] == 0 || at[axis] + 1 == shifts.n[axis]) {

@@ -1,7 +1,7 @@
 //! What a pass predicts for the next: a field of displacements at every place.
 
-use crate::fill::fill;
-use crate::smooth::smooth;
+use crate::evidence::smoothed_by_evidence;
+use crate::fill::filled;
 
 /// A field of displacements between the nodes of a pass, in voxels.
 #[derive(Debug, Clone)]
@@ -10,46 +10,54 @@ pub(crate) struct Predictor {
     first_vox: [f64; 3],
     step_vox: [f64; 3],
     vectors: Vec<[f64; 3]>,
+    /// Share of the light smoothing, by node and component.
+    light: Vec<[f64; 3]>,
 }
 
 impl Predictor {
-    /// Fills every hole and smooths over `smoothing` nodes; `None` where no vector was measured.
+    /// Fills every hole and smooths over `smoothing` nodes, or more where there is nothing but noise, which is `noise_ratio`
+    /// ([`smoothed_by_evidence`]); `None` where no vector was measured.
     pub fn new(
         shape: [usize; 3],
         first_vox: [f64; 3],
         step_vox: [f64; 3],
-        mut vectors: Vec<Option<[f64; 3]>>,
+        vectors: Vec<Option<[f64; 3]>>,
         smoothing: [f64; 3],
+        noise_ratio: f64,
     ) -> Option<Self> {
-        let holes = (0..vectors.len()).filter(|&node| vectors[node].is_none()).collect();
-        fill(shape, &mut vectors, holes);
-        let mut vectors = vectors.into_iter().collect::<Option<Vec<_>>>()?;
-        smooth(shape, &mut vectors, smoothing);
-        Some(Self { shape, first_vox, step_vox, vectors })
+        let (vectors, light) = smoothed_by_evidence(shape, filled(shape, vectors)?, smoothing, noise_ratio);
+        Some(Self { shape, first_vox, step_vox, vectors, light })
     }
 
-    /// The largest change of each component across a window of `window` voxels, along x, y and z together, that all but
+    /// Number of nodes.
+    pub fn count(&self) -> usize {
+        self.vectors.len()
+    }
+
+    /// Share of the light smoothing at a node, by component.
+    pub fn light(&self, node: usize) -> [f64; 3] {
+        self.light[node]
+    }
+
+    /// The change of each component across a window of `window` voxels, along x, y and z together, that all but
     /// [`Predictor::CALM`] of the nodes stay below, voxels.
-    pub fn change_across(&self, window: [usize; 3]) -> f64 {
+    pub fn change_across(&self, window: [usize; 3]) -> [f64; 3] {
         let stride = [1, self.shape[0], self.shape[0] * self.shape[1]];
-        let mut changes: Vec<f64> = (0..self.vectors.len())
-            .map(|node| {
-                let across = |component: usize| -> f64 {
-                    let along = |axis: usize| {
-                        let last = node / stride[axis] % self.shape[axis] + 1 >= self.shape[axis];
-                        if last {
-                            return 0.0;
-                        }
-                        let rise = self.vectors[node + stride[axis]][component] - self.vectors[node][component];
-                        (rise / self.step_vox[axis] * window[axis] as f64).abs()
-                    };
-                    (0..3).map(along).sum()
+        std::array::from_fn(|component| {
+            let across = |node: usize| -> f64 {
+                let along = |axis: usize| {
+                    if node / stride[axis] % self.shape[axis] + 1 >= self.shape[axis] {
+                        return 0.0;
+                    }
+                    let rise = self.vectors[node + stride[axis]][component] - self.vectors[node][component];
+                    (rise / self.step_vox[axis] * window[axis] as f64).abs()
                 };
-                (0..3).map(across).fold(0.0, f64::max)
-            })
-            .collect();
-        let place = ((1.0 - Self::CALM) * (changes.len() - 1) as f64) as usize;
-        *changes.select_nth_unstable_by(place, f64::total_cmp).1
+                (0..3).map(along).sum()
+            };
+            let mut changes: Vec<f64> = (0..self.vectors.len()).map(across).collect();
+            let place = ((1.0 - Self::CALM) * (changes.len() - 1) as f64) as usize;
+            *changes.select_nth_unstable_by(place, f64::total_cmp).1
+        })
     }
 
     /// Constant: a fiftieth of the nodes may change more; they are what noise does to a uniform field.
@@ -99,7 +107,7 @@ mod tests {
         for hole in [0, 13, 27, 32, 59] {
             field[hole] = None;
         }
-        let predictor = Predictor::new(shape, [10.0; 3], [2.0, 3.0, 4.0], field, [1.4; 3]).unwrap();
+        let predictor = Predictor::new(shape, [10.0; 3], [2.0, 3.0, 4.0], field, [1.4; 3], 0.1).unwrap();
         let found = predictor.at([10.0 + 2.0 * 1.3, 10.0 + 3.0 * 2.6, 10.0 + 4.0 * 1.5]);
         let wanted = truth(1.3, 2.6, 1.5);
         (0..3).for_each(|a| assert!((found[a] - wanted[a]).abs() < 0.02, "{found:?} {wanted:?}"));
@@ -107,15 +115,15 @@ mod tests {
 
     #[test]
     fn nothing_measured_predicts_nothing() {
-        assert!(Predictor::new([2, 2, 1], [0.0; 3], [1.0; 3], vec![None; 4], [1.0; 3]).is_none());
+        assert!(Predictor::new([2, 2, 1], [0.0; 3], [1.0; 3], vec![None; 4], [1.0; 3], 0.1).is_none());
     }
 
     #[test]
     fn the_change_across_a_window_is_that_of_its_gradient() {
         let shear = (0..60).map(|k| Some([0.5 * (k / 5 % 4) as f64, 0.0, -0.25 * (k / 20) as f64])).collect();
-        let predictor = Predictor::new([5, 4, 3], [0.0; 3], [2.0, 4.0, 2.0], shear, [1.4; 3]).unwrap();
+        let predictor = Predictor::new([5, 4, 3], [0.0; 3], [2.0, 4.0, 2.0], shear, [1.4; 3], 0.1).unwrap();
         // u rises by 1/8 a voxel along y, w falls by 1/8 along z.
-        assert!((predictor.change_across([100, 8, 4]) - 1.0).abs() < 1e-12);
-        assert!((predictor.change_across([100, 8, 16]) - 2.0).abs() < 1e-12);
+        let found = predictor.change_across([100, 8, 16]);
+        (0..3).for_each(|a| assert!((found[a] - [1.0, 0.0, 2.0][a]).abs() < 1e-9, "{found:?}"));
     }
 }

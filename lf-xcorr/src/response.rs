@@ -9,6 +9,7 @@
 //! So waves of a few windows come back to their full height, and noise grows: by the root of the mean of H^2 over the
 //! spectrum of a mean over windows that overlap.
 
+use crate::evidence::WIDE;
 use crate::lattice::{Axis, Lattice};
 use crate::smooth::{self, smooth};
 use std::f64::consts::TAU;
@@ -25,29 +26,46 @@ pub(crate) struct Noise {
 impl Noise {
     /// After a pass was done `times` times, at least once.
     pub fn new(lattice: &Lattice, smoothing: [f64; 3], times: usize) -> Self {
-        // Constant: wave numbers along an axis; the gain is good to a thousandth.
-        const WAVES: usize = 24;
-        let tables: [Vec<[f64; 4]>; 3] = std::array::from_fn(|axis| {
-            (0..WAVES).map(|k| responses(&lattice.axes[axis], smoothing[axis], TAU * k as f64 / WAVES as f64)).collect()
-        });
         let (mut power, mut grown, mut taken) = (0.0, 0.0, 0.0);
-        for x in &tables[0] {
-            for y in &tables[1] {
-                for z in &tables[2] {
-                    let [spectrum, smoothed, mean, round]: [f64; 4] = std::array::from_fn(|i| x[i] * y[i] * z[i]);
-                    let mut response = 1.0;
-                    for _ in 1..times {
-                        response = 1.0 + smoothed * (1.0 - mean) * response;
-                    }
-                    let sharp = if times > 1 { 1.0 - smoothed } else { 1.0 };
-                    let missing = (1.0 - round) * (2.0 - round) * sharp;
-                    power += spectrum;
-                    grown += spectrum * response * response;
-                    taken += spectrum * (response * missing).powi(2);
-                }
+        each_wave(lattice, smoothing, |[spectrum, smoothed, mean, round, _]| {
+            let mut response = 1.0;
+            for _ in 1..times {
+                response = 1.0 + smoothed * (1.0 - mean) * response;
+            }
+            let sharp = if times > 1 { 1.0 - smoothed } else { 1.0 };
+            let missing = (1.0 - round) * (2.0 - round) * sharp;
+            power += spectrum;
+            grown += spectrum * response * response;
+            taken += spectrum * (response * missing).powi(2);
+        });
+        Self { gain: (grown / power).sqrt(), taken_for_unresolved: (taken / grown).sqrt() }
+    }
+}
+
+/// What noise of the windows holds between the light and the wide smoothing of [`crate::evidence`], over what it holds
+/// beyond the light one: a ratio of squares.
+pub(crate) fn noise_ratio(lattice: &Lattice, smoothing: [f64; 3]) -> f64 {
+    let (mut between, mut beyond) = (0.0, 0.0);
+    each_wave(lattice, smoothing, |[spectrum, light, _, _, wide]| {
+        between += spectrum * (light - wide).powi(2);
+        beyond += spectrum * (1.0 - light).powi(2);
+    });
+    if beyond > 0.0 { between / beyond } else { 0.0 }
+}
+
+/// Visits the wave numbers of the lattice with the products of what [`responses`] tells along each axis.
+fn each_wave(lattice: &Lattice, smoothing: [f64; 3], mut visit: impl FnMut([f64; 5])) {
+    // Constant: wave numbers along an axis; gains are good to a thousandth.
+    const WAVES: usize = 24;
+    let [xs, ys, zs]: [Vec<[f64; 5]>; 3] = std::array::from_fn(|axis| {
+        (0..WAVES).map(|k| responses(&lattice.axes[axis], smoothing[axis], TAU * k as f64 / WAVES as f64)).collect()
+    });
+    for x in &xs {
+        for y in &ys {
+            for z in &zs {
+                visit(std::array::from_fn(|i| x[i] * y[i] * z[i]));
             }
         }
-        Self { gain: (grown / power).sqrt(), taken_for_unresolved: (taken / grown).sqrt() }
     }
 }
 
@@ -82,10 +100,10 @@ fn round_mean(axis: &Axis) -> f64 {
 }
 
 /// Along one axis at `wave` radians a node: the spectrum of a mean over overlapping windows, the response of the smoothing,
-/// that of the mean over a window of what lies linearly between nodes, and that of [`round_mean`].
-fn responses(axis: &Axis, smoothing: f64, wave: f64) -> [f64; 4] {
+/// that of the mean over a window of what lies linearly between nodes, that of [`round_mean`], and that of the wide smoothing.
+fn responses(axis: &Axis, smoothing: f64, wave: f64) -> [f64; 5] {
     if axis.count() == 1 {
-        return [1.0; 4];
+        return [1.0; 5];
     }
     let (window, step) = (axis.window as f64, axis.step as f64);
     let sum = |reach: f64, weight: &dyn Fn(f64) -> f64| -> f64 {
@@ -112,7 +130,7 @@ fn responses(axis: &Axis, smoothing: f64, wave: f64) -> [f64; 4] {
     };
     let half = 0.5 * window / step;
     let mean = sum(half + 1.0, &|k| (area(half - k) - area(-half - k)) / (2.0 * half));
-    [spectrum, gaussian(smoothing), mean, gaussian(round_mean(axis))]
+    [spectrum, gaussian(smoothing), mean, gaussian(round_mean(axis)), gaussian(WIDE * smoothing)]
 }
 
 #[cfg(test)]

@@ -28,8 +28,9 @@ pub(crate) struct Run<'a> {
     options: &'a Options,
     /// What is known of the field: from the pass before, then from the last repeat.
     pub predictor: Option<Predictor>,
-    /// The volumes of the last repeat, where they were deformed.
+    /// The volumes of the last repeat and what they were deformed by, where they were.
     pub deformed: Option<Vec<[Rows; 2]>>,
+    deformed_by: Option<Predictor>,
     pub vectors: Vec<Vector>,
     pub repeats: Vec<Repeat>,
 }
@@ -42,33 +43,48 @@ impl<'a> Run<'a> {
         options: &'a Options,
         predictor: Option<Predictor>,
     ) -> Self {
-        Self { level, volumes, mask, options, predictor, deformed: None, vectors: Vec::new(), repeats: Vec::new() }
+        Self {
+            level,
+            volumes,
+            mask,
+            options,
+            predictor,
+            deformed: None,
+            deformed_by: None,
+            vectors: Vec::new(),
+            repeats: Vec::new(),
+        }
     }
 
     /// Does the pass up to `most` times, until it stalls, or else until the `next` one can follow. What is left out is counted
     /// as done.
     pub fn times(&mut self, most: usize, next: Option<&Pass>, watch: &(dyn Fn(u64) + Sync)) -> Result<(), Lost> {
-        for _ in 0..most {
-            self.repeat(watch).ok_or(Lost)?;
+        let mut done = 0;
+        while done < most {
+            done += 1;
+            if !self.repeat(watch) {
+                break;
+            }
             if self.stalled() || next.is_some_and(|next| !self.too_steep_for(next)) {
                 break;
             }
         }
-        watch(((most - self.repeats.len()) * self.level.lattice.count()) as u64);
-        Ok(())
+        watch(((most - done) * self.level.lattice.count()) as u64);
+        if self.repeats.is_empty() { Err(Lost) } else { Ok(()) }
     }
 
-    /// Does the pass once more; `None` where no window holds a peak.
-    fn repeat(&mut self, watch: &(dyn Fn(u64) + Sync)) -> Option<()> {
-        let across = self.predictor.as_ref().map_or(0.0, |field| field.change_across(self.window_vox()));
+    /// Does the pass once more. Where that finds less than the time before, or nothing, it changes nothing and is the last.
+    fn repeat(&mut self, watch: &(dyn Fn(u64) + Sync)) -> bool {
+        let across = self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(self.window_vox()));
+        let across = across.into_iter().fold(0.0, f64::max);
         let asked = match self.options.deform {
             Deform::Auto => !self.repeats.is_empty() || across > Deform::CHANGE_VOX,
             Deform::Always => true,
             Deform::Never => false,
         };
         let field = self.predictor.as_ref().filter(|_| asked);
-        self.deformed = field.map(|field| self.moved(field));
-        let trial = match (&self.deformed, field) {
+        let deformed = field.map(|field| self.moved(field));
+        let trial = match (&deformed, field) {
             (Some(pairs), Some(_)) => {
                 Trial { pairs: pairs.iter().map(|pair| pair.each_ref()).collect(), deformed_by: field }
             }
@@ -81,23 +97,37 @@ impl<'a> Run<'a> {
             route: self.options.route,
             test: &self.options.median_test,
         };
-        let Done { vectors, counts, cost, transform } = self.level.run(&trial, &search, watch);
-        let heights = vectors.iter().filter_map(Vector::reading).map(|reading| reading.height);
-        let measured = heights.clone().count();
-        self.repeats.push(Repeat {
+        let Done { mut vectors, counts, cost, transform } = self.level.run(&trial, &search, watch);
+        let heights: Vec<f64> = vectors.iter().filter_map(Vector::reading).map(|reading| reading.height).collect();
+        let repeat = Repeat {
             deformed: trial.deformed_by.is_some(),
             change_across_vox: across,
             change_vox: change(&self.vectors, &vectors),
-            correlation: heights.sum::<f64>() / measured as f64,
+            correlation: heights.iter().sum::<f64>() / heights.len() as f64,
             direct_s: cost.direct_s,
             transform_s: cost.transform_s,
             transform,
             counts,
+        };
+        // What deformation moved out of sight stays as it was seen before.
+        for (vector, before) in vectors.iter_mut().zip(&self.vectors) {
+            if *vector == Vector::NoData {
+                *vector = *before;
+            }
+        }
+        let worse = self.repeats.last().is_some_and(|before| {
+            let fewer = heights.len() * 10 < self.vectors.iter().filter_map(Vector::reading).count() * 9;
+            fewer || repeat.correlation + Self::WORSE < before.correlation
         });
-        self.predictor = Some(self.level.predictor(&vectors)?);
-        self.vectors = vectors;
-        Some(())
+        let Some(predictor) = self.level.predictor(&vectors).filter(|_| !worse) else { return false };
+        self.deformed_by = field.cloned();
+        (self.vectors, self.predictor, self.deformed) = (vectors, Some(predictor), deformed);
+        self.repeats.push(repeat);
+        true
     }
+
+    /// Constant: a mean correlation this much lower than the time before is none of the noise's doing.
+    const WORSE: f64 = 0.02;
 
     /// Whether another repeat would change nothing that matters: little changed, or no less than the time before.
     fn stalled(&self) -> bool {
@@ -105,10 +135,19 @@ impl<'a> Run<'a> {
         last.change_vox < self.options.stall_vox || last.change_vox > 0.8 * before.change_vox
     }
 
-    /// Whether the displacement changes by more across a window of the `next` pass than that pass looks for.
+    /// Whether a component changes by more across a window of the `next` pass than that pass looks for along it.
     fn too_steep_for(&self, next: &Pass) -> bool {
-        let farthest = next.search.into_iter().max().unwrap_or(0) as f64;
-        self.predictor.as_ref().is_some_and(|field| field.change_across(next.window) > farthest)
+        let changes = self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(next.window));
+        (0..3).any(|axis| changes[axis] > next.search[axis] as f64)
+    }
+
+    /// Share of the light smoothing in what the last repeat started from, by node and component: all of it where it did not.
+    pub fn light(&self) -> Vec<[f64; 3]> {
+        let count = self.level.lattice.count();
+        match &self.deformed_by {
+            Some(field) if field.count() == count => (0..count).map(|node| field.light(node)).collect(),
+            _ => vec![[1.0; 3]; count],
+        }
     }
 
     fn window_vox(&self) -> [usize; 3] {
@@ -116,10 +155,7 @@ impl<'a> Run<'a> {
     }
 
     fn moved(&self, field: &Predictor) -> Vec<[Rows; 2]> {
-        let one = |pair: &[Rows; 2]| {
-            let least = pair.each_ref().map(|rows| rows.peak() * self.options.floor);
-            matched(pair.each_ref(), field, self.mask, least).map(|rows| self.level.binned(rows))
-        };
+        let one = |pair: &[Rows; 2]| matched(pair.each_ref(), field, self.mask).map(|rows| self.level.binned(rows));
         self.volumes.iter().map(one).collect()
     }
 

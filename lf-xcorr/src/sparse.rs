@@ -52,6 +52,8 @@ impl Sparse<'_> {
 #[derive(Debug, Clone)]
 pub(crate) struct Rows {
     pub shape: [usize; 3],
+    /// What counts as dark below: the share of the whole volume's peak that was asked for.
+    pub least: f32,
     start: Vec<usize>,
     x: Vec<u32>,
     value: Vec<f32>,
@@ -64,7 +66,7 @@ impl Rows {
         let sides = mask.sides(grid.shape);
         let shape = sides.each_ref().map(Range::len);
         let least = (floor * volume.peak()).max(f32::MIN_POSITIVE);
-        let mut rows = Self::with_capacity(shape, volume.indices.len());
+        let mut rows = Self { least, ..Self::with_capacity(shape, volume.indices.len()) };
         for (&index, &value) in volume.indices.iter().zip(volume.intensity).filter(|(_, value)| **value >= least) {
             let voxel = grid.voxel(index);
             if mask.holds(index, voxel) {
@@ -80,7 +82,7 @@ impl Rows {
 
     fn with_capacity(shape: [usize; 3], count: usize) -> Self {
         let start = Vec::with_capacity(shape[1] * shape[2] + 1);
-        Self { shape, start, x: Vec::with_capacity(count), value: Vec::with_capacity(count) }
+        Self { shape, least: 0.0, start, x: Vec::with_capacity(count), value: Vec::with_capacity(count) }
     }
 
     /// Closes every row before `row`.
@@ -95,9 +97,13 @@ impl Rows {
         self.x.len()
     }
 
-    /// The brightest voxel; 0 where all is dark.
-    pub fn peak(&self) -> f32 {
-        self.value.iter().fold(0.0, |peak, &value| value.max(peak))
+    /// The same light, its sum of squares 1.
+    pub fn of_unit_energy(mut self) -> Self {
+        let energy: f64 = self.value.iter().map(|&value| (value as f64).powi(2)).sum();
+        let gain = if energy > 0.0 { energy.sqrt().recip() } else { 1.0 };
+        self.value.iter_mut().for_each(|value| *value = (*value as f64 * gain) as f32);
+        self.least = (self.least as f64 * gain) as f32;
+        self
     }
 
     /// The lit voxels of row (y, z) with x in `from .. to`.

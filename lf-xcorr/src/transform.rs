@@ -58,7 +58,7 @@ impl Plan {
     /// Plans for windows of `window` voxels and boxes of `n_shifts` shifts.
     pub fn new(window: [usize; 3], n_shifts: [usize; 3]) -> Self {
         let extent = extent(window, n_shifts);
-        let size = [0, 1, 2].map(|axis| smooth(extent[axis], if axis == 0 { 2 } else { 1 }));
+        let size = [0, 1, 2].map(|axis| smooth_length(extent[axis], if axis == 0 { 2 } else { 1 }));
         let mut real = RealFftPlanner::new();
         let mut complex = FftPlanner::new();
         Self {
@@ -114,14 +114,14 @@ impl Plan {
         sums
     }
 
-    /// How many voxels each shift pairs, in `pairs` pairs of volumes of `shape`.
-    pub fn room(&self, window: &[Range<usize>; 3], shape: [usize; 3], shifts: &Shifts, pairs: usize) -> Room {
+    /// How many voxels each shift pairs, in volumes of `shape`.
+    pub fn room(&self, window: &[Range<usize>; 3], shape: [usize; 3], shifts: &Shifts) -> Room {
         let from = self.from(window, shifts);
         let along = |axis: usize| {
             let room = |d: i32| self.paired(from[axis], axis, shape[axis], d).len() as f64;
             shifts.along(axis).map(room).collect()
         };
-        Room::of(std::array::from_fn(along), pairs)
+        Room::of(std::array::from_fn(along))
     }
 
     /// First voxel of the first volume's window.
@@ -249,7 +249,7 @@ fn extent(window: [usize; 3], n_shifts: [usize; 3]) -> [usize; 3] {
 }
 
 /// The smallest multiple of `factor` from `least` on that has no prime factor above 5.
-fn smooth(least: usize, factor: usize) -> usize {
+fn smooth_length(least: usize, factor: usize) -> usize {
     let is_smooth = |n: &usize| {
         let without = |mut n: usize, prime: usize| {
             while n.is_multiple_of(prime) {

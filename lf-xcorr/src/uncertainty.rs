@@ -27,35 +27,37 @@ use rayon::prelude::*;
 /// What the particle images of a window say of its vector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Statistics {
-    /// Standard uncertainty, voxels; NaN where fewer than two particle images matter.
+    /// Standard uncertainty, voxels; NaN where hardly more than one particle image matters, and along an
+    /// axis on which the correlation has no peak.
     pub uncertainty_vox: [f64; 3],
     /// Particle images whose top is in the window, those of all pairs.
     pub particles: usize,
 }
 
 /// What is the same for all vectors of a pass.
-pub(crate) struct Shape {
+pub(crate) struct OfPass {
     /// What the peaks' variance along each axis is short of that in the volumes laid on each other, voxels squared.
     pub widened_vox2: f64,
     /// What becomes of noise.
     pub noise: Noise,
 }
 
-/// The statistics of every window, from the volumes laid on each other, the vectors, and what of each the windows are too
-/// large for, voxels.
+/// The statistics of every window, from the volumes laid on each other, the vectors, what of each the windows are too large
+/// for, voxels, and the share of the light smoothing that repeats started from.
 pub(crate) fn statistics(
     matched: &[[Rows; 2]],
     lattice: &Lattice,
     vectors: &[Vector],
     unresolved: &[[f64; 3]],
-    shape: &Shape,
+    light: &[[f64; 3]],
+    pass: &OfPass,
 ) -> Vec<Statistics> {
     let [x, y, z] = &lattice.axes;
     let (nx, ny) = (x.cells.len(), y.cells.len());
     let cells = nx * ny * z.cells.len();
     let mut parts: Vec<Vec<Part>> = vec![Vec::new(); cells];
-    let mut first_particle = 0;
-    for pair in matched {
+    let mut first_particle = 0u64;
+    for (number, pair) in matched.iter().enumerate() {
         let overlay = Overlay::new(pair);
         let found: Vec<Vec<Part>> = (0..cells)
             .into_par_iter()
@@ -64,7 +66,7 @@ pub(crate) fn statistics(
                 let mut found = Vec::new();
                 overlay.visit(ranges, |voxel| {
                     let mut part = Part::of(&voxel);
-                    part.particle += first_particle;
+                    (part.pair, part.particle) = (number, part.particle + first_particle);
                     match found.iter_mut().rev().find(|other: &&mut Part| other.particle == part.particle) {
                         Some(same) => same.add(&part),
                         None => found.push(part),
@@ -74,9 +76,9 @@ pub(crate) fn statistics(
             })
             .collect();
         parts.iter_mut().zip(found).for_each(|(parts, found)| parts.extend(found));
-        first_particle += overlay.particles();
+        first_particle += overlay.particles() as u64;
     }
-    let voxels = (lattice.axes.iter().map(|axis| axis.window).product::<usize>() * matched.len()) as f64;
+    let voxels = lattice.axes.iter().map(|axis| axis.window).product::<usize>() as f64;
     (0..lattice.count())
         .into_par_iter()
         .map(|node| {
@@ -89,7 +91,7 @@ pub(crate) fn statistics(
                     }
                 }
             }
-            of_window(joined(window), voxels, &vectors[node], unresolved[node], shape)
+            of_window(joined(window), voxels, &vectors[node], unresolved[node], light[node], pass)
         })
         .collect()
 }
@@ -97,7 +99,9 @@ pub(crate) fn statistics(
 /// What a particle image adds to a window's sums.
 #[derive(Debug, Clone, Copy, Default)]
 struct Part {
-    particle: u32,
+    /// Which pair of volumes.
+    pair: usize,
+    particle: u64,
     tops: usize,
     /// Sum of first x second, and of each, and of each squared.
     product: f64,
@@ -114,7 +118,8 @@ impl Part {
         let [a, b] = voxel.light.map(f64::from);
         let next = voxel.next.map(|light| light.map(f64::from));
         Self {
-            particle: voxel.particle,
+            pair: 0,
+            particle: voxel.particle as u64,
             tops: voxel.top as usize,
             product: a * b,
             light: [a, b],
@@ -151,30 +156,47 @@ fn joined(mut parts: Vec<Part>) -> Vec<Part> {
     parts
 }
 
-fn of_window(parts: Vec<Part>, voxels: f64, vector: &Vector, unresolved: [f64; 3], shape: &Shape) -> Statistics {
+fn of_window(
+    parts: Vec<Part>,
+    voxels: f64,
+    vector: &Vector,
+    unresolved: [f64; 3],
+    light: [f64; 3],
+    pass: &OfPass,
+) -> Statistics {
     let mut sum = Part::default();
     parts.iter().for_each(|part| sum.add(part));
     let unknown = Statistics { uncertainty_vox: [f64::NAN; 3], particles: sum.tops };
     let Some(reading) = vector.reading() else { return unknown };
     let mut covariance = reading.covariance_vox2;
-    (0..3).for_each(|axis| covariance[axis][axis] += shape.widened_vox2);
+    (0..3).for_each(|axis| covariance[axis][axis] += pass.widened_vox2);
 
-    // The window's sums about the mean.
-    let mean = sum.light[0] * sum.light[1] / voxels;
-    let squares: [f64; 2] = std::array::from_fn(|i| sum.squares[i] - sum.light[i] * sum.light[i] / voxels);
+    // The window's sums, each pair's about its own means.
+    let (mut mean, mut level) = (0.0, [0.0; 2]);
+    for pair in parts.chunk_by(|a, b| a.pair == b.pair) {
+        let light: [f64; 2] = std::array::from_fn(|i| pair.iter().map(|part| part.light[i]).sum());
+        mean += light[0] * light[1] / voxels;
+        (0..2).for_each(|i| level[i] += light[i] * light[i] / voxels);
+    }
+    let squares: [f64; 2] = std::array::from_fn(|i| sum.squares[i] - level[i]);
     let products: [f64; 3] = std::array::from_fn(|axis| 0.5 * (sum.shifted[axis][0] + sum.shifted[axis][1]) - mean);
     let shares = parts.iter().map(|part| part.product / sum.product);
     let count = shares.clone().map(|share| share * share).sum::<f64>().recip();
-    if !(count > FEWEST && squares[0] > 0.0 && squares[1] > 0.0 && products.iter().all(|product| *product > 0.0)) {
+    if !(count > FEWEST && squares[0] > 0.0 && squares[1] > 0.0) {
         return unknown;
     }
+    // An axis along which there is no neighbour, as in a volume one voxel thick, has no slope and no uncertainty.
+    let told = |axis: usize| products[axis] > 0.0 && covariance[axis][axis].is_finite();
     let asked = |part: &Part| -> [f64; 3] {
         let slope: [f64; 3] = std::array::from_fn(|axis| {
+            if !told(axis) {
+                return 0.0;
+            }
             let [plus, minus] = part.shifted[axis];
             let [first, second] = part.flux[axis];
             0.5 * ((plus - minus) / products[axis] - 0.5 * first / squares[0] - 0.5 * second / squares[1])
         });
-        std::array::from_fn(|a| (0..3).map(|b| covariance[a][b] * slope[b]).sum())
+        std::array::from_fn(|a| (0..3).filter(|&b| told(b)).map(|b| covariance[a][b] * slope[b]).sum())
     };
     let whole = asked(&sum);
     let mut variance = [0.0; 3];
@@ -184,9 +206,14 @@ fn of_window(parts: Vec<Part>, voxels: f64, vector: &Vector, unresolved: [f64; 3
     }
     let few = 1.0 + FEW / (count - 1.0);
     let uncertainty_vox = std::array::from_fn(|axis| {
-        let scatter = shape.noise.gain * few * (variance[axis] * count / (count - 1.0)).sqrt();
+        if !told(axis) {
+            return f64::NAN;
+        }
+        // Where the predictor was widely smoothed, no noise came back from it.
+        let gain = 1.0 + light[axis] * (pass.noise.gain - 1.0);
+        let scatter = gain * few * (variance[axis] * count / (count - 1.0)).sqrt();
         // Scatter makes believe that something is missing: that much is taken off again.
-        let unresolved = unresolved[axis].powi(2) - (shape.noise.taken_for_unresolved * scatter).powi(2);
+        let unresolved = unresolved[axis].powi(2) - (pass.noise.taken_for_unresolved * scatter).powi(2);
         (scatter.powi(2) + unresolved.max(0.0) + FLOOR_VOX * FLOOR_VOX).sqrt()
     });
     Statistics { uncertainty_vox, particles: sum.tops }

@@ -105,3 +105,42 @@ fn displacements_beyond_half_a_window_are_found() {
     let count = (0..field.len()).filter(|&i| field.flag[i] == MEASURED).filter(good).count();
     assert!(count * 10 > field.len() * 8, "{count} of {}", field.len());
 }
+
+/// Scar: what deformation moves out of a thin volume was taken for a field that is lost.
+#[test]
+fn thin_volumes_with_a_displacement_along_the_thin_axis_are_measured() {
+    for (thick, w) in [(1, 0.0), (2, 0.5), (4, 1.2), (6, 2.0)] {
+        let grid = scene::grid([64, 64, thick]);
+        let [a, b] = scene::pair(&grid, 0.003, [0.8; 3], 4, |_| [1.3, -0.4, w]);
+        let options =
+            Options::coarse_to_fine([48, 48, thick], [32, 32, thick], 0.75, [4, 4, thick.min(4)], [3, 3, thick.min(3)]);
+        let field = correlate(&a.sparse(), &b.sparse(), &options).unwrap().field;
+        let measured: Vec<usize> = (0..field.len()).filter(|&i| field.flag[i] == MEASURED).collect();
+        assert!(measured.len() * 10 > field.len() * 9, "{thick}: {} of {}", measured.len(), field.len());
+        let rms =
+            (measured.iter().map(|&i| (field.u[i] as f64 - 1.3).powi(2)).sum::<f64>() / measured.len() as f64).sqrt();
+        assert!(rms < 0.1, "{thick}: {rms}");
+        assert!(measured.iter().filter(|&&i| field.su[i].is_finite()).count() * 2 > measured.len(), "{thick}");
+    }
+}
+
+/// Scar: the means of two grounds of different brightness correlated by themselves.
+#[test]
+fn pairs_of_different_brightness_are_taken_about_their_own_means() {
+    let clouds = [cloud(10.0, 0.8), scene::pair(&scene::grid([64; 3]), 10.0 / 32f64.powi(3), [0.8; 3], 2, |_| SHIFT)];
+    let grounded = |volume: &Volume, gain: f32| {
+        let mut dense = vec![0.3 * gain; volume.grid.len() as usize];
+        volume.indices.iter().zip(&volume.intensity).for_each(|(&i, value)| dense[i as usize] += gain * value);
+        Volume::from_dense(&volume.grid, &dense)
+    };
+    let pairs: Vec<[Volume; 2]> = clouds
+        .iter()
+        .zip([1.0, 50.0])
+        .map(|(pair, gain)| pair.each_ref().map(|volume| grounded(volume, gain)))
+        .collect();
+    let sparse: Vec<[lf_xcorr::Sparse; 2]> = pairs.iter().map(|pair| pair.each_ref().map(Volume::sparse)).collect();
+    let both = lf_xcorr::correlate_pairs(&sparse, &lf_xcorr::Mask::Everything, &options(), &|_| ()).unwrap().field;
+    let one = correlate(&sparse[0][0], &sparse[0][1], &options()).unwrap().field;
+    let (both, one) = (error(&both), error(&one));
+    assert!(both[1] < 1.2 * one[1] && both[0] < 0.025 && both[2] > 0.95, "{both:?} {one:?}");
+}

@@ -11,6 +11,9 @@ use std::path::PathBuf;
 /// The paper's final window, voxels.
 const WINDOW: [usize; 3] = [160, 160, 16];
 
+/// The paper's overlap.
+const OVERLAP: f64 = 0.75;
+
 /// Two sparse volumes to a velocity field
 ///
 /// Correlates the lit voxels of two volumes of one grid in passes, large windows first, and writes a displacement vector in
@@ -60,9 +63,9 @@ pub struct Passes {
     /// Interrogation window of the first pass, voxels [default: twice the window, or the volume where it is smaller]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     initial: Option<[usize; 3]>,
-    /// Share of a window that the next one covers too
-    #[arg(long, value_name = "SHARE", default_value_t = 0.75)]
-    overlap: f64,
+    /// Share of a window that the next one covers too [default: 0.75]
+    #[arg(long, value_name = "SHARE")]
+    overlap: Option<f64>,
     /// Largest displacement the first pass looks for, voxels [default: an eighth of its window, at least 4]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     search: Option<[usize; 3]>,
@@ -84,14 +87,14 @@ pub struct Method {
     /// Deform the volumes by what is known of the field: in repeats and where gradients ask for it, always, or never
     #[arg(long, value_enum, default_value_t = When::Auto)]
     deform: When,
-    /// How often the last pass is done at most
-    #[arg(long, value_name = "N", default_value_t = Options::REPEATS)]
-    repeats: usize,
-    /// The last pass is repeated until vectors change by less than this, voxels
-    #[arg(long, value_name = "VOXELS", default_value_t = Options::STALL_VOX)]
-    stall: f64,
+    /// How often the last pass is done at most; those before it at most four times, where the next cannot follow [default: 6]
+    #[arg(long, value_name = "N")]
+    repeats: Option<usize>,
+    /// A pass is repeated until vectors change by less than this, voxels [default: 0.01]
+    #[arg(long, value_name = "VOXELS")]
+    stall: Option<f64>,
     /// Standard deviation of the smoothing of the field that repeats start from, in windows: less follows steeper fields,
-    /// with more noise
+    /// with more noise; half of it before the last pass
     #[arg(long, value_name = "WINDOWS", default_value_t = Options::SMOOTHING)]
     smoothing: f64,
     /// Sum products voxel by voxel, or by Fourier transforms; auto takes what should be faster (-v tells)
@@ -163,13 +166,47 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 fn mask(text: &str) -> Result<MaskSource, String> {
+    let wanted = "wanted x0,x1,y0,y1,z0,z1 in mm, rising, or the name of a .lfv";
     if text.contains(',') && !text.ends_with(".lfv") {
-        return numbers(text).map(MaskSource::Box).map_err(|wanted| format!("{wanted}, or the name of a .lfv"));
+        let sides: [f64; 6] = numbers(text).map_err(|_| wanted)?;
+        let rises = sides.chunks(2).all(|side| side[0] < side[1]);
+        return if rises { Ok(MaskSource::Box(sides)) } else { Err(wanted.into()) };
+    }
+    if text.starts_with('-') && text != "-" {
+        return Err(wanted.into());
     }
     Ok(MaskSource::Support(text.into()))
 }
 
 impl Arguments {
+    /// An option that was given and that nothing would heed, and why.
+    pub fn idle(&self) -> Option<(&'static str, &'static str)> {
+        let (passes, method) = (&self.passes, &self.method);
+        let never = matches!(method.deform, When::Never);
+        let single = passes.pass.len() == 1;
+        let all = |has: fn(&TypedPass) -> bool, from: usize| {
+            !passes.pass.is_empty() && passes.pass.iter().skip(from).all(has)
+        };
+        [
+            (passes.refine.is_some() && single, "--refine", "there is one pass"),
+            (
+                passes.refine.is_some() && all(|pass| pass.search.is_some(), 1),
+                "--refine",
+                "every later pass has its own",
+            ),
+            (
+                passes.search.is_some() && passes.pass.first().is_some_and(|pass| pass.search.is_some()),
+                "--search",
+                "the first pass has its own",
+            ),
+            (passes.overlap.is_some() && all(|pass| pass.overlap.is_some(), 0), "--overlap", "every pass has its own"),
+            (method.repeats.is_some() && never, "--repeats", "without deformation no pass is repeated"),
+            (method.stall.is_some() && (never || method.repeats == Some(1)), "--stall", "no pass is repeated"),
+        ]
+        .into_iter()
+        .find_map(|(idle, option, why)| idle.then_some((option, why)))
+    }
+
     /// The options for a volume of `shape`.
     pub fn options(&self, shape: [usize; 3]) -> Options {
         let method = &self.method;
@@ -180,8 +217,8 @@ impl Arguments {
                 When::Always => Deform::Always,
                 When::Never => Deform::Never,
             },
-            repeats: method.repeats,
-            stall_vox: method.stall,
+            repeats: method.repeats.unwrap_or(Options::REPEATS),
+            stall_vox: method.stall.unwrap_or(Options::STALL_VOX),
             smoothing: method.smoothing,
             route: match method.route {
                 By::Auto => Route::Auto,
@@ -212,7 +249,7 @@ impl Passes {
             let first = self.search.unwrap_or(fitted(pass.window.map(|n| (n / 8).max(4))));
             let later = self.refine.unwrap_or(fitted(Options::REFINE));
             let search = pass.search.unwrap_or(if number == 0 { first } else { later });
-            Pass { window: pass.window, overlap: pass.overlap.unwrap_or(self.overlap), search }
+            Pass { window: pass.window, overlap: pass.overlap.or(self.overlap).unwrap_or(OVERLAP), search }
         };
         passes.iter().enumerate().map(full).collect()
     }
@@ -237,9 +274,11 @@ impl Passes {
 
 /// The voxels whose centres lie in a box of x0, x1, y0, y1, z0, z1 mm.
 pub fn voxels_in(box_mm: [f64; 6], grid: &Grid) -> [Range<usize>; 3] {
+    // Millimetres are rarely whole in binary.
+    const HAIR_VOX: f64 = 1e-6;
     std::array::from_fn(|axis| {
-        let place = |mm: f64| (mm - grid.origin_mm[axis]) / grid.spacing_mm[axis];
         let clamp = |voxel: f64| voxel.clamp(0.0, grid.shape[axis] as f64) as usize;
-        clamp(place(box_mm[2 * axis]).ceil())..clamp(place(box_mm[2 * axis + 1]).floor() + 1.0)
+        let [low, high] = [0, 1].map(|side| grid.place_vox(axis, box_mm[2 * axis + side]));
+        clamp((low - HAIR_VOX).ceil())..clamp((high + HAIR_VOX).floor() + 1.0)
     })
 }

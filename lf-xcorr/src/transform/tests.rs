@@ -145,8 +145,8 @@ fn at_the_centre_of_the_box_the_pairs_are_the_direct_paths() {
 
 #[test]
 fn lengths_have_small_factors_and_hold_window_and_search() {
-    assert_eq!([1, 7, 11, 31, 49, 96, 97].map(|n| smooth(n, 1)), [1, 8, 12, 32, 50, 96, 100]);
-    assert_eq!([1, 7, 15, 31, 45].map(|n| smooth(n, 2)), [2, 8, 16, 32, 48]);
+    assert_eq!([1, 7, 11, 31, 49, 96, 97].map(|n| smooth_length(n, 1)), [1, 8, 12, 32, 50, 96, 100]);
+    assert_eq!([1, 7, 15, 31, 45].map(|n| smooth_length(n, 2)), [2, 8, 16, 32, 48]);
     let plan = Plan::new([32, 9, 1], [9, 5, 3]);
     assert_eq!(plan.size, [40, 15, 3]);
 }

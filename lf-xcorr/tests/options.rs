@@ -1,0 +1,157 @@
+//! The options of the command line beyond windows and files.
+
+mod folder;
+mod scene;
+
+use folder::{Bench, SMALL};
+use lf_core::field::{Field, MEASURED};
+
+fn field(bench: &Bench, name: &str) -> Field {
+    Field::open(&bench.path(name)).unwrap()
+}
+
+#[test]
+fn passes_can_be_listed_or_named() {
+    let bench = Bench::new();
+    let said = bench.works(&[
+        "a.lfv",
+        "b.lfv",
+        "-o",
+        "f.exr",
+        "-v",
+        "--pass",
+        "48,40,24:0.5:6,6,4",
+        "--pass",
+        "32,32,16",
+        "--pass",
+        "24,24,12:0.75",
+    ]);
+    for words in
+        ["pass 1: windows of 48 x 40 x 24", "search to 6 x 6 x 4", "pass 2: windows of 32 x 32 x 16", "pass 3.2: "]
+    {
+        assert!(said.contains(words), "{words:?} not in {said}");
+    }
+    let layout = field(&bench, "f.exr").layout;
+    assert_eq!((layout.window, layout.overlap), ([24, 24, 12], 0.75));
+    bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper"], &["320 x 320 x 32", "48 x 40 x 24"]);
+    bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper-jet"], &["320 x 320 x 64"]);
+    for wrong in ["24,24", "24,24,12:x", "24,24,12:0.5:1,1", "24,24,12::", ""] {
+        bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--pass", wrong], &["pass"]);
+    }
+    bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--pass", "24,24,12:nan"], &["overlap NaN"]);
+    bench.fails(&["a.lfv", "b.lfv", "--pass", "24,24,12", "--window", "24,24,12"], &["--pass"]);
+    bench.fails(&["a.lfv", "b.lfv", "--pass", "24,24,12", "--settings", "paper"], &["--settings"]);
+    assert!(!bench.path("g.exr").exists());
+}
+
+#[test]
+fn an_option_that_changes_nothing_is_refused() {
+    let bench = Bench::new();
+    let one = ["--pass", "24,24,12:0.5:3,3,3"];
+    for (more, option) in [
+        (&["--refine", "2,2,2"][..], "--refine"),
+        (&["--search", "2,2,2"], "--search"),
+        (&["--overlap", "0.5"], "--overlap"),
+        (&["--repeats", "3", "--deform", "never"], "--repeats"),
+        (&["--stall", "0.1", "--deform", "never"], "--stall"),
+        (&["--stall", "0.1", "--repeats", "1"], "--stall"),
+    ] {
+        bench.fails(&[&["a.lfv", "b.lfv", "-o", "f.exr"], &one[..], more].concat(), &[option, "changes nothing"]);
+    }
+    assert!(!bench.path("f.exr").exists());
+}
+
+#[test]
+fn velocities_need_a_time() {
+    let bench = Bench::new();
+    bench.works(&[&["a.lfv", "b.lfv", "-o", "f.csv", "-q", "--dt", "0.002"], &SMALL[..]].concat());
+    let text = String::from_utf8(bench.bytes("f.csv")).unwrap();
+    let mut lines = text.lines();
+    let columns: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = |name: &str| columns.iter().position(|column| *column == name).unwrap();
+    for line in lines {
+        let value = |name: &str| line.split(',').nth(column(name)).unwrap().parse::<f64>().unwrap();
+        assert!((value("u_mm_s") * 0.002 - value("u_mm")).abs() < 1e-6 * value("u_mm").abs() + 1e-9);
+        assert!(value("count") >= 0.0 && (value("flag") != 0.0 || value("su_mm") > 0.0 || value("su_mm").is_nan()));
+    }
+    bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--dt", "0.002"], &SMALL[..]].concat());
+    assert_eq!(field(&bench, "f.exr").layout.dt_s, Some(0.002));
+    for wrong in ["0", "-1", "nan", "inf", "x"] {
+        bench.fails(&["a.lfv", "b.lfv", &format!("--dt={wrong}")], &["dt"]);
+    }
+}
+
+#[test]
+fn a_mask_is_a_box_or_a_file() {
+    let bench = Bench::new();
+    // 48 x 40 x 24 voxels of 0.1 x 0.1 x 0.5 mm from 0 on: voxels 8 to 40 along x.
+    bench.works(&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--mask", "0.8,4.0,-9,9,-9,99", "--window", "24,24,12"]);
+    let boxed = field(&bench, "f.exr");
+    // 33 voxels, windows of 24 and 6 apart: two, the first after 1 voxel.
+    assert_eq!(boxed.layout.shape[0], 2);
+    assert!((boxed.layout.origin_mm[0] - (0.8 + 0.1 + 1.15)).abs() < 1e-9, "{:?}", boxed.layout.origin_mm);
+
+    let grid = lf_core::grid::Grid { spacing_mm: [0.1, 0.1, 0.5], ..scene::grid([48, 40, 24]) };
+    let left: Vec<u64> = (0..grid.len()).filter(|&index| grid.voxel(index)[0] < 24).collect();
+    bench.write("left.lfv", &grid, &left, &[]);
+    bench.works(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q", "--mask", "left.lfv"], &SMALL[..]].concat());
+    let masked = field(&bench, "g.exr");
+    // The last windows hold no light.
+    assert!((0..masked.len()).filter(|i| i % 5 == 4).all(|i| masked.flag[i] != MEASURED));
+    assert!(masked.flag.iter().filter(|&&flag| flag == MEASURED).count() * 2 > masked.len());
+
+    bench.write("other.lfv", &scene::grid([48, 40, 24]), &[1], &[]);
+    bench.fails(&["a.lfv", "b.lfv", "--mask", "other.lfv", "-q"], &["other.lfv: a grid of", "a.lfv"]);
+    bench.fails(&["a.lfv", "b.lfv", "--mask", "missing.lfv", "-q"], &["missing.lfv"]);
+    bench.fails(&["a.lfv", "b.lfv", "--mask", "90,99,0,9,0,9", "-q"], &["--mask", "48 x 40 x 24"]);
+    for wrong in ["1,0,0,9,0,9", "0,1,2", "0,1,0,1,0,x", "-q"] {
+        bench.fails(&["a.lfv", "b.lfv", "--mask", wrong], &["x0,x1,y0,y1,z0,z1"]);
+    }
+    bench.fails(&["-", "b.lfv", "--mask", "-"], &["standard input"]);
+    let slice = ["a.lfv", "b.lfv", "-o", "h.exr", "--plot", "h.svg", "--slice", "z=11", "--mask", "0,4.8,0,4,0,6"];
+    bench.fails(&[&slice[..], &["-q", "--window", "24,24,12"]].concat(), &["slice z = 11 mm is outside the mask"]);
+    assert!(!bench.path("h.exr").exists());
+}
+
+#[test]
+fn further_pairs_are_counted_with_the_first() {
+    let bench = Bench::new();
+    let mut grid = scene::grid([48, 40, 24]);
+    grid.spacing_mm = [0.1, 0.1, 0.5];
+    let [c, d] = scene::pair(&grid, 10.0 / (24.0 * 24.0 * 12.0), [0.75; 3], 2, |_| [1.3, -0.7, 0.4]);
+    bench.save("c.lfv", &c);
+    bench.save("d.lfv", &d);
+    bench.works(&[&["a.lfv", "b.lfv", "-o", "one.exr", "-q"], &SMALL[..]].concat());
+    bench.works(&[&["a.lfv", "b.lfv", "-o", "two.exr", "-q", "--and", "c.lfv", "d.lfv"], &SMALL[..]].concat());
+    let [one, two] = ["one.exr", "two.exr"].map(|name| field(&bench, name).count.iter().sum::<f32>());
+    assert!(two > 1.6 * one && two < 2.6 * one, "{one} {two}");
+    bench.fails(&["a.lfv", "b.lfv", "--and", "c.lfv"], &["--and"]);
+    bench.write("grid.lfv", &scene::grid([48, 40, 24]), &[1, 2], &[("intensity", &[1.0, 2.0])]);
+    bench.fails(&["a.lfv", "b.lfv", "-q", "--and", "c.lfv", "grid.lfv"], &["grid.lfv", "wanted the grid of the first"]);
+    bench.fails(&["a.lfv", "b.lfv", "-o", "d.lfv", "--and", "c.lfv", "d.lfv"], &["d.lfv", "input"]);
+}
+
+#[test]
+fn the_method_is_what_was_asked_for() {
+    let bench = Bench::new();
+    let said =
+        |more: &[&'static str]| bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], &SMALL[..], more].concat());
+    assert!(!said(&["--deform", "never"]).contains("deformed"));
+    assert!(said(&["--deform", "always"]).contains("pass 2.1: deformed"));
+    assert!(said(&["--route", "transform"]).contains("by transforms (estimated"));
+    assert!(!said(&["--repeats", "2"]).contains("pass 2.3"));
+    assert!(said(&["--stall", "0", "--repeats", "9", "--smoothing", "0.5"]).contains("pass 2.2"));
+    for (option, value) in [
+        ("--deform", "sometimes"),
+        ("--route", "x"),
+        ("--repeats", "0"),
+        ("--repeats", "101"),
+        ("--stall", "nan"),
+        ("--stall", "-1"),
+        ("--smoothing", "5"),
+    ] {
+        bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "-q", &format!("{option}={value}")], &[&option[2..]]);
+    }
+    let wide = ["--pass", "8,8,8:0.9:40,40,24", "--route", "direct"];
+    bench.fails(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q"], &wide[..]].concat(), &["GB", "transforms"]);
+}
