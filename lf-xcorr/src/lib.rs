@@ -1,16 +1,22 @@
-//! Two sparse volumes to a velocity field: multigrid direct cross-correlation of the lit voxels.
+//! Sparse volumes in pairs to a velocity field: multigrid cross-correlation of the lit voxels.
 //!
 //! Each pass lays interrogation windows over the volume, sums the products of the two volumes over every trial shift, and
-//! fits the peak of the normalised correlation; its validated vectors predict the shift for the next, finer pass.
+//! fits the peak of the normalised correlation; its validated vectors predict the shift for the next, finer pass. The last
+//! pass is repeated on volumes deformed by what is known, until the vectors stand still.
 //!
 //! - The work is done on the lit voxels, and once: windows that overlap share the sums of the cells they have in common
 //!   (a sparse direct correlation after Discetti & Astarita, Exp. Fluids 53, 2012; 64 windows share a cell at 75 % overlap).
-//! - Both windows move: a trial shift is taken half from each volume, so a vector stands where it was measured, and
-//!   exchanging the volumes negates the field exactly.
+//!   Where Fourier transforms of each window should be faster they find the peak, and direct sums its place.
+//! - Both windows move: a trial shift is taken half from each volume, so a vector stands where it was measured, and on the
+//!   direct path exchanging the volumes negates the field exactly.
 //! - The correlation is zero-mean and normalised by the energy of what each shift pairs, so that window edges, gain and
 //!   long particles do not pull the peak; the fit is a three-dimensional Gaussian, tilt included.
+//! - Deformation sends the light to the midpoints of a predicted field, voxel by lit voxel, and spreads it with a spline that
+//!   moves five moments of a particle image exactly. The predictor follows gradients where there is evidence of them.
 //! - Vectors pass the normalised median test (Westerweel & Scarano, Exp. Fluids 39, 2005), are searched again, or are
 //!   replaced and say so. A window without light gives no data, never a silent zero.
+//! - Standard uncertainties come from how the particle images of a window disagree (after Wieneke, Meas. Sci. Technol. 26,
+//!   2015), and from what of the field the windows are too large for.
 //!
 //! ```
 //! use lf_core::grid::Grid;
