@@ -34,14 +34,19 @@ impl Pass {
     /// Constant: the paper's windows take a fiftieth of it, and a machine that holds its volumes has it.
     pub(crate) const MOST_BYTES: f64 = 4e9;
 
-    /// Voxels binned into one along `axis` so that the search stays within [`Pass::BINNED_SEARCH`] bins.
+    /// Voxels binned into one along `axis`: none for a search up to [`Pass::FINE_SEARCH`], two beyond, and more where the search
+    /// would otherwise be wider than [`Pass::BINNED_SEARCH`] bins.
     pub fn bin(&self, axis: usize) -> usize {
-        self.search[axis].div_ceil(Self::BINNED_SEARCH).max(1)
+        let search = self.search[axis];
+        if search <= Self::FINE_SEARCH { 1 } else { search.div_ceil(Self::BINNED_SEARCH).max(2) }
     }
 
-    /// Constant: widest search, in bins, before a pass bins voxels, the last one excepted. The cost of a pass grows with the number of
-    /// trial shifts, (2 x 8 + 1)^3 at most; a later pass takes back what the bins blur. Larger: slower, more memory.
+    /// Constant: widest search, in bins, of a pass that bins: every pass but the last. The cost of a pass grows with the number of
+    /// trial shifts, (2 x 8 + 1)^3 at most; the next pass takes back what the bins blur. Larger: slower, more memory.
     pub const BINNED_SEARCH: usize = 8;
+
+    /// Constant: widest search without bins. Bins of two cost an eighth, and the next pass finds what they miss.
+    pub const FINE_SEARCH: usize = 5;
 }
 
 /// The normalised median test (Westerweel & Scarano, Exp. Fluids 39, 2005) over the 26 neighbours.

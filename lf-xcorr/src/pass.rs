@@ -11,7 +11,7 @@ use crate::options::Pass;
 use crate::overlap::{Which, voxels};
 use crate::peak::{self, Peak};
 use crate::score::Room;
-use crate::shifts::{Shifts, Sums, channel};
+use crate::shifts::{Pool, Shifts, Sums, channel};
 use crate::sparse::{Rows, Sparse};
 use crate::transform::{self, Plan};
 use rayon::prelude::*;
@@ -89,7 +89,7 @@ fn windows<T: Send>(
     let [x, y, z] = &lattice.axes;
     let mut cells: Vec<Vec<Vec<Option<Sums>>>> = vec![vec![Vec::new(); z.cells.len()]; pairs.len()];
     let mut answers = Vec::with_capacity(lattice.count());
-    let mut ready = 0;
+    let (mut ready, pool) = (0, Pool::default());
     for k in 0..nz {
         let boxes = |i: Range<usize>, j: Range<usize>| {
             Shifts::hull_of(
@@ -101,21 +101,25 @@ fn windows<T: Send>(
             .zip(pairs)
             .map(|(cells, pair)| {
                 // Let go of the layers of cells behind this layer of windows, and sum the new ones.
-                cells[..z.spans[k].start].iter_mut().for_each(|layer| *layer = Vec::new());
+                for layer in &mut cells[..z.spans[k].start] {
+                    pool.take_back(std::mem::take(layer).into_iter().flatten());
+                }
                 for layer in ready.max(z.spans[k].start)..z.spans[k].end {
-                    cells[layer] = cell_layer(pair, lattice, search, layer);
+                    cells[layer] = cell_layer(pair, lattice, search, layer, &pool);
                 }
 
                 // Add cells into columns of this layer's depth, columns into rows.
                 let layers = &cells[z.spans[k].clone()];
                 let columns = gather(x.cells.len(), y.cells.len(), |cx, cy| {
-                    let parts = layers.iter().map(|layer| &layer[cx + x.cells.len() * cy]);
-                    total(boxes(x.users[cx].clone(), y.users[cy].clone()), parts)
+                    let parts = layers.iter().filter_map(|layer| layer[cx + x.cells.len() * cy].as_ref());
+                    Some(pool.total(boxes(x.users[cx].clone(), y.users[cy].clone())?, parts))
                 });
-                gather(x.cells.len(), ny, |cx, j| {
-                    let parts = y.spans[j].clone().map(|cy| &columns[cx + x.cells.len() * cy]);
-                    total(boxes(x.users[cx].clone(), j..j + 1), parts)
-                })
+                let rows = gather(x.cells.len(), ny, |cx, j| {
+                    let parts = y.spans[j].clone().filter_map(|cy| columns[cx + x.cells.len() * cy].as_ref());
+                    Some(pool.total(boxes(x.users[cx].clone(), j..j + 1)?, parts))
+                });
+                pool.take_back(columns.into_iter().flatten());
+                rows
             })
             .collect();
         ready = ready.max(z.spans[k].end);
@@ -123,12 +127,15 @@ fn windows<T: Send>(
         // Add rows into windows.
         answers.extend(gather(nx, ny, |i, j| {
             let window = |rows: &Vec<Option<Sums>>| {
-                let parts = x.spans[i].clone().map(|cx| &rows[cx + x.cells.len() * j]);
-                total(boxes(i..i + 1, j..j + 1), parts)
+                let parts = x.spans[i].clone().filter_map(|cx| rows[cx + x.cells.len() * j].as_ref());
+                Some(pool.total(boxes(i..i + 1, j..j + 1)?, parts))
             };
             let sums = rows.iter().map(window).collect::<Option<Vec<Sums>>>()?;
-            Some(each(lattice.index([i, j, k]), &sums))
+            let answer = each(lattice.index([i, j, k]), &sums);
+            pool.take_back(sums);
+            Some(answer)
         }));
+        rows.into_iter().for_each(|rows| pool.take_back(rows.into_iter().flatten()));
     }
     answers
 }
@@ -139,6 +146,7 @@ fn cell_layer(
     lattice: &Lattice,
     search: &[Option<Shifts>],
     layer: usize,
+    pool: &Pool,
 ) -> Vec<Option<Sums>> {
     let [x, y, z] = &lattice.axes;
     let count = x.cells.len() * y.cells.len();
@@ -151,7 +159,7 @@ fn cell_layer(
         });
         let shifts = Shifts::hull_of(nodes.filter_map(|node| search[lattice.index(node)]))?;
         let cell = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
-        let mut sums = Sums::zero(shifts);
+        let mut sums = pool.zero(shifts);
         kernel::products(first, second, &cell, &shifts, sums.channel_mut(channel::PRODUCT), &mut scratch.0);
         for (which, rows, channel) in [(Which::First, first, channel::FIRST), (Which::Second, second, channel::SECOND)]
         {
@@ -167,13 +175,6 @@ fn cell_layer(
 /// `make(i, j)` for every place of an nx x ny table, x fastest.
 fn gather<T: Send>(nx: usize, ny: usize, make: impl Fn(usize, usize) -> T + Sync) -> Vec<T> {
     (0..nx * ny).into_par_iter().map(|place| make(place % nx, place / nx)).collect()
-}
-
-/// The sum of `parts` over `shifts`; `None` where nothing is searched.
-fn total<'a>(shifts: Option<Shifts>, parts: impl Iterator<Item = &'a Option<Sums>>) -> Option<Sums> {
-    let mut sums = Sums::zero(shifts?);
-    parts.flatten().for_each(|part| sums.add(part));
-    Some(sums)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! (second order in time), and swapping the volumes turns `d` into `-d` with the very same pairs.
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// The part of a shift taken back from the midpoint to the first volume.
 #[inline]
@@ -133,5 +134,54 @@ impl Sums {
                 }
             }
         }
+    }
+}
+
+/// Sums that are no longer needed: new ones are made of them, for asking the system for memory takes longer than summing.
+#[derive(Debug, Default)]
+pub(crate) struct Pool {
+    free: Mutex<Vec<Vec<f64>>>,
+}
+
+impl Pool {
+    /// All zero.
+    pub fn zero(&self, shifts: Shifts) -> Sums {
+        let mut data = self.buffer();
+        data.resize(channel::COUNT * shifts.len(), 0.0);
+        Sums { shifts, data }
+    }
+
+    /// The sum of `parts`, whose shifts include these.
+    pub fn total<'a>(&self, shifts: Shifts, mut parts: impl Iterator<Item = &'a Sums>) -> Sums {
+        let first: [Option<&Sums>; 4] = std::array::from_fn(|_| parts.next());
+        let mut sums = match first {
+            // Four at a time, as windows share cells at three quarters of overlap: each is read once, and the sum written once.
+            [Some(a), Some(b), Some(c), Some(d)] if [a, b, c, d].iter().all(|part| part.shifts == shifts) => {
+                let mut data = self.buffer();
+                let four = a.data.iter().zip(&b.data).zip(&c.data).zip(&d.data);
+                data.extend(four.map(|(((a, b), c), d)| a + b + c + d));
+                Sums { shifts, data }
+            }
+            _ => {
+                let mut sums = self.zero(shifts);
+                first.into_iter().flatten().for_each(|part| sums.add(part));
+                sums
+            }
+        };
+        parts.for_each(|part| sums.add(part));
+        sums
+    }
+
+    /// Takes back what is no longer needed.
+    pub fn take_back(&self, sums: impl IntoIterator<Item = Sums>) {
+        let free = sums.into_iter().map(|sums| sums.data);
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).extend(free);
+    }
+
+    /// An empty buffer.
+    fn buffer(&self) -> Vec<f64> {
+        let mut data = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+        data.clear();
+        data
     }
 }

@@ -111,6 +111,9 @@ impl Rows {
     pub fn run(&self, y: usize, z: usize, from: i32, to: i32) -> (&[u32], &[f32]) {
         let row = y + self.shape[1] * z;
         let places = self.start[row]..self.start[row + 1];
+        if places.is_empty() {
+            return (&[], &[]);
+        }
         let x = &self.x[places.clone()];
         let first = x.partition_point(|&x| (x as i32) < from);
         let last = first + x[first..].partition_point(|&x| (x as i32) < to);
