@@ -74,20 +74,14 @@ impl Default for MedianTest {
 /// When the volumes are deformed by what is known of the field before they are correlated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Deform {
-    /// In repeats of a pass, and the first time where the displacement changes by more than [`Deform::CHANGE_VOX`] across
-    /// a window.
+    /// In repeats of a pass, and the first time where the displacement changes by more across a window than the pass looks
+    /// for: a plain search would not find it, and elsewhere it is not misled by what the pass before got wrong.
     Auto,
     /// Wherever something is known.
     Always,
     /// Never: windows are moved by whole voxels, and no pass is repeated. For the uncertainties the volumes are still laid on
     /// each other.
     Never,
-}
-
-impl Deform {
-    /// Constant: half a voxel across a window widens a correlation peak of particles of 0.75 voxel by a hundredth, and
-    /// shifts the mean of ten particles' displacements by a twentieth of a voxel.
-    pub const CHANGE_VOX: f64 = 0.5;
 }
 
 /// How products are summed.

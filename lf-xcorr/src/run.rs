@@ -78,7 +78,7 @@ impl<'a> Run<'a> {
         let across = self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(self.window_vox()));
         let across = across.into_iter().fold(0.0, f64::max);
         let asked = match self.options.deform {
-            Deform::Auto => !self.repeats.is_empty() || across > Deform::CHANGE_VOX,
+            Deform::Auto => !self.repeats.is_empty() || self.too_steep_for(&self.level.pass),
             Deform::Always => true,
             Deform::Never => false,
         };
@@ -117,7 +117,8 @@ impl<'a> Run<'a> {
         }
         let worse = self.repeats.last().is_some_and(|before| {
             let fewer = heights.len() * 10 < self.vectors.iter().filter_map(Vector::reading).count() * 9;
-            fewer || repeat.correlation + Self::WORSE < before.correlation
+            // Deformed and plain volumes correlate differently.
+            fewer || (before.deformed && repeat.correlation + Self::WORSE < before.correlation)
         });
         let Some(predictor) = self.level.predictor(&vectors).filter(|_| !worse) else { return false };
         self.deformed_by = field.cloned();
@@ -129,16 +130,19 @@ impl<'a> Run<'a> {
     /// Constant: a mean correlation this much lower than the time before is none of the noise's doing.
     const WORSE: f64 = 0.02;
 
+    /// Constant: changes that shrink by less lead nowhere.
+    const NO_LESS: f64 = 0.9;
+
     /// Whether another repeat would change nothing that matters: little changed, or no less than the time before.
     fn stalled(&self) -> bool {
         let [.., before, last] = self.repeats.as_slice() else { return false };
-        last.change_vox < self.options.stall_vox || last.change_vox > 0.8 * before.change_vox
+        last.change_vox < self.options.stall_vox || last.change_vox > Self::NO_LESS * before.change_vox
     }
 
-    /// Whether a component changes by more across a window of the `next` pass than that pass looks for along it.
-    fn too_steep_for(&self, next: &Pass) -> bool {
-        let changes = self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(next.window));
-        (0..3).any(|axis| changes[axis] > next.search[axis] as f64)
+    /// Whether a component changes by more across a window of `pass` than that pass looks for along it.
+    fn too_steep_for(&self, pass: &Pass) -> bool {
+        let changes = self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(pass.window));
+        (0..3).any(|axis| changes[axis] > pass.search[axis] as f64)
     }
 
     /// Share of the light smoothing in what the last repeat started from, by node and component: all of it where it did not.

@@ -66,14 +66,34 @@ fn small_and_large_particle_images_are_measured() {
 }
 
 #[test]
-fn one_particle_and_thousands_in_a_window_are_measured() {
-    for (density, bias, rms, measured) in
-        [(1.0, 0.08, 0.12, 0.6), (300.0, 0.0015, 0.002, 0.99), (3000.0, 0.003, 0.006, 0.99)]
-    {
+fn thousands_of_particles_in_a_window_are_measured() {
+    for (density, bias, rms) in [(300.0, 0.0015, 0.002), (3000.0, 0.003, 0.006)] {
         let [a, b] = cloud(density, 0.8);
         let found = error(&field(&a, &b));
-        assert!(found[0] < bias && found[1] < rms && found[2] > measured, "{density}: {found:?}");
+        assert!(found[0] < bias && found[1] < rms && found[2] > 0.99, "{density}: {found:?}");
     }
+}
+
+/// Windows that hold one particle, or a part of one that the window's edge cuts: most are right, and the rest says so.
+#[test]
+fn one_particle_in_a_window_is_measured() {
+    let [a, b] = cloud(1.0, 0.8);
+    let field = field(&a, &b);
+    let seen: Vec<usize> = (0..field.len()).filter(|&i| field.flag[i] == MEASURED && field.count[i] > 0.0).collect();
+    let good = |i: &&usize| {
+        let errors =
+            [field.u[**i], field.v[**i], field.w[**i]].into_iter().zip(SHIFT).map(|(u, s)| (u as f64 - s).abs());
+        errors.fold(0.0, f64::max) < 0.1
+    };
+    let count = seen.iter().filter(good).count();
+    assert!(
+        seen.len() * 2 > field.len() && count * 10 > seen.len() * 8,
+        "{count} of {} of {}",
+        seen.len(),
+        field.len()
+    );
+    // Of a single particle nothing can be said but that.
+    assert!(field.su.iter().filter(|s| s.is_nan()).count() * 2 > field.len());
 }
 
 /// Light everywhere, a third of a particle's peak: the ground is no particle and hardly pulls.
