@@ -27,7 +27,8 @@ pub struct Arguments {
     pub a: PathBuf,
     /// Second volume
     pub b: PathBuf,
-    /// Two more volumes of the same flow; the correlations of all pairs are summed. Can be given again
+    /// Two more volumes of the same flow; the correlations of all pairs are summed, none counting for more by being brighter.
+    /// Can be given again
     #[arg(long, num_args = 2, value_names = ["A", "B"], action = clap::ArgAction::Append)]
     pub and: Vec<PathBuf>,
     /// Where the field goes: .exr, .vti or .csv; `-` is EXR on standard output
