@@ -9,46 +9,46 @@ use crate::lattice::{Axis, Lattice};
 use crate::sparse::Rows;
 use crate::transform::Plan;
 
-/// Seconds on one core.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Cost {
-    /// By products of lit voxels, shared between windows.
-    pub direct_s: f64,
-    /// By transforms, window after window.
-    pub transform_s: f64,
+/// The light of a pair in the cells of a lattice: what a pass costs is estimated from it. Seconds are of one core.
+pub(crate) struct Estimate<'a> {
+    light: [Light; 2],
+    shape: [usize; 3],
+    lattice: &'a Lattice,
 }
 
-/// Estimates a pass of `lattice` that searches every window within `search_radius`.
-pub(crate) fn estimate(first: &Rows, second: &Rows, lattice: &Lattice, search_radius: [usize; 3]) -> Cost {
-    let work = Work::count(first, second, lattice, search_radius);
-    let seconds = |counts: &[f64], ns: &[f64]| counts.iter().zip(ns).map(|(count, ns)| count * ns).sum::<f64>() * 1e-9;
-    Cost { direct_s: seconds(&work.direct, &DIRECT_NS), transform_s: seconds(&work.transform, &TRANSFORM_NS) }
+impl<'a> Estimate<'a> {
+    pub fn new(pair: [&Rows; 2], lattice: &'a Lattice) -> Self {
+        Self { light: pair.map(|rows| Light::count(rows, lattice)), shape: pair[0].shape, lattice }
+    }
+
+    /// By products of lit voxels, shared between windows, every window searched within `radius`.
+    pub fn direct_s(&self, radius: [usize; 3]) -> f64 {
+        seconds(&direct(&self.light, self.shape, self.lattice, radius), &DIRECT_NS)
+    }
+
+    /// By transforms, window after window.
+    pub fn transform_s(&self, radius: [usize; 3]) -> f64 {
+        seconds(&transform(&self.light, self.lattice, radius), &TRANSFORM_NS)
+    }
+}
+
+/// What steps taken so often take together.
+fn seconds(counts: &[f64], ns: &[f64]) -> f64 {
+    counts.iter().zip(ns).map(|(count, ns)| count * ns).sum::<f64>() * 1e-9
 }
 
 /// Constant: nanoseconds of a multiplication of the products, a pair of rows, a voxel, a row and shift along x and an
 /// addition of the energies, a shift that one set of sums hands to the next, and what is to be added to the last for each
 /// doubling of the shifts above 512, as the sums leave the caches. Fitted to `benches/routes.rs` on one core of a Xeon (Sapphire
 /// Rapids, AVX2 code) at 0.1 % to 100 % of light, windows of 16 to 64 and radii of 4 to 16: 0.6 to 1.4 of what was measured.
-/// Where they are wrong the slower path is taken; `transform` says what else the choice changes.
+/// Where they are wrong the slower path is taken; vectors are read off direct sums on either.
 const DIRECT_NS: [f64; 7] = [0.21, 8.6, 1.0, 44.0, 0.16, 4.8, 1.3];
 
 /// Constant: nanoseconds of an operation of the transforms, a place of a row of the energies, a lit voxel and a shift. As
 /// [`DIRECT_NS`].
 const TRANSFORM_NS: [f64; 4] = [0.089, 3.1, 0.9, 9.5];
 
-/// How often each step of the two paths is taken, in the order of [`DIRECT_NS`] and [`TRANSFORM_NS`].
-struct Work {
-    direct: [f64; 7],
-    transform: [f64; 4],
-}
-
-impl Work {
-    fn count(first: &Rows, second: &Rows, lattice: &Lattice, radius: [usize; 3]) -> Self {
-        let light = [Light::count(first, lattice), Light::count(second, lattice)];
-        Self { direct: direct(&light, first.shape, lattice, radius), transform: transform(&light, lattice, radius) }
-    }
-}
-
+/// How often each step of the direct path is taken, in the order of [`DIRECT_NS`].
 fn direct(light: &[Light; 2], shape: [usize; 3], lattice: &Lattice, radius: [usize; 3]) -> [f64; 7] {
     let n = radius.map(|r| 2 * r + 1);
     let r = radius.map(|r| r as f64);
@@ -91,6 +91,7 @@ fn direct(light: &[Light; 2], shape: [usize; 3], lattice: &Lattice, radius: [usi
     work
 }
 
+/// How often each step of the transforms is taken, in the order of [`TRANSFORM_NS`].
 fn transform(light: &[Light; 2], lattice: &Lattice, radius: [usize; 3]) -> [f64; 4] {
     let n = radius.map(|r| 2 * r + 1);
     let window = [0, 1, 2].map(|axis| lattice.axes[axis].window);

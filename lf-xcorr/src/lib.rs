@@ -47,6 +47,8 @@ mod mask;
 mod multigrid;
 mod neighbours;
 mod options;
+#[cfg(test)]
+mod oracle;
 mod outcome;
 mod overlap;
 mod overlay;

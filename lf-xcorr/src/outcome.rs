@@ -1,6 +1,7 @@
 //! What a correlation gives: the field, and how it came about.
 
 use crate::level::{Counts, Level, Vector};
+use crate::options::Pass;
 use crate::uncertainty::Statistics;
 use lf_core::field::{self, Field, Layout};
 use lf_core::grid::Grid;
@@ -59,10 +60,11 @@ pub struct Outcome {
 
 impl PassReport {
     pub(crate) fn new(level: &Level, repeats: Vec<Repeat>) -> Self {
+        let Pass { window, search, .. } = level.pass_vox();
         Self {
-            window: std::array::from_fn(|a| level.pass.window[a] * level.bin[a]),
+            window,
             step: level.step_vox(),
-            search: std::array::from_fn(|a| level.pass.search[a] * level.bin[a]),
+            search,
             bin: level.bin,
             lit: level.lit(),
             nodes: level.lattice.shape(),

@@ -2,7 +2,7 @@
 //!
 //! Memory: the cells of one layer of windows at a time, never the whole lattice.
 
-use crate::cost::estimate;
+use crate::cost::Estimate;
 use crate::energy;
 use crate::kernel;
 use crate::lattice::Lattice;
@@ -72,9 +72,9 @@ pub fn one_pass(volumes: [&Sparse; 2], pass: &Pass, transform: bool) -> (usize, 
     let search = vec![Some(shifts); lattice.count()];
     let path = if transform { Path::Transform(Plan::new(pass.window, shifts.n)) } else { Path::Direct };
     let peaks = measure(&[rows.each_ref()], &lattice, &search, &path, false, &|_| ());
-    let cost = estimate(&rows[0], &rows[1], &lattice, pass.search);
     let inside = peaks.iter().filter(|peak| matches!(peak, Some(Peak::Inside(_)))).count();
-    (inside, [cost.direct_s, cost.transform_s])
+    let estimate = Estimate::new(rows.each_ref(), &lattice);
+    (inside, [estimate.direct_s(pass.search), estimate.transform_s(pass.search)])
 }
 
 /// Calls `each(node, sums)` for every node that has a box of shifts, and gives the answers in the order of the nodes; `sums`
@@ -180,37 +180,16 @@ fn gather<T: Send>(nx: usize, ny: usize, make: impl Fn(usize, usize) -> T + Sync
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::oracle;
     use crate::shifts::{back, on};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    /// The sums of one window by the definition: every midpoint, every shift, dense volumes.
+    /// The sums of one window by the definition: both voxels half a shift from the midpoint.
     fn oracle(dense: [&[f32]; 2], shape: [usize; 3], window: &[Range<usize>; 3], shifts: Shifts) -> Sums {
-        let inside = |p: [i32; 3]| (0..3).all(|a| p[a] >= 0 && p[a] < shape[a] as i32);
-        let at = |volume: usize, p: [i32; 3]| {
-            dense[volume][p[0] as usize + shape[0] * (p[1] as usize + shape[1] * p[2] as usize)] as f64
-        };
-        let mut sums = Sums::zero(shifts);
-        for k in 0..shifts.len() {
-            let place = [k % shifts.n[0], k / shifts.n[0] % shifts.n[1], k / shifts.n[0] / shifts.n[1]];
-            let d: [i32; 3] = std::array::from_fn(|a| shifts.low[a] + place[a] as i32);
-            for z in window[2].clone() {
-                for y in window[1].clone() {
-                    for x in window[0].clone() {
-                        let x = [x as i32, y as i32, z as i32];
-                        let from = std::array::from_fn(|a| x[a] - back(d[a]));
-                        let to = std::array::from_fn(|a| x[a] + on(d[a]));
-                        if inside(from) && inside(to) {
-                            let (a, b) = (at(0, from), at(1, to));
-                            for (channel, value) in [a * b, a, a * a, b, b * b].into_iter().enumerate() {
-                                sums.channel_mut(channel)[k] += value;
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        sums
+        oracle::sums(dense, shape, window, shifts, |midpoint, d| {
+            [std::array::from_fn(|a| midpoint[a] - back(d[a])), std::array::from_fn(|a| midpoint[a] + on(d[a]))]
+        })
     }
 
     #[test]
@@ -241,11 +220,7 @@ mod tests {
             ([30, 6, 4], [30, 6, 1], 0.0, [11, 1, 1], 0.5),
             ([40, 3, 3], [5, 3, 3], 0.5, [13, 1, 1], 0.9),
         ] {
-            let mut dense = || -> Vec<f32> {
-                let mut voxel = || if random.random::<f64>() < lit { random.random::<f32>() } else { 0.0 };
-                (0..shape.iter().product()).map(|_| voxel()).collect()
-            };
-            let (a, b) = (dense(), dense());
+            let [a, b] = [0, 1].map(|_| oracle::volume(&mut random, shape, lit));
             let lattice = Lattice::new(shape, &Pass { window, overlap, search: radius });
             // Every window has its own prediction, and some are not searched.
             let search: Vec<Option<Shifts>> = (0..lattice.count())

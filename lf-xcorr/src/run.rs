@@ -65,7 +65,7 @@ impl<'a> Run<'a> {
             if !self.repeat(watch) {
                 break;
             }
-            if self.stalled() || next.is_some_and(|next| !self.too_steep_for(next)) {
+            if self.stalled() || next.is_some_and(|next| !too_steep(self.change_across(next), next)) {
                 break;
             }
         }
@@ -75,10 +75,10 @@ impl<'a> Run<'a> {
 
     /// Does the pass once more. Where that finds less than the time before, or nothing, it changes nothing and is the last.
     fn repeat(&mut self, watch: &(dyn Fn(u64) + Sync)) -> bool {
-        let across = self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(self.window_vox()));
-        let across = across.into_iter().fold(0.0, f64::max);
+        let pass_vox = self.level.pass_vox();
+        let across = self.change_across(&pass_vox);
         let asked = match self.options.deform {
-            Deform::Auto => !self.repeats.is_empty() || self.too_steep_for(&self.level.pass),
+            Deform::Auto => !self.repeats.is_empty() || too_steep(across, &pass_vox),
             Deform::Always => true,
             Deform::Never => false,
         };
@@ -97,15 +97,16 @@ impl<'a> Run<'a> {
             route: self.options.route,
             test: &self.options.median_test,
         };
-        let Done { mut vectors, counts, cost, transform } = self.level.run(&trial, &search, watch);
+        let Done { mut vectors, counts, cost_s: [direct_s, transform_s], transform } =
+            self.level.run(&trial, &search, watch);
         let heights: Vec<f64> = vectors.iter().filter_map(Vector::reading).map(|reading| reading.height).collect();
         let repeat = Repeat {
             deformed: trial.deformed_by.is_some(),
-            change_across_vox: across,
+            change_across_vox: across.into_iter().fold(0.0, f64::max),
             change_vox: change(&self.vectors, &vectors),
             correlation: heights.iter().sum::<f64>() / heights.len() as f64,
-            direct_s: cost.direct_s,
-            transform_s: cost.transform_s,
+            direct_s,
+            transform_s,
             transform,
             counts,
         };
@@ -139,10 +140,9 @@ impl<'a> Run<'a> {
         last.change_vox < self.options.stall_vox || last.change_vox > Self::NO_LESS * before.change_vox
     }
 
-    /// Whether a component changes by more across a window of `pass` than that pass looks for along it.
-    fn too_steep_for(&self, pass: &Pass) -> bool {
-        let changes = self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(pass.window));
-        (0..3).any(|axis| changes[axis] > pass.search[axis] as f64)
+    /// What each component is predicted to change by across a window of `pass`, voxels.
+    fn change_across(&self, pass: &Pass) -> [f64; 3] {
+        self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(pass.window))
     }
 
     /// Share of the light smoothing in what the last repeat started from, by node and component: all of it where it did not.
@@ -152,10 +152,6 @@ impl<'a> Run<'a> {
             Some(field) if field.count() == count => (0..count).map(|node| field.light(node)).collect(),
             _ => vec![[1.0; 3]; count],
         }
-    }
-
-    fn window_vox(&self) -> [usize; 3] {
-        std::array::from_fn(|a| self.level.pass.window[a] * self.level.bin[a])
     }
 
     fn moved(&self, field: &Predictor) -> Vec<[Rows; 2]> {
@@ -171,6 +167,11 @@ impl<'a> Run<'a> {
             (None, None) => unreachable!("a pass that was done leaves a predictor"),
         }
     }
+}
+
+/// Whether a component changes by more across a window of a pass than that looks for along it, voxels.
+fn too_steep(across_vox: [f64; 3], pass: &Pass) -> bool {
+    (0..3).any(|axis| across_vox[axis] > pass.search[axis] as f64)
 }
 
 /// Root mean square change of a component between two vectors measured at one place, voxels; NaN where there are none.

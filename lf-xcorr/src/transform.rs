@@ -3,9 +3,8 @@
 //! Convention: with `c` the centre of the box of shifts (rounded down), the window of the first volume is moved by
 //! `-back(c)`, and every shift `d` pairs its voxel `a` with voxel `a + d` of the second. A pair that has one voxel outside
 //! its volume counts as dark in both. At `d = c` these are the pairs of the direct path, which moves both volumes by
-//! half of each shift; at other shifts the sums stand half of `d - c` away. Swapping the volumes therefore does not negate a
-//! vector exactly, and vectors scatter more: on particles of 0.75 voxel in windows of 32, 0.010 voxel against the direct
-//! path's 0.006, along particles of 4 voxels 0.047 against 0.020.
+//! half of each shift; at other shifts the sums stand half of `d - c` away. They are for finding a peak: read off them, and
+//! not off direct sums, a vector scatters about twice as much, and swapping the volumes does not quite negate it.
 //!
 //! Promise: nothing wraps round, for the transforms are as long as window and search together, and products are good to
 //! 1e-12 of the energies. The transforms are one-dimensional, pass by pass: lines known to be dark on the way in, and

@@ -1,13 +1,12 @@
 use super::*;
 use crate::options::Pass;
-use rand::{RngExt, SeedableRng};
+use crate::oracle;
+use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 /// A volume with a share `lit` of its voxels lit at random.
 fn volume(seed: u64, shape: [usize; 3], lit: f64) -> Rows {
-    let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let mut voxel = || if random.random::<f64>() < lit { random.random::<f32>() + 0.1 } else { 0.0 };
-    let dense: Vec<f32> = (0..shape.iter().product()).map(|_| voxel()).collect();
+    let dense = oracle::volume(&mut Pcg64Mcg::seed_from_u64(seed), shape, lit);
     Rows::of_dense(shape, &dense)
 }
 
@@ -16,15 +15,17 @@ fn sparse_light_is_multiplied_and_a_full_volume_transformed() {
     let cost = |lit: f64, overlap: f64, search: [usize; 3]| {
         let shape = [64; 3];
         let lattice = Lattice::new(shape, &Pass { window: [32; 3], overlap, search });
-        estimate(&volume(1, shape, lit), &volume(2, shape, lit), &lattice, search)
+        let [a, b] = [1, 2].map(|seed| volume(seed, shape, lit));
+        let estimate = Estimate::new([&a, &b], &lattice);
+        [estimate.direct_s(search), estimate.transform_s(search)]
     };
     let sparse = cost(0.01, 0.75, [4; 3]);
-    assert!(sparse.direct_s * 2.0 < sparse.transform_s, "{sparse:?}");
+    assert!(sparse[0] * 2.0 < sparse[1], "{sparse:?}");
     let full = cost(1.0, 0.0, [12; 3]);
-    assert!(full.transform_s * 2.0 < full.direct_s, "{full:?}");
+    assert!(full[1] * 2.0 < full[0], "{full:?}");
     // More light costs the direct path far more, and transforms little.
     let thin = cost(0.01, 0.0, [12; 3]);
-    assert!(thin.direct_s * 10.0 < full.direct_s && thin.transform_s * 10.0 > full.transform_s);
+    assert!(thin[0] * 10.0 < full[0] && thin[1] * 10.0 > full[1]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ mod search;
 pub use search::Counts;
 pub(crate) use search::{Done, Search, Trial};
 
-use crate::cost::{Cost, estimate};
+use crate::cost::Estimate;
 use crate::fill::filled;
 use crate::lattice::Lattice;
 use crate::options::Pass;
@@ -76,6 +76,12 @@ impl<'a> Level<'a> {
         Self { pass, bin, pairs, full, lattice, smoothing_windows }
     }
 
+    /// The pass in voxels: whole bins of them.
+    pub fn pass_vox(&self) -> Pass {
+        let whole = |bins: [usize; 3]| std::array::from_fn(|a| bins[a] * self.bin[a]);
+        Pass { window: whole(self.pass.window), search: whole(self.pass.search), ..self.pass }
+    }
+
     /// A volume at the resolution of the pass.
     pub fn binned(&self, rows: Rows) -> Rows {
         if self.bin == [1; 3] { rows } else { rows.binned(self.bin) }
@@ -92,16 +98,14 @@ impl<'a> Level<'a> {
         [0, 1].map(|side| self.pairs.iter().map(|pair| pair[side].count()).sum())
     }
 
-    /// What the pass would cost on either path, every window searched within `radius` by products, and as far as the pass
-    /// says by transforms, which are read off products.
-    fn cost(&self, trial: &Trial, radius: [usize; 3]) -> Cost {
-        let mut sum = Cost { direct_s: 0.0, transform_s: 0.0 };
-        for [first, second] in &trial.pairs {
-            let cost = |radius: [usize; 3]| estimate(first, second, &self.lattice, radius);
-            sum.direct_s += cost(radius).direct_s;
-            sum.transform_s += cost(self.pass.search).transform_s + cost(Self::CLOSE).direct_s;
-        }
-        sum
+    /// Seconds that the pass would take on one core: by products, every window searched within `radius`; and by transforms as
+    /// far as the pass says, read off products.
+    fn cost(&self, trial: &Trial, radius: [usize; 3]) -> [f64; 2] {
+        trial.pairs.iter().fold([0.0; 2], |[direct, transform], pair| {
+            let estimate = Estimate::new(*pair, &self.lattice);
+            let read_off = estimate.direct_s(Self::CLOSE);
+            [direct + estimate.direct_s(radius), transform + estimate.transform_s(self.pass.search) + read_off]
+        })
     }
 
     /// Whether the sums of the direct path fit into [`Pass::MOST_BYTES`].

@@ -1,7 +1,6 @@
 //! Vectors measured, tested, searched again, replaced.
 
 use super::{Level, Vector};
-use crate::cost::Cost;
 use crate::fill::fill;
 use crate::options::{MedianTest, Route};
 use crate::pass::{Path, measure};
@@ -32,7 +31,8 @@ pub(crate) struct Search<'a> {
 pub(crate) struct Done {
     pub vectors: Vec<Vector>,
     pub counts: Counts,
-    pub cost: Cost,
+    /// What was estimated for products and for transforms, seconds on one core.
+    pub cost_s: [f64; 2],
     /// Whether transforms were used.
     pub transform: bool,
 }
@@ -67,10 +67,10 @@ impl Level<'_> {
             Shifts::around(std::array::from_fn(centre), radius)
         };
         let usual = if search.known.is_some() { Self::CLOSE } else { self.pass.search };
-        let cost = self.cost(trial, usual);
+        let cost_s = self.cost(trial, usual);
         let transform = match search.route {
             // Products look close where a vector is known.
-            Route::Auto => search.known.is_none() && (cost.transform_s < cost.direct_s || !self.fits(usual)),
+            Route::Auto => search.known.is_none() && (cost_s[1] < cost_s[0] || !self.fits(usual)),
             Route::Direct => false,
             Route::Transform => true,
         };
@@ -155,7 +155,7 @@ impl Level<'_> {
             replaced: vectors.iter().filter(|vector| matches!(vector, Vector::Replaced(_))).count(),
             no_data: vectors.iter().filter(|vector| matches!(vector, Vector::NoData)).count(),
         };
-        Done { vectors, counts, cost, transform }
+        Done { vectors, counts, cost_s, transform }
     }
 
     /// Constant: radius of a search about a displacement that is known to a voxel, bins: one for what it is wrong by, one for

@@ -1,41 +1,15 @@
 use super::*;
+use crate::oracle::{self, volume};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// The sums by the definition: every voxel of the moved window, every shift, dense volumes.
+/// The sums by the definition: the first volume's window moved once, by the centre of the box.
 fn oracle(dense: [&[f32]; 2], shape: [usize; 3], window: &[Range<usize>; 3], shifts: Shifts) -> Sums {
-    let inside = |p: [i32; 3]| (0..3).all(|a| p[a] >= 0 && p[a] < shape[a] as i32);
-    let at = |volume: usize, p: [i32; 3]| {
-        dense[volume][p[0] as usize + shape[0] * (p[1] as usize + shape[1] * p[2] as usize)] as f64
-    };
     let moved = [0, 1, 2].map(|a| back((shifts.low[a] + shifts.high(a)) >> 1));
-    let mut sums = Sums::zero(shifts);
-    for k in 0..shifts.len() {
-        let place = [k % shifts.n[0], k / shifts.n[0] % shifts.n[1], k / shifts.n[0] / shifts.n[1]];
-        let d: [i32; 3] = std::array::from_fn(|a| shifts.low[a] + place[a] as i32);
-        for z in window[2].clone() {
-            for y in window[1].clone() {
-                for x in window[0].clone() {
-                    let midpoint = [x as i32, y as i32, z as i32];
-                    let from = std::array::from_fn(|a| midpoint[a] - moved[a]);
-                    let to = std::array::from_fn(|a| from[a] + d[a]);
-                    if inside(from) && inside(to) {
-                        let (a, b) = (at(0, from), at(1, to));
-                        for (channel, value) in [a * b, a, a * a, b, b * b].into_iter().enumerate() {
-                            sums.channel_mut(channel)[k] += value;
-                        }
-                    }
-                }
-            }
-        }
-    }
-    sums
-}
-
-/// A volume with a share `lit` of its voxels lit.
-fn volume(random: &mut Pcg64Mcg, shape: [usize; 3], lit: f64) -> Vec<f32> {
-    let mut voxel = || if random.random::<f64>() < lit { random.random::<f32>() } else { 0.0 };
-    (0..shape.iter().product()).map(|_| voxel()).collect()
+    oracle::sums(dense, shape, window, shifts, |midpoint, d| {
+        let from: [i32; 3] = std::array::from_fn(|a| midpoint[a] - moved[a]);
+        [from, std::array::from_fn(|a| from[a] + d[a])]
+    })
 }
 
 #[test]
