@@ -11,10 +11,10 @@
 //! | `g` | `microlenses.gap_mm`; f_l where absent | |
 //! | `k` | | [`Camera::demagnification`] |
 
+use crate::lattice::{Centres, Lattice};
 use crate::{Error, Result};
-use glam::{DMat2, DVec2};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A plenoptic camera whose sensor sits one microlens focal length behind the array.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -35,6 +35,13 @@ pub struct Camera {
     /// What the camera looks into; absent, air.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub medium: Option<Medium>,
+    /// Measured departure of the lenslets from the perfect lattice; absent, none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centres: Option<Centres>,
+    /// A flat-field image: what each pixel counts of the light that it should; absent, all of it. Seen from the folder of
+    /// the camera's file; see [`crate::image::open_frame`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vignetting: Option<PathBuf>,
     /// What a calibration learned: residuals and their units. Kept, and read by no tool.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<serde_json::Value>,
@@ -165,14 +172,6 @@ impl Camera {
         const WANTED: &str = "wanted a camera.json";
         let value: serde_json::Value =
             serde_json::from_str(text).map_err(|error| (format!("not JSON ({error})"), WANTED.to_string()))?;
-        for block in ["centres", "vignetting"] {
-            if value.get(block).is_some() {
-                return Err((
-                    format!("has a '{block}' block, which this version does not model"),
-                    "wanted a camera without it".to_string(),
-                ));
-            }
-        }
         let camera: Self = serde_json::from_value(value).map_err(|error| (error.to_string(), WANTED.to_string()))?;
         camera.check().map_err(|found| (found, WANTED.to_string()))?;
         Ok(camera)
@@ -243,6 +242,9 @@ impl Camera {
         if let Some(medium) = &self.medium {
             medium.check(self.object_distance_mm())?;
         }
+        if let Some(centres) = &self.centres {
+            centres.check()?;
+        }
         if self.demagnification() >= 0.5 {
             return Err(format!(
                 "microlens focal length {} mm is not small beside the image distance {} mm",
@@ -253,13 +255,14 @@ impl Camera {
         Ok(())
     }
 
-    /// The first of the camera's blocks that weights do not follow yet: distortion, tilt, gap, medium.
+    /// The first of the camera's blocks that weights do not follow yet: distortion, tilt, gap, medium, centres.
     pub fn beyond_weights(&self) -> Option<&'static str> {
         let blocks = [
             (self.distortion.is_some(), "distortion"),
             (self.tilt.is_some(), "tilt"),
             (self.microlenses.gap_mm.is_some(), "microlenses.gap_mm"),
             (self.medium.is_some(), "medium"),
+            (self.centres.is_some(), "centres"),
         ];
         blocks.into_iter().find_map(|(given, name)| given.then_some(name))
     }
@@ -277,6 +280,12 @@ impl Camera {
         let mut straight = self.clone();
         straight.microlenses.rotation_rad = 0.0;
         Some(straight)
+    }
+
+    /// The flat-field image of a camera that was read from `file`: `vignetting` seen from its folder.
+    pub fn flat_field(&self, file: &Path) -> Option<PathBuf> {
+        let flat = self.vignetting.as_deref()?;
+        Some(file.parent().map_or_else(|| flat.to_path_buf(), |folder| folder.join(flat)))
     }
 
     /// Refuses an image of another size than the sensor.
@@ -324,7 +333,7 @@ impl Camera {
 
     /// The microlens lattice.
     pub fn lattice(&self) -> Lattice {
-        Lattice::new(&self.microlenses)
+        Lattice::new(&self.microlenses, self.centres.as_ref())
     }
 
     /// What the sensor sees of the focal plane: half width and half height, mm.
@@ -367,158 +376,6 @@ impl Medium {
     }
 }
 
-/// Lenslet centres: `offset + R(rotation) q`, where q is `((i + 1/2) p, (j + 1/2) p)` for a square lattice and
-/// `((i + (j odd)/2) p, j p sqrt(3)/2)` for a hexagonal one. Without bounds: the sensor decides what is seen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lattice {
-    layout: Layout,
-    pitch_mm: f64,
-    offset_mm: DVec2,
-    turn: DMat2,
-}
-
-impl Lattice {
-    fn new(microlenses: &Microlenses) -> Self {
-        Self {
-            layout: microlenses.layout,
-            pitch_mm: microlenses.pitch_mm,
-            offset_mm: DVec2::from(microlenses.offset_mm),
-            turn: DMat2::from_angle(microlenses.rotation_rad),
-        }
-    }
-
-    /// Distance between rows of lenslets, mm.
-    pub fn row_pitch_mm(&self) -> f64 {
-        match self.layout {
-            Layout::Square => self.pitch_mm,
-            Layout::Hexagonal => self.pitch_mm * 0.75f64.sqrt(),
-        }
-    }
-
-    /// Shift of row `j` along the row, in pitches.
-    #[inline]
-    fn row_shift(&self, j: i64) -> f64 {
-        match self.layout {
-            Layout::Square => 0.5,
-            Layout::Hexagonal => 0.5 * (j & 1) as f64,
-        }
-    }
-
-    /// Distance of row 0 from the offset, in row pitches.
-    #[inline]
-    fn first_row(&self) -> f64 {
-        match self.layout {
-            Layout::Square => 0.5,
-            Layout::Hexagonal => 0.0,
-        }
-    }
-
-    /// Centre of lenslet (i, j), mm.
-    #[inline]
-    pub fn centre_mm(&self, i: i64, j: i64) -> DVec2 {
-        let along = (i as f64 + self.row_shift(j)) * self.pitch_mm;
-        let across = (j as f64 + self.first_row()) * self.row_pitch_mm();
-        self.offset_mm + self.turn * DVec2::new(along, across)
-    }
-
-    /// The lenslet whose cell holds a point of the array: the nearest centre.
-    #[inline]
-    pub fn lenslet_at(&self, point_mm: DVec2) -> (i64, i64) {
-        let q = self.turn.transpose() * (point_mm - self.offset_mm);
-        match self.layout {
-            Layout::Square => ((q.x / self.pitch_mm).floor() as i64, (q.y / self.pitch_mm).floor() as i64),
-            Layout::Hexagonal => {
-                let row_pitch = self.row_pitch_mm();
-                let below = (q.y / row_pitch).floor() as i64;
-                let nearest = |j: i64| {
-                    let i = (q.x / self.pitch_mm - self.row_shift(j)).round();
-                    let dx = q.x - (i + self.row_shift(j)) * self.pitch_mm;
-                    let dy = q.y - j as f64 * row_pitch;
-                    (dx * dx + dy * dy, i as i64)
-                };
-                let (low, high) = (nearest(below), nearest(below + 1));
-                if low.0 <= high.0 { (low.1, below) } else { (high.1, below + 1) }
-            }
-        }
-    }
-
-    /// Centre of the lenslet whose cell holds a point of the array, mm; as [`Lattice::lenslet_at`], without branches.
-    #[inline(always)]
-    pub fn nearest_centre_mm(&self, point_mm: DVec2) -> DVec2 {
-        // By components, which compilers turn into arithmetic on several points at once.
-        let (cos, sin) = (self.turn.x_axis.x, self.turn.x_axis.y);
-        let (x, y) = (point_mm.x - self.offset_mm.x, point_mm.y - self.offset_mm.y);
-        let (qx, qy) = (cos * x + sin * y, cos * y - sin * x);
-        let per_pitch = 1.0 / self.pitch_mm;
-        let (cx, cy) = match self.layout {
-            Layout::Square => {
-                (((qx * per_pitch).floor() + 0.5) * self.pitch_mm, ((qy * per_pitch).floor() + 0.5) * self.pitch_mm)
-            }
-            Layout::Hexagonal => {
-                // The nearest of the row below, and of that above, whose shift is the other one.
-                let row_pitch = self.row_pitch_mm();
-                let below = (qy * (1.0 / row_pitch)).floor();
-                let (x, shift) = (qx * per_pitch, 0.5 * below - (0.5 * below).floor());
-                let (low_x, high_x) = ((x - shift + 0.5).floor() + shift, (x + shift).floor() + 0.5 - shift);
-                let (low_x, high_x) = (low_x * self.pitch_mm, high_x * self.pitch_mm);
-                let (low_y, high_y) = (below * row_pitch, (below + 1.0) * row_pitch);
-                let low = (qx - low_x) * (qx - low_x) + (qy - low_y) * (qy - low_y);
-                let high = (qx - high_x) * (qx - high_x) + (qy - high_y) * (qy - high_y);
-                (if low <= high { low_x } else { high_x }, if low <= high { low_y } else { high_y })
-            }
-        };
-        DVec2::new(self.offset_mm.x + cos * cx - sin * cy, self.offset_mm.y + cos * cy + sin * cx)
-    }
-
-    /// Lattice coordinates (along a row in pitches, across rows in row pitches) of a point, without the rows' shift.
-    pub fn place(&self, point_mm: DVec2) -> DVec2 {
-        let q = self.turn.transpose() * (point_mm - self.offset_mm);
-        DVec2::new(q.x / self.pitch_mm, q.y / self.row_pitch_mm())
-    }
-
-    /// The lenslets whose centres lie within a box of half sides `reach_mm` about a point, row by row.
-    pub fn lenslets_within(&self, point_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = (i64, i64, DVec2)> + '_ {
-        let q = self.place(point_mm);
-        // A box turned with the lattice that holds the box asked for.
-        let (sin, cos) = (self.turn.x_axis.y.abs(), self.turn.x_axis.x.abs());
-        let along = (reach_mm.x * cos + reach_mm.y * sin) / self.pitch_mm;
-        let across = (reach_mm.x * sin + reach_mm.y * cos) / self.row_pitch_mm();
-        let first_row = (q.y - across - self.first_row()).ceil() as i64;
-        let last_row = (q.y + across - self.first_row()).floor() as i64;
-        (first_row..=last_row).flat_map(move |j| {
-            let first = (q.x - along - self.row_shift(j)).ceil() as i64;
-            let last = (q.x + along - self.row_shift(j)).floor() as i64;
-            (first..=last).map(move |i| (i, j, self.centre_mm(i, j)))
-        })
-    }
-
-    /// Corners of a lenslet's cell relative to its centre, in order around it, mm.
-    pub fn cell_mm(&self) -> Vec<DVec2> {
-        let corner = |x: f64, y: f64| self.turn * DVec2::new(x, y) * self.pitch_mm;
-        match self.layout {
-            Layout::Square => [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| corner(x, y)).to_vec(),
-            Layout::Hexagonal => {
-                let (side, flat) = (1.0 / 3f64.sqrt(), 0.5);
-                [
-                    (0.0, -side),
-                    (flat, -side / 2.0),
-                    (flat, side / 2.0),
-                    (0.0, side),
-                    (-flat, side / 2.0),
-                    (-flat, -side / 2.0),
-                ]
-                .map(|(x, y)| corner(x, y))
-                .to_vec()
-            }
-        }
-    }
-
-    /// Area of a cell, mm^2.
-    pub fn cell_area_mm2(&self) -> f64 {
-        self.pitch_mm * self.row_pitch_mm()
-    }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
@@ -539,6 +396,8 @@ pub(crate) mod tests {
             distortion: None,
             tilt: None,
             medium: None,
+            centres: None,
+            vignetting: None,
             calibration: None,
         }
     }
@@ -548,41 +407,5 @@ pub(crate) mod tests {
         let camera = seed(20, Aperture::Square, Layout::Square, 0.0);
         assert!((camera.aperture_mm() - 100.0).abs() < 1e-12);
         assert!((camera.demagnification() * camera.aperture_mm() - camera.microlenses.pitch_mm).abs() < 1e-12);
-    }
-
-    #[test]
-    fn every_point_belongs_to_its_nearest_lenslet() {
-        for layout in [Layout::Square, Layout::Hexagonal] {
-            let lattice = seed(20, Aperture::Square, layout, 0.1).lattice();
-            for n in 0..2000 {
-                let point = DVec2::new((n as f64 * 0.618).fract() - 0.5, (n as f64 * 0.414).fract() - 0.5) * 1.5;
-                let (i, j) = lattice.lenslet_at(point);
-                let mine = lattice.centre_mm(i, j).distance(point);
-                let best = lattice
-                    .lenslets_within(point, DVec2::splat(0.1))
-                    .map(|(_, _, centre)| centre.distance(point))
-                    .fold(f64::INFINITY, f64::min);
-                assert!(mine <= best + 1e-12, "{layout:?} {point}: {mine} against {best}");
-                assert!(lattice.nearest_centre_mm(point).distance(lattice.centre_mm(i, j)) < 1e-12);
-            }
-        }
-    }
-
-    #[test]
-    fn cells_tile_the_plane() {
-        for layout in [Layout::Square, Layout::Hexagonal] {
-            let lattice = seed(20, Aperture::Square, layout, 0.2).lattice();
-            let cell = lattice.cell_mm();
-            let area: f64 = (0..cell.len()).map(|n| cell[n].perp_dot(cell[(n + 1) % cell.len()])).sum::<f64>() / 2.0;
-            assert!((area - lattice.cell_area_mm2()).abs() < 1e-15);
-        }
-    }
-
-    #[test]
-    fn blocks_that_are_not_modelled_are_refused() {
-        let mut value = serde_json::to_value(seed(20, Aperture::Circle, Layout::Square, 0.0)).unwrap();
-        assert!(Camera::from_json(&value.to_string()).is_ok());
-        value["centres"] = serde_json::json!([]);
-        assert!(Camera::from_json(&value.to_string()).unwrap_err().0.contains("'centres'"));
     }
 }

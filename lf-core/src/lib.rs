@@ -13,6 +13,7 @@ pub mod history;
 pub mod image;
 pub mod io;
 pub mod kernel;
+pub mod lattice;
 pub mod optics;
 pub mod particles;
 pub mod volume;

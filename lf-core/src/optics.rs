@@ -29,7 +29,8 @@
 //!   `x_s = x_m + g ((x_m - U) / s_i - (x_m - c) / f_l)`, g being that of the place x_s where the sensor is tilted. Places on
 //!   a tilted sensor are read along the axis: an error of half the square of the tilt.
 
-use crate::camera::{Aperture, Camera, Distortion, Lattice, Medium};
+use crate::camera::{Aperture, Camera, Distortion, Medium};
+use crate::lattice::Lattice;
 use glam::DVec2;
 
 /// Steps of Newton's method for a ray through a window. Each squares the error, which starts at about a tenth of the squared

@@ -208,7 +208,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
             let found = format!("has '{key}', which weights do not follow yet");
             return Err(Error::new(io::name(&arguments.camera), found, "wanted a camera without it"));
         }
-        let image = image::open_frame(&arguments.image, arguments.background.as_deref())?;
+        let image = image::open_frame(
+            &arguments.image,
+            arguments.background.as_deref(),
+            camera.flat_field(&arguments.camera).as_deref(),
+        )?;
         let (height, width) = image.pixels.dim();
         camera.check_image(&io::name(&arguments.image), width, height)?;
         Ok((camera, image, Volume::open(&arguments.support)?))

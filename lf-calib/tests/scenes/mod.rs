@@ -27,6 +27,8 @@ pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2
         distortion: None,
         tilt: None,
         medium: None,
+        centres: None,
+        vignetting: None,
         calibration: None,
     }
 }

@@ -19,8 +19,9 @@ pub use axis::Piece;
 pub use disc::Chords;
 pub use lenslet::{Lenslets, RowSet};
 
-use crate::camera::{Aperture, Camera, Lattice};
+use crate::camera::{Aperture, Camera};
 use crate::grid::Grid;
+use crate::lattice::Lattice;
 use crate::optics::Optics;
 use axis::{Axis, Span};
 use blur::Blur;

@@ -1,24 +1,39 @@
-//! A frame as the stages want it: counts above a background.
+//! A frame as the stages want it: counts above a background, each pixel as sensitive as any other.
 
 use super::{Image, open_counts};
 use crate::{Error, Result, io};
+use ndarray::Array2;
 use std::path::Path;
 
-/// Reads an image of counts ([`open_counts`]) and subtracts a background of the same size; what falls below zero
-/// becomes zero.
-pub fn open_frame(path: &Path, background: Option<&Path>) -> Result<Image> {
+/// A pixel that counts less than this share of its light is blind: what noise it has would count twenty times.
+pub const BLIND: f32 = 0.05;
+
+/// Reads an image of counts ([`open_counts`]), subtracts a background of the same size, what falls below zero becoming
+/// zero, and divides by a flat field: what each pixel counts of the light that it should. Pixels that count less than
+/// [`BLIND`] of it become NaN: nothing is known of their light.
+pub fn open_frame(path: &Path, background: Option<&Path>, flat: Option<&Path>) -> Result<Image> {
     let mut image = open_counts(path)?;
     if let Some(file) = background {
-        let dark = open_counts(file)?;
-        let ((height, width), (wanted_height, wanted_width)) = (dark.pixels.dim(), image.pixels.dim());
-        if (height, width) != (wanted_height, wanted_width) {
-            return Err(Error::new(
-                io::name(file),
-                format!("background of {width} x {height} px"),
-                format!("wanted the {wanted_width} x {wanted_height} px of {}", io::name(path)),
-            ));
-        }
-        image.pixels.zip_mut_with(&dark.pixels, |pixel, dark| *pixel = (*pixel - dark).max(0.0));
+        let dark = like("background", file, path, &image)?;
+        image.pixels.zip_mut_with(&dark, |pixel, dark| *pixel = (*pixel - dark).max(0.0));
+    }
+    if let Some(file) = flat {
+        let flat = like("flat field", file, path, &image)?;
+        image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });
     }
     Ok(image)
+}
+
+/// An image of the size of another.
+fn like(what: &str, file: &Path, frame: &Path, image: &Image) -> Result<Array2<f32>> {
+    let pixels = open_counts(file)?.pixels;
+    let ((height, width), (wanted_height, wanted_width)) = (pixels.dim(), image.pixels.dim());
+    if (height, width) != (wanted_height, wanted_width) {
+        return Err(Error::new(
+            io::name(file),
+            format!("{what} of {width} x {height} px"),
+            format!("wanted the {wanted_width} x {wanted_height} px of {}", io::name(frame)),
+        ));
+    }
+    Ok(pixels)
 }

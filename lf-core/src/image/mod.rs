@@ -14,7 +14,7 @@ mod noise;
 mod png;
 mod tiff;
 
-pub use frame::open_frame;
+pub use frame::{BLIND, open_frame};
 pub use noise::noise;
 
 use crate::history::History;
