@@ -255,14 +255,13 @@ impl Camera {
         Ok(())
     }
 
-    /// The first of the camera's blocks that weights do not follow yet: distortion, tilt, gap, medium, centres.
-    pub fn beyond_weights(&self) -> Option<&'static str> {
+    /// The first of the camera's blocks by which light does not go in straight lines to lenslets at their focal length.
+    pub fn bends(&self) -> Option<&'static str> {
         let blocks = [
-            (self.distortion.is_some(), "distortion"),
+            (self.medium.is_some(), "medium"),
             (self.tilt.is_some(), "tilt"),
             (self.microlenses.gap_mm.is_some(), "microlenses.gap_mm"),
-            (self.medium.is_some(), "medium"),
-            (self.centres.is_some(), "centres"),
+            (self.distortion.is_some(), "distortion"),
         ];
         blocks.into_iter().find_map(|(given, name)| given.then_some(name))
     }
@@ -270,7 +269,7 @@ impl Camera {
     /// The camera with its lattice exactly in line with the pixels, where it has a square lattice turned by so little that
     /// no lenslet moves by more than [`IN_LINE_PX`], and nothing else that bends its columns.
     pub fn in_line(&self) -> Option<Self> {
-        if self.beyond_weights().is_some() {
+        if self.bends().is_some() || self.centres.is_some() {
             return None;
         }
         let drift_px = 0.5 * self.sensor.width.max(self.sensor.height) as f64 * self.microlenses.rotation_rad.abs();

@@ -3,6 +3,7 @@
 use crate::camera::{Layout, Microlenses};
 use glam::{DMat2, DVec2};
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// Smooth departure of the lenslets' centres from the perfect lattice, as measured. A lenslet whose perfect centre is c, mm
 /// from the sensor's middle, is at c + (x, y), polynomials in q = c / `radius_mm`.
@@ -109,6 +110,8 @@ pub struct Lattice {
     offset_mm: DVec2,
     turn: DMat2,
     centres: Option<Centres>,
+    /// The most that departures grow by per length.
+    steepest: f64,
 }
 
 impl Lattice {
@@ -120,6 +123,7 @@ impl Lattice {
             offset_mm: DVec2::from(microlenses.offset_mm),
             turn: DMat2::from_angle(microlenses.rotation_rad),
             centres: centres.cloned(),
+            steepest: centres.map_or(0.0, Centres::steepest),
         }
     }
 
@@ -139,7 +143,7 @@ impl Lattice {
 
     /// From a place of the array to where it would be if no lenslet departed, mm.
     #[inline]
-    fn perfect(&self, point_mm: DVec2) -> DVec2 {
+    pub fn perfect(&self, point_mm: DVec2) -> DVec2 {
         let Some(centres) = &self.centres else { return point_mm };
         let mut perfect = point_mm;
         for _ in 0..BACK_STEPS {
@@ -250,20 +254,31 @@ impl Lattice {
 
     /// The lenslets whose centres lie within a box of half sides `reach_mm` about a point, row by row.
     pub fn lenslets_within(&self, point_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = (i64, i64, DVec2)> + '_ {
-        let q = self.place(self.perfect(point_mm));
+        let rows = self.rows_within(self.perfect(point_mm), reach_mm);
+        rows.flat_map(move |(j, lenslets)| lenslets.map(move |i| (i, j, self.centre_mm(i, j))))
+    }
+
+    /// For each row j of the lattice its lenslets whose centres lie within a box of half sides `reach_mm` about a place of
+    /// the perfect lattice, and perhaps some about it.
+    #[inline]
+    pub fn rows_within(
+        &self,
+        perfect_mm: DVec2,
+        reach_mm: DVec2,
+    ) -> impl Iterator<Item = (i64, RangeInclusive<i64>)> + use<> {
+        let q = self.place(perfect_mm);
         // Departures that differ within the box can bring a lenslet in.
-        let steepest = self.centres.as_ref().map_or(0.0, Centres::steepest);
-        let reach_mm = reach_mm + DVec2::splat(steepest * reach_mm.max_element());
+        let reach_mm = reach_mm + DVec2::splat(self.steepest * reach_mm.max_element());
         // A box turned with the lattice that holds the box asked for.
         let (sin, cos) = (self.turn.x_axis.y.abs(), self.turn.x_axis.x.abs());
         let along = (reach_mm.x * cos + reach_mm.y * sin) / self.pitch_mm;
         let across = (reach_mm.x * sin + reach_mm.y * cos) / self.row_pitch_mm();
         let first_row = (q.y - across - self.first_row()).ceil() as i64;
         let last_row = (q.y + across - self.first_row()).floor() as i64;
-        (first_row..=last_row).flat_map(move |j| {
-            let first = (q.x - along - self.row_shift(j)).ceil() as i64;
-            let last = (q.x + along - self.row_shift(j)).floor() as i64;
-            (first..=last).map(move |i| (i, j, self.centre_mm(i, j)))
+        let shifts = [self.row_shift(0), self.row_shift(1)];
+        (first_row..=last_row).map(move |j| {
+            let shift = shifts[(j & 1) as usize];
+            (j, (q.x - along - shift).ceil() as i64..=(q.x + along - shift).floor() as i64)
         })
     }
 

@@ -106,6 +106,17 @@ impl Optics {
         self.demagnification
     }
 
+    /// Share of a ray's place on the array in its place on the sensor, `x_s = array_gain x_m + lenslet_gain c - k U`, where
+    /// the sensor is not tilted: k, and `k + 1 - g / f_l` with a gap g.
+    pub fn array_gain(&self) -> f64 {
+        self.sensor_plane.as_ref().map_or(self.demagnification, |_| self.demagnification + 1.0 - self.lenslet_gain())
+    }
+
+    /// Share of its lenslet's centre, as [`Optics::array_gain`]: 1, and `g / f_l` with a gap g.
+    pub fn lenslet_gain(&self) -> f64 {
+        self.sensor_plane.as_ref().map_or(1.0, |plane| plane.gap_mm / plane.focal_length_mm)
+    }
+
     /// s_i, mm.
     #[inline]
     pub fn image_distance_mm(&self) -> f64 {

@@ -10,6 +10,7 @@ mod inline;
 mod kernel;
 #[cfg(target_arch = "x86_64")]
 mod kernel_avx;
+mod kernel_lenslets;
 mod memory;
 mod momentum;
 mod operator;

@@ -204,10 +204,6 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let name = io::name(&arguments.support);
     let (camera, image, support) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        if let Some(key) = camera.beyond_weights() {
-            let found = format!("has '{key}', which weights do not follow yet");
-            return Err(Error::new(io::name(&arguments.camera), found, "wanted a camera without it"));
-        }
         let image = image::open_frame(
             &arguments.image,
             arguments.background.as_deref(),

@@ -1,7 +1,8 @@
 //! Weights voxel by voxel, for turned and hexagonal lattices.
 
+use crate::kernel_lenslets::{Buffers, gather, spread};
 use crate::operator::{Plane, keep};
-use lf_core::footprint::{Footprint, Lenslets, RowSet, Scratch};
+use lf_core::footprint::{Footprint, RowSet};
 use rayon::prelude::*;
 
 /// Parts of the support projected apart and added in order: the sum is the same for any number of threads.
@@ -14,33 +15,6 @@ const KEPT_PART: f64 = 0.8;
 /// Bytes that kept weights may take where so many are allowed for all.
 pub(crate) fn kept_bytes(max_bytes: u64) -> u64 {
     (KEPT_PART * max_bytes as f64) as u64
-}
-
-/// Buffers of a thread, for whichever weights.
-#[derive(Default)]
-struct Buffers {
-    lenslets: Lenslets,
-    scratch: Scratch,
-}
-
-impl Buffers {
-    /// Calls `found(row, first column, share, columns)` for the weights of a voxel on the wanted rows: `share *
-    /// columns[n]` on the n-th pixel from the first. A pixel may come more than once.
-    fn visit(
-        &mut self,
-        footprint: &Footprint,
-        index: u64,
-        wanted: RowSet,
-        mut found: impl FnMut(u32, u32, f32, &[f32]),
-    ) {
-        let voxel = footprint.grid().voxel(index);
-        if footprint.has_products() {
-            footprint.through_lenslets(voxel, &mut self.lenslets, wanted, found);
-        } else {
-            let mine = |row| wanted.holds(row);
-            footprint.visit(voxel, &mut self.scratch, mine, |column, row, weight| found(row, column, weight, &[1.0]));
-        }
-    }
 }
 
 pub(crate) struct Scattered<'a> {
@@ -92,7 +66,7 @@ pub(crate) fn count_weights(footprint: &Footprint, indices: &[u64]) -> u64 {
     (count as f64 / sample.len().max(1) as f64 * indices.len() as f64) as u64
 }
 
-/// Voxels whose weights are made at once, to be kept in their order.
+/// Voxels that a thread takes at once.
 const RUN: usize = 1 << 12;
 
 impl Kept {
@@ -260,22 +234,15 @@ impl<'a> Scattered<'a> {
             for row in plane.values.chunks_mut(plane.stride).skip(rows.first as usize).step_by(rows.step as usize) {
                 row.fill(0.0);
             }
-            let stride = plane.stride;
-            let values = &mut plane.values;
-            let mut buffers = Buffers::default();
-            for voxel in (n * part).min(indices.len())..((n + 1) * part).min(indices.len()) {
-                let strength = strengths[voxel];
-                if let Some(kept) = kept {
+            let voxels = (n * part).min(indices.len())..((n + 1) * part).min(indices.len());
+            if let Some(kept) = kept {
+                for voxel in voxels {
                     for w in kept.of(voxel, rows) {
-                        values[w.place as usize] += w.weight * strength;
+                        plane.values[w.place as usize] += w.weight * strengths[voxel];
                     }
-                } else {
-                    buffers.visit(footprint, indices[voxel], rows, |row, first, share, columns| {
-                        let out = &mut values[row as usize * stride + first as usize..][..columns.len()];
-                        let light = share * strength;
-                        out.iter_mut().zip(columns).for_each(|(value, weight)| *value += light * weight);
-                    });
                 }
+            } else {
+                spread(footprint, &indices[voxels.clone()], rows, &strengths[voxels], plane);
             }
         });
         let planes = &self.planes;
@@ -298,27 +265,26 @@ impl<'a> Scattered<'a> {
         strengths: &mut [f32],
         update: impl Fn(usize, &mut f32, f32, f32) + Sync,
     ) {
-        let voxels = strengths.par_iter_mut().enumerate().with_min_len(64);
-        voxels.for_each_init(Buffers::default, |buffers, (voxel, strength)| {
-            let (mut sum, mut all) = (0.0, 0.0);
+        let runs = strengths.par_chunks_mut(RUN).enumerate();
+        runs.for_each(|(run, strengths)| {
+            let first = run * RUN;
+            let indices = &self.indices[first..first + strengths.len()];
             if let Some(kept) = &self.kept {
-                for w in kept.of(voxel, rows) {
-                    sum += w.weight * plane.values[w.place as usize];
-                    all += w.weight;
+                for (voxel, strength) in (first..).zip(strengths) {
+                    let (mut sum, mut all) = (0.0, 0.0);
+                    for w in kept.of(voxel, rows) {
+                        sum += w.weight * plane.values[w.place as usize];
+                        all += w.weight;
+                    }
+                    update(voxel, strength, sum, all);
                 }
             } else {
-                buffers.visit(self.footprint, self.indices[voxel], rows, |row, first, share, columns| {
-                    let line = &plane.values[row as usize * plane.stride + first as usize..][..columns.len()];
-                    let (mut part, mut whole) = (0.0, 0.0);
-                    for (value, weight) in line.iter().zip(columns) {
-                        part += value * weight;
-                        whole += weight;
-                    }
-                    sum += share * part;
-                    all += share * whole;
-                });
+                let mut sums = vec![(0.0, 0.0); strengths.len()];
+                gather(self.footprint, indices, rows, plane, &mut sums);
+                for ((voxel, strength), (sum, all)) in (first..).zip(strengths).zip(sums) {
+                    update(voxel, strength, sum, all);
+                }
             }
-            update(voxel, strength, sum, all);
         });
     }
 }

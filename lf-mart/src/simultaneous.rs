@@ -33,9 +33,6 @@ const FIRST_SWEEPS: usize = 2;
 /// 2e-3.
 const SPENT_WHERE_REMADE: f32 = 1e-2;
 
-/// A larger support is looked at roughly first, where that is quicker: see [`lf_core::footprint::Footprint::rough`].
-const LARGE: usize = 20_000;
-
 /// Subsets in an order that has neighbours far apart: steps of 5 of 14.
 fn order(subsets: usize) -> impl Iterator<Item = usize> {
     (0..subsets).map(move |n| n * 5 % subsets)
@@ -143,10 +140,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
     let (height, width) = problem.image.dim();
     let clears_haze = subsets > 1 && problem.start.is_none();
     let active = problem.indices.to_vec();
-    // The first sweep needs no more than to tell the voxels that have light from those that have none.
-    let first_look = footprint.rough();
-    let mut rough = first_look.as_ref().filter(|_| clears_haze && active.len() > LARGE);
-    let operator = Operator::new(rough.unwrap_or(footprint), &active, subsets, options.max_bytes);
+    let operator = Operator::new(footprint, &active, subsets, options.max_bytes);
     let mut share = operator.shares();
     let unseen = share.iter().filter(|share| **share <= 0.0).count();
     let mut strengths = problem.first_strengths();
@@ -168,9 +162,6 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
 
     let mut sweeps: Vec<Sweep> = Vec::new();
     for number in 1..=options.iterations {
-        if number > 1 && rough.take().is_some() {
-            state.operator = Operator::new(footprint, &state.active, subsets, options.max_bytes);
-        }
         (state.misfit, state.touched) = (Misfit::default(), 0.0);
         for subset in order(subsets) {
             let spent_share = match clears_haze {

@@ -88,7 +88,8 @@ pub fn prune(
     }
     let levels = Levels::new(image, peak, options);
     let straight = camera.in_line();
-    let views = (straight.is_none() && camera.beyond_weights().is_none()).then(|| Views::new(&levels, camera));
+    let views = (straight.is_none() && camera.bends().is_none() && camera.centres.is_none())
+        .then(|| Views::new(&levels, camera));
     let slices: Vec<Slice> = (0..nz)
         .into_par_iter()
         .map(|z| {

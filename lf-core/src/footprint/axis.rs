@@ -10,6 +10,10 @@ pub(crate) struct Axis {
     pub(crate) alpha: f64,
     pub(crate) beta: f64,
     pub(crate) demagnification: f64,
+    /// Share of a ray's place on the array in its place on the sensor: `k + 1 - g / f_l`.
+    pub(crate) array_gain: f64,
+    /// Share of its lenslet's centre: `g / f_l`.
+    pub(crate) lenslet_gain: f64,
     pub(crate) half_aperture: f64,
     pub(crate) pixel_pitch: f64,
     pub(crate) pixels: usize,
@@ -40,6 +44,8 @@ pub(crate) struct Span {
 
 /// A share below this is not kept; the shares of a voxel along an axis sum to 1.
 const LEAST_SHARE: f64 = 1e-6;
+/// Pixels a mm of the aperture that count as none.
+const LEAST_SLOPE: f64 = 1e-7;
 
 impl Span {
     /// Share of the light at `t` (about the lenslet's centre) that falls within.
@@ -75,14 +81,18 @@ impl Axis {
         // A section's chief ray may lie half a section beside the part of the aperture that its beam reaches.
         let section = self.half_aperture / self.sections as f64;
         let (zero, slope) = self.line(x0, centre);
-        let (first, last) = (zero - slope * (high + section) - 0.5, zero - slope * (low - section) + 0.5);
+        let (a, b) = (zero - slope * (high + section), zero - slope * (low - section));
+        let (first, last) = (a.min(b) - 0.5, a.max(b) + 0.5);
         first.floor().max(0.0) as u32..last.ceil().clamp(0.0, self.pixels as f64) as u32
     }
 
-    /// Place in pixels falls with U: place = zero - slope U.
+    /// Place in pixels is `zero - slope U`, from `x_s = array_gain x_m + lenslet_gain c - k U`.
     pub(super) fn line(&self, x0: f64, centre: f64) -> (f64, f64) {
-        let slope = self.demagnification * (1.0 - self.alpha) / self.pixel_pitch;
-        ((centre + self.demagnification * x0) / self.pixel_pitch + 0.5 * self.pixels as f64, slope)
+        let slope = (self.demagnification - self.array_gain * self.alpha) / self.pixel_pitch;
+        // A lenslet that focuses a point to a point: a slope that leaves it on one pixel, whatever rounding does.
+        let slope = if slope.abs() < LEAST_SLOPE { LEAST_SLOPE } else { slope };
+        let zero = (self.lenslet_gain * centre + self.array_gain * x0) / self.pixel_pitch;
+        (zero + 0.5 * self.pixels as f64, slope)
     }
 
     /// Appends the pieces of a voxel whose chief ray meets the array at `x0`, through the lenslet at `centre`.
@@ -102,29 +112,32 @@ impl Axis {
             return;
         }
         let (zero, slope) = self.line(x0, centre);
-        let first = (zero - slope * high).floor().max(0.0);
-        let last = (zero - slope * low).ceil().min(self.pixels as f64);
+        let (a, b) = (zero - slope * high, zero - slope * low);
+        let first = a.min(b).floor().max(0.0);
+        let last = a.max(b).ceil().min(self.pixels as f64);
         let integral_to = |u: f64| span.ramp(t0 + self.alpha * u) / self.alpha;
         let flat = self.alpha.abs() * (high - low) < 1e-9;
         let mut pixel = first;
-        let mut upper = ((zero - pixel) / slope).min(high);
-        let mut integral_upper = if flat { 0.0 } else { integral_to(upper) };
+        let at_edge = |pixel: f64| {
+            let u = ((zero - pixel) / slope).clamp(low, high);
+            (u, if flat { 0.0 } else { integral_to(u) })
+        };
+        let mut before = at_edge(pixel);
         while pixel < last {
-            let lower = ((zero - pixel - 1.0) / slope).max(low);
+            let after = at_edge(pixel + 1.0);
+            // The aperture falls as pixels rise, but where a lenslet out of focus turns its image over.
+            let (lower, upper) = if slope > 0.0 { (after, before) } else { (before, after) };
             let light = if flat {
-                span.share(t0 + self.alpha * 0.5 * (lower + upper)) * (upper - lower)
+                span.share(t0 + self.alpha * 0.5 * (lower.0 + upper.0)) * (upper.0 - lower.0)
             } else {
-                let integral_lower = integral_to(lower);
-                let light = integral_upper - integral_lower;
-                integral_upper = integral_lower;
-                light
+                upper.1 - lower.1
             };
             let weight = light / (2.0 * self.half_aperture);
-            if weight > LEAST_SHARE && upper > lower {
-                let (u0, u1) = self.unblurred(t0, span, lower, upper);
+            if weight > LEAST_SHARE && upper.0 > lower.0 {
+                let (u0, u1) = self.unblurred(t0, span, lower.0, upper.0);
                 out.push(Piece { pixel: pixel as u32, weight: weight as f32, u0: u0 as f32, u1: u1 as f32 });
             }
-            upper = lower;
+            before = after;
             pixel += 1.0;
         }
     }
@@ -170,8 +183,8 @@ impl Axis {
             if w1 <= LEAST_SHARE {
                 continue;
             }
-            let sensor = centre + self.demagnification * (x0 + self.alpha * u - u);
-            let left = sensor / self.pixel_pitch + 0.5 * self.pixels as f64 - 0.5;
+            let (zero, slope) = self.line(x0, centre);
+            let left = zero - slope * u - 0.5;
             let part = left - left.floor();
             for (pixel, w2) in [(left.floor(), 1.0 - part), (left.floor() + 1.0, part)] {
                 let weight = w1 * w2 / n;

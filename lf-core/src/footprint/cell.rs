@@ -19,17 +19,11 @@ pub(crate) struct Slab {
 /// A square cell turned by no more than this is one rectangle whose edges are widened by their slant; beyond it, slabs.
 /// 0.02 rad slants the edge of a 14 px cell by 0.28 px, less than half the spread of a particle image.
 const ONE_SLAB_RAD: f64 = 0.02;
-/// A slab for each such part of a pitch that an edge wanders. Rough: a hexagon's tapers go in one step. Coarse: in 3, of
-/// 2.3 px at 14 px pitch, where a pixel's beam on the array is wider than that. Fine: in 9, of 0.8 px, nearer the focal
-/// plane.
-pub(crate) const ROUGH: f64 = 0.51;
-/// See [`ROUGH`].
-pub(crate) const COARSE: f64 = 0.17;
-/// See [`ROUGH`].
-pub(crate) const FINE: f64 = 0.06;
+/// A slab for each such part of a pitch that an edge wanders: 0.8 px at 14 px pitch.
+const STEP: f64 = 0.06;
 
-/// The slabs of a camera's cell, edges stepping by `step` pitches. They tile the array where the lenslets' cells do.
-pub(crate) fn slabs(camera: &Camera, step: f64) -> Vec<Slab> {
+/// The slabs of a camera's cell. They tile the array where the lenslets' cells do.
+pub(crate) fn slabs(camera: &Camera) -> Vec<Slab> {
     let pitch = camera.microlenses.pitch_mm;
     let quarter = std::f64::consts::FRAC_PI_2;
     let rotation = camera.microlenses.rotation_rad;
@@ -39,10 +33,10 @@ pub(crate) fn slabs(camera: &Camera, step: f64) -> Vec<Slab> {
         let slant = pitch * tilt.tan();
         return vec![Slab { x: [-half, half], y: [-half, half], slant_x: slant, slant_y: slant }];
     }
-    polygon_slabs(&camera.lattice().cell_mm(), pitch, step)
+    polygon_slabs(&camera.lattice().cell_mm(), pitch)
 }
 
-fn polygon_slabs(corners: &[DVec2], pitch: f64, step: f64) -> Vec<Slab> {
+fn polygon_slabs(corners: &[DVec2], pitch: f64) -> Vec<Slab> {
     let mut breaks: Vec<f64> = corners.iter().map(|corner| corner.y).collect();
     breaks.sort_by(f64::total_cmp);
     // Corners that nearly share a height are one break: a sliver has no light worth its work.
@@ -60,7 +54,7 @@ fn polygon_slabs(corners: &[DVec2], pitch: f64, step: f64) -> Vec<Slab> {
         let inset = 1e-9 * pitch;
         let (a, b) = (chord(corners, top + inset), chord(corners, bottom - inset));
         let slant = (b[0] - a[0]).abs().max((b[1] - a[1]).abs());
-        let count = (slant / (step * pitch)).ceil().max(1.0) as usize;
+        let count = (slant / (STEP * pitch)).ceil().max(1.0) as usize;
         for n in 0..count {
             let at = |part: f64| top + (bottom - top) * part / count as f64;
             let y = [at(n as f64), at(n as f64 + 1.0)];
@@ -95,24 +89,20 @@ mod tests {
     fn slabs_have_the_area_of_the_cell() {
         for layout in [Layout::Square, Layout::Hexagonal] {
             for rotation in [0.0, 0.003, 0.1, 0.7] {
-                for step in [ROUGH, COARSE, FINE] {
-                    let camera = seed(20, Aperture::Square, layout, rotation);
-                    let slabs = slabs(&camera, step);
-                    let area: f64 = slabs.iter().map(|s| (s.x[1] - s.x[0]) * (s.y[1] - s.y[0])).sum();
-                    let exact = camera.lattice().cell_area_mm2();
-                    assert!((area / exact - 1.0).abs() < 5e-3, "{layout:?} {rotation}: {area} against {exact}");
-                }
+                let camera = seed(20, Aperture::Square, layout, rotation);
+                let area: f64 = slabs(&camera).iter().map(|s| (s.x[1] - s.x[0]) * (s.y[1] - s.y[0])).sum();
+                let exact = camera.lattice().cell_area_mm2();
+                assert!((area / exact - 1.0).abs() < 5e-3, "{layout:?} {rotation}: {area} against {exact}");
             }
         }
     }
 
     #[test]
-    fn a_square_in_line_is_one_slab_and_a_hexagon_three_or_more() {
-        let count = |layout, rotation, step| slabs(&seed(20, Aperture::Square, layout, rotation), step).len();
-        for (step, hexagon) in [(ROUGH, 3), (COARSE, 7), (FINE, 19)] {
-            assert_eq!(count(Layout::Square, 0.0, step), 1);
-            assert_eq!(count(Layout::Hexagonal, 0.0, step), hexagon);
-            assert_eq!(count(Layout::Hexagonal, 0.003, step), hexagon);
-        }
+    fn a_square_in_line_is_one_slab_and_a_hexagon_many() {
+        let count = |layout, rotation| slabs(&seed(20, Aperture::Square, layout, rotation)).len();
+        assert_eq!(count(Layout::Square, 0.0), 1);
+        assert_eq!(count(Layout::Square, 0.003), 1);
+        assert_eq!(count(Layout::Hexagonal, 0.0), 19);
+        assert_eq!(count(Layout::Hexagonal, 0.003), 19);
     }
 }

@@ -12,7 +12,7 @@ pub struct Chords {
 }
 
 /// Gauss-Legendre: middle node 8/18, outer nodes 5/18 each at -/+ sqrt(3/5) of the half interval.
-const OUTER_NODE: f64 = 0.774_596_669_241_483_4;
+pub(super) const OUTER_NODE: f64 = 0.774_596_669_241_483_4;
 
 impl Chords {
     /// Of a square stop: nothing is cut.

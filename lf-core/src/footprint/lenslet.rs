@@ -1,235 +1,108 @@
-//! Weights through one lenslet at a time, for lattices that are not in line: every lenslet's image of a voxel is a
-//! product of a column profile and a row profile for each slab of its cell.
+//! Weights through one lenslet at a time, for lattices that are not in line with the pixels.
 //!
-//! The same weights as [`Footprint::visit`], which is the slow and obvious way; here profiles are differences of a
-//! tabulated integral, and rows that are not wanted are never made.
+//! The same weights as [`Footprint::visit`], which is the slow and obvious way. Here a lenslet's image of a voxel is one of
+//! the slice's [`Patches`], looked up by its place among the pixels and right to a hundredth of a pixel, and cut by the
+//! stop where the lenslet is seen by a part of it alone.
 
-use super::axis::{Axis, Span};
-use super::blur::Blur;
-use super::{Chords, Footprint, Model};
-use crate::optics::Optics;
-use glam::DVec2;
-
-/// Every `step`-th image row from `first` on; `step` is 1 or more.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct RowSet {
-    /// The first row, less than `step`.
-    pub first: u32,
-    /// Rows to the next.
-    pub step: u32,
-}
-
-impl RowSet {
-    /// All rows.
-    pub const ALL: Self = Self { first: 0, step: 1 };
-
-    /// Whether a row is one of them.
-    #[inline]
-    pub fn holds(self, row: u32) -> bool {
-        row % self.step == self.first
-    }
-
-    /// Those of `low .. high`, rising.
-    fn within(self, low: u32, high: u32) -> impl Iterator<Item = u32> {
-        let behind = (low % self.step + self.step - self.first) % self.step;
-        let start = if behind == 0 { low } else { low + self.step - behind };
-        (start..high).step_by(self.step as usize)
-    }
-}
-
-/// Table steps a pixel: linear interpolation of the integral of a Gaussian edge errs by 2e-5 px or less.
-const STEPS_PER_PX: f64 = 64.0;
-
-/// The integral of a span's share, tabulated where that is quicker than to compute it.
-#[derive(Debug, Clone)]
-struct Ramp {
-    span: Span,
-    /// Of the table: first place and steps a mm; at both ends the integral goes on as a constant.
-    from: f64,
-    per_mm: f64,
-    /// The last place that has another behind it.
-    last: f64,
-    table: Vec<f32>,
-}
-
-impl Ramp {
-    fn new(span: Span, pixel_pitch: f64) -> Self {
-        let reach = span.blur.reach();
-        let (from, to) = (span.low - reach, span.high + reach);
-        let per_mm = STEPS_PER_PX / pixel_pitch;
-        let table = if matches!(span.blur, Blur::Gauss { .. }) {
-            let count = ((to - from) * per_mm).ceil() as usize + 2;
-            (0..count).map(|n| (span.ramp(from + n as f64 / per_mm) * per_mm) as f32).collect()
-        } else {
-            Vec::new()
-        };
-        let last = table.len().saturating_sub(2) as f64;
-        Self { span, from, per_mm, last, table }
-    }
-
-    /// In steps of the table.
-    #[inline]
-    fn at(&self, t: f64) -> f32 {
-        if self.table.is_empty() {
-            return (self.span.ramp(t) * self.per_mm) as f32;
-        }
-        let place = ((t - self.from) * self.per_mm).max(0.0).min(self.last);
-        let n = place as usize;
-        let part = (place - n as f64) as f32;
-        self.table[n] + part * (self.table[n + 1] - self.table[n])
-    }
-}
-
-/// Shares of consecutive pixels, and for a round stop the parts of the aperture behind them.
-#[derive(Debug, Default)]
-struct Shares {
-    first: u32,
-    weights: Vec<f32>,
-    parts: Vec<(f32, f32)>,
-}
+use super::axis::Axis;
+use super::patch::{self, LANES};
+use super::stop::{Line, Parts};
+use super::{Footprint, Model, RowSet};
+use glam::{DVec2, Vec4};
 
 /// What [`Footprint::through_lenslets`] needs for the slice it is in; one a thread.
 #[derive(Debug, Default)]
 pub struct Lenslets {
-    slice: Option<usize>,
-    across: Option<Axis>,
-    down: Option<Axis>,
-    columns: Vec<Ramp>,
-    rows: Vec<Ramp>,
-    /// Half sides of all slabs.
-    corner: DVec2,
-    shares: Shares,
+    slice: Option<Slice>,
+    wanted: Option<RowSet>,
+    /// For each row the first wanted from there on.
+    next: Vec<u32>,
+    parts: Vec<Parts>,
     cut: Vec<f32>,
 }
 
-/// Light through one lenslet onto one axis.
-struct Fan<'a> {
-    axis: &'a Axis,
-    ramp: &'a Ramp,
-    /// Chief ray less lenslet, mm.
-    t0: f64,
-    /// Place in pixels is `zero - slope U`.
-    zero: f64,
+/// The optics of a slice.
+#[derive(Debug, Clone, Copy)]
+struct Slice {
+    z: usize,
+    axis: Axis,
+    /// mm of the array a pixel, never 0.
+    step_mm: f64,
+    /// px a mm of aperture, falling.
     slope: f64,
     per_slope: f64,
-    low: f64,
-    high: f64,
-    flat: bool,
+    per_alpha: f64,
+    /// Half the stop, mm.
+    half: f32,
+    /// Half its beam on the array, mm.
+    spread: f64,
+    /// 1 / (a pixel's width), 1/mm.
+    per_pixel: f64,
+    /// Where a patch's middle lies, px a mm of the chief ray's place and of the lenslet's centre.
+    by_chief: f64,
+    by_centre: f64,
+    /// Half sides of the cell, and these and the blur, mm.
+    corner: DVec2,
+    reach: DVec2,
+    /// From mm^2 of the array to the share of the light.
+    scale: f32,
 }
 
-impl<'a> Fan<'a> {
-    /// Nothing where no light comes through.
-    #[inline]
-    fn new(axis: &'a Axis, ramp: &'a Ramp, x0: f64, centre: f64) -> Option<Self> {
-        let t0 = x0 - centre;
-        let (low, high) = axis.aperture_part(t0, &ramp.span);
-        if low >= high {
-            return None;
-        }
-        let (zero, slope) = axis.line(x0, centre);
-        let flat = axis.alpha.abs() * (high - low) < 1e-9;
-        Some(Self { axis, ramp, t0, zero, slope, per_slope: 1.0 / slope, low, high, flat })
-    }
+/// A share of the blur beyond a cell's edge that decides whether a lenslet is wholly inside the stop: what little light is
+/// farther out is not cut.
+const BLUR_INSIDE: f64 = 0.4;
 
-    /// First and end pixel.
-    #[inline]
-    fn pixels(&self) -> (u32, u32) {
-        // Casts saturate and cut towards zero; a pixel too many at the end has no light.
-        let first = (self.zero - self.slope * self.high) as u32;
-        let end = (self.zero - self.slope * self.low) as u32 + 1;
-        (first, end.min(self.axis.pixels as u32))
-    }
-
-    /// The part of the aperture at a pixel's lower edge: U falls as pixels rise.
-    #[inline]
-    fn edge(&self, pixel: u32) -> f64 {
-        ((self.zero - f64::from(pixel)) * self.per_slope).max(self.low).min(self.high)
-    }
-
-    #[inline]
-    fn integral(&self, u: f64) -> f32 {
-        self.ramp.at(self.t0 + self.axis.alpha * u)
-    }
-
-    /// What differences of the integral are multiplied by.
-    #[inline]
-    fn unit(&self) -> f32 {
-        (1.0 / (self.ramp.per_mm * self.axis.alpha * 2.0 * self.axis.half_aperture)) as f32
-    }
-
-    #[inline]
-    fn flat_share(&self, lower: f64, upper: f64) -> f32 {
-        let middle = self.t0 + self.axis.alpha * 0.5 * (lower + upper);
-        (self.ramp.span.share(middle) * (upper - lower) / (2.0 * self.axis.half_aperture)) as f32
-    }
-
-    /// Share of one pixel, and the part of the aperture behind it.
-    #[inline]
-    fn share(&self, pixel: u32) -> (f32, f64, f64) {
-        let (lower, upper) = (self.edge(pixel + 1), self.edge(pixel));
-        let share = if self.flat {
-            self.flat_share(lower, upper)
-        } else {
-            (self.integral(upper) - self.integral(lower)) * self.unit()
-        };
-        (share, lower, upper)
-    }
-
-    /// Shares of all pixels; with the parts of the aperture behind them if asked for.
-    fn shares(&self, parts: bool, out: &mut Shares) {
-        let (first, last) = self.pixels();
-        out.first = first;
-        out.weights.clear();
-        out.parts.clear();
-        if first >= last {
-            return;
-        }
-        let mut upper = self.edge(first);
-        let mut above = if self.flat { 0.0 } else { self.integral(upper) };
-        let unit = self.unit();
-        for pixel in first..last {
-            let lower = self.edge(pixel + 1);
-            let share = if self.flat {
-                self.flat_share(lower, upper)
-            } else {
-                let below = self.integral(lower);
-                let share = (above - below) * unit;
-                above = below;
-                share
-            };
-            out.weights.push(if share > LEAST { share } else { 0.0 });
-            if parts {
-                let (u0, u1) = self.axis.unblurred(self.t0, &self.ramp.span, lower, upper);
-                out.parts.push((u0 as f32, u1 as f32));
-            }
-            upper = lower;
+impl Slice {
+    fn new(footprint: &Footprint, z: usize) -> Self {
+        let axis = footprint.axis(z, footprint.width);
+        let (_, slope) = axis.line(0.0, 0.0);
+        let step_mm = patch::step_mm(axis.alpha / slope, footprint.pitch_mm);
+        // The spread that this step has, not 0 even in focus, with the sign of the true one.
+        let alpha = (step_mm * slope.abs()).copysign(axis.alpha);
+        let axis = Axis { alpha, ..axis };
+        let per_pixel = 1.0 / axis.pixel_pitch;
+        let corner = footprint.corner();
+        let blur = DVec2::new(footprint.blur(&axis, 0).reach(), footprint.blur(&axis, 1).reach());
+        let whole = 2.0 * axis.half_aperture * alpha;
+        Self {
+            z,
+            step_mm,
+            slope,
+            per_slope: 1.0 / slope,
+            per_alpha: 1.0 / alpha,
+            half: axis.half_aperture as f32,
+            per_pixel,
+            spread: alpha.abs() * axis.half_aperture,
+            by_chief: axis.array_gain * per_pixel + slope / alpha,
+            by_centre: axis.lenslet_gain * per_pixel - slope / alpha,
+            corner,
+            reach: corner + blur,
+            scale: footprint.scale / (whole * whole) as f32,
+            axis,
         }
     }
-}
 
-impl Lenslets {
-    fn enter(&mut self, footprint: &Footprint, z: usize) {
-        if self.slice == Some(z) {
-            return;
-        }
-        let (across, down) = (footprint.axis(z, footprint.width), footprint.axis(z, footprint.height));
-        let (blur_x, blur_y) = (footprint.blur(&across, 0), footprint.blur(&down, 1));
-        let slabs = footprint.slabs(&across);
-        let pitch = footprint.pixel_pitch_mm;
-        let ramp =
-            |[low, high]: [f64; 2], blur: Blur, slant| Ramp::new(Span { low, high, blur: blur.widened(slant) }, pitch);
-        self.columns = slabs.iter().map(|slab| ramp(slab.x, blur_x, slab.slant_x)).collect();
-        self.rows = slabs.iter().map(|slab| ramp(slab.y, blur_y, slab.slant_y)).collect();
-        self.corner = footprint.corner(slabs);
-        (self.across, self.down) = (Some(across), Some(down));
-        self.slice = Some(z);
+    /// The parts of the aperture along one axis; `zero` is the pixel edge that U = 0 meets.
+    #[inline(always)]
+    fn line(&self, zero: f64, beyond: f64, cell: [f64; 2], per_slope: f64) -> Line {
+        let [a, b] = cell.map(|edge| (edge - beyond) * self.per_alpha);
+        Line { zero: zero as f32, per_slope: per_slope as f32, low: a.min(b) as f32, high: a.max(b) as f32 }
+    }
+
+    /// First pixel of the stop's image and the one behind its last, of pixels cut in so many parts.
+    #[inline(always)]
+    fn stop(&self, zero: f64, per_px: f64) -> (i32, i32) {
+        let half = per_px * self.slope.abs() * self.axis.half_aperture;
+        ((zero - half).floor() as i32, (zero + half).floor() as i32 + 1)
     }
 }
 
 impl Footprint {
-    /// Calls `found(row, first column, share, columns)` for every wanted image row of every lenslet slab that a voxel
-    /// lights: the weights are `share * columns[n]` on pixel `first column + n`. A pixel may come more than once. For
-    /// [`Model::Exact`] alone; others go through [`Footprint::visit`].
+    /// Calls `found(row, first column, share, columns)` for every wanted image row of every lenslet that a voxel lights:
+    /// the weights are `share * columns[n]` on pixel `first column + n`. Columns come in fours: up to three behind the
+    /// sensor's last have no weight. A pixel may come more than once. For [`Model::Exact`] alone; others go through
+    /// [`Footprint::visit`].
+    #[inline(always)]
     pub fn through_lenslets(
         &self,
         voxel: [usize; 3],
@@ -238,55 +111,178 @@ impl Footprint {
         mut found: impl FnMut(u32, u32, f32, &[f32]),
     ) {
         debug_assert!(self.model == Model::Exact);
-        let [x, y, z] = voxel;
-        lenslets.enter(self, z);
-        let Lenslets { across: Some(across), down: Some(down), columns, rows, corner, shares, cut, .. } = lenslets
-        else {
-            return;
+        let z = voxel[2];
+        let slice = match &lenslets.slice {
+            Some(slice) if slice.z == z => *slice,
+            _ => *lenslets.slice.insert(Slice::new(self, z)),
         };
-        let chief = DVec2::new(-across.beta * self.grid.centre_mm(0, x), -across.beta * self.grid.centre_mm(1, y));
-        let blur = DVec2::new(self.blur(across, 0).reach(), self.blur(down, 1).reach());
-        let spread = across.alpha.abs() * across.half_aperture;
-        let optics: &Optics = &self.optics;
-        for (_, _, centre) in optics.lattice().lenslets_within(chief, *corner + blur + DVec2::splat(spread)) {
-            if self.circle {
-                let beyond = ((centre - chief).abs() - *corner - blur).max(DVec2::ZERO);
-                if beyond.length_squared() > spread * spread {
+        let Some(array) = &self.array else { return };
+        if lenslets.wanted != Some(wanted) {
+            lenslets.next = wanted.next_of(self.height);
+            lenslets.wanted = Some(wanted);
+        }
+        let Lenslets { next, parts, cut, .. } = lenslets;
+        let patches = self.patches(z, &slice.axis, slice.step_mm);
+        let chief = self.chief_mm(&slice.axis, voxel);
+        let lattice = self.optics.lattice();
+        let (width, height) = (self.width as i32, self.height as i32);
+        let middle_px = 0.5 * DVec2::new(f64::from(width), f64::from(height));
+        let chief_px = slice.by_chief * chief + middle_px;
+        let inside_reach = slice.corner + BLUR_INSIDE * (slice.reach - slice.corner);
+        let spread2 = slice.spread * slice.spread;
+        let (rows, columns) = (patches.rows as i32, patches.columns);
+        for (j, row) in lattice.rows_within(lattice.perfect(chief), slice.reach + DVec2::splat(slice.spread)) {
+            let centres = array.row_mm(j, &row);
+            let (Some(start), Some(end)) = (centres.first(), centres.last()) else { continue };
+            // The image rows that a row of lenslets can light, one more for what it bends.
+            let ends = [start.y, end.y].map(|y| patches.split(chief_px.y + slice.by_centre * y).0);
+            let (low, high) = (ends[0].min(ends[1]) - 1, ends[0].max(ends[1]) + rows + 1);
+            let (low, high) = (low.max(0), high.min(height));
+            if low >= high || next[low as usize] >= high as u32 {
+                continue;
+            }
+            for centre in centres {
+                let beyond = chief - *centre;
+                let (far_x, far_y) = (beyond.x.abs(), beyond.y.abs());
+                let place = chief_px + slice.by_centre * *centre;
+                let (first_y, phase_y) = patches.split(place.y);
+                let (low, high) = (first_y.max(0), (first_y + rows).min(height));
+                if low >= high || next[low as usize] >= high as u32 {
                     continue;
                 }
+                // Wholly inside the stop: nothing is cut.
+                let (x, y) = (far_x + inside_reach.x, far_y + inside_reach.y);
+                let is_in = if self.circle { x * x + y * y <= spread2 } else { x <= slice.spread && y <= slice.spread };
+                let (first_x, phase_x) = patches.split(place.x);
+                let patch = patches.at(phase_x, phase_y);
+                if is_in && first_x >= 0 && first_x + columns as i32 <= width {
+                    let mut row = next[low as usize];
+                    while row < high as u32 {
+                        let line = (row as i32 - first_y) as usize * columns;
+                        found(row, first_x as u32, slice.scale, &patch[line..line + columns]);
+                        row += wanted.step;
+                    }
+                    continue;
+                }
+                // Wholly outside.
+                let (x, y) = ((far_x - slice.reach.x).max(0.0), (far_y - slice.reach.y).max(0.0));
+                let is_out = if self.circle { x * x + y * y > spread2 } else { x > slice.spread || y > slice.spread };
+                if is_out {
+                    continue;
+                }
+
+                let lenslet = Cut { slice: &slice, centre: *centre, chief, place, rows: (low, high) };
+                self.through_cut(&lenslet, parts, cut, next, wanted, &mut found);
             }
-            for (row_ramp, column_ramp) in rows.iter().zip(columns.iter()) {
-                let Some(fan) = Fan::new(down, row_ramp, chief.y, centre.y) else { continue };
-                let (low, high) = fan.pixels();
-                let mut known = false;
-                for row in wanted.within(low, high) {
-                    let (share, lower, upper) = fan.share(row);
-                    if share <= LEAST {
+        }
+    }
+
+    /// The weights through a lenslet that the stop cuts or the sensor sees in part. Where the cell's sides are slanted,
+    /// pixels are cut in parts.
+    #[inline(always)]
+    fn through_cut(
+        &self,
+        lenslet: &Cut,
+        parts: &mut Vec<Parts>,
+        cut: &mut Vec<f32>,
+        next: &[u32],
+        wanted: RowSet,
+        found: &mut impl FnMut(u32, u32, f32, &[f32]),
+    ) {
+        let Cut { slice, centre, chief, place, rows: (low, high) } = lenslet;
+        let (fine, fineness) = (self.fine_patches(slice.z, &slice.axis, slice.step_mm), self.fineness());
+        let per_px = f64::from(fineness);
+        let beyond = *chief - *centre;
+        let middle_px = 0.5 * DVec2::new(self.width as f64, self.height as f64);
+        let zero = (slice.axis.lenslet_gain * *centre + slice.axis.array_gain * *chief) * slice.per_pixel + middle_px;
+        let zero = per_px * zero;
+        let (first_x, phase_x) = fine.split(per_px * place.x);
+        let (first_y, phase_y) = fine.split(per_px * place.y);
+        let patch = fine.at(phase_x, phase_y);
+        // What the stop lets through and the sensor sees.
+        let (stop_x, stop_y) = (slice.stop(zero.x, per_px), slice.stop(zero.y, per_px));
+        let left = first_x.max(stop_x.0).max(0);
+        let right = (first_x + fine.columns as i32).min(stop_x.1).min(self.width as i32 * fineness);
+        let (low_fine, high_fine) = (first_y.max(stop_y.0), (first_y + fine.rows as i32).min(stop_y.1));
+        let (low, high) =
+            (*low.max(&(low_fine.div_euclid(fineness))), *high.min(&((high_fine - 1).div_euclid(fineness) + 1)));
+        if left >= right || low >= high {
+            return;
+        }
+        let first_pixel = left / fineness;
+        let pixels = ((right - 1) / fineness + 1 - first_pixel) as usize;
+        let count = (right - left) as usize;
+        let per_slope = slice.per_slope / per_px;
+        let down = slice.line(zero.y, beyond.y, [-slice.corner.y, slice.corner.y], per_slope);
+        let behind_all = |parts: &mut Vec<Parts>, cell: [f64; 2]| {
+            let across = slice.line(zero.x, beyond.x, cell, per_slope);
+            parts.clear();
+            for first in (0..count as i32).step_by(LANES) {
+                parts.push(across.parts(left + first));
+            }
+        };
+        behind_all(parts, [-slice.corner.x, slice.corner.x]);
+        let mut four = i32::MIN;
+        let mut nodes = [Vec4::ZERO; 3];
+        let mut middles = Vec4::ZERO;
+        let mut row = next[low as usize];
+        while row < high as u32 {
+            cut.clear();
+            cut.resize(pixels.next_multiple_of(LANES), 0.0);
+            let start = row as i32 * fineness;
+            for fine_row in start.max(low_fine)..(start + fineness).min(high_fine) {
+                // The parts of the aperture behind this row, of four at once.
+                let lane = (fine_row - first_y) as usize % LANES;
+                if fine_row - lane as i32 != four {
+                    four = fine_row - lane as i32;
+                    let behind = down.parts(four);
+                    nodes = if self.circle { behind.half_chords(slice.half) } else { [behind.within(slice.half); 3] };
+                    middles = behind.middles();
+                }
+                if self.slabs.len() > 1 {
+                    // Slanted sides: another width at each height.
+                    let height = beyond.y + slice.axis.alpha * f64::from(middles[lane]);
+                    let slab = self.slabs.iter().find(|slab| height < slab.y[1]).or(self.slabs.last());
+                    behind_all(parts, slab.map_or([0.0; 2], |slab| slab.x));
+                }
+                let nodes = nodes.map(|node| node[lane]);
+                let line = (fine_row - first_y) as usize * fine.columns + (left - first_x) as usize;
+                let shares = &patch[line..line + count];
+                for (n, parts) in parts.iter().enumerate() {
+                    let through =
+                        if self.circle { parts.within_chords(nodes) } else { nodes[0] * parts.within(slice.half) };
+                    let light = padded(&shares[LANES * n..]) * through;
+                    if fineness == 1 {
+                        light.write_to_slice(&mut cut[LANES * n..]);
                         continue;
                     }
-                    if !known {
-                        let Some(columns) = Fan::new(across, column_ramp, chief.x, centre.x) else { break };
-                        columns.shares(self.circle, shares);
-                        if shares.weights.is_empty() {
-                            break;
-                        }
-                        known = true;
-                    }
-                    if self.circle {
-                        let (v0, v1) = down.unblurred(fan.t0, &row_ramp.span, lower, upper);
-                        let chords = Chords::of_disc(optics.half_aperture_mm(), v0, v1);
-                        cut.clear();
-                        let parts = shares.weights.iter().zip(&shares.parts);
-                        cut.extend(parts.map(|(weight, (u0, u1))| weight * chords.share(*u0, *u1)));
-                        found(row, shares.first, self.scale * share, cut);
-                    } else {
-                        found(row, shares.first, self.scale * share, &shares.weights);
+                    for (lane, light) in light.to_array().into_iter().enumerate().take(count - LANES * n) {
+                        cut[((left + (LANES * n + lane) as i32) / fineness - first_pixel) as usize] += light;
                     }
                 }
             }
+            found(row, first_pixel as u32, slice.scale, cut);
+            row += wanted.step;
         }
     }
 }
 
-/// A column's or a row's share below this is not kept; those of a voxel sum to 1.
-const LEAST: f32 = 1e-6;
+/// A lenslet that is cut.
+struct Cut<'a> {
+    slice: &'a Slice,
+    centre: DVec2,
+    chief: DVec2,
+    /// Where the middle of its image of the voxel is, px.
+    place: DVec2,
+    /// First image row that may be lit, and the one behind the last.
+    rows: (i32, i32),
+}
+
+/// The next four, 0 behind the last.
+#[inline(always)]
+fn padded(shares: &[f32]) -> Vec4 {
+    match shares {
+        [a, b, c, d, ..] => Vec4::new(*a, *b, *c, *d),
+        _ => Vec4::from_array(std::array::from_fn(|n| shares.get(n).copied().unwrap_or(0.0))),
+    }
+}
