@@ -211,7 +211,12 @@ impl Optics {
     /// Where a ray that meets the array at `array_mm` from the aperture at `aperture_mm` meets the sensor, mm.
     #[inline(always)]
     pub fn sensor_from_array(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
-        let centre = self.lattice.nearest_centre_mm(array_mm);
+        self.sensor_through(self.lattice.nearest_centre_mm(array_mm), array_mm, aperture_mm)
+    }
+
+    /// The same through the lenslet with its centre at `centre`, wherever it meets the array, mm.
+    #[inline(always)]
+    pub fn sensor_through(&self, centre: DVec2, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let Some(plane) = &self.sensor_plane else {
             return centre + self.demagnification * (array_mm - aperture_mm);
         };

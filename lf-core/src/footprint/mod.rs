@@ -10,6 +10,7 @@
 
 mod array;
 mod axis;
+mod bent;
 mod blur;
 mod cell;
 mod disc;
@@ -30,6 +31,7 @@ use crate::lattice::Lattice;
 use crate::optics::Optics;
 use array::Array;
 use axis::{Axis, Span};
+use bent::Bent;
 use blur::Blur;
 use cell::Slab;
 use glam::DVec2;
@@ -86,7 +88,12 @@ pub struct Footprint {
     patches: Vec<OnceLock<Patches>>,
     /// The same with pixels cut in [`Footprint::fineness`] parts, where the stop cuts cells with slanted sides.
     fine_patches: Vec<OnceLock<Patches>>,
+    /// Where rays bend.
+    bent: Option<Bent>,
 }
+
+/// Sections of the aperture for each pixel of a lenslet, where rays bend: 1 errs by 2 to 4 % of a voxel's light, 2 by 1 %.
+const BENT_SECTIONS: usize = 2;
 
 /// Parts of a pixel a side by which slanted cells are cut at the stop's edge: whole pixels err by 1.2 % of a voxel's light
 /// and cost 0.01 of Q.
@@ -137,8 +144,11 @@ impl Footprint {
             array: None,
             patches: Vec::new(),
             fine_patches: Vec::new(),
+            bent: None,
         };
-        if in_line.is_none() && model == Model::Exact {
+        if model == Model::Exact && (camera.medium.is_some() || camera.tilt.is_some()) {
+            footprint.bent = Some(Bent::new(&footprint.optics, BENT_SECTIONS * sections, grid.shape[2]));
+        } else if in_line.is_none() && model == Model::Exact {
             // A lenslet farther out has its image beside the sensor.
             let half_mm =
                 0.5 * camera.sensor.pixel_pitch_mm * DVec2::new(footprint.width as f64, footprint.height as f64);
@@ -294,6 +304,9 @@ impl Footprint {
         if let Some(sphere) = &self.sphere {
             let place = std::array::from_fn(|axis| self.grid.centre_mm(axis, voxel[axis]));
             return sphere.visit(place, &self.optics, wanted, found);
+        }
+        if let Some(bent) = &self.bent {
+            return self.visit_bent(bent, voxel, wanted, found);
         }
         let z = voxel[2];
         let (across, down) = (self.axis(z, self.width), self.axis(z, self.height));
