@@ -7,19 +7,23 @@
 
 mod background;
 mod calibrate;
+mod cats_eye;
 mod cell;
+mod departure;
 mod fit;
 pub mod lattice;
 mod period;
+mod places;
 mod radial;
 mod reading;
 mod refusal;
+mod rim;
 mod symmetry;
 mod trail;
 mod white;
 
 pub use background::Background;
-pub use calibrate::{calibrate, overlap};
-pub use lattice::{Centre, ImageLattice};
+pub use calibrate::{Calibrated, Residual, calibrate, overlap};
+pub use lattice::{Centre, ImageLattice, SecondStop};
 pub use refusal::Refusal;
 pub use white::White;

@@ -28,20 +28,10 @@ struct Arguments {
 enum Task {
     /// Find the microlens lattice in white images
     ///
-    /// Layout, pitch, rotation and offset come from the images. The nominal camera gives the main lens, the microlens
-    /// focal length and the pixels, which of the offsets and rotations that mean the same lattice is written, and
-    /// whatever else is in its file.
-    Lattice {
-        /// White images of one size, averaged; - for standard input
-        #[arg(default_value = "-")]
-        whites: Vec<PathBuf>,
-        /// Nominal camera.json
-        #[arg(short, long, value_name = "FILE")]
-        camera: PathBuf,
-        /// Calibrated camera.json, - for standard output
-        #[arg(short, long, value_name = "FILE", default_value = "-")]
-        output: PathBuf,
-    },
+    /// Layout, pitch, rotation, offset and smooth departures come from the images. The nominal camera gives the main lens,
+    /// the microlens focal length and the pixels, which of the offsets and rotations that mean the same lattice is
+    /// written, and whatever else is in its file.
+    Lattice(doors::Lattice),
     /// Per-pixel minimum, or a low quantile, of many frames
     Background {
         /// Frames of one size; - for standard input
@@ -61,7 +51,7 @@ fn main() -> ExitCode {
         "lf-calib",
         |arguments: &Arguments| &arguments.common,
         |arguments, session| match &arguments.task {
-            Task::Lattice { whites, camera, output } => doors::measure(whites, camera, output, session),
+            Task::Lattice(lattice) => lattice.measure(session),
             Task::Background { frames, quantile, output } => doors::background(frames, *quantile, output, session),
         },
     )
