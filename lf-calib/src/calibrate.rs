@@ -14,6 +14,10 @@ use lf_core::camera::{Aperture, Camera, Layout, Microlenses};
 use lf_core::optics::Optics;
 use serde_json::json;
 
+/// Overlap from which on the light between lenslets may be brighter than theirs: matched f-numbers, and what pitches and
+/// f-numbers are given to, stay below.
+const MOST_OVERLAP: f64 = 1.03;
+
 /// A camera and how well its lenslets are where the white image shows them.
 #[derive(Debug, Clone)]
 pub struct Calibrated {
@@ -27,6 +31,22 @@ pub struct Calibrated {
     pub departure_px: f64,
     /// Root mean square distance of the kept centres from where the camera has them, px.
     pub residual_rms_px: f64,
+    /// How wide the lenslet images are, none if they have no rim.
+    pub fill: Option<Fill>,
+    /// Whether lenslet images overlap so that a lattice half a pitch aside explains them as well, and the nominal offset
+    /// was what decided.
+    pub is_ambiguous: bool,
+}
+
+/// Diameter (of a round stop) or side (of a square one) of lenslet images, px.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fill {
+    /// As measured: to half of the light.
+    pub measured_px: f64,
+    /// By the nominal f-number, k D.
+    pub nominal_px: f64,
+    /// Distance between lenslet images, across which they may spread: the pitch, for a square stop that of rows.
+    pub pitch_px: f64,
 }
 
 /// One measured lenslet image against the camera's.
@@ -71,7 +91,24 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
         offset_mm: bent.perfect.origin_px.to_array(),
         gap_mm: nominal.microlenses.gap_mm,
     };
-    camera.microlenses.offset_mm = nearest_offset(&camera, nominal.microlenses.offset_mm);
+    let (offset_mm, to_mm) = (camera.microlenses.offset_mm, nominal.microlenses.offset_mm);
+    camera.microlenses.offset_mm = nearest_offset(&camera, to_mm);
+    let is_ambiguous = lattice.layout == Layout::Square
+        && nominal.main_lens.aperture == Aperture::Square
+        && overlap(&camera) > MOST_OVERLAP;
+    let mut aside_mm = DVec2::ZERO;
+    if is_ambiguous {
+        // Where squares overlap the light does not tell a lenslet from the corner between four.
+        let half = DVec2::from_angle(camera.microlenses.rotation_rad).rotate(DVec2::splat(0.5));
+        let mut other = camera.clone();
+        other.microlenses.offset_mm = (DVec2::from(offset_mm) + half * camera.microlenses.pitch_mm).to_array();
+        other.microlenses.offset_mm = nearest_offset(&other, to_mm);
+        let off = |camera: &Camera| DVec2::from(camera.microlenses.offset_mm).distance(DVec2::from(to_mm));
+        if off(&other) < off(&camera) {
+            aside_mm = half * camera.microlenses.pitch_mm;
+            camera = other;
+        }
+    }
     camera.centres = bent.centres;
     camera.check().map_err(|found| Refusal::new(found, "wanted lenslets near one square or hexagonal lattice"))?;
 
@@ -79,13 +116,18 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
         let place = places.lenslet_mm(size * DVec2::new(x, y));
         camera.centres.as_ref().map_or(DVec2::ZERO, |centres| centres.departure_mm(place)) / px_mm
     });
-    let residuals = residuals(lattice, &camera, &places);
+    let residuals = residuals(lattice, &camera, &places, aside_mm / px_mm);
     let squares = residuals.iter().filter(|residual| residual.kept);
     let squares: f64 = squares.map(|residual| DVec2::from(residual.residual_px).length_squared()).sum();
     let residual_rms_px = (squares / ties.len() as f64).sqrt();
+    let fill = fill(lattice, &camera);
+    let second_stop = lattice.second_stop.map(|stop| {
+        json!({"diameter_px": stop.diameter_px, "drift_px_per_px": stop.drift, "aside_px": stop.aside_px})
+    });
     let measured = json!({
         "layout": lattice.layout,
         "image_pitch_px": lattice.pitch_px,
+        "image_basis_px": lattice.basis_px,
         "departure_degree": bent.degree,
         "departure_at_corners_px": corners.map(|corner| corner.to_array()),
         "residual_rms_px": residual_rms_px,
@@ -94,6 +136,10 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
         "lenslets_rejected": lattice.centres.len() - lattice.kept(),
         "lenslets_in_frame": lattice.in_frame,
         "contrast": lattice.contrast,
+        "micro_image_px": fill.map(|fill| fill.measured_px),
+        "nominal_micro_image_px": fill.map(|fill| fill.nominal_px),
+        "fill": fill.map(|fill| fill.measured_px / fill.pitch_px),
+        "second_stop": second_stop,
         "nominal_demagnification": nominal.demagnification(),
         "standard_uncertainty": {
             "pitch_mm": lattice.pitch_uncertainty_px * px_mm,
@@ -107,19 +153,19 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
     }
     calibration["lattice"] = measured;
     let departure_px = corners.iter().map(|corner| corner.length()).fold(0.0, f64::max);
-    Ok(Calibrated { camera, residuals, degree: bent.degree, departure_px, residual_rms_px })
+    Ok(Calibrated { camera, residuals, degree: bent.degree, departure_px, residual_rms_px, fill, is_ambiguous })
 }
 
 /// Every measured centre against where the camera has it.
-fn residuals(measured: &ImageLattice, camera: &Camera, places: &Places) -> Vec<Residual> {
+fn residuals(measured: &ImageLattice, camera: &Camera, places: &Places, aside_px: DVec2) -> Vec<Residual> {
     let (optics, lattice) = (Optics::new(camera), camera.lattice());
     let of = |centre: &crate::Centre| {
-        let place = DVec2::from(centre.place_px);
+        let place = DVec2::from(centre.place_px) + aside_px;
         let lenslet = lattice.lenslet_at(places.lenslet_mm(place));
         let fitted = image_px(&optics, lattice.centre_mm(lenslet.0, lenslet.1));
         Residual {
             lenslet,
-            place_px: centre.place_px,
+            place_px: place.to_array(),
             residual_px: (place - fitted).to_array(),
             kept: centre.kept,
         }
@@ -127,9 +173,20 @@ fn residuals(measured: &ImageLattice, camera: &Camera, places: &Places) -> Vec<R
     measured.centres.iter().map(of).collect()
 }
 
+/// How wide the lenslet images of a calibrated camera are; none where they show no rim.
+fn fill(lattice: &ImageLattice, camera: &Camera) -> Option<Fill> {
+    let px_per_mm = (1.0 + camera.demagnification()) / camera.sensor.pixel_pitch_mm;
+    let (measured_px, pitch_mm) = match camera.main_lens.aperture {
+        Aperture::Circle => (lattice.disc_px?, camera.microlenses.pitch_mm),
+        Aperture::Square => (lattice.square_px?, camera.lattice().row_pitch_mm()),
+    };
+    let nominal_px = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+    Some(Fill { measured_px, nominal_px, pitch_px: pitch_mm * px_per_mm })
+}
+
 /// Width of the stop's image over the distance between rows of lenslets, by a camera's own lens and lattice: above 1,
 /// lenslet images overlap and a place between lenslets can be as symmetric as a lenslet.
-pub fn overlap(camera: &Camera) -> f64 {
+fn overlap(camera: &Camera) -> f64 {
     let distance = match camera.main_lens.aperture {
         Aperture::Circle => camera.microlenses.pitch_mm,
         Aperture::Square => camera.lattice().row_pitch_mm(),

@@ -21,6 +21,10 @@ const LEAST_GAIN: f64 = 0.6;
 const LARGEST_MISFIT: f64 = 0.03;
 /// Least depth of the cut at the farthest part, px: less moves no centre by more than a hundredth of a pixel.
 const LEAST_CUT_PX: f64 = 0.1;
+/// Least displacement of the second disc from the frame's middle to the farthest part, px, and over its displacement in the
+/// middle: what is the same everywhere is the lenslets' own shape.
+const LEAST_DRIFT_PX: f64 = 0.3;
+const LEAST_DRIFT: f64 = 1.0;
 /// How far from the second disc's rim a pixel must be: half its diagonal and what the fit may err by.
 const MARGIN_PX: f64 = 1.2;
 /// Steps of the search, and of the inner one for a part's displacement.
@@ -91,9 +95,10 @@ impl TwoStops {
         let two = starts[..4].iter().map(|start| start.1.improved(parts, 5).by_size());
         let (misfit, two) = two.map(|two| (two.misfit(parts), two)).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let cut = parts.iter().map(|part| two.cut_px(part.place_px)).fold(0.0, f64::max);
-        let is_seen =
-            misfit < LEAST_GAIN * one.misfit(parts) && misfit < LARGEST_MISFIT * two.main_px + 0.05 && cut > LEAST_CUT_PX;
-        is_seen.then_some(two)
+        let drift = two.drift.abs() * farthest;
+        let drifts = drift > LEAST_DRIFT_PX && drift > LEAST_DRIFT * two.aside_px.length();
+        let fits = misfit < LEAST_GAIN * one.misfit(parts) && misfit < LARGEST_MISFIT * two.main_px + 0.05;
+        (fits && drifts && cut > LEAST_CUT_PX).then_some(two)
     }
 
     /// Convention: the rims do not tell which disc is which. The smaller is the main stop, for it alone limits the light on

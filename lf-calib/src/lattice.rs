@@ -53,6 +53,8 @@ pub struct ImageLattice {
     pub rotation_rad: f64,
     /// A lenslet image's centre near the middle of the frame, px.
     pub origin_px: [f64; 2],
+    /// The two lattice vectors of the best affine lattice, px.
+    pub basis_px: [[f64; 2]; 2],
     /// Root mean square distance of the kept centres from the perfect lattice, px.
     pub residual_rms_px: f64,
     /// Standard uncertainty of the pitch, px.
@@ -119,7 +121,8 @@ fn through(size: (usize, usize), trail: &Trail, contrast: f64) -> Result<ImageLa
     let Some((smooth, kept)) = fitted else { return Err(few(ties.len())) };
     let followed: Vec<Tie> = ties.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(tie, _)| *tie).collect();
     let unit = unit_basis(layout == Layout::Hexagonal);
-    let Some(fit) = Similarity::through(&followed, unit) else { return Err(few(followed.len())) };
+    let fits = Similarity::through(&followed, unit).zip(Warp::through(&followed, 1));
+    let Some((fit, affine)) = fits else { return Err(few(followed.len())) };
 
     let pitch_px = fit.turn_px.length();
     let shortest = shortest(trail.basis_px);
@@ -153,11 +156,13 @@ fn through(size: (usize, usize), trail: &Trail, contrast: f64) -> Result<ImageLa
     let noise = scatter_px / rms(&|place| fit.at(unit * place)).max(scatter_px);
     let pitch_uncertainty_px = (noise * fit.pitch_uncertainty_px()).hypot(SAMPLING_PX / half_px * pitch_px);
     let uncertainty_px = noise * fit.place_uncertainty_px(DVec2::ZERO);
+    let basis = affine.basis_at(DVec2::ZERO);
     Ok(ImageLattice {
         layout,
         pitch_px,
         rotation_rad: fit.turn_px.to_angle(),
         origin_px: fit.origin_px.to_array(),
+        basis_px: [basis.x_axis.to_array(), basis.y_axis.to_array()],
         residual_rms_px: rms(&|place| fit.at(unit * place)),
         pitch_uncertainty_px,
         rotation_uncertainty_rad: pitch_uncertainty_px / pitch_px,

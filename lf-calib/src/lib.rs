@@ -11,6 +11,7 @@ mod cats_eye;
 mod cell;
 mod departure;
 mod fit;
+mod flat;
 pub mod lattice;
 mod period;
 mod places;
@@ -23,7 +24,8 @@ mod trail;
 mod white;
 
 pub use background::Background;
-pub use calibrate::{Calibrated, Residual, calibrate, overlap};
+pub use calibrate::{Calibrated, Fill, Residual, calibrate};
+pub use flat::flat_field;
 pub use lattice::{Centre, ImageLattice, SecondStop};
 pub use refusal::Refusal;
 pub use white::White;

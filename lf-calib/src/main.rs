@@ -33,11 +33,15 @@ enum Task {
     /// written, and whatever else is in its file.
     Lattice(doors::Lattice),
     /// Per-pixel minimum, or a low quantile, of many frames
+    ///
+    /// Every page of a TIFF is a frame. Frames are read one at a time, those of one page or many; held in memory are that
+    /// one, files that come through a pipe, and one image for the minimum whatever the number of frames, or for the
+    /// quantile Q of N frames Q (N - 1) + 2 images.
     Background {
-        /// Frames of one size; - for standard input
+        /// Frames of one size, in files of one or of many; - for standard input
         #[arg(default_value = "-")]
         frames: Vec<PathBuf>,
-        /// Quantile from 0, the minimum, to 0.5; memory grows with it times the number of frames
+        /// Quantile from 0, the minimum, to 0.5
         #[arg(long, value_name = "Q", default_value_t = 0.0)]
         quantile: f64,
         /// Background image (EXR), - for standard output

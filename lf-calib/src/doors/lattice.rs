@@ -1,7 +1,7 @@
 //! `lf-calib lattice`.
 
 use super::{check_inputs, with_history};
-use lf_calib::{Calibrated, ImageLattice, Refusal, White, calibrate, lattice, overlap};
+use lf_calib::{Calibrated, Fill, ImageLattice, Refusal, White, calibrate, flat_field, lattice};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
 use lf_core::{Error, Result, image, io};
@@ -10,8 +10,8 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Overlap that is worth a warning: matched f-numbers and what pitches are given to stay below.
-const NOTABLE_OVERLAP: f64 = 1.03;
+/// Misfit of lenslet images to the pitch, or to the f-number, that is worth a warning.
+const NOTABLE_FILL: f64 = 0.05;
 
 /// White images and a nominal camera in, a camera out.
 #[derive(Debug, clap::Args)]
@@ -28,6 +28,10 @@ pub struct Lattice {
     /// Every lenslet that was read, as a table: place of its image, residual, whether it was kept
     #[arg(long, value_name = "FILE.csv")]
     centres: Option<PathBuf>,
+    /// Flat field (EXR): the white image over what even light would give; the camera names it, and its frames are divided
+    /// by it. Give --dark too where the sensor counts without light
+    #[arg(long, value_name = "FILE.exr")]
+    vignetting: Option<PathBuf>,
     /// Calibrated camera.json, - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: PathBuf,
@@ -39,7 +43,8 @@ impl Lattice {
         let inputs: Vec<&Path> =
             self.whites.iter().chain([&self.camera]).chain(&self.dark).map(PathBuf::as_path).collect();
         check_inputs(&inputs)?;
-        let outputs: Vec<&Path> = [&self.output].into_iter().chain(&self.centres).map(PathBuf::as_path).collect();
+        let files = self.centres.iter().chain(&self.vignetting);
+        let outputs: Vec<&Path> = files.chain([&self.output]).map(PathBuf::as_path).collect();
         check_outputs(&outputs)?;
         for output in &outputs {
             session.keep_apart(output, &inputs)?;
@@ -53,9 +58,20 @@ impl Lattice {
         let white = session.phase("read", |_| self.white(&nominal))?;
         let white = white.ok_or_else(|| refused(Refusal::new("no image", "wanted a white image")))?;
         let lattice = session.phase("lattice", |_| lattice::find(&white).map_err(refused))?;
-        let calibrated = calibrate(&lattice, &nominal).map_err(refused)?;
+        let mut calibrated = calibrate(&lattice, &nominal).map_err(refused)?;
         tell(&lattice, &calibrated, session);
+        let flat = self.vignetting.as_ref().map(|file| {
+            let none = Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
+            let flat = session.phase("vignetting", |_| flat_field(&white, &calibrated.camera).ok_or(none.about(&subject)));
+            flat.map(|flat| (file, flat))
+        });
+        let flat = flat.transpose()?;
+        let map = self.vignetting.clone().or_else(|| nominal.flat_field(&self.camera));
+        calibrated.camera.vignetting = map.map(|map| self.seen_from_camera(&map, session)).transpose()?;
         session.phase("write", |session| {
+            if let Some((file, flat)) = &flat {
+                image::save(file, flat, &session.history(&Vec::new()))?;
+            }
             if let Some(file) = &self.centres {
                 io::save_text(file, |out| out.write_all(table(&calibrated).as_bytes()))?;
             }
@@ -63,6 +79,17 @@ impl Lattice {
             io::save_text(&self.output, |out| out.write_all(camera.to_json().as_bytes()))
         })?;
         Ok(Verdict::Done)
+    }
+
+    /// A file as the camera that is written must name it: by its name beside the camera, otherwise by its full path.
+    fn seen_from_camera(&self, file: &Path, session: &Session) -> Result<PathBuf> {
+        let whole = |path: &Path| std::path::absolute(path).map_err(|error| io::writing(&io::output_name(path), &error));
+        let file = whole(file)?;
+        if !io::is_standard(&self.output) && whole(&self.output)?.parent() == file.parent() {
+            return Ok(file.file_name().map_or_else(|| file.clone(), PathBuf::from));
+        }
+        session.say(format!("the camera names its flat field by its full path, {}", file.display()));
+        Ok(file)
     }
 
     /// The mean white image less the dark one; none of no image.
@@ -125,11 +152,42 @@ fn tell(lattice: &ImageLattice, calibrated: &Calibrated, session: &mut Session) 
             calibrated.degree, calibrated.departure_px, calibrated.residual_rms_px
         ));
     }
-    let camera = &calibrated.camera;
-    if overlap(camera) > NOTABLE_OVERLAP {
+    if let Some(stop) = &lattice.second_stop {
+        session.explain(format!(
+            "a second stop cuts into the lenslet images: a disc of {:.2} px that moves by {:.5} px per px from the middle; \
+             only what it leaves is read",
+            stop.diameter_px, stop.drift
+        ));
+    }
+    if let Some(fill) = &calibrated.fill {
+        tell_fill(fill, &calibrated.camera, session);
+    }
+    if calibrated.is_ambiguous {
+        session.warn(
+            "by the f-number lenslet images overlap, and a lattice half a pitch aside fits them as well: the one nearer to the \
+             nominal offset is written",
+        );
+    }
+}
+
+/// Warns of lenslet images that are not as wide as they should be.
+fn tell_fill(fill: &Fill, camera: &Camera, session: &Session) {
+    let Fill { measured_px, nominal_px, pitch_px } = *fill;
+    session.explain(format!("lenslet images are {measured_px:.2} px wide, {:.3} of the pitch", measured_px / pitch_px));
+    let lens = &camera.main_lens;
+    if (measured_px / nominal_px - 1.0).abs() > NOTABLE_FILL {
         session.warn(format!(
-            "by its f-number the stop's images are {:.2} times as wide as the lenslets: compare the offset with the image",
-            overlap(camera)
+            "lenslet images are {measured_px:.2} px wide, and by the nominal f-number {} {nominal_px:.2} px: the white image was \
+             taken at {:.2}, or the camera is another",
+            lens.working_f_number,
+            lens.working_f_number * nominal_px / measured_px
+        ));
+    } else if (measured_px / pitch_px - 1.0).abs() > NOTABLE_FILL {
+        let (what, share) = if measured_px < pitch_px { ("underfill", "unused") } else { ("overfill", "shared") };
+        session.warn(format!(
+            "lenslet images {what} the pitch: {measured_px:.2} of {pitch_px:.2} px, {:.0} % {share}; f-number {:.2} would match",
+            100.0 * (measured_px / pitch_px - 1.0).abs(),
+            lens.working_f_number * measured_px / pitch_px
         ));
     }
 }
