@@ -58,6 +58,8 @@ pub struct Residual {
     pub place_px: [f64; 2],
     /// Measured less the camera's, px.
     pub residual_px: [f64; 2],
+    /// The camera's less the perfect lattice's, px of the lenslet image.
+    pub departure_px: [f64; 2],
     /// Whether the camera was fitted to it.
     pub kept: bool,
 }
@@ -93,9 +95,10 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
     };
     let (offset_mm, to_mm) = (camera.microlenses.offset_mm, nominal.microlenses.offset_mm);
     camera.microlenses.offset_mm = nearest_offset(&camera, to_mm);
-    let is_ambiguous = lattice.layout == Layout::Square
-        && nominal.main_lens.aperture == Aperture::Square
-        && overlap(&camera) > MOST_OVERLAP;
+    let fill = fill(lattice, &camera);
+    let share = fill.map_or_else(|| overlap(&camera), |fill| fill.measured_px / fill.pitch_px);
+    let is_ambiguous =
+        lattice.layout == Layout::Square && nominal.main_lens.aperture == Aperture::Square && share > MOST_OVERLAP;
     let mut aside_mm = DVec2::ZERO;
     if is_ambiguous {
         // Where squares overlap the light does not tell a lenslet from the corner between four.
@@ -120,7 +123,6 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
     let squares = residuals.iter().filter(|residual| residual.kept);
     let squares: f64 = squares.map(|residual| DVec2::from(residual.residual_px).length_squared()).sum();
     let residual_rms_px = (squares / ties.len() as f64).sqrt();
-    let fill = fill(lattice, &camera);
     let second_stop = lattice.second_stop.map(|stop| {
         json!({"diameter_px": stop.diameter_px, "drift_px_per_px": stop.drift, "aside_px": stop.aside_px})
     });
@@ -159,6 +161,8 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
 /// Every measured centre against where the camera has it.
 fn residuals(measured: &ImageLattice, camera: &Camera, places: &Places, aside_px: DVec2) -> Vec<Residual> {
     let (optics, lattice) = (Optics::new(camera), camera.lattice());
+    let perfect = Camera { centres: None, ..camera.clone() }.lattice();
+    let departure_mm = |place: DVec2| camera.centres.as_ref().map_or(DVec2::ZERO, |centres| centres.departure_mm(place));
     let of = |centre: &crate::Centre| {
         let place = DVec2::from(centre.place_px) + aside_px;
         let lenslet = lattice.lenslet_at(places.lenslet_mm(place));
@@ -167,6 +171,7 @@ fn residuals(measured: &ImageLattice, camera: &Camera, places: &Places, aside_px
             lenslet,
             place_px: place.to_array(),
             residual_px: (place - fitted).to_array(),
+            departure_px: (departure_mm(perfect.centre_mm(lenslet.0, lenslet.1)) / places.lenslet_mm_per_px()).to_array(),
             kept: centre.kept,
         }
     };

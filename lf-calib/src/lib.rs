@@ -15,6 +15,7 @@ mod flat;
 pub mod lattice;
 mod period;
 mod places;
+pub mod plot;
 mod radial;
 mod reading;
 mod refusal;

@@ -1,7 +1,7 @@
 //! `lf-calib lattice`.
 
 use super::{check_inputs, with_history};
-use lf_calib::{Calibrated, Fill, ImageLattice, Refusal, White, calibrate, flat_field, lattice};
+use lf_calib::{Calibrated, Fill, ImageLattice, Refusal, White, calibrate, flat_field, lattice, plot};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
 use lf_core::{Error, Result, image, io};
@@ -32,6 +32,9 @@ pub struct Lattice {
     /// by it. Give --dark too where the sensor counts without light
     #[arg(long, value_name = "FILE.exr")]
     vignetting: Option<PathBuf>,
+    /// Picture: the lattice over pieces of the image, departures and residuals over the frame
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
     /// Calibrated camera.json, - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: PathBuf,
@@ -43,9 +46,10 @@ impl Lattice {
         let inputs: Vec<&Path> =
             self.whites.iter().chain([&self.camera]).chain(&self.dark).map(PathBuf::as_path).collect();
         check_inputs(&inputs)?;
-        let files = self.centres.iter().chain(&self.vignetting);
+        let files = self.centres.iter().chain(&self.vignetting).chain(&self.plot);
         let outputs: Vec<&Path> = files.chain([&self.output]).map(PathBuf::as_path).collect();
         check_outputs(&outputs)?;
+        self.check_names()?;
         for output in &outputs {
             session.keep_apart(output, &inputs)?;
         }
@@ -66,11 +70,19 @@ impl Lattice {
             flat.map(|flat| (file, flat))
         });
         let flat = flat.transpose()?;
+        let picture = |file: &PathBuf| -> Result<(PathBuf, String)> {
+            let svg = plot::lattice(&white, &lattice, &calibrated);
+            Ok((file.clone(), svg.map_err(|error| Error::new(io::output_name(file), error, "wanted a picture"))?))
+        };
+        let svg = self.plot.as_ref().map(picture).transpose()?;
         let map = self.vignetting.clone().or_else(|| nominal.flat_field(&self.camera));
         calibrated.camera.vignetting = map.map(|map| self.seen_from_camera(&map, session)).transpose()?;
         session.phase("write", |session| {
             if let Some((file, flat)) = &flat {
                 image::save(file, flat, &session.history(&Vec::new()))?;
+            }
+            if let Some((file, svg)) = &svg {
+                io::save_text(file, |out| out.write_all(svg.as_bytes()))?;
             }
             if let Some(file) = &self.centres {
                 io::save_text(file, |out| out.write_all(table(&calibrated).as_bytes()))?;
@@ -79,6 +91,22 @@ impl Lattice {
             io::save_text(&self.output, |out| out.write_all(camera.to_json().as_bytes()))
         })?;
         Ok(Verdict::Done)
+    }
+
+    /// Refuses names that promise another kind of file than is written.
+    fn check_names(&self) -> Result<()> {
+        let other = |file: &Path, kinds: &[&str]| {
+            file.extension().is_some_and(|end| kinds.iter().any(|kind| end.eq_ignore_ascii_case(kind)))
+        };
+        if let Some(file) = self.plot.as_deref().filter(|file| other(file, &["png", "jpg", "jpeg", "pdf"])) {
+            return Err(Error::new(io::output_name(file), "not the name of an SVG", "wanted FILE.svg"));
+        }
+        match self.vignetting.as_deref() {
+            Some(file) if io::is_standard(file) || other(file, &["png", "jpg", "jpeg", "tif", "tiff"]) => {
+                Err(Error::new(io::output_name(file), "not the name of an EXR", "wanted FILE.exr, which the camera can name"))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// A file as the camera that is written must name it: by its name beside the camera, otherwise by its full path.
