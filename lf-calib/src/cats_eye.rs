@@ -25,8 +25,10 @@ const LEAST_CUT_PX: f64 = 0.1;
 /// middle: what is the same everywhere is the lenslets' own shape.
 const LEAST_DRIFT_PX: f64 = 0.3;
 const LEAST_DRIFT: f64 = 1.0;
-/// How far from the second disc's rim a pixel must be: half its diagonal and what the fit may err by.
-const MARGIN_PX: f64 = 1.2;
+/// How far inside the second disc's rim a pixel must be, and how far outside the main one's: half its diagonal and what the
+/// fit may err by.
+const INSIDE_PX: f64 = 1.2;
+const OUTSIDE_PX: f64 = 0.9;
 /// Steps of the search, and of the inner one for a part's displacement.
 const STEPS: usize = 40;
 const INNER_STEPS: usize = 4;
@@ -232,15 +234,15 @@ impl Untouched {
     /// Of the lenslet imaged at a place, px from the frame's middle; none where all pixels are untouched.
     pub fn under(stops: &TwoStops, place_px: DVec2, basis_px: DMat2) -> Option<Self> {
         let displacement_px = stops.displacement_px(place_px);
-        if stops.cut_px(place_px) + 2.0 * MARGIN_PX < 0.0 {
+        if stops.cut_px(place_px) + OUTSIDE_PX + INSIDE_PX < 0.0 {
             return None;
         }
         let steps = (-1..=1).flat_map(|n| (-1..=1).map(move |m| DVec2::new(m as f64, n as f64)));
         Some(Self {
             lenslets: steps.map(|step| basis_px * step).collect(),
             displacement_px,
-            main_px: stops.main_px + MARGIN_PX,
-            second_px: (stops.second_px - MARGIN_PX).max(0.0),
+            main_px: stops.main_px + OUTSIDE_PX,
+            second_px: (stops.second_px - INSIDE_PX).max(0.0),
         })
     }
 

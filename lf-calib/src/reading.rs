@@ -79,34 +79,36 @@ pub(crate) fn read(
     let shortest = shortest(basis_px);
     let to_cell = basis_px.inverse();
     let slope_to_px = to_cell.transpose();
+    let (mut seen, mut pixels) = (0, Vec::with_capacity(256));
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for (column, row) in window(from_px, shortest, image.dim())? {
+        let offset = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - from_px;
+        seen += 1;
+        if untouched.is_none_or(|untouched| untouched.holds(offset)) {
+            let count = image[(row, column)] as f64;
+            sum += count;
+            squares += count * count;
+            pixels.push((offset, count, 1.0 + shade_per_px.dot(offset)));
+        }
+    }
+    if (pixels.len() as f64) < LEAST_UNTOUCHED * seen as f64 {
+        return None;
+    }
+    let variance = squares - sum * sum / pixels.len() as f64;
     let mut centre = from_px;
     let mut reading = None;
     for _ in 0..8 {
         let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        let (mut seen, mut count, mut sum, mut squares) = (0.0, 0.0, 0.0, 0.0);
-        for (column, row) in window(from_px, shortest, image.dim())? {
-            let count_here = image[(row, column)] as f64;
-            let place = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
-            seen += 1.0;
-            if untouched.is_some_and(|untouched| !untouched.holds(place - from_px)) {
-                continue;
-            }
-            let (value, slope) = cell.at(to_cell * (place - centre));
-            let shade = 1.0 + shade_per_px.dot(place - from_px);
-            let (value, slope) = (shade * value, shade * (slope_to_px * slope));
+        for (offset, count, shade) in &pixels {
+            let (value, slope) = cell.at(to_cell * (*offset + from_px - centre));
+            let (value, slope) = (shade * value, *shade * (slope_to_px * slope));
             let line = [1.0, value, -slope.x, -slope.y];
             for a in 0..4 {
                 for b in 0..=a {
                     normal[(a, b)] += line[a] * line[b];
                 }
-                right[a] += line[a] * count_here;
+                right[a] += line[a] * count;
             }
-            count += 1.0;
-            sum += count_here;
-            squares += count_here * count_here;
-        }
-        if count < LEAST_UNTOUCHED * seen {
-            return None;
         }
         normal.fill_upper_triangle_with_lower_triangle();
         let solver = normal.cholesky()?;
@@ -117,7 +119,6 @@ pub(crate) fn read(
         }
         let inverse = solver.inverse();
         let spread_px = f64::sqrt(0.5 * (inverse[(2, 2)] + inverse[(3, 3)])) / gain;
-        let variance = squares - sum * sum / count;
         let misfit = squares - solution.dot(&right);
         let step = DVec2::new(solution[2], solution[3]) / gain;
         // A long step is a bad linearisation: it says which way, not how far.

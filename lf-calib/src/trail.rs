@@ -44,6 +44,9 @@ const AT_REST_PX: f64 = 1e-4;
 const PARTS: usize = 7;
 const PART_PIXELS: usize = 1 << 15;
 const FEWEST_IN_PART: usize = 3;
+/// Of lenslets that a second stop cuts, one in so many, the least cut, tells the cell, but not fewer.
+const LEAST_CUT: usize = 10;
+const FEWEST_UNCUT: usize = 100;
 /// Lenslets that are read while the lattice is followed and settled; the last reading is of all.
 const SAMPLE: usize = 3000;
 
@@ -230,8 +233,21 @@ impl Trail {
         let kept = self.fit_warp()?;
         let followed: Vec<_> =
             self.readings.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(reading, _)| *reading).collect();
+        let followed = self.least_cut(followed, image.dim());
         self.cell = self.cell_of(image, &followed).ok_or_else(|| few(followed.len()))?;
         Ok(())
+    }
+
+    /// The lenslets that a second stop cuts least; all where there is none. Of a disc that is seen from one side a wrong
+    /// radius and a wrong place look alike: those seen nearly all round tell the radius.
+    fn least_cut(&self, mut readings: Vec<(DVec2, Reading)>, size: (usize, usize)) -> Vec<(DVec2, Reading)> {
+        let Some(stops) = &self.stops else { return readings };
+        let cut = |reading: &(DVec2, Reading)| stops.cut_px(reading.1.centre_px - middle_px(size));
+        let mut cuts: Vec<f64> = readings.iter().map(cut).collect();
+        cuts.sort_unstable_by(f64::total_cmp);
+        let limit = cuts.get((cuts.len() / LEAST_CUT).max(FEWEST_UNCUT)).copied().or(cuts.last().copied()).unwrap_or(0.0);
+        readings.retain(|reading| cut(reading) <= limit);
+        readings
     }
 
     /// The cell through the pixels of lenslets, each brought to the same floor and gain, about the smooth lattice: its
@@ -337,7 +353,7 @@ impl Trail {
 
     fn rest(&mut self, image: ArrayView2<f32>) -> Result<(), Refusal> {
         let ends: Vec<DVec2> = self.readings.iter().map(|reading| reading.0).collect();
-        for _ in 0..4 {
+        for _ in 0..5 {
             let before = self.warp.clone();
             self.read(image, SAMPLE);
             self.fit(image)?;
