@@ -94,7 +94,8 @@ fn judge(folder: &Path) {
     let squares: f64 = wanted.iter().map(|place| off(place).length_squared()).sum();
     let worst = wanted.iter().map(|place| off(place).length()).fold(0.0, f64::max);
     let table = fs::read_to_string(folder.join("centres.csv")).expect("a table");
-    let lines: Vec<Vec<f64>> = table.lines().skip(1).map(|line| line.split(',').flat_map(str::parse).collect()).collect();
+    let lines: Vec<Vec<f64>> =
+        table.lines().skip(1).map(|line| line.split(',').flat_map(str::parse).collect()).collect();
     let kept: Vec<&Vec<f64>> = lines.iter().filter(|line| line[6] == 1.0).collect();
     let own = |line: &&Vec<f64>| {
         let place = DVec2::new(line[2], line[3]);

@@ -3,8 +3,8 @@
 //! A lenslet is imaged farther from the axis than it is ([`crate::places`]); by how much is the nominal camera's to say,
 //! for a white image alone cannot tell a small k from a small pitch.
 
-use crate::departure::Bent;
 use crate::Refusal;
+use crate::departure::Bent;
 use crate::fit::{Tie, unit_basis};
 use crate::lattice::ImageLattice;
 use crate::places::{Places, image_px};
@@ -17,6 +17,8 @@ use serde_json::json;
 /// Overlap from which on the light between lenslets may be brighter than theirs: matched f-numbers, and what pitches and
 /// f-numbers are given to, stay below.
 const MOST_OVERLAP: f64 = 1.03;
+/// How near to the nominal overlap, in pitches, a measured width is that overlap's.
+const OVERLAP_AGREES: f64 = 0.1;
 
 /// A camera and how well its lenslets are where the white image shows them.
 #[derive(Debug, Clone)]
@@ -95,10 +97,18 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
     };
     let (offset_mm, to_mm) = (camera.microlenses.offset_mm, nominal.microlenses.offset_mm);
     camera.microlenses.offset_mm = nearest_offset(&camera, to_mm);
+    let nominal_share = overlap(&camera);
     let fill = fill(lattice, &camera);
-    let share = fill.map_or_else(|| overlap(&camera), |fill| fill.measured_px / fill.pitch_px);
-    let is_ambiguous =
-        lattice.layout == Layout::Square && nominal.main_lens.aperture == Aperture::Square && share > MOST_OVERLAP;
+    // What is bright where squares overlap is as wide as their overlap.
+    let agrees = fill.is_none_or(|fill| {
+        let share = fill.measured_px / fill.pitch_px;
+        share > MOST_OVERLAP || (share - (nominal_share - 1.0)).abs() < OVERLAP_AGREES
+    });
+    let is_ambiguous = lattice.layout == Layout::Square
+        && nominal.main_lens.aperture == Aperture::Square
+        && nominal_share > MOST_OVERLAP
+        && agrees;
+    let fill = fill.filter(|_| !is_ambiguous);
     let mut aside_mm = DVec2::ZERO;
     if is_ambiguous {
         // Where squares overlap the light does not tell a lenslet from the corner between four.
@@ -123,9 +133,9 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
     let squares = residuals.iter().filter(|residual| residual.kept);
     let squares: f64 = squares.map(|residual| DVec2::from(residual.residual_px).length_squared()).sum();
     let residual_rms_px = (squares / ties.len() as f64).sqrt();
-    let second_stop = lattice.second_stop.map(|stop| {
-        json!({"diameter_px": stop.diameter_px, "drift_px_per_px": stop.drift, "aside_px": stop.aside_px})
-    });
+    let second_stop = lattice
+        .second_stop
+        .map(|stop| json!({"diameter_px": stop.diameter_px, "drift_px_per_px": stop.drift, "aside_px": stop.aside_px}));
     let measured = json!({
         "layout": lattice.layout,
         "image_pitch_px": lattice.pitch_px,
@@ -162,7 +172,8 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
 fn residuals(measured: &ImageLattice, camera: &Camera, places: &Places, aside_px: DVec2) -> Vec<Residual> {
     let (optics, lattice) = (Optics::new(camera), camera.lattice());
     let perfect = Camera { centres: None, ..camera.clone() }.lattice();
-    let departure_mm = |place: DVec2| camera.centres.as_ref().map_or(DVec2::ZERO, |centres| centres.departure_mm(place));
+    let departure_mm =
+        |place: DVec2| camera.centres.as_ref().map_or(DVec2::ZERO, |centres| centres.departure_mm(place));
     let of = |centre: &crate::Centre| {
         let place = DVec2::from(centre.place_px) + aside_px;
         let lenslet = lattice.lenslet_at(places.lenslet_mm(place));
@@ -171,7 +182,8 @@ fn residuals(measured: &ImageLattice, camera: &Camera, places: &Places, aside_px
             lenslet,
             place_px: place.to_array(),
             residual_px: (place - fitted).to_array(),
-            departure_px: (departure_mm(perfect.centre_mm(lenslet.0, lenslet.1)) / places.lenslet_mm_per_px()).to_array(),
+            departure_px: (departure_mm(perfect.centre_mm(lenslet.0, lenslet.1)) / places.lenslet_mm_per_px())
+                .to_array(),
             kept: centre.kept,
         }
     };

@@ -6,8 +6,8 @@
 //! two discs are fitted to the rims of mean cells of parts of the frame, each part's own displacement left free, and from
 //! then on only pixels that the second disc cannot have touched are read.
 
-use crate::rim::rim_px;
 use crate::cell::Cell;
+use crate::rim::rim_px;
 use glam::{DMat2, DVec2};
 use nalgebra::{SMatrix, SVector};
 
@@ -147,7 +147,8 @@ impl TwoStops {
             // A disc moved by s moves its rim by s . u in the direction u, nearly.
             let (mut normal, mut right) = (DMat2::ZERO, DVec2::ZERO);
             for rim in &part.rim {
-                let across = [DVec2::X, DVec2::Y].map(|axis| (off(moved, *rim) - off(moved + 1e-3 * axis, *rim)) / 1e-3);
+                let across =
+                    [DVec2::X, DVec2::Y].map(|axis| (off(moved, *rim) - off(moved + 1e-3 * axis, *rim)) / 1e-3);
                 let line = DVec2::from(across);
                 normal += DMat2::from_cols(line * line.x, line * line.y);
                 right += line * off(moved, *rim);

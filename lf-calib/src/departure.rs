@@ -8,6 +8,7 @@
 use crate::fit::{Similarity, Tie, Warp};
 use glam::{DMat2, DVec2};
 use lf_core::lattice::Centres;
+use std::collections::BTreeMap;
 
 /// The highest degree that is tried; a fifth order of distortion leaves a thousandth of the third in photographic lenses.
 const MOST_DEGREE: usize = 4;
@@ -17,6 +18,9 @@ const EVIDENCE: f64 = 3.0;
 /// What a degree must move centres by, root mean square, px: what sampling leaves at the frame's ends, which is no
 /// departure of the lenslets.
 const WORTH_PX: f64 = 0.002;
+/// Side of the blocks of lenslets in which residuals are looked at for being alike, lenslets, and fewest blocks a side.
+const BLOCK: f64 = 7.0;
+const BLOCKS: f64 = 4.0;
 /// Steps that move the departure's constant into the lattice's origin; each squares what is left.
 const GAUGE_STEPS: usize = 3;
 
@@ -40,7 +44,10 @@ impl Bent {
         };
         let left = departures(&perfect);
         let sum = |fit: &Warp| left.iter().map(|(place, rest)| rest.distance_squared(fit.at(*place))).sum::<f64>();
-        let count = 2.0 * ties.len() as f64;
+        let places = || ties.iter().map(|tie| tie.0);
+        let count = 2.0 * ties.len() as f64
+            / Warp::about(&left, MOST_DEGREE, DVec2::ZERO, radius_mm)
+                .map_or(1.0, |fit| alike(places().zip(left.iter().map(|(place, rest)| *rest - fit.at(*place)))));
         let (mut degree, mut best) = (0, Warp::affine(DVec2::ZERO, DMat2::ZERO));
         let mut squares = sum(&best);
         // A similarity has four of the affine map's six coefficients.
@@ -65,9 +72,27 @@ impl Bent {
         }
         let along = |axis: usize| best.coefficients()[1..].iter().map(|pair| pair[axis]).collect();
         let centres = Centres { radius_mm, x_mm: along(0), y_mm: along(1) };
-        perfect.deviation_px = (squares / (count - coefficients(degree)).max(1.0)).sqrt();
         Some(Self { perfect, centres: Some(centres), degree })
     }
+}
+
+/// How many residuals say what one would if they were independent: the variance of the means of blocks of lenslets over
+/// what it would then be, 1 at least. Beats of the lattice with the pixels make neighbours err alike.
+fn alike(residuals: impl Iterator<Item = (DVec2, DVec2)> + Clone) -> f64 {
+    let lenslets = residuals.clone().count() as f64;
+    let side = BLOCK.min((lenslets.sqrt() / BLOCKS).floor()).max(1.0);
+    let mut blocks = BTreeMap::new();
+    let mut squares = 0.0;
+    for (place, rest) in residuals {
+        let [column, row] = (place / side).floor().to_array().map(|n| n as i64);
+        let block: &mut (DVec2, f64) = blocks.entry((row, column)).or_default();
+        block.0 += rest;
+        block.1 += 1.0;
+        squares += rest.length_squared();
+    }
+    // Of independent residuals the sum over a block has as many times the variance as there are in it.
+    let sums: f64 = blocks.values().map(|(sum, count)| sum.length_squared() / count).sum();
+    (sums / blocks.len() as f64 / (squares / lenslets).max(f64::MIN_POSITIVE)).max(1.0)
 }
 
 #[cfg(test)]

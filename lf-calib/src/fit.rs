@@ -200,7 +200,8 @@ mod tests {
                 ties[n].1 += DVec2::new(4.0, 1.0);
             }
             let fit = |ties: &[Tie]| Similarity::through(ties, unit);
-            let (found, kept) = without_outliers(&ties, &vec![1.0; ties.len()], fit, |fit, place| fit.at(unit * place)).unwrap();
+            let (found, kept) =
+                without_outliers(&ties, &vec![1.0; ties.len()], fit, |fit, place| fit.at(unit * place)).unwrap();
             assert!(found.turn_px.distance(turn) < 1e-12 && found.origin_px.distance(DVec2::new(3.0, -2.0)) < 1e-10);
             assert_eq!(kept.iter().filter(|kept| !**kept).count(), 58);
         }

@@ -33,7 +33,9 @@ pub fn flat_field(white: &Array2<f32>, camera: &Camera) -> Option<Array2<f32>> {
     if median <= 0.0 {
         return None;
     }
-    flat.zip_mut_with(white, |light, count| *light = if *light < LEAST_LIGHT { 1.0 } else { count / (*light * median) });
+    flat.zip_mut_with(white, |light, count| {
+        *light = if *light < LEAST_LIGHT { 1.0 } else { count / (*light * median) }
+    });
     Some(flat)
 }
 
@@ -100,7 +102,9 @@ mod tests {
 
     #[test]
     fn shares_add_up_to_the_area() {
-        for (centre, half) in [(DVec2::new(10.3, 9.8), 7.0), (DVec2::new(9.5, 10.0), 3.21), (DVec2::new(10.0, 10.0), 0.4)] {
+        for (centre, half) in
+            [(DVec2::new(10.3, 9.8), 7.0), (DVec2::new(9.5, 10.0), 3.21), (DVec2::new(10.0, 10.0), 0.4)]
+        {
             let corners = || (0..400).map(|n| DVec2::new((n % 20) as f64, (n / 20) as f64) - centre);
             let disc: f64 = corners().map(|corner| inside_disc(corner, half)).sum();
             let square: f64 = corners().map(|corner| inside_square(corner, half)).sum();

@@ -126,11 +126,8 @@ fn through(size: (usize, usize), trail: &Trail, contrast: f64) -> Result<ImageLa
 
     let pitch_px = fit.turn_px.length();
     let shortest = shortest(trail.basis_px);
-    let in_frame = trail
-        .places(size)
-        .iter()
-        .filter(|&&place| window(smooth.at(place - base), shortest, size).is_some())
-        .count();
+    let in_frame =
+        trail.places(size).iter().filter(|&&place| window(smooth.at(place - base), shortest, size).is_some()).count();
     if followed.len() < FEWEST {
         return Err(few(followed.len()));
     }

@@ -52,7 +52,8 @@ pub(crate) fn radius_px(profile: &[f64], step_px: f64) -> Option<f64> {
 /// Side of a square with sides along x and y by the rim across its four sides; none if a side does not end.
 pub(crate) fn side_px(cell: &Cell, basis_px: DMat2) -> Option<f64> {
     // Directions within 15 degrees of the normals: the corners say nothing of the sides.
-    let angles: Vec<f64> = (0..4).flat_map(|side| (-1..=1).map(move |n| (90.0 * side as f64 + 15.0 * n as f64).to_radians())).collect();
+    let angles: Vec<f64> =
+        (0..4).flat_map(|side| (-1..=1).map(move |n| (90.0 * side as f64 + 15.0 * n as f64).to_radians())).collect();
     let rim = rim_px(cell, basis_px, angles.iter().copied());
     let halves: Option<Vec<f64>> = rim
         .iter()

@@ -35,6 +35,8 @@ const MOST_SHADE: f64 = 0.2;
 /// are thousands for each unknown.
 const ROUND_PIXELS: usize = 1 << 16;
 const REMAINDER_PIXELS: usize = 1 << 19;
+/// By how much less will do while the lattice is followed.
+const ROUGH: usize = 4;
 /// Least deviation of the remainder, over the round part's, that is not taken for what sampling and noise leave.
 const LEAST_REMAINDER: f64 = 0.03;
 /// The lattice rests when no lenslet of it moves by more, px.
@@ -66,6 +68,8 @@ pub(crate) struct Trail {
     /// Gain over the frame, in x.
     shade: Warp,
     radius: f64,
+    /// Whether it reaches to the corners of the frame: until then a rough cell will do.
+    whole: bool,
     /// Whether the lattice rests on the round part of the cell, so that the remainder can be told from a wrong centre.
     settled: bool,
     /// The second stop that cuts into lenslet images, once it has been seen.
@@ -137,6 +141,7 @@ impl Trail {
             warp,
             shade,
             radius: FIRST_PATCH,
+            whole: false,
             settled: false,
             stops: None,
             radius_px: None,
@@ -245,7 +250,8 @@ impl Trail {
         let cut = |reading: &(DVec2, Reading)| stops.cut_px(reading.1.centre_px - middle_px(size));
         let mut cuts: Vec<f64> = readings.iter().map(cut).collect();
         cuts.sort_unstable_by(f64::total_cmp);
-        let limit = cuts.get((cuts.len() / LEAST_CUT).max(FEWEST_UNCUT)).copied().or(cuts.last().copied()).unwrap_or(0.0);
+        let limit =
+            cuts.get((cuts.len() / LEAST_CUT).max(FEWEST_UNCUT)).copied().or(cuts.last().copied()).unwrap_or(0.0);
         readings.retain(|reading| cut(reading) <= limit);
         readings
     }
@@ -257,7 +263,7 @@ impl Trail {
         let knots = Cell::table_knots(basis);
         let round = self.folded(
             image,
-            &thinned(readings, basis, ROUND_PIXELS),
+            &thinned(readings, basis, if self.whole { ROUND_PIXELS } else { ROUND_PIXELS / ROUGH }),
             || (RadialFold::new(basis), Vec::new()),
             |(fold, line), offset, value| fold.add(offset, value, line),
             |(sum, _), (fold, _)| sum.merge(fold),
@@ -329,10 +335,11 @@ impl Trail {
         loop {
             self.fit(image)?;
             if self.radius > diagonal {
+                self.whole = true;
                 return Ok(());
             }
             self.radius *= GROWTH;
-            self.read(image, SAMPLE);
+            self.read(image, SAMPLE / ROUGH);
         }
     }
 

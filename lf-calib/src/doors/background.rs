@@ -23,7 +23,8 @@ pub fn background(frames: &[PathBuf], quantile: f64, output: &Path, session: &mu
     let progress = session.progress("frames", count as u64);
     for (stack, number) in stacks.iter().flat_map(|stack| (0..stack.images()).map(move |number| (stack, number))) {
         let frame = session.phase("read", |_| stack.read(number))?;
-        session.phase("sort", |_| background.add(&frame.pixels).map_err(|refusal| refusal.about(stack.name(number))))?;
+        session
+            .phase("sort", |_| background.add(&frame.pixels).map_err(|refusal| refusal.about(stack.name(number))))?;
         history.get_or_insert(frame.history);
         progress.add(1);
     }

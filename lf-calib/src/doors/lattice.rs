@@ -65,8 +65,10 @@ impl Lattice {
         let mut calibrated = calibrate(&lattice, &nominal).map_err(refused)?;
         tell(&lattice, &calibrated, session);
         let flat = self.vignetting.as_ref().map(|file| {
-            let none = Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
-            let flat = session.phase("vignetting", |_| flat_field(&white, &calibrated.camera).ok_or(none.about(&subject)));
+            let none =
+                Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
+            let flat =
+                session.phase("vignetting", |_| flat_field(&white, &calibrated.camera).ok_or(none.about(&subject)));
             flat.map(|flat| (file, flat))
         });
         let flat = flat.transpose()?;
@@ -103,7 +105,11 @@ impl Lattice {
         }
         match self.vignetting.as_deref() {
             Some(file) if io::is_standard(file) || other(file, &["png", "jpg", "jpeg", "tif", "tiff"]) => {
-                Err(Error::new(io::output_name(file), "not the name of an EXR", "wanted FILE.exr, which the camera can name"))
+                Err(Error::new(
+                    io::output_name(file),
+                    "not the name of an EXR",
+                    "wanted FILE.exr, which the camera can name",
+                ))
             }
             _ => Ok(()),
         }
@@ -111,7 +117,8 @@ impl Lattice {
 
     /// A file as the camera that is written must name it: by its name beside the camera, otherwise by its full path.
     fn seen_from_camera(&self, file: &Path, session: &Session) -> Result<PathBuf> {
-        let whole = |path: &Path| std::path::absolute(path).map_err(|error| io::writing(&io::output_name(path), &error));
+        let whole =
+            |path: &Path| std::path::absolute(path).map_err(|error| io::writing(&io::output_name(path), &error));
         let file = whole(file)?;
         if !io::is_standard(&self.output) && whole(&self.output)?.parent() == file.parent() {
             return Ok(file.file_name().map_or_else(|| file.clone(), PathBuf::from));

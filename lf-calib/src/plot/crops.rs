@@ -70,9 +70,8 @@ impl Crops {
         let cells = self.side_px.min(CELLS);
         let edge = |cell: usize, whole: usize| cell * whole / cells;
         let mean = |row: usize, column: usize| {
-            let [rows, columns] = [(row, y), (column, x)].map(|(cell, first)| {
-                first + edge(cell, self.side_px)..first + edge(cell + 1, self.side_px)
-            });
+            let [rows, columns] = [(row, y), (column, x)]
+                .map(|(cell, first)| first + edge(cell, self.side_px)..first + edge(cell + 1, self.side_px));
             white.slice(s![rows, columns]).mean().unwrap_or(0.0)
         };
         let grey = Array2::from_shape_fn((cells, cells), |(row, column)| mean(row, column));

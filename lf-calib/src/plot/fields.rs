@@ -45,7 +45,13 @@ pub(super) fn draw(
     field(area, [left + CHART + 2 * ROOM, top], frame, "residual: measured less the camera's", &residual)
 }
 
-fn field(area: &Area, [left, top]: [i32; 2], frame: [usize; 2], name: &str, vectors: &[([f64; 2], [f64; 2])]) -> Drawn<()> {
+fn field(
+    area: &Area,
+    [left, top]: [i32; 2],
+    frame: [usize; 2],
+    name: &str,
+    vectors: &[([f64; 2], [f64; 2])],
+) -> Drawn<()> {
     let size = chart(frame);
     let top = top + ABOVE;
     area.draw(&Rectangle::new([(left, top), (left + size[0], top + size[1])], INK)).map_err(words)?;
@@ -67,7 +73,8 @@ fn field(area: &Area, [left, top]: [i32; 2], frame: [usize; 2], name: &str, vect
         let key = round_below(48.0 / scale);
         let length = key * scale;
         arrow(area, [f64::from(left) + 0.5 * length, f64::from(top - 20)], [length, 0.0])?;
-        let lenslets = if each < 1.5 { "one lenslet".to_string() } else { format!("the mean of some {each:.0} lenslets") };
+        let lenslets =
+            if each < 1.5 { "one lenslet".to_string() } else { format!("the mean of some {each:.0} lenslets") };
         text(area, &format!("{key} px; an arrow is {lenslets}"), (left + length as i32 + 10, top - 28), TEXT_PX)?;
     } else {
         text(area, "none", (left, top - 28), TEXT_PX)?;
@@ -111,7 +118,8 @@ fn arrow(area: &Area, middle: [f64; 2], vector: [f64; 2]) -> Drawn<()> {
     let point = |ahead: f64, side: f64| rounded([middle[0] + ahead * x - side * y, middle[1] + ahead * y + side * x]);
     let head = (0.4 * length).clamp(3.0, 9.0).min(length);
     let back = 0.5 * length - head;
-    area.draw(&PathElement::new(vec![point(-0.5 * length, 0.0), point(back, 0.0)], INK.stroke_width(1))).map_err(words)?;
+    area.draw(&PathElement::new(vec![point(-0.5 * length, 0.0), point(back, 0.0)], INK.stroke_width(1)))
+        .map_err(words)?;
     let tip = vec![point(back, 0.45 * head), point(0.5 * length, 0.0), point(back, -0.45 * head)];
     area.draw(&Polygon::new(tip, INK.filled())).map_err(words)
 }

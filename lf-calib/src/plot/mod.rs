@@ -48,7 +48,12 @@ pub fn lattice(white: &Array2<f32>, measured: &ImageLattice, calibrated: &Calibr
 fn heading(area: &Area, measured: &ImageLattice, calibrated: &Calibrated) -> Drawn<()> {
     let layout = format!("{:?}", measured.layout).to_lowercase();
     let kept = measured.kept();
-    text(area, &format!("Lenslet images: {layout}, pitch {:.4} px, {kept} lenslets", measured.pitch_px), (ROOM, 12), TITLE_PX)?;
+    text(
+        area,
+        &format!("Lenslet images: {layout}, pitch {:.4} px, {kept} lenslets", measured.pitch_px),
+        (ROOM, 12),
+        TITLE_PX,
+    )?;
     let departure = match calibrated.degree {
         0 => "a perfect lattice".to_string(),
         degree => {
@@ -57,7 +62,10 @@ fn heading(area: &Area, measured: &ImageLattice, calibrated: &Calibrated) -> Dra
     };
     text(area, &format!("{departure}; residual {:.4} px RMS", calibrated.residual_rms_px), (ROOM, 40), TEXT_PX)?;
     let out = measured.centres.len() - kept;
-    let places = [(0, KEPT, format!("the camera's centre, lenslet kept ({kept})")), (330, LEFT_OUT, format!("lenslet left out ({out})"))];
+    let places = [
+        (0, KEPT, format!("the camera's centre, lenslet kept ({kept})")),
+        (330, LEFT_OUT, format!("lenslet left out ({out})")),
+    ];
     for (x, colour, words) in places {
         cross(area, [f64::from(ROOM + x + 6), 70.0], colour)?;
         text(area, &words, (ROOM + x + 20, 63), TEXT_PX)?;
