@@ -16,7 +16,7 @@ use rayon::prelude::*;
 const WELL_LIT: f32 = 0.9;
 const LEAST_LIGHT: f32 = 0.1;
 /// Chords along a pixel in which the share inside a disc is summed: errs by some thousandths at the rim.
-const CHORDS: usize = 8;
+const CHORDS: usize = 16;
 /// Rows of the image that are predicted at a time.
 const BAND: usize = 32;
 

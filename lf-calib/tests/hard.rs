@@ -74,7 +74,7 @@ fn a_second_stop_moves_no_centre() {
 #[test]
 fn lenslets_of_7_px_and_of_150() {
     for layout in LAYOUTS {
-        for (pitch_px, side, fill, limit) in [(7.0, 420, 0.95, 0.02), (7.13, 420, 0.7, 0.02), (150.0, 1500, 0.9, 0.02)]
+        for (pitch_px, side, fill, limit) in [(7.0, 420, 0.95, 0.02), (7.13, 420, 0.7, 0.02), (150.0, 1200, 0.9, 0.03)]
         {
             let truth = of_pitch(pitch_px, side, layout);
             let mut image = discs(&truth, fill);

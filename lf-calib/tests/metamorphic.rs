@@ -10,7 +10,6 @@ use ndarray::{Array2, s};
 use scenes::{camera, discs, image_px, noisy};
 
 const SIZE: DVec2 = DVec2::new(434.0, 350.0);
-const LAYOUTS: [Layout; 2] = [Layout::Square, Layout::Hexagonal];
 
 fn image(layout: Layout, centres: Option<Centres>) -> Array2<f32> {
     let mut camera = camera(0, layout, 0.02, [0.0123, -0.0257]);
@@ -61,7 +60,8 @@ fn agree(before: &Camera, after: &Camera, moved: impl Fn(DVec2) -> DVec2) {
 
 #[test]
 fn mirrored_transposed_and_turned() {
-    for (layout, centres) in LAYOUTS.into_iter().flat_map(|layout| [(layout, None), (layout, Some(bent()))]) {
+    for (layout, centres) in [(Layout::Square, None), (Layout::Square, Some(bent())), (Layout::Hexagonal, Some(bent()))]
+    {
         let image = image(layout, centres.clone());
         let before = measured(&image);
         assert_eq!(before.centres.is_some(), centres.is_some());
@@ -76,7 +76,8 @@ fn mirrored_transposed_and_turned() {
 
 #[test]
 fn cropped() {
-    for (layout, centres) in LAYOUTS.into_iter().flat_map(|layout| [(layout, None), (layout, Some(bent()))]) {
+    for (layout, centres) in [(Layout::Square, None), (Layout::Square, Some(bent())), (Layout::Hexagonal, Some(bent()))]
+    {
         let image = image(layout, centres);
         let cropped = measured(&image.slice(s![23..331, 31..400]).to_owned());
         agree(&measured(&image), &cropped, |place| place - DVec2::new(31.0, 23.0));
