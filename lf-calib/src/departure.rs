@@ -7,7 +7,7 @@
 
 use crate::fit::{Similarity, Tie, Warp};
 use glam::{DMat2, DVec2};
-use lf_core::lattice::Centres;
+use lf_core::lattice::{Centres, terms};
 use std::collections::BTreeMap;
 
 /// The highest degree that is tried; a fifth order of distortion leaves a thousandth of the third in photographic lenses.
@@ -18,6 +18,8 @@ const EVIDENCE: f64 = 3.0;
 /// What a degree must move centres by, root mean square, px: what sampling leaves at the frame's ends, which is no
 /// departure of the lenslets.
 const WORTH_PX: f64 = 0.002;
+/// Lenslets that each coefficient of a coordinate must have: fewer are bent by what sampling leaves in them.
+const LENSLETS: usize = 12;
 /// Side of the blocks of lenslets in which residuals are looked at for being alike, lenslets, and fewest blocks a side.
 const BLOCK: f64 = 7.0;
 const BLOCKS: f64 = 4.0;
@@ -52,7 +54,7 @@ impl Bent {
         let mut squares = sum(&best);
         // A similarity has four of the affine map's six coefficients.
         let coefficients = |degree: usize| if degree == 0 { 4.0 } else { ((degree + 1) * (degree + 2)) as f64 };
-        for higher in 1..=MOST_DEGREE {
+        for higher in (1..=MOST_DEGREE).take_while(|degree| ties.len() >= LENSLETS * (terms(*degree) + 1)) {
             let Some(fit) = Warp::about(&left, higher, DVec2::ZERO, radius_mm) else { break };
             let smaller = sum(&fit);
             let moved = left.iter().map(|tie| fit.at(tie.0).distance_squared(best.at(tie.0))).sum::<f64>();

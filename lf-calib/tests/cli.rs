@@ -343,15 +343,18 @@ fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
     assert_eq!(camera.vignetting.as_deref(), Some(Path::new("flat.exr")));
     let flat = camera.flat_field(&place.path("out"));
     let mended = image::open_frame(&place.path("frame.exr"), None, flat.as_deref()).unwrap().pixels;
-    let (mut scale, mut blind) = (0.0, 0);
+    let scale = mended[(140, 140)] / frame[(140, 140)];
+    let mut blind = 0;
+    assert!(plain[(140, 140)] > 999.0);
     for ((row, column), value) in mended.indexed_iter() {
         if is_dead(row, column) {
             assert!(value.is_nan() || plain[(row, column)] < 100.0, "{row} {column}: {value}");
             blind += usize::from(value.is_nan());
         } else if plain[(row, column)] > 500.0 {
+            // At the rim a hundredth of a pixel is some hundredths of a pixel's light.
+            let limit = if plain[(row, column)] > 999.0 { 1e-3 } else { 0.06 };
             let ratio = value / frame[(row, column)];
-            scale = if scale == 0.0 { ratio } else { scale };
-            assert!((ratio / scale - 1.0).abs() < 0.02, "{row} {column}: {ratio}, not {scale}");
+            assert!((ratio / scale - 1.0).abs() < limit, "{row} {column}: {ratio}, not {scale}");
         }
     }
     assert!((scale - 0.8).abs() < 0.1 && blind > 60, "{scale} {blind}");

@@ -74,7 +74,7 @@ fn a_second_stop_moves_no_centre() {
 #[test]
 fn lenslets_of_7_px_and_of_150() {
     for layout in LAYOUTS {
-        for (pitch_px, side, fill, limit) in [(7.0, 420, 0.95, 0.02), (7.13, 420, 0.7, 0.02), (150.0, 1200, 0.9, 0.03)]
+        for (pitch_px, side, fill, limit) in [(7.0, 420, 0.95, 0.02), (7.13, 420, 0.7, 0.02), (150.0, 1500, 0.9, 0.03)]
         {
             let truth = of_pitch(pitch_px, side, layout);
             let mut image = discs(&truth, fill);
@@ -139,10 +139,11 @@ fn dim_missing_and_dusty_lenslets_and_dark_borders() {
 fn square_stops_that_overlap_go_by_the_nominal_offset() {
     let mut truth = camera(420, Layout::Square, 0.003, [0.0123, -0.0257]);
     truth.main_lens.aperture = Aperture::Square;
-    for fill in [1.1, 1.3] {
+    // Beats with the pixels leave a tenth of a pixel where a third overlaps; the lattice beside is 10 px off.
+    for (fill, limit_px) in [(1.1, 0.03), (1.3, 0.3)] {
         let image = squares(&truth, fill);
         truth.main_lens.working_f_number = 4.0 / fill;
-        assert!(measured(&format!("{fill}"), &truth, &image, 0.03).is_ambiguous);
+        assert!(measured(&format!("{fill}"), &truth, &image, limit_px).is_ambiguous);
         truth.main_lens.working_f_number = 4.0;
     }
 }

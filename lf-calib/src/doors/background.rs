@@ -15,18 +15,28 @@ pub fn background(frames: &[PathBuf], quantile: f64, output: &Path, session: &mu
     let inputs: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
     check_inputs(&inputs)?;
     session.keep_apart(output, &inputs)?;
-    // A quantile must know the number of frames before it takes in the first.
-    let stacks = frames.iter().map(|path| Stack::open(path)).collect::<Result<Vec<Stack>>>()?;
-    let count = stacks.iter().map(Stack::images).sum();
+    // A quantile must know the number of frames before it takes in the first. Pipes are read once and kept; files are
+    // opened again, for a system has only so many maps.
+    let mut count = 0;
+    let mut kept = Vec::new();
+    for path in frames {
+        let stack = Stack::open(path)?;
+        count += stack.images();
+        kept.push(Some(stack).filter(|stack| !stack.is_mapped()));
+    }
     let mut background = Background::new(count, quantile);
     let mut history = None;
     let progress = session.progress("frames", count as u64);
-    for (stack, number) in stacks.iter().flat_map(|stack| (0..stack.images()).map(move |number| (stack, number))) {
-        let frame = session.phase("read", |_| stack.read(number))?;
-        session
-            .phase("sort", |_| background.add(&frame.pixels).map_err(|refusal| refusal.about(stack.name(number))))?;
-        history.get_or_insert(frame.history);
-        progress.add(1);
+    for (path, kept) in frames.iter().zip(kept) {
+        let stack = kept.map_or_else(|| Stack::open(path), Ok)?;
+        for number in 0..stack.images() {
+            let frame = session.phase("read", |_| stack.read(number))?;
+            session.phase("sort", |_| {
+                background.add(&frame.pixels).map_err(|refusal| refusal.about(stack.name(number)))
+            })?;
+            history.get_or_insert(frame.history);
+            progress.add(1);
+        }
     }
     drop(progress);
     let pixels = background.finish().ok_or_else(|| Error::new("background", "no frame", "wanted at least one"))?;

@@ -28,6 +28,11 @@ impl Stack {
         Ok(Self { name, bytes, images, is_tiff })
     }
 
+    /// Whether the file can be opened again, being mapped and no pipe.
+    pub fn is_mapped(&self) -> bool {
+        self.bytes.is_mapped()
+    }
+
     /// How many images there are, at least one.
     pub fn images(&self) -> usize {
         self.images
