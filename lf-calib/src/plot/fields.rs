@@ -16,6 +16,9 @@ const ARROWS: usize = 28;
 const USUAL: f64 = 0.9;
 const LENGTH: f64 = 0.9;
 
+/// A place in the frame and a vector there, px.
+type At = ([f64; 2], [f64; 2]);
+
 /// Height of the charts of an image of (rows, columns).
 pub(super) fn height((rows, columns): (usize, usize)) -> i32 {
     ABOVE + chart([columns, rows])[1] + BELOW
@@ -34,7 +37,7 @@ pub(super) fn draw(
     measured: &ImageLattice,
     calibrated: &Calibrated,
 ) -> Drawn<()> {
-    let of = |vector: &dyn Fn(usize) -> [f64; 2]| -> Vec<([f64; 2], [f64; 2])> {
+    let of = |vector: &dyn Fn(usize) -> [f64; 2]| -> Vec<At> {
         let kept = (0..measured.centres.len()).filter(|n| measured.centres[*n].kept);
         kept.map(|n| (calibrated.residuals[n].place_px, vector(n))).collect()
     };
@@ -45,13 +48,7 @@ pub(super) fn draw(
     field(area, [left + CHART + 2 * ROOM, top], frame, "residual: measured less the camera's", &residual)
 }
 
-fn field(
-    area: &Area,
-    [left, top]: [i32; 2],
-    frame: [usize; 2],
-    name: &str,
-    vectors: &[([f64; 2], [f64; 2])],
-) -> Drawn<()> {
+fn field(area: &Area, [left, top]: [i32; 2], frame: [usize; 2], name: &str, vectors: &[At]) -> Drawn<()> {
     let size = chart(frame);
     let top = top + ABOVE;
     area.draw(&Rectangle::new([(left, top), (left + size[0], top + size[1])], INK)).map_err(words)?;
@@ -85,7 +82,7 @@ fn field(
 }
 
 /// Means over cells of the frame, where there is something; how many cells, and lenslets to a cell.
-fn means(vectors: &[([f64; 2], [f64; 2])], frame: [usize; 2]) -> (Vec<([f64; 2], [f64; 2])>, [usize; 2], f64) {
+fn means(vectors: &[At], frame: [usize; 2]) -> (Vec<At>, [usize; 2], f64) {
     let longer = frame[0].max(frame[1]) as f64;
     let fewest = (vectors.len() as f64 * longer / frame[0].min(frame[1]) as f64).sqrt();
     let along = ARROWS.min(fewest.ceil().max(1.0) as usize);
