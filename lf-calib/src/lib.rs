@@ -7,19 +7,26 @@
 
 mod background;
 mod calibrate;
+mod cats_eye;
 mod cell;
+mod departure;
 mod fit;
+mod flat;
 pub mod lattice;
 mod period;
+mod places;
+pub mod plot;
 mod radial;
 mod reading;
 mod refusal;
+mod rim;
 mod symmetry;
 mod trail;
 mod white;
 
 pub use background::Background;
-pub use calibrate::{calibrate, overlap};
-pub use lattice::{Centre, ImageLattice};
+pub use calibrate::{Calibrated, Fill, Residual, calibrate};
+pub use flat::flat_field;
+pub use lattice::{Centre, ImageLattice, SecondStop};
 pub use refusal::Refusal;
 pub use white::White;

@@ -28,26 +28,20 @@ struct Arguments {
 enum Task {
     /// Find the microlens lattice in white images
     ///
-    /// Layout, pitch, rotation and offset come from the images. The nominal camera gives the main lens, the microlens
-    /// focal length and the pixels, which of the offsets and rotations that mean the same lattice is written, and
-    /// whatever else is in its file.
-    Lattice {
-        /// White images of one size, averaged; - for standard input
-        #[arg(default_value = "-")]
-        whites: Vec<PathBuf>,
-        /// Nominal camera.json
-        #[arg(short, long, value_name = "FILE")]
-        camera: PathBuf,
-        /// Calibrated camera.json, - for standard output
-        #[arg(short, long, value_name = "FILE", default_value = "-")]
-        output: PathBuf,
-    },
+    /// Layout, pitch, rotation, offset and smooth departures come from the images. The nominal camera gives the main lens,
+    /// the microlens focal length and the pixels, which of the offsets and rotations that mean the same lattice is
+    /// written, and whatever else is in its file.
+    Lattice(doors::Lattice),
     /// Per-pixel minimum, or a low quantile, of many frames
+    ///
+    /// Every page of a TIFF is a frame. Frames are read one at a time, those of one page or many; held in memory are that
+    /// one, files that come through a pipe, and one image for the minimum whatever the number of frames, or for the
+    /// quantile Q of N frames Q (N - 1) + 2 images.
     Background {
-        /// Frames of one size; - for standard input
+        /// Frames of one size, in files of one or of many; - for standard input
         #[arg(default_value = "-")]
         frames: Vec<PathBuf>,
-        /// Quantile from 0, the minimum, to 0.5; memory grows with it times the number of frames
+        /// Quantile from 0, the minimum, to 0.5
         #[arg(long, value_name = "Q", default_value_t = 0.0)]
         quantile: f64,
         /// Background image (EXR), - for standard output
@@ -61,7 +55,7 @@ fn main() -> ExitCode {
         "lf-calib",
         |arguments: &Arguments| &arguments.common,
         |arguments, session| match &arguments.task {
-            Task::Lattice { whites, camera, output } => doors::measure(whites, camera, output, session),
+            Task::Lattice(lattice) => lattice.measure(session),
             Task::Background { frames, quantile, output } => doors::background(frames, *quantile, output, session),
         },
     )

@@ -7,6 +7,7 @@
 
 use crate::cell::Cell;
 use crate::period::shortest;
+use crate::rim::radius_px;
 use glam::{DMat2, DVec2};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -99,8 +100,9 @@ impl RadialFold {
         self.right += &other.right;
     }
 
-    /// The cell as pixels see it, at `knots` places along its sides; none if the pixels say nothing.
-    pub fn solve(mut self, knots: [usize; 2]) -> Option<Vec<f64>> {
+    /// The cell as pixels see it, at `knots` places along its sides, and the profile's radius where it has one; none if
+    /// the pixels say nothing.
+    pub fn solve(mut self, knots: [usize; 2]) -> Option<(Vec<f64>, Option<f64>)> {
         let weight = ROUGHNESS * self.normal.trace() / (self.knots + 1) as f64;
         for knot in 0..self.knots {
             self.normal[(knot, knot)] += weight;
@@ -129,6 +131,6 @@ impl RadialFold {
         };
         let places = 0..knots[0] * knots[1];
         let table = places.into_par_iter().map(|n| seen(self.basis_px * Cell::place(knots, n))).collect();
-        Some(table)
+        Some((table, radius_px(&profile.as_slice()[..self.knots], self.step_px)))
     }
 }

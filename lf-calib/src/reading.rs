@@ -1,5 +1,6 @@
 //! One lenslet image read against the mean cell: where its centre is, how bright it is, how well it fits.
 
+use crate::cats_eye::Untouched;
 use crate::cell::Cell;
 use crate::period::shortest;
 use glam::{DMat2, DVec2};
@@ -12,6 +13,8 @@ const WINDOW: f64 = 0.62;
 const LEAST_INSIDE: f64 = 0.7;
 /// Farthest a centre may be from its prediction, in shortest lattice vectors.
 const FARTHEST: f64 = 0.35;
+/// Least share of the pixels in the window that a second stop leaves untouched: a third of a rim still tells a centre.
+const LEAST_UNTOUCHED: f64 = 0.4;
 
 /// What one lenslet image says.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +27,8 @@ pub(crate) struct Reading {
     pub gain: f64,
     /// Relative change of the gain across the lenslet, per px, as it was given.
     pub shade_per_px: DVec2,
+    /// Standard deviation of a coordinate of the centre, px, per count of noise in a pixel.
+    pub spread_px: f64,
     /// Share of the variance of the pixels that the cell explains.
     pub explained: f64,
 }
@@ -61,47 +66,59 @@ impl Reading {
 }
 
 /// Least squares of the pixels around `from_px` against floor + gain (1 + shade . x) T(x - centre), x from `from_px`, by
-/// Gauss-Newton. The shade is not fitted: in one lenslet it looks like a shift. None if the window leaves the image, if
-/// the centre runs away, or if there is no light.
+/// Gauss-Newton; only pixels that no second stop has touched. The shade is not fitted: in one lenslet it looks like a
+/// shift. None if the window leaves the image, if the centre runs away, or if there is no light.
 pub(crate) fn read(
     image: ArrayView2<f32>,
     cell: &Cell,
     basis_px: DMat2,
     from_px: DVec2,
     shade_per_px: DVec2,
+    untouched: Option<&Untouched>,
 ) -> Option<Reading> {
     let shortest = shortest(basis_px);
     let to_cell = basis_px.inverse();
     let slope_to_px = to_cell.transpose();
+    let (mut seen, mut pixels) = (0, Vec::with_capacity(256));
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for (column, row) in window(from_px, shortest, image.dim())? {
+        let offset = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - from_px;
+        seen += 1;
+        if untouched.is_none_or(|untouched| untouched.holds(offset)) {
+            let count = image[(row, column)] as f64;
+            sum += count;
+            squares += count * count;
+            pixels.push((offset, count, 1.0 + shade_per_px.dot(offset)));
+        }
+    }
+    if (pixels.len() as f64) < LEAST_UNTOUCHED * seen as f64 {
+        return None;
+    }
+    let variance = squares - sum * sum / pixels.len() as f64;
     let mut centre = from_px;
     let mut reading = None;
     for _ in 0..8 {
         let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
-        for (column, row) in window(from_px, shortest, image.dim())? {
-            let count_here = image[(row, column)] as f64;
-            let place = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
-            let (value, slope) = cell.at(to_cell * (place - centre));
-            let shade = 1.0 + shade_per_px.dot(place - from_px);
-            let (value, slope) = (shade * value, shade * (slope_to_px * slope));
+        for (offset, count, shade) in &pixels {
+            let (value, slope) = cell.at(to_cell * (*offset + from_px - centre));
+            let (value, slope) = (shade * value, *shade * (slope_to_px * slope));
             let line = [1.0, value, -slope.x, -slope.y];
             for a in 0..4 {
                 for b in 0..=a {
                     normal[(a, b)] += line[a] * line[b];
                 }
-                right[a] += line[a] * count_here;
+                right[a] += line[a] * count;
             }
-            count += 1.0;
-            sum += count_here;
-            squares += count_here * count_here;
         }
         normal.fill_upper_triangle_with_lower_triangle();
-        let solution = normal.cholesky()?.solve(&right);
+        let solver = normal.cholesky()?;
+        let solution = solver.solve(&right);
         let gain = solution[1];
         if gain <= 0.0 {
             return None;
         }
-        let variance = squares - sum * sum / count;
+        let inverse = solver.inverse();
+        let spread_px = f64::sqrt(0.5 * (inverse[(2, 2)] + inverse[(3, 3)])) / gain;
         let misfit = squares - solution.dot(&right);
         let step = DVec2::new(solution[2], solution[3]) / gain;
         // A long step is a bad linearisation: it says which way, not how far.
@@ -111,9 +128,9 @@ pub(crate) fn read(
             return None;
         }
         let explained = if variance > 0.0 { 1.0 - misfit / variance } else { 0.0 };
-        reading = Some(Reading { centre_px: centre, floor: solution[0], gain, shade_per_px, explained });
-        // Gauss-Newton squares its error: what a step of 0.01 px leaves is far below any noise.
-        if step.length() < 0.01 {
+        reading = Some(Reading { centre_px: centre, floor: solution[0], gain, shade_per_px, spread_px, explained });
+        // Gauss-Newton squares its error: what a step of 0.03 px leaves is far below the noise that makes such a step.
+        if step.length() < 0.03 {
             break;
         }
     }

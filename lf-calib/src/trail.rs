@@ -6,11 +6,13 @@
 //! every lenslet is read once. Cost: one pass over the pixels, and what does not grow with the image.
 
 use crate::Refusal;
+use crate::cats_eye::{Part, TwoStops, Untouched};
 use crate::cell::{Cell, Fold};
 use crate::fit::{Tie, Warp, unit_basis, without_outliers};
 use crate::period::{Period, shortest};
 use crate::radial::RadialFold;
 use crate::reading::{Reading, read, window};
+use crate::rim::side_px;
 use crate::symmetry::centre_of;
 use glam::{DMat2, DVec2};
 use lf_core::camera::Layout;
@@ -33,10 +35,20 @@ const MOST_SHADE: f64 = 0.2;
 /// are thousands for each unknown.
 const ROUND_PIXELS: usize = 1 << 16;
 const REMAINDER_PIXELS: usize = 1 << 19;
+/// By how much less will do while the lattice is followed.
+const ROUGH: usize = 4;
 /// Least deviation of the remainder, over the round part's, that is not taken for what sampling and noise leave.
 const LEAST_REMAINDER: f64 = 0.03;
 /// The lattice rests when no lenslet of it moves by more, px.
 const AT_REST_PX: f64 = 1e-4;
+/// Parts of the frame, along each side, whose mean cells are looked at for a second stop; pixels that each is the mean
+/// of, and fewest lenslets.
+const PARTS: usize = 7;
+const PART_PIXELS: usize = 1 << 15;
+const FEWEST_IN_PART: usize = 3;
+/// Of lenslets that a second stop cuts, one in so many, the least cut, tells the cell, but not fewer.
+const LEAST_CUT: usize = 10;
+const FEWEST_UNCUT: usize = 100;
 /// Lenslets that are read while the lattice is followed and settled; the last reading is of all.
 const SAMPLE: usize = 3000;
 
@@ -56,8 +68,14 @@ pub(crate) struct Trail {
     /// Gain over the frame, in x.
     shade: Warp,
     radius: f64,
+    /// Whether it reaches to the corners of the frame: until then a rough cell will do.
+    whole: bool,
     /// Whether the lattice rests on the round part of the cell, so that the remainder can be told from a wrong centre.
     settled: bool,
+    /// The second stop that cuts into lenslet images, once it has been seen.
+    pub stops: Option<TwoStops>,
+    /// Radius of the round part of the cell.
+    pub radius_px: Option<f64>,
     pub readings: Vec<(DVec2, Reading)>,
 }
 
@@ -117,8 +135,18 @@ impl Trail {
         let cell = folded(origin, true);
         let warp = Warp::affine(origin, basis);
         let shade = Warp::affine(DVec2::X, DMat2::ZERO);
-        let mut trail =
-            Self { cell, basis_px: basis, warp, shade, radius: FIRST_PATCH, settled: false, readings: Vec::new() };
+        let mut trail = Self {
+            cell,
+            basis_px: basis,
+            warp,
+            shade,
+            radius: FIRST_PATCH,
+            whole: false,
+            settled: false,
+            stops: None,
+            radius_px: None,
+            readings: Vec::new(),
+        };
         let tried = trail.read(image, SAMPLE);
         (trail.readings.len() >= FEWEST).then(|| (trail.readings.len() as f64 / tried as f64, trail))
     }
@@ -134,11 +162,18 @@ impl Trail {
         self.readings = places
             .par_iter()
             .filter_map(|&place| {
-                let reading = read(image, &self.cell, self.basis_px, self.warp.at(place), self.shade_at(place))?;
+                let (from, shade) = (self.warp.at(place), self.shade_at(place));
+                let untouched = self.untouched(from, image.dim());
+                let reading = read(image, &self.cell, self.basis_px, from, shade, untouched.as_ref())?;
                 (reading.explained >= LEAST_EXPLAINED).then_some((place, reading))
             })
             .collect();
         places.len()
+    }
+
+    /// What a second stop leaves of the lenslet imaged at a place; none where that is all of it.
+    fn untouched(&self, centre_px: DVec2, size: (usize, usize)) -> Option<Untouched> {
+        Untouched::under(self.stops.as_ref()?, centre_px - middle_px(size), self.basis_px)
     }
 
     /// Lattice places within the radius that may be in the frame, row by row.
@@ -163,13 +198,14 @@ impl Trail {
         let count = self.readings.len();
         let ties: Vec<Tie> = self.readings.iter().map(|(place, reading)| (*place, reading.centre_px)).collect();
         let order = if count < ENOUGH_TO_BEND { 1 } else { 3 };
-        let fitted = without_outliers(&ties, |ties| Warp::through(ties, order), Warp::at);
+        let fitted = without_outliers(&ties, &self.spreads(), |ties| Warp::through(ties, order), Warp::at);
         let Some((warp, kept)) = fitted.filter(|_| count >= FEWEST) else {
             return Err(few(count));
         };
         self.warp = warp;
         let gains: Vec<Tie> = self.readings.iter().map(|(place, reading)| (*place, reading.gain * DVec2::X)).collect();
-        if let Some((shade, _)) = without_outliers(&gains, |gains| Warp::through(gains, order), Warp::at) {
+        let even = vec![1.0; gains.len()];
+        if let Some((shade, _)) = without_outliers(&gains, &even, |gains| Warp::through(gains, order), Warp::at) {
             self.shade = shade;
         }
         let followed: Vec<Tie> = ties.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(tie, _)| *tie).collect();
@@ -182,6 +218,11 @@ impl Trail {
         }
         self.basis_px = basis;
         Ok(kept)
+    }
+
+    /// How far noise moves each centre that was read, in a common unit.
+    pub fn spreads(&self) -> Vec<f64> {
+        self.readings.iter().map(|(_, reading)| reading.spread_px).collect()
     }
 
     /// Relative change of the gain, per px, from the gains of the lenslets around.
@@ -197,23 +238,38 @@ impl Trail {
         let kept = self.fit_warp()?;
         let followed: Vec<_> =
             self.readings.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(reading, _)| *reading).collect();
+        let followed = self.least_cut(followed, image.dim());
         self.cell = self.cell_of(image, &followed).ok_or_else(|| few(followed.len()))?;
         Ok(())
     }
 
+    /// The lenslets that a second stop cuts least; all where there is none. Of a disc that is seen from one side a wrong
+    /// radius and a wrong place look alike: those seen nearly all round tell the radius.
+    fn least_cut(&self, mut readings: Vec<(DVec2, Reading)>, size: (usize, usize)) -> Vec<(DVec2, Reading)> {
+        let Some(stops) = &self.stops else { return readings };
+        let cut = |reading: &(DVec2, Reading)| stops.cut_px(reading.1.centre_px - middle_px(size));
+        let mut cuts: Vec<f64> = readings.iter().map(cut).collect();
+        cuts.sort_unstable_by(f64::total_cmp);
+        let limit =
+            cuts.get((cuts.len() / LEAST_CUT).max(FEWEST_UNCUT)).copied().or(cuts.last().copied()).unwrap_or(0.0);
+        readings.retain(|reading| cut(reading) <= limit);
+        readings
+    }
+
     /// The cell through the pixels of lenslets, each brought to the same floor and gain, about the smooth lattice: its
     /// round part, and where that leaves a remainder worth the name, the remainder.
-    fn cell_of(&self, image: ArrayView2<f32>, readings: &[(DVec2, Reading)]) -> Option<Cell> {
+    fn cell_of(&mut self, image: ArrayView2<f32>, readings: &[(DVec2, Reading)]) -> Option<Cell> {
         let basis = self.basis_px;
         let knots = Cell::table_knots(basis);
         let round = self.folded(
             image,
-            &thinned(readings, basis, ROUND_PIXELS),
+            &thinned(readings, basis, if self.whole { ROUND_PIXELS } else { ROUND_PIXELS / ROUGH }),
             || (RadialFold::new(basis), Vec::new()),
             |(fold, line), offset, value| fold.add(offset, value, line),
             |(sum, _), (fold, _)| sum.merge(fold),
         );
-        let mut table = round.0.solve(knots)?;
+        let (mut table, radius_px) = round.0.solve(knots)?;
+        self.radius_px = radius_px;
         let cell = Cell::through(knots, &table);
         if !self.settled {
             return Some(cell);
@@ -255,8 +311,12 @@ impl Trail {
                 let mut part = empty();
                 for (place, reading) in readings {
                     let centre = self.warp.at(*place);
+                    let untouched = self.untouched(centre, image.dim());
                     for (column, row) in window(centre, shortest, image.dim()).into_iter().flatten() {
                         let offset = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - centre;
+                        if untouched.as_ref().is_some_and(|untouched| !untouched.holds(offset)) {
+                            continue;
+                        }
                         add(&mut part, offset, reading.level(image[(row, column)] as f64, offset));
                     }
                 }
@@ -275,33 +335,83 @@ impl Trail {
         loop {
             self.fit(image)?;
             if self.radius > diagonal {
+                self.whole = true;
                 return Ok(());
             }
             self.radius *= GROWTH;
-            self.read(image, SAMPLE);
+            self.read(image, SAMPLE / ROUGH);
         }
     }
 
-    /// Repeats cell and lattice on the whole frame until the lattice rests: on the round cell, then on the whole one.
+    /// Repeats cell and lattice on the whole frame until the lattice rests: on the round cell, then without what a second
+    /// stop has touched where there is one, then on the whole cell.
     fn settle(&mut self, image: ArrayView2<f32>) -> Result<(), Refusal> {
-        let ends: Vec<DVec2> = self.readings.iter().map(|reading| reading.0).collect();
-        for settled in [false, true] {
-            self.settled = settled;
-            for _ in 0..4 {
-                let before = self.warp.clone();
-                self.read(image, SAMPLE);
-                self.fit(image)?;
-                let moved =
-                    ends.iter().map(|&place| self.warp.at(place).distance(before.at(place))).fold(0.0, f64::max);
-                if moved < AT_REST_PX {
-                    break;
-                }
-            }
+        self.rest(image)?;
+        self.stops = TwoStops::seen(&self.parts(image));
+        if self.stops.is_some() {
+            self.rest(image)?;
         }
+        self.settled = true;
+        self.rest(image)?;
         self.read(image, usize::MAX);
         self.fit_warp()?;
         Ok(())
     }
+
+    fn rest(&mut self, image: ArrayView2<f32>) -> Result<(), Refusal> {
+        let ends: Vec<DVec2> = self.readings.iter().map(|reading| reading.0).collect();
+        for _ in 0..5 {
+            let before = self.warp.clone();
+            self.read(image, SAMPLE);
+            self.fit(image)?;
+            let moved = ends.iter().map(|&place| self.warp.at(place).distance(before.at(place))).fold(0.0, f64::max);
+            if moved < AT_REST_PX {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The rims of the mean cells of parts of the frame.
+    fn parts(&self, image: ArrayView2<f32>) -> Vec<Part> {
+        let (height, width) = image.dim();
+        let basis = self.basis_px;
+        let to_cell = basis.inverse();
+        let mut parts = vec![Vec::new(); PARTS * PARTS];
+        for (place, reading) in &self.readings {
+            let centre = reading.centre_px;
+            let part = |place: f64, size: usize| ((place / size as f64 * PARTS as f64) as usize).min(PARTS - 1);
+            parts[part(centre.y, height) * PARTS + part(centre.x, width)].push((*place, *reading));
+        }
+        let rim = |readings: &Vec<(DVec2, Reading)>| {
+            let readings = thinned(readings, basis, PART_PIXELS);
+            if readings.len() < FEWEST_IN_PART {
+                return None;
+            }
+            let mut fold = Fold::new(basis);
+            let mut middle = DVec2::ZERO;
+            for (place, reading) in &readings {
+                let centre = self.warp.at(*place);
+                middle += (centre - middle_px(image.dim())) / readings.len() as f64;
+                for (column, row) in window(centre, shortest(basis), image.dim()).into_iter().flatten() {
+                    let offset = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - centre;
+                    fold.add(to_cell * offset, reading.level(image[(row, column)] as f64, offset));
+                }
+            }
+            Part::of(middle, &fold.solve(false), basis)
+        };
+        parts.par_iter().filter_map(rim).collect()
+    }
+
+    /// Side of the lenslet images if they are square, px.
+    pub fn side_px(&self) -> Option<f64> {
+        side_px(&self.cell, self.basis_px)
+    }
+}
+
+/// The middle of an image of (height, width), px.
+fn middle_px((height, width): (usize, usize)) -> DVec2 {
+    0.5 * DVec2::new(width as f64, height as f64)
 }
 
 /// Evenly chosen lenslets that hold about `pixels` pixels.

@@ -2,7 +2,7 @@
 
 mod scenes;
 
-use lf_core::camera::{Aperture, Camera, Layout};
+use lf_core::camera::{Camera, Layout};
 use lf_core::image;
 use ndarray::Array2;
 use serde_json::Value;
@@ -55,7 +55,7 @@ impl Place {
 
     /// Runs a line that must fail with code 2 and this one line, and leave no output.
     fn refused(&self, line: &str, message: &str) {
-        let output = self.run(line);
+        let output = self.run(&format!("{line} -q"));
         assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
         assert_eq!(String::from_utf8(output.stderr).unwrap(), format!("lf-calib: {message}\n"), "{line}");
         assert!(output.stdout.is_empty(), "{line}");
@@ -88,7 +88,9 @@ fn the_camera_is_the_nominal_one_with_measured_microlenses() {
     assert_eq!(camera.microlenses.layout, Layout::Hexagonal);
     assert!(scenes::farthest_px(&camera, &truth) < 0.003);
     let measured = &camera.calibration.unwrap()["lattice"];
-    for key in ["image_pitch_px", "residual_rms_px", "affine_departure_px", "lenslets", "contrast"] {
+    for key in
+        ["image_pitch_px", "residual_rms_px", "departure_degree", "lenslets", "contrast", "micro_image_px", "fill"]
+    {
         assert!(measured[key].as_f64().is_some(), "{key} in {measured}");
     }
     for key in ["pitch_mm", "rotation_rad", "offset_mm"] {
@@ -252,7 +254,7 @@ fn a_full_disk_is_an_error() {
         return;
     }
     let place = Place::new();
-    for line in ["lattice white.exr -c nominal.json -o /dev/full", "background frame-0.exr -o /dev/full"] {
+    for line in ["lattice white.exr -c nominal.json -q -o /dev/full", "background frame-0.exr -o /dev/full"] {
         let output = place.run(line);
         assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
         assert_eq!(String::from_utf8(output.stderr).unwrap().matches('\n').count(), 1, "{line}");
@@ -260,13 +262,198 @@ fn a_full_disk_is_an_error() {
 }
 
 #[test]
-fn images_that_overlap_by_their_f_number_are_warned_of() {
+fn micro_images_that_do_not_fill_the_pitch_are_warned_of_with_the_figure() {
     let place = Place::new();
-    let mut nominal = truth();
-    nominal.main_lens.working_f_number = 3.5;
-    nominal.main_lens.aperture = Aperture::Circle;
+    let words = |line: &str| String::from_utf8(place.done(line).stderr).unwrap();
+    let line = "lattice white.exr -c nominal.json -o out";
+    // Discs of 0.9 of a pitch of 14 px, and a data sheet that says 14.
+    assert!(words(line).contains("warning: lenslet images are 12.6"), "{}", words(line));
+    let mut nominal = scenes::nominal(&truth());
+    nominal.main_lens.working_f_number = 4.0 / 0.9;
     fs::write(place.path("nominal.json"), nominal.to_json()).unwrap();
-    let output = place.done("lattice white.exr -c nominal.json");
-    assert!(String::from_utf8(output.stderr).unwrap().starts_with("lf-calib: warning: by its f-number"));
+    assert!(words(line).contains("warning: lenslet images underfill the pitch: 12.6"), "{}", words(line));
+    assert!(words(line).contains("10 % unused; f-number 4.0"), "{}", words(line));
     assert!(place.done("lattice white.exr -c nominal.json -q").stderr.is_empty());
+}
+
+#[test]
+fn a_dark_image_is_subtracted() {
+    let place = Place::new();
+    let white = image::open(&place.path("white.exr")).unwrap().pixels;
+    let dark = Array2::from_shape_fn(white.dim(), |(row, column)| ((row / 40 + column / 40) % 3 * 200) as f32);
+    place.image("raised.exr", &(&white + &dark));
+    place.image("dark.exr", &dark);
+    let pitch = |line: &str| {
+        let camera: Value = serde_json::from_slice(&place.done(line).stdout).unwrap();
+        camera["microlenses"]["pitch_mm"].as_f64().unwrap()
+    };
+    let plain = pitch("lattice white.exr -c nominal.json");
+    assert!((pitch("lattice raised.exr --dark dark.exr -c nominal.json") / plain - 1.0).abs() < 1e-7);
+    place.image("small.exr", &Array2::zeros((20, 30)));
+    place.refused(
+        "lattice white.exr --dark small.exr -c nominal.json -o out",
+        "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px",
+    );
+    place.refused(
+        "lattice white.exr --dark none.exr -c nominal.json -o out",
+        "none.exr: no such file; wanted a file to read",
+    );
+}
+
+#[test]
+fn every_lenslet_that_was_read_is_a_line_of_the_table() {
+    let place = Place::new();
+    place.done("lattice white.exr -c nominal.json -o out --centres out.csv");
+    let table = fs::read_to_string(place.path("out.csv")).unwrap();
+    let mut lines = table.lines();
+    assert_eq!(lines.next(), Some("i,j,x_px,y_px,residual_x_px,residual_y_px,kept"));
+    let (lattice, mut count) = (Camera::open(&place.path("out")).unwrap().lattice(), 0);
+    for line in lines {
+        let n: Vec<f64> = line.split(',').map(|number| number.parse().unwrap()).collect();
+        let fitted = lattice.centre_mm(n[0] as i64, n[1] as i64) * 1.00077 / 0.0055 + 140.0;
+        assert!((n[2] - n[4] - fitted.x).abs() < 1e-4 && (n[3] - n[5] - fitted.y).abs() < 1e-4, "{line}");
+        count += 1;
+    }
+    assert!(count > 400, "{count}");
+}
+
+#[test]
+fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
+    let place = Place::new();
+    let truth = truth();
+    let plain = scenes::discs(&truth, 1.0);
+    let half = 140.0f32;
+    let share = |row: usize, column: usize| {
+        let place = [column, row].map(|n| (n as f32 + 0.5 - half) / half);
+        1.0 - 0.3 * (place[0] * place[0] + place[1] * place[1])
+    };
+    let dead = lf_core::lattice::Lattice::centre_mm(&truth.lattice(), 4, -3) * 1.00077 / 0.0055 + 140.0;
+    let is_dead = |row: usize, column: usize| (column as f64 + 0.5 - dead.x).hypot(row as f64 + 0.5 - dead.y) < 5.0;
+    let seen = |light: &Array2<f32>| {
+        Array2::from_shape_fn(light.dim(), |(row, column)| {
+            if is_dead(row, column) { 0.0 } else { light[(row, column)] * share(row, column) }
+        })
+    };
+    place.image("white.exr", &seen(&plain));
+    // A frame of a sample that is brighter to the right.
+    let frame = Array2::from_shape_fn(plain.dim(), |(row, column)| plain[(row, column)] * (50 + column) as f32);
+    place.image("frame.exr", &seen(&frame));
+    place.done("lattice white.exr -c nominal.json -o out --vignetting flat.exr");
+    let camera = Camera::open(&place.path("out")).unwrap();
+    assert_eq!(camera.vignetting.as_deref(), Some(Path::new("flat.exr")));
+    let flat = camera.flat_field(&place.path("out"));
+    let mended = image::open_frame(&place.path("frame.exr"), None, flat.as_deref()).unwrap().pixels;
+    let scale = mended[(140, 140)] / frame[(140, 140)];
+    let mut blind = 0;
+    assert!(plain[(140, 140)] > 999.0);
+    for ((row, column), value) in mended.indexed_iter() {
+        if is_dead(row, column) {
+            assert!(value.is_nan() || plain[(row, column)] < 100.0, "{row} {column}: {value}");
+            blind += usize::from(value.is_nan());
+        } else if plain[(row, column)] > 500.0 {
+            // At the rim a hundredth of a pixel is some hundredths of a pixel's light.
+            let limit = if plain[(row, column)] > 999.0 { 5e-3 } else { 0.06 };
+            let ratio = value / frame[(row, column)];
+            assert!((ratio / scale - 1.0).abs() < limit, "{row} {column}: {ratio}, not {scale}");
+        }
+    }
+    assert!((scale - 0.8).abs() < 0.1 && blind > 60, "{scale} {blind}");
+}
+
+#[test]
+fn the_flat_field_is_named_so_that_it_is_found() {
+    let place = Place::new();
+    fs::create_dir(place.path("maps")).unwrap();
+    let output = place.done("lattice white.exr -c nominal.json -o out --vignetting maps/flat.exr");
+    let words = String::from_utf8(output.stderr).unwrap();
+    assert!(words.contains("the camera names its flat field by its full path"), "{words}");
+    let camera = Camera::open(&place.path("out")).unwrap();
+    assert!(image::open(&camera.flat_field(&place.path("out")).unwrap()).is_ok());
+    // A second calibration keeps the flat field of its nominal camera.
+    place.done("lattice white.exr -c out -o maps/again.json -q");
+    let again = Camera::open(&place.path("maps/again.json")).unwrap();
+    assert!(image::open(&again.flat_field(&place.path("maps/again.json")).unwrap()).is_ok());
+}
+
+#[test]
+fn the_picture_is_an_svg_with_units() {
+    let place = Place::new();
+    place.done("lattice white.exr -c nominal.json -o out --plot out.svg -q");
+    let svg = fs::read_to_string(place.path("out.svg")).unwrap();
+    for words in ["<svg", "</svg>", "Lenslet images: hexagonal, pitch 14.0", "px RMS", "residual: measured", "280 px"] {
+        assert!(svg.contains(words), "{words}");
+    }
+}
+
+#[test]
+fn outputs_that_cannot_be() {
+    let place = Place::new();
+    let line = "lattice white.exr -c nominal.json -o out";
+    place.refused(&format!("{line} --plot p.png"), "p.png: not the name of an SVG; wanted FILE.svg");
+    let wanted = "wanted FILE.exr, which the camera can name";
+    place.refused(&format!("{line} --vignetting v.tif"), &format!("v.tif: not the name of an EXR; {wanted}"));
+    place.refused(&format!("{line} --vignetting -"), &format!("standard output: not the name of an EXR; {wanted}"));
+    place.refused(&format!("{line} --centres out"), "out: named for two outputs; wanted a file for each");
+    place.refused(
+        &format!("{line} --centres white.exr"),
+        "white.exr: is also an input; wanted another file to write to",
+    );
+    place.refused(
+        &format!("{line} --centres none/t.csv"),
+        "none/t.csv: its folder does not exist; wanted an existing folder",
+    );
+    let mut nominal = scenes::nominal(&truth());
+    nominal.main_lens.working_f_number = 400.0;
+    fs::write(place.path("slow.json"), nominal.to_json()).unwrap();
+    let output = place.run("lattice white.exr -c slow.json -o out --vignetting flat.exr -q");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("no pixel is well lit by the nominal f-number"));
+    assert!(!place.path("out").exists() && !place.path("flat.exr").exists());
+}
+
+/// A TIFF of 16-bit pages that differ by their number.
+fn stack(path: &Path, pages: u16) {
+    let mut encoder = tiff::encoder::TiffEncoder::new(File::create(path).unwrap()).unwrap();
+    for page in 0..pages {
+        let pixels: Vec<u16> = (0..35).map(|n| (n + 5 * page) % 13).collect();
+        encoder.write_image::<tiff::encoder::colortype::Gray16>(7, 5, &pixels).unwrap();
+    }
+}
+
+#[test]
+fn pages_of_a_stack_are_frames() {
+    let place = Place::new();
+    stack(&place.path("stack.tif"), 3);
+    for options in ["", " --quantile 0.25"] {
+        let files = place.done(&format!("background frame-0.exr frame-1.exr frame-2.exr{options}")).stdout;
+        assert_eq!(place.done(&format!("background stack.tif{options}")).stdout, files, "{options}");
+        let bytes = fs::read(place.path("stack.tif")).unwrap();
+        assert_eq!(piped(place.tool(&format!("background -{options}")), bytes).stdout, files, "{options}");
+    }
+    stack(&place.path("two.tif"), 2);
+    let files = place.done("background frame-0.exr frame-1.exr frame-2.exr").stdout;
+    assert_eq!(place.done("background two.tif frame-2.exr").stdout, files);
+    // Where one image is wanted a stack is none.
+    let message = "stack.tif: 3 pages; wanted one page (split the stack into files)";
+    place.refused("lattice stack.tif -c nominal.json -o out", message);
+}
+
+#[test]
+fn stacks_that_cannot_be_used_leave_no_background() {
+    let place = Place::new();
+    stack(&place.path("stack.tif"), 3);
+    let whole = fs::read(place.path("stack.tif")).unwrap();
+    for length in [whole.len() - 4, whole.len() / 2, 200, 9] {
+        fs::write(place.path("cut.tif"), &whole[..length]).unwrap();
+        let output = place.run("background cut.tif -o out.exr");
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{length}");
+        assert!(message.starts_with("lf-calib: cut.tif") && message.matches('\n').count() == 1, "{message}");
+        assert!(!place.path("out.exr").exists());
+    }
+    place.image("other.exr", &Array2::zeros((5, 8)));
+    place.refused(
+        "background other.exr stack.tif -o out.exr",
+        "stack.tif, page 1: image of 7 x 5 px; wanted 8 x 5 px like the first",
+    );
 }

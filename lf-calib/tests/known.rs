@@ -13,7 +13,7 @@ const ASIDE: [f64; 2] = [0.0123, -0.0257];
 /// Measures an image of a camera and refuses pitch (relative), rotation (rad) and places (px) that are farther off.
 fn check(what: &str, truth: &Camera, image: &Array2<f32>, limit: f64, limit_px: f64) -> ImageLattice {
     let found = lattice::find(image).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
-    let camera = calibrate(&found, &nominal(truth));
+    let camera = calibrate(&found, &nominal(truth)).unwrap().camera;
     let (mine, wanted) = (&camera.microlenses, &truth.microlenses);
     let pitch = (mine.pitch_mm / wanted.pitch_mm - 1.0).abs();
     let turn = (mine.rotation_rad - wanted.rotation_rad).abs();
@@ -144,7 +144,7 @@ fn dust_is_left_out() {
         }
     }
     let found = lattice::find(&image).unwrap();
-    let camera = calibrate(&found, &nominal(&truth));
+    let camera = calibrate(&found, &nominal(&truth)).unwrap().camera;
     assert!(farthest_px(&camera, &truth) < 0.003, "{}", farthest_px(&camera, &truth));
     assert!(found.kept() < found.centres.len());
 }
@@ -160,7 +160,7 @@ fn of_equal_descriptions_the_one_nearest_to_nominal_is_written() {
             let mut nominal = truth.clone();
             let shift = lattice.centre_mm(i, j) - lattice.centre_mm(0, 0);
             nominal.microlenses.offset_mm = [ASIDE[0] + shift.x, ASIDE[1] + shift.y];
-            let camera = calibrate(&found, &nominal);
+            let camera = calibrate(&found, &nominal).unwrap().camera;
             let [x, y] = [0, 1].map(|n| camera.microlenses.offset_mm[n] - nominal.microlenses.offset_mm[n]);
             assert!(x.hypot(y) < 1e-4, "{layout:?} {i} {j}: {x} {y}");
             assert_eq!(camera.main_lens, nominal.main_lens);

@@ -2,83 +2,95 @@
 
 mod scenes;
 
-use glam::{DMat2, DVec2};
-use lf_calib::{ImageLattice, lattice};
-use lf_core::camera::Layout;
+use glam::DVec2;
+use lf_calib::{calibrate, lattice};
+use lf_core::camera::{Camera, Layout};
+use lf_core::lattice::Centres;
 use ndarray::{Array2, s};
-use scenes::{camera, discs, noisy};
+use scenes::{camera, discs, image_px, noisy};
 
-const WIDTH: f64 = 434.0;
-const HEIGHT: f64 = 350.0;
+const SIZE: DVec2 = DVec2::new(434.0, 350.0);
 
-fn image(layout: Layout) -> Array2<f32> {
+fn image(layout: Layout, centres: Option<Centres>) -> Array2<f32> {
     let mut camera = camera(0, layout, 0.02, [0.0123, -0.0257]);
-    (camera.sensor.width, camera.sensor.height) = (WIDTH as usize, HEIGHT as usize);
+    (camera.sensor.width, camera.sensor.height) = (SIZE.x as usize, SIZE.y as usize);
+    camera.centres = centres;
     let mut image = discs(&camera, 0.9);
     noisy(&mut image, 0.01);
     image
 }
 
-/// Distance of a place from the nearest centre of a perfect lattice, px.
-fn distance_px(found: &ImageLattice, place: DVec2) -> f64 {
-    let along = found.pitch_px * DVec2::from_angle(found.rotation_rad);
-    let across = match found.layout {
-        Layout::Square => along.perp(),
-        Layout::Hexagonal => DVec2::from_angle(std::f64::consts::FRAC_PI_3).rotate(along),
-    };
-    let basis = DMat2::from_cols(along, across);
-    let rest = basis.inverse() * (place - DVec2::from(found.origin_px));
-    (basis * (rest - rest.round())).length()
+/// A relay lens that bends the frame by two pixels, and a little keystone.
+fn bent() -> Centres {
+    let (k, r) = (0.0015, 0.012);
+    Centres {
+        radius_mm: 1.5,
+        x_mm: vec![0.0, 0.0, k, 0.0, 0.0, -r, 0.0, -r, 0.0],
+        y_mm: vec![0.0, 0.0, 0.0, k, 0.0, 0.0, -r, 0.0, -r],
+    }
 }
 
-/// Every fitted centre of `before`, moved, must be a centre of `after`.
-fn agree(before: &ImageLattice, after: &ImageLattice, moved: impl Fn(DVec2) -> DVec2) {
-    assert_eq!(before.layout, after.layout);
-    assert!((before.pitch_px / after.pitch_px - 1.0).abs() < 1e-5);
-    for centre in &before.centres {
-        let fitted = DVec2::from(centre.place_px) - DVec2::from(centre.residual_px);
-        let off = distance_px(after, moved(fitted));
-        assert!(off < 0.004, "{:?}: {off}", centre.index);
+/// What is measured of an image of a camera of which only the lens and the size are told.
+fn measured(image: &Array2<f32>) -> Camera {
+    let mut nominal = camera(0, Layout::Square, 0.0, [0.0, 0.0]);
+    (nominal.sensor.width, nominal.sensor.height) = (image.ncols(), image.nrows());
+    calibrate(&lattice::find(image).unwrap(), &nominal).unwrap().camera
+}
+
+/// Every lenslet of `before` in the frame, its image moved, must be a lenslet of `after`.
+fn agree(before: &Camera, after: &Camera, moved: impl Fn(DVec2) -> DVec2) {
+    assert_eq!(before.microlenses.layout, after.microlenses.layout);
+    assert_eq!(before.centres.is_some(), after.centres.is_some());
+    let size = DVec2::new(after.sensor.width as f64, after.sensor.height as f64);
+    let mut count = 0;
+    let (lattice, optics) = (after.lattice(), lf_core::optics::Optics::new(after));
+    for place in image_px(before) {
+        let place = moved(place);
+        if place.clamp(DVec2::ZERO, size) != place {
+            continue;
+        }
+        let sensor_mm = (place - 0.5 * size) * after.sensor.pixel_pitch_mm;
+        let (i, j) = lattice.lenslet_at(sensor_mm / (1.0 + after.demagnification()));
+        let off = optics.place_px(lattice.centre_mm(i, j) * (1.0 + after.demagnification())).distance(place);
+        assert!(off < 0.006, "{place}: {off}");
+        count += 1;
     }
+    assert!(count > 300, "{count}");
 }
 
 #[test]
 fn mirrored_transposed_and_turned() {
-    for layout in [Layout::Square, Layout::Hexagonal] {
-        let image = image(layout);
-        let before = lattice::find(&image).unwrap();
-        let mirrored = lattice::find(&image.slice(s![.., ..;-1]).to_owned()).unwrap();
-        agree(&before, &mirrored, |place| DVec2::new(WIDTH - place.x, place.y));
-        assert!((mirrored.rotation_rad + before.rotation_rad).abs() < 1e-5);
-        let transposed = lattice::find(&image.t().to_owned()).unwrap();
+    for (layout, centres) in [(Layout::Square, None), (Layout::Square, Some(bent())), (Layout::Hexagonal, Some(bent()))]
+    {
+        let image = image(layout, centres.clone());
+        let before = measured(&image);
+        assert_eq!(before.centres.is_some(), centres.is_some());
+        let mirrored = measured(&image.slice(s![.., ..;-1]).to_owned());
+        agree(&before, &mirrored, |place| DVec2::new(SIZE.x - place.x, place.y));
+        let transposed = measured(&image.t().to_owned());
         agree(&before, &transposed, |place| DVec2::new(place.y, place.x));
-        let turned = lattice::find(&image.t().slice(s![.., ..;-1]).to_owned()).unwrap();
-        agree(&before, &turned, |place| DVec2::new(HEIGHT - place.y, place.x));
+        let turned = measured(&image.t().slice(s![.., ..;-1]).to_owned());
+        agree(&before, &turned, |place| DVec2::new(SIZE.y - place.y, place.x));
     }
 }
 
 #[test]
 fn cropped() {
-    for layout in [Layout::Square, Layout::Hexagonal] {
-        let image = image(layout);
-        let before = lattice::find(&image).unwrap();
-        let cropped = lattice::find(&image.slice(s![23..331, 31..400]).to_owned()).unwrap();
-        assert!((before.pitch_px / cropped.pitch_px - 1.0).abs() < 1e-5);
-        for centre in &cropped.centres {
-            let fitted = DVec2::from(centre.place_px) - DVec2::from(centre.residual_px);
-            let off = distance_px(&before, fitted + DVec2::new(31.0, 23.0));
-            assert!(off < 0.004, "{off}");
-        }
+    for (layout, centres) in [(Layout::Square, None), (Layout::Square, Some(bent())), (Layout::Hexagonal, Some(bent()))]
+    {
+        let image = image(layout, centres);
+        let cropped = measured(&image.slice(s![23..331, 31..400]).to_owned());
+        agree(&measured(&image), &cropped, |place| place - DVec2::new(31.0, 23.0));
     }
 }
 
 #[test]
 fn scaled_counts_and_a_pedestal() {
-    let image = image(Layout::Square);
-    let before = lattice::find(&image).unwrap();
+    let image = image(Layout::Square, None);
+    let before = measured(&image);
     for changed in
         [image.mapv(|value| 1e-3 * value), image.mapv(|value| 50.0 * value), image.mapv(|value| value + 500.0)]
     {
-        agree(&before, &lattice::find(&changed).unwrap(), |place| place);
+        agree(&before, &measured(&changed), |place| place);
     }
 }

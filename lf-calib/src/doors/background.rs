@@ -3,7 +3,8 @@
 use super::check_inputs;
 use lf_calib::Background;
 use lf_core::cli::{Session, Verdict};
-use lf_core::{Error, Result, image, io};
+use lf_core::image::{self, Stack};
+use lf_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Frames in, what stays in all of them out.
@@ -14,18 +15,32 @@ pub fn background(frames: &[PathBuf], quantile: f64, output: &Path, session: &mu
     let inputs: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
     check_inputs(&inputs)?;
     session.keep_apart(output, &inputs)?;
-    let mut background = Background::new(frames.len(), quantile);
-    let mut history = None;
-    let progress = session.progress("frames", frames.len() as u64);
+    // A quantile must know the number of frames before it takes in the first. Pipes are read once and kept; files are
+    // opened again, for a system has only so many maps.
+    let mut count = 0;
+    let mut kept = Vec::new();
     for path in frames {
-        let frame = session.phase("read", |_| image::open_counts(path))?;
-        session.phase("sort", |_| background.add(&frame.pixels).map_err(|refusal| refusal.about(io::name(path))))?;
-        history.get_or_insert(frame.history);
-        progress.add(1);
+        let stack = Stack::open(path)?;
+        count += stack.images();
+        kept.push(Some(stack).filter(|stack| !stack.is_mapped()));
+    }
+    let mut background = Background::new(count, quantile);
+    let mut history = None;
+    let progress = session.progress("frames", count as u64);
+    for (path, kept) in frames.iter().zip(kept) {
+        let stack = kept.map_or_else(|| Stack::open(path), Ok)?;
+        for number in 0..stack.images() {
+            let frame = session.phase("read", |_| stack.read(number))?;
+            session.phase("sort", |_| {
+                background.add(&frame.pixels).map_err(|refusal| refusal.about(stack.name(number)))
+            })?;
+            history.get_or_insert(frame.history);
+            progress.add(1);
+        }
     }
     drop(progress);
     let pixels = background.finish().ok_or_else(|| Error::new("background", "no frame", "wanted at least one"))?;
-    session.count("frames", frames.len());
+    session.count("frames", count);
     let history = session.history(&history.unwrap_or_default());
     session.phase("write", |_| image::save(output, &pixels, &history))?;
     Ok(Verdict::Done)

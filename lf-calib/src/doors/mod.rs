@@ -4,7 +4,7 @@ mod background;
 mod lattice;
 
 pub use background::background;
-pub use lattice::measure;
+pub use lattice::Lattice;
 
 use lf_core::camera::Camera;
 use lf_core::cli::Session;

@@ -55,18 +55,34 @@ pub fn farthest_px(found: &Camera, truth: &Camera) -> f64 {
     truth.lattice().lenslets_within(DVec2::ZERO, half).map(|(_, _, centre)| off(centre)).fold(0.0, f64::max)
 }
 
+/// Where the lenslets of a camera without tilt are imaged within its frame, px from the left and top edge.
+pub fn image_px(camera: &Camera) -> Vec<DVec2> {
+    let size = DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64);
+    let px_per_mm = (1.0 + camera.demagnification()) / camera.sensor.pixel_pitch_mm;
+    let lattice = camera.lattice();
+    let places = lattice.lenslets_within(DVec2::ZERO, 0.5 * size / px_per_mm);
+    places.map(|(_, _, centre)| centre * px_per_mm + 0.5 * size).collect()
+}
+
 /// Discs of `fill` times the stop's image, 1000 counts, dark between, overlaps brighter: a pixel's count is the area that
 /// the discs cover of its square, chord by chord.
 pub fn discs(camera: &Camera, fill: f64) -> Array2<f32> {
     let radius = 0.5 * fill * stop_px(camera);
-    spots(camera, radius, |corner| covered(corner, radius))
+    spots(camera, radius, |corner, _| covered(corner, &[(DVec2::ZERO, radius)]))
+}
+
+/// The same discs where a second disc, `second` times as large and displaced by `drift` of the image's distance from the
+/// frame's middle, cuts into them.
+pub fn cut_discs(camera: &Camera, fill: f64, second: f64, drift: f64) -> Array2<f32> {
+    let radius = 0.5 * fill * stop_px(camera);
+    spots(camera, radius, |corner, place| covered(corner, &[(DVec2::ZERO, radius), (drift * place, second * radius)]))
 }
 
 /// The same behind a square stop, sides along x and y: a pixel's count is the area covered, exactly.
 pub fn squares(camera: &Camera, fill: f64) -> Array2<f32> {
     let half = 0.5 * fill * stop_px(camera);
     let side = |corner: f64| ((corner + 1.0).min(half) - corner.max(-half)).max(0.0);
-    spots(camera, half, |corner| side(corner.x) * side(corner.y))
+    spots(camera, half, |corner, _| side(corner.x) * side(corner.y))
 }
 
 /// Diameter or side of the stop's image under a lenslet, px.
@@ -74,8 +90,9 @@ fn stop_px(camera: &Camera) -> f64 {
     camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm
 }
 
-/// A thousand times `share` for every pixel within `reach_px` of a lenslet image's centre, by the pixel's corner.
-fn spots(camera: &Camera, reach_px: f64, share: impl Fn(DVec2) -> f64) -> Array2<f32> {
+/// A thousand times `share` for every pixel within `reach_px` of a lenslet image's centre, by the pixel's corner from there
+/// and the centre from the frame's middle, px.
+fn spots(camera: &Camera, reach_px: f64, share: impl Fn(DVec2, DVec2) -> f64) -> Array2<f32> {
     let pitch = camera.sensor.pixel_pitch_mm;
     let (width, height) = (camera.sensor.width, camera.sensor.height);
     let middle = 0.5 * DVec2::new(width as f64, height as f64);
@@ -88,7 +105,8 @@ fn spots(camera: &Camera, reach_px: f64, share: impl Fn(DVec2) -> f64) -> Array2
         };
         for row in range(centre.y, height) {
             for column in range(centre.x, width) {
-                image[(row, column)] += (1000.0 * share(DVec2::new(column as f64, row as f64) - centre)) as f32;
+                let corner = DVec2::new(column as f64, row as f64) - centre;
+                image[(row, column)] += (1000.0 * share(corner, centre - middle)) as f32;
             }
         }
     }
@@ -118,21 +136,25 @@ pub fn rays(camera: &Camera, per_pixel: usize) -> Array2<f32> {
     image
 }
 
-/// Area of the unit square with this corner inside the circle about 0.
-fn covered(corner: DVec2, radius: f64) -> f64 {
-    let nearest = corner.max(DVec2::ZERO).max(-(corner + 1.0)).length();
-    let farthest = corner.abs().max((corner + 1.0).abs()).length();
-    if farthest <= radius {
+/// Area of the unit square with this corner inside all discs, (centre, radius).
+fn covered(corner: DVec2, discs: &[(DVec2, f64)]) -> f64 {
+    let nearest = |centre: DVec2| (corner - centre).max(DVec2::ZERO).max(-(corner + 1.0 - centre)).length();
+    let farthest = |centre: DVec2| (corner - centre).abs().max((corner + 1.0 - centre).abs()).length();
+    if discs.iter().all(|(centre, radius)| farthest(*centre) <= *radius) {
         return 1.0;
     }
-    if nearest >= radius {
+    if discs.iter().any(|(centre, radius)| nearest(*centre) >= *radius) {
         return 0.0;
     }
     const CHORDS: usize = 64;
     let chord = |n: usize| {
         let x = corner.x + (n as f64 + 0.5) / CHORDS as f64;
-        let half = (radius * radius - x * x).max(0.0).sqrt();
-        (half.min(corner.y + 1.0) - (-half).max(corner.y)).max(0.0)
+        let (mut low, mut high) = (corner.y, corner.y + 1.0);
+        for (centre, radius) in discs {
+            let half = (radius * radius - (x - centre.x).powi(2)).max(0.0).sqrt();
+            (low, high) = (low.max(centre.y - half), high.min(centre.y + half));
+        }
+        (high - low).max(0.0)
     };
     (0..CHORDS).map(chord).sum::<f64>() / CHORDS as f64
 }

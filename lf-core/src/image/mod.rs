@@ -12,10 +12,12 @@ pub(crate) mod exr;
 mod frame;
 mod noise;
 mod png;
+mod stack;
 mod tiff;
 
 pub use frame::{BLIND, open_frame};
 pub use noise::noise;
+pub use stack::Stack;
 
 use crate::history::History;
 use crate::{Error, Result, io};
@@ -79,7 +81,11 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
 /// # Errors
 /// Also those of [`open`].
 pub fn open_counts(path: &Path) -> Result<Image> {
-    let image = open(path)?;
+    counts(open(path)?, &io::name(path))
+}
+
+/// An image that holds nothing but counts.
+fn counts(image: Image, name: &str) -> Result<Image> {
     let is_count = |value: f32| (0.0..f32::INFINITY).contains(&value);
     let bad = image.pixels.iter().filter(|&&value| !is_count(value)).count();
     match image.pixels.indexed_iter().find(|&(_, &value)| !is_count(value)) {
@@ -87,7 +93,7 @@ pub fn open_counts(path: &Path) -> Result<Image> {
         Some(((y, x), value)) => {
             let pixels = if bad == 1 { "1 pixel is" } else { &format!("{bad} pixels are") };
             let found = format!("{pixels} not a count, the first {value} at x {x}, y {y}");
-            Err(Error::new(io::name(path), found, "wanted finite values that are not negative"))
+            Err(Error::new(name, found, "wanted finite values that are not negative"))
         }
     }
 }

@@ -1,4 +1,4 @@
-//! TIFF of one page: 8-bit, 16-bit or `f32` grey read, 16-bit grey written.
+//! TIFF: 8-bit, 16-bit or `f32` grey read, one page or page by page; 16-bit grey of one page written.
 
 use super::exr::ascii;
 use super::{Image, Refusal, array, believable, damaged, refusal};
@@ -18,7 +18,7 @@ const WANTED: &str = "wanted 8-bit, 16-bit or 32-bit float grey";
 const BLACK_IS_ZERO: u16 = 1;
 
 /// Pages counted before it stops to matter; also ends a chain of directories that bites its tail.
-const MANY: usize = 10_000;
+const MANY: usize = 100_000;
 
 pub(super) fn read(bytes: &[u8]) -> Result<Image, Refusal> {
     match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
@@ -26,20 +26,26 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, Refusal> {
         MANY.. => return Err(refusal(format!("{MANY} pages or more"), "wanted one page (split the stack into files)")),
         pages => return Err(refusal(format!("{pages} pages"), "wanted one page (split the stack into files)")),
     }
-    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(damaged)?;
-    let (width, height) = decoder.dimensions().map_err(damaged)?;
-    let depth = match decoder.colortype().map_err(damaged)? {
-        ColorType::Gray(depth @ (8 | 16 | 32)) => depth,
-        ColorType::Gray(depth) => return Err(refusal(format!("{depth}-bit grey"), WANTED)),
-        ColorType::GrayA(_) => return Err(refusal("an alpha channel", WANTED)),
-        ColorType::Palette(_) => return Err(refusal("a colour palette", WANTED)),
-        ColorType::Multiband { num_samples, .. } => return Err(refusal(format!("{num_samples} channels"), WANTED)),
-        _ => return Err(refusal("colour", WANTED)),
-    };
-    let photometric: Option<u16> = decoder.find_tag_unsigned(Tag::PhotometricInterpretation).map_err(damaged)?;
-    if photometric.is_some_and(|meaning| meaning != BLACK_IS_ZERO) {
-        return Err(refusal("inverted grey, 0 is white", "wanted linear counts, 0 is black"));
+    page(bytes, 0)
+}
+
+/// How many pages a file has; the whole chain of directories must be there.
+pub(super) fn count(bytes: &[u8]) -> Result<usize, Refusal> {
+    match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
+        0 => Err(refusal("no page", "wanted a TIFF with pages")),
+        MANY.. => Err(refusal(format!("{MANY} pages or more"), "wanted fewer in one file")),
+        pages => Ok(pages),
     }
+}
+
+/// Page `number`, counted from 0; others are not decoded.
+pub(super) fn page(bytes: &[u8], number: usize) -> Result<Image, Refusal> {
+    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(damaged)?;
+    if number > 0 {
+        decoder.seek_to_image(number).map_err(damaged)?;
+    }
+    let (width, height) = decoder.dimensions().map_err(damaged)?;
+    let depth = depth(&mut decoder)?;
     believable(width.into(), height.into(), u64::from(depth / 8), bytes.len())?;
     let history = history(&mut decoder);
 
@@ -57,6 +63,23 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, Refusal> {
         _ => return Err(refusal("signed samples", WANTED)),
     };
     Ok(Image { pixels: array(width as usize, height as usize, values)?, history })
+}
+
+/// Bits of a grey pixel.
+fn depth(decoder: &mut Decoder<Cursor<&[u8]>>) -> Result<u8, Refusal> {
+    let depth = match decoder.colortype().map_err(damaged)? {
+        ColorType::Gray(depth @ (8 | 16 | 32)) => depth,
+        ColorType::Gray(depth) => return Err(refusal(format!("{depth}-bit grey"), WANTED)),
+        ColorType::GrayA(_) => return Err(refusal("an alpha channel", WANTED)),
+        ColorType::Palette(_) => return Err(refusal("a colour palette", WANTED)),
+        ColorType::Multiband { num_samples, .. } => return Err(refusal(format!("{num_samples} channels"), WANTED)),
+        _ => return Err(refusal("colour", WANTED)),
+    };
+    let photometric: Option<u16> = decoder.find_tag_unsigned(Tag::PhotometricInterpretation).map_err(damaged)?;
+    if photometric.is_some_and(|meaning| meaning != BLACK_IS_ZERO) {
+        return Err(refusal("inverted grey, 0 is white", "wanted linear counts, 0 is black"));
+    }
+    Ok(depth)
 }
 
 /// The steps in `ImageDescription`; empty where it says anything else.
@@ -116,7 +139,7 @@ fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<Strin
 const TAGS: usize = 64 << 10;
 
 /// Follows the chain of directories, in either byte order, classic or BigTIFF. None where it leaves the file, or where a
-/// tag of the first claims more bytes than the file has: the library would make room for them before it looks.
+/// tag claims more bytes than the file has: the library would make room for them before it looks.
 fn pages(bytes: &[u8]) -> Option<usize> {
     let number = |at: usize, width: usize| -> Option<usize> {
         let field = bytes.get(at..at.checked_add(width)?)?;
@@ -131,17 +154,15 @@ fn pages(bytes: &[u8]) -> Option<usize> {
     while directory != 0 && pages < MANY {
         let entries = number(directory, counter)?;
         let start = directory.checked_add(counter)?;
-        if pages == 0 {
-            for i in 0..entries {
-                let at = start.checked_add(i.checked_mul(entry)?)?;
-                let size = match number(at.checked_add(2)?, 2)? {
-                    3 | 8 => 2,
-                    4 | 9 | 11 | 13 => 4,
-                    5 | 10 | 12 | 16..=18 => 8,
-                    _ => 1,
-                };
-                number(at.checked_add(4)?, word)?.checked_mul(size).filter(|&length| length <= bytes.len())?;
-            }
+        for i in 0..entries {
+            let at = start.checked_add(i.checked_mul(entry)?)?;
+            let size = match number(at.checked_add(2)?, 2)? {
+                3 | 8 => 2,
+                4 | 9 | 11 | 13 => 4,
+                5 | 10 | 12 | 16..=18 => 8,
+                _ => 1,
+            };
+            number(at.checked_add(4)?, word)?.checked_mul(size).filter(|&length| length <= bytes.len())?;
         }
         directory = number(start.checked_add(entries.checked_mul(entry)?)?, word)?;
         pages += 1;

@@ -1,0 +1,154 @@
+//! How lenslets depart, smoothly, from the perfect lattice through them.
+//!
+//! The perfect lattice is the best similarity (origin, turn, pitch). What it leaves is a polynomial of place, of the lowest
+//! degree that leaves nothing but noise: none for a perfect lattice, the first for an array that is stretched or sheared,
+//! the third for the distortion of a relay lens. Two conditions keep noise from growing one, and keep out of the camera
+//! what it is not worth: evidence and size.
+
+use crate::fit::{Similarity, Tie, Warp};
+use glam::{DMat2, DVec2};
+use lf_core::lattice::{Centres, terms};
+use std::collections::BTreeMap;
+
+/// The highest degree that is tried; a fifth order of distortion leaves a thousandth of the third in photographic lenses.
+const MOST_DEGREE: usize = 4;
+/// What a degree must gain, in units of Schwarz's (1978) criterion, n ln(S before / S after) > p ln n for p more
+/// coefficients and n coordinates. At 3 a lattice of a hundred lenslets bends by noise alone in one of 10^6 images.
+const EVIDENCE: f64 = 3.0;
+/// What a degree must move centres by, root mean square, px: what sampling leaves at the frame's ends, which is no
+/// departure of the lenslets.
+const WORTH_PX: f64 = 0.002;
+/// Lenslets that each coefficient of a coordinate must have: fewer are bent by what sampling leaves in them.
+const LENSLETS: usize = 12;
+/// Side of the blocks of lenslets in which residuals are looked at for being alike, lenslets, and fewest blocks a side.
+const BLOCK: f64 = 7.0;
+const BLOCKS: f64 = 4.0;
+/// Steps that move the departure's constant into the lattice's origin; each squares what is left.
+const GAUGE_STEPS: usize = 3;
+
+/// A perfect lattice and what lenslets depart from it by.
+#[derive(Debug, Clone)]
+pub(crate) struct Bent {
+    pub perfect: Similarity,
+    pub centres: Option<Centres>,
+    /// Degree of the departure; 0 where there is none.
+    pub degree: usize,
+}
+
+impl Bent {
+    /// Through the centres of lenslets, mm from the sensor's middle, a pixel being `px_mm` there; none if they do not span
+    /// the plane. `radius_mm` is what the departure's places are divided by.
+    pub fn through(ties: &[Tie], unit: DMat2, radius_mm: f64, px_mm: f64) -> Option<Self> {
+        let mut perfect = Similarity::through(ties, unit)?;
+        let departures = |perfect: &Similarity| -> Vec<Tie> {
+            let tie = |tie: &Tie| (perfect.at(unit * tie.0), tie.1 - perfect.at(unit * tie.0));
+            ties.iter().map(tie).collect()
+        };
+        let left = departures(&perfect);
+        let sum = |fit: &Warp| left.iter().map(|(place, rest)| rest.distance_squared(fit.at(*place))).sum::<f64>();
+        let places = || ties.iter().map(|tie| tie.0);
+        let count = 2.0 * ties.len() as f64
+            / Warp::about(&left, MOST_DEGREE, DVec2::ZERO, radius_mm)
+                .map_or(1.0, |fit| alike(places().zip(left.iter().map(|(place, rest)| *rest - fit.at(*place)))));
+        let (mut degree, mut best) = (0, Warp::affine(DVec2::ZERO, DMat2::ZERO));
+        let mut squares = sum(&best);
+        // A similarity has four of the affine map's six coefficients.
+        let coefficients = |degree: usize| if degree == 0 { 4.0 } else { ((degree + 1) * (degree + 2)) as f64 };
+        for higher in (1..=MOST_DEGREE).take_while(|degree| ties.len() >= LENSLETS * (terms(*degree) + 1)) {
+            let Some(fit) = Warp::about(&left, higher, DVec2::ZERO, radius_mm) else { break };
+            let smaller = sum(&fit);
+            let moved = left.iter().map(|tie| fit.at(tie.0).distance_squared(best.at(tie.0))).sum::<f64>();
+            let more = coefficients(higher) - coefficients(degree);
+            let gain = count * (squares / smaller.max(f64::MIN_POSITIVE)).ln();
+            let is_worth = (moved / ties.len() as f64).sqrt() > WORTH_PX * px_mm;
+            if is_worth && gain > EVIDENCE * more * count.ln() {
+                (degree, best, squares) = (higher, fit, smaller);
+            }
+        }
+        if degree == 0 {
+            return Some(Self { perfect, centres: None, degree });
+        }
+        for _ in 0..GAUGE_STEPS {
+            perfect.origin_px += best.coefficients()[0];
+            best = Warp::about(&departures(&perfect), degree, DVec2::ZERO, radius_mm)?;
+        }
+        let along = |axis: usize| best.coefficients()[1..].iter().map(|pair| pair[axis]).collect();
+        let centres = Centres { radius_mm, x_mm: along(0), y_mm: along(1) };
+        Some(Self { perfect, centres: Some(centres), degree })
+    }
+}
+
+/// How many residuals say what one would if they were independent: the variance of the means of blocks of lenslets over
+/// what it would then be, 1 at least. Beats of the lattice with the pixels make neighbours err alike.
+fn alike(residuals: impl Iterator<Item = (DVec2, DVec2)> + Clone) -> f64 {
+    let lenslets = residuals.clone().count() as f64;
+    let side = BLOCK.min((lenslets.sqrt() / BLOCKS).floor()).max(1.0);
+    let mut blocks = BTreeMap::new();
+    let mut squares = 0.0;
+    for (place, rest) in residuals {
+        let [column, row] = (place / side).floor().to_array().map(|n| n as i64);
+        let block: &mut (DVec2, f64) = blocks.entry((row, column)).or_default();
+        block.0 += rest;
+        block.1 += 1.0;
+        squares += rest.length_squared();
+    }
+    // Of independent residuals the sum over a block has as many times the variance as there are in it.
+    let sums: f64 = blocks.values().map(|(sum, count)| sum.length_squared() / count).sum();
+    (sums / blocks.len() as f64 / (squares / lenslets).max(f64::MIN_POSITIVE)).max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::unit_basis;
+
+    /// Lenslets 1 mm apart, a pixel of 0.01 mm, with a scatter of `noise` mm that repeats for no lenslet.
+    fn ties(side: i64, noise: f64, seed: u64, bent: impl Fn(DVec2) -> DVec2) -> Vec<Tie> {
+        let mut state = seed;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let places = (-side..=side).flat_map(|j| (-side..=side).map(move |i| DVec2::new(i as f64, j as f64)));
+        places
+            .map(|place| {
+                let scatter = DVec2::new(random() + random() + random(), random() + random() + random());
+                let centre = unit_basis(true) * place + DVec2::new(0.3, -0.2);
+                (place, centre + bent(centre) + 2.0 * noise * scatter)
+            })
+            .collect()
+    }
+
+    fn through(ties: &[Tie], radius: f64) -> Bent {
+        Bent::through(ties, unit_basis(true), radius, 0.01).unwrap()
+    }
+
+    #[test]
+    fn noise_on_a_perfect_lattice_never_bends_it() {
+        for seed in 0..300 {
+            for (side, noise) in [(3, 1e-3), (10, 1e-3), (10, 1e-6)] {
+                assert_eq!(through(&ties(side, noise, seed, |_| DVec2::ZERO), 20.0).degree, 0, "{seed} {side}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_departure_below_the_noise_is_found_by_its_degree() {
+        let shear = |c: DVec2| DVec2::new(0.0, 1e-4 * c.x);
+        let keystone = |c: DVec2| 2e-5 * DVec2::new(c.x * c.x, c.x * c.y);
+        let barrel = |c: DVec2| -2e-6 * c.length_squared() * c;
+        let bends: [&dyn Fn(DVec2) -> DVec2; 3] = [&shear, &keystone, &barrel];
+        for (n, bent) in bends.into_iter().enumerate() {
+            let found = through(&ties(20, 1e-3, n as u64, bent), 30.0);
+            assert_eq!(found.degree, n + 1);
+            let centres = found.centres.unwrap();
+            centres.check().unwrap();
+            for place in [DVec2::new(-20.0, 20.0), DVec2::new(5.0, -7.0), DVec2::new(11.0, 13.0)] {
+                let wanted = unit_basis(true) * place + DVec2::new(0.3, -0.2);
+                let perfect = found.perfect.at(unit_basis(true) * place);
+                let off = (perfect + centres.departure_mm(perfect)).distance(wanted + bent(wanted));
+                assert!(off < 6e-4, "{n} {place}: {off}");
+            }
+        }
+    }
+}
