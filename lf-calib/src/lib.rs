@@ -1,25 +1,40 @@
 //! White images and particle frames to a camera that can be trusted.
 //!
 //! [`White`] averages white images, [`lattice::find`] finds the lattice of the lenslet *images* in the mean, and
-//! [`calibrate()`] turns it into the microlenses of a camera. [`Background`] is what stays in every frame.
+//! [`calibrate()`] turns it into the microlenses of a camera. [`Background`] is what stays in every frame. [`volume()`] finds
+//! the main lens from images of a dot target.
 //!
 //! Image places are pixels from the left and top edge: a pixel's centre is at a half.
 
+mod adjust;
 mod background;
+mod bundle;
 mod calibrate;
 mod cell;
+mod evidence;
+mod fan;
 mod fit;
 pub mod lattice;
+mod lens_centres;
+pub mod parameters;
 mod period;
 mod radial;
 mod reading;
+mod recognise;
+mod refocus;
 mod refusal;
+mod sight;
+mod spot;
 mod symmetry;
+mod target;
 mod trail;
+mod volume;
 mod white;
 
 pub use background::Background;
 pub use calibrate::{calibrate, overlap};
 pub use lattice::{Centre, ImageLattice};
 pub use refusal::Refusal;
+pub use target::{Dot, Exposure, grid};
+pub use volume::{Volume, volume};
 pub use white::White;

@@ -15,6 +15,7 @@ use std::process::ExitCode;
     max_term_width = 100,
     after_help = "Examples:
   lf-calib lattice white.exr -c nominal.json -o camera.json
+  lf-calib volume target/ -c camera.json -o calibrated.json
   lf-calib background frame-*.exr --quantile 0.05 -o background.exr"
 )]
 struct Arguments {
@@ -42,6 +43,32 @@ enum Task {
         #[arg(short, long, value_name = "FILE", default_value = "-")]
         output: PathBuf,
     },
+    /// Find the main lens, its distortion and its misalignment from a dot target at known depths
+    ///
+    /// Free are where the target stands (focus offset, lean, turn), the magnification, and of the rest what the images
+    /// clearly ask for: array to sensor distance, focal length, the lattice's offset and rotation, the sensor's tilt,
+    /// distortion, the medium. The lenslets' images stay where a white image has shown them: run `lattice` before. Images
+    /// in which a dot lights fewer than three lenslets across are left out. All images are held in memory.
+    Volume {
+        /// Folder as lf-synth dots writes it, or images of one size, one a depth
+        #[arg(required = true, value_name = "DIR|IMAGES")]
+        images: Vec<PathBuf>,
+        /// Table of the dots, frame,id,x_mm,y_mm,z_mm,intensity, a frame an image; a folder has its own, dots.csv
+        #[arg(long, value_name = "FILE")]
+        target: Option<PathBuf>,
+        /// In place of a table: spacing of a square grid of dots with one near the axis, mm
+        #[arg(long, value_name = "MM")]
+        spacing: Option<f64>,
+        /// With --spacing: the depth of each image, mm
+        #[arg(long, value_name = "Z0,Z1,...", allow_hyphen_values = true)]
+        depths: Option<String>,
+        /// Camera to start from, camera.json
+        #[arg(short, long, value_name = "FILE")]
+        camera: PathBuf,
+        /// Calibrated camera.json, - for standard output
+        #[arg(short, long, value_name = "FILE", default_value = "-")]
+        output: PathBuf,
+    },
     /// Per-pixel minimum, or a low quantile, of many frames
     Background {
         /// Frames of one size; - for standard input
@@ -62,6 +89,11 @@ fn main() -> ExitCode {
         |arguments: &Arguments| &arguments.common,
         |arguments, session| match &arguments.task {
             Task::Lattice { whites, camera, output } => doors::measure(whites, camera, output, session),
+            Task::Volume { images, target, spacing, depths, camera, output } => {
+                let target =
+                    doors::Target { table: target.as_deref(), spacing_mm: *spacing, depths_mm: depths.as_deref() };
+                doors::main_lens(images, &target, camera, output, session)
+            }
             Task::Background { frames, quantile, output } => doors::background(frames, *quantile, output, session),
         },
     )

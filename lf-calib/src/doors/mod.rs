@@ -2,9 +2,11 @@
 
 mod background;
 mod lattice;
+mod volume;
 
 pub use background::background;
 pub use lattice::measure;
+pub use volume::{Target, main_lens};
 
 use lf_core::camera::Camera;
 use lf_core::cli::Session;
