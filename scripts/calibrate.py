@@ -72,7 +72,7 @@ def draw(seed, folder, perfect):
         "frames": 1,
         "dots": {
             "spacing_mm": 1.1, "diameter_mm": 0.05, "depths_mm": [z + focus for z in depths], "intensity": 500000.0,
-            "rotation_rad": both(0.005), "centre_mm": [both(0.3), both(0.3)]
+            "rotation_rad": rng.uniform(-0.005, 0.005), "centre_mm": [rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3)]
         },
         "sensor_noise": NOISE,
         "seed": seed,

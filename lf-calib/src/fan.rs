@@ -54,7 +54,7 @@ pub(crate) fn shape(optics: &Optics, sight: &Sight, glow: Glow) -> Shape {
     let px_per_mm = optics.place_px(DVec2::X).x - optics.place_px(DVec2::ZERO).x;
     let (i, j) = optics.lattice().lenslet_at(sight.chief_mm());
     let width_px = (12.0 * cell_variance_mm2(optics)).sqrt() * sight.widening((i, j)).abs() * px_per_mm;
-    Shape { width_px, sigma_px: (glow.object_mm * sight.px_per_mm()).hypot(glow.sensor_px) }
+    Shape { width_px, disc_px: glow.object_mm * sight.px_per_mm(), sigma_px: glow.sensor_px }
 }
 
 /// Reads a point's images where they should be, and no farther than `farthest_px` from there; with `look` after a first look

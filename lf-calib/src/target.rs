@@ -16,8 +16,10 @@ use std::collections::BTreeMap;
 const CELLS: f64 = 32.0;
 /// Peaks of light are at least this part of a spacing apart.
 const APART: f64 = 0.4;
-/// Blurs that are tried, px; and then steps between them.
-const BLURS_PX: [f64; 7] = [0.2, 0.3, 0.45, 0.65, 0.95, 1.4, 2.0];
+/// What blurs sub-images beside the dots and pixels, px.
+const SENSOR_PX: f64 = 0.05;
+/// Deviations of dots that are tried, px; and then steps between them.
+const BLURS_PX: [f64; 9] = [0.09, 0.13, 0.2, 0.3, 0.45, 0.65, 0.95, 1.4, 2.0];
 const BETWEEN: [f64; 5] = [0.8, 0.9, 1.0, 1.1, 1.22];
 /// Dots whose spots are looked at for the blur.
 const BLUR_DOTS: usize = 24;
@@ -75,6 +77,7 @@ pub(crate) struct FirstLook {
 /// dots were found.
 pub(crate) fn first_look(
     exposure: &Exposure,
+    number: usize,
     ids: &BTreeMap<u64, usize>,
     optics: &Optics,
     half_view_mm: DVec2,
@@ -88,7 +91,7 @@ pub(crate) fn first_look(
     let axis = Sight::new(optics, DVec3::new(0.0, 0.0, depth));
     let inside = half_view_mm - axis.spread().abs() * optics.half_aperture_mm() * 0.5 / optics.beta(depth);
     let found = recognise(&flat, &map.peaks(APART * spacing), inside.max(0.3 * half_view_mm), shift_mm)?;
-    let rough = Glow { object_mm: 0.6 / axis.px_per_mm(), sensor_px: 0.0 };
+    let rough = Glow { object_mm: 0.6 / axis.px_per_mm(), sensor_px: SENSOR_PX };
     let located: Vec<(usize, DVec3)> = found
         .pairs
         .par_iter()
@@ -106,6 +109,7 @@ pub(crate) fn first_look(
         .par_iter()
         .map(|&(dot, place)| Sighting {
             source: ids[&exposure.dots[dot].id],
+            exposure: number,
             target_mm: DVec3::from(exposure.dots[dot].place_mm),
             spots: fan::measure(image, optics, place, glow, NEXT_PX, false),
         })
@@ -126,7 +130,7 @@ pub(crate) fn glow(exposure: &Exposure, optics: &Optics, places: &[DVec3]) -> Gl
     let px_per_mm = Sight::new(optics, middle).px_per_mm();
     let every = (places.len() / BLUR_DOTS).max(1);
     let some: Vec<DVec3> = places.iter().step_by(every).copied().collect();
-    let of = |blur_px: f64| Glow { object_mm: blur_px / px_per_mm, sensor_px: 0.0 };
+    let of = |blur_px: f64| Glow { object_mm: blur_px / px_per_mm, sensor_px: SENSOR_PX };
     let unknown = |blur_px: &f64| {
         let mut all: Vec<f64> = some
             .par_iter()
@@ -147,6 +151,7 @@ pub(crate) fn glow(exposure: &Exposure, optics: &Optics, places: &[DVec3]) -> Gl
 /// Reads the spots of every dot where a camera and a pose show it.
 pub(crate) fn look_again(
     exposure: &Exposure,
+    number: usize,
     ids: &BTreeMap<u64, usize>,
     optics: &Optics,
     pose: &Pose,
@@ -159,7 +164,7 @@ pub(crate) fn look_again(
         .map(|dot| {
             let target_mm = DVec3::from(dot.place_mm);
             let spots = fan::measure(exposure.pixels.view(), optics, pose.place_mm(target_mm), glow, NEXT_PX, false);
-            Sighting { source: ids[&dot.id], target_mm, spots }
+            Sighting { source: ids[&dot.id], exposure: number, target_mm, spots }
         })
         .filter(|sighting| !sighting.spots.is_empty())
         .collect()

@@ -100,7 +100,7 @@ pub fn volume(exposures: &[Exposure], nominal: &Camera) -> Result<Volume, (Optio
     let mut shift: Option<DVec2> = None;
     let mut deeper = Vec::new();
     for &n in &used {
-        let seen = first_look(&exposures[n], &ids, &optics, half_view, shift).map_err(|found| {
+        let seen = first_look(&exposures[n], n, &ids, &optics, half_view, shift).map_err(|found| {
             let wanted = "wanted bright dots on a dark ground, where the target has them";
             (Some(n), Refusal::new(format!("no target: {found}"), wanted))
         })?;
@@ -126,7 +126,7 @@ pub fn volume(exposures: &[Exposure], nominal: &Camera) -> Result<Volume, (Optio
     let (optics, pose) = (Optics::new(&fit.changes.camera(nominal)), fit.changes.pose());
     // Images too near to focus to begin with may have a few lenslets lit whole.
     let each: Vec<Vec<Sighting>> =
-        exposures.iter().map(|exposure| look_again(exposure, &ids, &optics, &pose)).collect();
+        (0..exposures.len()).map(|n| look_again(&exposures[n], n, &ids, &optics, &pose)).collect();
     let used = (0..exposures.len()).filter(|&n| !each[n].is_empty()).collect();
     let again = thinned(&each.concat());
     let last = on(&again);
