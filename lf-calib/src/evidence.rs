@@ -1,8 +1,9 @@
 //! Which parameters the data ask for.
 //!
-//! From the parameters that are always free, those are added one group after another whose change is best seen, as long as
-//! it is seen clearly; then those are taken away again that the rest has made needless. Seen clearly is what neither
-//! independent spots nor the scatter from dot to dot could do by chance.
+//! From all that can be told apart together, what is not seen clearly is taken away, the least first; then what has become
+//! clear is added again. Begun with nothing, one parameter would stand in for another that is still to come: a lean of the
+//! target for a tilt of the sensor. Seen clearly is what neither independent spots nor the scatter from dot to dot nor
+//! sampling could do by chance.
 
 use crate::adjust::Equations;
 use crate::bundle::{Bundle, Fit};
@@ -13,8 +14,9 @@ use crate::parameters::{Changes, Parameter};
 const ASKED: f64 = 25.0;
 /// What each further parameter of a group adds.
 const ASKED_MORE: f64 = 5.0;
-/// Groups are tried so many times over at most.
-const ROUNDS: usize = 24;
+/// Changes of the set of groups at most, and times that one of them may be taken away.
+const ROUNDS: usize = 30;
+const TRIALS: usize = 2;
 
 /// Parameters that come and go together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,6 +25,8 @@ pub(crate) struct Group {
     pub parameters: &'static [Parameter],
     /// Must be free for this to be tried.
     pub after: Option<Parameter>,
+    /// Whether it is free to begin with.
+    pub first: bool,
 }
 
 /// What became of a group.
@@ -51,18 +55,23 @@ pub(crate) fn choose(
     groups: &[Group],
     from: &Changes,
 ) -> Option<(Fit, Vec<Tried>)> {
-    let mut free: Vec<Group> = Vec::new();
-    let mut dropped: Vec<Group> = Vec::new();
     let names = |free: &[Group]| -> Vec<Parameter> {
         always.iter().copied().chain(free.iter().flat_map(|group| group.parameters.iter().copied())).collect()
     };
-    let mut fit = bundle.fit(&names(&free), from)?;
+    let mut free: Vec<Group> = groups.iter().filter(|group| group.first).copied().collect();
+    let mut fit = match bundle.fit(&names(&free), from) {
+        Some(fit) => fit,
+        None => {
+            free.clear();
+            bundle.fit(&names(&free), from)?
+        }
+    };
+    let mut dropped: Vec<Group> = Vec::new();
     for _ in 0..ROUNDS {
         let tried = try_all(bundle, &fit, &free, groups);
-        let needless = tried.iter().find(|tried| {
-            tried.asked && tried.evidence.unwrap_or(0.0) < tried.group.limit() && !leads(&free, &tried.group)
-        });
-        if let Some(needless) = needless {
+        let over = |tried: &&Tried| tried.evidence.unwrap_or(0.0) / tried.group.limit();
+        let needless = tried.iter().filter(|tried| tried.asked && over(tried) < 1.0 && !leads(&free, &tried.group));
+        if let Some(needless) = needless.min_by(|a, b| over(a).total_cmp(&over(b))) {
             let group = needless.group;
             free.retain(|known| *known != group);
             dropped.push(group);
@@ -73,9 +82,9 @@ pub(crate) fn choose(
         }
         let ready = |tried: &&Tried| {
             let parent = tried.group.after.is_none_or(|parent| fit.parameters.contains(&parent));
-            !tried.asked && parent && !dropped.contains(&tried.group)
+            let times = dropped.iter().filter(|group| **group == tried.group).count();
+            !tried.asked && parent && times < TRIALS
         };
-        let over = |tried: &Tried| tried.evidence.unwrap_or(0.0) / tried.group.limit();
         let best = tried.iter().filter(ready).max_by(|a, b| over(a).total_cmp(&over(b)));
         let Some(best) = best.filter(|best| over(best) >= 1.0) else { return Some((fit, tried)) };
         let more: Vec<Group> = free.iter().copied().chain([best.group]).collect();

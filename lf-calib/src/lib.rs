@@ -2,7 +2,7 @@
 //!
 //! [`White`] averages white images, [`lattice::find`] finds the lattice of the lenslet *images* in the mean, and
 //! [`calibrate()`] turns it into the microlenses of a camera. [`Background`] is what stays in every frame. [`volume()`] finds
-//! the main lens from images of a dot target.
+//! the main lens from images of a dot target. [`refine()`] mends what has drifted since, from frames of particles.
 //!
 //! Image places are pixels from the left and top edge: a pixel's centre is at a half.
 
@@ -14,6 +14,7 @@ mod cell;
 mod evidence;
 mod fan;
 mod fit;
+mod isolated;
 pub mod lattice;
 mod lens_centres;
 pub mod parameters;
@@ -21,10 +22,12 @@ mod period;
 mod radial;
 mod reading;
 mod recognise;
+mod refine;
 mod refocus;
 mod refusal;
 mod sight;
 mod spot;
+mod stop;
 mod symmetry;
 mod target;
 mod trail;
@@ -34,6 +37,7 @@ mod white;
 pub use background::Background;
 pub use calibrate::{calibrate, overlap};
 pub use lattice::{Centre, ImageLattice};
+pub use refine::{Refined, refine};
 pub use refusal::Refusal;
 pub use target::{Dot, Exposure, grid};
 pub use volume::{Volume, volume};

@@ -16,6 +16,7 @@ use std::process::ExitCode;
     after_help = "Examples:
   lf-calib lattice white.exr -c nominal.json -o camera.json
   lf-calib volume target/ -c camera.json -o calibrated.json
+  lf-calib refine frame-*.exr -c calibrated.json --depth -5,5 -o today.json
   lf-calib background frame-*.exr --quantile 0.05 -o background.exr"
 )]
 struct Arguments {
@@ -69,6 +70,29 @@ enum Task {
         #[arg(short, long, value_name = "FILE", default_value = "-")]
         output: PathBuf,
     },
+    /// Mend what has drifted since the last calibration, from ordinary frames of particles
+    ///
+    /// Where in the stop does the light of bright particles that stand alone come from? Its middle tells where the lattice
+    /// is, its size over the frame whether the sensor has tilted. Offset, rotation and tilt are changed where the particles
+    /// clearly ask for it; magnification, focal length and distortion, for which particles have no scale, are kept. With
+    /// too few particles nothing is written.
+    Refine {
+        /// Frames of one size
+        #[arg(required = true)]
+        frames: Vec<PathBuf>,
+        /// Camera to mend, camera.json
+        #[arg(short, long, value_name = "FILE")]
+        camera: PathBuf,
+        /// Depths that particles are looked for between, mm
+        #[arg(long, value_name = "Z0,Z1", value_parser = cli::numbers::<2>, allow_hyphen_values = true)]
+        depth: [f64; 2],
+        /// Background image, subtracted from each frame
+        #[arg(short, long, value_name = "FILE")]
+        background: Option<PathBuf>,
+        /// Mended camera.json, - for standard output
+        #[arg(short, long, value_name = "FILE", default_value = "-")]
+        output: PathBuf,
+    },
     /// Per-pixel minimum, or a low quantile, of many frames
     Background {
         /// Frames of one size; - for standard input
@@ -93,6 +117,9 @@ fn main() -> ExitCode {
                 let target =
                     doors::Target { table: target.as_deref(), spacing_mm: *spacing, depths_mm: depths.as_deref() };
                 doors::main_lens(images, &target, camera, output, session)
+            }
+            Task::Refine { frames, camera, depth, background, output } => {
+                doors::drift(frames, camera, background.as_deref(), *depth, output, session)
             }
             Task::Background { frames, quantile, output } => doors::background(frames, *quantile, output, session),
         },

@@ -84,8 +84,8 @@ fn smooth(light: &Array2<f64>) -> Array2<f64> {
 }
 
 impl Map {
-    /// Places of the peaks that are the highest within `apart_mm`, mm, the highest first.
-    pub fn peaks(&self, apart_mm: f64) -> Vec<DVec2> {
+    /// Heights and places (mm) of the peaks that are the highest within `apart_mm`, the highest first.
+    pub fn peaks(&self, apart_mm: f64) -> Vec<(f64, DVec2)> {
         let reach = (apart_mm / self.cell_mm).ceil() as usize;
         let (rows, columns) = self.light.dim();
         let mut found: Vec<(f64, DVec2)> = Vec::new();
@@ -109,7 +109,7 @@ impl Map {
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
         let bright = found.get((found.len() as f64 * (1.0 - BRIGHT)) as usize).map_or(0.0, |peak| peak.0);
         found.retain(|peak| peak.0 >= LEAST_PEAK * bright);
-        found.into_iter().map(|peak| peak.1).collect()
+        found
     }
 
     /// Mean place of what rises above half of a peak, mm.

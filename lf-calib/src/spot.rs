@@ -195,6 +195,31 @@ pub(crate) fn read(image: ArrayView2<f32>, shape: Shape, from_px: DVec2, farthes
     None
 }
 
+/// Counts of the light of a spot at a known place, above the window's floor: least squares, and so below 0 by chance. None
+/// if the window leaves the image.
+pub(crate) fn light(image: ArrayView2<f32>, shape: Shape, place_px: DVec2) -> Option<f64> {
+    let shape = shape.usable();
+    let reach = shape.reach_px();
+    let (rows, columns) = (within(place_px.y, reach, image.nrows())?, within(place_px.x, reach, image.ncols())?);
+    let along: Vec<f64> = columns.clone().map(|column| shape.share(column as f64 + 0.5 - place_px.x).0).collect();
+    let (mut count, mut profile, mut squares, mut sum, mut mixed) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for row in rows {
+        let across = shape.share(row as f64 + 0.5 - place_px.y).0;
+        for (column, value) in columns.clone().zip(&along) {
+            let (pixel, value) = (f64::from(image[(row, column)]), value * across);
+            if pixel.is_finite() {
+                count += 1.0;
+                profile += value;
+                squares += value * value;
+                sum += pixel;
+                mixed += pixel * value;
+            }
+        }
+    }
+    let spread = squares - profile * profile / count;
+    (spread > 0.0).then(|| (mixed - sum * profile / count) / spread)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -90,7 +90,8 @@ pub(crate) fn first_look(
     // A dot's whole fan fits into the frame where it is this far inside.
     let axis = Sight::new(optics, DVec3::new(0.0, 0.0, depth));
     let inside = half_view_mm - axis.spread().abs() * optics.half_aperture_mm() * 0.5 / optics.beta(depth);
-    let found = recognise(&flat, &map.peaks(APART * spacing), inside.max(0.3 * half_view_mm), shift_mm)?;
+    let peaks: Vec<DVec2> = map.peaks(APART * spacing).into_iter().map(|(_, place)| place).collect();
+    let found = recognise(&flat, &peaks, inside.max(0.3 * half_view_mm), shift_mm)?;
     let rough = Glow { object_mm: 0.6 / axis.px_per_mm(), sensor_px: SENSOR_PX };
     let located: Vec<(usize, DVec3)> = found
         .pairs

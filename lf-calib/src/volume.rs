@@ -15,6 +15,8 @@ use serde_json::{Map, Value, json};
 pub const FEWEST_DEPTHS: usize = 2;
 /// Spots that are fitted at most: more of the same dots add little, and time grows with them.
 const MOST_SPOTS: usize = 60_000;
+/// Times that sub-images are looked at anew by the camera found.
+const LOOKS: usize = 2;
 /// A target is fitted if spots are left no farther than this from where they should be, px, or this many of their own
 /// uncertainties.
 const LARGEST_RMS_PX: f64 = 0.3;
@@ -51,7 +53,11 @@ pub struct Volume {
 /// What may be asked for. A white image tells where the lenslets are: without one a lattice that is off looks like a
 /// traverse that goes aside, and both cannot be free.
 fn groups(nominal: &Camera) -> Vec<Group> {
-    let one = |parameters: &'static [P], after: Option<P>| Group { parameters, after };
+    let one = |parameters: &'static [P], after: Option<P>| Group {
+        parameters,
+        after,
+        first: after.is_none() && !matches!(parameters[0], P::Index | P::Window),
+    };
     let measured = nominal.calibration.as_ref().is_some_and(|calibration| calibration.get("lattice").is_some());
     let mut groups = vec![
         one(&[P::Gap], None),
@@ -119,18 +125,30 @@ pub fn volume(exposures: &[Exposure], nominal: &Camera) -> Result<Volume, (Optio
     start.set(P::FocusOffset, deeper.iter().sum::<f64>() / deeper.len() as f64);
     let first = thinned(&sightings);
     let groups = groups(nominal);
-    let on = |sightings| Bundle { before: nominal, sightings, sources: ids.len() };
-    let (fit, _) = choose(&on(&first), &ALWAYS, &groups, &start).ok_or_else(unsolved)?;
+    let begin: Vec<P> = ALWAYS
+        .into_iter()
+        .chain(groups.iter().filter(|group| group.first).flat_map(|group| group.parameters).copied())
+        .collect();
+    let fit = on(&first, nominal, ids.len())
+        .fit(&begin, &start)
+        .or_else(|| choose(&on(&first, nominal, ids.len()), &ALWAYS, &groups, &start).map(|(fit, _)| fit))
+        .ok_or_else(unsolved)?;
 
-    // Again, where the camera found shows the dots.
-    let (optics, pose) = (Optics::new(&fit.changes.camera(nominal)), fit.changes.pose());
-    // Images too near to focus to begin with may have a few lenslets lit whole.
-    let each: Vec<Vec<Sighting>> =
-        (0..exposures.len()).map(|n| look_again(&exposures[n], n, &ids, &optics, &pose)).collect();
-    let used = (0..exposures.len()).filter(|&n| !each[n].is_empty()).collect();
-    let again = thinned(&each.concat());
-    let last = on(&again);
-    let (fit, tried) = choose(&last, &ALWAYS, &groups, &fit.changes).ok_or_else(unsolved)?;
+    // Twice again, where the camera found shows the dots. Images too near to focus to begin with may have a few lenslets lit
+    // whole.
+    let mut found = fit.changes;
+    let mut looks = Vec::new();
+    for _ in 0..LOOKS {
+        let (optics, pose) = (Optics::new(&found.camera(nominal)), found.pose());
+        looks = (0..exposures.len()).map(|n| look_again(&exposures[n], n, &ids, &optics, &pose)).collect::<Vec<_>>();
+        let sightings = thinned(&looks.concat());
+        let bundle = on(&sightings, nominal, ids.len());
+        found = bundle.fit(&fit.parameters, &found).ok_or_else(unsolved)?.changes;
+    }
+    let used = (0..exposures.len()).filter(|&n| !looks[n].is_empty()).collect();
+    let again = thinned(&looks.concat());
+    let last = on(&again, nominal, ids.len());
+    let (fit, tried) = choose(&last, &ALWAYS, &groups, &found).ok_or_else(unsolved)?;
     let posed = last.fit(&ALWAYS[..6], &start).map_or(last.leftover(&start), |posed| posed.leftover);
     let left = fit.leftover;
     if left.rms_px > LARGEST_RMS_PX || (left.kept as f64) < LEAST_FOLLOWING * left.spots as f64 {
@@ -139,6 +157,10 @@ pub fn volume(exposures: &[Exposure], nominal: &Camera) -> Result<Volume, (Optio
         return Err((None, Refusal::new(found, wanted)));
     }
     Ok(report(nominal, &fit, &tried, posed, used, &again, exposures))
+}
+
+fn on<'a>(sightings: &'a [Sighting], before: &'a Camera, sources: usize) -> Bundle<'a> {
+    Bundle { before, sightings, sources }
 }
 
 /// Every so many spots of each fan, so that no more are left than can be fitted.

@@ -2,10 +2,12 @@
 
 mod background;
 mod lattice;
+mod refine;
 mod volume;
 
 pub use background::background;
 pub use lattice::measure;
+pub use refine::drift;
 pub use volume::{Target, main_lens};
 
 use lf_core::camera::Camera;
