@@ -8,10 +8,8 @@ use crate::fan::{scale, trust};
 use crate::parameters::Parameter;
 use nalgebra::{DMatrix, DVector};
 
-/// What sampling leaves in a spot's place: a wave of this amplitude, px, over a pixel, and one over half a pixel. A profile of
-/// squares read from discs is off by 0.0006 to 0.0024 px at most. A target whose rows lie on rows of pixels adds it up.
-const SAMPLING_PX: f64 = 0.0015;
-/// Waves over a pixel.
+/// What sampling leaves in a spot's place is taken for waves over a pixel and over half of one. A target whose rows lie on rows
+/// of pixels adds them up.
 const WAVES: [f64; 2] = [1.0, 2.0];
 
 /// What is left of the square of what a parameter does to spots where the others have taken theirs: below, they are the same.
@@ -26,6 +24,8 @@ pub(crate) struct Line {
     pub uncertainty_px: f64,
     /// Where it was measured, px: between which pixels tells what sampling does to it.
     pub place_px: [f64; 2],
+    /// What sampling may do to its place, px.
+    pub sampling_px: f64,
     /// Spots of one exposure look alike, and sampling does the same to them.
     pub exposure: usize,
     /// Slopes along x by each parameter.
@@ -90,7 +90,7 @@ impl Equations {
                     for ((off, slopes), place) in line.off_px.iter().zip(&line.slopes).zip(line.place_px) {
                         let slopes = DVector::from_column_slice(slopes);
                         for (n, wave) in WAVES.iter().enumerate() {
-                            let bias = SAMPLING_PX * (std::f64::consts::TAU * wave * place).sin();
+                            let bias = line.sampling_px * (std::f64::consts::TAU * wave * place).sin();
                             sampling[WAVES.len() * line.exposure + n].axpy(weight * bias, &slopes, 1.0);
                         }
                         share.normal.ger(weight, &slopes, &slopes, 1.0);
@@ -223,6 +223,7 @@ mod tests {
                             off_px: off,
                             uncertainty_px: 0.1,
                             place_px: [0.0; 2],
+                            sampling_px: 0.0,
                             exposure: 0,
                             slopes: [vec![1.0, at], vec![1.0, at]],
                         }

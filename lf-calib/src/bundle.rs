@@ -97,6 +97,7 @@ impl Bundle<'_> {
                     off_px: (spot.place_px - predicted[n]).to_array(),
                     uncertainty_px: spot.uncertainty_px,
                     place_px: spot.place_px.to_array(),
+                    sampling_px: spot.sampling_px,
                     exposure: sighting.exposure,
                     slopes: [0, 1].map(|axis| slopes.iter().map(|slope| slope[n][axis]).collect()),
                 };

@@ -13,8 +13,6 @@ const SHARE: f64 = 0.92;
 const LEAST_EXPLAINED: f64 = 0.5;
 /// Least known place of a spot that is kept, px.
 const LEAST_KNOWN_PX: f64 = 0.3;
-/// No spot is known better than this, px: what the profile's shape leaves between pixels.
-pub(crate) const BEST_KNOWN_PX: f64 = 0.002;
 /// Fewest spots that a point is located from.
 pub(crate) const FEWEST: usize = 5;
 /// Narrowest fan that a point is located from, lenslets across: narrower ones have fewer than five lit whole.
@@ -40,8 +38,10 @@ pub(crate) struct Spot {
     pub lenslet: (i64, i64),
     /// Its middle, px.
     pub place_px: DVec2,
-    /// Standard uncertainty of each coordinate by its pixels, px.
+    /// Standard uncertainty of each coordinate by its pixels and by sampling, px.
     pub uncertainty_px: f64,
+    /// Amplitude of what sampling may do to it, px.
+    pub sampling_px: f64,
 }
 
 /// Width of a point's fan, lenslets.
@@ -90,12 +90,14 @@ pub(crate) fn measure(
     farthest_px: f64,
     look: bool,
 ) -> Vec<Spot> {
+    let sampling_px = shape(optics, &Sight::new(optics, place_mm), glow).sampling_px();
     readings(image, optics, place_mm, glow, farthest_px, look)
         .into_iter()
         .map(|(lenslet, reading)| Spot {
             lenslet,
             place_px: reading.place_px,
-            uncertainty_px: reading.uncertainty_px.hypot(BEST_KNOWN_PX),
+            uncertainty_px: reading.uncertainty_px.hypot(sampling_px * std::f64::consts::FRAC_1_SQRT_2),
+            sampling_px,
         })
         .collect()
 }
@@ -179,6 +181,7 @@ mod tests {
                     lenslet: seen.lenslet,
                     place_px: seen.place_px + if n % 9 == 4 { DVec2::new(2.0, 1.0) } else { DVec2::ZERO },
                     uncertainty_px: 0.01,
+                    sampling_px: 0.0,
                 })
                 .collect();
             let from = place + DVec3::new(0.05, -0.03, 0.2);

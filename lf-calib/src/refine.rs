@@ -156,8 +156,14 @@ fn equations(seen: &[(Particle, Filling)], camera: &Camera) -> Equations {
     let unsure = (1.4826 * median(logs.iter().map(|log| (log - size).abs()).collect())).max(1e-3);
     let lines = seen.iter().zip(&shifts).map(|((_, filling), shift)| {
         let e = filling.image_mm;
-        let line =
-            |off_px, uncertainty_px, slopes| Line { off_px, uncertainty_px, place_px: [0.0; 2], exposure: 0, slopes };
+        let line = |off_px, uncertainty_px, slopes| Line {
+            off_px,
+            uncertainty_px,
+            place_px: [0.0; 2],
+            sampling_px: 0.0,
+            exposure: 0,
+            slopes,
+        };
         vec![
             line(
                 shift.to_array(),
