@@ -3,6 +3,7 @@
 
     calibrate.py draw SEED DIR [perfect]   DIR/scene.json (the truth) and DIR/nominal.json (what a maker would say)
     calibrate.py shift DIR                 DIR/dots.csv as the traverse says it: less the focus offset
+    calibrate.py drift FILE FILE           a camera with its lattice 2 px aside
     calibrate.py judge DIR...              how many parameters are within 1, 2, 3 stated uncertainties; which terms grew
 """
 import json
@@ -127,8 +128,16 @@ def judge(folders):
     print("asked for: " + (", ".join(f"{name} {count}" for name, count in grew.items()) or "nothing"))
 
 
+def drift(truth, off):
+    found = json.load(open(truth))
+    found["microlenses"]["offset_mm"] = [1.4 * PIXEL, -2.0 * PIXEL * math.sqrt(1.0 - 0.49)]
+    json.dump(found, open(off, "w"), indent=1)
+
+
 if sys.argv[1] == "draw":
     draw(int(sys.argv[2]), sys.argv[3], len(sys.argv) > 4)
+elif sys.argv[1] == "drift":
+    drift(sys.argv[2], sys.argv[3])
 elif sys.argv[1] == "shift":
     shift(sys.argv[2])
 else:

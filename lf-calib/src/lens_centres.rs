@@ -44,7 +44,7 @@ pub(crate) fn keep_images(camera: &mut Camera, before: &Camera, drift: Drift) {
     let pitch = camera.sensor.pixel_pitch_mm;
     let half = 0.5 * pitch * DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64);
     let radius_mm = before.centres.as_ref().map_or(half.length(), |centres| centres.radius_mm);
-    let degree = before.centres.as_ref().and_then(Centres::degree).unwrap_or(1).max(2).min(MOST_DEGREE);
+    let degree = before.centres.as_ref().and_then(Centres::degree).unwrap_or(1).clamp(2, MOST_DEGREE);
     let size = terms(degree) + 1;
     let mut matrix = DMatrix::<f64>::zeros(size, size);
     let mut right = [DVector::<f64>::zeros(size), DVector::<f64>::zeros(size)];
