@@ -63,7 +63,9 @@ pub(crate) fn choose(
         Some(fit) => fit,
         None => {
             free.clear();
-            bundle.fit(&names(&free), from)?
+            let mut start = *from;
+            groups.iter().flat_map(|group| group.parameters).for_each(|parameter| start.set(*parameter, 0.0));
+            bundle.fit(&names(&free), &start)?
         }
     };
     let mut dropped: Vec<Group> = Vec::new();

@@ -48,8 +48,9 @@ enum Task {
     ///
     /// Free are where the target stands (focus offset, lean, turn), the magnification, and of the rest what the images
     /// clearly ask for: array to sensor distance, focal length, the lattice's offset and rotation, the sensor's tilt,
-    /// distortion, the medium. The lenslets' images stay where a white image has shown them: run `lattice` before. Images
-    /// in which a dot lights fewer than three lenslets across are left out. All images are held in memory.
+    /// distortion, the medium. The lenslets' images stay where a white image has shown them: run `lattice` before. A dot must
+    /// light five lenslets across at two depths or more; images in which it lights no lenslet whole are left out. All
+    /// images are held in memory.
     Volume {
         /// Folder as lf-synth dots writes it, or images of one size, one a depth
         #[arg(required = true, value_name = "DIR|IMAGES")]
@@ -58,7 +59,7 @@ enum Task {
         #[arg(long, value_name = "FILE")]
         target: Option<PathBuf>,
         /// In place of a table: spacing of a square grid of dots with one near the axis, mm
-        #[arg(long, value_name = "MM")]
+        #[arg(long, value_name = "MM", allow_hyphen_values = true)]
         spacing: Option<f64>,
         /// With --spacing: the depth of each image, mm
         #[arg(long, value_name = "Z0,Z1,...", allow_hyphen_values = true)]

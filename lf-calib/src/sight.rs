@@ -2,8 +2,9 @@
 //!
 //! A point out of focus lights many lenslets. Where the whole cell of one of them is lit from inside the stop, its light is
 //! even over the cell and lands on the sensor in proportion, so the middle of its image is where the ray through the
-//! lenslet's centre c lands: `x_m(U) = c` gives U, and U the place on the sensor. Behind a window that is not quite so: at
-//! f/4 behind 150 mm of water the aberration moves it by up to 0.02 px at the rim of the stop, as the cube of the aperture.
+//! lenslet's centre c lands: `x_m(U) = c` gives U, and U the place on the sensor. Behind a window that is not quite so:
+//! aberration spreads the light unevenly, and at f/4 behind 40 mm of water and 10 mm of glass moves it by up to 0.05 px at
+//! the rim of the stop; it falls as the cube of the aperture. It is left out here.
 
 use glam::{DVec2, DVec3};
 use lf_core::optics::Optics;
@@ -230,7 +231,7 @@ pub(crate) mod tests {
             ("gap", |camera| camera.microlenses.gap_mm = Some(0.32)),
             ("medium", |camera| {
                 camera.medium =
-                    Some(Medium { index: 1.333, window_z_mm: 150.0, window_thickness_mm: 20.0, window_index: 1.49 });
+                    Some(Medium { index: 1.333, window_z_mm: 40.0, window_thickness_mm: 10.0, window_index: 1.49 });
             }),
             ("centres", |camera| {
                 let x_mm = vec![0.004, -0.003, 0.002, 0.001, -0.002];
@@ -260,7 +261,7 @@ pub(crate) mod tests {
                         assert!(seen.place_px.distance(sight.place_px(seen.lenslet)) < 1e-12);
                         // Lit whole: as many rays as a cell is large.
                         let wanted = optics.lattice().cell_area_mm2() / (whole.x * sight.spread()).powi(2);
-                        let most = if name == "medium" { 0.3 } else { 0.02 };
+                        let most = if name == "medium" { 0.5 } else { 0.02 };
                         assert!((count / 160_000.0 / wanted - 1.0).abs() < most, "{name} {count}");
                     }
                 }
