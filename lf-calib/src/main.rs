@@ -15,6 +15,8 @@ use std::process::ExitCode;
     max_term_width = 100,
     after_help = "Examples:
   lf-calib lattice white.exr -c nominal.json -o camera.json
+  lf-calib volume target/ -c camera.json -o calibrated.json
+  lf-calib refine frame-*.exr -c calibrated.json --depth -5,5 -o today.json
   lf-calib background frame-*.exr --quantile 0.05 -o background.exr"
 )]
 struct Arguments {
@@ -32,6 +34,56 @@ enum Task {
     /// the microlens focal length and the pixels, which of the offsets and rotations that mean the same lattice is
     /// written, and whatever else is in its file.
     Lattice(doors::Lattice),
+    /// Find the main lens, its distortion and its misalignment from a dot target at known depths
+    ///
+    /// Free are where the target stands (focus offset, lean, turn), the magnification, and of the rest what the images
+    /// clearly ask for: array to sensor distance, focal length, the lattice's offset and rotation, the sensor's tilt,
+    /// distortion, the medium. The lenslets' images stay where a white image has shown them: run `lattice` before. A dot must
+    /// light five lenslets across at two depths or more; images in which it lights no lenslet whole are left out. All
+    /// images are held in memory.
+    Volume {
+        /// Folder as lf-synth dots writes it, or images of one size, one a depth
+        #[arg(required = true, value_name = "DIR|IMAGES")]
+        images: Vec<PathBuf>,
+        /// Table of the dots, frame,id,x_mm,y_mm,z_mm,intensity, a frame an image; a folder has its own, dots.csv
+        #[arg(long, value_name = "FILE")]
+        target: Option<PathBuf>,
+        /// In place of a table: spacing of a square grid of dots with one near the axis, mm
+        #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+        spacing: Option<f64>,
+        /// With --spacing: the depth of each image, mm
+        #[arg(long, value_name = "Z0,Z1,...", allow_hyphen_values = true)]
+        depths: Option<String>,
+        /// Camera to start from, camera.json
+        #[arg(short, long, value_name = "FILE")]
+        camera: PathBuf,
+        /// Calibrated camera.json, - for standard output
+        #[arg(short, long, value_name = "FILE", default_value = "-")]
+        output: PathBuf,
+    },
+    /// Mend what has drifted since the last calibration, from ordinary frames of particles
+    ///
+    /// Where in the stop does the light of bright particles that stand alone come from? Its middle tells where the lattice
+    /// is, its size over the frame whether the sensor has tilted. Offset, rotation and tilt are changed where the particles
+    /// clearly ask for it; magnification, focal length and distortion, for which particles have no scale, are kept. With
+    /// too few particles nothing is written.
+    Refine {
+        /// Frames of one size
+        #[arg(required = true)]
+        frames: Vec<PathBuf>,
+        /// Camera to mend, camera.json
+        #[arg(short, long, value_name = "FILE")]
+        camera: PathBuf,
+        /// Depths that particles are looked for between, mm
+        #[arg(long, value_name = "Z0,Z1", value_parser = cli::numbers::<2>, allow_hyphen_values = true)]
+        depth: [f64; 2],
+        /// Background image, subtracted from each frame
+        #[arg(short, long, value_name = "FILE")]
+        background: Option<PathBuf>,
+        /// Mended camera.json, - for standard output
+        #[arg(short, long, value_name = "FILE", default_value = "-")]
+        output: PathBuf,
+    },
     /// Per-pixel minimum, or a low quantile, of many frames
     ///
     /// Every page of a TIFF is a frame. Frames are read one at a time, those of one page or many; held in memory are that
@@ -56,6 +108,14 @@ fn main() -> ExitCode {
         |arguments: &Arguments| &arguments.common,
         |arguments, session| match &arguments.task {
             Task::Lattice(lattice) => lattice.measure(session),
+            Task::Volume { images, target, spacing, depths, camera, output } => {
+                let target =
+                    doors::Target { table: target.as_deref(), spacing_mm: *spacing, depths_mm: depths.as_deref() };
+                doors::main_lens(images, &target, camera, output, session)
+            }
+            Task::Refine { frames, camera, depth, background, output } => {
+                doors::drift(frames, camera, background.as_deref(), *depth, output, session)
+            }
             Task::Background { frames, quantile, output } => doors::background(frames, *quantile, output, session),
         },
     )

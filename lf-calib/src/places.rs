@@ -31,8 +31,19 @@ impl Places {
 
     /// The lenslet's centre, mm on the array, from its image's, px from the image's left and top edge.
     pub fn lenslet_mm(&self, image_px: DVec2) -> DVec2 {
-        let x = (image_px - self.middle_px) * self.pixel_pitch_mm;
-        x * self.image_distance_mm / (self.image_distance_mm + self.gap_mm + self.slope.dot(x))
+        self.lenslet_from_image((image_px - self.middle_px) * self.pixel_pitch_mm)
+    }
+
+    /// The lenslet's centre from its image's, mm from the sensor's middle.
+    pub fn lenslet_from_image(&self, image_mm: DVec2) -> DVec2 {
+        let distance = self.image_distance_mm + self.gap_mm + self.slope.dot(image_mm);
+        image_mm * self.image_distance_mm / distance
+    }
+
+    /// The image's centre from the lenslet's, mm from the sensor's middle.
+    pub fn image_from_lenslet(&self, lenslet_mm: DVec2) -> DVec2 {
+        let distance = self.image_distance_mm - self.slope.dot(lenslet_mm);
+        lenslet_mm * (self.image_distance_mm + self.gap_mm) / distance
     }
 
     /// Length on the array of a pixel of lenslet images, mm, in the middle of the sensor.
@@ -70,6 +81,8 @@ mod tests {
             for (i, j) in [(0, 0), (19, -12), (-20, 3)] {
                 let centre = camera.lattice().centre_mm(i, j);
                 assert!(places.lenslet_mm(image_px(&optics, centre)).distance(centre) < 1e-12, "{i} {j}");
+                let image = places.image_from_lenslet(centre);
+                assert!(image.distance(optics.sensor_from_array(centre, DVec2::ZERO)) < 1e-12, "{i} {j}");
             }
             let step = places.lenslet_mm(places.middle_px + DVec2::X).x - places.lenslet_mm(places.middle_px).x;
             assert!((step / places.lenslet_mm_per_px() - 1.0).abs() < 1e-5);

@@ -2,9 +2,13 @@
 
 mod background;
 mod lattice;
+mod refine;
+mod volume;
 
 pub use background::background;
 pub use lattice::Lattice;
+pub use refine::drift;
+pub use volume::{Target, main_lens};
 
 use lf_core::camera::Camera;
 use lf_core::cli::Session;

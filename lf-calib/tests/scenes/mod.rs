@@ -1,6 +1,8 @@
 //! White images drawn without the code under test.
 #![allow(dead_code)]
 
+pub mod points;
+
 use glam::DVec2;
 use lf_core::camera::{Aperture, Camera, Layout, MainLens, Microlenses, Sensor};
 use lf_core::optics::Optics;

@@ -1,0 +1,57 @@
+//! `lf-calib refine`.
+
+use super::{check_inputs, with_history};
+use lf_calib::refine;
+use lf_core::camera::Camera;
+use lf_core::cli::{Session, Verdict};
+use lf_core::{Error, Result, image, io};
+use std::path::{Path, PathBuf};
+
+/// Frames of particles and a camera in, the camera without its drift out.
+pub fn drift(
+    frames: &[PathBuf],
+    camera: &Path,
+    background: Option<&Path>,
+    depth_mm: [f64; 2],
+    output: &Path,
+    session: &mut Session,
+) -> Result<Verdict> {
+    let inputs: Vec<&Path> = frames.iter().map(PathBuf::as_path).chain(background).chain([camera]).collect();
+    check_inputs(&inputs)?;
+    session.keep_apart(output, &inputs)?;
+    let nominal = Camera::open(camera)?;
+    let [low, high] = depth_mm;
+    if low >= high || high >= nominal.object_distance_mm() {
+        let found = format!("{low},{high}");
+        return Err(Error::new("--depth", found, "wanted two depths that rise, before the main lens"));
+    }
+    let flat = nominal.flat_field(camera);
+    let images = session.phase("read", |_| {
+        let read = |path: &PathBuf| {
+            let pixels = image::open_frame(path, background, flat.as_deref())?.pixels;
+            nominal.check_image(&io::name(path), pixels.ncols(), pixels.nrows())?;
+            Ok(pixels)
+        };
+        frames.iter().map(read).collect::<Result<Vec<_>>>()
+    })?;
+    let subject = match frames {
+        [frame] => io::name(frame),
+        _ => format!("{} frames", frames.len()),
+    };
+    let found =
+        session.phase("refine", |_| refine(&images, &nominal, depth_mm).map_err(|refusal| refusal.about(&subject)))?;
+    session.count("frames", frames.len());
+    session.count("particles", found.particles);
+    let [before, after] = found.disparity_px;
+    session.explain(format!("{} particles, disparity {before:.3} px RMS before, {after:.3} px after", found.particles));
+    found.changed.iter().for_each(|(name, change, uncertainty)| {
+        session.explain(format!("{name} changed by {change:.7} +- {uncertainty:.7}"));
+    });
+    if found.changed.is_empty() {
+        session.explain("nothing has drifted that these particles could show");
+    }
+    let camera = with_history(found.camera, session);
+    camera.check().map_err(|found| Error::new("the camera found", found, "wanted particles that fit one"))?;
+    session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))?;
+    Ok(Verdict::Done)
+}

@@ -1,0 +1,126 @@
+//! The microlenses behind lenslet images that stay where they are.
+//!
+//! White images measure where lenslets are imaged. When another gap, tilt or image distance is found, the centres have to
+//! move for the images to stay: see [`crate::places`].
+
+use crate::places::Places;
+use glam::DVec2;
+use lf_core::camera::Camera;
+use lf_core::lattice::{Centres, MOST_DEGREE, terms};
+use nalgebra::{DMatrix, DVector};
+
+/// Places a side of the frame that a departure is sampled at.
+const SAMPLES: usize = 13;
+
+/// How lenslet images have moved on the sensor: turned about its middle, then shifted.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Drift {
+    /// Shift, mm.
+    pub shift_mm: DVec2,
+    /// Turn, from x towards y, rad.
+    pub turn_rad: f64,
+}
+
+/// Gives `camera` the lenslets that have their images where `before` has them, moved by `drift`. Lens, gap and tilt of
+/// `camera` are what they are to be; pitch, offset, rotation and centres follow. Right to 1e-5 px.
+pub(crate) fn keep_images(camera: &mut Camera, before: &Camera, drift: Drift) {
+    let (k, k_before) = (camera.demagnification(), before.demagnification());
+    let turn = DVec2::from_angle(drift.turn_rad);
+    // Without tilt the images of a perfect lattice are a perfect lattice.
+    let moved = |perfect: DVec2| (turn.rotate(perfect) * (1.0 + k_before) + drift.shift_mm) / (1.0 + k);
+    camera.microlenses.pitch_mm = before.microlenses.pitch_mm * (1.0 + k_before) / (1.0 + k);
+    camera.microlenses.rotation_rad = before.microlenses.rotation_rad + drift.turn_rad;
+    camera.microlenses.offset_mm = moved(DVec2::from(before.microlenses.offset_mm)).to_array();
+    camera.centres = None;
+    if before.centres.is_none() && camera.tilt.is_none() && before.tilt.is_none() {
+        return;
+    }
+    let (places, places_before) = (Places::new(camera), Places::new(before));
+    let pitch = camera.sensor.pixel_pitch_mm;
+    let half = 0.5 * pitch * DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64);
+    let radius_mm = before.centres.as_ref().map_or(half.length(), |centres| centres.radius_mm);
+    let degree = before.centres.as_ref().and_then(Centres::degree).unwrap_or(1).clamp(2, MOST_DEGREE);
+    let size = terms(degree) + 1;
+    let mut matrix = DMatrix::<f64>::zeros(size, size);
+    let mut right = [DVector::<f64>::zeros(size), DVector::<f64>::zeros(size)];
+    for n in 0..SAMPLES * SAMPLES {
+        let part = DVec2::new((n % SAMPLES) as f64, (n / SAMPLES) as f64) / (SAMPLES - 1) as f64 * 2.0 - 1.0;
+        let perfect = half * part;
+        let centre = perfect + before.centres.as_ref().map_or(DVec2::ZERO, |centres| centres.departure_mm(perfect));
+        let image = turn.rotate(places_before.image_from_lenslet(centre)) + drift.shift_mm;
+        let (place, wanted) = (moved(perfect), places.lenslet_from_image(image));
+        let q = place / radius_mm;
+        let line = DVector::from_iterator(
+            size,
+            (0..=degree).flat_map(|d| (0..=d).map(move |b| q.x.powi((d - b) as i32) * q.y.powi(b as i32))),
+        );
+        matrix.ger(1.0, &line, &line, 1.0);
+        right[0].axpy(wanted.x - place.x, &line, 1.0);
+        right[1].axpy(wanted.y - place.y, &line, 1.0);
+    }
+    let Some(factors) = matrix.cholesky() else { return };
+    let [x, y] = right.map(|right| factors.solve(&right));
+    // A departure has no constant: that is an offset.
+    camera.microlenses.offset_mm[0] += x[0];
+    camera.microlenses.offset_mm[1] += y[0];
+    let tail = |all: DVector<f64>| all.iter().skip(1).copied().collect();
+    camera.centres = Some(Centres { radius_mm, x_mm: tail(x), y_mm: tail(y) });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sight::tests::seed;
+    use lf_core::camera::{Layout, Tilt};
+    use lf_core::optics::Optics;
+
+    /// Farthest that the images of the same lenslets are apart, px.
+    fn apart_px(one: &Camera, other: &Camera, drift: Drift) -> f64 {
+        let images = |camera: &Camera| {
+            let optics = Optics::new(camera);
+            move |i: i64, j: i64| optics.sensor_from_array(optics.lattice().centre_mm(i, j), DVec2::ZERO)
+        };
+        let (one, other) = (images(one), images(other));
+        let turn = DVec2::from_angle(drift.turn_rad);
+        (-60..60)
+            .flat_map(|i| (-60..60).map(move |j| (i, j)))
+            .map(|(i, j)| (turn.rotate(one(i, j)) + drift.shift_mm).distance(other(i, j)) / 0.0055)
+            .fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn images_stay_while_the_lens_behind_them_changes() {
+        for layout in [Layout::Square, Layout::Hexagonal] {
+            let mut plain = seed(120, layout);
+            plain.microlenses.offset_mm = [0.012, -0.02];
+            plain.microlenses.rotation_rad = 0.003;
+            let mut bent = plain.clone();
+            let x_mm = vec![0.004, -0.003, 0.002, 0.001, -0.002, 0.0015, -0.001, 0.0005, 0.001];
+            let y_mm = x_mm.iter().rev().copied().collect();
+            bent.centres = Some(Centres { radius_mm: 6.5, x_mm, y_mm });
+            bent.tilt = Some(Tilt { x_rad: 0.01, y_rad: 0.004 });
+            for before in [plain, bent] {
+                for drift in [Drift::default(), Drift { shift_mm: DVec2::new(0.011, -0.004), turn_rad: 1e-3 }] {
+                    let mut camera = before.clone();
+                    camera.main_lens.magnification = 1.02;
+                    camera.microlenses.gap_mm = Some(0.32);
+                    keep_images(&mut camera, &before, drift);
+                    assert!(apart_px(&before, &camera, drift) < 1e-3);
+                    camera.tilt = Some(Tilt { x_rad: -0.005, y_rad: 0.007 });
+                    keep_images(&mut camera, &before, drift);
+                    let apart = apart_px(&before, &camera, drift);
+                    assert!(apart < 1e-3, "{apart}");
+                    camera.check().unwrap();
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_changed_is_nothing_changed() {
+        let before = seed(40, Layout::Square);
+        let mut camera = before.clone();
+        keep_images(&mut camera, &before, Drift::default());
+        assert_eq!(camera, before);
+    }
+}

@@ -1,0 +1,50 @@
+//! A drift taken away by particles, and none taken away where there are too few of them.
+
+mod scenes;
+
+use glam::DVec3;
+use lf_calib::refine;
+use lf_core::camera::Camera;
+use ndarray::Array2;
+use scenes::points;
+
+fn frames(truth: &Camera, count: usize) -> Vec<Array2<f32>> {
+    let mut state = 9;
+    let mut signed = || 2.0 * scenes::uniform(&mut state) - 1.0;
+    (0..2)
+        .map(|_| {
+            let places: Vec<DVec3> = (0..count)
+                .map(|n| {
+                    DVec3::new(1.7 * signed(), 1.7 * signed(), if n % 2 == 0 { 3.2 } else { -3.2 } + 0.8 * signed())
+                })
+                .collect();
+            points::image(truth, &places, 0.004, 2e5)
+        })
+        .collect()
+}
+
+#[test]
+fn a_drift_of_two_pixels_is_taken_away() {
+    let truth = points::camera(70);
+    let mut drifted = truth.clone();
+    drifted.microlenses.offset_mm = [0.0077, -0.0077];
+    let frames = frames(&truth, 24);
+    let found = refine(&frames, &drifted, [-4.5, 4.5]).unwrap();
+    let left_px = found.camera.microlenses.offset_mm.map(|offset| offset / 0.0055);
+    println!("{} particles, left {left_px:?} px, {:?}", found.particles, found.changed);
+    assert!(left_px.iter().all(|left| left.abs() < 0.06), "{left_px:?} px");
+    assert!(found.disparity_px[0] > 1.8 && found.disparity_px[1] < 0.4, "{:?}", found.disparity_px);
+    // The camera that saw the frames has nothing to mend.
+    let same = refine(&frames, &truth, [-4.5, 4.5]).unwrap();
+    assert!(same.changed.is_empty(), "{:?}", same.changed);
+    assert_eq!(same.camera.microlenses, truth.microlenses);
+}
+
+#[test]
+fn too_few_particles_are_refused() {
+    let truth = points::camera(70);
+    let refusal = refine(&frames(&truth, 4), &truth, [-4.5, 4.5]).unwrap_err();
+    assert!(refusal.found.ends_with("isolated bright particles in 2 frames"), "{refusal:?}");
+    let dark = Array2::from_elem((980, 980), 3.0);
+    assert_eq!(refine(&[dark], &truth, [-4.5, 4.5]).unwrap_err().found, "0 isolated bright particles in 1 frames");
+}

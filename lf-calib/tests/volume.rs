@@ -1,0 +1,97 @@
+//! A misaligned camera found again from images of a dot target, end to end.
+
+mod scenes;
+
+use glam::DVec3;
+use lf_calib::{Dot, Exposure, volume};
+use lf_core::camera::{Camera, Distortion};
+use ndarray::Array2;
+use scenes::points;
+
+const DEPTHS_MM: [f64; 4] = [-4.0, -2.8, 2.8, 4.0];
+const LENSLETS: usize = 60;
+
+/// Images by `truth` of a target that stands at `offset` from where its table has it.
+fn exposures(truth: &Camera, offset: DVec3) -> Vec<Exposure> {
+    DEPTHS_MM
+        .iter()
+        .map(|&z| {
+            let dots = points::grid(5, 0.83, z);
+            let places: Vec<DVec3> = dots.iter().map(|dot| *dot + offset).collect();
+            let mut pixels = points::image(truth, &places, 0.03, 4e5);
+            scenes::noisy(&mut pixels, 0.01);
+            let dots = dots.iter().zip(0..).map(|(dot, id)| Dot { id, place_mm: dot.to_array() }).collect();
+            Exposure { pixels, dots }
+        })
+        .collect()
+}
+
+const OFFSET: DVec3 = DVec3::new(0.13, -0.07, 0.15);
+
+#[test]
+fn a_perfect_camera_grows_nothing() {
+    let truth = points::camera(LENSLETS);
+    let found = volume(&exposures(&truth, OFFSET), &truth).unwrap();
+    assert!(found.asked.is_empty(), "{:?}", found.asked);
+    assert_eq!(found.used, [0, 1, 2, 3]);
+    assert_eq!(found.dots, 25);
+    assert!(found.camera.distortion.is_none() && found.camera.tilt.is_none() && found.camera.centres.is_none());
+    assert!((found.camera.main_lens.magnification - 1.0).abs() < 1e-4);
+    let focus = found.values.iter().find(|(name, _, _)| *name == "focus_offset_mm").unwrap();
+    assert!((focus.1 - 0.15).abs() < 3.0 * focus.2 + 1e-3, "{focus:?}");
+    assert!(found.rms_px[1] < 0.05, "{:?}", found.rms_px);
+}
+
+#[test]
+fn what_is_off_is_found_within_its_uncertainty() {
+    let nominal = points::camera(LENSLETS);
+    let mut truth = nominal.clone();
+    truth.main_lens.magnification = 1.008;
+    truth.microlenses.gap_mm = Some(0.302);
+    let k = truth.demagnification();
+    truth.microlenses.pitch_mm *= (1.0 + nominal.demagnification()) / (1.0 + k);
+    truth.microlenses.rotation_rad = 8e-4;
+    truth.distortion = Some(Distortion { radial: [40.0, 0.0, 0.0], tangential: [0.0; 2] });
+    let found = volume(&exposures(&truth, OFFSET), &nominal).unwrap();
+    let wanted =
+        [("magnification", 1.008), ("gap_mm", 0.302), ("rotation_rad", 8e-4), ("k1", 40.0), ("focus_offset_mm", 0.15)];
+    for (name, wanted) in wanted {
+        let (_, value, uncertainty) = found.values.iter().find(|(known, _, _)| *known == name).unwrap();
+        let off = (value - wanted).abs() / uncertainty;
+        assert!(off < 4.0, "{name}: {value} +- {uncertainty}, not {wanted}");
+    }
+    assert!(!found.asked.contains(&"k2") && !found.asked.contains(&"p1"), "{:?}", found.asked);
+    let [before, after, _] = found.rms_px;
+    assert!(before > 10.0 * after && after < 0.05, "{:?}", found.rms_px);
+    found.camera.check().unwrap();
+}
+
+#[test]
+fn images_without_the_target_are_refused() {
+    let nominal = points::camera(LENSLETS);
+    let mut seen = exposures(&nominal, OFFSET);
+    // Bright particles are no target.
+    let mut state = 4;
+    let mut anywhere = || 3.8 * (scenes::uniform(&mut state) - 0.5);
+    let scattered: Vec<DVec3> = (0..25).map(|_| DVec3::new(anywhere(), anywhere(), 2.8)).collect();
+    seen[2].pixels = points::image(&nominal, &scattered, 0.03, 4e5);
+    let (image, refusal) = volume(&seen, &nominal).unwrap_err();
+    assert_eq!(image, Some(2));
+    assert!(refusal.found.starts_with("no target"), "{refusal:?}");
+    seen[2].pixels = Array2::from_elem(seen[2].pixels.dim(), 20.0);
+    assert_eq!(volume(&seen, &nominal).unwrap_err().0, Some(2));
+    let (image, refusal) = volume(&seen[..1], &nominal).unwrap_err();
+    assert_eq!(image, None);
+    assert_eq!(refusal.found, "1 of 1 images at depths out of focus");
+}
+
+/// A target whose depths are not what they are said to be is a target that no camera has seen.
+#[test]
+fn depths_out_of_order_are_no_camera() {
+    let nominal = points::camera(LENSLETS);
+    let mut seen = exposures(&nominal, OFFSET);
+    for (n, exposure) in seen.iter_mut().enumerate() {
+        exposure.dots.iter_mut().for_each(|dot| dot.place_mm[2] = DEPTHS_MM[3 - n]);
+    }
+    assert!(volume(&seen, &nominal).is_err());
+}
