@@ -4,6 +4,7 @@
     calibrate.py draw SEED DIR [perfect]   DIR/scene.json (the truth) and DIR/nominal.json (what a maker would say)
     calibrate.py shift DIR                 DIR/dots.csv as the traverse says it: less the focus offset
     calibrate.py drift FILE FILE           a camera with its lattice 2 px aside
+    calibrate.py whole DIR                 a camera with everything amiss: DIR/scene.json and DIR/nominal.json
     calibrate.py judge DIR...              how many parameters are within 1, 2, 3 stated uncertainties; which terms grew
 """
 import json
@@ -134,10 +135,42 @@ def drift(truth, off):
     json.dump(found, open(off, "w"), indent=1)
 
 
+def whole(folder):
+    """A hexagonal array turned by 3 mrad that strays from its lattice by 2 px, behind a lens that strays by 3 px and off by
+    0.6 % in scale, before a sensor 1 % too far and tilted by 2 and -1 mrad; particles in a box away from the axis."""
+    radius = 0.5 * math.hypot(1.0, 1.0) * LENSLETS * PITCH_PX * PIXEL
+    corner = radius / 400.0
+    truth = camera(
+        200.0, 1.006, 0.311, 0.077, [0.011, -0.007], 0.003, [0.002, -0.001], 3.0 * PIXEL / (400.0 * corner**3), [0.0, 0.0]
+    )
+    nominal = camera(200.0, 1.0, 0.308, 0.077, [0.0, 0.0], 0.0, [0.0, 0.0], 0.0, [0.0, 0.0])
+    for either in (truth, nominal):
+        either["microlenses"]["layout"] = "hexagonal"
+    truth["centres"] = {
+        "radius_mm": radius, "x_mm": [0.004, 0.001, 0.006, -0.003, 0.002], "y_mm": [0.002, -0.005, 0.001, 0.004, -0.003]
+    }
+    scene = {
+        "camera": truth,
+        "volume": {"x_mm": [1.6, 3.0], "y_mm": [-3.0, -1.6], "z_mm": [-5.0, 5.0]},
+        "particles": {"per_lenslet": 0.1, "sigma_px": 0.75, "intensity": 100000.0, "rays": 200000},
+        "truth": {"pixels_per_voxel": [1.0, 1.0, 10.0], "sigma_vox": 0.75, "vectors": [5, 5, 5]},
+        "frames": 1,
+        "dots": {
+            "spacing_mm": 1.1, "diameter_mm": 0.05, "depths_mm": [-4.0, -2.7, -1.3, 1.3, 2.7, 4.0], "intensity": 500000.0
+        },
+        "seed": 1,
+    }
+    json.dump(scene, open(f"{folder}/scene.json", "w"), indent=1)
+    json.dump({**scene, "sensor_noise": NOISE}, open(f"{folder}/noisy.json", "w"), indent=1)
+    json.dump(nominal, open(f"{folder}/nominal.json", "w"), indent=1)
+
+
 if sys.argv[1] == "draw":
     draw(int(sys.argv[2]), sys.argv[3], len(sys.argv) > 4)
 elif sys.argv[1] == "drift":
     drift(sys.argv[2], sys.argv[3])
+elif sys.argv[1] == "whole":
+    whole(sys.argv[2])
 elif sys.argv[1] == "shift":
     shift(sys.argv[2])
 else:

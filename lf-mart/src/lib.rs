@@ -123,7 +123,8 @@ const GREATEST_STRENGTH: f32 = 1e20;
 /// What a voxel begins with that a [`Start`] does not name, as a share of its brightest.
 const DIM: f32 = 1e-3;
 
-/// Solves for the intensities of the voxels `indices` (rising) of `grid`. `done` is told of each sweep.
+/// Solves for the intensities of the voxels `indices` (rising) of `grid`. `done` is told of each sweep. Pixels that are NaN
+/// are blind: they move no voxel.
 ///
 /// # Errors
 /// Where the grid is too deep for the camera, an index lies outside it, or memory does not suffice.
@@ -164,7 +165,7 @@ pub fn reconstruct(
 
 /// What a method is given.
 pub(crate) struct Problem<'a> {
-    /// The brightest pixel is 1.
+    /// The brightest pixel is 1; a blind one is NaN.
     pub(crate) image: Array2<f32>,
     /// Counts of the brightest pixel.
     pub(crate) unit: f64,
@@ -178,7 +179,7 @@ impl Problem<'_> {
     /// Strengths to begin with: those of the start, or an even volume of the image's light.
     pub(crate) fn first_strengths(&self) -> Vec<f32> {
         let Some(start) = self.start else {
-            let total: f64 = self.image.iter().map(|value| f64::from(*value)).sum();
+            let total: f64 = self.image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
             return vec![(total / self.indices.len().max(1) as f64) as f32; self.indices.len()];
         };
         let in_units = |intensity: f32| ((f64::from(intensity) / self.unit) as f32).clamp(0.0, GREATEST_STRENGTH);

@@ -98,7 +98,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<S
         let (mut off, mut all, mut pixels) = (0.0, 0.0, 0);
         for (pixel, measured) in image.iter().enumerate() {
             let weights = &stored[starts[pixel] as usize..starts[pixel + 1] as usize];
-            if weights.is_empty() {
+            if weights.is_empty() || measured.is_nan() {
                 continue;
             }
             let projected: f32 = weights.iter().map(|w| w.weight * strengths[w.voxel as usize]).sum();

@@ -68,7 +68,10 @@ fn compare(problem: &Problem, rows: RowSet, plane: &mut Plane) -> Misfit {
         .map(|(row, projected)| {
             let mut misfit = Misfit::default();
             for (value, &pixel) in projected[..width].iter_mut().zip(problem.image.row(row)) {
-                if *value > 0.0 {
+                if pixel.is_nan() {
+                    // Blind: as bright as is foretold.
+                    *value = if ratios { 1.0 } else { 0.0 };
+                } else if *value > 0.0 {
                     misfit.off += f64::from(pixel - *value).powi(2);
                     misfit.all += f64::from(pixel).powi(2);
                     misfit.pixels += 1;

@@ -63,7 +63,8 @@ pub struct Support {
 /// A slice's voxels as (x + nx y, score), rising.
 type Slice = Vec<(u32, f32)>;
 
-/// Scores the voxels of `grid` against an image of the camera's size and keeps those that may hold light.
+/// Scores the voxels of `grid` against an image of the camera's size and keeps those that may hold light. A pixel that is
+/// NaN is blind: it speaks against no voxel.
 /// `done` is told how many slices are finished. The work is a few additions a voxel for a square lattice in line with the
 /// pixels; for another, one for each section of the aperture and each lenslet that its rays from a line of voxels pass;
 /// and with a medium, distortion, tilt or gap, up to one ray for each section and voxel.
@@ -147,6 +148,8 @@ impl<'a> Levels<'a> {
         let level = |pixel: &f32| {
             let share = f64::from(*pixel) / peak;
             match options.score {
+                // A blind pixel speaks against no voxel.
+                _ if share.is_nan() => 0,
                 Score::Geometric => (share.max(options.dark).ln() * unit).round() as i32,
                 Score::Share(_) => -i32::from(share < options.threshold || share <= 0.0),
             }

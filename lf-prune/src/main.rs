@@ -4,6 +4,7 @@ use clap::{Parser, ValueEnum};
 use lf_core::camera::Camera;
 use lf_core::cli::{self, Common, Session, Verdict, numbers};
 use lf_core::grid::Grid;
+use lf_core::volume::Volume;
 use lf_core::{Error, Result, image, io, particles, volume};
 use lf_prune::{Automatic, DARK, Options, Score, prune};
 use ndarray::ArrayView2;
@@ -34,11 +35,14 @@ struct Arguments {
     #[arg(long, value_name = "X,Y,Z", default_value = "1,1,10", value_parser = numbers::<3>, allow_hyphen_values = true)]
     pvr: [f64; 3],
     /// Depth of the volume, mm; towards the camera is positive
-    #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true)]
-    depth: [f64; 2],
+    #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true, required_unless_present = "like")]
+    depth: Option<[f64; 2]>,
     /// Sides of the volume, mm [default: what the sensor sees of the focal plane]
     #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
+    /// Volume (.lfv) whose voxels to take, for volumes by one camera and another to compare
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pvr", "depth", "bounds"])]
+    like: Option<PathBuf>,
     /// How the pixels of a voxel become its score
     #[arg(long, value_enum, default_value_t = ScoreName::Geometric)]
     score: ScoreName,
@@ -105,6 +109,21 @@ impl Arguments {
         }
     }
 
+    fn grid(&self, camera: &Camera) -> Result<Grid> {
+        let Some(depth) = self.depth else {
+            let like = self.like.as_deref().expect("clap wants one of them");
+            return Ok(Volume::open(like)?.grid().clone());
+        };
+        let [half_x, half_y] = camera.half_view_mm();
+        let [x0, x1, y0, y1] = self.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
+        Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(self.pvr))
+            .map_err(|found| Error::new("--pvr, --depth, --bounds", found, "wanted a grid with voxels"))
+    }
+
+    fn depth_name(&self) -> String {
+        self.like.as_deref().map_or_else(|| "--depth".to_string(), io::name)
+    }
+
     fn options(&self, image: ArrayView2<f32>, session: &mut Session) -> Options {
         let threshold = self.typed().unwrap_or_else(|| {
             let found = Automatic::new(image);
@@ -137,7 +156,9 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     arguments.check()?;
     let mut inputs = vec![arguments.image.as_path(), arguments.camera.as_path()];
-    inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.truth.as_deref()));
+    inputs.extend(
+        [&arguments.background, &arguments.truth, &arguments.like].into_iter().flat_map(|file| file.as_deref()),
+    );
     session.keep_apart(&arguments.output, &inputs)?;
     let name = io::name(&arguments.image);
     let (camera, image) = session.phase("read", |_| {
@@ -151,15 +172,12 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         camera.check_image(&name, width, height)?;
         Ok((camera, image))
     })?;
-    let [half_x, half_y] = camera.half_view_mm();
-    let [x0, x1, y0, y1] = arguments.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
-    let grid = Grid::in_bounds([[x0, x1], [y0, y1], arguments.depth], camera.voxel_spacing_mm(arguments.pvr))
-        .map_err(|found| Error::new("--pvr, --depth, --bounds", found, "wanted a grid with voxels"))?;
+    let grid = arguments.grid(&camera)?;
     let options = arguments.options(image.pixels.view(), session);
     let support = session.phase("prune", |session| {
         let progress = session.progress("pruning", grid.shape[2] as u64);
         prune(image.pixels.view(), &camera, &grid, &options, |slices| progress.add(slices))
-            .map_err(|found| Error::new("--depth", found, "wanted a volume before the lens"))
+            .map_err(|found| Error::new(arguments.depth_name(), found, "wanted a volume before the lens"))
     })?;
     let (kept, all) = (support.indices.len(), grid.len());
     session.count("voxels", all);

@@ -200,3 +200,19 @@ fn lines_may_leave_the_rows_of_lenslets() {
         }
     }
 }
+
+/// A pixel of NaN is blind: a voxel is kept as if it were as bright as any.
+#[test]
+fn blind_pixels_speak_against_no_voxel() {
+    let (camera, grid) = (camera("circle", "hexagonal", 0.003), grid());
+    let even = Array2::from_elem((252, 280), 1f32);
+    let mut dead = even.clone();
+    dead.slice_mut(ndarray::s![120..134, ..]).fill(0.0);
+    let mut blind = even.clone();
+    blind.slice_mut(ndarray::s![120..134, ..]).fill(f32::NAN);
+    for options in &RULES[..3] {
+        let count = |image: &Array2<f32>| prune(image.view(), &camera, &grid, options, |_| ()).unwrap().indices.len();
+        assert!(count(&dead) < count(&even), "{options:?}");
+        assert_eq!(count(&blind), count(&even), "{options:?}");
+    }
+}

@@ -19,10 +19,10 @@ pub struct Automatic {
 const PART: f64 = 0.2;
 
 impl Automatic {
-    /// The threshold for an image, shape (height, width), not negative.
+    /// The threshold for an image, shape (height, width), not negative; NaN is a blind pixel.
     pub fn new(image: ArrayView2<f32>) -> Self {
         let (mut light, mut squares, mut peak) = (0f64, 0f64, 0f64);
-        for value in image {
+        for value in image.iter().filter(|value| !value.is_nan()) {
             let value = f64::from(*value);
             light += value;
             squares += value * value;

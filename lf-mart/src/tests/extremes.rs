@@ -172,3 +172,33 @@ fn sweeps_end_when_they_are_told_to() {
     let noise = run(&image, Until::Noise(20.0));
     assert!(noise.len() < stalled.len(), "{} against {}", noise.len(), stalled.len());
 }
+
+/// A dead lenslet's pixels, 0 counts, put out what they should see; as blind ones they do not.
+#[test]
+fn blind_pixels_say_nothing() {
+    let grid = grid();
+    let indices = voxels(&grid);
+    let strengths: Vec<f32> = (0..indices.len()).map(|n| 500.0 + 1000.0 * hash(n)).collect();
+    for camera in cameras() {
+        let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+        for method in METHODS {
+            let weights = if method == Method::Mart { matrix } else { matrix_by_lenslets };
+            let mut image = image_of(&weights(&footprint, &indices), &strengths, 168);
+            let options = options(method, 40);
+            let off = |image: &Array2<f32>| {
+                let found = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+                let error = |(index, value): (&u64, &f32)| {
+                    f64::from(strengths[indices.binary_search(index).unwrap()] - value).powi(2)
+                };
+                (found.indices.iter().zip(&found.intensity).map(error).sum::<f64>()).sqrt()
+            };
+            let whole = off(&image);
+            let dead = |image: &mut Array2<f32>, value: f32| image.slice_mut(ndarray::s![77..91, 80..101]).fill(value);
+            dead(&mut image, 0.0);
+            let black = off(&image);
+            dead(&mut image, f32::NAN);
+            let blind = off(&image);
+            assert!(blind.is_finite() && blind < 1.5 * whole + 0.2 * black, "{method:?}: {whole} {black} {blind}");
+        }
+    }
+}
