@@ -134,7 +134,7 @@ impl Lattice {
 
     /// From a centre of the perfect lattice to the lenslet's, mm.
     #[inline]
-    fn departed(&self, perfect_mm: DVec2) -> DVec2 {
+    pub fn departed(&self, perfect_mm: DVec2) -> DVec2 {
         match &self.centres {
             None => perfect_mm,
             Some(centres) => perfect_mm + centres.departure_mm(perfect_mm),

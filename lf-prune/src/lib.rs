@@ -67,7 +67,7 @@ type Slice = Vec<(u32, f32)>;
 /// NaN is blind: it speaks against no voxel.
 /// `done` is told how many slices are finished. The work is a few additions a voxel for a square lattice in line with the
 /// pixels; for another, one for each section of the aperture and each lenslet that its rays from a line of voxels pass;
-/// and with a medium, distortion, tilt or gap, up to one ray for each section and voxel.
+/// and with a medium, tilt or gap, up to one ray for each section and voxel.
 ///
 /// # Errors
 /// Where the grid is too deep, or a slice has 2^32 voxels or more.
@@ -89,8 +89,8 @@ pub fn prune(
     }
     let levels = Levels::new(image, peak, options);
     let straight = camera.in_line();
-    let views = (straight.is_none() && camera.bends().is_none() && camera.centres.is_none())
-        .then(|| Views::new(&levels, camera));
+    let is_bent = camera.bends().is_some_and(|block| block != DISTORTION);
+    let views = (straight.is_none() && !is_bent).then(|| Views::new(&levels, camera));
     let slices: Vec<Slice> = (0..nz)
         .into_par_iter()
         .map(|z| {
@@ -128,6 +128,9 @@ impl Support {
         (inside, lost)
     }
 }
+
+/// The block by which rays bend that tiles follow, [`Camera::bends`]'s last.
+const DISTORTION: &str = "distortion";
 
 /// The image as whole numbers of at most 0 that scores add up, and the rule for keeping.
 struct Levels<'a> {

@@ -216,3 +216,36 @@ fn blind_pixels_speak_against_no_voxel() {
         assert_eq!(count(&blind), count(&even), "{options:?}");
     }
 }
+
+/// Where voxels are moved tile by tile some rays pass another lenslet: nearly the same voxels, with nearly the same scores.
+#[test]
+fn tiles_follow_distortion_and_departures() {
+    use lf_core::camera::Distortion;
+    use lf_core::lattice::Centres;
+    let image = speckle();
+    let grid = Grid::in_bounds([[-0.6, 0.6], [-0.5, 0.5], [-4.0, 4.0]], [0.0055, 0.0055, 0.4]).unwrap();
+    for (layout, turn) in [("square", 0.003), ("hexagonal", -0.02)] {
+        let mut camera = camera("circle", layout, turn);
+        // Some 3 px at the corners by each.
+        camera.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] });
+        camera.centres = Some(Centres {
+            radius_mm: 1.0,
+            x_mm: vec![0.003, -0.002, 0.008, 0.002, -0.006],
+            y_mm: vec![-0.002, 0.003, 0.004, -0.003, 0.007],
+        });
+        camera.check().unwrap();
+        let options = Options { threshold: 0.37, ..PLAIN };
+        let levels = Levels::new(image.view(), 1.0, &options);
+        let views = Views::new(&levels, &camera);
+        for z in [0, 7, 10, 19] {
+            let fast = lines::slice(&levels, &camera, &views, &grid, z);
+            let slow = scattered::slice(&levels, &camera, &grid, z);
+            let scores: std::collections::BTreeMap<u32, f32> = slow.iter().copied().collect();
+            let both = fast.iter().filter(|(place, _)| scores.contains_key(place)).count() as f64;
+            let all = fast.len().max(slow.len()) as f64;
+            println!("{layout} {z}: {} {} {both}", fast.len(), slow.len());
+            assert!(fast.is_sorted_by_key(|(place, _)| *place));
+            assert!(both > 0.9 * all, "{layout} {z}: {both} of {} and {}", fast.len(), slow.len());
+        }
+    }
+}

@@ -57,9 +57,16 @@ pub(crate) fn per_step(step: f64) -> f64 {
     (1.0 / step).clamp(-LARGEST, LARGEST)
 }
 
+/// The camera without what moves lenslets or voxels by little from one to the next.
+pub(crate) fn straightened(camera: &Camera) -> Camera {
+    Camera { centres: None, distortion: None, ..camera.clone() }
+}
+
 impl Views {
-    /// For a camera whose rays are straight: see [`Camera::beyond_weights`].
+    /// For a camera whose rays are straight but for distortion: see [`Camera::bends`]. Places are those of the perfect
+    /// lattice, from which lenslets may depart.
     pub(crate) fn new(levels: &Levels, camera: &Camera) -> Self {
+        let (measured, camera) = (camera.lattice(), &straightened(camera));
         let optics = Optics::new(camera);
         let lattice = camera.lattice();
         let cell_mm = lattice.cell_mm();
@@ -79,7 +86,10 @@ impl Views {
         let cell_reach = cell_mm.iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
         let [width, height] = optics.sensor_px();
         let half_sensor = 0.5 * camera.sensor.pixel_pitch_mm * DVec2::new(width as f64, height as f64);
-        let sides = half_sensor + k * optics.half_aperture_mm() + cell_reach;
+        let departure = |side: DVec2| (measured.departed(side * half_sensor) - side * half_sensor).abs().max_element();
+        let departures = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)].map(departure);
+        let departure = departures.iter().fold(0.0, |most: f64, departure| most.max(2.0 * departure));
+        let sides = half_sensor + k * optics.half_aperture_mm() + cell_reach + departure;
         let corners = [sides, DVec2::new(sides.x, -sides.y)];
         let reach_rows = corners.map(|corner| (along_mm.perp_dot(corner) / along_mm.perp_dot(across_mm)).abs());
         let middle_row = -along_mm.perp_dot(origin_mm) / along_mm.perp_dot(across_mm);
@@ -113,7 +123,7 @@ impl Views {
         lights.par_chunks_mut(length).zip(&mut several).enumerate().for_each(|(n, (lights, several))| {
             let (section_mm, row) = (views.sections_mm[n / count], n % count);
             for (light, lenslet) in lights.iter_mut().zip(views.first[row]..) {
-                let centre = views.centre_mm(lenslet, first_row + row as i64);
+                let centre = measured.departed(views.centre_mm(lenslet, first_row + row as i64));
                 let place = optics.place_px(centre + k * (centre - section_mm));
                 match light_of(levels, place, reach_px, [width, height]) {
                     Some(found) => *light = found,

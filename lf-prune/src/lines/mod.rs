@@ -8,14 +8,16 @@
 //! [`crate::scattered`].
 
 mod rays;
+mod tiles;
 
 use crate::cell::{Cell, EDGES, Edge};
-use crate::views::{SEEN, Views, between, per_step};
+use crate::views::{SEEN, Views, between, per_step, straightened};
 use crate::{Levels, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use lf_core::kernel::fastest;
+use lf_core::lattice::Lattice;
 use lf_core::optics::Optics;
 use std::ops::Range;
 
@@ -34,7 +36,10 @@ struct Lines<'a> {
     views: &'a Views,
     grid: &'a Grid,
     optics: Optics,
-    /// A ray meets the array at -beta X + alpha U.
+    /// Where lenslets really are.
+    measured: Lattice,
+    /// A ray meets the perfect lattice at -beta X + alpha U + shift.
+    shift_mm: DVec2,
     alpha: f64,
     beta: f64,
     pixels_per_mm: f64,
@@ -98,7 +103,15 @@ struct Section {
 
 /// The voxels of a slice that are kept, with their scores.
 pub(crate) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize) -> Slice {
-    let lines = Lines::new(levels, camera, views, grid, z);
+    if camera.centres.is_some() || camera.distortion.is_some() {
+        return tiles::slice(levels, camera, views, grid, z);
+    }
+    shifted(levels, camera, views, grid, z, DVec2::ZERO)
+}
+
+/// The same where all rays meet the perfect lattice `shift_mm` beside where straight ones would.
+fn shifted(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize, shift_mm: DVec2) -> Slice {
+    let lines = Lines::new(levels, camera, views, grid, z, shift_mm);
     let mut kept = Slice::new();
     fastest(
         #[inline(always)]
@@ -108,7 +121,8 @@ pub(crate) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid
 }
 
 impl<'a> Lines<'a> {
-    fn new(levels: &'a Levels, camera: &Camera, views: &'a Views, grid: &'a Grid, z: usize) -> Self {
+    fn new(levels: &'a Levels, camera: &Camera, views: &'a Views, grid: &'a Grid, z: usize, shift_mm: DVec2) -> Self {
+        let (measured, camera) = (camera.lattice(), &straightened(camera));
         let optics = Optics::new(camera);
         let z_mm = grid.centre_mm(2, z);
         let spacing = DVec2::new(grid.spacing_mm[0], grid.spacing_mm[1]);
@@ -117,8 +131,9 @@ impl<'a> Lines<'a> {
         let corners: Vec<DVec2> = camera.lattice().cell_mm().iter().map(|corner| *corner * voxels_per_mm).collect();
         let (along, across) = (views.along_mm * voxels_per_mm, views.across_mm * voxels_per_mm);
         let per_across = DVec2::new(-along.y, along.x) / along.perp_dot(across);
-        let origin =
-            |section: &DVec2| (views.origin_mm - optics.alpha(z_mm) * section) * voxels_per_mm - first / spacing;
+        let origin = |section: &DVec2| {
+            (views.origin_mm - optics.alpha(z_mm) * section - shift_mm) * voxels_per_mm - first / spacing
+        };
         let cell = Cell::new(&corners);
         let per_along_row = DVec2::new(across.y, -across.x) / along.perp_dot(across);
         let neighbour = |edge: &Edge| Neighbour {
@@ -137,6 +152,8 @@ impl<'a> Lines<'a> {
             levels,
             views,
             grid,
+            measured,
+            shift_mm,
             alpha: optics.alpha(z_mm),
             beta: optics.beta(z_mm),
             pixels_per_mm: 1.0 / camera.sensor.pixel_pitch_mm,

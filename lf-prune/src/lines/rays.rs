@@ -35,7 +35,15 @@ impl Lines<'_> {
     pub(super) fn array_mm(&self, section: &Section, x: usize) -> DVec2 {
         let point = DVec2::new(self.grid.centre_mm(0, x), self.grid.centre_mm(1, section.y));
         // As [`lf_core::optics::Optics::array_from_object`], to the bit.
-        -self.beta * point + self.alpha * self.views.sections_mm[section.section]
+        -self.beta * point + self.alpha * self.views.sections_mm[section.section] + self.shift_mm
+    }
+
+    /// Where a ray that meets the array at a place of the perfect lattice meets the sensor: by the lenslet that departs from
+    /// `centre_mm` with all that its cell holds. As [`lf_core::optics::Optics::sensor_from_array`], to the bit.
+    #[inline(always)]
+    fn sensor_mm(&self, centre_mm: DVec2, array_mm: DVec2, section_mm: DVec2) -> DVec2 {
+        let departed = self.measured.departed(centre_mm);
+        departed + self.optics.demagnification() * (array_mm + (departed - centre_mm) - section_mm)
     }
 
     /// Notes the rays through one lenslet where they may meet more than one pixel; `centre` is its, from the line's first
@@ -60,8 +68,9 @@ impl Lines<'_> {
         let section_mm = self.views.sections_mm[section.section];
         let [width, height] = self.optics.sensor_px().map(|side| side as f64);
         let k_px = self.optics.demagnification() * self.pixels_per_mm;
-        let base = centre_mm * self.pixels_per_mm + 0.5 * DVec2::new(width, height);
-        let place = |x: usize| base + k_px * (self.array_mm(section, x) - section_mm);
+        let departed = self.measured.departed(centre_mm);
+        let base = departed * self.pixels_per_mm + 0.5 * DVec2::new(width, height);
+        let place = |x: usize| base + k_px * (self.array_mm(section, x) + (departed - centre_mm) - section_mm);
         let pixel = |place: DVec2| {
             let inside = place.x >= 0.0 && place.y >= 0.0 && place.x < width && place.y < height;
             inside.then_some((place.x as usize, place.y as usize))
@@ -99,7 +108,9 @@ impl Lines<'_> {
     pub(super) fn note_all(&self, section: &Section, notes: &mut [i64]) {
         for x in 0..notes.len() - 1 {
             let section_mm = self.views.sections_mm[section.section];
-            let place_mm = self.optics.sensor_from_array(self.array_mm(section, x), section_mm);
+            let array_mm = self.array_mm(section, x);
+            let nearest = self.optics.lattice().nearest_centre_mm(array_mm);
+            let place_mm = self.sensor_mm(nearest, array_mm, section_mm);
             let light = self.light(self.optics.pixel_at(place_mm));
             notes[x] += light;
             notes[x + 1] -= light;
@@ -116,7 +127,7 @@ impl Lines<'_> {
             let array_mm = self.array_mm(section, x);
             let nearest = self.optics.lattice().nearest_centre_mm(array_mm);
             if nearest.distance_squared(centre_mm) < near_mm2 {
-                let place_mm = self.optics.sensor_from_array(array_mm, self.views.sections_mm[section.section]);
+                let place_mm = self.sensor_mm(nearest, array_mm, self.views.sections_mm[section.section]);
                 let light = self.light(self.optics.pixel_at(place_mm));
                 notes[x] += light;
                 notes[x + 1] -= light;
