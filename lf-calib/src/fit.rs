@@ -2,6 +2,7 @@
 
 use glam::{DMat2, DVec2};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// A place in the lattice (in basis vectors) and the centre measured there, px.
 pub(crate) type Tie = (DVec2, DVec2);
@@ -23,11 +24,29 @@ pub(crate) struct Warp {
     coefficients: Vec<DVec2>,
 }
 
-/// x^a y^b with a + b up to `order`, lowest order first.
-fn monomials(order: usize, place: DVec2) -> impl Iterator<Item = f64> {
-    (0..=order)
-        .flat_map(move |degree| (0..=degree).map(move |b| place.x.powi((degree - b) as i32) * place.y.powi(b as i32)))
+/// The highest order of a warp, and its terms.
+const MOST_ORDER: usize = 5;
+const MOST_TERMS: usize = (MOST_ORDER + 1) * (MOST_ORDER + 2) / 2;
+
+/// x^a y^b with a + b up to `order`, lowest order first; what is behind them is 0.
+fn monomials(order: usize, place: DVec2) -> [f64; MOST_TERMS] {
+    let (mut x, mut y) = ([1.0; MOST_ORDER + 1], [1.0; MOST_ORDER + 1]);
+    for n in 1..=order {
+        x[n] = x[n - 1] * place.x;
+        y[n] = y[n - 1] * place.y;
+    }
+    let (mut terms, mut count) = ([0.0; MOST_TERMS], 0);
+    for degree in 0..=order {
+        for b in 0..=degree {
+            terms[count] = x[degree - b] * y[b];
+            count += 1;
+        }
+    }
+    terms
 }
+
+/// Parts of the ties that are summed apart and added in order: the sum is the same for any number of threads.
+const PARTS: usize = 8;
 
 impl Warp {
     /// The perfect lattice through an origin.
@@ -39,7 +58,11 @@ impl Warp {
     /// Where the lenslet at a place of the lattice is imaged, px.
     pub fn at(&self, place: DVec2) -> DVec2 {
         let place = (place - self.middle) / self.scale;
-        monomials(self.order, place).zip(&self.coefficients).map(|(term, &coefficient)| term * coefficient).sum()
+        monomials(self.order, place)
+            .iter()
+            .zip(&self.coefficients)
+            .map(|(term, &coefficient)| *term * coefficient)
+            .sum()
     }
 
     /// The lattice vectors around a place, px.
@@ -66,19 +89,26 @@ impl Warp {
         if ties.len() < terms {
             return None;
         }
-        let mut normal = DMatrix::<f64>::zeros(terms, terms);
-        let mut right = [DVector::<f64>::zeros(terms), DVector::<f64>::zeros(terms)];
-        let mut line = Vec::with_capacity(terms);
-        for (place, centre) in ties {
-            line.clear();
-            line.extend(monomials(order, (*place - middle) / scale));
-            for a in 0..terms {
-                for b in 0..=a {
-                    normal[(a, b)] += line[a] * line[b];
+        let empty = || (DMatrix::<f64>::zeros(terms, terms), [0, 1].map(|_| DVector::<f64>::zeros(terms)));
+        let part = |ties: &[Tie]| {
+            let (mut normal, mut right) = empty();
+            for (place, centre) in ties {
+                let line = monomials(order, (*place - middle) / scale);
+                for a in 0..terms {
+                    for b in 0..=a {
+                        normal[(a, b)] += line[a] * line[b];
+                    }
+                    right[0][a] += line[a] * centre.x;
+                    right[1][a] += line[a] * centre.y;
                 }
-                right[0][a] += line[a] * centre.x;
-                right[1][a] += line[a] * centre.y;
             }
+            (normal, right)
+        };
+        let parts: Vec<_> = ties.par_chunks(ties.len().div_ceil(PARTS)).map(part).collect();
+        let (mut normal, mut right) = empty();
+        for (part_normal, part_right) in parts {
+            normal += part_normal;
+            right.iter_mut().zip(part_right).for_each(|(sum, part)| *sum += part);
         }
         let solver = normal.cholesky()?;
         // A nearly empty direction (one row of lenslets) passes Cholesky and means nothing.
@@ -156,7 +186,7 @@ pub(crate) fn without_outliers<F>(
     ties: &[Tie],
     spreads: &[f64],
     fit: impl Fn(&[Tie]) -> Option<F>,
-    at: impl Fn(&F, DVec2) -> DVec2,
+    at: impl Fn(&F, DVec2) -> DVec2 + Sync,
 ) -> Option<(F, Vec<bool>)> {
     let mut kept = vec![true; ties.len()];
     let mut found = fit(ties)?;
