@@ -38,7 +38,7 @@ pub struct Volume {
     pub used: Vec<usize>,
     /// Names of the parameters that the data asked for.
     pub asked: Vec<&'static str>,
-    /// Pairs that are correlated above [`CORRELATED`].
+    /// Pairs that can hardly be told apart: correlated by more than 0.95 either way.
     pub correlated: Vec<(&'static str, &'static str, f64)>,
     /// Dots that were seen.
     pub dots: usize,
