@@ -177,6 +177,8 @@ fn bad_scenes_are_refused_by_name() {
         ("tank", "volume.z_mm=[-5, 190]", "wet face"),
         ("tank", "camera.medium.window_z_mm=900", "no air"),
         ("core", "camera.tilt={\"x_rad\": 0.3, \"y_rad\": 0}", "tilt"),
+        ("core", "camera.vignetting=\"flat.exr\"", "vignetting"),
+        ("core", "camera.centres={\"radius_mm\": 1, \"x_mm\": [1, 0], \"y_mm\": [0]}", "centres"),
         ("core", "particles.per_lenslet=1000", "per_lenslet"),
         ("core", "particles.per_lenslet=null", "per_lenslet"),
         ("core", "particles.diameter_px=3", "diameter_px"),

@@ -110,6 +110,33 @@ const USES: &[Use] = &[
         pipes: true,
     },
     Use {
+        tool: "lf-prune",
+        words: &[
+            Input(Kind::Image),
+            Plain("-c"),
+            Input(Kind::Camera),
+            Plain("--like"),
+            Input(Kind::Volume),
+            Plain("-o"),
+            Output("like.lfv"),
+        ],
+        pipes: true,
+    },
+    Use {
+        tool: "lf-calib",
+        words: &[
+            Plain("lattice"),
+            Input(Kind::White),
+            Plain("--dark"),
+            Input(Kind::Image),
+            Plain("-c"),
+            Input(Kind::Camera),
+            Plain("-o"),
+            Output("lattice-dark.json"),
+        ],
+        pipes: true,
+    },
+    Use {
         tool: "lf-mart",
         words: &[
             Input(Kind::Support),

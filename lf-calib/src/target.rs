@@ -183,3 +183,8 @@ pub fn grid(spacing_mm: f64, depth_mm: f64, camera: &lf_core::camera::Camera) ->
     };
     rows.flat_map(|row| columns.clone().map(move |column| (row, column))).enumerate().map(dot).collect()
 }
+/// A frame whose blind pixels, NaN, count as dark, so that no sub-image is read there.
+pub fn blind_as_dark(mut pixels: Array2<f32>) -> Array2<f32> {
+    pixels.mapv_inplace(|pixel| if pixel.is_nan() { 0.0 } else { pixel });
+    pixels
+}

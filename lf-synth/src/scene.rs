@@ -275,6 +275,11 @@ impl Scene {
 
     /// Checks what the types do not.
     fn check(&self, camera: &Camera) -> std::result::Result<(), String> {
+        if camera.vignetting.is_some() {
+            return Err(
+                "camera.vignetting is a measured flat field, which is not rendered: a key second_stop is".to_string()
+            );
+        }
         self.check_volume(camera)?;
         self.check_particles(camera)?;
         self.frames.check()?;

@@ -1,6 +1,6 @@
 //! `lf-calib lattice`.
 
-use super::{check_inputs, with_history};
+use super::{check_inputs, seen_from, with_history};
 use lf_calib::{Calibrated, Fill, ImageLattice, Refusal, White, calibrate, flat_field, lattice, plot};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
@@ -78,7 +78,7 @@ impl Lattice {
         };
         let svg = self.plot.as_ref().map(picture).transpose()?;
         let map = self.vignetting.clone().or_else(|| nominal.flat_field(&self.camera));
-        calibrated.camera.vignetting = map.map(|map| self.seen_from_camera(&map, session)).transpose()?;
+        calibrated.camera.vignetting = map.map(|map| seen_from(&map, &self.output, session)).transpose()?;
         session.phase("write", |session| {
             if let Some((file, flat)) = &flat {
                 image::save(file, flat, &session.history(&Vec::new()))?;
@@ -113,18 +113,6 @@ impl Lattice {
             }
             _ => Ok(()),
         }
-    }
-
-    /// A file as the camera that is written must name it: by its name beside the camera, otherwise by its full path.
-    fn seen_from_camera(&self, file: &Path, session: &Session) -> Result<PathBuf> {
-        let whole =
-            |path: &Path| std::path::absolute(path).map_err(|error| io::writing(&io::output_name(path), &error));
-        let file = whole(file)?;
-        if !io::is_standard(&self.output) && whole(&self.output)?.parent() == file.parent() {
-            return Ok(file.file_name().map_or_else(|| file.clone(), PathBuf::from));
-        }
-        session.say(format!("the camera names its flat field by its full path, {}", file.display()));
-        Ok(file)
     }
 
     /// The mean white image less the dark one; none of no image.

@@ -10,12 +10,14 @@ pub use lattice::Lattice;
 pub use refine::drift;
 pub use volume::{Target, main_lens};
 
+use lf_calib::blind_as_dark;
 use lf_core::camera::Camera;
 use lf_core::cli::Session;
 use lf_core::history::History;
-use lf_core::{Error, Result};
+use lf_core::{Error, Result, image, io};
+use ndarray::Array2;
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// This run after the steps that led to the nominal camera.
 fn with_history(mut camera: Camera, session: &Session) -> Camera {
@@ -27,6 +29,33 @@ fn with_history(mut camera: Camera, session: &Session) -> Camera {
         }
     }
     camera
+}
+
+/// A file as the camera that is written to `output` must name it: by its name beside the camera, otherwise by its full path.
+fn seen_from(file: &Path, output: &Path, session: &Session) -> Result<PathBuf> {
+    let whole = |path: &Path| std::path::absolute(path).map_err(|error| io::writing(&io::output_name(path), &error));
+    let file = whole(file)?;
+    if !io::is_standard(output) && whole(output)?.parent() == file.parent() {
+        return Ok(file.file_name().map_or_else(|| file.clone(), PathBuf::from));
+    }
+    session.say(format!("the camera names its flat field by its full path, {}", file.display()));
+    Ok(file)
+}
+
+/// Frames of a camera's size, less a background, by its flat field. What is blind counts as dark: no sub-image is looked for
+/// there.
+fn frames<'a>(
+    paths: impl IntoIterator<Item = &'a PathBuf>,
+    background: Option<&Path>,
+    flat: Option<&Path>,
+    camera: &Camera,
+) -> Result<Vec<Array2<f32>>> {
+    let read = |path: &PathBuf| {
+        let pixels = image::open_frame(path, background, flat)?.pixels;
+        camera.check_image(&io::name(path), pixels.ncols(), pixels.nrows())?;
+        Ok(blind_as_dark(pixels))
+    };
+    paths.into_iter().map(read).collect()
 }
 
 /// Standard input can be read once.

@@ -1,10 +1,10 @@
 //! `lf-calib refine`.
 
-use super::{check_inputs, with_history};
+use super::{check_inputs, seen_from, with_history};
 use lf_calib::refine;
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
-use lf_core::{Error, Result, image, io};
+use lf_core::{Error, Result, io};
 use std::path::{Path, PathBuf};
 
 /// Frames of particles and a camera in, the camera without its drift out.
@@ -26,14 +26,7 @@ pub fn drift(
         return Err(Error::new("--depth", found, "wanted two depths that rise, before the main lens"));
     }
     let flat = nominal.flat_field(camera);
-    let images = session.phase("read", |_| {
-        let read = |path: &PathBuf| {
-            let pixels = image::open_frame(path, background, flat.as_deref())?.pixels;
-            nominal.check_image(&io::name(path), pixels.ncols(), pixels.nrows())?;
-            Ok(pixels)
-        };
-        frames.iter().map(read).collect::<Result<Vec<_>>>()
-    })?;
+    let images = session.phase("read", |_| super::frames(frames, background, flat.as_deref(), &nominal))?;
     let subject = match frames {
         [frame] => io::name(frame),
         _ => format!("{} frames", frames.len()),
@@ -50,7 +43,8 @@ pub fn drift(
     if found.changed.is_empty() {
         session.explain("nothing has drifted that these particles could show");
     }
-    let camera = with_history(found.camera, session);
+    let mut camera = with_history(found.camera, session);
+    camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
     camera.check().map_err(|found| Error::new("the camera found", found, "wanted particles that fit one"))?;
     session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))?;
     Ok(Verdict::Done)

@@ -1,10 +1,10 @@
 //! `lf-calib volume`.
 
-use super::{check_inputs, with_history};
+use super::{check_inputs, frames, seen_from, with_history};
 use lf_calib::{Dot, Exposure, Volume, volume};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict, numbers};
-use lf_core::{Error, Result, image, io, particles};
+use lf_core::{Error, Result, io, particles};
 use std::path::{Path, PathBuf};
 
 /// What the target is.
@@ -91,18 +91,16 @@ pub fn main_lens(
     let flat = nominal.flat_field(camera);
     let dots = dots(images.len(), table.as_deref(), target, &nominal)?;
     let exposures = session.phase("read", |_| {
-        let read = |(path, dots): (&PathBuf, Vec<Dot>)| {
-            let pixels = image::open_frame(path, None, flat.as_deref())?.pixels;
-            nominal.check_image(&io::name(path), pixels.ncols(), pixels.nrows())?;
-            Ok(Exposure { pixels, dots })
-        };
-        images.iter().zip(dots).map(read).collect::<Result<Vec<_>>>()
+        let images = frames(&images, None, flat.as_deref(), &nominal)?;
+        let exposure = |(pixels, dots)| Exposure { pixels, dots };
+        Ok(images.into_iter().zip(dots).map(exposure).collect::<Vec<_>>())
     })?;
     let subject = |image: Option<usize>| image.map_or_else(|| "the target".to_string(), |n| io::name(&images[n]));
     let found = session
         .phase("volume", |_| volume(&exposures, &nominal).map_err(|(image, refusal)| refusal.about(subject(image))))?;
     tell(&found, exposures.len(), session);
-    let camera = with_history(found.camera, session);
+    let mut camera = with_history(found.camera, session);
+    camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
     camera.check().map_err(|found| Error::new("the camera found", found, "wanted a target that fits one"))?;
     session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))?;
     Ok(Verdict::Done)
