@@ -3,11 +3,11 @@
 //! White images measure where lenslets are imaged. When another gap, tilt or image distance is found, the centres have to
 //! move for the images to stay: see [`crate::places`].
 
+use crate::fit::{Tie, Warp};
 use crate::places::Places;
 use glam::DVec2;
 use lf_core::camera::Camera;
-use lf_core::lattice::{Centres, MOST_DEGREE, terms};
-use nalgebra::{DMatrix, DVector};
+use lf_core::lattice::{Centres, MOST_DEGREE};
 
 /// Places a side of the frame that a departure is sampled at.
 const SAMPLES: usize = 13;
@@ -40,31 +40,24 @@ pub(crate) fn keep_images(camera: &mut Camera, before: &Camera, drift: Drift) {
     let half = 0.5 * pitch * DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64);
     let radius_mm = before.centres.as_ref().map_or(half.length(), |centres| centres.radius_mm);
     let degree = before.centres.as_ref().and_then(Centres::degree).unwrap_or(1).clamp(2, MOST_DEGREE);
-    let size = terms(degree) + 1;
-    let mut matrix = DMatrix::<f64>::zeros(size, size);
-    let mut right = [DVector::<f64>::zeros(size), DVector::<f64>::zeros(size)];
-    for n in 0..SAMPLES * SAMPLES {
+    let tie = |n: usize| {
         let part = DVec2::new((n % SAMPLES) as f64, (n / SAMPLES) as f64) / (SAMPLES - 1) as f64 * 2.0 - 1.0;
         let perfect = half * part;
         let centre = perfect + before.centres.as_ref().map_or(DVec2::ZERO, |centres| centres.departure_mm(perfect));
         let image = turn.rotate(places_before.image_from_lenslet(centre)) + drift.shift_mm;
-        let (place, wanted) = (moved(perfect), places.lenslet_from_image(image));
-        let q = place / radius_mm;
-        let line = DVector::from_iterator(
-            size,
-            (0..=degree).flat_map(|d| (0..=d).map(move |b| q.x.powi((d - b) as i32) * q.y.powi(b as i32))),
-        );
-        matrix.ger(1.0, &line, &line, 1.0);
-        right[0].axpy(wanted.x - place.x, &line, 1.0);
-        right[1].axpy(wanted.y - place.y, &line, 1.0);
-    }
-    let Some(factors) = matrix.cholesky() else { return };
-    let [x, y] = right.map(|right| factors.solve(&right));
+        let place = moved(perfect);
+        (place, places.lenslet_from_image(image) - place)
+    };
+    let ties: Vec<Tie> = (0..SAMPLES * SAMPLES).map(tie).collect();
+    // A sensor that is a mere strip does not tell the highest powers across it.
+    let fitted = (1..=degree).rev().find_map(|degree| Warp::about(&ties, degree, DVec2::ZERO, radius_mm));
+    let Some(warp) = fitted else { return };
+    let [offset, departure @ ..] = warp.coefficients() else { return };
     // A departure has no constant: that is an offset.
-    camera.microlenses.offset_mm[0] += x[0];
-    camera.microlenses.offset_mm[1] += y[0];
-    let tail = |all: DVector<f64>| all.iter().skip(1).copied().collect();
-    camera.centres = Some(Centres { radius_mm, x_mm: tail(x), y_mm: tail(y) });
+    camera.microlenses.offset_mm[0] += offset.x;
+    camera.microlenses.offset_mm[1] += offset.y;
+    let along = |axis: usize| departure.iter().map(|coefficient| coefficient[axis]).collect();
+    camera.centres = Some(Centres { radius_mm, x_mm: along(0), y_mm: along(1) });
 }
 
 #[cfg(test)]

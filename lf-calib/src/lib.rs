@@ -46,6 +46,6 @@ pub use flat::flat_field;
 pub use lattice::{Centre, ImageLattice, SecondStop};
 pub use refine::{Refined, refine};
 pub use refusal::Refusal;
-pub use target::{Dot, Exposure, blind_as_dark, grid};
+pub use target::{Dot, Exposure, grid};
 pub use volume::{Volume, volume};
 pub use white::White;

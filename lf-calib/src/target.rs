@@ -85,6 +85,10 @@ pub(crate) fn first_look(
 ) -> Result<FirstLook, String> {
     let (depth, flat) = (exposure.depth_mm(), exposure.flat());
     let spacing = spacing_mm(&flat).ok_or("a target of less than 2 dots")?;
+    let lenslet = optics.lattice().row_pitch_mm() / optics.beta(depth);
+    if spacing < lenslet {
+        return Err(format!("dots {spacing} mm apart, closer than lenslets, {lenslet:.3} mm, can tell"));
+    }
     let image = exposure.pixels.view();
     let map = refocus(image, optics, depth, half_view_mm + 0.5 * spacing, spacing / CELLS);
     // A dot's whole fan fits into the frame where it is this far inside.
@@ -182,9 +186,4 @@ pub fn grid(spacing_mm: f64, depth_mm: f64, camera: &lf_core::camera::Camera) ->
         place_mm: [column as f64 * spacing_mm, row as f64 * spacing_mm, depth_mm],
     };
     rows.flat_map(|row| columns.clone().map(move |column| (row, column))).enumerate().map(dot).collect()
-}
-/// A frame whose blind pixels, NaN, count as dark, so that no sub-image is read there.
-pub fn blind_as_dark(mut pixels: Array2<f32>) -> Array2<f32> {
-    pixels.mapv_inplace(|pixel| if pixel.is_nan() { 0.0 } else { pixel });
-    pixels
 }

@@ -3,7 +3,7 @@
 //! `mart` is the row action of Shi, Ding, New & Soria (2017), eq. 1: pixel after pixel, weights stored. `smart` and
 //! `mlem` move all voxels by all pixels at once. `subsets`, the default, is `smart` over interleaved image rows, one
 //! subset of rows after another, with momentum. All but `mart` make weights from profiles where they are used; a
-//! matrix is kept for turned and hexagonal lattices alone, and where it fits.
+//! matrix is kept for lattices not in line with the pixels and rays that bend alone, and where it fits.
 
 pub mod blob;
 mod inline;

@@ -35,7 +35,10 @@ pub fn estimate_bytes(camera: &Camera, grid: &Grid, indices: &[u64], options: &O
         _ => {
             // Kept once they fit into their part: what counts is the least of both.
             let all = count_weights(&footprint, indices) * scattered::WEIGHT_BYTES;
-            voxels * VOXEL_BYTES + all.min(scattered::kept_bytes(options.max_bytes)) + 10 * plane
+            voxels * VOXEL_BYTES
+                + all.min(scattered::kept_bytes(options.max_bytes))
+                + footprint.lookup_bytes()
+                + 10 * plane
         }
     })
 }

@@ -1,4 +1,4 @@
-//! Weights voxel by voxel, for turned and hexagonal lattices.
+//! Weights voxel by voxel, where profiles of columns and rows do not serve.
 
 use crate::kernel_lenslets::{Buffers, gather, spread};
 use crate::operator::{Plane, keep};

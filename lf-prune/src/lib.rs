@@ -64,7 +64,7 @@ pub struct Support {
 type Slice = Vec<(u32, f32)>;
 
 /// Scores the voxels of `grid` against an image of the camera's size and keeps those that may hold light. A pixel that is
-/// NaN is blind: it speaks against no voxel.
+/// NaN is blind: it speaks against no voxel and counts as the brightest in its score.
 /// `done` is told how many slices are finished. The work is a few additions a voxel for a square lattice in line with the
 /// pixels; for another, one for each section of the aperture and each lenslet that its rays from a line of voxels pass;
 /// and with a medium, tilt or gap, up to one ray for each section and voxel.

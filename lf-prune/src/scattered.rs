@@ -1,4 +1,4 @@
-//! Scores for cameras whose rays bend (see [`Camera::beyond_weights`]), ray by ray, ended early where a voxel is beyond hope.
+//! Scores for cameras whose rays bend (see [`Camera::bends`]), ray by ray, ended early where a voxel is beyond hope.
 
 use crate::sections::Sections;
 use crate::{Levels, SEEN_SHARE, Slice};

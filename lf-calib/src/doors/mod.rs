@@ -10,7 +10,6 @@ pub use lattice::Lattice;
 pub use refine::drift;
 pub use volume::{Target, main_lens};
 
-use lf_calib::blind_as_dark;
 use lf_core::camera::Camera;
 use lf_core::cli::Session;
 use lf_core::history::History;
@@ -42,8 +41,7 @@ fn seen_from(file: &Path, output: &Path, session: &Session) -> Result<PathBuf> {
     Ok(file)
 }
 
-/// Frames of a camera's size, less a background, by its flat field. What is blind counts as dark: no sub-image is looked for
-/// there.
+/// Frames of a camera's size, less a background, by its flat field; blind pixels are NaN and are passed over.
 fn frames<'a>(
     paths: impl IntoIterator<Item = &'a PathBuf>,
     background: Option<&Path>,
@@ -53,7 +51,7 @@ fn frames<'a>(
     let read = |path: &PathBuf| {
         let pixels = image::open_frame(path, background, flat)?.pixels;
         camera.check_image(&io::name(path), pixels.ncols(), pixels.nrows())?;
-        Ok(blind_as_dark(pixels))
+        Ok(pixels)
     };
     paths.into_iter().map(read).collect()
 }

@@ -4,6 +4,7 @@ use super::{check_inputs, seen_from, with_history};
 use lf_calib::refine;
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
+use lf_core::footprint::check_depth_mm;
 use lf_core::{Error, Result, io};
 use std::path::{Path, PathBuf};
 
@@ -21,9 +22,14 @@ pub fn drift(
     session.keep_apart(output, &inputs)?;
     let nominal = Camera::open(camera)?;
     let [low, high] = depth_mm;
-    if low >= high || high >= nominal.object_distance_mm() {
-        let found = format!("{low},{high}");
-        return Err(Error::new("--depth", found, "wanted two depths that rise, before the main lens"));
+    let wanted = "wanted two depths that rise, before the main lens";
+    if low >= high {
+        return Err(Error::new("--depth", format!("{low},{high}"), wanted));
+    }
+    check_depth_mm(&nominal, high).map_err(|found| Error::new("--depth", found, wanted))?;
+    if frames.len() > 1 && background.is_some_and(io::is_standard) {
+        let found = "standard input, for several frames";
+        return Err(Error::new("--background", found, "wanted a file, which can be read again"));
     }
     let flat = nominal.flat_field(camera);
     let images = session.phase("read", |_| super::frames(frames, background, flat.as_deref(), &nominal))?;

@@ -4,6 +4,7 @@ use super::{check_inputs, frames, seen_from, with_history};
 use lf_calib::{Dot, Exposure, Volume, volume};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict, numbers};
+use lf_core::footprint::check_depth_mm;
 use lf_core::{Error, Result, io, particles};
 use std::path::{Path, PathBuf};
 
@@ -91,6 +92,10 @@ pub fn main_lens(
     let flat = nominal.flat_field(camera);
     let dots = dots(images.len(), table.as_deref(), target, &nominal)?;
     let exposures = session.phase("read", |_| {
+        for depth in dots.iter().flatten().map(|dot| dot.place_mm[2]) {
+            check_depth_mm(&nominal, depth)
+                .map_err(|found| Error::new("the target", found, "wanted depths before the main lens"))?;
+        }
         let images = frames(&images, None, flat.as_deref(), &nominal)?;
         let exposure = |(pixels, dots)| Exposure { pixels, dots };
         Ok(images.into_iter().zip(dots).map(exposure).collect::<Vec<_>>())

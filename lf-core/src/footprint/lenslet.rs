@@ -1,7 +1,8 @@
 //! Weights through one lenslet at a time, for lattices that are not in line with the pixels.
 //!
 //! The same weights as [`Footprint::visit`], which is the slow and obvious way. Here a lenslet's image of a voxel is one of
-//! the slice's [`Patches`], looked up by its place among the pixels and right to a hundredth of a pixel, and cut by the
+//! the slice's [`super::patch::Patches`], looked up by its place among the pixels to 1/128 px, or what is as little on the
+//! array, and cut by the
 //! stop where the lenslet is seen by a part of it alone.
 
 use super::axis::Axis;
@@ -56,13 +57,13 @@ impl Slice {
     fn new(footprint: &Footprint, z: usize) -> Self {
         let axis = footprint.axis(z, footprint.width);
         let (_, slope) = axis.line(0.0, 0.0);
-        let step_mm = patch::step_mm(axis.alpha / slope, footprint.pitch_mm);
+        let corner = footprint.corner();
+        let blur = DVec2::new(footprint.blur(&axis, 0).reach(), footprint.blur(&axis, 1).reach());
+        let step_mm = patch::step_mm(axis.alpha / slope, 2.0 * (corner + blur).max_element());
         // The spread that this step has, not 0 even in focus, with the sign of the true one.
         let alpha = (step_mm * slope.abs()).copysign(axis.alpha);
         let axis = Axis { alpha, ..axis };
         let per_pixel = 1.0 / axis.pixel_pitch;
-        let corner = footprint.corner();
-        let blur = DVec2::new(footprint.blur(&axis, 0).reach(), footprint.blur(&axis, 1).reach());
         let whole = 2.0 * axis.half_aperture * alpha;
         Self {
             z,
@@ -134,8 +135,13 @@ impl Footprint {
         for (j, row) in lattice.rows_within(lattice.perfect(chief), slice.reach + DVec2::splat(slice.spread)) {
             let centres = array.row_mm(j, &row);
             let (Some(start), Some(end)) = (centres.first(), centres.last()) else { continue };
-            // The image rows that a row of lenslets can light, one more for what it bends.
-            let ends = [start.y, end.y].map(|y| patches.split(chief_px.y + slice.by_centre * y).0);
+            // The image rows that a row of lenslets can light.
+            let mut ends = [start.y, end.y];
+            if lattice.departs() {
+                let ys = centres.iter().map(|centre| centre.y);
+                ends = [ys.clone().fold(f64::INFINITY, f64::min), ys.fold(f64::NEG_INFINITY, f64::max)];
+            }
+            let ends = ends.map(|y| patches.split(chief_px.y + slice.by_centre * y).0);
             let (low, high) = (ends[0].min(ends[1]) - 1, ends[0].max(ends[1]) + rows + 1);
             let (low, high) = (low.max(0), high.min(height));
             if low >= high || next[low as usize] >= high as u32 {

@@ -263,6 +263,12 @@ impl Footprint {
         -axis.beta * place + self.optics.distortion_mm(place, self.grid.centre_mm(2, z))
     }
 
+    /// Bytes that the tables of [`Footprint::through_lenslets`] take, but for a slice or two in focus.
+    pub fn lookup_bytes(&self) -> u64 {
+        let parts = if self.fineness() > 1 { 2 } else { 1 };
+        (self.patches.len() * parts * patch::SLICE_BYTES) as u64
+    }
+
     /// The patches of a slice.
     #[inline(always)]
     fn patches(&self, z: usize, axis: &Axis, step_mm: f64) -> &Patches {
@@ -368,18 +374,22 @@ pub fn aperture_sections(camera: &Camera) -> usize {
 /// # Errors
 /// Names the depth.
 pub fn check_depth(camera: &Camera, grid: &Grid) -> Result<(), String> {
-    let optics = Optics::new(camera);
-    for z in [0, grid.shape[2] - 1] {
-        let z_mm = grid.centre_mm(2, z);
-        if let Some(medium) = camera.medium.as_ref().filter(|medium| z_mm >= medium.window_z_mm) {
-            return Err(format!("depth {z_mm} mm is not before the window, which is at {} mm", medium.window_z_mm));
-        }
-        if z_mm >= 0.9 * camera.object_distance_mm() || optics.alpha(z_mm) > 0.5 {
-            return Err(format!(
-                "depth {z_mm} mm is too near the main lens, which stands {:.1} mm before the focal plane",
-                camera.object_distance_mm()
-            ));
-        }
+    [0, grid.shape[2] - 1].into_iter().try_for_each(|z| check_depth_mm(camera, grid.centre_mm(2, z)))
+}
+
+/// Refuses a depth that reaches the main lens or its window, or where the optics of a lenslet turn over.
+///
+/// # Errors
+/// Names the depth.
+pub fn check_depth_mm(camera: &Camera, z_mm: f64) -> Result<(), String> {
+    if let Some(medium) = camera.medium.as_ref().filter(|medium| z_mm >= medium.window_z_mm) {
+        return Err(format!("depth {z_mm} mm is not before the window, which is at {} mm", medium.window_z_mm));
+    }
+    if z_mm >= 0.9 * camera.object_distance_mm() || Optics::new(camera).alpha(z_mm) > 0.5 {
+        return Err(format!(
+            "depth {z_mm} mm is too near the main lens, which stands {:.1} mm before the focal plane",
+            camera.object_distance_mm()
+        ));
     }
     Ok(())
 }

@@ -14,9 +14,11 @@ const MOST_PHASES: usize = 64;
 /// Shares that the patches of a slice take, at most, while there are phases to save: 256 KiB. Larger patches belong to
 /// slices nearer focus, whose steps on the array are smaller in proportion.
 const ROOM: usize = 1 << 16;
-/// Parts of the pitch that a step is at least: nearer focus than that is focus.
-const LEAST_STEP: f64 = 1.0 / 512.0;
-/// The largest step in pitches: a voxel's image is then a point.
+/// Bytes of a slice's patches, but for those nearest focus.
+pub(super) const SLICE_BYTES: usize = ROOM * size_of::<f32>();
+/// Parts of what a voxel lights of the array that a step is at least: nearer focus than that is focus.
+const LEAST_STEP: f64 = 1.0 / 1536.0;
+/// The largest step in such sizes: a voxel's image is then a point.
 const LARGEST_STEP: f64 = 1e6;
 /// Lanes that a row of shares is padded to.
 pub(super) const LANES: usize = 4;
@@ -24,8 +26,8 @@ pub(super) const LANES: usize = 4;
 const LEAST: f64 = 1e-6;
 
 /// A step that patches are made for, from the true one, mm a pixel.
-pub(super) fn step_mm(step_mm: f64, pitch_mm: f64) -> f64 {
-    step_mm.abs().clamp(LEAST_STEP * pitch_mm, LARGEST_STEP * pitch_mm)
+pub(super) fn step_mm(step_mm: f64, size_mm: f64) -> f64 {
+    step_mm.abs().clamp(LEAST_STEP * size_mm, LARGEST_STEP * size_mm)
 }
 
 /// All patches of a slice.

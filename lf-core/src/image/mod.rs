@@ -5,7 +5,7 @@
 //! of one page with 16-bit grey, whole counts, not compressed, and the same steps in the tag `ImageDescription`. Equal
 //! images and histories give equal bytes.
 //! What is read, by the first bytes and not by the name: that (EXR also with half or whole-number samples, any
-//! compression the library knows), TIFF of one page with 8-bit, 16-bit or `f32` grey, PNG with 8-bit or 16-bit grey.
+//! compression the library knows), TIFF of one page (of many through [`Stack`]) with 8-bit, 16-bit or `f32` grey, PNG with 8-bit or 16-bit grey.
 //! Values are taken as they stand: no gamma, no scaling.
 
 pub(crate) mod exr;

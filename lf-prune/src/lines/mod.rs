@@ -5,7 +5,7 @@
 //! the change is noted at the first voxel beyond, and one pass along the line adds all notes up, in whole numbers, which no
 //! order of adding can alter. The edges of one kind between two rows of lenslets cut the line in even steps. Where rounding
 //! could move a cut past a voxel, or the pixel may change within a cell, rays are traced, so the sums are those of
-//! [`crate::scattered`].
+//! [`crate::scattered`], but for what [`tiles`] do.
 
 mod rays;
 mod tiles;

@@ -8,8 +8,10 @@ use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use lf_core::optics::Optics;
 
-/// Most that a voxel's rays are moved otherwise than its tile's, px: a hundredth of a lenslet, so few rays pass another one.
+/// Most that a voxel's chief ray is moved otherwise than its tile's, px: a hundredth of a lenslet, so few rays pass another.
 const ALIKE_PX: f64 = 0.15;
+/// The same of rays through the stop's rim, px: one in twenty of those passes another lenslet. Beyond it rays are traced.
+const RIM_PX: f64 = 0.7;
 /// Sides that a tile may have, voxels.
 const SIDES: [usize; 6] = [512, 256, 128, 64, 32, 16];
 /// Places a side at which the change of the shift is looked at.
@@ -23,37 +25,49 @@ struct Shift<'a> {
 }
 
 impl Shift<'_> {
-    /// Of the voxel at a place, in voxels, mm on the perfect lattice.
-    fn at_mm(&self, place: DVec2) -> DVec2 {
+    /// Of a voxel at a place, in voxels, of the ray that meets the array `spread_mm` from the chief ray; mm on the perfect
+    /// lattice.
+    fn at_mm(&self, place: DVec2, spread_mm: DVec2) -> DVec2 {
         let place_mm = DVec2::new(
             self.grid.origin_mm[0] + place.x * self.grid.spacing_mm[0],
             self.grid.origin_mm[1] + place.y * self.grid.spacing_mm[1],
         );
-        let straight = -self.optics.beta(self.z_mm) * place_mm;
+        let straight = spread_mm - self.optics.beta(self.z_mm) * place_mm;
         let moved = straight + self.optics.distortion_mm(place_mm, self.z_mm);
         self.optics.lattice().perfect(moved) - straight
     }
 
-    /// The longest side over which, half a tile from its middle, rays are moved alike.
-    fn side(&self, pixel_mm: f64) -> usize {
+    /// The longest side over which, half a tile from its middle and through the stop's rim, rays are moved alike; none where
+    /// not even the shortest is.
+    fn side(&self, pixel_mm: f64) -> Option<usize> {
         let size = DVec2::new(self.grid.shape[0] as f64, self.grid.shape[1] as f64);
+        let spread = self.optics.alpha(self.z_mm) * self.optics.half_aperture_mm();
+        let middles = (0..PLACES * PLACES)
+            .map(|n| DVec2::new((n % PLACES) as f64, (n / PLACES) as f64) / (PLACES - 1) as f64 * size);
+        let most = ALIKE_PX * pixel_mm;
         let is_alike = |side: usize| {
-            (0..PLACES * PLACES).all(|n| {
-                let part = DVec2::new((n % PLACES) as f64, (n / PLACES) as f64) / (PLACES - 1) as f64;
-                let (middle, half) = (part * size, 0.5 * side as f64);
-                [DVec2::new(half, half), DVec2::new(half, -half)]
-                    .iter()
-                    .all(|way| self.at_mm(middle + *way).distance(self.at_mm(middle)) < ALIKE_PX * pixel_mm)
+            let half = 0.5 * side as f64;
+            middles.clone().all(|middle| {
+                let chief = self.at_mm(middle, DVec2::ZERO);
+                let over_tile = [DVec2::new(half, half), DVec2::new(half, -half)];
+                over_tile.iter().all(|way| self.at_mm(middle + *way, DVec2::ZERO).distance(chief) < most)
             })
         };
-        SIDES.into_iter().find(|side| is_alike(*side)).unwrap_or(SIDES[SIDES.len() - 1])
+        let through_rim = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].map(|way| spread * way);
+        let is_stiff = middles.clone().all(|middle| {
+            let chief = self.at_mm(middle, DVec2::ZERO);
+            through_rim.iter().all(|rim| self.at_mm(middle, *rim).distance(chief) < RIM_PX * pixel_mm)
+        });
+        SIDES.into_iter().find(|side| is_stiff && is_alike(*side))
     }
 }
 
 /// As [`super::slice`], tile by tile.
 pub(super) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize) -> Slice {
     let shift = Shift { optics: Optics::new(camera), grid, z_mm: grid.centre_mm(2, z) };
-    let side = shift.side(camera.sensor.pixel_pitch_mm);
+    let Some(side) = shift.side(camera.sensor.pixel_pitch_mm) else {
+        return crate::scattered::slice(levels, camera, grid, z);
+    };
     let [nx, ny, nz] = grid.shape;
     let mut kept = Slice::new();
     for first_y in (0..ny).step_by(side) {
@@ -66,7 +80,7 @@ pub(super) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid
                 origin_mm: [grid.centre_mm(0, first_x), grid.centre_mm(1, first_y), grid.origin_mm[2]],
                 ..grid.clone()
             };
-            let found = shifted(levels, camera, views, &tile, z, shift.at_mm(middle));
+            let found = shifted(levels, camera, views, &tile, z, shift.at_mm(middle, DVec2::ZERO));
             kept.extend(found.into_iter().map(|(place, score)| {
                 let (x, y) = (place as usize % width, place as usize / width);
                 (((first_y + y) * nx + first_x + x) as u32, score)
