@@ -65,6 +65,11 @@ fn targets_that_cannot_be_used() {
     refused("a.exr b.exr --spacing 0.3 --depths 3", "--depths: 1 depths for 2 images; wanted one an image");
     refused("a.exr b.exr --spacing 0.3 --depths 3,x", "--depths: 3,x; wanted numbers between commas, mm");
     refused("a.exr b.exr --spacing -1 --depths 3,4", "--spacing: -1; wanted a positive length, mm");
+    refused(
+        "a.exr b.exr --spacing 0.3 --depths 3,395",
+        "the target: depth 395 mm is too near the main lens, which stands 400.0 mm before the focal plane; wanted depths \
+         before the main lens",
+    );
     let wanted = "wanted --target FILE, or --spacing MM and --depths Z0,Z1,...";
     refused("a.exr b.exr", &format!("the target: not given; {wanted}"));
     refused("a.exr b.exr --spacing 0.3", &format!("the target: not given; {wanted}"));
@@ -97,7 +102,15 @@ fn frames_that_cannot_be_used() {
     refused("a.exr --depth -5,5", &format!("a.exr: 0 isolated bright particles in 1 frames; {wanted}"));
     refused("a.exr small.exr --depth -5,5", "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px");
     refused("a.exr --depth 5,-5", "--depth: 5,-5; wanted two depths that rise, before the main lens");
-    refused("a.exr --depth -5,500", "--depth: -5,500; wanted two depths that rise, before the main lens");
+    refused(
+        "a.exr --depth -5,500",
+        "--depth: depth 500 mm is too near the main lens, which stands 400.0 mm before the focal plane; wanted two depths \
+         that rise, before the main lens",
+    );
+    refused(
+        "a.exr a.exr --depth -5,5 -b -",
+        "--background: standard input, for several frames; wanted a file, which can be read again",
+    );
     refused("none.exr --depth -5,5", "none.exr: no such file; wanted a file to read");
     place.refused(
         "refine a.exr --depth -5,5 -c camera.json -o a.exr",
