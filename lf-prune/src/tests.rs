@@ -243,7 +243,6 @@ fn tiles_follow_distortion_and_departures() {
             let scores: std::collections::BTreeMap<u32, f32> = slow.iter().copied().collect();
             let both = fast.iter().filter(|(place, _)| scores.contains_key(place)).count() as f64;
             let all = fast.len().max(slow.len()) as f64;
-            println!("{layout} {z}: {} {} {both}", fast.len(), slow.len());
             assert!(fast.is_sorted_by_key(|(place, _)| *place));
             assert!(both > 0.9 * all, "{layout} {z}: {both} of {} and {}", fast.len(), slow.len());
         }

@@ -63,7 +63,6 @@ impl Lattice {
         let white = white.ok_or_else(|| refused(Refusal::new("no image", "wanted a white image")))?;
         let lattice = session.phase("lattice", |_| lattice::find(&white).map_err(refused))?;
         let mut calibrated = calibrate(&lattice, &nominal).map_err(refused)?;
-        tell(&lattice, &calibrated, session);
         let flat = self.vignetting.as_ref().map(|file| {
             let none =
                 Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
@@ -89,9 +88,11 @@ impl Lattice {
             if let Some(file) = &self.centres {
                 io::save_text(file, |out| out.write_all(table(&calibrated).as_bytes()))?;
             }
-            let camera = with_history(calibrated.camera, session);
+            let camera = with_history(calibrated.camera.clone(), session);
             io::save_text(&self.output, |out| out.write_all(camera.to_json().as_bytes()))
         })?;
+        // Where nothing could be written, that is the one line to read.
+        tell(&lattice, &calibrated, session);
         Ok(Verdict::Done)
     }
 

@@ -103,11 +103,11 @@ pub fn main_lens(
     let subject = |image: Option<usize>| image.map_or_else(|| "the target".to_string(), |n| io::name(&images[n]));
     let found = session
         .phase("volume", |_| volume(&exposures, &nominal).map_err(|(image, refusal)| refusal.about(subject(image))))?;
-    tell(&found, exposures.len(), session);
-    let mut camera = with_history(found.camera, session);
+    let mut camera = with_history(found.camera.clone(), session);
     camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
     camera.check().map_err(|found| Error::new("the camera found", found, "wanted a target that fits one"))?;
     session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))?;
+    tell(&found, exposures.len(), session);
     Ok(Verdict::Done)
 }
 
