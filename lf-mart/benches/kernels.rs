@@ -106,8 +106,8 @@ fn main() {
     for (name, aperture, layout, rotation, share) in [
         ("square stop, in line", "square", "square", 0.0, 1),
         ("round stop, in line", "circle", "square", 0.0, 1),
-        ("square stop, turned, weights remade", "square", "square", 0.003, 1),
-        ("hexagonal, turned, weights remade", "circle", "hexagonal", 0.003, 1),
+        ("square stop, turned, weights remade", "square", "square", 0.003, 10),
+        ("hexagonal, turned, weights remade", "circle", "hexagonal", 0.003, 10),
     ] {
         let footprint =
             Footprint::new(&camera(aperture, layout, rotation), &grid, Model::Exact, basis).expect("weights");
