@@ -1,7 +1,7 @@
 //! The fan of a point's images under the lenslets that it lights: read from an image, and the point that it comes from.
 
 use crate::sight::{Sight, cell_variance_mm2};
-use crate::spot::{self, Reading, Shape};
+use crate::spot::{self, Shape};
 use glam::{DVec2, DVec3};
 use lf_core::optics::Optics;
 use nalgebra::{Matrix3, Vector3};
@@ -51,37 +51,14 @@ pub(crate) fn width(optics: &Optics, place_mm: DVec3) -> f64 {
 
 /// How the images of a point should look.
 pub(crate) fn shape(optics: &Optics, sight: &Sight, glow: Glow) -> Shape {
-    let px_per_mm = optics.place_px(DVec2::X).x - optics.place_px(DVec2::ZERO).x;
+    let px_per_mm = 1.0 / optics.pixel_pitch_mm();
     let (i, j) = optics.lattice().lenslet_at(sight.chief_mm());
     let width_px = (12.0 * cell_variance_mm2(optics)).sqrt() * sight.widening((i, j)).abs() * px_per_mm;
     Shape { width_px, disc_px: glow.object_mm * sight.px_per_mm(), sigma_px: glow.sensor_px }
 }
 
 /// Reads a point's images where they should be, and no farther than `farthest_px` from there; with `look` after a first look
-/// around. With each reading comes its lenslet.
-pub(crate) fn readings(
-    image: ArrayView2<f32>,
-    optics: &Optics,
-    place_mm: DVec3,
-    glow: Glow,
-    farthest_px: f64,
-    look: bool,
-) -> Vec<((i64, i64), Reading)> {
-    let sight = Sight::new(optics, place_mm);
-    let shape = shape(optics, &sight, glow);
-    let fan = sight.fan(SHARE, Some(2.0 * glow.object_mm));
-    let read = |seen: &crate::sight::Seen| {
-        let from = if look { spot::look(image, shape, seen.place_px, farthest_px)? } else { seen.place_px };
-        let reading = spot::read(image, shape, from, farthest_px)?;
-        let good = reading.explained > LEAST_EXPLAINED
-            && reading.uncertainty_px < LEAST_KNOWN_PX
-            && reading.place_px.distance(seen.place_px) <= farthest_px;
-        good.then_some((seen.lenslet, reading))
-    };
-    fan.iter().filter_map(read).collect()
-}
-
-/// The spots of [`readings`].
+/// around.
 pub(crate) fn measure(
     image: ArrayView2<f32>,
     optics: &Optics,
@@ -90,16 +67,24 @@ pub(crate) fn measure(
     farthest_px: f64,
     look: bool,
 ) -> Vec<Spot> {
-    let sampling_px = shape(optics, &Sight::new(optics, place_mm), glow).sampling_px();
-    readings(image, optics, place_mm, glow, farthest_px, look)
-        .into_iter()
-        .map(|(lenslet, reading)| Spot {
-            lenslet,
+    let sight = Sight::new(optics, place_mm);
+    let shape = shape(optics, &sight, glow);
+    let sampling_px = shape.sampling_px();
+    let fan = sight.fan(SHARE, Some(2.0 * glow.object_mm));
+    let read = |seen: &crate::sight::Seen| {
+        let from = if look { spot::look(image, shape, seen.place_px, farthest_px)? } else { seen.place_px };
+        let reading = spot::read(image, shape, from, farthest_px)?;
+        let good = reading.explained > LEAST_EXPLAINED
+            && reading.uncertainty_px < LEAST_KNOWN_PX
+            && reading.place_px.distance(seen.place_px) <= farthest_px;
+        good.then(|| Spot {
+            lenslet: seen.lenslet,
             place_px: reading.place_px,
             uncertainty_px: reading.uncertainty_px.hypot(sampling_px * std::f64::consts::FRAC_1_SQRT_2),
             sampling_px,
         })
-        .collect()
+    };
+    fan.iter().filter_map(read).collect()
 }
 
 /// Tukey's weight of a residual in standard deviations.

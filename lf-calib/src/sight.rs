@@ -95,7 +95,7 @@ impl<'a> Sight<'a> {
         let on_array = (hit(object + step).x - hit(object - step).x) / (2.0 * step.x);
         // What moves the image on the array moves the place in the aperture that lights a lenslet.
         let k = self.optics.demagnification();
-        let pitch_mm = 1.0 / (self.optics.place_px(DVec2::X).x - self.optics.place_px(DVec2::ZERO).x);
+        let pitch_mm = self.optics.pixel_pitch_mm();
         (k * on_array / self.spread / pitch_mm).abs()
     }
 

@@ -231,6 +231,12 @@ impl Optics {
         self.sensor_from_array(self.array_from_object(object_mm, z_mm, aperture_mm), aperture_mm)
     }
 
+    /// Distance between pixels, mm.
+    #[inline]
+    pub fn pixel_pitch_mm(&self) -> f64 {
+        self.pixel_pitch_mm
+    }
+
     /// A place on the sensor in pixels: 0 is the left or top edge, a pixel's centre is at a half.
     #[inline]
     pub fn place_px(&self, sensor_mm: DVec2) -> DVec2 {

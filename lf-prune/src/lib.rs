@@ -19,7 +19,7 @@ use lf_core::footprint::check_depth;
 use lf_core::grid::Grid;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
-use views::Views;
+use views::{Views, straightened};
 
 /// How the pixels of a voxel become its score.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,7 +89,7 @@ pub fn prune(
     }
     let levels = Levels::new(image, peak, options);
     let straight = camera.in_line();
-    let is_bent = camera.bends().is_some_and(|block| block != DISTORTION);
+    let is_bent = straightened(camera).bends().is_some();
     let views = (straight.is_none() && !is_bent).then(|| Views::new(&levels, camera));
     let slices: Vec<Slice> = (0..nz)
         .into_par_iter()
@@ -128,9 +128,6 @@ impl Support {
         (inside, lost)
     }
 }
-
-/// The block by which rays bend that tiles follow, [`Camera::bends`]'s last.
-const DISTORTION: &str = "distortion";
 
 /// The image as whole numbers of at most 0 that scores add up, and the rule for keeping.
 struct Levels<'a> {

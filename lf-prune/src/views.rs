@@ -7,6 +7,7 @@ use crate::Levels;
 use crate::sections::Sections;
 use glam::DVec2;
 use lf_core::camera::Camera;
+use lf_core::lattice::Lattice;
 use lf_core::optics::Optics;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -22,6 +23,10 @@ const PADDING: i64 = 4;
 
 /// The lattice in rows, those nearest to x, and each section's light.
 pub(crate) struct Views {
+    /// Rays of the camera as if no lenslet departed and no image were distorted.
+    pub(crate) optics: Optics,
+    /// Where lenslets really are.
+    pub(crate) measured: Lattice,
     /// Centre of lenslet 0 of row 0, mm.
     pub(crate) origin_mm: DVec2,
     /// From lenslet to lenslet of a row, mm.
@@ -68,7 +73,7 @@ impl Views {
     pub(crate) fn new(levels: &Levels, camera: &Camera) -> Self {
         let (measured, camera) = (camera.lattice(), &straightened(camera));
         let optics = Optics::new(camera);
-        let lattice = camera.lattice();
+        let lattice = optics.lattice();
         let cell_mm = lattice.cell_mm();
         let origin_mm = lattice.centre_mm(0, 0);
         let mut along_mm = lattice.centre_mm(1, 0) - origin_mm;
@@ -106,6 +111,8 @@ impl Views {
         let sections_mm = Sections::new(camera).inside_mm();
         let count = first.len();
         let mut views = Self {
+            optics,
+            measured,
             origin_mm,
             along_mm,
             across_mm,
@@ -123,8 +130,8 @@ impl Views {
         lights.par_chunks_mut(length).zip(&mut several).enumerate().for_each(|(n, (lights, several))| {
             let (section_mm, row) = (views.sections_mm[n / count], n % count);
             for (light, lenslet) in lights.iter_mut().zip(views.first[row]..) {
-                let centre = measured.departed(views.centre_mm(lenslet, first_row + row as i64));
-                let place = optics.place_px(centre + k * (centre - section_mm));
+                let centre = views.measured.departed(views.centre_mm(lenslet, first_row + row as i64));
+                let place = views.optics.place_px(centre + k * (centre - section_mm));
                 match light_of(levels, place, reach_px, [width, height]) {
                     Some(found) => *light = found,
                     None => several.push(lenslet),

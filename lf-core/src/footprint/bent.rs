@@ -160,8 +160,7 @@ impl Footprint {
                 };
                 let (v0, v1) = part(alpha.y, beyond.y, -corner.y, corner.y);
                 let height = beyond.y + alpha.y * 0.5 * (v0 + v1);
-                let slab = self.slabs.iter().find(|slab| height < slab.y[1]).or(self.slabs.last());
-                let [low, high] = slab.map_or([-corner.x, corner.x], |slab| slab.x);
+                let [low, high] = self.edges_at(height);
                 let (u0, u1) = part(alpha.x, beyond.x, low, high);
                 let on_sensor = |u: f64, v: f64| {
                     let aperture = section.middle + DVec2::new(u, v);

@@ -2,8 +2,7 @@
 //!
 //! The same weights as [`Footprint::visit`], which is the slow and obvious way. Here a lenslet's image of a voxel is one of
 //! the slice's [`super::patch::Patches`], looked up by its place among the pixels to 1/128 px, or what is as little on the
-//! array, and cut by the
-//! stop where the lenslet is seen by a part of it alone.
+//! array, and cut by the stop where the lenslet is seen by a part of it alone.
 
 use super::axis::Axis;
 use super::patch::{self, LANES};
@@ -211,7 +210,7 @@ impl Footprint {
         let right = (first_x + fine.columns as i32).min(stop_x.1).min(self.width as i32 * fineness);
         let (low_fine, high_fine) = (first_y.max(stop_y.0), (first_y + fine.rows as i32).min(stop_y.1));
         let (low, high) =
-            (*low.max(&(low_fine.div_euclid(fineness))), *high.min(&((high_fine - 1).div_euclid(fineness) + 1)));
+            ((*low).max(low_fine.div_euclid(fineness)), (*high).min((high_fine - 1).div_euclid(fineness) + 1));
         if left >= right || low >= high {
             return;
         }
@@ -227,7 +226,9 @@ impl Footprint {
                 parts.push(across.parts(left + first));
             }
         };
-        behind_all(parts, [-slice.corner.x, slice.corner.x]);
+        if self.slabs.len() == 1 {
+            behind_all(parts, [-slice.corner.x, slice.corner.x]);
+        }
         let mut four = i32::MIN;
         let mut nodes = [Vec4::ZERO; 3];
         let mut middles = Vec4::ZERO;
@@ -248,8 +249,7 @@ impl Footprint {
                 if self.slabs.len() > 1 {
                     // Slanted sides: another width at each height.
                     let height = beyond.y + slice.axis.alpha * f64::from(middles[lane]);
-                    let slab = self.slabs.iter().find(|slab| height < slab.y[1]).or(self.slabs.last());
-                    behind_all(parts, slab.map_or([0.0; 2], |slab| slab.x));
+                    behind_all(parts, self.edges_at(height));
                 }
                 let nodes = nodes.map(|node| node[lane]);
                 let line = (fine_row - first_y) as usize * fine.columns + (left - first_x) as usize;

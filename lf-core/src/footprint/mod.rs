@@ -256,6 +256,13 @@ impl Footprint {
         })
     }
 
+    /// Left and right edge of a cell at a height from its centre, mm.
+    #[inline(always)]
+    fn edges_at(&self, height: f64) -> [f64; 2] {
+        let slab = self.slabs.iter().find(|slab| height < slab.y[1]).or(self.slabs.last());
+        slab.map_or([0.0; 2], |slab| slab.x)
+    }
+
     /// Where the chief ray of a voxel meets the array, mm.
     #[inline(always)]
     fn chief_mm(&self, axis: &Axis, [x, y, z]: [usize; 3]) -> DVec2 {

@@ -11,13 +11,12 @@ mod rays;
 mod tiles;
 
 use crate::cell::{Cell, EDGES, Edge};
-use crate::views::{SEEN, Views, between, per_step, straightened};
+use crate::views::{SEEN, Views, between, per_step};
 use crate::{Levels, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use lf_core::kernel::fastest;
-use lf_core::lattice::Lattice;
 use lf_core::optics::Optics;
 use std::ops::Range;
 
@@ -35,9 +34,7 @@ struct Lines<'a> {
     levels: &'a Levels<'a>,
     views: &'a Views,
     grid: &'a Grid,
-    optics: Optics,
-    /// Where lenslets really are.
-    measured: Lattice,
+    optics: &'a Optics,
     /// A ray meets the perfect lattice at -beta X + alpha U + shift.
     shift_mm: DVec2,
     alpha: f64,
@@ -106,12 +103,12 @@ pub(crate) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid
     if camera.centres.is_some() || camera.distortion.is_some() {
         return tiles::slice(levels, camera, views, grid, z);
     }
-    shifted(levels, camera, views, grid, z, DVec2::ZERO)
+    shifted(levels, views, grid, z, DVec2::ZERO)
 }
 
 /// The same where all rays meet the perfect lattice `shift_mm` beside where straight ones would.
-fn shifted(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize, shift_mm: DVec2) -> Slice {
-    let lines = Lines::new(levels, camera, views, grid, z, shift_mm);
+fn shifted(levels: &Levels, views: &Views, grid: &Grid, z: usize, shift_mm: DVec2) -> Slice {
+    let lines = Lines::new(levels, views, grid, z, shift_mm);
     let mut kept = Slice::new();
     fastest(
         #[inline(always)]
@@ -121,14 +118,13 @@ fn shifted(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usiz
 }
 
 impl<'a> Lines<'a> {
-    fn new(levels: &'a Levels, camera: &Camera, views: &'a Views, grid: &'a Grid, z: usize, shift_mm: DVec2) -> Self {
-        let (measured, camera) = (camera.lattice(), &straightened(camera));
-        let optics = Optics::new(camera);
+    fn new(levels: &'a Levels, views: &'a Views, grid: &'a Grid, z: usize, shift_mm: DVec2) -> Self {
+        let optics = &views.optics;
         let z_mm = grid.centre_mm(2, z);
         let spacing = DVec2::new(grid.spacing_mm[0], grid.spacing_mm[1]);
         let first = DVec2::new(grid.origin_mm[0], grid.origin_mm[1]);
         let voxels_per_mm = -1.0 / (optics.beta(z_mm) * spacing);
-        let corners: Vec<DVec2> = camera.lattice().cell_mm().iter().map(|corner| *corner * voxels_per_mm).collect();
+        let corners: Vec<DVec2> = optics.lattice().cell_mm().iter().map(|corner| *corner * voxels_per_mm).collect();
         let (along, across) = (views.along_mm * voxels_per_mm, views.across_mm * voxels_per_mm);
         let per_across = DVec2::new(-along.y, along.x) / along.perp_dot(across);
         let origin = |section: &DVec2| {
@@ -152,11 +148,10 @@ impl<'a> Lines<'a> {
             levels,
             views,
             grid,
-            measured,
             shift_mm,
             alpha: optics.alpha(z_mm),
             beta: optics.beta(z_mm),
-            pixels_per_mm: 1.0 / camera.sensor.pixel_pitch_mm,
+            pixels_per_mm: 1.0 / optics.pixel_pitch_mm(),
             neighbours: cell.left.iter().map(neighbour).collect(),
             unsure: cell.left.iter().fold(0.0, |unsure: f64, edge| unsure.max(edge.unsure)),
             cell,

@@ -42,7 +42,7 @@ impl Lines<'_> {
     /// `centre_mm` with all that its cell holds. As [`lf_core::optics::Optics::sensor_from_array`], to the bit.
     #[inline(always)]
     fn sensor_mm(&self, centre_mm: DVec2, array_mm: DVec2, section_mm: DVec2) -> DVec2 {
-        let departed = self.measured.departed(centre_mm);
+        let departed = self.views.measured.departed(centre_mm);
         departed + self.optics.demagnification() * (array_mm + (departed - centre_mm) - section_mm)
     }
 
@@ -68,7 +68,7 @@ impl Lines<'_> {
         let section_mm = self.views.sections_mm[section.section];
         let [width, height] = self.optics.sensor_px().map(|side| side as f64);
         let k_px = self.optics.demagnification() * self.pixels_per_mm;
-        let departed = self.measured.departed(centre_mm);
+        let departed = self.views.measured.departed(centre_mm);
         let base = departed * self.pixels_per_mm + 0.5 * DVec2::new(width, height);
         let place = |x: usize| base + k_px * (self.array_mm(section, x) + (departed - centre_mm) - section_mm);
         let pixel = |place: DVec2| {

@@ -80,7 +80,7 @@ pub(super) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid
                 origin_mm: [grid.centre_mm(0, first_x), grid.centre_mm(1, first_y), grid.origin_mm[2]],
                 ..grid.clone()
             };
-            let found = shifted(levels, camera, views, &tile, z, shift.at_mm(middle, DVec2::ZERO));
+            let found = shifted(levels, views, &tile, z, shift.at_mm(middle, DVec2::ZERO));
             kept.extend(found.into_iter().map(|(place, score)| {
                 let (x, y) = (place as usize % width, place as usize / width);
                 (((first_y + y) * nx + first_x + x) as u32, score)
