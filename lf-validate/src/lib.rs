@@ -5,6 +5,7 @@
 
 pub mod displacement;
 pub mod info;
+pub mod json;
 pub mod quality;
 pub mod statistics;
 pub mod truth;

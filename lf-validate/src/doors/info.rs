@@ -1,0 +1,62 @@
+//! `info`: what a file is.
+
+use super::check_inputs;
+use lf_core::camera::Camera;
+use lf_core::cli::{Session, Verdict};
+use lf_core::field::Field;
+use lf_core::volume::Volume;
+use lf_core::{Error, Result, image, io};
+use lf_validate::info::{self, Kind, Sheet};
+use std::path::{Path, PathBuf};
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The file
+    #[arg(default_value = "-")]
+    file: PathBuf,
+}
+
+/// Reads and describes.
+pub fn describe(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    let file = arguments.file.as_path();
+    check_inputs(&[file], session)?;
+    let sheet = session.phase("read", |_| sheet(io::open(file)?, &io::name(file)))?;
+    io::save_text(Path::new("-"), |out| write!(out, "{sheet}"))?;
+    Ok(Verdict::Done)
+}
+
+fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
+    const WANTED: &str = "wanted a .lfv, EXR, TIFF, PNG, camera.json, scene.json or particles.csv";
+    let refused = |found: String| Error::new(name, found, WANTED);
+    let text = |bytes: &io::Bytes| match std::str::from_utf8(bytes) {
+        Ok(text) => Ok(text.trim_start_matches('\u{feff}').to_owned()),
+        Err(error) => Err(refused(format!("byte {} is not part of UTF-8 text", error.valid_up_to()))),
+    };
+    match Kind::of(&bytes).map_err(refused)? {
+        Kind::Volume => {
+            let volume = Volume::from_bytes(bytes, name)?;
+            let names = volume.columns();
+            let columns: Vec<_> = names.iter().filter_map(|name| Some((*name, volume.column(name)?))).collect();
+            Ok(info::volume(volume.grid(), volume.count(), &columns, volume.history()))
+        }
+        Kind::Field => Ok(info::field(&Field::from_bytes(&bytes, name)?)),
+        Kind::Image => {
+            let image = image::from_bytes(&bytes, name)?;
+            let (height, width) = image.pixels.dim();
+            Ok(info::image(width, height, &image.pixels, &image.history))
+        }
+        Kind::Json => {
+            let text = text(&bytes)?;
+            let value: serde_json::Value =
+                serde_json::from_str(&text).map_err(|error| refused(format!("not JSON ({error})")))?;
+            if value.get("sensor").is_some() || value.get("main_lens").is_some() {
+                let camera = Camera::from_json(&text).map_err(|(found, wanted)| Error::new(name, found, wanted))?;
+                return Ok(info::camera(&camera));
+            }
+            info::json(&value).map_err(refused)
+        }
+        Kind::Particles => info::particles(&text(&bytes)?).map_err(refused),
+        Kind::Table => Ok(info::table(&text(&bytes)?)),
+        Kind::Vti => Ok(info::vti()),
+    }
+}
