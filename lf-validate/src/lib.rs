@@ -3,7 +3,9 @@
 //! Slices and fields in, plain structs out; the structs serialise to the JSON that lf-validate prints. Sums are taken in
 //! f64 in the order of the data, so a score depends on nothing but its inputs.
 
+pub mod depth;
 pub mod displacement;
+pub mod elongation;
 pub mod info;
 pub mod json;
 pub mod quality;

@@ -47,19 +47,106 @@ pub struct Quality {
     pub truth_sum: f64,
     /// sum E1.
     pub volume_sum: f64,
+    /// The same by slices across z.
+    pub by_depth: ByDepth,
+    /// The same by boxes.
+    pub by_region: ByRegion,
 }
 
-/// Scores `volume` against `truth`. One merge of the two index lists, no memory of its own.
+/// Scores of every slice of the grid, in the order of z.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ByDepth {
+    /// Centres of the slices, mm.
+    pub z_mm: Vec<f64>,
+    /// The scores.
+    #[serde(flatten)]
+    pub scores: Scores,
+}
+
+/// Scores of boxes that divide the grid evenly to a voxel, x fastest, then y, then z.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ByRegion {
+    /// Boxes along x, y, z.
+    pub shape: [usize; 3],
+    /// Centres of the boxes, mm.
+    pub centre_mm: Vec<[f64; 3]>,
+    /// The scores.
+    #[serde(flatten)]
+    pub scores: Scores,
+}
+
+/// One score for each part of a volume; none, `null`, where the part lacks the light that it is a share of.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Scores {
+    /// Q of the part alone; none where its truth is dark.
+    pub q: Vec<Option<f64>>,
+    /// Best factor of the part alone.
+    pub scale: Vec<Option<f64>>,
+    /// Share of the part's light in voxels where the truth is zero.
+    pub ghost_share: Vec<Option<f64>>,
+    /// Share of the part's true light in voxels that the volume leaves zero.
+    pub missed_share: Vec<Option<f64>>,
+    /// sum E0 of the part.
+    pub truth_sum: Vec<f64>,
+    /// sum E1 of the part.
+    pub volume_sum: Vec<f64>,
+}
+
+impl Scores {
+    fn of(parts: &[Sums]) -> Self {
+        let each = |score: fn(&Sums) -> Option<f64>| parts.iter().map(score).collect();
+        Self {
+            q: each(|sums| (sums.truth_square > 0.0).then(|| sums.q())),
+            scale: each(Sums::scale),
+            ghost_share: each(Sums::ghost_share),
+            missed_share: each(Sums::missed_share),
+            truth_sum: parts.iter().map(|sums| sums.truth).collect(),
+            volume_sum: parts.iter().map(|sums| sums.volume).collect(),
+        }
+    }
+}
+
+/// Scores `volume` against `truth`, as a whole, by slices and by `regions` boxes along x, y, z. One merge of the two index
+/// lists.
 ///
 /// # Errors
-/// Two phrases, found and wanted, where the grids disagree.
-pub fn quality(truth: Light, volume: Light) -> Result<Quality, (String, String)> {
-    if !truth.grid.agrees_with(volume.grid) {
-        return Err((volume.grid.to_string(), format!("wanted the truth's {}", truth.grid)));
+/// Two phrases, found and wanted, where the grids disagree, or a grid has fewer voxels than there should be regions.
+pub fn quality(truth: Light, volume: Light, regions: [usize; 3]) -> Result<Quality, (String, String)> {
+    let grid = truth.grid;
+    if !grid.agrees_with(volume.grid) {
+        return Err((volume.grid.to_string(), format!("wanted the truth's {grid}")));
     }
-    let mut sums = Sums::default();
-    for_each_pair(truth, volume, |_, e0, e1| sums.add(e0, e1));
-    Ok(sums.quality())
+    if (0..3).any(|axis| regions[axis] == 0 || regions[axis] > grid.shape[axis]) {
+        return Err((grid.to_string(), format!("wanted at least a voxel for each of {regions:?} regions")));
+    }
+    let mut slices = vec![Sums::default(); grid.shape[2]];
+    let mut boxes = vec![Sums::default(); regions.iter().product()];
+    for_each_pair(truth, volume, |index, e0, e1| {
+        let at = grid.voxel(index);
+        slices[at[2]].add(e0, e1);
+        let [i, j, k] = [0, 1, 2].map(|axis| at[axis] * regions[axis] / grid.shape[axis]);
+        boxes[i + regions[0] * (j + regions[1] * k)].add(e0, e1);
+    });
+    let whole = slices.iter().fold(Sums::default(), Sums::with);
+    let by_depth =
+        ByDepth { z_mm: (0..grid.shape[2]).map(|k| grid.centre_mm(2, k)).collect(), scores: Scores::of(&slices) };
+    let by_region = ByRegion {
+        shape: regions,
+        centre_mm: (0..boxes.len()).map(|n| box_centre_mm(grid, regions, n)).collect(),
+        scores: Scores::of(&boxes),
+    };
+    Ok(whole.quality(by_depth, by_region))
+}
+
+/// The middle of a box: half way between the first and the last of its voxels.
+fn box_centre_mm(grid: &Grid, regions: [usize; 3], n: usize) -> [f64; 3] {
+    let number = [n % regions[0], n / regions[0] % regions[1], n / regions[0] / regions[1]];
+    [0, 1, 2].map(|axis| {
+        // Voxel i is in box i * regions / shape, rounded down.
+        let first = |number: usize| (number * grid.shape[axis]).div_ceil(regions[axis]);
+        let ends = [first(number[axis]), first(number[axis] + 1) - 1];
+        0.5 * ends.map(|voxel| grid.centre_mm(axis, voxel)).iter().sum::<f64>()
+    })
 }
 
 /// Visits the voxels that either volume holds, in rising order: linear index, truth, volume.
@@ -121,19 +208,55 @@ impl Sums {
         }
     }
 
-    fn quality(&self) -> Quality {
+    /// Both sets of voxels together.
+    fn with(self, other: &Self) -> Self {
+        Self {
+            product: self.product + other.product,
+            truth_square: self.truth_square + other.truth_square,
+            volume_square: self.volume_square + other.volume_square,
+            truth: self.truth + other.truth,
+            volume: self.volume + other.volume,
+            truth_size: self.truth_size + other.truth_size,
+            volume_size: self.volume_size + other.volume_size,
+            ghost: self.ghost + other.ghost,
+            missed: self.missed + other.missed,
+            truth_voxels: self.truth_voxels + other.truth_voxels,
+            volume_voxels: self.volume_voxels + other.volume_voxels,
+            shared_voxels: self.shared_voxels + other.shared_voxels,
+        }
+    }
+
+    fn q(&self) -> f64 {
         // A root of each sum, and not of their product, which may overflow; and Q passes 1 by rounding only.
         let norm = self.truth_square.sqrt() * self.volume_square.sqrt();
+        if norm > 0.0 { (self.product / norm).clamp(-1.0, 1.0) } else { 0.0 }
+    }
+
+    fn scale(&self) -> Option<f64> {
+        ratio(self.product, self.volume_square)
+    }
+
+    fn ghost_share(&self) -> Option<f64> {
+        ratio(self.ghost, self.volume_size)
+    }
+
+    fn missed_share(&self) -> Option<f64> {
+        ratio(self.missed, self.truth_size)
+    }
+
+    fn quality(&self, by_depth: ByDepth, by_region: ByRegion) -> Quality {
         Quality {
-            q: if norm > 0.0 { (self.product / norm).clamp(-1.0, 1.0) } else { 0.0 },
-            scale: ratio(self.product, self.volume_square),
-            ghost_share: ratio(self.ghost, self.volume_size),
-            missed_share: ratio(self.missed, self.truth_size),
+            q: self.q(),
+            scale: self.scale(),
+            ghost_share: self.ghost_share(),
+            missed_share: self.missed_share(),
             truth_voxels: self.truth_voxels,
             volume_voxels: self.volume_voxels,
             shared_voxels: self.shared_voxels,
             truth_sum: self.truth,
             volume_sum: self.volume,
+            by_depth,
+            by_region,
         }
     }
 }
@@ -153,7 +276,7 @@ mod tests {
     fn score(truth: (&[u64], &[f32]), volume: (&[u64], &[f32])) -> Quality {
         let grid = grid();
         let light = |(indices, intensity)| Light { grid: &grid, indices, intensity };
-        quality(light(truth), light(volume)).unwrap()
+        quality(light(truth), light(volume), [2, 1, 2]).unwrap()
     }
 
     #[test]
@@ -218,6 +341,7 @@ mod tests {
         let found = quality(
             Light { grid: &grid, indices: &truth.0, intensity: &truth.1 },
             Light { grid: &grid, indices: &volume.0, intensity: &volume.1 },
+            [1, 1, 1],
         )
         .unwrap();
         assert!((found.q - dot(&e0, &e1) / (dot(&e0, &e0) * dot(&e1, &e1)).sqrt()).abs() < 1e-14);
@@ -238,7 +362,7 @@ mod tests {
         other.shape[1] = 4;
         let (a, b) = (grid(), other);
         let light = |grid| Light { grid, indices: &[], intensity: &[] };
-        let (found, wanted) = quality(light(&a), light(&b)).unwrap_err();
+        let (found, wanted) = quality(light(&a), light(&b), [1; 3]).unwrap_err();
         assert!(found.contains("4 x 4 x 2") && wanted.contains("4 x 3 x 2"));
     }
 }

@@ -40,6 +40,17 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     if odd { middle } else { 0.5 * (middle + below.iter().copied().fold(f64::NEG_INFINITY, f64::max)) }
 }
 
+/// The value that a share of the values is below, linear between neighbours in order; NaN of nothing.
+pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    values.sort_unstable_by(f64::total_cmp);
+    let place = share * (values.len() - 1) as f64;
+    let (below, above) = (values[place.floor() as usize], values[place.ceil() as usize]);
+    below + (place - place.floor()) * (above - below)
+}
+
 /// Median and robust standard deviation: the median absolute deviation scaled to a normal distribution.
 pub fn robust(values: &[f64]) -> (f64, f64) {
     let centre = median(values.to_vec());
@@ -105,6 +116,13 @@ mod tests {
         assert_eq!(median(vec![9.0, 1.0, 5.0, 3.0]), 4.0);
         assert_eq!(median(vec![2.0; 6]), 2.0);
         assert!(median(Vec::new()).is_nan());
+    }
+
+    #[test]
+    fn quantiles_between_values() {
+        let values = vec![4.0, 1.0, 3.0, 2.0];
+        assert_eq!([0.0, 0.5, 0.9, 1.0].map(|share| quantile(values.clone(), share)), [1.0, 2.5, 3.7, 4.0]);
+        assert!(quantile(Vec::new(), 0.5).is_nan());
     }
 
     #[test]

@@ -1,12 +1,16 @@
 //! What each score reads and writes.
 
+pub mod depth;
 pub mod displacement;
+pub mod elongation;
 pub mod info;
 pub mod quality;
 
 use lf_core::cli::{Session, Verdict};
+use lf_core::volume::Volume;
 use lf_core::{Error, Result, io};
 use lf_validate::json;
+use lf_validate::quality::Light;
 use serde::Serialize;
 use std::path::Path;
 
@@ -31,4 +35,18 @@ fn verdict(is_yes: bool) -> Verdict {
 fn number(text: &str) -> std::result::Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "wanted a number".to_string())?;
     if value.is_finite() { Ok(value) } else { Err("wanted a finite number".to_string()) }
+}
+
+/// Whole numbers of voxels or boxes, as an option takes them.
+fn counts(option: &str, typed: [f64; 3]) -> Result<[usize; 3]> {
+    if typed.iter().all(|number| (0.0..=1e6).contains(number) && number.fract() == 0.0) {
+        return Ok(typed.map(|number| number as usize));
+    }
+    let [x, y, z] = typed;
+    Err(Error::new(option, format!("{x},{y},{z}"), "wanted three whole numbers from 0"))
+}
+
+/// The light of a volume.
+fn light(volume: &Volume) -> Result<Light<'_>> {
+    Ok(Light { grid: volume.grid(), indices: volume.indices(), intensity: volume.require("intensity")? })
 }

@@ -1,10 +1,10 @@
 //! `quality`: a volume against the true one.
 
-use super::{check_inputs, number, print, verdict};
-use lf_core::cli::{Session, Verdict};
+use super::{check_inputs, counts, light, number, print, verdict};
+use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result};
-use lf_validate::quality::{Light, Quality, quality};
+use lf_validate::quality::{Quality, quality};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -14,19 +14,30 @@ pub struct Arguments {
     /// The volume to score
     #[arg(default_value = "-")]
     volume: PathBuf,
+    /// Boxes along x, y, z that are scored one by one [default: 3,3,3, or the voxels where they are fewer]
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
+    regions: Option<[f64; 3]>,
     /// Exit code 1 when q is below Q
     #[arg(long, value_name = "Q", value_parser = number, allow_negative_numbers = true)]
     min_q: Option<f64>,
+    /// Exit code 1 when ghost_share is above SHARE
+    #[arg(long, value_name = "SHARE", value_parser = number)]
+    max_ghosts: Option<f64>,
+    /// Exit code 1 when missed_share is above SHARE
+    #[arg(long, value_name = "SHARE", value_parser = number)]
+    max_missed: Option<f64>,
 }
 
 /// Reads, scores, prints, judges.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     check_inputs(&[&arguments.truth, &arguments.volume], session)?;
+    let regions = arguments.regions.map(|typed| counts("--regions", typed)).transpose()?;
     let (truth, volume) =
         session.phase("read", |_| Ok((Volume::open(&arguments.truth)?, Volume::open(&arguments.volume)?)))?;
     let (true_light, light) = (light(&truth)?, light(&volume)?);
+    let regions = regions.unwrap_or_else(|| truth.grid().shape.map(|voxels| voxels.min(3)));
     let score = session.phase("score", |_| {
-        quality(true_light, light).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))
+        quality(true_light, light, regions).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))
     })?;
     for (name, voxels) in [(truth.name(), score.truth_voxels), (volume.name(), score.volume_voxels)] {
         if voxels == 0 {
@@ -36,13 +47,14 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.count("truth_voxels", score.truth_voxels);
     session.count("volume_voxels", score.volume_voxels);
     print(&score)?;
-    Ok(verdict(arguments.min_q.is_none_or(|min_q| is_met(&score, min_q))))
+    Ok(verdict(keeps(&score, arguments)))
 }
 
-fn is_met(score: &Quality, min_q: f64) -> bool {
-    score.q >= min_q
-}
-
-fn light(volume: &Volume) -> Result<Light<'_>> {
-    Ok(Light { grid: volume.grid(), indices: volume.indices(), intensity: volume.require("intensity")? })
+/// A share that does not exist keeps no limit.
+fn keeps(score: &Quality, arguments: &Arguments) -> bool {
+    let below =
+        |share: Option<f64>, most: Option<f64>| most.is_none_or(|most| share.is_some_and(|share| share <= most));
+    arguments.min_q.is_none_or(|least| score.q >= least)
+        && below(score.ghost_share, arguments.max_ghosts)
+        && below(score.missed_share, arguments.max_missed)
 }

@@ -1,0 +1,53 @@
+//! `depth`: where along z the light of volumes lies.
+
+use super::{check_inputs, light, number, print, verdict};
+use lf_core::cli::{Session, Verdict, numbers};
+use lf_core::volume::Volume;
+use lf_core::{Error, Result};
+use lf_validate::depth::{Depth, Score};
+use std::path::{Path, PathBuf};
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Volumes of one grid; they are added up
+    #[arg(default_value = "-")]
+    volumes: Vec<PathBuf>,
+    /// Depths between which there should be light, mm
+    #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    slab: Option<[f64; 2]>,
+    /// Exit code 1 when outside_share is above SHARE
+    #[arg(long, value_name = "SHARE", value_parser = number, requires = "slab")]
+    max_outside: Option<f64>,
+}
+
+/// Reads, scores, prints, judges.
+pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    let inputs: Vec<&Path> = arguments.volumes.iter().map(PathBuf::as_path).collect();
+    check_inputs(&inputs, session)?;
+    if let Some([low, high]) = arguments.slab.filter(|[low, high]| low >= high) {
+        return Err(Error::new("--slab", format!("{low},{high}"), "wanted the lower depth first"));
+    }
+    let score = session.phase("score", |_| add_up(&inputs))?.score(arguments.slab);
+    if score.light <= 0.0 {
+        session.warn("every voxel is dark");
+    }
+    session.count("volumes", score.volumes);
+    print(&score)?;
+    Ok(verdict(arguments.max_outside.is_none_or(|most| keeps(&score, most))))
+}
+
+/// One volume in memory at a time.
+fn add_up(inputs: &[&Path]) -> Result<Depth> {
+    let add = |sum: Option<Depth>, input: &&Path| {
+        let volume = Volume::open(input)?;
+        let mut sum = sum.unwrap_or_else(|| Depth::new(volume.grid()));
+        sum.add(light(&volume)?).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))?;
+        Ok(Some(sum))
+    };
+    let sum = inputs.iter().try_fold(None, add)?;
+    sum.ok_or_else(|| Error::new("VOLUMES", "none", "wanted at least one"))
+}
+
+fn keeps(score: &Score, most: f64) -> bool {
+    score.outside_share.is_some_and(|share| share <= most)
+}
