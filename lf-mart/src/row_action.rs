@@ -9,7 +9,7 @@
 
 use crate::simultaneous::change;
 use crate::{GREATEST_STRENGTH, Problem, Solved, Sweep};
-use lf_core::footprint::{Footprint, Scratch};
+use lf_core::footprint::{Footprint, Piece, Scratch};
 use rayon::prelude::*;
 
 /// A voxel and its weight on a pixel.
@@ -22,7 +22,55 @@ struct Weight {
 /// Support voxels whose weights are made at once, to be stored in their order.
 pub(crate) const RUN: usize = 1 << 12;
 
-/// The weights of a voxel, each pixel once, by rising pixel.
+/// The weights of a voxel, each pixel once, by rising pixel: `row * width + column`.
+fn weights(footprint: &Footprint, index: u64, scratch: &mut Buffers, width: usize) -> Vec<(u32, f32)> {
+    if footprint.in_line() && !footprint.circle() {
+        products(footprint, index, scratch, width)
+    } else {
+        merged(footprint, index, &mut scratch.visit, width)
+    }
+}
+
+#[derive(Default)]
+struct Buffers {
+    visit: Scratch,
+    pieces: Vec<Piece>,
+    columns: Vec<(u32, f32)>,
+    rows: Vec<(u32, f32)>,
+    shares: Vec<f32>,
+}
+
+/// Behind a square stop in line the weights of a voxel are the products of its column shares with its row shares, each
+/// summed over the lenslets.
+fn products(footprint: &Footprint, index: u64, buffers: &mut Buffers, width: usize) -> Vec<(u32, f32)> {
+    let [x, y, z] = footprint.grid().voxel(index);
+    let Buffers { pieces, columns, rows, shares, .. } = buffers;
+    pieces.clear();
+    footprint.columns(x, z, pieces);
+    summed(pieces, columns);
+    pieces.clear();
+    footprint.rows(y, z, pieces);
+    summed(pieces, rows);
+    // Shares apart from their pixels: multiplied in pairs, the pixels' bits would be denormal numbers, thirty times slower.
+    let scale = footprint.scale();
+    shares.clear();
+    shares.extend(columns.iter().map(|(_, share)| scale * share));
+    let mut weights = Vec::with_capacity(columns.len() * rows.len());
+    for (row, row_share) in rows {
+        let first = *row * width as u32;
+        weights.extend(columns.iter().zip(&*shares).map(|((column, _), share)| (first + column, *row_share * *share)));
+    }
+    weights
+}
+
+/// Shares by rising pixel, each pixel once.
+fn summed(pieces: &[Piece], out: &mut Vec<(u32, f32)>) {
+    out.clear();
+    out.extend(pieces.iter().map(|piece| (piece.pixel, piece.weight)));
+    sum_equal(out);
+}
+
+/// Any camera's, by a sort.
 fn merged(footprint: &Footprint, index: u64, scratch: &mut Scratch, width: usize) -> Vec<(u32, f32)> {
     let mut weights: Vec<(u32, f32)> = Vec::new();
     footprint.visit(
@@ -33,6 +81,11 @@ fn merged(footprint: &Footprint, index: u64, scratch: &mut Scratch, width: usize
             weights.push((row * width as u32 + column, weight));
         },
     );
+    sum_equal(&mut weights);
+    weights
+}
+
+fn sum_equal(weights: &mut Vec<(u32, f32)>) {
     weights.sort_unstable_by_key(|(pixel, _)| *pixel);
     weights.dedup_by(|next, kept| {
         let same = next.0 == kept.0;
@@ -41,14 +94,13 @@ fn merged(footprint: &Footprint, index: u64, scratch: &mut Scratch, width: usize
         }
         same
     });
-    weights
 }
 
 fn runs(footprint: &Footprint, indices: &[u64], width: usize, mut take: impl FnMut(usize, Vec<(u32, f32)>)) {
     for (run, part) in indices.chunks(RUN).enumerate() {
         let made: Vec<Vec<(u32, f32)>> = part
             .par_iter()
-            .map_init(Scratch::default, |scratch, index| merged(footprint, *index, scratch, width))
+            .map_init(Buffers::default, |buffers, index| weights(footprint, *index, buffers, width))
             .collect();
         for (n, weights) in made.into_iter().enumerate() {
             take(run * RUN + n, weights);
@@ -122,4 +174,31 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<S
         }
     }
     Ok(Solved { indices: indices.to_vec(), strengths, sweeps, unseen: seen.iter().filter(|seen| !**seen).count() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::{cameras, grid, voxels};
+    use lf_core::footprint::{Basis, Model};
+
+    #[test]
+    fn products_are_the_weights() {
+        let (camera, grid) = (&cameras()[0], grid());
+        for (model, basis) in [(Model::Drt, Basis::Point), (Model::Exact, Basis::Blob { sigma_vox: 0.65 })] {
+            let footprint = Footprint::new(camera, &grid, model, basis).unwrap();
+            let (width, _) = footprint.sensor();
+            for index in voxels(&grid) {
+                let mut buffers = Buffers::default();
+                let found = products(&footprint, index, &mut buffers, width);
+                let wanted = merged(&footprint, index, &mut buffers.visit, width);
+                assert!(found.len() >= wanted.len() && found.len() < 2 * wanted.len().max(1), "{model:?} {index}");
+                let sum: f32 = found.iter().map(|(_, weight)| weight).sum();
+                for (pixel, weight) in wanted {
+                    let at = found.binary_search_by_key(&pixel, |(pixel, _)| *pixel).unwrap();
+                    assert!((found[at].1 - weight).abs() <= 1e-5 * sum, "{model:?}, voxel {index}, pixel {pixel}");
+                }
+            }
+        }
+    }
 }
