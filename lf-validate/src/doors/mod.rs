@@ -1,9 +1,12 @@
 //! What each score reads and writes.
 
 pub mod displacement;
+pub mod divergence;
 pub mod info;
 pub mod quality;
+mod truth;
 
+use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
 use lf_core::{Error, Result, io};
 use lf_validate::json;
@@ -31,4 +34,31 @@ fn verdict(is_yes: bool) -> Verdict {
 fn number(text: &str) -> std::result::Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "wanted a number".to_string())?;
     if value.is_finite() { Ok(value) } else { Err("wanted a finite number".to_string()) }
+}
+
+fn share(text: &str) -> std::result::Result<f64, String> {
+    let share = number(text)?;
+    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("wanted a share, 0 to 1".to_string()) }
+}
+
+/// Limits of u, v, w from one number or three; none from nothing.
+fn components(option: &str, limits: &[f64]) -> Result<Option<[f64; 3]>> {
+    match *limits {
+        [] => Ok(None),
+        [all] => Ok(Some([all; 3])),
+        [u, v, w] => Ok(Some([u, v, w])),
+        _ => Err(Error::new(option, format!("{} numbers", limits.len()), "wanted one, or three for u,v,w")),
+    }
+}
+
+/// Whether every component is within its limit, where there are limits; a number that does not exist is not.
+fn at_most(found: Option<[f64; 3]>, limits: Option<[f64; 3]>) -> bool {
+    let Some(limits) = limits else { return true };
+    found.is_some_and(|found| found.iter().zip(limits).all(|(found, limit)| *found <= limit))
+}
+
+/// A pixel at the focal plane of a camera, where there is one, mm.
+fn pixel_mm(camera: Option<&Path>) -> Result<Option<f64>> {
+    let camera = camera.map(Camera::open).transpose()?;
+    Ok(camera.map(|camera| camera.voxel_spacing_mm([1.0; 3])[0]))
 }
