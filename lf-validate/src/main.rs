@@ -55,7 +55,8 @@ enum Command {
     /// data; errors that such neighbours share are not seen. Numbers of the divergence have no unit: change of volume over
     /// volume between the two volumes. It is the sum of three central differences, at places whose six neighbours a stride
     /// away have data (count); sigma is its robust standard deviation, rms_gradient the RMS of all nine gradients,
-    /// relative = rms / RMS of sqrt((du/dx)^2 + (dv/dy)^2 + (dw/dz)^2): 0 where volume is kept, 1 for noise.
+    /// relative = rms / RMS of sqrt((du/dx)^2 + (dv/dy)^2 + (dw/dz)^2): 0 where volume is kept, 1 for noise, also
+    /// for that of a flow without such gradients.
     /// rms_of_noise: what the noise alone would give.
     ///
     /// noise: sigma of each component, from the median absolute deviation of third differences, which take away a flow up
