@@ -178,7 +178,7 @@ mod tests {
     use lf_core::field::NO_DATA;
 
     fn displacement(truth: &Field, field: &Field, pixel_mm: Option<f64>) -> Displacement {
-        super::displacement(&Truth::Field(truth.clone()), field, pixel_mm)
+        super::displacement(&Truth::Field(Box::new(truth.clone())), field, pixel_mm)
     }
 
     fn json(score: &Displacement) -> serde_json::Value {

@@ -9,7 +9,7 @@ use lf_core::flow::Velocity;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Truth {
     /// A field: interpolated to the places of the measured vectors.
-    Field(Field),
+    Field(Box<Field>),
     /// A flow, known everywhere.
     Flow {
         /// The flow.
@@ -125,7 +125,7 @@ mod tests {
         let measured =
             field([4, 5, 3], |place| [0, 1, 2].map(|axis| shear(place)[axis] + [0.003, -0.004, 0.005][axis]));
         let truths = [
-            Truth::Field(field([4, 5, 3], shear)),
+            Truth::Field(Box::new(field([4, 5, 3], shear))),
             flow(),
             moved(&[[0.1, 0.7, 0.3], [-0.9, 1.4, -2.2], [0.5, 1.5, 1.0]]),
         ];
@@ -143,7 +143,7 @@ mod tests {
     fn a_flow_holds_where_a_field_ends_and_particles_need_the_field() {
         let mut measured = field([4, 5, 3], shear);
         measured.flag[0] = NO_DATA;
-        let truth = Truth::Field(field([2, 5, 3], shear));
+        let truth = Truth::Field(Box::new(field([2, 5, 3], shear)));
         assert_eq!(samples(&truth, &measured).1, 30);
         assert_eq!((samples(&flow(), &measured).0.len(), samples(&flow(), &measured).1), (59, 0));
         let truth = moved(&[[-0.9, 0.6, -2.9], [0.1, 0.7, 0.3], [0.1, 0.7, 1.1]]);

@@ -326,6 +326,16 @@ fn a_sampled_flow_is_read_from_the_folder_of_its_scene() {
 }
 
 #[test]
+fn a_scene_without_a_flow_is_at_rest() {
+    let place = Place::new();
+    let still = r#"{"camera": "camera.json", "volume": {"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]}}"#;
+    let scene = place.file("scene.json", still);
+    let field = place.field("field.exr", [3, 3, 3], [0.25, 0.0, 0.0], &[]);
+    let score = json(&run(&["displacement"], &[&scene, &field]));
+    assert_eq!((&score["truth"], &score["bias_u_mm"], &score["rms_v_mm"]), (&"flow".into(), &0.25.into(), &0.0.into()));
+}
+
+#[test]
 fn truths_that_tell_nothing_are_named() {
     let place = Place::new();
     place.file("camera.json", CAMERA);

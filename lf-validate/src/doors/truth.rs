@@ -43,7 +43,7 @@ pub fn open(file: &Path, frames: Option<[usize; 2]>, session: &Session) -> Resul
             Ok(Truth::Tracks(found))
         }
         Kind::Volume | Kind::Table | Kind::Vti => Err(refused("another kind of file".to_owned())),
-        Kind::Field | Kind::Image => Ok(Truth::Field(Field::from_bytes(&bytes, &name)?)),
+        Kind::Field | Kind::Image => Ok(Truth::Field(Box::new(Field::from_bytes(&bytes, &name)?))),
     }
 }
 
