@@ -247,9 +247,9 @@ fn light(shift_vox: u64) -> Vec<u8> {
 
 fn field() -> Field {
     let mut field = Field::empty(Layout {
-        shape: [4, 3, 2],
+        shape: [4, 3, 7],
         spacing_mm: [0.1, 0.1, 0.2],
-        origin_mm: [-0.15, -0.1, -0.1],
+        origin_mm: [-0.15, -0.1, -0.6],
         voxel_mm: [0.0055, 0.0055, 0.055],
         window: [16, 16, 8],
         overlap: 0.5,

@@ -196,6 +196,8 @@ const USES: &[Use] = &[
         words: &[Plain("displacement"), Input(Kind::Field), Input(Kind::Field), Plain("-c"), Input(Kind::Camera)],
         pipes: false,
     },
+    Use { tool: "lf-validate", words: &[Plain("displacement"), Input(Kind::Scene), Input(Kind::Field)], pipes: false },
+    Use { tool: "lf-validate", words: &[Plain("divergence"), Input(Kind::Field)], pipes: true },
     Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Camera)], pipes: true },
     Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Scene)], pipes: true },
     Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Image)], pipes: true },

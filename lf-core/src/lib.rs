@@ -7,6 +7,7 @@ pub mod camera;
 pub mod cli;
 pub mod error;
 pub mod field;
+pub mod flow;
 pub mod footprint;
 pub mod grid;
 pub mod history;
@@ -16,6 +17,7 @@ pub mod kernel;
 pub mod lattice;
 pub mod optics;
 pub mod particles;
+pub mod scene;
 pub mod volume;
 
 pub use error::{Error, Result};

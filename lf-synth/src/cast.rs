@@ -1,8 +1,8 @@
 //! The particles of frame after frame.
 
-use crate::flow::Velocity;
 use crate::light::Sheet;
 use crate::particles::{self, Particle};
+use lf_core::flow::Velocity;
 
 /// Where the particles of the frames come from.
 #[derive(Debug, Clone, PartialEq)]

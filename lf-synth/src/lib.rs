@@ -5,7 +5,6 @@
 pub mod cast;
 pub mod diffraction;
 pub mod dots;
-pub mod flow;
 pub mod light;
 pub mod noise;
 pub mod particles;

@@ -1,7 +1,7 @@
 //! Where the particles are, frame by frame.
 
-use crate::flow::{Velocity, places};
 use glam::DVec3;
+use lf_core::flow::{Velocity, places};
 use lf_core::particles::{self as table, HEADER};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -187,7 +187,7 @@ fn lines(text: &str) -> Result<Vec<(usize, Particle)>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flow::Flows;
+    use lf_core::flow::Flows;
 
     const BOUNDS: [[f64; 2]; 3] = [[-1.0, 1.0], [0.0, 1.0], [-5.0, 5.0]];
     const PLAIN: Spread = Spread { intensity: 1.0, intensity_spread: 0.0, size_spread: 0.0 };

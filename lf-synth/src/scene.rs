@@ -2,13 +2,14 @@
 
 use crate::diffraction::Diffraction;
 use crate::dots::Dots;
-use crate::flow::Flows;
 use crate::light::{SecondStop, Sheet};
 use crate::render::{Glow, Rays};
 use crate::samples::Shape;
 use crate::sensor::SensorNoise;
 use lf_core::camera::Camera;
+use lf_core::flow::Flows;
 use lf_core::grid::Grid;
+use lf_core::scene::{CameraSource, Frames, Volume, WANTED};
 use lf_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -58,28 +59,6 @@ pub struct Scene {
     pub seed: u64,
 }
 
-/// A camera in place or by path.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum CameraSource {
-    /// Path of a camera file.
-    Path(PathBuf),
-    /// The camera itself.
-    Camera(serde_json::Value),
-}
-
-/// Bounds of the lit volume, mm.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Volume {
-    /// Low and high bound along x.
-    pub x_mm: [f64; 2],
-    /// Low and high bound along y.
-    pub y_mm: [f64; 2],
-    /// Low and high bound along z.
-    pub z_mm: [f64; 2],
-}
-
 /// The particles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -118,16 +97,6 @@ pub struct Particles {
     pub rays: Option<u32>,
 }
 
-/// When the frames are taken, in intervals of time between which the flow moves by its displacement.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum Frames {
-    /// So many, at 0, 1, 2 ...
-    Count(usize),
-    /// At these times, rising.
-    Times(Vec<f64>),
-}
-
 /// The exact volumes and displacements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -159,35 +128,6 @@ impl Default for White {
     }
 }
 
-impl Default for Frames {
-    fn default() -> Self {
-        Self::Count(2)
-    }
-}
-
-impl Frames {
-    /// The times.
-    pub fn times(&self) -> Vec<f64> {
-        match self {
-            Self::Count(count) => (0..*count).map(|n| n as f64).collect(),
-            Self::Times(times) => times.clone(),
-        }
-    }
-
-    fn check(&self) -> std::result::Result<(), String> {
-        let (count, rise) = match self {
-            Self::Count(count) => (*count, true),
-            Self::Times(times) => {
-                (times.len(), times.iter().all(|t| t.abs() < 1e6) && times.windows(2).all(|pair| pair[0] < pair[1]))
-            }
-        };
-        if !(1..=10_000).contains(&count) {
-            return Err(format!("frames asks for {count}, outside 1 to 10000"));
-        }
-        if rise { Ok(()) } else { Err("frames has times that do not rise, or beyond 1e6".to_string()) }
-    }
-}
-
 fn default_intensity() -> f64 {
     1e5
 }
@@ -207,8 +147,7 @@ impl Scene {
     pub fn open(path: &Path) -> Result<(Self, Camera, Vec<PathBuf>)> {
         let name = lf_core::io::name(path);
         let text = lf_core::io::open_text(path)?;
-        let wrong =
-            |found: String| Error::new(name.clone(), found, "wanted a scene.json as `lf-synth scene` prints them");
+        let wrong = |found: String| Error::new(name.clone(), found, WANTED);
         let mut scene: Self = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut files = Vec::new();
@@ -224,22 +163,15 @@ impl Scene {
             noise.join(folder);
             files.extend(noise.background.clone());
         }
-        let camera = match &scene.camera {
-            CameraSource::Path(file) => {
-                files.push(folder.join(file));
-                Camera::open(&folder.join(file))?
-            }
-            CameraSource::Camera(value) => {
-                Camera::from_json(&value.to_string()).map_err(|(found, _)| wrong(format!("camera: {found}")))?
-            }
-        };
+        files.extend(scene.camera.file(folder));
+        let camera = scene.camera.open(folder, &name)?;
         scene.check(&camera).map_err(wrong)?;
         Ok((scene, camera, files))
     }
 
     /// The volume's bounds along x, y, z, mm.
     pub fn bounds_mm(&self) -> [[f64; 2]; 3] {
-        [self.volume.x_mm, self.volume.y_mm, self.volume.z_mm]
+        self.volume.bounds_mm()
     }
 
     /// The grid of the exact volumes; none where the scene asks for no truth.
@@ -323,11 +255,7 @@ impl Scene {
     }
 
     fn check_volume(&self, camera: &Camera) -> std::result::Result<(), String> {
-        for (name, [low, high]) in ["x_mm", "y_mm", "z_mm"].iter().zip(self.bounds_mm()) {
-            if !(low.is_finite() && high.is_finite() && low < high) {
-                return Err(format!("volume.{name} [{low}, {high}] does not rise"));
-            }
-        }
+        self.volume.check()?;
         check_depth(camera, self.volume.z_mm[1]).map_err(|found| format!("volume.z_mm reaches {found}"))
     }
 

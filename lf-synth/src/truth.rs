@@ -1,9 +1,8 @@
 //! The exact volumes and displacements of a scene.
 
-use crate::flow::Velocity;
 use crate::particles::Particle;
-use glam::DVec3;
 use lf_core::field::{Field, Layout, MEASURED};
+use lf_core::flow::Velocity;
 use lf_core::grid::Grid;
 use lf_core::history::History;
 use rayon::prelude::*;
@@ -91,11 +90,9 @@ pub fn displacement(
     let origin_mm = bounds_mm.map(|[low, _]| low);
     let layout = Layout { shape, spacing_mm, origin_mm, voxel_mm, window: [0; 3], overlap: 0.0, dt_s: None, history };
     let mut field = Field::empty(layout);
-    let place = |n: usize| DVec3::from(field.place_mm(n));
-    let vectors: Vec<DVec3> =
-        (0..field.len()).into_par_iter().map(|n| flow.displacement_mm(place(n), interval)).collect();
-    for (n, d) in vectors.iter().enumerate() {
-        (field.u[n], field.v[n], field.w[n]) = (d.x as f32, d.y as f32, d.z as f32);
+    let places: Vec<[f64; 3]> = (0..field.len()).map(|n| field.place_mm(n)).collect();
+    for (n, vector) in flow.displacements_mm(&places, interval).into_iter().enumerate() {
+        [field.u[n], field.v[n], field.w[n]] = vector.map(|mm| mm as f32);
     }
     field.peak.fill(1.0);
     field.flag.fill(MEASURED);
@@ -105,6 +102,7 @@ pub fn displacement(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     #[test]
     fn a_particle_keeps_its_intensity_and_place() {

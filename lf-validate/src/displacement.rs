@@ -1,11 +1,12 @@
 //! How far measured vectors lie from the true displacement.
 //!
-//! Error = measured - true, each component on its own. `mm` is object space; `px` is a pixel seen at the focal plane,
-//! pixel pitch / magnification, the same length for all three components; `vox` is the spacing of the voxels that were
-//! correlated, of each axis its own.
+//! Error = measured - true, each component on its own, in the units of [`crate::units`].
 
+use crate::coverage::Coverage;
+use crate::pdf::Pdf;
 use crate::statistics::{Spread, robust};
-use crate::truth;
+use crate::truth::{Sample, Truth, samples};
+use crate::units::{COMPONENTS, Unit, units};
 use lf_core::field::{Field, MEASURED, REPLACED};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
@@ -18,12 +19,11 @@ pub const OUTLIER_SIGMAS: f64 = 5.0;
 /// however tight the others lie.
 pub const OUTLIER_FLOOR_VOX: f64 = 0.1;
 
-/// The components, in order.
-pub const COMPONENTS: [&str; 3] = ["u", "v", "w"];
-
 /// The score of a measured field against the truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Displacement {
+    /// What the truth is known from: `field`, `flow` or `tracks`.
+    pub truth: &'static str,
     /// Vectors of the measured field.
     pub places: usize,
     /// Vectors flagged measured.
@@ -34,78 +34,94 @@ pub struct Displacement {
     pub no_data: usize,
     /// Measured or replaced vectors for which there is no truth: outside its hull or beside one of its gaps. Not scored.
     pub outside_truth: usize,
+    /// The particles, where they are the truth.
+    #[serde(flatten)]
+    pub particles: Option<Particles>,
     /// A pixel at the focal plane, mm; absent without a camera, and then so is every `px`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel_mm: Option<f64>,
     /// Voxel spacing of the volumes correlated, mm.
     pub voxel_mm: [f64; 3],
-    /// Measured and replaced vectors.
+    /// All that are scored.
     #[serde(flatten)]
     pub all: Errors,
     /// Measured vectors alone.
     pub measured_only: Errors,
+    /// Whether the stated uncertainty holds, of measured vectors.
+    pub uncertainty: Coverage,
+    /// Density of the errors of all that are scored; none in voxels that have no size.
+    pub pdf: Option<Pdf>,
 }
 
-/// Errors of a set of vectors. In JSON one key for each of bias, rms, std and median_abs, component and unit: `rms_u_px`.
+/// Particles that are the truth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Particles {
+    /// Particles in both frames.
+    pub particles: usize,
+    /// Particles in one of the frames only. Not scored.
+    pub unpaired: usize,
+    /// Particles in both frames that lie outside the field's vectors or beside one of its gaps. Not scored.
+    pub outside_field: usize,
+}
+
+/// Errors of a set of vectors, or of particles. In JSON one key for each of bias, rms, std and median_abs, component and
+/// unit: `rms_u_px`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Errors {
-    /// Vectors scored.
+    /// Vectors scored; with particles, particles.
     pub vectors: usize,
     /// Those with a component beyond [`OUTLIER_SIGMAS`] and [`OUTLIER_FLOOR_VOX`]. They stay in every other number.
     pub outliers: usize,
     /// Spread of each component, mm.
     pub spread_mm: [Spread; 3],
-    units: Vec<(&'static str, [f64; 3])>,
+    units: Vec<Unit>,
 }
 
 /// Scores `field` against `truth`; `pixel_mm` is a pixel at the focal plane.
-pub fn displacement(truth: &Field, field: &Field, pixel_mm: Option<f64>) -> Displacement {
+pub fn displacement(truth: &Truth, field: &Field, pixel_mm: Option<f64>) -> Displacement {
     let voxel_mm = field.layout.voxel_mm;
-    let (mut all, mut measured_only) = (Vec::new(), Vec::new());
-    let (mut measured, mut replaced, mut outside_truth) = (0, 0, 0);
-    for (at, &flag) in field.flag.iter().enumerate() {
-        if flag != MEASURED && flag != REPLACED {
-            continue;
+    let flagged = |flag: f32| field.flag.iter().filter(|found| **found == flag).count();
+    let (measured, replaced) = (flagged(MEASURED), flagged(REPLACED));
+    let (samples, outside) = samples(truth, field);
+    let particles = match truth {
+        Truth::Tracks(tracks) => {
+            let (particles, unpaired) = (tracks.mid_mm.len(), tracks.unpaired);
+            Some(Particles { particles, unpaired, outside_field: outside })
         }
-        measured += usize::from(flag == MEASURED);
-        replaced += usize::from(flag == REPLACED);
-        let Some(expected) = truth::interpolate(truth, field.place_mm(at)) else {
-            outside_truth += 1;
-            continue;
-        };
-        let vector = [field.u[at], field.v[at], field.w[at]].map(f64::from);
-        let error = [0, 1, 2].map(|axis| vector[axis] - expected[axis]);
-        all.push(error);
-        if flag == MEASURED {
-            measured_only.push(error);
-        }
-    }
-    let mut units = vec![("mm", [1.0; 3]), ("vox", voxel_mm)];
-    units.extend(pixel_mm.map(|pixel| ("px", [pixel; 3])));
+        Truth::Field(_) | Truth::Flow { .. } => None,
+    };
+    let units = units(voxel_mm, pixel_mm);
+    let measured_only: Vec<Sample> = samples.iter().copied().filter(|sample| sample.is_measured).collect();
     Displacement {
-        places: field.flag.len(),
+        truth: truth.name(),
+        places: field.len(),
         measured,
         replaced,
-        no_data: field.flag.len() - measured - replaced,
-        outside_truth,
+        no_data: field.len() - measured - replaced,
+        outside_truth: if particles.is_none() { outside } else { 0 },
+        particles,
         pixel_mm,
         voxel_mm,
-        all: Errors::of(&all, voxel_mm, units.clone()),
+        uncertainty: Coverage::of(&samples),
+        pdf: Pdf::of(&samples, &units),
+        all: Errors::of(&samples, voxel_mm, units.clone()),
         measured_only: Errors::of(&measured_only, voxel_mm, units),
     }
 }
 
 impl Errors {
-    fn of(errors_mm: &[[f64; 3]], voxel_mm: [f64; 3], units: Vec<(&'static str, [f64; 3])>) -> Self {
-        let components = [0, 1, 2].map(|axis| errors_mm.iter().map(|error| error[axis]).collect::<Vec<f64>>());
+    fn of(samples: &[Sample], voxel_mm: [f64; 3], units: Vec<Unit>) -> Self {
+        let of_axis = |axis: usize| samples.iter().map(|sample| sample.error_mm[axis]).collect::<Vec<f64>>();
+        let components = [0, 1, 2].map(of_axis);
         let limits = [0, 1, 2].map(|axis| {
             let (centre, sigma) = robust(&components[axis]);
             (centre, (OUTLIER_SIGMAS * sigma).max(OUTLIER_FLOOR_VOX * voxel_mm[axis]))
         });
-        let wild = |error: &&[f64; 3]| (0..3).any(|axis| (error[axis] - limits[axis].0).abs() > limits[axis].1);
+        let wild =
+            |sample: &&Sample| (0..3).any(|axis| (sample.error_mm[axis] - limits[axis].0).abs() > limits[axis].1);
         Self {
-            vectors: errors_mm.len(),
-            outliers: errors_mm.iter().filter(wild).count(),
+            vectors: samples.len(),
+            outliers: samples.iter().filter(wild).count(),
             spread_mm: components.map(|component| Spread::of(&component)),
             units,
         }
@@ -113,8 +129,22 @@ impl Errors {
 
     /// The RMS error of each component in pixels; none without a pixel's size, NaN without vectors.
     pub fn rms_px(&self) -> Option<[f64; 3]> {
+        self.px(|spread| spread.rms)
+    }
+
+    /// The mean error of each component in pixels; none without a pixel's size, NaN without vectors.
+    pub fn bias_px(&self) -> Option<[f64; 3]> {
+        self.px(|spread| spread.bias)
+    }
+
+    /// Share of the vectors that are outliers; NaN without vectors.
+    pub fn outlier_share(&self) -> f64 {
+        self.outliers as f64 / self.vectors as f64
+    }
+
+    fn px(&self, number: fn(&Spread) -> f64) -> Option<[f64; 3]> {
         let (_, per) = self.units.iter().find(|(unit, _)| *unit == "px")?;
-        Some([0, 1, 2].map(|axis| self.spread_mm[axis].rms / per[axis]))
+        Some([0, 1, 2].map(|axis| number(&self.spread_mm[axis]) / per[axis]))
     }
 }
 
@@ -143,8 +173,13 @@ impl Serialize for Errors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::truth::tests::{field, trilinear};
+    use crate::tracks::Tracks;
+    use crate::trilinear::tests::{field, trilinear};
     use lf_core::field::NO_DATA;
+
+    fn displacement(truth: &Field, field: &Field, pixel_mm: Option<f64>) -> Displacement {
+        super::displacement(&Truth::Field(Box::new(truth.clone())), field, pixel_mm)
+    }
 
     fn json(score: &Displacement) -> serde_json::Value {
         serde_json::from_str(&serde_json::to_string(score).unwrap()).unwrap()
@@ -172,6 +207,14 @@ mod tests {
             assert!((found["measured_only"][key].as_f64().unwrap() - wanted).abs() < 1e-5, "{key}");
         }
         assert_eq!(score.all.rms_px().map(|rms| rms[2].round()), Some(10.0));
+        assert_eq!(score.all.bias_px().map(|bias| bias[2].round()), Some(-10.0));
+        // 2 px in bins of 0.05 px, -10 px in bins of 0.5 px.
+        assert_eq!((found["truth"].as_str(), found["pdf"]["unit"].as_str()), (Some("field"), Some("px")));
+        for (x, density, place, wanted) in [("x_u", "u", 2.0, 20.0), ("x_w", "w", -10.0, 2.0)] {
+            let bins = found["pdf"][x].as_array().unwrap();
+            let bin = bins.iter().position(|bin| bin.as_f64() == Some(place)).unwrap();
+            assert_eq!(found["pdf"][density][bin].as_f64(), Some(wanted), "{density}");
+        }
     }
 
     #[test]
@@ -228,6 +271,24 @@ mod tests {
         let found = json(&score);
         assert_eq!((score.all.vectors, score.no_data), (0, 60));
         assert!(found["rms_w_px"].is_null() && found["measured_only"]["bias_u_mm"].is_null());
-        assert!(score.all.rms_px().unwrap()[0].is_nan());
+        assert!(score.all.rms_px().unwrap()[0].is_nan() && score.all.outlier_share().is_nan());
+        assert!(found["pdf"]["u"][80].is_null() && found["uncertainty"]["within_1_v"].is_null());
+    }
+
+    #[test]
+    fn particles_are_counted_and_the_field_is_judged_at_them() {
+        let mut measured = field([4, 5, 3], |_| [0.01, 0.0, 0.0]);
+        measured.flag[0] = NO_DATA;
+        measured.flag[59] = REPLACED;
+        measured.su.fill(0.02);
+        let mid_mm = vec![[-0.9, 0.6, -2.9], [0.0, 1.0, 0.0], [0.4, 1.4, 0.9], [9.0, 1.0, 0.0]];
+        let truth = Truth::Tracks(Tracks { displacement_mm: vec![[0.0; 3]; 4], mid_mm, unpaired: 2 });
+        let score = super::displacement(&truth, &measured, None);
+        assert_eq!(score.particles, Some(Particles { particles: 4, unpaired: 2, outside_field: 2 }));
+        assert_eq!((score.outside_truth, score.all.vectors, score.measured_only.vectors), (0, 2, 1));
+        assert_eq!((score.uncertainty.stated[0], score.uncertainty.within_1[0]), (1, 1.0));
+        let found = json(&score);
+        assert_eq!((&found["truth"], &found["unpaired"]), (&"tracks".into(), &2.into()));
+        assert!((found["bias_u_mm"].as_f64().unwrap() - 0.01).abs() < 1e-8);
     }
 }

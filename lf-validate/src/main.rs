@@ -3,7 +3,7 @@
 mod doors;
 
 use clap::{Parser, Subcommand};
-use doors::{depth, displacement, elongation, info, quality};
+use doors::{depth, displacement, divergence, elongation, info, quality};
 use lf_core::cli::{self, Common};
 use std::process::ExitCode;
 
@@ -45,14 +45,42 @@ enum Command {
     /// volumes. With --slab: outside_share, of all light, in slices whose middle is outside; outside_peak, the brightest slice outside
     /// over the mean of those inside. unevenness: standard deviation over mean of the slices in the slab.
     Depth(depth::Arguments),
-    /// Error of a vector field: bias, RMS, standard deviation and median per component
+    /// Error of a vector field: bias, RMS, standard deviation, median and density per component, and its stated uncertainty
     ///
-    /// error = measured - true; the truth is interpolated to the places of the measured vectors, and vectors outside it
-    /// are counted (outside_truth) and not scored, nor are places without data (no_data). Units: mm; vox, the voxels
-    /// correlated; px, pixels at the focal plane, only with --camera. outliers: vectors more than 5 robust standard
-    /// deviations and 0.1 voxel from the median error; they stay in every number. The object measured_only leaves out the
-    /// replaced vectors.
+    /// error = measured - true. TRUTH is a field, interpolated to the places of the measured vectors; or a scene.json,
+    /// whose steady flow is known everywhere (displacement from its first frame to its second); or a particles.csv, whose
+    /// particles move from frame A to frame B: then the measured field is interpolated to the middle of each path, and
+    /// flow structures below the size of a window are part of the error. Not scored but counted: vectors outside the truth
+    /// (outside_truth), places without data (no_data), particles outside the field or beside a gap (outside_field), or in
+    /// one frame only (unpaired). vectors: those scored; with a particles.csv, particles.
+    ///
+    /// Units: mm; vox, the voxels correlated; px, pixels at the focal plane, only with --camera. outliers: vectors more
+    /// than 5 robust standard deviations and 0.1 voxel from the median error; they stay in every number. The object
+    /// measured_only leaves out the replaced vectors.
+    ///
+    /// uncertainty, of measured vectors with a stated standard uncertainty: their number (stated), the shares of their
+    /// errors within one and two of it (within_1, within_2; 0.683 and 0.954 for a normal distribution that is stated
+    /// rightly), and the RMS of both (rms_stated, rms_error).
+    ///
+    /// pdf: density of the error of u in `u`, per `unit`, in bins about `x_u`, and the shares below and above them. Bins
+    /// are 0.05 px to 4 px for u and v and 0.5 px to 40 px for w with --camera, else 0.05 vox to 4 vox.
     Displacement(displacement::Arguments),
+    /// Divergence and noise of a vector field, without the truth
+    ///
+    /// Differences are taken over as many vectors as a window covers, rounded up (stride), so that neighbours share no
+    /// data; errors that such neighbours share are not seen. Numbers of the divergence have no unit: change of volume over
+    /// volume between the two volumes. It is the sum of three central differences, at places whose six neighbours a stride
+    /// away have data (count); sigma is its robust standard deviation, rms_gradient the RMS of all nine gradients,
+    /// relative = rms / RMS of sqrt((du/dx)^2 + (dv/dy)^2 + (dw/dz)^2): 0 where volume is kept, 1 for noise, also
+    /// for that of a flow without such gradients.
+    /// rms_of_noise: what the noise alone would give.
+    ///
+    /// noise: sigma of each component, from the median absolute deviation of third differences, which take away a flow up
+    /// to its second derivative; the axis that says least, of those with 100 differences or more. stated: median of the
+    /// uncertainties stated of measured vectors. Units: mm; vox; px only with --camera.
+    ///
+    /// pdf: density of the divergence, in bins of a fifth of sigma to 8 sigma.
+    Divergence(divergence::Arguments),
     /// What any of the chain's files is, in one screen
     Info(info::Arguments),
 }
@@ -66,6 +94,7 @@ fn main() -> ExitCode {
             Command::Elongation(arguments) => elongation::judge(arguments, session),
             Command::Depth(arguments) => depth::judge(arguments, session),
             Command::Displacement(arguments) => displacement::judge(arguments, session),
+            Command::Divergence(arguments) => divergence::judge(arguments, session),
             Command::Info(arguments) => info::describe(arguments, session),
         },
     )

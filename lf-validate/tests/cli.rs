@@ -17,6 +17,20 @@ const CAMERA: &str = r#"{
                     "offset_mm": [0.0, 0.0]}
 }"#;
 
+/// What of a scene says how its particles move: a shear of 0.01 along x across z and 0.02 mm along y between its frames.
+const SCENE: &str = r#"{
+    "about": "other keys are not read", "camera": "camera.json",
+    "volume": {"x_mm": [-1, 3], "y_mm": [-1, 3], "z_mm": [-1, 3]},
+    "flow": [{"kind": "shear", "along": "x", "across": "z", "rate": 0.02},
+             {"kind": "uniform", "displacement_mm": [0, 0.04, 0]}],
+    "frames": [1, 1.5, 9]
+}"#;
+
+/// Its displacement from the first frame to the second.
+fn shear([_, _, z]: [f64; 3]) -> [f32; 3] {
+    [(0.01 * z) as f32, 0.02, 0.0]
+}
+
 struct Place(TempDir);
 
 impl Place {
@@ -45,6 +59,10 @@ impl Place {
     }
 
     fn field(&self, name: &str, shape: [usize; 3], uvw: [f32; 3], flags: &[f32]) -> PathBuf {
+        self.field_of(name, shape, flags, |_| uvw)
+    }
+
+    fn field_of(&self, name: &str, shape: [usize; 3], flags: &[f32], vector: impl Fn([f64; 3]) -> [f32; 3]) -> PathBuf {
         let mut field = Field::empty(Layout {
             shape,
             spacing_mm: [0.5; 3],
@@ -57,9 +75,11 @@ impl Place {
         });
         field.flag.fill(MEASURED);
         field.flag[..flags.len()].copy_from_slice(flags);
-        for (component, value) in [&mut field.u, &mut field.v, &mut field.w].into_iter().zip(uvw) {
-            component.fill(value);
+        for at in 0..field.len() {
+            [field.u[at], field.v[at], field.w[at]] = vector(field.place_mm(at));
         }
+        field.su.fill(0.015);
+        field.sv.fill(0.005);
         field.save(&self.path(name)).unwrap();
         self.path(name)
     }
@@ -222,6 +242,230 @@ fn a_field_without_data_gives_null_a_warning_and_no_pass() {
     assert!(warning.contains("field.exr") && warning.contains("8 without data"), "{warning}");
 }
 
+/// The same errors whether the truth is a field, a scene or particles, by name and through pipes.
+#[test]
+fn three_truths_agree() {
+    let place = Place::new();
+    let camera = place.file("camera.json", CAMERA);
+    let field = place.field_of("field.exr", [3, 3, 3], &[], |at| {
+        let [u, v, w] = shear(at);
+        [u + 0.011, v - 0.0055, w + 0.11]
+    });
+    let exact = place.field_of("truth.exr", [3, 3, 3], &[], shear);
+    let scene = place.file("scene.json", SCENE);
+    // Half way they stand at (0.3, 0.4, z) and (0.6, 0.7, z).
+    let mut rows = "frame,id,x_mm,y_mm,z_mm,intensity\n9,1,0,0,0,1\n".to_string();
+    for (id, [x, y, z]) in [(4, [0.3, 0.4, 0.2]), (2, [0.6, 0.7, 0.9]), (3, [5.0, 0.5, 0.5])] {
+        for (frame, half) in [(3, -0.5), (5, 0.5)] {
+            let (x, y) = (x + half * 0.01 * z, y + half * 0.02);
+            rows += &format!("{frame},{id},{x},{y},{z},1\n");
+        }
+    }
+    let particles = place.file("particles.csv", rows + "5,7,0.5,0.5,0.5,1\n");
+    let words = ["displacement", "-c", camera.to_str().unwrap()];
+    let with_frames = [&words[..], &["--frames", "3,5"]].concat();
+    for (truth, words, kind, vectors) in [
+        (&exact, &words[..], "field", 27),
+        (&scene, &words[..], "flow", 27),
+        (&particles, &with_frames[..], "tracks", 2),
+    ] {
+        let output = run(words, &[truth, &field]);
+        let score = json(&output);
+        assert_eq!((&score["truth"], &score["vectors"]), (&kind.into(), &vectors.into()), "{output:?}");
+        for (key, wanted) in [("bias_u_px", 1.0), ("rms_v_px", 0.5), ("bias_w_px", 10.0), ("std_u_px", 0.0)] {
+            assert!((score[key].as_f64().unwrap() - wanted).abs() < 1e-4, "{kind} {key} is {}", score[key]);
+            assert!((score["measured_only"][key].as_f64().unwrap() - wanted).abs() < 1e-4);
+        }
+        assert_eq!((&score["outside_truth"], &score["outliers"]), (&0.into(), &0.into()));
+        // 0.011 of 0.015 mm in u, 0.0055 of 0.005 mm in v, nothing stated in w.
+        let uncertainty = &score["uncertainty"];
+        for (key, wanted) in [("within_1_u", 1.0), ("within_1_v", 0.0), ("within_2_v", 1.0), ("rms_stated_u_mm", 0.015)]
+        {
+            assert!((uncertainty[key].as_f64().unwrap() - wanted).abs() < 1e-6, "{kind} {key}");
+        }
+        assert_eq!((&uncertainty["stated_v"], &uncertainty["within_1_w"]), (&vectors.into(), &Value::Null));
+        let pdf = &score["pdf"];
+        assert_eq!((&pdf["unit"], &pdf["above_w"]), (&"px".into(), &0.0.into()));
+        for (axis, width) in [("u", 0.05), ("v", 0.05), ("w", 0.5)] {
+            let column = |key: &str| -> Vec<f64> {
+                pdf[key].as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+            };
+            assert_eq!(column(&format!("x_{axis}")).len(), 161);
+            assert!((column(axis).iter().sum::<f64>() * width - 1.0).abs() < 1e-9);
+        }
+        let piped = feed(tool(words, &[truth]), &fs::read(&field).unwrap());
+        assert_eq!(piped.stdout, output.stdout);
+        let scene_piped = [Path::new("-"), &field];
+        let mut command = tool(words, &scene_piped);
+        command.current_dir(place.0.path());
+        assert_eq!(feed(command, &fs::read(truth).unwrap()).stdout, output.stdout, "{kind}");
+    }
+    let score = json(&run(&with_frames, &[&particles, &field]));
+    assert_eq!((&score["particles"], &score["unpaired"], &score["outside_field"]), (&3.into(), &1.into(), &1.into()));
+    assert!(json(&run(&words, &[&exact, &field])).get("unpaired").is_none());
+}
+
+#[test]
+fn a_sampled_flow_is_read_from_the_folder_of_its_scene() {
+    let place = Place::new();
+    place.file("camera.json", CAMERA);
+    let field = place.field("flow.exr", [3, 3, 3], [0.02, 0.0, 0.1], &[]);
+    let sampled = r#"{"camera": "camera.json", "volume": {"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]},
+        "flow": {"kind": "sampled", "path": "flow.exr"}}"#;
+    let scene = place.file("scene.json", sampled);
+    let larger = place.field("larger.exr", [5, 3, 3], [0.02, 0.0, 0.1], &[]);
+    // Beyond its edge the flow is as at the edge.
+    let score = json(&run(&["displacement"], &[&scene, &larger]));
+    assert_eq!((&score["vectors"], &score["outside_truth"]), (&45.into(), &0.into()));
+    assert!(score["rms_u_mm"].as_f64().unwrap() < 1e-8);
+    let stats = refusal(&run(&["displacement", "--stats", field.to_str().unwrap()], &[&scene, &larger]));
+    assert!(stats.contains("flow.exr"), "{stats}");
+    place.field("flow.exr", [3, 3, 3], [0.02, 0.0, 0.1], &[NO_DATA]);
+    let text = refusal(&run(&["displacement"], &[&scene, &larger]));
+    assert!(text.contains("flow.exr") && text.contains("1 of 27 vectors"), "{text}");
+}
+
+#[test]
+fn a_scene_without_a_flow_is_at_rest() {
+    let place = Place::new();
+    let still = r#"{"camera": "camera.json", "volume": {"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]}}"#;
+    let scene = place.file("scene.json", still);
+    let field = place.field("field.exr", [3, 3, 3], [0.25, 0.0, 0.0], &[]);
+    let score = json(&run(&["displacement"], &[&scene, &field]));
+    assert_eq!((&score["truth"], &score["bias_u_mm"], &score["rms_v_mm"]), (&"flow".into(), &0.25.into(), &0.0.into()));
+}
+
+#[test]
+fn truths_that_tell_nothing_are_named() {
+    let place = Place::new();
+    place.file("camera.json", CAMERA);
+    let field = place.field("field.exr", [3, 3, 3], [0.0; 3], &[]);
+    let head = "frame,id,x_mm,y_mm,z_mm,intensity\n";
+    let scene = |flow: &str| {
+        format!(
+            r#"{{"camera": "camera.json", "volume": {{"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]}}, "flow": {flow}}}"#
+        )
+    };
+    for (name, content, wanted) in [
+        ("empty.exr", String::new(), "empty"),
+        ("text", "hello world".to_string(), "scene.json or a particles.csv"),
+        ("camera.json", CAMERA.to_string(), "missing field `camera`"),
+        ("tracks.json", scene(r#"{"kind": "tracks", "path": "particles.csv"}"#), "the particles.csv itself"),
+        ("odd.json", scene(r#"{"kind": "vortex"}"#), "vortex"),
+        ("wild.json", scene(r#"{"kind": "rotation", "axis": [0, 0, 1], "angle_rad": 1e6}"#), "steps"),
+        ("still.json", scene(r#"{"kind": "rotation", "axis": [0, 0, 0], "angle_rad": 1}"#), "flow.axis"),
+        ("falls.json", SCENE.replace("[1, 1.5, 9]", "[1, 0]"), "frames"),
+        ("flat.json", SCENE.replace(r#""z_mm": [-1, 3]"#, r#""z_mm": [3, 3]"#), "volume.z_mm"),
+        ("one.csv", format!("{head}0,1,0,0,0,1\n"), "no particle in frame 1"),
+        ("apart.csv", format!("{head}0,1,0,0,0,1\n1,2,0,0,0,1\n"), "both frames 0 and 1"),
+        ("twice.csv", format!("{head}0,1,0,0,0,1\n1,1,0,0,0,1\n1,1,0,0,0,1\n"), "particle 1 is twice in frame 1"),
+        ("cut.csv", format!("{head}0,1,0,0\n"), "line 2"),
+    ] {
+        let path = place.file(name, content);
+        let text = refusal(&run(&["displacement"], &[&path, &field]));
+        assert!(text.contains(name) && text.contains(wanted), "{name}: {text}");
+    }
+    let volume = place.volume("volume.lfv", &[1], &[3.0]);
+    assert!(refusal(&run(&["displacement"], &[&volume, &field])).contains("volume.lfv"));
+    let scene = place.file("scene.json", SCENE);
+    let text = refusal(&run(&["displacement", "--frames", "0,1"], &[&scene, &field]));
+    assert!(text.contains("--frames") && text.contains("scene.json"), "{text}");
+    let lost = place.file("lost.json", SCENE.replace("camera.json", "gone.json"));
+    assert!(refusal(&run(&["displacement"], &[&lost, &field])).contains("gone.json: no such file"));
+    let same = place.file("same.csv", format!("{head}0,1,0,0,0,1\n"));
+    assert!(refusal(&run(&["displacement", "--frames", "0,0"], &[&same, &field])).contains("against itself"));
+    for wrong in ["0", "0,1,2", "0,x", "-1,0"] {
+        let typed = format!("--frames={wrong}");
+        assert!(refusal(&run(&["displacement", &typed], &[&same, &field])).contains("two frame numbers"), "{wrong}");
+    }
+}
+
+#[test]
+fn every_limit_decides_and_the_score_is_printed_all_the_same() {
+    let place = Place::new();
+    let truth = place.field("truth.exr", [4, 4, 4], [0.0; 3], &[]);
+    // -1 px everywhere in u, and one vector of 64 far off.
+    let field =
+        place.field_of("field.exr", [4, 4, 4], &[], |at| [if at == [0.5, 1.0, 1.5] { 0.9 } else { -0.011 }, 0.0, 0.0]);
+    let mut stated = Field::open(&field).unwrap();
+    stated.sw.fill(0.1);
+    stated.save(&field).unwrap();
+    let camera = place.file("camera.json", CAMERA);
+    let camera = camera.to_str().unwrap();
+    for (limit, code) in [
+        (["--max-bias", "1"], 0),
+        (["--max-bias", "0.2"], 1),
+        (["--max-bias", "1,0,0"], 0),
+        (["--max-outliers", "0.016"], 0),
+        (["--max-outliers", "0.015"], 1),
+        (["--min-coverage", "0.98"], 0),
+        (["--min-coverage", "0.99"], 1),
+    ] {
+        let output = run(&[&["displacement", "-c", camera], &limit[..]].concat(), &[&truth, &field]);
+        assert_eq!(output.status.code(), Some(code), "{limit:?}: {output:?}");
+        assert_eq!(json(&output)["outliers"], 1);
+    }
+    // Of w nothing is stated: no share of nothing is enough.
+    let silent = place.field("silent.exr", [4, 4, 4], [0.0; 3], &[]);
+    assert_eq!(run(&["displacement", "--min-coverage", "0"], &[&truth, &silent]).status.code(), Some(1));
+    refusal(&run(&["displacement", "--min-coverage", "1.1"], &[&truth, &field]));
+    refusal(&run(&["displacement", "--max-outliers=-1"], &[&truth, &field]));
+    assert!(refusal(&run(&["displacement", "--max-bias", "1"], &[&truth, &field])).contains("--camera"));
+}
+
+#[test]
+fn divergence_by_hand_and_by_every_route() {
+    let place = Place::new();
+    let camera = place.file("camera.json", CAMERA);
+    // A window of 32 x 32 x 16 voxels is 0.32 x 0.32 x 1.6 mm: 1, 1 and 4 vectors 0.5 mm apart.
+    let expansion = |[x, y, z]: [f64; 3]| [0.01 * x, 0.02 * y, 0.03 * z].map(|mm| mm as f32);
+    let field = place.field_of("field.exr", [12, 6, 10], &[], expansion);
+    let words = ["divergence", "-c", camera.to_str().unwrap()];
+    let output = run(&words, &[&field]);
+    let score = json(&output);
+    assert_eq!(score["stride"], serde_json::json!([1, 1, 4]));
+    assert_eq!((&score["places"], &score["count"]), (&720.into(), &(10 * 4 * 2).into()));
+    for (key, wanted) in [("mean", 0.06), ("rms", 0.06), ("median_abs", 0.06), ("pixel_mm", 0.011)] {
+        assert!((score[key].as_f64().unwrap() - wanted).abs() < 1e-7, "{key} is {}", score[key]);
+    }
+    let noise = &score["noise"];
+    assert!(noise["sigma_u_px"].as_f64().unwrap() < 1e-5);
+    assert!((noise["stated_v_vox"].as_f64().unwrap() - 0.5).abs() < 1e-6 && noise["stated_w_mm"].is_null());
+    let piped = feed(tool(&words, &[] as &[&str]), &fs::read(&field).unwrap());
+    assert_eq!(piped.stdout, output.stdout);
+    for (limit, code) in [
+        (["--max-divergence", "0.0601"], 0),
+        (["--max-divergence", "0.0599"], 1),
+        (["--max-noise", "0.01"], 0),
+        (["--max-noise", "0.01,0.01,0"], 0),
+        (["--max-noise=-1", "--quiet"], 1),
+    ] {
+        let output = run(&[&words[..], &limit[..]].concat(), &[&field]);
+        assert_eq!((output.status.code(), output.stderr.len()), (Some(code), 0), "{limit:?}: {output:?}");
+        assert!(json(&output)["rms"].is_number());
+    }
+    let bare = json(&run(&["divergence"], &[&field]));
+    assert!(bare.get("pixel_mm").is_none() && bare["noise"].get("sigma_u_px").is_none());
+    assert!(bare["noise"]["sigma_u_vox"].is_number());
+    assert!(refusal(&run(&["divergence", "--max-noise", "1"], &[&field])).contains("--camera"));
+    assert!(refusal(&run(&[&words[..], &["--max-noise", "1,2"]].concat(), &[&field])).contains("--max-noise"));
+}
+
+#[test]
+fn a_field_too_small_for_divergence_gives_null_a_warning_and_no_pass() {
+    let place = Place::new();
+    let field = place.field("field.exr", [3, 3, 8], [0.0; 3], &[]);
+    for (limit, code) in [(&[][..], 0), (&["--max-divergence", "9"][..], 1)] {
+        let output = run(&[&["divergence"], limit].concat(), &[&field]);
+        assert_eq!(output.status.code(), Some(code));
+        assert!(json(&output)["rms"].is_null() && json(&output)["pdf"].is_null());
+        let warning = String::from_utf8(output.stderr).unwrap();
+        assert!(warning.contains("field.exr") && warning.contains("1, 1 and 4 vectors away"), "{warning}");
+    }
+    let volume = place.volume("volume.lfv", &[1], &[3.0]);
+    assert!(refusal(&run(&["divergence"], &[&volume])).contains("volume.lfv"));
+}
+
 #[test]
 fn info_knows_every_file_by_its_content() {
     let place = Place::new();
@@ -286,8 +530,13 @@ fn info_refuses_what_it_does_not_know() {
 fn a_full_disk_and_a_closed_pipe_are_errors() {
     let place = Place::new();
     let volume = place.volume("volume.lfv", &[1, 5], &[3.0, 4.0]);
-    let field = place.field("field.exr", [3, 3, 3], [0.0; 3], &[]);
-    for (word, files) in [("quality", vec![&volume; 2]), ("displacement", vec![&field; 2]), ("info", vec![&volume])] {
+    let field = place.field("field.exr", [3, 3, 9], [0.0; 3], &[]);
+    for (word, files) in [
+        ("quality", vec![&volume; 2]),
+        ("displacement", vec![&field; 2]),
+        ("divergence", vec![&field]),
+        ("info", vec![&volume]),
+    ] {
         let full = File::options().write(true).open("/dev/full").unwrap();
         let text = refusal(&tool(&[word], &files).stdout(full).stderr(Stdio::piped()).output().unwrap());
         assert!(text.contains("standard output"), "{text}");
@@ -315,7 +564,7 @@ fn help_lists_what_is_built_and_nothing_else() {
     let output = run(&["--help"], &[] as &[&str]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(0));
-    for word in ["quality", "displacement", "info", "--stats", "--threads"] {
+    for word in ["quality", "displacement", "divergence", "info", "--stats", "--threads"] {
         assert!(text.contains(word), "{word}");
     }
     for word in ["trade", "--plot"] {

@@ -3,35 +3,21 @@
 use super::{Stage, report, save_image, save_text};
 use crate::{Format, Source};
 use lf_core::cli::Session;
-use lf_core::field::Field;
+use lf_core::flow::Velocity;
 use lf_core::grid::Grid;
 use lf_core::{Error, Result, io, volume};
 use lf_synth::cast::Cast;
-use lf_synth::flow::{Sampled, Velocity};
 use lf_synth::particles::{self, Particle, Spread};
 use lf_synth::{noise, truth};
 use std::path::Path;
 use std::time::Instant;
 
-/// A flow that turns a particle round in less of a frame than this many steps follow is a slip of units.
-const MOST_STEPS: f64 = 1e5;
-
 /// The velocity field of a scene's flow.
 fn velocity(stage: &Stage, name: &str) -> Result<Velocity> {
     let Some(flow) = &stage.scene.flow else { return Ok(Velocity::rest()) };
-    let open = |path: &Path| {
-        let wrong = |found| Error::new(io::name(path), found, "wanted a field without gaps");
-        Sampled::new(&Field::open(path)?).map_err(wrong)
-    };
-    let sampled: Result<Vec<Sampled>> = flow.sampled().into_iter().map(open).collect();
     let camera = &stage.camera;
     let pixel_mm = camera.sensor.pixel_pitch_mm / camera.main_lens.magnification;
-    let velocity = flow.velocity(sampled?, stage.scene.bounds_mm(), pixel_mm);
-    if velocity.steps() > MOST_STEPS {
-        let found = format!("flow needs {:.1e} steps from frame to frame", velocity.steps());
-        return Err(Error::new(name, found, format!("wanted at most {MOST_STEPS:.0e}: a gentler one")));
-    }
-    Ok(velocity)
+    flow.open(stage.scene.bounds_mm(), pixel_mm, name)
 }
 
 /// The particles of every frame of tracks.
@@ -154,7 +140,7 @@ pub fn render(
     }
     session.phase("write", |_| {
         if let (Some(truth), Some(grid), Cast::Carried { velocity, .. }) = (&scene.truth, &grid, &cast) {
-            let interval = times.get(1).map_or(1.0, |second| second - times[0]);
+            let interval = scene.frames.interval();
             let spacing = grid.spacing_mm;
             let (bounds, shape) = (scene.bounds_mm(), truth.vectors);
             let flow = truth::displacement(velocity, interval, bounds, shape, spacing, history.clone());

@@ -1,16 +1,16 @@
-//! `displacement`: a vector field against the true one.
+//! `displacement`: a vector field against the true displacement.
 
-use super::{check_inputs, number, print, verdict};
-use lf_core::camera::Camera;
+use super::{at_most, check_inputs, components, number, pixel_mm, print, share, truth, verdict};
 use lf_core::cli::{Session, Verdict};
 use lf_core::field::Field;
-use lf_core::{Error, Result, io};
-use lf_validate::displacement::{Displacement, displacement};
+use lf_core::{Result, io};
+use lf_validate::displacement::{Displacement, Particles, displacement};
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The true field; it may have another layout
+    /// What the true displacement is known from: a field (it may have another layout), a scene.json with a steady flow, or
+    /// a particles.csv
     truth: PathBuf,
     /// The field to score
     #[arg(default_value = "-")]
@@ -18,9 +18,29 @@ pub struct Arguments {
     /// Camera that gives the size of a pixel
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
+    /// The two frames of a particles.csv that the field lies between [default: 0,1]
+    #[arg(long, value_name = "A,B", value_parser = frames)]
+    frames: Option<[usize; 2]>,
     /// Exit code 1 when an RMS error is above PX pixels: one number, or three for u,v,w
     #[arg(long, value_name = "PX", value_parser = number, value_delimiter = ',', requires = "camera")]
     max_rms: Vec<f64>,
+    /// Exit code 1 when a mean error is further than PX pixels from 0: one number, or three for u,v,w
+    #[arg(long, value_name = "PX", value_parser = number, value_delimiter = ',', requires = "camera")]
+    max_bias: Vec<f64>,
+    /// Exit code 1 when more than this share of the vectors are outliers, 0 to 1
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    max_outliers: Option<f64>,
+    /// Exit code 1 when a component has less than this share of its errors within the stated uncertainty, 0 to 1
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    min_coverage: Option<f64>,
+}
+
+/// Limits as judged; none where not asked for.
+struct Limits {
+    rms_px: Option<[f64; 3]>,
+    bias_px: Option<[f64; 3]>,
+    outliers: Option<f64>,
+    coverage: Option<f64>,
 }
 
 /// Reads, scores, prints, judges.
@@ -28,37 +48,47 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mut inputs: Vec<&Path> = vec![&arguments.truth, &arguments.field];
     inputs.extend(arguments.camera.as_deref());
     check_inputs(&inputs, session)?;
-    let limits_px = limits_px(&arguments.max_rms)?;
-    let (truth, field, camera) = session.phase("read", |_| {
-        let camera = arguments.camera.as_deref().map(Camera::open).transpose()?;
-        Ok((Field::open(&arguments.truth)?, Field::open(&arguments.field)?, camera))
+    let limits = Limits {
+        rms_px: components("--max-rms", &arguments.max_rms)?,
+        bias_px: components("--max-bias", &arguments.max_bias)?,
+        outliers: arguments.max_outliers,
+        coverage: arguments.min_coverage,
+    };
+    let (truth, field, pixel_mm) = session.phase("read", |session| {
+        let pixel_mm = pixel_mm(arguments.camera.as_deref())?;
+        let truth = truth::open(&arguments.truth, arguments.frames, session)?;
+        Ok((truth, Field::open(&arguments.field)?, pixel_mm))
     })?;
-    let pixel_mm = camera.map(|camera| camera.voxel_spacing_mm([1.0; 3])[0]);
     let score = session.phase("score", |_| Ok(displacement(&truth, &field, pixel_mm)))?;
     if score.all.vectors == 0 {
-        session.warn(format!("{}: no vector could be scored: {}", io::name(&arguments.field), reasons(&score)));
+        let name = io::name(&arguments.field);
+        session.warn(format!("{name}: no vector could be scored: {}", reasons(&score)));
     }
     session.count("vectors", score.all.vectors);
     print(&score)?;
-    Ok(verdict(limits_px.is_none_or(|limits| keeps(&score, limits))))
+    Ok(verdict(keeps(&score, &limits)))
 }
 
-fn limits_px(max_rms: &[f64]) -> Result<Option<[f64; 3]>> {
-    match *max_rms {
-        [] => Ok(None),
-        [all] => Ok(Some([all; 3])),
-        [u, v, w] => Ok(Some([u, v, w])),
-        _ => Err(Error::new("--max-rms", format!("{} numbers", max_rms.len()), "wanted one, or three for u,v,w")),
-    }
-}
-
-/// Whether every RMS error is within its limit; a field without a scored vector keeps none.
-fn keeps(score: &Displacement, limits_px: [f64; 3]) -> bool {
-    let rms = score.all.rms_px().unwrap_or([f64::NAN; 3]);
-    (0..3).all(|axis| rms[axis] <= limits_px[axis])
+/// Whether every number is within its limit; a field without a scored vector, or without a stated uncertainty, keeps none.
+fn keeps(score: &Displacement, limits: &Limits) -> bool {
+    at_most(score.all.rms_px(), limits.rms_px)
+        && at_most(score.all.bias_px().map(|bias| bias.map(f64::abs)), limits.bias_px)
+        && limits.outliers.is_none_or(|most| score.all.outlier_share() <= most)
+        && limits.coverage.is_none_or(|least| score.uncertainty.within_1.iter().all(|share| *share >= least))
 }
 
 fn reasons(score: &Displacement) -> String {
     let Displacement { places, no_data, outside_truth, .. } = score;
-    format!("of {places}, {no_data} without data, {outside_truth} outside the truth")
+    match score.particles {
+        Some(Particles { particles, outside_field, .. }) => {
+            format!("of {particles} particles, {outside_field} outside the field")
+        }
+        None => format!("of {places}, {no_data} without data, {outside_truth} outside the truth"),
+    }
+}
+
+fn frames(text: &str) -> std::result::Result<[usize; 2], String> {
+    let numbers: Option<Vec<usize>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let frames = numbers.and_then(|numbers| <[usize; 2]>::try_from(numbers).ok());
+    frames.ok_or_else(|| "wanted two frame numbers between commas".to_string())
 }

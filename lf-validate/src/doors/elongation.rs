@@ -1,7 +1,6 @@
 //! `elongation`: how large reconstructed particles are.
 
-use super::{check_inputs, counts, light, print, verdict};
-use lf_core::camera::Camera;
+use super::{check_inputs, counts, light, pixel_mm, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, io, particles};
@@ -39,9 +38,9 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = files.iter().copied().chain(arguments.camera.as_deref()).collect();
     check_inputs(&inputs, session)?;
     let search_vox = counts("--search", arguments.search)?;
-    let (pairs, camera) = session.phase("read", |_| {
+    let (pairs, pixel_mm) = session.phase("read", |_| {
         let pairs: Result<Vec<_>> = files.chunks(2).map(|pair| read(pair, arguments.frame)).collect();
-        Ok((pairs?, arguments.camera.as_deref().map(Camera::open).transpose()?))
+        Ok((pairs?, pixel_mm(arguments.camera.as_deref())?))
     })?;
     let grid = pairs[0].1.grid();
     let volumes = pairs
@@ -54,7 +53,6 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
             Ok((light(volume)?, places.clone()))
         })
         .collect::<Result<Vec<_>>>()?;
-    let pixel_mm = camera.map(|camera| camera.voxel_spacing_mm([1.0; 3])[0]);
     let score = session.phase("score", |_| Ok(elongation(&volumes, grid, search_vox, pixel_mm)))?;
     if score.measured == 0 {
         let Elongation { particles, missed, merged, cut, .. } = score;

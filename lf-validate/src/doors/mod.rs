@@ -2,10 +2,13 @@
 
 pub mod depth;
 pub mod displacement;
+pub mod divergence;
 pub mod elongation;
 pub mod info;
 pub mod quality;
+mod truth;
 
+use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, io};
@@ -49,4 +52,31 @@ fn counts(option: &str, typed: [f64; 3]) -> Result<[usize; 3]> {
 /// The light of a volume.
 fn light(volume: &Volume) -> Result<Light<'_>> {
     Ok(Light { grid: volume.grid(), indices: volume.indices(), intensity: volume.require("intensity")? })
+}
+
+fn share(text: &str) -> std::result::Result<f64, String> {
+    let share = number(text)?;
+    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("wanted a share, 0 to 1".to_string()) }
+}
+
+/// Limits of u, v, w from one number or three; none from nothing.
+fn components(option: &str, limits: &[f64]) -> Result<Option<[f64; 3]>> {
+    match *limits {
+        [] => Ok(None),
+        [all] => Ok(Some([all; 3])),
+        [u, v, w] => Ok(Some([u, v, w])),
+        _ => Err(Error::new(option, format!("{} numbers", limits.len()), "wanted one, or three for u,v,w")),
+    }
+}
+
+/// Whether every component is within its limit, where there are limits; a number that does not exist is not.
+fn at_most(found: Option<[f64; 3]>, limits: Option<[f64; 3]>) -> bool {
+    let Some(limits) = limits else { return true };
+    found.is_some_and(|found| found.iter().zip(limits).all(|(found, limit)| *found <= limit))
+}
+
+/// A pixel at the focal plane of a camera, where there is one, mm.
+fn pixel_mm(camera: Option<&Path>) -> Result<Option<f64>> {
+    let camera = camera.map(Camera::open).transpose()?;
+    Ok(camera.map(|camera| camera.voxel_spacing_mm([1.0; 3])[0]))
 }

@@ -1,7 +1,7 @@
 //! A velocity field between the vectors of a file.
 
+use crate::field::{Field, NO_DATA};
 use glam::DVec3;
-use lf_core::field::{Field, NO_DATA};
 
 /// Displacements on a lattice, trilinear between them.
 #[derive(Debug, Clone, PartialEq)]

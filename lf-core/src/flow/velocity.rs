@@ -3,6 +3,7 @@
 use super::ring::Ring;
 use super::sampled::Sampled;
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 /// One of the fields that add up. Lengths mm, velocities mm in a unit of time.
 #[derive(Debug, Clone, PartialEq)]
@@ -139,10 +140,16 @@ impl Velocity {
     pub fn displacement_mm(&self, place_mm: DVec3, interval: f64) -> DVec3 {
         self.carry(place_mm, 0.5 * interval) - self.carry(place_mm, -0.5 * interval)
     }
+
+    /// [`Velocity::displacement_mm`] at many places, side by side.
+    pub fn displacements_mm(&self, places_mm: &[[f64; 3]], interval: f64) -> Vec<[f64; 3]> {
+        let at = |place: &[f64; 3]| self.displacement_mm(DVec3::from(*place), interval).to_array();
+        places_mm.par_iter().map(at).collect()
+    }
 }
 
 /// A lattice of `side` places an axis from bound to bound.
-pub(crate) fn places(bounds_mm: [[f64; 2]; 3], side: usize) -> impl Iterator<Item = DVec3> {
+pub fn places(bounds_mm: [[f64; 2]; 3], side: usize) -> impl Iterator<Item = DVec3> {
     let at = move |axis: usize, n: usize| {
         let [low, high] = bounds_mm[axis];
         low + (high - low) * n as f64 / (side - 1) as f64

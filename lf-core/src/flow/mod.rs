@@ -5,15 +5,19 @@ mod sampled;
 mod velocity;
 
 pub use sampled::Sampled;
-pub use velocity::Velocity;
-pub(crate) use velocity::places;
+pub use velocity::{Velocity, places};
 
+use crate::field::Field;
+use crate::{Error, io};
 use glam::{DMat3, DVec3};
 use ring::Ring;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::{Path, PathBuf};
 use velocity::Part;
+
+/// A flow that turns a particle round in less of a frame than this many steps follow is a slip of units.
+pub const MOST_STEPS: f64 = 1e5;
 
 /// A steady flow. Displacements are those of a unit of time, the interval between two frames; axes need not have unit
 /// length.
@@ -362,6 +366,25 @@ impl Flows {
             return Err("flow of kind 'tracks' stands beside others".to_string());
         }
         flows.iter().try_for_each(Flow::check)
+    }
+
+    /// The velocity field in a volume, with its sampled fields read; `scene` is what messages call the scene, `pixel_mm` a
+    /// pixel at the focal plane.
+    ///
+    /// # Errors
+    /// Those of [`Field::open`], a sampled field with gaps, and a flow of more than [`MOST_STEPS`].
+    pub fn open(&self, bounds_mm: [[f64; 2]; 3], pixel_mm: f64, scene: &str) -> crate::Result<Velocity> {
+        let open = |path: &Path| {
+            let wrong = |found| Error::new(io::name(path), found, "wanted a field without gaps");
+            Sampled::new(&Field::open(path)?).map_err(wrong)
+        };
+        let sampled: crate::Result<Vec<Sampled>> = self.sampled().into_iter().map(open).collect();
+        let velocity = self.velocity(sampled?, bounds_mm, pixel_mm);
+        if velocity.steps() > MOST_STEPS {
+            let found = format!("flow needs {:.1e} steps from frame to frame", velocity.steps());
+            return Err(Error::new(scene, found, format!("wanted at most {MOST_STEPS:.0e}: a gentler one")));
+        }
+        Ok(velocity)
     }
 
     /// The velocity field in a volume; `sampled` are the fields of its files, `pixel_mm` is a pixel at the focal plane.

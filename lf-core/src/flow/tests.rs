@@ -148,7 +148,7 @@ fn textbook_vortices_have_their_properties() {
 /// Between its vectors a sampled linear field is itself; beyond them it is as at the edge.
 #[test]
 fn a_sampled_field_is_trilinear() {
-    use lf_core::field::{Field, Layout, MEASURED};
+    use crate::field::{Field, Layout, MEASURED};
     let layout = Layout {
         shape: [3, 4, 1],
         spacing_mm: [1.0, 0.5, 2.0],
@@ -171,7 +171,7 @@ fn a_sampled_field_is_trilinear() {
     let whole = flows.velocity(vec![Sampled::new(&sampled).unwrap()], BOUNDS, 1.0);
     close(whole.at(DVec3::new(0.3, -0.2, 0.5)), DVec3::new(0.03, -0.07, 0.25), 1e-7);
     close(whole.at(DVec3::new(9.0, -0.2, -7.0)), DVec3::new(0.1, -0.14, 0.25), 1e-7);
-    sampled.flag[5] = lf_core::field::NO_DATA;
+    sampled.flag[5] = crate::field::NO_DATA;
     assert!(Sampled::new(&sampled).unwrap_err().contains("1 of 12 vectors are without data"));
 }
 
