@@ -6,6 +6,7 @@
 pub mod displacement;
 pub mod info;
 pub mod json;
+pub mod plot;
 pub mod quality;
 pub mod statistics;
 pub mod truth;
