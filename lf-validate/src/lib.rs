@@ -3,10 +3,14 @@
 //! Slices and fields in, plain structs out; the structs serialise to the JSON that lf-validate prints. Sums are taken in
 //! f64 in the order of the data, so a score depends on nothing but its inputs.
 
+pub mod curves;
 pub mod displacement;
 pub mod info;
 pub mod json;
+pub mod line;
 pub mod plot;
 pub mod quality;
+pub mod runs;
 pub mod statistics;
+pub mod trade;
 pub mod truth;

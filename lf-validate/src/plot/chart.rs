@@ -98,7 +98,7 @@ pub enum Mark {
         /// A word beside each point. Words that find no room are left out, and a note under the title counts them.
         labels: Option<Vec<String>>,
     },
-    /// Something to compare with, in dashed grey.
+    /// Something to compare with, in dashed grey; those of one name have one dash and one place in the key.
     Reference {
         /// Name in the key; may be empty.
         name: String,

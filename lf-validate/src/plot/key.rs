@@ -5,7 +5,7 @@ use super::map;
 use super::marks::stroke;
 use super::palette::{DASHES, EMPTY, GREY, Look, SERIES_DASH, SHADES};
 use super::text::{From, TEXT_PX, text, width, wrap};
-use super::view::Looks;
+use super::view::{Looks, reference_number};
 use super::{Area, Drawn, words};
 use plotters::prelude::*;
 
@@ -119,16 +119,19 @@ fn entries(panel: &Panel, looks: &Looks) -> Vec<Entry> {
         let is_series = |symbols: &[Symbol]| {
             !matches!(symbols.first(), Some(Symbol::Reference(_) | Symbol::Region(_) | Symbol::Empty))
         };
-        let known = |entry: &&mut Entry| entry.name == name && is_series(&entry.symbols) && is_series(symbols);
+        let known = |entry: &&mut Entry| {
+            entry.name == name && (entry.symbols == symbols || is_series(&entry.symbols) && is_series(symbols))
+        };
         match entries.iter_mut().find(known) {
-            Some(entry) => entry.symbols.extend(symbols),
+            Some(entry) if entry.symbols != symbols => entry.symbols.extend(symbols),
+            Some(_) => {}
             None => {
                 let (name, symbols) = (name.to_owned(), symbols.to_vec());
                 entries.push(Entry { name, symbols, lines: Vec::new(), place: (0, 0) });
             }
         }
     };
-    let (mut references, mut regions) = (0, 0);
+    let mut regions = 0;
     for mark in &panel.marks {
         let look = looks.look(mark.name());
         match mark {
@@ -142,10 +145,7 @@ fn entries(panel: &Panel, looks: &Looks) -> Vec<Entry> {
                 add(name, &[Symbol::Steps(look)].into_iter().chain(marker).collect::<Vec<_>>());
             }
             Mark::Points { name, .. } => add(name, &[Symbol::Marker(look)]),
-            Mark::Reference { name, .. } => {
-                add(name, &[Symbol::Reference(references)]);
-                references += 1;
-            }
+            Mark::Reference { name, .. } => add(name, &[Symbol::Reference(reference_number(panel, name))]),
             Mark::Region { name, .. } => {
                 add(name, &[Symbol::Region(regions)]);
                 regions += 1;

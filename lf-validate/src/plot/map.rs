@@ -21,10 +21,9 @@ struct Blocks {
     cells: [usize; 2],
 }
 
-/// A map's colour scale; none without values.
+/// A map's colour scale, which spans what is drawn; none without values.
 pub(super) fn range(mark: &Mark) -> Option<Range> {
-    let Mark::Map { values, scale, .. } = mark else { return None };
-    around(values.iter().copied(), scale, [0.0; 2])
+    Some(blocks(mark)?.1)
 }
 
 /// Whether a map has a cell without a value that its scale holds.
@@ -35,7 +34,7 @@ pub(super) fn has_empty(mark: &Mark) -> bool {
 /// What a note has to say of a map that is drawn coarser than it is.
 pub(super) fn note(mark: &Mark) -> Option<String> {
     let Mark::Map { cells, .. } = mark else { return None };
-    let drawn = blocks(mark, range(mark)?)?.cells;
+    let drawn = blocks(mark)?.0.cells;
     let [nx, ny] = [0, 1].map(|axis| cells[axis].div_ceil(drawn[axis]));
     (drawn != *cells).then(|| format!("a coloured cell is the mean of up to {nx} x {ny} values"))
 }
@@ -43,9 +42,7 @@ pub(super) fn note(mark: &Mark) -> Option<String> {
 /// The cells in the frame.
 pub(super) fn cells(area: &Area, view: &View, mark: &Mark) -> Drawn<()> {
     let Mark::Map { x, y, .. } = mark else { return Ok(()) };
-    let Some((range, blocks)) = range(mark).and_then(|range| Some((range, blocks(mark, range)?))) else {
-        return Ok(());
-    };
+    let Some((blocks, range)) = blocks(mark) else { return Ok(()) };
     let edge = |axis: usize, n: usize| {
         let [first, last] = [x, y][axis];
         first + (last - first) * n as f64 / blocks.cells[axis] as f64
@@ -65,17 +62,18 @@ pub(super) fn cells(area: &Area, view: &View, mark: &Mark) -> Drawn<()> {
     Ok(())
 }
 
-/// The finest blocks whose picture is small enough; none of a map without cells.
-fn blocks(mark: &Mark, range: Range) -> Option<Blocks> {
-    let Mark::Map { values, cells, .. } = mark else { return None };
+/// The finest blocks whose picture is small enough, and their scale; none of a map without values.
+fn blocks(mark: &Mark) -> Option<(Blocks, Range)> {
+    let Mark::Map { values, cells, scale, .. } = mark else { return None };
     if values.is_empty() {
         return None;
     }
     let mut most = MOST_CELLS;
     loop {
         let blocks = means(values, *cells, cells.map(|count| count.min(most)));
+        let range = around(blocks.values.iter().copied(), scale, [0.0; 2])?;
         if most <= 8 || runs(&blocks, range).count() <= MOST_RECTANGLES {
-            return Some(blocks);
+            return Some((blocks, range));
         }
         most = most * 5 / 6;
     }
@@ -122,8 +120,7 @@ mod tests {
     #[test]
     fn small_maps_are_drawn_as_they_are() {
         let mark = map(vec![1.0, 2.0, f64::NAN, 2.0, 2.0, 2.0], [3, 2]);
-        let range = range(&mark).unwrap();
-        let blocks = blocks(&mark, range).unwrap();
+        let (blocks, range) = blocks(&mark).unwrap();
         let found: Vec<_> = runs(&blocks, range).collect();
         let top = Some(LEVELS as u8);
         assert_eq!(found, [(0, [0, 1], Some(0)), (0, [1, 2], top), (0, [2, 3], None), (1, [0, 3], top)]);
@@ -133,7 +130,7 @@ mod tests {
     #[test]
     fn fine_maps_become_means_and_a_note_says_so() {
         let mark = map((0..1200 * 600u64).map(|n| ((n * 7919) % 1000) as f64).collect(), [1200, 600]);
-        let blocks = blocks(&mark, range(&mark).unwrap()).unwrap();
+        let (blocks, _) = blocks(&mark).unwrap();
         assert!(blocks.cells[0] * blocks.cells[1] <= 2 * MOST_RECTANGLES);
         let mean = blocks.values.iter().sum::<f64>() / blocks.values.len() as f64;
         assert!((mean - 499.5).abs() < 5.0, "{mean}");

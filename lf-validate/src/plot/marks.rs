@@ -5,7 +5,7 @@ use super::clip::{At, dashes};
 use super::labels::labels;
 use super::map;
 use super::palette::{DASHES, GREY, Look, SERIES_DASH, SHADES};
-use super::view::{Looks, View, rounded};
+use super::view::{Looks, View, reference_number, rounded};
 use super::{Area, Drawn, words};
 use plotters::prelude::*;
 
@@ -39,12 +39,10 @@ pub(super) fn marks(area: &Area, view: &View) -> Drawn<usize> {
             map::cells(area, view, mark)?;
         }
     }
-    let references = marks.iter().filter_map(|mark| match mark {
-        Mark::Reference { place, .. } => Some(place),
-        _ => None,
-    });
-    for (n, place) in references.enumerate() {
-        reference(area, view, place, n)?;
+    for mark in marks {
+        if let Mark::Reference { name, place } = mark {
+            reference(area, view, place, reference_number(view.panel, name))?;
+        }
     }
     for mark in marks {
         if let Mark::Line { name, points, spread: Some(spread), .. } = mark {

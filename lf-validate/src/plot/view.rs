@@ -1,6 +1,6 @@
 //! A panel with its place on the canvas.
 
-use super::chart::Panel;
+use super::chart::{Mark, Panel};
 use super::clip::{At, Frame};
 use super::palette::Look;
 use super::scale::Range;
@@ -30,6 +30,19 @@ impl View<'_> {
         }
         self.at([x, y])
     }
+}
+
+/// Which of a panel's references, counted by their names, has a name.
+pub(super) fn reference_number(panel: &Panel, name: &str) -> usize {
+    let mut names: Vec<&str> = Vec::new();
+    for mark in &panel.marks {
+        if let Mark::Reference { name, .. } = mark
+            && !names.contains(&name.as_str())
+        {
+            names.push(name);
+        }
+    }
+    names.iter().position(|known| *known == name).unwrap_or(0)
 }
 
 /// The n-th name of a list has the n-th look.
