@@ -56,7 +56,7 @@ fn a_line_has_every_key_once() {
         (&["=1"], ["'=1'", "KEY=VALUE"]),
         (&["-", "x:-"], ["twice", "-"]),
         (&["one.json", "-o", "one.json"], ["one.json", "also an input"]),
-        (&[], ["required", "line"]),
+        (&[], ["required", "[NAME:]FILE"]),
     ] {
         let text = refusal(&place.run(&[&["line"], words].concat()));
         assert!(wanted.iter().all(|word| text.contains(word)), "{text}");
@@ -169,7 +169,7 @@ fn what_gives_no_curve_is_refused() {
         (&["runs.jsonl", "-x", "a", "-y", "b", "--where", "set.kernel=sphere"], ["19 runs", "set.kernel=sphere"]),
         (&["runs.jsonl", "-x", "set.seed", "-y", "rms_w_px", "--plot", "runs.jsonl"], ["runs.jsonl", "also an input"]),
         (&["runs.jsonl", "-x", "set.seed", "-y", "rms_w_px", "--plot", "-"], ["--plot", "standard output"]),
-        (&["runs.jsonl", "-x", "set.seed", "-y", "rms_w_px", "--log-x"], ["--plot", "--log-x"]),
+        (&["runs.jsonl", "-x", "set.seed", "-y", "rms_w_px", "--log-x"], ["--plot", "required"]),
         (
             &["runs.jsonl", "-x", "set.seed", "-y", "rms_w_px", "--plot", "a.svg", "--log-y", "--y-range", "0,1"],
             ["a.svg", "above 0"],

@@ -108,9 +108,24 @@ fn runs_that_cannot_be_judged_are_refused() {
         (&["mixed.jsonl"], ["set.iterations is 60 in mixed.jsonl, object 1", "both named base"]),
         (&["runs.jsonl", "--max-cost", "NaN"], ["--max-cost", "finite"]),
         (&["runs.jsonl", "--where", "kernel"], ["--where", "KEY=VALUE"]),
-        (&["runs.jsonl", "--title", "alone"], ["--plot", "--title"]),
+        (&["runs.jsonl", "--title", "alone"], ["--plot", "required"]),
     ] {
         let text = refusal(&place.run(&[&["trade"], words].concat()));
         assert!(wanted.iter().all(|word| text.contains(word)), "{text}");
+    }
+}
+
+#[test]
+fn help_defines_what_is_printed() {
+    let place = Place::new();
+    for (command, words) in [
+        ("line", &["NAME:FILE", "--output"][..]),
+        ("curves", &["--by", "--panel", "--plot", "median", "--reference-x"]),
+        ("trade", &["--base", "--plot", "dominated_by", "--max-error", "[default: rms_w_px]"]),
+    ] {
+        let help = place.run(&[command, "--help"]);
+        let text = String::from_utf8(help.stdout).unwrap();
+        assert!(words.iter().all(|word| text.contains(word)), "{text}");
+        assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     }
 }
