@@ -4,17 +4,22 @@
 //! f64 in the order of the data, so a score depends on nothing but its inputs.
 
 pub mod coverage;
+pub mod curves;
 pub mod depth;
 pub mod displacement;
 pub mod divergence;
 pub mod elongation;
 pub mod info;
 pub mod json;
+pub mod line;
 pub mod noise;
 pub mod pdf;
+pub mod plot;
 pub mod quality;
+pub mod runs;
 pub mod statistics;
 pub mod tracks;
+pub mod trade;
 pub mod trilinear;
 pub mod truth;
 pub mod units;

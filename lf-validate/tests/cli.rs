@@ -564,12 +564,10 @@ fn help_lists_what_is_built_and_nothing_else() {
     let output = run(&["--help"], &[] as &[&str]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(0));
-    for word in ["quality", "displacement", "divergence", "info", "--stats", "--threads"] {
+    let scores = ["quality", "elongation", "depth", "displacement", "divergence", "line", "curves", "trade", "info"];
+    for word in scores.into_iter().chain(["--stats", "--threads"]) {
         assert!(text.contains(word), "{word}");
     }
-    for word in ["trade", "--plot"] {
-        assert!(!text.contains(word), "{word}");
-    }
     refusal(&run(&["quality"], &[] as &[&str]));
-    refusal(&run(&["trade"], &[] as &[&str]));
+    refusal(&run(&["elongation"], &[] as &[&str]));
 }

@@ -1,11 +1,15 @@
 //! What each score reads and writes.
 
+pub mod curves;
 pub mod depth;
 pub mod displacement;
 pub mod divergence;
 pub mod elongation;
 pub mod info;
+pub mod line;
 pub mod quality;
+mod runs;
+pub mod trade;
 mod truth;
 
 use lf_core::camera::Camera;
@@ -19,10 +23,15 @@ use std::path::Path;
 
 /// Refuses standard input asked for twice, and a standard output or `--stats` that is also an input.
 fn check_inputs(inputs: &[&Path], session: &Session) -> Result<()> {
+    one_standard_input(inputs)?;
+    session.keep_apart(Path::new("-"), inputs)
+}
+
+fn one_standard_input(inputs: &[&Path]) -> Result<()> {
     if inputs.iter().filter(|input| io::is_standard(input)).count() > 1 {
         return Err(Error::new("-", "standard input is asked for twice", "wanted a file for all inputs but one"));
     }
-    session.keep_apart(Path::new("-"), inputs)
+    Ok(())
 }
 
 /// One score on standard output.

@@ -1,0 +1,139 @@
+//! Values over the plane as colours.
+
+use super::chart::Mark;
+use super::extent::around;
+use super::palette::{EMPTY, sequence};
+use super::scale::Range;
+use super::view::{View, rounded};
+use super::{Area, Drawn, words};
+use plotters::prelude::*;
+
+/// Cells along an axis, at most.
+const MOST_CELLS: usize = 300;
+/// Rectangles of one colour a map may take, which keeps a picture below a megabyte.
+const MOST_RECTANGLES: usize = 8000;
+/// Colours of the scale.
+const LEVELS: f64 = 48.0;
+
+/// Means over blocks of a map's values.
+struct Blocks {
+    values: Vec<f64>,
+    cells: [usize; 2],
+}
+
+/// A map's colour scale, which spans what is drawn; none without values.
+pub(super) fn range(mark: &Mark) -> Option<Range> {
+    Some(blocks(mark)?.1)
+}
+
+/// Whether a map has a cell without a value that its scale holds.
+pub(super) fn has_empty(mark: &Mark) -> bool {
+    matches!(mark, Mark::Map { values, scale, .. } if values.iter().any(|value| !scale.holds(*value)))
+}
+
+/// What a note has to say of a map that is drawn coarser than it is.
+pub(super) fn note(mark: &Mark) -> Option<String> {
+    let Mark::Map { cells, .. } = mark else { return None };
+    let drawn = blocks(mark)?.0.cells;
+    let [nx, ny] = [0, 1].map(|axis| cells[axis].div_ceil(drawn[axis]));
+    (drawn != *cells).then(|| format!("a coloured cell is the mean of up to {nx} x {ny} values"))
+}
+
+/// The cells in the frame.
+pub(super) fn cells(area: &Area, view: &View, mark: &Mark) -> Drawn<()> {
+    let Mark::Map { x, y, .. } = mark else { return Ok(()) };
+    let Some((blocks, range)) = blocks(mark) else { return Ok(()) };
+    let edge = |axis: usize, n: usize| {
+        let [first, last] = [x, y][axis];
+        first + (last - first) * n as f64 / blocks.cells[axis] as f64
+    };
+    for (row, columns, level) in runs(&blocks, range) {
+        let corners = [[columns[0], row], [columns[1], row + 1]].map(|[i, j]| view.at([edge(0, i), edge(1, j)]));
+        let [low, high] = [f64::min as fn(f64, f64) -> f64, f64::max].map(|pick| {
+            [0, 1]
+                .map(|axis| pick(corners[0][axis], corners[1][axis]).clamp(view.frame.low[axis], view.frame.high[axis]))
+        });
+        let [from, to] = [rounded(low), rounded(high)];
+        if from.0 < to.0 && from.1 < to.1 {
+            let colour = level.map_or(EMPTY, |level| sequence(f64::from(level) / LEVELS));
+            area.draw(&Rectangle::new([from, to], colour.filled())).map_err(words)?;
+        }
+    }
+    Ok(())
+}
+
+/// The finest blocks whose picture is small enough, and their scale; none of a map without values.
+fn blocks(mark: &Mark) -> Option<(Blocks, Range)> {
+    let Mark::Map { values, cells, scale, .. } = mark else { return None };
+    if values.is_empty() {
+        return None;
+    }
+    let mut most = MOST_CELLS;
+    loop {
+        let blocks = means(values, *cells, cells.map(|count| count.min(most)));
+        let range = around(blocks.values.iter().copied(), scale, [0.0; 2])?;
+        if most <= 8 || runs(&blocks, range).count() <= MOST_RECTANGLES {
+            return Some((blocks, range));
+        }
+        most = most * 5 / 6;
+    }
+}
+
+/// Means of the finite values of blocks; NaN where a block has none.
+fn means(values: &[f64], from: [usize; 2], to: [usize; 2]) -> Blocks {
+    let edge = |axis: usize, n: usize| n * from[axis] / to[axis];
+    let mean = |i: usize, j: usize| {
+        let rows = edge(1, j)..edge(1, j + 1);
+        let block = rows.flat_map(|row| &values[row * from[0] + edge(0, i)..row * from[0] + edge(0, i + 1)]);
+        let (sum, count) = block.filter(|value| value.is_finite()).fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+        sum / count
+    };
+    Blocks { values: (0..to[0] * to[1]).map(|n| mean(n % to[0], n / to[0])).collect(), cells: to }
+}
+
+/// Rows of cells of one colour: row, columns from and to, level or none.
+fn runs(blocks: &Blocks, range: Range) -> impl Iterator<Item = (usize, [usize; 2], Option<u8>)> {
+    let level = move |value: &f64| {
+        let share = range.share(*value);
+        share.is_finite().then(|| (share.clamp(0.0, 1.0) * LEVELS).round() as u8)
+    };
+    blocks.values.chunks(blocks.cells[0]).enumerate().flat_map(move |(row, values)| {
+        let mut start = 0;
+        let runs = values.chunk_by(move |one, other| level(one) == level(other));
+        runs.map(move |run| {
+            let columns = [start, start + run.len()];
+            start = columns[1];
+            (row, columns, level(&run[0]))
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::chart::Axis;
+    use super::*;
+
+    fn map(values: Vec<f64>, cells: [usize; 2]) -> Mark {
+        Mark::Map { values, cells, x: [0.0, 1.0], y: [0.0, 1.0], scale: Axis::new("v") }
+    }
+
+    #[test]
+    fn small_maps_are_drawn_as_they_are() {
+        let mark = map(vec![1.0, 2.0, f64::NAN, 2.0, 2.0, 2.0], [3, 2]);
+        let (blocks, range) = blocks(&mark).unwrap();
+        let found: Vec<_> = runs(&blocks, range).collect();
+        let top = Some(LEVELS as u8);
+        assert_eq!(found, [(0, [0, 1], Some(0)), (0, [1, 2], top), (0, [2, 3], None), (1, [0, 3], top)]);
+        assert!(note(&mark).is_none() && has_empty(&mark));
+    }
+
+    #[test]
+    fn fine_maps_become_means_and_a_note_says_so() {
+        let mark = map((0..1200 * 600u64).map(|n| ((n * 7919) % 1000) as f64).collect(), [1200, 600]);
+        let (blocks, _) = blocks(&mark).unwrap();
+        assert!(blocks.cells[0] * blocks.cells[1] <= 2 * MOST_RECTANGLES);
+        let mean = blocks.values.iter().sum::<f64>() / blocks.values.len() as f64;
+        assert!((mean - 499.5).abs() < 5.0, "{mean}");
+        assert!(note(&mark).unwrap().starts_with("a coloured cell is the mean of up to"));
+    }
+}

@@ -1,0 +1,168 @@
+//! Values to pixels, and the ticks of an axis.
+
+use super::text::{Numbers, TEXT_PX, magnitude, width};
+
+/// Least distance between the texts of two ticks, px.
+const GAP_PX: f64 = 12.0;
+
+/// Ends of an axis; the first may be the greater one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Range {
+    pub first: f64,
+    pub last: f64,
+    pub is_log: bool,
+}
+
+impl Range {
+    /// Share of the axis at a value: 0 at its first end, 1 at its last. NaN for a value without a place.
+    pub fn share(&self, value: f64) -> f64 {
+        let along = |value: f64| if self.is_log { value.ln() } else { value };
+        let share = (along(value) - along(self.first)) / (along(self.last) - along(self.first));
+        // ln 0 is infinite; ten axes away is far enough for a clipped line.
+        if share.is_finite() { share.clamp(-10.0, 11.0) } else { f64::NAN }
+    }
+
+    /// The value at a share.
+    pub fn value(&self, share: f64) -> f64 {
+        if self.is_log {
+            (self.first.ln() + share * (self.last.ln() - self.first.ln())).exp()
+        } else {
+            self.first + share * (self.last - self.first)
+        }
+    }
+
+    fn low(&self) -> f64 {
+        self.first.min(self.last)
+    }
+
+    fn high(&self) -> f64 {
+        self.first.max(self.last)
+    }
+
+    fn contains(&self, value: f64) -> bool {
+        let room = 1e-9;
+        (-room..=1.0 + room).contains(&self.share(value))
+    }
+}
+
+/// A tick: its value and its text.
+pub(super) type Tick = (f64, String);
+
+/// Which way an axis runs: its texts are beside or above each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    Across,
+    Up,
+}
+
+/// Ticks at round values, as many as stand apart on `length_px`.
+pub(super) fn ticks(range: &Range, length_px: i32, way: Way) -> Vec<Tick> {
+    let decades = (range.high() / range.low()).log10();
+    if range.is_log && decades >= 0.7 {
+        let sets = [&[1.0, 2.0, 5.0][..], &[1.0, 3.0][..], &[1.0][..]];
+        let found = sets.iter().map(|digits| decimal(range, digits, 1));
+        let wider = (2..40).map(|stride| decimal(range, &[1.0], stride));
+        let fitting = found.chain(wider).find(|ticks| fit(ticks, range, length_px, way));
+        if let Some(ticks) = fitting.filter(|ticks| ticks.len() > 1) {
+            return ticks;
+        }
+    }
+    linear(range, length_px, way)
+}
+
+/// Multiples of 1, 2 or 5 times a power of ten: the finest that fit.
+fn linear(range: &Range, length_px: i32, way: Way) -> Vec<Tick> {
+    let span = range.high() - range.low();
+    let most = f64::from(length_px) / if way == Way::Across { 60.0 } else { 42.0 };
+    let finest = magnitude(span / most.max(1.0));
+    let steps = (finest..finest + 5).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(power)));
+    for step in steps.filter(|step| span / step <= most.max(1.0)) {
+        let numbers = Numbers::new(range.high().abs().max(range.low().abs()), step);
+        let [from, to] = [(range.low() / step - 1e-9).ceil(), (range.high() / step + 1e-9).floor()];
+        let count = (to - from).max(-1.0) as usize + 1;
+        let values = (0..count).map(|n| (from + n as f64) * step);
+        let ticks: Vec<Tick> = values.map(|value| (value, numbers.text(value))).collect();
+        if fit(&ticks, range, length_px, way) {
+            return ticks;
+        }
+    }
+    Vec::new()
+}
+
+/// Powers of ten, every `stride`-th, times `digits`.
+fn decimal(range: &Range, digits: &[f64], stride: i32) -> Vec<Tick> {
+    let [from, to] = [magnitude(range.low()) - 1, magnitude(range.high()) + 1];
+    let powers = (from..=to).filter(|power| power.rem_euclid(stride) == 0);
+    let values = powers.flat_map(|power| {
+        // Divided where the power is negative, so that it prints without a tail.
+        let scaled = move |digit: &f64| if power < 0 { digit / 10f64.powi(-power) } else { digit * 10f64.powi(power) };
+        digits.iter().map(scaled).map(move |value| (value, power))
+    });
+    let is_scientific = range.high() >= 1e6 || range.low() < 0.99e-4;
+    let text = |value: f64, power: i32| {
+        let is_scientific = is_scientific && !(-2..3).contains(&power);
+        Numbers { step: 10f64.powi(power), is_scientific }.text(value)
+    };
+    values.filter(|(value, _)| range.contains(*value)).map(|(value, power)| (value, text(value, power))).collect()
+}
+
+/// Whether texts stand apart.
+fn fit(ticks: &[Tick], range: &Range, length_px: i32, way: Way) -> bool {
+    let room = |tick: &Tick| {
+        let half = if way == Way::Across { f64::from(width(&tick.1, TEXT_PX)) / 2.0 } else { f64::from(TEXT_PX) / 2.0 };
+        (range.share(tick.0) * f64::from(length_px), half)
+    };
+    ticks.windows(2).all(|pair| {
+        let [(one, half), (other, other_half)] = [room(&pair[0]), room(&pair[1])];
+        (one - other).abs() >= half + other_half + GAP_PX
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texts(first: f64, last: f64, is_log: bool, px: i32) -> Vec<String> {
+        let range = Range { first, last, is_log };
+        ticks(&range, px, Way::Across).into_iter().map(|(_, text)| text).collect()
+    }
+
+    #[test]
+    fn ticks_are_round() {
+        assert_eq!(texts(0.0, 1.0, false, 400), ["0", "0.2", "0.4", "0.6", "0.8", "1"]);
+        assert_eq!(texts(1.0, -1.0, false, 300), ["-1", "-0.5", "0", "0.5", "1"]);
+        assert_eq!(texts(1e6, 3e6, false, 200), ["1e6", "2e6", "3e6"]);
+    }
+
+    #[test]
+    fn log_ticks_are_powers_or_with_two_and_five() {
+        assert_eq!(texts(0.8, 60.0, true, 500), ["1", "2", "5", "10", "20", "50"]);
+        assert_eq!(texts(0.1, 1e5, true, 400), ["0.1", "1", "10", "100", "1000", "10000", "100000"]);
+        assert_eq!(texts(1e-8, 1e2, true, 300), ["1e-8", "1e-6", "1e-4", "0.01", "1", "100"]);
+        assert_eq!(texts(9.0, 12.0, true, 300), ["9", "10", "11", "12"]);
+    }
+
+    #[test]
+    fn any_range_has_ticks_that_stand_apart() {
+        for power in -12..12 {
+            for (low, high) in [(1.0, 1.3), (1.0, 7.0), (1.0, 33.0), (0.5, 4e4), (-3.0, 0.5)] {
+                let [first, last] = [low, high].map(|end| end * 10f64.powi(power));
+                for is_log in [false, true].into_iter().filter(|is_log| !is_log || first > 0.0) {
+                    let range = Range { first, last, is_log };
+                    let ticks = ticks(&range, 320, Way::Across);
+                    assert!(ticks.len() > 1 && fit(&ticks, &range, 320, Way::Across), "{range:?} {ticks:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn shares_and_values_are_inverse() {
+        for range in [Range { first: -2.0, last: 6.0, is_log: false }, Range { first: 100.0, last: 0.1, is_log: true }]
+        {
+            assert!((range.share(range.value(0.3)) - 0.3).abs() < 1e-12);
+            assert!(range.share(f64::NAN).is_nan());
+        }
+        assert!(Range { first: 0.1, last: 1.0, is_log: true }.share(-1.0).is_nan());
+    }
+}
