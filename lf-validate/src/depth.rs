@@ -37,6 +37,15 @@ pub struct Score {
     pub outside_peak: Option<f64>,
     /// How uneven the slices inside the slab are (all of them without one): standard deviation over mean.
     pub unevenness: Option<f64>,
+    /// Mean light of the slices inside the slab; of all of them without one.
+    #[serde(skip)]
+    pub mean_slice: f64,
+    /// Centres of the voxels along x, mm.
+    #[serde(skip)]
+    pub x_mm: Vec<f64>,
+    /// Distance between voxels along x, and between slices, mm.
+    #[serde(skip)]
+    pub spacing_mm: [f64; 2],
     /// Centres of the slices, mm.
     pub z_mm: Vec<f64>,
     /// Light of each slice of a volume, in the mean.
@@ -102,9 +111,12 @@ impl Depth {
             mean_z_mm,
             std_z_mm: variance.map(f64::sqrt),
             slab_mm,
-            outside_share: is_judged.then(|| outside.iter().sum::<f64>() / light),
+            outside_share: is_judged.then(|| outside.iter().fold(0.0, |sum, light| sum + light) / light),
             outside_peak: (is_judged && mean > 0.0).then(|| outside.iter().copied().fold(0.0, f64::max) / mean),
             unevenness: (mean > 0.0).then(|| std / mean),
+            mean_slice: mean,
+            x_mm: (0..grid.shape[0]).map(|x| grid.centre_mm(0, x)).collect(),
+            spacing_mm: [grid.spacing_mm[0], grid.spacing_mm[2]],
             z_mm,
             profile,
             peak: peak.iter().map(|sum| each * sum).collect(),

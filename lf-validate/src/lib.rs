@@ -14,6 +14,7 @@ pub mod json;
 pub mod line;
 pub mod noise;
 pub mod pdf;
+pub mod pictures;
 pub mod plot;
 pub mod quality;
 pub mod runs;

@@ -1,10 +1,11 @@
 //! `depth`: where along z the light of volumes lies.
 
-use super::{check_inputs, light, number, print, verdict};
+use super::{Picture, check_inputs, light, number, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result};
 use lf_validate::depth::{Depth, Score};
+use lf_validate::pictures;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -15,6 +16,8 @@ pub struct Arguments {
     /// Depths between which there should be light, mm
     #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true)]
     slab: Option<[f64; 2]>,
+    #[command(flatten)]
+    picture: Picture,
     /// Exit code 1 when outside_share is above SHARE
     #[arg(long, value_name = "SHARE", value_parser = number, requires = "slab")]
     max_outside: Option<f64>,
@@ -24,15 +27,17 @@ pub struct Arguments {
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = arguments.volumes.iter().map(PathBuf::as_path).collect();
     check_inputs(&inputs, session)?;
+    arguments.picture.check(&inputs, session)?;
     if let Some([low, high]) = arguments.slab.filter(|[low, high]| low >= high) {
         return Err(Error::new("--slab", format!("{low},{high}"), "wanted the lower depth first"));
     }
     let score = session.phase("score", |_| add_up(&inputs))?.score(arguments.slab);
+    session.count("volumes", score.volumes);
+    arguments.picture.draw(session, || pictures::depth(&score))?;
+    print(&score)?;
     if score.light <= 0.0 {
         session.warn("every voxel is dark");
     }
-    session.count("volumes", score.volumes);
-    print(&score)?;
     Ok(verdict(arguments.max_outside.is_none_or(|most| keeps(&score, most))))
 }
 

@@ -1,10 +1,11 @@
 //! `displacement`: a vector field against the true displacement.
 
-use super::{at_most, check_inputs, components, number, pixel_mm, print, share, truth, verdict};
+use super::{Picture, at_most, check_inputs, components, number, pixel_mm, print, share, truth, verdict};
 use lf_core::cli::{Session, Verdict};
 use lf_core::field::Field;
 use lf_core::{Result, io};
 use lf_validate::displacement::{Displacement, Particles, displacement};
+use lf_validate::pictures;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -21,6 +22,8 @@ pub struct Arguments {
     /// The two frames of a particles.csv that the field lies between [default: 0,1]
     #[arg(long, value_name = "A,B", value_parser = frames)]
     frames: Option<[usize; 2]>,
+    #[command(flatten)]
+    picture: Picture,
     /// Exit code 1 when an RMS error is above PX pixels: one number, or three for u,v,w
     #[arg(long, value_name = "PX", value_parser = number, value_delimiter = ',', requires = "camera")]
     max_rms: Vec<f64>,
@@ -48,6 +51,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mut inputs: Vec<&Path> = vec![&arguments.truth, &arguments.field];
     inputs.extend(arguments.camera.as_deref());
     check_inputs(&inputs, session)?;
+    arguments.picture.check(&inputs, session)?;
     let limits = Limits {
         rms_px: components("--max-rms", &arguments.max_rms)?,
         bias_px: components("--max-bias", &arguments.max_bias)?,
@@ -60,12 +64,13 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         Ok((truth, Field::open(&arguments.field)?, pixel_mm))
     })?;
     let score = session.phase("score", |_| Ok(displacement(&truth, &field, pixel_mm)))?;
+    session.count("vectors", score.all.vectors);
+    arguments.picture.draw(session, || pictures::displacement(&score))?;
+    print(&score)?;
     if score.all.vectors == 0 {
         let name = io::name(&arguments.field);
         session.warn(format!("{name}: no vector could be scored: {}", reasons(&score)));
     }
-    session.count("vectors", score.all.vectors);
-    print(&score)?;
     Ok(verdict(keeps(&score, &limits)))
 }
 

@@ -1,10 +1,11 @@
 //! `divergence`: a vector field without the truth.
 
-use super::{at_most, check_inputs, components, number, pixel_mm, print, verdict};
+use super::{Picture, at_most, check_inputs, components, number, pixel_mm, print, verdict};
 use lf_core::cli::{Session, Verdict};
 use lf_core::field::Field;
 use lf_core::{Result, io};
 use lf_validate::divergence::divergence;
+use lf_validate::pictures;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -15,6 +16,8 @@ pub struct Arguments {
     /// Camera that gives the size of a pixel
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
+    #[command(flatten)]
+    picture: Picture,
     /// Exit code 1 when the RMS divergence is above RMS
     #[arg(long, value_name = "RMS", value_parser = number)]
     max_divergence: Option<f64>,
@@ -28,12 +31,16 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mut inputs: Vec<&Path> = vec![&arguments.field];
     inputs.extend(arguments.camera.as_deref());
     check_inputs(&inputs, session)?;
+    arguments.picture.check(&inputs, session)?;
     let noise_px = components("--max-noise", &arguments.max_noise)?;
     let (field, pixel_mm) = session.phase("read", |_| {
         let pixel_mm = pixel_mm(arguments.camera.as_deref())?;
         Ok((Field::open(&arguments.field)?, pixel_mm))
     })?;
     let score = session.phase("score", |_| Ok(divergence(&field, pixel_mm)))?;
+    session.count("places", score.count);
+    arguments.picture.draw(session, || pictures::divergence(&score))?;
+    print(&score)?;
     if score.count == 0 {
         let [x, y, z] = score.stride;
         session.warn(format!(
@@ -41,8 +48,6 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
             io::name(&arguments.field)
         ));
     }
-    session.count("places", score.count);
-    print(&score)?;
     let keeps = arguments.max_divergence.is_none_or(|most| score.rms <= most);
     Ok(verdict(keeps && at_most(score.noise.px(), noise_px)))
 }

@@ -1,10 +1,11 @@
 //! `elongation`: how large reconstructed particles are.
 
-use super::{check_inputs, counts, light, pixel_mm, print, verdict};
+use super::{Picture, check_inputs, counts, light, pixel_mm, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, io, particles};
 use lf_validate::elongation::{Elongation, elongation};
+use lf_validate::pictures;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -26,6 +27,8 @@ pub struct Arguments {
     /// Camera that gives the size of a pixel
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
+    #[command(flatten)]
+    picture: Picture,
     /// Exit code 1 when a median diameter is above so many voxels along x, y, z
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
     max_diameter: Option<[f64; 3]>,
@@ -37,6 +40,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         [&arguments.particles, &arguments.volume].into_iter().chain(&arguments.and).map(PathBuf::as_path).collect();
     let inputs: Vec<&Path> = files.iter().copied().chain(arguments.camera.as_deref()).collect();
     check_inputs(&inputs, session)?;
+    arguments.picture.check(&inputs, session)?;
     let search_vox = counts("--search", arguments.search)?;
     let (pairs, pixel_mm) = session.phase("read", |_| {
         let pairs: Result<Vec<_>> = files.chunks(2).map(|pair| read(pair, arguments.frame)).collect();
@@ -54,14 +58,15 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         })
         .collect::<Result<Vec<_>>>()?;
     let score = session.phase("score", |_| Ok(elongation(&volumes, grid, search_vox, pixel_mm)))?;
+    session.count("particles", score.particles);
+    session.count("measured", score.measured);
+    arguments.picture.draw(session, || pictures::elongation(&score))?;
+    print(&score)?;
     if score.measured == 0 {
         let Elongation { particles, missed, merged, cut, .. } = score;
         let of = format!("of {particles}, {missed} missed, {merged} merged, {cut} cut");
         session.warn(format!("{}: no particle could be measured: {of}", pairs[0].1.name()));
     }
-    session.count("particles", score.particles);
-    session.count("measured", score.measured);
-    print(&score)?;
     Ok(verdict(arguments.max_diameter.is_none_or(|most| keeps(&score, most))))
 }
 

@@ -17,9 +17,10 @@ use lf_core::cli::{Session, Verdict};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, io};
 use lf_validate::json;
+use lf_validate::plot::{self, Chart};
 use lf_validate::quality::Light;
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Refuses standard input asked for twice, and a standard output or `--stats` that is also an input.
 fn check_inputs(inputs: &[&Path], session: &Session) -> Result<()> {
@@ -32,6 +33,34 @@ fn one_standard_input(inputs: &[&Path]) -> Result<()> {
         return Err(Error::new("-", "standard input is asked for twice", "wanted a file for all inputs but one"));
     }
     Ok(())
+}
+
+/// `--plot`, the same for every score.
+#[derive(clap::Args)]
+pub struct Picture {
+    /// Draw it
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+}
+
+impl Picture {
+    /// Refuses a picture that is also an input, and standard output, which is the score's.
+    fn check(&self, inputs: &[&Path], session: &Session) -> Result<()> {
+        let Some(file) = &self.plot else { return Ok(()) };
+        if io::is_standard(file) {
+            return Err(Error::new("--plot", "-", "wanted a file: standard output is the score's"));
+        }
+        session.keep_apart(file, inputs)
+    }
+
+    fn draw(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<()> {
+        let Some(file) = &self.plot else { return Ok(()) };
+        session.phase("plot", |_| {
+            let refused = |(found, wanted): (String, String)| Error::new(io::output_name(file), found, wanted);
+            let svg = plot::draw(&chart()).map_err(refused)?;
+            io::save_text(file, |out| out.write_all(svg.as_bytes()))
+        })
+    }
 }
 
 /// One score on standard output.

@@ -1,9 +1,10 @@
 //! `quality`: a volume against the true one.
 
-use super::{check_inputs, counts, light, number, print, verdict};
+use super::{Picture, check_inputs, counts, light, number, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result};
+use lf_validate::pictures;
 use lf_validate::quality::{Quality, quality};
 use std::path::PathBuf;
 
@@ -17,6 +18,8 @@ pub struct Arguments {
     /// Boxes along x, y, z that are scored one by one [default: 3,3,3, or the voxels where they are fewer]
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
     regions: Option<[f64; 3]>,
+    #[command(flatten)]
+    picture: Picture,
     /// Exit code 1 when q is below Q
     #[arg(long, value_name = "Q", value_parser = number, allow_negative_numbers = true)]
     min_q: Option<f64>,
@@ -30,7 +33,9 @@ pub struct Arguments {
 
 /// Reads, scores, prints, judges.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    check_inputs(&[&arguments.truth, &arguments.volume], session)?;
+    let inputs = [arguments.truth.as_path(), arguments.volume.as_path()];
+    check_inputs(&inputs, session)?;
+    arguments.picture.check(&inputs, session)?;
     let regions = arguments.regions.map(|typed| counts("--regions", typed)).transpose()?;
     let (truth, volume) =
         session.phase("read", |_| Ok((Volume::open(&arguments.truth)?, Volume::open(&arguments.volume)?)))?;
@@ -39,14 +44,15 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let score = session.phase("score", |_| {
         quality(true_light, light, regions).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))
     })?;
+    session.count("truth_voxels", score.truth_voxels);
+    session.count("volume_voxels", score.volume_voxels);
+    arguments.picture.draw(session, || pictures::quality(&score))?;
+    print(&score)?;
     for (name, voxels) in [(truth.name(), score.truth_voxels), (volume.name(), score.volume_voxels)] {
         if voxels == 0 {
             session.warn(format!("{name}: every voxel is dark; q is 0"));
         }
     }
-    session.count("truth_voxels", score.truth_voxels);
-    session.count("volume_voxels", score.volume_voxels);
-    print(&score)?;
     Ok(verdict(keeps(&score, arguments)))
 }
 
