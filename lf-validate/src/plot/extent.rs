@@ -49,8 +49,7 @@ fn range(panel: &Panel, which: usize, seen: &dyn Fn(f64) -> bool) -> Option<Rang
         });
         values.extend(curves.flatten().filter(|point| seen(point[0])).map(|point| point[which]));
     }
-    let from_zero =
-        which == 1 && has_steps && !axis.is_log && values.iter().all(|value| value.is_nan() || *value >= 0.0);
+    let from_zero = which == 1 && has_steps && !axis.is_log && !values.iter().any(|value| *value < 0.0);
     let room = match (has_map, has_steps, which) {
         (true, _, _) | (_, true, 0) => [0.0; 2],
         _ if from_zero => [0.0, ROOM],

@@ -2,6 +2,7 @@
 
 use super::chart::Mark;
 use super::clip::At;
+use super::marks::course;
 use super::palette::GREY;
 use super::text::{From, TEXT_PX, text, width};
 use super::view::{View, rounded};
@@ -41,31 +42,50 @@ impl Room {
 
 /// Writes the labels of all points; counts those without room.
 pub(super) fn labels(area: &Area, view: &View) -> Drawn<usize> {
-    let (taken, lines) = obstacles(view);
-    let mut taken = taken;
+    let (points, lines) = obstacles(view);
+    let (mut written, mut leads): (Vec<Room>, Vec<At>) = (Vec::new(), Vec::new());
     let mut left_out = 0;
     for (at, label) in labelled(view) {
         let wide = f64::from(width(label, TEXT_PX));
         let rooms = || DISTANCES.into_iter().flat_map(|far| DIRECTIONS.map(|way| (far, beside(at, far, way, wide))));
-        let is_free = |room: &Room| {
+        let is_free = |(far, room): &(f64, Room)| {
             view.frame.contains(room.low)
                 && view.frame.contains(room.high)
-                && !taken.iter().any(|other| room.meets(other))
+                && !points.iter().chain(&written).any(|other| room.meets(other))
+                && !leads.iter().any(|at| room.holds(*at))
+                && !lead(at, *far, room).iter().any(|at| written.iter().any(|other| other.holds(*at)))
         };
-        let clear = rooms().find(|(_, room)| is_free(room) && !lines.iter().any(|at| room.holds(*at)));
-        let Some((far, room)) = clear.or_else(|| rooms().find(|(_, room)| is_free(room))) else {
+        let clear = rooms().find(|room| is_free(room) && !lines.iter().any(|at| room.1.holds(*at)));
+        let Some((far, room)) = clear.or_else(|| rooms().find(is_free)) else {
             left_out += 1;
             continue;
         };
-        if far > DISTANCES[1] {
-            let nearest = [0, 1].map(|axis| at[axis].clamp(room.low[axis], room.high[axis]));
-            area.draw(&PathElement::new(vec![rounded(at), rounded(nearest)], GREY.stroke_width(1))).map_err(words)?;
+        let way = lead(at, far, &room);
+        if let [from, .., to] = way[..] {
+            area.draw(&PathElement::new([from, to].map(rounded).to_vec(), GREY.stroke_width(1))).map_err(words)?;
         }
         let start = [room.low[0], 0.5 * (room.low[1] + room.high[1])];
         text(area, label, rounded(start), TEXT_PX, From::Left)?;
-        taken.push(room);
+        leads.extend(way);
+        written.push(room);
     }
     Ok(left_out)
+}
+
+/// Places along the thin line from a point to a word; none where the word is near.
+fn lead(at: At, far: f64, room: &Room) -> Vec<At> {
+    if far <= DISTANCES[1] {
+        return Vec::new();
+    }
+    let nearest = [0, 1].map(|axis| at[axis].clamp(room.low[axis], room.high[axis]));
+    along(at, nearest)
+}
+
+/// Places from one to another, both among them.
+fn along(from: At, to: At) -> Vec<At> {
+    let count = ((to[0] - from[0]).hypot(to[1] - from[1]) / SAMPLE).ceil().max(1.0);
+    let at = |n: f64| [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * n / count);
+    (0..=count as usize).map(|n| at(n as f64)).collect()
 }
 
 /// The room of a word so wide, so far from a point in a direction.
@@ -90,28 +110,26 @@ fn labelled<'a>(view: &'a View) -> impl Iterator<Item = (At, &'a str)> {
     places.filter(|(at, label)| view.frame.contains(*at) && !label.is_empty())
 }
 
-/// Room that points take, and places along lines and bars.
+/// Room that points take, and places along lines, references and bars.
 fn obstacles(view: &View) -> (Vec<Room>, Vec<At>) {
     let (mut rooms, mut lines) = (Vec::new(), Vec::new());
-    let mut along = |ends: &[At]| {
-        for pair in view.frame.line(ends).iter().flat_map(|part| part.windows(2)) {
-            let count = ((pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]) / SAMPLE).ceil().max(1.0);
-            let at = |n: f64| [0, 1].map(|axis| pair[0][axis] + (pair[1][axis] - pair[0][axis]) * n / count);
-            lines.extend((0..=count as usize).map(|n| at(n as f64)));
-        }
+    let mut follow = |ends: &[At]| {
+        let parts = view.frame.line(ends);
+        lines.extend(parts.iter().flat_map(|part| part.windows(2)).flat_map(|pair| along(pair[0], pair[1])));
     };
     for mark in &view.panel.marks {
         match mark {
             Mark::Line { points, .. } => {
-                along(&points.iter().map(|point| view.at(*point)).collect::<Vec<At>>());
+                follow(&points.iter().map(|point| view.at(*point)).collect::<Vec<At>>());
             }
             Mark::Points { points, spread, .. } => {
                 let places = points.iter().map(|point| view.at(*point));
                 rooms.extend(places.filter(|at| view.frame.contains(*at)).map(|at| Room::about(at, 5.0)));
                 for (point, ends) in points.iter().zip(spread.iter().flatten()) {
-                    along(&ends.map(|y| view.at_or_below([point[0], y])));
+                    follow(&ends.map(|y| view.at_or_below([point[0], y])));
                 }
             }
+            Mark::Reference { place, .. } => follow(&course(view, place)),
             _ => {}
         }
     }

@@ -106,14 +106,18 @@ fn line(area: &Area, view: &View, places: &[At], look: Look, style: Style) -> Dr
     Ok(())
 }
 
-fn reference(area: &Area, view: &View, place: &Place, n: usize) -> Drawn<()> {
+/// The places that a reference goes through.
+pub(super) fn course(view: &View, place: &Place) -> Vec<At> {
     let (low, high) = (view.frame.low, view.frame.high);
-    let places: Vec<At> = match place {
+    match place {
         Place::Vertical(x) => [low[1], high[1]].map(|y| [view.at([*x, view.y.first])[0], y]).to_vec(),
         Place::Horizontal(y) => [low[0], high[0]].map(|x| [x, view.at([view.x.first, *y])[1]]).to_vec(),
         Place::Curve(points) => points.iter().map(|point| view.at(*point)).collect(),
-    };
-    for part in view.frame.line(&places) {
+    }
+}
+
+fn reference(area: &Area, view: &View, place: &Place, n: usize) -> Drawn<()> {
+    for part in view.frame.line(&course(view, place)) {
         stroke(area, &part, GREY.stroke_width(2), Some(DASHES[n % DASHES.len()]))?;
     }
     Ok(())

@@ -63,7 +63,9 @@ pub(super) fn ticks(range: &Range, length_px: i32, way: Way) -> Vec<Tick> {
         let found = sets.iter().map(|digits| decimal(range, digits, 1));
         let wider = (2..40).map(|stride| decimal(range, &[1.0], stride));
         let fitting = found.chain(wider).find(|ticks| fit(ticks, range, length_px, way));
-        if let Some(ticks) = fitting.filter(|ticks| ticks.len() > 1) {
+        // Two ticks on a short axis say too little of where it bends.
+        let fewest = if decades < 1.5 { 3 } else { 2 };
+        if let Some(ticks) = fitting.filter(|ticks| ticks.len() >= fewest) {
             return ticks;
         }
     }

@@ -85,11 +85,17 @@ impl Trade {
         if is_ordered {
             marks.push(joined(&factor.key, points.clone()));
         }
+        let [x, y] = ["cost", "error"].map(|what| Axis::log(format!("{what} / {what} of base")));
+        let [x, y] = [x.over(about_one(&points, 0)), y.over(about_one(&points, 1))];
         marks.push(Mark::Points { name: factor.key.clone(), points, spread: None, labels: Some(labels) });
-        let axes = ["cost", "error"].map(|what| Axis::log(format!("{what} / {what} of base")));
-        let [x, y] = axes;
         Panel { marks, ..Panel::new("", x, y) }
     }
+}
+
+/// The range of ratios with room, at least a quarter up and down: less would show noise as an effect.
+fn about_one(points: &[[f64; 2]], axis: usize) -> [f64; 2] {
+    let ratios = points.iter().map(|point| point[axis]).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
+    ratios.fold([0.8, 1.25], |[low, high], ratio| [low.min(ratio / 1.15), high.max(ratio * 1.15)])
 }
 
 /// Where a setting stands.
