@@ -37,6 +37,13 @@ pub enum Flow {
         omega: f64,
         /// Greatest displacement, px at the focal plane.
         amplitude_px: f64,
+        /// Length over which omega counts along every axis, px at the focal plane, so that a small volume can show a part of a
+        /// large one's wave; absent, the volume's extents.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        length_px: Option<f64>,
+        /// Phase in the middle of the volume, rad; 0 is a crest.
+        #[serde(default, skip_serializing_if = "is_zero")]
+        phase_rad: f64,
     },
     /// Solid rotation.
     Rotation {
@@ -156,12 +163,19 @@ impl Axis {
     }
 }
 
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
+}
+
 impl Flow {
     /// Checks what the types do not.
     fn check(&self) -> Result<(), String> {
         match self {
             Self::Uniform { displacement_mm } => finite(displacement_mm),
-            Self::Wave { omega, amplitude_px, .. } => finite(&[*omega, *amplitude_px]),
+            Self::Wave { omega, amplitude_px, length_px, phase_rad, .. } => {
+                finite(&[*omega, *amplitude_px, *phase_rad])?;
+                length_px.map_or(Ok(()), |px| length("length_px", px))
+            }
             Self::Rotation { centre_mm, axis, angle_rad } => {
                 finite(centre_mm)?;
                 finite(&[*angle_rad])?;
@@ -217,8 +231,9 @@ impl Flow {
     fn part(&self, sampled: &mut impl Iterator<Item = Sampled>, bounds_mm: [[f64; 2]; 3], pixel_mm: f64) -> Part {
         match self {
             Self::Uniform { displacement_mm } => Part::Uniform(DVec3::from(*displacement_mm)),
-            Self::Wave { case, omega, amplitude_px } => {
-                let extent = DVec3::from(bounds_mm.map(|[low, high]| high - low));
+            Self::Wave { case, omega, amplitude_px, length_px, phase_rad } => {
+                let whole = DVec3::from(bounds_mm.map(|[low, high]| high - low));
+                let extent = length_px.map_or(whole, |px| DVec3::splat(px * pixel_mm));
                 let centre = DVec3::from(bounds_mm.map(|[low, high]| 0.5 * (low + high)));
                 let along_x = matches!(case, Case::A1 | Case::A2 | Case::A3 | Case::A4);
                 // Printed: k = 2 pi / (omega L), and sqrt(2) omega L over two axes with L sqrt(2) times longer. The text
@@ -233,6 +248,7 @@ impl Flow {
                     amplitude: amplitude_px * pixel_mm * if along_x { DVec3::X } else { DVec3::Z },
                     wavenumber: std::f64::consts::TAU * omega * cycles / extent,
                     centre,
+                    phase: *phase_rad,
                 }
             }
             Self::Rotation { centre_mm, axis, angle_rad } => {

@@ -35,6 +35,17 @@ fn quarter_cycle_by_hand() {
     assert_eq!(field.at(DVec3::new(1.0, 0.0, 0.0)).z, 0.0);
 }
 
+/// The same wave over the paper's length in a volume that is none: 4 mm along x, of 1820 px = 10.01 mm.
+#[test]
+fn a_part_of_a_longer_wave() {
+    let text =
+        r#"{"kind": "wave", "case": "A3", "omega": 1.0, "amplitude_px": 25.0, "length_px": 1820, "phase_rad": 0.5}"#;
+    let field = field(text);
+    let k = 0.5 * std::f64::consts::TAU / (1820.0 * 0.0055);
+    let wanted = 0.1375 * (k * (1.0 + 0.5) + 0.5).cos();
+    assert!((field.at(DVec3::new(1.0, 9.0, 0.5)).x - wanted).abs() < 1e-12);
+}
+
 /// dx/dt = a cos(k x) has the solution tan(k x / 2 + pi / 4) = tan(k x0 / 2 + pi / 4) exp(a k t).
 #[test]
 fn paths_follow_the_solution_on_paper() {

@@ -9,11 +9,12 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Part {
     Uniform(DVec3),
-    /// a cos(k . (r - centre)): the real part of the paper's exponential, its crest in the middle of the volume.
+    /// a cos(k . (r - centre) + phase): the real part of the paper's exponential, its crest in the middle of the volume.
     Wave {
         amplitude: DVec3,
         wavenumber: DVec3,
         centre: DVec3,
+        phase: f64,
     },
     /// gradient (r - centre).
     Linear {
@@ -45,7 +46,9 @@ impl Part {
     fn at(&self, place: DVec3) -> DVec3 {
         match self {
             Self::Uniform(velocity) => *velocity,
-            Self::Wave { amplitude, wavenumber, centre } => *amplitude * wavenumber.dot(place - *centre).cos(),
+            Self::Wave { amplitude, wavenumber, centre, phase } => {
+                *amplitude * (wavenumber.dot(place - *centre) + phase).cos()
+            }
             Self::Linear { gradient, centre } => *gradient * (place - *centre),
             Self::Ring(ring) => ring.at(place),
             Self::Jet { centre, axis, radius, shear_layer, displacement } => {
