@@ -1,0 +1,532 @@
+# The paper's figures and claims, measured with these tools: S. Shi, J. Ding, T. H. New & J. Soria, Exp. Fluids 58:78 (2017).
+# From the root of the repository, with the tools on the PATH or BIN=target/release/:
+#
+#     make -j2 -f scripts/paper.mk burn         run all that is missing (small: half an hour on two cores)
+#     make -f scripts/paper.mk fig8             one figure: fig4 to fig15, fig17; trade
+#     make -f scripts/paper.mk view             where the pictures are, and the claims as a table
+#     make -f scripts/paper.mk readme           put that table and the trade's list into README.md
+#     make -f scripts/paper.mk clean            delete what this SIZE has made
+#     make -j2 -f scripts/paper.mk SIZE=medium  larger volumes, more seeds, more sweeps: hours; SIZE=paper: weeks
+#
+# One run is one file of JSON lines, made by one rule in a folder of its own that goes when the rule ends, however it ends.
+# Every parameter stands in the rule or in the list of its SIZE. Volumes are cubes of lenslets of the ready scene `core`
+# (square stop): the test volume of the paper's section 3.
+
+SIZE = small
+OUT = out/paper/$(SIZE)
+BIN =
+# Threads of each tool; with -j2 one each.
+THREADS = 1
+
+# ---- Sizes ----------------------------------------------------------------------------------------------------------
+# Sides of volumes are lenslets, depths mm, sweeps those of (DRT-)MART. MART on all voxels stores the weights of all of
+# them: 4 x 4 lenslets at 5 mm of depth take 1.3 GB, which grows with the volume.
+
+ifeq ($(SIZE),small)
+SEEDS = 1 2 3
+DRT_SWEEPS = 100
+FIG4_MART = 100
+FIG5_SEEDS = 1 2 3 4
+FIG5_SIDE = 6
+FIG6_SIDE = 20
+FIG6_DRT = 1 2 5 10 20 50 100 200 400
+FIG6_DRT_RELAXATIONS = 0.5 1 1.5 2 2.5 3 4
+FIG6_MART = 5 10 23 46
+FIG6_MART_RELAXATIONS = 1 2 2.5 4
+FIG6_MART_SEEDS = 1 2
+FIG8_SIDE = 10
+FIG8_DENSITIES = 0.05 0.1 0.2 0.5 1
+FIG8_MART_DENSITIES = 0.1 0.5 1
+FIG8_MART_SEEDS = 1 2
+FIG9_SEEDS = 1 2 3 4 5 6 7 8 9 10
+FIG9_SIDE = 12
+FIG10_DRT = 400
+FIG10_MART = 200
+FIG10_MART_DENSITIES = 1
+FIG10_SEEDS = 1
+WAVE_SIDE = 24
+WAVE_DRT_SIDE = 20
+WAVE_DRT_SWEEPS = 50
+WAVE_SEEDS = 1 2
+FIG13_OURS = 1 2 3 5 10 20 40 60
+FIG13_DRT = 5 10 20 50
+FIG14_DRT =
+FIG17_FRAMES = 6
+TRADE_SIDE = 36
+TRADE_SEEDS = 1 2
+else ifeq ($(SIZE),medium)
+SEEDS = 1 2 3 4 5
+DRT_SWEEPS = 400
+FIG4_MART = 400
+FIG5_SEEDS = 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20
+FIG5_SIDE = 8
+FIG6_SIDE = 20
+FIG6_DRT = 1 2 5 10 20 50 100 200 400
+FIG6_DRT_RELAXATIONS = 0.5 1 1.5 2 2.5 3 4
+FIG6_MART = 5 10 23 46 100 200
+FIG6_MART_RELAXATIONS = 0.5 1 1.5 2 2.5 3 4
+FIG6_MART_SEEDS = 1 2 3 4 5
+FIG8_SIDE = 20
+FIG8_DENSITIES = 0.05 0.1 0.2 0.3 0.5 0.7 1
+FIG8_MART_DENSITIES = 0.1 0.2 0.5 1
+FIG8_MART_SEEDS = 1 2 3 4 5
+FIG9_SEEDS = $(shell seq 30)
+FIG9_SIDE = 20
+FIG10_DRT = 400
+FIG10_MART = 200
+FIG10_MART_DENSITIES = 0.1 0.5 1
+FIG10_SEEDS = 1 2 3
+WAVE_SIDE = 60
+WAVE_DRT_SIDE = 24
+WAVE_DRT_SWEEPS = 100
+WAVE_SEEDS = 1 2 3
+FIG13_OURS = 1 2 3 5 10 20 40 60
+FIG13_DRT = 5 10 20 50 100
+FIG14_DRT = A1 A4 B1 B4
+FIG17_FRAMES = 30
+TRADE_SIDE = 60
+TRADE_SEEDS = 1 2 3
+else ifeq ($(SIZE),paper)
+SEEDS = $(shell seq 10)
+DRT_SWEEPS = 400
+FIG4_MART = 400
+FIG5_SEEDS = $(shell seq 1000)
+FIG5_SIDE = 8
+FIG6_SIDE = 20
+FIG6_DRT = 1 2 5 10 20 50 100 200 400
+FIG6_DRT_RELAXATIONS = 0.5 1 1.5 2 2.5 3 4
+FIG6_MART = 5 10 23 46 100 200
+FIG6_MART_RELAXATIONS = 0.5 1 1.5 2 2.5 3 4
+FIG6_MART_SEEDS = $(shell seq 10)
+FIG8_SIDE = 20
+FIG8_DENSITIES = 0.05 0.1 0.2 0.3 0.5 0.7 1
+FIG8_MART_DENSITIES = 0.05 0.1 0.2 0.3 0.5 0.7 1
+FIG8_MART_SEEDS = $(shell seq 10)
+FIG9_SEEDS = $(shell seq 30)
+FIG9_SIDE = 20
+FIG10_DRT = 400
+FIG10_MART = 200
+FIG10_MART_DENSITIES = 0.1 0.2 0.5 1
+FIG10_SEEDS = 1 2 3 4 5
+WAVE_SIDE = 130
+WAVE_DRT_SIDE = 60
+WAVE_DRT_SWEEPS = 400
+WAVE_SEEDS = 1 2 3
+FIG13_OURS = 1 2 3 5 10 20 40 60
+FIG13_DRT = 5 10 20 50 100 200 400
+FIG14_DRT = A1 A2 A3 A4 B1 B2 B3 B4
+FIG17_FRAMES = 30
+TRADE_SIDE = 130
+TRADE_SEEDS = 1 2 3
+else
+$(error SIZE is '$(SIZE)'; wanted small, medium or paper)
+endif
+
+# ---- What recipes share ---------------------------------------------------------------------------------------------
+
+SHELL = bash
+.SHELLFLAGS = -euo pipefail -c
+.ONESHELL:
+.SILENT:
+.SUFFIXES:
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL = burn
+
+# Part N of a run's name, which a '-' divides.
+part = $(word $1,$(subst -, ,$(basename $(notdir $@))))
+
+define steps
+export LC_ALL=C LF_HISTORY=off
+d=$$target.part
+rm -rf "$$d"
+mkdir -p "$$d"
+trap 'rm -rf "$$d"' EXIT
+quiet=(--quiet --threads "$$threads")
+
+# cube LENSLETS DEPTH: the box of so many lenslets a side and from -DEPTH to DEPTH mm, for lf-prune in $$box and for scenes in
+# $$sets. The sensor is wider, for the light that a particle at its side and depth sends beyond.
+cube() {
+    local half=$$(awk -v n="$$1" 'BEGIN { printf "%.6g", n * 0.0385 }')
+    local pixels=$$(awk -v n="$$1" -v z="$$2" 'BEGIN { print 14 * (n + 2 * int(1.8 * z + 1)) }')
+    box=(--depth "-$$2,$$2" "--bounds=-$$half,$$half,-$$half,$$half")
+    sets=("camera.sensor.width=$$pixels" "camera.sensor.height=$$pixels" "volume.x_mm=[-$$half,$$half]"
+        "volume.y_mm=[-$$half,$$half]" "volume.z_mm=[-$$2,$$2]")
+}
+
+# render SCENE KEY=VALUE...: a ready scene with the cube's size into $$d.
+render() {
+    local scene=$$1 set=()
+    shift
+    for words in $${sets[@]+"$${sets[@]}"} "$$@"; do set+=(--set "$$words"); done
+    "$$bin"lf-synth scene "$$scene" "$${set[@]}" > "$$d/scene.json"
+    "$$bin"lf-synth frames "$$d/scene.json" -o "$$d" "$${quiet[@]}"
+}
+
+# How each method prunes and solves: the paper's DRT-MART behind our threshold, MART on all voxels, and our default.
+prune_drt=() prune_mart=(--keep-all) prune_ours=()
+solve_drt=(--weights drt --method mart --max-memory 20) solve_mart=("$${solve_drt[@]}") solve_ours=(--max-memory 20)
+
+# prune METHOD FRAME [OPTIONS]: $$d/support-FRAME.lfv, statistics in $$d/prune.json.
+prune() {
+    local -n how=prune_$$1
+    local frame=$$2
+    shift 2
+    "$$bin"lf-prune "$$d/frame-$$frame.exr" -c "$$d/camera.json" "$${box[@]}" $${how[@]+"$${how[@]}"} "$$@" "$${quiet[@]}" \
+        -o "$$d/support-$$frame.lfv" --stats "$$d/prune.json"
+}
+
+# solve METHOD FRAME [OPTIONS]: $$d/volume-FRAME.lfv, statistics in $$d/mart.json, a line a sweep in $$d/sweeps.jsonl.
+solve() {
+    local -n how=solve_$$1
+    local frame=$$2
+    shift 2
+    "$$bin"lf-mart "$$d/support-$$frame.lfv" -i "$$d/frame-$$frame.exr" -c "$$d/camera.json" "$${how[@]}" "$$@" "$${quiet[@]}" \
+        -o "$$d/volume-$$frame.lfv" --stats "$$d/mart.json" --log "$$d/sweeps.jsonl"
+}
+
+# quality: the first volume against the truth, $$d/quality.json. line ...: one line of settings and scores into $$d/line.jsonl.
+quality() { "$$bin"lf-validate quality "$$d/truth-0000.lfv" "$$d/volume-0000.lfv" --quiet > "$$d/quality.json"; }
+line() { "$$bin"lf-validate line "$$@" >> "$$d/line.jsonl"; }
+
+# after SWEEPS: seconds that the last solve had taken after so many sweeps.
+after() { sed -n "s/.*\"iteration\":$$1,.*\"seconds\":\([0-9.e-]*\).*/\1/p" "$$d/sweeps.jsonl"; }
+
+# field VOLUMES [OPTIONS]: correlates $$d/VOLUMES-0000.lfv and -0001.lfv by the paper's windows, as large in mm whatever the
+# voxels (320 x 320 x 32 and 160 x 160 x 16 voxels of 1 x 1 x 10 px), and scores the field: $$d/error.json.
+field() {
+    local volumes=$$1
+    shift
+    "$$bin"lf-xcorr "$$d/$$volumes-0000.lfv" "$$d/$$volumes-0001.lfv" --initial-mm 1.76,1.76,1.76 --window-mm 0.88,0.88,0.88 \
+        "$$@" "$${quiet[@]}" -o "$$d/field.exr" --stats "$$d/xcorr.json"
+    "$$bin"lf-validate displacement "$$d/flow.exr" "$$d/field.exr" -c "$$d/camera.json" --quiet > "$$d/error.json"
+}
+
+# done_: the rule's file, whole.
+done_() { mv "$$d/$$1" "$$target"; }
+endef
+export steps
+begin = echo "$@"; mkdir -p $(@D); target=$@ bin=$(BIN) threads=$(THREADS); eval "$$steps"
+
+# A picture and its numbers from lines: $(call curves,INPUTS,OPTIONS).
+curves = echo "$@"; $(BIN)lf-validate curves $1 --plot $(basename $@).svg $2 > $@.part && mv $@.part $@
+
+# A pair of frames of the paper's waves: $(call wave,CASE,OMEGA) as settings of a scene. Omega counts cycles over the paper's
+# 1820 px, 25 px at the crest; the middle of the volume is an eighth of a cycle from it, where displacement and gradient
+# both have 0.7 of their greatest.
+wave = frames=2 particles.per_lenslet=0.5 'flow={"kind":"wave","case":"$1","omega":$2,"amplitude_px":25,"length_px":1820,"phase_rad":0.785}'
+
+figures = fig4 fig5 fig6 fig7 fig8 fig9 fig10 fig11 fig12 fig13 fig14 fig15 fig17
+.PHONY: burn view readme clean trade claims $(figures)
+burn: $(figures) trade claims
+
+# ---- Figure 4: one particle, seen from above, by three methods ---------------------------------------------------------
+
+fig4 := $(foreach m,drt-$(DRT_SWEEPS) mart-$(FIG4_MART) mart-23 ours-60,$(OUT)/fig4/$m.svg)
+fig4: $(fig4)
+
+$(fig4):
+	$(begin)
+	cube 4 2.5025
+	render core particles.per_lenslet=null particles.count=1 particles.rays=null seed=5
+	prune $(call part,1) 0000
+	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	$(BIN)lf-validate depth "$$d/volume-0000.lfv" --slab=-2.5025,2.5025 --plot "$$d/depth.svg" > "$$d/depth.json"
+	done_ depth.svg
+
+# ---- Figure 5: diameters of particles ----------------------------------------------------------------------------------
+
+fig5 := $(foreach s,$(FIG5_SEEDS),$(foreach m,drt-$(DRT_SWEEPS) mart-23 ours-60,$(OUT)/fig5/$m-$s.lfv))
+fig5: $(OUT)/fig5.json
+
+$(fig5):
+	$(begin)
+	cube $(FIG5_SIDE) 2.5025
+	render core particles.per_lenslet=0.2 particles.rays=null seed=$(call part,3)
+	prune $(call part,1) 0000
+	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	cp "$$d/particles.csv" $(basename $@).csv
+	cp "$$d/camera.json" $(@D)/camera-$(notdir $(basename $@)).json
+	done_ volume-0000.lfv
+
+# All volumes of a method are one run.
+fig5_lines := $(foreach m,drt-$(DRT_SWEEPS) mart-23 ours-60,$(OUT)/fig5/$m.jsonl)
+$(fig5_lines): $(fig5)
+	$(begin)
+	pairs=()
+	for s in $(FIG5_SEEDS); do pairs+=($(basename $@)-$$s.csv $(basename $@)-$$s.lfv); done
+	set -- "$${pairs[@]}"
+	first=("$$1" "$$2")
+	shift 2
+	and=()
+	while [ $$# -gt 0 ]; do and+=(--and "$$1" "$$2"); shift 2; done
+	camera=$(@D)/camera-$(notdir $(basename $@))-$(firstword $(FIG5_SEEDS)).json
+	$(BIN)lf-validate elongation "$${first[@]}" $${and[@]+"$${and[@]}"} -c "$$camera" --plot $(basename $@).svg > "$$d/size.json"
+	line figure=5 method=$(call part,1) iterations=$(call part,2) "$$d/size.json"
+	done_ line.jsonl
+
+$(OUT)/fig5.json: $(fig5_lines)
+	$(call curves,$^,-x histogram.z_px -y histogram.z --by method --reference-x "ideal=30" --x-name "diameter along z$(comma) px" \
+	    --y-name "share of the particles" --title "Fig. 5c: diameters along z")
+	for axis in x y; do
+	    $(BIN)lf-validate curves $^ -x histogram.$${axis}_px -y histogram.$$axis --by method --reference-x "ideal=3" \
+	        --x-name "diameter along $$axis, px" --y-name "share of the particles" --title "Fig. 5: diameters along $$axis" \
+	        --plot $(OUT)/fig5-$$axis.svg > /dev/null
+	done
+comma := ,
+
+# ---- Figures 6 and 7: quality by sweeps and relaxation; brightest voxels by depth --------------------------------------
+# A row action goes on from its own result, so a run of many sweeps is made of runs of fewer.
+
+fig6 := $(foreach s,$(SEEDS),$(foreach r,$(FIG6_DRT_RELAXATIONS),$(OUT)/fig6/drt-$r-$s.jsonl) $(foreach r,0.5 1 1.5 2,$(OUT)/fig6/ours-$r-$s.jsonl))
+fig6 += $(foreach s,$(FIG6_MART_SEEDS),$(foreach r,$(FIG6_MART_RELAXATIONS),$(OUT)/fig6/mart-$r-$s.jsonl))
+fig6: $(OUT)/fig6.json
+
+side-drt = $(FIG6_SIDE)
+side-mart = 4
+side-ours = $(FIG6_SIDE)
+sweeps-drt = $(FIG6_DRT)
+sweeps-mart = $(FIG6_MART)
+sweeps-ours = 1 2 3 5 10 20 50 100
+
+$(filter $(OUT)/fig6/ours-%,$(fig6)):
+	$(begin)
+	cube $(side-ours) 2.5025
+	render core particles.per_lenslet=0.1 particles.rays=null seed=$(call part,3)
+	prune ours 0000
+	for n in $(sweeps-ours); do
+	    solve ours 0000 --iterations $$n --until never --relaxation $(call part,2)
+	    quality
+	    $(BIN)lf-validate depth "$$d/volume-0000.lfv" > "$$d/depth.json"
+	    line figure=6 method=ours relaxation=$(call part,2) iterations=$$n set.seed=$(call part,3) "$$d/quality.json" depth:"$$d/depth.json"
+	done
+	done_ line.jsonl
+
+$(filter-out $(OUT)/fig6/ours-%,$(fig6)):
+	$(begin)
+	cube $(side-$(call part,1)) 2.5025
+	render core particles.per_lenslet=0.1 particles.rays=null seed=$(call part,3)
+	prune $(call part,1) 0000
+	start=() before=0
+	for n in $(sweeps-$(call part,1)); do
+	    solve $(call part,1) 0000 --iterations $$((n - before)) --relaxation $(call part,2) $${start[@]+"$${start[@]}"}
+	    quality
+	    $(BIN)lf-validate depth "$$d/volume-0000.lfv" > "$$d/depth.json"
+	    line figure=6 method=$(call part,1) relaxation=$(call part,2) iterations=$$n set.seed=$(call part,3) "$$d/quality.json" \
+	        depth:"$$d/depth.json"
+	    cp "$$d/volume-0000.lfv" "$$d/start.lfv"
+	    start=(--start "$$d/start.lfv") before=$$n
+	done
+	done_ line.jsonl
+
+$(OUT)/fig6.json: $(fig6)
+	$(call curves,$^,-x iterations -y q --by relaxation --panel method --log-x --y-range 0$(comma)1 --x-name "sweeps" --y-name "Q" \
+	    --title "Fig. 6: quality by sweeps and relaxation$(comma) 0.1 particles a lenslet")
+
+fig7: $(OUT)/fig7.json
+$(OUT)/fig7.json: $(fig6)
+	$(call curves,$(filter %-2.5-1.jsonl %-2.5-2.jsonl %-2.5-3.jsonl %-1.5-1.jsonl %-1.5-2.jsonl,$^),-x depth.z_mm -y depth.peak --by iterations --panel method --x-name "z$(comma) mm" \
+	    --y-name "brightest voxel of a slice$(comma) counts" --title "Fig. 7: brightest voxels by depth and sweeps")
+
+# ---- Figure 8: quality by density --------------------------------------------------------------------------------------
+
+fig8 := $(foreach s,$(SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(DRT_SWEEPS) ours-60,$(OUT)/fig8/$m-$n-$s.jsonl)))
+fig8 += $(foreach s,$(FIG8_MART_SEEDS),$(foreach n,$(FIG8_MART_DENSITIES),$(OUT)/fig8/mart-23-$n-$s.jsonl))
+fig8: $(OUT)/fig8.json
+
+$(fig8):
+	$(begin)
+	cube $(if $(filter mart,$(call part,1)),4,$(FIG8_SIDE)) 2.5025
+	render core particles.per_lenslet=$(call part,3) particles.rays=null seed=$(call part,4)
+	prune $(call part,1) 0000 --truth "$$d/particles.csv"
+	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	quality
+	$(BIN)lf-validate elongation "$$d/particles.csv" "$$d/volume-0000.lfv" -c "$$d/camera.json" --quiet > "$$d/size.json"
+	line figure=8 method=$(call part,1) iterations=$(call part,2) per_lenslet=$(call part,3) set.seed=$(call part,4) \
+	    "$$d/quality.json" prune:"$$d/prune.json" mart:"$$d/mart.json" size:"$$d/size.json"
+	done_ line.jsonl
+
+$(OUT)/fig8.json: $(fig8)
+	$(call curves,$^,-x per_lenslet -y q --by method --y-range 0$(comma)1 --x-name "particles a lenslet" --y-name "Q" \
+	    --title "Fig. 8: quality by density")
+
+# ---- Figure 9: light outside the seeded slab ---------------------------------------------------------------------------
+# Particles within 2.5 mm, voxels within 4 mm.
+
+fig9 := $(foreach s,$(FIG9_SEEDS),$(foreach m,drt-50 ours-60,$(OUT)/fig9/$m-$s.lfv))
+fig9: $(OUT)/fig9/drt-50.jsonl $(OUT)/fig9/ours-60.jsonl
+
+$(fig9):
+	$(begin)
+	cube $(FIG9_SIDE) 4.015
+	render core particles.per_lenslet=0.5 particles.rays=null seed=$(call part,3) 'volume.z_mm=[-2.5,2.5]'
+	prune $(call part,1) 0000
+	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	done_ volume-0000.lfv
+
+$(OUT)/fig9/drt-50.jsonl $(OUT)/fig9/ours-60.jsonl: $(fig9)
+	$(begin)
+	$(BIN)lf-validate depth $(filter $(basename $@)-%,$(fig9)) --slab=-2.5,2.5 --plot $(basename $@).svg > "$$d/depth.json"
+	line figure=9 method=$(call part,1) "$$d/depth.json"
+	done_ line.jsonl
+
+# ---- Figure 10: time by density ----------------------------------------------------------------------------------------
+# 4 x 4 lenslets for all, on one thread each. MART's time does not depend on the density.
+
+fig10 := $(foreach s,$(FIG10_SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(FIG10_DRT) ours-60,$(OUT)/fig10/$m-$n-$s.jsonl)))
+fig10 += $(foreach s,$(FIG10_SEEDS),$(foreach n,$(FIG10_MART_DENSITIES),$(OUT)/fig10/mart-$(FIG10_MART)-$n-$s.jsonl))
+fig10: $(OUT)/fig10.json
+
+$(fig10):
+	$(begin)
+	cube 4 2.5025
+	render core particles.per_lenslet=$(call part,3) particles.rays=null seed=$(call part,4)
+	prune $(call part,1) 0000
+	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	quality
+	seconds=$$(awk -v a="$$(sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$d/prune.json")" -v b="$$(sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$d/mart.json")" 'BEGIN { print a + b }')
+	line figure=10 method=$(call part,1) iterations=$(call part,2) per_lenslet=$(call part,3) set.seed=$(call part,4) \
+	    seconds=$$seconds $(if $(filter ours,$(call part,1)),,seconds_after_23=$$(after 23)) "$$d/quality.json" mart:"$$d/mart.json"
+	done_ line.jsonl
+
+$(OUT)/fig10.json: $(fig10)
+	$(call curves,$^,-x per_lenslet -y seconds --by method --log-y --x-name "particles a lenslet" --y-name "seconds$(comma) one thread" \
+	    --title "Fig. 10: time of DRT-MART ($(FIG10_DRT) sweeps)$(comma) MART ($(FIG10_MART)) and ours$(comma) 4 x 4 lenslets")
+
+# ---- Figures 11 and 12: displacement errors by pixels per voxel --------------------------------------------------------
+# MART is left out: all voxels of the smallest volume that holds windows take 60 GB of weights.
+
+pvr11 = 1,1,10 2,2,10 3,3,10
+pvr12 = 1,1,5 1,1,10 1,1,20
+wave_methods = truth-0 ours-60 drt-$(WAVE_DRT_SWEEPS)
+fig11 := $(foreach s,$(WAVE_SEEDS),$(foreach p,$(pvr11),$(foreach m,$(wave_methods),$(OUT)/fig11/$m-$p-$s.jsonl)))
+fig12 := $(foreach s,$(WAVE_SEEDS),$(foreach p,$(pvr12),$(foreach m,$(wave_methods),$(OUT)/fig12/$m-$p-$s.jsonl)))
+fig11: $(OUT)/fig11.json
+fig12: $(OUT)/fig12.json
+
+$(fig11) $(fig12):
+	$(begin)
+	cube $(WAVE_DRT_SIDE) 5.005
+	render core $(call wave,$(if $(findstring fig11,$@),A1,B1),0.25) particles.rays=null seed=$(call part,4) \
+	    'truth.pixels_per_voxel=[$(call part,3)]'
+	volumes=truth
+	if [ $(call part,1) != truth ]; then
+	    volumes=volume
+	    for n in 0000 0001; do
+	        prune $(call part,1) $$n --pvr $(call part,3)
+	        solve $(call part,1) $$n --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	    done
+	fi
+	field $$volumes
+	line figure=$(if $(findstring fig11,$@),11,12) method=$(call part,1) pvr=$(call part,3) set.seed=$(call part,4) "$$d/error.json" \
+	    xcorr.seconds=$$(sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$d/xcorr.json")
+	done_ line.jsonl
+
+$(OUT)/fig11.json: $(fig11)
+	$(call curves,$^,-x pdf.x_u -y pdf.u --by pvr --panel method --x-range -1$(comma)1 --x-name "error of u$(comma) px" --y-name "density$(comma) 1/px" \
+	    --title "Fig. 11: errors by pixels per voxel in x and y$(comma) Case A1$(comma) a quarter of a cycle")
+$(OUT)/fig12.json: $(fig12)
+	$(call curves,$^,-x pdf.x_w -y pdf.w --by pvr --panel method --x-range -10$(comma)10 --x-name "error of w$(comma) px" --y-name "density$(comma) 1/px" \
+	    --title "Fig. 12: errors by pixels per voxel in z$(comma) Case B1$(comma) a quarter of a cycle")
+
+# ---- Figure 13: displacement errors by sweeps --------------------------------------------------------------------------
+
+fig13 := $(foreach s,$(WAVE_SEEDS),$(foreach c,A1 B1,$(foreach m,ours drt truth,$(OUT)/fig13/$m-$c-$s.jsonl)))
+fig13: $(OUT)/fig13.json
+
+$(fig13):
+	$(begin)
+	cube $(WAVE_DRT_SIDE) 5.005
+	render core $(call wave,$(call part,2),0.25) particles.rays=null seed=$(call part,3)
+	case $(call part,1) in
+	truth) field truth
+	    for n in $(sort $(firstword $(FIG13_OURS)) $(lastword $(FIG13_OURS))); do
+	        line figure=13 method=truth case=$(call part,2) iterations=$$n set.seed=$(call part,3) "$$d/error.json"
+	    done ;;
+	ours) for n in 0000 0001; do prune ours $$n; done
+	    for sweeps in $(FIG13_OURS); do
+	        for n in 0000 0001; do solve ours $$n --iterations $$sweeps --until never; done
+	        field volume
+	        line figure=13 method=ours case=$(call part,2) iterations=$$sweeps set.seed=$(call part,3) "$$d/error.json"
+	    done ;;
+	drt) for n in 0000 0001; do prune drt $$n; done
+	    start=no before=0
+	    for sweeps in $(FIG13_DRT); do
+	        for n in 0000 0001; do
+	            from=()
+	            if [ $$start = yes ]; then mv "$$d/volume-$$n.lfv" "$$d/start.lfv"; from=(--start "$$d/start.lfv"); fi
+	            solve drt $$n --iterations $$((sweeps - before)) --relaxation 2.5 $${from[@]+"$${from[@]}"}
+	        done
+	        start=yes before=$$sweeps
+	        field volume
+	        line figure=13 method=drt case=$(call part,2) iterations=$$sweeps set.seed=$(call part,3) "$$d/error.json"
+	    done ;;
+	esac
+	done_ line.jsonl
+
+$(OUT)/fig13.json: $(fig13)
+	$(call curves,$^,-x iterations -y rms_u_px --by method --panel case --log-x --log-y --x-name sweeps --y-name "RMS error of u$(comma) px" \
+	    --title "Fig. 13: errors of u by sweeps$(comma) a quarter of a cycle")
+	$(BIN)lf-validate curves $^ -x iterations -y rms_w_px --by method --panel case --log-x --log-y --x-name sweeps \
+	    --y-name "RMS error of w, px" --title "Fig. 13: errors of w by sweeps, a quarter of a cycle" --plot $(OUT)/fig13-w.svg > $(OUT)/fig13-w.json
+
+# ---- Figures 14 and 15: displacement errors by gradient ----------------------------------------------------------------
+
+omegas = 0.25 0.5 1 2
+fig14 := $(foreach s,$(WAVE_SEEDS),$(foreach o,$(omegas),$(foreach c,A1 A2 A3 A4,$(OUT)/fig14/$c-$o-$s.jsonl)))
+fig15 := $(foreach s,$(WAVE_SEEDS),$(foreach o,$(omegas),$(foreach c,B1 B2 B3 B4,$(OUT)/fig15/$c-$o-$s.jsonl)))
+fig14_drt := $(foreach o,0.25 1,$(foreach c,$(FIG14_DRT),$(OUT)/$(if $(findstring A,$c),fig14,fig15)/$c-$o-1-drt.jsonl))
+fig14: $(OUT)/fig14.json
+fig15: $(OUT)/fig15.json
+
+$(fig14) $(fig15):
+	$(begin)
+	cube $(WAVE_SIDE) 5.005
+	render core $(call wave,$(call part,1),$(call part,2)) particles.rays=null seed=$(call part,3)
+	field truth
+	line figure=14 method=truth case=$(call part,1) omega=$(call part,2) set.seed=$(call part,3) "$$d/error.json"
+	for n in 0000 0001; do
+	    prune ours $$n
+	    solve ours $$n
+	done
+	field volume
+	line figure=14 method=ours case=$(call part,1) omega=$(call part,2) set.seed=$(call part,3) "$$d/error.json"
+	done_ line.jsonl
+
+$(fig14_drt):
+	$(begin)
+	cube $(WAVE_DRT_SIDE) 5.005
+	render core $(call wave,$(call part,1),$(call part,2)) particles.rays=null seed=$(call part,3)
+	for n in 0000 0001; do
+	    prune drt $$n
+	    solve drt $$n --iterations $(WAVE_DRT_SWEEPS) --relaxation 2.5
+	done
+	field volume
+	line figure=14 method=drt case=$(call part,1) omega=$(call part,2) set.seed=$(call part,3) "$$d/error.json"
+	done_ line.jsonl
+
+$(OUT)/fig14.json: $(fig14) $(filter $(OUT)/fig14/%,$(fig14_drt))
+	$(call curves,$^,-x omega -y rms_u_px --by method --panel case --log-x --log-y --x-name "omega$(comma) cycles over 1820 px" \
+	    --y-name "RMS error of u$(comma) px" --title "Fig. 14: errors of u by gradient$(comma) Cases A1 to A4")
+$(OUT)/fig15.json: $(fig15) $(filter $(OUT)/fig15/%,$(fig14_drt))
+	$(call curves,$^,-x omega -y rms_w_px --by method --panel case --log-x --log-y --x-name "omega$(comma) cycles over 1820 px" \
+	    --y-name "RMS error of w$(comma) px" --title "Fig. 15: errors of w by gradient$(comma) Cases B1 to B4")
+
+# ---- Figure 17: light along z of noisy frames --------------------------------------------------------------------------
+# The ready scene `tank` without its water: the experiment's lens, uneven particles, noise and background of the sensor, a
+# sheet from -3 to 3 mm. The darkest value of each pixel over the frames is subtracted. Voxels within 5 mm.
+
+fig17: $(OUT)/fig17.json
+$(OUT)/fig17.json:
+	$(begin)
+	sets=()
+	render tank camera.medium=null 'volume.z_mm=[-5,5]' 'light={"profile":"top-hat","centre_mm":0,"thickness_mm":6}' \
+	    frames=$(FIG17_FRAMES) truth=null seed=1
+	$(BIN)lf-calib background "$$d"/frame-*.exr -o "$$d/background.exr" --quiet
+	for n in $$(seq -f %04g 0 $$(($(FIG17_FRAMES) - 1))); do
+	    box=(--depth -5,5 --bounds=-2.4,2.4,-2.4,2.4)
+	    prune ours $$n --pvr 2,2,10 -b "$$d/background.exr"
+	    solve ours $$n -b "$$d/background.exr"
+	done
+	$(BIN)lf-validate depth "$$d"/volume-*.lfv --slab=-3,3 --plot $(basename $@).svg > "$$d/depth.json"
+	line figure=17 method=ours "$$d/depth.json"
+	done_ line.jsonl
