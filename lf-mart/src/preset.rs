@@ -14,10 +14,10 @@ pub struct Values {
     measured: &'static str,
 }
 
-/// Three sweeps: particles stand where they will, dimmer and with more haze between them.
+/// Few sweeps: a start is all that they make.
 const FAST: Values = Values { iterations: 3, until: "stall", blob: 0.65, measured: "" };
 
-/// Ten sweeps, after which the misfit falls slowly.
+/// The fewest sweeps after which the misfit stalls anywhere, about.
 const BALANCED: Values = Values { iterations: 10, until: "stall", blob: 0.65, measured: "" };
 
 /// Until the misfit stalls: the default.
