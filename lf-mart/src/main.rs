@@ -1,8 +1,10 @@
 //! The door of lf-mart: what was typed, image, camera and support in, one call, a volume out.
 
+mod preset;
+
 use clap::{Parser, ValueEnum};
 use lf_core::camera::Camera;
-use lf_core::cli::{self, Common, Session, Verdict};
+use lf_core::cli::{self, Common, Preset, Session, Verdict};
 use lf_core::footprint::{Basis, Model};
 use lf_core::grid::Grid;
 use lf_core::volume::{self, Volume};
@@ -39,15 +41,18 @@ struct Arguments {
     /// Image to subtract first; what falls below zero becomes zero
     #[arg(short, long, value_name = "FILE")]
     background: Option<PathBuf>,
+    /// Defaults between speed and accuracy, for the whole chain, with --method subsets; what is typed comes before them
+    #[arg(long, value_parser = Preset::parser(preset::help))]
+    preset: Option<Preset>,
     /// How weights are computed
     #[arg(long, value_enum, default_value_t = WeightsName::Exact)]
     weights: WeightsName,
     /// What a voxel stands for, seen sideways [default: blob with exact weights, point with drt]
     #[arg(long, value_enum)]
     basis: Option<BasisName>,
-    /// Standard deviation of a blob, voxels
-    #[arg(long, value_name = "VOXELS", default_value_t = 0.65)]
-    blob: f64,
+    /// Standard deviation of a blob, voxels [default: 0.65]
+    #[arg(long, value_name = "VOXELS")]
+    blob: Option<f64>,
     /// How intensities are found
     #[arg(long, value_enum, default_value_t = MethodName::Subsets)]
     method: MethodName,
@@ -82,6 +87,9 @@ struct Arguments {
     #[command(flatten)]
     common: Common,
 }
+
+/// Standard deviation of a blob where neither an option nor a preset sets it, voxels.
+const BLOB: f64 = 0.65;
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum WeightsName {
@@ -118,7 +126,9 @@ enum MethodName {
 impl Arguments {
     /// `sigma` is asked for the noise of the image, counts.
     fn options(&self, sigma: impl FnOnce() -> f64) -> Result<Options> {
-        let blob = Basis::Blob { sigma_vox: self.blob };
+        let preset = self.preset.map(preset::values);
+        let sigma_vox = self.blob.or(preset.map(|preset| preset.blob)).unwrap_or(BLOB);
+        let blob = Basis::Blob { sigma_vox };
         let basis = match (self.basis, self.weights) {
             (Some(BasisName::Point), _) | (None, WeightsName::Drt | WeightsName::Sphere) => Basis::Point,
             (Some(BasisName::Box), _) => Basis::Box,
@@ -131,12 +141,17 @@ impl Arguments {
                 "wanted point, which is its default",
             ));
         }
+        if let (Some(preset), false) = (self.preset, self.method == MethodName::Subsets) {
+            let found = format!("{} with another --method", preset.name());
+            return Err(Error::new("--preset", found, "wanted --method subsets, which is its default"));
+        }
         let (method, iterations, until, relaxation, clamp) = match self.method {
             MethodName::Subsets => (Method::Subsets, 60, "stall", 1.5, 20.0),
             MethodName::Smart => (Method::Smart, 100, "never", 1.0, 20.0),
             MethodName::Mlem => (Method::Mlem, 100, "never", 1.0, 20.0),
             MethodName::Mart => (Method::Mart, 30, "never", 2.5, 1e6),
         };
+        let (iterations, until) = preset.map_or((iterations, until), |preset| (preset.iterations, preset.until));
         let until = self.until.as_deref().unwrap_or(until);
         let options = Options {
             weights: match self.weights {
@@ -162,7 +177,7 @@ impl Arguments {
             max_bytes: (self.max_memory * 1e9) as u64,
         };
         for (option, value, least, most) in [
-            ("--blob", self.blob, 0.05, 10.0),
+            ("--blob", sigma_vox, 0.05, 10.0),
             ("--relaxation", options.relaxation, 1e-6, 100.0),
             ("--iterations", options.iterations as f64, 1.0, 1e6),
             ("--floor", options.floor, 1e-12, 0.1),
@@ -174,6 +189,13 @@ impl Arguments {
             }
         }
         Ok(options)
+    }
+
+    /// Tells what the preset sets.
+    fn explain_preset(&self, session: &Session) {
+        let Some(preset) = self.preset else { return };
+        let heeded = [self.iterations.is_none(), self.until.is_none(), self.blob.is_none()];
+        session.explain_preset(preset, preset::values(preset).typed().into_iter().zip(heeded));
     }
 
     /// The volume to begin with.
@@ -194,6 +216,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     arguments.options(|| 0.0)?;
+    arguments.explain_preset(session);
     let mut inputs = vec![arguments.support.as_path(), arguments.image.as_path(), arguments.camera.as_path()];
     inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.start.as_deref()));
     session.keep_apart(&arguments.output, &inputs)?;

@@ -1,8 +1,10 @@
 //! The door of lf-prune: what was typed, image and camera in, one call, a support out.
 
+mod preset;
+
 use clap::{Parser, ValueEnum};
 use lf_core::camera::Camera;
-use lf_core::cli::{self, Common, Session, Verdict, numbers};
+use lf_core::cli::{self, Common, Preset, Session, Verdict, numbers};
 use lf_core::grid::Grid;
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, image, io, particles, volume};
@@ -31,9 +33,12 @@ struct Arguments {
     /// Image to subtract first; what falls below zero becomes zero
     #[arg(short, long, value_name = "FILE")]
     background: Option<PathBuf>,
-    /// Pixels per voxel along x, y, z
-    #[arg(long, value_name = "X,Y,Z", default_value = "1,1,10", value_parser = numbers::<3>, allow_hyphen_values = true)]
-    pvr: [f64; 3],
+    /// Defaults between speed and accuracy, for the whole chain; what is typed comes before them
+    #[arg(long, value_parser = Preset::parser(preset::help))]
+    preset: Option<Preset>,
+    /// Pixels per voxel along x, y, z [default: 1,1,10]
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    pvr: Option<[f64; 3]>,
     /// Depth of the volume, mm; towards the camera is positive
     #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true, required_unless_present = "like")]
     depth: Option<[f64; 2]>,
@@ -41,7 +46,7 @@ struct Arguments {
     #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
     /// Volume (.lfv) whose voxels to take, for volumes by one camera and another to compare
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["pvr", "depth", "bounds"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["preset", "pvr", "depth", "bounds"])]
     like: Option<PathBuf>,
     /// How the pixels of a voxel become its score
     #[arg(long, value_enum, default_value_t = ScoreName::Geometric)]
@@ -70,6 +75,9 @@ struct Arguments {
     #[command(flatten)]
     common: Common,
 }
+
+/// Pixels per voxel where neither an option nor a preset sets them: the paper's.
+const PVR: [f64; 3] = [1.0, 1.0, 10.0];
 
 /// Its logarithms still add up in whole numbers.
 const LEAST_DARK: f64 = 1e-12;
@@ -109,14 +117,22 @@ impl Arguments {
         }
     }
 
-    fn grid(&self, camera: &Camera) -> Result<Grid> {
+    /// Pixels per voxel: as typed, or by the preset.
+    fn pvr(&self, session: &Session) -> [f64; 3] {
+        let Some(preset) = self.preset else { return self.pvr.unwrap_or(PVR) };
+        let values = preset::values(preset);
+        session.explain_preset(preset, values.typed().into_iter().zip([self.pvr.is_none()]));
+        self.pvr.unwrap_or(values.pvr)
+    }
+
+    fn grid(&self, camera: &Camera, session: &Session) -> Result<Grid> {
         let Some(depth) = self.depth else {
             let like = self.like.as_deref().expect("clap wants one of them");
             return Ok(Volume::open(like)?.grid().clone());
         };
         let [half_x, half_y] = camera.half_view_mm();
         let [x0, x1, y0, y1] = self.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
-        Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(self.pvr))
+        Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(self.pvr(session)))
             .map_err(|found| Error::new("--pvr, --depth, --bounds", found, "wanted a grid with voxels"))
     }
 
@@ -172,7 +188,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         camera.check_image(&name, width, height)?;
         Ok((camera, image))
     })?;
-    let grid = arguments.grid(&camera)?;
+    let grid = arguments.grid(&camera, session)?;
     let options = arguments.options(image.pixels.view(), session);
     let support = session.phase("prune", |session| {
         let progress = session.progress("pruning", grid.shape[2] as u64);

@@ -57,8 +57,10 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         [-0.5, shape[cut.axis] as f64 - 0.5].map(|i| part.origin_mm[cut.axis] + i * part.spacing_mm[cut.axis]);
     let what = if let Mask::Box(_) = mask { "mask" } else { "volume" };
     cut.check(bounds_mm, what).map_err(|(found, wanted)| Error::new(volumes[0].name(), found, wanted))?;
-    let options = arguments.options(shape);
+    let options = arguments.options(&part);
     options.check(shape).map_err(|error| refused(error, &volumes))?;
+    arguments.explain_preset(session);
+    arguments.passes.tell_millimetres(&part, session);
     arguments.passes.tell_fitted(shape, &options, session);
     let windows = lf_xcorr::windows(shape, &options);
     let mut outcome = session.phase("correlate", |session| correlate(&volumes, &mask, &options, windows, session))?;

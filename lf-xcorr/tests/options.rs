@@ -45,6 +45,63 @@ fn passes_can_be_listed_or_named() {
 }
 
 #[test]
+fn windows_in_millimetres_are_windows_in_voxels() {
+    let bench = Bench::new();
+    let given = |more: &[&'static str]| {
+        let said = bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], more].concat());
+        (bench.bytes("f.exr"), said)
+    };
+    // Voxels of 0.1 x 0.1 x 0.5 mm.
+    let last = given(&["--window", "24,24,12"]).0;
+    for near in ["2.4,2.4,6", "2.44,2.36,6.2"] {
+        let (bytes, said) = given(&["--window-mm", near]);
+        assert!(bytes == last, "{near}");
+        let became = format!("window of {} mm is 24 x 24 x 12 voxels\n", near.replace(',', " x "));
+        assert!(said.contains(&became), "{became} not in {said}");
+    }
+    let (bytes, said) = given(&["--initial-mm", "3,3,8", "--window-mm", "2.4,2.4,6"]);
+    assert!(bytes == given(&["--initial", "30,30,16", "--window", "24,24,12"]).0);
+    assert!(said.contains("initial window of 3 x 3 x 8 mm is 30 x 30 x 16 voxels\n"), "{said}");
+    let (bytes, said) = given(&["--window-mm", "2.4,9,0.4"]);
+    assert!(bytes == given(&["--window", "24,40,4"]).0);
+    assert!(said.contains("warning: window of 2.4 x 9 x 0.4 mm is 24 x 90 x 1 voxels; used 24 x 40 x 4"), "{said}");
+
+    for (option, value) in [("--window", "24,24,12"), ("--initial", "24,24,12"), ("--pass", "24,24,12")] {
+        for mm in ["--window-mm", "--initial-mm"] {
+            bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", option, value, mm, "2.4,2.4,6"], &[option, mm]);
+            bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper", mm, "2.4,2.4,6"], &[mm]);
+        }
+    }
+    for wrong in ["2.4,2.4", "0,2.4,6", "-1,2.4,6", "nan,2.4,6", "2.4,2.4,inf", ""] {
+        bench.fails(
+            &["a.lfv", "b.lfv", "-o", "g.exr", &format!("--window-mm={wrong}")],
+            &["window-mm", "in mm above 0"],
+        );
+    }
+    assert!(!bench.path("g.exr").exists());
+}
+
+#[test]
+fn passes_with_their_own_overlap_and_those_by_name_keep_it_under_a_preset() {
+    let bench = Bench::new();
+    let given = |more: &[&'static str]| {
+        let said = bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], more].concat());
+        (field(&bench, "f.exr").layout.overlap, said)
+    };
+    let (overlap, said) = given(&["--preset", "fast", "--pass", "24,24,12:0.25"]);
+    assert_eq!(overlap, 0.25);
+    assert!(said.contains("what is typed comes before its --overlap"), "{said}");
+    let fast = given(&["--preset", "fast", "--window", "24,24,12"]).0;
+    assert_eq!(given(&["--preset", "fast", "--pass", "32,32,16:0.25", "--pass", "24,24,12"]).0, fast);
+
+    let grid = scene::grid([320, 320, 32]);
+    let lit: Vec<u64> = (0..grid.len()).filter(|index| index * index % 9973 == 3).collect();
+    bench.write("wide.lfv", &grid, &lit, &[("intensity", &vec![1.0; lit.len()])]);
+    bench.works(&["wide.lfv", "wide.lfv", "-o", "w.exr", "-q", "--preset", "fast", "--settings", "paper"]);
+    assert_eq!(field(&bench, "w.exr").layout.overlap, 0.75);
+}
+
+#[test]
 fn an_option_that_changes_nothing_is_refused() {
     let bench = Bench::new();
     let one = ["--pass", "24,24,12:0.5:3,3,3"];
@@ -53,6 +110,9 @@ fn an_option_that_changes_nothing_is_refused() {
         (&["--search", "2,2,2"], "--search"),
         (&["--overlap", "0.5"], "--overlap"),
         (&["--repeats", "3", "--deform", "never"], "--repeats"),
+        // As long as the preset does not deform.
+        (&["--repeats", "3", "--preset", "fast"], "--repeats"),
+        (&["--stall", "0.1", "--preset", "fast"], "--stall"),
         (&["--stall", "0.1", "--deform", "never"], "--stall"),
         (&["--stall", "0.1", "--repeats", "1"], "--stall"),
     ] {

@@ -4,6 +4,7 @@
 //! on standard error that starts with the tool's name.
 
 mod numbers;
+mod preset;
 mod progress;
 
 use crate::history::{History, Step};
@@ -18,6 +19,7 @@ use std::sync::Mutex;
 use std::time::Instant;
 
 pub use numbers::numbers;
+pub use preset::{Preset, preset_help};
 pub use progress::Progress;
 
 /// Above this a `--threads` is a slip of the finger, and each thread costs a stack.

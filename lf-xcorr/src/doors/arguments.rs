@@ -1,7 +1,8 @@
 //! What was typed, and what it means for a volume.
 
+use super::preset;
 use clap::{Parser, ValueEnum};
-use lf_core::cli::{Common, Session, numbers};
+use lf_core::cli::{Common, Preset, Session, numbers};
 use lf_core::grid::Grid;
 use lf_xcorr::plot::Cut;
 use lf_xcorr::{Deform, Options, Pass, Route, triple};
@@ -13,6 +14,9 @@ const WINDOW: [usize; 3] = [160, 160, 16];
 
 /// The paper's overlap.
 const OVERLAP: f64 = 0.75;
+
+/// Fewest voxels along an axis of a window that millimetres become.
+const LEAST_WINDOW: usize = 4;
 
 /// Two sparse volumes to a velocity field
 ///
@@ -40,6 +44,10 @@ pub struct Arguments {
     /// Correlate a part: a box in mm (x0,x1,y0,y1,z0,z1) that windows lie in, or the voxels of a .lfv of the same grid
     #[arg(long, value_name = "BOX|FILE.lfv", allow_hyphen_values = true, value_parser = mask)]
     pub mask: Option<MaskSource>,
+    /// Defaults between speed and accuracy, for the whole chain; what is typed comes before them, the overlap of --settings
+    /// and --pass too
+    #[arg(long, value_parser = Preset::parser(preset::help))]
+    pub preset: Option<Preset>,
     /// Draw a slice of the field: colours through the plane, arrows in it
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
@@ -64,6 +72,12 @@ pub struct Passes {
     /// Interrogation window of the first pass, voxels [default: twice the window, or the volume where it is smaller]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     initial: Option<[usize; 3]>,
+    /// --window in mm, which stays as large when voxels change: the nearest whole numbers of voxels, at least 4 (-v tells)
+    #[arg(long, value_name = "X,Y,Z", value_parser = millimetres, conflicts_with_all = ["window", "initial"])]
+    window_mm: Option<[f64; 3]>,
+    /// --initial in mm
+    #[arg(long, value_name = "X,Y,Z", value_parser = millimetres, conflicts_with_all = ["window", "initial"])]
+    initial_mm: Option<[f64; 3]>,
     /// Share of a window that the next one covers too [default: 0.75]
     #[arg(long, value_name = "SHARE")]
     overlap: Option<f64>,
@@ -74,10 +88,10 @@ pub struct Passes {
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     refine: Option<[usize; 3]>,
     /// A pass, in place of --initial and --window; given once for each pass, coarse to fine
-    #[arg(long, value_name = "X,Y,Z[:OVERLAP[:X,Y,Z]]", value_parser = typed_pass, conflicts_with_all = ["window", "initial"])]
+    #[arg(long, value_name = "X,Y,Z[:OVERLAP[:X,Y,Z]]", value_parser = typed_pass, conflicts_with_all = ["window", "initial", "window_mm", "initial_mm"])]
     pass: Vec<TypedPass>,
     /// Passes by name: those of the paper's simulations, or of its experiment
-    #[arg(long, value_enum, conflicts_with_all = ["window", "initial", "pass"])]
+    #[arg(long, value_enum, conflicts_with_all = ["window", "initial", "window_mm", "initial_mm", "pass"])]
     settings: Option<Settings>,
 }
 
@@ -86,8 +100,9 @@ pub struct Passes {
 #[command(next_help_heading = "Method")]
 pub struct Method {
     /// Deform the volumes by what is known of the field: in repeats and where gradients ask for it, always, or never
-    #[arg(long, value_enum, default_value_t = When::Auto)]
-    deform: When,
+    /// [default: auto]
+    #[arg(long, value_enum)]
+    deform: Option<When>,
     /// How often the last pass is done at most; those before it at most four times, where the next cannot follow [default: 6]
     #[arg(long, value_name = "N")]
     repeats: Option<usize>,
@@ -114,8 +129,9 @@ enum Settings {
     PaperJet,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum When {
+/// When the volumes are deformed, as typed.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub enum When {
     Auto,
     Always,
     Never,
@@ -153,6 +169,11 @@ fn whole_triple(text: &str) -> Result<[usize; 3], String> {
         .ok_or_else(|| "wanted three whole numbers above 0, like 160,160,16".into())
 }
 
+fn millimetres(text: &str) -> Result<[f64; 3], String> {
+    let sides = numbers(text).ok().filter(|sides: &[f64; 3]| sides.iter().all(|side| *side > 0.0));
+    sides.ok_or_else(|| "wanted three lengths in mm above 0, like 0.88,0.88,0.88".into())
+}
+
 fn typed_pass(text: &str) -> Result<TypedPass, String> {
     let mut parts = text.splitn(3, ':');
     let window = whole_triple(parts.next().unwrap_or_default())?;
@@ -179,11 +200,18 @@ fn mask(text: &str) -> Result<MaskSource, String> {
     Ok(MaskSource::Support(text.into()))
 }
 
+/// What a preset can set, resolved.
+struct Meant {
+    overlap: f64,
+    deform: When,
+    repeats: usize,
+}
+
 impl Arguments {
     /// An option that was given and that nothing would heed, and why.
     pub fn idle(&self) -> Option<(&'static str, &'static str)> {
-        let (passes, method) = (&self.passes, &self.method);
-        let never = matches!(method.deform, When::Never);
+        let (passes, method, meant) = (&self.passes, &self.method, self.meant());
+        let never = meant.deform == When::Never;
         let single = passes.pass.len() == 1;
         let all = |has: fn(&TypedPass) -> bool, from: usize| {
             !passes.pass.is_empty() && passes.pass.iter().skip(from).all(has)
@@ -201,24 +229,52 @@ impl Arguments {
                 "the first pass has its own",
             ),
             (passes.overlap.is_some() && all(|pass| pass.overlap.is_some(), 0), "--overlap", "every pass has its own"),
-            (method.repeats.is_some() && never, "--repeats", "without deformation no pass is repeated"),
-            (method.stall.is_some() && (never || method.repeats == Some(1)), "--stall", "no pass is repeated"),
+            (
+                method.repeats.is_some_and(|repeats| repeats != 1) && never,
+                "--repeats",
+                "without deformation no pass is repeated",
+            ),
+            (method.stall.is_some() && (never || meant.repeats == 1), "--stall", "no pass is repeated"),
         ]
         .into_iter()
         .find_map(|(idle, option, why)| idle.then_some((option, why)))
     }
 
-    /// The options for a volume of `shape`.
-    pub fn options(&self, shape: [usize; 3]) -> Options {
-        let method = &self.method;
+    /// What is typed; where it is not, what the preset sets; where there is none, the defaults.
+    fn meant(&self) -> Meant {
+        let (passes, method, preset) = (&self.passes, &self.method, self.preset.map(preset::values));
+        let named = passes.settings.map(|_| OVERLAP);
+        Meant {
+            overlap: passes.overlap.or(named).or(preset.map(|preset| preset.overlap)).unwrap_or(OVERLAP),
+            deform: method.deform.or(preset.map(|preset| preset.deform)).unwrap_or(When::Auto),
+            repeats: method.repeats.or(preset.map(|preset| preset.repeats)).unwrap_or(Options::REPEATS),
+        }
+    }
+
+    /// Tells what the preset sets.
+    pub fn explain_preset(&self, session: &Session) {
+        let Some(preset) = self.preset else { return };
+        let (passes, method) = (&self.passes, &self.method);
+        let own = !passes.pass.is_empty() && passes.pass.iter().all(|pass| pass.overlap.is_some());
+        let heeded = [
+            passes.overlap.is_none() && passes.settings.is_none() && !own,
+            method.deform.is_none(),
+            method.repeats.is_none(),
+        ];
+        session.explain_preset(preset, preset::values(preset).typed().into_iter().zip(heeded));
+    }
+
+    /// The options for a volume of `grid`.
+    pub fn options(&self, grid: &Grid) -> Options {
+        let (method, meant) = (&self.method, self.meant());
         Options {
             floor: method.floor,
-            deform: match method.deform {
+            deform: match meant.deform {
                 When::Auto => Deform::Auto,
                 When::Always => Deform::Always,
                 When::Never => Deform::Never,
             },
-            repeats: method.repeats.unwrap_or(Options::REPEATS),
+            repeats: meant.repeats,
             stall_vox: method.stall.unwrap_or(Options::STALL_VOX),
             smoothing: method.smoothing,
             route: match method.route {
@@ -226,13 +282,14 @@ impl Arguments {
                 By::Direct => Route::Direct,
                 By::Transform => Route::Transform,
             },
-            ..Options::of(self.passes.meant(shape))
+            ..Options::of(self.passes.meant(grid, meant.overlap))
         }
     }
 }
 
 impl Passes {
-    fn meant(&self, shape: [usize; 3]) -> Vec<Pass> {
+    fn meant(&self, grid: &Grid, overlap: f64) -> Vec<Pass> {
+        let shape = grid.shape;
         let fitted = |wanted: [usize; 3]| [0, 1, 2].map(|axis| wanted[axis].min(shape[axis]));
         let typed = |window| TypedPass { window, overlap: None, search: None };
         let named = |windows: [[usize; 3]; 2]| windows.map(typed).to_vec();
@@ -241,8 +298,10 @@ impl Passes {
             Some(Settings::PaperJet) => named([[320, 320, 64], [160, 160, 32]]),
             None if !self.pass.is_empty() => self.pass.clone(),
             None => {
-                let window = self.window.unwrap_or(fitted(WINDOW));
-                let initial = self.initial.unwrap_or(fitted(window.map(|n| n.saturating_mul(2))));
+                let voxels = |sides_mm| held(nearest(sides_mm, grid), shape);
+                let window = self.window.or(self.window_mm.map(voxels)).unwrap_or(fitted(WINDOW));
+                let twice = fitted(window.map(|n| n.saturating_mul(2)));
+                let initial = self.initial.or(self.initial_mm.map(voxels)).unwrap_or(twice);
                 named([initial, window])
             }
         };
@@ -250,14 +309,31 @@ impl Passes {
             let first = self.search.unwrap_or(fitted(pass.window.map(|n| (n / 8).max(4))));
             let later = self.refine.unwrap_or(fitted(Options::REFINE));
             let search = pass.search.unwrap_or(if number == 0 { first } else { later });
-            Pass { window: pass.window, overlap: pass.overlap.or(self.overlap).unwrap_or(OVERLAP), search }
+            Pass { window: pass.window, overlap: pass.overlap.unwrap_or(overlap), search }
         };
         passes.iter().enumerate().map(full).collect()
     }
 
+    /// Tells what windows in millimetres became, and warns where they could not be as large as typed.
+    pub fn tell_millimetres(&self, grid: &Grid, session: &Session) {
+        let told = |what: &str, sides_mm: [f64; 3]| {
+            let near = nearest(sides_mm, grid);
+            let used = held(near, grid.shape);
+            let [x, y, z] = sides_mm;
+            let became = format!("{what} of {x} x {y} x {z} mm is {} voxels", triple(near));
+            if used == near {
+                session.explain(became);
+            } else {
+                session.warn(format!("{became}; used {}", triple(used)));
+            }
+        };
+        self.initial_mm.into_iter().for_each(|sides_mm| told("initial window", sides_mm));
+        self.window_mm.into_iter().for_each(|sides_mm| told("window", sides_mm));
+    }
+
     /// Warns of a default window that the volume made smaller.
     pub fn tell_fitted(&self, shape: [usize; 3], options: &Options, session: &Session) {
-        if self.window.is_some() || self.settings.is_some() || !self.pass.is_empty() {
+        if self.window.is_some() || self.window_mm.is_some() || self.settings.is_some() || !self.pass.is_empty() {
             return;
         }
         let (first, last) = (options.passes[0].window, options.passes[options.passes.len() - 1].window);
@@ -267,10 +343,20 @@ impl Passes {
         };
         if last != WINDOW {
             told("window", WINDOW, last);
-        } else if self.initial.is_none() && first != WINDOW.map(|n| 2 * n) {
+        } else if self.initial.is_none() && self.initial_mm.is_none() && first != WINDOW.map(|n| 2 * n) {
             told("initial", WINDOW.map(|n| 2 * n), first);
         }
     }
+}
+
+/// The whole numbers of voxels nearest to `sides_mm`.
+fn nearest(sides_mm: [f64; 3], grid: &Grid) -> [usize; 3] {
+    [0, 1, 2].map(|axis| (sides_mm[axis] / grid.spacing_mm[axis]).round() as usize)
+}
+
+/// A window of at least [`LEAST_WINDOW`] voxels along each axis, and no larger than the volume.
+fn held(window: [usize; 3], shape: [usize; 3]) -> [usize; 3] {
+    [0, 1, 2].map(|axis| window[axis].max(LEAST_WINDOW).min(shape[axis]))
 }
 
 /// The voxels whose centres lie in a box of x0, x1, y0, y1, z0, z1 mm.

@@ -1,0 +1,55 @@
+//! `--preset`: defaults that were measured together, under the same three names in every tool that has them.
+
+use super::Session;
+use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+
+/// A set of defaults between speed and accuracy. What an option is typed as comes before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Preset {
+    /// Least time.
+    Fast,
+    /// Between the two.
+    Balanced,
+    /// Least error.
+    Accurate,
+}
+
+impl Preset {
+    /// The word typed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Balanced => "balanced",
+            Self::Accurate => "accurate",
+        }
+    }
+
+    /// The parser of a tool's `--preset`, whose help says by `help` what each sets.
+    pub fn parser(help: fn(Self) -> String) -> impl TypedValueParser<Value = Self> {
+        let value = |preset: &Self| PossibleValue::new(preset.name()).help(help(*preset));
+        PossibleValuesParser::new(Self::value_variants().iter().map(value)).try_map(|name| Self::from_str(&name, false))
+    }
+}
+
+/// A value's line of the help of `--preset`: what it sets, as it would be typed, and where it stands as measured, which
+/// may be empty.
+pub fn preset_help(sets: &[String], measured: &str) -> String {
+    let sets = sets.join(" ");
+    if measured.is_empty() { sets } else { format!("{sets}; {measured}") }
+}
+
+impl Session {
+    /// Tells with `--verbose` what a preset set: its options as they would be typed, each with whether it is heeded,
+    /// which it is not where something typed comes before it.
+    pub fn explain_preset(&self, preset: Preset, sets: impl IntoIterator<Item = (String, bool)>) {
+        let (heeded, left): (Vec<_>, Vec<_>) = sets.into_iter().partition(|(_, heeded)| *heeded);
+        let [heeded, left] = [heeded, left].map(|sets| {
+            let sets: Vec<String> = sets.into_iter().map(|(set, _)| set).collect();
+            sets.join(" ")
+        });
+        let heeded = if heeded.is_empty() { "nothing" } else { &heeded };
+        let left = if left.is_empty() { left } else { format!("; what is typed comes before its {left}") };
+        self.explain(format!("preset {} sets {heeded}{left}", preset.name()));
+    }
+}
