@@ -46,14 +46,16 @@ FIG10_MART_DENSITIES = 1
 FIG10_SEEDS = 1
 WAVE_SIDE = 24
 WAVE_DRT_SIDE = 20
-WAVE_DRT_SWEEPS = 50
+WAVE_DRT_DEPTH = 2.5025
+WAVE_DRT_SWEEPS = 20
 WAVE_SEEDS = 1 2
 FIG13_OURS = 1 2 3 5 10 20 40 60
-FIG13_DRT = 5 10 20 50
+FIG13_DRT = 5 10 20 50 100 200
+FIG13_PVR = 2,2,10
 FIG14_DRT =
 FIG17_FRAMES = 6
-TRADE_SIDE = 36
-TRADE_SEEDS = 1 2
+TRADE_SIDE = 24
+TRADE_SEEDS = 1 2 3
 else ifeq ($(SIZE),medium)
 SEEDS = 1 2 3 4 5
 DRT_SWEEPS = 400
@@ -78,10 +80,12 @@ FIG10_MART_DENSITIES = 0.1 0.5 1
 FIG10_SEEDS = 1 2 3
 WAVE_SIDE = 60
 WAVE_DRT_SIDE = 24
+WAVE_DRT_DEPTH = 5.005
 WAVE_DRT_SWEEPS = 100
 WAVE_SEEDS = 1 2 3
 FIG13_OURS = 1 2 3 5 10 20 40 60
-FIG13_DRT = 5 10 20 50 100
+FIG13_DRT = 5 10 20 50 100 200
+FIG13_PVR = 2,2,10
 FIG14_DRT = A1 A4 B1 B4
 FIG17_FRAMES = 30
 TRADE_SIDE = 60
@@ -110,10 +114,12 @@ FIG10_MART_DENSITIES = 0.1 0.2 0.5 1
 FIG10_SEEDS = 1 2 3 4 5
 WAVE_SIDE = 130
 WAVE_DRT_SIDE = 60
+WAVE_DRT_DEPTH = 5.005
 WAVE_DRT_SWEEPS = 400
 WAVE_SEEDS = 1 2 3
 FIG13_OURS = 1 2 3 5 10 20 40 60
 FIG13_DRT = 5 10 20 50 100 200 400
+FIG13_PVR = 1,1,10
 FIG14_DRT = A1 A2 A3 A4 B1 B2 B3 B4
 FIG17_FRAMES = 30
 TRADE_SIDE = 130
@@ -141,6 +147,7 @@ d=$$target.part
 rm -rf "$$d"
 mkdir -p "$$d"
 trap 'rm -rf "$$d"' EXIT
+trap 'exit 130' INT TERM HUP
 quiet=(--quiet --threads "$$threads")
 
 # cube LENSLETS DEPTH: the box of so many lenslets a side and from -DEPTH to DEPTH mm, for lf-prune in $$box and for scenes in
@@ -350,7 +357,7 @@ $(OUT)/fig8.json: $(fig8)
 	    --title "Fig. 8: quality by density")
 
 # ---- Figure 9: light outside the seeded slab ---------------------------------------------------------------------------
-# Particles within 2.5 mm, voxels within 4 mm.
+# Particles within 2.5 mm, voxels within 4 mm; `beyond` is what lies more than 0.2 mm, some particle's depth, outside.
 
 fig9 := $(foreach s,$(FIG9_SEEDS),$(foreach m,drt-50 ours-60,$(OUT)/fig9/$m-$s.lfv))
 fig9: $(OUT)/fig9/drt-50.jsonl $(OUT)/fig9/ours-60.jsonl
@@ -365,8 +372,9 @@ $(fig9):
 
 $(OUT)/fig9/drt-50.jsonl $(OUT)/fig9/ours-60.jsonl: $(fig9)
 	$(begin)
-	$(BIN)lf-validate depth $(filter $(basename $@)-%,$(fig9)) --slab=-2.5,2.5 --plot $(basename $@).svg > "$$d/depth.json"
-	line figure=9 method=$(call part,1) "$$d/depth.json"
+	$(BIN)lf-validate depth $(filter $(basename $@)-%,$(fig9)) --slab=-2.5,2.5 --plot $(OUT)/fig9-$(call part,1).svg > "$$d/depth.json"
+	$(BIN)lf-validate depth $(filter $(basename $@)-%,$(fig9)) --slab=-2.7,2.7 > "$$d/beyond.json"
+	line figure=9 method=$(call part,1) "$$d/depth.json" beyond:"$$d/beyond.json"
 	done_ line.jsonl
 
 # ---- Figure 10: time by density ----------------------------------------------------------------------------------------
@@ -405,7 +413,7 @@ fig12: $(OUT)/fig12.json
 
 $(fig11) $(fig12):
 	$(begin)
-	cube $(WAVE_DRT_SIDE) 5.005
+	cube $(WAVE_DRT_SIDE) $(WAVE_DRT_DEPTH)
 	render core $(call wave,$(if $(findstring fig11,$@),A1,B1),0.25) particles.rays=null seed=$(call part,4) \
 	    'truth.pixels_per_voxel=[$(call part,3)]'
 	volumes=truth
@@ -435,20 +443,20 @@ fig13: $(OUT)/fig13.json
 
 $(fig13):
 	$(begin)
-	cube $(WAVE_DRT_SIDE) 5.005
-	render core $(call wave,$(call part,2),0.25) particles.rays=null seed=$(call part,3)
+	cube $(WAVE_DRT_SIDE) $(WAVE_DRT_DEPTH)
+	render core $(call wave,$(call part,2),0.25) particles.rays=null seed=$(call part,3) 'truth.pixels_per_voxel=[$(FIG13_PVR)]'
 	case $(call part,1) in
 	truth) field truth
 	    for n in $(sort $(firstword $(FIG13_OURS)) $(lastword $(FIG13_OURS))); do
 	        line figure=13 method=truth case=$(call part,2) iterations=$$n set.seed=$(call part,3) "$$d/error.json"
 	    done ;;
-	ours) for n in 0000 0001; do prune ours $$n; done
+	ours) for n in 0000 0001; do prune ours $$n --pvr $(FIG13_PVR); done
 	    for sweeps in $(FIG13_OURS); do
 	        for n in 0000 0001; do solve ours $$n --iterations $$sweeps --until never; done
 	        field volume
 	        line figure=13 method=ours case=$(call part,2) iterations=$$sweeps set.seed=$(call part,3) "$$d/error.json"
 	    done ;;
-	drt) for n in 0000 0001; do prune drt $$n; done
+	drt) for n in 0000 0001; do prune drt $$n --pvr $(FIG13_PVR); done
 	    start=no before=0
 	    for sweeps in $(FIG13_DRT); do
 	        for n in 0000 0001; do
@@ -494,7 +502,7 @@ $(fig14) $(fig15):
 
 $(fig14_drt):
 	$(begin)
-	cube $(WAVE_DRT_SIDE) 5.005
+	cube $(WAVE_DRT_SIDE) $(WAVE_DRT_DEPTH)
 	render core $(call wave,$(call part,1),$(call part,2)) particles.rays=null seed=$(call part,3)
 	for n in 0000 0001; do
 	    prune drt $$n
@@ -515,8 +523,8 @@ $(OUT)/fig15.json: $(fig15) $(filter $(OUT)/fig15/%,$(fig14_drt))
 # The ready scene `tank` without its water: the experiment's lens, uneven particles, noise and background of the sensor, a
 # sheet from -3 to 3 mm. The darkest value of each pixel over the frames is subtracted. Voxels within 5 mm.
 
-fig17: $(OUT)/fig17.json
-$(OUT)/fig17.json:
+fig17: $(OUT)/fig17/ours.jsonl
+$(OUT)/fig17/ours.jsonl:
 	$(begin)
 	sets=()
 	render tank camera.medium=null 'volume.z_mm=[-5,5]' 'light={"profile":"top-hat","centre_mm":0,"thickness_mm":6}' \
@@ -527,6 +535,141 @@ $(OUT)/fig17.json:
 	    prune ours $$n --pvr 2,2,10 -b "$$d/background.exr"
 	    solve ours $$n -b "$$d/background.exr"
 	done
-	$(BIN)lf-validate depth "$$d"/volume-*.lfv --slab=-3,3 --plot $(basename $@).svg > "$$d/depth.json"
-	line figure=17 method=ours "$$d/depth.json"
+	$(BIN)lf-validate depth "$$d"/volume-*.lfv --slab=-3,3 --plot $(OUT)/fig17.svg > "$$d/depth.json"
+	$(BIN)lf-validate depth "$$d"/volume-*.lfv --slab=-3.2,3.2 > "$$d/beyond.json"
+	line figure=17 method=ours "$$d/depth.json" beyond:"$$d/beyond.json"
 	done_ line.jsonl
+
+# ---- The trade: time, memory and error of the whole chain --------------------------------------------------------------
+# An ABC flow, whose components all vary along all axes, 8 px and 910 px of wavelength. Windows are 0.88 mm a side in the
+# last pass whatever the voxels. Each setting is the base with what it changes; those below `front` change more at once.
+
+base = pvr=2,2,10 weights=exact basis=blob method=subsets iterations=60 threshold=auto score=geometric sections=14 \
+    overlap=0.75 passes=2 deform=auto repeats=6
+set.base =
+set.iterations2 = iterations=2
+set.iterations3 = iterations=3
+set.iterations5 = iterations=5
+set.iterations10 = iterations=10
+set.iterations20 = iterations=20
+set.pvr1x10 = pvr=1,1,10
+set.pvr3x10 = pvr=3,3,10
+set.pvr4x10 = pvr=4,4,10
+set.pvr2x5 = pvr=2,2,5
+set.pvr2x20 = pvr=2,2,20
+set.pvr2x30 = pvr=2,2,30
+set.weightsDrt = weights=drt
+set.weightsSphere = weights=sphere
+set.basisPoint = basis=point
+set.basisBox = basis=box
+set.smart = method=smart
+set.mlem = method=mlem
+set.threshold003 = threshold=0.003
+set.threshold03 = threshold=0.03
+set.threshold1 = threshold=0.1
+set.minimum = score=minimum
+set.quantile = score=quantile
+set.sections7 = sections=7
+set.sections10 = sections=10
+set.sections20 = sections=20
+set.overlap0 = overlap=0
+set.overlap50 = overlap=0.5
+set.passes1 = passes=1
+set.passes3 = passes=3
+set.deformNever = deform=never
+set.deformAlways = deform=always
+set.repeats1 = repeats=1
+set.repeats3 = repeats=3
+# front
+set.quick1 = pvr=3,3,20 iterations=3 overlap=0.5 deform=never repeats=1
+set.quick2 = pvr=3,3,20 iterations=5 overlap=0.5 repeats=3
+set.quick3 = pvr=2,2,20 iterations=3 overlap=0.5 deform=never repeats=1
+set.quick4 = pvr=2,2,20 iterations=5 repeats=3
+set.quick5 = pvr=4,4,20 iterations=3 overlap=0.5 deform=never repeats=1
+set.quick6 = pvr=2,2,10 iterations=5 repeats=3
+set.middle1 = pvr=2,2,10 iterations=10 repeats=3
+set.middle2 = pvr=2,2,20 iterations=10
+set.slow1 = pvr=1,1,5
+set.slow2 = pvr=1,1,10 iterations=100
+set.slow3 = pvr=1,1,20
+set.slow4 = pvr=1,1,10 iterations=10 repeats=3
+set.paper = weights=drt basis=point method=mart iterations=30
+trade_names := $(patsubst set.%,%,$(filter set.%,$(.VARIABLES)))
+trade_runs := $(foreach s,$(TRADE_SEEDS),$(foreach n,$(trade_names),$(OUT)/trade/$n-$s.jsonl))
+trade: $(OUT)/trade.json
+
+$(trade_runs):
+	$(begin)
+	for words in $(base) $(set.$(call part,1)); do declare "$$words"; done
+	cube $(TRADE_SIDE) 5.005
+	render core particles.per_lenslet=0.5 particles.rays=null frames=2 truth.pixels_per_voxel=[$$pvr] seed=$(call part,2) \
+	    'flow={"kind":"abc","wavelength_mm":5.005,"displacement_mm":[0.044,0.044,0.044]}'
+	prune=(--pvr "$$pvr" --threshold "$$threshold" --score "$$score" --sections "$$sections")
+	solve=(--weights "$$weights" --method "$$method" --iterations "$$iterations")
+	[ "$$method" != mart ] || solve+=(--relaxation 2.5)
+	[ "$$weights" = sphere ] || solve+=(--basis "$$basis")
+	window=$$(awk -v p="$$pvr" 'BEGIN { split(p, v, ","); printf "%.0f,%.0f,%.0f", 160 / v[1], 160 / v[2], 160 / v[3] }')
+	double=$$(awk -v p="$$pvr" 'BEGIN { split(p, v, ","); printf "%.0f,%.0f,%.0f", 320 / v[1], 320 / v[2], 320 / v[3] }')
+	case $$passes in
+	1) passing=(--pass "$$window:$$overlap") ;;
+	2) passing=(--pass "$$double:$$overlap" --pass "$$window:$$overlap") ;;
+	3) passing=(--pass "$$double:$$overlap" --pass "$$window:$$overlap" --pass "$$window:$$overlap") ;;
+	esac
+	passing+=(--deform "$$deform")
+	[ "$$deform" = never ] || passing+=(--repeats "$$repeats")
+	seconds=0 peak=0
+	add() {
+	    seconds=$$(awk -v a="$$seconds" -v b="$$(sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$1")" 'BEGIN { print a + b }')
+	    peak=$$(awk -v a="$$peak" -v b="$$(sed -n 's/^ *"peak_bytes": \([0-9]*\).*/\1/p' "$$1")" 'BEGIN { print b > a ? b : a }')
+	}
+	for n in 0000 0001; do
+	    "$$bin"lf-prune "$$d/frame-$$n.exr" -c "$$d/camera.json" "$${box[@]}" "$${prune[@]}" "$${quiet[@]}" \
+	        -o "$$d/support-$$n.lfv" --stats "$$d/prune.json"
+	    "$$bin"lf-mart "$$d/support-$$n.lfv" -i "$$d/frame-$$n.exr" -c "$$d/camera.json" "$${solve[@]}" --max-memory 20 \
+	        "$${quiet[@]}" -o "$$d/volume-$$n.lfv" --stats "$$d/mart.json"
+	    add "$$d/prune.json"
+	    add "$$d/mart.json"
+	done
+	"$$bin"lf-xcorr "$$d/volume-0000.lfv" "$$d/volume-0001.lfv" "$${passing[@]}" "$${quiet[@]}" -o "$$d/field.exr" --stats "$$d/xcorr.json"
+	add "$$d/xcorr.json"
+	"$$bin"lf-validate displacement "$$d/flow.exr" "$$d/field.exr" -c "$$d/camera.json" --quiet > "$$d/error.json"
+	quality
+	factors=()
+	for words in $(base); do key=$${words%%=*}; factors+=("set.$$key=$${!key}"); done
+	line name=$(call part,1) set.seed=$(call part,2) "$${factors[@]}" seconds=$$seconds peak_bytes=$$peak "$$d/error.json" \
+	    quality:"$$d/quality.json"
+	done_ line.jsonl
+
+$(OUT)/trade.json: $(trade_runs)
+	echo $@
+	for axis in u w; do
+	    $(BIN)lf-validate trade $^ --base base --error rms_$${axis}_px --plot $(OUT)/trade-$$axis.svg \
+	        --title "Time and error of the chain: $$axis" --cost-name "seconds of a pair$(comma) one thread" \
+	        --error-name "RMS error of $$axis, px" > $(OUT)/trade-$$axis.json
+	done
+	cp $(OUT)/trade-w.json $@
+
+# ---- Claims, pictures, README ------------------------------------------------------------------------------------------
+
+claims: $(OUT)/claims.jsonl
+$(OUT)/claims.jsonl: $(filter-out fig4,$(figures))
+	BIN=$(BIN) scripts/paper-claims $(OUT) > $@.part
+	mv $@.part $@
+
+view:
+	ls $(OUT)/*.svg $(OUT)/fig4/*.svg
+	BIN=$(BIN) scripts/paper-claims $(OUT) table
+
+# What stands between the two marks of README.md.
+readme: claims trade
+	for part in claims trade; do
+	    BIN=$(BIN) scripts/paper-$$part $(OUT) table > $(OUT)/$$part.md
+	    awk -v part="$$part" -v file="$(OUT)/$$part.md" '
+	        $$0 == "<!-- end of " part " -->" { inside = 0 }
+	        !inside { print }
+	        $$0 ~ "^<!-- " part ":" { inside = 1; while ((getline line < file) > 0) print line }' README.md > $(OUT)/README.md
+	    cp $(OUT)/README.md README.md
+	done
+
+clean:
+	rm -rf $(OUT)

@@ -12,7 +12,18 @@ use std::process::ExitCode;
 /// Scores are one JSON object on standard output; a number that does not exist, such as an error without vectors, is
 /// null. Exit codes: 0 done, 1 judged and the answer is no, 2 could not do the work.
 #[derive(Parser)]
-#[command(name = "lf-validate", version, propagate_version = true, max_term_width = 100)]
+#[command(
+    name = "lf-validate",
+    version,
+    propagate_version = true,
+    max_term_width = 100,
+    after_help = "Examples:
+  lf-validate quality truth.lfv volume.lfv --min-q 0.8 --plot quality.svg
+  lf-validate displacement scene.json field.exr -c camera.json --max-rms 0.2,0.2,2
+  lf-validate depth volume-*.lfv --slab=-5,5 --max-outside 0.01
+  lf-validate line set.seed=1 set.iterations=10 mart.stats.json quality.json >> runs.jsonl
+  lf-validate curves runs.jsonl -x set.iterations -y q --log-x --plot sweeps.svg"
+)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
