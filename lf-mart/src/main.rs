@@ -5,7 +5,7 @@ mod preset;
 use clap::{Parser, ValueEnum};
 use lf_core::camera::Camera;
 use lf_core::cli::{self, Common, Preset, Session, Verdict};
-use lf_core::footprint::{Basis, Model};
+use lf_core::footprint::{Basis, Model, SECTIONS, aperture_sections};
 use lf_core::grid::Grid;
 use lf_core::volume::{self, Volume};
 use lf_core::{Error, Result, image, io};
@@ -47,6 +47,10 @@ struct Arguments {
     /// How weights are computed
     #[arg(long, value_enum, default_value_t = WeightsName::Exact)]
     weights: WeightsName,
+    /// Sections of the aperture a side with --weights drt, 2 to 64; many come near the exact weights, fewer than pixels under
+    /// a lenslet stray far from them [default: pixels under a lenslet]
+    #[arg(long, value_name = "N")]
+    sections: Option<usize>,
     /// What a voxel stands for, seen sideways [default: blob with exact weights, point with drt]
     #[arg(long, value_enum)]
     basis: Option<BasisName>,
@@ -141,6 +145,10 @@ impl Arguments {
                 "wanted point, which is its default",
             ));
         }
+        if let (Some(sections), false) = (self.sections, self.weights == WeightsName::Drt) {
+            let found = format!("{sections} with other weights, which do not sample the aperture");
+            return Err(Error::new("--sections", found, "wanted --weights drt"));
+        }
         if let (Some(preset), false) = (self.preset, self.method == MethodName::Subsets) {
             let found = format!("{} with another --method", preset.name());
             return Err(Error::new("--preset", found, "wanted --method subsets, which is its default"));
@@ -156,7 +164,7 @@ impl Arguments {
         let options = Options {
             weights: match self.weights {
                 WeightsName::Exact => Model::Exact,
-                WeightsName::Drt => Model::Drt,
+                WeightsName::Drt => Model::Drt { sections: self.sections },
                 WeightsName::Sphere => Model::Sphere,
             },
             basis,
@@ -178,6 +186,12 @@ impl Arguments {
         };
         for (option, value, least, most) in [
             ("--blob", sigma_vox, 0.05, 10.0),
+            (
+                "--sections",
+                self.sections.unwrap_or(*SECTIONS.start()) as f64,
+                *SECTIONS.start() as f64,
+                *SECTIONS.end() as f64,
+            ),
             ("--relaxation", options.relaxation, 1e-6, 100.0),
             ("--iterations", options.iterations as f64, 1.0, 1e6),
             ("--floor", options.floor, 1e-12, 0.1),
@@ -246,6 +260,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         session.count("noise_counts", sigma);
         sigma
     })?;
+    if arguments.weights == WeightsName::Drt {
+        let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
+        session.count("sections", sections);
+        session.explain(format!("{sections} x {sections} sections of the aperture"));
+    }
     let wanted = "wanted a support that fits the camera and --max-memory";
     let refuse = |found: String| Error::new(name.clone(), found, wanted);
     let bytes = estimate_bytes(&camera, support.grid(), support.indices(), &options).map_err(refuse)?;

@@ -185,7 +185,11 @@ mod tests {
     #[test]
     fn products_are_the_weights() {
         let (camera, grid) = (&cameras()[0], grid());
-        for (model, basis) in [(Model::Drt, Basis::Point), (Model::Exact, Basis::Blob { sigma_vox: 0.65 })] {
+        for (model, basis) in [
+            (Model::Drt { sections: None }, Basis::Point),
+            (Model::Drt { sections: Some(3) }, Basis::Point),
+            (Model::Exact, Basis::Blob { sigma_vox: 0.65 }),
+        ] {
             let footprint = Footprint::new(camera, &grid, model, basis).unwrap();
             let (width, _) = footprint.sensor();
             for index in voxels(&grid) {

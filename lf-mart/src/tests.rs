@@ -91,9 +91,13 @@ fn projections_are_the_matrix_and_its_transpose() {
     let indices = voxels(&grid);
     let strengths: Vec<f32> = (0..indices.len()).map(hash).collect();
     for camera in cameras() {
-        for (model, basis) in
-            [(Model::Exact, Basis::Blob { sigma_vox: 0.65 }), (Model::Exact, Basis::Box), (Model::Drt, Basis::Point)]
-        {
+        for (model, basis) in [
+            (Model::Exact, Basis::Blob { sigma_vox: 0.65 }),
+            (Model::Exact, Basis::Box),
+            (Model::Drt { sections: None }, Basis::Point),
+            (Model::Drt { sections: Some(3) }, Basis::Point),
+            (Model::Drt { sections: Some(30) }, Basis::Point),
+        ] {
             let footprint = Footprint::new(&camera, &grid, model, basis).unwrap();
             let (width, height) = footprint.sensor();
             let strengths_of = Array1::from_iter(strengths.iter().map(|e| f64::from(*e)));

@@ -69,7 +69,7 @@ impl Steps {
 
 /// The voxels of a slice that are kept, with the sum of their levels and how many they are.
 pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> Slice {
-    let sections = Sections::new(camera);
+    let sections = Sections::new(camera, levels.options.sections);
     let n = sections.centres_mm.len();
     let z_mm = grid.centre_mm(2, z);
     let columns = pixels(0, camera, grid, z_mm, &sections.centres_mm);

@@ -15,7 +15,7 @@ mod views;
 pub use threshold::Automatic;
 
 use lf_core::camera::Camera;
-use lf_core::footprint::check_depth;
+use lf_core::footprint::{check_depth, sections};
 use lf_core::grid::Grid;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
@@ -43,6 +43,9 @@ pub struct Options {
     pub dark: f64,
     /// Keep every voxel that can be seen, whatever its score.
     pub keep_all: bool,
+    /// Sections of the aperture a side, each a ray a voxel; none for the pixels under a lenslet. Fewer are quicker and keep
+    /// more: a voxel has fewer pixels that could speak against it.
+    pub sections: Option<usize>,
 }
 
 /// What a pixel counts as at least in an image without noise.
@@ -70,7 +73,7 @@ type Slice = Vec<(u32, f32)>;
 /// and with a medium, tilt or gap, up to one ray for each section and voxel.
 ///
 /// # Errors
-/// Where the grid is too deep, or a slice has 2^32 voxels or more.
+/// Where the grid is too deep, a slice has 2^32 voxels or more, or sections are not within [`lf_core::footprint::SECTIONS`].
 pub fn prune(
     image: ArrayView2<f32>,
     camera: &Camera,
@@ -79,6 +82,7 @@ pub fn prune(
     done: impl Fn(u64) + Sync,
 ) -> Result<Support, String> {
     check_depth(camera, grid)?;
+    sections(camera, options.sections)?;
     let [nx, ny, nz] = grid.shape;
     if nx as u64 * ny as u64 >= 1 << 32 {
         return Err(format!("a slice of {nx} x {ny} voxels is too large"));

@@ -5,6 +5,7 @@ mod preset;
 use clap::{Parser, ValueEnum};
 use lf_core::camera::Camera;
 use lf_core::cli::{self, Common, Preset, Session, Verdict, numbers};
+use lf_core::footprint::{SECTIONS, aperture_sections};
 use lf_core::grid::Grid;
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, image, io, particles, volume};
@@ -48,6 +49,10 @@ struct Arguments {
     /// Volume (.lfv) whose voxels to take, for volumes by one camera and another to compare
     #[arg(long, value_name = "FILE", conflicts_with_all = ["preset", "pvr", "depth", "bounds"])]
     like: Option<PathBuf>,
+    /// Sections of the aperture a side, 2 to 64, each a ray a voxel; fewer are quicker and keep more [default: pixels under
+    /// a lenslet]
+    #[arg(long, value_name = "N")]
+    sections: Option<usize>,
     /// How the pixels of a voxel become its score
     #[arg(long, value_enum, default_value_t = ScoreName::Geometric)]
     score: ScoreName,
@@ -110,6 +115,10 @@ impl Arguments {
         if self.dark < LEAST_DARK {
             return Err(Error::new("--dark", format!("{}", self.dark), format!("wanted {LEAST_DARK} or more")));
         }
+        if let Some(sections) = self.sections.filter(|sections| !SECTIONS.contains(sections)) {
+            let wanted = format!("wanted {} to {}", SECTIONS.start(), SECTIONS.end());
+            return Err(Error::new("--sections", sections.to_string(), wanted));
+        }
         match self.typed() {
             Some(value) => share("--threshold", value),
             None if self.threshold == "auto" => Ok(()),
@@ -161,6 +170,7 @@ impl Arguments {
             threshold,
             dark: self.dark,
             keep_all: self.keep_all,
+            sections: self.sections,
         }
     }
 }
@@ -190,6 +200,9 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     })?;
     let grid = arguments.grid(&camera, session)?;
     let options = arguments.options(image.pixels.view(), session);
+    let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
+    session.count("sections", sections);
+    session.explain(format!("{sections} x {sections} sections of the aperture"));
     let support = session.phase("prune", |session| {
         let progress = session.progress("pruning", grid.shape[2] as u64);
         prune(image.pixels.view(), &camera, &grid, &options, |slices| progress.add(slices))

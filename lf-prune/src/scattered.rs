@@ -24,7 +24,7 @@ fn scattered_order(count: usize) -> Vec<usize> {
 pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> Slice {
     let optics = Optics::new(camera);
     let z_mm = grid.centre_mm(2, z);
-    let inside = Sections::new(camera).inside_mm();
+    let inside = Sections::new(camera, levels.options.sections).inside_mm();
     let order: Vec<DVec2> = scattered_order(inside.len()).into_iter().map(|place| inside[place]).collect();
     let sections = order.len() as u32;
     // With every ray to come as bright as can be (a level of 0), the sum could still reach this; a voxel part of whose rays

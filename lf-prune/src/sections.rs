@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 use lf_core::camera::{Aperture, Camera};
-use lf_core::footprint::aperture_sections;
+use lf_core::footprint::sections;
 
 /// Section centres along one axis and, for each, which sections of the other axis lie inside the stop.
 pub(crate) struct Sections {
@@ -13,10 +13,10 @@ pub(crate) struct Sections {
 }
 
 impl Sections {
-    /// n x n sections, n = pixels per lenslet; a section lies inside the stop when its centre does: a round stop has no
-    /// corner sections, and counting them would prune every voxel.
-    pub(crate) fn new(camera: &Camera) -> Self {
-        let n = aperture_sections(camera);
+    /// n x n sections, n as asked for or the pixels per lenslet; a section lies inside the stop when its centre does: a round
+    /// stop has no corner sections, and counting them would prune every voxel.
+    pub(crate) fn new(camera: &Camera, asked: Option<usize>) -> Self {
+        let n = sections(camera, asked).expect("checked before");
         let half = 0.5 * camera.aperture_mm();
         let centres_mm: Vec<f64> = (0..n).map(|i| half * ((2 * i + 1) as f64 / n as f64 - 1.0)).collect();
         let first = centres_mm

@@ -11,14 +11,16 @@ fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
     Camera::from_json(&text).unwrap()
 }
 
-const PLAIN: Options = Options { score: Score::Geometric, threshold: 0.05, dark: DARK, keep_all: false };
+const PLAIN: Options =
+    Options { score: Score::Geometric, threshold: 0.05, dark: DARK, keep_all: false, sections: None };
 
-/// All kinds of score, each with a threshold that keeps some voxels.
-const RULES: [Options; 4] = [
+/// All kinds of score, each with a threshold that keeps some voxels, and other sections than pixels under a lenslet.
+const RULES: [Options; 5] = [
     Options { threshold: 0.37, ..PLAIN },
     Options { score: Score::Share(0.0), threshold: 1e-3, ..PLAIN },
     Options { score: Score::Share(0.15), threshold: 0.2, ..PLAIN },
     Options { keep_all: true, ..PLAIN },
+    Options { threshold: 0.37, sections: Some(5), ..PLAIN },
 ];
 
 fn grid() -> Grid {
@@ -245,6 +247,79 @@ fn tiles_follow_distortion_and_departures() {
             let all = fast.len().max(slow.len()) as f64;
             assert!(fast.is_sorted_by_key(|(place, _)| *place));
             assert!(both > 0.9 * all, "{layout} {z}: {both} of {} and {}", fast.len(), slow.len());
+        }
+    }
+}
+
+/// A camera of each route: in line, along lines, tile by tile, ray by ray.
+fn routes() -> [Camera; 4] {
+    use lf_core::camera::{Distortion, Tilt};
+    let mut tiles = camera("circle", "square", 0.003);
+    tiles.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] });
+    let mut rays = camera("circle", "hexagonal", 0.003);
+    rays.tilt = Some(Tilt { x_rad: 0.002, y_rad: -0.001 });
+    [camera("circle", "square", 0.0), camera("circle", "hexagonal", 0.003), tiles, rays]
+}
+
+/// What points light by n x n rays, for several n: light of the stop's every section among them.
+fn lit(camera: &Camera, points_mm: &[[f64; 3]]) -> Array2<f32> {
+    let optics = lf_core::optics::Optics::new(camera);
+    let mut image = Array2::zeros((252, 280));
+    for [x, y, z] in points_mm {
+        for n in [2, 5, 14, 28, 200] {
+            for ray in 0..n * n {
+                let u = glam::DVec2::new((2 * (ray % n) + 1) as f64, (2 * (ray / n) + 1) as f64) / n as f64 - 1.0;
+                let u = u * optics.half_aperture_mm();
+                let place = optics.sensor_from_object(glam::DVec2::new(*x, *y), *z, u);
+                if optics.passes(u)
+                    && let Some((column, row)) = optics.pixel_at(place)
+                {
+                    image[[row, column]] += 1.0;
+                }
+            }
+        }
+    }
+    image
+}
+
+/// 14 pixels under a lenslet: 14 sections typed out change nothing, and others than 2 to 64 are refused.
+#[test]
+fn sections_of_the_paper_may_be_typed_out() {
+    let (image, grid) = (speckle(), Grid { shape: [20, 20, 3], ..grid() });
+    for camera in routes() {
+        let kept = |sections| {
+            let options = Options { threshold: 0.37, sections, ..PLAIN };
+            prune(image.view(), &camera, &grid, &options, |_| ())
+        };
+        assert_eq!(kept(None).unwrap(), kept(Some(14)).unwrap());
+        assert!(kept(None).unwrap() != kept(Some(13)).unwrap());
+        assert!([0, 1, 65].iter().all(|sections| kept(Some(*sections)).is_err()));
+    }
+}
+
+/// Of 14 sections 2 are an odd part: their rays are among those of the 14, and where the darkest pixel decides, a voxel that
+/// the 14 keep, the 2 keep. A voxel that lit the image is kept with any.
+#[test]
+fn fewer_sections_lose_no_light() {
+    let grid = grid();
+    let voxels = [[20, 31, 16], [33, 12, 3], [9, 20, 10], [40, 40, 19]];
+    let places = voxels.map(|voxel| [0, 1, 2].map(|axis| grid.centre_mm(axis, voxel[axis])));
+    for (route, camera) in routes().into_iter().enumerate() {
+        let image = lit(&camera, &places);
+        for score in [Score::Geometric, Score::Share(0.0)] {
+            let [two, five, paper, many] = [Some(2), Some(5), None, Some(28)].map(|sections| {
+                let options = Options { score, threshold: 1e-3, sections, ..PLAIN };
+                prune(image.view(), &camera, &grid, &options, |_| ()).unwrap().indices
+            });
+            for kept in [&two, &five, &paper, &many] {
+                assert!(
+                    voxels.iter().all(|voxel| kept.binary_search(&grid.index(*voxel)).is_ok()),
+                    "{route} {score:?}"
+                );
+            }
+            assert!(two.len() >= paper.len(), "{route} {score:?}: {} {}", two.len(), paper.len());
+            let among = paper.iter().filter(|index| two.binary_search(index).is_ok()).count();
+            assert!(among == paper.len() || score == Score::Geometric, "{route}: {among} of {}", paper.len());
         }
     }
 }

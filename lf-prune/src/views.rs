@@ -108,7 +108,7 @@ impl Views {
         let first: Vec<i64> = rows.map(|row| of_row(row).floor() as i64 - PADDING).collect();
         let length = (2.0 * sides.x * per_along.abs()).ceil() as usize + 2 * PADDING as usize + 2;
 
-        let sections_mm = Sections::new(camera).inside_mm();
+        let sections_mm = Sections::new(camera, levels.options.sections).inside_mm();
         let count = first.len();
         let mut views = Self {
             optics,

@@ -19,6 +19,8 @@ pub(crate) struct Axis {
     pub(crate) pixels: usize,
     /// Aperture sections, for [`Model::Drt`].
     pub(crate) sections: usize,
+    /// Side of the square about a section's chief ray on the sensor, pixels.
+    pub(crate) square: f64,
 }
 
 /// Light that goes through one lenslet onto one pixel, along one axis.
@@ -82,7 +84,7 @@ impl Axis {
         let section = self.half_aperture / self.sections as f64;
         let (zero, slope) = self.line(x0, centre);
         let (a, b) = (zero - slope * (high + section), zero - slope * (low - section));
-        let (first, last) = (a.min(b) - 0.5, a.max(b) + 0.5);
+        let (first, last) = (a.min(b) - 0.5 * self.square, a.max(b) + 0.5 * self.square);
         first.floor().max(0.0) as u32..last.ceil().clamp(0.0, self.pixels as f64) as u32
     }
 
@@ -99,7 +101,7 @@ impl Axis {
     pub(crate) fn pieces(&self, model: Model, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
         match model {
             Model::Exact | Model::Sphere => self.exact(x0, centre, span, out),
-            Model::Drt => self.drt(x0, centre, span, out),
+            Model::Drt { .. } => self.drt(x0, centre, span, out),
         }
     }
 
@@ -159,8 +161,8 @@ impl Axis {
         }
     }
 
-    /// The paper's weights: w1 is the share of a section's beam on the lenslet, w2 the overlap of a pixel-sized square
-    /// about its chief ray with each pixel, and the section's share of the aperture is 1/n.
+    /// The paper's weights: w1 is the share of a section's beam on the lenslet, w2 the share of a square about its chief
+    /// ray on each pixel, and the section's share of the aperture is 1/n.
     fn drt(&self, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
         let t0 = x0 - centre;
         let (low, high) = self.aperture_part(t0, span);
@@ -184,13 +186,17 @@ impl Axis {
                 continue;
             }
             let (zero, slope) = self.line(x0, centre);
-            let left = zero - slope * u - 0.5;
+            let left = zero - slope * u - 0.5 * self.square;
             let part = left - left.floor();
-            for (pixel, w2) in [(left.floor(), 1.0 - part), (left.floor() + 1.0, part)] {
+            let mut step = 0.0;
+            while part + (self.square - step) > 0.0 {
+                let pixel = left.floor() + step;
+                let w2 = ((part + (self.square - step)).min(1.0) - (part - step).max(0.0)) / self.square;
                 let weight = w1 * w2 / n;
                 if pixel >= 0.0 && pixel < self.pixels as f64 && weight > LEAST_SHARE {
                     out.push(Piece { pixel: pixel as u32, weight: weight as f32, u0: u as f32, u1: u as f32 });
                 }
+                step += 1.0;
             }
         }
     }

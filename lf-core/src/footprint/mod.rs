@@ -37,6 +37,7 @@ use cell::Slab;
 use glam::DVec2;
 use patch::Patches;
 use sphere::Sphere;
+use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
 /// How weights are computed.
@@ -44,8 +45,12 @@ use std::sync::OnceLock;
 pub enum Model {
     /// Geometric optics without sampling.
     Exact,
-    /// The paper's: the aperture in n x n sections, one beam and one chief ray each.
-    Drt,
+    /// The paper's: the aperture in n x n sections, one beam and one chief ray each. As `n` grows, the weights become the
+    /// exact ones.
+    Drt {
+        /// n; none for the paper's, see [`aperture_sections`].
+        sections: Option<usize>,
+    },
     /// Tomographic PIV's, for comparison: a sphere for the voxel, a cylinder for a pixel's line of sight. Knows no
     /// [`Basis`].
     Sphere,
@@ -81,6 +86,8 @@ pub struct Footprint {
     pixel_pitch_mm: f64,
     pitch_mm: f64,
     sections: usize,
+    /// Whether they are as many as the paper's, whose squares on the sensor are as large as pixels.
+    pixel_squares: bool,
     sphere: Option<Sphere>,
     /// Where lenslets are, for [`Footprint::through_lenslets`].
     array: Option<Array>,
@@ -110,7 +117,8 @@ impl Footprint {
     /// The weights of `grid`'s voxels.
     ///
     /// # Errors
-    /// Where the grid reaches so deep that light no longer fans out behind a lenslet, or touches the main lens.
+    /// Where the grid reaches so deep that light no longer fans out behind a lenslet, or touches the main lens; and where
+    /// sections are not within [`SECTIONS`].
     pub fn new(camera: &Camera, grid: &Grid, model: Model, basis: Basis) -> Result<Self, String> {
         check_depth(camera, grid)?;
         if let Some(block) = camera.bends().filter(|_| model != Model::Exact) {
@@ -122,7 +130,7 @@ impl Footprint {
             return Err(format!("a blob of {sigma_vox} voxels is outside 0 to 10"));
         }
         let circle = camera.main_lens.aperture == Aperture::Circle;
-        let sections = aperture_sections(camera);
+        let sections = sections(camera, if let Model::Drt { sections } = model { sections } else { None })?;
         let in_line = camera.in_line();
         let straight = in_line.clone().unwrap_or_else(|| camera.clone());
         let optics = Optics::new(&straight);
@@ -140,6 +148,7 @@ impl Footprint {
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
             pitch_mm: camera.microlenses.pitch_mm,
             sections,
+            pixel_squares: sections == aperture_sections(camera),
             sphere: (model == Model::Sphere).then(|| Sphere::new(camera, grid)),
             array: None,
             patches: Vec::new(),
@@ -189,7 +198,7 @@ impl Footprint {
 
     fn axis(&self, z: usize, pixels: usize) -> Axis {
         let z_mm = self.grid.centre_mm(2, z);
-        Axis {
+        let mut axis = Axis {
             alpha: self.optics.alpha(z_mm),
             beta: self.optics.beta(z_mm),
             demagnification: self.optics.demagnification(),
@@ -199,7 +208,15 @@ impl Footprint {
             pixel_pitch: self.pixel_pitch_mm,
             pixels,
             sections: self.sections,
+            square: 1.0,
+        };
+        // Departure: the paper's square is a pixel wide, which is a section's light where they are as many as pixels. With
+        // other sections it is as wide as the light of one on the sensor: neither gaps between them nor overlaps.
+        if !self.pixel_squares {
+            let (_, slope) = axis.line(0.0, 0.0);
+            axis.square = slope.abs() * 2.0 * axis.half_aperture / axis.sections as f64;
         }
+        axis
     }
 
     fn blur(&self, axis: &Axis, along: usize) -> Blur {
@@ -376,6 +393,24 @@ pub fn aperture_sections(camera: &Camera) -> usize {
     (camera.pitch_px().round() as usize).max(1)
 }
 
+/// Sections of the aperture a side that can be asked for.
+pub const SECTIONS: RangeInclusive<usize> = 2..=64;
+
+/// Sections of the aperture a side: as asked for, or [`aperture_sections`].
+///
+/// # Errors
+/// Where those asked for are not within [`SECTIONS`].
+pub fn sections(camera: &Camera, asked: Option<usize>) -> Result<usize, String> {
+    match asked {
+        None => Ok(aperture_sections(camera)),
+        Some(sections) if SECTIONS.contains(&sections) => Ok(sections),
+        Some(sections) => {
+            let (least, most) = (SECTIONS.start(), SECTIONS.end());
+            Err(format!("{sections} sections of the aperture a side are outside {least} to {most}"))
+        }
+    }
+}
+
 /// Refuses a grid that reaches the main lens or where the optics of a lenslet turn over.
 ///
 /// # Errors
@@ -405,7 +440,7 @@ fn aperture_scale(model: Model, circle: bool, sections: usize, half_aperture: f6
     match (circle, model) {
         (false, _) => 1.0,
         (true, Model::Exact | Model::Sphere) => std::f32::consts::FRAC_1_PI * 4.0,
-        (true, Model::Drt) => {
+        (true, Model::Drt { .. }) => {
             let n = sections as f64;
             let centre = |i: usize| -half_aperture + (i as f64 + 0.5) * 2.0 * half_aperture / n;
             let inside = (0..sections * sections)
