@@ -319,3 +319,32 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     })?;
     Ok(Verdict::Done)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Exact weights do not sample the aperture: sections with them would say nothing.
+    #[test]
+    fn sections_are_for_sampled_weights_and_within_their_range() {
+        let options = |words: &[&str]| {
+            let all = ["lf-mart", "-i", "frame.exr", "-c", "camera.json"].iter().chain(words);
+            Arguments::try_parse_from(all).expect("known words").options(|| 0.0)
+        };
+        let drt = options(&["--weights", "drt", "--sections", "7"]).unwrap();
+        assert_eq!(drt.weights, Model::Drt { sections: Some(7) });
+        assert_eq!(options(&["--weights", "drt"]).unwrap().weights, Model::Drt { sections: None });
+        for typed in ["0", "1", "65"] {
+            let text = options(&["--weights", "drt", "--sections", typed]).unwrap_err().to_string();
+            assert_eq!(text, format!("--sections: {typed}; wanted 2 to 64"));
+        }
+        for words in [
+            &["--sections", "7"][..],
+            &["--weights", "exact", "--sections", "7"],
+            &["--weights", "sphere", "--sections", "14"],
+        ] {
+            let text = options(words).unwrap_err().to_string();
+            assert!(text.starts_with("--sections: ") && text.contains("wanted --weights drt"), "{text}");
+        }
+    }
+}

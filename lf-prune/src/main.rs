@@ -243,3 +243,24 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     })?;
     Ok(Verdict::Done)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sections_outside_their_range_are_refused() {
+        let checked = |typed: &str| {
+            let words = ["lf-prune", "-c", "camera.json", "--depth", "0,1", "--sections", typed];
+            Arguments::try_parse_from(words).expect("known words").check()
+        };
+        assert!(["2", "14", "64"].iter().all(|typed| checked(typed).is_ok()));
+        for typed in ["0", "1", "65"] {
+            assert_eq!(
+                checked(typed).unwrap_err().to_string(),
+                format!("--sections: {typed}; wanted 2 to 64"),
+                "{typed}"
+            );
+        }
+    }
+}

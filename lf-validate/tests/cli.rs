@@ -482,6 +482,7 @@ fn info_knows_every_file_by_its_content() {
     place.file("scene.json", r#"{"camera": "camera.json", "particles": {"density": 0.5}, "seed": 1}"#);
     place.file("particles.csv", "frame,id,x_mm,y_mm,z_mm,intensity\n0,0,1,2,3,4\n");
     place.file("report.json", score);
+    place.file("runs.jsonl", "{\"seconds\": 1}\n{\"seconds\": 2}\n");
     for (file, wanted) in [
         ("volume.lfv", "column intensity  min 3, max 4, mean 3.5, sum 7"),
         ("image.exr", "2 x 2 px"),
@@ -493,6 +494,7 @@ fn info_knows_every_file_by_its_content() {
         ("particles.csv", "1 in 1 frames"),
         ("report.json", "report of lf-validate"),
         ("stats.json", "statistics of a run"),
+        ("runs.jsonl", "1 in the first, 2 in the last"),
     ] {
         let path = place.path(file);
         let output = run(&["info"], &[&path]);

@@ -26,7 +26,7 @@ pub fn describe(arguments: &Arguments, session: &mut Session) -> Result<Verdict>
 }
 
 fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
-    const WANTED: &str = "wanted a .lfv, EXR, TIFF, PNG, camera.json, scene.json or particles.csv";
+    const WANTED: &str = "wanted a .lfv, EXR, TIFF, PNG, camera.json, scene.json, JSON Lines or particles.csv";
     let refused = |found: String| Error::new(name, found, WANTED);
     let text = |bytes: &io::Bytes| match std::str::from_utf8(bytes) {
         Ok(text) => Ok(text.trim_start_matches('\u{feff}').to_owned()),
@@ -47,13 +47,15 @@ fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
         }
         Kind::Json => {
             let text = text(&bytes)?;
-            let value: serde_json::Value =
-                serde_json::from_str(&text).map_err(|error| refused(format!("not JSON ({error})")))?;
+            let values: serde_json::Result<Vec<serde_json::Value>> =
+                serde_json::Deserializer::from_str(&text).into_iter().collect();
+            let values = values.map_err(|error| refused(format!("not JSON ({error})")))?;
+            let [value] = values.as_slice() else { return info::records(&values).map_err(refused) };
             if value.get("sensor").is_some() || value.get("main_lens").is_some() {
                 let camera = Camera::from_json(&text).map_err(|(found, wanted)| Error::new(name, found, wanted))?;
                 return Ok(info::camera(&camera));
             }
-            info::json(&value).map_err(refused)
+            info::json(value).map_err(refused)
         }
         Kind::Particles => info::particles(&text(&bytes)?).map_err(refused),
         Kind::Table => Ok(info::table(&text(&bytes)?)),

@@ -1,9 +1,9 @@
 //! What `curves` and `trade` read and draw.
 
-use super::check_inputs;
+use super::{Picture, check_inputs};
 use lf_core::cli::Session;
 use lf_core::{Error, Result, io};
-use lf_validate::plot::{self, Chart};
+use lf_validate::plot::Chart;
 use lf_validate::runs::{self, Condition, Record, typed};
 use std::path::{Path, PathBuf};
 
@@ -15,9 +15,8 @@ pub struct Source {
     /// Take only runs whose KEY is VALUE; may be given again, then all have to hold
     #[arg(long = "where", value_name = "KEY=VALUE", value_parser = condition)]
     conditions: Vec<Condition>,
-    /// Draw them: an SVG
-    #[arg(long, value_name = "FILE")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    picture: Picture,
     /// Title of the picture
     #[arg(long, value_name = "TEXT", requires = "plot")]
     title: Option<String>,
@@ -28,12 +27,7 @@ impl Source {
     pub fn records(&self, session: &mut Session) -> Result<Vec<Record>> {
         let inputs: Vec<&Path> = self.files.iter().map(PathBuf::as_path).collect();
         check_inputs(&inputs, session)?;
-        if let Some(plot) = &self.plot {
-            session.keep_apart(plot, &inputs)?;
-            if io::is_standard(plot) {
-                return Err(Error::new("--plot", "standard output, which holds the JSON", "wanted a file"));
-            }
-        }
+        self.picture.check(&inputs, session)?;
         let read = |path: &PathBuf| {
             let name = io::name(path);
             runs::records(&io::open_text(path)?, &name).map_err(|(found, wanted)| Error::new(name, found, wanted))
@@ -44,12 +38,7 @@ impl Source {
 
     /// Draws the chart where it is asked for.
     pub fn draw(&self, session: &mut Session, chart: impl FnOnce(String) -> Chart) -> Result<()> {
-        let Some(path) = &self.plot else { return Ok(()) };
-        session.phase("plot", |_| {
-            let svg = plot::draw(&chart(self.title.clone().unwrap_or_default()))
-                .map_err(|(found, wanted)| Error::new(io::output_name(path), found, wanted))?;
-            io::save_text(path, |out| out.write_all(svg.as_bytes()))
-        })
+        self.picture.draw(session, || chart(self.title.clone().unwrap_or_default()))
     }
 
     /// What the files cannot give.

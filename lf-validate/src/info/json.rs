@@ -1,4 +1,4 @@
-use super::sheet::Sheet;
+use super::sheet::{Sheet, whole};
 use serde_json::Value;
 
 /// Keys of a `scene.json` that nothing else has.
@@ -28,6 +28,30 @@ pub fn json(value: &Value) -> Result<Sheet, String> {
     Ok(sheet)
 }
 
+/// Keys of records shown.
+const KEYS: usize = 16;
+
+/// Describes several objects, such as a log or runs: how many, and what the first and the last say.
+///
+/// # Errors
+/// Where one is not an object.
+pub fn records(values: &[Value]) -> Result<Sheet, String> {
+    let ends = (values.first().and_then(Value::as_object), values.last().and_then(Value::as_object));
+    let (Some(first), Some(last), true) = (ends.0, ends.1, values.iter().all(Value::is_object)) else {
+        return Err("JSON values that are not all objects".into());
+    };
+    let mut sheet = Sheet::new("records, one JSON object each (JSON Lines)");
+    sheet.line("records", whole(values.len() as u64));
+    let text = |value: Option<&Value>| value.map_or("none".into(), brief);
+    first.keys().take(KEYS).for_each(|key| {
+        sheet.line(key, format!("{} in the first, {} in the last", text(first.get(key)), text(last.get(key))));
+    });
+    if first.len() > KEYS {
+        sheet.line("", format!("{} more keys", first.len() - KEYS));
+    }
+    Ok(sheet)
+}
+
 fn brief(value: &Value) -> String {
     const LONGEST: usize = 100;
     let text = value.to_string();
@@ -48,6 +72,14 @@ mod tests {
         let text = self::json(&scene).unwrap().to_string();
         assert!(text.starts_with("scene") && text.contains("seed       3") && text.contains("{\"density\":0.5}"));
         assert!(text.contains(" ...\n"));
+    }
+
+    #[test]
+    fn records_show_their_ends() {
+        let rows: Vec<Value> = (1..=3).map(|n| json!({"iteration": n, "misfit": 1.0 / f64::from(n)})).collect();
+        let text = records(&rows).unwrap().to_string();
+        assert!(text.contains("records    3\n") && text.contains("iteration  1 in the first, 3 in the last"), "{text}");
+        assert!(records(&[json!({}), json!(1), json!({})]).is_err() && records(&[]).is_err());
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub use camera::camera;
 pub use export::{table, vti};
 pub use field::field;
 pub use image::image;
-pub use json::json;
+pub use json::{json, records};
 pub use kind::Kind;
 pub use particles::particles;
 pub use sheet::Sheet;

@@ -30,11 +30,15 @@ impl Place {
     }
 
     pub fn feed(&self, words: &[&str], input: &str) -> Output {
+        self.feed_bytes(words, input.as_bytes())
+    }
+
+    pub fn feed_bytes(&self, words: &[&str], input: &[u8]) -> Output {
         let mut command = Command::new(env!("CARGO_BIN_EXE_lf-validate"));
         command.args(words).current_dir(&self.0).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         // Who refuses its arguments reads nothing.
-        let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+        let _ = child.stdin.take().unwrap().write_all(input);
         child.wait_with_output().unwrap()
     }
 
