@@ -127,17 +127,36 @@ enum MethodName {
     Mart,
 }
 
+impl BasisName {
+    /// The word typed.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Point => "point",
+            Self::Box => "box",
+            Self::Blob => "blob",
+        }
+    }
+}
+
 impl Arguments {
+    /// What is typed; with exact weights what the preset sets; else what the weights are used with.
+    fn basis(&self) -> Basis {
+        let preset = self.preset.map(preset::values);
+        let is_exact = self.weights == WeightsName::Exact;
+        let preset_basis = preset.filter(|_| is_exact).map(|preset| preset.basis);
+        let usual = if is_exact { BasisName::Blob } else { BasisName::Point };
+        match self.basis.or(preset_basis).unwrap_or(usual) {
+            BasisName::Point => Basis::Point,
+            BasisName::Box => Basis::Box,
+            BasisName::Blob => {
+                Basis::Blob { sigma_vox: self.blob.or(preset.and_then(|preset| preset.blob)).unwrap_or(BLOB) }
+            }
+        }
+    }
+
     /// `sigma` is asked for the noise of the image, counts.
     fn options(&self, sigma: impl FnOnce() -> f64) -> Result<Options> {
-        let preset = self.preset.map(preset::values);
-        let sigma_vox = self.blob.or(preset.map(|preset| preset.blob)).unwrap_or(BLOB);
-        let blob = Basis::Blob { sigma_vox };
-        let basis = match (self.basis, self.weights) {
-            (Some(BasisName::Point), _) | (None, WeightsName::Drt | WeightsName::Sphere) => Basis::Point,
-            (Some(BasisName::Box), _) => Basis::Box,
-            (Some(BasisName::Blob), _) | (None, WeightsName::Exact) => blob,
-        };
+        let (preset, basis) = (self.preset.map(preset::values), self.basis());
         if self.weights == WeightsName::Sphere && basis != Basis::Point {
             return Err(Error::new(
                 "--basis",
@@ -185,7 +204,7 @@ impl Arguments {
             max_bytes: (self.max_memory * 1e9) as u64,
         };
         for (option, value, least, most) in [
-            ("--blob", sigma_vox, 0.05, 10.0),
+            ("--blob", self.blob.unwrap_or(BLOB), 0.05, 10.0),
             (
                 "--sections",
                 self.sections.unwrap_or(*SECTIONS.start()) as f64,
@@ -208,7 +227,13 @@ impl Arguments {
     /// Tells what the preset sets.
     fn explain_preset(&self, session: &Session) {
         let Some(preset) = self.preset else { return };
-        let heeded = [self.iterations.is_none(), self.until.is_none(), self.blob.is_none()];
+        let (is_exact, has_blobs) = (self.weights == WeightsName::Exact, matches!(self.basis(), Basis::Blob { .. }));
+        let heeded = [
+            self.iterations.is_none(),
+            self.until.is_none(),
+            self.basis.is_none() && is_exact,
+            self.blob.is_none() && has_blobs,
+        ];
         session.explain_preset(preset, preset::values(preset).typed().into_iter().zip(heeded));
     }
 

@@ -55,7 +55,7 @@ pub struct Series {
     pub panel: Option<String>,
     /// Key of its values.
     pub y: String,
-    /// Places, rising; the centres of bins that were given by their edges.
+    /// Places, rising, or as the runs list them; the centres of bins that were given by their edges.
     pub x: Vec<f64>,
     /// Median over the runs.
     pub median: Vec<f64>,

@@ -16,6 +16,7 @@
 
 use crate::quality::Light;
 use crate::statistics::quantile;
+use crate::units::AXES;
 use lf_core::grid::Grid;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -97,7 +98,6 @@ pub struct Percentiles<const UNIT: usize> {
 }
 
 const UNITS: [&str; 3] = ["vox", "mm", "px"];
-const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Share of the particles per bin of [`BIN_VOX`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -236,12 +236,13 @@ impl Lines<'_> {
         Some(held.map_or(0.0, |n| f64::from(self.light.intensity[n]).max(0.0)))
     }
 
-    /// The brightest voxel near a place, the nearest of equals, or the top of the slope that it stands on.
+    /// The brightest voxel near a place, the nearest of equals, or the top of the slope that it stands on: no voxel beside it
+    /// along an axis is brighter. None in darkness, and where the top is too far.
     fn brightest(&self, place: [f64; 3], search_vox: [usize; 3]) -> Option<[usize; 3]> {
         let middle = place.map(|p| p.round() as i64);
         let range = |axis: usize| {
-            let reach = search_vox[axis] as i64;
-            middle[axis] - reach..=middle[axis] + reach
+            let (reach, last) = (search_vox[axis] as i64, self.light.grid.shape[axis] as i64 - 1);
+            (middle[axis] - reach).max(0)..=(middle[axis] + reach).min(last)
         };
         let distance = |voxel: [i64; 3]| (0..3).map(|axis| (voxel[axis] as f64 - place[axis]).powi(2)).sum::<f64>();
         let (mut best, mut most) = (None, 0.0);
@@ -258,7 +259,7 @@ impl Lines<'_> {
             }
         }
         let mut best = best?;
-        for _ in 0..CLIMB {
+        for _ in 0..=CLIMB {
             let before = best;
             for axis in 0..3 {
                 for step in [-1, 1] {
@@ -271,10 +272,11 @@ impl Lines<'_> {
                 }
             }
             if best == before {
-                break;
+                return Some(best.map(|n| n as usize));
             }
         }
-        Some(best.map(|n| n as usize))
+        // Still on a slope, which is not this particle's.
+        None
     }
 
     /// Diameter and full width at half maximum along an axis, voxels; none where either passes the end of the grid.
@@ -335,8 +337,10 @@ impl<const UNIT: usize> Serialize for Percentiles<UNIT> {
 
 impl Histogram {
     fn of(sizes: &[Size], voxel_mm: [f64; 3], pixel_mm: Option<f64>) -> Self {
-        let mut shares = [0, 1, 2].map(|_| vec![0.0; BINS]);
-        let mut beyond = [0.0; 3];
+        // Of nothing there is no share.
+        let none = if sizes.is_empty() { f64::NAN } else { 0.0 };
+        let mut shares = [0, 1, 2].map(|_| vec![none; BINS]);
+        let mut beyond = [none; 3];
         let each = 1.0 / sizes.len() as f64;
         for size in sizes {
             for axis in 0..3 {
@@ -455,6 +459,15 @@ mod tests {
         assert_eq!(counts, (4, 1, 1, 1, 1));
         assert_eq!(found.by_depth.particles.iter().sum::<usize>(), 1);
         assert_eq!(found.histogram.x[5] + found.histogram.x[6], 1.0);
+    }
+
+    #[test]
+    fn a_slope_without_a_top_is_no_particle() {
+        let grid = grid();
+        let ramp: Vec<u64> = (2..28).map(|z| grid.index([10, 10, z])).collect();
+        let light: Vec<f32> = (2..28).map(|z| (0.5 * z as f32).exp()).collect();
+        let found = score(&(ramp, light), &[[10.0, 10.0, 8.0]]);
+        assert_eq!((found.missed, found.measured), (1, 0));
     }
 
     #[test]

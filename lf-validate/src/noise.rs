@@ -60,7 +60,7 @@ fn estimate(field: &Field, values: &[f32], stride: [usize; 3]) -> Option<Estimat
     long_enough.min_by(|a, b| a.sigma_mm.total_cmp(&b.sigma_mm))
 }
 
-/// Those of four vectors in line that all have data.
+/// Those of four vectors in line that were all measured: one replaced from its neighbours has their errors.
 fn third_differences(field: &Field, values: &[f32], axis: usize, stride: usize) -> Vec<f64> {
     let shape = field.layout.shape;
     let step: usize = shape[..axis].iter().product();
@@ -69,7 +69,7 @@ fn third_differences(field: &Field, values: &[f32], axis: usize, stride: usize) 
             return None;
         }
         let line = [0, 1, 2, 3].map(|n| at + n * stride * step);
-        let has_data = line.iter().all(|&at| field.flag[at] != NO_DATA);
+        let has_data = line.iter().all(|&at| field.flag[at] == MEASURED);
         let [a, b, c, d] = line.map(|at| f64::from(values[at]));
         has_data.then_some((a - d) + 3.0 * (c - b))
     };

@@ -110,9 +110,6 @@ fn an_option_that_changes_nothing_is_refused() {
         (&["--search", "2,2,2"], "--search"),
         (&["--overlap", "0.5"], "--overlap"),
         (&["--repeats", "3", "--deform", "never"], "--repeats"),
-        // As long as the preset does not deform.
-        (&["--repeats", "3", "--preset", "fast"], "--repeats"),
-        (&["--stall", "0.1", "--preset", "fast"], "--stall"),
         (&["--stall", "0.1", "--deform", "never"], "--stall"),
         (&["--stall", "0.1", "--repeats", "1"], "--stall"),
     ] {

@@ -25,18 +25,26 @@ impl Preset {
         }
     }
 
+    /// Its line of a tool's help: what it sets there, as it would be typed, and its place on the front.
+    pub fn help(self, sets: &[String]) -> String {
+        format!("{}; {}", sets.join(" "), self.measured())
+    }
+
+    /// Its place on the front of time and error: all three tools with it, on a pair of frames of the trade's scene.
+    /// `make -f scripts/paper.mk trade` measures it.
+    fn measured(self) -> &'static str {
+        match self {
+            Self::Fast => "FASTNUM",
+            Self::Balanced => "BALANCEDNUM",
+            Self::Accurate => "ACCURATENUM",
+        }
+    }
+
     /// The parser of a tool's `--preset`, whose help says by `help` what each sets.
     pub fn parser(help: fn(Self) -> String) -> impl TypedValueParser<Value = Self> {
         let value = |preset: &Self| PossibleValue::new(preset.name()).help(help(*preset));
         PossibleValuesParser::new(Self::value_variants().iter().map(value)).try_map(|name| Self::from_str(&name, false))
     }
-}
-
-/// A value's line of the help of `--preset`: what it sets, as it would be typed, and where it stands as measured, which
-/// may be empty.
-pub fn preset_help(sets: &[String], measured: &str) -> String {
-    let sets = sets.join(" ");
-    if measured.is_empty() { sets } else { format!("{sets}; {measured}") }
 }
 
 impl Session {

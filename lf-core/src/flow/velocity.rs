@@ -9,7 +9,7 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Part {
     Uniform(DVec3),
-    /// a cos(k . (r - centre) + phase): the real part of the paper's exponential, its crest in the middle of the volume.
+    /// a cos(k . (r - centre) + phase): the real part of the paper's exponential about the middle of the volume.
     Wave {
         amplitude: DVec3,
         wavenumber: DVec3,

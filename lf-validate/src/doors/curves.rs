@@ -2,7 +2,7 @@
 
 use super::runs::Source;
 use super::{number, print};
-use lf_core::Result;
+use lf_core::{Error, Result};
 use lf_core::cli::{Session, Verdict};
 use lf_validate::curves::{Ask, Look, curves};
 use lf_validate::plot::{Axis, Mark, Place};
@@ -52,6 +52,8 @@ pub struct Arguments {
 /// Reads, groups, draws, prints.
 pub fn plot(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let source = &arguments.source;
+    once("-y", &arguments.y)?;
+    once("--by", &arguments.by)?;
     let records = source.records(session)?;
     let ask = Ask {
         x: arguments.x.clone(),
@@ -79,6 +81,14 @@ fn look(arguments: &Arguments, title: String) -> Look {
         x: axis(&arguments.x_name, arguments.log_x, arguments.x_range),
         y: axis(&arguments.y_name, arguments.log_y, arguments.y_range),
         references: level.chain(upright).collect(),
+    }
+}
+
+/// Refuses a key named twice.
+fn once(option: &str, keys: &[String]) -> Result<()> {
+    match keys.iter().enumerate().find(|(n, key)| keys[..*n].contains(key)) {
+        Some((_, key)) => Err(Error::new(option, format!("{key} is named twice"), "wanted each key once")),
+        None => Ok(()),
     }
 }
 

@@ -60,7 +60,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     };
     let (truth, field, pixel_mm) = session.phase("read", |session| {
         let pixel_mm = pixel_mm(arguments.camera.as_deref())?;
-        let truth = truth::open(&arguments.truth, arguments.frames, session)?;
+        let truth = truth::open(&arguments.truth, arguments.frames, &arguments.picture, session)?;
         Ok((truth, Field::open(&arguments.field)?, pixel_mm))
     })?;
     let score = session.phase("score", |_| Ok(displacement(&truth, &field, pixel_mm)))?;

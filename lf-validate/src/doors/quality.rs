@@ -8,6 +8,9 @@ use lf_validate::pictures;
 use lf_validate::quality::{Quality, quality};
 use std::path::PathBuf;
 
+/// Each takes a hundred bytes and a line of the score.
+const MOST_REGIONS: usize = 1_000_000;
+
 #[derive(clap::Args)]
 pub struct Arguments {
     /// The true volume
@@ -37,6 +40,10 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     check_inputs(&inputs, session)?;
     arguments.picture.check(&inputs, session)?;
     let regions = arguments.regions.map(|typed| counts("--regions", typed)).transpose()?;
+    if let Some(regions) = regions.filter(|regions| !(1..=MOST_REGIONS).contains(&regions.iter().product())) {
+        let wanted = format!("wanted 1 to {MOST_REGIONS} boxes in all");
+        return Err(Error::new("--regions", format!("{regions:?}"), wanted));
+    }
     let (truth, volume) =
         session.phase("read", |_| Ok((Volume::open(&arguments.truth)?, Volume::open(&arguments.volume)?)))?;
     let (true_light, light) = (light(&truth)?, light(&volume)?);

@@ -1,5 +1,6 @@
 //! The true displacement, from whatever tells it.
 
+use super::Picture;
 use lf_core::cli::Session;
 use lf_core::field::Field;
 use lf_core::flow::{Flows, Velocity};
@@ -23,8 +24,8 @@ struct Motion {
     frames: Frames,
 }
 
-/// Reads a truth, which its content tells; `frames` of a particles.csv.
-pub fn open(file: &Path, frames: Option<[usize; 2]>, session: &Session) -> Result<Truth> {
+/// Reads a truth, which its content tells; `frames` of a particles.csv. No file that it names may be the picture's.
+pub fn open(file: &Path, frames: Option<[usize; 2]>, picture: &Picture, session: &Session) -> Result<Truth> {
     let (bytes, name) = (io::open(file)?, io::name(file));
     let refused = |found: String| Error::new(&name, found, WANTED);
     let text = || match std::str::from_utf8(&bytes) {
@@ -36,7 +37,7 @@ pub fn open(file: &Path, frames: Option<[usize; 2]>, session: &Session) -> Resul
         return Err(Error::new("--frames", format!("{name} is no particles.csv"), "wanted it with one, or not at all"));
     }
     match kind {
-        Kind::Json => flow(text()?, file, &name, session),
+        Kind::Json => flow(text()?, file, &name, picture, session),
         Kind::Particles => {
             let wrong = |found| Error::new(&name, found, "wanted a particles.csv of both frames");
             let found = tracks(&particles::read(text()?).map_err(wrong)?, frames.unwrap_or([0, 1])).map_err(wrong)?;
@@ -48,7 +49,7 @@ pub fn open(file: &Path, frames: Option<[usize; 2]>, session: &Session) -> Resul
 }
 
 /// The flow of a scene, as `lf-synth` writes it into `flow.exr`.
-fn flow(text: &str, file: &Path, name: &str, session: &Session) -> Result<Truth> {
+fn flow(text: &str, file: &Path, name: &str, picture: &Picture, session: &Session) -> Result<Truth> {
     let wrong = |found: String| Error::new(name, found, scene::WANTED);
     let mut motion: Motion = serde_json::from_str(text).map_err(|error| wrong(error.to_string()))?;
     let folder = file.parent().unwrap_or(Path::new(""));
@@ -67,6 +68,7 @@ fn flow(text: &str, file: &Path, name: &str, session: &Session) -> Result<Truth>
     files.extend(motion.camera.file(folder));
     let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     session.keep_apart(Path::new("-"), &files)?;
+    picture.check(&files, session)?;
     let camera = motion.camera.open(folder, name)?;
     let pixel_mm = camera.voxel_spacing_mm([1.0; 3])[0];
     let velocity = flow.open(motion.volume.bounds_mm(), pixel_mm, name)?;
