@@ -98,7 +98,8 @@ fn a_preset_is_its_options_typed_out() {
             assert!(said.contains(&sets), "{sets} not in {said}");
             outcomes.push(bytes);
         }
-        assert!(outcomes[0] != outcomes[2], "{}: fast is accurate", case.tool);
+        // Correlation has one good setting.
+        assert_eq!(outcomes[0] == outcomes[2], case.tool == "lf-xcorr", "{}: fast and accurate", case.tool);
     }
 }
 

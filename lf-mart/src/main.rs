@@ -148,9 +148,7 @@ impl Arguments {
         match self.basis.or(preset_basis).unwrap_or(usual) {
             BasisName::Point => Basis::Point,
             BasisName::Box => Basis::Box,
-            BasisName::Blob => {
-                Basis::Blob { sigma_vox: self.blob.or(preset.and_then(|preset| preset.blob)).unwrap_or(BLOB) }
-            }
+            BasisName::Blob => Basis::Blob { sigma_vox: self.blob.unwrap_or(BLOB) },
         }
     }
 
@@ -227,13 +225,8 @@ impl Arguments {
     /// Tells what the preset sets.
     fn explain_preset(&self, session: &Session) {
         let Some(preset) = self.preset else { return };
-        let (is_exact, has_blobs) = (self.weights == WeightsName::Exact, matches!(self.basis(), Basis::Blob { .. }));
-        let heeded = [
-            self.iterations.is_none(),
-            self.until.is_none(),
-            self.basis.is_none() && is_exact,
-            self.blob.is_none() && has_blobs,
-        ];
+        let is_exact = self.weights == WeightsName::Exact;
+        let heeded = [self.iterations.is_none(), self.until.is_none(), self.basis.is_none() && is_exact];
         session.explain_preset(preset, preset::values(preset).typed().into_iter().zip(heeded));
     }
 

@@ -9,20 +9,18 @@ pub struct Values {
     pub iterations: usize,
     /// When to end sooner, as typed.
     pub until: &'static str,
-    /// What a voxel stands for.
+    /// What a voxel stands for. Blobs as wide as the default's are best in Q, and err more in displacement.
     pub basis: BasisName,
-    /// Standard deviation of a blob, voxels.
-    pub blob: Option<f64>,
 }
 
 /// Few sweeps and no blob: vectors hardly gain by more, see the trade.
-const FAST: Values = Values { iterations: 3, until: "stall", basis: BasisName::Point, blob: None };
+const FAST: Values = Values { iterations: 3, until: "stall", basis: BasisName::Point };
 
 /// Nearly all that sweeps give to a vector.
-const BALANCED: Values = Values { iterations: 5, until: "stall", basis: BasisName::Point, blob: None };
+const BALANCED: Values = Values { iterations: 5, until: "stall", basis: BasisName::Point };
 
-/// Blobs narrower than the default's, which is best in Q, err least in displacement.
-const ACCURATE: Values = Values { iterations: 60, until: "stall", basis: BasisName::Blob, blob: Some(0.4) };
+/// Voxels with their width, and all that sweeps give.
+const ACCURATE: Values = Values { iterations: 10, until: "stall", basis: BasisName::Box };
 
 /// What a preset sets.
 pub fn values(preset: Preset) -> &'static Values {
@@ -35,15 +33,9 @@ pub fn values(preset: Preset) -> &'static Values {
 
 impl Values {
     /// Its options, as they would be typed.
-    pub fn typed(&self) -> Vec<String> {
-        let Self { iterations, until, basis, blob } = self;
-        let mut typed = vec![
-            format!("--iterations {iterations}"),
-            format!("--until {until}"),
-            format!("--basis {}", basis.name()),
-        ];
-        typed.extend(blob.map(|blob| format!("--blob {blob}")));
-        typed
+    pub fn typed(&self) -> [String; 3] {
+        let Self { iterations, until, basis } = self;
+        [format!("--iterations {iterations}"), format!("--until {until}"), format!("--basis {}", basis.name())]
     }
 }
 

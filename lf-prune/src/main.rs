@@ -53,9 +53,9 @@ struct Arguments {
     /// a lenslet]
     #[arg(long, value_name = "N")]
     sections: Option<usize>,
-    /// How the pixels of a voxel become its score
-    #[arg(long, value_enum, default_value_t = ScoreName::Geometric)]
-    score: ScoreName,
+    /// How the pixels of a voxel become its score [default: geometric]
+    #[arg(long, value_enum)]
+    score: Option<ScoreName>,
     /// Share of a voxel's pixels that may be darker than the threshold, with --score quantile
     #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
     quantile: f64,
@@ -97,6 +97,17 @@ enum ScoreName {
     Quantile,
 }
 
+impl ScoreName {
+    /// The word typed.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Geometric => "geometric",
+            Self::Minimum => "minimum",
+            Self::Quantile => "quantile",
+        }
+    }
+}
+
 impl Arguments {
     /// The threshold typed; none for auto.
     fn typed(&self) -> Option<f64> {
@@ -130,8 +141,15 @@ impl Arguments {
     fn pvr(&self, session: &Session) -> [f64; 3] {
         let Some(preset) = self.preset else { return self.pvr.unwrap_or(PVR) };
         let values = preset::values(preset);
-        session.explain_preset(preset, values.typed().into_iter().zip([self.pvr.is_none()]));
+        let heeded = [self.pvr.is_none(), self.score.is_none()];
+        session.explain_preset(preset, values.typed().into_iter().zip(heeded));
         self.pvr.unwrap_or(values.pvr)
+    }
+
+    /// The score's name: as typed, or by the preset.
+    fn score(&self) -> ScoreName {
+        let preset = self.preset.map(|preset| preset::values(preset).score);
+        self.score.or(preset).unwrap_or(ScoreName::Geometric)
     }
 
     fn grid(&self, camera: &Camera, session: &Session) -> Result<Grid> {
@@ -162,7 +180,7 @@ impl Arguments {
             found.threshold
         });
         Options {
-            score: match self.score {
+            score: match self.score() {
                 ScoreName::Geometric => Score::Geometric,
                 ScoreName::Minimum => Score::Share(0.0),
                 ScoreName::Quantile => Score::Share(self.quantile),

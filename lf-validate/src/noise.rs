@@ -2,7 +2,7 @@
 
 use crate::statistics::{median, robust};
 use crate::units::{AXES, COMPONENTS, Unit, units};
-use lf_core::field::{Field, MEASURED, NO_DATA};
+use lf_core::field::{Field, MEASURED};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
@@ -111,6 +111,7 @@ impl Serialize for Noise {
 pub(crate) mod tests {
     use super::*;
     use crate::trilinear::tests::field;
+    use lf_core::field::NO_DATA;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64Mcg;

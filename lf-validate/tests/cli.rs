@@ -320,6 +320,9 @@ fn a_sampled_flow_is_read_from_the_folder_of_its_scene() {
     assert!(score["rms_u_mm"].as_f64().unwrap() < 1e-8);
     let stats = refusal(&run(&["displacement", "--stats", field.to_str().unwrap()], &[&scene, &larger]));
     assert!(stats.contains("flow.exr"), "{stats}");
+    let before = fs::read(&field).unwrap();
+    let plot = refusal(&run(&["displacement", "--plot", field.to_str().unwrap()], &[&scene, &larger]));
+    assert!(plot.contains("flow.exr") && fs::read(&field).unwrap() == before, "{plot}");
     place.field("flow.exr", [3, 3, 3], [0.02, 0.0, 0.1], &[NO_DATA]);
     let text = refusal(&run(&["displacement"], &[&scene, &larger]));
     assert!(text.contains("flow.exr") && text.contains("1 of 27 vectors"), "{text}");

@@ -179,6 +179,8 @@ fn what_gives_no_curve_is_refused() {
             ["--x-range", "LOW,HIGH"],
         ),
         (&["runs.jsonl", "-y", "rms_w_px"], ["-x", "required"]),
+        (&["runs.jsonl", "-x", "set.seed", "-y", "rms_w_px,rms_w_px"], ["-y", "twice"]),
+        (&["runs.jsonl", "-x", "set.seed", "-y", "rms_w_px", "--by", "a,a"], ["--by", "twice"]),
     ] {
         let text = refusal(&place.run(&[&["curves"], words].concat()));
         assert!(wanted.iter().all(|word| text.contains(word)), "{text}");

@@ -30,13 +30,13 @@ impl Preset {
         format!("{}; {}", sets.join(" "), self.measured())
     }
 
-    /// Its place on the front of time and error: all three tools with it, on a pair of frames of the trade's scene.
+    /// Its place on the front of time and error: all three tools with it, on a pair of frames of the trade's scene, one thread, 448 x 448 x 91 voxels at 1,1,10.
     /// `make -f scripts/paper.mk trade` measures it.
     fn measured(self) -> &'static str {
         match self {
-            Self::Fast => "FASTNUM",
-            Self::Balanced => "BALANCEDNUM",
-            Self::Accurate => "ACCURATENUM",
+            Self::Fast => "the chain with it: 0.44 s a pair, RMS errors 0.16 px in u and 1.5 px in w",
+            Self::Balanced => "1.9 s, 0.054 px and 0.52 px",
+            Self::Accurate => "5.0 s, 0.040 px and 0.31 px",
         }
     }
 

@@ -2,8 +2,8 @@
 
 use super::runs::Source;
 use super::{number, print};
-use lf_core::{Error, Result};
 use lf_core::cli::{Session, Verdict};
+use lf_core::{Error, Result};
 use lf_validate::curves::{Ask, Look, curves};
 use lf_validate::plot::{Axis, Mark, Place};
 
