@@ -86,7 +86,7 @@ pub struct Widths {
     pub px: Option<Percentiles<2>>,
 }
 
-/// Percentiles in the unit of [`UNITS`] number `UNIT`; NaN without particles.
+/// Percentiles in the unit number `UNIT` of voxels, millimetres and pixels; NaN without particles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Percentiles<const UNIT: usize> {
     /// Along x, y, z.
