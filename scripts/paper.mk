@@ -293,7 +293,7 @@ $(OUT)/fig5-x.json $(OUT)/fig5-y.json $(OUT)/fig5-z.json: $(OUT)/fig5-%.json: $(
 	    --x-name "diameter along $*$(comma) px" --y-name "share of the particles" --title "Fig. 5: diameters along $*")
 comma := ,
 
-# ---- Figures 6 and 7: quality by sweeps and relaxation; brightest voxels by depth --------------------------------------
+# ---- Figure 6: quality by sweeps and relaxation ----------------------------------------------------------------------
 # A row action goes on from its own result, so a run of many sweeps is made of runs of fewer.
 
 fig6 := $(foreach s,$(SEEDS),$(foreach r,$(FIG6_DRT_RELAXATIONS),$(OUT)/fig6/drt-$r-$s.jsonl) $(foreach r,0.5 1 1.5 2,$(OUT)/fig6/ours-$r-$s.jsonl))
@@ -315,8 +315,7 @@ $(filter $(OUT)/fig6/ours-%,$(fig6)):
 	for n in $(sweeps-ours); do
 	    solve ours 0000 --iterations $$n --until never --relaxation $(call part,2)
 	    quality
-	    $(BIN)lf-validate depth "$$d/volume-0000.lfv" > "$$d/depth.json"
-	    line figure=6 method=ours relaxation=$(call part,2) iterations=$$n set.seed=$(call part,3) "$$d/quality.json" depth:"$$d/depth.json"
+	    line figure=6 method=ours relaxation=$(call part,2) iterations=$$n set.seed=$(call part,3) "$$d/quality.json"
 	done
 	done_ line.jsonl
 
@@ -329,9 +328,8 @@ $(filter-out $(OUT)/fig6/ours-%,$(fig6)):
 	for n in $(sweeps-$(call part,1)); do
 	    solve $(call part,1) 0000 --iterations $$((n - before)) --relaxation $(call part,2) $${start[@]+"$${start[@]}"}
 	    quality
-	    $(BIN)lf-validate depth "$$d/volume-0000.lfv" > "$$d/depth.json"
 	    line figure=6 method=$(call part,1) relaxation=$(call part,2) iterations=$$n set.seed=$(call part,3) "$$d/quality.json" \
-	        depth:"$$d/depth.json"
+	       
 	    cp "$$d/volume-0000.lfv" "$$d/start.lfv"
 	    start=(--start "$$d/start.lfv") before=$$n
 	done
@@ -341,9 +339,34 @@ $(OUT)/fig6.json: $(fig6)
 	$(call curves,$^,-x iterations -y q --by relaxation --panel method --log-x --y-range 0$(comma)1 --x-name "sweeps" --y-name "Q" \
 	    --title "Fig. 6: quality by sweeps and relaxation$(comma) 0.1 particles a lenslet")
 
+# ---- Figure 7: brightest voxels by depth, after few sweeps and many -----------------------------------------------------
+# Dense enough that every slice has particles.
+
+fig7 := $(foreach s,$(SEEDS),$(OUT)/fig7/drt-0.5-$s.jsonl $(OUT)/fig7/ours-0.5-$s.jsonl) \
+    $(foreach s,$(FIG6_MART_SEEDS),$(OUT)/fig7/mart-1-$s.jsonl)
 fig7: $(OUT)/fig7.json
-$(OUT)/fig7.json: $(fig6)
-	$(call curves,$(filter %-2.5-1.jsonl %-2.5-2.jsonl %-2.5-3.jsonl %-1.5-1.jsonl %-1.5-2.jsonl,$^),-x depth.z_mm -y depth.peak --by iterations --panel method --x-name "z$(comma) mm" \
+
+few-drt = 20
+many-drt = 200
+few-mart = 5
+many-mart = 23
+few-ours = 5
+many-ours = 60
+
+$(fig7):
+	$(begin)
+	cube $(if $(filter mart,$(call part,1)),4,$(FIG8_SIDE)) 2.5025
+	render core particles.per_lenslet=$(call part,2) particles.rays=null seed=$(call part,3)
+	prune $(call part,1) 0000
+	for n in $(few-$(call part,1)) $(many-$(call part,1)); do
+	    solve $(call part,1) 0000 --iterations $$n $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	    $(BIN)lf-validate depth "$$d/volume-0000.lfv" > "$$d/depth.json"
+	    line figure=7 method=$(call part,1) iterations=$$n set.seed=$(call part,3) "$$d/depth.json"
+	done
+	done_ line.jsonl
+
+$(OUT)/fig7.json: $(fig7)
+	$(call curves,$^,-x z_mm -y peak --by iterations --panel method --x-name "z$(comma) mm" \
 	    --y-name "brightest voxel of a slice$(comma) counts" --title "Fig. 7: brightest voxels by depth and sweeps")
 
 # ---- Figure 8: quality by density --------------------------------------------------------------------------------------
