@@ -328,8 +328,7 @@ $(filter-out $(OUT)/fig6/ours-%,$(fig6)):
 	for n in $(sweeps-$(call part,1)); do
 	    solve $(call part,1) 0000 --iterations $$((n - before)) --relaxation $(call part,2) $${start[@]+"$${start[@]}"}
 	    quality
-	    line figure=6 method=$(call part,1) relaxation=$(call part,2) iterations=$$n set.seed=$(call part,3) "$$d/quality.json" \
-	       
+	    line figure=6 method=$(call part,1) relaxation=$(call part,2) iterations=$$n set.seed=$(call part,3) "$$d/quality.json"
 	    cp "$$d/volume-0000.lfv" "$$d/start.lfv"
 	    start=(--start "$$d/start.lfv") before=$$n
 	done
