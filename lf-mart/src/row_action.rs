@@ -19,6 +19,10 @@ struct Weight {
     weight: f32,
 }
 
+/// What fades below this is dark. Voxels fade for ever, and what a faint one sends to a pixel becomes a denormal number,
+/// which took most of the time of hundreds of sweeps.
+const LEAST_STRENGTH: f32 = 1e-25;
+
 /// Support voxels whose weights are made at once, to be stored in their order.
 pub(crate) const RUN: usize = 1 << 12;
 
@@ -161,7 +165,8 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<S
             for w in weights {
                 let strength = &mut strengths[w.voxel as usize];
                 let factor = (ratio * w.weight).clamp(-greatest, greatest).exp();
-                *strength = (*strength * factor).min(GREATEST_STRENGTH);
+                let next = (*strength * factor).min(GREATEST_STRENGTH);
+                *strength = if next < LEAST_STRENGTH { 0.0 } else { next };
             }
         }
         let misfit = if all > 0.0 { f64::sqrt(off / all) } else { 0.0 };
