@@ -49,6 +49,7 @@ WAVE_DRT_SIDE = 20
 WAVE_DRT_DEPTH = 2.5025
 WAVE_DRT_SWEEPS = 20
 WAVE_SEEDS = 1 2
+WAVE_DRT_SEEDS = 1
 FIG13_OURS = 1 2 3 5 10 20 40 60
 FIG13_DRT = 5 10 20 50 100 200
 FIG13_PVR = 2,2,10
@@ -84,6 +85,7 @@ WAVE_DRT_SIDE = 24
 WAVE_DRT_DEPTH = 5.005
 WAVE_DRT_SWEEPS = 100
 WAVE_SEEDS = 1 2 3
+WAVE_DRT_SEEDS = 1 2 3
 FIG13_OURS = 1 2 3 5 10 20 40 60
 FIG13_DRT = 5 10 20 50 100 200
 FIG13_PVR = 2,2,10
@@ -119,6 +121,7 @@ WAVE_DRT_SIDE = 60
 WAVE_DRT_DEPTH = 5.005
 WAVE_DRT_SWEEPS = 400
 WAVE_SEEDS = 1 2 3
+WAVE_DRT_SEEDS = 1 2 3
 FIG13_OURS = 1 2 3 5 10 20 40 60
 FIG13_DRT = 5 10 20 50 100 200 400
 FIG13_PVR = 1,1,10
@@ -441,9 +444,10 @@ $(OUT)/fig10.json: $(fig10)
 
 pvr11 = 1,1,10 2,2,10 3,3,10
 pvr12 = 1,1,5 1,1,10 1,1,20
-wave_methods = truth-0 ours-60 drt-$(WAVE_DRT_SWEEPS)
-fig11 := $(foreach s,$(WAVE_SEEDS),$(foreach p,$(pvr11),$(foreach m,$(wave_methods),$(OUT)/fig11/$m-$p-$s.jsonl)))
-fig12 := $(foreach s,$(WAVE_SEEDS),$(foreach p,$(pvr12),$(foreach m,$(wave_methods),$(OUT)/fig12/$m-$p-$s.jsonl)))
+wave_runs = $(foreach s,$(WAVE_SEEDS),$(foreach p,$(pvr$1),$(OUT)/fig$1/truth-0-$p-$s.jsonl $(OUT)/fig$1/ours-60-$p-$s.jsonl)) \
+    $(foreach s,$(WAVE_DRT_SEEDS),$(foreach p,$(pvr$1),$(OUT)/fig$1/drt-$(WAVE_DRT_SWEEPS)-$p-$s.jsonl))
+fig11 := $(call wave_runs,11)
+fig12 := $(call wave_runs,12)
 fig11: $(OUT)/fig11.json
 fig12: $(OUT)/fig12.json
 
@@ -474,7 +478,8 @@ $(OUT)/fig12.json: $(fig12)
 
 # ---- Figure 13: displacement errors by sweeps --------------------------------------------------------------------------
 
-fig13 := $(foreach s,$(WAVE_SEEDS),$(foreach c,A1 B1,$(foreach m,ours drt truth,$(OUT)/fig13/$m-$c-$s.jsonl)))
+fig13 := $(foreach c,A1 B1,$(foreach s,$(WAVE_SEEDS),$(OUT)/fig13/ours-$c-$s.jsonl $(OUT)/fig13/truth-$c-$s.jsonl) \
+    $(foreach s,$(WAVE_DRT_SEEDS),$(OUT)/fig13/drt-$c-$s.jsonl))
 fig13: $(OUT)/fig13-u.json $(OUT)/fig13-w.json
 
 $(fig13):
