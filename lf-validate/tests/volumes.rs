@@ -112,7 +112,7 @@ fn quality_by_depth_and_region_by_hand() {
     assert_eq!(halves["by_depth"], score["by_depth"]);
     for (typed, wanted) in [
         ("5,1,1", "at least a voxel"),
-        ("0,1,1", "at least a voxel"),
+        ("0,1,1", "--regions"),
         ("1.5,1,1", "three whole numbers"),
         ("-1,1,1", "--regions"),
         ("2,2", "--regions"),
