@@ -206,6 +206,9 @@ solve() {
 quality() { "$$bin"lf-validate quality "$$d/truth-0000.lfv" "$$d/volume-0000.lfv" --quiet > "$$d/quality.json"; }
 line() { "$$bin"lf-validate line "$$@" >> "$$d/line.jsonl"; }
 
+# seconds_of FILE: the seconds of a run, by its --stats.
+seconds_of() { sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$1"; }
+
 # after SWEEPS: seconds that the last solve had taken after so many sweeps.
 after() { sed -n "s/.*\"iteration\":$$1,.*\"seconds\":\([0-9.e-]*\).*/\1/p" "$$d/sweeps.jsonl"; }
 
@@ -430,7 +433,7 @@ $(fig10):
 	prune $(call part,1) 0000
 	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
 	quality
-	seconds=$$(awk -v a="$$(sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$d/prune.json")" -v b="$$(sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$d/mart.json")" 'BEGIN { print a + b }')
+	seconds=$$(awk -v a="$$(seconds_of "$$d/prune.json")" -v b="$$(seconds_of "$$d/mart.json")" 'BEGIN { print a + b }')
 	line figure=10 method=$(call part,1) iterations=$(call part,2) per_lenslet=$(call part,3) set.seed=$(call part,4) \
 	    seconds=$$seconds $(if $(filter ours,$(call part,1)),,seconds_after_23=$$(after 23) seconds_after_all=$$(after $(call part,2))) "$$d/quality.json" mart:"$$d/mart.json"
 	done_ line.jsonl
@@ -466,7 +469,7 @@ $(fig11) $(fig12):
 	fi
 	field $$volumes
 	line figure=$(figure) method=$(call part,1) pvr=$(call part,3) set.seed=$(call part,4) "$$d/error.json" \
-	    xcorr.seconds=$$(sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$d/xcorr.json")
+	    xcorr.seconds=$$(seconds_of "$$d/xcorr.json")
 	done_ line.jsonl
 
 $(OUT)/fig11.json: $(fig11)
@@ -661,7 +664,7 @@ $(trade_runs):
 	[ "$$deform" = never ] || passing+=(--repeats "$$repeats")
 	seconds=0 peak=0
 	add() {
-	    seconds=$$(awk -v a="$$seconds" -v b="$$(sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$1")" 'BEGIN { print a + b }')
+	    seconds=$$(awk -v a="$$seconds" -v b="$$(seconds_of "$$1")" 'BEGIN { print a + b }')
 	    peak=$$(awk -v a="$$peak" -v b="$$(sed -n 's/^ *"peak_bytes": \([0-9]*\).*/\1/p' "$$1")" 'BEGIN { print (b > a ? b : a) }')
 	}
 	for n in 0000 0001; do

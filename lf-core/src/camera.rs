@@ -341,6 +341,11 @@ impl Camera {
         [self.sensor.width as f64 * scale, self.sensor.height as f64 * scale]
     }
 
+    /// Side of a pixel seen at the focal plane, mm.
+    pub fn pixel_in_focus_mm(&self) -> f64 {
+        self.sensor.pixel_pitch_mm / self.main_lens.magnification
+    }
+
     /// Spacing of a grid of `pixels_per_voxel` at the focal plane, mm.
     pub fn voxel_spacing_mm(&self, pixels_per_voxel: [f64; 3]) -> [f64; 3] {
         pixels_per_voxel.map(|ratio| ratio * self.sensor.pixel_pitch_mm / self.main_lens.magnification)

@@ -127,17 +127,6 @@ enum MethodName {
     Mart,
 }
 
-impl BasisName {
-    /// The word typed.
-    fn name(self) -> &'static str {
-        match self {
-            Self::Point => "point",
-            Self::Box => "box",
-            Self::Blob => "blob",
-        }
-    }
-}
-
 impl Arguments {
     /// What is typed; with exact weights what the preset sets; else what the weights are used with.
     fn basis(&self) -> Basis {
@@ -167,7 +156,7 @@ impl Arguments {
             return Err(Error::new("--sections", found, "wanted --weights drt"));
         }
         if let (Some(preset), false) = (self.preset, self.method == MethodName::Subsets) {
-            let found = format!("{} with another --method", preset.name());
+            let found = format!("{} with another --method", cli::word(&preset));
             return Err(Error::new("--preset", found, "wanted --method subsets, which is its default"));
         }
         let (method, iterations, until, relaxation, clamp) = match self.method {

@@ -1,7 +1,7 @@
 //! What `--preset` sets, with --method subsets. Measured again, it is changed here and nowhere else.
 
 use crate::BasisName;
-use lf_core::cli::Preset;
+use lf_core::cli::{Preset, word};
 
 /// What one preset sets.
 pub struct Values {
@@ -24,18 +24,14 @@ const ACCURATE: Values = Values { iterations: 10, until: "stall", basis: BasisNa
 
 /// What a preset sets.
 pub fn values(preset: Preset) -> &'static Values {
-    match preset {
-        Preset::Fast => &FAST,
-        Preset::Balanced => &BALANCED,
-        Preset::Accurate => &ACCURATE,
-    }
+    preset.of([&FAST, &BALANCED, &ACCURATE])
 }
 
 impl Values {
     /// Its options, as they would be typed.
     pub fn typed(&self) -> [String; 3] {
         let Self { iterations, until, basis } = self;
-        [format!("--iterations {iterations}"), format!("--until {until}"), format!("--basis {}", basis.name())]
+        [format!("--iterations {iterations}"), format!("--until {until}"), format!("--basis {}", word(basis))]
     }
 }
 

@@ -97,17 +97,6 @@ enum ScoreName {
     Quantile,
 }
 
-impl ScoreName {
-    /// The word typed.
-    fn name(self) -> &'static str {
-        match self {
-            Self::Geometric => "geometric",
-            Self::Minimum => "minimum",
-            Self::Quantile => "quantile",
-        }
-    }
-}
-
 impl Arguments {
     /// The threshold typed; none for auto.
     fn typed(&self) -> Option<f64> {
@@ -137,13 +126,17 @@ impl Arguments {
         }
     }
 
-    /// Pixels per voxel: as typed, or by the preset.
-    fn pvr(&self, session: &Session) -> [f64; 3] {
-        let Some(preset) = self.preset else { return self.pvr.unwrap_or(PVR) };
-        let values = preset::values(preset);
+    /// Tells what the preset sets.
+    fn explain_preset(&self, session: &Session) {
+        let Some(preset) = self.preset else { return };
         let heeded = [self.pvr.is_none(), self.score.is_none()];
-        session.explain_preset(preset, values.typed().into_iter().zip(heeded));
-        self.pvr.unwrap_or(values.pvr)
+        session.explain_preset(preset, preset::values(preset).typed().into_iter().zip(heeded));
+    }
+
+    /// Pixels per voxel: as typed, or by the preset.
+    fn pvr(&self) -> [f64; 3] {
+        let preset = self.preset.map(|preset| preset::values(preset).pvr);
+        self.pvr.or(preset).unwrap_or(PVR)
     }
 
     /// The score's name: as typed, or by the preset.
@@ -152,14 +145,14 @@ impl Arguments {
         self.score.or(preset).unwrap_or(ScoreName::Geometric)
     }
 
-    fn grid(&self, camera: &Camera, session: &Session) -> Result<Grid> {
+    fn grid(&self, camera: &Camera) -> Result<Grid> {
         let Some(depth) = self.depth else {
             let like = self.like.as_deref().expect("clap wants one of them");
             return Ok(Volume::open(like)?.grid().clone());
         };
         let [half_x, half_y] = camera.half_view_mm();
         let [x0, x1, y0, y1] = self.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
-        Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(self.pvr(session)))
+        Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(self.pvr()))
             .map_err(|found| Error::new("--pvr, --depth, --bounds", found, "wanted a grid with voxels"))
     }
 
@@ -216,7 +209,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         camera.check_image(&name, width, height)?;
         Ok((camera, image))
     })?;
-    let grid = arguments.grid(&camera, session)?;
+    arguments.explain_preset(session);
+    let grid = arguments.grid(&camera)?;
     let options = arguments.options(image.pixels.view(), session);
     let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
     session.count("sections", sections);

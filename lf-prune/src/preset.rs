@@ -1,7 +1,7 @@
 //! What `--preset` sets. Measured again, it is changed here and nowhere else.
 
 use crate::ScoreName;
-use lf_core::cli::Preset;
+use lf_core::cli::{Preset, word};
 
 /// What one preset sets.
 pub struct Values {
@@ -22,18 +22,14 @@ const ACCURATE: Values = Values { pvr: [1.0, 1.0, 5.0], score: ScoreName::Quanti
 
 /// What a preset sets.
 pub fn values(preset: Preset) -> &'static Values {
-    match preset {
-        Preset::Fast => &FAST,
-        Preset::Balanced => &BALANCED,
-        Preset::Accurate => &ACCURATE,
-    }
+    preset.of([&FAST, &BALANCED, &ACCURATE])
 }
 
 impl Values {
     /// Its options, as they would be typed.
     pub fn typed(&self) -> [String; 2] {
         let [x, y, z] = self.pvr;
-        [format!("--pvr {x},{y},{z}"), format!("--score {}", self.score.name())]
+        [format!("--pvr {x},{y},{z}"), format!("--score {}", word(&self.score))]
     }
 }
 

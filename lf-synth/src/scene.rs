@@ -189,7 +189,7 @@ impl Scene {
     /// What a particle sends out.
     pub fn glow(&self, camera: &Camera) -> Glow {
         let p = &self.particles;
-        let pixel_mm = camera.sensor.pixel_pitch_mm / camera.main_lens.magnification;
+        let pixel_mm = camera.pixel_in_focus_mm();
         let (shape, size_px) = match (p.sigma_px, p.diameter_px) {
             (_, Some(diameter)) => (Shape::Disc, 0.5 * diameter),
             (sigma, None) => (Shape::Gaussian, sigma.unwrap_or(0.0)),

@@ -1,6 +1,7 @@
 //! Where along z the light of volumes lies.
 
 use crate::quality::Light;
+use crate::statistics::Spread;
 use lf_core::grid::Grid;
 use serde::Serialize;
 
@@ -102,8 +103,7 @@ impl Depth {
             z_mm.iter().zip(&profile).map(|(&z, &light)| (z, light)).partition(|(z, _)| is_inside(*z));
         let lights = |slices: &[(f64, f64)]| slices.iter().map(|(_, light)| *light).collect::<Vec<f64>>();
         let (inside, outside) = (lights(&inside), lights(&outside));
-        let mean = inside.iter().sum::<f64>() / inside.len() as f64;
-        let std = (inside.iter().map(|light| (light - mean).powi(2)).sum::<f64>() / inside.len() as f64).sqrt();
+        let Spread { bias: mean, std, .. } = Spread::of(&inside);
         let is_judged = slab_mm.is_some() && light > 0.0;
         Score {
             volumes,

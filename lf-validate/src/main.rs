@@ -53,8 +53,8 @@ enum Command {
     /// Light along z: profile, brightest voxel per slice, light outside the lit slab
     ///
     /// profile: light of each slice across z, mean of the volumes. peak: brightest voxel of each slice, mean of the
-    /// volumes. With --slab: outside_share, of all light, in slices whose middle is outside; outside_peak, the brightest slice outside
-    /// over the mean of those inside. unevenness: standard deviation over mean of the slices in the slab.
+    /// volumes. With --slab: outside_share, of all light, in slices whose middle is outside; outside_peak, the brightest
+    /// slice outside over the mean of those inside. unevenness: standard deviation over mean of the slices in the slab.
     Depth(depth::Arguments),
     /// Error of a vector field: bias, RMS, standard deviation, median and density per component, and its stated uncertainty
     ///

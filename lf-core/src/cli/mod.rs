@@ -19,7 +19,7 @@ use std::sync::Mutex;
 use std::time::Instant;
 
 pub use numbers::numbers;
-pub use preset::Preset;
+pub use preset::{Preset, word};
 pub use progress::Progress;
 
 /// Above this a `--threads` is a slip of the finger, and each thread costs a stack.

@@ -2,7 +2,7 @@
 
 use super::Session;
 use clap::ValueEnum;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 /// A set of defaults between speed and accuracy. What an option is typed as comes before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -15,13 +15,18 @@ pub enum Preset {
     Accurate,
 }
 
+/// The word that a value is typed as.
+pub fn word(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
 impl Preset {
-    /// The word typed.
-    pub fn name(self) -> &'static str {
+    /// What this one has of what the three have, the fastest first.
+    pub fn of<T>(self, [fast, balanced, accurate]: [T; 3]) -> T {
         match self {
-            Self::Fast => "fast",
-            Self::Balanced => "balanced",
-            Self::Accurate => "accurate",
+            Self::Fast => fast,
+            Self::Balanced => balanced,
+            Self::Accurate => accurate,
         }
     }
 
@@ -30,20 +35,21 @@ impl Preset {
         format!("{}; {}", sets.join(" "), self.measured())
     }
 
-    /// Its place on the front of time and error: all three tools with it, on a pair of frames of the trade's scene, one thread, 448 x 448 x 91 voxels at 1,1,10.
-    /// `make -f scripts/paper.mk trade` measures it.
+    /// Its place on the front of time and error: all three tools with it, on a pair of frames of the trade's scene, one
+    /// thread, 448 x 448 x 91 voxels at 1,1,10. `make -f scripts/paper.mk trade` measures it.
     fn measured(self) -> &'static str {
-        match self {
-            Self::Fast => "the chain with it: 0.44 s a pair, RMS errors 0.16 px in u and 1.5 px in w",
-            Self::Balanced => "1.9 s, 0.054 px and 0.52 px",
-            Self::Accurate => "5.0 s, 0.040 px and 0.31 px",
-        }
+        self.of([
+            "the chain with it: 0.44 s a pair, RMS errors 0.16 px in u and 1.5 px in w",
+            "1.9 s, 0.054 px and 0.52 px",
+            "5.0 s, 0.040 px and 0.31 px",
+        ])
     }
 
     /// The parser of a tool's `--preset`, whose help says by `help` what each sets.
     pub fn parser(help: fn(Self) -> String) -> impl TypedValueParser<Value = Self> {
-        let value = |preset: &Self| PossibleValue::new(preset.name()).help(help(*preset));
-        PossibleValuesParser::new(Self::value_variants().iter().map(value)).try_map(|name| Self::from_str(&name, false))
+        let value = |preset: &Self| Some(preset.to_possible_value()?.help(help(*preset)));
+        PossibleValuesParser::new(Self::value_variants().iter().filter_map(value))
+            .try_map(|name| Self::from_str(&name, false))
     }
 }
 
@@ -58,6 +64,6 @@ impl Session {
         });
         let heeded = if heeded.is_empty() { "nothing" } else { &heeded };
         let left = if left.is_empty() { left } else { format!("; what is typed comes before its {left}") };
-        self.explain(format!("preset {} sets {heeded}{left}", preset.name()));
+        self.explain(format!("preset {} sets {heeded}{left}", word(&preset)));
     }
 }

@@ -16,7 +16,7 @@ use std::time::Instant;
 fn velocity(stage: &Stage, name: &str) -> Result<Velocity> {
     let Some(flow) = &stage.scene.flow else { return Ok(Velocity::rest()) };
     let camera = &stage.camera;
-    let pixel_mm = camera.sensor.pixel_pitch_mm / camera.main_lens.magnification;
+    let pixel_mm = camera.pixel_in_focus_mm();
     flow.open(stage.scene.bounds_mm(), pixel_mm, name)
 }
 

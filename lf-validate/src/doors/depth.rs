@@ -1,10 +1,10 @@
 //! `depth`: where along z the light of volumes lies.
 
-use super::{Picture, check_inputs, light, number, print, verdict};
+use super::{Picture, check_inputs, is_at_most, light, number, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result};
-use lf_validate::depth::{Depth, Score};
+use lf_validate::depth::Depth;
 use lf_validate::pictures;
 use std::path::{Path, PathBuf};
 
@@ -38,7 +38,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if score.light <= 0.0 {
         session.warn("every voxel is dark");
     }
-    Ok(verdict(arguments.max_outside.is_none_or(|most| keeps(&score, most))))
+    Ok(verdict(is_at_most(score.outside_share, arguments.max_outside)))
 }
 
 /// One volume in memory at a time.
@@ -51,8 +51,4 @@ fn add_up(inputs: &[&Path]) -> Result<Depth> {
     };
     let sum = inputs.iter().try_fold(None, add)?;
     sum.ok_or_else(|| Error::new("VOLUMES", "none", "wanted at least one"))
-}
-
-fn keeps(score: &Score, most: f64) -> bool {
-    score.outside_share.is_some_and(|share| share <= most)
 }

@@ -1,6 +1,6 @@
 //! `divergence`: a vector field without the truth.
 
-use super::{Picture, at_most, check_inputs, components, number, pixel_mm, print, verdict};
+use super::{Picture, at_most, check_inputs, components, is_at_most, number, pixel_mm, print, verdict};
 use lf_core::cli::{Session, Verdict};
 use lf_core::field::Field;
 use lf_core::{Result, io};
@@ -48,6 +48,5 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
             io::name(&arguments.field)
         ));
     }
-    let keeps = arguments.max_divergence.is_none_or(|most| score.rms <= most);
-    Ok(verdict(keeps && at_most(score.noise.px(), noise_px)))
+    Ok(verdict(is_at_most(Some(score.rms), arguments.max_divergence) && at_most(score.noise.px(), noise_px)))
 }

@@ -1,6 +1,6 @@
 //! `elongation`: how large reconstructed particles are.
 
-use super::{Picture, check_inputs, counts, light, pixel_mm, print, verdict};
+use super::{Picture, at_most, check_inputs, counts, light, pixel_mm, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, io, particles};
@@ -67,7 +67,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let of = format!("of {particles}, {missed} missed, {merged} merged, {cut} cut");
         session.warn(format!("{}: no particle could be measured: {of}", pairs[0].1.name()));
     }
-    Ok(verdict(arguments.max_diameter.is_none_or(|most| keeps(&score, most))))
+    Ok(verdict(at_most(Some(score.diameter.vox.median), arguments.max_diameter)))
 }
 
 fn read(pair: &[&Path], frame: usize) -> Result<(Vec<[f64; 3]>, Volume)> {
@@ -82,8 +82,4 @@ fn read(pair: &[&Path], frame: usize) -> Result<(Vec<[f64; 3]>, Volume)> {
         return Err(Error::new(io::name(table), found, "wanted a frame that it has"));
     }
     Ok((places, Volume::open(volume)?))
-}
-
-fn keeps(score: &Elongation, most_vox: [f64; 3]) -> bool {
-    (0..3).all(|axis| score.diameter.vox.median[axis] <= most_vox[axis])
 }

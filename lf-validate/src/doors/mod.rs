@@ -113,8 +113,13 @@ fn at_most(found: Option<[f64; 3]>, limits: Option<[f64; 3]>) -> bool {
     found.is_some_and(|found| found.iter().zip(limits).all(|(found, limit)| *found <= limit))
 }
 
+/// The same of one number.
+fn is_at_most(found: Option<f64>, limit: Option<f64>) -> bool {
+    limit.is_none_or(|limit| found.is_some_and(|found| found <= limit))
+}
+
 /// A pixel at the focal plane of a camera, where there is one, mm.
 fn pixel_mm(camera: Option<&Path>) -> Result<Option<f64>> {
     let camera = camera.map(Camera::open).transpose()?;
-    Ok(camera.map(|camera| camera.voxel_spacing_mm([1.0; 3])[0]))
+    Ok(camera.as_ref().map(Camera::pixel_in_focus_mm))
 }

@@ -1,6 +1,6 @@
 //! `quality`: a volume against the true one.
 
-use super::{Picture, check_inputs, counts, light, number, print, verdict};
+use super::{Picture, check_inputs, counts, is_at_most, light, number, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result};
@@ -65,9 +65,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 
 /// A share that does not exist keeps no limit.
 fn keeps(score: &Quality, arguments: &Arguments) -> bool {
-    let below =
-        |share: Option<f64>, most: Option<f64>| most.is_none_or(|most| share.is_some_and(|share| share <= most));
     arguments.min_q.is_none_or(|least| score.q >= least)
-        && below(score.ghost_share, arguments.max_ghosts)
-        && below(score.missed_share, arguments.max_missed)
+        && is_at_most(score.ghost_share, arguments.max_ghosts)
+        && is_at_most(score.missed_share, arguments.max_missed)
 }

@@ -70,7 +70,7 @@ fn flow(text: &str, file: &Path, name: &str, picture: &Picture, session: &Sessio
     session.keep_apart(Path::new("-"), &files)?;
     picture.check(&files, session)?;
     let camera = motion.camera.open(folder, name)?;
-    let pixel_mm = camera.voxel_spacing_mm([1.0; 3])[0];
+    let pixel_mm = camera.pixel_in_focus_mm();
     let velocity = flow.open(motion.volume.bounds_mm(), pixel_mm, name)?;
     Ok(Truth::Flow { velocity, interval })
 }

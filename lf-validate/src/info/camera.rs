@@ -44,7 +44,7 @@ pub fn camera(camera: &Camera) -> Sheet {
     sheet.line("lenslet image k D", format!("{} of the pitch: {verdict}", figures(fill)));
     let view = camera.half_view_mm().map(|half| 2.0 * half);
     sheet.line("seen in focus", format!("{} mm", by(&view)));
-    let pixel = camera.voxel_spacing_mm([1.0; 3])[0];
+    let pixel = camera.pixel_in_focus_mm();
     sheet.line("pixel in focus", format!("{} mm", figures(pixel)));
     for (label, width) in [("depth for one pixel", sensor.pixel_pitch_mm), ("depth for one lenslet", array.pitch_mm)] {
         let depth = depth_of_spread_mm(camera, width);

@@ -1,8 +1,7 @@
 //! What `--preset` sets. Measured again, it is changed here and nowhere else.
 
 use super::arguments::When;
-use clap::ValueEnum;
-use lf_core::cli::Preset;
+use lf_core::cli::{Preset, word};
 
 /// What one preset sets.
 pub struct Values {
@@ -25,19 +24,17 @@ const ACCURATE: Values = FAST;
 
 /// What a preset sets.
 pub fn values(preset: Preset) -> &'static Values {
-    match preset {
-        Preset::Fast => &FAST,
-        Preset::Balanced => &BALANCED,
-        Preset::Accurate => &ACCURATE,
-    }
+    preset.of([&FAST, &BALANCED, &ACCURATE])
 }
 
 impl Values {
     /// Its options, as they would be typed.
     pub fn typed(&self) -> [String; 3] {
-        let deform = self.deform.to_possible_value();
-        let deform = deform.as_ref().map_or("", |word| word.get_name());
-        [format!("--overlap {}", self.overlap), format!("--deform {deform}"), format!("--repeats {}", self.repeats)]
+        [
+            format!("--overlap {}", self.overlap),
+            format!("--deform {}", word(&self.deform)),
+            format!("--repeats {}", self.repeats),
+        ]
     }
 }
 
