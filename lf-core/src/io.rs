@@ -3,6 +3,8 @@
 //! Inputs carry bytes, not names: a plain file is mapped, by name or by `<`, anything else is read to its end, and what
 //! follows cannot tell the two apart. An output appears under its name complete, or the name is left as it was.
 
+mod draft;
+
 use crate::{Error, Result};
 use std::fs::{self, File, Metadata, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, IsTerminal, Read, Seek, SeekFrom, Write};
@@ -215,31 +217,16 @@ fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Resul
                 Some(folder) if folder != Path::new("") => folder,
                 _ => Path::new("."),
             };
-            let temporary = tempfile::Builder::new()
-                .prefix(".lf-")
-                .suffix(".part")
-                .permissions(Permissions::from_mode(0o666))
-                .tempfile_in(folder)
-                .map_err(|error| failed(without_path(error)))?;
-            let (file, temporary) = temporary.into_parts();
+            let (file, draft) = draft::begin(folder).map_err(failed)?;
             let file = fill_and_flush(file, fill).map_err(failed)?;
             if let Some(old) = old {
                 file.set_permissions(old).map_err(failed)?;
             }
             file.sync_all().map_err(failed)?;
-            temporary.persist(&place).map_err(|refused| failed(refused.error))?;
+            draft.finish(&file, &place, folder).map_err(failed)?;
         }
     }
     Ok(())
-}
-
-/// tempfile wraps its errors with the temporary's name, which means nothing to a user.
-fn without_path(error: io::Error) -> io::Error {
-    let code = error.raw_os_error().or_else(|| {
-        let source = std::error::Error::source(error.get_ref()?)?;
-        source.downcast_ref::<io::Error>()?.raw_os_error()
-    });
-    code.map_or_else(|| error.kind().into(), io::Error::from_raw_os_error)
 }
 
 fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<File> {

@@ -1,0 +1,91 @@
+//! An output before it is whole.
+//!
+//! Where the file system can (Linux: O_TMPFILE), it has no name until then, so that a process that is killed leaves
+//! nothing behind. Elsewhere, NFS among them, it is `.lf-*.part` beside its place, and a killed process leaves that.
+
+use std::fs::{File, Permissions};
+use std::io;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use tempfile::{Builder, TempPath};
+
+/// Read and written by everybody whom the umask lets.
+const MODE: u32 = 0o666;
+
+/// What stands between a draft and its name.
+pub(super) enum Draft {
+    Nameless,
+    Named(TempPath),
+}
+
+/// An empty draft in a folder.
+pub(super) fn begin(folder: &Path) -> io::Result<(File, Draft)> {
+    if let Some(file) = nameless(folder) {
+        return Ok((file, Draft::Nameless));
+    }
+    let named = names().permissions(Permissions::from_mode(MODE)).tempfile_in(folder).map_err(without_path)?;
+    let (file, path) = named.into_parts();
+    Ok((file, Draft::Named(path)))
+}
+
+impl Draft {
+    /// Gives the draft, whose file is whole, its name in place of whatever had it.
+    pub fn finish(self, file: &File, place: &Path, folder: &Path) -> io::Result<()> {
+        match self {
+            Self::Named(path) => path.persist(place).map_err(|refused| refused.error),
+            // A name cannot be taken over by a link, only by a rename: the draft has one of its own for a moment.
+            Self::Nameless => {
+                let named = names().make_in(folder, |path| link(file, path)).map_err(without_path)?;
+                named.into_temp_path().persist(place).map_err(|refused| refused.error)
+            }
+        }
+    }
+}
+
+fn names() -> Builder<'static, 'static> {
+    let mut names = Builder::new();
+    names.prefix(".lf-").suffix(".part");
+    names
+}
+
+/// tempfile wraps its errors with the temporary's name, which means nothing to a user.
+fn without_path(error: io::Error) -> io::Error {
+    let code = error.raw_os_error().or_else(|| {
+        let source = std::error::Error::source(error.get_ref()?)?;
+        source.downcast_ref::<io::Error>()?.raw_os_error()
+    });
+    code.map_or_else(|| error.kind().into(), io::Error::from_raw_os_error)
+}
+
+/// None where the system has no such files, or could not name one later.
+#[cfg(target_os = "linux")]
+fn nameless(folder: &Path) -> Option<File> {
+    use std::os::unix::fs::OpenOptionsExt;
+    if !Path::new(DESCRIPTORS).is_dir() {
+        return None;
+    }
+    let flags = rustix::fs::OFlags::TMPFILE.bits() as i32;
+    File::options().read(true).write(true).mode(MODE).custom_flags(flags).open(folder).ok()
+}
+
+/// Where Linux shows a process its open files.
+#[cfg(target_os = "linux")]
+const DESCRIPTORS: &str = "/proc/self/fd";
+
+#[cfg(target_os = "linux")]
+fn link(file: &File, path: &Path) -> io::Result<()> {
+    use rustix::fs::{AtFlags, CWD, linkat};
+    use std::os::fd::AsRawFd;
+    let opened = format!("{DESCRIPTORS}/{}", file.as_raw_fd());
+    Ok(linkat(CWD, opened, CWD, path, AtFlags::SYMLINK_FOLLOW)?)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn nameless(_: &Path) -> Option<File> {
+    None
+}
+
+#[cfg(not(target_os = "linux"))]
+fn link(_: &File, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
