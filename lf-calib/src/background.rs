@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// whatever the number of frames, floor(q (n - 1)) + 2 planes for a quantile.
 #[derive(Debug, Clone)]
 pub struct Background {
-    position: f64,
+    quantile: f64,
     planes: usize,
     frames: usize,
     shape: Option<(usize, usize)>,
@@ -21,7 +21,7 @@ pub struct Background {
 }
 
 impl Background {
-    /// Of this many frames, the quantile 0 to 1.
+    /// Of at most this many frames, the quantile 0 to 1.
     ///
     /// # Panics
     /// If there are no frames or the quantile is outside 0 to 1.
@@ -29,7 +29,7 @@ impl Background {
         assert!(frames > 0 && (0.0..=1.0).contains(&quantile));
         let position = quantile * (frames - 1) as f64;
         let planes = position.ceil() as usize + 1;
-        Self { position, planes, frames: 0, shape: None, lowest: Vec::new() }
+        Self { quantile, planes, frames: 0, shape: None, lowest: Vec::new() }
     }
 
     /// Takes in a frame.
@@ -59,9 +59,10 @@ impl Background {
         Ok(())
     }
 
-    /// The background of the frames taken in; none of no frame.
+    /// The background of the frames taken in, which may be fewer than were promised; none of no frame.
     pub fn finish(self) -> Option<Array2<f32>> {
-        let (below, share) = (self.position.floor() as usize, self.position.fract() as f32);
+        let position = self.quantile * self.frames.checked_sub(1)? as f64;
+        let (below, share) = (position.floor() as usize, position.fract() as f32);
         let values = self
             .lowest
             .par_chunks(self.planes)
@@ -70,8 +71,7 @@ impl Background {
                 lowest[below] + share * (above - lowest[below])
             })
             .collect();
-        let shape = self.shape.filter(|_| self.frames > 0)?;
-        Array2::from_shape_vec(shape, values).ok()
+        Array2::from_shape_vec(self.shape?, values).ok()
     }
 }
 
@@ -104,6 +104,15 @@ mod tests {
     fn the_minimum_keeps_one_plane_for_any_number_of_frames() {
         assert_eq!(Background::new(1_000_000, 0.0).planes, 1);
         assert_eq!(Background::new(1001, 0.05).planes, 51);
+    }
+
+    #[test]
+    fn fewer_frames_than_promised_are_the_same_as_so_many() {
+        for quantile in [0.0, 0.07, 0.25, 0.5] {
+            let mut background = Background::new(40, quantile);
+            frames().iter().for_each(|frame| background.add(frame).unwrap());
+            assert_eq!(background.finish(), Some(self::background(quantile)));
+        }
     }
 
     #[test]

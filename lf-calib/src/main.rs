@@ -96,6 +96,10 @@ enum Task {
         /// Quantile from 0, the minimum, to 0.5
         #[arg(long, value_name = "Q", default_value_t = 0.0)]
         quantile: f64,
+        /// Leave out, with a warning, frames that cannot be read or that have another size than this camera's sensor; else
+        /// they are an error
+        #[arg(short, long, value_name = "FILE")]
+        camera: Option<PathBuf>,
         /// Background image (EXR), - for standard output
         #[arg(short, long, value_name = "FILE", default_value = "-")]
         output: PathBuf,
@@ -116,7 +120,9 @@ fn main() -> ExitCode {
             Task::Refine { frames, camera, depth, background, output } => {
                 doors::drift(frames, camera, background.as_deref(), *depth, output, session)
             }
-            Task::Background { frames, quantile, output } => doors::background(frames, *quantile, output, session),
+            Task::Background { frames, quantile, camera, output } => {
+                doors::background(frames, *quantile, camera.as_deref(), output, session)
+            }
         },
     )
 }

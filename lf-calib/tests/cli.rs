@@ -167,6 +167,31 @@ fn background_is_the_minimum_or_a_quantile() {
     assert_eq!((lowest[(1, 2)], low[(1, 2)]), (1.0, 3.5));
 }
 
+// One broken file among hundreds stopped a whole campaign.
+#[test]
+fn a_background_leaves_out_what_is_not_the_cameras() {
+    let place = Place::new();
+    let nominal = fs::read_to_string(place.path("nominal.json")).unwrap();
+    fs::write(
+        place.path("small.json"),
+        nominal.replace("\"width\": 280, \"height\": 280", "\"width\": 7, \"height\": 5"),
+    )
+    .unwrap();
+    let whole = fs::read(place.path("frame-1.exr")).unwrap();
+    fs::write(place.path("cut.exr"), &whole[..whole.len() / 2]).unwrap();
+    place.done("background frame-0.exr frame-2.exr --quantile 0.3 -o two.exr");
+    let lenient = place
+        .done("background cut.exr frame-0.exr none.exr white.exr frame-2.exr -c small.json --quantile 0.3 -o some.exr");
+    let [two, some] = ["two.exr", "some.exr"].map(|name| image::open(&place.path(name)).unwrap().pixels);
+    assert_eq!(two, some);
+    let said = String::from_utf8(lenient.stderr).unwrap();
+    let lines: Vec<&str> = said.lines().collect();
+    assert!(lines.len() == 3 && lines.iter().all(|line| line.starts_with("lf-calib: warning: left out: ")), "{said}");
+    assert!(said.contains("white.exr: 280 x 280 px; wanted 7 x 5 px, the camera's sensor"), "{said}");
+    place.refused("background cut.exr -c small.json -o out.exr", "cut.exr: ");
+    assert!(!place.path("out.exr").exists());
+}
+
 #[test]
 fn stats_say_what_was_processed() {
     let place = Place::new();
