@@ -198,6 +198,7 @@ const USES: &[Use] = &[
     },
     Use { tool: "lf-validate", words: &[Plain("displacement"), Input(Kind::Scene), Input(Kind::Field)], pipes: false },
     Use { tool: "lf-validate", words: &[Plain("divergence"), Input(Kind::Field)], pipes: true },
+    Use { tool: "lf-validate", words: &[Plain("ensemble"), Input(Kind::Field)], pipes: true },
     Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Camera)], pipes: true },
     Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Scene)], pipes: true },
     Use { tool: "lf-validate", words: &[Plain("info"), Input(Kind::Image)], pipes: true },

@@ -9,6 +9,7 @@ pub mod depth;
 pub mod displacement;
 pub mod divergence;
 pub mod elongation;
+pub mod ensemble;
 pub mod info;
 pub mod json;
 pub mod line;

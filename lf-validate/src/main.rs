@@ -3,7 +3,7 @@
 mod doors;
 
 use clap::{Parser, Subcommand};
-use doors::{curves, depth, displacement, divergence, elongation, info, line, quality, trade};
+use doors::{curves, depth, displacement, divergence, elongation, ensemble, info, line, quality, trade};
 use lf_core::cli::{self, Common};
 use std::process::ExitCode;
 
@@ -92,6 +92,15 @@ enum Command {
     ///
     /// pdf: density of the divergence, in bins of a fifth of sigma to 8 sigma.
     Divergence(divergence::Arguments),
+    /// Mean, fluctuations and vorticity of many fields of one flow
+    ///
+    /// Only measured vectors count; replaced ones repeat their neighbours. -o mean.exr is a field like any other, its
+    /// uncertainty that of the mean by the scatter of the fields; -o all.vti, for ParaView, holds mean, RMS and products of the
+    /// fluctuations, vorticity and the number of vectors. The numbers printed are RMS over the places, along x, y and z:
+    /// of the mean, of the fluctuations (by n - 1; noise is a part of them), of the mean's uncertainty, of the vorticity of
+    /// the mean (1, or 1/s where fields know the time between their volumes). The picture is a slice: mean with arrows,
+    /// the mean through it, RMS of u, v, w, and the vorticity through it.
+    Ensemble(ensemble::Arguments),
     /// What any of the chain's files is, in one screen
     Info(info::Arguments),
     /// One run as one line of JSON, of its settings and of what tools wrote about it
@@ -130,6 +139,7 @@ fn main() -> ExitCode {
             Command::Depth(arguments) => depth::judge(arguments, session),
             Command::Displacement(arguments) => displacement::judge(arguments, session),
             Command::Divergence(arguments) => divergence::judge(arguments, session),
+            Command::Ensemble(arguments) => ensemble::average(arguments, session),
             Command::Info(arguments) => info::describe(arguments, session),
             Command::Line(arguments) => line::join(arguments, session),
             Command::Curves(arguments) => curves::plot(arguments, session),

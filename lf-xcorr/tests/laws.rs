@@ -2,9 +2,9 @@
 
 mod scene;
 
-use lf_core::field::{Field, Layout, MEASURED, NO_DATA, REPLACED};
+use lf_core::field::{Cut, Field, Layout, MEASURED, NO_DATA, REPLACED};
 use lf_core::grid::Grid;
-use lf_xcorr::plot::{self, Cut};
+use lf_xcorr::plot;
 use lf_xcorr::{Error, Options, Side, Sparse, correlate};
 use scene::Volume;
 

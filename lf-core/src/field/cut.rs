@@ -1,12 +1,13 @@
 //! Where a field is cut for a picture.
 
-use super::Refusal;
-use super::numbers::short;
-use lf_core::field::Layout;
+use super::Layout;
 use std::str::FromStr;
 
+/// What was found and what was wanted.
+type Refusal = (String, String);
+
 /// The letters of the axes.
-pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// A plane across one axis of a field. As text it is `z` (the middle) or `z=0.5` (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,9 +57,12 @@ impl Cut {
     }
 
     /// The layer of vectors nearest to the place.
-    pub(super) fn layer(&self, layout: &Layout) -> Result<usize, Refusal> {
+    ///
+    /// # Errors
+    /// A place outside the field: what was found and what was wanted.
+    pub fn layer(&self, layout: &Layout) -> Result<usize, Refusal> {
         let (axis, count) = (self.axis, layout.shape[self.axis]);
-        self.check(bounds_mm(layout, axis), "field")?;
+        self.check(layout.bounds_mm(axis), "field")?;
         Ok(self.place_mm.map_or(count / 2, |mm| {
             let layer = (mm - layout.origin_mm[axis]) / layout.spacing_mm[axis];
             (layer.round().max(0.0) as usize).min(count - 1)
@@ -66,10 +70,10 @@ impl Cut {
     }
 }
 
-/// Extent of a field along an axis, mm: half a distance between vectors beyond the outermost.
-pub(super) fn bounds_mm(layout: &Layout, axis: usize) -> [f64; 2] {
-    let low = layout.origin_mm[axis] - 0.5 * layout.spacing_mm[axis];
-    [low, low + layout.shape[axis] as f64 * layout.spacing_mm[axis]]
+/// A place on an axis of length `span`, to a thousandth of its power of ten. As an `f32` it prints without a tail.
+fn short(place: f64, span: f64) -> f32 {
+    let step = 10f64.powf(span.log10().floor() - 3.0);
+    ((place / step).round() * step + 0.0) as f32
 }
 
 #[cfg(test)]

@@ -52,6 +52,12 @@ impl Serialize for Units {
 }
 
 impl Layout {
+    /// Extent of the field along an axis, mm: half a distance between vectors beyond the outermost.
+    pub fn bounds_mm(&self, axis: usize) -> [f64; 2] {
+        let low = self.origin_mm[axis] - 0.5 * self.spacing_mm[axis];
+        [low, low + self.shape[axis] as f64 * self.spacing_mm[axis]]
+    }
+
     /// The JSON of the attribute `lf:field`, units included.
     ///
     /// # Errors

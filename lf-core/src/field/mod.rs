@@ -8,10 +8,13 @@
 //! velocity, mm/s, as well where the time between the volumes is known.
 
 mod csv;
+mod cut;
 mod layout;
 mod vti;
 
+pub use cut::Cut;
 pub use layout::Layout;
+pub use vti::Array;
 
 use crate::image::{exr, guarded};
 use crate::{Error, Result, io};
@@ -45,6 +48,22 @@ const COMPONENTS: [(&str, &str); 10] = [
 const REQUIRED: [&str; 9] = ["u", "v", "w", "peak", "ratio", "su", "sv", "sw", "flag"];
 /// The channel that a file may lack.
 const COUNT: &str = "count";
+
+/// Writes arrays at the places of a layout as `.vti`, for what a [`Field`] has no component for. The first has three
+/// components; ParaView shows it first.
+///
+/// # Errors
+/// Those of writing, and a layout that is none.
+///
+/// # Panics
+/// Where an array's length is not the layout's.
+pub fn save_arrays(path: &Path, layout: &Layout, arrays: &[Array]) -> Result<()> {
+    layout.check().map_err(|(found, wanted)| Error::new(io::output_name(path), found, wanted))?;
+    for array in arrays {
+        assert_eq!(Some(array.values.len() / array.components), layout.checked_len(), "length of {}", array.name);
+    }
+    io::save(path, |out| vti::write(layout, arrays, out))
+}
 
 /// A field of vectors, each component in the order x fastest, then y, then z.
 #[derive(Debug, Clone, PartialEq)]
@@ -184,7 +203,7 @@ impl Field {
                 let bytes = guarded(|| self.to_exr()).map_err(refused)?;
                 io::save(path, |out| out.write_all(&bytes))
             }
-            Some("vti") => io::save(path, |out| vti::write(self, out)),
+            Some("vti") => io::save(path, |out| vti::write(&self.layout, &self.to_arrays(), out)),
             Some("csv") => io::save_text(path, |out| csv::write(self, out)),
             Some(other) => Err(refused((format!("the extension .{other}"), "wanted .exr, .vti or .csv".into()))),
         }
@@ -200,6 +219,24 @@ impl Field {
     fn velocity_mm_s(&self, i: usize) -> Option<[f32; 3]> {
         let dt_s = self.layout.dt_s?;
         Some([self.u[i], self.v[i], self.w[i]].map(|mm| (f64::from(mm) / dt_s) as f32))
+    }
+
+    /// What a `.vti` holds of it.
+    fn to_arrays(&self) -> Vec<Array> {
+        let [u, v, w, peak, ratio, su, sv, sw, flag, count] = self.components();
+        let mut arrays = vec![
+            Array::vectors("displacement_mm", [u, v, w]),
+            Array::vectors("uncertainty_mm", [su, sv, sw]),
+            Array::scalars("peak", peak),
+            Array::scalars("ratio", ratio),
+            Array::scalars("flag", flag),
+            Array::scalars("count", count),
+        ];
+        if self.layout.dt_s.is_some() {
+            let velocities = (0..self.len()).filter_map(|i| self.velocity_mm_s(i)).flatten().collect();
+            arrays.push(Array { name: "velocity_mm_s", components: 3, values: velocities });
+        }
+        arrays
     }
 
     fn to_exr(&self) -> std::result::Result<Vec<u8>, (String, String)> {

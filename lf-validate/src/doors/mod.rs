@@ -5,6 +5,7 @@ pub mod depth;
 pub mod displacement;
 pub mod divergence;
 pub mod elongation;
+pub mod ensemble;
 pub mod info;
 pub mod line;
 pub mod quality;

@@ -4,12 +4,14 @@ mod depth;
 mod displacement;
 mod divergence;
 mod elongation;
+mod ensemble;
 mod quality;
 
 pub use depth::depth;
 pub use displacement::displacement;
 pub use divergence::divergence;
 pub use elongation::elongation;
+pub use ensemble::ensemble;
 pub use quality::quality;
 
 use crate::plot::Axis;

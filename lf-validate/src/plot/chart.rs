@@ -112,7 +112,15 @@ pub enum Mark {
         /// First and last x.
         x: [f64; 2],
     },
-    /// Values over the plane as colours, with a bar that tells them. A value that is not finite is grey.
+    /// Vectors, drawn from half before to half behind their places; of those that are not finite nothing is.
+    Arrows {
+        /// Places (x, y).
+        points: Vec<[f64; 2]>,
+        /// How far each reaches along x and y.
+        vectors: Vec<[f64; 2]>,
+    },
+    /// Values over the plane as colours, with a bar that tells them. A value that is not finite is grey. A scale whose range
+    /// is given and symmetric about 0 runs from blue over white to red.
     ///
     /// Cells beyond what a picture can hold are drawn as means of blocks, and a note under the title says so.
     Map {
@@ -174,7 +182,7 @@ impl Mark {
         Self::Reference { name: name.into(), place }
     }
 
-    /// The name in the key, empty for a map.
+    /// The name in the key, empty for a map and for arrows.
     pub(super) fn name(&self) -> &str {
         match self {
             Self::Line { name, .. }
@@ -182,7 +190,7 @@ impl Mark {
             | Self::Points { name, .. }
             | Self::Reference { name, .. }
             | Self::Region { name, .. } => name,
-            Self::Map { .. } => "",
+            Self::Arrows { .. } | Self::Map { .. } => "",
         }
     }
 
@@ -244,6 +252,7 @@ impl Mark {
                 }
                 Err((format!("a map over x {x:?} and y {y:?}"), "wanted edges that differ".into()))
             }
+            Self::Arrows { points, vectors } => agree(vectors.len(), "vectors", points.len()),
             Self::Reference { .. } | Self::Region { .. } => Ok(()),
         }
     }

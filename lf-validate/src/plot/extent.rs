@@ -78,6 +78,7 @@ fn values(mark: &Mark, panel: &Panel, which: usize, seen: &dyn Fn(f64) -> bool) 
         }
         Mark::Reference { place: Place::Vertical(x), .. } if which == 0 => vec![*x],
         Mark::Reference { place: Place::Horizontal(y), .. } if which == 1 => vec![*y],
+        Mark::Arrows { points, .. } => points.iter().map(|point| point[which]).collect(),
         Mark::Map { x, y, .. } => [x, y][which].to_vec(),
         Mark::Reference { .. } | Mark::Region { .. } => Vec::new(),
     }

@@ -150,6 +150,7 @@ fn entries(panel: &Panel, looks: &Looks) -> Vec<Entry> {
                 add(name, &[Symbol::Region(regions)]);
                 regions += 1;
             }
+            Mark::Arrows { .. } => {}
             Mark::Map { .. } => {
                 if map::has_empty(mark) {
                     add("no data", &[Symbol::Empty]);

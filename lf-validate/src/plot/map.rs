@@ -2,7 +2,7 @@
 
 use super::chart::Mark;
 use super::extent::around;
-use super::palette::{EMPTY, sequence};
+use super::palette::{EMPTY, scale};
 use super::scale::Range;
 use super::view::{View, rounded};
 use super::{Area, Drawn, words};
@@ -47,6 +47,7 @@ pub(super) fn cells(area: &Area, view: &View, mark: &Mark) -> Drawn<()> {
         let [first, last] = [x, y][axis];
         first + (last - first) * n as f64 / blocks.cells[axis] as f64
     };
+    let colours = scale(&range);
     for (row, columns, level) in runs(&blocks, range) {
         let corners = [[columns[0], row], [columns[1], row + 1]].map(|[i, j]| view.at([edge(0, i), edge(1, j)]));
         let [low, high] = [f64::min as fn(f64, f64) -> f64, f64::max].map(|pick| {
@@ -55,7 +56,7 @@ pub(super) fn cells(area: &Area, view: &View, mark: &Mark) -> Drawn<()> {
         });
         let [from, to] = [rounded(low), rounded(high)];
         if from.0 < to.0 && from.1 < to.1 {
-            let colour = level.map_or(EMPTY, |level| sequence(f64::from(level) / LEVELS));
+            let colour = level.map_or(EMPTY, |level| colours(f64::from(level) / LEVELS));
             area.draw(&Rectangle::new([from, to], colour.filled())).map_err(words)?;
         }
     }

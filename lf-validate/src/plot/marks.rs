@@ -1,5 +1,6 @@
 //! What stands in a panel, from the back to the front.
 
+use super::arrows::arrows;
 use super::chart::{Mark, Place, Style};
 use super::clip::{At, dashes};
 use super::labels::labels;
@@ -81,6 +82,7 @@ pub(super) fn marks(area: &Area, view: &View) -> Drawn<usize> {
                 let places: Vec<At> = points.iter().map(|point| view.at(*point)).collect();
                 markers(area, view, &places, look)?;
             }
+            Mark::Arrows { points, vectors } => arrows(area, view, points, vectors)?,
             Mark::Reference { .. } | Mark::Region { .. } | Mark::Map { .. } => {}
         }
     }

@@ -5,6 +5,7 @@
 //!
 //! Convention: what a name means stands in the key above its panel; y runs upwards unless its range says otherwise.
 
+mod arrows;
 mod chart;
 mod clip;
 mod extent;

@@ -1,5 +1,6 @@
 //! Colours and markers that are told apart with any eyes, and in grey.
 
+use super::scale::Range;
 use super::{Area, Drawn, words};
 use plotters::prelude::*;
 
@@ -43,12 +44,27 @@ const SEQUENCE: [[f64; 3]; 9] = [
     [253.0, 231.0, 37.0],
 ];
 
-/// The colour of a share of a map's scale, 0 to 1.
-pub(super) fn sequence(share: f64) -> RGBColor {
-    let place = share.clamp(0.0, 1.0) * (SEQUENCE.len() - 1) as f64;
-    let below = (place as usize).min(SEQUENCE.len() - 2);
+/// Constant: blue, white and red that end light enough for ink, for values about 0.
+const SIGNED: [[f64; 3]; 7] = [
+    [62.0, 118.0, 186.0],
+    [126.0, 168.0, 214.0],
+    [192.0, 213.0, 234.0],
+    [248.0, 247.0, 244.0],
+    [247.0, 208.0, 188.0],
+    [230.0, 150.0, 124.0],
+    [202.0, 86.0, 70.0],
+];
+
+/// The colours of a map whose scale has this range: signed where it is symmetric about 0, by share from 0 to 1.
+pub(super) fn scale(range: &Range) -> fn(f64) -> RGBColor {
+    if range.first == -range.last { |share| between(&SIGNED, share) } else { |share| between(&SEQUENCE, share) }
+}
+
+fn between(colours: &[[f64; 3]], share: f64) -> RGBColor {
+    let place = share.clamp(0.0, 1.0) * (colours.len() - 1) as f64;
+    let below = (place as usize).min(colours.len() - 2);
     let [r, g, b] = [0, 1, 2].map(|channel| {
-        let [low, high] = [SEQUENCE[below][channel], SEQUENCE[below + 1][channel]];
+        let [low, high] = [colours[below][channel], colours[below + 1][channel]];
         (low + (high - low) * (place - below as f64)).round() as u8
     });
     RGBColor(r, g, b)
@@ -96,6 +112,7 @@ mod tests {
 
     #[test]
     fn the_sequence_grows_lighter() {
+        let sequence = scale(&Range { first: 0.0, last: 1.0, is_log: false });
         let grey = |share: f64| {
             let RGBColor(r, g, b) = sequence(share);
             0.30 * f64::from(r) + 0.59 * f64::from(g) + 0.11 * f64::from(b)
@@ -104,5 +121,8 @@ mod tests {
         assert!(greys.windows(2).all(|pair| pair[0] < pair[1] + 0.5), "{greys:?}");
         assert_eq!(sequence(-1.0), sequence(0.0));
         assert_eq!(sequence(2.0), RGBColor(253, 231, 37));
+        let signed = scale(&Range { first: -2.0, last: 2.0, is_log: false });
+        let RGBColor(r, g, b) = signed(0.5);
+        assert!(r.min(g).min(b) > 240);
     }
 }

@@ -4,7 +4,7 @@ use super::chart::{Axis, Mark, Panel};
 use super::clip::Frame;
 use super::extent::ranges;
 use super::key::Key;
-use super::palette::{GRID, INK, sequence};
+use super::palette::{GRID, INK, scale};
 use super::scale::{Range, Tick, Way, ticks};
 use super::text::{From, NAME_PX, TEXT_PX, text, upright, width, wrap};
 use super::view::{Looks, View, rounded};
@@ -166,6 +166,7 @@ impl<'a> Prepared<'a> {
         let holds = |[x, y]: &[f64; 2]| self.panel.x.holds(*x) && self.panel.y.holds(*y);
         self.panel.marks.iter().any(|mark| match mark {
             Mark::Line { points, .. } | Mark::Points { points, .. } => points.iter().any(holds),
+            Mark::Arrows { points, .. } => points.iter().any(holds),
             Mark::Steps { values, .. } => values.iter().any(|value| value.is_finite()),
             Mark::Map { .. } => map::range(mark).is_some(),
             Mark::Reference { .. } | Mark::Region { .. } => false,
@@ -184,8 +185,9 @@ impl Bar<'_> {
 
     fn draw(&self, area: &Area, [left, top]: [i32; 2], height: i32) -> Drawn<()> {
         let right = left + BAR;
+        let colours = scale(&self.range);
         for y in 0..height {
-            let colour = sequence(1.0 - (f64::from(y) + 0.5) / f64::from(height));
+            let colour = colours(1.0 - (f64::from(y) + 0.5) / f64::from(height));
             area.draw(&Rectangle::new([(left, top + y), (right, top + y + 1)], colour.filled())).map_err(words)?;
         }
         area.draw(&Rectangle::new([(left, top), (right, top + height)], INK)).map_err(words)?;

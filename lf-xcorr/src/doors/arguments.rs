@@ -3,8 +3,8 @@
 use super::preset;
 use clap::{Parser, ValueEnum};
 use lf_core::cli::{Common, Preset, Session, numbers};
+use lf_core::field::Cut;
 use lf_core::grid::Grid;
-use lf_xcorr::plot::Cut;
 use lf_xcorr::{Deform, Options, Pass, Route, triple};
 use std::ops::Range;
 use std::path::PathBuf;

@@ -1,6 +1,6 @@
 //! What stands about the chart: title, key, axes and the bar of colours.
 
-use super::cut::{AXES, bounds_mm};
+use super::AXES;
 use super::marks::{arrow, cut_short, empty};
 use super::numbers::{figures, round_below, short};
 use super::palette::{INK, colour};
@@ -54,7 +54,7 @@ impl Heading {
         let (quantity, unit) = view.quantity();
         let axis = AXES[view.through];
         let place = layout.origin_mm[view.through] + view.layer as f64 * layout.spacing_mm[view.through];
-        let [low, high] = bounds_mm(layout, view.through);
+        let [low, high] = layout.bounds_mm(view.through);
         let place = short(place, high - low);
         let (number, layers) = (view.layer + 1, layout.shape[view.through]);
         let title = format!("{quantity} at {axis} = {place} mm (layer {number} of {layers})");
@@ -136,7 +136,7 @@ impl Heading {
 
 /// Ticks and names of the two axes, and a frame. The chart ends `rest` pixels before the right and lower end of the canvas.
 pub(super) fn axes(area: &Area, view: &View, rest: [i32; 2]) -> Drawn<()> {
-    let [right, upright] = view.across.map(|axis| bounds_mm(&view.field.layout, axis));
+    let [right, upright] = view.across.map(|axis| view.field.layout.bounds_mm(axis));
     let spans = [right, upright].map(|[low, high]| high - low);
     let ticks = |px: i32| (px / 75).clamp(2, 10) as usize;
     let rows = if view.is_down() { upright[1]..upright[0] } else { upright[0]..upright[1] };

@@ -7,21 +7,21 @@
 //!
 //! Convention: x to the right or, across x, y; upright y runs down, as image rows do, and z up.
 
-mod cut;
 mod legend;
 mod marks;
 mod numbers;
 mod palette;
 mod view;
 
-pub use cut::Cut;
-
 use legend::{BAR_PX, Heading};
-use lf_core::field::Field;
+use lf_core::field::{Cut, Field};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::fmt::Display;
 use view::View;
+
+/// The letters of the axes.
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// What was found and what was wanted.
 pub type Refusal = (String, String);

@@ -1,9 +1,8 @@
 //! One layer of a field: what is drawn, how large, and where on the canvas.
 
 use super::Refusal;
-use super::cut::{Cut, bounds_mm};
 use super::numbers::quantile;
-use lf_core::field::{Field, MEASURED, NO_DATA, REPLACED};
+use lf_core::field::{Cut, Field, MEASURED, NO_DATA, REPLACED};
 
 /// Longer side of the chart, pixels: its most, its least, and the most a cell of it takes.
 const CHART_PX: f64 = 760.0;
@@ -152,7 +151,7 @@ impl<'a> View<'a> {
 
 /// The size of the chart in pixels, and the axis that is stretched to it with its factor.
 fn size(field: &Field, across: [usize; 2]) -> ([i32; 2], Option<(usize, f64)>) {
-    let extent = across.map(|axis| bounds_mm(&field.layout, axis)).map(|[low, high]| high - low);
+    let extent = across.map(|axis| field.layout.bounds_mm(axis)).map(|[low, high]| high - low);
     let counts = across.map(|axis| field.layout.shape[axis]);
     let long = usize::from(extent[1] > extent[0]);
     let flat = extent[long] / extent[1 - long];
