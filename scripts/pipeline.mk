@@ -1,48 +1,79 @@
-# From raw light-field images to velocity fields. Copy this file, set the first part, and run
+# From a folder of raw light-field frames to velocity fields and their mean. Copy this file, set the first part, and run
 #
-#     make -f pipeline.mk               every stage that is missing or older than its input
+#     make -f pipeline.mk               everything that is missing or older than its input
 #     make -f pipeline.mk -n            what would be run
 #     make -f pipeline.mk -j4 THREADS=1 several frames at once, one thread each
+#     make -f pipeline.mk -j200 RUN='srun -n1 -c4' THREADS=4      the same, each line a step of its own on Slurm
 #
-# Each file is made by one line below and appears whole or not at all, so a run that was stopped is taken up where it
-# ended. Settings are no prerequisites: after changing one, choose another OUT or delete what it made.
+# Each file is made by one line below and appears whole or not at all, so that what was stopped is taken up where it
+# ended. A frame that cannot be read fails alone: the others go on, the mean is that of the fields there are, and what
+# failed is named at the end. Settings are no prerequisites: after changing one, choose another OUT or delete what it made.
 # No name may hold a space. GNU make 3.82 or later.
 
-# The camera by its data sheets, and one or more white images taken with it.
+# The frames (TIFF, EXR or PNG): one name with % for the part that differs.
+FRAME = raw/%.tif
+
+# The pairs to correlate: two of those parts with one '-' between them. As it stands, every two frames whose parts end in
+# FIRST and SECOND and are the same before: raw/0001a.tif and raw/0001b.tif.
+FIRST = a
+SECOND = b
+PAIRS = $(foreach stem,$(stems),$(stem)$(FIRST)-$(stem)$(SECOND))
+
+# The camera by its data sheets, and one or more white images taken with it (none: NOMINAL is taken as calibrated).
 NOMINAL = nominal.json
 WHITE = white.exr
 
-# The frames (EXR, TIFF or PNG), % for the part of the name that differs, and the pairs to correlate: the two
-# differing parts with one '-' between them.
-FRAME = frame-%.exr
-PAIRS = 0000-0001
+# A dot target: its folder or images, and what lf-calib needs to know of it (--spacing 1.1 --depths -4,0,4). None: the main
+# lens is that of the data sheets.
+DOTS =
+DOTS_FLAGS =
 
-# An image to subtract from every frame, or nothing. `lf-calib background` makes one from many frames.
-BACKGROUND =
+# Frames with few bright particles, by their differing parts, by which drift since the calibration is mended. None: it is
+# not.
+REFINE =
+
+# What is subtracted from every frame: an image, 'auto' for a low quantile of all frames, or nothing. FIRST and SECOND
+# frames, which two lasers may light, have one each.
+BACKGROUND = auto
+QUANTILE = 0.05
 
 # The volume: pixels per voxel, depth and sides in mm (no sides: what the sensor sees).
 PVR = 1,1,10
 DEPTH = -5,5
 BOUNDS =
 
-# Pruning (auto: found from each frame) and reconstruction (sweeps, at most); --help of the tools says what else can
-# stand in the FLAGS.
-THRESHOLD = auto
-ITERATIONS = 60
+# Speed against accuracy: fast, balanced, accurate or nothing (--help of the tools). What else is set comes first.
+PRESET = balanced
+THRESHOLD =
+ITERATIONS =
 PRUNE_FLAGS =
 MART_FLAGS =
 
-# Interrogation windows of the first and the last pass, voxels.
-INITIAL = 320,320,32
-WINDOW = 160,160,16
-OVERLAP = 0.75
+# Interrogation windows of the first and the last pass, mm, and seconds between the frames of a pair, where known.
+INITIAL_MM = 1.76,1.76,1.76
+WINDOW_MM = 0.88,0.88,0.88
+DT =
 XCORR_FLAGS =
 
-# Where results go, where the tools are (empty: on the PATH; otherwise with a '/' at the end), and threads per tool
-# (0: all cores).
+# The slice of the mean that is drawn.
+SLICE = z
+
+# Where results go, where the tools are (empty: on the PATH; otherwise with a '/' at the end), and threads of each tool
+# (0: all cores). TIDY: delete a support once its volume is there.
 OUT = .
 BIN =
 THREADS = 0
+TIDY =
+
+# The stages: any program that takes the same words (README, "A stage of your own").
+CALIB = $(BIN)lf-calib
+PRUNE = $(BIN)lf-prune
+MART = $(BIN)lf-mart
+XCORR = $(BIN)lf-xcorr
+
+# What every recipe line begins with: how it gets to a machine. And how often a failed stage is begun in one call of make.
+RUN =
+TRIES = 1
 
 # Nothing below needs to change.
 
@@ -51,49 +82,120 @@ SHELL = /bin/sh
 .DELETE_ON_ERROR:
 .SECONDEXPANSION:
 
-CAMERA = $(OUT)/camera.json
+# The frames that are there, and what of their names comes before FIRST or SECOND.
+found := $(sort $(patsubst $(FRAME),%,$(wildcard $(subst %,*,$(FRAME)))))
+ends = $(patsubst %$1,%,$(filter %$1,$(found)))
+stems := $(sort $(call ends,$(FIRST)) $(call ends,$(SECOND)))
 split = $(subst -, ,$1)
-$(foreach pair,$(PAIRS),$(if $(filter 2,$(words $(call split,$(pair)))),,$(error PAIRS: '$(pair)' is not A-B)))
-names := $(sort $(call split,$(PAIRS)))
+pairs := $(PAIRS)
+$(if $(pairs),,$(error PAIRS: no pair of frames $(subst %,*$(FIRST),$(FRAME)) and $(subst %,*$(SECOND),$(FRAME))))
+$(foreach pair,$(pairs),$(if $(filter 2,$(words $(call split,$(pair)))),,$(error PAIRS: '$(pair)' is not A-B)))
+names := $(sort $(call split,$(pairs)))
+
+CAMERA = $(OUT)/camera.json
+LOG = $(OUT)/log
 supports := $(names:%=$(OUT)/support-%.lfv)
 volumes := $(names:%=$(OUT)/volume-%.lfv)
-fields := $(PAIRS:%=$(OUT)/field-%.exr)
-pictures := $(fields:.exr=.svg)
+fields := $(pairs:%=$(OUT)/field-%.exr)
 
-# What every stage writes beside its result: seconds, peak memory and counts.
-common = --threads $(THREADS) --stats $(basename $1).stats.json
-background = $(if $(BACKGROUND),-b $(BACKGROUND))
+.PHONY: all calibrate prune reconstruct correlate report
+.SECONDARY: $(supports) $(volumes)
 
-.PHONY: all calibrate prune reconstruct correlate
-all: correlate
+# Fields first, as many as can be made; then the mean of those that are there, and what is missing.
+again := $(MAKE) -f $(lastword $(MAKEFILE_LIST)) --no-print-directory
+all:
+	+@n=0; status=1; while [ $$status != 0 ] && [ $$n -lt $(TRIES) ]; do \
+	    $(again) -k correlate && status=0; n=$$((n + 1)); \
+	done; $(if $(findstring n,$(firstword -$(MAKEFLAGS))),,$(again) report &&) exit $$status
+
 calibrate: $(CAMERA)
 prune: $(supports)
 reconstruct: $(volumes)
-correlate: $(fields) $(pictures)
+correlate: $(fields)
 
-$(OUT):
+$(LOG):
 	mkdir -p $@
 
-$(CAMERA): $(WHITE) $(NOMINAL) | $(OUT)
-	$(BIN)lf-calib lattice $(WHITE) -c $(NOMINAL) $(call common,$@) -o $@
+# The report takes the fields as they are, whatever became of their frames.
+ifneq ($(MAKECMDGOALS),report)
 
-$(supports): $(OUT)/support-%.lfv: $(FRAME) $(CAMERA) $(BACKGROUND) | $(OUT)
-	$(BIN)lf-prune $< -c $(CAMERA) $(background) --pvr $(PVR) --depth $(DEPTH) $(if $(BOUNDS),--bounds $(BOUNDS)) \
-	    --threshold $(THRESHOLD) $(PRUNE_FLAGS) $(call common,$@) -o $@
+# What a stage says is kept in a log as well. A result that is older than what it is made of, and could not be made again,
+# is no result.
+log = $(LOG)/$(basename $(notdir $@)).txt
+step = @echo '$(strip $(RUN) $1 -o $@)'; \
+    $(RUN) $1 --threads $(THREADS) --stats $(basename $@).stats.json -o $@ 2> $(log); status=$$?; cat $(log) >&2; \
+    [ $$status = 0 ] && echo $@ >> $(LOG)/done.txt || { rm -f $@; exit 2; }
 
-$(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $(FRAME) $(CAMERA) $(BACKGROUND)
-	$(BIN)lf-mart $< -i $(word 2,$^) -c $(CAMERA) $(background) --iterations $(ITERATIONS) \
-	    $(MART_FLAGS) $(call common,$@) -o $@
+# Calibration: the lattice by white images, the main lens by a dot target, drift by particles; each begins with the camera
+# of the one before.
+lattice := $(if $(WHITE),$(OUT)/camera-lattice.json,$(NOMINAL))
+lens := $(if $(DOTS),$(OUT)/camera-volume.json,$(lattice))
+drift := $(if $(REFINE),$(OUT)/camera-refine.json,$(lens))
+in = $(patsubst %,$(FRAME),$1)
 
-# One run writes a field and its picture. The field is the target; the picture follows it, and is drawn anew by
-# another run only where somebody deleted it.
-volumes-of = $(patsubst %,$(OUT)/volume-%.lfv,$(call split,$1))
-lf-xcorr = $(BIN)lf-xcorr $(call volumes-of,$1) --initial $(INITIAL) --window $(WINDOW) --overlap $(OVERLAP) \
-    $(XCORR_FLAGS) --plot $(OUT)/field-$1.svg $(call common,$(OUT)/field-$1.exr) -o $(OUT)/field-$1.exr
+$(OUT)/camera-lattice.json: $(WHITE) $(NOMINAL) | $(LOG)
+	$(call step,$(CALIB) lattice $(WHITE) -c $(NOMINAL))
 
-$(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*)
-	$(call lf-xcorr,$*)
+$(OUT)/camera-volume.json: $(lattice) $(wildcard $(DOTS)) | $(LOG)
+	$(call step,$(CALIB) volume $(DOTS) $(DOTS_FLAGS) -c $<)
 
-$(pictures): $(OUT)/field-%.svg: $(OUT)/field-%.exr
-	@test -e $@ || $(call lf-xcorr,$*)
-	@touch $@
+$(OUT)/camera-refine.json: $(lens) $(call in,$(REFINE)) $$(call background-of,$$(firstword $$(REFINE))) | $(LOG)
+	$(call step,$(CALIB) refine $(call in,$(REFINE)) -c $< --depth $(DEPTH) $(call subtract,$(firstword $(REFINE))))
+
+$(CAMERA): $(drift) | $(LOG)
+	@cp $< $@.$$$$ && mv $@.$$$$ $@
+
+# The background is made once, of the frames that are there then: delete it to have it made anew. Frames that cannot be
+# read are left out of it.
+kind = $(if $(filter %$(FIRST),$1),$(FIRST),$(if $(filter %$(SECOND),$1),$(SECOND),all))
+background-of = $(if $(filter auto,$(BACKGROUND)),$(OUT)/background-$(call kind,$1).exr,$(BACKGROUND))
+subtract = $(addprefix -b ,$(call background-of,$1))
+
+$(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
+	$(call step,$(CALIB) background $(wildcard $(subst %,*$(filter-out all,$*),$(FRAME))) -c $< --quantile $(QUANTILE))
+
+# One line a stage.
+preset := $(addprefix --preset ,$(PRESET))
+
+$(supports): $(OUT)/support-%.lfv: $(FRAME) $(CAMERA) $$(call background-of,$$*) | $(LOG)
+	$(call step,$(PRUNE) $< -c $(CAMERA) $(call subtract,$*) --pvr $(PVR) --depth $(DEPTH) \
+	    $(addprefix --bounds ,$(BOUNDS)) $(preset) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS))
+
+$(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $(FRAME) $(CAMERA) $$(call background-of,$$*) | $(LOG)
+	$(call step,$(MART) $< -i $(word 2,$^) -c $(CAMERA) $(call subtract,$*) $(preset) \
+	    $(addprefix --iterations ,$(ITERATIONS)) $(MART_FLAGS))
+	$(if $(TIDY),@rm -f $<)
+
+volumes-of = $(foreach name,$(call split,$1),$(OUT)/volume-$(name).lfv)
+$(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) | $(LOG)
+	$(call step,$(XCORR) $(call volumes-of,$*) --initial-mm $(INITIAL_MM) \
+	    --window-mm $(WINDOW_MM) $(addprefix --dt ,$(DT)) $(preset) $(XCORR_FLAGS) --plot $(@:.exr=.svg))
+
+endif
+
+# The list of the fields changes when they do.
+there := $(wildcard $(fields))
+missing := $(filter-out $(there),$(fields))
+
+$(OUT)/fields.txt: FORCE | $(LOG)
+	@printf '%s\n' $(there) > $@.$$$$; cmp -s $@.$$$$ $@ && rm $@.$$$$ || mv $@.$$$$ $@
+FORCE:
+
+$(OUT)/mean.exr: $(OUT)/fields.txt $(there)
+	$(RUN) $(BIN)lf-validate ensemble $(there) --slice $(SLICE) --plot $(OUT)/mean.svg -o $(OUT)/mean.vti -o $@ \
+	    > $(OUT)/mean.json.$$$$ && mv $(OUT)/mean.json.$$$$ $(OUT)/mean.json || { rm $(OUT)/mean.json.$$$$; exit 2; }
+
+report: $(if $(there),$(OUT)/mean.exr)
+	@$(foreach field,$(missing),$(call why,$(patsubst $(OUT)/field-%.exr,%,$(field)));) \
+	echo "$(words $(there)) of $(words $(fields)) fields are in $(OUT)" >&2
+
+# The last words of the first stage of a pair that has no result.
+define why
+say() { echo "no field $1: $$1" >&2; }; why=; for n in $(call split,$1); do \
+    [ -z "$$why" ] && [ ! -e $(OUT)/volume-$$n.lfv ] || continue; \
+    frame=$$(echo '$(FRAME)' | sed "s|%|$$n|"); \
+    if [ ! -e $$frame ]; then why="$$frame: no such file"; \
+    elif [ ! -e $(OUT)/support-$$n.lfv ]; then why=$$(tail -n 1 $(LOG)/support-$$n.txt 2> /dev/null); \
+    else why=$$(tail -n 1 $(LOG)/volume-$$n.txt 2> /dev/null); fi; done; \
+[ -n "$$why" ] || why=$$(tail -n 1 $(LOG)/field-$1.txt 2> /dev/null); say "$${why:-not begun; see above}"
+endef
