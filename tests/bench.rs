@@ -74,7 +74,7 @@ fn a_measurement_goes_on_record_and_a_tool_is_the_same_as_itself() {
     fs::write(place.path().join("record.jsonl"), format!("{line}\n{later}\n")).unwrap();
     let said = text(&bench(place.path(), &["--history", "synth"]).unwrap());
     assert!(said.contains("  one ") && said.contains("  two "), "{said}");
-    assert!(said.contains("time x 2.00, processor time x 1.00, memory x 1.00"), "{said}");
+    assert!(said.contains("time x 2.00, processor time x 1.00, memory x 1.00; the same tool"), "{said}");
 }
 
 #[test]
