@@ -95,7 +95,7 @@ def read_volume(path):
     start = 16 + int.from_bytes(data[12:16], "little")
     try:
         header = json.loads(data[16:start])
-        count, names = header["count"], header["columns"]
+        count, names, wanted = int(header["count"]), list(header["columns"]), header["checksum"]
         grid = Grid(*(tuple(header["grid"][key]) for key in ("shape", "spacing_mm", "origin_mm")))
     except (ValueError, KeyError, TypeError) as error:
         raise Refused(f"{path}: {error!r} in its header; wanted the header of a .lfv file") from None
@@ -109,9 +109,9 @@ def read_volume(path):
         checksum = _xxh3([memoryview(data)[start:]])
     except Refused as missing:
         print(f"{path}: not checked for damage: {missing}", file=sys.stderr)
-        checksum = header["checksum"]
-    if checksum != header["checksum"]:
-        raise Refused(f"{path}: damaged, its bytes give checksum {checksum}; wanted {header['checksum']}")
+        checksum = wanted
+    if checksum != wanted:
+        raise Refused(f"{path}: damaged, its bytes give checksum {checksum}; wanted {wanted} as its header says")
     indices = np.frombuffer(data, "<u8", count, start)
     if (indices[1:] <= indices[:-1]).any() or (count and indices[-1] >= len(grid)):
         raise Refused(f"{path}: indices that do not rise, or leave the grid; wanted strictly rising indices in it")
@@ -202,7 +202,7 @@ def _exr(path):
         raise Refused(f"{path}: no such file; wanted an EXR")
     try:
         file = exr.File(str(path), separate_channels=True)
-    except Exception as error:
+    except (RuntimeError, ValueError, TypeError) as error:
         raise Refused(f"{path}: {error}; wanted an EXR") from None
     return {name: channel.pixels for name, channel in file.channels().items()}, file.header()
 
@@ -286,10 +286,10 @@ class Camera:
     def grid(self, pixels_per_voxel, depth_mm, sides_mm=None):
         """The grid of lf-prune: voxels of so many pixels at the focal plane; without sides (x0, x1, y0, y1), what the
         sensor sees of it."""
-        pixel_in_focus_mm = self.pixel_mm / self.magnification
-        half_x, half_y = (0.5 * n * pixel_in_focus_mm for n in self.sensor_px)
+        half_x, half_y = (n * (0.5 * self.pixel_mm / self.magnification) for n in self.sensor_px)
         x0, x1, y0, y1 = sides_mm or (-half_x, half_x, -half_y, half_y)
-        return Grid.in_bounds([(x0, x1), (y0, y1), depth_mm], [n * pixel_in_focus_mm for n in pixels_per_voxel])
+        spacing_mm = [n * self.pixel_mm / self.magnification for n in pixels_per_voxel]
+        return Grid.in_bounds([(x0, x1), (y0, y1), depth_mm], spacing_mm)
 
     def sections_mm(self, finer=1):
         """Centres (U, V) of the aperture's sections inside the stop, mm: (sections, 2). A side has as many as there are
@@ -407,7 +407,13 @@ class Session:
             return
         seconds = time.perf_counter() - self.began
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-        found = {"tool": self.tool, "seconds": seconds, "phases": self.phases, "peak_bytes": peak, "counts": self.counts}
+        found = {
+            "tool": self.tool,
+            "seconds": seconds,
+            "phases": self.phases,
+            "peak_bytes": peak,
+            "counts": self.counts,
+        }
         save(self.stats, [(json.dumps(found, indent=2) + "\n").encode()])
 
 

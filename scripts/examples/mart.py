@@ -6,7 +6,7 @@
 
 Weights are counts of rays: four a side for every section of the aperture, each from another place of the voxel, which is
 taken for a Gaussian. Of a voxel's light they put a tenth into wrong pixels (FINER = 6 a sixteenth, at twice the time). A
-voxel has some 430, which take 3.5 kB: this is for small volumes.
+voxel has some 430 of them, and takes 17 kB of memory while they are sorted: this is for small volumes.
 """
 
 import sys
@@ -99,7 +99,9 @@ def work(options, session):
     image, _ = lf.read_frame(options.image, camera, options.background)
     support = lf.read_volume(options.support)
     if not len(support.indices) or not np.nansum(image) > 0:
-        raise lf.Refused(f"{options.support}: no voxel or no light; wanted a support with voxels and a frame with light")
+        raise lf.Refused(
+            f"{options.support}: no voxel or no light; wanted a support with voxels and a frame with light"
+        )
     with session.phase("weights"):
         matrix = weights(camera, support)
     with session.phase("reconstruct"):

@@ -52,7 +52,7 @@ def draw(path, output, where):
     u, v, measured = u[every], v[every], cut["flag"][every] == MEASURED
     # As long as the distance between arrows, at most, whatever the axes' scales.
     longest = np.nanmax(np.hypot(u, v)) or 1
-    options = {"scale": longest * (max(x.shape) + 1), "scale_units": "width", "width": 0.003}
+    options = {"scale": longest * (max(x.shape) + 1), "scale_units": "width", "width": 0.003, "pivot": "mid"}
     for flagged, colour in ((measured, "black"), (~measured, "grey")):
         # y points down, as image rows run; arrows are drawn on the page, where it points up.
         view.quiver(x[flagged], y[flagged], u[flagged], v[flagged] * (-1 if down == 1 else 1), color=colour, **options)
