@@ -1,0 +1,83 @@
+#!/usr/bin/env python3
+"""lf-prune in numpy: the voxels that may hold light, by dense ray tracing with a multiplicative line of sight.
+
+    make -f scripts/pipeline.mk PRUNE='python3 scripts/examples/prune.py'
+
+The centre ray of every section of the aperture is traced from every voxel to a pixel; a voxel is kept where the geometric
+mean of its pixels (--score minimum: the darkest) is a share --threshold of the image's brightest.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import lf
+
+DARK = 1e-6  # What a pixel counts as at least, as a share of the brightest: one must not cost everything.
+SEEN = 0.5  # A voxel is seen if at least this share of its rays meets the sensor.
+
+
+def automatic(image):
+    """lf-prune's threshold, as a share of the brightest pixel: a fifth of the light's own brightness, or the noise, which
+    is the scatter in the darkest twentieth of the tiles of 4 x 4 px."""
+    height, width = (n - n % 4 for n in image.shape)
+    tiles = image[:height, :width].reshape(height // 4, 4, width // 4, 4).swapaxes(1, 2).reshape(-1, 16)
+    dark = tiles[np.argsort(tiles.mean(1))[: -(-len(tiles) // 20)]]
+    noise = np.sort(dark.std(1, ddof=1))[len(dark) // 2] if len(dark) else 0
+    light = image[~np.isnan(image)].astype(float)
+    return min(max(0.2 * (light**2).sum() / light.sum(), noise) / light.max(), 1.0)
+
+
+def prune(image, camera, grid, threshold, score="geometric"):
+    """Indices (n,) of the voxels kept, and the score of each in counts, (n,). `image` is (height, width), NaN where blind."""
+    peak = np.nanmax(image)
+    # What a pixel adds to a voxel's score; the imaginary part counts the rays on the sensor, beside which is nothing.
+    levels = np.log(np.fmax(np.where(np.isnan(image), 1, image / peak), DARK)) + 1j
+    levels = np.pad(levels.astype(np.complex64), 1)
+    sections = camera.sections_mm()
+    x, y, depths = grid.axes_mm()
+    indices, scores = [], []
+    for k, z in enumerate(depths):
+        total = np.zeros((len(y), len(x)), np.complex64)
+        darkest = np.zeros(total.shape, np.float32)
+        for u, v in sections:
+            places = camera.place_px(x[None, :], y[:, None], z, u, v)
+            column, row = (np.clip(np.floor(p) + 1, 0, n + 1).astype(int) for p, n in zip(places, camera.sensor_px))
+            # In line with the pixels there are (1, nx) columns and (ny, 1) rows, and no ray for every voxel.
+            level = levels.take(row * levels.shape[1] + column)
+            total += level
+            if score == "minimum":
+                np.minimum(darkest, level.real, out=darkest)
+        seen = total.imag
+        mean = darkest if score == "minimum" else total.real / np.maximum(seen, 1)
+        kept = np.flatnonzero((seen >= SEEN * len(sections)) & (mean >= np.log(max(threshold, DARK))))
+        indices.append(kept + k * total.size)
+        scores.append(peak * np.exp(mean.flat[kept]))
+    return np.concatenate(indices), np.concatenate(scores)
+
+
+def work(options, session):
+    camera = lf.Camera(options.camera)
+    image, history = lf.read_frame(options.image, camera, options.background)
+    grid = camera.grid(options.pvr, options.depth, options.bounds)
+    threshold = automatic(image) if options.threshold == "auto" else float(options.threshold)
+    with session.phase("prune"):
+        indices, scores = prune(image, camera, grid, threshold, options.score)
+    session.counts.update(threshold=float(threshold), voxels=len(grid), kept=len(indices))
+    if not len(indices):
+        raise lf.Refused(f"{options.image}: no voxel survives pruning; wanted a brighter image or a lower --threshold")
+    lf.write_volume(options.output, lf.Volume(grid, indices, {"score": scores}, session.history(history)))
+
+
+parser = lf.Parser(__doc__)
+parser.add_argument("image", help="light-field image (EXR)")
+parser.add_argument("--pvr", type=lf.numbers(3), default=[1, 1, 10], metavar="X,Y,Z", help="pixels per voxel")
+parser.add_argument("--depth", type=lf.numbers(2), required=True, metavar="Z0,Z1", help="depth of the volume, mm")
+parser.add_argument("--bounds", type=lf.numbers(4), metavar="X0,X1,Y0,Y1", help="its sides, mm")
+parser.add_argument("--threshold", default="auto", metavar="SHARE|auto", help="least score kept")
+parser.add_argument("--score", choices=["geometric", "minimum"], default="geometric")
+
+if __name__ == "__main__":
+    lf.run(parser, work)

@@ -1,0 +1,429 @@
+"""The files of the light-field chain and its rays, for stages in Python: `.lfv`, images, fields, `camera.json`.
+
+Needs numpy; OpenEXR to read images and fields; xxhash to write a `.lfv` and to check one (`pip install numpy OpenEXR
+xxhash`). Lengths are mm, places on an image pixels. The frame, its signs and the formats are those of lf-core: see the
+heads of `optics.rs`, `volume.rs`, `image/mod.rs` and `field/mod.rs` there. `scripts/examples` has stages made of this.
+"""
+
+import argparse
+import json
+import mmap
+import os
+import resource
+import sys
+import tempfile
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+SIGNATURE = b"\x89LFV\r\n\x1a\n"
+
+
+class Refused(Exception):
+    """What could not be done: `file: what was found; what was wanted`."""
+
+
+def module(name, purpose):
+    """The module of a name, or a refusal that says what it is for and how to get it."""
+    try:
+        return __import__(name)
+    except ImportError:
+        raise Refused(f"{name}: no such Python module; wanted it {purpose} (pip install {name})") from None
+
+
+# Volumes
+
+
+@dataclass
+class Grid:
+    """A regular grid of voxels in the object frame; `origin_mm` is the centre of voxel (0, 0, 0)."""
+
+    shape: tuple  # nx, ny, nz
+    spacing_mm: tuple
+    origin_mm: tuple
+
+    @classmethod
+    def in_bounds(cls, bounds_mm, spacing_mm):
+        """round(extent / spacing) voxels an axis, centred in `bounds_mm` = [[x0, x1], [y0, y1], [z0, z1]]."""
+        low, high = np.array(bounds_mm, float).T
+        spacing = np.array(spacing_mm, float)
+        shape = np.floor((high - low) / spacing + 0.5).astype(int)
+        if not (shape >= 1).all():
+            raise Refused(f"--pvr, --depth, --bounds: {shape.tolist()} voxels; wanted a grid with voxels")
+        origin = 0.5 * (low + high) - 0.5 * (shape - 1) * spacing
+        return cls(tuple(shape.tolist()), tuple(spacing.tolist()), tuple(origin.tolist()))
+
+    def __len__(self):
+        return int(np.prod([int(n) for n in self.shape]))
+
+    def axes_mm(self):
+        """Centres along x, y and z, mm: arrays of nx, ny and nz."""
+        return [o + d * np.arange(n) for n, d, o in zip(self.shape, self.spacing_mm, self.origin_mm)]
+
+    def centres_mm(self, indices):
+        """Centres of voxels by their linear indices x + nx (y + ny z), mm: three arrays of the indices' shape."""
+        nx, ny, _ = (np.uint64(n) for n in self.shape)
+        steps = indices % nx, indices // nx % ny, indices // nx // ny
+        return [o + d * step.astype(float) for step, d, o in zip(steps, self.spacing_mm, self.origin_mm)]
+
+
+@dataclass
+class Volume:
+    """A `.lfv`: some voxels of a grid, and named values of each."""
+
+    grid: Grid
+    indices: np.ndarray  # (n,) u64, strictly rising
+    columns: dict  # name -> (n,) f32
+    history: list = field(default_factory=list)
+    extra: dict = field(default_factory=dict)  # header keys of others
+
+    def dense(self, column):
+        """A column as an array of shape (nz, ny, nx), zero where there is no voxel."""
+        nx, ny, nz = self.grid.shape
+        whole = np.zeros(len(self.grid), np.float32)
+        whole[self.indices] = self.columns[column]
+        return whole.reshape(nz, ny, nx)
+
+
+def read_volume(path):
+    """Reads a `.lfv`, mapped and not copied; `-` is standard input, read to its end. The arrays cannot be written to."""
+    data = _bytes(path)
+    if data[:8] != SIGNATURE or len(data) < 16 or int.from_bytes(data[8:12], "little") != 1:
+        raise Refused(f"{path}: not a .lfv of version 1 by its first bytes; wanted a .lfv")
+    start = 16 + int.from_bytes(data[12:16], "little")
+    try:
+        header = json.loads(data[16:start])
+        count, names, wanted = int(header["count"]), list(header["columns"]), header["checksum"]
+        grid = Grid(*(tuple(header["grid"][key]) for key in ("shape", "spacing_mm", "origin_mm")))
+    except (ValueError, KeyError, TypeError) as error:
+        raise Refused(f"{path}: {error!r} in its header; wanted the header of a .lfv file") from None
+    places, end = [], start + 8 * count
+    for _ in names:
+        places.append(end + -end % 64)
+        end = places[-1] + 4 * count
+    if len(data) != end:
+        raise Refused(f"{path}: {len(data)} bytes; wanted the {end} bytes that its header gives")
+    try:
+        checksum = _xxh3([memoryview(data)[start:]])
+    except Refused as missing:
+        print(f"{path}: not checked for damage: {missing}", file=sys.stderr)
+        checksum = wanted
+    if checksum != wanted:
+        raise Refused(f"{path}: damaged, its bytes give checksum {checksum}; wanted {wanted} as its header says")
+    indices = np.frombuffer(data, "<u8", count, start)
+    if (indices[1:] <= indices[:-1]).any() or (count and indices[-1] >= len(grid)):
+        raise Refused(f"{path}: indices that do not rise, or leave the grid; wanted strictly rising indices in it")
+    columns = {name: np.frombuffer(data, "<f4", count, place) for name, place in zip(names, places)}
+    known = ("count", "grid", "columns", "checksum", "history")
+    extra = {key: value for key, value in header.items() if key not in known}
+    return Volume(grid, indices, columns, header.get("history", []), extra)
+
+
+def write_volume(path, volume):
+    """Writes a `.lfv` whole or not at all; `-` is standard output. What lf-core wrote comes out byte for byte, but for
+    numbers below 1e-4 or above 1e16, which JSON lets every language write as it likes."""
+    grid, indices = volume.grid, np.ascontiguousarray(volume.indices, "<u8")
+    if (indices[1:] <= indices[:-1]).any() or (len(indices) and indices[-1] >= len(grid)):
+        raise ValueError("indices do not rise, or leave the grid")
+    parts, length = [memoryview(indices).cast("B")], 8 * len(indices)
+    for name, values in volume.columns.items():
+        values = np.ascontiguousarray(values, "<f4")
+        if values.shape != indices.shape or not np.isfinite(values).all():
+            raise ValueError(f"column {name}: wanted {len(indices)} finite values")
+        parts += [bytes(-length % 64), memoryview(values).cast("B")]
+        length += -length % 64 + 4 * len(indices)
+    header = {
+        "count": len(indices),
+        "grid": {"shape": grid.shape, "spacing_mm": grid.spacing_mm, "origin_mm": grid.origin_mm},
+        "columns": list(volume.columns),
+        "checksum": _xxh3(parts),
+        **({"history": volume.history} if volume.history else {}),
+        **volume.extra,
+    }
+    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode()
+    text += b" " * (-(16 + len(text)) % 64)
+    save(path, [SIGNATURE, (1).to_bytes(4, "little"), len(text).to_bytes(4, "little"), text, *parts])
+
+
+def _xxh3(parts):
+    """XXH3-64, seed 0, of byte strings one after another, as 16 hexadecimal digits."""
+    total = module("xxhash", "for the checksum of a .lfv").xxh3_64()
+    for part in parts:
+        total.update(part)
+    return total.hexdigest()
+
+
+def _bytes(path):
+    if str(path) == "-":
+        return sys.stdin.buffer.read()
+    try:
+        with open(path, "rb") as file:
+            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if os.fstat(file.fileno()).st_size else b""
+    except OSError as error:
+        raise Refused(f"{path}: {error.strerror}; wanted a file to read") from None
+
+
+def save(path, parts):
+    """Writes byte strings, one after another, as a file that appears whole or not at all; `-` is standard output."""
+    if str(path) == "-":
+        for part in parts:
+            sys.stdout.buffer.write(part)
+        return sys.stdout.buffer.flush()
+    try:
+        with tempfile.NamedTemporaryFile(dir=os.path.dirname(path) or ".", delete=False) as file:
+            try:
+                for part in parts:
+                    file.write(part)
+                file.flush()
+                os.chmod(file.name, 0o666 & ~_umask())
+                os.replace(file.name, path)
+            except BaseException:
+                os.unlink(file.name)
+                raise
+    except OSError as error:
+        raise Refused(f"{path}: {error.strerror}; wanted a place to write") from None
+
+
+def _umask():
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+# Images and fields
+
+
+def _exr(path):
+    """Channels of an EXR by name, each (height, width), and its header."""
+    exr = module("OpenEXR", "to read images and fields")
+    if not os.path.isfile(path):
+        raise Refused(f"{path}: no such file; wanted an EXR")
+    try:
+        file = exr.File(str(path), separate_channels=True)
+    except (RuntimeError, ValueError, TypeError) as error:
+        raise Refused(f"{path}: {error}; wanted an EXR") from None
+    return {name: channel.pixels for name, channel in file.channels().items()}, file.header()
+
+
+def read_image(path):
+    """A light-field image as counts, (height, width) f32, and its history. EXR only."""
+    channels, header = _exr(path)
+    if list(channels) != ["Y"]:
+        raise Refused(f"{path}: channels {', '.join(channels)}; wanted one channel Y")
+    counts = channels["Y"].astype(np.float32)
+    if not ((counts >= 0) & np.isfinite(counts)).all():
+        raise Refused(f"{path}: pixels that are no counts; wanted finite values that are not negative")
+    return counts, json.loads(header.get("lf:history", "[]"))
+
+
+def read_frame(path, camera, background=None):
+    """An image of the camera's size, less a background, divided by the camera's flat field, and its history. What falls
+    below zero is zero; a pixel that sees less than a twentieth of its light is NaN, as in lf-core."""
+
+    def sized(file):
+        counts, history = read_image(file)
+        if counts.shape != camera.sensor_px[::-1]:
+            height, width = counts.shape
+            raise Refused(f"{file}: image of {width} x {height} px; wanted the camera's %d x %d px" % camera.sensor_px)
+        return counts, history
+
+    counts, history = sized(path)
+    if background is not None:
+        counts = np.maximum(counts - sized(background)[0], 0)
+    if camera.flat_field is not None:
+        flat = sized(camera.flat_field)[0]
+        counts = np.where(flat < 0.05, np.float32(np.nan), counts / np.maximum(flat, np.float32(0.05)))
+    return counts, history
+
+
+def read_field(path):
+    """A vector field: its layout, the attribute `lf:field` as a dict, and its components by name (u, v, w, su, sv, sw in
+    mm; peak, ratio, flag, count), each (nz, ny, nx) f32. Flag 0 is measured, 1 replaced, 2 no data."""
+    channels, header = _exr(path)
+    if "lf:field" not in header:
+        raise Refused(f"{path}: an EXR of channels {', '.join(channels)} without attribute lf:field; wanted a field")
+    layout = json.loads(header["lf:field"])
+    return layout, {name: pixels.reshape(layout["shape"][::-1]) for name, pixels in channels.items()}
+
+
+# The camera and its rays
+
+
+class Camera:
+    """A `camera.json` and the rays of the camera: lattices square or hexagonal, turned or in line with the pixels.
+    Distortion, departures of the lenslets, tilt, gap and medium are refused: lf-core has them."""
+
+    # A lattice turned by less than moves any lenslet of the sensor by this many pixels counts as not turned.
+    IN_LINE_PX = 0.02
+
+    def __init__(self, path):
+        try:
+            given = json.loads(_bytes(path)[:])
+            sensor, lens, lenslets = given["sensor"], given["main_lens"], given["microlenses"]
+            bent = [key for key in ("distortion", "tilt", "medium", "centres") if given.get(key) is not None]
+            if bent or lenslets.get("gap_mm") is not None:
+                raise Refused(f"{path}: {' and '.join(bent) or 'gap_mm'}; wanted a camera without, lf.py knows none")
+            self.sensor_px = (sensor["width"], sensor["height"])
+            self.pixel_mm = sensor["pixel_pitch_mm"]
+            self.focal_mm, self.magnification = lens["focal_length_mm"], lens["magnification"]
+            self.is_round = lens["aperture"] == "circle"
+            self.is_hexagonal = lenslets["layout"] == "hexagonal"
+            self.pitch_mm, self.offset_mm = lenslets["pitch_mm"], lenslets["offset_mm"]
+            self.rotation_rad = lenslets["rotation_rad"]
+            self.image_mm = self.focal_mm * (1 + self.magnification)  # s_i
+            self.object_mm = self.focal_mm * (1 + 1 / self.magnification)  # s_o
+            self.aperture_mm = self.image_mm / lens["working_f_number"]  # D
+            self.demagnification = lenslets["focal_length_mm"] / self.image_mm  # k
+        except (ValueError, KeyError, TypeError) as error:
+            raise Refused(f"{path}: {error!r}; wanted a camera.json") from None
+        if 0.5 * max(self.sensor_px) * abs(self.rotation_rad) <= self.IN_LINE_PX and not self.is_hexagonal:
+            self.rotation_rad = 0.0
+        flat = given.get("vignetting")
+        self.flat_field = None if flat is None else os.path.join(os.path.dirname(path), flat)
+
+    def grid(self, pixels_per_voxel, depth_mm, sides_mm=None):
+        """The grid of lf-prune: voxels of so many pixels at the focal plane; without sides (x0, x1, y0, y1), what the
+        sensor sees of it."""
+        half_x, half_y = (n * (0.5 * self.pixel_mm / self.magnification) for n in self.sensor_px)
+        x0, x1, y0, y1 = sides_mm or (-half_x, half_x, -half_y, half_y)
+        spacing_mm = [n * self.pixel_mm / self.magnification for n in pixels_per_voxel]
+        return Grid.in_bounds([(x0, x1), (y0, y1), depth_mm], spacing_mm)
+
+    def sections_mm(self, finer=1):
+        """Centres (U, V) of the aperture's sections inside the stop, mm: (sections, 2). A side has as many as there are
+        pixels under a lenslet, times `finer`."""
+        n = finer * max(round(self.pitch_mm / self.pixel_mm), 1)
+        centres = 0.5 * self.aperture_mm * ((2 * np.arange(n) + 1) / n - 1)
+        v, u = (axis.ravel() for axis in np.meshgrid(centres, centres, indexing="ij"))
+        inside = u * u + v * v <= (0.5 * self.aperture_mm) ** 2 if self.is_round else np.full(u.shape, True)
+        return np.stack([u[inside], v[inside]], 1)
+
+    def array_mm(self, x, y, z, u, v):
+        """Where rays from (x, y, z) through (u, v) of the aperture meet the microlens array, mm: x_m = -beta X + alpha U.
+        Arrays that broadcast; x_m has the shape of x, z and u together, y_m that of y, z and v."""
+        beta = self.image_mm / (self.object_mm - z)
+        alpha = 1 - self.image_mm / self.focal_mm + beta
+        return alpha * u - beta * x, alpha * v - beta * y
+
+    def centre_mm(self, x, y):
+        """Centres of the lenslets in whose cells places of the array lie, mm. In line, x and y stay apart."""
+        x, y = x - self.offset_mm[0], y - self.offset_mm[1]
+        cos, sin = np.cos(self.rotation_rad), np.sin(self.rotation_rad)
+        turned = sin != 0 or self.is_hexagonal
+        x, y = (cos * x + sin * y, cos * y - sin * x) if turned else (x, y)
+        if self.is_hexagonal:
+            x, y = self._hexagon(x, y)
+        else:
+            x, y = (self.pitch_mm * (np.floor(q / self.pitch_mm) + 0.5) for q in (x, y))
+        x, y = (cos * x - sin * y, cos * y + sin * x) if turned else (x, y)
+        return x + self.offset_mm[0], y + self.offset_mm[1]
+
+    def _hexagon(self, x, y):
+        """The nearer of the centres in the row of lenslets above and in the row below; odd rows are half a pitch aside."""
+        row_mm = self.pitch_mm * np.sqrt(0.75)
+        found = []
+        for row in (np.floor(y / row_mm), np.floor(y / row_mm) + 1):
+            shift = 0.5 * (row % 2)
+            cx, cy = self.pitch_mm * (np.round(x / self.pitch_mm - shift) + shift), row_mm * row
+            found.append((np.hypot(x - cx, y - cy), cx, cy))
+        (near, x0, y0), (far, x1, y1) = found
+        return np.where(near <= far, x0, x1), np.where(near <= far, y0, y1)
+
+    def place_px(self, x, y, z, u, v):
+        """Where the same rays meet the sensor, px: x_s = c + k (x_m - U). 0 is the left or top edge, a pixel's centre is
+        at a half. The arguments are as in `array_mm`; if the lattice is in line, the results stay apart as they do there."""
+        hit = self.array_mm(x, y, z, u, v)
+        centre = self.centre_mm(*hit)
+        on_sensor = (c + self.demagnification * (m - w) for c, m, w in zip(centre, hit, (u, v)))
+        return tuple(s / self.pixel_mm + 0.5 * n for s, n in zip(on_sensor, self.sensor_px))
+
+
+# What every stage does
+
+
+def numbers(count):
+    """For argparse: so many numbers, as in `1,1,10`."""
+
+    def parse(text):
+        found = [float(word) for word in text.split(",")]
+        if len(found) != count:
+            raise ValueError
+        return found
+
+    parse.__name__ = f"{count} numbers with commas between"
+    return parse
+
+
+class Parser(argparse.ArgumentParser):
+    """Knows the options that all tools share, and refuses in one line with exit code 2."""
+
+    def __init__(self, description):
+        super().__init__(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+        self.add_argument("-c", "--camera", required=True, metavar="FILE", help="camera.json")
+        self.add_argument("-b", "--background", metavar="FILE", help="image to subtract first")
+        self.add_argument("-o", "--output", default="-", metavar="FILE", help="what to write, - for standard output")
+        self.add_argument("--threads", type=int, default=0, help="taken and not needed: numpy has its own")
+        self.add_argument("--stats", metavar="FILE", help="seconds, peak memory and counts as JSON")
+        self.add_argument("-q", "--quiet", action="store_true", help="print errors only")
+
+    def parse_args(self):
+        """As always, but `--depth -5,5` is a value and no option."""
+        words = []
+        for word in sys.argv[1:]:
+            if words and words[-1].startswith("--") and word[:1] == "-" and word[1:2].isdigit():
+                words[-1] += "=" + word
+            else:
+                words.append(word)
+        return super().parse_args(words)
+
+    def error(self, message):
+        raise Refused(f"{message}; see --help")
+
+
+class Session:
+    """One run: its phases, its counts, and what it adds to a history."""
+
+    def __init__(self, stats):
+        self.tool, self.stats, self.began = os.path.basename(sys.argv[0]), stats, time.perf_counter()
+        self.phases, self.counts = {}, {}
+
+    @contextmanager
+    def phase(self, name):
+        """Times what is inside, under a name."""
+        began = time.perf_counter()
+        yield
+        self.phases[name] = time.perf_counter() - began
+
+    def history(self, before):
+        """`before` with this run appended; empty with LF_HISTORY=off."""
+        step = {"tool": self.tool, "version": "example", "arguments": sys.argv[1:]}
+        return [] if os.environ.get("LF_HISTORY") == "off" else [*before, step]
+
+    def save_stats(self):
+        """Writes the stats, if they are wanted."""
+        if self.stats is None:
+            return
+        seconds = time.perf_counter() - self.began
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        found = {
+            "tool": self.tool,
+            "seconds": seconds,
+            "phases": self.phases,
+            "peak_bytes": peak,
+            "counts": self.counts,
+        }
+        save(self.stats, [(json.dumps(found, indent=2) + "\n").encode()])
+
+
+def run(parser, work):
+    """The whole of a stage's main: parses, runs `work(options, session)`, reports. Exit codes are those of all tools."""
+    try:
+        options = parser.parse_args()
+        session = Session(options.stats)
+        work(options, session)
+        session.save_stats()
+    except Refused as refusal:
+        print(f"{os.path.basename(sys.argv[0])}: {refusal}", file=sys.stderr)
+        sys.exit(2)

@@ -1,0 +1,283 @@
+//! Stages of `scripts/examples` in place of ours, and files that other libraries read. `PYTHON` names the Python that runs
+//! them (python3); what needs a module that it lacks says so in one line, and passes.
+
+use lf_core::field::{Field, Layout, MEASURED, NO_DATA};
+use lf_core::grid::Grid;
+use lf_core::history::{History, Step};
+use lf_core::volume::{self, Volume};
+use lf_tests::tools::{Call, workspace};
+use serde_json::{Value, json};
+use std::env;
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+/// Python, where it has all modules.
+fn python(modules: &[&str]) -> Option<Command> {
+    let program = env::var_os("PYTHON").unwrap_or_else(|| OsString::from("python3"));
+    // A path is one from the workspace, wherever the test runs.
+    let is_path = program.to_string_lossy().contains('/');
+    let program = if is_path { workspace().join(program).into_os_string() } else { program };
+    let find = "import importlib.util as u, sys; print(*(m for m in sys.argv[1:] if not u.find_spec(m)))";
+    let answer = Command::new(&program).args(["-c", find]).args(modules).output();
+    let missing = match answer {
+        Ok(output) if output.status.success() => String::from_utf8_lossy(&output.stdout).trim().to_owned(),
+        _ => "Python itself".into(),
+    };
+    if !missing.is_empty() {
+        eprintln!("left out: {} has no {missing}", program.display());
+        return None;
+    }
+    let mut command = Command::new(program);
+    command.env("LF_HISTORY", "off").env("PYTHONDONTWRITEBYTECODE", "1").current_dir(workspace().join("scripts"));
+    Some(command)
+}
+
+fn done(mut command: Command) -> Output {
+    let output = command.output().expect("Python starts");
+    assert!(output.status.success(), "{command:?}\n{}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+/// Folder with frame, camera, truth and support of a small scene.
+struct Scene(TempDir);
+
+const GRID: [&str; 6] = ["--pvr", "2,2,20", "--depth", "-5,5", "--bounds", "-0.385,0.385,-0.385,0.385"];
+
+impl Scene {
+    fn new(name: &str, settings: &[&str]) -> Self {
+        let scene = Self(TempDir::new().unwrap());
+        let always =
+            ["frames=1", "seed=3", "camera.sensor.width=252", "camera.sensor.height=252", "particles.per_lenslet=0.3"];
+        let volume = ["volume.x_mm=[-0.385,0.385]", "volume.y_mm=[-0.385,0.385]", "truth.pixels_per_voxel=[2,2,20]"];
+        let mut call = Call::new("lf-synth").words(["scene", name]);
+        for setting in always.iter().chain(&volume).chain(settings) {
+            call = call.words(["--set", setting]);
+        }
+        let text = call.run().done().stdout;
+        fs::write(scene.path("scene.json"), text).unwrap();
+        Call::new("lf-synth").words(["frames", "scene.json", "-o", "."]).within(scene.0.path()).run().done();
+        scene.tool("lf-prune", &[&["frame-0000.exr", "-o", "ours.lfv"][..], &GRID].concat());
+        scene
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Runs one of our stages on the camera.
+    fn tool(&self, tool: &str, words: &[&str]) {
+        Call::new(tool).words(words).words(["-c", "camera.json"]).within(self.0.path()).run().done();
+    }
+
+    /// Runs one of the examples on the camera and returns its stats.
+    fn example(&self, mut python: Command, file: &str, words: &[&str]) -> Value {
+        python.arg(workspace().join("scripts/examples").join(file)).args(words);
+        python.args(["-c", "camera.json", "--threads", "1", "--stats", "stats.json"]).current_dir(self.0.path());
+        done(python);
+        let stats: Value = serde_json::from_slice(&fs::read(self.path("stats.json")).unwrap()).unwrap();
+        assert!(stats["seconds"].as_f64().unwrap() > 0.0 && stats["peak_bytes"].as_f64().unwrap() > 1e6, "{stats}");
+        stats
+    }
+
+    /// Q of a volume.
+    fn quality(&self, volume: &str) -> f64 {
+        let call = Call::new("lf-validate").words(["quality", "truth-0000.lfv", volume]).within(self.0.path());
+        let scores: Value = serde_json::from_slice(&call.run().done().stdout).unwrap();
+        scores["q"].as_f64().unwrap()
+    }
+}
+
+/// Voxels of the one that are in the other, over the more of either.
+fn agreement(ours: &Path, theirs: &Path) -> f64 {
+    let (ours, theirs) = (Volume::open(ours).unwrap(), Volume::open(theirs).unwrap());
+    assert!(ours.grid().agrees_with(theirs.grid()), "{} {}", ours.grid(), theirs.grid());
+    let common = ours.indices().iter().filter(|index| theirs.indices().binary_search(index).is_ok()).count();
+    common as f64 / ours.count().max(theirs.count()) as f64
+}
+
+#[test]
+fn a_lfv_goes_through_python_byte_for_byte() {
+    let Some(mut python) = python(&["numpy", "xxhash"]) else { return };
+    let folder = TempDir::new().unwrap();
+    let (ours, theirs) = (folder.path().join("ours.lfv"), folder.path().join("theirs.lfv"));
+    let grid = Grid { shape: [7, 5, 3], spacing_mm: [0.0055, 0.1 + 0.2, 1.0], origin_mm: [-0.1, 2.0, -5.0] };
+    let step =
+        Step { tool: "lf-\u{e4}\"\t".into(), version: "0.1.0".into(), arguments: vec!["-o".into(), "a b".into()] };
+    let history: History = [step].into_iter().collect();
+    let extra = json!({"note": {"deep": [1, 2.5, null, "\u{1f600}"]}});
+    let indices = [0u64, 3, 4, 50, 104];
+    let columns: [(&str, &[f32]); 2] = [("score", &[1.0, 0.1, 3e-9, -0.0, 1e30]), ("intensity", &[5.0; 5])];
+    let mut bytes = Vec::new();
+    volume::write_with(&mut bytes, &grid, &indices, &columns, &history, extra.as_object().unwrap()).unwrap();
+    fs::write(&ours, &bytes).unwrap();
+    python.args(["-c", "import lf, sys; lf.write_volume(sys.argv[2], lf.read_volume(sys.argv[1]))"]);
+    done({
+        python.args([&ours, &theirs]);
+        python
+    });
+    assert!(fs::read(&theirs).unwrap() == bytes);
+    Call::new("lf-validate").word("info").word(&theirs).run().done();
+}
+
+#[test]
+fn python_refuses_a_damaged_lfv_and_says_when_it_cannot_write_one() {
+    let Some(mut python) = python(&["numpy", "xxhash"]) else { return };
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("damaged.lfv");
+    let grid = Grid { shape: [2, 2, 2], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
+    let mut bytes = Vec::new();
+    volume::write(&mut bytes, &grid, &[1, 2], &[("score", &[1.0, 2.0])], &History::new()).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    fs::write(&file, &bytes).unwrap();
+    let program = "
+import lf, sys
+def refused(work):
+    try:
+        work()
+    except lf.Refused as refusal:
+        print(refusal)
+refused(lambda: lf.read_volume(sys.argv[1]))
+sys.modules['xxhash'] = None
+volume = lf.read_volume(sys.argv[1])
+refused(lambda: lf.write_volume(sys.argv[1], volume))
+";
+    python.args(["-c", program]).arg(&file);
+    let output = done(python);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(lines.len() == 2 && lines[0].contains("damaged.lfv: damaged"), "{text}");
+    assert!(lines[1].contains("xxhash") && lines[1].contains("pip install"), "{text}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("not checked for damage"));
+    assert!(fs::read(&file).unwrap() == bytes);
+}
+
+/// The same rays meet the same pixels, but for a place on the edge of two: what differs are voxels right at the threshold.
+#[test]
+fn the_numpy_support_is_ours() {
+    let turned = ["camera.microlenses.rotation_rad=0.003", "camera.microlenses.offset_mm=[0.011,-0.007]"];
+    for (name, settings) in [("demo", &[][..]), ("demo", &turned), ("core-hexagonal", &[])] {
+        let Some(python) = python(&["numpy", "OpenEXR", "xxhash"]) else { return };
+        // The paths of numpy for lattices not in line are slow: a part of the volume is enough.
+        let bounds = if name == "demo" && settings.is_empty() { GRID[5] } else { "-0.11,0.11,-0.11,0.11" };
+        let grid = ["--pvr", "2,2,20", "--depth", "-5,5", "--bounds", bounds];
+        let scene = Scene::new(name, settings);
+        let words = [&["frame-0000.exr", "--threshold", "auto"][..], &grid].concat();
+        scene.tool("lf-prune", &[&words[..], &["-o", "part.lfv"]].concat());
+        let stats = scene.example(python, "prune.py", &[&words[..], &["-o", "theirs.lfv"]].concat());
+        let common = agreement(&scene.path("part.lfv"), &scene.path("theirs.lfv"));
+        assert!(
+            common > 0.995 && stats["counts"]["kept"].as_u64().unwrap() > 100,
+            "{name} {settings:?}: {common} {stats}"
+        );
+        if bounds == GRID[5] {
+            for (support, volume) in [("ours.lfv", "volume.lfv"), ("theirs.lfv", "their-volume.lfv")] {
+                scene.tool("lf-mart", &[support, "-i", "frame-0000.exr", "-o", volume]);
+            }
+            let (ours, theirs) = (scene.quality("volume.lfv"), scene.quality("their-volume.lfv"));
+            assert!((ours - theirs).abs() < 0.01 && theirs > 0.85, "{theirs} for {ours}");
+        }
+    }
+}
+
+/// Its weights are sampled and its update is another: a Q of a tenth less is the margin.
+#[test]
+fn the_stored_matrix_reconstructs_nearly_as_well() {
+    let Some(python) = python(&["numpy", "OpenEXR", "xxhash", "scipy"]) else { return };
+    let scene = Scene::new("demo", &[]);
+    scene.tool("lf-mart", &["ours.lfv", "-i", "frame-0000.exr", "-o", "volume.lfv"]);
+    let words = ["ours.lfv", "-i", "frame-0000.exr", "--iterations", "60", "-o", "their-volume.lfv"];
+    scene.example(python, "mart.py", &words);
+    let (ours, theirs) = (scene.quality("volume.lfv"), scene.quality("their-volume.lfv"));
+    assert!(theirs > ours - 0.12, "{theirs} for {ours}");
+}
+
+#[test]
+fn examples_refuse_words_that_they_do_not_know_in_one_line() {
+    let Some(mut python) = python(&["numpy"]) else { return };
+    python.args(["examples/prune.py", "frame.exr", "-c", "camera.json", "--depth", "-5,5", "--keep-all"]);
+    let output = python.output().unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    assert!(text.starts_with("prune.py: ") && text.contains("--keep-all") && text.lines().count() == 1, "{text}");
+}
+
+/// A refocused volume is light where particles are, smeared along the rays.
+#[test]
+fn the_rust_stage_takes_the_place_of_lf_mart() {
+    if env::var_os("LF_TOOLS").is_some_and(|folder| !Path::new(&folder).join("lf-refocus").exists()) {
+        eprintln!("left out: LF_TOOLS has no lf-refocus");
+        return;
+    }
+    let scene = Scene::new("demo", &[]);
+    let words = ["ours.lfv", "-i", "frame-0000.exr", "--iterations", "60"];
+    scene.tool("lf-refocus", &[&words[..], &["--threads", "1", "-o", "one.lfv"]].concat());
+    scene.tool("lf-refocus", &[&words[..], &["--threads", "3", "-o", "three.lfv"]].concat());
+    assert!(fs::read(scene.path("one.lfv")).unwrap() == fs::read(scene.path("three.lfv")).unwrap());
+    let quality = scene.quality("one.lfv");
+    assert!((0.15..0.8).contains(&quality), "{quality}");
+}
+
+/// A field with every flag, numbers of all sizes, and uncertainties that are not known.
+fn field() -> Field {
+    let layout = Layout {
+        shape: [3, 4, 5],
+        spacing_mm: [0.1 + 0.2, 0.7, 1.1],
+        origin_mm: [-0.33, 0.0, 1e-3],
+        voxel_mm: [0.0055, 0.0055, 0.055],
+        window: [16, 16, 8],
+        overlap: 0.75,
+        dt_s: Some(0.003),
+        history: History::new(),
+    };
+    let mut field = Field::empty(layout);
+    for i in 0..field.len() {
+        let value = |seed: f64| ((i as f64 + 1.0) * seed).sin() as f32 * 10f32.powi(i as i32 % 9 - 6);
+        (field.u[i], field.v[i], field.w[i]) = (value(1.3), value(2.1), value(3.7));
+        (field.peak[i], field.ratio[i]) = (value(0.7).abs(), 1.0 + value(0.9).abs());
+        if i % 3 != 0 {
+            (field.su[i], field.sv[i], field.sw[i], field.count[i]) = (value(0.2).abs(), 0.5, 1e-7, i as f32);
+        }
+        field.flag[i] = [MEASURED, 1.0, NO_DATA][i % 3];
+    }
+    field
+}
+
+#[test]
+fn a_field_is_the_same_in_exr_csv_and_vti() {
+    let folder = TempDir::new().unwrap();
+    let [exr, csv, vti] = ["field.exr", "field.csv", "field.vti"].map(|name| folder.path().join(name));
+    for file in [&exr, &csv, &vti] {
+        field().save(file).unwrap();
+    }
+    if let Some(mut python) = python(&["numpy", "OpenEXR"]) {
+        let program = "
+import lf, numpy as np, sys
+layout, field = lf.read_field(sys.argv[1])
+names = open(sys.argv[2]).readline().strip().split(',')
+table = dict(zip(names, np.loadtxt(sys.argv[2], delimiter=',', skiprows=1).T))
+grid = lf.Grid(layout['shape'], layout['spacing_mm'], layout['origin_mm'])
+places = grid.centres_mm(np.arange(len(grid), dtype=np.uint64))
+assert len(field) == 10 and names[:3] == ['x_mm', 'y_mm', 'z_mm'], names
+for name, place in zip(names, places):
+    assert np.array_equal(table[name], place), name
+for name, values in field.items():
+    column = table.get(name, table.get(name + '_mm')).astype(np.float32)
+    assert np.array_equal(column, values.ravel(), equal_nan=True), name
+";
+        python.args(["-c", program]).args([&exr, &csv]);
+        done(python);
+    }
+    if let Some(mut python) = python(&["numpy", "OpenEXR", "vtk"]) {
+        python.arg("examples/check_vti.py").args([&vti, &exr]);
+        done(python);
+    }
+    if let Some(mut python) = python(&["numpy", "OpenEXR", "matplotlib"]) {
+        let picture = folder.path().join("field.png");
+        python.args(["examples/plot.py", "--slice", "y=0.6"]).arg(&exr).arg("-o").arg(&picture);
+        done(python);
+        assert!(fs::read(&picture).unwrap().starts_with(b"\x89PNG"));
+    }
+}
