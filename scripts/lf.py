@@ -1,8 +1,8 @@
 """The files of the light-field chain and its rays, for stages in Python: `.lfv`, images, fields, `camera.json`.
 
-Needs numpy; OpenEXR to read images and fields; xxhash to write a `.lfv` and to check one (`pip install numpy OpenEXR
-xxhash`). Lengths are mm, places on an image pixels. The frame, its signs and the formats are those of lf-core: see the
-heads of `optics.rs`, `volume.rs`, `image/mod.rs` and `field/mod.rs` there. `scripts/examples` has stages made of this.
+Needs numpy; OpenEXR to read images and fields, Pillow to read TIFF; xxhash to write a `.lfv` and to check one (`pip install
+numpy OpenEXR pillow xxhash`). Lengths are mm, places on an image pixels. The frame, its signs and the formats are those of
+lf-core: see the heads of `optics.rs`, `volume.rs`, `image/mod.rs` and `field/mod.rs` there. `scripts/examples` has stages made of this.
 """
 
 import argparse
@@ -208,7 +208,10 @@ def _exr(path):
 
 
 def read_image(path):
-    """A light-field image as counts, (height, width) f32, and its history. EXR only."""
+    """A light-field image as counts, (height, width) f32, and its history, which only an EXR has. TIFF and PNG, grey, are
+    read where there is Pillow."""
+    if os.path.splitext(path)[1].lower() in (".tif", ".tiff", ".png"):
+        return _read_grey(path), []
     channels, header = _exr(path)
     if list(channels) != ["Y"]:
         raise Refused(f"{path}: channels {', '.join(channels)}; wanted one channel Y")
@@ -216,6 +219,22 @@ def read_image(path):
     if not ((counts >= 0) & np.isfinite(counts)).all():
         raise Refused(f"{path}: pixels that are no counts; wanted finite values that are not negative")
     return counts, json.loads(header.get("lf:history", "[]"))
+
+
+def _read_grey(path):
+    module("PIL", "to read TIFF and PNG (its package is called pillow)")
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            counts = np.asarray(image)
+    except FileNotFoundError:
+        raise Refused(f"{path}: no such file; wanted an image") from None
+    except (OSError, UnidentifiedImageError) as error:
+        raise Refused(f"{path}: {error}; wanted a grey TIFF or PNG") from None
+    if counts.ndim != 2:
+        raise Refused(f"{path}: {counts.shape[-1]} channels; wanted one of grey")
+    return counts.astype(np.float32)
 
 
 def read_frame(path, camera, background=None):

@@ -154,22 +154,22 @@ subtract = $(addprefix -b ,$(call background-of,$1))
 $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 	$(call step,$(CALIB) background $(wildcard $(subst %,*$(filter-out all,$*),$(FRAME))) -c $< --quantile $(QUANTILE))
 
-# One line a stage.
-preset := $(addprefix --preset ,$(PRESET))
+# One line a stage. Presets are a word of ours, and a swapped stage is not told them.
+preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 
 $(supports): $(OUT)/support-%.lfv: $(FRAME) $(CAMERA) $$(call background-of,$$*) | $(LOG)
 	$(call step,$(PRUNE) $< -c $(CAMERA) $(call subtract,$*) --pvr $(PVR) --depth $(DEPTH) \
-	    $(addprefix --bounds ,$(BOUNDS)) $(preset) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS))
+	    $(addprefix --bounds ,$(BOUNDS)) $(call preset,$(PRUNE)) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS))
 
 $(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $(FRAME) $(CAMERA) $$(call background-of,$$*) | $(LOG)
-	$(call step,$(MART) $< -i $(word 2,$^) -c $(CAMERA) $(call subtract,$*) $(preset) \
+	$(call step,$(MART) $< -i $(word 2,$^) -c $(CAMERA) $(call subtract,$*) $(call preset,$(MART)) \
 	    $(addprefix --iterations ,$(ITERATIONS)) $(MART_FLAGS))
 	$(if $(TIDY),@rm -f $<)
 
 volumes-of = $(foreach name,$(call split,$1),$(OUT)/volume-$(name).lfv)
 $(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) | $(LOG)
 	$(call step,$(XCORR) $(call volumes-of,$*) --initial-mm $(INITIAL_MM) \
-	    --window-mm $(WINDOW_MM) $(addprefix --dt ,$(DT)) $(preset) $(XCORR_FLAGS) --plot $(@:.exr=.svg))
+	    --window-mm $(WINDOW_MM) $(addprefix --dt ,$(DT)) $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg))
 
 endif
 
@@ -181,9 +181,10 @@ $(OUT)/fields.txt: FORCE | $(LOG)
 	@printf '%s\n' $(there) > $@.$$$$; cmp -s $@.$$$$ $@ && rm $@.$$$$ || mv $@.$$$$ $@
 FORCE:
 
+mean = $(RUN) $(BIN)lf-validate ensemble $(there) --slice $(SLICE) --plot $(OUT)/mean.svg -o $(OUT)/mean.vti -o $@
 $(OUT)/mean.exr: $(OUT)/fields.txt $(there)
-	$(RUN) $(BIN)lf-validate ensemble $(there) --slice $(SLICE) --plot $(OUT)/mean.svg -o $(OUT)/mean.vti -o $@ \
-	    > $(OUT)/mean.json.$$$$ && mv $(OUT)/mean.json.$$$$ $(OUT)/mean.json || { rm $(OUT)/mean.json.$$$$; exit 2; }
+	@echo '$(strip $(mean))'
+	@part=$(OUT)/mean.json.$$$$; $(mean) > $$part && mv $$part $(OUT)/mean.json || { rm $$part; exit 2; }
 
 report: $(if $(there),$(OUT)/mean.exr)
 	@$(foreach field,$(missing),$(call why,$(patsubst $(OUT)/field-%.exr,%,$(field)));) \
