@@ -40,10 +40,8 @@ pub fn correlate_pairs(
     for (number, pair) in pairs.iter().enumerate() {
         for (volume, side) in pair.iter().zip([Side::First(number), Side::Second(number)]) {
             if !volume.grid.agrees_with(grid) {
-                let [wanted, found] = [grid, volume.grid].map(|grid| {
-                    format!("{} voxels of {:?} mm at {:?} mm", triple(grid.shape), grid.spacing_mm, grid.origin_mm)
-                });
-                return Err(Error::new(side, found, format!("wanted the grid of the first volume, {wanted}")));
+                let wanted = format!("wanted that of the first volume, {grid}");
+                return Err(Error::new(side, volume.grid.to_string(), wanted));
             }
         }
     }

@@ -4,7 +4,7 @@ use super::check_inputs;
 use lf_calib::Background;
 use lf_core::cli::{Session, Verdict};
 use lf_core::image::{self, Stack};
-use lf_core::{Error, Result};
+use lf_core::{Error, Result, io};
 use std::path::{Path, PathBuf};
 
 /// Frames in, what stays in all of them out.
@@ -15,6 +15,7 @@ pub fn background(frames: &[PathBuf], quantile: f64, output: &Path, session: &mu
     let inputs: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
     check_inputs(&inputs)?;
     session.keep_apart(output, &inputs)?;
+    io::check_place(output)?;
     // A quantile must know the number of frames before it takes in the first. Pipes are read once and kept; files are
     // opened again, for a system has only so many maps.
     let mut count = 0;
@@ -24,6 +25,8 @@ pub fn background(frames: &[PathBuf], quantile: f64, output: &Path, session: &mu
         count += stack.images();
         kept.push(Some(stack).filter(|stack| !stack.is_mapped()));
     }
+    let what = if quantile > 0.0 { format!("quantile {quantile}") } else { "minimum".to_string() };
+    session.explain(format!("{what} of {count} frames, pixel by pixel"));
     let mut background = Background::new(count, quantile);
     let mut history = None;
     let progress = session.progress("frames", count as u64);

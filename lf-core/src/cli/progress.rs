@@ -29,7 +29,8 @@ impl Screen {
         let Some(bars) = &self.bars else {
             return Progress { bar: None };
         };
-        let style = "{msg:<14} [{wide_bar:.dim}] {percent:>3}% {human_pos}/{human_len} {rate:>9}/s {eta:>4} left";
+        // What a narrow terminal cuts off is what matters least.
+        let style = "{msg:<10} {percent:>3}% {eta:>4} left [{wide_bar:.dim}] {human_pos}/{human_len} {rate}/s";
         let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
         let style = style.with_key("rate", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
             let rate = state.per_sec();

@@ -1,11 +1,19 @@
 use super::sheet::{Sheet, range, share, whole};
 use crate::statistics::Summary;
 use lf_core::history::History;
+use ndarray::Array2;
 
-/// Describes an image of `width` x `height` pixels.
-pub fn image<'a>(width: usize, height: usize, pixels: impl IntoIterator<Item = &'a f32>, history: &History) -> Sheet {
+/// Describes an image, shape (height, width), the first of so many pages.
+pub fn image(pages: usize, pixels: &Array2<f32>, history: &History) -> Sheet {
+    let (height, width) = pixels.dim();
     let summary = Summary::of(pixels);
-    let mut sheet = Sheet::new("grey image");
+    let mut sheet = Sheet::new("grey image (.exr, .tif or .png)");
+    if pages > 1 {
+        sheet.line(
+            "pages",
+            format!("{}: `lf-calib background` reads all, no other task any; the first:", whole(pages as u64)),
+        );
+    }
     sheet.line("size", format!("{width} x {height} px = {} pixels", whole(summary.count as u64)));
     sheet.line("counts", range(&summary));
     sheet.line("zero pixels", format!("{}, {}", whole(summary.zero as u64), share(summary.zero, summary.count)));
@@ -22,9 +30,12 @@ mod tests {
 
     #[test]
     fn counts_of_a_small_image() {
-        let text = image(3, 1, &[0.0, 4.0, 5.0], &Vec::new()).to_string();
+        let pixels = |row: &[f32]| Array2::from_shape_vec((1, row.len()), row.to_vec()).unwrap();
+        let text = image(1, &pixels(&[0.0, 4.0, 5.0]), &Vec::new()).to_string();
         assert!(text.contains("3 x 1 px") && text.contains("mean 3, sum 9") && text.contains("1, 33.3333 %"));
         assert!(!text.contains("negative"));
-        assert!(image(1, 1, &[-1.0], &Vec::new()).to_string().contains("negative"));
+        assert!(!text.contains("pages"));
+        assert!(image(2, &pixels(&[1.0]), &Vec::new()).to_string().contains("pages        2: "));
+        assert!(image(1, &pixels(&[-1.0]), &Vec::new()).to_string().contains("negative"));
     }
 }
