@@ -29,7 +29,7 @@ impl fmt::Display for Grid {
 
 /// A length without what rounding left of it, a thousandth of a nanometre.
 fn short(length_mm: f64) -> f64 {
-    (length_mm * 1e9).round() * 1e-9 + 0.0
+    (length_mm * 1e9).round() / 1e9 + 0.0
 }
 
 impl Grid {

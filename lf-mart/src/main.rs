@@ -21,10 +21,10 @@ use std::time::Instant;
     name = "lf-mart",
     version,
     max_term_width = 100,
-    after_help = "Examples, in out/ after scripts/demo; the second is the paper's DRT-MART, its weights stored:
+    after_help = "Examples, in out/ after scripts/demo; the second is the paper's DRT-MART, on coarse voxels:
   lf-mart support-0000.lfv -i scene/frame-0000.exr -c camera.json --log sweeps.jsonl -o volume.lfv
-  lf-mart support-0000.lfv -i scene/frame-0000.exr -c camera.json --method mart --weights drt \\
-      --iterations 5 -o paper.lfv"
+  lf-prune scene/frame-0000.exr -c camera.json --pvr 8,8,80 --depth -5,5 |
+      lf-mart -i scene/frame-0000.exr -c camera.json --method mart --weights drt -o paper.lfv"
 )]
 struct Arguments {
     /// Voxels to solve for (.lfv), as lf-prune writes them; - for standard input
@@ -93,9 +93,8 @@ struct Arguments {
     common: Common,
 }
 
-/// What a blob's spreading takes beside the solution: the volume, and the slices it is put together from, bytes a voxel of
-/// the support.
-const BLOB_BYTES: u64 = 28;
+/// What the volume of blobs takes while the solution is still held, bytes a voxel of the support.
+const BLOB_BYTES: u64 = 12;
 
 /// Standard deviation of a blob where neither an option nor a preset sets it, voxels.
 const BLOB: f64 = 0.65;

@@ -36,8 +36,11 @@ pub fn estimate_bytes(camera: &Camera, grid: &Grid, indices: &[u64], options: &O
         _ => {
             // Kept once they fit into their part: what counts is the least of both.
             let all = count_weights(&footprint, indices) * scattered::WEIGHT_BYTES;
+            // Those that are being made, in lists that may have grown to twice their length.
+            let run = (all / voxels.max(1)) * voxels.min(scattered::RUN as u64);
             voxels * VOXEL_BYTES
                 + all.min(scattered::kept_bytes(options.max_bytes))
+                + 2 * run
                 + footprint.lookup_bytes()
                 + 10 * plane
         }

@@ -7,7 +7,7 @@ use std::cmp::Ordering;
 use std::fmt;
 
 /// Keys that a refusal lists.
-const MOST_KEYS: usize = 12;
+const MOST_KEYS: usize = 8;
 
 /// What was found and what was wanted.
 pub type Refusal = (String, String);

@@ -134,7 +134,7 @@ fn refused(error: lf_xcorr::Error, volumes: &[Volume]) -> Error {
         Side::Second(pair) => volumes[2 * pair + 1].name().to_owned(),
         Side::Both => volumes.iter().map(Volume::name).collect::<Vec<_>>().join(" and "),
         Side::Mask => "--mask".to_owned(),
-        Side::Options => "the options".to_owned(),
+        Side::Options => "options".to_owned(),
     };
     Error::new(subject, error.found, error.wanted)
 }

@@ -22,6 +22,12 @@ const OVERLAID: f64 = 40.0;
 /// Voxels lit in either of two volumes laid on each other, over those of one.
 const EITHER: f64 = 1.3;
 
+/// Voxels by which the shifts that a cell's windows ask for reach beyond the search of one of them, each to its own prediction.
+const HULL: usize = 1;
+
+/// Bytes of a cell: the particle images in it.
+const CELL: f64 = 600.0;
+
 /// Bytes of a window: its vectors of this repeat and the last, what is known of them, and its sums' headings.
 const WINDOW: f64 = 400.0;
 
@@ -35,10 +41,9 @@ pub fn estimate_bytes(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> 
     let volumes = 2 * pairs.len();
     let starts = 8.0 * (shape[1] * shape[2]) as f64;
     let plain = LIT * all + volumes as f64 * starts;
-    let spread = match options.deform {
-        Deform::Never => 0.0,
-        _ => spread_count(&first) / first.count().max(1) as f64,
-    };
+    let spread = spread_count(&first) / first.count().max(1) as f64;
+    // Each repeat is made while the last is still held; uncertainties take one that is deformed in any case.
+    let held = if options.deform == Deform::Never { 1.0 } else { 2.0 };
     // Lit voxels of all volumes and of one.
     let lit = share * all;
     let one = lit / volumes as f64;
@@ -48,14 +53,16 @@ pub fn estimate_bytes(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> 
     let of_pass = |(number, pass): (usize, &Pass)| {
         let (shape, pass, _) = binned(shape, pass, number + 1 < options.passes.len());
         let lattice = Lattice::new(shape, &pass);
-        let sums = pass.direct_bytes(&lattice, pairs.len());
+        let hull = if number == 0 { 0 } else { HULL };
+        let wide = Pass { search: pass.search.map(|radius| radius + hull), ..pass };
+        let sums = wide.direct_bytes(&lattice, pairs.len());
         // What is too much is done by transforms.
         let sums = if options.route != Route::Transform && sums <= Pass::MOST_BYTES { sums } else { 0.0 };
-        sums + transform_bytes(&pass) + WINDOW * lattice.count() as f64
+        let cells: usize = lattice.axes.iter().map(|axis| axis.cells.len()).product();
+        sums + transform_bytes(&pass) + WINDOW * lattice.count() as f64 + CELL * cells as f64
     };
     let sums = options.passes.iter().enumerate().map(of_pass).fold(0.0, f64::max);
-    // Each repeat is made while the last is still held.
-    (plain + 2.0 * deformed + moving.max(overlaid) + sums) as u64
+    (plain + held * deformed + moving.max(overlaid) + sums) as u64
 }
 
 /// Bytes of the transforms of one window, for all threads.

@@ -5,7 +5,7 @@ use crate::error::{Error, Side};
 use crate::lattice::Lattice;
 use crate::level::{Level, binned};
 use crate::mask::Mask;
-use crate::options::{Deform, Options, Pass, triple};
+use crate::options::{Deform, Options, Pass};
 use crate::outcome::{Outcome, PassReport, field};
 use crate::run::Run;
 use crate::sparse::{Rows, Sparse};

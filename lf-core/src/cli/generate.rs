@@ -66,7 +66,10 @@ fn page(tool: &str, command: &Command, out: &mut Vec<u8>) -> std::io::Result<()>
     if let Some(examples) = command.get_after_help() {
         let examples = examples.to_string();
         let (title, lines) = examples.split_once('\n').unwrap_or(("", &examples));
-        writeln!(out, ".SH EXAMPLES\n{}\n.PP\n.nf", plain(title))?;
+        let title = title.trim_start_matches("Examples").trim_start_matches([',', ';', ':', ' ']);
+        let title = title.chars().take(1).flat_map(char::to_uppercase).chain(title.chars().skip(1)).collect::<String>();
+        let title = if title.is_empty() { title } else { format!("{}\n.PP\n", plain(&title)) };
+        writeln!(out, ".SH EXAMPLES\n{title}.nf")?;
         lines.lines().try_for_each(|line| writeln!(out, "{}", plain(line)))?;
         writeln!(out, ".fi")?;
     }
@@ -109,7 +112,10 @@ mod tests {
         let page = text(&["man"]).unwrap();
         assert!(page.contains("lf\\-x \\- Some tool") && page.contains("lf\\-x\\-deed(1)"), "{page}");
         let page = text(&["man", "deed"]).unwrap();
-        assert!(page.contains("lf\\-x\\-deed \\- Does it") && page.contains(".SH EXAMPLES\nExamples:\n"), "{page}");
+        assert!(
+            page.contains("lf\\-x\\-deed \\- Does it") && page.contains(".SH EXAMPLES\n.nf\n  lf\\-x deed"),
+            "{page}"
+        );
         assert_eq!(text(&["tasks"]).unwrap(), "deed\n");
         for words in [&[][..], &["csh"], &["man", "word"], &["man", "deed", "deed"]] {
             assert!(text(words).is_err(), "{words:?}");

@@ -45,7 +45,8 @@ fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
         Kind::Image => {
             let stack = Stack::from_bytes(bytes, name)?;
             let image = if stack.images() == 1 { image::from_bytes(stack.bytes(), name)? } else { stack.read(0)? };
-            Ok(info::image(stack.images(), &image.pixels, &image.history))
+            let (height, width) = image.pixels.dim();
+            Ok(info::image(stack.images(), [width, height], &image.pixels, &image.history))
         }
         Kind::Json => {
             let text = text(&bytes)?;

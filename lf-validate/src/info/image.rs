@@ -1,11 +1,14 @@
 use super::sheet::{Sheet, range, share, whole};
 use crate::statistics::Summary;
 use lf_core::history::History;
-use ndarray::Array2;
 
-/// Describes an image, shape (height, width), the first of so many pages.
-pub fn image(pages: usize, pixels: &Array2<f32>, history: &History) -> Sheet {
-    let (height, width) = pixels.dim();
+/// Describes an image of `width` x `height` pixels, the first of so many pages.
+pub fn image<'a>(
+    pages: usize,
+    [width, height]: [usize; 2],
+    pixels: impl IntoIterator<Item = &'a f32>,
+    history: &History,
+) -> Sheet {
     let summary = Summary::of(pixels);
     let mut sheet = Sheet::new("grey image (.exr, .tif or .png)");
     if pages > 1 {
@@ -30,12 +33,11 @@ mod tests {
 
     #[test]
     fn counts_of_a_small_image() {
-        let pixels = |row: &[f32]| Array2::from_shape_vec((1, row.len()), row.to_vec()).unwrap();
-        let text = image(1, &pixels(&[0.0, 4.0, 5.0]), &Vec::new()).to_string();
+        let text = image(1, [3, 1], &[0.0, 4.0, 5.0], &Vec::new()).to_string();
         assert!(text.contains("3 x 1 px") && text.contains("mean 3, sum 9") && text.contains("1, 33.3333 %"));
         assert!(!text.contains("negative"));
         assert!(!text.contains("pages"));
-        assert!(image(2, &pixels(&[1.0]), &Vec::new()).to_string().contains("pages        2: "));
-        assert!(image(1, &pixels(&[-1.0]), &Vec::new()).to_string().contains("negative"));
+        assert!(image(2, [1, 1], &[1.0], &Vec::new()).to_string().contains("pages        2: "));
+        assert!(image(1, [1, 1], &[-1.0], &Vec::new()).to_string().contains("negative"));
     }
 }
