@@ -40,7 +40,7 @@ pub fn correlate_pairs(
     for (number, pair) in pairs.iter().enumerate() {
         for (volume, side) in pair.iter().zip([Side::First(number), Side::Second(number)]) {
             if !volume.grid.agrees_with(grid) {
-                let wanted = format!("wanted that of the first volume, {grid}");
+                let wanted = format!("wanted the grid of the first volume, a {grid}");
                 return Err(Error::new(side, volume.grid.to_string(), wanted));
             }
         }
