@@ -5,7 +5,9 @@ use lf_tests::tools::{Call, TOOLS};
 use lf_tests::uses::uses;
 use serde_json::Value;
 use std::fs;
+use std::io::Write;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 fn tools() -> impl Iterator<Item = &'static str> {
     TOOLS.into_iter().filter(|tool| uses().any(|this| this.tool == *tool))
@@ -86,5 +88,69 @@ fn headers_remember_the_run_unless_told_not_to() {
         assert!(info(&output).contains(&format!("{} {}", this.tool, env!("CARGO_PKG_VERSION"))), "{this:?}");
         this.sound_call(&samples, &output).run().done();
         assert!(!info(&output).contains(this.tool), "{this:?}");
+    }
+}
+
+/// The text of `--generate`.
+fn generated(tool: &str, words: &[&str]) -> String {
+    String::from_utf8(Call::new(tool).word("--generate").words(words).run().done().stdout).unwrap()
+}
+
+/// The long options that a help text lists.
+fn options(help: &str) -> Vec<String> {
+    let listed = help.lines().filter(|line| line.trim_start().starts_with('-'));
+    let words =
+        listed.flat_map(|line| line.split([' ', ',']).take_while(|word| word.is_empty() || word.starts_with('-')));
+    words.filter(|word| word.starts_with("--")).map(str::to_owned).collect()
+}
+
+#[test]
+fn man_pages_name_every_visible_option() {
+    for tool in tools() {
+        let tasks = generated(tool, &["tasks"]);
+        let tasks: Vec<&str> = tasks.lines().collect();
+        for task in tasks.iter().copied().map(Some).chain([None]) {
+            let page = generated(tool, &["man"].into_iter().chain(task).collect::<Vec<_>>());
+            let page = page.replace("\\-", "-");
+            let name = [tool].into_iter().chain(task).collect::<Vec<_>>().join("-");
+            assert!(page.contains(&format!("{name} - ")), "{name}\n{page}");
+            let help = Call::new(tool).words(task).word("--help").run().done().stdout;
+            let help = String::from_utf8(help).unwrap();
+            let listed = options(&help);
+            assert!(listed.len() > 4, "{name}: {listed:?}");
+            listed.iter().for_each(|option| assert!(page.contains(option.as_str()), "{name} has no {option}\n{page}"));
+            assert!(!help.contains("--generate"), "{name} tells users of what only packagers need");
+        }
+    }
+}
+
+#[test]
+fn every_help_ends_with_two_examples() {
+    for tool in tools() {
+        let tasks = generated(tool, &["tasks"]);
+        for task in tasks.lines().map(Some).chain([None]) {
+            let help = Call::new(tool).words(task).word("--help").run().done().stdout;
+            let help = String::from_utf8(help).unwrap();
+            let (_, examples) = help.rsplit_once("\nExamples").unwrap_or_else(|| panic!("{tool} {task:?} has none"));
+            let count = examples.lines().filter(|line| line.starts_with("  lf-")).count();
+            assert_eq!(count, 2, "{tool} {task:?}{examples}");
+        }
+    }
+}
+
+#[test]
+fn completions_are_read_by_their_shells() {
+    for tool in tools() {
+        for shell in ["bash", "zsh", "fish"] {
+            let script = generated(tool, &[shell]);
+            assert!(script.contains(tool) && script.contains("threads"), "{tool} {shell}");
+            let child = Command::new(shell).arg("-n").stdin(Stdio::piped()).spawn();
+            // Not every machine has every shell.
+            let Ok(mut child) = child else { continue };
+            child.stdin.take().unwrap().write_all(script.as_bytes()).unwrap();
+            assert!(child.wait().unwrap().success(), "{tool} {shell}");
+        }
+        Call::new(tool).words(["--generate", "csh"]).run().refused("csh");
+        Call::new(tool).words(["--generate", "man", "nothing"]).run().refused("nothing");
     }
 }

@@ -4,7 +4,7 @@ use crate::Refusal;
 use crate::fit::{Similarity, Tie, Warp, unit_basis, without_outliers};
 use crate::period::{self, shortest};
 use crate::reading::window;
-use crate::trail::{FEWEST, Trail, few, layout_of};
+use crate::trail::{self, FEWEST, Trail, few, layout_of};
 use glam::DVec2;
 use lf_core::camera::Layout;
 use ndarray::Array2;
@@ -89,9 +89,20 @@ impl ImageLattice {
 /// # Errors
 /// Refuses an image in which nothing repeats, or whose lenslets do not follow one square or hexagonal lattice.
 pub fn find(image: &Array2<f32>) -> Result<ImageLattice, Refusal> {
+    find_watched(image, &|_| ())
+}
+
+/// What the `watch` of [`find_watched`] counts up to.
+pub const ROUNDS: u64 = trail::ROUNDS;
+
+/// The same; calls `watch(n)` after n more rounds of [`ROUNDS`].
+///
+/// # Errors
+/// As [`find`].
+pub fn find_watched(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLattice, Refusal> {
     let image = image.view();
     let period = period::find(image)?;
-    let trail = Trail::blaze(image, &period)?;
+    let trail = Trail::blaze(image, &period, watch)?;
     through(image.dim(), &trail, period.contrast)
 }
 

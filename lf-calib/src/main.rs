@@ -12,12 +12,11 @@ use std::process::ExitCode;
 #[command(
     name = "lf-calib",
     version,
+    propagate_version = true,
     max_term_width = 100,
-    after_help = "Examples:
-  lf-calib lattice white.exr -c nominal.json -o camera.json
-  lf-calib volume target/ -c camera.json -o calibrated.json
-  lf-calib refine frame-*.exr -c calibrated.json --depth -5,5 -o today.json
-  lf-calib background frame-*.exr --quantile 0.05 -o background.exr"
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-calib lattice white.exr -c nominal.json -o calibrated.json --plot lattice.svg
+  lf-calib background scene/frame-*.exr -o background.exr"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -33,6 +32,9 @@ enum Task {
     /// Layout, pitch, rotation, offset and smooth departures come from the images. The nominal camera gives the main lens,
     /// the microlens focal length and the pixels, which of the offsets and rotations that mean the same lattice is
     /// written, and whatever else is in its file.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-calib lattice white.exr -c nominal.json -o calibrated.json --plot lattice.svg
+  lf-synth white scene/scene.json | lf-calib lattice -c nominal.json --vignetting flat.exr -o flat.json")]
     Lattice(doors::Lattice),
     /// Find the main lens, its distortion and its misalignment from a dot target at known depths
     ///
@@ -41,6 +43,9 @@ enum Task {
     /// distortion, the medium. The lenslets' images stay where a white image has shown them: run `lattice` before. A dot must
     /// light five lenslets across at two depths or more; images in which it lights no lenslet whole are left out. All
     /// images are held in memory.
+    #[command(after_help = "Examples; the first makes the images of the second:
+  lf-synth scene target | lf-synth dots -o target
+  lf-calib volume target -c target/camera.json -v -o calibrated.json")]
     Volume {
         /// Folder as lf-synth dots writes it, or images of one size, one a depth
         #[arg(required = true, value_name = "DIR|IMAGES")]
@@ -67,6 +72,9 @@ enum Task {
     /// is, its size over the frame whether the sensor has tilted. Offset, rotation and tilt are changed where the particles
     /// clearly ask for it; magnification, focal length and distortion, for which particles have no scale, are kept. With
     /// too few particles nothing is written.
+    #[command(after_help = "Examples; the first makes the frames of the second:
+  lf-synth scene demo --set particles.per_lenslet=0.015 | lf-synth frames -o sparse
+  lf-calib refine sparse/frame-*.exr -c sparse/camera.json --depth -5,5 -v -o mended.json")]
     Refine {
         /// Frames of one size
         #[arg(required = true)]
@@ -89,6 +97,9 @@ enum Task {
     /// Every page of a TIFF is a frame. Frames are read one at a time, those of one page or many; held in memory are that
     /// one, files that come through a pipe, and one image for the minimum whatever the number of frames, or for the
     /// quantile Q of N frames Q (N - 1) + 2 images.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-calib background scene/frame-*.exr -o background.exr
+  lf-calib background scene/frame-*.exr white.exr --quantile 0.5 -o median.exr")]
     Background {
         /// Frames of one size, in files of one or of many; - for standard input
         #[arg(default_value = "-")]

@@ -62,6 +62,24 @@ struct Particle {
 /// # Errors
 /// Too few particles that stand alone, or too faint ones.
 pub fn refine(frames: &[Array2<f32>], nominal: &Camera, depth_mm: [f64; 2]) -> Result<Refined, Refusal> {
+    refine_watched(frames, nominal, depth_mm, &|_| ())
+}
+
+/// The steps that [`refine_watched`] counts up to: one for each frame's particles, and the rounds.
+pub fn steps(frames: usize) -> u64 {
+    (frames + ROUNDS) as u64
+}
+
+/// The same; calls `watch(n)` after n more steps, of [`steps`] in all.
+///
+/// # Errors
+/// As [`refine`].
+pub fn refine_watched(
+    frames: &[Array2<f32>],
+    nominal: &Camera,
+    depth_mm: [f64; 2],
+    watch: &dyn Fn(u64),
+) -> Result<Refined, Refusal> {
     let optics = Optics::new(nominal);
     let half_view = DVec2::from(nominal.half_view_mm());
     let pixel_mm = nominal.sensor.pixel_pitch_mm / nominal.main_lens.magnification;
@@ -69,6 +87,7 @@ pub fn refine(frames: &[Array2<f32>], nominal: &Camera, depth_mm: [f64; 2]) -> R
     for (frame, image) in frames.iter().enumerate() {
         let found = isolated(image.view(), &optics, half_view, pixel_mm, depth_mm);
         particles.extend(found.into_iter().map(|place_mm| Particle { frame, place_mm }));
+        watch(1);
     }
     let mut changes = Changes::NONE;
     let mut free: Vec<P> = GROUPS[0].to_vec();
@@ -79,6 +98,7 @@ pub fn refine(frames: &[Array2<f32>], nominal: &Camera, depth_mm: [f64; 2]) -> R
         let optics = Optics::new(&camera);
         let seen: Vec<(Particle, Filling)> =
             particles.par_iter().filter_map(|particle| look(frames, &optics, particle)).collect();
+        watch(1);
         if seen.len() < FEWEST_PARTICLES {
             let found = format!("{} isolated bright particles in {} frames", seen.len(), frames.len());
             let wanted =

@@ -41,6 +41,11 @@ const ROUGH: usize = 4;
 const LEAST_REMAINDER: f64 = 0.03;
 /// The lattice rests when no lenslet of it moves by more, px.
 const AT_REST_PX: f64 = 1e-4;
+/// Times that cell and lattice are repeated at most.
+const RESTS: u64 = 5;
+/// What a trail's `watch` counts up to: the way to the corners, three rests, the last reading. What is left out counts as
+/// done.
+pub(crate) const ROUNDS: u64 = 2 + 3 * RESTS;
 /// Parts of the frame, along each side, whose mean cells are looked at for a second stop; pixels that each is the mean
 /// of, and fewest lenslets.
 const PARTS: usize = 7;
@@ -81,10 +86,11 @@ pub(crate) struct Trail {
 
 impl Trail {
     /// The whole way, from the period to every lenslet of the frame.
-    pub fn blaze(image: ArrayView2<f32>, period: &Period) -> Result<Self, Refusal> {
+    pub fn blaze(image: ArrayView2<f32>, period: &Period, watch: &dyn Fn(u64)) -> Result<Self, Refusal> {
         let mut trail = Self::start(image, period).ok_or_else(|| few(0))?;
         trail.follow(image)?;
-        trail.settle(image)?;
+        watch(1);
+        trail.settle(image, watch)?;
         Ok(trail)
     }
 
@@ -345,27 +351,32 @@ impl Trail {
 
     /// Repeats cell and lattice on the whole frame until the lattice rests: on the round cell, then without what a second
     /// stop has touched where there is one, then on the whole cell.
-    fn settle(&mut self, image: ArrayView2<f32>) -> Result<(), Refusal> {
-        self.rest(image)?;
+    fn settle(&mut self, image: ArrayView2<f32>, watch: &dyn Fn(u64)) -> Result<(), Refusal> {
+        self.rest(image, watch)?;
         self.stops = TwoStops::seen(&self.parts(image));
         if self.stops.is_some() {
-            self.rest(image)?;
+            self.rest(image, watch)?;
+        } else {
+            watch(RESTS);
         }
         self.settled = true;
-        self.rest(image)?;
+        self.rest(image, watch)?;
         self.read(image, usize::MAX);
         self.fit_warp()?;
+        watch(1);
         Ok(())
     }
 
-    fn rest(&mut self, image: ArrayView2<f32>) -> Result<(), Refusal> {
+    fn rest(&mut self, image: ArrayView2<f32>, watch: &dyn Fn(u64)) -> Result<(), Refusal> {
         let ends: Vec<DVec2> = self.readings.iter().map(|reading| reading.0).collect();
-        for _ in 0..5 {
+        for done in 1..=RESTS {
             let before = self.warp.clone();
             self.read(image, SAMPLE);
             self.fit(image)?;
             let moved = ends.iter().map(|&place| self.warp.at(place).distance(before.at(place))).fold(0.0, f64::max);
+            watch(1);
             if moved < AT_REST_PX {
+                watch(RESTS - done);
                 break;
             }
         }

@@ -87,6 +87,23 @@ pub fn is_usable(optics: &Optics, depth_mm: f64) -> bool {
 /// # Errors
 /// Refuses fewer than two usable depths, images without the target, and what no camera could have seen.
 pub fn volume(exposures: &[Exposure], nominal: &Camera) -> Result<Volume, (Option<usize>, Refusal)> {
+    volume_watched(exposures, nominal, &|_| ())
+}
+
+/// The looks at `images` images that [`volume_watched`] counts up to.
+pub fn looks(images: usize) -> u64 {
+    ((1 + LOOKS) * images) as u64
+}
+
+/// The same; calls `watch(n)` after n more looks at an image, of [`looks`] in all.
+///
+/// # Errors
+/// As [`volume`].
+pub fn volume_watched(
+    exposures: &[Exposure],
+    nominal: &Camera,
+    watch: &dyn Fn(u64),
+) -> Result<Volume, (Option<usize>, Refusal)> {
     let optics = Optics::new(nominal);
     let half_view = DVec2::from(nominal.half_view_mm());
     let ids = numbers(exposures);
@@ -102,6 +119,7 @@ pub fn volume(exposures: &[Exposure], nominal: &Camera) -> Result<Volume, (Optio
     }
     // Near focus a place is known best, and a shift found there helps farther away.
     used.sort_by(|&a, &b| exposures[a].depth_mm().abs().total_cmp(&exposures[b].depth_mm().abs()));
+    watch((exposures.len() - used.len()) as u64);
     let mut sightings = Vec::new();
     let mut shift: Option<DVec2> = None;
     let mut deeper = Vec::new();
@@ -113,6 +131,7 @@ pub fn volume(exposures: &[Exposure], nominal: &Camera) -> Result<Volume, (Optio
         shift = Some(seen.shift_mm);
         deeper.push(seen.deeper_mm);
         sightings.extend(seen.sightings);
+        watch(1);
     }
     let unsolved = || {
         let wanted = "wanted a target at known depths seen by this camera";
@@ -140,7 +159,12 @@ pub fn volume(exposures: &[Exposure], nominal: &Camera) -> Result<Volume, (Optio
     let mut looks = Vec::new();
     for _ in 0..LOOKS {
         let (optics, pose) = (Optics::new(&found.camera(nominal)), found.pose());
-        looks = (0..exposures.len()).map(|n| look_again(&exposures[n], n, &ids, &optics, &pose)).collect::<Vec<_>>();
+        let look = |n| {
+            let seen = look_again(&exposures[n], n, &ids, &optics, &pose);
+            watch(1);
+            seen
+        };
+        looks = (0..exposures.len()).map(look).collect::<Vec<_>>();
         let sightings = thinned(&looks.concat());
         let bundle = on(&sightings, nominal, ids.len());
         found = bundle.fit(&fit.parameters, &found).ok_or_else(unsolved)?.changes;

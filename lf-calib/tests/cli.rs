@@ -414,7 +414,7 @@ fn the_picture_is_an_svg_with_units() {
 fn outputs_that_cannot_be() {
     let place = Place::new();
     let line = "lattice white.exr -c nominal.json -o out";
-    place.refused(&format!("{line} --plot p.png"), "p.png: not the name of an SVG; wanted FILE.svg");
+    place.refused(&format!("{line} --plot p.png"), "p.png: the name of a .png file; wanted FILE.svg, the format drawn");
     let wanted = "wanted FILE.exr, which the camera can name";
     place.refused(&format!("{line} --vignetting v.tif"), &format!("v.tif: not the name of an EXR; {wanted}"));
     place.refused(&format!("{line} --vignetting -"), &format!("standard output: not the name of an EXR; {wanted}"));

@@ -163,7 +163,11 @@ pub const IN_LINE_PX: f64 = 0.02;
 impl Camera {
     /// Reads and checks a camera file; `-` is standard input.
     pub fn open(path: &Path) -> Result<Self> {
-        let text = crate::io::open_text(path)?;
+        let wanted = |error: Error| match error.found.ends_with("no text") {
+            true => Error { wanted: "wanted a camera.json".to_string(), ..error },
+            false => error,
+        };
+        let text = crate::io::open_text(path).map_err(wanted)?;
         Self::from_json(&text).map_err(|(found, wanted)| Error::new(crate::io::name(path), found, wanted))
     }
 
@@ -269,16 +273,56 @@ impl Camera {
     /// The camera with its lattice exactly in line with the pixels, where it has a square lattice turned by so little that
     /// no lenslet moves by more than [`IN_LINE_PX`], and nothing else that bends its columns.
     pub fn in_line(&self) -> Option<Self> {
-        if self.bends().is_some() || self.centres.is_some() {
-            return None;
-        }
-        let drift_px = 0.5 * self.sensor.width.max(self.sensor.height) as f64 * self.microlenses.rotation_rad.abs();
-        if self.microlenses.layout != Layout::Square || drift_px > IN_LINE_PX {
+        if self.off_line().is_some() {
             return None;
         }
         let mut straight = self.clone();
         straight.microlenses.rotation_rad = 0.0;
         Some(straight)
+    }
+
+    /// What keeps the lattice from being in line with the pixels, in words; none of [`Camera::in_line`].
+    pub fn off_line(&self) -> Option<String> {
+        if let Some(block) = self.bends().or(self.centres.is_some().then_some("centres")) {
+            return Some(format!("the camera has '{block}'"));
+        }
+        if self.microlenses.layout != Layout::Square {
+            return Some("the lattice is hexagonal".to_string());
+        }
+        let turn = self.microlenses.rotation_rad.abs();
+        let drift_px = 0.5 * self.sensor.width.max(self.sensor.height) as f64 * turn;
+        let turned = || format!("the lattice is turned, by {drift_px:.2} px at the sensor's sides");
+        (drift_px > IN_LINE_PX).then(turned)
+    }
+
+    /// The keys of the optional blocks that it has, each of which is modelled only where it is given.
+    pub fn blocks(&self) -> Vec<&'static str> {
+        let blocks = [
+            ("medium", self.medium.is_some()),
+            ("tilt", self.tilt.is_some()),
+            ("microlenses.gap_mm", self.microlenses.gap_mm.is_some()),
+            ("distortion", self.distortion.is_some()),
+            ("centres", self.centres.is_some()),
+            ("vignetting", self.vignetting.is_some()),
+        ];
+        blocks.into_iter().filter_map(|(name, given)| given.then_some(name)).collect()
+    }
+
+    /// What `-v` tells of it: its lattice, its stop, and which optional blocks are modelled.
+    pub fn about(&self) -> String {
+        let layout = match self.microlenses.layout {
+            Layout::Square => "square",
+            Layout::Hexagonal => "hexagonal",
+        };
+        let stop = match self.main_lens.aperture {
+            Aperture::Circle => "round",
+            Aperture::Square => "square",
+        };
+        let blocks = match self.blocks().as_slice() {
+            [] => "nothing beyond a thin lens is modelled".to_string(),
+            blocks => format!("modelled beyond a thin lens: {}", blocks.join(", ")),
+        };
+        format!("{layout} lattice of {:.2} px, {stop} stop; {blocks}", self.pitch_px())
     }
 
     /// The flat-field image of a camera that was read from `file`: `vignetting` seen from its folder.

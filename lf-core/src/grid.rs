@@ -22,9 +22,14 @@ const TOLERANCE: f64 = 1e-9;
 impl fmt::Display for Grid {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let [nx, ny, nz] = self.shape;
-        let ([dx, dy, dz], [x, y, z]) = (self.spacing_mm, self.origin_mm);
+        let ([dx, dy, dz], [x, y, z]) = (self.spacing_mm.map(short), self.origin_mm.map(short));
         write!(f, "grid of {nx} x {ny} x {nz} voxels of {dx} x {dy} x {dz} mm from ({x}, {y}, {z}) mm")
     }
+}
+
+/// A length without what rounding left of it, a thousandth of a nanometre.
+fn short(length_mm: f64) -> f64 {
+    (length_mm * 1e9).round() / 1e9 + 0.0
 }
 
 impl Grid {
@@ -52,8 +57,10 @@ impl Grid {
             if !(count >= 1.0 && count < 2f64.powi(40) && spacing_mm[axis] > 0.0) {
                 let name = ["x", "y", "z"][axis];
                 return Err(format!(
-                    "{name} from {low} to {high} mm in steps of {} mm holds no voxel",
-                    spacing_mm[axis]
+                    "{name} from {} to {} mm in steps of {} mm holds no voxel",
+                    short(low),
+                    short(high),
+                    short(spacing_mm[axis])
                 ));
             }
             shape[axis] = count as usize;

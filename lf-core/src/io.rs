@@ -95,10 +95,55 @@ pub fn open(path: &Path) -> Result<Bytes> {
 pub fn open_text(path: &Path) -> Result<String> {
     let bytes = open(path)?;
     let text = std::str::from_utf8(&bytes).map_err(|error| {
-        let at = error.valid_up_to();
-        Error::new(name(path), format!("byte {at} is not part of UTF-8 text"), "wanted a text file in UTF-8")
+        let found = kind(&bytes).map_or_else(
+            || format!("byte {} is not part of UTF-8 text", error.valid_up_to()),
+            |kind| format!("{kind}, no text"),
+        );
+        Error::new(name(path), found, "wanted a text file in UTF-8")
     })?;
     Ok(text.strip_prefix('\u{feff}').unwrap_or(text).to_owned())
+}
+
+/// What a binary file is by its first bytes; none of what the tools do not know.
+fn kind(bytes: &[u8]) -> Option<&'static str> {
+    let kinds: [(&[u8], &str); 7] = [
+        (b"\x76\x2f\x31\x01", "an EXR"),
+        (b"\x89PNG", "a PNG"),
+        (b"II*\0", "a TIFF"),
+        (b"MM\0*", "a TIFF"),
+        (b"\x89LFV", "a .lfv"),
+        (b"\x1f\x8b", "a gzip file"),
+        (b"PK\x03\x04", "a zip file"),
+    ];
+    kinds.iter().find_map(|(start, kind)| bytes.starts_with(start).then_some(*kind))
+}
+
+/// Refuses an output whose folder is not there, or that is a folder itself: what is known before the work need not wait
+/// until after it.
+pub fn check_place(path: &Path) -> Result<()> {
+    if is_standard(path) {
+        return Ok(());
+    }
+    let refused = |kind: ErrorKind| Err(writing(&output_name(path), &kind.into()));
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    match folder.map(fs::metadata) {
+        Some(Err(error)) if error.kind() == ErrorKind::NotFound => return refused(ErrorKind::NotFound),
+        Some(Ok(found)) if !found.is_dir() => return refused(ErrorKind::NotFound),
+        _ => {}
+    }
+    if fs::metadata(path).is_ok_and(|found| found.is_dir()) { refused(ErrorKind::IsADirectory) } else { Ok(()) }
+}
+
+/// Refuses a picture under a name that promises another format than SVG.
+pub fn check_picture(path: &Path) -> Result<()> {
+    const OTHERS: [&str; 8] = ["png", "jpg", "jpeg", "pdf", "eps", "tif", "tiff", "gif"];
+    match path.extension().filter(|end| OTHERS.iter().any(|other| end.eq_ignore_ascii_case(other))) {
+        Some(end) => {
+            let found = format!("the name of a .{} file", end.to_string_lossy());
+            Err(Error::new(output_name(path), found, "wanted FILE.svg, the format drawn"))
+        }
+        None => check_place(path),
+    }
 }
 
 /// Writes `path` whole or not at all; `-` is standard output. A terminal is refused.

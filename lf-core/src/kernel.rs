@@ -16,3 +16,12 @@ pub fn fastest(work: impl FnOnce()) {
     }
     work();
 }
+
+/// What [`fastest`] runs on, in words.
+pub fn name() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        return "AVX2";
+    }
+    "portable code, for want of AVX2"
+}

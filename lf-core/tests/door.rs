@@ -104,7 +104,7 @@ fn a_slip_is_one_line() {
     refused(&[], "the following required arguments were not provided: <DEED>; see 'lf-tool --help'");
     refused(
         &["no", "--threads", "x"],
-        "invalid value 'x' for '--threads <N>': invalid digit found in string; see 'lf-tool --help'",
+        "invalid value 'x' for '--threads <N>': wanted a whole number of 0 or more; see 'lf-tool --help'",
     );
     refused(&["no", "--threads", "1025"], "--threads: 1025; wanted at most 1024; see 'lf-tool --help'");
     let (code, _, err) = run(&["no", "--stat", "x"]);

@@ -20,7 +20,7 @@ mod scattered;
 mod simultaneous;
 mod tables;
 
-pub use memory::estimate_bytes;
+pub use memory::{Route, estimate_bytes, route};
 
 use lf_core::camera::Camera;
 use lf_core::footprint::{Basis, Footprint, Model};
@@ -114,6 +114,34 @@ pub struct Reconstruction {
     pub unseen: usize,
 }
 
+/// Why no sweep followed the last.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Ended {
+    /// They are as many as were asked for.
+    Most,
+    /// The misfit stalls.
+    Stalled,
+    /// The misfit is what was asked for.
+    Reached,
+}
+
+impl Options {
+    /// Why these sweeps were enough.
+    pub fn ended(&self, sweeps: &[Sweep]) -> Ended {
+        match self.until {
+            Until::Misfit(_) if sweeps.len() < self.iterations => Ended::Reached,
+            Until::Noise(_) if sweeps.len() < self.iterations && !stalls(sweeps) => Ended::Reached,
+            Until::Stall | Until::Noise(_) if stalls(sweeps) => Ended::Stalled,
+            _ => Ended::Most,
+        }
+    }
+}
+
+/// Whether two sweeps bring the misfit down by less than a hundredth.
+fn stalls(sweeps: &[Sweep]) -> bool {
+    sweeps.len() > 2 && sweeps[sweeps.len() - 1].misfit > 0.99 * sweeps[sweeps.len() - 3].misfit
+}
+
 /// Voxels of the result below this share of its brightest are not written.
 const LEAST_SHARE: f32 = 1e-4;
 
@@ -142,7 +170,8 @@ pub fn reconstruct(
     }
     let bytes = estimate_bytes(camera, grid, indices, options)?;
     if bytes > options.max_bytes {
-        return Err(format!("{} voxels would take about {:.1} GB", indices.len(), bytes as f64 * 1e-9));
+        let [bytes, most] = [bytes, options.max_bytes].map(|bytes| bytes as f64 * 1e-9);
+        return Err(format!("{} voxels would take about {bytes:.2} GB of {most} allowed", indices.len()));
     }
     let footprint = Footprint::new(camera, grid, options.weights, options.basis)?;
     // In units of the brightest pixel no sum is too large or too small for f32, whatever a camera's counts are.
@@ -195,12 +224,11 @@ impl Problem<'_> {
     /// Whether the sweeps so far are enough. `pixels` are those reached, `light` the root of their sum of squares.
     pub(crate) fn enough(&self, sweeps: &[Sweep], pixels: usize, light: f64) -> bool {
         let Some(last) = sweeps.last() else { return false };
-        let stalls = || sweeps.len() > 2 && last.misfit > 0.99 * sweeps[sweeps.len() - 3].misfit;
         match self.options.until {
             Until::Never => false,
-            Until::Stall => stalls(),
+            Until::Stall => stalls(sweeps),
             Until::Misfit(wanted) => last.misfit <= wanted,
-            Until::Noise(sigma) => last.misfit <= sigma / self.unit * (pixels as f64).sqrt() / light || stalls(),
+            Until::Noise(sigma) => last.misfit <= sigma / self.unit * (pixels as f64).sqrt() / light || stalls(sweeps),
         }
     }
 }

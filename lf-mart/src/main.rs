@@ -9,7 +9,7 @@ use lf_core::footprint::{Basis, Model, SECTIONS, aperture_sections};
 use lf_core::grid::Grid;
 use lf_core::volume::{self, Volume};
 use lf_core::{Error, Result, image, io};
-use lf_mart::{Method, Options, Start, Sweep, Until, estimate_bytes, reconstruct};
+use lf_mart::{Ended, Method, Options, Start, Sweep, Until, estimate_bytes, reconstruct, route};
 use serde_json::json;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -21,21 +21,19 @@ use std::time::Instant;
     name = "lf-mart",
     version,
     max_term_width = 100,
-    after_help = "Examples:
-  lf-mart support.lfv -i frame.exr -c camera.json -o volume.lfv
-  lf-mart support.lfv -i frame.exr -c camera.json --iterations 3 --log sweeps.jsonl -o quick.lfv
-  lf-mart support.lfv -i frame.exr -c camera.json --start quick.lfv -o volume.lfv
-  lf-mart support.lfv -i frame.exr -c camera.json --weights drt --method mart --relaxation 2.5 \\
-          --iterations 30 -o paper.lfv      (the paper's DRT-MART)"
+    after_help = "Examples, in out/ after scripts/demo; the second is the paper's DRT-MART, on coarse voxels:
+  lf-mart support-0000.lfv -i scene/frame-0000.exr -c camera.json --log sweeps.jsonl -o volume.lfv
+  lf-prune scene/frame-0000.exr -c camera.json --pvr 8,8,80 --depth -5,5 |
+      lf-mart -i scene/frame-0000.exr -c camera.json --method mart --weights drt -o paper.lfv"
 )]
 struct Arguments {
-    /// Support (.lfv), - for standard input
+    /// Voxels to solve for (.lfv), as lf-prune writes them; - for standard input
     #[arg(default_value = "-")]
     support: PathBuf,
     /// Light-field image (EXR, TIFF, PNG)
     #[arg(short, long, value_name = "FILE")]
     image: PathBuf,
-    /// camera.json
+    /// Camera (camera.json), as lf-calib writes it
     #[arg(short, long, value_name = "FILE")]
     camera: PathBuf,
     /// Image to subtract first; what falls below zero becomes zero
@@ -85,12 +83,18 @@ struct Arguments {
     /// Refuse what would take more memory than this, GB
     #[arg(long, value_name = "GB", default_value_t = 8.0)]
     max_memory: f64,
+    /// Only tell what it would take: {"memory_bytes", "voxels"} as JSON on standard output
+    #[arg(long)]
+    estimate: bool,
     /// Volume (.lfv), - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: PathBuf,
     #[command(flatten)]
     common: Common,
 }
+
+/// What the volume of blobs takes while the solution is still held, bytes a voxel of the support.
+const BLOB_BYTES: u64 = 12;
 
 /// Standard deviation of a blob where neither an option nor a preset sets it, voxels.
 const BLOB: f64 = 0.65;
@@ -241,9 +245,14 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mut inputs = vec![arguments.support.as_path(), arguments.image.as_path(), arguments.camera.as_path()];
     inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.start.as_deref()));
     session.keep_apart(&arguments.output, &inputs)?;
+    io::check_place(&arguments.output)?;
     if let Some(log) = &arguments.log {
-        inputs.push(&arguments.output);
+        if io::is_standard(log) && io::is_standard(&arguments.output) {
+            return Err(Error::new("standard output", "asked for by --log and by -o", "wanted a file for one of them"));
+        }
         session.keep_apart(log, &inputs)?;
+        session.keep_apart(log, &[&arguments.output])?;
+        io::check_place(log)?;
     }
     let name = io::name(&arguments.support);
     let (camera, image, support) = session.phase("read", |_| {
@@ -275,11 +284,30 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let wanted = "wanted a support that fits the camera and --max-memory";
     let refuse = |found: String| Error::new(name.clone(), found, wanted);
     let bytes = estimate_bytes(&camera, support.grid(), support.indices(), &options).map_err(refuse)?;
+    if arguments.estimate {
+        // The image in units of its brightest pixel, and the volume that is written.
+        let written = match options.basis {
+            Basis::Blob { .. } => BLOB_BYTES,
+            _ => 0,
+        };
+        let more = 4 * image.pixels.len() as u64 + written * support.count() as u64;
+        session.tell_estimate(bytes + more, &[("voxels", support.count() as u64)])?;
+        return Ok(Verdict::Done);
+    }
+    session.explain(format!("camera: {}", camera.about()));
+    let (route, is_kept) = route(&camera, support.grid(), support.indices(), &options).map_err(refuse)?;
+    session.explain(route.about(&camera, options.weights, is_kept));
     session.count("estimated_bytes", bytes);
-    session.explain(format!("about {:.2} GB of memory for {} voxels", bytes as f64 * 1e-9, support.count()));
+    session.explain(format!(
+        "about {:.2} GB of memory for {} voxels, of {} GB allowed",
+        bytes as f64 * 1e-9,
+        support.count(),
+        arguments.max_memory
+    ));
     let mut log = String::new();
     let volume = session.phase("reconstruct", |session| {
-        let progress = session.progress("sweeps", options.iterations as u64);
+        let what = if options.until == Until::Never { "sweeps" } else { "sweeps at most" };
+        let progress = session.progress(what, options.iterations as u64);
         let began = Instant::now();
         let done = |sweep: &Sweep| {
             progress.add(1);
@@ -302,6 +330,13 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Err(Error::new(name, "no voxel has light", wanted));
     }
     let (sweeps, misfit) = volume.sweeps.last().map_or((0, 0.0), |sweep| (sweep.number, sweep.misfit));
+    session.explain(match options.ended(&volume.sweeps) {
+        Ended::Most => format!("ended after {sweeps} sweeps, the most of --iterations"),
+        Ended::Stalled => {
+            format!("ended after {sweeps} sweeps: the last two lowered the misfit by less than a hundredth")
+        }
+        Ended::Reached => format!("ended after {sweeps} sweeps: the misfit is what --until asks for"),
+    });
     session.count("support_voxels", support.count());
     session.count("unseen_voxels", volume.unseen);
     session.count("lit_voxels", volume.indices.len());

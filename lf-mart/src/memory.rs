@@ -6,8 +6,9 @@ use crate::scattered::{self, count_weights};
 use crate::tables::RowTap;
 use crate::{Method, Options, row_action};
 use lf_core::camera::Camera;
-use lf_core::footprint::{Chords, Footprint};
+use lf_core::footprint::{Chords, Footprint, Model};
 use lf_core::grid::Grid;
+use lf_core::kernel;
 
 /// Slices whose profiles are counted.
 const SLICES: usize = 9;
@@ -35,12 +36,64 @@ pub fn estimate_bytes(camera: &Camera, grid: &Grid, indices: &[u64], options: &O
         _ => {
             // Kept once they fit into their part: what counts is the least of both.
             let all = count_weights(&footprint, indices) * scattered::WEIGHT_BYTES;
+            // Those that are being made, in lists that may have grown to twice their length.
+            let run = (all / voxels.max(1)) * voxels.min(scattered::RUN as u64);
             voxels * VOXEL_BYTES
                 + all.min(scattered::kept_bytes(options.max_bytes))
+                + 2 * run
                 + footprint.lookup_bytes()
                 + 10 * plane
         }
     })
+}
+
+/// How weights are come by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Route {
+    /// Products of column and row profiles, made where they are used: the fastest, for lattices in line with the pixels.
+    Profiles,
+    /// Of each lenslet, looked up.
+    Lenslets,
+    /// Ray by ray of the aperture's sections, or sphere by sphere.
+    Rays,
+    /// Made once and stored: what `mart` needs.
+    Stored,
+}
+
+/// How weights are come by, and whether those of all voxels are kept in memory from the first sweep on.
+///
+/// # Errors
+/// As [`estimate_bytes`].
+pub fn route(camera: &Camera, grid: &Grid, indices: &[u64], options: &Options) -> Result<(Route, bool), String> {
+    let footprint = Footprint::new(camera, grid, options.weights, options.basis)?;
+    if options.method == Method::Mart {
+        return Ok((Route::Stored, true));
+    }
+    if footprint.in_line() {
+        return Ok((Route::Profiles, false));
+    }
+    let bytes = count_weights(&footprint, indices) * scattered::WEIGHT_BYTES;
+    let route = if footprint.has_lenslets() { Route::Lenslets } else { Route::Rays };
+    Ok((route, bytes <= scattered::kept_bytes(options.max_bytes)))
+}
+
+impl Route {
+    /// What it is, in words; `camera` and `weights` tell why it is none that is faster.
+    pub fn about(self, camera: &Camera, weights: Model, is_kept: bool) -> String {
+        let why = match weights {
+            Model::Sphere => "the weights are spheres".to_string(),
+            _ => camera.off_line().unwrap_or_else(|| "the lattice is in line with the pixels".to_string()),
+        };
+        let kept = if is_kept { "kept in memory" } else { "made anew at every use until those of the voxels held fit" };
+        match self {
+            Self::Profiles => {
+                format!("weights from profiles of columns and rows, by {}, the fastest way: {why}", kernel::name())
+            }
+            Self::Lenslets => format!("weights looked up lenslet by lenslet, {kept}: {why}"),
+            Self::Rays => format!("weights ray by ray, the slowest way, {kept}: {why}"),
+            Self::Stored => "weights stored, as --method mart needs them".to_string(),
+        }
+    }
 }
 
 /// Profiles of a camera in line: of columns for each x and z of the support, of rows for each y and z, twice while they

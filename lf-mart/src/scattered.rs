@@ -67,7 +67,7 @@ pub(crate) fn count_weights(footprint: &Footprint, indices: &[u64]) -> u64 {
 }
 
 /// Voxels that a thread takes at once.
-const RUN: usize = 1 << 12;
+pub(crate) const RUN: usize = 1 << 12;
 
 impl Kept {
     fn new(footprint: &Footprint, indices: &[u64], subsets: usize) -> Self {

@@ -7,11 +7,15 @@
 mod cell;
 mod inline;
 mod lines;
+mod memory;
+mod route;
 mod scattered;
 mod sections;
 mod threshold;
 mod views;
 
+pub use memory::estimate_bytes;
+pub use route::Route;
 pub use threshold::Automatic;
 
 use lf_core::camera::Camera;
@@ -19,7 +23,7 @@ use lf_core::footprint::{check_depth, sections};
 use lf_core::grid::Grid;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
-use views::{Views, straightened};
+use views::Views;
 
 /// How the pixels of a voxel become its score.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,9 +96,9 @@ pub fn prune(
         return Ok(Support { indices: Vec::new(), scores: Vec::new() });
     }
     let levels = Levels::new(image, peak, options);
+    let route = Route::of(camera);
     let straight = camera.in_line();
-    let is_bent = straightened(camera).bends().is_some();
-    let views = (straight.is_none() && !is_bent).then(|| Views::new(&levels, camera));
+    let views = matches!(route, Route::Lines | Route::Tiles).then(|| Views::new(&levels, camera));
     let slices: Vec<Slice> = (0..nz)
         .into_par_iter()
         .map(|z| {

@@ -9,7 +9,7 @@ use lf_core::footprint::{SECTIONS, aperture_sections};
 use lf_core::grid::Grid;
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, image, io, particles, volume};
-use lf_prune::{Automatic, DARK, Options, Score, prune};
+use lf_prune::{Automatic, DARK, Options, Route, Score, estimate_bytes, prune};
 use ndarray::ArrayView2;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -20,15 +20,16 @@ use std::process::ExitCode;
     name = "lf-prune",
     version,
     max_term_width = 100,
-    after_help = "Examples:
-  lf-prune frame.exr -c camera.json --pvr 2,2,10 --depth -5,5 -o support.lfv
-  lf-prune frame.exr -c camera.json --depth -5,5 | lf-mart -i frame.exr -c camera.json -o volume.lfv"
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-prune scene/frame-0000.exr -c camera.json --pvr 2,2,20 --depth -5,5 -o support.lfv
+  lf-prune scene/frame-0001.exr -c camera.json --preset fast --depth -5,5 |
+      lf-mart -i scene/frame-0001.exr -c camera.json --preset fast -o volume.lfv"
 )]
 struct Arguments {
     /// Light-field image (EXR, TIFF, PNG), - for standard input
     #[arg(default_value = "-")]
     image: PathBuf,
-    /// camera.json
+    /// Camera (camera.json), as lf-calib writes it
     #[arg(short, long, value_name = "FILE")]
     camera: PathBuf,
     /// Image to subtract first; what falls below zero becomes zero
@@ -40,7 +41,7 @@ struct Arguments {
     /// Pixels per voxel along x, y, z [default: 1,1,10]
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
     pvr: Option<[f64; 3]>,
-    /// Depth of the volume, mm; towards the camera is positive
+    /// Depth of the volume, mm, from far to near: towards the camera is positive, 0 is in focus
     #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true, required_unless_present = "like")]
     depth: Option<[f64; 2]>,
     /// Sides of the volume, mm [default: what the sensor sees of the focal plane]
@@ -74,6 +75,9 @@ struct Arguments {
     /// Keep every voxel that can be seen: the baseline of plain MART, not a mode to recommend
     #[arg(long)]
     keep_all: bool,
+    /// Only tell what it would take, from a few slices: {"memory_bytes", "voxels", "kept"} as JSON on standard output
+    #[arg(long)]
+    estimate: bool,
     /// Support (.lfv), - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: PathBuf,
@@ -83,6 +87,9 @@ struct Arguments {
 
 /// Pixels per voxel where neither an option nor a preset sets them: the paper's.
 const PVR: [f64; 3] = [1.0, 1.0, 10.0];
+
+/// What a grid that is refused is told.
+const VOLUME: &str = "wanted a volume before the lens with less than 2^32 voxels a slice";
 
 /// Its logarithms still add up in whole numbers.
 const LEAST_DARK: f64 = 1e-12;
@@ -110,6 +117,18 @@ impl Arguments {
             }
             Err(Error::new(option, format!("{value}"), "wanted a share, 0 to 1"))
         };
+        let rises = |option: &str, typed: &[f64]| {
+            if typed.chunks(2).all(|side| side[0] < side[1]) {
+                return Ok(());
+            }
+            let typed: Vec<String> = typed.iter().map(f64::to_string).collect();
+            Err(Error::new(option, typed.join(","), "wanted the lower number of each side first, like -5,5"))
+        };
+        self.depth.map_or(Ok(()), |depth| rises("--depth", &depth))?;
+        self.bounds.map_or(Ok(()), |bounds| rises("--bounds", &bounds))?;
+        if let Some([x, y, z]) = self.pvr.filter(|pvr| pvr.iter().any(|side| *side <= 0.0)) {
+            return Err(Error::new("--pvr", format!("{x},{y},{z}"), "wanted three numbers above 0, like 1,1,10"));
+        }
         share("--quantile", self.quantile)?;
         share("--dark", self.dark)?;
         if self.dark < LEAST_DARK {
@@ -145,6 +164,16 @@ impl Arguments {
         self.score.or(preset).unwrap_or(ScoreName::Geometric)
     }
 
+    /// The score in words.
+    fn score_about(&self) -> String {
+        match self.score() {
+            _ if self.keep_all => "nothing: every voxel that can be seen is kept".to_string(),
+            ScoreName::Geometric => "the geometric mean of the pixels".to_string(),
+            ScoreName::Minimum => "the darkest pixel".to_string(),
+            ScoreName::Quantile => format!("all but the darkest {:.0} % of the pixels", 100.0 * self.quantile),
+        }
+    }
+
     fn grid(&self, camera: &Camera) -> Result<Grid> {
         let Some(depth) = self.depth else {
             let like = self.like.as_deref().expect("clap wants one of them");
@@ -157,7 +186,7 @@ impl Arguments {
     }
 
     fn depth_name(&self) -> String {
-        self.like.as_deref().map_or_else(|| "--depth".to_string(), io::name)
+        self.like.as_deref().map_or_else(|| "--depth, --pvr, --bounds".to_string(), io::name)
     }
 
     fn options(&self, image: ArrayView2<f32>, session: &mut Session) -> Options {
@@ -165,10 +194,11 @@ impl Arguments {
             let found = Automatic::new(image);
             session.count("noise", found.noise);
             session.count("threshold", found.threshold);
+            let by = if found.threshold > found.noise { "a fifth of the light's mean brightness" } else { "the noise" };
             session.explain(format!(
-                "noise {:.2} % of the brightest pixel, threshold {:.2} %",
-                100.0 * found.noise,
-                100.0 * found.threshold
+                "threshold {:.2} % of the brightest pixel, {by}; noise {:.2} %",
+                100.0 * found.threshold,
+                100.0 * found.noise
             ));
             found.threshold
         });
@@ -197,6 +227,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         [&arguments.background, &arguments.truth, &arguments.like].into_iter().flat_map(|file| file.as_deref()),
     );
     session.keep_apart(&arguments.output, &inputs)?;
+    io::check_place(&arguments.output)?;
     let name = io::name(&arguments.image);
     let (camera, image) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
@@ -214,20 +245,29 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let options = arguments.options(image.pixels.view(), session);
     let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
     session.count("sections", sections);
-    session.explain(format!("{sections} x {sections} sections of the aperture"));
+    session.explain(format!("camera: {}", camera.about()));
+    let why = camera.off_line().unwrap_or_else(|| "the lattice is in line with the pixels".to_string());
+    session.explain(format!("{}: {why}", Route::of(&camera).about()));
+    session.explain(format!("{sections} x {sections} sections of the aperture, scored by {}", arguments.score_about()));
+    if arguments.estimate {
+        let refused = |found| Error::new(arguments.depth_name(), found, VOLUME);
+        let (bytes, kept) = estimate_bytes(image.pixels.view(), &camera, &grid, &options).map_err(refused)?;
+        session.tell_estimate(bytes, &[("voxels", grid.len()), ("kept", kept)])?;
+        return Ok(Verdict::Done);
+    }
     let support = session.phase("prune", |session| {
-        let progress = session.progress("pruning", grid.shape[2] as u64);
+        let progress = session.progress("slices", grid.shape[2] as u64);
         prune(image.pixels.view(), &camera, &grid, &options, |slices| progress.add(slices))
-            .map_err(|found| Error::new(arguments.depth_name(), found, "wanted a volume before the lens"))
+            .map_err(|found| Error::new(arguments.depth_name(), found, VOLUME))
     })?;
     let (kept, all) = (support.indices.len(), grid.len());
     session.count("voxels", all);
     session.count("kept", kept);
     let [nx, ny, nz] = grid.shape;
     session.explain(format!(
-        "kept {kept} of {nx} x {ny} x {nz} voxels ({:.3} %) scoring {} of the brightest pixel or more",
+        "kept {kept} of {nx} x {ny} x {nz} voxels ({:.3} %) scoring {:.2} % of the brightest pixel or more",
         100.0 * kept as f64 / all as f64,
-        options.threshold
+        100.0 * options.threshold
     ));
     if let Some(file) = &arguments.truth {
         let table = particles::read(&io::open_text(file)?)
@@ -244,7 +284,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         ));
     }
     if kept == 0 {
-        let wanted = "wanted a brighter image, a lower --threshold or another --depth";
+        let [x, y] = camera.half_view_mm();
+        let wanted = format!(
+            "wanted a brighter image, a lower --threshold, another --depth, or --bounds within {x:.3} mm of the axis along x \
+             and {y:.3} mm along y, which the sensor sees in focus"
+        );
         return Err(Error::new(name, "no voxel survives pruning", wanted));
     }
     session.phase("write", |session| {

@@ -12,11 +12,11 @@ use std::process::ExitCode;
 #[command(
     name = "lf-synth",
     version,
+    propagate_version = true,
     max_term_width = 100,
     after_help = "Examples:
   lf-synth scene demo > scene.json && lf-synth frames scene.json -o frames
-  lf-synth scene core --set particles.per_lenslet=0.5 | lf-synth frames - -o core
-  lf-synth scene tank --set sensor_noise.bits=12 | lf-synth white - -o white.tif"
+  lf-synth scene tank --set sensor_noise.bits=12 | lf-synth white -o white.tif"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -28,6 +28,9 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Task {
     /// Print a ready scene.json; without NAME, list them
+    #[command(after_help = "Examples:
+  lf-synth scene
+  lf-synth scene core --set particles.per_lenslet=0.5 --set seed=7 > scene.json")]
     Scene {
         /// Which one
         name: Option<String>,
@@ -36,6 +39,9 @@ enum Task {
         set: Vec<String>,
     },
     /// Render frames, camera, particles and truth into a folder
+    #[command(after_help = "Examples:
+  lf-synth scene demo | lf-synth frames -o frames
+  lf-synth scene core --set particles.per_lenslet=0.5 | lf-synth frames -o core --format tiff")]
     Frames {
         #[command(flatten)]
         source: Source,
@@ -54,6 +60,9 @@ enum Task {
         max_memory: f64,
     },
     /// Render a flat field
+    #[command(after_help = "Examples:
+  lf-synth scene demo | lf-synth white -o white.exr
+  lf-synth scene tank --set sensor_noise.bits=12 | lf-synth white --seed 2 -o white.tif")]
     White {
         #[command(flatten)]
         source: Source,
@@ -62,6 +71,9 @@ enum Task {
         output: PathBuf,
     },
     /// Render what the sensor records without light
+    #[command(after_help = "Examples:
+  lf-synth scene tank | lf-synth dark -o dark.exr
+  lf-synth scene tank --set sensor_noise.dark_counts=100 | lf-synth dark --seed 2 -o dark.tif")]
     Dark {
         #[command(flatten)]
         source: Source,
@@ -70,6 +82,9 @@ enum Task {
         output: PathBuf,
     },
     /// Render a target of dots stepped through known depths
+    #[command(after_help = "Examples:
+  lf-synth scene target | lf-synth dots -o target
+  lf-synth scene target --set dots.depths_mm=[-4,4] | lf-synth dots -o two --format tiff")]
     Dots {
         #[command(flatten)]
         source: Source,

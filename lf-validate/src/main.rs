@@ -17,12 +17,9 @@ use std::process::ExitCode;
     version,
     propagate_version = true,
     max_term_width = 100,
-    after_help = "Examples:
-  lf-validate quality truth.lfv volume.lfv --min-q 0.8 --plot quality.svg
-  lf-validate displacement scene.json field.exr -c camera.json --max-rms 0.2,0.2,2
-  lf-validate depth volume-*.lfv --slab=-5,5 --max-outside 0.01
-  lf-validate line set.seed=1 set.iterations=10 mart.stats.json quality.json >> runs.jsonl
-  lf-validate curves runs.jsonl -x set.iterations -y q --log-x --plot sweeps.svg"
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-validate quality scene/truth-0000.lfv volume-0000.lfv --min-q 0.8 --plot quality.svg
+  lf-validate info camera.json"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -40,6 +37,9 @@ enum Command {
     /// zero. missed_share: share of the truth's light in voxels that the volume leaves zero. *_voxels: voxels that are
     /// not zero. by_depth and by_region: the same for each slice across z and for each box, null where there is no light to
     /// take a share of. Both files need the column `intensity` and the same grid.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-validate quality scene/truth-0000.lfv volume-0000.lfv --min-q 0.8 --plot quality.svg
+  lf-validate quality scene/truth-0000.lfv volume-0000.lfv --regions 1,1,5")]
     Quality(quality::Arguments),
     /// Diameters of reconstructed particles along x, y and z
     ///
@@ -49,12 +49,18 @@ enum Command {
     /// and p90 of all particles, in vox, mm and, with --camera, px of the focal plane. histogram: shares of the particles in
     /// bins of half a voxel. by_depth: medians in twenty slabs. Not measured are particles without light near them
     /// (missed), with a brightest voxel that is nearer to another particle (merged), and at the end of the grid (cut).
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-validate elongation scene/particles.csv volume-0000.lfv -c camera.json --plot elongation.svg
+  lf-validate elongation scene/particles.csv volume-0001.lfv --frame 1 --max-diameter 4,4,9")]
     Elongation(elongation::Arguments),
     /// Light along z: profile, brightest voxel per slice, light outside the lit slab
     ///
     /// profile: light of each slice across z, mean of the volumes. peak: brightest voxel of each slice, mean of the
     /// volumes. With --slab: outside_share, of all light, in slices whose middle is outside; outside_peak, the brightest
     /// slice outside over the mean of those inside. unevenness: standard deviation over mean of the slices in the slab.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-validate depth volume-000?.lfv --plot depth.svg
+  lf-validate depth volume-000?.lfv --slab -4,4 --max-outside 0.3")]
     Depth(depth::Arguments),
     /// Error of a vector field: bias, RMS, standard deviation, median and density per component, and its stated uncertainty
     ///
@@ -75,6 +81,9 @@ enum Command {
     ///
     /// pdf: density of the error of u in `u`, per `unit`, in bins about `x_u`, and the shares below and above them. Bins
     /// are 0.05 px to 4 px for u and v and 0.5 px to 40 px for w with --camera, else 0.05 vox to 4 vox.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-validate displacement scene/flow.exr field-0000-0001.exr -c camera.json --max-rms 0.7,0.2,2
+  lf-validate displacement scene/particles.csv field-0000-0001.exr -c camera.json --plot error.svg")]
     Displacement(displacement::Arguments),
     /// Divergence and noise of a vector field, without the truth
     ///
@@ -91,6 +100,9 @@ enum Command {
     /// uncertainties stated of measured vectors. Units: mm; vox; px only with --camera.
     ///
     /// pdf: density of the divergence, in bins of a fifth of sigma to 8 sigma.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-validate divergence field-0000-0001.exr -c camera.json
+  lf-xcorr volume-0000.lfv volume-0001.lfv --window 80,80,8 | lf-validate divergence --plot div.svg")]
     Divergence(divergence::Arguments),
     /// Mean, fluctuations and vorticity of many fields of one flow
     ///
@@ -102,6 +114,9 @@ enum Command {
     /// the mean through it, RMS of u, v, w, and the vorticity through it.
     Ensemble(ensemble::Arguments),
     /// What any of the chain's files is, in one screen
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-validate info camera.json
+  lf-prune scene/frame-0000.exr -c camera.json --pvr 4,4,40 --depth -5,5 | lf-validate info")]
     Info(info::Arguments),
     /// One run as one line of JSON, of its settings and of what tools wrote about it
     ///
@@ -109,6 +124,9 @@ enum Command {
     /// nested ones joined with dots (counts.kept); lists of numbers stay, other lists are left out. NAME:FILE puts `NAME.`
     /// before them. An argument is a setting where `=` comes before any `:` and `/`. A key given twice is refused. Lines
     /// of many runs are what `curves` and `trade` read; a factor of a study is best named set.KEY, its seed set.seed.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-validate line name=a set.seed=1 volume-0000.stats.json quality-0000.json > runs.jsonl
+  lf-validate line name=b set.seed=1 volume-0001.stats.json quality-0001.json >> runs.jsonl")]
     Line(line::Arguments),
     /// Runs as curves: medians over seeds, with their spread
     ///
@@ -117,6 +135,9 @@ enum Command {
     /// is a curve and all is taken bin by bin; the bins of a series' runs must agree, and x with one number more than y is
     /// the edges of bins, told by their centres. Numeric series are sorted by number. Runs that lack a key are left out and
     /// counted in a warning. In the picture the line is the median, the area least to greatest.
+    #[command(after_help = "Examples, in out/ after scripts/demo; the second is of what lf-mart --log writes:
+  lf-validate curves displacement.json -x pdf.x_u -y pdf.u,pdf.v --log-y --plot density.svg
+  lf-validate curves sweeps.jsonl -x iteration -y misfit --log-x --plot sweeps.svg")]
     Curves(curves::Arguments),
     /// Cost against error of settings: the Pareto front, and each factor's own effect
     ///
@@ -126,6 +147,11 @@ enum Command {
     /// With --base, factors: settings that differ from the base in exactly one key set.KEY, by that key, with cost, error
     /// and memory over the base's (*_ratio); ungrouped: settings that differ in more keys, or in none. Runs without name,
     /// cost or error are left out and counted in a warning.
+    #[command(
+        after_help = "Examples, in out/ after scripts/demo, with the runs.jsonl that `lf-validate line --help` makes:
+  lf-validate trade runs.jsonl --error missed_share
+  lf-validate trade runs.jsonl --error missed_share --cost peak_bytes --plot trade.svg"
+    )]
     Trade(trade::Arguments),
 }
 

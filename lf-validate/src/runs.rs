@@ -6,6 +6,9 @@ use serde_json::{Map, Value};
 use std::cmp::Ordering;
 use std::fmt;
 
+/// Keys that a refusal lists.
+const MOST_KEYS: usize = 8;
+
 /// What was found and what was wanted.
 pub type Refusal = (String, String);
 
@@ -197,7 +200,10 @@ impl Missing {
         keys.dedup();
         let wanted: Vec<&str> = self.0.iter().map(|(key, _)| key.as_str()).collect();
         let wanted = format!("wanted numbers at {}", wanted.join(" and "));
-        (format!("{} runs, none that can be used; their keys are {}", records.len(), keys.join(", ")), wanted)
+        let (shown, more) = keys.split_at(keys.len().min(MOST_KEYS));
+        let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+        let keys = shown.join(", ");
+        (format!("{} runs, none that can be used; their keys are {keys}{more}", records.len()), wanted)
     }
 }
 

@@ -66,6 +66,29 @@ fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]
     Rows::from_lines(shape, lines.iter().flatten().map(Vec::as_slice))
 }
 
+/// Lit voxels of a volume once it is deformed: an estimate by a few of its slices, every voxel moved by half a voxel, which
+/// spreads it the most.
+pub(crate) fn spread_count(rows: &Rows) -> f64 {
+    const SLICES: usize = 9;
+    let [nx, ny, nz] = rows.shape;
+    let half_moved = |z: usize| {
+        let in_row = |y: usize| {
+            let (places, values) = rows.run(y, z, 0, nx as i32);
+            places.iter().zip(values).map(move |(&x, &value)| ([x as f32 + 0.5, y as f32 + 0.5, z as f32 + 0.5], value))
+        };
+        Plane { light: (0..ny).flat_map(in_row).collect(), reach: 0..nz }
+    };
+    let few = nz.min(SLICES);
+    let lit = (0..few).into_par_iter().map(|n| {
+        let z = ((n as f64 + 0.5) * nz as f64 / few as f64) as usize;
+        let mut dense = vec![0f32; nx * ny];
+        let near = z.saturating_sub(REACH - BEFORE - 1)..(z + BEFORE + 1).min(nz);
+        near.for_each(|source| half_moved(source).spread(z, rows.shape, &mut dense));
+        dense.iter().filter(|value| **value > 0.0 && **value >= rows.least).count()
+    });
+    lit.sum::<usize>() as f64 * nz as f64 / few as f64
+}
+
 /// Takes the lit voxels that count out of a line and leaves it dark.
 fn harvest(line: &mut [f32], least: f32, counts: impl Fn(usize) -> bool) -> Vec<(u32, f32)> {
     let lit = line.iter().enumerate().filter(|(x, value)| **value > 0.0 && **value >= least && counts(*x));

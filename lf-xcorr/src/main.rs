@@ -23,7 +23,9 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     }
     let inputs: Vec<&Path> = inputs(arguments)?;
     session.keep_apart(&arguments.output, &inputs)?;
+    io::check_place(&arguments.output)?;
     if let Some(plot) = &arguments.plot {
+        io::check_picture(plot)?;
         session.keep_apart(plot, &inputs)?;
         if plot == &arguments.output || io::same_file(plot, &arguments.output) {
             return Err(Error::new(io::output_name(plot), "is the output and the --plot file", "wanted two files"));
@@ -62,12 +64,23 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     arguments.explain_preset(session);
     arguments.passes.tell_millimetres(&part, session);
     arguments.passes.tell_fitted(shape, &options, session);
+    if arguments.estimate {
+        let bytes = lf_xcorr::estimate_bytes(&pairs(&volumes)?, &mask, &options);
+        let voxels = volumes.iter().map(|volume| volume.count() as u64).sum();
+        session.tell_estimate(bytes, &[("voxels", voxels)])?;
+        return Ok(Verdict::Done);
+    }
+    if session.is_verbose() {
+        let gigabytes = 1e-9 * lf_xcorr::estimate_bytes(&pairs(&volumes)?, &mask, &options) as f64;
+        session.explain(format!("about {gigabytes:.2} GB of memory beside the volumes; {}", report::passes(&options)));
+        session.explain(format!("products by {}", lf_core::kernel::name()));
+    }
     let windows = lf_xcorr::windows(shape, &options);
     let mut outcome = session.phase("correlate", |session| correlate(&volumes, &mask, &options, windows, session))?;
     let histories: Vec<&History> = volumes.iter().chain(&support).map(Volume::history).collect();
     outcome.field.layout.history = session.history(&together(&histories));
     outcome.field.layout.dt_s = arguments.dt;
-    report::tell(&outcome, session);
+    report::tell(&outcome, &options, session);
     session.phase("write", |_| {
         outcome.field.save(&arguments.output)?;
         // The field is kept even where the volume holds the slice and the field, which is smaller, does not.
@@ -98,13 +111,18 @@ fn inputs(arguments: &Arguments) -> Result<Vec<&Path>> {
     Ok(inputs)
 }
 
-fn correlate(volumes: &[Volume], mask: &Mask, options: &Options, windows: u64, session: &Session) -> Result<Outcome> {
+/// The light of the volumes, pair by pair.
+fn pairs(volumes: &[Volume]) -> Result<Vec<[Sparse<'_>; 2]>> {
     let sparse = volumes.iter().map(|volume| {
         let intensity = volume.require("intensity")?;
         Ok(Sparse { grid: volume.grid(), indices: volume.indices(), intensity })
     });
     let sparse = sparse.collect::<Result<Vec<Sparse>>>()?;
-    let pairs: Vec<[Sparse; 2]> = sparse.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
+    Ok(sparse.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect())
+}
+
+fn correlate(volumes: &[Volume], mask: &Mask, options: &Options, windows: u64, session: &Session) -> Result<Outcome> {
+    let pairs = pairs(volumes)?;
     let progress = session.progress("windows", windows);
     let watch = |windows| progress.add(windows);
     lf_xcorr::correlate_pairs(&pairs, mask, options, &watch).map_err(|error| refused(error, volumes))

@@ -1,7 +1,6 @@
 //! Which part of the volume is correlated.
 
 use crate::error::{Error, Side};
-use crate::options::triple;
 use lf_core::grid::Grid;
 use std::ops::Range;
 
@@ -35,8 +34,7 @@ impl Mask<'_> {
     pub fn part(&self, grid: &Grid) -> Result<Grid, Error> {
         let sides = self.sides(grid.shape);
         if sides.iter().any(Range::is_empty) {
-            let Self::Box(wanted) = self else { unreachable!("a grid has voxels along each axis") };
-            let found = format!("a box of voxels {wanted:?} in a volume of {}", triple(grid.shape));
+            let found = format!("a box that holds no voxel of a {grid}");
             return Err(Error::new(Side::Mask, found, "wanted a box that holds some of the volume"));
         }
         Ok(Grid {

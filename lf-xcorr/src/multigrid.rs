@@ -5,7 +5,7 @@ use crate::error::{Error, Side};
 use crate::lattice::Lattice;
 use crate::level::{Level, binned};
 use crate::mask::Mask;
-use crate::options::{Deform, Options, Pass, triple};
+use crate::options::{Deform, Options, Pass};
 use crate::outcome::{Outcome, PassReport, field};
 use crate::run::Run;
 use crate::sparse::{Rows, Sparse};
@@ -40,10 +40,8 @@ pub fn correlate_pairs(
     for (number, pair) in pairs.iter().enumerate() {
         for (volume, side) in pair.iter().zip([Side::First(number), Side::Second(number)]) {
             if !volume.grid.agrees_with(grid) {
-                let [wanted, found] = [grid, volume.grid].map(|grid| {
-                    format!("{} voxels of {:?} mm at {:?} mm", triple(grid.shape), grid.spacing_mm, grid.origin_mm)
-                });
-                return Err(Error::new(side, found, format!("wanted the grid of the first volume, {wanted}")));
+                let wanted = format!("wanted the grid of the first volume, a {grid}");
+                return Err(Error::new(side, volume.grid.to_string(), wanted));
             }
         }
     }

@@ -5,7 +5,7 @@ use lf_calib::Background;
 use lf_core::camera::{Camera, Sensor};
 use lf_core::cli::{Session, Verdict};
 use lf_core::image::{self, Image, Stack};
-use lf_core::{Error, Result};
+use lf_core::{Error, Result, io};
 use std::path::{Path, PathBuf};
 
 /// Frames in, what stays in all of them out. With a camera, frames that cannot be read or are not its sensor's are left out.
@@ -23,6 +23,7 @@ pub fn background(
     inputs.extend(camera);
     check_inputs(&inputs)?;
     session.keep_apart(output, &inputs)?;
+    io::check_place(output)?;
     // A quantile must know the number of frames before it takes in the first. Pipes are read once and kept; files are
     // opened again, for a system has only so many maps.
     let sensor = camera.map(Camera::open).transpose()?.map(|camera| camera.sensor);
@@ -41,6 +42,8 @@ pub fn background(
     if count == 0 {
         return Err(left_out.pop().unwrap_or_else(|| Error::new("background", "no frame", "wanted at least one")));
     }
+    let what = if quantile > 0.0 { format!("quantile {quantile}") } else { "minimum".to_string() };
+    session.explain(format!("{what} of {count} frames, pixel by pixel"));
     let mut background = Background::new(count, quantile);
     let mut history = None;
     let mut used = 0;

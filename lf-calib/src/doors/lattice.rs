@@ -54,6 +54,7 @@ impl Lattice {
             session.keep_apart(output, &inputs)?;
         }
         let nominal = Camera::open(&self.camera)?;
+        session.explain(format!("nominal camera: {}", nominal.about()));
         let subject = match self.whites.as_slice() {
             [path] => io::name(path),
             paths => format!("mean of {} white images", paths.len()),
@@ -61,7 +62,10 @@ impl Lattice {
         let refused = |refusal: Refusal| refusal.about(&subject);
         let white = session.phase("read", |_| self.white(&nominal))?;
         let white = white.ok_or_else(|| refused(Refusal::new("no image", "wanted a white image")))?;
-        let lattice = session.phase("lattice", |_| lattice::find(&white).map_err(refused))?;
+        let lattice = session.phase("lattice", |session| {
+            let progress = session.progress("rounds", lattice::ROUNDS);
+            lattice::find_watched(&white, &|rounds| progress.add(rounds)).map_err(refused)
+        })?;
         let mut calibrated = calibrate(&lattice, &nominal).map_err(refused)?;
         let flat = self.vignetting.as_ref().map(|file| {
             let none =
@@ -101,9 +105,9 @@ impl Lattice {
         let other = |file: &Path, kinds: &[&str]| {
             file.extension().is_some_and(|end| kinds.iter().any(|kind| end.eq_ignore_ascii_case(kind)))
         };
-        if let Some(file) = self.plot.as_deref().filter(|file| other(file, &["png", "jpg", "jpeg", "pdf"])) {
-            return Err(Error::new(io::output_name(file), "not the name of an SVG", "wanted FILE.svg"));
-        }
+        self.plot.as_deref().map_or(Ok(()), io::check_picture)?;
+        [&self.centres, &self.vignetting].into_iter().flatten().try_for_each(|file| io::check_place(file))?;
+        io::check_place(&self.output)?;
         match self.vignetting.as_deref() {
             Some(file) if io::is_standard(file) || other(file, &["png", "jpg", "jpeg", "tif", "tiff"]) => {
                 Err(Error::new(

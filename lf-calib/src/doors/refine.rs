@@ -1,7 +1,7 @@
 //! `lf-calib refine`.
 
 use super::{check_inputs, seen_from, with_history};
-use lf_calib::refine;
+use lf_calib::{refine_watched, steps};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
 use lf_core::footprint::check_depth_mm;
@@ -20,7 +20,9 @@ pub fn drift(
     let inputs: Vec<&Path> = frames.iter().map(PathBuf::as_path).chain(background).chain([camera]).collect();
     check_inputs(&inputs)?;
     session.keep_apart(output, &inputs)?;
+    io::check_place(output)?;
     let nominal = Camera::open(camera)?;
+    session.explain(format!("camera: {}", nominal.about()));
     let [low, high] = depth_mm;
     let wanted = "wanted two depths that rise, before the main lens";
     if low >= high {
@@ -37,8 +39,11 @@ pub fn drift(
         [frame] => io::name(frame),
         _ => format!("{} frames", frames.len()),
     };
-    let found =
-        session.phase("refine", |_| refine(&images, &nominal, depth_mm).map_err(|refusal| refusal.about(&subject)))?;
+    let found = session.phase("refine", |session| {
+        let progress = session.progress("steps", steps(frames.len()));
+        refine_watched(&images, &nominal, depth_mm, &|steps| progress.add(steps))
+            .map_err(|refusal| refusal.about(&subject))
+    })?;
     session.count("frames", frames.len());
     session.count("particles", found.particles);
     let [before, after] = found.disparity_px;

@@ -1,7 +1,7 @@
 //! `lf-calib volume`.
 
 use super::{check_inputs, frames, seen_from, with_history};
-use lf_calib::{Dot, Exposure, Volume, volume};
+use lf_calib::{Dot, Exposure, Volume, looks, volume_watched};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::footprint::check_depth_mm;
@@ -88,7 +88,9 @@ pub fn main_lens(
     let all: Vec<&Path> = images.iter().map(PathBuf::as_path).chain(table.as_deref()).chain([camera]).collect();
     check_inputs(&all)?;
     session.keep_apart(output, &all)?;
+    io::check_place(output)?;
     let nominal = Camera::open(camera)?;
+    session.explain(format!("camera: {}", nominal.about()));
     let flat = nominal.flat_field(camera);
     let dots = dots(images.len(), table.as_deref(), target, &nominal)?;
     let exposures = session.phase("read", |_| {
@@ -101,8 +103,11 @@ pub fn main_lens(
         Ok(images.into_iter().zip(dots).map(exposure).collect::<Vec<_>>())
     })?;
     let subject = |image: Option<usize>| image.map_or_else(|| "the target".to_string(), |n| io::name(&images[n]));
-    let found = session
-        .phase("volume", |_| volume(&exposures, &nominal).map_err(|(image, refusal)| refusal.about(subject(image))))?;
+    let found = session.phase("volume", |session| {
+        let progress = session.progress("looks", looks(exposures.len()));
+        volume_watched(&exposures, &nominal, &|looks| progress.add(looks))
+            .map_err(|(image, refusal)| refusal.about(subject(image)))
+    })?;
     let mut camera = with_history(found.camera.clone(), session);
     camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
     camera.check().map_err(|found| Error::new("the camera found", found, "wanted a target that fits one"))?;

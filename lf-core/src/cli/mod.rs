@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 judged and the answer is no, 2 the work could not be done. Whatever goes wrong ends in one line
 //! on standard error that starts with the tool's name.
 
+mod generate;
 mod numbers;
 mod preset;
 mod progress;
@@ -11,6 +12,7 @@ use crate::history::{History, Step};
 use crate::{Error, Result, io};
 use progress::Screen;
 use serde_json::{Map, Value, json};
+use std::ffi::OsString;
 use std::io::Write;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
@@ -24,6 +26,9 @@ pub use progress::Progress;
 
 /// Above this a `--threads` is a slip of the finger, and each thread costs a stack.
 const MOST_THREADS: usize = 1024;
+
+/// What a tool holds that has read its inputs, where the system does not tell.
+const HELD_BYTES: u64 = 1 << 26;
 
 /// Options that mean the same in every tool; `#[command(flatten)]` it at the top of a tool's arguments.
 #[derive(Debug, Clone, clap::Args)]
@@ -107,6 +112,11 @@ impl Session {
         }
     }
 
+    /// Whether anyone hears what [`Session::explain`] says: what is dear to find out is asked for only then.
+    pub fn is_verbose(&self) -> bool {
+        self.verbose && !self.quiet
+    }
+
     /// A line on standard error with `--verbose`.
     pub fn explain(&self, line: impl AsRef<str>) {
         if self.verbose && !self.quiet {
@@ -143,6 +153,9 @@ impl Session {
         let clash = |output: &Path, found: &str| {
             Err(Error::new(io::output_name(output), found, "wanted another file to write to"))
         };
+        if inputs.iter().filter(|input| io::is_standard(input)).count() > 1 {
+            return Err(Error::new("standard input", "named more than once", "wanted at most one input to be -"));
+        }
         for input in inputs {
             if io::same_file(output, input) {
                 return clash(output, "is also an input");
@@ -157,6 +170,18 @@ impl Session {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Prints what `--estimate` asks for, one JSON object on standard output: the memory that a run will hold at its most,
+    /// `memory_bytes`, which is `work_bytes` beside what is held already by now, when the inputs are read, and `counts`.
+    pub fn tell_estimate(&mut self, work_bytes: u64, counts: &[(&str, u64)]) -> Result<()> {
+        let held = status_bytes("VmRSS:").unwrap_or(HELD_BYTES) + work_bytes;
+        let memory_bytes = held.max(peak_bytes().unwrap_or(0));
+        self.count("estimated_bytes", memory_bytes);
+        let counts = counts.iter().map(|(name, count)| ((*name).to_owned(), json!(count)));
+        let told: Map<String, Value> =
+            [("memory_bytes".to_owned(), json!(memory_bytes))].into_iter().chain(counts).collect();
+        io::save_text(Path::new("-"), |out| writeln!(out, "{}", Value::Object(told)))
     }
 
     fn save_stats(&self) -> Result<()> {
@@ -180,8 +205,13 @@ impl Session {
 
 /// Peak resident memory of this process; none where the system does not tell.
 fn peak_bytes() -> Option<u64> {
+    status_bytes("VmHWM:")
+}
+
+/// A line of what the system says of this process.
+fn status_bytes(key: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix(key))?;
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
 }
 
@@ -205,9 +235,17 @@ pub fn run<A: clap::Parser>(
     common: impl FnOnce(&A) -> &Common,
     body: impl FnOnce(&A, &mut Session) -> Result<Verdict>,
 ) -> ExitCode {
+    let words: Vec<_> = std::env::args_os().skip(1).collect();
+    if let [first, words @ ..] = words.as_slice()
+        && first == generate::OPTION
+    {
+        let told = generate::text(tool, A::command(), words)
+            .and_then(|text| io::save_text(Path::new("-"), |out| out.write_all(&text)));
+        return told.map_or_else(|error| complain(tool, &error.to_string()), |()| ExitCode::SUCCESS);
+    }
     let arguments = match A::try_parse() {
         Ok(arguments) => arguments,
-        Err(error) => return answer(tool, &error),
+        Err(error) => return answer(tool, &error, &A::command(), &words),
     };
     let common = common(&arguments);
     if common.threads > MOST_THREADS {
@@ -217,7 +255,7 @@ pub fn run<A: clap::Parser>(
         return complain(tool, &format!("--threads: {error}; wanted fewer"));
     }
     let version = A::command().get_version().unwrap_or(env!("CARGO_PKG_VERSION")).to_owned();
-    let typed = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    let typed = words.iter().map(|word| word.to_string_lossy().into_owned()).collect();
     let mut session = Session::new(Step { tool: tool.to_owned(), version, arguments: typed }, common);
 
     static PANIC: Mutex<Option<String>> = Mutex::new(None);
@@ -231,6 +269,7 @@ pub fn run<A: clap::Parser>(
         }
     }));
     let outcome = panic::catch_unwind(AssertUnwindSafe(|| {
+        session.stats.as_deref().map_or(Ok(()), io::check_place)?;
         let verdict = body(&arguments, &mut session)?;
         std::io::stdout().flush().map_err(|error| io::writing("standard output", &error))?;
         session.save_stats()?;
@@ -251,7 +290,7 @@ pub fn run<A: clap::Parser>(
 }
 
 /// What clap has to say instead of arguments: help asked for, or one line about a slip.
-fn answer(tool: &str, error: &clap::Error) -> ExitCode {
+fn answer(tool: &str, error: &clap::Error, command: &clap::Command, typed: &[OsString]) -> ExitCode {
     use clap::error::ErrorKind;
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
@@ -260,17 +299,38 @@ fn answer(tool: &str, error: &clap::Error) -> ExitCode {
                 Err(error) => complain(tool, &io::writing("standard output", &error).to_string()),
             }
         }
-        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => usage(tool, "arguments are missing"),
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand | ErrorKind::MissingSubcommand => {
+            let tasks: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).collect();
+            let wanted = if tasks.is_empty() { "more".to_owned() } else { format!("one of {}", tasks.join(", ")) };
+            usage(tool, &format!("nothing to do; wanted {wanted}"))
+        }
         _ => {
+            if let Some((option, number)) = negative(error, typed) {
+                return usage(tool, &format!("{option}: {number}; wanted a number of 0 or more"));
+            }
             let text = error.render().to_string();
             let mut paragraphs = text.split("\n\n");
             let words = |paragraph: &str| paragraph.split_whitespace().collect::<Vec<_>>().join(" ");
             let what = words(paragraphs.next().unwrap_or_default());
             let what = what.strip_prefix("error: ").unwrap_or(&what);
+            // What the standard library says of a word that is no number.
+            let what = what.replace("invalid digit found in string", "wanted a whole number of 0 or more");
+            let what = what.replace("invalid float literal", "wanted a number");
+            let what = what.replace("number too large to fit in target type", "wanted a smaller number");
             let tip = paragraphs.map(words).find_map(|paragraph| Some(paragraph.strip_prefix("tip: ")?.to_owned()));
             usage(tool, &tip.map_or_else(|| what.to_owned(), |tip| format!("{what} ({tip})")))
         }
     }
+}
+
+/// An option that takes no negative number, and the one that was typed after it, which clap takes for another option.
+fn negative(error: &clap::Error, typed: &[OsString]) -> Option<(String, String)> {
+    use clap::error::{ContextKind, ContextValue};
+    let ContextValue::String(found) = error.get(ContextKind::InvalidArg)? else { return None };
+    let place = typed.iter().position(|word| word.to_str().is_some_and(|word| word.starts_with(found.as_str())))?;
+    let number = typed[place].to_str().filter(|word| word.parse::<f64>().is_ok())?;
+    let option = typed[..place].last()?.to_str().filter(|word| word.starts_with("--"))?;
+    Some((option.to_owned(), number.to_owned()))
 }
 
 #[cfg(test)]

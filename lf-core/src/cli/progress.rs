@@ -2,6 +2,10 @@
 
 use indicatif::{HumanCount, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::io::{IsTerminal, Write};
+use std::time::Duration;
+
+/// Before this no time left is foretold.
+const SETTLED: Duration = Duration::from_secs(2);
 
 /// What standard error shows: lines, and bars that the lines never tear.
 pub(super) struct Screen {
@@ -29,11 +33,21 @@ impl Screen {
         let Some(bars) = &self.bars else {
             return Progress { bar: None };
         };
-        let style = "{msg:<14} [{wide_bar:.dim}] {percent:>3}% {human_pos}/{human_len} {rate:>9}/s {eta:>4} left";
+        // What a narrow terminal cuts off is what matters least.
+        let style = "{msg:<10} {percent:>3}% {left:>4} left [{wide_bar:.dim}] {human_pos}/{human_len} {rate}/s";
         let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
         let style = style.with_key("rate", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
             let rate = state.per_sec();
             let _ = if rate < 10.0 { write!(out, "{rate:.1}") } else { write!(out, "{}", HumanCount(rate as u64)) };
+        });
+        let style = style.with_key("left", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            // The first steps of many threads say nothing of the pace.
+            let _ = match state.eta().as_secs() {
+                _ if state.elapsed() < SETTLED => write!(out, "?"),
+                seconds @ 0..100 => write!(out, "{seconds}s"),
+                seconds @ 100..6000 => write!(out, "{}m", seconds / 60),
+                seconds => write!(out, "{}h", seconds / 3600),
+            };
         });
         let bar =
             bars.add(ProgressBar::new(total).with_style(style.progress_chars("=> ")).with_message(what.to_owned()));

@@ -21,11 +21,24 @@ impl Stack {
     /// # Errors
     /// No such file, and a TIFF without a whole list of pages.
     pub fn open(path: &Path) -> Result<Self> {
-        let (bytes, name) = (io::open(path)?, io::name(path));
+        Self::from_bytes(io::open(path)?, &io::name(path))
+    }
+
+    /// The same of bytes that are there already; `name` is what messages call them.
+    ///
+    /// # Errors
+    /// A TIFF without a whole list of pages.
+    pub fn from_bytes(bytes: Bytes, name: &str) -> Result<Self> {
+        let name = name.to_owned();
         let is_tiff = matches!(&bytes[..], [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..]);
         let images = if is_tiff { guarded(|| tiff::count(&bytes)) } else { Ok(1) };
         let images = images.map_err(|(found, wanted)| Error::new(&name, found, wanted))?;
         Ok(Self { name, bytes, images, is_tiff })
+    }
+
+    /// The file itself.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
     }
 
     /// Whether the file can be opened again, being mapped and no pipe.

@@ -72,6 +72,10 @@ pub fn render(
     most_bytes: f64,
     session: &mut Session,
 ) -> Result<()> {
+    if most_bytes.is_nan() || most_bytes <= 0.0 {
+        return Err(Error::new("--max-memory", format!("{}", 1e-9 * most_bytes), "wanted a number of GB above 0"));
+    }
+    super::check_folder(folder)?;
     let stage = Stage::open(source, session)?;
     let (scene, camera) = (&stage.scene, &stage.camera);
     let unseen = scene.unseen_share(camera);
@@ -95,6 +99,14 @@ pub fn render(
         }
     };
     let bytes = bytes(&stage, &cast, grid.as_ref());
+    session.count("estimated_bytes", bytes as u64);
+    session.explain(format!(
+        "about {:.2} GB of memory, of {} GB allowed, for {} frames of {} particles each at most",
+        1e-9 * bytes,
+        1e-9 * most_bytes,
+        times.len(),
+        cast.most()
+    ));
     if bytes > most_bytes {
         let found = format!("needs about {:.1} GB", 1e-9 * bytes);
         return Err(Error::new(name, found, format!("wanted --max-memory {:.1} to allow it", 1e-9 * most_bytes)));
@@ -107,7 +119,7 @@ pub fn render(
         let lit = session.phase("carry", |_| Ok(cast.at(frame, time, scene.bounds_mm(), scene.light.as_ref())))?;
         let seed = scene.seed ^ ((frame as u64) << 32);
         let mut image = session.phase("render", |session| {
-            let progress = session.progress("rendering", lit.len() as u64);
+            let progress = session.progress("particles", lit.len() as u64);
             let started = Instant::now();
             let image = instrument.frame(&lit, &glow, seed, |n| progress.add(n));
             let what = format!("frame {frame}: {} particles", lit.len());

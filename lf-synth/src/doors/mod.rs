@@ -23,10 +23,16 @@ struct Stage {
 
 impl Stage {
     fn open(source: &Source, session: &mut Session) -> Result<Self> {
-        session.phase("read", |_| {
+        session.phase("read", |session| {
             let (mut scene, camera, mut inputs) = Scene::open(&source.scene)?;
+            session.explain(format!("camera: {}", camera.about()));
             inputs.push(source.scene.clone());
             scene.seed = source.seed.unwrap_or(scene.seed);
+            session.explain(format!(
+                "seed {}, {}",
+                scene.seed,
+                if source.seed.is_some() { "as typed" } else { "the scene's" }
+            ));
             let shape = (camera.sensor.height, camera.sensor.width);
             let file = scene.sensor_noise.as_ref().and_then(|noise| noise.background.as_deref());
             let background = file.map(|file| background(file, shape)).transpose()?;
@@ -75,6 +81,16 @@ fn background(file: &Path, shape: (usize, usize)) -> Result<Array2<f32>> {
     Err(Error::new(io::name(file), found, format!("wanted the sensor's {} x {} px", shape.1, shape.0)))
 }
 
+/// Refuses a folder to write into that is a file.
+fn check_folder(folder: &Path) -> Result<()> {
+    match std::fs::metadata(folder) {
+        Ok(found) if !found.is_dir() => {
+            Err(Error::new(io::output_name(folder), "a file", "wanted a folder to write into"))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn save_text(path: &Path, text: &str) -> Result<()> {
     io::save_text(path, |out| out.write_all(text.as_bytes()))
 }
@@ -114,6 +130,9 @@ pub fn scene(name: Option<&str>, set: &[String]) -> Result<()> {
             for words in set {
                 ready::set(&mut scene, words).map_err(|found| Error::new("--set", found, "wanted KEY=VALUE"))?;
             }
+            serde_json::from_value::<Scene>(scene.clone()).map_err(|error| {
+                Error::new("--set", error.to_string(), "wanted keys and values that a scene.json has")
+            })?;
             format!("{}\n", serde_json::to_string_pretty(&scene).expect("a scene is plain data"))
         }
     };
@@ -123,13 +142,15 @@ pub fn scene(name: Option<&str>, set: &[String]) -> Result<()> {
 pub fn white(source: &Source, output: &Path, session: &mut Session) -> Result<()> {
     let mut stage = Stage::open(source, session)?;
     stage.keep_apart(output, session)?;
+    io::check_place(output)?;
     let (seed, white) = (stage.scene.seed, stage.scene.white.clone());
     if let Some(f_number) = white.working_f_number {
         stage.camera.main_lens.working_f_number = f_number;
     }
     let mut image = session.phase("render", |session| {
-        let lenslets = stage.camera.sensor.height as f64 / stage.camera.pitch_px() + 6.0;
-        let progress = session.progress("rendering", lenslets as u64);
+        // The rows that the renderer counts: those of the sensor, and three on either side.
+        let rows = stage.camera.sensor.height as f64 / stage.camera.pitch_px() + 6.0;
+        let progress = session.progress("rows", rows.ceil() as u64);
         let instrument = stage.instrument();
         let started = std::time::Instant::now();
         let image = instrument.white(&stage.camera, white.counts, white.rays_per_lenslet, seed, |n| progress.add(n));
@@ -160,6 +181,7 @@ pub fn dark(source: &Source, output: &Path, session: &mut Session) -> Result<()>
 }
 
 pub fn dots(source: &Source, folder: &Path, format: Format, session: &mut Session) -> Result<()> {
+    check_folder(folder)?;
     let stage = Stage::open(source, session)?;
     let Some(dots) = &stage.scene.dots else {
         let found = "has no key 'dots'";
@@ -176,7 +198,7 @@ pub fn dots(source: &Source, folder: &Path, format: Format, session: &mut Sessio
     let glow = dots.glow(stage.scene.rays(dots.intensity));
     for (n, (target, name)) in targets.iter().zip(&names).enumerate() {
         let mut image = session.phase("render", |session| {
-            let progress = session.progress("rendering", target.len() as u64);
+            let progress = session.progress("dots", target.len() as u64);
             let seed = stage.scene.seed ^ ((n as u64) << 32);
             let started = std::time::Instant::now();
             let image = instrument.frame(target, &glow, seed, |n| progress.add(n));

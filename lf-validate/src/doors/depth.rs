@@ -31,7 +31,11 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if let Some([low, high]) = arguments.slab.filter(|[low, high]| low >= high) {
         return Err(Error::new("--slab", format!("{low},{high}"), "wanted the lower depth first"));
     }
-    let score = session.phase("score", |_| add_up(&inputs))?.score(arguments.slab);
+    let sum = session.phase("score", |session| {
+        let progress = session.progress("volumes", inputs.len() as u64);
+        add_up(&inputs, &|| progress.add(1))
+    })?;
+    let score = sum.score(arguments.slab);
     session.count("volumes", score.volumes);
     arguments.picture.draw(session, || pictures::depth(&score))?;
     print(&score)?;
@@ -42,11 +46,12 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 }
 
 /// One volume in memory at a time.
-fn add_up(inputs: &[&Path]) -> Result<Depth> {
+fn add_up(inputs: &[&Path], added: &dyn Fn()) -> Result<Depth> {
     let add = |sum: Option<Depth>, input: &&Path| {
         let volume = Volume::open(input)?;
         let mut sum = sum.unwrap_or_else(|| Depth::new(volume.grid()));
         sum.add(light(&volume)?).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))?;
+        added();
         Ok(Some(sum))
     };
     let sum = inputs.iter().try_fold(None, add)?;

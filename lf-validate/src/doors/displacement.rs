@@ -63,6 +63,10 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let truth = truth::open(&arguments.truth, arguments.frames, &arguments.picture, session)?;
         Ok((truth, Field::open(&arguments.field)?, pixel_mm))
     })?;
+    session.explain(match pixel_mm {
+        None => "numbers in mm and voxels: pixels need --camera".to_string(),
+        Some(pixel_mm) => format!("a pixel at the focal plane is {pixel_mm:.6} mm"),
+    });
     let score = session.phase("score", |_| Ok(displacement(&truth, &field, pixel_mm)))?;
     session.count("vectors", score.all.vectors);
     arguments.picture.draw(session, || pictures::displacement(&score))?;

@@ -4,6 +4,7 @@ use super::check_inputs;
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
 use lf_core::field::Field;
+use lf_core::image::Stack;
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, image, io};
 use lf_validate::info::{self, Kind, Sheet};
@@ -26,7 +27,8 @@ pub fn describe(arguments: &Arguments, session: &mut Session) -> Result<Verdict>
 }
 
 fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
-    const WANTED: &str = "wanted a .lfv, EXR, TIFF, PNG, camera.json, scene.json, JSON Lines or particles.csv";
+    const WANTED: &str =
+        "wanted a .lfv, EXR, TIFF, PNG, .vti, SVG, or a JSON, JSON Lines or CSV that a tool reads or writes";
     let refused = |found: String| Error::new(name, found, WANTED);
     let text = |bytes: &io::Bytes| match std::str::from_utf8(bytes) {
         Ok(text) => Ok(text.trim_start_matches('\u{feff}').to_owned()),
@@ -37,13 +39,14 @@ fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
             let volume = Volume::from_bytes(bytes, name)?;
             let names = volume.columns();
             let columns: Vec<_> = names.iter().filter_map(|name| Some((*name, volume.column(name)?))).collect();
-            Ok(info::volume(volume.grid(), volume.count(), &columns, volume.history()))
+            Ok(info::volume(volume.grid(), volume.count(), &columns, volume.extra(), volume.history()))
         }
         Kind::Field => Ok(info::field(&Field::from_bytes(&bytes, name)?)),
         Kind::Image => {
-            let image = image::from_bytes(&bytes, name)?;
+            let stack = Stack::from_bytes(bytes, name)?;
+            let image = if stack.images() == 1 { image::from_bytes(stack.bytes(), name)? } else { stack.read(0)? };
             let (height, width) = image.pixels.dim();
-            Ok(info::image(width, height, &image.pixels, &image.history))
+            Ok(info::image(stack.images(), [width, height], &image.pixels, &image.history))
         }
         Kind::Json => {
             let text = text(&bytes)?;
@@ -59,6 +62,8 @@ fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
         }
         Kind::Particles => info::particles(&text(&bytes)?).map_err(refused),
         Kind::Table => Ok(info::table(&text(&bytes)?)),
-        Kind::Vti => Ok(info::vti()),
+        Kind::Centres => info::centres(&text(&bytes)?).map_err(refused),
+        Kind::Vti => Ok(info::vti(&bytes)),
+        Kind::Picture => Ok(info::picture(&text(&bytes)?)),
     }
 }

@@ -27,6 +27,7 @@ pub fn join(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&Path> = files.collect();
     super::one_standard_input(&files)?;
     session.keep_apart(&arguments.output, &files)?;
+    io::check_place(&arguments.output)?;
     let read = |word: Word| match word {
         Word::Setting(key, value) => Ok(Part::setting(key, value)),
         Word::File(name, file) => {

@@ -51,6 +51,7 @@ impl Picture {
         if io::is_standard(file) {
             return Err(Error::new("--plot", "-", "wanted a file: standard output is the score's"));
         }
+        io::check_picture(file)?;
         session.keep_apart(file, inputs)
     }
 

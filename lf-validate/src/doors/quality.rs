@@ -51,6 +51,8 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let score = session.phase("score", |_| {
         quality(true_light, light, regions).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))
     })?;
+    let [x, y, z] = regions;
+    session.explain(format!("{x} x {y} x {z} regions; {} voxels lit in the truth", score.truth_voxels));
     session.count("truth_voxels", score.truth_voxels);
     session.count("volume_voxels", score.volume_voxels);
     arguments.picture.draw(session, || pictures::quality(&score))?;

@@ -43,7 +43,9 @@ pub fn open(file: &Path, frames: Option<[usize; 2]>, picture: &Picture, session:
             let found = tracks(&particles::read(text()?).map_err(wrong)?, frames.unwrap_or([0, 1])).map_err(wrong)?;
             Ok(Truth::Tracks(found))
         }
-        Kind::Volume | Kind::Table | Kind::Vti => Err(refused("another kind of file".to_owned())),
+        Kind::Volume | Kind::Table | Kind::Centres | Kind::Vti | Kind::Picture => {
+            Err(refused("another kind of file".to_owned()))
+        }
         Kind::Field | Kind::Image => Ok(Truth::Field(Box::new(Field::from_bytes(&bytes, &name)?))),
     }
 }

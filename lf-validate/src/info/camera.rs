@@ -1,5 +1,7 @@
 use super::sheet::{Sheet, by, figures, whole};
 use lf_core::camera::{Aperture, Camera, Layout};
+use lf_core::lattice::MOST_DEGREE;
+use serde_json::Value;
 
 /// Largest k D / p - 1 called matched: a tenth of a pixel of fourteen.
 const MATCHED: f64 = 0.007;
@@ -51,10 +53,50 @@ pub fn camera(camera: &Camera) -> Sheet {
         let note = "of spread on the array";
         sheet.line(label, format!("{} mm = {} px in focus, {note}", figures(depth), figures(depth / pixel)));
     }
-    if camera.calibration.is_some() {
-        sheet.line("calibration", "present");
+    blocks(&mut sheet, camera);
+    if let Some(calibration) = camera.calibration.as_ref().and_then(Value::as_object) {
+        let steps: Vec<&str> = calibration.keys().map(String::as_str).filter(|key| *key != "history").collect();
+        sheet.line("calibration", steps.join(", "));
+        let history = calibration.get("history").and_then(|steps| serde_json::from_value(steps.clone()).ok());
+        sheet.history(&history.unwrap_or_default());
     }
     sheet
+}
+
+/// What the camera has beyond a thin lens and a perfect lattice.
+fn blocks(sheet: &mut Sheet, camera: &Camera) {
+    if let Some(medium) = &camera.medium {
+        let window = match medium.window_thickness_mm {
+            0.0 => String::new(),
+            thick => format!(" behind {} mm of index {}", figures(thick), figures(medium.window_index)),
+        };
+        let (index, z) = (figures(medium.index), figures(medium.window_z_mm));
+        sheet.line("medium", format!("index {index}{window}, its face at z = {z} mm"));
+    }
+    if let Some(tilt) = &camera.tilt {
+        let [x, y] = [tilt.x_rad, tilt.y_rad].map(|turn| figures(1e3 * turn));
+        sheet.line("tilt of the sensor", format!("{x} mrad along x, {y} mrad along y"));
+    }
+    if let Some(gap) = camera.microlenses.gap_mm {
+        sheet.line("gap to the sensor", format!("{} mm, and not the focal length", figures(gap)));
+    }
+    if let Some(distortion) = &camera.distortion {
+        let list = |numbers: &[f64]| numbers.iter().map(|&number| figures(number)).collect::<Vec<_>>().join(", ");
+        let (radial, tangential) = (list(&distortion.radial), list(&distortion.tangential));
+        sheet.line("distortion", format!("radial {radial}; tangential {tangential}"));
+    }
+    if let Some(centres) = &camera.centres {
+        let terms = centres.x_mm.len();
+        let degree = (1..=MOST_DEGREE).find(|degree| lf_core::lattice::terms(*degree) == terms);
+        let degree = degree.map_or_else(|| format!("{terms} terms"), |degree| format!("degree {degree}"));
+        sheet.line("lenslets depart", format!("from the perfect lattice, by a polynomial of {degree}"));
+    }
+    if let Some(flat) = &camera.vignetting {
+        sheet.line("flat field", flat.display().to_string());
+    }
+    if camera.blocks().is_empty() {
+        sheet.line("beyond a thin lens", "nothing: no medium, tilt, gap, distortion, departures or flat field");
+    }
 }
 
 /// The Z at which a point's light is `width_mm` wide on the array: alpha(Z) D = width, by the rays of
@@ -89,12 +131,29 @@ mod tests {
             "0.00077",
             "1 of the pitch: matched",
             "1.54 x 1.54 mm",
+            "nothing: no medium",
         ] {
             assert!(text.contains(wanted), "{wanted} is not in\n{text}");
         }
         let unmatched = SEED.replace("\"working_f_number\": 4.0", "\"working_f_number\": 8.0");
         let text = self::camera(&Camera::from_json(&unmatched).unwrap()).to_string();
         assert!(text.contains("0.5 of the pitch: not matched: gaps"), "{text}");
+    }
+
+    #[test]
+    fn every_block_has_its_line() {
+        let blocks = r#","medium": {"index": 1.333, "window_z_mm": 100}, "tilt": {"x_rad": 0.001, "y_rad": 0},
+            "distortion": {"radial": [0.5, 0, 0]}, "centres": {"radius_mm": 1, "x_mm": [0, 0, 0, 0, 0], "y_mm": [0, 0, 0, 0, 0]},
+            "vignetting": "flat.exr", "calibration": {"lattice": {}, "history": []}}"#;
+        let text = SEED.trim().strip_suffix('}').unwrap().replace("0.308,", "0.308, \"gap_mm\": 0.31,") + blocks;
+        let camera = Camera::from_json(&text).unwrap();
+        assert_eq!(camera.blocks().len(), 6);
+        let text = self::camera(&camera).to_string();
+        for wanted in
+            ["index 1.333, its", "1 mrad along x", "0.31 mm", "radial 0.5, 0, 0", "degree 2", "flat.exr", "lattice\n"]
+        {
+            assert!(text.contains(wanted), "{wanted} is not in\n{text}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use lf_core::field::{Field, MEASURED, REPLACED};
 /// Describes a vector field. Ranges are of the vectors that are measured or replaced.
 pub fn field(field: &Field) -> Sheet {
     let layout = &field.layout;
-    let mut sheet = Sheet::new("vector field");
+    let mut sheet = Sheet::new("vector field (.exr)");
     let [nx, ny, nz] = layout.shape;
     let total = field.flag.len();
     sheet.line("vectors", format!("{nx} x {ny} x {nz} = {}, every {} mm", whole(total as u64), by(&layout.spacing_mm)));

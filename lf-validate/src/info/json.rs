@@ -1,5 +1,5 @@
-use super::sheet::{Sheet, whole};
-use serde_json::Value;
+use super::sheet::{Sheet, figures, whole};
+use serde_json::{Map, Value};
 
 /// Keys of a `scene.json` that nothing else has.
 const SCENE: [&str; 4] = ["particles", "flow", "volume", "frames"];
@@ -15,17 +15,42 @@ pub fn json(value: &Value) -> Result<Sheet, String> {
         object.iter().for_each(|(key, value)| sheet.line(key, brief(value)));
         return Ok(sheet);
     }
-    let title = if object.contains_key("q") || object.contains_key("measured_only") {
-        "report of lf-validate"
-    } else if object.contains_key("tool") && object.contains_key("phases") {
-        "statistics of a run (--stats)"
-    } else {
+    let known = KNOWN.iter().find(|(keys, _)| keys.iter().all(|key| object.contains_key(*key)));
+    // A record joins nested keys with dots.
+    let record = object.keys().any(|key| key.contains('.')).then_some("a run (lf-validate line)");
+    let Some(title) = record.or(known.map(|(_, title)| *title)) else {
         let keys: Vec<&str> = object.keys().take(8).map(String::as_str).collect();
         return Err(format!("JSON with the keys {keys:?}"));
     };
     let mut sheet = Sheet::new(title);
-    object.iter().for_each(|(key, value)| sheet.line(key, brief(value)));
+    let shown: Vec<_> = object.iter().filter(|(key, _)| !told_in_pixels(key, object)).collect();
+    shown.iter().take(LINES).for_each(|(key, value)| sheet.line(*key, brief(value)));
+    if object.len() > shown.len().min(LINES) {
+        sheet.line("", format!("{} more keys", object.len() - shown.len().min(LINES)));
+    }
     Ok(sheet)
+}
+
+/// Keys that tell a kind, and what it is.
+const KNOWN: [(&[&str], &str); 9] = [
+    (&["tool", "phases"], "statistics of a run (--stats)"),
+    (&["q", "ghost_share"], "score of a volume (lf-validate quality)"),
+    (&["diameter", "half_maximum"], "score of particles (lf-validate elongation)"),
+    (&["profile", "mean_z_mm"], "score of volumes (lf-validate depth)"),
+    (&["measured_only"], "score of a field (lf-validate displacement)"),
+    (&["stride", "stride_mm"], "score of a field (lf-validate divergence)"),
+    (&["series", "runs"], "curves of runs (lf-validate curves)"),
+    (&["front", "settings"], "trade of runs (lf-validate trade)"),
+    (&["iteration", "misfit"], "a sweep (lf-mart --log)"),
+];
+
+/// Lines of a report shown: a screen.
+const LINES: usize = 36;
+
+/// Whether the same number in pixels, which people know best, is there too.
+fn told_in_pixels(key: &str, object: &Map<String, Value>) -> bool {
+    let stem = key.strip_suffix("_mm").or(key.strip_suffix("_vox"));
+    stem.is_some_and(|stem| object.contains_key(&format!("{stem}_px")))
 }
 
 /// Keys of records shown.
@@ -42,7 +67,7 @@ pub fn records(values: &[Value]) -> Result<Sheet, String> {
     };
     let mut sheet = Sheet::new("records, one JSON object each (JSON Lines)");
     sheet.line("records", whole(values.len() as u64));
-    let text = |value: Option<&Value>| value.map_or("none".into(), brief);
+    let text = |value: Option<&Value>| value.map_or("none".into(), |value| cut(&plain(value), ENDS));
     first.keys().take(KEYS).for_each(|key| {
         sheet.line(key, format!("{} in the first, {} in the last", text(first.get(key)), text(last.get(key))));
     });
@@ -52,12 +77,32 @@ pub fn records(values: &[Value]) -> Result<Sheet, String> {
     Ok(sheet)
 }
 
-fn brief(value: &Value) -> String {
-    const LONGEST: usize = 100;
-    let text = value.to_string();
-    match text.char_indices().nth(LONGEST) {
+/// Characters of a value, and of each of two in a line.
+const LONGEST: usize = 80;
+const ENDS: usize = 36;
+
+/// A value in a line.
+pub(super) fn brief(value: &Value) -> String {
+    cut(&plain(value), LONGEST)
+}
+
+fn cut(text: &str, longest: usize) -> String {
+    match text.char_indices().nth(longest) {
         Some((at, _)) => format!("{} ...", &text[..at]),
-        None => text,
+        None => text.to_owned(),
+    }
+}
+
+/// As JSON, numbers to six figures.
+fn plain(value: &Value) -> String {
+    match value {
+        Value::Number(number) if number.is_f64() => figures(number.as_f64().unwrap_or(f64::NAN)),
+        Value::Array(values) => format!("[{}]", values.iter().map(plain).collect::<Vec<_>>().join(",")),
+        Value::Object(object) => {
+            let of = |(key, value): (&String, &Value)| format!("{}:{}", Value::from(key.as_str()), plain(value));
+            format!("{{{}}}", object.iter().map(of).collect::<Vec<_>>().join(","))
+        }
+        _ => value.to_string(),
     }
 }
 
@@ -86,6 +131,20 @@ mod tests {
     fn other_json_is_refused_by_its_keys() {
         assert_eq!(self::json(&json!({"name": 1, "b": 2})).unwrap_err(), "JSON with the keys [\"name\", \"b\"]");
         assert!(self::json(&json!([1])).is_err());
-        assert!(self::json(&json!({"q": 0.5, "ghost_share": null})).unwrap().title.contains("lf-validate"));
+        assert!(self::json(&json!({"q": 0.5, "ghost_share": null})).unwrap().title.contains("lf-validate quality"));
+        assert!(self::json(&json!({"q": 0.5, "by_depth.q": [1]})).unwrap().title.contains("lf-validate line"));
+    }
+
+    #[test]
+    fn a_long_report_stays_within_a_screen_and_tells_pixels_first() {
+        let mut report = json!({"measured_only": {}, "rms_u_mm": 0.1 + 0.2, "rms_u_vox": 1, "rms_u_px": 2});
+        let text = self::json(&report).unwrap().to_string();
+        assert!(
+            text.contains("rms_u_px       2\n") && !text.contains("rms_u_mm") && text.contains("2 more keys"),
+            "{text}"
+        );
+        (0..99).for_each(|n| report[format!("key{n}")] = json!(0.1 + 0.2));
+        let sheet = self::json(&report).unwrap();
+        assert!(sheet.lines.len() <= LINES + 1 && sheet.to_string().contains("0.3\n"));
     }
 }

@@ -15,8 +15,12 @@ pub enum Kind {
     Particles,
     /// A vector field exported as text.
     Table,
+    /// The lenslets of a white image as `lf-calib lattice --centres` writes them.
+    Centres,
     /// A vector field exported for ParaView.
     Vti,
+    /// A picture, SVG.
+    Picture,
 }
 
 const EXR: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
@@ -46,6 +50,12 @@ impl Kind {
         }
         if text.starts_with(b"x_mm,y_mm,z_mm,u_mm,") {
             return Ok(Self::Table);
+        }
+        if text.starts_with(b"i,j,x_px,y_px,") {
+            return Ok(Self::Centres);
+        }
+        if text.starts_with(b"<svg") {
+            return Ok(Self::Picture);
         }
         if text.starts_with(b"<") && text[..text.len().min(200)].windows(8).any(|word| word == b"<VTKFile") {
             return Ok(Self::Vti);
@@ -112,7 +122,9 @@ mod tests {
             (b"\xef\xbb\xbf {\"sensor\": 1}", Kind::Json),
             (b"frame,id,x_mm,y_mm,z_mm,intensity\n", Kind::Particles),
             (b"x_mm,y_mm,z_mm,u_mm,v_mm,w_mm\n", Kind::Table),
+            (b"i,j,x_px,y_px,residual_x_px,residual_y_px,kept\n", Kind::Centres),
             (b"<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\">", Kind::Vti),
+            (b"<svg width=\"10\"></svg>", Kind::Picture),
         ] {
             assert_eq!(Kind::of(bytes), Ok(kind));
         }

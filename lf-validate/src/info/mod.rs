@@ -11,7 +11,7 @@ mod sheet;
 mod volume;
 
 pub use camera::camera;
-pub use export::{table, vti};
+pub use export::{centres, picture, table, vti};
 pub use field::field;
 pub use image::image;
 pub use json::{json, records};

@@ -27,9 +27,12 @@ pub fn particles(text: &str) -> Result<Sheet, String> {
             column.push(value);
         }
     }
-    let mut sheet = Sheet::new("particles (particles.csv)");
+    let mut sheet = Sheet::new("particles, or dots of a target (particles.csv, dots.csv)");
     let total = columns[0].len() as u64;
-    sheet.line("particles", format!("{} in {} frames", whole(total), frames.len()));
+    sheet.line(
+        "particles",
+        format!("{} in {} frame{}", whole(total), frames.len(), if frames.len() == 1 { "" } else { "s" }),
+    );
     for (n, (frame, count)) in frames.iter().enumerate() {
         if frames.len() <= FRAMES || n == 0 || n + 1 == frames.len() {
             sheet.line(format!("frame {frame}"), whole(*count));

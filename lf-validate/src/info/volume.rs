@@ -1,10 +1,18 @@
+use super::json::brief;
 use super::sheet::{Sheet, by, figures, range, whole};
 use crate::statistics::Summary;
 use lf_core::grid::Grid;
 use lf_core::history::History;
+use serde_json::{Map, Value};
 
-/// Describes a sparse volume: its grid, `count` voxels held, and columns by name.
-pub fn volume(grid: &Grid, count: usize, columns: &[(&str, &[f32])], history: &History) -> Sheet {
+/// Describes a sparse volume: its grid, `count` voxels held, columns by name, and what else its header says.
+pub fn volume(
+    grid: &Grid,
+    count: usize,
+    columns: &[(&str, &[f32])],
+    extra: &Map<String, Value>,
+    history: &History,
+) -> Sheet {
     let mut sheet = Sheet::new("sparse volume (.lfv)");
     let [nx, ny, nz] = grid.shape;
     sheet.line("grid", format!("{nx} x {ny} x {nz} = {} voxels of {} mm", whole(grid.len()), by(&grid.spacing_mm)));
@@ -18,6 +26,7 @@ pub fn volume(grid: &Grid, count: usize, columns: &[(&str, &[f32])], history: &H
     for (name, values) in columns {
         sheet.line(format!("column {name}"), range(&Summary::of(*values)));
     }
+    extra.iter().for_each(|(key, value)| sheet.line(key, brief(value)));
     sheet.history(history);
     sheet
 }
@@ -29,17 +38,20 @@ mod tests {
     #[test]
     fn extents_reach_the_voxels_rims() {
         let grid = Grid { shape: [4, 2, 1], spacing_mm: [0.5, 1.0, 10.0], origin_mm: [-0.75, -0.5, 0.0] };
-        let text = volume(&grid, 2, &[("score", &[1.0, 3.0])], &Vec::new()).to_string();
+        let extra = serde_json::json!({"tile": [0, 4]});
+        let extra = extra.as_object().unwrap();
+        let text = volume(&grid, 2, &[("score", &[1.0, 3.0])], extra, &Vec::new()).to_string();
         for wanted in [
             "4 x 2 x 1 = 8 voxels of 0.5 x 1 x 10 mm",
             "-1 to 1 mm",
             "-5 to 5 mm",
             "2, 25 % of the grid",
             "min 1, max 3, mean 2, sum 4",
+            "[0,4]",
             "none",
         ] {
             assert!(text.contains(wanted), "{wanted} is not in\n{text}");
         }
-        assert!(volume(&grid, 0, &[("score", &[])], &Vec::new()).to_string().contains("no values"));
+        assert!(volume(&grid, 0, &[("score", &[])], &Map::new(), &Vec::new()).to_string().contains("no values"));
     }
 }

@@ -25,7 +25,15 @@ const LEAST_WINDOW: usize = 4;
 /// uncertainty of each component, the number of particle images and a flag (0 measured, 1 replaced from neighbours, 2 no
 /// data). The last pass is repeated on volumes deformed by what is known until the vectors stand still.
 #[derive(Parser)]
-#[command(name = "lf-xcorr", version)]
+#[command(
+    name = "lf-xcorr",
+    version,
+    max_term_width = 100,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-xcorr volume-0000.lfv volume-0001.lfv --window 80,80,8 -o field.exr --plot field.svg
+  lf-xcorr volume-0000.lfv volume-0001.lfv --preset fast --window-mm 0.88,0.88,0.88 --dt 0.001 \\
+      -o field.vti"
+)]
 pub struct Arguments {
     /// First volume (.lfv with a column `intensity`); `-` is standard input
     pub a: PathBuf,
@@ -54,6 +62,9 @@ pub struct Arguments {
     /// Which slice: the axis it stands across, and where (mm; the nearest layer), as z=0.5 [default: z, its middle]
     #[arg(long, value_name = "AXIS[=MM]", requires = "plot")]
     pub slice: Option<Cut>,
+    /// Only tell what it would take: {"memory_bytes", "voxels"} as JSON on standard output
+    #[arg(long)]
+    pub estimate: bool,
     #[command(flatten)]
     pub passes: Passes,
     #[command(flatten)]

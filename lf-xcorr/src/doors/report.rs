@@ -2,15 +2,24 @@
 
 use lf_core::cli::Session;
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
-use lf_xcorr::{Outcome, PassReport, Repeat, triple};
+use lf_xcorr::{Deform, Options, Outcome, PassReport, Repeat, triple};
+
+/// The passes that were decided on.
+pub fn passes(options: &Options) -> String {
+    let one = |pass: &lf_xcorr::Pass| format!("{} voxels at overlap {}", triple(pass.window), pass.overlap);
+    format!("windows of {}", options.passes.iter().map(one).collect::<Vec<_>>().join(", then of "))
+}
 
 /// Tells what every pass did, and warns of a field that is mostly made up.
-pub fn tell(outcome: &Outcome, session: &mut Session) {
+pub fn tell(outcome: &Outcome, options: &Options, session: &mut Session) {
     for (number, pass) in outcome.passes.iter().enumerate() {
         session.explain(pass_line(number + 1, pass));
         for (again, repeat) in pass.repeats.iter().enumerate() {
             session.explain(repeat_line(number + 1, again + 1, repeat));
         }
+    }
+    if let Some(pass) = outcome.passes.last() {
+        session.explain(ended(pass, options));
     }
     let flags = &outcome.field.flag;
     let count = |flag: f32| flags.iter().filter(|&&other| other == flag).count();
@@ -27,6 +36,20 @@ pub fn tell(outcome: &Outcome, session: &mut Session) {
         session.count("lit_voxels_b", pass.lit[1]);
         session.count("repeats", pass.repeats.len());
     }
+}
+
+/// Why the last pass was not repeated once more.
+fn ended(pass: &PassReport, options: &Options) -> String {
+    let times = pass.repeats.len();
+    let why = match pass.repeats.last() {
+        _ if options.deform == Deform::Never => "without deformation no pass is repeated".to_owned(),
+        Some(last) if last.change_vox < options.stall_vox => {
+            format!("vectors changed by less than {} voxel", options.stall_vox)
+        }
+        _ if times == options.repeats => "the most of --repeats".to_owned(),
+        _ => "another repeat would change them no less, or for the worse".to_owned(),
+    };
+    format!("the last pass was done {times} times: {why}")
 }
 
 fn pass_line(number: usize, pass: &PassReport) -> String {

@@ -1,0 +1,125 @@
+//! `--generate`: man pages and shell completions, from the words that `--help` shows. It is not among them: packagers
+//! use it, through `scripts/man`.
+
+use crate::{Error, Result};
+use clap::Command;
+use clap_complete::Shell;
+use clap_mangen::Man;
+use std::ffi::OsString;
+use std::io::Write;
+
+/// What is typed in place of all else.
+pub(super) const OPTION: &str = "--generate";
+
+const WANTED: &str = "wanted man, bash, zsh, fish or tasks; man TASK for the page of a subcommand";
+
+/// The chain, for the end of every page.
+const TOOLS: [&str; 6] = ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-xcorr", "lf-validate"];
+
+/// The text of `--generate WORDS`: `man` or `man TASK`, a page; `bash`, `zsh` or `fish`, completions; `tasks`, the names
+/// of the subcommands, a line each.
+pub(super) fn text(tool: &'static str, command: Command, words: &[OsString]) -> Result<Vec<u8>> {
+    let words: Vec<String> = words.iter().map(|word| word.to_string_lossy().into_owned()).collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let mut command = command.name(tool).bin_name(tool);
+    let mut text = Vec::new();
+    let refused = |found: String| Error::new(OPTION, found, WANTED);
+    let shell = match words.as_slice() {
+        ["man", task @ ..] => {
+            command = command.disable_help_subcommand(true);
+            command.build();
+            let of = match task {
+                [] => Some(&command),
+                [task] => command.find_subcommand(task),
+                _ => None,
+            };
+            let of = of.ok_or_else(|| refused(format!("no subcommand '{}'", task.join(" "))))?;
+            page(tool, of, &mut text).map_err(|error| refused(error.to_string()))?;
+            return Ok(text);
+        }
+        ["tasks"] => {
+            command.get_subcommands().for_each(|task| text.extend(format!("{}\n", task.get_name()).bytes()));
+            return Ok(text);
+        }
+        ["bash"] => Shell::Bash,
+        ["zsh"] => Shell::Zsh,
+        ["fish"] => Shell::Fish,
+        _ => return Err(refused(format!("'{}'", words.join(" ")))),
+    };
+    clap_complete::generate(shell, &mut command, tool, &mut text);
+    Ok(text)
+}
+
+/// A page of a built command: what `--help` says, under the headings of a man page.
+fn page(tool: &str, command: &Command, out: &mut Vec<u8>) -> std::io::Result<()> {
+    let usage = command.clone().render_usage().to_string();
+    let usage = usage.trim_start_matches("Usage:").trim().to_owned();
+    let man = Man::new(command.clone().override_usage(usage)).manual("Light-field PIV");
+    man.render_title(out)?;
+    man.render_name_section(out)?;
+    man.render_synopsis_section(out)?;
+    man.render_description_section(out)?;
+    man.render_options_section(out)?;
+    if command.has_subcommands() {
+        man.render_subcommands_section(out)?;
+    }
+    if let Some(examples) = command.get_after_help() {
+        let examples = examples.to_string();
+        let (title, lines) = examples.split_once('\n').unwrap_or(("", &examples));
+        let title = title.trim_start_matches("Examples").trim_start_matches([',', ';', ':', ' ']);
+        let title = title.chars().take(1).flat_map(char::to_uppercase).chain(title.chars().skip(1)).collect::<String>();
+        let title = if title.is_empty() { title } else { format!("{}\n.PP\n", plain(&title)) };
+        writeln!(out, ".SH EXAMPLES\n{title}.nf")?;
+        lines.lines().try_for_each(|line| writeln!(out, "{}", plain(line)))?;
+        writeln!(out, ".fi")?;
+    }
+    let judged = if tool == "lf-validate" { "\n.TP\n1\njudged, and the answer is no" } else { "" };
+    let failed = "the work could not be done: one line on standard error says what was found and what was wanted";
+    writeln!(out, ".SH EXIT STATUS\n.TP\n0\ndone{judged}\n.TP\n2\n{failed}")?;
+    let history = "off leaves tool, version and arguments out of the history that files carry";
+    writeln!(out, ".SH ENVIRONMENT\n.TP\n\\fBLF_HISTORY\\fR\n{history}")?;
+    let own = command.get_display_name().unwrap_or(tool).to_owned();
+    let others = TOOLS.into_iter().filter(|name| *name != own).map(|name| format!("\\fB{}\\fR(1)", plain(name)));
+    writeln!(out, ".SH SEE ALSO\n{}", others.collect::<Vec<_>>().join(", "))
+}
+
+/// A line as roff prints it.
+fn plain(line: &str) -> String {
+    let line = line.replace('\\', "\\e").replace('-', "\\-");
+    if line.starts_with(['.', '\'']) { format!("\\&{line}") } else { line }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_not_taken_for_commands() {
+        assert_eq!(plain(".SH a -b \\"), "\\&.SH a \\-b \\e");
+        assert_eq!(plain("  lf-mart"), "  lf\\-mart");
+    }
+
+    #[test]
+    fn pages_of_tools_and_of_their_tasks() {
+        let command = || {
+            let task = Command::new("deed").about("Does it").after_help("Examples:\n  lf-x deed");
+            Command::new("x").version("1").about("Some tool").subcommand(task)
+        };
+        let text = |words: &[&str]| {
+            let words: Vec<OsString> = words.iter().map(OsString::from).collect();
+            text("lf-x", command(), &words).map(|text| String::from_utf8(text).unwrap())
+        };
+        let page = text(&["man"]).unwrap();
+        assert!(page.contains("lf\\-x \\- Some tool") && page.contains("lf\\-x\\-deed(1)"), "{page}");
+        let page = text(&["man", "deed"]).unwrap();
+        assert!(
+            page.contains("lf\\-x\\-deed \\- Does it") && page.contains(".SH EXAMPLES\n.nf\n  lf\\-x deed"),
+            "{page}"
+        );
+        assert_eq!(text(&["tasks"]).unwrap(), "deed\n");
+        for words in [&[][..], &["csh"], &["man", "word"], &["man", "deed", "deed"]] {
+            assert!(text(words).is_err(), "{words:?}");
+        }
+        assert!(text(&["bash"]).unwrap().contains("complete -F"));
+    }
+}
