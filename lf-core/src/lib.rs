@@ -18,6 +18,7 @@ pub mod lattice;
 pub mod optics;
 pub mod particles;
 pub mod scene;
+pub mod tile;
 pub mod volume;
 
 pub use error::{Error, Result};

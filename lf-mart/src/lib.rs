@@ -75,6 +75,17 @@ pub struct Options {
     pub clamp: f64,
     /// Refuse what would take more memory than this, bytes.
     pub max_bytes: u64,
+    /// What the voxels are a part of; none for a whole volume.
+    pub part: Option<Part>,
+}
+
+/// A part of a volume that is to become what it is in the whole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// Columns and rows of the image, `[from, to)`, that no voxel but the part's lights. The others are blind.
+    pub pixels: [[usize; 2]; 2],
+    /// The part's share of the whole grid.
+    pub share: f64,
 }
 
 /// Where a reconstruction begins: the intensities of some voxels. The others begin dim.
@@ -148,8 +159,18 @@ pub fn reconstruct(
     // In units of the brightest pixel no sum is too large or too small for f32, whatever a camera's counts are.
     let peak = f64::from(image.iter().fold(0f32, |peak, value| peak.max(*value)));
     let unit = if peak > 0.0 { peak } else { 1.0 };
-    let image = image.mapv(|value| (f64::from(value) / unit) as f32);
-    let problem = Problem { image, unit, footprint: &footprint, indices, start, options };
+    let mut image = image.mapv(|value| (f64::from(value) / unit) as f32);
+    let light: f64 = image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
+    let mut even = light / indices.len().max(1) as f64;
+    if let Some(Part { pixels: [columns, rows], share }) = options.part {
+        even *= share;
+        for ((row, column), value) in image.indexed_iter_mut() {
+            if !((rows[0]..rows[1]).contains(&row) && (columns[0]..columns[1]).contains(&column)) {
+                *value = f32::NAN;
+            }
+        }
+    }
+    let problem = Problem { image, unit, even: even as f32, footprint: &footprint, indices, start, options };
     let solved = match options.method {
         Method::Mart => row_action::solve(&problem, done)?,
         Method::Subsets | Method::Smart | Method::Mlem => simultaneous::solve(&problem, done),
@@ -169,6 +190,8 @@ pub(crate) struct Problem<'a> {
     pub(crate) image: Array2<f32>,
     /// Counts of the brightest pixel.
     pub(crate) unit: f64,
+    /// The image's light shared out evenly to the voxels of the whole volume.
+    pub(crate) even: f32,
     pub(crate) footprint: &'a Footprint,
     pub(crate) indices: &'a [u64],
     pub(crate) start: Option<Start<'a>>,
@@ -179,8 +202,7 @@ impl Problem<'_> {
     /// Strengths to begin with: those of the start, or an even volume of the image's light.
     pub(crate) fn first_strengths(&self) -> Vec<f32> {
         let Some(start) = self.start else {
-            let total: f64 = self.image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
-            return vec![(total / self.indices.len().max(1) as f64) as f32; self.indices.len()];
+            return vec![self.even; self.indices.len()];
         };
         let in_units = |intensity: f32| ((f64::from(intensity) / self.unit) as f32).clamp(0.0, GREATEST_STRENGTH);
         let dim = DIM * start.intensity.iter().fold(0f32, |peak, value| peak.max(in_units(*value)));

@@ -7,9 +7,10 @@ use lf_core::camera::Camera;
 use lf_core::cli::{self, Common, Preset, Session, Verdict};
 use lf_core::footprint::{Basis, Model, SECTIONS, aperture_sections};
 use lf_core::grid::Grid;
+use lf_core::tile::Tile;
 use lf_core::volume::{self, Volume};
 use lf_core::{Error, Result, image, io};
-use lf_mart::{Method, Options, Start, Sweep, Until, estimate_bytes, reconstruct};
+use lf_mart::{Method, Options, Part, Start, Sweep, Until, estimate_bytes, reconstruct};
 use serde_json::json;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -189,6 +190,7 @@ impl Arguments {
             floor: self.floor,
             clamp: self.clamp.unwrap_or(clamp),
             max_bytes: (self.max_memory * 1e9) as u64,
+            part: None,
         };
         for (option, value, least, most) in [
             ("--blob", self.blob.unwrap_or(BLOB), 0.05, 10.0),
@@ -261,12 +263,17 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Err(Error::new(name, "holds no voxel", "wanted a support with voxels"));
     }
     let start = arguments.first(support.grid())?;
+    let part = Tile::of(&support)?.map(|tile| {
+        let held: u64 = tile.held(&camera, support.grid()).iter().map(|[x, y]| x.len() as u64 * y.len() as u64).sum();
+        Part { pixels: tile.pixels, share: held as f64 / support.grid().len() as f64 }
+    });
     let options = arguments.options(|| {
         let sigma = image::noise(image.pixels.view());
         session.explain(format!("noise {sigma:.3} counts"));
         session.count("noise_counts", sigma);
         sigma
     })?;
+    let options = Options { part, ..options };
     if arguments.weights == WeightsName::Drt {
         let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
         session.count("sections", sections);
@@ -317,7 +324,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.phase("write", |session| {
         let history = session.history(support.history());
         io::save(&arguments.output, |out| {
-            volume::write(out, support.grid(), &volume.indices, &[("intensity", &volume.intensity)], &history)
+            let column = ("intensity", volume.intensity.as_slice());
+            volume::write_with(out, support.grid(), &volume.indices, &[column], &history, support.extra())
         })?;
         match &arguments.log {
             Some(file) => io::save_text(file, |out| out.write_all(log.as_bytes())),

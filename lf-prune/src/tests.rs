@@ -27,6 +27,11 @@ fn grid() -> Grid {
     Grid::in_bounds([[-0.3, 0.3], [-0.25, 0.25], [-2.0, 2.0]], [0.011, 0.011, 0.2]).unwrap()
 }
 
+/// All voxels of a slice.
+fn whole(grid: &Grid) -> Part {
+    [0..grid.shape[0], 0..grid.shape[1]]
+}
+
 /// An image that is bright where a hash says so.
 fn speckle() -> Array2<f32> {
     Array2::from_shape_fn((252, 280), |(y, x)| {
@@ -47,8 +52,8 @@ fn sums_carried_on_are_the_rays_one_by_one() {
             let (mut kept, mut all) = (0, 0);
             for grid in [grid(), wide.clone()] {
                 for z in [0, 7, 10, 19] {
-                    let fast = inline::slice(&levels, &camera, &grid, z);
-                    assert!(fast == scattered::slice(&levels, &camera, &grid, z), "{aperture} {options:?} {z}");
+                    let fast = inline::slice(&levels, &camera, &grid, z, &whole(&grid));
+                    assert!(fast == scattered::slice(&levels, &camera, &grid, z, &whole(&grid)), "{aperture} {options:?} {z}");
                     all += grid.shape[0] * grid.shape[1];
                     kept += fast.len();
                 }
@@ -170,8 +175,8 @@ fn sums_along_lines_are_the_rays_one_by_one() {
                 let (mut kept, mut all) = (0, 0);
                 for grid in &grids {
                     for z in [0, 7, 10] {
-                        let fast = lines::slice(&levels, &camera, &views, grid, z);
-                        let slow = scattered::slice(&levels, &camera, grid, z);
+                        let fast = lines::slice(&levels, &camera, &views, grid, z, &whole(grid));
+                        let slow = scattered::slice(&levels, &camera, grid, z, &whole(grid));
                         assert!(fast == slow, "{layout} {turn} {aperture} {options:?} {grid} {z}");
                         all += grid.shape[0] * grid.shape[1];
                         kept += fast.len();
@@ -196,8 +201,8 @@ fn lines_may_leave_the_rows_of_lenslets() {
         let views = Views::new(&levels, &camera);
         let grid = Grid::in_bounds([[-5.2, 5.2], [-0.3, 0.3], [-1.0, 1.0]], [0.03, 0.007, 0.5]).unwrap();
         for z in 0..4 {
-            let fast = lines::slice(&levels, &camera, &views, &grid, z);
-            assert!(fast == scattered::slice(&levels, &camera, &grid, z), "{layout} {turn} {z}");
+            let fast = lines::slice(&levels, &camera, &views, &grid, z, &whole(&grid));
+            assert!(fast == scattered::slice(&levels, &camera, &grid, z, &whole(&grid)), "{layout} {turn} {z}");
             assert!(!fast.is_empty());
         }
     }
@@ -240,8 +245,8 @@ fn tiles_follow_distortion_and_departures() {
         let levels = Levels::new(image.view(), 1.0, &options);
         let views = Views::new(&levels, &camera);
         for z in [0, 7, 10, 19] {
-            let fast = lines::slice(&levels, &camera, &views, &grid, z);
-            let slow = scattered::slice(&levels, &camera, &grid, z);
+            let fast = lines::slice(&levels, &camera, &views, &grid, z, &whole(&grid));
+            let slow = scattered::slice(&levels, &camera, &grid, z, &whole(&grid));
             let scores: std::collections::BTreeMap<u32, f32> = slow.iter().copied().collect();
             let both = fast.iter().filter(|(place, _)| scores.contains_key(place)).count() as f64;
             let all = fast.len().max(slow.len()) as f64;
