@@ -20,5 +20,6 @@ pub mod particles;
 pub mod scene;
 pub mod tile;
 pub mod volume;
+pub mod whole;
 
 pub use error::{Error, Result};

@@ -179,10 +179,8 @@ impl Tile {
         let pixels = [0, 1].map(|axis| {
             let limit = Optics::new(camera).sensor_px()[axis];
             let [from, to] = core_vox[axis];
-            let [low, high] = Reach::new(camera, grid, axis).pixels(
-                grid.centre_mm(axis, from) - halo_mm,
-                grid.centre_mm(axis, to - 1) + halo_mm,
-            );
+            let [low, high] = Reach::new(camera, grid, axis)
+                .pixels(grid.centre_mm(axis, from) - halo_mm, grid.centre_mm(axis, to - 1) + halo_mm);
             // The grid begins where the sensor ends.
             let low = if to == grid.shape[axis] { 0 } else { low };
             let high = if from == 0 { limit } else { high };

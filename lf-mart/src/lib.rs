@@ -18,6 +18,7 @@ pub mod projector;
 mod row_action;
 mod scattered;
 mod simultaneous;
+mod spent;
 mod tables;
 
 pub use memory::estimate_bytes;
@@ -79,14 +80,23 @@ pub struct Options {
     pub part: Option<Part>,
 }
 
-/// A part of a volume that is to become what it is in the whole.
+/// A part of a volume that is to become what it is in the whole: nothing is decided by what another part may not know. The
+/// whole is such a part as well.
+///
+/// Spent voxels are told from the strongest near them and not from the strongest of all, momentum is never taken back, and
+/// only misfits that [`Until`] names end the sweeps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
     /// Columns and rows of the image, `[from, to)`, that no voxel but the part's lights. The others are blind.
     pub pixels: [[usize; 2]; 2],
+    /// The voxels along x and y, `[from, to)`, that the part is to give; the others are there for them.
+    pub core_vox: [[usize; 2]; 2],
     /// The part's share of the whole grid.
     pub share: f64,
 }
+
+/// Lenslets along a side of the blocks within which the strongest voxel is looked for, of three by three about a voxel.
+const BLOCK_LENSLETS: f64 = 4.0;
 
 /// Where a reconstruction begins: the intensities of some voxels. The others begin dim.
 #[derive(Debug, Clone, Copy)]
@@ -170,14 +180,20 @@ pub fn reconstruct(
             }
         }
     }
-    let problem = Problem { image, unit, even: even as f32, footprint: &footprint, indices, start, options };
+    let lenslet_mm = camera.microlenses.pitch_mm / camera.main_lens.magnification;
+    let block_vox = [0, 1].map(|axis| (BLOCK_LENSLETS * lenslet_mm / grid.spacing_mm[axis]).round().max(1.0) as usize);
+    let even = even as f32;
+    let problem = Problem { image, unit, even, block_vox, footprint: &footprint, indices, start, options };
     let solved = match options.method {
         Method::Mart => row_action::solve(&problem, done)?,
         Method::Subsets | Method::Smart | Method::Mlem => simultaneous::solve(&problem, done),
     };
+    let core_vox = options.part.map_or([[0, grid.shape[0]], [0, grid.shape[1]]], |part| part.core_vox);
     let (indices, mut intensity) = match options.basis {
-        Basis::Blob { sigma_vox } => blob::spread(grid, &solved.indices, &solved.strengths, sigma_vox, LEAST_SHARE),
-        Basis::Point | Basis::Box => blob::lit(&solved.indices, &solved.strengths, LEAST_SHARE),
+        Basis::Blob { sigma_vox } => {
+            blob::spread(grid, &solved.indices, &solved.strengths, sigma_vox, LEAST_SHARE, core_vox)
+        }
+        Basis::Point | Basis::Box => blob::lit(grid, &solved.indices, &solved.strengths, LEAST_SHARE, core_vox),
     };
     let largest = f64::from(f32::MAX);
     intensity.iter_mut().for_each(|value| *value = (f64::from(*value) * unit).min(largest) as f32);
@@ -192,6 +208,8 @@ pub(crate) struct Problem<'a> {
     pub(crate) unit: f64,
     /// The image's light shared out evenly to the voxels of the whole volume.
     pub(crate) even: f32,
+    /// Blocks within which a part of a volume looks for the strongest voxel.
+    pub(crate) block_vox: [usize; 2],
     pub(crate) footprint: &'a Footprint,
     pub(crate) indices: &'a [u64],
     pub(crate) start: Option<Start<'a>>,

@@ -61,11 +61,11 @@ struct Arguments {
     /// How intensities are found
     #[arg(long, value_enum, default_value_t = MethodName::Subsets)]
     method: MethodName,
-    /// Sweeps over all pixels, at most [default: 60, with smart and mlem 100, with mart 30]
+    /// Sweeps over all pixels, at most [default: 60, of a tile 20, with smart and mlem 100, with mart 30]
     #[arg(long, value_name = "N")]
     iterations: Option<usize>,
     /// End sooner: when the misfit stalls, at the image's noise, at this misfit, or never [default: stall, with smart,
-    /// mlem and mart never]
+    /// mlem and mart never; of a tile never, since each would end by its own misfit]
     #[arg(long, value_name = "stall|noise|MISFIT|never")]
     until: Option<String>,
     /// Factor of the exponent; the paper takes 2 to 2.5 with mart [default: 1.5, with smart and mlem 1, with mart 2.5]
@@ -92,6 +92,9 @@ struct Arguments {
     #[command(flatten)]
     common: Common,
 }
+
+/// Sweeps of a tile where nothing sets them: all tiles of a volume need as many, and none knows when the whole stalls.
+const TILE_ITERATIONS: usize = 20;
 
 /// Standard deviation of a blob where neither an option nor a preset sets it, voxels.
 const BLOB: f64 = 0.65;
@@ -142,8 +145,8 @@ impl Arguments {
         }
     }
 
-    /// `sigma` is asked for the noise of the image, counts.
-    fn options(&self, sigma: impl FnOnce() -> f64) -> Result<Options> {
+    /// Of a whole volume, or of a tile; `sigma` is asked for the noise of the image, counts.
+    fn options(&self, part: Option<Part>, sigma: impl FnOnce() -> f64) -> Result<Options> {
         let (preset, basis) = (self.preset.map(preset::values), self.basis());
         if self.weights == WeightsName::Sphere && basis != Basis::Point {
             return Err(Error::new(
@@ -167,6 +170,11 @@ impl Arguments {
             MethodName::Mart => (Method::Mart, 30, "never", 2.5, 1e6),
         };
         let (iterations, until) = preset.map_or((iterations, until), |preset| (preset.iterations, preset.until));
+        let (iterations, until) = match part {
+            Some(_) if preset.is_none() && self.method == MethodName::Subsets => (TILE_ITERATIONS, "never"),
+            Some(_) => (iterations, "never"),
+            None => (iterations, until),
+        };
         let until = self.until.as_deref().unwrap_or(until);
         let options = Options {
             weights: match self.weights {
@@ -190,7 +198,7 @@ impl Arguments {
             floor: self.floor,
             clamp: self.clamp.unwrap_or(clamp),
             max_bytes: (self.max_memory * 1e9) as u64,
-            part: None,
+            part,
         };
         for (option, value, least, most) in [
             ("--blob", self.blob.unwrap_or(BLOB), 0.05, 10.0),
@@ -238,7 +246,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    arguments.options(|| 0.0)?;
+    arguments.options(None, || 0.0)?;
     arguments.explain_preset(session);
     let mut inputs = vec![arguments.support.as_path(), arguments.image.as_path(), arguments.camera.as_path()];
     inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.start.as_deref()));
@@ -265,15 +273,14 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let start = arguments.first(support.grid())?;
     let part = Tile::of(&support)?.map(|tile| {
         let held: u64 = tile.held(&camera, support.grid()).iter().map(|[x, y]| x.len() as u64 * y.len() as u64).sum();
-        Part { pixels: tile.pixels, share: held as f64 / support.grid().len() as f64 }
+        Part { pixels: tile.pixels, core_vox: tile.core_vox, share: held as f64 / support.grid().len() as f64 }
     });
-    let options = arguments.options(|| {
+    let options = arguments.options(part, || {
         let sigma = image::noise(image.pixels.view());
         session.explain(format!("noise {sigma:.3} counts"));
         session.count("noise_counts", sigma);
         sigma
     })?;
-    let options = Options { part, ..options };
     if arguments.weights == WeightsName::Drt {
         let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
         session.count("sections", sections);
@@ -344,7 +351,7 @@ mod tests {
     fn sections_are_for_sampled_weights_and_within_their_range() {
         let options = |words: &[&str]| {
             let all = ["lf-mart", "-i", "frame.exr", "-c", "camera.json"].iter().chain(words);
-            Arguments::try_parse_from(all).expect("known words").options(|| 0.0)
+            Arguments::try_parse_from(all).expect("known words").options(None, || 0.0)
         };
         let drt = options(&["--weights", "drt", "--sections", "7"]).unwrap();
         assert_eq!(drt.weights, Model::Drt { sections: Some(7) });

@@ -17,14 +17,7 @@ use std::ops::Range;
 const BESIDE: u32 = u32::MAX;
 
 /// Pixel of each section's centre ray from each of `places`: `[place * sections + section]`.
-fn pixels(
-    along: usize,
-    places: Range<usize>,
-    camera: &Camera,
-    grid: &Grid,
-    z_mm: f64,
-    centres_mm: &[f64],
-) -> Vec<u32> {
+fn pixels(along: usize, places: Range<usize>, camera: &Camera, grid: &Grid, z_mm: f64, centres_mm: &[f64]) -> Vec<u32> {
     let optics = Optics::new(camera);
     let axis = if along == 0 { DVec2::X } else { DVec2::Y };
     let limit = if along == 0 { camera.sensor.width } else { camera.sensor.height };

@@ -1,4 +1,5 @@
 use super::*;
+use lf_core::tile::Tile;
 use ndarray::Array2;
 
 fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
@@ -53,7 +54,10 @@ fn sums_carried_on_are_the_rays_one_by_one() {
             for grid in [grid(), wide.clone()] {
                 for z in [0, 7, 10, 19] {
                     let fast = inline::slice(&levels, &camera, &grid, z, &whole(&grid));
-                    assert!(fast == scattered::slice(&levels, &camera, &grid, z, &whole(&grid)), "{aperture} {options:?} {z}");
+                    assert!(
+                        fast == scattered::slice(&levels, &camera, &grid, z, &whole(&grid)),
+                        "{aperture} {options:?} {z}"
+                    );
                     all += grid.shape[0] * grid.shape[1];
                     kept += fast.len();
                 }
@@ -325,6 +329,43 @@ fn fewer_sections_lose_no_light() {
             assert!(two.len() >= paper.len(), "{route} {score:?}: {} {}", two.len(), paper.len());
             let among = paper.iter().filter(|index| two.binary_search(index).is_ok()).count();
             assert!(among == paper.len() || score == Score::Geometric, "{route}: {among} of {}", paper.len());
+        }
+    }
+}
+
+/// The cores of all tiles are the whole support, to the bit, by whichever sums; and a tile holds more than its core.
+#[test]
+fn cores_of_tiles_are_the_whole() {
+    let image = speckle();
+    let wide = Grid::in_bounds([[-0.9, 0.9], [-0.8, 0.8], [-2.0, 2.0]], [0.011, 0.023, 0.4]).unwrap();
+    let mut distorted = camera("circle", "square", 0.002);
+    distorted.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] });
+    let cameras = [
+        camera("circle", "square", 0.0),
+        camera("circle", "square", 0.003),
+        camera("square", "hexagonal", 0.0),
+        distorted,
+    ];
+    for camera in cameras {
+        let options = Options { threshold: 0.37, ..PLAIN };
+        let whole = prune(image.view(), &camera, &wide, &options, |_| ()).unwrap();
+        assert!(whole.indices.len() > 1000);
+        for of in [1, 2, 3, 4, 6] {
+            let mut joined = Vec::new();
+            for index in 1..=of {
+                let tile = Tile::new(&camera, &wide, index, of, 0.05).unwrap();
+                let parts = tile.held(&camera, &wide);
+                let part = prune_parts(image.view(), &camera, &wide, &parts, &options, |_| ()).unwrap();
+                let scored = part.indices.iter().zip(&part.scores);
+                let held = scored.clone().filter(|(index, _)| !tile.owns(wide.voxel(**index))).count();
+                assert!((held > 0) == (of > 1), "{held} beside the core of {index} of {of}");
+                joined
+                    .extend(scored.filter(|(index, _)| tile.owns(wide.voxel(**index))).map(|(i, s)| (*i, s.to_bits())));
+            }
+            joined.sort_unstable();
+            let wanted: Vec<(u64, u32)> =
+                whole.indices.iter().zip(&whole.scores).map(|(index, score)| (*index, score.to_bits())).collect();
+            assert!(joined == wanted, "{of} tiles, {camera:?}");
         }
     }
 }

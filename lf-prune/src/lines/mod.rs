@@ -121,14 +121,7 @@ fn shifted(levels: &Levels, views: &Views, grid: &Grid, z: usize, part: &Part, s
 }
 
 impl<'a> Lines<'a> {
-    fn new(
-        levels: &'a Levels,
-        views: &'a Views,
-        grid: &'a Grid,
-        z: usize,
-        part: &Part,
-        shift_mm: DVec2,
-    ) -> Self {
+    fn new(levels: &'a Levels, views: &'a Views, grid: &'a Grid, z: usize, part: &Part, shift_mm: DVec2) -> Self {
         let optics = &views.optics;
         let z_mm = grid.centre_mm(2, z);
         let spacing = DVec2::new(grid.spacing_mm[0], grid.spacing_mm[1]);

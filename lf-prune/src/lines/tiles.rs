@@ -63,14 +63,7 @@ impl Shift<'_> {
 }
 
 /// As [`super::slice`], tile by tile.
-pub(super) fn slice(
-    levels: &Levels,
-    camera: &Camera,
-    views: &Views,
-    grid: &Grid,
-    z: usize,
-    part: &Part,
-) -> Slice {
+pub(super) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize, part: &Part) -> Slice {
     let shift = Shift { optics: Optics::new(camera), grid, z_mm: grid.centre_mm(2, z) };
     let Some(side) = shift.side(camera.sensor.pixel_pitch_mm) else {
         return crate::scattered::slice(levels, camera, grid, z, part);

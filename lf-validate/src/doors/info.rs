@@ -4,6 +4,7 @@ use super::check_inputs;
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
 use lf_core::field::Field;
+use lf_core::tile::Tile;
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, image, io};
 use lf_validate::info::{self, Kind, Sheet};
@@ -37,7 +38,7 @@ fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
             let volume = Volume::from_bytes(bytes, name)?;
             let names = volume.columns();
             let columns: Vec<_> = names.iter().filter_map(|name| Some((*name, volume.column(name)?))).collect();
-            Ok(info::volume(volume.grid(), volume.count(), &columns, volume.history()))
+            Ok(info::volume(volume.grid(), Tile::of(&volume)?.as_ref(), volume.count(), &columns, volume.history()))
         }
         Kind::Field => Ok(info::field(&Field::from_bytes(&bytes, name)?)),
         Kind::Image => {
