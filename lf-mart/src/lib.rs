@@ -91,9 +91,11 @@ pub struct Part {
     pub pixels: [[usize; 2]; 2],
     /// The voxels along x and y, `[from, to)`, that the part is to give; the others are there for them.
     pub core_vox: [[usize; 2]; 2],
-    /// The part's share of the whole grid.
-    pub share: f64,
 }
+
+/// The share of the whole grid's voxels that a part begins as if there were. How many there are only the whole knows, and two
+/// parts that begin otherwise do not drop quite the same voxels; the lf-prune of the ready scenes keeps a twentieth to a tenth.
+const KEPT_SHARE: f64 = 0.1;
 
 /// Lenslets along a side of the blocks within which the strongest voxel is looked for, of three by three about a voxel.
 const BLOCK_LENSLETS: f64 = 4.0;
@@ -138,6 +140,10 @@ pub struct Reconstruction {
 /// Voxels of the result below this share of its brightest are not written.
 const LEAST_SHARE: f32 = 1e-4;
 
+/// The same of a part and its core's brightest: what the whole writes and a part does not is then well below [`LEAST_SHARE`] of
+/// the whole's brightest, which the part may not know.
+const LEAST_SHARE_OF_PART: f32 = 0.5 * LEAST_SHARE;
+
 /// Strengths stay below this, in units of the image's brightest pixel: sums over any image stay finite.
 const GREATEST_STRENGTH: f32 = 1e20;
 
@@ -172,8 +178,8 @@ pub fn reconstruct(
     let mut image = image.mapv(|value| (f64::from(value) / unit) as f32);
     let light: f64 = image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
     let mut even = light / indices.len().max(1) as f64;
-    if let Some(Part { pixels: [columns, rows], share }) = options.part {
-        even *= share;
+    if let Some(Part { pixels: [columns, rows], .. }) = options.part {
+        even = light / (KEPT_SHARE * grid.len() as f64);
         for ((row, column), value) in image.indexed_iter_mut() {
             if !((rows[0]..rows[1]).contains(&row) && (columns[0]..columns[1]).contains(&column)) {
                 *value = f32::NAN;
@@ -189,11 +195,12 @@ pub fn reconstruct(
         Method::Subsets | Method::Smart | Method::Mlem => simultaneous::solve(&problem, done),
     };
     let core_vox = options.part.map_or([[0, grid.shape[0]], [0, grid.shape[1]]], |part| part.core_vox);
+    let least_share = if options.part.is_some() { LEAST_SHARE_OF_PART } else { LEAST_SHARE };
     let (indices, mut intensity) = match options.basis {
         Basis::Blob { sigma_vox } => {
-            blob::spread(grid, &solved.indices, &solved.strengths, sigma_vox, LEAST_SHARE, core_vox)
+            blob::spread(grid, &solved.indices, &solved.strengths, sigma_vox, least_share, core_vox)
         }
-        Basis::Point | Basis::Box => blob::lit(grid, &solved.indices, &solved.strengths, LEAST_SHARE, core_vox),
+        Basis::Point | Basis::Box => blob::lit(grid, &solved.indices, &solved.strengths, least_share, core_vox),
     };
     let largest = f64::from(f32::MAX);
     intensity.iter_mut().for_each(|value| *value = (f64::from(*value) * unit).min(largest) as f32);
@@ -206,7 +213,7 @@ pub(crate) struct Problem<'a> {
     pub(crate) image: Array2<f32>,
     /// Counts of the brightest pixel.
     pub(crate) unit: f64,
-    /// The image's light shared out evenly to the voxels of the whole volume.
+    /// The image's light shared out evenly: what a voxel begins with.
     pub(crate) even: f32,
     /// Blocks within which a part of a volume looks for the strongest voxel.
     pub(crate) block_vox: [usize; 2],

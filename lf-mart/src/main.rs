@@ -271,16 +271,19 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Err(Error::new(name, "holds no voxel", "wanted a support with voxels"));
     }
     let start = arguments.first(support.grid())?;
-    let part = Tile::of(&support)?.map(|tile| {
-        let held: u64 = tile.held(&camera, support.grid()).iter().map(|[x, y]| x.len() as u64 * y.len() as u64).sum();
-        Part { pixels: tile.pixels, core_vox: tile.core_vox, share: held as f64 / support.grid().len() as f64 }
-    });
+    let part = Tile::of(&support)?.map(|tile| Part { pixels: tile.pixels, core_vox: tile.core_vox });
     let options = arguments.options(part, || {
         let sigma = image::noise(image.pixels.view());
         session.explain(format!("noise {sigma:.3} counts"));
         session.count("noise_counts", sigma);
         sigma
     })?;
+    if part.is_some() {
+        session.explain(format!(
+            "a tile: {} sweeps at most, momentum is not taken back, voxels are dropped by the strongest near them",
+            options.iterations
+        ));
+    }
     if arguments.weights == WeightsName::Drt {
         let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
         session.count("sections", sections);
