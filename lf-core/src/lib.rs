@@ -18,6 +18,8 @@ pub mod lattice;
 pub mod optics;
 pub mod particles;
 pub mod scene;
+pub mod tile;
 pub mod volume;
+pub mod whole;
 
 pub use error::{Error, Result};

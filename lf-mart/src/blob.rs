@@ -6,22 +6,38 @@ use rayon::prelude::*;
 /// A blob ends this many standard deviations from its centre; the light left out is 3e-3, and is given to the rest.
 const REACH_SIGMA: f64 = 3.0;
 
-/// The voxels above `least_share` of the brightest, as they are.
-pub fn lit(indices: &[u64], strengths: &[f32], least_share: f32) -> (Vec<u64>, Vec<f32>) {
-    let least = least_share * strengths.iter().fold(0f32, |peak, s| peak.max(*s));
+/// The brightest of the voxels that lie within `core_vox` along x and y, `[from, to)`; 0 where there is none.
+fn brightest<'a>(grid: &Grid, voxels: impl Iterator<Item = (&'a u64, &'a f32)>, core_vox: [[usize; 2]; 2]) -> f32 {
+    let in_core = |index: u64| {
+        let voxel = grid.voxel(index);
+        (0..2).all(|axis| (core_vox[axis][0]..core_vox[axis][1]).contains(&voxel[axis]))
+    };
+    voxels.filter(|(index, _)| in_core(**index)).fold(0f32, |peak, (_, value)| peak.max(*value))
+}
+
+/// The voxels above `least_share` of the brightest within `core_vox`, as they are.
+pub fn lit(
+    grid: &Grid,
+    indices: &[u64],
+    strengths: &[f32],
+    least_share: f32,
+    core_vox: [[usize; 2]; 2],
+) -> (Vec<u64>, Vec<f32>) {
+    let least = least_share * brightest(grid, indices.iter().zip(strengths), core_vox);
     indices.iter().zip(strengths).filter(|(_, s)| **s > least).map(|(index, s)| (*index, *s)).unzip()
 }
 
 /// Strengths convolved with a Gaussian of `sigma_vox` voxels in x, y and z whose samples sum to 1; voxels above
-/// `least_share` of the brightest, by rising index. The same for any number of threads.
+/// `least_share` of the brightest within `core_vox` along x and y, by rising index. The same for any number of threads.
 pub fn spread(
     grid: &Grid,
     indices: &[u64],
     strengths: &[f32],
     sigma_vox: f64,
     least_share: f32,
+    core_vox: [[usize; 2]; 2],
 ) -> (Vec<u64>, Vec<f32>) {
-    let (indices, strengths) = lit(indices, strengths, 1e-2 * least_share);
+    let (indices, strengths) = lit(grid, indices, strengths, 1e-2 * least_share, core_vox);
     let [nx, ny, nz] = grid.shape;
     let reach = (REACH_SIGMA * sigma_vox).ceil() as i64;
     let bell: Vec<f64> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma_vox).powi(2)).exp()).collect();
@@ -70,7 +86,7 @@ pub fn spread(
         .into_par_iter()
         .map_init(|| (Vec::new(), Vec::new()), |(plane, touched), z| blurred(z, plane, touched))
         .collect();
-    let peak = slices.iter().flatten().fold(0f32, |peak, (_, value)| peak.max(*value));
+    let peak = brightest(grid, slices.iter().flatten().map(|(index, value)| (index, value)), core_vox);
     slices.into_iter().flatten().filter(|(_, value)| *value > least_share * peak).unzip()
 }
 
@@ -82,7 +98,7 @@ mod tests {
     #[test]
     fn one_blob_by_hand() {
         let grid = Grid { shape: [9, 9, 9], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-        let (indices, values) = spread(&grid, &[grid.index([4, 4, 4])], &[8.0], 1.0, 0.0);
+        let (indices, values) = spread(&grid, &[grid.index([4, 4, 4])], &[8.0], 1.0, 0.0, [[0, 9], [0, 9]]);
         let side = 1.0 + 2.0 * ((-0.5f64).exp() + (-2.0f64).exp() + (-4.5f64).exp());
         let centre = indices.iter().position(|index| *index == grid.index([4, 4, 4])).unwrap();
         assert!((f64::from(values[centre]) - 8.0 / side.powi(3)).abs() < 1e-5);
@@ -94,7 +110,7 @@ mod tests {
     #[test]
     fn blobs_at_the_edge_are_cut_and_neighbours_add() {
         let grid = Grid { shape: [3, 3, 3], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-        let (indices, values) = spread(&grid, &[0, 1], &[1.0, 1.0], 0.5, 0.0);
+        let (indices, values) = spread(&grid, &[0, 1], &[1.0, 1.0], 0.5, 0.0, [[0, 3], [0, 3]]);
         assert!(indices.len() <= 27 && values.iter().all(|v| *v > 0.0));
         assert_eq!(values[0], values[1]);
     }

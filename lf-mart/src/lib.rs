@@ -18,6 +18,7 @@ pub mod projector;
 mod row_action;
 mod scattered;
 mod simultaneous;
+mod spent;
 mod tables;
 
 pub use memory::{Route, estimate_bytes, route};
@@ -75,7 +76,29 @@ pub struct Options {
     pub clamp: f64,
     /// Refuse what would take more memory than this, bytes.
     pub max_bytes: u64,
+    /// What the voxels are a part of; none for a whole volume.
+    pub part: Option<Part>,
 }
+
+/// A part of a volume that is to become what it is in the whole: nothing is decided by what another part may not know. The
+/// whole is such a part as well.
+///
+/// Spent voxels are told from the strongest near them and not from the strongest of all, momentum is never taken back, and
+/// only misfits that [`Until`] names end the sweeps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// Columns and rows of the image, `[from, to)`, that no voxel but the part's lights. The others are blind.
+    pub pixels: [[usize; 2]; 2],
+    /// The voxels along x and y, `[from, to)`, that the part is to give; the others are there for them.
+    pub core_vox: [[usize; 2]; 2],
+}
+
+/// The share of the whole grid's voxels that a part begins as if there were. How many there are only the whole knows, and two
+/// parts that begin otherwise do not drop quite the same voxels; the lf-prune of the ready scenes keeps a twentieth to a tenth.
+const KEPT_SHARE: f64 = 0.1;
+
+/// Lenslets along a side of the blocks within which the strongest voxel is looked for, of three by three about a voxel.
+const BLOCK_LENSLETS: f64 = 4.0;
 
 /// Where a reconstruction begins: the intensities of some voxels. The others begin dim.
 #[derive(Debug, Clone, Copy)]
@@ -145,6 +168,10 @@ fn stalls(sweeps: &[Sweep]) -> bool {
 /// Voxels of the result below this share of its brightest are not written.
 const LEAST_SHARE: f32 = 1e-4;
 
+/// The same of a part and its core's brightest: what the whole writes and a part does not is then well below [`LEAST_SHARE`] of
+/// the whole's brightest, which the part may not know.
+const LEAST_SHARE_OF_PART: f32 = 0.5 * LEAST_SHARE;
+
 /// Strengths stay below this, in units of the image's brightest pixel: sums over any image stay finite.
 const GREATEST_STRENGTH: f32 = 1e20;
 
@@ -177,15 +204,32 @@ pub fn reconstruct(
     // In units of the brightest pixel no sum is too large or too small for f32, whatever a camera's counts are.
     let peak = f64::from(image.iter().fold(0f32, |peak, value| peak.max(*value)));
     let unit = if peak > 0.0 { peak } else { 1.0 };
-    let image = image.mapv(|value| (f64::from(value) / unit) as f32);
-    let problem = Problem { image, unit, footprint: &footprint, indices, start, options };
+    let mut image = image.mapv(|value| (f64::from(value) / unit) as f32);
+    let light: f64 = image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
+    let mut even = light / indices.len().max(1) as f64;
+    if let Some(Part { pixels: [columns, rows], .. }) = options.part {
+        even = light / (KEPT_SHARE * grid.len() as f64);
+        for ((row, column), value) in image.indexed_iter_mut() {
+            if !((rows[0]..rows[1]).contains(&row) && (columns[0]..columns[1]).contains(&column)) {
+                *value = f32::NAN;
+            }
+        }
+    }
+    let lenslet_mm = camera.microlenses.pitch_mm / camera.main_lens.magnification;
+    let block_vox = [0, 1].map(|axis| (BLOCK_LENSLETS * lenslet_mm / grid.spacing_mm[axis]).round().max(1.0) as usize);
+    let even = even as f32;
+    let problem = Problem { image, unit, even, block_vox, footprint: &footprint, indices, start, options };
     let solved = match options.method {
         Method::Mart => row_action::solve(&problem, done)?,
         Method::Subsets | Method::Smart | Method::Mlem => simultaneous::solve(&problem, done),
     };
+    let core_vox = options.part.map_or([[0, grid.shape[0]], [0, grid.shape[1]]], |part| part.core_vox);
+    let least_share = if options.part.is_some() { LEAST_SHARE_OF_PART } else { LEAST_SHARE };
     let (indices, mut intensity) = match options.basis {
-        Basis::Blob { sigma_vox } => blob::spread(grid, &solved.indices, &solved.strengths, sigma_vox, LEAST_SHARE),
-        Basis::Point | Basis::Box => blob::lit(&solved.indices, &solved.strengths, LEAST_SHARE),
+        Basis::Blob { sigma_vox } => {
+            blob::spread(grid, &solved.indices, &solved.strengths, sigma_vox, least_share, core_vox)
+        }
+        Basis::Point | Basis::Box => blob::lit(grid, &solved.indices, &solved.strengths, least_share, core_vox),
     };
     let largest = f64::from(f32::MAX);
     intensity.iter_mut().for_each(|value| *value = (f64::from(*value) * unit).min(largest) as f32);
@@ -198,6 +242,10 @@ pub(crate) struct Problem<'a> {
     pub(crate) image: Array2<f32>,
     /// Counts of the brightest pixel.
     pub(crate) unit: f64,
+    /// The image's light shared out evenly: what a voxel begins with.
+    pub(crate) even: f32,
+    /// Blocks within which a part of a volume looks for the strongest voxel.
+    pub(crate) block_vox: [usize; 2],
     pub(crate) footprint: &'a Footprint,
     pub(crate) indices: &'a [u64],
     pub(crate) start: Option<Start<'a>>,
@@ -208,8 +256,7 @@ impl Problem<'_> {
     /// Strengths to begin with: those of the start, or an even volume of the image's light.
     pub(crate) fn first_strengths(&self) -> Vec<f32> {
         let Some(start) = self.start else {
-            let total: f64 = self.image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
-            return vec![(total / self.indices.len().max(1) as f64) as f32; self.indices.len()];
+            return vec![self.even; self.indices.len()];
         };
         let in_units = |intensity: f32| ((f64::from(intensity) / self.unit) as f32).clamp(0.0, GREATEST_STRENGTH);
         let dim = DIM * start.intensity.iter().fold(0f32, |peak, value| peak.max(in_units(*value)));

@@ -7,9 +7,10 @@ use lf_core::camera::Camera;
 use lf_core::cli::{self, Common, Preset, Session, Verdict};
 use lf_core::footprint::{Basis, Model, SECTIONS, aperture_sections};
 use lf_core::grid::Grid;
+use lf_core::tile::Tile;
 use lf_core::volume::{self, Volume};
 use lf_core::{Error, Result, image, io};
-use lf_mart::{Ended, Method, Options, Start, Sweep, Until, estimate_bytes, reconstruct, route};
+use lf_mart::{Ended, Method, Options, Part, Start, Sweep, Until, estimate_bytes, reconstruct, route};
 use serde_json::json;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -58,11 +59,11 @@ struct Arguments {
     /// How intensities are found
     #[arg(long, value_enum, default_value_t = MethodName::Subsets)]
     method: MethodName,
-    /// Sweeps over all pixels, at most [default: 60, with smart and mlem 100, with mart 30]
+    /// Sweeps over all pixels, at most [default: 60, of a tile 20, with smart and mlem 100, with mart 30]
     #[arg(long, value_name = "N")]
     iterations: Option<usize>,
     /// End sooner: when the misfit stalls, at the image's noise, at this misfit, or never [default: stall, with smart,
-    /// mlem and mart never]
+    /// mlem and mart never; of a tile never, since each would end by its own misfit]
     #[arg(long, value_name = "stall|noise|MISFIT|never")]
     until: Option<String>,
     /// Factor of the exponent; the paper takes 2 to 2.5 with mart [default: 1.5, with smart and mlem 1, with mart 2.5]
@@ -95,6 +96,9 @@ struct Arguments {
 
 /// What the volume of blobs takes while the solution is still held, bytes a voxel of the support.
 const BLOB_BYTES: u64 = 12;
+
+/// Sweeps of a tile where nothing sets them: all tiles of a volume need as many, and none knows when the whole stalls.
+const TILE_ITERATIONS: usize = 20;
 
 /// Standard deviation of a blob where neither an option nor a preset sets it, voxels.
 const BLOB: f64 = 0.65;
@@ -145,8 +149,8 @@ impl Arguments {
         }
     }
 
-    /// `sigma` is asked for the noise of the image, counts.
-    fn options(&self, sigma: impl FnOnce() -> f64) -> Result<Options> {
+    /// Of a whole volume, or of a tile; `sigma` is asked for the noise of the image, counts.
+    fn options(&self, part: Option<Part>, sigma: impl FnOnce() -> f64) -> Result<Options> {
         let (preset, basis) = (self.preset.map(preset::values), self.basis());
         if self.weights == WeightsName::Sphere && basis != Basis::Point {
             return Err(Error::new(
@@ -170,6 +174,11 @@ impl Arguments {
             MethodName::Mart => (Method::Mart, 30, "never", 2.5, 1e6),
         };
         let (iterations, until) = preset.map_or((iterations, until), |preset| (preset.iterations, preset.until));
+        let (iterations, until) = match part {
+            Some(_) if preset.is_none() && self.method == MethodName::Subsets => (TILE_ITERATIONS, "never"),
+            Some(_) => (iterations, "never"),
+            None => (iterations, until),
+        };
         let until = self.until.as_deref().unwrap_or(until);
         let options = Options {
             weights: match self.weights {
@@ -193,6 +202,7 @@ impl Arguments {
             floor: self.floor,
             clamp: self.clamp.unwrap_or(clamp),
             max_bytes: (self.max_memory * 1e9) as u64,
+            part,
         };
         for (option, value, least, most) in [
             ("--blob", self.blob.unwrap_or(BLOB), 0.05, 10.0),
@@ -240,7 +250,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    arguments.options(|| 0.0)?;
+    arguments.options(None, || 0.0)?;
     arguments.explain_preset(session);
     let mut inputs = vec![arguments.support.as_path(), arguments.image.as_path(), arguments.camera.as_path()];
     inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.start.as_deref()));
@@ -270,12 +280,19 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Err(Error::new(name, "holds no voxel", "wanted a support with voxels"));
     }
     let start = arguments.first(support.grid())?;
-    let options = arguments.options(|| {
+    let part = Tile::of(&support)?.map(|tile| Part { pixels: tile.pixels, core_vox: tile.core_vox });
+    let options = arguments.options(part, || {
         let sigma = image::noise(image.pixels.view());
         session.explain(format!("noise {sigma:.3} counts"));
         session.count("noise_counts", sigma);
         sigma
     })?;
+    if part.is_some() {
+        session.explain(format!(
+            "a tile: {} sweeps at most, momentum is not taken back, voxels are dropped by the strongest near them",
+            options.iterations
+        ));
+    }
     if arguments.weights == WeightsName::Drt {
         let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
         session.count("sections", sections);
@@ -352,7 +369,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.phase("write", |session| {
         let history = session.history(support.history());
         io::save(&arguments.output, |out| {
-            volume::write(out, support.grid(), &volume.indices, &[("intensity", &volume.intensity)], &history)
+            let column = ("intensity", volume.intensity.as_slice());
+            volume::write_with(out, support.grid(), &volume.indices, &[column], &history, support.extra())
         })?;
         match &arguments.log {
             Some(file) => io::save_text(file, |out| out.write_all(log.as_bytes())),
@@ -371,7 +389,7 @@ mod tests {
     fn sections_are_for_sampled_weights_and_within_their_range() {
         let options = |words: &[&str]| {
             let all = ["lf-mart", "-i", "frame.exr", "-c", "camera.json"].iter().chain(words);
-            Arguments::try_parse_from(all).expect("known words").options(|| 0.0)
+            Arguments::try_parse_from(all).expect("known words").options(None, || 0.0)
         };
         let drt = options(&["--weights", "drt", "--sections", "7"]).unwrap();
         assert_eq!(drt.weights, Model::Drt { sections: Some(7) });

@@ -13,6 +13,7 @@
 
 use crate::momentum::Momentum;
 use crate::operator::{Operator, Plane, keep};
+use crate::spent::Near;
 use crate::{GREATEST_STRENGTH, Method, Problem, Solved, Sweep};
 use lf_core::footprint::RowSet;
 use rayon::prelude::*;
@@ -98,6 +99,8 @@ struct State<'a> {
     /// A subset's share of each voxel's weights: one that sees less may not move the voxel as far.
     share: Vec<f32>,
     momentum: Momentum,
+    /// What tells a part's spent voxels; none for a whole volume, whose strongest voxel does.
+    near: Option<Near>,
     /// Of the sweep that is going on.
     misfit: Misfit,
     /// Weights of all voxels, and those touched in this sweep.
@@ -122,7 +125,14 @@ impl State<'_> {
                 *strength = (*strength * factor).min(GREATEST_STRENGTH);
             }
         });
-        let least = spent_share * self.strengths.iter().fold(0f32, |peak, strength| peak.max(*strength));
+        // A part puts its spent voxels out at once, for when they are dropped depends on how many they are.
+        let least = match &mut self.near {
+            Some(near) => {
+                near.put_out(&mut self.strengths, spent_share);
+                0.0
+            }
+            None => spent_share * self.strengths.iter().fold(0f32, |peak, strength| peak.max(*strength)),
+        };
         let spent = self.strengths.iter().filter(|strength| **strength <= least).count();
         // Dropping costs a look at each voxel.
         if spent * 20 > self.active.len() {
@@ -131,6 +141,7 @@ impl State<'_> {
             keep(&mut self.share, &held);
             keep(&mut self.strengths, &held);
             self.momentum.retain(&held);
+            self.near.iter_mut().for_each(|near| near.retain(&held));
             self.operator.retain(&held);
             self.weights = self.operator.weights();
         }
@@ -154,6 +165,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
         problem,
         plane: Plane::new(width, height),
         momentum: Momentum::new(&strengths),
+        near: options.part.map(|_| Near::new(footprint.grid(), problem.block_vox, &active)),
         misfit: Misfit::default(),
         weights: operator.weights(),
         touched: 0.0,
@@ -168,7 +180,8 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
         (state.misfit, state.touched) = (Misfit::default(), 0.0);
         for subset in order(subsets) {
             let spent_share = match clears_haze {
-                true if state.operator.is_remade() => SPENT_WHERE_REMADE,
+                // Of a part weights may be kept that of the whole are not.
+                true if state.operator.is_remade() && options.part.is_none() => SPENT_WHERE_REMADE,
                 true if number <= FIRST_SWEEPS => SPENT_AT_FIRST,
                 _ => SPENT,
             };
@@ -184,6 +197,8 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
             break;
         }
         if options.method == Method::Subsets {
+            // Whether the misfit rises may differ from part to part.
+            let misfit = if options.part.is_some() { 0.0 } else { misfit };
             state.momentum.carry(&mut state.strengths, misfit);
         } else {
             state.momentum.remember(&state.strengths);

@@ -166,6 +166,7 @@ fn options(method: Method, iterations: usize) -> Options {
         floor: FLOOR,
         clamp,
         max_bytes: 1 << 30,
+        part: None,
     }
 }
 

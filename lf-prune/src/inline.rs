@@ -6,22 +6,23 @@
 //! additions, whatever the sections.
 
 use crate::sections::Sections;
-use crate::{Levels, Slice};
+use crate::{Levels, Part, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use lf_core::optics::Optics;
+use std::ops::Range;
 
 /// A place beside the sensor.
 const BESIDE: u32 = u32::MAX;
 
-/// Pixel of each section's centre ray: `[place * sections + section]`.
-fn pixels(along: usize, camera: &Camera, grid: &Grid, z_mm: f64, centres_mm: &[f64]) -> Vec<u32> {
+/// Pixel of each section's centre ray from each of `places`: `[place * sections + section]`.
+fn pixels(along: usize, places: Range<usize>, camera: &Camera, grid: &Grid, z_mm: f64, centres_mm: &[f64]) -> Vec<u32> {
     let optics = Optics::new(camera);
     let axis = if along == 0 { DVec2::X } else { DVec2::Y };
     let limit = if along == 0 { camera.sensor.width } else { camera.sensor.height };
-    let mut pixels = Vec::with_capacity(grid.shape[along] * centres_mm.len());
-    for place in 0..grid.shape[along] {
+    let mut pixels = Vec::with_capacity(places.len() * centres_mm.len());
+    for place in places {
         let point = grid.centre_mm(along, place) * axis;
         for u in centres_mm {
             let hit = optics.sensor_from_object(point, z_mm, *u * axis).dot(axis);
@@ -67,15 +68,22 @@ impl Steps {
     }
 }
 
-/// The voxels of a slice that are kept, with the sum of their levels and how many they are.
-pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> Slice {
+/// The voxels of a part of a slice that are kept, with the sum of their levels and how many they are.
+pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize, part: &Part) -> Slice {
     let sections = Sections::new(camera, levels.options.sections);
     let n = sections.centres_mm.len();
     let z_mm = grid.centre_mm(2, z);
-    let columns = pixels(0, camera, grid, z_mm, &sections.centres_mm);
-    let rows = pixels(1, camera, grid, z_mm, &sections.centres_mm);
-    let [nx, ny, _] = grid.shape;
-    let width = levels.width;
+    let mut columns = pixels(0, part[0].clone(), camera, grid, z_mm, &sections.centres_mm);
+    let rows = pixels(1, part[1].clone(), camera, grid, z_mm, &sections.centres_mm);
+    let [nx, ny] = [0, 1].map(|axis| part[axis].len());
+    // Columns that any ray meets: only they are added up.
+    let first_column = columns.iter().copied().min().filter(|first| *first != BESIDE).unwrap_or(0);
+    let on_sensor = columns.iter_mut().filter(|column| **column != BESIDE);
+    let width = on_sensor.fold(0, |width, column| {
+        *column -= first_column;
+        width.max(*column as usize + 1)
+    });
+    let row_of = |row: u32| Some(&levels.row(row)?[first_column as usize..][..width]);
 
     let mut firsts: Vec<usize> = sections.first.iter().copied().filter(|first| 2 * first < n).collect();
     firsts.sort_unstable();
@@ -103,7 +111,7 @@ pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> 
                 if v < chord.first || v >= n - chord.first {
                     continue;
                 }
-                exchange(&mut sums[..width], levels.row(old), levels.row(new));
+                exchange(&mut sums[..width], row_of(old), row_of(new));
                 chord.seen += u32::from(new != BESIDE);
                 chord.seen -= u32::from(old != BESIDE);
             }
@@ -123,7 +131,8 @@ pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> 
                 sum += sums[steps.gains[step] as usize] - sums[steps.losses[step] as usize];
             }
             if sum >= limits[x] {
-                kept.push(((y * nx + x) as u32, levels.score(sum, seen[x])));
+                let place = (part[1].start + y) * grid.shape[0] + part[0].start + x;
+                kept.push((place as u32, levels.score(sum, seen[x])));
             }
         }
     }

@@ -23,6 +23,7 @@ use lf_core::footprint::{check_depth, sections};
 use lf_core::grid::Grid;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
+use std::ops::Range;
 use views::Views;
 
 /// How the pixels of a voxel become its score.
@@ -67,6 +68,9 @@ pub struct Support {
     pub scores: Vec<f32>,
 }
 
+/// Voxels of a slice that are looked at, along x and y.
+pub type Part = [Range<usize>; 2];
+
 /// A slice's voxels as (x + nx y, score), rising.
 type Slice = Vec<(u32, f32)>;
 
@@ -85,12 +89,34 @@ pub fn prune(
     options: &Options,
     done: impl Fn(u64) + Sync,
 ) -> Result<Support, String> {
+    let [nx, ny, nz] = grid.shape;
+    prune_parts(image, camera, grid, &vec![[0..nx, 0..ny]; nz], options, done)
+}
+
+/// The same of a part of each slice, which may not be empty: what is kept there, and nowhere else. Scores and indices are
+/// those of the whole, to the bit.
+///
+/// # Errors
+/// As [`prune()`].
+///
+/// # Panics
+/// Where there is not one part for each slice, or one reaches out of the grid.
+pub fn prune_parts(
+    image: ArrayView2<f32>,
+    camera: &Camera,
+    grid: &Grid,
+    parts: &[Part],
+    options: &Options,
+    done: impl Fn(u64) + Sync,
+) -> Result<Support, String> {
     check_depth(camera, grid)?;
     sections(camera, options.sections)?;
     let [nx, ny, nz] = grid.shape;
     if nx as u64 * ny as u64 >= 1 << 32 {
         return Err(format!("a slice of {nx} x {ny} voxels is too large"));
     }
+    assert_eq!(parts.len(), nz, "a part for each slice");
+    assert!(parts.iter().all(|part| part[0].end <= nx && part[1].end <= ny), "parts of the grid");
     let peak = image.iter().fold(0f32, |peak, value| peak.max(*value));
     if peak <= 0.0 && !options.keep_all {
         return Ok(Support { indices: Vec::new(), scores: Vec::new() });
@@ -102,10 +128,11 @@ pub fn prune(
     let slices: Vec<Slice> = (0..nz)
         .into_par_iter()
         .map(|z| {
+            let part = &parts[z];
             let slice = match (&straight, &views) {
-                (Some(camera), _) => inline::slice(&levels, camera, grid, z),
-                (None, Some(views)) => lines::slice(&levels, camera, views, grid, z),
-                (None, None) => scattered::slice(&levels, camera, grid, z),
+                (Some(camera), _) => inline::slice(&levels, camera, grid, z, part),
+                (None, Some(views)) => lines::slice(&levels, camera, views, grid, z, part),
+                (None, None) => scattered::slice(&levels, camera, grid, z, part),
             };
             done(1);
             slice

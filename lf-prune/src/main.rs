@@ -7,9 +7,10 @@ use lf_core::camera::Camera;
 use lf_core::cli::{self, Common, Preset, Session, Verdict, numbers};
 use lf_core::footprint::{SECTIONS, aperture_sections};
 use lf_core::grid::Grid;
+use lf_core::tile::Tile;
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, image, io, particles, volume};
-use lf_prune::{Automatic, DARK, Options, Route, Score, estimate_bytes, prune};
+use lf_prune::{Automatic, DARK, Options, Part, Route, Score, estimate_bytes, prune_parts};
 use ndarray::ArrayView2;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -66,6 +67,15 @@ struct Arguments {
     /// What a pixel counts as at least in a geometric mean, as a share of the brightest
     #[arg(long, value_name = "SHARE", default_value_t = DARK)]
     dark: f64,
+    /// One of n tiles, I from 1 to N, of a volume too large for one machine: the grid is cut in x and y into blocks as square
+    /// as can be, and the voxels of one are kept, with those that lf-mart needs around them. lf-xcorr and lf-validate take
+    /// all tiles for the whole volume
+    #[arg(long, value_name = "I/N", value_parser = tile_number)]
+    tile: Option<[usize; 2]>,
+    /// How far from a tile's block pixels count, mm at the focal plane; more makes its edges surer [default: one and
+    /// a half times the width of its farthest voxel's beam]
+    #[arg(long, value_name = "MM", requires = "tile")]
+    halo: Option<f64>,
     /// particles.csv of the image: report how many of its particles are lost
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
@@ -93,6 +103,12 @@ const VOLUME: &str = "wanted a volume before the lens with less than 2^32 voxels
 
 /// Its logarithms still add up in whole numbers.
 const LEAST_DARK: f64 = 1e-12;
+
+/// I/N as typed.
+fn tile_number(text: &str) -> std::result::Result<[usize; 2], String> {
+    let numbers = text.split_once('/').and_then(|(index, of)| Some([index.parse().ok()?, of.parse().ok()?]));
+    numbers.ok_or_else(|| "wanted the tile and the number of tiles, like 1/4".into())
+}
 
 #[derive(Clone, Copy, ValueEnum)]
 enum ScoreName {
@@ -131,6 +147,9 @@ impl Arguments {
         }
         share("--quantile", self.quantile)?;
         share("--dark", self.dark)?;
+        if let Some(halo) = self.halo.filter(|halo| !(0.0..=1e6).contains(halo)) {
+            return Err(Error::new("--halo", format!("{halo}"), "wanted mm, 0 or more"));
+        }
         if self.dark < LEAST_DARK {
             return Err(Error::new("--dark", format!("{}", self.dark), format!("wanted {LEAST_DARK} or more")));
         }
@@ -183,6 +202,21 @@ impl Arguments {
         let [x0, x1, y0, y1] = self.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
         Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(self.pvr()))
             .map_err(|found| Error::new("--pvr, --depth, --bounds", found, "wanted a grid with voxels"))
+    }
+
+    /// The tile asked for.
+    fn tile(&self, camera: &Camera, grid: &Grid, session: &mut Session) -> Result<Option<Tile>> {
+        let Some([index, of]) = self.tile else { return Ok(None) };
+        let halo_mm = self.halo.unwrap_or_else(|| Tile::usual_halo_mm(camera, grid));
+        let tile = Tile::new(camera, grid, index, of, halo_mm)
+            .map_err(|(found, wanted)| Error::new("--tile", found, wanted))?;
+        let ([[x0, x1], [y0, y1]], [[c0, c1], [r0, r1]]) = (tile.core_vox, tile.pixels);
+        session.count("halo_mm", halo_mm);
+        session.explain(format!(
+            "tile {index} of {of}: voxels {x0} to {x1} along x and {y0} to {y1} along y; halo {halo_mm:.3} mm, hence pixels \
+             {c0} to {c1} and rows {r0} to {r1}, and voxels that light them"
+        ));
+        Ok(Some(tile))
     }
 
     fn depth_name(&self) -> String {
@@ -249,18 +283,24 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let why = camera.off_line().unwrap_or_else(|| "the lattice is in line with the pixels".to_string());
     session.explain(format!("{}: {why}", Route::of(&camera).about()));
     session.explain(format!("{sections} x {sections} sections of the aperture, scored by {}", arguments.score_about()));
+    let tile = arguments.tile(&camera, &grid, session)?;
+    let parts: Vec<Part> = match &tile {
+        Some(tile) => tile.held(&camera, &grid),
+        None => vec![[0..grid.shape[0], 0..grid.shape[1]]; grid.shape[2]],
+    };
+    let all: u64 = parts.iter().map(|[x, y]| x.len() as u64 * y.len() as u64).sum();
     if arguments.estimate {
         let refused = |found| Error::new(arguments.depth_name(), found, VOLUME);
-        let (bytes, kept) = estimate_bytes(image.pixels.view(), &camera, &grid, &options).map_err(refused)?;
-        session.tell_estimate(bytes, &[("voxels", grid.len()), ("kept", kept)])?;
+        let (bytes, kept) = estimate_bytes(image.pixels.view(), &camera, &grid, &parts, &options).map_err(refused)?;
+        session.tell_estimate(bytes, &[("voxels", all), ("kept", kept)])?;
         return Ok(Verdict::Done);
     }
     let support = session.phase("prune", |session| {
         let progress = session.progress("slices", grid.shape[2] as u64);
-        prune(image.pixels.view(), &camera, &grid, &options, |slices| progress.add(slices))
+        prune_parts(image.pixels.view(), &camera, &grid, &parts, &options, |slices| progress.add(slices))
             .map_err(|found| Error::new(arguments.depth_name(), found, VOLUME))
     })?;
-    let (kept, all) = (support.indices.len(), grid.len());
+    let kept = support.indices.len();
     session.count("voxels", all);
     session.count("kept", kept);
     let [nx, ny, nz] = grid.shape;
@@ -294,7 +334,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.phase("write", |session| {
         let history = session.history(&image.history);
         io::save(&arguments.output, |out| {
-            volume::write(out, &grid, &support.indices, &[("score", &support.scores)], &history)
+            let tile = tile.as_ref().map(Tile::header).unwrap_or_default();
+            volume::write_with(out, &grid, &support.indices, &[("score", &support.scores)], &history, &tile)
         })
     })?;
     Ok(Verdict::Done)

@@ -2,7 +2,7 @@
 
 use crate::route::Route;
 use crate::sections::Sections;
-use crate::{Options, prune};
+use crate::{Options, Part, prune_parts};
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use ndarray::ArrayView2;
@@ -14,18 +14,19 @@ const SLICES: usize = 9;
 /// as the support grows, take at that time. Measured: 13 to 17.
 const KEPT_BYTES: f64 = 12.0 + 6.0;
 
-/// Bytes that [`prune`] will have in use at most, beside the image itself, and the voxels that it will keep: an estimate by a
+/// Bytes that [`prune_parts`] will have in use at most, beside the image itself, and the voxels that it will keep: an estimate by a
 /// few of the slices.
 ///
 /// # Errors
-/// As [`prune`].
+/// As [`prune_parts`].
 pub fn estimate_bytes(
     image: ArrayView2<f32>,
     camera: &Camera,
     grid: &Grid,
+    parts: &[Part],
     options: &Options,
 ) -> Result<(u64, u64), String> {
-    let [nx, ny, nz] = grid.shape;
+    let nz = grid.shape[2];
     let few = nz.min(SLICES);
     // The same depth in fewer slices.
     let stretch = nz as f64 / few as f64;
@@ -33,7 +34,9 @@ pub fn estimate_bytes(
     sample.shape[2] = few;
     sample.spacing_mm[2] *= stretch;
     sample.origin_mm[2] += 0.5 * (stretch - 1.0) * grid.spacing_mm[2];
-    let kept = prune(image, camera, &sample, options, |_| ())?.indices.len() as f64 * stretch;
+    let nearest = |slice: usize| parts[((slice as f64 + 0.5) * stretch) as usize].clone();
+    let sample_parts: Vec<Part> = (0..few).map(nearest).collect();
+    let kept = prune_parts(image, camera, &sample, &sample_parts, options, |_| ())?.indices.len() as f64 * stretch;
     let pixels = image.len() as f64;
     let sections = Sections::new(camera, options.sections).inside_mm().len() as f64;
     let lenslets = pixels / camera.pitch_px().powi(2);
@@ -43,6 +46,6 @@ pub fn estimate_bytes(
         Route::Lines | Route::Tiles => 8.0 * sections * (lenslets.sqrt() + 12.0).powi(2),
     };
     let threads = rayon::current_num_threads().min(nz) as f64;
-    let sums = threads * 8.0 * nx as f64 * ny as f64;
+    let sums = threads * 8.0 * parts.iter().map(|[x, y]| x.len() * y.len()).max().unwrap_or(0) as f64;
     Ok(((4.0 * pixels + KEPT_BYTES * kept + route + sums) as u64, kept as u64))
 }

@@ -1,7 +1,7 @@
 //! Scores for cameras whose rays bend (see [`Camera::bends`]), ray by ray, ended early where a voxel is beyond hope.
 
 use crate::sections::Sections;
-use crate::{Levels, SEEN_SHARE, Slice};
+use crate::{Levels, Part, SEEN_SHARE, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
@@ -21,7 +21,7 @@ fn scattered_order(count: usize) -> Vec<usize> {
     (0..count).map(|n| n * stride % count).collect()
 }
 
-pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> Slice {
+pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize, part: &Part) -> Slice {
     let optics = Optics::new(camera);
     let z_mm = grid.centre_mm(2, z);
     let inside = Sections::new(camera, levels.options.sections).inside_mm();
@@ -32,8 +32,8 @@ pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize) -> 
     let hopeless = levels.least_sum(sections, sections);
 
     let mut kept = Slice::new();
-    for y in 0..grid.shape[1] {
-        for x in 0..grid.shape[0] {
+    for y in part[1].clone() {
+        for x in part[0].clone() {
             let point = DVec2::new(grid.centre_mm(0, x), grid.centre_mm(1, y));
             let (mut sum, mut seen, mut beside) = (0, 0u32, 0u32);
             for aperture in &order {

@@ -1,4 +1,5 @@
 use super::*;
+use lf_core::tile::Tile;
 use ndarray::Array2;
 
 fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
@@ -27,6 +28,11 @@ fn grid() -> Grid {
     Grid::in_bounds([[-0.3, 0.3], [-0.25, 0.25], [-2.0, 2.0]], [0.011, 0.011, 0.2]).unwrap()
 }
 
+/// All voxels of a slice.
+fn whole(grid: &Grid) -> Part {
+    [0..grid.shape[0], 0..grid.shape[1]]
+}
+
 /// An image that is bright where a hash says so.
 fn speckle() -> Array2<f32> {
     Array2::from_shape_fn((252, 280), |(y, x)| {
@@ -47,8 +53,11 @@ fn sums_carried_on_are_the_rays_one_by_one() {
             let (mut kept, mut all) = (0, 0);
             for grid in [grid(), wide.clone()] {
                 for z in [0, 7, 10, 19] {
-                    let fast = inline::slice(&levels, &camera, &grid, z);
-                    assert!(fast == scattered::slice(&levels, &camera, &grid, z), "{aperture} {options:?} {z}");
+                    let fast = inline::slice(&levels, &camera, &grid, z, &whole(&grid));
+                    assert!(
+                        fast == scattered::slice(&levels, &camera, &grid, z, &whole(&grid)),
+                        "{aperture} {options:?} {z}"
+                    );
                     all += grid.shape[0] * grid.shape[1];
                     kept += fast.len();
                 }
@@ -170,8 +179,8 @@ fn sums_along_lines_are_the_rays_one_by_one() {
                 let (mut kept, mut all) = (0, 0);
                 for grid in &grids {
                     for z in [0, 7, 10] {
-                        let fast = lines::slice(&levels, &camera, &views, grid, z);
-                        let slow = scattered::slice(&levels, &camera, grid, z);
+                        let fast = lines::slice(&levels, &camera, &views, grid, z, &whole(grid));
+                        let slow = scattered::slice(&levels, &camera, grid, z, &whole(grid));
                         assert!(fast == slow, "{layout} {turn} {aperture} {options:?} {grid} {z}");
                         all += grid.shape[0] * grid.shape[1];
                         kept += fast.len();
@@ -196,8 +205,8 @@ fn lines_may_leave_the_rows_of_lenslets() {
         let views = Views::new(&levels, &camera);
         let grid = Grid::in_bounds([[-5.2, 5.2], [-0.3, 0.3], [-1.0, 1.0]], [0.03, 0.007, 0.5]).unwrap();
         for z in 0..4 {
-            let fast = lines::slice(&levels, &camera, &views, &grid, z);
-            assert!(fast == scattered::slice(&levels, &camera, &grid, z), "{layout} {turn} {z}");
+            let fast = lines::slice(&levels, &camera, &views, &grid, z, &whole(&grid));
+            assert!(fast == scattered::slice(&levels, &camera, &grid, z, &whole(&grid)), "{layout} {turn} {z}");
             assert!(!fast.is_empty());
         }
     }
@@ -240,8 +249,8 @@ fn tiles_follow_distortion_and_departures() {
         let levels = Levels::new(image.view(), 1.0, &options);
         let views = Views::new(&levels, &camera);
         for z in [0, 7, 10, 19] {
-            let fast = lines::slice(&levels, &camera, &views, &grid, z);
-            let slow = scattered::slice(&levels, &camera, &grid, z);
+            let fast = lines::slice(&levels, &camera, &views, &grid, z, &whole(&grid));
+            let slow = scattered::slice(&levels, &camera, &grid, z, &whole(&grid));
             let scores: std::collections::BTreeMap<u32, f32> = slow.iter().copied().collect();
             let both = fast.iter().filter(|(place, _)| scores.contains_key(place)).count() as f64;
             let all = fast.len().max(slow.len()) as f64;
@@ -320,6 +329,43 @@ fn fewer_sections_lose_no_light() {
             assert!(two.len() >= paper.len(), "{route} {score:?}: {} {}", two.len(), paper.len());
             let among = paper.iter().filter(|index| two.binary_search(index).is_ok()).count();
             assert!(among == paper.len() || score == Score::Geometric, "{route}: {among} of {}", paper.len());
+        }
+    }
+}
+
+/// The cores of all tiles are the whole support, to the bit, by whichever sums; and a tile holds more than its core.
+#[test]
+fn cores_of_tiles_are_the_whole() {
+    let image = speckle();
+    let wide = Grid::in_bounds([[-0.9, 0.9], [-0.8, 0.8], [-2.0, 2.0]], [0.011, 0.023, 0.4]).unwrap();
+    let mut distorted = camera("circle", "square", 0.002);
+    distorted.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] });
+    let cameras = [
+        camera("circle", "square", 0.0),
+        camera("circle", "square", 0.003),
+        camera("square", "hexagonal", 0.0),
+        distorted,
+    ];
+    for camera in cameras {
+        let options = Options { threshold: 0.37, ..PLAIN };
+        let whole = prune(image.view(), &camera, &wide, &options, |_| ()).unwrap();
+        assert!(whole.indices.len() > 1000);
+        for of in [1, 2, 3, 4, 6] {
+            let mut joined = Vec::new();
+            for index in 1..=of {
+                let tile = Tile::new(&camera, &wide, index, of, 0.05).unwrap();
+                let parts = tile.held(&camera, &wide);
+                let part = prune_parts(image.view(), &camera, &wide, &parts, &options, |_| ()).unwrap();
+                let scored = part.indices.iter().zip(&part.scores);
+                let held = scored.clone().filter(|(index, _)| !tile.owns(wide.voxel(**index))).count();
+                assert!((held > 0) == (of > 1), "{held} beside the core of {index} of {of}");
+                joined
+                    .extend(scored.filter(|(index, _)| tile.owns(wide.voxel(**index))).map(|(i, s)| (*i, s.to_bits())));
+            }
+            joined.sort_unstable();
+            let wanted: Vec<(u64, u32)> =
+                whole.indices.iter().zip(&whole.scores).map(|(index, score)| (*index, score.to_bits())).collect();
+            assert!(joined == wanted, "{of} tiles, {camera:?}");
         }
     }
 }

@@ -34,8 +34,8 @@ enum Command {
     ///
     /// q = sum E1 E0 / sqrt(sum E1^2 sum E0^2) over all voxels, 0 where either volume is dark. scale: the factor on the
     /// volume that brings it closest to the truth. ghost_share: share of the volume's light in voxels where the truth is
-    /// zero. missed_share: share of the truth's light in voxels that the volume leaves zero. *_voxels: voxels that are
-    /// not zero. by_depth and by_region: the same for each slice across z and for each box, null where there is no light to
+    /// zero. missed_share: share of the truth's light in voxels that the volume leaves zero. max_difference: the largest
+    /// difference of a voxel over the truth's brightest. *_voxels: voxels that are not zero. by_depth and by_region: the same for each slice across z and for each box, null where there is no light to
     /// take a share of. Both files need the column `intensity` and the same grid.
     #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-validate quality scene/truth-0000.lfv volume-0000.lfv --min-q 0.8 --plot quality.svg

@@ -37,6 +37,8 @@ pub struct Quality {
     pub ghost_share: Option<f64>,
     /// Share of sum |E0| in voxels where E1 is zero: light that was lost. `null` where the truth has no light.
     pub missed_share: Option<f64>,
+    /// Largest |E1 - E0| of a voxel over the largest |E0|. `null` where the truth has no light.
+    pub max_difference: Option<f64>,
     /// Voxels of the truth that are not zero.
     pub truth_voxels: u64,
     /// Voxels of the volume that are not zero.
@@ -181,6 +183,8 @@ struct Sums {
     volume_size: f64,
     ghost: f64,
     missed: f64,
+    difference: f64,
+    truth_peak: f64,
     truth_voxels: u64,
     volume_voxels: u64,
     shared_voxels: u64,
@@ -196,6 +200,8 @@ impl Sums {
         self.volume += e1;
         self.truth_size += e0.abs();
         self.volume_size += e1.abs();
+        self.difference = self.difference.max((e1 - e0).abs());
+        self.truth_peak = self.truth_peak.max(e0.abs());
         let (true_light, light) = (e0 != 0.0, e1 != 0.0);
         self.truth_voxels += u64::from(true_light);
         self.volume_voxels += u64::from(light);
@@ -220,6 +226,8 @@ impl Sums {
             volume_size: self.volume_size + other.volume_size,
             ghost: self.ghost + other.ghost,
             missed: self.missed + other.missed,
+            difference: self.difference.max(other.difference),
+            truth_peak: self.truth_peak.max(other.truth_peak),
             truth_voxels: self.truth_voxels + other.truth_voxels,
             volume_voxels: self.volume_voxels + other.volume_voxels,
             shared_voxels: self.shared_voxels + other.shared_voxels,
@@ -250,6 +258,7 @@ impl Sums {
             scale: self.scale(),
             ghost_share: self.ghost_share(),
             missed_share: self.missed_share(),
+            max_difference: ratio(self.difference, self.truth_peak),
             truth_voxels: self.truth_voxels,
             volume_voxels: self.volume_voxels,
             shared_voxels: self.shared_voxels,
@@ -287,6 +296,7 @@ mod tests {
         assert!((found.scale.unwrap() - 39.0 / 49.0).abs() < 1e-15);
         assert!((found.ghost_share.unwrap() - 2.0 / 11.0).abs() < 1e-15);
         assert!((found.missed_share.unwrap() - 3.0 / 12.0).abs() < 1e-15);
+        assert_eq!(found.max_difference, Some(3.0 / 5.0));
         assert_eq!((found.truth_voxels, found.volume_voxels, found.shared_voxels), (3, 3, 2));
         assert_eq!((found.truth_sum, found.volume_sum), (12.0, 11.0));
     }

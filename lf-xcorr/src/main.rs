@@ -5,13 +5,16 @@ mod doors;
 use doors::arguments::{Arguments, MaskSource, voxels_in};
 use doors::report;
 use lf_core::cli::{self, Session, Verdict};
-use lf_core::history::History;
 use lf_core::volume::Volume;
+use lf_core::whole::{Whole, together};
 use lf_core::{Error, Result, io};
 use lf_xcorr::plot;
 use lf_xcorr::{Mask, Options, Outcome, Side, Sparse};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+
+/// What is correlated.
+const COLUMN: &str = "intensity";
 
 fn main() -> ExitCode {
     cli::run("lf-xcorr", |arguments: &Arguments| &arguments.common, run)
@@ -33,7 +36,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     }
 
     let (volumes, support) = session.phase("read", |_| {
-        let volumes = volumes(arguments).map(|path| Volume::open(path)).collect::<Result<Vec<Volume>>>()?;
+        let volumes = volumes(arguments)?;
         let support = match &arguments.mask {
             Some(MaskSource::Support(path)) => Some(Volume::open(path)?),
             _ => None,
@@ -65,20 +68,20 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     arguments.passes.tell_millimetres(&part, session);
     arguments.passes.tell_fitted(shape, &options, session);
     if arguments.estimate {
-        let bytes = lf_xcorr::estimate_bytes(&pairs(&volumes)?, &mask, &options);
-        let voxels = volumes.iter().map(|volume| volume.count() as u64).sum();
+        let bytes = lf_xcorr::estimate_bytes(&pairs(&volumes), &mask, &options);
+        let voxels = volumes.iter().map(|volume| volume.indices().len() as u64).sum();
         session.tell_estimate(bytes, &[("voxels", voxels)])?;
         return Ok(Verdict::Done);
     }
     if session.is_verbose() {
-        let gigabytes = 1e-9 * lf_xcorr::estimate_bytes(&pairs(&volumes)?, &mask, &options) as f64;
+        let gigabytes = 1e-9 * lf_xcorr::estimate_bytes(&pairs(&volumes), &mask, &options) as f64;
         session.explain(format!("about {gigabytes:.2} GB of memory beside the volumes; {}", report::passes(&options)));
         session.explain(format!("products by {}", lf_core::kernel::name()));
     }
     let windows = lf_xcorr::windows(shape, &options);
     let mut outcome = session.phase("correlate", |session| correlate(&volumes, &mask, &options, windows, session))?;
-    let histories: Vec<&History> = volumes.iter().chain(&support).map(Volume::history).collect();
-    outcome.field.layout.history = session.history(&together(&histories));
+    let histories = volumes.iter().map(Whole::history).chain(support.as_ref().map(Volume::history));
+    outcome.field.layout.history = session.history(&together(histories));
     outcome.field.layout.dt_s = arguments.dt;
     report::tell(&outcome, &options, session);
     session.phase("write", |_| {
@@ -95,13 +98,24 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 }
 
 /// The volumes in pairs, first and second in turn.
-fn volumes(arguments: &Arguments) -> impl Iterator<Item = &PathBuf> {
-    [&arguments.a, &arguments.b].into_iter().chain(&arguments.and)
+fn volumes(arguments: &Arguments) -> Result<Vec<Whole>> {
+    let mut volumes = Whole::open_all(arguments.files(), COLUMN)?;
+    let name = |volumes: &[Whole]| volumes.iter().map(Whole::name).collect::<Vec<_>>().join(", ");
+    if volumes.len() != 2 {
+        let found = format!("{} volumes", volumes.len());
+        return Err(Error::new(name(&volumes), found, "wanted two, each a file or all its tiles; more pairs by --and"));
+    }
+    let more = Whole::open_all(arguments.and.iter().map(PathBuf::as_path), COLUMN)?;
+    if more.len() % 2 == 1 {
+        return Err(Error::new(name(&more), format!("{} volumes after --and", more.len()), "wanted pairs"));
+    }
+    volumes.extend(more);
+    Ok(volumes)
 }
 
 /// Every file that is read; at most one is standard input.
 fn inputs(arguments: &Arguments) -> Result<Vec<&Path>> {
-    let mut inputs: Vec<&Path> = volumes(arguments).map(PathBuf::as_path).collect();
+    let mut inputs: Vec<&Path> = arguments.files().chain(arguments.and.iter().map(PathBuf::as_path)).collect();
     if let Some(MaskSource::Support(path)) = &arguments.mask {
         inputs.push(path);
     }
@@ -112,40 +126,30 @@ fn inputs(arguments: &Arguments) -> Result<Vec<&Path>> {
 }
 
 /// The light of the volumes, pair by pair.
-fn pairs(volumes: &[Volume]) -> Result<Vec<[Sparse<'_>; 2]>> {
-    let sparse = volumes.iter().map(|volume| {
-        let intensity = volume.require("intensity")?;
-        Ok(Sparse { grid: volume.grid(), indices: volume.indices(), intensity })
+fn pairs<'a>(volumes: &'a [Whole]) -> Vec<[Sparse<'a>; 2]> {
+    let sparse = volumes.iter().map(|volume| Sparse {
+        grid: volume.grid(),
+        indices: volume.indices(),
+        intensity: volume.values(),
     });
-    let sparse = sparse.collect::<Result<Vec<Sparse>>>()?;
-    Ok(sparse.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect())
+    let sparse: Vec<Sparse> = sparse.collect();
+    sparse.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect()
 }
 
-fn correlate(volumes: &[Volume], mask: &Mask, options: &Options, windows: u64, session: &Session) -> Result<Outcome> {
-    let pairs = pairs(volumes)?;
+fn correlate(volumes: &[Whole], mask: &Mask, options: &Options, windows: u64, session: &Session) -> Result<Outcome> {
+    let pairs = pairs(volumes);
     let progress = session.progress("windows", windows);
     let watch = |windows| progress.add(windows);
     lf_xcorr::correlate_pairs(&pairs, mask, options, &watch).map_err(|error| refused(error, volumes))
 }
 
-fn refused(error: lf_xcorr::Error, volumes: &[Volume]) -> Error {
+fn refused(error: lf_xcorr::Error, volumes: &[Whole]) -> Error {
     let subject = match error.side {
         Side::First(pair) => volumes[2 * pair].name().to_owned(),
         Side::Second(pair) => volumes[2 * pair + 1].name().to_owned(),
-        Side::Both => volumes.iter().map(Volume::name).collect::<Vec<_>>().join(" and "),
+        Side::Both => volumes.iter().map(Whole::name).collect::<Vec<_>>().join(" and "),
         Side::Mask => "--mask".to_owned(),
         Side::Options => "options".to_owned(),
     };
     Error::new(subject, error.found, error.wanted)
-}
-
-/// The steps of the first, then those of the others that are not there yet.
-fn together(histories: &[&History]) -> History {
-    let mut steps = History::new();
-    for step in histories.iter().flat_map(|history| history.iter()) {
-        if !steps.contains(step) {
-            steps.push(step.clone());
-        }
-    }
-    steps
 }

@@ -12,7 +12,7 @@ mod tiles;
 
 use crate::cell::{Cell, EDGES, Edge};
 use crate::views::{SEEN, Views, between, per_step};
-use crate::{Levels, Slice};
+use crate::{Levels, Part, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
@@ -34,6 +34,9 @@ struct Lines<'a> {
     levels: &'a Levels<'a>,
     views: &'a Views,
     grid: &'a Grid,
+    /// The first of the voxels looked at, along x and y, and their number; places along lines and lines count from it.
+    first: [usize; 2],
+    shape: [usize; 2],
     optics: &'a Optics,
     /// A ray meets the perfect lattice at -beta X + alpha U + shift.
     shift_mm: DVec2,
@@ -98,17 +101,17 @@ struct Section {
     section: usize,
 }
 
-/// The voxels of a slice that are kept, with their scores.
-pub(crate) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize) -> Slice {
+/// The voxels of a part of a slice that are kept, with their scores.
+pub(crate) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize, part: &Part) -> Slice {
     if camera.centres.is_some() || camera.distortion.is_some() {
-        return tiles::slice(levels, camera, views, grid, z);
+        return tiles::slice(levels, camera, views, grid, z, part);
     }
-    shifted(levels, views, grid, z, DVec2::ZERO)
+    shifted(levels, views, grid, z, part, DVec2::ZERO)
 }
 
 /// The same where all rays meet the perfect lattice `shift_mm` beside where straight ones would.
-fn shifted(levels: &Levels, views: &Views, grid: &Grid, z: usize, shift_mm: DVec2) -> Slice {
-    let lines = Lines::new(levels, views, grid, z, shift_mm);
+fn shifted(levels: &Levels, views: &Views, grid: &Grid, z: usize, part: &Part, shift_mm: DVec2) -> Slice {
+    let lines = Lines::new(levels, views, grid, z, part, shift_mm);
     let mut kept = Slice::new();
     fastest(
         #[inline(always)]
@@ -118,11 +121,11 @@ fn shifted(levels: &Levels, views: &Views, grid: &Grid, z: usize, shift_mm: DVec
 }
 
 impl<'a> Lines<'a> {
-    fn new(levels: &'a Levels, views: &'a Views, grid: &'a Grid, z: usize, shift_mm: DVec2) -> Self {
+    fn new(levels: &'a Levels, views: &'a Views, grid: &'a Grid, z: usize, part: &Part, shift_mm: DVec2) -> Self {
         let optics = &views.optics;
         let z_mm = grid.centre_mm(2, z);
         let spacing = DVec2::new(grid.spacing_mm[0], grid.spacing_mm[1]);
-        let first = DVec2::new(grid.origin_mm[0], grid.origin_mm[1]);
+        let first = DVec2::new(grid.centre_mm(0, part[0].start), grid.centre_mm(1, part[1].start));
         let voxels_per_mm = -1.0 / (optics.beta(z_mm) * spacing);
         let corners: Vec<DVec2> = optics.lattice().cell_mm().iter().map(|corner| *corner * voxels_per_mm).collect();
         let (along, across) = (views.along_mm * voxels_per_mm, views.across_mm * voxels_per_mm);
@@ -148,6 +151,8 @@ impl<'a> Lines<'a> {
             levels,
             views,
             grid,
+            first: [part[0].start, part[1].start],
+            shape: [part[0].len(), part[1].len()],
             shift_mm,
             alpha: optics.alpha(z_mm),
             beta: optics.beta(z_mm),
@@ -168,7 +173,7 @@ impl<'a> Lines<'a> {
 
     #[inline(always)]
     fn keep(&self, kept: &mut Slice) {
-        let [nx, ny, _] = self.grid.shape;
+        let [nx, ny] = self.shape;
         let sections = self.origins.len() as u32;
         let least: Vec<i32> = (0..=sections).map(|seen| self.levels.least_sum(seen, sections)).collect();
         // What changes from voxel to voxel where rays pass from cell to cell, and what runs add and take back.
@@ -196,7 +201,8 @@ impl<'a> Lines<'a> {
                 let seen = (all / SEEN) as u32;
                 let sum = -i32::try_from(all % SEEN).unwrap_or(i32::MAX);
                 if sum >= least[seen as usize] {
-                    kept.push(((y * nx + x) as u32, self.levels.score(sum, seen)));
+                    let place = (self.first[1] + y) * self.grid.shape[0] + self.first[0] + x;
+                    kept.push((place as u32, self.levels.score(sum, seen)));
                 }
             }
         }
@@ -232,7 +238,7 @@ impl<'a> Lines<'a> {
 
     #[inline(always)]
     fn last_x(&self) -> f64 {
-        (self.grid.shape[0] - 1) as f64
+        (self.shape[0] - 1) as f64
     }
 
     /// The rows that a line's rays through sections alike pass through. False where they pass a corner of a cell so near

@@ -33,7 +33,8 @@ impl Lines<'_> {
     /// Where the ray of a voxel meets the array, mm.
     #[inline(always)]
     pub(super) fn array_mm(&self, section: &Section, x: usize) -> DVec2 {
-        let point = DVec2::new(self.grid.centre_mm(0, x), self.grid.centre_mm(1, section.y));
+        let [first_x, first_y] = self.first;
+        let point = DVec2::new(self.grid.centre_mm(0, first_x + x), self.grid.centre_mm(1, first_y + section.y));
         // As [`lf_core::optics::Optics::array_from_object`], to the bit.
         -self.beta * point + self.alpha * self.views.sections_mm[section.section] + self.shift_mm
     }

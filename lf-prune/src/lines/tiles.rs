@@ -2,7 +2,7 @@
 
 use super::shifted;
 use crate::views::Views;
-use crate::{Levels, Slice};
+use crate::{Levels, Part, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
@@ -63,15 +63,16 @@ impl Shift<'_> {
 }
 
 /// As [`super::slice`], tile by tile.
-pub(super) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize) -> Slice {
+pub(super) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize, part: &Part) -> Slice {
     let shift = Shift { optics: Optics::new(camera), grid, z_mm: grid.centre_mm(2, z) };
     let Some(side) = shift.side(camera.sensor.pixel_pitch_mm) else {
-        return crate::scattered::slice(levels, camera, grid, z);
+        return crate::scattered::slice(levels, camera, grid, z, part);
     };
     let [nx, ny, nz] = grid.shape;
     let mut kept = Slice::new();
-    for first_y in (0..ny).step_by(side) {
-        for first_x in (0..nx).step_by(side) {
+    // Tiles are those of the whole slice whatever part of it is wanted.
+    for first_y in (part[1].start / side * side..part[1].end).step_by(side) {
+        for first_x in (part[0].start / side * side..part[0].end).step_by(side) {
             let (width, height) = (side.min(nx - first_x), side.min(ny - first_y));
             let middle =
                 DVec2::new(first_x as f64, first_y as f64) + 0.5 * DVec2::new(width as f64, height as f64) - 0.5;
@@ -80,11 +81,13 @@ pub(super) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid
                 origin_mm: [grid.centre_mm(0, first_x), grid.centre_mm(1, first_y), grid.origin_mm[2]],
                 ..grid.clone()
             };
-            let found = shifted(levels, views, &tile, z, shift.at_mm(middle, DVec2::ZERO));
-            kept.extend(found.into_iter().map(|(place, score)| {
+            let found = shifted(levels, views, &tile, z, &[0..width, 0..height], shift.at_mm(middle, DVec2::ZERO));
+            let places = found.into_iter().map(|(place, score)| {
                 let (x, y) = (place as usize % width, place as usize / width);
-                (((first_y + y) * nx + first_x + x) as u32, score)
-            }));
+                (first_x + x, first_y + y, score)
+            });
+            let wanted = places.filter(|(x, y, _)| part[0].contains(x) && part[1].contains(y));
+            kept.extend(wanted.map(|(x, y, score)| ((y * nx + x) as u32, score)));
         }
     }
     kept.sort_unstable_by_key(|(place, _)| *place);

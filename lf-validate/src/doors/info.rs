@@ -5,6 +5,7 @@ use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
 use lf_core::field::Field;
 use lf_core::image::Stack;
+use lf_core::tile::{self, Tile};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, image, io};
 use lf_validate::info::{self, Kind, Sheet};
@@ -39,7 +40,10 @@ fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
             let volume = Volume::from_bytes(bytes, name)?;
             let names = volume.columns();
             let columns: Vec<_> = names.iter().filter_map(|name| Some((*name, volume.column(name)?))).collect();
-            Ok(info::volume(volume.grid(), volume.count(), &columns, volume.extra(), volume.history()))
+            let tile = Tile::of(&volume)?;
+            let mut extra = volume.extra().clone();
+            extra.shift_remove(tile::KEY);
+            Ok(info::volume(volume.grid(), tile.as_ref(), volume.count(), &columns, &extra, volume.history()))
         }
         Kind::Field => Ok(info::field(&Field::from_bytes(&bytes, name)?)),
         Kind::Image => {

@@ -1,11 +1,11 @@
 //! `quality`: a volume against the true one.
 
-use super::{Picture, check_inputs, counts, is_at_most, light, number, print, verdict};
+use super::{Picture, check_inputs, counts, is_at_most, number, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
-use lf_core::volume::Volume;
+use lf_core::whole::Whole;
 use lf_core::{Error, Result};
 use lf_validate::pictures;
-use lf_validate::quality::{Quality, quality};
+use lf_validate::quality::{Light, Quality, quality};
 use std::path::PathBuf;
 
 /// Each takes a hundred bytes and a line of the score.
@@ -15,9 +15,9 @@ const MOST_REGIONS: usize = 1_000_000;
 pub struct Arguments {
     /// The true volume
     truth: PathBuf,
-    /// The volume to score
+    /// The volume to score; all its tiles (lf-prune --tile) stand for a volume, in any order
     #[arg(default_value = "-")]
-    volume: PathBuf,
+    volume: Vec<PathBuf>,
     /// Boxes along x, y, z that are scored one by one [default: 3,3,3, or the voxels where they are fewer]
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
     regions: Option<[f64; 3]>,
@@ -32,11 +32,15 @@ pub struct Arguments {
     /// Exit code 1 when missed_share is above SHARE
     #[arg(long, value_name = "SHARE", value_parser = number)]
     max_missed: Option<f64>,
+    /// Exit code 1 when max_difference is above SHARE
+    #[arg(long, value_name = "SHARE", value_parser = number)]
+    max_difference: Option<f64>,
 }
 
 /// Reads, scores, prints, judges.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    let inputs = [arguments.truth.as_path(), arguments.volume.as_path()];
+    let mut inputs = vec![arguments.truth.as_path()];
+    inputs.extend(arguments.volume.iter().map(PathBuf::as_path));
     check_inputs(&inputs, session)?;
     arguments.picture.check(&inputs, session)?;
     let regions = arguments.regions.map(|typed| counts("--regions", typed)).transpose()?;
@@ -44,9 +48,14 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let wanted = format!("wanted 1 to {MOST_REGIONS} boxes in all");
         return Err(Error::new("--regions", format!("{regions:?}"), wanted));
     }
-    let (truth, volume) =
-        session.phase("read", |_| Ok((Volume::open(&arguments.truth)?, Volume::open(&arguments.volume)?)))?;
-    let (true_light, light) = (light(&truth)?, light(&volume)?);
+    let volumes = session.phase("read", |_| Whole::open_all(inputs, "intensity"))?;
+    if volumes.len() != 2 {
+        let names: Vec<&str> = volumes.iter().map(Whole::name).collect();
+        let found = format!("{} volumes", volumes.len());
+        return Err(Error::new(names.join(", "), found, "wanted truth and volume, each a file or all its tiles"));
+    }
+    let [truth, volume] = [0, 1].map(|n| &volumes[n]);
+    let (true_light, light) = (light(truth), light(volume));
     let regions = regions.unwrap_or_else(|| truth.grid().shape.map(|voxels| voxels.min(3)));
     let score = session.phase("score", |_| {
         quality(true_light, light, regions).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))
@@ -65,9 +74,14 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(verdict(keeps(&score, arguments)))
 }
 
+fn light(volume: &Whole) -> Light<'_> {
+    Light { grid: volume.grid(), indices: volume.indices(), intensity: volume.values() }
+}
+
 /// A share that does not exist keeps no limit.
 fn keeps(score: &Quality, arguments: &Arguments) -> bool {
     arguments.min_q.is_none_or(|least| score.q >= least)
         && is_at_most(score.ghost_share, arguments.max_ghosts)
         && is_at_most(score.missed_share, arguments.max_missed)
+        && is_at_most(score.max_difference, arguments.max_difference)
 }

@@ -3,11 +3,14 @@ use super::sheet::{Sheet, by, figures, range, whole};
 use crate::statistics::Summary;
 use lf_core::grid::Grid;
 use lf_core::history::History;
+use lf_core::tile::Tile;
 use serde_json::{Map, Value};
 
-/// Describes a sparse volume: its grid, `count` voxels held, columns by name, and what else its header says.
+/// Describes a sparse volume: its grid, what tile of it the file is, `count` voxels held, columns by name, and what else its
+/// header says.
 pub fn volume(
     grid: &Grid,
+    tile: Option<&Tile>,
     count: usize,
     columns: &[(&str, &[f32])],
     extra: &Map<String, Value>,
@@ -20,6 +23,10 @@ pub fn volume(
         let half = 0.5 * grid.spacing_mm[axis];
         let ends = [grid.centre_mm(axis, 0) - half, grid.centre_mm(axis, grid.shape[axis] - 1) + half];
         sheet.line(format!("extent {name}"), format!("{} to {} mm", figures(ends[0]), figures(ends[1])));
+    }
+    if let Some(Tile { index, of, halo_mm, core_vox: [[x0, x1], [y0, y1]], .. }) = tile {
+        let core = format!("voxels {x0} to {} along x, {y0} to {} along y", x1 - 1, y1 - 1);
+        sheet.line("tile", format!("{index} of {of}: {core}; halo {} mm", figures(*halo_mm)));
     }
     let percent = 100.0 * count as f64 / grid.len() as f64;
     sheet.line("voxels held", format!("{}, {} % of the grid", whole(count as u64), figures(percent)));
@@ -38,9 +45,9 @@ mod tests {
     #[test]
     fn extents_reach_the_voxels_rims() {
         let grid = Grid { shape: [4, 2, 1], spacing_mm: [0.5, 1.0, 10.0], origin_mm: [-0.75, -0.5, 0.0] };
-        let extra = serde_json::json!({"tile": [0, 4]});
+        let extra = serde_json::json!({"mask": [0, 4]});
         let extra = extra.as_object().unwrap();
-        let text = volume(&grid, 2, &[("score", &[1.0, 3.0])], extra, &Vec::new()).to_string();
+        let text = volume(&grid, None, 2, &[("score", &[1.0, 3.0])], extra, &Vec::new()).to_string();
         for wanted in [
             "4 x 2 x 1 = 8 voxels of 0.5 x 1 x 10 mm",
             "-1 to 1 mm",
@@ -52,6 +59,9 @@ mod tests {
         ] {
             assert!(text.contains(wanted), "{wanted} is not in\n{text}");
         }
-        assert!(volume(&grid, 0, &[("score", &[])], &Map::new(), &Vec::new()).to_string().contains("no values"));
+        let tile = Tile { index: 2, of: 2, halo_mm: 0.5, core_vox: [[2, 4], [0, 2]], pixels: [[0, 9], [0, 9]] };
+        let text = volume(&grid, Some(&tile), 0, &[("score", &[])], &Map::new(), &Vec::new()).to_string();
+        assert!(text.contains("2 of 2: voxels 2 to 3 along x, 0 to 1 along y; halo 0.5 mm"), "{text}");
+        assert!(text.contains("no values"));
     }
 }

@@ -7,7 +7,7 @@ use lf_core::field::Cut;
 use lf_core::grid::Grid;
 use lf_xcorr::{Deform, Options, Pass, Route, triple};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The paper's final window, voxels.
 const WINDOW: [usize; 3] = [160, 160, 16];
@@ -35,13 +35,17 @@ const LEAST_WINDOW: usize = 4;
       -o field.vti"
 )]
 pub struct Arguments {
-    /// First volume (.lfv with a column `intensity`); `-` is standard input
-    pub a: PathBuf,
+    /// First volume (.lfv with a column `intensity`); `-` is standard input. Tiles (lf-prune --tile) are given all, one after
+    /// the other in any order, and stand for one volume: lf-xcorr a-*.lfv b-*.lfv
+    a: PathBuf,
     /// Second volume
-    pub b: PathBuf,
+    b: PathBuf,
+    /// More files where volumes are in tiles
+    #[arg(value_name = "TILE")]
+    tiles: Vec<PathBuf>,
     /// Two more volumes of the same flow; the correlations of all pairs are summed, none counting for more by being brighter.
-    /// Can be given again
-    #[arg(long, num_args = 2, value_names = ["A", "B"], action = clap::ArgAction::Append)]
+    /// Can be given again. Where volumes are in tiles, all of the first, then all of the second
+    #[arg(long, num_args = 2.., value_names = ["A", "B"], action = clap::ArgAction::Append)]
     pub and: Vec<PathBuf>,
     /// Where the field goes: .exr, .vti or .csv; `-` is EXR on standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
@@ -219,6 +223,11 @@ struct Meant {
 }
 
 impl Arguments {
+    /// The files of the first two volumes.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        [&self.a, &self.b].into_iter().chain(&self.tiles).map(PathBuf::as_path)
+    }
+
     /// An option that was given and that nothing would heed, and why.
     pub fn idle(&self) -> Option<(&'static str, &'static str)> {
         let (passes, method, meant) = (&self.passes, &self.method, self.meant());

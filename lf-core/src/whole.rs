@@ -1,0 +1,156 @@
+//! A column of a whole volume, from one file or from all tiles of one.
+
+use crate::grid::Grid;
+use crate::history::History;
+use crate::tile::Tile;
+use crate::volume::Volume;
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Rising indices of a whole volume and a value for each. One file lends its own; of [tiles](crate::tile) the cores are
+/// joined, and what they held beyond is left behind with their files.
+pub struct Whole {
+    name: String,
+    grid: Grid,
+    history: History,
+    source: Source,
+}
+
+enum Source {
+    File(Box<Volume>, &'static str),
+    Joined(Vec<u64>, Vec<f32>),
+}
+
+impl Whole {
+    /// The volumes that these files are, in their order: a file that is a tile stands with the files after it for one volume,
+    /// as many as it has tiles, in any order. No more files are open at a time than a volume has.
+    ///
+    /// # Errors
+    /// Those of the files; a file without the column; tiles that are not all there, there twice, or of different grids.
+    pub fn open_all<'a>(paths: impl IntoIterator<Item = &'a Path>, column: &'static str) -> Result<Vec<Self>> {
+        let mut paths = paths.into_iter();
+        let mut wholes = Vec::new();
+        while let Some(path) = paths.next() {
+            let first = Volume::open(path)?;
+            let Some(tile) = Tile::of(&first)? else {
+                wholes.push(Self::of_file(first, column)?);
+                continue;
+            };
+            let mut tiles = vec![(tile, first)];
+            while tiles.len() < tiles[0].0.of {
+                let (of, first) = (tiles[0].0.of, tiles[0].1.name());
+                let Some(path) = paths.next() else {
+                    let found = format!("{} of the {of} tiles of its volume", tiles.len());
+                    return Err(Error::new(first, found, "wanted all of them, one after the other"));
+                };
+                let next = Volume::open(path)?;
+                let tile = alike(&tiles, &next)?;
+                tiles.push((tile, next));
+            }
+            wholes.push(Self::joined(tiles, column)?);
+        }
+        Ok(wholes)
+    }
+
+    /// One file as it is.
+    fn of_file(volume: Volume, column: &'static str) -> Result<Self> {
+        volume.require(column)?;
+        let (name, grid, history) = (volume.name().to_owned(), volume.grid().clone(), volume.history().clone());
+        Ok(Self { name, grid, history, source: Source::File(Box::new(volume), column) })
+    }
+
+    /// The cores of all tiles of a volume, line by line along x, which are in rising order in each.
+    fn joined(mut tiles: Vec<(Tile, Volume)>, column: &str) -> Result<Self> {
+        let name = match tiles.as_slice() {
+            [(_, only)] => only.name().to_owned(),
+            [(_, first), .., (_, last)] => format!("tiles {} to {}", first.name(), last.name()),
+            [] => unreachable!("a volume has a tile"),
+        };
+        let (grid, history) = (tiles[0].1.grid().clone(), together(tiles.iter().map(|(_, volume)| volume.history())));
+        tiles.sort_by_key(|(tile, _)| tile.index);
+        let mut runs = Vec::with_capacity(tiles.len());
+        let mut count = 0;
+        for (tile, volume) in &tiles {
+            let indices = volume.indices();
+            count += indices.iter().filter(|index| tile.owns(grid.voxel(**index))).count();
+            runs.push((tile.core_vox, indices, volume.require(column)?, 0));
+        }
+        let (mut joined, mut values) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let [_, ny, nz] = grid.shape;
+        for (y, z) in (0..nz).flat_map(|z| (0..ny).map(move |y| (y, z))) {
+            for ([columns, rows], indices, column, next) in &mut runs {
+                if !(rows[0]..rows[1]).contains(&y) {
+                    continue;
+                }
+                let [from, to] = columns.map(|x| grid.index([0, y, z]) + x as u64);
+                let first = *next + indices[*next..].partition_point(|index| *index < from);
+                let end = first + indices[first..].partition_point(|index| *index < to);
+                joined.extend_from_slice(&indices[first..end]);
+                values.extend_from_slice(&column[first..end]);
+                *next = end;
+            }
+        }
+        Ok(Self { name, grid, history, source: Source::Joined(joined, values) })
+    }
+
+    /// What messages call it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The grid.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// The steps that led to it; those of tiles that differ one after the other.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// Strictly rising linear indices.
+    pub fn indices(&self) -> &[u64] {
+        match &self.source {
+            Source::File(volume, _) => volume.indices(),
+            Source::Joined(indices, _) => indices,
+        }
+    }
+
+    /// The value of each.
+    pub fn values(&self) -> &[f32] {
+        match &self.source {
+            Source::File(volume, column) => volume.column(column).expect("looked for when it was opened"),
+            Source::Joined(_, values) => values,
+        }
+    }
+}
+
+/// The tile that a file is, if it is one more of these tiles' volume.
+fn alike(tiles: &[(Tile, Volume)], next: &Volume) -> Result<Tile> {
+    let (first_tile, first) = &tiles[0];
+    let of = first_tile.of;
+    let wanted = || format!("wanted another of the {of} tiles of {}", first.name());
+    let Some(tile) = Tile::of(next)? else { return Err(Error::new(next.name(), "a whole volume", wanted())) };
+    if tile.of != of {
+        return Err(Error::new(next.name(), format!("tile {} of {}", tile.index, tile.of), wanted()));
+    }
+    if !next.grid().agrees_with(first.grid()) {
+        return Err(Error::new(next.name(), next.grid().to_string(), format!("{}, {}", wanted(), first.grid())));
+    }
+    if let Some((_, twin)) = tiles.iter().find(|(other, _)| other.index == tile.index) {
+        let found = format!("tile {}, which {} is already", tile.index, twin.name());
+        return Err(Error::new(next.name(), found, wanted()));
+    }
+    Ok(tile)
+}
+
+/// The steps of the first, then those of the others that are not there yet.
+pub fn together<'a>(histories: impl IntoIterator<Item = &'a History>) -> History {
+    let mut steps = History::new();
+    for step in histories.into_iter().flat_map(|history| history.iter()) {
+        if !steps.contains(step) {
+            steps.push(step.clone());
+        }
+    }
+    steps
+}
