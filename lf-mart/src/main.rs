@@ -301,18 +301,20 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let wanted = "wanted a support that fits the camera and --max-memory";
     let refuse = |found: String| Error::new(name.clone(), found, wanted);
     let bytes = estimate_bytes(&camera, support.grid(), support.indices(), &options).map_err(refuse)?;
+    let (route, is_kept) = route(&camera, support.grid(), support.indices(), &options).map_err(refuse)?;
     if arguments.estimate {
         // The image in units of its brightest pixel, and the volume that is written.
         let written = match options.basis {
             Basis::Blob { .. } => BLOB_BYTES,
             _ => 0,
         };
+        // A sample foretells how many weights are kept, to a few per cent, and lists grow ahead of what they hold.
+        let bytes = if is_kept { bytes / 4 * 5 } else { bytes };
         let more = 4 * image.pixels.len() as u64 + written * support.count() as u64;
         session.tell_estimate(bytes + more, &[("voxels", support.count() as u64)])?;
         return Ok(Verdict::Done);
     }
     session.explain(format!("camera: {}", camera.about()));
-    let (route, is_kept) = route(&camera, support.grid(), support.indices(), &options).map_err(refuse)?;
     session.explain(route.about(&camera, options.weights, is_kept));
     session.count("estimated_bytes", bytes);
     session.explain(format!(

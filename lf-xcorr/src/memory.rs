@@ -22,8 +22,9 @@ const OVERLAID: f64 = 40.0;
 /// Voxels lit in either of two volumes laid on each other, over those of one.
 const EITHER: f64 = 1.3;
 
-/// Voxels by which the shifts that a cell's windows ask for reach beyond the search of one of them, each to its own prediction.
-const HULL: usize = 1;
+/// Voxels by which the shifts that a cell's windows ask for reach beyond the search of one of them, each about its own
+/// prediction; more where no deformation takes the predictions away.
+const HULL: [usize; 2] = [1, 2];
 
 /// Bytes of a cell: the particle images in it.
 const CELL: f64 = 600.0;
@@ -53,7 +54,7 @@ pub fn estimate_bytes(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> 
     let of_pass = |(number, pass): (usize, &Pass)| {
         let (shape, pass, _) = binned(shape, pass, number + 1 < options.passes.len());
         let lattice = Lattice::new(shape, &pass);
-        let hull = if number == 0 { 0 } else { HULL };
+        let hull = if number == 0 { 0 } else { HULL[usize::from(options.deform == Deform::Never)] };
         let wide = Pass { search: pass.search.map(|radius| radius + hull), ..pass };
         let sums = wide.direct_bytes(&lattice, pairs.len());
         // What is too much is done by transforms.
