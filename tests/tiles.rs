@@ -91,7 +91,7 @@ fn a_tile_that_is_none_is_refused() {
         ("--tile 5/4", "--tile: 5/4; wanted 1/n to n/n"),
         ("--tile 0/4", "--tile: 0/4; wanted 1/n to n/n"),
         ("--tile 4", "like 1/4"),
-        ("--tile 1/4 --halo -1", "--halo"),
+        ("--tile 1/4 --halo=-1", "--halo"),
         ("--halo 1", "--tile"),
     ] {
         call(words).refused(subject);

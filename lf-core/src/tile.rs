@@ -43,8 +43,9 @@ pub const KEY: &str = "tile";
 /// More would be tiles of a few voxels, and names that no command line holds.
 pub const MOST_TILES: usize = 10_000;
 
-/// A halo's width in beams: see [`Tile::usual_halo_mm`].
-const USUAL_BEAMS: f64 = 1.5;
+/// A halo's width in beams and in lenslets: see [`Tile::usual_halo_mm`].
+const USUAL_BEAMS: f64 = 1.25;
+const USUAL_LENSLETS: f64 = 8.0;
 
 /// Voxels that a voxel's image may reach beyond its centre's, whatever it stands for: three standard deviations of a blob.
 const BASIS_VOX: f64 = 3.0;
@@ -192,15 +193,16 @@ impl Tile {
         Ok(Self { index, of, halo_mm, core_vox, pixels })
     }
 
-    /// The halo that is wide enough for 20 sweeps of lf-mart's default: one and a half times the width of the farthest voxel's
-    /// beam, mm at the focal plane. At the edge of the core tiles are then within 1e-4 of the whole's brightest voxel, with the
-    /// beam's width within 1e-3, with half of it within 6e-3 (the scene `demo` in four tiles).
+    /// The halo that is wide enough for 20 sweeps of lf-mart's default, mm at the focal plane: the width of the farthest voxel's
+    /// beam and a quarter more, and the eight lenslets within which lf-mart looks for the strongest voxel. At the edge of the
+    /// core tiles are then within 1e-4 of the whole's brightest voxel, with the beam's width alone within 1e-3, with half of
+    /// it within 6e-3 (the scene `demo` in four tiles).
     pub fn usual_halo_mm(camera: &Camera, grid: &Grid) -> f64 {
         let optics = Optics::new(camera);
         let ends = [0, grid.shape[2] - 1].map(|z| grid.centre_mm(2, z));
         let beam = |z_mm: f64| 2.0 * (optics.alpha(z_mm) / optics.beta(z_mm)).abs() * optics.half_aperture_mm();
         let pitch = camera.microlenses.pitch_mm / camera.main_lens.magnification;
-        USUAL_BEAMS * beam(ends[0]).max(beam(ends[1])).max(2.0 * pitch)
+        USUAL_BEAMS * beam(ends[0]).max(beam(ends[1])) + USUAL_LENSLETS * pitch
     }
 
     /// The voxels along x and y that the tile holds in each slice.

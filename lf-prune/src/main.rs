@@ -72,8 +72,8 @@ struct Arguments {
     /// all tiles for the whole volume
     #[arg(long, value_name = "I/N", value_parser = tile_number)]
     tile: Option<[usize; 2]>,
-    /// How far from a tile's block pixels count, mm at the focal plane; more makes its edges surer [default: one and
-    /// a half times the width of its farthest voxel's beam]
+    /// How far from a tile's block pixels count, mm at the focal plane; more makes its edges surer [default: eight lenslets
+    /// and 1.25 times the width of its farthest voxel's beam]
     #[arg(long, value_name = "MM", requires = "tile")]
     halo: Option<f64>,
     /// particles.csv of the image: report how many of its particles are lost
