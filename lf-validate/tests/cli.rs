@@ -494,8 +494,8 @@ fn info_knows_every_file_by_its_content() {
         ("field.vti", "ParaView"),
         ("camera.json", "pixel in focus"),
         ("scene.json", "\"camera.json\""),
-        ("particles.csv", "1 in 1 frames"),
-        ("report.json", "report of lf-validate"),
+        ("particles.csv", "1 in 1 frame\n"),
+        ("report.json", "score of a volume (lf-validate quality)"),
         ("stats.json", "statistics of a run"),
         ("runs.jsonl", "1 in the first, 2 in the last"),
     ] {

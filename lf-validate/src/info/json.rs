@@ -44,8 +44,8 @@ const KNOWN: [(&[&str], &str); 9] = [
     (&["iteration", "misfit"], "a sweep (lf-mart --log)"),
 ];
 
-/// Lines of a report shown: a screen.
-const LINES: usize = 36;
+/// Lines of a report shown: a screen of 24, with its title and the number of keys left out.
+const LINES: usize = 22;
 
 /// Whether the same number in pixels, which people know best, is there too.
 fn told_in_pixels(key: &str, object: &Map<String, Value>) -> bool {
