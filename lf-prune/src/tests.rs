@@ -336,6 +336,7 @@ fn fewer_sections_lose_no_light() {
 /// The cores of all tiles are the whole support, to the bit, by whichever sums; and a tile holds more than its core.
 #[test]
 fn cores_of_tiles_are_the_whole() {
+    use lf_core::camera::Distortion;
     let image = speckle();
     let wide = Grid::in_bounds([[-0.9, 0.9], [-0.8, 0.8], [-2.0, 2.0]], [0.011, 0.023, 0.4]).unwrap();
     let mut distorted = camera("circle", "square", 0.002);
