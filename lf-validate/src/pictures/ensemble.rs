@@ -67,7 +67,9 @@ pub fn ensemble(found: &Ensemble, through: usize, layer: usize) -> Chart {
             slice.values(|i| f64::from(found.vorticity[through][i])),
         ),
     ));
-    let place_mm = layout.origin_mm[through] + layer as f64 * layout.spacing_mm[through];
+    let steps = layout.origin_mm[through] / layout.spacing_mm[through] + layer as f64;
+    // The middle of a symmetric field is 0, whatever rounding leaves of it.
+    let place_mm = (1e6 * steps).round() * 1e-6 * layout.spacing_mm[through] + 0.0;
     let mut notes = vec![format!(
         "{} fields; slice at {} = {} mm; colours end where 98 % of the values do",
         found.fields,
