@@ -32,13 +32,14 @@ pub fn json(value: &Value) -> Result<Sheet, String> {
 }
 
 /// Keys that tell a kind, and what it is.
-const KNOWN: [(&[&str], &str); 9] = [
+const KNOWN: [(&[&str], &str); 10] = [
     (&["tool", "phases"], "statistics of a run (--stats)"),
     (&["q", "ghost_share"], "score of a volume (lf-validate quality)"),
     (&["diameter", "half_maximum"], "score of particles (lf-validate elongation)"),
     (&["profile", "mean_z_mm"], "score of volumes (lf-validate depth)"),
     (&["measured_only"], "score of a field (lf-validate displacement)"),
     (&["stride", "stride_mm"], "score of a field (lf-validate divergence)"),
+    (&["fields", "fluctuation_mm"], "statistics of fields (lf-validate ensemble)"),
     (&["series", "runs"], "curves of runs (lf-validate curves)"),
     (&["front", "settings"], "trade of runs (lf-validate trade)"),
     (&["iteration", "misfit"], "a sweep (lf-mart --log)"),
