@@ -8,7 +8,7 @@
 # Each file is made by one line below and appears whole or not at all, so that what was stopped is taken up where it
 # ended. A frame that cannot be read fails alone: the others go on, the mean is that of the fields there are, and what
 # failed is named at the end. Settings are no prerequisites: after changing one, choose another OUT or delete what it made.
-# No name may hold a space. GNU make 3.82 or later.
+# No name may hold a space, and a folder no more than some two thousand frames (a shell's longest line). GNU make 4.0 or later.
 
 # The frames (TIFF, EXR or PNG): one name with % for the part that differs.
 FRAME = raw/%.tif
@@ -59,7 +59,7 @@ XCORR_FLAGS =
 SLICE = z
 
 # Where results go, where the tools are (empty: on the PATH; otherwise with a '/' at the end), and threads of each tool
-# (0: all cores). TIDY: delete a support once its volume is there.
+# (0: all cores). TIDY: delete a support once its volume is there; with it, only one make in a folder at a time.
 OUT = .
 BIN =
 THREADS = 0
@@ -120,11 +120,12 @@ $(LOG):
 ifneq ($(MAKECMDGOALS),report)
 
 # What a stage says is kept in a log as well. A result that is older than what it is made of, and could not be made again,
-# is no result.
+# is no result; nor are those made of it, $2.
 log = $(LOG)/$(basename $(notdir $@)).txt
-step = @echo '$(strip $(RUN) $1 -o $@)'; \
+say = @printf '%s\n' '$(subst ','\'',$(strip $(RUN) $1))'
+step = $(call say,$1 -o $@); \
     $(RUN) $1 --threads $(THREADS) --stats $(basename $@).stats.json -o $@ 2> $(log); status=$$?; cat $(log) >&2; \
-    [ $$status = 0 ] && echo $@ >> $(LOG)/done.txt || { rm -f $@; exit 2; }
+    [ $$status = 0 ] && echo $@ >> $(LOG)/done.txt || { rm -f $@ $2; exit 2; }
 
 # Calibration: the lattice by white images, the main lens by a dot target, drift by particles; each begins with the camera
 # of the one before.
@@ -155,15 +156,17 @@ $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 	$(call step,$(CALIB) background $(wildcard $(subst %,*$(filter-out all,$*),$(FRAME))) -c $< --quantile $(QUANTILE))
 
 # One line a stage. Presets are a word of ours, and a swapped stage is not told them.
+fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr))
 preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 
 $(supports): $(OUT)/support-%.lfv: $(FRAME) $(CAMERA) $$(call background-of,$$*) | $(LOG)
 	$(call step,$(PRUNE) $< -c $(CAMERA) $(call subtract,$*) --pvr $(PVR) --depth $(DEPTH) \
-	    $(addprefix --bounds ,$(BOUNDS)) $(call preset,$(PRUNE)) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS))
+	    $(addprefix --bounds ,$(BOUNDS)) $(call preset,$(PRUNE)) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS),\
+	    $(OUT)/volume-$*.lfv $(call fields-of,$*))
 
 $(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $(FRAME) $(CAMERA) $$(call background-of,$$*) | $(LOG)
 	$(call step,$(MART) $< -i $(word 2,$^) -c $(CAMERA) $(call subtract,$*) $(call preset,$(MART)) \
-	    $(addprefix --iterations ,$(ITERATIONS)) $(MART_FLAGS))
+	    $(addprefix --iterations ,$(ITERATIONS)) $(MART_FLAGS),$(call fields-of,$*))
 	$(if $(TIDY),@rm -f $<)
 
 volumes-of = $(foreach name,$(call split,$1),$(OUT)/volume-$(name).lfv)
@@ -181,22 +184,26 @@ $(OUT)/fields.txt: FORCE | $(LOG)
 	@printf '%s\n' $(there) > $@.$$$$; cmp -s $@.$$$$ $@ && rm $@.$$$$ || mv $@.$$$$ $@
 FORCE:
 
-mean = $(RUN) $(BIN)lf-validate ensemble $(there) --slice $(SLICE) --plot $(OUT)/mean.svg -o $(OUT)/mean.vti -o $@
+means := $(addprefix $(OUT)/mean.,exr vti svg json)
+mean = $(BIN)lf-validate ensemble $(there) --slice $(SLICE) --plot $(OUT)/mean.svg -o $(OUT)/mean.vti -o $@
 $(OUT)/mean.exr: $(OUT)/fields.txt $(there)
-	@echo '$(strip $(mean))'
-	@part=$(OUT)/mean.json.$$$$; $(mean) > $$part && mv $$part $(OUT)/mean.json || { rm $$part; exit 2; }
+	@printf '%s\n' '$(strip $(RUN) $(BIN)lf-validate ensemble) ($(words $(there)) fields) -o $@'
+	@part=$(OUT)/mean.json.$$$$; $(RUN) $(mean) > $$part && mv $$part $(OUT)/mean.json || { rm -f $$part $(means); exit 2; }
 
-report: $(if $(there),$(OUT)/mean.exr)
-	@$(foreach field,$(missing),$(call why,$(patsubst $(OUT)/field-%.exr,%,$(field)));) \
-	echo "$(words $(there)) of $(words $(fields)) fields are in $(OUT)" >&2
-
-# The last words of the first stage of a pair that has no result.
-define why
-say() { echo "no field $1: $$1" >&2; }; why=; for n in $(call split,$1); do \
-    [ -z "$$why" ] && [ ! -e $(OUT)/volume-$$n.lfv ] || continue; \
-    frame=$$(echo '$(FRAME)' | sed "s|%|$$n|"); \
-    if [ ! -e $$frame ]; then why="$$frame: no such file"; \
-    elif [ ! -e $(OUT)/support-$$n.lfv ]; then why=$$(tail -n 1 $(LOG)/support-$$n.txt 2> /dev/null); \
-    else why=$$(tail -n 1 $(LOG)/volume-$$n.txt 2> /dev/null); fi; done; \
-[ -n "$$why" ] || why=$$(tail -n 1 $(LOG)/field-$1.txt 2> /dev/null); say "$${why:-not begun; see above}"
-endef
+# For each pair without a field the last words of its first stage without a result.
+report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
+	$(if $(there),,@rm -f $(means) $(OUT)/fields.txt)
+	$(file >$(LOG)/missing.txt,$(patsubst $(OUT)/field-%.exr,%,$(missing)))
+	@last() { tail -n 1 $(LOG)/$$1.txt 2> /dev/null; }; \
+	for pair in $$(cat $(LOG)/missing.txt); do why=; \
+	    [ -e $(CAMERA) ] || why="no $(CAMERA); see above"; \
+	    for n in $${pair%-*} $${pair#*-}; do \
+	        [ -z "$$why" ] && [ ! -e $(OUT)/volume-$$n.lfv ] || continue; \
+	        frame=$$(echo '$(FRAME)' | sed "s|%|$$n|"); \
+	        if [ ! -e $$frame ]; then why="$$frame: no such file"; \
+	        elif [ ! -e $(OUT)/support-$$n.lfv ]; then why=$$(last support-$$n); \
+	        else why=$$(last volume-$$n); fi; \
+	    done; \
+	    [ -n "$$why" ] || why=$$(last field-$$pair); \
+	    echo "no field $$pair: $${why:-not begun; see above}" >&2; \
+	done; echo "$(words $(there)) of $(words $(fields)) fields are in $(OUT)" >&2

@@ -68,8 +68,8 @@ struct Arguments {
     #[arg(long, value_name = "SHARE", default_value_t = DARK)]
     dark: f64,
     /// One of n tiles, I from 1 to N, of a volume too large for one machine: the grid is cut in x and y into blocks as square
-    /// as can be, and the voxels of one are kept, with those that lf-mart needs around them. lf-xcorr and lf-validate take
-    /// all tiles for the whole volume
+    /// as can be, and the voxels of one are kept, with those that lf-mart needs around them. lf-xcorr and
+    /// `lf-validate quality` take all tiles for the whole volume
     #[arg(long, value_name = "I/N", value_parser = tile_number)]
     tile: Option<[usize; 2]>,
     /// How far from a tile's block pixels count, mm at the focal plane; more makes its edges surer [default: eight lenslets

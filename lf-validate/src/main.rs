@@ -112,6 +112,9 @@ enum Command {
     /// of the mean, of the fluctuations (by n - 1; noise is a part of them), of the mean's uncertainty, of the vorticity of
     /// the mean (1, or 1/s where fields know the time between their volumes). The picture is a slice: mean with arrows,
     /// the mean through it, RMS of u, v, w, and the vorticity through it.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-validate ensemble field-0000-0001.exr -o mean.vti -o mean.exr
+  lf-validate ensemble field-*.exr --slice y=0 --plot mean.svg")]
     Ensemble(ensemble::Arguments),
     /// What any of the chain's files is, in one screen
     #[command(after_help = "Examples, in out/ after scripts/demo:

@@ -4,10 +4,10 @@
 //! nothing behind. Elsewhere, NFS among them, it is `.lf-*.part` beside its place, and a killed process leaves that.
 
 use std::fs::{File, Permissions};
-use std::io;
+use std::io::{self, Seek, SeekFrom};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use tempfile::{Builder, TempPath};
+use tempfile::{Builder, NamedTempFile, TempPath};
 
 /// Read and written by everybody whom the umask lets.
 const MODE: u32 = 0o666;
@@ -34,12 +34,22 @@ impl Draft {
         match self {
             Self::Named(path) => path.persist(place).map_err(|refused| refused.error),
             // A name cannot be taken over by a link, only by a rename: the draft has one of its own for a moment.
-            Self::Nameless => {
-                let named = names().make_in(folder, |path| link(file, path)).map_err(without_path)?;
-                named.into_temp_path().persist(place).map_err(|refused| refused.error)
-            }
+            Self::Nameless => match names().make_in(folder, |path| link(file, path)) {
+                Ok(named) => named.into_temp_path().persist(place).map_err(|refused| refused.error),
+                // A file system that knows such files and does not let them be named.
+                Err(_) => copy(file, folder)?.persist(place).map(|_| ()).map_err(|refused| refused.error),
+            },
         }
     }
+}
+
+/// A copy of a draft that has a name.
+fn copy(mut file: &File, folder: &Path) -> io::Result<NamedTempFile> {
+    let mut named = names().permissions(Permissions::from_mode(MODE)).tempfile_in(folder).map_err(without_path)?;
+    file.seek(SeekFrom::Start(0))?;
+    io::copy(&mut file, named.as_file_mut())?;
+    named.as_file().sync_all()?;
+    Ok(named)
 }
 
 fn names() -> Builder<'static, 'static> {

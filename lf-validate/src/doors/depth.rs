@@ -1,8 +1,7 @@
 //! `depth`: where along z the light of volumes lies.
 
-use super::{Picture, check_inputs, is_at_most, light, number, print, verdict};
+use super::{Picture, check_inputs, is_at_most, light, number, open_whole, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
-use lf_core::volume::Volume;
 use lf_core::{Error, Result};
 use lf_validate::depth::Depth;
 use lf_validate::pictures;
@@ -48,7 +47,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 /// One volume in memory at a time.
 fn add_up(inputs: &[&Path], added: &dyn Fn()) -> Result<Depth> {
     let add = |sum: Option<Depth>, input: &&Path| {
-        let volume = Volume::open(input)?;
+        let volume = open_whole(input)?;
         let mut sum = sum.unwrap_or_else(|| Depth::new(volume.grid()));
         sum.add(light(&volume)?).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))?;
         added();

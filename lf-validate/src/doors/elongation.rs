@@ -1,6 +1,6 @@
 //! `elongation`: how large reconstructed particles are.
 
-use super::{Picture, at_most, check_inputs, counts, light, pixel_mm, print, verdict};
+use super::{Picture, at_most, check_inputs, counts, light, open_whole, pixel_mm, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, io, particles};
@@ -81,5 +81,5 @@ fn read(pair: &[&Path], frame: usize) -> Result<(Vec<[f64; 3]>, Volume)> {
         let found = format!("no particle of frame {frame} among {}", all.len());
         return Err(Error::new(io::name(table), found, "wanted a frame that it has"));
     }
-    Ok((places, Volume::open(volume)?))
+    Ok((places, open_whole(volume)?))
 }

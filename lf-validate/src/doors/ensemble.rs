@@ -31,21 +31,28 @@ pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> 
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
     check_inputs(&inputs, session)?;
     arguments.picture.check(&inputs, session)?;
-    for output in &arguments.output {
+    for (n, output) in arguments.output.iter().enumerate() {
         if io::is_standard(output) {
             return Err(Error::new("--output", "-", "wanted a file: standard output is the summary's"));
         }
+        if arguments.output[..n].contains(output) {
+            return Err(Error::new(io::output_name(output), "is asked for twice", "wanted another name for each"));
+        }
         session.keep_apart(output, &inputs)?;
+        io::check_place(output)?;
     }
+    let cut = arguments.slice.unwrap_or_default();
+    let refused = |(found, wanted): (String, String)| Error::new("--slice", found, wanted);
     let progress = session.progress("fields", inputs.len() as u64);
     let mut sums: Option<Sums> = None;
     let mut history = Vec::new();
     for path in inputs {
         let field = session.phase("read", |_| Field::open(path))?;
-        let sums = sums.get_or_insert_with(|| {
+        if sums.is_none() {
+            cut.layer(&field.layout).map_err(refused)?;
             history = session.history(&field.layout.history);
-            Sums::new(&field.layout)
-        });
+        }
+        let sums = sums.get_or_insert_with(|| Sums::new(&field.layout));
         session
             .phase("sum", |_| sums.add(&field).map_err(|(found, wanted)| Error::new(io::name(path), found, wanted)))?;
         progress.add(1);
@@ -56,8 +63,7 @@ pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> 
     found.mean.layout.history = history;
     session.count("fields", found.fields);
     session.count("places", found.mean.len());
-    let cut = arguments.slice.unwrap_or_default();
-    let layer = cut.layer(&found.mean.layout).map_err(|(found, wanted)| Error::new("--slice", found, wanted))?;
+    let layer = cut.layer(&found.mean.layout).map_err(refused)?;
     session.phase("write", |_| arguments.output.iter().try_for_each(|path| save(&found, path)))?;
     arguments.picture.draw(session, || pictures::ensemble(&found, cut.axis, layer))?;
     print(&found.summary())?;

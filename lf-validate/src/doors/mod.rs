@@ -15,6 +15,7 @@ mod truth;
 
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
+use lf_core::tile::Tile;
 use lf_core::volume::Volume;
 use lf_core::{Error, Result, io};
 use lf_validate::json;
@@ -87,6 +88,18 @@ fn counts(option: &str, typed: [f64; 3]) -> Result<[usize; 3]> {
     }
     let [x, y, z] = typed;
     Err(Error::new(option, format!("{x},{y},{z}"), "wanted three whole numbers from 0"))
+}
+
+/// Opens a volume that is no tile of one: of a tile, whose halo is another's, these scores would say nothing.
+fn open_whole(path: &Path) -> Result<Volume> {
+    let volume = Volume::open(path)?;
+    match Tile::of(&volume)? {
+        Some(tile) => {
+            let found = format!("tile {} of {}", tile.index, tile.of);
+            Err(Error::new(volume.name(), found, "wanted a whole volume (quality takes the tiles of one)"))
+        }
+        None => Ok(volume),
+    }
 }
 
 /// The light of a volume.

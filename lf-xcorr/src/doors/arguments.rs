@@ -44,7 +44,7 @@ pub struct Arguments {
     #[arg(value_name = "TILE")]
     tiles: Vec<PathBuf>,
     /// Two more volumes of the same flow; the correlations of all pairs are summed, none counting for more by being brighter.
-    /// Can be given again. Where volumes are in tiles, all of the first, then all of the second
+    /// Can be given again, after A and B. Where volumes are in tiles, all of the first, then all of the second
     #[arg(long, num_args = 2.., value_names = ["A", "B"], action = clap::ArgAction::Append)]
     pub and: Vec<PathBuf>,
     /// Where the field goes: .exr, .vti or .csv; `-` is EXR on standard output
