@@ -43,9 +43,10 @@ pub struct Arguments {
     /// More files where volumes are in tiles
     #[arg(value_name = "TILE")]
     tiles: Vec<PathBuf>,
-    /// Two more volumes of the same flow; the correlations of all pairs are summed, none counting for more by being brighter.
-    /// Can be given again, after A and B. Where volumes are in tiles, all of the first, then all of the second
-    #[arg(long, num_args = 2.., value_names = ["A", "B"], action = clap::ArgAction::Append)]
+    /// Two more volumes of the same flow; the correlations of all pairs are summed, none counting for more by being
+    /// brighter. Can be given again; so it is where volumes are in tiles, for every two files: all of the first, then all of
+    /// the second
+    #[arg(long, num_args = 2, value_names = ["A", "B"], action = clap::ArgAction::Append)]
     pub and: Vec<PathBuf>,
     /// Where the field goes: .exr, .vti or .csv; `-` is EXR on standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
