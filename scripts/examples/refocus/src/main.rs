@@ -1,7 +1,7 @@
 //! lf-refocus: a stage of one's own, to be copied. It stands in for lf-mart:
 //!
 //! ```text
-//! cargo build --release
+//! cargo build --release -p lf-refocus
 //! make -f scripts/pipeline.mk MART=target/release/lf-refocus
 //! ```
 //!
