@@ -67,7 +67,8 @@ impl Background {
             .lowest
             .par_chunks(self.planes)
             .map(|lowest| {
-                let above = lowest[(below + 1).min(self.planes - 1)];
+                // Behind the last frame there is nothing, and infinity times 0 is no number.
+                let above = if share > 0.0 { lowest[below + 1] } else { lowest[below] };
                 lowest[below] + share * (above - lowest[below])
             })
             .collect();
@@ -112,6 +113,9 @@ mod tests {
             let mut background = Background::new(40, quantile);
             frames().iter().for_each(|frame| background.add(frame).unwrap());
             assert_eq!(background.finish(), Some(self::background(quantile)));
+            let mut one = Background::new(40, quantile);
+            one.add(&frames()[3]).unwrap();
+            assert_eq!(one.finish().as_ref(), Some(&frames()[3]));
         }
     }
 

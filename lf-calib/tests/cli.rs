@@ -171,12 +171,9 @@ fn background_is_the_minimum_or_a_quantile() {
 #[test]
 fn a_background_leaves_out_what_is_not_the_cameras() {
     let place = Place::new();
-    let nominal = fs::read_to_string(place.path("nominal.json")).unwrap();
-    fs::write(
-        place.path("small.json"),
-        nominal.replace("\"width\": 280, \"height\": 280", "\"width\": 7, \"height\": 5"),
-    )
-    .unwrap();
+    let mut small = scenes::nominal(&truth());
+    (small.sensor.width, small.sensor.height) = (7, 5);
+    fs::write(place.path("small.json"), small.to_json()).unwrap();
     let whole = fs::read(place.path("frame-1.exr")).unwrap();
     fs::write(place.path("cut.exr"), &whole[..whole.len() / 2]).unwrap();
     place.done("background frame-0.exr frame-2.exr --quantile 0.3 -o two.exr");

@@ -429,7 +429,9 @@ pub fn check_depth_mm(camera: &Camera, z_mm: f64) -> Result<(), String> {
     }
     if z_mm >= 0.9 * camera.object_distance_mm() || Optics::new(camera).alpha(z_mm) > 0.5 {
         return Err(format!(
-            "depth {z_mm:.3} mm is too near the main lens, which stands {:.1} mm before the focal plane",
+            "depth {} mm is too near the main lens, which stands {:.1} mm before the focal plane",
+            // Without the tail of a sum.
+            z_mm as f32,
             camera.object_distance_mm()
         ));
     }
