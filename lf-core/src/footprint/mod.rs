@@ -425,12 +425,12 @@ pub fn check_depth(camera: &Camera, grid: &Grid) -> Result<(), String> {
 /// Names the depth.
 pub fn check_depth_mm(camera: &Camera, z_mm: f64) -> Result<(), String> {
     if let Some(medium) = camera.medium.as_ref().filter(|medium| z_mm >= medium.window_z_mm) {
-        return Err(format!("depth {z_mm:.3} mm is not before the window, which is at {} mm", medium.window_z_mm));
+        let depth = z_mm as f32;
+        return Err(format!("depth {depth} mm is not before the window, which is at {} mm", medium.window_z_mm));
     }
     if z_mm >= 0.9 * camera.object_distance_mm() || Optics::new(camera).alpha(z_mm) > 0.5 {
         return Err(format!(
             "depth {} mm is too near the main lens, which stands {:.1} mm before the focal plane",
-            // Without the tail of a sum.
             z_mm as f32,
             camera.object_distance_mm()
         ));
