@@ -169,7 +169,7 @@ fn hopeless_input_is_refused_with_what_was_found() {
     let other = Grid { spacing_mm: [1.0, 1.0, 2.0], ..b.grid.clone() };
     let error = refused(&a.sparse(), &Sparse { grid: &other, ..b.sparse() }, &options());
     assert_eq!(error.side, Side::Second(0));
-    assert!(error.wanted.contains("[1.0, 1.0, 1.0]") && error.found.contains("[1.0, 1.0, 2.0]"), "{error}");
+    assert!(error.wanted.contains("1 x 1 x 1 mm") && error.found.contains("1 x 1 x 2 mm"), "{error}");
 
     let empty = Sparse { grid: &a.grid, indices: &[], intensity: &[] };
     assert_eq!(refused(&a.sparse(), &empty, &options()).side, Side::Second(0));
