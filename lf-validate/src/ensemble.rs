@@ -308,7 +308,8 @@ mod tests {
         // Rates about x, y and z; u = rate x place.
         let rate = [0.01, -0.02, 0.03];
         for dt_s in [None, Some(0.5)] {
-            let mut field = Field::empty(layout(dt_s));
+            // Three layers: beside a gap there is still a neighbour on the other side.
+            let mut field = Field::empty(Layout { shape: [4, 3, 3], ..layout(dt_s) });
             for i in 0..field.len() {
                 let [x, y, z] = field.place_mm(i);
                 let turned = [rate[1] * z - rate[2] * y, rate[2] * x - rate[0] * z, rate[0] * y - rate[1] * x];
