@@ -72,7 +72,9 @@ fn four_tiles_are_the_whole() {
         assert!(rms < 1e-3, "{axis}: {rms} px");
     }
     // The same pair twice is the same field; and half of the tiles are none.
-    run(folder, &format!("lf-xcorr {first} {second} --and {first} {second} {windows} -o twice.exr"));
+    let files: Vec<&str> = first.split(' ').chain(second.split(' ')).collect();
+    let again: String = files.chunks(2).map(|two| format!("--and {} ", two.join(" "))).collect();
+    run(folder, &format!("lf-xcorr {first} {second} {again} {windows} -o twice.exr"));
     assert!(number(folder, "lf-validate displacement tiles.exr twice.exr", "rms_u_mm") < 1e-5);
     let words = format!("{} {second} -o none.exr", first.rsplit_once(' ').unwrap().0);
     Call::new("lf-xcorr").within(folder).words(words.split_whitespace()).run().refused("tile-3-0001.lfv");
