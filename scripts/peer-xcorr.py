@@ -5,8 +5,8 @@ vectors a second, vectors that are zero or not numbers, and with --shift the bia
     peer-xcorr.py a.lfv b.lfv --window 32,32,32 --overlap 0.75 --vectors 500 --shift 2.3,-1.6,0.7
     peer-xcorr.py --make DIR --sigma-z 4         writes DIR/a.lfv and DIR/b.lfv, displaced by (2.3, -1.6, 0.7) voxels
 
-Needs numpy; without the package openpiv the comparison is left out. Only the correlation is timed, on one core as OpenPIV
-runs it; reading and making dense are not. OpenPIV has one pass, no validation, and keeps both windows in place.
+Needs numpy and xxhash; without the package openpiv the comparison is left out. Only the correlation is timed, on one core
+as OpenPIV runs it; reading and making dense are not. OpenPIV has one pass, no validation, and keeps both windows in place.
 """
 
 import argparse
@@ -18,8 +18,11 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+
+import lf
+
 SHIFT = (2.3, -1.6, 0.7)
-SIGNATURE = b"\x89LFV\r\n\x1a\n"
 
 
 def triple(kind):
@@ -35,93 +38,22 @@ def triple(kind):
     return parse
 
 
-def read(path):
-    """A .lfv as (dense array [z, y, x], peak 1)."""
-    import numpy as np
-
-    data = path.read_bytes()
-    if data[:8] != SIGNATURE or int.from_bytes(data[8:12], "little") != 1:
-        sys.exit(f"{path}: not a .lfv of version 1")
-    place = 16 + int.from_bytes(data[12:16], "little")
-    header = json.loads(data[16:place])
-    count, (nx, ny, nz) = header["count"], header["grid"]["shape"]
-    indices = np.frombuffer(data, "<u8", count, place)
-    place += 8 * count
-    for name in header["columns"]:
-        place += -place % 64
-        if name == "intensity":
-            dense = np.zeros(nx * ny * nz, np.float32)
-            dense[indices] = np.frombuffer(data, "<f4", count, place)
-            return (dense / max(dense.max(), np.finfo(np.float32).tiny)).reshape(nz, ny, nx)
-        place += 4 * count
-    sys.exit(f"{path}: no column `intensity`")
+def lit(path):
+    """The light of a .lfv as a dense array [z, y, x], peak 1."""
+    dense = lf.read_volume(path).dense("intensity")
+    return dense / max(dense.max(), np.finfo(np.float32).tiny)
 
 
 def write(path, dense):
     """Writes the lit voxels of a dense array [z, y, x] as a .lfv with voxels of 1 mm."""
-    import numpy as np
-
-    indices = np.flatnonzero(dense).astype("<u8")
-    body = indices.tobytes()
-    body += bytes(-len(body) % 64) + dense.reshape(-1)[indices].astype("<f4").tobytes()
-    header = {
-        "count": len(indices),
-        "grid": {"shape": list(dense.shape[::-1]), "spacing_mm": [1.0] * 3, "origin_mm": [0.0] * 3},
-        "columns": ["intensity"],
-        "checksum": f"{xxh3(body):016x}",
-        "history": [{"tool": "peer-xcorr.py", "version": "1", "arguments": sys.argv[1:]}],
-    }
-    text = json.dumps(header).encode()
-    text += b" " * (-(16 + len(text)) % 64)
-    path.write_bytes(SIGNATURE + (1).to_bytes(4, "little") + len(text).to_bytes(4, "little") + text + body)
-
-
-def xxh3(data):
-    """XXH3-64, seed 0, of more than 240 bytes: the hash the format asks for, which Python does not bring along."""
-    import numpy as np
-
-    secret = bytes.fromhex(
-        "b8fe6c3923a44bbe7c01812cf721ad1cded46de9839097db7240a4a4b7b3671fcb79e64eccc0e578825ad07dccff7221"
-        "b8084674f743248ee03590e6813a264c3c2852bb91c300cb88d0658b1b532ea371644897a20df94e3819ef46a9deacd8"
-        "a8fa763fe39c343ff9dcbbc7c70b4f1d8a51e04bcdb45931c89f7ec9d9787364eac5ac8334d3ebc3c581a0fffa1363eb"
-        "170ddd51b7f0da49d316552629d4689e2b16be587d47a1fc8ff8b8d17ad031ce45cb3a8f95160428afd7fbcabb4b407e"
-    )
-    p32 = 0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D
-    p64 = 0x9E3779B185EBCA87, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x85EBCA77C2B2AE63, 0x27D4EB2F165667C5
-    assert len(data) > 240 and len(secret) == 192
-    words = lambda start, n: np.frombuffer(secret, "<u8", n, start)
-    low, bits32 = np.uint64(0xFFFFFFFF), np.uint64(32)
-    keys = np.array([words(8 * stripe, 8) for stripe in range(16)])
-
-    def added(stripes, keys):
-        """What stripes [.., 8 words] add to the eight sums."""
-        mixed = stripes ^ keys
-        swapped = stripes[..., [1, 0, 3, 2, 5, 4, 7, 6]]
-        return ((mixed & low) * (mixed >> bits32) + swapped).sum(axis=-2, dtype=np.uint64)
-
-    sums = np.array([p32[2], *p64[:4], p32[1], p64[4], p32[0]], np.uint64)
-    blocks = (len(data) - 1) // 1024
-    of_blocks = added(np.frombuffer(data, "<u8", 128 * blocks).reshape(blocks, 16, 8), keys)
-    for block in of_blocks:
-        sums = sums + block
-        sums = (sums ^ (sums >> np.uint64(47)) ^ words(128, 8)) * np.uint64(p32[0])
-    stripes = (len(data) - 1 - 1024 * blocks) // 64
-    rest = np.frombuffer(data, "<u8", 8 * stripes, 1024 * blocks).reshape(stripes, 8)
-    last = np.frombuffer(data[-64:], "<u8").reshape(1, 8)
-    sums = sums + added(rest, keys[:stripes]) + added(last, words(121, 8).reshape(1, 8))
-
-    mask = (1 << 64) - 1
-    mixed = [int(sum) ^ int(key) for sum, key in zip(sums, words(11, 8))]
-    folded = [a * b for a, b in zip(mixed[::2], mixed[1::2])]
-    hash = (len(data) * p64[0] + sum((product & mask) ^ (product >> 64) for product in folded)) & mask
-    hash = (hash ^ (hash >> 37)) * 0x165667919E3779F9 & mask
-    return hash ^ (hash >> 32)
+    indices = np.flatnonzero(dense)
+    grid = lf.Grid(dense.shape[::-1], (1.0,) * 3, (0.0,) * 3)
+    history = [{"tool": "peer-xcorr.py", "version": "1", "arguments": sys.argv[1:]}]
+    lf.write_volume(path, lf.Volume(grid, indices, {"intensity": dense.flat[indices]}, history))
 
 
 def make(folder, sigma_z, shape=(128, 128, 128), sigma=0.75, particles=8, seed=1):
     """Writes a pair of volumes with `particles` in 32^3 voxels on average, half of the shift before and after the middle."""
-    import numpy as np
-
     random = np.random.default_rng(seed)
     size, sigmas = np.array(shape[::-1]), np.array([sigma_z, sigma, sigma])
     margin = np.ceil(4 * sigmas + 4)
@@ -159,7 +91,6 @@ def fitted(box, window, step, limit):
 def correlate(volumes, window, step, search):
     """Displacements [vector, (x, y, z)] in voxels, and the seconds they took. With a search OpenPIV covers less of the box:
     it counts windows as if their step were larger by the search."""
-    import numpy as np
     from openpiv.pyprocess3D import extended_search_area_piv3D
 
     overlap = [w - s for w, s in zip(window, step)]
@@ -179,8 +110,6 @@ def correlate(volumes, window, step, search):
 
 def score(vectors, shift):
     """Counts, and how far the vectors are from `shift`; within a voxel of it they are no outliers."""
-    import numpy as np
-
     finite = np.isfinite(vectors).all(axis=1)
     zero = (vectors == 0).all(axis=1)
     figures = {"not_numbers": int((~finite).sum()), "zero": int(zero.sum())}
@@ -215,10 +144,10 @@ def main():
         return
     if len(arguments.volumes) != 2:
         parser.error("wanted two volumes")
-    if not all(importlib.util.find_spec(name) for name in ("numpy", "openpiv")):
+    if not importlib.util.find_spec("openpiv"):
         print("The Python package openpiv is not installed; the comparison is left out.")
         return
-    dense = [read(path) for path in arguments.volumes]
+    dense = [lit(path) for path in arguments.volumes]
     if dense[0].shape != dense[1].shape:
         sys.exit(f"volumes of {dense[0].shape[::-1]} and {dense[1].shape[::-1]} voxels; wanted two of one grid")
     window, search = arguments.window, arguments.search
@@ -235,4 +164,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except lf.Refused as refused:
+        sys.exit(f"peer-xcorr.py: {refused}")

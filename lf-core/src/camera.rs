@@ -163,11 +163,12 @@ pub const IN_LINE_PX: f64 = 0.02;
 impl Camera {
     /// Reads and checks a camera file; `-` is standard input.
     pub fn open(path: &Path) -> Result<Self> {
-        let wanted = |error: Error| match error.found.ends_with("no text") {
-            true => Error { wanted: "wanted a camera.json".to_string(), ..error },
-            false => error,
-        };
-        let text = crate::io::open_text(path).map_err(wanted)?;
+        let text = crate::io::open_text(path).map_err(|mut error| {
+            if error.found.ends_with("no text") {
+                error.wanted = "wanted a camera.json".to_string();
+            }
+            error
+        })?;
         Self::from_json(&text).map_err(|(found, wanted)| Error::new(crate::io::name(path), found, wanted))
     }
 

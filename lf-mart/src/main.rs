@@ -267,13 +267,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let name = io::name(&arguments.support);
     let (camera, image, support) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        let image = image::open_frame(
-            &arguments.image,
-            arguments.background.as_deref(),
-            camera.flat_field(&arguments.camera).as_deref(),
-        )?;
-        let (height, width) = image.pixels.dim();
-        camera.check_image(&io::name(&arguments.image), width, height)?;
+        let background = arguments.background.as_deref();
+        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera)?;
         Ok((camera, image, Volume::open(&arguments.support)?))
     })?;
     if support.count() == 0 {

@@ -265,13 +265,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let name = io::name(&arguments.image);
     let (camera, image) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        let image = image::open_frame(
-            &arguments.image,
-            arguments.background.as_deref(),
-            camera.flat_field(&arguments.camera).as_deref(),
-        )?;
-        let (height, width) = image.pixels.dim();
-        camera.check_image(&name, width, height)?;
+        let background = arguments.background.as_deref();
+        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera)?;
         Ok((camera, image))
     })?;
     arguments.explain_preset(session);

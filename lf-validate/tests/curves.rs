@@ -54,7 +54,7 @@ fn a_line_has_every_key_once() {
         (&["two.json"], ["two.json", "not JSON"]),
         (&["none.json"], ["none.json", "wanted"]),
         (&["=1"], ["'=1'", "KEY=VALUE"]),
-        (&["-", "x:-"], ["twice", "-"]),
+        (&["-", "x:-"], ["standard input", "more than once"]),
         (&["one.json", "-o", "one.json"], ["one.json", "also an input"]),
         (&[], ["required", "[NAME:]FILE"]),
     ] {

@@ -223,7 +223,7 @@ fn elongation_takes_frames_pairs_and_a_search() {
         (&["cut.csv", "volume.lfv"], ["cut.csv", "line 2"]),
         (&["volume.lfv", "particles.csv"], ["volume.lfv", "wanted"]),
         (&["gone.csv", "volume.lfv"], ["gone.csv", "no such file"]),
-        (&["-", "-"], ["standard input", "twice"]),
+        (&["-", "-"], ["standard input", "more than once"]),
     ] {
         let text = refusal(&place.run(&[&["elongation"], words].concat()));
         assert!(wanted.iter().all(|word| text.contains(word)), "{words:?}: {text}");
@@ -281,7 +281,7 @@ fn depth_refuses_and_warns_in_one_line() {
         (&["truth.lfv", "--max-outside", "0.1"], ["--slab", "required"]),
         (&["truth.lfv", "large.lfv"], ["large.lfv", "first volume's grid of 4 x 3 x 2"]),
         (&["truth.lfv", "gone.lfv"], ["gone.lfv", "no such file"]),
-        (&["-", "-"], ["standard input", "twice"]),
+        (&["-", "-"], ["standard input", "more than once"]),
     ] {
         let text = refusal(&place.run(&[&["depth"], words].concat()));
         assert!(wanted.iter().all(|word| text.contains(word)), "{words:?}: {text}");

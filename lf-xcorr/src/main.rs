@@ -24,7 +24,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if let Some((option, why)) = arguments.idle() {
         return Err(Error::new(option, format!("changes nothing: {why}"), "wanted it left out"));
     }
-    let inputs: Vec<&Path> = inputs(arguments)?;
+    let inputs = inputs(arguments);
     session.keep_apart(&arguments.output, &inputs)?;
     io::check_place(&arguments.output)?;
     if let Some(plot) = &arguments.plot {
@@ -113,16 +113,13 @@ fn volumes(arguments: &Arguments) -> Result<Vec<Whole>> {
     Ok(volumes)
 }
 
-/// Every file that is read; at most one is standard input.
-fn inputs(arguments: &Arguments) -> Result<Vec<&Path>> {
+/// Every file that is read.
+fn inputs(arguments: &Arguments) -> Vec<&Path> {
     let mut inputs: Vec<&Path> = arguments.files().chain(arguments.and.iter().map(PathBuf::as_path)).collect();
     if let Some(MaskSource::Support(path)) = &arguments.mask {
         inputs.push(path);
     }
-    if inputs.iter().filter(|path| io::is_standard(path)).count() > 1 {
-        return Err(Error::new("standard input", "named more than once", "wanted at most one input to be -"));
-    }
-    Ok(inputs)
+    inputs
 }
 
 /// The light of the volumes, pair by pair.

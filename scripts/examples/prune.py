@@ -4,7 +4,7 @@
     make -f scripts/pipeline.mk PRUNE='python3 scripts/examples/prune.py'
 
 The centre ray of every section of the aperture is traced from every voxel to a pixel; a voxel is kept where the geometric
-mean of its pixels (--score minimum: the darkest) is a share --threshold of the image's brightest.
+mean of its pixels is a share --threshold of the image's brightest.
 """
 
 import sys
@@ -30,7 +30,7 @@ def automatic(image):
     return min(max(0.2 * (light**2).sum() / light.sum(), noise) / light.max(), 1.0)
 
 
-def prune(image, camera, grid, threshold, score="geometric"):
+def prune(image, camera, grid, threshold):
     """Indices (n,) of the voxels kept, and the score of each in counts, (n,). `image` is (height, width), NaN where blind."""
     peak = np.nanmax(image)
     # What a pixel adds to a voxel's score; the imaginary part counts the rays on the sensor, beside which is nothing.
@@ -41,17 +41,13 @@ def prune(image, camera, grid, threshold, score="geometric"):
     indices, scores = [], []
     for k, z in enumerate(depths):
         total = np.zeros((len(y), len(x)), np.complex64)
-        darkest = np.zeros(total.shape, np.float32)
         for u, v in sections:
             places = camera.place_px(x[None, :], y[:, None], z, u, v)
             column, row = (np.clip(np.floor(p) + 1, 0, n + 1).astype(int) for p, n in zip(places, camera.sensor_px))
             # In line with the pixels there are (1, nx) columns and (ny, 1) rows, and no ray for every voxel.
-            level = levels.take(row * levels.shape[1] + column)
-            total += level
-            if score == "minimum":
-                np.minimum(darkest, level.real, out=darkest)
+            total += levels.take(row * levels.shape[1] + column)
         seen = total.imag
-        mean = darkest if score == "minimum" else total.real / np.maximum(seen, 1)
+        mean = total.real / np.maximum(seen, 1)
         kept = np.flatnonzero((seen >= SEEN * len(sections)) & (mean >= np.log(max(threshold, DARK))))
         indices.append(kept + k * total.size)
         scores.append(peak * np.exp(mean.flat[kept]))
@@ -64,7 +60,7 @@ def work(options, session):
     grid = camera.grid(options.pvr, options.depth, options.bounds)
     threshold = automatic(image) if options.threshold == "auto" else float(options.threshold)
     with session.phase("prune"):
-        indices, scores = prune(image, camera, grid, threshold, options.score)
+        indices, scores = prune(image, camera, grid, threshold)
     session.counts.update(threshold=float(threshold), voxels=len(grid), kept=len(indices))
     if not len(indices):
         raise lf.Refused(f"{options.image}: no voxel survives pruning; wanted a brighter image or a lower --threshold")
@@ -77,7 +73,6 @@ parser.add_argument("--pvr", type=lf.numbers(3), default=[1, 1, 10], metavar="X,
 parser.add_argument("--depth", type=lf.numbers(2), required=True, metavar="Z0,Z1", help="depth of the volume, mm")
 parser.add_argument("--bounds", type=lf.numbers(4), metavar="X0,X1,Y0,Y1", help="its sides, mm")
 parser.add_argument("--threshold", default="auto", metavar="SHARE|auto", help="least score kept")
-parser.add_argument("--score", choices=["geometric", "minimum"], default="geometric")
 
 if __name__ == "__main__":
     lf.run(parser, work)

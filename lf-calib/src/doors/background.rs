@@ -1,6 +1,5 @@
 //! `lf-calib background`.
 
-use super::check_inputs;
 use lf_calib::Background;
 use lf_core::camera::{Camera, Sensor};
 use lf_core::cli::{Session, Verdict};
@@ -21,7 +20,6 @@ pub fn background(
     }
     let mut inputs: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
     inputs.extend(camera);
-    check_inputs(&inputs)?;
     session.keep_apart(output, &inputs)?;
     io::check_place(output)?;
     // A quantile must know the number of frames before it takes in the first. Pipes are read once and kept; files are

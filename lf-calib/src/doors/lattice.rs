@@ -1,6 +1,6 @@
 //! `lf-calib lattice`.
 
-use super::{check_inputs, seen_from, with_history};
+use super::{seen_from, with_history};
 use lf_calib::{Calibrated, Fill, ImageLattice, Refusal, White, calibrate, flat_field, lattice, plot};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
@@ -45,7 +45,6 @@ impl Lattice {
     pub fn measure(&self, session: &mut Session) -> Result<Verdict> {
         let inputs: Vec<&Path> =
             self.whites.iter().chain([&self.camera]).chain(&self.dark).map(PathBuf::as_path).collect();
-        check_inputs(&inputs)?;
         let files = self.centres.iter().chain(&self.vignetting).chain(&self.plot);
         let outputs: Vec<&Path> = files.chain([&self.output]).map(PathBuf::as_path).collect();
         check_outputs(&outputs)?;

@@ -13,7 +13,7 @@ pub use volume::{Target, main_lens};
 use lf_core::camera::Camera;
 use lf_core::cli::Session;
 use lf_core::history::History;
-use lf_core::{Error, Result, image, io};
+use lf_core::{Result, image, io};
 use ndarray::Array2;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -45,21 +45,8 @@ fn seen_from(file: &Path, output: &Path, session: &Session) -> Result<PathBuf> {
 fn frames<'a>(
     paths: impl IntoIterator<Item = &'a PathBuf>,
     background: Option<&Path>,
-    flat: Option<&Path>,
     camera: &Camera,
+    camera_file: &Path,
 ) -> Result<Vec<Array2<f32>>> {
-    let read = |path: &PathBuf| {
-        let pixels = image::open_frame(path, background, flat)?.pixels;
-        camera.check_image(&io::name(path), pixels.ncols(), pixels.nrows())?;
-        Ok(pixels)
-    };
-    paths.into_iter().map(read).collect()
-}
-
-/// Standard input can be read once.
-fn check_inputs(inputs: &[&Path]) -> Result<()> {
-    if inputs.iter().filter(|path| **path == Path::new("-")).count() > 1 {
-        return Err(Error::new("standard input", "named more than once", "wanted - for one input only"));
-    }
-    Ok(())
+    paths.into_iter().map(|path| Ok(image::open_frame(path, background, camera, camera_file)?.pixels)).collect()
 }

@@ -1,6 +1,6 @@
 //! `lf-calib refine`.
 
-use super::{check_inputs, seen_from, with_history};
+use super::{seen_from, with_history};
 use lf_calib::{refine_watched, steps};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
@@ -18,7 +18,6 @@ pub fn drift(
     session: &mut Session,
 ) -> Result<Verdict> {
     let inputs: Vec<&Path> = frames.iter().map(PathBuf::as_path).chain(background).chain([camera]).collect();
-    check_inputs(&inputs)?;
     session.keep_apart(output, &inputs)?;
     io::check_place(output)?;
     let nominal = Camera::open(camera)?;
@@ -33,8 +32,7 @@ pub fn drift(
         let found = "standard input, for several frames";
         return Err(Error::new("--background", found, "wanted a file, which can be read again"));
     }
-    let flat = nominal.flat_field(camera);
-    let images = session.phase("read", |_| super::frames(frames, background, flat.as_deref(), &nominal))?;
+    let images = session.phase("read", |_| super::frames(frames, background, &nominal, camera))?;
     let subject = match frames {
         [frame] => io::name(frame),
         _ => format!("{} frames", frames.len()),
@@ -54,6 +52,7 @@ pub fn drift(
     if found.changed.is_empty() {
         session.explain("nothing has drifted that these particles could show");
     }
+    let flat = nominal.flat_field(camera);
     let mut camera = with_history(found.camera, session);
     camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
     camera.check().map_err(|found| Error::new("the camera found", found, "wanted particles that fit one"))?;

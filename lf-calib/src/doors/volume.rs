@@ -1,6 +1,6 @@
 //! `lf-calib volume`.
 
-use super::{check_inputs, frames, seen_from, with_history};
+use super::{frames, seen_from, with_history};
 use lf_calib::{Dot, Exposure, Volume, looks, volume_watched};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict, numbers};
@@ -86,19 +86,17 @@ pub fn main_lens(
 ) -> Result<Verdict> {
     let (images, table) = inputs(images, target)?;
     let all: Vec<&Path> = images.iter().map(PathBuf::as_path).chain(table.as_deref()).chain([camera]).collect();
-    check_inputs(&all)?;
     session.keep_apart(output, &all)?;
     io::check_place(output)?;
     let nominal = Camera::open(camera)?;
     session.explain(format!("camera: {}", nominal.about()));
-    let flat = nominal.flat_field(camera);
     let dots = dots(images.len(), table.as_deref(), target, &nominal)?;
     let exposures = session.phase("read", |_| {
         for depth in dots.iter().flatten().map(|dot| dot.place_mm[2]) {
             check_depth_mm(&nominal, depth)
                 .map_err(|found| Error::new("the target", found, "wanted depths before the main lens"))?;
         }
-        let images = frames(&images, None, flat.as_deref(), &nominal)?;
+        let images = frames(&images, None, &nominal, camera)?;
         let exposure = |(pixels, dots)| Exposure { pixels, dots };
         Ok(images.into_iter().zip(dots).map(exposure).collect::<Vec<_>>())
     })?;
@@ -108,6 +106,7 @@ pub fn main_lens(
         volume_watched(&exposures, &nominal, &|looks| progress.add(looks))
             .map_err(|(image, refusal)| refusal.about(subject(image)))
     })?;
+    let flat = nominal.flat_field(camera);
     let mut camera = with_history(found.camera.clone(), session);
     camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
     camera.check().map_err(|found| Error::new("the camera found", found, "wanted a target that fits one"))?;

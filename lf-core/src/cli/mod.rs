@@ -154,7 +154,7 @@ impl Session {
             Err(Error::new(io::output_name(output), found, "wanted another file to write to"))
         };
         if inputs.iter().filter(|input| io::is_standard(input)).count() > 1 {
-            return Err(Error::new("standard input", "named more than once", "wanted at most one input to be -"));
+            return Err(Error::new("standard input", "named more than once", "wanted - for one input only"));
         }
         for input in inputs {
             if io::same_file(output, input) {
@@ -305,7 +305,7 @@ fn answer(tool: &str, error: &clap::Error, command: &clap::Command, typed: &[OsS
             usage(tool, &format!("nothing to do; wanted {wanted}"))
         }
         _ => {
-            if let Some((option, number)) = negative(error, typed) {
+            if let Some((option, number)) = negative(error, command, typed) {
                 return usage(tool, &format!("{option}: {number}; wanted a number of 0 or more"));
             }
             let text = error.render().to_string();
@@ -324,13 +324,16 @@ fn answer(tool: &str, error: &clap::Error, command: &clap::Command, typed: &[OsS
 }
 
 /// An option that takes no negative number, and the one that was typed after it, which clap takes for another option.
-fn negative(error: &clap::Error, typed: &[OsString]) -> Option<(String, String)> {
+fn negative(error: &clap::Error, command: &clap::Command, typed: &[OsString]) -> Option<(String, String)> {
     use clap::error::{ContextKind, ContextValue};
     let ContextValue::String(found) = error.get(ContextKind::InvalidArg)? else { return None };
     let place = typed.iter().position(|word| word.to_str().is_some_and(|word| word.starts_with(found.as_str())))?;
     let number = typed[place].to_str().filter(|word| word.parse::<f64>().is_ok())?;
-    let option = typed[..place].last()?.to_str().filter(|word| word.starts_with("--"))?;
-    Some((option.to_owned(), number.to_owned()))
+    let option = typed[..place].last()?.to_str()?;
+    let task = command.get_subcommands().find(|task| typed[..place].iter().any(|word| word == task.get_name()));
+    let name = option.strip_prefix("--")?;
+    let mut options = task.unwrap_or(command).get_arguments().filter(|known| known.get_long() == Some(name));
+    options.any(|known| known.get_action().takes_values()).then(|| (option.to_owned(), number.to_owned()))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! A frame as the stages want it: counts above a background, each pixel as sensitive as any other.
 
 use super::{Image, open_counts};
+use crate::camera::Camera;
 use crate::{Error, Result, io};
 use ndarray::Array2;
 use std::path::Path;
@@ -8,17 +9,22 @@ use std::path::Path;
 /// A pixel that counts less than this share of its light is blind: what noise it has would count twenty times.
 pub const BLIND: f32 = 0.05;
 
-/// Reads an image of counts ([`open_counts`]), subtracts a background of the same size, what falls below zero becoming
-/// zero, and divides by a flat field: what each pixel counts of the light that it should. Pixels that count less than
-/// [`BLIND`] of it become NaN: nothing is known of their light.
-pub fn open_frame(path: &Path, background: Option<&Path>, flat: Option<&Path>) -> Result<Image> {
+/// Reads an image of counts ([`open_counts`]) by a camera, which was read from `camera_file`, subtracts a background, what
+/// falls below zero becoming zero, and divides by the camera's flat field: what each pixel counts of the light that it
+/// should. Pixels that count less than [`BLIND`] of it become NaN: nothing is known of their light.
+///
+/// # Errors
+/// Those of the files; another size than the camera's sensor.
+pub fn open_frame(path: &Path, background: Option<&Path>, camera: &Camera, camera_file: &Path) -> Result<Image> {
     let mut image = open_counts(path)?;
+    let (height, width) = image.pixels.dim();
+    camera.check_image(&io::name(path), width, height)?;
     if let Some(file) = background {
         let dark = like("background", file, path, &image)?;
         image.pixels.zip_mut_with(&dark, |pixel, dark| *pixel = (*pixel - dark).max(0.0));
     }
-    if let Some(file) = flat {
-        let flat = like("flat field", file, path, &image)?;
+    if let Some(file) = camera.flat_field(camera_file) {
+        let flat = like("flat field", &file, path, &image)?;
         image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });
     }
     Ok(image)

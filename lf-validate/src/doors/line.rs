@@ -25,7 +25,6 @@ pub fn join(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let files =
         words.iter().filter_map(|word| if let Word::File(_, file) = word { Some(Path::new(file)) } else { None });
     let files: Vec<&Path> = files.collect();
-    super::one_standard_input(&files)?;
     session.keep_apart(&arguments.output, &files)?;
     io::check_place(&arguments.output)?;
     let read = |word: Word| match word {

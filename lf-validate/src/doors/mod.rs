@@ -26,15 +26,7 @@ use std::path::{Path, PathBuf};
 
 /// Refuses standard input asked for twice, and a standard output or `--stats` that is also an input.
 fn check_inputs(inputs: &[&Path], session: &Session) -> Result<()> {
-    one_standard_input(inputs)?;
     session.keep_apart(Path::new("-"), inputs)
-}
-
-fn one_standard_input(inputs: &[&Path]) -> Result<()> {
-    if inputs.iter().filter(|input| io::is_standard(input)).count() > 1 {
-        return Err(Error::new("-", "standard input is asked for twice", "wanted a file for all inputs but one"));
-    }
-    Ok(())
 }
 
 /// `--plot`, the same for every score.

@@ -61,10 +61,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.keep_apart(&arguments.output, &inputs)?;
     let (camera, image, support) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        let flat = camera.flat_field(&arguments.camera);
-        let image = image::open_frame(&arguments.image, arguments.background.as_deref(), flat.as_deref())?;
-        let (height, width) = image.pixels.dim();
-        camera.check_image(&io::name(&arguments.image), width, height)?;
+        let background = arguments.background.as_deref();
+        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera)?;
         Ok((camera, image.pixels, Volume::open(&arguments.support)?))
     })?;
     let means = session.phase("refocus", |_| Ok(refocus(image.view(), &camera, support.grid(), support.indices())))?;
