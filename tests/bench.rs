@@ -66,12 +66,12 @@ fn a_measurement_goes_on_record_and_a_tool_is_the_same_as_itself() {
     assert_eq!(lines[1]["against"]["identical"], true);
     assert!(lines[1]["against"]["ratio"].as_f64().is_some_and(|ratio| ratio > 0.0), "{}", lines[1]);
 
-    // The same figures as if of another commit: the two stand side by side.
+    // The same figures as if of a commit of the next century: the two stand side by side, in their order in time.
     let line = fs::read_to_string(place.path().join("record.jsonl")).unwrap().lines().next().unwrap().to_owned();
     let seconds = |times: f64| format!("\"seconds\":{}", times * lines[0]["seconds"].as_f64().unwrap());
-    let later = line.replace("\"one\"", "\"two\"");
+    let later = line.replace("\"one\"", "\"two\"").replacen("\"date\":\"20", "\"date\":\"21", 1);
     let later = later.replace(&seconds(1.0), &seconds(2.0));
-    fs::write(place.path().join("record.jsonl"), format!("{line}\n{later}\n")).unwrap();
+    fs::write(place.path().join("record.jsonl"), format!("{later}\n{line}\n")).unwrap();
     let said = text(&bench(place.path(), &["--history", "synth"]).unwrap());
     assert!(said.contains("  one ") && said.contains("  two "), "{said}");
     assert!(said.contains("time x 2.00, processor time x 1.00, memory x 1.00; the same tool"), "{said}");
