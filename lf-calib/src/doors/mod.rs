@@ -13,7 +13,7 @@ pub use volume::{Target, main_lens};
 use lf_core::camera::Camera;
 use lf_core::cli::Session;
 use lf_core::history::History;
-use lf_core::{Result, image, io};
+use lf_core::{Error, Result, image, io};
 use ndarray::Array2;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -39,6 +39,14 @@ fn seen_from(file: &Path, output: &Path, session: &Session) -> Result<PathBuf> {
     }
     session.say(format!("the camera names its flat field by its full path, {}", file.display()));
     Ok(file)
+}
+
+/// Writes a camera found from a nominal one, whose flat field it keeps, with this run in its history.
+fn save_found(camera: Camera, flat: Option<PathBuf>, wanted: &str, output: &Path, session: &mut Session) -> Result<()> {
+    let mut camera = with_history(camera, session);
+    camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
+    camera.check().map_err(|found| Error::new("the camera found", found, wanted))?;
+    session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))
 }
 
 /// Frames of a camera's size, less a background, by its flat field; blind pixels are NaN and are passed over.

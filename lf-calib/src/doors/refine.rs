@@ -1,6 +1,6 @@
 //! `lf-calib refine`.
 
-use super::{seen_from, with_history};
+use super::save_found;
 use lf_calib::{refine_watched, steps};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
@@ -52,10 +52,6 @@ pub fn drift(
     if found.changed.is_empty() {
         session.explain("nothing has drifted that these particles could show");
     }
-    let flat = nominal.flat_field(camera);
-    let mut camera = with_history(found.camera, session);
-    camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
-    camera.check().map_err(|found| Error::new("the camera found", found, "wanted particles that fit one"))?;
-    session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))?;
+    save_found(found.camera, nominal.flat_field(camera), "wanted particles that fit one", output, session)?;
     Ok(Verdict::Done)
 }

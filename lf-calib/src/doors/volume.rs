@@ -1,6 +1,6 @@
 //! `lf-calib volume`.
 
-use super::{frames, seen_from, with_history};
+use super::{frames, save_found};
 use lf_calib::{Dot, Exposure, Volume, looks, volume_watched};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict, numbers};
@@ -106,11 +106,7 @@ pub fn main_lens(
         volume_watched(&exposures, &nominal, &|looks| progress.add(looks))
             .map_err(|(image, refusal)| refusal.about(subject(image)))
     })?;
-    let flat = nominal.flat_field(camera);
-    let mut camera = with_history(found.camera.clone(), session);
-    camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
-    camera.check().map_err(|found| Error::new("the camera found", found, "wanted a target that fits one"))?;
-    session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))?;
+    save_found(found.camera.clone(), nominal.flat_field(camera), "wanted a target that fits one", output, session)?;
     tell(&found, exposures.len(), session);
     Ok(Verdict::Done)
 }
