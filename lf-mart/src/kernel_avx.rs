@@ -19,7 +19,7 @@ fn eight(values: &[f32; 8]) -> __m256 {
     unsafe { _mm256_loadu_ps(values.as_ptr()) }
 }
 
-/// How far a half chord reaches into pixels that begin at `from`, at most their `width`.
+/// How much of a half chord lies in parts of the aperture that begin at `from` and are `width` wide, mm.
 #[inline]
 #[target_feature(enable = "avx2,fma")]
 fn reach(half: __m256, from: __m256, width: __m256) -> __m256 {
