@@ -21,3 +21,25 @@ impl Error {
         Self { subject: subject.into(), found: found.into(), wanted: wanted.into() }
     }
 }
+
+/// Why a computation is refused: what was found and what was wanted. It knows no file; the caller says which one it was.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{found}; {wanted}")]
+pub struct Refusal {
+    /// What was found.
+    pub found: String,
+    /// What was wanted instead.
+    pub wanted: String,
+}
+
+impl Refusal {
+    /// `found; wanted`, each a phrase without a full stop.
+    pub fn new(found: impl Into<String>, wanted: impl Into<String>) -> Self {
+        Self { found: found.into(), wanted: wanted.into() }
+    }
+
+    /// The refusal as an error about a file, an option or a stream.
+    pub fn about(self, subject: impl Into<String>) -> Error {
+        Error::new(subject, self.found, self.wanted)
+    }
+}

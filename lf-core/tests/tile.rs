@@ -2,9 +2,9 @@
 
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
-use lf_core::tile::{Tile, core};
+use lf_core::volume::JoinedVolume;
+use lf_core::volume::tile::{Tile, core};
 use lf_core::volume::write_with;
-use lf_core::whole::Whole;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -103,7 +103,7 @@ fn tiles_in_any_order_are_the_whole() {
         let mut paths: Vec<PathBuf> =
             order.iter().map(|n| save(folder.path(), &format!("{n}.lfv"), &grid(), Some(&tile(*n, of)))).collect();
         paths.push(whole.clone());
-        let volumes = Whole::open_all(paths.iter().map(PathBuf::as_path), "intensity").unwrap();
+        let volumes = JoinedVolume::open_all(paths.iter().map(PathBuf::as_path), "intensity").unwrap();
         assert_eq!(volumes.len(), 2, "{of}");
         assert!(volumes[0].indices() == volumes[1].indices() && volumes[0].values() == volumes[1].values(), "{of}");
         assert_eq!(volumes[0].grid(), volumes[1].grid());
@@ -131,10 +131,10 @@ fn tiles_that_are_no_whole_are_refused_in_one_line() {
         (&[&odd], &["odd.lfv: `tile` in its header is {", "wanted that of a tile of its grid"]),
         (&[&two, &one, &two], &["2.lfv: 1 of the 2 tiles"]),
     ] {
-        let refused = Whole::open_all(paths.iter().map(|path| path.as_path()), "intensity");
+        let refused = JoinedVolume::open_all(paths.iter().map(|path| path.as_path()), "intensity");
         let text = refused.err().expect("tiles that are no whole").to_string();
         assert!(words.iter().all(|word| text.contains(word)) && !text.contains('\n'), "{text}");
     }
-    let refused = Whole::open_all([whole.as_path()], "score").err().unwrap().to_string();
+    let refused = JoinedVolume::open_all([whole.as_path()], "score").err().unwrap().to_string();
     assert!(refused.contains("whole.lfv: only the column `intensity`; wanted a column `score`"), "{refused}");
 }

@@ -4,8 +4,8 @@
 //! 60 x 60 lenslets, 8000 particles as 3 x 3 x 9 voxels of 1 x 1 x 10 px each. Medians of seven runs.
 
 use lf_core::camera::Camera;
-use lf_core::footprint::{Basis, Footprint, Model, Scratch};
 use lf_core::grid::Grid;
+use lf_core::weights::{Basis, Footprint, Model, Scratch};
 use lf_mart::projector::Projector;
 use ndarray::Array2;
 use rayon::prelude::*;

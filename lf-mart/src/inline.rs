@@ -3,7 +3,7 @@
 use crate::kernel::{Line, Lines};
 use crate::operator::Plane;
 use crate::tables::InLine;
-use lf_core::footprint::{Chords, RowSet};
+use lf_core::weights::{Chords, RowSet};
 use rayon::prelude::*;
 
 /// Support voxels that one thread takes at a time when it gathers.

@@ -4,7 +4,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use crate::kernel_avx;
-use lf_core::footprint::{Chords, Piece};
+use lf_core::weights::{Chords, Piece};
 
 /// Two runs of four columns and their shares.
 #[derive(Debug, Clone, Copy)]

@@ -2,7 +2,7 @@
 
 use crate::operator::Plane;
 use glam::Vec4;
-use lf_core::footprint::{Footprint, Lenslets, RowSet, Scratch};
+use lf_core::weights::{Footprint, Lenslets, RowSet, Scratch};
 
 /// Buffers of a thread, for whichever weights.
 #[derive(Default)]

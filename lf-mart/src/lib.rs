@@ -24,8 +24,8 @@ mod tables;
 pub use memory::{Route, estimate_bytes, route};
 
 use lf_core::camera::Camera;
-use lf_core::footprint::{Basis, Footprint, Model};
 use lf_core::grid::Grid;
+use lf_core::weights::{Basis, Footprint, Model};
 use ndarray::{Array2, ArrayView2};
 
 /// How intensities are found.

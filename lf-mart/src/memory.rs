@@ -6,9 +6,9 @@ use crate::scattered::{self, count_weights};
 use crate::tables::RowTap;
 use crate::{Method, Options, row_action};
 use lf_core::camera::Camera;
-use lf_core::footprint::{Chords, Footprint, Model};
 use lf_core::grid::Grid;
-use lf_core::kernel;
+use lf_core::simd;
+use lf_core::weights::{Chords, Footprint, Model};
 
 /// Slices whose profiles are counted.
 const SLICES: usize = 9;
@@ -87,7 +87,7 @@ impl Route {
         let kept = if is_kept { "kept in memory" } else { "made anew at every use until those of the voxels held fit" };
         match self {
             Self::Profiles => {
-                format!("weights from profiles of columns and rows, by {}, the fastest way: {why}", kernel::name())
+                format!("weights from profiles of columns and rows, by {}, the fastest way: {why}", simd::name())
             }
             Self::Lenslets => format!("weights looked up lenslet by lenslet, {kept}: {why}"),
             Self::Rays => format!("weights ray by ray, the slowest way, {kept}: {why}"),

@@ -3,7 +3,7 @@
 use crate::kernel::PADDING;
 use crate::scattered::Scattered;
 use crate::tables::InLine;
-use lf_core::footprint::{Footprint, RowSet};
+use lf_core::weights::{Footprint, RowSet};
 
 /// The weights of a support's voxels, for whichever camera.
 pub(crate) enum Operator<'a> {

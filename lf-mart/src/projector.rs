@@ -1,7 +1,7 @@
 //! Projection and back-projection without a matrix, for solvers of one's own.
 
 use crate::operator::{Operator, Plane};
-use lf_core::footprint::{Footprint, RowSet};
+use lf_core::weights::{Footprint, RowSet};
 use ndarray::{Array2, ArrayView2};
 
 /// The weights of a support's voxels as two operations.
@@ -61,7 +61,7 @@ impl<'a> Projector<'a> {
 mod tests {
     use super::*;
     use crate::tests::{cameras, grid, hash, voxels};
-    use lf_core::footprint::{Basis, Model};
+    use lf_core::weights::{Basis, Model};
 
     /// The adjoint: <W e, v> = <e, W' v> for any e and v.
     #[test]

@@ -9,7 +9,7 @@
 
 use crate::simultaneous::change;
 use crate::{GREATEST_STRENGTH, Problem, Solved, Sweep};
-use lf_core::footprint::{Footprint, Piece, Scratch};
+use lf_core::weights::{Footprint, Piece, Scratch};
 use rayon::prelude::*;
 
 /// A voxel and its weight on a pixel.
@@ -185,7 +185,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<S
 mod tests {
     use super::*;
     use crate::tests::{cameras, grid, voxels};
-    use lf_core::footprint::{Basis, Model};
+    use lf_core::weights::{Basis, Model};
 
     #[test]
     fn products_are_the_weights() {

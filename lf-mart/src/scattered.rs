@@ -2,7 +2,7 @@
 
 use crate::kernel_lenslets::{Buffers, gather, spread};
 use crate::operator::{Plane, keep};
-use lf_core::footprint::{Footprint, RowSet};
+use lf_core::weights::{Footprint, RowSet};
 use rayon::prelude::*;
 
 /// Parts of the support projected apart and added in order: the sum is the same for any number of threads.

@@ -15,7 +15,7 @@ use crate::momentum::Momentum;
 use crate::operator::{Operator, Plane, keep};
 use crate::spent::Near;
 use crate::{GREATEST_STRENGTH, Method, Problem, Solved, Sweep};
-use lf_core::footprint::RowSet;
+use lf_core::weights::RowSet;
 use rayon::prelude::*;
 
 /// Subsets of the default; fixed, since it was tuned with the relaxation.

@@ -2,7 +2,7 @@
 //! b(y, z) for each line of voxels. A voxel of 1000 weights costs two profiles of 30.
 
 use crate::kernel::Profiles;
-use lf_core::footprint::{Chords, Footprint};
+use lf_core::weights::{Chords, Footprint};
 use rayon::prelude::*;
 use std::ops::Range;
 

@@ -7,8 +7,8 @@ use crate::operator::{Operator, Plane};
 use crate::scattered::Scattered;
 use crate::{Method, Options, Until, reconstruct};
 use lf_core::camera::Camera;
-use lf_core::footprint::{Basis, Footprint, Lenslets, Model, RowSet, Scratch};
 use lf_core::grid::Grid;
+use lf_core::weights::{Basis, Footprint, Lenslets, Model, RowSet, Scratch};
 use ndarray::{Array1, Array2};
 
 const SUBSETS: usize = 14;

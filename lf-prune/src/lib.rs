@@ -19,8 +19,8 @@ pub use route::Route;
 pub use threshold::Automatic;
 
 use lf_core::camera::Camera;
-use lf_core::footprint::{check_depth, sections};
 use lf_core::grid::Grid;
+use lf_core::weights::{check_depth, sections};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -81,7 +81,7 @@ type Slice = Vec<(u32, f32)>;
 /// and with a medium, tilt or gap, up to one ray for each section and voxel.
 ///
 /// # Errors
-/// Where the grid is too deep, a slice has 2^32 voxels or more, or sections are not within [`lf_core::footprint::SECTIONS`].
+/// Where the grid is too deep, a slice has 2^32 voxels or more, or sections are not within [`lf_core::weights::SECTIONS`].
 pub fn prune(
     image: ArrayView2<f32>,
     camera: &Camera,

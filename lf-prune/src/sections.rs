@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 use lf_core::camera::{Aperture, Camera};
-use lf_core::footprint::sections;
+use lf_core::weights::sections;
 
 /// Section centres along one axis and, for each, which sections of the other axis lie inside the stop.
 pub(crate) struct Sections {

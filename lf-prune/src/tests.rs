@@ -1,5 +1,5 @@
 use super::*;
-use lf_core::tile::Tile;
+use lf_core::volume::tile::Tile;
 use ndarray::Array2;
 
 fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {

@@ -11,8 +11,8 @@ use crate::patch::{self, Patch};
 use crate::samples::{Samples, Shape};
 use glam::DVec2;
 use lf_core::camera::Camera;
-use lf_core::kernel::fastest;
 use lf_core::optics::Optics;
+use lf_core::simd::fastest;
 use ndarray::Array2;
 use rayon::prelude::*;
 

@@ -6,7 +6,7 @@ use doors::arguments::{Arguments, MaskSource, voxels_in};
 use doors::report;
 use lf_core::cli::{self, Session, Verdict};
 use lf_core::volume::Volume;
-use lf_core::whole::{Whole, together};
+use lf_core::volume::{JoinedVolume, together};
 use lf_core::{Error, Result, io};
 use lf_xcorr::plot;
 use lf_xcorr::{Mask, Options, Outcome, Side, Sparse};
@@ -76,11 +76,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if session.is_verbose() {
         let gigabytes = 1e-9 * lf_xcorr::estimate_bytes(&pairs(&volumes), &mask, &options) as f64;
         session.explain(format!("about {gigabytes:.2} GB of memory beside the volumes; {}", report::passes(&options)));
-        session.explain(format!("products by {}", lf_core::kernel::name()));
+        session.explain(format!("products by {}", lf_core::simd::name()));
     }
     let windows = lf_xcorr::windows(shape, &options);
     let mut outcome = session.phase("correlate", |session| correlate(&volumes, &mask, &options, windows, session))?;
-    let histories = volumes.iter().map(Whole::history).chain(support.as_ref().map(Volume::history));
+    let histories = volumes.iter().map(JoinedVolume::history).chain(support.as_ref().map(Volume::history));
     outcome.field.layout.history = session.history(&together(histories));
     outcome.field.layout.dt_s = arguments.dt;
     report::tell(&outcome, &options, session);
@@ -98,14 +98,14 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 }
 
 /// The volumes in pairs, first and second in turn.
-fn volumes(arguments: &Arguments) -> Result<Vec<Whole>> {
-    let mut volumes = Whole::open_all(arguments.files(), COLUMN)?;
-    let name = |volumes: &[Whole]| volumes.iter().map(Whole::name).collect::<Vec<_>>().join(", ");
+fn volumes(arguments: &Arguments) -> Result<Vec<JoinedVolume>> {
+    let mut volumes = JoinedVolume::open_all(arguments.files(), COLUMN)?;
+    let name = |volumes: &[JoinedVolume]| volumes.iter().map(JoinedVolume::name).collect::<Vec<_>>().join(", ");
     if volumes.len() != 2 {
         let found = format!("{} volumes", volumes.len());
         return Err(Error::new(name(&volumes), found, "wanted two, each a file or all its tiles; more pairs by --and"));
     }
-    let more = Whole::open_all(arguments.and.iter().map(PathBuf::as_path), COLUMN)?;
+    let more = JoinedVolume::open_all(arguments.and.iter().map(PathBuf::as_path), COLUMN)?;
     if more.len() % 2 == 1 {
         return Err(Error::new(name(&more), format!("{} volumes after --and", more.len()), "wanted pairs"));
     }
@@ -123,7 +123,7 @@ fn inputs(arguments: &Arguments) -> Vec<&Path> {
 }
 
 /// The light of the volumes, pair by pair.
-fn pairs<'a>(volumes: &'a [Whole]) -> Vec<[Sparse<'a>; 2]> {
+fn pairs<'a>(volumes: &'a [JoinedVolume]) -> Vec<[Sparse<'a>; 2]> {
     let sparse = volumes.iter().map(|volume| Sparse {
         grid: volume.grid(),
         indices: volume.indices(),
@@ -133,18 +133,24 @@ fn pairs<'a>(volumes: &'a [Whole]) -> Vec<[Sparse<'a>; 2]> {
     sparse.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect()
 }
 
-fn correlate(volumes: &[Whole], mask: &Mask, options: &Options, windows: u64, session: &Session) -> Result<Outcome> {
+fn correlate(
+    volumes: &[JoinedVolume],
+    mask: &Mask,
+    options: &Options,
+    windows: u64,
+    session: &Session,
+) -> Result<Outcome> {
     let pairs = pairs(volumes);
     let progress = session.progress("windows", windows);
     let watch = |windows| progress.add(windows);
     lf_xcorr::correlate_pairs(&pairs, mask, options, &watch).map_err(|error| refused(error, volumes))
 }
 
-fn refused(error: lf_xcorr::Error, volumes: &[Whole]) -> Error {
+fn refused(error: lf_xcorr::Error, volumes: &[JoinedVolume]) -> Error {
     let subject = match error.side {
         Side::First(pair) => volumes[2 * pair].name().to_owned(),
         Side::Second(pair) => volumes[2 * pair + 1].name().to_owned(),
-        Side::Both => volumes.iter().map(Whole::name).collect::<Vec<_>>().join(" and "),
+        Side::Both => volumes.iter().map(JoinedVolume::name).collect::<Vec<_>>().join(" and "),
         Side::Mask => "--mask".to_owned(),
         Side::Options => "options".to_owned(),
     };

@@ -4,7 +4,7 @@ use super::save_found;
 use lf_calib::{refine_watched, steps};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
-use lf_core::footprint::check_depth_mm;
+use lf_core::weights::check_depth_mm;
 use lf_core::{Error, Result, io};
 use std::path::{Path, PathBuf};
 

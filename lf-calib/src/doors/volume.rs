@@ -4,7 +4,7 @@ use super::{frames, save_found};
 use lf_calib::{Dot, Exposure, Volume, looks, volume_watched};
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict, numbers};
-use lf_core::footprint::check_depth_mm;
+use lf_core::weights::check_depth_mm;
 use lf_core::{Error, Result, io, particles};
 use std::path::{Path, PathBuf};
 

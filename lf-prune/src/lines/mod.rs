@@ -16,8 +16,8 @@ use crate::{Levels, Part, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
-use lf_core::kernel::fastest;
 use lf_core::optics::Optics;
+use lf_core::simd::fastest;
 use std::ops::Range;
 
 /// Added to a number, it leaves its nearest whole one in the low bits.

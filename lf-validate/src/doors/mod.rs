@@ -15,8 +15,8 @@ mod truth;
 
 use lf_core::camera::Camera;
 use lf_core::cli::{Session, Verdict};
-use lf_core::tile::Tile;
 use lf_core::volume::Volume;
+use lf_core::volume::tile::Tile;
 use lf_core::{Error, Result, io};
 use lf_validate::json;
 use lf_validate::plot::{self, Chart};

@@ -2,7 +2,7 @@
 
 use super::{Picture, check_inputs, counts, is_at_most, number, print, verdict};
 use lf_core::cli::{Session, Verdict, numbers};
-use lf_core::whole::Whole;
+use lf_core::volume::JoinedVolume;
 use lf_core::{Error, Result};
 use lf_validate::pictures;
 use lf_validate::quality::{Light, Quality, quality};
@@ -48,9 +48,9 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let wanted = format!("wanted 1 to {MOST_REGIONS} boxes in all");
         return Err(Error::new("--regions", format!("{regions:?}"), wanted));
     }
-    let volumes = session.phase("read", |_| Whole::open_all(inputs, "intensity"))?;
+    let volumes = session.phase("read", |_| JoinedVolume::open_all(inputs, "intensity"))?;
     if volumes.len() != 2 {
-        let names: Vec<&str> = volumes.iter().map(Whole::name).collect();
+        let names: Vec<&str> = volumes.iter().map(JoinedVolume::name).collect();
         let found = format!("{} volumes", volumes.len());
         return Err(Error::new(names.join(", "), found, "wanted truth and volume, each a file or all its tiles"));
     }
@@ -74,7 +74,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(verdict(keeps(&score, arguments)))
 }
 
-fn light(volume: &Whole) -> Light<'_> {
+fn light(volume: &JoinedVolume) -> Light<'_> {
     Light { grid: volume.grid(), indices: volume.indices(), intensity: volume.values() }
 }
 

@@ -3,7 +3,7 @@ use super::sheet::{Sheet, by, figures, range, whole};
 use crate::statistics::Summary;
 use lf_core::grid::Grid;
 use lf_core::history::History;
-use lf_core::tile::Tile;
+use lf_core::volume::tile::Tile;
 use serde_json::{Map, Value};
 
 /// Describes a sparse volume: its grid, what tile of it the file is, `count` voxels held, columns by name, and what else its

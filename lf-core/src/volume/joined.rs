@@ -2,14 +2,14 @@
 
 use crate::grid::Grid;
 use crate::history::History;
-use crate::tile::Tile;
 use crate::volume::Volume;
+use crate::volume::tile::Tile;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Rising indices of a whole volume and a value for each. One file lends its own; of [tiles](crate::tile) the cores are
+/// Rising indices of a whole volume and a value for each. One file lends its own; of [tiles](crate::volume::tile) the cores are
 /// joined, and what they held beyond is left behind with their files.
-pub struct Whole {
+pub struct JoinedVolume {
     name: String,
     grid: Grid,
     history: History,
@@ -21,7 +21,7 @@ enum Source {
     Joined(Vec<u64>, Vec<f32>),
 }
 
-impl Whole {
+impl JoinedVolume {
     /// The volumes that these files are, in their order: a file that is a tile stands with the files after it for one volume,
     /// as many as it has tiles, in any order. No more files are open at a time than a volume has.
     ///

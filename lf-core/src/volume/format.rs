@@ -22,7 +22,7 @@
 //! - `columns`: names, all different, none empty, in the order in which the columns follow.
 //! - `checksum`: XXH3-64 (seed 0) of everything behind the header, gaps included, as 16 hexadecimal digits.
 //! - `history`: objects `{"tool", "version", "arguments"}`, oldest first; absent means none.
-//! - `tile`: present where the file is a part of a volume only, see [`crate::tile`].
+//! - `tile`: present where the file is a part of a volume only, see [`crate::volume::tile`].
 //! - any other key is kept for whoever knows it: [`Volume::extra`], [`write_with`].
 //!
 //! Promise: a reader that returns `Ok` has checked every sentence above, has allocated no more than the header's own text
