@@ -1,5 +1,5 @@
-//! scripts/bench: a measurement goes on record with all that it takes to compare it, a stage in its own place makes the
-//! same, and words that mean nothing are refused.
+//! scripts/studies/bench: a record holds all that a comparison needs, a stage paired with itself gives the same output,
+//! and unknown words are refused.
 
 use lf_tests::tools::{path, workspace};
 use serde_json::Value;
@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A run of scripts/bench on the tools of this test, its files under `out`; none, and a word, where there is no bash.
+/// Runs scripts/studies/bench with the tools of this test and its files under `out`. Without bash: prints why, returns None.
 fn bench(out: &Path, words: &[&str]) -> Option<Output> {
     for program in ["bash", "awk"] {
         if Command::new(program).arg("--version").output().is_err() {
@@ -16,7 +16,7 @@ fn bench(out: &Path, words: &[&str]) -> Option<Output> {
         }
     }
     let mut command = Command::new("bash");
-    command.arg(workspace().join("scripts/bench")).args(words).current_dir(out);
+    command.arg(workspace().join("scripts/studies/bench")).args(words).current_dir(out);
     command.env("BIN", path("lf-synth").parent().unwrap()).env("OUT", out).env("COMMIT", "one");
     Some(command.output().unwrap())
 }

@@ -1,4 +1,4 @@
-//! scripts/paper.mk: every size is sound, a figure is made, and a rule that fails leaves nothing.
+//! scripts/paper/paper.mk: every size is sound, a figure is made, and a rule that fails leaves nothing.
 
 use lf_tests::tools::{TOOLS, path, workspace};
 use std::fs;
@@ -14,7 +14,7 @@ fn make(words: &[&str]) -> Option<Output> {
         }
     }
     let mut command = Command::new("make");
-    command.current_dir(workspace()).env_remove("MAKEFLAGS").args(["-f", "scripts/paper.mk"]).args(words);
+    command.current_dir(workspace()).env_remove("MAKEFLAGS").args(["-f", "scripts/paper/paper.mk"]).args(words);
     Some(command.output().unwrap())
 }
 

@@ -31,7 +31,8 @@ fn python(modules: &[&str]) -> Option<Command> {
         return None;
     }
     let mut command = Command::new(program);
-    command.env("LF_HISTORY", "off").env("PYTHONDONTWRITEBYTECODE", "1").current_dir(workspace().join("scripts"));
+    command.env("LF_HISTORY", "off").env("PYTHONDONTWRITEBYTECODE", "1");
+    command.current_dir(workspace().join("scripts/python"));
     Some(command)
 }
 
@@ -271,12 +272,12 @@ for name, values in field.items():
         done(python);
     }
     if let Some(mut python) = python(&["numpy", "OpenEXR", "vtk"]) {
-        python.arg("examples/check_vti.py").args([&vti, &exr]);
+        python.arg("../examples/check_vti.py").args([&vti, &exr]);
         done(python);
     }
     if let Some(mut python) = python(&["numpy", "OpenEXR", "matplotlib"]) {
         let picture = folder.path().join("field.png");
-        python.args(["examples/plot.py", "--slice", "y=0.6"]).arg(&exr).arg("-o").arg(&picture);
+        python.args(["../examples/plot.py", "--slice", "y=0.6"]).arg(&exr).arg("-o").arg(&picture);
         done(python);
         assert!(fs::read(&picture).unwrap().starts_with(b"\x89PNG"));
     }

@@ -15,7 +15,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
 FINER = 4  # Rays a side for every section of the aperture.

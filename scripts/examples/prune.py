@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
 DARK = 1e-6  # What a pixel counts as at least, as a share of the brightest: one must not cost everything.

@@ -36,7 +36,7 @@ impl Preset {
     }
 
     /// Its place on the front of time and error: all three tools with it, on a pair of frames of the trade's scene, one
-    /// thread, 448 x 448 x 91 voxels at 1,1,10. `make -f scripts/paper.mk trade` measures it.
+    /// thread, 448 x 448 x 91 voxels at 1,1,10. `make -f scripts/paper/paper.mk trade` measures it.
     fn measured(self) -> &'static str {
         self.of([
             "the chain with it: 0.44 s a pair, RMS errors 0.16 px in u and 1.5 px in w",

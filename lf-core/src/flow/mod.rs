@@ -237,7 +237,7 @@ impl Flow {
                 let centre = DVec3::from(bounds_mm.map(|[low, high]| 0.5 * (low + high)));
                 let along_x = matches!(case, Case::A1 | Case::A2 | Case::A3 | Case::A4);
                 // Printed: k = 2 pi / (omega L), and sqrt(2) omega L over two axes with L sqrt(2) times longer. The text
-                // has omega count cycles across the volume, so omega stands above: departures in the README.
+                // has omega count cycles across the volume, so omega stands above: departures in scripts/paper/README.md.
                 let cycles = match case {
                     Case::A1 | Case::B1 => DVec3::X,
                     Case::A2 | Case::B2 => DVec3::new(0.5, 0.5, 0.0),

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws misaligned cameras for scripts/calibrate, and judges what lf-calib volume makes of their dot targets.
+"""Draws misaligned cameras for scripts/studies/calibrate, and judges what lf-calib volume makes of their dot targets.
 
     calibrate.py draw SEED DIR [perfect]   DIR/scene.json (the truth) and DIR/nominal.json (what a maker would say)
     calibrate.py shift DIR                 DIR/dots.csv as the traverse says it: less the focus offset

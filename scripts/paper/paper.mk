@@ -1,12 +1,12 @@
 # The paper's figures and claims, measured with these tools: S. Shi, J. Ding, T. H. New & J. Soria, Exp. Fluids 58:78 (2017).
 # From the root of the repository, with the tools on the PATH or BIN=target/release/:
 #
-#     make -j2 -f scripts/paper.mk burn         run all that is missing (small: half an hour on two cores)
-#     make -f scripts/paper.mk fig8             one figure: fig4 to fig15, fig17; trade
-#     make -f scripts/paper.mk view             where the pictures are, and the claims as a table
-#     make -f scripts/paper.mk readme           put that table and the trade's list into README.md
-#     make -f scripts/paper.mk clean            delete what this SIZE has made
-#     make -j2 -f scripts/paper.mk SIZE=medium  larger volumes, more seeds, more sweeps: hours; SIZE=paper: weeks
+#     make -j2 -f scripts/paper/paper.mk burn         run all that is missing (small: half an hour on two cores)
+#     make -f scripts/paper/paper.mk fig8             one figure: fig4 to fig15, fig17; trade
+#     make -f scripts/paper/paper.mk view             where the pictures are, and the claims as a table
+#     make -f scripts/paper/paper.mk readme           put that table and the trade's list into README.md beside it
+#     make -f scripts/paper/paper.mk clean            delete what this SIZE has made
+#     make -j2 -f scripts/paper/paper.mk SIZE=medium  larger volumes, more seeds, more sweeps: hours; SIZE=paper: weeks
 #
 # It takes GNU make 3.82 and bash 4.3 or later (macOS comes with older ones). One run is one file of JSON lines, made by one rule in a folder of its own that goes when the rule ends, however it ends.
 # Every parameter stands in the rule or in the list of its SIZE. Volumes are cubes of lenslets of the ready scene `core`
@@ -703,19 +703,20 @@ $(OUT)/trade-w.json: $(trade_runs)
 claims: $(OUT)/claims.jsonl
 $(OUT)/claims.jsonl: $(filter-out fig4,$(figures))
 	$(begin)
-	BIN=$(BIN) scripts/paper-claims $(OUT) > "$$d/claims.jsonl"
+	BIN=$(BIN) scripts/paper/claims $(OUT) > "$$d/claims.jsonl"
 	done_ claims.jsonl
 
 view:
 	ls $(OUT)/*.svg $(OUT)/fig4/*.svg
-	BIN=$(BIN) scripts/paper-claims $(OUT) table
+	BIN=$(BIN) scripts/paper/claims $(OUT) table
 
-# What stands between the marks of README.md, from what `burn` has measured.
+# Replaces what stands between the marks of scripts/paper/README.md by what `burn` has measured.
+page = scripts/paper/README.md
 readme:
 	target=$(OUT)/readme bin=$(BIN) threads=$(THREADS); eval "$$steps"
-	cp README.md "$$d/README.md"
+	cp $(page) "$$d/README.md"
 	for part in claims trade; do
-	    BIN=$(BIN) scripts/paper-$$part $(OUT) table > "$$d/$$part.md"
+	    BIN=$(BIN) scripts/paper/$$part $(OUT) table > "$$d/$$part.md"
 	    awk -v part="$$part" -v file="$$d/$$part.md" '
 	        $$0 == "<!-- end of " part " -->" { inside = 0 }
 	        !inside { print }
@@ -723,7 +724,7 @@ readme:
 	        END { if (inside || !found) exit 1 }' "$$d/README.md" > "$$d/next.md"
 	    mv "$$d/next.md" "$$d/README.md"
 	done
-	cat "$$d/README.md" > README.md
+	cat "$$d/README.md" > $(page)
 
 clean:
 	rm -rf $(OUT)
