@@ -1,27 +1,15 @@
-//! Result and truth to scores.
+//! Results and truths to scores, and runs to curves.
 //!
-//! Slices and fields in, plain structs out; the structs serialise to the JSON that lf-validate prints. Sums are taken in
-//! f64 in the order of the data, so a score depends on nothing but its inputs.
+//! - [`scores`]: volumes, fields and the truth in, one struct a score out.
+//! - [`pictures`]: a score in, its chart out.
+//! - [`runs`]: JSON records of many runs in, curves over seeds and the trade of cost against error out.
+//! - [`info`]: the content of a file in, a description of one screen out.
+//!
+//! The structs serialise to the JSON that `lf-validate` prints. Sums are taken in `f64` in the order of the data, so that a
+//! score depends on its inputs only, and not on the number of threads.
 
-pub mod coverage;
-pub mod curves;
-pub mod depth;
-pub mod displacement;
-pub mod divergence;
-pub mod elongation;
-pub mod ensemble;
 pub mod info;
-pub mod json;
-pub mod line;
-pub mod noise;
-pub mod pdf;
 pub mod pictures;
 pub mod plot;
-pub mod quality;
 pub mod runs;
-pub mod statistics;
-pub mod tracks;
-pub mod trade;
-pub mod trilinear;
-pub mod truth;
-pub mod units;
+pub mod scores;

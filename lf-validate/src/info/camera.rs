@@ -1,4 +1,4 @@
-use super::sheet::{Sheet, by, figures, whole};
+use super::description::{Sheet, by, figures, whole};
 use lf_core::camera::{Aperture, Camera, Layout};
 use lf_core::lattice::MOST_DEGREE;
 use serde_json::Value;

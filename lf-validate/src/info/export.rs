@@ -1,4 +1,4 @@
-use super::sheet::{Sheet, figures, share, whole};
+use super::description::{Sheet, figures, share, whole};
 
 /// Describes a vector field exported as text; `text` is the whole file.
 pub fn table(text: &str) -> Sheet {

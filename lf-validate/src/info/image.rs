@@ -1,5 +1,5 @@
-use super::sheet::{Sheet, range, share, whole};
-use crate::statistics::Summary;
+use super::description::{Sheet, range, share, whole};
+use super::summary::Summary;
 use lf_core::history::History;
 
 /// Describes an image of `width` x `height` pixels, the first of so many pages.

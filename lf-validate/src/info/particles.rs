@@ -1,5 +1,5 @@
-use super::sheet::{Sheet, figures, range, whole};
-use crate::statistics::Summary;
+use super::description::{Sheet, figures, range, whole};
+use super::summary::Summary;
 use std::collections::BTreeMap;
 
 /// The header line of `particles.csv`.

@@ -1,6 +1,6 @@
-use super::json::brief;
-use super::sheet::{Sheet, by, figures, range, whole};
-use crate::statistics::Summary;
+use super::description::{Sheet, by, figures, range, whole};
+use super::objects::brief;
+use super::summary::Summary;
 use lf_core::grid::Grid;
 use lf_core::history::History;
 use lf_core::volume::tile::Tile;

@@ -1,8 +1,8 @@
 //! Light along z.
 
 use super::{figures, from_zero, whole};
-use crate::depth::Score;
 use crate::plot::{Axis, Chart, Mark, Panel, Place};
+use crate::scores::depth::Score;
 
 /// The section x, z of all light, its profile along z, and the brightest voxels.
 pub fn depth(score: &Score) -> Chart {

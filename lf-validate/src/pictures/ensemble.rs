@@ -1,10 +1,10 @@
 //! A slice of many fields' statistics.
 
 use super::figures;
-use crate::ensemble::Ensemble;
 use crate::plot::{Axis, Chart, Mark, Panel};
-use crate::statistics::quantile;
-use crate::units::{AXES, COMPONENTS};
+use crate::scores::ensemble::Ensemble;
+use crate::scores::units::{AXES, COMPONENTS};
+use lf_core::statistics::quantile;
 
 /// Most arrows along an axis; of more, every second, third, ... is drawn.
 const MOST_ARROWS: usize = 24;
@@ -127,8 +127,9 @@ impl Slice<'_> {
         // Displacements, whatever is drawn: arrows have the length of the axes.
         let vector = |place: &[usize; 2]| self.across.map(|axis| self.mean(axis, self.node(*place)) / self.factor);
         let vectors: Vec<[f64; 2]> = places.iter().map(vector).collect();
-        let lengths: Vec<f64> = vectors.iter().map(|[x, y]| x.hypot(*y)).filter(|length| length.is_finite()).collect();
-        let usual = quantile(lengths, USUAL);
+        let mut lengths: Vec<f64> =
+            vectors.iter().map(|[x, y]| x.hypot(*y)).filter(|length| length.is_finite()).collect();
+        let usual = quantile(&mut lengths, USUAL);
         let step = (0..2).map(|a| stride[a] as f64 * layout.spacing_mm[self.across[a]]).fold(f64::INFINITY, f64::min);
         let times = ARROW_STEPS * step / usual;
         times.is_finite().then(|| {
@@ -146,8 +147,8 @@ impl Slice<'_> {
 
 /// The size that [`USUAL`] of the values do not exceed; 0 where there are none.
 fn usual(values: &[f64]) -> f64 {
-    let sizes: Vec<f64> = values.iter().map(|value| value.abs()).filter(|size| size.is_finite()).collect();
-    if sizes.is_empty() { 0.0 } else { quantile(sizes, USUAL) }
+    let mut sizes: Vec<f64> = values.iter().map(|value| value.abs()).filter(|size| size.is_finite()).collect();
+    if sizes.is_empty() { 0.0 } else { quantile(&mut sizes, USUAL) }
 }
 
 fn from_zero(name: String, values: Vec<f64>) -> (Axis, Vec<f64>) {

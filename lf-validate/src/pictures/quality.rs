@@ -2,7 +2,7 @@
 
 use super::{curve, figures, whole};
 use crate::plot::{Axis, Chart, Mark, Panel, Place, Style};
-use crate::quality::Quality;
+use crate::scores::quality::Quality;
 
 /// Q, ghost and missed light, and light itself, of each slice across z.
 pub fn quality(score: &Quality) -> Chart {

@@ -1,0 +1,61 @@
+//! `depth`: where along z the light of volumes lies.
+
+use super::inputs::{check_inputs, light, open_whole};
+use super::limits::{is_at_most, number, verdict};
+use super::picture::Picture;
+use super::print::print;
+use lf_core::cli::{Session, Verdict, numbers};
+use lf_core::{Error, Result};
+use lf_validate::pictures;
+use lf_validate::scores::depth::Depth;
+use std::path::{Path, PathBuf};
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Volumes of one grid; they are added up
+    #[arg(default_value = "-")]
+    volumes: Vec<PathBuf>,
+    /// Depths between which there should be light, mm
+    #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    slab: Option<[f64; 2]>,
+    #[command(flatten)]
+    picture: Picture,
+    /// Exit code 1 when outside_share is above SHARE
+    #[arg(long, value_name = "SHARE", value_parser = number, requires = "slab")]
+    max_outside: Option<f64>,
+}
+
+/// Reads, scores, prints, judges.
+pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    let inputs: Vec<&Path> = arguments.volumes.iter().map(PathBuf::as_path).collect();
+    check_inputs(&inputs, session)?;
+    arguments.picture.check(&inputs, session)?;
+    if let Some([low, high]) = arguments.slab.filter(|[low, high]| low >= high) {
+        return Err(Error::new("--slab", format!("{low},{high}"), "wanted the lower depth first"));
+    }
+    let sum = session.phase("score", |session| {
+        let progress = session.progress("volumes", inputs.len() as u64);
+        add_up(&inputs, &|| progress.add(1))
+    })?;
+    let score = sum.score(arguments.slab);
+    session.count("volumes", score.volumes);
+    arguments.picture.draw(session, || pictures::depth(&score))?;
+    print(&score)?;
+    if score.light <= 0.0 {
+        session.warn("every voxel is dark");
+    }
+    Ok(verdict(is_at_most(score.outside_share, arguments.max_outside)))
+}
+
+/// One volume in memory at a time.
+fn add_up(inputs: &[&Path], added: &dyn Fn()) -> Result<Depth> {
+    let add = |sum: Option<Depth>, input: &&Path| {
+        let volume = open_whole(input)?;
+        let mut sum = sum.unwrap_or_else(|| Depth::new(volume.grid()));
+        sum.add(light(&volume)?).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))?;
+        added();
+        Ok(Some(sum))
+    };
+    let sum = inputs.iter().try_fold(None, add)?;
+    sum.ok_or_else(|| Error::new("VOLUMES", "none", "wanted at least one"))
+}

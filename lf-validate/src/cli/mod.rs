@@ -1,0 +1,24 @@
+//! In: the command line.
+//! Out: files read, one call of the library, one JSON object printed, pictures and files written, the exit code.
+//! Open first: `run.rs`; each subcommand has a file of its name, with its options and its help.
+
+mod arguments;
+mod curves;
+mod depth;
+mod displacement;
+mod divergence;
+mod elongation;
+mod ensemble;
+mod info;
+mod inputs;
+mod limits;
+mod line;
+mod picture;
+mod print;
+mod quality;
+mod run;
+mod source;
+mod trade;
+mod truth;
+
+pub use run::run;

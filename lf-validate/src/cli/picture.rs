@@ -1,0 +1,36 @@
+//! The option `--plot`, the same for every score.
+
+use lf_core::cli::Session;
+use lf_core::{Error, Result, io};
+use lf_validate::plot::{self, Chart};
+use std::path::{Path, PathBuf};
+
+/// Where the picture goes.
+#[derive(clap::Args)]
+pub struct Picture {
+    /// Draw the result
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+}
+
+impl Picture {
+    /// Refuses a picture that is also an input, and standard output, which is the score's.
+    pub fn check(&self, inputs: &[&Path], session: &Session) -> Result<()> {
+        let Some(file) = &self.plot else { return Ok(()) };
+        if io::is_standard(file) {
+            return Err(Error::new("--plot", "-", "wanted a file: standard output is the score's"));
+        }
+        io::check_picture(file)?;
+        session.keep_apart(file, inputs)
+    }
+
+    /// Draws and saves the chart if `--plot` is given.
+    pub fn draw(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<()> {
+        let Some(file) = &self.plot else { return Ok(()) };
+        session.phase("plot", |_| {
+            let refused = |(found, wanted): (String, String)| Error::new(io::output_name(file), found, wanted);
+            let svg = plot::draw(&chart()).map_err(refused)?;
+            io::save_text(file, |out| out.write_all(svg.as_bytes()))
+        })
+    }
+}

@@ -1,0 +1,91 @@
+//! `quality`: a volume against the true one.
+
+use super::inputs::check_inputs;
+use super::limits::{counts, is_at_most, number, verdict};
+use super::picture::Picture;
+use super::print::print;
+use lf_core::cli::{Session, Verdict, numbers};
+use lf_core::volume::JoinedVolume;
+use lf_core::{Error, Result};
+use lf_validate::pictures;
+use lf_validate::scores::light::Light;
+use lf_validate::scores::quality::{Quality, quality};
+use std::path::PathBuf;
+
+/// Each takes a hundred bytes and a line of the score.
+const MOST_REGIONS: usize = 1_000_000;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The true volume
+    truth: PathBuf,
+    /// The volume to score; all its tiles (lf-prune --tile) stand for a volume, in any order
+    #[arg(default_value = "-")]
+    volume: Vec<PathBuf>,
+    /// Boxes along x, y, z that are scored one by one [default: 3,3,3, or the voxels where they are fewer]
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
+    regions: Option<[f64; 3]>,
+    #[command(flatten)]
+    picture: Picture,
+    /// Exit code 1 when q is below Q
+    #[arg(long, value_name = "Q", value_parser = number, allow_negative_numbers = true)]
+    min_q: Option<f64>,
+    /// Exit code 1 when ghost_share is above SHARE
+    #[arg(long, value_name = "SHARE", value_parser = number)]
+    max_ghosts: Option<f64>,
+    /// Exit code 1 when missed_share is above SHARE
+    #[arg(long, value_name = "SHARE", value_parser = number)]
+    max_missed: Option<f64>,
+    /// Exit code 1 when max_difference is above SHARE
+    #[arg(long, value_name = "SHARE", value_parser = number)]
+    max_difference: Option<f64>,
+}
+
+/// Reads, scores, prints, judges.
+pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    let mut inputs = vec![arguments.truth.as_path()];
+    inputs.extend(arguments.volume.iter().map(PathBuf::as_path));
+    check_inputs(&inputs, session)?;
+    arguments.picture.check(&inputs, session)?;
+    let regions = arguments.regions.map(|typed| counts("--regions", typed)).transpose()?;
+    if let Some(regions) = regions.filter(|regions| !(1..=MOST_REGIONS).contains(&regions.iter().product())) {
+        let wanted = format!("wanted 1 to {MOST_REGIONS} boxes in all");
+        return Err(Error::new("--regions", format!("{regions:?}"), wanted));
+    }
+    let volumes = session.phase("read", |_| JoinedVolume::open_all(inputs, "intensity"))?;
+    if volumes.len() != 2 {
+        let names: Vec<&str> = volumes.iter().map(JoinedVolume::name).collect();
+        let found = format!("{} volumes", volumes.len());
+        return Err(Error::new(names.join(", "), found, "wanted truth and volume, each a file or all its tiles"));
+    }
+    let [truth, volume] = [0, 1].map(|n| &volumes[n]);
+    let (true_light, light) = (light(truth), light(volume));
+    let regions = regions.unwrap_or_else(|| truth.grid().shape.map(|voxels| voxels.min(3)));
+    let score = session.phase("score", |_| {
+        quality(true_light, light, regions).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))
+    })?;
+    let [x, y, z] = regions;
+    session.explain(format!("{x} x {y} x {z} regions; {} voxels lit in the truth", score.truth_voxels));
+    session.count("truth_voxels", score.truth_voxels);
+    session.count("volume_voxels", score.volume_voxels);
+    arguments.picture.draw(session, || pictures::quality(&score))?;
+    print(&score)?;
+    for (name, voxels) in [(truth.name(), score.truth_voxels), (volume.name(), score.volume_voxels)] {
+        if voxels == 0 {
+            session.warn(format!("{name}: every voxel is dark; q is 0"));
+        }
+    }
+    Ok(verdict(keeps(&score, arguments)))
+}
+
+fn light(volume: &JoinedVolume) -> Light<'_> {
+    Light { grid: volume.grid(), indices: volume.indices(), intensity: volume.values() }
+}
+
+/// A share that does not exist keeps no limit.
+fn keeps(score: &Quality, arguments: &Arguments) -> bool {
+    arguments.min_q.is_none_or(|least| score.q >= least)
+        && is_at_most(score.ghost_share, arguments.max_ghosts)
+        && is_at_most(score.missed_share, arguments.max_missed)
+        && is_at_most(score.max_difference, arguments.max_difference)
+}

@@ -1,0 +1,26 @@
+//! From the command line to the work of a subcommand.
+
+use super::arguments::{Arguments, Command};
+use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, quality, trade};
+use lf_core::cli;
+use std::process::ExitCode;
+
+/// Reads the command line, runs the subcommand and returns the exit code.
+pub fn run() -> ExitCode {
+    cli::run(
+        "lf-validate",
+        |arguments: &Arguments| &arguments.common,
+        |arguments, session| match &arguments.command {
+            Command::Quality(arguments) => quality::judge(arguments, session),
+            Command::Elongation(arguments) => elongation::judge(arguments, session),
+            Command::Depth(arguments) => depth::judge(arguments, session),
+            Command::Displacement(arguments) => displacement::judge(arguments, session),
+            Command::Divergence(arguments) => divergence::judge(arguments, session),
+            Command::Ensemble(arguments) => ensemble::average(arguments, session),
+            Command::Info(arguments) => info::describe(arguments, session),
+            Command::Line(arguments) => line::join(arguments, session),
+            Command::Curves(arguments) => curves::plot(arguments, session),
+            Command::Trade(arguments) => trade::judge(arguments, session),
+        },
+    )
+}

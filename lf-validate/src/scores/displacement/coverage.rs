@@ -1,0 +1,86 @@
+//! Whether the stated uncertainty holds.
+
+use crate::scores::displacement::truth::Sample;
+use crate::scores::units::COMPONENTS;
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+/// How the errors of measured vectors compare with the standard uncertainty stated of them; one number for each of u, v, w,
+/// and in JSON one key: `within_1_u`. Errors of a normal distribution are within one standard uncertainty in a share of
+/// 0.683 and within two in 0.954. NaN where nothing was stated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coverage {
+    /// Measured vectors with a stated uncertainty.
+    pub stated: [usize; 3],
+    /// Share of their errors no larger than the stated uncertainty.
+    pub within_1: [f64; 3],
+    /// Share of their errors no larger than twice the stated uncertainty.
+    pub within_2: [f64; 3],
+    /// RMS of the stated uncertainty, mm.
+    pub rms_stated_mm: [f64; 3],
+    /// RMS of their errors, mm: what it would be were it right.
+    pub rms_error_mm: [f64; 3],
+}
+
+impl Coverage {
+    /// The coverage of the measured samples.
+    pub fn of(samples: &[Sample]) -> Self {
+        // Error and stated uncertainty of each vector that has both.
+        let pairs = [0, 1, 2].map(|axis| {
+            let of_axis = |sample: &Sample| (sample.error_mm[axis], sample.stated_mm[axis]);
+            let measured = samples.iter().filter(|sample| sample.is_measured).map(of_axis);
+            measured.filter(|(_, stated)| stated.is_finite()).collect::<Vec<(f64, f64)>>()
+        });
+        let mean = |number: fn(&(f64, f64)) -> f64| {
+            [0, 1, 2].map(|axis| pairs[axis].iter().map(number).sum::<f64>() / pairs[axis].len() as f64)
+        };
+        Self {
+            stated: [0, 1, 2].map(|axis| pairs[axis].len()),
+            within_1: mean(|(error, stated)| f64::from(error.abs() <= *stated)),
+            within_2: mean(|(error, stated)| f64::from(error.abs() <= 2.0 * stated)),
+            rms_stated_mm: mean(|(_, stated)| stated * stated).map(f64::sqrt),
+            rms_error_mm: mean(|(error, _)| error * error).map(f64::sqrt),
+        }
+    }
+}
+
+impl Serialize for Coverage {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for (axis, name) in COMPONENTS.iter().enumerate() {
+            map.serialize_entry(&format!("stated_{name}"), &self.stated[axis])?;
+            map.serialize_entry(&format!("within_1_{name}"), &self.within_1[axis])?;
+            map.serialize_entry(&format!("within_2_{name}"), &self.within_2[axis])?;
+            map.serialize_entry(&format!("rms_stated_{name}_mm"), &self.rms_stated_mm[axis])?;
+            map.serialize_entry(&format!("rms_error_{name}_mm"), &self.rms_error_mm[axis])?;
+        }
+        map.end()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_by_hand() {
+        let sample = |u: f64, su: f64, is_measured| Sample {
+            error_mm: [u, 0.0, 0.0],
+            stated_mm: [su, f64::NAN, 0.0],
+            is_measured,
+        };
+        let found = Coverage::of(&[
+            sample(1.0, 1.0, true),
+            sample(-3.0, 2.0, true),
+            sample(4.0, 1.0, true),
+            sample(0.0, f64::NAN, true),
+            sample(0.5, 2.0, true),
+            sample(9.0, 1.0, false),
+        ]);
+        assert_eq!(found.stated, [4, 0, 5]);
+        assert_eq!((found.within_1[0], found.within_2[0]), (0.5, 0.75));
+        assert_eq!((found.rms_stated_mm[0], found.rms_error_mm[0]), (2.5f64.sqrt(), (26.25f64 / 4.0).sqrt()));
+        assert!(found.within_1[1].is_nan() && found.rms_stated_mm[1].is_nan());
+        assert_eq!((found.within_1[2], found.rms_stated_mm[2]), (1.0, 0.0));
+    }
+}

@@ -1,0 +1,263 @@
+//! How far a field is from one that keeps its volume: what can be judged without the truth.
+
+use crate::scores::divergence::noise::{Noise, noise};
+use crate::scores::pdf::Histogram;
+use crate::scores::spread::Spread;
+use lf_core::field::{Field, Layout, NO_DATA};
+use lf_core::statistics::robust;
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+/// Bins of the density to a robust standard deviation of the divergence.
+pub const BINS_PER_SIGMA: f64 = 5.0;
+
+/// Bins on either side of the middle one: to 8 robust standard deviations.
+pub const REACH: usize = 40;
+
+/// What the divergence of a field says of it. Numbers of the divergence have no unit: change of volume over volume, in the
+/// time between the two volumes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Divergence {
+    /// Vectors of the field.
+    pub places: usize,
+    /// Vectors without data.
+    pub no_data: usize,
+    /// A pixel at the focal plane, mm; absent without a camera, and then so is every `px`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pixel_mm: Option<f64>,
+    /// Voxel spacing of the volumes correlated, mm.
+    pub voxel_mm: [f64; 3],
+    /// Vectors from one to the next that shares no data with it; see [`stride`].
+    pub stride: [usize; 3],
+    /// The same, mm.
+    pub stride_mm: [f64; 3],
+    /// Places whose six neighbours a stride away all have data. Replaced vectors count as data.
+    pub count: usize,
+    /// Mean divergence.
+    pub mean: f64,
+    /// Root of its mean square.
+    pub rms: f64,
+    /// Median of its size.
+    pub median_abs: f64,
+    /// Its robust standard deviation.
+    pub sigma: f64,
+    /// Root of the mean square of all nine gradients of the displacement at all places.
+    pub rms_gradient: f64,
+    /// `rms` over the root of the mean of (du/dx)^2 + (dv/dy)^2 + (dw/dz)^2: 0 where the volume is kept, 1 where the
+    /// three are independent of each other, as those of noise are; that is also what a flow of turn and shear alone ends in,
+    /// and NaN without its noise.
+    pub relative: f64,
+    /// RMS divergence that the noise alone would give: the root of the sum of sigma^2 / (2 stride_mm^2) over the axes.
+    pub rms_of_noise: f64,
+    /// Noise of the components.
+    pub noise: Noise,
+    /// Density of the divergence in [`BINS_PER_SIGMA`] bins to a `sigma`; none where `sigma` is 0 or does not exist.
+    pub pdf: Option<Density>,
+}
+
+/// Density of the divergence. In JSON `x_divergence`, the middles of the bins, `divergence`, the density there per unit of
+/// divergence, and `below_divergence` and `above_divergence`, the shares beyond the bins.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Density(pub Histogram);
+
+/// Vectors along each axis that an interrogation window covers, rounded up, at least one: windows so far apart share no
+/// data.
+pub fn stride(layout: &Layout) -> [usize; 3] {
+    // What the rounding of products may add to a whole number is no vector more.
+    const ROUNDING: f64 = 1e-6;
+    [0, 1, 2].map(|axis| {
+        let covered = layout.window[axis] as f64 * layout.voxel_mm[axis] / layout.spacing_mm[axis];
+        (covered - ROUNDING).ceil().max(1.0) as usize
+    })
+}
+
+/// Divergence and noise of `field`, by differences over a [`stride`] to either side; `pixel_mm` is a pixel at the focal
+/// plane.
+pub fn divergence(field: &Field, pixel_mm: Option<f64>) -> Divergence {
+    let stride = stride(&field.layout);
+    let stride_mm = [0, 1, 2].map(|axis| stride[axis] as f64 * field.layout.spacing_mm[axis]);
+    let gradients: Vec<[[f64; 3]; 3]> =
+        (0..field.len()).filter_map(|at| gradient(field, at, stride, stride_mm)).collect();
+    let divergences: Vec<f64> = gradients.iter().map(|g| g[0][0] + g[1][1] + g[2][2]).collect();
+    let count = gradients.len() as f64;
+    let square = |numbers: &[f64]| numbers.iter().map(|number| number * number).sum::<f64>();
+    let straight = gradients.iter().map(|g| square(&[g[0][0], g[1][1], g[2][2]])).sum::<f64>() / count;
+    let all = gradients.iter().map(|g| square(g.as_flattened())).sum::<f64>() / (9.0 * count);
+    let spread = Spread::of(&divergences);
+    let (_, sigma) = robust(&divergences);
+    let noise = noise(field, stride, pixel_mm);
+    let of_noise = |axis: usize| 0.5 * (noise.sigma_mm(axis) / stride_mm[axis]).powi(2);
+    Divergence {
+        places: field.len(),
+        no_data: field.flag.iter().filter(|flag| **flag == NO_DATA).count(),
+        pixel_mm,
+        voxel_mm: field.layout.voxel_mm,
+        stride,
+        stride_mm,
+        count: gradients.len(),
+        mean: spread.bias,
+        rms: spread.rms,
+        median_abs: spread.median_abs,
+        sigma,
+        rms_gradient: all.sqrt(),
+        relative: spread.rms / straight.sqrt(),
+        rms_of_noise: (0..3).map(of_noise).sum::<f64>().sqrt(),
+        noise,
+        pdf: (sigma > 0.0).then(|| Density(Histogram::of(&divergences, BINS_PER_SIGMA / sigma, REACH))),
+    }
+}
+
+/// Change of the displacement along x, y, z at a place, by central differences; none where one of the six has no data.
+fn gradient(field: &Field, at: usize, stride: [usize; 3], stride_mm: [f64; 3]) -> Option<[[f64; 3]; 3]> {
+    let shape = field.layout.shape;
+    let mut gradient = [[0.0; 3]; 3];
+    let mut step = 1;
+    for axis in 0..3 {
+        let place = at / step % shape[axis];
+        if place < stride[axis] || place + stride[axis] >= shape[axis] {
+            return None;
+        }
+        let (low, high) = (at - stride[axis] * step, at + stride[axis] * step);
+        if field.flag[low] == NO_DATA || field.flag[high] == NO_DATA {
+            return None;
+        }
+        gradient[axis] = [&field.u, &field.v, &field.w]
+            .map(|component| (f64::from(component[high]) - f64::from(component[low])) / (2.0 * stride_mm[axis]));
+        step *= shape[axis];
+    }
+    Some(gradient)
+}
+
+impl Serialize for Density {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("x_divergence", &self.0.x)?;
+        map.serialize_entry("divergence", &self.0.density)?;
+        map.serialize_entry("below_divergence", &self.0.below)?;
+        map.serialize_entry("above_divergence", &self.0.above)?;
+        map.end()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scores::displacement::trilinear::tests::field;
+    use crate::scores::divergence::noise::tests::disturb;
+    use lf_core::flow::Flows;
+
+    /// A flow on the vectors of the field.
+    fn flowing(shape: [usize; 3], text: &str) -> Field {
+        let flows: Flows = serde_json::from_str(text).unwrap();
+        let flow = flows.velocity(Vec::new(), [[-2.0, 2.0]; 3], 0.0055);
+        field(shape, |place| flow.at(place.into()).to_array())
+    }
+
+    #[test]
+    fn the_stride_is_the_vectors_of_a_window() {
+        // Spacings of 0.5, 0.25 and 2 mm, voxels of 0.01, 0.02 and 0.1 mm.
+        let mut layout = field([2, 2, 2], |_| [0.0; 3]).layout;
+        assert_eq!(stride(&layout), [1, 1, 1]);
+        layout.window = [200, 50, 10];
+        assert_eq!(stride(&layout), [4, 4, 1]);
+        layout.window = [201, 51, 21];
+        assert_eq!(stride(&layout), [5, 5, 2]);
+        // 32 voxels of 0.01 mm over 0.08 mm are 4.000000000000001.
+        (layout.window[0], layout.spacing_mm[0]) = (32, 0.08);
+        assert_eq!(stride(&layout)[0], 4);
+    }
+
+    #[test]
+    fn flows_that_keep_their_volume_have_none() {
+        let abc = r#"{"kind": "abc", "wavelength_mm": 9.0, "displacement_mm": [0.1, 0.07, 0.04]}"#;
+        let turn = r#"{"kind": "rotation", "axis": [1, -2, 3], "angle_rad": 0.2}"#;
+        let shear = r#"{"kind": "shear", "along": "z", "across": "x", "rate": 0.1}"#;
+        for flow in [abc, turn, shear] {
+            for window in [[0; 3], [100, 25, 20]] {
+                let mut flow = flowing([9, 10, 8], flow);
+                flow.layout.window = window;
+                let found = divergence(&flow, None);
+                assert!(found.rms < 1e-6 && found.rms_gradient > 1e-3, "{found:?}");
+                assert!(found.count > 100);
+            }
+        }
+        // No straight gradient to compare with.
+        assert!(divergence(&flowing([9, 10, 8], turn), None).relative.is_nan());
+    }
+
+    #[test]
+    fn relative_is_nothing_where_gradients_balance() {
+        let strain = divergence(&field([9, 10, 8], |[x, y, z]| [0.02 * x, 0.01 * y, -0.03 * z]), None);
+        assert!(strain.relative < 1e-5 && strain.rms < 1e-6);
+        // 4 + 1 + 9 over nine.
+        assert!((strain.rms_gradient - 0.01 * (14.0f64 / 9.0).sqrt()).abs() < 1e-7);
+    }
+
+    /// Central differences over unequal strides see k of each axis as sin(k h) / h.
+    #[test]
+    fn taylor_and_green_are_off_by_what_differences_see() {
+        let text = r#"{"kind": "taylor-green", "wavelength_mm": 12.0, "displacement_mm": 0.1}"#;
+        let flow = flowing([9, 10, 8], text);
+        let found = divergence(&flow, None);
+        let k = std::f64::consts::TAU / 12.0;
+        let seen = |h: f64| (k * h).sin() / h;
+        let by_hand =
+            |[x, y, z]: [f64; 3]| 0.1 * (seen(0.5) - seen(0.25)) * (k * x).cos() * (k * y).cos() * (k * z).cos();
+        let inner = (0..flow.len()).filter(|&at| gradient(&flow, at, [1; 3], [1.0; 3]).is_some());
+        let squares: Vec<f64> = inner.map(|at| by_hand(flow.place_mm(at)).powi(2)).collect();
+        let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        assert!((found.rms - rms).abs() < 1e-6 && rms > 1e-4, "{} against {rms}", found.rms);
+    }
+
+    #[test]
+    fn expansion_is_its_rate() {
+        let found = divergence(&field([5, 6, 7], |place| place.map(|x| 0.01 * x)), None);
+        assert_eq!((found.count, found.stride, found.stride_mm), (3 * 4 * 5, [1; 3], [0.5, 0.25, 2.0]));
+        for number in [found.mean, found.rms, found.median_abs] {
+            assert!((number - 0.03).abs() < 1e-8, "{number}");
+        }
+        assert!((found.rms_gradient - 0.01 / 3f64.sqrt()).abs() < 1e-8 && (found.relative - 3f64.sqrt()).abs() < 1e-6);
+    }
+
+    /// Noise gives the divergence that is said of it, and nothing balances.
+    #[test]
+    fn noise_is_known_as_noise() {
+        for window in [[0; 3], [100, 25, 20]] {
+            let mut found = field([44, 40, 36], |_| [0.0; 3]);
+            found.layout.window = window;
+            disturb(&mut found, [0.002, 0.001, 0.008], 3);
+            let found = divergence(&found, Some(0.01));
+            assert!((found.relative - 1.0).abs() < 0.02, "{}", found.relative);
+            assert!((found.rms_of_noise / found.rms - 1.0).abs() < 0.03, "{} of {}", found.rms_of_noise, found.rms);
+            assert!((found.sigma / found.rms - 1.0).abs() < 0.03 && found.mean.abs() < 0.05 * found.rms);
+            let Some(Density(curve)) = &found.pdf else { panic!("no density") };
+            // That of a normal distribution in its middle, and nothing beyond 8 sigma.
+            assert!((curve.density[REACH] * found.sigma - 0.399).abs() < 0.02);
+            assert_eq!((curve.x.len(), curve.x[REACH], curve.below, curve.above), (81, 0.0, 0.0, 0.0));
+            assert!((curve.x[2 * REACH] / found.sigma - 8.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn gaps_are_left_out() {
+        let mut expansion = field([5, 5, 5], |place| place.map(|x| 0.01 * x));
+        // In the middle of 3 x 3 x 3 places: the six around it lose a neighbour, and itself needs none.
+        expansion.flag[62] = NO_DATA;
+        expansion.u[62] = f32::NAN;
+        let found = divergence(&expansion, None);
+        assert_eq!((found.count, found.no_data), (21, 1));
+        assert!((found.rms - 0.03).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_field_too_small_is_null() {
+        let mut small = field([4, 4, 4], |_| [0.0; 3]);
+        small.layout.window = [100, 25, 40];
+        let found = serde_json::to_value(divergence(&small, None)).unwrap();
+        assert_eq!((&found["count"], &found["stride"]), (&0.into(), &serde_json::json!([2, 2, 2])));
+        for key in ["mean", "rms", "median_abs", "sigma", "rms_gradient", "relative", "rms_of_noise", "pdf"] {
+            assert!(found[key].is_null(), "{key}");
+        }
+        assert!(found["noise"]["sigma_u_mm"].is_null() && found.get("pixel_mm").is_none());
+    }
+}

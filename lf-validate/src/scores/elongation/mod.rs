@@ -1,0 +1,7 @@
+//! In: the light of reconstructed volumes, and the true places of their particles.
+//! Out: diameters of the particles along x, y and z: percentiles, histogram, medians by depth.
+//! Open first: `measure.rs`.
+
+mod measure;
+
+pub use measure::{BIN_VOX, BINS, ByDepth, Elongation, Histogram, IDEAL_VOX, Percentiles, SLABS, Widths, elongation};

@@ -1,0 +1,14 @@
+//! The light of a sparse volume.
+
+use lf_core::grid::Grid;
+
+/// Voxels that a volume holds: linear indices, strictly rising, and an intensity for each. All others are dark.
+#[derive(Debug, Clone, Copy)]
+pub struct Light<'a> {
+    /// Grid of the voxels.
+    pub grid: &'a Grid,
+    /// Linear indices of the voxels held.
+    pub indices: &'a [u64],
+    /// Their intensities, finite.
+    pub intensity: &'a [f32],
+}

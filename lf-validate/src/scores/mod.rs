@@ -1,0 +1,14 @@
+//! In: a result, and the truth where a score needs it: volumes, vector fields, particles.
+//! Out: one struct for each score, which serialises to the JSON that `lf-validate` prints.
+//! Open first: `quality/compare.rs`, the score of a volume, and `displacement/compare.rs`, the score of a field.
+
+pub mod depth;
+pub mod displacement;
+pub mod divergence;
+pub mod elongation;
+pub mod ensemble;
+pub mod light;
+pub mod pdf;
+pub mod quality;
+pub mod spread;
+pub mod units;

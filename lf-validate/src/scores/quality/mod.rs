@@ -1,0 +1,7 @@
+//! In: the light of the true and of the reconstructed volume, on one grid.
+//! Out: Q, ghosts and missed light, of the whole, of each slice across z and of each box.
+//! Open first: `compare.rs`.
+
+mod compare;
+
+pub use compare::{ByDepth, ByRegion, Quality, Scores, quality};

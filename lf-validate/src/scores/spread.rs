@@ -1,0 +1,40 @@
+//! How errors lie about zero.
+
+use lf_core::statistics::median;
+use serde::Serialize;
+
+/// How a set of errors lies about zero. NaN, `null` in JSON, where there are none.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Spread {
+    /// Mean.
+    pub bias: f64,
+    /// Root of the mean square about zero: rms^2 = bias^2 + std^2.
+    pub rms: f64,
+    /// Standard deviation about the bias, by n and not n - 1.
+    pub std: f64,
+    /// Median of the sizes.
+    pub median_abs: f64,
+}
+
+impl Spread {
+    /// The spread of `errors`, by two passes for bias and std and a selection for the median.
+    pub fn of(errors: &[f64]) -> Self {
+        let count = errors.len() as f64;
+        let bias = errors.iter().sum::<f64>() / count;
+        let std = (errors.iter().map(|e| (e - bias).powi(2)).sum::<f64>() / count).sqrt();
+        let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
+        Self { bias, rms, std, median_abs: median(&mut errors.iter().map(|e| e.abs()).collect::<Vec<f64>>()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spread_of_four_errors_by_hand() {
+        let spread = Spread::of(&[1.0, -1.0, 3.0, 5.0]);
+        assert_eq!(spread, Spread { bias: 2.0, rms: 3.0, std: 5f64.sqrt(), median_abs: 2.0 });
+        assert!(Spread::of(&[]).rms.is_nan());
+    }
+}
