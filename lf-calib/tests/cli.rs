@@ -1,7 +1,6 @@
 //! The contract of lf-calib's command line.
 
-mod scenes;
-
+use crate::scenes;
 use lf_core::camera::{Camera, Layout};
 use lf_core::image;
 use ndarray::Array2;

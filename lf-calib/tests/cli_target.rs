@@ -1,10 +1,8 @@
 //! The contract of the command lines of `volume` and `refine`: what is refused, and that nothing is left behind.
 
-mod scenes;
-
+use crate::scenes::points;
 use lf_core::image;
 use ndarray::Array2;
-use scenes::points;
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};

@@ -1,13 +1,11 @@
 //! What real white images are like: bent, dim, dusty, cut by a second stop, coarse and fine.
 
-mod scenes;
-
+use crate::scenes::{camera, cut_discs, discs, farthest_px, image_px, noisy, nominal, squares, uniform};
 use glam::DVec2;
 use lf_calib::{Calibrated, calibrate, lattice};
 use lf_core::camera::{Aperture, Camera, Layout};
 use lf_core::lattice::Centres;
 use ndarray::Array2;
-use scenes::{camera, cut_discs, discs, farthest_px, image_px, noisy, nominal, squares, uniform};
 
 const LAYOUTS: [Layout; 2] = [Layout::Square, Layout::Hexagonal];
 

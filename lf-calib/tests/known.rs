@@ -1,11 +1,9 @@
 //! Lattices whose answer is known: discs and squares drawn exactly, and rays through the shared optics.
 
-mod scenes;
-
+use crate::scenes::{self, camera, discs, farthest_px, noisy, nominal, rays, squares};
 use lf_calib::{ImageLattice, calibrate, lattice};
 use lf_core::camera::{Camera, Layout};
 use ndarray::Array2;
-use scenes::{camera, discs, farthest_px, noisy, nominal, rays, squares};
 
 const LAYOUTS: [Layout; 2] = [Layout::Square, Layout::Hexagonal];
 const ASIDE: [f64; 2] = [0.0123, -0.0257];

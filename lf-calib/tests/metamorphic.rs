@@ -1,13 +1,11 @@
 //! Turning, cropping and scaling an image moves the answer exactly as it must.
 
-mod scenes;
-
+use crate::scenes::{camera, discs, image_px, noisy};
 use glam::DVec2;
 use lf_calib::{calibrate, lattice};
 use lf_core::camera::{Camera, Layout};
 use lf_core::lattice::Centres;
 use ndarray::{Array2, s};
-use scenes::{camera, discs, image_px, noisy};
 
 const SIZE: DVec2 = DVec2::new(434.0, 350.0);
 

@@ -1,12 +1,10 @@
 //! A drift taken away by particles, and none taken away where there are too few of them.
 
-mod scenes;
-
+use crate::scenes::{self, points};
 use glam::DVec3;
 use lf_calib::refine;
 use lf_core::camera::Camera;
 use ndarray::Array2;
-use scenes::points;
 
 fn frames(truth: &Camera, count: usize) -> Vec<Array2<f32>> {
     let mut state = 9;

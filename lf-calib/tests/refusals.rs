@@ -1,11 +1,9 @@
 //! Images that show no lattice are refused in words that help, and never give a lattice.
 
-mod scenes;
-
+use crate::scenes::{camera, discs, rays, squares, uniform};
 use lf_calib::lattice;
 use lf_core::camera::{Aperture, Layout};
 use ndarray::Array2;
-use scenes::{camera, discs, rays, squares, uniform};
 
 fn refused(image: &Array2<f32>, words: &str) {
     let refusal = lattice::find(image).expect_err("a lattice was found");

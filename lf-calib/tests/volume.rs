@@ -1,12 +1,10 @@
 //! A misaligned camera found again from images of a dot target, end to end.
 
-mod scenes;
-
+use crate::scenes::{self, points};
 use glam::DVec3;
 use lf_calib::{Dot, Exposure, volume};
 use lf_core::camera::{Camera, Distortion};
 use ndarray::Array2;
-use scenes::points;
 
 const DEPTHS_MM: [f64; 4] = [-4.0, -2.8, 2.8, 4.0];
 const LENSLETS: usize = 60;

@@ -1,7 +1,6 @@
 //! Images: what is written is read; what is not a grey image of counts is refused; damage never panics.
 
-mod allocation;
-
+use crate::allocation;
 use image::{ExtendedColorType, ImageEncoder};
 use lf_core::history::{History, Step};
 use lf_core::image::{Image, from_bytes, open, open_counts, outside_u16, save};

@@ -1,7 +1,6 @@
 //! The `.lfv` format: what is written is read, and what is damaged is refused.
 
-mod allocation;
-
+use crate::allocation;
 use lf_core::grid::Grid;
 use lf_core::history::{History, Step};
 use lf_core::io::Bytes;

@@ -1,8 +1,6 @@
 //! The contract of `line` and `curves`.
 
-mod common;
-
-use common::{Place, json, refusal};
+use crate::common::{Place, json, refusal};
 use serde_json::json;
 
 /// Two series of three x and three seeds, one run without a score.

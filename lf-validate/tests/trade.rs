@@ -1,8 +1,6 @@
 //! The contract of `trade`.
 
-mod common;
-
-use common::{Place, json, refusal};
+use crate::common::{Place, json, refusal};
 use serde_json::json;
 
 const RUNS: &str = r#"{"name": "base", "set.iterations": 60, "set.kernel": "drt", "set.seed": 1, "seconds": 10, "rms_w_px": 0.4, "peak_bytes": 100}

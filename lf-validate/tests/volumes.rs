@@ -1,8 +1,6 @@
 //! The command line of the scores of volumes, and the pictures of every score.
 
-mod common;
-
-use common::{Place, json, refusal};
+use crate::common::{Place, json, refusal};
 use lf_core::field::{Field, Layout, MEASURED};
 use lf_core::grid::Grid;
 use lf_core::volume;

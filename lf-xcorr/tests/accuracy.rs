@@ -1,7 +1,6 @@
 //! How near the vectors come to the truth, on clouds of Gaussian particles whose displacement is known.
 
-mod scene;
-
+use crate::scene;
 use lf_core::field::{Field, MEASURED};
 use lf_xcorr::{Options, Outcome, correlate};
 

@@ -1,9 +1,7 @@
 //! The contract of the command line: what goes in, what comes out, and what a slip is answered with.
 
-mod folder;
-mod scene;
-
-use folder::{Bench, SMALL};
+use crate::folder::{Bench, SMALL};
+use crate::scene;
 use lf_core::field::{Field, MEASURED};
 use std::fs::File;
 use std::path::Path;

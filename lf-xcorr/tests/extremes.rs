@@ -1,10 +1,8 @@
 //! Far from the usual: gains, sizes of particle images, densities, displacements, shapes.
 
-mod scene;
-
+use crate::scene::{self, Volume};
 use lf_core::field::{Field, MEASURED};
 use lf_xcorr::{Options, Pass, Route, correlate};
-use scene::Volume;
 
 const SHIFT: [f64; 3] = [1.3, -0.4, 0.6];
 

@@ -1,12 +1,10 @@
 //! What must hold whatever the particles are.
 
-mod scene;
-
+use crate::scene::{self, Volume};
 use lf_core::field::{Cut, Field, Layout, MEASURED, NO_DATA, REPLACED};
 use lf_core::grid::Grid;
 use lf_xcorr::plot;
 use lf_xcorr::{Error, Options, Side, Sparse, correlate};
-use scene::Volume;
 
 const SHAPE: [usize; 3] = [72, 64, 48];
 

@@ -1,9 +1,7 @@
 //! The options of the command line beyond windows and files.
 
-mod folder;
-mod scene;
-
-use folder::{Bench, SMALL};
+use crate::folder::{Bench, SMALL};
+use crate::scene;
 use lf_core::field::{Field, MEASURED};
 
 fn field(bench: &Bench, name: &str) -> Field {

@@ -1,10 +1,8 @@
 //! Masks, several pairs, lists of passes, transforms: what can be asked for beside the usual.
 
-mod scene;
-
+use crate::scene::{self, Volume, Wear};
 use lf_core::field::{Field, MEASURED};
 use lf_xcorr::{Deform, Mask, Options, Pass, Route, Side, Sparse, correlate, correlate_pairs, windows};
-use scene::{Volume, Wear};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 const SHAPE: [usize; 3] = [72, 64, 48];

@@ -1,11 +1,8 @@
 //! Do the stated uncertainties cover the true errors?
 
-mod coverage;
-mod scene;
-
-use coverage::{WORN, coverage, shear, vortices};
+use crate::coverage::{WORN, coverage, shear, vortices};
+use crate::scene::{self, Wear};
 use lf_xcorr::{Options, correlate};
-use scene::Wear;
 
 /// By hand: of two equal particles one moves 0.1 voxel more along x than the mean and one as much less. The sample's standard
 /// deviation is 0.1 sqrt(2), that of the mean of two is 0.1, and Student's factor for two is 1.5. Nothing moves along y.

@@ -1,0 +1,11 @@
+//! Tests of lf-calib: its library on images whose answer is known, and its command line.
+
+mod cli;
+mod cli_target;
+mod hard;
+mod known;
+mod metamorphic;
+mod refine;
+mod refusals;
+mod scenes;
+mod volume;

@@ -1,0 +1,3 @@
+//! Tests of lf-synth.
+
+mod known;

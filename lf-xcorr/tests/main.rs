@@ -1,0 +1,12 @@
+//! Tests of lf-xcorr: its library on clouds of particles whose displacement is known, and its command line.
+
+mod accuracy;
+mod cli;
+mod coverage;
+mod extremes;
+mod folder;
+mod laws;
+mod options;
+mod parts;
+mod scene;
+mod uncertainty;

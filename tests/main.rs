@@ -1,0 +1,14 @@
+//! Whole tools and pipelines, seen from outside.
+
+mod bad_input;
+mod bad_output;
+mod bench;
+mod front_door;
+mod paper;
+mod physics;
+mod presets;
+mod routes;
+mod scenes;
+mod swapped;
+mod tiles;
+mod weather;

@@ -1,0 +1,3 @@
+//! The rules of the house, read off the sources.
+
+mod walls;
