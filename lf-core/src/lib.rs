@@ -15,6 +15,7 @@ pub mod io;
 pub mod lattice;
 pub mod optics;
 pub mod particles;
+pub mod plot;
 pub mod scene;
 pub mod simd;
 pub mod statistics;

@@ -1,8 +1,9 @@
-//! Tests of lf-core's files: formats, streams and tiles.
+//! Tests of lf-core's files: formats, streams, tiles and charts.
 
 mod allocation;
 mod field;
 mod image;
 mod io;
+mod plot;
 mod tile;
 mod volume;

@@ -10,6 +10,5 @@
 
 pub mod info;
 pub mod pictures;
-pub mod plot;
 pub mod runs;
 pub mod scores;

@@ -1,8 +1,7 @@
-//! Tests of lf-validate: its command line, and its charts.
+//! Tests of lf-validate: its command line.
 
 mod cli;
 mod common;
 mod curves;
-mod plot;
 mod trade;
 mod volumes;

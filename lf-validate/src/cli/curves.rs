@@ -4,8 +4,8 @@ use super::limits::number;
 use super::print::print;
 use super::source::Source;
 use lf_core::cli::{Session, Verdict};
+use lf_core::plot::{Axis, Mark, Place};
 use lf_core::{Error, Result};
-use lf_validate::plot::{Axis, Mark, Place};
 use lf_validate::runs::curves::{Ask, Look, curves};
 
 #[derive(clap::Args)]

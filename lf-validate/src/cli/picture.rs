@@ -1,8 +1,8 @@
 //! The option `--plot`, the same for every score.
 
 use lf_core::cli::Session;
+use lf_core::plot::{self, Chart};
 use lf_core::{Error, Result, io};
-use lf_validate::plot::{self, Chart};
 use std::path::{Path, PathBuf};
 
 /// Where the picture goes.
@@ -28,8 +28,7 @@ impl Picture {
     pub fn draw(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<()> {
         let Some(file) = &self.plot else { return Ok(()) };
         session.phase("plot", |_| {
-            let refused = |(found, wanted): (String, String)| Error::new(io::output_name(file), found, wanted);
-            let svg = plot::draw(&chart()).map_err(refused)?;
+            let svg = plot::draw(&chart()).map_err(|refusal| refusal.about(io::output_name(file)))?;
             io::save_text(file, |out| out.write_all(svg.as_bytes()))
         })
     }

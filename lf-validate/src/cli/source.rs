@@ -3,8 +3,8 @@
 use super::inputs::check_inputs;
 use super::picture::Picture;
 use lf_core::cli::Session;
+use lf_core::plot::Chart;
 use lf_core::{Error, Result, io};
-use lf_validate::plot::Chart;
 use lf_validate::runs::{self, Condition, Record, typed};
 use std::path::{Path, PathBuf};
 

@@ -1,8 +1,8 @@
 //! Light along z.
 
 use super::{figures, from_zero, whole};
-use crate::plot::{Axis, Chart, Mark, Panel, Place};
 use crate::scores::depth::Score;
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
 
 /// The section x, z of all light, its profile along z, and the brightest voxels.
 pub fn depth(score: &Score) -> Chart {

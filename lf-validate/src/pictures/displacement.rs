@@ -1,9 +1,9 @@
 //! Errors of a vector field.
 
 use super::{edges, figures, normal};
-use crate::plot::{Axis, Chart, Mark, Panel, Place};
 use crate::scores::displacement::Displacement;
 use crate::scores::units::COMPONENTS;
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
 
 /// The density of the error of each component, beside the normal density of the uncertainty that the vectors state.
 pub fn displacement(score: &Displacement) -> Chart {

@@ -1,8 +1,8 @@
 //! Divergence and noise of a field without truth.
 
 use super::{edges, figures, normal};
-use crate::plot::{Axis, Chart, Mark, Panel, Place};
 use crate::scores::divergence::Divergence;
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
 
 /// The density of the divergence, beside what the vectors' noise alone would give.
 pub fn divergence(score: &Divergence) -> Chart {

@@ -1,8 +1,8 @@
 //! Sizes of particles.
 
 use super::{curve, figures};
-use crate::plot::{Axis, Chart, Mark, Panel, Place};
 use crate::scores::elongation::{BIN_VOX, BINS, Elongation, IDEAL_VOX};
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
 
 /// Histograms of the diameters along x, y and z, and medians by depth.
 pub fn elongation(score: &Elongation) -> Chart {

@@ -1,9 +1,9 @@
 //! A slice of many fields' statistics.
 
 use super::figures;
-use crate::plot::{Axis, Chart, Mark, Panel};
 use crate::scores::ensemble::Ensemble;
 use crate::scores::units::{AXES, COMPONENTS};
+use lf_core::plot::{Axis, Chart, Mark, Panel};
 use lf_core::statistics::quantile;
 
 /// Most arrows along an axis; of more, every second, third, ... is drawn.

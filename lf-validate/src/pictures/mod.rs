@@ -14,7 +14,7 @@ pub use elongation::elongation;
 pub use ensemble::ensemble;
 pub use quality::quality;
 
-use crate::plot::Axis;
+use lf_core::plot::Axis;
 
 /// Points of a curve; a missing value leaves a gap.
 fn curve(x: &[f64], y: &[Option<f64>]) -> Vec<[f64; 2]> {

@@ -1,8 +1,8 @@
 //! Quality by depth.
 
 use super::{curve, figures, whole};
-use crate::plot::{Axis, Chart, Mark, Panel, Place, Style};
 use crate::scores::quality::Quality;
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style};
 
 /// Q, ghost and missed light, and light itself, of each slice across z.
 pub fn quality(score: &Quality) -> Chart {

@@ -1,7 +1,7 @@
 //! Runs that differ in one thing, as curves: medians and spreads over runs that differ in nothing but their seed.
 
-use crate::plot::{Axis, Chart, Mark, Panel, Style};
 use crate::runs::record::{Middle, Missing, Record, Refusal, order, plain, same};
+use lf_core::plot::{Axis, Chart, Mark, Panel, Style};
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 use std::cmp::Ordering;

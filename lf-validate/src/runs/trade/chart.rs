@@ -1,8 +1,8 @@
 //! Cost against error, and each factor's own effect.
 
 use super::settings::{Factor, Setting, Trade};
-use crate::plot::{Axis, Chart, Mark, Panel, Place, Style};
 use crate::runs::record::plain;
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style};
 use serde_json::Value;
 
 /// With more settings than this, only those on the front and the base have their names.

@@ -1,5 +1,7 @@
 //! What a chart is made of.
 
+use crate::Refusal;
+
 /// A picture of one or more panels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
@@ -202,7 +204,7 @@ impl Mark {
 
 impl Chart {
     /// Refuses lists that do not belong together and ranges that are none.
-    pub(super) fn check(&self) -> Result<(), (String, String)> {
+    pub(super) fn check(&self) -> Result<(), Refusal> {
         for panel in &self.panels {
             for axis in [&panel.x, &panel.y] {
                 axis.check()?;
@@ -214,11 +216,11 @@ impl Chart {
 }
 
 impl Axis {
-    fn check(&self) -> Result<(), (String, String)> {
+    fn check(&self) -> Result<(), Refusal> {
         match self.range {
             Some([first, last]) if !(self.holds(first) && self.holds(last) && first != last) => {
                 let kind = if self.is_log { "two different numbers above 0" } else { "two different numbers" };
-                Err((format!("axis '{}' from {first} to {last}", self.name), format!("wanted {kind}")))
+                Err(Refusal::new(format!("axis '{}' from {first} to {last}", self.name), format!("wanted {kind}")))
             }
             _ => Ok(()),
         }
@@ -226,12 +228,12 @@ impl Axis {
 }
 
 impl Mark {
-    fn check(&self) -> Result<(), (String, String)> {
+    fn check(&self) -> Result<(), Refusal> {
         let agree = |found: usize, what: &str, wanted: usize| {
             if found == wanted {
                 return Ok(());
             }
-            Err((format!("'{}' has {found} {what}", self.name()), format!("wanted {wanted}")))
+            Err(Refusal::new(format!("'{}' has {found} {what}", self.name()), format!("wanted {wanted}")))
         };
         match self {
             Self::Line { points, spread, .. } => {
@@ -250,7 +252,7 @@ impl Mark {
                 if [x, y].into_iter().flatten().all(|edge| edge.is_finite()) && x[0] != x[1] && y[0] != y[1] {
                     return Ok(());
                 }
-                Err((format!("a map over x {x:?} and y {y:?}"), "wanted edges that differ".into()))
+                Err(Refusal::new(format!("a map over x {x:?} and y {y:?}"), "wanted edges that differ"))
             }
             Self::Arrows { points, vectors } => agree(vectors.len(), "vectors", points.len()),
             Self::Reference { .. } | Self::Region { .. } => Ok(()),

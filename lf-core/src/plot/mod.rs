@@ -22,6 +22,7 @@ mod view;
 
 pub use chart::{Axis, Chart, Mark, Panel, Place, Style};
 
+use crate::Refusal;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::fmt::Display;
@@ -34,9 +35,9 @@ type Drawn<T> = Result<T, String>;
 /// # Errors
 /// What was found and what was wanted: lists of a mark whose lengths differ, a range that is none, or what the drawing
 /// library refuses, in its words.
-pub fn draw(chart: &Chart) -> Result<String, (String, String)> {
+pub fn draw(chart: &Chart) -> Result<String, Refusal> {
     chart.check()?;
-    page::draw(chart).map_err(|error| (error, "wanted a picture".into()))
+    page::draw(chart).map_err(|error| Refusal::new(error, "wanted a picture"))
 }
 
 fn words(error: impl Display) -> String {

@@ -1,6 +1,6 @@
 //! Charts as SVG: what a reader of the picture can count on. The pictures stay in the build folder for eyes.
 
-use lf_validate::plot::{Axis, Chart, Mark, Panel, Place, Style, draw};
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style, draw};
 use std::fs;
 use std::path::Path;
 
@@ -221,8 +221,8 @@ fn crowded_labels_give_way_and_are_counted() {
 fn marks_that_do_not_fit_together_are_refused() {
     let refused = |x: Axis, mark: Mark| draw(&chart("", 1, vec![panel(x, Axis::new("y"), vec![mark])])).unwrap_err();
     let steps = Mark::Steps { name: "bins".into(), edges: vec![0.0, 1.0], values: vec![1.0, 2.0] };
-    assert_eq!(refused(Axis::new("x"), steps), ("'bins' has 2 edges".into(), "wanted 3".into()));
+    assert_eq!(refused(Axis::new("x"), steps).to_string(), "'bins' has 2 edges; wanted 3");
     let line = Mark::line("", Vec::new());
-    let (found, wanted) = refused(Axis::log("time, s").over([0.0, 1.0]), line);
-    assert!(found.contains("time, s") && wanted.contains("above 0"), "{found}; {wanted}");
+    let refusal = refused(Axis::log("time, s").over([0.0, 1.0]), line);
+    assert!(refusal.found.contains("time, s") && refusal.wanted.contains("above 0"), "{refusal}");
 }
