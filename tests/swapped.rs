@@ -198,7 +198,7 @@ fn the_stored_matrix_reconstructs_nearly_as_well() {
 #[test]
 fn examples_refuse_words_that_they_do_not_know_in_one_line() {
     let Some(mut python) = python(&["numpy"]) else { return };
-    python.args(["examples/prune.py", "frame.exr", "-c", "camera.json", "--depth", "-5,5", "--keep-all"]);
+    python.args(["../examples/prune.py", "frame.exr", "-c", "camera.json", "--depth", "-5,5", "--keep-all"]);
     let output = python.output().unwrap();
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{text}");
