@@ -1,7 +1,7 @@
 //! The keys of a `scene.json` that more than the renderer reads: camera, volume and frames; the flow is in [`crate::flow`].
 
 use crate::camera::Camera;
-use crate::{Error, Result};
+use crate::{Error, Refusal, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ impl CameraSource {
         match self {
             Self::Path(file) => Camera::open(&folder.join(file)),
             Self::Camera(value) => Camera::from_json(&value.to_string())
-                .map_err(|(found, _)| Error::new(scene, format!("camera: {found}"), WANTED)),
+                .map_err(|Refusal { found, wanted }| Error::new(scene, format!("camera: {found}"), wanted)),
         }
     }
 }

@@ -82,7 +82,7 @@ impl Route {
     pub fn about(self, camera: &Camera, weights: Model, is_kept: bool) -> String {
         let why = match weights {
             Model::Sphere => "the weights are spheres".to_string(),
-            _ => camera.off_line().unwrap_or_else(|| "the lattice is in line with the pixels".to_string()),
+            _ => camera.misalignment().unwrap_or_else(|| "the lattice is aligned with the pixels".to_string()),
         };
         let kept = if is_kept { "kept in memory" } else { "made anew at every use until those of the voxels held fit" };
         match self {

@@ -123,7 +123,7 @@ pub fn prune_parts(
     }
     let levels = Levels::new(image, peak, options);
     let route = Route::of(camera);
-    let straight = camera.in_line();
+    let straight = camera.aligned();
     let views = matches!(route, Route::Lines | Route::Tiles).then(|| Views::new(&levels, camera));
     let slices: Vec<Slice> = (0..nz)
         .into_par_iter()

@@ -275,7 +275,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
     session.count("sections", sections);
     session.explain(format!("camera: {}", camera.about()));
-    let why = camera.off_line().unwrap_or_else(|| "the lattice is in line with the pixels".to_string());
+    let why = camera.misalignment().unwrap_or_else(|| "the lattice is aligned with the pixels".to_string());
     session.explain(format!("{}: {why}", Route::of(&camera).about()));
     session.explain(format!("{sections} x {sections} sections of the aperture, scored by {}", arguments.score_about()));
     let tile = arguments.tile(&camera, &grid, session)?;

@@ -19,7 +19,7 @@ pub enum Route {
 impl Route {
     /// The fastest that follows the camera.
     pub fn of(camera: &Camera) -> Self {
-        if camera.in_line().is_some() {
+        if camera.aligned().is_some() {
             return Self::InLine;
         }
         if straightened(camera).bends().is_some() {

@@ -1,6 +1,6 @@
 //! `--preset`: defaults that were measured together, under the same three names in every tool that has them.
 
-use super::Session;
+use super::session::Session;
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 

@@ -1,7 +1,7 @@
 //! A field as text: a header line with units, then one vector a line, x fastest. Every number reads back to the same bits.
-//! `peak`, `ratio`, `flag` and `count` have no unit. The velocity is there where the time between the volumes is known.
+//! `peak`, `ratio`, `flag` and `count` have no unit. Velocities are written if the time between the volumes is known.
 
-use super::Field;
+use super::vectors::Field;
 use std::io::{Result, Write};
 
 pub(super) fn write(field: &Field, out: &mut dyn Write) -> Result<()> {

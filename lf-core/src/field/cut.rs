@@ -1,25 +1,23 @@
-//! Where a field is cut for a picture.
+//! The plane in which a picture shows a field.
 
-use super::Layout;
+use super::layout::Layout;
+use crate::Refusal;
 use std::str::FromStr;
-
-/// What was found and what was wanted.
-type Refusal = (String, String);
 
 /// The letters of the axes.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A plane across one axis of a field. As text it is `z` (the middle) or `z=0.5` (mm).
+/// A plane normal to one axis of a field. As text: `z` (the middle) or `z=0.5` (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cut {
-    /// The axis that the plane stands across: 0, 1, 2 for x, y, z.
+    /// The axis that is normal to the plane: 0, 1, 2 for x, y, z.
     pub axis: usize,
-    /// Where it stands on that axis, mm: the layer of vectors nearest to it is drawn. None is the middle layer.
+    /// Its place on that axis, mm; the nearest layer of vectors is drawn. None is the middle layer.
     pub place_mm: Option<f64>,
 }
 
 impl Default for Cut {
-    /// The middle across z.
+    /// The middle plane normal to z.
     fn default() -> Self {
         Self { axis: 2, place_mm: None }
     }
@@ -41,16 +39,17 @@ impl FromStr for Cut {
 }
 
 impl Cut {
-    /// Refuses a place outside `bounds_mm` of the cut's axis; `what` names whose bounds they are.
+    /// Checks that the place is within `bounds_mm` of the cut's axis.
     ///
     /// # Errors
-    /// What was found and what was wanted.
+    /// A place outside; `what` names the object that has these bounds.
     pub fn check(&self, bounds_mm: [f64; 2], what: &str) -> Result<(), Refusal> {
         let axis = AXES[self.axis];
         match self.place_mm {
             Some(mm) if !(bounds_mm[0]..=bounds_mm[1]).contains(&mm) => {
                 let [low, high] = bounds_mm.map(|bound| short(bound, bounds_mm[1] - bounds_mm[0]));
-                Err((format!("slice {axis} = {mm} mm is outside the {what}"), format!("wanted {low} to {high} mm")))
+                let found = format!("slice {axis} = {mm} mm is outside the {what}");
+                Err(Refusal::new(found, format!("wanted {low} to {high} mm")))
             }
             _ => Ok(()),
         }
@@ -59,7 +58,7 @@ impl Cut {
     /// The layer of vectors nearest to the place.
     ///
     /// # Errors
-    /// A place outside the field: what was found and what was wanted.
+    /// A place outside the field.
     pub fn layer(&self, layout: &Layout) -> Result<usize, Refusal> {
         let (axis, count) = (self.axis, layout.shape[self.axis]);
         self.check(layout.bounds_mm(axis), "field")?;
@@ -70,7 +69,8 @@ impl Cut {
     }
 }
 
-/// A place on an axis of length `span`, to a thousandth of its power of ten. As an `f32` it prints without a tail.
+/// Rounds a place on an axis of length `span` to a thousandth of the span's power of ten. An `f32` prints it without a tail
+/// of digits.
 fn short(place: f64, span: f64) -> f32 {
     let step = 10f64.powf(span.log10().floor() - 3.0);
     ((place / step).round() * step + 0.0) as f32
@@ -109,7 +109,7 @@ mod tests {
             assert_eq!(layer(text), Ok(wanted), "{text}");
         }
         let refusal = layer("z=5.01").unwrap_err();
-        assert_eq!(refusal, ("slice z = 5.01 mm is outside the field".into(), "wanted -1 to 5 mm".into()));
+        assert_eq!(refusal, Refusal::new("slice z = 5.01 mm is outside the field", "wanted -1 to 5 mm"));
         assert!(layer("x=-1.3").is_err() && layer("y=0").is_err());
     }
 }

@@ -1,14 +1,12 @@
-//! Where the vectors of a field stand and how they were made.
+//! Where the vectors of a field are and how they were made.
 
-use super::COMPONENTS;
+use super::channels::CHANNELS;
+use crate::Refusal;
 use crate::history::History;
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
 
-/// What was found and what was wanted.
-type Refusal = (String, String);
-
-/// Where a field's vectors stand and how they were made: the attribute `lf:field`.
+/// Where the vectors of a field are and how they were made: the attribute `lf:field`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Layout {
     /// Vectors along x, y, z.
@@ -17,21 +15,21 @@ pub struct Layout {
     pub spacing_mm: [f64; 3],
     /// Place of vector (0, 0, 0), mm.
     pub origin_mm: [f64; 3],
-    /// Voxel spacing of the volumes correlated, mm; zeros where there were none.
+    /// Voxel spacing of the correlated volumes, mm; zeros if there were none.
     pub voxel_mm: [f64; 3],
-    /// Interrogation window of the last pass, voxels; zeros where there was none (a truth field).
+    /// Interrogation window of the last pass, voxels; zeros if there was none (a truth field).
     pub window: [usize; 3],
     /// Overlap of the last pass, 0 to 1.
     pub overlap: f64,
-    /// Time between the two volumes, s; none where it is not known.
+    /// Time between the two volumes, s; absent if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dt_s: Option<f64>,
-    /// The steps that led to it.
+    /// The steps that led to the field.
     #[serde(default)]
     pub history: History,
 }
 
-/// The attribute as it is written: the layout, and the unit of every channel for whoever reads the file without this text.
+/// The attribute as it is written: the layout, and the unit of every channel, which makes the file explain itself.
 #[derive(Serialize)]
 struct Attribute<'a> {
     units: Units,
@@ -43,8 +41,8 @@ struct Units;
 
 impl Serialize for Units {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(COMPONENTS.len()))?;
-        for (name, unit) in COMPONENTS {
+        let mut map = serializer.serialize_map(Some(CHANNELS.len()))?;
+        for (name, unit) in CHANNELS {
             map.serialize_entry(name, unit)?;
         }
         map.end()
@@ -52,7 +50,7 @@ impl Serialize for Units {
 }
 
 impl Layout {
-    /// Extent of the field along an axis, mm: half a distance between vectors beyond the outermost.
+    /// Extent of the field along an axis, mm: half a spacing beyond the outermost vectors.
     pub fn bounds_mm(&self, axis: usize) -> [f64; 2] {
         let low = self.origin_mm[axis] - 0.5 * self.spacing_mm[axis];
         [low, low + self.shape[axis] as f64 * self.spacing_mm[axis]]
@@ -61,30 +59,30 @@ impl Layout {
     /// The JSON of the attribute `lf:field`, units included.
     ///
     /// # Errors
-    /// A number that JSON has no word for.
+    /// A number that JSON cannot express.
     pub(super) fn to_json(&self) -> Result<String, Refusal> {
         serde_json::to_string(&Attribute { units: Units, layout: self })
-            .map_err(|error| (format!("its layout cannot be written ({error})"), "wanted plain numbers".into()))
+            .map_err(|error| Refusal::new(format!("its layout cannot be written ({error})"), "wanted plain numbers"))
     }
 
-    /// Number of vectors; none where a shape is empty or beyond counting.
+    /// Number of vectors; None if an axis is empty or the number overflows.
     pub(super) fn checked_len(&self) -> Option<usize> {
         self.shape.iter().try_fold(1usize, |product, &n| product.checked_mul(n)).filter(|&len| len > 0)
     }
 
     /// # Errors
-    /// What was found and what was wanted.
+    /// A number that no field can have.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         let positive = |lengths: [f64; 3]| lengths.iter().all(|length| length.is_finite() && *length > 0.0);
         let wrong =
-            |key: &str, value: String, wanted: &str| Err((format!("{key} {value}"), format!("wanted {wanted}")));
+            |key: &str, value: String, wanted: &str| Err(Refusal::new(format!("{key} {value}"), format!("wanted {wanted}")));
         if self.checked_len().is_none() {
             return wrong("shape", format!("{:?}", self.shape), "at least one vector an axis");
         }
         if !positive(self.spacing_mm) {
             return wrong("spacing_mm", format!("{:?}", self.spacing_mm), "positive lengths");
         }
-        // Zero where no volume was correlated.
+        // Zeros if no volume was correlated.
         if !self.voxel_mm.iter().all(|length| length.is_finite() && *length >= 0.0) {
             return wrong("voxel_mm", format!("{:?}", self.voxel_mm), "lengths that are not negative");
         }

@@ -1,35 +1,53 @@
-//! A field as VTK image data, for ParaView: points on a regular grid in millimetres, arrays as raw bytes behind the XML.
+//! VTK image data (`.vti`) for ParaView: points on a regular grid in millimetres, arrays as raw bytes after the XML.
 //!
-//! Each array stands behind its length in bytes (a `u64`), and its `offset` counts from the byte after the underscore. Units
-//! are in the names of the arrays and in a comment; the time between the volumes is the field datum `dt_s`, where known.
+//! Each array follows its length in bytes (a `u64`, little-endian); its `offset` counts from the byte after the underscore.
+//! Units are in the names of the arrays and in a comment. The time between the volumes, if known, is the field datum `dt_s`.
 
-use super::Layout;
-use std::io::{Result, Write};
+use super::layout::Layout;
+use crate::{Result, io};
+use std::io::Write;
+use std::path::Path;
 
-/// Numbers at every place of a field, the components of a place beside each other.
+/// Numbers at every vector of a field; the components of one vector are neighbours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Array {
-    /// Its name, with the unit last where it has one.
+    /// Name, with the unit last if it has one.
     pub name: &'static str,
-    /// Numbers a place.
+    /// Numbers at each vector.
     pub components: usize,
-    /// As many numbers as places times components, x fastest.
+    /// Vectors times components, x fastest.
     pub values: Vec<f32>,
 }
 
 impl Array {
-    /// One number a place.
+    /// One number at each vector.
     pub fn scalars(name: &'static str, values: &[f32]) -> Self {
         Self { name, components: 1, values: values.to_vec() }
     }
 
-    /// Three numbers a place, from three lists of one length.
+    /// Three numbers at each vector, from three lists of equal length.
     pub fn vectors(name: &'static str, [x, y, z]: [&[f32]; 3]) -> Self {
         Self { name, components: 3, values: (0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).collect() }
     }
 }
 
-pub(super) fn write(layout: &Layout, arrays: &[Array], out: &mut dyn Write) -> Result<()> {
+/// Writes arrays on the points of a layout as `.vti`, for results that a [`super::Field`] has no component for. ParaView
+/// shows the first array with three components first.
+///
+/// # Errors
+/// Those of writing, and a layout with an unusable number.
+///
+/// # Panics
+/// If an array is not as long as the layout asks.
+pub fn save_arrays(path: &Path, layout: &Layout, arrays: &[Array]) -> Result<()> {
+    layout.check().map_err(|refusal| refusal.about(io::output_name(path)))?;
+    for array in arrays {
+        assert_eq!(Some(array.values.len() / array.components), layout.checked_len(), "length of {}", array.name);
+    }
+    io::save(path, |out| write(layout, arrays, out))
+}
+
+pub(super) fn write(layout: &Layout, arrays: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
     let [nx, ny, nz] = layout.shape.map(|n| n - 1);
     let extent = format!("0 {nx} 0 {ny} 0 {nz}");
     let [ox, oy, oz] = layout.origin_mm;

@@ -1,6 +1,7 @@
 //! EXR of one part with named `f32` channels and one JSON text attribute, to and from memory.
 
-use super::{Refusal, believable, damaged, refusal};
+use super::decode::{believable, damaged};
+use crate::Refusal;
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{AttributeValue, LineOrder, SampleType, Text};
 use ::exr::prelude::{
@@ -10,11 +11,11 @@ use ::exr::prelude::{
 use std::collections::HashMap;
 use std::io::Cursor;
 
-/// What an EXR says of itself before its pixels are touched, checked for what we read.
+/// Header of an EXR, checked before any pixel is decoded.
 pub(crate) struct Header {
     pub(crate) width: usize,
     pub(crate) height: usize,
-    /// Names in the file's order, which is alphabetical.
+    /// Channel names in the order of the file, which is alphabetical.
     pub(crate) channels: Vec<String>,
     attributes: HashMap<Text, AttributeValue>,
     shared: HashMap<Text, AttributeValue>,
@@ -26,18 +27,18 @@ impl Header {
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, Refusal> {
         let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
         let [header] = meta.headers.as_slice() else {
-            return Err(refusal(format!("{} parts", meta.headers.len()), "wanted one part"));
+            return Err(Refusal::new(format!("{} parts", meta.headers.len()), "wanted one part"));
         };
         if header.deep {
-            return Err(refusal("deep data", "wanted one value a pixel"));
+            return Err(Refusal::new("deep data", "wanted one value a pixel"));
         }
         let list = &header.channels.list;
         if list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
-            return Err(refusal("subsampled channels", "wanted a value for every pixel"));
+            return Err(Refusal::new("subsampled channels", "wanted a value for every pixel"));
         }
         let window = header.shared_attributes.display_window;
         if window.position != header.own_attributes.layer_position || window.size != header.layer_size {
-            return Err(refusal("a crop, data and display window differ", "wanted the whole image"));
+            return Err(Refusal::new("a crop, data and display window differ", "wanted the whole image"));
         }
         let Vec2(width, height) = header.layer_size;
         let sizes = list.iter().map(|channel| if channel.sample_type == SampleType::F16 { 2 } else { 4 });
@@ -61,15 +62,15 @@ impl Header {
     }
 }
 
-/// The named channels in the order asked, each in rows from the top.
+/// Values of the named channels, in the order of `names`, each in rows from the top.
 ///
 /// # Errors
-/// Damage, and the names of channels that are not there.
+/// Damage, and channels that are missing.
 pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N]) -> Result<[Vec<f32>; N], Refusal> {
     let missing: Vec<&str> = names.into_iter().filter(|name| !header.channels.iter().any(|has| has == name)).collect();
     if !missing.is_empty() {
         let found = format!("channels {} without {}", header.channels.join(", "), missing.join(", "));
-        return Err(refusal(found, format!("wanted channels {}", names.join(", "))));
+        return Err(Refusal::new(found, format!("wanted channels {}", names.join(", "))));
     }
     let image = ::exr::prelude::read()
         .no_deep_data()
@@ -97,7 +98,7 @@ pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N
     Ok(values)
 }
 
-/// One part of `f32` channels; `attribute` is a name and JSON text. Equal input gives equal bytes.
+/// Encodes one part of `f32` channels; `attribute` is a name and JSON text. Equal input gives equal bytes.
 ///
 /// # Errors
 /// No pixels.
@@ -108,16 +109,16 @@ pub(crate) fn write(
     attribute: Option<(&str, String)>,
 ) -> Result<Vec<u8>, Refusal> {
     if width == 0 || height == 0 {
-        return Err(refusal(format!("{width} x {height} pixels to write"), "wanted an image with pixels"));
+        return Err(Refusal::new(format!("{width} x {height} pixels to write"), "wanted an image with pixels"));
     }
     let channels: SmallVec<_> =
         channels.into_iter().map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values))).collect();
     let mut attributes = LayerAttributes::default();
-    // The library keeps attributes in a hash map and writes them in its order: more than one would make equal images differ.
+    // The library writes attributes in the order of a hash map: with more than one, equal images would differ.
     if let Some((name, json)) = attribute {
         attributes.other.insert(Text::new_or_panic(name), AttributeValue::Text(Text::new_or_panic(ascii(&json))));
     }
-    // So would any line order but this one, because blocks are compressed in parallel.
+    // Blocks are compressed in parallel: with another line order, equal images would differ.
     let encoding =
         Encoding { compression: Compression::ZIP1, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
     let layer = Layer::new((width, height), attributes, encoding, AnyChannels::sort(channels));
@@ -125,11 +126,11 @@ pub(crate) fn write(
     Image::from_layer(layer)
         .write()
         .to_buffered(&mut file)
-        .map_err(|error| refusal(format!("cannot be encoded ({error})"), "wanted an image that fits the EXR format"))?;
+        .map_err(|error| Refusal::new(format!("cannot be encoded ({error})"), "wanted an image that fits the EXR format"))?;
     Ok(file.into_inner())
 }
 
-/// JSON with every letter beyond ASCII as an escape: EXR text names no encoding.
+/// JSON with every letter beyond ASCII as an escape, since EXR text has no declared encoding.
 pub(super) fn ascii(json: &str) -> String {
     let mut text = String::with_capacity(json.len());
     for letter in json.chars() {

@@ -1,20 +1,21 @@
-//! A frame as the stages want it: counts above a background, each pixel as sensitive as any other.
+//! A frame as the stages use it: counts above a background, divided by the flat field.
 
-use super::{Image, open_counts};
+use super::decode::Image;
+use super::reading::open_counts;
 use crate::camera::Camera;
 use crate::{Error, Result, io};
 use ndarray::Array2;
 use std::path::Path;
 
-/// A pixel that counts less than this share of its light is blind: what noise it has would count twenty times.
+/// A pixel that counts less than this fraction of its light is blind: the flat field would multiply its noise by 20.
 pub const BLIND: f32 = 0.05;
 
-/// Reads an image of counts ([`open_counts`]) by a camera, which was read from `camera_file`, subtracts a background, what
-/// falls below zero becoming zero, and divides by the camera's flat field: what each pixel counts of the light that it
-/// should. Pixels that count less than [`BLIND`] of it become NaN: nothing is known of their light.
+/// Reads an image of counts ([`open_counts`]), subtracts the background, sets negative results to 0, and divides by the
+/// flat field of `camera`, which was read from `camera_file`. Pixels whose flat field is below [`BLIND`] become NaN: their
+/// light is unknown.
 ///
 /// # Errors
-/// Those of the files; another size than the camera's sensor.
+/// Those of the files, and images of another size than the camera's sensor.
 pub fn open_frame(path: &Path, background: Option<&Path>, camera: &Camera, camera_file: &Path) -> Result<Image> {
     let mut image = open_counts(path)?;
     let (height, width) = image.pixels.dim();
@@ -30,7 +31,7 @@ pub fn open_frame(path: &Path, background: Option<&Path>, camera: &Camera, camer
     Ok(image)
 }
 
-/// An image of the size of another.
+/// Pixels of `file`, which must be as large as the frame; `what` names it in the message.
 fn like(what: &str, file: &Path, frame: &Path, image: &Image) -> Result<Array2<f32>> {
     let pixels = open_counts(file)?.pixels;
     let ((height, width), (wanted_height, wanted_width)) = (pixels.dim(), image.pixels.dim());

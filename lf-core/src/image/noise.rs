@@ -1,16 +1,16 @@
-//! The noise of an image, found in its darkest places.
+//! The noise of an image, measured where it is darkest.
 
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-/// Side of a tile, px; an image smaller than a tile has no noise that could be told.
+/// Side of a tile, px. The noise of an image smaller than a tile is 0.
 const TILE: usize = 4;
 
-/// Share of the tiles, the darkest, that are taken for places without light.
+/// Fraction of the tiles, from the darkest, that count as places without light.
 const DARKEST: f64 = 0.05;
 
 /// Standard deviation of the pixels where the image is darkest, counts: the median over the darkest twentieth of its tiles
-/// of 4 x 4 px. What light there is even there counts as noise; an image cut at 0 shows about 0.6 of its noise.
+/// of 4 x 4 px. Light in those tiles counts as noise. An image clipped at 0 shows about 0.6 of its noise.
 pub fn noise(image: ArrayView2<f32>) -> f64 {
     let (height, width) = image.dim();
     let rows: Vec<usize> = (0..height / TILE).collect();

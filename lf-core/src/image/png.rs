@@ -1,6 +1,7 @@
-//! PNG, 8-bit or 16-bit grey.
+//! Reads PNG with 8-bit or 16-bit grey.
 
-use super::{Refusal, array, believable, damaged, refusal};
+use super::decode::{RATIO, array, believable, damaged};
+use crate::Refusal;
 use ::image::codecs::png::PngDecoder;
 use ::image::{ColorType, ExtendedColorType, ImageDecoder, Limits};
 use ndarray::Array2;
@@ -8,25 +9,25 @@ use std::io::Cursor;
 
 const WANTED: &str = "wanted 8-bit or 16-bit grey";
 
-/// What chunks other than pixels may take.
+/// Memory allowed for chunks other than pixels, bytes.
 const CHUNKS: u64 = 16 << 20;
 
 pub(super) fn read(bytes: &[u8]) -> Result<Array2<f32>, Refusal> {
     let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(super::RATIO * bytes.len() as u64 + CHUNKS);
+    limits.max_alloc = Some(RATIO * bytes.len() as u64 + CHUNKS);
     let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(damaged)?;
     let (width, height) = decoder.dimensions();
     let depth: usize = match (decoder.original_color_type(), decoder.color_type()) {
-        (ExtendedColorType::L1, _) => return Err(refusal("1-bit grey", WANTED)),
-        (ExtendedColorType::L2, _) => return Err(refusal("2-bit grey", WANTED)),
-        (ExtendedColorType::L4, _) => return Err(refusal("4-bit grey", WANTED)),
+        (ExtendedColorType::L1, _) => return Err(Refusal::new("1-bit grey", WANTED)),
+        (ExtendedColorType::L2, _) => return Err(Refusal::new("2-bit grey", WANTED)),
+        (ExtendedColorType::L4, _) => return Err(Refusal::new("4-bit grey", WANTED)),
         (_, ColorType::L8) => 1,
         (_, ColorType::L16) => 2,
-        (_, ColorType::La8 | ColorType::La16) => return Err(refusal("an alpha channel", WANTED)),
-        _ => return Err(refusal("colour", WANTED)),
+        (_, ColorType::La8 | ColorType::La16) => return Err(Refusal::new("an alpha channel", WANTED)),
+        _ => return Err(Refusal::new("colour", WANTED)),
     };
     if decoder.is_apng().map_err(damaged)? {
-        return Err(refusal("an animation", "wanted one image"));
+        return Err(Refusal::new("an animation", "wanted one image"));
     }
     believable(width.into(), height.into(), depth as u64, bytes.len())?;
     let mut samples = vec![0u8; width as usize * height as usize * depth];

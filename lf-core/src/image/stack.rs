@@ -1,12 +1,14 @@
-//! Files of one image or many, one at a time.
+//! Files of one image or many, read one image at a time.
 
-use super::{Image, counts, from_bytes, guarded, tiff};
+use super::decode::{Image, guarded};
+use super::reading::{counts, from_bytes};
+use super::tiff;
 use crate::io::{self, Bytes};
-use crate::{Error, Result};
+use crate::Result;
 use std::path::Path;
 
-/// The images of a file: every page of a TIFF, the one image of anything else. Holds the file's bytes, mapped where it is
-/// a plain file, and no pixels.
+/// The images of a file: every page of a TIFF, or the one image of another format. Holds the bytes of the file (mapped if it
+/// is a plain file) and no pixels.
 pub struct Stack {
     name: String,
     bytes: Bytes,
@@ -15,8 +17,7 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// Opens a file and counts its images; `-` is standard input. A TIFF whose list of pages is cut is refused here, what a
-    /// page holds when it is read.
+    /// Opens a file and counts its images; `-` is standard input. Pages are decoded later, by [`Stack::read`].
     ///
     /// # Errors
     /// No such file, and a TIFF without a whole list of pages.
@@ -24,7 +25,7 @@ impl Stack {
         Self::from_bytes(io::open(path)?, &io::name(path))
     }
 
-    /// The same of bytes that are there already; `name` is what messages call them.
+    /// Counts the images of a file in memory; `name` stands for it in messages.
     ///
     /// # Errors
     /// A TIFF without a whole list of pages.
@@ -32,7 +33,7 @@ impl Stack {
         let name = name.to_owned();
         let is_tiff = matches!(&bytes[..], [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..]);
         let images = if is_tiff { guarded(|| tiff::count(&bytes)) } else { Ok(1) };
-        let images = images.map_err(|(found, wanted)| Error::new(&name, found, wanted))?;
+        let images = images.map_err(|refusal| refusal.about(&name))?;
         Ok(Self { name, bytes, images, is_tiff })
     }
 
@@ -41,22 +42,22 @@ impl Stack {
         &self.bytes
     }
 
-    /// Whether the file can be opened again, being mapped and no pipe.
+    /// Whether the file is mapped. Such a file can be opened again, a pipe cannot.
     pub fn is_mapped(&self) -> bool {
         self.bytes.is_mapped()
     }
 
-    /// How many images there are, at least one.
+    /// Number of images, at least one.
     pub fn images(&self) -> usize {
         self.images
     }
 
-    /// What messages call an image: the file, and the page where there are several, counted from 1.
+    /// Name of an image in messages: the file, and its page from 1 if there are several.
     pub fn name(&self, number: usize) -> String {
         if self.images == 1 { self.name.clone() } else { format!("{}, page {}", self.name, number + 1) }
     }
 
-    /// Decodes an image, counted from 0, and refuses pixels that are NaN, infinite or negative.
+    /// Decodes image `number`, counted from 0, and refuses pixels that are NaN, infinite or negative.
     ///
     /// # Errors
     /// Those of [`super::open_counts`].
@@ -70,6 +71,6 @@ impl Stack {
             return counts(from_bytes(&self.bytes, &name)?, &name);
         }
         let image = guarded(|| tiff::page(&self.bytes, number));
-        counts(image.map_err(|(found, wanted)| Error::new(&name, found, wanted))?, &name)
+        counts(image.map_err(|refusal| refusal.about(&name))?, &name)
     }
 }

@@ -1,7 +1,8 @@
-//! TIFF: 8-bit, 16-bit or `f32` grey read, one page or page by page; 16-bit grey of one page written.
+//! TIFF: reads 8-bit, 16-bit or `f32` grey, page by page; writes one page of 16-bit grey.
 
+use super::decode::{Image, array, believable, damaged};
 use super::exr::ascii;
-use super::{Image, Refusal, array, believable, damaged, refusal};
+use crate::Refusal;
 use crate::history::History;
 use ::tiff::ColorType;
 use ::tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -14,31 +15,34 @@ use std::io::Cursor;
 
 const WANTED: &str = "wanted 8-bit, 16-bit or 32-bit float grey";
 
-/// `PhotometricInterpretation` where 0 is black.
+/// The `PhotometricInterpretation` in which 0 is black.
 const BLACK_IS_ZERO: u16 = 1;
 
-/// Pages counted before it stops to matter; also ends a chain of directories that bites its tail.
+/// Most pages that are counted; also bounds a cyclic chain of directories.
 const MANY: usize = 100_000;
 
 pub(super) fn read(bytes: &[u8]) -> Result<Image, Refusal> {
     match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
         1 => {}
-        MANY.. => return Err(refusal(format!("{MANY} pages or more"), "wanted one page (split the stack into files)")),
-        pages => return Err(refusal(format!("{pages} pages"), "wanted one page (split the stack into files)")),
+        MANY.. => return Err(Refusal::new(format!("{MANY} pages or more"), "wanted one page (split the stack into files)")),
+        pages => return Err(Refusal::new(format!("{pages} pages"), "wanted one page (split the stack into files)")),
     }
     page(bytes, 0)
 }
 
-/// How many pages a file has; the whole chain of directories must be there.
+/// Number of pages of a file.
+///
+/// # Errors
+/// No page, too many, and a chain of directories that leaves the file.
 pub(super) fn count(bytes: &[u8]) -> Result<usize, Refusal> {
     match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
-        0 => Err(refusal("no page", "wanted a TIFF with pages")),
-        MANY.. => Err(refusal(format!("{MANY} pages or more"), "wanted fewer in one file")),
+        0 => Err(Refusal::new("no page", "wanted a TIFF with pages")),
+        MANY.. => Err(Refusal::new(format!("{MANY} pages or more"), "wanted fewer in one file")),
         pages => Ok(pages),
     }
 }
 
-/// Page `number`, counted from 0; others are not decoded.
+/// Decodes page `number`, counted from 0, and no other.
 pub(super) fn page(bytes: &[u8], number: usize) -> Result<Image, Refusal> {
     let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(damaged)?;
     if number > 0 {
@@ -58,9 +62,9 @@ pub(super) fn page(bytes: &[u8], number: usize) -> Result<Image, Refusal> {
         DecodingResult::U8(values) => values.into_iter().map(f32::from).collect(),
         DecodingResult::U16(values) => values.into_iter().map(f32::from).collect(),
         DecodingResult::F32(values) => values,
-        DecodingResult::U32(_) | DecodingResult::I32(_) => return Err(refusal("32-bit whole numbers", WANTED)),
-        DecodingResult::F16(_) => return Err(refusal("16-bit float", WANTED)),
-        _ => return Err(refusal("signed samples", WANTED)),
+        DecodingResult::U32(_) | DecodingResult::I32(_) => return Err(Refusal::new("32-bit whole numbers", WANTED)),
+        DecodingResult::F16(_) => return Err(Refusal::new("16-bit float", WANTED)),
+        _ => return Err(Refusal::new("signed samples", WANTED)),
     };
     Ok(Image { pixels: array(width as usize, height as usize, values)?, history })
 }
@@ -69,43 +73,43 @@ pub(super) fn page(bytes: &[u8], number: usize) -> Result<Image, Refusal> {
 fn depth(decoder: &mut Decoder<Cursor<&[u8]>>) -> Result<u8, Refusal> {
     let depth = match decoder.colortype().map_err(damaged)? {
         ColorType::Gray(depth @ (8 | 16 | 32)) => depth,
-        ColorType::Gray(depth) => return Err(refusal(format!("{depth}-bit grey"), WANTED)),
-        ColorType::GrayA(_) => return Err(refusal("an alpha channel", WANTED)),
-        ColorType::Palette(_) => return Err(refusal("a colour palette", WANTED)),
-        ColorType::Multiband { num_samples, .. } => return Err(refusal(format!("{num_samples} channels"), WANTED)),
-        _ => return Err(refusal("colour", WANTED)),
+        ColorType::Gray(depth) => return Err(Refusal::new(format!("{depth}-bit grey"), WANTED)),
+        ColorType::GrayA(_) => return Err(Refusal::new("an alpha channel", WANTED)),
+        ColorType::Palette(_) => return Err(Refusal::new("a colour palette", WANTED)),
+        ColorType::Multiband { num_samples, .. } => return Err(Refusal::new(format!("{num_samples} channels"), WANTED)),
+        _ => return Err(Refusal::new("colour", WANTED)),
     };
     let photometric: Option<u16> = decoder.find_tag_unsigned(Tag::PhotometricInterpretation).map_err(damaged)?;
     if photometric.is_some_and(|meaning| meaning != BLACK_IS_ZERO) {
-        return Err(refusal("inverted grey, 0 is white", "wanted linear counts, 0 is black"));
+        return Err(Refusal::new("inverted grey, 0 is white", "wanted linear counts, 0 is black"));
     }
     Ok(depth)
 }
 
-/// The steps in `ImageDescription`; empty where it says anything else.
+/// The history in `ImageDescription`; empty if the tag holds other text.
 fn history(decoder: &mut Decoder<Cursor<&[u8]>>) -> History {
     let text = decoder.find_tag(Tag::ImageDescription).ok().flatten().and_then(|value| value.into_string().ok());
     text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
 }
 
-/// One page of 16-bit grey in strips that are not compressed, in the byte order of the machine; `steps` is JSON text.
-/// Counts are rounded to the nearest whole one, halves away from zero, and clipped. Equal input gives equal bytes.
+/// Encodes one page of 16-bit grey in strips without compression, in the byte order of the machine; `steps` is JSON text.
+/// Counts are rounded to whole numbers, halves away from zero, and clipped to 0..=65535. Equal input gives equal bytes.
 ///
 /// # Errors
 /// No pixels, NaN, and more than the 4 GiB of a classic TIFF.
 pub(super) fn write(pixels: &Array2<f32>, steps: Option<String>) -> Result<Vec<u8>, Refusal> {
     let (height, width) = pixels.dim();
     if width == 0 || height == 0 {
-        return Err(refusal(format!("{width} x {height} pixels to write"), "wanted an image with pixels"));
+        return Err(Refusal::new(format!("{width} x {height} pixels to write"), "wanted an image with pixels"));
     }
     if let Some(((y, x), _)) = pixels.indexed_iter().find(|(_, value)| value.is_nan()) {
         let bad = pixels.iter().filter(|value| value.is_nan()).count();
         let bad = if bad == 1 { "1 pixel is".into() } else { format!("{bad} pixels are") };
         let found = format!("{bad} NaN, the first at x {x}, y {y}");
-        return Err(refusal(found, "wanted numbers for a 16-bit TIFF, or the name of an .exr"));
+        return Err(Refusal::new(found, "wanted numbers for a 16-bit TIFF, or the name of an .exr"));
     }
     encode(pixels, width, height, steps)
-        .map_err(|error| refusal(format!("cannot be encoded ({error})"), "wanted an image that fits the TIFF format"))
+        .map_err(|error| Refusal::new(format!("cannot be encoded ({error})"), "wanted an image that fits the TIFF format"))
 }
 
 fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<String>) -> TiffResult<Vec<u8>> {
@@ -127,7 +131,7 @@ fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<Strin
             break;
         }
         strip.clear();
-        // A cast from float to whole number saturates.
+        // A cast from float to integer saturates.
         strip.extend(values.by_ref().take(samples).map(|value| value.round() as u16));
         page.write_strip(&strip)?;
     }
@@ -135,11 +139,11 @@ fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<Strin
     Ok(file.into_inner())
 }
 
-/// Room for what is not pixels, bytes; more would only make the buffer move once.
+/// Space reserved for tags, bytes. If they need more, the buffer is moved once.
 const TAGS: usize = 64 << 10;
 
-/// Follows the chain of directories, in either byte order, classic or BigTIFF. None where it leaves the file, or where a
-/// tag claims more bytes than the file has: the library would make room for them before it looks.
+/// Counts the pages along the chain of directories, in either byte order, classic or BigTIFF. None if the chain leaves the
+/// file, or if a tag claims more bytes than the file has: the library would allocate them before it checks.
 fn pages(bytes: &[u8]) -> Option<usize> {
     let number = |at: usize, width: usize| -> Option<usize> {
         let field = bytes.get(at..at.checked_add(width)?)?;
@@ -147,7 +151,7 @@ fn pages(bytes: &[u8]) -> Option<usize> {
         let value = if bytes[0] == b'I' { field.iter().rev().fold(0, push) } else { field.iter().fold(0, push) };
         usize::try_from(value).ok()
     };
-    // Widths of an entry count, of a value count or offset, and of a whole entry.
+    // Bytes of an entry count, of a value count or offset, and of a whole entry.
     let (counter, word, entry, first) = if number(2, 2)? == 43 { (8, 8, 20, 8) } else { (2, 4, 12, 4) };
     let mut directory = number(first, word)?;
     let mut pages = 0;

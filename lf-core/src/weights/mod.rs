@@ -131,7 +131,7 @@ impl Footprint {
         }
         let circle = camera.main_lens.aperture == Aperture::Circle;
         let sections = sections(camera, if let Model::Drt { sections } = model { sections } else { None })?;
-        let in_line = camera.in_line();
+        let in_line = camera.aligned();
         let straight = in_line.clone().unwrap_or_else(|| camera.clone());
         let optics = Optics::new(&straight);
         let mut footprint = Self {
@@ -181,7 +181,7 @@ impl Footprint {
     }
 
     /// Whether [`Footprint::columns`] and [`Footprint::rows`] hold for this camera: a square lattice in line with the
-    /// pixels: see [`Camera::in_line`].
+    /// pixels: see [`Camera::aligned`].
     pub fn in_line(&self) -> bool {
         self.in_line
     }

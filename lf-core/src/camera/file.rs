@@ -1,0 +1,63 @@
+//! `camera.json` from and to text, and what belongs to its file.
+
+use super::model::Camera;
+use crate::{Error, Refusal, Result};
+use std::path::{Path, PathBuf};
+
+const WANTED: &str = "wanted a camera.json";
+
+impl Camera {
+    /// Reads and checks a camera file; `-` is standard input.
+    ///
+    /// # Errors
+    /// Those of reading a text file and of [`Camera::from_json`].
+    pub fn open(path: &Path) -> Result<Self> {
+        let text = crate::io::open_text(path).map_err(|mut error| {
+            if error.found.ends_with("no text") {
+                error.wanted = WANTED.to_string();
+            }
+            error
+        })?;
+        Self::from_json(&text).map_err(|refusal| refusal.about(crate::io::name(path)))
+    }
+
+    /// Reads and checks a camera.
+    ///
+    /// # Errors
+    /// Text that is not JSON, a key that is unknown or missing, and those of [`Camera::check`].
+    pub fn from_json(text: &str) -> std::result::Result<Self, Refusal> {
+        let value: serde_json::Value =
+            serde_json::from_str(text).map_err(|error| Refusal::new(format!("not JSON ({error})"), WANTED))?;
+        let camera: Self = serde_json::from_value(value).map_err(|error| Refusal::new(error.to_string(), WANTED))?;
+        camera.check()?;
+        Ok(camera)
+    }
+
+    /// The camera as indented JSON with a final line end.
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).expect("a camera is plain data");
+        text.push('\n');
+        text
+    }
+
+    /// Path of the flat-field image of a camera that was read from `file`: `vignetting`, relative to the file's folder.
+    pub fn flat_field(&self, file: &Path) -> Option<PathBuf> {
+        let flat = self.vignetting.as_deref()?;
+        Some(file.parent().map_or_else(|| flat.to_path_buf(), |folder| folder.join(flat)))
+    }
+
+    /// Checks that an image is as large as the sensor.
+    ///
+    /// # Errors
+    /// An image of another size; `name` is its name in the message.
+    pub fn check_image(&self, name: &str, width: usize, height: usize) -> Result<()> {
+        if (width, height) == (self.sensor.width, self.sensor.height) {
+            return Ok(());
+        }
+        Err(Error::new(
+            name,
+            format!("image of {width} x {height} px"),
+            format!("wanted the camera's {} x {} px", self.sensor.width, self.sensor.height),
+        ))
+    }
+}

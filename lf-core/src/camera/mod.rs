@@ -1,0 +1,33 @@
+//! The camera, its file `camera.json`, and the lengths that follow from it.
+//!
+//! In: the text of a `camera.json`. Out: a checked [`Camera`] and its derived lengths.
+//! Open first: `model.rs`, the keys of the file. `checks.rs` says which values are refused.
+//!
+//! A `camera.json` is one JSON object. Its keys are the fields of [`Camera`], and its blocks those of the structs named
+//! there; an unknown key is refused. `sensor`, `main_lens` and `microlenses` are required. The other blocks are optional:
+//! an effect is modelled only if its block is given, and costs nothing otherwise. Lengths are mm, angles rad; the frame
+//! and its signs are in [`crate::optics`].
+//!
+//! | symbol | key | derived here |
+//! | --- | --- | --- |
+//! | `pp` | `sensor.pixel_pitch_mm` | |
+//! | `p` | `microlenses.pitch_mm` | |
+//! | `f_l` | `microlenses.focal_length_mm` | |
+//! | `f`, `m` | `main_lens.focal_length_mm`, `main_lens.magnification` | |
+//! | `s_i`, `s_o` | | [`Camera::image_distance_mm`], [`Camera::object_distance_mm`] |
+//! | `N_w`, `D` | `main_lens.working_f_number` | [`Camera::aperture_mm`] |
+//! | `g` | `microlenses.gap_mm`; f_l if absent | [`Camera::gap_mm`] |
+//! | `k` | | [`Camera::demagnification`] |
+
+mod about;
+mod checks;
+mod file;
+mod lengths;
+mod model;
+
+pub use about::ALIGNED_PX;
+pub use crate::lattice::{Layout, Microlenses};
+pub use model::{Aperture, Camera, Distortion, MainLens, Medium, Sensor, Tilt};
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,116 @@
+//! The keys of `camera.json`.
+
+use crate::lattice::{Centres, Microlenses};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// A plenoptic camera: a thin main lens, a microlens array, and a sensor about one microlens focal length behind the array.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// The pixels.
+    pub sensor: Sensor,
+    /// The main lens.
+    pub main_lens: MainLens,
+    /// The microlens array.
+    pub microlenses: Microlenses,
+    /// Distortion by the main lens; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Distortion>,
+    /// Tilt of the sensor against the array; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tilt: Option<Tilt>,
+    /// The medium that the camera looks into; air if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub medium: Option<Medium>,
+    /// Measured departure of the lenslets from the perfect lattice; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centres: Option<Centres>,
+    /// File of the flat-field image: the fraction of its light that each pixel counts; 1 everywhere if absent. The path is
+    /// relative to the folder of the camera's file. See [`crate::image::open_frame`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vignetting: Option<PathBuf>,
+    /// Residuals of the calibration and their units, for people. Kept when the file is rewritten; no tool reads it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<serde_json::Value>,
+}
+
+/// The pixels behind the array.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// Pixel columns.
+    pub width: usize,
+    /// Pixel rows.
+    pub height: usize,
+    /// Distance between pixels, mm.
+    pub pixel_pitch_mm: f64,
+}
+
+/// A thin main lens focused on the plane Z = 0.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MainLens {
+    /// Focal length, mm.
+    pub focal_length_mm: f64,
+    /// Magnification |M| at the focal plane, without its sign.
+    pub magnification: f64,
+    /// Working f-number: image distance over aperture diameter.
+    pub working_f_number: f64,
+    /// Shape of the stop.
+    pub aperture: Aperture,
+}
+
+/// Shape of the main lens's stop. Its diameter or side is [`Camera::aperture_mm`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Aperture {
+    /// A disc.
+    Circle,
+    /// A square with sides along x and y.
+    Square,
+}
+
+/// Distortion by the main lens after Brown (1966): radial terms, and tangential terms of a decentred element. The whole
+/// image of a point moves as its chief ray does; [`crate::optics`] has the equation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Distortion {
+    /// k1, k2, k3: coefficients of r^2, r^4, r^6, where r is the tangent of the chief ray behind the lens.
+    #[serde(default)]
+    pub radial: [f64; 3],
+    /// p1, p2.
+    #[serde(default)]
+    pub tangential: [f64; 2],
+}
+
+/// Tilt of the sensor against the array: the gap between them grows by tan(x_rad) along x and by tan(y_rad) along y.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tilt {
+    /// Along x, rad.
+    pub x_rad: f64,
+    /// Along y, rad.
+    pub y_rad: f64,
+}
+
+/// A medium behind a flat window normal to the optical axis; the camera stands in air. Z = 0 is the plane in the medium
+/// that paraxial rays focus onto the array.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Medium {
+    /// Index of refraction of the medium, relative to air.
+    pub index: f64,
+    /// Z of the window's face towards the medium, mm.
+    pub window_z_mm: f64,
+    /// Thickness of the window, mm; 0 if absent, and the medium borders on air.
+    #[serde(default)]
+    pub window_thickness_mm: f64,
+    /// Index of refraction of the window, relative to air; 1 if absent.
+    #[serde(default = "one")]
+    pub window_index: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}

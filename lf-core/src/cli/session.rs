@@ -1,0 +1,129 @@
+//! The handle that a tool's body gets: messages, progress, history, phases.
+
+use super::common::Common;
+use super::complaint::one_line;
+use super::progress::{Progress, Screen};
+use crate::history::{History, Step};
+use crate::{Error, Result, io};
+use serde_json::{Map, Value};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// One run of a tool: its messages, its history, its phases and counts.
+pub struct Session {
+    pub(super) step: Step,
+    keeps_history: bool,
+    quiet: bool,
+    verbose: bool,
+    screen: Screen,
+    pub(super) stats: Option<PathBuf>,
+    pub(super) started: Instant,
+    pub(super) phases: Vec<(String, f64)>,
+    pub(super) counts: Map<String, Value>,
+}
+
+impl Session {
+    pub(super) fn new(step: Step, common: &Common) -> Self {
+        Self {
+            step,
+            keeps_history: std::env::var_os("LF_HISTORY").is_none_or(|value| value != "off"),
+            quiet: common.quiet,
+            verbose: common.verbose,
+            screen: Screen::new(common.quiet),
+            stats: common.stats.clone(),
+            started: Instant::now(),
+            phases: Vec::new(),
+            counts: Map::new(),
+        }
+    }
+
+    /// Runs `work` as a named phase. Its seconds go to `--stats`; phases of the same name are added up. A phase inside
+    /// another counts in both.
+    pub fn phase<T>(&mut self, name: &str, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+        let place = self.phases.iter().position(|(known, _)| known == name).unwrap_or_else(|| {
+            self.phases.push((name.to_owned(), 0.0));
+            self.phases.len() - 1
+        });
+        let started = Instant::now();
+        let outcome = work(self);
+        let seconds = started.elapsed().as_secs_f64();
+        self.phases[place].1 += seconds;
+        self.explain(format!("{name}: {seconds:.3} s"));
+        outcome
+    }
+
+    /// Records a number for `--stats`; a later value of the same name replaces it.
+    pub fn count(&mut self, name: &str, value: impl Into<Value>) {
+        self.counts.insert(name.to_owned(), value.into());
+    }
+
+    /// Prints a line on standard error, unless `--quiet`.
+    pub fn say(&self, line: impl AsRef<str>) {
+        if !self.quiet {
+            self.print(line.as_ref());
+        }
+    }
+
+    /// Whether [`Session::explain`] prints. Guards expensive diagnostics.
+    pub fn is_verbose(&self) -> bool {
+        self.verbose && !self.quiet
+    }
+
+    /// Prints a line on standard error with `--verbose`.
+    pub fn explain(&self, line: impl AsRef<str>) {
+        if self.is_verbose() {
+            self.print(line.as_ref());
+        }
+    }
+
+    /// Prints `tool: warning: ...` on standard error, unless `--quiet`.
+    pub fn warn(&self, line: impl AsRef<str>) {
+        if !self.quiet {
+            self.print(&format!("warning: {}", line.as_ref()));
+        }
+    }
+
+    fn print(&self, line: &str) {
+        self.screen.print(&one_line(&format!("{}: {line}", self.step.tool)));
+    }
+
+    /// A progress counter of `total` steps: a bar if standard error is a terminal, otherwise silent. Cheap, `Sync`.
+    pub fn progress(&self, what: &str, total: u64) -> Progress {
+        self.screen.progress(what, total)
+    }
+
+    /// The history `before` with this run appended; empty with `LF_HISTORY=off`.
+    pub fn history(&self, before: &History) -> History {
+        if !self.keeps_history {
+            return History::new();
+        }
+        before.iter().chain([&self.step]).cloned().collect()
+    }
+
+    /// Checks that output, inputs and the `--stats` file are different files.
+    ///
+    /// # Errors
+    /// Two of them are the same file, or two inputs are standard input.
+    pub fn keep_apart(&self, output: &Path, inputs: &[&Path]) -> Result<()> {
+        let clash = |output: &Path, found: &str| {
+            Err(Error::new(io::output_name(output), found, "wanted another file to write to"))
+        };
+        if inputs.iter().filter(|input| io::is_standard(input)).count() > 1 {
+            return Err(Error::new("standard input", "named more than once", "wanted - for one input only"));
+        }
+        for input in inputs {
+            if io::same_file(output, input) {
+                return clash(output, "is also an input");
+            }
+            if self.stats.as_ref().is_some_and(|stats| io::same_file(stats, input)) {
+                return clash(input, "is an input and the --stats file");
+            }
+        }
+        match &self.stats {
+            Some(stats) if stats == output || io::same_file(stats, output) => {
+                clash(output, "is the output and the --stats file")
+            }
+            _ => Ok(()),
+        }
+    }
+}

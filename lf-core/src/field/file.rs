@@ -1,0 +1,116 @@
+//! A field from and to a file.
+
+use super::channels::{CHANNELS, COUNT, REQUIRED};
+use super::layout::Layout;
+use super::vectors::Field;
+use super::vti::{self, Array};
+use super::csv;
+use crate::image::{exr, guarded};
+use crate::{Refusal, Result, io};
+use std::path::Path;
+
+/// The attribute that holds the layout.
+const LAYOUT: &str = "lf:field";
+
+impl Field {
+    /// Reads an EXR field; `-` is standard input.
+    ///
+    /// # Errors
+    /// Another kind of file, missing channels, a layout that does not fit the image, an unknown flag, and a displacement
+    /// that is not finite where there is data.
+    pub fn open(path: &Path) -> Result<Self> {
+        Self::from_bytes(&io::open(path)?, &io::name(path))
+    }
+
+    /// Reads an EXR field from memory as [`Field::open`] does; `name` stands for it in messages.
+    ///
+    /// # Errors
+    /// Those of [`Field::open`], without those of the file.
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
+        guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
+    }
+
+    /// Writes EXR, `.vti` or `.csv` by extension; `-` is EXR on standard output, and a name without extension is EXR too.
+    ///
+    /// # Errors
+    /// Those of writing, a name that promises another format, and a field that [`Field::open`] would refuse.
+    ///
+    /// # Panics
+    /// If a component is not as long as the shape asks.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        let refused = |refusal: Refusal| refusal.about(io::output_name(path));
+        self.layout.check().map_err(refused)?;
+        for ((name, _), values) in CHANNELS.iter().zip(self.components()) {
+            assert_eq!(Some(values.len()), self.layout.checked_len(), "length of component {name}");
+        }
+        self.check().map_err(refused)?;
+        let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+        match extension.as_deref() {
+            None | Some("exr") => {
+                let bytes = guarded(|| self.to_exr()).map_err(refused)?;
+                io::save(path, |out| out.write_all(&bytes))
+            }
+            Some("vti") => io::save(path, |out| vti::write(&self.layout, &self.to_arrays(), out)),
+            Some("csv") => io::save_text(path, |out| csv::write(self, out)),
+            Some(other) => {
+                Err(refused(Refusal::new(format!("the extension .{other}"), "wanted .exr, .vti or .csv")))
+            }
+        }
+    }
+
+    /// The arrays of a `.vti`.
+    fn to_arrays(&self) -> Vec<Array> {
+        let [u, v, w, peak, ratio, su, sv, sw, flag, count] = self.components();
+        let mut arrays = vec![
+            Array::vectors("displacement_mm", [u, v, w]),
+            Array::vectors("uncertainty_mm", [su, sv, sw]),
+            Array::scalars("peak", peak),
+            Array::scalars("ratio", ratio),
+            Array::scalars("flag", flag),
+            Array::scalars("count", count),
+        ];
+        if self.layout.dt_s.is_some() {
+            let velocities = (0..self.len()).filter_map(|i| self.velocity_mm_s(i)).flatten().collect();
+            arrays.push(Array { name: "velocity_mm_s", components: 3, values: velocities });
+        }
+        arrays
+    }
+
+    fn to_exr(&self) -> std::result::Result<Vec<u8>, Refusal> {
+        let [nx, ny, nz] = self.layout.shape;
+        let names = CHANNELS.into_iter().map(|(name, _)| name);
+        let channels = names.zip(self.components().map(<[f32]>::to_vec)).collect();
+        exr::write(nx, ny * nz, channels, Some((LAYOUT, self.layout.to_json()?)))
+    }
+}
+
+fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
+    const WANTED: &str = "wanted a vector field in EXR";
+    if !bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+        let found = if bytes.is_empty() { "empty" } else { "not an EXR by its first bytes" };
+        return Err(Refusal::new(found, WANTED));
+    }
+    let header = exr::Header::read(bytes)?;
+    let Some(text) = header.text(LAYOUT) else {
+        let found = format!("an EXR of channels {} without attribute {LAYOUT}", header.channels.join(", "));
+        return Err(Refusal::new(found, WANTED));
+    };
+    let layout: Layout = serde_json::from_str(&text)
+        .map_err(|error| Refusal::new(format!("attribute {LAYOUT}: {error}"), WANTED))?;
+    layout.check()?;
+    let [nx, ny, nz] = layout.shape;
+    if (header.width, Some(header.height)) != (nx, ny.checked_mul(nz)) {
+        let found = format!("{} x {} pixels for a shape of {nx} x {ny} x {nz}", header.width, header.height);
+        return Err(Refusal::new(found, "wanted nx x (ny nz) pixels"));
+    }
+    let [u, v, w, peak, ratio, su, sv, sw, flag, count] = if header.channels.iter().any(|name| name == COUNT) {
+        exr::read(bytes, header, CHANNELS.map(|(name, _)| name))?
+    } else {
+        let [u, v, w, peak, ratio, su, sv, sw, flag] = exr::read(bytes, header, REQUIRED)?;
+        let count = vec![f32::NAN; flag.len()];
+        [u, v, w, peak, ratio, su, sv, sw, flag, count]
+    };
+    let field = Field { layout, u, v, w, peak, ratio, su, sv, sw, flag, count };
+    field.check()?;
+    Ok(field)
+}

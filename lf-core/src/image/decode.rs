@@ -1,0 +1,49 @@
+//! What all decoders share: the image they give, and their guards against damaged files.
+
+use crate::Refusal;
+use crate::history::History;
+use ndarray::Array2;
+use std::panic::{self, AssertUnwindSafe};
+
+/// Most pixel bytes that one byte of a file can stand for. Deflate cannot pass 1032 and LZW stays below 1400, so no valid
+/// file is refused; a header that promises more would make us allocate memory for nothing.
+pub(super) const RATIO: u64 = 2048;
+
+/// An image read from a file.
+pub struct Image {
+    /// Counts, shape (height, width).
+    pub pixels: Array2<f32>,
+    /// The steps that led to it; empty if the file has none.
+    pub history: History,
+}
+
+/// A decoder's failure in its own words.
+pub(super) fn damaged(error: impl std::fmt::Display) -> Refusal {
+    Refusal::new(format!("cannot be decoded ({error})"), "wanted a whole, valid file")
+}
+
+/// Pixels in rows from the top as an array.
+///
+/// # Errors
+/// No pixels, and a number of values that is not the size.
+pub(super) fn array(width: usize, height: usize, values: Vec<f32>) -> Result<Array2<f32>, Refusal> {
+    if width == 0 || height == 0 {
+        return Err(Refusal::new(format!("{width} x {height} pixels"), "wanted an image with pixels"));
+    }
+    Array2::from_shape_vec((height, width), values).map_err(damaged)
+}
+
+/// Refuses a size that a file of `length` bytes cannot hold, before memory is allocated for it.
+pub(super) fn believable(width: u64, height: u64, bytes_per_pixel: u64, length: usize) -> Result<(), Refusal> {
+    let wanted = u128::from(width) * u128::from(height) * u128::from(bytes_per_pixel);
+    if wanted > u128::from(RATIO) * length as u128 {
+        let found = format!("{width} x {height} pixels in a file of {length} bytes");
+        return Err(Refusal::new(found, "wanted a file that holds what its header gives"));
+    }
+    Ok(())
+}
+
+/// Runs a decoder. A panic inside it counts as damage of the file.
+pub(crate) fn guarded<T>(work: impl FnOnce() -> Result<T, Refusal>) -> Result<T, Refusal> {
+    panic::catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err(damaged("the decoder gave up")))
+}

@@ -1,0 +1,52 @@
+//! Opens an image in any of the formats.
+
+use super::decode::{Image, guarded};
+use super::{light_field, png, tiff};
+use crate::history::History;
+use crate::{Error, Refusal, Result, io};
+use std::path::Path;
+
+/// Reads EXR, TIFF or PNG by its first bytes; `-` is standard input. Pixels may be negative or not finite.
+///
+/// # Errors
+/// Those of the file, and those of [`from_bytes`].
+pub fn open(path: &Path) -> Result<Image> {
+    from_bytes(&io::open(path)?, &io::name(path))
+}
+
+/// Reads an image from memory as [`open`] does; `name` stands for it in messages.
+///
+/// # Errors
+/// Colour, alpha, several pages or parts, other sample types, damage, and no pixels.
+pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
+    guarded(|| match bytes {
+        [0x76, 0x2f, 0x31, 0x01, ..] => light_field::read(bytes),
+        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::read(bytes),
+        [0x89, b'P', b'N', b'G', ..] => png::read(bytes).map(|pixels| Image { pixels, history: History::new() }),
+        [] => Err(Refusal::new("empty", "wanted an EXR, TIFF or PNG image")),
+        _ => Err(Refusal::new("not an image by its first bytes", "wanted EXR, TIFF or PNG")),
+    })
+    .map_err(|refusal| refusal.about(name))
+}
+
+/// Reads as [`open`] does, and refuses pixels that are NaN, infinite or negative.
+///
+/// # Errors
+/// Those of [`open`]; for bad pixels their number and the place of the first.
+pub fn open_counts(path: &Path) -> Result<Image> {
+    counts(open(path)?, &io::name(path))
+}
+
+/// The image, if every pixel is a count.
+pub(super) fn counts(image: Image, name: &str) -> Result<Image> {
+    let is_count = |value: f32| (0.0..f32::INFINITY).contains(&value);
+    let bad = image.pixels.iter().filter(|&&value| !is_count(value)).count();
+    match image.pixels.indexed_iter().find(|&(_, &value)| !is_count(value)) {
+        None => Ok(image),
+        Some(((y, x), value)) => {
+            let pixels = if bad == 1 { "1 pixel is" } else { &format!("{bad} pixels are") };
+            let found = format!("{pixels} not a count, the first {value} at x {x}, y {y}");
+            Err(Error::new(name, found, "wanted finite values that are not negative"))
+        }
+    }
+}

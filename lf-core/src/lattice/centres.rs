@@ -1,0 +1,138 @@
+//! The key `centres` of a camera: the measured departure of the lenslets from the perfect lattice.
+
+use crate::Refusal;
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+/// Smooth departure of the lenslets' centres from the perfect lattice, as measured. A lenslet whose perfect centre is c, mm
+/// from the middle of the sensor, is at c + (x, y), where x and y are polynomials in q = c / `radius_mm`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Centres {
+    /// Length that scales the polynomials, mm. With half the sensor's diagonal, no coefficient is much larger than the
+    /// departures on the sensor.
+    pub radius_mm: f64,
+    /// Departure along x, mm: coefficients of q_x, q_y, q_x^2, q_x q_y, q_y^2, q_x^3, q_x^2 q_y ... up to a full degree,
+    /// [`MOST_DEGREE`] at most.
+    pub x_mm: Vec<f64>,
+    /// Departure along y, mm: as many coefficients, in the same order.
+    pub y_mm: Vec<f64>,
+}
+
+/// Highest degree of the polynomials.
+pub const MOST_DEGREE: usize = 5;
+
+/// Beyond this many radii the departure stays constant, since nothing was measured there.
+const FARTHEST: f64 = 1.5;
+
+/// Largest gradient of a departure; a larger one describes another lattice.
+pub(super) const STEEPEST: f64 = 0.2;
+
+/// Number of coefficients of a polynomial of `degree`, without the constant.
+pub const fn terms(degree: usize) -> usize {
+    (degree + 1) * (degree + 2) / 2 - 1
+}
+
+impl Centres {
+    /// Degree of the polynomials; none where the number of coefficients is no full degree's.
+    /// Degree of the polynomials. None if the number of coefficients fits no degree.
+    pub fn degree(&self) -> Option<usize> {
+        (1..=MOST_DEGREE).find(|degree| terms(*degree) == self.x_mm.len())
+    }
+
+
+    /// Departure of the lenslet whose perfect centre is `centre_mm`, mm.
+    pub fn departure_mm(&self, centre_mm: DVec2) -> DVec2 {
+        let q = (centre_mm / self.radius_mm).clamp_length_max(FARTHEST);
+        let (mut x_powers, mut y_powers) = ([1.0; MOST_DEGREE + 1], [1.0; MOST_DEGREE + 1]);
+        for n in 1..=MOST_DEGREE {
+            x_powers[n] = x_powers[n - 1] * q.x;
+            y_powers[n] = y_powers[n - 1] * q.y;
+        }
+        let mut sum = DVec2::ZERO;
+        let mut coefficients = self.x_mm.iter().zip(&self.y_mm);
+        for degree in 1..=MOST_DEGREE {
+            for (b, (x, y)) in coefficients.by_ref().take(degree + 1).enumerate() {
+                sum += x_powers[degree - b] * y_powers[b] * DVec2::new(*x, *y);
+            }
+        }
+        sum
+    }
+
+    /// Upper bound of the departure's gradient, mm per mm.
+    pub(super) fn steepest(&self) -> f64 {
+        let bound = |coefficients: &[f64]| {
+            let mut rest = coefficients.iter();
+            (1..=MOST_DEGREE)
+                .map(|degree| {
+                    let sum: f64 = rest.by_ref().take(degree + 1).map(|c| c.abs()).sum();
+                    sum * degree as f64 * FARTHEST.powi(degree as i32 - 1)
+                })
+                .sum::<f64>()
+        };
+        bound(&self.x_mm).max(bound(&self.y_mm)) / self.radius_mm
+    }
+
+    /// Checks that the polynomials are complete and gentle.
+    ///
+    /// # Errors
+    /// A number of coefficients that fits no degree, numbers that are not finite, and a gradient above 0.2.
+    pub fn check(&self) -> Result<(), Refusal> {
+        let (x, y) = (self.x_mm.len(), self.y_mm.len());
+        if x != y || self.degree().is_none() {
+            let found = format!("centres has {x} and {y} coefficients");
+            return Err(Refusal::new(found, "wanted twice the 2, 5, 9, 14 or 20 of a full degree"));
+        }
+        if !(self.radius_mm.is_finite() && self.radius_mm > 0.0) {
+            return Err(Refusal::new(format!("centres.radius_mm is {}", self.radius_mm), "wanted a positive number"));
+        }
+        if let Some(number) = self.x_mm.iter().chain(&self.y_mm).find(|number| !number.is_finite()) {
+            return Err(Refusal::new(format!("centres has a coefficient of {number}"), "wanted finite numbers"));
+        }
+        let steepest = self.steepest();
+        if steepest > STEEPEST {
+            let found = format!("centres depart by up to {steepest:.3} mm per mm");
+            return Err(Refusal::new(found, format!("wanted at most {STEEPEST}, a departure from one lattice")));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A departure of several pixels with every term: 20 lenslets of 0.077 mm, 0.77 mm to a side.
+    pub(crate) fn bent() -> Centres {
+        let x_mm = vec![0.004, -0.003, 0.002, 0.001, -0.002, 0.0015, -0.001, 0.0005, 0.001];
+        let y_mm = x_mm.iter().rev().copied().collect();
+        Centres { radius_mm: 1.1, x_mm, y_mm }
+    }
+
+    #[test]
+    fn departures_are_their_polynomial() {
+        // By hand at q = (1, 0) and (0, 1): the sums of the pure powers; at (1/2, 1/2) powers of a half.
+        let centres = bent();
+        assert_eq!(centres.degree(), Some(3));
+        let at = |x: f64, y: f64| centres.departure_mm(1.1 * DVec2::new(x, y));
+        assert!((at(1.0, 0.0).x - (0.004 + 0.002 + 0.0015)).abs() < 1e-15);
+        assert!((at(0.0, 1.0).x - (-0.003 - 0.002 + 0.001)).abs() < 1e-15);
+        let half = 0.5 * 0.001 + 0.25 * 0.001 + 0.125 * 0.002;
+        assert!((at(0.5, 0.5).x - half).abs() < 1e-15);
+        assert_eq!(at(30.0, 0.0), at(1.5, 0.0));
+    }
+
+
+    #[test]
+    fn departures_that_are_no_lattice_are_refused() {
+        let refused = |change: &dyn Fn(&mut Centres)| {
+            let mut centres = bent();
+            change(&mut centres);
+            centres.check().unwrap_err().found
+        };
+        assert!(refused(&|c| c.x_mm.truncate(3)).contains("3 and 9 coefficients"));
+        assert!(refused(&|c| c.radius_mm = 0.0).contains("radius_mm is 0"));
+        assert!(refused(&|c| c.y_mm[0] = 0.5).contains("mm per mm"));
+        assert!(refused(&|c| c.y_mm[0] = f64::NAN).contains("coefficient of NaN"));
+    }
+}
