@@ -123,7 +123,9 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
         }
     }
     camera.centres = bent.centres;
-    camera.check().map_err(|found| Refusal::new(found, "wanted lenslets near one square or hexagonal lattice"))?;
+    camera
+        .check()
+        .map_err(|refusal| Refusal::new(refusal.found, "wanted lenslets near one square or hexagonal lattice"))?;
 
     let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| {
         let place = places.lenslet_mm(size * DVec2::new(x, y));

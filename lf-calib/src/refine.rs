@@ -94,7 +94,7 @@ pub fn refine_watched(
     let mut last = None;
     for round in 0..ROUNDS {
         let camera = changes.camera(nominal);
-        camera.check().map_err(|found| Refusal::new(found, "wanted particles that leave a camera"))?;
+        camera.check().map_err(|refusal| Refusal::new(refusal.found, "wanted particles that leave a camera"))?;
         let optics = Optics::new(&camera);
         let seen: Vec<(Particle, Filling)> =
             particles.par_iter().filter_map(|particle| look(frames, &optics, particle)).collect();

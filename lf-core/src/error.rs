@@ -32,6 +32,13 @@ pub struct Refusal {
     pub wanted: String,
 }
 
+/// For callers that still fail with a text.
+impl From<Refusal> for String {
+    fn from(refusal: Refusal) -> Self {
+        refusal.to_string()
+    }
+}
+
 impl Refusal {
     /// `found; wanted`, each a phrase without a full stop.
     pub fn new(found: impl Into<String>, wanted: impl Into<String>) -> Self {

@@ -1,9 +1,10 @@
-//! The voxel grid: linear index, voxel coordinates and millimetres.
+//! The voxel grid: from linear index to voxel coordinates to millimetres, and back.
 
+use crate::Refusal;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A regular grid in the object frame of [`crate::optics`]. `origin_mm` is the centre of voxel (0, 0, 0).
+/// A regular grid of voxels in the object frame of [`crate::optics`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grid {
@@ -15,8 +16,8 @@ pub struct Grid {
     pub origin_mm: [f64; 3],
 }
 
-/// Largest disagreement of spacings and origins of one grid, relative to the spacing and to the extent: far above the
-/// rounding of the few operations that make a grid, far below what moves a voxel.
+/// Two grids are the same if their spacings differ by less than this fraction of the spacing, and their origins by less than
+/// this fraction of the extent: far above rounding, far below a shift that matters.
 const TOLERANCE: f64 = 1e-9;
 
 impl fmt::Display for Grid {
@@ -27,13 +28,13 @@ impl fmt::Display for Grid {
     }
 }
 
-/// A length without what rounding left of it, a thousandth of a nanometre.
+/// A length for messages, without rounding errors below 1e-9 mm.
 fn short(length_mm: f64) -> f64 {
     (length_mm * 1e9).round() / 1e9 + 0.0
 }
 
 impl Grid {
-    /// Whether it is the same grid, but for rounding.
+    /// Whether the two grids are equal within rounding.
     pub fn agrees_with(&self, other: &Self) -> bool {
         self.shape == other.shape
             && (0..3).all(|axis| {
@@ -47,8 +48,8 @@ impl Grid {
     /// The grid of `round(extent / spacing)` voxels an axis, centred in `bounds_mm` = `[[x0, x1], [y0, y1], [z0, z1]]`.
     ///
     /// # Errors
-    /// Says which axis has no voxel, runs backwards or is not finite.
-    pub fn in_bounds(bounds_mm: [[f64; 2]; 3], spacing_mm: [f64; 3]) -> Result<Self, String> {
+    /// An axis that has no voxel, runs backwards or is not finite.
+    pub fn in_bounds(bounds_mm: [[f64; 2]; 3], spacing_mm: [f64; 3]) -> Result<Self, Refusal> {
         let mut shape = [0; 3];
         let mut origin_mm = [0.0; 3];
         for axis in 0..3 {
@@ -56,12 +57,9 @@ impl Grid {
             let count = ((high - low) / spacing_mm[axis]).round();
             if !(count >= 1.0 && count < 2f64.powi(40) && spacing_mm[axis] > 0.0) {
                 let name = ["x", "y", "z"][axis];
-                return Err(format!(
-                    "{name} from {} to {} mm in steps of {} mm holds no voxel",
-                    short(low),
-                    short(high),
-                    short(spacing_mm[axis])
-                ));
+                let [low, high, step] = [low, high, spacing_mm[axis]].map(short);
+                let found = format!("{name} from {low} to {high} mm in steps of {step} mm holds no voxel");
+                return Err(Refusal::new(found, "wanted bounds that hold a voxel"));
             }
             shape[axis] = count as usize;
             origin_mm[axis] = 0.5 * (low + high) - 0.5 * (count - 1.0) * spacing_mm[axis];
@@ -71,23 +69,29 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Checks that the grid can be indexed by 64 bits and placed in space.
+    /// Checks that the grid has at most 2^62 voxels and a place in space.
     ///
     /// # Errors
-    /// Says which key is wrong.
-    pub fn check(&self) -> Result<(), String> {
+    /// An empty axis, too many voxels, a spacing that is not positive, and an origin that is not finite.
+    pub fn check(&self) -> Result<(), Refusal> {
         if self.shape.contains(&0) {
-            return Err(format!("grid shape {:?} has an empty axis", self.shape));
+            return Err(Refusal::new(
+                format!("grid shape {:?} has an empty axis", self.shape),
+                "wanted a voxel an axis",
+            ));
         }
         let product = self.shape.iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64));
         if product.is_none_or(|product| product > 1 << 62) {
-            return Err(format!("grid shape {:?} has more voxels than can be counted", self.shape));
+            let found = format!("grid shape {:?} has more voxels than can be counted", self.shape);
+            return Err(Refusal::new(found, "wanted at most 2^62"));
         }
         if !self.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
-            return Err(format!("grid spacing_mm {:?} is not positive", self.spacing_mm));
+            let found = format!("grid spacing_mm {:?} is not positive", self.spacing_mm);
+            return Err(Refusal::new(found, "wanted positive lengths"));
         }
         if !self.origin_mm.iter().all(|o| o.is_finite()) {
-            return Err(format!("grid origin_mm {:?} is not finite", self.origin_mm));
+            let found = format!("grid origin_mm {:?} is not finite", self.origin_mm);
+            return Err(Refusal::new(found, "wanted finite lengths"));
         }
         Ok(())
     }
@@ -118,7 +122,7 @@ impl Grid {
         self.origin_mm[axis] + i as f64 * self.spacing_mm[axis]
     }
 
-    /// Place of a point in voxels along `axis`; a whole number is a voxel centre.
+    /// Voxel coordinate of a point along `axis`; a whole number is a voxel centre.
     #[inline]
     pub fn place_vox(&self, axis: usize, mm: f64) -> f64 {
         (mm - self.origin_mm[axis]) / self.spacing_mm[axis]

@@ -1,14 +1,23 @@
-//! The keys of a `scene.json` that more than the renderer reads: camera, volume and frames; the flow is in [`crate::flow`].
+//! The keys of a `scene.json` that more than one tool reads: `camera`, `volume` and `frames`.
+//!
+//! | key | content |
+//! | --- | --- |
+//! | `camera` | a camera as in [`crate::camera`], or the path of its file from the scene's folder: [`CameraSource`] |
+//! | `volume` | `{"x_mm", "y_mm", "z_mm"}`, each `[low, high]` in the object frame of [`crate::optics`]: [`Volume`] |
+//! | `frames` | a number of frames, or the list of their times; 2 if absent: [`Frames`] |
+//! | `flow` | the motion of the particles: [`crate::flow`] |
+//!
+//! lf-synth reads the other keys.
 
 use crate::camera::Camera;
 use crate::{Error, Refusal, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// What a message wants where a file is no scene.
+/// The end of messages about a file that is not a scene.
 pub const WANTED: &str = "wanted a scene.json as `lf-synth scene` prints them";
 
-/// A camera in place or by path.
+/// A camera inside the scene, or the path of its file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum CameraSource {
@@ -19,7 +28,7 @@ pub enum CameraSource {
 }
 
 impl CameraSource {
-    /// The camera's file, where it has its own, for a scene in `folder`.
+    /// The camera's file for a scene in `folder`; None if the camera is inside the scene.
     pub fn file(&self, folder: &Path) -> Option<PathBuf> {
         match self {
             Self::Path(file) => Some(folder.join(file)),
@@ -27,7 +36,7 @@ impl CameraSource {
         }
     }
 
-    /// Reads the camera of the scene in `folder` that messages call `scene`.
+    /// Reads the camera of a scene in `folder`; `scene` stands for the scene in messages.
     ///
     /// # Errors
     /// Those of [`Camera::open`].
@@ -58,27 +67,27 @@ impl Volume {
         [self.x_mm, self.y_mm, self.z_mm]
     }
 
-    /// Checks what the types do not.
+    /// Checks that every pair is finite and rises.
     ///
     /// # Errors
-    /// Names the key.
-    pub fn check(&self) -> std::result::Result<(), String> {
+    /// The key of a pair that does not.
+    pub fn check(&self) -> std::result::Result<(), Refusal> {
         for (name, [low, high]) in ["x_mm", "y_mm", "z_mm"].iter().zip(self.bounds_mm()) {
             if !(low.is_finite() && high.is_finite() && low < high) {
-                return Err(format!("volume.{name} [{low}, {high}] does not rise"));
+                return Err(Refusal::new(format!("volume.{name} [{low}, {high}] does not rise"), "wanted [low, high]"));
             }
         }
         Ok(())
     }
 }
 
-/// When the frames are taken, in intervals of time between which the flow moves by its displacement.
+/// Times of the frames. The flow moves by its displacement in a unit of time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Frames {
-    /// So many, at 0, 1, 2 ...
+    /// This many frames, at 0, 1, 2 ...
     Count(usize),
-    /// At these times, rising.
+    /// Frames at these rising times.
     Times(Vec<f64>),
 }
 
@@ -89,7 +98,7 @@ impl Default for Frames {
 }
 
 impl Frames {
-    /// The times.
+    /// The times of all frames.
     pub fn times(&self) -> Vec<f64> {
         match self {
             Self::Count(count) => (0..*count).map(|n| n as f64).collect(),
@@ -97,17 +106,17 @@ impl Frames {
         }
     }
 
-    /// Time from the first frame to the second; 1 where there is one.
+    /// Time from the first frame to the second; 1 if there is one frame.
     pub fn interval(&self) -> f64 {
         let times = self.times();
         times.get(1).map_or(1.0, |second| second - times[0])
     }
 
-    /// Checks what the types do not.
+    /// Checks the number of frames and their order.
     ///
     /// # Errors
-    /// Names the key.
-    pub fn check(&self) -> std::result::Result<(), String> {
+    /// Less than 1 or more than 10000 frames, and times that do not rise or are beyond 1e6.
+    pub fn check(&self) -> std::result::Result<(), Refusal> {
         let (count, rise) = match self {
             Self::Count(count) => (*count, true),
             Self::Times(times) => {
@@ -115,9 +124,13 @@ impl Frames {
             }
         };
         if !(1..=10_000).contains(&count) {
-            return Err(format!("frames asks for {count}, outside 1 to 10000"));
+            return Err(Refusal::new(format!("frames asks for {count}"), "wanted 1 to 10000"));
         }
-        if rise { Ok(()) } else { Err("frames has times that do not rise, or beyond 1e6".to_string()) }
+        if rise {
+            Ok(())
+        } else {
+            Err(Refusal::new("frames has times that do not rise or are beyond 1e6", "wanted rising times"))
+        }
     }
 }
 

@@ -201,15 +201,14 @@ impl Arguments {
         let [half_x, half_y] = camera.half_view_mm();
         let [x0, x1, y0, y1] = self.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
         Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(self.pvr()))
-            .map_err(|found| Error::new("--pvr, --depth, --bounds", found, "wanted a grid with voxels"))
+            .map_err(|refusal| refusal.about("--pvr, --depth, --bounds"))
     }
 
     /// The tile asked for.
     fn tile(&self, camera: &Camera, grid: &Grid, session: &mut Session) -> Result<Option<Tile>> {
         let Some([index, of]) = self.tile else { return Ok(None) };
         let halo_mm = self.halo.unwrap_or_else(|| Tile::usual_halo_mm(camera, grid));
-        let tile = Tile::new(camera, grid, index, of, halo_mm)
-            .map_err(|(found, wanted)| Error::new("--tile", found, wanted))?;
+        let tile = Tile::new(camera, grid, index, of, halo_mm).map_err(|refusal| refusal.about("--tile"))?;
         let ([[x0, x1], [y0, y1]], [[c0, c1], [r0, r1]]) = (tile.core_vox, tile.pixels);
         session.count("halo_mm", halo_mm);
         session.explain(format!(
@@ -305,8 +304,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         100.0 * options.threshold
     ));
     if let Some(file) = &arguments.truth {
-        let table = particles::read(&io::open_text(file)?)
-            .map_err(|found| Error::new(io::name(file), found, "wanted a particles.csv"))?;
+        let table = particles::read(&io::open_text(file)?).map_err(|refusal| refusal.about(io::name(file)))?;
         let shown = table.iter().filter(|particle| particle.frame == arguments.frame);
         let places: Vec<[f64; 3]> = shown.map(|particle| particle.place_mm).collect();
         let (inside, lost) = support.lost(&grid, &places);

@@ -61,7 +61,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let bounds_mm =
         [-0.5, shape[cut.axis] as f64 - 0.5].map(|i| part.origin_mm[cut.axis] + i * part.spacing_mm[cut.axis]);
     let what = if let Mask::Box(_) = mask { "mask" } else { "volume" };
-    cut.check(bounds_mm, what).map_err(|(found, wanted)| Error::new(volumes[0].name(), found, wanted))?;
+    cut.check(bounds_mm, what).map_err(|refusal| refusal.about(volumes[0].name()))?;
     let options = arguments.options(&part);
     options.check(shape).map_err(|error| refused(error, &volumes))?;
     arguments.explain_preset(session);
@@ -88,8 +88,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         outcome.field.save(&arguments.output)?;
         // The field is kept even where the volume holds the slice and the field, which is smaller, does not.
         if let Some(path) = &arguments.plot {
-            let refused = |(found, wanted): plot::Refusal| Error::new(io::output_name(path), found, wanted);
-            let svg = plot::slice(&outcome.field, cut).map_err(refused)?;
+            let svg = plot::slice(&outcome.field, cut).map_err(|refusal| refusal.about(io::output_name(path)))?;
             io::save_text(path, |out| out.write_all(svg.as_bytes()))?;
         }
         Ok(())

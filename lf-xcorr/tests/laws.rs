@@ -229,7 +229,7 @@ fn the_picture_holds_what_it_promises() {
     holds(&drawn(&field, "y"), &["Velocity at y", "x, mm", "z, mm", "v, mm/s", "layer 3 of 5", "colour: v"]);
     let nothing = Field::empty(field.layout.clone());
     holds(&drawn(&nothing, "z"), &["30 no data"]);
-    let (found, wanted) = plot::slice(&field, "y=60".parse().unwrap()).unwrap_err();
+    let lf_core::Refusal { found, wanted } = plot::slice(&field, "y=60".parse().unwrap()).unwrap_err();
     assert_eq!((&*found, &*wanted), ("slice y = 60 mm is outside the field", "wanted 11.5 to 51.5 mm"));
 }
 

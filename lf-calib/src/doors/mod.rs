@@ -45,7 +45,7 @@ fn seen_from(file: &Path, output: &Path, session: &Session) -> Result<PathBuf> {
 fn save_found(camera: Camera, flat: Option<PathBuf>, wanted: &str, output: &Path, session: &mut Session) -> Result<()> {
     let mut camera = with_history(camera, session);
     camera.vignetting = flat.map(|flat| seen_from(&flat, output, session)).transpose()?;
-    camera.check().map_err(|found| Error::new("the camera found", found, wanted))?;
+    camera.check().map_err(|refusal| Error::new("the camera found", refusal.found, wanted))?;
     session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))
 }
 

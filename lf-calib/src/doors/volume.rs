@@ -47,7 +47,7 @@ fn dots(count: usize, table: Option<&Path>, target: &Target, nominal: &Camera) -
     match (table, target.spacing_mm, target.depths_mm) {
         (Some(table), None, None) => {
             let wrong = |found: String| Error::new(io::name(table), found, "wanted the table of a target's dots");
-            let lines = particles::read(&io::open_text(table)?).map_err(wrong)?;
+            let lines = particles::read(&io::open_text(table)?).map_err(|refusal| refusal.about(io::name(table)))?;
             let frames = lines.iter().map(|line| line.frame + 1).max().unwrap_or(0);
             if frames != count {
                 return Err(wrong(format!("dots of {frames} frames for {count} images")));

@@ -39,7 +39,6 @@ impl Camera {
         Lattice::new(&self.microlenses, self.centres.as_ref())
     }
 
-
     /// Half width and half height of the focal plane that the sensor sees, mm.
     pub fn half_view_mm(&self) -> [f64; 2] {
         let scale = 0.5 * self.sensor.pixel_pitch_mm / self.main_lens.magnification;
@@ -62,7 +61,6 @@ impl Medium {
     pub fn layers_from(&self, z_mm: f64) -> [(f64, f64); 2] {
         [(self.window_z_mm - z_mm, self.index), (self.window_thickness_mm, self.window_index)]
     }
-
 
     /// Distance from the window to the main lens, mm, for a lens that is focused on the object distance `s_o` in air.
     pub fn air_mm(&self, object_distance_mm: f64) -> f64 {

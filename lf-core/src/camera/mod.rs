@@ -25,8 +25,8 @@ mod file;
 mod lengths;
 mod model;
 
-pub use about::ALIGNED_PX;
 pub use crate::lattice::{Layout, Microlenses};
+pub use about::ALIGNED_PX;
 pub use model::{Aperture, Camera, Distortion, MainLens, Medium, Sensor, Tilt};
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! A field from and to a file.
 
 use super::channels::{CHANNELS, COUNT, REQUIRED};
+use super::csv;
 use super::layout::Layout;
 use super::vectors::Field;
 use super::vti::{self, Array};
-use super::csv;
 use crate::image::{exr, guarded};
 use crate::{Refusal, Result, io};
 use std::path::Path;
@@ -52,9 +52,7 @@ impl Field {
             }
             Some("vti") => io::save(path, |out| vti::write(&self.layout, &self.to_arrays(), out)),
             Some("csv") => io::save_text(path, |out| csv::write(self, out)),
-            Some(other) => {
-                Err(refused(Refusal::new(format!("the extension .{other}"), "wanted .exr, .vti or .csv")))
-            }
+            Some(other) => Err(refused(Refusal::new(format!("the extension .{other}"), "wanted .exr, .vti or .csv"))),
         }
     }
 
@@ -95,8 +93,8 @@ fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
         let found = format!("an EXR of channels {} without attribute {LAYOUT}", header.channels.join(", "));
         return Err(Refusal::new(found, WANTED));
     };
-    let layout: Layout = serde_json::from_str(&text)
-        .map_err(|error| Refusal::new(format!("attribute {LAYOUT}: {error}"), WANTED))?;
+    let layout: Layout =
+        serde_json::from_str(&text).map_err(|error| Refusal::new(format!("attribute {LAYOUT}: {error}"), WANTED))?;
     layout.check()?;
     let [nx, ny, nz] = layout.shape;
     if (header.width, Some(header.height)) != (nx, ny.checked_mul(nz)) {

@@ -74,8 +74,9 @@ impl Layout {
     /// A number that no field can have.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         let positive = |lengths: [f64; 3]| lengths.iter().all(|length| length.is_finite() && *length > 0.0);
-        let wrong =
-            |key: &str, value: String, wanted: &str| Err(Refusal::new(format!("{key} {value}"), format!("wanted {wanted}")));
+        let wrong = |key: &str, value: String, wanted: &str| {
+            Err(Refusal::new(format!("{key} {value}"), format!("wanted {wanted}")))
+        };
         if self.checked_len().is_none() {
             return wrong("shape", format!("{:?}", self.shape), "at least one vector an axis");
         }

@@ -8,7 +8,7 @@ pub use sampled::Sampled;
 pub use velocity::{Velocity, places};
 
 use crate::field::Field;
-use crate::{Error, io};
+use crate::{Error, Refusal, io};
 use glam::{DMat3, DVec3};
 use ring::Ring;
 use serde::de::Error as _;
@@ -169,7 +169,7 @@ fn is_zero(number: &f64) -> bool {
 
 impl Flow {
     /// Checks what the types do not.
-    fn check(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), Refusal> {
         match self {
             Self::Uniform { displacement_mm } => finite(displacement_mm),
             Self::Wave { omega, amplitude_px, length_px, phase_rad, .. } => {
@@ -183,7 +183,7 @@ impl Flow {
             }
             Self::Shear { centre_mm, rate, along, across } => {
                 if along == across {
-                    return Err("flow.along and flow.across are the same axis".to_string());
+                    return Err(Refusal::new("flow.along and flow.across are the same axis", "wanted two axes"));
                 }
                 finite(centre_mm)?;
                 finite(&[*rate])
@@ -195,7 +195,8 @@ impl Flow {
                 length("radius_mm", *radius_mm)?;
                 length("core_mm", *core_mm)?;
                 if *core_mm < 0.01 * radius_mm {
-                    return Err(format!("flow.core_mm {core_mm} is below a hundredth of flow.radius_mm {radius_mm}"));
+                    let wanted = format!("wanted at least a hundredth of flow.radius_mm {radius_mm}");
+                    return Err(Refusal::new(format!("flow.core_mm is {core_mm}"), wanted));
                 }
                 Ok(())
             }
@@ -291,24 +292,28 @@ impl Flow {
     }
 }
 
-fn finite(numbers: &[f64]) -> Result<(), String> {
+fn finite(numbers: &[f64]) -> Result<(), Refusal> {
     match numbers.iter().find(|number| !number.is_finite() || number.abs() > 1e9) {
-        Some(number) => Err(format!("flow has the number {number}, not finite or beyond 1e9")),
+        Some(number) => Err(Refusal::new(format!("flow has the number {number}"), "wanted numbers within 1e9")),
         None => Ok(()),
     }
 }
 
-fn length(key: &str, length: f64) -> Result<(), String> {
+fn length(key: &str, length: f64) -> Result<(), Refusal> {
     if length.is_finite() && length > 0.0 {
         Ok(())
     } else {
-        Err(format!("flow.{key} is {length}, not a positive length"))
+        Err(Refusal::new(format!("flow.{key} is {length}"), "wanted a positive length"))
     }
 }
 
-fn direction(axis: &[f64; 3]) -> Result<(), String> {
+fn direction(axis: &[f64; 3]) -> Result<(), Refusal> {
     let size = DVec3::from(*axis).length();
-    if (1e-9..1e9).contains(&size) { Ok(()) } else { Err(format!("flow.axis {axis:?} is no direction")) }
+    if (1e-9..1e9).contains(&size) {
+        Ok(())
+    } else {
+        Err(Refusal::new(format!("flow.axis is {axis:?}"), "wanted a direction of a length within 1e-9 to 1e9"))
+    }
 }
 
 /// One flow, or several whose velocities add up; in a scene an object or a list of them.
@@ -376,10 +381,10 @@ impl Flows {
     ///
     /// # Errors
     /// Names the key.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), Refusal> {
         let flows = self.all();
         if flows.len() > 1 && flows.iter().any(|flow| matches!(flow, Flow::Tracks { .. })) {
-            return Err("flow of kind 'tracks' stands beside others".to_string());
+            return Err(Refusal::new("flow has kind 'tracks' beside other flows", "wanted it alone"));
         }
         flows.iter().try_for_each(Flow::check)
     }
@@ -390,10 +395,7 @@ impl Flows {
     /// # Errors
     /// Those of [`Field::open`], a sampled field with gaps, and a flow of more than [`MOST_STEPS`].
     pub fn open(&self, bounds_mm: [[f64; 2]; 3], pixel_mm: f64, scene: &str) -> crate::Result<Velocity> {
-        let open = |path: &Path| {
-            let wrong = |found| Error::new(io::name(path), found, "wanted a field without gaps");
-            Sampled::new(&Field::open(path)?).map_err(wrong)
-        };
+        let open = |path: &Path| Sampled::new(&Field::open(path)?).map_err(|refusal| refusal.about(io::name(path)));
         let sampled: crate::Result<Vec<Sampled>> = self.sampled().into_iter().map(open).collect();
         let velocity = self.velocity(sampled?, bounds_mm, pixel_mm);
         if velocity.steps() > MOST_STEPS {

@@ -1,9 +1,10 @@
-//! A velocity field between the vectors of a file.
+//! A velocity field given by the vectors of a file.
 
+use crate::Refusal;
 use crate::field::{Field, NO_DATA};
 use glam::DVec3;
 
-/// Displacements on a lattice, trilinear between them.
+/// Displacements on a regular grid, trilinear between the vectors, constant beyond the outermost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sampled {
     shape: [usize; 3],
@@ -17,10 +18,11 @@ impl Sampled {
     ///
     /// # Errors
     /// Vectors without data.
-    pub fn new(field: &Field) -> Result<Self, String> {
+    pub fn new(field: &Field) -> Result<Self, Refusal> {
         let missing = field.flag.iter().filter(|flag| **flag == NO_DATA).count();
         if missing > 0 {
-            return Err(format!("{missing} of {} vectors are without data", field.len()));
+            let found = format!("{missing} of {} vectors are without data", field.len());
+            return Err(Refusal::new(found, "wanted a field without gaps"));
         }
         let vector = |i: usize| DVec3::new(field.u[i].into(), field.v[i].into(), field.w[i].into());
         Ok(Self {
@@ -33,7 +35,7 @@ impl Sampled {
 
     pub(super) fn at(&self, place: DVec3) -> DVec3 {
         let steps = ((place - self.origin) / self.spacing).to_array();
-        // Lower neighbour and share of the upper one along each axis.
+        // Find the lower neighbour and the share of the upper one along each axis.
         let near: [(usize, f64); 3] = std::array::from_fn(|axis| {
             let last = (self.shape[axis] - 1) as f64;
             let step = steps[axis].clamp(0.0, last);

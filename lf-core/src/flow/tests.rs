@@ -183,7 +183,7 @@ fn a_sampled_field_is_trilinear() {
     close(whole.at(DVec3::new(0.3, -0.2, 0.5)), DVec3::new(0.03, -0.07, 0.25), 1e-7);
     close(whole.at(DVec3::new(9.0, -0.2, -7.0)), DVec3::new(0.1, -0.14, 0.25), 1e-7);
     sampled.flag[5] = crate::field::NO_DATA;
-    assert!(Sampled::new(&sampled).unwrap_err().contains("1 of 12 vectors are without data"));
+    assert!(Sampled::new(&sampled).unwrap_err().found.contains("1 of 12 vectors are without data"));
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn what_is_wrong_with_a_flow_is_named() {
         ),
     ] {
         let found = match serde_json::from_str::<Flows>(&text) {
-            Ok(flows) => flows.check().unwrap_err(),
+            Ok(flows) => flows.check().unwrap_err().to_string(),
             Err(error) => error.to_string(),
         };
         assert!(found.contains(named), "{text}: {found}");

@@ -123,10 +123,9 @@ pub(crate) fn write(
         Encoding { compression: Compression::ZIP1, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
     let layer = Layer::new((width, height), attributes, encoding, AnyChannels::sort(channels));
     let mut file = Cursor::new(Vec::new());
-    Image::from_layer(layer)
-        .write()
-        .to_buffered(&mut file)
-        .map_err(|error| Refusal::new(format!("cannot be encoded ({error})"), "wanted an image that fits the EXR format"))?;
+    Image::from_layer(layer).write().to_buffered(&mut file).map_err(|error| {
+        Refusal::new(format!("cannot be encoded ({error})"), "wanted an image that fits the EXR format")
+    })?;
     Ok(file.into_inner())
 }
 

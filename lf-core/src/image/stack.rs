@@ -3,8 +3,8 @@
 use super::decode::{Image, guarded};
 use super::reading::{counts, from_bytes};
 use super::tiff;
-use crate::io::{self, Bytes};
 use crate::Result;
+use crate::io::{self, Bytes};
 use std::path::Path;
 
 /// The images of a file: every page of a TIFF, or the one image of another format. Holds the bytes of the file (mapped if it

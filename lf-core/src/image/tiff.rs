@@ -24,7 +24,9 @@ const MANY: usize = 100_000;
 pub(super) fn read(bytes: &[u8]) -> Result<Image, Refusal> {
     match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
         1 => {}
-        MANY.. => return Err(Refusal::new(format!("{MANY} pages or more"), "wanted one page (split the stack into files)")),
+        MANY.. => {
+            return Err(Refusal::new(format!("{MANY} pages or more"), "wanted one page (split the stack into files)"));
+        }
         pages => return Err(Refusal::new(format!("{pages} pages"), "wanted one page (split the stack into files)")),
     }
     page(bytes, 0)
@@ -76,7 +78,9 @@ fn depth(decoder: &mut Decoder<Cursor<&[u8]>>) -> Result<u8, Refusal> {
         ColorType::Gray(depth) => return Err(Refusal::new(format!("{depth}-bit grey"), WANTED)),
         ColorType::GrayA(_) => return Err(Refusal::new("an alpha channel", WANTED)),
         ColorType::Palette(_) => return Err(Refusal::new("a colour palette", WANTED)),
-        ColorType::Multiband { num_samples, .. } => return Err(Refusal::new(format!("{num_samples} channels"), WANTED)),
+        ColorType::Multiband { num_samples, .. } => {
+            return Err(Refusal::new(format!("{num_samples} channels"), WANTED));
+        }
         _ => return Err(Refusal::new("colour", WANTED)),
     };
     let photometric: Option<u16> = decoder.find_tag_unsigned(Tag::PhotometricInterpretation).map_err(damaged)?;
@@ -108,8 +112,9 @@ pub(super) fn write(pixels: &Array2<f32>, steps: Option<String>) -> Result<Vec<u
         let found = format!("{bad} NaN, the first at x {x}, y {y}");
         return Err(Refusal::new(found, "wanted numbers for a 16-bit TIFF, or the name of an .exr"));
     }
-    encode(pixels, width, height, steps)
-        .map_err(|error| Refusal::new(format!("cannot be encoded ({error})"), "wanted an image that fits the TIFF format"))
+    encode(pixels, width, height, steps).map_err(|error| {
+        Refusal::new(format!("cannot be encoded ({error})"), "wanted an image that fits the TIFF format")
+    })
 }
 
 fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<String>) -> TiffResult<Vec<u8>> {

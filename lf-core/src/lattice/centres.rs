@@ -40,7 +40,6 @@ impl Centres {
         (1..=MOST_DEGREE).find(|degree| terms(*degree) == self.x_mm.len())
     }
 
-
     /// Departure of the lenslet whose perfect centre is `centre_mm`, mm.
     pub fn departure_mm(&self, centre_mm: DVec2) -> DVec2 {
         let q = (centre_mm / self.radius_mm).clamp_length_max(FARTHEST);
@@ -121,7 +120,6 @@ pub(super) mod tests {
         assert!((at(0.5, 0.5).x - half).abs() < 1e-15);
         assert_eq!(at(30.0, 0.0), at(1.5, 0.0));
     }
-
 
     #[test]
     fn departures_that_are_no_lattice_are_refused() {

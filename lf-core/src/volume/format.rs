@@ -233,8 +233,8 @@ pub fn write_with(
     history: &History,
     extra: &Map<String, Value>,
 ) -> std::io::Result<()> {
-    if let Err(message) = grid.check() {
-        panic!("{message}");
+    if let Err(refusal) = grid.check() {
+        panic!("{refusal}");
     }
     assert!(first_not_rising(indices).is_none(), "indices do not rise");
     assert!(indices.last().is_none_or(|&last| last < grid.len()), "an index outside the grid");
@@ -391,7 +391,7 @@ impl Header {
             serde_json::from_str(text).map_err(|error| format!("its header is not JSON: {error}"))?;
         let count: u64 = take(&map, "count")?;
         let grid: Grid = take(&map, "grid")?;
-        grid.check().map_err(|error| format!("its header: {error}"))?;
+        grid.check().map_err(|refusal| format!("its header: {}", refusal.found))?;
         if count > grid.len() {
             return Err(format!("`count` in its header is {count}, more than the {} voxels of its grid", grid.len()));
         }

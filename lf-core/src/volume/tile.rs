@@ -15,7 +15,7 @@ use crate::camera::Camera;
 use crate::grid::Grid;
 use crate::optics::Optics;
 use crate::volume::Volume;
-use crate::{Error, Result};
+use crate::{Error, Refusal, Result};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -70,15 +70,15 @@ fn blocks(grid: &Grid, of: usize) -> [usize; 2] {
 ///
 /// # Errors
 /// Where there is no such core: found, and what was wanted.
-pub fn core(grid: &Grid, index: usize, of: usize) -> std::result::Result<[[usize; 2]; 2], (String, String)> {
+pub fn core(grid: &Grid, index: usize, of: usize) -> std::result::Result<[[usize; 2]; 2], Refusal> {
     if index == 0 || index > of || of > MOST_TILES {
-        return Err((format!("{index}/{of}"), format!("wanted 1/n to n/n, n at most {MOST_TILES}")));
+        return Err(Refusal::new(format!("{index}/{of}"), format!("wanted 1/n to n/n, n at most {MOST_TILES}")));
     }
     let blocks = blocks(grid, of);
     let [nx, ny, _] = grid.shape;
     if blocks[0] > nx || blocks[1] > ny {
         let wanted = format!("wanted blocks of a voxel or more of {nx} x {ny}");
-        return Err((format!("{} x {} tiles", blocks[0], blocks[1]), wanted));
+        return Err(Refusal::new(format!("{} x {} tiles", blocks[0], blocks[1]), wanted));
     }
     let place = [(index - 1) % blocks[0], (index - 1) / blocks[0]];
     Ok([0, 1].map(|axis| [0, 1].map(|end| (place[axis] + end) * grid.shape[axis] / blocks[axis])))
@@ -178,7 +178,7 @@ impl Tile {
         index: usize,
         of: usize,
         halo_mm: f64,
-    ) -> std::result::Result<Self, (String, String)> {
+    ) -> std::result::Result<Self, Refusal> {
         let core_vox = core(grid, index, of)?;
         let pixels = [0, 1].map(|axis| {
             let limit = Optics::new(camera).sensor_px()[axis];

@@ -75,9 +75,8 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 
 fn read(pair: &[&Path], frame: usize) -> Result<(Vec<[f64; 3]>, Volume)> {
     let [table, volume] = pair else { unreachable!("clap takes them in pairs") };
-    let wanted = "wanted a table of particles";
     let text = io::open_text(table)?;
-    let all = particles::read(&text).map_err(|found| Error::new(io::name(table), found, wanted))?;
+    let all = particles::read(&text).map_err(|refusal| refusal.about(io::name(table)))?;
     let of_frame = all.iter().filter(|particle| particle.frame == frame);
     let places: Vec<[f64; 3]> = of_frame.map(|particle| particle.place_mm).collect();
     if places.is_empty() {

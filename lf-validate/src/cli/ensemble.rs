@@ -44,7 +44,7 @@ pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> 
         io::check_place(output)?;
     }
     let cut = arguments.slice.unwrap_or_default();
-    let refused = |(found, wanted): (String, String)| Error::new("--slice", found, wanted);
+    let refused = |refusal: lf_core::Refusal| refusal.about("--slice");
     let progress = session.progress("fields", inputs.len() as u64);
     let mut sums: Option<Sums> = None;
     let mut history = Vec::new();

@@ -59,7 +59,7 @@ fn sheet(bytes: io::Bytes, name: &str) -> Result<Sheet> {
             let values = values.map_err(|error| refused(format!("not JSON ({error})")))?;
             let [value] = values.as_slice() else { return info::records(&values).map_err(refused) };
             if value.get("sensor").is_some() || value.get("main_lens").is_some() {
-                let camera = Camera::from_json(&text).map_err(|(found, wanted)| Error::new(name, found, wanted))?;
+                let camera = Camera::from_json(&text).map_err(|refusal| refusal.about(name))?;
                 return Ok(info::camera(&camera));
             }
             info::json(value).map_err(refused)

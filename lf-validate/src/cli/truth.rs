@@ -40,7 +40,9 @@ pub fn open(file: &Path, frames: Option<[usize; 2]>, picture: &Picture, session:
         Kind::Json => flow(text()?, file, &name, picture, session),
         Kind::Particles => {
             let wrong = |found| Error::new(&name, found, "wanted a particles.csv of both frames");
-            let found = tracks(&particles::read(text()?).map_err(wrong)?, frames.unwrap_or([0, 1])).map_err(wrong)?;
+            let found =
+                tracks(&particles::read(text()?).map_err(|refusal| refusal.about(&name))?, frames.unwrap_or([0, 1]))
+                    .map_err(wrong)?;
             Ok(Truth::Tracks(found))
         }
         Kind::Volume | Kind::Table | Kind::Centres | Kind::Vti | Kind::Picture => {
@@ -55,12 +57,12 @@ fn flow(text: &str, file: &Path, name: &str, picture: &Picture, session: &Sessio
     let wrong = |found: String| Error::new(name, found, scene::WANTED);
     let mut motion: Motion = serde_json::from_str(text).map_err(|error| wrong(error.to_string()))?;
     let folder = file.parent().unwrap_or(Path::new(""));
-    motion.volume.check().and_then(|()| motion.frames.check()).map_err(wrong)?;
+    motion.volume.check().and_then(|()| motion.frames.check()).map_err(|refusal| refusal.about(name))?;
     let interval = motion.frames.interval();
     let Some(flow) = &mut motion.flow else {
         return Ok(Truth::Flow { velocity: Velocity::rest(), interval });
     };
-    flow.check().map_err(wrong)?;
+    flow.check().map_err(|refusal| refusal.about(name))?;
     if flow.tracks().is_some() {
         let found = "a flow of tracks, which is known at its particles only";
         return Err(Error::new(name, found, "wanted a steady flow, or the particles.csv itself"));

@@ -14,6 +14,7 @@ mod palette;
 mod view;
 
 use legend::{BAR_PX, Heading};
+use lf_core::Refusal;
 use lf_core::field::{Cut, Field};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -22,9 +23,6 @@ use view::View;
 
 /// The letters of the axes.
 const AXES: [&str; 3] = ["x", "y", "z"];
-
-/// What was found and what was wanted.
-pub type Refusal = (String, String);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn<T> = Result<T, String>;
@@ -42,7 +40,7 @@ const GAP: i32 = 40;
 /// # Panics
 /// Where the axis of `cut` is none.
 pub fn slice(field: &Field, cut: Cut) -> Result<String, Refusal> {
-    draw(View::new(field, cut)?).map_err(|error| (error, "wanted a picture".into()))
+    draw(View::new(field, cut)?).map_err(|error| Refusal::new(error, "wanted a picture"))
 }
 
 fn draw(mut view: View) -> Drawn<String> {

@@ -1,7 +1,7 @@
 //! One layer of a field: what is drawn, how large, and where on the canvas.
 
-use super::Refusal;
 use super::numbers::quantile;
+use lf_core::Refusal;
 use lf_core::field::{Cut, Field, MEASURED, NO_DATA, REPLACED};
 
 /// Longer side of the chart, pixels: its most, its least, and the most a cell of it takes.
