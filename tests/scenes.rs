@@ -190,7 +190,7 @@ fn bad_scenes_are_refused_by_name() {
         ("core", "flow={\"kind\": \"swirl\"}", "swirl"),
         ("core", "flow={\"kind\": \"tracks\", \"path\": \"there.csv\"}", "tracks"),
         ("core", "flow={\"kind\": \"sampled\", \"path\": \"there.exr\"}", "there.exr"),
-        ("uniform", "flow={\"kind\": \"uniform\", \"displacement_mm\": [1e6, 0, 0]}", "flow through"),
+        ("uniform", "flow={\"kind\": \"uniform\", \"displacement_mm\": [1e6, 0, 0]}", "flow into"),
         ("core", "frames=[1, 1]", "frames"),
         ("core", "frames=0", "frames"),
         ("core", "sensor_noise.bits=20", "bits"),

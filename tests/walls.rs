@@ -1,14 +1,14 @@
-//! The walls between the rooms of the house.
+//! The walls between the crates, and between the command line and the library of each tool.
 
 use lf_tests::tools::{TOOLS, cargo, workspace};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The example of a stage of one's own, which keeps the walls that a tool keeps: package, folder.
+/// Package and folder of the example of a stage of one's own. It keeps the same walls as a tool.
 const EXAMPLE: (&str, &str) = ("lf-refocus", "scripts/examples/refocus");
 
-/// Every Rust source under a folder, with its text; none where there is no such folder.
+/// Every Rust source under a folder, with its text. Empty if there is no such folder.
 fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).into_iter().flatten() {
@@ -23,18 +23,27 @@ fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
     found
 }
 
-/// The sources of a tool, of its door or of its workshop. The door is main.rs and the modules that it declares.
-fn room(tool: &str, is_door: bool) -> Vec<(PathBuf, String)> {
+/// The two sides of the wall inside a tool.
+#[derive(Clone, Copy, PartialEq)]
+enum Side {
+    /// The command line: main.rs and the modules that it declares.
+    Cli,
+    /// The library: everything else.
+    Library,
+}
+
+/// The sources of one side of a tool.
+fn side(tool: &str, side: Side) -> Vec<(PathBuf, String)> {
     let folder = workspace().join(tool).join("src");
     let main = fs::read_to_string(folder.join("main.rs")).unwrap();
     let modules: Vec<&str> = main.lines().filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')).collect();
-    let in_door = |path: &Path| {
+    let is_cli = |path: &Path| {
         let first = path.strip_prefix(&folder).unwrap().iter().next().unwrap().to_string_lossy().into_owned();
         let stem = first.trim_end_matches(".rs");
         stem == "main" || modules.contains(&stem)
     };
     let mut all = sources(&folder);
-    all.retain(|(path, _)| in_door(path) == is_door);
+    all.retain(|(path, _)| is_cli(path) == (side == Side::Cli));
     assert!(!all.is_empty(), "{tool} has sources");
     all
 }
@@ -45,7 +54,7 @@ fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
     lines.enumerate().map(|(n, line)| (n + 1, line.split("//").next().unwrap_or_default()))
 }
 
-/// Where the code of `sources` has one of `words`.
+/// The places at which the code of `sources` has one of `words`.
 fn mentions(sources: &[(PathBuf, String)], words: &[&str]) -> Vec<String> {
     let mut found = Vec::new();
     for (path, text) in sources {
@@ -64,7 +73,7 @@ fn packages() -> Vec<Value> {
     metadata["packages"].as_array().unwrap().clone()
 }
 
-// The renderer judges the reconstruction: if both used one set of weights, an error in them would never show.
+// The renderer judges the reconstruction. If both used the same weights, an error in them would never show.
 #[test]
 fn the_renderer_knows_nothing_of_the_weights() {
     for folder in ["src", "tests", "benches", "examples"] {
@@ -97,13 +106,13 @@ fn every_member_is_known_to_these_tests() {
     }
 }
 
-// A loop over a tool's data in its door is work that no library can offer.
+// A loop over data in the command line is work that the library does not offer.
 #[test]
-fn doors_hold_no_loop_over_voxels_or_pixels() {
+fn command_lines_hold_no_loop_over_voxels_or_pixels() {
     const DATA: [&str; 10] =
         ["indices", "pixels", "voxel", "intensity", "score", "column(", "shape", "width", "height", ".len()"];
     for tool in TOOLS.into_iter().chain([EXAMPLE.1]) {
-        for (path, text) in room(tool, true) {
+        for (path, text) in side(tool, Side::Cli) {
             for (n, line) in code(&text) {
                 let start = line.trim_start();
                 let place = format!("{}:{n}", path.display());
@@ -119,7 +128,7 @@ fn doors_hold_no_loop_over_voxels_or_pixels() {
 }
 
 #[test]
-fn workshops_have_no_paths_no_printing_no_clock_and_no_globals() {
+fn libraries_have_no_paths_no_printing_no_clock_and_no_globals() {
     const FOREIGN: [&str; 12] = [
         "println!",
         "print!(",
@@ -135,9 +144,9 @@ fn workshops_have_no_paths_no_printing_no_clock_and_no_globals() {
         "thread_local!",
     ];
     for tool in TOOLS.into_iter().chain([EXAMPLE.1]) {
-        let mut found = mentions(&room(tool, false), &FOREIGN);
-        // A scene names the files that it is made of.
-        let keys = ["scene.rs", "sensor.rs"].map(|file| format!("lf-synth/src/{file}"));
+        let mut found = mentions(&side(tool, Side::Library), &FOREIGN);
+        // The keys of a scene hold names of files.
+        let keys = ["scene/keys.rs", "sensor/noise.rs"].map(|file| format!("lf-synth/src/{file}"));
         found.retain(|place| !(keys.iter().any(|file| place.contains(file)) && place.ends_with("`std::path`")));
         assert_eq!(found, [""; 0]);
     }
@@ -151,7 +160,7 @@ fn the_weights_know_no_files() {
     assert_eq!(mentions(&[("optics.rs".into(), optics)], &["weights::", "std::fs", "std::path"]), [""; 0]);
 }
 
-// Mapping a file needs one unsafe call and vector instructions need some: they stay where a reader looks for them.
+// Mapping a file and vector instructions need unsafe code. It stays where a reader looks for it.
 #[test]
 fn unsafe_code_has_its_places() {
     let is_place = |path: &Path| {

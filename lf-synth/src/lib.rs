@@ -1,17 +1,20 @@
-//! Particles and a flow to light-field images and the truth, by casting rays.
+//! Renders light-field frames of particles in a flow by ray tracing, and writes the exact answer beside them.
 //!
-//! Rays only: this crate may not use the weights of `lf-core`, or the reconstruction would be judged by its own model.
+//! ```text
+//! scene.json -> scene: checked keys, or a target of dots
+//!            -> particles: seeded, carried by the flow, lit by the sheet
+//!            -> rays: through main lens and lenslets to counts on the sensor
+//!            -> sensor: recorded counts, with noise
+//! particles  -> truth: exact volumes and displacements
+//! ```
+//!
+//! This crate traces rays only. It may not use the weights of `lf-core`: the reconstruction would then be judged by its own
+//! model.
 
-pub mod cast;
-pub mod diffraction;
-pub mod dots;
-pub mod light;
-pub mod noise;
+mod key_checks;
 pub mod particles;
-pub mod patch;
-pub mod ready;
-pub mod render;
-pub mod samples;
+mod random;
+pub mod rays;
 pub mod scene;
 pub mod sensor;
 pub mod truth;

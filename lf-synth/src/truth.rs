@@ -7,30 +7,30 @@ use lf_core::grid::Grid;
 use lf_core::history::History;
 use rayon::prelude::*;
 
-/// A particle ends this many standard deviations from its centre along each axis; the light left out is 2e-4.
+/// Reach of a particle along each axis, in standard deviations. The light left out is 2e-4.
 const REACH_SIGMA: f64 = 4.0;
 
-/// A particle's share of the voxels along an axis, from the first.
-struct Profile {
+/// Shares of a particle's light in the voxels along an axis, from voxel `first`.
+struct AxisShares {
     first: usize,
     shares: Vec<f64>,
 }
 
-/// Particles as Gaussians of `sigma_vox` voxels, sampled at voxel centres, each summing to its particle's intensity.
-/// Rising indices and intensities. Slices are made side by side, each in memory of its own, in the order of the particles.
+/// Renders particles as Gaussians of `sigma_vox` voxels, sampled at voxel centres. Each sums to its particle's intensity.
+/// Returns rising indices and intensities. Slices are made in parallel; each adds up the particles in their order.
 pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>, Vec<f32>) {
     let reach = REACH_SIGMA * sigma_vox;
-    let profile = |axis: usize, particle: &Particle| {
+    let shares_along = |axis: usize, particle: &Particle| {
         let place = grid.place_vox(axis, particle.place_mm[axis]);
         let (first, last) = ((place - reach).ceil() as i64, (place + reach).floor() as i64);
         let bell = |i: i64| (-0.5 * ((i as f64 - place) / sigma_vox).powi(2)).exp();
         let sum: f64 = (first..=last).map(bell).sum();
         let within = first.max(0)..=last.min(grid.shape[axis] as i64 - 1);
-        Profile { first: *within.start() as usize, shares: within.map(|i| bell(i) / sum).collect() }
+        AxisShares { first: *within.start() as usize, shares: within.map(|i| bell(i) / sum).collect() }
     };
     let mut slices: Vec<Vec<(usize, f64)>> = vec![Vec::new(); grid.shape[2]];
     for (n, particle) in particles.iter().enumerate() {
-        let Profile { first, shares } = profile(2, particle);
+        let AxisShares { first, shares } = shares_along(2, particle);
         for (z, share) in shares.iter().enumerate() {
             slices[first + z].push((n, particle.intensity * share));
         }
@@ -41,7 +41,7 @@ pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>,
         .map(|(z, members)| {
             let mut voxels: Vec<(u64, f32)> = Vec::new();
             for &(n, light) in members {
-                let (across, down) = (profile(0, &particles[n]), profile(1, &particles[n]));
+                let (across, down) = (shares_along(0, &particles[n]), shares_along(1, &particles[n]));
                 for (y, wy) in down.shares.iter().enumerate() {
                     for (x, wx) in across.shares.iter().enumerate() {
                         let index = grid.index([across.first + x, down.first + y, z]);
@@ -61,7 +61,7 @@ pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>,
     (indices, intensity)
 }
 
-/// Rising indices, and the sums of what stands at each in the order given.
+/// Sums up the values of each voxel in their order. Returns rising indices and sums.
 fn merged(mut voxels: Vec<(u64, f32)>) -> (Vec<u64>, Vec<f32>) {
     voxels.sort_by_key(|(index, _)| *index);
     let mut indices: Vec<u64> = Vec::with_capacity(voxels.len());
@@ -77,7 +77,8 @@ fn merged(mut voxels: Vec<(u64, f32)>) -> (Vec<u64>, Vec<f32>) {
     (indices, intensity)
 }
 
-/// The displacement during `interval` at `shape` places from bound to bound; see [`Velocity::displacement_mm`].
+/// The displacement during `interval` on a lattice of `shape` places whose outermost lie on the bounds; see
+/// [`Velocity::displacement_mm`].
 pub fn displacement(
     flow: &Velocity,
     interval: f64,
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_add_up() {
+    fn neighbouring_particles_add_up() {
         let grid = Grid { shape: [8, 8, 8], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
         let particle = |id, x| Particle { id, place_mm: DVec3::new(x, 4.0, 4.0), intensity: 1.0, size: 1.0 };
         let both = volume(&grid, &[particle(0, 3.0), particle(1, 4.0)], 0.75);

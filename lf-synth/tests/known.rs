@@ -2,11 +2,9 @@
 
 use glam::{DVec2, DVec3};
 use lf_core::camera::{Aperture, Camera, Medium};
-use lf_synth::light::SecondStop;
 use lf_synth::particles::Particle;
-use lf_synth::ready;
-use lf_synth::render::{Glow, Instrument, Rays, Rendered};
-use lf_synth::samples::Shape;
+use lf_synth::rays::{self, Glow, Instrument, RayCount, Rendered, SecondStop, Shape};
+use lf_synth::scene::ready;
 
 /// The simulations' camera: m = 1, s_i = s_o = 400 mm, D = 100 mm, k = 0.00077, lenslets of 14 px.
 fn camera(aperture: Aperture) -> Camera {
@@ -22,8 +20,8 @@ fn point(place: [f64; 3]) -> Particle {
 
 /// A point that is almost one: 1e-4 px.
 fn image_of(camera: &Camera, stop: Option<SecondStop>, place: [f64; 3], rays: u32) -> Rendered {
-    let glow = Glow { shape: Shape::Disc, size_mm: 5.5e-7, rays: Rays::Each(rays) };
-    Instrument::new(camera, stop, None).frame(&[point(place)], &glow, 1, |_| ())
+    let glow = Glow { shape: Shape::Disc, size_mm: 5.5e-7, rays: RayCount::Fixed(rays) };
+    rays::frame(&Instrument::new(camera, stop, None), &[point(place)], &glow, 1, |_| ())
 }
 
 /// Mean place of the light in a part of the image, px from the left and top edges.
@@ -102,7 +100,7 @@ fn sub_images_drift_by_the_depth_and_its_sign() {
 fn lenslet_images_are_wider_apart_than_lenslets() {
     let mut camera = camera(Aperture::Circle);
     camera.main_lens.working_f_number = 8.0;
-    let image = Instrument::new(&camera, None, None).white(&camera, 1000.0, 40_000, 3, |_| ());
+    let image = rays::white(&Instrument::new(&camera, None, None), &camera, 1000.0, 40_000, 3, |_| ());
     let place = |n: usize| centroid(&image, 14 * n..14 * (n + 1), 266..280).x;
     let apart = place(34) - place(4);
     assert!((apart - 30.0 * 14.0 * 1.00077).abs() < 0.02, "{apart}");
@@ -181,8 +179,8 @@ fn a_second_stop_cuts_the_overlap_of_two_discs() {
     // A beam towards the middle comes from a disc magnified by what lies before the lens: 1 - 100 (1 / f - 1 / s_i).
     let magnified = 1.0 - 100.0 * (1.0 / 200.0 - 1.0 / 400.0);
     let stop = SecondStop { distance_mm: 100.0, diameter_mm: 100.0 * magnified };
-    let open = Instrument::new(&camera, None, None).white(&camera, 1000.0, 20_000, 1, |_| ());
-    let cut = Instrument::new(&camera, Some(stop), None).white(&camera, 1000.0, 20_000, 1, |_| ());
+    let open = rays::white(&Instrument::new(&camera, None, None), &camera, 1000.0, 20_000, 1, |_| ());
+    let cut = rays::white(&Instrument::new(&camera, Some(stop), None), &camera, 1000.0, 20_000, 1, |_| ());
     for lenslet in [100, 150, 190] {
         let sum = |image: &Rendered| -> f64 {
             let columns = 14 * lenslet..14 * (lenslet + 4);

@@ -1,32 +1,33 @@
-//! A plate of dots that is shown at known depths: the target of a calibration.
+//! The target of a calibration: a plate of dots at known depths.
 
+use crate::key_checks::{positive, wrong};
 use crate::particles::Particle;
-use crate::render::{Glow, Rays};
-use crate::samples::Shape;
+use crate::rays::{Glow, RayCount, Shape};
 use glam::{DVec2, DVec3};
+use lf_core::Refusal;
 use serde::{Deserialize, Serialize};
 
-/// A square grid of dots on a plate across the optical axis, one image a depth.
+/// A square grid of dots on a plate across the optical axis. Each depth gives one image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dots {
-    /// From a dot to the next of its row or column, mm.
+    /// Distance from a dot to the next in its row or column, mm.
     pub spacing_mm: f64,
-    /// Across a dot, mm.
+    /// Diameter of a dot, mm.
     pub diameter_mm: f64,
-    /// The plate's z in each image, mm.
+    /// Z of the plate in each image, mm.
     pub depths_mm: Vec<f64>,
     /// Counts that one dot sends through the aperture.
     #[serde(default = "default_intensity")]
     pub intensity: f64,
-    /// Turn of the grid about its centre, from x to y, rad.
+    /// Rotation of the grid about its centre, from x to y, rad.
     #[serde(default)]
     pub rotation_rad: f64,
-    /// Place of the grid's centre, x and y, where a dot sits, mm.
+    /// X and y of the grid's centre, which holds a dot, mm.
     #[serde(default)]
     pub centre_mm: [f64; 2],
-    /// Half the plate's extent along its rows and columns, about its centre, mm; absent, the plate fills what the
-    /// sensor sees of the focal plane, whatever its turn and centre.
+    /// Half the extent of the plate along its rows and columns, mm. If absent, the plate fills the view of the sensor at
+    /// the focal plane, for any rotation and centre.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_size_mm: Option<[f64; 2]>,
 }
@@ -35,66 +36,58 @@ fn default_intensity() -> f64 {
     1e5
 }
 
-/// The most dots a plate may have.
+/// Upper limit of the number of dots.
 const MOST: f64 = 1e6;
 
-/// A dot this part of a spacing beyond the edge is on it: 3 mm are 30 spacings of 0.1 mm, though not in binary.
+/// Tolerance at the edge of the plate, in spacings: 3 mm are 30 spacings of 0.1 mm, but not in binary numbers.
 const EDGE: f64 = 1e-9;
 
 impl Dots {
-    /// What a dot sends out: an even disc.
-    pub fn glow(&self, rays: Rays) -> Glow {
+    /// The light that a dot sends out: an even disc.
+    pub fn glow(&self, rays: RayCount) -> Glow {
         Glow { shape: Shape::Disc, size_mm: 0.5 * self.diameter_mm, rays }
     }
 
-    /// Checks what the types do not, for a sensor that sees `half_view_mm` of the focal plane to either side of the
-    /// axis.
+    /// Checks values that the types allow. The sensor sees `half_view_mm` of the focal plane to either side of the axis.
     ///
     /// # Errors
-    /// Names the key.
-    pub fn check(&self, half_view_mm: [f64; 2]) -> Result<(), String> {
-        let [half_x, half_y] = self.half_size_mm.unwrap_or([1.0; 2]);
-        for (key, value) in [
-            ("spacing_mm", self.spacing_mm),
-            ("diameter_mm", self.diameter_mm),
-            ("intensity", self.intensity),
-            ("half_size_mm", half_x),
-            ("half_size_mm", half_y),
-        ] {
-            if !(value > 0.0 && value < 1e12) {
-                return Err(format!("dots.{key} is {value}, not a positive number"));
-            }
+    /// Names the key that is wrong.
+    pub fn check(&self, half_view_mm: [f64; 2]) -> Result<(), Refusal> {
+        positive("dots.spacing_mm", self.spacing_mm)?;
+        positive("dots.diameter_mm", self.diameter_mm)?;
+        positive("dots.intensity", self.intensity)?;
+        for half_mm in self.half_size_mm.into_iter().flatten() {
+            positive("dots.half_size_mm", half_mm)?;
         }
-        if self.diameter_mm >= self.spacing_mm {
-            return Err(format!(
-                "dots.diameter_mm {} is not below dots.spacing_mm {}: the dots touch",
-                self.diameter_mm, self.spacing_mm
-            ));
+        let Self { diameter_mm, spacing_mm, depths_mm, .. } = self;
+        if diameter_mm >= spacing_mm {
+            let found =
+                format!("dots.diameter_mm {diameter_mm} is not below dots.spacing_mm {spacing_mm}: the dots touch");
+            return Err(wrong(found));
         }
         let [x, y] = self.centre_mm;
         for (key, value) in [("rotation_rad", self.rotation_rad), ("centre_mm", x), ("centre_mm", y)] {
             if !(-1e12..1e12).contains(&value) {
-                return Err(format!("dots.{key} is {value}, not a finite number"));
+                return Err(wrong(format!("dots.{key} is {value}, not a finite number")));
             }
         }
-        if self.depths_mm.is_empty() || self.depths_mm.len() > 10_000 {
-            return Err(format!("dots.depths_mm has {} depths, outside 1 to 10000", self.depths_mm.len()));
+        if depths_mm.is_empty() || depths_mm.len() > 10_000 {
+            return Err(wrong(format!("dots.depths_mm has {} depths, outside 1 to 10000", depths_mm.len())));
         }
-        if let Some(depth) = self.depths_mm.iter().find(|depth| !depth.is_finite()) {
-            return Err(format!("dots.depths_mm has {depth}, not a finite number"));
+        if let Some(depth) = depths_mm.iter().find(|depth| !depth.is_finite()) {
+            return Err(wrong(format!("dots.depths_mm has {depth}, not a finite number")));
         }
         let [columns, rows] = self.steps(half_view_mm).map(|[first, last]| (last - first + 1.0).max(0.0));
-        if columns * rows > MOST {
-            return Err(format!(
-                "dots asks for a grid of {columns} x {rows} = {:.0} dots, more than {MOST:.0}",
-                columns * rows
-            ));
+        let count = columns * rows;
+        if count > MOST {
+            let found = format!("dots asks for a grid of {columns} x {rows} = {count:.0} dots, more than {MOST:.0}");
+            return Err(wrong(found));
         }
         Ok(())
     }
 
-    /// The dots with the plate at `depth_mm`, row by row from low y, in the frame of the plate; ids from 0 and the same
-    /// at every depth. `half_view_mm` as for [`check`](Self::check), which must have passed.
+    /// The dots with the plate at `depth_mm`, row by row from low y in the frame of the plate. Ids count from 0 and are the
+    /// same at every depth. [`check`](Self::check) must have passed with the same `half_view_mm`.
     pub fn target(&self, half_view_mm: [f64; 2], depth_mm: f64) -> Vec<Particle> {
         let [columns, rows] = self.steps(half_view_mm);
         let count = |[first, last]: [f64; 2]| (last - first + 1.0).max(0.0) as u64;
@@ -117,8 +110,8 @@ impl Dots {
             .collect()
     }
 
-    /// First and last step from the centre along rows and columns that may bear a dot: the plate's, or those of the box
-    /// around the view in the plate's frame.
+    /// First and last dot along rows and columns, in spacings from the centre: those of the plate, or of the box around the
+    /// view in the frame of the plate.
     fn steps(&self, half_view_mm: [f64; 2]) -> [[f64; 2]; 2] {
         let (middle, reach) = match self.half_size_mm {
             Some(half) => (DVec2::ZERO, DVec2::from(half)),
@@ -169,8 +162,7 @@ mod tests {
         assert!(near.iter().enumerate().all(|(n, dot)| dot.id == n as u64));
     }
 
-    /// Whatever its turn and centre, a plate without a size fills the view and goes no further: every dot of a greater
-    /// plate that lies in the view is there, and no other.
+    /// A plate without a size holds exactly the dots of a larger plate that lie in the view, for any rotation and centre.
     #[test]
     fn without_a_size_the_plate_fills_the_view() {
         for (rotation_rad, centre_mm) in [(0.0, [0.0; 2]), (0.3, [0.0; 2]), (-2.2, [0.37, -5.0]), (1.6, [9.0, 0.02])] {
@@ -187,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn the_centre_bears_a_dot_and_the_grid_turns_about_it_from_x_to_y() {
+    fn the_centre_holds_a_dot_and_the_grid_rotates_about_it_from_x_to_y() {
         let plate = Dots { rotation_rad: 0.1, centre_mm: [0.2, -0.1], ..dots() };
         let target = plate.target([1.0, 1.0], 0.0);
         let at = |place: DVec3| target.iter().find(|dot| dot.place_mm.distance(place) < 1e-12);
@@ -197,8 +189,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
-        let refused = |plate: Dots| plate.check([3.0, 2.0]).unwrap_err();
+    fn a_wrong_key_is_named() {
+        let refused = |plate: Dots| plate.check([3.0, 2.0]).unwrap_err().found;
         assert!(dots().check([3.0, 2.0]).is_ok());
         assert!(refused(Dots { spacing_mm: f64::NAN, ..dots() }).contains("dots.spacing_mm is NaN"));
         assert!(refused(Dots { diameter_mm: 0.0, ..dots() }).contains("dots.diameter_mm is 0"));

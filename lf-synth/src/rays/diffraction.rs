@@ -1,5 +1,7 @@
-//! Diffraction by a lenslet's rim: the far field of its cell, which is what a sensor at its focal length sees.
+//! Diffraction by a lenslet's rim. A sensor at the focal length sees the far field of the lenslet's cell.
 
+use crate::key_checks::wrong;
+use lf_core::Refusal;
 use lf_core::camera::{Camera, Layout};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -16,37 +18,38 @@ pub struct Diffraction {
 
 impl Diffraction {
     /// # Errors
-    /// Names the key.
-    pub fn check(&self) -> Result<(), String> {
-        if self.wavelength_mm > 1e-5 && self.wavelength_mm < 0.1 {
+    /// Names the key that is wrong.
+    pub fn check(&self) -> Result<(), Refusal> {
+        let found = self.wavelength_mm;
+        if found > 1e-5 && found < 0.1 {
             return Ok(());
         }
-        Err(format!("diffraction.wavelength_mm is {}, outside 0.00001 to 0.1", self.wavelength_mm))
+        Err(wrong(format!("diffraction.wavelength_mm is {found}, outside 0.00001 to 0.1")))
     }
 }
 
-/// Deflections of rays that build up a diffraction pattern: sinc^2 along both axes of the lattice for a square cell; for a
-/// hexagonal one Airy's of the disc of equal area.
+/// A table of ray deflections that add up to a diffraction pattern: sinc^2 along both axes of the lattice for a square
+/// cell; the Airy pattern of the disc of equal area for a hexagonal one.
 #[derive(Debug)]
 pub struct Pattern {
     unit_mm: f64,
     deflections_mm: [Vec<f32>; 2],
 }
 
-/// Reach of the pattern in lambda g / p. What lies beyond, 0.6 % of a sinc^2 along an axis and 1.3 % of Airy's pattern, is
-/// spread over what lies within.
+/// Reach of the pattern, in lambda g / p. The light beyond (0.6 % of a sinc^2 along an axis, 1.3 % of an Airy pattern) is
+/// spread over the light within.
 const REACH: f64 = 16.0;
 
-/// Steps of its integral to a lambda g / p; doubling them moves no quantile by 1e-4.
+/// Steps of the integral for each lambda g / p. Twice as many move no quantile by 1e-4.
 const FINENESS: usize = 128;
 
-/// Deflections in the table.
+/// Number of deflections in the table.
 const LENGTH: usize = 1 << 16;
 
-/// From the unit square to a place in the pattern.
+/// A map from the unit square to the pattern.
 type Place = dyn Fn(f64, f64) -> (f64, f64);
 
-/// Steps of a low-discrepancy sequence in the plane (Roberts 2018): powers of 1/g, g the root of g^3 = g + 1.
+/// Steps of a low-discrepancy sequence in the plane (Roberts 2018): powers of 1/g, where g^3 = g + 1.
 const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
 impl Pattern {
@@ -58,9 +61,9 @@ impl Pattern {
         let (unit_mm, place): (f64, Box<Place>) = match camera.microlenses.layout {
             Layout::Square => {
                 let across = Quantiles::new(sinc2);
-                let signed = move |part: f64| {
-                    let t = across.at((2.0 * part - 1.0).abs());
-                    if part < 0.5 { -t } else { t }
+                let signed = move |share: f64| {
+                    let t = across.at((2.0 * share - 1.0).abs());
+                    if share < 0.5 { -t } else { t }
                 };
                 let turned = move |a: f64, b: f64| (cos * a - sin * b, sin * a + cos * b);
                 (per_aperture / pitch_mm, Box::new(move |a, b| turned(signed(a), signed(b))))
@@ -85,17 +88,17 @@ impl Pattern {
         Self { unit_mm, deflections_mm }
     }
 
-    /// lambda g / p: from the middle to the first dark line of a square lenslet, mm.
+    /// lambda g / p, mm: the distance from the middle to the first dark line of a square lenslet.
     pub fn unit_mm(&self) -> f64 {
         self.unit_mm
     }
 
-    /// Where in the table a particle's rays begin.
+    /// Place in the table at which a particle's rays begin, at random.
     pub fn start(&self, random: &mut Pcg64Mcg) -> usize {
         random.random_range(0..LENGTH)
     }
 
-    /// Deflects rays, of which the first is number `first`.
+    /// Deflects rays. The first ray has the number `first`.
     #[inline(always)]
     pub fn deflect(&self, first: usize, x: &mut [f64], y: &mut [f64]) {
         for i in 0..x.len() {
@@ -111,7 +114,7 @@ fn sinc2(t: f64) -> f64 {
     if t == 0.0 { 1.0 } else { ((PI * t).sin() / (PI * t)).powi(2) }
 }
 
-/// (2 J1(pi r) / (pi r))^2, J1 by Bessel's integral, for which the midpoint rule is exact at these arguments.
+/// (2 J1(pi r) / (pi r))^2. J1 comes from Bessel's integral; the midpoint rule is exact for it at these arguments.
 fn airy(r: f64) -> f64 {
     const POINTS: usize = 96;
     let x = PI * r;
@@ -123,7 +126,7 @@ fn airy(r: f64) -> f64 {
     (2.0 * j1 / x).powi(2)
 }
 
-/// The inverse of the integral of a density over 0 to [`REACH`], as a table.
+/// Quantiles of a density on 0 to [`REACH`], from a table of its integral.
 struct Quantiles {
     integral: Vec<f64>,
 }
@@ -136,14 +139,14 @@ impl Quantiles {
             integral.push(integral[n] + density((n as f64 + 0.5) * step));
         }
         let whole = integral[integral.len() - 1];
-        integral.iter_mut().for_each(|part| *part /= whole);
+        integral.iter_mut().for_each(|sum| *sum /= whole);
         Self { integral }
     }
 
-    fn at(&self, part: f64) -> f64 {
-        let n = self.integral.partition_point(|reached| *reached <= part).clamp(1, self.integral.len() - 1);
+    fn at(&self, share: f64) -> f64 {
+        let n = self.integral.partition_point(|reached| *reached <= share).clamp(1, self.integral.len() - 1);
         let (low, high) = (self.integral[n - 1], self.integral[n]);
-        let within = if high > low { (part - low) / (high - low) } else { 0.0 };
+        let within = if high > low { (share - low) / (high - low) } else { 0.0 };
         (n as f64 - 1.0 + within) / FINENESS as f64
     }
 }
@@ -152,10 +155,10 @@ impl Quantiles {
 mod tests {
     use super::*;
 
-    /// J1 has its first zero at 3.8317; half of a sinc^2 lies within 0.2214 of its middle, half of Airy's light within a
-    /// radius of 0.535 (tables of encircled energy), in units in which the aperture is 1 wide, both before the tail is cut.
+    /// From tables: J1 has its first zero at 3.8317. For an aperture of width 1, half of a sinc^2 lies within 0.2214 of its
+    /// middle, and half of the Airy light within a radius of 0.535 (encircled energy); both without the cut of the tail.
     #[test]
-    fn patterns_are_those_of_the_textbooks() {
+    fn patterns_match_the_textbooks() {
         assert!(airy(3.831_706 / PI) < 1e-13);
         assert!((airy(0.514_497) - 0.5).abs() < 1e-4);
         let half = Quantiles::new(sinc2).at(0.5);

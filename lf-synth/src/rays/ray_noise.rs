@@ -1,17 +1,19 @@
 //! The noise of the ray tracing itself, measured.
 
+use super::glow::Glow;
+use super::instrument::Instrument;
+use super::render;
 use crate::particles::Particle;
-use crate::render::{Glow, Instrument};
 use ndarray::Array2;
 
-/// Particles that it is measured on.
+/// Number of particles that the noise is measured on.
 pub const SAMPLE: usize = 200;
 
-/// Renders that are averaged, each with rays of its own, to stand for one of so many times the rays.
+/// Renders with different rays that are averaged, to stand for one render with 100 times the rays.
 const RENDERS: u64 = 100;
 
-/// Root mean square error of the lit pixels over the brightest pixel, for the [`SAMPLE`] particles nearest in x and y to
-/// their common middle, which overlap there as they do in the whole frame. 0 without light.
+/// Root mean square error of the lit pixels, relative to the brightest pixel; 0 without light. Measured on the [`SAMPLE`]
+/// particles nearest in x and y to the middle of all, where they overlap as in the whole frame.
 pub fn measure(instrument: &Instrument, particles: &[Particle], glow: &Glow, seed: u64) -> f64 {
     let middle = particles.iter().map(|particle| particle.place_mm.truncate()).sum::<glam::DVec2>()
         / particles.len().max(1) as f64;
@@ -19,7 +21,7 @@ pub fn measure(instrument: &Instrument, particles: &[Particle], glow: &Glow, see
     let distance = |particle: &Particle| (particle.place_mm.truncate() - middle).abs().max_element();
     near.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
     near.truncate(SAMPLE);
-    let render = |n: u64| instrument.frame(&near, glow, seed ^ (n << 48), |_| ()).pixels;
+    let render = |n: u64| render::frame(instrument, &near, glow, seed ^ (n << 48), |_| ()).pixels;
     let one = render(0);
     let mut mean = Array2::<f64>::zeros(one.dim());
     for n in 1..=RENDERS {

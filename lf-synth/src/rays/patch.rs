@@ -1,9 +1,9 @@
-//! Rays counted by pixel.
+//! Rays counted for each pixel of a small part of the sensor.
 
 use ndarray::Array2;
 use rayon::prelude::*;
 
-/// Rays counted by pixel in a part of the sensor, and those that fell on the sensor beside it.
+/// Rays counted for each pixel in a rectangle of the sensor, and a list of those that fell on the sensor outside it.
 #[derive(Debug, Default)]
 pub struct Patch {
     left: usize,
@@ -16,9 +16,10 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// Empties it and moves it to the pixels from `low` to below `high` that are on a sensor of `size`, all as (column, row).
+    /// Empties the patch and moves it to the pixels from `low` up to `high`, excluded, on a sensor of `size`. All are
+    /// (column, row).
     pub fn clear(&mut self, low: [f64; 2], high: [f64; 2], size: [usize; 2], counts_per_ray: f64) {
-        // A bound that is not a number counts as 0.
+        // The cast turns NaN into 0.
         let on_sensor = |place: f64, axis: usize| place.clamp(0.0, size[axis] as f64) as usize;
         let [left, top] = [0, 1].map(|axis| on_sensor(low[axis].floor(), axis));
         let [right, bottom] = [0, 1].map(|axis| on_sensor(high[axis].ceil(), axis));
@@ -29,19 +30,19 @@ impl Patch {
         (self.arrived, self.counts_per_ray) = (0, counts_per_ray);
     }
 
-    /// Its left and top edges, px.
+    /// Left and top edge, px.
     pub fn corner(&self) -> [f64; 2] {
         [self.left as f64, self.top as f64]
     }
 
-    /// Counts rays by the column and row of their pixel from its corner, on a sensor of `size`.
+    /// Counts rays by the column and row of their pixel from the corner of the patch, on a sensor of `size`.
     #[inline(always)]
     pub fn count(&mut self, columns: &[i32], rows: &[i32], size: [usize; 2]) {
         let wide = self.width as u32;
         let high = (self.rays.len() / self.width.max(1)) as u32;
         let mut within = 0;
         for (&column, &row) in columns.iter().zip(rows) {
-            // What is negative wraps to beyond the patch.
+            // A negative number wraps to a place beyond the patch.
             let (x, y) = (column as u32, row as u32);
             if x < wide && y < high {
                 self.rays[(y * wide + x) as usize] += 1;
@@ -53,6 +54,7 @@ impl Patch {
         self.arrived += within;
     }
 
+    /// Lists a ray that fell outside the patch, if the sensor is there.
     #[cold]
     fn stray(&mut self, column: i64, row: i64, [width, height]: [usize; 2]) {
         let (x, y) = (column + self.left as i64, row + self.top as i64);
@@ -68,10 +70,10 @@ impl Patch {
     }
 }
 
-/// Rows of an image that a thread adds to at a time.
+/// Rows of the image that one thread adds to at a time.
 const BAND: usize = 64;
 
-/// Adds patches to an image in their order.
+/// Adds patches to an image, in their order at each pixel.
 pub fn add(image: &mut Array2<f32>, patches: &[Patch]) {
     let width = image.ncols();
     let pixels = image.as_slice_mut().expect("an image of our own is in rows");

@@ -1,15 +1,15 @@
-//! Low-discrepancy samples: one table for all particles, turned or shifted at random for each.
+//! Low-discrepancy samples. All particles share one table; each turns or shifts it at random.
 
 use glam::{DVec2, DVec4};
 use lf_core::camera::Aperture;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-/// Steps of the generalised golden ratio in four dimensions (Roberts 2018): powers of 1/g, g the root of g^5 = g + 1.
+/// Steps of the generalised golden ratio in four dimensions (Roberts 2018): powers of 1/g, where g^5 = g + 1.
 const STEP: [f64; 4] =
     [0.856_674_883_854_502_9, 0.733_891_856_627_126, 0.628_706_721_037_810_9, 0.538_597_257_223_612_4];
 
-/// The shape that light comes from: a stop, a particle image or a tile of the array.
+/// The shape that light comes from: a stop, a particle image or a cell of the array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
     /// Even on the unit disc.
@@ -30,9 +30,9 @@ impl From<Aperture> for Shape {
 }
 
 impl Shape {
-    /// From the unit square: Shirley & Chiu (1997) for the disc, Box & Muller (1958) for the Gaussian.
-    fn place(self, part: DVec2) -> DVec2 {
-        let square = part * 2.0 - 1.0;
+    /// Maps the unit square to the shape: Shirley & Chiu (1997) for the disc, Box & Muller (1958) for the Gaussian.
+    fn place(self, unit: DVec2) -> DVec2 {
+        let square = unit * 2.0 - 1.0;
         match self {
             Self::Square => square,
             Self::Disc => {
@@ -46,7 +46,7 @@ impl Shape {
                 };
                 radius * DVec2::from_angle(angle)
             }
-            Self::Gaussian => (-2.0 * (1.0 - part.x).ln()).sqrt() * DVec2::from_angle(std::f64::consts::TAU * part.y),
+            Self::Gaussian => (-2.0 * (1.0 - unit.x).ln()).sqrt() * DVec2::from_angle(std::f64::consts::TAU * unit.y),
         }
     }
 
@@ -63,14 +63,14 @@ impl Shape {
 /// A motion of a shape onto itself.
 #[derive(Debug, Clone, Copy)]
 pub enum Motion {
-    /// By so much, what leaves the square on one side coming in on the other.
+    /// A shift of the square, periodic: what leaves on one side comes in on the other.
     Shift(DVec2),
-    /// By the angle of this unit vector.
+    /// A turn by the angle of this unit vector.
     Turn(DVec2),
 }
 
 impl Motion {
-    /// Moves samples, times `scale`, into `x` and `y`.
+    /// Moves samples, multiplies them by `scale` and writes them to `x` and `y`.
     #[inline(always)]
     pub fn apply(self, from: (&[f32], &[f32]), scale: f64, x: &mut [f64], y: &mut [f64]) {
         let n = x.len();
@@ -95,7 +95,7 @@ impl Motion {
     }
 }
 
-/// Samples of two shapes, each with the other's independence.
+/// Samples of two shapes, independent of each other.
 #[derive(Debug)]
 pub struct Samples {
     first: [Vec<f32>; 2],
@@ -103,15 +103,15 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// `n` of them; any first part of them is as even as one made for its length.
+    /// `n` samples. The first samples alone are as even as a table of that length.
     pub fn new(n: usize, first: Shape, second: Shape) -> Self {
         let step = DVec4::from_array(STEP);
         let mut samples = Self { first: [vec![], vec![]], second: [vec![], vec![]] };
-        let mut part = DVec4::splat(0.5);
+        let mut unit = DVec4::splat(0.5);
         for _ in 0..n {
-            part += step;
-            part -= part.floor();
-            let (a, b) = (first.place(DVec2::new(part.x, part.y)), second.place(DVec2::new(part.z, part.w)));
+            unit += step;
+            unit -= unit.floor();
+            let (a, b) = (first.place(DVec2::new(unit.x, unit.y)), second.place(DVec2::new(unit.z, unit.w)));
             samples.first[0].push(a.x as f32);
             samples.first[1].push(a.y as f32);
             samples.second[0].push(b.x as f32);
@@ -120,13 +120,13 @@ impl Samples {
         samples
     }
 
-    /// Samples of the first shape from `first` on.
+    /// `n` samples of the first shape, from number `first`.
     #[inline(always)]
     pub fn first(&self, first: usize, n: usize) -> (&[f32], &[f32]) {
         (&self.first[0][first..][..n], &self.first[1][first..][..n])
     }
 
-    /// Samples of the second shape from `first` on.
+    /// `n` samples of the second shape, from number `first`.
     #[inline(always)]
     pub fn second(&self, first: usize, n: usize) -> (&[f32], &[f32]) {
         (&self.second[0][first..][..n], &self.second[1][first..][..n])

@@ -1,0 +1,61 @@
+//! Images and texts that are written.
+
+use lf_core::cli::Session;
+use lf_core::{Error, Result, image, io};
+use lf_synth::rays::Rendered;
+use ndarray::Array2;
+use std::path::Path;
+use std::time::Instant;
+
+/// Refuses a file as an output folder.
+pub fn check_folder(folder: &Path) -> Result<()> {
+    match std::fs::metadata(folder) {
+        Ok(found) if !found.is_dir() => {
+            Err(Error::new(io::output_name(folder), "a file", "wanted a folder to write into"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Makes an output folder.
+pub fn create_folder(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|error| io::writing(&io::output_name(folder), &error))
+}
+
+pub fn save_text(path: &Path, text: &str) -> Result<()> {
+    io::save_text(path, |out| out.write_all(text.as_bytes()))
+}
+
+/// Writes an image. A TIFF cuts counts outside 16 bits, with a warning.
+pub fn save_image(path: &Path, pixels: &Array2<f32>, session: &mut Session) -> Result<()> {
+    let is_tiff = path.extension().is_some_and(|end| ["tif", "tiff"].iter().any(|tiff| end.eq_ignore_ascii_case(tiff)));
+    if is_tiff {
+        let cut = image::outside_u16(pixels);
+        if cut > 0 {
+            session.warn(format!("{}: {cut} pixels outside 0 to 65535 are cut", io::output_name(path)));
+        }
+    }
+    session.phase("write", |session| image::save(path, pixels, &session.history(&Vec::new())))
+}
+
+/// Renders an image and says how much light arrived and how fast the rays were. `total` is the number of steps of the
+/// progress bar `steps`; `render` gets a function that counts them.
+pub fn rendered(
+    what: &str,
+    (steps, total): (&str, u64),
+    session: &mut Session,
+    render: impl FnOnce(&(dyn Fn(u64) + Sync)) -> Rendered,
+) -> Result<Rendered> {
+    session.phase("render", |session| {
+        let progress = session.progress(steps, total);
+        let started = Instant::now();
+        let image = render(&|n| progress.add(n));
+        session.explain(format!(
+            "{what}: {:.2} % of the light reached the sensor; {:.1} million rays, {:.0} million a second",
+            100.0 * image.arrived / image.emitted.max(f64::MIN_POSITIVE),
+            1e-6 * image.rays as f64,
+            1e-6 * image.rays as f64 / started.elapsed().as_secs_f64().max(1e-9),
+        ));
+        Ok(image)
+    })
+}

@@ -1,0 +1,86 @@
+//! A scene as read from its files.
+
+use super::arguments::SceneSource;
+use lf_core::camera::Camera;
+use lf_core::cli::Session;
+use lf_core::scene::{CameraSource, WANTED};
+use lf_core::{Error, Result, image, io};
+use lf_synth::Scene;
+use lf_synth::rays::{Instrument, Pattern};
+use lf_synth::scene;
+use ndarray::Array2;
+use std::path::{Path, PathBuf};
+
+/// A checked scene with its camera, its background image and the files it comes from.
+pub struct Setup {
+    pub scene: Scene,
+    pub camera: Camera,
+    pub background: Option<Array2<f32>>,
+    inputs: Vec<PathBuf>,
+}
+
+impl Setup {
+    /// Reads and checks a scene and its files. Paths in it become relative to the current folder.
+    pub fn open(source: &SceneSource, session: &mut Session) -> Result<Self> {
+        session.phase("read", |session| {
+            let name = io::name(&source.scene);
+            let text = io::open_text(&source.scene)?;
+            let mut scene: Scene =
+                serde_json::from_str(&text).map_err(|error| Error::new(&name, error.to_string(), WANTED))?;
+            let folder = source.scene.parent().unwrap_or(Path::new(""));
+            let mut inputs = scene.join(folder);
+            let camera = scene.camera.open(folder, &name)?;
+            scene::check(&scene, &camera).map_err(|refusal| refusal.about(&name))?;
+            session.explain(format!("camera: {}", camera.about()));
+            inputs.push(source.scene.clone());
+            scene.seed = source.seed.unwrap_or(scene.seed);
+            let origin = if source.seed.is_some() { "from --seed" } else { "from the scene" };
+            session.explain(format!("seed {}, {origin}", scene.seed));
+            let shape = (camera.sensor.height, camera.sensor.width);
+            let file = scene.sensor_noise.as_ref().and_then(|noise| noise.background.as_deref());
+            let background = file.map(|file| background(file, shape)).transpose()?;
+            Ok(Self { scene, camera, background, inputs })
+        })
+    }
+
+    /// The camera with the scene's effects.
+    pub fn instrument(&self) -> Instrument {
+        let pattern = self.scene.diffraction.as_ref().map(|diffraction| Pattern::new(diffraction, &self.camera));
+        Instrument::new(&self.camera, self.scene.second_stop, pattern)
+    }
+
+    /// Refuses to overwrite a file that the scene comes from.
+    pub fn keep_apart(&self, output: &Path, session: &Session) -> Result<()> {
+        let inputs: Vec<&Path> = self.inputs.iter().map(PathBuf::as_path).collect();
+        session.keep_apart(output, &inputs)
+    }
+
+    /// Records the expected counts of image `number` with the scene's sensor, in place.
+    pub fn record(&self, pixels: &mut Array2<f32>, number: usize, session: &mut Session) -> Result<()> {
+        let Some(noise) = &self.scene.sensor_noise else { return Ok(()) };
+        let recorded =
+            session.phase("record", |_| Ok(noise.record(pixels, self.background.as_ref(), self.scene.seed, number)))?;
+        if recorded.clipped > 0 {
+            session.warn(format!("image {number}: {} pixels are full", recorded.clipped));
+        }
+        Ok(())
+    }
+
+    /// The text of the scene as used: with the seed that was typed and the camera in place.
+    pub fn used(&self) -> String {
+        let mut scene = self.scene.clone();
+        let camera = serde_json::to_value(&self.camera).expect("a camera is plain data");
+        scene.camera = CameraSource::Camera(camera);
+        format!("{}\n", serde_json::to_string_pretty(&scene).expect("a scene is plain data"))
+    }
+}
+
+/// Reads an image of counts of shape (height, width).
+fn background(file: &Path, shape: (usize, usize)) -> Result<Array2<f32>> {
+    let pixels = image::open_counts(file)?.pixels;
+    if pixels.dim() == shape {
+        return Ok(pixels);
+    }
+    let found = format!("background of {} x {} px", pixels.ncols(), pixels.nrows());
+    Err(Error::new(io::name(file), found, format!("wanted the sensor's {} x {} px", shape.1, shape.0)))
+}

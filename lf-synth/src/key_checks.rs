@@ -1,0 +1,23 @@
+//! Checks of the keys of a scene that its parts share.
+
+use lf_core::Refusal;
+use lf_core::scene::WANTED;
+use std::ops::RangeInclusive;
+
+/// The refusal of a scene in which `found` is wrong.
+pub(crate) fn wrong(found: impl Into<String>) -> Refusal {
+    Refusal::new(found, WANTED)
+}
+
+/// Refuses a value that is not above 0 and below 1e12.
+pub(crate) fn positive(key: &str, value: f64) -> Result<(), Refusal> {
+    if value > 0.0 && value < 1e12 { Ok(()) } else { Err(wrong(format!("{key} is {value}, not a positive number"))) }
+}
+
+/// Refuses a value outside a range.
+pub(crate) fn within(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), Refusal> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(wrong(format!("{key} is {value}, outside {} to {}", range.start(), range.end())))
+}

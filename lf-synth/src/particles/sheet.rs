@@ -1,0 +1,52 @@
+//! The laser sheet that lights the particles.
+
+use crate::key_checks::wrong;
+use lf_core::Refusal;
+use serde::{Deserialize, Serialize};
+
+/// A laser sheet across z.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sheet {
+    /// How its brightness falls.
+    pub profile: SheetProfile,
+    /// Z of its middle, mm.
+    #[serde(default)]
+    pub centre_mm: f64,
+    /// Thickness, mm. A Gaussian sheet ends where its brightness has fallen to exp(-2).
+    pub thickness_mm: f64,
+}
+
+/// How a sheet's brightness falls from its middle, where it is 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SheetProfile {
+    /// Even within the thickness, dark outside.
+    TopHat,
+    /// Gaussian.
+    Gaussian,
+}
+
+impl Sheet {
+    /// # Errors
+    /// Names the key that is wrong.
+    pub fn check(&self) -> Result<(), Refusal> {
+        let Self { thickness_mm, centre_mm, .. } = self;
+        if !(thickness_mm.is_finite() && *thickness_mm > 0.0) {
+            return Err(wrong(format!("light.thickness_mm is {thickness_mm}, not a positive length")));
+        }
+        if !centre_mm.is_finite() {
+            return Err(wrong(format!("light.centre_mm is {centre_mm}, not a finite length")));
+        }
+        Ok(())
+    }
+
+    /// Brightness at a depth; 1 in the middle.
+    pub fn brightness(&self, z_mm: f64) -> f64 {
+        let from_middle = 2.0 * (z_mm - self.centre_mm) / self.thickness_mm;
+        match self.profile {
+            SheetProfile::TopHat => f64::from(u8::from(from_middle.abs() <= 1.0)),
+            SheetProfile::Gaussian => (-2.0 * from_middle * from_middle).exp(),
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! The particles of one frame after another.
+
+use super::particle::{Particle, inside};
+use super::sheet::Sheet;
+use lf_core::flow::Velocity;
+use rayon::prelude::*;
+
+/// Where the particles of the frames come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Tracers {
+    /// A flow carries them from frame to frame.
+    Carried {
+        /// All particles at `time`, also those outside the volume.
+        all: Vec<Particle>,
+        /// The flow.
+        velocity: Velocity,
+        /// Time of `all`.
+        time: f64,
+    },
+    /// A table gives them for each frame.
+    Given(Vec<Vec<Particle>>),
+}
+
+impl Tracers {
+    /// The particles of frame number `frame` at `time` that are inside the bounds and lit, with the sheet's brightness in
+    /// their intensities. Ask for the frames in their order.
+    pub fn lit(&mut self, frame: usize, time: f64, bounds_mm: [[f64; 2]; 3], light: Option<&Sheet>) -> Vec<Particle> {
+        let mut lit = match self {
+            Self::Given(frames) => inside(&frames[frame], bounds_mm),
+            Self::Carried { all, velocity, time: from } => {
+                carry(all, velocity, *from, time);
+                *from = time;
+                inside(all, bounds_mm)
+            }
+        };
+        if let Some(light) = light {
+            lit.iter_mut().for_each(|particle| particle.intensity *= light.brightness(particle.place_mm.z));
+            lit.retain(|particle| particle.intensity > 0.0);
+        }
+        lit
+    }
+
+    /// Largest number of particles in a frame.
+    pub fn most(&self) -> usize {
+        match self {
+            Self::Carried { all, .. } => all.len(),
+            Self::Given(frames) => frames.iter().map(Vec::len).max().unwrap_or(0),
+        }
+    }
+}
+
+/// Moves particles with the flow from one time to another.
+pub(super) fn carry(particles: &mut [Particle], velocity: &Velocity, from: f64, to: f64) {
+    if from != to {
+        particles.par_iter_mut().for_each(|particle| particle.place_mm = velocity.carry(particle.place_mm, to - from));
+    }
+}

@@ -1,0 +1,190 @@
+//! The way of rays through a camera: aperture, lenslets, stops, diffraction, pixels.
+//!
+//! Each step is a loop over a few hundred rays in flight. A step that the scene does not ask for is not run.
+
+use super::diffraction::Pattern;
+use super::glow::Glow;
+use super::patch::Patch;
+use super::samples::{Samples, Shape};
+use super::second_stop::SecondStop;
+use super::white_cells::WhiteCells;
+use crate::particles::Particle;
+use crate::random::stream;
+use glam::DVec2;
+use lf_core::camera::Camera;
+use lf_core::optics::Optics;
+
+/// A camera with the effects that bend or stop its rays.
+#[derive(Debug)]
+pub struct Instrument {
+    optics: Optics,
+    pub(super) aperture: Shape,
+    second_stop: Option<SecondStop>,
+    diffraction: Option<Pattern>,
+    /// Width and height of the sensor, px.
+    pub(super) size: [usize; 2],
+    pixel_pitch_mm: f64,
+    /// Width of a lenslet and reach of diffraction, px.
+    margin_px: f64,
+}
+
+/// Rays in flight at a time. Their arrays stay in the nearest cache.
+const FLIGHT: usize = 256;
+
+/// Rays in flight, mm.
+struct Flight {
+    /// Place in the aperture.
+    u: [f64; FLIGHT],
+    v: [f64; FLIGHT],
+    /// Place on the object, then on the array, then on the sensor.
+    x: [f64; FLIGHT],
+    y: [f64; FLIGHT],
+    /// Whether a second stop holds the ray back.
+    blocked: [bool; FLIGHT],
+    /// Pixel, counted from the corner of the patch.
+    column: [i32; FLIGHT],
+    row: [i32; FLIGHT],
+}
+
+impl Flight {
+    const START: Self = Self {
+        u: [0.0; FLIGHT],
+        v: [0.0; FLIGHT],
+        x: [0.0; FLIGHT],
+        y: [0.0; FLIGHT],
+        blocked: [false; FLIGHT],
+        column: [0; FLIGHT],
+        row: [0; FLIGHT],
+    };
+}
+
+/// Keep the random streams of particles and of white cells apart.
+const PARTICLES: u64 = 0x7261_7973;
+const WHITE: u64 = 0x7768_6974;
+
+impl Instrument {
+    /// The instrument of a checked camera.
+    pub fn new(camera: &Camera, second_stop: Option<SecondStop>, diffraction: Option<Pattern>) -> Self {
+        let reach_mm = diffraction.as_ref().map_or(0.0, |pattern| 4.0 * pattern.unit_mm());
+        Self {
+            optics: Optics::new(camera),
+            aperture: camera.main_lens.aperture.into(),
+            second_stop,
+            diffraction,
+            size: [camera.sensor.width, camera.sensor.height],
+            pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
+            margin_px: camera.pitch_px() + reach_mm / camera.sensor.pixel_pitch_mm + 2.0,
+        }
+    }
+
+    /// Casts a particle's rays and counts them in `patch`.
+    #[inline(always)]
+    pub(super) fn cast_particle(
+        &self,
+        samples: &Samples,
+        glow: &Glow,
+        particle: &Particle,
+        seed: u64,
+        patch: &mut Patch,
+    ) {
+        let rays = glow.rays.of_intensity(particle.intensity);
+        let mut random = stream(seed ^ PARTICLES, particle.id);
+        let in_aperture = self.aperture.motion(&mut random);
+        let in_image = glow.shape.motion(&mut random);
+        let start = self.diffraction.as_ref().map_or(0, |pattern| pattern.start(&mut random));
+        let (centre, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
+        let (half, size) = (self.optics.half_aperture_mm(), glow.size_mm * particle.size);
+        let [low, high] = self.bounds_px(particle, size);
+        patch.clear(low, high, self.size, particle.intensity / rays as f64);
+        let mut flight = Flight::START;
+        for first in (0..rays).step_by(FLIGHT) {
+            let n = FLIGHT.min(rays - first);
+            let Flight { u, v, x, y, .. } = &mut flight;
+            in_aperture.apply(samples.first(first, n), half, &mut u[..n], &mut v[..n]);
+            in_image.apply(samples.second(first, n), size, &mut x[..n], &mut y[..n]);
+            for i in 0..n {
+                let point = centre + DVec2::new(x[i], y[i]);
+                let hit = self.optics.array_from_object(point, z_mm, DVec2::new(u[i], v[i]));
+                (x[i], y[i]) = (hit.x, hit.y);
+            }
+            self.finish(&mut flight, n, start + first, patch);
+        }
+    }
+
+    /// Casts the rays through one row of white cells and counts them in `patch`.
+    #[inline(always)]
+    pub(super) fn cast_row(&self, samples: &Samples, cells: &WhiteCells, row: usize, seed: u64, patch: &mut Patch) {
+        let half = self.optics.half_aperture_mm();
+        let top_mm = cells.corner_mm.y + row as f64 * cells.side_mm.y;
+        let reach_px = self.margin_px + half * self.optics.demagnification() / self.pixel_pitch_mm;
+        let edge_px = |y_mm: f64| self.optics.place_px(DVec2::new(0.0, y_mm)).y;
+        let low = [0.0, edge_px(top_mm) - reach_px];
+        let high = [self.size[0] as f64, edge_px(top_mm + cells.side_mm.y) + reach_px];
+        patch.clear(low, high, self.size, cells.counts_per_ray);
+        let mut flight = Flight::START;
+        for column in 0..cells.columns {
+            let mut random = stream(seed ^ WHITE, (row * cells.columns + column) as u64);
+            let in_aperture = self.aperture.motion(&mut random);
+            let in_cell = Shape::Square.motion(&mut random);
+            let start = self.diffraction.as_ref().map_or(0, |pattern| pattern.start(&mut random));
+            let centre = cells.corner_mm + cells.side_mm * DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+            for first in (0..cells.rays).step_by(FLIGHT) {
+                let n = FLIGHT.min(cells.rays - first);
+                let Flight { u, v, x, y, .. } = &mut flight;
+                in_aperture.apply(samples.first(first, n), half, &mut u[..n], &mut v[..n]);
+                in_cell.apply(samples.second(first, n), 0.5, &mut x[..n], &mut y[..n]);
+                for i in 0..n {
+                    (x[i], y[i]) = (centre.x + cells.side_mm.x * x[i], centre.y + cells.side_mm.y * y[i]);
+                }
+                self.finish(&mut flight, n, start + first, patch);
+            }
+        }
+    }
+
+    /// Takes rays from the array to the sensor and counts them. `sample` is the number of the first ray.
+    #[inline(always)]
+    fn finish(&self, flight: &mut Flight, n: usize, sample: usize, patch: &mut Patch) {
+        let Flight { u, v, x, y, blocked, column, row } = flight;
+        if let Some(stop) = &self.second_stop {
+            for i in 0..n {
+                blocked[i] = !stop.passes(&self.optics, DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
+            }
+        }
+        for i in 0..n {
+            let hit = self.optics.sensor_from_array(DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
+            (x[i], y[i]) = (hit.x, hit.y);
+        }
+        if let Some(pattern) = &self.diffraction {
+            pattern.deflect(sample, &mut x[..n], &mut y[..n]);
+        }
+        let corner = DVec2::from(patch.corner());
+        for i in 0..n {
+            let place = (self.optics.place_px(DVec2::new(x[i], y[i])) - corner).floor();
+            (column[i], row[i]) = (place.x as i32, place.y as i32);
+        }
+        if self.second_stop.is_some() {
+            for i in 0..n {
+                if blocked[i] {
+                    column[i] = i32::MIN;
+                }
+            }
+        }
+        patch.count(&column[..n], &row[..n], self.size);
+    }
+
+    /// Low and high pixel bounds of a particle's image: the rays through the rim of the aperture, and a margin.
+    fn bounds_px(&self, particle: &Particle, size_mm: f64) -> [[f64; 2]; 2] {
+        const RIM: usize = 12;
+        // The circle of 1.5 half sides lies outside the corners of a square stop.
+        let radius = self.optics.half_aperture_mm() * if self.aperture == Shape::Disc { 1.0 } else { 1.5 };
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for n in 0..RIM {
+            let rim = radius * DVec2::from_angle(std::f64::consts::TAU * n as f64 / RIM as f64);
+            let hit = self.optics.array_from_object(particle.place_mm.truncate(), particle.place_mm.z, rim);
+            let place = self.optics.place_px(self.optics.sensor_from_array(hit, rim));
+            (low, high) = (low.min(place), high.max(place));
+        }
+        let blur = 5.0 * size_mm * self.optics.beta(particle.place_mm.z).abs() / self.pixel_pitch_mm;
+        [(low - self.margin_px - blur).to_array(), (high + self.margin_px + blur).to_array()]
+    }
+}

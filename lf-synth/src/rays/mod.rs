@@ -1,0 +1,20 @@
+//! In: the particles of a frame, a camera, a seed.
+//! Out: the light on the sensor, counts for each pixel.
+//! Open `render.rs` first.
+
+mod diffraction;
+mod glow;
+mod instrument;
+mod patch;
+pub mod ray_noise;
+mod render;
+mod samples;
+mod second_stop;
+mod white_cells;
+
+pub use diffraction::{Diffraction, Pattern};
+pub use glow::{Glow, RayCount};
+pub use instrument::Instrument;
+pub use render::{Rendered, frame, white};
+pub use samples::Shape;
+pub use second_stop::SecondStop;

@@ -1,0 +1,96 @@
+//! From rays to images.
+//!
+//! Each ray carries an equal share of its particle's counts. The rays of one particle are counted in a patch of the sensor.
+//! Patches are added to the image in the order of the particles, so that the image has the same bytes for any number of
+//! threads.
+
+use super::glow::Glow;
+use super::instrument::Instrument;
+use super::patch::{self, Patch};
+use super::samples::{Samples, Shape};
+use super::white_cells::WhiteCells;
+use crate::particles::Particle;
+use lf_core::camera::Camera;
+use lf_core::simd::fastest;
+use ndarray::Array2;
+use rayon::prelude::*;
+
+/// An image, and the counts that reached it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rendered {
+    /// Counts, shape (height, width).
+    pub pixels: Array2<f32>,
+    /// Counts sent through the aperture.
+    pub emitted: f64,
+    /// Counts that fell on the sensor.
+    pub arrived: f64,
+    /// Rays cast.
+    pub rays: u64,
+}
+
+/// Patches in memory at a time.
+const BATCH: usize = 64;
+
+/// Renders particles. `done` is called with the number of particles finished since its last call.
+pub fn frame(
+    instrument: &Instrument,
+    particles: &[Particle],
+    glow: &Glow,
+    seed: u64,
+    done: impl Fn(u64) + Sync,
+) -> Rendered {
+    let rays = |particle: &Particle| glow.rays.of_intensity(particle.intensity);
+    let samples = Samples::new(particles.iter().map(rays).max().unwrap_or(0), instrument.aperture, glow.shape);
+    let emitted = particles.iter().map(|particle| particle.intensity).sum();
+    let cast_rays = particles.iter().map(|particle| rays(particle) as u64).sum();
+    let (pixels, arrived) = collect(instrument.size, particles, |particle, patch| {
+        fastest(
+            #[inline(always)]
+            || instrument.cast_particle(&samples, glow, particle, seed, patch),
+        );
+        done(1);
+    });
+    Rendered { pixels, emitted, arrived, rays: cast_rays }
+}
+
+/// Renders an evenly lit aperture through every lenslet of the sensor, with `rays` rays for each lenslet. A pixel that sees
+/// only lit aperture holds `level` counts. `done` is called with the number of rows of cells finished since its last call.
+pub fn white(
+    instrument: &Instrument,
+    camera: &Camera,
+    level: f64,
+    rays: u32,
+    seed: u64,
+    done: impl Fn(u64) + Sync,
+) -> Rendered {
+    let cells = WhiteCells::new(camera, level, rays);
+    let samples = Samples::new(cells.rays, instrument.aperture, Shape::Square);
+    let rows: Vec<usize> = (0..cells.rows).collect();
+    let (pixels, arrived) = collect(instrument.size, &rows, |&row, patch| {
+        fastest(
+            #[inline(always)]
+            || instrument.cast_row(&samples, &cells, row, seed, patch),
+        );
+        done(1);
+    });
+    let emitted = cells.counts * cells.columns as f64 * cells.rows as f64;
+    Rendered { pixels, emitted, arrived, rays: (cells.columns * cells.rows * cells.rays) as u64 }
+}
+
+/// Casts the rays of many sources and adds up their patches in order. Returns the image and the counts that arrived.
+fn collect<T: Sync>(
+    [width, height]: [usize; 2],
+    sources: &[T],
+    cast: impl Fn(&T, &mut Patch) + Sync,
+) -> (Array2<f32>, f64) {
+    let mut pixels = Array2::zeros((height, width));
+    let mut arrived = 0.0;
+    let mut patches: Vec<Patch> = (0..BATCH.min(sources.len())).map(|_| Patch::default()).collect();
+    for batch in sources.chunks(BATCH) {
+        let patches = &mut patches[..batch.len()];
+        batch.par_iter().zip(patches.par_iter_mut()).with_max_len(1).for_each(|(source, patch)| cast(source, patch));
+        patch::add(&mut pixels, patches);
+        arrived += patches.iter().map(Patch::arrived).sum::<f64>();
+    }
+    (pixels, arrived)
+}

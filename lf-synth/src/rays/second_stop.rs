@@ -1,0 +1,48 @@
+//! A second stop, which cuts the beam off the axis (cat's-eye vignetting).
+
+use crate::key_checks::wrong;
+use glam::DVec2;
+use lf_core::Refusal;
+use lf_core::camera::Camera;
+use lf_core::optics::Optics;
+use serde::{Deserialize, Serialize};
+
+/// A round stop on the axis before or behind the aperture, like the rim of a lens barrel.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SecondStop {
+    /// Distance from the aperture, mm: positive towards the particles, negative towards the sensor.
+    pub distance_mm: f64,
+    /// Diameter, mm.
+    pub diameter_mm: f64,
+}
+
+impl SecondStop {
+    /// # Errors
+    /// Names the key that is wrong.
+    pub fn check(&self, camera: &Camera) -> Result<(), Refusal> {
+        let Self { distance_mm, diameter_mm } = *self;
+        if !(diameter_mm.is_finite() && diameter_mm > 0.0) {
+            return Err(wrong(format!("second_stop.diameter_mm is {diameter_mm}, not a positive length")));
+        }
+        let object_mm = camera.object_distance_mm();
+        let air_mm = camera.medium.as_ref().map_or(object_mm, |medium| medium.air_mm(object_mm));
+        let image_mm = camera.image_distance_mm();
+        if distance_mm > -image_mm && distance_mm < air_mm {
+            return Ok(());
+        }
+        let range = format!("the air between {:.1} and {air_mm:.1}", -image_mm);
+        Err(wrong(format!("second_stop.distance_mm is {distance_mm}, outside {range}")))
+    }
+
+    /// Whether a ray between `array_mm` on the array and `aperture_mm` in the aperture comes through.
+    #[inline(always)]
+    pub fn passes(&self, optics: &Optics, array_mm: DVec2, aperture_mm: DVec2) -> bool {
+        let way = if self.distance_mm >= 0.0 {
+            -self.distance_mm * optics.slope_from_array(array_mm, aperture_mm)
+        } else {
+            self.distance_mm / optics.image_distance_mm() * (aperture_mm - array_mm)
+        };
+        4.0 * (aperture_mm + way).length_squared() <= self.diameter_mm * self.diameter_mm
+    }
+}

@@ -1,0 +1,95 @@
+//! Checks of a scene that the types of its keys do not make.
+
+use super::keys::{Scene, Truth};
+use crate::key_checks::{positive, within, wrong};
+use lf_core::Refusal;
+use lf_core::camera::Camera;
+
+/// Checks a scene with its camera.
+///
+/// # Errors
+/// Names the key that is wrong.
+pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
+    if camera.vignetting.is_some() {
+        return Err(wrong("camera.vignetting is a measured flat field, which is not rendered; use a key second_stop"));
+    }
+    scene.volume.check().map_err(wrong)?;
+    check_depth(camera, scene.volume.z_mm[1]).map_err(|found| wrong(format!("volume.z_mm reaches {found}")))?;
+    check_particles(scene, camera)?;
+    scene.frames.check().map_err(wrong)?;
+    scene.diffraction.as_ref().map_or(Ok(()), |diffraction| diffraction.check())?;
+    scene.second_stop.as_ref().map_or(Ok(()), |stop| stop.check(camera))?;
+    scene.light.as_ref().map_or(Ok(()), |light| light.check())?;
+    scene.flow.as_ref().map_or(Ok(()), |flow| flow.check()).map_err(wrong)?;
+    scene.sensor_noise.as_ref().map_or(Ok(()), |noise| noise.check())?;
+    if let Some(dots) = &scene.dots {
+        dots.check(camera.half_view_mm())?;
+        for depth in &dots.depths_mm {
+            check_depth(camera, *depth).map_err(|found| wrong(format!("dots.depths_mm {found}")))?;
+        }
+    }
+    positive("white.counts", scene.white.counts)?;
+    positive("white.working_f_number", scene.white.working_f_number.unwrap_or(1.0))?;
+    if scene.white.rays_per_lenslet == 0 {
+        return Err(wrong("white.rays_per_lenslet must be at least 1"));
+    }
+    scene.truth.as_ref().map_or(Ok(()), check_truth)?;
+    scene.grid(camera).map(|_| ())
+}
+
+fn check_truth(truth: &Truth) -> Result<(), Refusal> {
+    // A narrower particle could fall between voxels.
+    within("truth.sigma_vox", truth.sigma_vox, 0.2..=5.0)?;
+    if truth.vectors.iter().any(|n| *n < 2 || *n > 4096) {
+        return Err(wrong(format!("truth.vectors is {:?}, outside 2 to 4096", truth.vectors)));
+    }
+    Ok(())
+}
+
+fn check_particles(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
+    let p = &scene.particles;
+    let sources = [p.per_lenslet.is_some(), p.count.is_some(), p.csv.is_some()];
+    let sources = sources.iter().filter(|given| **given).count();
+    let has_tracks = scene.flow.as_ref().is_some_and(|flow| flow.tracks().is_some());
+    if has_tracks && sources > 0 {
+        return Err(wrong("particles come from the flow's tracks, not from 'per_lenslet', 'count' or 'csv'"));
+    }
+    if !has_tracks && sources != 1 {
+        return Err(wrong("particles must have one of 'per_lenslet', 'count' and 'csv'"));
+    }
+    if p.sigma_px.is_some() == p.diameter_px.is_some() {
+        return Err(wrong("particles must have one of 'sigma_px' and 'diameter_px'"));
+    }
+    if p.rays.is_some() && p.ray_noise.is_some() {
+        return Err(wrong("particles has both 'rays' and 'ray_noise'"));
+    }
+    within("particles.per_lenslet", p.per_lenslet.unwrap_or(0.0), 0.0..=100.0)?;
+    let count = scene.particle_count(camera);
+    if count > 1e8 {
+        return Err(wrong(format!("particles: asks for {count:.0} particles, more than 1e8")));
+    }
+    positive("particles.sigma_px", p.sigma_px.unwrap_or(1.0))?;
+    positive("particles.diameter_px", p.diameter_px.unwrap_or(1.0))?;
+    positive("particles.intensity", p.intensity)?;
+    within("particles.size_spread", p.size_spread.unwrap_or(0.0), 0.0..=3.0)?;
+    within("particles.intensity_spread", p.intensity_spread.unwrap_or(0.0), 0.0..=3.0)?;
+    within("particles.ray_noise", p.ray_noise.unwrap_or(1.0), 1e-4..=1.0)?;
+    within("particles.rays", f64::from(p.rays.unwrap_or(1)), 1.0..=20_000_000.0)
+}
+
+/// Whether the main lens forms an image of a depth.
+fn check_depth(camera: &Camera, z_mm: f64) -> Result<(), String> {
+    if !z_mm.is_finite() {
+        return Err(format!("{z_mm}, not a length"));
+    }
+    if let Some(medium) = &camera.medium {
+        let face_mm = medium.window_z_mm;
+        let beyond = || format!("{z_mm} mm, beyond the window's wet face at {face_mm} mm");
+        return if z_mm < face_mm { Ok(()) } else { Err(beyond()) };
+    }
+    let (focal, lens) = (camera.main_lens.focal_length_mm, camera.object_distance_mm());
+    if lens - z_mm > focal {
+        return Ok(());
+    }
+    Err(format!("{z_mm} mm, within the focal length ({focal} mm) of the main lens at {lens:.1} mm"))
+}

@@ -1,0 +1,155 @@
+//! The keys of a sensor, and the recording of an image with them.
+
+use super::chain::{Chain, Recorded};
+use crate::key_checks::{positive, within, wrong};
+use crate::random::stream;
+use lf_core::Refusal;
+use ndarray::{Array2, ArrayViewMut1};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The signal chain of a sensor, in this order: background, photon noise, full well, read noise, gain, offset, bits; then
+/// the dead and hot pixels. A step without its key is left out and draws no random number.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorNoise {
+    /// Path, from the scene's folder, of an image of the sensor's size: counts of light that are added to every frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub background: Option<PathBuf>,
+    /// Counts for each electron; 1 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain_counts_per_electron: Option<f64>,
+    /// Whether the number of electrons is drawn from the Poisson distribution about the expected number.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub photon_noise: bool,
+    /// Largest number of electrons that a pixel holds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub full_well_electrons: Option<f64>,
+    /// Standard deviation of the read noise, electrons.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub read_noise_electrons: Option<f64>,
+    /// Counts that a pixel without light reads.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dark_counts: Option<f64>,
+    /// Bits of a count: whole counts from 0 to 2^bits - 1. If absent, counts are neither rounded nor clipped.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bits: Option<u32>,
+    /// Share of the pixels that always read `dark_counts`, without noise; 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_share: Option<f64>,
+    /// Share of the pixels that always read `hot_counts`, without noise; 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hot_share: Option<f64>,
+    /// Counts that a hot pixel reads. If absent, the largest count that full well and bits allow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hot_counts: Option<f64>,
+}
+
+/// Keep the random streams of noise and of dead and hot pixels apart from each other and from those of rays.
+const NOISE: u64 = 0x6e6f_6973;
+const FIXED: u64 = 0x6669_7865;
+
+impl SensorNoise {
+    /// Takes relative paths from a folder.
+    pub fn join(&mut self, folder: &Path) {
+        if let Some(file) = &mut self.background {
+            *file = folder.join(&*file);
+        }
+    }
+
+    /// Checks values that the types allow.
+    ///
+    /// # Errors
+    /// Names the key that is wrong.
+    pub fn check(&self) -> Result<(), Refusal> {
+        for (key, value) in [
+            ("gain_counts_per_electron", self.gain_counts_per_electron),
+            ("full_well_electrons", self.full_well_electrons),
+        ] {
+            value.map_or(Ok(()), |value| positive(&format!("sensor_noise.{key}"), value))?;
+        }
+        for (key, value) in [
+            ("read_noise_electrons", self.read_noise_electrons),
+            ("dark_counts", self.dark_counts),
+            ("hot_counts", self.hot_counts),
+        ] {
+            if let Some(value) = value.filter(|value| !(0.0..1e12).contains(value)) {
+                return Err(wrong(format!("sensor_noise.{key} is {value}, not a number of 0 or more")));
+            }
+        }
+        within("sensor_noise.bits", f64::from(self.bits.unwrap_or(1)), 1.0..=16.0)?;
+        within("sensor_noise.dead_share", self.dead_share.unwrap_or(0.0), 0.0..=1.0)?;
+        within("sensor_noise.hot_share", self.hot_share.unwrap_or(0.0), 0.0..=1.0)?;
+        let share = self.dead_share.unwrap_or(0.0) + self.hot_share.unwrap_or(0.0);
+        if share > 1.0 + 1e-12 {
+            return Err(wrong(format!("sensor_noise.dead_share and sensor_noise.hot_share sum to {share}, above 1")));
+        }
+        if self.hot_share.is_some_and(|share| share > 0.0) && self.hot().is_none() {
+            return Err(wrong("sensor_noise.hot_share has no 'hot_counts', nor 'bits' or 'full_well_electrons'"));
+        }
+        Ok(())
+    }
+
+    /// Turns the expected counts in `image`, shape (height, width), into recorded counts, in place. Without keys and
+    /// background the image stays as it is. The random numbers of noise depend on seed, frame and row, those of dead and
+    /// hot pixels on seed and row, so that the bytes are the same for any number of threads.
+    ///
+    /// # Panics
+    /// If `background` has another shape.
+    pub fn record(
+        &self,
+        image: &mut Array2<f32>,
+        background: Option<&Array2<f32>>,
+        seed: u64,
+        frame: usize,
+    ) -> Recorded {
+        if let Some(background) = background {
+            assert_eq!(background.dim(), image.dim(), "shapes of background and image");
+        } else if (Self { background: None, ..self.clone() }) == Self::default() {
+            return Recorded::default();
+        }
+        let chain = Chain {
+            gain: self.gain_counts_per_electron.unwrap_or(1.0),
+            photon_noise: self.photon_noise,
+            full_well: self.full_well_electrons.unwrap_or(f64::INFINITY),
+            read_noise: self.read_noise_electrons,
+            dark: self.dark_counts.unwrap_or(0.0),
+            full_scale: self.full_scale(),
+            dead_to: self.dead_share.unwrap_or(0.0),
+            hot_to: self.dead_share.unwrap_or(0.0) + self.hot_share.unwrap_or(0.0),
+            hot: self.hot().unwrap_or(0.0),
+        };
+        let rows: Vec<ArrayViewMut1<f32>> = image.rows_mut().into_iter().collect();
+        rows.into_par_iter()
+            .enumerate()
+            .map(|(y, mut row)| {
+                let mut noise = stream(seed ^ NOISE, (frame as u64) << 32 | y as u64);
+                let mut fixed = stream(seed ^ FIXED, y as u64);
+                let mut recorded = Recorded::default();
+                match background {
+                    Some(background) => row.iter_mut().zip(background.row(y)).for_each(|(pixel, light)| {
+                        let counts = f64::from(*pixel) + f64::from(*light);
+                        *pixel = chain.pixel(counts, &mut noise, &mut fixed, &mut recorded);
+                    }),
+                    None => row.iter_mut().for_each(|pixel| {
+                        *pixel = chain.pixel(f64::from(*pixel), &mut noise, &mut fixed, &mut recorded);
+                    }),
+                }
+                recorded
+            })
+            .reduce(Recorded::default, Recorded::plus)
+    }
+
+    /// Largest count that the bits hold.
+    fn full_scale(&self) -> Option<f64> {
+        self.bits.map(|bits| (1u64 << bits) as f64 - 1.0)
+    }
+
+    /// Counts of a hot pixel before the bits.
+    fn hot(&self) -> Option<f64> {
+        let gain = self.gain_counts_per_electron.unwrap_or(1.0);
+        let full = self.full_well_electrons.map(|electrons| gain * electrons + self.dark_counts.unwrap_or(0.0));
+        self.hot_counts.or(full).or(self.full_scale())
+    }
+}
