@@ -22,8 +22,7 @@ pub fn to_csv(frames: &[Vec<Particle>]) -> String {
 /// # Errors
 /// Names the line that is wrong.
 pub fn first_frame(text: &str) -> Result<Vec<Particle>, Refusal> {
-    let lines = lines(text).map_err(|found| Refusal::new(found, "wanted a particles.csv"))?;
-    Ok(lines.into_iter().filter(|(frame, _)| *frame == 0).map(|(_, particle)| particle).collect())
+    Ok(lines(text)?.into_iter().filter(|(frame, _)| *frame == 0).map(|(_, particle)| particle).collect())
 }
 
 /// What a table of tracks has to be.
@@ -35,7 +34,7 @@ pub const TRACKS_WANTED: &str = "wanted a particles.csv of every frame";
 /// Names the line that is wrong, or the frame that is missing or holds a particle twice.
 pub fn tracks(text: &str) -> Result<Vec<Vec<Particle>>, Refusal> {
     let refused = |found: String| Refusal::new(found, TRACKS_WANTED);
-    let lines = lines(text).map_err(refused)?;
+    let lines = lines(text)?;
     let count = lines.iter().map(|(frame, _)| frame + 1).max().unwrap_or(0);
     if count > lines.len() {
         return Err(refused(format!("has frame {}, and fewer lines than frames before it", count - 1)));
@@ -58,7 +57,7 @@ pub fn tracks(text: &str) -> Result<Vec<Vec<Particle>>, Refusal> {
 }
 
 /// Frame and particle of each line.
-fn lines(text: &str) -> Result<Vec<(usize, Particle)>, String> {
+fn lines(text: &str) -> Result<Vec<(usize, Particle)>, Refusal> {
     let particle = |line: particles::Particle| {
         let place_mm = DVec3::from(line.place_mm);
         (line.frame, Particle { id: line.id, place_mm, intensity: line.intensity, size: 1.0 })

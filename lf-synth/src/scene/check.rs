@@ -13,14 +13,14 @@ pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     if camera.vignetting.is_some() {
         return Err(wrong("camera.vignetting is a measured flat field, which is not rendered; use a key second_stop"));
     }
-    scene.volume.check().map_err(wrong)?;
+    scene.volume.check()?;
     check_depth(camera, scene.volume.z_mm[1]).map_err(|found| wrong(format!("volume.z_mm reaches {found}")))?;
     check_particles(scene, camera)?;
-    scene.frames.check().map_err(wrong)?;
+    scene.frames.check()?;
     scene.diffraction.as_ref().map_or(Ok(()), |diffraction| diffraction.check())?;
     scene.second_stop.as_ref().map_or(Ok(()), |stop| stop.check(camera))?;
     scene.light.as_ref().map_or(Ok(()), |light| light.check())?;
-    scene.flow.as_ref().map_or(Ok(()), |flow| flow.check()).map_err(wrong)?;
+    scene.flow.as_ref().map_or(Ok(()), |flow| flow.check())?;
     scene.sensor_noise.as_ref().map_or(Ok(()), |noise| noise.check())?;
     if let Some(dots) = &scene.dots {
         dots.check(camera.half_view_mm())?;

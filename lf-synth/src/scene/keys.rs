@@ -1,7 +1,6 @@
 //! The keys of a `scene.json`. An effect without a key is not modelled and costs no time.
 
 use super::dots::Dots;
-use crate::key_checks::wrong;
 use crate::particles::Sheet;
 use crate::rays::{Diffraction, Glow, RayCount, SecondStop, Shape};
 use crate::sensor::SensorNoise;
@@ -163,7 +162,7 @@ impl Scene {
     pub fn grid(&self, camera: &Camera) -> Result<Option<Grid>, Refusal> {
         let in_bounds = |truth: &Truth| {
             Grid::in_bounds(self.bounds_mm(), camera.voxel_spacing_mm(truth.pixels_per_voxel))
-                .map_err(|found| wrong(format!("truth: {found}")))
+                .map_err(|Refusal { found, wanted }| Refusal::new(format!("truth: {found}"), wanted))
         };
         self.truth.as_ref().map(in_bounds).transpose()
     }
