@@ -1,55 +1,55 @@
 # From a folder of raw light-field frames to velocity fields and their mean. Copy this file, set the first part, and run
 #
-#     make -f pipeline.mk               everything that is missing or older than its input
-#     make -f pipeline.mk -n            what would be run
-#     make -f pipeline.mk -j4 THREADS=1 several frames at once, one thread each
-#     make -f pipeline.mk -j200 RUN='srun -n1 -c4' THREADS=4      the same, each line a step of its own on Slurm
+#     make -f pipeline.mk               make all that is missing or older than its input
+#     make -f pipeline.mk -n            print what would be run
+#     make -f pipeline.mk -j4 THREADS=1 process several frames at once, one thread each
+#     make -f pipeline.mk -j200 RUN='srun -n1 -c4' THREADS=4      the same on Slurm, each line a step of its own
 #
-# Each file is made by one line below and appears whole or not at all, so that what was stopped is taken up where it
-# ended. A frame that cannot be read fails alone: the others go on, the mean is that of the fields there are, and what
-# failed is named at the end. Settings are no prerequisites: after changing one, choose another OUT or delete what it made.
-# No name may hold a space, and a folder no more than some two thousand frames (a shell's longest line). GNU make 4.0 or later.
+# One line below makes each file, whole or not at all, so that a stopped run resumes where it ended. A frame that cannot
+# be read fails alone: the others go on, the mean is that of the fields that exist, and the end names what failed. make
+# does not watch the settings: after changing one, choose another OUT or delete what it made. Names may hold no space,
+# and a folder may hold some two thousand frames (the longest line of a shell). Needs GNU make 4.0 or later.
 
 # The frames (TIFF, EXR or PNG): one name with % for the part that differs.
 FRAME = raw/%.tif
 
-# The pairs to correlate: two of those parts with one '-' between them. As it stands, every two frames whose parts end in
-# FIRST and SECOND and are the same before: raw/0001a.tif and raw/0001b.tif.
+# The pairs to correlate: two of those parts with one '-' between them. By default a pair is two frames whose parts
+# differ only in their end, FIRST and SECOND: raw/0001a.tif and raw/0001b.tif.
 FIRST = a
 SECOND = b
 PAIRS = $(foreach stem,$(stems),$(stem)$(FIRST)-$(stem)$(SECOND))
 
-# The camera by its data sheets, and one or more white images taken with it (none: NOMINAL is taken as calibrated).
+# The camera by its data sheets, and one or more white images taken with it. Without any, NOMINAL counts as calibrated.
 NOMINAL = nominal.json
 WHITE = white.exr
 
-# A dot target: its folder or images, and what lf-calib needs to know of it (--spacing 1.1 --depths -4,0,4). None: the main
-# lens is that of the data sheets.
+# A dot target: its folder or images, and what lf-calib needs to know of it (--spacing 1.1 --depths -4,0,4). Without
+# one, the main lens is that of the data sheets.
 DOTS =
 DOTS_FLAGS =
 
-# Frames with few bright particles, by their differing parts, by which drift since the calibration is mended. None: it is
-# not.
+# Frames with few bright particles, by their differing parts, which correct drift since the calibration. Without any,
+# drift is not corrected.
 REFINE =
 
-# What is subtracted from every frame: an image, 'auto' for a low quantile of all frames, or nothing. FIRST and SECOND
-# frames, which two lasers may light, have one each.
+# The background to subtract from every frame: an image, 'auto' for a low quantile of all frames, or nothing. FIRST and
+# SECOND frames, which two lasers may light, have one each.
 BACKGROUND = auto
 QUANTILE = 0.05
 
-# The volume: pixels per voxel, depth and sides in mm (no sides: what the sensor sees).
+# The volume: pixels per voxel, depth and sides in mm. Without sides: what the sensor sees.
 PVR = 1,1,10
 DEPTH = -5,5
 BOUNDS =
 
-# Speed against accuracy: fast, balanced, accurate or nothing (--help of the tools). What else is set comes first.
+# Speed against accuracy: fast, balanced, accurate or nothing (--help of the tools). The settings below override it.
 PRESET = balanced
 THRESHOLD =
 ITERATIONS =
 PRUNE_FLAGS =
 MART_FLAGS =
 
-# Interrogation windows of the first and the last pass, mm, and seconds between the frames of a pair, where known.
+# Interrogation windows of the first and the last pass, mm; seconds between the frames of a pair, if known.
 INITIAL_MM = 1.76,1.76,1.76
 WINDOW_MM = 0.88,0.88,0.88
 DT =
@@ -58,20 +58,21 @@ XCORR_FLAGS =
 # The slice of the mean that is drawn.
 SLICE = z
 
-# Where results go, where the tools are (empty: on the PATH; otherwise with a '/' at the end), and threads of each tool
-# (0: all cores). TIDY: delete a support once its volume is there; with it, only one make in a folder at a time.
+# OUT: where results go. BIN: where the tools are, with a '/' at the end; empty: on the PATH. THREADS: threads of each
+# tool; 0: all cores. TIDY: if set, delete a support once its volume exists; then only one make may run in a folder at a
+# time.
 OUT = .
 BIN =
 THREADS = 0
 TIDY =
 
-# The stages: any program that takes the same words (README, "A stage of your own").
+# The stages: any program that takes the same arguments (scripts/README.md, "A stage of your own").
 CALIB = $(BIN)lf-calib
 PRUNE = $(BIN)lf-prune
 MART = $(BIN)lf-mart
 XCORR = $(BIN)lf-xcorr
 
-# What every recipe line begins with: how it gets to a machine. And how often a failed stage is begun in one call of make.
+# RUN: what every recipe line begins with, which sends it to a machine. TRIES: how often one call of make tries a stage.
 RUN =
 TRIES = 1
 
@@ -82,7 +83,7 @@ SHELL = /bin/sh
 .DELETE_ON_ERROR:
 .SECONDEXPANSION:
 
-# The frames that are there, and what of their names comes before FIRST or SECOND.
+# The frames that exist, and the parts of their names before FIRST or SECOND.
 found := $(sort $(patsubst $(FRAME),%,$(wildcard $(subst %,*,$(FRAME)))))
 ends = $(patsubst %$1,%,$(filter %$1,$(found)))
 stems := $(sort $(call ends,$(FIRST)) $(call ends,$(SECOND)))
@@ -101,7 +102,7 @@ fields := $(pairs:%=$(OUT)/field-%.exr)
 .PHONY: all calibrate prune reconstruct correlate report
 .SECONDARY: $(supports) $(volumes)
 
-# Fields first, as many as can be made; then the mean of those that are there, and what is missing.
+# First as many fields as possible; then the mean of those that exist, and a list of the missing ones.
 again := $(MAKE) -f $(lastword $(MAKEFILE_LIST)) --no-print-directory
 all:
 	+@n=0; status=1; while [ $$status != 0 ] && [ $$n -lt $(TRIES) ]; do \
@@ -116,19 +117,19 @@ correlate: $(fields)
 $(LOG):
 	mkdir -p $@
 
-# The report takes the fields as they are, whatever became of their frames.
+# The report takes the fields as they are and does not look at their frames.
 ifneq ($(MAKECMDGOALS),report)
 
-# What a stage says is kept in a log as well. A result that is older than what it is made of, and could not be made again,
-# is no result; nor are those made of it, $2.
+# A log keeps what a stage prints. When a stage fails, its old result is deleted, because it is older than its input,
+# and so are the results made from it, $2.
 log = $(LOG)/$(basename $(notdir $@)).txt
 say = @printf '%s\n' '$(subst ','\'',$(strip $(RUN) $1))'
 step = $(call say,$1 -o $@); \
     $(RUN) $1 --threads $(THREADS) --stats $(basename $@).stats.json -o $@ 2> $(log); status=$$?; cat $(log) >&2; \
     [ $$status = 0 ] && echo $@ >> $(LOG)/done.txt || { rm -f $@ $2; exit 2; }
 
-# Calibration: the lattice by white images, the main lens by a dot target, drift by particles; each begins with the camera
-# of the one before.
+# Calibration: the lattice by white images, the main lens by a dot target, drift by particles. Each step starts from the
+# camera of the step before.
 lattice := $(if $(WHITE),$(OUT)/camera-lattice.json,$(NOMINAL))
 lens := $(if $(DOTS),$(OUT)/camera-volume.json,$(lattice))
 drift := $(if $(REFINE),$(OUT)/camera-refine.json,$(lens))
@@ -146,8 +147,8 @@ $(OUT)/camera-refine.json: $(lens) $(call in,$(REFINE)) $$(call background-of,$$
 $(CAMERA): $(drift) | $(LOG)
 	@cp $< $@.$$$$ && mv $@.$$$$ $@
 
-# The background is made once, of the frames that are there then: delete it to have it made anew. Frames that cannot be
-# read are left out of it.
+# The background is made once, from the frames that exist at that time; delete it to have it made anew. It leaves out
+# frames that cannot be read.
 kind = $(if $(filter %$(FIRST),$1),$(FIRST),$(if $(filter %$(SECOND),$1),$(SECOND),all))
 background-of = $(if $(filter auto,$(BACKGROUND)),$(OUT)/background-$(call kind,$1).exr,$(BACKGROUND))
 subtract = $(addprefix -b ,$(call background-of,$1))
@@ -155,7 +156,7 @@ subtract = $(addprefix -b ,$(call background-of,$1))
 $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 	$(call step,$(CALIB) background $(wildcard $(subst %,*$(filter-out all,$*),$(FRAME))) -c $< --quantile $(QUANTILE))
 
-# One line a stage. Presets are a word of ours, and a swapped stage is not told them.
+# One line per stage. Only our own tools know presets; a swapped stage does not get the option.
 fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr))
 preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 
@@ -176,7 +177,7 @@ $(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) | $(LOG)
 
 endif
 
-# The list of the fields changes when they do.
+# The list of the fields changes only when the set of fields does.
 there := $(wildcard $(fields))
 missing := $(filter-out $(there),$(fields))
 
@@ -190,7 +191,7 @@ $(OUT)/mean.exr: $(OUT)/fields.txt $(there)
 	@printf '%s\n' '$(strip $(RUN) $(BIN)lf-validate ensemble) ($(words $(there)) fields) -o $@'
 	@part=$(OUT)/mean.json.$$$$; $(RUN) $(mean) > $$part && mv $$part $(OUT)/mean.json || { rm -f $$part $(means); exit 2; }
 
-# For each pair without a field the last words of its first stage without a result.
+# For each pair without a field, print the last line that its first failed stage printed.
 report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	$(if $(there),,@rm -f $(means) $(OUT)/fields.txt)
 	$(file >$(LOG)/missing.txt,$(patsubst $(OUT)/field-%.exr,%,$(missing)))
@@ -205,5 +206,5 @@ report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	        else why=$$(last volume-$$n); fi; \
 	    done; \
 	    [ -n "$$why" ] || why=$$(last field-$$pair); \
-	    echo "no field $$pair: $${why:-not begun; see above}" >&2; \
+	    echo "no field $$pair: $${why:-not started; see above}" >&2; \
 	done; echo "$(words $(there)) of $(words $(fields)) fields are in $(OUT)" >&2

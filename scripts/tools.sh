@@ -1,6 +1,7 @@
-# For the scripts beside it, which source it in the project's folder: the tools, and what they write.
+# Shared by the scripts, which source it from the project's folder.
 
-# Puts the tools on the PATH: those of the folder BIN, or a release build of now. What else cargo shall build are its words.
+# find_tools [CARGO OPTIONS]: puts the tools on the PATH, those of the folder BIN or a fresh release build. The options
+# go to that build.
 find_tools() {
     if [ -z "${BIN:-}" ]; then
         cargo build --release --bins --locked --quiet "$@"
@@ -9,5 +10,5 @@ find_tools() {
     PATH=$(cd "$BIN" && pwd):$PATH
 }
 
-# value FILE KEY: the first value of a key in a JSON file of one key a line.
+# value FILE KEY: prints the first value of a key in a JSON file with one key per line.
 value() { sed -n "s/^ *\"$2\": \([^,]*\),\{0,1\}$/\1/p" "$1" | head -n 1; }

@@ -3,7 +3,7 @@
 
     lf-xcorr a.lfv b.lfv -o field.exr && lf-xcorr a.lfv b.lfv -o field.vti && check_vti.py field.vti field.exr
 
-Fails with exit code 1 where they differ by a bit. Needs vtk (`pip install vtk`).
+Ends with exit code 1 if a bit differs. Needs vtk (`pip install vtk`).
 """
 
 import sys
@@ -14,7 +14,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
-# Array of the .vti and the channels of the EXR that it holds.
+# Each array of the .vti, and the channels of the EXR that it holds.
 ARRAYS = {
     "displacement_mm": "uvw",
     "uncertainty_mm": ["su", "sv", "sw"],
@@ -26,7 +26,7 @@ ARRAYS = {
 
 
 def differences(vti, exr):
-    """What differs, as lines of text."""
+    """The differences, as lines of text."""
     lf.module("vtk", "to read a .vti")
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOXML import vtkXMLImageDataReader

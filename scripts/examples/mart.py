@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Another solver in place of lf-mart: expectation maximisation (MLEM) over ordered subsets of image rows (Hudson & Larkin
-1994), on a stored sparse matrix.
+"""Another solver in place of lf-mart: expectation maximisation (MLEM) over ordered subsets of image rows, after Hudson
+& Larkin (1994), on a stored sparse matrix.
 
     make -f scripts/pipeline.mk MART='python3 scripts/examples/mart.py'
 
-Weights are counts of rays: four a side for every section of the aperture, each from another place of the voxel, which is
-taken for a Gaussian. Of a voxel's light they put a tenth into wrong pixels (FINER = 6 a sixteenth, at twice the time). A
-voxel has some 430 of them, and takes 17 kB of memory while they are sorted: this is for small volumes.
+Weights are counts of rays: four a side for every section of the aperture, each from another place of the voxel, which
+stands for a Gaussian. They put a tenth of a voxel's light into wrong pixels; with FINER = 6 a sixteenth, at twice the
+time. A voxel has some 430 weights and takes 17 kB of memory while they are sorted: this is for small volumes.
 """
 
 import sys
@@ -20,22 +20,22 @@ import lf
 
 FINER = 4  # Rays a side for every section of the aperture.
 BLOB = 0.65  # Standard deviation of the Gaussian that a voxel stands for, voxels; as in lf-mart.
-SUBSETS = 14  # Of the image's rows.
-STALLED = 0.99  # Two sweeps that leave more than this share of the misfit are the last; as in lf-mart.
+SUBSETS = 14  # Subsets of the image's rows.
+STALLED = 0.99  # Sweeps end when two of them leave more than this share of the misfit; as in lf-mart.
 LEAST = 1e-4  # Voxels below this share of the brightest are not written; as in lf-mart.
 BLOCK = 512  # Voxels whose weights are made at once.
 
 
 def scatter(count):
-    """Places (count, 2) in a voxel from which its rays leave, voxels: spread evenly over the Gaussian, the same for every
+    """Places (count, 2) in a voxel where its rays start, in voxels: spread evenly over the Gaussian, the same for every
     voxel (multiples of the powers of 1 / 1.3247, the plastic number, after Roberts 2018)."""
     shares = (0.5 + np.arange(1, count + 1)[:, None] * [0.7548776662466927, 0.5698402909980532]) % 1
     return BLOB * np.vectorize(NormalDist().inv_cdf)(np.clip(shares, 1e-6, 1 - 1e-6))
 
 
 def weights(camera, volume):
-    """The share of each voxel's light that each pixel gets: a sparse matrix (voxels, pixels + 1) f32. The last column has
-    what misses the sensor."""
+    """The share of each voxel's light that each pixel gets: a sparse matrix (voxels, pixels + 1) f32. The last column
+    holds the light that misses the sensor."""
     from scipy import sparse
 
     width, height = camera.sensor_px
@@ -47,7 +47,7 @@ def weights(camera, volume):
         places = camera.place_px(x + dx, y + dy, z, rays[:, 0], rays[:, 1])
         column, row = (np.floor(place).astype(np.int32) for place in places)
         on_sensor = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-        # Sorted, rays that meet one pixel stand together, and those beside the sensor at the end.
+        # Sorting puts rays that meet the same pixel together, and rays beside the sensor at the end.
         pixels = np.sort(np.where(on_sensor, row * np.int32(width) + column, np.int32(width * height)), axis=1)
         is_first = np.diff(pixels, axis=1, prepend=-1) != 0
         firsts = np.flatnonzero(is_first)
@@ -59,10 +59,10 @@ def weights(camera, volume):
 
 
 def reconstruct(image, matrix, iterations):
-    """Strengths of the voxels, (n,) f32 in counts, the sweeps made and the misfit of the last. `matrix` is that of
-    `weights`; `image` is (height, width), NaN where blind."""
+    """Strengths of the voxels, (n,) f32 in counts; the number of sweeps; the misfit of the last sweep. `matrix` comes
+    from `weights`; `image` is (height, width), NaN where blind."""
     matrix, width, peak = matrix.tocsc(), image.shape[1], np.nanmax(image)
-    light = np.append(image.ravel() / peak, np.float32(np.nan))  # Of what misses the sensor nothing is known.
+    light = np.append(image.ravel() / peak, np.float32(np.nan))  # NaN: light beside the sensor is unknown.
     reached = (np.diff(matrix.indptr) > 0) & ~np.isnan(light)
     subsets = []
     for n in range(SUBSETS):
@@ -84,7 +84,7 @@ def reconstruct(image, matrix, iterations):
 
 
 def spread(volume, strengths):
-    """The volume of which the strengths are blobs: linear indices and intensity of its lit voxels."""
+    """The sum of the blobs with these strengths: linear indices and intensities of its lit voxels."""
     from scipy import ndimage
 
     dense = lf.Volume(volume.grid, volume.indices, {"blobs": strengths}).dense("blobs")

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""A picture of one slice of a vector field: arrows are the displacement in the slice, colour is that across it.
+"""Draws one slice of a vector field: arrows are the displacement in the slice, colour the component across it.
 
     plot.py field.exr -o field.png                  the middle slice across z
     plot.py field.exr -o field.pdf --slice y=0.5    the one nearest to y = 0.5 mm
 
-Replaced vectors are grey, places without data are left out. Needs numpy, OpenEXR and matplotlib.
+Replaced vectors are grey; places without data are left out. Needs numpy, OpenEXR and matplotlib.
 """
 
 import argparse
@@ -17,11 +17,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
 MEASURED, NO_DATA = 0, 2
-MOST_ARROWS = 40  # A side; of more, every second, third ... is drawn.
+MOST_ARROWS = 40  # Arrows a side. Of more, every second, third ... is drawn.
 
 
 def draw(path, output, where):
-    """Draws the slice `where`, as `z` or `y=0.5`, of the field at `path`."""
+    """Draws the slice `where` (`z` or `y=0.5`) of the field at `path`."""
     matplotlib = lf.module("matplotlib", "to draw")
     matplotlib.use("agg")
     from matplotlib import pyplot
@@ -34,7 +34,7 @@ def draw(path, output, where):
     nearest = np.abs(places[normal] - float(wanted)).argmin() if wanted else layout["shape"][normal] // 2
     title = f"{name} = {places[normal][nearest]:.3g} mm"
 
-    # Components are (z, y, x): the slice has rows along y, or z where it is across y.
+    # Components are (z, y, x). Rows of the slice run along y, or along z in a slice across y.
     cut = {key: values.take(nearest, 2 - normal) for key, values in field.items()}
     has_data = cut["flag"] != NO_DATA
     if not has_data.any():
@@ -50,11 +50,11 @@ def draw(path, output, where):
     every = tuple(slice(n % step // 2, None, step) for n in u.shape for step in [-(-n // MOST_ARROWS)])
     x, y = (part[every] for part in np.meshgrid(places[right], places[down]))
     u, v, measured = u[every], v[every], cut["flag"][every] == MEASURED
-    # As long as the distance between arrows, at most, whatever the axes' scales.
+    # The longest arrow is as long as the distance between arrows, at any scale of the axes.
     longest = np.nanmax(np.hypot(u, v)) or 1
     options = {"scale": longest * (max(x.shape) + 1), "scale_units": "width", "width": 0.003, "pivot": "mid"}
     for flagged, colour in ((measured, "black"), (~measured, "grey")):
-        # y points down, as image rows run; arrows are drawn on the page, where it points up.
+        # y points down, as image rows run; quiver's y points up the page.
         view.quiver(x[flagged], y[flagged], u[flagged], v[flagged] * (-1 if down == 1 else 1), color=colour, **options)
     view.set_aspect("equal" if normal == 2 else "auto")
     view.set(xlabel=f"{'xyz'[right]}, mm", ylabel=f"{'xyz'[down]}, mm")
@@ -68,7 +68,7 @@ def draw(path, output, where):
 
 
 def is_slice(text):
-    """For argparse: x, y or z, or one of them with a place."""
+    """For argparse: x, y or z, or one of these with a place."""
     name, _, place = text.partition("=")
     if name not in ("x", "y", "z"):
         raise ValueError

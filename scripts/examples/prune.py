@@ -3,8 +3,8 @@
 
     make -f scripts/pipeline.mk PRUNE='python3 scripts/examples/prune.py'
 
-The centre ray of every section of the aperture is traced from every voxel to a pixel; a voxel is kept where the geometric
-mean of its pixels is a share --threshold of the image's brightest.
+The centre ray of every section of the aperture is traced from every voxel to a pixel. A voxel is kept if the geometric
+mean of its pixels is at least --threshold of the image's brightest pixel.
 """
 
 import sys
@@ -15,13 +15,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
-DARK = 1e-6  # What a pixel counts as at least, as a share of the brightest: one must not cost everything.
-SEEN = 0.5  # A voxel is seen if at least this share of its rays meets the sensor.
+DARK = 1e-6  # Least value of a pixel, as a share of the brightest: one dark pixel must not decide alone.
+SEEN = 0.5  # Least share of a voxel's rays that must meet the sensor.
 
 
 def automatic(image):
-    """lf-prune's threshold, as a share of the brightest pixel: a fifth of the light's own brightness, or the noise, which
-    is the scatter in the darkest twentieth of the tiles of 4 x 4 px."""
+    """lf-prune's threshold, as a share of the brightest pixel: a fifth of the mean brightness of the light, or the
+    noise if that is more. The noise is the scatter in the darkest twentieth of the tiles of 4 x 4 px."""
     height, width = (n - n % 4 for n in image.shape)
     tiles = image[:height, :width].reshape(height // 4, 4, width // 4, 4).swapaxes(1, 2).reshape(-1, 16)
     dark = tiles[np.argsort(tiles.mean(1))[: -(-len(tiles) // 20)]]
@@ -31,9 +31,9 @@ def automatic(image):
 
 
 def prune(image, camera, grid, threshold):
-    """Indices (n,) of the voxels kept, and the score of each in counts, (n,). `image` is (height, width), NaN where blind."""
+    """Indices (n,) of the voxels kept, and their scores (n,) in counts. `image` is (height, width), NaN where blind."""
     peak = np.nanmax(image)
-    # What a pixel adds to a voxel's score; the imaginary part counts the rays on the sensor, beside which is nothing.
+    # Real part: what a pixel adds to a voxel's score. Imaginary part: 1 on the sensor, 0 beside it, which counts rays.
     levels = np.log(np.fmax(np.where(np.isnan(image), 1, image / peak), DARK)) + 1j
     levels = np.pad(levels.astype(np.complex64), 1)
     sections = camera.sections_mm()
@@ -44,7 +44,7 @@ def prune(image, camera, grid, threshold):
         for u, v in sections:
             places = camera.place_px(x[None, :], y[:, None], z, u, v)
             column, row = (np.clip(np.floor(p) + 1, 0, n + 1).astype(int) for p, n in zip(places, camera.sensor_px))
-            # In line with the pixels there are (1, nx) columns and (ny, 1) rows, and no ray for every voxel.
+            # For a lattice in line with the pixels these are (1, nx) columns and (ny, 1) rows, not a ray per voxel.
             total += levels.take(row * levels.shape[1] + column)
         seen = total.imag
         mean = total.real / np.maximum(seen, 1)

@@ -1,26 +1,27 @@
-# The paper's figures and claims, measured with these tools: S. Shi, J. Ding, T. H. New & J. Soria, Exp. Fluids 58:78 (2017).
-# From the root of the repository, with the tools on the PATH or BIN=target/release/:
+# The paper's figures and claims, measured with these tools: S. Shi, J. Ding, T. H. New & J. Soria, Exp. Fluids 58:78
+# (2017). From the root of the repository, with the tools on the PATH or BIN=target/release/:
 #
-#     make -j2 -f scripts/paper/paper.mk burn         run all that is missing (small: half an hour on two cores)
-#     make -f scripts/paper/paper.mk fig8             one figure: fig4 to fig15, fig17; trade
-#     make -f scripts/paper/paper.mk view             where the pictures are, and the claims as a table
-#     make -f scripts/paper/paper.mk readme           put that table and the trade's list into README.md beside it
+#     make -j2 -f scripts/paper/paper.mk burn         make all that is missing (small: half an hour on two cores)
+#     make -f scripts/paper/paper.mk fig8             make one figure: fig4 to fig15, fig17; trade
+#     make -f scripts/paper/paper.mk view             list the pictures, and print the claims as a table
+#     make -f scripts/paper/paper.mk readme           write that table and the tables of the trade into README.md here
 #     make -f scripts/paper/paper.mk clean            delete what this SIZE has made
 #     make -j2 -f scripts/paper/paper.mk SIZE=medium  larger volumes, more seeds, more sweeps: hours; SIZE=paper: weeks
 #
-# It takes GNU make 3.82 and bash 4.3 or later (macOS comes with older ones). One run is one file of JSON lines, made by one rule in a folder of its own that goes when the rule ends, however it ends.
-# Every parameter stands in the rule or in the list of its SIZE. Volumes are cubes of lenslets of the ready scene `core`
-# (square stop): the test volume of the paper's section 3.
+# Needs GNU make 3.82 and bash 4.3 or later (macOS comes with older ones). Each run writes one file of JSON lines. One
+# rule makes it, in a temporary folder that is deleted however the rule ends. Every parameter stands in the rule or in
+# the list of its SIZE. Volumes are cubes of lenslets of the ready scene `core` (square stop), the test volume of the
+# paper's section 3.
 
 SIZE = small
 OUT = out/paper/$(SIZE)
 BIN =
-# Threads of the tools that render, prune, reconstruct and correlate; with -j2 one each.
+# Threads of each tool; with -j2 two tools run at a time.
 THREADS = 1
 
 # ---- Sizes ----------------------------------------------------------------------------------------------------------
-# Sides of volumes are lenslets, depths mm, sweeps those of (DRT-)MART. MART on all voxels stores the weights of all of
-# them: 4 x 4 lenslets at 5 mm of depth take 1.3 GB, which grows with the volume.
+# Sides of volumes are in lenslets, depths in mm; sweeps are those of MART and DRT-MART. MART on all voxels stores the
+# weights of all: 4 x 4 lenslets at 5 mm of depth take 1.3 GB, and more in proportion to the volume.
 
 ifeq ($(SIZE),small)
 SEEDS = 1 2 3
@@ -147,7 +148,7 @@ SHELL = bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL = burn
 
-# Part N of a run's name, which a '-' divides.
+# $(call part,N): part N of a run's name, whose parts are separated by '-'.
 part = $(word $1,$(subst -, ,$(basename $(notdir $@))))
 
 define steps
@@ -160,8 +161,8 @@ trap 'exit 130' INT TERM HUP
 [ "$${BASH_VERSINFO[0]}$${BASH_VERSINFO[1]}" -ge 43 ] || { echo "bash $$BASH_VERSION; wanted 4.3 or later" >&2; exit 2; }
 quiet=(--quiet --threads "$$threads")
 
-# cube LENSLETS DEPTH: the box of so many lenslets a side and from -DEPTH to DEPTH mm, for lf-prune in $$box and for scenes in
-# $$sets. The sensor is wider, for the light that a particle at its side and depth sends beyond.
+# cube LENSLETS DEPTH: sets $$box (for lf-prune) and $$sets (for scenes) to a box of LENSLETS a side, -DEPTH to DEPTH
+# mm. The sensor is wider, because particles at the sides send light beyond the box.
 cube() {
     local half=$$(awk -v n="$$1" 'BEGIN { printf "%.6g", n * 0.0385 }')
     local pixels=$$(awk -v n="$$1" -v z="$$2" 'BEGIN { print 14 * (n + 2 * int(1.8 * z + 1)) }')
@@ -170,7 +171,7 @@ cube() {
         "volume.y_mm=[-$$half,$$half]" "volume.z_mm=[-$$2,$$2]")
 }
 
-# render SCENE KEY=VALUE...: a ready scene with the cube's size into $$d.
+# render SCENE KEY=VALUE...: renders a ready scene with the cube's size into $$d.
 render() {
     local scene=$$1 set=()
     shift
@@ -184,7 +185,7 @@ prune_drt=() prune_drtsmall=() prune_mart=(--keep-all) prune_ours=()
 solve_drt=(--weights drt --method mart --max-memory 20) solve_drtsmall=("$${solve_drt[@]}") solve_mart=("$${solve_drt[@]}")
 solve_ours=(--max-memory 20)
 
-# prune METHOD FRAME [OPTIONS]: $$d/support-FRAME.lfv, statistics in $$d/prune.json.
+# prune METHOD FRAME [OPTIONS]: makes $$d/support-FRAME.lfv, with statistics in $$d/prune.json.
 prune() {
     local -n how=prune_$$1
     local frame=$$2
@@ -193,7 +194,7 @@ prune() {
         -o "$$d/support-$$frame.lfv" --stats "$$d/prune.json"
 }
 
-# solve METHOD FRAME [OPTIONS]: $$d/volume-FRAME.lfv, statistics in $$d/mart.json, a line a sweep in $$d/sweeps.jsonl.
+# solve METHOD FRAME [OPTIONS]: makes $$d/volume-FRAME.lfv; statistics go to $$d/mart.json, sweeps to $$d/sweeps.jsonl.
 solve() {
     local -n how=solve_$$1
     local frame=$$2
@@ -202,18 +203,19 @@ solve() {
         -o "$$d/volume-$$frame.lfv" --stats "$$d/mart.json" --log "$$d/sweeps.jsonl"
 }
 
-# quality: the first volume against the truth, $$d/quality.json. line ...: one line of settings and scores into $$d/line.jsonl.
+# quality: scores the first volume, in $$d/quality.json. line ...: appends settings and scores to $$d/line.jsonl.
 quality() { "$$bin"lf-validate quality "$$d/truth-0000.lfv" "$$d/volume-0000.lfv" --quiet > "$$d/quality.json"; }
 line() { "$$bin"lf-validate line "$$@" >> "$$d/line.jsonl"; }
 
-# seconds_of FILE: the seconds of a run, by its --stats.
+# seconds_of FILE: prints the seconds of a run, from its --stats.
 seconds_of() { sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$1"; }
 
-# after SWEEPS: seconds that the last solve had taken after so many sweeps.
+# after SWEEPS: prints the seconds that the last solve took for its first SWEEPS sweeps.
 after() { sed -n "s/.*\"iteration\":$$1,.*\"seconds\":\([0-9.e-]*\).*/\1/p" "$$d/sweeps.jsonl"; }
 
-# field VOLUMES [OPTIONS]: correlates $$d/VOLUMES-0000.lfv and -0001.lfv by the paper's windows, as large in mm whatever the
-# voxels (320 x 320 x 32 and 160 x 160 x 16 voxels of 1 x 1 x 10 px), and scores the field: $$d/error.json.
+# field VOLUMES [OPTIONS]: correlates $$d/VOLUMES-0000.lfv and -0001.lfv, and scores the field in $$d/error.json.
+# Windows are the paper's, 320 x 320 x 32 and 160 x 160 x 16 voxels of 1 x 1 x 10 px, given in mm so that they suit any
+# voxels.
 field() {
     local volumes=$$1
     shift
@@ -222,16 +224,16 @@ field() {
     "$$bin"lf-validate displacement "$$d/flow.exr" "$$d/field.exr" -c "$$d/camera.json" --quiet > "$$d/error.json"
 }
 
-# done_: the rule's file, whole.
+# done_ FILE: moves the finished file to the rule's target.
 done_() { mv "$$d/$$1" "$$target"; }
 endef
 export steps
 begin = echo "$@"; mkdir -p $(@D); target=$@ bin=$(BIN) threads=$(THREADS); eval "$$steps"
 
-# The number of a run's figure, by its folder.
+# The number of a run's figure, from its folder.
 figure = $(patsubst fig%,%,$(notdir $(@D)))
 
-# A picture and its numbers from lines: $(call curves,INPUTS,OPTIONS).
+# $(call curves,INPUTS,OPTIONS): a picture and its numbers from runs.
 define curves
 $(begin)
 $(BIN)lf-validate curves $1 --plot "$$d/picture.svg" $2 > "$$d/curves.json"
@@ -239,16 +241,17 @@ mv "$$d/picture.svg" $(basename $@).svg
 done_ curves.json
 endef
 
-# A pair of frames of the paper's waves: $(call wave,CASE,OMEGA) as settings of a scene. Omega counts cycles over the paper's
-# 1820 px, 25 px at the crest; the middle of the volume is an eighth of a cycle from it, where displacement and gradient
-# both have 0.7 of their greatest.
+# $(call wave,CASE,OMEGA): scene settings for a pair of frames of the paper's waves. Omega counts cycles over the
+# paper's 1820 px; the crest moves 25 px. The middle of the volume is an eighth of a cycle from the crest, where
+# displacement and gradient both have 0.7 of their largest values.
 wave = frames=2 particles.per_lenslet=0.5 'flow={"kind":"wave","case":"$1","omega":$2,"amplitude_px":25,"length_px":1820,"phase_rad":0.785}'
 
 figures = fig4 fig5 fig6 fig7 fig8 fig9 fig10 fig11 fig12 fig13 fig14 fig15 fig17
 .PHONY: burn view readme clean trade claims $(figures)
 burn: trade $(figures) claims
 
-# ---- Figure 4: one particle, seen from above, by three methods ---------------------------------------------------------
+# ---- Figure 4: one particle, seen from above, by three methods
+# ---------------------------------------------------------
 
 fig4 := $(foreach m,drt-$(DRT_SWEEPS) mart-$(FIG4_MART) mart-23 ours-60,$(OUT)/fig4/$m.svg)
 fig4: $(fig4)
@@ -262,7 +265,8 @@ $(fig4):
 	$(BIN)lf-validate depth "$$d/volume-0000.lfv" --slab=-2.5025,2.5025 --plot "$$d/depth.svg" > "$$d/depth.json"
 	done_ depth.svg
 
-# ---- Figure 5: diameters of particles ----------------------------------------------------------------------------------
+# ---- Figure 5: diameters of particles
+# ----------------------------------------------------------------------------------
 
 fig5 := $(foreach s,$(FIG5_SEEDS),$(foreach m,drt-$(DRT_SWEEPS) mart-23 ours-60,$(OUT)/fig5/$m-$s.lfv))
 fig5: $(OUT)/fig5-x.json $(OUT)/fig5-y.json $(OUT)/fig5-z.json
@@ -277,7 +281,7 @@ $(fig5):
 	mv "$$d/camera.json" $(basename $@).camera.json
 	done_ volume-0000.lfv
 
-# All volumes of a method are one run.
+# All volumes of a method count as one run.
 fig5_lines := $(foreach m,drt-$(DRT_SWEEPS) mart-23 ours-60,$(OUT)/fig5/$m.jsonl)
 $(fig5_lines): $(fig5)
 	$(begin)
@@ -300,7 +304,7 @@ $(OUT)/fig5-x.json $(OUT)/fig5-y.json $(OUT)/fig5-z.json: $(OUT)/fig5-%.json: $(
 comma := ,
 
 # ---- Figure 6: quality by sweeps and relaxation ----------------------------------------------------------------------
-# A row action goes on from its own result, so a run of many sweeps is made of runs of fewer.
+# A row action can go on from its own result, so that a run of many sweeps consists of several runs of fewer.
 
 fig6 := $(foreach s,$(SEEDS),$(foreach r,$(FIG6_DRT_RELAXATIONS),$(OUT)/fig6/drt-$r-$s.jsonl) $(foreach r,0.5 1 1.5 2,$(OUT)/fig6/ours-$r-$s.jsonl))
 fig6 += $(foreach s,$(FIG6_MART_SEEDS),$(foreach r,$(FIG6_MART_RELAXATIONS),$(OUT)/fig6/mart-$r-$s.jsonl))
@@ -344,8 +348,8 @@ $(OUT)/fig6.json: $(fig6)
 	$(call curves,$^,-x iterations -y q --by relaxation --panel method --log-x --y-range 0$(comma)1 --x-name "sweeps" --y-name "Q" \
 	    --title "Fig. 6: quality by sweeps and relaxation$(comma) 0.1 particles a lenslet")
 
-# ---- Figure 7: brightest voxels by depth, after few sweeps and many -----------------------------------------------------
-# Dense enough that every slice has particles.
+# ---- Figure 7: brightest voxels by depth, after few sweeps and many
+# ----------------------------------------------------- The density is high enough that every slice has particles.
 
 fig7 := $(foreach s,$(SEEDS),$(OUT)/fig7/drt-0.5-$s.jsonl $(OUT)/fig7/ours-0.5-$s.jsonl) \
     $(foreach s,$(FIG6_MART_SEEDS),$(OUT)/fig7/mart-1-$s.jsonl)
@@ -374,10 +378,11 @@ $(OUT)/fig7.json: $(fig7)
 	$(call curves,$^,-x z_mm -y peak --by iterations --panel method --x-name "z$(comma) mm" \
 	    --y-name "brightest voxel of a slice$(comma) counts" --title "Fig. 7: brightest voxels by depth and sweeps")
 
-# ---- Figure 8: quality by density --------------------------------------------------------------------------------------
+# ---- Figure 8: quality by density
+# --------------------------------------------------------------------------------------
 
 fig8 := $(foreach s,$(SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(DRT_SWEEPS) ours-60,$(OUT)/fig8/$m-$n-$s.jsonl)))
-# MART, and DRT-MART on the same small volume beside it.
+# MART, and DRT-MART on the same small volume for comparison.
 fig8 += $(foreach s,$(FIG8_MART_SEEDS),$(foreach n,$(FIG8_MART_DENSITIES),$(OUT)/fig8/mart-23-$n-$s.jsonl $(OUT)/fig8/drtsmall-$(DRT_SWEEPS)-$n-$s.jsonl))
 fig8: $(OUT)/fig8.json
 
@@ -397,8 +402,9 @@ $(OUT)/fig8.json: $(fig8)
 	$(call curves,$^,-x per_lenslet -y q --by method --y-range 0$(comma)1 --x-name "particles a lenslet" --y-name "Q" \
 	    --title "Fig. 8: quality by density")
 
-# ---- Figure 9: light outside the seeded slab ---------------------------------------------------------------------------
-# Particles within 2.5 mm, voxels within 4 mm; `beyond` is what lies more than 0.2 mm, some particle's depth, outside.
+# ---- Figure 9: light outside the seeded slab
+# --------------------------------------------------------------------------- Particles lie within 2.5 mm, voxels within
+# 4 mm. `beyond` is light more than 0.2 mm outside, about a particle's depth.
 
 fig9 := $(foreach s,$(FIG9_SEEDS),$(foreach m,drt-50 ours-60,$(OUT)/fig9/$m-$s.lfv))
 fig9: $(OUT)/fig9/drt-50.jsonl $(OUT)/fig9/ours-60.jsonl
@@ -419,8 +425,9 @@ $(OUT)/fig9/drt-50.jsonl $(OUT)/fig9/ours-60.jsonl: $(fig9)
 	mv "$$d/depth.svg" $(OUT)/fig9-$(call part,1).svg
 	done_ line.jsonl
 
-# ---- Figure 10: time by density ----------------------------------------------------------------------------------------
-# 4 x 4 lenslets for all, on one thread each. MART's time does not depend on the density.
+# ---- Figure 10: time by density
+# ---------------------------------------------------------------------------------------- All methods run on 4 x 4
+# lenslets and one thread. MART's time does not depend on the density.
 
 fig10 := $(foreach s,$(FIG10_SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(FIG10_DRT) ours-60,$(OUT)/fig10/$m-$n-$s.jsonl)))
 fig10 += $(foreach s,$(FIG10_SEEDS),$(foreach n,$(FIG10_MART_DENSITIES),$(OUT)/fig10/mart-$(FIG10_MART)-$n-$s.jsonl))
@@ -442,8 +449,9 @@ $(OUT)/fig10.json: $(fig10)
 	$(call curves,$^,-x per_lenslet -y seconds --by method --log-y --x-name "particles a lenslet" --y-name "seconds$(comma) one thread" \
 	    --title "Fig. 10: time of DRT-MART ($(FIG10_DRT) sweeps)$(comma) MART ($(FIG10_MART)) and ours$(comma) 4 x 4 lenslets")
 
-# ---- Figures 11 and 12: displacement errors by pixels per voxel --------------------------------------------------------
-# MART is left out: all voxels of the smallest volume that holds windows take 60 GB of weights.
+# ---- Figures 11 and 12: displacement errors by pixels per voxel
+# -------------------------------------------------------- MART is left out: the weights of the smallest volume that
+# holds the windows take 60 GB.
 
 pvr11 = 1,1,10 2,2,10 3,3,10
 pvr12 = 1,1,5 1,1,10 1,1,20
@@ -479,7 +487,8 @@ $(OUT)/fig12.json: $(fig12)
 	$(call curves,$^,-x pdf.x_w -y pdf.w --by pvr --panel method --x-range -10$(comma)10 --x-name "error of w$(comma) px" --y-name "density$(comma) 1/px" \
 	    --title "Fig. 12: errors by pixels per voxel in z$(comma) Case B1$(comma) a quarter of a cycle")
 
-# ---- Figure 13: displacement errors by sweeps --------------------------------------------------------------------------
+# ---- Figure 13: displacement errors by sweeps
+# --------------------------------------------------------------------------
 
 fig13 := $(foreach c,A1 B1,$(foreach s,$(WAVE_SEEDS),$(OUT)/fig13/ours-$c-$s.jsonl $(OUT)/fig13/truth-$c-$s.jsonl) \
     $(foreach s,$(WAVE_DRT_SEEDS),$(OUT)/fig13/drt-$c-$s.jsonl))
@@ -519,7 +528,8 @@ $(OUT)/fig13-u.json $(OUT)/fig13-w.json: $(OUT)/fig13-%.json: $(fig13)
 	$(call curves,$^,-x iterations -y rms_$*_px --by method --panel case --log-x --log-y --x-name sweeps \
 	    --y-name "RMS error of $*$(comma) px" --title "Fig. 13: errors of $* by sweeps$(comma) a quarter of a cycle")
 
-# ---- Figures 14 and 15: displacement errors by gradient ----------------------------------------------------------------
+# ---- Figures 14 and 15: displacement errors by gradient
+# ----------------------------------------------------------------
 
 omegas = 0.25 0.5 1 2
 fig14 := $(foreach s,$(WAVE_SEEDS),$(foreach o,$(omegas),$(foreach c,A1 A2 A3 A4,$(OUT)/fig14/$c-$o-$s.jsonl)))
@@ -561,9 +571,10 @@ $(OUT)/fig15.json: $(fig15) $(filter $(OUT)/fig15/%,$(fig14_drt))
 	$(call curves,$^,-x omega -y rms_w_px --by method --panel case --log-x --log-y --x-name "omega$(comma) cycles over 1820 px" \
 	    --y-name "RMS error of w$(comma) px" --title "Fig. 15: errors of w by gradient$(comma) Cases B1 to B4")
 
-# ---- Figure 17: light along z of noisy frames --------------------------------------------------------------------------
-# The ready scene `tank` without its water: the experiment's lens, uneven particles, noise and background of the sensor, a
-# sheet from -3 to 3 mm. The darkest value of each pixel over the frames is subtracted. Voxels within 5 mm.
+# ---- Figure 17: light along z of noisy frames
+# -------------------------------------------------------------------------- The ready scene `tank` without its water:
+# the experiment's lens, uneven particles, noise and background of the sensor, a sheet from -3 to 3 mm. The minimum of
+# each pixel over the frames is subtracted. Voxels lie within 5 mm.
 
 fig17: $(OUT)/fig17/ours.jsonl
 $(OUT)/fig17/ours.jsonl:
@@ -583,12 +594,13 @@ $(OUT)/fig17/ours.jsonl:
 	mv "$$d/depth.svg" $(OUT)/fig17.svg
 	done_ line.jsonl
 
-# ---- The trade: time, memory and error of the whole chain --------------------------------------------------------------
-# Errors are those of the field between its vectors at the true particles that fields of any setting reach: more than 0.57 mm
-# from the volume's sides, 0.55 mm from its ends.
-# An ABC flow, whose components all vary along all axes, 8 px and 3640 px of wavelength. Windows are 0.88 mm a side in the
-# last pass whatever the voxels. Each setting is the base, which is the preset `balanced`, with what it changes; those below `front` change more at once,
-# among them the presets `fast` and `accurate`, the tools' defaults and the paper's DRT-MART.
+# ---- The trade: time, memory and error of the whole chain
+# -------------------------------------------------------------- Errors are those of the field, interpolated to the true
+# particles that fields of every setting reach: more than 0.57 mm from the volume's sides and 0.55 mm from its ends. The
+# flow is an ABC flow of 8 px and 3640 px of wavelength, whose components all vary along all axes. Windows of the last
+# pass are 0.88 mm a side at any voxel size. The base is the preset `balanced`. Each setting changes something of it.
+# Those below `front` change more at once; among them are the presets `fast` and `accurate`, the tools' defaults and the
+# paper's DRT-MART.
 
 base = pvr=1,1,10 weights=exact basis=point blob=0.65 method=subsets iterations=5 threshold=auto score=quantile sections=14 \
     overlap=0.5 passes=2 deform=auto repeats=3
@@ -698,7 +710,8 @@ $(OUT)/trade-w.json: $(trade_runs)
 	mv "$$d"/trade-u.* "$$d/trade-w.svg" $(OUT)/
 	done_ trade-w.json
 
-# ---- Claims, pictures, README ------------------------------------------------------------------------------------------
+# ---- Claims, pictures, README
+# ------------------------------------------------------------------------------------------
 
 claims: $(OUT)/claims.jsonl
 $(OUT)/claims.jsonl: $(filter-out fig4,$(figures))

@@ -1,8 +1,9 @@
-"""The files of the light-field chain and its rays, for stages in Python: `.lfv`, images, fields, `camera.json`.
+"""Files and rays of the light-field chain, for stages in Python: `.lfv`, images, fields, `camera.json`.
 
-Needs numpy; OpenEXR to read images and fields, Pillow to read TIFF; xxhash to write a `.lfv` and to check one (`pip install
-numpy OpenEXR pillow xxhash`). Lengths are mm, places on an image pixels. The frame, its signs and the formats are those of
-lf-core: see the heads of `optics.rs`, `volume.rs`, `image/mod.rs` and `field/mod.rs` there. `scripts/examples` has stages made of this.
+Needs numpy; OpenEXR to read images and fields; Pillow to read TIFF; xxhash to write a `.lfv` and to check one (`pip
+install numpy OpenEXR pillow xxhash`). Lengths are mm; places on an image are pixels. The frame, its signs and the
+formats are those of lf-core: see the documentation of its modules `optics`, `volume`, `image` and `field`.
+`scripts/examples` has stages that use this module.
 """
 
 import argparse
@@ -22,11 +23,11 @@ SIGNATURE = b"\x89LFV\r\n\x1a\n"
 
 
 class Refused(Exception):
-    """What could not be done: `file: what was found; what was wanted`."""
+    """Work that cannot be done: `file: what was found; what was wanted`."""
 
 
 def module(name, purpose):
-    """The module of a name, or a refusal that says what it is for and how to get it."""
+    """The Python module of this name; refuses if it is missing, and says what it is for and how to install it."""
     try:
         return __import__(name)
     except ImportError:
@@ -63,7 +64,7 @@ class Grid:
         return [o + d * np.arange(n) for n, d, o in zip(self.shape, self.spacing_mm, self.origin_mm)]
 
     def centres_mm(self, indices):
-        """Centres of voxels by their linear indices x + nx (y + ny z), mm: three arrays of the indices' shape."""
+        """Centres of the voxels with linear indices x + nx (y + ny z), mm: three arrays of the indices' shape."""
         nx, ny, _ = (np.uint64(n) for n in self.shape)
         steps = indices % nx, indices // nx % ny, indices // nx // ny
         return [o + d * step.astype(float) for step, d, o in zip(steps, self.spacing_mm, self.origin_mm)]
@@ -71,13 +72,13 @@ class Grid:
 
 @dataclass
 class Volume:
-    """A `.lfv`: some voxels of a grid, and named values of each."""
+    """A `.lfv`: some voxels of a grid, and named columns of their values."""
 
     grid: Grid
     indices: np.ndarray  # (n,) u64, strictly rising
     columns: dict  # name -> (n,) f32
     history: list = field(default_factory=list)
-    extra: dict = field(default_factory=dict)  # header keys of others
+    extra: dict = field(default_factory=dict)  # header keys that this module does not know
 
     def dense(self, column):
         """A column as an array of shape (nz, ny, nx), zero where there is no voxel."""
@@ -88,7 +89,7 @@ class Volume:
 
 
 def read_volume(path):
-    """Reads a `.lfv`, mapped and not copied; `-` is standard input, read to its end. The arrays cannot be written to."""
+    """Reads a `.lfv`, mapped and not copied; `-` is standard input, read to its end. The arrays are read-only."""
     data = _bytes(path)
     if data[:8] != SIGNATURE or len(data) < 16 or int.from_bytes(data[8:12], "little") != 1:
         raise Refused(f"{path}: not a .lfv of version 1 by its first bytes; wanted a .lfv")
@@ -122,8 +123,8 @@ def read_volume(path):
 
 
 def write_volume(path, volume):
-    """Writes a `.lfv` whole or not at all; `-` is standard output. What lf-core wrote comes out byte for byte, but for
-    numbers below 1e-4 or above 1e16, which JSON lets every language write as it likes."""
+    """Writes a `.lfv` whole or not at all; `-` is standard output. A file that lf-core wrote comes out byte for byte,
+    except numbers below 1e-4 or above 1e16, which every language writes into JSON in its own way."""
     grid, indices = volume.grid, np.ascontiguousarray(volume.indices, "<u8")
     if (indices[1:] <= indices[:-1]).any() or (len(indices) and indices[-1] >= len(grid)):
         raise ValueError("indices do not rise, or leave the grid")
@@ -148,7 +149,7 @@ def write_volume(path, volume):
 
 
 def _xxh3(parts):
-    """XXH3-64, seed 0, of byte strings one after another, as 16 hexadecimal digits."""
+    """XXH3-64 with seed 0 of the joined byte strings, as 16 hexadecimal digits."""
     total = module("xxhash", "for the checksum of a .lfv").xxh3_64()
     for part in parts:
         total.update(part)
@@ -166,7 +167,7 @@ def _bytes(path):
 
 
 def save(path, parts):
-    """Writes byte strings, one after another, as a file that appears whole or not at all; `-` is standard output."""
+    """Writes the joined byte strings to a file that appears whole or not at all; `-` is standard output."""
     if str(path) == "-":
         for part in parts:
             sys.stdout.buffer.write(part)
@@ -196,7 +197,7 @@ def _umask():
 
 
 def _exr(path):
-    """Channels of an EXR by name, each (height, width), and its header."""
+    """The channels of an EXR by name, each (height, width), and its header."""
     exr = module("OpenEXR", "to read images and fields")
     if not os.path.isfile(path):
         raise Refused(f"{path}: no such file; wanted an EXR")
@@ -208,8 +209,8 @@ def _exr(path):
 
 
 def read_image(path):
-    """A light-field image as counts, (height, width) f32, and its history, which only an EXR has. TIFF and PNG, grey, are
-    read where there is Pillow."""
+    """A light-field image as counts, (height, width) f32, and its history, which only an EXR has. Grey TIFF and PNG
+    need Pillow."""
     if os.path.splitext(path)[1].lower() in (".tif", ".tiff", ".png"):
         return _read_grey(path), []
     channels, header = _exr(path)
@@ -217,7 +218,7 @@ def read_image(path):
         raise Refused(f"{path}: channels {', '.join(channels)}; wanted one channel Y")
     counts = channels["Y"].astype(np.float32)
     if not ((counts >= 0) & np.isfinite(counts)).all():
-        raise Refused(f"{path}: pixels that are no counts; wanted finite values that are not negative")
+        raise Refused(f"{path}: pixels that are not counts; wanted finite values that are not negative")
     return counts, json.loads(header.get("lf:history", "[]"))
 
 
@@ -238,8 +239,8 @@ def _read_grey(path):
 
 
 def read_frame(path, camera, background=None):
-    """An image of the camera's size, less a background, divided by the camera's flat field, and its history. What falls
-    below zero is zero; a pixel that sees less than a twentieth of its light is NaN, as in lf-core."""
+    """An image of the camera's size, minus a background, divided by the camera's flat field; and its history. Negative
+    differences become 0. A pixel that sees less than a twentieth of the flat field's light is NaN, as in lf-core."""
 
     def sized(file):
         counts, history = read_image(file)
@@ -258,8 +259,8 @@ def read_frame(path, camera, background=None):
 
 
 def read_field(path):
-    """A vector field: its layout, the attribute `lf:field` as a dict, and its components by name (u, v, w, su, sv, sw in
-    mm; peak, ratio, flag, count), each (nz, ny, nx) f32. Flag 0 is measured, 1 replaced, 2 no data."""
+    """A vector field: its layout (the attribute `lf:field` as a dict), and its components by name (u, v, w, su, sv, sw
+    in mm; peak, ratio, flag, count), each (nz, ny, nx) f32. Flag 0 is measured, 1 replaced, 2 no data."""
     channels, header = _exr(path)
     if "lf:field" not in header:
         raise Refused(f"{path}: an EXR of channels {', '.join(channels)} without attribute lf:field; wanted a field")
@@ -271,10 +272,10 @@ def read_field(path):
 
 
 class Camera:
-    """A `camera.json` and the rays of the camera: lattices square or hexagonal, turned or in line with the pixels.
-    Distortion, departures of the lenslets, tilt, gap and medium are refused: lf-core has them."""
+    """A `camera.json` and the rays of the camera: square and hexagonal lattices, turned or in line with the pixels.
+    Refuses distortion, departures of the lenslets, tilt, gap and medium, which lf-core has."""
 
-    # A lattice turned by less than moves any lenslet of the sensor by this many pixels counts as not turned.
+    # A lattice counts as not turned if its rotation moves no lenslet on the sensor by more than this.
     IN_LINE_PX = 0.02
 
     def __init__(self, path):
@@ -283,7 +284,7 @@ class Camera:
             sensor, lens, lenslets = given["sensor"], given["main_lens"], given["microlenses"]
             bent = [key for key in ("distortion", "tilt", "medium", "centres") if given.get(key) is not None]
             if bent or lenslets.get("gap_mm") is not None:
-                raise Refused(f"{path}: {' and '.join(bent) or 'gap_mm'}; wanted a camera without, lf.py knows none")
+                raise Refused(f"{path}: {' and '.join(bent) or 'gap_mm'}; wanted a camera without, lf.py models none")
             self.sensor_px = (sensor["width"], sensor["height"])
             self.pixel_mm = sensor["pixel_pitch_mm"]
             self.focal_mm, self.magnification = lens["focal_length_mm"], lens["magnification"]
@@ -303,16 +304,16 @@ class Camera:
         self.flat_field = None if flat is None else os.path.join(os.path.dirname(path), flat)
 
     def grid(self, pixels_per_voxel, depth_mm, sides_mm=None):
-        """The grid of lf-prune: voxels of so many pixels at the focal plane; without sides (x0, x1, y0, y1), what the
-        sensor sees of it."""
+        """The grid of lf-prune. `pixels_per_voxel` are pixels at the focal plane along x, y, z; `sides_mm` is
+        (x0, x1, y0, y1), by default what the sensor sees of the focal plane."""
         half_x, half_y = (n * (0.5 * self.pixel_mm / self.magnification) for n in self.sensor_px)
         x0, x1, y0, y1 = sides_mm or (-half_x, half_x, -half_y, half_y)
         spacing_mm = [n * self.pixel_mm / self.magnification for n in pixels_per_voxel]
         return Grid.in_bounds([(x0, x1), (y0, y1), depth_mm], spacing_mm)
 
     def sections_mm(self, finer=1):
-        """Centres (U, V) of the aperture's sections inside the stop, mm: (sections, 2). A side has as many as there are
-        pixels under a lenslet, times `finer`."""
+        """Centres (U, V) of the aperture's sections inside the stop, mm: (sections, 2). A side has as many sections as
+        there are pixels under a lenslet, times `finer`."""
         n = finer * max(round(self.pitch_mm / self.pixel_mm), 1)
         centres = 0.5 * self.aperture_mm * ((2 * np.arange(n) + 1) / n - 1)
         v, u = (axis.ravel() for axis in np.meshgrid(centres, centres, indexing="ij"))
@@ -320,14 +321,15 @@ class Camera:
         return np.stack([u[inside], v[inside]], 1)
 
     def array_mm(self, x, y, z, u, v):
-        """Where rays from (x, y, z) through (u, v) of the aperture meet the microlens array, mm: x_m = -beta X + alpha U.
-        Arrays that broadcast; x_m has the shape of x, z and u together, y_m that of y, z and v."""
+        """Where rays from (x, y, z) through (u, v) of the aperture meet the array, mm: x_m = -beta X + alpha U.
+        The arguments broadcast: x_m has the shape of x, z and u together, y_m the shape of y, z and v."""
         beta = self.image_mm / (self.object_mm - z)
         alpha = 1 - self.image_mm / self.focal_mm + beta
         return alpha * u - beta * x, alpha * v - beta * y
 
     def centre_mm(self, x, y):
-        """Centres of the lenslets in whose cells places of the array lie, mm. In line, x and y stay apart."""
+        """Centres of the lenslets whose cells hold these places of the array, mm. If the lattice is in line with the
+        pixels, x and y keep their shapes; otherwise they broadcast together."""
         x, y = x - self.offset_mm[0], y - self.offset_mm[1]
         cos, sin = np.cos(self.rotation_rad), np.sin(self.rotation_rad)
         turned = sin != 0 or self.is_hexagonal
@@ -340,7 +342,8 @@ class Camera:
         return x + self.offset_mm[0], y + self.offset_mm[1]
 
     def _hexagon(self, x, y):
-        """The nearer of the centres in the row of lenslets above and in the row below; odd rows are half a pitch aside."""
+        """The nearer of two centres, in the row of lenslets above and in the row below. Odd rows are shifted by half a
+        pitch."""
         row_mm = self.pitch_mm * np.sqrt(0.75)
         found = []
         for row in (np.floor(y / row_mm), np.floor(y / row_mm) + 1):
@@ -351,8 +354,9 @@ class Camera:
         return np.where(near <= far, x0, x1), np.where(near <= far, y0, y1)
 
     def place_px(self, x, y, z, u, v):
-        """Where the same rays meet the sensor, px: x_s = c + k (x_m - U). 0 is the left or top edge, a pixel's centre is
-        at a half. The arguments are as in `array_mm`; if the lattice is in line, the results stay apart as they do there."""
+        """Where these rays meet the sensor, px: x_s = c + k (x_m - U). 0 is the left or top edge; a pixel's centre is
+        at a half. Arguments are those of `array_mm`, and so are the shapes if the lattice is in line; otherwise both
+        results have the shape of all arguments together."""
         hit = self.array_mm(x, y, z, u, v)
         centre = self.centre_mm(*hit)
         on_sensor = (c + self.demagnification * (m - w) for c, m, w in zip(centre, hit, (u, v)))
@@ -363,7 +367,7 @@ class Camera:
 
 
 def numbers(count):
-    """For argparse: so many numbers, as in `1,1,10`."""
+    """For argparse: parses `count` numbers, as in `1,1,10`."""
 
     def parse(text):
         found = [float(word) for word in text.split(",")]
@@ -376,19 +380,19 @@ def numbers(count):
 
 
 class Parser(argparse.ArgumentParser):
-    """Knows the options that all tools share, and refuses in one line with exit code 2."""
+    """Has the options that all tools share, and refuses in one line with exit code 2."""
 
     def __init__(self, description):
         super().__init__(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
         self.add_argument("-c", "--camera", required=True, metavar="FILE", help="camera.json")
         self.add_argument("-b", "--background", metavar="FILE", help="image to subtract first")
-        self.add_argument("-o", "--output", default="-", metavar="FILE", help="what to write, - for standard output")
-        self.add_argument("--threads", type=int, default=0, help="taken and not needed: numpy has its own")
+        self.add_argument("-o", "--output", default="-", metavar="FILE", help="file to write, - for standard output")
+        self.add_argument("--threads", type=int, default=0, help="accepted and ignored: numpy has its own")
         self.add_argument("--stats", metavar="FILE", help="seconds, peak memory and counts as JSON")
         self.add_argument("-q", "--quiet", action="store_true", help="print errors only")
 
     def parse_args(self):
-        """As always, but `--depth -5,5` is a value and no option."""
+        """As usual, but reads `-5,5` in `--depth -5,5` as a value, not as an option."""
         words = []
         for word in sys.argv[1:]:
             if words and words[-1].startswith("--") and word[:1] == "-" and word[1:2].isdigit():
@@ -402,7 +406,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class Session:
-    """One run: its phases, its counts, and what it adds to a history."""
+    """One run: its phases, its counts, and its step in the history."""
 
     def __init__(self, stats):
         self.tool, self.stats, self.began = os.path.basename(sys.argv[0]), stats, time.perf_counter()
@@ -410,18 +414,18 @@ class Session:
 
     @contextmanager
     def phase(self, name):
-        """Times what is inside, under a name."""
+        """Times the enclosed work, under a name."""
         began = time.perf_counter()
         yield
         self.phases[name] = time.perf_counter() - began
 
     def history(self, before):
-        """`before` with this run appended; empty with LF_HISTORY=off."""
+        """`before` and this run; empty with LF_HISTORY=off."""
         step = {"tool": self.tool, "version": "example", "arguments": sys.argv[1:]}
         return [] if os.environ.get("LF_HISTORY") == "off" else [*before, step]
 
     def save_stats(self):
-        """Writes the stats, if they are wanted."""
+        """Writes the stats if --stats asks for them."""
         if self.stats is None:
             return
         seconds = time.perf_counter() - self.began
@@ -437,7 +441,7 @@ class Session:
 
 
 def run(parser, work):
-    """The whole of a stage's main: parses, runs `work(options, session)`, reports. Exit codes are those of all tools."""
+    """The main of a stage: parses, runs `work(options, session)`, reports. Exit codes are those of all tools."""
     try:
         options = parser.parse_args()
         session = Session(options.stats)

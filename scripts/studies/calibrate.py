@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Draws misaligned cameras for scripts/studies/calibrate, and judges what lf-calib volume makes of their dot targets.
+"""Draws misaligned cameras for scripts/studies/calibrate, and judges what lf-calib volume finds from their dot targets.
 
-    calibrate.py draw SEED DIR [perfect]   DIR/scene.json (the truth) and DIR/nominal.json (what a maker would say)
-    calibrate.py shift DIR                 DIR/dots.csv as the traverse says it: less the focus offset
-    calibrate.py drift FILE FILE           a camera with its lattice 2 px aside
-    calibrate.py whole DIR                 a camera with everything amiss: DIR/scene.json and DIR/nominal.json
-    calibrate.py judge DIR...              how many parameters are within 1, 2, 3 stated uncertainties; which terms grew
+    calibrate.py draw SEED DIR [perfect]   writes DIR/scene.json (the truth) and DIR/nominal.json (the data sheets)
+    calibrate.py shift DIR                 removes the focus offset, unknown to a traverse, from DIR/target/dots.csv
+    calibrate.py drift FILE FILE           writes a camera with its lattice 2 px aside
+    calibrate.py whole DIR                 writes a camera with everything amiss: DIR/scene.json and DIR/nominal.json
+    calibrate.py judge DIR...              counts parameters within 1, 2, 3 stated uncertainties, and terms made free
 """
 import json
 import math
@@ -53,8 +53,9 @@ def draw(seed, folder, perfect):
     tangential = [both(0.3) * PIXEL / (distance * corner**2) for _ in range(2)]
     focus = both(0.2)
     k, k_nominal = gap / distance, 0.308 / 400.0
-    # The lenslets' images are where a white image shows them, but for the drift drawn; behind another k (and a tilt, which
-    # bends the lattice behind straight images) the lenslets themselves are not where the nominal camera has them.
+    # The lenslets' images are where a white image shows them, apart from the shift drawn above. With another k the
+    # lenslets themselves are not where the nominal camera has them. A tilt also bends the lattice behind straight
+    # images.
     truth = camera(
         focal, magnification, gap, 0.077 * (1 + k_nominal) / (1 + k), [s / (1 + k) for s in shift], turn, tilt, k1, tangential
     )
@@ -91,7 +92,7 @@ def draw(seed, folder, perfect):
 
 
 def shift(folder):
-    """The traverse knows the steps between depths and not the focal plane; the plate knows its dots and not the axis."""
+    """Subtracts the focus offset from the depths: a traverse knows the steps between depths, not the focal plane."""
     focus = json.load(open(f"{folder}/truth.json"))["focus"]
     lines = open(f"{folder}/target/dots.csv").read().splitlines()
     out = [lines[0]]
@@ -126,7 +127,7 @@ def judge(folders):
         free = sum(f for _, f, _ in all_)
         print(f"{name:20} {free:5} {count(1):6} {count(2):6} {count(3):6} {max(zs):6.2f} "
               f"{math.sqrt(sum(z * z for z in zs) / len(zs)):6.2f} {sum(u for _, _, u in all_) / len(all_):11.3g}")
-    print("asked for: " + (", ".join(f"{name} {count}" for name, count in grew.items()) or "nothing"))
+    print("became free: " + (", ".join(f"{name} {count}" for name, count in grew.items()) or "nothing"))
 
 
 def drift(truth, off):
@@ -136,8 +137,8 @@ def drift(truth, off):
 
 
 def whole(folder):
-    """A hexagonal array turned by 3 mrad that strays from its lattice by 2 px, behind a lens that strays by 3 px and off by
-    0.6 % in scale, before a sensor 1 % too far and tilted by 2 and -1 mrad; particles in a box away from the axis."""
+    """A hexagonal array turned by 3 mrad that departs from its lattice by 2 px; a lens with 3 px of distortion and
+    0.6 % more magnification; a sensor 1 % too far and tilted by 2 and -1 mrad; particles in a box away from the axis."""
     radius = 0.5 * math.hypot(1.0, 1.0) * LENSLETS * PITCH_PX * PIXEL
     corner = radius / 400.0
     truth = camera(

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Correlates two .lfv volumes with OpenPIV's three-dimensional correlation and prints one JSON object: vectors, seconds,
+"""Correlates two .lfv volumes with OpenPIV's three-dimensional correlation. Prints one JSON object: vectors, seconds,
 vectors a second, vectors that are zero or not numbers, and with --shift the bias and RMS of the others, in voxels.
 
     peer-xcorr.py a.lfv b.lfv --window 32,32,32 --overlap 0.75 --vectors 500 --shift 2.3,-1.6,0.7
     peer-xcorr.py --make DIR --sigma-z 4         writes DIR/a.lfv and DIR/b.lfv, displaced by (2.3, -1.6, 0.7) voxels
 
-Needs numpy and xxhash; without the package openpiv the comparison is left out. Only the correlation is timed, on one core
-as OpenPIV runs it; reading and making dense are not. OpenPIV has one pass, no validation, and keeps both windows in place.
+Needs numpy and xxhash; without the package openpiv it leaves out the comparison. It times only the correlation, on one
+core as OpenPIV runs it, not the reading. OpenPIV has one pass, no validation, and keeps both windows in place.
 """
 
 import argparse
@@ -27,7 +27,7 @@ SHIFT = (2.3, -1.6, 0.7)
 
 
 def triple(kind):
-    """A value per axis from `1,2,3`, or one for all from `1`."""
+    """For argparse: one value per axis, as `1,2,3`, or one for all axes, as `1`."""
 
     def parse(text):
         values = [kind(word) for word in text.split(",")]
@@ -54,7 +54,7 @@ def write(path, dense):
 
 
 def make(folder, sigma_z, shape=(128, 128, 128), sigma=0.75, particles=8, seed=1):
-    """Writes a pair of volumes with `particles` in 32^3 voxels on average, half of the shift before and after the middle."""
+    """Writes a pair of volumes with `particles` in 32^3 voxels on average, half the shift before and half after."""
     random = np.random.default_rng(seed)
     size, sigmas = np.array(shape[::-1]), np.array([sigma_z, sigma, sigma])
     margin = np.ceil(4 * sigmas + 4)
@@ -81,7 +81,7 @@ def middle(dense, box):
 
 
 def fitted(box, window, step, limit):
-    """`box`, made shorter along its longest axis until it holds no more than `limit` windows."""
+    """`box`, shortened along its longest axis until it holds at most `limit` windows."""
     counts = [(n - w) // s + 1 for n, w, s in zip(box, window, step)]
     while limit and math.prod(counts) > limit:
         axis = counts.index(max(counts))
@@ -90,8 +90,8 @@ def fitted(box, window, step, limit):
 
 
 def correlate(volumes, window, step, search):
-    """Displacements [vector, (x, y, z)] in voxels, and the seconds they took. With a search OpenPIV covers less of the box:
-    it counts windows as if their step were larger by the search."""
+    """Displacements [vector, (x, y, z)] in voxels, and the seconds they took. With a search OpenPIV covers less of the
+    box: it counts windows as if their step were larger by the search."""
     from openpiv.pyprocess3D import extended_search_area_piv3D
 
     overlap = [w - s for w, s in zip(window, step)]
@@ -103,14 +103,15 @@ def correlate(volumes, window, step, search):
         search_area_size=tuple(w + 2 * r for w, r in zip(window[::-1], search[::-1])),
     )
     seconds = time.perf_counter() - began
-    # OpenPIV takes [row, column, depth] and gives u along columns, v against rows, w along depth. Ours are [z, y, x]. The
-    # sign of v is for a y axis that points up; that of its correlation's place is the opposite, and the two leave these.
+    # OpenPIV takes [row, column, depth] and gives u along columns, v against rows, w along depth; ours are [z, y, x].
+    # Its v is for a y axis that points up, and its correlation's place has the opposite sign. Together they give these
+    # signs.
     along_columns, against_rows, along_depth = (np.asarray(component).ravel() for component in found)
     return np.stack([along_depth, -along_columns, against_rows], axis=1), seconds
 
 
 def score(vectors, shift):
-    """Counts, and how far the vectors are from `shift`; within a voxel of it they are no outliers."""
+    """Counts, and the errors of the vectors against `shift`. Vectors off by more than a voxel are outliers."""
     finite = np.isfinite(vectors).all(axis=1)
     zero = (vectors == 0).all(axis=1)
     figures = {"not_numbers": int((~finite).sum()), "zero": int(zero.sum())}
@@ -130,13 +131,13 @@ def main():
     parser.add_argument("volumes", nargs="*", type=Path, metavar="FILE.lfv")
     option = parser.add_argument
     option("--window", type=triple(int), default=[32] * 3, metavar="X,Y,Z", help="voxels [32]")
-    option("--overlap", type=float, default=0.75, metavar="SHARE", help="of a window and the next [0.75]")
+    option("--overlap", type=float, default=0.75, metavar="SHARE", help="share of a window that the next covers too [0.75]")
     option("--search", type=triple(int), default=[0] * 3, metavar="X,Y,Z", help="voxels around the second window [0]")
-    option("--box", type=triple(int), metavar="X,Y,Z", help="correlate these voxels in the middle only")
-    option("--vectors", type=int, default=0, metavar="N", help="at most so many, in the middle")
-    option("--shift", type=triple(float), metavar="U,V,W", help="the displacement there is, voxels")
+    option("--box", type=triple(int), metavar="X,Y,Z", help="correlate only a box of this size in the middle")
+    option("--vectors", type=int, default=0, metavar="N", help="most vectors, in the middle; 0: all")
+    option("--shift", type=triple(float), metavar="U,V,W", help="true displacement, voxels")
     option("--make", type=Path, metavar="DIR", help="write a pair of volumes instead")
-    option("--sigma-z", type=float, default=0.75, metavar="VOXELS", help="of the particles written [0.75]")
+    option("--sigma-z", type=float, default=0.75, metavar="VOXELS", help="standard deviation of the particles written, along z [0.75]")
     arguments = parser.parse_args()
 
     os.environ.setdefault("TQDM_DISABLE", "1")
@@ -146,7 +147,7 @@ def main():
     if len(arguments.volumes) != 2:
         parser.error("wanted two volumes")
     if not importlib.util.find_spec("openpiv"):
-        print("The Python package openpiv is not installed; the comparison is left out.")
+        print("The Python package openpiv is not installed; no comparison.")
         return
     dense = [lit(path) for path in arguments.volumes]
     if dense[0].shape != dense[1].shape:
