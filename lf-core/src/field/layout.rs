@@ -56,6 +56,18 @@ impl Layout {
         [low, low + self.shape[axis] as f64 * self.spacing_mm[axis]]
     }
 
+    /// Index of vector (i, j, k) in the components of a field.
+    pub fn index(&self, [i, j, k]: [usize; 3]) -> usize {
+        i + self.shape[0] * (j + self.shape[1] * k)
+    }
+
+    /// Index of the vector `steps` away from vector `i` along an axis. None outside the field.
+    pub fn neighbour(&self, i: usize, axis: usize, steps: isize) -> Option<usize> {
+        let stride: usize = self.shape[..axis].iter().product();
+        let along = (i / stride % self.shape[axis]).checked_add_signed(steps)?;
+        (along < self.shape[axis]).then(|| i.wrapping_add_signed(steps * stride as isize))
+    }
+
     /// The JSON of the attribute `lf:field`, units included.
     ///
     /// # Errors

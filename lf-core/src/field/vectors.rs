@@ -3,6 +3,7 @@
 use super::channels::{MEASURED, NO_DATA, REPLACED};
 use super::layout::Layout;
 use crate::Refusal;
+use glam::DVec3;
 
 /// A field of vectors, each component in the order x fastest, then y, then z.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,6 +58,16 @@ impl Field {
     pub fn place_mm(&self, i: usize) -> [f64; 3] {
         let step = self.step(i);
         [0, 1, 2].map(|axis| self.layout.origin_mm[axis] + step[axis] as f64 * self.layout.spacing_mm[axis])
+    }
+
+    /// Displacement of vector `i`, mm.
+    pub fn displacement_mm(&self, i: usize) -> DVec3 {
+        DVec3::new(self.u[i].into(), self.v[i].into(), self.w[i].into())
+    }
+
+    /// Standard uncertainty of vector `i`, mm. NaN if it was not estimated.
+    pub fn uncertainty_mm(&self, i: usize) -> DVec3 {
+        DVec3::new(self.su[i].into(), self.sv[i].into(), self.sw[i].into())
     }
 
     /// Velocity of vector `i`, mm/s; None if the time between the volumes is unknown.

@@ -7,7 +7,7 @@ use super::print::print;
 use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::{Error, Result};
 use lf_validate::pictures;
-use lf_validate::scores::depth::Depth;
+use lf_validate::scores::depth::DepthSums;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -33,11 +33,11 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if let Some([low, high]) = arguments.slab.filter(|[low, high]| low >= high) {
         return Err(Error::new("--slab", format!("{low},{high}"), "wanted the lower depth first"));
     }
-    let sum = session.phase("score", |session| {
+    let sums = session.phase("score", |session| {
         let progress = session.progress("volumes", inputs.len() as u64);
         add_up(&inputs, &|| progress.add(1))
     })?;
-    let score = sum.score(arguments.slab);
+    let score = sums.score(arguments.slab);
     session.count("volumes", score.volumes);
     arguments.picture.draw(session, || pictures::depth(&score))?;
     print(&score)?;
@@ -48,14 +48,14 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 }
 
 /// One volume in memory at a time.
-fn add_up(inputs: &[&Path], added: &dyn Fn()) -> Result<Depth> {
-    let add = |sum: Option<Depth>, input: &&Path| {
+fn add_up(inputs: &[&Path], added: &dyn Fn()) -> Result<DepthSums> {
+    let add = |sums: Option<DepthSums>, input: &&Path| {
         let volume = open_whole(input)?;
-        let mut sum = sum.unwrap_or_else(|| Depth::new(volume.grid()));
-        sum.add(light(&volume)?).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))?;
+        let mut sums = sums.unwrap_or_else(|| DepthSums::new(volume.grid()));
+        sums.add(light(&volume)?).map_err(|refusal| refusal.about(volume.name()))?;
         added();
-        Ok(Some(sum))
+        Ok(Some(sums))
     };
-    let sum = inputs.iter().try_fold(None, add)?;
-    sum.ok_or_else(|| Error::new("VOLUMES", "none", "wanted at least one"))
+    let sums = inputs.iter().try_fold(None, add)?;
+    sums.ok_or_else(|| Error::new("VOLUMES", "none", "wanted at least one"))
 }

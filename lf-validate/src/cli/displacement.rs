@@ -9,7 +9,7 @@ use lf_core::cli::{Session, Verdict};
 use lf_core::field::Field;
 use lf_core::{Result, io};
 use lf_validate::pictures;
-use lf_validate::scores::displacement::{Displacement, Particles, displacement};
+use lf_validate::scores::displacement::{Displacement, ParticleCounts, displacement};
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -93,7 +93,7 @@ fn keeps(score: &Displacement, limits: &Limits) -> bool {
 fn reasons(score: &Displacement) -> String {
     let Displacement { places, no_data, outside_truth, .. } = score;
     match score.particles {
-        Some(Particles { particles, outside_field, .. }) => {
+        Some(ParticleCounts { particles, outside_field, .. }) => {
             format!("of {particles} particles, {outside_field} outside the field")
         }
         None => format!("of {places}, {no_data} without data, {outside_truth} outside the truth"),

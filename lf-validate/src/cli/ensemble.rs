@@ -7,7 +7,7 @@ use lf_core::cli::{Session, Verdict};
 use lf_core::field::{self, Cut, Field};
 use lf_core::{Error, Result, io};
 use lf_validate::pictures;
-use lf_validate::scores::ensemble::{Ensemble, Sums};
+use lf_validate::scores::ensemble::{Ensemble, EnsembleSums};
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -46,7 +46,7 @@ pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> 
     let cut = arguments.slice.unwrap_or_default();
     let refused = |refusal: lf_core::Refusal| refusal.about("--slice");
     let progress = session.progress("fields", inputs.len() as u64);
-    let mut sums: Option<Sums> = None;
+    let mut sums: Option<EnsembleSums> = None;
     let mut history = Vec::new();
     for path in inputs {
         let field = session.phase("read", |_| Field::open(path))?;
@@ -54,9 +54,8 @@ pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> 
             cut.layer(&field.layout).map_err(refused)?;
             history = session.history(&field.layout.history);
         }
-        let sums = sums.get_or_insert_with(|| Sums::new(&field.layout));
-        session
-            .phase("sum", |_| sums.add(&field).map_err(|(found, wanted)| Error::new(io::name(path), found, wanted)))?;
+        let sums = sums.get_or_insert_with(|| EnsembleSums::new(&field.layout));
+        session.phase("sum", |_| sums.add(&field).map_err(|refusal| refusal.about(io::name(path))))?;
         progress.add(1);
     }
     drop(progress);

@@ -61,9 +61,8 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let [truth, volume] = [0, 1].map(|n| &volumes[n]);
     let (true_light, light) = (light(truth), light(volume));
     let regions = regions.unwrap_or_else(|| truth.grid().shape.map(|voxels| voxels.min(3)));
-    let score = session.phase("score", |_| {
-        quality(true_light, light, regions).map_err(|(found, wanted)| Error::new(volume.name(), found, wanted))
-    })?;
+    let score = session
+        .phase("score", |_| quality(true_light, light, regions).map_err(|refusal| refusal.about(volume.name())))?;
     let [x, y, z] = regions;
     session.explain(format!("{x} x {y} x {z} regions; {} voxels lit in the truth", score.truth_voxels));
     session.count("truth_voxels", score.truth_voxels);

@@ -5,7 +5,7 @@ use lf_core::cli::Session;
 use lf_core::field::Field;
 use lf_core::flow::{Flows, Velocity};
 use lf_core::scene::{self, CameraSource, Frames, Volume};
-use lf_core::{Error, Result, io, particles};
+use lf_core::{Error, Refusal, Result, io, particles};
 use lf_validate::info::Kind;
 use lf_validate::scores::displacement::Truth;
 use lf_validate::scores::displacement::tracks;
@@ -39,11 +39,9 @@ pub fn open(file: &Path, frames: Option<[usize; 2]>, picture: &Picture, session:
     match kind {
         Kind::Json => flow(text()?, file, &name, picture, session),
         Kind::Particles => {
-            let wrong = |found| Error::new(&name, found, "wanted a particles.csv of both frames");
-            let found =
-                tracks(&particles::read(text()?).map_err(|refusal| refusal.about(&name))?, frames.unwrap_or([0, 1]))
-                    .map_err(wrong)?;
-            Ok(Truth::Tracks(found))
+            let named = |refusal: Refusal| refusal.about(&name);
+            let particles = particles::read(text()?).map_err(named)?;
+            Ok(Truth::Tracks(tracks(&particles, frames.unwrap_or([0, 1])).map_err(named)?))
         }
         Kind::Volume | Kind::Table | Kind::Centres | Kind::Vti | Kind::Picture => {
             Err(refused("another kind of file".to_owned()))

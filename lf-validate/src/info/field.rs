@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn ranges_leave_out_places_without_data() {
-        let mut truth = crate::scores::displacement::trilinear::tests::field([4, 5, 3], |_| [0.5, 0.0, -1.0]);
+        let mut truth = crate::scores::fixtures::field([4, 5, 3], |_| [0.5, 0.0, -1.0]);
         truth.u[7] = 1e6;
         truth.flag[7] = NO_DATA;
         let text = field(&truth).to_string();

@@ -1,11 +1,11 @@
 //! Light along z.
 
 use super::{figures, from_zero, whole};
-use crate::scores::depth::Score;
+use crate::scores::depth::Depth;
 use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
 
 /// The section x, z of all light, its profile along z, and the brightest voxels.
-pub fn depth(score: &Score) -> Chart {
+pub fn depth(score: &Depth) -> Chart {
     let half_mm = 0.5 * score.spacing_mm[1];
     let (first, last) = (score.z_mm.first().copied().unwrap_or(0.0), score.z_mm.last().copied().unwrap_or(0.0));
     let z_range = [first - half_mm, last + half_mm];

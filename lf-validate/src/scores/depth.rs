@@ -1,65 +1,66 @@
-//! Where along z the light of volumes lies.
+//! How the light of volumes is distributed along z.
 
-use crate::scores::light::Light;
-use crate::scores::spread::Spread;
+use super::light::Light;
+use super::spread::Spread;
+use lf_core::Refusal;
 use lf_core::grid::Grid;
 use serde::Serialize;
 
-/// The light of volumes of one grid, added up.
+/// Sums over the light of volumes of one grid.
 #[derive(Debug, Clone)]
-pub struct Depth {
+pub struct DepthSums {
     grid: Grid,
     volumes: usize,
     /// Sum of the light over y and the volumes: nx x nz, x fastest.
     section: Vec<f64>,
-    /// Sum over the volumes of each slice's brightest voxel.
+    /// Brightest voxel of each slice, summed over the volumes.
     peak: Vec<f64>,
 }
 
 /// The score of the volumes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Score {
-    /// How many volumes.
+pub struct Depth {
+    /// Number of volumes.
     pub volumes: usize,
-    /// Light of a volume, in the mean.
+    /// Light of a volume, mean over the volumes.
     pub light: f64,
-    /// Mean depth of the light, mm; none in darkness.
+    /// Mean depth of the light, mm. None if all is dark.
     pub mean_z_mm: Option<f64>,
-    /// Standard deviation of its depth, mm.
+    /// Standard deviation of the depth of the light, mm. None if all is dark.
     pub std_z_mm: Option<f64>,
     /// The lit slab, mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slab_mm: Option<[f64; 2]>,
-    /// Share of the light in slices whose centre is outside the slab; none in darkness or without a slab.
+    /// Share of the light in slices with their centre outside the slab. None if all is dark, or without a slab.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outside_share: Option<f64>,
-    /// Brightest slice outside the slab over the mean slice inside.
+    /// Light of the brightest slice outside the slab over that of the mean slice inside.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outside_peak: Option<f64>,
-    /// How uneven the slices inside the slab are (all of them without one): standard deviation over mean.
+    /// Standard deviation over mean of the light of the slices inside the slab, or of all slices without a slab.
     pub unevenness: Option<f64>,
-    /// Mean light of the slices inside the slab; of all of them without one.
+    /// Mean light of the slices inside the slab, or of all slices without a slab. Not in the JSON.
     #[serde(skip)]
     pub mean_slice: f64,
-    /// Centres of the voxels along x, mm.
+    /// Centres of the voxels along x, mm. Not in the JSON.
     #[serde(skip)]
     pub x_mm: Vec<f64>,
-    /// Distance between voxels along x, and between slices, mm.
+    /// Distance between voxels along x, and between slices, mm. Not in the JSON.
     #[serde(skip)]
     pub spacing_mm: [f64; 2],
     /// Centres of the slices, mm.
     pub z_mm: Vec<f64>,
-    /// Light of each slice of a volume, in the mean.
+    /// Light of each slice, mean over the volumes.
     pub profile: Vec<f64>,
     /// Brightest voxel of each slice, mean over the volumes.
     pub peak: Vec<f64>,
-    /// Light summed over y and the volumes, nx x nz, x fastest. Not in the JSON.
+    /// Light summed over y and the volumes: nx x nz, x fastest. Not in the JSON.
     #[serde(skip)]
     pub section: Vec<f64>,
 }
 
-impl Depth {
-    /// No volume yet.
+impl DepthSums {
+    /// Sums of no volume yet.
     pub fn new(grid: &Grid) -> Self {
         let [nx, _, nz] = grid.shape;
         Self { grid: grid.clone(), volumes: 0, section: vec![0.0; nx * nz], peak: vec![0.0; nz] }
@@ -68,10 +69,10 @@ impl Depth {
     /// Adds a volume.
     ///
     /// # Errors
-    /// Two phrases, found and wanted, where its grid is another.
-    pub fn add(&mut self, light: Light) -> Result<(), (String, String)> {
+    /// The grid of the volume is another one.
+    pub fn add(&mut self, light: Light) -> Result<(), Refusal> {
         if !self.grid.agrees_with(light.grid) {
-            return Err((light.grid.to_string(), format!("wanted the first volume's {}", self.grid)));
+            return Err(Refusal::new(light.grid.to_string(), format!("wanted the first volume's {}", self.grid)));
         }
         let nx = self.grid.shape[0];
         let mut peak = vec![0.0; self.peak.len()];
@@ -85,12 +86,14 @@ impl Depth {
         Ok(())
     }
 
-    /// What the volumes add up to. `slab_mm` is where light should be.
-    pub fn score(self, slab_mm: Option<[f64; 2]>) -> Score {
+    /// The score of the volumes added. `slab_mm`: depths between which there should be light.
+    pub fn score(self, slab_mm: Option<[f64; 2]>) -> Depth {
         let Self { grid, volumes, section, peak } = self;
         let each = 1.0 / volumes as f64;
         let profile: Vec<f64> = section.chunks(grid.shape[0]).map(|row| each * row.iter().sum::<f64>()).collect();
         let z_mm: Vec<f64> = (0..grid.shape[2]).map(|z| grid.centre_mm(2, z)).collect();
+
+        // Moments of the depth, weighted by the light.
         let light = profile.iter().sum::<f64>();
         let mean_of = |value: &dyn Fn(f64) -> f64| {
             let sum: f64 = z_mm.iter().zip(&profile).map(|(&z, &light)| light * value(z)).sum();
@@ -98,14 +101,17 @@ impl Depth {
         };
         let mean_z_mm = mean_of(&|z| z);
         let variance = mean_z_mm.and_then(|mean| mean_of(&|z| (z - mean).powi(2)));
+
+        // Slices inside and outside the slab.
         let is_inside = |z: f64| slab_mm.is_none_or(|[low, high]| (low..=high).contains(&z));
-        let (inside, outside): (Vec<_>, Vec<_>) =
-            z_mm.iter().zip(&profile).map(|(&z, &light)| (z, light)).partition(|(z, _)| is_inside(*z));
-        let lights = |slices: &[(f64, f64)]| slices.iter().map(|(_, light)| *light).collect::<Vec<f64>>();
-        let (inside, outside) = (lights(&inside), lights(&outside));
+        let slices = |wanted: bool| {
+            let chosen = z_mm.iter().zip(&profile).filter(move |(z, _)| is_inside(**z) == wanted);
+            chosen.map(|(_, light)| *light).collect::<Vec<f64>>()
+        };
+        let (inside, outside) = (slices(true), slices(false));
         let Spread { bias: mean, std, .. } = Spread::of(&inside);
         let is_judged = slab_mm.is_some() && light > 0.0;
-        Score {
+        Depth {
             volumes,
             light,
             mean_z_mm,
@@ -133,22 +139,22 @@ mod tests {
         Grid { shape: [3, 2, 4], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [0.0, 0.0, -1.5] }
     }
 
-    fn depth(volumes: &[&[([usize; 3], f32)]]) -> Depth {
+    fn sums(volumes: &[&[([usize; 3], f32)]]) -> DepthSums {
         let grid = grid();
-        let mut depth = Depth::new(&grid);
+        let mut sums = DepthSums::new(&grid);
         for volume in volumes {
             let (indices, intensity): (Vec<u64>, Vec<f32>) =
                 volume.iter().map(|(voxel, light)| (grid.index(*voxel), *light)).unzip();
-            depth.add(Light { grid: &grid, indices: &indices, intensity: &intensity }).unwrap();
+            sums.add(Light { grid: &grid, indices: &indices, intensity: &intensity }).unwrap();
         }
-        depth
+        sums
     }
 
     #[test]
     fn two_volumes_by_hand() {
         let volumes: [&[([usize; 3], f32)]; 2] =
             [&[([0, 0, 0], 1.0), ([2, 0, 1], 2.0), ([2, 1, 1], 3.0)], &[([1, 0, 1], 1.0), ([1, 1, 2], 5.0)]];
-        let score = depth(&volumes).score(Some([-0.6, 0.5]));
+        let score = sums(&volumes).score(Some([-0.6, 0.5]));
         assert_eq!((score.volumes, score.light), (2, 6.0));
         assert_eq!(score.z_mm, [-1.5, -0.5, 0.5, 1.5]);
         assert_eq!(score.profile, [0.5, 3.0, 2.5, 0.0]);
@@ -161,16 +167,16 @@ mod tests {
     }
 
     #[test]
-    fn darkness_has_no_shares_and_no_slab_none_either() {
-        let dark = depth(&[&[]]).score(Some([-1.0, 1.0]));
+    fn a_share_outside_needs_light_and_a_slab() {
+        let dark = sums(&[&[]]).score(Some([-1.0, 1.0]));
         assert_eq!((dark.outside_share, dark.outside_peak, dark.unevenness, dark.mean_z_mm), (None, None, None, None));
-        assert_eq!(depth(&[&[([0, 0, 0], 1.0)]]).score(None).outside_share, None);
+        assert_eq!(sums(&[&[([0, 0, 0], 1.0)]]).score(None).outside_share, None);
     }
 
     #[test]
     fn a_volume_of_another_grid_is_refused() {
         let other = Grid { shape: [3, 2, 5], ..grid() };
-        let (found, wanted) = depth(&[]).add(Light { grid: &other, indices: &[], intensity: &[] }).unwrap_err();
-        assert!(found.contains("3 x 2 x 5") && wanted.contains("3 x 2 x 4"));
+        let refusal = sums(&[]).add(Light { grid: &other, indices: &[], intensity: &[] }).unwrap_err();
+        assert!(refusal.found.contains("3 x 2 x 5") && refusal.wanted.contains("3 x 2 x 4"));
     }
 }

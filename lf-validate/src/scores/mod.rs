@@ -2,13 +2,15 @@
 //! Out: one struct for each score, which serialises to the JSON that `lf-validate` prints.
 //! Open first: `quality/compare.rs`, the score of a volume, and `displacement/compare.rs`, the score of a field.
 
+pub mod density;
 pub mod depth;
 pub mod displacement;
 pub mod divergence;
 pub mod elongation;
 pub mod ensemble;
+#[cfg(test)]
+pub(crate) mod fixtures;
 pub mod light;
-pub mod pdf;
 pub mod quality;
 pub mod spread;
 pub mod units;

@@ -1,23 +1,23 @@
-//! How errors lie about zero.
+//! Statistics of errors about zero.
 
 use lf_core::statistics::median;
 use serde::Serialize;
 
-/// How a set of errors lies about zero. NaN, `null` in JSON, where there are none.
+/// Statistics of a set of errors about zero. NaN, `null` in JSON, without errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
     /// Mean.
     pub bias: f64,
-    /// Root of the mean square about zero: rms^2 = bias^2 + std^2.
+    /// Root mean square about zero: rms^2 = bias^2 + std^2.
     pub rms: f64,
-    /// Standard deviation about the bias, by n and not n - 1.
+    /// Standard deviation about the bias, with n and not n - 1.
     pub std: f64,
-    /// Median of the sizes.
+    /// Median of the absolute values.
     pub median_abs: f64,
 }
 
 impl Spread {
-    /// The spread of `errors`, by two passes for bias and std and a selection for the median.
+    /// The spread of `errors`. The bias is known before the standard deviation is summed.
     pub fn of(errors: &[f64]) -> Self {
         let count = errors.len() as f64;
         let bias = errors.iter().sum::<f64>() / count;

@@ -1,29 +1,19 @@
-//! How far measured vectors lie from the true displacement.
+//! Errors of a vector field against the true displacement.
 //!
 //! Error = measured - true, each component on its own, in the units of [`crate::scores::units`].
 
-use crate::scores::displacement::coverage::Coverage;
-use crate::scores::displacement::truth::{Sample, Truth, samples};
-use crate::scores::pdf::Pdf;
-use crate::scores::spread::Spread;
-use crate::scores::units::{COMPONENTS, Unit, units};
+use super::coverage::Coverage;
+use super::pdf::ErrorPdf;
+use super::summary::ErrorSummary;
+use super::truth::{Truth, VectorError, errors};
+use crate::scores::units::units;
 use lf_core::field::{Field, MEASURED, REPLACED};
-use lf_core::statistics::robust;
-use serde::ser::SerializeMap;
-use serde::{Serialize, Serializer};
-
-/// An error is an outlier beyond this many robust standard deviations from the median error of its component: one vector
-/// in two million of a normal distribution.
-pub const OUTLIER_SIGMAS: f64 = 5.0;
-
-/// ... and beyond this many voxels: what correlation leaves of uncertainty in good data, below which no vector is wild
-/// however tight the others lie.
-pub const OUTLIER_FLOOR_VOX: f64 = 0.1;
+use serde::Serialize;
 
 /// The score of a measured field against the truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Displacement {
-    /// What the truth is known from: `field`, `flow` or `tracks`.
+    /// Kind of the truth: `field`, `flow` or `tracks`.
     pub truth: &'static str,
     /// Vectors of the measured field.
     pub places: usize,
@@ -33,66 +23,53 @@ pub struct Displacement {
     pub replaced: usize,
     /// Vectors without data.
     pub no_data: usize,
-    /// Measured or replaced vectors for which there is no truth: outside its hull or beside one of its gaps. Not scored.
+    /// Measured or replaced vectors outside the hull of the truth or beside one of its gaps. Not scored.
     pub outside_truth: usize,
-    /// The particles, where they are the truth.
+    /// Counts of the particles, if they are the truth.
     #[serde(flatten)]
-    pub particles: Option<Particles>,
-    /// A pixel at the focal plane, mm; absent without a camera, and then so is every `px`.
+    pub particles: Option<ParticleCounts>,
+    /// Size of a pixel at the focal plane, mm. Without a camera it is absent, and so is every `px`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel_mm: Option<f64>,
     /// Voxel spacing of the volumes correlated, mm.
     pub voxel_mm: [f64; 3],
-    /// All that are scored.
+    /// Errors of all that are scored.
     #[serde(flatten)]
-    pub all: Errors,
-    /// Measured vectors alone.
-    pub measured_only: Errors,
-    /// Whether the stated uncertainty holds, of measured vectors.
+    pub all: ErrorSummary,
+    /// Errors of the measured vectors.
+    pub measured_only: ErrorSummary,
+    /// Stated uncertainty of the measured vectors against their errors.
     pub uncertainty: Coverage,
-    /// Density of the errors of all that are scored; none in voxels that have no size.
-    pub pdf: Option<Pdf>,
+    /// Density of the errors of all that are scored. None in voxels without a size.
+    pub pdf: Option<ErrorPdf>,
 }
 
 /// Particles that are the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Particles {
+pub struct ParticleCounts {
     /// Particles in both frames.
     pub particles: usize,
-    /// Particles in one of the frames only. Not scored.
+    /// Particles in only one of the frames. Not scored.
     pub unpaired: usize,
     /// Particles in both frames that lie outside the field's vectors or beside one of its gaps. Not scored.
     pub outside_field: usize,
 }
 
-/// Errors of a set of vectors, or of particles. In JSON one key for each of bias, rms, std and median_abs, component and
-/// unit: `rms_u_px`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Errors {
-    /// Vectors scored; with particles, particles.
-    pub vectors: usize,
-    /// Those with a component beyond [`OUTLIER_SIGMAS`] and [`OUTLIER_FLOOR_VOX`]. They stay in every other number.
-    pub outliers: usize,
-    /// Spread of each component, mm.
-    pub spread_mm: [Spread; 3],
-    units: Vec<Unit>,
-}
-
-/// Scores `field` against `truth`; `pixel_mm` is a pixel at the focal plane.
+/// Scores `field` against `truth`. `pixel_mm`: size of a pixel at the focal plane.
 pub fn displacement(truth: &Truth, field: &Field, pixel_mm: Option<f64>) -> Displacement {
     let voxel_mm = field.layout.voxel_mm;
     let flagged = |flag: f32| field.flag.iter().filter(|found| **found == flag).count();
     let (measured, replaced) = (flagged(MEASURED), flagged(REPLACED));
-    let (samples, outside) = samples(truth, field);
+    let (errors, outside) = errors(truth, field);
     let particles = match truth {
         Truth::Tracks(tracks) => {
             let (particles, unpaired) = (tracks.mid_mm.len(), tracks.unpaired);
-            Some(Particles { particles, unpaired, outside_field: outside })
+            Some(ParticleCounts { particles, unpaired, outside_field: outside })
         }
         Truth::Field(_) | Truth::Flow { .. } => None,
     };
     let units = units(voxel_mm, pixel_mm);
-    let measured_only: Vec<Sample> = samples.iter().copied().filter(|sample| sample.is_measured).collect();
+    let measured_only: Vec<VectorError> = errors.iter().copied().filter(|error| error.is_measured).collect();
     Displacement {
         truth: truth.name(),
         places: field.len(),
@@ -103,79 +80,19 @@ pub fn displacement(truth: &Truth, field: &Field, pixel_mm: Option<f64>) -> Disp
         particles,
         pixel_mm,
         voxel_mm,
-        uncertainty: Coverage::of(&samples),
-        pdf: Pdf::of(&samples, &units),
-        all: Errors::of(&samples, voxel_mm, units.clone()),
-        measured_only: Errors::of(&measured_only, voxel_mm, units),
-    }
-}
-
-impl Errors {
-    fn of(samples: &[Sample], voxel_mm: [f64; 3], units: Vec<Unit>) -> Self {
-        let of_axis = |axis: usize| samples.iter().map(|sample| sample.error_mm[axis]).collect::<Vec<f64>>();
-        let components = [0, 1, 2].map(of_axis);
-        let limits = [0, 1, 2].map(|axis| {
-            let (centre, sigma) = robust(&components[axis]);
-            (centre, (OUTLIER_SIGMAS * sigma).max(OUTLIER_FLOOR_VOX * voxel_mm[axis]))
-        });
-        let wild =
-            |sample: &&Sample| (0..3).any(|axis| (sample.error_mm[axis] - limits[axis].0).abs() > limits[axis].1);
-        Self {
-            vectors: samples.len(),
-            outliers: samples.iter().filter(wild).count(),
-            spread_mm: components.map(|component| Spread::of(&component)),
-            units,
-        }
-    }
-
-    /// The RMS error of each component in pixels; none without a pixel's size, NaN without vectors.
-    pub fn rms_px(&self) -> Option<[f64; 3]> {
-        self.px(|spread| spread.rms)
-    }
-
-    /// The mean error of each component in pixels; none without a pixel's size, NaN without vectors.
-    pub fn bias_px(&self) -> Option<[f64; 3]> {
-        self.px(|spread| spread.bias)
-    }
-
-    /// Share of the vectors that are outliers; NaN without vectors.
-    pub fn outlier_share(&self) -> f64 {
-        self.outliers as f64 / self.vectors as f64
-    }
-
-    fn px(&self, number: fn(&Spread) -> f64) -> Option<[f64; 3]> {
-        let (_, per) = self.units.iter().find(|(unit, _)| *unit == "px")?;
-        Some([0, 1, 2].map(|axis| number(&self.spread_mm[axis]) / per[axis]))
-    }
-}
-
-impl Serialize for Errors {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        map.serialize_entry("vectors", &self.vectors)?;
-        map.serialize_entry("outliers", &self.outliers)?;
-        for (unit, per_mm) in &self.units {
-            for (name, number) in [
-                ("bias", (|spread| spread.bias) as fn(&Spread) -> f64),
-                ("rms", |spread| spread.rms),
-                ("std", |spread| spread.std),
-                ("median_abs", |spread| spread.median_abs),
-            ] {
-                for axis in 0..3 {
-                    let key = format!("{name}_{}_{unit}", COMPONENTS[axis]);
-                    map.serialize_entry(&key, &(number(&self.spread_mm[axis]) / per_mm[axis]))?;
-                }
-            }
-        }
-        map.end()
+        uncertainty: Coverage::of(&errors),
+        pdf: ErrorPdf::of(&errors, &units),
+        all: ErrorSummary::of(&errors, voxel_mm, units.clone()),
+        measured_only: ErrorSummary::of(&measured_only, voxel_mm, units),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::tracks::Tracks;
     use super::*;
-    use crate::scores::displacement::tracks::Tracks;
-    use crate::scores::displacement::trilinear::tests::{field, trilinear};
+    use crate::scores::fixtures::{field, trilinear};
+    use glam::DVec3;
     use lf_core::field::NO_DATA;
 
     fn displacement(truth: &Field, field: &Field, pixel_mm: Option<f64>) -> Displacement {
@@ -219,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn truth_of_another_layout_is_interpolated() {
+    fn a_truth_of_another_layout_is_interpolated() {
         let truth = field([5, 6, 4], trilinear);
         let mut measured = field([3, 3, 2], |_| [0.0; 3]);
         measured.layout.origin_mm = [-0.83, 0.61, -2.4];
@@ -264,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_score_is_null_and_valid_json() {
+    fn a_score_of_no_vector_is_null_and_valid_json() {
         let truth = field([4, 5, 3], |_| [0.0; 3]);
         let mut measured = field([4, 5, 3], |_| [0.0; 3]);
         measured.flag.fill(NO_DATA);
@@ -282,10 +199,10 @@ mod tests {
         measured.flag[0] = NO_DATA;
         measured.flag[59] = REPLACED;
         measured.su.fill(0.02);
-        let mid_mm = vec![[-0.9, 0.6, -2.9], [0.0, 1.0, 0.0], [0.4, 1.4, 0.9], [9.0, 1.0, 0.0]];
-        let truth = Truth::Tracks(Tracks { displacement_mm: vec![[0.0; 3]; 4], mid_mm, unpaired: 2 });
+        let mid_mm = [[-0.9, 0.6, -2.9], [0.0, 1.0, 0.0], [0.4, 1.4, 0.9], [9.0, 1.0, 0.0]].map(DVec3::from).to_vec();
+        let truth = Truth::Tracks(Tracks { displacement_mm: vec![DVec3::ZERO; 4], mid_mm, unpaired: 2 });
         let score = super::displacement(&truth, &measured, None);
-        assert_eq!(score.particles, Some(Particles { particles: 4, unpaired: 2, outside_field: 2 }));
+        assert_eq!(score.particles, Some(ParticleCounts { particles: 4, unpaired: 2, outside_field: 2 }));
         assert_eq!((score.outside_truth, score.all.vectors, score.measured_only.vectors), (0, 2, 1));
         assert_eq!((score.uncertainty.stated[0], score.uncertainty.within_1[0]), (1, 1.0));
         let found = json(&score);

@@ -1,41 +1,41 @@
-//! Whether the stated uncertainty holds.
+//! How well the stated uncertainty covers the errors.
 
-use crate::scores::displacement::truth::Sample;
+use super::truth::VectorError;
 use crate::scores::units::COMPONENTS;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-/// How the errors of measured vectors compare with the standard uncertainty stated of them; one number for each of u, v, w,
-/// and in JSON one key: `within_1_u`. Errors of a normal distribution are within one standard uncertainty in a share of
-/// 0.683 and within two in 0.954. NaN where nothing was stated.
+/// Errors of measured vectors against their stated standard uncertainty, one number for each of u, v and w. In JSON one key
+/// for each component: `within_1_u`. Normally distributed errors with the stated uncertainty are within one of it in a share
+/// of 0.683 and within two in a share of 0.954. NaN if no vector states an uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coverage {
     /// Measured vectors with a stated uncertainty.
     pub stated: [usize; 3],
-    /// Share of their errors no larger than the stated uncertainty.
+    /// Share of their errors not larger than the stated uncertainty.
     pub within_1: [f64; 3],
-    /// Share of their errors no larger than twice the stated uncertainty.
+    /// Share of their errors not larger than twice the stated uncertainty.
     pub within_2: [f64; 3],
     /// RMS of the stated uncertainty, mm.
     pub rms_stated_mm: [f64; 3],
-    /// RMS of their errors, mm: what it would be were it right.
+    /// RMS of their errors, mm. A right statement has the same RMS.
     pub rms_error_mm: [f64; 3],
 }
 
 impl Coverage {
-    /// The coverage of the measured samples.
-    pub fn of(samples: &[Sample]) -> Self {
+    /// The coverage of the measured vectors.
+    pub fn of(errors: &[VectorError]) -> Self {
         // Error and stated uncertainty of each vector that has both.
         let pairs = [0, 1, 2].map(|axis| {
-            let of_axis = |sample: &Sample| (sample.error_mm[axis], sample.stated_mm[axis]);
-            let measured = samples.iter().filter(|sample| sample.is_measured).map(of_axis);
-            measured.filter(|(_, stated)| stated.is_finite()).collect::<Vec<(f64, f64)>>()
+            let measured = errors.iter().filter(|error| error.is_measured);
+            let pairs = measured.map(|error| (error.error_mm[axis], error.stated_mm[axis]));
+            pairs.filter(|(_, stated)| stated.is_finite()).collect::<Vec<(f64, f64)>>()
         });
         let mean = |number: fn(&(f64, f64)) -> f64| {
-            [0, 1, 2].map(|axis| pairs[axis].iter().map(number).sum::<f64>() / pairs[axis].len() as f64)
+            pairs.each_ref().map(|pairs| pairs.iter().map(number).sum::<f64>() / pairs.len() as f64)
         };
         Self {
-            stated: [0, 1, 2].map(|axis| pairs[axis].len()),
+            stated: pairs.each_ref().map(Vec::len),
             within_1: mean(|(error, stated)| f64::from(error.abs() <= *stated)),
             within_2: mean(|(error, stated)| f64::from(error.abs() <= 2.0 * stated)),
             rms_stated_mm: mean(|(_, stated)| stated * stated).map(f64::sqrt),
@@ -61,21 +61,22 @@ impl Serialize for Coverage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     #[test]
     fn shares_by_hand() {
-        let sample = |u: f64, su: f64, is_measured| Sample {
-            error_mm: [u, 0.0, 0.0],
-            stated_mm: [su, f64::NAN, 0.0],
+        let error = |u: f64, su: f64, is_measured| VectorError {
+            error_mm: DVec3::new(u, 0.0, 0.0),
+            stated_mm: DVec3::new(su, f64::NAN, 0.0),
             is_measured,
         };
         let found = Coverage::of(&[
-            sample(1.0, 1.0, true),
-            sample(-3.0, 2.0, true),
-            sample(4.0, 1.0, true),
-            sample(0.0, f64::NAN, true),
-            sample(0.5, 2.0, true),
-            sample(9.0, 1.0, false),
+            error(1.0, 1.0, true),
+            error(-3.0, 2.0, true),
+            error(4.0, 1.0, true),
+            error(0.0, f64::NAN, true),
+            error(0.5, 2.0, true),
+            error(9.0, 1.0, false),
         ]);
         assert_eq!(found.stated, [4, 0, 5]);
         assert_eq!((found.within_1[0], found.within_2[0]), (0.5, 0.75));

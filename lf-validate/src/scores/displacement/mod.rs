@@ -3,11 +3,17 @@
 //! Open first: `compare.rs`.
 
 mod compare;
-pub mod coverage;
-pub mod tracks;
-pub mod trilinear;
-pub mod truth;
+mod coverage;
+mod pdf;
+mod summary;
+mod tracks;
+mod trilinear;
+mod truth;
 
-pub use compare::{Displacement, Errors, OUTLIER_FLOOR_VOX, OUTLIER_SIGMAS, Particles, displacement};
+pub use compare::{Displacement, ParticleCounts, displacement};
+pub use coverage::Coverage;
+pub use pdf::{BINS_PER_PX, BINS_PER_VOX, ErrorPdf, REACH};
+pub use summary::{ErrorSummary, OUTLIER_FLOOR_VOX, OUTLIER_SIGMAS};
 pub use tracks::{Tracks, tracks};
-pub use truth::{Sample, Truth, samples};
+pub use trilinear::{Interpolated, interpolate};
+pub use truth::{Truth, VectorError, errors};

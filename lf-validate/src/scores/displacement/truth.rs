@@ -1,29 +1,30 @@
-//! What the true displacement is known from, and the errors against it.
+//! The true displacement, and the errors of a field against it.
 
-use crate::scores::displacement::tracks::Tracks;
-use crate::scores::displacement::trilinear::between;
+use super::tracks::Tracks;
+use super::trilinear::interpolate;
+use glam::DVec3;
 use lf_core::field::{Field, MEASURED, NO_DATA};
 use lf_core::flow::Velocity;
 
-/// What the true displacement is known from.
+/// A source of the true displacement.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Truth {
-    /// A field: interpolated to the places of the measured vectors.
+    /// A field. It is interpolated to the places of the measured vectors.
     Field(Box<Field>),
     /// A flow, known everywhere.
     Flow {
-        /// The flow.
+        /// Velocity of the flow.
         velocity: Velocity,
-        /// Time between the volumes in its unit.
+        /// Time between the volumes, in the unit of the velocity.
         interval: f64,
     },
-    /// Particles: the measured field is interpolated to them. What the flow does below the size of a window is then part
-    /// of the error.
+    /// Particles. The measured field is interpolated to them, so that flow structures smaller than a window are part of the
+    /// error.
     Tracks(Tracks),
 }
 
 impl Truth {
-    /// What it is, in a word.
+    /// `field`, `flow` or `tracks`.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Field(_) => "field",
@@ -33,59 +34,55 @@ impl Truth {
     }
 }
 
-/// One error, and what was stated of it.
+/// Error of one vector, or of the field at one particle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample {
+pub struct VectorError {
     /// Measured - true, mm.
-    pub error_mm: [f64; 3],
-    /// Stated standard uncertainty, mm; NaN where there is none.
-    pub stated_mm: [f64; 3],
-    /// Whether it was measured; else it was replaced, or lies between vectors of which one was.
+    pub error_mm: DVec3,
+    /// Stated standard uncertainty, mm. NaN where there is none.
+    pub stated_mm: DVec3,
+    /// Whether the vector was measured. If not, it was replaced, or a neighbour used for interpolation was.
     pub is_measured: bool,
 }
 
-/// The errors of `field`, vector by vector or particle by particle, and how many had no counterpart: vectors outside the
-/// truth or beside one of its gaps, particles outside the field or beside one of its gaps.
-pub fn samples(truth: &Truth, field: &Field) -> (Vec<Sample>, usize) {
+/// The errors of `field`, one for each vector or particle, and the number of vectors or particles that could not be compared:
+/// vectors outside the truth or beside one of its gaps, particles outside the field or beside one of its gaps.
+pub fn errors(truth: &Truth, field: &Field) -> (Vec<VectorError>, usize) {
     let with_data = || (0..field.len()).filter(|&at| field.flag[at] != NO_DATA);
-    let sample = |at: usize, expected_mm: [f64; 3]| Sample {
-        error_mm: less([field.u[at], field.v[at], field.w[at]].map(f64::from), expected_mm),
-        stated_mm: [field.su[at], field.sv[at], field.sw[at]].map(f64::from),
+    let error = |at: usize, expected_mm: DVec3| VectorError {
+        error_mm: field.displacement_mm(at) - expected_mm,
+        stated_mm: field.uncertainty_mm(at),
         is_measured: field.flag[at] == MEASURED,
     };
-    let (samples, asked): (Vec<Sample>, usize) = match truth {
+    let (errors, wanted): (Vec<VectorError>, usize) = match truth {
         Truth::Field(truth) => {
-            let known = |at| Some(sample(at, between(truth, field.place_mm(at))?.vector_mm));
+            let known = |at| Some(error(at, interpolate(truth, field.place_mm(at).into())?.vector_mm));
             (with_data().filter_map(known).collect(), with_data().count())
         }
         Truth::Flow { velocity, interval } => {
             let places: Vec<[f64; 3]> = with_data().map(|at| field.place_mm(at)).collect();
             let expected = velocity.displacements_mm(&places, *interval);
-            (with_data().zip(expected).map(|(at, expected)| sample(at, expected)).collect(), places.len())
+            (with_data().zip(expected).map(|(at, expected)| error(at, expected.into())).collect(), places.len())
         }
         Truth::Tracks(tracks) => {
-            let known = |(place, expected): (&[f64; 3], &[f64; 3])| {
-                let found = between(field, *place)?;
-                let error_mm = less(found.vector_mm, *expected);
-                Some(Sample { error_mm, stated_mm: found.stated_mm, is_measured: found.is_measured })
+            let known = |(place, expected): (&DVec3, &DVec3)| {
+                let found = interpolate(field, *place)?;
+                let error_mm = found.vector_mm - *expected;
+                Some(VectorError { error_mm, stated_mm: found.stated_mm, is_measured: found.is_measured })
             };
             let pairs = tracks.mid_mm.iter().zip(&tracks.displacement_mm);
             (pairs.filter_map(known).collect(), tracks.mid_mm.len())
         }
     };
-    let outside = asked - samples.len();
-    (samples, outside)
-}
-
-fn less(measured: [f64; 3], expected: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|axis| measured[axis] - expected[axis])
+    let outside = wanted - errors.len();
+    (errors, outside)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scores::displacement::tracks::tracks;
-    use crate::scores::displacement::trilinear::tests::field;
+    use crate::scores::fixtures::field;
     use lf_core::flow::Flows;
     use lf_core::particles::Particle;
 
@@ -102,7 +99,7 @@ mod tests {
         Truth::Flow { velocity, interval: 1.0 }
     }
 
-    /// Particles that the shear moves, their places half way given.
+    /// Particles that the shear moves; `mid_mm` is half way.
     fn moved(mid_mm: &[[f64; 3]]) -> Truth {
         let place = |frame: usize, mid: &[f64; 3]| {
             let half = frame as f64 - 0.5;
@@ -130,9 +127,10 @@ mod tests {
             moved(&[[0.1, 0.7, 0.3], [-0.9, 1.4, -2.2], [0.5, 1.5, 1.0]]),
         ];
         for (truth, count) in truths.iter().zip([60, 60, 3]) {
-            let (samples, outside) = samples(truth, &measured);
-            assert_eq!((samples.len(), outside), (count, 0), "{}", truth.name());
-            for Sample { error_mm: [u, v, w], is_measured, .. } in samples {
+            let (errors, outside) = errors(truth, &measured);
+            assert_eq!((errors.len(), outside), (count, 0), "{}", truth.name());
+            for VectorError { error_mm, is_measured, .. } in errors {
+                let [u, v, w] = error_mm.to_array();
                 assert!((u - 0.003).abs() < 1e-7 && (v + 0.004).abs() < 1e-7 && (w - 0.005).abs() < 1e-7);
                 assert!(is_measured);
             }
@@ -140,13 +138,13 @@ mod tests {
     }
 
     #[test]
-    fn a_flow_holds_where_a_field_ends_and_particles_need_the_field() {
+    fn a_flow_is_known_beyond_a_field_and_particles_need_the_field() {
         let mut measured = field([4, 5, 3], shear);
         measured.flag[0] = NO_DATA;
         let truth = Truth::Field(Box::new(field([2, 5, 3], shear)));
-        assert_eq!(samples(&truth, &measured).1, 30);
-        assert_eq!((samples(&flow(), &measured).0.len(), samples(&flow(), &measured).1), (59, 0));
+        assert_eq!(errors(&truth, &measured).1, 30);
+        assert_eq!((errors(&flow(), &measured).0.len(), errors(&flow(), &measured).1), (59, 0));
         let truth = moved(&[[-0.9, 0.6, -2.9], [0.1, 0.7, 0.3], [0.1, 0.7, 1.1]]);
-        assert_eq!((samples(&truth, &measured).0.len(), samples(&truth, &measured).1), (1, 2));
+        assert_eq!((errors(&truth, &measured).0.len(), errors(&truth, &measured).1), (1, 2));
     }
 }

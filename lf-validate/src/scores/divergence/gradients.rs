@@ -1,28 +1,28 @@
-//! How far a field is from one that keeps its volume: what can be judged without the truth.
+//! The divergence of a field: how far it is from a flow that keeps its volume. It needs no truth.
 
-use crate::scores::divergence::noise::{Noise, noise};
-use crate::scores::pdf::Histogram;
+use super::noise::{Noise, noise};
+use crate::scores::density::Density;
 use crate::scores::spread::Spread;
+use glam::DVec3;
 use lf_core::field::{Field, Layout, NO_DATA};
 use lf_core::statistics::robust;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-/// Bins of the density to a robust standard deviation of the divergence.
+/// Bins of the density in one robust standard deviation of the divergence.
 pub const BINS_PER_SIGMA: f64 = 5.0;
 
 /// Bins on either side of the middle one: to 8 robust standard deviations.
 pub const REACH: usize = 40;
 
-/// What the divergence of a field says of it. Numbers of the divergence have no unit: change of volume over volume, in the
-/// time between the two volumes.
+/// Divergence and noise of a field. Divergences have no unit: change of volume over volume between the two volumes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Divergence {
     /// Vectors of the field.
     pub places: usize,
     /// Vectors without data.
     pub no_data: usize,
-    /// A pixel at the focal plane, mm; absent without a camera, and then so is every `px`.
+    /// Size of a pixel at the focal plane, mm. Without a camera it is absent, and so is every `px`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel_mm: Option<f64>,
     /// Voxel spacing of the volumes correlated, mm.
@@ -31,39 +31,39 @@ pub struct Divergence {
     pub stride: [usize; 3],
     /// The same, mm.
     pub stride_mm: [f64; 3],
-    /// Places whose six neighbours a stride away all have data. Replaced vectors count as data.
+    /// Places with data at all six neighbours a stride away. Replaced vectors count as data.
     pub count: usize,
     /// Mean divergence.
     pub mean: f64,
-    /// Root of its mean square.
+    /// Root mean square of the divergence.
     pub rms: f64,
-    /// Median of its size.
+    /// Median of its absolute value.
     pub median_abs: f64,
     /// Its robust standard deviation.
     pub sigma: f64,
-    /// Root of the mean square of all nine gradients of the displacement at all places.
+    /// Root mean square of all nine gradients of the displacement at all places.
     pub rms_gradient: f64,
-    /// `rms` over the root of the mean of (du/dx)^2 + (dv/dy)^2 + (dw/dz)^2: 0 where the volume is kept, 1 where the
-    /// three are independent of each other, as those of noise are; that is also what a flow of turn and shear alone ends in,
-    /// and NaN without its noise.
+    /// `rms` over the root of the mean of (du/dx)^2 + (dv/dy)^2 + (dw/dz)^2. It is 0 for a flow that keeps its volume, and 1
+    /// where the three are independent, as those of noise are. A flow of rotation and shear alone has no such gradients: it
+    /// also gives 1, from its noise, and NaN without noise.
     pub relative: f64,
-    /// RMS divergence that the noise alone would give: the root of the sum of sigma^2 / (2 stride_mm^2) over the axes.
+    /// RMS divergence of the noise alone: the root of the sum of sigma^2 / (2 stride_mm^2) over the axes.
     pub rms_of_noise: f64,
     /// Noise of the components.
     pub noise: Noise,
-    /// Density of the divergence in [`BINS_PER_SIGMA`] bins to a `sigma`; none where `sigma` is 0 or does not exist.
-    pub pdf: Option<Density>,
+    /// Density of the divergence, with [`BINS_PER_SIGMA`] bins in a `sigma`. None if `sigma` is 0 or does not exist.
+    pub pdf: Option<DivergencePdf>,
 }
 
-/// Density of the divergence. In JSON `x_divergence`, the middles of the bins, `divergence`, the density there per unit of
-/// divergence, and `below_divergence` and `above_divergence`, the shares beyond the bins.
+/// Density of the divergence. In JSON: `x_divergence`, the middles of the bins; `divergence`, the density per unit of
+/// divergence; `below_divergence` and `above_divergence`, the shares beyond the bins.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Density(pub Histogram);
+pub struct DivergencePdf(pub Density);
 
-/// Vectors along each axis that an interrogation window covers, rounded up, at least one: windows so far apart share no
+/// Vectors along each axis that an interrogation window covers, rounded up, and at least one. Windows so far apart share no
 /// data.
 pub fn stride(layout: &Layout) -> [usize; 3] {
-    // What the rounding of products may add to a whole number is no vector more.
+    // Rounding of the product may exceed a whole number by this much.
     const ROUNDING: f64 = 1e-6;
     [0, 1, 2].map(|axis| {
         let covered = layout.window[axis] as f64 * layout.voxel_mm[axis] / layout.spacing_mm[axis];
@@ -71,18 +71,17 @@ pub fn stride(layout: &Layout) -> [usize; 3] {
     })
 }
 
-/// Divergence and noise of `field`, by differences over a [`stride`] to either side; `pixel_mm` is a pixel at the focal
-/// plane.
+/// Divergence and noise of `field`, by differences over a [`stride`] to either side. `pixel_mm`: size of a pixel at the
+/// focal plane.
 pub fn divergence(field: &Field, pixel_mm: Option<f64>) -> Divergence {
     let stride = stride(&field.layout);
     let stride_mm = [0, 1, 2].map(|axis| stride[axis] as f64 * field.layout.spacing_mm[axis]);
-    let gradients: Vec<[[f64; 3]; 3]> =
-        (0..field.len()).filter_map(|at| gradient(field, at, stride, stride_mm)).collect();
-    let divergences: Vec<f64> = gradients.iter().map(|g| g[0][0] + g[1][1] + g[2][2]).collect();
+    let gradients: Vec<[DVec3; 3]> = (0..field.len()).filter_map(|at| gradient(field, at, stride, stride_mm)).collect();
+    let divergences: Vec<f64> = gradients.iter().map(|[x, y, z]| x.x + y.y + z.z).collect();
     let count = gradients.len() as f64;
-    let square = |numbers: &[f64]| numbers.iter().map(|number| number * number).sum::<f64>();
-    let straight = gradients.iter().map(|g| square(&[g[0][0], g[1][1], g[2][2]])).sum::<f64>() / count;
-    let all = gradients.iter().map(|g| square(g.as_flattened())).sum::<f64>() / (9.0 * count);
+    let squares = |numbers: &[f64]| numbers.iter().map(|number| number * number).sum::<f64>();
+    let straight = gradients.iter().map(|[x, y, z]| squares(&[x.x, y.y, z.z])).sum::<f64>() / count;
+    let all = gradients.iter().map(|g| squares(g.map(|d| d.to_array()).as_flattened())).sum::<f64>() / (9.0 * count);
     let spread = Spread::of(&divergences);
     let (_, sigma) = robust(&divergences);
     let noise = noise(field, stride, pixel_mm);
@@ -103,32 +102,27 @@ pub fn divergence(field: &Field, pixel_mm: Option<f64>) -> Divergence {
         relative: spread.rms / straight.sqrt(),
         rms_of_noise: (0..3).map(of_noise).sum::<f64>().sqrt(),
         noise,
-        pdf: (sigma > 0.0).then(|| Density(Histogram::of(&divergences, BINS_PER_SIGMA / sigma, REACH))),
+        pdf: (sigma > 0.0).then(|| DivergencePdf(Density::of(&divergences, BINS_PER_SIGMA / sigma, REACH))),
     }
 }
 
-/// Change of the displacement along x, y, z at a place, by central differences; none where one of the six has no data.
-fn gradient(field: &Field, at: usize, stride: [usize; 3], stride_mm: [f64; 3]) -> Option<[[f64; 3]; 3]> {
-    let shape = field.layout.shape;
-    let mut gradient = [[0.0; 3]; 3];
-    let mut step = 1;
+/// Derivatives of the displacement along x, y and z at a place, by central differences. None if one of the six neighbours has
+/// no data.
+fn gradient(field: &Field, at: usize, stride: [usize; 3], stride_mm: [f64; 3]) -> Option<[DVec3; 3]> {
+    let mut gradient = [DVec3::ZERO; 3];
     for axis in 0..3 {
-        let place = at / step % shape[axis];
-        if place < stride[axis] || place + stride[axis] >= shape[axis] {
-            return None;
-        }
-        let (low, high) = (at - stride[axis] * step, at + stride[axis] * step);
+        let steps = stride[axis] as isize;
+        let low = field.layout.neighbour(at, axis, -steps)?;
+        let high = field.layout.neighbour(at, axis, steps)?;
         if field.flag[low] == NO_DATA || field.flag[high] == NO_DATA {
             return None;
         }
-        gradient[axis] = [&field.u, &field.v, &field.w]
-            .map(|component| (f64::from(component[high]) - f64::from(component[low])) / (2.0 * stride_mm[axis]));
-        step *= shape[axis];
+        gradient[axis] = (field.displacement_mm(high) - field.displacement_mm(low)) / (2.0 * stride_mm[axis]);
     }
     Some(gradient)
 }
 
-impl Serialize for Density {
+impl Serialize for DivergencePdf {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("x_divergence", &self.0.x)?;
@@ -142,8 +136,7 @@ impl Serialize for Density {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scores::displacement::trilinear::tests::field;
-    use crate::scores::divergence::noise::tests::disturb;
+    use crate::scores::fixtures::{disturb, field};
     use lf_core::flow::Flows;
 
     /// A flow on the vectors of the field.
@@ -168,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn flows_that_keep_their_volume_have_none() {
+    fn a_flow_that_keeps_its_volume_has_no_divergence() {
         let abc = r#"{"kind": "abc", "wavelength_mm": 9.0, "displacement_mm": [0.1, 0.07, 0.04]}"#;
         let turn = r#"{"kind": "rotation", "axis": [1, -2, 3], "angle_rad": 0.2}"#;
         let shear = r#"{"kind": "shear", "along": "z", "across": "x", "rate": 0.1}"#;
@@ -181,21 +174,21 @@ mod tests {
                 assert!(found.count > 100);
             }
         }
-        // No straight gradient to compare with.
+        // It has no straight gradients to compare with.
         assert!(divergence(&flowing([9, 10, 8], turn), None).relative.is_nan());
     }
 
     #[test]
-    fn relative_is_nothing_where_gradients_balance() {
+    fn relative_is_0_where_gradients_balance() {
         let strain = divergence(&field([9, 10, 8], |[x, y, z]| [0.02 * x, 0.01 * y, -0.03 * z]), None);
         assert!(strain.relative < 1e-5 && strain.rms < 1e-6);
         // 4 + 1 + 9 over nine.
         assert!((strain.rms_gradient - 0.01 * (14.0f64 / 9.0).sqrt()).abs() < 1e-7);
     }
 
-    /// Central differences over unequal strides see k of each axis as sin(k h) / h.
+    /// A central difference over a stride h replaces k by sin(k h) / h, and the strides differ.
     #[test]
-    fn taylor_and_green_are_off_by_what_differences_see() {
+    fn taylor_and_green_have_the_error_of_differences() {
         let text = r#"{"kind": "taylor-green", "wavelength_mm": 12.0, "displacement_mm": 0.1}"#;
         let flow = flowing([9, 10, 8], text);
         let found = divergence(&flow, None);
@@ -210,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn expansion_is_its_rate() {
+    fn an_expansion_has_its_rate() {
         let found = divergence(&field([5, 6, 7], |place| place.map(|x| 0.01 * x)), None);
         assert_eq!((found.count, found.stride, found.stride_mm), (3 * 4 * 5, [1; 3], [0.5, 0.25, 2.0]));
         for number in [found.mean, found.rms, found.median_abs] {
@@ -219,9 +212,9 @@ mod tests {
         assert!((found.rms_gradient - 0.01 / 3f64.sqrt()).abs() < 1e-8 && (found.relative - 3f64.sqrt()).abs() < 1e-6);
     }
 
-    /// Noise gives the divergence that is said of it, and nothing balances.
+    /// Noise gives the divergence predicted from it, and no gradients balance.
     #[test]
-    fn noise_is_known_as_noise() {
+    fn noise_gives_its_divergence() {
         for window in [[0; 3], [100, 25, 20]] {
             let mut found = field([44, 40, 36], |_| [0.0; 3]);
             found.layout.window = window;
@@ -230,8 +223,8 @@ mod tests {
             assert!((found.relative - 1.0).abs() < 0.02, "{}", found.relative);
             assert!((found.rms_of_noise / found.rms - 1.0).abs() < 0.03, "{} of {}", found.rms_of_noise, found.rms);
             assert!((found.sigma / found.rms - 1.0).abs() < 0.03 && found.mean.abs() < 0.05 * found.rms);
-            let Some(Density(curve)) = &found.pdf else { panic!("no density") };
-            // That of a normal distribution in its middle, and nothing beyond 8 sigma.
+            let Some(DivergencePdf(curve)) = &found.pdf else { panic!("no density") };
+            // The density of a normal distribution in its middle, and no value beyond 8 sigma.
             assert!((curve.density[REACH] * found.sigma - 0.399).abs() < 0.02);
             assert_eq!((curve.x.len(), curve.x[REACH], curve.below, curve.above), (81, 0.0, 0.0, 0.0));
             assert!((curve.x[2 * REACH] / found.sigma - 8.0).abs() < 1e-12);
@@ -241,7 +234,7 @@ mod tests {
     #[test]
     fn gaps_are_left_out() {
         let mut expansion = field([5, 5, 5], |place| place.map(|x| 0.01 * x));
-        // In the middle of 3 x 3 x 3 places: the six around it lose a neighbour, and itself needs none.
+        // In the middle of 3 x 3 x 3 places. The six around it lose a neighbour; its own vector is not used at its place.
         expansion.flag[62] = NO_DATA;
         expansion.u[62] = f32::NAN;
         let found = divergence(&expansion, None);
@@ -250,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_field_too_small_is_null() {
+    fn a_score_of_a_field_that_is_too_small_is_null() {
         let mut small = field([4, 4, 4], |_| [0.0; 3]);
         small.layout.window = [100, 25, 40];
         let found = serde_json::to_value(divergence(&small, None)).unwrap();

@@ -3,6 +3,7 @@
 //! Open first: `gradients.rs`.
 
 mod gradients;
-pub mod noise;
+mod noise;
 
-pub use gradients::{BINS_PER_SIGMA, Density, Divergence, REACH, divergence, stride};
+pub use gradients::{BINS_PER_SIGMA, Divergence, DivergencePdf, REACH, divergence, stride};
+pub use noise::{Estimate, LEAST_DIFFERENCES, Noise, noise};

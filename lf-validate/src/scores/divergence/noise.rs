@@ -1,4 +1,4 @@
-//! The noise of a field, from nothing but the field.
+//! The noise of a field, from the field alone.
 
 use crate::scores::units::{AXES, COMPONENTS, Unit, units};
 use lf_core::field::{Field, MEASURED};
@@ -6,7 +6,7 @@ use lf_core::statistics::{median, robust};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-/// An axis with fewer third differences than this says nothing: of so many the robust standard deviation is known to 12 %.
+/// Fewest third differences along an axis. From this many the robust standard deviation is known to 12 %.
 pub const LEAST_DIFFERENCES: usize = 100;
 
 /// A third difference f0 - 3 f1 + 3 f2 - f3 of independent errors has the variance (1 + 9 + 9 + 1) sigma^2.
@@ -17,7 +17,7 @@ const VARIANCE: f64 = 20.0;
 pub struct Estimate {
     /// Standard deviation, mm.
     pub sigma_mm: f64,
-    /// The axis that it was found along.
+    /// Axis of the differences.
     pub axis: usize,
     /// Third differences along that axis.
     pub differences: usize,
@@ -25,32 +25,34 @@ pub struct Estimate {
 
 /// Noise of u, v and w.
 ///
-/// From third differences along each axis at neighbours that share no data: they take away all of a flow up to its second
-/// derivative, and the robust standard deviation about their median takes the third where it is even. What is left of
-/// the flow counts as noise, so each component takes the axis that says least. Errors that neighbours share are not seen.
+/// It comes from third differences along each axis, between neighbours that share no data. Third differences remove a flow up
+/// to its second derivative. The robust standard deviation about their median also removes a third derivative that is
+/// constant. All that remains of the flow counts as noise, so that each component takes the axis with the smallest estimate.
+/// Errors that neighbours share stay hidden.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
-    /// None where no axis has [`LEAST_DIFFERENCES`].
+    /// Estimates of u, v and w. None if no axis has [`LEAST_DIFFERENCES`].
     pub estimates: [Option<Estimate>; 3],
-    /// Median uncertainty stated of measured vectors, mm; NaN where none is.
+    /// Median of the uncertainties that measured vectors state, mm. NaN if none is stated.
     pub stated_mm: [f64; 3],
     units: Vec<Unit>,
 }
 
-/// The noise of `field`, from differences over `stride` vectors; `pixel_mm` is a pixel at the focal plane.
+/// The noise of `field`, from differences over `stride` vectors. `pixel_mm`: size of a pixel at the focal plane.
 pub fn noise(field: &Field, stride: [usize; 3], pixel_mm: Option<f64>) -> Noise {
-    let stated = |values: &[f32]| {
+    let stated = |values: &Vec<f32>| {
         let measured = values.iter().zip(&field.flag).filter(|(_, flag)| **flag == MEASURED);
         let finite = measured.map(|(value, _)| f64::from(*value)).filter(|value| value.is_finite());
         median(&mut finite.collect::<Vec<f64>>())
     };
     Noise {
         estimates: [&field.u, &field.v, &field.w].map(|values| estimate(field, values, stride)),
-        stated_mm: [&field.su, &field.sv, &field.sw].map(|values| stated(values)),
+        stated_mm: [&field.su, &field.sv, &field.sw].map(stated),
         units: units(field.layout.voxel_mm, pixel_mm),
     }
 }
 
+/// Noise of one component: the smallest of the three axes.
 fn estimate(field: &Field, values: &[f32], stride: [usize; 3]) -> Option<Estimate> {
     let along = |axis: usize| {
         let differences = third_differences(field, values, axis, stride[axis]);
@@ -61,30 +63,26 @@ fn estimate(field: &Field, values: &[f32], stride: [usize; 3]) -> Option<Estimat
     long_enough.min_by(|a, b| a.sigma_mm.total_cmp(&b.sigma_mm))
 }
 
-/// Those of four vectors in line that were all measured: one replaced from its neighbours has their errors.
+/// Third differences of all sets of four measured vectors in line. A replaced vector has the errors of its neighbours.
 fn third_differences(field: &Field, values: &[f32], axis: usize, stride: usize) -> Vec<f64> {
-    let shape = field.layout.shape;
-    let step: usize = shape[..axis].iter().product();
-    let difference = |at: usize| {
-        if at / step % shape[axis] + 3 * stride >= shape[axis] {
-            return None;
-        }
-        let line = [0, 1, 2, 3].map(|n| at + n * stride * step);
-        let has_data = line.iter().all(|&at| field.flag[at] == MEASURED);
-        let [a, b, c, d] = line.map(|at| f64::from(values[at]));
-        has_data.then_some((a - d) + 3.0 * (c - b))
+    let difference = |first: usize| {
+        let last = field.layout.neighbour(first, axis, 3 * stride as isize)?;
+        let four = [0, 1, 2, 3].map(|n| first + n * (last - first) / 3);
+        let is_measured = four.iter().all(|&at| field.flag[at] == MEASURED);
+        let [a, b, c, d] = four.map(|at| f64::from(values[at]));
+        is_measured.then_some((a - d) + 3.0 * (c - b))
     };
     (0..field.len()).filter_map(difference).collect()
 }
 
 impl Noise {
-    /// The noise of each component in pixels, NaN where there is no estimate; none without a pixel's size.
+    /// The noise of each component in pixels. NaN without an estimate; none without a camera.
     pub fn px(&self) -> Option<[f64; 3]> {
-        let (_, per) = self.units.iter().find(|(unit, _)| *unit == "px")?;
-        Some([0, 1, 2].map(|axis| self.sigma_mm(axis) / per[axis]))
+        let (_, pixel_mm) = self.units.iter().find(|(unit, _)| *unit == "px")?;
+        Some([0, 1, 2].map(|axis| self.sigma_mm(axis) / pixel_mm[axis]))
     }
 
-    /// The noise of a component, mm; NaN where there is no estimate.
+    /// The noise of a component, mm. NaN without an estimate.
     pub fn sigma_mm(&self, component: usize) -> f64 {
         self.estimates[component].map_or(f64::NAN, |estimate| estimate.sigma_mm)
     }
@@ -109,28 +107,14 @@ impl Serialize for Noise {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use crate::scores::displacement::trilinear::tests::field;
+    use crate::scores::fixtures::{disturb, field};
     use lf_core::field::NO_DATA;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
-    use rand_pcg::Pcg64Mcg;
-
-    /// Adds independent normal errors to every vector.
-    pub(crate) fn disturb(field: &mut Field, sigma_mm: [f64; 3], seed: u64) {
-        let mut random = Pcg64Mcg::seed_from_u64(seed);
-        for (component, sigma) in [&mut field.u, &mut field.v, &mut field.w].into_iter().zip(sigma_mm) {
-            for value in component {
-                let normal: f64 = StandardNormal.sample(&mut random);
-                *value += (sigma * normal) as f32;
-            }
-        }
-    }
 
     #[test]
-    fn noise_that_was_added_comes_back() {
-        // The flow is quadratic along every axis: 2 mm across the field, a thousand times the noise.
+    fn added_noise_is_found() {
+        // The flow is quadratic along every axis. It changes by 2 mm across the field, a thousand times the noise.
         let flow = |[x, y, z]: [f64; 3]| [0.01 * x * x - 0.3 * y * y, 0.02 * y * z, 0.1 + 0.001 * z * z + 0.1 * x * y];
         let sigma = [0.002, 0.001, 0.03];
         for stride in [[1, 1, 1], [2, 3, 1]] {
@@ -146,8 +130,8 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_axis_that_says_least_and_none_that_is_short() {
-        // A cubic along x is even in its third difference; a fast wave along x is not, and y sees nothing of it.
+    fn the_axis_with_the_smallest_estimate_counts_if_it_is_long_enough() {
+        // The third difference of a cubic along x is constant. That of a fast wave along x is not, but y does not see the wave.
         let quiet = noise(&field([40, 12, 4], |[x, ..]| [0.1 * x * x * x, (9.0 * x).sin(), 0.0]), [1; 3], None);
         assert!(quiet.sigma_mm(0) < 1e-4 && quiet.sigma_mm(1) < 1e-6 && quiet.sigma_mm(2) == 0.0);
         assert_eq!(quiet.estimates[1].map(|estimate| (estimate.axis, estimate.differences)), Some((1, 40 * 9 * 4)));
@@ -160,7 +144,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn gaps_are_left_out_and_what_is_stated_stands_beside() {
+    fn gaps_are_left_out_and_stated_uncertainties_are_given() {
         let mut found = field([20, 10, 4], |_| [0.0; 3]);
         for at in [5, 300, 301, 799] {
             found.flag[at] = NO_DATA;

@@ -3,5 +3,8 @@
 //! Open first: `measure.rs`.
 
 mod measure;
+mod profile;
+mod score;
 
-pub use measure::{BIN_VOX, BINS, ByDepth, Elongation, Histogram, IDEAL_VOX, Percentiles, SLABS, Widths, elongation};
+pub use measure::elongation;
+pub use score::{BIN_VOX, BINS, ByDepth, Elongation, Histogram, IDEAL_VOX, Percentiles, SLABS, Widths};

@@ -2,6 +2,9 @@
 //! Out: their mean with its uncertainty, fluctuations, and the vorticity of the mean.
 //! Open first: `sums.rs`.
 
+mod statistics;
 mod sums;
+mod vorticity;
 
-pub use sums::{Ensemble, Summary, Sums};
+pub use statistics::{Ensemble, EnsembleSummary};
+pub use sums::EnsembleSums;

@@ -3,5 +3,8 @@
 //! Open first: `compare.rs`.
 
 mod compare;
+mod score;
+mod sums;
 
-pub use compare::{ByDepth, ByRegion, Quality, Scores, quality};
+pub use compare::quality;
+pub use score::{ByDepth, ByRegion, Quality, Scores};

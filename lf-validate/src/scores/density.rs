@@ -1,0 +1,57 @@
+//! Probability densities in bins.
+
+/// A probability density in bins of equal width. The middle bin is centred at zero.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Density {
+    /// Middle of each bin.
+    pub x: Vec<f64>,
+    /// Density in each bin, per unit of x. It integrates to the share of the values inside the bins. NaN without values.
+    pub density: Vec<f64>,
+    /// Share of the values below the first bin.
+    pub below: f64,
+    /// Share of the values above the last bin.
+    pub above: f64,
+}
+
+impl Density {
+    /// The density of `values` in `2 reach + 1` bins, of which `per_unit` are one unit wide. A value between two bins counts
+    /// in the upper one.
+    pub fn of(values: &[f64], per_unit: f64, reach: usize) -> Self {
+        let (mut counts, mut below, mut above) = (vec![0usize; 2 * reach + 1], 0, 0);
+        for value in values {
+            let bin = (value * per_unit + 0.5).floor() + reach as f64;
+            if bin < 0.0 {
+                below += 1;
+            } else if let Some(count) = counts.get_mut(bin as usize) {
+                *count += 1;
+            } else {
+                above += 1;
+            }
+        }
+        let share = |count: usize| count as f64 / values.len() as f64;
+        Self {
+            x: (0..counts.len()).map(|bin| (bin as f64 - reach as f64) / per_unit).collect(),
+            density: counts.iter().map(|&count| share(count) * per_unit).collect(),
+            below: share(below),
+            above: share(above),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bins_by_hand() {
+        // Bins of 0.5 from -1.25 to 1.25: two below, one in each of three, one above.
+        let found = Density::of(&[-1.3, -7.0, -1.25, 0.2, 0.25, 1.25, 1.2, 0.3], 2.0, 2);
+        assert_eq!(found.x, [-1.0, -0.5, 0.0, 0.5, 1.0]);
+        assert_eq!(found.density, [0.25, 0.0, 0.25, 0.5, 0.25]);
+        assert_eq!((found.below, found.above), (0.25, 0.125));
+        let integral: f64 = found.density.iter().map(|density| density * 0.5).sum();
+        assert_eq!(integral, 1.0 - found.below - found.above);
+        let nothing = Density::of(&[], 2.0, 2);
+        assert!(nothing.density.iter().all(|density| density.is_nan()) && nothing.below.is_nan());
+    }
+}

@@ -1,0 +1,199 @@
+//! The numbers that are printed about the sizes of particles.
+
+use crate::scores::units::AXES;
+use lf_core::grid::Grid;
+use lf_core::statistics::quantile;
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+/// Diameter of the ideal particle, voxels.
+pub const IDEAL_VOX: f64 = 3.0;
+
+/// Width of a bin of the histogram, voxels. With voxels of 1 x 1 x 10 pixels, 2 to 4 and 10 to 25 pixels are whole bins.
+pub const BIN_VOX: f64 = 0.5;
+
+/// Number of bins. Longer diameters count as `beyond`.
+pub const BINS: usize = 24;
+
+/// Slabs of equal depth in which medians are given.
+pub const SLABS: usize = 20;
+
+/// Widths of one particle along x, y and z, voxels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ParticleSize {
+    /// True depth of the particle, mm.
+    pub z_mm: f64,
+    pub diameter: [f64; 3],
+    pub half_maximum: [f64; 3],
+}
+
+/// The score of the particles of one or more volumes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Elongation {
+    /// Particles whose true place is in the grid.
+    pub particles: usize,
+    /// Particles that were measured.
+    pub measured: usize,
+    /// Particles without light near their true place.
+    pub missed: usize,
+    /// Particles whose brightest voxel belongs to a particle nearer to it. Not measured.
+    pub merged: usize,
+    /// Particles that reach over the end of the grid. Not measured.
+    pub cut: usize,
+    /// Voxel spacing, mm.
+    pub voxel_mm: [f64; 3],
+    /// Size of a pixel at the focal plane, mm. Without a camera it is absent, and so is every `px`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pixel_mm: Option<f64>,
+    /// The paper's diameter: full width at exp(-2) of the peak.
+    pub diameter: Widths,
+    /// Full width at half maximum.
+    pub half_maximum: Widths,
+    /// Shares of the particles by diameter.
+    pub histogram: Histogram,
+    /// Medians of the diameter by depth.
+    pub by_depth: ByDepth,
+}
+
+/// Percentiles of a width in each unit. In JSON one key for each percentile, axis and unit: `median_x_vox`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Widths {
+    /// In voxels.
+    pub vox: Percentiles,
+    /// In millimetres.
+    pub mm: Percentiles,
+    /// In pixels at the focal plane. None without a camera.
+    pub px: Option<Percentiles>,
+}
+
+/// Percentiles of a width along x, y and z. NaN without particles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Percentiles {
+    /// Half of the particles are smaller.
+    pub median: [f64; 3],
+    /// A tenth are smaller.
+    pub p10: [f64; 3],
+    /// A tenth are larger.
+    pub p90: [f64; 3],
+}
+
+/// Share of the particles in each bin of [`BIN_VOX`].
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Histogram {
+    /// Middles of the bins, voxels.
+    pub vox: Vec<f64>,
+    /// Middles of the bins of x, pixels. Those of y are equal if pixels and voxels are square.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub x_px: Option<Vec<f64>>,
+    /// Middles of the bins of y, pixels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y_px: Option<Vec<f64>>,
+    /// Middles of the bins of z, pixels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub z_px: Option<Vec<f64>>,
+    /// Shares along x.
+    pub x: Vec<f64>,
+    /// Shares along y.
+    pub y: Vec<f64>,
+    /// Shares along z.
+    pub z: Vec<f64>,
+    /// Shares beyond the last bin, along x, y, z.
+    pub beyond: [f64; 3],
+}
+
+/// Medians of the diameter in slabs of equal depth. None, `null` in JSON, for a slab without particles.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ByDepth {
+    /// Middles of the slabs, mm.
+    pub z_mm: Vec<f64>,
+    /// Particles in each.
+    pub particles: Vec<usize>,
+    /// Medians along x, voxels.
+    pub x_vox: Vec<Option<f64>>,
+    /// Medians along y, voxels.
+    pub y_vox: Vec<Option<f64>>,
+    /// Medians along z, voxels.
+    pub z_vox: Vec<Option<f64>>,
+}
+
+impl Widths {
+    /// Percentiles of one width of all particles.
+    pub(super) fn of(widths_vox: impl Iterator<Item = [f64; 3]>, voxel_mm: [f64; 3], pixel_mm: Option<f64>) -> Self {
+        let mut along = [const { Vec::new() }; 3];
+        for width in widths_vox {
+            (0..3).for_each(|axis| along[axis].push(width[axis]));
+        }
+        let mut percentiles = |unit: [f64; 3]| {
+            let mut at = |share| [0, 1, 2].map(|axis| quantile(&mut along[axis], share) * unit[axis]);
+            Percentiles { median: at(0.5), p10: at(0.1), p90: at(0.9) }
+        };
+        Self {
+            vox: percentiles([1.0; 3]),
+            mm: percentiles(voxel_mm),
+            px: pixel_mm.map(|pixel| percentiles(voxel_mm.map(|voxel| voxel / pixel))),
+        }
+    }
+}
+
+impl Serialize for Widths {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for (unit, widths) in [("vox", Some(&self.vox)), ("mm", Some(&self.mm)), ("px", self.px.as_ref())] {
+            let Some(Percentiles { median, p10, p90 }) = widths else { continue };
+            for (name, values) in [("median", median), ("p10", p10), ("p90", p90)] {
+                for (axis, value) in AXES.iter().zip(values) {
+                    map.serialize_entry(&format!("{name}_{axis}_{unit}"), value)?;
+                }
+            }
+        }
+        map.end()
+    }
+}
+
+impl Histogram {
+    pub(super) fn of(sizes: &[ParticleSize], voxel_mm: [f64; 3], pixel_mm: Option<f64>) -> Self {
+        // Shares of no particle do not exist.
+        let start = if sizes.is_empty() { f64::NAN } else { 0.0 };
+        let mut shares = [0, 1, 2].map(|_| vec![start; BINS]);
+        let mut beyond = [start; 3];
+        let each = 1.0 / sizes.len() as f64;
+        for size in sizes {
+            for axis in 0..3 {
+                let bin = (size.diameter[axis] / BIN_VOX) as usize;
+                *shares[axis].get_mut(bin).unwrap_or(&mut beyond[axis]) += each;
+            }
+        }
+        let vox: Vec<f64> = (0..BINS).map(|bin| (bin as f64 + 0.5) * BIN_VOX).collect();
+        let px = |axis: usize| pixel_mm.map(|pixel| vox.iter().map(|v| v * voxel_mm[axis] / pixel).collect());
+        let [x_px, y_px, z_px] = [0, 1, 2].map(px);
+        let [x, y, z] = shares;
+        Self { vox, x_px, y_px, z_px, x, y, z, beyond }
+    }
+}
+
+impl ByDepth {
+    pub(super) fn of(sizes: &[ParticleSize], grid: &Grid) -> Self {
+        let low_mm = grid.origin_mm[2] - 0.5 * grid.spacing_mm[2];
+        let step_mm = grid.shape[2] as f64 * grid.spacing_mm[2] / SLABS as f64;
+        let mut slabs: Vec<Vec<&ParticleSize>> = vec![Vec::new(); SLABS];
+        for size in sizes {
+            let slab = ((size.z_mm - low_mm) / step_mm).max(0.0) as usize;
+            slabs[slab.min(SLABS - 1)].push(size);
+        }
+        let medians = |axis: usize| {
+            let median = |slab: &Vec<&ParticleSize>| {
+                let mut diameters: Vec<f64> = slab.iter().map(|size| size.diameter[axis]).collect();
+                (!diameters.is_empty()).then(|| quantile(&mut diameters, 0.5))
+            };
+            slabs.iter().map(median).collect()
+        };
+        let [x_vox, y_vox, z_vox] = [0, 1, 2].map(medians);
+        Self {
+            z_mm: (0..SLABS).map(|slab| low_mm + (slab as f64 + 0.5) * step_mm).collect(),
+            particles: slabs.iter().map(Vec::len).collect(),
+            x_vox,
+            y_vox,
+            z_vox,
+        }
+    }
+}
