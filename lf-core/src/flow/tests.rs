@@ -1,4 +1,6 @@
 use super::*;
+use glam::{DMat3, DVec3};
+use std::path::Path;
 
 const BOUNDS: [[f64; 2]; 3] = [[-2.0, 2.0], [-2.0, 2.0], [-5.0, 5.0]];
 
@@ -35,7 +37,7 @@ fn quarter_cycle_by_hand() {
     assert_eq!(field.at(DVec3::new(1.0, 0.0, 0.0)).z, 0.0);
 }
 
-/// The same wave over the paper's length in a volume that is none: 4 mm along x, of 1820 px = 10.01 mm.
+/// The same wave over the paper's length of 1820 px = 10.01 mm, in a smaller volume of 4 mm along x.
 #[test]
 fn a_part_of_a_longer_wave() {
     let text =
@@ -71,8 +73,8 @@ fn uniform_is_uniform_and_flows_add_up() {
     assert!((z - (0.12 + 0.5 * (0.8 + 0.04))).abs() < 1e-12, "{z}");
 }
 
-/// A turn in 8 parts closes, and is right-handed: about z, x goes to y. Two steps of half the length leave about a sixteenth
-/// of the error of one.
+/// A rotation by 8 eighths closes, and is right-handed: about z, x goes to y. Two steps of half the length leave about a
+/// sixteenth of the error of one.
 #[test]
 fn rotation_closes_to_the_fourth_order() {
     let turn = |angle: f64| field(&format!(r#"{{"kind": "rotation", "axis": [0, 0, 3], "angle_rad": {angle}}}"#));
@@ -82,7 +84,7 @@ fn rotation_closes_to_the_fourth_order() {
     let error = |steps: u32| {
         let mut place = DVec3::X;
         for _ in 0..steps {
-            // Less than a step at a time is one step.
+            // A time shorter than a step takes one step.
             place = whole.carry(place, 0.08 / f64::from(steps));
         }
         place.distance(DVec3::new((0.02 * std::f64::consts::PI).cos(), (0.02 * std::f64::consts::PI).sin(), 0.0))
@@ -90,10 +92,11 @@ fn rotation_closes_to_the_fourth_order() {
     assert!(error(1) < 1e-8 && error(2) < error(1) / 14.0, "{} {}", error(1), error(2));
 }
 
-/// On its axis at s radii the field is displacement ((1 + e^2) / (1 + e^2 + s^2))^(3/2), it has no divergence, flows back
-/// outside, and is Biot and Savart's integral taken the long way, most of all at the core where the quadrature is hardest.
+/// On the axis, s radii from the centre, the velocity is displacement ((1 + e^2) / (1 + e^2 + s^2))^(3/2). The field has no
+/// divergence and flows back outside the ring. It equals a fine sum of Biot and Savart's integral also at the core, where the
+/// quadrature is hardest.
 #[test]
-fn a_ring_is_that_of_biot_and_savart() {
+fn a_ring_is_the_integral_of_biot_and_savart() {
     let text = r#"{"kind": "ring", "axis": [0, 2, 0], "radius_mm": 0.8, "core_mm": 0.2, "displacement_mm": 0.1}"#;
     let ring = field(text);
     for s in [0.0, 0.5, -2.0] {
@@ -138,8 +141,8 @@ fn a_jet_is_half_as_fast_at_its_edge() {
     assert!((thickness - 0.05).abs() < 1e-3, "{thickness}");
 }
 
-/// Neither has divergence; the vorticity of ABC is its velocity times the wavenumber, Taylor and Green's at its centre is
-/// none and u grows there by A k.
+/// Neither has divergence. The vorticity of ABC is its velocity times the wavenumber. At the centre of the Taylor-Green flow
+/// the vorticity is 0 and u grows by A k.
 #[test]
 fn textbook_vortices_have_their_properties() {
     let k = std::f64::consts::TAU / 3.0;
@@ -156,7 +159,7 @@ fn textbook_vortices_have_their_properties() {
     assert!((g.x_axis.x - 0.1 * k).abs() < 1e-7 && g.y_axis.x.abs() < 1e-9);
 }
 
-/// Between its vectors a sampled linear field is itself; beyond them it is as at the edge.
+/// A sampled linear field is exact between its vectors and constant beyond the outermost.
 #[test]
 fn a_sampled_field_is_trilinear() {
     use crate::field::{Field, Layout, MEASURED};
@@ -187,7 +190,7 @@ fn a_sampled_field_is_trilinear() {
 }
 
 #[test]
-fn what_is_wrong_with_a_flow_is_named() {
+fn errors_of_a_flow_name_the_key() {
     let ring = r#""axis": [0, 1, 0], "radius_mm": 1, "displacement_mm": 0.1"#;
     for (text, named) in [
         (r#"{"kind": "vortex"}"#.to_string(), "vortex"),

@@ -1,7 +1,8 @@
-//! An output before it is whole.
+//! An output before it is complete.
 //!
-//! Where the file system can (Linux: O_TMPFILE), it has no name until then, so that a process that is killed leaves
-//! nothing behind. Elsewhere, NFS among them, it is `.lf-*.part` beside its place, and a killed process leaves that.
+//! If the file system allows it (Linux: O_TMPFILE), the draft has no name, and a killed process leaves nothing behind.
+//! Otherwise (NFS, for example) the draft is a file `.lf-*.part` in the folder of the output, and a killed process leaves
+//! it there.
 
 use std::fs::{File, Permissions};
 use std::io::{self, Seek, SeekFrom};
@@ -9,16 +10,16 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use tempfile::{Builder, NamedTempFile, TempPath};
 
-/// Read and written by everybody whom the umask lets.
+/// Permissions before the umask: everybody may read and write.
 const MODE: u32 = 0o666;
 
-/// What stands between a draft and its name.
+/// The name of a draft, if it has one.
 pub(super) enum Draft {
     Nameless,
     Named(TempPath),
 }
 
-/// An empty draft in a folder.
+/// Creates an empty draft in a folder.
 pub(super) fn begin(folder: &Path) -> io::Result<(File, Draft)> {
     if let Some(file) = nameless(folder) {
         return Ok((file, Draft::Nameless));
@@ -29,21 +30,21 @@ pub(super) fn begin(folder: &Path) -> io::Result<(File, Draft)> {
 }
 
 impl Draft {
-    /// Gives the draft, whose file is whole, its name in place of whatever had it.
+    /// Gives the complete draft its final name and replaces a file that has this name.
     pub fn finish(self, file: &File, place: &Path, folder: &Path) -> io::Result<()> {
         match self {
             Self::Named(path) => path.persist(place).map_err(|refused| refused.error),
-            // A name cannot be taken over by a link, only by a rename: the draft has one of its own for a moment.
+            // A link cannot replace an existing name, a rename can: link the draft to a temporary name first.
             Self::Nameless => match names().make_in(folder, |path| link(file, path)) {
                 Ok(named) => named.into_temp_path().persist(place).map_err(|refused| refused.error),
-                // A file system that knows such files and does not let them be named.
+                // Some file systems allow nameless files but do not let them be linked.
                 Err(_) => copy(file, folder)?.persist(place).map(|_| ()).map_err(|refused| refused.error),
             },
         }
     }
 }
 
-/// A copy of a draft that has a name.
+/// Copies a draft to a file with a temporary name.
 fn copy(mut file: &File, folder: &Path) -> io::Result<NamedTempFile> {
     let mut named = names().permissions(Permissions::from_mode(MODE)).tempfile_in(folder).map_err(without_path)?;
     file.seek(SeekFrom::Start(0))?;
@@ -58,7 +59,7 @@ fn names() -> Builder<'static, 'static> {
     names
 }
 
-/// tempfile wraps its errors with the temporary's name, which means nothing to a user.
+/// Removes the temporary name that tempfile adds to its errors; it means nothing to a user.
 fn without_path(error: io::Error) -> io::Error {
     let code = error.raw_os_error().or_else(|| {
         let source = std::error::Error::source(error.get_ref()?)?;
@@ -67,7 +68,7 @@ fn without_path(error: io::Error) -> io::Error {
     code.map_or_else(|| error.kind().into(), io::Error::from_raw_os_error)
 }
 
-/// None where the system has no such files, or could not name one later.
+/// A file without a name. None if the system has no such files, or could not name one later.
 #[cfg(target_os = "linux")]
 fn nameless(folder: &Path) -> Option<File> {
     use std::os::unix::fs::OpenOptionsExt;
@@ -78,7 +79,7 @@ fn nameless(folder: &Path) -> Option<File> {
     File::options().read(true).write(true).mode(MODE).custom_flags(flags).open(folder).ok()
 }
 
-/// Where Linux shows a process its open files.
+/// The folder in which Linux lists the open files of this process.
 #[cfg(target_os = "linux")]
 const DESCRIPTORS: &str = "/proc/self/fd";
 

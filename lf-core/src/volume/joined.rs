@@ -1,14 +1,14 @@
-//! A column of a whole volume, from one file or from all tiles of one.
+//! One column of a whole volume, from one file or from all its tiles.
 
 use crate::grid::Grid;
 use crate::history::History;
-use crate::volume::Volume;
+use crate::volume::reader::Volume;
 use crate::volume::tile::Tile;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Rising indices of a whole volume and a value for each. One file lends its own; of [tiles](crate::volume::tile) the cores are
-/// joined, and what they held beyond is left behind with their files.
+/// Rising indices of a whole volume, with a value for each. A single file lends its own columns. From
+/// [tiles](crate::volume::tile), the cores are copied; the voxels beyond the cores are dropped.
 pub struct JoinedVolume {
     name: String,
     grid: Grid,
@@ -22,11 +22,11 @@ enum Source {
 }
 
 impl JoinedVolume {
-    /// The volumes that these files are, in their order: a file that is a tile stands with the files after it for one volume,
-    /// as many as it has tiles, in any order. No more files are open at a time than a volume has.
+    /// Opens files as volumes, in their order. A tile and the files after it, as many as the volume has tiles and in any
+    /// order among themselves, make one volume. Only the files of one volume are open at a time.
     ///
     /// # Errors
-    /// Those of the files; a file without the column; tiles that are not all there, there twice, or of different grids.
+    /// Those of the files, a file without the column, and tiles that are missing, given twice, or of different grids.
     pub fn open_all<'a>(paths: impl IntoIterator<Item = &'a Path>, column: &'static str) -> Result<Vec<Self>> {
         let mut paths = paths.into_iter();
         let mut wholes = Vec::new();
@@ -52,14 +52,14 @@ impl JoinedVolume {
         Ok(wholes)
     }
 
-    /// One file as it is.
+    /// A volume from one file.
     fn of_file(volume: Volume, column: &'static str) -> Result<Self> {
         volume.require(column)?;
         let (name, grid, history) = (volume.name().to_owned(), volume.grid().clone(), volume.history().clone());
         Ok(Self { name, grid, history, source: Source::File(Box::new(volume), column) })
     }
 
-    /// The cores of all tiles of a volume, line by line along x, which are in rising order in each.
+    /// A volume from all its tiles. Lines along x are copied core by core, so that the indices rise.
     fn joined(mut tiles: Vec<(Tile, Volume)>, column: &str) -> Result<Self> {
         let name = match tiles.as_slice() {
             [(_, only)] => only.name().to_owned(),
@@ -93,7 +93,7 @@ impl JoinedVolume {
         Ok(Self { name, grid, history, source: Source::Joined(joined, values) })
     }
 
-    /// What messages call it.
+    /// Name of the volume in messages.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -103,7 +103,7 @@ impl JoinedVolume {
         &self.grid
     }
 
-    /// The steps that led to it; those of tiles that differ one after the other.
+    /// The steps that led to the volume; steps in which the tiles differ stand one after the other.
     pub fn history(&self) -> &History {
         &self.history
     }
@@ -116,7 +116,7 @@ impl JoinedVolume {
         }
     }
 
-    /// The value of each.
+    /// The value of each index.
     pub fn values(&self) -> &[f32] {
         match &self.source {
             Source::File(volume, column) => volume.column(column).expect("looked for when it was opened"),
@@ -125,7 +125,7 @@ impl JoinedVolume {
     }
 }
 
-/// The tile that a file is, if it is one more of these tiles' volume.
+/// The tile in `next`, if it belongs to the same volume as `tiles` and is a new one.
 fn alike(tiles: &[(Tile, Volume)], next: &Volume) -> Result<Tile> {
     let (first_tile, first) = &tiles[0];
     let of = first_tile.of;
@@ -144,7 +144,7 @@ fn alike(tiles: &[(Tile, Volume)], next: &Volume) -> Result<Tile> {
     Ok(tile)
 }
 
-/// The steps of the first, then those of the others that are not there yet.
+/// The steps of all histories without repetition, those of the first history first.
 pub fn together<'a>(histories: impl IntoIterator<Item = &'a History>) -> History {
     let mut steps = History::new();
     for step in histories.into_iter().flat_map(|history| history.iter()) {

@@ -1,0 +1,112 @@
+//! All flows of a scene.
+
+use super::kinds::Flow;
+use super::sampled::Sampled;
+use super::terms::Term;
+use super::velocity::Velocity;
+use crate::field::Field;
+use crate::{Error, Refusal, io};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
+use std::path::Path;
+
+/// Largest number of integration steps from frame to frame. A flow that needs more has a wrong unit.
+pub const MOST_STEPS: f64 = 1e5;
+
+/// One flow, or several whose velocities add up. In a scene: an object, or a list of objects.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Flows {
+    /// One flow.
+    One(Flow),
+    /// Several flows that add up.
+    Sum(Vec<Flow>),
+}
+
+impl<'de> Deserialize<'de> for Flows {
+    // Written by hand: serde's choice between the two variants would hide the error of either.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = serde_json::Value::deserialize(deserializer)?;
+        let flows = if value.is_array() {
+            serde_json::from_value(value).map(Self::Sum)
+        } else {
+            serde_json::from_value(value).map(Self::One)
+        };
+        flows.map_err(|error| D::Error::custom(format!("flow: {error}")))
+    }
+}
+
+impl Flows {
+    fn all(&self) -> &[Flow] {
+        match self {
+            Self::One(flow) => std::slice::from_ref(flow),
+            Self::Sum(flows) => flows,
+        }
+    }
+
+    /// Makes the paths of files relative to a folder.
+    pub fn join(&mut self, folder: &Path) {
+        let flows = match self {
+            Self::One(flow) => std::slice::from_mut(flow),
+            Self::Sum(flows) => flows,
+        };
+        for flow in flows {
+            if let Flow::Sampled { path } | Flow::Tracks { path } = flow {
+                *path = folder.join(&*path);
+            }
+        }
+    }
+
+    /// Files of the sampled fields, in their order.
+    pub fn sampled(&self) -> Vec<&Path> {
+        let paths =
+            self.all().iter().map(|flow| if let Flow::Sampled { path } = flow { Some(path.as_path()) } else { None });
+        paths.flatten().collect()
+    }
+
+    /// File of the tracks; None if the flow is of another kind.
+    pub fn tracks(&self) -> Option<&Path> {
+        match self.all() {
+            [Flow::Tracks { path }] => Some(path),
+            _ => None,
+        }
+    }
+
+    /// Checks the numbers of all flows.
+    ///
+    /// # Errors
+    /// Tracks beside other flows, and the key of a number that cannot be used.
+    pub fn check(&self) -> Result<(), Refusal> {
+        let flows = self.all();
+        if flows.len() > 1 && flows.iter().any(|flow| matches!(flow, Flow::Tracks { .. })) {
+            return Err(Refusal::new("flow has kind 'tracks' beside other flows", "wanted it alone"));
+        }
+        flows.iter().try_for_each(Flow::check)
+    }
+
+    /// The velocity field in a volume; reads the files of sampled fields. `pixel_mm` is the side of a pixel at the focal plane,
+    /// `scene` stands for the scene in messages.
+    ///
+    /// # Errors
+    /// Those of [`Field::open`], a sampled field with gaps, and a flow that needs more than [`MOST_STEPS`].
+    pub fn open(&self, bounds_mm: [[f64; 2]; 3], pixel_mm: f64, scene: &str) -> crate::Result<Velocity> {
+        let open = |path: &Path| Sampled::new(&Field::open(path)?).map_err(|refusal| refusal.about(io::name(path)));
+        let sampled: crate::Result<Vec<Sampled>> = self.sampled().into_iter().map(open).collect();
+        let velocity = self.velocity(sampled?, bounds_mm, pixel_mm);
+        if velocity.steps() > MOST_STEPS {
+            let found = format!("flow needs {:.1e} steps from frame to frame", velocity.steps());
+            return Err(Error::new(scene, found, format!("wanted at most {MOST_STEPS:.0e}: a gentler flow")));
+        }
+        Ok(velocity)
+    }
+
+    /// The velocity field in a volume. `sampled` are the fields of the sampled flows in their order, `pixel_mm` is the side of a
+    /// pixel at the focal plane.
+    pub fn velocity(&self, sampled: Vec<Sampled>, bounds_mm: [[f64; 2]; 3], pixel_mm: f64) -> Velocity {
+        let mut sampled = sampled.into_iter();
+        Velocity::new(
+            self.all().iter().map(|flow| Term::new(flow, &mut sampled, bounds_mm, pixel_mm)).collect(),
+            bounds_mm,
+        )
+    }
+}

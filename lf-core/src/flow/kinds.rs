@@ -1,0 +1,155 @@
+//! The flows of a scene and their keys.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// A steady flow. Displacements are those of a unit of time, the interval between two frames. Axes need not have unit length.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Flow {
+    /// The same displacement everywhere.
+    Uniform {
+        /// Displacement along x, y, z, mm.
+        displacement_mm: [f64; 3],
+    },
+    /// Cases A1 to A4 (u) and B1 to B4 (w) of Shi, Ding, New & Soria (2017), section 4.
+    Wave {
+        /// `A1` ... `A4`, `B1` ... `B4`.
+        case: Case,
+        /// Cycles of the velocity across the volume; 0.25 is a quarter of a cycle.
+        omega: f64,
+        /// Largest displacement, px at the focal plane.
+        amplitude_px: f64,
+        /// Length that holds omega cycles along every axis, px at the focal plane: a small volume can then show a part of the
+        /// wave of a large one. The volume's extents if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        length_px: Option<f64>,
+        /// Phase in the middle of the volume, rad; 0, a crest, if absent.
+        #[serde(default, skip_serializing_if = "is_zero")]
+        phase_rad: f64,
+    },
+    /// Solid-body rotation.
+    Rotation {
+        /// A point of the axis, mm; the origin if absent.
+        #[serde(default)]
+        centre_mm: [f64; 3],
+        /// Direction of the axis; the rotation is right-handed about it.
+        axis: [f64; 3],
+        /// Angle in a unit of time, rad.
+        angle_rad: f64,
+    },
+    /// Simple shear.
+    Shear {
+        /// A point at rest, mm; the origin if absent.
+        #[serde(default)]
+        centre_mm: [f64; 3],
+        /// Axis of the displacement.
+        along: Axis,
+        /// Axis along which the displacement grows.
+        across: Axis,
+        /// Displacement per distance, mm per mm.
+        rate: f64,
+    },
+    /// A vortex ring at rest: a thin circular vortex with the softened kernel 1 / (r^2 + core^2)^(3/2) of Rosenhead (1930)
+    /// and Moore (1972).
+    Ring {
+        /// Centre of the ring, mm; the origin if absent.
+        #[serde(default)]
+        centre_mm: [f64; 3],
+        /// Direction of the flow through the ring.
+        axis: [f64; 3],
+        /// Radius of the ring, mm.
+        radius_mm: f64,
+        /// Radius of the vortex core, mm; at least a hundredth of the ring's radius.
+        core_mm: f64,
+        /// Displacement at the centre, mm.
+        displacement_mm: f64,
+    },
+    /// A parallel round jet: displacement `displacement / 2 (1 + tanh((diameter / 2 - r) / (2 shear_layer)))` along the axis, at
+    /// distance r from it.
+    Jet {
+        /// A point of the axis, mm; the origin if absent.
+        #[serde(default)]
+        centre_mm: [f64; 3],
+        /// Direction of the axis and of the flow.
+        axis: [f64; 3],
+        /// Diameter at half the displacement, mm.
+        diameter_mm: f64,
+        /// Momentum thickness of the shear layer, mm.
+        shear_layer_mm: f64,
+        /// Displacement inside the jet, mm.
+        displacement_mm: f64,
+    },
+    /// Taylor & Green (1937): u = A sin x cos y cos z, v = -A cos x sin y cos z, w = 0, with lengths in units of
+    /// wavelength / (2 pi).
+    TaylorGreen {
+        /// A point at which u and v are 0 and their gradients largest, mm; the origin if absent.
+        #[serde(default)]
+        centre_mm: [f64; 3],
+        /// Wavelength, mm.
+        wavelength_mm: f64,
+        /// A, mm.
+        displacement_mm: f64,
+    },
+    /// Arnold-Beltrami-Childress: u = A sin z + C cos y, v = B sin x + A cos z, w = C sin y + B cos x, with lengths in units
+    /// of wavelength / (2 pi).
+    Abc {
+        /// Origin of the phases, mm; the frame's origin if absent.
+        #[serde(default)]
+        centre_mm: [f64; 3],
+        /// Wavelength, mm.
+        wavelength_mm: f64,
+        /// A, B, C, mm.
+        displacement_mm: [f64; 3],
+    },
+    /// Displacements from a file, trilinear between the vectors, constant beyond the outermost.
+    Sampled {
+        /// A [field](crate::field) in EXR without gaps; the path is relative to the scene's folder.
+        path: PathBuf,
+    },
+    /// Particles whose places are given in every frame; it cannot be added to other flows.
+    Tracks {
+        /// A [`particles.csv`](crate::particles) of all frames; the path is relative to the scene's folder.
+        path: PathBuf,
+    },
+}
+
+/// One of the eight oscillating fields of Shi, Ding, New & Soria (2017), section 4. A fields oscillate in u, B fields in w.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub enum Case {
+    A1,
+    A2,
+    A3,
+    A4,
+    B1,
+    B2,
+    B3,
+    B4,
+}
+
+/// A coordinate axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs)]
+pub enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+impl Axis {
+    /// Its unit vector.
+    pub(super) fn unit(self) -> DVec3 {
+        match self {
+            Self::X => DVec3::X,
+            Self::Y => DVec3::Y,
+            Self::Z => DVec3::Z,
+        }
+    }
+}
+
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
+}

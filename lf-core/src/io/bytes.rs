@@ -1,0 +1,72 @@
+//! The bytes of an input: mapped, or read into memory.
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Seek};
+use std::ops::Deref;
+
+/// Every [`Bytes`] starts at a multiple of this address, so that a `u64` can be read in place.
+const ALIGNMENT: usize = 8;
+
+/// The bytes of an input: a plain file mapped read-only, or a pipe read to its end. They start at a multiple of 8.
+pub struct Bytes {
+    storage: Storage,
+}
+
+enum Storage {
+    Mapped(memmap2::Mmap),
+    Owned { buffer: Vec<u8>, start: usize },
+}
+
+impl Bytes {
+    /// Takes the bytes of an open file. A plain file that is read from its start is mapped, everything else is copied.
+    ///
+    /// # Errors
+    /// A folder, and those of reading.
+    pub(super) fn read(mut file: File) -> io::Result<Self> {
+        let found = file.metadata()?;
+        if found.is_dir() {
+            return Err(ErrorKind::IsADirectory.into());
+        }
+        // The files of /proc also claim a length of zero; they are read.
+        if found.is_file() && found.len() > 0 && file.stream_position()? == 0 {
+            // SAFETY: the map is read-only and outlives every slice lent from it. Another program may still write into the
+            // file. A changed byte shows as a changed number, and no reader here bases memory safety on these numbers. A
+            // truncation ends the process with SIGBUS. Our own writers replace a file and never write into it.
+            if let Ok(map) = unsafe { memmap2::Mmap::map(&file) } {
+                return Ok(Self { storage: Storage::Mapped(map) });
+            }
+        }
+        let mut buffer = Vec::new();
+        file.read_to_end(&mut buffer)?;
+        Ok(buffer.into())
+    }
+
+    /// Whether the bytes are a view of the file and no copy.
+    pub fn is_mapped(&self) -> bool {
+        matches!(self.storage, Storage::Mapped(_))
+    }
+}
+
+impl From<Vec<u8>> for Bytes {
+    fn from(mut buffer: Vec<u8>) -> Self {
+        let mut start = buffer.as_ptr().align_offset(ALIGNMENT);
+        if start != 0 {
+            let len = buffer.len();
+            buffer.reserve_exact(ALIGNMENT);
+            start = buffer.as_ptr().align_offset(ALIGNMENT);
+            buffer.resize(len + start, 0);
+            buffer.copy_within(..len, start);
+        }
+        Self { storage: Storage::Owned { buffer, start } }
+    }
+}
+
+impl Deref for Bytes {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        match &self.storage {
+            Storage::Mapped(map) => map,
+            Storage::Owned { buffer, start } => &buffer[*start..],
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Opens an input.
+
+use super::bytes::Bytes;
+use super::failures::reading;
+use super::names::{is_standard, name, standard};
+use crate::{Error, Result};
+use std::fs::File;
+use std::io::{self, IsTerminal};
+use std::os::fd::AsFd;
+use std::path::Path;
+
+/// Opens a file, or standard input for `-`.
+///
+/// # Errors
+/// No such file, a folder, a terminal, and those of reading.
+pub fn open(path: &Path) -> Result<Bytes> {
+    let refused = |error: io::Error| reading(&name(path), &error);
+    if !is_standard(path) {
+        return Bytes::read(File::open(path).map_err(refused)?).map_err(refused);
+    }
+    let stdin = standard(io::stdin().as_fd()).map_err(refused)?;
+    if stdin.is_terminal() {
+        return Err(Error::new(name(path), "a terminal", "wanted a file or a pipe"));
+    }
+    Bytes::read(stdin).map_err(refused)
+}
+
+/// Reads a small text file (JSON, CSV). A byte order mark is dropped.
+///
+/// # Errors
+/// Those of [`open`], and bytes that are not UTF-8; known binary formats are named.
+pub fn open_text(path: &Path) -> Result<String> {
+    let bytes = open(path)?;
+    let text = std::str::from_utf8(&bytes).map_err(|error| {
+        let found = kind(&bytes).map_or_else(
+            || format!("byte {} is not part of UTF-8 text", error.valid_up_to()),
+            |kind| format!("{kind}, no text"),
+        );
+        Error::new(name(path), found, "wanted a text file in UTF-8")
+    })?;
+    Ok(text.strip_prefix('\u{feff}').unwrap_or(text).to_owned())
+}
+
+/// The binary format that the first bytes belong to; None if the tools do not know it.
+fn kind(bytes: &[u8]) -> Option<&'static str> {
+    let kinds: [(&[u8], &str); 7] = [
+        (b"\x76\x2f\x31\x01", "an EXR"),
+        (b"\x89PNG", "a PNG"),
+        (b"II*\0", "a TIFF"),
+        (b"MM\0*", "a TIFF"),
+        (b"\x89LFV", "a .lfv"),
+        (b"\x1f\x8b", "a gzip file"),
+        (b"PK\x03\x04", "a zip file"),
+    ];
+    kinds.iter().find_map(|(start, kind)| bytes.starts_with(start).then_some(*kind))
+}

@@ -1,0 +1,20 @@
+//! Opens files and pipes, and writes whole files or none.
+//!
+//! In: paths; `-` is standard input or standard output. Out: the bytes of an input, and complete output files.
+//! Open first: `input.rs` and `output.rs`.
+//!
+//! A plain file is mapped, whether it is named or redirected with `<`; everything else is read to its end. The reader cannot
+//! tell the two apart. An output appears under its name when it is complete; until then the name keeps its old content.
+
+mod bytes;
+mod draft;
+mod failures;
+mod input;
+mod names;
+mod output;
+
+pub use bytes::Bytes;
+pub use failures::writing;
+pub use input::{open, open_text};
+pub use names::{is_standard, name, output_name, same_file};
+pub use output::{check_picture, check_place, save, save_text};

@@ -1,0 +1,152 @@
+//! Writes an output whole or not at all.
+
+use super::draft;
+use super::failures::writing;
+use super::names::{is_standard, output_name, standard};
+use crate::{Error, Result};
+use std::fs::{self, File, OpenOptions, Permissions};
+use std::io::{self, BufWriter, ErrorKind, IsTerminal, Seek, SeekFrom, Write};
+use std::os::fd::AsFd;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+/// Bytes gathered before a write. From 64 KiB up, the cost of the system call is negligible.
+const BUFFER: usize = 256 * 1024;
+
+/// Symbolic links that are followed before a chain counts as a ring. Linux has the same limit.
+const LINKS: usize = 40;
+
+/// Checks that an output can be created, before the work begins: its folder must exist, and it must not be a folder.
+///
+/// # Errors
+/// A missing folder, and a folder under the output's name.
+pub fn check_place(path: &Path) -> Result<()> {
+    if is_standard(path) {
+        return Ok(());
+    }
+    let refused = |kind: ErrorKind| Err(writing(&output_name(path), &kind.into()));
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    match folder.map(fs::metadata) {
+        Some(Err(error)) if error.kind() == ErrorKind::NotFound => return refused(ErrorKind::NotFound),
+        Some(Ok(found)) if !found.is_dir() => return refused(ErrorKind::NotFound),
+        _ => {}
+    }
+    if fs::metadata(path).is_ok_and(|found| found.is_dir()) { refused(ErrorKind::IsADirectory) } else { Ok(()) }
+}
+
+/// Checks the place of a picture, and that its name does not promise another format than SVG.
+///
+/// # Errors
+/// Those of [`check_place`], and names like `x.png`.
+pub fn check_picture(path: &Path) -> Result<()> {
+    const OTHERS: [&str; 8] = ["png", "jpg", "jpeg", "pdf", "eps", "tif", "tiff", "gif"];
+    match path.extension().filter(|end| OTHERS.iter().any(|other| end.eq_ignore_ascii_case(other))) {
+        Some(end) => {
+            let found = format!("the name of a .{} file", end.to_string_lossy());
+            Err(Error::new(output_name(path), found, "wanted FILE.svg, the format drawn"))
+        }
+        None => check_place(path),
+    }
+}
+
+/// Writes `path` whole or not at all; `-` is standard output.
+///
+/// # Errors
+/// Those of `fill` and of writing, and a terminal, which cannot show binary output.
+pub fn save(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    write(path, false, fill)
+}
+
+/// Writes text as [`save`] does; a terminal is allowed.
+///
+/// # Errors
+/// Those of `fill` and of writing.
+pub fn save_text(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    write(path, true, fill)
+}
+
+/// The destination of an output.
+enum Target {
+    /// A stream, device or FIFO: written directly.
+    Through(File),
+    /// A plain file: it appears under this name when complete, with the permissions of the file that it replaces.
+    Replace(PathBuf, Option<Permissions>),
+}
+
+fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    let subject = output_name(path);
+    let failed = |error: io::Error| writing(&subject, &error);
+    match target(path).map_err(failed)? {
+        Target::Through(file) => {
+            if !text && file.is_terminal() {
+                return Err(Error::new(subject, "a terminal", "wanted a file or a pipe for binary output (-o FILE)"));
+            }
+            fill_and_flush(file, fill).map_err(failed)?;
+        }
+        Target::Replace(place, old) => {
+            let folder = match place.parent() {
+                Some(folder) if folder != Path::new("") => folder,
+                _ => Path::new("."),
+            };
+            let (file, draft) = draft::begin(folder).map_err(failed)?;
+            let file = fill_and_flush(file, fill).map_err(failed)?;
+            if let Some(old) = old {
+                file.set_permissions(old).map_err(failed)?;
+            }
+            file.sync_all().map_err(failed)?;
+            draft.finish(&file, &place, folder).map_err(failed)?;
+        }
+    }
+    Ok(())
+}
+
+fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<File> {
+    let mut buffered = BufWriter::with_capacity(BUFFER, file);
+    match fill(&mut buffered).and_then(|()| buffered.flush()) {
+        Ok(()) => Ok(buffered.into_parts().0),
+        Err(error) => {
+            // Drop the rest of the buffer: it belongs to an output that failed.
+            let _ = buffered.into_parts();
+            Err(error)
+        }
+    }
+}
+
+/// Finds out what a path stands for: a stream, a file to replace, or a new file behind symbolic links.
+fn target(path: &Path) -> io::Result<Target> {
+    if is_standard(path) || path == Path::new("/dev/stdout") {
+        io::stdout().flush()?;
+        return Ok(Target::Through(standard(io::stdout().as_fd())?));
+    }
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => Err(ErrorKind::IsADirectory.into()),
+        Ok(found) if found.is_file() && !names_a_descriptor(path) => {
+            // Do not replace a file that its owner has made read-only.
+            OpenOptions::new().write(true).open(path)?;
+            Ok(Target::Replace(fs::canonicalize(path)?, Some(Permissions::from_mode(found.mode() & 0o7777))))
+        }
+        Ok(_) => {
+            let mut file = OpenOptions::new().write(true).open(path)?;
+            if file.metadata()?.is_file() {
+                file.seek(SeekFrom::End(0))?;
+            }
+            Ok(Target::Through(file))
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            let mut place = path.to_owned();
+            for _ in 0..LINKS {
+                let Ok(next) = fs::read_link(&place) else {
+                    return Ok(Target::Replace(place, None));
+                };
+                place = place.parent().unwrap_or(Path::new("")).join(next);
+            }
+            Err(io::Error::other("a ring of symbolic links"))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// Whether a path names an open descriptor. It leads to a file that others hold open: replacing the file would cut them off.
+fn names_a_descriptor(path: &Path) -> bool {
+    path.starts_with("/dev/fd") || path.starts_with("/proc") || path == Path::new("/dev/stderr")
+}

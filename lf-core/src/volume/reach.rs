@@ -1,0 +1,97 @@
+//! Where the light of a voxel lands on the sensor, seen along one axis.
+
+use crate::camera::Camera;
+use crate::grid::Grid;
+use crate::optics::Optics;
+use glam::DVec2;
+use std::ops::Range;
+
+/// Reach of a voxel's image beyond the image of its centre, voxels: three standard deviations of a blob.
+const BASIS_VOX: f64 = 3.0;
+
+/// The places in the aperture, in half widths, whose rays bound the light of a point: centre, sides and corners.
+const RIM: [DVec2; 9] = [
+    DVec2::ZERO,
+    DVec2::X,
+    DVec2::NEG_X,
+    DVec2::Y,
+    DVec2::NEG_Y,
+    DVec2::ONE,
+    DVec2::NEG_ONE,
+    DVec2::new(1.0, -1.0),
+    DVec2::new(-1.0, 1.0),
+];
+
+/// From object points to pixels and back, along one axis.
+pub(super) struct Reach<'a> {
+    grid: &'a Grid,
+    optics: Optics,
+    camera: &'a Camera,
+    axis: usize,
+    /// Places along the other axis at which rays are cast, mm: first, middle, last. Distortion varies between them.
+    across_mm: [f64; 3],
+}
+
+impl<'a> Reach<'a> {
+    pub fn new(camera: &'a Camera, grid: &'a Grid, axis: usize) -> Self {
+        let last = grid.shape[1 - axis] - 1;
+        let across_mm = [0, last / 2, last].map(|place| grid.centre_mm(1 - axis, place));
+        Self { grid, optics: Optics::new(camera), camera, axis, across_mm }
+    }
+
+    /// The least and the greatest place on the sensor, mm, of light from `along_mm` at depth `z_mm` through `apertures`, in
+    /// half widths of the aperture. A pitch is added on each side, since a ray lands within a pitch of its lenslet's image
+    /// centre.
+    fn ends(&self, along_mm: f64, z_mm: f64, apertures: &[DVec2]) -> [f64; 2] {
+        let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
+        for across_mm in self.across_mm {
+            let point = if self.axis == 0 { DVec2::new(along_mm, across_mm) } else { DVec2::new(across_mm, along_mm) };
+            for aperture in apertures {
+                let aperture_mm = *aperture * self.optics.half_aperture_mm();
+                let hit = self.optics.sensor_from_object(point, z_mm, aperture_mm);
+                let hit = if self.axis == 0 { hit.x } else { hit.y };
+                ends = [ends[0].min(hit), ends[1].max(hit)];
+            }
+        }
+        let pitch = self.camera.microlenses.pitch_mm;
+        [ends[0] - pitch, ends[1] + pitch]
+    }
+
+    /// Pixels that light from `[from_mm, to_mm]` in the focal plane reaches.
+    pub fn pixels(&self, from_mm: f64, to_mm: f64) -> [usize; 2] {
+        let sides = [from_mm, to_mm].map(|along| self.ends(along, 0.0, &[DVec2::ZERO]));
+        let limit = self.optics.sensor_px()[self.axis] as f64;
+        let place = |mm: f64| {
+            let place = self.optics.place_px(DVec2::splat(mm));
+            if self.axis == 0 { place.x } else { place.y }
+        };
+        let low = place(sides[0][0].min(sides[1][0])).floor().clamp(0.0, limit);
+        let high = place(sides[0][1].max(sides[1][1])).ceil().clamp(0.0, limit);
+        [low as usize, high as usize]
+    }
+
+    /// Voxels at depth `z_mm` whose light can reach these pixels. The lens inverts the image: the place on the sensor falls
+    /// as x rises.
+    pub fn voxels(&self, pixels: [usize; 2], z_mm: f64) -> Range<usize> {
+        let half = 0.5 * self.optics.sensor_px()[self.axis] as f64;
+        let edge = |pixel: usize| (pixel as f64 - half) * self.optics.pixel_pitch_mm();
+        let limit = self.optics.sensor_px()[self.axis];
+        // At the sensor's ends, light beside the sensor counts as well.
+        let low = if pixels[0] == 0 { f64::NEG_INFINITY } else { edge(pixels[0]) };
+        let high = if pixels[1] == limit { f64::INFINITY } else { edge(pixels[1]) };
+        let count = self.grid.shape[self.axis];
+        let place = |i: f64| self.grid.origin_mm[self.axis] + i * self.grid.spacing_mm[self.axis];
+        // Bisect for the first voxel at which a condition fails.
+        let first = |holds: &dyn Fn(usize) -> bool| {
+            let (mut from, mut to) = (0, count);
+            while from < to {
+                let middle = from + (to - from) / 2;
+                if holds(middle) { from = middle + 1 } else { to = middle }
+            }
+            from
+        };
+        let is_above = |i: usize| self.ends(place(i as f64 + BASIS_VOX), z_mm, &RIM)[0] > high;
+        let not_below = |i: usize| self.ends(place(i as f64 - BASIS_VOX), z_mm, &RIM)[1] >= low;
+        first(&is_above)..first(&not_below)
+    }
+}

@@ -1,0 +1,113 @@
+//! Writes a `.lfv` in one pass.
+
+use super::checks::{first_not_finite, first_not_rising};
+use super::format::{ALIGNMENT, KEYS, Places, SIGNATURE, VERSION};
+use super::header::Header;
+use crate::Refusal;
+use crate::grid::Grid;
+use crate::history::History;
+use serde_json::{Map, Value};
+use std::io::Write;
+use xxhash_rust::xxh3::Xxh3;
+
+/// Writes a `.lfv` in one pass, without seeking. An empty history is left out.
+///
+/// # Errors
+/// Those of `out`, a value that is not finite, and a header above 1 MiB.
+///
+/// # Panics
+/// If the grid is invalid, indices do not rise or lie outside the grid, or a column has the wrong length, no name, or the
+/// name of another.
+pub fn write(
+    out: &mut dyn Write,
+    grid: &Grid,
+    indices: &[u64],
+    columns: &[(&str, &[f32])],
+    history: &History,
+) -> std::io::Result<()> {
+    write_with(out, grid, indices, columns, history, &Map::new())
+}
+
+/// Writes as [`write()`] does, with further header keys, such as the [`extra`](super::Volume::extra) keys of another file.
+///
+/// # Errors
+/// Those of [`write()`].
+///
+/// # Panics
+/// As [`write()`], and if a key belongs to the format itself.
+pub fn write_with(
+    out: &mut dyn Write,
+    grid: &Grid,
+    indices: &[u64],
+    columns: &[(&str, &[f32])],
+    history: &History,
+    extra: &Map<String, Value>,
+) -> std::io::Result<()> {
+    check(grid, indices, columns)?;
+    assert!(KEYS.iter().all(|&key| !extra.contains_key(key)), "an extra key of the format's own name");
+
+    // The header ends at a multiple of the alignment, so gaps can be found without its length.
+    let places = Places::new(0, indices.len() as u64, columns.len());
+    let header = Header {
+        count: indices.len() as u64,
+        grid: grid.clone(),
+        columns: columns.iter().map(|(name, _)| (*name).to_owned()).collect(),
+        checksum: checksum(indices, columns, &places),
+        history: history.clone(),
+        extra: extra.clone(),
+    };
+    let text = header.to_text().map_err(invalid)?;
+
+    out.write_all(&SIGNATURE)?;
+    out.write_all(&VERSION.to_le_bytes())?;
+    out.write_all(&(text.len() as u32).to_le_bytes())?;
+    out.write_all(&text)?;
+    body(indices, columns, &places, |bytes| out.write_all(bytes))
+}
+
+/// Checks the input of [`write_with`].
+fn check(grid: &Grid, indices: &[u64], columns: &[(&str, &[f32])]) -> std::io::Result<()> {
+    if let Err(refusal) = grid.check() {
+        panic!("{refusal}");
+    }
+    assert!(first_not_rising(indices).is_none(), "indices do not rise");
+    assert!(indices.last().is_none_or(|&last| last < grid.len()), "an index outside the grid");
+    for (i, (name, values)) in columns.iter().enumerate() {
+        assert!(!name.is_empty() && columns[..i].iter().all(|(other, _)| other != name), "column name {name:?}");
+        assert_eq!(values.len(), indices.len(), "length of column {name}");
+        if let Some(at) = first_not_finite(values) {
+            let found = format!("column `{name}` would hold {} at index {at}", values[at]);
+            return Err(invalid(Refusal::new(found, "finite values")));
+        }
+    }
+    Ok(())
+}
+
+/// Gives everything after the header to `take`, piece by piece.
+fn body(
+    indices: &[u64],
+    columns: &[(&str, &[f32])],
+    places: &Places,
+    mut take: impl FnMut(&[u8]) -> std::io::Result<()>,
+) -> std::io::Result<()> {
+    take(bytemuck::cast_slice(indices))?;
+    for (i, (_, values)) in columns.iter().enumerate() {
+        take(&[0; ALIGNMENT as usize][..places.gap(i)])?;
+        take(bytemuck::cast_slice(values))?;
+    }
+    Ok(())
+}
+
+fn checksum(indices: &[u64], columns: &[(&str, &[f32])], places: &Places) -> u64 {
+    let mut sum = Xxh3::new();
+    let add = |bytes: &[u8]| {
+        sum.update(bytes);
+        Ok(())
+    };
+    body(indices, columns, places, add).expect("adding to a sum cannot fail");
+    sum.digest()
+}
+
+fn invalid(Refusal { found, wanted }: Refusal) -> std::io::Error {
+    std::io::Error::new(std::io::ErrorKind::InvalidData, format!("{found}, a .lfv holds {wanted}"))
+}
