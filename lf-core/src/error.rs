@@ -1,10 +1,10 @@
-//! The one kind of failure a user sees: what was touched, what was found, what was wanted.
+//! The one kind of failure that a user sees: what was used, what was found there, what was wanted.
 
-/// A failure in the words of the front door: `subject: found; wanted`.
+/// A failure as the command line prints it: `subject: found; wanted`.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{subject}: {found}; {wanted}")]
 pub struct Error {
-    /// The file, option or stream that was being used.
+    /// The file, option or stream that was used.
     pub subject: String,
     /// What was found there.
     pub found: String,
@@ -16,13 +16,13 @@ pub struct Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// `subject: found; wanted`, each a phrase without a full stop.
+    /// A failure; each part is a phrase without a full stop, and `wanted` begins with the word "wanted".
     pub fn new(subject: impl Into<String>, found: impl Into<String>, wanted: impl Into<String>) -> Self {
         Self { subject: subject.into(), found: found.into(), wanted: wanted.into() }
     }
 }
 
-/// Why a computation is refused: what was found and what was wanted. It knows no file; the caller says which one it was.
+/// Why an input is refused, without the name of the file or option it came from; [`Refusal::about`] adds the name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{found}; {wanted}")]
 pub struct Refusal {
@@ -40,7 +40,7 @@ impl From<Refusal> for String {
 }
 
 impl Refusal {
-    /// `found; wanted`, each a phrase without a full stop.
+    /// A refusal; each part is a phrase without a full stop, and `wanted` begins with the word "wanted".
     pub fn new(found: impl Into<String>, wanted: impl Into<String>) -> Self {
         Self { found: found.into(), wanted: wanted.into() }
     }

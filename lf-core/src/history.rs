@@ -1,17 +1,17 @@
-//! How a file came to be: the steps written into every header.
+//! The history of a file: the runs of tools that led to it, written into every header.
 
 use serde::{Deserialize, Serialize};
 
 /// One run of one tool.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Step {
-    /// The tool, `lf-mart`.
+    /// Name of the tool, such as `lf-mart`.
     pub tool: String,
-    /// Its version.
+    /// Version of the tool.
     pub version: String,
-    /// What was typed after its name.
+    /// Command line after the name of the tool.
     pub arguments: Vec<String>,
 }
 
-/// Oldest step first.
+/// The steps of a file, oldest first.
 pub type History = Vec<Step>;

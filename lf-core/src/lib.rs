@@ -1,7 +1,49 @@
-//! What a stage of the light-field chain is made of: files, camera, grid, rays, weights.
+//! The library of the light-field tools: files, camera, rays, weights, fields, plots. Data flows one way:
 //!
-//! A tool of your own links this crate and reads and writes the same files as the six tools do.
-//! Lengths are millimetres, image places pixels; the frame and its signs are in [`optics`].
+//! 1. [`io`] maps or reads an input; [`camera`], [`image`], [`volume`], [`field`], [`particles`] and [`scene`] check it.
+//! 2. [`camera`] and its [`lattice`] of lenslets give the rays ([`optics`]); a [`grid`] places voxels in the object frame.
+//! 3. [`weights`] tell which pixels a voxel lights and how much; [`flow`] moves particles; [`statistics`] and [`simd`] serve all.
+//! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`plot`] draws them, [`io`] writes whole files.
+//! 5. [`cli`] is what the command lines of all tools share.
+//!
+//! The file formats are specified in [`volume::format`] (`.lfv`), [`field`], [`image`], [`camera`], [`particles`] and [`scene`].
+//! Lengths are millimetres, places on the image are pixels; the frame and its signs are in [`optics`].
+//!
+//! # A stage of your own
+//!
+//! A program that links this crate reads and writes the same files as the tools, so it can take the place of any of them. This
+//! one stands in for the reconstruction: each voxel gets the count of the pixel that its chief ray meets.
+//!
+//! ```no_run
+//! use glam::DVec2;
+//! use lf_core::volume::{self, Volume};
+//! use lf_core::{camera::Camera, image, io, optics::Optics};
+//!
+//! fn main() -> lf_core::Result<()> {
+//!     let camera = Camera::open("camera.json".as_ref())?;
+//!     let image = image::open_frame("frame.exr".as_ref(), None, &camera, "camera.json".as_ref())?.pixels;
+//!     let support = Volume::open("support.lfv".as_ref())?;
+//!     let (grid, optics) = (support.grid(), Optics::new(&camera));
+//!
+//!     let mut intensity = vec![0.0; support.count()];
+//!     for (value, index) in intensity.iter_mut().zip(support.indices()) {
+//!         let voxel = grid.voxel(*index);
+//!         let [x, y, z] = [0, 1, 2].map(|axis| grid.centre_mm(axis, voxel[axis]));
+//!         let hit_mm = optics.sensor_from_object(DVec2::new(x, y), z, DVec2::ZERO);
+//!         if let Some((column, row)) = optics.pixel_at(hit_mm) {
+//!             *value = image[[row, column]].max(0.0); // A blind pixel is NaN and becomes 0.
+//!         }
+//!     }
+//!
+//!     let columns: [(&str, &[f32]); 1] = [("intensity", &intensity)];
+//!     io::save("volume.lfv".as_ref(), |out| {
+//!         volume::write(out, grid, support.indices(), &columns, support.history())
+//!     })
+//! }
+//! ```
+//!
+//! [`cli::run`] adds what a tool has beyond this: exit codes, errors of one line, `--threads`, `--stats`, progress, and this
+//! run in the history. `scripts/examples/refocus` is a complete stage to copy.
 
 pub mod camera;
 pub mod cli;

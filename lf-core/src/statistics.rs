@@ -1,6 +1,6 @@
 //! Order statistics: medians, quantiles and robust spreads. NaN sorts after every number.
 
-/// Standard deviations of a normal distribution in one median absolute deviation: 1 / Phi^-1(3/4).
+/// Standard deviation of a normal distribution over its median absolute deviation: 1 / Phi^-1(3/4).
 pub const NORMAL_PER_MAD: f64 = 1.482_602_218_505_602;
 
 /// Floats with a total order.
@@ -21,19 +21,19 @@ impl Ordered for f64 {
     }
 }
 
-/// The value with `rank` values below it in order; none where there are too few. Linear time; reorders `values`.
+/// The value at position `rank` of the sorted values, counted from 0; None if there are too few. Linear time; reorders
+/// `values`.
 pub fn ranked<T: Ordered>(values: &mut [T], rank: usize) -> Option<T> {
     (rank < values.len()).then(|| *values.select_nth_unstable_by(rank, T::order).1)
 }
 
-/// The upper median, always one of the values: of an even count the larger of the two in the middle. None where there is
-/// no value. Linear time; reorders `values`.
+/// The upper median, always one of the values: for an even count, the larger of the two in the middle. None without
+/// values. Linear time; reorders `values`.
 pub fn upper_median<T: Ordered>(values: &mut [T]) -> Option<T> {
     ranked(values, values.len() / 2)
 }
 
-/// The median: of an even count the mean of the two in the middle. NaN where there is no value. Linear time; reorders
-/// `values`.
+/// The median: for an even count, the mean of the two in the middle. NaN without values. Linear time; reorders `values`.
 pub fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::NAN;
@@ -44,7 +44,7 @@ pub fn median(values: &mut [f64]) -> f64 {
     if is_odd { middle } else { 0.5 * (middle + below.iter().copied().fold(f64::NEG_INFINITY, f64::max)) }
 }
 
-/// The quantile at `share` from 0 to 1, linear between neighbours in order. NaN where there is no value. Reorders `values`.
+/// The quantile at `share` from 0 to 1, linear between sorted neighbours. NaN without values. Reorders `values`.
 pub fn quantile(values: &mut [f64], share: f64) -> f64 {
     if values.is_empty() {
         return f64::NAN;
@@ -55,7 +55,7 @@ pub fn quantile(values: &mut [f64], share: f64) -> f64 {
     below + (place - place.floor()) * (above - below)
 }
 
-/// The median and a robust standard deviation: the median absolute deviation, scaled to that of a normal distribution.
+/// The median, and a robust standard deviation: the median absolute deviation times [`NORMAL_PER_MAD`].
 pub fn robust(values: &[f64]) -> (f64, f64) {
     let centre = median(&mut values.to_vec());
     let mut distances: Vec<f64> = values.iter().map(|value| (value - centre).abs()).collect();
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn ranks_are_those_of_the_sorted_values() {
+    fn ranks_follow_the_sorted_values() {
         let values = [5.0f32, -1.0, 3.0, 3.0, 0.0];
         let found: Vec<_> = (0..6).map(|rank| ranked(&mut values.clone(), rank)).collect();
         assert_eq!(found, [Some(-1.0), Some(0.0), Some(3.0), Some(3.0), Some(5.0), None]);

@@ -18,6 +18,20 @@
 //! | `N_w`, `D` | `main_lens.working_f_number` | [`Camera::aperture_mm`] |
 //! | `g` | `microlenses.gap_mm`; f_l if absent | [`Camera::gap_mm`] |
 //! | `k` | | [`Camera::demagnification`] |
+//!
+//! ```
+//! # fn main() -> Result<(), lf_core::Refusal> {
+//! let camera = lf_core::camera::Camera::from_json(r#"{
+//!     "sensor": {"width": 1400, "height": 1400, "pixel_pitch_mm": 0.0055},
+//!     "main_lens": {"focal_length_mm": 200.0, "magnification": 1.0, "working_f_number": 4.0, "aperture": "circle"},
+//!     "microlenses": {"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0.0,
+//!                     "offset_mm": [0.0, 0.0]}
+//! }"#)?;
+//! assert_eq!(camera.image_distance_mm(), 400.0);
+//! assert_eq!(camera.aperture_mm(), 100.0);
+//! # Ok(())
+//! # }
+//! ```
 
 mod about;
 mod checks;

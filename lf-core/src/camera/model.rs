@@ -30,7 +30,8 @@ pub struct Camera {
     /// relative to the folder of the camera's file. See [`crate::image::open_frame`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vignetting: Option<PathBuf>,
-    /// Residuals of the calibration and their units, for people. Kept when the file is rewritten; no tool reads it.
+    /// Results of calibrations for people: residuals and their units under `lattice`, `volume` and `refine`, and `history`. Only
+    /// lf-calib reads it; it is kept when the file is rewritten.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<serde_json::Value>,
 }

@@ -1,5 +1,5 @@
-//! `--generate`: man pages and shell completions, from the words that `--help` shows. It is not among them: packagers
-//! use it, through `scripts/man`.
+//! `--generate`: man pages and shell completions, made from the texts of `--help`. The option is hidden, since only packagers
+//! need it, through `scripts/man`.
 
 use crate::{Error, Result};
 use clap::Command;
@@ -8,16 +8,16 @@ use clap_mangen::Man;
 use std::ffi::OsString;
 use std::io::Write;
 
-/// What is typed in place of all else.
+/// The option; it must be the first word.
 pub(super) const OPTION: &str = "--generate";
 
 const WANTED: &str = "wanted man, bash, zsh, fish or tasks; man TASK for the page of a subcommand";
 
-/// The chain, for the end of every page.
+/// All tools, listed at the end of every page.
 const TOOLS: [&str; 6] = ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-xcorr", "lf-validate"];
 
-/// The text of `--generate WORDS`: `man` or `man TASK`, a page; `bash`, `zsh` or `fish`, completions; `tasks`, the names
-/// of the subcommands, a line each.
+/// The text of `--generate WORDS`: a man page for `man` or `man TASK`, completions for `bash`, `zsh` or `fish`, and the names
+/// of the subcommands, one a line, for `tasks`.
 pub(super) fn text(tool: &'static str, command: Command, words: &[OsString]) -> Result<Vec<u8>> {
     let words: Vec<String> = words.iter().map(|word| word.to_string_lossy().into_owned()).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
@@ -28,13 +28,13 @@ pub(super) fn text(tool: &'static str, command: Command, words: &[OsString]) -> 
         ["man", task @ ..] => {
             command = command.disable_help_subcommand(true);
             command.build();
-            let of = match task {
+            let page_of = match task {
                 [] => Some(&command),
                 [task] => command.find_subcommand(task),
                 _ => None,
             };
-            let of = of.ok_or_else(|| refused(format!("no subcommand '{}'", task.join(" "))))?;
-            page(tool, of, &mut text).map_err(|error| refused(error.to_string()))?;
+            let page_of = page_of.ok_or_else(|| refused(format!("no subcommand '{}'", task.join(" "))))?;
+            page(tool, page_of, &mut text).map_err(|error| refused(error.to_string()))?;
             return Ok(text);
         }
         ["tasks"] => {
@@ -50,7 +50,7 @@ pub(super) fn text(tool: &'static str, command: Command, words: &[OsString]) -> 
     Ok(text)
 }
 
-/// A page of a built command: what `--help` says, under the headings of a man page.
+/// Writes the man page of a built command: the texts of `--help` under the headings of a man page.
 fn page(tool: &str, command: &Command, out: &mut Vec<u8>) -> std::io::Result<()> {
     let usage = command.clone().render_usage().to_string();
     let usage = usage.trim_start_matches("Usage:").trim().to_owned();
@@ -83,7 +83,7 @@ fn page(tool: &str, command: &Command, out: &mut Vec<u8>) -> std::io::Result<()>
     writeln!(out, ".SH SEE ALSO\n{}", others.collect::<Vec<_>>().join(", "))
 }
 
-/// A line as roff prints it.
+/// A line of text, escaped for roff.
 fn plain(line: &str) -> String {
     let line = line.replace('\\', "\\e").replace('-', "\\-");
     if line.starts_with(['.', '\'']) { format!("\\&{line}") } else { line }
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_not_taken_for_commands() {
+    fn lines_are_not_read_as_commands() {
         assert_eq!(plain(".SH a -b \\"), "\\&.SH a \\-b \\e");
         assert_eq!(plain("  lf-mart"), "  lf\\-mart");
     }

@@ -1,27 +1,27 @@
-//! `--preset`: defaults that were measured together, under the same three names in every tool that has them.
+//! `--preset`: sets of defaults that were measured together, under the same three names in every tool that has them.
 
 use super::session::Session;
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-/// A set of defaults between speed and accuracy. What an option is typed as comes before it.
+/// A set of defaults between speed and accuracy. An option on the command line takes precedence over the preset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Preset {
     /// Least time.
     Fast,
-    /// Between the two.
+    /// A compromise.
     Balanced,
     /// Least error.
     Accurate,
 }
 
-/// The word that a value is typed as.
+/// The word for a value on the command line.
 pub fn word(value: &impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
 impl Preset {
-    /// What this one has of what the three have, the fastest first.
+    /// The value for this preset out of three, from the fastest to the most accurate.
     pub fn of<T>(self, [fast, balanced, accurate]: [T; 3]) -> T {
         match self {
             Self::Fast => fast,
@@ -30,13 +30,13 @@ impl Preset {
         }
     }
 
-    /// Its line of a tool's help: what it sets there, as it would be typed, and its place on the front.
+    /// Help of this preset in a tool: the options that it sets, as on the command line, and its measured time and error.
     pub fn help(self, sets: &[String]) -> String {
         format!("{}; {}", sets.join(" "), self.measured())
     }
 
-    /// Its place on the front of time and error: all three tools with it, on a pair of frames of the trade's scene, one
-    /// thread, 448 x 448 x 91 voxels at 1,1,10. `make -f scripts/paper/paper.mk trade` measures it.
+    /// Measured time and error with this preset in all three tools: one pair of frames of the scene of the trade-off study,
+    /// one thread, 448 x 448 x 91 voxels at 1,1,10. `make -f scripts/paper/paper.mk trade` measures it.
     fn measured(self) -> &'static str {
         self.of([
             "the chain with it: 0.44 s a pair, RMS errors 0.16 px in u and 1.5 px in w",
@@ -45,7 +45,7 @@ impl Preset {
         ])
     }
 
-    /// The parser of a tool's `--preset`, whose help says by `help` what each sets.
+    /// Value parser of a tool's `--preset`; `help` gives the help of each preset.
     pub fn parser(help: fn(Self) -> String) -> impl TypedValueParser<Value = Self> {
         let value = |preset: &Self| Some(preset.to_possible_value()?.help(help(*preset)));
         PossibleValuesParser::new(Self::value_variants().iter().filter_map(value))
@@ -54,16 +54,16 @@ impl Preset {
 }
 
 impl Session {
-    /// Tells with `--verbose` what a preset set: its options as they would be typed, each with whether it is heeded,
-    /// which it is not where something typed comes before it.
+    /// Tells with `--verbose` what a preset sets. `sets` holds its options as on the command line, each with whether it takes
+    /// effect; an option that is typed as well does not.
     pub fn explain_preset(&self, preset: Preset, sets: impl IntoIterator<Item = (String, bool)>) {
-        let (heeded, left): (Vec<_>, Vec<_>) = sets.into_iter().partition(|(_, heeded)| *heeded);
-        let [heeded, left] = [heeded, left].map(|sets| {
+        let (used, typed): (Vec<_>, Vec<_>) = sets.into_iter().partition(|(_, is_used)| *is_used);
+        let [used, typed] = [used, typed].map(|sets| {
             let sets: Vec<String> = sets.into_iter().map(|(set, _)| set).collect();
             sets.join(" ")
         });
-        let heeded = if heeded.is_empty() { "nothing" } else { &heeded };
-        let left = if left.is_empty() { left } else { format!("; what is typed comes before its {left}") };
-        self.explain(format!("preset {} sets {heeded}{left}", word(&preset)));
+        let used = if used.is_empty() { "nothing" } else { &used };
+        let typed = if typed.is_empty() { typed } else { format!("; the command line replaces its {typed}") };
+        self.explain(format!("preset {} sets {used}{typed}", word(&preset)));
     }
 }

@@ -1,13 +1,13 @@
-//! Progress for people: a bar on a terminal, nothing anywhere else.
+//! Progress: a bar if standard error is a terminal, otherwise nothing.
 
 use indicatif::{HumanCount, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
-/// Before this no time left is foretold.
+/// Time before the first forecast of the time left.
 const SETTLED: Duration = Duration::from_secs(2);
 
-/// What standard error shows: lines, and bars that the lines never tear.
+/// Standard error: lines and bars that do not overwrite each other.
 pub(super) struct Screen {
     bars: Option<MultiProgress>,
 }
@@ -18,7 +18,7 @@ impl Screen {
         Self { bars: visible.then(|| MultiProgress::with_draw_target(ProgressDrawTarget::stderr())) }
     }
 
-    /// Prints a line; a closed standard error is no reason to stop.
+    /// Prints a line. A closed standard error is ignored.
     pub(super) fn print(&self, line: &str) {
         let print = || {
             let _ = writeln!(std::io::stderr().lock(), "{line}");
@@ -33,7 +33,7 @@ impl Screen {
         let Some(bars) = &self.bars else {
             return Progress { bar: None };
         };
-        // What a narrow terminal cuts off is what matters least.
+        // The least important parts come last, where a narrow terminal cuts them off.
         let style = "{msg:<10} {percent:>3}% {left:>4} left [{wide_bar:.dim}] {human_pos}/{human_len} {rate}/s";
         let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
         let style = style.with_key("rate", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
@@ -41,7 +41,7 @@ impl Screen {
             let _ = if rate < 10.0 { write!(out, "{rate:.1}") } else { write!(out, "{}", HumanCount(rate as u64)) };
         });
         let style = style.with_key("left", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
-            // The first steps of many threads say nothing of the pace.
+            // The first steps of many threads do not show the pace.
             let _ = match state.eta().as_secs() {
                 _ if state.elapsed() < SETTLED => write!(out, "?"),
                 seconds @ 0..100 => write!(out, "{seconds}s"),
@@ -55,7 +55,7 @@ impl Screen {
     }
 }
 
-/// A progress counter; the bar goes when it is dropped. Cheap, `Sync`, silent unless standard error is a terminal.
+/// A progress counter; its bar disappears when it is dropped. Cheap, `Sync`, silent unless standard error is a terminal.
 pub struct Progress {
     bar: Option<(ProgressBar, MultiProgress)>,
 }
@@ -66,7 +66,7 @@ impl Progress {
         Self { bar: None }
     }
 
-    /// Counts `steps` more.
+    /// Adds `steps` to the count.
     pub fn add(&self, steps: u64) {
         if let Some((bar, _)) = &self.bar {
             bar.inc(steps);

@@ -30,7 +30,7 @@ pub(super) fn answer(tool: &str, error: &clap::Error, command: &clap::Command, t
             let words = |paragraph: &str| paragraph.split_whitespace().collect::<Vec<_>>().join(" ");
             let what = words(paragraphs.next().unwrap_or_default());
             let what = what.strip_prefix("error: ").unwrap_or(&what);
-            // What the standard library says of a word that is no number.
+            // Replace the standard library's messages about a word that is not a number.
             let what = what.replace("invalid digit found in string", "wanted a whole number of 0 or more");
             let what = what.replace("invalid float literal", "wanted a number");
             let what = what.replace("number too large to fit in target type", "wanted a smaller number");
