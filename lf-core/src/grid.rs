@@ -16,8 +16,8 @@ pub struct Grid {
     pub origin_mm: [f64; 3],
 }
 
-/// Two grids are the same if their spacings differ by less than this fraction of the spacing, and their origins by less than
-/// this fraction of the extent: far above rounding, far below a shift that matters.
+/// Two grids are the same if their spacings differ by less than this fraction of the spacing, and their origins by less
+/// than this fraction of the extent: far above rounding, far below a shift that matters.
 const TOLERANCE: f64 = 1e-9;
 
 impl fmt::Display for Grid {

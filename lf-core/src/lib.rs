@@ -1,18 +1,22 @@
 //! The library of the light-field tools: files, camera, rays, weights, fields, plots. Data flows one way:
 //!
-//! 1. [`io`] maps or reads an input; [`camera`], [`image`], [`volume`], [`field`], [`particles`] and [`scene`] check it.
-//! 2. [`camera`] and its [`lattice`] of lenslets give the rays ([`optics`]); a [`grid`] places voxels in the object frame.
-//! 3. [`weights`] tell which pixels a voxel lights and how much; [`flow`] moves particles; [`statistics`] and [`simd`] serve all.
-//! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`plot`] draws them, [`io`] writes whole files.
+//! 1. [`io`] maps or reads an input; [`camera`], [`image`], [`volume`], [`field`], [`particles`] and [`scene`] check
+//!    it.
+//! 2. [`camera`] and its [`lattice`] of lenslets give the rays ([`optics`]); a [`grid`] places voxels in the object
+//!    frame.
+//! 3. [`weights`] tell which pixels a voxel lights and how much; [`flow`] moves particles; [`statistics`] and [`simd`]
+//!    serve all.
+//! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`plot`] draws them, [`io`] writes
+//!    whole files.
 //! 5. [`cli`] is what the command lines of all tools share.
 //!
-//! The file formats are specified in [`volume::format`] (`.lfv`), [`field`], [`image`], [`camera`], [`particles`] and [`scene`].
-//! Lengths are millimetres, places on the image are pixels; the frame and its signs are in [`optics`].
+//! The file formats are specified in [`volume::format`] (`.lfv`), [`field`], [`image`], [`camera`], [`particles`] and
+//! [`scene`]. Lengths are millimetres, places on the image are pixels; the frame and its signs are in [`optics`].
 //!
 //! # A stage of your own
 //!
-//! A program that links this crate reads and writes the same files as the tools, so it can take the place of any of them. This
-//! one stands in for the reconstruction: each voxel gets the count of the pixel that its chief ray meets.
+//! A program that links this crate reads and writes the same files as the tools, so it can take the place of any of
+//! them. This one stands in for the reconstruction: each voxel gets the count of the pixel that its chief ray meets.
 //!
 //! ```no_run
 //! use glam::DVec2;
@@ -42,8 +46,8 @@
 //! }
 //! ```
 //!
-//! [`cli::run`] adds what a tool has beyond this: exit codes, errors of one line, `--threads`, `--stats`, progress, and this
-//! run in the history. `scripts/examples/refocus` is a complete stage to copy.
+//! [`cli::run`] adds what a tool has beyond this: exit codes, errors of one line, `--threads`, `--stats`, progress, and
+//! this run in the history. `scripts/examples/refocus` is a complete stage to copy.
 
 pub mod camera;
 pub mod cli;

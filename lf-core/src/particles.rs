@@ -1,7 +1,7 @@
 //! `particles.csv`: a table of particles in the object frame of [`crate::optics`].
 //!
-//! A text file in UTF-8. The first line is [`HEADER`]; every other line is one particle, six numbers between commas. Blank
-//! lines and spaces about a number are ignored. Any order of lines is allowed.
+//! A text file in UTF-8. The first line is [`HEADER`]; every other line is one particle, six numbers between commas.
+//! Blank lines and spaces about a number are ignored. Any order of lines is allowed.
 //!
 //! | column | unit | meaning |
 //! | --- | --- | --- |

@@ -33,7 +33,8 @@ pub fn upper_median<T: Ordered>(values: &mut [T]) -> Option<T> {
     ranked(values, values.len() / 2)
 }
 
-/// The median: for an even count, the mean of the two in the middle. NaN without values. Linear time; reorders `values`.
+/// The median: for an even count, the mean of the two in the middle. NaN without values. Linear time; reorders
+/// `values`.
 pub fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::NAN;

@@ -3,13 +3,13 @@
 use super::model::{Aperture, Camera};
 use crate::lattice::Layout;
 
-/// Largest shift of a lenslet, px, by a rotation that still counts as none. Particle images are 0.6 px wide and more, and
-/// the calibration on white images errs by some thousandths of a pixel.
+/// Largest shift of a lenslet, px, by a rotation that still counts as none. Particle images are 0.6 px wide and more,
+/// and the calibration on white images errs by some thousandths of a pixel.
 pub const ALIGNED_PX: f64 = 0.02;
 
 impl Camera {
-    /// The optional blocks in the order of their modelling, and whether the camera has them. The first four bend rays or
-    /// defocus the lenslets.
+    /// The optional blocks in the order of their modelling, and whether the camera has them. The first four bend rays
+    /// or defocus the lenslets.
     fn optional_blocks(&self) -> [(&'static str, bool); 6] {
         [
             ("medium", self.medium.is_some()),

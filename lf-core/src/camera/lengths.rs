@@ -24,7 +24,7 @@ impl Camera {
         self.microlenses.gap_mm.unwrap_or(self.microlenses.focal_length_mm)
     }
 
-    /// k = f_l / s_i: size of the aperture's image under a lenslet over the size of the aperture. With a gap g, k = g / s_i.
+    /// k = f_l / s_i: size of the aperture's image under a lenslet over the size of the aperture. A gap g replaces f_l.
     pub fn demagnification(&self) -> f64 {
         self.gap_mm() / self.image_distance_mm()
     }

@@ -4,9 +4,9 @@
 //! Open first: `model.rs`, the keys of the file. `checks.rs` says which values are refused.
 //!
 //! A `camera.json` is one JSON object. Its keys are the fields of [`Camera`], and its blocks those of the structs named
-//! there; an unknown key is refused. `sensor`, `main_lens` and `microlenses` are required. The other blocks are optional:
-//! an effect is modelled only if its block is given, and costs nothing otherwise. Lengths are mm, angles rad; the frame
-//! and its signs are in [`crate::optics`].
+//! there; an unknown key is refused. `sensor`, `main_lens` and `microlenses` are required. The other blocks are
+//! optional: an effect is modelled only if its block is given, and costs nothing otherwise. Lengths are mm, angles rad;
+//! the frame and its signs are in [`crate::optics`].
 //!
 //! | symbol | key | derived here |
 //! | --- | --- | --- |

@@ -4,7 +4,8 @@ use crate::lattice::{Centres, Microlenses};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A plenoptic camera: a thin main lens, a microlens array, and a sensor about one microlens focal length behind the array.
+/// A plenoptic camera: a thin main lens, a microlens array, and a sensor about one microlens focal length behind the
+/// array.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
@@ -26,12 +27,12 @@ pub struct Camera {
     /// Measured departure of the lenslets from the perfect lattice; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centres: Option<Centres>,
-    /// File of the flat-field image: the fraction of its light that each pixel counts; 1 everywhere if absent. The path is
-    /// relative to the folder of the camera's file. See [`crate::image::open_frame`].
+    /// File of the flat-field image: the fraction of its light that each pixel counts; 1 everywhere if absent. The path
+    /// is relative to the folder of the camera's file. See [`crate::image::open_frame`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vignetting: Option<PathBuf>,
-    /// Results of calibrations for people: residuals and their units under `lattice`, `volume` and `refine`, and `history`. Only
-    /// lf-calib reads it; it is kept when the file is rewritten.
+    /// Results of calibrations for people: residuals and their units under `lattice`, `volume` and `refine`, and
+    /// `history`. Only lf-calib reads it; it is kept when the file is rewritten.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<serde_json::Value>,
 }

@@ -1,5 +1,5 @@
-//! `--generate`: man pages and shell completions, made from the texts of `--help`. The option is hidden, since only packagers
-//! need it, through `scripts/man`.
+//! `--generate`: man pages and shell completions, made from the texts of `--help`. The option is hidden, since only
+//! packagers need it, through `scripts/man`.
 
 use crate::{Error, Result};
 use clap::Command;
@@ -16,8 +16,8 @@ const WANTED: &str = "wanted man, bash, zsh, fish or tasks; man TASK for the pag
 /// All tools, listed at the end of every page.
 const TOOLS: [&str; 6] = ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-xcorr", "lf-validate"];
 
-/// The text of `--generate WORDS`: a man page for `man` or `man TASK`, completions for `bash`, `zsh` or `fish`, and the names
-/// of the subcommands, one a line, for `tasks`.
+/// The text of `--generate WORDS`: a man page for `man` or `man TASK`, completions for `bash`, `zsh` or `fish`, and the
+/// names of the subcommands, one a line, for `tasks`.
 pub(super) fn text(tool: &'static str, command: Command, words: &[OsString]) -> Result<Vec<u8>> {
     let words: Vec<String> = words.iter().map(|word| word.to_string_lossy().into_owned()).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();

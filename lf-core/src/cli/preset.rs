@@ -30,13 +30,14 @@ impl Preset {
         }
     }
 
-    /// Help of this preset in a tool: the options that it sets, as on the command line, and its measured time and error.
+    /// Help of this preset in a tool: the options that it sets, as on the command line, and its measured time and
+    /// error.
     pub fn help(self, sets: &[String]) -> String {
         format!("{}; {}", sets.join(" "), self.measured())
     }
 
-    /// Measured time and error with this preset in all three tools: one pair of frames of the scene of the trade-off study,
-    /// one thread, 448 x 448 x 91 voxels at 1,1,10. `make -f scripts/paper/paper.mk trade` measures it.
+    /// Measured time and error with this preset in all three tools: one pair of frames of the scene of the trade-off
+    /// study, one thread, 448 x 448 x 91 voxels at 1,1,10. `make -f scripts/paper/paper.mk trade` measures it.
     fn measured(self) -> &'static str {
         self.of([
             "the chain with it: 0.44 s a pair, RMS errors 0.16 px in u and 1.5 px in w",
@@ -54,8 +55,8 @@ impl Preset {
 }
 
 impl Session {
-    /// Tells with `--verbose` what a preset sets. `sets` holds its options as on the command line, each with whether it takes
-    /// effect; an option that is typed as well does not.
+    /// Tells with `--verbose` what a preset sets. `sets` holds its options as on the command line, each with whether it
+    /// takes effect; an option that is typed as well does not.
     pub fn explain_preset(&self, preset: Preset, sets: impl IntoIterator<Item = (String, bool)>) {
         let (used, typed): (Vec<_>, Vec<_>) = sets.into_iter().partition(|(_, is_used)| *is_used);
         let [used, typed] = [used, typed].map(|sets| {

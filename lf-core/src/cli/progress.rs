@@ -55,7 +55,8 @@ impl Screen {
     }
 }
 
-/// A progress counter; its bar disappears when it is dropped. Cheap, `Sync`, silent unless standard error is a terminal.
+/// A progress counter; its bar disappears when it is dropped. Cheap, `Sync`, silent unless standard error is a
+/// terminal.
 pub struct Progress {
     bar: Option<(ProgressBar, MultiProgress)>,
 }

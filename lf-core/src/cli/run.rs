@@ -29,8 +29,8 @@ pub enum Verdict {
 /// Message and place of the last panic.
 static PANIC: Mutex<Option<String>> = Mutex::new(None);
 
-/// The whole of a tool's `main`: parses the command line, runs `body`, and turns its outcome into an exit code. The first
-/// word `--generate` prints a man page or shell completions instead.
+/// The whole of a tool's `main`: parses the command line, runs `body`, and turns its outcome into an exit code. The
+/// first word `--generate` prints a man page or shell completions instead.
 pub fn run<A: clap::Parser>(
     tool: &'static str,
     common: impl FnOnce(&A) -> &Common,

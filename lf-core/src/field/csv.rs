@@ -1,5 +1,6 @@
-//! A field as text: a header line with units, then one vector a line, x fastest. Every number reads back to the same bits.
-//! `peak`, `ratio`, `flag` and `count` have no unit. Velocities are written if the time between the volumes is known.
+//! A field as text: a header line with units, then one vector a line, x fastest. Every number reads back to the same
+//! bits. `peak`, `ratio`, `flag` and `count` have no unit. Velocities are written if the time between the volumes is
+//! known.
 
 use super::vectors::Field;
 use std::io::{Result, Write};

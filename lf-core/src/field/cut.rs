@@ -69,8 +69,8 @@ impl Cut {
     }
 }
 
-/// Rounds a place on an axis of length `span` to a thousandth of the span's power of ten. An `f32` prints it without a tail
-/// of digits.
+/// Rounds a place on an axis of length `span` to a thousandth of the span's power of ten. An `f32` prints it without a
+/// tail of digits.
 fn short(place: f64, span: f64) -> f32 {
     let step = 10f64.powf(span.log10().floor() - 3.0);
     ((place / step).round() * step + 0.0) as f32

@@ -16,8 +16,8 @@ impl Field {
     /// Reads an EXR field; `-` is standard input.
     ///
     /// # Errors
-    /// Another kind of file, missing channels, a layout that does not fit the image, an unknown flag, and a displacement
-    /// that is not finite where there is data.
+    /// Another kind of file, missing channels, a layout that does not fit the image, an unknown flag, and a
+    /// displacement that is not finite where there is data.
     pub fn open(path: &Path) -> Result<Self> {
         Self::from_bytes(&io::open(path)?, &io::name(path))
     }
@@ -30,7 +30,8 @@ impl Field {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
-    /// Writes EXR, `.vti` or `.csv` by extension; `-` is EXR on standard output, and a name without extension is EXR too.
+    /// Writes EXR, `.vti` or `.csv` by extension; `-` is EXR on standard output, and a name without extension is EXR
+    /// too.
     ///
     /// # Errors
     /// Those of writing, a name that promises another format, and a field that [`Field::open`] would refuse.

@@ -1,7 +1,8 @@
 //! VTK image data (`.vti`) for ParaView: points on a regular grid in millimetres, arrays as raw bytes after the XML.
 //!
-//! Each array follows its length in bytes (a `u64`, little-endian); its `offset` counts from the byte after the underscore.
-//! Units are in the names of the arrays and in a comment. The time between the volumes, if known, is the field datum `dt_s`.
+//! Each array follows its length in bytes (a `u64`, little-endian); its `offset` counts from the byte after the
+//! underscore. Units are in the names of the arrays and in a comment. The time between the volumes, if known, is the
+//! field datum `dt_s`.
 
 use super::layout::Layout;
 use crate::{Result, io};
@@ -31,8 +32,8 @@ impl Array {
     }
 }
 
-/// Writes arrays on the points of a layout as `.vti`, for results that a [`super::Field`] has no component for. ParaView
-/// shows the first array with three components first.
+/// Writes arrays on the points of a layout as `.vti`, for results that a [`super::Field`] has no component for.
+/// ParaView shows the first array with three components first.
 ///
 /// # Errors
 /// Those of writing, and a layout with an unusable number.

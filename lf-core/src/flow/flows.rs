@@ -84,8 +84,8 @@ impl Flows {
         flows.iter().try_for_each(Flow::check)
     }
 
-    /// The velocity field in a volume; reads the files of sampled fields. `pixel_mm` is the side of a pixel at the focal plane,
-    /// `scene` stands for the scene in messages.
+    /// The velocity field in a volume; reads the files of sampled fields. `pixel_mm` is the side of a pixel at the
+    /// focal plane, `scene` stands for the scene in messages.
     ///
     /// # Errors
     /// Those of [`Field::open`], a sampled field with gaps, and a flow that needs more than [`MOST_STEPS`].
@@ -100,8 +100,8 @@ impl Flows {
         Ok(velocity)
     }
 
-    /// The velocity field in a volume. `sampled` are the fields of the sampled flows in their order, `pixel_mm` is the side of a
-    /// pixel at the focal plane.
+    /// The velocity field in a volume. `sampled` are the fields of the sampled flows in their order, `pixel_mm` is the
+    /// side of a pixel at the focal plane.
     pub fn velocity(&self, sampled: Vec<Sampled>, bounds_mm: [[f64; 2]; 3], pixel_mm: f64) -> Velocity {
         let mut sampled = sampled.into_iter();
         Velocity::new(

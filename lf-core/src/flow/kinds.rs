@@ -4,7 +4,8 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A steady flow. Displacements are those of a unit of time, the interval between two frames. Axes need not have unit length.
+/// A steady flow. Displacements are those of a unit of time, the interval between two frames. Axes need not have unit
+/// length.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Flow {
@@ -21,8 +22,8 @@ pub enum Flow {
         omega: f64,
         /// Largest displacement, px at the focal plane.
         amplitude_px: f64,
-        /// Length that holds omega cycles along every axis, px at the focal plane: a small volume can then show a part of the
-        /// wave of a large one. The volume's extents if absent.
+        /// Length that holds omega cycles along every axis, px at the focal plane: a small volume can then show a part
+        /// of the wave of a large one. The volume's extents if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         length_px: Option<f64>,
         /// Phase in the middle of the volume, rad; 0, a crest, if absent.
@@ -51,8 +52,8 @@ pub enum Flow {
         /// Displacement per distance, mm per mm.
         rate: f64,
     },
-    /// A vortex ring at rest: a thin circular vortex with the softened kernel 1 / (r^2 + core^2)^(3/2) of Rosenhead (1930)
-    /// and Moore (1972).
+    /// A vortex ring at rest: a thin circular vortex with the softened kernel 1 / (r^2 + core^2)^(3/2) of Rosenhead
+    /// (1930) and Moore (1972).
     Ring {
         /// Centre of the ring, mm; the origin if absent.
         #[serde(default)]
@@ -66,8 +67,8 @@ pub enum Flow {
         /// Displacement at the centre, mm.
         displacement_mm: f64,
     },
-    /// A parallel round jet: displacement `displacement / 2 (1 + tanh((diameter / 2 - r) / (2 shear_layer)))` along the axis, at
-    /// distance r from it.
+    /// A parallel round jet: displacement `displacement / 2 (1 + tanh((diameter / 2 - r) / (2 shear_layer)))` along the
+    /// axis, at distance r from it.
     Jet {
         /// A point of the axis, mm; the origin if absent.
         #[serde(default)]
@@ -92,8 +93,8 @@ pub enum Flow {
         /// A, mm.
         displacement_mm: f64,
     },
-    /// Arnold-Beltrami-Childress: u = A sin z + C cos y, v = B sin x + A cos z, w = C sin y + B cos x, with lengths in units
-    /// of wavelength / (2 pi).
+    /// Arnold-Beltrami-Childress: u = A sin z + C cos y, v = B sin x + A cos z, w = C sin y + B cos x, with lengths in
+    /// units of wavelength / (2 pi).
     Abc {
         /// Origin of the phases, mm; the frame's origin if absent.
         #[serde(default)]
@@ -115,7 +116,8 @@ pub enum Flow {
     },
 }
 
-/// One of the eight oscillating fields of Shi, Ding, New & Soria (2017), section 4. A fields oscillate in u, B fields in w.
+/// One of the eight oscillating fields of Shi, Ding, New & Soria (2017), section 4. A fields oscillate in u, B fields
+/// in w.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub enum Case {

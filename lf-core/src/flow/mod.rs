@@ -4,8 +4,8 @@
 //! particles and gives displacements.
 //! Open first: `kinds.rs`, the flows and their keys; `velocity.rs` carries particles.
 //!
-//! A flow is one object of [`Flow`], or a list of them whose velocities add up ([`Flows`]). The flow is steady. Displacements
-//! are those of a unit of time, the interval between two frames.
+//! A flow is one object of [`Flow`], or a list of them whose velocities add up ([`Flows`]). The flow is steady.
+//! Displacements are those of a unit of time, the interval between two frames.
 
 mod checks;
 mod flows;

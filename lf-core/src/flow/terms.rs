@@ -44,8 +44,8 @@ pub(super) enum Term {
 }
 
 impl Term {
-    /// The field of a flow in a volume. `sampled` gives the fields of sampled flows in their order; `pixel_mm` is the side of
-    /// a pixel at the focal plane.
+    /// The field of a flow in a volume. `sampled` gives the fields of sampled flows in their order; `pixel_mm` is the
+    /// side of a pixel at the focal plane.
     pub fn new(
         flow: &Flow,
         sampled: &mut impl Iterator<Item = Sampled>,
@@ -132,8 +132,8 @@ impl Term {
 
 /// Direction of a wave's velocity, and omega = 1 in cycles along each axis.
 ///
-/// The paper prints k = 2 pi / (omega L), and sqrt(2) omega L for two axes, where L is sqrt(2) times longer. Its text counts
-/// omega as cycles across the volume, so omega multiplies here.
+/// The paper prints k = 2 pi / (omega L), and sqrt(2) omega L for two axes, where L is sqrt(2) times longer. Its text
+/// counts omega as cycles across the volume, so omega multiplies here.
 fn wave(case: Case) -> (DVec3, DVec3) {
     let direction = match case {
         Case::A1 | Case::A2 | Case::A3 | Case::A4 => DVec3::X,

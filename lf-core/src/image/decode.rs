@@ -5,8 +5,8 @@ use crate::history::History;
 use ndarray::Array2;
 use std::panic::{self, AssertUnwindSafe};
 
-/// Most pixel bytes that one byte of a file can stand for. Deflate cannot pass 1032 and LZW stays below 1400, so no valid
-/// file is refused; a header that promises more would make us allocate memory for nothing.
+/// Most pixel bytes that one byte of a file can stand for. Deflate cannot pass 1032 and LZW stays below 1400, so no
+/// valid file is refused; a header that promises more would make us allocate memory for nothing.
 pub(super) const RATIO: u64 = 2048;
 
 /// An image read from a file.

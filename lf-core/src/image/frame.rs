@@ -11,8 +11,8 @@ use std::path::Path;
 pub const BLIND: f32 = 0.05;
 
 /// Reads an image of counts ([`open_counts`]), subtracts the background, sets negative results to 0, and divides by the
-/// flat field of `camera`, which was read from `camera_file`. Pixels whose flat field is below [`BLIND`] become NaN: their
-/// light is unknown.
+/// flat field of `camera`, which was read from `camera_file`. Pixels whose flat field is below [`BLIND`] become NaN:
+/// their light is unknown.
 ///
 /// # Errors
 /// Those of the files, and images of another size than the camera's sensor.

@@ -9,8 +9,8 @@ const TILE: usize = 4;
 /// Fraction of the tiles, from the darkest, that count as places without light.
 const DARKEST: f64 = 0.05;
 
-/// Standard deviation of the pixels where the image is darkest, counts: the median over the darkest twentieth of its tiles
-/// of 4 x 4 px. Light in those tiles counts as noise. An image clipped at 0 shows about 0.6 of its noise.
+/// Standard deviation of the pixels where the image is darkest, counts: the median over the darkest twentieth of its
+/// tiles of 4 x 4 px. Light in those tiles counts as noise. An image clipped at 0 shows about 0.6 of its noise.
 pub fn noise(image: ArrayView2<f32>) -> f64 {
     let (height, width) = image.dim();
     let rows: Vec<usize> = (0..height / TILE).collect();

@@ -7,8 +7,8 @@ use crate::Result;
 use crate::io::{self, Bytes};
 use std::path::Path;
 
-/// The images of a file: every page of a TIFF, or the one image of another format. Holds the bytes of the file (mapped if it
-/// is a plain file) and no pixels.
+/// The images of a file: every page of a TIFF, or the one image of another format. Holds the bytes of the file (mapped
+/// if it is a plain file) and no pixels.
 pub struct Stack {
     name: String,
     bytes: Bytes,

@@ -96,8 +96,9 @@ fn history(decoder: &mut Decoder<Cursor<&[u8]>>) -> History {
     text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
 }
 
-/// Encodes one page of 16-bit grey in strips without compression, in the byte order of the machine; `steps` is JSON text.
-/// Counts are rounded to whole numbers, halves away from zero, and clipped to 0..=65535. Equal input gives equal bytes.
+/// Encodes one page of 16-bit grey in strips without compression, in the byte order of the machine; `steps` is JSON
+/// text. Counts are rounded to whole numbers, halves away from zero, and clipped to 0..=65535. Equal input gives equal
+/// bytes.
 ///
 /// # Errors
 /// No pixels, NaN, and more than the 4 GiB of a classic TIFF.
@@ -147,8 +148,8 @@ fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<Strin
 /// Space reserved for tags, bytes. If they need more, the buffer is moved once.
 const TAGS: usize = 64 << 10;
 
-/// Counts the pages along the chain of directories, in either byte order, classic or BigTIFF. None if the chain leaves the
-/// file, or if a tag claims more bytes than the file has: the library would allocate them before it checks.
+/// Counts the pages along the chain of directories, in either byte order, classic or BigTIFF. None if the chain leaves
+/// the file, or if a tag claims more bytes than the file has: the library would allocate them before it checks.
 fn pages(bytes: &[u8]) -> Option<usize> {
     let number = |at: usize, width: usize| -> Option<usize> {
         let field = bytes.get(at..at.checked_add(width)?)?;

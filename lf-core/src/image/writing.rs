@@ -7,8 +7,8 @@ use crate::{Refusal, Result, io};
 use ndarray::Array2;
 use std::path::Path;
 
-/// Writes an EXR, or a 16-bit TIFF if the name ends in `.tif` or `.tiff`; `-` is an EXR on standard output. A TIFF holds
-/// whole counts, rounded and clipped to 0..=65535; [`outside_u16`] says how many are clipped.
+/// Writes an EXR, or a 16-bit TIFF if the name ends in `.tif` or `.tiff`; `-` is an EXR on standard output. A TIFF
+/// holds whole counts, rounded and clipped to 0..=65535; [`outside_u16`] says how many are clipped.
 ///
 /// # Errors
 /// Those of writing, no pixels, a name that promises another format, and NaN in a TIFF.

@@ -146,7 +146,8 @@ fn target(path: &Path) -> io::Result<Target> {
     }
 }
 
-/// Whether a path names an open descriptor. It leads to a file that others hold open: replacing the file would cut them off.
+/// Whether a path names an open descriptor. It leads to a file that others hold open: replacing the file would cut them
+/// off.
 fn names_a_descriptor(path: &Path) -> bool {
     path.starts_with("/dev/fd") || path.starts_with("/proc") || path == Path::new("/dev/stderr")
 }

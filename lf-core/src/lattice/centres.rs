@@ -4,16 +4,16 @@ use crate::Refusal;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// Smooth departure of the lenslets' centres from the perfect lattice, as measured. A lenslet whose perfect centre is c, mm
-/// from the middle of the sensor, is at c + (x, y), where x and y are polynomials in q = c / `radius_mm`.
+/// Smooth departure of the lenslets' centres from the perfect lattice, as measured. A lenslet whose perfect centre is
+/// c, mm from the middle of the sensor, is at c + (x, y), where x and y are polynomials in q = c / `radius_mm`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Centres {
     /// Length that scales the polynomials, mm. With half the sensor's diagonal, no coefficient is much larger than the
     /// departures on the sensor.
     pub radius_mm: f64,
-    /// Departure along x, mm: coefficients of q_x, q_y, q_x^2, q_x q_y, q_y^2, q_x^3, q_x^2 q_y ... up to a full degree,
-    /// [`MOST_DEGREE`] at most.
+    /// Departure along x, mm: coefficients of q_x, q_y, q_x^2, q_x q_y, q_y^2, q_x^3, q_x^2 q_y ... up to a full
+    /// degree, [`MOST_DEGREE`] at most.
     pub x_mm: Vec<f64>,
     /// Departure along y, mm: as many coefficients, in the same order.
     pub y_mm: Vec<f64>,

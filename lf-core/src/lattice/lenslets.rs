@@ -5,12 +5,12 @@ use super::microlenses::{Layout, Microlenses};
 use glam::{DMat2, DVec2};
 use std::ops::RangeInclusive;
 
-/// Fixed-point steps that take a point back to the perfect lattice. Each multiplies the error by the departure's gradient,
-/// which is some thousandths for real arrays and 0.2 at most.
+/// Fixed-point steps that take a point back to the perfect lattice. Each multiplies the error by the departure's
+/// gradient, which is some thousandths for real arrays and 0.2 at most.
 const BACK_STEPS: usize = 3;
 
-/// Centres and cells of the lenslets: the perfect lattice of [`Microlenses`], and the measured departure of [`Centres`] from
-/// it. A cell is the part of the array whose light a lenslet takes.
+/// Centres and cells of the lenslets: the perfect lattice of [`Microlenses`], and the measured departure of [`Centres`]
+/// from it. A cell is the part of the array whose light a lenslet takes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lattice {
     layout: Layout,
@@ -94,8 +94,8 @@ impl Lattice {
         self.departed(self.offset_mm + self.rotation * DVec2::new(along, across))
     }
 
-    /// The lenslet (i, j) whose cell holds a point of the array. Cells belong to the nearest centre; with departures, to the
-    /// nearest perfect centre after [`Lattice::perfect`].
+    /// The lenslet (i, j) whose cell holds a point of the array. Cells belong to the nearest centre; with departures,
+    /// to the nearest perfect centre after [`Lattice::perfect`].
     #[inline]
     pub fn lenslet_at(&self, point_mm: DVec2) -> (i64, i64) {
         let q = self.rotation.transpose() * (self.perfect(point_mm) - self.offset_mm);
@@ -154,15 +154,15 @@ impl Lattice {
         DVec2::new(self.offset_mm.x + cos * cx - sin * cy, self.offset_mm.y + cos * cy + sin * cx)
     }
 
-    /// Coordinates of a point of the perfect lattice: along a row in pitches, across rows in row pitches. The shift of the
-    /// rows is not taken off.
+    /// Coordinates of a point of the perfect lattice: along a row in pitches, across rows in row pitches. The shift of
+    /// the rows is not taken off.
     fn place(&self, point_mm: DVec2) -> DVec2 {
         let q = self.rotation.transpose() * (point_mm - self.offset_mm);
         DVec2::new(q.x / self.pitch_mm, q.y / self.row_pitch_mm())
     }
 
-    /// The lenslets whose centres lie in a box of half sides `reach_mm` about a point, row by row: (i, j, centre in mm). May
-    /// hold some beyond the box.
+    /// The lenslets whose centres lie in a box of half sides `reach_mm` about a point, row by row: (i, j, centre in
+    /// mm). May hold some beyond the box.
     pub fn lenslets_within(&self, point_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = (i64, i64, DVec2)> + '_ {
         let rows = self.rows_within(self.perfect(point_mm), reach_mm);
         rows.flat_map(move |(j, lenslets)| lenslets.map(move |i| (i, j, self.centre_mm(i, j))))

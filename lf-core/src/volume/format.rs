@@ -1,8 +1,8 @@
 //! The `.lfv` file of a sparse volume: its specification, and where its parts lie.
 //!
-//! A file holds one regular grid, the linear indices of some of its voxels, and any number of named columns with one `f32`
-//! for each index. All numbers are little-endian. With `n` indices the file is, in this order and without gaps but the
-//! zeros named here:
+//! A file holds one regular grid, the linear indices of some of its voxels, and any number of named columns with one
+//! `f32` for each index. All numbers are little-endian. With `n` indices the file is, in this order and without gaps
+//! but the zeros named here:
 //!
 //! | bytes | content |
 //! | --- | --- |
@@ -11,7 +11,7 @@
 //! | 4 | `h`, the length of the header in bytes, a `u32`: at most 2^20, and 16 + h is a multiple of 64 |
 //! | h | the header: one JSON object in UTF-8, padded with spaces to h bytes |
 //! | 8 n | the indices, `u64`, strictly rising, the last below nx ny nz |
-//! | 4 n | for each column in the header: zeros up to a multiple of 64 from the start of the file, then `f32` values, all finite |
+//! | 4 n | for each column: zeros up to a multiple of 64 bytes of the file, then the values, `f32`, all finite |
 //!
 //! The file ends with the last value of the last column, or with the last index if there are no columns. A file of any
 //! other length is refused.
@@ -19,16 +19,16 @@
 //! Voxel (x, y, z) has the index `x + nx (y + ny z)`. The keys of the header are:
 //!
 //! - `count`: n, a whole number, at most nx ny nz.
-//! - `grid`: `{"shape": [nx, ny, nz], "spacing_mm": [dx, dy, dz], "origin_mm": [x, y, z]}` and nothing else. The origin is
-//!   the centre of voxel (0, 0, 0) in the object frame of [`crate::optics`].
+//! - `grid`: `{"shape": [nx, ny, nz], "spacing_mm": [dx, dy, dz], "origin_mm": [x, y, z]}` and nothing else. The origin
+//!   is the centre of voxel (0, 0, 0) in the object frame of [`crate::optics`].
 //! - `columns`: the names of the columns in the order of the file, all different, none empty.
 //! - `checksum`: XXH3-64 (seed 0) of everything after the header, zeros included, as 16 hexadecimal digits.
 //! - `history`: objects `{"tool", "version", "arguments"}`, oldest first; absent if there is none.
 //! - `tile`: only in a file that holds a tile of a volume, see [`crate::volume::tile`].
 //! - Other keys are kept for programs that know them: [`crate::volume::Volume::extra`], [`crate::volume::write_with`].
 //!
-//! A reader that returns `Ok` has checked every sentence above, has allocated no more than the text of the header needs,
-//! and lends slices of the file itself. The checksum does not cover the header.
+//! A reader that returns `Ok` has checked every sentence above, has allocated no more than the text of the header
+//! needs, and lends slices of the file itself. The checksum does not cover the header.
 
 #[cfg(target_endian = "big")]
 compile_error!("columns are lent from the file as they are, and the file is little-endian");

@@ -22,8 +22,8 @@ enum Source {
 }
 
 impl JoinedVolume {
-    /// Opens files as volumes, in their order. A tile and the files after it, as many as the volume has tiles and in any
-    /// order among themselves, make one volume. Only the files of one volume are open at a time.
+    /// Opens files as volumes, in their order. A tile and the files after it, as many as the volume has tiles and in
+    /// any order among themselves, make one volume. Only the files of one volume are open at a time.
     ///
     /// # Errors
     /// Those of the files, a file without the column, and tiles that are missing, given twice, or of different grids.

@@ -1,17 +1,17 @@
 //! A tile of a volume, cut in x and y, so that a frame too large for one machine is reconstructed on several.
 //!
-//! The grid is cut into `of` blocks, the cores, numbered along x first, then along y. A tile is responsible for the voxels
-//! of its core. It holds more voxels, because a voxel is reconstructed correctly only if all light on its pixels is
-//! explained by voxels that are present:
+//! The grid is cut into `of` blocks, the cores, numbered along x first, then along y. A tile is responsible for the
+//! voxels of its core. It holds more voxels, because a voxel is reconstructed correctly only if all light on its pixels
+//! is explained by voxels that are present:
 //!
 //! - The **pixels** of a tile are those that its core, widened by `halo_mm`, lights in focus. It ignores all others.
-//! - The **voxels** of a tile are all those whose light can reach one of its pixels: in focus the core and its halo, out of
-//!   focus more, by the width of the beam.
+//! - The **voxels** of a tile are all those whose light can reach one of its pixels: in focus the core and its halo,
+//!   out of focus more, by the width of the beam.
 //! - At an edge of the grid there is no halo, and the pixels extend to the end of the sensor, as for the whole volume.
 //!
 //! In a `.lfv` a tile is the header key `tile`: `{"index", "of", "halo_mm", "core_vox", "pixels"}`. The last two are
-//! `[[x0, x1], [y0, y1]]`, half-open ranges of voxels, and of columns and rows of the image. The grid and the indices are
-//! those of the whole volume.
+//! `[[x0, x1], [y0, y1]]`, half-open ranges of voxels, and of columns and rows of the image. The grid and the indices
+//! are those of the whole volume.
 
 use crate::camera::Camera;
 use crate::grid::Grid;
@@ -49,8 +49,8 @@ pub const MOST_TILES: usize = 10_000;
 const USUAL_BEAMS: f64 = 1.25;
 const USUAL_LENSLETS: f64 = 8.0;
 
-/// Number of blocks along x and y: the factors of `of` whose blocks are most nearly square. Of two equal choices, the one
-/// with fewer blocks along x.
+/// Number of blocks along x and y: the factors of `of` whose blocks are most nearly square. Of two equal choices, the
+/// one with fewer blocks along x.
 fn blocks(grid: &Grid, of: usize) -> [usize; 2] {
     let unevenness = |along_x: usize| {
         let side = |axis: usize, blocks: usize| grid.shape[axis] as f64 * grid.spacing_mm[axis] / blocks as f64;
@@ -109,11 +109,11 @@ impl Tile {
         Ok(Self { index, of, halo_mm, core_vox, pixels })
     }
 
-    /// A halo that is wide enough for 20 sweeps of lf-mart's default method, mm at the focal plane: 1.25 times the widest
-    /// beam, plus the eight lenslets within which lf-mart looks for the strongest voxel.
+    /// A halo that is wide enough for 20 sweeps of lf-mart's default method, mm at the focal plane: 1.25 times the
+    /// widest beam, plus the eight lenslets within which lf-mart looks for the strongest voxel.
     ///
-    /// The error at the edge of a core, relative to the brightest voxel, is then below 1e-4. It is below 1e-3 with one beam
-    /// width, and below 6e-3 with half of it (scene `demo` in four tiles).
+    /// The error at the edge of a core, relative to the brightest voxel, is then below 1e-4. It is below 1e-3 with one
+    /// beam width, and below 6e-3 with half of it (scene `demo` in four tiles).
     pub fn usual_halo_mm(camera: &Camera, grid: &Grid) -> f64 {
         let optics = Optics::new(camera);
         let ends = [0, grid.shape[2] - 1].map(|z| grid.centre_mm(2, z));

@@ -16,8 +16,8 @@ use xxhash_rust::xxh3::Xxh3;
 /// Those of `out`, a value that is not finite, and a header above 1 MiB.
 ///
 /// # Panics
-/// If the grid is invalid, indices do not rise or lie outside the grid, or a column has the wrong length, no name, or the
-/// name of another.
+/// If the grid is invalid, indices do not rise or lie outside the grid, or a column has the wrong length, no name, or
+/// the name of another.
 pub fn write(
     out: &mut dyn Write,
     grid: &Grid,
@@ -28,7 +28,8 @@ pub fn write(
     write_with(out, grid, indices, columns, history, &Map::new())
 }
 
-/// Writes as [`write()`] does, with further header keys, such as the [`extra`](super::Volume::extra) keys of another file.
+/// Writes as [`write()`] does, with further header keys, such as the [`extra`](super::Volume::extra) keys of another
+/// file.
 ///
 /// # Errors
 /// Those of [`write()`].
