@@ -39,7 +39,7 @@ impl CameraSource {
     /// Reads the camera of a scene in `folder`; `scene` stands for the scene in messages.
     ///
     /// # Errors
-    /// Those of [`Camera::open`].
+    /// The errors of [`Camera::open`].
     pub fn open(&self, folder: &Path, scene: &str) -> Result<Camera> {
         match self {
             Self::Path(file) => Camera::open(&folder.join(file)),

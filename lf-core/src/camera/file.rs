@@ -10,7 +10,7 @@ impl Camera {
     /// Reads and checks a camera file; `-` is standard input.
     ///
     /// # Errors
-    /// Those of reading a text file and of [`Camera::from_json`].
+    /// The errors of reading a text file and of [`Camera::from_json`].
     pub fn open(path: &Path) -> Result<Self> {
         let text = crate::io::open_text(path).map_err(|mut error| {
             if error.found.ends_with("no text") {

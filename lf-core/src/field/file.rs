@@ -25,7 +25,7 @@ impl Field {
     /// Reads an EXR field from memory as [`Field::open`] does; `name` stands for it in messages.
     ///
     /// # Errors
-    /// Those of [`Field::open`], without those of the file.
+    /// The errors of [`Field::open`], without those of the file.
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
@@ -34,7 +34,7 @@ impl Field {
     /// too.
     ///
     /// # Errors
-    /// Those of writing, a name that promises another format, and a field that [`Field::open`] would refuse.
+    /// The errors of writing, a name that promises another format, and a field that [`Field::open`] would refuse.
     ///
     /// # Panics
     /// If a component is not as long as the shape asks.

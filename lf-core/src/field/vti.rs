@@ -36,7 +36,7 @@ impl Array {
 /// ParaView shows the first array with three components first.
 ///
 /// # Errors
-/// Those of writing, and a layout with an unusable number.
+/// The errors of writing, and a layout with an unusable number.
 ///
 /// # Panics
 /// If an array is not as long as the layout asks.

@@ -88,7 +88,7 @@ impl Flows {
     /// focal plane, `scene` stands for the scene in messages.
     ///
     /// # Errors
-    /// Those of [`Field::open`], a sampled field with gaps, and a flow that needs more than [`MOST_STEPS`].
+    /// The errors of [`Field::open`], a sampled field with gaps, and a flow that needs more than [`MOST_STEPS`].
     pub fn open(&self, bounds_mm: [[f64; 2]; 3], pixel_mm: f64, scene: &str) -> crate::Result<Velocity> {
         let open = |path: &Path| Sampled::new(&Field::open(path)?).map_err(|refusal| refusal.about(io::name(path)));
         let sampled: crate::Result<Vec<Sampled>> = self.sampled().into_iter().map(open).collect();

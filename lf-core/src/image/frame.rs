@@ -15,7 +15,7 @@ pub const BLIND: f32 = 0.05;
 /// their light is unknown.
 ///
 /// # Errors
-/// Those of the files, and images of another size than the camera's sensor.
+/// The errors of the files, and images of another size than the camera's sensor.
 pub fn open_frame(path: &Path, background: Option<&Path>, camera: &Camera, camera_file: &Path) -> Result<Image> {
     let mut image = open_counts(path)?;
     let (height, width) = image.pixels.dim();

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Reads EXR, TIFF or PNG by its first bytes; `-` is standard input. Pixels may be negative or not finite.
 ///
 /// # Errors
-/// Those of the file, and those of [`from_bytes`].
+/// The errors of the file, and those of [`from_bytes`].
 pub fn open(path: &Path) -> Result<Image> {
     from_bytes(&io::open(path)?, &io::name(path))
 }
@@ -32,7 +32,7 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
 /// Reads as [`open`] does, and refuses pixels that are NaN, infinite or negative.
 ///
 /// # Errors
-/// Those of [`open`]; for bad pixels their number and the place of the first.
+/// The errors of [`open`]; for bad pixels their number and the place of the first.
 pub fn open_counts(path: &Path) -> Result<Image> {
     counts(open(path)?, &io::name(path))
 }

@@ -60,7 +60,7 @@ impl Stack {
     /// Decodes image `number`, counted from 0, and refuses pixels that are NaN, infinite or negative.
     ///
     /// # Errors
-    /// Those of [`super::open_counts`].
+    /// The errors of [`super::open_counts`].
     ///
     /// # Panics
     /// If there is no such image.

@@ -11,7 +11,7 @@ use std::path::Path;
 /// holds whole counts, rounded and clipped to 0..=65535; [`outside_u16`] says how many are clipped.
 ///
 /// # Errors
-/// Those of writing, no pixels, a name that promises another format, and NaN in a TIFF.
+/// The errors of writing, no pixels, a name that promises another format, and NaN in a TIFF.
 pub fn save(path: &Path, pixels: &Array2<f32>, history: &History) -> Result<()> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let bytes = match extension.as_str() {

@@ -28,7 +28,7 @@ pub fn open(path: &Path) -> Result<Bytes> {
 /// Reads a small text file (JSON, CSV). A byte order mark is dropped.
 ///
 /// # Errors
-/// Those of [`open`], and bytes that are not UTF-8; known binary formats are named.
+/// The errors of [`open`], and bytes that are not UTF-8; known binary formats are named.
 pub fn open_text(path: &Path) -> Result<String> {
     let bytes = open(path)?;
     let text = std::str::from_utf8(&bytes).map_err(|error| {

@@ -37,7 +37,7 @@ pub fn check_place(path: &Path) -> Result<()> {
 /// Checks the place of a picture, and that its name does not promise another format than SVG.
 ///
 /// # Errors
-/// Those of [`check_place`], and names like `x.png`.
+/// The errors of [`check_place`], and names like `x.png`.
 pub fn check_picture(path: &Path) -> Result<()> {
     const OTHERS: [&str; 8] = ["png", "jpg", "jpeg", "pdf", "eps", "tif", "tiff", "gif"];
     match path.extension().filter(|end| OTHERS.iter().any(|other| end.eq_ignore_ascii_case(other))) {
@@ -52,7 +52,7 @@ pub fn check_picture(path: &Path) -> Result<()> {
 /// Writes `path` whole or not at all; `-` is standard output.
 ///
 /// # Errors
-/// Those of `fill` and of writing, and a terminal, which cannot show binary output.
+/// The errors of `fill` and of writing, and a terminal, which cannot show binary output.
 pub fn save(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     write(path, false, fill)
 }
@@ -60,7 +60,7 @@ pub fn save(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) ->
 /// Writes text as [`save`] does; a terminal is allowed.
 ///
 /// # Errors
-/// Those of `fill` and of writing.
+/// The errors of `fill` and of writing.
 pub fn save_text(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     write(path, true, fill)
 }

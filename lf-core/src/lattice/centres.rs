@@ -34,7 +34,6 @@ pub const fn terms(degree: usize) -> usize {
 }
 
 impl Centres {
-    /// Degree of the polynomials; none where the number of coefficients is no full degree's.
     /// Degree of the polynomials. None if the number of coefficients fits no degree.
     pub fn degree(&self) -> Option<usize> {
         (1..=MOST_DEGREE).find(|degree| terms(*degree) == self.x_mm.len())

@@ -26,7 +26,8 @@ impl JoinedVolume {
     /// any order among themselves, make one volume. Only the files of one volume are open at a time.
     ///
     /// # Errors
-    /// Those of the files, a file without the column, and tiles that are missing, given twice, or of different grids.
+    /// The errors of the files, a file without the column, and tiles that are missing, given twice, or of different
+    /// grids.
     pub fn open_all<'a>(paths: impl IntoIterator<Item = &'a Path>, column: &'static str) -> Result<Vec<Self>> {
         let mut paths = paths.into_iter();
         let mut wholes = Vec::new();

@@ -28,7 +28,7 @@ impl Volume {
     /// Opens and checks a file, or standard input for `-`.
     ///
     /// # Errors
-    /// Those of the file, and every departure from the [format](super::format).
+    /// The errors of the file, and every departure from the [format](super::format).
     pub fn open(path: &Path) -> Result<Self> {
         Self::from_bytes(io::open(path)?, &io::name(path))
     }

@@ -13,7 +13,7 @@ use xxhash_rust::xxh3::Xxh3;
 /// Writes a `.lfv` in one pass, without seeking. An empty history is left out.
 ///
 /// # Errors
-/// Those of `out`, a value that is not finite, and a header above 1 MiB.
+/// The errors of `out`, a value that is not finite, and a header above 1 MiB.
 ///
 /// # Panics
 /// If the grid is invalid, indices do not rise or lie outside the grid, or a column has the wrong length, no name, or
@@ -32,7 +32,7 @@ pub fn write(
 /// file.
 ///
 /// # Errors
-/// Those of [`write()`].
+/// The errors of [`write()`].
 ///
 /// # Panics
 /// As [`write()`], and if a key belongs to the format itself.
