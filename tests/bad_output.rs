@@ -1,7 +1,7 @@
 //! Every output of every tool, made impossible: one line, exit code 2, inputs untouched, nothing left behind.
 
+use lf_tests::Call;
 use lf_tests::samples::{Kind, Samples};
-use lf_tests::tools::Call;
 use lf_tests::uses::{Use, uses};
 use serde_json::Value;
 use std::fs::{self, File, Permissions};

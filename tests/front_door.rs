@@ -1,7 +1,8 @@
 //! What the six command lines have in common.
 
+use lf_tests::Call;
 use lf_tests::samples::Samples;
-use lf_tests::tools::{Call, TOOLS};
+use lf_tests::tools::TOOLS;
 use lf_tests::uses::uses;
 use serde_json::Value;
 use std::fs;

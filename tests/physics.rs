@@ -1,7 +1,7 @@
 //! Whole pipelines against what is known: light, reconstruction, displacement. The scenes are rendered by rays; the
 //! tools that judge them know nothing of those.
 
-use lf_tests::tools::Call;
+use lf_tests::Call;
 use serde_json::Value;
 use std::path::Path;
 use tempfile::TempDir;

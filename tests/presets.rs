@@ -1,7 +1,7 @@
 //! `--preset`: what the help says that it sets is what it sets, and what is typed comes before it.
 
+use lf_tests::Call;
 use lf_tests::samples::{Kind, Samples};
-use lf_tests::tools::Call;
 use lf_tests::uses::Word::{Input, Output, Plain};
 use lf_tests::uses::{Use, uses};
 use std::fs;

@@ -1,6 +1,6 @@
 //! Scenes as their users write them: every effect, every output, and what is wrong with a scene in one line.
 
-use lf_tests::tools::Call;
+use lf_tests::Call;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;

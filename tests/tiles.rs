@@ -1,6 +1,6 @@
 //! A volume in tiles is the whole: rendered, pruned, reconstructed and correlated in four parts, against one.
 
-use lf_tests::tools::Call;
+use lf_tests::Call;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

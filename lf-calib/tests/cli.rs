@@ -1,86 +1,42 @@
 //! The contract of lf-calib's command line.
 
 use crate::scenes;
+use crate::workbench::{self, workbench};
 use lf_core::camera::{Camera, Layout};
 use lf_core::image;
+use lf_tests::Workbench;
 use ndarray::Array2;
 use serde_json::Value;
 use std::fs::{self, File};
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-use tempfile::TempDir;
 
-/// A folder with a camera, a white image of it and three frames.
-struct Place(TempDir);
+use std::path::Path;
 
-impl Place {
-    fn new() -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        let truth = truth();
-        fs::write(place.path("nominal.json"), scenes::nominal(&truth).to_json()).unwrap();
-        place.image("white.exr", &scenes::discs(&truth, 0.9));
-        for n in 0..3 {
-            let frame = Array2::from_shape_fn((5, 7), |(row, column)| ((row * 7 + column + 5 * n) % 13) as f32);
-            place.image(&format!("frame-{n}.exr"), &frame);
-        }
-        place
+/// The tool in a folder with a camera, a white image of it and three frames.
+fn camera_and_images() -> Workbench {
+    let bench = workbench();
+    bench.write("nominal.json", scenes::nominal(&truth()).to_json());
+    bench.image("white.exr", &scenes::discs(&truth(), 0.9));
+    for n in 0..3 {
+        let frame = Array2::from_shape_fn((5, 7), |(row, column)| ((row * 7 + column + 5 * n) % 13) as f32);
+        bench.image(&format!("frame-{n}.exr"), &frame);
     }
+    bench
+}
 
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn image(&self, name: &str, pixels: &Array2<f32>) {
-        image::save(&self.path(name), pixels, &Vec::new()).unwrap();
-    }
-
-    /// The tool in the folder, so that file names and messages are short.
-    fn tool(&self, line: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_lf-calib"));
-        command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null()).env("LF_HISTORY", "off");
-        command
-    }
-
-    fn run(&self, line: &str) -> Output {
-        self.tool(line).output().unwrap()
-    }
-
-    fn done(&self, line: &str) -> Output {
-        let output = self.run(line);
-        assert!(output.status.success(), "{line}: {output:?}");
-        output
-    }
-
-    /// Runs a line that must fail with code 2 and this one line, and leave no output.
-    fn refused(&self, line: &str, message: &str) {
-        let output = self.run(&format!("{line} -q"));
-        assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
-        assert_eq!(String::from_utf8(output.stderr).unwrap(), format!("lf-calib: {message}\n"), "{line}");
-        assert!(output.stdout.is_empty(), "{line}");
-        assert!(!self.path("out").exists() && !self.path("out.exr").exists(), "{line}");
-    }
+/// Runs a line without its warnings; it must be refused with exactly this message.
+fn refused(bench: &Workbench, line: &str, message: &str) {
+    workbench::refused(bench, &format!("{line} -q"), message);
 }
 
 fn truth() -> Camera {
     scenes::camera(280, Layout::Hexagonal, 0.003, [0.0123, -0.0257])
 }
 
-fn piped(mut command: Command, bytes: Vec<u8>) -> Output {
-    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
-    let mut stdin = child.stdin.take().unwrap();
-    let writer = std::thread::spawn(move || stdin.write_all(&bytes));
-    let output = child.wait_with_output().unwrap();
-    writer.join().unwrap().unwrap();
-    output
-}
-
 #[test]
 fn the_camera_is_the_nominal_one_with_measured_microlenses() {
-    let place = Place::new();
-    place.done("lattice white.exr -c nominal.json -o out");
-    let camera = Camera::open(&place.path("out")).unwrap();
+    let bench = camera_and_images();
+    bench.done("lattice white.exr -c nominal.json -o out");
+    let camera = Camera::open(&bench.path("out")).unwrap();
     let (truth, nominal) = (truth(), scenes::nominal(&truth()));
     assert_eq!(camera.sensor, nominal.sensor);
     assert_eq!(camera.main_lens, nominal.main_lens);
@@ -99,41 +55,40 @@ fn the_camera_is_the_nominal_one_with_measured_microlenses() {
 
 #[test]
 fn file_pipe_and_redirect_give_the_same_bytes() {
-    let place = Place::new();
-    let from_file = place.done("lattice white.exr -c nominal.json").stdout;
-    place.done("lattice white.exr -c nominal.json -o out");
-    assert_eq!(fs::read(place.path("out")).unwrap(), from_file);
-    let white = || fs::read(place.path("white.exr")).unwrap();
-    assert_eq!(piped(place.tool("lattice -c nominal.json"), white()).stdout, from_file);
-    assert_eq!(piped(place.tool("lattice - -c nominal.json"), white()).stdout, from_file);
-    let mut redirected = place.tool("lattice -c nominal.json");
-    redirected.stdin(File::open(place.path("white.exr")).unwrap());
-    assert_eq!(redirected.output().unwrap().stdout, from_file);
+    let bench = camera_and_images();
+    let from_file = bench.done("lattice white.exr -c nominal.json").stdout;
+    bench.done("lattice white.exr -c nominal.json -o out");
+    assert_eq!(bench.bytes("out"), from_file);
+    let white = || bench.bytes("white.exr");
+    assert_eq!(bench.feed("lattice -c nominal.json", white()).stdout, from_file);
+    assert_eq!(bench.feed("lattice - -c nominal.json", white()).stdout, from_file);
+    let redirected = bench.call("lattice -c nominal.json").redirect(&bench.path("white.exr")).run();
+    assert_eq!(redirected.stdout, from_file);
 
-    let from_files = place.done("background frame-0.exr frame-1.exr").stdout;
-    let frame = fs::read(place.path("frame-0.exr")).unwrap();
-    assert_eq!(piped(place.tool("background - frame-1.exr"), frame).stdout, from_files);
+    let from_files = bench.done("background frame-0.exr frame-1.exr").stdout;
+    let frame = bench.bytes("frame-0.exr");
+    assert_eq!(bench.feed("background - frame-1.exr", frame).stdout, from_files);
 }
 
 #[test]
 fn any_number_of_threads_and_a_second_run_give_the_same_bytes() {
-    let place = Place::new();
+    let bench = camera_and_images();
     for line in ["lattice white.exr -c nominal.json", "background frame-0.exr frame-1.exr frame-2.exr --quantile 0.3"] {
-        let once = place.done(line).stdout;
+        let once = bench.done(line).stdout;
         for threads in [1, 2, 4] {
-            assert_eq!(place.done(&format!("{line} --threads {threads}")).stdout, once, "{line}, {threads} threads");
+            assert_eq!(bench.done(&format!("{line} --threads {threads}")).stdout, once, "{line}, {threads} threads");
         }
     }
 }
 
 #[test]
 fn several_whites_are_averaged() {
-    let place = Place::new();
-    let white = image::open(&place.path("white.exr")).unwrap().pixels;
-    place.image("dim.exr", &white.mapv(|value| 0.5 * value));
-    place.image("bright.exr", &white.mapv(|value| 1.5 * value));
-    let one = place.done("lattice white.exr -c nominal.json").stdout;
-    let two = place.done("lattice dim.exr bright.exr -c nominal.json").stdout;
+    let bench = camera_and_images();
+    let white = image::open(&bench.path("white.exr")).unwrap().pixels;
+    bench.image("dim.exr", &white.mapv(|value| 0.5 * value));
+    bench.image("bright.exr", &white.mapv(|value| 1.5 * value));
+    let one = bench.done("lattice white.exr -c nominal.json").stdout;
+    let two = bench.done("lattice dim.exr bright.exr -c nominal.json").stdout;
     let pitch =
         |text: &[u8]| serde_json::from_slice::<Value>(text).unwrap()["microlenses"]["pitch_mm"].as_f64().unwrap();
     assert!((pitch(&one) - pitch(&two)).abs() < 1e-9);
@@ -141,15 +96,13 @@ fn several_whites_are_averaged() {
 
 #[test]
 fn history_and_earlier_calibration_are_kept() {
-    let place = Place::new();
+    let bench = camera_and_images();
     let mut nominal = scenes::nominal(&truth());
     nominal.calibration = Some(serde_json::json!({"focus": {"depth_mm": 0.25}}));
-    fs::write(place.path("nominal.json"), nominal.to_json()).unwrap();
-    let mut once = place.tool("lattice white.exr -c nominal.json -o once");
-    assert!(once.env_remove("LF_HISTORY").status().unwrap().success());
-    let mut twice = place.tool("lattice white.exr -c once -o twice");
-    assert!(twice.env_remove("LF_HISTORY").status().unwrap().success());
-    let calibration = Camera::open(&place.path("twice")).unwrap().calibration.unwrap();
+    bench.write("nominal.json", nominal.to_json());
+    bench.call("lattice white.exr -c nominal.json -o once").with_history().run().done();
+    bench.call("lattice white.exr -c once -o twice").with_history().run().done();
+    let calibration = Camera::open(&bench.path("twice")).unwrap().calibration.unwrap();
     assert_eq!(calibration["focus"]["depth_mm"], 0.25);
     assert_eq!(calibration["history"].as_array().unwrap().len(), 2);
     assert_eq!(calibration["history"][0]["tool"], "lf-calib");
@@ -157,10 +110,10 @@ fn history_and_earlier_calibration_are_kept() {
 
 #[test]
 fn background_is_the_minimum_or_a_quantile() {
-    let place = Place::new();
-    place.done("background frame-0.exr frame-1.exr frame-2.exr -o lowest.exr");
-    place.done("background frame-0.exr frame-1.exr frame-2.exr --quantile 0.25 -o low.exr");
-    let [lowest, low] = ["lowest.exr", "low.exr"].map(|name| image::open(&place.path(name)).unwrap().pixels);
+    let bench = camera_and_images();
+    bench.done("background frame-0.exr frame-1.exr frame-2.exr -o lowest.exr");
+    bench.done("background frame-0.exr frame-1.exr frame-2.exr --quantile 0.25 -o low.exr");
+    let [lowest, low] = ["lowest.exr", "low.exr"].map(|name| image::open(&bench.path(name)).unwrap().pixels);
     // Pixel 3 counts 3, 8 and 0; pixel 9 counts 9, 1 and 6: a quarter lies half way from the lowest to the next.
     assert_eq!((lowest[(0, 3)], low[(0, 3)]), (0.0, 1.5));
     assert_eq!((lowest[(1, 2)], low[(1, 2)]), (1.0, 3.5));
@@ -169,104 +122,103 @@ fn background_is_the_minimum_or_a_quantile() {
 // One broken file among hundreds stopped a whole campaign.
 #[test]
 fn a_background_leaves_out_what_is_not_the_cameras() {
-    let place = Place::new();
+    let bench = camera_and_images();
     let mut small = scenes::nominal(&truth());
     (small.sensor.width, small.sensor.height) = (7, 5);
-    fs::write(place.path("small.json"), small.to_json()).unwrap();
-    let whole = fs::read(place.path("frame-1.exr")).unwrap();
-    fs::write(place.path("cut.exr"), &whole[..whole.len() / 2]).unwrap();
-    place.done("background frame-0.exr frame-2.exr --quantile 0.3 -o two.exr");
-    let lenient = place
+    bench.write("small.json", small.to_json());
+    let whole = bench.bytes("frame-1.exr");
+    bench.write("cut.exr", &whole[..whole.len() / 2]);
+    bench.done("background frame-0.exr frame-2.exr --quantile 0.3 -o two.exr");
+    let lenient = bench
         .done("background cut.exr frame-0.exr none.exr white.exr frame-2.exr -c small.json --quantile 0.3 -o some.exr");
-    let [two, some] = ["two.exr", "some.exr"].map(|name| image::open(&place.path(name)).unwrap().pixels);
+    let [two, some] = ["two.exr", "some.exr"].map(|name| image::open(&bench.path(name)).unwrap().pixels);
     assert_eq!(two, some);
-    let said = String::from_utf8(lenient.stderr).unwrap();
+    let said = lenient.stderr;
     let lines: Vec<&str> = said.lines().collect();
     assert!(lines.len() == 3 && lines.iter().all(|line| line.starts_with("lf-calib: warning: left out: ")), "{said}");
     assert!(said.contains("white.exr: 280 x 280 px; wanted 7 x 5 px, the camera's sensor"), "{said}");
     let lost = "cut.exr: cannot be decoded (invalid: reference to missing bytes); wanted a whole, valid file";
-    place.refused("background cut.exr -c small.json -o out.exr", lost);
-    assert!(!place.path("out.exr").exists());
+    refused(&bench, "background cut.exr -c small.json -o out.exr", lost);
+    assert!(!bench.path("out.exr").exists());
 }
 
 #[test]
 fn stats_say_what_was_processed() {
-    let place = Place::new();
-    place.done("lattice white.exr -c nominal.json -o out --stats stats.json");
-    let stats: Value = serde_json::from_str(&fs::read_to_string(place.path("stats.json")).unwrap()).unwrap();
+    let bench = camera_and_images();
+    bench.done("lattice white.exr -c nominal.json -o out --stats stats.json");
+    let stats: Value = bench.json("stats.json");
     assert!(stats["counts"]["lenslets"].as_u64().unwrap() > 400);
     assert!(stats["phases"]["lattice"].as_f64().is_some());
 }
 
 #[test]
 fn whites_that_cannot_be_used() {
-    let place = Place::new();
-    place.image("small.exr", &Array2::zeros((20, 30)));
-    place.refused(
+    let bench = camera_and_images();
+    bench.image("small.exr", &Array2::zeros((20, 30)));
+    refused(
+        &bench,
         "lattice white.exr small.exr -c nominal.json -o out",
         "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px",
     );
-    place.refused("lattice none.exr -c nominal.json -o out", "none.exr: no such file; wanted a file to read");
+    refused(&bench, "lattice none.exr -c nominal.json -o out", "none.exr: no such file; wanted a file to read");
     let wanted = "wanted a white image with dark gaps between the discs of the lenslets";
-    place.image("flat.exr", &Array2::from_elem((280, 280), 7.0));
-    place.refused("lattice flat.exr -c nominal.json -o out", &format!("flat.exr: flat, 7 everywhere; {wanted}"));
+    bench.image("flat.exr", &Array2::from_elem((280, 280), 7.0));
+    refused(&bench, "lattice flat.exr -c nominal.json -o out", &format!("flat.exr: flat, 7 everywhere; {wanted}"));
     let square = scenes::squares(&scenes::camera(280, Layout::Square, 0.0, [0.0, 0.0]), 1.0);
-    place.image("square.exr", &square);
+    bench.image("square.exr", &square);
     let line = "lattice square.exr -c nominal.json -o out";
-    place.refused(
+    refused(
+        &bench,
         line,
         &format!("square.exr: no lattice: the contrast of what repeats is 0.38 %; {wanted} (at least 2 %)"),
     );
     let mut dark = Array2::zeros((280, 280));
     dark[(3, 4)] = f32::NAN;
-    place.image("nan.exr", &dark);
-    place.refused(
+    bench.image("nan.exr", &dark);
+    refused(
+        &bench,
         "lattice nan.exr -c nominal.json -o out",
         "nan.exr: 1 pixel is not a count, the first NaN at x 4, y 3; wanted finite values that are not negative",
     );
     let clipped = scenes::discs(&truth(), 0.9).mapv(|value| if value > 500.0 { 4095.0 } else { 3.0 });
-    place.image("clipped.exr", &clipped);
-    let output = place.run("lattice clipped.exr -c nominal.json -o out");
-    assert_eq!(output.status.code(), Some(2));
-    let message = String::from_utf8(output.stderr).unwrap();
+    bench.image("clipped.exr", &clipped);
+    let message = bench.run("lattice clipped.exr -c nominal.json -o out").refused("clipped.exr").stderr;
     assert!(message.contains("saturated") && message.contains("at 4095, full scale; wanted at most 2 %"), "{message}");
-    assert!(!place.path("out").exists());
+    assert!(!bench.path("out").exists());
 }
 
 #[test]
 fn colour_is_refused() {
-    let place = Place::new();
+    let bench = camera_and_images();
     let colour = ::image::RgbImage::from_fn(280, 280, |x, y| ::image::Rgb([x as u8, y as u8, 0]));
-    colour.save(place.path("colour.png")).unwrap();
-    let output = place.run("lattice colour.png -c nominal.json -o out");
-    assert_eq!(output.status.code(), Some(2));
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert!(message.starts_with("lf-calib: colour.png: ") && message.matches('\n').count() == 1, "{message}");
-    assert!(!place.path("out").exists());
+    colour.save(bench.path("colour.png")).unwrap();
+    bench.run("lattice colour.png -c nominal.json -o out").refused("lf-calib: colour.png: ");
+    assert!(!bench.path("out").exists());
 }
 
 #[test]
 fn arguments_that_cannot_be_used() {
-    let place = Place::new();
-    place.refused(
+    let bench = camera_and_images();
+    refused(
+        &bench,
         "lattice white.exr -c nominal.json -o white.exr",
         "white.exr: is also an input; wanted another file to write to",
     );
-    place.refused("lattice - -c - -o out", "standard input: named more than once; wanted - for one input only");
-    place.refused("background frame-0.exr --quantile 0.7 -o out.exr", "--quantile: 0.7; wanted 0 to 0.5");
-    place.refused("background frame-0.exr --quantile NaN -o out.exr", "--quantile: NaN; wanted 0 to 0.5");
-    place.refused(
+    refused(&bench, "lattice - -c - -o out", "standard input: named more than once; wanted - for one input only");
+    refused(&bench, "background frame-0.exr --quantile 0.7 -o out.exr", "--quantile: 0.7; wanted 0 to 0.5");
+    refused(&bench, "background frame-0.exr --quantile NaN -o out.exr", "--quantile: NaN; wanted 0 to 0.5");
+    refused(
+        &bench,
         "background frame-0.exr frame-1.exr white.exr -o out.exr",
         "white.exr: image of 280 x 280 px; wanted 7 x 5 px like the first",
     );
-    place.refused(
+    refused(
+        &bench,
         "lattice white.exr -c nominal.json -o none/out",
         "none/out: its folder does not exist; wanted an existing folder",
     );
     for line in ["", "lattice", "lattice white.exr", "volume white.exr -c nominal.json"] {
-        let output = place.run(line);
-        assert_eq!(output.status.code(), Some(2), "{line}");
-        assert_eq!(String::from_utf8(output.stderr).unwrap().matches('\n').count(), 1, "{line}");
+        bench.run(line).refused("");
     }
 }
 
@@ -275,48 +227,48 @@ fn a_full_disk_is_an_error() {
     if !Path::new("/dev/full").exists() {
         return;
     }
-    let place = Place::new();
+    let bench = camera_and_images();
     for line in ["lattice white.exr -c nominal.json -q -o /dev/full", "background frame-0.exr -o /dev/full"] {
-        let output = place.run(line);
-        assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
-        assert_eq!(String::from_utf8(output.stderr).unwrap().matches('\n').count(), 1, "{line}");
+        bench.run(line).refused("");
     }
 }
 
 #[test]
 fn micro_images_that_do_not_fill_the_pitch_are_warned_of_with_the_figure() {
-    let place = Place::new();
-    let words = |line: &str| String::from_utf8(place.done(line).stderr).unwrap();
+    let bench = camera_and_images();
+    let words = |line: &str| bench.done(line).stderr;
     let line = "lattice white.exr -c nominal.json -o out";
     // Discs of 0.9 of a pitch of 14 px, and a data sheet that says 14.
     assert!(words(line).contains("warning: lenslet images are 12.6"), "{}", words(line));
     let mut nominal = scenes::nominal(&truth());
     nominal.main_lens.working_f_number = 4.0 / 0.9;
-    fs::write(place.path("nominal.json"), nominal.to_json()).unwrap();
+    bench.write("nominal.json", nominal.to_json());
     assert!(words(line).contains("warning: lenslet images underfill the pitch: 12.6"), "{}", words(line));
     assert!(words(line).contains("10 % unused; f-number 4.0"), "{}", words(line));
-    assert!(place.done("lattice white.exr -c nominal.json -q").stderr.is_empty());
+    assert!(bench.done("lattice white.exr -c nominal.json -q").stderr.is_empty());
 }
 
 #[test]
 fn a_dark_image_is_subtracted() {
-    let place = Place::new();
-    let white = image::open(&place.path("white.exr")).unwrap().pixels;
+    let bench = camera_and_images();
+    let white = image::open(&bench.path("white.exr")).unwrap().pixels;
     let dark = Array2::from_shape_fn(white.dim(), |(row, column)| ((row / 40 + column / 40) % 3 * 200) as f32);
-    place.image("raised.exr", &(&white + &dark));
-    place.image("dark.exr", &dark);
+    bench.image("raised.exr", &(&white + &dark));
+    bench.image("dark.exr", &dark);
     let pitch = |line: &str| {
-        let camera: Value = serde_json::from_slice(&place.done(line).stdout).unwrap();
+        let camera: Value = serde_json::from_slice(&bench.done(line).stdout).unwrap();
         camera["microlenses"]["pitch_mm"].as_f64().unwrap()
     };
     let plain = pitch("lattice white.exr -c nominal.json");
     assert!((pitch("lattice raised.exr --dark dark.exr -c nominal.json") / plain - 1.0).abs() < 1e-7);
-    place.image("small.exr", &Array2::zeros((20, 30)));
-    place.refused(
+    bench.image("small.exr", &Array2::zeros((20, 30)));
+    refused(
+        &bench,
         "lattice white.exr --dark small.exr -c nominal.json -o out",
         "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px",
     );
-    place.refused(
+    refused(
+        &bench,
         "lattice white.exr --dark none.exr -c nominal.json -o out",
         "none.exr: no such file; wanted a file to read",
     );
@@ -324,12 +276,12 @@ fn a_dark_image_is_subtracted() {
 
 #[test]
 fn every_lenslet_that_was_read_is_a_line_of_the_table() {
-    let place = Place::new();
-    place.done("lattice white.exr -c nominal.json -o out --centres out.csv");
-    let table = fs::read_to_string(place.path("out.csv")).unwrap();
+    let bench = camera_and_images();
+    bench.done("lattice white.exr -c nominal.json -o out --centres out.csv");
+    let table = bench.text("out.csv");
     let mut lines = table.lines();
     assert_eq!(lines.next(), Some("i,j,x_px,y_px,residual_x_px,residual_y_px,kept"));
-    let (lattice, mut count) = (Camera::open(&place.path("out")).unwrap().lattice(), 0);
+    let (lattice, mut count) = (Camera::open(&bench.path("out")).unwrap().lattice(), 0);
     for line in lines {
         let n: Vec<f64> = line.split(',').map(|number| number.parse().unwrap()).collect();
         let fitted = lattice.centre_mm(n[0] as i64, n[1] as i64) * 1.00077 / 0.0055 + 140.0;
@@ -341,7 +293,7 @@ fn every_lenslet_that_was_read_is_a_line_of_the_table() {
 
 #[test]
 fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
-    let place = Place::new();
+    let bench = camera_and_images();
     let truth = truth();
     let plain = scenes::discs(&truth, 1.0);
     let half = 140.0f32;
@@ -356,14 +308,14 @@ fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
             if is_dead(row, column) { 0.0 } else { light[(row, column)] * share(row, column) }
         })
     };
-    place.image("white.exr", &seen(&plain));
+    bench.image("white.exr", &seen(&plain));
     // A frame of a sample that is brighter to the right.
     let frame = Array2::from_shape_fn(plain.dim(), |(row, column)| plain[(row, column)] * (50 + column) as f32);
-    place.image("frame.exr", &seen(&frame));
-    place.done("lattice white.exr -c nominal.json -o out --vignetting flat.exr");
-    let camera = Camera::open(&place.path("out")).unwrap();
+    bench.image("frame.exr", &seen(&frame));
+    bench.done("lattice white.exr -c nominal.json -o out --vignetting flat.exr");
+    let camera = Camera::open(&bench.path("out")).unwrap();
     assert_eq!(camera.vignetting.as_deref(), Some(Path::new("flat.exr")));
-    let mended = image::open_frame(&place.path("frame.exr"), None, &camera, &place.path("out")).unwrap().pixels;
+    let mended = image::open_frame(&bench.path("frame.exr"), None, &camera, &bench.path("out")).unwrap().pixels;
     let scale = mended[(140, 140)] / frame[(140, 140)];
     let mut blind = 0;
     assert!(plain[(140, 140)] > 999.0);
@@ -383,24 +335,24 @@ fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
 
 #[test]
 fn the_flat_field_is_named_so_that_it_is_found() {
-    let place = Place::new();
-    fs::create_dir(place.path("maps")).unwrap();
-    let output = place.done("lattice white.exr -c nominal.json -o out --vignetting maps/flat.exr");
-    let words = String::from_utf8(output.stderr).unwrap();
+    let bench = camera_and_images();
+    fs::create_dir(bench.path("maps")).unwrap();
+    let output = bench.done("lattice white.exr -c nominal.json -o out --vignetting maps/flat.exr");
+    let words = output.stderr;
     assert!(words.contains("the camera names its flat field by its full path"), "{words}");
-    let camera = Camera::open(&place.path("out")).unwrap();
-    assert!(image::open(&camera.flat_field(&place.path("out")).unwrap()).is_ok());
+    let camera = Camera::open(&bench.path("out")).unwrap();
+    assert!(image::open(&camera.flat_field(&bench.path("out")).unwrap()).is_ok());
     // A second calibration keeps the flat field of its nominal camera.
-    place.done("lattice white.exr -c out -o maps/again.json -q");
-    let again = Camera::open(&place.path("maps/again.json")).unwrap();
-    assert!(image::open(&again.flat_field(&place.path("maps/again.json")).unwrap()).is_ok());
+    bench.done("lattice white.exr -c out -o maps/again.json -q");
+    let again = Camera::open(&bench.path("maps/again.json")).unwrap();
+    assert!(image::open(&again.flat_field(&bench.path("maps/again.json")).unwrap()).is_ok());
 }
 
 #[test]
 fn the_picture_is_an_svg_with_units() {
-    let place = Place::new();
-    place.done("lattice white.exr -c nominal.json -o out --plot out.svg -q");
-    let svg = fs::read_to_string(place.path("out.svg")).unwrap();
+    let bench = camera_and_images();
+    bench.done("lattice white.exr -c nominal.json -o out --plot out.svg -q");
+    let svg = bench.text("out.svg");
     for words in ["<svg", "</svg>", "Lenslet images: hexagonal, pitch 14.0", "px RMS", "residual: measured", "280 px"] {
         assert!(svg.contains(words), "{words}");
     }
@@ -408,28 +360,33 @@ fn the_picture_is_an_svg_with_units() {
 
 #[test]
 fn outputs_that_cannot_be() {
-    let place = Place::new();
+    let bench = camera_and_images();
     let line = "lattice white.exr -c nominal.json -o out";
-    place.refused(&format!("{line} --plot p.png"), "p.png: the name of a .png file; wanted FILE.svg, the format drawn");
+    refused(
+        &bench,
+        &format!("{line} --plot p.png"),
+        "p.png: the name of a .png file; wanted FILE.svg, the format drawn",
+    );
     let wanted = "wanted FILE.exr, which the camera can name";
-    place.refused(&format!("{line} --vignetting v.tif"), &format!("v.tif: not the name of an EXR; {wanted}"));
-    place.refused(&format!("{line} --vignetting -"), &format!("standard output: not the name of an EXR; {wanted}"));
-    place.refused(&format!("{line} --centres out"), "out: named for two outputs; wanted a file for each");
-    place.refused(
+    refused(&bench, &format!("{line} --vignetting v.tif"), &format!("v.tif: not the name of an EXR; {wanted}"));
+    refused(&bench, &format!("{line} --vignetting -"), &format!("standard output: not the name of an EXR; {wanted}"));
+    refused(&bench, &format!("{line} --centres out"), "out: named for two outputs; wanted a file for each");
+    refused(
+        &bench,
         &format!("{line} --centres white.exr"),
         "white.exr: is also an input; wanted another file to write to",
     );
-    place.refused(
+    refused(
+        &bench,
         &format!("{line} --centres none/t.csv"),
         "none/t.csv: its folder does not exist; wanted an existing folder",
     );
     let mut nominal = scenes::nominal(&truth());
     nominal.main_lens.working_f_number = 400.0;
-    fs::write(place.path("slow.json"), nominal.to_json()).unwrap();
-    let output = place.run("lattice white.exr -c slow.json -o out --vignetting flat.exr -q");
-    assert_eq!(output.status.code(), Some(2));
-    assert!(String::from_utf8(output.stderr).unwrap().contains("no pixel is well lit by the nominal f-number"));
-    assert!(!place.path("out").exists() && !place.path("flat.exr").exists());
+    bench.write("slow.json", nominal.to_json());
+    let line = "lattice white.exr -c slow.json -o out --vignetting flat.exr -q";
+    bench.run(line).refused("no pixel is well lit by the nominal f-number");
+    assert!(!bench.path("out").exists() && !bench.path("flat.exr").exists());
 }
 
 /// A TIFF of 16-bit pages that differ by their number.
@@ -443,37 +400,35 @@ fn stack(path: &Path, pages: u16) {
 
 #[test]
 fn pages_of_a_stack_are_frames() {
-    let place = Place::new();
-    stack(&place.path("stack.tif"), 3);
+    let bench = camera_and_images();
+    stack(&bench.path("stack.tif"), 3);
     for options in ["", " --quantile 0.25"] {
-        let files = place.done(&format!("background frame-0.exr frame-1.exr frame-2.exr{options}")).stdout;
-        assert_eq!(place.done(&format!("background stack.tif{options}")).stdout, files, "{options}");
-        let bytes = fs::read(place.path("stack.tif")).unwrap();
-        assert_eq!(piped(place.tool(&format!("background -{options}")), bytes).stdout, files, "{options}");
+        let files = bench.done(&format!("background frame-0.exr frame-1.exr frame-2.exr{options}")).stdout;
+        assert_eq!(bench.done(&format!("background stack.tif{options}")).stdout, files, "{options}");
+        let bytes = bench.bytes("stack.tif");
+        assert_eq!(bench.feed(&format!("background -{options}"), bytes).stdout, files, "{options}");
     }
-    stack(&place.path("two.tif"), 2);
-    let files = place.done("background frame-0.exr frame-1.exr frame-2.exr").stdout;
-    assert_eq!(place.done("background two.tif frame-2.exr").stdout, files);
+    stack(&bench.path("two.tif"), 2);
+    let files = bench.done("background frame-0.exr frame-1.exr frame-2.exr").stdout;
+    assert_eq!(bench.done("background two.tif frame-2.exr").stdout, files);
     // Where one image is wanted a stack is none.
     let message = "stack.tif: 3 pages; wanted one page (split the stack into files)";
-    place.refused("lattice stack.tif -c nominal.json -o out", message);
+    refused(&bench, "lattice stack.tif -c nominal.json -o out", message);
 }
 
 #[test]
 fn stacks_that_cannot_be_used_leave_no_background() {
-    let place = Place::new();
-    stack(&place.path("stack.tif"), 3);
-    let whole = fs::read(place.path("stack.tif")).unwrap();
+    let bench = camera_and_images();
+    stack(&bench.path("stack.tif"), 3);
+    let whole = bench.bytes("stack.tif");
     for length in [whole.len() - 4, whole.len() / 2, 200, 9] {
-        fs::write(place.path("cut.tif"), &whole[..length]).unwrap();
-        let output = place.run("background cut.tif -o out.exr");
-        let message = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{length}");
-        assert!(message.starts_with("lf-calib: cut.tif") && message.matches('\n').count() == 1, "{message}");
-        assert!(!place.path("out.exr").exists());
+        bench.write("cut.tif", &whole[..length]);
+        bench.run("background cut.tif -o out.exr").refused("lf-calib: cut.tif");
+        assert!(!bench.path("out.exr").exists());
     }
-    place.image("other.exr", &Array2::zeros((5, 8)));
-    place.refused(
+    bench.image("other.exr", &Array2::zeros((5, 8)));
+    refused(
+        &bench,
         "background other.exr stack.tif -o out.exr",
         "stack.tif, page 1: image of 7 x 5 px; wanted 8 x 5 px like the first",
     );

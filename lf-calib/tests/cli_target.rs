@@ -1,116 +1,94 @@
 //! The contract of the command lines of `volume` and `refine`: what is refused, and that nothing is left behind.
 
 use crate::scenes::points;
-use lf_core::image;
+use crate::workbench::{refused, workbench};
+use lf_tests::Workbench;
 use ndarray::Array2;
 use std::fs;
-use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
-use tempfile::TempDir;
 
-/// A folder with a camera of 20 lenslets, dark images of its size and one of another.
-struct Place(TempDir);
-
-impl Place {
-    fn new() -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        fs::write(place.path("camera.json"), points::camera(20).to_json()).unwrap();
-        for name in ["a.exr", "b.exr", "c.exr"] {
-            image::save(&place.path(name), &Array2::from_elem((280, 280), 3.0), &Vec::new()).unwrap();
-        }
-        image::save(&place.path("small.exr"), &Array2::from_elem((20, 30), 3.0), &Vec::new()).unwrap();
-        let table = "frame,id,x_mm,y_mm,z_mm,intensity\n0,0,0,0,3,1\n1,0,0,0,-3,1\n";
-        fs::write(place.path("target.csv"), table).unwrap();
-        fs::create_dir(place.path("empty")).unwrap();
-        place
+/// The tool in a folder with a camera of 20 lenslets, dark images of its size, and one of another size.
+fn camera_and_images() -> Workbench {
+    let bench = workbench();
+    bench.write("camera.json", points::camera(20).to_json());
+    for name in ["a.exr", "b.exr", "c.exr"] {
+        bench.image(name, &Array2::from_elem((280, 280), 3.0));
     }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn run(&self, line: &str) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_lf-calib"));
-        command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null()).env("LF_HISTORY", "off");
-        command.output().unwrap()
-    }
-
-    fn refused(&self, line: &str, message: &str) {
-        let output = self.run(line);
-        assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
-        assert_eq!(String::from_utf8(output.stderr).unwrap(), format!("lf-calib: {message}\n"), "{line}");
-        assert!(output.stdout.is_empty() && !self.path("out").exists(), "{line}");
-    }
+    bench.image("small.exr", &Array2::from_elem((20, 30), 3.0));
+    bench.write("target.csv", "frame,id,x_mm,y_mm,z_mm,intensity\n0,0,0,0,3,1\n1,0,0,0,-3,1\n");
+    fs::create_dir(bench.path("empty")).unwrap();
+    bench
 }
 
 #[test]
 fn targets_that_cannot_be_used() {
-    let place = Place::new();
-    let refused = |rest: &str, message: &str| place.refused(&format!("volume -c camera.json -o out {rest}"), message);
+    let bench = camera_and_images();
+    let unusable =
+        |rest: &str, message: &str| refused(&bench, &format!("volume -c camera.json -o out {rest}"), message);
     let grid = "--spacing 0.3 --depths 3,-3";
-    refused(
+    unusable(
         "a.exr small.exr --spacing 0.3 --depths 3,-3",
         "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px",
     );
-    refused(
+    unusable(
         &format!("a.exr b.exr {grid}"),
         "a.exr: no target: 0 of the 9 dots in view; wanted bright dots on a dark ground, where the target has them",
     );
-    refused(
+    unusable(
         "a.exr b.exr --spacing 0.3 --depths 0,3",
         "the target: 1 of 2 images at depths out of focus; wanted 2 depths or more at which a dot lights 5 lenslets across",
     );
-    refused("a.exr b.exr --spacing 0.3 --depths 3", "--depths: 1 depths for 2 images; wanted one an image");
-    refused("a.exr b.exr --spacing 0.3 --depths 3,x", "--depths: 3,x; wanted numbers between commas, mm");
-    refused("a.exr b.exr --spacing -1 --depths 3,4", "--spacing: -1; wanted a positive length, mm");
-    refused(
+    unusable("a.exr b.exr --spacing 0.3 --depths 3", "--depths: 1 depths for 2 images; wanted one an image");
+    unusable("a.exr b.exr --spacing 0.3 --depths 3,x", "--depths: 3,x; wanted numbers between commas, mm");
+    unusable("a.exr b.exr --spacing -1 --depths 3,4", "--spacing: -1; wanted a positive length, mm");
+    unusable(
         "a.exr b.exr --spacing 0.3 --depths 3,395",
         "the target: depth 395 mm is too near the main lens, which stands 400.0 mm before the focal plane; wanted depths \
          before the main lens",
     );
     let wanted = "wanted --target FILE, or --spacing MM and --depths Z0,Z1,...";
-    refused("a.exr b.exr", &format!("the target: not given; {wanted}"));
-    refused("a.exr b.exr --spacing 0.3", &format!("the target: not given; {wanted}"));
-    refused(
+    unusable("a.exr b.exr", &format!("the target: not given; {wanted}"));
+    unusable("a.exr b.exr --spacing 0.3", &format!("the target: not given; {wanted}"));
+    unusable(
         &format!("a.exr b.exr --target target.csv {grid}"),
         "--target: given with --spacing or --depths; wanted one or the other",
     );
-    refused(
+    unusable(
         "a.exr b.exr c.exr --target target.csv",
         "target.csv: dots of 2 frames for 3 images; wanted the table of a target's dots",
     );
-    refused("a.exr b.exr --target none.csv", "none.csv: no such file; wanted a file to read");
-    refused("none.exr b.exr --target target.csv", "none.exr: no such file; wanted a file to read");
-    refused("empty", "empty: no dots-0000.exr; wanted a folder as lf-synth dots writes it");
-    place.refused(
+    unusable("a.exr b.exr --target none.csv", "none.csv: no such file; wanted a file to read");
+    unusable("none.exr b.exr --target target.csv", "none.exr: no such file; wanted a file to read");
+    unusable("empty", "empty: no dots-0000.exr; wanted a folder as lf-synth dots writes it");
+    refused(
+        &bench,
         &format!("volume a.exr b.exr {grid} -c camera.json -o a.exr"),
         "a.exr: is also an input; wanted another file to write to",
     );
-    let alone = place.run("volume -c camera.json -o out");
-    assert_eq!(alone.status.code(), Some(2));
-    assert_eq!(String::from_utf8(alone.stderr).unwrap().matches('\n').count(), 1);
+    bench.run("volume -c camera.json -o out").refused("");
 }
 
 #[test]
 fn frames_that_cannot_be_used() {
-    let place = Place::new();
-    let refused = |rest: &str, message: &str| place.refused(&format!("refine -c camera.json -o out {rest}"), message);
+    let bench = camera_and_images();
+    let unusable =
+        |rest: &str, message: &str| refused(&bench, &format!("refine -c camera.json -o out {rest}"), message);
     let wanted = "wanted 20 or more, out of focus and with their whole fans in the frame";
-    refused("a.exr b.exr --depth -5,5", &format!("2 frames: 0 isolated bright particles in 2 frames; {wanted}"));
-    refused("a.exr --depth -5,5", &format!("a.exr: 0 isolated bright particles in 1 frames; {wanted}"));
-    refused("a.exr small.exr --depth -5,5", "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px");
-    refused("a.exr --depth 5,-5", "--depth: 5,-5; wanted two depths that rise, before the main lens");
-    refused(
+    unusable("a.exr b.exr --depth -5,5", &format!("2 frames: 0 isolated bright particles in 2 frames; {wanted}"));
+    unusable("a.exr --depth -5,5", &format!("a.exr: 0 isolated bright particles in 1 frames; {wanted}"));
+    unusable("a.exr small.exr --depth -5,5", "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px");
+    unusable("a.exr --depth 5,-5", "--depth: 5,-5; wanted two depths that rise, before the main lens");
+    unusable(
         "a.exr --depth -5,500",
         "--depth: depth 500 mm is too near the main lens, which stands 400.0 mm before the focal plane; wanted two depths \
          that rise, before the main lens",
     );
-    refused(
+    unusable(
         "a.exr a.exr --depth -5,5 -b -",
         "--background: standard input, for several frames; wanted a file, which can be read again",
     );
-    refused("none.exr --depth -5,5", "none.exr: no such file; wanted a file to read");
-    place.refused(
+    unusable("none.exr --depth -5,5", "none.exr: no such file; wanted a file to read");
+    refused(
+        &bench,
         "refine a.exr --depth -5,5 -c camera.json -o a.exr",
         "a.exr: is also an input; wanted another file to write to",
     );
@@ -120,26 +98,26 @@ fn frames_that_cannot_be_used() {
 /// threads.
 #[test]
 fn a_folder_of_images_gives_a_camera() {
-    let place = Place::new();
+    let bench = camera_and_images();
     let mut camera = points::camera(46);
     camera.calibration = Some(serde_json::json!({"lattice": {"lenslets": 7}}));
-    fs::write(place.path("camera.json"), camera.to_json()).unwrap();
+    bench.write("camera.json", camera.to_json());
     let mut table = "frame,id,x_mm,y_mm,z_mm,intensity\n".to_string();
-    fs::create_dir(place.path("target")).unwrap();
+    fs::create_dir(bench.path("target")).unwrap();
     for (n, z) in [-3.5, 3.5].into_iter().enumerate() {
         let dots = points::grid(3, 0.8, z);
         let pixels = points::image(&camera, &dots, 0.03, 4e5);
-        image::save(&place.path(&format!("target/dots-000{n}.exr")), &pixels, &Vec::new()).unwrap();
+        bench.image(&format!("target/dots-000{n}.exr"), &pixels);
         for (id, dot) in dots.iter().enumerate() {
             table += &format!("{n},{id},{},{},{},1\n", dot.x, dot.y, dot.z);
         }
     }
-    fs::write(place.path("target/dots.csv"), table).unwrap();
-    let one = place.run("volume target -c camera.json --threads 1 --stats stats.json");
+    bench.write("target/dots.csv", table);
+    let one = bench.run("volume target -c camera.json --threads 1 --stats stats.json");
     assert!(one.status.success(), "{one:?}");
-    assert_eq!(place.run("volume target -c camera.json --threads 3").stdout, one.stdout);
+    assert_eq!(bench.run("volume target -c camera.json --threads 3").stdout, one.stdout);
     let grid = "volume target/dots-0000.exr target/dots-0001.exr -c camera.json --spacing 0.8 --depths -3.5,3.5";
-    let by_grid = place.run(grid);
+    let by_grid = bench.run(grid);
     assert!(by_grid.status.success(), "{by_grid:?}");
     let found: serde_json::Value = serde_json::from_slice(&one.stdout).unwrap();
     assert_eq!(found["calibration"]["lattice"]["lenslets"], 7);
@@ -147,7 +125,6 @@ fn a_folder_of_images_gives_a_camera() {
     assert!(volume["parameters"]["magnification"]["standard_uncertainty"].as_f64().unwrap() > 0.0);
     // Where a white image was measured, the lattice is where it is; a traverse may still go aside.
     assert!(volume["parameters"]["offset_x_mm"].is_null() && !volume["parameters"]["traverse_skew_x_rad"].is_null());
-    let stats: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(place.path("stats.json")).unwrap()).unwrap();
+    let stats: serde_json::Value = serde_json::from_str(&bench.text("stats.json")).unwrap();
     assert_eq!(stats["counts"]["dots"], 9);
 }

@@ -9,3 +9,4 @@ mod refine;
 mod refusals;
 mod scenes;
 mod volume;
+mod workbench;

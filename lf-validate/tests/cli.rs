@@ -1,23 +1,14 @@
 //! The contract of lf-validate's command line.
 
-use lf_core::field::{Field, Layout, MEASURED, NO_DATA, REPLACED};
+use crate::workbench::{CAMERA, field, save_field, workbench};
+use lf_core::field::{Field, NO_DATA, REPLACED};
 use lf_core::grid::Grid;
-use lf_core::{image, volume};
+use lf_tests::{Call, Ended, Workbench};
 use serde_json::Value;
 use std::fs::{self, File};
-use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-use tempfile::TempDir;
 
-const CAMERA: &str = r#"{
-    "sensor": {"width": 280, "height": 280, "pixel_pitch_mm": 0.0055},
-    "main_lens": {"focal_length_mm": 200.0, "magnification": 0.5, "working_f_number": 4.0, "aperture": "circle"},
-    "microlenses": {"layout": "hexagonal", "pitch_mm": 0.077, "focal_length_mm": 0.231, "rotation_rad": 0.003,
-                    "offset_mm": [0.0, 0.0]}
-}"#;
-
-/// What of a scene says how its particles move: a shear of 0.01 along x across z and 0.02 mm along y between its frames.
+/// The keys of a scene that move particles: a shear of 0.01 along x across z, and 0.02 mm along y, between its frames.
 const SCENE: &str = r#"{
     "about": "other keys are not read", "camera": "camera.json",
     "volume": {"x_mm": [-1, 3], "y_mm": [-1, 3], "z_mm": [-1, 3]},
@@ -31,107 +22,67 @@ fn shear([_, _, z]: [f64; 3]) -> [f32; 3] {
     [(0.01 * z) as f32, 0.02, 0.0]
 }
 
-struct Place(TempDir);
-
-impl Place {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
-        fs::write(self.path(name), content).unwrap();
-        self.path(name)
-    }
-
-    fn volume(&self, name: &str, indices: &[u64], intensity: &[f32]) -> PathBuf {
-        self.volume_on(name, [4, 3, 2], "intensity", indices, intensity)
-    }
-
-    fn volume_on(&self, name: &str, shape: [usize; 3], column: &str, indices: &[u64], values: &[f32]) -> PathBuf {
-        let grid = Grid { shape, spacing_mm: [0.1, 0.1, 1.0], origin_mm: [-0.15, -0.1, -0.5] };
-        let mut bytes = Vec::new();
-        volume::write(&mut bytes, &grid, indices, &[(column, values)], &Vec::new()).unwrap();
-        self.file(name, bytes)
-    }
-
-    fn field(&self, name: &str, shape: [usize; 3], uvw: [f32; 3], flags: &[f32]) -> PathBuf {
-        self.field_of(name, shape, flags, |_| uvw)
-    }
-
-    fn field_of(&self, name: &str, shape: [usize; 3], flags: &[f32], vector: impl Fn([f64; 3]) -> [f32; 3]) -> PathBuf {
-        let mut field = Field::empty(Layout {
-            shape,
-            spacing_mm: [0.5; 3],
-            origin_mm: [0.0; 3],
-            voxel_mm: [0.01, 0.01, 0.1],
-            window: [32, 32, 16],
-            overlap: 0.75,
-            dt_s: None,
-            history: Vec::new(),
-        });
-        field.flag.fill(MEASURED);
-        field.flag[..flags.len()].copy_from_slice(flags);
-        for at in 0..field.len() {
-            [field.u[at], field.v[at], field.w[at]] = vector(field.place_mm(at));
-        }
-        field.su.fill(0.015);
-        field.sv.fill(0.005);
-        field.save(&self.path(name)).unwrap();
-        self.path(name)
-    }
+/// Writes a volume of 4 x 3 x 2 voxels.
+fn save_volume(bench: &Workbench, name: &str, indices: &[u64], intensity: &[f32]) -> PathBuf {
+    save_column(bench, name, [4, 3, 2], "intensity", indices, intensity)
 }
 
-fn tool<P: AsRef<Path>>(words: &[&str], files: &[P]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_lf-validate"));
-    command.args(words).args(files.iter().map(AsRef::as_ref)).stdin(Stdio::null());
-    command
+fn save_column(
+    bench: &Workbench,
+    name: &str,
+    shape: [usize; 3],
+    column: &str,
+    indices: &[u64],
+    values: &[f32],
+) -> PathBuf {
+    let grid = Grid { shape, spacing_mm: [0.1, 0.1, 1.0], origin_mm: [-0.15, -0.1, -0.5] };
+    bench.volume(name, &grid, indices, &[(column, values)])
 }
 
-fn run(words: &[&str], files: &[impl AsRef<Path>]) -> Output {
-    tool(words, files).output().unwrap()
+/// Writes a field of one vector everywhere. `flags` are those of the first places; the others are measured.
+fn save_even(bench: &Workbench, name: &str, shape: [usize; 3], vector: [f32; 3], flags: &[f32]) -> PathBuf {
+    save_flagged(bench, name, shape, flags, |_| vector)
 }
 
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error} in {output:?}"))
+fn save_flagged(
+    bench: &Workbench,
+    name: &str,
+    shape: [usize; 3],
+    flags: &[f32],
+    vector: impl Fn([f64; 3]) -> [f32; 3],
+) -> PathBuf {
+    let mut field = field(shape, vector);
+    field.flag[..flags.len()].copy_from_slice(flags);
+    field.su.fill(0.015);
+    field.sv.fill(0.005);
+    save_field(bench, name, &field)
 }
 
-/// One line on standard error that starts with the tool's name, nothing on standard output, exit code 2.
-fn refusal(output: &Output) -> String {
-    let text = String::from_utf8(output.stderr.clone()).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{text}");
-    assert!(output.stdout.is_empty());
-    assert_eq!(text.lines().count(), 1, "{text}");
-    assert!(text.starts_with("lf-validate: "), "{text}");
-    text
+/// A call with words, then files.
+fn tool<P: AsRef<Path>>(words: &[&str], files: &[P]) -> Call {
+    Call::new(env!("CARGO_BIN_EXE_lf-validate")).words(words).words(files.iter().map(AsRef::as_ref))
 }
 
-fn feed(mut command: Command, bytes: &[u8]) -> Output {
-    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    child.stdin.take().unwrap().write_all(bytes).unwrap();
-    child.wait_with_output().unwrap()
+fn run(words: &[&str], files: &[impl AsRef<Path>]) -> Ended {
+    tool(words, files).run()
 }
 
 #[test]
 fn quality_by_hand_and_by_every_route() {
-    let place = Place::new();
-    let truth = place.volume("truth.lfv", &[1, 5, 9], &[3.0, 4.0, 5.0]);
-    let volume = place.volume("volume.lfv", &[0, 5, 9], &[2.0, 6.0, 3.0]);
+    let bench = workbench();
+    let truth = save_volume(&bench, "truth.lfv", &[1, 5, 9], &[3.0, 4.0, 5.0]);
+    let volume = save_volume(&bench, "volume.lfv", &[0, 5, 9], &[2.0, 6.0, 3.0]);
     let named = run(&["quality"], &[&truth, &volume]);
     assert_eq!(named.status.code(), Some(0));
     assert!(named.stderr.is_empty());
-    let score = json(&named);
+    let score = named.json();
     assert!((score["q"].as_f64().unwrap() - 39.0 / 2450f64.sqrt()).abs() < 1e-12);
     assert!((score["ghost_share"].as_f64().unwrap() - 2.0 / 11.0).abs() < 1e-12);
     assert_eq!(score["shared_voxels"], 2);
 
     let bytes = fs::read(&volume).unwrap();
-    let piped = feed(tool(&["quality"], &[&truth]), &bytes);
-    let redirected =
-        tool(&["quality"], &[truth.as_path(), Path::new("-")]).stdin(File::open(&volume).unwrap()).output().unwrap();
+    let piped = tool(&["quality"], &[&truth]).pipe(bytes).run();
+    let redirected = tool(&["quality"], &[truth.as_path(), Path::new("-")]).redirect(&volume).run();
     let single = run(&["quality", "--threads", "1"], &[&truth, &volume]);
     for other in [piped, redirected, single] {
         assert_eq!(other.stdout, named.stdout);
@@ -140,27 +91,27 @@ fn quality_by_hand_and_by_every_route() {
 
 #[test]
 fn min_q_decides_the_exit_code_and_the_score_is_printed_all_the_same() {
-    let place = Place::new();
-    let truth = place.volume("truth.lfv", &[1, 5], &[3.0, 4.0]);
-    let volume = place.volume("volume.lfv", &[5], &[1.0]);
+    let bench = workbench();
+    let truth = save_volume(&bench, "truth.lfv", &[1, 5], &[3.0, 4.0]);
+    let volume = save_volume(&bench, "volume.lfv", &[5], &[1.0]);
     for (min_q, code) in [("0.79", 0), ("0.8", 0), ("0.81", 1)] {
         let output = run(&["quality", "--min-q", min_q], &[&truth, &volume]);
         assert_eq!(output.status.code(), Some(code), "{min_q}");
-        assert!((json(&output)["q"].as_f64().unwrap() - 0.8).abs() < 1e-12);
+        assert!((output.json()["q"].as_f64().unwrap() - 0.8).abs() < 1e-12);
     }
-    refusal(&run(&["quality", "--min-q", "NaN"], &[&truth, &volume]));
+    run(&["quality", "--min-q", "NaN"], &[&truth, &volume]).refusal();
 }
 
 #[test]
 fn dark_volumes_score_zero_and_say_so() {
-    let place = Place::new();
-    let truth = place.volume("truth.lfv", &[1], &[3.0]);
+    let bench = workbench();
+    let truth = save_volume(&bench, "truth.lfv", &[1], &[3.0]);
     for (name, indices, values) in [("none.lfv", &[][..], &[][..]), ("zeros.lfv", &[4][..], &[0.0][..])] {
-        let volume = place.volume(name, indices, values);
+        let volume = save_volume(&bench, name, indices, values);
         let output = run(&["quality"], &[&truth, &volume]);
-        let score = json(&output);
+        let score = output.json();
         assert_eq!((&score["q"], &score["scale"]), (&Value::from(0.0), &Value::Null));
-        let warning = String::from_utf8(output.stderr).unwrap();
+        let warning = output.stderr;
         assert!(warning.contains(name) && warning.contains("dark"), "{warning}");
         assert_eq!(run(&["quality", "--min-q", "0.1"], &[&truth, &volume]).status.code(), Some(1));
     }
@@ -168,27 +119,27 @@ fn dark_volumes_score_zero_and_say_so() {
 
 #[test]
 fn volumes_that_cannot_be_compared_are_named() {
-    let place = Place::new();
-    let truth = place.volume("truth.lfv", &[1], &[3.0]);
-    let larger = place.volume_on("larger.lfv", [5, 3, 2], "intensity", &[1], &[3.0]);
-    let text = refusal(&run(&["quality"], &[&truth, &larger]));
+    let bench = workbench();
+    let truth = save_volume(&bench, "truth.lfv", &[1], &[3.0]);
+    let larger = save_column(&bench, "larger.lfv", [5, 3, 2], "intensity", &[1], &[3.0]);
+    let text = run(&["quality"], &[&truth, &larger]).refusal();
     assert!(text.contains("larger.lfv") && text.contains("5 x 3 x 2") && text.contains("4 x 3 x 2"), "{text}");
-    let support = place.volume_on("support.lfv", [4, 3, 2], "score", &[1], &[3.0]);
-    let text = refusal(&run(&["quality"], &[&truth, &support]));
+    let support = save_column(&bench, "support.lfv", [4, 3, 2], "score", &[1], &[3.0]);
+    let text = run(&["quality"], &[&truth, &support]).refusal();
     assert!(text.contains("support.lfv") && text.contains("intensity") && text.contains("score"), "{text}");
-    let text = refusal(&run(&["quality", "-", "-"], &[] as &[&str]));
+    let text = run(&["quality", "-", "-"], &[] as &[&str]).refusal();
     assert!(text.contains("more than once"), "{text}");
 }
 
 #[test]
 fn displacement_in_every_unit() {
-    let place = Place::new();
-    let truth = place.field("truth.exr", [3, 3, 3], [0.0; 3], &[]);
-    let field = place.field("field.exr", [3, 3, 4], [0.022, -0.011, 0.1], &[NO_DATA, REPLACED]);
-    let camera = place.file("camera.json", CAMERA);
+    let bench = workbench();
+    let truth = save_even(&bench, "truth.exr", [3, 3, 3], [0.0; 3], &[]);
+    let field = save_even(&bench, "field.exr", [3, 3, 4], [0.022, -0.011, 0.1], &[NO_DATA, REPLACED]);
+    let camera = bench.write("camera.json", CAMERA);
     let words = ["displacement", "-c", camera.to_str().unwrap()];
     let output = run(&words, &[&truth, &field]);
-    let score = json(&output);
+    let score = output.json();
     for (key, count) in [
         ("places", 36),
         ("measured", 34),
@@ -205,54 +156,54 @@ fn displacement_in_every_unit() {
     for (key, wanted) in [("pixel_mm", 0.011), ("rms_u_px", 2.0), ("bias_v_px", -1.0), ("rms_w_vox", 1.0)] {
         assert!((score[key].as_f64().unwrap() - wanted).abs() < 1e-5, "{key} is {}", score[key]);
     }
-    let piped = feed(tool(&words, &[&truth]), &fs::read(&field).unwrap());
+    let piped = tool(&words, &[&truth]).pipe(fs::read(&field).unwrap()).run();
     assert_eq!(piped.stdout, output.stdout);
 
-    let bare = json(&run(&["displacement"], &[&truth, &field]));
+    let bare = run(&["displacement"], &[&truth, &field]).json();
     assert!(bare.get("rms_u_px").is_none() && bare.get("pixel_mm").is_none() && bare["rms_u_vox"].is_number());
 }
 
 #[test]
 fn max_rms_judges_one_limit_or_three() {
-    let place = Place::new();
-    let truth = place.field("truth.exr", [3, 3, 3], [0.0; 3], &[]);
-    let field = place.field("field.exr", [3, 3, 3], [0.011, -0.011, 0.11], &[]);
-    let camera = place.file("camera.json", CAMERA);
+    let bench = workbench();
+    let truth = save_even(&bench, "truth.exr", [3, 3, 3], [0.0; 3], &[]);
+    let field = save_even(&bench, "field.exr", [3, 3, 3], [0.011, -0.011, 0.11], &[]);
+    let camera = bench.write("camera.json", CAMERA);
     let camera = camera.to_str().unwrap();
     for (limit, code) in [("11", 0), ("9", 1), ("1.1,1.1,10.1", 0), ("1.1,0.9,10.1", 1)] {
         let output = run(&["displacement", "-c", camera, "--max-rms", limit], &[&truth, &field]);
         assert_eq!(output.status.code(), Some(code), "{limit}: {output:?}");
-        assert!(json(&output)["rms_w_px"].is_number());
+        assert!(output.json()["rms_w_px"].is_number());
     }
-    refusal(&run(&["displacement", "-c", camera, "--max-rms", "1,2"], &[&truth, &field]));
-    assert!(refusal(&run(&["displacement", "--max-rms", "1"], &[&truth, &field])).contains("--camera"));
+    run(&["displacement", "-c", camera, "--max-rms", "1,2"], &[&truth, &field]).refusal();
+    assert!(run(&["displacement", "--max-rms", "1"], &[&truth, &field]).refusal().contains("--camera"));
 }
 
 #[test]
 fn a_field_without_data_gives_null_a_warning_and_no_pass() {
-    let place = Place::new();
-    let truth = place.field("truth.exr", [3, 3, 3], [0.0; 3], &[]);
-    let field = place.field("field.exr", [2, 2, 2], [0.0; 3], &[NO_DATA; 8]);
-    let camera = place.file("camera.json", CAMERA);
+    let bench = workbench();
+    let truth = save_even(&bench, "truth.exr", [3, 3, 3], [0.0; 3], &[]);
+    let field = save_even(&bench, "field.exr", [2, 2, 2], [0.0; 3], &[NO_DATA; 8]);
+    let camera = bench.write("camera.json", CAMERA);
     let words = ["displacement", "-c", camera.to_str().unwrap(), "--max-rms", "1000"];
     let output = run(&words, &[&truth, &field]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(json(&output)["rms_u_px"].is_null());
-    let warning = String::from_utf8(output.stderr).unwrap();
+    assert!(output.json()["rms_u_px"].is_null());
+    let warning = output.stderr;
     assert!(warning.contains("field.exr") && warning.contains("8 without data"), "{warning}");
 }
 
 /// The same errors whether the truth is a field, a scene or particles, by name and through pipes.
 #[test]
 fn three_truths_agree() {
-    let place = Place::new();
-    let camera = place.file("camera.json", CAMERA);
-    let field = place.field_of("field.exr", [3, 3, 3], &[], |at| {
+    let bench = workbench();
+    let camera = bench.write("camera.json", CAMERA);
+    let field = save_flagged(&bench, "field.exr", [3, 3, 3], &[], |at| {
         let [u, v, w] = shear(at);
         [u + 0.011, v - 0.0055, w + 0.11]
     });
-    let exact = place.field_of("truth.exr", [3, 3, 3], &[], shear);
-    let scene = place.file("scene.json", SCENE);
+    let exact = save_flagged(&bench, "truth.exr", [3, 3, 3], &[], shear);
+    let scene = bench.write("scene.json", SCENE);
     // Half way they stand at (0.3, 0.4, z) and (0.6, 0.7, z).
     let mut rows = "frame,id,x_mm,y_mm,z_mm,intensity\n9,1,0,0,0,1\n".to_string();
     for (id, [x, y, z]) in [(4, [0.3, 0.4, 0.2]), (2, [0.6, 0.7, 0.9]), (3, [5.0, 0.5, 0.5])] {
@@ -261,7 +212,7 @@ fn three_truths_agree() {
             rows += &format!("{frame},{id},{x},{y},{z},1\n");
         }
     }
-    let particles = place.file("particles.csv", rows + "5,7,0.5,0.5,0.5,1\n");
+    let particles = bench.write("particles.csv", rows + "5,7,0.5,0.5,0.5,1\n");
     let words = ["displacement", "-c", camera.to_str().unwrap()];
     let with_frames = [&words[..], &["--frames", "3,5"]].concat();
     for (truth, words, kind, vectors) in [
@@ -270,7 +221,7 @@ fn three_truths_agree() {
         (&particles, &with_frames[..], "tracks", 2),
     ] {
         let output = run(words, &[truth, &field]);
-        let score = json(&output);
+        let score = output.json();
         assert_eq!((&score["truth"], &score["vectors"]), (&kind.into(), &vectors.into()), "{output:?}");
         for (key, wanted) in [("bias_u_px", 1.0), ("rms_v_px", 0.5), ("bias_w_px", 10.0), ("std_u_px", 0.0)] {
             assert!((score[key].as_f64().unwrap() - wanted).abs() < 1e-4, "{kind} {key} is {}", score[key]);
@@ -293,56 +244,55 @@ fn three_truths_agree() {
             assert_eq!(column(&format!("x_{axis}")).len(), 161);
             assert!((column(axis).iter().sum::<f64>() * width - 1.0).abs() < 1e-9);
         }
-        let piped = feed(tool(words, &[truth]), &fs::read(&field).unwrap());
+        let piped = tool(words, &[truth]).pipe(fs::read(&field).unwrap()).run();
         assert_eq!(piped.stdout, output.stdout);
         let scene_piped = [Path::new("-"), &field];
-        let mut command = tool(words, &scene_piped);
-        command.current_dir(place.0.path());
-        assert_eq!(feed(command, &fs::read(truth).unwrap()).stdout, output.stdout, "{kind}");
+        let piped = tool(words, &scene_piped).within(bench.root()).pipe(fs::read(truth).unwrap()).run();
+        assert_eq!(piped.stdout, output.stdout, "{kind}");
     }
-    let score = json(&run(&with_frames, &[&particles, &field]));
+    let score = run(&with_frames, &[&particles, &field]).json();
     assert_eq!((&score["particles"], &score["unpaired"], &score["outside_field"]), (&3.into(), &1.into(), &1.into()));
-    assert!(json(&run(&words, &[&exact, &field])).get("unpaired").is_none());
+    assert!(run(&words, &[&exact, &field]).json().get("unpaired").is_none());
 }
 
 #[test]
 fn a_sampled_flow_is_read_from_the_folder_of_its_scene() {
-    let place = Place::new();
-    place.file("camera.json", CAMERA);
-    let field = place.field("flow.exr", [3, 3, 3], [0.02, 0.0, 0.1], &[]);
+    let bench = workbench();
+    bench.write("camera.json", CAMERA);
+    let field = save_even(&bench, "flow.exr", [3, 3, 3], [0.02, 0.0, 0.1], &[]);
     let sampled = r#"{"camera": "camera.json", "volume": {"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]},
         "flow": {"kind": "sampled", "path": "flow.exr"}}"#;
-    let scene = place.file("scene.json", sampled);
-    let larger = place.field("larger.exr", [5, 3, 3], [0.02, 0.0, 0.1], &[]);
+    let scene = bench.write("scene.json", sampled);
+    let larger = save_even(&bench, "larger.exr", [5, 3, 3], [0.02, 0.0, 0.1], &[]);
     // Beyond its edge the flow is as at the edge.
-    let score = json(&run(&["displacement"], &[&scene, &larger]));
+    let score = run(&["displacement"], &[&scene, &larger]).json();
     assert_eq!((&score["vectors"], &score["outside_truth"]), (&45.into(), &0.into()));
     assert!(score["rms_u_mm"].as_f64().unwrap() < 1e-8);
-    let stats = refusal(&run(&["displacement", "--stats", field.to_str().unwrap()], &[&scene, &larger]));
+    let stats = run(&["displacement", "--stats", field.to_str().unwrap()], &[&scene, &larger]).refusal();
     assert!(stats.contains("flow.exr"), "{stats}");
     let before = fs::read(&field).unwrap();
-    let plot = refusal(&run(&["displacement", "--plot", field.to_str().unwrap()], &[&scene, &larger]));
+    let plot = run(&["displacement", "--plot", field.to_str().unwrap()], &[&scene, &larger]).refusal();
     assert!(plot.contains("flow.exr") && fs::read(&field).unwrap() == before, "{plot}");
-    place.field("flow.exr", [3, 3, 3], [0.02, 0.0, 0.1], &[NO_DATA]);
-    let text = refusal(&run(&["displacement"], &[&scene, &larger]));
+    save_even(&bench, "flow.exr", [3, 3, 3], [0.02, 0.0, 0.1], &[NO_DATA]);
+    let text = run(&["displacement"], &[&scene, &larger]).refusal();
     assert!(text.contains("flow.exr") && text.contains("1 of 27 vectors"), "{text}");
 }
 
 #[test]
 fn a_scene_without_a_flow_is_at_rest() {
-    let place = Place::new();
+    let bench = workbench();
     let still = r#"{"camera": "camera.json", "volume": {"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]}}"#;
-    let scene = place.file("scene.json", still);
-    let field = place.field("field.exr", [3, 3, 3], [0.25, 0.0, 0.0], &[]);
-    let score = json(&run(&["displacement"], &[&scene, &field]));
+    let scene = bench.write("scene.json", still);
+    let field = save_even(&bench, "field.exr", [3, 3, 3], [0.25, 0.0, 0.0], &[]);
+    let score = run(&["displacement"], &[&scene, &field]).json();
     assert_eq!((&score["truth"], &score["bias_u_mm"], &score["rms_v_mm"]), (&"flow".into(), &0.25.into(), &0.0.into()));
 }
 
 #[test]
 fn truths_that_tell_nothing_are_named() {
-    let place = Place::new();
-    place.file("camera.json", CAMERA);
-    let field = place.field("field.exr", [3, 3, 3], [0.0; 3], &[]);
+    let bench = workbench();
+    bench.write("camera.json", CAMERA);
+    let field = save_even(&bench, "field.exr", [3, 3, 3], [0.0; 3], &[]);
     let head = "frame,id,x_mm,y_mm,z_mm,intensity\n";
     let scene = |flow: &str| {
         format!(
@@ -364,36 +314,37 @@ fn truths_that_tell_nothing_are_named() {
         ("twice.csv", format!("{head}0,1,0,0,0,1\n1,1,0,0,0,1\n1,1,0,0,0,1\n"), "particle 1 is twice in frame 1"),
         ("cut.csv", format!("{head}0,1,0,0\n"), "line 2"),
     ] {
-        let path = place.file(name, content);
-        let text = refusal(&run(&["displacement"], &[&path, &field]));
+        let path = bench.write(name, content);
+        let text = run(&["displacement"], &[&path, &field]).refusal();
         assert!(text.contains(name) && text.contains(wanted), "{name}: {text}");
     }
-    let volume = place.volume("volume.lfv", &[1], &[3.0]);
-    assert!(refusal(&run(&["displacement"], &[&volume, &field])).contains("volume.lfv"));
-    let scene = place.file("scene.json", SCENE);
-    let text = refusal(&run(&["displacement", "--frames", "0,1"], &[&scene, &field]));
+    let volume = save_volume(&bench, "volume.lfv", &[1], &[3.0]);
+    assert!(run(&["displacement"], &[&volume, &field]).refusal().contains("volume.lfv"));
+    let scene = bench.write("scene.json", SCENE);
+    let text = run(&["displacement", "--frames", "0,1"], &[&scene, &field]).refusal();
     assert!(text.contains("--frames") && text.contains("scene.json"), "{text}");
-    let lost = place.file("lost.json", SCENE.replace("camera.json", "gone.json"));
-    assert!(refusal(&run(&["displacement"], &[&lost, &field])).contains("gone.json: no such file"));
-    let same = place.file("same.csv", format!("{head}0,1,0,0,0,1\n"));
-    assert!(refusal(&run(&["displacement", "--frames", "0,0"], &[&same, &field])).contains("against itself"));
+    let lost = bench.write("lost.json", SCENE.replace("camera.json", "gone.json"));
+    assert!(run(&["displacement"], &[&lost, &field]).refusal().contains("gone.json: no such file"));
+    let same = bench.write("same.csv", format!("{head}0,1,0,0,0,1\n"));
+    assert!(run(&["displacement", "--frames", "0,0"], &[&same, &field]).refusal().contains("against itself"));
     for wrong in ["0", "0,1,2", "0,x", "-1,0"] {
         let typed = format!("--frames={wrong}");
-        assert!(refusal(&run(&["displacement", &typed], &[&same, &field])).contains("two frame numbers"), "{wrong}");
+        assert!(run(&["displacement", &typed], &[&same, &field]).refusal().contains("two frame numbers"), "{wrong}");
     }
 }
 
 #[test]
 fn every_limit_decides_and_the_score_is_printed_all_the_same() {
-    let place = Place::new();
-    let truth = place.field("truth.exr", [4, 4, 4], [0.0; 3], &[]);
+    let bench = workbench();
+    let truth = save_even(&bench, "truth.exr", [4, 4, 4], [0.0; 3], &[]);
     // -1 px everywhere in u, and one vector of 64 far off.
-    let field =
-        place.field_of("field.exr", [4, 4, 4], &[], |at| [if at == [0.5, 1.0, 1.5] { 0.9 } else { -0.011 }, 0.0, 0.0]);
+    let field = save_flagged(&bench, "field.exr", [4, 4, 4], &[], |at| {
+        [if at == [0.5, 1.0, 1.5] { 0.9 } else { -0.011 }, 0.0, 0.0]
+    });
     let mut stated = Field::open(&field).unwrap();
     stated.sw.fill(0.1);
     stated.save(&field).unwrap();
-    let camera = place.file("camera.json", CAMERA);
+    let camera = bench.write("camera.json", CAMERA);
     let camera = camera.to_str().unwrap();
     for (limit, code) in [
         (["--max-bias", "1"], 0),
@@ -406,26 +357,26 @@ fn every_limit_decides_and_the_score_is_printed_all_the_same() {
     ] {
         let output = run(&[&["displacement", "-c", camera], &limit[..]].concat(), &[&truth, &field]);
         assert_eq!(output.status.code(), Some(code), "{limit:?}: {output:?}");
-        assert_eq!(json(&output)["outliers"], 1);
+        assert_eq!(output.json()["outliers"], 1);
     }
     // Of w nothing is stated: no share of nothing is enough.
-    let silent = place.field("silent.exr", [4, 4, 4], [0.0; 3], &[]);
+    let silent = save_even(&bench, "silent.exr", [4, 4, 4], [0.0; 3], &[]);
     assert_eq!(run(&["displacement", "--min-coverage", "0"], &[&truth, &silent]).status.code(), Some(1));
-    refusal(&run(&["displacement", "--min-coverage", "1.1"], &[&truth, &field]));
-    refusal(&run(&["displacement", "--max-outliers=-1"], &[&truth, &field]));
-    assert!(refusal(&run(&["displacement", "--max-bias", "1"], &[&truth, &field])).contains("--camera"));
+    run(&["displacement", "--min-coverage", "1.1"], &[&truth, &field]).refusal();
+    run(&["displacement", "--max-outliers=-1"], &[&truth, &field]).refusal();
+    assert!(run(&["displacement", "--max-bias", "1"], &[&truth, &field]).refusal().contains("--camera"));
 }
 
 #[test]
 fn divergence_by_hand_and_by_every_route() {
-    let place = Place::new();
-    let camera = place.file("camera.json", CAMERA);
+    let bench = workbench();
+    let camera = bench.write("camera.json", CAMERA);
     // A window of 32 x 32 x 16 voxels is 0.32 x 0.32 x 1.6 mm: 1, 1 and 4 vectors 0.5 mm apart.
     let expansion = |[x, y, z]: [f64; 3]| [0.01 * x, 0.02 * y, 0.03 * z].map(|mm| mm as f32);
-    let field = place.field_of("field.exr", [12, 6, 10], &[], expansion);
+    let field = save_flagged(&bench, "field.exr", [12, 6, 10], &[], expansion);
     let words = ["divergence", "-c", camera.to_str().unwrap()];
     let output = run(&words, &[&field]);
-    let score = json(&output);
+    let score = output.json();
     assert_eq!(score["stride"], serde_json::json!([1, 1, 4]));
     assert_eq!((&score["places"], &score["count"]), (&720.into(), &(10 * 4 * 2).into()));
     for (key, wanted) in [("mean", 0.06), ("rms", 0.06), ("median_abs", 0.06), ("pixel_mm", 0.011)] {
@@ -434,7 +385,7 @@ fn divergence_by_hand_and_by_every_route() {
     let noise = &score["noise"];
     assert!(noise["sigma_u_px"].as_f64().unwrap() < 1e-5);
     assert!((noise["stated_v_vox"].as_f64().unwrap() - 0.5).abs() < 1e-6 && noise["stated_w_mm"].is_null());
-    let piped = feed(tool(&words, &[] as &[&str]), &fs::read(&field).unwrap());
+    let piped = tool(&words, &[] as &[&str]).pipe(fs::read(&field).unwrap()).run();
     assert_eq!(piped.stdout, output.stdout);
     for (limit, code) in [
         (["--max-divergence", "0.0601"], 0),
@@ -445,47 +396,47 @@ fn divergence_by_hand_and_by_every_route() {
     ] {
         let output = run(&[&words[..], &limit[..]].concat(), &[&field]);
         assert_eq!((output.status.code(), output.stderr.len()), (Some(code), 0), "{limit:?}: {output:?}");
-        assert!(json(&output)["rms"].is_number());
+        assert!(output.json()["rms"].is_number());
     }
-    let bare = json(&run(&["divergence"], &[&field]));
+    let bare = run(&["divergence"], &[&field]).json();
     assert!(bare.get("pixel_mm").is_none() && bare["noise"].get("sigma_u_px").is_none());
     assert!(bare["noise"]["sigma_u_vox"].is_number());
-    assert!(refusal(&run(&["divergence", "--max-noise", "1"], &[&field])).contains("--camera"));
-    assert!(refusal(&run(&[&words[..], &["--max-noise", "1,2"]].concat(), &[&field])).contains("--max-noise"));
+    assert!(run(&["divergence", "--max-noise", "1"], &[&field]).refusal().contains("--camera"));
+    assert!(run(&[&words[..], &["--max-noise", "1,2"]].concat(), &[&field]).refusal().contains("--max-noise"));
 }
 
 #[test]
 fn a_field_too_small_for_divergence_gives_null_a_warning_and_no_pass() {
-    let place = Place::new();
-    let field = place.field("field.exr", [3, 3, 8], [0.0; 3], &[]);
+    let bench = workbench();
+    let field = save_even(&bench, "field.exr", [3, 3, 8], [0.0; 3], &[]);
     for (limit, code) in [(&[][..], 0), (&["--max-divergence", "9"][..], 1)] {
         let output = run(&[&["divergence"], limit].concat(), &[&field]);
         assert_eq!(output.status.code(), Some(code));
-        assert!(json(&output)["rms"].is_null() && json(&output)["pdf"].is_null());
-        let warning = String::from_utf8(output.stderr).unwrap();
+        assert!(output.json()["rms"].is_null() && output.json()["pdf"].is_null());
+        let warning = output.stderr;
         assert!(warning.contains("field.exr") && warning.contains("1, 1 and 4 vectors away"), "{warning}");
     }
-    let volume = place.volume("volume.lfv", &[1], &[3.0]);
-    assert!(refusal(&run(&["divergence"], &[&volume])).contains("volume.lfv"));
+    let volume = save_volume(&bench, "volume.lfv", &[1], &[3.0]);
+    assert!(run(&["divergence"], &[&volume]).refusal().contains("volume.lfv"));
 }
 
 #[test]
 fn info_knows_every_file_by_its_content() {
-    let place = Place::new();
+    let bench = workbench();
     let pixels = ndarray::arr2(&[[0.0f32, 4.0], [5.0, 7.0]]);
-    image::save(&place.path("image.exr"), &pixels, &Vec::new()).unwrap();
-    let volume = place.volume("volume.lfv", &[1, 5], &[3.0, 4.0]);
-    let field = place.field("field.exr", [2, 3, 4], [0.25, 0.0, 0.0], &[NO_DATA]);
+    bench.image("image.exr", &pixels);
+    let volume = save_volume(&bench, "volume.lfv", &[1, 5], &[3.0, 4.0]);
+    let field = save_even(&bench, "field.exr", [2, 3, 4], [0.25, 0.0, 0.0], &[NO_DATA]);
     let score = run(&["quality"], &[&volume, &volume]).stdout;
-    run(&["quality", "--stats", place.path("stats.json").to_str().unwrap()], &[&volume, &volume]);
+    run(&["quality", "--stats", bench.path("stats.json").to_str().unwrap()], &[&volume, &volume]);
     let opened = Field::open(&field).unwrap();
-    opened.save(&place.path("field.csv")).unwrap();
-    opened.save(&place.path("field.vti")).unwrap();
-    place.file("camera.json", CAMERA);
-    place.file("scene.json", r#"{"camera": "camera.json", "particles": {"density": 0.5}, "seed": 1}"#);
-    place.file("particles.csv", "frame,id,x_mm,y_mm,z_mm,intensity\n0,0,1,2,3,4\n");
-    place.file("report.json", score);
-    place.file("runs.jsonl", "{\"seconds\": 1}\n{\"seconds\": 2}\n");
+    opened.save(&bench.path("field.csv")).unwrap();
+    opened.save(&bench.path("field.vti")).unwrap();
+    bench.write("camera.json", CAMERA);
+    bench.write("scene.json", r#"{"camera": "camera.json", "particles": {"density": 0.5}, "seed": 1}"#);
+    bench.write("particles.csv", "frame,id,x_mm,y_mm,z_mm,intensity\n0,0,1,2,3,4\n");
+    bench.write("report.json", score);
+    bench.write("runs.jsonl", "{\"seconds\": 1}\n{\"seconds\": 2}\n");
     for (file, wanted) in [
         ("volume.lfv", "column intensity  min 3, max 4, mean 3.5, sum 7"),
         ("image.exr", "2 x 2 px"),
@@ -499,21 +450,21 @@ fn info_knows_every_file_by_its_content() {
         ("stats.json", "statistics of a run"),
         ("runs.jsonl", "1 in the first, 2 in the last"),
     ] {
-        let path = place.path(file);
+        let path = bench.path(file);
         let output = run(&["info"], &[&path]);
-        let text = String::from_utf8(output.stdout).unwrap();
-        assert_eq!(output.status.code(), Some(0), "{file}: {}", String::from_utf8_lossy(&output.stderr));
+        let text = output.text();
+        assert_eq!(output.status.code(), Some(0), "{file}: {}", output.stderr);
         assert!(text.contains(wanted) && text.lines().count() <= 24, "{file}:\n{text}");
-        let disguised = place.file("disguised.bin", fs::read(&path).unwrap());
+        let disguised = bench.write("disguised.bin", fs::read(&path).unwrap());
         assert_eq!(run(&["info"], &[&disguised]).stdout, text.as_bytes(), "{file}");
-        let piped = feed(tool(&["info", "-"], &[] as &[&str]), &fs::read(&path).unwrap());
+        let piped = tool(&["info", "-"], &[] as &[&str]).pipe(fs::read(&path).unwrap()).run();
         assert_eq!(piped.stdout, text.as_bytes(), "{file}");
     }
 }
 
 #[test]
 fn info_refuses_what_it_does_not_know() {
-    let place = Place::new();
+    let bench = workbench();
     for (name, content, wanted) in [
         ("empty", &b""[..], "empty"),
         ("text", b"hello world", "hello wo"),
@@ -525,17 +476,17 @@ fn info_refuses_what_it_does_not_know() {
         ("cut.exr", b"\x76\x2f\x31\x01\x02\0\0\0", "cut.exr"),
         ("nearly.json", b"{\"sensor\": {}, \"main_lens\": {}}", "camera.json"),
     ] {
-        let path = place.file(name, content);
-        let text = refusal(&run(&["info"], &[&path]));
+        let path = bench.write(name, content);
+        let text = run(&["info"], &[&path]).refusal();
         assert!(text.contains(name) && text.contains(wanted), "{text}");
     }
 }
 
 #[test]
 fn a_full_disk_and_a_closed_pipe_are_errors() {
-    let place = Place::new();
-    let volume = place.volume("volume.lfv", &[1, 5], &[3.0, 4.0]);
-    let field = place.field("field.exr", [3, 3, 9], [0.0; 3], &[]);
+    let bench = workbench();
+    let volume = save_volume(&bench, "volume.lfv", &[1, 5], &[3.0, 4.0]);
+    let field = save_even(&bench, "field.exr", [3, 3, 9], [0.0; 3], &[]);
     for (word, files) in [
         ("quality", vec![&volume; 2]),
         ("displacement", vec![&field; 2]),
@@ -543,36 +494,34 @@ fn a_full_disk_and_a_closed_pipe_are_errors() {
         ("info", vec![&volume]),
     ] {
         let full = File::options().write(true).open("/dev/full").unwrap();
-        let text = refusal(&tool(&[word], &files).stdout(full).stderr(Stdio::piped()).output().unwrap());
+        let text = tool(&[word], &files).stdout(full).run().refusal();
         assert!(text.contains("standard output"), "{text}");
 
-        let (reader, writer) = std::io::pipe().unwrap();
-        drop(reader);
-        let text = refusal(&tool(&[word], &files).stdout(writer).stderr(Stdio::piped()).output().unwrap());
+        let text = tool(&[word], &files).closed_pipe().run().refusal();
         assert!(text.contains("standard output"), "{text}");
     }
 }
 
 #[test]
 fn an_output_may_not_be_an_input() {
-    let place = Place::new();
-    let volume = place.volume("volume.lfv", &[1, 5], &[3.0, 4.0]);
+    let bench = workbench();
+    let volume = save_volume(&bench, "volume.lfv", &[1, 5], &[3.0, 4.0]);
     let before = fs::read(&volume).unwrap();
     let appended = File::options().append(true).open(&volume).unwrap();
-    refusal(&tool(&["info"], &[&volume]).stdout(appended).stderr(Stdio::piped()).output().unwrap());
-    refusal(&run(&["quality", "--stats", volume.to_str().unwrap()], &[&volume, &volume]));
+    tool(&["info"], &[&volume]).stdout(appended).run().refusal();
+    run(&["quality", "--stats", volume.to_str().unwrap()], &[&volume, &volume]).refusal();
     assert_eq!(fs::read(&volume).unwrap(), before);
 }
 
 #[test]
 fn help_lists_what_is_built_and_nothing_else() {
     let output = run(&["--help"], &[] as &[&str]);
-    let text = String::from_utf8(output.stdout).unwrap();
+    let text = output.text();
     assert_eq!(output.status.code(), Some(0));
     let scores = ["quality", "elongation", "depth", "displacement", "divergence", "line", "curves", "trade", "info"];
     for word in scores.into_iter().chain(["--stats", "--threads"]) {
         assert!(text.contains(word), "{word}");
     }
-    refusal(&run(&["quality"], &[] as &[&str]));
-    refusal(&run(&["elongation"], &[] as &[&str]));
+    run(&["quality"], &[] as &[&str]).refusal();
+    run(&["elongation"], &[] as &[&str]).refusal();
 }

@@ -1,6 +1,6 @@
 //! The contract of `line` and `curves`.
 
-use crate::common::{Place, json, refusal};
+use crate::workbench::workbench;
 use serde_json::json;
 
 /// Two series of three x and three seeds, one run without a score.
@@ -21,29 +21,31 @@ fn runs() -> String {
 
 #[test]
 fn a_line_of_settings_and_scores() {
-    let place = Place::new();
-    place
-        .file("stats.json", "{\"seconds\": 2.5, \"counts\": {\"kept\": 3}, \"steps\": [{\"a\": 1}], \"list\": [1, 2]}");
-    place.file("score.json", "{\n  \"rms_w_px\": 0.25\n}\n");
-    let output = place.run(&["line", "set.iterations=60", "name=base", "lit=true", "mart:stats.json", "./score.json"]);
-    json(&output);
+    let bench = workbench();
+    bench.write(
+        "stats.json",
+        "{\"seconds\": 2.5, \"counts\": {\"kept\": 3}, \"steps\": [{\"a\": 1}], \"list\": [1, 2]}",
+    );
+    bench.write("score.json", "{\n  \"rms_w_px\": 0.25\n}\n");
+    let output = bench.run(&["line", "set.iterations=60", "name=base", "lit=true", "mart:stats.json", "./score.json"]);
+    output.silent_json();
     let wanted = "{\"set.iterations\":60,\"name\":\"base\",\"lit\":true,\"mart.seconds\":2.5,\"mart.counts.kept\":3,\
                   \"mart.list\":[1,2],\"rms_w_px\":0.25}\n";
     assert_eq!(String::from_utf8_lossy(&output.stdout), wanted);
-    let piped = place.feed(
+    let piped = bench.feed(
         &["line", "set.iterations=60", "name=base", "lit=true", "mart:-", "score.json", "-o", "line.json"],
-        &place.text("stats.json"),
+        bench.text("stats.json"),
     );
     assert!(piped.status.success() && piped.stdout.is_empty());
-    assert_eq!(place.text("line.json"), wanted);
+    assert_eq!(bench.text("line.json"), wanted);
 }
 
 #[test]
 fn a_line_has_every_key_once() {
-    let place = Place::new();
-    place.file("one.json", "{\"seconds\": 2.5}");
-    place.file("list.json", "[1]");
-    place.file("two.json", "{}\n{}");
+    let bench = workbench();
+    bench.write("one.json", "{\"seconds\": 2.5}");
+    bench.write("list.json", "[1]");
+    bench.write("two.json", "{}\n{}");
     for (words, wanted) in [
         (&["one.json", "seconds=3"][..], ["one.json", "seconds=3"]),
         (&["a=1", "a=1"], ["the key a", "a=1"]),
@@ -56,17 +58,17 @@ fn a_line_has_every_key_once() {
         (&["one.json", "-o", "one.json"], ["one.json", "also an input"]),
         (&[], ["required", "[NAME:]FILE"]),
     ] {
-        let text = refusal(&place.run(&[&["line"], words].concat()));
+        let text = bench.run(&[&["line"], words].concat()).refusal();
         assert!(wanted.iter().all(|word| text.contains(word)), "{text}");
     }
 }
 
 #[test]
 fn curves_are_medians_over_seeds() {
-    let place = Place::new();
-    place.file("runs.jsonl", &runs());
+    let bench = workbench();
+    bench.write("runs.jsonl", &runs());
     let words = ["curves", "runs.jsonl", "-x", "set.iterations", "-y", "rms_w_px", "--by", "set.kernel", "--quiet"];
-    let found = json(&place.run(&words));
+    let found = bench.run(&words).silent_json();
     assert_eq!(
         (&found["x"], &found["y"], &found["runs"]),
         (&json!("set.iterations"), &json!(["rms_w_px"]), &json!(19))
@@ -75,21 +77,21 @@ fn curves_are_medians_over_seeds() {
     let wanted = json!({"y": "rms_w_px", "x": [5.0, 20.0, 100.0], "median": [0.4, 0.1, 0.02], "low": [0.2, 0.05, 0.01],
         "high": [0.6, 0.15, 0.03], "runs": [3, 3, 3]});
     assert_eq!(found["series"]["exact"], wanted);
-    let loud = place.run(&words[..8]);
+    let loud = bench.run(&words[..8]);
     assert_eq!(loud.status.code(), Some(0));
-    let warning = String::from_utf8(loud.stderr).unwrap();
+    let warning = loud.stderr;
     assert_eq!(warning, "lf-validate: warning: 1 of 19 runs left out for want of rms_w_px\n");
     let mut piped = words;
     piped[1] = "-";
-    assert_eq!(json(&place.feed(&piped, &runs())), found);
+    assert_eq!(bench.feed(&piped, runs()).silent_json(), found);
     let chosen = [&words[..], &["--where", "set.kernel=drt", "--where", "set.seed=2"]].concat();
-    assert_eq!(json(&place.run(&chosen))["series"]["drt"]["runs"], json!([1, 1, 1]));
+    assert_eq!(bench.run(&chosen).silent_json()["series"]["drt"]["runs"], json!([1, 1, 1]));
 }
 
 #[test]
 fn lists_panels_and_several_values() {
-    let place = Place::new();
-    place.file("runs.jsonl", &runs());
+    let bench = workbench();
+    bench.write("runs.jsonl", &runs());
     let words = [
         "curves",
         "runs.jsonl",
@@ -115,11 +117,11 @@ fn lists_panels_and_several_values() {
         "--reference-x",
         "true mean=0.5",
     ];
-    let found = json(&place.run(&words));
+    let found = bench.run(&words).silent_json();
     let series = &found["series"]["iterations = 20: drt"];
     assert_eq!((&series["x"], &series["median"]), (&json!([0.5, 1.5]), &json!([0.2, 1.0])));
     assert_eq!(found["series"].as_object().unwrap().len(), 6);
-    let svg = place.text("pdf.svg");
+    let svg = bench.text("pdf.svg");
     for text in [
         "PDF of w",
         "displacement, px",
@@ -132,8 +134,8 @@ fn lists_panels_and_several_values() {
     ] {
         assert!(svg.contains(text), "{text}");
     }
-    place.run(&words);
-    assert_eq!(place.text("pdf.svg"), svg);
+    bench.run(&words);
+    assert_eq!(bench.text("pdf.svg"), svg);
     let several = [
         "curves",
         "runs.jsonl",
@@ -148,17 +150,17 @@ fn lists_panels_and_several_values() {
         "several.svg",
     ];
     assert_eq!(
-        json(&place.run(&several))["series"].as_object().unwrap().keys().collect::<Vec<_>>(),
+        bench.run(&several).silent_json()["series"].as_object().unwrap().keys().collect::<Vec<_>>(),
         ["rms_w_px", "set.seed"]
     );
 }
 
 #[test]
 fn what_gives_no_curve_is_refused() {
-    let place = Place::new();
-    place.file("runs.jsonl", &runs());
-    place.file("empty.jsonl", "");
-    place.file("bad.jsonl", "{\"a\": 1}\n{\"a\": \n");
+    let bench = workbench();
+    bench.write("runs.jsonl", &runs());
+    bench.write("empty.jsonl", "");
+    bench.write("bad.jsonl", "{\"a\": 1}\n{\"a\": \n");
     for (words, wanted) in [
         (&["runs.jsonl", "-x", "iterations", "-y", "rms_w_px"][..], ["runs.jsonl", "set.iterations, set.kernel"]),
         (&["empty.jsonl", "-x", "a", "-y", "b"], ["empty.jsonl", "no run"]),
@@ -180,8 +182,8 @@ fn what_gives_no_curve_is_refused() {
         (&["runs.jsonl", "-x", "set.seed", "-y", "rms_w_px,rms_w_px"], ["-y", "twice"]),
         (&["runs.jsonl", "-x", "set.seed", "-y", "rms_w_px", "--by", "a,a"], ["--by", "twice"]),
     ] {
-        let text = refusal(&place.run(&[&["curves"], words].concat()));
+        let text = bench.run(&[&["curves"], words].concat()).refusal();
         assert!(wanted.iter().all(|word| text.contains(word)), "{text}");
     }
-    assert!(!place.path("a.svg").exists());
+    assert!(!bench.path("a.svg").exists());
 }

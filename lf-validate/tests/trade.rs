@@ -1,6 +1,6 @@
 //! The contract of `trade`.
 
-use crate::common::{Place, json, refusal};
+use crate::workbench::workbench;
 use serde_json::json;
 
 const RUNS: &str = r#"{"name": "base", "set.iterations": 60, "set.kernel": "drt", "set.seed": 1, "seconds": 10, "rms_w_px": 0.4, "peak_bytes": 100}
@@ -14,30 +14,30 @@ const RUNS: &str = r#"{"name": "base", "set.iterations": 60, "set.kernel": "drt"
 
 #[test]
 fn the_front_and_what_it_beats() {
-    let place = Place::new();
-    place.file("runs.jsonl", RUNS);
-    let found = json(&place.run(&["trade", "runs.jsonl", "--quiet"]));
+    let bench = workbench();
+    bench.write("runs.jsonl", RUNS);
+    let found = bench.run(&["trade", "runs.jsonl", "--quiet"]).silent_json();
     assert_eq!(found["front"].as_object().unwrap().keys().collect::<Vec<_>>(), ["short", "base", "long", "exact"]);
     assert_eq!(found["front"]["base"], json!({"cost": 20.0, "error": 0.5, "memory": 100.0}));
     assert_eq!(found["settings"]["worse"]["dominated_by"], "long");
     assert_eq!(found["settings"]["worse"]["set"], json!({"iterations": 20, "kernel": "exact"}));
     assert_eq!(found["settings"]["base"]["cost_range"], json!([10.0, 30.0]));
     assert!(found.get("factors").is_none());
-    let loud = place.run(&["trade", "runs.jsonl"]);
-    let warning = String::from_utf8(loud.stderr).unwrap();
+    let loud = bench.run(&["trade", "runs.jsonl"]);
+    let warning = loud.stderr;
     assert!(loud.status.success() && warning.contains("1 of 7 runs left out for want of rms_w_px"), "{warning}");
     // The order of the runs is no matter.
     let backwards: Vec<&str> = RUNS.lines().rev().collect();
     assert_eq!(
-        place.feed(&["trade", "-", "--quiet"], &backwards.join("\n")).stdout,
-        place.run(&["trade", "runs.jsonl", "--quiet"]).stdout
+        bench.feed(&["trade", "-", "--quiet"], backwards.join("\n")).stdout,
+        bench.run(&["trade", "runs.jsonl", "--quiet"]).stdout
     );
 }
 
 #[test]
 fn factors_relative_to_the_base_and_a_picture() {
-    let place = Place::new();
-    place.file("runs.jsonl", RUNS);
+    let bench = workbench();
+    bench.write("runs.jsonl", RUNS);
     let words = [
         "trade",
         "runs.jsonl",
@@ -53,13 +53,13 @@ fn factors_relative_to_the_base_and_a_picture() {
         "--max-error",
         "0.5",
     ];
-    let found = json(&place.run(&words));
+    let found = bench.run(&words).silent_json();
     assert_eq!(found["factors"].as_object().unwrap().keys().collect::<Vec<_>>(), ["iterations", "kernel"]);
     let short = json!({"value": 20, "cost_ratio": 0.25, "error_ratio": 2.0, "memory_ratio": 1.0});
     assert_eq!(found["factors"]["iterations"]["settings"]["short"], short);
     assert_eq!(found["factors"]["kernel"]["base"], "drt");
     assert_eq!(found["ungrouped"], json!(["worse"]));
-    let svg = place.text("trade.svg");
+    let svg = bench.text("trade.svg");
     for text in [
         "What precision costs",
         "run time, s",
@@ -78,15 +78,15 @@ fn factors_relative_to_the_base_and_a_picture() {
 
 #[test]
 fn limits_decide_the_exit_code() {
-    let place = Place::new();
-    place.file("runs.jsonl", RUNS);
+    let bench = workbench();
+    bench.write("runs.jsonl", RUNS);
     for (limits, code) in [
         (&["--max-error", "0.5", "--max-cost", "20"][..], 0),
         (&["--max-error", "0.5", "--max-cost", "19.9"], 1),
         (&["--max-error", "0.09"], 1),
         (&["--max-cost", "5"], 0),
     ] {
-        let output = place.run(&[&["trade", "runs.jsonl", "--quiet"], limits].concat());
+        let output = bench.run(&[&["trade", "runs.jsonl", "--quiet"], limits].concat());
         assert_eq!(output.status.code(), Some(code), "{limits:?}");
         assert!(!output.stdout.is_empty());
     }
@@ -94,9 +94,9 @@ fn limits_decide_the_exit_code() {
 
 #[test]
 fn runs_that_cannot_be_judged_are_refused() {
-    let place = Place::new();
-    place.file("runs.jsonl", RUNS);
-    place.file(
+    let bench = workbench();
+    bench.write("runs.jsonl", RUNS);
+    bench.write(
         "mixed.jsonl",
         &RUNS.replace("\"set.iterations\": 20", "\"set.iterations\": 21").replace("short", "base"),
     );
@@ -108,21 +108,21 @@ fn runs_that_cannot_be_judged_are_refused() {
         (&["runs.jsonl", "--where", "kernel"], ["--where", "KEY=VALUE"]),
         (&["runs.jsonl", "--title", "alone"], ["--plot", "required"]),
     ] {
-        let text = refusal(&place.run(&[&["trade"], words].concat()));
+        let text = bench.run(&[&["trade"], words].concat()).refusal();
         assert!(wanted.iter().all(|word| text.contains(word)), "{text}");
     }
 }
 
 #[test]
 fn help_defines_what_is_printed() {
-    let place = Place::new();
+    let bench = workbench();
     for (command, words) in [
         ("line", &["NAME:FILE", "--output"][..]),
         ("curves", &["--by", "--panel", "--plot", "median", "--reference-x"]),
         ("trade", &["--base", "--plot", "dominated_by", "--max-error", "[default: rms_w_px]"]),
     ] {
-        let help = place.run(&[command, "--help"]);
-        let text = String::from_utf8(help.stdout).unwrap();
+        let help = bench.run(&[command, "--help"]);
+        let text = help.text();
         assert!(words.iter().all(|word| text.contains(word)), "{text}");
         assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     }

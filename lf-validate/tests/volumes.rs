@@ -1,19 +1,10 @@
 //! The command line of the scores of volumes, and the pictures of every score.
 
-use crate::common::{Place, json, refusal};
-use lf_core::field::{Field, Layout, MEASURED};
+use crate::workbench::{CAMERA, field, save_field, workbench};
 use lf_core::grid::Grid;
-use lf_core::volume;
+use lf_tests::Workbench;
 use serde_json::{Value, json};
 use std::fs;
-use std::process::Output;
-
-const CAMERA: &str = r#"{
-    "sensor": {"width": 280, "height": 280, "pixel_pitch_mm": 0.0055},
-    "main_lens": {"focal_length_mm": 200.0, "magnification": 0.5, "working_f_number": 4.0, "aperture": "circle"},
-    "microlenses": {"layout": "hexagonal", "pitch_mm": 0.077, "focal_length_mm": 0.231, "rotation_rad": 0.003,
-                    "offset_mm": [0.0, 0.0]}
-}"#;
 
 fn small() -> Grid {
     Grid { shape: [4, 3, 2], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [-0.15, -0.1, -0.5] }
@@ -24,21 +15,19 @@ fn large() -> Grid {
     Grid { shape: [21, 15, 15], spacing_mm: [0.022, 0.022, 0.11], origin_mm: [0.0; 3] }
 }
 
-fn save(place: &Place, name: &str, grid: &Grid, lit: &[(u64, f32)]) {
+fn save(bench: &Workbench, name: &str, grid: &Grid, lit: &[(u64, f32)]) {
     let (indices, values): (Vec<u64>, Vec<f32>) = lit.iter().copied().unzip();
-    let mut bytes = Vec::new();
-    volume::write(&mut bytes, grid, &indices, &[("intensity", &values)], &Vec::new()).unwrap();
-    fs::write(place.path(name), bytes).unwrap();
+    bench.volume(name, grid, &indices, &[("intensity", &values)]);
 }
 
 /// By hand: products 3 * 0 + 4 * 6 in the first slice, 2 * 1 in the second; squares 25 and 40, 4 and 1.
-fn pair(place: &Place) {
-    save(place, "truth.lfv", &small(), &[(1, 3.0), (5, 4.0), (13, 2.0)]);
-    save(place, "volume.lfv", &small(), &[(0, 2.0), (5, 6.0), (13, 1.0)]);
+fn pair(bench: &Workbench) {
+    save(bench, "truth.lfv", &small(), &[(1, 3.0), (5, 4.0), (13, 2.0)]);
+    save(bench, "volume.lfv", &small(), &[(0, 2.0), (5, 6.0), (13, 1.0)]);
 }
 
 /// Gaussians of 0.75 voxel about voxels, as far as `reach` of them.
-fn blobs(place: &Place, name: &str, centres: &[[f64; 3]], reach: f64) {
+fn blobs(bench: &Workbench, name: &str, centres: &[[f64; 3]], reach: f64) {
     let grid = large();
     let lit = |index: u64| {
         let voxel = grid.voxel(index).map(|n| n as f64);
@@ -51,16 +40,16 @@ fn blobs(place: &Place, name: &str, centres: &[[f64; 3]], reach: f64) {
         let sum: f64 = centres.iter().map(light).sum();
         (sum > 0.0).then_some((index, sum as f32))
     };
-    save(place, name, &grid, &(0..grid.len()).filter_map(lit).collect::<Vec<_>>());
+    save(bench, name, &grid, &(0..grid.len()).filter_map(lit).collect::<Vec<_>>());
 }
 
 /// A table of particles at voxels, each of a frame.
-fn table(place: &Place, name: &str, particles: &[(usize, [f64; 3])]) {
+fn table(bench: &Workbench, name: &str, particles: &[(usize, [f64; 3])]) {
     let row = |(id, (frame, [x, y, z])): (usize, &(usize, [f64; 3]))| {
         format!("{frame},{id},{},{},{},1\n", x * 0.022, y * 0.022, z * 0.11)
     };
     let rows: String = particles.iter().enumerate().map(row).collect();
-    place.file(name, &format!("frame,id,x_mm,y_mm,z_mm,intensity\n{rows}"));
+    bench.write(name, &format!("frame,id,x_mm,y_mm,z_mm,intensity\n{rows}"));
 }
 
 fn near(found: &Value, wanted: f64, slack: f64) {
@@ -78,16 +67,12 @@ fn all_near(found: &Value, wanted: &[Option<f64>]) {
     }
 }
 
-fn warning(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
-
 #[test]
 fn quality_by_depth_and_region_by_hand() {
-    let place = Place::new();
-    pair(&place);
+    let bench = workbench();
+    pair(&bench);
     let words = ["quality", "truth.lfv", "volume.lfv"];
-    let score = json(&place.run(&words));
+    let score = bench.run(&words).silent_json();
     let by_depth = &score["by_depth"];
     all_near(&by_depth["z_mm"], &[Some(-0.5), Some(0.5)]);
     all_near(&by_depth["q"], &[Some(24.0 / 1000f64.sqrt()), Some(1.0)]);
@@ -100,7 +85,7 @@ fn quality_by_depth_and_region_by_hand() {
     assert_eq!(score["by_region"]["shape"], json!([3, 3, 2]));
     assert_eq!(score["by_region"]["q"].as_array().unwrap().len(), 18);
 
-    let halves = json(&place.run(&[&words[..], &["--regions", "2,1,2"]].concat()));
+    let halves = bench.run(&[&words[..], &["--regions", "2,1,2"]].concat()).silent_json();
     let by_region = &halves["by_region"];
     assert_eq!(by_region["shape"], json!([2, 1, 2]));
     all_near(&by_region["centre_mm"][3], &[Some(0.1), Some(0.0), Some(0.5)]);
@@ -115,7 +100,7 @@ fn quality_by_depth_and_region_by_hand() {
         ("-1,1,1", "--regions"),
         ("2,2", "--regions"),
     ] {
-        let text = refusal(&place.run(&[&words[..], &[&format!("--regions={typed}")]].concat()));
+        let text = bench.run(&[&words[..], &[&format!("--regions={typed}")]].concat()).refusal();
         assert!(text.contains(wanted), "{typed}: {text}");
     }
 }
@@ -123,9 +108,9 @@ fn quality_by_depth_and_region_by_hand() {
 /// 2 of 9 are ghosts and 3 of 9 are missed.
 #[test]
 fn limits_on_ghosts_and_missed_light() {
-    let place = Place::new();
-    pair(&place);
-    save(&place, "dark.lfv", &small(), &[]);
+    let bench = workbench();
+    pair(&bench);
+    save(&bench, "dark.lfv", &small(), &[]);
     for (limits, code) in [
         (&["--max-ghosts", "0.23"][..], 0),
         (&["--max-ghosts", "0.22"], 1),
@@ -134,7 +119,7 @@ fn limits_on_ghosts_and_missed_light() {
         (&["--max-ghosts", "1", "--max-missed", "1", "--min-q", "0"], 0),
         (&["--max-ghosts", "1", "--max-missed", "1", "--min-q", "1"], 1),
     ] {
-        let output = place.run(&[&["quality", "truth.lfv", "volume.lfv"], limits].concat());
+        let output = bench.run(&[&["quality", "truth.lfv", "volume.lfv"], limits].concat());
         assert_eq!((output.status.code(), output.stderr.len()), (Some(code), 0), "{limits:?}");
         assert!(!output.stdout.is_empty());
     }
@@ -145,25 +130,25 @@ fn limits_on_ghosts_and_missed_light() {
         (["dark.lfv", "volume.lfv"], "--max-missed", 1),
         (["dark.lfv", "volume.lfv"], "--max-ghosts", 0),
     ] {
-        let output = place.run(&[&["quality"], &words[..], &[option, "1"]].concat());
+        let output = bench.run(&[&["quality"], &words[..], &[option, "1"]].concat());
         assert_eq!(output.status.code(), Some(code), "{words:?} {option}");
-        assert!(warning(&output).contains("dark.lfv: every voxel is dark"));
+        assert!(output.stderr.contains("dark.lfv: every voxel is dark"));
     }
-    refusal(&place.run(&["quality", "truth.lfv", "volume.lfv", "--max-ghosts", "NaN"]));
-    refusal(&place.run(&["quality", "truth.lfv", "volume.lfv", "--max-missed", "few"]));
+    bench.run(&["quality", "truth.lfv", "volume.lfv", "--max-ghosts", "NaN"]).refusal();
+    bench.run(&["quality", "truth.lfv", "volume.lfv", "--max-missed", "few"]).refusal();
 }
 
 /// A Gaussian of 0.75 voxel: 4 * 0.75 voxels to exp(-2), 0.75 sqrt(8 ln 2) at half maximum, wherever it stands.
 #[test]
 fn elongation_by_hand_in_every_unit() {
-    let place = Place::new();
+    let bench = workbench();
     let centres = [[5.0, 7.0, 7.0], [14.3, 6.8, 7.4]];
-    blobs(&place, "volume.lfv", &centres, 9.0);
-    table(&place, "particles.csv", &[(0, centres[0]), (0, centres[1]), (3, [9.0, 7.0, 7.0])]);
-    place.file("camera.json", CAMERA);
+    blobs(&bench, "volume.lfv", &centres, 9.0);
+    table(&bench, "particles.csv", &[(0, centres[0]), (0, centres[1]), (3, [9.0, 7.0, 7.0])]);
+    bench.write("camera.json", CAMERA);
     let words = ["elongation", "particles.csv", "volume.lfv"];
-    let bare = json(&place.run(&words));
-    let score = json(&place.run(&[&words[..], &["-c", "camera.json"]].concat()));
+    let bare = bench.run(&words).silent_json();
+    let score = bench.run(&[&words[..], &["-c", "camera.json"]].concat()).silent_json();
     assert_eq!((&score["particles"], &score["measured"]), (&json!(2), &json!(2)));
     for (axis, voxel_mm, voxel_px) in [("x", 0.022, 2.0), ("y", 0.022, 2.0), ("z", 0.11, 10.0)] {
         for name in ["median", "p10", "p90"] {
@@ -178,22 +163,22 @@ fn elongation_by_hand_in_every_unit() {
     let particles: u64 = score["by_depth"]["particles"].as_array().unwrap().iter().filter_map(Value::as_u64).sum();
     assert_eq!((particles, score["by_depth"]["z_mm"].as_array().unwrap().len()), (2, 20));
     for (limit, code) in [("3.01,3.01,3.01", 0), ("2.99,9,9", 1), ("9,9,2.99", 1)] {
-        let output = place.run(&[&words[..], &["--max-diameter", limit]].concat());
+        let output = bench.run(&[&words[..], &["--max-diameter", limit]].concat());
         assert_eq!((output.status.code(), output.stdout.is_empty()), (Some(code), false), "{limit}");
     }
-    let piped = place.feed_bytes(&["elongation", "particles.csv"], &fs::read(place.path("volume.lfv")).unwrap());
-    assert_eq!(json(&piped), bare);
+    let piped = bench.feed(&["elongation", "particles.csv"], bench.bytes("volume.lfv"));
+    assert_eq!(piped.silent_json(), bare);
 }
 
 #[test]
 fn elongation_takes_frames_pairs_and_a_search() {
-    let place = Place::new();
-    blobs(&place, "volume.lfv", &[[5.0, 7.0, 7.0]], 2.0);
-    blobs(&place, "other.lfv", &[[14.0, 7.0, 7.0]], 2.0);
+    let bench = workbench();
+    blobs(&bench, "volume.lfv", &[[5.0, 7.0, 7.0]], 2.0);
+    blobs(&bench, "other.lfv", &[[14.0, 7.0, 7.0]], 2.0);
     // Frame 0 stands on the first blob, frame 3 on the second, frame 5 beside the first.
-    table(&place, "particles.csv", &[(0, [5.0, 7.0, 7.0]), (3, [14.0, 7.0, 7.0]), (5, [10.0, 7.0, 7.0])]);
+    table(&bench, "particles.csv", &[(0, [5.0, 7.0, 7.0]), (3, [14.0, 7.0, 7.0]), (5, [10.0, 7.0, 7.0])]);
     let counts = |words: &[&str]| {
-        let score: Value = serde_json::from_slice(&place.run(&[&["elongation"], words].concat()).stdout).unwrap();
+        let score: Value = serde_json::from_slice(&bench.run(&[&["elongation"], words].concat()).stdout).unwrap();
         ["particles", "measured", "missed"].map(|key| score[key].as_u64().unwrap())
     };
     assert_eq!(counts(&["particles.csv", "volume.lfv"]), [1, 1, 0]);
@@ -203,12 +188,12 @@ fn elongation_takes_frames_pairs_and_a_search() {
     assert_eq!(counts(&["particles.csv", "volume.lfv", "--frame", "5", "--search", "3,0,0"]), [1, 1, 0]);
     assert_eq!(counts(&["particles.csv", "volume.lfv", "--and", "particles.csv", "volume.lfv"]), [2, 2, 0]);
     assert_eq!(counts(&["particles.csv", "volume.lfv", "--and", "particles.csv", "other.lfv"]), [2, 1, 1]);
-    let none = place.run(&["elongation", "particles.csv", "other.lfv", "--max-diameter", "9,9,9"]);
+    let none = bench.run(&["elongation", "particles.csv", "other.lfv", "--max-diameter", "9,9,9"]);
     assert_eq!(none.status.code(), Some(1));
-    assert!(warning(&none).contains("other.lfv: no particle could be measured: of 1, 1 missed"), "{none:?}");
+    assert!(none.stderr.contains("other.lfv: no particle could be measured: of 1, 1 missed"), "{none:?}");
 
-    save(&place, "small.lfv", &small(), &[(1, 3.0)]);
-    place.file("cut.csv", "frame,id,x_mm,y_mm,z_mm,intensity\n0,1,0\n");
+    save(&bench, "small.lfv", &small(), &[(1, 3.0)]);
+    bench.write("cut.csv", "frame,id,x_mm,y_mm,z_mm,intensity\n0,1,0\n");
     for (words, wanted) in [
         (&["particles.csv", "volume.lfv", "--frame", "7"][..], ["particles.csv", "no particle of frame 7 among 3"]),
         (
@@ -223,7 +208,7 @@ fn elongation_takes_frames_pairs_and_a_search() {
         (&["gone.csv", "volume.lfv"], ["gone.csv", "no such file"]),
         (&["-", "-"], ["standard input", "more than once"]),
     ] {
-        let text = refusal(&place.run(&[&["elongation"], words].concat()));
+        let text = bench.run(&[&["elongation"], words].concat()).refusal();
         assert!(wanted.iter().all(|word| text.contains(word)), "{words:?}: {text}");
     }
 }
@@ -231,9 +216,9 @@ fn elongation_takes_frames_pairs_and_a_search() {
 /// By hand: slices of 7 and 2 in one volume, 8 and 1 in the other.
 #[test]
 fn depth_of_several_volumes_by_hand() {
-    let place = Place::new();
-    pair(&place);
-    let score = json(&place.run(&["depth", "truth.lfv", "volume.lfv", "--slab=-1,0"]));
+    let bench = workbench();
+    pair(&bench);
+    let score = bench.run(&["depth", "truth.lfv", "volume.lfv", "--slab=-1,0"]).silent_json();
     assert_eq!((&score["volumes"], &score["slab_mm"]), (&json!(2), &json!([-1.0, 0.0])));
     all_near(&score["z_mm"], &[Some(-0.5), Some(0.5)]);
     all_near(&score["profile"], &[Some(7.5), Some(1.5)]);
@@ -242,36 +227,36 @@ fn depth_of_several_volumes_by_hand() {
     near(&score["outside_share"], 1.5 / 9.0, 1e-12);
     near(&score["outside_peak"], 0.2, 1e-12);
     near(&score["unevenness"], 0.0, 1e-12);
-    let bare = json(&place.run(&["depth", "truth.lfv", "volume.lfv"]));
+    let bare = bench.run(&["depth", "truth.lfv", "volume.lfv"]).silent_json();
     assert!(bare.get("outside_share").is_none() && bare.get("slab_mm").is_none());
     near(&bare["unevenness"], 3.0 / 4.5, 1e-12);
-    let piped = place.feed_bytes(&["depth"], &fs::read(place.path("truth.lfv")).unwrap());
-    assert_eq!(json(&piped), json(&place.run(&["depth", "truth.lfv"])));
+    let piped = bench.feed(&["depth"], bench.bytes("truth.lfv"));
+    assert_eq!(piped.silent_json(), bench.run(&["depth", "truth.lfv"]).silent_json());
     for (most, code) in [("0.17", 0), ("0.16", 1)] {
-        let output = place.run(&["depth", "truth.lfv", "volume.lfv", "--slab=-1,0", "--max-outside", most]);
+        let output = bench.run(&["depth", "truth.lfv", "volume.lfv", "--slab=-1,0", "--max-outside", most]);
         assert_eq!((output.status.code(), output.stdout.is_empty()), (Some(code), false), "{most}");
     }
     // A slab between two slices has all light outside.
-    let between = json(&place.run(&["depth", "truth.lfv", "--slab=-0.1,0.1", "--plot", "between.svg"]));
+    let between = bench.run(&["depth", "truth.lfv", "--slab=-0.1,0.1", "--plot", "between.svg"]).silent_json();
     near(&between["outside_share"], 1.0, 1e-12);
     assert!(between["outside_peak"].is_null() && between["unevenness"].is_null());
-    assert!(!place.text("between.svg").contains("NaN"));
+    assert!(!bench.text("between.svg").contains("NaN"));
 }
 
 #[test]
 fn depth_refuses_and_warns_in_one_line() {
-    let place = Place::new();
-    pair(&place);
-    save(&place, "dark.lfv", &small(), &[(3, 0.0)]);
-    save(&place, "large.lfv", &large(), &[(3, 1.0)]);
+    let bench = workbench();
+    pair(&bench);
+    save(&bench, "dark.lfv", &small(), &[(3, 0.0)]);
+    save(&bench, "large.lfv", &large(), &[(3, 1.0)]);
     for (limit, code) in [(&[][..], 0), (&["--slab", "0,1", "--max-outside", "1"], 1)] {
-        let output = place.run(&[&["depth", "dark.lfv"], limit].concat());
+        let output = bench.run(&[&["depth", "dark.lfv"], limit].concat());
         assert_eq!(output.status.code(), Some(code));
-        assert_eq!(warning(&output), "lf-validate: warning: every voxel is dark\n");
-        let score: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(output.stderr, "lf-validate: warning: every voxel is dark\n");
+        let score: Value = output.json();
         assert!(score["mean_z_mm"].is_null() && score["unevenness"].is_null() && score["light"] == 0.0);
     }
-    assert_eq!(warning(&place.run(&["depth", "dark.lfv", "--quiet"])), "");
+    assert_eq!(bench.run(&["depth", "dark.lfv", "--quiet"]).stderr, "");
     for (words, wanted) in [
         (&["truth.lfv", "--slab", "1,-1"][..], ["--slab: 1,-1", "lower depth first"]),
         (&["truth.lfv", "--slab", "1,1"], ["--slab", "lower depth first"]),
@@ -281,28 +266,9 @@ fn depth_refuses_and_warns_in_one_line() {
         (&["truth.lfv", "gone.lfv"], ["gone.lfv", "no such file"]),
         (&["-", "-"], ["standard input", "more than once"]),
     ] {
-        let text = refusal(&place.run(&[&["depth"], words].concat()));
+        let text = bench.run(&[&["depth"], words].concat()).refusal();
         assert!(wanted.iter().all(|word| text.contains(word)), "{words:?}: {text}");
     }
-}
-
-fn field(place: &Place, name: &str, vector: impl Fn([f64; 3]) -> [f32; 3]) {
-    let mut field = Field::empty(Layout {
-        shape: [6, 6, 10],
-        spacing_mm: [0.5; 3],
-        origin_mm: [0.0; 3],
-        voxel_mm: [0.01, 0.01, 0.1],
-        window: [32, 32, 16],
-        overlap: 0.75,
-        dt_s: None,
-        history: Vec::new(),
-    });
-    field.flag.fill(MEASURED);
-    for at in 0..field.len() {
-        [field.u[at], field.v[at], field.w[at]] = vector(field.place_mm(at));
-    }
-    field.su.fill(0.01);
-    field.save(&place.path(name)).unwrap();
 }
 
 /// A score, one of its inputs, words that end in a refusal, and what its picture says.
@@ -352,46 +318,47 @@ const DRAWN: [Drawn; 5] = [
 
 #[test]
 fn every_score_has_its_picture() {
-    let place = Place::new();
-    pair(&place);
-    blobs(&place, "blobs.lfv", &[[5.0, 7.0, 7.0], [14.3, 6.8, 7.4]], 9.0);
-    table(&place, "particles.csv", &[(0, [5.0, 7.0, 7.0]), (0, [14.3, 6.8, 7.4])]);
-    field(&place, "truth.exr", |_| [0.0; 3]);
-    field(&place, "field.exr", |[x, y, z]| {
-        [0.002 * (x * 5.0).sin(), 0.002 * y, 0.01 * (z * 7.0).cos()].map(|mm| mm as f32)
-    });
+    let bench = workbench();
+    pair(&bench);
+    blobs(&bench, "blobs.lfv", &[[5.0, 7.0, 7.0], [14.3, 6.8, 7.4]], 9.0);
+    table(&bench, "particles.csv", &[(0, [5.0, 7.0, 7.0]), (0, [14.3, 6.8, 7.4])]);
+    let waves = |[x, y, z]: [f64; 3]| [0.002 * (x * 5.0).sin(), 0.002 * y, 0.01 * (z * 7.0).cos()].map(|mm| mm as f32);
+    for (name, mut field) in [("truth.exr", field([6, 6, 10], |_| [0.0; 3])), ("field.exr", field([6, 6, 10], waves))] {
+        field.su.fill(0.01);
+        save_field(&bench, name, &field);
+    }
     for Drawn { words, input, refused, texts } in DRAWN {
-        let with = |words: &[&'static str], file: &'static str| place.run(&[words, &["--plot", file]].concat());
-        let bare = place.run(words);
-        assert_eq!(json(&with(words, "one.svg")), json(&bare), "{words:?}");
-        let svg = place.text("one.svg");
+        let with = |words: &[&'static str], file: &'static str| bench.run(&[words, &["--plot", file]].concat());
+        let bare = bench.run(words);
+        assert_eq!(with(words, "one.svg").silent_json(), bare.silent_json(), "{words:?}");
+        let svg = bench.text("one.svg");
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{words:?}");
         // A text may be broken into lines.
         let plain: Vec<&str> = svg.lines().map(str::trim).filter(|line| !line.starts_with('<')).collect();
         let plain = plain.join(" ").replace("&apos;", "'");
         assert!(texts.iter().all(|text| plain.contains(text)), "{words:?}: {plain}");
         with(words, "two.svg");
-        assert_eq!(place.text("two.svg"), svg, "{words:?}");
+        assert_eq!(bench.text("two.svg"), svg, "{words:?}");
         assert_eq!(with(&[words, &["--threads", "1"]].concat(), "two.svg").stdout, bare.stdout);
-        assert_eq!(place.text("two.svg"), svg, "{words:?}");
+        assert_eq!(bench.text("two.svg"), svg, "{words:?}");
 
-        let before = fs::read(place.path(input)).unwrap();
-        assert!(refusal(&with(words, input)).contains("is also an input"), "{words:?}");
-        assert_eq!(fs::read(place.path(input)).unwrap(), before, "{words:?}");
-        assert!(refusal(&with(words, "-")).contains("--plot: -"), "{words:?}");
-        assert!(refusal(&with(words, "gone/picture.svg")).contains("gone/picture.svg"), "{words:?}");
+        let before = fs::read(bench.path(input)).unwrap();
+        assert!(with(words, input).refusal().contains("is also an input"), "{words:?}");
+        assert_eq!(fs::read(bench.path(input)).unwrap(), before, "{words:?}");
+        assert!(with(words, "-").refusal().contains("--plot: -"), "{words:?}");
+        assert!(with(words, "gone/picture.svg").refusal().contains("gone/picture.svg"), "{words:?}");
         // Nothing is written, and what was there stays, where there is no score.
         let listing = || {
-            let files = fs::read_dir(place.path("")).unwrap();
+            let files = fs::read_dir(bench.path("")).unwrap();
             let mut names: Vec<_> = files.map(|file| file.unwrap().file_name()).collect();
             names.sort();
             names
         };
         let files = listing();
-        refusal(&with(refused, "three.svg"));
-        refusal(&with(refused, "one.svg"));
-        assert_eq!((listing(), place.text("one.svg")), (files, svg), "{words:?}");
-        let stats = place.run(&[words, &["--plot", "four.svg", "--stats", "four.svg"]].concat());
-        assert!(refusal(&stats).contains("--stats"), "{words:?}");
+        with(refused, "three.svg").refusal();
+        with(refused, "one.svg").refusal();
+        assert_eq!((listing(), bench.text("one.svg")), (files, svg), "{words:?}");
+        let stats = bench.run(&[words, &["--plot", "four.svg", "--stats", "four.svg"]].concat());
+        assert!(stats.refusal().contains("--stats"), "{words:?}");
     }
 }

@@ -1,41 +1,32 @@
-//! The contract of the command line: what goes in, what comes out, and what a slip is answered with.
+//! The command line: inputs, outputs and refusals.
 
-use crate::folder::{Bench, SMALL};
 use crate::scene;
+use crate::workbench::{SMALL, workbench};
 use lf_core::field::{Field, MEASURED};
-use std::fs::File;
 use std::path::Path;
-use std::process::Stdio;
 
 #[test]
 fn file_pipe_and_redirect_give_the_same_bytes_on_any_number_of_threads() {
-    let bench = Bench::new();
-    bench.works(&[&["a.lfv", "b.lfv", "-o", "file.exr", "--threads", "1"], &SMALL[..]].concat());
+    let bench = workbench();
+    bench.done(&[&["a.lfv", "b.lfv", "-o", "file.exr", "--threads", "1"], &SMALL[..]].concat());
     let wanted = bench.bytes("file.exr");
     for threads in ["2", "4"] {
-        bench.works(&[&["a.lfv", "b.lfv", "-o", "again.exr", "--threads", threads], &SMALL[..]].concat());
+        bench.done(&[&["a.lfv", "b.lfv", "-o", "again.exr", "--threads", threads], &SMALL[..]].concat());
         assert!(bench.bytes("again.exr") == wanted, "{threads} threads");
     }
 
     let arguments = [&["-", "b.lfv"], &SMALL[..]].concat();
-    let redirected = bench.command(&arguments).stdin(File::open(bench.path("a.lfv")).unwrap()).output().unwrap();
-    assert!(redirected.status.success() && redirected.stdout == wanted);
-
-    let mut piped = bench.command(&arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    let mut pipe = piped.stdin.take().unwrap();
-    std::io::copy(&mut File::open(bench.path("a.lfv")).unwrap(), &mut pipe).unwrap();
-    drop(pipe);
-    assert!(piped.wait_with_output().unwrap().stdout == wanted);
+    assert!(bench.call(&arguments).redirect(&bench.path("a.lfv")).run().done().stdout == wanted);
+    assert!(bench.feed(&arguments, bench.bytes("a.lfv")).done().stdout == wanted);
 
     let swapped = [&["a.lfv", "-", "-o", "-"], &SMALL[..]].concat();
-    let redirected = bench.command(&swapped).stdin(File::open(bench.path("b.lfv")).unwrap()).output().unwrap();
-    assert!(redirected.stdout == wanted);
+    assert!(bench.call(&swapped).redirect(&bench.path("b.lfv")).run().done().stdout == wanted);
 }
 
 #[test]
 fn the_field_is_the_displacement_in_millimetres() {
-    let bench = Bench::new();
-    let said = bench.works(&[&["a.lfv", "b.lfv", "-o", "field.exr", "--stats", "s.json"], &SMALL[..]].concat());
+    let bench = workbench();
+    let said = bench.done(&[&["a.lfv", "b.lfv", "-o", "field.exr", "--stats", "s.json"], &SMALL[..]].concat()).stderr;
     assert!(said.is_empty(), "a typed window is no reason to warn: {said}");
     let field = Field::open(&bench.path("field.exr")).unwrap();
     assert_eq!((field.layout.shape, field.layout.window, field.layout.overlap), ([5, 3, 5], [24, 24, 12], 0.75));
@@ -44,15 +35,15 @@ fn the_field_is_the_displacement_in_millimetres() {
             assert!((found - wanted).abs() < 0.03, "{found} for {wanted}");
         }
     }
-    let stats = String::from_utf8(bench.bytes("s.json")).unwrap();
+    let stats = bench.text("s.json");
     ["vectors", "measured", "replaced", "no_data"].iter().for_each(|key| assert!(stats.contains(key)));
 }
 
 #[test]
 fn other_formats_and_the_picture() {
-    let bench = Bench::new();
-    bench.works(&[&["a.lfv", "b.lfv", "-o", "f.csv", "--plot", "f.svg", "-q"], &SMALL[..]].concat());
-    bench.works(&[&["a.lfv", "b.lfv", "-o", "f.vti", "-q"], &SMALL[..]].concat());
+    let bench = workbench();
+    bench.done(&[&["a.lfv", "b.lfv", "-o", "f.csv", "--plot", "f.svg", "-q"], &SMALL[..]].concat());
+    bench.done(&[&["a.lfv", "b.lfv", "-o", "f.vti", "-q"], &SMALL[..]].concat());
     assert_eq!(bench.bytes("f.csv").iter().filter(|&&byte| byte == b'\n').count(), 1 + 5 * 3 * 5);
     assert!(bench.bytes("f.csv").starts_with(b"x_mm,y_mm,z_mm,u_mm,v_mm,w_mm,"));
     assert!(bench.bytes("f.svg").starts_with(b"<svg") && bench.bytes("f.vti").starts_with(b"<?xml"));
@@ -60,7 +51,7 @@ fn other_formats_and_the_picture() {
 
 #[test]
 fn the_picture_is_of_the_slice_that_was_asked_for() {
-    let bench = Bench::new();
+    let bench = workbench();
     for (slice, title) in [
         (&[][..], "z = 5.75 mm (layer 3 of 5)"),
         (&["--slice", "z"], "z = 5.75 mm (layer 3 of 5)"),
@@ -68,35 +59,35 @@ fn the_picture_is_of_the_slice_that_was_asked_for() {
         (&["--slice", "y=1.2"], "y = 1.35 mm (layer 1 of 3)"),
         (&["--slice=x=2.6"], "x = 2.35 mm (layer 3 of 5)"),
     ] {
-        bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "f.svg", "-q"], slice, &SMALL[..]].concat());
-        let svg = String::from_utf8(bench.bytes("f.svg")).unwrap();
+        bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "f.svg", "-q"], slice, &SMALL[..]].concat());
+        let svg = bench.text("f.svg");
         assert!(svg.contains(&format!("Displacement at {title}")), "{slice:?}: {svg:.3000}");
     }
 }
 
 #[test]
 fn a_slice_that_is_none_gets_one_line() {
-    let bench = Bench::new();
+    let bench = workbench();
     let with = |slice: &'static str| {
         [&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--plot", "f.svg", "--slice", slice], &SMALL[..]].concat()
     };
     for slice in ["", "q", "q=1", "z=", "z=here", "z=nan", "z=1,2", "3"] {
-        bench.fails(&with(slice), &["--slice", "z=0.5"]);
+        bench.refused(&with(slice), &["--slice", "z=0.5"]);
     }
-    bench.fails(&with("z=12.3"), &["a.lfv: slice z = 12.3 mm is outside the volume; wanted -0.25 to 11.75 mm"]);
-    bench.fails(&with("y=-1"), &["a.lfv: slice y = -1 mm is outside the volume; wanted -0.05 to 3.95 mm"]);
-    bench.fails(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--slice", "z"], &SMALL[..]].concat(), &["--plot"]);
+    bench.refused(&with("z=12.3"), &["a.lfv: slice z = 12.3 mm is outside the volume; wanted -0.25 to 11.75 mm"]);
+    bench.refused(&with("y=-1"), &["a.lfv: slice y = -1 mm is outside the volume; wanted -0.05 to 3.95 mm"]);
+    bench.refused(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--slice", "z"], &SMALL[..]].concat(), &["--plot"]);
     assert!(!bench.path("f.exr").exists() && !bench.path("f.svg").exists(), "refused before the work");
 
     // In the volume, but beyond the outermost windows: known when the work is done, which is kept.
-    bench.fails(&with("x=0.2"), &["f.svg: slice x = 0.2 mm is outside the field; wanted 0.85 to 3.85 mm"]);
+    bench.refused(&with("x=0.2"), &["f.svg: slice x = 0.2 mm is outside the field; wanted 0.85 to 3.85 mm"]);
     assert!(bench.path("f.exr").exists() && !bench.path("f.svg").exists());
 }
 
 #[test]
 fn verbose_says_what_was_decided() {
-    let bench = Bench::new();
-    let said = bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], &SMALL[..]].concat());
+    let bench = workbench();
+    let said = bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], &SMALL[..]].concat()).stderr;
     for words in
         ["pass 1: windows of 48 x 40 x 24", "pass 2: windows of 24 x 24 x 12", "search to 6 x 6 x 4", "outliers"]
     {
@@ -106,35 +97,35 @@ fn verbose_says_what_was_decided() {
 
 #[test]
 fn default_windows_shrink_to_the_volume_with_a_warning_and_typed_ones_do_not() {
-    let bench = Bench::new();
-    let said = bench.works(&["a.lfv", "b.lfv", "-o", "f.exr"]);
+    let bench = workbench();
+    let said = bench.done(&["a.lfv", "b.lfv", "-o", "f.exr"]).stderr;
     assert!(said.contains("warning: the default --window 160 x 160 x 16 does not fit"), "{said}");
     assert_eq!(Field::open(&bench.path("f.exr")).unwrap().layout.window, [48, 40, 16]);
-    bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "--window", "49,40,16"], &["49 x 40 x 16", "48 x 40 x 24"]);
-    bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "--initial", "48,41,16", "-q"], &["48 x 41 x 16"]);
+    bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "--window", "49,40,16"], &["49 x 40 x 16", "48 x 40 x 24"]);
+    bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "--initial", "48,41,16", "-q"], &["48 x 41 x 16"]);
 }
 
 #[test]
 fn bad_input_gets_one_line() {
-    let bench = Bench::new();
+    let bench = workbench();
     let grid = scene::grid([48, 40, 24]);
-    bench.write("grid.lfv", &grid, &[1, 2], &[("intensity", &[1.0, 2.0])]);
-    bench.write("score.lfv", &grid, &[1, 2], &[("score", &[1.0, 2.0]), ("depth", &[1.0, 2.0])]);
-    bench.write("empty.lfv", &grid, &[], &[("intensity", &[])]);
-    bench.write("negative.lfv", &grid, &[1, 2], &[("intensity", &[1.0, -2.0])]);
+    bench.volume("grid.lfv", &grid, &[1, 2], &[("intensity", &[1.0, 2.0])]);
+    bench.volume("score.lfv", &grid, &[1, 2], &[("score", &[1.0, 2.0]), ("depth", &[1.0, 2.0])]);
+    bench.volume("empty.lfv", &grid, &[], &[("intensity", &[])]);
+    bench.volume("negative.lfv", &grid, &[1, 2], &[("intensity", &[1.0, -2.0])]);
     std::fs::write(bench.path("text.lfv"), "not a volume").unwrap();
     let small = |more: &[&'static str]| [more, &["-o", "f.exr", "-q"], &SMALL[..]].concat();
 
-    bench.fails(&small(&["missing.lfv", "b.lfv"]), &["missing.lfv"]);
-    bench.fails(&small(&["a.lfv", "text.lfv"]), &["text.lfv"]);
-    bench.fails(
+    bench.refused(&small(&["missing.lfv", "b.lfv"]), &["missing.lfv"]);
+    bench.refused(&small(&["a.lfv", "text.lfv"]), &["text.lfv"]);
+    bench.refused(
         &small(&["a.lfv", "grid.lfv"]),
         &["grid.lfv: grid of 48 x 40 x 24", "0.1 x 0.1 x 0.5 mm", "1 x 1 x 1 mm"],
     );
-    bench.fails(&small(&["grid.lfv", "score.lfv"]), &["score.lfv", "score", "depth", "intensity"]);
-    bench.fails(&small(&["grid.lfv", "empty.lfv"]), &["empty.lfv", "0 voxels"]);
-    bench.fails(&small(&["negative.lfv", "grid.lfv"]), &["negative.lfv", "-2", "[2, 0, 0]"]);
-    bench.fails(&small(&["-", "-"]), &["standard input"]);
+    bench.refused(&small(&["grid.lfv", "score.lfv"]), &["score.lfv", "score", "depth", "intensity"]);
+    bench.refused(&small(&["grid.lfv", "empty.lfv"]), &["empty.lfv", "0 voxels"]);
+    bench.refused(&small(&["negative.lfv", "grid.lfv"]), &["negative.lfv", "-2", "[2, 0, 0]"]);
+    bench.refused(&small(&["-", "-"]), &["standard input"]);
 
     for (option, value) in [
         ("--overlap", "1"),
@@ -147,16 +138,16 @@ fn bad_input_gets_one_line() {
         ("--floor", "1"),
         ("--refine", "0,1,1"),
     ] {
-        bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "-q", &format!("{option}={value}")], &[&option[2..]]);
+        bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "-q", &format!("{option}={value}")], &[&option[2..]]);
     }
-    bench.fails(&small(&["a.lfv"]), &["<B>"]);
-    bench.fails(&["a.lfv", "b.lfv", "-o", "a.lfv", "-q"], &["input"]);
-    bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "b.lfv", "-q"], &["input"]);
-    bench.fails(&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "f.exr", "-q"], &["--plot"]);
-    bench.fails(&[&["a.lfv", "b.lfv", "-o", "f.png", "-q"], &SMALL[..]].concat(), &[".png"]);
-    bench.fails(&[&["a.lfv", "b.lfv", "-o", "nowhere/f.exr", "-q"], &SMALL[..]].concat(), &["nowhere"]);
+    bench.refused(&small(&["a.lfv"]), &["<B>"]);
+    bench.refused(&["a.lfv", "b.lfv", "-o", "a.lfv", "-q"], &["input"]);
+    bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "b.lfv", "-q"], &["input"]);
+    bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "f.exr", "-q"], &["--plot"]);
+    bench.refused(&[&["a.lfv", "b.lfv", "-o", "f.png", "-q"], &SMALL[..]].concat(), &[".png"]);
+    bench.refused(&[&["a.lfv", "b.lfv", "-o", "nowhere/f.exr", "-q"], &SMALL[..]].concat(), &["nowhere"]);
     if Path::new("/dev/full").exists() {
-        bench.fails(&[&["a.lfv", "b.lfv", "-o", "/dev/full", "-q"], &SMALL[..]].concat(), &["/dev/full"]);
+        bench.refused(&[&["a.lfv", "b.lfv", "-o", "/dev/full", "-q"], &SMALL[..]].concat(), &["/dev/full"]);
     }
     assert!(!bench.path("f.exr").exists(), "no half file");
 }

@@ -1,29 +1,32 @@
 //! The options of the command line beyond windows and files.
 
-use crate::folder::{Bench, SMALL};
 use crate::scene;
+use crate::workbench::{SMALL, grid, save_pair, workbench};
 use lf_core::field::{Field, MEASURED};
+use lf_tests::Workbench;
 
-fn field(bench: &Bench, name: &str) -> Field {
+fn field(bench: &Workbench, name: &str) -> Field {
     Field::open(&bench.path(name)).unwrap()
 }
 
 #[test]
 fn passes_can_be_listed_or_named() {
-    let bench = Bench::new();
-    let said = bench.works(&[
-        "a.lfv",
-        "b.lfv",
-        "-o",
-        "f.exr",
-        "-v",
-        "--pass",
-        "48,40,24:0.5:6,6,4",
-        "--pass",
-        "32,32,16",
-        "--pass",
-        "24,24,12:0.75",
-    ]);
+    let bench = workbench();
+    let said = bench
+        .done(&[
+            "a.lfv",
+            "b.lfv",
+            "-o",
+            "f.exr",
+            "-v",
+            "--pass",
+            "48,40,24:0.5:6,6,4",
+            "--pass",
+            "32,32,16",
+            "--pass",
+            "24,24,12:0.75",
+        ])
+        .stderr;
     for words in
         ["pass 1: windows of 48 x 40 x 24", "search to 6 x 6 x 4", "pass 2: windows of 32 x 32 x 16", "pass 3.2: "]
     {
@@ -31,22 +34,22 @@ fn passes_can_be_listed_or_named() {
     }
     let layout = field(&bench, "f.exr").layout;
     assert_eq!((layout.window, layout.overlap), ([24, 24, 12], 0.75));
-    bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper"], &["320 x 320 x 32", "48 x 40 x 24"]);
-    bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper-jet"], &["320 x 320 x 64"]);
+    bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper"], &["320 x 320 x 32", "48 x 40 x 24"]);
+    bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper-jet"], &["320 x 320 x 64"]);
     for wrong in ["24,24", "24,24,12:x", "24,24,12:0.5:1,1", "24,24,12::", ""] {
-        bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--pass", wrong], &["pass"]);
+        bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--pass", wrong], &["pass"]);
     }
-    bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--pass", "24,24,12:nan"], &["overlap NaN"]);
-    bench.fails(&["a.lfv", "b.lfv", "--pass", "24,24,12", "--window", "24,24,12"], &["--pass"]);
-    bench.fails(&["a.lfv", "b.lfv", "--pass", "24,24,12", "--settings", "paper"], &["--settings"]);
+    bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--pass", "24,24,12:nan"], &["overlap NaN"]);
+    bench.refused(&["a.lfv", "b.lfv", "--pass", "24,24,12", "--window", "24,24,12"], &["--pass"]);
+    bench.refused(&["a.lfv", "b.lfv", "--pass", "24,24,12", "--settings", "paper"], &["--settings"]);
     assert!(!bench.path("g.exr").exists());
 }
 
 #[test]
 fn windows_in_millimetres_are_windows_in_voxels() {
-    let bench = Bench::new();
+    let bench = workbench();
     let given = |more: &[&'static str]| {
-        let said = bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], more].concat());
+        let said = bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], more].concat()).stderr;
         (bench.bytes("f.exr"), said)
     };
     // Voxels of 0.1 x 0.1 x 0.5 mm.
@@ -66,12 +69,12 @@ fn windows_in_millimetres_are_windows_in_voxels() {
 
     for (option, value) in [("--window", "24,24,12"), ("--initial", "24,24,12"), ("--pass", "24,24,12")] {
         for mm in ["--window-mm", "--initial-mm"] {
-            bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", option, value, mm, "2.4,2.4,6"], &[option, mm]);
-            bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper", mm, "2.4,2.4,6"], &[mm]);
+            bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", option, value, mm, "2.4,2.4,6"], &[option, mm]);
+            bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper", mm, "2.4,2.4,6"], &[mm]);
         }
     }
     for wrong in ["2.4,2.4", "0,2.4,6", "-1,2.4,6", "nan,2.4,6", "2.4,2.4,inf", ""] {
-        bench.fails(
+        bench.refused(
             &["a.lfv", "b.lfv", "-o", "g.exr", &format!("--window-mm={wrong}")],
             &["window-mm", "in mm above 0"],
         );
@@ -81,9 +84,9 @@ fn windows_in_millimetres_are_windows_in_voxels() {
 
 #[test]
 fn passes_with_their_own_overlap_and_those_by_name_keep_it_under_a_preset() {
-    let bench = Bench::new();
+    let bench = workbench();
     let given = |more: &[&'static str]| {
-        let said = bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], more].concat());
+        let said = bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], more].concat()).stderr;
         (field(&bench, "f.exr").layout.overlap, said)
     };
     let (overlap, said) = given(&["--preset", "fast", "--pass", "24,24,12:0.25"]);
@@ -94,14 +97,14 @@ fn passes_with_their_own_overlap_and_those_by_name_keep_it_under_a_preset() {
 
     let grid = scene::grid([320, 320, 32]);
     let lit: Vec<u64> = (0..grid.len()).filter(|index| index * index % 9973 == 3).collect();
-    bench.write("wide.lfv", &grid, &lit, &[("intensity", &vec![1.0; lit.len()])]);
-    bench.works(&["wide.lfv", "wide.lfv", "-o", "w.exr", "-q", "--preset", "fast", "--settings", "paper"]);
+    bench.volume("wide.lfv", &grid, &lit, &[("intensity", &vec![1.0; lit.len()])]);
+    bench.done(&["wide.lfv", "wide.lfv", "-o", "w.exr", "-q", "--preset", "fast", "--settings", "paper"]);
     assert_eq!(field(&bench, "w.exr").layout.overlap, 0.75);
 }
 
 #[test]
 fn an_option_that_changes_nothing_is_refused() {
-    let bench = Bench::new();
+    let bench = workbench();
     let one = ["--pass", "24,24,12:0.5:3,3,3"];
     for (more, option) in [
         (&["--refine", "2,2,2"][..], "--refine"),
@@ -111,16 +114,16 @@ fn an_option_that_changes_nothing_is_refused() {
         (&["--stall", "0.1", "--deform", "never"], "--stall"),
         (&["--stall", "0.1", "--repeats", "1"], "--stall"),
     ] {
-        bench.fails(&[&["a.lfv", "b.lfv", "-o", "f.exr"], &one[..], more].concat(), &[option, "changes nothing"]);
+        bench.refused(&[&["a.lfv", "b.lfv", "-o", "f.exr"], &one[..], more].concat(), &[option, "changes nothing"]);
     }
     assert!(!bench.path("f.exr").exists());
 }
 
 #[test]
 fn velocities_need_a_time() {
-    let bench = Bench::new();
-    bench.works(&[&["a.lfv", "b.lfv", "-o", "f.csv", "-q", "--dt", "0.002"], &SMALL[..]].concat());
-    let text = String::from_utf8(bench.bytes("f.csv")).unwrap();
+    let bench = workbench();
+    bench.done(&[&["a.lfv", "b.lfv", "-o", "f.csv", "-q", "--dt", "0.002"], &SMALL[..]].concat());
+    let text = bench.text("f.csv");
     let mut lines = text.lines();
     let columns: Vec<&str> = lines.next().unwrap().split(',').collect();
     let column = |name: &str| columns.iter().position(|column| *column == name).unwrap();
@@ -129,68 +132,68 @@ fn velocities_need_a_time() {
         assert!((value("u_mm_s") * 0.002 - value("u_mm")).abs() < 1e-6 * value("u_mm").abs() + 1e-9);
         assert!(value("count") >= 0.0 && (value("flag") != 0.0 || value("su_mm") > 0.0 || value("su_mm").is_nan()));
     }
-    bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--dt", "0.002"], &SMALL[..]].concat());
+    bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--dt", "0.002"], &SMALL[..]].concat());
     assert_eq!(field(&bench, "f.exr").layout.dt_s, Some(0.002));
     for wrong in ["0", "-1", "nan", "inf", "x"] {
-        bench.fails(&["a.lfv", "b.lfv", &format!("--dt={wrong}")], &["dt"]);
+        bench.refused(&["a.lfv", "b.lfv", &format!("--dt={wrong}")], &["dt"]);
     }
 }
 
 #[test]
 fn a_mask_is_a_box_or_a_file() {
-    let bench = Bench::new();
+    let bench = workbench();
     // 48 x 40 x 24 voxels of 0.1 x 0.1 x 0.5 mm from 0 on: voxels 8 to 40 along x.
-    bench.works(&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--mask", "0.8,4.0,-9,9,-9,99", "--window", "24,24,12"]);
+    bench.done(&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--mask", "0.8,4.0,-9,9,-9,99", "--window", "24,24,12"]);
     let boxed = field(&bench, "f.exr");
     // 33 voxels, windows of 24 and 6 apart: two, the first after 1 voxel.
     assert_eq!(boxed.layout.shape[0], 2);
     assert!((boxed.layout.origin_mm[0] - (0.8 + 0.1 + 1.15)).abs() < 1e-9, "{:?}", boxed.layout.origin_mm);
 
-    let grid = lf_core::grid::Grid { spacing_mm: [0.1, 0.1, 0.5], ..scene::grid([48, 40, 24]) };
+    let grid = grid();
     let left: Vec<u64> = (0..grid.len()).filter(|&index| grid.voxel(index)[0] < 24).collect();
-    bench.write("left.lfv", &grid, &left, &[]);
-    bench.works(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q", "--mask", "left.lfv"], &SMALL[..]].concat());
+    bench.volume("left.lfv", &grid, &left, &[]);
+    bench.done(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q", "--mask", "left.lfv"], &SMALL[..]].concat());
     let masked = field(&bench, "g.exr");
     // The last windows hold no light.
     assert!((0..masked.len()).filter(|i| i % 5 == 4).all(|i| masked.flag[i] != MEASURED));
     assert!(masked.flag.iter().filter(|&&flag| flag == MEASURED).count() * 2 > masked.len());
 
-    bench.write("other.lfv", &scene::grid([48, 40, 24]), &[1], &[]);
-    bench.fails(&["a.lfv", "b.lfv", "--mask", "other.lfv", "-q"], &["other.lfv: a grid of", "a.lfv"]);
-    bench.fails(&["a.lfv", "b.lfv", "--mask", "missing.lfv", "-q"], &["missing.lfv"]);
-    bench.fails(&["a.lfv", "b.lfv", "--mask", "90,99,0,9,0,9", "-q"], &["--mask", "48 x 40 x 24"]);
+    bench.volume("other.lfv", &scene::grid([48, 40, 24]), &[1], &[]);
+    bench.refused(&["a.lfv", "b.lfv", "--mask", "other.lfv", "-q"], &["other.lfv: a grid of", "a.lfv"]);
+    bench.refused(&["a.lfv", "b.lfv", "--mask", "missing.lfv", "-q"], &["missing.lfv"]);
+    bench.refused(&["a.lfv", "b.lfv", "--mask", "90,99,0,9,0,9", "-q"], &["--mask", "48 x 40 x 24"]);
     for wrong in ["1,0,0,9,0,9", "0,1,2", "0,1,0,1,0,x", "-q"] {
-        bench.fails(&["a.lfv", "b.lfv", "--mask", wrong], &["x0,x1,y0,y1,z0,z1"]);
+        bench.refused(&["a.lfv", "b.lfv", "--mask", wrong], &["x0,x1,y0,y1,z0,z1"]);
     }
-    bench.fails(&["-", "b.lfv", "--mask", "-"], &["standard input"]);
+    bench.refused(&["-", "b.lfv", "--mask", "-"], &["standard input"]);
     let slice = ["a.lfv", "b.lfv", "-o", "h.exr", "--plot", "h.svg", "--slice", "z=11", "--mask", "0,4.8,0,4,0,6"];
-    bench.fails(&[&slice[..], &["-q", "--window", "24,24,12"]].concat(), &["slice z = 11 mm is outside the mask"]);
+    bench.refused(&[&slice[..], &["-q", "--window", "24,24,12"]].concat(), &["slice z = 11 mm is outside the mask"]);
     assert!(!bench.path("h.exr").exists());
 }
 
 #[test]
 fn further_pairs_are_counted_with_the_first() {
-    let bench = Bench::new();
-    let mut grid = scene::grid([48, 40, 24]);
-    grid.spacing_mm = [0.1, 0.1, 0.5];
-    let [c, d] = scene::pair(&grid, 10.0 / (24.0 * 24.0 * 12.0), [0.75; 3], 2, |_| [1.3, -0.7, 0.4]);
-    bench.save("c.lfv", &c);
-    bench.save("d.lfv", &d);
-    bench.works(&[&["a.lfv", "b.lfv", "-o", "one.exr", "-q"], &SMALL[..]].concat());
-    bench.works(&[&["a.lfv", "b.lfv", "-o", "two.exr", "-q", "--and", "c.lfv", "d.lfv"], &SMALL[..]].concat());
+    let bench = workbench();
+    save_pair(&bench, ["c.lfv", "d.lfv"], 2);
+    bench.done(&[&["a.lfv", "b.lfv", "-o", "one.exr", "-q"], &SMALL[..]].concat());
+    bench.done(&[&["a.lfv", "b.lfv", "-o", "two.exr", "-q", "--and", "c.lfv", "d.lfv"], &SMALL[..]].concat());
     let [one, two] = ["one.exr", "two.exr"].map(|name| field(&bench, name).count.iter().sum::<f32>());
     assert!(two > 1.6 * one && two < 2.6 * one, "{one} {two}");
-    bench.fails(&["a.lfv", "b.lfv", "--and", "c.lfv"], &["--and"]);
-    bench.write("grid.lfv", &scene::grid([48, 40, 24]), &[1, 2], &[("intensity", &[1.0, 2.0])]);
-    bench.fails(&["a.lfv", "b.lfv", "-q", "--and", "c.lfv", "grid.lfv"], &["grid.lfv", "wanted the grid of the first"]);
-    bench.fails(&["a.lfv", "b.lfv", "-o", "d.lfv", "--and", "c.lfv", "d.lfv"], &["d.lfv", "input"]);
+    bench.refused(&["a.lfv", "b.lfv", "--and", "c.lfv"], &["--and"]);
+    bench.volume("grid.lfv", &scene::grid([48, 40, 24]), &[1, 2], &[("intensity", &[1.0, 2.0])]);
+    bench.refused(
+        &["a.lfv", "b.lfv", "-q", "--and", "c.lfv", "grid.lfv"],
+        &["grid.lfv", "wanted the grid of the first"],
+    );
+    bench.refused(&["a.lfv", "b.lfv", "-o", "d.lfv", "--and", "c.lfv", "d.lfv"], &["d.lfv", "input"]);
 }
 
 #[test]
 fn the_method_is_what_was_asked_for() {
-    let bench = Bench::new();
-    let said =
-        |more: &[&'static str]| bench.works(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], &SMALL[..], more].concat());
+    let bench = workbench();
+    let said = |more: &[&'static str]| {
+        bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], &SMALL[..], more].concat()).stderr
+    };
     assert!(!said(&["--deform", "never"]).contains("deformed"));
     assert!(said(&["--deform", "always"]).contains("pass 2.1: deformed"));
     assert!(said(&["--route", "transform"]).contains("by transforms (estimated"));
@@ -205,8 +208,8 @@ fn the_method_is_what_was_asked_for() {
         ("--stall", "-1"),
         ("--smoothing", "5"),
     ] {
-        bench.fails(&["a.lfv", "b.lfv", "-o", "g.exr", "-q", &format!("{option}={value}")], &[&option[2..]]);
+        bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "-q", &format!("{option}={value}")], &[&option[2..]]);
     }
     let wide = ["--pass", "8,8,8:0.9:40,40,24", "--route", "direct"];
-    bench.fails(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q"], &wide[..]].concat(), &["GB", "transforms"]);
+    bench.refused(&[&["a.lfv", "b.lfv", "-o", "g.exr", "-q"], &wide[..]].concat(), &["GB", "transforms"]);
 }

@@ -1,5 +1,13 @@
-//! What the tests of whole tools share: finding and running the tools, inputs they accept, and ways to use them.
+//! What the tests of all crates share.
+//!
+//! In: the names of tools, or the program of one tool. Out: folders, calls and their checked ends, small sample inputs, and
+//! a table of ways to use the tools. Open `folder.rs` first.
 
+pub mod call;
+pub mod folder;
 pub mod samples;
 pub mod tools;
 pub mod uses;
+
+pub use call::{Call, Ended};
+pub use folder::{Folder, Workbench};

@@ -1,7 +1,7 @@
 //! Ways to use the tools, as data: what holds for every tool is tested once, over this table.
 
+use crate::call::Call;
 use crate::samples::{Kind, Samples};
-use crate::tools::Call;
 use std::path::{Path, PathBuf};
 
 /// A word of a command line.
