@@ -180,7 +180,7 @@ render() {
     "$$bin"lf-synth frames "$$d/scene.json" -o "$$d" "$${quiet[@]}"
 }
 
-# How each method prunes and solves: the paper's DRT-MART behind our threshold, MART on all voxels, and our default.
+# Options of each method for lf-prune and lf-mart: the paper's DRT-MART behind our threshold, MART on all voxels, and our default.
 prune_drt=() prune_drtsmall=() prune_mart=(--keep-all) prune_ours=()
 solve_drt=(--weights drt --method mart --max-memory 20) solve_drtsmall=("$${solve_drt[@]}") solve_mart=("$${solve_drt[@]}")
 solve_ours=(--max-memory 20)

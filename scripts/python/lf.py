@@ -363,7 +363,7 @@ class Camera:
         return tuple(s / self.pixel_mm + 0.5 * n for s, n in zip(on_sensor, self.sensor_px))
 
 
-# What every stage does
+# Shared by all stages
 
 
 def numbers(count):
@@ -392,7 +392,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("-q", "--quiet", action="store_true", help="print errors only")
 
     def parse_args(self):
-        """As usual, but reads `-5,5` in `--depth -5,5` as a value, not as an option."""
+        """Parses as usual, but reads `-5,5` in `--depth -5,5` as a value, not as an option."""
         words = []
         for word in sys.argv[1:]:
             if words and words[-1].startswith("--") and word[:1] == "-" and word[1:2].isdigit():
