@@ -1,27 +1,28 @@
-//! What stays in every frame: per pixel, the minimum or a low quantile over many frames.
+//! The background: what stays in every frame. For each pixel it is the minimum or a low quantile over many frames.
 
-use crate::Refusal;
-use crate::white::other_size;
+use crate::white::mean::other_size;
+use lf_core::Refusal;
 use ndarray::Array2;
 use rayon::prelude::*;
 
 /// Frames taken in one after another.
+/// A background in the making; frames are added one after another.
 ///
-/// Of n frames the quantile q lies between the sorted counts number floor(q (n - 1)) and the next, counted from 0, and
-/// is interpolated linearly; q = 0 is the minimum. Only the counts up to there are kept: one plane for the minimum
-/// whatever the number of frames, floor(q (n - 1)) + 2 planes for a quantile.
+/// The quantile q of n frames lies between the sorted counts number floor(q (n - 1)) and the next one, counted from 0,
+/// with linear interpolation; q = 0 is the minimum. Only the counts up to there are kept: one plane for the minimum,
+/// whatever the number of frames, and floor(q (n - 1)) + 2 planes for a quantile.
 #[derive(Debug, Clone)]
 pub struct Background {
     quantile: f64,
     planes: usize,
     frames: usize,
     shape: Option<(usize, usize)>,
-    /// The lowest counts of each pixel in rising order, `planes` a pixel.
+    /// The lowest counts of each pixel in rising order, `planes` for each pixel.
     lowest: Vec<f32>,
 }
 
 impl Background {
-    /// Of at most this many frames, the quantile 0 to 1.
+    /// A background of at most this many frames, for a quantile from 0 to 1.
     ///
     /// # Panics
     /// If there are no frames or the quantile is outside 0 to 1.
@@ -32,10 +33,10 @@ impl Background {
         Self { quantile, planes, frames: 0, shape: None, lowest: Vec::new() }
     }
 
-    /// Takes in a frame.
+    /// Adds a frame.
     ///
     /// # Errors
-    /// Refuses another size than the first frame's.
+    /// Refuses a frame of another size than the first one.
     pub fn add(&mut self, frame: &Array2<f32>) -> Result<(), Refusal> {
         let shape = *self.shape.get_or_insert(frame.dim());
         if shape != frame.dim() {
@@ -46,7 +47,7 @@ impl Background {
         }
         let frame = frame.as_standard_layout();
         let counts = frame.as_slice().expect("a standard layout is one slice");
-        // Insertion into a short sorted list; whatever falls off its end can never be needed.
+        // Insert into a short sorted list. A count that falls off its end is never needed again.
         self.lowest.par_chunks_mut(self.planes).zip(counts).with_min_len(4096).for_each(|(lowest, &count)| {
             let mut count = count;
             for kept in lowest.iter_mut() {
@@ -59,7 +60,7 @@ impl Background {
         Ok(())
     }
 
-    /// The background of the frames taken in, which may be fewer than were promised; none of no frame.
+    /// The background of the frames that were added, which may be fewer than announced. None if there were none.
     pub fn finish(self) -> Option<Array2<f32>> {
         let position = self.quantile * self.frames.checked_sub(1)? as f64;
         let (below, share) = (position.floor() as usize, position.fract() as f32);
@@ -67,7 +68,8 @@ impl Background {
             .lowest
             .par_chunks(self.planes)
             .map(|lowest| {
-                // Behind the last frame there is nothing, and infinity times 0 is no number.
+                // With a share of 0 there may be no next count: the list then ends with infinity, and 0 times infinity
+                // is NaN.
                 let above = if share > 0.0 { lowest[below + 1] } else { lowest[below] };
                 lowest[below] + share * (above - lowest[below])
             })
@@ -108,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn fewer_frames_than_promised_are_the_same_as_so_many() {
+    fn fewer_frames_than_announced_give_the_same_background() {
         for quantile in [0.0, 0.07, 0.25, 0.5] {
             let mut background = Background::new(40, quantile);
             frames().iter().for_each(|frame| background.add(frame).unwrap());

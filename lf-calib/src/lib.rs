@@ -1,51 +1,26 @@
-//! White images and particle frames to a camera that can be trusted.
+//! White images, dot targets and particle frames to a camera that can be trusted.
 //!
-//! [`White`] averages white images, [`lattice::find`] finds the lattice of the lenslet *images* in the mean, and
-//! [`calibrate()`] turns it into the microlenses of a camera. [`Background`] is what stays in every frame. [`volume()`] finds
-//! the main lens from images of a dot target. [`refine()`] mends what has drifted since, from frames of particles.
+//! 1. [`WhiteMean`] averages white images, [`find_lattice`] finds the lattice of the lenslet *images* in the mean.
+//! 2. [`calibrate()`] turns that lattice into the microlenses of a camera, and [`flat_field`] gives the camera's flat
+//!    field.
+//! 3. [`main_lens()`] finds the main lens, its distortion and the misalignment from images of a dot target.
+//! 4. [`refine()`] corrects a later drift from frames of particles.
+//! 5. [`Background`] is what stays the same in every frame.
 //!
-//! Image places are pixels from the left and top edge: a pixel's centre is at a half.
+//! Image positions are pixels from the left and top edge; a pixel's centre is at a half.
 
-mod adjust;
 mod background;
-mod bundle;
-mod calibrate;
-mod cats_eye;
-mod cell;
-mod departure;
-mod evidence;
-mod fan;
+mod drift;
 mod fit;
-mod flat;
-mod isolated;
-pub mod lattice;
-mod lens_centres;
-pub mod parameters;
-mod period;
-mod places;
 pub mod plot;
-mod radial;
-mod reading;
-mod recognise;
-mod refine;
-mod refocus;
-mod refusal;
-mod rim;
-mod sight;
-mod spot;
-mod stop;
-mod symmetry;
+mod points;
 mod target;
-mod trail;
-mod volume;
 mod white;
 
 pub use background::Background;
-pub use calibrate::{Calibrated, Fill, Residual, calibrate};
-pub use flat::flat_field;
-pub use lattice::{Centre, ImageLattice, SecondStop};
-pub use refine::{Refined, refine, refine_watched, steps};
-pub use refusal::Refusal;
-pub use target::{Dot, Exposure, grid};
-pub use volume::{Volume, looks, volume, volume_watched};
-pub use white::White;
+pub use drift::{Refined, refine, refine_steps, refine_watched};
+pub use target::{Dot, Exposure, MainLensFit, grid, main_lens, main_lens_steps, main_lens_watched};
+pub use white::{
+    Calibrated, Centre, Fill, ImageLattice, LATTICE_STEPS, Residual, SecondStop, WhiteMean, calibrate, find_lattice,
+    find_lattice_watched, flat_field,
+};

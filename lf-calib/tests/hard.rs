@@ -2,7 +2,7 @@
 
 use crate::scenes::{camera, cut_discs, discs, farthest_px, image_px, noisy, nominal, squares, uniform};
 use glam::DVec2;
-use lf_calib::{Calibrated, calibrate, lattice};
+use lf_calib::{Calibrated, calibrate, find_lattice};
 use lf_core::camera::{Aperture, Camera, Layout};
 use lf_core::lattice::Centres;
 use ndarray::Array2;
@@ -10,7 +10,7 @@ use ndarray::Array2;
 const LAYOUTS: [Layout; 2] = [Layout::Square, Layout::Hexagonal];
 
 fn measured(what: &str, truth: &Camera, image: &Array2<f32>, limit_px: f64) -> Calibrated {
-    let found = lattice::find(image).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
+    let found = find_lattice(image).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
     let calibrated = calibrate(&found, &nominal(truth)).unwrap();
     let worst = farthest_px(&calibrated.camera, truth);
     println!("{what}: farthest {worst:.4} px, {} of {}, degree {}", found.kept(), found.in_frame, calibrated.degree);
@@ -60,11 +60,11 @@ fn a_second_stop_moves_no_centre() {
         let truth = camera(700, layout, 0.003, [0.0123, -0.0257]);
         let mut image = cut_discs(&truth, 0.95, 1.25, drift);
         noisy(&mut image, 0.01);
-        let found = lattice::find(&image).unwrap();
+        let found = find_lattice(&image).unwrap();
         let stop = found.second_stop.expect("a second stop");
-        assert!((stop.drift / drift - 1.0).abs() < 0.15, "{stop:?}");
+        assert!((stop.slope / drift - 1.0).abs() < 0.15, "{stop:?}");
         measured("second stop", &truth, &image, 0.01);
-        let plain = lattice::find(&discs(&truth, 0.95)).unwrap();
+        let plain = find_lattice(&discs(&truth, 0.95)).unwrap();
         assert!(plain.second_stop.is_none());
     }
 }

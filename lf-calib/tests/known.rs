@@ -1,7 +1,7 @@
 //! Lattices whose answer is known: discs and squares drawn exactly, and rays through the shared optics.
 
 use crate::scenes::{self, camera, discs, farthest_px, noisy, nominal, rays, squares};
-use lf_calib::{ImageLattice, calibrate, lattice};
+use lf_calib::{ImageLattice, calibrate, find_lattice};
 use lf_core::camera::{Camera, Layout};
 use ndarray::Array2;
 
@@ -10,7 +10,7 @@ const ASIDE: [f64; 2] = [0.0123, -0.0257];
 
 /// Measures an image of a camera and refuses pitch (relative), rotation (rad) and places (px) that are farther off.
 fn check(what: &str, truth: &Camera, image: &Array2<f32>, limit: f64, limit_px: f64) -> ImageLattice {
-    let found = lattice::find(image).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
+    let found = find_lattice(image).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
     let camera = calibrate(&found, &nominal(truth)).unwrap().camera;
     let (mine, wanted) = (&camera.microlenses, &truth.microlenses);
     let pitch = (mine.pitch_mm / wanted.pitch_mm - 1.0).abs();
@@ -141,7 +141,7 @@ fn dust_is_left_out() {
             }
         }
     }
-    let found = lattice::find(&image).unwrap();
+    let found = find_lattice(&image).unwrap();
     let camera = calibrate(&found, &nominal(&truth)).unwrap().camera;
     assert!(farthest_px(&camera, &truth) < 0.003, "{}", farthest_px(&camera, &truth));
     assert!(found.kept() < found.centres.len());
@@ -151,7 +151,7 @@ fn dust_is_left_out() {
 fn of_equal_descriptions_the_one_nearest_to_nominal_is_written() {
     for layout in LAYOUTS {
         let truth = camera(280, layout, 0.003, ASIDE);
-        let found = lattice::find(&discs(&truth, 0.8)).unwrap();
+        let found = find_lattice(&discs(&truth, 0.8)).unwrap();
         let lattice = truth.lattice();
         // Any lattice vector added to the offset, and any turn of symmetry, is the same lattice.
         for (i, j) in [(0, 0), (3, -2), (-5, 7)] {

@@ -2,7 +2,7 @@
 
 use crate::scenes::{camera, discs, image_px, noisy};
 use glam::DVec2;
-use lf_calib::{calibrate, lattice};
+use lf_calib::{calibrate, find_lattice};
 use lf_core::camera::{Camera, Layout};
 use lf_core::lattice::Centres;
 use ndarray::{Array2, s};
@@ -32,7 +32,7 @@ fn bent() -> Centres {
 fn measured(image: &Array2<f32>) -> Camera {
     let mut nominal = camera(0, Layout::Square, 0.0, [0.0, 0.0]);
     (nominal.sensor.width, nominal.sensor.height) = (image.ncols(), image.nrows());
-    calibrate(&lattice::find(image).unwrap(), &nominal).unwrap().camera
+    calibrate(&find_lattice(image).unwrap(), &nominal).unwrap().camera
 }
 
 /// Every lenslet of `before` in the frame, its image moved, must be a lenslet of `after`.

@@ -1,12 +1,12 @@
 //! Images that show no lattice are refused in words that help, and never give a lattice.
 
 use crate::scenes::{camera, discs, rays, squares, uniform};
-use lf_calib::lattice;
+use lf_calib::find_lattice;
 use lf_core::camera::{Aperture, Layout};
 use ndarray::Array2;
 
 fn refused(image: &Array2<f32>, words: &str) {
-    let refusal = lattice::find(image).expect_err("a lattice was found");
+    let refusal = find_lattice(image).expect_err("a lattice was found");
     assert!(refusal.found.contains(words), "{refusal:?}");
     assert!(refusal.wanted.starts_with("wanted "), "{refusal:?}");
     assert!(!format!("{}{}", refusal.found, refusal.wanted).contains('\n'));

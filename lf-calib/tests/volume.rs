@@ -2,7 +2,7 @@
 
 use crate::scenes::{self, points};
 use glam::DVec3;
-use lf_calib::{Dot, Exposure, volume};
+use lf_calib::{Dot, Exposure, main_lens};
 use lf_core::camera::{Camera, Distortion};
 use ndarray::Array2;
 
@@ -29,8 +29,8 @@ const OFFSET: DVec3 = DVec3::new(0.13, -0.07, 0.15);
 #[test]
 fn a_perfect_camera_grows_nothing() {
     let truth = points::camera(LENSLETS);
-    let found = volume(&exposures(&truth, OFFSET), &truth).unwrap();
-    assert!(found.asked.is_empty(), "{:?}", found.asked);
+    let found = main_lens(&exposures(&truth, OFFSET), &truth).unwrap();
+    assert!(found.selected.is_empty(), "{:?}", found.selected);
     assert_eq!(found.used, [0, 1, 2, 3]);
     assert_eq!(found.dots, 25);
     assert!(found.camera.distortion.is_none() && found.camera.tilt.is_none() && found.camera.centres.is_none());
@@ -50,7 +50,7 @@ fn what_is_off_is_found_within_its_uncertainty() {
     truth.microlenses.pitch_mm *= (1.0 + nominal.demagnification()) / (1.0 + k);
     truth.microlenses.rotation_rad = 8e-4;
     truth.distortion = Some(Distortion { radial: [40.0, 0.0, 0.0], tangential: [0.0; 2] });
-    let found = volume(&exposures(&truth, OFFSET), &nominal).unwrap();
+    let found = main_lens(&exposures(&truth, OFFSET), &nominal).unwrap();
     let wanted =
         [("magnification", 1.008), ("gap_mm", 0.302), ("rotation_rad", 8e-4), ("k1", 40.0), ("focus_offset_mm", 0.15)];
     for (name, wanted) in wanted {
@@ -58,7 +58,7 @@ fn what_is_off_is_found_within_its_uncertainty() {
         let off = (value - wanted).abs() / uncertainty;
         assert!(off < 4.0, "{name}: {value} +- {uncertainty}, not {wanted}");
     }
-    assert!(!found.asked.contains(&"k2") && !found.asked.contains(&"p1"), "{:?}", found.asked);
+    assert!(!found.selected.contains(&"k2") && !found.selected.contains(&"p1"), "{:?}", found.selected);
     let [before, after, _] = found.rms_px;
     assert!(before > 10.0 * after && after < 0.05, "{:?}", found.rms_px);
     found.camera.check().unwrap();
@@ -73,12 +73,12 @@ fn images_without_the_target_are_refused() {
     let mut anywhere = || 3.8 * (scenes::uniform(&mut state) - 0.5);
     let scattered: Vec<DVec3> = (0..25).map(|_| DVec3::new(anywhere(), anywhere(), 2.8)).collect();
     seen[2].pixels = points::image(&nominal, &scattered, 0.03, 4e5);
-    let (image, refusal) = volume(&seen, &nominal).unwrap_err();
+    let (image, refusal) = main_lens(&seen, &nominal).unwrap_err();
     assert_eq!(image, Some(2));
     assert!(refusal.found.starts_with("no target"), "{refusal:?}");
     seen[2].pixels = Array2::from_elem(seen[2].pixels.dim(), 20.0);
-    assert_eq!(volume(&seen, &nominal).unwrap_err().0, Some(2));
-    let (image, refusal) = volume(&seen[..1], &nominal).unwrap_err();
+    assert_eq!(main_lens(&seen, &nominal).unwrap_err().0, Some(2));
+    let (image, refusal) = main_lens(&seen[..1], &nominal).unwrap_err();
     assert_eq!(image, None);
     assert_eq!(refusal.found, "1 of 1 images at depths out of focus");
 }
@@ -91,5 +91,5 @@ fn depths_out_of_order_are_no_camera() {
     for (n, exposure) in seen.iter_mut().enumerate() {
         exposure.dots.iter_mut().for_each(|dot| dot.place_mm[2] = DEPTHS_MM[3 - n]);
     }
-    assert!(volume(&seen, &nominal).is_err());
+    assert!(main_lens(&seen, &nominal).is_err());
 }

@@ -1,0 +1,120 @@
+//! `lf-calib background`: frames in, what stays the same in all of them out.
+
+use super::arguments::BackgroundArguments;
+use lf_calib::Background;
+use lf_core::camera::{Camera, Sensor};
+use lf_core::cli::{Session, Verdict};
+use lf_core::history::History;
+use lf_core::image::{self, Image, Stack};
+use lf_core::{Error, Refusal, Result, io};
+use std::path::{Path, PathBuf};
+
+/// Makes the background and writes it. With a camera, frames that cannot be read or have another size than its sensor
+/// are left out.
+pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Result<Verdict> {
+    let BackgroundArguments { frames, quantile, camera, output } = arguments;
+    if !(0.0..=0.5).contains(quantile) {
+        return Err(Error::new("--quantile", quantile.to_string(), "wanted 0 to 0.5"));
+    }
+    let inputs: Vec<&Path> = frames.iter().chain(camera).map(PathBuf::as_path).collect();
+    session.keep_apart(output, &inputs)?;
+    io::check_place(output)?;
+    let sensor = camera.as_deref().map(Camera::open).transpose()?.map(|camera| camera.sensor);
+    let mut frames = Frames::open(frames, sensor)?;
+    let count = frames.count;
+    let statistic = if *quantile > 0.0 { format!("quantile {quantile}") } else { "minimum".to_string() };
+    session.explain(format!("{statistic} of {count} frames, pixel by pixel"));
+
+    let mut background = Background::new(count, *quantile);
+    let (used, history) = frames.add_to(&mut background, session)?;
+    let Some(pixels) = background.finish() else {
+        let none = || Error::new(format!("the {count} frames"), "none was read", "wanted at least one");
+        return Err(frames.left_out.pop().unwrap_or_else(none));
+    };
+    session.count("frames", used);
+    session.count("left_out", frames.left_out.len());
+    let history = session.history(&history);
+    session.phase("write", |_| image::save(output, &pixels, &history))?;
+    for error in frames.left_out {
+        session.warn(format!("left out: {error}"));
+    }
+    Ok(Verdict::Done)
+}
+
+/// The frames of all files.
+struct Frames {
+    /// Files, and those that come through a pipe in memory: they can be read only once. Other files are opened again,
+    /// because a system limits the number of mapped files.
+    files: Vec<(PathBuf, Option<Stack>)>,
+    count: usize,
+    sensor: Option<Sensor>,
+    left_out: Vec<Error>,
+}
+
+impl Frames {
+    /// Counts the frames, which a quantile needs to know before the first one.
+    fn open(paths: &[PathBuf], sensor: Option<Sensor>) -> Result<Self> {
+        let mut frames = Self { files: Vec::new(), count: 0, sensor, left_out: Vec::new() };
+        for path in paths {
+            match Stack::open(path) {
+                Ok(stack) => {
+                    frames.count += stack.images();
+                    frames.files.push((path.clone(), Some(stack).filter(|stack| !stack.is_mapped())));
+                }
+                Err(error) => frames.leave_out(error)?,
+            }
+        }
+        if frames.count == 0 {
+            let none = || Error::new("background", "no frame", "wanted at least one");
+            return Err(frames.left_out.pop().unwrap_or_else(none));
+        }
+        Ok(frames)
+    }
+
+    /// Adds every frame to a background. Returns the number of frames used, and the history of the first.
+    fn add_to(&mut self, background: &mut Background, session: &mut Session) -> Result<(usize, History)> {
+        let mut history = None;
+        let mut used = 0;
+        let progress = session.progress("frames", self.count as u64);
+        for (path, stack) in std::mem::take(&mut self.files) {
+            let stack = stack.map_or_else(|| Stack::open(&path), Ok)?;
+            for number in 0..stack.images() {
+                let frame = session.phase("read", |_| self.read(&stack, number));
+                progress.add(1);
+                match frame {
+                    Ok(frame) => {
+                        let refused = |refusal: Refusal| refusal.about(stack.name(number));
+                        session.phase("sort", |_| background.add(&frame.pixels).map_err(refused))?;
+                        used += 1;
+                        history.get_or_insert(frame.history);
+                    }
+                    Err(error) => self.leave_out(error)?,
+                }
+            }
+        }
+        Ok((used, history.unwrap_or_default()))
+    }
+
+    /// One frame. With a camera it must have the size of its sensor.
+    fn read(&self, stack: &Stack, number: usize) -> Result<Image> {
+        let frame = stack.read(number)?;
+        let (height, width) = frame.pixels.dim();
+        match &self.sensor {
+            Some(sensor) if (width, height) != (sensor.width, sensor.height) => {
+                let wanted = format!("wanted {} x {} px, the camera's sensor", sensor.width, sensor.height);
+                Err(Error::new(stack.name(number), format!("{width} x {height} px"), wanted))
+            }
+            _ => Ok(frame),
+        }
+    }
+
+    /// With a camera, leaves out what `error` is about. Without one it cannot be known which frame is wrong: the error
+    /// stands.
+    fn leave_out(&mut self, error: Error) -> Result<()> {
+        if self.sensor.is_none() {
+            return Err(error);
+        }
+        self.left_out.push(error);
+        Ok(())
+    }
+}

@@ -1,0 +1,58 @@
+//! Files that several tasks read and write: frames, and a camera with its history and its flat field.
+
+use lf_core::camera::Camera;
+use lf_core::cli::Session;
+use lf_core::history::History;
+use lf_core::{Error, Result, image, io};
+use ndarray::Array2;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Adds this run to the steps that led to the nominal camera.
+pub fn with_history(mut camera: Camera, session: &Session) -> Camera {
+    if let Some(Value::Object(calibration)) = &mut camera.calibration {
+        let before = calibration.remove("history").and_then(|steps| serde_json::from_value::<History>(steps).ok());
+        let history = session.history(&before.unwrap_or_default());
+        if !history.is_empty() {
+            calibration.insert("history".to_string(), json!(history));
+        }
+    }
+    camera
+}
+
+/// The path by which a camera at `output` names a file: the file's name if it is beside the camera, otherwise its full
+/// path.
+pub fn path_from_camera(file: &Path, output: &Path, session: &Session) -> Result<PathBuf> {
+    let whole = |path: &Path| std::path::absolute(path).map_err(|error| io::writing(&io::output_name(path), &error));
+    let file = whole(file)?;
+    if !io::is_standard(output) && whole(output)?.parent() == file.parent() {
+        return Ok(file.file_name().map_or_else(|| file.clone(), PathBuf::from));
+    }
+    session.say(format!("the camera names its flat field by its full path, {}", file.display()));
+    Ok(file)
+}
+
+/// Writes a camera that was found from a nominal one. It keeps the flat field, and its history contains this run.
+pub fn save_found(
+    camera: Camera,
+    flat: Option<PathBuf>,
+    wanted: &str,
+    output: &Path,
+    session: &mut Session,
+) -> Result<()> {
+    let mut camera = with_history(camera, session);
+    camera.vignetting = flat.map(|flat| path_from_camera(&flat, output, session)).transpose()?;
+    camera.check().map_err(|refusal| Error::new("the camera found", refusal.found, wanted))?;
+    session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))
+}
+
+/// Frames of a camera's size, minus a background, divided by the camera's flat field. Blind pixels are NaN and are
+/// ignored.
+pub fn frames<'a>(
+    paths: impl IntoIterator<Item = &'a PathBuf>,
+    background: Option<&Path>,
+    camera: &Camera,
+    camera_file: &Path,
+) -> Result<Vec<Array2<f32>>> {
+    paths.into_iter().map(|path| Ok(image::open_frame(path, background, camera, camera_file)?.pixels)).collect()
+}

@@ -1,0 +1,14 @@
+//! In: the command line of `lf-calib`. Out: files, messages and an exit code.
+//! `arguments.rs` describes the options; each task reads its files, calls the library once and writes its results.
+//! Open `run.rs` first.
+
+mod arguments;
+mod background;
+mod files;
+mod lattice;
+mod main_lens;
+mod refine;
+mod run;
+mod tell_lattice;
+
+pub use run::run;

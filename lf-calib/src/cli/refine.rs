@@ -1,0 +1,62 @@
+//! `lf-calib refine`: frames of particles and a camera in, the camera corrected for drift out.
+
+use super::arguments::RefineArguments;
+use super::files::{frames, save_found};
+use lf_calib::{Refined, refine_steps, refine_watched};
+use lf_core::camera::Camera;
+use lf_core::cli::{Session, Verdict};
+use lf_core::weights::check_depth_mm;
+use lf_core::{Error, Result, io};
+use std::path::Path;
+
+/// Corrects a camera and writes it.
+pub fn refine(arguments: &RefineArguments, session: &mut Session) -> Result<Verdict> {
+    let RefineArguments { frames: files, camera, depth, background, output } = arguments;
+    let background = background.as_deref();
+    let inputs: Vec<&Path> =
+        files.iter().map(|file| file.as_path()).chain(background).chain([camera.as_path()]).collect();
+    session.keep_apart(output, &inputs)?;
+    io::check_place(output)?;
+    let nominal = Camera::open(camera)?;
+    session.explain(format!("camera: {}", nominal.about()));
+    check_depths(*depth, &nominal)?;
+    if files.len() > 1 && background.is_some_and(io::is_standard) {
+        let found = "standard input, for several frames";
+        return Err(Error::new("--background", found, "wanted a file, which can be read again"));
+    }
+    let images = session.phase("read", |_| frames(files, background, &nominal, camera))?;
+    let subject = match files.as_slice() {
+        [frame] => io::name(frame),
+        _ => format!("{} frames", files.len()),
+    };
+    let found = session.phase("refine", |session| {
+        let progress = session.progress("steps", refine_steps(files.len()));
+        refine_watched(&images, &nominal, *depth, &|steps| progress.add(steps))
+            .map_err(|refusal| refusal.about(&subject))
+    })?;
+    tell(&found, files.len(), session);
+    save_found(found.camera, nominal.flat_field(camera), "wanted particles that fit one", output, session)?;
+    Ok(Verdict::Done)
+}
+
+/// Refuses depths that do not rise or are not in front of the main lens.
+fn check_depths([low, high]: [f64; 2], camera: &Camera) -> Result<()> {
+    let wanted = "wanted two depths that rise, in front of the main lens";
+    if low >= high {
+        return Err(Error::new("--depth", format!("{low},{high}"), wanted));
+    }
+    check_depth_mm(camera, high).map_err(|found| Error::new("--depth", found, wanted))
+}
+
+fn tell(found: &Refined, frames: usize, session: &mut Session) {
+    session.count("frames", frames);
+    session.count("particles", found.particles);
+    let [before, after] = found.disparity_px;
+    session.explain(format!("{} particles, disparity {before:.3} px RMS before, {after:.3} px after", found.particles));
+    for (name, change, uncertainty) in &found.changed {
+        session.explain(format!("{name} changed by {change:.7} +- {uncertainty:.7}"));
+    }
+    if found.changed.is_empty() {
+        session.explain("the particles show no drift");
+    }
+}

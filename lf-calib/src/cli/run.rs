@@ -1,0 +1,23 @@
+//! Runs the task that was asked for.
+
+use super::arguments::{Arguments, Task};
+use super::background::background;
+use super::lattice::lattice;
+use super::main_lens::main_lens;
+use super::refine::refine;
+use lf_core::cli;
+use std::process::ExitCode;
+
+/// Parses the command line and runs its task.
+pub fn run() -> ExitCode {
+    cli::run(
+        "lf-calib",
+        |arguments: &Arguments| &arguments.common,
+        |arguments, session| match &arguments.task {
+            Task::Lattice(arguments) => lattice(arguments, session),
+            Task::Volume(arguments) => main_lens(arguments, session),
+            Task::Refine(arguments) => refine(arguments, session),
+            Task::Background(arguments) => background(arguments, session),
+        },
+    )
+}

@@ -1,0 +1,94 @@
+//! Between lenslets and the centres of their images.
+//!
+//! A ray through the middle of the stop (U = 0) that meets the array at a lenslet's centre c is not refracted there. It
+//! meets the sensor at c (1 + g / s_i), where g is the gap along the ray. On a sensor tilted by slopes t, g = (g_0 + t
+//! . c) / (1 - t . c / s_i). The inverse for an image at x is exact: c = x s_i / (s_i + g_0 + t . x); without tilt c =
+//! x / (1 + k).
+
+use glam::DVec2;
+use lf_core::camera::Camera;
+use lf_core::optics::Optics;
+
+/// Maps lenslet centres to image centres and back. The camera's own lattice plays no part.
+#[derive(Debug, Clone)]
+pub(crate) struct LensletImages {
+    image_distance_mm: f64,
+    gap_mm: f64,
+    slope: DVec2,
+    pixel_pitch_mm: f64,
+    middle_px: DVec2,
+}
+
+impl LensletImages {
+    /// The maps of a camera.
+    pub fn new(camera: &Camera) -> Self {
+        Self {
+            image_distance_mm: camera.image_distance_mm(),
+            gap_mm: camera.gap_mm(),
+            slope: camera.tilt.as_ref().map_or(DVec2::ZERO, |tilt| DVec2::new(tilt.x_rad.tan(), tilt.y_rad.tan())),
+            pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
+            middle_px: 0.5 * DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64),
+        }
+    }
+
+    /// Lenslet centre on the array, mm, from its image centre, px from the image's left and top edge.
+    pub fn lenslet_mm(&self, image_px: DVec2) -> DVec2 {
+        self.lenslet_from_image((image_px - self.middle_px) * self.pixel_pitch_mm)
+    }
+
+    /// Lenslet centre from its image centre, both mm from the sensor's middle.
+    pub fn lenslet_from_image(&self, image_mm: DVec2) -> DVec2 {
+        let distance = self.image_distance_mm + self.gap_mm + self.slope.dot(image_mm);
+        image_mm * self.image_distance_mm / distance
+    }
+
+    /// Image centre from the lenslet centre, both mm from the sensor's middle.
+    pub fn image_from_lenslet(&self, lenslet_mm: DVec2) -> DVec2 {
+        let distance = self.image_distance_mm - self.slope.dot(lenslet_mm);
+        lenslet_mm * (self.image_distance_mm + self.gap_mm) / distance
+    }
+
+    /// Length on the array, mm, that one pixel of distance between lenslet images stands for, in the middle of the
+    /// sensor.
+    pub fn lenslet_mm_per_px(&self) -> f64 {
+        self.pixel_pitch_mm / (1.0 + self.gap_mm / self.image_distance_mm)
+    }
+}
+
+/// Image centre of a lenslet at `lenslet_mm`, px from the image's left and top edge.
+pub(crate) fn image_px(optics: &Optics, lenslet_mm: DVec2) -> DVec2 {
+    // A ray through the lenslet's centre is not refracted there, so the lattice need not hold this lenslet.
+    optics.place_px(optics.sensor_from_array(lenslet_mm, DVec2::ZERO))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lf_core::camera::Tilt;
+
+    #[test]
+    fn rays_through_lenslet_centres_are_followed_back() {
+        let plain = Camera::from_json(
+            r#"{"sensor": {"width": 600, "height": 400, "pixel_pitch_mm": 0.0055},
+                "main_lens": {"focal_length_mm": 50, "magnification": 0.5, "working_f_number": 4, "aperture": "circle"},
+                "microlenses": {"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0.01,
+                                "offset_mm": [0.01, 0.02]}}"#,
+        )
+        .unwrap();
+        let mut gap = plain.clone();
+        gap.microlenses.gap_mm = Some(0.33);
+        let mut tilted = gap.clone();
+        tilted.tilt = Some(Tilt { x_rad: 0.02, y_rad: -0.01 });
+        for camera in [plain, gap, tilted] {
+            let (places, optics) = (LensletImages::new(&camera), Optics::new(&camera));
+            for (i, j) in [(0, 0), (19, -12), (-20, 3)] {
+                let centre = camera.lattice().centre_mm(i, j);
+                assert!(places.lenslet_mm(image_px(&optics, centre)).distance(centre) < 1e-12, "{i} {j}");
+                let image = places.image_from_lenslet(centre);
+                assert!(image.distance(optics.sensor_from_array(centre, DVec2::ZERO)) < 1e-12, "{i} {j}");
+            }
+            let step = places.lenslet_mm(places.middle_px + DVec2::X).x - places.lenslet_mm(places.middle_px).x;
+            assert!((step / places.lenslet_mm_per_px() - 1.0).abs() < 1e-5);
+        }
+    }
+}

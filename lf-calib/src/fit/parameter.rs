@@ -1,0 +1,123 @@
+//! The parameters that a calibration can change.
+
+use lf_core::camera::Camera;
+
+macro_rules! parameters {
+    ($($(#[$doc:meta])* $variant:ident $name:literal,)*) => {
+        /// One number of the camera or of the target's pose.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub(crate) enum Parameter { $($(#[$doc])* $variant,)* }
+
+        impl Parameter {
+            /// All parameters, in the order of their numbers.
+            pub const ALL: &[Self] = &[$(Self::$variant,)*];
+
+            /// Its name in reports, which ends in its unit.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $name,)* }
+            }
+        }
+    };
+}
+
+parameters! {
+    /// Shift of the target along x.
+    TargetX "target_x_mm",
+    /// Shift of the target along y.
+    TargetY "target_y_mm",
+    /// Shift of the target along z: from the given depths to depths from the focal plane.
+    FocusOffset "focus_offset_mm",
+    /// Lean of the target: its z grows along its x.
+    TargetLeanX "target_lean_x_rad",
+    /// Lean of the target: its z grows along its y.
+    TargetLeanY "target_lean_y_rad",
+    /// Turn of the target from x towards y.
+    TargetTurn "target_turn_rad",
+    /// Motion of the traverse along x for each unit of motion along z.
+    SkewX "traverse_skew_x_rad",
+    /// Motion of the traverse along y for each unit of motion along z.
+    SkewY "traverse_skew_y_rad",
+    /// Magnification.
+    Magnification "magnification",
+    /// Focal length of the main lens.
+    FocalLength "focal_length_mm",
+    /// Distance from the array to the sensor. With the image distance it gives k and the distance of the exit pupil.
+    Gap "gap_mm",
+    /// Shift of the lenslet images along x.
+    LatticeX "offset_x_mm",
+    /// Shift of the lenslet images along y.
+    LatticeY "offset_y_mm",
+    /// Turn of the lenslet images about the sensor's middle.
+    LatticeTurn "rotation_rad",
+    /// Tilt of the sensor against the array along x.
+    TiltX "tilt_x_rad",
+    /// Tilt of the sensor against the array along y.
+    TiltY "tilt_y_rad",
+    /// First radial coefficient of the distortion.
+    K1 "k1",
+    /// Second radial coefficient of the distortion.
+    K2 "k2",
+    /// Third radial coefficient of the distortion.
+    K3 "k3",
+    /// First tangential coefficient of the distortion.
+    P1 "p1",
+    /// Second tangential coefficient of the distortion.
+    P2 "p2",
+    /// Refractive index of the medium.
+    Index "index",
+    /// Position of the window.
+    Window "window_z_mm",
+}
+
+impl Parameter {
+    /// Its position in [`Parameter::ALL`].
+    pub fn number(self) -> usize {
+        self as usize
+    }
+
+    /// Its unit in reports.
+    pub fn unit(self) -> &'static str {
+        match self.name() {
+            name if name.ends_with("_mm") => "mm",
+            name if name.ends_with("_rad") => "rad",
+            _ => "1",
+        }
+    }
+
+    /// Step of the numerical derivatives: it moves sub-images by a hundredth of a pixel to a few pixels.
+    pub fn step(self, camera: &Camera) -> f64 {
+        // Distortion is a power of the tangent of the chief ray; this is the tangent at the frame's corner.
+        let half = 0.5 * camera.sensor.pixel_pitch_mm * (camera.sensor.width as f64).hypot(camera.sensor.height as f64);
+        let corner = half / camera.image_distance_mm();
+        match self {
+            Self::TargetX | Self::TargetY | Self::FocusOffset => 1e-3,
+            Self::TargetLeanX | Self::TargetLeanY | Self::TargetTurn | Self::SkewX | Self::SkewY => 1e-4,
+            Self::Magnification => 1e-4,
+            Self::FocalLength => 1e-3 * camera.main_lens.focal_length_mm,
+            Self::Gap => 1e-3 * camera.gap_mm(),
+            Self::LatticeX | Self::LatticeY => 0.05 * camera.sensor.pixel_pitch_mm,
+            Self::LatticeTurn => 1e-4,
+            Self::TiltX | Self::TiltY => 1e-3,
+            Self::K1 => 1e-4 / corner.powi(2),
+            Self::K2 => 1e-4 / corner.powi(4),
+            Self::K3 => 1e-4 / corner.powi(6),
+            Self::P1 | Self::P2 => 1e-4 / corner,
+            Self::Index => 1e-3,
+            Self::Window => 1.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_know_their_numbers_and_units() {
+        for (n, parameter) in Parameter::ALL.iter().enumerate() {
+            assert_eq!(parameter.number(), n);
+        }
+        let units = [Parameter::Gap, Parameter::TiltX, Parameter::Magnification].map(Parameter::unit);
+        assert_eq!(units, ["mm", "rad", "1"]);
+    }
+}

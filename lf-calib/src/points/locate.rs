@@ -1,0 +1,96 @@
+//! The point that a set of sub-images comes from.
+
+use crate::fit::robust::{deviation, tukey_weight};
+use crate::points::sub_images::SubImage;
+use crate::points::view::PointView;
+use glam::{DVec2, DVec3};
+use lf_core::optics::Optics;
+use nalgebra::{Matrix3, Vector3};
+
+/// Fewest sub-images that locate a point.
+pub(crate) const FEWEST: usize = 5;
+/// A point is located if its sub-images span at least this many lenslets: with fewer, less than five are lit as a
+/// whole.
+pub(crate) const NARROWEST: f64 = 5.0;
+/// Step of the numerical derivatives, mm.
+const STEP_MM: f64 = 1e-3;
+
+/// Number of lenslets across that a point lights.
+pub(crate) fn width_in_lenslets(optics: &Optics, place_mm: DVec3) -> f64 {
+    2.0 * optics.half_aperture_mm() * PointView::new(optics, place_mm).alpha().abs() / optics.lattice().row_pitch_mm()
+}
+
+/// Locates the point that sub-images come from, with the camera's own rays: robust least squares from a first position.
+/// Returns the position and the scatter of the sub-images about it, px. None if there are too few or the point moves
+/// into focus.
+pub(crate) fn locate(optics: &Optics, sub_images: &[SubImage], from_mm: DVec3) -> Option<(DVec3, f64)> {
+    if sub_images.len() < FEWEST {
+        return None;
+    }
+    let mut place = from_mm;
+    let mut scatter = 0.0;
+    for _ in 0..6 {
+        if width_in_lenslets(optics, place) < 0.7 * NARROWEST {
+            return None;
+        }
+        let predicted = |place: DVec3| {
+            let view = PointView::new(optics, place);
+            sub_images.iter().map(|sub_image| view.place_px(sub_image.lenslet)).collect::<Vec<_>>()
+        };
+        let here = predicted(place);
+        let moved = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| predicted(place + STEP_MM * axis));
+        let off: Vec<DVec2> =
+            sub_images.iter().zip(&here).map(|(sub_image, here)| sub_image.place_px - *here).collect();
+        scatter = deviation(off.iter().map(|off| off.length()).collect());
+        let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for (n, off) in off.iter().enumerate() {
+            let weight = tukey_weight(off.length() / scatter.max(0.02));
+            for axis in 0..2 {
+                let slope = |p: usize| (moved[p][n][axis] - here[n][axis]) / STEP_MM;
+                let line = Vector3::new(slope(0), slope(1), slope(2));
+                matrix.ger(weight, &line, &line, 1.0);
+                right += weight * off[axis] * line;
+            }
+        }
+        let step = matrix.cholesky()?.solve(&right);
+        place += DVec3::new(step[0], step[1], step[2]);
+        if !place.is_finite() || place.distance(from_mm) > 2.0 * (1.0 + from_mm.z.abs()) {
+            return None;
+        }
+        if step.norm() < 1e-6 {
+            break;
+        }
+    }
+    Some((place, scatter))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::points::sub_images::SHARE;
+    use crate::points::view::tests::seed;
+    use lf_core::camera::Layout;
+
+    #[test]
+    fn a_point_is_located_despite_outliers() {
+        let camera = seed(60, Layout::Square);
+        let optics = Optics::new(&camera);
+        for place in [DVec3::new(0.6, -0.9, 3.1), DVec3::new(-0.3, 0.2, -2.0)] {
+            let lenslets = PointView::new(&optics, place).lit_lenslets(SHARE, Some(0.02));
+            let spots: Vec<SubImage> = lenslets
+                .iter()
+                .enumerate()
+                .map(|(n, seen)| SubImage {
+                    lenslet: seen.lenslet,
+                    place_px: seen.place_px + if n % 9 == 4 { DVec2::new(2.0, 1.0) } else { DVec2::ZERO },
+                    uncertainty_px: 0.01,
+                    sampling_px: 0.0,
+                })
+                .collect();
+            let from = place + DVec3::new(0.05, -0.03, 0.2);
+            let (found, _) = locate(&optics, &spots, from).unwrap();
+            assert!(found.distance(place) < 1e-4, "{found} {place}");
+        }
+        assert!(locate(&optics, &[], DVec3::Z).is_none());
+    }
+}

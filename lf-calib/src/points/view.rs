@@ -1,0 +1,275 @@
+//! Where a lenslet shows a point that is out of focus.
+//!
+//! A point out of focus lights many lenslets. If the whole cell of a lenslet is lit from inside the stop, its light is
+//! even over the cell and keeps its proportions on the sensor. The middle of the sub-image is therefore where the ray
+//! through the lenslet's centre c lands: `x_m(U) = c` gives U, and U gives the position on the sensor.
+//!
+//! Behind a window this is not exact. Aberration spreads the light unevenly: at f/4, behind 40 mm of water and 10 mm of
+//! glass, it moves the middle by up to 0.05 px at the rim of the stop. The shift falls with the cube of the aperture.
+//! It is neglected.
+
+use glam::{DVec2, DVec3};
+use lf_core::optics::Optics;
+
+/// Iterations that find the ray through a position on the array. In air one is enough; behind a window each divides the
+/// error by at least a hundred.
+const STEPS: usize = 6;
+/// Tolerance of the position in the aperture, as a fraction of its radius.
+const NEAR_ENOUGH: f64 = 1e-10;
+
+/// A point of the object as the lenslets see it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PointView<'a> {
+    optics: &'a Optics,
+    place_mm: DVec3,
+    /// Where the ray through the middle of the stop meets the array, mm.
+    chief_mm: DVec2,
+    /// Distance on the array for each unit of distance in the aperture.
+    alpha: f64,
+}
+
+/// One lenslet that a point lights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct LitLenslet {
+    /// Indices of the lenslet.
+    pub lenslet: (i64, i64),
+    /// Middle of the sub-image, px.
+    pub place_px: DVec2,
+    /// Position in the aperture from which the lenslet's centre is lit, mm.
+    pub aperture_mm: DVec2,
+}
+
+impl<'a> PointView<'a> {
+    /// The view of a point in front of the main lens.
+    pub fn new(optics: &'a Optics, place_mm: DVec3) -> Self {
+        let (object, z_mm) = (place_mm.truncate(), place_mm.z);
+        let radius = optics.half_aperture_mm();
+        let hit = |u: f64| optics.array_from_object(object, z_mm, DVec2::new(u, 0.0));
+        let alpha = (hit(0.5 * radius).x - hit(-0.5 * radius).x) / radius;
+        Self { optics, place_mm, chief_mm: hit(0.0), alpha }
+    }
+
+    /// Distance on the array for each unit of distance in the aperture.
+    pub fn alpha(&self) -> f64 {
+        self.alpha
+    }
+
+    /// Where the ray through the middle of the stop meets the array, mm.
+    pub fn chief_mm(&self) -> DVec2 {
+        self.chief_mm
+    }
+
+    /// Where the ray that meets the array at `array_mm` passes the aperture, mm.
+    pub fn aperture_mm(&self, array_mm: DVec2) -> DVec2 {
+        let mut aperture = (array_mm - self.chief_mm) / self.alpha;
+        let radius = self.optics.half_aperture_mm();
+        for _ in 0..STEPS {
+            let hit = self.optics.array_from_object(self.place_mm.truncate(), self.place_mm.z, aperture);
+            let step = (array_mm - hit) / self.alpha;
+            aperture += step;
+            if step.length() < NEAR_ENOUGH * radius {
+                break;
+            }
+        }
+        aperture
+    }
+
+    /// Middle of the sub-image under lenslet (i, j), px.
+    pub fn place_px(&self, (i, j): (i64, i64)) -> DVec2 {
+        let centre = self.optics.lattice().centre_mm(i, j);
+        self.optics.place_px(self.optics.sensor_from_array(centre, self.aperture_mm(centre)))
+    }
+
+    /// Signed distance on the sensor for each unit of distance on the array, under lenslet (i, j).
+    pub fn widening(&self, (i, j): (i64, i64)) -> f64 {
+        let lattice = self.optics.lattice();
+        let centre = lattice.centre_mm(i, j);
+        let step = DVec2::new(0.1 * lattice.row_pitch_mm(), 0.0);
+        let at = |array: DVec2| self.optics.sensor_from_array(array, self.aperture_mm(array)).x;
+        (at(centre + step) - at(centre - step)) / (2.0 * step.x)
+    }
+
+    /// Motion of a sub-image for each mm that the point moves across the axis, px per mm.
+    pub fn px_per_mm(&self) -> f64 {
+        let step = DVec2::new(0.01, 0.0);
+        let (object, z_mm) = (self.place_mm.truncate(), self.place_mm.z);
+        let hit = |place: DVec2| self.optics.array_from_object(place, z_mm, DVec2::ZERO);
+        let on_array = (hit(object + step).x - hit(object - step).x) / (2.0 * step.x);
+        // A motion on the array changes the position in the aperture that lights a lenslet.
+        let k = self.optics.demagnification();
+        let pitch_mm = self.optics.pixel_pitch_mm();
+        (k * on_array / self.alpha / pitch_mm).abs()
+    }
+
+    /// The lenslets whose centre is lit from within `share` of the stop's radius or half side. With `whole` every
+    /// corner of the lenslet's cell must be lit so, by a point of this radius in mm.
+    pub fn lit_lenslets(&self, share: f64, whole: Option<f64>) -> Vec<LitLenslet> {
+        let lattice = self.optics.lattice();
+        let reach = self.optics.half_aperture_mm() * self.alpha.abs() * share + lattice.row_pitch_mm();
+        let cell = lattice.cell_mm();
+        let pitch_px = self.optics.place_px(DVec2::X) - self.optics.place_px(DVec2::ZERO);
+        let size = whole.map_or(0.0, |radius| radius * self.px_per_mm() / (pitch_px.x * self.optics.demagnification()));
+        let passes = |aperture: DVec2| {
+            let outward = if size > 0.0 { aperture + size * self.outward(aperture) } else { aperture };
+            self.optics.passes(outward / share)
+        };
+        lattice
+            .lenslets_within(self.chief_mm, DVec2::splat(reach))
+            .filter_map(|(i, j, centre)| {
+                let aperture = self.aperture_mm(centre);
+                let lit = match whole {
+                    None => passes(aperture),
+                    Some(_) => cell.iter().all(|corner| passes(aperture + *corner / self.alpha)),
+                };
+                lit.then(|| LitLenslet {
+                    lenslet: (i, j),
+                    place_px: self.optics.place_px(self.optics.sensor_from_array(centre, aperture)),
+                    aperture_mm: aperture,
+                })
+            })
+            .collect()
+    }
+
+    /// Direction out of the stop at a position in it: of length 1 in a round stop, with a step of 1 along each axis in
+    /// a square one.
+    fn outward(&self, aperture: DVec2) -> DVec2 {
+        let diagonal = DVec2::splat(self.optics.half_aperture_mm() * 0.99);
+        // The corner of the bounding square passes only through a square stop.
+        if self.optics.passes(diagonal) { aperture.signum() } else { aperture.normalize_or_zero() }
+    }
+}
+
+/// Second moment of a lenslet's cell along one axis, mm^2. It is the same along every axis for square and hexagonal
+/// cells.
+pub(crate) fn cell_variance_mm2(optics: &Optics) -> f64 {
+    let cell = optics.lattice().cell_mm();
+    let (mut area, mut moment) = (0.0, 0.0);
+    for n in 0..cell.len() {
+        let (a, b) = (cell[n], cell[(n + 1) % cell.len()]);
+        // For a triangle with one corner at 0, the mean of |x|^2 is (a.a + a.b + b.b) / 6.
+        let triangle = 0.5 * a.perp_dot(b);
+        area += triangle;
+        moment += triangle * (a.dot(a) + a.dot(b) + b.dot(b)) / 6.0;
+    }
+    0.5 * moment / area
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use lf_core::camera::{Aperture, Camera, Distortion, Layout, MainLens, Medium, Microlenses, Sensor, Tilt};
+    use lf_core::lattice::Centres;
+
+    /// The seed camera of the simulations behind a round stop.
+    pub(crate) fn seed(lenslets: usize, layout: Layout) -> Camera {
+        let side = 14 * lenslets;
+        Camera {
+            sensor: Sensor { width: side, height: side, pixel_pitch_mm: 0.0055 },
+            main_lens: MainLens {
+                focal_length_mm: 200.0,
+                magnification: 1.0,
+                working_f_number: 4.0,
+                aperture: Aperture::Circle,
+            },
+            microlenses: Microlenses {
+                layout,
+                pitch_mm: 0.077,
+                focal_length_mm: 0.308,
+                rotation_rad: 0.0,
+                offset_mm: [0.0; 2],
+                gap_mm: None,
+            },
+            distortion: None,
+            tilt: None,
+            medium: None,
+            centres: None,
+            vignetting: None,
+            calibration: None,
+        }
+    }
+
+    #[test]
+    fn the_image_of_a_point_on_the_axis_by_hand() {
+        // m = 1, s_i = s_o = 400, Z = 4: alpha = 4/396. Lenslet c is lit through U = c / alpha = 99 c, and shows the
+        // point at c (1 + k (1 - 99)), k = 0.00077.
+        let camera = seed(20, Layout::Square);
+        let optics = Optics::new(&camera);
+        let view = PointView::new(&optics, DVec3::new(0.0, 0.0, 4.0));
+        let centre = 4.5 * 0.077;
+        assert!((view.alpha() - 4.0 / 396.0).abs() < 1e-15);
+        assert!((view.aperture_mm(DVec2::new(centre, 0.0)).x - 99.0 * centre).abs() < 1e-9);
+        let place = view.place_px((4, -1));
+        assert!((place.x - 140.0 - centre * (1.0 + 0.00077 * (1.0 - 99.0)) / 0.0055).abs() < 1e-9);
+        // The image of a cell of 14 px is wider by k (1/alpha - 1). A motion of the point moves it by k beta / alpha.
+        assert!((view.widening((4, -1)) - 0.00077 * (1.0 - 99.0)).abs() < 1e-9);
+        assert!((view.px_per_mm() - 0.00077 * 100.0 / 0.0055).abs() < 1e-6);
+        assert!((cell_variance_mm2(&optics) - 0.077 * 0.077 / 12.0).abs() < 1e-12);
+    }
+
+    /// Mean position of a point's light under a lenslet, from rays spread evenly over the stop, and their number.
+    fn by_rays(optics: &Optics, place: DVec3, seen: &LitLenslet, whole: DVec2) -> (DVec2, f64) {
+        const SIDE: usize = 400;
+        let centre = optics.lattice().centre_mm(seen.lenslet.0, seen.lenslet.1);
+        let (mut sum, mut count) = (DVec2::ZERO, 0.0);
+        for n in 0..SIDE * SIDE {
+            let part = (DVec2::new((n % SIDE) as f64, (n / SIDE) as f64) + 0.5) / SIDE as f64 - 0.5;
+            let aperture = seen.aperture_mm + part * whole;
+            let array = optics.array_from_object(place.truncate(), place.z, aperture);
+            if optics.lattice().nearest_centre_mm(array).distance(centre) < 1e-9 && optics.passes(aperture) {
+                sum += optics.place_px(optics.sensor_from_array(array, aperture));
+                count += 1.0;
+            }
+        }
+        (sum / count, count)
+    }
+
+    #[test]
+    fn the_middle_of_the_light_is_where_the_central_ray_lands() {
+        type Change = fn(&mut Camera);
+        let changes: [(&str, Change); 6] = [
+            ("plain", |_| ()),
+            ("distortion", |camera| {
+                camera.distortion = Some(Distortion { radial: [60.0, 1e4, 0.0], tangential: [0.02, -0.03] });
+            }),
+            ("tilt", |camera| camera.tilt = Some(Tilt { x_rad: 0.02, y_rad: -0.01 })),
+            ("gap", |camera| camera.microlenses.gap_mm = Some(0.32)),
+            ("medium", |camera| {
+                camera.medium =
+                    Some(Medium { index: 1.333, window_z_mm: 40.0, window_thickness_mm: 10.0, window_index: 1.49 });
+            }),
+            ("centres", |camera| {
+                let x_mm = vec![0.004, -0.003, 0.002, 0.001, -0.002];
+                let y_mm = x_mm.iter().rev().copied().collect();
+                camera.centres = Some(Centres { radius_mm: 1.1, x_mm, y_mm });
+            }),
+        ];
+        for layout in [Layout::Square, Layout::Hexagonal] {
+            for (name, change) in changes {
+                let mut camera = seed(40, layout);
+                camera.microlenses.rotation_rad = 0.01;
+                change(&mut camera);
+                camera.check().unwrap();
+                let optics = Optics::new(&camera);
+                for place in [DVec3::new(0.5, -0.3, 4.0), DVec3::new(-0.6, 0.2, -2.5)] {
+                    let view = PointView::new(&optics, place);
+                    let fan = view.lit_lenslets(0.95, Some(0.0));
+                    assert!(fan.len() > 10, "{name} {}", fan.len());
+                    let whole = DVec2::splat(1.3 * 0.077 / view.alpha().abs());
+                    for seen in fan.iter().step_by(7) {
+                        let (mean, count) = by_rays(&optics, place, seen, whole);
+                        let off = mean.distance(seen.place_px);
+                        assert!(
+                            off < if name == "medium" { 0.06 } else { 0.004 },
+                            "{layout:?} {name} {place}: {off} px"
+                        );
+                        assert!(seen.place_px.distance(view.place_px(seen.lenslet)) < 1e-12);
+                        // A lenslet that is lit as a whole gets rays in proportion to its cell's area.
+                        let wanted = optics.lattice().cell_area_mm2() / (whole.x * view.alpha()).powi(2);
+                        let most = if name == "medium" { 0.5 } else { 0.02 };
+                        assert!((count / 160_000.0 / wanted - 1.0).abs() < most, "{name} {count}");
+                    }
+                }
+            }
+        }
+    }
+}

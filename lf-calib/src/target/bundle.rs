@@ -1,0 +1,179 @@
+//! Bundle adjustment: the sub-images of a target at all its depths, and the camera and pose that fit them.
+
+use crate::fit::changes::{Changes, TargetPose};
+use crate::fit::equations::{Estimate, NormalEquations, Observation};
+use crate::fit::parameter::Parameter;
+use crate::fit::robust::{OUTLIER, deviation};
+use crate::points::sub_images::SubImage;
+use crate::points::view::PointView;
+use glam::{DVec2, DVec3};
+use lf_core::camera::Camera;
+use lf_core::optics::Optics;
+use rayon::prelude::*;
+
+/// Gauss-Newton steps at most. Sub-images move almost in proportion to every parameter, so a few steps are enough.
+const STEPS: usize = 15;
+/// A fit ends when every step is smaller than this fraction of the parameter's uncertainty.
+const SMALL_STEP: f64 = 0.02;
+/// Factor by which a step may increase the median distance, because the weights change with the step.
+const WORSE: f64 = 1.2;
+/// Times that a step is halved before the fit fails.
+const HALVINGS: usize = 8;
+
+/// A dot of the target at one depth, and its sub-images.
+#[derive(Debug, Clone)]
+pub(crate) struct DotSighting {
+    /// Number of the dot among all dots, the same at every depth.
+    pub dot: usize,
+    /// Number of the image.
+    pub exposure: usize,
+    /// Stated position of the dot, mm.
+    pub target_mm: DVec3,
+    /// Its sub-images.
+    pub sub_images: Vec<SubImage>,
+}
+
+/// Everything that is fitted together.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bundle<'a> {
+    /// The nominal camera.
+    pub nominal: &'a Camera,
+    /// All dots at all depths.
+    pub sightings: &'a [DotSighting],
+    /// Number of different dots.
+    pub dots: usize,
+}
+
+/// A solution.
+#[derive(Debug, Clone)]
+pub(crate) struct BundleFit {
+    /// The free parameters.
+    pub parameters: Vec<Parameter>,
+    /// Changes of all parameters.
+    pub changes: Changes,
+    /// The last step, with the uncertainties.
+    pub estimate: Estimate,
+    /// The residuals.
+    pub misfit: Misfit,
+}
+
+/// Size of the residuals.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Misfit {
+    /// Root mean square of a coordinate of the sub-images that have weight, px.
+    pub rms_px: f64,
+    /// The same from the sub-images' own uncertainties, px.
+    pub expected_px: f64,
+    /// Number of sub-images that have weight.
+    pub kept: usize,
+    /// Number of all sub-images.
+    pub sub_images: usize,
+}
+
+/// Optics of a camera and pose of the target in front of it.
+type Setting = (Optics, TargetPose);
+
+impl Bundle<'_> {
+    /// Number of all sub-images.
+    pub fn sub_images(&self) -> usize {
+        self.sightings.iter().map(|sighting| sighting.sub_images.len()).sum()
+    }
+
+    /// Residual and derivatives of every sub-image, for each dot.
+    pub fn observations(&self, changes: &Changes, parameters: &[Parameter]) -> Vec<Vec<Observation>> {
+        let setting = |changes: Changes| (Optics::new(&changes.camera(self.nominal)), changes.pose());
+        let here = setting(*changes);
+        let beside: Vec<(f64, Setting, Setting)> = parameters
+            .iter()
+            .map(|parameter| {
+                let step = parameter.step(self.nominal);
+                (step, setting(changes.plus(*parameter, step)), setting(changes.plus(*parameter, -step)))
+            })
+            .collect();
+        let each: Vec<Vec<Observation>> =
+            self.sightings.par_iter().map(|sighting| observe(sighting, &here, &beside)).collect();
+        let mut by_dot = vec![Vec::new(); self.dots];
+        for (sighting, observations) in self.sightings.iter().zip(each) {
+            by_dot[sighting.dot].extend(observations);
+        }
+        by_dot
+    }
+
+    /// Median distance of the sub-images from their predictions, in their uncertainties, as a standard deviation.
+    fn scatter(&self, changes: &Changes) -> f64 {
+        deviation(self.observations(changes, &[]).iter().flatten().map(distance).collect())
+    }
+
+    /// The residuals with given changes.
+    pub fn misfit(&self, changes: &Changes) -> Misfit {
+        let observations = self.observations(changes, &[]);
+        let scatter = deviation(observations.iter().flatten().map(distance).collect());
+        let (mut squares, mut expected, mut kept) = (0.0, 0.0, 0);
+        for observation in observations.iter().flatten() {
+            if distance(observation) < OUTLIER * scatter {
+                squares += 0.5 * (observation.off_px[0].powi(2) + observation.off_px[1].powi(2));
+                expected += observation.uncertainty_px.powi(2);
+                kept += 1;
+            }
+        }
+        let rms = |squares: f64| (squares / kept.max(1) as f64).sqrt();
+        Misfit { rms_px: rms(squares), expected_px: rms(expected), kept, sub_images: self.sub_images() }
+    }
+
+    /// Fits some parameters, from given changes. None if they cannot be told apart or leave the range of a camera.
+    pub fn fit(&self, parameters: &[Parameter], from: &Changes) -> Option<BundleFit> {
+        let mut changes = *from;
+        let mut scatter = self.scatter(&changes);
+        for _ in 0..STEPS {
+            let estimate = NormalEquations::new(parameters, &self.observations(&changes, parameters)).solve()?;
+            let (moved, next) = (0..HALVINGS).find_map(|halving| {
+                let mut moved = changes;
+                for (parameter, step) in parameters.iter().zip(&estimate.step) {
+                    moved = moved.plus(*parameter, step * 0.5f64.powi(halving as i32));
+                }
+                moved.camera(self.nominal).check().ok()?;
+                let next = self.scatter(&moved);
+                (next <= WORSE * scatter + 1e-9).then_some((moved, next))
+            })?;
+            (changes, scatter) = (moved, next);
+            let small = |n: usize| estimate.step[n].abs() <= SMALL_STEP * estimate.uncertainty(n);
+            if (0..parameters.len()).all(small) {
+                break;
+            }
+        }
+        let equations = NormalEquations::new(parameters, &self.observations(&changes, parameters));
+        let estimate = equations.solve()?;
+        let misfit = self.misfit(&changes);
+        Some(BundleFit { parameters: parameters.to_vec(), changes, estimate, misfit })
+    }
+}
+
+/// Residuals and derivatives of the sub-images of one dot. `beside` holds the steps of the parameters and the settings
+/// on either side.
+fn observe(sighting: &DotSighting, here: &Setting, beside: &[(f64, Setting, Setting)]) -> Vec<Observation> {
+    let predict = |(optics, pose): &Setting| -> Vec<DVec2> {
+        let view = PointView::new(optics, pose.place_mm(sighting.target_mm));
+        sighting.sub_images.iter().map(|sub_image| view.place_px(sub_image.lenslet)).collect()
+    };
+    let predicted = predict(here);
+    let slopes: Vec<Vec<DVec2>> = beside
+        .iter()
+        .map(|(step, up, down)| {
+            predict(up).iter().zip(predict(down)).map(|(up, down)| (*up - down) / (2.0 * step)).collect()
+        })
+        .collect();
+    let observation = |(n, sub_image): (usize, &SubImage)| Observation {
+        off_px: (sub_image.place_px - predicted[n]).to_array(),
+        uncertainty_px: sub_image.uncertainty_px,
+        place_px: sub_image.place_px.to_array(),
+        sampling_px: sub_image.sampling_px,
+        exposure: sighting.exposure,
+        slopes: [0, 1].map(|axis| slopes.iter().map(|slope| slope[n][axis]).collect()),
+    };
+    sighting.sub_images.iter().enumerate().map(observation).collect()
+}
+
+/// Distance of a sub-image from its prediction, in its uncertainty.
+fn distance(observation: &Observation) -> f64 {
+    observation.off_px[0].hypot(observation.off_px[1]) / observation.uncertainty_px
+}

@@ -1,0 +1,121 @@
+//! Looking at an image of a target: which dot is where, and its sub-images.
+
+use crate::fit::changes::TargetPose;
+use crate::points::locate::{FEWEST, locate};
+use crate::points::refocus::refocus;
+use crate::points::sub_images::{Blur, measure};
+use crate::points::view::PointView;
+use crate::target::blur::{NEXT_PX, SENSOR_PX, best_blur};
+use crate::target::bundle::DotSighting;
+use crate::target::exposure::Exposure;
+use crate::target::recognise::{no_target, recognise, spacing_mm};
+use glam::{DVec2, DVec3};
+use lf_core::Refusal;
+use lf_core::optics::Optics;
+use lf_core::statistics::upper_median;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Cells of a refocused image per spacing of the dots.
+const CELLS: f64 = 32.0;
+/// Least distance between peaks of light, in spacings.
+const APART: f64 = 0.4;
+/// Largest distance of a sub-image from its prediction in the first look, px.
+const FIRST_PX: f64 = 4.0;
+
+/// The result of a first look at an image.
+#[derive(Debug, Clone)]
+pub(crate) struct FirstLook {
+    /// Every dot that was found, with its sub-images.
+    pub sightings: Vec<DotSighting>,
+    /// Measured minus stated position of the target across the axis, mm.
+    pub shift_mm: DVec2,
+    /// Median of the measured minus the stated depths, mm.
+    pub deeper_mm: f64,
+}
+
+/// Finds the target in an image, with the nominal camera: in an image refocused at its depth, dots are peaks of light.
+/// `shift_mm` is the target's shift if another image has shown it.
+///
+/// # Errors
+/// Refuses an image in which the target is not found, and says how many dots were.
+pub(crate) fn first_look(
+    exposure: &Exposure,
+    number: usize,
+    ids: &BTreeMap<u64, usize>,
+    optics: &Optics,
+    half_view_mm: DVec2,
+    shift_mm: Option<DVec2>,
+) -> Result<FirstLook, Refusal> {
+    let (depth, flat) = (exposure.depth_mm(), exposure.flat_mm());
+    let spacing = spacing_mm(&flat).ok_or_else(|| no_target("a table of fewer than 2 dots"))?;
+    let lenslet = optics.lattice().row_pitch_mm() / optics.beta(depth);
+    if spacing < lenslet {
+        return Err(Refusal::new(
+            format!("no target: dots {spacing} mm apart"),
+            format!("wanted at least {lenslet:.3} mm, which lenslets can resolve"),
+        ));
+    }
+    let image = exposure.pixels.view();
+    let refocused = refocus(image, optics, depth, half_view_mm + 0.5 * spacing, spacing / CELLS);
+    // All sub-images of a dot are in the frame if the dot is this near the axis.
+    let axis = PointView::new(optics, DVec3::new(0.0, 0.0, depth));
+    let inside = half_view_mm - axis.alpha().abs() * optics.half_aperture_mm() * 0.5 / optics.beta(depth);
+    let peaks: Vec<DVec2> = refocused.peaks(APART * spacing).into_iter().map(|(_, place)| place).collect();
+    let found = recognise(&flat, &peaks, inside.max(0.3 * half_view_mm), shift_mm)?;
+    let rough = Blur { object_mm: 0.6 / axis.px_per_mm(), sensor_px: SENSOR_PX };
+    let located: Vec<(usize, DVec3)> = found
+        .pairs
+        .par_iter()
+        .filter_map(|&(dot, peak)| {
+            let start = peak.extend(exposure.dots[dot].place_mm[2]);
+            let (place, _) = locate(optics, &measure(image, optics, start, rough, FIRST_PX, true), start)?;
+            let (place, _) = locate(optics, &measure(image, optics, place, rough, NEXT_PX, true), place)?;
+            Some((dot, place))
+        })
+        .collect();
+    let sightings = sightings(exposure, number, ids, optics, &located, FEWEST);
+    let mut deeper: Vec<f64> = located.iter().map(|(dot, place)| place.z - exposure.dots[*dot].place_mm[2]).collect();
+    let deeper_mm = upper_median(&mut deeper).unwrap_or(0.0);
+    if sightings.len() < 3 {
+        return Err(no_target(format!("{} dots with enough sub-images", sightings.len())));
+    }
+    Ok(FirstLook { sightings, shift_mm: found.shift_mm, deeper_mm })
+}
+
+/// Reads the sub-images of every dot where a camera and a pose of the target predict them.
+pub(crate) fn look_again(
+    exposure: &Exposure,
+    number: usize,
+    ids: &BTreeMap<u64, usize>,
+    optics: &Optics,
+    pose: &TargetPose,
+) -> Vec<DotSighting> {
+    let places: Vec<DVec3> = exposure.dots.iter().map(|dot| pose.place_mm(DVec3::from(dot.place_mm))).collect();
+    let located: Vec<(usize, DVec3)> = places.into_iter().enumerate().collect();
+    sightings(exposure, number, ids, optics, &located, 1)
+}
+
+/// Reads the sub-images of dots at known positions, and keeps the dots with at least `fewest` of them.
+fn sightings(
+    exposure: &Exposure,
+    number: usize,
+    ids: &BTreeMap<u64, usize>,
+    optics: &Optics,
+    located: &[(usize, DVec3)],
+    fewest: usize,
+) -> Vec<DotSighting> {
+    let image = exposure.pixels.view();
+    let places: Vec<DVec3> = located.iter().map(|(_, place)| *place).collect();
+    let blur = best_blur(image, optics, &places);
+    located
+        .par_iter()
+        .map(|&(dot, place)| DotSighting {
+            dot: ids[&exposure.dots[dot].id],
+            exposure: number,
+            target_mm: DVec3::from(exposure.dots[dot].place_mm),
+            sub_images: measure(image, optics, place, blur, NEXT_PX, false),
+        })
+        .filter(|sighting| sighting.sub_images.len() >= fewest)
+        .collect()
+}

@@ -1,0 +1,211 @@
+//! The main lens, its distortion and its misalignment, from images of a dot target at known depths.
+//!
+//! 1. Refocus each image at its depth and recognise the dots among the peaks of light.
+//! 2. Locate each dot from its sub-images, and fit the camera to all of them (bundle adjustment).
+//! 3. Read the sub-images again where the fitted camera predicts them, and fit again.
+//! 4. Select the parameters that the data require.
+
+use crate::fit::changes::Changes;
+use crate::fit::parameter::Parameter as P;
+use crate::points::locate::{NARROWEST, width_in_lenslets};
+use crate::target::bundle::{Bundle, BundleFit, DotSighting};
+use crate::target::exposure::{Exposure, numbers_by_id};
+use crate::target::look::{first_look, look_again};
+use crate::target::report::{MainLensFit, report};
+use crate::target::selection::{ParameterGroup, select};
+use glam::{DVec2, DVec3};
+use lf_core::Refusal;
+use lf_core::camera::Camera;
+use lf_core::optics::Optics;
+use std::collections::BTreeMap;
+
+/// Fewest depths that tell a focus offset from a magnification.
+const FEWEST_DEPTHS: usize = 2;
+/// Most sub-images that are fitted. More of them, from the same dots, add little and take time in proportion.
+const MOST_SUB_IMAGES: usize = 60_000;
+/// Times that the sub-images are read again with the camera found.
+const LOOKS: usize = 2;
+/// Largest root mean square residual of a fit, px.
+const LARGEST_RMS_PX: f64 = 0.3;
+/// Least share of the sub-images that follow the fit.
+const LEAST_FOLLOWING: f64 = 0.5;
+
+/// Always free: the pose of the target (the first six) and the magnification.
+const ALWAYS: [P; 7] =
+    [P::TargetX, P::TargetY, P::FocusOffset, P::TargetLeanX, P::TargetLeanY, P::TargetTurn, P::Magnification];
+
+/// The error of a calibration, with the number of the image that it is about, if there is one.
+type ImageRefusal = (Option<usize>, Refusal);
+
+/// Calibrates the main lens of a camera. The error holds the number of the image that it is about, if there is one.
+///
+/// # Errors
+/// Refuses fewer than two usable depths, images without the target, and dots where no camera could show them.
+pub fn main_lens(exposures: &[Exposure], nominal: &Camera) -> Result<MainLensFit, (Option<usize>, Refusal)> {
+    main_lens_watched(exposures, nominal, &|_| ())
+}
+
+/// The number of steps that [`main_lens_watched`] reports in all for this many images.
+pub fn main_lens_steps(images: usize) -> u64 {
+    ((1 + LOOKS) * images) as u64
+}
+
+/// Like [`main_lens`]. It calls `watch(n)` after n more of the [`main_lens_steps`] looks at an image.
+///
+/// # Errors
+/// The same as of [`main_lens`].
+pub fn main_lens_watched(
+    exposures: &[Exposure],
+    nominal: &Camera,
+    watch: &dyn Fn(u64),
+) -> Result<MainLensFit, (Option<usize>, Refusal)> {
+    let search = Search { exposures, nominal, ids: numbers_by_id(exposures), watch };
+    let groups = groups(nominal);
+    let (sightings, start) = search.first_looks()?;
+    let first = search.first_fit(&sightings, &groups, &start).ok_or_else(unsolved)?;
+    let (looks, changes) = search.look_again(&first).ok_or_else(unsolved)?;
+
+    let sightings = thinned(&looks.concat());
+    let bundle = search.bundle(&sightings);
+    let (fit, results) = select(&bundle, &ALWAYS, &groups, &changes).ok_or_else(unsolved)?;
+    let misfit = fit.misfit;
+    if misfit.rms_px > LARGEST_RMS_PX || (misfit.kept as f64) < LEAST_FOLLOWING * misfit.sub_images as f64 {
+        let found =
+            format!("{} of {} sub-images follow a camera, {:.2} px RMS", misfit.kept, misfit.sub_images, misfit.rms_px);
+        let wanted = format!("wanted at least {:.0} %, within {LARGEST_RMS_PX} px", 100.0 * LEAST_FOLLOWING);
+        return Err((None, Refusal::new(found, wanted)));
+    }
+    let pose_only = bundle.fit(&ALWAYS[..6], &start).map_or_else(|| bundle.misfit(&start), |posed| posed.misfit);
+    let used = (0..exposures.len()).filter(|&n| !looks[n].is_empty()).collect();
+    Ok(report(nominal, &fit, &results, pose_only, used, &sightings, exposures))
+}
+
+/// Groups of parameters that may be free. With a white image the positions of the lenslets are known. Without one, a
+/// shifted lattice looks like a traverse that moves aside, so only one of the two may be free.
+fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
+    let one = |parameters: &'static [P], after: Option<P>| ParameterGroup {
+        parameters,
+        after,
+        is_first: after.is_none() && !matches!(parameters[0], P::Index | P::Window),
+    };
+    let measured = nominal.calibration.as_ref().is_some_and(|calibration| calibration.get("lattice").is_some());
+    let mut groups = vec![
+        one(&[P::Gap], None),
+        one(&[P::FocalLength], None),
+        if measured { one(&[P::SkewX, P::SkewY], None) } else { one(&[P::LatticeX, P::LatticeY], None) },
+        one(&[P::LatticeTurn], None),
+        one(&[P::TiltX, P::TiltY], None),
+        one(&[P::K1], None),
+        one(&[P::K2], Some(P::K1)),
+        one(&[P::K3], Some(P::K2)),
+        one(&[P::P1, P::P2], None),
+    ];
+    if nominal.medium.is_some() {
+        groups.push(one(&[P::Index], None));
+        groups.push(one(&[P::Window], None));
+    }
+    groups
+}
+
+fn unsolved() -> ImageRefusal {
+    let wanted = "wanted a target at known depths seen by this camera";
+    (None, Refusal::new("no camera shows the dots where they are seen", wanted))
+}
+
+/// The images, the camera and the numbers of the dots.
+struct Search<'a> {
+    exposures: &'a [Exposure],
+    nominal: &'a Camera,
+    ids: BTreeMap<u64, usize>,
+    watch: &'a dyn Fn(u64),
+}
+
+impl Search<'_> {
+    fn bundle<'a>(&'a self, sightings: &'a [DotSighting]) -> Bundle<'a> {
+        Bundle { nominal: self.nominal, sightings, dots: self.ids.len() }
+    }
+
+    /// Finds the target in every usable image. Returns the dots seen, and the start of the fit.
+    fn first_looks(&self) -> Result<(Vec<DotSighting>, Changes), ImageRefusal> {
+        let optics = Optics::new(self.nominal);
+        let half_view = DVec2::from(self.nominal.half_view_mm());
+        let used = self.usable(&optics).map_err(|refusal| (None, refusal))?;
+        (self.watch)((self.exposures.len() - used.len()) as u64);
+        let mut sightings = Vec::new();
+        let mut shift: Option<DVec2> = None;
+        let mut deeper = Vec::new();
+        for &n in &used {
+            let seen = first_look(&self.exposures[n], n, &self.ids, &optics, half_view, shift)
+                .map_err(|refusal| (Some(n), refusal))?;
+            shift = Some(seen.shift_mm);
+            deeper.push(seen.deeper_mm);
+            sightings.extend(seen.sightings);
+            (self.watch)(1);
+        }
+        let shift = shift.unwrap_or_default();
+        let mut start = Changes::NONE;
+        start.set(P::TargetX, shift.x);
+        start.set(P::TargetY, shift.y);
+        start.set(P::FocusOffset, deeper.iter().sum::<f64>() / deeper.len() as f64);
+        Ok((sightings, start))
+    }
+
+    /// Numbers of the images in which a dot lights enough lenslets, nearest to focus first: there a position is known
+    /// best, and the shift found helps farther away.
+    fn usable(&self, optics: &Optics) -> Result<Vec<usize>, Refusal> {
+        let depth_mm = |n: usize| self.exposures[n].depth_mm();
+        let is_usable = |n: &usize| width_in_lenslets(optics, DVec3::new(0.0, 0.0, depth_mm(*n))) >= NARROWEST;
+        let mut used: Vec<usize> = (0..self.exposures.len()).filter(is_usable).collect();
+        let mut depths: Vec<f64> = used.iter().map(|&n| depth_mm(n)).collect();
+        depths.sort_by(f64::total_cmp);
+        depths.dedup();
+        if depths.len() < FEWEST_DEPTHS {
+            let found = format!("{} of {} images at depths out of focus", used.len(), self.exposures.len());
+            let wanted =
+                format!("wanted {FEWEST_DEPTHS} depths or more at which a dot lights {NARROWEST} lenslets across");
+            return Err(Refusal::new(found, wanted));
+        }
+        used.sort_by(|&a, &b| depth_mm(a).abs().total_cmp(&depth_mm(b).abs()));
+        Ok(used)
+    }
+
+    /// Fits all parameters that are free at the start; if that fails, the ones that a selection finds.
+    fn first_fit(&self, sightings: &[DotSighting], groups: &[ParameterGroup], start: &Changes) -> Option<BundleFit> {
+        let thinned = thinned(sightings);
+        let bundle = self.bundle(&thinned);
+        let first = groups.iter().filter(|group| group.is_first).flat_map(|group| group.parameters);
+        let free: Vec<P> = ALWAYS.iter().chain(first).copied().collect();
+        bundle.fit(&free, start).or_else(|| select(&bundle, &ALWAYS, groups, start).map(|(fit, _)| fit))
+    }
+
+    /// Reads the sub-images again where the fitted camera predicts them, and fits again, [`LOOKS`] times. This includes
+    /// images that were too near to focus before: a few of their lenslets may be lit as a whole. Returns the last look
+    /// at each image.
+    fn look_again(&self, first: &BundleFit) -> Option<(Vec<Vec<DotSighting>>, Changes)> {
+        let mut changes = first.changes;
+        let mut looks = Vec::new();
+        for _ in 0..LOOKS {
+            let (optics, pose) = (Optics::new(&changes.camera(self.nominal)), changes.pose());
+            let look = |n| {
+                let seen = look_again(&self.exposures[n], n, &self.ids, &optics, &pose);
+                (self.watch)(1);
+                seen
+            };
+            looks = (0..self.exposures.len()).map(look).collect::<Vec<_>>();
+            let sightings = thinned(&looks.concat());
+            changes = self.bundle(&sightings).fit(&first.parameters, &changes)?.changes;
+        }
+        Some((looks, changes))
+    }
+}
+
+/// An even choice of each dot's sub-images, so that at most [`MOST_SUB_IMAGES`] remain in all.
+fn thinned(sightings: &[DotSighting]) -> Vec<DotSighting> {
+    let all: usize = sightings.iter().map(|sighting| sighting.sub_images.len()).sum();
+    let every = all.div_ceil(MOST_SUB_IMAGES).max(1);
+    let thin = |(n, sighting): (usize, &DotSighting)| DotSighting {
+        sub_images: sighting.sub_images.iter().skip(n % every).step_by(every).copied().collect(),
+        ..*sighting
+    };
+    sightings.iter().enumerate().map(thin).collect()
+}

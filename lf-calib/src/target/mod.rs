@@ -1,0 +1,16 @@
+//! In: images of a dot target at known depths and a nominal camera. Out: a camera with its main lens, distortion and
+//! misalignment, each with its uncertainty.
+//! Open `main_lens.rs` first.
+
+mod blur;
+mod bundle;
+mod exposure;
+mod look;
+mod main_lens;
+mod recognise;
+mod report;
+mod selection;
+
+pub use exposure::{Dot, Exposure, grid};
+pub use main_lens::{main_lens, main_lens_steps, main_lens_watched};
+pub use report::MainLensFit;

@@ -1,0 +1,87 @@
+//! Lattice vectors: the two shortest, and the layout that they belong to.
+
+use glam::{DMat2, DVec2};
+use lf_core::camera::Layout;
+
+/// The lattice vectors of a layout in pitches, as columns.
+pub(crate) fn unit_basis(hexagonal: bool) -> DMat2 {
+    if hexagonal { DMat2::from_cols(DVec2::X, DVec2::new(0.5, 0.75f64.sqrt())) } else { DMat2::IDENTITY }
+}
+
+/// The same lattice by its two shortest vectors. They are 60 to 90 degrees apart, the second turned from the first as y
+/// is from x; the first is as near to x as possible.
+pub(crate) fn reduced(basis: DMat2) -> DMat2 {
+    let (mut u, mut v) = (basis.x_axis, basis.y_axis);
+    loop {
+        if v.length_squared() < u.length_squared() {
+            (u, v) = (v, u);
+        }
+        let shorter = v - (u.dot(v) / u.length_squared()).round() * u;
+        // Vectors 60 degrees apart are as long as their difference. Without a margin they would be exchanged for ever.
+        if shorter.length() < (1.0 - 1e-9) * v.length() {
+            v = shorter;
+        } else {
+            break;
+        }
+    }
+    if u.dot(v) < 0.0 {
+        v = -v;
+    }
+    if u.perp_dot(v) < 0.0 {
+        (u, v) = (v, u);
+    }
+    // Near 60 degrees the lattice has six shortest vectors, near 90 degrees four.
+    let hexagonal = u.dot(v) > 0.25 * u.length() * v.length();
+    let mut turned = [(u, v); 6];
+    for n in 1..6 {
+        let (u, v) = turned[n - 1];
+        turned[n] = if hexagonal { (v, v - u) } else { (v, -u) };
+    }
+    let along = |pair: &(DVec2, DVec2)| pair.0.x / pair.0.length();
+    let (u, v) = turned.into_iter().max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or((u, v));
+    DMat2::from_cols(u, v)
+}
+
+/// Length of the shorter lattice vector.
+pub(crate) fn shortest(basis: DMat2) -> f64 {
+    basis.x_axis.length().min(basis.y_axis.length())
+}
+
+/// The layout that is nearest to a basis, and the distance from it (the strain) as a share of the vectors' length.
+pub(crate) fn layout_of(basis_px: DMat2) -> (Layout, f64) {
+    let strain = |hexagonal: bool| {
+        let unit = unit_basis(hexagonal);
+        let cells = [(DVec2::X, basis_px.x_axis), (DVec2::Y, basis_px.y_axis)];
+        // The best turn and scale of the unit lattice about its own origin.
+        let turn: DVec2 = cells.iter().map(|(n, x)| (unit * *n * DVec2::new(1.0, -1.0)).rotate(*x)).sum();
+        let turn = turn / 2.0;
+        let squares: f64 = cells.iter().map(|(n, x)| turn.rotate(unit * *n).distance_squared(*x)).sum();
+        (squares / (2.0 * turn.length_squared())).sqrt()
+    };
+    let (square, hexagonal) = (strain(false), strain(true));
+    if square <= hexagonal { (Layout::Square, square) } else { (Layout::Hexagonal, hexagonal) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Two vectors exactly 60 degrees apart were once exchanged for ever.
+    #[test]
+    fn a_basis_is_reduced_to_the_one_along_the_rows() {
+        for angle in [60.0f64, 90.0] {
+            let wanted = DMat2::from_cols(DVec2::X, DVec2::from_angle(angle.to_radians()));
+            for turn in [-0.4, -0.1, 0.0, 0.2, 0.5] {
+                let wanted = 14.0 * DMat2::from_angle(turn) * wanted;
+                for (a, b, c, d) in [(1, 0, 0, 1), (0, 1, 1, 0), (3, 2, 1, 1), (-1, 4, 0, -1), (2, -5, 1, -2)] {
+                    let mixed = DMat2::from_cols(
+                        wanted * DVec2::new(a as f64, b as f64),
+                        wanted * DVec2::new(c as f64, d as f64),
+                    );
+                    let found = reduced(mixed);
+                    assert!((found - wanted).abs_diff_eq(DMat2::ZERO, 1e-9), "{angle} {turn} {mixed}: {found}");
+                }
+            }
+        }
+    }
+}

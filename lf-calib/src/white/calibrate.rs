@@ -1,0 +1,219 @@
+//! From the lattice of lenslet images to the microlenses of a camera.
+//!
+//! The image of a lenslet is farther from the axis than the lenslet ([`crate::fit::lenslet_images`]). The nominal
+//! camera gives the factor: a white image alone cannot tell a small k from a small pitch.
+
+use crate::fit::lenslet_images::{LensletImages, image_px};
+use crate::fit::polynomial::TiePoint;
+use crate::fit::record::record;
+use crate::white::basis::unit_basis;
+use crate::white::calibrated::{Calibrated, Fill, Residual};
+use crate::white::departure::DepartureFit;
+use crate::white::followed::few;
+use crate::white::image_lattice::{Centre, ImageLattice};
+use crate::white::same_lattice::{nearest_offset, nearest_turn};
+use glam::DVec2;
+use lf_core::Refusal;
+use lf_core::camera::{Aperture, Camera, Layout, Microlenses};
+use lf_core::optics::Optics;
+use serde_json::{Value, json};
+
+/// Overlap, in pitches, above which the light between lenslets may be brighter than that of the lenslets. Matched
+/// f-numbers stay below, allowing for the accuracy that pitches and f-numbers are stated with.
+const MOST_OVERLAP: f64 = 1.03;
+/// A measured width agrees with the nominal overlap if it differs by less than this, in pitches.
+const OVERLAP_AGREES: f64 = 0.1;
+
+/// The nominal camera with its lattice replaced by the measured one.
+///
+/// Several offsets and rotations describe the same lattice (rotations repeat after 90 or 60 degrees). The ones nearest
+/// to the nominal values are written. The nominal layout and pitch are not used.
+///
+/// # Errors
+/// Refuses centres that do not span the plane, and a departure that is too steep for a camera.
+pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated, Refusal> {
+    let images = LensletImages::new(nominal);
+    let departure = departure(lattice, nominal, &images)?;
+    let mut camera = with_lattice(nominal, lattice.layout, &departure);
+    let centre_mm = camera.microlenses.offset_mm;
+    camera.microlenses.offset_mm = nearest_offset(&camera, nominal.microlenses.offset_mm);
+
+    let fill = fill(lattice, &camera);
+    let is_ambiguous = is_ambiguous(&camera, fill);
+    let mut aside_mm = DVec2::ZERO;
+    if is_ambiguous && let Some((other, half_mm)) = nearer_half_aside(&camera, centre_mm, nominal) {
+        (camera, aside_mm) = (other, half_mm);
+    }
+    camera.centres = departure.centres;
+    camera
+        .check()
+        .map_err(|refusal| Refusal::new(refusal.found, "wanted lenslets near one square or hexagonal lattice"))?;
+
+    let residuals = residuals(lattice, &camera, &images, aside_mm / images.lenslet_mm_per_px());
+    let squares = residuals.iter().filter(|residual| residual.kept);
+    let squares: f64 = squares.map(|residual| DVec2::from(residual.residual_px).length_squared()).sum();
+    let corners_px = departure_at_corners_px(&camera, &images);
+    let mut calibrated = Calibrated {
+        camera,
+        residuals,
+        degree: departure.degree,
+        departure_px: corners_px.iter().map(|corner| corner.length()).fold(0.0, f64::max),
+        residual_rms_px: (squares / lattice.kept() as f64).sqrt(),
+        fill: fill.filter(|_| !is_ambiguous),
+        is_ambiguous,
+    };
+    let measured = measured(lattice, nominal, &calibrated, corners_px, images.lenslet_mm_per_px());
+    record(&mut calibrated.camera, "lattice", measured);
+    Ok(calibrated)
+}
+
+/// The perfect lattice of the lenslets and their departure from it, mm on the array.
+fn departure(lattice: &ImageLattice, nominal: &Camera, images: &LensletImages) -> Result<DepartureFit, Refusal> {
+    let tie = |centre: &Centre| -> TiePoint {
+        let [u, v] = centre.index.map(|steps| steps as f64);
+        (DVec2::new(u, v), images.lenslet_mm(centre.place_px.into()))
+    };
+    let ties: Vec<TiePoint> = lattice.centres.iter().filter(|centre| centre.kept).map(tie).collect();
+    let px_mm = images.lenslet_mm_per_px();
+    let size = DVec2::new(nominal.sensor.width as f64, nominal.sensor.height as f64);
+    let unit = unit_basis(lattice.layout == Layout::Hexagonal);
+    DepartureFit::through(&ties, unit, 0.5 * size.length() * px_mm, px_mm).ok_or_else(|| few(ties.len()))
+}
+
+/// The nominal camera with the perfect lattice. Its offset is the centre of a lenslet.
+fn with_lattice(nominal: &Camera, layout: Layout, departure: &DepartureFit) -> Camera {
+    let perfect = &departure.perfect;
+    let mut camera = nominal.clone();
+    camera.centres = None;
+    camera.microlenses = Microlenses {
+        layout,
+        pitch_mm: perfect.turn.length(),
+        rotation_rad: nearest_turn(perfect.turn.to_angle(), nominal.microlenses.rotation_rad, layout),
+        offset_mm: perfect.origin.to_array(),
+        ..nominal.microlenses
+    };
+    camera
+}
+
+/// Whether squares overlap so much that their light does not tell a lenslet from the corner between four.
+fn is_ambiguous(camera: &Camera, fill: Option<Fill>) -> bool {
+    let nominal_share = overlap(camera);
+    // If the bright squares are the overlaps of lenslet images, they are as wide as the overlap.
+    let agrees = fill.is_none_or(|fill| {
+        let share = fill.measured_px / fill.pitch_px;
+        share > MOST_OVERLAP || (share - (nominal_share - 1.0)).abs() < OVERLAP_AGREES
+    });
+    camera.microlenses.layout == Layout::Square
+        && camera.main_lens.aperture == Aperture::Square
+        && nominal_share > MOST_OVERLAP
+        && agrees
+}
+
+/// The camera with its lattice moved by half a cell's diagonal, and that motion, mm. None if the nominal offset is
+/// farther away.
+fn nearer_half_aside(camera: &Camera, centre_mm: [f64; 2], nominal: &Camera) -> Option<(Camera, DVec2)> {
+    let to_mm = nominal.microlenses.offset_mm;
+    let half = DVec2::from_angle(camera.microlenses.rotation_rad).rotate(DVec2::splat(0.5));
+    let mut other = camera.clone();
+    other.microlenses.offset_mm = (DVec2::from(centre_mm) + half * camera.microlenses.pitch_mm).to_array();
+    other.microlenses.offset_mm = nearest_offset(&other, to_mm);
+    let off = |camera: &Camera| DVec2::from(camera.microlenses.offset_mm).distance(DVec2::from(to_mm));
+    (off(&other) < off(camera)).then(|| (other, half * camera.microlenses.pitch_mm))
+}
+
+/// Departure from the perfect lattice at the four corners of the frame, px.
+fn departure_at_corners_px(camera: &Camera, images: &LensletImages) -> [DVec2; 4] {
+    let size = DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64);
+    [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| {
+        let place = images.lenslet_mm(size * DVec2::new(x, y));
+        departure_mm(camera, place) / images.lenslet_mm_per_px()
+    })
+}
+
+/// Departure from the perfect lattice at a position on the array, mm.
+fn departure_mm(camera: &Camera, place_mm: DVec2) -> DVec2 {
+    camera.centres.as_ref().map_or(DVec2::ZERO, |centres| centres.departure_mm(place_mm))
+}
+
+/// The numbers for `calibration.lattice`. `px_mm` is the length of a pixel on the array.
+fn measured(
+    lattice: &ImageLattice,
+    nominal: &Camera,
+    calibrated: &Calibrated,
+    corners_px: [DVec2; 4],
+    px_mm: f64,
+) -> Value {
+    let fill = calibrated.fill;
+    let second_stop = lattice
+        .second_stop
+        .map(|stop| json!({"diameter_px": stop.diameter_px, "drift_px_per_px": stop.slope, "aside_px": stop.aside_px}));
+    json!({
+        "layout": lattice.layout,
+        "image_pitch_px": lattice.pitch_px,
+        "image_basis_px": lattice.basis_px,
+        "departure_degree": calibrated.degree,
+        "departure_at_corners_px": corners_px.map(|corner| corner.to_array()),
+        "residual_rms_px": calibrated.residual_rms_px,
+        "perfect_lattice_residual_rms_px": lattice.residual_rms_px,
+        "lenslets": lattice.kept(),
+        "lenslets_rejected": lattice.centres.len() - lattice.kept(),
+        "lenslets_in_frame": lattice.in_frame,
+        "contrast": lattice.contrast,
+        "micro_image_px": fill.map(|fill| fill.measured_px),
+        "nominal_micro_image_px": fill.map(|fill| fill.nominal_px),
+        "fill": fill.map(|fill| fill.measured_px / fill.pitch_px),
+        "second_stop": second_stop,
+        "nominal_demagnification": nominal.demagnification(),
+        "standard_uncertainty": {
+            "pitch_mm": lattice.pitch_uncertainty_px * px_mm,
+            "rotation_rad": lattice.rotation_uncertainty_rad,
+            "offset_mm": lattice.origin_uncertainty_px * px_mm,
+        },
+    })
+}
+
+/// Every measured centre, compared with the camera's. `aside_px` moves the measured centres.
+fn residuals(measured: &ImageLattice, camera: &Camera, images: &LensletImages, aside_px: DVec2) -> Vec<Residual> {
+    let (optics, lattice) = (Optics::new(camera), camera.lattice());
+    let perfect = Camera { centres: None, ..camera.clone() }.lattice();
+    let residual = |centre: &Centre| {
+        let place = DVec2::from(centre.place_px) + aside_px;
+        let lenslet = lattice.lenslet_at(images.lenslet_mm(place));
+        let fitted = image_px(&optics, lattice.centre_mm(lenslet.0, lenslet.1));
+        let departure_mm = departure_mm(camera, perfect.centre_mm(lenslet.0, lenslet.1));
+        Residual {
+            lenslet,
+            place_px: place.to_array(),
+            residual_px: (place - fitted).to_array(),
+            departure_px: (departure_mm / images.lenslet_mm_per_px()).to_array(),
+            kept: centre.kept,
+        }
+    };
+    measured.centres.iter().map(residual).collect()
+}
+
+/// Width of the lenslet images of a calibrated camera. None if they have no rim.
+fn fill(lattice: &ImageLattice, camera: &Camera) -> Option<Fill> {
+    let px_per_mm = (1.0 + camera.demagnification()) / camera.sensor.pixel_pitch_mm;
+    let measured_px = match camera.main_lens.aperture {
+        Aperture::Circle => lattice.disc_px?,
+        Aperture::Square => lattice.square_px?,
+    };
+    let nominal_px = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+    Some(Fill { measured_px, nominal_px, pitch_px: free_pitch_mm(camera) * px_per_mm })
+}
+
+/// Width of the stop's image over the distance between lenslets, from the camera alone. Above 1, lenslet images
+/// overlap, and a point between lenslets can be as symmetric as a lenslet.
+fn overlap(camera: &Camera) -> f64 {
+    camera.demagnification() * camera.aperture_mm() / free_pitch_mm(camera)
+}
+
+/// Distance that a lenslet image may fill, mm on the array: the pitch for a round stop, the distance of rows for a
+/// square one.
+fn free_pitch_mm(camera: &Camera) -> f64 {
+    match camera.main_lens.aperture {
+        Aperture::Circle => camera.microlenses.pitch_mm,
+        Aperture::Square => camera.lattice().row_pitch_mm(),
+    }
+}

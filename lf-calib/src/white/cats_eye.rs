@@ -1,0 +1,226 @@
+//! Cat's-eye vignetting: a second stop that cuts into the lenslet images away from the axis.
+//!
+//! A round rim in front of or behind the main stop also has an image under every lenslet: a disc of radius b, displaced
+//! by `d = e (x - x_0)`, where x is the position of the lenslet image in the frame. The lenslet image is the
+//! intersection of this disc and the main one, of radius a. Its middle is displaced towards the axis by a pixel or
+//! more, which looks like a smaller pitch. The two discs are fitted to the rims of mean cells of regions of the frame,
+//! with a free displacement for each region. From then on only pixels are read that the second disc cannot have
+//! touched.
+
+use crate::fit::plane::outer;
+use crate::white::mean_cell::MeanCell;
+use crate::white::rim::rim_px;
+use glam::{DMat2, DVec2};
+use lf_core::statistics::ranked;
+use nalgebra::{SMatrix, SVector};
+
+/// Directions in which the rim is searched, and fewest of them that show a rim.
+const ANGLES: usize = 36;
+const FEWEST_ANGLES: usize = 12;
+/// Fewest regions that show how a disc moves over the frame.
+const FEWEST_REGIONS: usize = 7;
+/// There are two discs if their misfit is at most this share of one disc's misfit, and at most this share of a.
+const LEAST_GAIN: f64 = 0.6;
+const LARGEST_MISFIT: f64 = 0.03;
+/// Least depth of the cut in the farthest region, px. A smaller cut moves no centre by more than a hundredth of a
+/// pixel.
+const LEAST_CUT_PX: f64 = 0.1;
+/// Least displacement of the second disc from the frame's middle to the farthest region: in px, and over its
+/// displacement in the middle. What is the same everywhere is the shape of the lenslets themselves.
+const LEAST_SHIFT_PX: f64 = 0.3;
+const LEAST_SHIFT: f64 = 1.0;
+/// Iterations of the search, and of the inner search for the displacement of a region.
+const STEPS: usize = 40;
+const INNER_STEPS: usize = 4;
+
+/// The rim of the mean cell of a region of the frame.
+#[derive(Debug, Clone)]
+pub(crate) struct RegionRim {
+    /// Position in the frame, px from its middle.
+    place_px: DVec2,
+    /// Direction and distance of each point of the rim, px.
+    rim: Vec<(DVec2, f64)>,
+}
+
+impl RegionRim {
+    /// None if the cell shows too little of a rim.
+    pub fn of(place_px: DVec2, cell: &MeanCell, basis_px: DMat2) -> Option<Self> {
+        let angles = || (0..ANGLES).map(|n| std::f64::consts::TAU * n as f64 / ANGLES as f64);
+        let rim: Vec<(DVec2, f64)> = angles()
+            .zip(rim_px(cell, basis_px, angles()))
+            .filter_map(|(angle, rim)| Some((DVec2::from_angle(angle), rim?)))
+            .collect();
+        (rim.len() >= FEWEST_ANGLES).then_some(Self { place_px, rim })
+    }
+}
+
+/// Two discs over the frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TwoStops {
+    /// Radius of the main disc, a, px.
+    pub main_px: f64,
+    /// Radius of the second disc, b, px.
+    pub second_px: f64,
+    /// Displacement of the second disc for each unit of distance from the frame's middle, e.
+    pub slope: f64,
+    /// Its displacement in the frame's middle, px.
+    pub aside_px: DVec2,
+}
+
+/// Distance from the origin to the rim of a disc in a direction; 0 if the ray misses the disc.
+fn reach(centre: DVec2, radius: f64, direction: DVec2) -> f64 {
+    let across = centre.perp_dot(direction);
+    let half = radius * radius - across * across;
+    if half > 0.0 { centre.dot(direction) + half.sqrt() } else { 0.0 }
+}
+
+impl TwoStops {
+    /// The two discs that the rims of regions show. None if one disc explains them.
+    pub fn seen(regions: &[RegionRim]) -> Option<Self> {
+        if regions.len() < FEWEST_REGIONS {
+            return None;
+        }
+        let mut radii: Vec<f64> = regions.iter().flat_map(|region| region.rim.iter().map(|rim| rim.1)).collect();
+        let rank = radii.len() * 3 / 4;
+        let radius = ranked(&mut radii, rank)?;
+        let one = Self { main_px: radius, second_px: 10.0 * radius, slope: 0.0, aside_px: DVec2::ZERO };
+        let one = one.improved(regions, 1);
+        let farthest = regions.iter().map(|region| region.place_px.length()).fold(0.0, f64::max);
+
+        let starts = [0.9, 1.0, 1.1, 1.25, 1.5].into_iter().flat_map(|size| {
+            [-0.9, -0.6, -0.3, 0.3, 0.6, 0.9].map(|cut| {
+                let slope = ((size - 1.0f64).max(0.0) + f64::abs(cut)) * radius / farthest * cut.signum();
+                Self { main_px: radius, second_px: size * radius, slope, aside_px: DVec2::ZERO }
+            })
+        });
+        let mut starts: Vec<(f64, Self)> = starts.map(|start| (start.misfit(regions), start)).collect();
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let two = starts[..4].iter().map(|start| start.1.improved(regions, 5).by_size());
+        let (misfit, two) = two.map(|two| (two.misfit(regions), two)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let cut = regions.iter().map(|region| two.cut_px(region.place_px)).fold(0.0, f64::max);
+        let slope = two.slope.abs() * farthest;
+        let drifts = slope > LEAST_SHIFT_PX && slope > LEAST_SHIFT * two.aside_px.length();
+        let fits = misfit < LEAST_GAIN * one.misfit(regions) && misfit < LARGEST_MISFIT * two.main_px + 0.05;
+        (fits && drifts && cut > LEAST_CUT_PX).then_some(two)
+    }
+
+    /// The same two discs with the smaller one as the main stop. The rims do not tell which disc is which; by
+    /// convention the main stop is the smaller one, which alone limits the light on the axis.
+    fn by_size(self) -> Self {
+        if self.main_px <= self.second_px {
+            return self;
+        }
+        Self { main_px: self.second_px, second_px: self.main_px, slope: -self.slope, aside_px: -self.aside_px }
+    }
+
+    /// Displacement of the second disc under the lenslet imaged at `place_px` from the frame's middle.
+    pub fn displacement_px(&self, place_px: DVec2) -> DVec2 {
+        self.aside_px + self.slope * place_px
+    }
+
+    /// Depth of the second disc's cut into the main one; negative if there is none.
+    pub fn cut_px(&self, place_px: DVec2) -> f64 {
+        self.main_px + self.displacement_px(place_px).length() - self.second_px
+    }
+
+    /// Root mean square misfit of the rims, px.
+    fn misfit(&self, regions: &[RegionRim]) -> f64 {
+        let (mut squares, mut count) = (0.0, 0);
+        for region in regions {
+            squares += self.squares_left(region);
+            count += region.rim.len();
+        }
+        (squares / count as f64).sqrt()
+    }
+
+    /// Sum of squares of the misfit of a region's rim, with both discs moved together to where they fit best.
+    fn squares_left(&self, region: &RegionRim) -> f64 {
+        let second = self.displacement_px(region.place_px);
+        let off = |moved: DVec2, (direction, rim): (DVec2, f64)| {
+            let main = reach(moved, self.main_px, direction);
+            let cut = reach(moved + second, self.second_px, direction);
+            rim - main.min(cut)
+        };
+        let sum = |moved: DVec2| region.rim.iter().map(|rim| off(moved, *rim).powi(2)).sum::<f64>();
+        let mut moved = DVec2::ZERO;
+        let mut best = sum(moved);
+        for _ in 0..INNER_STEPS {
+            // To first order, moving a disc by s moves its rim by s . u in the direction u.
+            let (mut normal, mut right) = (DMat2::ZERO, DVec2::ZERO);
+            for rim in &region.rim {
+                let across =
+                    [DVec2::X, DVec2::Y].map(|axis| (off(moved, *rim) - off(moved + 1e-3 * axis, *rim)) / 1e-3);
+                let line = DVec2::from(across);
+                normal += outer(line, line);
+                right += line * off(moved, *rim);
+            }
+            if normal.determinant() <= 0.0 {
+                break;
+            }
+            let next = moved + (normal.inverse() * right).clamp_length_max(0.3 * self.main_px);
+            let sum = sum(next);
+            if sum >= best {
+                break;
+            }
+            (moved, best) = (next, sum);
+        }
+        best
+    }
+
+    fn parameters(&self) -> SVector<f64, 5> {
+        SVector::from([self.main_px, self.second_px, self.slope, self.aside_px.x, self.aside_px.y])
+    }
+
+    fn of(parameters: SVector<f64, 5>) -> Self {
+        let [main_px, second_px, slope, x, y] = parameters.into();
+        Self { main_px, second_px, slope, aside_px: DVec2::new(x, y) }
+    }
+
+    /// Levenberg-Marquardt on the first `free` parameters. The residual of a region is the root of its sum of squares.
+    fn improved(self, regions: &[RegionRim], free: usize) -> Self {
+        let residuals_of =
+            |stops: &Self| -> Vec<f64> { regions.iter().map(|region| stops.squares_left(region).sqrt()).collect() };
+        let farthest = regions.iter().map(|region| region.place_px.length()).fold(1.0, f64::max);
+        let scale = SVector::<f64, 5>::from([1.0, 1.0, 1.0 / farthest, 1.0, 1.0]);
+        let mut stops = self;
+        let mut residuals = residuals_of(&stops);
+        let mut damping = 1e-2;
+        for _ in 0..STEPS {
+            let slopes: Vec<Vec<f64>> = (0..free)
+                .map(|n| {
+                    let mut moved = stops.parameters();
+                    moved[n] += 1e-3 * scale[n];
+                    let there = residuals_of(&Self::of(moved));
+                    there.iter().zip(&residuals).map(|(there, here)| (there - here) / 1e-3).collect()
+                })
+                .collect();
+            let (mut normal, mut right) = (SMatrix::<f64, 5, 5>::zeros(), SVector::<f64, 5>::zeros());
+            for a in 0..free {
+                for b in 0..free {
+                    normal[(a, b)] = slopes[a].iter().zip(&slopes[b]).map(|(a, b)| a * b).sum();
+                }
+                right[a] = -slopes[a].iter().zip(&residuals).map(|(slope, residual)| slope * residual).sum::<f64>();
+            }
+            for a in 0..5 {
+                normal[(a, a)] += damping * normal[(a, a)].max(1e-6);
+            }
+            let Some(step) = normal.cholesky().map(|solver| solver.solve(&right)) else { break };
+            let next = Self::of(stops.parameters() + step.component_mul(&scale));
+            let there = residuals_of(&next);
+            let [before, after] = [&residuals, &there].map(|all| all.iter().map(|r| r * r).sum::<f64>());
+            if after.is_finite() && after < before {
+                (stops, residuals) = (next, there);
+                damping = (0.3 * damping).max(1e-9);
+                if before - after < 1e-6 * before {
+                    break;
+                }
+            } else {
+                damping *= 8.0;
+                if damping > 1e6 {
+                    break;
+                }
+            }
+        }
+        stops
+    }
+}

@@ -1,0 +1,168 @@
+//! The fit of the mean cell: least squares of a smooth periodic surface through the pixels of many lenslets.
+//!
+//! With T(-s) = T(s) imposed, the symmetry determines where the centre is.
+
+use crate::white::mean_cell::{MeanCell, knots_of, splines, wrapped};
+use glam::{DMat2, DVec2};
+
+/// Knots per pixel of the fitted surface, and their fewest and most along a side. More knots follow a sharp rim better.
+/// But if the pitch is near a whole number of pixels, all lenslets sample their discs at the same positions, and a
+/// surface with more knots leaves the centre undetermined.
+const KNOTS_PER_PX: f64 = 1.0;
+const KNOTS: [usize; 2] = [8, 32];
+/// Weight of the surface's roughness against its misfit. It determines the surface where no pixel falls, and changes
+/// little else.
+const ROUGHNESS: f64 = 1e-4;
+
+/// Normal equations of the surface, summed over pixels.
+#[derive(Debug, Clone)]
+pub(crate) struct CellEquations {
+    knots: [usize; 2],
+    /// For each knot, the products with the 7 x 7 knots around it.
+    normal: Vec<[f64; 49]>,
+    right: Vec<f64>,
+}
+
+impl CellEquations {
+    /// Empty equations for the cell of a lattice.
+    pub fn new(basis_px: DMat2) -> Self {
+        let knots = knots_of(basis_px, KNOTS_PER_PX, KNOTS);
+        let count = knots[0] * knots[1];
+        Self { knots, normal: vec![[0.0; 49]; count], right: vec![0.0; count] }
+    }
+
+    /// Adds a pixel whose centre is at `place` in the cell.
+    #[inline]
+    pub fn add(&mut self, place: DVec2, value: f64) {
+        let (first_x, weight_x, _) = splines(place.x * self.knots[0] as f64);
+        let (first_y, weight_y, _) = splines(place.y * self.knots[1] as f64);
+        let columns = wrapped(first_x, self.knots[0]);
+        let rows = wrapped(first_y, self.knots[1]);
+        for b in 0..4 {
+            for a in 0..4 {
+                let weight = weight_y[b] * weight_x[a];
+                let knot = rows[b] * self.knots[0] + columns[a];
+                self.right[knot] += weight * value;
+                let stencil = &mut self.normal[knot];
+                for d in 0..4 {
+                    for c in 0..4 {
+                        stencil[(3 + d - b) * 7 + 3 + c - a] += weight * weight_y[d] * weight_x[c];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds the sums of other equations.
+    pub fn merge(&mut self, other: &Self) {
+        self.right.iter_mut().zip(&other.right).for_each(|(mine, theirs)| *mine += theirs);
+        for (mine, theirs) in self.normal.iter_mut().zip(&other.normal) {
+            mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| *mine += theirs);
+        }
+    }
+
+    /// Solves for the surface. If `is_symmetric`, it is symmetric about the cell's origin, as if every pixel had also
+    /// been added at -s.
+    pub fn solve(mut self, is_symmetric: bool) -> MeanCell {
+        if is_symmetric {
+            self.reflect();
+        }
+        let mean: f64 = self.normal.iter().map(|stencil| stencil[24]).sum::<f64>() / self.right.len() as f64;
+        let rough = ROUGHNESS * mean.max(f64::MIN_POSITIVE);
+        let coefficients = self.conjugate_gradients(rough);
+        MeanCell { knots: self.knots, coefficients }
+    }
+
+    /// Adds every pixel again at -s.
+    fn reflect(&mut self) {
+        let [columns, rows] = self.knots;
+        let opposite = |knot: usize| {
+            let (row, column) = (knot / columns, knot % columns);
+            (rows - row) % rows * columns + (columns - column) % columns
+        };
+        self.right = (0..self.right.len()).map(|knot| self.right[knot] + self.right[opposite(knot)]).collect();
+        self.normal = (0..self.normal.len())
+            .map(|knot| std::array::from_fn(|step| self.normal[knot][step] + self.normal[opposite(knot)][48 - step]))
+            .collect();
+    }
+
+    /// (A + rough L'L) c, where L is the five-point Laplacian of the coefficients.
+    fn apply(&self, rough: f64, c: &[f64]) -> Vec<f64> {
+        let [columns, rows] = self.knots;
+        let bent = self.laplacian(&self.laplacian(c));
+        (0..c.len())
+            .map(|knot| {
+                let (row, column) = (knot / columns, knot % columns);
+                let mut sum = rough * bent[knot];
+                for d in 0..7 {
+                    let line = (row + rows + d - 3) % rows * columns;
+                    for a in 0..7 {
+                        sum += self.normal[knot][d * 7 + a] * c[line + (column + columns + a - 3) % columns];
+                    }
+                }
+                sum
+            })
+            .collect()
+    }
+
+    /// The five-point Laplacian of periodic coefficients.
+    fn laplacian(&self, c: &[f64]) -> Vec<f64> {
+        let [columns, rows] = self.knots;
+        (0..c.len())
+            .map(|knot| {
+                let (row, column) = (knot / columns, knot % columns);
+                let beside =
+                    c[row * columns + (column + 1) % columns] + c[row * columns + (column + columns - 1) % columns];
+                let above = c[(row + 1) % rows * columns + column] + c[(row + rows - 1) % rows * columns + column];
+                4.0 * c[knot] - beside - above
+            })
+            .collect()
+    }
+
+    /// Conjugate gradients from zero, until the residual is 1e-10 of the right side.
+    fn conjugate_gradients(&self, rough: f64) -> Vec<f64> {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let mut solution = vec![0.0; self.right.len()];
+        let mut residual = self.right.clone();
+        let mut direction = residual.clone();
+        let mut power = dot(&residual, &residual);
+        let enough = power * 1e-20;
+        for _ in 0..2000 {
+            if power <= enough {
+                break;
+            }
+            let image = self.apply(rough, &direction);
+            let step = power / dot(&direction, &image);
+            solution.iter_mut().zip(&direction).for_each(|(solution, direction)| *solution += step * direction);
+            residual.iter_mut().zip(&image).for_each(|(residual, image)| *residual -= step * image);
+            let next = dot(&residual, &residual);
+            direction
+                .iter_mut()
+                .zip(&residual)
+                .for_each(|(direction, residual)| *direction = residual + next / power * *direction);
+            power = next;
+        }
+        solution
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_of_a_smooth_symmetric_cell_give_it_back() {
+        let truth = |s: DVec2| (std::f64::consts::TAU * s.x).cos() + 0.5 * (std::f64::consts::TAU * (s.x - s.y)).cos();
+        let mut fold = CellEquations::new(DMat2::from_diagonal(DVec2::splat(14.0)));
+        for n in 0..20_000 {
+            let place = DVec2::new(n as f64 * 0.618_034, n as f64 * 0.414_214);
+            fold.add(place, truth(place));
+        }
+        let cell = fold.solve(true);
+        for n in 0..100 {
+            let place = DVec2::new(n as f64 * 0.37, n as f64 * 0.11);
+            assert!((cell.at(place).0 - truth(place)).abs() < 3e-3);
+            assert!((cell.at(place).0 - cell.at(-place).0).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The mean cell, fitted to the pixels of the lenslets that follow the lattice.
+
+use crate::fit::plane::middle_px;
+use crate::white::basis::shortest;
+use crate::white::cell_equations::CellEquations;
+use crate::white::followed::{FollowedLattice, few};
+use crate::white::lenslet_fit::{LensletFit, window};
+use crate::white::mean_cell::MeanCell;
+use crate::white::profile::ProfileEquations;
+use glam::{DMat2, DVec2};
+use lf_core::Refusal;
+use lf_core::statistics::ranked;
+use ndarray::ArrayView2;
+use rayon::prelude::*;
+
+/// Pixels that the round part and the remainder of the mean cell are fitted to: thousands for each unknown. More cost
+/// time and gain nothing.
+const ROUND_PIXELS: usize = 1 << 16;
+const REMAINDER_PIXELS: usize = 1 << 19;
+/// While the lattice is being followed, the pixels are fewer by this factor.
+const ROUGH: usize = 4;
+/// Least standard deviation of the remainder, over that of the round part. A smaller one is due to sampling and noise.
+const LEAST_REMAINDER: f64 = 0.03;
+/// With a second stop, the cell is fitted to one in `LEAST_CUT` lenslets, those that are cut least, but to at least
+/// `FEWEST_UNCUT`.
+const LEAST_CUT: usize = 10;
+const FEWEST_UNCUT: usize = 100;
+
+impl FollowedLattice {
+    /// Fits the smooth lattice, then the mean cell, to the lenslets that were read.
+    pub fn fit(&mut self, image: ArrayView2<f32>) -> Result<(), Refusal> {
+        let kept = self.fit_smooth()?;
+        let followed = self.fits.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(fit, _)| *fit).collect();
+        let followed = self.least_cut(followed, image.dim());
+        self.cell = self.fit_cell(image, &followed).ok_or_else(|| few(followed.len()))?;
+        Ok(())
+    }
+
+    /// The lenslets that a second stop cuts least; all if there is none. A disc that is seen from one side only leaves
+    /// its radius and its position uncertain together. Discs seen nearly all round give the radius.
+    fn least_cut(&self, mut fits: Vec<(DVec2, LensletFit)>, size: (usize, usize)) -> Vec<(DVec2, LensletFit)> {
+        let Some(stops) = &self.stops else { return fits };
+        let cut = |fit: &(DVec2, LensletFit)| stops.cut_px(fit.1.centre_px - middle_px(size));
+        let mut cuts: Vec<f64> = fits.iter().map(cut).collect();
+        let rank = (cuts.len() / LEAST_CUT).max(FEWEST_UNCUT).min(cuts.len().saturating_sub(1));
+        let limit = ranked(&mut cuts, rank).unwrap_or(0.0);
+        fits.retain(|fit| cut(fit) <= limit);
+        fits
+    }
+
+    /// The mean cell about the smooth lattice: its round part, plus the remainder if that is large enough. The pixels
+    /// of each lenslet are brought to the same floor and gain.
+    fn fit_cell(&mut self, image: ArrayView2<f32>, fits: &[(DVec2, LensletFit)]) -> Option<MeanCell> {
+        let basis = self.basis_px;
+        let knots = MeanCell::table_knots(basis);
+        let round = self.sum_over(
+            image,
+            &thinned(fits, basis, if self.is_whole { ROUND_PIXELS } else { ROUND_PIXELS / ROUGH }),
+            || (ProfileEquations::new(basis), Vec::new()),
+            |(equations, line), offset, value| equations.add(offset, value, line),
+            |(sum, _), (equations, _)| sum.merge(equations),
+        );
+        let (mut table, radius_px) = round.0.solve(knots)?;
+        self.radius_px = radius_px;
+        let cell = MeanCell::through(knots, &table);
+        if !self.is_settled {
+            return Some(cell);
+        }
+
+        let to_cell = basis.inverse();
+        let remainder = self.sum_over(
+            image,
+            &thinned(fits, basis, REMAINDER_PIXELS),
+            || CellEquations::new(basis),
+            |equations, offset, value| equations.add(to_cell * offset, value - cell.at(to_cell * offset).0),
+            CellEquations::merge,
+        );
+        let remainder = remainder.solve(true);
+        let left: Vec<f64> = (0..table.len()).map(|knot| remainder.at(MeanCell::place(knots, knot)).0).collect();
+        if deviation(&left) / deviation(&table) < LEAST_REMAINDER {
+            return Some(cell);
+        }
+        table.iter_mut().zip(&left).for_each(|(round, left)| *round += *left);
+        Some(MeanCell::through(knots, &table))
+    }
+
+    /// A sum over the pixels of lenslets. `add` gets the offset of a pixel from the smooth lattice and its count in
+    /// units of the cell, (count - floor) / gain.
+    fn sum_over<T: Send>(
+        &self,
+        image: ArrayView2<f32>,
+        fits: &[(DVec2, LensletFit)],
+        empty: impl Fn() -> T + Sync,
+        add: impl Fn(&mut T, DVec2, f64) + Sync,
+        merge: impl Fn(&mut T, &T),
+    ) -> T {
+        let shortest = shortest(self.basis_px);
+        // Always eight sums, added in order: the result must not depend on the number of threads.
+        let parts: Vec<T> = fits
+            .par_chunks(fits.len().div_ceil(8).max(1))
+            .map(|fits| {
+                let mut part = empty();
+                for (index, fit) in fits {
+                    let centre = self.smooth.at(*index);
+                    let untouched = self.untouched(centre, image.dim());
+                    for (column, row) in window(centre, shortest, image.dim()).into_iter().flatten() {
+                        let offset = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - centre;
+                        if untouched.as_ref().is_some_and(|untouched| !untouched.holds(offset)) {
+                            continue;
+                        }
+                        add(&mut part, offset, fit.level(image[(row, column)] as f64, offset));
+                    }
+                }
+                part
+            })
+            .collect();
+        let mut sum = empty();
+        parts.iter().for_each(|part| merge(&mut sum, part));
+        sum
+    }
+}
+
+/// Evenly chosen lenslets that hold about `pixels` pixels in all.
+pub(crate) fn thinned(fits: &[(DVec2, LensletFit)], basis_px: DMat2, pixels: usize) -> Vec<(DVec2, LensletFit)> {
+    let each = (1.2 * shortest(basis_px).powi(2)).ceil() as usize;
+    fits.iter().step_by((fits.len() * each).div_ceil(pixels).max(1)).copied().collect()
+}
+
+/// Standard deviation.
+fn deviation(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+}

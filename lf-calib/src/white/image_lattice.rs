@@ -1,0 +1,68 @@
+//! The lattice of the lenslet images, as measured in a white image.
+
+use lf_core::camera::Layout;
+
+/// The image of one lenslet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Centre {
+    /// Steps along the two lattice vectors from [`ImageLattice::origin_px`].
+    pub index: [i64; 2],
+    /// Centre of the image, px from the frame's left and top edge (a pixel's centre is at a half).
+    pub place_px: [f64; 2],
+    /// Whether it follows the lattice of the lenslets around it.
+    pub kept: bool,
+}
+
+/// A second stop as the lenslet images show it (cat's eye): a disc that cuts into them, displaced in proportion to the
+/// position in the frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SecondStop {
+    /// Diameter of its image, px.
+    pub diameter_px: f64,
+    /// Its displacement against the lenslet image, divided by the distance from the frame's middle.
+    pub slope: f64,
+    /// Its displacement in the frame's middle, px.
+    pub aside_px: [f64; 2],
+}
+
+/// The lattice of the lenslet *images*, in px from the frame's left and top edge. Angles turn from x towards y.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImageLattice {
+    /// Square or hexagonal: the layout that strains the measured basis less.
+    pub layout: Layout,
+    /// Distance between neighbours, px.
+    pub pitch_px: f64,
+    /// Rotation of the lattice, rad: the angle nearest to 0 among those that symmetry makes equal.
+    pub rotation_rad: f64,
+    /// Centre of a lenslet image near the middle of the frame, px.
+    pub origin_px: [f64; 2],
+    /// The two lattice vectors of the best affine lattice, px.
+    pub basis_px: [[f64; 2]; 2],
+    /// Root mean square distance of the kept centres from the perfect lattice, px.
+    pub residual_rms_px: f64,
+    /// Standard uncertainty of the pitch, px.
+    pub pitch_uncertainty_px: f64,
+    /// Standard uncertainty of the rotation, rad.
+    pub rotation_uncertainty_rad: f64,
+    /// Standard uncertainty of each coordinate of the origin, px.
+    pub origin_uncertainty_px: f64,
+    /// Diameter of the lenslet images if they are discs, px. None if they have no rim.
+    pub disc_px: Option<f64>,
+    /// Side of the lenslet images if they are squares, px. None if they have no rim.
+    pub square_px: Option<f64>,
+    /// The second stop that cuts into them, if there is one.
+    pub second_stop: Option<SecondStop>,
+    /// Contrast: root mean square of the periodic part over the mean count.
+    pub contrast: f64,
+    /// Number of lenslets whose images are at least seven tenths inside the frame, readable or not.
+    pub in_frame: usize,
+    /// Every lenslet image that was read, row by row.
+    pub centres: Vec<Centre>,
+}
+
+impl ImageLattice {
+    /// Number of centres that the fit kept.
+    pub fn kept(&self) -> usize {
+        self.centres.iter().filter(|centre| centre.kept).count()
+    }
+}

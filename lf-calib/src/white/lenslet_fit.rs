@@ -1,0 +1,161 @@
+//! One lenslet image, read against the mean cell: its centre, its brightness and the quality of the fit.
+
+use crate::white::basis::shortest;
+use crate::white::mean_cell::MeanCell;
+use crate::white::untouched::Untouched;
+use glam::{DMat2, DVec2};
+use nalgebra::{Matrix4, Vector4};
+use ndarray::ArrayView2;
+
+/// Radius of the window of pixels, in shortest lattice vectors. The rims of discs that touch are well inside.
+const WINDOW: f64 = 0.62;
+/// Least share of the window inside the image. Half a disc at the edge of the frame can still be read.
+const LEAST_INSIDE: f64 = 0.7;
+/// Largest distance of a centre from its prediction, in shortest lattice vectors.
+const FARTHEST: f64 = 0.35;
+/// Least share of the window's pixels that a second stop leaves untouched. A third of a rim still gives a centre.
+const LEAST_UNTOUCHED: f64 = 0.4;
+
+/// The fit of one lenslet image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct LensletFit {
+    /// Centre, px from the image's left and top edge.
+    pub centre_px: DVec2,
+    /// Counts where the cell is 0.
+    pub floor: f64,
+    /// Counts per unit of the cell.
+    pub gain: f64,
+    /// Relative change of the gain across the lenslet per px, as it was given.
+    pub shade_per_px: DVec2,
+    /// Standard deviation of a coordinate of the centre, px, for noise of one count in each pixel.
+    pub spread_px: f64,
+    /// Share of the pixels' variance that the cell explains.
+    pub explained: f64,
+}
+
+/// The pixels around a position, as (column, row). None if too many of them are outside the image.
+pub(crate) fn window(
+    centre_px: DVec2,
+    shortest_px: f64,
+    (height, width): (usize, usize),
+) -> Option<impl Iterator<Item = (usize, usize)>> {
+    let radius = WINDOW * shortest_px;
+    let whole = std::f64::consts::PI * radius * radius;
+    let rows = inside(centre_px.y, radius, height);
+    let columns = move |row: usize| {
+        let dy = row as f64 + 0.5 - centre_px.y;
+        inside(centre_px.x, (radius * radius - dy * dy).max(0.0).sqrt(), width)
+    };
+    let count: usize = rows.clone().map(|row| columns(row).len()).sum();
+    (count as f64 >= LEAST_INSIDE * whole)
+        .then(|| rows.flat_map(move |row| columns(row).map(move |column| (column, row))))
+}
+
+/// Pixels of a row or column whose centres lie within `reach` of `centre`.
+fn inside(centre: f64, reach: f64, size: usize) -> std::ops::Range<usize> {
+    let first = (centre - reach - 0.5).ceil().max(0.0) as usize;
+    let end = ((centre + reach - 0.5).floor() + 1.0).clamp(0.0, size as f64) as usize;
+    first..end.max(first)
+}
+
+impl LensletFit {
+    /// A count at an offset from the centre, in units of the cell.
+    pub fn level(&self, count: f64, offset_px: DVec2) -> f64 {
+        (count - self.floor) / (self.gain * (1.0 + self.shade_per_px.dot(offset_px)))
+    }
+}
+
+/// The pixels of one lenslet image, and their sums.
+struct Pixels {
+    /// Offset from the start position, px, count, and the relative gain there.
+    values: Vec<(DVec2, f64, f64)>,
+    squares: f64,
+    variance: f64,
+}
+
+impl Pixels {
+    /// The pixels in the window that no second stop has touched. None if they are too few.
+    fn around(
+        image: ArrayView2<f32>,
+        from_px: DVec2,
+        shortest_px: f64,
+        shade_per_px: DVec2,
+        untouched: Option<&Untouched>,
+    ) -> Option<Self> {
+        let (mut seen, mut values) = (0, Vec::with_capacity(256));
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for (column, row) in window(from_px, shortest_px, image.dim())? {
+            let offset = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - from_px;
+            seen += 1;
+            if untouched.is_none_or(|untouched| untouched.holds(offset)) {
+                let count = image[(row, column)] as f64;
+                sum += count;
+                squares += count * count;
+                values.push((offset, count, 1.0 + shade_per_px.dot(offset)));
+            }
+        }
+        if (values.len() as f64) < LEAST_UNTOUCHED * seen as f64 {
+            return None;
+        }
+        let variance = squares - sum * sum / values.len() as f64;
+        Some(Self { values, squares, variance })
+    }
+}
+
+/// Fits floor + gain (1 + shade . x) T(x - centre) to the pixels around `from_px`, with x from `from_px`, by
+/// Gauss-Newton. Pixels that a second stop may have touched are left out. The shade is given: within one lenslet it
+/// cannot be told from a shift. None if the window leaves the image, if the centre moves too far, or if there is no
+/// light.
+pub(crate) fn fit_lenslet(
+    image: ArrayView2<f32>,
+    cell: &MeanCell,
+    basis_px: DMat2,
+    from_px: DVec2,
+    shade_per_px: DVec2,
+    untouched: Option<&Untouched>,
+) -> Option<LensletFit> {
+    let shortest = shortest(basis_px);
+    let to_cell = basis_px.inverse();
+    let slope_to_px = to_cell.transpose();
+    let pixels = Pixels::around(image, from_px, shortest, shade_per_px, untouched)?;
+    let mut centre = from_px;
+    let mut fit = None;
+    for _ in 0..8 {
+        let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+        for (offset, count, shade) in &pixels.values {
+            let (value, slope) = cell.at(to_cell * (*offset + from_px - centre));
+            let (value, slope) = (shade * value, *shade * (slope_to_px * slope));
+            let line = [1.0, value, -slope.x, -slope.y];
+            for a in 0..4 {
+                for b in 0..=a {
+                    normal[(a, b)] += line[a] * line[b];
+                }
+                right[a] += line[a] * count;
+            }
+        }
+        normal.fill_upper_triangle_with_lower_triangle();
+        let solver = normal.cholesky()?;
+        let solution = solver.solve(&right);
+        let gain = solution[1];
+        if gain <= 0.0 {
+            return None;
+        }
+        let inverse = solver.inverse();
+        let spread_px = f64::sqrt(0.5 * (inverse[(2, 2)] + inverse[(3, 3)])) / gain;
+        let misfit = pixels.squares - solution.dot(&right);
+        let step = DVec2::new(solution[2], solution[3]) / gain;
+        // After a long step the linearisation is poor: keep its direction and limit its length.
+        let step = step.clamp_length_max(0.12 * shortest);
+        centre += step;
+        if !centre.is_finite() || centre.distance(from_px) > FARTHEST * shortest {
+            return None;
+        }
+        let explained = if pixels.variance > 0.0 { 1.0 - misfit / pixels.variance } else { 0.0 };
+        fit = Some(LensletFit { centre_px: centre, floor: solution[0], gain, shade_per_px, spread_px, explained });
+        // Gauss-Newton squares the error: after a step of 0.03 px it is far below the noise.
+        if step.length() < 0.03 {
+            break;
+        }
+    }
+    fit
+}

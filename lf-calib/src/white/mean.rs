@@ -1,0 +1,94 @@
+//! The mean of several white images.
+
+use lf_core::Refusal;
+use ndarray::Array2;
+
+/// Largest share of pixels at full scale.
+const MOST_SATURATED: f64 = 0.02;
+/// Full scales of integer formats of 8, 10, 12, 14 and 16 bits.
+const FULL_SCALES: [f32; 5] = [255.0, 1023.0, 4095.0, 16383.0, 65535.0];
+
+/// White images, summed one after another. Memory does not grow with their number.
+#[derive(Debug, Clone, Default)]
+pub struct WhiteMean {
+    sum: Option<Array2<f64>>,
+    count: usize,
+}
+
+impl WhiteMean {
+    /// A sum of no images.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds an image of counts.
+    ///
+    /// # Errors
+    /// Refuses an image of another size than the first one, and a saturated image.
+    pub fn add(&mut self, image: &Array2<f32>) -> Result<(), Refusal> {
+        let sum = self.sum.get_or_insert_with(|| Array2::zeros(image.dim()));
+        if sum.dim() != image.dim() {
+            return Err(other_size(image, sum.dim()));
+        }
+        check_saturation(image)?;
+        sum.zip_mut_with(image, |sum, &value| *sum += value as f64);
+        self.count += 1;
+        Ok(())
+    }
+
+    /// The mean image. None if no image was added.
+    pub fn mean(self) -> Option<Array2<f32>> {
+        let count = self.count as f64;
+        self.sum.filter(|_| self.count > 0).map(|sum| sum.mapv(|sum| (sum / count) as f32))
+    }
+}
+
+/// Refuses an image that is not (height, width) like the ones before it.
+pub(crate) fn other_size(image: &Array2<f32>, (height, width): (usize, usize)) -> Refusal {
+    Refusal::new(
+        format!("image of {} x {} px", image.ncols(), image.nrows()),
+        format!("wanted {width} x {height} px like the first"),
+    )
+}
+
+/// Refuses an image with too many pixels at full scale. Full scale is recognised only if every count is a whole number:
+/// images of real numbers may have flat tops for other reasons.
+fn check_saturation(image: &Array2<f32>) -> Result<(), Refusal> {
+    let highest = image.iter().copied().fold(0.0, f32::max);
+    if !FULL_SCALES.contains(&highest) || image.iter().any(|value| value.fract() != 0.0) {
+        return Ok(());
+    }
+    let share = image.iter().filter(|&&value| value == highest).count() as f64 / image.len() as f64;
+    if share <= MOST_SATURATED {
+        return Ok(());
+    }
+    Err(Refusal::new(
+        format!("saturated: {:.0} % of the pixels are at {highest}, full scale", 100.0 * share),
+        format!("wanted at most {:.0} %", 100.0 * MOST_SATURATED),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_is_exact_and_sizes_must_match() {
+        let mut white = WhiteMean::new();
+        white.add(&Array2::from_elem((2, 3), 1.0)).unwrap();
+        white.add(&Array2::from_elem((2, 3), 4.0)).unwrap();
+        let refusal = white.add(&Array2::from_elem((3, 2), 1.0)).unwrap_err();
+        assert_eq!(refusal.found, "image of 2 x 3 px");
+        assert_eq!(refusal.wanted, "wanted 3 x 2 px like the first");
+        assert_eq!(white.mean().unwrap(), Array2::from_elem((2, 3), 2.5));
+        assert!(WhiteMean::new().mean().is_none());
+    }
+
+    #[test]
+    fn full_scale_of_whole_numbers_is_saturation_and_a_flat_top_is_not() {
+        let image = Array2::from_shape_fn((10, 10), |(row, _)| if row < 5 { 4095.0 } else { 10.0 });
+        assert!(WhiteMean::new().add(&image).unwrap_err().found.contains("50 % of the pixels are at 4095"));
+        assert!(WhiteMean::new().add(&image.mapv(|value| value * 0.9)).is_ok());
+        assert!(WhiteMean::new().add(&image.mapv(|value| value + 0.5)).is_ok());
+    }
+}

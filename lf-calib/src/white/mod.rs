@@ -1,0 +1,35 @@
+//! In: white images and a nominal camera. Out: the lattice of lenslet images, a camera with those microlenses, a flat
+//! field. The steps: mean image, period, mean cell and lattice in turn, perfect lattice and departure, microlenses.
+//! Open `find.rs` first, then `calibrate.rs`.
+
+mod autocorrelation;
+mod basis;
+mod calibrate;
+mod calibrated;
+mod cats_eye;
+mod cell_equations;
+mod cell_fit;
+mod departure;
+mod find;
+mod flat_field;
+mod follow;
+mod followed;
+mod image_lattice;
+mod lenslet_fit;
+pub(crate) mod mean;
+mod mean_cell;
+mod perfect_lattice;
+mod period;
+mod profile;
+mod region_rims;
+mod rim;
+mod same_lattice;
+mod symmetry;
+mod untouched;
+
+pub use calibrate::calibrate;
+pub use calibrated::{Calibrated, Fill, Residual};
+pub use find::{LATTICE_STEPS, find_lattice, find_lattice_watched};
+pub use flat_field::flat_field;
+pub use image_lattice::{Centre, ImageLattice, SecondStop};
+pub use mean::WhiteMean;

@@ -1,0 +1,137 @@
+//! The round part of the mean cell: one brightness profile S(r) about every centre, seen through square pixels.
+//!
+//! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(|x - c|). Where discs overlap, they
+//! add up. If the pitch is near a whole number of pixels, all lenslets are sampled alike. The distances of their pixels
+//! from the centre still differ, so S is resolved much finer than a pixel, and the sampling does not move the centre.
+
+use crate::white::basis::shortest;
+use crate::white::mean_cell::MeanCell;
+use crate::white::rim::radius_px;
+use glam::{DMat2, DVec2};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Reach of the profile in shortest lattice vectors: the corner of a square cell, beyond the pixels that are read.
+const REACH: f64 = 0.71;
+/// Least distance between the knots of the profile, px. With a third of a pixel the pitch of an unrotated lattice was
+/// wrong by 1.4e-5, with a fifth by 2e-6.
+const STEP_PX: f64 = 0.2;
+/// Most knots. More of them would follow the noise of a few large lenslets.
+const MOST_KNOTS: f64 = 64.0;
+/// Samples along each side of a pixel, for the fit and for the table.
+const FIT_SAMPLES: usize = 8;
+const TABLE_SAMPLES: usize = 8;
+/// Weight of the profile's curvature and height against its misfit. It determines only what no pixel does.
+const ROUGHNESS: f64 = 1e-6;
+
+/// Positions in a pixel relative to its centre.
+fn samples(side: usize) -> impl Iterator<Item = DVec2> {
+    let at = move |n: usize| (n as f64 + 0.5) / side as f64 - 0.5;
+    (0..side * side).map(move |n| DVec2::new(at(n % side), at(n / side)))
+}
+
+/// Normal equations of the profile, summed over pixels. The last unknown is the base.
+#[derive(Debug, Clone)]
+pub(crate) struct ProfileEquations {
+    basis_px: DMat2,
+    step_px: f64,
+    knots: usize,
+    lenslets: Vec<DVec2>,
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+impl ProfileEquations {
+    /// Empty equations for a lattice.
+    pub fn new(basis_px: DMat2) -> Self {
+        let reach = REACH * shortest(basis_px);
+        let step_px = STEP_PX.max(reach / MOST_KNOTS);
+        let knots = (reach / step_px) as usize;
+        let lenslets = (-2..=2)
+            .flat_map(|n| (-2..=2).map(move |m| basis_px * DVec2::new(m as f64, n as f64)))
+            .filter(|place| place.length() < 2.0 * reach + 1.0)
+            .collect();
+        let normal = DMatrix::zeros(knots + 1, knots + 1);
+        Self { basis_px, step_px, knots, lenslets, normal, right: DVector::zeros(knots + 1) }
+    }
+
+    /// The knot before a distance, and the weight of the next one. The profile is zero after the last knot. None beyond
+    /// it.
+    #[inline]
+    fn knots_at(&self, distance_px: f64) -> Option<(usize, f64)> {
+        let t = distance_px / self.step_px;
+        let knot = t as usize;
+        (knot < self.knots).then_some((knot, t - knot as f64))
+    }
+
+    /// The lenslets whose profile reaches a pixel.
+    fn near(&self, offset_px: DVec2) -> Vec<DVec2> {
+        let reach = self.knots as f64 * self.step_px + std::f64::consts::FRAC_1_SQRT_2;
+        self.lenslets.iter().filter(|place| place.distance(offset_px) < reach).copied().collect()
+    }
+
+    /// Adds a pixel whose centre is at `offset_px` from the lenslet image's centre. `line` is scratch memory.
+    pub fn add(&mut self, offset_px: DVec2, value: f64, line: &mut Vec<f64>) {
+        line.clear();
+        line.resize(self.knots + 1, 0.0);
+        line[self.knots] = 1.0;
+        let weight = 1.0 / (FIT_SAMPLES * FIT_SAMPLES) as f64;
+        let near = self.near(offset_px);
+        for sample in samples(FIT_SAMPLES) {
+            for lenslet in &near {
+                let Some((knot, share)) = self.knots_at((offset_px + sample).distance(*lenslet)) else { continue };
+                line[knot] += weight * (1.0 - share);
+                if knot + 1 < self.knots {
+                    line[knot + 1] += weight * share;
+                }
+            }
+        }
+        let touched: Vec<usize> = (0..=self.knots).filter(|&knot| line[knot] != 0.0).collect();
+        for &a in &touched {
+            self.right[a] += line[a] * value;
+            for &b in &touched {
+                self.normal[(a, b)] += line[a] * line[b];
+            }
+        }
+    }
+
+    /// Adds the sums of other equations.
+    pub fn merge(&mut self, other: &Self) {
+        self.normal += &other.normal;
+        self.right += &other.right;
+    }
+
+    /// The cell as pixels see it, in a table of `knots` along its sides, and the radius of the profile if it has a rim.
+    /// None if the pixels do not determine the profile.
+    pub fn solve(mut self, knots: [usize; 2]) -> Option<(Vec<f64>, Option<f64>)> {
+        let weight = ROUGHNESS * self.normal.trace() / (self.knots + 1) as f64;
+        for knot in 0..self.knots {
+            self.normal[(knot, knot)] += weight;
+            if knot == 0 || knot + 1 == self.knots {
+                continue;
+            }
+            let bend = [(knot - 1, 1.0), (knot, -2.0), (knot + 1, 1.0)];
+            for (a, x) in bend {
+                for (b, y) in bend {
+                    self.normal[(a, b)] += weight * x * y;
+                }
+            }
+        }
+        let profile = self.normal.clone().cholesky()?.solve(&self.right);
+        let seen = |offset: DVec2| {
+            let mut sum = 0.0;
+            let near = self.near(offset);
+            for sample in samples(TABLE_SAMPLES) {
+                for lenslet in &near {
+                    let Some((knot, share)) = self.knots_at((offset + sample).distance(*lenslet)) else { continue };
+                    let next = if knot + 1 < self.knots { profile[knot + 1] } else { 0.0 };
+                    sum += profile[knot] + share * (next - profile[knot]);
+                }
+            }
+            profile[self.knots] + sum / (TABLE_SAMPLES * TABLE_SAMPLES) as f64
+        };
+        let places = 0..knots[0] * knots[1];
+        let table = places.into_par_iter().map(|n| seen(self.basis_px * MeanCell::place(knots, n))).collect();
+        Some((table, radius_px(&profile.as_slice()[..self.knots], self.step_px)))
+    }
+}
