@@ -42,8 +42,12 @@ pub(crate) fn without_outliers<F>(
             break;
         }
         kept = next;
-        let rest: Vec<TiePoint> = ties.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(tie, _)| *tie).collect();
-        found = fit(&rest)?;
+        found = fit(&chosen(ties, &kept))?;
     }
     Some((found, kept))
+}
+
+/// The items that are kept.
+pub(crate) fn chosen<T: Copy>(items: &[T], kept: &[bool]) -> Vec<T> {
+    items.iter().zip(kept).filter(|(_, kept)| **kept).map(|(item, _)| *item).collect()
 }

@@ -98,10 +98,10 @@ impl TwoStops {
         let two = starts[..4].iter().map(|start| start.1.improved(regions, 5).by_size());
         let (misfit, two) = two.map(|two| (two.misfit(regions), two)).min_by(|a, b| a.0.total_cmp(&b.0))?;
         let cut = regions.iter().map(|region| two.cut_px(region.place_px)).fold(0.0, f64::max);
-        let slope = two.slope.abs() * farthest;
-        let drifts = slope > LEAST_SHIFT_PX && slope > LEAST_SHIFT * two.aside_px.length();
-        let fits = misfit < LEAST_GAIN * one.misfit(regions) && misfit < LARGEST_MISFIT * two.main_px + 0.05;
-        (fits && drifts && cut > LEAST_CUT_PX).then_some(two)
+        let shift = two.slope.abs() * farthest;
+        let is_shifting = shift > LEAST_SHIFT_PX && shift > LEAST_SHIFT * two.aside_px.length();
+        let is_close = misfit < LEAST_GAIN * one.misfit(regions) && misfit < LARGEST_MISFIT * two.main_px + 0.05;
+        (is_close && is_shifting && cut > LEAST_CUT_PX).then_some(two)
     }
 
     /// The same two discs with the smaller one as the main stop. The rims do not tell which disc is which; by

@@ -1,6 +1,7 @@
 //! The mean cell, fitted to the pixels of the lenslets that follow the lattice.
 
 use crate::fit::plane::middle_px;
+use crate::fit::robust::chosen;
 use crate::white::basis::shortest;
 use crate::white::cell_equations::CellEquations;
 use crate::white::followed::{FollowedLattice, few};
@@ -30,8 +31,7 @@ impl FollowedLattice {
     /// Fits the smooth lattice, then the mean cell, to the lenslets that were read.
     pub fn fit(&mut self, image: ArrayView2<f32>) -> Result<(), Refusal> {
         let kept = self.fit_smooth()?;
-        let followed = self.fits.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(fit, _)| *fit).collect();
-        let followed = self.least_cut(followed, image.dim());
+        let followed = self.least_cut(chosen(&self.fits, &kept), image.dim());
         self.cell = self.fit_cell(image, &followed).ok_or_else(|| few(followed.len()))?;
         Ok(())
     }
@@ -103,12 +103,10 @@ impl FollowedLattice {
                 for (index, fit) in fits {
                     let centre = self.smooth.at(*index);
                     let untouched = self.untouched(centre, image.dim());
-                    for (column, row) in window(centre, shortest, image.dim()).into_iter().flatten() {
-                        let offset = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - centre;
-                        if untouched.as_ref().is_some_and(|untouched| !untouched.holds(offset)) {
-                            continue;
+                    for (pixel, offset) in window(centre, shortest, image.dim()).into_iter().flatten() {
+                        if untouched.as_ref().is_none_or(|untouched| untouched.holds(offset)) {
+                            add(&mut part, offset, fit.level(image[pixel] as f64, offset));
                         }
-                        add(&mut part, offset, fit.level(image[(row, column)] as f64, offset));
                     }
                 }
                 part

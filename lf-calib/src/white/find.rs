@@ -2,7 +2,7 @@
 
 use crate::fit::plane::middle_px;
 use crate::fit::polynomial::{Polynomial, TiePoint};
-use crate::fit::robust::without_outliers;
+use crate::fit::robust::{chosen, without_outliers};
 use crate::white::basis::{layout_of, shortest, unit_basis};
 use crate::white::follow::{STEPS, follow};
 use crate::white::followed::{FEWEST, FollowedLattice, few};
@@ -129,7 +129,7 @@ impl SmoothLattice {
 
     /// The centres that follow the lattice.
     fn kept_ties(&self) -> Vec<TiePoint> {
-        self.ties.iter().zip(&self.kept).filter(|(_, kept)| **kept).map(|(tie, _)| *tie).collect()
+        chosen(&self.ties, &self.kept)
     }
 
     /// Root mean square distance of the kept centres from the smooth lattice, px.

@@ -3,7 +3,7 @@
 
 use crate::fit::plane::middle_px;
 use crate::fit::polynomial::{Polynomial, TiePoint};
-use crate::fit::robust::without_outliers;
+use crate::fit::robust::{chosen, without_outliers};
 use crate::white::basis::shortest;
 use crate::white::cats_eye::TwoStops;
 use crate::white::lenslet_fit::{LensletFit, fit_lenslet, window};
@@ -114,8 +114,7 @@ impl FollowedLattice {
         if let Some((gain, _)) = without_outliers(&gains, &vec![1.0; count], fit, Polynomial::at) {
             self.gain = gain;
         }
-        let followed: Vec<TiePoint> = ties.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(tie, _)| *tie).collect();
-        let affine = Polynomial::through(&followed, 1).ok_or_else(|| few(count))?;
+        let affine = Polynomial::through(&chosen(&ties, &kept), 1).ok_or_else(|| few(count))?;
         let basis = affine.basis_at(DVec2::ZERO);
         let moved = basis - self.basis_px;
         // A lattice that changes its shape on the way is no lattice. One that shrinks to nothing would have no end.

@@ -33,12 +33,13 @@ pub(crate) struct LensletFit {
     pub explained: f64,
 }
 
-/// The pixels around a position, as (column, row). None if too many of them are outside the image.
+/// The pixels around a position: their (row, column) and their offset from it, px. None if too many of them are outside
+/// the image.
 pub(crate) fn window(
     centre_px: DVec2,
     shortest_px: f64,
     (height, width): (usize, usize),
-) -> Option<impl Iterator<Item = (usize, usize)>> {
+) -> Option<impl Iterator<Item = ((usize, usize), DVec2)>> {
     let radius = WINDOW * shortest_px;
     let whole = std::f64::consts::PI * radius * radius;
     let rows = inside(centre_px.y, radius, height);
@@ -47,8 +48,9 @@ pub(crate) fn window(
         inside(centre_px.x, (radius * radius - dy * dy).max(0.0).sqrt(), width)
     };
     let count: usize = rows.clone().map(|row| columns(row).len()).sum();
+    let offset = move |row: usize, column: usize| DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - centre_px;
     (count as f64 >= LEAST_INSIDE * whole)
-        .then(|| rows.flat_map(move |row| columns(row).map(move |column| (column, row))))
+        .then(|| rows.flat_map(move |row| columns(row).map(move |column| ((row, column), offset(row, column)))))
 }
 
 /// Pixels of a row or column whose centres lie within `reach` of `centre`.
@@ -84,11 +86,10 @@ impl Pixels {
     ) -> Option<Self> {
         let (mut seen, mut values) = (0, Vec::with_capacity(256));
         let (mut sum, mut squares) = (0.0, 0.0);
-        for (column, row) in window(from_px, shortest_px, image.dim())? {
-            let offset = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - from_px;
+        for (pixel, offset) in window(from_px, shortest_px, image.dim())? {
             seen += 1;
             if untouched.is_none_or(|untouched| untouched.holds(offset)) {
-                let count = image[(row, column)] as f64;
+                let count = image[pixel] as f64;
                 sum += count;
                 squares += count * count;
                 values.push((offset, count, 1.0 + shade_per_px.dot(offset)));

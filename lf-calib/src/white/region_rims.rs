@@ -41,9 +41,8 @@ fn region_rim(followed: &FollowedLattice, image: ArrayView2<f32>, fits: &[(DVec2
     for (index, fit) in &fits {
         let centre = followed.smooth.at(*index);
         middle += (centre - middle_px(image.dim())) / fits.len() as f64;
-        for (column, row) in window(centre, shortest(basis), image.dim()).into_iter().flatten() {
-            let offset = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - centre;
-            equations.add(to_cell * offset, fit.level(image[(row, column)] as f64, offset));
+        for (pixel, offset) in window(centre, shortest(basis), image.dim()).into_iter().flatten() {
+            equations.add(to_cell * offset, fit.level(image[pixel] as f64, offset));
         }
     }
     RegionRim::of(middle, &equations.solve(false), basis)
