@@ -14,6 +14,8 @@ mod drift;
 mod fit;
 pub mod plot;
 mod points;
+#[cfg(test)]
+mod random;
 mod target;
 mod white;
 

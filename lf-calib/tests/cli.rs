@@ -170,7 +170,7 @@ fn whites_that_cannot_be_used() {
     refused(
         &bench,
         line,
-        &format!("square.exr: no lattice: the contrast of what repeats is 0.38 %; {wanted} (at least 2 %)"),
+        &format!("square.exr: no lattice: the periodic part has a contrast of 0.38 %; {wanted} (at least 2 %)"),
     );
     let mut dark = Array2::zeros((280, 280));
     dark[(3, 4)] = f32::NAN;

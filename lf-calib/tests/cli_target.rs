@@ -37,13 +37,13 @@ fn targets_that_cannot_be_used() {
         "a.exr b.exr --spacing 0.3 --depths 0,3",
         "the target: 1 of 2 images at depths out of focus; wanted 2 depths or more at which a dot lights 5 lenslets across",
     );
-    unusable("a.exr b.exr --spacing 0.3 --depths 3", "--depths: 1 depths for 2 images; wanted one an image");
+    unusable("a.exr b.exr --spacing 0.3 --depths 3", "--depths: 1 depths for 2 images; wanted one for each image");
     unusable("a.exr b.exr --spacing 0.3 --depths 3,x", "--depths: 3,x; wanted numbers between commas, mm");
     unusable("a.exr b.exr --spacing -1 --depths 3,4", "--spacing: -1; wanted a positive length, mm");
     unusable(
         "a.exr b.exr --spacing 0.3 --depths 3,395",
         "the target: depth 395 mm is too near the main lens, which stands 400.0 mm before the focal plane; wanted depths \
-         before the main lens",
+         in front of the main lens",
     );
     let wanted = "wanted --target FILE, or --spacing MM and --depths Z0,Z1,...";
     unusable("a.exr b.exr", &format!("the target: not given; {wanted}"));
@@ -58,7 +58,7 @@ fn targets_that_cannot_be_used() {
     );
     unusable("a.exr b.exr --target none.csv", "none.csv: no such file; wanted a file to read");
     unusable("none.exr b.exr --target target.csv", "none.exr: no such file; wanted a file to read");
-    unusable("empty", "empty: no dots-0000.exr; wanted a folder as lf-synth dots writes it");
+    unusable("empty", "empty: no dots-0000.exr; wanted a folder of images, as lf-synth dots writes it");
     refused(
         &bench,
         &format!("volume a.exr b.exr {grid} -c camera.json -o a.exr"),
@@ -72,15 +72,15 @@ fn frames_that_cannot_be_used() {
     let bench = camera_and_images();
     let unusable =
         |rest: &str, message: &str| refused(&bench, &format!("refine -c camera.json -o out {rest}"), message);
-    let wanted = "wanted 20 or more, out of focus and with their whole fans in the frame";
+    let wanted = "wanted 20 or more, out of focus and with all their sub-images in the frame";
     unusable("a.exr b.exr --depth -5,5", &format!("2 frames: 0 isolated bright particles in 2 frames; {wanted}"));
     unusable("a.exr --depth -5,5", &format!("a.exr: 0 isolated bright particles in 1 frames; {wanted}"));
     unusable("a.exr small.exr --depth -5,5", "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px");
-    unusable("a.exr --depth 5,-5", "--depth: 5,-5; wanted two depths that rise, before the main lens");
+    unusable("a.exr --depth 5,-5", "--depth: 5,-5; wanted two depths that rise, in front of the main lens");
     unusable(
         "a.exr --depth -5,500",
         "--depth: depth 500 mm is too near the main lens, which stands 400.0 mm before the focal plane; wanted two depths \
-         that rise, before the main lens",
+         that rise, in front of the main lens",
     );
     unusable(
         "a.exr a.exr --depth -5,5 -b -",

@@ -22,10 +22,10 @@ fn flat_images() {
 #[test]
 fn a_square_stop_at_matched_f_number() {
     let truth = camera(420, Layout::Square, 0.0, [0.0, 0.0]);
-    refused(&squares(&truth, 1.0), "the contrast of what repeats is 0.");
+    refused(&squares(&truth, 1.0), "the periodic part has a contrast of 0.");
     let mut square = truth.clone();
     square.main_lens.aperture = Aperture::Square;
-    refused(&rays(&square, 60), "the contrast of what repeats is");
+    refused(&rays(&square, 60), "the periodic part has a contrast of");
 }
 
 #[test]
@@ -33,7 +33,7 @@ fn noise() {
     let mut state = 5;
     refused(
         &Array2::from_shape_fn((420, 420), |_| uniform(&mut state) as f32),
-        "the contrast of what repeats is 0.00 %",
+        "the periodic part has a contrast of 0.00 %",
     );
 }
 

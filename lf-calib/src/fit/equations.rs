@@ -202,15 +202,7 @@ impl Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn uniform(state: &mut u64) -> f64 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn normal(state: &mut u64) -> f64 {
-        (0..12).map(|_| uniform(state)).sum::<f64>() - 6.0
-    }
+    use crate::random::{normal, uniform};
 
     /// Points on a line: 40 sources of 20 observations. A source has an error of `shared`, an observation one of 0.1.
     fn sources(seed: u64, shared: f64, slope: f64) -> Vec<Vec<Observation>> {

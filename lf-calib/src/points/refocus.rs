@@ -39,11 +39,10 @@ pub(crate) fn refocus(
     let least = ground + ABOVE_NOISE * noise(image);
     let k = optics.demagnification();
     let axis = PointView::new(optics, DVec3::new(0.0, 0.0, z_mm));
-    // Magnification from the object to the array at this depth, by a numerical derivative.
+    // Magnification from the object to the array at this depth, by a numerical derivative. The image is inverted.
     let step = DVec2::new(1e-2, 0.0);
-    let beta = (optics.array_from_object(-step, z_mm, DVec2::ZERO) - optics.array_from_object(step, z_mm, DVec2::ZERO))
-        .x
-        / (2.0 * step.x);
+    let hit = |object: DVec2| optics.array_from_object(object, z_mm, DVec2::ZERO);
+    let beta = (hit(-step) - hit(step)).x / (2.0 * step.x);
     for ((row, column), &count) in image.indexed_iter() {
         let count = f64::from(count);
         if count.is_nan() || count <= least {

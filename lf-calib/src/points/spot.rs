@@ -160,6 +160,7 @@ pub(crate) fn light(image: ArrayView2<f32>, profile: SpotProfile, place_px: DVec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::normal;
     use ndarray::Array2;
 
     /// The image of a square of `width` convolved with a disc of `radius`, by a fine sum over the disc.
@@ -210,18 +211,9 @@ mod tests {
         let (mut square, mut stated) = (0.0, 0.0);
         const SPOTS: usize = 400;
         let mut state = 5u64;
-        let mut normal = || {
-            (0..12)
-                .map(|_| {
-                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    (state >> 11) as f64 / (1u64 << 53) as f64
-                })
-                .sum::<f64>()
-                - 6.0
-        };
         for n in 0..SPOTS {
             let place = DVec2::new(8.0 + (n % 20) as f64 / 20.0, 8.0 + (n / 20) as f64 / 20.0);
-            let image = spot(place, 1.5, 0.6, 1000.0).mapv(|v| v + (12.0 * normal()) as f32 + 40.0);
+            let image = spot(place, 1.5, 0.6, 1000.0).mapv(|v| v + (12.0 * normal(&mut state)) as f32 + 40.0);
             let found = fit(image.view(), shape, place, 2.0).unwrap();
             square += found.place_px.distance_squared(place) / 2.0;
             stated += found.uncertainty_px.powi(2);

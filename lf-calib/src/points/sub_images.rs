@@ -13,7 +13,6 @@ pub(crate) const SHARE: f64 = 0.92;
 const LEAST_EXPLAINED: f64 = 0.5;
 /// A spot is kept if its position has a smaller uncertainty, px.
 const LEAST_KNOWN_PX: f64 = 0.3;
-/// Fewest spots that a point is located from.
 
 /// Blur of a point: standard deviations along an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,10 +60,10 @@ pub(crate) fn measure(
     let read = |lit: &LitLenslet| {
         let from = if search { spot::find(image, profile, lit.place_px, farthest_px)? } else { lit.place_px };
         let fit = spot::fit(image, profile, from, farthest_px)?;
-        let good = fit.explained > LEAST_EXPLAINED
+        let is_good = fit.explained > LEAST_EXPLAINED
             && fit.uncertainty_px < LEAST_KNOWN_PX
             && fit.place_px.distance(lit.place_px) <= farthest_px;
-        good.then(|| SubImage {
+        is_good.then(|| SubImage {
             lenslet: lit.lenslet,
             place_px: fit.place_px,
             uncertainty_px: fit.uncertainty_px.hypot(sampling_px * std::f64::consts::FRAC_1_SQRT_2),

@@ -175,14 +175,10 @@ fn pair(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::uniform;
 
     fn grid() -> Vec<DVec2> {
         (0..81).map(|n| DVec2::new((n % 9) as f64 - 4.0, (n / 9) as f64 - 4.0) * 1.1).collect()
-    }
-
-    fn uniform(state: &mut u64) -> f64 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 11) as f64 / (1u64 << 53) as f64
     }
 
     #[test]

@@ -70,13 +70,13 @@ fn transform(field: &mut Vec<Complex<f64>>, [columns, rows]: [usize; 2], directi
 fn smooth_size(least: usize) -> usize {
     (least..)
         .find(|&size| {
-            let mut residual = size;
+            let mut rest = size;
             for factor in [2, 3, 5] {
-                while residual % factor == 0 {
-                    residual /= factor;
+                while rest % factor == 0 {
+                    rest /= factor;
                 }
             }
-            residual == 1
+            rest == 1
         })
         .expect("powers of two have no end")
 }

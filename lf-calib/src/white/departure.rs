@@ -86,9 +86,9 @@ impl DepartureFit {
     }
 }
 
-/// By how many correlated residuals one independent residual is replaced: the variance of the means of blocks of
-/// lenslets, over the variance that independent residuals would give; at least 1. Neighbours err alike where the
-/// lattice beats with the pixels.
+/// The number of correlated residuals that count as one independent residual: the variance of the means of blocks of
+/// lenslets, over the variance that independent residuals would give; at least 1. Neighbours have similar errors where
+/// the lattice beats with the pixels.
 fn correlation_factor(residuals: impl Iterator<Item = (DVec2, DVec2)> + Clone) -> f64 {
     let lenslets = residuals.clone().count() as f64;
     let side = BLOCK.min((lenslets.sqrt() / BLOCKS).floor()).max(1.0);
@@ -109,15 +109,13 @@ fn correlation_factor(residuals: impl Iterator<Item = (DVec2, DVec2)> + Clone) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::uniform;
     use crate::white::basis::unit_basis;
 
     /// Centres of lenslets 1 mm apart, with a pixel of 0.01 mm. Each has a random error of `noise` mm.
     fn ties(side: i64, noise: f64, seed: u64, bent: impl Fn(DVec2) -> DVec2) -> Vec<TiePoint> {
         let mut state = seed;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-        };
+        let mut random = || uniform(&mut state) - 0.5;
         let places = (-side..=side).flat_map(|j| (-side..=side).map(move |i| DVec2::new(i as f64, j as f64)));
         places
             .map(|place| {
