@@ -20,7 +20,7 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
     session.keep_apart(output, &inputs)?;
     io::check_place(output)?;
     let sensor = camera.as_deref().map(Camera::open).transpose()?.map(|camera| camera.sensor);
-    let mut frames = Frames::open(frames, sensor)?;
+    let mut frames = FrameFiles::open(frames, sensor)?;
     let count = frames.count;
     let statistic = if *quantile > 0.0 { format!("quantile {quantile}") } else { "minimum".to_string() };
     session.explain(format!("{statistic} of {count} frames, pixel by pixel"));
@@ -42,7 +42,7 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
 }
 
 /// The frames of all files.
-struct Frames {
+struct FrameFiles {
     /// Files, and those that come through a pipe in memory: they can be read only once. Other files are opened again,
     /// because a system limits the number of mapped files.
     files: Vec<(PathBuf, Option<Stack>)>,
@@ -51,7 +51,7 @@ struct Frames {
     left_out: Vec<Error>,
 }
 
-impl Frames {
+impl FrameFiles {
     /// Counts the frames, which a quantile needs to know before the first one.
     fn open(paths: &[PathBuf], sensor: Option<Sensor>) -> Result<Self> {
         let mut frames = Self { files: Vec::new(), count: 0, sensor, left_out: Vec::new() };

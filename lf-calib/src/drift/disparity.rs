@@ -2,11 +2,11 @@
 
 use crate::drift::stop_fill::{StopFill, stop_fill};
 use crate::fit::changes::Changes;
-use crate::fit::equations::{Estimate, NormalEquations, Observation};
+use crate::fit::equations::{NormalEquations, Observation, ParameterEstimate};
 use crate::fit::parameter::Parameter as P;
 use crate::fit::robust::deviation;
 use crate::points::locate::{NARROWEST, locate, width_in_lenslets};
-use crate::points::sub_images::{Blur, SHARE, measure};
+use crate::points::sub_images::{PointBlur, SHARE, measure};
 use crate::points::view::PointView;
 use glam::{DVec2, DVec3};
 use lf_core::camera::Camera;
@@ -15,7 +15,7 @@ use lf_core::statistics::{NORMAL_PER_MAD, upper_median};
 use ndarray::Array2;
 
 /// Blur of the sub-images of a particle, beside that by the lenslets' cells and the pixels, px.
-const BLUR: Blur = Blur { object_mm: 0.0, sensor_px: 0.3 };
+const BLUR: PointBlur = PointBlur { object_mm: 0.0, sensor_px: 0.3 };
 /// Largest distance of a sub-image from its prediction in the first look, px.
 const FIRST_PX: f64 = 4.0;
 /// Least share of a particle's sub-images that are seen. A drift of 3 px darkens a quarter of them.
@@ -100,7 +100,7 @@ pub(crate) fn equations(seen: &[(IsolatedParticle, StopFill)], camera: &Camera) 
 }
 
 /// Solves for some parameters and, in the last column, for the size of the stop.
-pub(crate) fn solve_with_stop(equations: &NormalEquations, parameters: &[P]) -> Option<Estimate> {
+pub(crate) fn solve_with_stop(equations: &NormalEquations, parameters: &[P]) -> Option<ParameterEstimate> {
     let columns: Vec<P> = parameters.iter().copied().chain([P::Gap]).collect();
     equations.columns(&columns).solve()
 }

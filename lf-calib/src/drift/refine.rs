@@ -8,7 +8,7 @@ use crate::drift::isolated::isolated_particles;
 use crate::drift::report::{Refined, report};
 use crate::drift::stop_fill::StopFill;
 use crate::fit::changes::Changes;
-use crate::fit::equations::Estimate;
+use crate::fit::equations::ParameterEstimate;
 use crate::fit::parameter::Parameter as P;
 use glam::DVec2;
 use lf_core::Refusal;
@@ -124,7 +124,7 @@ fn look_at_all(
 }
 
 /// Refuses an offset that is not known well enough.
-fn check_offset(free: &[P], estimate: &Estimate, camera: &Camera, particles: usize) -> Result<(), Refusal> {
+fn check_offset(free: &[P], estimate: &ParameterEstimate, camera: &Camera, particles: usize) -> Result<(), Refusal> {
     let offset = GROUPS[0].iter().filter_map(|p| free.iter().position(|known| known == p));
     let worst = offset.map(|n| estimate.uncertainty(n)).fold(0.0, f64::max) / camera.sensor.pixel_pitch_mm;
     if worst <= LARGEST_UNCERTAINTY_PX {

@@ -3,7 +3,7 @@
 use crate::drift::disparity::{IsolatedParticle, disparity_px};
 use crate::drift::stop_fill::StopFill;
 use crate::fit::changes::Changes;
-use crate::fit::equations::Estimate;
+use crate::fit::equations::ParameterEstimate;
 use crate::fit::parameter::Parameter as P;
 use crate::fit::record::record;
 use glam::{DVec2, DVec3};
@@ -33,7 +33,7 @@ pub(crate) fn report(
     changes: &Changes,
     free: &[P],
     seen: &[(IsolatedParticle, StopFill)],
-    estimate: &Estimate,
+    estimate: &ParameterEstimate,
     depth_mm: [f64; 2],
 ) -> Refined {
     let mut camera = changes.camera(nominal);

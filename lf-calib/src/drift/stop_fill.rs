@@ -7,7 +7,7 @@
 //! is the stop's radius; it is too large if the array is too far from the sensor.
 
 use crate::points::spot;
-use crate::points::sub_images::{Blur, spot_profile};
+use crate::points::sub_images::{PointBlur, spot_profile};
 use crate::points::view::PointView;
 use glam::{DVec2, DVec3};
 use lf_core::optics::Optics;
@@ -40,7 +40,7 @@ pub(crate) struct StopFill {
 
 /// How a point fills the stop. None if some of its sub-images are outside the image, if too many of its lenslets show
 /// another object, or if the light does not fill a stop of about the right size.
-pub(crate) fn stop_fill(image: ArrayView2<f32>, optics: &Optics, place_mm: DVec3, blur: Blur) -> Option<StopFill> {
+pub(crate) fn stop_fill(image: ArrayView2<f32>, optics: &Optics, place_mm: DVec3, blur: PointBlur) -> Option<StopFill> {
     let view = PointView::new(optics, place_mm);
     let profile = spot_profile(optics, &view, blur);
     let lights: Vec<(DVec2, f64)> = view

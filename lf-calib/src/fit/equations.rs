@@ -60,7 +60,7 @@ pub(crate) struct NormalEquations {
 
 /// A step of the parameters and its uncertainty.
 #[derive(Debug, Clone)]
-pub(crate) struct Estimate {
+pub(crate) struct ParameterEstimate {
     /// Change of each parameter.
     pub step: DVector<f64>,
     /// Covariance if sub-images were independent.
@@ -132,7 +132,7 @@ impl NormalEquations {
     }
 
     /// Solves the equations. None if some parameters cannot be told apart.
-    pub fn solve(&self) -> Option<Estimate> {
+    pub fn solve(&self) -> Option<ParameterEstimate> {
         let size = self.parameters.len();
         let mut normal = DMatrix::<f64>::zeros(size, size);
         let mut right = DVector::<f64>::zeros(size);
@@ -171,11 +171,11 @@ impl NormalEquations {
             sampling.ger(1.0, &moved, &moved, 1.0);
         }
         let step = DVector::from_fn(size, |n, _| solution[n] / lengths[n]);
-        Some(Estimate { step, independent, by_source: scaled(&by_source), sampling: scaled(&sampling) })
+        Some(ParameterEstimate { step, independent, by_source: scaled(&by_source), sampling: scaled(&sampling) })
     }
 }
 
-impl Estimate {
+impl ParameterEstimate {
     /// Standard uncertainty of a parameter: the larger of the two covariances, plus the sampling errors.
     pub fn uncertainty(&self, n: usize) -> f64 {
         (self.independent[(n, n)].max(self.by_source[(n, n)]) + self.sampling[(n, n)]).sqrt()

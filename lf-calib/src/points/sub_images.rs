@@ -16,7 +16,7 @@ const LEAST_KNOWN_PX: f64 = 0.3;
 
 /// Blur of a point: standard deviations along an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Blur {
+pub(crate) struct PointBlur {
     /// Size of the light source in the object, mm.
     pub object_mm: f64,
     /// Blur of the sub-images on the sensor, px.
@@ -37,7 +37,7 @@ pub(crate) struct SubImage {
 }
 
 /// Expected profile of the sub-images of a point.
-pub(crate) fn spot_profile(optics: &Optics, view: &PointView, blur: Blur) -> SpotProfile {
+pub(crate) fn spot_profile(optics: &Optics, view: &PointView, blur: PointBlur) -> SpotProfile {
     let px_per_mm = 1.0 / optics.pixel_pitch_mm();
     let (i, j) = optics.lattice().lenslet_at(view.chief_mm());
     let width_px = (12.0 * cell_variance_mm2(optics)).sqrt() * view.widening((i, j)).abs() * px_per_mm;
@@ -50,7 +50,7 @@ pub(crate) fn measure(
     image: ArrayView2<f32>,
     optics: &Optics,
     place_mm: DVec3,
-    blur: Blur,
+    blur: PointBlur,
     farthest_px: f64,
     search: bool,
 ) -> Vec<SubImage> {

@@ -1,6 +1,6 @@
 //! The blur of the sub-images of a target's dots.
 
-use crate::points::sub_images::{Blur, measure};
+use crate::points::sub_images::{PointBlur, measure};
 use crate::points::view::PointView;
 use glam::DVec3;
 use lf_core::optics::Optics;
@@ -19,12 +19,12 @@ const FACTORS: [f64; 5] = [0.8, 0.9, 1.0, 1.1, 1.22];
 const BLUR_DOTS: usize = 24;
 
 /// The blur that gives the sub-images of points at `places` the smallest uncertainties.
-pub(crate) fn best_blur(image: ArrayView2<f32>, optics: &Optics, places: &[DVec3]) -> Blur {
+pub(crate) fn best_blur(image: ArrayView2<f32>, optics: &Optics, places: &[DVec3]) -> PointBlur {
     let middle = places.get(places.len() / 2).copied().unwrap_or(DVec3::Z);
     let px_per_mm = PointView::new(optics, middle).px_per_mm();
     let every = (places.len() / BLUR_DOTS).max(1);
     let some: Vec<DVec3> = places.iter().step_by(every).copied().collect();
-    let blur = |blur_px: f64| Blur { object_mm: blur_px / px_per_mm, sensor_px: SENSOR_PX };
+    let blur = |blur_px: f64| PointBlur { object_mm: blur_px / px_per_mm, sensor_px: SENSOR_PX };
     let median_uncertainty = |blur_px: f64| {
         let read = |place: &DVec3| measure(image, optics, *place, blur(blur_px), NEXT_PX, false);
         let mut all: Vec<f64> = some.par_iter().flat_map_iter(read).map(|sub_image| sub_image.uncertainty_px).collect();

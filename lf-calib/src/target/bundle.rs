@@ -1,7 +1,7 @@
 //! Bundle adjustment: the sub-images of a target at all its depths, and the camera and pose that fit them.
 
 use crate::fit::changes::{Changes, TargetPose};
-use crate::fit::equations::{Estimate, NormalEquations, Observation};
+use crate::fit::equations::{NormalEquations, Observation, ParameterEstimate};
 use crate::fit::parameter::Parameter;
 use crate::fit::robust::{OUTLIER, deviation};
 use crate::points::sub_images::SubImage;
@@ -52,14 +52,14 @@ pub(crate) struct BundleFit {
     /// Changes of all parameters.
     pub changes: Changes,
     /// The last step, with the uncertainties.
-    pub estimate: Estimate,
+    pub estimate: ParameterEstimate,
     /// The residuals.
-    pub misfit: Misfit,
+    pub misfit: BundleMisfit,
 }
 
 /// Size of the residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Misfit {
+pub(crate) struct BundleMisfit {
     /// Root mean square of a coordinate of the sub-images that have weight, px.
     pub rms_px: f64,
     /// The same from the sub-images' own uncertainties, px.
@@ -105,7 +105,7 @@ impl Bundle<'_> {
     }
 
     /// The residuals with given changes.
-    pub fn misfit(&self, changes: &Changes) -> Misfit {
+    pub fn misfit(&self, changes: &Changes) -> BundleMisfit {
         let observations = self.observations(changes, &[]);
         let scatter = deviation(observations.iter().flatten().map(distance).collect());
         let (mut squares, mut expected, mut kept) = (0.0, 0.0, 0);
@@ -117,7 +117,7 @@ impl Bundle<'_> {
             }
         }
         let rms = |squares: f64| (squares / kept.max(1) as f64).sqrt();
-        Misfit { rms_px: rms(squares), expected_px: rms(expected), kept, sub_images: self.sub_images() }
+        BundleMisfit { rms_px: rms(squares), expected_px: rms(expected), kept, sub_images: self.sub_images() }
     }
 
     /// Fits some parameters, from given changes. None if they cannot be told apart or leave the range of a camera.

@@ -3,7 +3,7 @@
 use crate::fit::changes::TargetPose;
 use crate::points::locate::{FEWEST, locate};
 use crate::points::refocus::refocus;
-use crate::points::sub_images::{Blur, measure};
+use crate::points::sub_images::{PointBlur, measure};
 use crate::points::view::PointView;
 use crate::target::blur::{NEXT_PX, SENSOR_PX, best_blur};
 use crate::target::bundle::DotSighting;
@@ -63,7 +63,7 @@ pub(crate) fn first_look(
     let inside = half_view_mm - axis.alpha().abs() * optics.half_aperture_mm() * 0.5 / optics.beta(depth);
     let peaks: Vec<DVec2> = refocused.peaks(APART * spacing).into_iter().map(|(_, place)| place).collect();
     let found = recognise(&flat, &peaks, inside.max(0.3 * half_view_mm), shift_mm)?;
-    let rough = Blur { object_mm: 0.6 / axis.px_per_mm(), sensor_px: SENSOR_PX };
+    let rough = PointBlur { object_mm: 0.6 / axis.px_per_mm(), sensor_px: SENSOR_PX };
     let located: Vec<(usize, DVec3)> = found
         .pairs
         .par_iter()

@@ -59,7 +59,7 @@ pub fn main_lens_watched(
     nominal: &Camera,
     watch: &dyn Fn(u64),
 ) -> Result<MainLensFit, (Option<usize>, Refusal)> {
-    let search = Search { exposures, nominal, ids: numbers_by_id(exposures), watch };
+    let search = TargetSearch { exposures, nominal, ids: numbers_by_id(exposures), watch };
     let groups = groups(nominal);
     let (sightings, start) = search.first_looks()?;
     let first = search.first_fit(&sightings, &groups, &start).ok_or_else(unsolved)?;
@@ -113,14 +113,14 @@ fn unsolved() -> ImageRefusal {
 }
 
 /// The images, the camera and the numbers of the dots.
-struct Search<'a> {
+struct TargetSearch<'a> {
     exposures: &'a [Exposure],
     nominal: &'a Camera,
     ids: BTreeMap<u64, usize>,
     watch: &'a dyn Fn(u64),
 }
 
-impl Search<'_> {
+impl TargetSearch<'_> {
     fn bundle<'a>(&'a self, sightings: &'a [DotSighting]) -> Bundle<'a> {
         Bundle { nominal: self.nominal, sightings, dots: self.ids.len() }
     }

@@ -3,7 +3,7 @@
 use crate::fit::changes::Changes;
 use crate::fit::parameter::Parameter;
 use crate::fit::record::record;
-use crate::target::bundle::{BundleFit, DotSighting, Misfit};
+use crate::target::bundle::{BundleFit, BundleMisfit, DotSighting};
 use crate::target::exposure::Exposure;
 use crate::target::selection::GroupResult;
 use lf_core::camera::Camera;
@@ -43,7 +43,7 @@ pub(crate) fn report(
     nominal: &Camera,
     fit: &BundleFit,
     results: &[GroupResult],
-    pose_only: Misfit,
+    pose_only: BundleMisfit,
     used: Vec<usize>,
     sightings: &[DotSighting],
     exposures: &[Exposure],
