@@ -11,7 +11,7 @@ use crate::points::view::PointView;
 use glam::{DVec2, DVec3};
 use lf_core::camera::Camera;
 use lf_core::optics::Optics;
-use lf_core::statistics::{NORMAL_PER_MAD, upper_median};
+use lf_core::statistics::upper_median;
 use ndarray::Array2;
 
 /// Blur of the sub-images of a particle, beside that by the lenslets' cells and the pixels, px.
@@ -22,6 +22,8 @@ const FIRST_PX: f64 = 4.0;
 const LEAST_SEEN: f64 = 0.55;
 /// Largest scatter of the sub-images about the point that they come from, px.
 const LARGEST_SCATTER_PX: f64 = 0.35;
+/// Standard deviations of a normal distribution in one median absolute deviation, to five digits.
+const PER_DEVIATION: f64 = 1.4826;
 /// Evidence that a change needs, in squared standard deviations, and the addition for each further parameter of its
 /// group.
 const NEEDED: f64 = 16.0;
@@ -77,7 +79,7 @@ pub(crate) fn equations(seen: &[(IsolatedParticle, StopFill)], camera: &Camera) 
     let scatter = deviation(shifts.iter().map(|shift| shift.distance(middle)).collect()).max(1e-3);
     let logs: Vec<f64> = seen.iter().map(|(_, fill)| fill.spread.ln()).collect();
     let size = median(logs.clone());
-    let size_scatter = (NORMAL_PER_MAD * median(logs.iter().map(|log| (log - size).abs()).collect())).max(1e-3);
+    let size_scatter = (PER_DEVIATION * median(logs.iter().map(|log| (log - size).abs()).collect())).max(1e-3);
     let observation = |off_px, uncertainty_px, slopes| Observation {
         off_px,
         uncertainty_px,
