@@ -22,7 +22,7 @@ const FIRST_PX: f64 = 4.0;
 const LEAST_SEEN: f64 = 0.55;
 /// Largest scatter of the sub-images about the point that they come from, px.
 const LARGEST_SCATTER_PX: f64 = 0.35;
-/// Standard deviations of a normal distribution in one median absolute deviation, to five digits.
+/// Standard deviation of a normal distribution over its median absolute deviation, to five digits.
 const PER_DEVIATION: f64 = 1.4826;
 /// Evidence that a change needs, in squared standard deviations, and the addition for each further parameter of its
 /// group.
