@@ -1,4 +1,4 @@
-//! What the six command lines have in common.
+//! Rules that all six command lines share.
 
 use lf_tests::Call;
 use lf_tests::samples::Samples;

@@ -1,4 +1,4 @@
-//! A tool's output depends on its input's bytes and on nothing else: not on how they came, not on threads, not on the run.
+//! The output of a tool depends only on the bytes of its inputs: not on pipes, threads or earlier runs.
 
 use lf_tests::samples::Samples;
 use lf_tests::uses::{Use, uses};
@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What a use gives: standard output, and the bytes of each file of its output.
+/// The outcome of a use: standard output, and the bytes of each file of its output.
 fn outcome(this: &Use, inputs: &[PathBuf], output: &Path, more: &[&str], stdin: Stdin) -> BTreeMap<String, Vec<u8>> {
     let call = this.call(inputs, output).words(more);
     let call = match stdin {

@@ -198,7 +198,7 @@ fn bad_scenes_are_refused_by_name() {
         ("target", "dots.depths_mm=[300]", "depths_mm"),
         ("target", "dots.spacing_mm=1e-4", "dots"),
     ] {
-        // What is no scene at all is not even printed.
+        // An invalid scene is not even printed.
         let printed = Call::new("lf-synth").words(["scene", name, "--set", key]).run();
         if !printed.status.success() {
             printed.refused(named);

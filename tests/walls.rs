@@ -1,27 +1,9 @@
 //! The walls between the crates, and between the command line and the library of each tool.
 
+use crate::sources::{EXAMPLE, Source, crates, sources};
 use lf_tests::tools::{TOOLS, cargo, workspace};
 use serde_json::Value;
-use std::fs;
-use std::path::{Path, PathBuf};
-
-/// Package and folder of the example of a stage of one's own. It keeps the same walls as a tool.
-const EXAMPLE: (&str, &str) = ("lf-refocus", "scripts/examples/refocus");
-
-/// Every Rust source under a folder, with its text. Empty if there is no such folder.
-fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).into_iter().flatten() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            found.extend(sources(&path));
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            let text = fs::read_to_string(&path).unwrap();
-            found.push((path, text));
-        }
-    }
-    found
-}
+use std::path::Path;
 
 /// The two sides of the wall inside a tool.
 #[derive(Clone, Copy, PartialEq)]
@@ -33,17 +15,17 @@ enum Side {
 }
 
 /// The sources of one side of a tool.
-fn side(tool: &str, side: Side) -> Vec<(PathBuf, String)> {
+fn side(tool: &str, side: Side) -> Vec<Source> {
     let folder = workspace().join(tool).join("src");
-    let main = fs::read_to_string(folder.join("main.rs")).unwrap();
-    let modules: Vec<&str> = main.lines().filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')).collect();
+    let mut all = sources(&folder);
+    let main = all.iter().find(|source| source.path == folder.join("main.rs")).expect("a tool has a main.rs");
+    let modules = main.modules();
     let is_cli = |path: &Path| {
         let first = path.strip_prefix(&folder).unwrap().iter().next().unwrap().to_string_lossy().into_owned();
         let stem = first.trim_end_matches(".rs");
-        stem == "main" || modules.contains(&stem)
+        stem == "main" || modules.iter().any(|module| module == stem)
     };
-    let mut all = sources(&folder);
-    all.retain(|(path, _)| is_cli(path) == (side == Side::Cli));
+    all.retain(|source| is_cli(&source.path) == (side == Side::Cli));
     assert!(!all.is_empty(), "{tool} has sources");
     all
 }
@@ -55,12 +37,12 @@ fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
 }
 
 /// The places at which the code of `sources` has one of `words`.
-fn mentions(sources: &[(PathBuf, String)], words: &[&str]) -> Vec<String> {
+fn mentions(sources: &[Source], words: &[&str]) -> Vec<String> {
     let mut found = Vec::new();
-    for (path, text) in sources {
-        for (n, line) in code(text) {
+    for source in sources {
+        for (n, line) in code(&source.text) {
             if let Some(word) = words.iter().find(|word| line.contains(**word)) {
-                found.push(format!("{}:{n} has `{word}`", path.display()));
+                found.push(format!("{}:{n} has `{word}`", source.name()));
             }
         }
     }
@@ -77,8 +59,8 @@ fn packages() -> Vec<Value> {
 #[test]
 fn the_renderer_knows_nothing_of_the_weights() {
     for folder in ["src", "tests", "benches", "examples"] {
-        for (path, text) in sources(&workspace().join("lf-synth").join(folder)) {
-            assert!(!text.contains("weights::"), "{} uses the weights", path.display());
+        for source in sources(&workspace().join("lf-synth").join(folder)) {
+            assert!(!source.text.contains("weights::"), "{} uses the weights", source.name());
         }
     }
 }
@@ -112,17 +94,17 @@ fn command_lines_hold_no_loop_over_voxels_or_pixels() {
     const DATA: [&str; 10] =
         ["indices", "pixels", "voxel", "intensity", "score", "column(", "shape", "width", "height", ".len()"];
     for tool in TOOLS.into_iter().chain([EXAMPLE.1]) {
-        for (path, text) in side(tool, Side::Cli) {
-            for (n, line) in code(&text) {
+        for source in side(tool, Side::Cli) {
+            for (n, line) in code(&source.text) {
                 let start = line.trim_start();
-                let place = format!("{}:{n}", path.display());
+                let place = format!("{}:{n}", source.name());
                 assert!(!start.starts_with("while ") && !start.starts_with("loop "), "{place} has a loop");
                 if let Some((_, over)) = start.strip_prefix("for ").and_then(|rest| rest.split_once(" in ")) {
                     let over = if over.starts_with('[') { "a few literals" } else { over };
                     assert!(!DATA.iter().any(|word| over.contains(word)), "{place} loops over {over}");
                 }
             }
-            assert_eq!(mentions(&[(path, text)], &["par_iter", "for_each_init", "unsafe"]), [""; 0]);
+            assert_eq!(mentions(&[source], &["par_iter", "for_each_init", "unsafe"]), [""; 0]);
         }
     }
 }
@@ -156,8 +138,10 @@ fn libraries_have_no_paths_no_printing_no_clock_and_no_globals() {
 fn the_weights_know_no_files() {
     let weights = workspace().join("lf-core/src/weights");
     assert_eq!(mentions(&sources(&weights), &["std::fs", "std::path", "crate::io", "crate::image"]), [""; 0]);
-    let optics = fs::read_to_string(workspace().join("lf-core/src/optics.rs")).unwrap();
-    assert_eq!(mentions(&[("optics.rs".into(), optics)], &["weights::", "std::fs", "std::path"]), [""; 0]);
+    let mut optics = sources(&workspace().join("lf-core/src"));
+    optics.retain(|source| source.name().contains("src/optics"));
+    assert!(!optics.is_empty());
+    assert_eq!(mentions(&optics, &["weights::", "std::fs", "std::path"]), [""; 0]);
 }
 
 // Mapping a file and vector instructions need unsafe code. It stays where a reader looks for it.
@@ -170,9 +154,9 @@ fn unsafe_code_has_its_places() {
             || name == "simd.rs"
             || name.starts_with("kernel")
     };
-    for crate_name in TOOLS.into_iter().chain(["lf-core", EXAMPLE.1]) {
-        let mut all = sources(&workspace().join(crate_name).join("src"));
-        all.retain(|(path, _)| !is_place(path));
+    for folder in crates() {
+        let mut all = sources(&workspace().join(folder).join("src"));
+        all.retain(|source| !is_place(&source.path));
         assert_eq!(mentions(&all, &["unsafe {", "unsafe fn", "unsafe impl"]), [""; 0]);
     }
 }
@@ -180,9 +164,9 @@ fn unsafe_code_has_its_places() {
 #[test]
 fn no_source_names_a_place_of_one_machine() {
     for folder in TOOLS.into_iter().chain(["lf-core", "tests", "scripts"]) {
-        for (path, text) in sources(&workspace().join(folder)) {
+        for source in sources(&workspace().join(folder)) {
             for place in [concat!("/ho", "me/"), concat!("/ro", "ot/"), concat!("/wo", "rk/")] {
-                assert!(!text.contains(place), "{} names {place}", path.display());
+                assert!(!source.text.contains(place), "{} names {place}", source.name());
             }
         }
     }

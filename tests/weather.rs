@@ -13,7 +13,7 @@ use tempfile::TempDir;
 /// Longest that anything here may take.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// Whether GNU make is here; a word where it is not.
+/// Whether GNU make is installed; says so if not.
 fn has_make() -> bool {
     let told = Command::new("make").arg("--version").output();
     let is_there = told.is_ok_and(|told| String::from_utf8_lossy(&told.stdout).starts_with("GNU Make"));
@@ -96,7 +96,7 @@ fn leftovers(out: &Path) -> Vec<String> {
     names.filter(|name| name.ends_with(".part")).collect()
 }
 
-/// Whether the file system knows files without a name (tmpfs, ext4 and XFS do); elsewhere a killed process leaves one.
+/// Whether the file system has files without a name (tmpfs, ext4 and XFS do). Elsewhere a killed process leaves a file.
 #[cfg(target_os = "linux")]
 fn has_nameless_files(folder: &Path) -> bool {
     use std::os::unix::fs::OpenOptionsExt;
@@ -109,7 +109,7 @@ fn has_nameless_files(_: &Path) -> bool {
     false
 }
 
-/// What was made, sorted; every line a result that was begun and ended.
+/// The results that were made, sorted; one line for each.
 fn done(out: &Path) -> Vec<String> {
     let mut lines: Vec<String> =
         fs::read_to_string(out.join("log/done.txt")).unwrap().lines().map(str::to_owned).collect();

@@ -1,4 +1,4 @@
-//! What real white images are like: bent, dim, dusty, cut by a second stop, coarse and fine.
+//! White images like real ones: bent, dim, dusty, cut by a second stop, coarse and fine.
 
 use crate::scenes::{camera, cut_discs, discs, farthest_px, image_px, noisy, nominal, squares, uniform};
 use glam::DVec2;
@@ -19,7 +19,7 @@ fn measured(what: &str, truth: &Camera, image: &Array2<f32>, limit_px: f64) -> C
     calibrated
 }
 
-/// A camera of lenslets of so many pixels.
+/// A camera with lenslets of `pitch_px`.
 fn of_pitch(pitch_px: f64, side: usize, layout: Layout) -> Camera {
     let mut truth = camera(side, layout, 0.003, [0.0123, -0.0257]);
     truth.microlenses.focal_length_mm *= pitch_px / 14.0;
@@ -53,7 +53,7 @@ fn a_bent_lattice_is_followed_and_a_perfect_one_stays_perfect() {
     }
 }
 
-// Without regard to the second stop the pitch of this image came out 3e-4 too small.
+// Scar: without a model of the second stop, the pitch of this image came out 3e-4 too small.
 #[test]
 fn a_second_stop_moves_no_centre() {
     for (layout, drift) in [(Layout::Square, 0.008), (Layout::Hexagonal, 0.008), (Layout::Hexagonal, -0.008)] {
@@ -134,10 +134,10 @@ fn dim_missing_and_dusty_lenslets_and_dark_borders() {
 }
 
 #[test]
-fn square_stops_that_overlap_go_by_the_nominal_offset() {
+fn overlapping_square_stops_follow_the_nominal_offset() {
     let mut truth = camera(420, Layout::Square, 0.003, [0.0123, -0.0257]);
     truth.main_lens.aperture = Aperture::Square;
-    // Beats with the pixels leave a tenth of a pixel where a third overlaps; the lattice beside is 10 px off.
+    // With an overlap of a third, beats with the pixels leave 0.1 px. The other possible lattice is 10 px away.
     for (fill, limit_px) in [(1.1, 0.03), (1.3, 0.3)] {
         let image = squares(&truth, fill);
         truth.main_lens.working_f_number = 4.0 / fill;

@@ -1,4 +1,4 @@
-//! Turning, cropping and scaling an image moves the answer exactly as it must.
+//! An image that is turned, cropped or scaled gives the lattice that is turned, cropped or the same.
 
 use crate::scenes::{camera, discs, image_px, noisy};
 use glam::DVec2;
@@ -28,14 +28,14 @@ fn bent() -> Centres {
     }
 }
 
-/// What is measured of an image of a camera of which only the lens and the size are told.
+/// The camera measured from an image. Only the lens and the size are given.
 fn measured(image: &Array2<f32>) -> Camera {
     let mut nominal = camera(0, Layout::Square, 0.0, [0.0, 0.0]);
     (nominal.sensor.width, nominal.sensor.height) = (image.ncols(), image.nrows());
     calibrate(&find_lattice(image).unwrap(), &nominal).unwrap().camera
 }
 
-/// Every lenslet of `before` in the frame, its image moved, must be a lenslet of `after`.
+/// Every lenslet image of `before`, moved, must be a lenslet image of `after` if it lies in the frame.
 fn agree(before: &Camera, after: &Camera, moved: impl Fn(DVec2) -> DVec2) {
     assert_eq!(before.microlenses.layout, after.microlenses.layout);
     assert_eq!(before.centres.is_some(), after.centres.is_some());

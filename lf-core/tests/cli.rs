@@ -9,7 +9,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Output, Stdio};
 
-/// Set where this program is to be the tool.
+/// Variable that makes this program the tool.
 const TOOL: &str = "LF_TEST_TOOL";
 
 /// A tool that does what it is told

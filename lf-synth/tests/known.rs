@@ -18,13 +18,13 @@ fn point(place: [f64; 3]) -> Particle {
     Particle { id: 7, place_mm: DVec3::from(place), intensity: 1000.0, size: 1.0 }
 }
 
-/// A point that is almost one: 1e-4 px.
+/// The image of a point, of 1e-4 px.
 fn image_of(camera: &Camera, stop: Option<SecondStop>, place: [f64; 3], rays: u32) -> Rendered {
     let glow = Glow { shape: Shape::Disc, size_mm: 5.5e-7, rays: RayCount::Fixed(rays) };
     rays::frame(&Instrument::new(camera, stop, None), &[point(place)], &glow, 1, |_| ())
 }
 
-/// Mean place of the light in a part of the image, px from the left and top edges.
+/// Centroid of the light in a part of the image, px from the left and top edges.
 fn centroid(image: &Rendered, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) -> DVec2 {
     let (mut sum, mut moment) = (0.0, DVec2::ZERO);
     for row in rows {
@@ -37,8 +37,8 @@ fn centroid(image: &Rendered, columns: std::ops::Range<usize>, rows: std::ops::R
     moment / sum
 }
 
-/// A point in focus on the axis of lenslet (2, 3) lights that lenslet's image, a disc as wide as the pitch centred at
-/// c (1 + k), evenly: 1000 counts over pi 7^2 pixels.
+/// A point in focus on the axis of lenslet (2, 3) evenly lights the image of that lenslet: 1000 counts over a disc of
+/// diameter 14 px, a pitch, about c (1 + k).
 #[test]
 fn a_point_in_focus_fills_the_disc_of_one_lenslet() {
     let camera = camera(Aperture::Circle);
@@ -60,8 +60,7 @@ fn a_point_in_focus_fills_the_disc_of_one_lenslet() {
     assert!((image.arrived - image.emitted).abs() < 1e-6);
 }
 
-/// Light is neither made nor lost: what arrives is what is in the image, and beside the sensor's edge, where a point on the
-/// axis of the edge's lenslets has half of its light, the other half is lost.
+/// The image holds exactly the light that arrives. At the edge of the sensor, half of a point's light is lost; outside, all.
 #[test]
 fn light_arrives_or_is_lost() {
     let camera = camera(Aperture::Square);
@@ -74,8 +73,8 @@ fn light_arrives_or_is_lost() {
     }
 }
 
-/// The middle of the light under lenslet c of a point on the axis is at c + k (1 - 1/alpha) c: it drifts from lenslet to
-/// lenslet by k (1 - 1/alpha) of the pitch, inwards before the focal plane (Z > 0) and outwards behind it.
+/// A point on the axis lights lenslet c about c + k (1 - 1/alpha) c. From lenslet to lenslet the light drifts by
+/// k (1 - 1/alpha) of the pitch: inwards for points before the focal plane (Z > 0), outwards behind it.
 #[test]
 fn sub_images_drift_by_the_depth_and_its_sign() {
     let camera = camera(Aperture::Square);
@@ -83,7 +82,7 @@ fn sub_images_drift_by_the_depth_and_its_sign() {
         let image = image_of(&camera, None, [0.0385, 0.0385, z], 400_000);
         let beta = 400.0 / (400.0 - z);
         let alpha = beta - 1.0;
-        // Lenslets 3 either way from the one on which the point's image lies, none cut by the rim of the beam.
+        // Lenslets within 3 of the one that holds the image of the point. The rim of the beam cuts none of them.
         let centre_px = |n: i64| (n as f64 + 0.5) * 14.0 + 266.0;
         for n in [-3, -2, 0, 1] {
             let c = (n as f64 + 0.5) * 0.077;
@@ -95,7 +94,7 @@ fn sub_images_drift_by_the_depth_and_its_sign() {
     }
 }
 
-/// Images of lenslets in white light are p (1 + k) apart: over 30 lenslets, 0.32 px more than the lenslets are.
+/// White images of lenslets are p (1 + k) apart: over 30 lenslets, 0.32 px more than the lenslets themselves.
 #[test]
 fn lenslet_images_are_wider_apart_than_lenslets() {
     let mut camera = camera(Aperture::Circle);
@@ -108,7 +107,7 @@ fn lenslet_images_are_wider_apart_than_lenslets() {
     assert!((plateau - 1000.0).abs() < 25.0, "{plateau}");
 }
 
-/// In water behind a window, near the axis of a lens stopped down, a point at depth Z looks as one at Z / n in air.
+/// Near the axis of a lens stopped down, a point at depth Z in water behind a window looks like one at Z / n in air.
 #[test]
 fn water_brings_depths_nearer() {
     let mut air = camera(Aperture::Square);
@@ -126,7 +125,8 @@ fn water_brings_depths_nearer() {
     }
 }
 
-/// The 1D oracle: shares of the aperture by pixel column, cut at lenslet edges and then at pixel edges.
+/// The oracle in one dimension: the share of the aperture that each pixel column sees, by intervals between lenslet edges
+/// and pixel edges.
 fn columns(camera: &Camera, x_mm: f64, z_mm: f64) -> Vec<f64> {
     let (pitch, pixel) = (camera.microlenses.pitch_mm, camera.sensor.pixel_pitch_mm);
     let (s_i, s_o) = (camera.image_distance_mm(), camera.object_distance_mm());
@@ -152,9 +152,9 @@ fn columns(camera: &Camera, x_mm: f64, z_mm: f64) -> Vec<f64> {
     shares
 }
 
-/// Behind a square stop and a lattice in line, an image is the product of its columns and its rows.
+/// With a square stop and an axis-aligned lattice, an image is the product of its columns and its rows.
 #[test]
-fn images_are_those_of_the_interval_oracle() {
+fn images_match_the_interval_oracle() {
     let camera = camera(Aperture::Square);
     for (x, y, z) in [(0.011, -0.043, 3.3), (-0.2, 0.31, -4.7), (0.02, 0.005, 0.4)] {
         let image = image_of(&camera, None, [x, y, z], 1_000_000);
@@ -169,14 +169,14 @@ fn images_are_those_of_the_interval_oracle() {
     }
 }
 
-/// A second stop 100 mm before the aperture, as wide as it: of a white field's beam to the place x_m on the array it passes
-/// the overlap of two discs 100 (x_m / s_i) apart, at 4 mm on the array 1 mm: 1 - 2 * 1 / (pi 50) of the light nearly.
+/// A second stop 100 mm before the aperture, as wide as the beam there. Of the white beam to the place x_m on the array it
+/// passes the overlap of two discs whose centres are 100 x_m / s_i apart.
 #[test]
 fn a_second_stop_cuts_the_overlap_of_two_discs() {
     let mut camera = camera(Aperture::Circle);
     camera.sensor.width = 2800;
     camera.sensor.height = 28;
-    // A beam towards the middle comes from a disc magnified by what lies before the lens: 1 - 100 (1 / f - 1 / s_i).
+    // The beam to the middle comes from a disc magnified by 1 - 100 (1 / f - 1 / s_i).
     let magnified = 1.0 - 100.0 * (1.0 / 200.0 - 1.0 / 400.0);
     let stop = SecondStop { distance_mm: 100.0, diameter_mm: 100.0 * magnified };
     let open = rays::white(&Instrument::new(&camera, None, None), &camera, 1000.0, 20_000, 1, |_| ());
@@ -187,7 +187,8 @@ fn a_second_stop_cuts_the_overlap_of_two_discs() {
             image.pixels.slice(ndarray::s![.., columns]).iter().map(|light| f64::from(*light)).sum()
         };
         let x_mm = (14.0 * (lenslet as f64 + 2.0) - 1400.0) * 0.0055;
-        // At the second stop the beam is shifted by 100 x / s_i; seen from the aperture, by that over its magnification.
+        // At the second stop the beam is shifted by 100 x / s_i; seen from the aperture, the shift is divided by the
+        // magnification.
         let apart = 100.0 * x_mm / 400.0 / magnified;
         let part = 0.5 * apart / 50.0;
         let overlap = (2.0 * part.acos() - 2.0 * part * (1.0 - part * part).sqrt()) / std::f64::consts::PI;
@@ -198,7 +199,7 @@ fn a_second_stop_cuts_the_overlap_of_two_discs() {
     assert!(ratio < open.arrived / open.emitted);
 }
 
-/// What changes nothing leaves the bytes alone: a second stop too wide to cut anything. A medium that is air does but round.
+/// A second stop too wide to cut anything leaves the bytes alone. A medium of index 1 changes only the rounding.
 #[test]
 fn effects_without_effect_change_nothing() {
     let camera = camera(Aperture::Circle);

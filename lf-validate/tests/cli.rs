@@ -359,7 +359,7 @@ fn every_limit_decides_and_the_score_is_printed_all_the_same() {
         assert_eq!(output.status.code(), Some(code), "{limit:?}: {output:?}");
         assert_eq!(output.json()["outliers"], 1);
     }
-    // Of w nothing is stated: no share of nothing is enough.
+    // Nothing is stated for w, so no coverage is enough.
     let silent = save_even(&bench, "silent.exr", [4, 4, 4], [0.0; 3], &[]);
     assert_eq!(run(&["displacement", "--min-coverage", "0"], &[&truth, &silent]).status.code(), Some(1));
     run(&["displacement", "--min-coverage", "1.1"], &[&truth, &field]).refusal();

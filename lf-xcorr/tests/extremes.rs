@@ -72,7 +72,7 @@ fn thousands_of_particles_in_a_window_are_measured() {
     }
 }
 
-/// Windows that hold one particle, or a part of one that the window's edge cuts: most are right, and the rest says so.
+/// Windows that hold one particle, or a part of one at their edge. Most are right; the others are marked.
 #[test]
 fn one_particle_in_a_window_is_measured() {
     let [a, b] = cloud(1.0, 0.8);
@@ -90,11 +90,11 @@ fn one_particle_in_a_window_is_measured() {
         seen.len(),
         field.len()
     );
-    // Of a single particle nothing can be said but that.
+    // A single particle gives no uncertainty.
     assert!(field.su.iter().filter(|s| s.is_nan()).count() * 2 > field.len());
 }
 
-/// Light everywhere, a third of a particle's peak: the ground is no particle and hardly pulls.
+/// Even light everywhere, a third of a particle's peak, hardly changes the vectors.
 #[test]
 fn an_even_ground_changes_little() {
     let [a, b] = cloud(10.0, 0.8);
@@ -124,7 +124,7 @@ fn displacements_beyond_half_a_window_are_found() {
     assert!(count * 10 > field.len() * 8, "{count} of {}", field.len());
 }
 
-/// Scar: what deformation moves out of a thin volume was taken for a field that is lost.
+/// Scar: light that deformation moved out of a thin volume was taken for a lost field.
 #[test]
 fn thin_volumes_with_a_displacement_along_the_thin_axis_are_measured() {
     for (thick, w) in [(1, 0.0), (2, 0.5), (4, 1.2), (6, 2.0)] {

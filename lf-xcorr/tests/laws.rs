@@ -1,4 +1,4 @@
-//! What must hold whatever the particles are.
+//! Laws that hold for any particles.
 
 use crate::scene::{self, Volume};
 use lf_core::field::{Cut, Field, Layout, MEASURED, NO_DATA, REPLACED};
@@ -27,7 +27,7 @@ fn a_volume_against_itself_is_exactly_zero() {
     assert!(field.flag.iter().all(|&flag| flag == MEASURED));
     assert!([&field.u, &field.v, &field.w].iter().all(|u| u.iter().all(|&u| u == 0.0)));
     assert!(field.peak.iter().all(|&peak| peak == 1.0));
-    // What is left is the floor, and nothing where one particle image is all there is.
+    // The stated uncertainty is the floor. A window with one particle image states none.
     let stated = |s: &f32| if s.is_nan() { None } else { Some(*s) };
     assert!(field.su.iter().chain(&field.sw).filter_map(stated).all(|s| s > 0.0 && s < 0.0011));
     assert!(field.su.iter().filter_map(stated).count() > field.len() * 9 / 10);
@@ -128,7 +128,7 @@ fn a_dark_window_has_no_data_and_never_a_zero() {
     assert!(dark > 0);
 }
 
-/// One window of the second volume holds other particles; windows do not overlap, so its neighbours are all good.
+/// One window of the second volume holds other particles. Windows do not overlap, so all its neighbours are good.
 #[test]
 fn a_wrong_window_is_replaced_and_says_so() {
     let grid = scene::grid([96, 96, 48]);

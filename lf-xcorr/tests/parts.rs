@@ -1,4 +1,4 @@
-//! Masks, several pairs, lists of passes, transforms: what can be asked for beside the usual.
+//! Options beyond the usual: masks, several pairs, lists of passes, transforms.
 
 use crate::scene::{self, Volume, Wear};
 use lf_core::field::{Field, MEASURED};
@@ -135,7 +135,7 @@ fn one_pass_is_enough_and_never_deforms_when_told_so() {
     assert!(rms(&outcome.field) < 0.03, "{}", rms(&outcome.field));
 }
 
-/// Transforms find the peak, the direct sums its place: what is found is the same.
+/// Transforms find the peak and direct sums its place, so both give the same field.
 #[test]
 fn transforms_and_products_find_the_same_field() {
     let [a, b] = cloud(6, 20.0, Wear::default());
@@ -155,7 +155,7 @@ fn transforms_and_products_find_the_same_field() {
     assert!(count * 50 < direct.len(), "{count} of {} vectors differ", direct.len());
 }
 
-/// What shift-only windows lose in a shear of a fifth of a voxel a voxel, deformed ones do not.
+/// Deformed windows follow a shear of 0.2 voxel per voxel; shifted windows do not.
 #[test]
 fn deformation_follows_a_steep_gradient() {
     let grid = scene::grid([96, 96, 64]);

@@ -34,7 +34,7 @@ fn worn_particles_are_covered_as_a_standard_uncertainty_says() {
 }
 
 #[test]
-fn what_windows_are_too_large_for_is_stated() {
+fn errors_of_windows_too_large_for_the_flow_are_stated() {
     let found = coverage(12.0, 0.75, Wear::default(), 1..2, vortices(4.0));
     (0..2).for_each(|axis| {
         let ratio = found.stated_vox[axis] / found.error_vox[axis];

@@ -15,7 +15,7 @@ pub const SENSOR_PX: usize = 140;
 
 const PITCH_PX: usize = 14;
 
-/// What an argument has to be.
+/// The kind of file that an argument names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// `camera.json`.
@@ -30,7 +30,7 @@ pub enum Kind {
     Support,
     /// A `.lfv` of light.
     Volume,
-    /// The same light a voxel further.
+    /// The same light, moved by one voxel.
     Moved,
     /// A vector field.
     Field,
@@ -51,7 +51,7 @@ impl Kind {
         }
     }
 
-    /// A kind of another format, which a tool that wants this one cannot take.
+    /// A kind of another format, which a tool that wants this kind must refuse.
     pub fn stranger(self) -> Self {
         match self {
             Self::Image | Self::White | Self::Field | Self::Camera | Self::Scene => Self::Volume,
@@ -60,20 +60,20 @@ impl Kind {
     }
 }
 
-/// How an input is spoilt.
+/// A way to spoil an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Damage {
-    /// It is not there.
+    /// The file is missing.
     Missing,
     /// It is a folder.
     Folder,
     /// It has no bytes.
     Empty,
-    /// It is text of no meaning.
+    /// It is meaningless text.
     Text,
-    /// It is bytes of no meaning.
+    /// It is random bytes.
     Noise,
-    /// It is a sound file of another format.
+    /// It is a good file of another format.
     Stranger,
     /// Only its first seven bytes are left.
     Stub,
@@ -166,7 +166,7 @@ impl Samples {
         self.write(&name, bytes)
     }
 
-    /// Names of all that lies in the folder and its outputs, sorted.
+    /// Sorted names of all files and folders in the folder, at any depth.
     pub fn listing(&self) -> Vec<String> {
         fn collect(folder: &Path, names: &mut Vec<String>) {
             for entry in fs::read_dir(folder).expect("a folder of the test") {
@@ -213,7 +213,7 @@ fn scene(camera: &Camera) -> String {
     .to_string()
 }
 
-/// Speckle under four of five lenslets and darkness under the fifth: some voxels are pruned and some are not.
+/// Speckle under four of five lenslets and darkness under the fifth, so that pruning keeps some voxels.
 fn speckle(x: usize, y: usize) -> f32 {
     let lenslet = x / PITCH_PX + 7 * (y / PITCH_PX);
     if lenslet % 5 == 3 { 0.0 } else { 100.0 + ((x * 7919 + y * 104_729) % 101) as f32 }

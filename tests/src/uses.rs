@@ -1,4 +1,4 @@
-//! Ways to use the tools, as data: what holds for every tool is tested once, over this table.
+//! Ways to use the tools, as a table. Rules for every tool are tested over it.
 
 use crate::call::Call;
 use crate::samples::{Kind, Samples};
@@ -22,7 +22,7 @@ use Word::{Input, Output, Plain};
 pub struct Use {
     /// The tool.
     pub tool: &'static str,
-    /// What follows its name. The first input can also come from standard input where `pipes` is set.
+    /// Its arguments. If `pipes` is set, the first input can also come from standard input.
     pub words: &'static [Word],
     /// Whether the first input is the tool's main input.
     pub pipes: bool,
@@ -212,7 +212,7 @@ impl Use {
         self.words.iter().filter_map(|word| if let Input(kind) = word { Some(*kind) } else { None }).collect()
     }
 
-    /// Name of its output file or folder; none where the answer is on standard output.
+    /// Name of its output file or folder; none if it answers on standard output.
     pub fn output(&self) -> Option<&'static str> {
         self.words.iter().find_map(|word| if let Output(name) = word { Some(*name) } else { None })
     }
@@ -222,7 +222,7 @@ impl Use {
         self.output().is_some_and(|name| !name.contains('.'))
     }
 
-    /// Whether it takes whatever it can recognise.
+    /// Whether it accepts every kind of file.
     pub fn takes_any_kind(&self) -> bool {
         matches!(self.words, [Plain("info"), ..])
     }

@@ -25,7 +25,7 @@ pub fn first_frame(text: &str) -> Result<Vec<Particle>, Refusal> {
     Ok(lines(text)?.into_iter().filter(|(frame, _)| *frame == 0).map(|(_, particle)| particle).collect())
 }
 
-/// What a table of tracks has to be.
+/// The end of messages about a wrong table of tracks.
 pub const TRACKS_WANTED: &str = "wanted a particles.csv of every frame";
 
 /// The particles of each frame of a `particles.csv`, in its order.

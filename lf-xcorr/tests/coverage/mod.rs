@@ -1,4 +1,4 @@
-//! What share of true errors the stated uncertainties cover, on clouds of particles.
+//! The share of true errors that the stated uncertainties cover, on clouds of particles.
 
 use crate::scene::{self, Wear};
 use lf_core::field::MEASURED;

@@ -41,7 +41,7 @@ pub fn pair(
     worn_pair(grid, density, sigma_vox, seed, Wear::default(), shift_vox)
 }
 
-/// What a recording and a reconstruction do to particles.
+/// Changes of particles by recording and reconstruction.
 #[derive(Clone, Copy, Default)]
 pub struct Wear {
     /// Standard deviation of a particle's place in a frame, voxels.
@@ -65,7 +65,7 @@ pub fn worn_pair(
     let extent: [f64; 3] = std::array::from_fn(|a| grid.shape[a] as f64 + 2.0 * margin[a]);
     let count = (density * extent.iter().product::<f64>()).round() as usize;
     let mut random = Pcg64Mcg::seed_from_u64(seed);
-    // A place is the first thing drawn of a particle, so that wear changes no place.
+    // Places have their own random numbers, so that wear changes no place.
     let mut worn = Pcg64Mcg::seed_from_u64(seed ^ 0x9e3779b97f4a7c15);
     let normal = move |worn: &mut Pcg64Mcg| -> f64 { (0..12).map(|_| worn.random::<f64>()).sum::<f64>() - 6.0 };
     let mut dense = [0, 1].map(|_| vec![0f32; grid.len() as usize]);

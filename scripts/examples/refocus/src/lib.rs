@@ -1,6 +1,7 @@
-//! Synthetic refocusing (Ng et al. 2005): what is seen of each voxel, on average over the aperture.
+//! Synthetic refocusing (Ng et al. 2005): the mean, over the aperture, of the pixels that see a voxel.
 //!
-//! The workshop of the stage: slices and arrays in, owned values out. Files and words are the door's, `main.rs`.
+//! In: an image, a camera, a grid and the voxels to refocus. Out: one intensity for each voxel. Open this file first; the
+//! command line is in `cli.rs`.
 
 use glam::DVec2;
 use lf_core::camera::Camera;
@@ -10,7 +11,7 @@ use lf_core::weights::aperture_sections;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-/// Centres of the sections of the aperture inside the stop, mm: as many a side as there are pixels under a lenslet.
+/// Centres of the sections of the aperture inside the stop, mm. Each side has as many sections as a lenslet has pixels.
 fn sections_mm(camera: &Camera, optics: &Optics) -> Vec<DVec2> {
     let n = aperture_sections(camera);
     let centre = |i: usize| optics.half_aperture_mm() * ((2 * i + 1) as f64 / n as f64 - 1.0);
@@ -18,9 +19,10 @@ fn sections_mm(camera: &Camera, optics: &Optics) -> Vec<DVec2> {
     all.filter(|section| optics.passes(*section)).collect()
 }
 
-/// The mean of the pixels that the centre rays of the aperture's sections meet, counts, for each voxel of `indices` (linear,
-/// in `grid`); 0 where they meet none. `image` has the camera's size; a pixel that is NaN is blind and left out.
-/// The work is one ray for each section and voxel, and a voxel's sum is one thread's: threads change no bit of it.
+/// For each voxel of `indices` (linear, in `grid`), the mean of the pixels that the centre rays of the aperture's sections
+/// meet, counts; 0 if they meet none. `image` has the camera's size; NaN marks a blind pixel, which is left out.
+///
+/// The cost is one ray for each section and voxel. One thread adds up each voxel, so the number of threads changes no bit.
 pub fn refocus(image: ArrayView2<f32>, camera: &Camera, grid: &Grid, indices: &[u64]) -> Vec<f32> {
     let optics = Optics::new(camera);
     let sections = sections_mm(camera, &optics);
@@ -54,8 +56,8 @@ mod tests {
                         "offset_mm": [0.0, 0.0]}
     }"#;
 
-    /// A point in focus fills the disc under one lenslet, and the lens puts it on the other side of the axis: at the voxel
-    /// all rays meet the disc, a lenslet further none does.
+    /// A point in focus fills the disc under one lenslet, on the other side of the axis. All rays from its voxel meet the
+    /// disc; none does from a voxel one lenslet further.
     #[test]
     fn a_point_in_focus_is_seen_through_the_whole_aperture() {
         let camera = Camera::from_json(CAMERA).unwrap();
