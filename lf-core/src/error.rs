@@ -32,13 +32,6 @@ pub struct Refusal {
     pub wanted: String,
 }
 
-/// For callers that still fail with a text.
-impl From<Refusal> for String {
-    fn from(refusal: Refusal) -> Self {
-        refusal.to_string()
-    }
-}
-
 impl Refusal {
     /// A refusal; each part is a phrase without a full stop, and `wanted` begins with the word "wanted".
     pub fn new(found: impl Into<String>, wanted: impl Into<String>) -> Self {

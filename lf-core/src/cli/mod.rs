@@ -6,7 +6,6 @@
 //! Exit codes: 0 done; 1 judged, and the answer is no; 2 the work could not be done. Every failure ends in one line on
 //! standard error that starts with the tool's name.
 
-mod common;
 mod complaint;
 mod generate;
 mod memory;
@@ -16,11 +15,9 @@ mod progress;
 mod run;
 mod session;
 mod stats;
-mod usage;
 
-pub use common::Common;
 pub use numbers::numbers;
 pub use preset::{Preset, word};
 pub use progress::Progress;
 pub use run::{Verdict, run};
-pub use session::Session;
+pub use session::{Common, Session};

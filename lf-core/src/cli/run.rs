@@ -1,10 +1,8 @@
 //! The whole of a tool's `main`.
 
-use super::common::Common;
-use super::complaint::{complain, usage};
+use super::complaint::{answer, complain, usage};
 use super::generate;
-use super::session::Session;
-use super::usage::answer;
+use super::session::{Common, Session};
 use crate::history::Step;
 use crate::{Result, io};
 use std::ffi::OsString;

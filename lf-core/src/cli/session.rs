@@ -1,6 +1,5 @@
-//! The handle that a tool's body gets: messages, progress, history, phases.
+//! The options that every tool has, and the handle that its body gets: messages, progress, history, phases.
 
-use super::common::Common;
 use super::complaint::one_line;
 use super::progress::{Progress, Screen};
 use crate::history::{History, Step};
@@ -8,6 +7,24 @@ use crate::{Error, Result, io};
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+/// Options that mean the same in every tool; `#[command(flatten)]` it at the top of a tool's arguments.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Common options")]
+pub struct Common {
+    /// Worker threads; 0 takes every core
+    #[arg(long, value_name = "N", default_value_t = 0, global = true)]
+    pub threads: usize,
+    /// Write seconds per phase, peak memory and counts to FILE as JSON
+    #[arg(long, value_name = "FILE", global = true)]
+    pub stats: Option<PathBuf>,
+    /// Print errors only
+    #[arg(short, long, global = true)]
+    pub quiet: bool,
+    /// Say what was decided and why
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
+}
 
 /// One run of a tool: its messages, its history, its phases and counts.
 pub struct Session {

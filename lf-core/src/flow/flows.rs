@@ -2,7 +2,7 @@
 
 use super::kinds::Flow;
 use super::sampled::Sampled;
-use super::terms::Term;
+use super::terms::term;
 use super::velocity::Velocity;
 use crate::field::Field;
 use crate::{Error, Refusal, io};
@@ -59,9 +59,7 @@ impl Flows {
 
     /// Files of the sampled fields, in their order.
     pub fn sampled(&self) -> Vec<&Path> {
-        let paths =
-            self.all().iter().map(|flow| if let Flow::Sampled { path } = flow { Some(path.as_path()) } else { None });
-        paths.flatten().collect()
+        self.all().iter().filter_map(Flow::sampled).collect()
     }
 
     /// File of the tracks; None if the flow is of another kind.
@@ -104,9 +102,8 @@ impl Flows {
     /// side of a pixel at the focal plane.
     pub fn velocity(&self, sampled: Vec<Sampled>, bounds_mm: [[f64; 2]; 3], pixel_mm: f64) -> Velocity {
         let mut sampled = sampled.into_iter();
-        Velocity::new(
-            self.all().iter().map(|flow| Term::new(flow, &mut sampled, bounds_mm, pixel_mm)).collect(),
-            bounds_mm,
-        )
+        let terms = self.all().iter().map(|flow| term(flow, &mut sampled, bounds_mm, pixel_mm)).collect();
+        let is_uniform = self.all().iter().all(|flow| matches!(flow, Flow::Uniform { .. } | Flow::Tracks { .. }));
+        Velocity::new(terms, is_uniform, bounds_mm)
     }
 }

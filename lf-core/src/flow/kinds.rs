@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A steady flow. Displacements are those of a unit of time, the interval between two frames. Axes need not have unit
 /// length.
@@ -149,6 +149,13 @@ impl Axis {
             Self::Y => DVec3::Y,
             Self::Z => DVec3::Z,
         }
+    }
+}
+
+impl Flow {
+    /// File of a sampled field.
+    pub(super) fn sampled(&self) -> Option<&Path> {
+        if let Self::Sampled { path } = self { Some(path) } else { None }
     }
 }
 

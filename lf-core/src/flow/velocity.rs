@@ -5,7 +5,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// A steady velocity field: the sum of its terms.
-#[derive(Debug, Clone, PartialEq)]
 pub struct Velocity {
     terms: Vec<Term>,
     /// Integration steps in a unit of time; None if the velocity is the same everywhere.
@@ -25,9 +24,10 @@ impl Velocity {
         Self { terms: Vec::new(), steps: None }
     }
 
-    pub(super) fn new(terms: Vec<Term>, bounds_mm: [[f64; 2]; 3]) -> Self {
+    /// The sum of `terms`; `is_uniform` says that none depends on the place.
+    pub(super) fn new(terms: Vec<Term>, is_uniform: bool, bounds_mm: [[f64; 2]; 3]) -> Self {
         let mut velocity = Self { terms, steps: None };
-        if velocity.terms.iter().any(|term| !matches!(term, Term::Uniform(_))) {
+        if !is_uniform {
             velocity.steps = Some(STEPS * velocity.rate(bounds_mm).max(1.0));
         }
         velocity
@@ -54,7 +54,7 @@ impl Velocity {
 
     /// Velocity at a place, mm in a unit of time.
     pub fn at(&self, place_mm: DVec3) -> DVec3 {
-        self.terms.iter().map(|term| term.at(place_mm)).sum()
+        self.terms.iter().map(|term| term(place_mm)).sum()
     }
 
     /// Place of a particle after `time`, mm, by the classical fourth-order Runge-Kutta method. `time` may be negative.

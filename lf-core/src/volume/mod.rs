@@ -1,7 +1,7 @@
 //! Sparse volumes: a grid, the indices of some of its voxels, and named columns of values.
 //!
-//! In: `.lfv` files. Out: views of their columns, and new files. Open first: [`format`], the specification of `.lfv`.
-//! [`tile`] cuts a volume into tiles, [`joined`] puts them together.
+//! In: `.lfv` files. Out: views of their columns, and new files.
+//! Open first: [`mod@format`], the specification. [`tile`] cuts a volume into tiles, [`joined`] puts them together.
 
 mod checks;
 pub mod format;

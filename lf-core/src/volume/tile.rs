@@ -87,7 +87,7 @@ impl Tile {
     /// Tile `index` of `of` of a grid.
     ///
     /// # Errors
-    /// The errors of [`core`].
+    /// The errors of [`core()`].
     pub fn new(
         camera: &Camera,
         grid: &Grid,

@@ -6,7 +6,6 @@ use lf_core::flow::Velocity;
 use rayon::prelude::*;
 
 /// Where the particles of the frames come from.
-#[derive(Debug, Clone, PartialEq)]
 pub enum Tracers {
     /// A flow carries them from frame to frame.
     Carried {

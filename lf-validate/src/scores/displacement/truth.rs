@@ -7,7 +7,6 @@ use lf_core::field::{Field, MEASURED, NO_DATA};
 use lf_core::flow::Velocity;
 
 /// A source of the true displacement.
-#[derive(Debug, Clone, PartialEq)]
 pub enum Truth {
     /// A field. It is interpolated to the places of the measured vectors.
     Field(Box<Field>),
