@@ -74,24 +74,16 @@ impl Grid {
     /// # Errors
     /// An empty axis, too many voxels, a spacing that is not positive, and an origin that is not finite.
     pub fn check(&self) -> Result<(), Refusal> {
-        if self.shape.contains(&0) {
-            return Err(Refusal::new(
-                format!("grid shape {:?} has an empty axis", self.shape),
-                "wanted a voxel an axis",
-            ));
+        let wrong = |found: String, wanted: &str| Err(Refusal::new(format!("grid {found}"), wanted));
+        let count = self.shape.iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64));
+        if !count.is_some_and(|count| (1..=1 << 62).contains(&count)) {
+            return wrong(format!("shape {:?}", self.shape), "wanted 1 to 2^62 voxels");
         }
-        let product = self.shape.iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64));
-        if product.is_none_or(|product| product > 1 << 62) {
-            let found = format!("grid shape {:?} has more voxels than can be counted", self.shape);
-            return Err(Refusal::new(found, "wanted at most 2^62"));
+        if !self.spacing_mm.iter().all(|spacing| spacing.is_finite() && *spacing > 0.0) {
+            return wrong(format!("spacing_mm {:?}", self.spacing_mm), "wanted positive lengths");
         }
-        if !self.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
-            let found = format!("grid spacing_mm {:?} is not positive", self.spacing_mm);
-            return Err(Refusal::new(found, "wanted positive lengths"));
-        }
-        if !self.origin_mm.iter().all(|o| o.is_finite()) {
-            let found = format!("grid origin_mm {:?} is not finite", self.origin_mm);
-            return Err(Refusal::new(found, "wanted finite lengths"));
+        if !self.origin_mm.iter().all(|origin| origin.is_finite()) {
+            return wrong(format!("origin_mm {:?}", self.origin_mm), "wanted finite lengths");
         }
         Ok(())
     }
@@ -145,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn hopeless_grids_are_refused() {
+    fn unusable_grids_are_refused() {
         assert!(Grid::in_bounds([[0.0, 0.0], [0.0, 1.0], [0.0, 1.0]], [0.5; 3]).is_err());
         assert!(Grid::in_bounds([[0.0, 1.0], [0.0, f64::NAN], [0.0, 1.0]], [0.5; 3]).is_err());
         let grid = Grid { shape: [usize::MAX, 2, 2], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };

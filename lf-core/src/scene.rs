@@ -3,7 +3,7 @@
 //! | key | content |
 //! | --- | --- |
 //! | `camera` | a camera as in [`crate::camera`], or the path of its file from the scene's folder: [`CameraSource`] |
-//! | `volume` | `{"x_mm", "y_mm", "z_mm"}`, each `[low, high]` in the object frame of [`crate::optics`]: [`Volume`] |
+//! | `volume` | `{"x_mm", "y_mm", "z_mm"}`, each `[low, high]` in the object frame of [`crate::optics`]: [`LitVolume`] |
 //! | `frames` | a number of frames, or the list of their times; 2 if absent: [`Frames`] |
 //! | `flow` | the motion of the particles: [`crate::flow`] |
 //!
@@ -52,7 +52,7 @@ impl CameraSource {
 /// Bounds of the lit volume, mm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Volume {
+pub struct LitVolume {
     /// Low and high bound along x.
     pub x_mm: [f64; 2],
     /// Low and high bound along y.
@@ -61,7 +61,7 @@ pub struct Volume {
     pub z_mm: [f64; 2],
 }
 
-impl Volume {
+impl LitVolume {
     /// The bounds along x, y, z, mm.
     pub fn bounds_mm(&self) -> [[f64; 2]; 3] {
         [self.x_mm, self.y_mm, self.z_mm]

@@ -12,7 +12,7 @@ use std::time::Instant;
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
-    /// Worker threads; 0 takes every core
+    /// Worker threads; 0 uses every core
     #[arg(long, value_name = "N", default_value_t = 0, global = true)]
     pub threads: usize,
     /// Write seconds per phase, peak memory and counts to FILE as JSON
@@ -21,7 +21,7 @@ pub struct Common {
     /// Print errors only
     #[arg(short, long, global = true)]
     pub quiet: bool,
-    /// Say what was decided and why
+    /// Print decisions and their reasons
     #[arg(short, long, global = true)]
     pub verbose: bool,
 }

@@ -1,11 +1,11 @@
 //! Errors of the system in the words of [`Error`].
 
-use crate::Error;
+use crate::{Error, Refusal};
 use std::io::{self, ErrorKind};
 
-/// The error of a failed write. An [`Error`] carried inside is returned as it is.
+/// The error of a failed write. An [`Error`] carried inside is returned as it is, a [`Refusal`] as one about `subject`.
 pub fn writing(subject: &str, error: &io::Error) -> Error {
-    if let Some(carried) = carried(error) {
+    if let Some(carried) = carried(subject, error) {
         return carried;
     }
     match error.kind() {
@@ -21,9 +21,9 @@ pub fn writing(subject: &str, error: &io::Error) -> Error {
     }
 }
 
-/// The error of a failed read. An [`Error`] carried inside is returned as it is.
+/// The error of a failed read. An [`Error`] carried inside is returned as it is, a [`Refusal`] as one about `subject`.
 pub(super) fn reading(subject: &str, error: &io::Error) -> Error {
-    if let Some(carried) = carried(error) {
+    if let Some(carried) = carried(subject, error) {
         return carried;
     }
     match error.kind() {
@@ -33,8 +33,10 @@ pub(super) fn reading(subject: &str, error: &io::Error) -> Error {
     }
 }
 
-fn carried(error: &io::Error) -> Option<Error> {
-    error.get_ref().and_then(|inner| inner.downcast_ref::<Error>()).cloned()
+fn carried(subject: &str, error: &io::Error) -> Option<Error> {
+    let inner = error.get_ref()?;
+    let refusal = || inner.downcast_ref::<Refusal>().map(|refusal| refusal.clone().about(subject));
+    inner.downcast_ref::<Error>().cloned().or_else(refusal)
 }
 
 /// The system's own words, fit for the middle of a line.

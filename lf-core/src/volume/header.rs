@@ -115,7 +115,7 @@ impl Header {
         text.resize((PREFIX + text.len()).next_multiple_of(ALIGNMENT as usize) - PREFIX, b' ');
         if text.len() > LONGEST_HEADER {
             let found = format!("its header would take {} bytes", text.len());
-            return Err(Refusal::new(found, "at most 1 MiB (LF_HISTORY=off)"));
+            return Err(Refusal::new(found, "wanted at most 1 MiB (LF_HISTORY=off shortens it)"));
         }
         Ok(text)
     }

@@ -78,7 +78,7 @@ fn check(grid: &Grid, indices: &[u64], columns: &[(&str, &[f32])]) -> std::io::R
         assert_eq!(values.len(), indices.len(), "length of column {name}");
         if let Some(at) = first_not_finite(values) {
             let found = format!("column `{name}` would hold {} at index {at}", values[at]);
-            return Err(invalid(Refusal::new(found, "finite values")));
+            return Err(invalid(Refusal::new(found, "wanted finite values")));
         }
     }
     Ok(())
@@ -109,6 +109,6 @@ fn checksum(indices: &[u64], columns: &[(&str, &[f32])], places: &Places) -> u64
     sum.digest()
 }
 
-fn invalid(Refusal { found, wanted }: Refusal) -> std::io::Error {
-    std::io::Error::new(std::io::ErrorKind::InvalidData, format!("{found}, a .lfv holds {wanted}"))
+fn invalid(refusal: Refusal) -> std::io::Error {
+    std::io::Error::new(std::io::ErrorKind::InvalidData, refusal)
 }

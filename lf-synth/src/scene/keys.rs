@@ -8,7 +8,7 @@ use lf_core::Refusal;
 use lf_core::camera::Camera;
 use lf_core::flow::Flows;
 use lf_core::grid::Grid;
-use lf_core::scene::{CameraSource, Frames, Volume};
+use lf_core::scene::{CameraSource, Frames, LitVolume};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ pub struct Scene {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_stop: Option<SecondStop>,
     /// The volume in which particles are lit.
-    pub volume: Volume,
+    pub volume: LitVolume,
     /// The particles.
     pub particles: Particles,
     /// The laser sheet. If absent, the light is even along z.

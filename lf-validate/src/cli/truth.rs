@@ -4,7 +4,7 @@ use super::picture::Picture;
 use lf_core::cli::Session;
 use lf_core::field::Field;
 use lf_core::flow::{Flows, Velocity};
-use lf_core::scene::{self, CameraSource, Frames, Volume};
+use lf_core::scene::{self, CameraSource, Frames, LitVolume};
 use lf_core::{Error, Refusal, Result, io, particles};
 use lf_validate::info::Kind;
 use lf_validate::scores::displacement::Truth;
@@ -17,7 +17,7 @@ const WANTED: &str = "wanted a vector field in EXR, a scene.json or a particles.
 #[derive(serde::Deserialize)]
 struct Motion {
     camera: CameraSource,
-    volume: Volume,
+    volume: LitVolume,
     #[serde(default)]
     flow: Option<Flows>,
     #[serde(default)]
