@@ -173,7 +173,7 @@ fn every_sentence_of_the_specification_is_checked() {
         ("[4, 3, 2]", "[4, 3]", "`grid`"),
         ("[4, 3, 2]", "[4, 0, 2]", "grid shape [4, 0, 2]; wanted 1 to 2^62 voxels"),
         ("[4, 3, 2]", "[4294967296, 4294967296, 4294967296]", "wanted 1 to 2^62 voxels"),
-        ("[1, 1, 10.0]", "[1, 1, -10.0]", "not positive"),
+        ("[1, 1, 10.0]", "[1, 1, -10.0]", "wanted positive lengths"),
         ("[1, 1, 10.0]", "[1, 1, 1e999]", "JSON"),
         ("[\"score\"]", "[\"score\", \"score\"]", "twice"),
         ("[\"score\"]", "[\"score\", \"other\"]", "cut short"),
