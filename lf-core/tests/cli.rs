@@ -126,7 +126,7 @@ fn a_panic_is_one_line() {
     let (code, out, err) = run(&["panic", "-q"]);
     assert!(code == 2 && out.is_empty() && err.lines().count() == 1, "{err}");
     let start = "lf-tool: internal error: the floor gave way (";
-    assert!(err.starts_with(start) && err.contains("door.rs:") && err.ends_with("; please report it\n"), "{err}");
+    assert!(err.starts_with(start) && err.contains("cli.rs:") && err.ends_with("; please report it\n"), "{err}");
     let (code, _, err) = run(&["deep", "-q", "--threads", "3"]);
     assert!(code == 2 && err.lines().count() == 1 && err.contains("step 50 of a worker"), "{err}");
 }
