@@ -1,4 +1,4 @@
-//! Large white images with known lenslets, drawn, and a calibration of them judged.
+//! Draws large white images with known lenslets, and judges a calibration from them.
 //!
 //!     cargo bench -p lf-calib --bench white -- draw CASE SIZE FOLDER    white.exr, nominal.json, truth.json
 //!     cargo bench -p lf-calib --bench white -- judge FOLDER             camera.json, centres.csv against the truth
@@ -15,7 +15,7 @@ use ndarray::Array2;
 use std::fs;
 use std::path::Path;
 
-/// One lenslet in so many is dead in the hard case.
+/// Share of dead lenslets in the hard case.
 const DEAD: f64 = 0.01;
 
 fn main() {
@@ -26,7 +26,7 @@ fn main() {
             draw(case, [size.next().unwrap(), size.next().unwrap()], Path::new(folder));
         }
         ["judge", folder] => judge(Path::new(folder)),
-        // cargo runs every bench without words.
+        // `cargo bench` runs every bench without arguments.
         _ => println!("wanted: draw CASE WIDTH,HEIGHT FOLDER, or judge FOLDER"),
     }
 }
@@ -37,7 +37,7 @@ fn draw(case: &str, [width, height]: [usize; 2], folder: &Path) {
     truth.microlenses.pitch_mm = 14.0127 * truth.sensor.pixel_pitch_mm;
     truth.microlenses.focal_length_mm = 4.0 * truth.microlenses.pitch_mm;
     let half_px = 0.5 * (width as f64).hypot(height as f64);
-    // At the corners the second disc is displaced by 0.6 radii and cuts 0.35 of a radius deep.
+    // At the corners of the frame the second disc is displaced by 0.6 radii and cuts 0.35 radii deep.
     let radius_px = 0.5 * 14.0127;
     let mut image = match case {
         "plain" => scenes::discs(&truth, 1.0),
@@ -62,7 +62,7 @@ fn draw(case: &str, [width, height]: [usize; 2], folder: &Path) {
     fs::write(folder.join("truth.json"), truth.to_json()).expect("a camera");
 }
 
-/// Darkens lenslets drawn by lot.
+/// Darkens randomly chosen lenslets.
 fn kill(truth: &Camera, image: &mut Array2<f32>) {
     let mut state = 7;
     for centre in scenes::image_px(truth) {

@@ -52,7 +52,7 @@ pub enum Task {
     /// scale. With too few particles nothing is written.
     #[command(after_help = "Examples; the first makes the frames of the second:
   lf-synth scene demo --set particles.per_lenslet=0.015 | lf-synth frames -o sparse
-  lf-calib refine sparse/frame-*.exr -c sparse/camera.json --depth -5,5 -v -o mended.json")]
+  lf-calib refine sparse/frame-*.exr -c sparse/camera.json --depth -5,5 -v -o refined.json")]
     Refine(RefineArguments),
     /// Per-pixel minimum, or a low quantile, of many frames
     ///

@@ -93,7 +93,7 @@ fn white(arguments: &LatticeArguments, nominal: &Camera) -> Result<Option<Array2
     Ok(white)
 }
 
-/// What is written besides the camera and the table.
+/// Outputs besides the camera and the table.
 #[derive(Default)]
 struct Outputs {
     flat: Option<Array2<f32>>,

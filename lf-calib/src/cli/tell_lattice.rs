@@ -1,4 +1,4 @@
-//! What `lf-calib lattice` says about the lattice it found.
+//! The report of `lf-calib lattice` about the lattice it found.
 
 use lf_calib::{Calibrated, Fill, ImageLattice};
 use lf_core::camera::Camera;

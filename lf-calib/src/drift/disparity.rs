@@ -29,7 +29,7 @@ const PER_DEVIATION: f64 = 1.4826;
 const NEEDED: f64 = 16.0;
 const NEEDED_MORE: f64 = 4.0;
 
-/// What may have drifted. The parameters of a group are free or fixed together.
+/// Parameters that may have drifted. Those of a group are free or fixed together.
 pub(crate) const GROUPS: [&[P]; 3] = [&[P::LatticeX, P::LatticeY], &[P::LatticeTurn], &[P::TiltX, P::TiltY]];
 
 /// A particle of a frame.
