@@ -4,8 +4,8 @@ use glam::{DMat2, DVec2};
 use lf_core::camera::Layout;
 
 /// The lattice vectors of a layout in pitches, as columns.
-pub(crate) fn unit_basis(hexagonal: bool) -> DMat2 {
-    if hexagonal { DMat2::from_cols(DVec2::X, DVec2::new(0.5, 0.75f64.sqrt())) } else { DMat2::IDENTITY }
+pub(crate) fn unit_basis(is_hexagonal: bool) -> DMat2 {
+    if is_hexagonal { DMat2::from_cols(DVec2::X, DVec2::new(0.5, 0.75f64.sqrt())) } else { DMat2::IDENTITY }
 }
 
 /// The same lattice by its two shortest vectors. They are 60 to 90 degrees apart, the second turned from the first as y
@@ -31,11 +31,11 @@ pub(crate) fn reduced(basis: DMat2) -> DMat2 {
         (u, v) = (v, u);
     }
     // Near 60 degrees the lattice has six shortest vectors, near 90 degrees four.
-    let hexagonal = u.dot(v) > 0.25 * u.length() * v.length();
+    let is_hexagonal = u.dot(v) > 0.25 * u.length() * v.length();
     let mut turned = [(u, v); 6];
     for n in 1..6 {
         let (u, v) = turned[n - 1];
-        turned[n] = if hexagonal { (v, v - u) } else { (v, -u) };
+        turned[n] = if is_hexagonal { (v, v - u) } else { (v, -u) };
     }
     let along = |pair: &(DVec2, DVec2)| pair.0.x / pair.0.length();
     let (u, v) = turned.into_iter().max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or((u, v));
@@ -49,8 +49,8 @@ pub(crate) fn shortest(basis: DMat2) -> f64 {
 
 /// The layout that is nearest to a basis, and the distance from it (the strain) as a share of the vectors' length.
 pub(crate) fn layout_of(basis_px: DMat2) -> (Layout, f64) {
-    let strain = |hexagonal: bool| {
-        let unit = unit_basis(hexagonal);
+    let strain = |is_hexagonal: bool| {
+        let unit = unit_basis(is_hexagonal);
         let cells = [(DVec2::X, basis_px.x_axis), (DVec2::Y, basis_px.y_axis)];
         // The best turn and scale of the unit lattice about its own origin.
         let turn: DVec2 = cells.iter().map(|(n, x)| (unit * *n * DVec2::new(1.0, -1.0)).rotate(*x)).sum();

@@ -11,7 +11,7 @@ use glam::{DMat2, DVec2};
 const KNOTS_PER_PX: f64 = 1.0;
 const KNOTS: [usize; 2] = [8, 32];
 /// Weight of the surface's roughness against its misfit. It determines the surface where no pixel falls, and changes
-/// little else.
+/// nothing else.
 const ROUGHNESS: f64 = 1e-4;
 
 /// Normal equations of the surface, summed over pixels.
