@@ -6,6 +6,7 @@ use super::layout::Layout;
 use super::vectors::Field;
 use super::vti::{self, Array};
 use crate::image::{exr, guarded};
+use crate::io::Signature;
 use crate::{Refusal, Result, io};
 use std::path::Path;
 
@@ -85,7 +86,7 @@ impl Field {
 
 fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
     const WANTED: &str = "wanted a vector field in EXR";
-    if !bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+    if Signature::of(bytes) != Some(Signature::Exr) {
         let found = if bytes.is_empty() { "empty" } else { "not an EXR by its first bytes" };
         return Err(Refusal::new(found, WANTED));
     }

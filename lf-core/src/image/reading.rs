@@ -3,6 +3,7 @@
 use super::decode::{Image, guarded};
 use super::{light_field, png, tiff};
 use crate::history::History;
+use crate::io::Signature;
 use crate::{Error, Refusal, Result, io};
 use std::path::Path;
 
@@ -19,11 +20,11 @@ pub fn open(path: &Path) -> Result<Image> {
 /// # Errors
 /// Colour, alpha, several pages or parts, other sample types, damage, and no pixels.
 pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
-    guarded(|| match bytes {
-        [0x76, 0x2f, 0x31, 0x01, ..] => light_field::read(bytes),
-        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::read(bytes),
-        [0x89, b'P', b'N', b'G', ..] => png::read(bytes).map(|pixels| Image { pixels, history: History::new() }),
-        [] => Err(Refusal::new("empty", "wanted an EXR, TIFF or PNG image")),
+    guarded(|| match Signature::of(bytes) {
+        Some(Signature::Exr) => light_field::read(bytes),
+        Some(Signature::Tiff) => tiff::read(bytes),
+        Some(Signature::Png) => png::read(bytes).map(|pixels| Image { pixels, history: History::new() }),
+        _ if bytes.is_empty() => Err(Refusal::new("empty", "wanted an EXR, TIFF or PNG image")),
         _ => Err(Refusal::new("not an image by its first bytes", "wanted EXR, TIFF or PNG")),
     })
     .map_err(|refusal| refusal.about(name))

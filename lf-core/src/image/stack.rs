@@ -4,7 +4,7 @@ use super::decode::{Image, guarded};
 use super::reading::{counts, from_bytes};
 use super::tiff;
 use crate::Result;
-use crate::io::{self, Bytes};
+use crate::io::{self, Bytes, Signature};
 use std::path::Path;
 
 /// The images of a file: every page of a TIFF, or the one image of another format. Holds the bytes of the file (mapped
@@ -31,7 +31,7 @@ impl Stack {
     /// A TIFF without a whole list of pages.
     pub fn from_bytes(bytes: Bytes, name: &str) -> Result<Self> {
         let name = name.to_owned();
-        let is_tiff = matches!(&bytes[..], [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..]);
+        let is_tiff = Signature::of(&bytes) == Some(Signature::Tiff);
         let images = if is_tiff { guarded(|| tiff::count(&bytes)) } else { Ok(1) };
         let images = images.map_err(|refusal| refusal.about(&name))?;
         Ok(Self { name, bytes, images, is_tiff })

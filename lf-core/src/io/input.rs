@@ -3,6 +3,7 @@
 use super::bytes::Bytes;
 use super::failures::reading;
 use super::names::{is_standard, name, standard};
+use super::signature::Signature;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{self, IsTerminal};
@@ -32,25 +33,11 @@ pub fn open(path: &Path) -> Result<Bytes> {
 pub fn open_text(path: &Path) -> Result<String> {
     let bytes = open(path)?;
     let text = std::str::from_utf8(&bytes).map_err(|error| {
-        let found = kind(&bytes).map_or_else(
+        let found = Signature::of(&bytes).map_or_else(
             || format!("byte {} is not part of UTF-8 text", error.valid_up_to()),
-            |kind| format!("{kind}, no text"),
+            |format| format!("{}, no text", format.name()),
         );
         Error::new(name(path), found, "wanted a text file in UTF-8")
     })?;
     Ok(text.strip_prefix('\u{feff}').unwrap_or(text).to_owned())
-}
-
-/// The binary format that the first bytes belong to; None if the tools do not know it.
-fn kind(bytes: &[u8]) -> Option<&'static str> {
-    let kinds: [(&[u8], &str); 7] = [
-        (b"\x76\x2f\x31\x01", "an EXR"),
-        (b"\x89PNG", "a PNG"),
-        (b"II*\0", "a TIFF"),
-        (b"MM\0*", "a TIFF"),
-        (b"\x89LFV", "a .lfv"),
-        (b"\x1f\x8b", "a gzip file"),
-        (b"PK\x03\x04", "a zip file"),
-    ];
-    kinds.iter().find_map(|(start, kind)| bytes.starts_with(start).then_some(*kind))
 }

@@ -1,5 +1,7 @@
 //! What bytes are, by what they say and not by their name.
 
+use lf_core::io::Signature;
+
 /// A kind of content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
@@ -23,23 +25,17 @@ pub enum Kind {
     Picture,
 }
 
-const EXR: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
-const IMAGES: [&[u8]; 6] = [b"\x89PNG", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", EXR];
-
 impl Kind {
     /// The kind of `bytes`.
     ///
     /// # Errors
     /// What they seem to be instead.
     pub fn of(bytes: &[u8]) -> Result<Self, String> {
-        if bytes.starts_with(EXR) && exr_names(bytes, b"lf:field") {
-            return Ok(Self::Field);
-        }
-        if bytes.starts_with(b"\x89LFV") {
-            return Ok(Self::Volume);
-        }
-        if IMAGES.iter().any(|magic| bytes.starts_with(magic)) {
-            return Ok(Self::Image);
+        match Signature::of(bytes) {
+            Some(Signature::Exr) if exr_names(bytes, b"lf:field") => return Ok(Self::Field),
+            Some(Signature::Exr | Signature::Tiff | Signature::Png) => return Ok(Self::Image),
+            Some(Signature::Lfv) => return Ok(Self::Volume),
+            _ => {}
         }
         let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes).trim_ascii_start();
         if text.first() == Some(&b'{') {
@@ -103,7 +99,7 @@ mod tests {
     use super::*;
 
     fn exr(attributes: &[(&str, &str, usize)]) -> Vec<u8> {
-        let mut bytes = [EXR, &[2, 0, 0, 0]].concat();
+        let mut bytes = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
         for (name, kind, length) in attributes {
             bytes.extend([name.as_bytes(), &[0], kind.as_bytes(), &[0], &(*length as u32).to_le_bytes()].concat());
             bytes.extend(vec![0; *length]);
