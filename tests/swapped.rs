@@ -1,7 +1,7 @@
 //! Stages of `scripts/examples` in place of ours, and files that other libraries read. `PYTHON` names the Python that runs
 //! them (python3); what needs a module that it lacks says so in one line, and passes.
 
-use lf_core::field::{Field, Layout, MEASURED, NO_DATA};
+use lf_core::field::{Field, MEASURED, NO_DATA, VectorGrid};
 use lf_core::grid::Grid;
 use lf_core::history::{History, Step};
 use lf_core::volume::{self, Volume};
@@ -224,7 +224,7 @@ fn the_rust_stage_takes_the_place_of_lf_mart() {
 
 /// A field with every flag, numbers of all sizes, and uncertainties that are not known.
 fn field() -> Field {
-    let layout = Layout {
+    let layout = VectorGrid {
         shape: [3, 4, 5],
         spacing_mm: [0.1 + 0.2, 0.7, 1.1],
         origin_mm: [-0.33, 0.0, 1e-3],

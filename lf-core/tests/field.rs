@@ -1,12 +1,12 @@
 //! Vector fields: EXR there and back, and what ParaView and a spreadsheet get.
 
-use lf_core::field::{Field, Layout, MEASURED, NO_DATA, REPLACED};
+use lf_core::field::{Field, MEASURED, NO_DATA, REPLACED, VectorGrid};
 use lf_core::history::Step;
 use std::fs;
 use std::path::Path;
 
-fn layout(shape: [usize; 3]) -> Layout {
-    Layout {
+fn layout(shape: [usize; 3]) -> VectorGrid {
+    VectorGrid {
         shape,
         spacing_mm: [0.25, 0.5, 1.0],
         origin_mm: [-1.0, 2.0, 0.125],

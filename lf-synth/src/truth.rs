@@ -1,7 +1,7 @@
 //! The exact volumes and displacements of a scene.
 
 use crate::particles::Particle;
-use lf_core::field::{Field, Layout, MEASURED};
+use lf_core::field::{Field, MEASURED, VectorGrid};
 use lf_core::flow::Velocity;
 use lf_core::grid::Grid;
 use lf_core::history::History;
@@ -89,7 +89,8 @@ pub fn displacement(
 ) -> Field {
     let spacing_mm: [f64; 3] = std::array::from_fn(|a| (bounds_mm[a][1] - bounds_mm[a][0]) / (shape[a] - 1) as f64);
     let origin_mm = bounds_mm.map(|[low, _]| low);
-    let layout = Layout { shape, spacing_mm, origin_mm, voxel_mm, window: [0; 3], overlap: 0.0, dt_s: None, history };
+    let layout =
+        VectorGrid { shape, spacing_mm, origin_mm, voxel_mm, window: [0; 3], overlap: 0.0, dt_s: None, history };
     let mut field = Field::empty(layout);
     let places: Vec<[f64; 3]> = (0..field.len()).map(|n| field.place_mm(n)).collect();
     for (n, vector) in flow.displacements_mm(&places, interval).into_iter().enumerate() {

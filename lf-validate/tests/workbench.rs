@@ -1,6 +1,6 @@
 //! The tool in a folder, and the inputs that several tests write.
 
-use lf_core::field::{Field, Layout, MEASURED};
+use lf_core::field::{Field, MEASURED, VectorGrid};
 use lf_tests::Workbench;
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ pub fn workbench() -> Workbench {
 
 /// A field of measured vectors on places 0.5 mm apart.
 pub fn field(shape: [usize; 3], vector: impl Fn([f64; 3]) -> [f32; 3]) -> Field {
-    let mut field = Field::empty(Layout {
+    let mut field = Field::empty(VectorGrid {
         shape,
         spacing_mm: [0.5; 3],
         origin_mm: [0.0; 3],

@@ -3,7 +3,7 @@
 use crate::level::{Counts, Level, Vector};
 use crate::options::Pass;
 use crate::uncertainty::Statistics;
-use lf_core::field::{self, Field, Layout};
+use lf_core::field::{self, Field, VectorGrid};
 use lf_core::grid::Grid;
 
 /// What a pass did.
@@ -81,7 +81,7 @@ impl PassReport {
 /// The vectors of the last pass as a field in millimetres.
 pub(crate) fn field(level: &Level, vectors: &[Vector], statistics: &[Statistics], grid: &Grid) -> Field {
     let centre_vox = level.centre_vox(0);
-    let mut field = Field::empty(Layout {
+    let mut field = Field::empty(VectorGrid {
         shape: level.lattice.shape(),
         spacing_mm: std::array::from_fn(|a| level.lattice.axes[a].step as f64 * grid.spacing_mm[a]),
         origin_mm: std::array::from_fn(|a| grid.origin_mm[a] + centre_vox[a] * grid.spacing_mm[a]),

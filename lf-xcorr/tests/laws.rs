@@ -1,7 +1,7 @@
 //! Laws that hold for any particles.
 
 use crate::scene::{self, Volume};
-use lf_core::field::{Cut, Field, Layout, MEASURED, NO_DATA, REPLACED};
+use lf_core::field::{Cut, Field, MEASURED, NO_DATA, REPLACED, VectorGrid};
 use lf_core::grid::Grid;
 use lf_xcorr::plot;
 use lf_xcorr::{Error, Options, Side, Sparse, correlate};
@@ -250,7 +250,7 @@ fn a_wild_vector_does_not_shrink_the_rest_of_the_picture() {
 
 #[test]
 fn every_shape_of_field_can_be_drawn() {
-    let layout = |shape| Layout {
+    let layout = |shape| VectorGrid {
         shape,
         spacing_mm: [0.2, 0.3, 4.0],
         origin_mm: [0.0; 3],

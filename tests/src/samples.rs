@@ -1,7 +1,7 @@
 //! Small inputs that the tools accept, and damaged ones that they must refuse.
 
 use lf_core::camera::Camera;
-use lf_core::field::{Field, Layout, MEASURED};
+use lf_core::field::{Field, MEASURED, VectorGrid};
 use lf_core::grid::Grid;
 use lf_core::history::History;
 use lf_core::{image, volume};
@@ -246,7 +246,7 @@ fn light(shift_vox: u64) -> Vec<u8> {
 }
 
 fn field() -> Field {
-    let mut field = Field::empty(Layout {
+    let mut field = Field::empty(VectorGrid {
         shape: [4, 3, 7],
         spacing_mm: [0.1, 0.1, 0.2],
         origin_mm: [-0.15, -0.1, -0.6],

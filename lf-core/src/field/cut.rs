@@ -1,6 +1,6 @@
 //! The plane in which a picture shows a field.
 
-use super::layout::Layout;
+use super::layout::VectorGrid;
 use crate::Refusal;
 use std::str::FromStr;
 
@@ -59,7 +59,7 @@ impl Cut {
     ///
     /// # Errors
     /// A place outside the field.
-    pub fn layer(&self, layout: &Layout) -> Result<usize, Refusal> {
+    pub fn layer(&self, layout: &VectorGrid) -> Result<usize, Refusal> {
         let (axis, count) = (self.axis, layout.shape[self.axis]);
         self.check(layout.bounds_mm(axis), "field")?;
         Ok(self.place_mm.map_or(count / 2, |mm| {
@@ -92,7 +92,7 @@ mod tests {
 
     #[test]
     fn the_nearest_layer_and_none_beyond_the_cells() {
-        let layout = Layout {
+        let layout = VectorGrid {
             shape: [4, 1, 3],
             spacing_mm: [0.5, 1.0, 2.0],
             origin_mm: [-1.0, 7.0, 0.0],

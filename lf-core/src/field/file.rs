@@ -2,7 +2,7 @@
 
 use super::channels::{CHANNELS, COUNT, REQUIRED};
 use super::csv;
-use super::layout::Layout;
+use super::layout::VectorGrid;
 use super::vectors::Field;
 use super::vti::{self, Array};
 use crate::image::{exr, guarded};
@@ -95,7 +95,7 @@ fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
         let found = format!("an EXR of channels {} without attribute {LAYOUT}", header.channels.join(", "));
         return Err(Refusal::new(found, WANTED));
     };
-    let layout: Layout =
+    let layout: VectorGrid =
         serde_json::from_str(&text).map_err(|error| Refusal::new(format!("attribute {LAYOUT}: {error}"), WANTED))?;
     layout.check()?;
     let [nx, ny, nz] = layout.shape;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Where the vectors of a field are and how they were made: the attribute `lf:field`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Layout {
+pub struct VectorGrid {
     /// Vectors along x, y, z.
     pub shape: [usize; 3],
     /// Distance between vectors, mm.
@@ -34,7 +34,7 @@ pub struct Layout {
 struct Attribute<'a> {
     units: Units,
     #[serde(flatten)]
-    layout: &'a Layout,
+    layout: &'a VectorGrid,
 }
 
 struct Units;
@@ -49,7 +49,7 @@ impl Serialize for Units {
     }
 }
 
-impl Layout {
+impl VectorGrid {
     /// Extent of the field along an axis, mm: half a spacing beyond the outermost vectors.
     pub fn bounds_mm(&self, axis: usize) -> [f64; 2] {
         let low = self.origin_mm[axis] - 0.5 * self.spacing_mm[axis];

@@ -14,7 +14,7 @@
 //! | `flag` | 0 measured, 1 replaced from its neighbours, 2 no data | 1 |
 //! | `count` | particle images in the window; NaN if not counted; a file may lack this channel | 1 |
 //!
-//! and one text attribute `lf:field`: the JSON of [`Layout`], and `units`, an object with the unit of every channel,
+//! and one text attribute `lf:field`: the JSON of [`VectorGrid`], and `units`, an object with the unit of every channel,
 //! which readers ignore. A field of nx x ny x nz vectors is an image nx wide and ny nz high; vector (i, j, k) is the
 //! pixel in column i of row k ny + j. A displacement must be finite unless its flag is 2.
 //!
@@ -31,6 +31,6 @@ mod vti;
 
 pub use channels::{MEASURED, NO_DATA, REPLACED};
 pub use cut::Cut;
-pub use layout::Layout;
+pub use layout::VectorGrid;
 pub use vectors::Field;
 pub use vti::{Array, save_arrays};

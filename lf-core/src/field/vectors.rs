@@ -1,7 +1,7 @@
 //! A field in memory.
 
 use super::channels::{MEASURED, NO_DATA, REPLACED};
-use super::layout::Layout;
+use super::layout::VectorGrid;
 use crate::Refusal;
 use glam::DVec3;
 
@@ -9,7 +9,7 @@ use glam::DVec3;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
     /// Where the vectors are.
-    pub layout: Layout,
+    pub layout: VectorGrid,
     /// Displacement along x, mm.
     pub u: Vec<f32>,
     /// Displacement along y, mm.
@@ -34,7 +34,7 @@ pub struct Field {
 
 impl Field {
     /// A field of `layout.shape` vectors without data: zeros, NaN for uncertainties and counts, and [`NO_DATA`].
-    pub fn empty(layout: Layout) -> Self {
+    pub fn empty(layout: VectorGrid) -> Self {
         let len = layout.shape.iter().product();
         let all = |value: f32| vec![value; len];
         let [u, v, w, peak, ratio] = [0.0; 5].map(all);

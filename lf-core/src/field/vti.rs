@@ -4,7 +4,7 @@
 //! underscore. Units are in the names of the arrays and in a comment. The time between the volumes, if known, is the
 //! field datum `dt_s`.
 
-use super::layout::Layout;
+use super::layout::VectorGrid;
 use crate::{Result, io};
 use std::io::Write;
 use std::path::Path;
@@ -40,7 +40,7 @@ impl Array {
 ///
 /// # Panics
 /// If an array is not as long as the layout asks.
-pub fn save_arrays(path: &Path, layout: &Layout, arrays: &[Array]) -> Result<()> {
+pub fn save_arrays(path: &Path, layout: &VectorGrid, arrays: &[Array]) -> Result<()> {
     layout.check().map_err(|refusal| refusal.about(io::output_name(path)))?;
     for array in arrays {
         assert_eq!(Some(array.values.len() / array.components), layout.checked_len(), "length of {}", array.name);
@@ -48,7 +48,7 @@ pub fn save_arrays(path: &Path, layout: &Layout, arrays: &[Array]) -> Result<()>
     io::save(path, |out| write(layout, arrays, out))
 }
 
-pub(super) fn write(layout: &Layout, arrays: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
+pub(super) fn write(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
     let [nx, ny, nz] = layout.shape.map(|n| n - 1);
     let extent = format!("0 {nx} 0 {ny} 0 {nz}");
     let [ox, oy, oz] = layout.origin_mm;

@@ -162,8 +162,8 @@ fn textbook_vortices_have_their_properties() {
 /// A sampled linear field is exact between its vectors and constant beyond the outermost.
 #[test]
 fn a_sampled_field_is_trilinear() {
-    use crate::field::{Field, Layout, MEASURED};
-    let layout = Layout {
+    use crate::field::{Field, MEASURED, VectorGrid};
+    let layout = VectorGrid {
         shape: [3, 4, 1],
         spacing_mm: [1.0, 0.5, 2.0],
         origin_mm: [-1.0, -1.0, 0.5],

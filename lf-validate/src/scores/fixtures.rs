@@ -1,13 +1,13 @@
 //! Fields for the tests of this crate.
 
-use lf_core::field::{Field, Layout, MEASURED};
+use lf_core::field::{Field, MEASURED, VectorGrid};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 /// A field of `shape` measured vectors. `vector` gives the displacement at a place, both in mm.
 pub(crate) fn field(shape: [usize; 3], vector: impl Fn([f64; 3]) -> [f64; 3]) -> Field {
-    let layout = Layout {
+    let layout = VectorGrid {
         shape,
         spacing_mm: [0.5, 0.25, 2.0],
         origin_mm: [-1.0, 0.5, -3.0],

@@ -4,7 +4,7 @@ use super::noise::{Noise, noise};
 use crate::scores::density::Density;
 use crate::scores::spread::Spread;
 use glam::DVec3;
-use lf_core::field::{Field, Layout, NO_DATA};
+use lf_core::field::{Field, NO_DATA, VectorGrid};
 use lf_core::statistics::robust;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
@@ -62,7 +62,7 @@ pub struct DivergencePdf(pub Density);
 
 /// Vectors along each axis that an interrogation window covers, rounded up, and at least one. Windows so far apart share no
 /// data.
-pub fn stride(layout: &Layout) -> [usize; 3] {
+pub fn stride(layout: &VectorGrid) -> [usize; 3] {
     // Rounding of the product may exceed a whole number by this much.
     const ROUNDING: f64 = 1e-6;
     [0, 1, 2].map(|axis| {

@@ -7,7 +7,7 @@ use super::statistics::Ensemble;
 use super::vorticity::vorticity;
 use crate::scores::units::AXES;
 use lf_core::Refusal;
-use lf_core::field::{Field, Layout, MEASURED};
+use lf_core::field::{Field, MEASURED, VectorGrid};
 
 /// Pairs of components whose products are summed: uu, vv, ww, uv, uw, vw.
 const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
@@ -18,7 +18,7 @@ const SAME_PLACE: f64 = 1e-3;
 /// Sums over the fields added so far.
 #[derive(Debug, Clone)]
 pub struct EnsembleSums {
-    layout: Layout,
+    layout: VectorGrid,
     fields: usize,
     /// Measured vectors at each place.
     count: Vec<u32>,
@@ -32,7 +32,7 @@ pub struct EnsembleSums {
 
 impl EnsembleSums {
     /// Sums of no field yet, for fields of a layout.
-    pub fn new(layout: &Layout) -> Self {
+    pub fn new(layout: &VectorGrid) -> Self {
         let len = layout.shape.iter().product();
         let zeros = |_| vec![0.0; len];
         Self {
@@ -99,10 +99,10 @@ impl EnsembleSums {
 }
 
 /// Refuses a layout with vectors at other places, or with another time between the volumes.
-fn check_layout(first: &Layout, other: &Layout) -> Result<(), Refusal> {
+fn check_layout(first: &VectorGrid, other: &VectorGrid) -> Result<(), Refusal> {
     let refused = |found: String, wanted: String| Err(Refusal::new(found, format!("wanted {wanted} like the first")));
     if first.shape != other.shape {
-        let text = |layout: &Layout| layout.shape.map(|n| n.to_string()).join(" x ");
+        let text = |layout: &VectorGrid| layout.shape.map(|n| n.to_string()).join(" x ");
         return refused(format!("{} vectors", text(other)), text(first));
     }
     for (axis, name) in AXES.into_iter().enumerate() {
@@ -124,8 +124,8 @@ mod tests {
     use super::*;
     use lf_core::field::{NO_DATA, REPLACED};
 
-    fn layout(dt_s: Option<f64>) -> Layout {
-        Layout {
+    fn layout(dt_s: Option<f64>) -> VectorGrid {
+        VectorGrid {
             shape: [4, 3, 2],
             spacing_mm: [0.5, 1.0, 2.0],
             origin_mm: [-1.0, 7.0, 0.0],
@@ -181,7 +181,7 @@ mod tests {
         let rate = [0.01, -0.02, 0.03];
         for dt_s in [None, Some(0.5)] {
             // With three layers a place beside a gap has a neighbour on the other side.
-            let mut field = Field::empty(Layout { shape: [4, 3, 3], ..layout(dt_s) });
+            let mut field = Field::empty(VectorGrid { shape: [4, 3, 3], ..layout(dt_s) });
             for i in 0..field.len() {
                 let [x, y, z] = field.place_mm(i);
                 let turned = [rate[1] * z - rate[2] * y, rate[2] * x - rate[0] * z, rate[0] * y - rate[1] * x];
@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn fields_of_other_places_are_refused() {
         let mut sums = sums(&[uniform([0.0; 3])]);
-        let refusal = |change: fn(&mut Layout), sums: &mut EnsembleSums| {
+        let refusal = |change: fn(&mut VectorGrid), sums: &mut EnsembleSums| {
             let mut layout = layout(None);
             change(&mut layout);
             sums.add(&Field::empty(layout)).unwrap_err()
