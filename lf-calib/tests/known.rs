@@ -31,7 +31,7 @@ fn check(what: &str, truth: &Camera, image: &Array2<f32>, limit: f64, limit_px: 
 fn touching_discs_without_noise() {
     for layout in LAYOUTS {
         for (rotation, offset) in [(0.0, [0.0, 0.0]), (0.0, ASIDE), (0.003, ASIDE), (0.05, ASIDE)] {
-            let truth = camera(840, layout, rotation, offset);
+            let truth = camera(560, layout, rotation, offset);
             let what = format!("{layout:?} {rotation} {offset:?}");
             let found = check(&what, &truth, &discs(&truth, 1.0), 1e-5, 0.003);
             assert!(found.residual_rms_px < 0.003, "{what}: {}", found.residual_rms_px);
