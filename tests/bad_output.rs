@@ -101,7 +101,7 @@ fn an_output_that_cannot_be_made_leaves_nothing() {
         let name = this.output().unwrap();
         let mut hopeless = vec![plain.join(name), Path::new("/proc").join(name)];
         if !this.fills_folder() {
-            hopeless.extend([samples.path("nowhere").join(name), samples.folder().to_owned()]);
+            hopeless.extend([samples.path("nowhere").join(name), samples.root().to_owned()]);
         }
         if is_locked {
             hopeless.push(locked.join(name));
@@ -143,6 +143,6 @@ fn a_folder_of_output_may_not_swallow_what_the_scene_is_made_of() {
     let scene = samples.write("own.json", scene.to_string());
     let call = |output: &Path| Call::new("lf-synth").word("frames").word(&scene).word("-o").word(output);
     call(&samples.path("elsewhere")).run().done();
-    call(samples.folder()).run().refused("particles.csv");
+    call(samples.root()).run().refused("particles.csv");
     assert_eq!(fs::read_to_string(samples.path("particles.csv")).unwrap(), particles);
 }
