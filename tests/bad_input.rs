@@ -6,12 +6,12 @@ use ndarray::Array2;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Where a use writes.
+/// The output path of a use.
 fn output(this: &Use, samples: &Samples) -> PathBuf {
     samples.path(this.output().unwrap_or("unused"))
 }
 
-/// Runs a use with `bad` in one slot and asserts that it is refused by that name and leaves nothing.
+/// Runs a use with `bad` as one input. It must name that file in its refusal and leave nothing behind.
 fn refuses(this: &Use, samples: &Samples, slot: usize, bad: &Path) {
     let mut inputs = this.sound(samples);
     inputs[slot] = bad.to_owned();
@@ -73,7 +73,7 @@ fn an_image_of_another_size_than_the_camera_is_refused() {
 }
 
 #[test]
-fn pixels_that_are_no_counts_are_refused() {
+fn pixels_other_than_counts_are_refused() {
     let samples = Samples::new();
     for (name, value) in [("bad-nan.exr", f32::NAN), ("bad-infinite.exr", f32::INFINITY), ("bad-negative.exr", -1.0)] {
         let bad = samples.frame(name, |x, y| if (x, y) == (30, 70) { value } else { 100.0 });
@@ -88,7 +88,7 @@ fn pixels_that_are_no_counts_are_refused() {
 }
 
 #[test]
-fn a_name_that_would_break_the_line_does_not() {
+fn a_name_with_a_line_break_is_printed_on_one_line() {
     let samples = Samples::new();
     for this in uses() {
         let mut inputs = this.sound(&samples);

@@ -1,5 +1,5 @@
-//! Whole pipelines against the known truth: light, reconstruction, displacement. Rays render the scenes; the tools under test
-//! do not know these rays.
+//! Whole pipelines against the known truth: light, reconstruction, displacement. Rays render the scenes; the tools
+//! under test do not know these rays.
 
 use lf_tests::Folder;
 use serde_json::Value;
@@ -16,7 +16,7 @@ fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().unwrap_or_else(|| panic!("{key} in {value}"))
 }
 
-/// A ninth of the test volume of 20 x 20 lenslets, to be quick.
+/// A ninth of the test volume of 20 x 20 lenslets, which is quick.
 const SMALL: [&str; 3] = ["volume.x_mm=[-0.26,0.26]", "volume.y_mm=[-0.26,0.26]", "particles.rays=50000"];
 
 /// Q on the grid of the truth, over the depths `z`.
@@ -27,8 +27,8 @@ fn reconstructed(folder: &Folder, z: &str, options: &str) -> f64 {
     number(&folder.run("lf-validate quality truth-0000.lfv volume.lfv").json(), "q")
 }
 
-/// Few particles, away from the focal plane, where one image does not tell the depth. Q is far above what a wrong sign, a
-/// shift of half a pixel or a lost corner of the aperture would leave.
+/// Few particles, away from the focal plane, where one image does not tell the depth. Q is far above what a wrong sign,
+/// a shift of half a pixel or a lost corner of the aperture would leave.
 #[test]
 fn every_camera_finds_its_particles() {
     for (name, set) in [
@@ -111,7 +111,7 @@ fn a_uniform_displacement_is_measured() {
     }
 }
 
-/// A camera whose data sheet is a little wrong, calibrated from a white image, serves as well as the true one.
+/// A camera with a slightly wrong data sheet, calibrated from a white image, reconstructs as well as the true camera.
 #[test]
 fn a_calibrated_camera_serves_as_the_true_one() {
     let true_lattice = ["camera.microlenses.pitch_mm=0.0771", "camera.microlenses.offset_mm=[0.011,-0.007]"];

@@ -8,8 +8,8 @@ fn scene(name: &str, keys: &[&str]) -> Vec<u8> {
     Call::new("lf-synth").words(["scene", name]).words(set).run().done().stdout
 }
 
-/// Keys for every effect in a small scene: a camera that bends and stops light, uneven particles, a sheet, two flows, a noisy
-/// sensor.
+/// Keys for every effect in a small scene: a camera that bends and stops light, uneven particles, a sheet, two flows, a
+/// noisy sensor.
 const EVERYTHING: [&str; 17] = [
     "camera.sensor={\"width\": 280, \"height\": 252, \"pixel_pitch_mm\": 0.0055}",
     "camera.microlenses.layout=hexagonal",

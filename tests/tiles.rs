@@ -1,4 +1,4 @@
-//! A volume in tiles is the whole: rendered, pruned, reconstructed and correlated in four parts, against one.
+//! A volume pruned, reconstructed and correlated in four tiles equals the whole volume.
 
 use lf_tests::Folder;
 use std::sync::OnceLock;

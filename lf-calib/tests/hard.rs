@@ -39,7 +39,7 @@ fn a_bent_lattice_is_followed_and_a_perfect_one_stays_perfect() {
         let mut image = discs(&truth, 0.9);
         noisy(&mut image, 0.03);
         assert_eq!(measured("perfect", &truth, &image, 0.006).degree, 0);
-        // Sheared by a pixel at the edges; then bent by several pixels, as a relay lens does.
+        // First sheared by a pixel at the edges, then bent by several pixels like a relay lens.
         let shear = Centres { radius_mm: 2.7, x_mm: vec![0.006, 0.002], y_mm: vec![0.002, -0.006] };
         let (k, r) = (0.004, 0.03);
         let lens = Centres {

@@ -1,10 +1,10 @@
-//! Charts as SVG: what a reader of the picture can count on. The pictures stay in the build folder for eyes.
+//! Properties of all charts. The pictures stay in the build folder, to be looked at.
 
 use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style, draw};
 use std::fs;
 use std::path::Path;
 
-/// The texts of an SVG; fails where its tags do not close.
+/// The texts of an SVG. Fails if a tag is not closed.
 fn texts(svg: &str) -> Vec<String> {
     let mut open = Vec::new();
     let mut texts = Vec::new();
@@ -29,7 +29,7 @@ fn texts(svg: &str) -> Vec<String> {
     texts
 }
 
-/// Draws, checks what holds for every chart, and keeps the picture.
+/// Draws a chart, checks the properties of all charts, and keeps the picture.
 fn drawn(name: &str, chart: &Chart) -> String {
     let svg = draw(chart).unwrap();
     assert_eq!(svg, draw(chart).unwrap(), "{name} is drawn twice");

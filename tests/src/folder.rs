@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
-/// A new, empty folder, which is removed in the end.
+/// A new, empty folder, which is removed at the end.
 #[derive(Debug)]
 pub struct Folder(TempDir);
 
