@@ -18,7 +18,7 @@ const TOOL: &str = "LF_TEST_TOOL";
 struct Arguments {
     #[command(flatten)]
     common: Common,
-    /// What to do
+    /// The deed to do
     deed: String,
     /// The input
     #[arg(default_value = "-")]
