@@ -135,6 +135,14 @@ fn libraries_have_no_paths_no_printing_no_clock_and_no_globals() {
 }
 
 #[test]
+fn the_plots_know_no_files_and_only_one_file_knows_the_drawing_library() {
+    let mut plot = sources(&workspace().join("lf-core/src/plot"));
+    assert_eq!(mentions(&plot, &["std::fs", "std::path", "crate::io", "crate::image", "crate::cli"]), [""; 0]);
+    plot.retain(|source| !source.path.ends_with("canvas.rs"));
+    assert_eq!(mentions(&plot, &["plotters"]), [""; 0]);
+}
+
+#[test]
 fn the_weights_know_no_files() {
     let weights = workspace().join("lf-core/src/weights");
     assert_eq!(mentions(&sources(&weights), &["std::fs", "std::path", "crate::io", "crate::image"]), [""; 0]);

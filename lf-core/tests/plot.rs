@@ -1,10 +1,11 @@
-//! Properties of all charts. The pictures stay in the build folder, to be looked at.
+//! Charts as SVG: what a reader of the picture can count on. The pictures stay in the build folder for eyes.
 
-use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style, draw};
+use lf_core::field::VectorGrid;
+use lf_core::plot::{Arrows, Axis, Chart, Mark, Panel, Place, Slice, Style, draw};
 use std::fs;
 use std::path::Path;
 
-/// The texts of an SVG. Fails if a tag is not closed.
+/// The texts of an SVG; fails where its tags do not close.
 fn texts(svg: &str) -> Vec<String> {
     let mut open = Vec::new();
     let mut texts = Vec::new();
@@ -29,7 +30,7 @@ fn texts(svg: &str) -> Vec<String> {
     texts
 }
 
-/// Draws a chart, checks the properties of all charts, and keeps the picture.
+/// Draws, checks what holds for every chart, and keeps the picture.
 fn drawn(name: &str, chart: &Chart) -> String {
     let svg = draw(chart).unwrap();
     assert_eq!(svg, draw(chart).unwrap(), "{name} is drawn twice");
@@ -95,12 +96,9 @@ fn an_empty_panel_says_so() {
     drawn("blank", &chart("No panels", 3, Vec::new()));
 }
 
-/// From 0.7 to 1.5 times each value.
-fn spread(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    points.iter().map(|[_, y]| [0.7 * y, 1.5 * y]).collect()
-}
-
-fn lines_with_spread() -> Panel {
+#[test]
+fn six_panels_with_everything_that_can_be_drawn() {
+    let spread = |points: &[[f64; 2]]| points.iter().map(|[_, y]| [0.7 * y, 1.5 * y]).collect::<Vec<_>>();
     let band = |name: &str, scale: f64| {
         let points: Vec<[f64; 2]> = [1.0, 3.0, 10.0, 30.0, 100.0].map(|x| [x, scale / f64::sqrt(x)]).to_vec();
         let spread = Some(spread(&points));
@@ -118,25 +116,18 @@ fn lines_with_spread() -> Panel {
         ],
     );
     lines.title = "Lines with spread".into();
-    lines
-}
-
-fn histogram() -> Panel {
     let bell = |middle: f64| {
         (0..40).map(|n| (-0.5 * ((n as f64 / 4.0 - 5.0 - middle) / 1.3).powi(2)).exp()).collect::<Vec<f64>>()
     };
     let edges: Vec<f64> = (0..=40).map(|n| n as f64 / 4.0 - 5.0).collect();
     let steps = |name: &str, middle: f64| Mark::Steps { name: name.into(), edges: edges.clone(), values: bell(middle) };
-    panel(
+    let histogram = panel(
         Axis::new("displacement, px"),
         Axis::new("share of vectors, 1/px"),
         vec![steps("u", 0.0), steps("v", 1.0), steps("w", -1.5), Mark::reference("true mean", Place::Vertical(0.0))],
-    )
-}
-
-fn labelled_points() -> Panel {
+    );
     let front: Vec<[f64; 2]> = [10.0, 20.0, 21.0, 22.0, 40.0, 300.0].map(|x| [x, 4.0 / x + 0.1]).to_vec();
-    panel(
+    let scatter = panel(
         Axis::log("cost, s"),
         Axis::log("error, px"),
         vec![
@@ -152,10 +143,7 @@ fn labelled_points() -> Panel {
                 points: front,
             },
         ],
-    )
-}
-
-fn map_to_scale() -> Panel {
+    );
     let values = (0..60 * 30).map(|n| (n % 60) as f64 * (n / 60) as f64).map(|v| if v == 0.0 { f64::NAN } else { v });
     let mut map = panel(
         Axis::new("x, mm"),
@@ -169,10 +157,6 @@ fn map_to_scale() -> Panel {
         }],
     );
     map.is_to_scale = true;
-    map
-}
-
-fn waves() -> Panel {
     let dashed = Mark::Line {
         name: "theory".into(),
         points: curve(200, |x| (20.0 * x).sin()),
@@ -180,25 +164,17 @@ fn waves() -> Panel {
         style: Style::Dashed,
         with_points: false,
     };
-    panel(
+    let waves = panel(
         Axis::new("time, s").over([0.2, 0.9]),
         Axis::new("a rather long name of a quantity that has to be broken into lines, mm/s"),
         vec![dashed, Mark::line("measured", curve(200, |x| 0.9 * (20.0 * x).sin()))],
-    )
-}
-
-fn many_lines() -> Panel {
+    );
     let many = (0..9).map(|n| {
         let name = format!("a long name of setting number {n} with all its words");
         Mark::line(name, curve(30, |x| f64::from(n) + x))
     });
-    panel(Axis::new("x"), Axis::new("y"), many.collect())
-}
-
-#[test]
-fn six_panels_with_everything_that_can_be_drawn() {
-    let panels = vec![lines_with_spread(), histogram(), labelled_points(), map_to_scale(), waves(), many_lines()];
-    let mut chart = chart("Six panels", 3, panels);
+    let many = panel(Axis::new("x"), Axis::new("y"), many.collect());
+    let mut chart = chart("Six panels", 3, vec![lines, histogram, scatter, map, waves, many]);
     chart.notes = vec!["area: least to greatest of the runs".into()];
     let svg = drawn("six", &chart);
     let found = texts(&svg).join(" ");
@@ -250,4 +226,40 @@ fn marks_that_do_not_fit_together_are_refused() {
     let line = Mark::line("", Vec::new());
     let refusal = refused(Axis::log("time, s").over([0.0, 1.0]), line);
     assert!(refusal.found.contains("time, s") && refusal.wanted.contains("above 0"), "{refusal}");
+}
+
+#[test]
+fn a_flat_layer_of_vectors_is_stretched_and_its_arrows_keep_their_direction() {
+    let layout = VectorGrid {
+        shape: [40, 2, 3],
+        spacing_mm: [0.5; 3],
+        origin_mm: [0.0; 3],
+        voxel_mm: [0.0; 3],
+        window: [0; 3],
+        overlap: 0.0,
+        dt_s: None,
+        history: Vec::new(),
+    };
+    let slice = Slice { layout: &layout, through: 1, layer: 1 };
+    assert_eq!((slice.shape(), slice.across(), slice.place_mm()), ([40, 3], [0, 2], 0.5));
+    assert_eq!(slice.nodes().take(2).collect::<Vec<_>>(), [40, 41]);
+    // Three rows of 0.5 mm are drawn 20 / (6 x 1.5) times longer: as far apart as every third column, or more.
+    assert_eq!([slice.arrow_stride(47), slice.arrow_stride(20)], [[1, 1], [2, 1]]);
+    let mut panel = slice.panel("", Axis::symmetric("v, mm", 2.0), vec![1.0; 120]);
+    let arrows = slice.arrows(20, |node| if node == 40 { [50.0, 0.0] } else { [1.0, 1.0] });
+    assert_eq!((arrows.usual, arrows.spacing), (2f64.sqrt(), [1.0, 0.5]));
+    panel.marks.push(Mark::Arrows(Arrows { unit: "mm".into(), ..arrows }));
+    let svg = drawn("layer", &chart("Layer", 1, vec![panel]));
+    let found = texts(&svg);
+    for text in ["z stretched 2.22 times", "one arrow cut short", "1 mm"] {
+        assert!(found.iter().any(|known| known == text), "{text} in {found:?}");
+    }
+    // The shafts run to the right and up at 45 degrees, up to rounding.
+    let slanted = svg.lines().filter(|line| {
+        let points =
+            line.split_once("points=\"").and_then(|(_, points)| points.split_once(" \"")).map(|(points, _)| points);
+        let places: Vec<i32> = points.into_iter().flat_map(|p| p.split([' ', ','])).flat_map(str::parse).collect();
+        line.starts_with("<polyline") && matches!(places[..], [x, y, u, v] if u - x > 8 && (u - x - (y - v)).abs() < 2)
+    });
+    assert_eq!(slanted.count(), 59);
 }

@@ -38,7 +38,7 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     }
     if let Some(file) = &arguments.plot {
         let svg = plot::lattice(&white, &lattice, &calibrated);
-        outputs.svg = Some(svg.map_err(|error| Error::new(io::output_name(file), error, "wanted a picture"))?);
+        outputs.svg = Some(svg.map_err(|refusal| refusal.about(io::output_name(file)))?);
     }
     let flat = arguments.vignetting.clone().or_else(|| nominal.flat_field(&arguments.camera));
     let flat = flat.map(|flat| path_from_camera(&flat, &arguments.output, session)).transpose()?;

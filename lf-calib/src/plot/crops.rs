@@ -1,21 +1,29 @@
 //! Magnified pieces of the white image: the four corners and the middle.
 
-use super::{Area, Drawn, INK, KEPT, LEFT_OUT, ROOM, TEXT_PX, cross, text, words};
 use crate::Calibrated;
+use lf_core::plot::{Anchor, COLOURS, Canvas, Colour, INK, TEXT_PX, grey, rounded};
 use ndarray::{Array2, s};
-use plotters::prelude::*;
 
-/// Side of a piece, canvas pixels, and cells along it at most: finer ones would make the file large.
+/// Colours of the centres of lenslets that were kept, and of those that were left out.
+pub(super) const KEPT: Colour = COLOURS[2];
+pub(super) const LEFT_OUT: Colour = COLOURS[1];
+/// Side of a piece and distance between two, px.
 const SIDE: i32 = 224;
+const GAP: i32 = 10;
+/// Largest number of cells along a piece: it limits the size of the file.
 const CELLS: usize = 56;
 /// Side of a piece in pitches.
 const PITCHES: f64 = 4.0;
-/// Grey levels that are told apart: neighbours of one level are drawn as one.
+/// Number of grey levels: neighbouring cells of the same level are drawn as one.
 const LEVELS: f32 = 40.0;
+/// Smallest distance of a centre from the edge of its piece, px.
+const CROSS: f64 = 5.0;
 
-/// The pieces: their names, and their first pixels (column, row).
+/// The pieces.
 pub(super) struct Crops {
+    /// Name and first pixel (column, row) of each piece.
     corners: Vec<(&'static str, [usize; 2])>,
+    /// Side of a piece, pixels of the image.
     side_px: usize,
 }
 
@@ -36,37 +44,40 @@ impl Crops {
 
     pub fn width(&self) -> i32 {
         let count = self.corners.len() as i32;
-        count * SIDE + (count - 1) * ROOM / 2
+        count * SIDE + (count - 1) * GAP
     }
 
     pub fn height(&self) -> i32 {
         SIDE + TEXT_PX + 8
     }
 
-    pub fn draw(&self, area: &Area, [left, top]: [i32; 2], white: &Array2<f32>, calibrated: &Calibrated) -> Drawn<()> {
+    /// Draws the pieces in a row, with the camera's centres over them.
+    pub fn draw(&self, canvas: &mut Canvas, [left, top]: [i32; 2], white: &Array2<f32>, calibrated: &Calibrated) {
         for (n, (name, corner)) in self.corners.iter().enumerate() {
-            let place = [left + n as i32 * (SIDE + ROOM / 2), top];
-            self.cells(area, place, white, *corner)?;
-            let [x, y] = corner.map(|first| first as f64);
-            let scale = f64::from(SIDE) / self.side_px as f64;
-            for lenslet in &calibrated.residuals {
-                let fitted = [0, 1].map(|axis| lenslet.place_px[axis] - lenslet.residual_px[axis]);
-                let on_canvas = [(fitted[0] - x) * scale, (fitted[1] - y) * scale];
-                if on_canvas.iter().all(|along| (5.0..f64::from(SIDE) - 5.0).contains(along)) {
-                    let at = [0, 1].map(|axis| f64::from(place[axis]) + on_canvas[axis]);
-                    cross(area, at, if lenslet.kept { KEPT } else { LEFT_OUT })?;
-                }
-            }
-            let frame = [(place[0], place[1]), (place[0] + SIDE, place[1] + SIDE)];
-            area.draw(&Rectangle::new(frame, INK)).map_err(words)?;
-            let label = format!("{name}, from x {} y {}, {} px", corner[0], corner[1], self.side_px);
-            text(area, &label, (place[0], place[1] + SIDE + 6), TEXT_PX)?;
+            let place = [left + n as i32 * (SIDE + GAP), top];
+            self.cells(canvas, place, white, *corner);
+            self.centres(canvas, place, *corner, calibrated);
+            canvas.frame([(place[0], place[1]), (place[0] + SIDE, place[1] + SIDE)], INK);
+            let label = format!("{name}, from ({}, {}), {} px", corner[0], corner[1], self.side_px);
+            canvas.text(&label, (place[0], place[1] + SIDE + 13), TEXT_PX, Anchor::Left);
         }
-        Ok(())
     }
 
-    /// The pixels, or where there are too many the means of some, as grey from the darkest to the brightest.
-    fn cells(&self, area: &Area, [left, top]: [i32; 2], white: &Array2<f32>, [x, y]: [usize; 2]) -> Drawn<()> {
+    /// The centres that the camera gives the lenslets.
+    fn centres(&self, canvas: &mut Canvas, place: [i32; 2], corner: [usize; 2], calibrated: &Calibrated) {
+        let scale = f64::from(SIDE) / self.side_px as f64;
+        for lenslet in &calibrated.residuals {
+            let on_piece =
+                [0, 1].map(|axis| (lenslet.place_px[axis] - lenslet.residual_px[axis] - corner[axis] as f64) * scale);
+            if on_piece.iter().all(|along| (CROSS..f64::from(SIDE) - CROSS).contains(along)) {
+                let at = [0, 1].map(|axis| f64::from(place[axis]) + on_piece[axis]);
+                canvas.plus(rounded(at), if lenslet.kept { KEPT } else { LEFT_OUT });
+            }
+        }
+    }
+
+    /// The pixels in grey from the darkest to the brightest; means of blocks if there are more than [`CELLS`] along a side.
+    fn cells(&self, canvas: &mut Canvas, [left, top]: [i32; 2], white: &Array2<f32>, [x, y]: [usize; 2]) {
         let cells = self.side_px.min(CELLS);
         let edge = |cell: usize, whole: usize| cell * whole / cells;
         let mean = |row: usize, column: usize| {
@@ -74,24 +85,19 @@ impl Crops {
                 .map(|(cell, first)| first + edge(cell, self.side_px)..first + edge(cell + 1, self.side_px));
             white.slice(s![rows, columns]).mean().unwrap_or(0.0)
         };
-        let grey = Array2::from_shape_fn((cells, cells), |(row, column)| mean(row, column));
-        let (dark, bright) = grey.iter().fold((f32::INFINITY, 0f32), |(low, high), v| (low.min(*v), high.max(*v)));
+        let means = Array2::from_shape_fn((cells, cells), |(row, column)| mean(row, column));
+        let (dark, bright) = means.iter().fold((f32::INFINITY, 0f32), |(low, high), v| (low.min(*v), high.max(*v)));
         let level = |value: f32| (LEVELS * (value - dark) / (bright - dark).max(f32::MIN_POSITIVE)).round();
-        for row in 0..cells {
+        for (row, values) in means.rows().into_iter().enumerate() {
+            let levels: Vec<f32> = values.iter().map(|value| level(*value)).collect();
+            let [above, below] = [row, row + 1].map(|row| top + edge(row, SIDE as usize) as i32);
             let mut start = 0;
-            for column in 1..=cells {
-                let here = level(grey[(row, start)]);
-                if column < cells && level(grey[(row, column)]) == here {
-                    continue;
-                }
-                let shade = (255.0 * here / LEVELS) as u8;
-                let [from, to] = [start, column].map(|column| left + edge(column, SIDE as usize) as i32);
-                let [above, below] = [row, row + 1].map(|row| top + edge(row, SIDE as usize) as i32);
-                let cell = Rectangle::new([(from, above), (to, below)], RGBColor(shade, shade, shade).filled());
-                area.draw(&cell).map_err(words)?;
-                start = column;
+            for run in levels.chunk_by(f32::eq) {
+                let end = start + run.len();
+                let [from, to] = [start, end].map(|column| left + edge(column, SIDE as usize) as i32);
+                canvas.block([(from, above), (to, below)], grey(f64::from(run[0] / LEVELS)));
+                start = end;
             }
         }
-        Ok(())
     }
 }

@@ -1,32 +1,31 @@
-//! What a chart is made of.
-
-use crate::Refusal;
+//! The parts of a chart: panels, axes and marks.
 
 /// A picture of one or more panels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
-    /// What it shows.
+    /// Subject of the picture.
     pub title: String,
     /// Lines under the title.
     pub notes: Vec<String>,
-    /// Panels beside each other.
+    /// Number of panels beside each other.
     pub columns: usize,
-    /// Panels, row by row.
+    /// The panels, row by row.
     pub panels: Vec<Panel>,
 }
 
-/// Two axes and what stands between them.
+/// Two axes and the marks between them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Panel {
-    /// What it shows; may be empty.
+    /// Subject of the panel; may be empty.
     pub title: String,
-    /// To the right.
+    /// The horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// The vertical axis.
     pub y: Axis,
-    /// One unit of x is drawn as long as one of y. Linear axes only.
+    /// Whether one unit of x is drawn as long as one unit of y. It needs linear axes. A panel whose sides differ by more than a
+    /// factor of six is stretched to that factor, and a note under the title says so.
     pub is_to_scale: bool,
-    /// What is drawn; later marks stand on earlier ones of the same kind.
+    /// The marks; a later one covers earlier ones of its kind.
     pub marks: Vec<Mark>,
 }
 
@@ -35,13 +34,13 @@ pub struct Panel {
 pub struct Axis {
     /// Quantity and unit.
     pub name: String,
-    /// Logarithmic: values at or below zero are left out, and a note under the title counts them.
+    /// Whether it is logarithmic. Values at or below zero are then left out, and a note under the title counts them.
     pub is_log: bool,
-    /// First and last value; the first may be the greater one. None: from the data.
+    /// First and last value; the first may be the greater one. With `None` the range is that of the data.
     pub range: Option<[f64; 2]>,
 }
 
-/// How a line is stroked.
+/// The stroke of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
     /// Without gaps.
@@ -50,41 +49,42 @@ pub enum Style {
     Dashed,
 }
 
-/// Where a reference stands.
+/// The place of a reference.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Place {
-    /// Upright, at x.
+    /// A vertical line at x.
     Vertical(f64),
-    /// Level, at y.
+    /// A horizontal line at y.
     Horizontal(f64),
-    /// Through points. It does not widen an axis that has other data.
+    /// A line through points. It does not widen an axis that has other data.
     Curve(Vec<[f64; 2]>),
 }
 
 /// Something drawn in a panel.
 ///
-/// A mark with a name has a place in the panel's key. Lines, steps and points with one name have one colour, one marker and
-/// one place in the key; with at most seven names in a chart, in all of its panels.
+/// A mark with a name has an entry in the panel's key. Lines, steps and points of the same name share their colour, their
+/// marker and their entry. If a chart has at most seven such names, a name has the same look in all panels.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mark {
-    /// Points joined in their order; a point that is not finite leaves a gap.
+    /// Points joined in order; a point that is not finite leaves a gap.
     Line {
         /// Name in the key; may be empty.
         name: String,
-        /// Places (x, y).
+        /// Points (x, y).
         points: Vec<[f64; 2]>,
-        /// Least and greatest y at each point, drawn as a translucent area.
+        /// Smallest and largest y at each point, drawn as a translucent band.
         spread: Option<Vec<[f64; 2]>>,
         /// Stroke.
         style: Style,
-        /// Marks every point. Else a few of them are, where a panel has several series, to tell them apart without colour.
+        /// Whether every point is marked. If not, and if the panel has several series, a few points are marked, so that the
+        /// series can be told apart without colour.
         with_points: bool,
     },
-    /// Outline of a histogram; its axis includes zero.
+    /// The outline of a histogram; its vertical axis includes zero.
     Steps {
         /// Name in the key; may be empty.
         name: String,
-        /// Edges of the bins, one more than values.
+        /// Edges of the bins: one more than there are values.
         edges: Vec<f64>,
         /// Height of each bin.
         values: Vec<f64>,
@@ -93,59 +93,76 @@ pub enum Mark {
     Points {
         /// Name in the key; may be empty.
         name: String,
-        /// Places (x, y).
+        /// Points (x, y).
         points: Vec<[f64; 2]>,
-        /// Least and greatest y at each point, drawn as a bar.
+        /// Smallest and largest y at each point, drawn as a bar.
         spread: Option<Vec<[f64; 2]>>,
-        /// A word beside each point. Words that find no room are left out, and a note under the title counts them.
+        /// A label beside each point. Labels that find no free place are left out, and a note under the title counts them.
         labels: Option<Vec<String>>,
     },
-    /// Something to compare with, in dashed grey; those of one name have one dash and one place in the key.
+    /// A value to compare with, dashed and grey. References of the same name share their dashes and their entry in the key.
     Reference {
         /// Name in the key; may be empty.
         name: String,
-        /// Where it stands.
+        /// Its place.
         place: Place,
     },
-    /// A pale shade over a part of x.
+    /// A pale shade over an interval of x.
     Region {
         /// Name in the key; may be empty.
         name: String,
         /// First and last x.
         x: [f64; 2],
     },
-    /// Vectors, drawn from half before to half behind their places; of those that are not finite nothing is.
-    Arrows {
-        /// Places (x, y).
-        points: Vec<[f64; 2]>,
-        /// How far each reaches along x and y.
-        vectors: Vec<[f64; 2]>,
-    },
-    /// Values over the plane as colours, with a bar that tells them. A value that is not finite is grey. A scale whose range
-    /// is given and symmetric about 0 runs from blue over white to red.
+    /// Vectors.
+    Arrows(Arrows),
+    /// Values over the plane as colours, with a colour bar. A cell whose value is not finite is grey. A scale whose range is
+    /// given and symmetric about 0 runs from blue over white to red.
     ///
-    /// Cells beyond what a picture can hold are drawn as means of blocks, and a note under the title says so.
+    /// A map with too many cells for a picture is drawn as means of blocks, and a note under the title says so.
     Map {
-        /// Row by row, x fastest; the first row stands at the first y.
+        /// Values row by row, x fastest; the first row stands at the first y.
         values: Vec<f64>,
-        /// Cells along x and y.
+        /// Number of cells along x and y.
         cells: [usize; 2],
         /// Outer edges of the first and the last column.
         x: [f64; 2],
         /// Outer edges of the first and the last row.
         y: [f64; 2],
-        /// What the colours mean.
+        /// Name and range of the values.
         scale: Axis,
     },
 }
 
+/// Vectors, drawn as arrows centred on their points; a vector that is not finite is left out. They need linear axes.
+///
+/// An arrow of the usual length nearly reaches its neighbours, or is 80 px long. Longer arrows are cut to 1.6 times that, keep their direction,
+/// and a note under the title counts them. Arrows keep their direction in a stretched panel, too.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Arrows {
+    /// Name in the key. If it is empty, the key shows an arrow of a round length with its value and unit.
+    pub name: String,
+    /// Unit of the vectors.
+    pub unit: String,
+    /// Length of a usual vector. If it is 0, the arrows are dots.
+    pub usual: f64,
+    /// Distances between the arrows along x and y, in units of the axes.
+    pub spacing: [f64; 2],
+    /// Drawn as outlines instead of in ink.
+    pub is_hollow: bool,
+    /// Points (x, y).
+    pub points: Vec<[f64; 2]>,
+    /// Components along x and y of the axes.
+    pub vectors: Vec<[f64; 2]>,
+}
+
 impl Axis {
-    /// A linear axis that fits the data.
+    /// A linear axis with the range of the data.
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), is_log: false, range: None }
     }
 
-    /// A logarithmic axis that fits the data.
+    /// A logarithmic axis with the range of the data.
     pub fn log(name: impl Into<String>) -> Self {
         Self { is_log: true, ..Self::new(name) }
     }
@@ -155,6 +172,16 @@ impl Axis {
         Self { range: Some(range), ..self }
     }
 
+    /// A linear axis from 0 to `most`; with the range of the data if `most` is not above 0.
+    pub fn from_zero(name: impl Into<String>, most: f64) -> Self {
+        Self { range: (most > 0.0).then_some([0.0, most]), ..Self::new(name) }
+    }
+
+    /// A linear axis from `-limit` to `limit`; with the range of the data if `limit` is not above 0.
+    pub fn symmetric(name: impl Into<String>, limit: f64) -> Self {
+        Self { range: (limit > 0.0).then_some([-limit, limit]), ..Self::new(name) }
+    }
+
     /// Whether a value has a place on the axis.
     pub(super) fn holds(&self, value: f64) -> bool {
         value.is_finite() && (!self.is_log || value > 0.0)
@@ -162,7 +189,7 @@ impl Axis {
 }
 
 impl Panel {
-    /// A panel with nothing drawn yet.
+    /// A panel without marks.
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
         Self { title: title.into(), x, y, is_to_scale: false, marks: Vec::new() }
     }
@@ -174,88 +201,31 @@ impl Mark {
         Self::Line { name: name.into(), points, spread: None, style: Style::Solid, with_points: false }
     }
 
-    /// Points without spread and labels.
+    /// Points without spread or labels.
     pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
         Self::Points { name: name.into(), points, spread: None, labels: None }
     }
 
-    /// A reference.
+    /// A value to compare with.
     pub fn reference(name: impl Into<String>, place: Place) -> Self {
         Self::Reference { name: name.into(), place }
     }
 
-    /// The name in the key, empty for a map and for arrows.
+    /// The name in the key; a map has none.
     pub(super) fn name(&self) -> &str {
         match self {
             Self::Line { name, .. }
             | Self::Steps { name, .. }
             | Self::Points { name, .. }
             | Self::Reference { name, .. }
-            | Self::Region { name, .. } => name,
-            Self::Arrows { .. } | Self::Map { .. } => "",
+            | Self::Region { name, .. }
+            | Self::Arrows(Arrows { name, .. }) => name,
+            Self::Map { .. } => "",
         }
     }
 
-    /// Whether it is a series, which takes a colour.
+    /// Whether it is a series, which has a colour of its own.
     pub(super) fn is_series(&self) -> bool {
         matches!(self, Self::Line { .. } | Self::Steps { .. } | Self::Points { .. })
-    }
-}
-
-impl Chart {
-    /// Refuses lists that do not belong together and ranges that are none.
-    pub(super) fn check(&self) -> Result<(), Refusal> {
-        for panel in &self.panels {
-            for axis in [&panel.x, &panel.y] {
-                axis.check()?;
-            }
-            panel.marks.iter().try_for_each(Mark::check)?;
-        }
-        Ok(())
-    }
-}
-
-impl Axis {
-    fn check(&self) -> Result<(), Refusal> {
-        match self.range {
-            Some([first, last]) if !(self.holds(first) && self.holds(last) && first != last) => {
-                let kind = if self.is_log { "two different numbers above 0" } else { "two different numbers" };
-                Err(Refusal::new(format!("axis '{}' from {first} to {last}", self.name), format!("wanted {kind}")))
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-impl Mark {
-    fn check(&self) -> Result<(), Refusal> {
-        let agree = |found: usize, what: &str, wanted: usize| {
-            if found == wanted {
-                return Ok(());
-            }
-            Err(Refusal::new(format!("'{}' has {found} {what}", self.name()), format!("wanted {wanted}")))
-        };
-        match self {
-            Self::Line { points, spread, .. } => {
-                agree(spread.as_ref().map_or(points.len(), Vec::len), "spreads", points.len())
-            }
-            Self::Points { points, spread, labels, .. } => {
-                agree(spread.as_ref().map_or(points.len(), Vec::len), "spreads", points.len())?;
-                agree(labels.as_ref().map_or(points.len(), Vec::len), "labels", points.len())
-            }
-            Self::Steps { edges, values, .. } => {
-                agree(edges.len(), "edges", if values.is_empty() { edges.len() } else { values.len() + 1 })
-            }
-            Self::Map { values, cells, x, y, scale, .. } => {
-                scale.check()?;
-                agree(values.len(), "cells", cells[0] * cells[1])?;
-                if [x, y].into_iter().flatten().all(|edge| edge.is_finite()) && x[0] != x[1] && y[0] != y[1] {
-                    return Ok(());
-                }
-                Err(Refusal::new(format!("a map over x {x:?} and y {y:?}"), "wanted edges that differ"))
-            }
-            Self::Arrows { points, vectors } => agree(vectors.len(), "vectors", points.len()),
-            Self::Reference { .. } | Self::Region { .. } => Ok(()),
-        }
     }
 }

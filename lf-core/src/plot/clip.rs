@@ -1,9 +1,8 @@
-//! What of a line or an area lies inside a frame.
+//! The part of a line or an area that lies inside a frame.
 
-/// A place on the canvas, px.
-pub(super) type At = [f64; 2];
+use super::canvas::At;
 
-/// Left, top, right and lower edge of a frame, px.
+/// The upper left and the lower right corner of a frame, px.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Frame {
     pub low: At,
@@ -15,7 +14,7 @@ impl Frame {
         (0..2).all(|axis| (self.low[axis] - 0.01..=self.high[axis] + 0.01).contains(&at[axis]))
     }
 
-    /// The inside part of the stretch between two places, by the method of Liang and Barsky.
+    /// The part of a straight line inside the frame, by the method of Liang and Barsky.
     fn part(&self, from: At, to: At) -> Option<[At; 2]> {
         let (mut start, mut end) = (0f64, 1f64);
         for axis in 0..2 {
@@ -35,7 +34,7 @@ impl Frame {
         (start <= end).then(|| [if start == 0.0 { from } else { at(start) }, if end == 1.0 { to } else { at(end) }])
     }
 
-    /// The inside parts of a line; a place that is not finite parts it.
+    /// The parts of a line inside the frame. A place that is not finite is a gap.
     pub fn line(&self, places: &[At]) -> Vec<Vec<At>> {
         let mut parts: Vec<Vec<At>> = Vec::new();
         let mut last = None;
@@ -54,7 +53,7 @@ impl Frame {
         parts
     }
 
-    /// The inside of an area, by the method of Sutherland and Hodgman.
+    /// The part of an area inside the frame, by the method of Sutherland and Hodgman.
     pub fn area(&self, places: &[At]) -> Vec<At> {
         let mut kept = places.to_vec();
         for (axis, edge, sign) in
@@ -75,38 +74,6 @@ impl Frame {
         }
         kept
     }
-}
-
-/// The strokes of a dashed line: stroke, gap, stroke, gap, px.
-pub(super) fn dashes(places: &[At], pattern: [f64; 4]) -> Vec<Vec<At>> {
-    let mut strokes = Vec::new();
-    let (mut phase, mut left) = (0, pattern[0]);
-    let mut stroke: Vec<At> = places.first().into_iter().copied().collect();
-    for pair in places.windows(2) {
-        let along = [0, 1].map(|axis| pair[1][axis] - pair[0][axis]);
-        let length = along[0].hypot(along[1]);
-        let mut done = 0.0;
-        while length - done > left {
-            done += left;
-            let at = [0, 1].map(|axis| pair[0][axis] + along[axis] * done / length);
-            if phase % 2 == 0 {
-                stroke.push(at);
-                strokes.push(std::mem::take(&mut stroke));
-            } else {
-                stroke = vec![at];
-            }
-            phase = (phase + 1) % 4;
-            left = pattern[phase];
-        }
-        left -= length - done;
-        if phase % 2 == 0 {
-            stroke.push(pair[1]);
-        }
-    }
-    if stroke.len() > 1 {
-        strokes.push(stroke);
-    }
-    strokes
 }
 
 #[cfg(test)]
@@ -137,16 +104,5 @@ mod tests {
             .sum();
         assert!((sizes.abs() - 80.0).abs() < 1e-9);
         assert!(FRAME.area(&[[20.0, 2.0], [30.0, 2.0], [25.0, 5.0]]).is_empty());
-    }
-
-    #[test]
-    fn dashes_have_their_length() {
-        let strokes = dashes(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]], [4.0, 2.0, 1.0, 2.0]);
-        let length = |stroke: &Vec<At>| -> f64 {
-            stroke.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum()
-        };
-        let lengths: Vec<f64> = strokes.iter().map(length).collect();
-        assert_eq!(lengths, [4.0, 1.0, 4.0, 1.0, 2.0]);
-        assert_eq!(strokes[2], [[9.0, 0.0], [10.0, 0.0], [10.0, 3.0]]);
     }
 }

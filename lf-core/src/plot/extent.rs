@@ -1,20 +1,28 @@
-//! How far the axes of a panel reach.
+//! The ranges of the axes of a panel.
 
 use super::chart::{Axis, Mark, Panel, Place};
-use super::scale::Range;
+use super::range::Range;
 
-/// Room beyond the data, share of what they span.
-const ROOM: f64 = 0.05;
+/// Margin beyond the data, as a share of their span.
+const MARGIN: f64 = 0.05;
 
-/// Ranges of x and y; none where there is no data to take it from.
+/// Largest ratio of the sides of a panel that is drawn to scale. A flatter one is stretched to it.
+const FLATTEST: f64 = 6.0;
+
+/// How many times longer than to scale the two sides of a panel are drawn: 1, or more for the shorter side of a flat panel.
+pub(super) fn stretch(spans: [f64; 2]) -> [f64; 2] {
+    [spans[1] / (FLATTEST * spans[0]), spans[0] / (FLATTEST * spans[1])].map(|factor| factor.max(1.0))
+}
+
+/// The ranges of x and y. None if the axis has no range and the panel no data for it.
 pub(super) fn ranges(panel: &Panel) -> [Option<Range>; 2] {
     let x = range(panel, 0, &|_| true);
     let seen = |value: f64| x.is_none_or(|x| panel.x.range.is_none() || (0.0..=1.0).contains(&x.share(value)));
     [x, range(panel, 1, &seen)]
 }
 
-/// The range of values that an axis has to hold, with room.
-pub(super) fn around(values: impl Iterator<Item = f64>, axis: &Axis, room: [f64; 2]) -> Option<Range> {
+/// The range of an axis with these values, and a margin at both ends as a share of their span.
+pub(super) fn range_of(values: impl Iterator<Item = f64>, axis: &Axis, margin: [f64; 2]) -> Option<Range> {
     let is_log = axis.is_log;
     if let Some([first, last]) = axis.range {
         return Some(Range { first, last, is_log });
@@ -26,7 +34,7 @@ pub(super) fn around(values: impl Iterator<Item = f64>, axis: &Axis, room: [f64;
     let [low, high] = ends?;
     let bare = Range { first: low, last: high, is_log };
     if high - low > 1e-12 * high.abs().max(low.abs()) {
-        return Some(Range { first: bare.value(-room[0]), last: bare.value(1.0 + room[1]), is_log });
+        return Some(Range { first: bare.value(-margin[0]), last: bare.value(1.0 + margin[1]), is_log });
     }
     let (first, last) = match (is_log, low == 0.0) {
         (true, _) => (low / 1.5, high * 1.5),
@@ -36,6 +44,7 @@ pub(super) fn around(values: impl Iterator<Item = f64>, axis: &Axis, room: [f64;
     Some(Range { first, last, is_log })
 }
 
+/// The range of x (`which` = 0) or y (1). `seen` says whether x is shown.
 fn range(panel: &Panel, which: usize, seen: &dyn Fn(f64) -> bool) -> Option<Range> {
     let axis = [&panel.x, &panel.y][which];
     let has = |wanted: fn(&Mark) -> bool| panel.marks.iter().any(wanted);
@@ -50,19 +59,19 @@ fn range(panel: &Panel, which: usize, seen: &dyn Fn(f64) -> bool) -> Option<Rang
         values.extend(curves.flatten().filter(|point| seen(point[0])).map(|point| point[which]));
     }
     let from_zero = which == 1 && has_steps && !axis.is_log && !values.iter().any(|value| *value < 0.0);
-    let room = match (has_map, has_steps, which) {
+    let margin = match (has_map, has_steps, which) {
         (true, _, _) | (_, true, 0) => [0.0; 2],
-        _ if from_zero => [0.0, ROOM],
-        _ => [ROOM; 2],
+        _ if from_zero => [0.0, MARGIN],
+        _ => [MARGIN; 2],
     };
-    let mut range = around(values.into_iter(), axis, room)?;
+    let mut range = range_of(values.into_iter(), axis, margin)?;
     if from_zero && axis.range.is_none() && range.first < 0.0 {
         (range.first, range.last) = (0.0, range.last.max(1.0));
     }
     Some(range)
 }
 
-/// What of a mark an axis has to hold.
+/// The values of a mark that have to fit on the axis.
 fn values(mark: &Mark, panel: &Panel, which: usize, seen: &dyn Fn(f64) -> bool) -> Vec<f64> {
     match mark {
         Mark::Line { points, spread, .. } | Mark::Points { points, spread, .. } => {
@@ -78,7 +87,7 @@ fn values(mark: &Mark, panel: &Panel, which: usize, seen: &dyn Fn(f64) -> bool) 
         }
         Mark::Reference { place: Place::Vertical(x), .. } if which == 0 => vec![*x],
         Mark::Reference { place: Place::Horizontal(y), .. } if which == 1 => vec![*y],
-        Mark::Arrows { points, .. } => points.iter().map(|point| point[which]).collect(),
+        Mark::Arrows(arrows) => arrows.points.iter().map(|point| point[which]).collect(),
         Mark::Map { x, y, .. } => [x, y][which].to_vec(),
         Mark::Reference { .. } | Mark::Region { .. } => Vec::new(),
     }
@@ -93,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn data_have_room_and_histograms_stand_on_zero() {
+    fn data_have_a_margin_and_histograms_stand_on_zero() {
         let mut panel = Panel::new("", Axis::new("x"), Axis::new("y"));
         panel.marks = vec![Mark::line("", vec![[0.0, 10.0], [20.0, 30.0], [f64::NAN, 1e9]])];
         let near = |found: [[f64; 2]; 2], wanted: [[f64; 2]; 2]| {
@@ -106,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn y_fits_what_the_range_of_x_shows() {
+    fn y_fits_the_points_in_the_range_of_x() {
         let mut panel = Panel::new("", Axis::new("x").over([0.0, 5.0]), Axis::log("y"));
         panel.marks = vec![Mark::line("", vec![[0.0, 1.0], [5.0, 2.0], [9.0, 1e9], [3.0, -4.0]])];
         let [x, y] = ends(&panel);
@@ -115,12 +124,12 @@ mod tests {
     }
 
     #[test]
-    fn one_value_has_a_range_and_none_has_none() {
+    fn one_value_has_a_range_and_no_value_has_none() {
         for (value, is_log) in [(0.0, false), (-3.0, false), (5.0, true)] {
             let axis = Axis { is_log, ..Axis::new("") };
-            let range = around([value].into_iter(), &axis, [ROOM; 2]).unwrap();
+            let range = range_of([value].into_iter(), &axis, [MARGIN; 2]).unwrap();
             assert!(range.first < value && value < range.last);
         }
-        assert_eq!(around([f64::NAN, -1.0].into_iter(), &Axis::log(""), [0.0; 2]), None);
+        assert_eq!(range_of([f64::NAN, -1.0].into_iter(), &Axis::log(""), [0.0; 2]), None);
     }
 }

@@ -1,22 +1,25 @@
 //! The key of a panel, in rows above it.
 
+use super::arrow::arrow;
+use super::canvas::{Canvas, Pixel};
 use super::chart::{Mark, Panel, Style};
+use super::looks::{Look, Looks, has_many_series};
 use super::map;
-use super::marks::stroke;
-use super::palette::{DASHES, EMPTY, GREY, Look, SERIES_DASH, SHADES};
-use super::text::{From, TEXT_PX, text, width, wrap};
-use super::view::{Looks, reference_number};
-use super::{Area, Drawn, words};
-use plotters::prelude::*;
+use super::palette::{EMPTY, GREY, SHADES};
+use super::strokes::{REFERENCE_DASHES, SERIES_DASHES, stroke};
+use super::text::{Anchor, TEXT_PX, width, wrap};
+use super::view::reference_number;
 
-/// Width of what an entry shows, distance to its name, and to the next entry, px.
+/// Width of a symbol, its distance to the name, and that of a name to the next entry, px.
 const SYMBOL: i32 = 30;
 const GAP: i32 = 7;
 const APART: i32 = 18;
-/// Height of a row.
-pub(super) const ROW: i32 = 20;
+/// Length of an arrow without a value, px.
+const ARROW: i32 = 26;
+/// Height of a row, px.
+const ROW: i32 = 20;
 
-/// What an entry shows.
+/// The symbol of an entry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Symbol {
     Line(Look, Style),
@@ -25,37 +28,47 @@ enum Symbol {
     Steps(Look),
     Reference(usize),
     Region(usize),
+    /// Length in px.
+    Arrow {
+        length: i32,
+        is_hollow: bool,
+    },
     Empty,
 }
 
-/// A name in lines, and where it stands in the key.
+/// A name with its symbols, which are drawn over each other.
 struct Entry {
     name: String,
     symbols: Vec<Symbol>,
+    /// The name in lines.
     lines: Vec<String>,
-    place: (i32, i32),
+    /// Place in the key.
+    place: Pixel,
 }
 
 /// The entries of a panel.
 pub(super) struct Key {
     entries: Vec<Entry>,
+    /// Size, px.
+    pub width: i32,
     pub height: i32,
 }
 
 impl Key {
-    /// The key of a panel no wider than `room_px`.
-    pub fn new(panel: &Panel, looks: &Looks, room_px: i32) -> Self {
-        let mut key = Self { entries: entries(panel, looks), height: 0 };
+    /// The key of a panel, at most `room_px` wide. A unit of its axes takes `px_per_unit`.
+    pub fn new(panel: &Panel, looks: &Looks, room_px: i32, px_per_unit: [f64; 2]) -> Self {
+        let mut key = Self { entries: entries(panel, looks, px_per_unit), width: 0, height: 0 };
         let (mut x, mut y) = (0, 0);
         let mut row_lines = 0;
         for entry in &mut key.entries {
-            entry.lines = wrap(&entry.name, TEXT_PX, room_px - SYMBOL - GAP);
+            entry.lines = wrap(&entry.name, TEXT_PX, room_px - entry.symbol_width() - GAP);
             let widest = entry.lines.iter().map(|line| width(line, TEXT_PX)).max().unwrap_or(0);
-            let whole = SYMBOL + GAP + widest;
+            let whole = entry.symbol_width() + GAP + widest;
             if x > 0 && x + whole > room_px {
                 (x, y, row_lines) = (0, y + row_lines * ROW, 0);
             }
             entry.place = (x, y);
+            key.width = key.width.max(x + whole);
             x += whole + APART;
             row_lines = row_lines.max(entry.lines.len() as i32);
         }
@@ -64,99 +77,111 @@ impl Key {
     }
 
     /// Draws it with its top left corner at a place.
-    pub fn draw(&self, area: &Area, (left, top): (i32, i32)) -> Drawn<()> {
+    pub fn draw(&self, canvas: &mut Canvas, (left, top): Pixel) {
         for entry in &self.entries {
             let (x, y) = (left + entry.place.0, top + entry.place.1 + ROW / 2);
             for symbol in &entry.symbols {
-                symbol.draw(area, (x, y))?;
+                symbol.draw(canvas, (x, y));
             }
             for (n, line) in entry.lines.iter().enumerate() {
-                text(area, line, (x + SYMBOL + GAP, y + n as i32 * ROW), TEXT_PX, From::Left)?;
+                canvas.text(line, (x + entry.symbol_width() + GAP, y + n as i32 * ROW), TEXT_PX, Anchor::Left);
             }
         }
-        Ok(())
+    }
+}
+
+impl Entry {
+    fn symbol_width(&self) -> i32 {
+        let width = |symbol: &Symbol| if let Symbol::Arrow { length, .. } = symbol { *length } else { SYMBOL };
+        self.symbols.iter().map(width).max().unwrap_or(0)
     }
 }
 
 impl Symbol {
-    /// Left end at a place, at half its height.
-    fn draw(self, area: &Area, (x, y): (i32, i32)) -> Drawn<()> {
+    /// Draws it with its left end at a place, which is at half its height.
+    fn draw(self, canvas: &mut Canvas, (x, y): Pixel) {
         let at = |right: i32, down: i32| [f64::from(x + right), f64::from(y + down)];
         let level = [at(0, 0), at(SYMBOL, 0)];
-        let block = |colour: RGBAColor| {
-            area.draw(&Rectangle::new([(x, y - 7), (x + SYMBOL, y + 7)], colour.filled())).map_err(words)
-        };
+        let block = [(x, y - 7), (x + SYMBOL, y + 7)];
         match self {
             Self::Line(look, style) => {
-                let pattern = (style == Style::Dashed).then_some(SERIES_DASH);
-                stroke(area, &level, look.colour().stroke_width(2), pattern)
+                stroke(canvas, &level, look.colour(), 2, (style == Style::Dashed).then_some(SERIES_DASHES));
             }
-            Self::Band(look) => block(look.colour().mix(0.2)),
-            Self::Marker(look) => look.marker(area, (x + SYMBOL / 2, y)),
+            Self::Band(look) => canvas.tint(block, look.colour(), 0.2),
+            Self::Marker(look) => look.marker(canvas, (x + SYMBOL / 2, y)),
             Self::Steps(look) => {
                 let places = [at(0, 6), at(8, 6), at(8, -6), at(22, -6), at(22, 3), at(SYMBOL, 3)];
-                stroke(area, &places, look.colour().stroke_width(2), None)
+                stroke(canvas, &places, look.colour(), 2, None);
             }
-            Self::Reference(n) => stroke(area, &level, GREY.stroke_width(2), Some(DASHES[n % DASHES.len()])),
+            Self::Reference(n) => {
+                stroke(canvas, &level, GREY, 2, Some(REFERENCE_DASHES[n % REFERENCE_DASHES.len()]));
+            }
             Self::Region(n) => {
-                block(SHADES[n % SHADES.len()].into())?;
-                area.draw(&Rectangle::new([(x, y - 7), (x + SYMBOL, y + 7)], GREY)).map_err(words)
+                canvas.block(block, SHADES[n % SHADES.len()]);
+                canvas.frame(block, GREY);
             }
-            Self::Empty => block(EMPTY.into()),
+            Self::Arrow { length, is_hollow } => arrow(canvas, at(0, 0), at(length, 0), is_hollow),
+            Self::Empty => canvas.block(block, EMPTY),
         }
     }
 }
 
-/// Every name once, with all that it stands for.
-fn entries(panel: &Panel, looks: &Looks) -> Vec<Entry> {
-    let several = Looks::of([panel]).0.len() > 1;
-    let mut entries: Vec<Entry> = Vec::new();
-    let mut add = |name: &str, symbols: &[Symbol]| {
-        if name.is_empty() {
-            return;
-        }
-        // A reference of a series' name is another thing.
-        let is_series = |symbols: &[Symbol]| {
-            !matches!(symbols.first(), Some(Symbol::Reference(_) | Symbol::Region(_) | Symbol::Empty))
-        };
-        let known = |entry: &&mut Entry| {
-            entry.name == name && (entry.symbols == symbols || is_series(&entry.symbols) && is_series(symbols))
-        };
-        match entries.iter_mut().find(known) {
-            Some(entry) if entry.symbols != symbols => entry.symbols.extend(symbols),
-            Some(_) => {}
-            None => {
-                let (name, symbols) = (name.to_owned(), symbols.to_vec());
-                entries.push(Entry { name, symbols, lines: Vec::new(), place: (0, 0) });
-            }
-        }
-    };
+/// The entries of a panel's marks. Each name has one entry with the symbols of all its marks.
+fn entries(panel: &Panel, looks: &Looks, px_per_unit: [f64; 2]) -> Vec<Entry> {
+    let mut entries = Vec::new();
     let mut regions = 0;
     for mark in &panel.marks {
         let look = looks.look(mark.name());
-        match mark {
-            Mark::Line { name, spread, style, with_points, .. } => {
-                let band = spread.iter().map(|_| Symbol::Band(look));
-                let marker = (*with_points || several).then_some(Symbol::Marker(look));
-                add(name, &band.chain([Symbol::Line(look, *style)]).chain(marker).collect::<Vec<_>>());
+        // Markers tell the series apart.
+        let marker = |is_marked: bool| is_marked.then_some(Symbol::Marker(look));
+        let has_many = has_many_series(panel);
+        let symbols = match mark {
+            Mark::Line { spread, style, with_points, .. } => {
+                let band = spread.as_ref().map(|_| Symbol::Band(look));
+                let line = Symbol::Line(look, *style);
+                band.into_iter().chain([line]).chain(marker(*with_points || has_many)).collect()
             }
-            Mark::Steps { name, .. } => {
-                let marker = several.then_some(Symbol::Marker(look));
-                add(name, &[Symbol::Steps(look)].into_iter().chain(marker).collect::<Vec<_>>());
-            }
-            Mark::Points { name, .. } => add(name, &[Symbol::Marker(look)]),
-            Mark::Reference { name, .. } => add(name, &[Symbol::Reference(reference_number(panel, name))]),
-            Mark::Region { name, .. } => {
-                add(name, &[Symbol::Region(regions)]);
+            Mark::Steps { .. } => [Symbol::Steps(look)].into_iter().chain(marker(has_many)).collect(),
+            Mark::Points { .. } => vec![Symbol::Marker(look)],
+            Mark::Reference { name, .. } => vec![Symbol::Reference(reference_number(panel, name))],
+            Mark::Region { .. } => {
                 regions += 1;
+                vec![Symbol::Region(regions - 1)]
             }
-            Mark::Arrows { .. } => {}
-            Mark::Map { .. } => {
-                if map::has_empty(mark) {
-                    add("no data", &[Symbol::Empty]);
+            Mark::Arrows(arrows) if arrows.name.is_empty() => {
+                if let Some((length, text)) = arrows.sample(px_per_unit) {
+                    let symbol = Symbol::Arrow { length: length.round() as i32, is_hollow: arrows.is_hollow };
+                    add(&mut entries, &text, vec![symbol]);
                 }
+                continue;
             }
-        }
+            Mark::Arrows(arrows) => vec![Symbol::Arrow { length: ARROW, is_hollow: arrows.is_hollow }],
+            Mark::Map { .. } if map::has_empty(mark) => {
+                add(&mut entries, "no data", vec![Symbol::Empty]);
+                continue;
+            }
+            Mark::Map { .. } => continue,
+        };
+        add(&mut entries, mark.name(), symbols);
     }
     entries
+}
+
+/// Adds a name with its symbols, or the symbols to the entry of that name. A reference with the name of a series has its
+/// own entry.
+fn add(entries: &mut Vec<Entry>, name: &str, symbols: Vec<Symbol>) {
+    if name.is_empty() {
+        return;
+    }
+    let is_series = |symbols: &[Symbol]| {
+        matches!(symbols.first(), Some(Symbol::Line(..) | Symbol::Band(_) | Symbol::Marker(_) | Symbol::Steps(_)))
+    };
+    let is_known = |entry: &&mut Entry| {
+        entry.name == name && (entry.symbols == symbols || is_series(&entry.symbols) && is_series(&symbols))
+    };
+    match entries.iter_mut().find(is_known) {
+        Some(entry) if entry.symbols != symbols => entry.symbols.extend(symbols),
+        Some(_) => {}
+        None => entries.push(Entry { name: name.to_owned(), symbols, lines: Vec::new(), place: (0, 0) }),
+    }
 }

@@ -1,18 +1,17 @@
 //! Values over the plane as colours.
 
-use super::chart::Mark;
-use super::extent::around;
-use super::palette::{EMPTY, scale};
-use super::scale::Range;
-use super::view::{View, rounded};
-use super::{Area, Drawn, words};
-use plotters::prelude::*;
+use super::canvas::{Canvas, rounded};
+use super::chart::{Axis, Mark};
+use super::extent::range_of;
+use super::palette::{EMPTY, map_colours};
+use super::range::Range;
+use super::view::View;
 
-/// Cells along an axis, at most.
+/// Largest number of cells along an axis.
 const MOST_CELLS: usize = 300;
-/// Rectangles of one colour a map may take, which keeps a picture below a megabyte.
+/// Largest number of rectangles of one colour. It keeps a picture below a megabyte.
 const MOST_RECTANGLES: usize = 8000;
-/// Colours of the scale.
+/// Number of steps of the colours.
 const LEVELS: f64 = 48.0;
 
 /// Means over blocks of a map's values.
@@ -21,17 +20,18 @@ struct Blocks {
     cells: [usize; 2],
 }
 
-/// A map's colour scale, which spans what is drawn; none without values.
-pub(super) fn range(mark: &Mark) -> Option<Range> {
-    Some(blocks(mark)?.1)
+/// The scale of a map, and its range: that of the blocks drawn. None if the mark is no map or has no value.
+pub(super) fn scale(mark: &Mark) -> Option<(&Axis, Range)> {
+    let Mark::Map { scale, .. } = mark else { return None };
+    Some((scale, blocks(mark)?.1))
 }
 
-/// Whether a map has a cell without a value that its scale holds.
+/// Whether a map has a cell whose value its scale cannot show.
 pub(super) fn has_empty(mark: &Mark) -> bool {
     matches!(mark, Mark::Map { values, scale, .. } if values.iter().any(|value| !scale.holds(*value)))
 }
 
-/// What a note has to say of a map that is drawn coarser than it is.
+/// The note on a map that is drawn coarser than it is.
 pub(super) fn note(mark: &Mark) -> Option<String> {
     let Mark::Map { cells, .. } = mark else { return None };
     let drawn = blocks(mark)?.0.cells;
@@ -39,31 +39,31 @@ pub(super) fn note(mark: &Mark) -> Option<String> {
     (drawn != *cells).then(|| format!("a coloured cell is the mean of up to {nx} x {ny} values"))
 }
 
-/// The cells in the frame.
-pub(super) fn cells(area: &Area, view: &View, mark: &Mark) -> Drawn<()> {
-    let Mark::Map { x, y, .. } = mark else { return Ok(()) };
-    let Some((blocks, range)) = blocks(mark) else { return Ok(()) };
+/// Draws the cells inside the frame.
+pub(super) fn cells(canvas: &mut Canvas, view: &View, mark: &Mark) {
+    let Mark::Map { x, y, .. } = mark else { return };
+    let Some((blocks, range)) = blocks(mark) else { return };
     let edge = |axis: usize, n: usize| {
         let [first, last] = [x, y][axis];
         first + (last - first) * n as f64 / blocks.cells[axis] as f64
     };
-    let colours = scale(&range);
+    let colours = map_colours(&range);
     for (row, columns, level) in runs(&blocks, range) {
         let corners = [[columns[0], row], [columns[1], row + 1]].map(|[i, j]| view.at([edge(0, i), edge(1, j)]));
-        let [low, high] = [f64::min as fn(f64, f64) -> f64, f64::max].map(|pick| {
-            [0, 1]
-                .map(|axis| pick(corners[0][axis], corners[1][axis]).clamp(view.frame.low[axis], view.frame.high[axis]))
-        });
-        let [from, to] = [rounded(low), rounded(high)];
+        let corner = |pick: fn(f64, f64) -> f64| {
+            let inside = |axis: usize| {
+                pick(corners[0][axis], corners[1][axis]).clamp(view.frame.low[axis], view.frame.high[axis])
+            };
+            rounded([inside(0), inside(1)])
+        };
+        let [from, to] = [corner(f64::min), corner(f64::max)];
         if from.0 < to.0 && from.1 < to.1 {
-            let colour = level.map_or(EMPTY, |level| colours(f64::from(level) / LEVELS));
-            area.draw(&Rectangle::new([from, to], colour.filled())).map_err(words)?;
+            canvas.block([from, to], level.map_or(EMPTY, |level| colours(f64::from(level) / LEVELS)));
         }
     }
-    Ok(())
 }
 
-/// The finest blocks whose picture is small enough, and their scale; none of a map without values.
+/// The finest blocks whose picture is small enough, and their range. None if the map has no value.
 fn blocks(mark: &Mark) -> Option<(Blocks, Range)> {
     let Mark::Map { values, cells, scale, .. } = mark else { return None };
     if values.is_empty() {
@@ -72,7 +72,7 @@ fn blocks(mark: &Mark) -> Option<(Blocks, Range)> {
     let mut most = MOST_CELLS;
     loop {
         let blocks = means(values, *cells, cells.map(|count| count.min(most)));
-        let range = around(blocks.values.iter().copied(), scale, [0.0; 2])?;
+        let range = range_of(blocks.values.iter().copied(), scale, [0.0; 2])?;
         if most <= 8 || runs(&blocks, range).count() <= MOST_RECTANGLES {
             return Some((blocks, range));
         }
@@ -80,7 +80,7 @@ fn blocks(mark: &Mark) -> Option<(Blocks, Range)> {
     }
 }
 
-/// Means of the finite values of blocks; NaN where a block has none.
+/// Means of the finite values of each block; NaN for a block without any.
 fn means(values: &[f64], from: [usize; 2], to: [usize; 2]) -> Blocks {
     let edge = |axis: usize, n: usize| n * from[axis] / to[axis];
     let mean = |i: usize, j: usize| {
@@ -92,7 +92,7 @@ fn means(values: &[f64], from: [usize; 2], to: [usize; 2]) -> Blocks {
     Blocks { values: (0..to[0] * to[1]).map(|n| mean(n % to[0], n / to[0])).collect(), cells: to }
 }
 
-/// Rows of cells of one colour: row, columns from and to, level or none.
+/// Neighbouring cells of a row that have one colour: row, first and last column + 1, and level; an empty cell has none.
 fn runs(blocks: &Blocks, range: Range) -> impl Iterator<Item = (usize, [usize; 2], Option<u8>)> {
     let level = move |value: &f64| {
         let share = range.share(*value);
@@ -111,7 +111,6 @@ fn runs(blocks: &Blocks, range: Range) -> impl Iterator<Item = (usize, [usize; 2
 
 #[cfg(test)]
 mod tests {
-    use super::super::chart::Axis;
     use super::*;
 
     fn map(values: Vec<f64>, cells: [usize; 2]) -> Mark {

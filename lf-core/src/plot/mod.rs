@@ -1,45 +1,41 @@
-//! Charts that need no more explanation than their titles and axes.
+//! Pictures as SVG.
 //!
-//! A [`Chart`] says what is drawn; [`draw`] finds ranges, ticks, keys and room. Series differ in colour and in marker, so
-//! that they survive grey print. Points that are not finite are left out.
+//! In: a [`Chart`], which says what is drawn, or strokes on a [`Canvas`]. Out: the text of an SVG; the same input gives the
+//! same bytes. Open `chart.rs` first, then `page.rs`; [`slice`] draws a layer of a vector field.
 //!
-//! Convention: what a name means stands in the key above its panel; y runs upwards unless its range says otherwise.
+//! [`draw`] finds ranges, ticks, keys and margins of a chart. Series differ in colour and in marker, so that they can be
+//! told apart in grey print. A point that is not finite is left out.
+//!
+//! Convention: the key above a panel explains its marks; y runs upwards unless its range is given the other way round.
 
-mod arrows;
+mod arrow;
+mod canvas;
 mod chart;
+mod check;
 mod clip;
+mod colour_bar;
 mod extent;
 mod key;
 mod labels;
+mod looks;
 mod map;
 mod marks;
+mod numbers;
 mod page;
 mod palette;
 mod panel;
-mod scale;
+mod range;
+mod slice;
+mod strokes;
 mod text;
+mod ticks;
 mod view;
 
-pub use chart::{Axis, Chart, Mark, Panel, Place, Style};
-
-use crate::Refusal;
-use plotters::coord::Shift;
-use plotters::prelude::*;
-use std::fmt::Display;
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn<T> = Result<T, String>;
-
-/// The chart as an SVG. One chart has one sequence of bytes.
-///
-/// # Errors
-/// What was found and what was wanted: lists of a mark whose lengths differ, a range that is none, or what the drawing
-/// library refuses, in its words.
-pub fn draw(chart: &Chart) -> Result<String, Refusal> {
-    chart.check()?;
-    page::draw(chart).map_err(|error| Refusal::new(error, "wanted a picture"))
-}
-
-fn words(error: impl Display) -> String {
-    error.to_string()
-}
+pub use arrow::arrow;
+pub use canvas::{At, Canvas, Pixel, rounded, svg};
+pub use chart::{Arrows, Axis, Chart, Mark, Panel, Place, Style};
+pub use numbers::{short, three_figures};
+pub use page::draw;
+pub use palette::{COLOURS, Colour, INK, grey};
+pub use slice::{Slice, usual};
+pub use text::{Anchor, NAME_PX, TEXT_PX};

@@ -1,99 +1,112 @@
-//! Panels on a page.
+//! A page of panels under a title.
 
+use super::canvas::{Canvas, svg};
 use super::chart::{Chart, Mark, Panel};
+use super::check::check;
+use super::looks::Looks;
+use super::map;
 use super::palette::COLOURS;
-use super::panel::{Margins, Prepared};
-use super::text::{From, TEXT_PX, TITLE_PX, text, wrap};
-use super::view::Looks;
-use super::{Area, Drawn, map, words};
-use plotters::prelude::*;
+use super::panel::PanelLayout;
+use super::text::{Anchor, TEXT_PX, TITLE_PX, wrap};
+use crate::Refusal;
 
-/// Room at the edges of the page and between panels, px.
+/// Margin of the page, and distance between panels, px.
 const EDGE: i32 = 20;
 const BETWEEN: i32 = 22;
-/// Heights of a line of the title and of a note.
+/// Heights of a line of the title and of a note, px.
 const TITLE: i32 = 30;
 const NOTE: i32 = 21;
-/// Constant: widest and highest frame of a page with one, two and more panels beside each other; together with names and
-/// ticks a page is 700 to 1500 px wide.
+/// Constant: width and height of a frame on a page of one, two, and three or more columns, px. With names and ticks a page is
+/// 700 to 1500 px wide.
 const FRAMES: [[i32; 2]; 3] = [[640, 400], [440, 300], [370, 260]];
+/// The longer side of a frame that is to scale, px.
+const FRAMES_TO_SCALE: [i32; 3] = [760, 440, 370];
+/// Least width of a page, px, for its title and notes.
+const LEAST_WIDTH: i32 = 640;
 
-/// The page with all its panels.
+/// The chart as an SVG.
 ///
-/// Labels can only be counted by placing them, so a page with some that found no room is drawn again with that note.
-pub(super) fn draw(chart: &Chart) -> Drawn<String> {
+/// Only drawing shows which labels find no free place. If there are any, the page is drawn again with a note on them.
+///
+/// # Errors
+/// Lists of different lengths, an empty range, or a failure of the drawing library.
+pub fn draw(chart: &Chart) -> Result<String, Refusal> {
+    check(chart)?;
     let (svg, left_out) = page(chart, 0)?;
     if left_out == 0 { Ok(svg) } else { Ok(page(chart, left_out)?.0) }
 }
 
-fn page(chart: &Chart, unlabelled: usize) -> Drawn<(String, usize)> {
+/// The page, and the number of labels that find no free place. The notes say that `unlabelled` labels are missing.
+fn page(chart: &Chart, unlabelled: usize) -> Result<(String, usize), Refusal> {
+    // Lay out the panels.
     let columns = chart.columns.clamp(1, chart.panels.len().max(1));
-    let room = FRAMES[columns.min(FRAMES.len()) - 1];
-    let one_for_all = Looks::of(&chart.panels).0.len() <= COLOURS.len();
-    let looks = |panel| if one_for_all { Looks::of(&chart.panels) } else { Looks::of([panel]) };
-    let panels: Vec<Prepared> = chart.panels.iter().map(|panel| Prepared::new(panel, looks(panel), room)).collect();
-    let margins: Vec<Margins> = panels.iter().map(Prepared::margins).collect();
-    let rows = panels.len().div_ceil(columns);
-    let most = |side: fn(&Margins) -> i32, along: &dyn Fn(usize) -> bool| {
-        let some = margins.iter().enumerate().filter(|(n, _)| along(*n));
-        some.map(|(_, margins)| side(margins)).max().unwrap_or(0)
-    };
-    let across: Vec<[i32; 2]> = (0..columns)
-        .map(|column| [|m: &Margins| m.left, |m: &Margins| m.right].map(|side| most(side, &|n| n % columns == column)))
-        .collect();
-    let upright: Vec<[i32; 2]> = (0..rows)
-        .map(|row| [|m: &Margins| m.top, |m: &Margins| m.below].map(|side| most(side, &|n| n / columns == row)))
-        .collect();
-    let width = 2 * EDGE
-        + across.iter().map(|[left, right]| left + room[0] + right).sum::<i32>()
-        + BETWEEN * (columns as i32 - 1);
+    let kind = columns.min(FRAMES.len()) - 1;
+    let room = |panel: &Panel| if panel.is_to_scale { [FRAMES_TO_SCALE[kind]; 2] } else { FRAMES[kind] };
+    let is_one_key = Looks::of(&chart.panels).0.len() <= COLOURS.len();
+    let looks = |panel| if is_one_key { Looks::of(&chart.panels) } else { Looks::of([panel]) };
+    let panels: Vec<PanelLayout> =
+        chart.panels.iter().map(|panel| PanelLayout::new(panel, looks(panel), room(panel))).collect();
 
+    // A column takes the widths of its widest panel, and a row the heights of its highest.
+    let column = |n: usize| largest(panels.iter().skip(n).step_by(columns).map(PanelLayout::widths));
+    let across: Vec<[i32; 3]> = (0..columns).map(column).collect();
+    let down: Vec<[i32; 3]> = panels.chunks(columns).map(|row| largest(row.iter().map(PanelLayout::heights))).collect();
+    let length =
+        |sections: &[[i32; 3]]| sections.iter().flatten().sum::<i32>() + BETWEEN * (sections.len() as i32 - 1).max(0);
+    let width = (2 * EDGE + length(&across)).max(LEAST_WIDTH);
+
+    // Title and notes.
     let title = wrap(&chart.title, TITLE_PX, width - 2 * EDGE);
-    let notes = chart.notes.iter().cloned().chain(own_notes(chart, unlabelled));
+    let notes = chart.notes.iter().cloned().chain(own_notes(chart, &panels, unlabelled));
     let notes: Vec<String> = notes.flat_map(|note| wrap(&note, TEXT_PX, width - 2 * EDGE)).collect();
-    let heading = EDGE / 2 + TITLE * title.len() as i32 + NOTE * notes.len() as i32 + 14;
-    let height = heading
-        + upright.iter().map(|[top, below]| top + room[1] + below).sum::<i32>()
-        + BETWEEN * (rows as i32 - 1).max(0)
-        + EDGE / 2;
+    let notes_top = EDGE / 2 + TITLE * title.len() as i32;
+    let heading = notes_top + NOTE * notes.len() as i32 + 14;
 
-    let mut svg = String::new();
-    let mut left_out = 0;
-    {
-        let area = SVGBackend::with_string(&mut svg, (width as u32, height as u32)).into_drawing_area();
-        area.fill(&WHITE).map_err(words)?;
-        lines(&area, &title, EDGE / 2, TITLE, TITLE_PX)?;
-        lines(&area, &notes, EDGE / 2 + TITLE * title.len() as i32, NOTE, TEXT_PX)?;
+    svg([width, heading + length(&down) + EDGE / 2], |canvas| {
+        lines(canvas, &title, EDGE / 2, TITLE, TITLE_PX);
+        lines(canvas, &notes, notes_top, NOTE, TEXT_PX);
+        let mut left_out = 0;
         let mut top = heading;
-        for (row, [above, below]) in upright.iter().enumerate() {
+        for (row, panels) in down.iter().zip(panels.chunks(columns)) {
             let mut left = EDGE;
-            for (column, [before, after]) in across.iter().enumerate() {
-                if let Some(panel) = panels.get(row * columns + column) {
-                    left_out += panel.draw(&area, [left + before, top + above])?;
-                }
-                left += before + room[0] + after + BETWEEN;
+            for (column, panel) in across.iter().zip(panels) {
+                left_out += panel.draw(canvas, [left + column[0], top + row[0]]);
+                left += column.iter().sum::<i32>() + BETWEEN;
             }
-            top += above + room[1] + below + BETWEEN;
+            top += row.iter().sum::<i32>() + BETWEEN;
         }
-        area.present().map_err(words)?;
-    }
-    Ok((svg, left_out))
+        left_out
+    })
 }
 
-fn lines(area: &Area, lines: &[String], top: i32, apart: i32, size_px: i32) -> Drawn<()> {
+/// The largest of each of three sizes.
+fn largest(sizes: impl Iterator<Item = [i32; 3]>) -> [i32; 3] {
+    sizes.fold([0; 3], |most, size| [0, 1, 2].map(|n| most[n].max(size[n])))
+}
+
+fn lines(canvas: &mut Canvas, lines: &[String], top: i32, height: i32, size_px: i32) {
     for (n, line) in lines.iter().enumerate() {
-        text(area, line, (EDGE, top + apart / 2 + n as i32 * apart), size_px, From::Left)?;
+        canvas.text(line, (EDGE, top + height / 2 + n as i32 * height), size_px, Anchor::Left);
     }
-    Ok(())
 }
 
-/// What the drawing itself has to admit.
-fn own_notes(chart: &Chart, unlabelled: usize) -> Vec<String> {
+/// The notes of the page itself: everything that is drawn otherwise than asked.
+fn own_notes(chart: &Chart, panels: &[PanelLayout], unlabelled: usize) -> Vec<String> {
+    let maps = chart.panels.iter().flat_map(|panel| &panel.marks).filter_map(map::note);
     let mut notes: Vec<String> = Vec::new();
-    for note in chart.panels.iter().flat_map(|panel| &panel.marks).filter_map(map::note) {
+    for note in maps.chain(panels.iter().filter_map(PanelLayout::note)) {
         if !notes.contains(&note) {
             notes.push(note);
         }
+    }
+    let arrows = chart.panels.iter().flat_map(|panel| &panel.marks).map(|mark| match mark {
+        Mark::Arrows(arrows) => arrows.count_cut_short(),
+        _ => 0,
+    });
+    match arrows.sum() {
+        0 => {}
+        1 => notes.push("one arrow cut short".into()),
+        count => notes.push(format!("{count} arrows cut short")),
     }
     let points = |count: usize| if count == 1 { "1 point".to_string() } else { format!("{count} points") };
     match chart.panels.iter().map(not_positive).sum() {
@@ -106,7 +119,7 @@ fn own_notes(chart: &Chart, unlabelled: usize) -> Vec<String> {
     notes
 }
 
-/// Points of a panel that only a logarithmic axis leaves out.
+/// Number of a panel's points that only a logarithmic axis leaves out.
 fn not_positive(panel: &Panel) -> usize {
     let points = panel.marks.iter().filter_map(|mark| match mark {
         Mark::Line { points, .. } | Mark::Points { points, .. } => Some(points),

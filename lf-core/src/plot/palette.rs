@@ -1,37 +1,36 @@
-//! Colours and markers that are told apart with any eyes, and in grey.
+//! The one table of colours. They differ for any eyes and in grey print.
 
-use super::scale::Range;
-use super::{Area, Drawn, words};
-use plotters::prelude::*;
+use super::range::Range;
 
-/// Words, frames.
-pub(super) const INK: RGBColor = RGBColor(25, 25, 35);
-/// References.
-pub(super) const GREY: RGBColor = RGBColor(115, 115, 120);
-/// Lines at the ticks.
-pub(super) const GRID: RGBColor = RGBColor(232, 232, 236);
+/// Red, green and blue, 0 to 255.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Colour(pub u8, pub u8, pub u8);
+
+/// Text, frames, arrows.
+pub const INK: Colour = Colour(25, 25, 35);
+/// References, and the outlines of hollow arrows.
+pub(super) const GREY: Colour = Colour(115, 115, 120);
+/// Grid lines.
+pub(super) const GRID: Colour = Colour(232, 232, 236);
 /// Cells of a map without a value.
-pub(super) const EMPTY: RGBColor = RGBColor(205, 205, 205);
+pub(super) const EMPTY: Colour = Colour(205, 205, 205);
+/// Inside of hollow arrows.
+pub(super) const PAPER: Colour = Colour(255, 255, 255);
 /// Regions in turn.
-pub(super) const SHADES: [RGBColor; 3] = [RGBColor(250, 240, 205), RGBColor(222, 236, 247), RGBColor(236, 228, 240)];
-/// Dashes of references in turn: stroke, gap, stroke, gap, px.
-pub(super) const DASHES: [[f64; 4]; 4] =
-    [[8.0, 5.0, 8.0, 5.0], [2.0, 4.0, 2.0, 4.0], [9.0, 4.0, 2.0, 4.0], [16.0, 6.0, 16.0, 6.0]];
-/// Dashes of a dashed series.
-pub(super) const SERIES_DASH: [f64; 4] = [7.0, 4.0, 7.0, 4.0];
+pub(super) const SHADES: [Colour; 3] = [Colour(250, 240, 205), Colour(222, 236, 247), Colour(236, 228, 240)];
 
-/// Constant: the colours of Okabe and Ito (2008) without yellow, which is faint on white.
-pub(super) const COLOURS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(25, 25, 35),
+/// Series in turn. Source: the colours of Okabe and Ito (2008) without yellow, which is faint on white.
+pub const COLOURS: [Colour; 7] = [
+    Colour(0, 114, 178),
+    Colour(213, 94, 0),
+    Colour(0, 158, 115),
+    Colour(204, 121, 167),
+    Colour(230, 159, 0),
+    Colour(86, 180, 233),
+    Colour(25, 25, 35),
 ];
 
-/// Constant: nine colours of viridis (van der Walt and Smith 2015), evenly apart; between them it is linear.
+/// Maps. Source: nine evenly spaced colours of viridis (van der Walt and Smith 2015); linear between them.
 const SEQUENCE: [[f64; 3]; 9] = [
     [68.0, 1.0, 84.0],
     [71.0, 45.0, 123.0],
@@ -44,7 +43,7 @@ const SEQUENCE: [[f64; 3]; 9] = [
     [253.0, 231.0, 37.0],
 ];
 
-/// Constant: blue, white and red that end light enough for ink, for values about 0.
+/// Maps of values about 0: blue, white, red. Most colour-blind eyes tell the ends apart, and both are light enough for ink.
 const SIGNED: [[f64; 3]; 7] = [
     [62.0, 118.0, 186.0],
     [126.0, 168.0, 214.0],
@@ -55,55 +54,25 @@ const SIGNED: [[f64; 3]; 7] = [
     [202.0, 86.0, 70.0],
 ];
 
-/// The colours of a map whose scale has this range: signed where it is symmetric about 0, by share from 0 to 1.
-pub(super) fn scale(range: &Range) -> fn(f64) -> RGBColor {
+/// The colours of a map by share of its scale, 0 to 1: [`SIGNED`] if `range` is symmetric about 0, else [`SEQUENCE`].
+pub(super) fn map_colours(range: &Range) -> fn(f64) -> Colour {
     if range.first == -range.last { |share| between(&SIGNED, share) } else { |share| between(&SEQUENCE, share) }
 }
 
-fn between(colours: &[[f64; 3]], share: f64) -> RGBColor {
+/// Black at 0, white at 1.
+pub fn grey(share: f64) -> Colour {
+    let level = (255.0 * share.clamp(0.0, 1.0)) as u8;
+    Colour(level, level, level)
+}
+
+fn between(colours: &[[f64; 3]], share: f64) -> Colour {
     let place = share.clamp(0.0, 1.0) * (colours.len() - 1) as f64;
     let below = (place as usize).min(colours.len() - 2);
     let [r, g, b] = [0, 1, 2].map(|channel| {
         let [low, high] = [colours[below][channel], colours[below + 1][channel]];
         (low + (high - low) * (place - below as f64)).round() as u8
     });
-    RGBColor(r, g, b)
-}
-
-/// The look of a chart's n-th series: a colour, and a marker that shifts when the colours begin again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Look(pub usize);
-
-impl Look {
-    pub fn colour(self) -> RGBColor {
-        COLOURS[self.0 % COLOURS.len()]
-    }
-
-    /// The marker about a place.
-    pub fn marker(self, area: &Area, (x, y): (i32, i32)) -> Drawn<()> {
-        let colour = self.colour();
-        let shape = (self.0 + self.0 / COLOURS.len()) % 7;
-        let fill = |points: &[(i32, i32)]| {
-            let points: Vec<_> = points.iter().map(|(right, down)| (x + right, y + down)).collect();
-            area.draw(&Polygon::new(points, colour.filled())).map_err(words)
-        };
-        let strokes = |strokes: [[(i32, i32); 2]; 2]| {
-            for ends in strokes {
-                let ends: Vec<_> = ends.iter().map(|(right, down)| (x + right, y + down)).collect();
-                area.draw(&PathElement::new(ends, colour.stroke_width(2))).map_err(words)?;
-            }
-            Ok(())
-        };
-        match shape {
-            0 => area.draw(&Circle::new((x, y), 4, colour.filled())).map_err(words),
-            1 => fill(&[(-4, -4), (4, -4), (4, 4), (-4, 4)]),
-            2 => fill(&[(0, -5), (5, 4), (-5, 4)]),
-            3 => fill(&[(0, -6), (5, 0), (0, 6), (-5, 0)]),
-            4 => fill(&[(0, 5), (5, -4), (-5, -4)]),
-            5 => strokes([[(-4, -4), (4, 4)], [(-4, 4), (4, -4)]]),
-            _ => strokes([[(-5, 0), (5, 0)], [(0, -5), (0, 5)]]),
-        }
-    }
+    Colour(r, g, b)
 }
 
 #[cfg(test)]
@@ -112,17 +81,23 @@ mod tests {
 
     #[test]
     fn the_sequence_grows_lighter() {
-        let sequence = scale(&Range { first: 0.0, last: 1.0, is_log: false });
+        let sequence = map_colours(&Range { first: 0.0, last: 1.0, is_log: false });
         let grey = |share: f64| {
-            let RGBColor(r, g, b) = sequence(share);
+            let Colour(r, g, b) = sequence(share);
             0.30 * f64::from(r) + 0.59 * f64::from(g) + 0.11 * f64::from(b)
         };
         let greys: Vec<f64> = (0..=100).map(|n| grey(n as f64 / 100.0)).collect();
         assert!(greys.windows(2).all(|pair| pair[0] < pair[1] + 0.5), "{greys:?}");
         assert_eq!(sequence(-1.0), sequence(0.0));
-        assert_eq!(sequence(2.0), RGBColor(253, 231, 37));
-        let signed = scale(&Range { first: -2.0, last: 2.0, is_log: false });
-        let RGBColor(r, g, b) = signed(0.5);
+        assert_eq!(sequence(2.0), Colour(253, 231, 37));
+    }
+
+    #[test]
+    fn zero_is_pale_and_the_ends_of_a_signed_scale_are_blue_and_red() {
+        let signed = map_colours(&Range { first: -2.0, last: 2.0, is_log: false });
+        let Colour(r, g, b) = signed(0.5);
         assert!(r.min(g).min(b) > 240);
+        let [Colour(red, _, blue), Colour(red_above, _, blue_above)] = [signed(-9.0), signed(1.0)];
+        assert!(blue > red + 100 && red_above > blue_above + 100);
     }
 }

@@ -1,49 +1,30 @@
-//! Words and numbers on the canvas.
+//! Sizes of text, and its lines.
 
-use super::palette::INK;
-use super::{Area, Drawn, words};
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-/// Heights of lines of text, px: title, titles of panels and names of axes, all else.
+/// Height of the title of a chart, px.
 pub(super) const TITLE_PX: i32 = 22;
-pub(super) const NAME_PX: i32 = 17;
-pub(super) const TEXT_PX: i32 = 15;
-/// Constant: what the SVG backend divides a height by to have the size of the letters.
+/// Height of titles of panels and names of axes, px.
+pub const NAME_PX: i32 = 17;
+/// Height of all other text, px.
+pub const TEXT_PX: i32 = 15;
+/// Height of a line of a title or of a name, px.
+pub(super) const LINE: i32 = 22;
+/// Constant: the SVG backend divides a height by this to get the size of the letters.
 const HEIGHT_PER_SIZE: f64 = 1.24;
 
-/// Where a text starts: at its left, middle or right end; always at half its height.
+/// Which end of a text stands at its place.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum From {
+pub enum Anchor {
+    /// Its left end.
     Left,
+    /// Its middle.
     Middle,
+    /// Its right end.
     Right,
 }
 
-/// A line of text.
-pub(super) fn text(area: &Area, text: &str, place: (i32, i32), size_px: i32, from: From) -> Drawn<()> {
-    let style = ("sans-serif", size_px).into_font().color(&INK).pos(anchor(from));
-    area.draw(&Text::new(text.to_owned(), place, style)).map_err(words)
-}
-
-/// A line of text that reads upwards, about its middle.
-pub(super) fn upright(area: &Area, text: &str, place: (i32, i32), size_px: i32) -> Drawn<()> {
-    let font = ("sans-serif", size_px).into_font().transform(FontTransform::Rotate270);
-    area.draw(&Text::new(text.to_owned(), place, font.color(&INK).pos(anchor(From::Middle)))).map_err(words)
-}
-
-fn anchor(from: From) -> Pos {
-    let across = match from {
-        From::Left => HPos::Left,
-        From::Middle => HPos::Center,
-        From::Right => HPos::Right,
-    };
-    Pos::new(across, VPos::Center)
-}
-
-/// Width of a text, px, on the wide side: whoever shows the picture chooses the face.
+/// Width of a text, px, on the wide side: the viewer of the picture chooses the font.
 ///
-/// Constant: widths of DejaVu Sans, among the widest of its kind, by groups of letters.
+/// Constant: widths of DejaVu Sans, one of the widest fonts of its kind, by groups of letters.
 pub(super) fn width(text: &str, size_px: i32) -> i32 {
     let em = |letter: char| match letter {
         'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '|' | '\'' | ' ' => 0.34,
@@ -58,7 +39,8 @@ pub(super) fn width(text: &str, size_px: i32) -> i32 {
     (text.chars().map(em).sum::<f64>() * f64::from(size_px) / HEIGHT_PER_SIZE).ceil() as i32
 }
 
-/// A text in lines no wider than `room_px`, cut between words and, where one is too long, in it. No line of no text.
+/// A text in lines of at most `room_px`, broken between words, or within a word that is longer than a line. An empty text
+/// has no line.
 pub(super) fn wrap(text: &str, size_px: i32, room_px: i32) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     let mut line = String::new();
@@ -82,45 +64,6 @@ pub(super) fn wrap(text: &str, size_px: i32, room_px: i32) -> Vec<String> {
     lines
 }
 
-/// How the numbers of one axis are written.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Numbers {
-    /// Least distance between them.
-    pub step: f64,
-    /// With a power of ten.
-    pub is_scientific: bool,
-}
-
-impl Numbers {
-    /// Of numbers up to `largest`, `step` apart.
-    pub fn new(largest: f64, step: f64) -> Self {
-        Self { step, is_scientific: largest >= 1e6 || step < 0.99e-4 }
-    }
-
-    pub fn text(self, value: f64) -> String {
-        if value == 0.0 || value.abs() < 1e-9 * self.step {
-            return "0".into();
-        }
-        if self.is_scientific {
-            let digits = (magnitude(value) - magnitude(self.step)).clamp(0, 12) as usize;
-            let text = format!("{value:.digits$e}");
-            let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
-            return format!("{}e{power}", trimmed(digits));
-        }
-        let digits = (-magnitude(self.step)).clamp(0, 12) as usize;
-        trimmed(&format!("{value:.digits$}")).to_owned()
-    }
-}
-
-/// Power of ten of a number's first figure, with room for 0.1 x 3 in binary.
-pub(super) fn magnitude(value: f64) -> i32 {
-    (value.abs() * (1.0 + 1e-9)).log10().floor() as i32
-}
-
-fn trimmed(text: &str) -> &str {
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,20 +76,5 @@ mod tests {
             assert_eq!(lines.concat().replace(' ', ""), text.replace(' ', ""));
         }
         assert_eq!(wrap("two words", TEXT_PX, 500), ["two words"]);
-    }
-
-    #[test]
-    fn numbers_as_text() {
-        for (value, largest, step, text) in [
-            (0.1 + 0.2, 1.0, 0.1, "0.3"),
-            (-1e-17, 1.0, 0.1, "0"),
-            (1500.0, 2000.0, 500.0, "1500"),
-            (-0.25, 1.0, 0.05, "-0.25"),
-            (2.5e6, 4e6, 5e5, "2.5e6"),
-            (4e6, 4e6, 5e5, "4e6"),
-            (1e-5, 1e-4, 1e-5, "1e-5"),
-        ] {
-            assert_eq!(Numbers::new(largest, step).text(value), text);
-        }
     }
 }

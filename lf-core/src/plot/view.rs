@@ -1,11 +1,12 @@
 //! A panel with its place on the canvas.
 
-use super::chart::{Mark, Panel};
-use super::clip::{At, Frame};
-use super::palette::Look;
-use super::scale::Range;
+use super::canvas::At;
+use super::chart::{Mark, Panel, Place};
+use super::clip::Frame;
+use super::looks::Looks;
+use super::range::Range;
 
-/// Values of a panel to pixels.
+/// Maps the values of a panel to pixels.
 pub(super) struct View<'a> {
     pub panel: &'a Panel,
     pub frame: Frame,
@@ -15,14 +16,14 @@ pub(super) struct View<'a> {
 }
 
 impl View<'_> {
-    /// The place of a point; NaN where an axis has none for it.
+    /// The place of a point. NaN if an axis has no place for it.
     pub fn at(&self, [x, y]: [f64; 2]) -> At {
         let [x, y] = [self.x.share(x), self.y.share(y)];
         let Frame { low, high } = self.frame;
         [low[0] + x * (high[0] - low[0]), high[1] - y * (high[1] - low[1])]
     }
 
-    /// The place of a point that goes down to an axis end where y is zero or less and the axis logarithmic.
+    /// The place of a point. On a logarithmic axis, y at or below zero is the end of the axis.
     pub fn at_or_below(&self, [x, y]: [f64; 2]) -> At {
         if y <= 0.0 && self.y.is_log {
             let end = if self.y.first < self.y.last { self.frame.high[1] } else { self.frame.low[1] };
@@ -30,9 +31,30 @@ impl View<'_> {
         }
         self.at([x, y])
     }
+
+    /// The places of points.
+    pub fn places(&self, points: &[[f64; 2]]) -> Vec<At> {
+        points.iter().map(|point| self.at(*point)).collect()
+    }
+
+    /// Pixels to the right and upwards for one unit along x and along y; both axes are linear.
+    pub fn px_per_unit(&self) -> [f64; 2] {
+        let Frame { low, high } = self.frame;
+        [(high[0] - low[0]) / (self.x.last - self.x.first), (high[1] - low[1]) / (self.y.last - self.y.first)]
+    }
+
+    /// The places that a reference runs through.
+    pub fn reference(&self, place: &Place) -> Vec<At> {
+        let (low, high) = (self.frame.low, self.frame.high);
+        match place {
+            Place::Vertical(x) => [low[1], high[1]].map(|y| [self.at([*x, self.y.first])[0], y]).to_vec(),
+            Place::Horizontal(y) => [low[0], high[0]].map(|x| [x, self.at([self.x.first, *y])[1]]).to_vec(),
+            Place::Curve(points) => self.places(points),
+        }
+    }
 }
 
-/// Which of a panel's references, counted by their names, has a name.
+/// The number of a reference's name among the names of the panel's references.
 pub(super) fn reference_number(panel: &Panel, name: &str) -> usize {
     let mut names: Vec<&str> = Vec::new();
     for mark in &panel.marks {
@@ -43,29 +65,4 @@ pub(super) fn reference_number(panel: &Panel, name: &str) -> usize {
         }
     }
     names.iter().position(|known| *known == name).unwrap_or(0)
-}
-
-/// The n-th name of a list has the n-th look.
-pub(super) struct Looks(pub Vec<String>);
-
-impl Looks {
-    /// The names of the series of some panels.
-    pub fn of<'a>(panels: impl IntoIterator<Item = &'a Panel>) -> Self {
-        let mut names: Vec<String> = Vec::new();
-        let series = panels.into_iter().flat_map(|panel| panel.marks.iter().filter(|mark| mark.is_series()));
-        for name in series.map(|mark| mark.name()) {
-            if !names.iter().any(|known| known == name) {
-                names.push(name.to_owned());
-            }
-        }
-        Self(names)
-    }
-
-    pub fn look(&self, name: &str) -> Look {
-        Look(self.0.iter().position(|known| known == name).unwrap_or(0))
-    }
-}
-
-pub(super) fn rounded([x, y]: At) -> (i32, i32) {
-    (x.round() as i32, y.round() as i32)
 }

@@ -6,7 +6,7 @@ use super::source::Source;
 use lf_core::cli::{Session, Verdict};
 use lf_core::plot::{Axis, Mark, Place};
 use lf_core::{Error, Result};
-use lf_validate::runs::curves::{Ask, Look, curves};
+use lf_validate::runs::curves::{Ask, ChartOptions, curves};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -73,11 +73,11 @@ pub fn plot(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(Verdict::Done)
 }
 
-fn look(arguments: &Arguments, title: String) -> Look {
+fn look(arguments: &Arguments, title: String) -> ChartOptions {
     let axis = |name: &Option<String>, is_log, range| Axis { name: name.clone().unwrap_or_default(), is_log, range };
     let level = arguments.reference.iter().map(|(name, y)| Mark::reference(name, Place::Horizontal(*y)));
     let upright = arguments.reference_x.iter().map(|(name, x)| Mark::reference(name, Place::Vertical(*x)));
-    Look {
+    ChartOptions {
         title,
         x: axis(&arguments.x_name, arguments.log_x, arguments.x_range),
         y: axis(&arguments.y_name, arguments.log_y, arguments.y_range),

@@ -5,7 +5,7 @@ use super::print::print;
 use super::source::Source;
 use lf_core::Result;
 use lf_core::cli::{Session, Verdict};
-use lf_validate::runs::trade::{Ask, Look, trade};
+use lf_validate::runs::trade::{Ask, ChartOptions, trade};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -56,7 +56,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.count("settings", trade.settings.len());
     session.count("front", trade.front.len());
     source.draw(session, |title| {
-        trade.chart(&Look {
+        trade.chart(&ChartOptions {
             title,
             cost_name: arguments.cost_name.clone().unwrap_or_default(),
             error_name: arguments.error_name.clone().unwrap_or_default(),

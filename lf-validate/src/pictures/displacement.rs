@@ -1,11 +1,11 @@
-//! Errors of a vector field.
+//! Errors of a field of displacements.
 
-use super::{edges, figures, normal};
+use super::series::{edges, normal_density};
 use crate::scores::displacement::Displacement;
 use crate::scores::units::COMPONENTS;
-use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place, three_figures};
 
-/// The density of the error of each component, beside the normal density of the uncertainty that the vectors state.
+/// The density of the errors of each component, beside the normal density with the uncertainty that the vectors state.
 pub fn displacement(score: &Displacement) -> Chart {
     let unit = score.pdf.as_ref().map_or("vox", |pdf| pdf.unit);
     let unit_mm = score.pixel_mm.map_or(score.voxel_mm, |pixel| [pixel; 3]);
@@ -23,13 +23,13 @@ pub fn displacement(score: &Displacement) -> Chart {
         ];
         let stated = score.uncertainty.rms_stated_mm[axis] / unit_mm[axis];
         if stated > 0.0 {
-            let curve = normal(x, score.all.spread_mm[axis].bias / unit_mm[axis], stated);
+            let curve = normal_density(x, score.all.spread_mm[axis].bias / unit_mm[axis], stated);
             panel.marks.push(Mark::reference("normal, with the stated uncertainty", Place::Curve(curve)));
         }
         panel
     };
-    let of = |value: fn(&Displacement, usize) -> f64| {
-        [0, 1, 2].map(|axis| figures(Some(value(score, axis) / unit_mm[axis]))).join(", ")
+    let components = |value: fn(&Displacement, usize) -> f64| {
+        [0, 1, 2].map(|axis| three_figures(Some(value(score, axis) / unit_mm[axis]))).join(", ")
     };
     let percent = |shares: [f64; 3]| shares.map(|share| format!("{:.0}", 100.0 * share)).join(", ");
     let truth = match score.truth {
@@ -46,8 +46,8 @@ pub fn displacement(score: &Displacement) -> Chart {
             ),
             format!(
                 "u, v, w: RMS {} {word}; bias {} {word}",
-                of(|score, axis| score.all.spread_mm[axis].rms),
-                of(|score, axis| score.all.spread_mm[axis].bias)
+                components(|score, axis| score.all.spread_mm[axis].rms),
+                components(|score, axis| score.all.spread_mm[axis].bias)
             ),
             format!(
                 "within one stated uncertainty {} %, within two {} % (normal: 68, 95)",
@@ -60,12 +60,12 @@ pub fn displacement(score: &Displacement) -> Chart {
     }
 }
 
-/// The bins from the first to the last that holds a thousandth of the highest, and as many on the other side of zero.
+/// The bins about zero, as far as any holds a thousandth of the highest, with as many on either side.
 fn middle<'a>(x: &'a [f64], density: &'a [f64]) -> (&'a [f64], &'a [f64]) {
     let least = 1e-3 * density.iter().copied().fold(0.0, f64::max);
     let centre = x.len() / 2;
-    let far =
-        density.iter().enumerate().filter(|(_, density)| **density > least).map(|(bin, _)| bin.abs_diff(centre)).max();
+    let filled = (0..x.len()).filter(|bin| density[*bin] > least);
+    let far = filled.map(|bin| bin.abs_diff(centre)).max();
     let reach = far.map_or(centre, |far| (far + 2).max(5)).min(centre);
     (&x[centre - reach..=centre + reach], &density[centre - reach..=centre + reach])
 }
@@ -75,7 +75,7 @@ mod tests {
     use super::middle;
 
     #[test]
-    fn the_middle_holds_all_that_can_be_seen() {
+    fn the_middle_holds_every_visible_bin() {
         let x: Vec<f64> = (-20..=20).map(f64::from).collect();
         let mut density = vec![0.0; 41];
         (density[20], density[28], density[2]) = (1.0, 0.01, 0.0005);

@@ -1,10 +1,10 @@
-//! Sizes of particles.
+//! Diameters of particles.
 
-use super::{curve, figures};
+use super::series::curve;
 use crate::scores::elongation::{BIN_VOX, BINS, Elongation, IDEAL_VOX};
-use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place, three_figures};
 
-/// Histograms of the diameters along x, y and z, and medians by depth.
+/// Histograms of the diameters along x, y and z, and their medians against depth.
 pub fn elongation(score: &Elongation) -> Chart {
     let unit = score.pixel_mm.map_or([1.0; 3], |pixel| score.voxel_mm.map(|voxel| voxel / pixel));
     let name = if score.pixel_mm.is_some() { "px" } else { "voxels" };
@@ -36,7 +36,7 @@ pub fn elongation(score: &Elongation) -> Chart {
     depth.marks.push(Mark::reference("ideal particle, 3 voxels", Place::Horizontal(IDEAL_VOX)));
     panels.push(depth);
     let [x, y, z] = score.diameter.px.as_ref().map_or(score.diameter.vox.median, |px| px.median);
-    let medians = [x, y, z].map(|median| figures(Some(median))).join(", ");
+    let medians = [x, y, z].map(|median| three_figures(Some(median))).join(", ");
     Chart {
         title: "Diameters of reconstructed particles (4 sigma: where a particle falls to exp(-2) of its peak)".into(),
         notes: vec![

@@ -1,10 +1,10 @@
-//! Quality by depth.
+//! Quality against depth.
 
-use super::{curve, figures, whole};
+use super::series::{curve, whole_curve};
 use crate::scores::quality::Quality;
-use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style};
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style, three_figures};
 
-/// Q, ghost and missed light, and light itself, of each slice across z.
+/// Q, ghost and missed light, and the sum of the light, for each slice across z.
 pub fn quality(score: &Quality) -> Chart {
     let by = &score.by_depth;
     let z = || Axis::new("z, mm");
@@ -22,10 +22,10 @@ pub fn quality(score: &Quality) -> Chart {
     ];
     let mut light = Panel::new("Light of each slice", z(), Axis::new("sum of intensities, counts"));
     light.marks = vec![
-        Mark::line("volume", whole(&by.z_mm, &by.scores.volume_sum)),
+        Mark::line("volume", whole_curve(&by.z_mm, &by.scores.volume_sum)),
         Mark::Line {
             name: "truth".into(),
-            points: whole(&by.z_mm, &by.scores.truth_sum),
+            points: whole_curve(&by.z_mm, &by.scores.truth_sum),
             spread: None,
             style: Style::Dashed,
             with_points: false,
@@ -35,10 +35,10 @@ pub fn quality(score: &Quality) -> Chart {
         title: "Quality of a reconstructed volume against the truth".into(),
         notes: vec![format!(
             "Q {}, ghosts {} of the light, missed {}, best scale {}",
-            figures(Some(score.q)),
-            figures(score.ghost_share),
-            figures(score.missed_share),
-            figures(score.scale)
+            three_figures(Some(score.q)),
+            three_figures(score.ghost_share),
+            three_figures(score.missed_share),
+            three_figures(score.scale)
         )],
         columns: 1,
         panels: vec![q, shares, light],

@@ -4,4 +4,4 @@
 
 mod series;
 
-pub use series::{Ask, Curves, Look, Series, curves};
+pub use series::{Ask, ChartOptions, Curves, Series, curves};

@@ -69,7 +69,7 @@ pub struct Series {
 
 /// Axes and words of a chart.
 #[derive(Debug, Clone)]
-pub struct Look {
+pub struct ChartOptions {
     /// What it shows.
     pub title: String,
     /// The axes; an empty name is that of the keys.
@@ -238,15 +238,15 @@ fn by_name<S: Serializer>(series: &[Series], serializer: S) -> Result<S::Ok, S::
 
 impl Curves {
     /// The curves with the area from least to greatest, a panel for each value of the panel's key.
-    pub fn chart(&self, look: &Look) -> Chart {
+    pub fn chart(&self, options: &ChartOptions) -> Chart {
         let names = [self.x.clone(), self.y.join(", ")];
-        let [x, y] = [(&look.x, &names[0]), (&look.y, &names[1])].map(|(axis, key)| {
+        let [x, y] = [(&options.x, &names[0]), (&options.y, &names[1])].map(|(axis, key)| {
             let name = if axis.name.is_empty() { key.clone() } else { axis.name.clone() };
             Axis { name, ..axis.clone() }
         });
         let panels = self.series.chunk_by(|one, other| one.panel == other.panel).map(|series| {
             let title = series[0].panel.clone().unwrap_or_default();
-            let marks = look.references.iter().cloned().chain(series.iter().map(Series::mark)).collect();
+            let marks = options.references.iter().cloned().chain(series.iter().map(Series::mark)).collect();
             Panel { marks, ..Panel::new(title, x.clone(), y.clone()) }
         });
         let panels: Vec<Panel> = panels.collect();
@@ -256,7 +256,7 @@ impl Curves {
             4 => 2,
             count => count.min(3),
         };
-        Chart { title: look.title.clone(), notes: if most > 1 { vec![note] } else { Vec::new() }, columns, panels }
+        Chart { title: options.title.clone(), notes: if most > 1 { vec![note] } else { Vec::new() }, columns, panels }
     }
 }
 

@@ -1,33 +1,33 @@
-//! Cost against error, and each factor's own effect.
+//! Error against cost, and the effect of each factor.
 
 use super::settings::{Factor, Setting, Trade};
 use crate::runs::record::plain;
 use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style};
 use serde_json::Value;
 
-/// With more settings than this, only those on the front and the base have their names.
+/// With more settings than this, only the base and the settings on the Pareto front are named.
 const MOST_NAMED: usize = 16;
 
-/// Words and limits of a chart.
+/// Texts and limits of a chart.
 #[derive(Debug, Clone, Default)]
-pub struct Look {
-    /// What it shows.
+pub struct ChartOptions {
+    /// The title.
     pub title: String,
-    /// Cost and unit; empty: its key.
+    /// Name and unit of the cost; if empty, the key of the cost.
     pub cost_name: String,
-    /// Error and unit; empty: its key.
+    /// Name and unit of the error; if empty, the key of the error.
     pub error_name: String,
-    /// The limit on the cost.
+    /// Limit of the cost.
     pub max_cost: Option<f64>,
-    /// The limit on the error.
+    /// Limit of the error.
     pub max_error: Option<f64>,
 }
 
 impl Trade {
-    /// Cost against error of every setting, and a panel for each factor: its settings relative to the base.
-    pub fn chart(&self, look: &Look) -> Chart {
+    /// Error against cost for all settings, and a panel for each factor with its settings relative to the base.
+    pub fn chart(&self, options: &ChartOptions) -> Chart {
         let panels: Vec<Panel> =
-            [self.whole_panel(look)].into_iter().chain(self.factors.iter().map(|f| self.panel(f))).collect();
+            [self.whole_panel(options)].into_iter().chain(self.factors.iter().map(|f| self.panel(f))).collect();
         let most = self.settings.iter().map(|setting| setting.cost.runs).max().unwrap_or(0);
         let mut notes = vec!["Pareto front: no other setting has at most this cost and this error".to_string()];
         if most > 1 {
@@ -38,13 +38,13 @@ impl Trade {
             4 => 2,
             _ => 3,
         };
-        Chart { title: look.title.clone(), notes, columns, panels }
+        Chart { title: options.title.clone(), notes, columns, panels }
     }
 
-    fn whole_panel(&self, look: &Look) -> Panel {
+    fn whole_panel(&self, options: &ChartOptions) -> Panel {
         let name = |name: &String, key: &String| if name.is_empty() { key.clone() } else { name.clone() };
-        let x = Axis::log(name(&look.cost_name, &self.ask.cost));
-        let y = Axis::log(name(&look.error_name, &self.ask.error));
+        let x = Axis::log(name(&options.cost_name, &self.ask.cost));
+        let y = Axis::log(name(&options.error_name, &self.ask.error));
         let base = self.base();
         let is_named = |n: usize| self.settings.len() <= MOST_NAMED || self.front.contains(&n) || Some(n) == base;
         let points = |name: &str, chosen: &[usize]| {
@@ -66,7 +66,7 @@ impl Trade {
             marks.push(points("other settings", &behind));
         }
         marks.extend(base.map(|base| Mark::points("base", vec![place(&self.settings[base])])));
-        let limits = [look.max_cost.map(Place::Vertical), look.max_error.map(Place::Horizontal)];
+        let limits = [options.max_cost.map(Place::Vertical), options.max_error.map(Place::Horizontal)];
         marks.extend(limits.into_iter().flatten().map(|place| Mark::reference("limit", place)));
         Panel { marks, ..Panel::new("", x, y) }
     }
@@ -81,7 +81,7 @@ impl Trade {
         let labels = rows.iter().map(|(value, _)| plain(value)).collect();
         let mut marks: Vec<Mark> =
             [Place::Vertical(1.0), Place::Horizontal(1.0)].map(|place| Mark::reference("base", place)).to_vec();
-        // A line through values without an order would mean nothing.
+        // Only numbers have an order that a line can follow.
         if is_ordered {
             marks.push(joined(&factor.key, points.clone()));
         }
@@ -92,13 +92,13 @@ impl Trade {
     }
 }
 
-/// The range of ratios with room, at least a quarter up and down: less would show noise as an effect.
+/// The range of the ratios with a margin, at least 0.8 to 1.25: a smaller range would show noise as an effect.
 fn about_one(points: &[[f64; 2]], axis: usize) -> [f64; 2] {
     let ratios = points.iter().map(|point| point[axis]).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
     ratios.fold([0.8, 1.25], |[low, high], ratio| [low.min(ratio / 1.15), high.max(ratio * 1.15)])
 }
 
-/// Where a setting stands.
+/// Median cost and median error of a setting.
 fn place(setting: &Setting) -> [f64; 2] {
     [setting.cost.median, setting.error.median]
 }

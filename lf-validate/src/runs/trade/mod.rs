@@ -6,6 +6,6 @@ mod chart;
 mod pareto;
 mod settings;
 
-pub use chart::Look;
+pub use chart::ChartOptions;
 pub use pareto::{Pareto, pareto};
 pub use settings::{Ask, Effect, Factor, Setting, Trade, trade};
