@@ -50,7 +50,7 @@ fn a_line_has_every_key_once() {
         (&["one.json", "seconds=3"][..], ["one.json", "seconds=3"]),
         (&["a=1", "a=1"], ["the key a", "a=1"]),
         (&["one.json", "./one.json"], ["one.json and from ./one.json", "NAME:"]),
-        (&["list.json"], ["list.json", "no object"]),
+        (&["list.json"], ["list.json", "not an object"]),
         (&["two.json"], ["two.json", "not JSON"]),
         (&["none.json"], ["none.json", "wanted"]),
         (&["=1"], ["'=1'", "KEY=VALUE"]),
@@ -80,7 +80,7 @@ fn curves_are_medians_over_seeds() {
     let loud = bench.run(&words[..8]);
     assert_eq!(loud.status.code(), Some(0));
     let warning = loud.stderr;
-    assert_eq!(warning, "lf-validate: warning: 1 of 19 runs left out for want of rms_w_px\n");
+    assert_eq!(warning, "lf-validate: warning: 1 of 19 runs left out, without rms_w_px\n");
     let mut piped = words;
     piped[1] = "-";
     assert_eq!(bench.feed(&piped, runs()).silent_json(), found);

@@ -25,7 +25,7 @@ fn the_front_and_what_it_beats() {
     assert!(found.get("factors").is_none());
     let loud = bench.run(&["trade", "runs.jsonl"]);
     let warning = loud.stderr;
-    assert!(loud.status.success() && warning.contains("1 of 7 runs left out for want of rms_w_px"), "{warning}");
+    assert!(loud.status.success() && warning.contains("1 of 7 runs left out, without rms_w_px"), "{warning}");
     // The order of the runs is no matter.
     let backwards: Vec<&str> = RUNS.lines().rev().collect();
     assert_eq!(

@@ -1,6 +1,6 @@
 //! `depth`: where along z the light of volumes lies.
 
-use super::inputs::{check_inputs, light, open_whole};
+use super::inputs::{light, open_whole};
 use super::limits::{is_at_most, number, verdict};
 use super::picture::Picture;
 use super::print::print;
@@ -10,12 +10,30 @@ use lf_validate::pictures;
 use lf_validate::scores::depth::DepthSums;
 use std::path::{Path, PathBuf};
 
+/// Light along z: profile, brightest voxel per slice, light outside the lit slab
+///
+/// Volumes of one grid are added up. Slices are across z, one voxel thick, at z_mm.
+///
+///   light          sum of the intensities of a volume, counts, mean over the volumes
+///   profile        light of each slice, mean over the volumes
+///   peak           brightest voxel of each slice, mean over the volumes
+///   mean_z_mm, std_z_mm
+///                  mean and standard deviation of the depth of the light
+///   unevenness     standard deviation over mean of the light of the slices in the slab, or of all
+///   outside_share  with --slab: share of the light in slices with their middle outside it
+///   outside_peak   with --slab: light of the brightest slice outside over the mean slice inside
 #[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-validate depth volume-000?.lfv --plot depth.svg
+  lf-validate depth volume-000?.lfv --slab -4,4 --max-outside 0.3"
+)]
 pub struct Arguments {
-    /// Volumes of one grid; they are added up
+    /// Volumes of one grid
     #[arg(default_value = "-")]
     volumes: Vec<PathBuf>,
-    /// Depths between which there should be light, mm
+    /// The lit slab: depths between which there should be light, mm
     #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true)]
     slab: Option<[f64; 2]>,
     #[command(flatten)]
@@ -25,10 +43,9 @@ pub struct Arguments {
     max_outside: Option<f64>,
 }
 
-/// Reads, scores, prints, judges.
+/// Scores the light of volumes along z.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = arguments.volumes.iter().map(PathBuf::as_path).collect();
-    check_inputs(&inputs, session)?;
     arguments.picture.check(&inputs, session)?;
     if let Some([low, high]) = arguments.slab.filter(|[low, high]| low >= high) {
         return Err(Error::new("--slab", format!("{low},{high}"), "wanted the lower depth first"));
@@ -47,7 +64,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(verdict(is_at_most(score.outside_share, arguments.max_outside)))
 }
 
-/// One volume in memory at a time.
+/// Sums over the volumes, with one in memory at a time.
 fn add_up(inputs: &[&Path], added: &dyn Fn()) -> Result<DepthSums> {
     let add = |sums: Option<DepthSums>, input: &&Path| {
         let volume = open_whole(input)?;

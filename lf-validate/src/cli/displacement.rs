@@ -1,6 +1,6 @@
 //! `displacement`: a vector field against the true displacement.
 
-use super::inputs::{check_inputs, pixel_mm};
+use super::inputs::pixel_mm;
 use super::limits::{are_at_most, components, number, share, verdict};
 use super::picture::Picture;
 use super::print::print;
@@ -12,18 +12,58 @@ use lf_validate::pictures;
 use lf_validate::scores::displacement::{Displacement, ParticleCounts, displacement};
 use std::path::{Path, PathBuf};
 
+/// Error of a vector field, component by component, and its stated uncertainty
+///
+/// error = measured - true. The truth is one of
+///   a field         interpolated to the places of the measured vectors
+///   scene.json      its steady flow is known everywhere: displacement from frame 0 to frame 1
+///   particles.csv   its particles move from frame A to frame B; the measured field is interpolated
+///                   to the middle of each path, so that flow structures smaller than a window are
+///                   part of the error
+///
+/// Numbers, for u, v and w, in mm, in vox (the voxels correlated) and, with --camera, in px of the
+/// focal plane
+///   bias, rms, std, median_abs
+///                   mean, RMS, standard deviation and median of the absolute value of the errors
+///   vectors         vectors that are scored; with a particles.csv, particles
+///   outliers        vectors more than 5 robust standard deviations and 0.1 voxel from the median
+///                   error; all other numbers include them
+///   measured_only   the same without replaced vectors
+///   pdf             density of the error of u in `u`, per `unit`, in bins with their middles in
+///                   `x_u`, and the shares below_u and above_u beyond them. Bins of 0.05 px up to
+///                   4 px for u and v, of 0.5 px up to 40 px for w; without a camera of 0.05 vox up
+///                   to 4 vox
+///
+/// uncertainty, of measured vectors that state one
+///   stated          number of these vectors
+///   within_1, within_2
+///                   shares of their errors within one and two stated standard uncertainties;
+///                   0.683 and 0.954 for normal errors and a right statement
+///   rms_stated, rms_error
+///                   RMS of the stated uncertainty and of the errors, mm
+///
+/// Counted, but not scored
+///   no_data         places without data
+///   outside_truth   vectors outside the truth
+///   outside_field   particles outside the field or beside a gap
+///   unpaired        particles in only one of the frames
 #[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-validate displacement scene/flow.exr field-0000-0001.exr -c camera.json --max-rms 0.7,0.2,2
+  lf-validate displacement scene/particles.csv field-0000-0001.exr -c camera.json --plot error.svg"
+)]
 pub struct Arguments {
-    /// What the true displacement is known from: a field (it may have another layout), a scene.json with a steady flow, or
-    /// a particles.csv
+    /// The true displacement: a field, in any layout, a scene.json with a steady flow, or a particles.csv
     truth: PathBuf,
     /// The field to score
     #[arg(default_value = "-")]
     field: PathBuf,
-    /// Camera that gives the size of a pixel
+    /// Camera, for numbers in pixels
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
-    /// The two frames of a particles.csv that the field lies between [default: 0,1]
+    /// The two frames of a particles.csv that the field was measured from [default: 0,1]
     #[arg(long, value_name = "A,B", value_parser = frames)]
     frames: Option<[usize; 2]>,
     #[command(flatten)]
@@ -31,18 +71,18 @@ pub struct Arguments {
     /// Exit code 1 when an RMS error is above PX pixels: one number, or three for u,v,w
     #[arg(long, value_name = "PX", value_parser = number, value_delimiter = ',', requires = "camera")]
     max_rms: Vec<f64>,
-    /// Exit code 1 when a mean error is further than PX pixels from 0: one number, or three for u,v,w
+    /// Exit code 1 when a bias is above PX pixels in absolute value: one number, or three for u,v,w
     #[arg(long, value_name = "PX", value_parser = number, value_delimiter = ',', requires = "camera")]
     max_bias: Vec<f64>,
     /// Exit code 1 when more than this share of the vectors are outliers, 0 to 1
     #[arg(long, value_name = "SHARE", value_parser = share)]
     max_outliers: Option<f64>,
-    /// Exit code 1 when a component has less than this share of its errors within the stated uncertainty, 0 to 1
+    /// Exit code 1 when within_1 of a component is below this share, 0 to 1
     #[arg(long, value_name = "SHARE", value_parser = share)]
     min_coverage: Option<f64>,
 }
 
-/// Limits as judged; none where not asked for.
+/// Limits of the numbers. None if not given.
 struct Limits {
     rms_px: Option<[f64; 3]>,
     bias_px: Option<[f64; 3]>,
@@ -50,11 +90,10 @@ struct Limits {
     coverage: Option<f64>,
 }
 
-/// Reads, scores, prints, judges.
+/// Scores a field against the true displacement.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mut inputs: Vec<&Path> = vec![&arguments.truth, &arguments.field];
     inputs.extend(arguments.camera.as_deref());
-    check_inputs(&inputs, session)?;
     arguments.picture.check(&inputs, session)?;
     let limits = Limits {
         rms_px: components("--max-rms", &arguments.max_rms)?,
@@ -68,7 +107,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         Ok((truth, Field::open(&arguments.field)?, pixel_mm))
     })?;
     session.explain(match pixel_mm {
-        None => "numbers in mm and voxels: pixels need --camera".to_string(),
+        None => "numbers are in mm and voxels; numbers in pixels need --camera".to_string(),
         Some(pixel_mm) => format!("a pixel at the focal plane is {pixel_mm:.6} mm"),
     });
     let score = session.phase("score", |_| Ok(displacement(&truth, &field, pixel_mm)))?;
@@ -82,7 +121,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(verdict(keeps(&score, &limits)))
 }
 
-/// Whether every number is within its limit; a field without a scored vector, or without a stated uncertainty, keeps none.
+/// Whether all limits are kept. A number that does not exist, without a scored vector or a stated uncertainty, keeps none.
 fn keeps(score: &Displacement, limits: &Limits) -> bool {
     are_at_most(score.all.rms_px(), limits.rms_px)
         && are_at_most(score.all.bias_px().map(|bias| bias.map(f64::abs)), limits.bias_px)
@@ -90,6 +129,7 @@ fn keeps(score: &Displacement, limits: &Limits) -> bool {
         && limits.coverage.is_none_or(|least| score.uncertainty.within_1.iter().all(|share| *share >= least))
 }
 
+/// Why no vector could be scored.
 fn reasons(score: &Displacement) -> String {
     let Displacement { places, no_data, outside_truth, .. } = score;
     match score.particles {
@@ -103,5 +143,5 @@ fn reasons(score: &Displacement) -> String {
 fn frames(text: &str) -> std::result::Result<[usize; 2], String> {
     let numbers: Option<Vec<usize>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     let frames = numbers.and_then(|numbers| <[usize; 2]>::try_from(numbers).ok());
-    frames.ok_or_else(|| "wanted two frame numbers between commas".to_string())
+    frames.ok_or_else(|| "wanted two frame numbers with a comma between".to_string())
 }

@@ -1,6 +1,6 @@
 //! `divergence`: a vector field without the truth.
 
-use super::inputs::{check_inputs, pixel_mm};
+use super::inputs::pixel_mm;
 use super::limits::{are_at_most, components, is_at_most, number, verdict};
 use super::picture::Picture;
 use super::print::print;
@@ -11,12 +11,42 @@ use lf_validate::pictures;
 use lf_validate::scores::divergence::divergence;
 use std::path::{Path, PathBuf};
 
+/// Divergence and noise of a vector field, without the truth
+///
+/// Differences are taken over as many vectors as a window covers, rounded up (stride, stride_mm), so
+/// that the two vectors share no data. Errors that they share nevertheless stay hidden.
+///
+/// Divergence, without unit: change of volume over volume between the two volumes
+///   count         places with data at all six neighbours a stride away
+///   mean, rms, median_abs
+///                 of du/dx + dv/dy + dw/dz by central differences
+///   sigma         its robust standard deviation
+///   rms_gradient  RMS of all nine gradients
+///   relative      rms over the RMS of sqrt((du/dx)^2 + (dv/dy)^2 + (dw/dz)^2): 0 if the flow keeps
+///                 its volume, 1 for noise, and also 1 for a flow of rotation and shear alone
+///   rms_of_noise  RMS divergence that the noise alone would give
+///   pdf           density in bins of a fifth of sigma up to 8 sigma, with their middles in
+///                 x_divergence, and the shares below and above
+///
+/// noise, for u, v and w, in mm, in vox and, with --camera, in px
+///   sigma         standard deviation, from the median absolute deviation of third differences, which
+///                 remove a flow up to its second derivative; the smallest of the axes with at least
+///                 100 differences
+///   axis, differences
+///                 that axis, and its number of differences
+///   stated        median uncertainty that measured vectors state
 #[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-validate divergence field-0000-0001.exr -c camera.json
+  lf-xcorr volume-0000.lfv volume-0001.lfv --window 80,80,8 | lf-validate divergence --plot div.svg"
+)]
 pub struct Arguments {
     /// The field to score
     #[arg(default_value = "-")]
     field: PathBuf,
-    /// Camera that gives the size of a pixel
+    /// Camera, for numbers in pixels
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
     #[command(flatten)]
@@ -29,11 +59,10 @@ pub struct Arguments {
     max_noise: Vec<f64>,
 }
 
-/// Reads, scores, prints, judges.
+/// Scores a field without its truth.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mut inputs: Vec<&Path> = vec![&arguments.field];
     inputs.extend(arguments.camera.as_deref());
-    check_inputs(&inputs, session)?;
     arguments.picture.check(&inputs, session)?;
     let noise_px = components("--max-noise", &arguments.max_noise)?;
     let (field, pixel_mm) = session.phase("read", |_| {

@@ -1,6 +1,6 @@
 //! `elongation`: how large reconstructed particles are.
 
-use super::inputs::{check_inputs, light, open_whole, pixel_mm};
+use super::inputs::{light, open_whole, pixel_mm};
 use super::limits::{are_at_most, counts, verdict};
 use super::picture::Picture;
 use super::print::print;
@@ -11,38 +11,62 @@ use lf_validate::pictures;
 use lf_validate::scores::elongation::{Elongation, elongation};
 use std::path::{Path, PathBuf};
 
+/// Diameters of reconstructed particles along x, y and z
+///
+/// Read along the three lines of voxels through the brightest voxel near a particle's true place,
+/// interpolated between voxels as a Gaussian falls.
+///
+///   diameter      the paper's: full width at exp(-2) of the peak, 4 standard deviations of a
+///                 Gaussian; 3 voxels for the ideal particle, a Gaussian of 0.75 voxel
+///   half_maximum  full width at half maximum
+///   histogram     shares of the particles in bins of half a voxel, at vox; the share above 12
+///                 voxels is beyond
+///   by_depth      median diameters in twenty slabs of equal depth, at z_mm
+///
+/// Median, p10 and p90 over all particles are given in vox, mm and, with --camera, px of the focal
+/// plane. Particles are counted as
+///
+///   measured      both widths are known along all axes
+///   missed        no light near the true place
+///   merged        the brightest voxel is nearer to another particle
+///   cut           the particle reaches over the end of the grid
 #[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-validate elongation scene/particles.csv volume-0000.lfv -c camera.json --plot elongation.svg
+  lf-validate elongation scene/particles.csv volume-0001.lfv --frame 1 --max-diameter 4,4,9"
+)]
 pub struct Arguments {
-    /// Where the particles truly are: frame,id,x_mm,y_mm,z_mm,intensity
+    /// True places of the particles (particles.csv): frame,id,x_mm,y_mm,z_mm,intensity
     particles: PathBuf,
     /// The volume to score
     #[arg(default_value = "-")]
     volume: PathBuf,
-    /// More particles and volumes of the same grid, taken together. Can be given again
+    /// Another table and volume, of the same grid; all are scored together. May be given again
     #[arg(long, num_args = 2, value_names = ["PARTICLES", "VOLUME"])]
     and: Vec<PathBuf>,
-    /// Frame of the tables that the volumes show
+    /// Frame of the tables that is in the volumes
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: usize,
-    /// How far from its true place a particle's brightest voxel is looked for, voxels
+    /// Reach of the search for a particle's brightest voxel, from its true place, voxels
     #[arg(long, value_name = "X,Y,Z", default_value = "2,2,3", value_parser = numbers::<3>)]
     search: [f64; 3],
-    /// Camera that gives the size of a pixel
+    /// Camera, for numbers in pixels
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
     #[command(flatten)]
     picture: Picture,
-    /// Exit code 1 when a median diameter is above so many voxels along x, y, z
+    /// Exit code 1 when a median diameter along x, y or z is above this, voxels
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
     max_diameter: Option<[f64; 3]>,
 }
 
-/// Reads, scores, prints, judges.
+/// Measures the particles of one or more volumes.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&Path> =
         [&arguments.particles, &arguments.volume].into_iter().chain(&arguments.and).map(PathBuf::as_path).collect();
     let inputs: Vec<&Path> = files.iter().copied().chain(arguments.camera.as_deref()).collect();
-    check_inputs(&inputs, session)?;
     arguments.picture.check(&inputs, session)?;
     let search_vox = counts("--search", arguments.search)?;
     let (pairs, pixel_mm) = session.phase("read", |_| {
@@ -67,12 +91,13 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     print(&score)?;
     if score.measured == 0 {
         let Elongation { particles, missed, merged, cut, .. } = score;
-        let of = format!("of {particles}, {missed} missed, {merged} merged, {cut} cut");
-        session.warn(format!("{}: no particle could be measured: {of}", pairs[0].1.name()));
+        let counts = format!("of {particles}, {missed} missed, {merged} merged, {cut} cut");
+        session.warn(format!("{}: no particle could be measured: {counts}", pairs[0].1.name()));
     }
     Ok(verdict(are_at_most(Some(score.diameter.vox.median), arguments.max_diameter)))
 }
 
+/// The places of a table and the volume that belongs to it.
 fn read(pair: &[&Path], frame: usize) -> Result<(Vec<[f64; 3]>, Volume)> {
     let [table, volume] = pair else { unreachable!("clap takes them in pairs") };
     let text = io::open_text(table)?;

@@ -1,6 +1,5 @@
 //! `ensemble`: many fields of one flow.
 
-use super::inputs::check_inputs;
 use super::picture::Picture;
 use super::print::print;
 use lf_core::cli::{Session, Verdict};
@@ -10,32 +9,59 @@ use lf_validate::pictures;
 use lf_validate::scores::ensemble::{Ensemble, EnsembleSums};
 use std::path::{Path, PathBuf};
 
+/// Mean, fluctuations and vorticity of many fields of one flow
+///
+/// Only measured vectors count: replaced ones repeat their neighbours.
+///
+/// Outputs, -o and --plot
+///   mean.exr      the mean, a field like any other; its uncertainty is that of the mean, from the
+///                 scatter of the fields
+///   all.vti       for ParaView: mean, RMS and products of the fluctuations, vorticity of the mean,
+///                 number of vectors
+///   picture       a slice: the mean with arrows, the mean through the slice, RMS of u, v and w, and
+///                 the vorticity about the axis through it
+///
+/// Printed, as RMS over the places along x, y and z
+///   displacement_mm  mean displacement
+///   fluctuation_mm   fluctuations, with n - 1; the noise of the measurement is part of them
+///   uncertainty_mm   standard uncertainty of the mean
+///   vorticity        curl of the mean displacement, without unit, or in 1/s if the fields know the
+///                    time between their volumes
+///   fields, places, no_data, measured_share
+///                    number of fields and of places, places with too few measured vectors, and
+///                    share of measured vectors in all fields
 #[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-validate ensemble field-0000-0001.exr -o mean.vti -o mean.exr
+  lf-validate ensemble field-*.exr --slice y=0 --plot mean.svg"
+)]
 pub struct Arguments {
-    /// Fields whose vectors stand at the same places
+    /// Fields with their vectors at the same places
     #[arg(required = true)]
     fields: Vec<PathBuf>,
-    /// Write the mean (.exr, .csv), or all statistics (.vti); may be given several times
+    /// Write the mean (.exr, .csv) or all statistics (.vti). May be given again
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
-    /// Fewest measured vectors of a place; with fewer it is without data
+    /// Fewest measured vectors of a place with data
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     least: u32,
     #[command(flatten)]
     picture: Picture,
-    /// Which slice is drawn: the axis it stands across, and where (mm; the nearest layer), as z=0.5 [default: z, its middle]
+    /// Slice to draw: the axis across it and its place in mm, as in z=0.5; the nearest layer is drawn [default: z, in the
+    /// middle]
     #[arg(long, value_name = "AXIS[=MM]")]
     slice: Option<Cut>,
 }
 
-/// Reads one after another, averages, writes.
+/// Averages fields, read one after another, and writes the statistics.
 pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
-    check_inputs(&inputs, session)?;
     arguments.picture.check(&inputs, session)?;
     for (n, output) in arguments.output.iter().enumerate() {
         if io::is_standard(output) {
-            return Err(Error::new("--output", "-", "wanted a file: standard output is the summary's"));
+            return Err(Error::new("--output", "-", "wanted a file: the summary goes to standard output"));
         }
         if arguments.output[..n].contains(output) {
             return Err(Error::new(io::output_name(output), "is asked for twice", "wanted another name for each"));

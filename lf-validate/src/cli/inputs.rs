@@ -1,17 +1,11 @@
 //! Files that several subcommands read.
 
 use lf_core::camera::Camera;
-use lf_core::cli::Session;
 use lf_core::volume::Volume;
 use lf_core::volume::tile::Tile;
 use lf_core::{Error, Result};
-use lf_validate::scores::light::Light;
+use lf_validate::scores::light::VoxelLight;
 use std::path::Path;
-
-/// Refuses standard input named twice, and a standard output or `--stats` that is also an input.
-pub fn check_inputs(inputs: &[&Path], session: &Session) -> Result<()> {
-    session.keep_apart(Path::new("-"), inputs)
-}
 
 /// Opens a volume. A tile is refused: the light in its halo belongs to its neighbours, so that a score of it means nothing.
 pub fn open_whole(path: &Path) -> Result<Volume> {
@@ -25,9 +19,17 @@ pub fn open_whole(path: &Path) -> Result<Volume> {
     }
 }
 
+/// Bytes as text, without a byte order mark.
+pub fn text<'a>(bytes: &'a [u8], name: &str, wanted: &str) -> Result<&'a str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Ok(text.trim_start_matches('\u{feff}')),
+        Err(error) => Err(Error::new(name, format!("byte {} is not part of UTF-8 text", error.valid_up_to()), wanted)),
+    }
+}
+
 /// The light of a volume.
-pub fn light(volume: &Volume) -> Result<Light<'_>> {
-    Ok(Light { grid: volume.grid(), indices: volume.indices(), intensity: volume.require("intensity")? })
+pub fn light(volume: &Volume) -> Result<VoxelLight<'_>> {
+    Ok(VoxelLight { grid: volume.grid(), indices: volume.indices(), intensity: volume.require("intensity")? })
 }
 
 /// Size of a pixel at the focal plane, mm. None without a camera.

@@ -47,7 +47,7 @@ pub fn are_at_most(found: Option<[f64; 3]>, limits: Option<[f64; 3]>) -> bool {
         .is_none_or(|limits| found.is_some_and(|found| found.iter().zip(limits).all(|(found, limit)| *found <= limit)))
 }
 
-/// Exit code 0 if all limits are kept, else 1.
+/// Exit code 0 if all limits are kept, 1 if not.
 pub fn verdict(is_kept: bool) -> Verdict {
     if is_kept { Verdict::Done } else { Verdict::No }
 }

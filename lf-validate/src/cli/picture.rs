@@ -14,8 +14,10 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Refuses a picture that is also an input, and standard output, which is the score's.
+    /// Refuses standard input named twice, and any output that is also an input: standard output, `--stats` or the picture.
+    /// Refuses a picture on standard output, which is the score's.
     pub fn check(&self, inputs: &[&Path], session: &Session) -> Result<()> {
+        session.keep_apart(Path::new("-"), inputs)?;
         let Some(file) = &self.plot else { return Ok(()) };
         if io::is_standard(file) {
             return Err(Error::new("--plot", "-", "wanted a file: standard output is the score's"));

@@ -1,6 +1,5 @@
 //! `quality`: a volume against the true one.
 
-use super::inputs::check_inputs;
 use super::limits::{counts, is_at_most, number, verdict};
 use super::picture::Picture;
 use super::print::print;
@@ -8,21 +7,45 @@ use lf_core::cli::{Session, Verdict, numbers};
 use lf_core::volume::JoinedVolume;
 use lf_core::{Error, Result};
 use lf_validate::pictures;
-use lf_validate::scores::light::Light;
+use lf_validate::scores::light::VoxelLight;
 use lf_validate::scores::quality::{Quality, quality};
 use std::path::PathBuf;
 
-/// Each takes a hundred bytes and a line of the score.
+/// Upper limit of `--regions`. Each box takes some hundred bytes and a number in each list of the score.
 const MOST_REGIONS: usize = 1_000_000;
 
+/// Q factor, ghosts and missed light of a volume
+///
+/// E1 is the volume and E0 the truth. A voxel that a file does not hold is 0. Both files need the
+/// column `intensity` and the same grid.
+///
+///   q               sum E1 E0 / sqrt(sum E1^2 sum E0^2) over all voxels; 0 if either is dark
+///   scale           factor on the volume that brings it closest to the truth in least squares
+///   ghost_share     share of the volume's light in voxels where the truth is 0
+///   missed_share    share of the true light in voxels where the volume is 0
+///   max_difference  largest |E1 - E0| of a voxel over the largest |E0|
+///   truth_voxels, volume_voxels, shared_voxels
+///                   voxels that are not 0: in the truth, in the volume, in both
+///   truth_sum, volume_sum
+///                   sum of the intensities, counts
+///   by_depth        the same for each slice across z, at z_mm
+///   by_region       the same for boxes that divide the grid, at centre_mm, x fastest
+///
+/// A share without light to take it of is null.
 #[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-validate quality scene/truth-0000.lfv volume-0000.lfv --min-q 0.8 --plot quality.svg
+  lf-validate quality scene/truth-0000.lfv volume-0000.lfv --regions 1,1,5"
+)]
 pub struct Arguments {
     /// The true volume
     truth: PathBuf,
-    /// The volume to score; all its tiles (lf-prune --tile) stand for a volume, in any order
+    /// The volume to score, or all its tiles (lf-prune --tile) in any order
     #[arg(default_value = "-")]
     volume: Vec<PathBuf>,
-    /// Boxes along x, y, z that are scored one by one [default: 3,3,3, or the voxels where they are fewer]
+    /// Boxes along x, y, z to score one by one [default: 3,3,3, at most one a voxel]
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
     regions: Option<[f64; 3]>,
     #[command(flatten)]
@@ -41,11 +64,10 @@ pub struct Arguments {
     max_difference: Option<f64>,
 }
 
-/// Reads, scores, prints, judges.
+/// Scores a volume against the truth.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mut inputs = vec![arguments.truth.as_path()];
     inputs.extend(arguments.volume.iter().map(PathBuf::as_path));
-    check_inputs(&inputs, session)?;
     arguments.picture.check(&inputs, session)?;
     let regions = arguments.regions.map(|typed| counts("--regions", typed)).transpose()?;
     if let Some(regions) = regions.filter(|regions| !(1..=MOST_REGIONS).contains(&regions.iter().product())) {
@@ -77,11 +99,11 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(verdict(keeps(&score, arguments)))
 }
 
-fn light(volume: &JoinedVolume) -> Light<'_> {
-    Light { grid: volume.grid(), indices: volume.indices(), intensity: volume.values() }
+fn light(volume: &JoinedVolume) -> VoxelLight<'_> {
+    VoxelLight { grid: volume.grid(), indices: volume.indices(), intensity: volume.values() }
 }
 
-/// A share that does not exist keeps no limit.
+/// Whether all limits are kept.
 fn keeps(score: &Quality, arguments: &Arguments) -> bool {
     arguments.min_q.is_none_or(|least| score.q >= least)
         && is_at_most(score.ghost_share, arguments.max_ghosts)

@@ -1,19 +1,18 @@
-//! What `curves` and `trade` read and draw.
+//! Runs that `curves` and `trade` read, and the options of their pictures.
 
-use super::inputs::check_inputs;
 use super::picture::Picture;
 use lf_core::cli::Session;
 use lf_core::plot::Chart;
-use lf_core::{Error, Result, io};
-use lf_validate::runs::{self, Condition, Record, typed};
+use lf_core::{Error, Refusal, Result, io};
+use lf_validate::runs::{self, Condition, RunRecord, parse_value};
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
-pub struct Source {
-    /// Files of JSON objects, one a run: one a line, as `line` writes them, or spread over lines
+pub struct RunSource {
+    /// Files of JSON objects, one a run, as `line` writes them; an object may take many lines
     #[arg(default_value = "-", value_name = "RUNS")]
     files: Vec<PathBuf>,
-    /// Take only runs whose KEY is VALUE; may be given again, then all have to hold
+    /// Take only runs with this VALUE of KEY. May be given again; then all must hold
     #[arg(long = "where", value_name = "KEY=VALUE", value_parser = condition)]
     conditions: Vec<Condition>,
     #[command(flatten)]
@@ -23,35 +22,35 @@ pub struct Source {
     title: Option<String>,
 }
 
-impl Source {
-    /// The runs that are asked for. Outputs that are also inputs are refused first.
-    pub fn records(&self, session: &mut Session) -> Result<Vec<Record>> {
+impl RunSource {
+    /// Reads the runs that meet all conditions. Refuses outputs that are also inputs.
+    pub fn records(&self, session: &mut Session) -> Result<Vec<RunRecord>> {
         let inputs: Vec<&Path> = self.files.iter().map(PathBuf::as_path).collect();
-        check_inputs(&inputs, session)?;
         self.picture.check(&inputs, session)?;
         let read = |path: &PathBuf| {
             let name = io::name(path);
-            runs::records(&io::open_text(path)?, &name).map_err(|(found, wanted)| Error::new(name, found, wanted))
+            runs::read_records(&io::open_text(path)?, &name).map_err(|refusal| refusal.about(name))
         };
         let all = session.phase("read", |_| self.files.iter().map(read).collect::<Result<Vec<_>>>())?;
-        runs::chosen(all.concat(), &self.conditions).map_err(|refusal| self.refused(refusal))
+        runs::select(all.concat(), &self.conditions).map_err(|refusal| self.refused(refusal))
     }
 
-    /// Draws the chart where it is asked for.
+    /// Draws the chart if --plot is given.
     pub fn draw(&self, session: &mut Session, chart: impl FnOnce(String) -> Chart) -> Result<()> {
         self.picture.draw(session, || chart(self.title.clone().unwrap_or_default()))
     }
 
-    /// What the files cannot give.
-    pub fn refused(&self, (found, wanted): runs::Refusal) -> Error {
+    /// A refusal about all files.
+    pub fn refused(&self, refusal: Refusal) -> Error {
         let names: Vec<String> = self.files.iter().map(|path| io::name(path)).collect();
-        Error::new(names.join(" and "), found, wanted)
+        refusal.about(names.join(" and "))
     }
 }
 
+/// Parses `KEY=VALUE`.
 fn condition(text: &str) -> std::result::Result<Condition, String> {
     match text.split_once('=') {
-        Some((key, value)) if !key.is_empty() => Ok(Condition { key: key.to_owned(), value: typed(value) }),
+        Some((key, value)) if !key.is_empty() => Ok(Condition { key: key.to_owned(), value: parse_value(value) }),
         _ => Err("wanted KEY=VALUE".to_string()),
     }
 }

@@ -1,106 +1,126 @@
-use super::description::{Sheet, by, figures, whole};
+//! Description of a camera.
+
+use super::description::Description;
+use super::numbers::{figures, product, whole};
 use lf_core::camera::{Aperture, Camera, Layout};
 use lf_core::lattice::MOST_DEGREE;
 use serde_json::Value;
 
-/// Largest k D / p - 1 called matched: a tenth of a pixel of fourteen.
+/// Largest k D / p - 1 that counts as matched: a tenth of a pixel, with lenslets of 14 pixels.
 const MATCHED: f64 = 0.007;
 
-/// Describes a camera by what follows from it.
-pub fn camera(camera: &Camera) -> Sheet {
-    let mut sheet = Sheet::new("plenoptic camera (camera.json)");
-    let (sensor, lens, array) = (&camera.sensor, &camera.main_lens, &camera.microlenses);
-    let lattice = camera.lattice();
-    let sides = [sensor.width, sensor.height].map(|n| n as f64 * sensor.pixel_pitch_mm);
-    sheet.line(
-        "sensor",
-        format!("{} x {} px of {} mm = {} mm", sensor.width, sensor.height, figures(sensor.pixel_pitch_mm), by(&sides)),
-    );
-    sheet.line("main lens", format!("f {} mm, |M| {}", figures(lens.focal_length_mm), figures(lens.magnification)));
-    sheet.line("image distance s_i", format!("{} mm", figures(camera.image_distance_mm())));
-    sheet.line("object distance s_o", format!("{} mm", figures(camera.object_distance_mm())));
+/// Describes a camera, with the lengths that follow from it.
+pub fn camera(camera: &Camera) -> Description {
+    let mut about = Description::new("plenoptic camera (camera.json)");
+    sensor_and_lens(&mut about, camera);
+    lenslets(&mut about, camera);
+    resolution(&mut about, camera);
+    blocks(&mut about, camera);
+    if let Some(calibration) = camera.calibration.as_ref().and_then(Value::as_object) {
+        let steps: Vec<&str> = calibration.keys().map(String::as_str).filter(|key| *key != "history").collect();
+        about.line("calibration", steps.join(", "));
+        let history = calibration.get("history").and_then(|steps| serde_json::from_value(steps.clone()).ok());
+        about.history(&history.unwrap_or_default());
+    }
+    about
+}
+
+/// Width and height of the sensor, mm.
+fn sides_mm(camera: &Camera) -> [f64; 2] {
+    [camera.sensor.width, camera.sensor.height].map(|n| n as f64 * camera.sensor.pixel_pitch_mm)
+}
+
+fn sensor_and_lens(about: &mut Description, camera: &Camera) {
+    let (sensor, lens) = (&camera.sensor, &camera.main_lens);
+    let [pixel, sides] = [figures(sensor.pixel_pitch_mm), product(&sides_mm(camera))];
+    about.line("sensor", format!("{} x {} px of {pixel} mm = {sides} mm", sensor.width, sensor.height));
+    let [focal, magnification] = [lens.focal_length_mm, lens.magnification].map(figures);
+    about.line("main lens", format!("f {focal} mm, |M| {magnification}"));
+    about.line("image distance s_i", format!("{} mm", figures(camera.image_distance_mm())));
+    about.line("object distance s_o", format!("{} mm", figures(camera.object_distance_mm())));
     let stop = match lens.aperture {
         Aperture::Circle => "round",
         Aperture::Square => "square",
     };
     let number = figures(lens.working_f_number);
-    sheet.line("aperture D", format!("{} mm, {stop}, working f-number {number}", figures(camera.aperture_mm())));
+    about.line("aperture D", format!("{} mm, {stop}, working f-number {number}", figures(camera.aperture_mm())));
+}
+
+fn lenslets(about: &mut Description, camera: &Camera) {
+    let (array, lattice, sides) = (&camera.microlenses, camera.lattice(), sides_mm(camera));
     let layout = match array.layout {
         Layout::Square => "square",
         Layout::Hexagonal => "hexagonal",
     };
     let pitch = figures(array.pitch_mm);
-    sheet.line("lenslets", format!("{layout}, pitch {pitch} mm = {} px", figures(camera.pitch_px())));
+    about.line("lenslets", format!("{layout}, pitch {pitch} mm = {} px", figures(camera.pitch_px())));
     let turn = figures(1e3 * array.rotation_rad);
-    sheet.line("", format!("turned {turn} mrad, offset {} mm", array.offset_mm.map(figures).join(", ")));
+    about.line("", format!("turned {turn} mrad, offset {} mm", array.offset_mm.map(figures).join(", ")));
     let across = [sides[0] / array.pitch_mm, sides[1] / lattice.row_pitch_mm()];
     let total = sides[0] * sides[1] / lattice.cell_area_mm2();
-    sheet.line("lenslets on the sensor", format!("{}, about {}", by(&across), whole(total.round() as u64)));
-    sheet.line("demagnification k", figures(camera.demagnification()));
+    about.line("lenslets on the sensor", format!("{}, about {}", product(&across), whole(total.round() as u64)));
+    about.line("demagnification k", figures(camera.demagnification()));
     let fill = camera.demagnification() * camera.aperture_mm() / array.pitch_mm;
     let verdict = match fill - 1.0 {
         over if over > MATCHED => "not matched: lenslet images overlap",
         under if under < -MATCHED => "not matched: gaps between lenslet images",
         _ => "matched",
     };
-    sheet.line("lenslet image k D", format!("{} of the pitch: {verdict}", figures(fill)));
-    let view = camera.half_view_mm().map(|half| 2.0 * half);
-    sheet.line("seen in focus", format!("{} mm", by(&view)));
-    let pixel = camera.pixel_in_focus_mm();
-    sheet.line("pixel in focus", format!("{} mm", figures(pixel)));
-    for (label, width) in [("depth for one pixel", sensor.pixel_pitch_mm), ("depth for one lenslet", array.pitch_mm)] {
-        let depth = depth_of_spread_mm(camera, width);
-        let note = "of spread on the array";
-        sheet.line(label, format!("{} mm = {} px in focus, {note}", figures(depth), figures(depth / pixel)));
-    }
-    blocks(&mut sheet, camera);
-    if let Some(calibration) = camera.calibration.as_ref().and_then(Value::as_object) {
-        let steps: Vec<&str> = calibration.keys().map(String::as_str).filter(|key| *key != "history").collect();
-        sheet.line("calibration", steps.join(", "));
-        let history = calibration.get("history").and_then(|steps| serde_json::from_value(steps.clone()).ok());
-        sheet.history(&history.unwrap_or_default());
-    }
-    sheet
+    about.line("lenslet image k D", format!("{} of the pitch: {verdict}", figures(fill)));
 }
 
-/// What the camera has beyond a thin lens and a perfect lattice.
-fn blocks(sheet: &mut Sheet, camera: &Camera) {
+/// Adds the field of view, and the resolution at and about the focal plane.
+fn resolution(about: &mut Description, camera: &Camera) {
+    let view = camera.half_view_mm().map(|half| 2.0 * half);
+    about.line("seen in focus", format!("{} mm", product(&view)));
+    let pixel = camera.pixel_in_focus_mm();
+    about.line("pixel in focus", format!("{} mm", figures(pixel)));
+    let widths = [("pixel", camera.sensor.pixel_pitch_mm), ("lenslet", camera.microlenses.pitch_mm)];
+    for (name, width) in widths {
+        let depth = depth_of_spread_mm(camera, width);
+        let text = format!("{} mm = {} px in focus, of spread on the array", figures(depth), figures(depth / pixel));
+        about.line(format!("depth for one {name}"), text);
+    }
+}
+
+/// Adds the parts of the camera beyond a thin lens and a perfect lattice.
+fn blocks(about: &mut Description, camera: &Camera) {
     if let Some(medium) = &camera.medium {
         let window = match medium.window_thickness_mm {
             0.0 => String::new(),
             thick => format!(" behind {} mm of index {}", figures(thick), figures(medium.window_index)),
         };
         let (index, z) = (figures(medium.index), figures(medium.window_z_mm));
-        sheet.line("medium", format!("index {index}{window}, its face at z = {z} mm"));
+        about.line("medium", format!("index {index}{window}, its face at z = {z} mm"));
     }
     if let Some(tilt) = &camera.tilt {
         let [x, y] = [tilt.x_rad, tilt.y_rad].map(|turn| figures(1e3 * turn));
-        sheet.line("tilt of the sensor", format!("{x} mrad along x, {y} mrad along y"));
+        about.line("tilt of the sensor", format!("{x} mrad along x, {y} mrad along y"));
     }
     if let Some(gap) = camera.microlenses.gap_mm {
-        sheet.line("gap to the sensor", format!("{} mm, and not the focal length", figures(gap)));
+        about.line("gap to the sensor", format!("{} mm, and not the focal length", figures(gap)));
     }
     if let Some(distortion) = &camera.distortion {
         let list = |numbers: &[f64]| numbers.iter().map(|&number| figures(number)).collect::<Vec<_>>().join(", ");
         let (radial, tangential) = (list(&distortion.radial), list(&distortion.tangential));
-        sheet.line("distortion", format!("radial {radial}; tangential {tangential}"));
+        about.line("distortion", format!("radial {radial}; tangential {tangential}"));
     }
     if let Some(centres) = &camera.centres {
         let terms = centres.x_mm.len();
         let degree = (1..=MOST_DEGREE).find(|degree| lf_core::lattice::terms(*degree) == terms);
         let degree = degree.map_or_else(|| format!("{terms} terms"), |degree| format!("degree {degree}"));
-        sheet.line("lenslets depart", format!("from the perfect lattice, by a polynomial of {degree}"));
+        about.line("lenslets depart", format!("from the perfect lattice, by a polynomial of {degree}"));
     }
     if let Some(flat) = &camera.vignetting {
-        sheet.line("flat field", flat.display().to_string());
+        about.line("flat field", flat.display().to_string());
     }
     if camera.blocks().is_empty() {
-        sheet.line("beyond a thin lens", "nothing: no medium, tilt, gap, distortion, departures or flat field");
+        about.line("beyond a thin lens", "nothing: no medium, tilt, gap, distortion, departures or flat field");
     }
 }
 
-/// The Z at which a point's light is `width_mm` wide on the array: alpha(Z) D = width, by the rays of
-/// [`lf_core::optics`] solved for Z.
+/// Depth Z at which the light of a point is `width_mm` wide on the array: alpha(Z) D = width, solved for Z, with the rays of
+/// [`lf_core::optics`].
 fn depth_of_spread_mm(camera: &Camera, width_mm: f64) -> f64 {
     let alpha = width_mm / camera.aperture_mm();
     camera.object_distance_mm() - camera.image_distance_mm() / (camera.main_lens.magnification + alpha)

@@ -1,35 +1,42 @@
-use super::description::{Sheet, by, figures, range, share, whole};
+//! Description of a vector field.
+
+use super::description::Description;
+use super::numbers::{figures, percent, product, whole};
 use super::summary::Summary;
+use crate::scores::units::AXES;
 use lf_core::field::{Field, MEASURED, REPLACED};
 
-/// Describes a vector field. Ranges are of the vectors that are measured or replaced.
-pub fn field(field: &Field) -> Sheet {
+/// Describes a vector field. Its statistics are of the vectors that are measured or replaced.
+pub fn field(field: &Field) -> Description {
     let layout = &field.layout;
-    let mut sheet = Sheet::new("vector field (.exr)");
+    let mut about = Description::new("vector field (.exr)");
     let [nx, ny, nz] = layout.shape;
     let total = field.flag.len();
-    sheet.line("vectors", format!("{nx} x {ny} x {nz} = {}, every {} mm", whole(total as u64), by(&layout.spacing_mm)));
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+    about.line(
+        "vectors",
+        format!("{nx} x {ny} x {nz} = {}, every {} mm", whole(total as u64), product(&layout.spacing_mm)),
+    );
+    for (axis, name) in AXES.into_iter().enumerate() {
         let first = layout.origin_mm[axis];
         let last = first + layout.shape[axis].saturating_sub(1) as f64 * layout.spacing_mm[axis];
-        sheet.line(format!("places {name}"), format!("{} to {} mm", figures(first), figures(last)));
+        about.line(format!("places {name}"), format!("{} to {} mm", figures(first), figures(last)));
     }
-    sheet.line("voxel", format!("{} mm", by(&layout.voxel_mm)));
+    about.line("voxel", format!("{} mm", product(&layout.voxel_mm)));
     if layout.window.contains(&0) {
-        sheet.line("window", "none: not correlated");
+        about.line("window", "none: not correlated");
     } else {
         let window = layout.window.map(|n| n as f64);
         let length = [0, 1, 2].map(|axis| window[axis] * layout.voxel_mm[axis]);
         let overlap = figures(100.0 * layout.overlap);
-        sheet.line("window", format!("{} voxels = {} mm, overlap {overlap} %", by(&window), by(&length)));
+        about.line("window", format!("{} voxels = {} mm, overlap {overlap} %", product(&window), product(&length)));
     }
     if let Some(dt_s) = layout.dt_s {
-        sheet.line("time step", format!("{} s", figures(dt_s)));
+        about.line("time step", format!("{} s", figures(dt_s)));
     }
     let count = |flag: f32| field.flag.iter().filter(|&&found| found == flag).count();
     let (measured, replaced) = (count(MEASURED), count(REPLACED));
     for (label, count) in [("measured", measured), ("replaced", replaced), ("no data", total - measured - replaced)] {
-        sheet.line(label, format!("{}, {}", whole(count as u64), share(count, total)));
+        about.line(label, format!("{}, {}", whole(count as u64), percent(count, total)));
     }
     let held = |values: &[f32]| {
         let kept = values.iter().zip(&field.flag).filter(|(_, flag)| [MEASURED, REPLACED].contains(*flag));
@@ -46,10 +53,10 @@ pub fn field(field: &Field) -> Sheet {
         ("sw (mm)", &field.sw),
         ("count", &field.count),
     ] {
-        sheet.line(label, range(&held(values)));
+        about.line(label, held(values).to_string());
     }
-    sheet.history(&layout.history);
-    sheet
+    about.history(&layout.history);
+    about
 }
 
 #[cfg(test)]

@@ -1,30 +1,30 @@
-use super::description::{Sheet, range, share, whole};
+//! Description of an image.
+
+use super::description::Description;
+use super::numbers::{percent, whole};
 use super::summary::Summary;
 use lf_core::history::History;
 
-/// Describes an image of `width` x `height` pixels, the first of so many pages.
+/// Describes an image of `width` x `height` pixels, the first of `pages`.
 pub fn image<'a>(
     pages: usize,
     [width, height]: [usize; 2],
     pixels: impl IntoIterator<Item = &'a f32>,
     history: &History,
-) -> Sheet {
+) -> Description {
     let summary = Summary::of(pixels);
-    let mut sheet = Sheet::new("grey image (.exr, .tif or .png)");
+    let mut about = Description::new("grey image (.exr, .tif or .png)");
     if pages > 1 {
-        sheet.line(
-            "pages",
-            format!("{}: `lf-calib background` reads all, no other task any; the first:", whole(pages as u64)),
-        );
+        about.line("pages", format!("{}: only `lf-calib background` reads them. The first:", whole(pages as u64)));
     }
-    sheet.line("size", format!("{width} x {height} px = {} pixels", whole(summary.count as u64)));
-    sheet.line("counts", range(&summary));
-    sheet.line("zero pixels", format!("{}, {}", whole(summary.zero as u64), share(summary.zero, summary.count)));
+    about.line("size", format!("{width} x {height} px = {} pixels", whole(summary.count as u64)));
+    about.line("counts", summary.to_string());
+    about.line("zero pixels", format!("{}, {}", whole(summary.zero as u64), percent(summary.zero, summary.count)));
     if summary.min < 0.0 {
-        sheet.line("", "some are negative: no tool takes this as a light-field image");
+        about.line("", "some are negative: no tool takes this as a light-field image");
     }
-    sheet.history(history);
-    sheet
+    about.history(history);
+    about
 }
 
 #[cfg(test)]

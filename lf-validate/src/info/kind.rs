@@ -1,10 +1,15 @@
-//! What bytes are, by what they say and not by their name.
+//! The kind of a file, from its content and not from its name.
 
+use lf_core::Refusal;
 use lf_core::io::Signature;
+
+/// The kinds that are described.
+pub(super) const WANTED: &str =
+    "wanted a .lfv, EXR, TIFF, PNG, .vti, SVG, or a JSON, JSON Lines or CSV that a tool reads or writes";
 
 /// A kind of content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum FileKind {
     /// `.lfv`.
     Volume,
     /// EXR with a vector field.
@@ -15,24 +20,24 @@ pub enum Kind {
     Json,
     /// `particles.csv`.
     Particles,
-    /// A vector field exported as text.
+    /// A vector field as text.
     Table,
-    /// The lenslets of a white image as `lf-calib lattice --centres` writes them.
+    /// The lenslets of a white image, from `lf-calib lattice --centres`.
     Centres,
-    /// A vector field exported for ParaView.
+    /// A vector field for ParaView.
     Vti,
-    /// A picture, SVG.
+    /// An SVG picture.
     Picture,
 }
 
-impl Kind {
+impl FileKind {
     /// The kind of `bytes`.
     ///
     /// # Errors
-    /// What they seem to be instead.
-    pub fn of(bytes: &[u8]) -> Result<Self, String> {
+    /// An unknown kind. The message says how the bytes begin.
+    pub fn of(bytes: &[u8]) -> Result<Self, Refusal> {
         match Signature::of(bytes) {
-            Some(Signature::Exr) if exr_names(bytes, b"lf:field") => return Ok(Self::Field),
+            Some(Signature::Exr) if exr_has(bytes, b"lf:field") => return Ok(Self::Field),
             Some(Signature::Exr | Signature::Tiff | Signature::Png) => return Ok(Self::Image),
             Some(Signature::Lfv) => return Ok(Self::Volume),
             _ => {}
@@ -56,11 +61,12 @@ impl Kind {
         if text.starts_with(b"<") && text[..text.len().min(200)].windows(8).any(|word| word == b"<VTKFile") {
             return Ok(Self::Vti);
         }
-        Err(foreign(bytes, text))
+        Err(Refusal::new(unknown(bytes, text), WANTED))
     }
 }
 
-fn foreign(bytes: &[u8], text: &[u8]) -> String {
+/// The first bytes of an unknown file, in words.
+fn unknown(bytes: &[u8], text: &[u8]) -> String {
     if text.is_empty() {
         return if bytes.is_empty() { "empty".into() } else { "nothing but blanks".into() };
     }
@@ -72,9 +78,9 @@ fn foreign(bytes: &[u8], text: &[u8]) -> String {
     format!("begins with the bytes {}", hex.join(" "))
 }
 
-/// Whether the first header of an EXR has an attribute `name`. A header is attributes, each a name and a type ended by
-/// zero, a length in four bytes, and a value; an empty name ends it.
-fn exr_names(bytes: &[u8], name: &[u8]) -> bool {
+/// Whether the first header of an EXR has an attribute `name`. A header is a list of attributes. Each has a name and a type,
+/// both ended by zero, a length in four bytes, and a value. An empty name ends the header.
+fn exr_has(bytes: &[u8], name: &[u8]) -> bool {
     let mut rest = bytes.get(8..).unwrap_or_default();
     let word = |rest: &mut &[u8]| -> Option<Vec<u8>> {
         let end = rest.iter().take(256).position(|&byte| byte == 0)?;
@@ -109,39 +115,39 @@ mod tests {
     }
 
     #[test]
-    fn content_decides() {
+    fn the_content_decides() {
         for (bytes, kind) in [
-            (&b"\x89LFV\r\n\x1a\n"[..], Kind::Volume),
-            (b"\x89PNG\r\n\x1a\n", Kind::Image),
-            (b"II*\0....", Kind::Image),
-            (b"MM\0*....", Kind::Image),
-            (b"\xef\xbb\xbf {\"sensor\": 1}", Kind::Json),
-            (b"frame,id,x_mm,y_mm,z_mm,intensity\n", Kind::Particles),
-            (b"x_mm,y_mm,z_mm,u_mm,v_mm,w_mm\n", Kind::Table),
-            (b"i,j,x_px,y_px,residual_x_px,residual_y_px,kept\n", Kind::Centres),
-            (b"<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\">", Kind::Vti),
-            (b"<svg width=\"10\"></svg>", Kind::Picture),
+            (&b"\x89LFV\r\n\x1a\n"[..], FileKind::Volume),
+            (b"\x89PNG\r\n\x1a\n", FileKind::Image),
+            (b"II*\0....", FileKind::Image),
+            (b"MM\0*....", FileKind::Image),
+            (b"\xef\xbb\xbf {\"sensor\": 1}", FileKind::Json),
+            (b"frame,id,x_mm,y_mm,z_mm,intensity\n", FileKind::Particles),
+            (b"x_mm,y_mm,z_mm,u_mm,v_mm,w_mm\n", FileKind::Table),
+            (b"i,j,x_px,y_px,residual_x_px,residual_y_px,kept\n", FileKind::Centres),
+            (b"<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\">", FileKind::Vti),
+            (b"<svg width=\"10\"></svg>", FileKind::Picture),
         ] {
-            assert_eq!(Kind::of(bytes), Ok(kind));
+            assert_eq!(FileKind::of(bytes), Ok(kind));
         }
-        assert_eq!(Kind::of(b"").unwrap_err(), "empty");
-        assert_eq!(Kind::of(b" \n\n").unwrap_err(), "nothing but blanks");
-        assert_eq!(Kind::of(b"hello world").unwrap_err(), "begins with 'hello wo'");
-        assert_eq!(Kind::of(b"\x7fELF").unwrap_err(), "begins with the bytes 7f 45 4c 46");
+        assert_eq!(FileKind::of(b"").unwrap_err().found, "empty");
+        assert_eq!(FileKind::of(b" \n\n").unwrap_err().found, "nothing but blanks");
+        assert_eq!(FileKind::of(b"hello world").unwrap_err().found, "begins with 'hello wo'");
+        assert_eq!(FileKind::of(b"\x7fELF").unwrap_err().found, "begins with the bytes 7f 45 4c 46");
     }
 
     #[test]
-    fn a_field_is_an_exr_that_says_so() {
+    fn an_exr_with_the_attribute_is_a_field() {
         let image = exr(&[("channels", "chlist", 19), ("lf:history", "string", 8)]);
         let field = exr(&[("channels", "chlist", 19), ("lf:field", "string", 8)]);
-        assert_eq!(Kind::of(&image), Ok(Kind::Image));
-        assert_eq!(Kind::of(&field), Ok(Kind::Field));
+        assert_eq!(FileKind::of(&image), Ok(FileKind::Image));
+        assert_eq!(FileKind::of(&field), Ok(FileKind::Field));
         for length in 4..image.len() {
-            assert_eq!(Kind::of(&image[..length]), Ok(Kind::Image), "cut at {length}");
+            assert_eq!(FileKind::of(&image[..length]), Ok(FileKind::Image), "cut at {length}");
         }
         let mut lying = exr(&[("channels", "chlist", 0)]);
         let at = lying.len() - 5;
         lying[at..at + 4].copy_from_slice(&[0xff; 4]);
-        assert_eq!(Kind::of(&lying), Ok(Kind::Image));
+        assert_eq!(FileKind::of(&lying), Ok(FileKind::Image));
     }
 }

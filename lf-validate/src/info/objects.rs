@@ -1,37 +1,61 @@
-use super::description::{Sheet, figures, whole};
+//! Descriptions of JSON: scenes, scores, statistics and runs.
+
+use super::camera::camera;
+use super::description::Description;
+use super::kind::WANTED;
+use super::numbers::{figures, whole};
+use lf_core::Refusal;
+use lf_core::camera::Camera;
 use serde_json::{Map, Value};
 
-/// Keys of a `scene.json` that nothing else has.
+/// Keys that only a `scene.json` has.
 const SCENE: [&str; 4] = ["particles", "flow", "volume", "frames"];
 
-/// Describes an object that is not a camera: a scene by its keys, or a report by its numbers.
+/// Describes JSON: a camera, a scene, a report of a tool, or objects one after another, such as runs.
 ///
 /// # Errors
-/// Says which keys it has.
-pub fn json(value: &Value) -> Result<Sheet, String> {
-    let object = value.as_object().ok_or("JSON that is not an object")?;
+/// The text is not JSON, an invalid camera, an object with unknown keys, or a value that is not an object.
+pub fn json(text: &str) -> Result<Description, Refusal> {
+    let values: serde_json::Result<Vec<Value>> = serde_json::Deserializer::from_str(text).into_iter().collect();
+    let values = values.map_err(|error| refused(format!("not JSON ({error})")))?;
+    match values.as_slice() {
+        [value] if value.get("sensor").is_some() || value.get("main_lens").is_some() => {
+            Ok(camera(&Camera::from_json(text)?))
+        }
+        [value] => object(value),
+        _ => records(&values),
+    }
+}
+
+fn refused(found: impl Into<String>) -> Refusal {
+    Refusal::new(found, WANTED)
+}
+
+/// Describes an object that is not a camera: a scene by its keys, or a report by its numbers. A refusal names the keys.
+fn object(value: &Value) -> Result<Description, Refusal> {
+    let object = value.as_object().ok_or_else(|| refused("JSON that is not an object"))?;
     if object.contains_key("camera") && SCENE.iter().any(|key| object.contains_key(*key)) {
-        let mut sheet = Sheet::new("scene to render (scene.json)");
-        object.iter().for_each(|(key, value)| sheet.line(key, brief(value)));
-        return Ok(sheet);
+        let mut about = Description::new("scene to render (scene.json)");
+        object.iter().for_each(|(key, value)| about.line(key, brief(value)));
+        return Ok(about);
     }
     let known = KNOWN.iter().find(|(keys, _)| keys.iter().all(|key| object.contains_key(*key)));
-    // A record joins nested keys with dots.
+    // Only records of runs join nested keys with dots.
     let record = object.keys().any(|key| key.contains('.')).then_some("a run (lf-validate line)");
     let Some(title) = record.or(known.map(|(_, title)| *title)) else {
         let keys: Vec<&str> = object.keys().take(8).map(String::as_str).collect();
-        return Err(format!("JSON with the keys {keys:?}"));
+        return Err(refused(format!("JSON with the keys {keys:?}")));
     };
-    let mut sheet = Sheet::new(title);
-    let shown: Vec<_> = object.iter().filter(|(key, _)| !told_in_pixels(key, object)).collect();
-    shown.iter().take(LINES).for_each(|(key, value)| sheet.line(*key, brief(value)));
-    if object.len() > shown.len().min(LINES) {
-        sheet.line("", format!("{} more keys", object.len() - shown.len().min(LINES)));
+    let mut about = Description::new(title);
+    let shown: Vec<_> = object.iter().filter(|(key, _)| !is_given_in_pixels(key, object)).collect();
+    shown.iter().take(MOST_LINES).for_each(|(key, value)| about.line(*key, brief(value)));
+    if object.len() > shown.len().min(MOST_LINES) {
+        about.line("", format!("{} more keys", object.len() - shown.len().min(MOST_LINES)));
     }
-    Ok(sheet)
+    Ok(about)
 }
 
-/// Keys that tell a kind, and what it is.
+/// Keys that identify a kind, and its title.
 const KNOWN: [(&[&str], &str); 10] = [
     (&["tool", "phases"], "statistics of a run (--stats)"),
     (&["q", "ghost_share"], "score of a volume (lf-validate quality)"),
@@ -45,46 +69,43 @@ const KNOWN: [(&[&str], &str); 10] = [
     (&["iteration", "misfit"], "a sweep (lf-mart --log)"),
 ];
 
-/// Lines of a report shown: a screen of 24, with its title and the number of keys left out.
-const LINES: usize = 22;
+/// Most lines of a report: with its title and the number of keys left out they fill a screen of 24.
+const MOST_LINES: usize = 22;
 
-/// Whether the same number in pixels, which people know best, is there too.
-fn told_in_pixels(key: &str, object: &Map<String, Value>) -> bool {
+/// Whether the object has the same number in pixels, which people know best.
+fn is_given_in_pixels(key: &str, object: &Map<String, Value>) -> bool {
     let stem = key.strip_suffix("_mm").or(key.strip_suffix("_vox"));
     stem.is_some_and(|stem| object.contains_key(&format!("{stem}_px")))
 }
 
-/// Keys of records shown.
-const KEYS: usize = 16;
+/// Most keys of records shown.
+const MOST_KEYS: usize = 16;
 
-/// Describes several objects, such as a log or runs: how many, and what the first and the last say.
-///
-/// # Errors
-/// Where one is not an object.
-pub fn records(values: &[Value]) -> Result<Sheet, String> {
+/// Describes objects one after another, such as a log or runs: their number, and the values of the first and the last.
+fn records(values: &[Value]) -> Result<Description, Refusal> {
     let ends = (values.first().and_then(Value::as_object), values.last().and_then(Value::as_object));
     let (Some(first), Some(last), true) = (ends.0, ends.1, values.iter().all(Value::is_object)) else {
-        return Err("JSON values that are not all objects".into());
+        return Err(refused("JSON values that are not all objects"));
     };
-    let mut sheet = Sheet::new("records, one JSON object each (JSON Lines)");
-    sheet.line("records", whole(values.len() as u64));
-    let text = |value: Option<&Value>| value.map_or("none".into(), |value| cut(&plain(value), ENDS));
-    first.keys().take(KEYS).for_each(|key| {
-        sheet.line(key, format!("{} in the first, {} in the last", text(first.get(key)), text(last.get(key))));
+    let mut about = Description::new("records, one JSON object each (JSON Lines)");
+    about.line("records", whole(values.len() as u64));
+    let text = |value: Option<&Value>| value.map_or("none".into(), |value| cut(&as_json(value), LONGEST_OF_TWO));
+    first.keys().take(MOST_KEYS).for_each(|key| {
+        about.line(key, format!("{} in the first, {} in the last", text(first.get(key)), text(last.get(key))));
     });
-    if first.len() > KEYS {
-        sheet.line("", format!("{} more keys", first.len() - KEYS));
+    if first.len() > MOST_KEYS {
+        about.line("", format!("{} more keys", first.len() - MOST_KEYS));
     }
-    Ok(sheet)
+    Ok(about)
 }
 
-/// Characters of a value, and of each of two in a line.
+/// Most characters of a value alone in its line, and of each of two values.
 const LONGEST: usize = 80;
-const ENDS: usize = 36;
+const LONGEST_OF_TWO: usize = 36;
 
-/// A value in a line.
+/// A value, cut to fit a line.
 pub(super) fn brief(value: &Value) -> String {
-    cut(&plain(value), LONGEST)
+    cut(&as_json(value), LONGEST)
 }
 
 fn cut(text: &str, longest: usize) -> String {
@@ -94,14 +115,14 @@ fn cut(text: &str, longest: usize) -> String {
     }
 }
 
-/// As JSON, numbers to six figures.
-fn plain(value: &Value) -> String {
+/// A value as JSON, with numbers to six figures.
+fn as_json(value: &Value) -> String {
     match value {
         Value::Number(number) if number.is_f64() => figures(number.as_f64().unwrap_or(f64::NAN)),
-        Value::Array(values) => format!("[{}]", values.iter().map(plain).collect::<Vec<_>>().join(",")),
+        Value::Array(values) => format!("[{}]", values.iter().map(as_json).collect::<Vec<_>>().join(",")),
         Value::Object(object) => {
-            let of = |(key, value): (&String, &Value)| format!("{}:{}", Value::from(key.as_str()), plain(value));
-            format!("{{{}}}", object.iter().map(of).collect::<Vec<_>>().join(","))
+            let entry = |(key, value): (&String, &Value)| format!("{}:{}", Value::from(key.as_str()), as_json(value));
+            format!("{{{}}}", object.iter().map(entry).collect::<Vec<_>>().join(","))
         }
         _ => value.to_string(),
     }
@@ -115,13 +136,13 @@ mod tests {
     #[test]
     fn a_scene_shows_its_keys() {
         let scene = json!({"camera": "camera.json", "particles": {"density": 0.5}, "seed": 3, "flow": "é".repeat(200)});
-        let text = self::json(&scene).unwrap().to_string();
+        let text = object(&scene).unwrap().to_string();
         assert!(text.starts_with("scene") && text.contains("seed       3") && text.contains("{\"density\":0.5}"));
         assert!(text.contains(" ...\n"));
     }
 
     #[test]
-    fn records_show_their_ends() {
+    fn records_show_the_first_and_the_last() {
         let rows: Vec<Value> = (1..=3).map(|n| json!({"iteration": n, "misfit": 1.0 / f64::from(n)})).collect();
         let text = records(&rows).unwrap().to_string();
         assert!(text.contains("records    3\n") && text.contains("iteration  1 in the first, 3 in the last"), "{text}");
@@ -130,22 +151,22 @@ mod tests {
 
     #[test]
     fn other_json_is_refused_by_its_keys() {
-        assert_eq!(self::json(&json!({"name": 1, "b": 2})).unwrap_err(), "JSON with the keys [\"name\", \"b\"]");
-        assert!(self::json(&json!([1])).is_err());
-        assert!(self::json(&json!({"q": 0.5, "ghost_share": null})).unwrap().title.contains("lf-validate quality"));
-        assert!(self::json(&json!({"q": 0.5, "by_depth.q": [1]})).unwrap().title.contains("lf-validate line"));
+        assert_eq!(object(&json!({"name": 1, "b": 2})).unwrap_err().found, "JSON with the keys [\"name\", \"b\"]");
+        assert!(object(&json!([1])).is_err());
+        assert!(object(&json!({"q": 0.5, "ghost_share": null})).unwrap().title.contains("lf-validate quality"));
+        assert!(object(&json!({"q": 0.5, "by_depth.q": [1]})).unwrap().title.contains("lf-validate line"));
     }
 
     #[test]
-    fn a_long_report_stays_within_a_screen_and_tells_pixels_first() {
+    fn a_long_report_fits_a_screen_and_prefers_pixels() {
         let mut report = json!({"measured_only": {}, "rms_u_mm": 0.1 + 0.2, "rms_u_vox": 1, "rms_u_px": 2});
-        let text = self::json(&report).unwrap().to_string();
+        let text = object(&report).unwrap().to_string();
         assert!(
             text.contains("rms_u_px       2\n") && !text.contains("rms_u_mm") && text.contains("2 more keys"),
             "{text}"
         );
         (0..99).for_each(|n| report[format!("key{n}")] = json!(0.1 + 0.2));
-        let sheet = self::json(&report).unwrap();
-        assert!(sheet.lines.len() <= LINES + 1 && sheet.to_string().contains("0.3\n"));
+        let description = object(&report).unwrap();
+        assert!(description.lines.len() <= MOST_LINES + 1 && description.to_string().contains("0.3\n"));
     }
 }

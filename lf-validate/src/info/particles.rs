@@ -1,91 +1,73 @@
-use super::description::{Sheet, figures, range, whole};
+//! Description of a table of particles.
+
+use super::description::Description;
+use super::numbers::{figures, whole};
 use super::summary::Summary;
+use crate::scores::units::AXES;
+use lf_core::Refusal;
+use lf_core::particles::{Particle, read};
 use std::collections::BTreeMap;
 
-/// The header line of `particles.csv`.
-const HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity";
-
-/// Frames listed one by one; of more, the first and the last.
-const FRAMES: usize = 8;
+/// Most frames listed one by one. Of more frames the first and the last are listed.
+const MOST_FRAMES: usize = 8;
 
 /// Describes the text of a `particles.csv`.
 ///
 /// # Errors
-/// Says which line is not a particle, counted from 1.
-pub fn particles(text: &str) -> Result<Sheet, String> {
-    let mut lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines().enumerate();
-    let header = lines.next().map_or("", |(_, line)| line.trim_end());
-    if header != HEADER {
-        return Err(format!("line 1 is not the header '{HEADER}'"));
-    }
-    let mut frames = BTreeMap::<u64, u64>::new();
-    let mut columns: [Vec<f32>; 4] = Default::default();
-    for (n, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        let (frame, values) = particle(line).ok_or_else(|| format!("line {} is not a particle", n + 1))?;
-        *frames.entry(frame).or_default() += 1;
-        for (column, value) in columns.iter_mut().zip(values) {
-            column.push(value);
-        }
-    }
-    let mut sheet = Sheet::new("particles, or dots of a target (particles.csv, dots.csv)");
-    let total = columns[0].len() as u64;
-    sheet.line(
-        "particles",
-        format!("{} in {} frame{}", whole(total), frames.len(), if frames.len() == 1 { "" } else { "s" }),
-    );
+/// The errors of [`read`].
+pub fn particles(text: &str) -> Result<Description, Refusal> {
+    let particles = read(text)?;
+    let mut frames = BTreeMap::<usize, u64>::new();
+    particles.iter().for_each(|particle| *frames.entry(particle.frame).or_default() += 1);
+    let mut about = Description::new("particles, or dots of a target (particles.csv, dots.csv)");
+    let plural = if frames.len() == 1 { "" } else { "s" };
+    about.line("particles", format!("{} in {} frame{plural}", whole(particles.len() as u64), frames.len()));
     for (n, (frame, count)) in frames.iter().enumerate() {
-        if frames.len() <= FRAMES || n == 0 || n + 1 == frames.len() {
-            sheet.line(format!("frame {frame}"), whole(*count));
+        if frames.len() <= MOST_FRAMES || n == 0 || n + 1 == frames.len() {
+            about.line(format!("frame {frame}"), whole(*count));
         } else if n == 1 {
-            sheet.line("...", format!("{} frames more", frames.len() - 2));
+            about.line("...", format!("{} frames more", frames.len() - 2));
         }
     }
-    for (label, column) in ["x", "y", "z"].into_iter().zip(&columns) {
-        let bounds = Summary::of(column);
-        if bounds.count > 0 {
-            sheet.line(label, format!("{} to {} mm", figures(bounds.min), figures(bounds.max)));
+    let summary = |value: &dyn Fn(&Particle) -> f64| {
+        Summary::of(&particles.iter().map(|particle| value(particle) as f32).collect::<Vec<f32>>())
+    };
+    for (axis, name) in AXES.into_iter().enumerate() {
+        let Summary { count, min, max, .. } = summary(&|particle| particle.place_mm[axis]);
+        if count > 0 {
+            about.line(name, format!("{} to {} mm", figures(min), figures(max)));
         }
     }
-    sheet.line("intensity", range(&Summary::of(&columns[3])));
-    Ok(sheet)
-}
-
-fn particle(line: &str) -> Option<(u64, [f32; 4])> {
-    let mut cells = line.split(',').map(str::trim);
-    let frame = cells.next()?.parse().ok()?;
-    let _id: u64 = cells.next()?.parse().ok()?;
-    let mut values = [0.0; 4];
-    for value in &mut values {
-        *value = cells.next()?.parse().ok().filter(|value: &f32| value.is_finite())?;
-    }
-    cells.next().is_none().then_some((frame, values))
+    about.line("intensity", summary(&|particle| particle.intensity).to_string());
+    Ok(about)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lf_core::particles::HEADER;
 
     #[test]
     fn particles_are_counted_per_frame() {
         let text = format!("{HEADER}\r\n0,0,1,2,-3,10\r\n0,1,1.5,2,3,20\n1,0,0,0,0,30\n\n");
-        let sheet = particles(&text).unwrap().to_string();
+        let description = particles(&text).unwrap().to_string();
         for wanted in ["3 in 2 frames", "frame 0    2", "0 to 1.5 mm", "-3 to 3 mm", "mean 20, sum 60"] {
-            assert!(sheet.contains(wanted), "{wanted} is not in\n{sheet}");
+            assert!(description.contains(wanted), "{wanted} is not in\n{description}");
         }
         assert!(particles(&format!("{HEADER}\n")).unwrap().to_string().contains("0 in 0 frames"));
     }
 
     #[test]
-    fn a_line_that_is_no_particle_is_named() {
+    fn a_line_that_is_not_a_particle_is_named() {
         for line in ["0,0,1,2,3", "0,0,1,2,3,4,5", "0,0,x,2,3,4", "0,0,NaN,2,3,4", "-1,0,1,2,3,4"] {
             let error = particles(&format!("{HEADER}\n0,0,1,2,3,4\n{line}\n")).unwrap_err();
-            assert_eq!(error, "line 3 is not a particle", "{line}");
+            assert!(error.found.starts_with("line 3 is not six numbers"), "{error}");
         }
-        assert!(particles("frame,x\n").unwrap_err().contains("line 1"));
+        assert!(particles("frame,x\n").unwrap_err().found.contains("line 1"));
     }
 
     #[test]
-    fn many_frames_stay_within_a_screen() {
+    fn many_frames_fit_a_screen() {
         let rows: String = (0..500).map(|frame| format!("{frame},0,0,0,0,1\n")).collect();
         assert!(particles(&format!("{HEADER}\n{rows}")).unwrap().lines.len() < 12);
     }

@@ -1,21 +1,24 @@
-//! One line about many stored values.
+//! Extremes and sums of many stored values.
 
+use super::numbers::figures;
 use serde::Serialize;
+use std::fmt;
 
-/// Extremes and sums of stored values; the values that are not finite are counted and left out of the rest.
+/// Extremes and sums of stored values. Values that are not finite are counted and left out of all other numbers. Prints as one
+/// line.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Summary {
-    /// How many values.
+    /// Number of values.
     pub count: usize,
-    /// How many of them are NaN or infinite.
+    /// Values that are NaN or infinite.
     pub not_finite: usize,
-    /// How many are zero.
+    /// Values that are zero.
     pub zero: usize,
-    /// Smallest; NaN where nothing is finite.
+    /// Smallest. NaN without a finite value.
     pub min: f64,
-    /// Largest.
+    /// Largest. NaN without a finite value.
     pub max: f64,
-    /// Sum over mean.
+    /// Sum.
     pub sum: f64,
 }
 
@@ -38,9 +41,20 @@ impl Summary {
         summary
     }
 
-    /// Mean of the finite values; NaN where nothing is finite.
+    /// Mean of the finite values. NaN without one.
     pub fn mean(&self) -> f64 {
         self.sum / (self.count - self.not_finite) as f64
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        if self.count == self.not_finite {
+            return f.write_str(if self.count == 0 { "no values" } else { "no finite value" });
+        }
+        let [min, max, mean, sum] = [self.min, self.max, self.mean(), self.sum].map(figures);
+        write!(f, "min {min}, max {max}, mean {mean}, sum {sum}")?;
+        if self.not_finite > 0 { write!(f, ", {} not finite", self.not_finite) } else { Ok(()) }
     }
 }
 
@@ -49,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn summary_sets_aside_what_is_not_finite() {
+    fn values_that_are_not_finite_are_only_counted() {
         let summary = Summary::of(&[0.0, f32::NAN, -2.0, f32::INFINITY, 5.0]);
         assert_eq!((summary.count, summary.not_finite, summary.zero), (5, 2, 1));
         assert_eq!((summary.min, summary.max, summary.mean()), (-2.0, 5.0, 1.0));

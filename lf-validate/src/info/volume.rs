@@ -1,13 +1,17 @@
-use super::description::{Sheet, by, figures, range, whole};
+//! Description of a volume.
+
+use super::description::Description;
+use super::numbers::{figures, product, whole};
 use super::objects::brief;
 use super::summary::Summary;
+use crate::scores::units::AXES;
 use lf_core::grid::Grid;
 use lf_core::history::History;
 use lf_core::volume::tile::Tile;
 use serde_json::{Map, Value};
 
-/// Describes a sparse volume: its grid, what tile of it the file is, `count` voxels held, columns by name, and what else its
-/// header says.
+/// Describes a sparse volume: its grid, the tile that the file holds, the `count` voxels held, columns by name, and other entries
+/// of its header.
 pub fn volume(
     grid: &Grid,
     tile: Option<&Tile>,
@@ -15,27 +19,28 @@ pub fn volume(
     columns: &[(&str, &[f32])],
     extra: &Map<String, Value>,
     history: &History,
-) -> Sheet {
-    let mut sheet = Sheet::new("sparse volume (.lfv)");
+) -> Description {
+    let mut about = Description::new("sparse volume (.lfv)");
     let [nx, ny, nz] = grid.shape;
-    sheet.line("grid", format!("{nx} x {ny} x {nz} = {} voxels of {} mm", whole(grid.len()), by(&grid.spacing_mm)));
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+    about
+        .line("grid", format!("{nx} x {ny} x {nz} = {} voxels of {} mm", whole(grid.len()), product(&grid.spacing_mm)));
+    for (axis, name) in AXES.into_iter().enumerate() {
         let half = 0.5 * grid.spacing_mm[axis];
         let ends = [grid.centre_mm(axis, 0) - half, grid.centre_mm(axis, grid.shape[axis] - 1) + half];
-        sheet.line(format!("extent {name}"), format!("{} to {} mm", figures(ends[0]), figures(ends[1])));
+        about.line(format!("extent {name}"), format!("{} to {} mm", figures(ends[0]), figures(ends[1])));
     }
     if let Some(Tile { index, of, halo_mm, core_vox: [[x0, x1], [y0, y1]], .. }) = tile {
         let core = format!("voxels {x0} to {} along x, {y0} to {} along y", x1 - 1, y1 - 1);
-        sheet.line("tile", format!("{index} of {of}: {core}; halo {} mm", figures(*halo_mm)));
+        about.line("tile", format!("{index} of {of}: {core}; halo {} mm", figures(*halo_mm)));
     }
     let percent = 100.0 * count as f64 / grid.len() as f64;
-    sheet.line("voxels held", format!("{}, {} % of the grid", whole(count as u64), figures(percent)));
+    about.line("voxels held", format!("{}, {} % of the grid", whole(count as u64), figures(percent)));
     for (name, values) in columns {
-        sheet.line(format!("column {name}"), range(&Summary::of(*values)));
+        about.line(format!("column {name}"), Summary::of(*values).to_string());
     }
-    extra.iter().for_each(|(key, value)| sheet.line(key, brief(value)));
-    sheet.history(history);
-    sheet
+    extra.iter().for_each(|(key, value)| about.line(key, brief(value)));
+    about.history(history);
+    about
 }
 
 #[cfg(test)]
@@ -43,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn extents_reach_the_voxels_rims() {
+    fn an_extent_reaches_the_faces_of_its_voxels() {
         let grid = Grid { shape: [4, 2, 1], spacing_mm: [0.5, 1.0, 10.0], origin_mm: [-0.75, -0.5, 0.0] };
         let extra = serde_json::json!({"mask": [0, 4]});
         let extra = extra.as_object().unwrap();

@@ -1,5 +1,7 @@
 //! Probability densities in bins.
 
+use serde::ser::SerializeMap;
+
 /// A probability density in bins of equal width. The middle bin is centred at zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Density {
@@ -35,6 +37,14 @@ impl Density {
             below: share(below),
             above: share(above),
         }
+    }
+
+    /// Adds the entries of a component: `x_u`, `u`, `below_u` and `above_u`.
+    pub(super) fn serialize_as<M: SerializeMap>(&self, name: &str, map: &mut M) -> Result<(), M::Error> {
+        map.serialize_entry(&format!("x_{name}"), &self.x)?;
+        map.serialize_entry(name, &self.density)?;
+        map.serialize_entry(&format!("below_{name}"), &self.below)?;
+        map.serialize_entry(&format!("above_{name}"), &self.above)
     }
 }
 

@@ -1,7 +1,7 @@
 //! How the light of volumes is distributed along z.
 
-use super::light::Light;
-use super::spread::Spread;
+use super::light::VoxelLight;
+use super::spread::ErrorSpread;
 use lf_core::Refusal;
 use lf_core::grid::Grid;
 use serde::Serialize;
@@ -70,7 +70,7 @@ impl DepthSums {
     ///
     /// # Errors
     /// The grid of the volume is another one.
-    pub fn add(&mut self, light: Light) -> Result<(), Refusal> {
+    pub fn add(&mut self, light: VoxelLight) -> Result<(), Refusal> {
         if !self.grid.agrees_with(light.grid) {
             return Err(Refusal::new(light.grid.to_string(), format!("wanted the first volume's {}", self.grid)));
         }
@@ -109,7 +109,7 @@ impl DepthSums {
             chosen.map(|(_, light)| *light).collect::<Vec<f64>>()
         };
         let (inside, outside) = (slices(true), slices(false));
-        let Spread { bias: mean, std, .. } = Spread::of(&inside);
+        let ErrorSpread { bias: mean, std, .. } = ErrorSpread::of(&inside);
         let is_judged = slab_mm.is_some() && light > 0.0;
         Depth {
             volumes,
@@ -145,7 +145,7 @@ mod tests {
         for volume in volumes {
             let (indices, intensity): (Vec<u64>, Vec<f32>) =
                 volume.iter().map(|(voxel, light)| (grid.index(*voxel), *light)).unzip();
-            sums.add(Light { grid: &grid, indices: &indices, intensity: &intensity }).unwrap();
+            sums.add(VoxelLight { grid: &grid, indices: &indices, intensity: &intensity }).unwrap();
         }
         sums
     }
@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn a_volume_of_another_grid_is_refused() {
         let other = Grid { shape: [3, 2, 5], ..grid() };
-        let refusal = sums(&[]).add(Light { grid: &other, indices: &[], intensity: &[] }).unwrap_err();
+        let refusal = sums(&[]).add(VoxelLight { grid: &other, indices: &[], intensity: &[] }).unwrap_err();
         assert!(refusal.found.contains("3 x 2 x 5") && refusal.wanted.contains("3 x 2 x 4"));
     }
 }

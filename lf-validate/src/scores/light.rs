@@ -4,7 +4,7 @@ use lf_core::grid::Grid;
 
 /// Voxels that a volume holds: linear indices, strictly rising, and an intensity for each. All others are dark.
 #[derive(Debug, Clone, Copy)]
-pub struct Light<'a> {
+pub struct VoxelLight<'a> {
     /// Grid of the voxels.
     pub grid: &'a Grid,
     /// Linear indices of the voxels held.

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// Statistics of a set of errors about zero. NaN, `null` in JSON, without errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Spread {
+pub struct ErrorSpread {
     /// Mean.
     pub bias: f64,
     /// Root mean square about zero: rms^2 = bias^2 + std^2.
@@ -16,7 +16,7 @@ pub struct Spread {
     pub median_abs: f64,
 }
 
-impl Spread {
+impl ErrorSpread {
     /// The spread of `errors`. The bias is known before the standard deviation is summed.
     pub fn of(errors: &[f64]) -> Self {
         let count = errors.len() as f64;
@@ -33,8 +33,8 @@ mod tests {
 
     #[test]
     fn spread_of_four_errors_by_hand() {
-        let spread = Spread::of(&[1.0, -1.0, 3.0, 5.0]);
-        assert_eq!(spread, Spread { bias: 2.0, rms: 3.0, std: 5f64.sqrt(), median_abs: 2.0 });
-        assert!(Spread::of(&[]).rms.is_nan());
+        let spread = ErrorSpread::of(&[1.0, -1.0, 3.0, 5.0]);
+        assert_eq!(spread, ErrorSpread { bias: 2.0, rms: 3.0, std: 5f64.sqrt(), median_abs: 2.0 });
+        assert!(ErrorSpread::of(&[]).rms.is_nan());
     }
 }

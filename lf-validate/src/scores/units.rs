@@ -16,3 +16,9 @@ pub fn units(voxel_mm: [f64; 3], pixel_mm: Option<f64>) -> Vec<Unit> {
     units.extend(pixel_mm.map(|pixel| ("px", [pixel; 3])));
     units
 }
+
+/// Lengths along u, v and w in pixels. None without a camera.
+pub(super) fn in_px(lengths_mm: [f64; 3], units: &[Unit]) -> Option<[f64; 3]> {
+    let (_, pixel_mm) = units.iter().find(|(unit, _)| *unit == "px")?;
+    Some([0, 1, 2].map(|axis| lengths_mm[axis] / pixel_mm[axis]))
+}

@@ -1,7 +1,11 @@
 //! In: records of runs, and the keys of x, y and the series.
-//! Out: one curve a series, the median over its runs with least and greatest value.
-//! Open first: `series.rs`.
+//! Out: one curve a series: the median over its runs, with least and greatest value.
+//! Open first: `group.rs`.
 
+mod chart;
+mod group;
 mod series;
 
-pub use series::{Ask, ChartOptions, Curves, Series, curves};
+pub use chart::ChartOptions;
+pub use group::curves;
+pub use series::{CurveKeys, Curves, Series};

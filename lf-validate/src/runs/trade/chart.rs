@@ -1,7 +1,7 @@
 //! Error against cost, and the effect of each factor.
 
 use super::settings::{Factor, Setting, Trade};
-use crate::runs::record::plain;
+use crate::runs::values::{order, plain};
 use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style};
 use serde_json::Value;
 
@@ -43,8 +43,8 @@ impl Trade {
 
     fn whole_panel(&self, options: &ChartOptions) -> Panel {
         let name = |name: &String, key: &String| if name.is_empty() { key.clone() } else { name.clone() };
-        let x = Axis::log(name(&options.cost_name, &self.ask.cost));
-        let y = Axis::log(name(&options.error_name, &self.ask.error));
+        let x = Axis::log(name(&options.cost_name, &self.keys.cost));
+        let y = Axis::log(name(&options.error_name, &self.keys.error));
         let base = self.base();
         let is_named = |n: usize| self.settings.len() <= MOST_NAMED || self.front.contains(&n) || Some(n) == base;
         let points = |name: &str, chosen: &[usize]| {
@@ -76,7 +76,7 @@ impl Trade {
             factor.effects.iter().map(|effect| (&effect.value, [effect.cost_ratio, effect.error_ratio])).collect();
         let is_ordered = rows.iter().all(|(value, _)| value.is_number()) && factor.base.is_number();
         rows.push((&factor.base, [1.0; 2]));
-        rows.sort_by(|a, b| crate::runs::record::order(a.0, b.0));
+        rows.sort_by(|a, b| order(a.0, b.0));
         let points: Vec<[f64; 2]> = rows.iter().map(|(_, point)| *point).collect();
         let labels = rows.iter().map(|(value, _)| plain(value)).collect();
         let mut marks: Vec<Mark> =

@@ -1,11 +1,14 @@
 //! In: records of runs, and the keys of cost, error and memory.
 //! Out: one setting a name, the Pareto front among them, and the effect of each factor.
-//! Open first: `settings.rs`.
+//! Open first: `compare.rs`.
 
 mod chart;
+mod compare;
 mod pareto;
+mod report;
 mod settings;
 
 pub use chart::ChartOptions;
+pub use compare::trade;
 pub use pareto::{Pareto, pareto};
-pub use settings::{Ask, Effect, Factor, Setting, Trade, trade};
+pub use settings::{Effect, Factor, Setting, Trade, TradeKeys};

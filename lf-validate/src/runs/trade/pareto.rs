@@ -1,35 +1,35 @@
-//! Which settings no other beats in both cost and error.
+//! The Pareto front of cost and error.
 
-/// The front and what stands behind it.
+/// The front, and the points behind it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pareto {
-    /// Indices of the points that no other dominates, by rising cost; equal points keep their order.
+    /// Indices of the points that no other point dominates, by rising cost. Equal points keep their order.
     pub front: Vec<usize>,
-    /// For every other point the one of the front with at most its cost and the least error.
+    /// For every other point: the point of the front with at most its cost and the least error.
     pub dominated_by: Vec<Option<usize>>,
 }
 
-/// The Pareto front of points (cost, error): those for which no other has both less or equal cost and error, with one of
-/// them strictly less. Equal points do not dominate each other. A point with a number that is not finite is neither on the
-/// front nor dominated. O(n log n).
+/// The Pareto front of points (cost, error): the points that no other point dominates. A point dominates another if neither
+/// its cost nor its error is greater, and one of them is less. Equal points do not dominate each other. A point with a number
+/// that is not finite is neither on the front nor dominated. O(n log n).
 pub fn pareto(points: &[[f64; 2]]) -> Pareto {
     let mut order: Vec<usize> = (0..points.len()).filter(|n| points[*n].iter().all(|v| v.is_finite())).collect();
-    // A stable sort: equal points stay in their order. -0 is 0.
+    // A stable sort keeps the order of equal points. Adding 0 makes -0 equal to 0.
     order.sort_by(|a, b| {
         let [a, b] = [a, b].map(|n| points[*n].map(|value| value + 0.0));
         a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
     });
     let mut front: Vec<usize> = Vec::new();
     let mut dominated_by = vec![None; points.len()];
-    // Of equal points at the front's end, the first.
-    let mut best: Option<usize> = None;
+    // The last point of the front so far, and the first of those equal to it.
+    let mut last: Option<usize> = None;
     for n in order {
-        match best {
-            Some(best) if points[n] == points[best] => front.push(n),
-            Some(best) if points[n][1] >= points[best][1] => dominated_by[n] = Some(best),
+        match last {
+            Some(last) if points[n] == points[last] => front.push(n),
+            Some(last) if points[n][1] >= points[last][1] => dominated_by[n] = Some(last),
             _ => {
                 front.push(n);
-                best = Some(n);
+                last = Some(n);
             }
         }
     }
@@ -40,7 +40,7 @@ pub fn pareto(points: &[[f64; 2]]) -> Pareto {
 mod tests {
     use super::*;
 
-    /// The definition, over all pairs.
+    /// The definition, checked for all pairs.
     fn naive(points: &[[f64; 2]]) -> Pareto {
         let is_finite = |n: usize| points[n].iter().all(|value| value.is_finite());
         let dominates = |a: [f64; 2], b: [f64; 2]| a[0] <= b[0] && a[1] <= b[1] && (a[0] < b[0] || a[1] < b[1]);
@@ -58,24 +58,24 @@ mod tests {
 
     #[test]
     fn fronts_by_hand() {
-        let of = |points: &[[f64; 2]]| {
+        let checked = |points: &[[f64; 2]]| {
             assert_eq!(pareto(points), naive(points), "{points:?}");
             pareto(points)
         };
-        assert_eq!(of(&[]).front, [0; 0]);
-        assert_eq!(of(&[[1.0, 2.0]]).front, [0]);
+        assert_eq!(checked(&[]).front, [0; 0]);
+        assert_eq!(checked(&[[1.0, 2.0]]).front, [0]);
         // Equal points, and a tie in either number.
-        let found = of(&[[3.0, 1.0], [1.0, 3.0], [3.0, 1.0], [1.0, 4.0], [5.0, 1.0], [2.0, 3.0]]);
+        let found = checked(&[[3.0, 1.0], [1.0, 3.0], [3.0, 1.0], [1.0, 4.0], [5.0, 1.0], [2.0, 3.0]]);
         assert_eq!(found.front, [1, 0, 2]);
         assert_eq!(found.dominated_by, [None, None, None, Some(1), Some(0), Some(1)]);
-        let found = of(&[[f64::NAN, 0.0], [1.0, 1.0], [0.0, f64::INFINITY], [2.0, 2.0]]);
+        let found = checked(&[[f64::NAN, 0.0], [1.0, 1.0], [0.0, f64::INFINITY], [2.0, 2.0]]);
         assert_eq!((found.front, found.dominated_by), (vec![1], vec![None, None, None, Some(1)]));
-        assert_eq!(of(&[[0.0, 1.0], [-0.0, 0.5]]).front, [1]);
+        assert_eq!(checked(&[[0.0, 1.0], [-0.0, 0.5]]).front, [1]);
     }
 
     #[test]
-    fn the_sweep_is_the_definition() {
-        // A linear congruence; few values, so that ties and equal points abound.
+    fn the_sweep_agrees_with_the_definition() {
+        // A linear congruence with few values, so that there are many ties and equal points.
         let mut state = 1u64;
         let mut next = |most: u64| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -5,7 +5,7 @@
 use super::coverage::Coverage;
 use super::pdf::ErrorPdf;
 use super::summary::ErrorSummary;
-use super::truth::{Truth, VectorError, errors};
+use super::truth::{TrueDisplacement, VectorError, errors};
 use crate::scores::units::units;
 use lf_core::field::{Field, MEASURED, REPLACED};
 use serde::Serialize;
@@ -56,17 +56,17 @@ pub struct ParticleCounts {
 }
 
 /// Scores `field` against `truth`. `pixel_mm`: size of a pixel at the focal plane.
-pub fn displacement(truth: &Truth, field: &Field, pixel_mm: Option<f64>) -> Displacement {
+pub fn displacement(truth: &TrueDisplacement, field: &Field, pixel_mm: Option<f64>) -> Displacement {
     let voxel_mm = field.layout.voxel_mm;
     let flagged = |flag: f32| field.flag.iter().filter(|found| **found == flag).count();
     let (measured, replaced) = (flagged(MEASURED), flagged(REPLACED));
     let (errors, outside) = errors(truth, field);
     let particles = match truth {
-        Truth::Tracks(tracks) => {
+        TrueDisplacement::Tracks(tracks) => {
             let (particles, unpaired) = (tracks.mid_mm.len(), tracks.unpaired);
             Some(ParticleCounts { particles, unpaired, outside_field: outside })
         }
-        Truth::Field(_) | Truth::Flow { .. } => None,
+        TrueDisplacement::Field(_) | TrueDisplacement::Flow { .. } => None,
     };
     let units = units(voxel_mm, pixel_mm);
     let measured_only: Vec<VectorError> = errors.iter().copied().filter(|error| error.is_measured).collect();
@@ -96,7 +96,7 @@ mod tests {
     use lf_core::field::NO_DATA;
 
     fn displacement(truth: &Field, field: &Field, pixel_mm: Option<f64>) -> Displacement {
-        super::displacement(&Truth::Field(Box::new(truth.clone())), field, pixel_mm)
+        super::displacement(&TrueDisplacement::Field(Box::new(truth.clone())), field, pixel_mm)
     }
 
     fn json(score: &Displacement) -> serde_json::Value {
@@ -200,7 +200,7 @@ mod tests {
         measured.flag[59] = REPLACED;
         measured.su.fill(0.02);
         let mid_mm = [[-0.9, 0.6, -2.9], [0.0, 1.0, 0.0], [0.4, 1.4, 0.9], [9.0, 1.0, 0.0]].map(DVec3::from).to_vec();
-        let truth = Truth::Tracks(Tracks { displacement_mm: vec![DVec3::ZERO; 4], mid_mm, unpaired: 2 });
+        let truth = TrueDisplacement::Tracks(Tracks { displacement_mm: vec![DVec3::ZERO; 4], mid_mm, unpaired: 2 });
         let score = super::displacement(&truth, &measured, None);
         assert_eq!(score.particles, Some(ParticleCounts { particles: 4, unpaired: 2, outside_field: 2 }));
         assert_eq!((score.outside_truth, score.all.vectors, score.measured_only.vectors), (0, 2, 1));

@@ -18,7 +18,7 @@ pub struct Coverage {
     pub within_2: [f64; 3],
     /// RMS of the stated uncertainty, mm.
     pub rms_stated_mm: [f64; 3],
-    /// RMS of their errors, mm. A right statement has the same RMS.
+    /// RMS of their errors, mm. It equals `rms_stated_mm` if the stated uncertainty is right.
     pub rms_error_mm: [f64; 3],
 }
 

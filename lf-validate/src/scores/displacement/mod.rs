@@ -16,4 +16,4 @@ pub use pdf::{BINS_PER_PX, BINS_PER_VOX, ErrorPdf, REACH};
 pub use summary::{ErrorSummary, OUTLIER_FLOOR_VOX, OUTLIER_SIGMAS};
 pub use tracks::{Tracks, tracks};
 pub use trilinear::{Interpolated, interpolate};
-pub use truth::{Truth, VectorError, errors};
+pub use truth::{TrueDisplacement, VectorError, errors};

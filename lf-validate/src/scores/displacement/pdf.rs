@@ -21,7 +21,7 @@ pub const REACH: usize = 80;
 /// `unit`; `u`, the density per `unit`; `below_u` and `above_u`, the shares beyond the bins.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ErrorPdf {
-    /// `px` if the camera is known, else `vox`.
+    /// `px` with a camera, `vox` without one.
     pub unit: &'static str,
     /// Densities of u, v and w.
     pub curves: [Density; 3],
@@ -48,10 +48,7 @@ impl Serialize for ErrorPdf {
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("unit", self.unit)?;
         for (name, curve) in COMPONENTS.iter().zip(&self.curves) {
-            map.serialize_entry(&format!("x_{name}"), &curve.x)?;
-            map.serialize_entry(name, &curve.density)?;
-            map.serialize_entry(&format!("below_{name}"), &curve.below)?;
-            map.serialize_entry(&format!("above_{name}"), &curve.above)?;
+            curve.serialize_as(name, &mut map)?;
         }
         map.end()
     }

@@ -1,8 +1,8 @@
 //! Bias, RMS, spread and outliers of a set of errors.
 
 use super::truth::VectorError;
-use crate::scores::spread::Spread;
-use crate::scores::units::{COMPONENTS, Unit};
+use crate::scores::spread::ErrorSpread;
+use crate::scores::units::{COMPONENTS, Unit, in_px};
 use lf_core::statistics::robust;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
@@ -24,7 +24,7 @@ pub struct ErrorSummary {
     /// Vectors with a component beyond [`OUTLIER_SIGMAS`] and [`OUTLIER_FLOOR_VOX`]. All other numbers include them.
     pub outliers: usize,
     /// Spread of each component, mm.
-    pub spread_mm: [Spread; 3],
+    pub spread_mm: [ErrorSpread; 3],
     units: Vec<Unit>,
 }
 
@@ -41,29 +41,24 @@ impl ErrorSummary {
         Self {
             vectors: errors.len(),
             outliers: errors.iter().filter(is_outlier).count(),
-            spread_mm: components.map(|component| Spread::of(&component)),
+            spread_mm: components.map(|component| ErrorSpread::of(&component)),
             units,
         }
     }
 
     /// The RMS error of each component in pixels. None without a camera, NaN without vectors.
     pub fn rms_px(&self) -> Option<[f64; 3]> {
-        self.px(|spread| spread.rms)
+        in_px(self.spread_mm.map(|spread| spread.rms), &self.units)
     }
 
     /// The mean error of each component in pixels. None without a camera, NaN without vectors.
     pub fn bias_px(&self) -> Option<[f64; 3]> {
-        self.px(|spread| spread.bias)
+        in_px(self.spread_mm.map(|spread| spread.bias), &self.units)
     }
 
     /// Share of the vectors that are outliers. NaN without vectors.
     pub fn outlier_share(&self) -> f64 {
         self.outliers as f64 / self.vectors as f64
-    }
-
-    fn px(&self, number: fn(&Spread) -> f64) -> Option<[f64; 3]> {
-        let (_, pixel_mm) = self.units.iter().find(|(unit, _)| *unit == "px")?;
-        Some([0, 1, 2].map(|axis| number(&self.spread_mm[axis]) / pixel_mm[axis]))
     }
 }
 
@@ -74,7 +69,7 @@ impl Serialize for ErrorSummary {
         map.serialize_entry("outliers", &self.outliers)?;
         for (unit, per_mm) in &self.units {
             for (name, number) in [
-                ("bias", (|spread| spread.bias) as fn(&Spread) -> f64),
+                ("bias", (|spread| spread.bias) as fn(&ErrorSpread) -> f64),
                 ("rms", |spread| spread.rms),
                 ("std", |spread| spread.std),
                 ("median_abs", |spread| spread.median_abs),

@@ -7,14 +7,14 @@ use lf_core::field::{Field, MEASURED, NO_DATA};
 use lf_core::flow::Velocity;
 
 /// A source of the true displacement.
-pub enum Truth {
+pub enum TrueDisplacement {
     /// A field. It is interpolated to the places of the measured vectors.
     Field(Box<Field>),
     /// A flow, known everywhere.
     Flow {
         /// Velocity of the flow.
         velocity: Velocity,
-        /// Time between the volumes, in the unit of the velocity.
+        /// Time between the volumes, in the time unit of the velocity.
         interval: f64,
     },
     /// Particles. The measured field is interpolated to them, so that flow structures smaller than a window are part of the
@@ -22,7 +22,7 @@ pub enum Truth {
     Tracks(Tracks),
 }
 
-impl Truth {
+impl TrueDisplacement {
     /// `field`, `flow` or `tracks`.
     pub fn name(&self) -> &'static str {
         match self {
@@ -46,7 +46,7 @@ pub struct VectorError {
 
 /// The errors of `field`, one for each vector or particle, and the number of vectors or particles that could not be compared:
 /// vectors outside the truth or beside one of its gaps, particles outside the field or beside one of its gaps.
-pub fn errors(truth: &Truth, field: &Field) -> (Vec<VectorError>, usize) {
+pub fn errors(truth: &TrueDisplacement, field: &Field) -> (Vec<VectorError>, usize) {
     let with_data = || (0..field.len()).filter(|&at| field.flag[at] != NO_DATA);
     let error = |at: usize, expected_mm: DVec3| VectorError {
         error_mm: field.displacement_mm(at) - expected_mm,
@@ -54,16 +54,16 @@ pub fn errors(truth: &Truth, field: &Field) -> (Vec<VectorError>, usize) {
         is_measured: field.flag[at] == MEASURED,
     };
     let (errors, wanted): (Vec<VectorError>, usize) = match truth {
-        Truth::Field(truth) => {
+        TrueDisplacement::Field(truth) => {
             let known = |at| Some(error(at, interpolate(truth, field.place_mm(at).into())?.vector_mm));
             (with_data().filter_map(known).collect(), with_data().count())
         }
-        Truth::Flow { velocity, interval } => {
+        TrueDisplacement::Flow { velocity, interval } => {
             let places: Vec<[f64; 3]> = with_data().map(|at| field.place_mm(at)).collect();
             let expected = velocity.displacements_mm(&places, *interval);
             (with_data().zip(expected).map(|(at, expected)| error(at, expected.into())).collect(), places.len())
         }
-        Truth::Tracks(tracks) => {
+        TrueDisplacement::Tracks(tracks) => {
             let known = |(place, expected): (&DVec3, &DVec3)| {
                 let found = interpolate(field, *place)?;
                 let error_mm = found.vector_mm - *expected;
@@ -90,16 +90,16 @@ mod tests {
         [0.1 * z, 0.02, 0.0]
     }
 
-    fn flow() -> Truth {
+    fn flow() -> TrueDisplacement {
         let text = r#"[{"kind": "shear", "along": "x", "across": "z", "rate": 0.1},
             {"kind": "uniform", "displacement_mm": [0, 0.02, 0]}]"#;
         let flows: Flows = serde_json::from_str(text).unwrap();
         let velocity = flows.velocity(Vec::new(), [[-1.0, 1.0]; 3], 0.0055);
-        Truth::Flow { velocity, interval: 1.0 }
+        TrueDisplacement::Flow { velocity, interval: 1.0 }
     }
 
     /// Particles that the shear moves; `mid_mm` is half way.
-    fn moved(mid_mm: &[[f64; 3]]) -> Truth {
+    fn moved(mid_mm: &[[f64; 3]]) -> TrueDisplacement {
         let place = |frame: usize, mid: &[f64; 3]| {
             let half = frame as f64 - 0.5;
             [0, 1, 2].map(|axis| mid[axis] + half * shear(*mid)[axis])
@@ -113,7 +113,7 @@ mod tests {
             };
             mid_mm.iter().enumerate().map(particle).collect::<Vec<_>>()
         };
-        Truth::Tracks(tracks(&[row(0), row(1)].concat(), [0, 1]).unwrap())
+        TrueDisplacement::Tracks(tracks(&[row(0), row(1)].concat(), [0, 1]).unwrap())
     }
 
     #[test]
@@ -121,7 +121,7 @@ mod tests {
         let measured =
             field([4, 5, 3], |place| [0, 1, 2].map(|axis| shear(place)[axis] + [0.003, -0.004, 0.005][axis]));
         let truths = [
-            Truth::Field(Box::new(field([4, 5, 3], shear))),
+            TrueDisplacement::Field(Box::new(field([4, 5, 3], shear))),
             flow(),
             moved(&[[0.1, 0.7, 0.3], [-0.9, 1.4, -2.2], [0.5, 1.5, 1.0]]),
         ];
@@ -140,7 +140,7 @@ mod tests {
     fn a_flow_is_known_beyond_a_field_and_particles_need_the_field() {
         let mut measured = field([4, 5, 3], shear);
         measured.flag[0] = NO_DATA;
-        let truth = Truth::Field(Box::new(field([2, 5, 3], shear)));
+        let truth = TrueDisplacement::Field(Box::new(field([2, 5, 3], shear)));
         assert_eq!(errors(&truth, &measured).1, 30);
         assert_eq!((errors(&flow(), &measured).0.len(), errors(&flow(), &measured).1), (59, 0));
         let truth = moved(&[[-0.9, 0.6, -2.9], [0.1, 0.7, 0.3], [0.1, 0.7, 1.1]]);

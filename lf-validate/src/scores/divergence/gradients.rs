@@ -1,8 +1,8 @@
 //! The divergence of a field: how far it is from a flow that keeps its volume. It needs no truth.
 
-use super::noise::{Noise, noise};
+use super::noise::{FieldNoise, noise};
 use crate::scores::density::Density;
-use crate::scores::spread::Spread;
+use crate::scores::spread::ErrorSpread;
 use glam::DVec3;
 use lf_core::field::{Field, NO_DATA, VectorGrid};
 use lf_core::statistics::robust;
@@ -50,7 +50,7 @@ pub struct Divergence {
     /// RMS divergence of the noise alone: the root of the sum of sigma^2 / (2 stride_mm^2) over the axes.
     pub rms_of_noise: f64,
     /// Noise of the components.
-    pub noise: Noise,
+    pub noise: FieldNoise,
     /// Density of the divergence, with [`BINS_PER_SIGMA`] bins in a `sigma`. None if `sigma` is 0 or does not exist.
     pub pdf: Option<DivergencePdf>,
 }
@@ -82,7 +82,7 @@ pub fn divergence(field: &Field, pixel_mm: Option<f64>) -> Divergence {
     let squares = |numbers: &[f64]| numbers.iter().map(|number| number * number).sum::<f64>();
     let straight = gradients.iter().map(|[x, y, z]| squares(&[x.x, y.y, z.z])).sum::<f64>() / count;
     let all = gradients.iter().map(|g| squares(g.map(|d| d.to_array()).as_flattened())).sum::<f64>() / (9.0 * count);
-    let spread = Spread::of(&divergences);
+    let spread = ErrorSpread::of(&divergences);
     let (_, sigma) = robust(&divergences);
     let noise = noise(field, stride, pixel_mm);
     let of_noise = |axis: usize| 0.5 * (noise.sigma_mm(axis) / stride_mm[axis]).powi(2);
@@ -125,10 +125,7 @@ fn gradient(field: &Field, at: usize, stride: [usize; 3], stride_mm: [f64; 3]) -
 impl Serialize for DivergencePdf {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
-        map.serialize_entry("x_divergence", &self.0.x)?;
-        map.serialize_entry("divergence", &self.0.density)?;
-        map.serialize_entry("below_divergence", &self.0.below)?;
-        map.serialize_entry("above_divergence", &self.0.above)?;
+        self.0.serialize_as("divergence", &mut map)?;
         map.end()
     }
 }

@@ -6,4 +6,4 @@ mod gradients;
 mod noise;
 
 pub use gradients::{BINS_PER_SIGMA, Divergence, DivergencePdf, REACH, divergence, stride};
-pub use noise::{Estimate, LEAST_DIFFERENCES, Noise, noise};
+pub use noise::{FieldNoise, LEAST_DIFFERENCES, NoiseEstimate, noise};

@@ -1,6 +1,6 @@
 //! The noise of a field, from the field alone.
 
-use crate::scores::units::{AXES, COMPONENTS, Unit, units};
+use crate::scores::units::{AXES, COMPONENTS, Unit, in_px, units};
 use lf_core::field::{Field, MEASURED};
 use lf_core::statistics::{median, robust};
 use serde::ser::SerializeMap;
@@ -14,7 +14,7 @@ const VARIANCE: f64 = 20.0;
 
 /// Noise of one component.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
+pub struct NoiseEstimate {
     /// Standard deviation, mm.
     pub sigma_mm: f64,
     /// Axis of the differences.
@@ -30,22 +30,22 @@ pub struct Estimate {
 /// constant. All that remains of the flow counts as noise, so that each component takes the axis with the smallest estimate.
 /// Errors that neighbours share stay hidden.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Noise {
+pub struct FieldNoise {
     /// Estimates of u, v and w. None if no axis has [`LEAST_DIFFERENCES`].
-    pub estimates: [Option<Estimate>; 3],
+    pub estimates: [Option<NoiseEstimate>; 3],
     /// Median of the uncertainties that measured vectors state, mm. NaN if none is stated.
     pub stated_mm: [f64; 3],
     units: Vec<Unit>,
 }
 
 /// The noise of `field`, from differences over `stride` vectors. `pixel_mm`: size of a pixel at the focal plane.
-pub fn noise(field: &Field, stride: [usize; 3], pixel_mm: Option<f64>) -> Noise {
+pub fn noise(field: &Field, stride: [usize; 3], pixel_mm: Option<f64>) -> FieldNoise {
     let stated = |values: &Vec<f32>| {
         let measured = values.iter().zip(&field.flag).filter(|(_, flag)| **flag == MEASURED);
         let finite = measured.map(|(value, _)| f64::from(*value)).filter(|value| value.is_finite());
         median(&mut finite.collect::<Vec<f64>>())
     };
-    Noise {
+    FieldNoise {
         estimates: [&field.u, &field.v, &field.w].map(|values| estimate(field, values, stride)),
         stated_mm: [&field.su, &field.sv, &field.sw].map(stated),
         units: units(field.layout.voxel_mm, pixel_mm),
@@ -53,11 +53,11 @@ pub fn noise(field: &Field, stride: [usize; 3], pixel_mm: Option<f64>) -> Noise 
 }
 
 /// Noise of one component: the smallest of the three axes.
-fn estimate(field: &Field, values: &[f32], stride: [usize; 3]) -> Option<Estimate> {
+fn estimate(field: &Field, values: &[f32], stride: [usize; 3]) -> Option<NoiseEstimate> {
     let along = |axis: usize| {
         let differences = third_differences(field, values, axis, stride[axis]);
         let sigma_mm = robust(&differences).1 / VARIANCE.sqrt();
-        Estimate { sigma_mm, axis, differences: differences.len() }
+        NoiseEstimate { sigma_mm, axis, differences: differences.len() }
     };
     let long_enough = [0, 1, 2].map(along).into_iter().filter(|found| found.differences >= LEAST_DIFFERENCES);
     long_enough.min_by(|a, b| a.sigma_mm.total_cmp(&b.sigma_mm))
@@ -75,11 +75,10 @@ fn third_differences(field: &Field, values: &[f32], axis: usize, stride: usize) 
     (0..field.len()).filter_map(difference).collect()
 }
 
-impl Noise {
+impl FieldNoise {
     /// The noise of each component in pixels. NaN without an estimate; none without a camera.
     pub fn px(&self) -> Option<[f64; 3]> {
-        let (_, pixel_mm) = self.units.iter().find(|(unit, _)| *unit == "px")?;
-        Some([0, 1, 2].map(|axis| self.sigma_mm(axis) / pixel_mm[axis]))
+        in_px([0, 1, 2].map(|axis| self.sigma_mm(axis)), &self.units)
     }
 
     /// The noise of a component, mm. NaN without an estimate.
@@ -88,7 +87,7 @@ impl Noise {
     }
 }
 
-impl Serialize for Noise {
+impl Serialize for FieldNoise {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
         for (n, name) in COMPONENTS.iter().enumerate() {

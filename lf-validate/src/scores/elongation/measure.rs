@@ -5,8 +5,8 @@
 //! Gaussian, the full width at exp(-2) of its peak. The other width is that at half maximum.
 
 use super::profile::{Profiles, distance_squared};
-use super::score::{ByDepth, Elongation, Histogram, ParticleSize, Widths};
-use crate::scores::light::Light;
+use super::score::{DiametersByDepth, Elongation, Histogram, ParticleSize, Widths};
+use crate::scores::light::VoxelLight;
 use lf_core::grid::Grid;
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 /// `search_vox`: the brightest voxel of a particle is searched this far from its true place along each axis. `pixel_mm`:
 /// size of a pixel at the focal plane.
 pub fn elongation(
-    volumes: &[(Light, Vec<[f64; 3]>)],
+    volumes: &[(VoxelLight, Vec<[f64; 3]>)],
     grid: &Grid,
     search_vox: [usize; 3],
     pixel_mm: Option<f64>,
@@ -35,7 +35,7 @@ pub fn elongation(
         diameter: Widths::of(sizes.iter().map(|size| size.diameter), grid.spacing_mm, pixel_mm),
         half_maximum: Widths::of(sizes.iter().map(|size| size.half_maximum), grid.spacing_mm, pixel_mm),
         histogram: Histogram::of(&sizes, grid.spacing_mm, pixel_mm),
-        by_depth: ByDepth::of(&sizes, grid),
+        by_depth: DiametersByDepth::of(&sizes, grid),
     }
 }
 
@@ -49,7 +49,7 @@ struct Counts {
 
 /// Measures the particles of one volume.
 fn measure(
-    light: Light,
+    light: VoxelLight,
     places_mm: &[[f64; 3]],
     search_vox: [usize; 3],
     sizes: &mut Vec<ParticleSize>,
@@ -112,7 +112,7 @@ mod tests {
 
     fn score(volume: &(Vec<u64>, Vec<f32>), places_vox: &[[f64; 3]]) -> Elongation {
         let grid = grid();
-        let light = Light { grid: &grid, indices: &volume.0, intensity: &volume.1 };
+        let light = VoxelLight { grid: &grid, indices: &volume.0, intensity: &volume.1 };
         let places = places_vox.iter().map(|place| [0, 1, 2].map(|a| place[a] * grid.spacing_mm[a])).collect();
         elongation(&[(light, places)], &grid, [2, 2, 3], Some(0.1))
     }

@@ -7,4 +7,4 @@ mod profile;
 mod score;
 
 pub use measure::elongation;
-pub use score::{BIN_VOX, BINS, ByDepth, Elongation, Histogram, IDEAL_VOX, Percentiles, SLABS, Widths};
+pub use score::{BIN_VOX, BINS, DiametersByDepth, Elongation, Histogram, IDEAL_VOX, Percentiles, SLABS, Widths};

@@ -10,7 +10,7 @@
 //! between two voxels. A Gaussian has its exact widths wherever it lies among the voxels. A lone voxel has a diameter of
 //! 0.93 voxels.
 
-use crate::scores::light::Light;
+use crate::scores::light::VoxelLight;
 
 /// r at which the diameter ends.
 const DIAMETER_SIGMA: f64 = 2.0;
@@ -25,7 +25,7 @@ const MOST_STEPS: usize = 8;
 
 /// Reads a sparse volume voxel by voxel.
 pub(super) struct Profiles<'a> {
-    pub light: Light<'a>,
+    pub light: VoxelLight<'a>,
 }
 
 /// Square of the distance between a voxel and a place, both in voxels.

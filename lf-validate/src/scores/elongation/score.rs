@@ -52,7 +52,7 @@ pub struct Elongation {
     /// Shares of the particles by diameter.
     pub histogram: Histogram,
     /// Medians of the diameter by depth.
-    pub by_depth: ByDepth,
+    pub by_depth: DiametersByDepth,
 }
 
 /// Percentiles of a width in each unit. In JSON one key for each percentile, axis and unit: `median_x_vox`.
@@ -103,7 +103,7 @@ pub struct Histogram {
 
 /// Medians of the diameter in slabs of equal depth. None, `null` in JSON, for a slab without particles.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ByDepth {
+pub struct DiametersByDepth {
     /// Middles of the slabs, mm.
     pub z_mm: Vec<f64>,
     /// Particles in each.
@@ -171,7 +171,7 @@ impl Histogram {
     }
 }
 
-impl ByDepth {
+impl DiametersByDepth {
     pub(super) fn of(sizes: &[ParticleSize], grid: &Grid) -> Self {
         let low_mm = grid.origin_mm[2] - 0.5 * grid.spacing_mm[2];
         let step_mm = grid.shape[2] as f64 * grid.spacing_mm[2] / SLABS as f64;

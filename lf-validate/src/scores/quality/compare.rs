@@ -9,9 +9,9 @@
 //!
 //! Voxels that a file does not hold are zero. A stored zero counts as a voxel that is not held.
 
-use super::score::{ByDepth, ByRegion, Quality, Scores};
+use super::score::{PartScores, Quality, QualityByDepth, QualityByRegion};
 use super::sums::QualitySums;
-use crate::scores::light::Light;
+use crate::scores::light::VoxelLight;
 use lf_core::Refusal;
 use lf_core::grid::Grid;
 use ndarray::Array3;
@@ -22,7 +22,7 @@ use std::cmp::Ordering;
 ///
 /// # Errors
 /// The grids differ, or the grid has fewer voxels than regions along an axis.
-pub fn quality(truth: Light, volume: Light, regions: [usize; 3]) -> Result<Quality, Refusal> {
+pub fn quality(truth: VoxelLight, volume: VoxelLight, regions: [usize; 3]) -> Result<Quality, Refusal> {
     let grid = truth.grid;
     if !grid.agrees_with(volume.grid) {
         return Err(Refusal::new(volume.grid.to_string(), format!("wanted the truth's {grid}")));
@@ -42,12 +42,14 @@ pub fn quality(truth: Light, volume: Light, regions: [usize; 3]) -> Result<Quali
     });
     // The whole is the sum of the slices, in the order of z.
     let whole = slices.iter().fold(QualitySums::default(), QualitySums::with);
-    let by_depth =
-        ByDepth { z_mm: (0..grid.shape[2]).map(|k| grid.centre_mm(2, k)).collect(), scores: Scores::of(&slices) };
-    let by_region = ByRegion {
+    let by_depth = QualityByDepth {
+        z_mm: (0..grid.shape[2]).map(|k| grid.centre_mm(2, k)).collect(),
+        scores: PartScores::of(&slices),
+    };
+    let by_region = QualityByRegion {
         shape: regions,
         centre_mm: boxes.indexed_iter().map(|((k, j, i), _)| box_centre_mm(grid, regions, [i, j, k])).collect(),
-        scores: Scores::of(&boxes),
+        scores: PartScores::of(&boxes),
     };
     Ok(Quality::of(&whole, by_depth, by_region))
 }
@@ -63,7 +65,7 @@ fn box_centre_mm(grid: &Grid, regions: [usize; 3], place: [usize; 3]) -> [f64; 3
 }
 
 /// Visits the voxels that either volume holds, by rising index: linear index, true intensity, intensity of the volume.
-fn for_each_pair(truth: Light, volume: Light, mut visit: impl FnMut(u64, f64, f64)) {
+fn for_each_pair(truth: VoxelLight, volume: VoxelLight, mut visit: impl FnMut(u64, f64, f64)) {
     let (mut t, mut v) = (0, 0);
     while t < truth.indices.len() || v < volume.indices.len() {
         let true_index = truth.indices.get(t).copied().unwrap_or(u64::MAX);
@@ -92,7 +94,7 @@ mod tests {
 
     fn score(truth: (&[u64], &[f32]), volume: (&[u64], &[f32])) -> Quality {
         let grid = grid();
-        let light = |(indices, intensity)| Light { grid: &grid, indices, intensity };
+        let light = |(indices, intensity)| VoxelLight { grid: &grid, indices, intensity };
         quality(light(truth), light(volume), [2, 1, 2]).unwrap()
     }
 
@@ -157,8 +159,8 @@ mod tests {
         let (e0, e1) = (dense(&truth), dense(&volume));
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let found = quality(
-            Light { grid: &grid, indices: &truth.0, intensity: &truth.1 },
-            Light { grid: &grid, indices: &volume.0, intensity: &volume.1 },
+            VoxelLight { grid: &grid, indices: &truth.0, intensity: &truth.1 },
+            VoxelLight { grid: &grid, indices: &volume.0, intensity: &volume.1 },
             [1, 1, 1],
         )
         .unwrap();
@@ -179,7 +181,7 @@ mod tests {
         other = grid();
         other.shape[1] = 4;
         let (a, b) = (grid(), other);
-        let light = |grid| Light { grid, indices: &[], intensity: &[] };
+        let light = |grid| VoxelLight { grid, indices: &[], intensity: &[] };
         let refusal = quality(light(&a), light(&b), [1; 3]).unwrap_err();
         assert!(refusal.found.contains("4 x 4 x 2") && refusal.wanted.contains("4 x 3 x 2"));
     }

@@ -29,36 +29,36 @@ pub struct Quality {
     /// sum E1.
     pub volume_sum: f64,
     /// Scores of the slices across z.
-    pub by_depth: ByDepth,
+    pub by_depth: QualityByDepth,
     /// Scores of boxes.
-    pub by_region: ByRegion,
+    pub by_region: QualityByRegion,
 }
 
 /// Scores of every slice of the grid, in the order of z.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ByDepth {
+pub struct QualityByDepth {
     /// Centres of the slices, mm.
     pub z_mm: Vec<f64>,
     /// One score for each slice.
     #[serde(flatten)]
-    pub scores: Scores,
+    pub scores: PartScores,
 }
 
 /// Scores of boxes that divide the grid evenly, to a voxel. x runs fastest, then y, then z.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ByRegion {
+pub struct QualityByRegion {
     /// Boxes along x, y, z.
     pub shape: [usize; 3],
     /// Centres of the boxes, mm.
     pub centre_mm: Vec<[f64; 3]>,
     /// One score for each box.
     #[serde(flatten)]
-    pub scores: Scores,
+    pub scores: PartScores,
 }
 
 /// One score for each slice or box. None, `null` in JSON, if it has no light to take a share of.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Scores {
+pub struct PartScores {
     /// Q. None if the truth is dark there.
     pub q: Vec<Option<f64>>,
     /// Best factor on the volume.
@@ -74,7 +74,7 @@ pub struct Scores {
 }
 
 impl Quality {
-    pub(super) fn of(whole: &QualitySums, by_depth: ByDepth, by_region: ByRegion) -> Self {
+    pub(super) fn of(whole: &QualitySums, by_depth: QualityByDepth, by_region: QualityByRegion) -> Self {
         Self {
             q: whole.q(),
             scale: whole.scale(),
@@ -92,7 +92,7 @@ impl Quality {
     }
 }
 
-impl Scores {
+impl PartScores {
     pub(super) fn of<'a>(all: impl IntoIterator<Item = &'a QualitySums>) -> Self {
         let mut scores = Self::default();
         for sums in all {
