@@ -1,13 +1,9 @@
 //! The library of the light-field tools: files, camera, rays, weights, fields, plots. Data flows one way:
 //!
-//! 1. [`io`] maps or reads an input; [`camera`], [`image`], [`volume`], [`field`], [`particles`] and [`scene`] check
-//!    it.
-//! 2. [`camera`] and its [`lattice`] of lenslets give the rays ([`optics`]); a [`grid`] places voxels in the object
-//!    frame.
-//! 3. [`weights`] tell which pixels a voxel lights and how much; [`flow`] moves particles; [`statistics`] and [`simd`]
-//!    serve all.
-//! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`plot`] draws them, [`io`] writes
-//!    whole files.
+//! 1. [`io`] reads an input; [`camera`], [`image`], [`volume`], [`field`], [`particles`] and [`scene`] check it.
+//! 2. [`camera`] and its [`lattice`] of lenslets give the rays ([`optics`]); a [`grid`] places voxels in space.
+//! 3. [`weights`] tell which pixels a voxel lights, [`flow`] moves particles; [`statistics`] and [`simd`] serve both.
+//! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`plot`] draws them, [`io`] writes.
 //! 5. [`cli`] is what the command lines of all tools share.
 //!
 //! The file formats are specified in [`volume::format`] (`.lfv`), [`field`], [`image`], [`camera`], [`particles`] and

@@ -1,6 +1,6 @@
 //! The plane in which a picture shows a field.
 
-use super::layout::VectorGrid;
+use super::vector_grid::VectorGrid;
 use crate::Refusal;
 use std::str::FromStr;
 

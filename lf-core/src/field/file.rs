@@ -2,7 +2,7 @@
 
 use super::channels::{CHANNELS, COUNT, REQUIRED};
 use super::csv;
-use super::layout::VectorGrid;
+use super::vector_grid::VectorGrid;
 use super::vectors::Field;
 use super::vti::{self, Array};
 use crate::image::{exr, guarded};

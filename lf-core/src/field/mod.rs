@@ -1,7 +1,7 @@
 //! Vector fields: EXR, `.vti`, `.csv`.
 //!
 //! In: the bytes of an EXR field. Out: a [`Field`], and files in any of the three formats.
-//! Open first: `vectors.rs`, then `channels.rs` and `layout.rs` for what the EXR holds.
+//! Open first: `vectors.rs`, then `channels.rs` and `vector_grid.rs` for what the EXR holds.
 //!
 //! **EXR** is the format that stages exchange. It has one part with the `f32` channels
 //!
@@ -25,12 +25,12 @@ mod channels;
 mod csv;
 mod cut;
 mod file;
-mod layout;
+mod vector_grid;
 mod vectors;
 mod vti;
 
 pub use channels::{MEASURED, NO_DATA, REPLACED};
 pub use cut::Cut;
-pub use layout::VectorGrid;
+pub use vector_grid::VectorGrid;
 pub use vectors::Field;
 pub use vti::{Array, save_arrays};

@@ -1,7 +1,7 @@
 //! A field in memory.
 
 use super::channels::{MEASURED, NO_DATA, REPLACED};
-use super::layout::VectorGrid;
+use super::vector_grid::VectorGrid;
 use crate::Refusal;
 use glam::DVec3;
 

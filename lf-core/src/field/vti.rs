@@ -4,7 +4,7 @@
 //! underscore. Units are in the names of the arrays and in a comment. The time between the volumes, if known, is the
 //! field datum `dt_s`.
 
-use super::layout::VectorGrid;
+use super::vector_grid::VectorGrid;
 use crate::{Result, io};
 use std::io::Write;
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! The `.lfv` file of a sparse volume: its specification, and where its parts lie.
 //!
 //! A file holds one regular grid, the linear indices of some of its voxels, and any number of named columns with one
-//! `f32` for each index. All numbers are little-endian. With `n` indices the file is, in this order and without gaps
-//! but the zeros named here:
+//! `f32` for each index. All numbers are little-endian. With `n` indices the file is, in this order and with no
+//! other gaps than the zeros named here:
 //!
 //! | bytes | content |
 //! | --- | --- |
