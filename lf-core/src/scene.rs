@@ -2,8 +2,8 @@
 //!
 //! | key | content |
 //! | --- | --- |
-//! | `camera` | a camera as in [`crate::camera`], or the path of its file from the scene's folder: [`CameraSource`] |
-//! | `volume` | `{"x_mm", "y_mm", "z_mm"}`, each `[low, high]` in the object frame of [`crate::optics`]: [`LitVolume`] |
+//! | `camera` | a camera as in [`crate::camera`], or the path of its file, from the scene's folder: [`CameraSource`] |
+//! | `volume` | `{"x_mm", "y_mm", "z_mm"}`, each `[low, high]` in the frame of [`crate::optics`]: [`LitVolume`] |
 //! | `frames` | a number of frames, or the list of their times; 2 if absent: [`Frames`] |
 //! | `flow` | the motion of the particles: [`crate::flow`] |
 //!

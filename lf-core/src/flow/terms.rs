@@ -9,8 +9,8 @@ use std::f64::consts::TAU;
 /// Velocity at a place, mm in a unit of time.
 pub(super) type Term = Box<dyn Fn(DVec3) -> DVec3 + Send + Sync>;
 
-/// The velocity of a flow in a volume. `sampled` gives the fields of sampled flows in their order; `pixel_mm` is the side
-/// of a pixel at the focal plane.
+/// The velocity of a flow in a volume. `sampled` gives the fields of sampled flows in their order; `pixel_mm` is the
+/// side of a pixel at the focal plane.
 pub(super) fn term(
     flow: &Flow,
     sampled: &mut impl Iterator<Item = Sampled>,
