@@ -33,6 +33,11 @@ pub(super) fn array(width: usize, height: usize, values: Vec<f32>) -> Result<Arr
     Array2::from_shape_vec((height, width), values).map_err(damaged)
 }
 
+/// The beginning of a message about some pixels.
+pub(super) fn pixels_are(count: usize) -> String {
+    if count == 1 { "1 pixel is".to_owned() } else { format!("{count} pixels are") }
+}
+
 /// Refuses a size that a file of `length` bytes cannot hold, before memory is allocated for it.
 pub(super) fn believable(width: u64, height: u64, bytes_per_pixel: u64, length: usize) -> Result<(), Refusal> {
     let wanted = u128::from(width) * u128::from(height) * u128::from(bytes_per_pixel);

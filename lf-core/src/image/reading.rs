@@ -1,6 +1,6 @@
 //! Opens an image in any of the formats.
 
-use super::decode::{Image, guarded};
+use super::decode::{Image, guarded, pixels_are};
 use super::{light_field, png, tiff};
 use crate::history::History;
 use crate::io::Signature;
@@ -45,8 +45,7 @@ pub(super) fn counts(image: Image, name: &str) -> Result<Image> {
     match image.pixels.indexed_iter().find(|&(_, &value)| !is_count(value)) {
         None => Ok(image),
         Some(((y, x), value)) => {
-            let pixels = if bad == 1 { "1 pixel is" } else { &format!("{bad} pixels are") };
-            let found = format!("{pixels} not a count, the first {value} at x {x}, y {y}");
+            let found = format!("{} not a count, the first {value} at x {x}, y {y}", pixels_are(bad));
             Err(Error::new(name, found, "wanted finite values that are not negative"))
         }
     }

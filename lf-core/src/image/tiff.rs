@@ -1,6 +1,6 @@
 //! TIFF: reads 8-bit, 16-bit or `f32` grey, page by page; writes one page of 16-bit grey.
 
-use super::decode::{Image, array, believable, damaged};
+use super::decode::{Image, array, believable, damaged, pixels_are};
 use super::exr::ascii;
 use crate::Refusal;
 use crate::history::History;
@@ -109,8 +109,7 @@ pub(super) fn write(pixels: &Array2<f32>, steps: Option<String>) -> Result<Vec<u
     }
     if let Some(((y, x), _)) = pixels.indexed_iter().find(|(_, value)| value.is_nan()) {
         let bad = pixels.iter().filter(|value| value.is_nan()).count();
-        let bad = if bad == 1 { "1 pixel is".into() } else { format!("{bad} pixels are") };
-        let found = format!("{bad} NaN, the first at x {x}, y {y}");
+        let found = format!("{} NaN, the first at x {x}, y {y}", pixels_are(bad));
         return Err(Refusal::new(found, "wanted numbers for a 16-bit TIFF, or the name of an .exr"));
     }
     encode(pixels, width, height, steps).map_err(|error| {
