@@ -1,17 +1,17 @@
 //! Every input of every tool, spoilt in every way: one line, exit code 2, nothing left behind.
 
-use lf_core::history::History;
 use lf_tests::samples::{DAMAGES, Damage, Kind, SENSOR_PX, Samples};
 use lf_tests::uses::{Use, uses};
+use ndarray::Array2;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Where a use writes.
+/// The output path of a use.
 fn output(this: &Use, samples: &Samples) -> PathBuf {
     samples.path(this.output().unwrap_or("unused"))
 }
 
-/// Runs a use with `bad` in one slot and asserts that it is refused by that name and leaves nothing.
+/// Runs a use with `bad` as one input. It must name that file in its refusal and leave nothing behind.
 fn refuses(this: &Use, samples: &Samples, slot: usize, bad: &Path) {
     let mut inputs = this.sound(samples);
     inputs[slot] = bad.to_owned();
@@ -62,9 +62,7 @@ fn a_spoilt_pipe_is_refused_as_standard_input() {
 #[test]
 fn an_image_of_another_size_than_the_camera_is_refused() {
     let samples = Samples::new();
-    let pixels = ndarray::Array2::from_elem((SENSOR_PX, SENSOR_PX - 1), 1.0f32);
-    let bad = samples.path("bad-size.exr");
-    lf_core::image::save(&bad, &pixels, &History::new()).unwrap();
+    let bad = samples.image("bad-size.exr", &Array2::from_elem((SENSOR_PX, SENSOR_PX - 1), 1.0));
     for this in uses().filter(|this| this.inputs().contains(&Kind::Camera)) {
         for (slot, kind) in this.inputs().into_iter().enumerate() {
             if matches!(kind, Kind::Image | Kind::White) {
@@ -75,10 +73,10 @@ fn an_image_of_another_size_than_the_camera_is_refused() {
 }
 
 #[test]
-fn pixels_that_are_no_counts_are_refused() {
+fn pixels_other_than_counts_are_refused() {
     let samples = Samples::new();
     for (name, value) in [("bad-nan.exr", f32::NAN), ("bad-infinite.exr", f32::INFINITY), ("bad-negative.exr", -1.0)] {
-        let bad = samples.image(name, |x, y| if (x, y) == (30, 70) { value } else { 100.0 });
+        let bad = samples.frame(name, |x, y| if (x, y) == (30, 70) { value } else { 100.0 });
         for this in uses().filter(|this| !this.takes_any_kind()) {
             for (slot, kind) in this.inputs().into_iter().enumerate() {
                 if matches!(kind, Kind::Image | Kind::White) {
@@ -90,7 +88,7 @@ fn pixels_that_are_no_counts_are_refused() {
 }
 
 #[test]
-fn a_name_that_would_break_the_line_does_not() {
+fn a_name_with_a_line_break_is_printed_on_one_line() {
     let samples = Samples::new();
     for this in uses() {
         let mut inputs = this.sound(&samples);

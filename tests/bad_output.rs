@@ -92,7 +92,7 @@ fn an_output_that_cannot_be_made_leaves_nothing() {
     let locked = samples.path("locked");
     fs::create_dir(&locked).unwrap();
     fs::set_permissions(&locked, Permissions::from_mode(0o555)).unwrap();
-    // The superuser writes where it pleases.
+    // The superuser may write anywhere.
     let is_locked = File::create(locked.join("probe")).is_err();
     if !is_locked {
         fs::remove_file(locked.join("probe")).unwrap();
@@ -101,7 +101,7 @@ fn an_output_that_cannot_be_made_leaves_nothing() {
         let name = this.output().unwrap();
         let mut hopeless = vec![plain.join(name), Path::new("/proc").join(name)];
         if !this.fills_folder() {
-            hopeless.extend([samples.path("nowhere").join(name), samples.folder().to_owned()]);
+            hopeless.extend([samples.path("nowhere").join(name), samples.root().to_owned()]);
         }
         if is_locked {
             hopeless.push(locked.join(name));
@@ -128,9 +128,9 @@ fn a_failed_run_leaves_the_old_output_as_it_was() {
     }
 }
 
-// frames writes fixed names into its folder: they may be the very files that the scene is made of.
+// `frames` writes fixed names into its folder. They may be files that the scene reads.
 #[test]
-fn a_folder_of_output_may_not_swallow_what_the_scene_is_made_of() {
+fn an_output_folder_may_not_overwrite_the_files_of_its_scene() {
     if !uses().any(|this| this.tool == "lf-synth") {
         return;
     }
@@ -143,6 +143,6 @@ fn a_folder_of_output_may_not_swallow_what_the_scene_is_made_of() {
     let scene = samples.write("own.json", scene.to_string());
     let call = |output: &Path| Call::new("lf-synth").word("frames").word(&scene).word("-o").word(output);
     call(&samples.path("elsewhere")).run().done();
-    call(samples.folder()).run().refused("particles.csv");
+    call(samples.root()).run().refused("particles.csv");
     assert_eq!(fs::read_to_string(samples.path("particles.csv")).unwrap(), particles);
 }

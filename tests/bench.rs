@@ -7,7 +7,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Runs scripts/studies/bench with the tools of this test and its files under `out`. Without bash: prints why, returns None.
+/// Runs scripts/studies/bench with the tools of this test and its files under `out`. Without bash: prints why, returns
+/// None.
 fn bench(out: &Path, words: &[&str]) -> Option<Output> {
     for program in ["bash", "awk"] {
         if Command::new(program).arg("--version").output().is_err() {
@@ -58,7 +59,7 @@ fn a_measurement_goes_on_record_and_a_tool_is_the_same_as_itself() {
         assert_eq!(line["commit"], "one");
         assert_eq!(line["counts"]["rays"], line["work"]);
         assert!(line.get("peak_bytes").is_some() && line.get("rustc").is_some() && line.get("others").is_some());
-        // A record is published: it tells no place on the machine.
+        // A record is published, so it names no path of the machine.
         assert!(!line.to_string().contains('/'), "{line}");
     }
     assert_eq!(lines[0]["inputs"], lines[1]["inputs"]);
@@ -66,7 +67,7 @@ fn a_measurement_goes_on_record_and_a_tool_is_the_same_as_itself() {
     assert_eq!(lines[1]["against"]["identical"], true);
     assert!(lines[1]["against"]["ratio"].as_f64().is_some_and(|ratio| ratio > 0.0), "{}", lines[1]);
 
-    // The same figures as if of a commit of the next century: the two stand side by side, in their order in time.
+    // A second record with a later commit and date: the two are compared in the order of their dates.
     let line = fs::read_to_string(place.path().join("record.jsonl")).unwrap().lines().next().unwrap().to_owned();
     let seconds = |times: f64| format!("\"seconds\":{}", times * lines[0]["seconds"].as_f64().unwrap());
     let later = line.replace("\"one\"", "\"two\"").replacen("\"date\":\"20", "\"date\":\"21", 1);
@@ -78,7 +79,7 @@ fn a_measurement_goes_on_record_and_a_tool_is_the_same_as_itself() {
 }
 
 #[test]
-fn what_means_nothing_is_refused_in_one_line() {
+fn unknown_words_are_refused_in_one_line() {
     let place = tempfile::tempdir().unwrap();
     for (words, wanted) in [
         (&["solve"][..], "synth, calib, prune, mart, xcorr, validate"),

@@ -33,7 +33,7 @@ fn help_and_version_go_to_standard_output() {
 }
 
 #[test]
-fn a_slip_of_the_finger_is_one_line() {
+fn a_mistyped_option_is_refused_in_one_line() {
     let samples = Samples::new();
     for this in uses() {
         let call = || this.sound_call(&samples, &samples.path("slip"));

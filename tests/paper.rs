@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A run of make; none, and a word, where there is no make or no bash.
+/// A run of make. None if make or bash is missing, which is said.
 fn make(words: &[&str]) -> Option<Output> {
     for program in ["make", "bash", "awk"] {
         if Command::new(program).arg("--version").output().is_err() {
@@ -74,7 +74,7 @@ fn a_figure_is_made_and_a_failed_rule_leaves_nothing() {
     let line = fs::read_to_string(folder.join("fig8/ours-60-0.5-1.jsonl")).unwrap();
     assert!(line.contains("\"method\":\"ours\"") && line.contains("\"q\":0.") && line.lines().count() == 1, "{line}");
 
-    // A tool that fails in the middle of a rule.
+    // Now a tool fails in the middle of a rule.
     fs::remove_dir_all(&folder).unwrap();
     fs::remove_file(tools.join("lf-mart")).unwrap();
     std::os::unix::fs::symlink("/bin/false", tools.join("lf-mart")).unwrap();

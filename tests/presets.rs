@@ -1,4 +1,4 @@
-//! `--preset`: what the help says that it sets is what it sets, and what is typed comes before it.
+//! `--preset` sets the options that its help lists. Options that are typed win over it.
 
 use lf_tests::Call;
 use lf_tests::samples::{Kind, Samples};
@@ -6,7 +6,7 @@ use lf_tests::uses::Word::{Input, Output, Plain};
 use lf_tests::uses::{Use, uses};
 use std::fs;
 
-/// The uses that a preset completes, each with an option that it sets and a value of none.
+/// The uses that a preset completes, each with an option that it sets and a value that no preset has.
 const CASES: [(Use, [&str; 2]); 3] = [
     (
         Use {
@@ -64,7 +64,7 @@ fn cases() -> impl Iterator<Item = &'static (Use, [&'static str; 2])> {
     CASES.iter().filter(|(case, _)| uses().any(|this| this.tool == case.tool))
 }
 
-/// The options that a preset sets by the help: the words after its name, up to a semicolon.
+/// The options that a preset sets, from the help: the words after its name, up to a semicolon.
 fn listed(tool: &str, preset: &str) -> Vec<String> {
     let help = String::from_utf8(Call::new(tool).word("--help").run().done().stdout).unwrap();
     let (_, values) = help.split_once("--preset <").unwrap();
@@ -75,7 +75,7 @@ fn listed(tool: &str, preset: &str) -> Vec<String> {
     words
 }
 
-/// The bytes that a use gives with further words, and what it says with `-v`.
+/// The output bytes of a use with more options, and its messages under `-v`.
 fn outcome<W: AsRef<str>>(samples: &Samples, case: &Use, more: &[W]) -> (Vec<u8>, String) {
     let output = samples.path(case.output().unwrap());
     let call = case.sound_call(samples, &output).words(more.iter().map(AsRef::as_ref));
@@ -98,13 +98,13 @@ fn a_preset_is_its_options_typed_out() {
             assert!(said.contains(&sets), "{sets} not in {said}");
             outcomes.push(bytes);
         }
-        // Correlation has one good setting.
+        // Fast and accurate are the same for correlation.
         assert_eq!(outcomes[0] == outcomes[2], case.tool == "lf-xcorr", "{}: fast and accurate", case.tool);
     }
 }
 
 #[test]
-fn what_is_typed_comes_before_a_preset() {
+fn typed_options_win_over_a_preset() {
     let samples = Samples::new();
     for (case, [option, value]) in cases() {
         for preset in ["fast", "accurate"] {
@@ -123,7 +123,7 @@ fn what_is_typed_comes_before_a_preset() {
 }
 
 #[test]
-fn a_preset_that_is_none_or_that_nothing_would_heed_is_refused() {
+fn an_unknown_preset_or_one_without_effect_is_refused() {
     let samples = Samples::new();
     let output = samples.path("none");
     for (case, _) in cases() {

@@ -1,23 +1,15 @@
-//! Scenes as their users write them: every effect, every output, and what is wrong with a scene in one line.
+//! Scenes as users write them: every effect, every output, and one line for each wrong key.
 
-use lf_tests::Call;
+use lf_tests::{Call, Folder};
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::Path;
-use tempfile::TempDir;
 
 fn scene(name: &str, keys: &[&str]) -> Vec<u8> {
     let set = keys.iter().flat_map(|key| ["--set", key]);
     Call::new("lf-synth").words(["scene", name]).words(set).run().done().stdout
 }
 
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    entries.map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), fs::read(&path).unwrap())).collect()
-}
-
-/// A camera with everything that bends or stops light, particles with every spread, a sheet, flows that add up, a noisy
-/// sensor: small.
+/// Keys for every effect in a small scene: a camera that bends and stops light, uneven particles, a sheet, two flows, a
+/// noisy sensor.
 const EVERYTHING: [&str; 17] = [
     "camera.sensor={\"width\": 280, \"height\": 252, \"pixel_pitch_mm\": 0.0055}",
     "camera.microlenses.layout=hexagonal",
@@ -40,14 +32,14 @@ const EVERYTHING: [&str; 17] = [
 ];
 
 fn rendered(task: &str, scene: &[u8], threads: &str, more: &[&str]) -> BTreeMap<String, Vec<u8>> {
-    let folder = TempDir::new().unwrap();
-    let output = if ["white", "dark"].contains(&task) { folder.path().join("image.tif") } else { folder.path().into() };
+    let folder = Folder::new();
+    let output = if ["white", "dark"].contains(&task) { folder.path("image.tif") } else { folder.root().into() };
     let call = Call::new("lf-synth").words([task, "-", "--quiet", "--threads", threads]).words(more);
     call.word("-o").word(output).pipe(scene.to_vec()).run().done();
-    files(folder.path())
+    folder.files(".")
 }
 
-/// Every task with every effect gives the same files for any number of threads, and every file is what it says.
+/// Every task with every effect writes all its files, with the same bytes for any number of threads.
 #[test]
 fn everything_at_once_has_the_same_bytes_for_any_number_of_threads() {
     let text = scene("tank", &EVERYTHING);
@@ -77,7 +69,7 @@ fn everything_at_once_has_the_same_bytes_for_any_number_of_threads() {
     }
 }
 
-/// The scene that a run leaves behind gives the same frames again, from another folder.
+/// `scene-used.json` renders the same frames again, from another folder.
 #[test]
 fn the_scene_as_used_renders_the_same_again() {
     let first = rendered("frames", &scene("tank", &EVERYTHING), "0", &["--seed", "5"]);
@@ -98,13 +90,13 @@ fn dots_are_stepped_through_their_depths() {
     assert_eq!(lines[6], "1,2,1.1000000,0.0000000,2.0000000,500000");
 }
 
-/// Tracks show the particles where the table says, at the frames asked for, and leave no flow behind.
+/// A table of tracks gives the particles of the wanted frames, and no flow.exr.
 #[test]
 fn tracks_are_followed() {
-    let folder = TempDir::new().unwrap();
+    let folder = Folder::new();
     let table = "frame,id,x_mm,y_mm,z_mm,intensity\n0,4,0.1,0.2,0.3,500\n0,9,0.1,0.0,0.3,500\n1,4,0.2,0.2,0.3,500\n\
                  2,4,0.3,0.2,0.3,400\n";
-    fs::write(folder.path().join("tracks.csv"), table).unwrap();
+    folder.write("tracks.csv", table);
     let text = scene(
         "core",
         &[
@@ -114,9 +106,9 @@ fn tracks_are_followed() {
             "frames=[0, 2]",
         ],
     );
-    fs::write(folder.path().join("scene.json"), text).unwrap();
-    Call::new("lf-synth").within(folder.path()).words(["frames", "scene.json", "-o", "made"]).run().done();
-    let made = files(&folder.path().join("made"));
+    folder.write("scene.json", text);
+    folder.run("lf-synth frames scene.json -o made");
+    let made = folder.files("made");
     assert!(!made.contains_key("flow.exr"));
     let shown = String::from_utf8(made["particles.csv"].clone()).unwrap();
     let lines: Vec<&str> = shown.lines().collect();
@@ -124,23 +116,22 @@ fn tracks_are_followed() {
     assert!(lines[3].starts_with("1,4,0.3"), "{shown}");
 }
 
-/// A displacement that lf-synth has written is a flow that it can follow: the particles of both are the same within what
-/// lies between the field's vectors.
+/// A flow.exr written by lf-synth moves particles like the flow itself, within the interpolation between its vectors.
 #[test]
 fn a_written_flow_can_be_followed() {
-    let folder = TempDir::new().unwrap();
+    let folder = Folder::new();
     let (small, coarse) =
         ("volume={\"x_mm\": [-0.4, 0.4], \"y_mm\": [-0.4, 0.4], \"z_mm\": [-5, 5]}", "particles.rays=1000");
     let shear = "flow={\"kind\": \"shear\", \"along\": \"x\", \"across\": \"z\", \"rate\": 0.01}";
-    let places = |flow: &str, folder: &Path, name: &str| {
-        fs::write(folder.join("scene.json"), scene("core", &[small, coarse, flow, "frames=2"])).unwrap();
-        Call::new("lf-synth").within(folder).words(["frames", "scene.json", "-o", name]).run().done();
-        let table = fs::read_to_string(folder.join(name).join("particles.csv")).unwrap();
+    let places = |flow: &str, name: &str| {
+        folder.scene("core", &[small, coarse, flow, "frames=2"]);
+        folder.run(&format!("lf-synth frames scene.json -o {name}"));
+        let table = folder.text(format!("{name}/particles.csv"));
         let number = |text: &str| text.parse::<f64>().unwrap();
         table.lines().skip(1).map(|line| line.split(',').map(number).collect()).collect::<Vec<Vec<f64>>>()
     };
-    let written = places(shear, folder.path(), "written");
-    let followed = places("flow={\"kind\": \"sampled\", \"path\": \"written/flow.exr\"}", folder.path(), "followed");
+    let written = places(shear, "written");
+    let followed = places("flow={\"kind\": \"sampled\", \"path\": \"written/flow.exr\"}", "followed");
     assert!(written.len() > 10 && written.len() == followed.len());
     for (a, b) in written.iter().zip(&followed) {
         assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?} {b:?}");
@@ -155,9 +146,9 @@ fn no_particles_are_black_frames() {
     assert_eq!(made["particles.csv"].iter().filter(|byte| **byte == b'\n').count(), 1);
 }
 
-/// A key that the scene does not have is not modelled: without truth there is none.
+/// A scene without `truth` gets none.
 #[test]
-fn what_is_not_asked_for_is_not_made() {
+fn without_a_truth_none_is_written() {
     let made = rendered("frames", &scene("core", &["truth=null", "particles.rays=100"]), "0", &[]);
     let names: Vec<&str> = made.keys().map(String::as_str).collect();
     assert_eq!(names, ["camera.json", "frame-0000.exr", "particles.csv", "scene-used.json"]);
@@ -165,9 +156,8 @@ fn what_is_not_asked_for_is_not_made() {
 
 #[test]
 fn bad_scenes_are_refused_by_name() {
-    let background = TempDir::new().unwrap();
-    let other = background.path().join("light.exr");
-    lf_core::image::save(&other, &ndarray::Array2::zeros((4, 6)), &Vec::new()).unwrap();
+    let background = Folder::new();
+    let other = background.image("light.exr", &ndarray::Array2::zeros((4, 6)));
     let light = format!("sensor_noise.background={:?}", other.display().to_string());
     for (name, key, named) in [
         ("core", "wind=1", "wind"),
@@ -204,8 +194,8 @@ fn bad_scenes_are_refused_by_name() {
             printed.refused(named);
             continue;
         }
-        let folder = TempDir::new().unwrap();
-        let output = folder.path().join("made");
+        let folder = Folder::new();
+        let output = folder.path("made");
         let task = if name == "target" { "dots" } else { "frames" };
         let call = Call::new("lf-synth").words([task, "-", "-o"]).word(&output);
         call.pipe(printed.stdout).run().refused(named);
@@ -217,23 +207,23 @@ fn bad_scenes_are_refused_by_name() {
     Call::new("lf-synth").words(["dots", "-", "-o", "nowhere"]).pipe(scene("core", &[])).run().refused("dots");
 }
 
-/// A volume that the sensor does not see is rendered with a word about it.
+/// A volume that the sensor does not see whole is rendered with a warning.
 #[test]
-fn what_the_sensor_cannot_see_is_said() {
-    let folder = TempDir::new().unwrap();
+fn a_volume_outside_the_view_is_warned_of() {
+    let folder = Folder::new();
     let text =
         scene("core", &["volume.x_mm=[-3, 3]", "truth=null", "particles.rays=100", "particles.per_lenslet=0.01"]);
-    let ended = Call::new("lf-synth").words(["frames", "-", "-o"]).word(folder.path()).pipe(text).run().done();
+    let ended = Call::new("lf-synth").words(["frames", "-", "-o"]).word(folder.root()).pipe(text).run().done();
     assert!(ended.stderr.contains("51.2 %") && ended.stderr.lines().count() == 1, "{}", ended.stderr);
 }
 
-/// The noise asked for is what is measured, or less.
+/// The measured noise is at most the wanted noise.
 #[test]
-fn the_ray_noise_asked_for_is_kept() {
+fn the_wanted_ray_noise_is_kept() {
     for (noise, most) in [("0.02", 2.0), ("0.005", 0.5)] {
         let keys = ["particles.rays=null", &format!("particles.ray_noise={noise}"), "truth=null"];
-        let folder = TempDir::new().unwrap();
-        let call = Call::new("lf-synth").words(["frames", "-", "--measure-noise", "-o"]).word(folder.path());
+        let folder = Folder::new();
+        let call = Call::new("lf-synth").words(["frames", "-", "--measure-noise", "-o"]).word(folder.root());
         let ended = call.pipe(scene("core", &keys)).run().done();
         let words = ended.stderr.split_once("ray noise ").expect("it is said").1;
         let measured: f64 = words.split_once(" %").unwrap().0.parse().unwrap();

@@ -1,5 +1,5 @@
-//! Stages of `scripts/examples` in place of ours, and files that other libraries read. `PYTHON` names the Python that runs
-//! them (python3); what needs a module that it lacks says so in one line, and passes.
+//! Stages of `scripts/examples` in place of our tools, and files that other libraries read. `PYTHON` names the Python
+//! that runs them (python3). A test whose Python module is missing says so in one line and passes.
 
 use lf_core::field::{Field, MEASURED, NO_DATA, VectorGrid};
 use lf_core::grid::Grid;
@@ -15,10 +15,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// Python, where it has all modules.
+/// Python, if it has all modules.
 fn python(modules: &[&str]) -> Option<Command> {
     let program = env::var_os("PYTHON").unwrap_or_else(|| OsString::from("python3"));
-    // A path is one from the workspace, wherever the test runs.
+    // A path is relative to the workspace.
     let is_path = program.to_string_lossy().contains('/');
     let program = if is_path { workspace().join(program).into_os_string() } else { program };
     let find = "import importlib.util as u, sys; print(*(m for m in sys.argv[1:] if not u.find_spec(m)))";
@@ -69,12 +69,12 @@ impl Scene {
         self.0.path().join(name)
     }
 
-    /// Runs one of our stages on the camera.
+    /// Runs one of our tools with the camera.
     fn tool(&self, tool: &str, words: &[&str]) {
         Call::new(tool).words(words).words(["-c", "camera.json"]).within(self.0.path()).run().done();
     }
 
-    /// Runs one of the examples on the camera and returns its stats.
+    /// Runs one of the examples with the camera and returns its stats.
     fn example(&self, mut python: Command, file: &str, words: &[&str]) -> Value {
         python.arg(workspace().join("scripts/examples").join(file)).args(words);
         python.args(["-c", "camera.json", "--threads", "1", "--stats", "stats.json"]).current_dir(self.0.path());
@@ -92,7 +92,7 @@ impl Scene {
     }
 }
 
-/// Voxels of the one that are in the other, over the more of either.
+/// Number of voxels in both volumes, over the number in the larger one.
 fn agreement(ours: &Path, theirs: &Path) -> f64 {
     let (ours, theirs) = (Volume::open(ours).unwrap(), Volume::open(theirs).unwrap());
     assert!(ours.grid().agrees_with(theirs.grid()), "{} {}", ours.grid(), theirs.grid());
@@ -156,13 +156,13 @@ refused(lambda: lf.write_volume(sys.argv[1], volume))
     assert!(fs::read(&file).unwrap() == bytes);
 }
 
-/// The same rays meet the same pixels, but for a place on the edge of two: what differs are voxels right at the threshold.
+/// The same rays meet the same pixels, except at pixel edges. Only voxels at the threshold differ.
 #[test]
 fn the_numpy_support_is_ours() {
     let turned = ["camera.microlenses.rotation_rad=0.003", "camera.microlenses.offset_mm=[0.011,-0.007]"];
     for (name, settings) in [("demo", &[][..]), ("demo", &turned), ("core-hexagonal", &[])] {
         let Some(python) = python(&["numpy", "OpenEXR", "xxhash"]) else { return };
-        // The paths of numpy for lattices not in line are slow: a part of the volume is enough.
+        // The numpy code for lattices that are not axis-aligned is slow, so a part of the volume must do.
         let bounds = if name == "demo" && settings.is_empty() { GRID[5] } else { "-0.11,0.11,-0.11,0.11" };
         let grid = ["--pvr", "2,2,20", "--depth", "-5,5", "--bounds", bounds];
         let scene = Scene::new(name, settings);
@@ -184,7 +184,7 @@ fn the_numpy_support_is_ours() {
     }
 }
 
-/// Its weights are sampled and its update is another: a Q of a tenth less is the margin.
+/// The example samples its weights and has another update, so its Q may be lower by a tenth.
 #[test]
 fn the_stored_matrix_reconstructs_nearly_as_well() {
     let Some(python) = python(&["numpy", "OpenEXR", "xxhash", "scipy"]) else { return };
@@ -197,7 +197,7 @@ fn the_stored_matrix_reconstructs_nearly_as_well() {
 }
 
 #[test]
-fn examples_refuse_words_that_they_do_not_know_in_one_line() {
+fn examples_refuse_unknown_words_in_one_line() {
     let Some(mut python) = python(&["numpy"]) else { return };
     python.args(["../examples/prune.py", "frame.exr", "-c", "camera.json", "--depth", "-5,5", "--keep-all"]);
     let output = python.output().unwrap();
@@ -206,7 +206,7 @@ fn examples_refuse_words_that_they_do_not_know_in_one_line() {
     assert!(text.starts_with("prune.py: ") && text.contains("--keep-all") && text.lines().count() == 1, "{text}");
 }
 
-/// A refocused volume is light where particles are, smeared along the rays.
+/// A refocused volume has light at the particles, smeared along the rays.
 #[test]
 fn the_rust_stage_takes_the_place_of_lf_mart() {
     if env::var_os("LF_TOOLS").is_some_and(|folder| !Path::new(&folder).join("lf-refocus").exists()) {
@@ -222,7 +222,7 @@ fn the_rust_stage_takes_the_place_of_lf_mart() {
     assert!((0.15..0.8).contains(&quality), "{quality}");
 }
 
-/// A field with every flag, numbers of all sizes, and uncertainties that are not known.
+/// A field with every flag, numbers of all sizes, and unknown uncertainties.
 fn field() -> Field {
     let layout = VectorGrid {
         shape: [3, 4, 5],

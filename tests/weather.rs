@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Longest that anything here may take.
+/// Time limit of each wait.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Whether GNU make is installed; says so if not.
@@ -23,7 +23,8 @@ fn has_make() -> bool {
     is_there
 }
 
-/// A folder with the tools, a white image, a nominal camera and four pairs of frames of 168 x 168 px in `raw`. Made once.
+/// A folder with the tools, a white image, a nominal camera and four pairs of frames of 168 x 168 px in `raw`. Made
+/// once.
 fn campaign() -> &'static Path {
     static PLACE: OnceLock<TempDir> = OnceLock::new();
     let place = PLACE.get_or_init(|| {
@@ -54,7 +55,7 @@ fn campaign() -> &'static Path {
     place.path()
 }
 
-/// A copy of the campaign's frames to spoil, in a folder of its own.
+/// A copy of the campaign's frames in a new folder, to be spoilt.
 fn copy() -> TempDir {
     let place = tempfile::tempdir().unwrap();
     fs::create_dir(place.path().join("raw")).unwrap();
@@ -83,7 +84,7 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Results by name with their bytes: volumes, fields and their mean.
+/// Names and bytes of the results: volumes, fields and their mean.
 fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
     let names = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let is_result = |name: &String| name.ends_with(".lfv") || name.ends_with(".exr") || name.ends_with(".vti");
@@ -117,7 +118,7 @@ fn done(out: &Path) -> Vec<String> {
     lines
 }
 
-/// Results of a run that nothing disturbed.
+/// Results of an undisturbed run.
 fn undisturbed() -> &'static BTreeMap<String, Vec<u8>> {
     static RESULTS: OnceLock<BTreeMap<String, Vec<u8>>> = OnceLock::new();
     RESULTS.get_or_init(|| {
@@ -125,7 +126,7 @@ fn undisturbed() -> &'static BTreeMap<String, Vec<u8>> {
         let ended = pipeline(campaign(), place.path(), &["-j2"]).output().unwrap();
         assert!(ended.status.success(), "{}", said(&ended));
         let results = results(place.path());
-        // Four pairs: 8 supports, 8 volumes, 4 fields; two backgrounds, the mean twice.
+        // Four pairs give 8 supports, 8 volumes and 4 fields; there are two backgrounds, and the mean in two formats.
         assert_eq!(results.len(), 24, "{:?}", results.keys());
         results
     })
@@ -167,7 +168,7 @@ fn bad_frames_fail_alone_are_named_and_can_be_mended() {
     assert!(background.contains("warning: left out: raw/0003b.tif: 182 x 168 px"), "{background}");
     assert!(leftovers(&out).is_empty());
 
-    // With good frames in their places the rest is made, and nothing that was there already.
+    // With good frames in their places, only the missing results are made.
     let before = done(&out);
     for name in ["0002a.tif", "0003b.tif", "0004b.tif"] {
         fs::copy(campaign().join("raw").join(name), raw.join(name)).unwrap();
@@ -181,7 +182,7 @@ fn bad_frames_fail_alone_are_named_and_can_be_mended() {
     assert!(before.len() < after.len() && after.len() == 23, "{after:?}");
     assert!(fs::read_to_string(out.join("mean.json")).unwrap().contains("\"fields\": 4,"));
 
-    // A frame that goes bad later takes its field with it: a stale result is no result.
+    // If a frame goes bad later, its old field is no longer a result.
     fs::write(raw.join("0002a.tif"), &good[..good.len() / 3]).unwrap();
     let ended = pipeline(place.path(), &out, &[]).output().unwrap();
     assert_eq!(ended.status.code(), Some(2));
@@ -190,7 +191,7 @@ fn bad_frames_fail_alone_are_named_and_can_be_mended() {
 }
 
 #[test]
-fn a_killed_run_leaves_nothing_half_written_and_is_taken_up() {
+fn a_killed_run_leaves_no_half_file_and_can_be_continued() {
     if !has_make() {
         return;
     }
@@ -201,7 +202,7 @@ fn a_killed_run_leaves_nothing_half_written_and_is_taken_up() {
         let there = |out: &Path| results(out).len();
         let before = there(out);
         wait_for("results", || there(out) >= before + 4 || running.try_wait().unwrap().is_some());
-        // No process of the group can tidy up after this.
+        // No process of the group can tidy up after SIGKILL.
         Command::new("sh").arg("-c").arg(format!("kill -KILL -{}", running.id())).status().unwrap();
         running.wait().unwrap();
         assert!(leftovers(out).is_empty() || !has_nameless_files(out), "kill {share}: {:?}", leftovers(out));
@@ -230,7 +231,7 @@ fn two_runs_in_one_folder_end_in_the_same_results() {
 }
 
 #[test]
-fn a_full_disk_stops_what_does_not_fit_and_harms_nothing() {
+fn a_full_disk_refuses_the_next_result_and_harms_no_other() {
     if !has_make() {
         return;
     }

@@ -1,4 +1,4 @@
-//! The contract of lf-calib's command line.
+//! The command line of lf-calib.
 
 use crate::scenes;
 use crate::workbench::{self, workbench};
@@ -114,14 +114,15 @@ fn background_is_the_minimum_or_a_quantile() {
     bench.done("background frame-0.exr frame-1.exr frame-2.exr -o lowest.exr");
     bench.done("background frame-0.exr frame-1.exr frame-2.exr --quantile 0.25 -o low.exr");
     let [lowest, low] = ["lowest.exr", "low.exr"].map(|name| image::open(&bench.path(name)).unwrap().pixels);
-    // Pixel 3 counts 3, 8 and 0; pixel 9 counts 9, 1 and 6: a quarter lies half way from the lowest to the next.
+    // Pixel 3 counts 3, 8 and 0; pixel 9 counts 9, 1 and 6. The quantile 0.25 lies half way from the lowest to the
+    // next.
     assert_eq!((lowest[(0, 3)], low[(0, 3)]), (0.0, 1.5));
     assert_eq!((lowest[(1, 2)], low[(1, 2)]), (1.0, 3.5));
 }
 
-// One broken file among hundreds stopped a whole campaign.
+// Scar: one broken file among hundreds stopped a whole campaign.
 #[test]
-fn a_background_leaves_out_what_is_not_the_cameras() {
+fn a_background_leaves_out_frames_of_other_cameras() {
     let bench = camera_and_images();
     let mut small = scenes::nominal(&truth());
     (small.sensor.width, small.sensor.height) = (7, 5);
@@ -143,7 +144,7 @@ fn a_background_leaves_out_what_is_not_the_cameras() {
 }
 
 #[test]
-fn stats_say_what_was_processed() {
+fn stats_count_the_lenslets() {
     let bench = camera_and_images();
     bench.done("lattice white.exr -c nominal.json -o out --stats stats.json");
     let stats: Value = bench.json("stats.json");
@@ -238,7 +239,7 @@ fn micro_images_that_do_not_fill_the_pitch_are_warned_of_with_the_figure() {
     let bench = camera_and_images();
     let words = |line: &str| bench.done(line).stderr;
     let line = "lattice white.exr -c nominal.json -o out";
-    // Discs of 0.9 of a pitch of 14 px, and a data sheet that says 14.
+    // Discs of 0.9 pitches of 14 px; the data sheet says 14 px.
     assert!(words(line).contains("warning: lenslet images are 12.6"), "{}", words(line));
     let mut nominal = scenes::nominal(&truth());
     nominal.main_lens.working_f_number = 4.0 / 0.9;
@@ -309,7 +310,7 @@ fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
         })
     };
     bench.image("white.exr", &seen(&plain));
-    // A frame of a sample that is brighter to the right.
+    // A frame that is brighter to the right.
     let frame = Array2::from_shape_fn(plain.dim(), |(row, column)| plain[(row, column)] * (50 + column) as f32);
     bench.image("frame.exr", &seen(&frame));
     bench.done("lattice white.exr -c nominal.json -o out --vignetting flat.exr");
@@ -324,7 +325,7 @@ fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
             assert!(value.is_nan() || plain[(row, column)] < 100.0, "{row} {column}: {value}");
             blind += usize::from(value.is_nan());
         } else if plain[(row, column)] > 500.0 {
-            // At the rim a hundredth of a pixel is some hundredths of a pixel's light.
+            // At the rim, an error of 0.01 px changes the light of a pixel by a few per cent.
             let limit = if plain[(row, column)] > 999.0 { 5e-3 } else { 0.06 };
             let ratio = value / frame[(row, column)];
             assert!((ratio / scale - 1.0).abs() < limit, "{row} {column}: {ratio}, not {scale}");
@@ -334,7 +335,7 @@ fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
 }
 
 #[test]
-fn the_flat_field_is_named_so_that_it_is_found() {
+fn the_camera_names_a_flat_field_in_another_folder_by_its_full_path() {
     let bench = camera_and_images();
     fs::create_dir(bench.path("maps")).unwrap();
     let output = bench.done("lattice white.exr -c nominal.json -o out --vignetting maps/flat.exr");
@@ -359,7 +360,7 @@ fn the_picture_is_an_svg_with_units() {
 }
 
 #[test]
-fn outputs_that_cannot_be() {
+fn outputs_that_cannot_be_written_are_refused() {
     let bench = camera_and_images();
     let line = "lattice white.exr -c nominal.json -o out";
     refused(
@@ -411,7 +412,7 @@ fn pages_of_a_stack_are_frames() {
     stack(&bench.path("two.tif"), 2);
     let files = bench.done("background frame-0.exr frame-1.exr frame-2.exr").stdout;
     assert_eq!(bench.done("background two.tif frame-2.exr").stdout, files);
-    // Where one image is wanted a stack is none.
+    // A stack is refused if one image is wanted.
     let message = "stack.tif: 3 pages; wanted one page (split the stack into files)";
     refused(&bench, "lattice stack.tif -c nominal.json -o out", message);
 }

@@ -1,4 +1,4 @@
-//! The contract of the command lines of `volume` and `refine`: what is refused, and that nothing is left behind.
+//! The command lines of `volume` and `refine`: refusals that leave nothing behind, and the camera they write.
 
 use crate::scenes::points;
 use crate::workbench::{refused, workbench};
@@ -94,8 +94,8 @@ fn frames_that_cannot_be_used() {
     );
 }
 
-/// A folder as `lf-synth dots` writes it, a camera that keeps what is in its file, and the same bytes for any number of
-/// threads.
+/// A folder as `lf-synth dots` writes it gives a camera that keeps the other contents of its file, with the same bytes
+/// for any number of threads.
 #[test]
 fn a_folder_of_images_gives_a_camera() {
     let bench = camera_and_images();
@@ -123,7 +123,7 @@ fn a_folder_of_images_gives_a_camera() {
     assert_eq!(found["calibration"]["lattice"]["lenslets"], 7);
     let volume = &found["calibration"]["volume"];
     assert!(volume["parameters"]["magnification"]["standard_uncertainty"].as_f64().unwrap() > 0.0);
-    // Where a white image was measured, the lattice is where it is; a traverse may still go aside.
+    // A lattice measured from a white image is kept. The traverse may still be skew.
     assert!(volume["parameters"]["offset_x_mm"].is_null() && !volume["parameters"]["traverse_skew_x_rad"].is_null());
     let stats: serde_json::Value = serde_json::from_str(&bench.text("stats.json")).unwrap();
     assert_eq!(stats["counts"]["dots"], 9);

@@ -2,16 +2,21 @@
 
 use crate::scenes::{camera, cut_discs, discs, farthest_px, image_px, noisy, nominal, squares, uniform};
 use glam::DVec2;
-use lf_calib::{Calibrated, calibrate, find_lattice};
+use lf_calib::{Calibrated, ImageLattice, calibrate, find_lattice};
 use lf_core::camera::{Aperture, Camera, Layout};
 use lf_core::lattice::Centres;
 use ndarray::Array2;
 
 const LAYOUTS: [Layout; 2] = [Layout::Square, Layout::Hexagonal];
 
+/// Calibrates with an image and refuses lenslet images that are farther off than `limit_px`.
 fn measured(what: &str, truth: &Camera, image: &Array2<f32>, limit_px: f64) -> Calibrated {
     let found = find_lattice(image).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
-    let calibrated = calibrate(&found, &nominal(truth)).unwrap();
+    calibrated(what, truth, &found, limit_px)
+}
+
+fn calibrated(what: &str, truth: &Camera, found: &ImageLattice, limit_px: f64) -> Calibrated {
+    let calibrated = calibrate(found, &nominal(truth)).unwrap();
     let worst = farthest_px(&calibrated.camera, truth);
     println!("{what}: farthest {worst:.4} px, {} of {}, degree {}", found.kept(), found.in_frame, calibrated.degree);
     assert_eq!(calibrated.camera.microlenses.layout, truth.microlenses.layout, "{what}");
@@ -34,7 +39,7 @@ fn a_bent_lattice_is_followed_and_a_perfect_one_stays_perfect() {
         let mut image = discs(&truth, 0.9);
         noisy(&mut image, 0.03);
         assert_eq!(measured("perfect", &truth, &image, 0.006).degree, 0);
-        // Sheared by a pixel at the edges; then bent by several pixels, as a relay lens does.
+        // First sheared by a pixel at the edges, then bent by several pixels like a relay lens.
         let shear = Centres { radius_mm: 2.7, x_mm: vec![0.006, 0.002], y_mm: vec![0.002, -0.006] };
         let (k, r) = (0.004, 0.03);
         let lens = Centres {
@@ -56,14 +61,16 @@ fn a_bent_lattice_is_followed_and_a_perfect_one_stays_perfect() {
 // Scar: without a model of the second stop, the pitch of this image came out 3e-4 too small.
 #[test]
 fn a_second_stop_moves_no_centre() {
-    for (layout, drift) in [(Layout::Square, 0.008), (Layout::Hexagonal, 0.008), (Layout::Hexagonal, -0.008)] {
+    for (layout, drifts) in [(Layout::Square, &[0.008][..]), (Layout::Hexagonal, &[0.008, -0.008])] {
         let truth = camera(700, layout, 0.003, [0.0123, -0.0257]);
-        let mut image = cut_discs(&truth, 0.95, 1.25, drift);
-        noisy(&mut image, 0.01);
-        let found = find_lattice(&image).unwrap();
-        let stop = found.second_stop.expect("a second stop");
-        assert!((stop.slope / drift - 1.0).abs() < 0.15, "{stop:?}");
-        measured("second stop", &truth, &image, 0.01);
+        for &drift in drifts {
+            let mut image = cut_discs(&truth, 0.95, 1.25, drift);
+            noisy(&mut image, 0.01);
+            let found = find_lattice(&image).unwrap();
+            let stop = found.second_stop.expect("a second stop");
+            assert!((stop.slope / drift - 1.0).abs() < 0.15, "{stop:?}");
+            calibrated("second stop", &truth, &found, 0.01);
+        }
         let plain = find_lattice(&discs(&truth, 0.95)).unwrap();
         assert!(plain.second_stop.is_none());
     }
@@ -72,7 +79,7 @@ fn a_second_stop_moves_no_centre() {
 #[test]
 fn lenslets_of_7_px_and_of_150() {
     for layout in LAYOUTS {
-        for (pitch_px, side, fill, limit) in [(7.0, 420, 0.95, 0.02), (7.13, 420, 0.7, 0.02), (150.0, 1500, 0.9, 0.03)]
+        for (pitch_px, side, fill, limit) in [(7.0, 420, 0.95, 0.02), (7.13, 420, 0.7, 0.02), (150.0, 1200, 0.9, 0.03)]
         {
             let truth = of_pitch(pitch_px, side, layout);
             let mut image = discs(&truth, fill);

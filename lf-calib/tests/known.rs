@@ -8,7 +8,7 @@ use ndarray::Array2;
 const LAYOUTS: [Layout; 2] = [Layout::Square, Layout::Hexagonal];
 const ASIDE: [f64; 2] = [0.0123, -0.0257];
 
-/// Measures an image of a camera and refuses pitch (relative), rotation (rad) and places (px) that are farther off.
+/// Calibrates with an image. Pitch (relative) and rotation (rad) must be within `limit`, places within `limit_px`.
 fn check(what: &str, truth: &Camera, image: &Array2<f32>, limit: f64, limit_px: f64) -> ImageLattice {
     let found = find_lattice(image).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
     let camera = calibrate(&found, &nominal(truth)).unwrap().camera;
@@ -31,7 +31,7 @@ fn check(what: &str, truth: &Camera, image: &Array2<f32>, limit: f64, limit_px: 
 fn touching_discs_without_noise() {
     for layout in LAYOUTS {
         for (rotation, offset) in [(0.0, [0.0, 0.0]), (0.0, ASIDE), (0.003, ASIDE), (0.05, ASIDE)] {
-            let truth = camera(840, layout, rotation, offset);
+            let truth = camera(560, layout, rotation, offset);
             let what = format!("{layout:?} {rotation} {offset:?}");
             let found = check(&what, &truth, &discs(&truth, 1.0), 1e-5, 0.003);
             assert!(found.residual_rms_px < 0.003, "{what}: {}", found.residual_rms_px);
@@ -60,7 +60,7 @@ fn rays_of_the_shared_optics() {
     }
 }
 
-// Overlapping discs are brightest between the lenslets; the lattice once came out half a pitch aside.
+// Scar: overlapping discs are brightest between the lenslets, and the lattice came out half a pitch aside.
 #[test]
 fn stopped_down_and_overlapping_discs() {
     for layout in LAYOUTS {
@@ -148,12 +148,12 @@ fn dust_is_left_out() {
 }
 
 #[test]
-fn of_equal_descriptions_the_one_nearest_to_nominal_is_written() {
+fn the_equivalent_description_nearest_to_nominal_is_written() {
     for layout in LAYOUTS {
         let truth = camera(280, layout, 0.003, ASIDE);
         let found = find_lattice(&discs(&truth, 0.8)).unwrap();
         let lattice = truth.lattice();
-        // Any lattice vector added to the offset, and any turn of symmetry, is the same lattice.
+        // An offset by a lattice vector or a rotation by a symmetry gives the same lattice.
         for (i, j) in [(0, 0), (3, -2), (-5, 7)] {
             let mut nominal = truth.clone();
             let shift = lattice.centre_mm(i, j) - lattice.centre_mm(0, 0);

@@ -6,6 +6,7 @@ use lf_calib::{calibrate, find_lattice};
 use lf_core::camera::{Camera, Layout};
 use lf_core::lattice::Centres;
 use ndarray::{Array2, s};
+use std::sync::OnceLock;
 
 const SIZE: DVec2 = DVec2::new(434.0, 350.0);
 
@@ -56,39 +57,52 @@ fn agree(before: &Camera, after: &Camera, moved: impl Fn(DVec2) -> DVec2) {
     assert!(count > 300, "{count}");
 }
 
+/// An image, and the camera measured from it.
+struct Case {
+    image: Array2<f32>,
+    before: Camera,
+}
+
+/// A square lattice, a bent one, and a bent hexagonal one.
+fn cases() -> &'static [Case; 3] {
+    static CASES: OnceLock<[Case; 3]> = OnceLock::new();
+    let layouts = [(Layout::Square, None), (Layout::Square, Some(bent())), (Layout::Hexagonal, Some(bent()))];
+    CASES.get_or_init(|| {
+        layouts.map(|(layout, centres)| {
+            let image = image(layout, centres.clone());
+            let before = measured(&image);
+            assert_eq!(before.centres.is_some(), centres.is_some());
+            Case { image, before }
+        })
+    })
+}
+
 #[test]
 fn mirrored_transposed_and_turned() {
-    for (layout, centres) in [(Layout::Square, None), (Layout::Square, Some(bent())), (Layout::Hexagonal, Some(bent()))]
-    {
-        let image = image(layout, centres.clone());
-        let before = measured(&image);
-        assert_eq!(before.centres.is_some(), centres.is_some());
+    for Case { image, before } in cases() {
         let mirrored = measured(&image.slice(s![.., ..;-1]).to_owned());
-        agree(&before, &mirrored, |place| DVec2::new(SIZE.x - place.x, place.y));
+        agree(before, &mirrored, |place| DVec2::new(SIZE.x - place.x, place.y));
         let transposed = measured(&image.t().to_owned());
-        agree(&before, &transposed, |place| DVec2::new(place.y, place.x));
+        agree(before, &transposed, |place| DVec2::new(place.y, place.x));
         let turned = measured(&image.t().slice(s![.., ..;-1]).to_owned());
-        agree(&before, &turned, |place| DVec2::new(SIZE.y - place.y, place.x));
+        agree(before, &turned, |place| DVec2::new(SIZE.y - place.y, place.x));
     }
 }
 
 #[test]
 fn cropped() {
-    for (layout, centres) in [(Layout::Square, None), (Layout::Square, Some(bent())), (Layout::Hexagonal, Some(bent()))]
-    {
-        let image = image(layout, centres);
+    for Case { image, before } in cases() {
         let cropped = measured(&image.slice(s![23..331, 31..400]).to_owned());
-        agree(&measured(&image), &cropped, |place| place - DVec2::new(31.0, 23.0));
+        agree(before, &cropped, |place| place - DVec2::new(31.0, 23.0));
     }
 }
 
 #[test]
 fn scaled_counts_and_a_pedestal() {
-    let image = image(Layout::Square, None);
-    let before = measured(&image);
+    let Case { image, before } = &cases()[0];
     for changed in
         [image.mapv(|value| 1e-3 * value), image.mapv(|value| 50.0 * value), image.mapv(|value| value + 500.0)]
     {
-        agree(&before, &measured(&changed), |place| place);
+        agree(before, &measured(&changed), |place| place);
     }
 }

@@ -1,4 +1,4 @@
-//! A drift taken away by particles, and none taken away where there are too few of them.
+//! Particles correct a drift of the camera; too few particles are refused.
 
 use crate::scenes::{self, points};
 use glam::DVec3;
@@ -32,7 +32,7 @@ fn a_drift_of_two_pixels_is_taken_away() {
     println!("{} particles, left {left_px:?} px, {:?}", found.particles, found.changed);
     assert!(left_px.iter().all(|left| left.abs() < 0.06), "{left_px:?} px");
     assert!(found.disparity_px[0] > 1.8 && found.disparity_px[1] < 0.4, "{:?}", found.disparity_px);
-    // The camera that saw the frames has nothing to mend.
+    // The true camera stays as it is.
     let same = refine(&frames, &truth, [-4.5, 4.5]).unwrap();
     assert!(same.changed.is_empty(), "{:?}", same.changed);
     assert_eq!(same.camera.microlenses, truth.microlenses);

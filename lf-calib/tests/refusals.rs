@@ -1,4 +1,4 @@
-//! Images that show no lattice are refused in words that help, and never give a lattice.
+//! Images without a lattice are refused with helpful words.
 
 use crate::scenes::{camera, discs, rays, squares, uniform};
 use lf_calib::find_lattice;
@@ -38,7 +38,7 @@ fn noise() {
 }
 
 #[test]
-fn specks_as_of_particles() {
+fn specks_like_particles() {
     let mut state = 4;
     let mut image = Array2::zeros((560, 560));
     for _ in 0..4000 {
@@ -64,7 +64,7 @@ fn a_lattice_neither_square_nor_hexagonal() {
 fn too_few_lenslets() {
     refused(&discs(&camera(40, Layout::Square, 0.003, [0.0, 0.0]), 0.8), "");
     for side in 2..30 {
-        // Too small for any lattice: refused, whatever the words.
+        // Too small for any lattice: refused for any reason.
         refused(&discs(&camera(side, Layout::Square, 0.003, [0.0, 0.0]), 0.8), "");
     }
 }

@@ -1,4 +1,4 @@
-//! A misaligned camera found again from images of a dot target, end to end.
+//! A misaligned camera is recovered from images of a dot target.
 
 use crate::scenes::{self, points};
 use glam::DVec3;
@@ -9,7 +9,7 @@ use ndarray::Array2;
 const DEPTHS_MM: [f64; 4] = [-4.0, -2.8, 2.8, 4.0];
 const LENSLETS: usize = 60;
 
-/// Images by `truth` of a target that stands at `offset` from where its table has it.
+/// Images, taken by `truth`, of a target displaced by `offset` from its table.
 fn exposures(truth: &Camera, offset: DVec3) -> Vec<Exposure> {
     DEPTHS_MM
         .iter()
@@ -27,7 +27,7 @@ fn exposures(truth: &Camera, offset: DVec3) -> Vec<Exposure> {
 const OFFSET: DVec3 = DVec3::new(0.13, -0.07, 0.15);
 
 #[test]
-fn a_perfect_camera_grows_nothing() {
+fn a_perfect_camera_gets_no_new_parameters() {
     let truth = points::camera(LENSLETS);
     let found = main_lens(&exposures(&truth, OFFSET), &truth).unwrap();
     assert!(found.selected.is_empty(), "{:?}", found.selected);
@@ -41,7 +41,7 @@ fn a_perfect_camera_grows_nothing() {
 }
 
 #[test]
-fn what_is_off_is_found_within_its_uncertainty() {
+fn every_misalignment_is_found_within_its_uncertainty() {
     let nominal = points::camera(LENSLETS);
     let mut truth = nominal.clone();
     truth.main_lens.magnification = 1.008;
@@ -83,9 +83,9 @@ fn images_without_the_target_are_refused() {
     assert_eq!(refusal.found, "1 of 1 images at depths out of focus");
 }
 
-/// A target whose depths are not what they are said to be is a target that no camera has seen.
+/// No camera fits a target with wrong depths.
 #[test]
-fn depths_out_of_order_are_no_camera() {
+fn a_target_with_wrong_depths_is_refused() {
     let nominal = points::camera(LENSLETS);
     let mut seen = exposures(&nominal, OFFSET);
     for (n, exposure) in seen.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! The front door, seen from outside: this program runs itself as a tool and looks at what a user would see.
+//! The shared part of the command lines. This program runs itself as a tool and checks what a user would see.
 
 use clap::Parser;
 use lf_core::cli::{self, Common, Session, Verdict};
@@ -18,7 +18,7 @@ const TOOL: &str = "LF_TEST_TOOL";
 struct Arguments {
     #[command(flatten)]
     common: Common,
-    /// What to do
+    /// The deed to do
     deed: String,
     /// The input
     #[arg(default_value = "-")]
@@ -175,7 +175,7 @@ fn bytes_come_by_name_redirect_and_pipe() {
         assert_eq!(output.stdout, b"0123456789");
         assert!(String::from_utf8(output.stderr).unwrap().contains(&format!("mapped: {mapped}")));
     }
-    // Half read by someone else before us.
+    // Another process has read four bytes before us.
     let mut file = File::open(&path).unwrap();
     std::io::Seek::seek(&mut file, std::io::SeekFrom::Start(4)).unwrap();
     assert_eq!(command(&["copy"]).stdin(file).output().unwrap().stdout, b"456789");

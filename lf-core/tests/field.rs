@@ -1,4 +1,4 @@
-//! Vector fields: EXR there and back, and what ParaView and a spreadsheet get.
+//! Vector fields: EXR written and read, and the files for ParaView and spreadsheets.
 
 use lf_core::field::{Field, MEASURED, NO_DATA, REPLACED, VectorGrid};
 use lf_core::history::Step;
@@ -18,7 +18,7 @@ fn layout(shape: [usize; 3]) -> VectorGrid {
     }
 }
 
-/// Every value tells its component and its place.
+/// Every value encodes its component and its place.
 fn field() -> Field {
     let mut field = Field::empty(layout([4, 3, 2]));
     let Field { u, v, w, peak, ratio, su, sv, sw, flag, count, .. } = &mut field;
@@ -37,7 +37,7 @@ fn field() -> Field {
     field
 }
 
-/// The same with 0.5 ms between the volumes: a velocity is 2000 times the displacement.
+/// The same with 0.5 ms between the volumes: velocities are 2000 times the displacements.
 fn timed() -> Field {
     let mut field = field();
     field.layout.dt_s = Some(0.0005);
@@ -117,7 +117,7 @@ fn other_images_are_refused() {
     assert_eq!(refusal(b""), "field: empty; wanted a vector field in EXR");
 }
 
-/// 4 x 6 pixels of named channels, each 1 everywhere but the flag, under any text as the layout.
+/// 4 x 6 pixels of named channels. All but the flag are 1 everywhere; `layout` is any text.
 fn file(names: &[&str], json: &str) -> Vec<u8> {
     use exr::prelude::*;
     let value = |name: &str| f32::from(u8::from(name != "flag"));
@@ -144,7 +144,7 @@ fn a_file_may_lack_the_count_the_time_and_the_history() {
 }
 
 #[test]
-fn units_are_written_for_every_channel_and_not_read() {
+fn units_are_written_for_every_channel_and_ignored_when_read() {
     use exr::meta::{MetaData, attribute::AttributeValue};
     for (field, dt) in [(field(), None), (timed(), Some(0.0005))] {
         let meta = MetaData::read_from_buffered(std::io::Cursor::new(written(&field, "field.exr")), false).unwrap();
@@ -195,7 +195,7 @@ fn missing_channels_and_false_layouts_are_named() {
 }
 
 #[test]
-fn a_field_that_no_reader_takes_is_not_written() {
+fn an_invalid_field_is_not_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field.exr");
     let mut bad = field();
@@ -241,7 +241,7 @@ fn a_csv_has_units_and_every_bit() {
     }
 }
 
-/// Reads the XML as a VTK reader does: offsets count from the byte behind the underscore, each array behind its length.
+/// Reads the XML like VTK: offsets count from the byte after the underscore, and a length precedes each array.
 #[test]
 fn a_vti_finds_its_arrays() {
     let (names, xml) = arrays(&field());
@@ -254,7 +254,7 @@ fn a_vti_finds_its_arrays() {
     assert!(xml.contains("0.0005 s. -->") && xml.contains("an array's is the end of its name"), "{xml}");
 }
 
-/// The names of a `.vti`'s arrays, whose values are checked, and its XML.
+/// The names of the arrays of a `.vti`, and its XML. Checks the values.
 fn arrays(field: &Field) -> (Vec<String>, String) {
     let bytes = written(field, "field.vti");
     let mark = b"<AppendedData encoding=\"raw\">\n_";

@@ -1,4 +1,4 @@
-//! Images: what is written is read; what is not a grey image of counts is refused; damage never panics.
+//! Images: written images are read back, other than grey images of counts are refused, and damage never panics.
 
 use crate::allocation;
 use image::{ExtendedColorType, ImageEncoder};
@@ -76,7 +76,7 @@ fn every_bit_of_a_float_survives() {
     assert!(image.pixels.iter().zip(odd).all(|(found, wanted)| found.to_bits() == wanted.to_bits()));
 }
 
-/// Line order and attribute order once made equal images differ.
+/// Scar: the order of lines and of attributes made equal images differ.
 #[test]
 fn equal_images_are_equal_bytes() {
     let pixels = ramp(257, 130);
@@ -273,7 +273,7 @@ fn a_description_that_is_not_ours_is_no_history() {
     }
 }
 
-/// A frame of 29 megapixels is written beside one that is still wanted.
+/// A frame of 29 megapixels is written while another is in memory, so writing takes one buffer only.
 #[test]
 fn a_tiff_takes_one_buffer_of_its_size() {
     let pixels = ramp(500, 400);
@@ -320,7 +320,7 @@ fn sizes_that_the_file_cannot_hold_allocate_nothing() {
     replace(&mut bytes, &window(5, 3), &window(side, side));
     replace(&mut bytes, &window(5, 3), &window(side, side));
     check_hostile("exr", &bytes);
-    // So do width and height of a PNG, whose header must then be summed anew, and of a TIFF.
+    // The same for width and height of a PNG, whose header then needs a new checksum, and of a TIFF.
     let mut bytes = png(5, 3, &[1; 15], ExtendedColorType::L8);
     bytes[16..20].copy_from_slice(&side.to_be_bytes());
     bytes[20..24].copy_from_slice(&side.to_be_bytes());

@@ -26,7 +26,7 @@ fn refusal<T>(outcome: lf_core::Result<T>) -> String {
 }
 
 #[test]
-fn a_pipe_gives_what_a_file_gives() {
+fn a_pipe_and_a_file_give_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("input");
     let content: Vec<u8> = (0..300_001u32).map(|i| (i * 7) as u8).collect();
@@ -60,7 +60,7 @@ fn an_empty_file_and_a_file_of_proc_are_read() {
 }
 
 #[test]
-fn what_cannot_be_read_is_named() {
+fn an_unreadable_file_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("missing.exr");
     assert_eq!(refusal(open(&missing)), format!("{}: no such file; wanted a file to read", missing.display()));
@@ -105,7 +105,7 @@ fn a_name_as_long_as_names_may_be_is_saved() {
 }
 
 #[test]
-fn a_failure_leaves_what_was_there() {
+fn a_failure_leaves_the_old_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out");
     let fails = |path: &Path| {
@@ -176,7 +176,7 @@ fn devices_and_fifos_are_written_through() {
 fn a_closed_pipe_is_one_clear_error() {
     let (reader, writer) = std::io::pipe().unwrap();
     let path = by_descriptor(&writer);
-    // A descriptor's name can be opened for writing only while someone reads.
+    // The name of a descriptor can be opened for writing only while someone reads.
     let outcome = save(&path, |out| {
         drop(reader);
         out.write_all(&[0; 1 << 20])

@@ -1,11 +1,11 @@
-//! Charts as SVG: what a reader of the picture can count on. The pictures stay in the build folder for eyes.
+//! Properties of all charts. The pictures stay in the build folder, to be looked at.
 
 use lf_core::field::VectorGrid;
 use lf_core::plot::{Arrows, Axis, Chart, Mark, Panel, Place, Slice, Style, draw};
 use std::fs;
 use std::path::Path;
 
-/// The texts of an SVG; fails where its tags do not close.
+/// The texts of an SVG. Fails if a tag is not closed.
 fn texts(svg: &str) -> Vec<String> {
     let mut open = Vec::new();
     let mut texts = Vec::new();
@@ -30,7 +30,7 @@ fn texts(svg: &str) -> Vec<String> {
     texts
 }
 
-/// Draws, checks what holds for every chart, and keeps the picture.
+/// Draws a chart, checks the properties of all charts, and keeps the picture.
 fn drawn(name: &str, chart: &Chart) -> String {
     let svg = draw(chart).unwrap();
     assert_eq!(svg, draw(chart).unwrap(), "{name} is drawn twice");
@@ -96,9 +96,12 @@ fn an_empty_panel_says_so() {
     drawn("blank", &chart("No panels", 3, Vec::new()));
 }
 
-#[test]
-fn six_panels_with_everything_that_can_be_drawn() {
-    let spread = |points: &[[f64; 2]]| points.iter().map(|[_, y]| [0.7 * y, 1.5 * y]).collect::<Vec<_>>();
+/// From 0.7 to 1.5 times each value.
+fn spread(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    points.iter().map(|[_, y]| [0.7 * y, 1.5 * y]).collect()
+}
+
+fn lines_with_spread() -> Panel {
     let band = |name: &str, scale: f64| {
         let points: Vec<[f64; 2]> = [1.0, 3.0, 10.0, 30.0, 100.0].map(|x| [x, scale / f64::sqrt(x)]).to_vec();
         let spread = Some(spread(&points));
@@ -116,18 +119,25 @@ fn six_panels_with_everything_that_can_be_drawn() {
         ],
     );
     lines.title = "Lines with spread".into();
+    lines
+}
+
+fn histogram() -> Panel {
     let bell = |middle: f64| {
         (0..40).map(|n| (-0.5 * ((n as f64 / 4.0 - 5.0 - middle) / 1.3).powi(2)).exp()).collect::<Vec<f64>>()
     };
     let edges: Vec<f64> = (0..=40).map(|n| n as f64 / 4.0 - 5.0).collect();
     let steps = |name: &str, middle: f64| Mark::Steps { name: name.into(), edges: edges.clone(), values: bell(middle) };
-    let histogram = panel(
+    panel(
         Axis::new("displacement, px"),
         Axis::new("share of vectors, 1/px"),
         vec![steps("u", 0.0), steps("v", 1.0), steps("w", -1.5), Mark::reference("true mean", Place::Vertical(0.0))],
-    );
+    )
+}
+
+fn labelled_points() -> Panel {
     let front: Vec<[f64; 2]> = [10.0, 20.0, 21.0, 22.0, 40.0, 300.0].map(|x| [x, 4.0 / x + 0.1]).to_vec();
-    let scatter = panel(
+    panel(
         Axis::log("cost, s"),
         Axis::log("error, px"),
         vec![
@@ -143,7 +153,10 @@ fn six_panels_with_everything_that_can_be_drawn() {
                 points: front,
             },
         ],
-    );
+    )
+}
+
+fn map_to_scale() -> Panel {
     let values = (0..60 * 30).map(|n| (n % 60) as f64 * (n / 60) as f64).map(|v| if v == 0.0 { f64::NAN } else { v });
     let mut map = panel(
         Axis::new("x, mm"),
@@ -157,6 +170,10 @@ fn six_panels_with_everything_that_can_be_drawn() {
         }],
     );
     map.is_to_scale = true;
+    map
+}
+
+fn waves() -> Panel {
     let dashed = Mark::Line {
         name: "theory".into(),
         points: curve(200, |x| (20.0 * x).sin()),
@@ -164,17 +181,25 @@ fn six_panels_with_everything_that_can_be_drawn() {
         style: Style::Dashed,
         with_points: false,
     };
-    let waves = panel(
+    panel(
         Axis::new("time, s").over([0.2, 0.9]),
         Axis::new("a rather long name of a quantity that has to be broken into lines, mm/s"),
         vec![dashed, Mark::line("measured", curve(200, |x| 0.9 * (20.0 * x).sin()))],
-    );
+    )
+}
+
+fn many_lines() -> Panel {
     let many = (0..9).map(|n| {
         let name = format!("a long name of setting number {n} with all its words");
         Mark::line(name, curve(30, |x| f64::from(n) + x))
     });
-    let many = panel(Axis::new("x"), Axis::new("y"), many.collect());
-    let mut chart = chart("Six panels", 3, vec![lines, histogram, scatter, map, waves, many]);
+    panel(Axis::new("x"), Axis::new("y"), many.collect())
+}
+
+#[test]
+fn six_panels_with_everything_that_can_be_drawn() {
+    let panels = vec![lines_with_spread(), histogram(), labelled_points(), map_to_scale(), waves(), many_lines()];
+    let mut chart = chart("Six panels", 3, panels);
     chart.notes = vec!["area: least to greatest of the runs".into()];
     let svg = drawn("six", &chart);
     let found = texts(&svg).join(" ");

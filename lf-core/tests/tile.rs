@@ -1,4 +1,4 @@
-//! Tiles of a volume: how a grid is cut, and how files of tiles become a whole again or are refused.
+//! Tiles of a volume: how a grid is cut, and how files of tiles are joined or refused.
 
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
@@ -20,7 +20,7 @@ fn camera() -> Camera {
     Camera::from_json(text).unwrap()
 }
 
-/// Every voxel with its index for a value, of the whole or of what a tile holds.
+/// Writes two thirds of the voxels, of the whole or of a tile. The value of a voxel is its index.
 fn save(folder: &Path, name: &str, grid: &Grid, tile: Option<&Tile>) -> PathBuf {
     let path = folder.join(name);
     let held = tile.map(|tile| tile.held(&camera(), grid));
@@ -60,9 +60,9 @@ fn blocks_are_as_square_as_can_be_and_cover_every_voxel_once() {
     assert!(core(&Grid { shape: [3, 3, 1], ..grid() }, 1, 16).is_err());
 }
 
-/// Voxels that light a pixel of a tile are in it, and pixels are those of the core and of its halo at least.
+/// A tile holds all voxels that light its pixels. Its pixels cover at least those of its core.
 #[test]
-fn what_lights_a_tiles_pixels_is_held() {
+fn a_tile_holds_every_voxel_that_lights_its_pixels() {
     use glam::DVec2;
     use lf_core::optics::Optics;
     let (camera, grid) = (camera(), grid());
@@ -111,7 +111,7 @@ fn tiles_in_any_order_are_the_whole() {
 }
 
 #[test]
-fn tiles_that_are_no_whole_are_refused_in_one_line() {
+fn tiles_that_do_not_make_a_whole_are_refused_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let whole = save(folder.path(), "whole.lfv", &grid(), None);
     let moved = Grid { origin_mm: [-1.4, -1.0, -2.0], ..grid() };

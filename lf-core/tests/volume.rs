@@ -1,4 +1,4 @@
-//! The `.lfv` format: what is written is read, and what is damaged is refused.
+//! The `.lfv` format: files are read as written, and damaged files are refused.
 
 use crate::allocation;
 use lf_core::grid::Grid;
@@ -29,7 +29,7 @@ fn refusal(bytes: &[u8]) -> String {
     }
 }
 
-/// Two columns of five voxels in a 4 x 3 x 2 grid, with history and a key of tomorrow.
+/// Two columns of five voxels in a 4 x 3 x 2 grid, with a history and an unknown key.
 fn small() -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut extra = Map::new();
@@ -44,7 +44,7 @@ fn header_end(bytes: &[u8]) -> usize {
     16 + u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize
 }
 
-/// A file put together from the words of the specification alone.
+/// A file put together from the specification alone.
 fn by_hand(header: &str, payload: &[u8]) -> Vec<u8> {
     let header = header.replace("SUM", &format!("{:016x}", xxh3_64(payload)));
     let length = (16 + header.len()).div_ceil(64) * 64 - 16;
@@ -65,7 +65,7 @@ fn payload(indices: &[u64], values: &[f32]) -> Vec<u8> {
 const HEADER: &str = r#"{"count": 3, "grid": {"shape": [4, 3, 2], "spacing_mm": [1, 1, 10.0], "origin_mm": [0, 0, -5]},
     "columns": ["score"], "checksum": "SUM", "history": [], "later": 7}"#;
 
-/// The pair published with the hash: XXH3-64 of nothing.
+/// The value published with the hash: XXH3-64 of no bytes.
 #[test]
 fn the_checksum_is_xxh3() {
     assert_eq!(xxh3_64(b""), 0x2d06_8005_38d3_94c2);
@@ -159,7 +159,7 @@ fn a_flipped_bit_is_refused_or_read_as_what_it_says() {
 }
 
 #[test]
-fn every_sentence_of_the_specification_is_checked() {
+fn every_violation_of_the_specification_is_refused() {
     let good = payload(&[1, 2, 23], &[0.5, 0.25, 8.0]);
     let with = |from: &str, to: &str| by_hand(&HEADER.replace(from, to), &good);
     let headers = [
@@ -232,7 +232,7 @@ fn counts_beyond_the_file_allocate_nothing() {
 }
 
 #[test]
-fn a_value_that_no_reader_takes_is_not_written() {
+fn an_invalid_value_is_not_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("volume.lfv");
     let columns: [(&str, &[f32]); 1] = [("intensity", &[f32::NAN])];

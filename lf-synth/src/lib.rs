@@ -8,8 +8,8 @@
 //! particles  -> truth: exact volumes and displacements
 //! ```
 //!
-//! This crate traces rays only. It may not use the weights of `lf-core`: the reconstruction would then be judged by its own
-//! model.
+//! This crate traces rays only. It may not use the weights of `lf-core`: the reconstruction would then be judged by its
+//! own model.
 
 mod key_checks;
 pub mod particles;

@@ -16,8 +16,9 @@ struct AxisShares {
     shares: Vec<f64>,
 }
 
-/// Renders particles as Gaussians of `sigma_vox` voxels, sampled at voxel centres. Each sums to its particle's intensity.
-/// Returns rising indices and intensities. Slices are made in parallel; each adds up the particles in their order.
+/// Renders particles as Gaussians of `sigma_vox` voxels, sampled at voxel centres. Each sums to its particle's
+/// intensity. Returns rising indices and intensities. Slices are made in parallel; each adds up the particles in their
+/// order.
 pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>, Vec<f32>) {
     let reach = REACH_SIGMA * sigma_vox;
     let shares_along = |axis: usize, particle: &Particle| {

@@ -60,7 +60,8 @@ fn a_point_in_focus_fills_the_disc_of_one_lenslet() {
     assert!((image.arrived - image.emitted).abs() < 1e-6);
 }
 
-/// The image holds exactly the light that arrives. At the edge of the sensor, half of a point's light is lost; outside, all.
+/// The image holds exactly the light that arrives. At the edge of the sensor, half of a point's light is lost; outside,
+/// all.
 #[test]
 fn light_arrives_or_is_lost() {
     let camera = camera(Aperture::Square);
@@ -125,8 +126,8 @@ fn water_brings_depths_nearer() {
     }
 }
 
-/// The oracle in one dimension: the share of the aperture that each pixel column sees, by intervals between lenslet edges
-/// and pixel edges.
+/// The oracle in one dimension: the share of the aperture that each pixel column sees, by intervals between lenslet
+/// edges and pixel edges.
 fn columns(camera: &Camera, x_mm: f64, z_mm: f64) -> Vec<f64> {
     let (pitch, pixel) = (camera.microlenses.pitch_mm, camera.sensor.pixel_pitch_mm);
     let (s_i, s_o) = (camera.image_distance_mm(), camera.object_distance_mm());
@@ -169,8 +170,8 @@ fn images_match_the_interval_oracle() {
     }
 }
 
-/// A second stop 100 mm before the aperture, as wide as the beam there. Of the white beam to the place x_m on the array it
-/// passes the overlap of two discs whose centres are 100 x_m / s_i apart.
+/// A second stop 100 mm before the aperture, as wide as the beam there. Of the white beam to the place x_m on the array
+/// it passes the overlap of two discs whose centres are 100 x_m / s_i apart.
 #[test]
 fn a_second_stop_cuts_the_overlap_of_two_discs() {
     let mut camera = camera(Aperture::Circle);

@@ -1,4 +1,4 @@
-//! The contract of lf-validate's command line.
+//! The command line of lf-validate.
 
 use crate::workbench::{CAMERA, field, save_field, workbench};
 use lf_core::field::{Field, NO_DATA, REPLACED};
@@ -68,7 +68,7 @@ fn run(words: &[&str], files: &[impl AsRef<Path>]) -> Ended {
 }
 
 #[test]
-fn quality_by_hand_and_by_every_route() {
+fn quality_by_hand_from_files_pipes_and_redirects() {
     let bench = workbench();
     let truth = save_volume(&bench, "truth.lfv", &[1, 5, 9], &[3.0, 4.0, 5.0]);
     let volume = save_volume(&bench, "volume.lfv", &[0, 5, 9], &[2.0, 6.0, 3.0]);
@@ -204,7 +204,7 @@ fn three_truths_agree() {
     });
     let exact = save_flagged(&bench, "truth.exr", [3, 3, 3], &[], shear);
     let scene = bench.write("scene.json", SCENE);
-    // Half way they stand at (0.3, 0.4, z) and (0.6, 0.7, z).
+    // Half way between the frames the particles are at (0.3, 0.4, z) and (0.6, 0.7, z).
     let mut rows = "frame,id,x_mm,y_mm,z_mm,intensity\n9,1,0,0,0,1\n".to_string();
     for (id, [x, y, z]) in [(4, [0.3, 0.4, 0.2]), (2, [0.6, 0.7, 0.9]), (3, [5.0, 0.5, 0.5])] {
         for (frame, half) in [(3, -0.5), (5, 0.5)] {
@@ -228,7 +228,7 @@ fn three_truths_agree() {
             assert!((score["measured_only"][key].as_f64().unwrap() - wanted).abs() < 1e-4);
         }
         assert_eq!((&score["outside_truth"], &score["outliers"]), (&0.into(), &0.into()));
-        // 0.011 of 0.015 mm in u, 0.0055 of 0.005 mm in v, nothing stated in w.
+        // Errors over stated uncertainties: 0.011 / 0.015 mm in u, 0.0055 / 0.005 mm in v, none stated in w.
         let uncertainty = &score["uncertainty"];
         for (key, wanted) in [("within_1_u", 1.0), ("within_1_v", 0.0), ("within_2_v", 1.0), ("rms_stated_u_mm", 0.015)]
         {
@@ -264,7 +264,7 @@ fn a_sampled_flow_is_read_from_the_folder_of_its_scene() {
         "flow": {"kind": "sampled", "path": "flow.exr"}}"#;
     let scene = bench.write("scene.json", sampled);
     let larger = save_even(&bench, "larger.exr", [5, 3, 3], [0.02, 0.0, 0.1], &[]);
-    // Beyond its edge the flow is as at the edge.
+    // Outside, the flow is the same as at its edge.
     let score = run(&["displacement"], &[&scene, &larger]).json();
     assert_eq!((&score["vectors"], &score["outside_truth"]), (&45.into(), &0.into()));
     assert!(score["rms_u_mm"].as_f64().unwrap() < 1e-8);
@@ -289,7 +289,7 @@ fn a_scene_without_a_flow_is_at_rest() {
 }
 
 #[test]
-fn truths_that_tell_nothing_are_named() {
+fn unusable_truths_are_refused_by_name() {
     let bench = workbench();
     bench.write("camera.json", CAMERA);
     let field = save_even(&bench, "field.exr", [3, 3, 3], [0.0; 3], &[]);
@@ -337,7 +337,7 @@ fn truths_that_tell_nothing_are_named() {
 fn every_limit_decides_and_the_score_is_printed_all_the_same() {
     let bench = workbench();
     let truth = save_even(&bench, "truth.exr", [4, 4, 4], [0.0; 3], &[]);
-    // -1 px everywhere in u, and one vector of 64 far off.
+    // u is -1 px everywhere, except for one outlier among 64 vectors.
     let field = save_flagged(&bench, "field.exr", [4, 4, 4], &[], |at| {
         [if at == [0.5, 1.0, 1.5] { 0.9 } else { -0.011 }, 0.0, 0.0]
     });
@@ -368,10 +368,11 @@ fn every_limit_decides_and_the_score_is_printed_all_the_same() {
 }
 
 #[test]
-fn divergence_by_hand_and_by_every_route() {
+fn divergence_by_hand_from_files_and_pipes() {
     let bench = workbench();
     let camera = bench.write("camera.json", CAMERA);
-    // A window of 32 x 32 x 16 voxels is 0.32 x 0.32 x 1.6 mm: 1, 1 and 4 vectors 0.5 mm apart.
+    // A window of 32 x 32 x 16 voxels is 0.32 x 0.32 x 1.6 mm, so independent vectors are 1, 1 and 4 places of 0.5 mm
+    // apart.
     let expansion = |[x, y, z]: [f64; 3]| [0.01 * x, 0.02 * y, 0.03 * z].map(|mm| mm as f32);
     let field = save_flagged(&bench, "field.exr", [12, 6, 10], &[], expansion);
     let words = ["divergence", "-c", camera.to_str().unwrap()];
@@ -463,7 +464,7 @@ fn info_knows_every_file_by_its_content() {
 }
 
 #[test]
-fn info_refuses_what_it_does_not_know() {
+fn info_refuses_unknown_files() {
     let bench = workbench();
     for (name, content, wanted) in [
         ("empty", &b""[..], "empty"),

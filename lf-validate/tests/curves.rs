@@ -1,4 +1,4 @@
-//! The contract of `line` and `curves`.
+//! The command lines of `line` and `curves`.
 
 use crate::workbench::workbench;
 use serde_json::json;
@@ -156,7 +156,7 @@ fn lists_panels_and_several_values() {
 }
 
 #[test]
-fn what_gives_no_curve_is_refused() {
+fn runs_without_a_curve_are_refused() {
     let bench = workbench();
     bench.write("runs.jsonl", &runs());
     bench.write("empty.jsonl", "");

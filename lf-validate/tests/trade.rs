@@ -1,4 +1,4 @@
-//! The contract of `trade`.
+//! The command line of `trade`.
 
 use crate::workbench::workbench;
 use serde_json::json;
@@ -13,7 +13,7 @@ const RUNS: &str = r#"{"name": "base", "set.iterations": 60, "set.kernel": "drt"
 "#;
 
 #[test]
-fn the_front_and_what_it_beats() {
+fn the_front_and_the_settings_it_dominates() {
     let bench = workbench();
     bench.write("runs.jsonl", RUNS);
     let found = bench.run(&["trade", "runs.jsonl", "--quiet"]).silent_json();
@@ -26,7 +26,7 @@ fn the_front_and_what_it_beats() {
     let loud = bench.run(&["trade", "runs.jsonl"]);
     let warning = loud.stderr;
     assert!(loud.status.success() && warning.contains("1 of 7 runs left out, without rms_w_px"), "{warning}");
-    // The order of the runs is no matter.
+    // The order of the runs does not matter.
     let backwards: Vec<&str> = RUNS.lines().rev().collect();
     assert_eq!(
         bench.feed(&["trade", "-", "--quiet"], backwards.join("\n")).stdout,

@@ -10,7 +10,7 @@ fn small() -> Grid {
     Grid { shape: [4, 3, 2], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [-0.15, -0.1, -0.5] }
 }
 
-/// Two pixels of [`CAMERA`] a voxel along x and y, ten along z.
+/// A voxel is two pixels of [`CAMERA`] along x and y, ten along z.
 fn large() -> Grid {
     Grid { shape: [21, 15, 15], spacing_mm: [0.022, 0.022, 0.11], origin_mm: [0.0; 3] }
 }
@@ -26,7 +26,7 @@ fn pair(bench: &Workbench) {
     save(bench, "volume.lfv", &small(), &[(0, 2.0), (5, 6.0), (13, 1.0)]);
 }
 
-/// Gaussians of 0.75 voxel about voxels, as far as `reach` of them.
+/// Writes Gaussians of standard deviation 0.75 voxels, cut at `reach` voxels.
 fn blobs(bench: &Workbench, name: &str, centres: &[[f64; 3]], reach: f64) {
     let grid = large();
     let lit = |index: u64| {
@@ -43,7 +43,7 @@ fn blobs(bench: &Workbench, name: &str, centres: &[[f64; 3]], reach: f64) {
     save(bench, name, &grid, &(0..grid.len()).filter_map(lit).collect::<Vec<_>>());
 }
 
-/// A table of particles at voxels, each of a frame.
+/// Writes a table of particles: frame and place in voxels.
 fn table(bench: &Workbench, name: &str, particles: &[(usize, [f64; 3])]) {
     let row = |(id, (frame, [x, y, z])): (usize, &(usize, [f64; 3]))| {
         format!("{frame},{id},{},{},{},1\n", x * 0.022, y * 0.022, z * 0.11)
@@ -81,7 +81,7 @@ fn quality_by_depth_and_region_by_hand() {
     all_near(&by_depth["missed_share"], &[Some(3.0 / 7.0), Some(0.0)]);
     all_near(&by_depth["truth_sum"], &[Some(7.0), Some(2.0)]);
     all_near(&by_depth["volume_sum"], &[Some(8.0), Some(1.0)]);
-    // Three boxes a side, or as many as there are voxels; most of them dark.
+    // Three boxes on each side, or one for each voxel if there are fewer. Most are dark.
     assert_eq!(score["by_region"]["shape"], json!([3, 3, 2]));
     assert_eq!(score["by_region"]["q"].as_array().unwrap().len(), 18);
 
@@ -89,7 +89,7 @@ fn quality_by_depth_and_region_by_hand() {
     let by_region = &halves["by_region"];
     assert_eq!(by_region["shape"], json!([2, 1, 2]));
     all_near(&by_region["centre_mm"][3], &[Some(0.1), Some(0.0), Some(0.5)]);
-    // All light stands at the left.
+    // All light is at the left.
     all_near(&by_region["q"], &[Some(24.0 / 1000f64.sqrt()), None, Some(1.0), None]);
     all_near(&by_region["ghost_share"], &[Some(0.25), None, Some(0.0), None]);
     assert_eq!(halves["by_depth"], score["by_depth"]);
@@ -123,7 +123,7 @@ fn limits_on_ghosts_and_missed_light() {
         assert_eq!((output.status.code(), output.stderr.len()), (Some(code), 0), "{limits:?}");
         assert!(!output.stdout.is_empty());
     }
-    // A share of no light keeps no limit.
+    // A share of no light exceeds every limit.
     for (words, option, code) in [
         (["truth.lfv", "dark.lfv"], "--max-ghosts", 1),
         (["truth.lfv", "dark.lfv"], "--max-missed", 0),
@@ -138,7 +138,7 @@ fn limits_on_ghosts_and_missed_light() {
     bench.run(&["quality", "truth.lfv", "volume.lfv", "--max-missed", "few"]).refusal();
 }
 
-/// A Gaussian of 0.75 voxel: 4 * 0.75 voxels to exp(-2), 0.75 sqrt(8 ln 2) at half maximum, wherever it stands.
+/// A Gaussian of 0.75 voxels is 4 * 0.75 voxels wide at exp(-2) and 0.75 sqrt(8 ln 2) at half maximum, at any place.
 #[test]
 fn elongation_by_hand_in_every_unit() {
     let bench = workbench();
@@ -175,7 +175,7 @@ fn elongation_takes_frames_pairs_and_a_search() {
     let bench = workbench();
     blobs(&bench, "volume.lfv", &[[5.0, 7.0, 7.0]], 2.0);
     blobs(&bench, "other.lfv", &[[14.0, 7.0, 7.0]], 2.0);
-    // Frame 0 stands on the first blob, frame 3 on the second, frame 5 beside the first.
+    // The particle of frame 0 is on the first blob, that of frame 3 on the second, that of frame 5 beside the first.
     table(&bench, "particles.csv", &[(0, [5.0, 7.0, 7.0]), (3, [14.0, 7.0, 7.0]), (5, [10.0, 7.0, 7.0])]);
     let counts = |words: &[&str]| {
         let score: Value = serde_json::from_slice(&bench.run(&[&["elongation"], words].concat()).stdout).unwrap();
@@ -236,7 +236,7 @@ fn depth_of_several_volumes_by_hand() {
         let output = bench.run(&["depth", "truth.lfv", "volume.lfv", "--slab=-1,0", "--max-outside", most]);
         assert_eq!((output.status.code(), output.stdout.is_empty()), (Some(code), false), "{most}");
     }
-    // A slab between two slices has all light outside.
+    // For a slab between two slices, all light is outside.
     let between = bench.run(&["depth", "truth.lfv", "--slab=-0.1,0.1", "--plot", "between.svg"]).silent_json();
     near(&between["outside_share"], 1.0, 1e-12);
     assert!(between["outside_peak"].is_null() && between["unevenness"].is_null());
@@ -271,7 +271,7 @@ fn depth_refuses_and_warns_in_one_line() {
     }
 }
 
-/// A score, one of its inputs, words that end in a refusal, and what its picture says.
+/// A score, one of its inputs, a call that is refused, and the texts of its picture.
 struct Drawn {
     words: &'static [&'static str],
     input: &'static str,
@@ -347,7 +347,7 @@ fn every_score_has_its_picture() {
         assert_eq!(fs::read(bench.path(input)).unwrap(), before, "{words:?}");
         assert!(with(words, "-").refusal().contains("--plot: -"), "{words:?}");
         assert!(with(words, "gone/picture.svg").refusal().contains("gone/picture.svg"), "{words:?}");
-        // Nothing is written, and what was there stays, where there is no score.
+        // Without a score nothing is written, and an old picture stays.
         let listing = || {
             let files = fs::read_dir(bench.path("")).unwrap();
             let mut names: Vec<_> = files.map(|file| file.unwrap().file_name()).collect();

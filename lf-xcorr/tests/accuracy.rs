@@ -1,4 +1,4 @@
-//! How near the vectors come to the truth, on clouds of Gaussian particles whose displacement is known.
+//! Errors of vectors on clouds of Gaussian particles with a known displacement.
 
 use crate::scene;
 use lf_core::field::{Field, MEASURED};
@@ -53,16 +53,16 @@ fn round_particles_are_measured_without_bias() {
     assert_eq!(outcome.passes[1].counts().replaced + outcome.passes[1].counts().no_data, 0);
 }
 
-// Scar: normalised by the energy of one window, these read 0.1 voxel short in w.
+// Scar: normalised by the energy of one window, w came out 0.1 voxel short.
 #[test]
-fn particles_long_along_z_do_not_read_short() {
+fn particles_long_along_z_are_measured_without_bias() {
     let (error, outcome) = uniform("long", [0.75, 0.75, 4.0]);
     error[..2].iter().for_each(|[bias, rms]| assert!(bias.abs() < 0.005 && *rms < 0.02, "{error:?}"));
     assert!(error[2][0].abs() < 0.01 && error[2][1] < 0.06, "{error:?}");
     assert_eq!(outcome.passes[1].counts().replaced + outcome.passes[1].counts().no_data, 0);
 }
 
-/// Both windows move, so a rotation is not read as a contraction: the radial part stays small.
+/// Both windows move, so a rotation is not measured as a contraction: the radial part stays small.
 #[test]
 fn rotation_is_measured_at_the_midpoint() {
     let rate = 0.04;

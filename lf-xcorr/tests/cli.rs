@@ -66,7 +66,7 @@ fn the_picture_is_of_the_slice_that_was_asked_for() {
 }
 
 #[test]
-fn a_slice_that_is_none_gets_one_line() {
+fn an_invalid_slice_is_refused_in_one_line() {
     let bench = workbench();
     let with = |slice: &'static str| {
         [&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--plot", "f.svg", "--slice", slice], &SMALL[..]].concat()
@@ -79,13 +79,13 @@ fn a_slice_that_is_none_gets_one_line() {
     bench.refused(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--slice", "z"], &SMALL[..]].concat(), &["--plot"]);
     assert!(!bench.path("f.exr").exists() && !bench.path("f.svg").exists(), "refused before the work");
 
-    // In the volume, but beyond the outermost windows: known when the work is done, which is kept.
+    // In the volume, but beyond the outermost windows. This is known only after the correlation, which is kept.
     bench.refused(&with("x=0.2"), &["f.svg: slice x = 0.2 mm is outside the field; wanted 0.85 to 3.85 mm"]);
     assert!(bench.path("f.exr").exists() && !bench.path("f.svg").exists());
 }
 
 #[test]
-fn verbose_says_what_was_decided() {
+fn verbose_tells_every_decision() {
     let bench = workbench();
     let said = bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], &SMALL[..]].concat()).stderr;
     for words in

@@ -1,4 +1,4 @@
-//! Far from the usual: gains, sizes of particle images, densities, displacements, shapes.
+//! Extreme gains, sizes of particle images, densities, displacements and shapes.
 
 use crate::scene::{self, Volume};
 use lf_core::field::{Field, MEASURED};
@@ -6,7 +6,8 @@ use lf_xcorr::{Options, Pass, Route, correlate};
 
 const SHIFT: [f64; 3] = [1.3, -0.4, 0.6];
 
-/// Bias and root mean square error over u, v, w, voxels, of vectors with a particle image in their window; and their share.
+/// Largest bias and root mean square error of u, v, w, voxels, of vectors with a particle image in their window; and
+/// the share of these vectors.
 fn error(field: &Field) -> [f64; 3] {
     let measured: Vec<usize> =
         (0..field.len()).filter(|&i| field.flag[i] == MEASURED && field.count[i] > 0.0).collect();
@@ -33,7 +34,7 @@ fn field(a: &Volume, b: &Volume) -> Field {
     correlate(&a.sparse(), &b.sparse(), &options()).unwrap().field
 }
 
-/// Scar: products of f32 squares would under- and overflow here.
+/// Products of squares in f32 would under- and overflow here.
 #[test]
 fn any_gain_gives_the_same_field() {
     let [a, b] = cloud(10.0, 0.8);
@@ -111,7 +112,7 @@ fn an_even_ground_changes_little() {
     }
 }
 
-/// More than half a window, found by a search as wide.
+/// A displacement of more than half a window is found by a search of that size.
 #[test]
 fn displacements_beyond_half_a_window_are_found() {
     let shift = [19.3, 0.0, -2.4];
@@ -142,7 +143,7 @@ fn thin_volumes_with_a_displacement_along_the_thin_axis_are_measured() {
     }
 }
 
-/// Scar: the means of two grounds of different brightness correlated by themselves.
+/// Scar: the mean levels of two pairs of different brightness correlated with each other.
 #[test]
 fn pairs_of_different_brightness_are_taken_about_their_own_means() {
     let clouds = [cloud(10.0, 0.8), scene::pair(&scene::grid([64; 3]), 10.0 / 32f64.powi(3), [0.8; 3], 2, |_| SHIFT)];

@@ -33,7 +33,7 @@ fn a_volume_against_itself_is_exactly_zero() {
     assert!(field.su.iter().filter_map(stated).count() > field.len() * 9 / 10);
 }
 
-/// Particles away from the sides, so that no light enters or leaves.
+/// The particles are away from the sides, so that no light enters or leaves.
 #[test]
 fn whole_voxel_shifts_are_exact() {
     let grid = scene::grid(SHAPE);
@@ -47,7 +47,7 @@ fn whole_voxel_shifts_are_exact() {
         });
         scene::splat(&mut dense[0], &grid, centre, [0.75; 3], 1.0);
     }
-    // Move voxels, not particles: equal to the last bit.
+    // Voxels are moved, not particles, so that the light is equal to the last bit.
     for index in 0..grid.len() {
         let to = std::array::from_fn(|a| grid.voxel(index)[a] as i64 + shift[a] as i64);
         if (0..3).all(|a| to[a] >= 0 && to[a] < SHAPE[a] as i64) {
@@ -118,7 +118,7 @@ fn a_dark_window_has_no_data_and_never_a_zero() {
     let field = field(&a, &b);
     let mut dark = 0;
     for i in 0..field.len() {
-        // Windows that start beyond column 28 see nothing, whatever the shift.
+        // Windows that start beyond column 28 see nothing for any shift.
         if field.place_mm(i)[0] - 15.5 > 28.0 {
             dark += 1;
             assert_eq!(field.flag[i], NO_DATA);
@@ -160,7 +160,7 @@ fn a_wrong_window_is_replaced_and_says_so() {
 }
 
 #[test]
-fn hopeless_input_is_refused_with_what_was_found() {
+fn unusable_input_is_refused_with_what_was_found() {
     let [a, b] = particles(7);
     let refused = |a: &Sparse, b: &Sparse, options: &Options| -> Error { correlate(a, b, options).unwrap_err() };
 
@@ -193,7 +193,7 @@ fn hopeless_input_is_refused_with_what_was_found() {
     assert!(with(&|o| o.floor = 1.0).side == Side::Options);
     assert!(with(&|o| o.median_test.threshold = 0.0).side == Side::Options);
 
-    // Light in both, but never in one window: nothing to go on.
+    // Both have light, but never in the same window.
     let (left, right) = (a.grid.index([2, 2, 2]), a.grid.index([70, 60, 45]));
     let left = Sparse { grid: &a.grid, indices: &[left], intensity: &[1.0] };
     let right = Sparse { grid: &a.grid, indices: &[right], intensity: &[1.0] };
@@ -215,7 +215,7 @@ fn one_window_and_thin_volumes_work() {
 }
 
 #[test]
-fn the_picture_holds_what_it_promises() {
+fn the_picture_has_its_labels_and_counts() {
     let [a, b] = particles(8);
     let mut field = field(&a, &b);
     let layer = 6 * 5 * 4;
@@ -233,7 +233,7 @@ fn the_picture_holds_what_it_promises() {
     assert_eq!((&*found, &*wanted), ("slice y = 60 mm is outside the field", "wanted 11.5 to 51.5 mm"));
 }
 
-/// One wild vector changes one arrow and one cell: the scale of colours and arrows stays.
+/// One wild vector changes one arrow and one cell. The scales of colours and arrows stay.
 #[test]
 fn a_wild_vector_does_not_shrink_the_rest_of_the_picture() {
     let [a, b] = particles(8);

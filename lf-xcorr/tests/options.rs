@@ -103,7 +103,7 @@ fn passes_with_their_own_overlap_and_those_by_name_keep_it_under_a_preset() {
 }
 
 #[test]
-fn an_option_that_changes_nothing_is_refused() {
+fn an_option_without_effect_is_refused() {
     let bench = workbench();
     let one = ["--pass", "24,24,12:0.5:3,3,3"];
     for (more, option) in [
@@ -142,10 +142,10 @@ fn velocities_need_a_time() {
 #[test]
 fn a_mask_is_a_box_or_a_file() {
     let bench = workbench();
-    // 48 x 40 x 24 voxels of 0.1 x 0.1 x 0.5 mm from 0 on: voxels 8 to 40 along x.
+    // 48 x 40 x 24 voxels of 0.1 x 0.1 x 0.5 mm, from 0 on. The box holds voxels 8 to 40 along x.
     bench.done(&["a.lfv", "b.lfv", "-o", "f.exr", "-q", "--mask", "0.8,4.0,-9,9,-9,99", "--window", "24,24,12"]);
     let boxed = field(&bench, "f.exr");
-    // 33 voxels, windows of 24 and 6 apart: two, the first after 1 voxel.
+    // Windows of 24 voxels, 6 apart: two fit into 33 voxels, and the first begins after 1 voxel.
     assert_eq!(boxed.layout.shape[0], 2);
     assert!((boxed.layout.origin_mm[0] - (0.8 + 0.1 + 1.15)).abs() < 1e-9, "{:?}", boxed.layout.origin_mm);
 
@@ -189,7 +189,7 @@ fn further_pairs_are_counted_with_the_first() {
 }
 
 #[test]
-fn the_method_is_what_was_asked_for() {
+fn the_method_follows_its_options() {
     let bench = workbench();
     let said = |more: &[&'static str]| {
         bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], &SMALL[..], more].concat()).stderr

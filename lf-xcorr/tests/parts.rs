@@ -78,7 +78,7 @@ fn more_pairs_of_worn_particles_scatter_less() {
     let clouds: Vec<[Volume; 2]> = (0..6).map(|seed| cloud(10 + seed, 6.0, worn)).collect();
     let pairs: Vec<[Sparse; 2]> = clouds.iter().map(|pair| pair.each_ref().map(Volume::sparse)).collect();
     let [one, six] = [&pairs[..1], &pairs[..]].map(|pairs| field(pairs, &Mask::Everything, &options()));
-    // Six times the particles: the root of it less scatter, and as much less stated.
+    // Six times the particles: scatter and stated uncertainty fall by about sqrt(6).
     assert!(rms(&six) < 0.55 * rms(&one), "{} {}", rms(&six), rms(&one));
     let stated = |field: &Field| {
         let known: Vec<f64> = field.su.iter().filter(|s| s.is_finite()).map(|&s| s as f64).collect();
@@ -124,7 +124,7 @@ fn any_list_of_passes_is_done_one_after_the_other() {
 }
 
 #[test]
-fn one_pass_is_enough_and_never_deforms_when_told_so() {
+fn one_pass_without_deformation_is_enough() {
     let [a, b] = cloud(5, 20.0, Wear::default());
     let mut options = Options::of(vec![Pass { window: [32, 32, 24], overlap: 0.5, search: [5, 5, 5] }]);
     options.deform = Deform::Never;
@@ -173,7 +173,7 @@ fn deformation_follows_a_steep_gradient() {
     assert!(auto < 0.05 && auto < 0.2 * never, "{auto} {never}");
 }
 
-/// By hand: three particles apart, one of them too faint to count.
+/// Three separate particles, one of them too faint to count.
 #[test]
 fn particle_images_are_counted() {
     let grid = scene::grid([40, 40, 40]);

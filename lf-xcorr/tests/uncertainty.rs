@@ -1,11 +1,12 @@
-//! Do the stated uncertainties cover the true errors?
+//! The stated uncertainties cover the true errors.
 
 use crate::coverage::{WORN, coverage, shear, vortices};
 use crate::scene::{self, Wear};
 use lf_xcorr::{Options, correlate};
 
-/// By hand: of two equal particles one moves 0.1 voxel more along x than the mean and one as much less. The sample's standard
-/// deviation is 0.1 sqrt(2), that of the mean of two is 0.1, and Student's factor for two is 1.5. Nothing moves along y.
+/// By hand: of two equal particles, one moves 0.1 voxel more along x than the mean and one 0.1 voxel less. The standard
+/// deviation of the sample is 0.1 sqrt(2), that of the mean 0.1, and Student's factor for two is 1.5. Nothing moves
+/// along y.
 #[test]
 fn two_particles_by_hand() {
     let grid = scene::grid([48, 40, 40]);

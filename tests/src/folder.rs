@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
-/// A new, empty folder, which is removed in the end.
+/// A new, empty folder, which is removed at the end.
 #[derive(Debug)]
 pub struct Folder(TempDir);
 
@@ -78,10 +78,11 @@ impl Folder {
         serde_json::from_slice(&self.bytes(name)).expect("the file is JSON")
     }
 
-    /// All files in the folder, with their bytes. A sub-folder is not read.
-    pub fn files(&self) -> BTreeMap<String, Vec<u8>> {
-        let names = fs::read_dir(self.root()).expect("a folder of the test").map(|entry| entry.expect("an entry"));
-        let files = names.filter(|entry| entry.path().is_file());
+    /// All files in a folder of this folder, or in itself (`.`), with their bytes.
+    pub fn files(&self, name: &str) -> BTreeMap<String, Vec<u8>> {
+        let entries =
+            fs::read_dir(self.path(name)).expect("a folder of the test").map(|entry| entry.expect("an entry"));
+        let files = entries.filter(|entry| entry.path().is_file());
         files.map(|entry| (entry.file_name().to_string_lossy().into_owned(), self.bytes(entry.path()))).collect()
     }
 

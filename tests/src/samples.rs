@@ -1,14 +1,15 @@
 //! Small inputs that the tools accept, and damaged ones that they must refuse.
 
+use crate::folder::Folder;
 use lf_core::camera::Camera;
 use lf_core::field::{Field, MEASURED, VectorGrid};
 use lf_core::grid::Grid;
 use lf_core::history::History;
-use lf_core::{image, volume};
+use lf_core::volume;
 use ndarray::Array2;
 use std::fs;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 
 /// Sides of the sample sensor, px.
 pub const SENSOR_PX: usize = 140;
@@ -97,19 +98,26 @@ pub const DAMAGES: [Damage; 9] = [
 ];
 
 /// A folder with one sound file of each kind.
-pub struct Samples {
-    folder: TempDir,
+#[derive(Debug)]
+pub struct Samples(Folder);
+
+impl Deref for Samples {
+    type Target = Folder;
+
+    fn deref(&self) -> &Folder {
+        &self.0
+    }
 }
 
 impl Samples {
     /// Writes the samples.
     pub fn new() -> Self {
-        let samples = Self { folder: tempfile::tempdir().expect("a folder for the test") };
+        let samples = Self(Folder::new());
         let camera = camera();
         samples.write(Kind::Camera.file(), camera.to_json().trim_end());
         samples.write(Kind::Scene.file(), scene(&camera));
-        samples.image(Kind::Image.file(), speckle);
-        samples.image(Kind::White.file(), white);
+        samples.frame(Kind::Image.file(), speckle);
+        samples.frame(Kind::White.file(), white);
         samples.write(Kind::Support.file(), support());
         samples.write(Kind::Volume.file(), light(0));
         samples.write(Kind::Moved.file(), light(1));
@@ -117,38 +125,20 @@ impl Samples {
         samples
     }
 
-    /// The folder.
-    pub fn folder(&self) -> &Path {
-        self.folder.path()
-    }
-
-    /// Path of a file in the folder.
-    pub fn path(&self, name: &str) -> PathBuf {
-        self.folder().join(name)
-    }
-
     /// Path of a sound sample.
     pub fn sound(&self, kind: Kind) -> PathBuf {
         self.path(kind.file())
     }
 
-    /// Writes a file into the folder.
-    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
-        fs::write(self.path(name), content).expect("a file of the test is written");
-        self.path(name)
-    }
-
-    /// Writes an image of the sensor's size, `value` of each place (column, row).
-    pub fn image(&self, name: &str, value: impl Fn(usize, usize) -> f32) -> PathBuf {
-        let pixels = Array2::from_shape_fn((SENSOR_PX, SENSOR_PX), |(y, x)| value(x, y));
-        image::save(&self.path(name), &pixels, &History::new()).expect("a sample is written");
-        self.path(name)
+    /// Writes an image of the sensor's size, `value` at each (column, row).
+    pub fn frame(&self, name: &str, value: impl Fn(usize, usize) -> f32) -> PathBuf {
+        self.image(name, &Array2::from_shape_fn((SENSOR_PX, SENSOR_PX), |(y, x)| value(x, y)))
     }
 
     /// A spoilt sample of a kind, under the name `bad-...`.
     pub fn spoilt(&self, kind: Kind, damage: Damage) -> PathBuf {
         let name = format!("bad-{}-{}", format!("{damage:?}").to_lowercase(), kind.file());
-        let sound = fs::read(self.sound(kind)).expect("a sample");
+        let sound = self.bytes(kind.file());
         let bytes = match damage {
             Damage::Missing => return self.path(&name),
             Damage::Folder => {
@@ -158,7 +148,7 @@ impl Samples {
             Damage::Empty => Vec::new(),
             Damage::Text => b"hello world, this is no data\n".to_vec(),
             Damage::Noise => (0..4096u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 13) as u8).collect(),
-            Damage::Stranger => fs::read(self.sound(kind.stranger())).expect("a sample"),
+            Damage::Stranger => self.bytes(kind.stranger().file()),
             Damage::Stub => sound[..7].to_vec(),
             Damage::Half => sound[..sound.len() / 2].to_vec(),
             Damage::LastByte => sound[..sound.len() - 1].to_vec(),
@@ -178,7 +168,7 @@ impl Samples {
             }
         }
         let mut names = Vec::new();
-        collect(self.folder(), &mut names);
+        collect(self.root(), &mut names);
         names.sort();
         names
     }

@@ -8,7 +8,7 @@ use lf_core::camera::{Aperture, Camera, Layout, MainLens, Microlenses, Sensor};
 use lf_core::optics::Optics;
 use ndarray::Array2;
 
-/// The seed camera of the simulations with a round stop: 14 px lenslets whose discs touch.
+/// The camera of the simulations with a round stop: lenslets of 14 px whose discs touch.
 pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2]) -> Camera {
     Camera {
         sensor: Sensor { width: side, height: side, pixel_pitch_mm: 0.0055 },
@@ -35,7 +35,7 @@ pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2
     }
 }
 
-/// The same camera as its maker would describe it: right lens, roughly right lattice.
+/// The camera as its data sheet might describe it: the true lens, a lattice that is roughly right.
 pub fn nominal(truth: &Camera) -> Camera {
     let mut nominal = truth.clone();
     nominal.microlenses.pitch_mm *= 1.02;
@@ -45,7 +45,7 @@ pub fn nominal(truth: &Camera) -> Camera {
     nominal
 }
 
-/// How far the lenslet image farthest off is from the truth's, within the frame, px.
+/// Largest distance between a lenslet image and that of the truth, within the frame, px.
 pub fn farthest_px(found: &Camera, truth: &Camera) -> f64 {
     let px_per_mm = (1.0 + truth.demagnification()) / truth.sensor.pixel_pitch_mm;
     let half = 0.5 * truth.sensor.pixel_pitch_mm * DVec2::new(truth.sensor.width as f64, truth.sensor.height as f64);
@@ -57,7 +57,7 @@ pub fn farthest_px(found: &Camera, truth: &Camera) -> f64 {
     truth.lattice().lenslets_within(DVec2::ZERO, half).map(|(_, _, centre)| off(centre)).fold(0.0, f64::max)
 }
 
-/// Where the lenslets of a camera without tilt are imaged within its frame, px from the left and top edge.
+/// Lenslet images of a camera without tilt within its frame, px from the left and top edge.
 pub fn image_px(camera: &Camera) -> Vec<DVec2> {
     let size = DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64);
     let px_per_mm = (1.0 + camera.demagnification()) / camera.sensor.pixel_pitch_mm;
@@ -66,21 +66,21 @@ pub fn image_px(camera: &Camera) -> Vec<DVec2> {
     places.map(|(_, _, centre)| centre * px_per_mm + 0.5 * size).collect()
 }
 
-/// Discs of `fill` times the stop's image, 1000 counts, dark between, overlaps brighter: a pixel's count is the area that
-/// the discs cover of its square, chord by chord.
+/// Discs of `fill` times the stop's image on black. A pixel counts 1000 times its area that is covered, summed over
+/// discs, from 64 chords.
 pub fn discs(camera: &Camera, fill: f64) -> Array2<f32> {
     let radius = 0.5 * fill * stop_px(camera);
     spots(camera, radius, |corner, _| covered(corner, &[(DVec2::ZERO, radius)]))
 }
 
-/// The same discs where a second disc, `second` times as large and displaced by `drift` of the image's distance from the
-/// frame's middle, cuts into them.
+/// The same discs, cut by second discs of `second` times their size. A second disc is displaced by `drift` times the
+/// distance of its lenslet image from the middle of the frame.
 pub fn cut_discs(camera: &Camera, fill: f64, second: f64, drift: f64) -> Array2<f32> {
     let radius = 0.5 * fill * stop_px(camera);
     spots(camera, radius, |corner, place| covered(corner, &[(DVec2::ZERO, radius), (drift * place, second * radius)]))
 }
 
-/// The same behind a square stop, sides along x and y: a pixel's count is the area covered, exactly.
+/// The same with a square stop, sides along x and y. The covered area is exact.
 pub fn squares(camera: &Camera, fill: f64) -> Array2<f32> {
     let half = 0.5 * fill * stop_px(camera);
     let side = |corner: f64| ((corner + 1.0).min(half) - corner.max(-half)).max(0.0);
@@ -92,8 +92,8 @@ fn stop_px(camera: &Camera) -> f64 {
     camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm
 }
 
-/// A thousand times `share` for every pixel within `reach_px` of a lenslet image's centre, by the pixel's corner from there
-/// and the centre from the frame's middle, px.
+/// Adds 1000 times `share` to every pixel within `reach_px` of each lenslet image. `share` gets the corner of the pixel
+/// from the centre of the image, and that centre from the middle of the frame, px.
 fn spots(camera: &Camera, reach_px: f64, share: impl Fn(DVec2, DVec2) -> f64) -> Array2<f32> {
     let pitch = camera.sensor.pixel_pitch_mm;
     let (width, height) = (camera.sensor.width, camera.sensor.height);
@@ -115,8 +115,8 @@ fn spots(camera: &Camera, reach_px: f64, share: impl Fn(DVec2, DVec2) -> f64) ->
     image
 }
 
-/// Rays through the shared optics: from everywhere on the array, through everywhere in the stop, counted by pixel and
-/// scaled to a mean of 1000 in the discs.
+/// Random rays through the shared optics, from the whole array through the whole stop, counted by pixel and scaled to a
+/// mean of 1000 in the discs.
 pub fn rays(camera: &Camera, per_pixel: usize) -> Array2<f32> {
     let optics = Optics::new(camera);
     let (width, height) = (camera.sensor.width, camera.sensor.height);
@@ -161,17 +161,17 @@ fn covered(corner: DVec2, discs: &[(DVec2, f64)]) -> f64 {
     (0..CHORDS).map(chord).sum::<f64>() / CHORDS as f64
 }
 
-/// Adds noise of `share` of each pixel's count, one stream a pixel.
+/// Adds noise of standard deviation `share` times the count, with one random stream for each pixel.
 pub fn noisy(image: &mut Array2<f32>, share: f64) {
     for (n, value) in image.iter_mut().enumerate() {
-        // A sum of twelve uniform numbers less six is near enough to normal.
+        // The sum of twelve uniform numbers, minus six, is nearly normal.
         let mut state = n as u64 ^ 0x9e37_79b9_7f4a_7c15;
         let sum: f64 = (0..12).map(|_| uniform(&mut state)).sum::<f64>() - 6.0;
         *value = (*value as f64 * (1.0 + share * sum)).max(0.0) as f32;
     }
 }
 
-/// SplitMix64, as a number from 0 to 1.
+/// A random number from 0 to 1 (SplitMix64).
 pub fn uniform(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;

@@ -5,19 +5,20 @@ use lf_core::camera::{Aperture, Camera, Layout};
 use lf_core::optics::Optics;
 use ndarray::Array2;
 
-/// Rays of a point.
+/// Number of rays of a point.
 const RAYS: usize = 30_000;
-/// Steps of the generalised golden ratio in four dimensions: rays that fill stop and dot and beat with no lattice.
+/// Steps of the generalised golden ratio in four dimensions: the rays fill stop and dot evenly and beat with no
+/// lattice.
 const STEP: [f64; 4] = [0.856_674_883_854_503, 0.733_891_856_627_126, 0.628_706_721_037_811, 0.538_597_257_223_612];
 
-/// The seed camera behind a square stop, so that even rays fill it.
+/// The camera of the simulations with a square stop, which even rays fill.
 pub fn camera(lenslets: usize) -> Camera {
     let mut camera = super::camera(14 * lenslets, Layout::Square, 0.0, [0.0; 2]);
     camera.main_lens.aperture = Aperture::Square;
     camera
 }
 
-/// Adds a disc of light of so many counts.
+/// Adds a disc of light of `counts` counts.
 pub fn add(image: &mut Array2<f32>, optics: &Optics, place: DVec3, radius_mm: f64, counts: f64) {
     let each = (counts / RAYS as f64) as f32;
     let start = 1000.0 * (place.x + 3.0 * place.y).abs();
@@ -40,7 +41,7 @@ pub fn image(camera: &Camera, places: &[DVec3], radius_mm: f64, counts: f64) -> 
     image
 }
 
-/// Dots of a square grid at a depth, and their numbers.
+/// The dots of a square grid at a depth.
 pub fn grid(side: i64, spacing_mm: f64, z_mm: f64) -> Vec<DVec3> {
     let half = side / 2;
     (-half..=half)

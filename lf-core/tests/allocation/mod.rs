@@ -1,4 +1,4 @@
-//! Watches what a piece of work allocates: the largest single request, on this thread.
+//! Measures the largest single allocation of a piece of work on this thread.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -39,7 +39,7 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static WATCHED: Watched = Watched;
 
-/// Runs `work`; also gives the bytes of the largest single request it made.
+/// Runs `work`. Also returns the bytes of its largest single allocation.
 pub fn largest<T>(work: impl FnOnce() -> T) -> (T, usize) {
     LARGEST.set(0);
     let outcome = work();

@@ -69,7 +69,8 @@ pub enum Task {
     Dots {
         #[command(flatten)]
         source: SceneSource,
-        /// Folder for dots-0000.exr ..., dots.csv (places; frame is the number of the depth), camera.json, scene-used.json
+        /// Folder for dots-0000.exr ..., dots.csv (places; frame is the number of the depth), camera.json,
+        /// scene-used.json
         #[arg(short, long, value_name = "DIR")]
         output: PathBuf,
         /// File format of the images

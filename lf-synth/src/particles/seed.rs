@@ -37,8 +37,9 @@ const MOST: f64 = 1e8;
 /// Places along each side of the lattice that finds where particles come from.
 const PLACES: usize = 9;
 
-/// Bounds at time 0 of every particle that is inside `bounds_mm` at one of the times. Seeding them evenly keeps the density
-/// inside. They enclose a lattice of places in the volume carried back in time, with a tenth of the widening added.
+/// Bounds at time 0 of every particle that is inside `bounds_mm` at one of the times. Seeding them evenly keeps the
+/// density inside. They enclose a lattice of places in the volume carried back in time, with a tenth of the widening
+/// added.
 fn origin_mm(bounds_mm: [[f64; 2]; 3], velocity: &Velocity, times: &[f64]) -> [[f64; 2]; 3] {
     let carried: Vec<(DVec3, DVec3)> = places(bounds_mm, PLACES)
         .collect::<Vec<_>>()

@@ -21,8 +21,8 @@ pub enum Tracers {
 }
 
 impl Tracers {
-    /// The particles of frame number `frame` at `time` that are inside the bounds and lit, with the sheet's brightness in
-    /// their intensities. Ask for the frames in their order.
+    /// The particles of frame number `frame` at `time` that are inside the bounds and lit, with the sheet's brightness
+    /// in their intensities. Ask for the frames in their order.
     pub fn lit(&mut self, frame: usize, time: f64, bounds_mm: [[f64; 2]; 3], light: Option<&Sheet>) -> Vec<Particle> {
         let mut lit = match self {
             Self::Given(frames) => inside(&frames[frame], bounds_mm),

@@ -36,8 +36,8 @@ pub struct Pattern {
     deflections_mm: [Vec<f32>; 2],
 }
 
-/// Reach of the pattern, in lambda g / p. The light beyond (0.6 % of a sinc^2 along an axis, 1.3 % of an Airy pattern) is
-/// spread over the light within.
+/// Reach of the pattern, in lambda g / p. The light beyond (0.6 % of a sinc^2 along an axis, 1.3 % of an Airy pattern)
+/// is spread over the light within.
 const REACH: f64 = 16.0;
 
 /// Steps of the integral for each lambda g / p. Twice as many move no quantile by 1e-4.
@@ -155,8 +155,9 @@ impl Quantiles {
 mod tests {
     use super::*;
 
-    /// From tables: J1 has its first zero at 3.8317. For an aperture of width 1, half of a sinc^2 lies within 0.2214 of its
-    /// middle, and half of the Airy light within a radius of 0.535 (encircled energy); both without the cut of the tail.
+    /// From tables: J1 has its first zero at 3.8317. For an aperture of width 1, half of a sinc^2 lies within 0.2214 of
+    /// its middle, and half of the Airy light within a radius of 0.535 (encircled energy); both without the cut of the
+    /// tail.
     #[test]
     fn patterns_match_the_textbooks() {
         assert!(airy(3.831_706 / PI) < 1e-13);

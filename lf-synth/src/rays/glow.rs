@@ -30,8 +30,8 @@ pub enum RayCount {
 /// A scaled number of rays is clamped to 1/8..8 of the reference.
 const CLAMP: f64 = 8.0;
 
-/// Rays that leave a relative noise below 0.01: `--measure-noise` finds 0.007 to 0.009 in the ready scenes core, core-round,
-/// core-hexagonal and demo, and 0.001 with the rays that the power law gives for that.
+/// Rays that leave a relative noise below 0.01: `--measure-noise` finds 0.007 to 0.009 in the ready scenes core,
+/// core-round, core-hexagonal and demo, and 0.001 with the rays that the power law gives for that.
 const RAYS_AT_HUNDREDTH: f64 = 15_000.0;
 
 /// The noise falls with the number of rays to the power of 3/4.

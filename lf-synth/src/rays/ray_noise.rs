@@ -12,8 +12,8 @@ pub const SAMPLE: usize = 200;
 /// Renders with different rays that are averaged, to stand for one render with 100 times the rays.
 const RENDERS: u64 = 100;
 
-/// Root mean square error of the lit pixels, relative to the brightest pixel; 0 without light. Measured on the [`SAMPLE`]
-/// particles nearest in x and y to the middle of all, where they overlap as in the whole frame.
+/// Root mean square error of the lit pixels, relative to the brightest pixel; 0 without light. Measured on the
+/// [`SAMPLE`] particles nearest in x and y to the middle of all, where they overlap as in the whole frame.
 pub fn measure(instrument: &Instrument, particles: &[Particle], glow: &Glow, seed: u64) -> f64 {
     let middle = particles.iter().map(|particle| particle.place_mm.truncate()).sum::<glam::DVec2>()
         / particles.len().max(1) as f64;

@@ -1,8 +1,8 @@
 //! From rays to images.
 //!
-//! Each ray carries an equal share of its particle's counts. The rays of one particle are counted in a patch of the sensor.
-//! Patches are added to the image in the order of the particles, so that the image has the same bytes for any number of
-//! threads.
+//! Each ray carries an equal share of its particle's counts. The rays of one particle are counted in a patch of the
+//! sensor. Patches are added to the image in the order of the particles, so that the image has the same bytes for any
+//! number of threads.
 
 use super::glow::Glow;
 use super::instrument::Instrument;
@@ -53,8 +53,9 @@ pub fn frame(
     Rendered { pixels, emitted, arrived, rays: cast_rays }
 }
 
-/// Renders an evenly lit aperture through every lenslet of the sensor, with `rays` rays for each lenslet. A pixel that sees
-/// only lit aperture holds `level` counts. `done` is called with the number of rows of cells finished since its last call.
+/// Renders an evenly lit aperture through every lenslet of the sensor, with `rays` rays for each lenslet. A pixel that
+/// sees only lit aperture holds `level` counts. `done` is called with the number of rows of cells finished since its
+/// last call.
 pub fn white(
     instrument: &Instrument,
     camera: &Camera,

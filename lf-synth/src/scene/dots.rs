@@ -26,8 +26,8 @@ pub struct Dots {
     /// X and y of the grid's centre, which holds a dot, mm.
     #[serde(default)]
     pub centre_mm: [f64; 2],
-    /// Half the extent of the plate along its rows and columns, mm. If absent, the plate fills the view of the sensor at
-    /// the focal plane, for any rotation and centre.
+    /// Half the extent of the plate along its rows and columns, mm. If absent, the plate fills the view of the sensor
+    /// at the focal plane, for any rotation and centre.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_size_mm: Option<[f64; 2]>,
 }
@@ -48,7 +48,8 @@ impl Dots {
         Glow { shape: Shape::Disc, size_mm: 0.5 * self.diameter_mm, rays }
     }
 
-    /// Checks values that the types allow. The sensor sees `half_view_mm` of the focal plane to either side of the axis.
+    /// Checks values that the types allow. The sensor sees `half_view_mm` of the focal plane to either side of the
+    /// axis.
     ///
     /// # Errors
     /// Names the key that is wrong.
@@ -86,8 +87,8 @@ impl Dots {
         Ok(())
     }
 
-    /// The dots with the plate at `depth_mm`, row by row from low y in the frame of the plate. Ids count from 0 and are the
-    /// same at every depth. [`check`](Self::check) must have passed with the same `half_view_mm`.
+    /// The dots with the plate at `depth_mm`, row by row from low y in the frame of the plate. Ids count from 0 and are
+    /// the same at every depth. [`check`](Self::check) must have passed with the same `half_view_mm`.
     pub fn target(&self, half_view_mm: [f64; 2], depth_mm: f64) -> Vec<Particle> {
         let [columns, rows] = self.steps(half_view_mm);
         let count = |[first, last]: [f64; 2]| (last - first + 1.0).max(0.0) as u64;
@@ -110,8 +111,8 @@ impl Dots {
             .collect()
     }
 
-    /// First and last dot along rows and columns, in spacings from the centre: those of the plate, or of the box around the
-    /// view in the frame of the plate.
+    /// First and last dot along rows and columns, in spacings from the centre: those of the plate, or of the box around
+    /// the view in the frame of the plate.
     fn steps(&self, half_view_mm: [f64; 2]) -> [[f64; 2]; 2] {
         let (middle, reach) = match self.half_size_mm {
             Some(half) => (DVec2::ZERO, DVec2::from(half)),
@@ -162,7 +163,8 @@ mod tests {
         assert!(near.iter().enumerate().all(|(n, dot)| dot.id == n as u64));
     }
 
-    /// A plate without a size holds exactly the dots of a larger plate that lie in the view, for any rotation and centre.
+    /// A plate without a size holds exactly the dots of a larger plate that lie in the view, for any rotation and
+    /// centre.
     #[test]
     fn without_a_size_the_plate_fills_the_view() {
         for (rotation_rad, centre_mm) in [(0.0, [0.0; 2]), (0.3, [0.0; 2]), (-2.2, [0.37, -5.0]), (1.6, [9.0, 0.02])] {

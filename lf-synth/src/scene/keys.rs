@@ -61,8 +61,8 @@ pub struct Scene {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Particles {
-    /// Particles for each lenslet that the volume covers at the focal plane. A scene has this or `count` or `csv`; none of
-    /// them if its flow is a table of tracks.
+    /// Particles for each lenslet that the volume covers at the focal plane. A scene has this or `count` or `csv`; none
+    /// of them if its flow is a table of tracks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub per_lenslet: Option<f64>,
     /// Number of particles in the volume.
@@ -86,8 +86,8 @@ pub struct Particles {
     /// Standard deviation of the intensities over their mean, log-normal. If absent, all are the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intensity_spread: Option<f64>,
-    /// Wanted noise of the ray tracing: root mean square error of a frame's lit pixels over its brightest pixel. A scene has
-    /// this or `rays`; 0.01 if it has neither.
+    /// Wanted noise of the ray tracing: root mean square error of a frame's lit pixels over its brightest pixel. A
+    /// scene has this or `rays`; 0.01 if it has neither.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ray_noise: Option<f64>,
     /// Rays for each particle and frame.

@@ -85,8 +85,9 @@ pub fn scene(name: &str) -> Option<Value> {
     Some(Value::Object(scene))
 }
 
-/// The camera of the simulations. The paper's table of parameters is lost; these values follow from its text or agree with
-/// it: pixels of 5.5 um, lenslets of 77 um (14 px) and 0.308 mm focal length, which match N_w = 4, and a 200 mm lens at m = 1.
+/// The camera of the simulations. The paper's table of parameters is lost; these values follow from its text or agree
+/// with it: pixels of 5.5 um, lenslets of 77 um (14 px) and 0.308 mm focal length, which match N_w = 4, and a 200 mm
+/// lens at m = 1.
 fn camera(lenslets: u32, aperture: &str, layout: &str, rotation_rad: f64) -> Value {
     json!({
         "sensor": {"width": 14 * lenslets, "height": 14 * lenslets, "pixel_pitch_mm": 0.0055},
@@ -104,9 +105,9 @@ fn volume(lenslets: u32) -> Value {
     json!({"x_mm": [-half, half], "y_mm": [-half, half], "z_mm": [-5.0, 5.0]})
 }
 
-/// The camera of the paper's section 5: a 200 mm lens at f/4 and M = -0.95. Its working f-number is 7.8; lenslets of 0.6 mm
-/// focal length match it. The paper gives the tank (360 mm across, 20 mm of Perspex) but not its place. We assume that its
-/// middle is in focus.
+/// The camera of the paper's section 5: a 200 mm lens at f/4 and M = -0.95. Its working f-number is 7.8; lenslets of
+/// 0.6 mm focal length match it. The paper gives the tank (360 mm across, 20 mm of Perspex) but not its place. We
+/// assume that its middle is in focus.
 fn experiment_camera(width: u32, height: u32) -> Value {
     json!({
         "sensor": {"width": width, "height": height, "pixel_pitch_mm": 0.0055},
@@ -158,7 +159,8 @@ fn sheet() -> Value {
     json!({"profile": "gaussian", "centre_mm": 0.0, "thickness_mm": 10.0})
 }
 
-/// Light from the ends of the depth fans out over 8.2 lenslets to each side, so sensors are 18 lenslets wider than volumes.
+/// Light from the ends of the depth fans out over 8.2 lenslets to each side, so sensors are 18 lenslets wider than
+/// volumes.
 fn core(aperture: &str, layout: &str, rotation_rad: f64) -> Value {
     json!({
         "camera": camera(38, aperture, layout, rotation_rad),
@@ -270,8 +272,8 @@ fn target() -> Value {
     })
 }
 
-/// Sets a key of a scene, such as `particles.per_lenslet=0.5`. The value is JSON, or a string if it is not valid JSON; null
-/// removes the key.
+/// Sets a key of a scene, such as `particles.per_lenslet=0.5`. The value is JSON, or a string if it is not valid JSON;
+/// null removes the key.
 ///
 /// # Errors
 /// If `assignment` is not KEY=VALUE, or there is no place for such a key.

@@ -1,10 +1,10 @@
 //! One pixel: from expected to recorded counts.
 //!
-//! The linear camera of EMVA Standard 1288, release 4.0 Linear (2021), chapter on sensitivity, linearity and noise. A pixel
-//! gathers a Poisson number of electrons of mean mu_e, adds a normal number of variance sigma_d^2 and an offset. It reads
-//! mu_y = mu_y.dark + K mu_e with sigma_y^2 = K^2 sigma_d^2 + sigma_q^2 + K (mu_y - mu_y.dark). K is the gain in counts per
-//! electron, and sigma_q^2 = 1/12 comes from rounding. Gain and offset are the same for all pixels, and there is no dark
-//! current; only dead and hot pixels differ.
+//! The linear camera of EMVA Standard 1288, release 4.0 Linear (2021), chapter on sensitivity, linearity and noise. A
+//! pixel gathers a Poisson number of electrons of mean mu_e, adds a normal number of variance sigma_d^2 and an offset.
+//! It reads mu_y = mu_y.dark + K mu_e with sigma_y^2 = K^2 sigma_d^2 + sigma_q^2 + K (mu_y - mu_y.dark). K is the gain
+//! in counts per electron, and sigma_q^2 = 1/12 comes from rounding. Gain and offset are the same for all pixels, and
+//! there is no dark current; only dead and hot pixels differ.
 
 use rand::RngExt;
 use rand_distr::{Distribution, Poisson, StandardNormal};
@@ -102,8 +102,8 @@ impl Chain {
     }
 }
 
-/// A Poisson number. 0 if the mean is not above 0; the mean itself if it is beyond the sampler's limit of 1.8e19, where an
-/// f32 cannot hold the noise.
+/// A Poisson number. 0 if the mean is not above 0; the mean itself if it is beyond the sampler's limit of 1.8e19, where
+/// an f32 cannot hold the noise.
 fn photons(mean: f64, random: &mut Pcg64Mcg) -> f64 {
     match Poisson::new(mean) {
         Ok(poisson) => poisson.sample(random),

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The signal chain of a sensor, in this order: background, photon noise, full well, read noise, gain, offset, bits; then
-/// the dead and hot pixels. A step without its key is left out and draws no random number.
+/// The signal chain of a sensor, in this order: background, photon noise, full well, read noise, gain, offset, bits;
+/// then the dead and hot pixels. A step without its key is left out and draws no random number.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorNoise {
@@ -92,8 +92,8 @@ impl SensorNoise {
     }
 
     /// Turns the expected counts in `image`, shape (height, width), into recorded counts, in place. Without keys and
-    /// background the image stays as it is. The random numbers of noise depend on seed, frame and row, those of dead and
-    /// hot pixels on seed and row, so that the bytes are the same for any number of threads.
+    /// background the image stays as it is. The random numbers of noise depend on seed, frame and row, those of dead
+    /// and hot pixels on seed and row, so that the bytes are the same for any number of threads.
     ///
     /// # Panics
     /// If `background` has another shape.

@@ -58,7 +58,8 @@ fn electrons_follow_a_poisson_distribution() {
     assert_eq!(recorded(r#"{"photon_noise": true}"#, flat(-3.0), 0).0, flat(0.0));
 }
 
-/// Photon transfer: the variance starts at gain^2 read_noise^2 + 1/12 and rises by the gain with the mean above the offset.
+/// Photon transfer: the variance starts at gain^2 read_noise^2 + 1/12 and rises by the gain with the mean above the
+/// offset.
 #[test]
 fn the_photon_transfer_curve_has_the_slope_of_the_gain() {
     let n = flat(0.0).len() as f64;

@@ -42,12 +42,12 @@ pub fn coverage(
 
 pub const WORN: Wear = Wear { jitter_vox: [0.1, 0.1, 0.2], lost: 0.1, flicker: 0.3 };
 
-/// A shear of `rate` voxels a voxel in u and w.
+/// A shear of u and w, in voxels per voxel.
 pub fn shear(rate: f64) -> impl Fn([f64; 3]) -> [f64; 3] {
     move |p: [f64; 3]| [1.3 + rate * (p[1] - 64.0), -0.6, 0.7 + rate * (p[0] - 64.0)]
 }
 
-/// Vortices across x and y of `windows` windows of 32 voxels each.
+/// Vortices in x and y with a period of `windows` windows of 32 voxels.
 pub fn vortices(windows: f64) -> impl Fn([f64; 3]) -> [f64; 3] {
     move |p: [f64; 3]| {
         let k = std::f64::consts::TAU / (32.0 * windows);

@@ -29,8 +29,8 @@ pub fn grid(shape: [usize; 3]) -> Grid {
     Grid { shape, spacing_mm: [1.0; 3], origin_mm: [0.0; 3] }
 }
 
-/// `density` particles per voxel of standard deviation `sigma_vox`, each at its place minus and plus half of `shift_vox`
-/// there. Particles fill a margin around the volume too, so that light enters and leaves through every side.
+/// Two volumes of `density` particles per voxel of standard deviation `sigma_vox`, displaced by minus and plus half of
+/// `shift_vox` at their places. Particles also fill a margin, so that light enters and leaves through every side.
 pub fn pair(
     grid: &Grid,
     density: f64,

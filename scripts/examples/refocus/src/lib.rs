@@ -1,7 +1,7 @@
 //! Synthetic refocusing (Ng et al. 2005): the mean, over the aperture, of the pixels that see a voxel.
 //!
-//! In: an image, a camera, a grid and the voxels to refocus. Out: one intensity for each voxel. Open this file first; the
-//! command line is in `cli.rs`.
+//! In: an image, a camera, a grid and the voxels to refocus. Out: one intensity for each voxel. Open this file first;
+//! the command line is in `cli.rs`.
 
 use glam::DVec2;
 use lf_core::camera::Camera;
@@ -19,10 +19,12 @@ fn sections_mm(camera: &Camera, optics: &Optics) -> Vec<DVec2> {
     all.filter(|section| optics.passes(*section)).collect()
 }
 
-/// For each voxel of `indices` (linear, in `grid`), the mean of the pixels that the centre rays of the aperture's sections
-/// meet, counts; 0 if they meet none. `image` has the camera's size; NaN marks a blind pixel, which is left out.
+/// For each voxel of `indices` (linear, in `grid`), the mean of the pixels that the centre rays of the aperture's
+/// sections meet, counts; 0 if they meet none. `image` has the camera's size; NaN marks a blind pixel, which is left
+/// out.
 ///
-/// The cost is one ray for each section and voxel. One thread adds up each voxel, so the number of threads changes no bit.
+/// The cost is one ray for each section and voxel. One thread adds up each voxel, so the number of threads changes no
+/// bit.
 pub fn refocus(image: ArrayView2<f32>, camera: &Camera, grid: &Grid, indices: &[u64]) -> Vec<f32> {
     let optics = Optics::new(camera);
     let sections = sections_mm(camera, &optics);
@@ -56,8 +58,8 @@ mod tests {
                         "offset_mm": [0.0, 0.0]}
     }"#;
 
-    /// A point in focus fills the disc under one lenslet, on the other side of the axis. All rays from its voxel meet the
-    /// disc; none does from a voxel one lenslet further.
+    /// A point in focus fills the disc under one lenslet, on the other side of the axis. All rays from its voxel meet
+    /// the disc; none does from a voxel one lenslet further.
     #[test]
     fn a_point_in_focus_is_seen_through_the_whole_aperture() {
         let camera = Camera::from_json(CAMERA).unwrap();
