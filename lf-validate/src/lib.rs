@@ -5,8 +5,8 @@
 //! - [`runs`]: JSON records of many runs in, curves over seeds and the trade of cost against error out.
 //! - [`info`]: the content of a file in, a description of one screen out.
 //!
-//! The structs serialise to the JSON that `lf-validate` prints. Sums are taken in `f64` in the order of the data, so that a
-//! score depends on its inputs only, and not on the number of threads.
+//! The structs serialise to the JSON that `lf-validate` prints. Sums are taken in `f64` in the order of the data, so
+//! that a score depends on its inputs only, and not on the number of threads.
 
 pub mod info;
 pub mod pictures;

@@ -121,7 +121,8 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(verdict(keeps(&score, &limits)))
 }
 
-/// Whether all limits are kept. A number that does not exist, without a scored vector or a stated uncertainty, keeps none.
+/// Whether all limits are kept. A number that does not exist, without a scored vector or a stated uncertainty, keeps
+/// none.
 fn keeps(score: &Displacement, limits: &Limits) -> bool {
     are_at_most(score.all.rms_px(), limits.rms_px)
         && are_at_most(score.all.bias_px().map(|bias| bias.map(f64::abs)), limits.bias_px)

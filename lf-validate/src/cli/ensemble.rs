@@ -49,8 +49,8 @@ pub struct Arguments {
     least: u32,
     #[command(flatten)]
     picture: Picture,
-    /// Slice to draw: the axis across it and its place in mm, as in z=0.5; the nearest layer is drawn [default: z, in the
-    /// middle]
+    /// Slice to draw: the axis across it and its place in mm, as in z=0.5; the nearest layer is drawn [default: z, in
+    /// the middle]
     #[arg(long, value_name = "AXIS[=MM]")]
     slice: Option<Cut>,
 }

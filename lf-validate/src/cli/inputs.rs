@@ -7,7 +7,8 @@ use lf_core::{Error, Result};
 use lf_validate::scores::light::VoxelLight;
 use std::path::Path;
 
-/// Opens a volume. A tile is refused: the light in its halo belongs to its neighbours, so that a score of it means nothing.
+/// Opens a volume. A tile is refused: the light in its halo belongs to its neighbours, so that a score of it means
+/// nothing.
 pub fn open_whole(path: &Path) -> Result<Volume> {
     let volume = Volume::open(path)?;
     match Tile::of(&volume)? {

@@ -14,8 +14,8 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Refuses standard input named twice, and any output that is also an input: standard output, `--stats` or the picture.
-    /// Refuses a picture on standard output, which is the score's.
+    /// Refuses standard input named twice, and any output that is also an input: standard output, `--stats` or the
+    /// picture. Refuses a picture on standard output, which is the score's.
     pub fn check(&self, inputs: &[&Path], session: &Session) -> Result<()> {
         session.keep_apart(Path::new("-"), inputs)?;
         let Some(file) = &self.plot else { return Ok(()) };

@@ -15,14 +15,14 @@ pub fn print(score: &impl Serialize) -> Result<()> {
 /// `score` as text that ends in a line break. Fails only if a key is not text.
 fn text(score: &impl Serialize) -> serde_json::Result<String> {
     let mut bytes = Vec::new();
-    score.serialize(&mut serde_json::Serializer::with_formatter(&mut bytes, Layout::default()))?;
+    score.serialize(&mut serde_json::Serializer::with_formatter(&mut bytes, JsonLayout::default()))?;
     bytes.push(b'\n');
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
 /// Puts each entry of an object on its own line, and a list with all that it holds on one line.
 #[derive(Default)]
-struct Layout {
+struct JsonLayout {
     /// Lists that are open.
     lists: usize,
     objects: PrettyFormatter<'static>,
@@ -37,7 +37,7 @@ macro_rules! pass {
     };
 }
 
-impl Formatter for Layout {
+impl Formatter for JsonLayout {
     fn begin_array<W: ?Sized + Write>(&mut self, writer: &mut W) -> std::io::Result<()> {
         self.lists += 1;
         writer.write_all(b"[")

@@ -25,8 +25,8 @@ struct Motion {
     frames: Frames,
 }
 
-/// Opens a truth. Its content decides of which kind it is. `frames`: of a particles.csv. Refuses a picture that is also a
-/// file which the scene names.
+/// Opens a truth. Its content decides of which kind it is. `frames`: of a particles.csv. Refuses a picture that is also
+/// a file which the scene names.
 pub fn open(file: &Path, frames: Option<[usize; 2]>, picture: &Picture, session: &Session) -> Result<TrueDisplacement> {
     let (bytes, name) = (io::open(file)?, io::name(file));
     let refused = |found: String| Error::new(&name, found, WANTED);

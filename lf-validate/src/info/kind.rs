@@ -78,8 +78,8 @@ fn unknown(bytes: &[u8], text: &[u8]) -> String {
     format!("begins with the bytes {}", hex.join(" "))
 }
 
-/// Whether the first header of an EXR has an attribute `name`. A header is a list of attributes. Each has a name and a type,
-/// both ended by zero, a length in four bytes, and a value. An empty name ends the header.
+/// Whether the first header of an EXR has an attribute `name`. A header is a list of attributes. Each has a name and a
+/// type, both ended by zero, a length in four bytes, and a value. An empty name ends the header.
 fn exr_has(bytes: &[u8], name: &[u8]) -> bool {
     let mut rest = bytes.get(8..).unwrap_or_default();
     let word = |rest: &mut &[u8]| -> Option<Vec<u8>> {

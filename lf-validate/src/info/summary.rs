@@ -4,8 +4,8 @@ use super::numbers::figures;
 use serde::Serialize;
 use std::fmt;
 
-/// Extremes and sums of stored values. Values that are not finite are counted and left out of all other numbers. Prints as one
-/// line.
+/// Extremes and sums of stored values. Values that are not finite are counted and left out of all other numbers. Prints
+/// as one line.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Summary {
     /// Number of values.

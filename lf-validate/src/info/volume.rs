@@ -10,8 +10,8 @@ use lf_core::history::History;
 use lf_core::volume::tile::Tile;
 use serde_json::{Map, Value};
 
-/// Describes a sparse volume: its grid, the tile that the file holds, the `count` voxels held, columns by name, and other entries
-/// of its header.
+/// Describes a sparse volume: its grid, the tile that the file holds, the `count` voxels held, columns by name, and
+/// other entries of its header.
 pub fn volume(
     grid: &Grid,
     tile: Option<&Tile>,

@@ -7,7 +7,8 @@ use serde::ser::SerializeMap;
 pub struct Density {
     /// Middle of each bin.
     pub x: Vec<f64>,
-    /// Density in each bin, per unit of x. It integrates to the share of the values inside the bins. NaN without values.
+    /// Density in each bin, per unit of x. It integrates to the share of the values inside the bins. NaN without
+    /// values.
     pub density: Vec<f64>,
     /// Share of the values below the first bin.
     pub below: f64,
@@ -16,8 +17,8 @@ pub struct Density {
 }
 
 impl Density {
-    /// The density of `values` in `2 reach + 1` bins, of which `per_unit` are one unit wide. A value between two bins counts
-    /// in the upper one.
+    /// The density of `values` in `2 reach + 1` bins, of which `per_unit` are one unit wide. A value between two bins
+    /// counts in the upper one.
     pub fn of(values: &[f64], per_unit: f64, reach: usize) -> Self {
         let (mut counts, mut below, mut above) = (vec![0usize; 2 * reach + 1], 0, 0);
         for value in values {

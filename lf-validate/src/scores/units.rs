@@ -9,8 +9,8 @@ pub const AXES: [&str; 3] = ["x", "y", "z"];
 /// Name of a unit and its length along each axis, mm.
 pub type Unit = (&'static str, [f64; 3]);
 
-/// The units of errors: `mm` in object space; `vox`, the voxel spacing along each axis of the volumes correlated; with a
-/// camera also `px`, a pixel at the focal plane (pixel pitch / magnification), the same along all axes.
+/// The units of errors: `mm` in object space; `vox`, the voxel spacing along each axis of the volumes correlated; with
+/// a camera also `px`, a pixel at the focal plane (pixel pitch / magnification), the same along all axes.
 pub fn units(voxel_mm: [f64; 3], pixel_mm: Option<f64>) -> Vec<Unit> {
     let mut units = vec![("mm", [1.0; 3]), ("vox", voxel_mm)];
     units.extend(pixel_mm.map(|pixel| ("px", [pixel; 3])));

@@ -16,8 +16,8 @@ const SEED: &str = "set.seed";
 /// Cost and error of the settings in `records`.
 ///
 /// # Errors
-/// No run has name, cost and error; runs of one name differ in a key `set.*` other than the seed; no setting has the name of
-/// the base.
+/// No run has name, cost and error; runs of one name differ in a key `set.*` other than the seed; no setting has the
+/// name of the base.
 pub fn trade(records: &[RunRecord], keys: &TradeKeys) -> Result<Trade, Refusal> {
     let mut missing = MissingKeys::default();
     let mut groups: Vec<(String, Vec<&RunRecord>)> = Vec::new();
@@ -77,7 +77,8 @@ fn setting(name: String, runs: &[&RunRecord], keys: &TradeKeys) -> Result<Settin
     Ok(Setting { name, cost, error, memory, set, dominated_by: None })
 }
 
-/// The settings that differ from the base in one key, by that key, and the indices of those that differ in more or in none.
+/// The settings that differ from the base in one key, by that key, and the indices of those that differ in more or in
+/// none.
 fn factors(settings: &[Setting], base: &str) -> Result<(Vec<Factor>, Vec<usize>), Refusal> {
     let Some(base) = settings.iter().find(|setting| setting.name == base) else {
         let names: Vec<&str> = settings.iter().map(|setting| setting.name.as_str()).collect();

@@ -9,9 +9,9 @@ pub struct Pareto {
     pub dominated_by: Vec<Option<usize>>,
 }
 
-/// The Pareto front of points (cost, error): the points that no other point dominates. A point dominates another if neither
-/// its cost nor its error is greater, and one of them is less. Equal points do not dominate each other. A point with a number
-/// that is not finite is neither on the front nor dominated. O(n log n).
+/// The Pareto front of points (cost, error): the points that no other point dominates. A point dominates another if
+/// neither its cost nor its error is greater, and one of them is less. Equal points do not dominate each other. A point
+/// with a number that is not finite is neither on the front nor dominated. O(n log n).
 pub fn pareto(points: &[[f64; 2]]) -> Pareto {
     let mut order: Vec<usize> = (0..points.len()).filter(|n| points[*n].iter().all(|v| v.is_finite())).collect();
     // A stable sort keeps the order of equal points. Adding 0 makes -0 equal to 0.

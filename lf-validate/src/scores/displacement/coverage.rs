@@ -5,9 +5,9 @@ use crate::scores::units::COMPONENTS;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-/// Errors of measured vectors against their stated standard uncertainty, one number for each of u, v and w. In JSON one key
-/// for each component: `within_1_u`. Normally distributed errors with the stated uncertainty are within one of it in a share
-/// of 0.683 and within two in a share of 0.954. NaN if no vector states an uncertainty.
+/// Errors of measured vectors against their stated standard uncertainty, one number for each of u, v and w. In JSON one
+/// key for each component: `within_1_u`. Normally distributed errors with the stated uncertainty are within one of it
+/// in a share of 0.683 and within two in a share of 0.954. NaN if no vector states an uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coverage {
     /// Measured vectors with a stated uncertainty.

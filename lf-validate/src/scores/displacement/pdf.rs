@@ -13,8 +13,8 @@ pub const BINS_PER_PX: [f64; 3] = [20.0, 20.0, 2.0];
 /// Bins a voxel for u, v and w. Voxels are long along the depth.
 pub const BINS_PER_VOX: [f64; 3] = [20.0; 3];
 
-/// Bins on either side of the middle one: to 4 px and 40 px, or to 4 voxels. Any two fields in one unit have the same bins, so
-/// that their curves can be compared.
+/// Bins on either side of the middle one: to 4 px and 40 px, or to 4 voxels. Any two fields in one unit have the same
+/// bins, so that their curves can be compared.
 pub const REACH: usize = 80;
 
 /// Density of the error of each component. The JSON has for each component, here u: `x_u`, the middles of the bins in

@@ -7,12 +7,12 @@ use lf_core::statistics::robust;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-/// An error is an outlier if it is more than this many robust standard deviations from the median error of its component:
-/// one vector in two million of a normal distribution.
+/// An error is an outlier if it is more than this many robust standard deviations from the median error of its
+/// component: one vector in two million of a normal distribution.
 pub const OUTLIER_SIGMAS: f64 = 5.0;
 
-/// An outlier is also more than this many voxels from the median error: the uncertainty of correlation in good data. Without
-/// this floor ordinary vectors would be outliers where the others agree very closely.
+/// An outlier is also more than this many voxels from the median error: the uncertainty of correlation in good data.
+/// Without this floor ordinary vectors would be outliers where the others agree very closely.
 pub const OUTLIER_FLOOR_VOX: f64 = 0.1;
 
 /// Errors of a set of vectors, or of the field at particles. In JSON one key for each of bias, rms, std and median_abs,

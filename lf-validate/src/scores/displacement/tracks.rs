@@ -19,7 +19,8 @@ pub struct Tracks {
 /// The particles that are in both `frames`, in the order of the first.
 ///
 /// # Errors
-/// A frame against itself, a frame without particles, a particle that is twice in a frame, or no particle in both frames.
+/// A frame against itself, a frame without particles, a particle that is twice in a frame, or no particle in both
+/// frames.
 pub fn tracks(particles: &[Particle], frames: [usize; 2]) -> Result<Tracks, Refusal> {
     let [first, second] = frames;
     if first == second {

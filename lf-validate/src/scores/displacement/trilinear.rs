@@ -18,8 +18,8 @@ pub struct Interpolated {
     pub is_measured: bool,
 }
 
-/// A field at a place (mm), trilinear between its eight neighbours. None outside the hull of the field's vectors, or if a
-/// neighbour with weight has no data.
+/// A field at a place (mm), trilinear between its eight neighbours. None outside the hull of the field's vectors, or if
+/// a neighbour with weight has no data.
 pub fn interpolate(field: &Field, place_mm: DVec3) -> Option<Interpolated> {
     let layout = &field.layout;
     let last = DVec3::from(layout.shape.map(|count| count as f64 - 1.0));

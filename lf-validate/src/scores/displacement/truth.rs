@@ -17,8 +17,8 @@ pub enum TrueDisplacement {
         /// Time between the volumes, in the time unit of the velocity.
         interval: f64,
     },
-    /// Particles. The measured field is interpolated to them, so that flow structures smaller than a window are part of the
-    /// error.
+    /// Particles. The measured field is interpolated to them, so that flow structures smaller than a window are part of
+    /// the error.
     Tracks(Tracks),
 }
 
@@ -44,8 +44,9 @@ pub struct VectorError {
     pub is_measured: bool,
 }
 
-/// The errors of `field`, one for each vector or particle, and the number of vectors or particles that could not be compared:
-/// vectors outside the truth or beside one of its gaps, particles outside the field or beside one of its gaps.
+/// The errors of `field`, one for each vector or particle, and the number of vectors or particles that could not be
+/// compared: vectors outside the truth or beside one of its gaps, particles outside the field or beside one of its
+/// gaps.
 pub fn errors(truth: &TrueDisplacement, field: &Field) -> (Vec<VectorError>, usize) {
     let with_data = || (0..field.len()).filter(|&at| field.flag[at] != NO_DATA);
     let error = |at: usize, expected_mm: DVec3| VectorError {

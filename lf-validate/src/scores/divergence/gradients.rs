@@ -43,9 +43,9 @@ pub struct Divergence {
     pub sigma: f64,
     /// Root mean square of all nine gradients of the displacement at all places.
     pub rms_gradient: f64,
-    /// `rms` over the root of the mean of (du/dx)^2 + (dv/dy)^2 + (dw/dz)^2. It is 0 for a flow that keeps its volume, and 1
-    /// where the three are independent, as those of noise are. A flow of rotation and shear alone has no such gradients: it
-    /// also gives 1, from its noise, and NaN without noise.
+    /// `rms` over the root of the mean of (du/dx)^2 + (dv/dy)^2 + (dw/dz)^2. It is 0 for a flow that keeps its volume,
+    /// and 1 where the three are independent, as those of noise are. A flow of rotation and shear alone has no such
+    /// gradients: it also gives 1, from its noise, and NaN without noise.
     pub relative: f64,
     /// RMS divergence of the noise alone: the root of the sum of sigma^2 / (2 stride_mm^2) over the axes.
     pub rms_of_noise: f64,
@@ -60,8 +60,8 @@ pub struct Divergence {
 #[derive(Debug, Clone, PartialEq)]
 pub struct DivergencePdf(pub Density);
 
-/// Vectors along each axis that an interrogation window covers, rounded up, and at least one. Windows so far apart share no
-/// data.
+/// Vectors along each axis that an interrogation window covers, rounded up, and at least one. Windows so far apart
+/// share no data.
 pub fn stride(layout: &VectorGrid) -> [usize; 3] {
     // Rounding of the product may exceed a whole number by this much.
     const ROUNDING: f64 = 1e-6;
@@ -106,8 +106,8 @@ pub fn divergence(field: &Field, pixel_mm: Option<f64>) -> Divergence {
     }
 }
 
-/// Derivatives of the displacement along x, y and z at a place, by central differences. None if one of the six neighbours has
-/// no data.
+/// Derivatives of the displacement along x, y and z at a place, by central differences. None if one of the six
+/// neighbours has no data.
 fn gradient(field: &Field, at: usize, stride: [usize; 3], stride_mm: [f64; 3]) -> Option<[DVec3; 3]> {
     let mut gradient = [DVec3::ZERO; 3];
     for axis in 0..3 {
@@ -231,7 +231,8 @@ mod tests {
     #[test]
     fn gaps_are_left_out() {
         let mut expansion = field([5, 5, 5], |place| place.map(|x| 0.01 * x));
-        // In the middle of 3 x 3 x 3 places. The six around it lose a neighbour; its own vector is not used at its place.
+        // In the middle of 3 x 3 x 3 places. The six around it lose a neighbour; its own vector is not used at its
+        // place.
         expansion.flag[62] = NO_DATA;
         expansion.u[62] = f32::NAN;
         let found = divergence(&expansion, None);

@@ -1,8 +1,8 @@
 //! How large and how elongated reconstructed particles are.
 //!
 //! The paper takes the diameter of a particle where its intensity has fallen "two standard deviations away from the
-//! maximum". Its ideal particle, a Gaussian of 0.75 voxel, then has 3 voxels: the diameter is 4 standard deviations of a
-//! Gaussian, the full width at exp(-2) of its peak. The other width is that at half maximum.
+//! maximum". Its ideal particle, a Gaussian of 0.75 voxel, then has 3 voxels: the diameter is 4 standard deviations of
+//! a Gaussian, the full width at exp(-2) of its peak. The other width is that at half maximum.
 
 use super::profile::{Profiles, distance_squared};
 use super::score::{DiametersByDepth, Elongation, Histogram, ParticleSize, Widths};
@@ -12,8 +12,8 @@ use std::collections::BTreeMap;
 
 /// Measures the particles at `places_mm` in volumes of one grid.
 ///
-/// `search_vox`: the brightest voxel of a particle is searched this far from its true place along each axis. `pixel_mm`:
-/// size of a pixel at the focal plane.
+/// `search_vox`: the brightest voxel of a particle is searched this far from its true place along each axis.
+/// `pixel_mm`: size of a pixel at the focal plane.
 pub fn elongation(
     volumes: &[(VoxelLight, Vec<[f64; 3]>)],
     grid: &Grid,
@@ -56,7 +56,8 @@ fn measure(
     counts: &mut Counts,
 ) {
     let profiles = Profiles { light };
-    // Give each brightest voxel to the nearest of the particles that found it: square of the distance, true depth, peak.
+    // Give each brightest voxel to the nearest of the particles that found it: square of the distance, true depth,
+    // peak.
     let mut owners: BTreeMap<u64, (f64, f64, [i64; 3])> = BTreeMap::new();
     for place_mm in places_mm {
         let place = [0, 1, 2].map(|axis| light.grid.place_vox(axis, place_mm[axis]));

@@ -6,9 +6,9 @@
 //! r(E) = sqrt(2 ln(P / E))        distance from the peak in standard deviations, exact for a Gaussian
 //! ```
 //!
-//! grows linearly along the line. The width ends at r = 2, or at r = sqrt(2 ln 2) for half maximum, linearly interpolated
-//! between two voxels. A Gaussian has its exact widths wherever it lies among the voxels. A lone voxel has a diameter of
-//! 0.93 voxels.
+//! grows linearly along the line. The width ends at r = 2, or at r = sqrt(2 ln 2) for half maximum, linearly
+//! interpolated between two voxels. A Gaussian has its exact widths wherever it lies among the voxels. A lone voxel has
+//! a diameter of 0.93 voxels.
 
 use crate::scores::light::VoxelLight;
 
@@ -45,8 +45,8 @@ impl Profiles<'_> {
         Some(held.map_or(0.0, |n| f64::from(self.light.intensity[n]).max(0.0)))
     }
 
-    /// The top of the slope on which the brightest voxel near a place stands: no voxel beside it along an axis is brighter.
-    /// None if all is dark within `search_vox` of the place, or if the top is too far.
+    /// The top of the slope on which the brightest voxel near a place stands: no voxel beside it along an axis is
+    /// brighter. None if all is dark within `search_vox` of the place, or if the top is too far.
     pub fn peak(&self, place: [f64; 3], search_vox: [usize; 3]) -> Option<[i64; 3]> {
         let (mut best, mut most) = self.brightest(place, search_vox)?;
         for _ in 0..=MOST_STEPS {
@@ -69,8 +69,8 @@ impl Profiles<'_> {
         None
     }
 
-    /// The brightest voxel within `search_vox` of a place, and its intensity. Of equal voxels the nearest. None if all is
-    /// dark.
+    /// The brightest voxel within `search_vox` of a place, and its intensity. Of equal voxels the nearest. None if all
+    /// is dark.
     fn brightest(&self, place: [f64; 3], search_vox: [usize; 3]) -> Option<([i64; 3], f64)> {
         let range = |axis: usize| {
             let (middle, reach) = (place[axis].round() as i64, search_vox[axis] as i64);
@@ -102,8 +102,8 @@ impl Profiles<'_> {
             self.at(voxel)
         };
         let middle = at(0)?;
-        // A Gaussian through three voxels is a parabola through their logarithms. The middle one is 0, the others are not
-        // above it.
+        // A Gaussian through three voxels is a parabola through their logarithms. The middle one is 0, the others are
+        // not above it.
         let log = |light: Option<f64>| (light.unwrap_or(0.0) / middle).max(DARK).ln();
         let (before, after) = (log(at(-1)), log(at(1)));
         let bend = before + after;

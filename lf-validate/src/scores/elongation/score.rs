@@ -9,7 +9,8 @@ use serde::{Serialize, Serializer};
 /// Diameter of the ideal particle, voxels.
 pub const IDEAL_VOX: f64 = 3.0;
 
-/// Width of a bin of the histogram, voxels. With voxels of 1 x 1 x 10 pixels, 2 to 4 and 10 to 25 pixels are whole bins.
+/// Width of a bin of the histogram, voxels. With voxels of 1 x 1 x 10 pixels, 2 to 4 and 10 to 25 pixels are whole
+/// bins.
 pub const BIN_VOX: f64 = 0.5;
 
 /// Number of bins. Longer diameters count as `beyond`.

@@ -3,24 +3,25 @@
 use lf_core::field::{Array, Field, NO_DATA};
 use serde::Serialize;
 
-/// Statistics of a number of fields. Lists have one number a place, in the order of a field's components, and NaN where it
-/// does not exist.
+/// Statistics of a number of fields. Lists have one number a place, in the order of a field's components, and NaN where
+/// it does not exist.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ensemble {
     /// Fields added.
     pub fields: usize,
     /// Measured vectors at each place.
     pub count: Vec<f32>,
-    /// Mean displacement. Its uncertainty is that of the mean, from the scatter of the fields, and NaN for a single vector.
-    /// `peak` and `ratio` are means; `count`, the particle images, is a sum over the fields. Places with too few vectors have
-    /// no data.
+    /// Mean displacement. Its uncertainty is that of the mean, from the scatter of the fields, and NaN for a single
+    /// vector. `peak` and `ratio` are means; `count`, the particle images, is a sum over the fields. Places with too
+    /// few vectors have no data.
     pub mean: Field,
     /// Root mean square of the fluctuations of u, v and w, mm, with n - 1.
     pub rms_mm: [Vec<f32>; 3],
-    /// Mean products of the fluctuations uv, uw and vw, mm^2, with n - 1: the Reynolds stresses without density and sign.
+    /// Mean products of the fluctuations uv, uw and vw, mm^2, with n - 1: the Reynolds stresses without density and
+    /// sign.
     pub products_mm2: [Vec<f32>; 3],
-    /// Vorticity of the mean: curl of the displacement between the two volumes. It has no unit, or 1/s if the time between
-    /// them is known. Central differences of neighbours, one-sided beside a gap.
+    /// Vorticity of the mean: curl of the displacement between the two volumes. It has no unit, or 1/s if the time
+    /// between them is known. Central differences of neighbours, one-sided beside a gap.
     pub vorticity: [Vec<f32>; 3],
 }
 

@@ -1,7 +1,7 @@
 //! Statistics of many fields of one flow: their mean, and the fluctuations about it.
 //!
-//! Only measured vectors count. A replaced vector repeats its neighbours and would make the fluctuations too small. Fields
-//! are added one after another, and none is kept.
+//! Only measured vectors count. A replaced vector repeats its neighbours and would make the fluctuations too small.
+//! Fields are added one after another, and none is kept.
 
 use super::statistics::Ensemble;
 use super::vorticity::vorticity;

@@ -13,8 +13,8 @@ pub(super) fn vorticity(field: &Field) -> [Vec<f32>; 3] {
     })
 }
 
-/// Derivative of a component along an axis at a place with data: from its two neighbours, or from one neighbour and itself.
-/// NaN without data or without a neighbour.
+/// Derivative of a component along an axis at a place with data: from its two neighbours, or from one neighbour and
+/// itself. NaN without data or without a neighbour.
 fn slope(field: &Field, values: &[f32], axis: usize, i: usize) -> f64 {
     let has_data = |n: &usize| field.flag[*n] != NO_DATA;
     if !has_data(&i) {

@@ -4,8 +4,8 @@
 //! Q = sum E1 E0 / sqrt(sum E1^2 * sum E0^2)        E1 reconstruction, E0 truth, over all voxels of the grid
 //! ```
 //!
-//! Departure: the paper's Eq. 2 prints one sum under the root. The measure meant is the normalised correlation of Elsinga
-//! et al. 2006, Exp. Fluids 41:933, with two sums. Only with two does a volume score 1 against itself.
+//! Departure: the paper's Eq. 2 prints one sum under the root. The measure meant is the normalised correlation of
+//! Elsinga et al. 2006, Exp. Fluids 41:933, with two sums. Only with two does a volume score 1 against itself.
 //!
 //! Voxels that a file does not hold are zero. A stored zero counts as a voxel that is not held.
 
@@ -17,8 +17,8 @@ use lf_core::grid::Grid;
 use ndarray::Array3;
 use std::cmp::Ordering;
 
-/// Scores `volume` against `truth`: as a whole, by slices, and by `regions` boxes along x, y, z. Merges the two lists of
-/// indices once.
+/// Scores `volume` against `truth`: as a whole, by slices, and by `regions` boxes along x, y, z. Merges the two lists
+/// of indices once.
 ///
 /// # Errors
 /// The grids differ, or the grid has fewer voxels than regions along an axis.

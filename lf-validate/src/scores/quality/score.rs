@@ -11,8 +11,8 @@ pub struct Quality {
     /// sum E1 E0 / sum E1^2: the factor on the volume that brings it closest to the truth in least squares. A share of
     /// 1 - q^2 of the truth's energy is then left over. None, `null` in JSON, if the volume has no light.
     pub scale: Option<f64>,
-    /// Share of sum |E1| in voxels where E0 is zero. It depends on where the truth ends the image of a particle. None if the
-    /// volume has no light.
+    /// Share of sum |E1| in voxels where E0 is zero. It depends on where the truth ends the image of a particle. None
+    /// if the volume has no light.
     pub ghost_share: Option<f64>,
     /// Share of sum |E0| in voxels where E1 is zero. None if the truth has no light.
     pub missed_share: Option<f64>,
