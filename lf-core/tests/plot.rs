@@ -255,7 +255,7 @@ fn marks_that_do_not_fit_together_are_refused() {
 
 #[test]
 fn a_flat_layer_of_vectors_is_stretched_and_its_arrows_keep_their_direction() {
-    let layout = VectorGrid {
+    let grid = VectorGrid {
         shape: [40, 2, 3],
         spacing_mm: [0.5; 3],
         origin_mm: [0.0; 3],
@@ -265,7 +265,7 @@ fn a_flat_layer_of_vectors_is_stretched_and_its_arrows_keep_their_direction() {
         dt_s: None,
         history: Vec::new(),
     };
-    let slice = Slice { layout: &layout, through: 1, layer: 1 };
+    let slice = Slice { grid: &grid, through: 1, layer: 1 };
     assert_eq!((slice.shape(), slice.across(), slice.place_mm()), ([40, 3], [0, 2], 0.5));
     assert_eq!(slice.nodes().take(2).collect::<Vec<_>>(), [40, 41]);
     // Three rows of 0.5 mm are drawn 20 / (6 x 1.5) times longer: as far apart as every third column, or more.

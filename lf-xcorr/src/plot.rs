@@ -29,12 +29,12 @@ pub fn slice(field: &Field, cut: Cut) -> Result<String, Refusal> {
 }
 
 fn chart(field: &Field, cut: Cut) -> Result<Chart, Refusal> {
-    let layout = &field.layout;
-    let slice = Slice { layout, through: cut.axis, layer: cut.layer(layout)? };
+    let grid = &field.layout;
+    let slice = Slice { grid, through: cut.axis, layer: cut.layer(grid)? };
     let across = slice.across();
-    let (quantity, unit) = if layout.dt_s.is_some() { ("Velocity", "mm/s") } else { ("Displacement", "mm") };
+    let (quantity, unit) = if grid.dt_s.is_some() { ("Velocity", "mm/s") } else { ("Displacement", "mm") };
     let value =
-        |axis: usize, node: usize| f64::from([&field.u, &field.v, &field.w][axis][node]) / layout.dt_s.unwrap_or(1.0);
+        |axis: usize, node: usize| f64::from([&field.u, &field.v, &field.w][axis][node]) / grid.dt_s.unwrap_or(1.0);
     let in_layer = |node: usize| across.map(|axis| value(axis, node));
 
     // Both scales are those of the whole field, so that its layers can be compared. A field without a measured vector takes
@@ -60,9 +60,9 @@ fn chart(field: &Field, cut: Cut) -> Result<Chart, Refusal> {
 
     let counts =
         [MEASURED, REPLACED, NO_DATA].map(|flag| slice.nodes().filter(|&node| field.flag[node] == flag).count());
-    let [low, high] = layout.bounds_mm(cut.axis);
+    let [low, high] = grid.bounds_mm(cut.axis);
     let (axis, place) = (AXES[cut.axis], short(slice.place_mm(), high - low));
-    let title = format!("{quantity} at {axis} = {place} mm (layer {} of {})", slice.layer + 1, layout.shape[cut.axis]);
+    let title = format!("{quantity} at {axis} = {place} mm (layer {} of {})", slice.layer + 1, grid.shape[cut.axis]);
     Ok(Chart { title, notes: notes(&slice, counts), columns: 1, panels: vec![panel] })
 }
 

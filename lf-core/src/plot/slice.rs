@@ -1,4 +1,4 @@
-//! A layer of a lattice of vectors as a panel: a map of values, and arrows over it.
+//! A layer of a grid of vectors as a panel: a map of values, and arrows over it.
 
 use super::chart::{Arrows, Axis, Mark, Panel};
 use super::extent::stretch;
@@ -15,8 +15,8 @@ const USUAL: f64 = 0.98;
 /// Convention: x is drawn to the right or, in a layer across x, y. Upwards, y runs down as image rows do, and z up.
 #[derive(Debug, Clone, Copy)]
 pub struct Slice<'a> {
-    /// The lattice.
-    pub layout: &'a VectorGrid,
+    /// The grid of the vectors.
+    pub grid: &'a VectorGrid,
     /// The axis across the layer: 0, 1, 2 for x, y, z.
     pub through: usize,
     /// The number of the layer along that axis.
@@ -31,13 +31,13 @@ impl Slice<'_> {
 
     /// Number of vectors along the two axes.
     pub fn shape(&self) -> [usize; 2] {
-        self.across().map(|axis| self.layout.shape[axis])
+        self.across().map(|axis| self.grid.shape[axis])
     }
 
     /// The place of the layer on the axis across it, mm.
     pub fn place_mm(&self) -> f64 {
-        let spacing = self.layout.spacing_mm[self.through];
-        let steps = self.layout.origin_mm[self.through] / spacing + self.layer as f64;
+        let spacing = self.grid.spacing_mm[self.through];
+        let steps = self.grid.origin_mm[self.through] / spacing + self.layer as f64;
         // Rounding may leave a small number instead of 0 in the middle of a symmetric field. `+ 0.0` removes the sign of -0.
         (1e6 * steps).round() * 1e-6 * spacing + 0.0
     }
@@ -47,7 +47,7 @@ impl Slice<'_> {
         let [right, upright] = self.across();
         let mut place = [0; 3];
         (place[self.through], place[right], place[upright]) = (self.layer, i, j);
-        self.layout.index(place)
+        self.grid.index(place)
     }
 
     /// The indices of all vectors of the layer, row by row.
@@ -58,7 +58,7 @@ impl Slice<'_> {
 
     /// A panel with a map of one value a vector. NaN is drawn as no data.
     pub fn panel(&self, title: impl Into<String>, scale: Axis, values: Vec<f64>) -> Panel {
-        let bounds = self.across().map(|axis| self.layout.bounds_mm(axis));
+        let bounds = self.across().map(|axis| self.grid.bounds_mm(axis));
         let name = |which: usize| Axis::new(format!("{}, mm", AXES[self.across()[which]])).over(bounds[which]);
         let upright = if self.across()[1] == 1 { name(1).over([bounds[1][1], bounds[1][0]]) } else { name(1) };
         let mut panel = Panel::new(title, name(0), upright);
@@ -69,7 +69,7 @@ impl Slice<'_> {
 
     /// Number of vectors to an arrow along the two axes, if at most `most` arrows stand along the longer one.
     pub fn arrow_stride(&self, most: usize) -> [usize; 2] {
-        let spacing = self.across().map(|axis| self.layout.spacing_mm[axis]);
+        let spacing = self.across().map(|axis| self.grid.spacing_mm[axis]);
         let spans = [0, 1].map(|n| self.shape()[n] as f64 * spacing[n]);
         let stretch = stretch(spans);
         let step = (spans[0] * stretch[0]).max(spans[1] * stretch[1]) / most as f64;
@@ -83,15 +83,14 @@ impl Slice<'_> {
         let (shape, stride, across) = (self.shape(), self.arrow_stride(most), self.across());
         let along = |n: usize| ((shape[n] - 1) % stride[n] / 2..shape[n]).step_by(stride[n]);
         let places: Vec<[usize; 2]> = along(1).flat_map(|j| along(0).map(move |i| [i, j])).collect();
-        let place_mm = |n: usize, index: usize| {
-            self.layout.origin_mm[across[n]] + index as f64 * self.layout.spacing_mm[across[n]]
-        };
+        let place_mm =
+            |n: usize, index: usize| self.grid.origin_mm[across[n]] + index as f64 * self.grid.spacing_mm[across[n]];
         let vectors: Vec<[f64; 2]> = places.iter().map(|place| vector(self.node(*place))).collect();
         Arrows {
             name: String::new(),
             unit: String::new(),
             usual: usual(vectors.iter().map(|[x, y]| x.hypot(*y))),
-            spacing: [0, 1].map(|n| stride[n] as f64 * self.layout.spacing_mm[across[n]]),
+            spacing: [0, 1].map(|n| stride[n] as f64 * self.grid.spacing_mm[across[n]]),
             is_hollow: false,
             points: places.iter().map(|[i, j]| [place_mm(0, *i), place_mm(1, *j)]).collect(),
             vectors,

@@ -11,12 +11,12 @@ const MOST_ARROWS: usize = 24;
 /// Layer `layer` across axis `through`: the mean in the layer with arrows, the mean across it, the RMS fluctuation of each
 /// component, and the vorticity across the layer.
 pub fn ensemble(found: &Ensemble, through: usize, layer: usize) -> Chart {
-    let layout = &found.mean.layout;
-    let (factor, unit) = layout.dt_s.map_or((1.0, "mm"), |dt_s| (1.0 / dt_s, "mm/s"));
-    let slice = Slice { layout, through, layer };
+    let grid = &found.mean.layout;
+    let (factor, unit) = grid.dt_s.map_or((1.0, "mm"), |dt_s| (1.0 / dt_s, "mm/s"));
+    let slice = Slice { grid, through, layer };
     let across = slice.across();
     let [right, upright, normal] = [across[0], across[1], through].map(|axis| COMPONENTS[axis]);
-    let name = if layout.dt_s.is_some() { "velocity" } else { "displacement" };
+    let name = if grid.dt_s.is_some() { "velocity" } else { "displacement" };
     let mean = [&found.mean.u, &found.mean.v, &found.mean.w];
 
     // Values of the layer in the unit drawn; NaN without data.
