@@ -21,9 +21,9 @@ const REACH: f64 = 1.55;
 const BRIGHTEST: f64 = 1.5;
 /// Largest share of lenslets that show another object.
 const MOST_FOREIGN: f64 = 0.12;
-/// Share of all lenslets within reach that have less light than a fully lit one. A round stop lights 1 / 1.55^2 of
-/// them, less the rim.
-const BELOW_FULL: f64 = 0.8;
+/// The light of a fully lit lenslet is this quantile over all lenslets within reach. A round stop lights 1 / 1.55^2 of
+/// them, less the rim, so the quantile is well inside the lit ones.
+const FULL_QUANTILE: f64 = 0.8;
 /// Iterations of the middle at most.
 const STEPS: usize = 8;
 
@@ -57,7 +57,7 @@ pub(crate) fn stop_fill(image: ArrayView2<f32>, optics: &Optics, place_mm: DVec3
 /// Light of a fully lit lenslet. None if there is no light or if too many lenslets have more.
 fn full_light(lights: &[(DVec2, f64)]) -> Option<f64> {
     let mut counts: Vec<f64> = lights.iter().map(|(_, light)| *light).collect();
-    let rank = (counts.len() as f64 * BELOW_FULL) as usize;
+    let rank = (counts.len() as f64 * FULL_QUANTILE) as usize;
     let full = ranked(&mut counts, rank).filter(|full| *full > 0.0)?;
     let foreign = counts.iter().filter(|light| **light > BRIGHTEST * full).count();
     (foreign as f64 <= MOST_FOREIGN * counts.len() as f64).then_some(full)
