@@ -1,40 +1,55 @@
-//! Exact rays: object point, main lens, lenslet, sensor. Knows no weights.
+//! Rays through a plenoptic camera: object point, main lens, lenslet, sensor. Every tool takes its frame and signs from here.
 //!
-//! **Object frame.** Origin where the optical axis meets the focal plane (conjugate to the array); X right, Y down as
-//! image rows run, Z towards the camera; mm. **Sensor frame.** x along columns, y along rows, origin on the axis, mm;
-//! pixel (i, j) covers `[(i - W/2) pp, (i + 1 - W/2) pp]` in x and likewise j, H in y. The lens inverts the image and
-//! nothing turns it back.
+//! # Frames
 //!
-//! A ray leaves (X, Y, Z), passes the aperture at (U, V), meets the array at (x_m, y_m), the lenslet with centre c whose
-//! cell holds that point, and the sensor at (x_s, y_s); Y, V behave as X, U:
+//! **Object.** The origin is the point where the optical axis meets the focal plane, which is conjugate to the microlens
+//! array. X points right, Y points down (as image rows run), Z points towards the camera. All lengths are mm.
+//!
+//! **Sensor.** x runs along the columns, y along the rows, and the origin is on the axis. A sensor of W x H pixels with
+//! pitch pp has pixel (i, j) at `[(i - W/2) pp, (i + 1 - W/2) pp]` in x; y is alike, with j and H. So a pixel's centre has
+//! half-integer coordinates in pixels.
+//!
+//! The main lens inverts the image, and the image is stored inverted.
+//!
+//! # A ray
+//!
+//! A ray starts at the point (X, Y, Z) and passes the aperture at (U, V). It meets the array at (x_m, y_m), in the cell of
+//! the lenslet with centre c, and the sensor at (x_s, y_s). The equations for x are below; those for y have Y and V in
+//! place of X and U.
 //!
 //! ```text
-//! beta(Z)  = s_i / (s_o - Z)
-//! alpha(Z) = 1 - s_i / f + beta(Z)
+//! beta(Z)  = s_i / (s_o - Z)            local magnification
+//! alpha(Z) = 1 - s_i / f + beta(Z)      spread on the array per length of the aperture; 0 in focus
 //! x_m      = -beta X + alpha U
 //! x_s      = c + k (x_m - U)
 //! ```
 //!
-//! A thin microlens with the sensor at its focal distance: what leaves one U meets one place under a lenslet, so the
-//! *image* of a lenslet is centred at c (1 + k), not at c.
+//! Here f is the focal length of the main lens, s_i and s_o are its image and object distances for the focal plane, and
+//! k = f_l / s_i, where f_l is the focal length of a lenslet. See [`crate::camera`] for all symbols.
 //!
-//! What a camera has beside this bends rays so, and costs nothing where it is absent:
+//! The microlenses are thin and the sensor stands at their focal length. Therefore all light from one U meets one place
+//! under a lenslet, and the *image* of the aperture under a lenslet is centred at c (1 + k), not at c.
 //!
-//! - **Medium.** A ray bends at the faces of the window by Snell's law. With q its slope in the air before the lens,
-//!   `x_m = U (1 - s_i / f) + s_i q`; without a medium q = (U - X) / (s_o - Z), and this is the x_m above.
-//! - **Distortion.** All rays of a point are moved on the array as its chief ray (U = 0) is, to which the lens is blind
-//!   (Seidel's fifth): with t = q(0), r = |t|, `x_m += s_i (t (k1 r^2 + k2 r^4 + k3 r^6) + tangential)`, the tangential
-//!   part of x being 2 p1 t_x t_y + p2 (r^2 + 2 t_x^2), of y p1 (r^2 + 2 t_y^2) + 2 p2 t_x t_y (Brown 1966).
-//! - **Gap and tilt.** A sensor at another distance g than f_l sees the ray where the lenslet has bent it to:
-//!   `x_s = x_m + g ((x_m - U) / s_i - (x_m - c) / f_l)`, g being that of the place x_s where the sensor is tilted. Places on
-//!   a tilted sensor are read along the axis: an error of half the square of the tilt.
+//! # What optional blocks of a camera add
+//!
+//! A block that a camera does not have costs nothing.
+//!
+//! - **Medium.** The ray bends at both faces of the window by Snell's law. Let q be its slope in the air before the lens.
+//!   Then `x_m = U (1 - s_i / f) + s_i q`. Without a medium q = (U - X) / (s_o - Z), which gives the x_m above.
+//! - **Distortion.** Every ray of a point moves on the array as the point's chief ray (U = 0) does; the place in the
+//!   aperture does not matter (Seidel's fifth aberration). With t = q(0) and r = |t|,
+//!   `x_m += s_i (t (k1 r^2 + k2 r^4 + k3 r^6) + tangential)`. The tangential part is 2 p1 t_x t_y + p2 (r^2 + 2 t_x^2)
+//!   in x and p1 (r^2 + 2 t_y^2) + 2 p2 t_x t_y in y (Brown 1966).
+//! - **Gap and tilt.** A sensor at a distance g other than f_l sees the ray after the lenslet has bent it:
+//!   `x_s = x_m + g ((x_m - U) / s_i - (x_m - c) / f_l)`. On a tilted sensor g is the gap at x_s. Places on a tilted sensor
+//!   are read along the axis, an error of half the square of the tilt.
 
 use crate::camera::{Aperture, Camera, Distortion, Medium};
 use crate::lattice::Lattice;
 use glam::DVec2;
 
-/// Steps of Newton's method for a ray through a window. Each squares the error, which starts at about a tenth of the squared
-/// slope: two leave 1e-10 for rays within 0.15 rad of the axis.
+/// Newton steps for a ray through a window. Each step squares the error, which starts at about a tenth of the squared
+/// slope: two steps leave 1e-10 for rays within 0.15 rad of the axis.
 const SNELL_STEPS: usize = 2;
 
 /// The rays of one camera.
@@ -55,13 +70,28 @@ pub struct Optics {
     sensor_plane: Option<SensorPlane>,
 }
 
-/// A sensor that is not at the lenslets' focal length everywhere.
+/// A sensor that does not stand at the lenslets' focal length everywhere.
 #[derive(Debug, Clone, Copy)]
 struct SensorPlane {
     focal_length_mm: f64,
     gap_mm: f64,
     /// Growth of the gap per mm along x and y.
     slope: DVec2,
+}
+
+/// Straight rays from one depth: no medium, no distortion.
+#[derive(Debug, Clone, Copy)]
+pub struct StraightRays {
+    alpha: f64,
+    beta: f64,
+}
+
+impl StraightRays {
+    /// x_m = -beta X + alpha U: the place on the array, mm.
+    #[inline(always)]
+    pub fn array_mm(&self, object_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
+        -self.beta * object_mm + self.alpha * aperture_mm
+    }
 }
 
 impl Optics {
@@ -88,31 +118,37 @@ impl Optics {
         }
     }
 
-    /// Local magnification beta(Z) in air; Z must lie before the main lens, Z < s_o.
+    /// beta(Z), the local magnification in air. Z must lie before the main lens: Z < s_o.
     #[inline]
     pub fn beta(&self, z_mm: f64) -> f64 {
         self.image_distance_mm / (self.object_distance_mm - z_mm)
     }
 
-    /// Spread on the array per aperture length, alpha(Z), in air; 0 at the focal plane.
+    /// alpha(Z), the spread on the array per length of the aperture in air. It is 0 at the focal plane.
     #[inline]
     pub fn alpha(&self, z_mm: f64) -> f64 {
         1.0 - self.image_distance_mm / self.focal_length_mm + self.beta(z_mm)
     }
 
-    /// k = f_l / s_i.
+    /// The rays from depth Z without medium and distortion. Keep them where many points share a depth.
+    #[inline]
+    pub fn straight_rays(&self, z_mm: f64) -> StraightRays {
+        StraightRays { alpha: self.alpha(z_mm), beta: self.beta(z_mm) }
+    }
+
+    /// k, the demagnification of the aperture under a lenslet: f_l / s_i, or g / s_i with a gap g.
     #[inline]
     pub fn demagnification(&self) -> f64 {
         self.demagnification
     }
 
-    /// Share of a ray's place on the array in its place on the sensor, `x_s = array_gain x_m + lenslet_gain c - k U`, where
-    /// the sensor is not tilted: k, and `k + 1 - g / f_l` with a gap g.
+    /// The factor of x_m in `x_s = array_gain x_m + lenslet_gain c - k U`, for a sensor without tilt: k, or
+    /// `k + 1 - g / f_l` with a gap g.
     pub fn array_gain(&self) -> f64 {
         self.sensor_plane.as_ref().map_or(self.demagnification, |_| self.demagnification + 1.0 - self.lenslet_gain())
     }
 
-    /// Share of its lenslet's centre, as [`Optics::array_gain`]: 1, and `g / f_l` with a gap g.
+    /// The factor of the lenslet's centre c in the same equation: 1, or `g / f_l` with a gap g.
     pub fn lenslet_gain(&self) -> f64 {
         self.sensor_plane.as_ref().map_or(1.0, |plane| plane.gap_mm / plane.focal_length_mm)
     }
@@ -143,16 +179,16 @@ impl Optics {
         }
     }
 
-    /// Slope of a ray in the air before the main lens over its distance from the object's axis, 1/mm: q = g (U - X).
-    /// `offset_mm2` is |U - X|^2. Errs by less than 1e-10 of itself for rays within 0.15 rad of the axis, 1e-7 within 0.4.
+    /// g in q = g (U - X), where q is the ray's slope in the air before the main lens, 1/mm. `offset_mm2` is |U - X|^2.
+    /// The relative error is below 1e-10 for rays within 0.15 rad of the axis and below 1e-7 within 0.4 rad.
     #[inline(always)]
     pub fn slope_per_mm(&self, z_mm: f64, offset_mm2: f64) -> f64 {
         let Some(medium) = &self.medium else {
             return 1.0 / (self.object_distance_mm - z_mm);
         };
-        // Snell: n sin(angle) is the same in every layer, so a layer of thickness h takes the ray h t / sqrt(n^2 + (n^2 - 1) t^2)
-        // aside where its slope in air is t. Their sum over the air and the layers is |U - X|: Newton's method for t / |U - X|,
-        // from the paraxial answer, rises to the root.
+        // By Snell's law n sin(angle) is the same in every layer. A ray of slope t in air therefore moves sideways by
+        // h t / sqrt(n^2 + (n^2 - 1) t^2) in a layer of thickness h. The sum over air and layers is |U - X|.
+        // Newton's method for g = t / |U - X| starts from the paraxial answer and rises to the root.
         let air = medium.air_mm(self.object_distance_mm);
         let layers = medium.layers_from(z_mm);
         let mut g = 1.0 / (air + layers[0].0 / layers[0].1 + layers[1].0 / layers[1].1);
@@ -169,21 +205,21 @@ impl Optics {
         g
     }
 
-    /// Slope of a ray in the air before the main lens, mm per mm of way towards the lens.
+    /// q, the ray's slope in the air before the main lens: mm sideways per mm towards the lens.
     #[inline(always)]
     pub fn slope(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
         let offset = aperture_mm - object_mm;
         self.slope_per_mm(z_mm, offset.length_squared()) * offset
     }
 
-    /// Slope, before the main lens, of the ray that meets the array at `array_mm` from the aperture at `aperture_mm`; without
+    /// The slope before the main lens of the ray that passes `aperture_mm` and meets the array at `array_mm`, without
     /// distortion.
     #[inline(always)]
     pub fn slope_from_array(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         (array_mm - aperture_mm) / self.image_distance_mm + aperture_mm / self.focal_length_mm
     }
 
-    /// Shift of a point's image on the array by distortion, mm; none without.
+    /// Shift of a point's image on the array by distortion, mm; 0 without distortion.
     #[inline(always)]
     pub fn distortion_mm(&self, object_mm: DVec2, z_mm: f64) -> DVec2 {
         let Some(Distortion { radial: [k1, k2, k3], tangential: [p1, p2] }) = &self.distortion else {
@@ -200,7 +236,7 @@ impl Optics {
     #[inline(always)]
     pub fn array_from_object(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
         let hit = if self.medium.is_none() {
-            -self.beta(z_mm) * object_mm + self.alpha(z_mm) * aperture_mm
+            self.straight_rays(z_mm).array_mm(object_mm, aperture_mm)
         } else {
             let lens = 1.0 - self.image_distance_mm / self.focal_length_mm;
             aperture_mm * lens + self.image_distance_mm * self.slope(object_mm, z_mm, aperture_mm)
@@ -208,13 +244,13 @@ impl Optics {
         hit + self.distortion_mm(object_mm, z_mm)
     }
 
-    /// Where a ray that meets the array at `array_mm` from the aperture at `aperture_mm` meets the sensor, mm.
+    /// Where the ray that passes `aperture_mm` and meets the array at `array_mm` meets the sensor, mm.
     #[inline(always)]
     pub fn sensor_from_array(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         self.sensor_through(self.lattice.nearest_centre_mm(array_mm), array_mm, aperture_mm)
     }
 
-    /// The same through the lenslet with its centre at `centre`, wherever it meets the array, mm.
+    /// The same through the lenslet with centre `centre`, even if the ray meets the array outside that lenslet's cell, mm.
     #[inline(always)]
     pub fn sensor_through(&self, centre: DVec2, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let Some(plane) = &self.sensor_plane else {
@@ -237,13 +273,13 @@ impl Optics {
         self.pixel_pitch_mm
     }
 
-    /// A place on the sensor in pixels: 0 is the left or top edge, a pixel's centre is at a half.
+    /// A place on the sensor in pixels. 0 is the left or top edge; a pixel's centre is at a half.
     #[inline]
     pub fn place_px(&self, sensor_mm: DVec2) -> DVec2 {
         sensor_mm / self.pixel_pitch_mm + 0.5 * DVec2::new(self.width as f64, self.height as f64)
     }
 
-    /// Where the middle of a pixel is on the sensor, mm.
+    /// Centre of a pixel on the sensor, mm.
     #[inline]
     pub fn centre_mm(&self, column: u32, row: u32) -> DVec2 {
         let place = DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
@@ -256,20 +292,26 @@ impl Optics {
         [self.width, self.height]
     }
 
-    /// Column and row of the pixel under a place on the sensor; none beside the sensor.
+    /// Column and row of the pixel at a place on the sensor, mm. None beside the sensor.
     #[inline]
     pub fn pixel_at(&self, sensor_mm: DVec2) -> Option<(usize, usize)> {
-        let place = self.place_px(sensor_mm);
-        let inside = place.x >= 0.0 && place.y >= 0.0 && place.x < self.width as f64 && place.y < self.height as f64;
-        inside.then_some((place.x as usize, place.y as usize))
+        self.pixel_under(self.place_px(sensor_mm))
+    }
+
+    /// Column and row of the pixel at a place in pixels, as [`Optics::place_px`] gives it. None beside the sensor.
+    #[inline]
+    pub fn pixel_under(&self, place_px: DVec2) -> Option<(usize, usize)> {
+        let [x, y] = place_px.to_array();
+        let is_inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
+        is_inside.then_some((x as usize, y as usize))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Layout;
     use crate::camera::tests::seed;
+    use crate::lattice::Layout;
 
     fn optics(rotation_rad: f64) -> Optics {
         Optics::new(&seed(20, Aperture::Circle, Layout::Square, rotation_rad))
@@ -283,7 +325,7 @@ mod tests {
         for angle in 0..12 {
             let rim = DVec2::from_angle(angle as f64) * optics.half_aperture_mm();
             let hit = optics.sensor_from_object(-centre, 0.0, rim);
-            // The lens turns the disc over: U lands at c (1 + k) - k U, and k D/2 is half a pitch.
+            // The lens turns the disc over: U lands at c (1 + k) - k U. Half a pitch is k D/2.
             let expected = centre * (1.0 + optics.demagnification()) - rim.normalize() * 0.0385;
             assert!(hit.distance(expected) < 1e-12);
         }
@@ -291,8 +333,9 @@ mod tests {
 
     #[test]
     fn sub_images_drift_with_depth_by_the_slope_of_the_paper_drawing() {
-        // By hand: m = 1, s_i = s_o = 400, Z = 4: beta = 400/396, alpha = 4/396. A point on the axis lights lenslet c
-        // through U = c / alpha, which lands at c + k (c - c / alpha): k (1 - 1/alpha) = 0.00077 (1 - 99) px per px.
+        // By hand: m = 1, s_i = s_o = 400 and Z = 4 give beta = 400/396 and alpha = 4/396. A point on the axis lights
+        // lenslet c through U = c / alpha and lands at c + k (c - c / alpha). The drift k (1 - 1/alpha) is
+        // 0.00077 (1 - 99) px per px.
         let optics = optics(0.0);
         let centre = optics.lattice().centre_mm(4, 0).x;
         let aperture = DVec2::new(centre / (4.0 / 396.0), 0.0);
@@ -316,7 +359,7 @@ mod tests {
 
     const TANK: Medium = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
 
-    /// Snell's law itself at both faces, from the ray's places on them, and the plane in focus where paraxial rays say.
+    /// Snell's law holds at both faces of the window, and the focal plane is where paraxial rays put it.
     #[test]
     fn rays_through_a_window_obey_snell() {
         assert!((TANK.air_mm(400.0) - (400.0 - 60.0 / 1.333 - 20.0 / 1.49)).abs() < 1e-12);
@@ -340,8 +383,8 @@ mod tests {
         assert!(optics.array_from_object(DVec2::ZERO, 0.0, near).length() < 1e-15);
     }
 
-    /// By hand: m = 1, a point at X = 4 mm in focus has t = -X / 400 = -0.01, r^2 = 1e-4, moved by 400 t k1 r^2 on the array,
-    /// whatever part of the aperture it is seen through.
+    /// By hand: at m = 1 a point at X = 4 mm in focus has t = -X / 400 = -0.01 and r^2 = 1e-4. It moves by 400 t k1 r^2 on
+    /// the array, through every part of the aperture.
     #[test]
     fn distortion_moves_whole_images() {
         let optics = with(|camera| {
@@ -357,10 +400,10 @@ mod tests {
         }
     }
 
-    /// A gap that is the focal length changes nothing; a longer one magnifies a lenslet's image by g / f_l about where the
-    /// axis of the lenslet meets the sensor, and lets the place under the lenslet show: by (1 - g / f_l) of its distance.
+    /// A gap equal to the focal length changes nothing. A longer gap magnifies a lenslet's image by g / f_l about the point
+    /// where the lenslet's axis meets the sensor, and adds (1 - g / f_l) of the ray's distance from that axis.
     #[test]
-    fn gap_and_tilt_bend_what_the_sensor_sees() {
+    fn gap_and_tilt_move_rays_on_the_sensor() {
         let plain = with(|_| ());
         let same = with(|camera| camera.microlenses.gap_mm = Some(0.308));
         let longer = with(|camera| camera.microlenses.gap_mm = Some(0.33));

@@ -1,6 +1,40 @@
-//! The widest arithmetic that a machine has.
+//! The vector instructions of the machine, found at run time. Every choice of a vector width is made here.
 
-/// Runs `work` with the widest arithmetic that the machine has and that keeps its results: no fused operations.
+/// Vector instructions of a machine, the narrowest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// The instructions that every machine of this kind has.
+    Portable,
+    /// AVX2: eight f32 or four f64 at once.
+    Avx2,
+    /// AVX2 with fused multiply-add.
+    Avx2Fma,
+}
+
+impl Level {
+    /// The widest level of this machine.
+    #[inline]
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            return if is_x86_feature_detected!("fma") { Self::Avx2Fma } else { Self::Avx2 };
+        }
+        Self::Portable
+    }
+
+    /// Its name, as `--verbose` prints it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Portable => "portable code (the machine has no AVX2)",
+            Self::Avx2 => "AVX2",
+            Self::Avx2Fma => "AVX2 and FMA",
+        }
+    }
+}
+
+/// Runs `work`, compiled for the widest level of the machine. Operations are not fused, so every level gives the same bytes.
+///
+/// `work` is compiled for the level only where it is inlined: mark the closure and its callees `#[inline(always)]`.
 #[inline(always)]
 pub fn fastest(work: impl FnOnce()) {
     #[cfg(target_arch = "x86_64")]
@@ -9,19 +43,10 @@ pub fn fastest(work: impl FnOnce()) {
         fn with_avx2(work: impl FnOnce()) {
             work();
         }
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the machine has the feature, as the line above has asked it.
+        if Level::detect() >= Level::Avx2 {
+            // SAFETY: the machine has AVX2.
             return unsafe { with_avx2(work) };
         }
     }
     work();
-}
-
-/// What [`fastest`] runs on, in words.
-pub fn name() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        return "AVX2";
-    }
-    "portable code, for want of AVX2"
 }

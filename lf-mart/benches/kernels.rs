@@ -1,11 +1,11 @@
-//! Rates of projection and back-projection in weights a second, against a stored matrix (compressed sparse rows, one
-//! by pixel to project and one by voxel to project back) and against the machine's memory: `cargo bench -p lf-mart`.
+//! Rates of projection and back-projection, in weights a second: `cargo bench -p lf-mart`.
 //!
-//! 60 x 60 lenslets, 8000 particles as 3 x 3 x 9 voxels of 1 x 1 x 10 px each. Medians of seven runs.
+//! Compared with a stored matrix (compressed sparse rows, one by pixel to project, one by voxel to project back) and with the
+//! machine's memory. 60 x 60 lenslets, 8000 particles of 3 x 3 x 9 voxels of 1 x 1 x 10 px. Medians of seven runs.
 
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
-use lf_core::weights::{Basis, Footprint, Model, Scratch};
+use lf_core::weights::{Basis, Model, Scratch, Weights};
 use lf_mart::projector::Projector;
 use ndarray::Array2;
 use rayon::prelude::*;
@@ -62,7 +62,7 @@ struct Stored {
 }
 
 impl Stored {
-    fn of(rows: usize, entries: impl Iterator<Item = (u32, u32, f32)> + Clone) -> Self {
+    fn new(rows: usize, entries: impl Iterator<Item = (u32, u32, f32)> + Clone) -> Self {
         let mut starts = vec![0; rows + 1];
         for (row, _, _) in entries.clone() {
             starts[row as usize + 1] += 1;
@@ -80,16 +80,16 @@ impl Stored {
     }
 
     fn times(&self, vector: &[f32]) -> Vec<f32> {
-        let of = |row: usize| {
+        let product = |row: usize| {
             let row = &self.weights[self.starts[row]..self.starts[row + 1]];
             row.iter().map(|(column, weight)| weight * vector[*column as usize]).sum()
         };
-        (0..self.starts.len() - 1).into_par_iter().with_min_len(256).map(of).collect()
+        (0..self.starts.len() - 1).into_par_iter().with_min_len(256).map(product).collect()
     }
 }
 
 fn main() {
-    // cargo test --benches asks for a look only.
+    // `cargo test --benches` only asks whether it starts.
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
@@ -104,22 +104,22 @@ fn main() {
         println!("{name:<40} {voxels:>10} {each:>14.0} {:>10.0} {:>10.0}", rate(forward), rate(back));
     };
     for (name, aperture, layout, rotation, share) in [
-        ("square stop, in line", "square", "square", 0.0, 1),
-        ("round stop, in line", "circle", "square", 0.0, 1),
+        ("square stop, aligned", "square", "square", 0.0, 1),
+        ("round stop, aligned", "circle", "square", 0.0, 1),
         ("square stop, turned, weights remade", "square", "square", 0.003, 10),
         ("hexagonal, turned, weights remade", "circle", "hexagonal", 0.003, 10),
     ] {
-        let footprint =
-            Footprint::new(&camera(aperture, layout, rotation), &grid, Model::Exact, basis).expect("weights");
+        let camera = camera(aperture, layout, rotation);
+        let choice = Weights::choose(&camera, &grid, Model::Exact, basis).expect("weights");
         let some: Vec<u64> = all.iter().step_by(share).copied().collect();
-        let mut projector = Projector::new(&footprint, &some, 0);
+        let mut projector = Projector::new(&choice, &some, 0);
         let strengths = vec![1.0; some.len()];
         let weights = projector.weights() as f64;
         let forward = seconds(|| {
             black_box(projector.project(&strengths));
         });
         let image = Array2::from_elem((840, 840), 1.0);
-        // Two passes: the sums and the weights.
+        // Two passes: one for the sums, one for the weights.
         let back = 0.5
             * seconds(|| {
                 black_box(projector.back_project(image.view()));
@@ -127,16 +127,16 @@ fn main() {
         row(name, some.len(), weights, forward, back);
     }
 
-    let footprint = Footprint::new(&camera("square", "square", 0.0), &grid, Model::Exact, basis).expect("weights");
+    let choice = Weights::choose(&camera("square", "square", 0.0), &grid, Model::Exact, basis).expect("weights");
     let some: Vec<u64> = all.iter().step_by(5).copied().collect();
     let mut entries: Vec<(u32, u32, f32)> = Vec::new();
     let mut scratch = Scratch::default();
     for (n, index) in some.iter().enumerate() {
         let add = |column, row, weight| entries.push((row * 840 + column, n as u32, weight));
-        footprint.visit(grid.voxel(*index), &mut scratch, |_| true, add);
+        choice.visit(grid.voxel(*index), &mut scratch, |_| true, add);
     }
-    let by_pixel = Stored::of(840 * 840, entries.iter().copied());
-    let by_voxel = Stored::of(some.len(), entries.iter().map(|(pixel, voxel, weight)| (*voxel, *pixel, *weight)));
+    let by_pixel = Stored::new(840 * 840, entries.iter().copied());
+    let by_voxel = Stored::new(some.len(), entries.iter().map(|(pixel, voxel, weight)| (*voxel, *pixel, *weight)));
     let (strengths, image) = (vec![1f32; some.len()], vec![1f32; 840 * 840]);
     let forward = seconds(|| {
         black_box(by_pixel.times(&strengths));

@@ -1,12 +1,12 @@
-//! From strengths of blobs to the intensity of voxels.
+//! From the strengths of voxels or blobs to intensities.
 
 use lf_core::grid::Grid;
 use rayon::prelude::*;
 
-/// A blob ends this many standard deviations from its centre; the light left out is 3e-3, and is given to the rest.
+/// A blob ends this many standard deviations from its centre. The light left out, 3e-3, is given to the rest.
 const REACH_SIGMA: f64 = 3.0;
 
-/// The brightest of the voxels that lie within `core_vox` along x and y, `[from, to)`; 0 where there is none.
+/// The brightest of the voxels within `core_vox`, `[from, to)` along x and y; 0 if there is none.
 fn brightest<'a>(grid: &Grid, voxels: impl Iterator<Item = (&'a u64, &'a f32)>, core_vox: [[usize; 2]; 2]) -> f32 {
     let in_core = |index: u64| {
         let voxel = grid.voxel(index);
@@ -15,8 +15,8 @@ fn brightest<'a>(grid: &Grid, voxels: impl Iterator<Item = (&'a u64, &'a f32)>, 
     voxels.filter(|(index, _)| in_core(**index)).fold(0f32, |peak, (_, value)| peak.max(*value))
 }
 
-/// The voxels above `least_share` of the brightest within `core_vox`, as they are.
-pub fn lit(
+/// The voxels above `least_share` of the brightest within `core_vox`, unchanged.
+pub(crate) fn lit(
     grid: &Grid,
     indices: &[u64],
     strengths: &[f32],
@@ -27,9 +27,9 @@ pub fn lit(
     indices.iter().zip(strengths).filter(|(_, s)| **s > least).map(|(index, s)| (*index, *s)).unzip()
 }
 
-/// Strengths convolved with a Gaussian of `sigma_vox` voxels in x, y and z whose samples sum to 1; voxels above
-/// `least_share` of the brightest within `core_vox` along x and y, by rising index. The same for any number of threads.
-pub fn spread(
+/// Strengths convolved with a Gaussian of `sigma_vox` voxels in x, y and z; its samples sum to 1. Gives the voxels above
+/// `least_share` of the brightest within `core_vox`, by rising index. The result is the same for any number of threads.
+pub(crate) fn spread(
     grid: &Grid,
     indices: &[u64],
     strengths: &[f32],
@@ -46,6 +46,7 @@ pub fn spread(
     let slice = nx as u64 * ny as u64;
     let starts: Vec<usize> = (0..=nz as u64).map(|z| indices.partition_point(|index| *index < z * slice)).collect();
 
+    // Add up the blobs that reach slice z.
     let blurred = |z: usize, plane: &mut Vec<f32>, touched: &mut Vec<u32>| -> Vec<(u64, f32)> {
         plane.resize(slice as usize, 0.0);
         for source in (z as i64 - reach).max(0)..=(z as i64 + reach).min(nz as i64 - 1) {
@@ -58,7 +59,7 @@ pub fn spread(
                     if row < 0 || row >= ny as i64 {
                         continue;
                     }
-                    let part = strength * bell[(dy + reach) as usize];
+                    let in_row = strength * bell[(dy + reach) as usize];
                     for dx in -reach..=reach {
                         let column = x as i64 + dx;
                         if column < 0 || column >= nx as i64 {
@@ -68,7 +69,7 @@ pub fn spread(
                         if plane[place] == 0.0 {
                             touched.push(place as u32);
                         }
-                        plane[place] += part * bell[(dx + reach) as usize];
+                        plane[place] += in_row * bell[(dx + reach) as usize];
                     }
                 }
             }
@@ -94,7 +95,7 @@ pub fn spread(
 mod tests {
     use super::*;
 
-    /// One blob of strength 8 and sigma 1: by hand its centre is 8 / (sum of exp(-i^2/2), |i| <= 3)^3.
+    /// One blob of strength 8 and sigma 1. By hand its centre is 8 / (sum of exp(-i^2/2), |i| <= 3)^3.
     #[test]
     fn one_blob_by_hand() {
         let grid = Grid { shape: [9, 9, 9], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };

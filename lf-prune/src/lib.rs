@@ -18,6 +18,7 @@ pub use memory::estimate_bytes;
 pub use route::Route;
 pub use threshold::Automatic;
 
+use lf_core::Refusal;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use lf_core::weights::{check_depth, sections};
@@ -88,7 +89,7 @@ pub fn prune(
     grid: &Grid,
     options: &Options,
     done: impl Fn(u64) + Sync,
-) -> Result<Support, String> {
+) -> Result<Support, Refusal> {
     let [nx, ny, nz] = grid.shape;
     prune_parts(image, camera, grid, &vec![[0..nx, 0..ny]; nz], options, done)
 }
@@ -108,12 +109,12 @@ pub fn prune_parts(
     parts: &[Part],
     options: &Options,
     done: impl Fn(u64) + Sync,
-) -> Result<Support, String> {
+) -> Result<Support, Refusal> {
     check_depth(camera, grid)?;
     sections(camera, options.sections)?;
     let [nx, ny, nz] = grid.shape;
     if nx as u64 * ny as u64 >= 1 << 32 {
-        return Err(format!("a slice of {nx} x {ny} voxels is too large"));
+        return Err(Refusal::new(format!("a slice of {nx} x {ny} voxels"), "wanted less than 2^32 voxels a slice"));
     }
     assert_eq!(parts.len(), nz, "a part for each slice");
     assert!(parts.iter().all(|part| part[0].end <= nx && part[1].end <= ny), "parts of the grid");

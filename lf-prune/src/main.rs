@@ -98,9 +98,6 @@ struct Arguments {
 /// Pixels per voxel where neither an option nor a preset sets them: the paper's.
 const PVR: [f64; 3] = [1.0, 1.0, 10.0];
 
-/// What a grid that is refused is told.
-const VOLUME: &str = "wanted a volume before the lens with less than 2^32 voxels a slice";
-
 /// Its logarithms still add up in whole numbers.
 const LEAST_DARK: f64 = 1e-12;
 
@@ -284,7 +281,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     };
     let all: u64 = parts.iter().map(|[x, y]| x.len() as u64 * y.len() as u64).sum();
     if arguments.estimate {
-        let refused = |found| Error::new(arguments.depth_name(), found, VOLUME);
+        let refused = |refusal: lf_core::Refusal| refusal.about(arguments.depth_name());
         let (bytes, kept) = estimate_bytes(image.pixels.view(), &camera, &grid, &parts, &options).map_err(refused)?;
         session.tell_estimate(bytes, &[("voxels", all), ("kept", kept)])?;
         return Ok(Verdict::Done);
@@ -292,7 +289,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let support = session.phase("prune", |session| {
         let progress = session.progress("slices", grid.shape[2] as u64);
         prune_parts(image.pixels.view(), &camera, &grid, &parts, &options, |slices| progress.add(slices))
-            .map_err(|found| Error::new(arguments.depth_name(), found, VOLUME))
+            .map_err(|refusal| refusal.about(arguments.depth_name()))
     })?;
     let kept = support.indices.len();
     session.count("voxels", all);

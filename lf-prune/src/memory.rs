@@ -3,6 +3,7 @@
 use crate::route::Route;
 use crate::sections::Sections;
 use crate::{Options, Part, prune_parts};
+use lf_core::Refusal;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use ndarray::ArrayView2;
@@ -25,7 +26,7 @@ pub fn estimate_bytes(
     grid: &Grid,
     parts: &[Part],
     options: &Options,
-) -> Result<(u64, u64), String> {
+) -> Result<(u64, u64), Refusal> {
     let nz = grid.shape[2];
     let few = nz.min(SLICES);
     // The same depth in fewer slices.

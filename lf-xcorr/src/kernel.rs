@@ -6,6 +6,7 @@
 
 use crate::shifts::{Shifts, back, on};
 use crate::sparse::Rows;
+use lf_core::simd::fastest;
 use std::ops::Range;
 
 /// Buffers kept from cell to cell; they need not be clean.
@@ -26,29 +27,14 @@ pub(crate) fn products(
     out: &mut [f64],
     scratch: &mut Scratch,
 ) {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has the instructions the function is compiled for.
-        return unsafe { wide(first, second, cell, shifts, out, scratch) };
-    }
-    portable(first, second, cell, shifts, out, scratch);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn wide(
-    first: &Rows,
-    second: &Rows,
-    cell: &[Range<usize>; 3],
-    shifts: &Shifts,
-    out: &mut [f64],
-    scratch: &mut Scratch,
-) {
-    portable(first, second, cell, shifts, out, scratch);
+    fastest(
+        #[inline(always)]
+        || by_width(first, second, cell, shifts, out, scratch),
+    );
 }
 
 #[inline(always)]
-fn portable(
+fn by_width(
     first: &Rows,
     second: &Rows,
     cell: &[Range<usize>; 3],

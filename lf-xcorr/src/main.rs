@@ -76,7 +76,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if session.is_verbose() {
         let gigabytes = 1e-9 * lf_xcorr::estimate_bytes(&pairs(&volumes), &mask, &options) as f64;
         session.explain(format!("about {gigabytes:.2} GB of memory beside the volumes; {}", report::passes(&options)));
-        session.explain(format!("products by {}", lf_core::simd::name()));
+        session.explain(format!("products by {}", lf_core::simd::Level::detect().name()));
     }
     let windows = lf_xcorr::windows(shape, &options);
     let mut outcome = session.phase("correlate", |session| correlate(&volumes, &mask, &options, windows, session))?;

@@ -23,7 +23,7 @@ pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<V
     let exposures = session.phase("read", |_| {
         for depth in dots.iter().flatten().map(|dot| dot.place_mm[2]) {
             check_depth_mm(&nominal, depth)
-                .map_err(|found| Error::new("the target", found, "wanted depths in front of the main lens"))?;
+                .map_err(|refusal| Error::new("the target", refusal.found, "wanted depths in front of the main lens"))?;
         }
         let images = frames(&images, None, &nominal, camera)?;
         let exposure = |(pixels, dots)| Exposure { pixels, dots };

@@ -45,7 +45,7 @@ fn check_depths([low, high]: [f64; 2], camera: &Camera) -> Result<()> {
     if low >= high {
         return Err(Error::new("--depth", format!("{low},{high}"), wanted));
     }
-    check_depth_mm(camera, high).map_err(|found| Error::new("--depth", found, wanted))
+    check_depth_mm(camera, high).map_err(|refusal| Error::new("--depth", refusal.found, wanted))
 }
 
 fn tell(found: &Refined, frames: usize, session: &mut Session) {

@@ -1,18 +1,18 @@
-//! Weights along one axis: through which lenslet, onto which pixel, and from which part of the aperture.
+//! Weights along one axis of the sensor: through one lenslet, onto each pixel, and from which part of the aperture.
 
-use super::Model;
 use super::blur::Blur;
+use super::model::Model;
 use std::ops::Range;
 
-/// The optics of one slice of voxels along one axis of the sensor. mm, but pixels where the name says so.
+/// The optics of one slice of voxels along one axis of the sensor. Lengths are mm unless they are called pixels.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Axis {
     pub(crate) alpha: f64,
     pub(crate) beta: f64,
     pub(crate) demagnification: f64,
-    /// Share of a ray's place on the array in its place on the sensor: `k + 1 - g / f_l`.
+    /// See [`crate::optics::Optics::array_gain`].
     pub(crate) array_gain: f64,
-    /// Share of its lenslet's centre: `g / f_l`.
+    /// See [`crate::optics::Optics::lenslet_gain`].
     pub(crate) lenslet_gain: f64,
     pub(crate) half_aperture: f64,
     pub(crate) pixel_pitch: f64,
@@ -28,15 +28,15 @@ pub(crate) struct Axis {
 pub struct Piece {
     /// Column or row.
     pub pixel: u32,
-    /// Share of the light that passes the full width of the aperture; 0 to 1.
+    /// Share of the light that passes the full width of the aperture, 0 to 1.
     pub weight: f32,
-    /// The part of the aperture it comes through, lower end, mm.
+    /// Lower end of the part of the aperture that it comes through, mm.
     pub u0: f32,
-    /// The part of the aperture it comes through, upper end, mm.
+    /// Upper end of this part, mm.
     pub u1: f32,
 }
 
-/// Part of a cell along the axis: `[low, high]` about the lenslet's centre, and how its edges look.
+/// A cell along the axis: `[low, high]` about the lenslet's centre, and the blur of its edges.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Span {
     pub(crate) low: f64,
@@ -44,13 +44,13 @@ pub(crate) struct Span {
     pub(crate) blur: Blur,
 }
 
-/// A share below this is not kept; the shares of a voxel along an axis sum to 1.
+/// Shares below this are dropped; the shares of a voxel along an axis sum to 1.
 const LEAST_SHARE: f64 = 1e-6;
-/// Pixels a mm of the aperture that count as none.
+/// Smallest slope, px per mm of the aperture.
 const LEAST_SLOPE: f64 = 1e-7;
 
 impl Span {
-    /// Share of the light at `t` (about the lenslet's centre) that falls within.
+    /// Share of the light with its centre at `t` from the lenslet's centre that falls within.
     pub(super) fn share(&self, t: f64) -> f64 {
         self.blur.cdf(t - self.low) - self.blur.cdf(t - self.high)
     }
@@ -62,8 +62,8 @@ impl Span {
 }
 
 impl Axis {
-    /// The part of the aperture whose light can fall within `span` of the lenslet at `t0` behind the voxel's chief
-    /// ray (`t0 = x_m(0) - c`); empty where low >= high.
+    /// The part (low, high) of the aperture whose light can fall within `span`. `t0 = x_m(0) - c` is the chief ray's place
+    /// from the lenslet's centre. The part is empty if low >= high.
     pub(super) fn aperture_part(&self, t0: f64, span: &Span) -> (f64, f64) {
         let (low, high) = (span.low - span.blur.reach() - t0, span.high + span.blur.reach() - t0);
         let half = self.half_aperture;
@@ -74,24 +74,25 @@ impl Axis {
         (a.min(b).max(-half), a.max(b).min(half))
     }
 
-    /// The pixels that [`Axis::pieces`] may name, and perhaps one more at either end.
+    /// The pixels that [`Axis::pieces`] can name, and possibly one more at either end.
     pub(crate) fn pixels_reached(&self, x0: f64, centre: f64, span: &Span) -> Range<u32> {
         let (low, high) = self.aperture_part(x0 - centre, span);
         if low >= high {
             return 0..0;
         }
-        // A section's chief ray may lie half a section beside the part of the aperture that its beam reaches.
+        // A section's chief ray may lie half a section outside the part of the aperture from which its beam arrives.
         let section = self.half_aperture / self.sections as f64;
-        let (zero, slope) = self.line(x0, centre);
+        let (zero, slope) = self.sensor_line(x0, centre);
         let (a, b) = (zero - slope * (high + section), zero - slope * (low - section));
         let (first, last) = (a.min(b) - 0.5 * self.square, a.max(b) + 0.5 * self.square);
         first.floor().max(0.0) as u32..last.ceil().clamp(0.0, self.pixels as f64) as u32
     }
 
-    /// Place in pixels is `zero - slope U`, from `x_s = array_gain x_m + lenslet_gain c - k U`.
-    pub(super) fn line(&self, x0: f64, centre: f64) -> (f64, f64) {
+    /// (zero, slope) of a ray's place on the sensor in pixels, `zero - slope U`. This is
+    /// `x_s = array_gain x_m + lenslet_gain c - k U`.
+    pub(super) fn sensor_line(&self, x0: f64, centre: f64) -> (f64, f64) {
         let slope = (self.demagnification - self.array_gain * self.alpha) / self.pixel_pitch;
-        // A lenslet that focuses a point to a point: a slope that leaves it on one pixel, whatever rounding does.
+        // If a lenslet images the point sharply, a small slope keeps it on one pixel in spite of rounding.
         let slope = if slope.abs() < LEAST_SLOPE { LEAST_SLOPE } else { slope };
         let zero = (self.lenslet_gain * centre + self.array_gain * x0) / self.pixel_pitch;
         (zero + 0.5 * self.pixels as f64, slope)
@@ -105,15 +106,15 @@ impl Axis {
         }
     }
 
-    /// U -> lenslet and U -> pixel are both linear between edges: the share is the length of a U interval, or the
-    /// integral over it of the blurred cell, over D.
+    /// The maps U -> array and U -> sensor are linear. So a pixel's share is the integral of the blurred cell over an
+    /// interval of U, divided by D.
     fn exact(&self, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
         let t0 = x0 - centre;
         let (low, high) = self.aperture_part(t0, span);
         if low >= high {
             return;
         }
-        let (zero, slope) = self.line(x0, centre);
+        let (zero, slope) = self.sensor_line(x0, centre);
         let (a, b) = (zero - slope * high, zero - slope * low);
         let first = a.min(b).floor().max(0.0);
         let last = a.max(b).ceil().min(self.pixels as f64);
@@ -127,7 +128,7 @@ impl Axis {
         let mut before = at_edge(pixel);
         while pixel < last {
             let after = at_edge(pixel + 1.0);
-            // The aperture falls as pixels rise, but where a lenslet out of focus turns its image over.
+            // U falls as pixels rise, unless a lenslet out of focus turns its image over.
             let (lower, upper) = if slope > 0.0 { (after, before) } else { (before, after) };
             let light = if flat {
                 span.share(t0 + self.alpha * 0.5 * (lower.0 + upper.0)) * (upper.0 - lower.0)
@@ -144,8 +145,8 @@ impl Axis {
         }
     }
 
-    /// The part of `[lower, upper]` inside the cell's sharp edges, where most of the light comes through; its nearer
-    /// end where no part is.
+    /// The part of `[lower, upper]` inside the cell's sharp edges, where most of the light comes through. If there is none,
+    /// the end of the interval nearer to the cell, twice.
     pub(super) fn unblurred(&self, t0: f64, span: &Span, lower: f64, upper: f64) -> (f64, f64) {
         if self.alpha.abs() * self.half_aperture < 1e-12 {
             return (lower, upper);
@@ -161,8 +162,8 @@ impl Axis {
         }
     }
 
-    /// The paper's weights: w1 is the share of a section's beam on the lenslet, w2 the share of a square about its chief
-    /// ray on each pixel, and the section's share of the aperture is 1/n.
+    /// The paper's weights w1 w2 / n: w1 is the share of a section's beam on the lenslet, w2 the share on a pixel of a square
+    /// about its chief ray, and 1/n the section's share of the aperture.
     fn drt(&self, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
         let t0 = x0 - centre;
         let (low, high) = self.aperture_part(t0, span);
@@ -185,7 +186,7 @@ impl Axis {
             if w1 <= LEAST_SHARE {
                 continue;
             }
-            let (zero, slope) = self.line(x0, centre);
+            let (zero, slope) = self.sensor_line(x0, centre);
             let left = zero - slope * u - 0.5 * self.square;
             let part = left - left.floor();
             let mut step = 0.0;

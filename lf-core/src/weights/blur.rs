@@ -1,8 +1,8 @@
-//! How a cell's edge looks through a voxel that is not a point: a step, a ramp or an error function.
+//! How a cell's edge looks through a voxel that is not a point: a step, a ramp, or an error function.
 
 use std::sync::LazyLock;
 
-/// Distribution of the light's lateral place about the voxel's centre, as seen on the array.
+/// Lateral distribution of a voxel's light about its centre, as seen on the array.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Blur {
     /// All at the centre.
@@ -19,17 +19,18 @@ pub(crate) enum Blur {
     },
 }
 
-/// Beyond this many standard deviations a Gaussian is taken as ended; the light left out is 6e-5.
+/// A Gaussian ends after this many standard deviations; the light left out is 6e-5.
 const REACH_SIGMA: f64 = 4.0;
+/// Steps of the table of the normal distribution.
 const STEPS_PER_SIGMA: f64 = 128.0;
 
-/// `(z Phi(z) + phi(z), Phi(z))` for z from -REACH_SIGMA in steps of 1 / STEPS_PER_SIGMA, Phi the cut-off normal
-/// distribution. Linear interpolation is right to 3e-6 sigma.
+/// `(z Phi(z) + phi(z), Phi(z))` for z from -REACH_SIGMA in steps of 1 / STEPS_PER_SIGMA. Phi is the truncated normal
+/// distribution. Linear interpolation errs by at most 3e-6 sigma.
 static NORMAL: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
     let count = (2.0 * REACH_SIGMA * STEPS_PER_SIGMA) as usize + 2;
     let mut area = 0.0;
     let mut cumulative: Vec<f64> = vec![0.0];
-    // Simpson's rule for the density between nodes; the density needs no library and errs by 1e-12 here.
+    // Integrate the density by Simpson's rule between nodes; the error is 1e-12.
     let density = |z: f64| (-0.5 * z * z).exp();
     for n in 0..count {
         let z = -REACH_SIGMA + n as f64 / STEPS_PER_SIGMA;
@@ -49,7 +50,7 @@ static NORMAL: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
 });
 
 impl Blur {
-    /// Half width beyond which nothing lies, mm.
+    /// Half width beyond which there is no light, mm.
     pub(crate) fn reach(self) -> f64 {
         match self {
             Self::None => 0.0,
@@ -58,8 +59,8 @@ impl Blur {
         }
     }
 
-    /// The blur of two independent displacements, the second even over a width. Matched in variance where the sum has
-    /// another shape; used for the slanted edges of cells, where the width is a fraction of a pixel.
+    /// The blur by an additional, independent displacement that is even over `width`. If the sum has another shape, its
+    /// variance is kept. Used for slanted edges of cells, whose width is a fraction of a pixel.
     pub(crate) fn widened(self, width: f64) -> Self {
         let variance = width * width / 12.0;
         match self {
@@ -86,7 +87,7 @@ impl Blur {
         }
     }
 
-    /// Integral of [`Blur::cdf`] up to `t`: 0 far below, `t` far above.
+    /// Integral of [`Blur::cdf`] up to `t`: 0 far below the centre, `t` far above it.
     #[inline]
     pub(crate) fn ramp(self, t: f64) -> f64 {
         match self {
@@ -108,6 +109,7 @@ impl Blur {
     }
 }
 
+/// Entry `which` of the table at z; `above` beyond its upper end.
 #[inline]
 fn interpolate(z: f64, which: usize, above: f64) -> f64 {
     if z <= -REACH_SIGMA {
@@ -144,7 +146,7 @@ mod tests {
     #[test]
     fn gaussian_is_the_normal_distribution() {
         let blur = Blur::Gauss { sigma: 1.0 };
-        // Phi(1) from tables; the cut at 4 sigma moves it by 3e-5 at most.
+        // Phi(1) from tables; the truncation at 4 sigma changes it by 3e-5 at most.
         assert!((blur.cdf(1.0) - 0.841_344_7).abs() < 4e-5);
         assert!((blur.cdf(0.0) - 0.5).abs() < 1e-12);
         assert!((blur.ramp(0.0) - 0.398_942_3).abs() < 2e-4);

@@ -1,6 +1,7 @@
-//! A lenslet's cell as a stack of upright rectangles, so that weights are products even where cells are not.
+//! A lenslet's cell as a stack of upright rectangles, so that weights are products even if the cell is no rectangle.
 
-use crate::camera::{Camera, Layout};
+use crate::camera::Camera;
+use crate::lattice::Layout;
 use glam::DVec2;
 
 /// A rectangle of a cell, relative to the lenslet's centre, mm.
@@ -10,19 +11,19 @@ pub(crate) struct Slab {
     pub(crate) x: [f64; 2],
     /// Top and bottom edge.
     pub(crate) y: [f64; 2],
-    /// How far the left and right edges really wander over the slab's height.
+    /// Sideways change of the true left and right edges over the slab's height.
     pub(crate) slant_x: f64,
-    /// How far the top and bottom edges really wander over the slab's width.
+    /// Change in height of the true top and bottom edges over the slab's width.
     pub(crate) slant_y: f64,
 }
 
-/// A square cell turned by no more than this is one rectangle whose edges are widened by their slant; beyond it, slabs.
+/// A square cell turned by no more than this is one rectangle whose edges are blurred by their slant; beyond it, slabs.
 /// 0.02 rad slants the edge of a 14 px cell by 0.28 px, less than half the spread of a particle image.
 const ONE_SLAB_RAD: f64 = 0.02;
-/// A slab for each such part of a pitch that an edge wanders: 0.8 px at 14 px pitch.
+/// Largest sideways change of an edge within a slab, in pitches: 0.8 px at 14 px pitch.
 const STEP: f64 = 0.06;
 
-/// The slabs of a camera's cell. They tile the array where the lenslets' cells do.
+/// The slabs of a camera's cell. They tile the array as the cells do.
 pub(crate) fn slabs(camera: &Camera) -> Vec<Slab> {
     let pitch = camera.microlenses.pitch_mm;
     let quarter = std::f64::consts::FRAC_PI_2;
@@ -36,10 +37,11 @@ pub(crate) fn slabs(camera: &Camera) -> Vec<Slab> {
     polygon_slabs(&camera.lattice().cell_mm(), pitch)
 }
 
+/// The slabs of a convex polygon.
 fn polygon_slabs(corners: &[DVec2], pitch: f64) -> Vec<Slab> {
     let mut breaks: Vec<f64> = corners.iter().map(|corner| corner.y).collect();
     breaks.sort_by(f64::total_cmp);
-    // Corners that nearly share a height are one break: a sliver has no light worth its work.
+    // Corners of nearly the same height are one break: a sliver has too little light.
     let mut heights: Vec<Vec<f64>> = Vec::new();
     for y in breaks {
         match heights.last_mut() {
@@ -65,7 +67,7 @@ fn polygon_slabs(corners: &[DVec2], pitch: f64) -> Vec<Slab> {
     slabs
 }
 
-/// Where the line at height `y` enters and leaves a convex polygon; an empty chord at the middle beside it.
+/// Where the line at height `y` enters and leaves a convex polygon. An empty chord at 0 if it misses the polygon.
 fn chord(corners: &[DVec2], y: f64) -> [f64; 2] {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for (n, &from) in corners.iter().enumerate() {
@@ -98,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_square_in_line_is_one_slab_and_a_hexagon_many() {
+    fn an_aligned_square_is_one_slab_and_a_hexagon_many() {
         let count = |layout, rotation| slabs(&seed(20, Aperture::Square, layout, rotation)).len();
         assert_eq!(count(Layout::Square, 0.0), 1);
         assert_eq!(count(Layout::Square, 0.003), 1);

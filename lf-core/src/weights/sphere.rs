@@ -1,70 +1,65 @@
-//! The weight of tomographic PIV (Elsinga et al. 2006) carried over to a lenslet's pixels: the share of a sphere, the
-//! voxel, inside a cylinder, a pixel's line of sight through the middle of its lenslet.
+//! The weights of tomographic PIV (Elsinga et al. 2006), carried over to a lenslet's pixels: the share of a sphere (the
+//! voxel) that lies inside a cylinder (a pixel's line of sight through the middle of its lenslet).
 //!
-//! For comparison only: it takes the whole lenslet for its middle (Shi et al. 2016 show what that costs).
+//! For comparison only. It takes the whole lenslet for its middle; Shi et al. (2016) show the cost.
 
-use crate::camera::Camera;
-use crate::grid::Grid;
+use super::geometry::Geometry;
+use crate::camera::{Aperture, Camera};
 use crate::optics::Optics;
 use glam::DVec2;
 
-/// Steps of the distance between sphere and line of sight.
+/// Steps of the table over the distance between sphere and line of sight.
 const STEPS: usize = 256;
-/// Rings and spokes of the sum over a sphere.
+/// Rings, and points on each, of the sum over a sphere.
 const RINGS: usize = 48;
 
+/// Sphere-cylinder weights.
 #[derive(Debug, Clone)]
-pub(crate) struct Sphere {
-    /// Share of the sphere inside the cylinder, by distance from 0 to `reach_mm`.
+pub struct Sphere {
+    pub(super) geometry: Geometry,
+    /// Share of the sphere inside the cylinder, by their distance from 0 to `reach_mm`.
     shares: Vec<f32>,
-    /// On the array, mm.
+    /// The distance at which sphere and cylinder part, on the array, mm.
     reach_mm: f64,
     /// Half a lenslet's image, mm.
     half_image_mm: f64,
-    /// Makes the weights of a voxel sum to 1 on the mean.
+    /// Factor that makes the weights of a voxel sum to 1 on average.
     scale: f64,
 }
 
 impl Sphere {
     /// The cylinder is as wide as a lenslet; the sphere has the volume of a cube as wide as a voxel.
-    pub(crate) fn new(camera: &Camera, grid: &Grid) -> Self {
+    pub(super) fn new(camera: &Camera, geometry: Geometry) -> Self {
         let pitch = camera.microlenses.pitch_mm;
-        let width = camera.main_lens.magnification * (grid.spacing_mm[0] * grid.spacing_mm[1]).sqrt();
+        let [dx, dy, _] = geometry.grid.spacing_mm;
+        let width = camera.main_lens.magnification * (dx * dy).sqrt();
         let sphere = width * (0.75 / std::f64::consts::PI).cbrt();
         let cylinder = 0.5 * pitch;
         let reach_mm = cylinder + sphere;
         let share = |n: usize| inside(n as f64 / STEPS as f64 * reach_mm, sphere, cylinder) as f32;
         let sections = camera.pitch_px() * (1.0 + camera.demagnification());
-        let stop = if camera.main_lens.aperture == crate::camera::Aperture::Circle {
-            0.25 * std::f64::consts::PI
-        } else {
-            1.0
-        };
+        let stop = if camera.main_lens.aperture == Aperture::Circle { 0.25 * std::f64::consts::PI } else { 1.0 };
         let lenslets = std::f64::consts::PI * cylinder * cylinder / camera.lattice().cell_area_mm2();
-        // A lenslet's image of the aperture is k D wide.
+        // The image of the aperture under a lenslet is k D wide.
         let image = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
         Self {
             shares: (0..=STEPS).map(share).collect(),
             reach_mm,
             half_image_mm: 0.5 * image.min(sections) * camera.sensor.pixel_pitch_mm,
             scale: 1.0 / (image * image * stop * lenslets),
+            geometry,
         }
     }
 
-    /// As [`super::Footprint::visit`], for a voxel at `place_mm`.
-    pub(crate) fn visit(
-        &self,
-        place_mm: [f64; 3],
-        optics: &Optics,
-        wanted: impl Fn(u32) -> bool,
-        mut found: impl FnMut(u32, u32, f32),
-    ) {
-        let [x, y, z] = place_mm;
+    /// See [`super::Weights::visit`].
+    pub(super) fn visit(&self, voxel: [usize; 3], wanted: impl Fn(u32) -> bool, mut found: impl FnMut(u32, u32, f32)) {
+        let Geometry { grid, optics, .. } = &self.geometry;
+        let [x, y, z] = std::array::from_fn(|axis| grid.centre_mm(axis, voxel[axis]));
         let (alpha, k) = (optics.alpha(z), optics.demagnification());
         let chief = -optics.beta(z) * DVec2::new(x, y);
         let spread = alpha.abs() * optics.half_aperture_mm() + self.reach_mm;
         for (_, _, centre) in optics.lattice().lenslets_within(chief, DVec2::splat(spread)) {
-            // Light from U meets the array at chief + alpha U; the line of sight of the pixel at s comes from
+            // Light from U meets the array at chief + alpha U. The line of sight of the pixel at s comes from
             // U = c - (s - c) / k.
             let (first, last) = self.pixels(optics, alpha, chief, centre);
             for row in first.1..last.1 {
@@ -90,7 +85,7 @@ impl Sphere {
         }
     }
 
-    /// First and end column and row of the pixels under a lenslet whose lines of sight may reach the voxel.
+    /// First and end (column, row) of the pixels under a lenslet whose lines of sight may reach the voxel.
     fn pixels(&self, optics: &Optics, alpha: f64, chief: DVec2, centre: DVec2) -> ((u32, u32), (u32, u32)) {
         let k = optics.demagnification();
         let middle = centre * (1.0 + k);
@@ -111,7 +106,7 @@ impl Sphere {
     }
 }
 
-/// Share of a sphere of radius `sphere` within `cylinder` of a line that passes its middle at `distance`.
+/// Share of a sphere of radius `sphere` that lies within `cylinder` of a line; the line passes the middle at `distance`.
 fn inside(distance: f64, sphere: f64, cylinder: f64) -> f64 {
     let (mut within, mut all) = (0.0, 0.0);
     for ring in 0..RINGS {
@@ -133,8 +128,8 @@ fn inside(distance: f64, sphere: f64, cylinder: f64) -> f64 {
 mod tests {
     use super::inside;
 
-    /// A plane through the middle halves a sphere, and one at half its radius leaves a cap of 5/32: h^2 (3 r - h) / (4 r^3)
-    /// with h = r / 2.
+    /// A plane through the middle halves a sphere. A plane at half the radius leaves a cap of 5/32 of the volume:
+    /// h^2 (3 r - h) / (4 r^3) with h = r / 2.
     #[test]
     fn a_wide_cylinder_cuts_as_a_plane_does() {
         assert!((inside(0.0, 1.0, 2.0) - 1.0).abs() < 1e-12);
@@ -143,7 +138,7 @@ mod tests {
         assert_eq!(inside(1001.1, 1.0, 1000.0), 0.0);
     }
 
-    /// A thin line through the middle of a sphere of radius 1 meets 2 pi r^2 of 4 pi / 3.
+    /// A thin cylinder of radius r through the middle of a unit sphere holds 2 pi r^2 of 4 pi / 3.
     #[test]
     fn a_thin_cylinder_cuts_a_core() {
         assert!((inside(0.0, 1.0, 0.3) - 1.5 * 0.09).abs() < 0.02);

@@ -1,6 +1,10 @@
 use super::*;
-use crate::camera::Layout;
 use crate::camera::tests::seed;
+use crate::camera::{Aperture, Camera};
+use crate::grid::Grid;
+use crate::lattice::Layout;
+use crate::optics::Optics;
+use glam::DVec2;
 use std::collections::BTreeMap;
 
 fn grid(shape: [usize; 3], ratio: [f64; 3]) -> Grid {
@@ -9,9 +13,10 @@ fn grid(shape: [usize; 3], ratio: [f64; 3]) -> Grid {
     Grid { shape, spacing_mm, origin_mm }
 }
 
-fn weights(footprint: &Footprint, voxel: [usize; 3]) -> BTreeMap<(u32, u32), f64> {
+/// The weight of each pixel, the slow way.
+fn pixels_of(weights: &Weights, voxel: [usize; 3]) -> BTreeMap<(u32, u32), f64> {
     let mut map = BTreeMap::new();
-    footprint.visit(
+    weights.visit(
         voxel,
         &mut Scratch::default(),
         |_| true,
@@ -20,6 +25,11 @@ fn weights(footprint: &Footprint, voxel: [usize; 3]) -> BTreeMap<(u32, u32), f64
         },
     );
     map
+}
+
+fn aligned(weights: &Weights) -> &Aligned {
+    let Path::Aligned(aligned) = weights.path() else { panic!("not aligned: {}", weights.reason()) };
+    aligned
 }
 
 const DRT: Model = Model::Drt { sections: None };
@@ -36,12 +46,12 @@ fn weights_sum_to_one_inside_the_sensor() {
             let camera = seed(40, aperture, layout, rotation);
             for model in MODELS {
                 for basis in BASES {
-                    let footprint = Footprint::new(&camera, &grid, model, basis).unwrap();
+                    let weights = Weights::choose(&camera, &grid, model, basis).unwrap();
                     for voxel in [[0, 0, 0], [23, 26, 10], [7, 33, 9], [40, 11, 15], [13, 13, 20]] {
-                        let map = weights(&footprint, voxel);
+                        let map = pixels_of(&weights, voxel);
                         let sum: f64 = map.values().sum();
                         assert!(map.values().all(|w| *w >= 0.0));
-                        // A round stop is cut piece by piece and a turned cell stepped, to about 1 %.
+                        // Chords cut a round stop and slabs step a turned cell, each to about 1 %.
                         let stepped = rotation > 0.1 || layout == Layout::Hexagonal;
                         let slack = if aperture == Aperture::Circle || stepped { 0.02 } else { 2e-3 };
                         assert!(
@@ -55,17 +65,17 @@ fn weights_sum_to_one_inside_the_sensor() {
     }
 }
 
-/// Z = 4 mm at m = 1, s_i = s_o = 400: alpha = 4/396. The point (0, 0) stands behind a corner of four lenslets with
-/// centres at +-0.0385. In one axis lenslet +0.0385 takes U from 0 to 0.077 / alpha = 7.623 mm, which lands at
-/// 0.0385 - k (1 - alpha) U, that is from 7 px to 7 - 0.00077 (1 - alpha) 7.623 / 0.0055 = 5.943515 px behind the axis.
-/// So the pixel 6 to 7 takes U from 0 to 7.2151 mm of D = 100, and the pixel 5 to 6 the rest.
+/// Z = 4 mm at m = 1 and s_i = s_o = 400 give alpha = 4/396. The point (0, 0) lies at a corner of four lenslets with
+/// centres at +-0.0385. Along one axis lenslet +0.0385 takes U from 0 to 0.077 / alpha = 7.623 mm. This lands at
+/// 0.0385 - k (1 - alpha) U: from 7 px to 7 - 0.00077 (1 - alpha) 7.623 / 0.0055 = 5.943515 px from the axis.
+/// So pixel 6 to 7 takes U from 0 to 7.2151 mm of D = 100, and pixel 5 to 6 takes the rest.
 #[test]
 fn exact_weights_of_a_point_by_hand() {
     let camera = seed(40, Aperture::Square, Layout::Square, 0.0);
     let grid = Grid { shape: [1, 1, 1], spacing_mm: [0.0055, 0.0055, 0.055], origin_mm: [0.0, 0.0, 4.0] };
-    let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+    let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
     let mut columns = Vec::new();
-    footprint.columns(0, 0, &mut columns);
+    aligned(&weights).columns(0, 0, &mut columns);
     let share = |pixel: u32| columns.iter().filter(|p| p.pixel == pixel).map(|p| f64::from(p.weight)).sum::<f64>();
     let alpha: f64 = 4.0 / 396.0;
     let first = 0.0055 / (0.00077 * (1.0 - alpha));
@@ -76,27 +86,27 @@ fn exact_weights_of_a_point_by_hand() {
 }
 
 #[test]
-fn products_in_line_are_the_weights_lenslet_by_lenslet() {
+fn products_of_profiles_are_the_weights_lenslet_by_lenslet() {
     let grid = grid([41, 41, 21], [1.0, 2.0, 90.0]);
     for aperture in [Aperture::Square, Aperture::Circle] {
         let camera = seed(40, aperture, Layout::Square, 0.0);
         for model in MODELS {
             for basis in BASES {
-                let footprint = Footprint::new(&camera, &grid, model, basis).unwrap();
-                assert!(footprint.in_line());
+                let weights = Weights::choose(&camera, &grid, model, basis).unwrap();
+                let aligned = aligned(&weights);
                 for voxel in [[0, 0, 0], [23, 26, 10], [7, 33, 9], [40, 11, 20]] {
                     let (mut columns, mut rows) = (Vec::new(), Vec::new());
-                    footprint.columns(voxel[0], voxel[2], &mut columns);
-                    footprint.rows(voxel[1], voxel[2], &mut rows);
+                    aligned.columns(voxel[0], voxel[2], &mut columns);
+                    aligned.rows(voxel[1], voxel[2], &mut rows);
                     let mut map = BTreeMap::new();
                     for row in &rows {
-                        let chords = footprint.chords(row);
+                        let chords = aligned.chords(row);
                         for column in &columns {
-                            let w = footprint.scale() * row.weight * column.weight * chords.share(column.u0, column.u1);
+                            let w = aligned.scale() * row.weight * column.weight * chords.share(column.u0, column.u1);
                             *map.entry((column.pixel, row.pixel)).or_insert(0.0) += f64::from(w);
                         }
                     }
-                    let slow = weights(&footprint, voxel);
+                    let slow = pixels_of(&weights, voxel);
                     let difference: f64 =
                         map.iter().map(|(at, w)| (w - slow.get(at).copied().unwrap_or(0.0)).abs()).sum();
                     let missing: f64 = slow.iter().filter(|(at, _)| !map.contains_key(at)).map(|(_, w)| w).sum();
@@ -108,18 +118,18 @@ fn products_in_line_are_the_weights_lenslet_by_lenslet() {
 }
 
 #[test]
-fn rows_asked_for_apart_are_the_whole() {
+fn subsets_of_rows_add_up_to_the_whole() {
     let grid = grid([41, 41, 21], [1.0, 2.0, 90.0]);
     for (layout, rotation) in [(Layout::Square, 0.0), (Layout::Square, 0.2), (Layout::Hexagonal, 0.003)] {
         for model in MODELS {
             let camera = seed(40, Aperture::Circle, layout, rotation);
-            let footprint = Footprint::new(&camera, &grid, model, Basis::Blob { sigma_vox: 0.7 }).unwrap();
+            let weights = Weights::choose(&camera, &grid, model, Basis::Blob { sigma_vox: 0.7 }).unwrap();
             for voxel in [[0, 0, 0], [23, 26, 10], [7, 33, 9], [40, 11, 20]] {
-                let whole = weights(&footprint, voxel);
+                let whole = pixels_of(&weights, voxel);
                 let mut apart = BTreeMap::new();
                 for subset in 0..5 {
                     let mine = |row: u32| row % 5 == subset;
-                    footprint.visit(voxel, &mut Scratch::default(), mine, |column, row, weight| {
+                    weights.visit(voxel, &mut Scratch::default(), mine, |column, row, weight| {
                         assert!(mine(row));
                         *apart.entry((column, row)).or_insert(0.0) += f64::from(weight);
                     });
@@ -130,17 +140,17 @@ fn rows_asked_for_apart_are_the_whole() {
     }
 }
 
-/// Total variation distance of a voxel's weights from where rays fall that are drawn evenly over the stop and the basis,
-/// and the sampling noise of as many rays.
-fn off_rays(camera: &Camera, grid: &Grid, basis: Basis, voxel: [usize; 3], rays: usize) -> (f64, f64) {
+/// Total variation distance between a voxel's weights and the pixels hit by rays drawn evenly over the stop and the basis,
+/// and the sampling noise of so many rays.
+fn distance_from_rays(camera: &Camera, grid: &Grid, basis: Basis, voxel: [usize; 3], rays: usize) -> (f64, f64) {
     let optics = Optics::new(camera);
-    let footprint = Footprint::new(camera, grid, Model::Exact, basis).unwrap();
-    let map = weights(&footprint, voxel);
+    let weights = Weights::choose(camera, grid, Model::Exact, basis).unwrap();
+    let map = pixels_of(&weights, voxel);
     let centre = DVec2::new(grid.centre_mm(0, voxel[0]), grid.centre_mm(1, voxel[1]));
     let z_mm = grid.centre_mm(2, voxel[2]);
     let mut hits: BTreeMap<(u32, u32), f64> = BTreeMap::new();
     let mut passed = 0.0;
-    // The root of x^5 = x + 1 spread four coordinates evenly (Roberts' sequence).
+    // Powers of the root of x^5 = x + 1 spread four coordinates evenly (Roberts' sequence).
     let g: f64 = 1.167_303_978_261_418_7;
     for n in 1..=rays {
         let r: [f64; 4] = std::array::from_fn(|d| (n as f64 * g.powi(-(d as i32) - 1)).fract());
@@ -171,7 +181,7 @@ fn off_rays(camera: &Camera, grid: &Grid, basis: Basis, voxel: [usize; 3], rays:
 }
 
 #[test]
-fn exact_weights_are_what_rays_do() {
+fn exact_weights_are_where_rays_fall() {
     let grid = grid([41, 41, 21], [1.0, 1.0, 90.0]);
     for aperture in [Aperture::Square, Aperture::Circle] {
         for (layout, rotation) in
@@ -180,8 +190,8 @@ fn exact_weights_are_what_rays_do() {
             let camera = seed(40, aperture, layout, rotation);
             for basis in BASES {
                 for voxel in [[3, 5, 0], [25, 27, 10], [8, 33, 11], [30, 20, 6], [40, 11, 17]] {
-                    let (distance, noise) = off_rays(&camera, &grid, basis, voxel, 400_000);
-                    // Slabs step over a hexagon's slanted sides and chords over the rim of a round stop.
+                    let (distance, noise) = distance_from_rays(&camera, &grid, basis, voxel, 400_000);
+                    // Slabs approximate a hexagon's slanted sides, chords the rim of a round stop.
                     let model = match (layout, aperture, rotation > 0.1) {
                         (Layout::Square, Aperture::Square, false) => 0.002,
                         (Layout::Square, Aperture::Circle, false) => 0.006,
@@ -197,7 +207,7 @@ fn exact_weights_are_what_rays_do() {
     }
 }
 
-/// The camera blocks one by one and together, each large enough to be seen: without it the distance is 0.1 and more.
+/// The camera's blocks one by one and all together. Each is so large that the distance without it is 0.1 or more.
 #[test]
 fn exact_weights_follow_every_block() {
     use crate::camera::{Distortion, Medium, Tilt};
@@ -231,9 +241,9 @@ fn exact_weights_follow_every_block() {
             camera.check().unwrap();
             for voxel in [[3, 5, 0], [25, 27, 10], [30, 20, 6], [40, 11, 17]] {
                 let basis = Basis::Blob { sigma_vox: 0.7 };
-                let (distance, noise) = off_rays(&camera, &grid, basis, voxel, 200_000);
-                // The strong distortion of all together stretches the voxel's own image, which is left out.
-                // A section is cut by a hexagon's sides at one height.
+                let (distance, noise) = distance_from_rays(&camera, &grid, basis, voxel, 200_000);
+                // The strong distortion in "all" stretches the voxel's own image, which the weights neglect.
+                // A hexagon's sides cut a section at one height only.
                 let model = if name == "all" || layout == Layout::Hexagonal { 0.04 } else { 0.015 };
                 assert!(distance < noise + model, "{layout:?} {name} {voxel:?}: {distance:.5}, noise {noise:.5}");
             }
@@ -241,18 +251,18 @@ fn exact_weights_follow_every_block() {
     }
 }
 
-/// The line of sight through a lenslet's middle stands for all of it: out of focus, where a lenslet is a small part of
-/// the beam, sphere and cylinder come near the exact weights, and they sum to 1.
+/// A line of sight through a lenslet's middle stands for the whole lenslet. Out of focus a lenslet is a small part of the
+/// beam; there spheres and cylinders come near the exact weights, and they sum to 1.
 #[test]
-fn spheres_are_rough_but_not_astray() {
+fn spheres_are_rough_but_near_the_exact_weights() {
     let grid = grid([41, 41, 21], [1.0, 1.0, 90.0]);
     for aperture in [Aperture::Square, Aperture::Circle] {
         for layout in [Layout::Square, Layout::Hexagonal] {
             let camera = seed(40, aperture, layout, 0.003);
-            let exact = Footprint::new(&camera, &grid, Model::Exact, Basis::Box).unwrap();
-            let sphere = Footprint::new(&camera, &grid, Model::Sphere, Basis::Box).unwrap();
+            let exact = Weights::choose(&camera, &grid, Model::Exact, Basis::Box).unwrap();
+            let sphere = Weights::choose(&camera, &grid, Model::Sphere, Basis::Box).unwrap();
             for voxel in [[0, 0, 0], [23, 26, 3], [7, 33, 18], [40, 11, 20]] {
-                let (a, b) = (weights(&exact, voxel), weights(&sphere, voxel));
+                let (a, b) = (pixels_of(&exact, voxel), pixels_of(&sphere, voxel));
                 let sum: f64 = b.values().sum();
                 let dot: f64 = b.iter().map(|(pixel, weight)| weight * a.get(pixel).unwrap_or(&0.0)).sum();
                 let length = |map: &BTreeMap<_, f64>| map.values().map(|w| w * w).sum::<f64>().sqrt();
@@ -264,23 +274,24 @@ fn spheres_are_rough_but_not_astray() {
     }
 }
 
-/// Every camera, basis and depth: the quick way against the slow one, all rows and one row of fourteen. It looks places up
-/// to 1/128 px, or what is as little on the array.
+/// Tables against integrals for every camera, basis and depth, on all rows and on one row in fourteen. Tables round a place
+/// to 1/128 px, or to as little on the array.
 #[test]
-fn lenslets_one_by_one_are_the_same_weights() {
-    // Twice as wide as the sensor: some voxels are seen in part, some by no pixel.
+fn lenslets_looked_up_are_the_same_weights() {
+    // The grid is twice as wide as the sensor: some voxels are seen in part, some by no pixel.
     let grid = grid([41, 41, 21], [4.0, 4.0, 90.0]);
     for aperture in [Aperture::Square, Aperture::Circle] {
         for (layout, rotation) in [(Layout::Square, 0.003), (Layout::Square, 0.3), (Layout::Hexagonal, 0.003)] {
             let camera = seed(6, aperture, layout, rotation);
             for basis in BASES {
-                let footprint = Footprint::new(&camera, &grid, Model::Exact, basis).unwrap();
-                let mut lenslets = Lenslets::default();
+                let weights = Weights::choose(&camera, &grid, Model::Exact, basis).unwrap();
+                assert!(matches!(weights.path(), Path::Lenslets(_)));
+                let mut scratch = Scratch::default();
                 for voxel in [[0, 0, 0], [20, 22, 3], [19, 21, 10], [9, 33, 18], [31, 11, 20], [40, 20, 2]] {
-                    let slow = weights(&footprint, voxel);
+                    let slow = pixels_of(&weights, voxel);
                     for wanted in [RowSet::ALL, RowSet { first: 3, step: 14 }] {
                         let mut quick = BTreeMap::new();
-                        footprint.through_lenslets(voxel, &mut lenslets, wanted, |row, first, share, columns| {
+                        weights.runs(voxel, &mut scratch, wanted, |row, first, share, columns| {
                             assert!(!columns.is_empty() && columns.len() % 4 == 0 && wanted.holds(row) && row < 84);
                             for (n, column) in columns.iter().enumerate().filter(|(_, column)| **column > 0.0) {
                                 assert!(first as usize + n < 84);
@@ -293,7 +304,7 @@ fn lenslets_one_by_one_are_the_same_weights() {
                             off += (weight - quick.remove(pixel).unwrap_or(0.0)).abs();
                         }
                         off += quick.values().sum::<f64>();
-                        // Nothing at all where the slow way has nothing.
+                        // Without slow weights there may be no quick ones.
                         assert!(
                             off <= 0.05 * slow.values().sum::<f64>(),
                             "{aperture:?} {layout:?} {rotation} {basis:?} {voxel:?} {wanted:?}: {off}"
@@ -305,31 +316,35 @@ fn lenslets_one_by_one_are_the_same_weights() {
     }
 }
 
-/// 14 pixels under a lenslet: 14 sections typed out are the paper's, to the bit.
+/// With 14 pixels under a lenslet, 14 sections asked for are the paper's number, to the bit.
 #[test]
 fn sections_of_the_paper_may_be_typed_out() {
     let grid = grid([41, 41, 21], [1.0, 2.0, 90.0]);
     for (layout, rotation) in [(Layout::Square, 0.0), (Layout::Hexagonal, 0.003)] {
         let camera = seed(40, Aperture::Circle, layout, rotation);
-        let of = |sections| Footprint::new(&camera, &grid, Model::Drt { sections }, Basis::Point);
+        let with_sections = |sections| Weights::choose(&camera, &grid, Model::Drt { sections }, Basis::Point);
         assert_eq!(aperture_sections(&camera), 14);
         for voxel in [[0, 0, 0], [23, 26, 10], [7, 33, 9], [40, 11, 20]] {
-            assert_eq!(weights(&of(None).unwrap(), voxel), weights(&of(Some(14)).unwrap(), voxel));
+            assert_eq!(
+                pixels_of(&with_sections(None).unwrap(), voxel),
+                pixels_of(&with_sections(Some(14)).unwrap(), voxel)
+            );
         }
-        assert!([0, 1, 65].iter().all(|sections| of(Some(*sections)).is_err()));
-        assert!(of(Some(2)).is_ok() && of(Some(64)).is_ok());
+        assert!([0, 1, 65].iter().all(|sections| with_sections(Some(*sections)).is_err()));
+        assert!(with_sections(Some(2)).is_ok() && with_sections(Some(64)).is_ok());
     }
 }
 
-/// Total variation distance of two footprints of a voxel.
-fn apart(a: &Footprint, b: &Footprint, voxel: [usize; 3]) -> f64 {
-    let (a, b) = (weights(a, voxel), weights(b, voxel));
+/// Total variation distance between two weights of a voxel.
+fn distance(a: &Weights, b: &Weights, voxel: [usize; 3]) -> f64 {
+    let (a, b) = (pixels_of(a, voxel), pixels_of(b, voxel));
     let pixels: std::collections::BTreeSet<_> = a.keys().chain(b.keys()).collect();
-    let of = |map: &BTreeMap<_, f64>, pixel| map.get(pixel).copied().unwrap_or(0.0);
-    0.5 * pixels.into_iter().map(|pixel| (of(&a, pixel) - of(&b, pixel)).abs()).sum::<f64>()
+    let weight = |map: &BTreeMap<_, f64>, pixel| map.get(pixel).copied().unwrap_or(0.0);
+    0.5 * pixels.into_iter().map(|pixel| (weight(&a, pixel) - weight(&b, pixel)).abs()).sum::<f64>()
 }
 
-/// As sections become smaller, their weights become the exact ones, since a section's square is as wide as its light.
+/// The smaller the sections, the nearer their weights are to the exact ones, since a section's square is as wide as its
+/// light.
 #[test]
 fn many_sections_are_the_exact_weights() {
     let grid = grid([41, 41, 21], [1.0, 1.0, 90.0]);
@@ -337,28 +352,28 @@ fn many_sections_are_the_exact_weights() {
         [(Aperture::Square, Layout::Square), (Aperture::Circle, Layout::Square), (Aperture::Square, Layout::Hexagonal)]
     {
         let camera = seed(40, aperture, layout, 0.003);
-        let exact = Footprint::new(&camera, &grid, Model::Exact, Basis::Box).unwrap();
+        let exact = Weights::choose(&camera, &grid, Model::Exact, Basis::Box).unwrap();
         for voxel in [[0, 0, 0], [23, 26, 3], [7, 33, 18], [40, 11, 20]] {
             let off = [4, 14, 64].map(|sections| {
                 let model = Model::Drt { sections: Some(sections) };
-                apart(&exact, &Footprint::new(&camera, &grid, model, Basis::Box).unwrap(), voxel)
+                distance(&exact, &Weights::choose(&camera, &grid, model, Basis::Box).unwrap(), voxel)
             });
-            // Some 0.8, 0.14 to 0.29, and 0.01 to 0.03.
+            // About 0.8, 0.14 to 0.29, and 0.01 to 0.03.
             let falls = off[0] > 2.0 * off[1] && off[1] > 2.0 * off[2] && off[2] < 0.04;
             assert!(falls, "{aperture:?} {layout:?} {voxel:?}: {off:?}");
         }
     }
 }
 
-/// In focus, on a lenslet's middle, all light goes through that lenslet, and its image of the stop is k D = 14 pixels wide:
-/// 2 sections, whose squares are 7 pixels wide and touch, light them evenly.
+/// In focus and on a lenslet's middle, all light goes through that lenslet, and its image of the stop is k D = 14 pixels
+/// wide. Two sections have squares of 7 pixels that touch, so they light the 14 pixels evenly.
 #[test]
 fn wide_sections_by_hand() {
     let camera = seed(40, Aperture::Square, Layout::Square, 0.0);
     let grid = Grid { shape: [1, 1, 1], spacing_mm: [0.0055; 3], origin_mm: [-0.0385, -0.0385, 0.0] };
-    let footprint = Footprint::new(&camera, &grid, Model::Drt { sections: Some(2) }, Basis::Point).unwrap();
+    let weights = Weights::choose(&camera, &grid, Model::Drt { sections: Some(2) }, Basis::Point).unwrap();
     let mut columns = Vec::new();
-    footprint.columns(0, 0, &mut columns);
+    aligned(&weights).columns(0, 0, &mut columns);
     let sum: f64 = columns.iter().map(|piece| f64::from(piece.weight)).sum();
     let most = columns.iter().fold(0f32, |most, piece| most.max(piece.weight));
     assert!((sum - 1.0).abs() < 1e-5 && (f64::from(most) - 1.0 / 14.0).abs() < 1e-5, "{columns:?}");

@@ -1,7 +1,6 @@
-//! Laws any reconstruction obeys, and what no camera should send.
+//! Laws that any reconstruction obeys, and images that no camera should send.
 
 use super::*;
-use crate::{Start, Sweep};
 
 #[test]
 fn a_brighter_image_is_a_brighter_volume() {
@@ -9,12 +8,12 @@ fn a_brighter_image_is_a_brighter_volume() {
     let indices = voxels(&grid);
     let strengths: Vec<f32> = (0..indices.len()).map(|n| 1000.0 * hash(n)).collect();
     let camera = camera("circle", "square", 0.0);
-    let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-    let image = image_of(&matrix(&footprint, &indices), &strengths, 168);
+    let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+    let image = image_of(&matrix(&weights, &indices), &strengths, 168);
     for method in METHODS {
         let options = options(method, 4);
         let one = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
-        // From far below a photon to far beyond any sensor.
+        // From far below a photon to far above any sensor.
         for scale in [1e-25f32, 1e-6, 1024.0, 1e25] {
             let scaled = image.mapv(|value| value * scale);
             let other = reconstruct(scaled.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
@@ -73,25 +72,25 @@ fn weights_that_do_not_fit_are_refused() {
     let options = Options { max_bytes: 1000, ..options(Method::Mart, 1) };
     let camera = camera("square", "square", 0.0);
     let refused = reconstruct(image.view(), &camera, &grid, &voxels(&grid), None, &options, |_| ());
-    assert!(refused.unwrap_err().contains("GB"));
+    assert!(refused.unwrap_err().to_string().contains("GB"));
     assert!(reconstruct(image.view(), &camera, &grid, &[grid.len()], None, &options, |_| ()).is_err());
 }
 
 #[test]
-fn memory_is_foretold_and_what_exceeds_it_refused() {
+fn a_reconstruction_that_exceeds_its_memory_is_refused() {
     let grid = grid();
     let image = Array2::from_elem((168, 182), 1.0);
     for camera in cameras() {
         for method in METHODS {
-            let bytes = crate::estimate_bytes(&camera, &grid, &voxels(&grid), &options(method, 1)).unwrap();
+            let bytes = Plan::new(&camera, &grid, &voxels(&grid), &options(method, 1)).unwrap().bytes();
             let options = Options { max_bytes: bytes - 1, ..options(method, 1) };
             let refused = reconstruct(image.view(), &camera, &grid, &voxels(&grid), None, &options, |_| ());
-            assert!(refused.unwrap_err().contains("GB"));
+            assert!(refused.unwrap_err().to_string().contains("GB"));
         }
     }
 }
 
-/// A camera of 3 x 3 lenslets and one voxel: at the focal plane, at its edge of sight, hundreds of lenslets out of focus.
+/// A camera of 3 x 3 lenslets and one voxel: in focus, at the edge of sight, and hundreds of lenslets out of focus.
 #[test]
 fn one_voxel_anywhere_is_found_in_a_hundred_thousand_sweeps() {
     let text = r#"{"sensor": {"width": 42, "height": 42, "pixel_pitch_mm": 0.0055},
@@ -109,8 +108,8 @@ fn one_voxel_anywhere_is_found_in_a_hundred_thousand_sweeps() {
         ([[-0.01, 0.01], [-0.01, 0.01], [-120.02, -120.0]], Method::Subsets, 1000),
     ] {
         let grid = Grid::in_bounds(bounds, [0.02, 0.02, 0.02]).unwrap();
-        let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-        let matrix = matrix(&footprint, &[0]);
+        let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+        let matrix = matrix(&weights, &[0]);
         assert!(matrix.sum() > 0.0, "{bounds:?}");
         let image = image_of(&matrix, &[3000.0], 42);
         let mut last = None;
@@ -124,39 +123,39 @@ fn one_voxel_anywhere_is_found_in_a_hundred_thousand_sweeps() {
 }
 
 #[test]
-fn a_start_is_gone_on_from_and_what_it_lacks_can_come_back() {
+fn a_start_is_continued_and_voxels_that_it_lacks_can_come_back() {
     let grid = grid();
     let indices = voxels(&grid);
     let strengths: Vec<f32> = (0..indices.len()).map(|n| 100.0 + 1000.0 * hash(n)).collect();
     let camera = camera("square", "square", 0.0);
-    let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-    let image = image_of(&matrix(&footprint, &indices), &strengths, 168);
+    let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+    let image = image_of(&matrix(&weights, &indices), &strengths, 168);
     for method in METHODS {
         let run = |start: Option<Start>, sweeps| {
             reconstruct(image.view(), &camera, &grid, &indices, start, &options(method, sweeps), |_| ()).unwrap()
         };
         let truth = Start { indices: &indices, intensity: &strengths };
         assert!(run(Some(truth), 1).sweeps[0].misfit < 1e-5, "{method:?}");
-        // Without every third voxel, and with one that the support has not.
+        // Leave out every third voxel, and add one that the support does not have.
         let mut known: Vec<(u64, f32)> = indices.iter().copied().zip(strengths.iter().copied()).collect();
         known = known.into_iter().enumerate().filter(|(n, _)| n % 3 > 0).map(|(_, known)| known).collect();
         known.insert(0, (0, 5000.0));
         known.dedup_by_key(|(index, _)| *index);
         let (places, values): (Vec<u64>, Vec<f32>) = known.into_iter().unzip();
-        let part = run(Some(Start { indices: &places, intensity: &values }), 300);
-        let first = part.sweeps[0].misfit;
-        assert!(first > 0.1 && part.sweeps.last().unwrap().misfit < 0.3 * first, "{method:?}: {first}");
+        let continued = run(Some(Start { indices: &places, intensity: &values }), 300);
+        let first = continued.sweeps[0].misfit;
+        assert!(first > 0.1 && continued.sweeps.last().unwrap().misfit < 0.3 * first, "{method:?}: {first}");
     }
 }
 
 #[test]
-fn sweeps_end_when_they_are_told_to() {
+fn sweeps_end_as_asked() {
     let grid = grid();
     let indices = voxels(&grid);
     let strengths: Vec<f32> = (0..indices.len()).map(|n| 100.0 + 1000.0 * hash(n)).collect();
     let camera = camera("square", "square", 0.0);
-    let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-    let mut image = image_of(&matrix(&footprint, &indices), &strengths, 168);
+    let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+    let mut image = image_of(&matrix(&weights, &indices), &strengths, 168);
     let run = |image: &Array2<f32>, until| {
         let options = Options { until, ..options(Method::Subsets, 200) };
         reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap().sweeps
@@ -165,7 +164,7 @@ fn sweeps_end_when_they_are_told_to() {
     let sweeps = run(&image, Until::Misfit(0.05));
     let (last, before) = (sweeps[sweeps.len() - 1], sweeps[sweeps.len() - 2]);
     assert!(last.misfit <= 0.05 && before.misfit > 0.05, "{before:?} {last:?}");
-    // What no volume explains: the misfit stalls.
+    // No volume explains this light, so the misfit stalls.
     image.iter_mut().enumerate().for_each(|(n, value)| *value += 20.0 * hash(n));
     let stalled = run(&image, Until::Stall);
     assert!(stalled.len() > 3 && stalled.len() < 100, "{}", stalled.len());
@@ -173,31 +172,31 @@ fn sweeps_end_when_they_are_told_to() {
     assert!(noise.len() < stalled.len(), "{} against {}", noise.len(), stalled.len());
 }
 
-/// A dead lenslet's pixels, 0 counts, put out what they should see; as blind ones they do not.
+/// The pixels of a dead lenslet, at 0 counts, extinguish the voxels that they should see. As blind pixels they do not.
 #[test]
-fn blind_pixels_say_nothing() {
+fn blind_pixels_have_no_effect() {
     let grid = grid();
     let indices = voxels(&grid);
     let strengths: Vec<f32> = (0..indices.len()).map(|n| 500.0 + 1000.0 * hash(n)).collect();
     for camera in cameras() {
-        let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+        let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
         for method in METHODS {
-            let weights = if method == Method::Mart { matrix } else { matrix_by_lenslets };
-            let mut image = image_of(&weights(&footprint, &indices), &strengths, 168);
+            let matrix = if method == Method::Mart { matrix } else { matrix_by_lenslets };
+            let mut image = image_of(&matrix(&weights, &indices), &strengths, 168);
             let options = options(method, 40);
-            let off = |image: &Array2<f32>| {
+            let error_of = |image: &Array2<f32>| {
                 let found = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
                 let error = |(index, value): (&u64, &f32)| {
                     f64::from(strengths[indices.binary_search(index).unwrap()] - value).powi(2)
                 };
                 (found.indices.iter().zip(&found.intensity).map(error).sum::<f64>()).sqrt()
             };
-            let whole = off(&image);
+            let whole = error_of(&image);
             let dead = |image: &mut Array2<f32>, value: f32| image.slice_mut(ndarray::s![77..91, 80..101]).fill(value);
             dead(&mut image, 0.0);
-            let black = off(&image);
+            let black = error_of(&image);
             dead(&mut image, f32::NAN);
-            let blind = off(&image);
+            let blind = error_of(&image);
             assert!(blind.is_finite() && blind < 1.5 * whole + 0.2 * black, "{method:?}: {whole} {black} {blind}");
         }
     }

@@ -1,34 +1,35 @@
-//! Projection and back-projection over products of profiles, in pieces that fit a core's cache.
+//! Projection and back-projection over products of profiles, in pieces that fit into a core's cache.
 
-use crate::kernel::{Line, Lines};
-use crate::operator::Plane;
-use crate::tables::InLine;
+use super::lit_rows::{LitRow, LitRows};
+use super::plane::Plane;
+use super::profiles::ProfileWeights;
 use lf_core::weights::{Chords, RowSet};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Support voxels that one thread takes at a time when it gathers.
 const RUN: usize = 4096;
 
-impl InLine {
-    /// The lines of image rows that a line of voxels lights, of one subset and between two image rows.
-    fn lit(&self, line: usize, rows: RowSet, image_rows: std::ops::Range<usize>, stride: usize, lit: &mut Lines) {
+impl ProfileWeights {
+    /// The image rows that a line of voxels lights: those of one subset, between two image rows.
+    fn lit(&self, line: usize, rows: RowSet, image_rows: Range<usize>, stride: usize, lit: &mut LitRows) {
         lit.clear();
         let at = line * (self.subsets + 1) + rows.first as usize;
         for n in self.row_starts[at] as usize..self.row_starts[at + 1] as usize {
             let tap = self.row_taps[n];
             if image_rows.contains(&(tap.row as usize)) {
-                let chords = if self.circle { self.chords[n] } else { Chords::UNCUT };
-                lit.push(Line { start: (tap.row as usize - image_rows.start) * stride, share: tap.share, chords });
+                let chords = if self.has_round_stop { self.chords[n] } else { Chords::UNCUT };
+                lit.push(LitRow { start: (tap.row as usize - image_rows.start) * stride, share: tap.share, chords });
             }
         }
     }
 
-    /// A thread has a band of image rows to itself, and goes through the slices: the profiles of one slice and the
-    /// band's rows stay in its cache. What lands on a pixel comes in the order of the voxels, however many threads.
-    pub(crate) fn project(&self, rows: RowSet, strengths: &[f32], plane: &mut Plane) {
+    /// A thread has a band of image rows to itself and goes through the slices. The profiles of one slice and the band's rows
+    /// stay in its cache. Light lands on a pixel in the order of the voxels, for any number of threads.
+    pub(super) fn project(&self, rows: RowSet, strengths: &[f32], plane: &mut Plane) {
         let stride = plane.stride;
         let bands = plane.values.par_chunks_mut(self.band * stride).enumerate();
-        bands.for_each_init(Lines::default, |lit, (band, out)| {
+        bands.for_each_init(LitRows::default, |lit, (band, out)| {
             let first_row = band * self.band;
             let band_rows = first_row..first_row + out.len() / stride;
             for row in band_rows.clone().filter(|row| rows.holds(*row as u32)) {
@@ -45,16 +46,15 @@ impl InLine {
                         continue;
                     }
                     for (strength, profile) in strengths[voxels.clone()].iter().zip(&self.profiles[voxels]) {
-                        self.table.spread(*profile, *strength, lit, out);
+                        self.columns.spread(*profile, *strength, lit, out);
                     }
                 }
             }
         });
     }
 
-    /// Voxels' strengths are the things written, a thread has a run of lines to itself. How runs are cut cannot change
-    /// a sum.
-    pub(crate) fn back_project(
+    /// A thread has a run of lines to itself and writes their strengths. The cut into runs cannot change a sum.
+    pub(super) fn back_project(
         &self,
         rows: RowSet,
         plane: &Plane,
@@ -72,7 +72,7 @@ impl InLine {
             }
         }
         let height = plane.values.len() / plane.stride;
-        runs.into_par_iter().for_each_init(Lines::default, |lit, (first, end, run)| {
+        runs.into_par_iter().for_each_init(LitRows::default, |lit, (first, end, run)| {
             let base = self.lines[first] as usize;
             for line in first..end {
                 let voxels = self.lines[line] as usize..self.lines[line + 1] as usize;
@@ -84,7 +84,7 @@ impl InLine {
                     continue;
                 }
                 for n in voxels {
-                    let (sum, weight) = self.table.gather(self.profiles[n], lit, &plane.values);
+                    let (sum, weight) = self.columns.gather(self.profiles[n], lit, &plane.values);
                     update(n, &mut run[n - base], sum, weight);
                 }
             }

@@ -3,13 +3,13 @@
 mod extremes;
 mod slow;
 
-use crate::operator::{Operator, Plane};
-use crate::scattered::Scattered;
-use crate::{Method, Options, Until, reconstruct};
+use crate::operator::{Operator, Plane, VoxelWeights};
+use crate::{Method, Options, Plan, Reconstruction, Start, Sweep, Until};
+use lf_core::Refusal;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
-use lf_core::weights::{Basis, Footprint, Lenslets, Model, RowSet, Scratch};
-use ndarray::{Array1, Array2};
+use lf_core::weights::{Basis, Model, Path, RowSet, Scratch, Weights};
+use ndarray::{Array1, Array2, ArrayView2};
 
 const SUBSETS: usize = 14;
 const FLOOR: f64 = 1e-4;
@@ -37,7 +37,20 @@ pub(crate) fn grid() -> Grid {
     Grid::in_bounds([[-0.11, 0.11], [-0.1, 0.1], [-1.5, 1.5]], [0.0055, 0.0055, 0.055]).unwrap()
 }
 
-/// A few voxels all over the grid, with neighbours among them, by rising index.
+/// Plans and solves.
+fn reconstruct(
+    image: ArrayView2<f32>,
+    camera: &Camera,
+    grid: &Grid,
+    indices: &[u64],
+    start: Option<Start>,
+    options: &Options,
+    done: impl FnMut(&Sweep),
+) -> Result<Reconstruction, Refusal> {
+    Plan::new(camera, grid, indices, options)?.solve(image, start, done)
+}
+
+/// A few voxels all over the grid, some of them neighbours, by rising index.
 pub(crate) fn voxels(grid: &Grid) -> Vec<u64> {
     let mut indices: Vec<u64> = (0..60u64).map(|n| n * n * 7919 % grid.len()).collect();
     indices.extend((0..12).map(|n| grid.index([20 + n % 3, 15 + n / 3, 30])));
@@ -50,29 +63,28 @@ pub(crate) fn hash(n: usize) -> f32 {
     (((n as u32).wrapping_add(1).wrapping_mul(2_654_435_761) >> 9) % 1000) as f32 / 1000.0
 }
 
-/// W, pixels by voxels.
-fn matrix(footprint: &Footprint, indices: &[u64]) -> Array2<f64> {
-    let (width, height) = footprint.sensor();
+/// W, pixels by voxels, the slow way.
+fn matrix(weights: &Weights, indices: &[u64]) -> Array2<f64> {
+    let [width, height] = weights.sensor_px();
     let mut matrix = Array2::zeros((width * height, indices.len()));
     for (n, index) in indices.iter().enumerate() {
-        let voxel = footprint.grid().voxel(*index);
+        let voxel = weights.grid().voxel(*index);
         let add = |column, row, weight| matrix[[row as usize * width + column as usize, n]] += f64::from(weight);
-        footprint.visit(voxel, &mut Scratch::default(), |_| true, add);
+        weights.visit(voxel, &mut Scratch::default(), |_| true, add);
     }
     matrix
 }
 
-/// The same as projections have it: for lattices that are not in line by lenslets, where that holds.
-fn matrix_by_lenslets(footprint: &Footprint, indices: &[u64]) -> Array2<f64> {
-    if !footprint.has_lenslets() {
-        return matrix(footprint, indices);
+/// W as projections have it: with lenslets looked up where the path does so.
+fn matrix_by_lenslets(weights: &Weights, indices: &[u64]) -> Array2<f64> {
+    if !matches!(weights.path(), Path::Lenslets(_)) {
+        return matrix(weights, indices);
     }
-    let (width, height) = footprint.sensor();
+    let [width, height] = weights.sensor_px();
     let mut matrix = Array2::zeros((width * height, indices.len()));
-    let mut lenslets = Lenslets::default();
+    let mut scratch = Scratch::default();
     for (n, index) in indices.iter().enumerate() {
-        let voxel = footprint.grid().voxel(*index);
-        footprint.through_lenslets(voxel, &mut lenslets, RowSet::ALL, |row, first, share, columns| {
+        weights.runs(weights.grid().voxel(*index), &mut scratch, RowSet::ALL, |row, first, share, columns| {
             for (column, weight) in (first as usize..).zip(columns) {
                 matrix[[row as usize * width + column, n]] += f64::from(share) * f64::from(*weight);
             }
@@ -98,21 +110,21 @@ fn projections_are_the_matrix_and_its_transpose() {
             (Model::Drt { sections: Some(3) }, Basis::Point),
             (Model::Drt { sections: Some(30) }, Basis::Point),
         ] {
-            let footprint = Footprint::new(&camera, &grid, model, basis).unwrap();
-            let (width, height) = footprint.sensor();
+            let weights = Weights::choose(&camera, &grid, model, basis).unwrap();
+            let [width, height] = weights.sensor_px();
             let strengths_of = Array1::from_iter(strengths.iter().map(|e| f64::from(*e)));
-            let mut operators = vec![Operator::new(&footprint, &indices, SUBSETS, 1 << 30)];
+            let mut operators = vec![Operator::new(&weights, &indices, SUBSETS, 1 << 30)];
             for bytes in [0, u64::MAX] {
-                operators.push(Operator::Scattered(Scattered::keeping(&footprint, &indices, SUBSETS, bytes)));
+                operators.push(Operator::Voxels(VoxelWeights::new(&weights, &indices, SUBSETS, bytes)));
             }
             for operator in &mut operators {
                 let matrix = match operator {
-                    Operator::InLine(_) => matrix(&footprint, &indices),
-                    Operator::Scattered(_) => matrix_by_lenslets(&footprint, &indices),
+                    Operator::Profiles(_) => matrix(&weights, &indices),
+                    Operator::Voxels(_) => matrix_by_lenslets(&weights, &indices),
                 };
                 let pixels = matrix.dot(&strengths_of);
                 let mut plane = Plane::new(width, height);
-                // Buffers start dirty: what was in a row before may not be seen.
+                // Buffers start dirty: old values of a row may not show.
                 plane.values.fill(f32::NAN);
                 for subset in 0..SUBSETS {
                     operator.project(rows(subset), &strengths, &mut plane);
@@ -166,11 +178,11 @@ fn options(method: Method, iterations: usize) -> Options {
         floor: FLOOR,
         clamp,
         max_bytes: 1 << 30,
-        part: None,
+        tile: None,
     }
 }
 
-/// An image of known strengths on the support, in f32 as a camera would give it.
+/// The image of known strengths on the support, in f32 as from a camera.
 fn image_of(matrix: &Array2<f64>, strengths: &[f32], height: usize) -> Array2<f32> {
     let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
     let width = pixels.len() / height;
@@ -185,11 +197,11 @@ fn methods_are_their_slow_twins() {
     let indices = voxels(&grid);
     let strengths: Vec<f32> = (0..indices.len()).map(|n| 100.0 + 1000.0 * hash(n)).collect();
     for camera in cameras() {
-        let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+        let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
         for method in METHODS {
-            // The row action has the weights pixel by pixel, as the slow way makes them.
-            let weights = if method == Method::Mart { matrix } else { matrix_by_lenslets };
-            let matrix = weights(&footprint, &indices);
+            // The row action stores the weights as the slow way makes them.
+            let matrix = if method == Method::Mart { matrix } else { matrix_by_lenslets };
+            let matrix = matrix(&weights, &indices);
             let image = image_of(&matrix, &strengths, 168);
             let flat = Array1::from_iter(image.iter().map(|value| f64::from(*value)));
             let options = options(method, 4);
@@ -213,8 +225,8 @@ fn an_image_without_noise_is_explained() {
     let strengths: Vec<f32> =
         (0..indices.len()).map(|n| if n % 3 == 0 { 1000.0 + 1000.0 * hash(n) } else { 0.0 }).collect();
     for camera in cameras() {
-        let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-        let image = image_of(&matrix_by_lenslets(&footprint, &indices), &strengths, 168);
+        let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+        let image = image_of(&matrix_by_lenslets(&weights, &indices), &strengths, 168);
         let options = options(Method::Subsets, 200);
         let found = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
         let last = found.sweeps.last().unwrap().misfit;

@@ -4,7 +4,7 @@ use crate::lattice::Lattice;
 use glam::DVec2;
 use std::ops::RangeInclusive;
 
-/// Centres of lenslets, looked up by their place in the lattice.
+/// Centres of lenslets by their place in the lattice.
 #[derive(Debug, Clone)]
 pub(super) struct Array {
     first_row: i64,
@@ -16,13 +16,13 @@ pub(super) struct Array {
 struct Row {
     /// First lenslet of the row.
     first: i64,
-    /// Where the row begins in the centres, and its lenslets.
+    /// Place of the first lenslet in the list of centres.
     start: usize,
     count: usize,
 }
 
 impl Array {
-    /// Those whose centres lie within a box of half sides `reach_mm` about the axis.
+    /// The lenslets with centres within a box of half sides `reach_mm` about the axis.
     pub(super) fn new(lattice: &Lattice, reach_mm: DVec2) -> Self {
         let mut array = Self { first_row: 0, rows: Vec::new(), centres_mm: Vec::new() };
         for (j, lenslets) in lattice.rows_within(DVec2::ZERO, reach_mm) {
@@ -37,7 +37,7 @@ impl Array {
         array
     }
 
-    /// Centres of a row's lenslets, mm; fewer or none where the sensor does not see them.
+    /// Centres of those lenslets of row `j` that the sensor sees, mm.
     #[inline(always)]
     pub(super) fn row_mm(&self, j: i64, lenslets: &RangeInclusive<i64>) -> &[DVec2] {
         let Some(row) = usize::try_from(j - self.first_row).ok().and_then(|n| self.rows.get(n)) else { return &[] };

@@ -1,7 +1,8 @@
-//! Projection and back-projection without a matrix, for solvers of one's own.
+//! Projection and back-projection without a matrix, for solvers of your own.
 
-use crate::operator::{Operator, Plane};
-use lf_core::weights::{Footprint, RowSet};
+use super::choice::Operator;
+use super::plane::Plane;
+use lf_core::weights::{RowSet, Weights};
 use ndarray::{Array2, ArrayView2};
 
 /// The weights of a support's voxels as two operations.
@@ -13,15 +14,15 @@ pub struct Projector<'a> {
 }
 
 impl<'a> Projector<'a> {
-    /// For the voxels `indices` (rising) of the footprint's grid. Turned and hexagonal lattices keep their weights where
-    /// they take no more than four fifths of `max_bytes`.
-    pub fn new(footprint: &'a Footprint, indices: &[u64], max_bytes: u64) -> Self {
-        let (width, height) = footprint.sensor();
-        let operator = Operator::new(footprint, indices, 1, max_bytes);
+    /// For the voxels `indices` (rising) of the weights' grid. Cameras that are not aligned keep their weights if these take
+    /// no more than four fifths of `max_bytes`.
+    pub fn new(weights: &'a Weights, indices: &[u64], max_bytes: u64) -> Self {
+        let [width, height] = weights.sensor_px();
+        let operator = Operator::new(weights, indices, 1, max_bytes);
         Self { operator, plane: Plane::new(width, height), voxels: indices.len(), width }
     }
 
-    /// Weights that one projection or back-projection touches; an estimate where they are not kept.
+    /// Weights that one projection or back-projection touches; an estimate if they are not kept.
     pub fn weights(&self) -> u64 {
         self.operator.weights()
     }
@@ -29,7 +30,7 @@ impl<'a> Projector<'a> {
     /// p_i = sum_j w_ij E_j: the image, shape (height, width), of one strength for each voxel.
     ///
     /// # Panics
-    /// Where there are more or fewer strengths than voxels.
+    /// If there are more or fewer strengths than voxels.
     pub fn project(&mut self, strengths: &[f32]) -> Array2<f32> {
         assert_eq!(strengths.len(), self.voxels, "one strength for each voxel");
         self.operator.project(RowSet::ALL, strengths, &mut self.plane);
@@ -38,16 +39,16 @@ impl<'a> Projector<'a> {
         Array2::from_shape_fn((height, width), |(row, column)| self.plane.values[row * stride + column])
     }
 
-    /// Sum_i w_ij v_i and sum_i w_ij of each voxel, for an image `v`.
+    /// (sum_i w_ij v_i, sum_i w_ij) of each voxel, for an image `v`.
     ///
     /// # Panics
-    /// Where the image has another size than the sensor.
+    /// If the image has another size than the sensor.
     pub fn back_project(&mut self, image: ArrayView2<f32>) -> Vec<(f32, f32)> {
         let stride = self.plane.stride;
         let height = self.plane.values.len() / stride;
         assert_eq!(image.dim(), (height, self.width), "the sensor's image");
-        for (line, row) in self.plane.values.chunks_mut(stride).zip(image.rows()) {
-            line[..self.width].iter_mut().zip(row).for_each(|(value, pixel)| *value = *pixel);
+        for (values, row) in self.plane.values.chunks_mut(stride).zip(image.rows()) {
+            values[..self.width].iter_mut().zip(row).for_each(|(value, pixel)| *value = *pixel);
         }
         let mut sums = vec![0f32; self.voxels];
         let mut weights = vec![0f32; self.voxels];
@@ -70,10 +71,10 @@ mod tests {
         let indices = voxels(&grid);
         let strengths: Vec<f32> = (0..indices.len()).map(hash).collect();
         for camera in cameras() {
-            let footprint = Footprint::new(&camera, &grid, Model::Exact, Basis::Blob { sigma_vox: 0.65 }).unwrap();
-            let (width, height) = footprint.sensor();
+            let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Blob { sigma_vox: 0.65 }).unwrap();
+            let [width, height] = weights.sensor_px();
             let image = Array2::from_shape_fn((height, width), |(row, column)| hash(1000 + row * width + column));
-            let mut projector = Projector::new(&footprint, &indices, 1 << 30);
+            let mut projector = Projector::new(&weights, &indices, 1 << 30);
             let dot =
                 |a: &mut dyn Iterator<Item = (f32, f32)>| a.map(|(a, b)| f64::from(a) * f64::from(b)).sum::<f64>();
             let projected = projector.project(&strengths);

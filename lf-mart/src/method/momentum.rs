@@ -1,12 +1,14 @@
-//! Momentum after Nesterov (1983) in the logarithm of the strengths, restarted when the misfit rises (O'Donoghue &
+//! Momentum after Nesterov (1983) in the logarithm of the strengths. It restarts when the misfit rises (O'Donoghue &
 //! Candes 2015).
 
+use super::problem::GREATEST_STRENGTH;
+use crate::operator::keep;
 use rayon::prelude::*;
 
-/// No strength is carried further by momentum than this factor.
+/// Largest factor by which momentum changes a strength.
 const FARTHEST: f32 = 8.0;
 
-pub(crate) struct Momentum {
+pub(super) struct Momentum {
     /// Strengths after the sweep before.
     before: Vec<f32>,
     t: f64,
@@ -14,27 +16,28 @@ pub(crate) struct Momentum {
 }
 
 impl Momentum {
-    /// `strengths` are those at the start.
-    pub(crate) fn new(strengths: &[f32]) -> Self {
+    /// Begins at rest; `strengths` are the first ones.
+    pub(super) fn new(strengths: &[f32]) -> Self {
         Self { before: strengths.to_vec(), t: 1.0, misfit: f64::INFINITY }
     }
 
-    pub(crate) fn before(&self) -> &[f32] {
+    /// Strengths after the sweep before.
+    pub(super) fn before(&self) -> &[f32] {
         &self.before
     }
 
-    /// Forgets the voxels that are not held.
-    pub(crate) fn retain(&mut self, held: &[bool]) {
-        crate::operator::keep(&mut self.before, held);
+    /// Drops the voxels that are not held.
+    pub(super) fn retain(&mut self, held: &[bool]) {
+        keep(&mut self.before, held);
     }
 
-    /// Takes note of the strengths after a sweep and leaves them.
-    pub(crate) fn remember(&mut self, strengths: &[f32]) {
+    /// Remembers the strengths after a sweep without changing them.
+    pub(super) fn remember(&mut self, strengths: &[f32]) {
         self.before.copy_from_slice(strengths);
     }
 
-    /// Carries the strengths on in the direction of the sweep that ends: E (E / E_before)^beta, beta = (t - 1) / t'.
-    pub(crate) fn carry(&mut self, strengths: &mut [f32], misfit: f64) {
+    /// Extrapolates the strengths along the sweep that ends: E (E / E_before)^beta with beta = (t - 1) / t'.
+    pub(super) fn carry(&mut self, strengths: &mut [f32], misfit: f64) {
         if misfit > self.misfit {
             self.t = 1.0;
         }
@@ -46,7 +49,7 @@ impl Momentum {
             let now = *strength;
             if beta > 0.0 && now > 0.0 && *before > 0.0 {
                 let carried = (now / *before).powf(beta).clamp(1.0 / FARTHEST, FARTHEST);
-                *strength = (now * carried).min(crate::GREATEST_STRENGTH);
+                *strength = (now * carried).min(GREATEST_STRENGTH);
             }
             *before = now;
         });
@@ -57,9 +60,9 @@ impl Momentum {
 mod tests {
     use super::*;
 
-    /// t = 1, 1.618, 2.194: beta = 0 after the first sweep, 0.618 / 2.194 = 0.2817 after the second.
+    /// t = 1, 1.618, 2.194 gives beta = 0 after the first sweep and 0.618 / 2.194 = 0.2817 after the second.
     #[test]
-    fn the_second_sweep_is_the_first_carried_on() {
+    fn the_second_sweep_extrapolates_the_first() {
         let mut momentum = Momentum::new(&[1.0, 4.0, 0.0]);
         let mut strengths = [2.0, 2.0, 0.0];
         momentum.carry(&mut strengths, 0.5);
@@ -69,7 +72,7 @@ mod tests {
         assert!((strengths[0] - 4.0 * 2f32.powf(0.2817)).abs() < 1e-3, "{strengths:?}");
         assert!((strengths[1] - 0.5f32.powf(0.2817)).abs() < 1e-3, "{strengths:?}");
         assert_eq!(momentum.before(), [4.0, 1.0, 0.0]);
-        // A misfit that rises ends it.
+        // A rising misfit resets the momentum.
         let mut strengths = [8.0, 1.0, 0.0];
         momentum.carry(&mut strengths, 0.41);
         assert_eq!(strengths, [8.0, 1.0, 0.0]);

@@ -1,6 +1,6 @@
-//! The round stop: which share of a small rectangle of the aperture lies inside the disc.
+//! The round stop: the share of a small rectangle of the aperture that lies inside the disc.
 
-/// A row of the aperture, v0 to v1, cut by the disc.
+/// A row of the aperture from v0 to v1, cut by the disc.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chords {
     /// Rectangles within `|u| <= inner` lie inside, mm.
@@ -11,14 +11,14 @@ pub struct Chords {
     pub nodes: [f32; 3],
 }
 
-/// Gauss-Legendre: middle node 8/18, outer nodes 5/18 each at -/+ sqrt(3/5) of the half interval.
+/// Gauss-Legendre with three nodes: weight 8/18 in the middle, 5/18 at -/+ sqrt(3/5) of the half interval.
 pub(super) const OUTER_NODE: f64 = 0.774_596_669_241_483_4;
 
 impl Chords {
-    /// Of a square stop: nothing is cut.
+    /// A square stop cuts nothing.
     pub const UNCUT: Self = Self { inner: f32::INFINITY, outer: f32::INFINITY, nodes: [f32::INFINITY; 3] };
 
-    /// Of a disc of radius `radius` over `v0 <= v <= v1`, mm.
+    /// The cut by a disc of radius `radius` over `v0 <= v <= v1`, mm.
     pub fn of_disc(radius: f64, v0: f64, v1: f64) -> Self {
         let half = |v: f64| (radius * radius - v * v).max(0.0).sqrt();
         let inner = half(v0).min(half(v1));

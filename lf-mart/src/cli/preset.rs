@@ -1,41 +1,41 @@
-//! What `--preset` sets, with --method subsets. Measured again, it is changed here and nowhere else.
+//! What `--preset` sets, with --method subsets. Change it here, and nowhere else, when it is measured again.
 
-use crate::BasisName;
+use super::names::BasisName;
 use lf_core::cli::{Preset, word};
 
-/// What one preset sets.
+/// The values of one preset.
 pub struct Values {
-    /// Sweeps over all pixels, at most.
+    /// Most sweeps over all pixels.
     pub iterations: usize,
-    /// When to end sooner, as typed.
+    /// When to end sooner, as it would be typed.
     pub until: &'static str,
-    /// What a voxel stands for. Blobs as wide as the default's are best in Q, and err more in displacement.
+    /// What a voxel stands for. Blobs of the default's width give the best Q, but larger errors in displacement.
     pub basis: BasisName,
 }
 
-/// Few sweeps and no blob: vectors hardly gain by more, see the trade.
+/// Few sweeps and no blob: vectors hardly gain by more.
 const FAST: Values = Values { iterations: 3, until: "stall", basis: BasisName::Point };
 
-/// Nearly all that sweeps give to a vector.
+/// Enough sweeps for vectors that hardly improve further.
 const BALANCED: Values = Values { iterations: 5, until: "stall", basis: BasisName::Point };
 
-/// Voxels with their width, and all that sweeps give.
+/// Voxels with their width, and sweeps until vectors improve no further.
 const ACCURATE: Values = Values { iterations: 10, until: "stall", basis: BasisName::Box };
 
-/// What a preset sets.
+/// The values of a preset.
 pub fn values(preset: Preset) -> &'static Values {
     preset.of([&FAST, &BALANCED, &ACCURATE])
 }
 
 impl Values {
-    /// Its options, as they would be typed.
+    /// The options, as they would be typed.
     pub fn typed(&self) -> [String; 3] {
         let Self { iterations, until, basis } = self;
         [format!("--iterations {iterations}"), format!("--until {until}"), format!("--basis {}", word(basis))]
     }
 }
 
-/// Its line of the help.
+/// The preset's line of the help.
 pub fn help(preset: Preset) -> String {
     preset.help(&values(preset).typed())
 }

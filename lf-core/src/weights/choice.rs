@@ -1,0 +1,162 @@
+//! The one choice of how weights are made, and its reason.
+
+use super::aligned::Aligned;
+use super::bent::Bent;
+use super::depth::check_depth;
+use super::geometry::Geometry;
+use super::lenslets::{self, Lenslets};
+use super::model::{Basis, Model, sections};
+use super::pieces::{self, Pieces};
+use super::rows::RowSet;
+use super::sphere::Sphere;
+use crate::Refusal;
+use crate::camera::Camera;
+use crate::grid::Grid;
+
+/// The weights of every voxel of a grid, made when asked for.
+#[derive(Debug, Clone)]
+pub struct Weights {
+    path: Path,
+    reason: String,
+}
+
+/// A way to make weights, the fastest first. A faster one is another file and another arm.
+#[derive(Debug, Clone)]
+pub enum Path {
+    /// A square lattice aligned with the pixels: products of column and row profiles.
+    Aligned(Aligned),
+    /// Exact weights of any other straight-ray camera: each lenslet's image of a voxel is looked up.
+    Lenslets(Lenslets),
+    /// Sampled apertures on a lattice that is not aligned: integrated lenslet by lenslet.
+    Pieces(Pieces),
+    /// Exact weights of a camera whose rays bend: section by section of the aperture.
+    Bent(Bent),
+    /// Tomographic PIV's weights.
+    Sphere(Sphere),
+}
+
+/// Buffers of [`Weights`]; one a thread.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    pieces: pieces::Buffers,
+    lenslets: lenslets::Buffers,
+}
+
+impl Weights {
+    /// Chooses the fastest path for a camera, a grid, a model and a basis.
+    ///
+    /// # Errors
+    /// If the grid reaches the main lens or a depth where the light behind a lenslet no longer fans out; if the model
+    /// cannot follow the camera; if a blob is outside 0 to 10 voxels; if sections are outside [`super::SECTIONS`].
+    pub fn choose(camera: &Camera, grid: &Grid, model: Model, basis: Basis) -> Result<Self, Refusal> {
+        check_depth(camera, grid)?;
+        if let Some(block) = camera.bends().filter(|_| model != Model::Exact) {
+            return Err(Refusal::new(format!("the camera has '{block}'"), "wanted exact weights: no others follow it"));
+        }
+        if let Basis::Blob { sigma_vox } = basis
+            && !(sigma_vox > 0.0 && sigma_vox <= 10.0)
+        {
+            return Err(Refusal::new(format!("a blob of {sigma_vox} voxels"), "wanted more than 0, 10 at most"));
+        }
+        let sections = sections(camera, if let Model::Drt { sections } = model { sections } else { None })?;
+        let aligned = camera.aligned();
+        let geometry = Geometry::new(aligned.as_ref().unwrap_or(camera), grid, model, basis, sections);
+        let reason = match model {
+            Model::Sphere => "the weights are spheres".to_string(),
+            _ => camera.misalignment().unwrap_or_else(|| "the lattice is aligned with the pixels".to_string()),
+        };
+        let path = match model {
+            Model::Sphere => Path::Sphere(Sphere::new(camera, geometry)),
+            _ if aligned.is_some() => Path::Aligned(Aligned { geometry }),
+            Model::Drt { .. } => Path::Pieces(Pieces { geometry }),
+            Model::Exact if camera.medium.is_some() || camera.tilt.is_some() => Path::Bent(Bent::new(geometry)),
+            Model::Exact => Path::Lenslets(Lenslets::new(geometry)),
+        };
+        Ok(Self { path, reason })
+    }
+
+    /// The path.
+    #[inline(always)]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Why it is this path, in words.
+    pub fn reason(&self) -> &str {
+        &self.reason
+    }
+
+    /// The grid.
+    #[inline]
+    pub fn grid(&self) -> &Grid {
+        &self.geometry().grid
+    }
+
+    /// Columns and rows of the sensor.
+    pub fn sensor_px(&self) -> [usize; 2] {
+        [self.geometry().width, self.geometry().height]
+    }
+
+    /// Bytes of the tables that are made when first used, in all slices except those nearest focus.
+    pub fn table_bytes(&self) -> u64 {
+        if let Path::Lenslets(lenslets) = &self.path { lenslets.table_bytes() } else { 0 }
+    }
+
+    fn geometry(&self) -> &Geometry {
+        match &self.path {
+            Path::Aligned(path) => &path.geometry,
+            Path::Lenslets(path) => &path.geometry,
+            Path::Pieces(path) => &path.geometry,
+            Path::Bent(path) => &path.geometry,
+            Path::Sphere(path) => &path.geometry,
+        }
+    }
+
+    /// Calls `found(column, row, weight)` for the pixels of a voxel on the rows that `wanted` accepts. A pixel may come more
+    /// than once: its weight is the sum. Uses no table of profiles or lenslets, so it is slow and exact on every path.
+    pub fn visit(
+        &self,
+        voxel: [usize; 3],
+        scratch: &mut Scratch,
+        wanted: impl Fn(u32) -> bool,
+        found: impl FnMut(u32, u32, f32),
+    ) {
+        match &self.path {
+            Path::Sphere(sphere) => sphere.visit(voxel, wanted, found),
+            Path::Bent(bent) => bent.visit(voxel, wanted, found),
+            _ => self.geometry().visit(voxel, &mut scratch.pieces, wanted, found),
+        }
+    }
+
+    /// Calls `found(row, first column, share, columns)` for the weights of a voxel on the wanted rows:
+    /// `share * columns[n]` on pixel `first column + n`. Columns come in fours; up to three behind the sensor's last have no
+    /// weight. A pixel may come more than once. Looks lenslets up where the path has them.
+    #[inline(always)]
+    pub fn runs(
+        &self,
+        voxel: [usize; 3],
+        scratch: &mut Scratch,
+        wanted: RowSet,
+        mut found: impl FnMut(u32, u32, f32, &[f32]),
+    ) {
+        if let Path::Lenslets(lenslets) = &self.path {
+            lenslets.runs(voxel, &mut scratch.lenslets, wanted, found);
+        } else {
+            let in_set = |row| wanted.holds(row);
+            self.visit(voxel, scratch, in_set, |column, row, weight| found(row, column, weight, &[1.0, 0.0, 0.0, 0.0]));
+        }
+    }
+}
+
+impl Path {
+    /// What the path does, in words that follow "weights".
+    pub fn about(&self) -> &'static str {
+        match self {
+            Self::Aligned(_) => "from profiles of columns and rows, the fastest way",
+            Self::Lenslets(_) => "looked up lenslet by lenslet",
+            Self::Pieces(_) => "integrated lenslet by lenslet, a slow way",
+            Self::Bent(_) => "traced section by section of the aperture, the slowest way",
+            Self::Sphere(_) => "by spheres and cylinders, a slow way",
+        }
+    }
+}

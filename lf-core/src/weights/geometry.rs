@@ -1,0 +1,124 @@
+//! What every path to the weights shares: camera, grid, model, and the slices and cells derived from them.
+
+use super::axis::Axis;
+use super::blur::Blur;
+use super::cell::{self, Slab};
+use super::model::{Basis, Model, aperture_sections};
+use crate::camera::{Aperture, Camera};
+use crate::grid::Grid;
+use crate::optics::Optics;
+use glam::DVec2;
+
+/// Camera, grid and model of the weights.
+#[derive(Debug, Clone)]
+pub(super) struct Geometry {
+    pub(super) model: Model,
+    basis: Basis,
+    pub(super) grid: Grid,
+    pub(super) optics: Optics,
+    /// A lenslet's cell.
+    pub(super) slabs: Vec<Slab>,
+    pub(super) has_round_stop: bool,
+    /// The full square of the aperture over the area of the stop: turns products of shares into shares of the light.
+    pub(super) scale: f32,
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) pitch_mm: f64,
+    /// Sections of the aperture a side.
+    pub(super) sections: usize,
+    /// Whether there are as many sections as in the paper, whose squares on the sensor are as large as pixels.
+    has_pixel_squares: bool,
+}
+
+impl Geometry {
+    /// For a camera and a grid that are checked.
+    pub(super) fn new(camera: &Camera, grid: &Grid, model: Model, basis: Basis, sections: usize) -> Self {
+        let optics = Optics::new(camera);
+        let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
+        Self {
+            model,
+            basis,
+            grid: grid.clone(),
+            slabs: cell::slabs(camera),
+            has_round_stop,
+            scale: aperture_scale(model, has_round_stop, sections, optics.half_aperture_mm()),
+            optics,
+            width: camera.sensor.width,
+            height: camera.sensor.height,
+            pitch_mm: camera.microlenses.pitch_mm,
+            sections,
+            has_pixel_squares: sections == aperture_sections(camera),
+        }
+    }
+
+    /// The optics of slice `z` along an axis of the sensor that has `pixels` pixels.
+    pub(super) fn axis(&self, z: usize, pixels: usize) -> Axis {
+        let z_mm = self.grid.centre_mm(2, z);
+        let mut axis = Axis {
+            alpha: self.optics.alpha(z_mm),
+            beta: self.optics.beta(z_mm),
+            demagnification: self.optics.demagnification(),
+            array_gain: self.optics.array_gain(),
+            lenslet_gain: self.optics.lenslet_gain(),
+            half_aperture: self.optics.half_aperture_mm(),
+            pixel_pitch: self.optics.pixel_pitch_mm(),
+            pixels,
+            sections: self.sections,
+            square: 1.0,
+        };
+        // Departure: the paper's square is one pixel wide, which is the width of a section's light if there are as many
+        // sections as pixels. For other numbers the square is as wide as a section's light: no gaps and no overlaps.
+        if !self.has_pixel_squares {
+            let (_, slope) = axis.sensor_line(0.0, 0.0);
+            axis.square = slope.abs() * 2.0 * axis.half_aperture / axis.sections as f64;
+        }
+        axis
+    }
+
+    /// How a voxel of a slice blurs along one axis, as seen on the array.
+    pub(super) fn blur(&self, axis: &Axis, along: usize) -> Blur {
+        let width = axis.beta * self.grid.spacing_mm[along];
+        match self.basis {
+            Basis::Point => Blur::None,
+            Basis::Box => Blur::Box { half: 0.5 * width },
+            Basis::Blob { sigma_vox } => Blur::Gauss { sigma: sigma_vox * width },
+        }
+    }
+
+    /// Half sides of the box around a cell.
+    pub(super) fn corner(&self) -> DVec2 {
+        self.slabs.iter().fold(DVec2::ZERO, |corner, slab| {
+            corner.max(DVec2::new(slab.x[0].abs().max(slab.x[1].abs()), slab.y[0].abs().max(slab.y[1].abs())))
+        })
+    }
+
+    /// Left and right edge of a cell at a height from its centre, mm.
+    #[inline(always)]
+    pub(super) fn edges_at(&self, height: f64) -> [f64; 2] {
+        let slab = self.slabs.iter().find(|slab| height < slab.y[1]).or(self.slabs.last());
+        slab.map_or([0.0; 2], |slab| slab.x)
+    }
+
+    /// Where the chief ray of a voxel meets the array, mm.
+    #[inline(always)]
+    pub(super) fn chief_mm(&self, axis: &Axis, [x, y, z]: [usize; 3]) -> DVec2 {
+        let place = DVec2::new(self.grid.centre_mm(0, x), self.grid.centre_mm(1, y));
+        -axis.beta * place + self.optics.distortion_mm(place, self.grid.centre_mm(2, z))
+    }
+}
+
+/// The full square of the aperture over the area of the stop; for sampled apertures, over the sections inside it.
+fn aperture_scale(model: Model, has_round_stop: bool, sections: usize, half_aperture: f64) -> f32 {
+    match (has_round_stop, model) {
+        (false, _) => 1.0,
+        (true, Model::Exact | Model::Sphere) => std::f32::consts::FRAC_1_PI * 4.0,
+        (true, Model::Drt { .. }) => {
+            let n = sections as f64;
+            let centre = |i: usize| -half_aperture + (i as f64 + 0.5) * 2.0 * half_aperture / n;
+            let inside = (0..sections * sections)
+                .filter(|i| centre(i / sections).powi(2) + centre(i % sections).powi(2) <= half_aperture.powi(2))
+                .count();
+            (n * n / inside.max(1) as f64) as f32
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! In: a voxel and the image rows asked for. Out: runs of pixels with their weights, each lenslet's image of the voxel
+//! looked up in a table by its place among the pixels.
+//! First file to open: `lookup.rs`; `patch.rs` is the table, `cut.rs` cuts an image by the stop.
+
+mod array;
+mod cut;
+mod lookup;
+mod patch;
+mod slice;
+mod stop;
+
+pub(super) use lookup::Buffers;
+pub use lookup::Lenslets;

@@ -1,0 +1,124 @@
+//! Tables of a lenslet's image of a voxel: the light integrated over pixels, for every place of the image among the pixels.
+//!
+//! If rays are straight, a step in U moves a ray on the array and on the sensor in proportion: from one pixel edge to the
+//! next the ray moves by `step` mm on the array. So a lenslet's image of a voxel is the cell, blurred by the voxel's width,
+//! at a scale of one pixel to `step`, and cut where the stop ends. From lenslet to lenslet only its place among the pixels
+//! differs: two fractions of a pixel.
+
+use crate::weights::axis::Span;
+use crate::weights::blur::Blur;
+use crate::weights::cell::Slab;
+
+/// Most fractions of a pixel along an axis that the table distinguishes: a place is then right to 1/128 px.
+const MOST_PHASES: usize = 64;
+/// Most shares in the patches of a slice, as long as there are phases to save: 256 KiB. Patches are larger nearer focus,
+/// where the steps on the array are smaller in proportion.
+const ROOM: usize = 1 << 16;
+/// Bytes of a slice's patches, except nearest focus.
+pub(super) const SLICE_BYTES: usize = ROOM * size_of::<f32>();
+/// Smallest step, as a fraction of the voxel's footprint on the array; nearer focus counts as focus.
+const LEAST_STEP: f64 = 1.0 / 1536.0;
+/// Largest step in the same unit: a voxel's image is then a point.
+const LARGEST_STEP: f64 = 1e6;
+/// A row of shares is padded to a multiple of this.
+pub(super) const LANES: usize = 4;
+/// Shares below this fraction of the largest possible are 0.
+const LEAST: f64 = 1e-6;
+
+/// The step of a table, for a true step in mm per pixel and a footprint of `size_mm`.
+pub(super) fn step_mm(step_mm: f64, size_mm: f64) -> f64 {
+    step_mm.abs().clamp(LEAST_STEP * size_mm, LARGEST_STEP * size_mm)
+}
+
+/// All patches of a slice.
+#[derive(Debug, Clone)]
+pub(super) struct Patches {
+    /// Phases of a pixel along an axis: 2 to this power.
+    bits: u32,
+    /// Phases of a pixel along an axis.
+    per_px: f64,
+    /// Half the side of the footprint, px: a patch begins at the pixel this far before its middle.
+    half_px: f64,
+    /// Rows of a patch.
+    pub(super) rows: usize,
+    /// Columns of a patch, a multiple of [`LANES`].
+    pub(super) columns: usize,
+    /// Integrals over pixels of the blurred cell, mm^2 of the array: row by row, patch by patch, phases down outside and
+    /// phases across inside.
+    shares: Vec<f32>,
+}
+
+impl Patches {
+    /// The patches of a cell in slabs, at `step_mm` a pixel, for a voxel that blurs by `blurs` along x and y.
+    pub(super) fn new(slabs: &[Slab], blurs: [Blur; 2], step_mm: f64) -> Self {
+        let half_px = half_side(slabs, blurs) / step_mm;
+        let rows = (2.0 * half_px + 1.0).ceil() as usize;
+        let columns = rows.next_multiple_of(LANES);
+        let mut phases = MOST_PHASES;
+        while phases > 1 && phases * phases * rows * columns > ROOM {
+            phases /= 2;
+        }
+        // Integrate along each axis, for every phase and slab.
+        let profile = |phase: usize, pixels: usize, edges: [f64; 2], blur: Blur| -> Vec<f64> {
+            let span = Span { low: edges[0], high: edges[1], blur };
+            let middle = half_px + (phase as f64 + 0.5) / phases as f64;
+            let ramp = |pixel: usize| span.ramp((pixel as f64 - middle) * step_mm);
+            (0..pixels).map(|pixel| ramp(pixel + 1) - ramp(pixel)).collect()
+        };
+        let profiles = |pixels: usize, side: fn(&Slab, [Blur; 2]) -> ([f64; 2], Blur)| -> Vec<Vec<Vec<f64>>> {
+            let of_slab = |phase: usize, slab: &Slab| {
+                let (edges, blur) = side(slab, blurs);
+                profile(phase, pixels, edges, blur)
+            };
+            (0..phases).map(|phase| slabs.iter().map(|slab| of_slab(phase, slab)).collect()).collect()
+        };
+        let across = profiles(columns, across);
+        let down = profiles(rows, down);
+        // Multiply, and add the slabs.
+        let cell: f64 = slabs.iter().map(|slab| (slab.x[1] - slab.x[0]) * (slab.y[1] - slab.y[0])).sum();
+        let most = cell.min(step_mm * step_mm);
+        let mut shares = vec![0f32; phases * phases * rows * columns];
+        shares.chunks_mut(rows * columns).enumerate().for_each(|(n, patch)| {
+            let (down, across) = (&down[n / phases], &across[n % phases]);
+            for (row, shares) in patch.chunks_mut(columns).enumerate() {
+                for (column, share) in shares.iter_mut().enumerate() {
+                    let sum: f64 = down.iter().zip(across).map(|(down, across)| down[row] * across[column]).sum();
+                    *share = if sum > LEAST * most { sum as f32 } else { 0.0 };
+                }
+            }
+        });
+        Self { bits: phases.ilog2(), per_px: phases as f64, half_px, rows, columns, shares }
+    }
+
+    /// The first pixel of the patch about a place, and the patch's phase there. The place is 2^24 px at most.
+    #[inline(always)]
+    pub(super) fn split(&self, place_px: f64) -> (i32, usize) {
+        // Added to a number, it leaves the nearest whole number in the low bits; half a step less gives the one below.
+        const WHOLE: f64 = 6_755_399_441_055_744.0;
+        let steps = ((place_px - self.half_px) * self.per_px - 0.5 + WHOLE).to_bits() as i32;
+        (steps >> self.bits, (steps & ((1 << self.bits) - 1)) as usize)
+    }
+
+    /// The patch of these phases.
+    #[inline(always)]
+    pub(super) fn at(&self, across: usize, down: usize) -> &[f32] {
+        let size = self.rows * self.columns;
+        &self.shares[((down << self.bits) + across) * size..][..size]
+    }
+}
+
+/// Edges of a slab along x, and how they blur.
+fn across(slab: &Slab, blurs: [Blur; 2]) -> ([f64; 2], Blur) {
+    (slab.x, blurs[0].widened(slab.slant_x))
+}
+
+/// The same along y.
+fn down(slab: &Slab, blurs: [Blur; 2]) -> ([f64; 2], Blur) {
+    (slab.y, blurs[1].widened(slab.slant_y))
+}
+
+/// Half the side of a square around the blurred cell, mm.
+fn half_side(slabs: &[Slab], blurs: [Blur; 2]) -> f64 {
+    let sides = slabs.iter().flat_map(|slab| [across(slab, blurs), down(slab, blurs)]);
+    sides.map(|(edges, blur)| edges[0].abs().max(edges[1].abs()) + blur.reach()).fold(0.0, f64::max)
+}

@@ -1,0 +1,236 @@
+//! The options of lf-mart, their defaults and their checks.
+
+use super::names::{BasisName, MethodName, WeightsName};
+use super::preset;
+use clap::Parser;
+use lf_core::cli::{self, Common, Preset};
+use lf_core::volume::tile::Tile;
+use lf_core::weights::{Basis, Model, SECTIONS};
+use lf_core::{Error, Result};
+use lf_mart::{Method, Options, Until};
+use std::path::PathBuf;
+
+/// Image, camera and voxels to intensities, by multiplicative algebraic reconstruction
+#[derive(Parser)]
+#[command(
+    name = "lf-mart",
+    version,
+    max_term_width = 100,
+    after_help = "Examples, in out/ after scripts/demo; the second is the paper's DRT-MART, on coarse voxels:
+  lf-mart support-0000.lfv -i scene/frame-0000.exr -c camera.json --log sweeps.jsonl -o volume.lfv
+  lf-prune scene/frame-0000.exr -c camera.json --pvr 8,8,80 --depth -5,5 |
+      lf-mart -i scene/frame-0000.exr -c camera.json --method mart --weights drt -o paper.lfv"
+)]
+pub struct Arguments {
+    /// Voxels to solve for (.lfv), as lf-prune writes them; - for standard input
+    #[arg(default_value = "-")]
+    pub support: PathBuf,
+    /// Light-field image (EXR, TIFF, PNG)
+    #[arg(short, long, value_name = "FILE")]
+    pub image: PathBuf,
+    /// Camera (camera.json), as lf-calib writes it
+    #[arg(short, long, value_name = "FILE")]
+    pub camera: PathBuf,
+    /// Image to subtract first; values below zero become zero
+    #[arg(short, long, value_name = "FILE")]
+    pub background: Option<PathBuf>,
+    /// Defaults between speed and accuracy for the whole chain, with --method subsets; typed options override them
+    #[arg(long, value_parser = Preset::parser(preset::help))]
+    pub preset: Option<Preset>,
+    /// How weights are computed
+    #[arg(long, value_enum, default_value_t = WeightsName::Exact)]
+    pub weights: WeightsName,
+    /// Sections of the aperture a side with --weights drt, 2 to 64; many sections come near the exact weights, fewer than the
+    /// pixels under a lenslet are far from them [default: pixels under a lenslet]
+    #[arg(long, value_name = "N")]
+    pub sections: Option<usize>,
+    /// What a voxel stands for, seen sideways [default: blob with exact weights, point with drt]
+    #[arg(long, value_enum)]
+    pub basis: Option<BasisName>,
+    /// Standard deviation of a blob, voxels [default: 0.65]
+    #[arg(long, value_name = "VOXELS")]
+    pub blob: Option<f64>,
+    /// How intensities are found
+    #[arg(long, value_enum, default_value_t = MethodName::Subsets)]
+    pub method: MethodName,
+    /// Most sweeps over all pixels [default: 60, for a tile 20; with smart and mlem 100, with mart 30]
+    #[arg(long, value_name = "N")]
+    pub iterations: Option<usize>,
+    /// End sooner: when the misfit stalls, at the image's noise, at this misfit, or never [default: stall; with smart, mlem
+    /// and mart never; for a tile never, since each tile would end at its own misfit]
+    #[arg(long, value_name = "stall|noise|MISFIT|never")]
+    pub until: Option<String>,
+    /// Factor of the exponent; the paper uses 2 to 2.5 with mart [default: 1.5; with smart and mlem 1, with mart 2.5]
+    #[arg(long, value_name = "MU")]
+    pub relaxation: Option<f64>,
+    /// Least brightness that a pixel counts with, as a share of the brightest
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-4)]
+    pub floor: f64,
+    /// Largest factor by which one step changes an intensity [default: 20, with mart 1e6]
+    #[arg(long, value_name = "FACTOR")]
+    pub clamp: Option<f64>,
+    /// Volume (.lfv) to begin with, on the same grid
+    #[arg(long, value_name = "FILE")]
+    pub start: Option<PathBuf>,
+    /// Write one line of JSON for each sweep: misfit, change, voxels held, weights touched, seconds since the beginning
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+    /// Refuse a reconstruction that needs more memory than this, GB
+    #[arg(long, value_name = "GB", default_value_t = 8.0)]
+    pub max_memory: f64,
+    /// Only print the resources needed: {"memory_bytes", "voxels"} as JSON on standard output
+    #[arg(long)]
+    pub estimate: bool,
+    /// Volume (.lfv), - for standard output
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// Sweeps of a tile if nothing sets them. All tiles of a volume need as many, and none knows when the whole volume stalls.
+const TILE_ITERATIONS: usize = 20;
+
+/// Standard deviation of a blob if neither an option nor a preset sets it, voxels.
+const BLOB: f64 = 0.65;
+
+impl Arguments {
+    /// The basis typed; with exact weights the preset's; else the one that suits the weights.
+    fn basis(&self) -> Basis {
+        let preset = self.preset.map(preset::values);
+        let is_exact = self.weights == WeightsName::Exact;
+        let preset_basis = preset.filter(|_| is_exact).map(|preset| preset.basis);
+        let usual = if is_exact { BasisName::Blob } else { BasisName::Point };
+        match self.basis.or(preset_basis).unwrap_or(usual) {
+            BasisName::Point => Basis::Point,
+            BasisName::Box => Basis::Box,
+            BasisName::Blob => Basis::Blob { sigma_vox: self.blob.unwrap_or(BLOB) },
+        }
+    }
+
+    /// The options of a reconstruction, for a whole volume or a tile. `sigma` measures the noise of the image, counts, if it
+    /// is needed.
+    ///
+    /// # Errors
+    /// If options do not go together or a number is outside its range.
+    pub fn options(&self, tile: Option<Tile>, sigma: impl FnOnce() -> f64) -> Result<Options> {
+        let basis = self.basis();
+        self.check_together(basis)?;
+        let preset = self.preset.map(preset::values);
+        let (method, iterations, until, relaxation, clamp) = match self.method {
+            MethodName::Subsets => (Method::Subsets, 60, "stall", 1.5, 20.0),
+            MethodName::Smart => (Method::Smart, 100, "never", 1.0, 20.0),
+            MethodName::Mlem => (Method::Mlem, 100, "never", 1.0, 20.0),
+            MethodName::Mart => (Method::Mart, 30, "never", 2.5, 1e6),
+        };
+        let (iterations, until) = preset.map_or((iterations, until), |preset| (preset.iterations, preset.until));
+        let (iterations, until) = match tile {
+            Some(_) if preset.is_none() && self.method == MethodName::Subsets => (TILE_ITERATIONS, "never"),
+            Some(_) => (iterations, "never"),
+            None => (iterations, until),
+        };
+        let options = Options {
+            weights: match self.weights {
+                WeightsName::Exact => Model::Exact,
+                WeightsName::Drt => Model::Drt { sections: self.sections },
+                WeightsName::Sphere => Model::Sphere,
+            },
+            basis,
+            method,
+            iterations: self.iterations.unwrap_or(iterations),
+            until: until_from(self.until.as_deref().unwrap_or(until), sigma)?,
+            relaxation: self.relaxation.unwrap_or(relaxation),
+            floor: self.floor,
+            clamp: self.clamp.unwrap_or(clamp),
+            max_bytes: (self.max_memory * 1e9) as u64,
+            tile,
+        };
+        self.check_ranges(&options)?;
+        Ok(options)
+    }
+
+    /// Refuses options that do not go together.
+    fn check_together(&self, basis: Basis) -> Result<()> {
+        if self.weights == WeightsName::Sphere && basis != Basis::Point {
+            let found = "box or blob with --weights sphere";
+            return Err(Error::new("--basis", found, "wanted point, which is its default"));
+        }
+        if let (Some(sections), false) = (self.sections, self.weights == WeightsName::Drt) {
+            let found = format!("{sections} with other weights, which do not sample the aperture");
+            return Err(Error::new("--sections", found, "wanted --weights drt"));
+        }
+        if let (Some(preset), false) = (self.preset, self.method == MethodName::Subsets) {
+            let found = format!("{} with another --method", cli::word(&preset));
+            return Err(Error::new("--preset", found, "wanted --method subsets, which is its default"));
+        }
+        Ok(())
+    }
+
+    /// Refuses numbers outside their ranges.
+    fn check_ranges(&self, options: &Options) -> Result<()> {
+        let (least, most) = (*SECTIONS.start(), *SECTIONS.end());
+        for (option, value, least, most) in [
+            ("--blob", self.blob.unwrap_or(BLOB), 0.05, 10.0),
+            ("--sections", self.sections.unwrap_or(least) as f64, least as f64, most as f64),
+            ("--relaxation", options.relaxation, 1e-6, 100.0),
+            ("--iterations", options.iterations as f64, 1.0, 1e6),
+            ("--floor", options.floor, 1e-12, 0.1),
+            ("--clamp", options.clamp, 1.001, 1e6),
+            ("--max-memory", self.max_memory, 1e-3, 1e6),
+        ] {
+            if !(least..=most).contains(&value) {
+                return Err(Error::new(option, format!("{value}"), format!("wanted {least} to {most}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// What the preset sets, as it would be typed, each with whether it holds: typed options override it.
+    pub fn preset_settings(&self, preset: Preset) -> impl Iterator<Item = (String, bool)> {
+        let is_exact = self.weights == WeightsName::Exact;
+        let holds = [self.iterations.is_none(), self.until.is_none(), self.basis.is_none() && is_exact];
+        preset::values(preset).typed().into_iter().zip(holds)
+    }
+}
+
+/// The end of the sweeps, from what is typed.
+fn until_from(typed: &str, sigma: impl FnOnce() -> f64) -> Result<Until> {
+    Ok(match typed {
+        "stall" => Until::Stall,
+        "never" => Until::Never,
+        "noise" => Until::Noise(sigma()),
+        typed => match typed.parse::<f64>() {
+            Ok(misfit) if misfit > 0.0 && misfit < 1.0 => Until::Misfit(misfit),
+            _ => return Err(Error::new("--until", typed, "wanted stall, noise, never, or a misfit in 0 to 1")),
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Exact weights do not sample the aperture, so sections would have no effect.
+    #[test]
+    fn sections_are_for_sampled_weights_and_within_their_range() {
+        let options = |words: &[&str]| {
+            let all = ["lf-mart", "-i", "frame.exr", "-c", "camera.json"].iter().chain(words);
+            Arguments::try_parse_from(all).expect("known words").options(None, || 0.0)
+        };
+        let drt = options(&["--weights", "drt", "--sections", "7"]).unwrap();
+        assert_eq!(drt.weights, Model::Drt { sections: Some(7) });
+        assert_eq!(options(&["--weights", "drt"]).unwrap().weights, Model::Drt { sections: None });
+        for typed in ["0", "1", "65"] {
+            let text = options(&["--weights", "drt", "--sections", typed]).unwrap_err().to_string();
+            assert_eq!(text, format!("--sections: {typed}; wanted 2 to 64"));
+        }
+        for words in [
+            &["--sections", "7"][..],
+            &["--weights", "exact", "--sections", "7"],
+            &["--weights", "sphere", "--sections", "14"],
+        ] {
+            let text = options(words).unwrap_err().to_string();
+            assert!(text.starts_with("--sections: ") && text.contains("wanted --weights drt"), "{text}");
+        }
+    }
+}

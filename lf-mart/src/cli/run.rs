@@ -1,0 +1,189 @@
+//! Reads image, camera and voxels, reconstructs, and writes the volume.
+
+use super::arguments::Arguments;
+use super::names::WeightsName;
+use lf_core::camera::Camera;
+use lf_core::cli::{self, Session, Verdict};
+use lf_core::grid::Grid;
+use lf_core::image::{self, Image};
+use lf_core::volume::tile::Tile;
+use lf_core::volume::{self, Volume};
+use lf_core::weights::aperture_sections;
+use lf_core::{Error, Result, io};
+use lf_mart::{Ended, Options, Plan, Reconstruction, Start, Sweep, Until};
+use serde_json::json;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// The whole program.
+pub fn main() -> ExitCode {
+    cli::run("lf-mart", |arguments: &Arguments| &arguments.common, run)
+}
+
+fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    arguments.options(None, || 0.0)?;
+    if let Some(preset) = arguments.preset {
+        session.explain_preset(preset, arguments.preset_settings(preset));
+    }
+    check_files(arguments, session)?;
+    let name = io::name(&arguments.support);
+    let (camera, image, support) = session.phase("read", |_| {
+        let camera = Camera::open(&arguments.camera)?;
+        let background = arguments.background.as_deref();
+        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera)?;
+        Ok((camera, image, Volume::open(&arguments.support)?))
+    })?;
+    if support.count() == 0 {
+        return Err(Error::new(name, "holds no voxel", "wanted a support with voxels"));
+    }
+    let start = open_start(arguments, support.grid())?;
+    let options = options(arguments, Tile::of(&support)?, &image, &camera, session)?;
+    let plan = Plan::new(&camera, support.grid(), support.indices(), &options)
+        .map_err(|refusal| refusal.about(name.as_str()))?;
+    if arguments.estimate {
+        session.tell_estimate(plan.peak_bytes(image.pixels.len()), &[("voxels", support.count() as u64)])?;
+        return Ok(Verdict::Done);
+    }
+    explain_plan(arguments, &plan, &camera, &support, session);
+
+    let (solved, log) = solve(&plan, &image, start.as_ref(), &options, &name, session)?;
+    if solved.indices.is_empty() {
+        let wanted = format!("wanted a support that {} can light", io::name(&arguments.image));
+        return Err(Error::new(name, "no voxel has light", wanted));
+    }
+    report(&solved, &options, &support, session);
+    session.phase("write", |session| {
+        let history = session.history(support.history());
+        io::save(&arguments.output, |out| {
+            let column = ("intensity", solved.intensity.as_slice());
+            volume::write_with(out, support.grid(), &solved.indices, &[column], &history, support.extra())
+        })?;
+        match &arguments.log {
+            Some(file) => io::save_text(file, |out| out.write_all(log.as_bytes())),
+            None => Ok(()),
+        }
+    })?;
+    Ok(Verdict::Done)
+}
+
+/// Refuses outputs that overwrite inputs or each other, or that cannot be written.
+fn check_files(arguments: &Arguments, session: &Session) -> Result<()> {
+    let mut inputs = vec![arguments.support.as_path(), arguments.image.as_path(), arguments.camera.as_path()];
+    inputs.extend(arguments.background.as_deref().into_iter().chain(arguments.start.as_deref()));
+    session.keep_apart(&arguments.output, &inputs)?;
+    io::check_place(&arguments.output)?;
+    let Some(log) = &arguments.log else { return Ok(()) };
+    if io::is_standard(log) && io::is_standard(&arguments.output) {
+        return Err(Error::new("standard output", "asked for by --log and by -o", "wanted a file for one of them"));
+    }
+    session.keep_apart(log, &inputs)?;
+    session.keep_apart(log, &[&arguments.output])?;
+    io::check_place(log)
+}
+
+/// The volume to begin with.
+fn open_start(arguments: &Arguments, grid: &Grid) -> Result<Option<Volume>> {
+    let Some(file) = &arguments.start else { return Ok(None) };
+    let start = Volume::open(file)?;
+    start.require("intensity")?;
+    if !start.grid().agrees_with(grid) {
+        return Err(Error::new(io::name(file), start.grid().to_string(), format!("wanted the support's {grid}")));
+    }
+    Ok(Some(start))
+}
+
+/// The options for this support and image, explained.
+fn options(
+    arguments: &Arguments,
+    tile: Option<Tile>,
+    image: &Image,
+    camera: &Camera,
+    session: &mut Session,
+) -> Result<Options> {
+    let options = arguments.options(tile, || {
+        let sigma = image::noise(image.pixels.view());
+        session.explain(format!("noise {sigma:.3} counts"));
+        session.count("noise_counts", sigma);
+        sigma
+    })?;
+    if options.tile.is_some() {
+        session.explain(format!(
+            "a tile: at most {} sweeps, momentum is never reset, voxels are dropped by the strongest near them",
+            options.iterations
+        ));
+    }
+    if arguments.weights == WeightsName::Drt {
+        let sections = arguments.sections.unwrap_or_else(|| aperture_sections(camera));
+        session.count("sections", sections);
+        session.explain(format!("{sections} x {sections} sections of the aperture"));
+    }
+    Ok(options)
+}
+
+/// Explains camera, weights and memory.
+fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, support: &Volume, session: &mut Session) {
+    session.explain(format!("camera: {}", camera.about()));
+    session.explain(plan.about());
+    session.count("estimated_bytes", plan.bytes());
+    session.explain(format!(
+        "about {:.2} GB of memory for {} voxels, of {} GB allowed",
+        plan.bytes() as f64 * 1e-9,
+        support.count(),
+        arguments.max_memory
+    ));
+}
+
+/// Runs the sweeps. Gives the reconstruction and the log of the sweeps.
+fn solve(
+    plan: &Plan,
+    image: &Image,
+    start: Option<&Volume>,
+    options: &Options,
+    name: &str,
+    session: &mut Session,
+) -> Result<(Reconstruction, String)> {
+    let mut log = String::new();
+    let solved = session.phase("reconstruct", |session| {
+        let what = if options.until == Until::Never { "sweeps" } else { "sweeps at most" };
+        let progress = session.progress(what, options.iterations as u64);
+        let began = Instant::now();
+        let done = |sweep: &Sweep| {
+            progress.add(1);
+            let Sweep { number, misfit, change, voxels, weights } = *sweep;
+            let seconds = began.elapsed().as_secs_f64();
+            session.explain(format!("sweep {number}: misfit {misfit:.4}, change {change:.4}, {voxels} voxels held"));
+            log += &json!({"iteration": number, "misfit": misfit, "change": change, "voxels": voxels,
+                "weights": weights, "seconds": seconds})
+            .to_string();
+            log.push('\n');
+        };
+        let start =
+            start.and_then(|start| Some(Start { indices: start.indices(), intensity: start.column("intensity")? }));
+        plan.solve(image.pixels.view(), start, done).map_err(|refusal| refusal.about(name))
+    })?;
+    Ok((solved, log))
+}
+
+/// Reports how the sweeps ended.
+fn report(solved: &Reconstruction, options: &Options, support: &Volume, session: &mut Session) {
+    let (sweeps, misfit) = solved.sweeps.last().map_or((0, 0.0), |sweep| (sweep.number, sweep.misfit));
+    session.explain(match options.ended(&solved.sweeps) {
+        Ended::Most => format!("ended after {sweeps} sweeps, the number of --iterations"),
+        Ended::Stalled => {
+            format!("ended after {sweeps} sweeps: the last two lowered the misfit by less than a hundredth")
+        }
+        Ended::Reached => format!("ended after {sweeps} sweeps: the misfit is as low as --until asks"),
+    });
+    session.count("support_voxels", support.count());
+    session.count("unseen_voxels", solved.unseen);
+    session.count("lit_voxels", solved.indices.len());
+    session.count("sweeps", sweeps);
+    session.count("misfit", misfit);
+    session.count("weights_touched", solved.sweeps.iter().map(|sweep| sweep.weights).sum::<u64>());
+    session.explain(format!(
+        "{} voxels, {} unseen; misfit {misfit:.4} in the last of {sweeps} sweeps; {} voxels lit",
+        support.count(),
+        solved.unseen,
+        solved.indices.len()
+    ));
+}

@@ -1,0 +1,10 @@
+//! In: an image, weights, voxels and options. Out: a strength for each voxel still held to have light, and the sweeps.
+//! First file to open: `problem.rs`, then `simultaneous.rs` (`row_action.rs` is the paper's method).
+
+mod momentum;
+mod problem;
+pub(crate) mod row_action;
+pub(crate) mod simultaneous;
+mod spent;
+
+pub(crate) use problem::Problem;

@@ -1,0 +1,211 @@
+//! Column profiles and the two inner loops over them, for the widest vectors of the machine: spread a strength onto image
+//! rows, gather from them. No branch in the loops depends on data.
+
+#[cfg(target_arch = "x86_64")]
+use super::kernel_avx2;
+use super::kernel_portable;
+use super::lit_rows::{LitRow, LitRows};
+use super::plane::PADDING;
+use super::taps::{CutTap, Tap, fill, halves};
+use lf_core::simd::Level;
+use lf_core::weights::Piece;
+
+/// Column profiles, numbered in the order in which they are pushed.
+#[derive(Debug)]
+pub(super) struct ColumnProfiles {
+    /// Columns of the image.
+    width: usize,
+    has_round_stop: bool,
+    level: Level,
+    /// First and end tap of each.
+    ranges: Vec<(u32, u32)>,
+    /// Sum of the shares of each.
+    pub(super) sums: Vec<f32>,
+    /// Number of shares of each.
+    pub(super) counts: Vec<u32>,
+    taps: Vec<Tap>,
+    cut_taps: Vec<CutTap>,
+}
+
+impl ColumnProfiles {
+    pub(super) fn new(width: usize, has_round_stop: bool) -> Self {
+        Self {
+            width,
+            has_round_stop,
+            level: Level::detect(),
+            ranges: Vec::new(),
+            sums: Vec::new(),
+            counts: Vec::new(),
+            taps: Vec::new(),
+            cut_taps: Vec::new(),
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.ranges.len()
+    }
+
+    /// Appends a profile.
+    ///
+    /// # Panics
+    /// If a column lies outside the image.
+    pub(super) fn push(&mut self, pieces: &[Piece]) {
+        assert!(pieces.iter().all(|piece| (piece.pixel as usize) < self.width), "a column outside the image");
+        let first = self.count_taps();
+        if self.has_round_stop {
+            fill(&halves(pieces), &mut self.cut_taps);
+        } else {
+            fill(pieces, &mut self.taps);
+        }
+        self.ranges.push((first, self.count_taps()));
+        self.counts.push(pieces.len() as u32);
+        self.sums.push(pieces.iter().map(|piece| piece.weight).sum());
+    }
+
+    fn count_taps(&self) -> u32 {
+        (self.taps.len() + self.cut_taps.len()) as u32
+    }
+
+    /// Reserves room for the profiles of others.
+    pub(super) fn reserve<'a>(&mut self, others: impl Iterator<Item = &'a Self> + Clone) {
+        self.ranges.reserve_exact(others.clone().map(|other| other.ranges.len()).sum());
+        self.counts.reserve_exact(others.clone().map(|other| other.counts.len()).sum());
+        self.sums.reserve_exact(others.clone().map(|other| other.sums.len()).sum());
+        self.taps.reserve_exact(others.clone().map(|other| other.taps.len()).sum());
+        self.cut_taps.reserve_exact(others.map(|other| other.cut_taps.len()).sum());
+    }
+
+    /// Appends the profiles of another.
+    pub(super) fn append(&mut self, other: Self) {
+        let is_alike = other.width == self.width && other.has_round_stop == self.has_round_stop;
+        assert!(is_alike, "profiles of another image");
+        let base = self.count_taps();
+        self.ranges.extend(other.ranges.iter().map(|(first, end)| (base + first, base + end)));
+        self.sums.extend(other.sums);
+        self.counts.extend(other.counts);
+        self.taps.extend(other.taps);
+        self.cut_taps.extend(other.cut_taps);
+    }
+
+    #[inline(always)]
+    fn profile(&self, number: u32) -> Profile<'_> {
+        let (first, end) = self.ranges[number as usize];
+        let taps = first as usize..end as usize;
+        if self.has_round_stop {
+            Profile::Cut(&self.cut_taps[taps])
+        } else {
+            Profile::Whole(&self.taps[taps], self.sums[number as usize])
+        }
+    }
+
+    #[inline(always)]
+    fn check(&self, rows: &LitRows, plane: &[f32]) {
+        assert!(rows.last() + self.width + PADDING <= plane.len(), "a row outside the plane");
+    }
+
+    /// Adds the light of a voxel with profile `number` to rows of `plane`.
+    #[inline(always)]
+    pub(super) fn spread(&self, number: u32, strength: f32, rows: &LitRows, plane: &mut [f32]) {
+        self.check(rows, plane);
+        // SAFETY: `push` checked that columns are less than the width, `check` that rows lie in the plane.
+        unsafe { spread(plane, strength, rows.as_slice(), self.profile(number), self.level) }
+    }
+
+    /// The weighted sum over rows of `plane` for a voxel with profile `number`, and the sum of its weights.
+    #[inline(always)]
+    pub(super) fn gather(&self, number: u32, rows: &LitRows, plane: &[f32]) -> (f32, f32) {
+        self.check(rows, plane);
+        // SAFETY: as in `spread`.
+        unsafe { gather(plane, rows.as_slice(), self.profile(number), self.level) }
+    }
+}
+
+/// A column profile.
+#[derive(Debug, Clone, Copy)]
+enum Profile<'a> {
+    /// Behind a square stop: taps and the sum of their shares.
+    Whole(&'a [Tap], f32),
+    /// Behind a round stop.
+    Cut(&'a [CutTap]),
+}
+
+/// Adds a voxel's light to rows of `plane`.
+///
+/// # Safety
+/// The start of every row, plus every tap's column, plus 4, lies in the plane. The machine has `level`.
+#[inline(always)]
+unsafe fn spread(plane: &mut [f32], strength: f32, rows: &[LitRow], profile: Profile, level: Level) {
+    // SAFETY: as the caller says.
+    unsafe {
+        match profile {
+            #[cfg(target_arch = "x86_64")]
+            Profile::Whole(taps, _) if level == Level::Avx2Fma => {
+                kernel_avx2::spread_whole(plane, strength, rows, taps)
+            }
+            Profile::Whole(taps, _) => kernel_portable::spread_whole(plane, strength, rows, taps),
+            #[cfg(target_arch = "x86_64")]
+            Profile::Cut(taps) if level == Level::Avx2Fma => kernel_avx2::spread_cut(plane, strength, rows, taps),
+            Profile::Cut(taps) => kernel_portable::spread_cut(plane, strength, rows, taps),
+        }
+    }
+}
+
+/// A voxel's weighted sum over rows of `plane`, and the sum of the weights.
+///
+/// # Safety
+/// As for [`spread`].
+#[inline(always)]
+unsafe fn gather(plane: &[f32], rows: &[LitRow], profile: Profile, level: Level) -> (f32, f32) {
+    // SAFETY: as the caller says.
+    unsafe {
+        match profile {
+            #[cfg(target_arch = "x86_64")]
+            Profile::Whole(taps, sum) if level == Level::Avx2Fma => kernel_avx2::gather_whole(plane, rows, taps, sum),
+            Profile::Whole(taps, sum) => kernel_portable::gather_whole(plane, rows, taps, sum),
+            #[cfg(target_arch = "x86_64")]
+            Profile::Cut(taps) if level == Level::Avx2Fma => kernel_avx2::gather_cut(plane, rows, taps),
+            Profile::Cut(taps) => kernel_portable::gather_cut(plane, rows, taps),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lf_core::weights::Chords;
+
+    /// Machines without eight lanes take the other loops. The sums agree within rounding.
+    #[test]
+    fn four_lanes_and_eight_give_the_same_sums() {
+        let width = 60;
+        // Columns out of order, a part across the middle of the aperture, and a chief ray without width.
+        let piece = |pixel, weight, u0, u1| Piece { pixel, weight, u0, u1 };
+        let pieces: Vec<Piece> = (0..23u32)
+            .map(|n| piece(n * n * 7 % 60, 0.01 * (n + 1) as f32, n as f32 * 4.0 - 50.0, n as f32 * 4.0 - 46.5))
+            .chain([piece(59, 0.3, 20.0, 20.0)])
+            .collect();
+        let mut rows = LitRows::default();
+        for (row, v0) in [-49.0, -20.0, -1.0, 33.0].into_iter().enumerate() {
+            let chords = Chords::of_disc(50.0, v0, v0 + 3.5);
+            rows.push(LitRow { start: row * (width + PADDING), share: 0.1 + row as f32, chords });
+        }
+        let image: Vec<f32> = (0..4 * (width + PADDING)).map(|n| (n * n % 17) as f32).collect();
+        for has_round_stop in [false, true] {
+            let mut profiles = ColumnProfiles::new(width, has_round_stop);
+            profiles.push(&pieces);
+            let both = [Level::Portable, Level::detect()].map(|level| {
+                profiles.level = level;
+                let mut plane = vec![1.0; image.len()];
+                profiles.spread(0, 2.0, &rows, &mut plane);
+                (plane, profiles.gather(0, &rows, &image))
+            });
+            let [(four, (sum, weight)), (eight, (wide_sum, wide_weight))] = both;
+            assert!(four.iter().zip(&eight).all(|(a, b)| (a - b).abs() < 1e-5 * a), "{has_round_stop}");
+            assert!(
+                (sum - wide_sum).abs() < 1e-5 * sum && (weight - wide_weight).abs() < 1e-5 * weight,
+                "{has_round_stop}"
+            );
+            assert!(sum > 1.0 && four.iter().any(|value| *value > 1.1), "{has_round_stop}: {sum}");
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! The inner loops for any machine, in four lanes: spread a strength onto image rows, gather from them.
+//!
+//! # Safety
+//! For all functions: the start of every row, plus every tap's column, plus 4, lies in the plane.
+
+use super::lit_rows::LitRow;
+use super::taps::{CutTap, Tap};
+
+/// Adds a voxel's light to rows of `plane`.
+///
+/// # Safety
+/// As the module says.
+#[inline(always)]
+pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[Tap]) {
+    for row in rows {
+        let light = row.share * strength;
+        for tap in taps {
+            // SAFETY: as the caller says.
+            unsafe { add(plane, row.start, tap.columns, light, &tap.shares) };
+        }
+    }
+}
+
+/// The same behind a round stop.
+///
+/// # Safety
+/// As the module says.
+#[inline(always)]
+pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[CutTap]) {
+    for row in rows {
+        let light = row.share * strength;
+        for tap in taps {
+            // SAFETY: as the caller says.
+            unsafe { add(plane, row.start, tap.columns, light, &tap.inside(row.chords.nodes)) };
+        }
+    }
+}
+
+/// A voxel's weighted sum over rows of `plane`, and the sum of the weights. `sum` is the sum of the taps' shares.
+///
+/// # Safety
+/// As the module says.
+#[inline(always)]
+pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], sum: f32) -> (f32, f32) {
+    let (mut all, mut weight) = (0.0, 0.0);
+    for row in rows {
+        let mut lanes = [0f32; 4];
+        for tap in taps {
+            for half in 0..2 {
+                // SAFETY: as the caller says.
+                let values = unsafe { four(plane, row.start + tap.columns[half] as usize) };
+                for lane in 0..4 {
+                    lanes[lane] += values[lane] * tap.shares[4 * half + lane];
+                }
+            }
+        }
+        all += row.share * lanes.iter().sum::<f32>();
+        weight += row.share * sum;
+    }
+    (all, weight)
+}
+
+/// The same behind a round stop.
+///
+/// # Safety
+/// As the module says.
+#[inline(always)]
+pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap]) -> (f32, f32) {
+    let (mut all, mut weight) = (0.0, 0.0);
+    for row in rows {
+        let (mut lanes, mut cut) = ([0f32; 4], [0f32; 4]);
+        for tap in taps {
+            let shares = tap.inside(row.chords.nodes);
+            for half in 0..2 {
+                // SAFETY: as the caller says.
+                let values = unsafe { four(plane, row.start + tap.columns[half] as usize) };
+                for lane in 0..4 {
+                    lanes[lane] += values[lane] * shares[4 * half + lane];
+                    cut[lane] += shares[4 * half + lane];
+                }
+            }
+        }
+        all += row.share * lanes.iter().sum::<f32>();
+        weight += row.share * cut.iter().sum::<f32>();
+    }
+    (all, weight)
+}
+
+/// Adds shares of light at two runs of columns of a row. The runs may overlap.
+///
+/// # Safety
+/// As the module says.
+#[inline(always)]
+unsafe fn add(plane: &mut [f32], start: usize, columns: [u32; 2], light: f32, shares: &[f32; 8]) {
+    for half in 0..2 {
+        let from = start + columns[half] as usize;
+        debug_assert!(from + 4 <= plane.len());
+        // SAFETY: as the caller says; an array of four f32 needs the alignment of one.
+        let out = unsafe { &mut *plane.as_mut_ptr().add(from).cast::<[f32; 4]>() };
+        for lane in 0..4 {
+            out[lane] += light * shares[4 * half + lane];
+        }
+    }
+}
+
+/// The four values from a place.
+///
+/// # Safety
+/// `from + 4 <= values.len()`.
+#[inline(always)]
+unsafe fn four(values: &[f32], from: usize) -> [f32; 4] {
+    debug_assert!(from + 4 <= values.len());
+    // SAFETY: as the caller says; an array of four f32 needs the alignment of one.
+    unsafe { *values.as_ptr().add(from).cast() }
+}

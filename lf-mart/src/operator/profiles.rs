@@ -1,0 +1,250 @@
+//! The weights of an aligned camera: a column profile for each x and z, and a row profile for each line (y, z) of voxels.
+//! A voxel of 1000 weights costs two profiles of 30.
+
+use super::held::keep;
+use super::kernel::ColumnProfiles;
+use super::taps::{CutTap, Tap};
+use lf_core::weights::{Aligned, Chords};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// An image row and its share, with the scale of the aperture.
+#[derive(Clone, Copy)]
+pub(super) struct RowTap {
+    pub(super) row: u32,
+    pub(super) share: f32,
+}
+
+pub(crate) struct ProfileWeights {
+    pub(super) has_round_stop: bool,
+    pub(super) subsets: usize,
+    pub(super) slices: usize,
+    /// Support voxels of line (y, z) are `lines[y + ny z] .. lines[y + ny z + 1]`.
+    pub(super) lines: Vec<u32>,
+    /// Column profile of each support voxel.
+    pub(super) profiles: Vec<u32>,
+    pub(super) columns: ColumnProfiles,
+    pub(super) row_taps: Vec<RowTap>,
+    /// The cut of each row tap by a round stop.
+    pub(super) chords: Vec<Chords>,
+    /// Sum of each line's row shares, without the scale of the aperture.
+    line_sums: Vec<f32>,
+    /// Row taps of a line's subset s are `row_starts[line * (subsets + 1) + s] ..` the next.
+    pub(super) row_starts: Vec<u32>,
+    /// Image rows of a band.
+    pub(super) band: usize,
+    /// Lines of slice z that light rows of a band: `reached[band * slices + z]`.
+    pub(super) reached: Vec<Range<u32>>,
+    /// Factor from the sum of products of shares to a voxel's whole light.
+    scale: f32,
+}
+
+/// Fewest bands of the image, so that there is work for all threads.
+const LEAST_BANDS: usize = 16;
+/// Values in the rows of a band's subset: 512 kB, a fraction of a core's own cache.
+const CACHED_VALUES: usize = 1 << 17;
+/// Slices whose profiles are counted to foretell the memory of all.
+const SAMPLE_SLICES: usize = 9;
+
+/// The row profiles of a slice's lines.
+#[derive(Default)]
+struct SliceRows {
+    taps: Vec<RowTap>,
+    chords: Vec<Chords>,
+    starts: Vec<u32>,
+    sums: Vec<f32>,
+}
+
+impl SliceRows {
+    /// Row profiles of the lines of slice `z` that hold voxels, sorted by subset.
+    fn new(aligned: &Aligned, z: usize, subsets: usize, holds: impl Fn(usize) -> bool) -> Self {
+        let (mut rows, mut pieces) = (Self::default(), Vec::new());
+        for y in 0..aligned.grid().shape[1] {
+            pieces.clear();
+            if holds(y) {
+                aligned.rows(y, z, &mut pieces);
+            }
+            pieces.sort_by_key(|piece| piece.pixel as usize % subsets);
+            rows.sums.push(pieces.iter().map(|piece| piece.weight).sum());
+            let mut subset = 0;
+            for piece in &pieces {
+                while subset <= piece.pixel as usize % subsets {
+                    rows.starts.push(rows.taps.len() as u32);
+                    subset += 1;
+                }
+                rows.taps.push(RowTap { row: piece.pixel, share: aligned.scale() * piece.weight });
+                if aligned.has_round_stop() {
+                    rows.chords.push(aligned.chords(piece));
+                }
+            }
+            while subset <= subsets {
+                rows.starts.push(rows.taps.len() as u32);
+                subset += 1;
+            }
+        }
+        rows
+    }
+}
+
+/// The column profiles of a slice's voxels, counted from the slice's first.
+struct SliceColumns {
+    profiles: Vec<u32>,
+    columns: ColumnProfiles,
+}
+
+impl SliceColumns {
+    /// For voxels at these x of slice `z`.
+    fn new(aligned: &Aligned, z: usize, voxels: impl Iterator<Item = usize>) -> Self {
+        const UNKNOWN: u32 = u32::MAX;
+        let columns = ColumnProfiles::new(aligned.sensor_px()[0], aligned.has_round_stop());
+        let mut this = Self { profiles: Vec::new(), columns };
+        let mut known = vec![UNKNOWN; aligned.grid().shape[0]];
+        let mut pieces = Vec::new();
+        for x in voxels {
+            if known[x] == UNKNOWN {
+                known[x] = this.columns.len() as u32;
+                pieces.clear();
+                aligned.columns(x, z, &mut pieces);
+                this.columns.push(&pieces);
+            }
+            this.profiles.push(known[x]);
+        }
+        this
+    }
+}
+
+impl ProfileWeights {
+    pub(super) fn new(aligned: &Aligned, indices: &[u64], subsets: usize) -> Self {
+        let [nx, ny, nz] = aligned.grid().shape;
+        let has_round_stop = aligned.has_round_stop();
+        let lines: Vec<u32> = (0..=ny as u64 * nz as u64)
+            .map(|line| indices.partition_point(|index| *index < line * nx as u64) as u32)
+            .collect();
+
+        // Make the columns of all slices side by side, then append slice after slice.
+        let slices: Vec<SliceColumns> = (0..nz)
+            .into_par_iter()
+            .map(|z| {
+                let voxels = &indices[lines[ny * z] as usize..lines[ny * (z + 1)] as usize];
+                SliceColumns::new(aligned, z, voxels.iter().map(|index| (index % nx as u64) as usize))
+            })
+            .collect();
+        let [width, height] = aligned.sensor_px();
+        let mut this = Self {
+            has_round_stop,
+            subsets,
+            slices: nz,
+            lines,
+            profiles: Vec::with_capacity(indices.len()),
+            columns: ColumnProfiles::new(width, has_round_stop),
+            row_taps: Vec::new(),
+            chords: Vec::new(),
+            line_sums: Vec::new(),
+            row_starts: Vec::new(),
+            band: (height / LEAST_BANDS).clamp(1, CACHED_VALUES.div_ceil(width) * subsets),
+            reached: Vec::new(),
+            scale: aligned.scale() * if has_round_stop { std::f32::consts::FRAC_PI_4 } else { 1.0 },
+        };
+        this.columns.reserve(slices.iter().map(|slice| &slice.columns));
+        for slice in slices {
+            let first = this.columns.len() as u32;
+            this.profiles.extend(slice.profiles.iter().map(|profile| first + profile));
+            this.columns.append(slice.columns);
+        }
+        this.fill_rows(aligned);
+        this.find_reached(height.div_ceil(this.band), ny, nz);
+        this
+    }
+
+    /// Makes the row profiles of all lines.
+    fn fill_rows(&mut self, aligned: &Aligned) {
+        let [_, ny, nz] = aligned.grid().shape;
+        let (lines, subsets) = (&self.lines, self.subsets);
+        let of_slice = |z: usize| SliceRows::new(aligned, z, subsets, |y| lines[ny * z + y] < lines[ny * z + y + 1]);
+        let slices: Vec<SliceRows> = (0..nz).into_par_iter().map(of_slice).collect();
+        for slice in slices {
+            let first = self.row_taps.len() as u32;
+            self.row_starts.extend(slice.starts.iter().map(|start| first + start));
+            self.row_taps.extend(slice.taps);
+            self.chords.extend(slice.chords);
+            self.line_sums.extend(slice.sums);
+        }
+    }
+
+    /// Finds the lines that light each band.
+    fn find_reached(&mut self, bands: usize, ny: usize, nz: usize) {
+        let subsets = self.subsets;
+        self.reached = vec![0..0; bands * nz];
+        for line in 0..ny * nz {
+            let taps = self.row_starts[line * (subsets + 1)]..self.row_starts[line * (subsets + 1) + subsets];
+            for tap in &self.row_taps[taps.start as usize..taps.end as usize] {
+                let lines = &mut self.reached[tap.row as usize / self.band * nz + line / ny];
+                if lines.start == lines.end {
+                    lines.start = line as u32;
+                }
+                lines.end = line as u32 + 1;
+            }
+        }
+    }
+
+    /// Bytes of the profiles, twice, as while they are brought together: an estimate from a sample of the slices. There is a
+    /// column profile for each x and z of the support and a row profile for each y and z.
+    pub(super) fn foretold_bytes(aligned: &Aligned, indices: &[u64]) -> u64 {
+        let [nx, ny, nz] = aligned.grid().shape;
+        let has_round_stop = aligned.has_round_stop();
+        let tap = if has_round_stop { size_of::<CutTap>() } else { size_of::<Tap>() };
+        let row = size_of::<RowTap>() + if has_round_stop { size_of::<Chords>() } else { 0 };
+        let mut pieces = Vec::new();
+        let (mut columns, mut rows) = (0f64, 0f64);
+        let slices: Vec<usize> = (0..nz).step_by(nz.div_ceil(SAMPLE_SLICES)).collect();
+        for &z in &slices {
+            pieces.clear();
+            aligned.columns(nx / 2, z, &mut pieces);
+            // Runs of four are three quarters full, two to a tap.
+            columns += pieces.len() as f64 / 6.0;
+            pieces.clear();
+            aligned.rows(ny / 2, z, &mut pieces);
+            rows += pieces.len() as f64;
+        }
+        let (columns, rows) = (columns / slices.len() as f64, rows / slices.len() as f64);
+        let profiles = (nx as f64 * nz as f64).min(indices.len() as f64);
+        let lines = (ny as f64 * nz as f64).min(indices.len() as f64);
+        let bytes = profiles * (columns * tap as f64 + 12.0) + lines * (rows * row as f64 + 72.0);
+        (2.0 * bytes) as u64
+    }
+
+    /// Drops the voxels that are not held; the profiles of the others stay.
+    pub(super) fn retain(&mut self, held: &[bool]) {
+        keep(&mut self.profiles, held);
+        let (mut kept, mut n) = (0, 0);
+        for end in &mut self.lines {
+            kept += held[n..*end as usize].iter().filter(|held| **held).count() as u32;
+            n = *end as usize;
+            *end = kept;
+        }
+    }
+
+    /// Weights of all voxels, including those that a round stop cuts to 0.
+    pub(super) fn weights(&self) -> u64 {
+        let lines = self.row_starts.chunks(self.subsets + 1).zip(self.lines.windows(2));
+        lines
+            .map(|(starts, voxels)| {
+                let profiles = &self.profiles[voxels[0] as usize..voxels[1] as usize];
+                let columns: u64 =
+                    profiles.iter().map(|profile| u64::from(self.columns.counts[*profile as usize])).sum();
+                u64::from(starts[self.subsets] - starts[0]) * columns
+            })
+            .sum()
+    }
+
+    /// The sum of each voxel's weights. A round stop is assumed to cut as much from a voxel at the edge of sight as from
+    /// any other.
+    pub(super) fn shares(&self) -> Vec<f32> {
+        let mut shares = Vec::with_capacity(self.profiles.len());
+        for (line, sum) in self.line_sums.iter().enumerate() {
+            let voxels = &self.profiles[self.lines[line] as usize..self.lines[line + 1] as usize];
+            shares.extend(voxels.iter().map(|profile| self.scale * sum * self.columns.sums[*profile as usize]));
+        }
+        shares
+    }
+}

@@ -1,0 +1,159 @@
+//! Weights voxel by voxel, for cameras that are not aligned: kept in memory if they fit, else made anew at every use.
+
+use super::held::keep;
+use super::plane::Plane;
+use super::stored::{RUN, Stored, WEIGHT_BYTES, count_weights, fits};
+use super::voxel_sums::{gather, spread};
+use lf_core::weights::{RowSet, Scratch, Weights};
+use rayon::prelude::*;
+
+/// Blocks of the support that are projected apart and added in order, so that the sum is the same for any number of threads.
+const BLOCKS: usize = 8;
+
+/// Weights are kept once those of all voxels held take no more than this part of the memory allowed. Making them anew takes
+/// ten to a hundred times as long.
+const KEPT_PART: f64 = 0.8;
+
+/// Bytes that kept weights may take, of the bytes allowed for everything.
+pub(super) fn kept_bytes(max_bytes: u64) -> u64 {
+    (KEPT_PART * max_bytes as f64) as u64
+}
+
+pub(crate) struct VoxelWeights<'a> {
+    weights: &'a Weights,
+    subsets: usize,
+    /// Bytes that kept weights may take.
+    most_bytes: u64,
+    indices: Vec<u64>,
+    /// The projection of each block.
+    planes: Vec<Plane>,
+    /// Weights of all voxels: the number kept, or an estimate from a sample.
+    count: u64,
+    kept: Option<Stored>,
+}
+
+impl<'a> VoxelWeights<'a> {
+    /// The weights of all voxels are kept if they take no more than `most_bytes`.
+    pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, most_bytes: u64) -> Self {
+        let [width, height] = weights.sensor_px();
+        let planes = (0..BLOCKS).map(|_| Plane::new(width, height)).collect();
+        let mut this = Self { weights, subsets, most_bytes, indices: indices.to_vec(), planes, count: 0, kept: None };
+        this.keep_if_it_fits();
+        this
+    }
+
+    /// Bytes of `count` weights and of the tables that make them.
+    pub(super) fn foretold_bytes(weights: &Weights, indices: &[u64], count: u64, max_bytes: u64) -> u64 {
+        let (voxels, all) = (indices.len() as u64, count * WEIGHT_BYTES);
+        // Weights that are being made stand in lists that may have grown to twice their length.
+        let run = (all / voxels.max(1)) * voxels.min(RUN as u64);
+        // Sooner or later they are kept, when they fit.
+        all.min(kept_bytes(max_bytes)) + 2 * run + weights.table_bytes()
+    }
+
+    fn keep_if_it_fits(&mut self) {
+        self.count = count_weights(self.weights, &self.indices);
+        if fits(self.count, self.most_bytes) {
+            let kept = Stored::new(self.weights, &self.indices, self.subsets);
+            self.count = kept.count();
+            self.kept = Some(kept);
+        }
+    }
+
+    pub(super) fn is_remade(&self) -> bool {
+        self.kept.is_none()
+    }
+
+    /// Drops the voxels that are not held. Keeps the weights of the others as soon as they fit.
+    pub(super) fn retain(&mut self, held: &[bool]) {
+        keep(&mut self.indices, held);
+        match &mut self.kept {
+            Some(kept) => {
+                kept.retain(held);
+                self.count = kept.count();
+            }
+            None => self.keep_if_it_fits(),
+        }
+    }
+
+    pub(super) fn weights(&self) -> u64 {
+        self.count
+    }
+
+    pub(super) fn shares(&self) -> Vec<f32> {
+        if let Some(kept) = &self.kept {
+            let share = |voxel| kept.of_voxel(voxel).iter().map(|w| w.weight).sum();
+            return (0..self.indices.len()).into_par_iter().map(share).collect();
+        }
+        let share = |scratch: &mut Scratch, index: &u64| {
+            let mut all = 0.0;
+            let voxel = self.weights.grid().voxel(*index);
+            self.weights.runs(voxel, scratch, RowSet::ALL, |_, _, share, columns| {
+                all += share * columns.iter().sum::<f32>();
+            });
+            all
+        };
+        self.indices.par_iter().map_init(Scratch::default, share).collect()
+    }
+
+    pub(super) fn project(&mut self, rows: RowSet, strengths: &[f32], plane: &mut Plane) {
+        let block = self.indices.len().div_ceil(BLOCKS).max(1);
+        let (weights, indices, kept) = (self.weights, &self.indices, &self.kept);
+        self.planes.par_iter_mut().enumerate().for_each(|(n, plane)| {
+            for row in plane.values.chunks_mut(plane.stride).skip(rows.first as usize).step_by(rows.step as usize) {
+                row.fill(0.0);
+            }
+            let voxels = (n * block).min(indices.len())..((n + 1) * block).min(indices.len());
+            if let Some(kept) = kept {
+                for voxel in voxels {
+                    for w in kept.on_rows(voxel, rows) {
+                        plane.values[w.place as usize] += w.weight * strengths[voxel];
+                    }
+                }
+            } else {
+                spread(weights, &indices[voxels.clone()], rows, &strengths[voxels], plane);
+            }
+        });
+        let planes = &self.planes;
+        let stride = plane.stride;
+        let image_rows = plane.values.par_chunks_mut(stride).enumerate();
+        image_rows.filter(|(row, _)| rows.holds(*row as u32)).for_each(|(row, out)| {
+            out.fill(0.0);
+            for block in planes {
+                for (sum, value) in out.iter_mut().zip(&block.values[row * stride..(row + 1) * stride]) {
+                    *sum += value;
+                }
+            }
+        });
+    }
+
+    pub(super) fn back_project(
+        &self,
+        rows: RowSet,
+        plane: &Plane,
+        strengths: &mut [f32],
+        update: impl Fn(usize, &mut f32, f32, f32) + Sync,
+    ) {
+        let runs = strengths.par_chunks_mut(RUN).enumerate();
+        runs.for_each(|(run, strengths)| {
+            let first = run * RUN;
+            let indices = &self.indices[first..first + strengths.len()];
+            if let Some(kept) = &self.kept {
+                for (voxel, strength) in (first..).zip(strengths) {
+                    let (mut sum, mut all) = (0.0, 0.0);
+                    for w in kept.on_rows(voxel, rows) {
+                        sum += w.weight * plane.values[w.place as usize];
+                        all += w.weight;
+                    }
+                    update(voxel, strength, sum, all);
+                }
+            } else {
+                let mut sums = vec![(0.0, 0.0); strengths.len()];
+                gather(self.weights, indices, rows, plane, &mut sums);
+                for ((voxel, strength), (sum, all)) in (first..).zip(strengths).zip(sums) {
+                    update(voxel, strength, sum, all);
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,164 @@
+//! A reconstruction before it runs: its weights, where they are kept, its memory; and then the run itself.
+
+use crate::blob;
+use crate::method::{Problem, row_action, simultaneous};
+use crate::operator::{Plane, Storage};
+use crate::options::{Method, Options};
+use crate::reconstruction::{Reconstruction, Start, Sweep};
+use lf_core::Refusal;
+use lf_core::camera::Camera;
+use lf_core::grid::Grid;
+use lf_core::simd::Level;
+use lf_core::weights::{Basis, Weights};
+use ndarray::{Array2, ArrayView2};
+
+/// Assumed fraction of voxels that pruning keeps, for the first strengths of a tile. Only the whole volume knows the true
+/// fraction, and tiles that begin differently drop slightly different voxels. In the ready scenes lf-prune keeps a
+/// twentieth to a tenth.
+const KEPT_SHARE: f64 = 0.1;
+
+/// Lenslets a side of the blocks in which a tile looks for the strongest voxel; three by three blocks around a voxel count.
+const BLOCK_LENSLETS: f64 = 4.0;
+
+/// Voxels of the result below this share of its brightest are not written.
+const LEAST_SHARE: f32 = 1e-4;
+
+/// The same for a tile and the brightest of its core. A voxel that the whole volume writes and a tile does not is then well
+/// below [`LEAST_SHARE`] of the whole volume's brightest, which the tile cannot know.
+const LEAST_SHARE_OF_TILE: f32 = 0.5 * LEAST_SHARE;
+
+/// Bytes a voxel of the support, unless weights are stored by pixel: its index, its profile, its strength now and one sweep before, its share, and one byte to
+/// drop it.
+const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
+
+/// Bytes a voxel of the support that the volume of blobs takes while the solution is still held.
+const BLOB_BYTES: u64 = 12;
+
+/// A reconstruction that is ready to run.
+pub struct Plan<'a> {
+    indices: &'a [u64],
+    options: &'a Options,
+    weights: Weights,
+    storage: Storage,
+    bytes: u64,
+    /// Voxels along x and y of the blocks in which a tile looks for the strongest voxel.
+    block_vox: [usize; 2],
+}
+
+impl<'a> Plan<'a> {
+    /// Plans the reconstruction of the voxels `indices` (rising) of `grid`.
+    ///
+    /// # Errors
+    /// If an index lies outside the grid, or if [`Weights::choose`] refuses.
+    pub fn new(camera: &Camera, grid: &Grid, indices: &'a [u64], options: &'a Options) -> Result<Self, Refusal> {
+        if indices.last().is_some_and(|last| *last >= grid.len()) || u32::try_from(indices.len()).is_err() {
+            let found = format!("{} voxels, or one outside the grid", indices.len());
+            return Err(Refusal::new(found, "wanted less than 2^32 voxels of the grid"));
+        }
+        let weights = Weights::choose(camera, grid, options.weights, options.basis)?;
+        let (storage, weight_bytes) = match options.method {
+            Method::Mart => (Storage::ByPixel, row_action::weight_bytes(&weights, indices)),
+            Method::Subsets | Method::Smart | Method::Mlem => Storage::choose(&weights, indices, options.max_bytes),
+        };
+        let (voxel_bytes, planes) = match storage {
+            Storage::ByPixel => (8, 4),
+            Storage::Profiles => (VOXEL_BYTES, 2),
+            Storage::Kept | Storage::Remade => (VOXEL_BYTES, 10),
+        };
+        let [width, height] = weights.sensor_px();
+        let plane_bytes = 4 * Plane::stride(width) as u64 * height as u64;
+        let bytes = voxel_bytes * indices.len() as u64 + weight_bytes + planes * plane_bytes;
+        let lenslet_mm = camera.microlenses.pitch_mm / camera.main_lens.magnification;
+        let block_vox =
+            [0, 1].map(|axis| (BLOCK_LENSLETS * lenslet_mm / grid.spacing_mm[axis]).round().max(1.0) as usize);
+        Ok(Self { indices, options, weights, storage, bytes, block_vox })
+    }
+
+    /// Most bytes in use during the sweeps, beside image and support: an estimate from a sample of the voxels and slices. A
+    /// small estimate may be exceeded by half.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Most bytes that the tool needs beside the image and the support as they were read, for an image of `pixels` pixels:
+    /// sweeps, the image in units of its brightest pixel, and the volume written.
+    pub fn peak_bytes(&self, pixels: usize) -> u64 {
+        // The sample errs by a few per cent in the number of weights, and growing lists take more than they hold.
+        let is_listed = matches!(self.storage, Storage::Kept | Storage::ByPixel);
+        let sweeps = if is_listed { self.bytes / 4 * 5 } else { self.bytes };
+        let written = if matches!(self.options.basis, Basis::Blob { .. }) { BLOB_BYTES } else { 0 };
+        sweeps + 4 * pixels as u64 + written * self.indices.len() as u64
+    }
+
+    /// How the weights are made and kept, and why, in words.
+    pub fn about(&self) -> String {
+        let (path, reason) = (self.weights.path(), self.weights.reason());
+        match self.storage {
+            Storage::Profiles => format!("weights {}, with {}: {reason}", path.about(), Level::detect().name()),
+            Storage::Kept => format!("weights {}, kept in memory: {reason}", path.about()),
+            Storage::Remade => {
+                format!("weights {}, made anew at every use until they fit into memory: {reason}", path.about())
+            }
+            Storage::ByPixel => "weights stored pixel by pixel, as --method mart needs them".to_string(),
+        }
+    }
+
+    /// Solves for the intensities. Pixels that are NaN are blind: they move no voxel. `done` is told of each sweep.
+    ///
+    /// # Errors
+    /// If more memory is needed than the options allow.
+    pub fn solve(
+        &self,
+        image: ArrayView2<f32>,
+        start: Option<Start>,
+        done: impl FnMut(&Sweep),
+    ) -> Result<Reconstruction, Refusal> {
+        if self.bytes > self.options.max_bytes {
+            let [bytes, most] = [self.bytes, self.options.max_bytes].map(|bytes| bytes as f64 * 1e-9);
+            let found = format!("{} voxels would take about {bytes:.2} GB", self.indices.len());
+            return Err(Refusal::new(found, format!("wanted {most} GB at most, as --max-memory allows")));
+        }
+        let problem = self.problem(image, start);
+        let solved = match self.options.method {
+            Method::Mart => row_action::solve(&problem, done)?,
+            Method::Subsets | Method::Smart | Method::Mlem => simultaneous::solve(&problem, done),
+        };
+        let grid = self.weights.grid();
+        let tile = self.options.tile.as_ref();
+        let core_vox = tile.map_or([[0, grid.shape[0]], [0, grid.shape[1]]], |tile| tile.core_vox);
+        let least_share = if tile.is_some() { LEAST_SHARE_OF_TILE } else { LEAST_SHARE };
+        let (indices, mut intensity) = match self.options.basis {
+            Basis::Blob { sigma_vox } => {
+                blob::spread(grid, &solved.indices, &solved.strengths, sigma_vox, least_share, core_vox)
+            }
+            Basis::Point | Basis::Box => blob::lit(grid, &solved.indices, &solved.strengths, least_share, core_vox),
+        };
+        let largest = f64::from(f32::MAX);
+        intensity.iter_mut().for_each(|value| *value = (f64::from(*value) * problem.unit).min(largest) as f32);
+        Ok(Reconstruction { indices, intensity, sweeps: solved.sweeps, unseen: solved.unseen })
+    }
+
+    /// The image in units of its brightest pixel, in which no sum is too large or too small for f32.
+    fn problem<'p>(&'p self, image: ArrayView2<f32>, start: Option<Start<'p>>) -> Problem<'p> {
+        let peak = f64::from(image.iter().fold(0f32, |peak, value| peak.max(*value)));
+        let unit = if peak > 0.0 { peak } else { 1.0 };
+        let mut image = image.mapv(|value| (f64::from(value) / unit) as f32);
+        let light: f64 = image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
+        let mut even = light / self.indices.len().max(1) as f64;
+        if let Some(tile) = &self.options.tile {
+            even = light / (KEPT_SHARE * self.weights.grid().len() as f64);
+            blind_outside(&mut image, tile.pixels);
+        }
+        let Self { indices, options, weights, block_vox, .. } = self;
+        Problem { image, unit, even: even as f32, block_vox: *block_vox, weights, indices, start, options }
+    }
+}
+
+/// Makes the pixels outside these columns and rows, `[from, to)`, blind.
+fn blind_outside(image: &mut Array2<f32>, [columns, rows]: [[usize; 2]; 2]) {
+    for ((row, column), value) in image.indexed_iter_mut() {
+        if !((rows[0]..rows[1]).contains(&row) && (columns[0]..columns[1]).contains(&column)) {
+            *value = f32::NAN;
+        }
+    }
+}
