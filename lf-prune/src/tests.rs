@@ -1,6 +1,10 @@
 use super::*;
+use crate::score::{Levels, Scorer, Scoring, Sections};
+use lf_core::Refusal;
+use lf_core::camera::Camera;
+use lf_core::grid::Grid;
 use lf_core::volume::tile::Tile;
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 
 fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
     let text = format!(
@@ -15,7 +19,7 @@ fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
 const PLAIN: Options =
     Options { score: Score::Geometric, threshold: 0.05, dark: DARK, keep_all: false, sections: None };
 
-/// All kinds of score, each with a threshold that keeps some voxels, and other sections than pixels under a lenslet.
+/// All kinds of score, each with a threshold that keeps some voxels, and another number of sections.
 const RULES: [Options; 5] = [
     Options { threshold: 0.37, ..PLAIN },
     Options { score: Score::Share(0.0), threshold: 1e-3, ..PLAIN },
@@ -29,11 +33,17 @@ fn grid() -> Grid {
 }
 
 /// All voxels of a slice.
-fn whole(grid: &Grid) -> Part {
+fn whole(grid: &Grid) -> Region {
     [0..grid.shape[0], 0..grid.shape[1]]
 }
 
-/// An image that is bright where a hash says so.
+/// Plans and prunes the whole grid.
+fn prune(image: ArrayView2<f32>, camera: &Camera, grid: &Grid, options: &Options) -> Result<Support, Refusal> {
+    let regions = vec![whole(grid); grid.shape[2]];
+    Ok(Plan::new(camera, grid, &regions, options)?.prune(image, |_| ()))
+}
+
+/// An image of hashed brightness.
 fn speckle() -> Array2<f32> {
     Array2::from_shape_fn((252, 280), |(y, x)| {
         let n = (x as u32).wrapping_mul(2_654_435_761) ^ (y as u32).wrapping_mul(40_503).wrapping_mul(2_246_822_519);
@@ -41,23 +51,23 @@ fn speckle() -> Array2<f32> {
     })
 }
 
-/// The two routes are the same rule, in whole numbers: their voxels and scores are the same, also at the edge of sight.
+/// Updated sums and single rays are the same rule in whole numbers, so voxels and scores agree, also at the edge of sight.
 #[test]
-fn sums_carried_on_are_the_rays_one_by_one() {
+fn updated_sums_are_the_rays_one_by_one() {
     let image = speckle();
     let wide = Grid::in_bounds([[-0.9, 0.9], [-0.8, 0.8], [-4.0, 4.0]], [0.011, 0.023, 0.4]).unwrap();
     for aperture in ["square", "circle"] {
         let camera = camera(aperture, "square", 0.0);
         for options in RULES {
             let levels = Levels::new(image.view(), 1.0, &options);
+            let sections = Sections::new(&camera, options.sections).unwrap();
+            let aligned = Scorer::new(Scoring::Aligned, &levels, &sections, &camera);
+            let rays = Scorer::new(Scoring::Rays, &levels, &sections, &camera);
             let (mut kept, mut all) = (0, 0);
             for grid in [grid(), wide.clone()] {
                 for z in [0, 7, 10, 19] {
-                    let fast = inline::slice(&levels, &camera, &grid, z, &whole(&grid));
-                    assert!(
-                        fast == scattered::slice(&levels, &camera, &grid, z, &whole(&grid)),
-                        "{aperture} {options:?} {z}"
-                    );
+                    let fast = aligned.slice(&grid, z, &whole(&grid));
+                    assert!(fast == rays.slice(&grid, z, &whole(&grid)), "{aperture} {options:?} {z}");
                     all += grid.shape[0] * grid.shape[1];
                     kept += fast.len();
                 }
@@ -67,7 +77,7 @@ fn sums_carried_on_are_the_rays_one_by_one() {
     }
 }
 
-/// By hand: 4 of 100 pixels at the floor of 1e-6 and the rest at 0.1 have a geometric mean of 10^(-0.96 - 0.24); of shares,
+/// By hand: 4 of 100 pixels at the floor of 1e-6 and the rest at 0.1 have a geometric mean of 10^(-0.96 - 0.24). With shares,
 /// 4 in 100 are dark.
 #[test]
 fn scores_by_hand() {
@@ -86,7 +96,7 @@ fn scores_by_hand() {
     assert_eq!(levels.least_sum(49, 100), i32::MAX);
 }
 
-/// One voxel of light, its pixels found by hand-made rays: the voxel is kept, and one section off it is dark.
+/// One voxel lights the pixels that separate rays find: it is kept, with few others.
 #[test]
 fn the_voxel_that_lit_the_image_is_kept() {
     use glam::DVec2;
@@ -113,7 +123,7 @@ fn the_voxel_that_lit_the_image_is_kept() {
         }
         for score in [Score::Geometric, Score::Share(0.0)] {
             let options = Options { score, threshold: 1e-3, ..PLAIN };
-            let support = prune(image.view(), &camera, &grid, &options, |_| ()).unwrap();
+            let support = prune(image.view(), &camera, &grid, &options).unwrap();
             assert!(support.indices.contains(&grid.index(voxel)), "{aperture} {layout} {score:?}");
             assert!(support.indices.len() < 2000, "{aperture} {layout} {score:?}: {}", support.indices.len());
             assert!(support.indices.windows(2).all(|pair| pair[0] < pair[1]));
@@ -124,12 +134,12 @@ fn the_voxel_that_lit_the_image_is_kept() {
 #[test]
 fn black_images_keep_nothing() {
     let image = Array2::zeros((252, 280));
-    let support = prune(image.view(), &camera("circle", "square", 0.0), &grid(), &PLAIN, |_| ()).unwrap();
+    let support = prune(image.view(), &camera("circle", "square", 0.0), &grid(), &PLAIN).unwrap();
     assert!(support.indices.is_empty());
 }
 
-/// By hand: noise of +-3 beside a block of light of 100 and one pixel of 200: sum I^2 / sum I is near 100; the darkest tiles
-/// are the noise.
+/// By hand: noise of +-3, a block of light of 100 and one pixel of 200. Then sum I^2 / sum I is near 100, and the darkest
+/// tiles show the noise.
 #[test]
 fn the_threshold_follows_the_light_and_the_noise() {
     let block = |scale: f32| {
@@ -147,23 +157,23 @@ fn the_threshold_follows_the_light_and_the_noise() {
     assert_eq!(Automatic::new(Array2::zeros((3, 3)).view()).threshold, 0.0);
 }
 
-/// A place is held by its voxel: of three, one is kept, one is not, and one is outside.
+/// Of three places one lies in a voxel that is kept, one in a voxel that is not, and one outside.
 #[test]
-fn places_are_lost_by_their_voxel() {
+fn places_are_lost_with_their_voxel() {
     let grid = Grid { shape: [4, 4, 4], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
     let support = Support { indices: vec![grid.index([1, 2, 3])], scores: vec![1.0] };
     assert_eq!(support.lost(&grid, &[[1.4, 1.6, 3.3], [1.6, 1.6, 3.3], [1.0, 2.0, 3.6]]), (2, 1));
 }
 
-/// Sums along lines are the same rule as rays one by one: the same voxels and scores, for every shape of cell and stop, at
-/// the edge of sight, where voxels lie on the edges of cells and where they are larger than them.
+/// Sums along lines give the voxels and scores of single rays: for every shape of cell and stop, at the edge of sight, for
+/// voxels on the edges of cells, and for voxels larger than cells.
 #[test]
 fn sums_along_lines_are_the_rays_one_by_one() {
     let image = speckle();
     let grids = [
         Grid::in_bounds([[-0.9, 0.9], [-0.9, 0.8], [-4.0, 4.0]], [0.011, 0.027, 0.4]).unwrap(),
         Grid::in_bounds([[-0.34, 0.2], [-0.25, 0.25], [-2.0, 2.0]], [0.0055, 0.0385, 0.2]).unwrap(),
-        // The middle slice is in focus, and its voxels meet the array at every half and quarter pitch.
+        // The middle slice is in focus, where its voxels meet the array at every half and quarter pitch.
         Grid { shape: [60, 21, 20], spacing_mm: [0.01925, 0.0385, 0.3], origin_mm: [-0.5775, -0.385, -2.1] },
         Grid { shape: [13, 9, 20], spacing_mm: [0.2, 0.13, 0.3], origin_mm: [-1.2, -0.5, -3.0] },
     ];
@@ -175,12 +185,14 @@ fn sums_along_lines_are_the_rays_one_by_one() {
             let camera = camera(aperture, layout, turn);
             for options in RULES {
                 let levels = Levels::new(image.view(), 1.0, &options);
-                let views = Views::new(&levels, &camera);
+                let sections = Sections::new(&camera, options.sections).unwrap();
+                let lines = Scorer::new(Scoring::Lines, &levels, &sections, &camera);
+                let rays = Scorer::new(Scoring::Rays, &levels, &sections, &camera);
                 let (mut kept, mut all) = (0, 0);
                 for grid in &grids {
                     for z in [0, 7, 10] {
-                        let fast = lines::slice(&levels, &camera, &views, grid, z, &whole(grid));
-                        let slow = scattered::slice(&levels, &camera, grid, z, &whole(grid));
+                        let fast = lines.slice(grid, z, &whole(grid));
+                        let slow = rays.slice(grid, z, &whole(grid));
                         assert!(fast == slow, "{layout} {turn} {aperture} {options:?} {grid} {z}");
                         all += grid.shape[0] * grid.shape[1];
                         kept += fast.len();
@@ -192,7 +204,7 @@ fn sums_along_lines_are_the_rays_one_by_one() {
     }
 }
 
-/// A long, low sensor, whose rows of lenslets the lines leave and enter by its upper and lower sides.
+/// A long, low sensor: lines leave and enter rows of lenslets over its upper and lower sides.
 #[test]
 fn lines_may_leave_the_rows_of_lenslets() {
     let speckle = speckle();
@@ -202,17 +214,19 @@ fn lines_may_leave_the_rows_of_lenslets() {
         (camera.sensor.width, camera.sensor.height) = (1820, 56);
         let options = Options { keep_all: true, ..PLAIN };
         let levels = Levels::new(image.view(), 1.0, &options);
-        let views = Views::new(&levels, &camera);
+        let sections = Sections::new(&camera, None).unwrap();
+        let lines = Scorer::new(Scoring::Lines, &levels, &sections, &camera);
+        let rays = Scorer::new(Scoring::Rays, &levels, &sections, &camera);
         let grid = Grid::in_bounds([[-5.2, 5.2], [-0.3, 0.3], [-1.0, 1.0]], [0.03, 0.007, 0.5]).unwrap();
         for z in 0..4 {
-            let fast = lines::slice(&levels, &camera, &views, &grid, z, &whole(&grid));
-            assert!(fast == scattered::slice(&levels, &camera, &grid, z, &whole(&grid)), "{layout} {turn} {z}");
+            let fast = lines.slice(&grid, z, &whole(&grid));
+            assert!(fast == rays.slice(&grid, z, &whole(&grid)), "{layout} {turn} {z}");
             assert!(!fast.is_empty());
         }
     }
 }
 
-/// A pixel of NaN is blind: a voxel is kept as if it were as bright as any.
+/// A pixel of NaN is blind: voxels are kept as if it were the brightest.
 #[test]
 fn blind_pixels_speak_against_no_voxel() {
     let (camera, grid) = (camera("circle", "hexagonal", 0.003), grid());
@@ -222,13 +236,13 @@ fn blind_pixels_speak_against_no_voxel() {
     let mut blind = even.clone();
     blind.slice_mut(ndarray::s![120..134, ..]).fill(f32::NAN);
     for options in &RULES[..3] {
-        let count = |image: &Array2<f32>| prune(image.view(), &camera, &grid, options, |_| ()).unwrap().indices.len();
+        let count = |image: &Array2<f32>| prune(image.view(), &camera, &grid, options).unwrap().indices.len();
         assert!(count(&dead) < count(&even), "{options:?}");
         assert_eq!(count(&blind), count(&even), "{options:?}");
     }
 }
 
-/// Where voxels are moved tile by tile some rays pass another lenslet: nearly the same voxels, with nearly the same scores.
+/// Tile by tile some rays pass another lenslet, so nearly the same voxels are kept.
 #[test]
 fn tiles_follow_distortion_and_departures() {
     use lf_core::camera::Distortion;
@@ -237,7 +251,7 @@ fn tiles_follow_distortion_and_departures() {
     let grid = Grid::in_bounds([[-0.6, 0.6], [-0.5, 0.5], [-4.0, 4.0]], [0.0055, 0.0055, 0.4]).unwrap();
     for (layout, turn) in [("square", 0.003), ("hexagonal", -0.02)] {
         let mut camera = camera("circle", layout, turn);
-        // Some 3 px at the corners by each.
+        // Each moves the corners by about 3 px.
         camera.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] });
         camera.centres = Some(Centres {
             radius_mm: 1.0,
@@ -247,10 +261,12 @@ fn tiles_follow_distortion_and_departures() {
         camera.check().unwrap();
         let options = Options { threshold: 0.37, ..PLAIN };
         let levels = Levels::new(image.view(), 1.0, &options);
-        let views = Views::new(&levels, &camera);
+        let sections = Sections::new(&camera, None).unwrap();
+        let tiles = Scorer::new(Scoring::Tiles, &levels, &sections, &camera);
+        let rays = Scorer::new(Scoring::Rays, &levels, &sections, &camera);
         for z in [0, 7, 10, 19] {
-            let fast = lines::slice(&levels, &camera, &views, &grid, z, &whole(&grid));
-            let slow = scattered::slice(&levels, &camera, &grid, z, &whole(&grid));
+            let fast = tiles.slice(&grid, z, &whole(&grid));
+            let slow = rays.slice(&grid, z, &whole(&grid));
             let scores: std::collections::BTreeMap<u32, f32> = slow.iter().copied().collect();
             let both = fast.iter().filter(|(place, _)| scores.contains_key(place)).count() as f64;
             let all = fast.len().max(slow.len()) as f64;
@@ -260,8 +276,8 @@ fn tiles_follow_distortion_and_departures() {
     }
 }
 
-/// A camera of each route: in line, along lines, tile by tile, ray by ray.
-fn routes() -> [Camera; 4] {
+/// A camera for each way to score: aligned, along lines, tile by tile, ray by ray.
+fn cameras() -> [Camera; 4] {
     use lf_core::camera::{Distortion, Tilt};
     let mut tiles = camera("circle", "square", 0.003);
     tiles.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] });
@@ -270,7 +286,7 @@ fn routes() -> [Camera; 4] {
     [camera("circle", "square", 0.0), camera("circle", "hexagonal", 0.003), tiles, rays]
 }
 
-/// What points light by n x n rays, for several n: light of the stop's every section among them.
+/// The image of points by n x n rays, for several n. Every section of the stop has rays among them.
 fn lit(camera: &Camera, points_mm: &[[f64; 3]]) -> Array2<f32> {
     let optics = lf_core::optics::Optics::new(camera);
     let mut image = Array2::zeros((252, 280));
@@ -291,14 +307,14 @@ fn lit(camera: &Camera, points_mm: &[[f64; 3]]) -> Array2<f32> {
     image
 }
 
-/// 14 pixels under a lenslet: 14 sections typed out change nothing, and others than 2 to 64 are refused.
+/// With 14 pixels under a lenslet, 14 sections asked for change nothing. Numbers outside 2 to 64 are refused.
 #[test]
 fn sections_of_the_paper_may_be_typed_out() {
     let (image, grid) = (speckle(), Grid { shape: [20, 20, 3], ..grid() });
-    for camera in routes() {
+    for camera in cameras() {
         let kept = |sections| {
             let options = Options { threshold: 0.37, sections, ..PLAIN };
-            prune(image.view(), &camera, &grid, &options, |_| ())
+            prune(image.view(), &camera, &grid, &options)
         };
         assert_eq!(kept(None).unwrap(), kept(Some(14)).unwrap());
         assert!(kept(None).unwrap() != kept(Some(13)).unwrap());
@@ -306,19 +322,19 @@ fn sections_of_the_paper_may_be_typed_out() {
     }
 }
 
-/// Of 14 sections 2 are an odd part: their rays are among those of the 14, and where the darkest pixel decides, a voxel that
-/// the 14 keep, the 2 keep. A voxel that lit the image is kept with any.
+/// The rays of 2 sections are among those of 14, since 14 / 2 is odd. So if the darkest pixel decides, 2 sections keep every
+/// voxel that 14 keep. A voxel that lit the image is kept by any number of sections.
 #[test]
 fn fewer_sections_lose_no_light() {
     let grid = grid();
     let voxels = [[20, 31, 16], [33, 12, 3], [9, 20, 10], [40, 40, 19]];
     let places = voxels.map(|voxel| [0, 1, 2].map(|axis| grid.centre_mm(axis, voxel[axis])));
-    for (route, camera) in routes().into_iter().enumerate() {
+    for (route, camera) in cameras().into_iter().enumerate() {
         let image = lit(&camera, &places);
         for score in [Score::Geometric, Score::Share(0.0)] {
             let [two, five, paper, many] = [Some(2), Some(5), None, Some(28)].map(|sections| {
                 let options = Options { score, threshold: 1e-3, sections, ..PLAIN };
-                prune(image.view(), &camera, &grid, &options, |_| ()).unwrap().indices
+                prune(image.view(), &camera, &grid, &options).unwrap().indices
             });
             for kept in [&two, &five, &paper, &many] {
                 assert!(
@@ -333,7 +349,7 @@ fn fewer_sections_lose_no_light() {
     }
 }
 
-/// The cores of all tiles are the whole support, to the bit, by whichever sums; and a tile holds more than its core.
+/// The cores of all tiles are the whole support, to the bit, for every way to score. A tile holds more than its core.
 #[test]
 fn cores_of_tiles_are_the_whole() {
     use lf_core::camera::Distortion;
@@ -349,14 +365,14 @@ fn cores_of_tiles_are_the_whole() {
     ];
     for camera in cameras {
         let options = Options { threshold: 0.37, ..PLAIN };
-        let whole = prune(image.view(), &camera, &wide, &options, |_| ()).unwrap();
+        let whole = prune(image.view(), &camera, &wide, &options).unwrap();
         assert!(whole.indices.len() > 1000);
         for of in [1, 2, 3, 4, 6] {
             let mut joined = Vec::new();
             for index in 1..=of {
                 let tile = Tile::new(&camera, &wide, index, of, 0.05).unwrap();
-                let parts = tile.held(&camera, &wide);
-                let part = prune_parts(image.view(), &camera, &wide, &parts, &options, |_| ()).unwrap();
+                let regions = tile.held(&camera, &wide);
+                let part = Plan::new(&camera, &wide, &regions, &options).unwrap().prune(image.view(), |_| ());
                 let scored = part.indices.iter().zip(&part.scores);
                 let held = scored.clone().filter(|(index, _)| !tile.owns(wide.voxel(**index))).count();
                 assert!((held > 0) == (of > 1), "{held} beside the core of {index} of {of}");

@@ -16,7 +16,7 @@ use std::sync::OnceLock;
 /// Weights from tables of a lenslet's image of a voxel.
 #[derive(Debug, Clone)]
 pub struct Lenslets {
-    pub(in crate::weights) geometry: Geometry,
+    pub(crate) geometry: Geometry,
     /// Centres of the lenslets.
     array: Array,
     /// The patches of each slice, made when first used.
@@ -27,7 +27,7 @@ pub struct Lenslets {
 
 /// Buffers of a thread, for the slice and the rows last asked for.
 #[derive(Debug, Default)]
-pub(in crate::weights) struct Buffers {
+pub(crate) struct Buffers {
     slice: Option<SliceOptics>,
     wanted: Option<RowSet>,
     /// For each row the first wanted at or after it.
@@ -53,7 +53,7 @@ struct Chief {
 }
 
 impl Lenslets {
-    pub(in crate::weights) fn new(geometry: Geometry) -> Self {
+    pub(crate) fn new(geometry: Geometry) -> Self {
         // The image of a lenslet farther out lies beside the sensor.
         let optics = &geometry.optics;
         let half_mm = 0.5 * optics.pixel_pitch_mm() * DVec2::new(geometry.width as f64, geometry.height as f64);
@@ -64,7 +64,7 @@ impl Lenslets {
     }
 
     /// Bytes of the tables, in all slices except those nearest focus.
-    pub(in crate::weights) fn table_bytes(&self) -> u64 {
+    pub(crate) fn table_bytes(&self) -> u64 {
         let tables = if self.fineness() > 1 { 2 } else { 1 };
         (self.patches.len() * tables * patch::SLICE_BYTES) as u64
     }
@@ -96,7 +96,7 @@ impl Lenslets {
 
     /// See [`crate::weights::Weights::runs`].
     #[inline(always)]
-    pub(in crate::weights) fn runs(
+    pub(crate) fn runs(
         &self,
         voxel: [usize; 3],
         buffers: &mut Buffers,

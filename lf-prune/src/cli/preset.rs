@@ -1,9 +1,9 @@
-//! What `--preset` sets. Measured again, it is changed here and nowhere else.
+//! What `--preset` sets. Change it here, and nowhere else, when it is measured again.
 
-use crate::ScoreName;
+use super::score_name::ScoreName;
 use lf_core::cli::{Preset, word};
 
-/// What one preset sets.
+/// The values of one preset.
 pub struct Values {
     /// Pixels per voxel along x, y, z.
     pub pvr: [f64; 3],
@@ -11,29 +11,29 @@ pub struct Values {
     pub score: ScoreName,
 }
 
-/// Large voxels: less to keep, to reconstruct and to correlate.
+/// Large voxels: fewer to keep, to reconstruct and to correlate.
 const FAST: Values = Values { pvr: [2.0, 2.0, 20.0], score: ScoreName::Quantile };
 
 /// The paper's voxels, which are the default, and a score that keeps fewer of them.
 const BALANCED: Values = Values { pvr: [1.0, 1.0, 10.0], score: ScoreName::Quantile };
 
-/// Finer in depth, where the error is.
+/// Finer in depth, where the error is largest.
 const ACCURATE: Values = Values { pvr: [1.0, 1.0, 5.0], score: ScoreName::Quantile };
 
-/// What a preset sets.
+/// The values of a preset.
 pub fn values(preset: Preset) -> &'static Values {
     preset.of([&FAST, &BALANCED, &ACCURATE])
 }
 
 impl Values {
-    /// Its options, as they would be typed.
+    /// The options, as they would be typed.
     pub fn typed(&self) -> [String; 2] {
         let [x, y, z] = self.pvr;
         [format!("--pvr {x},{y},{z}"), format!("--score {}", word(&self.score))]
     }
 }
 
-/// Its line of the help.
+/// The preset's line of the help.
 pub fn help(preset: Preset) -> String {
     preset.help(&values(preset).typed())
 }

@@ -1,15 +1,16 @@
-//! Scores for cameras whose rays bend (see [`Camera::bends`]), ray by ray, ended early where a voxel is beyond hope.
+//! Scores ray by ray, for cameras whose rays bend (see [`Camera::bends`]). A voxel that can no longer be kept ends early.
 
-use crate::sections::Sections;
-use crate::{Levels, Part, SEEN_SHARE, Slice};
+use super::kept::Kept;
+use super::levels::{Levels, SEEN_SHARE};
+use super::sections::Sections;
+use crate::options::Region;
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use lf_core::optics::Optics;
 
-/// Places in the aperture in an order that reaches all of it early: a stride near the golden section of the count,
-/// prime to it.
-fn scattered_order(count: usize) -> Vec<usize> {
+/// Places 0 to `count` in an order that soon reaches all parts: steps near the golden section of the count, prime to it.
+fn spread_order(count: usize) -> Vec<usize> {
     let gcd = |mut a: usize, mut b: usize| {
         while b > 0 {
             (a, b) = (b, a % b);
@@ -21,19 +22,26 @@ fn scattered_order(count: usize) -> Vec<usize> {
     (0..count).map(|n| n * stride % count).collect()
 }
 
-pub(crate) fn slice(levels: &Levels, camera: &Camera, grid: &Grid, z: usize, part: &Part) -> Slice {
+/// The voxels kept of a region of slice `z`.
+pub(super) fn slice(
+    levels: &Levels,
+    sections: &Sections,
+    camera: &Camera,
+    grid: &Grid,
+    z: usize,
+    region: &Region,
+) -> Kept {
     let optics = Optics::new(camera);
     let z_mm = grid.centre_mm(2, z);
-    let inside = Sections::new(camera, levels.options.sections).inside_mm();
-    let order: Vec<DVec2> = scattered_order(inside.len()).into_iter().map(|place| inside[place]).collect();
+    let inside = sections.inside_mm();
+    let order: Vec<DVec2> = spread_order(inside.len()).into_iter().map(|place| inside[place]).collect();
     let sections = order.len() as u32;
-    // With every ray to come as bright as can be (a level of 0), the sum could still reach this; a voxel part of whose rays
-    // miss the sensor has fewer to make up for.
+    // A sum below this cannot recover: the rays to come add 0 at best. If some rays miss the sensor, the limit is higher.
     let hopeless = levels.least_sum(sections, sections);
 
-    let mut kept = Slice::new();
-    for y in part[1].clone() {
-        for x in part[0].clone() {
+    let mut kept = Kept::new();
+    for y in region[1].clone() {
+        for x in region[0].clone() {
             let point = DVec2::new(grid.centre_mm(0, x), grid.centre_mm(1, y));
             let (mut sum, mut seen, mut beside) = (0, 0u32, 0u32);
             for aperture in &order {

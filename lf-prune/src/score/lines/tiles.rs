@@ -1,23 +1,28 @@
-//! A distorted image and lenslets that depart from their lattice: tiles so small that all rays of one are moved alike.
+//! Scores for a distorted image and lenslets that depart from their lattice: in tiles so small that all rays of one shift
+//! alike.
 
-use super::shifted;
-use crate::views::Views;
-use crate::{Levels, Part, Slice};
+use super::line_sums;
+use super::views::Views;
+use crate::options::Region;
+use crate::score::kept::Kept;
+use crate::score::levels::Levels;
+use crate::score::rays;
+use crate::score::sections::Sections;
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use lf_core::optics::Optics;
 
-/// Most that a voxel's chief ray is moved otherwise than its tile's, px: a hundredth of a lenslet, so few rays pass another.
-const ALIKE_PX: f64 = 0.15;
-/// The same of rays through the stop's rim, px: one in twenty of those passes another lenslet. Beyond it rays are traced.
+/// Largest chief-ray error within a tile, px: a hundredth of a lenslet, so few rays pass another lenslet.
+const CHIEF_PX: f64 = 0.15;
+/// Largest error of rays through the stop's rim, px: one in twenty of them passes another lenslet. Beyond it rays are traced.
 const RIM_PX: f64 = 0.7;
 /// Sides that a tile may have, voxels.
 const SIDES: [usize; 6] = [512, 256, 128, 64, 32, 16];
-/// Places a side at which the change of the shift is looked at.
+/// Places a side of a slice at which the change of the shift is measured.
 const PLACES: usize = 9;
 
-/// Where the rays of one slice are moved to.
+/// The shift of the rays of one slice.
 struct Shift<'a> {
     optics: Optics,
     grid: &'a Grid,
@@ -25,8 +30,8 @@ struct Shift<'a> {
 }
 
 impl Shift<'_> {
-    /// Of a voxel at a place, in voxels, of the ray that meets the array `spread_mm` from the chief ray; mm on the perfect
-    /// lattice.
+    /// The shift on the perfect lattice, mm, of a voxel's ray that meets the array `spread_mm` from the chief ray. `place` is
+    /// in voxels.
     fn at_mm(&self, place: DVec2, spread_mm: DVec2) -> DVec2 {
         let place_mm = DVec2::new(
             self.grid.origin_mm[0] + place.x * self.grid.spacing_mm[0],
@@ -37,14 +42,14 @@ impl Shift<'_> {
         self.optics.lattice().perfect(moved) - straight
     }
 
-    /// The longest side over which, half a tile from its middle and through the stop's rim, rays are moved alike; none where
-    /// not even the shortest is.
+    /// The longest side of a tile over which rays shift alike, at its corners and through the stop's rim. None if they do not
+    /// even over the shortest.
     fn side(&self, pixel_mm: f64) -> Option<usize> {
         let size = DVec2::new(self.grid.shape[0] as f64, self.grid.shape[1] as f64);
         let spread = self.optics.alpha(self.z_mm) * self.optics.half_aperture_mm();
         let middles = (0..PLACES * PLACES)
             .map(|n| DVec2::new((n % PLACES) as f64, (n / PLACES) as f64) / (PLACES - 1) as f64 * size);
-        let most = ALIKE_PX * pixel_mm;
+        let most = CHIEF_PX * pixel_mm;
         let is_alike = |side: usize| {
             let half = 0.5 * side as f64;
             middles.clone().all(|middle| {
@@ -62,17 +67,25 @@ impl Shift<'_> {
     }
 }
 
-/// As [`super::slice`], tile by tile.
-pub(super) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid, z: usize, part: &Part) -> Slice {
+/// The voxels kept of a region of slice `z`, tile by tile.
+pub(crate) fn slice(
+    levels: &Levels,
+    sections: &Sections,
+    camera: &Camera,
+    views: &Views,
+    grid: &Grid,
+    z: usize,
+    region: &Region,
+) -> Kept {
     let shift = Shift { optics: Optics::new(camera), grid, z_mm: grid.centre_mm(2, z) };
     let Some(side) = shift.side(camera.sensor.pixel_pitch_mm) else {
-        return crate::scattered::slice(levels, camera, grid, z, part);
+        return rays::slice(levels, sections, camera, grid, z, region);
     };
     let [nx, ny, nz] = grid.shape;
-    let mut kept = Slice::new();
-    // Tiles are those of the whole slice whatever part of it is wanted.
-    for first_y in (part[1].start / side * side..part[1].end).step_by(side) {
-        for first_x in (part[0].start / side * side..part[0].end).step_by(side) {
+    let mut kept = Kept::new();
+    // Tiles begin at the same voxels for any region of the slice.
+    for first_y in (region[1].start / side * side..region[1].end).step_by(side) {
+        for first_x in (region[0].start / side * side..region[0].end).step_by(side) {
             let (width, height) = (side.min(nx - first_x), side.min(ny - first_y));
             let middle =
                 DVec2::new(first_x as f64, first_y as f64) + 0.5 * DVec2::new(width as f64, height as f64) - 0.5;
@@ -81,12 +94,13 @@ pub(super) fn slice(levels: &Levels, camera: &Camera, views: &Views, grid: &Grid
                 origin_mm: [grid.centre_mm(0, first_x), grid.centre_mm(1, first_y), grid.origin_mm[2]],
                 ..grid.clone()
             };
-            let found = shifted(levels, views, &tile, z, &[0..width, 0..height], shift.at_mm(middle, DVec2::ZERO));
+            let shift_mm = shift.at_mm(middle, DVec2::ZERO);
+            let found = line_sums::slice(levels, views, &tile, z, &[0..width, 0..height], shift_mm);
             let places = found.into_iter().map(|(place, score)| {
                 let (x, y) = (place as usize % width, place as usize / width);
                 (first_x + x, first_y + y, score)
             });
-            let wanted = places.filter(|(x, y, _)| part[0].contains(x) && part[1].contains(y));
+            let wanted = places.filter(|(x, y, _)| region[0].contains(x) && region[1].contains(y));
             kept.extend(wanted.map(|(x, y, score)| ((y * nx + x) as u32, score)));
         }
     }

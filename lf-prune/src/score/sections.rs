@@ -1,22 +1,26 @@
 //! The aperture in sections.
 
 use glam::DVec2;
+use lf_core::Refusal;
 use lf_core::camera::{Aperture, Camera};
 use lf_core::weights::sections;
 
-/// Section centres along one axis and, for each, which sections of the other axis lie inside the stop.
+/// Centres of sections along one axis and, for each, the sections of the other axis that lie inside the stop.
 pub(crate) struct Sections {
     /// Centres along either axis, mm.
-    pub(crate) centres_mm: Vec<f64>,
+    pub(super) centres_mm: Vec<f64>,
     /// For each row of sections v: the sections u in `first..n - first` lie inside.
-    pub(crate) first: Vec<usize>,
+    pub(super) first: Vec<usize>,
 }
 
 impl Sections {
-    /// n x n sections, n as asked for or the pixels per lenslet; a section lies inside the stop when its centre does: a round
-    /// stop has no corner sections, and counting them would prune every voxel.
-    pub(crate) fn new(camera: &Camera, asked: Option<usize>) -> Self {
-        let n = sections(camera, asked).expect("checked before");
+    /// n x n sections, n as asked for or the pixels under a lenslet. A section lies inside the stop if its centre does. A round
+    /// stop has no corner sections; if they counted, every voxel would be pruned.
+    ///
+    /// # Errors
+    /// If n is outside [`lf_core::weights::SECTIONS`].
+    pub(crate) fn new(camera: &Camera, asked: Option<usize>) -> Result<Self, Refusal> {
+        let n = sections(camera, asked)?;
         let half = 0.5 * camera.aperture_mm();
         let centres_mm: Vec<f64> = (0..n).map(|i| half * ((2 * i + 1) as f64 / n as f64 - 1.0)).collect();
         let first = centres_mm
@@ -28,16 +32,16 @@ impl Sections {
                 }
             })
             .collect();
-        Self { centres_mm, first }
+        Ok(Self { centres_mm, first })
     }
 
     /// Number of sections inside the stop.
-    pub(crate) fn count(&self) -> u32 {
+    pub(super) fn count(&self) -> u32 {
         let n = self.centres_mm.len();
         self.first.iter().map(|first| (n - 2 * first) as u32).sum()
     }
 
-    /// Centres of the sections inside the stop, mm.
+    /// Centres of the sections inside the stop, mm; those of one v together, u rising.
     pub(crate) fn inside_mm(&self) -> Vec<DVec2> {
         let n = self.centres_mm.len();
         let inside = (0..n).flat_map(|v| (self.first[v]..n - self.first[v]).map(move |u| (u, v)));

@@ -1,0 +1,239 @@
+//! The options of lf-prune, their defaults and their checks.
+
+use super::preset;
+use super::score_name::ScoreName;
+use clap::Parser;
+use lf_core::camera::Camera;
+use lf_core::cli::{Common, Preset, numbers};
+use lf_core::grid::Grid;
+use lf_core::volume::Volume;
+use lf_core::weights::SECTIONS;
+use lf_core::{Error, Result, io};
+use lf_prune::{DARK, Options, Score};
+use std::path::PathBuf;
+
+/// Image and camera to the voxels that may hold light, by dense ray tracing
+#[derive(Parser)]
+#[command(
+    name = "lf-prune",
+    version,
+    max_term_width = 100,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-prune scene/frame-0000.exr -c camera.json --pvr 2,2,20 --depth -5,5 -o support.lfv
+  lf-prune scene/frame-0001.exr -c camera.json --preset fast --depth -5,5 |
+      lf-mart -i scene/frame-0001.exr -c camera.json --preset fast -o volume.lfv"
+)]
+pub struct Arguments {
+    /// Light-field image (EXR, TIFF, PNG), - for standard input
+    #[arg(default_value = "-")]
+    pub image: PathBuf,
+    /// Camera (camera.json), as lf-calib writes it
+    #[arg(short, long, value_name = "FILE")]
+    pub camera: PathBuf,
+    /// Image to subtract first; values below zero become zero
+    #[arg(short, long, value_name = "FILE")]
+    pub background: Option<PathBuf>,
+    /// Defaults between speed and accuracy for the whole chain; typed options override them
+    #[arg(long, value_parser = Preset::parser(preset::help))]
+    pub preset: Option<Preset>,
+    /// Pixels per voxel along x, y, z [default: 1,1,10]
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    pub pvr: Option<[f64; 3]>,
+    /// Depth of the volume, mm, from far to near: towards the camera is positive, 0 is in focus
+    #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true, required_unless_present = "like")]
+    pub depth: Option<[f64; 2]>,
+    /// Sides of the volume, mm [default: the part of the focal plane that the sensor sees]
+    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    pub bounds: Option<[f64; 4]>,
+    /// Volume (.lfv) whose voxels to take, so that volumes by two cameras can be compared
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["preset", "pvr", "depth", "bounds"])]
+    pub like: Option<PathBuf>,
+    /// Sections of the aperture a side, 2 to 64, each a ray of a voxel; fewer sections are faster and keep more [default:
+    /// pixels under a lenslet]
+    #[arg(long, value_name = "N")]
+    pub sections: Option<usize>,
+    /// How the pixels of a voxel become its score [default: geometric]
+    #[arg(long, value_enum)]
+    pub score: Option<ScoreName>,
+    /// Share of a voxel's pixels that may be darker than the threshold, with --score quantile
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    pub quantile: f64,
+    /// Least score kept, as a share of the image's brightest pixel; auto finds it from the image's light and noise
+    #[arg(long, value_name = "SHARE|auto", default_value = "auto")]
+    pub threshold: String,
+    /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest
+    #[arg(long, value_name = "SHARE", default_value_t = DARK)]
+    pub dark: f64,
+    /// Prune one of N tiles, I from 1 to N, of a volume too large for one machine. The grid is cut in x and y into nearly
+    /// square blocks; the voxels of one block are kept, and those around it that lf-mart needs. lf-xcorr and `lf-validate
+    /// quality` take all tiles for the whole volume
+    #[arg(long, value_name = "I/N", value_parser = tile_number)]
+    pub tile: Option<[usize; 2]>,
+    /// Distance from a tile's block within which pixels count, mm at the focal plane; a larger halo makes the tile's edges more
+    /// accurate [default: eight lenslets and 1.25 times the width of its farthest voxel's beam]
+    #[arg(long, value_name = "MM", requires = "tile")]
+    pub halo: Option<f64>,
+    /// particles.csv of the image: report how many of its particles are lost
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
+    /// Frame of --truth that the image shows
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub frame: usize,
+    /// Keep every voxel that can be seen: the baseline of plain MART, not a mode to recommend
+    #[arg(long)]
+    pub keep_all: bool,
+    /// Only print the resources needed, from a few slices: {"memory_bytes", "voxels", "kept"} as JSON on standard output
+    #[arg(long)]
+    pub estimate: bool,
+    /// Support (.lfv), - for standard output
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// Pixels per voxel if neither an option nor a preset sets them: the paper's.
+const PVR: [f64; 3] = [1.0, 1.0, 10.0];
+
+/// Least `--dark`; the logarithms of darker pixels do not add up in whole numbers.
+const LEAST_DARK: f64 = 1e-12;
+
+/// Parses I/N.
+fn tile_number(text: &str) -> std::result::Result<[usize; 2], String> {
+    let numbers = text.split_once('/').and_then(|(index, of)| Some([index.parse().ok()?, of.parse().ok()?]));
+    numbers.ok_or_else(|| "wanted the tile and the number of tiles, like 1/4".into())
+}
+
+/// Refuses a number that is no share.
+fn check_share(option: &str, value: f64) -> Result<()> {
+    if (0.0..=1.0).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::new(option, format!("{value}"), "wanted a share, 0 to 1"))
+}
+
+/// Refuses pairs of numbers that fall.
+fn check_rising(option: &str, typed: &[f64]) -> Result<()> {
+    if typed.chunks(2).all(|side| side[0] < side[1]) {
+        return Ok(());
+    }
+    let typed: Vec<String> = typed.iter().map(f64::to_string).collect();
+    Err(Error::new(option, typed.join(","), "wanted the lower number of each side first, like -5,5"))
+}
+
+impl Arguments {
+    /// Refuses numbers outside their ranges.
+    pub fn check(&self) -> Result<()> {
+        self.depth.map_or(Ok(()), |depth| check_rising("--depth", &depth))?;
+        self.bounds.map_or(Ok(()), |bounds| check_rising("--bounds", &bounds))?;
+        if let Some([x, y, z]) = self.pvr.filter(|pvr| pvr.iter().any(|side| *side <= 0.0)) {
+            return Err(Error::new("--pvr", format!("{x},{y},{z}"), "wanted three numbers above 0, like 1,1,10"));
+        }
+        check_share("--quantile", self.quantile)?;
+        check_share("--dark", self.dark)?;
+        if let Some(halo) = self.halo.filter(|halo| !(0.0..=1e6).contains(halo)) {
+            return Err(Error::new("--halo", format!("{halo}"), "wanted mm, 0 or more"));
+        }
+        if self.dark < LEAST_DARK {
+            return Err(Error::new("--dark", format!("{}", self.dark), format!("wanted {LEAST_DARK} or more")));
+        }
+        if let Some(sections) = self.sections.filter(|sections| !SECTIONS.contains(sections)) {
+            let wanted = format!("wanted {} to {}", SECTIONS.start(), SECTIONS.end());
+            return Err(Error::new("--sections", sections.to_string(), wanted));
+        }
+        match self.typed_threshold() {
+            Some(value) => check_share("--threshold", value),
+            None if self.threshold == "auto" => Ok(()),
+            None => Err(Error::new("--threshold", &self.threshold, "wanted a share, 0 to 1, or auto")),
+        }
+    }
+
+    /// The threshold typed; None for auto.
+    pub fn typed_threshold(&self) -> Option<f64> {
+        self.threshold.parse().ok()
+    }
+
+    /// What the preset sets, as it would be typed, each with whether it holds: typed options override it.
+    pub fn preset_settings(&self, preset: Preset) -> impl Iterator<Item = (String, bool)> {
+        let holds = [self.pvr.is_none(), self.score.is_none()];
+        preset::values(preset).typed().into_iter().zip(holds)
+    }
+
+    /// Pixels per voxel: as typed, or by the preset.
+    fn pvr(&self) -> [f64; 3] {
+        let preset = self.preset.map(|preset| preset::values(preset).pvr);
+        self.pvr.or(preset).unwrap_or(PVR)
+    }
+
+    /// The score's name: as typed, or by the preset.
+    fn score(&self) -> ScoreName {
+        let preset = self.preset.map(|preset| preset::values(preset).score);
+        self.score.or(preset).unwrap_or(ScoreName::Geometric)
+    }
+
+    /// The score in words.
+    pub fn score_about(&self) -> String {
+        match self.score() {
+            _ if self.keep_all => "nothing: every voxel that can be seen is kept".to_string(),
+            ScoreName::Geometric => "the geometric mean of the pixels".to_string(),
+            ScoreName::Minimum => "the darkest pixel".to_string(),
+            ScoreName::Quantile => format!("all but the darkest {:.0} % of the pixels", 100.0 * self.quantile),
+        }
+    }
+
+    /// The grid asked for.
+    ///
+    /// # Errors
+    /// If it has no voxel, or if the volume of `--like` cannot be read.
+    pub fn grid(&self, camera: &Camera) -> Result<Grid> {
+        let Some(depth) = self.depth else {
+            let like = self.like.as_deref().expect("clap wants one of them");
+            return Ok(Volume::open(like)?.grid().clone());
+        };
+        let [half_x, half_y] = camera.half_view_mm();
+        let [x0, x1, y0, y1] = self.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
+        Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(self.pvr()))
+            .map_err(|refusal| refusal.about("--pvr, --depth, --bounds"))
+    }
+
+    /// What sets the grid: the subject of a refusal.
+    pub fn grid_subject(&self) -> String {
+        self.like.as_deref().map_or_else(|| "--depth, --pvr, --bounds".to_string(), io::name)
+    }
+
+    /// The options of pruning, with the threshold typed or found.
+    pub fn options(&self, threshold: f64) -> Options {
+        Options {
+            score: match self.score() {
+                ScoreName::Geometric => Score::Geometric,
+                ScoreName::Minimum => Score::Share(0.0),
+                ScoreName::Quantile => Score::Share(self.quantile),
+            },
+            threshold,
+            dark: self.dark,
+            keep_all: self.keep_all,
+            sections: self.sections,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sections_outside_their_range_are_refused() {
+        let checked = |typed: &str| {
+            let words = ["lf-prune", "-c", "camera.json", "--depth", "0,1", "--sections", typed];
+            Arguments::try_parse_from(words).expect("known words").check()
+        };
+        assert!(["2", "14", "64"].iter().all(|typed| checked(typed).is_ok()));
+        for typed in ["0", "1", "65"] {
+            assert_eq!(
+                checked(typed).unwrap_err().to_string(),
+                format!("--sections: {typed}; wanted 2 to 64"),
+                "{typed}"
+            );
+        }
+    }
+}

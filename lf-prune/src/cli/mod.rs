@@ -1,0 +1,9 @@
+//! In: the command line. Out: files, messages and the exit code.
+//! First file to open: `run.rs`; `arguments.rs` holds the options, `preset.rs` the presets' values.
+
+mod arguments;
+mod preset;
+mod run;
+mod score_name;
+
+pub use run::main;

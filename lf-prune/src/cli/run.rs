@@ -1,0 +1,152 @@
+//! Reads image and camera, prunes, and writes the support.
+
+use super::arguments::Arguments;
+use lf_core::camera::Camera;
+use lf_core::cli::{self, Session, Verdict};
+use lf_core::grid::Grid;
+use lf_core::volume::tile::Tile;
+use lf_core::weights::aperture_sections;
+use lf_core::{Error, Result, image, io, particles, volume};
+use lf_prune::{Automatic, Options, Plan, Region, Support};
+use ndarray::ArrayView2;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// The whole program.
+pub fn main() -> ExitCode {
+    cli::run("lf-prune", |arguments: &Arguments| &arguments.common, run)
+}
+
+fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    arguments.check()?;
+    let mut inputs = vec![arguments.image.as_path(), arguments.camera.as_path()];
+    inputs.extend(
+        [&arguments.background, &arguments.truth, &arguments.like].into_iter().flat_map(|file| file.as_deref()),
+    );
+    session.keep_apart(&arguments.output, &inputs)?;
+    io::check_place(&arguments.output)?;
+    let (camera, image) = session.phase("read", |_| {
+        let camera = Camera::open(&arguments.camera)?;
+        let background = arguments.background.as_deref();
+        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera)?;
+        Ok((camera, image))
+    })?;
+    let pixels = image.pixels.view();
+    if let Some(preset) = arguments.preset {
+        session.explain_preset(preset, arguments.preset_settings(preset));
+    }
+    let grid = arguments.grid(&camera)?;
+    let threshold = arguments.typed_threshold().unwrap_or_else(|| find_threshold(pixels, session));
+    let options = arguments.options(threshold);
+    let tile = tile(arguments, &camera, &grid)?;
+    let regions: Vec<Region> = match &tile {
+        Some(tile) => tile.held(&camera, &grid),
+        None => vec![[0..grid.shape[0], 0..grid.shape[1]]; grid.shape[2]],
+    };
+    let refused = |refusal: lf_core::Refusal| refusal.about(arguments.grid_subject());
+    let plan = Plan::new(&camera, &grid, &regions, &options).map_err(refused)?;
+    explain_plan(arguments, &plan, &camera, session);
+    if let Some(tile) = &tile {
+        explain_tile(tile, session);
+    }
+    if arguments.estimate {
+        let kept = plan.foretold_kept(pixels).map_err(refused)?;
+        let counts = [("voxels", plan.voxels()), ("kept", kept as u64)];
+        session.tell_estimate(plan.bytes(pixels.len(), kept), &counts)?;
+        return Ok(Verdict::Done);
+    }
+
+    let support = session.phase("prune", |session| {
+        let progress = session.progress("slices", grid.shape[2] as u64);
+        Ok(plan.prune(pixels, |slices| progress.add(slices)))
+    })?;
+    report(&support, &plan, &grid, &options, session);
+    if let Some(file) = &arguments.truth {
+        report_lost(&support, &grid, file, arguments.frame, session)?;
+    }
+    if support.indices.is_empty() {
+        let [x, y] = camera.half_view_mm();
+        let wanted = format!(
+            "wanted a brighter image, a lower --threshold, another --depth, or --bounds within {x:.3} mm of the axis along x \
+             and {y:.3} mm along y, which the sensor sees in focus"
+        );
+        return Err(Error::new(io::name(&arguments.image), "no voxel survives pruning", wanted));
+    }
+    session.phase("write", |session| {
+        let history = session.history(&image.history);
+        io::save(&arguments.output, |out| {
+            let tile = tile.as_ref().map(Tile::header).unwrap_or_default();
+            volume::write_with(out, &grid, &support.indices, &[("score", &support.scores)], &history, &tile)
+        })
+    })?;
+    Ok(Verdict::Done)
+}
+
+/// Finds the threshold from the image, and explains it.
+fn find_threshold(image: ArrayView2<f32>, session: &mut Session) -> f64 {
+    let found = Automatic::new(image);
+    session.count("noise", found.noise);
+    session.count("threshold", found.threshold);
+    let by = if found.threshold > found.noise { "a fifth of the light's mean brightness" } else { "the noise" };
+    session.explain(format!(
+        "threshold {:.2} % of the brightest pixel, {by}; noise {:.2} %",
+        100.0 * found.threshold,
+        100.0 * found.noise
+    ));
+    found.threshold
+}
+
+/// The tile asked for.
+fn tile(arguments: &Arguments, camera: &Camera, grid: &Grid) -> Result<Option<Tile>> {
+    let Some([index, of]) = arguments.tile else { return Ok(None) };
+    let halo_mm = arguments.halo.unwrap_or_else(|| Tile::usual_halo_mm(camera, grid));
+    Tile::new(camera, grid, index, of, halo_mm).map(Some).map_err(|refusal| refusal.about("--tile"))
+}
+
+/// Explains the voxels and pixels of a tile.
+fn explain_tile(tile: &Tile, session: &mut Session) {
+    let Tile { index, of, halo_mm, core_vox: [[x0, x1], [y0, y1]], pixels: [[c0, c1], [r0, r1]] } = tile;
+    session.count("halo_mm", *halo_mm);
+    session.explain(format!(
+        "tile {index} of {of}: voxels {x0} to {x1} along x and {y0} to {y1} along y; with a halo of {halo_mm:.3} mm, columns \
+         {c0} to {c1} and rows {r0} to {r1} of the image, and the voxels that light them"
+    ));
+}
+
+/// Explains camera, scoring and sections.
+fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, session: &mut Session) {
+    let sections = arguments.sections.unwrap_or_else(|| aperture_sections(camera));
+    session.count("sections", sections);
+    session.explain(format!("camera: {}", camera.about()));
+    session.explain(plan.about());
+    session.explain(format!("{sections} x {sections} sections of the aperture, scored by {}", arguments.score_about()));
+}
+
+/// Reports how many voxels are kept.
+fn report(support: &Support, plan: &Plan, grid: &Grid, options: &Options, session: &mut Session) {
+    let (kept, all) = (support.indices.len(), plan.voxels());
+    session.count("voxels", all);
+    session.count("kept", kept);
+    let [nx, ny, nz] = grid.shape;
+    session.explain(format!(
+        "kept {kept} of {nx} x {ny} x {nz} voxels ({:.3} %) scoring {:.2} % of the brightest pixel or more",
+        100.0 * kept as f64 / all as f64,
+        100.0 * options.threshold
+    ));
+}
+
+/// Reports how many of a frame's particles are lost.
+fn report_lost(support: &Support, grid: &Grid, file: &Path, frame: usize, session: &mut Session) -> Result<()> {
+    let table = particles::read(&io::open_text(file)?).map_err(|refusal| refusal.about(io::name(file)))?;
+    let shown = table.iter().filter(|particle| particle.frame == frame);
+    let places: Vec<[f64; 3]> = shown.map(|particle| particle.place_mm).collect();
+    let (inside, lost) = support.lost(grid, &places);
+    session.count("particles", inside);
+    session.count("lost_particles", lost);
+    session.say(format!(
+        "{lost} of {inside} particles lost ({:.2} %), {:.0} voxels kept for each",
+        100.0 * lost as f64 / inside.max(1) as f64,
+        support.indices.len() as f64 / inside.max(1) as f64
+    ));
+    Ok(())
+}

@@ -1,0 +1,231 @@
+//! What each section of the aperture sees through each lenslet: the image once, sorted by section.
+//!
+//! A ray's place in its lenslet's cell moves it by k times as much on the sensor, some hundredths of a pixel. So the rays of
+//! one section through one lenslet usually meet one pixel, from any voxel. Lenslets whose rays may meet several pixels are
+//! listed.
+
+use crate::score::levels::Levels;
+use crate::score::sections::Sections;
+use glam::DVec2;
+use lf_core::camera::Camera;
+use lf_core::lattice::Lattice;
+use lf_core::optics::Optics;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Light of a ray that meets the sensor. The sum of all levels, turned positive, has room below it.
+pub(super) const SEEN: i64 = 1 << 44;
+
+/// Tolerance on the sensor, px; rounding moves no ray farther.
+pub(super) const ROUNDING_PX: f64 = 1e-6;
+
+/// Unseen lenslets at either end of a row, so that the neighbours of all others are known.
+const PADDING: i64 = 4;
+
+/// The lattice in rows nearly along x, and the light of each section.
+pub(crate) struct Views {
+    /// Rays of the camera without distortion and departures of lenslets.
+    pub(super) optics: Optics,
+    /// The lattice with its departures.
+    pub(super) measured: Lattice,
+    rows: Rows,
+    /// Centres of the sections inside the stop, mm.
+    pub(super) sections_mm: Vec<DVec2>,
+    /// Section after section, row after row: [`SEEN`] less the level. 0 if rays miss the sensor or may meet several pixels.
+    lights: Vec<i64>,
+    /// Lenslets whose rays may meet several pixels, for each row of each section, rising.
+    several: Vec<Vec<i64>>,
+}
+
+/// The rows of a lattice that the sensor sees.
+#[derive(Debug, Clone)]
+struct Rows {
+    /// Centre of lenslet 0 of row 0, mm.
+    origin_mm: DVec2,
+    /// From lenslet to lenslet of a row, mm.
+    along_mm: DVec2,
+    /// From row to row, mm.
+    across_mm: DVec2,
+    /// 1 / (area of a cell), with the sign of the turn from `along_mm` to `across_mm`, 1/mm^2.
+    per_area: f64,
+    first_row: i64,
+    /// First lenslet of each row.
+    first: Vec<i64>,
+    /// Lenslets of a row.
+    length: usize,
+}
+
+/// The least and the greatest n, not rounded, with `low <= start + n step <= high`.
+#[inline(always)]
+pub(super) fn between(start: f64, per_step: f64, low: f64, high: f64) -> (f64, f64) {
+    let (a, b) = ((low - start) * per_step, (high - start) * per_step);
+    if a < b { (a, b) } else { (b, a) }
+}
+
+/// 1 / `step`, limited for a step near 0.
+pub(super) fn per_step(step: f64) -> f64 {
+    const LARGEST: f64 = 1e12;
+    (1.0 / step).clamp(-LARGEST, LARGEST)
+}
+
+/// The camera without distortion and departures of lenslets, which change slowly over the image.
+pub(crate) fn straightened(camera: &Camera) -> Camera {
+    Camera { centres: None, distortion: None, ..camera.clone() }
+}
+
+impl Rows {
+    /// The rows of a lattice seen by a sensor, for cells within `sides` mm of the axis.
+    fn new(lattice: &Lattice, sides: DVec2) -> Self {
+        let origin_mm = lattice.centre_mm(0, 0);
+        let [along_mm, across_mm] = Self::directions(lattice);
+        let corners = [sides, DVec2::new(sides.x, -sides.y)];
+        let reach_rows = corners.map(|corner| (along_mm.perp_dot(corner) / along_mm.perp_dot(across_mm)).abs());
+        let middle_row = -along_mm.perp_dot(origin_mm) / along_mm.perp_dot(across_mm);
+        let reach_rows = reach_rows[0].max(reach_rows[1]);
+        let first_row = (middle_row - reach_rows).ceil() as i64;
+        // Two more at either end: a ray that leaves a row enters the next, whose neighbours must be known too.
+        let rows = first_row - 2..=(middle_row + reach_rows).floor() as i64 + 2;
+        let first_row = *rows.start();
+        let per_along = per_step(along_mm.x);
+        let left = |row: i64| (-origin_mm.x - row as f64 * across_mm.x) * per_along - sides.x * per_along.abs();
+        let first: Vec<i64> = rows.map(|row| left(row).floor() as i64 - PADDING).collect();
+        let length = (2.0 * sides.x * per_along.abs()).ceil() as usize + 2 * PADDING as usize + 2;
+        let per_area = 1.0 / along_mm.perp_dot(across_mm);
+        Self { origin_mm, along_mm, across_mm, per_area, first_row, first, length }
+    }
+
+    /// From lenslet to lenslet and from row to row, for the rows nearest to x, mm.
+    fn directions(lattice: &Lattice) -> [DVec2; 2] {
+        let origin = lattice.centre_mm(0, 0);
+        let mut along = lattice.centre_mm(1, 0) - origin;
+        let mut across = lattice.centre_mm(0, 1) - origin;
+        // A square lattice is symmetric under a quarter of a turn, a hexagonal one under a sixth.
+        let corners = lattice.cell_mm().len();
+        for _ in 0..corners {
+            if along.y.abs() > along.x.abs() * (1.001 * std::f64::consts::PI / corners as f64).tan() {
+                let next = if corners == 4 { -along } else { across - along };
+                (along, across) = (across, next);
+            }
+        }
+        [along, across]
+    }
+
+    fn centre_mm(&self, lenslet: i64, row: i64) -> DVec2 {
+        self.origin_mm + lenslet as f64 * self.along_mm + row as f64 * self.across_mm
+    }
+}
+
+impl Views {
+    /// For a camera whose rays are straight except for distortion: see [`Camera::bends`]. Places are on the perfect lattice,
+    /// from which lenslets may depart.
+    pub(crate) fn new(levels: &Levels, sections: &Sections, camera: &Camera) -> Self {
+        let (measured, optics) = (camera.lattice(), Optics::new(&straightened(camera)));
+        let k = optics.demagnification();
+        let cell_reach = optics.lattice().cell_mm().iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
+        let rows = Rows::new(optics.lattice(), seen_sides(&optics, &measured, cell_reach));
+        let sections_mm = sections.inside_mm();
+        let (count, length) = (rows.first.len(), rows.length);
+        let mut lights = vec![0; sections_mm.len() * count * length];
+        let mut several = vec![Vec::new(); sections_mm.len() * count];
+        let reach_px = DVec2::splat(ROUNDING_PX) + k * cell_reach / camera.sensor.pixel_pitch_mm;
+        lights.par_chunks_mut(length).zip(&mut several).enumerate().for_each(|(n, (lights, several))| {
+            let (section_mm, row) = (sections_mm[n / count], n % count);
+            for (light, lenslet) in lights.iter_mut().zip(rows.first[row]..) {
+                // The image of a lenslet's centre: c (1 + k) - k U.
+                let centre = measured.departed(rows.centre_mm(lenslet, rows.first_row + row as i64));
+                let place = optics.place_px(centre + k * (centre - section_mm));
+                match light_at(levels, place, reach_px, optics.sensor_px()) {
+                    Some(found) => *light = found,
+                    None => several.push(lenslet),
+                }
+            }
+        });
+        Self { optics, measured, rows, sections_mm, lights, several }
+    }
+
+    /// Centre of lenslet 0 of row 0, mm.
+    pub(super) fn origin_mm(&self) -> DVec2 {
+        self.rows.origin_mm
+    }
+
+    /// From lenslet to lenslet of a row, mm.
+    #[inline(always)]
+    pub(super) fn along_mm(&self) -> DVec2 {
+        self.rows.along_mm
+    }
+
+    /// From row to row, mm.
+    pub(super) fn across_mm(&self) -> DVec2 {
+        self.rows.across_mm
+    }
+
+    /// Centre of a lenslet of a row, mm.
+    pub(super) fn centre_mm(&self, lenslet: i64, row: i64) -> DVec2 {
+        self.rows.centre_mm(lenslet, row)
+    }
+
+    /// Number in its row, and row, of the lenslet at a centre.
+    #[inline(always)]
+    pub(super) fn lenslet(&self, centre_mm: DVec2) -> (i64, i64) {
+        let way = centre_mm - self.rows.origin_mm;
+        let (lenslet, row) = (way.perp_dot(self.rows.across_mm), self.rows.along_mm.perp_dot(way));
+        let (lenslet, row) = (lenslet * self.rows.per_area, row * self.rows.per_area);
+        ((lenslet + 0.5).floor() as i64, (row + 0.5).floor() as i64)
+    }
+
+    /// The rows whose neighbours are all known.
+    pub(super) fn rows(&self) -> Range<i64> {
+        self.rows.first_row + 1..self.rows.first_row + self.rows.first.len() as i64 - 1
+    }
+
+    /// The lenslets of a row whose neighbours are all known. Beyond them none is seen.
+    #[inline(always)]
+    pub(super) fn lenslets(&self, row: i64) -> Range<i64> {
+        let first = self.rows.first[(row - self.rows.first_row) as usize];
+        first + PADDING - 1..first + self.rows.length as i64 - PADDING + 1
+    }
+
+    /// A section's light through lenslets of a row.
+    #[inline(always)]
+    pub(super) fn lights(&self, section: usize, row: i64, lenslets: Range<i64>) -> &[i64] {
+        let row = (row - self.rows.first_row) as usize;
+        let place = (section * self.rows.first.len() + row) * self.rows.length;
+        let place = |lenslet: i64| place + (lenslet - self.rows.first[row]) as usize;
+        &self.lights[place(lenslets.start)..place(lenslets.end)]
+    }
+
+    /// A section's light through a lenslet; 0 if it is not known.
+    #[inline(always)]
+    pub(super) fn light(&self, section: usize, (lenslet, row): (i64, i64)) -> i64 {
+        if !self.rows().contains(&row) || !self.lenslets(row).contains(&lenslet) {
+            return 0;
+        }
+        self.lights(section, row, lenslet..lenslet + 1)[0]
+    }
+
+    /// Lenslets of a row through which a section's rays may meet several pixels.
+    #[inline(always)]
+    pub(super) fn several(&self, section: usize, row: i64) -> &[i64] {
+        &self.several[section * self.rows.first.len() + (row - self.rows.first_row) as usize]
+    }
+}
+
+/// Half sides of the part of the array that the sensor sees, mm. A cell beyond them shows none of its rays on the sensor.
+fn seen_sides(optics: &Optics, measured: &Lattice, cell_reach: DVec2) -> DVec2 {
+    let [width, height] = optics.sensor_px();
+    let half_sensor = 0.5 * optics.pixel_pitch_mm() * DVec2::new(width as f64, height as f64);
+    let departure = |side: DVec2| (measured.departed(side * half_sensor) - side * half_sensor).abs().max_element();
+    let departures = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)].map(departure);
+    let departure = departures.iter().fold(0.0, |most: f64, departure| most.max(2.0 * departure));
+    half_sensor + optics.demagnification() * optics.half_aperture_mm() + cell_reach + departure
+}
+
+/// Light of the pixel at a place; 0 beside the sensor. None if there may be several pixels within the reach.
+fn light_at(levels: &Levels, place: DVec2, reach: DVec2, size: [usize; 2]) -> Option<i64> {
+    let size = DVec2::new(size[0] as f64, size[1] as f64);
+    let (low, high) = ((place - reach).floor(), (place + reach).floor());
+    if high.min_element() < 0.0 || low.cmpge(size).any() {
+        return Some(0);
+    }
+    (low == high).then(|| SEEN - i64::from(levels.values[low.y as usize * levels.width + low.x as usize]))
+}

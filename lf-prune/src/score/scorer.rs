@@ -1,0 +1,92 @@
+//! The one choice of how voxels are scored, and its reason.
+
+use super::aligned;
+use super::kept::Kept;
+use super::levels::Levels;
+use super::lines::{Views, line_sums, straightened, tiles};
+use super::rays;
+use super::sections::Sections;
+use crate::options::Region;
+use glam::DVec2;
+use lf_core::camera::Camera;
+use lf_core::grid::Grid;
+
+/// A way to score voxels, the fastest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Scoring {
+    /// Sums along columns and rows of pixels, for a lattice that is aligned with them.
+    Aligned,
+    /// Sums along lines of voxels, for a turned or hexagonal lattice.
+    Lines,
+    /// The same in tiles over which rays shift alike, for distortion or departures from the lattice.
+    Tiles,
+    /// Ray by ray, for a medium, a tilt or a gap.
+    Rays,
+}
+
+impl Scoring {
+    /// The fastest way that follows the camera, and why it is not a faster one, in words.
+    pub(crate) fn choose(camera: &Camera) -> (Self, String) {
+        let Some(reason) = camera.misalignment() else {
+            return (Self::Aligned, "the lattice is aligned with the pixels".to_string());
+        };
+        let scoring = if straightened(camera).bends().is_some() {
+            Self::Rays
+        } else if camera.centres.is_some() || camera.distortion.is_some() {
+            Self::Tiles
+        } else {
+            Self::Lines
+        };
+        (scoring, reason)
+    }
+
+    /// What it does and costs, in words.
+    pub(crate) fn about(self) -> &'static str {
+        match self {
+            Self::Aligned => "sums along columns and rows, the fastest way",
+            Self::Lines => "sums along lines of voxels, about twenty times as slow as the fastest way",
+            Self::Tiles => "sums along lines of voxels in tiles, about a hundred times as slow as the fastest way",
+            Self::Rays => "ray by ray, the slowest way",
+        }
+    }
+}
+
+/// Scores slices of voxels against an image.
+pub(crate) struct Scorer<'a> {
+    levels: &'a Levels<'a>,
+    sections: &'a Sections,
+    camera: &'a Camera,
+    tables: Tables,
+}
+
+/// What a way to score makes once for all slices.
+enum Tables {
+    /// The camera with its lattice exactly aligned.
+    Aligned(Camera),
+    Lines(Views),
+    Tiles(Views),
+    Rays,
+}
+
+impl<'a> Scorer<'a> {
+    pub(crate) fn new(scoring: Scoring, levels: &'a Levels, sections: &'a Sections, camera: &'a Camera) -> Self {
+        let tables = match scoring {
+            Scoring::Aligned => Tables::Aligned(camera.aligned().expect("chosen for an aligned camera")),
+            Scoring::Lines => Tables::Lines(Views::new(levels, sections, camera)),
+            Scoring::Tiles => Tables::Tiles(Views::new(levels, sections, camera)),
+            Scoring::Rays => Tables::Rays,
+        };
+        Self { levels, sections, camera, tables }
+    }
+
+    /// The voxels kept of a region of slice `z`.
+    pub(crate) fn slice(&self, grid: &Grid, z: usize, region: &Region) -> Kept {
+        let Self { levels, sections, camera, tables } = self;
+        match tables {
+            Tables::Aligned(camera) => aligned::slice(levels, sections, camera, grid, z, region),
+            Tables::Lines(views) => line_sums::slice(levels, views, grid, z, region, DVec2::ZERO),
+            Tables::Tiles(views) => tiles::slice(levels, sections, camera, views, grid, z, region),
+            Tables::Rays => rays::slice(levels, sections, camera, grid, z, region),
+        }
+    }
+}
