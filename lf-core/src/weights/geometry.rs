@@ -11,7 +11,7 @@ use glam::DVec2;
 
 /// Camera, grid and model of the weights.
 #[derive(Debug, Clone)]
-pub(super) struct Geometry {
+pub(crate) struct Geometry {
     pub(super) model: Model,
     basis: Basis,
     pub(super) grid: Grid,
