@@ -1,21 +1,21 @@
-//! Rays through a plenoptic camera: object point, main lens, lenslet, sensor. Every tool takes its frame and signs from here.
+//! Rays through a plenoptic camera: object point, main lens, lenslet, sensor. The frame and the signs of every tool.
 //!
 //! # Frames
 //!
-//! **Object.** The origin is the point where the optical axis meets the focal plane, which is conjugate to the microlens
-//! array. X points right, Y points down (as image rows run), Z points towards the camera. All lengths are mm.
+//! **Object.** The origin is the point where the optical axis meets the focal plane, which is conjugate to the
+//! microlens array. X points right, Y points down (as image rows run), Z points towards the camera. All lengths are mm.
 //!
 //! **Sensor.** x runs along the columns, y along the rows, and the origin is on the axis. A sensor of W x H pixels with
-//! pitch pp has pixel (i, j) at `[(i - W/2) pp, (i + 1 - W/2) pp]` in x; y is alike, with j and H. So a pixel's centre has
-//! half-integer coordinates in pixels.
+//! pitch pp has pixel (i, j) at `[(i - W/2) pp, (i + 1 - W/2) pp]` in x; y is alike, with j and H. So a pixel's centre
+//! has half-integer coordinates in pixels.
 //!
 //! The main lens inverts the image, and the image is stored inverted.
 //!
 //! # A ray
 //!
-//! A ray starts at the point (X, Y, Z) and passes the aperture at (U, V). It meets the array at (x_m, y_m), in the cell of
-//! the lenslet with centre c, and the sensor at (x_s, y_s). The equations for x are below; those for y have Y and V in
-//! place of X and U.
+//! A ray starts at the point (X, Y, Z) and passes the aperture at (U, V). It meets the array at (x_m, y_m), in the cell
+//! of the lenslet with centre c, and the sensor at (x_s, y_s). The equations for x are below; those for y have Y and V
+//! in place of X and U.
 //!
 //! ```text
 //! beta(Z)  = s_i / (s_o - Z)            local magnification
@@ -34,15 +34,15 @@
 //!
 //! A block that a camera does not have costs nothing.
 //!
-//! - **Medium.** The ray bends at both faces of the window by Snell's law. Let q be its slope in the air before the lens.
-//!   Then `x_m = U (1 - s_i / f) + s_i q`. Without a medium q = (U - X) / (s_o - Z), which gives the x_m above.
+//! - **Medium.** The ray bends at both faces of the window by Snell's law. Let q be its slope in the air before the
+//!   lens. Then `x_m = U (1 - s_i / f) + s_i q`. Without a medium q = (U - X) / (s_o - Z), which gives the x_m above.
 //! - **Distortion.** Every ray of a point moves on the array as the point's chief ray (U = 0) does; the place in the
 //!   aperture does not matter (Seidel's fifth aberration). With t = q(0) and r = |t|,
 //!   `x_m += s_i (t (k1 r^2 + k2 r^4 + k3 r^6) + tangential)`. The tangential part is 2 p1 t_x t_y + p2 (r^2 + 2 t_x^2)
 //!   in x and p1 (r^2 + 2 t_y^2) + 2 p2 t_x t_y in y (Brown 1966).
 //! - **Gap and tilt.** A sensor at a distance g other than f_l sees the ray after the lenslet has bent it:
-//!   `x_s = x_m + g ((x_m - U) / s_i - (x_m - c) / f_l)`. On a tilted sensor g is the gap at x_s. Places on a tilted sensor
-//!   are read along the axis, an error of half the square of the tilt.
+//!   `x_s = x_m + g ((x_m - U) / s_i - (x_m - c) / f_l)`. On a tilted sensor g is the gap at x_s. Places on a tilted
+//!   sensor are read along the axis, an error of half the square of the tilt.
 
 use crate::camera::{Aperture, Camera, Distortion, Medium};
 use crate::lattice::Lattice;
@@ -250,7 +250,8 @@ impl Optics {
         self.sensor_through(self.lattice.nearest_centre_mm(array_mm), array_mm, aperture_mm)
     }
 
-    /// The same through the lenslet with centre `centre`, even if the ray meets the array outside that lenslet's cell, mm.
+    /// The same through the lenslet with centre `centre`, even if the ray meets the array outside that lenslet's cell,
+    /// mm.
     #[inline(always)]
     pub fn sensor_through(&self, centre: DVec2, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let Some(plane) = &self.sensor_plane else {
@@ -383,8 +384,8 @@ mod tests {
         assert!(optics.array_from_object(DVec2::ZERO, 0.0, near).length() < 1e-15);
     }
 
-    /// By hand: at m = 1 a point at X = 4 mm in focus has t = -X / 400 = -0.01 and r^2 = 1e-4. It moves by 400 t k1 r^2 on
-    /// the array, through every part of the aperture.
+    /// By hand: at m = 1 a point at X = 4 mm in focus has t = -X / 400 = -0.01 and r^2 = 1e-4. It moves by 400 t k1 r^2
+    /// on the array, through every part of the aperture.
     #[test]
     fn distortion_moves_whole_images() {
         let optics = with(|camera| {
@@ -400,8 +401,8 @@ mod tests {
         }
     }
 
-    /// A gap equal to the focal length changes nothing. A longer gap magnifies a lenslet's image by g / f_l about the point
-    /// where the lenslet's axis meets the sensor, and adds (1 - g / f_l) of the ray's distance from that axis.
+    /// A gap equal to the focal length changes nothing. A longer gap magnifies a lenslet's image by g / f_l about the
+    /// point where the lenslet's axis meets the sensor, and adds (1 - g / f_l) of the ray's distance from that axis.
     #[test]
     fn gap_and_tilt_move_rays_on_the_sensor() {
         let plain = with(|_| ());

@@ -32,7 +32,8 @@ impl Level {
     }
 }
 
-/// Runs `work`, compiled for the widest level of the machine. Operations are not fused, so every level gives the same bytes.
+/// Runs `work`, compiled for the widest level of the machine. Operations are not fused, so every level gives the same
+/// bytes.
 ///
 /// `work` is compiled for the level only where it is inlined: mark the closure and its callees `#[inline(always)]`.
 #[inline(always)]

@@ -1,7 +1,8 @@
 //! Rates of projection and back-projection, in weights a second: `cargo bench -p lf-mart`.
 //!
-//! Compared with a stored matrix (compressed sparse rows, one by pixel to project, one by voxel to project back) and with the
-//! machine's memory. 60 x 60 lenslets, 8000 particles of 3 x 3 x 9 voxels of 1 x 1 x 10 px. Medians of seven runs.
+//! Compared with a stored matrix (compressed sparse rows, one by pixel to project, one by voxel to project back) and
+//! with the machine's memory. 60 x 60 lenslets, 8000 particles of 3 x 3 x 9 voxels of 1 x 1 x 10 px. Medians of seven
+//! runs.
 
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;

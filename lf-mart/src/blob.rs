@@ -27,8 +27,9 @@ pub(crate) fn lit(
     indices.iter().zip(strengths).filter(|(_, s)| **s > least).map(|(index, s)| (*index, *s)).unzip()
 }
 
-/// Strengths convolved with a Gaussian of `sigma_vox` voxels in x, y and z; its samples sum to 1. Gives the voxels above
-/// `least_share` of the brightest within `core_vox`, by rising index. The result is the same for any number of threads.
+/// Strengths convolved with a Gaussian of `sigma_vox` voxels in x, y and z; its samples sum to 1. Gives the voxels
+/// above `least_share` of the brightest within `core_vox`, by rising index. The result is the same for any number of
+/// threads.
 pub(crate) fn spread(
     grid: &Grid,
     indices: &[u64],

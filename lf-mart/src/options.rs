@@ -1,4 +1,4 @@
-//! What is asked of a reconstruction.
+//! The options of a reconstruction.
 
 use crate::reconstruction::{Ended, Sweep, stalls};
 use lf_core::volume::tile::Tile;
@@ -11,7 +11,8 @@ pub enum Method {
     Subsets,
     /// Simultaneous MART: all pixels at once.
     Smart,
-    /// Maximum likelihood by expectation maximisation: as SMART, with the mean of ratios instead of the mean of logarithms.
+    /// Maximum likelihood by expectation maximisation: as SMART, with the mean of ratios instead of the mean of
+    /// logarithms.
     Mlem,
     /// The paper's row action.
     Mart,
@@ -30,12 +31,12 @@ pub enum Until {
     Noise(f64),
 }
 
-/// What is done and how often.
+/// The options of a reconstruction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// The weights.
     pub weights: Model,
-    /// What a voxel stands for.
+    /// The meaning of a voxel in the weights.
     pub basis: Basis,
     /// The method.
     pub method: Method,
@@ -45,8 +46,8 @@ pub struct Options {
     pub until: Until,
     /// Relaxation: the factor mu of the exponent.
     pub relaxation: f64,
-    /// Least brightness of a pixel, as a share of the image's brightest. It keeps logarithms finite, and one dark pixel among
-    /// hundreds cannot extinguish a voxel at once.
+    /// Least brightness of a pixel, as a share of the image's brightest. It keeps logarithms finite, and one dark pixel
+    /// among hundreds cannot extinguish a voxel at once.
     pub floor: f64,
     /// Largest factor by which one step changes a strength.
     pub clamp: f64,
@@ -54,9 +55,9 @@ pub struct Options {
     pub max_bytes: u64,
     /// The tile that the voxels are; None for a whole volume.
     ///
-    /// A tile must become what it is in the whole volume, so nothing may depend on what other tiles hold: spent voxels are
-    /// found by the strongest voxel near them and not by the strongest of all, momentum is never reset, and only misfits
-    /// that [`Until`] names end the sweeps. Pixels outside the tile's are blind.
+    /// A tile must become what it is in the whole volume, so nothing may depend on what other tiles hold: spent voxels
+    /// are found by the strongest voxel near them and not by the strongest of all, momentum is never reset, and only
+    /// misfits that [`Until`] names end the sweeps. Pixels outside the tile's are blind.
     pub tile: Option<Tile>,
 }
 

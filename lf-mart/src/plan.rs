@@ -12,23 +12,24 @@ use lf_core::simd::Level;
 use lf_core::weights::{Basis, Weights};
 use ndarray::{Array2, ArrayView2};
 
-/// Assumed fraction of voxels that pruning keeps, for the first strengths of a tile. Only the whole volume knows the true
-/// fraction, and tiles that begin differently drop slightly different voxels. In the ready scenes lf-prune keeps a
+/// Assumed fraction of voxels that pruning keeps, for the first strengths of a tile. Only the whole volume knows the
+/// true fraction, and tiles that begin differently drop slightly different voxels. In the ready scenes lf-prune keeps a
 /// twentieth to a tenth.
 const KEPT_SHARE: f64 = 0.1;
 
-/// Lenslets a side of the blocks in which a tile looks for the strongest voxel; three by three blocks around a voxel count.
+/// Lenslets a side of the blocks in which a tile looks for the strongest voxel; three by three blocks around a voxel
+/// count.
 const BLOCK_LENSLETS: f64 = 4.0;
 
 /// Voxels of the result below this share of its brightest are not written.
 const LEAST_SHARE: f32 = 1e-4;
 
-/// The same for a tile and the brightest of its core. A voxel that the whole volume writes and a tile does not is then well
-/// below [`LEAST_SHARE`] of the whole volume's brightest, which the tile cannot know.
+/// The same for a tile and the brightest of its core. A voxel that the whole volume writes and a tile does not is then
+/// well below [`LEAST_SHARE`] of the whole volume's brightest, which the tile cannot know.
 const LEAST_SHARE_OF_TILE: f32 = 0.5 * LEAST_SHARE;
 
-/// Bytes a voxel of the support, unless weights are stored by pixel: its index, its profile, its strength now and one sweep before, its share, and one byte to
-/// drop it.
+/// Bytes a voxel of the support, unless weights are stored by pixel: its index, its profile, its strength now and one
+/// sweep before, its share, and one byte to drop it.
 const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
 
 /// Bytes a voxel of the support that the volume of blobs takes while the solution is still held.
@@ -74,14 +75,14 @@ impl<'a> Plan<'a> {
         Ok(Self { indices, options, weights, storage, bytes, block_vox })
     }
 
-    /// Most bytes in use during the sweeps, beside image and support: an estimate from a sample of the voxels and slices. A
-    /// small estimate may be exceeded by half.
+    /// Most bytes in use during the sweeps, beside image and support: an estimate from a sample of the voxels and
+    /// slices. A small estimate may be exceeded by half.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Most bytes that the tool needs beside the image and the support as they were read, for an image of `pixels` pixels:
-    /// sweeps, the image in units of its brightest pixel, and the volume written.
+    /// Most bytes that the tool needs beside the image and the support as they were read, for an image of `pixels`
+    /// pixels: sweeps, the image in units of its brightest pixel, and the volume written.
     pub fn peak_bytes(&self, pixels: usize) -> u64 {
         // The sample errs by a few per cent in the number of weights, and growing lists take more than they hold.
         let is_listed = matches!(self.storage, Storage::Kept | Storage::ByPixel);

@@ -1,4 +1,4 @@
-//! What a reconstruction starts from and what it gives.
+//! The start and the result of a reconstruction.
 
 /// Intensities to begin with. Voxels that it does not name begin dim.
 #[derive(Debug, Clone, Copy)]

@@ -1,4 +1,4 @@
-//! What is asked of pruning.
+//! The options of pruning.
 
 use std::ops::Range;
 
@@ -19,13 +19,13 @@ pub struct Options {
     pub score: Score,
     /// Least geometric mean, or least brightness of a bright pixel, as a share of the image's brightest.
     pub threshold: f64,
-    /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest. So one dark pixel costs a
-    /// voxel a factor of `dark^(1/sections)` and not everything. Use the noise if there is any.
+    /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest. So one dark pixel
+    /// costs a voxel a factor of `dark^(1/sections)` and not everything. Use the noise if there is any.
     pub dark: f64,
     /// Keep every voxel that can be seen, for any score.
     pub keep_all: bool,
-    /// Sections of the aperture a side, each a ray of a voxel; None for the pixels under a lenslet. Fewer sections are faster
-    /// and keep more: a voxel has fewer pixels that can speak against it.
+    /// Sections of the aperture a side, each a ray of a voxel; None for the pixels under a lenslet. Fewer sections are
+    /// faster and keep more: a voxel has fewer pixels that can speak against it.
     pub sections: Option<usize>,
 }
 

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 /// Slices that are pruned to foretell how many voxels all slices keep.
 const SAMPLE_SLICES: usize = 9;
 
-/// Bytes of a voxel kept: its index and score in the support, and its place in the lists of the slices, which are freed one
-/// by one while the support grows. Measured: 13 to 17.
+/// Bytes of a voxel kept: its index and score in the support, and its place in the lists of the slices, which are freed
+/// one by one while the support grows. Measured: 13 to 17.
 const KEPT_BYTES: f64 = 12.0 + 6.0;
 
 /// Pruning that is ready to run.
@@ -29,7 +29,8 @@ pub struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// Plans the pruning of a region in each slice of `grid`. Scores and indices do not depend on the regions, to the bit.
+    /// Plans the pruning of a region in each slice of `grid`. Scores and indices do not depend on the regions, to the
+    /// bit.
     ///
     /// # Errors
     /// If the grid is too deep, if a slice has 2^32 voxels or more, or if the sections are outside
@@ -69,7 +70,7 @@ impl<'a> Plan<'a> {
     /// The number of voxels that [`Plan::prune`] will keep: an estimate from a few slices, which are pruned.
     ///
     /// # Errors
-    /// As [`Plan::new`].
+    /// See [`Plan::new`].
     pub fn foretold_kept(&self, image: ArrayView2<f32>) -> Result<f64, Refusal> {
         // The same depth in fewer slices.
         let nz = self.grid.shape[2];
@@ -101,11 +102,12 @@ impl<'a> Plan<'a> {
         (4.0 * pixels + KEPT_BYTES * kept + views + threads * 8.0 * slice as f64) as u64
     }
 
-    /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN is
-    /// blind: it speaks against no voxel and counts as the brightest. `done` is told how many slices are finished.
+    /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN
+    /// is blind: it speaks against no voxel and counts as the brightest. `done` is told how many slices are finished.
     ///
-    /// For an aligned lattice a voxel costs a few additions. For another lattice a line of voxels costs one addition for each
-    /// section of the aperture and each lenslet that its rays pass. If rays bend, a voxel costs up to one ray a section.
+    /// For an aligned lattice a voxel costs a few additions. For another lattice a line of voxels costs one addition
+    /// for each section of the aperture and each lenslet that its rays pass. If rays bend, a voxel costs up to one ray
+    /// a section.
     pub fn prune(&self, image: ArrayView2<f32>, done: impl Fn(u64) + Sync) -> Support {
         let peak = image.iter().fold(0f32, |peak, value| peak.max(*value));
         if peak <= 0.0 && !self.options.keep_all {

@@ -51,7 +51,8 @@ fn speckle() -> Array2<f32> {
     })
 }
 
-/// Updated sums and single rays are the same rule in whole numbers, so voxels and scores agree, also at the edge of sight.
+/// Updated sums and single rays are the same rule in whole numbers, so voxels and scores agree, also at the edge of
+/// sight.
 #[test]
 fn updated_sums_are_the_rays_one_by_one() {
     let image = speckle();
@@ -77,8 +78,8 @@ fn updated_sums_are_the_rays_one_by_one() {
     }
 }
 
-/// By hand: 4 of 100 pixels at the floor of 1e-6 and the rest at 0.1 have a geometric mean of 10^(-0.96 - 0.24). With shares,
-/// 4 in 100 are dark.
+/// By hand: 4 of 100 pixels at the floor of 1e-6 and the rest at 0.1 have a geometric mean of 10^(-0.96 - 0.24). With
+/// shares, 4 in 100 are dark.
 #[test]
 fn scores_by_hand() {
     let mut image = Array2::from_elem((10, 10), 0.1f32);
@@ -138,8 +139,8 @@ fn black_images_keep_nothing() {
     assert!(support.indices.is_empty());
 }
 
-/// By hand: noise of +-3, a block of light of 100 and one pixel of 200. Then sum I^2 / sum I is near 100, and the darkest
-/// tiles show the noise.
+/// By hand: noise of +-3, a block of light of 100 and one pixel of 200. Then sum I^2 / sum I is near 100, and the
+/// darkest tiles show the noise.
 #[test]
 fn the_threshold_follows_the_light_and_the_noise() {
     let block = |scale: f32| {
@@ -157,7 +158,7 @@ fn the_threshold_follows_the_light_and_the_noise() {
     assert_eq!(Automatic::new(Array2::zeros((3, 3)).view()).threshold, 0.0);
 }
 
-/// Of three places one lies in a voxel that is kept, one in a voxel that is not, and one outside.
+/// Three places: one lies in a voxel that is kept, one in a voxel that is not, and one outside.
 #[test]
 fn places_are_lost_with_their_voxel() {
     let grid = Grid { shape: [4, 4, 4], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
@@ -165,8 +166,8 @@ fn places_are_lost_with_their_voxel() {
     assert_eq!(support.lost(&grid, &[[1.4, 1.6, 3.3], [1.6, 1.6, 3.3], [1.0, 2.0, 3.6]]), (2, 1));
 }
 
-/// Sums along lines give the voxels and scores of single rays: for every shape of cell and stop, at the edge of sight, for
-/// voxels on the edges of cells, and for voxels larger than cells.
+/// Sums along lines give the voxels and scores of single rays: for every shape of cell and stop, at the edge of sight,
+/// for voxels on the edges of cells, and for voxels larger than cells.
 #[test]
 fn sums_along_lines_are_the_rays_one_by_one() {
     let image = speckle();
@@ -322,8 +323,8 @@ fn sections_of_the_paper_may_be_typed_out() {
     }
 }
 
-/// The rays of 2 sections are among those of 14, since 14 / 2 is odd. So if the darkest pixel decides, 2 sections keep every
-/// voxel that 14 keep. A voxel that lit the image is kept by any number of sections.
+/// The rays of 2 sections are among those of 14, since 14 / 2 is odd. So if the darkest pixel decides, 2 sections keep
+/// every voxel that 14 keep. A voxel that lit the image is kept by any number of sections.
 #[test]
 fn fewer_sections_lose_no_light() {
     let grid = grid();

@@ -12,10 +12,10 @@ pub struct Automatic {
     pub threshold: f64,
 }
 
-/// Threshold over the mean brightness of the light itself, sum I^2 / sum I. This mean grows with the overlap of particles, as
-/// their scores do, and not with the size of the image, as its brightest pixel does. In the ready scenes `core` and `full`
-/// the voxel of a particle scores at least a quarter of it, also with noise of 2 % of the brightest pixel. Half of this
-/// value keeps twice the voxels.
+/// Threshold over the mean brightness of the light itself, sum I^2 / sum I. This mean grows with the overlap of
+/// particles, as their scores do, and not with the size of the image, as its brightest pixel does. In the ready scenes
+/// `core` and `full` the voxel of a particle scores at least a quarter of it, also with noise of 2 % of the brightest
+/// pixel. Half of this value keeps twice the voxels.
 const SHARE: f64 = 0.2;
 
 impl Automatic {

@@ -45,7 +45,7 @@ impl Aligned {
         self.profile(1, y, z, out);
     }
 
-    /// What the stop leaves of a row piece.
+    /// The cut of a row piece by the stop.
     pub fn chords(&self, row: &Piece) -> Chords {
         self.geometry.chords(row)
     }

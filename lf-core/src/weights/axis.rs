@@ -62,8 +62,8 @@ impl Span {
 }
 
 impl Axis {
-    /// The part (low, high) of the aperture whose light can fall within `span`. `t0 = x_m(0) - c` is the chief ray's place
-    /// from the lenslet's centre. The part is empty if low >= high.
+    /// The part (low, high) of the aperture whose light can fall within `span`. `t0 = x_m(0) - c` is the chief ray's
+    /// place from the lenslet's centre. The part is empty if low >= high.
     pub(super) fn aperture_part(&self, t0: f64, span: &Span) -> (f64, f64) {
         let (low, high) = (span.low - span.blur.reach() - t0, span.high + span.blur.reach() - t0);
         let half = self.half_aperture;
@@ -145,8 +145,8 @@ impl Axis {
         }
     }
 
-    /// The part of `[lower, upper]` inside the cell's sharp edges, where most of the light comes through. If there is none,
-    /// the end of the interval nearer to the cell, twice.
+    /// The part of `[lower, upper]` inside the cell's sharp edges, where most of the light comes through. If there is
+    /// none, the end of the interval nearer to the cell, twice.
     pub(super) fn unblurred(&self, t0: f64, span: &Span, lower: f64, upper: f64) -> (f64, f64) {
         if self.alpha.abs() * self.half_aperture < 1e-12 {
             return (lower, upper);
@@ -162,8 +162,8 @@ impl Axis {
         }
     }
 
-    /// The paper's weights w1 w2 / n: w1 is the share of a section's beam on the lenslet, w2 the share on a pixel of a square
-    /// about its chief ray, and 1/n the section's share of the aperture.
+    /// The paper's weights w1 w2 / n: w1 is the share of a section's beam on the lenslet, w2 the share on a pixel of a
+    /// square about its chief ray, and 1/n the section's share of the aperture.
     fn drt(&self, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
         let t0 = x0 - centre;
         let (low, high) = self.aperture_part(t0, span);

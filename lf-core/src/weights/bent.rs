@@ -1,9 +1,9 @@
 //! Weights of a camera whose rays bend: a medium before the lens, or a sensor that is not parallel to the array.
 //!
-//! The aperture is cut into sections so small that the rays of one section run straight: the place on the array is linear
-//! in the place in the aperture, and so is the place on the sensor, lenslet by lenslet. A table gives the share of a
-//! section's beam that a lenslet's cell takes; this light falls evenly on the pixels between the ends of its image.
-//! About 0.1 us a section.
+//! The aperture is cut into sections so small that the rays of one section run straight: the place on the array is
+//! linear in the place in the aperture, and so is the place on the sensor, lenslet by lenslet. A table gives the share
+//! of a section's beam that a lenslet's cell takes; this light falls evenly on the pixels between the ends of its
+//! image. About 0.1 us a section.
 
 use super::axis::Span;
 use super::blur::Blur;
@@ -13,7 +13,8 @@ use crate::optics::Optics;
 use glam::DVec2;
 use std::sync::OnceLock;
 
-/// Sections of the aperture for each pixel under a lenslet: with 1 the error is 2 to 4 % of a voxel's light, with 2 it is 1 %.
+/// Sections of the aperture for each pixel under a lenslet: with 1 the error is 2 to 4 % of a voxel's light, with 2 it
+/// is 1 %.
 const SECTIONS_PER_PIXEL: usize = 2;
 /// Points a side of the table of a cell's shares.
 const STEPS: usize = 128;
@@ -149,8 +150,8 @@ impl Bent {
     /// The cell's shares of the beams of slice `z`.
     fn shares(&self, z: usize) -> &CellShares {
         self.shares[z].get_or_init(|| {
-            // The beam of the slice is taken on the axis, half way out of the aperture: its width matters little beside the
-            // cell's.
+            // The beam of the slice is taken on the axis, half way out of the aperture: its width matters little beside
+            // the cell's.
             let Geometry { optics, grid, .. } = &self.geometry;
             let half_way = 0.5 * optics.half_aperture_mm();
             let hit = optics.array_from_object(DVec2::ZERO, grid.centre_mm(2, z), DVec2::new(half_way, 0.0));

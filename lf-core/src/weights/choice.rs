@@ -112,8 +112,9 @@ impl Weights {
         }
     }
 
-    /// Calls `found(column, row, weight)` for the pixels of a voxel on the rows that `wanted` accepts. A pixel may come more
-    /// than once: its weight is the sum. Uses no table of profiles or lenslets, so it is slow and exact on every path.
+    /// Calls `found(column, row, weight)` for the pixels of a voxel on the rows that `wanted` accepts. A pixel may come
+    /// more than once: its weight is the sum. Uses no table of profiles or lenslets, so it is slow and exact on every
+    /// path.
     pub fn visit(
         &self,
         voxel: [usize; 3],
@@ -128,8 +129,8 @@ impl Weights {
         }
     }
 
-    /// Calls `found(row, first column, share, columns)` for the weights of a voxel on the wanted rows:
-    /// `share * columns[n]` on pixel `first column + n`. Columns come in fours; up to three behind the sensor's last have no
+    /// Calls `found(row, first column, share, columns)` for the weights of a voxel on the wanted rows: `share *
+    /// columns[n]` on pixel `first column + n`. Columns come in fours; up to three behind the sensor's last have no
     /// weight. A pixel may come more than once. Looks lenslets up where the path has them.
     #[inline(always)]
     pub fn runs(
@@ -149,7 +150,7 @@ impl Weights {
 }
 
 impl Path {
-    /// What the path does, in words that follow "weights".
+    /// The work of the path, in words that follow "weights".
     pub fn about(&self) -> &'static str {
         match self {
             Self::Aligned(_) => "from profiles of columns and rows, the fastest way",

@@ -1,4 +1,4 @@
-//! What every path to the weights shares: camera, grid, model, and the slices and cells derived from them.
+//! The common base of every path to the weights: camera, grid and model, and the slices and cells derived from them.
 
 use super::axis::Axis;
 use super::blur::Blur;

@@ -4,9 +4,9 @@
 //! The weight w(voxel, pixel) is the share of the light that a voxel sends through the aperture and that lands on the
 //! pixel. Weights are not negative. They sum to 1 over the pixels of a voxel whose light all reaches the sensor.
 //!
-//! A lenslet's cell is a stack of upright rectangles. In each rectangle a weight is the product of a column's share and a
-//! row's share ([`Piece`]), times what a round stop leaves of it ([`Chords`]). If the cells are aligned with the pixels,
-//! the column shares of a voxel serve all its rows: see [`Aligned`].
+//! A lenslet's cell is a stack of upright rectangles. In each rectangle a weight is the product of a column's share and
+//! a row's share ([`Piece`]), times what a round stop leaves of it ([`Chords`]). If the cells are aligned with the
+//! pixels, the column shares of a voxel serve all its rows: see [`Aligned`].
 //!
 //! Sources: the exact weights integrate the equations of [`crate::optics`]; the dense-ray-tracing weights are those of
 //! Shi, Ding, New & Soria (2017); the sphere weights are those of Elsinga et al. (2006).

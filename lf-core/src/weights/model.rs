@@ -1,4 +1,4 @@
-//! What weights model: the optics, what a voxel stands for, and the sections of the aperture.
+//! Settings of the weights: the model of the optics, the meaning of a voxel, and the sections of the aperture.
 
 use crate::Refusal;
 use crate::camera::Camera;
@@ -9,18 +9,18 @@ use std::ops::RangeInclusive;
 pub enum Model {
     /// Geometric optics without sampling.
     Exact,
-    /// The paper's dense ray tracing: n x n sections of the aperture, one beam and one chief ray each. As `n` grows, the
-    /// weights become the exact ones.
+    /// The paper's dense ray tracing: n x n sections of the aperture, one beam and one chief ray each. As `n` grows,
+    /// the weights become the exact ones.
     Drt {
         /// n; None for the paper's number, [`aperture_sections`].
         sections: Option<usize>,
     },
-    /// Tomographic PIV's, for comparison: a sphere for the voxel, a cylinder for a pixel's line of sight. It ignores the
-    /// [`Basis`].
+    /// Tomographic PIV's, for comparison: a sphere for the voxel, a cylinder for a pixel's line of sight. It ignores
+    /// the [`Basis`].
     Sphere,
 }
 
-/// What a voxel stands for, seen sideways. The weights are averaged over it.
+/// The meaning of a voxel, seen sideways. The weights are averaged over it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Basis {
     /// Its centre.

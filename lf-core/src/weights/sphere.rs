@@ -106,7 +106,8 @@ impl Sphere {
     }
 }
 
-/// Share of a sphere of radius `sphere` that lies within `cylinder` of a line; the line passes the middle at `distance`.
+/// Share of a sphere of radius `sphere` that lies within `cylinder` of a line; the line passes the middle at
+/// `distance`.
 fn inside(distance: f64, sphere: f64, cylinder: f64) -> f64 {
     let (mut within, mut all) = (0.0, 0.0);
     for ring in 0..RINGS {

@@ -140,8 +140,8 @@ fn subsets_of_rows_add_up_to_the_whole() {
     }
 }
 
-/// Total variation distance between a voxel's weights and the pixels hit by rays drawn evenly over the stop and the basis,
-/// and the sampling noise of so many rays.
+/// Total variation distance between a voxel's weights and the pixels hit by rays drawn evenly over the stop and the
+/// basis, and the sampling noise of so many rays.
 fn distance_from_rays(camera: &Camera, grid: &Grid, basis: Basis, voxel: [usize; 3], rays: usize) -> (f64, f64) {
     let optics = Optics::new(camera);
     let weights = Weights::choose(camera, grid, Model::Exact, basis).unwrap();
@@ -251,8 +251,8 @@ fn exact_weights_follow_every_block() {
     }
 }
 
-/// A line of sight through a lenslet's middle stands for the whole lenslet. Out of focus a lenslet is a small part of the
-/// beam; there spheres and cylinders come near the exact weights, and they sum to 1.
+/// A line of sight through a lenslet's middle stands for the whole lenslet. Out of focus a lenslet is a small part of
+/// the beam; there spheres and cylinders come near the exact weights, and they sum to 1.
 #[test]
 fn spheres_are_rough_but_near_the_exact_weights() {
     let grid = grid([41, 41, 21], [1.0, 1.0, 90.0]);
@@ -274,8 +274,8 @@ fn spheres_are_rough_but_near_the_exact_weights() {
     }
 }
 
-/// Tables against integrals for every camera, basis and depth, on all rows and on one row in fourteen. Tables round a place
-/// to 1/128 px, or to as little on the array.
+/// Tables against integrals for every camera, basis and depth, on all rows and on one row in fourteen. Tables round a
+/// place to 1/128 px, or to as little on the array.
 #[test]
 fn lenslets_looked_up_are_the_same_weights() {
     // The grid is twice as wide as the sensor: some voxels are seen in part, some by no pixel.
@@ -365,8 +365,8 @@ fn many_sections_are_the_exact_weights() {
     }
 }
 
-/// In focus and on a lenslet's middle, all light goes through that lenslet, and its image of the stop is k D = 14 pixels
-/// wide. Two sections have squares of 7 pixels that touch, so they light the 14 pixels evenly.
+/// In focus and on a lenslet's middle, all light goes through that lenslet, and its image of the stop is k D = 14
+/// pixels wide. Two sections have squares of 7 pixels that touch, so they light the 14 pixels evenly.
 #[test]
 fn wide_sections_by_hand() {
     let camera = seed(40, Aperture::Square, Layout::Square, 0.0);

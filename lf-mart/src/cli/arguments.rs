@@ -40,11 +40,11 @@ pub struct Arguments {
     /// How weights are computed
     #[arg(long, value_enum, default_value_t = WeightsName::Exact)]
     pub weights: WeightsName,
-    /// Sections of the aperture a side with --weights drt, 2 to 64; many sections come near the exact weights, fewer than the
-    /// pixels under a lenslet are far from them [default: pixels under a lenslet]
+    /// Sections of the aperture a side with --weights drt, 2 to 64; many sections come near the exact weights, fewer
+    /// than the pixels under a lenslet are far from them [default: pixels under a lenslet]
     #[arg(long, value_name = "N")]
     pub sections: Option<usize>,
-    /// What a voxel stands for, seen sideways [default: blob with exact weights, point with drt]
+    /// Meaning of a voxel, seen sideways [default: blob with exact weights, point with drt]
     #[arg(long, value_enum)]
     pub basis: Option<BasisName>,
     /// Standard deviation of a blob, voxels [default: 0.65]
@@ -56,8 +56,8 @@ pub struct Arguments {
     /// Most sweeps over all pixels [default: 60, for a tile 20; with smart and mlem 100, with mart 30]
     #[arg(long, value_name = "N")]
     pub iterations: Option<usize>,
-    /// End sooner: when the misfit stalls, at the image's noise, at this misfit, or never [default: stall; with smart, mlem
-    /// and mart never; for a tile never, since each tile would end at its own misfit]
+    /// End sooner: when the misfit stalls, at the image's noise, at this misfit, or never [default: stall; with smart,
+    /// mlem and mart never; for a tile never, since each tile would end at its own misfit]
     #[arg(long, value_name = "stall|noise|MISFIT|never")]
     pub until: Option<String>,
     /// Factor of the exponent; the paper uses 2 to 2.5 with mart [default: 1.5; with smart and mlem 1, with mart 2.5]
@@ -88,14 +88,15 @@ pub struct Arguments {
     pub common: Common,
 }
 
-/// Sweeps of a tile if nothing sets them. All tiles of a volume need as many, and none knows when the whole volume stalls.
+/// Sweeps of a tile if nothing sets them. All tiles of a volume need as many, and none knows when the whole volume
+/// stalls.
 const TILE_ITERATIONS: usize = 20;
 
 /// Standard deviation of a blob if neither an option nor a preset sets it, voxels.
 const BLOB: f64 = 0.65;
 
 impl Arguments {
-    /// The basis typed; with exact weights the preset's; else the one that suits the weights.
+    /// The basis typed; otherwise the preset's with exact weights; otherwise the one that suits the weights.
     fn basis(&self) -> Basis {
         let preset = self.preset.map(preset::values);
         let is_exact = self.weights == WeightsName::Exact;
@@ -108,8 +109,8 @@ impl Arguments {
         }
     }
 
-    /// The options of a reconstruction, for a whole volume or a tile. `sigma` measures the noise of the image, counts, if it
-    /// is needed.
+    /// The options of a reconstruction, for a whole volume or a tile. `sigma` measures the noise of the image, counts,
+    /// if it is needed.
     ///
     /// # Errors
     /// If options do not go together or a number is outside its range.
@@ -185,7 +186,7 @@ impl Arguments {
         Ok(())
     }
 
-    /// What the preset sets, as it would be typed, each with whether it holds: typed options override it.
+    /// The settings of the preset, as they would be typed, each with whether it holds: typed options override it.
     pub fn preset_settings(&self, preset: Preset) -> impl Iterator<Item = (String, bool)> {
         let is_exact = self.weights == WeightsName::Exact;
         let holds = [self.iterations.is_none(), self.until.is_none(), self.basis.is_none() && is_exact];

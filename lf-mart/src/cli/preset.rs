@@ -1,4 +1,4 @@
-//! What `--preset` sets, with --method subsets. Change it here, and nowhere else, when it is measured again.
+//! The values of `--preset`, for --method subsets. Change them here, and nowhere else, when they are measured again.
 
 use super::names::BasisName;
 use lf_core::cli::{Preset, word};
@@ -9,7 +9,7 @@ pub struct Values {
     pub iterations: usize,
     /// When to end sooner, as it would be typed.
     pub until: &'static str,
-    /// What a voxel stands for. Blobs of the default's width give the best Q, but larger errors in displacement.
+    /// The basis. Blobs of the default's width give the best Q, but larger errors in displacement.
     pub basis: BasisName,
 }
 

@@ -43,7 +43,8 @@ impl Problem<'_> {
         self.indices.iter().map(first).collect()
     }
 
-    /// Whether the sweeps so far are enough. `pixels` counts the pixels reached; `light` is the root of their sum of squares.
+    /// Whether the sweeps so far are enough. `pixels` counts the pixels reached; `light` is the root of their sum of
+    /// squares.
     pub(super) fn is_done(&self, sweeps: &[Sweep], pixels: usize, light: f64) -> bool {
         let Some(last) = sweeps.last() else { return false };
         match self.options.until {

@@ -4,8 +4,8 @@
 //! E_j <- E_j (I_i / sum_j w_ij E_j)^(mu w_ij)
 //! ```
 //!
-//! The result depends on the order of the pixels, which the paper does not give. Here it is the order of the image: rows
-//! from the top, each from the left. The method needs the weights pixel by pixel, so they are stored.
+//! The result depends on the order of the pixels, which the paper does not give. Here it is the order of the image:
+//! rows from the top, each from the left. The method needs the weights pixel by pixel, so they are stored.
 
 use super::problem::{GREATEST_STRENGTH, Misfit, Problem, Solved, change};
 use crate::operator::count_weights;
@@ -21,8 +21,8 @@ struct Weight {
     weight: f32,
 }
 
-/// Strengths below this become 0. Voxels fade for ever, and the light of a faint one becomes a denormal number; these took
-/// most of the time of hundreds of sweeps.
+/// Strengths below this become 0. Voxels fade for ever, and the light of a faint one becomes a denormal number; these
+/// took most of the time of hundreds of sweeps.
 const LEAST_STRENGTH: f32 = 1e-25;
 
 /// Voxels whose weights are made at once, to be stored in their order.
@@ -55,8 +55,8 @@ fn voxel_weights(weights: &Weights, index: u64, buffers: &mut Buffers) -> Vec<(u
     }
 }
 
-/// Behind a square stop the weights of an aligned camera are the products of a voxel's column shares with its row shares,
-/// each summed over the lenslets.
+/// Behind a square stop the weights of an aligned camera are the products of a voxel's column shares with its row
+/// shares, each summed over the lenslets.
 fn products(aligned: &Aligned, index: u64, buffers: &mut Buffers) -> Vec<(u32, f32)> {
     let [x, y, z] = aligned.grid().voxel(index);
     let [width, _] = aligned.sensor_px();
@@ -67,8 +67,8 @@ fn products(aligned: &Aligned, index: u64, buffers: &mut Buffers) -> Vec<(u32, f
     pieces.clear();
     aligned.rows(y, z, pieces);
     summed(pieces, rows);
-    // Keep shares apart from their pixels. Multiplied in pairs, the pixels' bits would be denormal numbers, thirty times
-    // slower.
+    // Keep shares apart from their pixels. Multiplied in pairs, the pixels' bits would be denormal numbers, thirty
+    // times slower.
     let scale = aligned.scale();
     shares.clear();
     shares.extend(columns.iter().map(|(_, share)| scale * share));

@@ -27,13 +27,13 @@ const SUBSETS: usize = 14;
 /// changes Q by less than 3e-4 (upwards).
 const SPENT: f32 = 1e-4;
 
-/// The same during the subsets' first sweeps, which clear the haze. On the ready scenes `core` and `full` this takes a third
-/// of the time and changes Q by less than 1e-3.
+/// The same during the subsets' first sweeps, which clear the haze. On the ready scenes `core` and `full` this takes a
+/// third of the time and changes Q by less than 1e-3.
 const SPENT_AT_FIRST: f32 = 3e-3;
 const FIRST_SWEEPS: usize = 2;
 
-/// The same while weights are remade at every use, when each voxel costs most: a quarter of the time again, and less than
-/// 2e-3 of Q.
+/// The same while weights are remade at every use, when each voxel costs most: a quarter of the time again, and less
+/// than 2e-3 of Q.
 const SPENT_WHERE_REMADE: f32 = 1e-2;
 
 /// Subsets in an order in which neighbours are far apart: steps of 5 modulo 14.

@@ -3,8 +3,8 @@
 use crate::operator::keep;
 use lf_core::grid::Grid;
 
-/// Voxels in blocks along x and y of the whole grid; z is not divided. The strongest voxel in a voxel's block and the eight
-/// around it decides. So a tile drops what the whole volume drops, except near the tile's edge.
+/// Voxels in blocks along x and y of the whole grid; z is not divided. The strongest voxel in a voxel's block and the
+/// eight around it decides. So a tile drops what the whole volume drops, except near the tile's edge.
 pub(super) struct Neighbourhood {
     /// Blocks along x and y, one more on every side.
     blocks: [usize; 2],

@@ -20,7 +20,8 @@ pub(crate) enum Storage {
 }
 
 impl Storage {
-    /// What [`Operator::new`] will do, and the bytes of its weights: an estimate from a sample of voxels and slices.
+    /// Foretells [`Operator::new`]: the storage, and the bytes of the weights, an estimate from a sample of voxels and
+    /// slices.
     pub(crate) fn choose(weights: &Weights, indices: &[u64], max_bytes: u64) -> (Self, u64) {
         if let Path::Aligned(aligned) = weights.path() {
             return (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices));
@@ -40,7 +41,8 @@ pub(crate) enum Operator<'a> {
 }
 
 impl<'a> Operator<'a> {
-    /// For image rows in `subsets` interleaved subsets. Weights are kept if they take no more than a part of `max_bytes`.
+    /// For image rows in `subsets` interleaved subsets. Weights are kept if they take no more than a part of
+    /// `max_bytes`.
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
         match weights.path() {
             Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets))),
@@ -87,7 +89,8 @@ impl<'a> Operator<'a> {
         }
     }
 
-    /// Calls `update(j, strength, sum_i w_ij v_i, sum_i w_ij)` on every voxel's strength, with i over the subset's rows.
+    /// Calls `update(j, strength, sum_i w_ij v_i, sum_i w_ij)` on every voxel's strength, with i over the subset's
+    /// rows.
     pub(crate) fn back_project(
         &self,
         rows: RowSet,

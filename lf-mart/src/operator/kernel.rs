@@ -1,5 +1,5 @@
-//! Column profiles and the two inner loops over them, for the widest vectors of the machine: spread a strength onto image
-//! rows, gather from them. No branch in the loops depends on data.
+//! Column profiles and the two inner loops over them, for the widest vectors of the machine: spread a strength onto
+//! image rows, gather from them. No branch in the loops depends on data.
 
 #[cfg(target_arch = "x86_64")]
 use super::kernel_avx2;
@@ -153,7 +153,7 @@ unsafe fn spread(plane: &mut [f32], strength: f32, rows: &[LitRow], profile: Pro
 /// A voxel's weighted sum over rows of `plane`, and the sum of the weights.
 ///
 /// # Safety
-/// As for [`spread`].
+/// The same as for [`spread`].
 #[inline(always)]
 unsafe fn gather(plane: &[f32], rows: &[LitRow], profile: Profile, level: Level) -> (f32, f32) {
     // SAFETY: as the caller says.

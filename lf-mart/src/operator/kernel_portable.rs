@@ -9,7 +9,7 @@ use super::taps::{CutTap, Tap};
 /// Adds a voxel's light to rows of `plane`.
 ///
 /// # Safety
-/// As the module says.
+/// See the module.
 #[inline(always)]
 pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[Tap]) {
     for row in rows {
@@ -24,7 +24,7 @@ pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitR
 /// The same behind a round stop.
 ///
 /// # Safety
-/// As the module says.
+/// See the module.
 #[inline(always)]
 pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[CutTap]) {
     for row in rows {
@@ -39,7 +39,7 @@ pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow
 /// A voxel's weighted sum over rows of `plane`, and the sum of the weights. `sum` is the sum of the taps' shares.
 ///
 /// # Safety
-/// As the module says.
+/// See the module.
 #[inline(always)]
 pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], sum: f32) -> (f32, f32) {
     let (mut all, mut weight) = (0.0, 0.0);
@@ -63,7 +63,7 @@ pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], 
 /// The same behind a round stop.
 ///
 /// # Safety
-/// As the module says.
+/// See the module.
 #[inline(always)]
 pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap]) -> (f32, f32) {
     let (mut all, mut weight) = (0.0, 0.0);
@@ -89,7 +89,7 @@ pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap])
 /// Adds shares of light at two runs of columns of a row. The runs may overlap.
 ///
 /// # Safety
-/// As the module says.
+/// See the module.
 #[inline(always)]
 unsafe fn add(plane: &mut [f32], start: usize, columns: [u32; 2], light: f32, shares: &[f32; 8]) {
     for half in 0..2 {

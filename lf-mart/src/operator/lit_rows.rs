@@ -9,7 +9,7 @@ pub(super) struct LitRow {
     pub(super) start: usize,
     /// The row's share of the light.
     pub(super) share: f32,
-    /// What a round stop leaves of it.
+    /// The cut by a round stop.
     pub(super) chords: Chords,
 }
 

@@ -24,8 +24,8 @@ impl ProfileWeights {
         }
     }
 
-    /// A thread has a band of image rows to itself and goes through the slices. The profiles of one slice and the band's rows
-    /// stay in its cache. Light lands on a pixel in the order of the voxels, for any number of threads.
+    /// A thread has a band of image rows to itself and goes through the slices. The profiles of one slice and the
+    /// band's rows stay in its cache. Light lands on a pixel in the order of the voxels, for any number of threads.
     pub(super) fn project(&self, rows: RowSet, strengths: &[f32], plane: &mut Plane) {
         let stride = plane.stride;
         let bands = plane.values.par_chunks_mut(self.band * stride).enumerate();

@@ -1,5 +1,5 @@
-//! The weights of an aligned camera: a column profile for each x and z, and a row profile for each line (y, z) of voxels.
-//! A voxel of 1000 weights costs two profiles of 30.
+//! The weights of an aligned camera: a column profile for each x and z, and a row profile for each line (y, z) of
+//! voxels. A voxel of 1000 weights costs two profiles of 30.
 
 use super::held::keep;
 use super::kernel::ColumnProfiles;
@@ -187,8 +187,8 @@ impl ProfileWeights {
         }
     }
 
-    /// Bytes of the profiles, twice, as while they are brought together: an estimate from a sample of the slices. There is a
-    /// column profile for each x and z of the support and a row profile for each y and z.
+    /// Bytes of the profiles, twice, as while they are brought together: an estimate from a sample of the slices. There
+    /// is a column profile for each x and z of the support and a row profile for each y and z.
     pub(super) fn foretold_bytes(aligned: &Aligned, indices: &[u64]) -> u64 {
         let [nx, ny, nz] = aligned.grid().shape;
         let has_round_stop = aligned.has_round_stop();
@@ -237,8 +237,8 @@ impl ProfileWeights {
             .sum()
     }
 
-    /// The sum of each voxel's weights. A round stop is assumed to cut as much from a voxel at the edge of sight as from
-    /// any other.
+    /// The sum of each voxel's weights. A round stop is assumed to cut as much from a voxel at the edge of sight as
+    /// from any other.
     pub(super) fn shares(&self) -> Vec<f32> {
         let mut shares = Vec::with_capacity(self.profiles.len());
         for (line, sum) in self.line_sums.iter().enumerate() {

@@ -14,8 +14,8 @@ pub struct Projector<'a> {
 }
 
 impl<'a> Projector<'a> {
-    /// For the voxels `indices` (rising) of the weights' grid. Cameras that are not aligned keep their weights if these take
-    /// no more than four fifths of `max_bytes`.
+    /// For the voxels `indices` (rising) of the weights' grid. Cameras that are not aligned keep their weights if these
+    /// take no more than four fifths of `max_bytes`.
     pub fn new(weights: &'a Weights, indices: &[u64], max_bytes: u64) -> Self {
         let [width, height] = weights.sensor_px();
         let operator = Operator::new(weights, indices, 1, max_bytes);

@@ -1,4 +1,5 @@
-//! Column profiles as the kernels read them: "taps" of two runs of four columns, the lanes of the narrowest vector unit.
+//! Column profiles as the kernels read them: "taps" of two runs of four columns, the lanes of the narrowest vector
+//! unit.
 
 use lf_core::weights::Piece;
 
@@ -99,7 +100,7 @@ pub(super) fn fill<T: Fill>(pieces: &[Piece], taps: &mut Vec<T>) {
 }
 
 impl CutTap {
-    /// What the stop leaves of each share, for half chords at the three nodes of a row.
+    /// The part of each share inside the stop, for half chords at the three nodes of a row.
     #[inline(always)]
     pub(super) fn inside(&self, [a, b, c]: [f32; 3]) -> [f32; 8] {
         // `f32::clamp` also handles NaN, which takes longer.

@@ -1,4 +1,5 @@
-//! Weights voxel by voxel, for cameras that are not aligned: kept in memory if they fit, else made anew at every use.
+//! Weights voxel by voxel, for cameras that are not aligned: kept in memory if they fit, and otherwise made anew at
+//! every use.
 
 use super::held::keep;
 use super::plane::Plane;
@@ -7,11 +8,12 @@ use super::voxel_sums::{gather, spread};
 use lf_core::weights::{RowSet, Scratch, Weights};
 use rayon::prelude::*;
 
-/// Blocks of the support that are projected apart and added in order, so that the sum is the same for any number of threads.
+/// Blocks of the support, which are projected separately and added in order, so that the sum is the same for any number
+/// of threads.
 const BLOCKS: usize = 8;
 
-/// Weights are kept once those of all voxels held take no more than this part of the memory allowed. Making them anew takes
-/// ten to a hundred times as long.
+/// Weights are kept once those of all voxels held take no more than this part of the memory allowed. Making them anew
+/// takes ten to a hundred times as long.
 const KEPT_PART: f64 = 0.8;
 
 /// Bytes that kept weights may take, of the bytes allowed for everything.

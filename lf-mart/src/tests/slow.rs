@@ -78,9 +78,9 @@ pub(super) fn mart(matrix: &Array2<f64>, image: &Array1<f64>, sweeps: usize, rel
     e
 }
 
-/// One voxel on one pixel of 8 counts with weight 0.5: E = 8 at the start and p = 4, so eq. 1 with mu = 1 gives 8 * 2^0.5. A
-/// simultaneous step takes the whole logarithm and gives 8 * 2. Two voxels on one pixel of 6 counts: both start at 3,
-/// p = 0.5 3 + 0.25 3 = 2.25, and a simultaneous step multiplies both by 6 / 2.25.
+/// One voxel on one pixel of 8 counts with weight 0.5: E = 8 at the start and p = 4, so eq. 1 with mu = 1 gives 8 *
+/// 2^0.5. A simultaneous step takes the whole logarithm and gives 8 * 2. Two voxels on one pixel of 6 counts: both
+/// start at 3, p = 0.5 3 + 0.25 3 = 2.25, and a simultaneous step multiplies both by 6 / 2.25.
 #[test]
 fn by_hand() {
     let image = Array1::from_elem(1, 8.0);
@@ -98,8 +98,8 @@ fn by_hand() {
     assert!((e[0] - 3.0 * ratio.powf(0.5)).abs() < 1e-12 && (e[1] - 3.0 * ratio.powf(0.25)).abs() < 1e-12);
 }
 
-/// One voxel of weight 0.5 on two pixels of 1 and 4 counts: E = 5, and p = 2.5 on both. The mean of the ratios 0.4 and 1.6 is
-/// 1, so MLEM stays at 5. The mean of their logarithms is the logarithm of 0.8, so SMART goes to 4.
+/// One voxel of weight 0.5 on two pixels of 1 and 4 counts: E = 5, and p = 2.5 on both. The mean of the ratios 0.4 and
+/// 1.6 is 1, so MLEM stays at 5. The mean of their logarithms is the logarithm of 0.8, so SMART goes to 4.
 #[test]
 fn means_of_ratios_and_of_logarithms_by_hand() {
     let weights = Array2::from_shape_vec((2, 1), vec![0.5, 0.5]).unwrap();

@@ -48,8 +48,8 @@ pub struct Arguments {
     /// Volume (.lfv) whose voxels to take, so that volumes by two cameras can be compared
     #[arg(long, value_name = "FILE", conflicts_with_all = ["preset", "pvr", "depth", "bounds"])]
     pub like: Option<PathBuf>,
-    /// Sections of the aperture a side, 2 to 64, each a ray of a voxel; fewer sections are faster and keep more [default:
-    /// pixels under a lenslet]
+    /// Sections of the aperture a side, 2 to 64, each a ray of a voxel; fewer sections are faster and keep more
+    /// [default: pixels under a lenslet]
     #[arg(long, value_name = "N")]
     pub sections: Option<usize>,
     /// How the pixels of a voxel become its score [default: geometric]
@@ -64,13 +64,13 @@ pub struct Arguments {
     /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest
     #[arg(long, value_name = "SHARE", default_value_t = DARK)]
     pub dark: f64,
-    /// Prune one of N tiles, I from 1 to N, of a volume too large for one machine. The grid is cut in x and y into nearly
-    /// square blocks; the voxels of one block are kept, and those around it that lf-mart needs. lf-xcorr and `lf-validate
-    /// quality` take all tiles for the whole volume
+    /// Prune one of N tiles, I from 1 to N, of a volume too large for one machine. The grid is cut in x and y into
+    /// nearly square blocks; the voxels of one block are kept, and those around it that lf-mart needs. lf-xcorr and
+    /// `lf-validate quality` take all tiles for the whole volume
     #[arg(long, value_name = "I/N", value_parser = tile_number)]
     pub tile: Option<[usize; 2]>,
-    /// Distance from a tile's block within which pixels count, mm at the focal plane; a larger halo makes the tile's edges more
-    /// accurate [default: eight lenslets and 1.25 times the width of its farthest voxel's beam]
+    /// Distance from a tile's block within which pixels count, mm at the focal plane; a larger halo makes the tile's
+    /// edges more accurate [default: eight lenslets and 1.25 times the width of its farthest voxel's beam]
     #[arg(long, value_name = "MM", requires = "tile")]
     pub halo: Option<f64>,
     /// particles.csv of the image: report how many of its particles are lost
@@ -82,7 +82,8 @@ pub struct Arguments {
     /// Keep every voxel that can be seen: the baseline of plain MART, not a mode to recommend
     #[arg(long)]
     pub keep_all: bool,
-    /// Only print the resources needed, from a few slices: {"memory_bytes", "voxels", "kept"} as JSON on standard output
+    /// Only print the resources needed, from a few slices: {"memory_bytes", "voxels", "kept"} as JSON on standard
+    /// output
     #[arg(long)]
     pub estimate: bool,
     /// Support (.lfv), - for standard output
@@ -153,7 +154,7 @@ impl Arguments {
         self.threshold.parse().ok()
     }
 
-    /// What the preset sets, as it would be typed, each with whether it holds: typed options override it.
+    /// The settings of the preset, as they would be typed, each with whether it holds: typed options override it.
     pub fn preset_settings(&self, preset: Preset) -> impl Iterator<Item = (String, bool)> {
         let holds = [self.pvr.is_none(), self.score.is_none()];
         preset::values(preset).typed().into_iter().zip(holds)
@@ -196,7 +197,7 @@ impl Arguments {
             .map_err(|refusal| refusal.about("--pvr, --depth, --bounds"))
     }
 
-    /// What sets the grid: the subject of a refusal.
+    /// The options or the file that set the grid: the subject of a refusal.
     pub fn grid_subject(&self) -> String {
         self.like.as_deref().map_or_else(|| "--depth, --pvr, --bounds".to_string(), io::name)
     }

@@ -1,4 +1,4 @@
-//! What `--preset` sets. Change it here, and nowhere else, when it is measured again.
+//! The values of `--preset`. Change them here, and nowhere else, when they are measured again.
 
 use super::score_name::ScoreName;
 use lf_core::cli::{Preset, word};

@@ -1,10 +1,10 @@
-//! Scores for a square lattice that is aligned with the pixels. There a ray's column depends on x and u only, its row on y and
-//! v only.
+//! Scores for a square lattice that is aligned with the pixels. There a ray's column depends on x and u only, its row
+//! on y and v only.
 //!
-//! Image rows are added up along v first, then these sums along u. From a voxel to its neighbour, only the rays that pass
-//! into another lenslet change their row or column: one or two of n sections a side. So both sums are updated from
-//! neighbour to neighbour by what changes. They are whole numbers, so the order of adding does not matter. A voxel costs a
-//! few additions, for any number of sections.
+//! Image rows are added up along v first, then these sums along u. From a voxel to its neighbour, only the rays that
+//! pass into another lenslet change their row or column: one or two of n sections a side. So both sums are updated from
+//! neighbour to neighbour by what changes. They are whole numbers, so the order of adding does not matter. A voxel
+//! costs a few additions, for any number of sections.
 
 use super::kept::Kept;
 use super::levels::Levels;

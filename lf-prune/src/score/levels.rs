@@ -7,7 +7,8 @@ use rayon::prelude::*;
 /// A voxel counts as seen if at least this share of the aperture's sections leads to the sensor.
 pub(super) const SEEN_SHARE: f64 = 0.5;
 
-/// Levels of a logarithm of 1. The sum over as many sections as pixels under a lenslet, 512 a side at most, fits an i32.
+/// Levels of a logarithm of 1. The sum over as many sections as pixels under a lenslet, 512 a side at most, fits an
+/// i32.
 const UNIT: f64 = 512.0;
 
 /// The image as whole numbers of at most 0, and the rule for keeping.

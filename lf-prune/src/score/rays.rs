@@ -1,4 +1,5 @@
-//! Scores ray by ray, for cameras whose rays bend (see [`Camera::bends`]). A voxel that can no longer be kept ends early.
+//! Scores ray by ray, for cameras whose rays bend (see [`Camera::bends`]). A voxel that can no longer be kept ends
+//! early.
 
 use super::kept::Kept;
 use super::levels::{Levels, SEEN_SHARE};
@@ -9,7 +10,8 @@ use lf_core::camera::Camera;
 use lf_core::grid::Grid;
 use lf_core::optics::Optics;
 
-/// Places 0 to `count` in an order that soon reaches all parts: steps near the golden section of the count, prime to it.
+/// Places 0 to `count` in an order that soon reaches all parts: steps near the golden section of the count, prime to
+/// it.
 fn spread_order(count: usize) -> Vec<usize> {
     let gcd = |mut a: usize, mut b: usize| {
         while b > 0 {
@@ -36,7 +38,8 @@ pub(super) fn slice(
     let inside = sections.inside_mm();
     let order: Vec<DVec2> = spread_order(inside.len()).into_iter().map(|place| inside[place]).collect();
     let sections = order.len() as u32;
-    // A sum below this cannot recover: the rays to come add 0 at best. If some rays miss the sensor, the limit is higher.
+    // A sum below this cannot recover: the rays to come add 0 at best. If some rays miss the sensor, the limit is
+    // higher.
     let hopeless = levels.least_sum(sections, sections);
 
     let mut kept = Kept::new();

@@ -40,7 +40,7 @@ impl Scoring {
         (scoring, reason)
     }
 
-    /// What it does and costs, in words.
+    /// The way and its cost, in words.
     pub(crate) fn about(self) -> &'static str {
         match self {
             Self::Aligned => "sums along columns and rows, the fastest way",
@@ -59,7 +59,7 @@ pub(crate) struct Scorer<'a> {
     tables: Tables,
 }
 
-/// What a way to score makes once for all slices.
+/// Tables that are made once for all slices.
 enum Tables {
     /// The camera with its lattice exactly aligned.
     Aligned(Camera),

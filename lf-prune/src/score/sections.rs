@@ -14,8 +14,8 @@ pub(crate) struct Sections {
 }
 
 impl Sections {
-    /// n x n sections, n as asked for or the pixels under a lenslet. A section lies inside the stop if its centre does. A round
-    /// stop has no corner sections; if they counted, every voxel would be pruned.
+    /// n x n sections, n as asked for or the pixels under a lenslet. A section lies inside the stop if its centre does.
+    /// A round stop has no corner sections; if they counted, every voxel would be pruned.
     ///
     /// # Errors
     /// If n is outside [`lf_core::weights::SECTIONS`].

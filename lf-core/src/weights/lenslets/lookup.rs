@@ -35,12 +35,12 @@ pub(crate) struct Buffers {
     cut: CutBuffers,
 }
 
-/// Parts of a pixel a side at the stop's edge, for cells with slanted sides. Whole pixels err by 1.2 % of a voxel's light
-/// and cost 0.01 of Q.
+/// Parts of a pixel a side at the stop's edge, for cells with slanted sides. Whole pixels err by 1.2 % of a voxel's
+/// light and cost 0.01 of Q.
 const FINENESS: i32 = 2;
 
-/// A lenslet is wholly inside the stop if its cell, widened by this share of the blur, is. The light farther out is little
-/// and is not cut.
+/// A lenslet is wholly inside the stop if its cell, widened by this share of the blur, is. The light farther out is
+/// little and is not cut.
 const BLUR_INSIDE: f64 = 0.4;
 
 /// A voxel's chief ray.

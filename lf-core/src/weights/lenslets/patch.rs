@@ -1,9 +1,10 @@
-//! Tables of a lenslet's image of a voxel: the light integrated over pixels, for every place of the image among the pixels.
+//! Tables of a lenslet's image of a voxel: the light integrated over pixels, for every place of the image among the
+//! pixels.
 //!
-//! If rays are straight, a step in U moves a ray on the array and on the sensor in proportion: from one pixel edge to the
-//! next the ray moves by `step` mm on the array. So a lenslet's image of a voxel is the cell, blurred by the voxel's width,
-//! at a scale of one pixel to `step`, and cut where the stop ends. From lenslet to lenslet only its place among the pixels
-//! differs: two fractions of a pixel.
+//! If rays are straight, a step in U moves a ray on the array and on the sensor in proportion: from one pixel edge to
+//! the next the ray moves by `step` mm on the array. So a lenslet's image of a voxel is the cell, blurred by the
+//! voxel's width, at a scale of one pixel to `step`, and cut where the stop ends. From lenslet to lenslet only its
+//! place among the pixels differs: two fractions of a pixel.
 
 use crate::weights::axis::Span;
 use crate::weights::blur::Blur;
@@ -11,8 +12,8 @@ use crate::weights::cell::Slab;
 
 /// Most fractions of a pixel along an axis that the table distinguishes: a place is then right to 1/128 px.
 const MOST_PHASES: usize = 64;
-/// Most shares in the patches of a slice, as long as there are phases to save: 256 KiB. Patches are larger nearer focus,
-/// where the steps on the array are smaller in proportion.
+/// Most shares in the patches of a slice, as long as there are phases to save: 256 KiB. Patches are larger nearer
+/// focus, where the steps on the array are smaller in proportion.
 const ROOM: usize = 1 << 16;
 /// Bytes of a slice's patches, except nearest focus.
 pub(super) const SLICE_BYTES: usize = ROOM * size_of::<f32>();
@@ -43,8 +44,8 @@ pub(super) struct Patches {
     pub(super) rows: usize,
     /// Columns of a patch, a multiple of [`LANES`].
     pub(super) columns: usize,
-    /// Integrals over pixels of the blurred cell, mm^2 of the array: row by row, patch by patch, phases down outside and
-    /// phases across inside.
+    /// Integrals over pixels of the blurred cell, mm^2 of the array: row by row, patch by patch, phases down outside
+    /// and phases across inside.
     shares: Vec<f32>,
 }
 

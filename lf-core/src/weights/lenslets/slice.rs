@@ -65,8 +65,8 @@ impl SliceOptics {
         }
     }
 
-    /// The aperture behind pixels along one axis, for a cell `[low, high]`. `zero` is the pixel edge that U = 0 meets and
-    /// `beyond` the chief ray's place from the lenslet's centre.
+    /// The aperture behind pixels along one axis, for a cell `[low, high]`. `zero` is the pixel edge that U = 0 meets
+    /// and `beyond` the chief ray's place from the lenslet's centre.
     #[inline(always)]
     pub(super) fn aperture_behind(&self, zero: f64, beyond: f64, cell: [f64; 2], per_slope: f64) -> ApertureBehind {
         let [a, b] = cell.map(|edge| (edge - beyond) * self.per_alpha);

@@ -1,4 +1,4 @@
-//! What the stop leaves of a lenslet's image of a voxel, four pixels at a time.
+//! The part of a lenslet's image of a voxel that the stop lets through, four pixels at a time.
 
 use crate::weights::chords::OUTER_NODE;
 use glam::Vec4;
@@ -14,8 +14,8 @@ pub(super) struct Spans {
 /// Width given to an empty span, mm; the span then counts as outside.
 const LEAST_WIDTH: Vec4 = Vec4::splat(1e-20);
 
-/// The aperture behind the pixels along one axis. The edge of pixel n looks at `(zero - n) per_slope`, and the cell lets
-/// `low..high` through.
+/// The aperture behind the pixels along one axis. The edge of pixel n looks at `(zero - n) per_slope`, and the cell
+/// lets `low..high` through.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ApertureBehind {
     pub(super) zero: f32,
@@ -25,8 +25,8 @@ pub(super) struct ApertureBehind {
 }
 
 impl ApertureBehind {
-    /// The spans behind four pixels that the cell lets through. If the cell lets nothing of a pixel through, its light comes
-    /// over the cell's blurred edge: then the span is the pixel's whole part of the aperture.
+    /// The spans behind four pixels that the cell lets through. If the cell lets nothing of a pixel through, its light
+    /// comes over the cell's blurred edge: then the span is the pixel's whole part of the aperture.
     #[inline(always)]
     pub(super) fn spans(&self, first: i32) -> Spans {
         let edges = Vec4::splat(self.zero - first as f32) - Vec4::new(0.0, 1.0, 2.0, 3.0);

@@ -1,5 +1,5 @@
-//! Scores for a distorted image and lenslets that depart from their lattice: in tiles so small that all rays of one shift
-//! alike.
+//! Scores for a distorted image and lenslets that depart from their lattice: in tiles so small that all rays of one
+//! shift alike.
 
 use super::line_sums;
 use super::views::Views;
@@ -15,7 +15,8 @@ use lf_core::optics::Optics;
 
 /// Largest chief-ray error within a tile, px: a hundredth of a lenslet, so few rays pass another lenslet.
 const CHIEF_PX: f64 = 0.15;
-/// Largest error of rays through the stop's rim, px: one in twenty of them passes another lenslet. Beyond it rays are traced.
+/// Largest error of rays through the stop's rim, px: one in twenty of them passes another lenslet. Beyond it rays are
+/// traced.
 const RIM_PX: f64 = 0.7;
 /// Sides that a tile may have, voxels.
 const SIDES: [usize; 6] = [512, 256, 128, 64, 32, 16];
@@ -30,8 +31,8 @@ struct Shift<'a> {
 }
 
 impl Shift<'_> {
-    /// The shift on the perfect lattice, mm, of a voxel's ray that meets the array `spread_mm` from the chief ray. `place` is
-    /// in voxels.
+    /// The shift on the perfect lattice, mm, of a voxel's ray that meets the array `spread_mm` from the chief ray.
+    /// `place` is in voxels.
     fn at_mm(&self, place: DVec2, spread_mm: DVec2) -> DVec2 {
         let place_mm = DVec2::new(
             self.grid.origin_mm[0] + place.x * self.grid.spacing_mm[0],
@@ -42,8 +43,8 @@ impl Shift<'_> {
         self.optics.lattice().perfect(moved) - straight
     }
 
-    /// The longest side of a tile over which rays shift alike, at its corners and through the stop's rim. None if they do not
-    /// even over the shortest.
+    /// The longest side of a tile over which rays shift alike, at its corners and through the stop's rim. None if they
+    /// do not even over the shortest.
     fn side(&self, pixel_mm: f64) -> Option<usize> {
         let size = DVec2::new(self.grid.shape[0] as f64, self.grid.shape[1] as f64);
         let spread = self.optics.alpha(self.z_mm) * self.optics.half_aperture_mm();

@@ -1,27 +1,29 @@
 //! Rays traced one by one, where the sums along lines are not sure.
 
-use super::line_sums::{Crossings, LineRays, Lines};
+use super::lattice_lines::{LineRays, Lines};
 use super::views::{ROUNDING_PX, SEEN};
 use glam::DVec2;
 use std::ops::Range;
 
 impl Lines<'_> {
-    /// The first voxel whose ray passes through the second of two cells. Within the tolerance, the ray of the voxel at their
-    /// edge decides.
+    /// The first voxel whose ray passes through the second of two cells. Within the tolerance, the ray of the voxel at
+    /// their edge decides.
     #[inline(never)]
     pub(super) fn first_beyond(
         &self,
-        crossings: &Crossings,
+        rays: &LineRays,
+        tolerance: f64,
         place: f64,
         voxel: usize,
         [old, new]: [(i64, i64); 2],
     ) -> usize {
-        if (place - place.round()).abs() > crossings.tolerance {
+        if (place - place.round()).abs() > tolerance {
             return voxel;
         }
         let voxel = place.round().clamp(0.0, self.last_x()) as usize;
-        let nearest = self.optics.lattice().nearest_centre_mm(self.array_mm(crossings.rays, voxel));
-        let [old, new] = [old, new].map(|(lenslet, row)| nearest.distance_squared(self.views.centre_mm(lenslet, row)));
+        let nearest = self.optics.lattice().nearest_centre_mm(self.array_mm(rays, voxel));
+        let [old, new] =
+            [old, new].map(|(lenslet, row)| nearest.distance_squared(self.views.lattice.centre_mm(lenslet, row)));
         voxel + usize::from(old < new)
     }
 
@@ -39,8 +41,8 @@ impl Lines<'_> {
         self.rays.array_mm(point, self.views.sections_mm[rays.section]) + self.shift_mm
     }
 
-    /// Where a ray meets the sensor, mm, if it meets the perfect lattice at `array_mm` in the cell of `centre_mm`. The lenslet
-    /// departs from there to `departed_mm` with all that its cell holds.
+    /// Where a ray meets the sensor, mm, if it meets the perfect lattice at `array_mm` in the cell of `centre_mm`. The
+    /// lenslet departs from there to `departed_mm` with all that its cell holds.
     #[inline(always)]
     fn sensor_mm(&self, centre_mm: DVec2, departed_mm: DVec2, array_mm: DVec2, section_mm: DVec2) -> DVec2 {
         self.optics.sensor_through(departed_mm, array_mm + (departed_mm - centre_mm), section_mm)
@@ -53,11 +55,11 @@ impl Lines<'_> {
         self.light(self.optics.pixel_at(self.sensor_mm(centre_mm, departed_mm, array_mm, section_mm)))
     }
 
-    /// Notes the rays through one lenslet where they may meet several pixels. `centre` is the lenslet's, in voxels from the
-    /// line's first.
+    /// Notes the rays through one lenslet where they may meet several pixels. `centre` is the lenslet's, in voxels from
+    /// the line's first.
     #[inline(always)]
-    pub(super) fn note_several(&self, rays: &LineRays, centre: DVec2, (lenslet, row): (i64, i64), changes: &mut [i64]) {
-        let centre_mm = self.views.centre_mm(lenslet, row);
+    pub(super) fn note_mixed(&self, rays: &LineRays, centre: DVec2, (lenslet, row): (i64, i64), changes: &mut [i64]) {
+        let centre_mm = self.views.lattice.centre_mm(lenslet, row);
         let (low, high) = self.cell.ends(-centre.y);
         let (low, high) = ((centre.x + low).max(-0.5), (centre.x + high).min(self.last_x() + 0.5));
         let tolerance = self.tolerance;
@@ -128,7 +130,7 @@ impl Lines<'_> {
     /// Notes the voxels within `reach` whose rays pass one lenslet, one by one.
     #[inline(never)]
     fn note_rays(&self, rays: &LineRays, centre_mm: DVec2, reach: (f64, f64), changes: &mut [i64]) {
-        let near_mm2 = 0.01 * self.views.along_mm().length_squared();
+        let near_mm2 = 0.01 * self.views.lattice.along_mm.length_squared();
         let first = reach.0.ceil().max(0.0) as usize;
         let end = ((reach.1.floor() + 1.0).max(0.0) as usize).min(changes.len() - 1);
         for x in first..end {

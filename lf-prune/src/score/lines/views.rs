@@ -1,8 +1,8 @@
-//! What each section of the aperture sees through each lenslet: the image once, sorted by section.
+//! The light that each section of the aperture sees through each lenslet: the image once, sorted by section.
 //!
-//! A ray's place in its lenslet's cell moves it by k times as much on the sensor, some hundredths of a pixel. So the rays of
-//! one section through one lenslet usually meet one pixel, from any voxel. Lenslets whose rays may meet several pixels are
-//! listed.
+//! A ray's place in its lenslet's cell moves it by k times as much on the sensor, some hundredths of a pixel. So the
+//! rays of one section through one lenslet usually meet one pixel, from any voxel. Lenslets whose rays may meet several
+//! pixels are listed.
 
 use crate::score::levels::Levels;
 use crate::score::sections::Sections;
@@ -28,24 +28,25 @@ pub(crate) struct Views {
     pub(super) optics: Optics,
     /// The lattice with its departures.
     pub(super) measured: Lattice,
-    rows: Rows,
+    pub(super) lattice: Rows,
     /// Centres of the sections inside the stop, mm.
     pub(super) sections_mm: Vec<DVec2>,
-    /// Section after section, row after row: [`SEEN`] less the level. 0 if rays miss the sensor or may meet several pixels.
+    /// Section after section, row after row: [`SEEN`] less the level. 0 if rays miss the sensor or may meet several
+    /// pixels.
     lights: Vec<i64>,
     /// Lenslets whose rays may meet several pixels, for each row of each section, rising.
-    several: Vec<Vec<i64>>,
+    mixed: Vec<Vec<i64>>,
 }
 
 /// The rows of a lattice that the sensor sees.
 #[derive(Debug, Clone)]
-struct Rows {
+pub(super) struct Rows {
     /// Centre of lenslet 0 of row 0, mm.
-    origin_mm: DVec2,
+    pub(super) origin_mm: DVec2,
     /// From lenslet to lenslet of a row, mm.
-    along_mm: DVec2,
+    pub(super) along_mm: DVec2,
     /// From row to row, mm.
-    across_mm: DVec2,
+    pub(super) across_mm: DVec2,
     /// 1 / (area of a cell), with the sign of the turn from `along_mm` to `across_mm`, 1/mm^2.
     per_area: f64,
     first_row: i64,
@@ -110,14 +111,15 @@ impl Rows {
         [along, across]
     }
 
-    fn centre_mm(&self, lenslet: i64, row: i64) -> DVec2 {
+    /// Centre of a lenslet of a row, mm.
+    pub(super) fn centre_mm(&self, lenslet: i64, row: i64) -> DVec2 {
         self.origin_mm + lenslet as f64 * self.along_mm + row as f64 * self.across_mm
     }
 }
 
 impl Views {
-    /// For a camera whose rays are straight except for distortion: see [`Camera::bends`]. Places are on the perfect lattice,
-    /// from which lenslets may depart.
+    /// For a camera whose rays are straight except for distortion: see [`Camera::bends`]. Places are on the perfect
+    /// lattice, from which lenslets may depart.
     pub(crate) fn new(levels: &Levels, sections: &Sections, camera: &Camera) -> Self {
         let (measured, optics) = (camera.lattice(), Optics::new(&straightened(camera)));
         let k = optics.demagnification();
@@ -126,9 +128,9 @@ impl Views {
         let sections_mm = sections.inside_mm();
         let (count, length) = (rows.first.len(), rows.length);
         let mut lights = vec![0; sections_mm.len() * count * length];
-        let mut several = vec![Vec::new(); sections_mm.len() * count];
+        let mut mixed = vec![Vec::new(); sections_mm.len() * count];
         let reach_px = DVec2::splat(ROUNDING_PX) + k * cell_reach / camera.sensor.pixel_pitch_mm;
-        lights.par_chunks_mut(length).zip(&mut several).enumerate().for_each(|(n, (lights, several))| {
+        lights.par_chunks_mut(length).zip(&mut mixed).enumerate().for_each(|(n, (lights, mixed))| {
             let (section_mm, row) = (sections_mm[n / count], n % count);
             for (light, lenslet) in lights.iter_mut().zip(rows.first[row]..) {
                 // The image of a lenslet's centre: c (1 + k) - k U.
@@ -136,61 +138,40 @@ impl Views {
                 let place = optics.place_px(centre + k * (centre - section_mm));
                 match light_at(levels, place, reach_px, optics.sensor_px()) {
                     Some(found) => *light = found,
-                    None => several.push(lenslet),
+                    None => mixed.push(lenslet),
                 }
             }
         });
-        Self { optics, measured, rows, sections_mm, lights, several }
-    }
-
-    /// Centre of lenslet 0 of row 0, mm.
-    pub(super) fn origin_mm(&self) -> DVec2 {
-        self.rows.origin_mm
-    }
-
-    /// From lenslet to lenslet of a row, mm.
-    #[inline(always)]
-    pub(super) fn along_mm(&self) -> DVec2 {
-        self.rows.along_mm
-    }
-
-    /// From row to row, mm.
-    pub(super) fn across_mm(&self) -> DVec2 {
-        self.rows.across_mm
-    }
-
-    /// Centre of a lenslet of a row, mm.
-    pub(super) fn centre_mm(&self, lenslet: i64, row: i64) -> DVec2 {
-        self.rows.centre_mm(lenslet, row)
+        Self { optics, measured, lattice: rows, sections_mm, lights, mixed }
     }
 
     /// Number in its row, and row, of the lenslet at a centre.
     #[inline(always)]
     pub(super) fn lenslet(&self, centre_mm: DVec2) -> (i64, i64) {
-        let way = centre_mm - self.rows.origin_mm;
-        let (lenslet, row) = (way.perp_dot(self.rows.across_mm), self.rows.along_mm.perp_dot(way));
-        let (lenslet, row) = (lenslet * self.rows.per_area, row * self.rows.per_area);
+        let way = centre_mm - self.lattice.origin_mm;
+        let (lenslet, row) = (way.perp_dot(self.lattice.across_mm), self.lattice.along_mm.perp_dot(way));
+        let (lenslet, row) = (lenslet * self.lattice.per_area, row * self.lattice.per_area);
         ((lenslet + 0.5).floor() as i64, (row + 0.5).floor() as i64)
     }
 
     /// The rows whose neighbours are all known.
     pub(super) fn rows(&self) -> Range<i64> {
-        self.rows.first_row + 1..self.rows.first_row + self.rows.first.len() as i64 - 1
+        self.lattice.first_row + 1..self.lattice.first_row + self.lattice.first.len() as i64 - 1
     }
 
     /// The lenslets of a row whose neighbours are all known. Beyond them none is seen.
     #[inline(always)]
     pub(super) fn lenslets(&self, row: i64) -> Range<i64> {
-        let first = self.rows.first[(row - self.rows.first_row) as usize];
-        first + PADDING - 1..first + self.rows.length as i64 - PADDING + 1
+        let first = self.lattice.first[(row - self.lattice.first_row) as usize];
+        first + PADDING - 1..first + self.lattice.length as i64 - PADDING + 1
     }
 
     /// A section's light through lenslets of a row.
     #[inline(always)]
     pub(super) fn lights(&self, section: usize, row: i64, lenslets: Range<i64>) -> &[i64] {
-        let row = (row - self.rows.first_row) as usize;
-        let place = (section * self.rows.first.len() + row) * self.rows.length;
-        let place = |lenslet: i64| place + (lenslet - self.rows.first[row]) as usize;
+        let row = (row - self.lattice.first_row) as usize;
+        let place = (section * self.lattice.first.len() + row) * self.lattice.length;
+        let place = |lenslet: i64| place + (lenslet - self.lattice.first[row]) as usize;
         &self.lights[place(lenslets.start)..place(lenslets.end)]
     }
 
@@ -205,12 +186,13 @@ impl Views {
 
     /// Lenslets of a row through which a section's rays may meet several pixels.
     #[inline(always)]
-    pub(super) fn several(&self, section: usize, row: i64) -> &[i64] {
-        &self.several[section * self.rows.first.len() + (row - self.rows.first_row) as usize]
+    pub(super) fn mixed(&self, section: usize, row: i64) -> &[i64] {
+        &self.mixed[section * self.lattice.first.len() + (row - self.lattice.first_row) as usize]
     }
 }
 
-/// Half sides of the part of the array that the sensor sees, mm. A cell beyond them shows none of its rays on the sensor.
+/// Half sides of the part of the array that the sensor sees, mm. A cell beyond them shows none of its rays on the
+/// sensor.
 fn seen_sides(optics: &Optics, measured: &Lattice, cell_reach: DVec2) -> DVec2 {
     let [width, height] = optics.sensor_px();
     let half_sensor = 0.5 * optics.pixel_pitch_mm() * DVec2::new(width as f64, height as f64);
