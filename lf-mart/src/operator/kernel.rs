@@ -4,11 +4,12 @@
 #[cfg(target_arch = "x86_64")]
 use super::kernel_avx2;
 use super::kernel_portable;
-use super::lit_rows::{LitRow, LitRows};
+use super::lit_rows::LitRows;
 use super::plane::PADDING;
 use super::taps::{CutTap, Tap, fill, halves};
 use lf_core::simd::Level;
 use lf_core::weights::Piece;
+use std::ops::Range;
 
 /// Column profiles, numbered in the order in which they are pushed.
 #[derive(Debug)]
@@ -88,14 +89,9 @@ impl ColumnProfiles {
     }
 
     #[inline(always)]
-    fn profile(&self, number: u32) -> Profile<'_> {
+    fn taps(&self, number: u32) -> Range<usize> {
         let (first, end) = self.ranges[number as usize];
-        let taps = first as usize..end as usize;
-        if self.has_round_stop {
-            Profile::Cut(&self.cut_taps[taps])
-        } else {
-            Profile::Whole(&self.taps[taps], self.sums[number as usize])
-        }
+        first as usize..end as usize
     }
 
     #[inline(always)]
@@ -107,70 +103,45 @@ impl ColumnProfiles {
     #[inline(always)]
     pub(super) fn spread(&self, number: u32, strength: f32, rows: &LitRows, plane: &mut [f32]) {
         self.check(rows, plane);
-        // SAFETY: `push` checked that columns are less than the width, `check` that rows lie in the plane.
-        unsafe { spread(plane, strength, rows.as_slice(), self.profile(number), self.level) }
+        let (taps, rows) = (self.taps(number), rows.as_slice());
+        // SAFETY: `push` checked that columns are less than the width, `check` that rows lie in the plane; the machine
+        // has the level.
+        unsafe {
+            match (self.has_round_stop, self.level) {
+                #[cfg(target_arch = "x86_64")]
+                (false, Level::Avx2Fma) => kernel_avx2::spread_whole(plane, strength, rows, &self.taps[taps]),
+                (false, _) => kernel_portable::spread_whole(plane, strength, rows, &self.taps[taps]),
+                #[cfg(target_arch = "x86_64")]
+                (true, Level::Avx2Fma) => kernel_avx2::spread_cut(plane, strength, rows, &self.cut_taps[taps]),
+                (true, _) => kernel_portable::spread_cut(plane, strength, rows, &self.cut_taps[taps]),
+            }
+        }
     }
 
     /// The weighted sum over rows of `plane` for a voxel with profile `number`, and the sum of its weights.
     #[inline(always)]
     pub(super) fn gather(&self, number: u32, rows: &LitRows, plane: &[f32]) -> (f32, f32) {
         self.check(rows, plane);
+        let (taps, rows) = (self.taps(number), rows.as_slice());
         // SAFETY: as in `spread`.
-        unsafe { gather(plane, rows.as_slice(), self.profile(number), self.level) }
-    }
-}
-
-/// A column profile.
-#[derive(Debug, Clone, Copy)]
-enum Profile<'a> {
-    /// Behind a square stop: taps and the sum of their shares.
-    Whole(&'a [Tap], f32),
-    /// Behind a round stop.
-    Cut(&'a [CutTap]),
-}
-
-/// Adds a voxel's light to rows of `plane`.
-///
-/// # Safety
-/// The start of every row, plus every tap's column, plus 4, lies in the plane. The machine has `level`.
-#[inline(always)]
-unsafe fn spread(plane: &mut [f32], strength: f32, rows: &[LitRow], profile: Profile, level: Level) {
-    // SAFETY: as the caller says.
-    unsafe {
-        match profile {
-            #[cfg(target_arch = "x86_64")]
-            Profile::Whole(taps, _) if level == Level::Avx2Fma => {
-                kernel_avx2::spread_whole(plane, strength, rows, taps)
+        unsafe {
+            match (self.has_round_stop, self.level) {
+                #[cfg(target_arch = "x86_64")]
+                (false, Level::Avx2Fma) => {
+                    kernel_avx2::gather_whole(plane, rows, &self.taps[taps], self.sums[number as usize])
+                }
+                (false, _) => kernel_portable::gather_whole(plane, rows, &self.taps[taps], self.sums[number as usize]),
+                #[cfg(target_arch = "x86_64")]
+                (true, Level::Avx2Fma) => kernel_avx2::gather_cut(plane, rows, &self.cut_taps[taps]),
+                (true, _) => kernel_portable::gather_cut(plane, rows, &self.cut_taps[taps]),
             }
-            Profile::Whole(taps, _) => kernel_portable::spread_whole(plane, strength, rows, taps),
-            #[cfg(target_arch = "x86_64")]
-            Profile::Cut(taps) if level == Level::Avx2Fma => kernel_avx2::spread_cut(plane, strength, rows, taps),
-            Profile::Cut(taps) => kernel_portable::spread_cut(plane, strength, rows, taps),
-        }
-    }
-}
-
-/// A voxel's weighted sum over rows of `plane`, and the sum of the weights.
-///
-/// # Safety
-/// The same as for [`spread`].
-#[inline(always)]
-unsafe fn gather(plane: &[f32], rows: &[LitRow], profile: Profile, level: Level) -> (f32, f32) {
-    // SAFETY: as the caller says.
-    unsafe {
-        match profile {
-            #[cfg(target_arch = "x86_64")]
-            Profile::Whole(taps, sum) if level == Level::Avx2Fma => kernel_avx2::gather_whole(plane, rows, taps, sum),
-            Profile::Whole(taps, sum) => kernel_portable::gather_whole(plane, rows, taps, sum),
-            #[cfg(target_arch = "x86_64")]
-            Profile::Cut(taps) if level == Level::Avx2Fma => kernel_avx2::gather_cut(plane, rows, taps),
-            Profile::Cut(taps) => kernel_portable::gather_cut(plane, rows, taps),
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::lit_rows::LitRow;
     use super::*;
     use lf_core::weights::Chords;
 
