@@ -6,10 +6,8 @@
 //! neighbour to neighbour by what changes. They are whole numbers, so the order of adding does not matter. A voxel
 //! costs a few additions, for any number of sections.
 
-use super::kept::Kept;
 use super::levels::Levels;
-use super::sections::Sections;
-use crate::options::Region;
+use super::slice::{Kept, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
@@ -122,14 +120,8 @@ impl Steps {
 }
 
 /// The voxels kept of a region of slice `z`; the camera is exactly aligned.
-pub(super) fn slice(
-    levels: &Levels,
-    sections: &Sections,
-    camera: &Camera,
-    grid: &Grid,
-    z: usize,
-    region: &Region,
-) -> Kept {
+pub(super) fn slice(slice: &Slice, camera: &Camera) -> Kept {
+    let Slice { levels, sections, grid, z, region } = *slice;
     let n = sections.centres_mm.len();
     let (optics, z_mm) = (Optics::new(camera), grid.centre_mm(2, z));
     let mut columns = pixels(0, region[0].clone(), &optics, grid, z_mm, &sections.centres_mm);

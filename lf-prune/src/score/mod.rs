@@ -2,12 +2,12 @@
 //! First file to open: `scorer.rs`, the choice; then `rays.rs`, the slow and obvious way, which proves the others.
 
 mod aligned;
-mod kept;
 mod levels;
 mod lines;
 mod rays;
 mod scorer;
 mod sections;
+mod slice;
 
 pub(crate) use levels::Levels;
 pub(crate) use scorer::{Scorer, Scoring};

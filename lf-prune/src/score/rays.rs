@@ -1,13 +1,10 @@
 //! Scores ray by ray, for cameras whose rays bend (see [`Camera::bends`]). A voxel that can no longer be kept ends
 //! early.
 
-use super::kept::Kept;
-use super::levels::{Levels, SEEN_SHARE};
-use super::sections::Sections;
-use crate::options::Region;
+use super::levels::SEEN_SHARE;
+use super::slice::{Kept, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
-use lf_core::grid::Grid;
 use lf_core::optics::Optics;
 
 /// Places 0 to `count` in an order that soon reaches all parts: steps near the golden section of the count, prime to
@@ -25,14 +22,8 @@ fn spread_order(count: usize) -> Vec<usize> {
 }
 
 /// The voxels kept of a region of slice `z`.
-pub(super) fn slice(
-    levels: &Levels,
-    sections: &Sections,
-    camera: &Camera,
-    grid: &Grid,
-    z: usize,
-    region: &Region,
-) -> Kept {
+pub(super) fn slice(slice: &Slice, camera: &Camera) -> Kept {
+    let Slice { levels, sections, grid, z, region } = *slice;
     let optics = Optics::new(camera);
     let z_mm = grid.centre_mm(2, z);
     let inside = sections.inside_mm();

@@ -1,11 +1,11 @@
 //! The one choice of how voxels are scored, and its reason.
 
 use super::aligned;
-use super::kept::Kept;
 use super::levels::Levels;
 use super::lines::{Views, line_sums, straightened, tiles};
 use super::rays;
 use super::sections::Sections;
+use super::slice::{Kept, Slice};
 use crate::options::Region;
 use glam::DVec2;
 use lf_core::camera::Camera;
@@ -81,12 +81,12 @@ impl<'a> Scorer<'a> {
 
     /// The voxels kept of a region of slice `z`.
     pub(crate) fn slice(&self, grid: &Grid, z: usize, region: &Region) -> Kept {
-        let Self { levels, sections, camera, tables } = self;
-        match tables {
-            Tables::Aligned(camera) => aligned::slice(levels, sections, camera, grid, z, region),
-            Tables::Lines(views) => line_sums::slice(levels, views, grid, z, region, DVec2::ZERO),
-            Tables::Tiles(views) => tiles::slice(levels, sections, camera, views, grid, z, region),
-            Tables::Rays => rays::slice(levels, sections, camera, grid, z, region),
+        let slice = Slice { levels: self.levels, sections: self.sections, grid, z, region };
+        match &self.tables {
+            Tables::Aligned(camera) => aligned::slice(&slice, camera),
+            Tables::Lines(views) => line_sums::slice(&slice, views, DVec2::ZERO),
+            Tables::Tiles(views) => tiles::slice(&slice, self.camera, views),
+            Tables::Rays => rays::slice(&slice, self.camera),
         }
     }
 }

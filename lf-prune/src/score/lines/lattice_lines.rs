@@ -2,8 +2,8 @@
 
 use super::cell::{Cell, Edge};
 use super::views::{Views, between, per_step};
-use crate::options::Region;
 use crate::score::levels::Levels;
+use crate::score::slice::Slice;
 use glam::DVec2;
 use lf_core::grid::Grid;
 use lf_core::optics::{Optics, StraightRays};
@@ -63,14 +63,8 @@ pub(super) struct LineRays {
 }
 
 impl<'a> Lines<'a> {
-    pub(super) fn new(
-        levels: &'a Levels,
-        views: &'a Views,
-        grid: &'a Grid,
-        z: usize,
-        region: &Region,
-        shift_mm: DVec2,
-    ) -> Self {
+    pub(super) fn new(slice: &Slice<'a>, views: &'a Views, shift_mm: DVec2) -> Self {
+        let Slice { levels, grid, z, region, .. } = *slice;
         let optics = &views.optics;
         let z_mm = grid.centre_mm(2, z);
         let spacing = DVec2::new(grid.spacing_mm[0], grid.spacing_mm[1]);

@@ -12,11 +12,8 @@
 use super::crossings::CrossedRow;
 use super::lattice_lines::{LineRays, Lines};
 use super::views::{SEEN, Views};
-use crate::options::Region;
-use crate::score::kept::Kept;
-use crate::score::levels::Levels;
+use crate::score::slice::{Kept, Slice};
 use glam::DVec2;
-use lf_core::grid::Grid;
 use lf_core::simd::fastest;
 
 /// Changes of the sum from voxel to voxel, along a line.
@@ -27,10 +24,10 @@ struct Changes {
     runs: Vec<i64>,
 }
 
-/// The voxels kept of a region of slice `z`. All rays meet the perfect lattice `shift_mm` from where straight ones
+/// The voxels kept of a region of a slice. All rays meet the perfect lattice `shift_mm` from where straight ones
 /// would.
-pub(crate) fn slice(levels: &Levels, views: &Views, grid: &Grid, z: usize, region: &Region, shift_mm: DVec2) -> Kept {
-    let lines = Lines::new(levels, views, grid, z, region, shift_mm);
+pub(crate) fn slice(slice: &Slice, views: &Views, shift_mm: DVec2) -> Kept {
+    let lines = Lines::new(slice, views, shift_mm);
     let mut kept = Kept::new();
     fastest(
         #[inline(always)]

@@ -3,11 +3,8 @@
 
 use super::line_sums;
 use super::views::Views;
-use crate::options::Region;
-use crate::score::kept::Kept;
-use crate::score::levels::Levels;
 use crate::score::rays;
-use crate::score::sections::Sections;
+use crate::score::slice::{Kept, Slice};
 use glam::DVec2;
 use lf_core::camera::Camera;
 use lf_core::grid::Grid;
@@ -69,18 +66,11 @@ impl Shift<'_> {
 }
 
 /// The voxels kept of a region of slice `z`, tile by tile.
-pub(crate) fn slice(
-    levels: &Levels,
-    sections: &Sections,
-    camera: &Camera,
-    views: &Views,
-    grid: &Grid,
-    z: usize,
-    region: &Region,
-) -> Kept {
+pub(crate) fn slice(slice: &Slice, camera: &Camera, views: &Views) -> Kept {
+    let Slice { grid, z, region, .. } = *slice;
     let shift = Shift { optics: Optics::new(camera), grid, z_mm: grid.centre_mm(2, z) };
     let Some(side) = shift.side(camera.sensor.pixel_pitch_mm) else {
-        return rays::slice(levels, sections, camera, grid, z, region);
+        return rays::slice(slice, camera);
     };
     let [nx, ny, nz] = grid.shape;
     let mut kept = Kept::new();
@@ -96,7 +86,8 @@ pub(crate) fn slice(
                 ..grid.clone()
             };
             let shift_mm = shift.at_mm(middle, DVec2::ZERO);
-            let found = line_sums::slice(levels, views, &tile, z, &[0..width, 0..height], shift_mm);
+            let tile = Slice { grid: &tile, region: &[0..width, 0..height], ..*slice };
+            let found = line_sums::slice(&tile, views, shift_mm);
             let places = found.into_iter().map(|(place, score)| {
                 let (x, y) = (place as usize % width, place as usize / width);
                 (first_x + x, first_y + y, score)
