@@ -43,13 +43,18 @@ const FINENESS: i32 = 2;
 /// little and is not cut.
 const BLUR_INSIDE: f64 = 0.4;
 
-/// A voxel's chief ray.
-#[derive(Clone, Copy)]
-struct Chief {
-    /// Where it meets the array, mm.
-    array_mm: DVec2,
-    /// Its part of the place of a patch's middle, px.
-    place_px: DVec2,
+/// A voxel and the rows asked for.
+struct Request<'a> {
+    lenslets: &'a Lenslets,
+    slice: &'a SliceOptics,
+    patches: &'a Patches,
+    /// Where the voxel's chief ray meets the array, mm.
+    chief_mm: DVec2,
+    /// The chief ray's part of the place of a patch's middle, px.
+    chief_px: DVec2,
+    wanted: RowSet,
+    /// For each row the first wanted at or after it.
+    next: &'a [u32],
 }
 
 impl Lenslets {
@@ -112,72 +117,70 @@ impl Lenslets {
             buffers.next = wanted.next_from(self.geometry.height);
             buffers.wanted = Some(wanted);
         }
-        let Buffers { next, cut, .. } = buffers;
-        let patches = self.patches(&slice);
-        let array_mm = self.geometry.chief_mm(&slice.axis, voxel);
-        let lattice = self.geometry.optics.lattice();
-        let middle_px = 0.5 * DVec2::new(f64::from(self.geometry.width as i32), f64::from(self.geometry.height as i32));
-        let chief = Chief { array_mm, place_px: slice.by_chief * array_mm + middle_px };
-        for (j, row) in lattice.rows_within(lattice.perfect(array_mm), slice.reach + DVec2::splat(slice.spread)) {
+        let geometry = &self.geometry;
+        let lattice = geometry.optics.lattice();
+        let chief_mm = geometry.chief_mm(&slice.axis, voxel);
+        let middle_px = 0.5 * DVec2::new(geometry.width as f64, geometry.height as f64);
+        let request = Request {
+            lenslets: self,
+            slice: &slice,
+            patches: self.patches(&slice),
+            chief_mm,
+            chief_px: slice.by_chief * chief_mm + middle_px,
+            wanted,
+            next: &buffers.next,
+        };
+        for (j, row) in lattice.rows_within(lattice.perfect(chief_mm), slice.reach + DVec2::splat(slice.spread)) {
             let centres = self.array.row_mm(j, &row);
-            let Some((low, high)) = self.image_rows(&slice, patches, &chief, centres) else { continue };
-            if low >= high || next[low as usize] >= high as u32 {
-                continue;
-            }
-            for centre in centres {
-                self.lenslet_runs(&slice, patches, &chief, *centre, cut, next, wanted, &mut found);
+            if request.is_reached(centres) {
+                for centre in centres {
+                    request.runs(*centre, &mut buffers.cut, &mut found);
+                }
             }
         }
     }
+}
 
-    /// The image rows that a row of lenslets can light.
+impl Request<'_> {
+    /// Whether a row of lenslets can light a wanted image row.
     #[inline(always)]
-    fn image_rows(
-        &self,
-        slice: &SliceOptics,
-        patches: &Patches,
-        chief: &Chief,
-        centres: &[DVec2],
-    ) -> Option<(i32, i32)> {
-        let mut ends = [centres.first()?.y, centres.last()?.y];
-        if self.geometry.optics.lattice().departs() {
+    fn is_reached(&self, centres: &[DVec2]) -> bool {
+        let (Some(start), Some(end)) = (centres.first(), centres.last()) else { return false };
+        let mut ends = [start.y, end.y];
+        if self.lenslets.geometry.optics.lattice().departs() {
             let ys = centres.iter().map(|centre| centre.y);
             ends = [ys.clone().fold(f64::INFINITY, f64::min), ys.fold(f64::NEG_INFINITY, f64::max)];
         }
-        let ends = ends.map(|y| patches.split(chief.place_px.y + slice.by_centre * y).0);
-        let (low, high) = (ends[0].min(ends[1]) - 1, ends[0].max(ends[1]) + patches.rows as i32 + 1);
-        Some((low.max(0), high.min(self.geometry.height as i32)))
+        let ends = ends.map(|y| self.patches.split(self.chief_px.y + self.slice.by_centre * y).0);
+        let (low, high) = (ends[0].min(ends[1]) - 1, ends[0].max(ends[1]) + self.patches.rows as i32 + 1);
+        self.has_wanted(low.max(0), high.min(self.lenslets.geometry.height as i32))
+    }
+
+    /// Whether any of the image rows `low..high` is wanted.
+    #[inline(always)]
+    fn has_wanted(&self, low: i32, high: i32) -> bool {
+        low < high && self.next[low as usize] < high as u32
     }
 
     /// The weights through one lenslet.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
-    fn lenslet_runs(
-        &self,
-        slice: &SliceOptics,
-        patches: &Patches,
-        chief: &Chief,
-        centre: DVec2,
-        cut: &mut CutBuffers,
-        next: &[u32],
-        wanted: RowSet,
-        found: &mut impl FnMut(u32, u32, f32, &[f32]),
-    ) {
-        let (width, height) = (self.geometry.width as i32, self.geometry.height as i32);
+    fn runs(&self, centre: DVec2, cut: &mut CutBuffers, found: &mut impl FnMut(u32, u32, f32, &[f32])) {
+        let Self { lenslets, slice, patches, next, wanted, .. } = *self;
+        let geometry = &lenslets.geometry;
+        let (width, height) = (geometry.width as i32, geometry.height as i32);
         let (rows, columns) = (patches.rows as i32, patches.columns);
-        let has_round_stop = self.geometry.has_round_stop;
-        let spread2 = slice.spread * slice.spread;
-        let beyond = chief.array_mm - centre;
-        let (far_x, far_y) = (beyond.x.abs(), beyond.y.abs());
-        let place_px = chief.place_px + slice.by_centre * centre;
+        let place_px = self.chief_px + slice.by_centre * centre;
         let (first_y, phase_y) = patches.split(place_px.y);
         let (low, high) = (first_y.max(0), (first_y + rows).min(height));
-        if low >= high || next[low as usize] >= high as u32 {
+        if !self.has_wanted(low, high) {
             return;
         }
         // Take the whole image if it is inside the stop and on the sensor.
+        let far = (self.chief_mm - centre).abs();
+        let spread2 = slice.spread * slice.spread;
+        let has_round_stop = geometry.has_round_stop;
         let inside_reach = slice.corner + BLUR_INSIDE * (slice.reach - slice.corner);
-        let (x, y) = (far_x + inside_reach.x, far_y + inside_reach.y);
+        let DVec2 { x, y } = far + inside_reach;
         let is_in = if has_round_stop { x * x + y * y <= spread2 } else { x <= slice.spread && y <= slice.spread };
         let (first_x, phase_x) = patches.split(place_px.x);
         let patch = patches.at(phase_x, phase_y);
@@ -191,15 +194,15 @@ impl Lenslets {
             return;
         }
         // Leave it if it is outside the stop.
-        let (x, y) = ((far_x - slice.reach.x).max(0.0), (far_y - slice.reach.y).max(0.0));
+        let DVec2 { x, y } = (far - slice.reach).max(DVec2::ZERO);
         let is_out = if has_round_stop { x * x + y * y > spread2 } else { x > slice.spread || y > slice.spread };
         if is_out {
             return;
         }
         // Cut it otherwise.
-        let image = LensletImage { centre, chief: chief.array_mm, place_px, rows: (low, high) };
-        let fine = self.fine_patches(slice);
-        if let Some(image) = CutImage::new(&self.geometry, slice, fine, self.fineness(), &image) {
+        let image = LensletImage { centre, chief: self.chief_mm, place_px, rows: (low, high) };
+        let (fine, fineness) = (lenslets.fine_patches(slice), lenslets.fineness());
+        if let Some(image) = CutImage::new(geometry, slice, fine, fineness, &image) {
             image.runs(cut, next, wanted, found);
         }
     }
