@@ -22,8 +22,9 @@ pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<V
     let dots = dots(images.len(), table.as_deref(), arguments, &nominal)?;
     let exposures = session.phase("read", |_| {
         for depth in dots.iter().flatten().map(|dot| dot.place_mm[2]) {
-            check_depth_mm(&nominal, depth)
-                .map_err(|refusal| Error::new("the target", refusal.found, "wanted depths in front of the main lens"))?;
+            check_depth_mm(&nominal, depth).map_err(|refusal| {
+                Error::new("the target", refusal.found, "wanted depths in front of the main lens")
+            })?;
         }
         let images = frames(&images, None, &nominal, camera)?;
         let exposure = |(pixels, dots)| Exposure { pixels, dots };
