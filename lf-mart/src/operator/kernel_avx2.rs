@@ -4,8 +4,8 @@
 //! without link-time optimisation.
 //!
 //! # Safety
-//! For all functions: the start of every row, plus every tap's column, plus 4, lies in the plane. The machine has AVX2
-//! and FMA.
+//! For all unsafe functions: the start of every row, plus every tap's column, plus 4, lies in the plane. The machine
+//! has AVX2 and FMA.
 
 use super::lit_rows::LitRow;
 use super::taps::{CutTap, Tap};
@@ -45,9 +45,6 @@ fn inside(tap: &CutTap, nodes: &[__m256; 3]) -> __m256 {
 }
 
 /// Adds light at two runs of columns of a row.
-///
-/// # Safety
-/// See the module.
 #[inline]
 #[target_feature(enable = "avx2,fma")]
 unsafe fn add(row: *mut f32, columns: [u32; 2], light: __m256) {
@@ -60,9 +57,6 @@ unsafe fn add(row: *mut f32, columns: [u32; 2], light: __m256) {
 }
 
 /// The values at two runs of columns of a row.
-///
-/// # Safety
-/// See the module.
 #[inline]
 #[target_feature(enable = "avx2,fma")]
 unsafe fn values(row: *const f32, columns: [u32; 2]) -> __m256 {
@@ -74,9 +68,6 @@ unsafe fn values(row: *const f32, columns: [u32; 2]) -> __m256 {
 }
 
 /// See `kernel_portable::spread_whole`.
-///
-/// # Safety
-/// See the module.
 #[target_feature(enable = "avx2,fma")]
 pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[Tap]) {
     for row in rows {
@@ -90,9 +81,6 @@ pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitR
 }
 
 /// See `kernel_portable::gather_whole`.
-///
-/// # Safety
-/// See the module.
 #[target_feature(enable = "avx2,fma")]
 pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], whole: f32) -> (f32, f32) {
     let (mut all, mut weight) = (_mm256_setzero_ps(), 0.0);
@@ -111,9 +99,6 @@ pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], 
 }
 
 /// See `kernel_portable::spread_cut`.
-///
-/// # Safety
-/// See the module.
 #[target_feature(enable = "avx2,fma")]
 pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[CutTap]) {
     for row in rows {
@@ -127,9 +112,6 @@ pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow
 }
 
 /// See `kernel_portable::gather_cut`.
-///
-/// # Safety
-/// See the module.
 #[target_feature(enable = "avx2,fma")]
 pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap]) -> (f32, f32) {
     let (mut all, mut weight) = (_mm256_setzero_ps(), _mm256_setzero_ps());

@@ -1,15 +1,12 @@
 //! The inner loops for any machine, in four lanes: spread a strength onto image rows, gather from them.
 //!
 //! # Safety
-//! For all functions: the start of every row, plus every tap's column, plus 4, lies in the plane.
+//! For all unsafe functions: the start of every row, plus every tap's column, plus 4, lies in the plane.
 
 use super::lit_rows::LitRow;
 use super::taps::{CutTap, Tap};
 
 /// Adds a voxel's light to rows of `plane`.
-///
-/// # Safety
-/// See the module.
 #[inline(always)]
 pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[Tap]) {
     for row in rows {
@@ -22,9 +19,6 @@ pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitR
 }
 
 /// The same behind a round stop.
-///
-/// # Safety
-/// See the module.
 #[inline(always)]
 pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[CutTap]) {
     for row in rows {
@@ -37,9 +31,6 @@ pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow
 }
 
 /// A voxel's weighted sum over rows of `plane`, and the sum of the weights. `sum` is the sum of the taps' shares.
-///
-/// # Safety
-/// See the module.
 #[inline(always)]
 pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], sum: f32) -> (f32, f32) {
     let (mut all, mut weight) = (0.0, 0.0);
@@ -61,9 +52,6 @@ pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], 
 }
 
 /// The same behind a round stop.
-///
-/// # Safety
-/// See the module.
 #[inline(always)]
 pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap]) -> (f32, f32) {
     let (mut all, mut weight) = (0.0, 0.0);
@@ -87,9 +75,6 @@ pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap])
 }
 
 /// Adds shares of light at two runs of columns of a row. The runs may overlap.
-///
-/// # Safety
-/// See the module.
 #[inline(always)]
 unsafe fn add(plane: &mut [f32], start: usize, columns: [u32; 2], light: f32, shares: &[f32; 8]) {
     for half in 0..2 {
