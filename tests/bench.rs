@@ -1,6 +1,7 @@
 //! scripts/studies/bench: a record holds all that a comparison needs, a stage paired with itself gives the same output,
 //! and unknown words are refused.
 
+use lf_tests::scripts::{has_programs, text};
 use lf_tests::tools::{path, workspace};
 use serde_json::Value;
 use std::fs;
@@ -10,20 +11,13 @@ use std::process::{Command, Output};
 /// Runs scripts/studies/bench with the tools of this test and its files under `out`. Without bash: prints why, returns
 /// None.
 fn bench(out: &Path, words: &[&str]) -> Option<Output> {
-    for program in ["bash", "awk"] {
-        if Command::new(program).arg("--version").output().is_err() {
-            eprintln!("{program} is not installed: not tested");
-            return None;
-        }
+    if !has_programs(&["bash", "awk"]) {
+        return None;
     }
     let mut command = Command::new("bash");
     command.arg(workspace().join("scripts/studies/bench")).args(words).current_dir(out);
     command.env("BIN", path("lf-synth").parent().unwrap()).env("OUT", out).env("COMMIT", "one");
     Some(command.output().unwrap())
-}
-
-fn text(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
 /// The lines of the record.

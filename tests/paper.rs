@@ -1,25 +1,19 @@
 //! scripts/paper/paper.mk: every size is sound, a figure is made, and a rule that fails leaves nothing.
 
-use lf_tests::tools::{TOOLS, path, workspace};
+use lf_tests::scripts::{has_programs, link_tools, text};
+use lf_tests::tools::workspace;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
 /// A run of make. None if make or bash is missing, which is said.
 fn make(words: &[&str]) -> Option<Output> {
-    for program in ["make", "bash", "awk"] {
-        if Command::new(program).arg("--version").output().is_err() {
-            eprintln!("{program} is not installed: not tested");
-            return None;
-        }
+    if !has_programs(&["make", "bash", "awk"]) {
+        return None;
     }
     let mut command = Command::new("make");
     command.current_dir(workspace()).env_remove("MAKEFLAGS").args(["-f", "scripts/paper/paper.mk"]).args(words);
     Some(command.output().unwrap())
-}
-
-fn text(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
 /// Every file under a folder.
@@ -58,10 +52,7 @@ fn every_size_has_every_figure() {
 fn a_figure_is_made_and_a_failed_rule_leaves_nothing() {
     let place = tempfile::tempdir().unwrap();
     let tools = place.path().join("tools");
-    fs::create_dir(&tools).unwrap();
-    for tool in TOOLS {
-        std::os::unix::fs::symlink(path(tool), tools.join(tool)).unwrap();
-    }
+    link_tools(&tools);
     let (bin, folder) = (format!("BIN={}/", tools.display()), place.path().join("out"));
     let out = format!("OUT={}", folder.display());
     let small = ["SEEDS=1", "FIG8_SIDE=2", "FIG8_DENSITIES=0.5", "FIG8_MART_DENSITIES=", "DRT_SWEEPS=2", "fig8"];

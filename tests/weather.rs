@@ -1,6 +1,8 @@
 //! scripts/pipeline.mk in bad weather: broken and missing frames, a kill, two runs at once, a full disk.
 
-use lf_tests::tools::{TOOLS, path, workspace};
+use lf_tests::Folder;
+use lf_tests::scripts::{has_programs, link_tools};
+use lf_tests::tools::workspace;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::process::CommandExt;
@@ -13,29 +15,14 @@ use tempfile::TempDir;
 /// Time limit of each wait.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// Whether GNU make is installed; says so if not.
-fn has_make() -> bool {
-    let told = Command::new("make").arg("--version").output();
-    let is_there = told.is_ok_and(|told| String::from_utf8_lossy(&told.stdout).starts_with("GNU Make"));
-    if !is_there {
-        eprintln!("GNU make is not installed: not tested");
-    }
-    is_there
-}
-
 /// A folder with the tools, a white image, a nominal camera and four pairs of frames of 168 x 168 px in `raw`. Made
 /// once.
 fn campaign() -> &'static Path {
-    static PLACE: OnceLock<TempDir> = OnceLock::new();
-    let place = PLACE.get_or_init(|| {
-        let place = tempfile::tempdir().unwrap();
-        let folder = place.path();
-        for name in ["tools", "raw"] {
-            fs::create_dir(folder.join(name)).unwrap();
-        }
-        for tool in TOOLS {
-            std::os::unix::fs::symlink(path(tool), folder.join("tools").join(tool)).unwrap();
-        }
+    static CAMPAIGN: OnceLock<Folder> = OnceLock::new();
+    let folder = CAMPAIGN.get_or_init(|| {
+        let folder = Folder::shared();
+        fs::create_dir(folder.path("raw")).unwrap();
+        link_tools(&folder.path("tools"));
         let line = "export LF_HISTORY=off PATH=$PWD/tools:$PATH; set -e
             lf-synth scene uniform --set camera.main_lens.aperture=circle --set truth=null \\
                 --set camera.sensor.width=168 --set camera.sensor.height=168 --set 'volume.x_mm=[-0.231,0.231]' \\
@@ -48,11 +35,11 @@ fn campaign() -> &'static Path {
             lf-synth frames scene.json --format tiff -o taken -q
             sed 's/\"width\": 168/\"width\": 182/' scene.json > wide.json
             lf-synth frames wide.json --format tiff -o wide -q";
-        let made = Command::new("sh").args(["-c", line]).current_dir(folder).output().unwrap();
-        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-        place
+        let made = Command::new("sh").args(["-c", line]).current_dir(folder.root()).output().unwrap();
+        assert!(made.status.success(), "{}", said(&made));
+        folder
     });
-    place.path()
+    folder.root()
 }
 
 /// A copy of the campaign's frames in a new folder, to be spoilt.
@@ -142,7 +129,7 @@ fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
 
 #[test]
 fn bad_frames_fail_alone_are_named_and_can_be_mended() {
-    if !has_make() {
+    if !has_programs(&["make"]) {
         return;
     }
     let place = copy();
@@ -192,7 +179,7 @@ fn bad_frames_fail_alone_are_named_and_can_be_mended() {
 
 #[test]
 fn a_killed_run_leaves_no_half_file_and_can_be_continued() {
-    if !has_make() {
+    if !has_programs(&["make"]) {
         return;
     }
     let place = tempfile::tempdir().unwrap();
@@ -217,7 +204,7 @@ fn a_killed_run_leaves_no_half_file_and_can_be_continued() {
 
 #[test]
 fn two_runs_in_one_folder_end_in_the_same_results() {
-    if !has_make() {
+    if !has_programs(&["make"]) {
         return;
     }
     let place = tempfile::tempdir().unwrap();
@@ -232,7 +219,7 @@ fn two_runs_in_one_folder_end_in_the_same_results() {
 
 #[test]
 fn a_full_disk_refuses_the_next_result_and_harms_no_other() {
-    if !has_make() {
+    if !has_programs(&["make"]) {
         return;
     }
     let place = tempfile::tempdir().unwrap();

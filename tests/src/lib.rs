@@ -6,6 +6,7 @@
 pub mod call;
 pub mod folder;
 pub mod samples;
+pub mod scripts;
 pub mod tools;
 pub mod uses;
 

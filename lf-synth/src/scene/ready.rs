@@ -13,67 +13,50 @@ pub struct Ready {
     keys: fn() -> Value,
 }
 
+const fn ready(name: &'static str, about: &'static str, keys: fn() -> Value) -> Ready {
+    Ready { name, about, keys }
+}
+
 /// All ready scenes.
 pub const READY: [Ready; 12] = [
-    Ready {
-        name: "demo",
-        about: "a small volume of 60 x 60 lenslets at 0.5 particles each, round stop, moved by the paper's Case A1",
-        keys: demo,
-    },
-    Ready {
-        name: "core",
-        about: "20 x 20 lenslets at 0.1 particles each behind a square stop, at rest: the small test volume of section 3",
-        keys: || core("square", "square", 0.0),
-    },
-    Ready { name: "core-round", about: "the same behind a round stop", keys: || core("circle", "square", 0.0) },
-    Ready {
-        name: "core-hexagonal",
-        about: "the same on a hexagonal lattice turned by 3 mrad",
-        keys: || core("square", "hexagonal", 0.003),
-    },
-    Ready {
-        name: "uniform",
-        about: "40 x 40 lenslets at 0.5 particles each, all displaced by (0.02, -0.013, 0.06) mm",
-        keys: uniform,
-    },
-    Ready {
-        name: "waves",
-        about: "the volume of section 4, 1820 x 1820 x 182 voxels of 1 x 1 x 10 px, 0.5 particles a lenslet, Case A1 at 25 px",
-        keys: || moved(130, wave(), [1.0, 1.0, 10.0], [65, 65, 33]),
-    },
-    Ready {
-        name: "full",
-        about: "the size of section 5, 3300 x 2200 x 182 voxels of 2 x 2 x 10 px, 0.4 particles a lenslet, by the simulations' camera",
-        keys: full,
-    },
-    Ready {
-        name: "experiment",
-        about: "the experiment of section 5: 200 mm f/4 at 0.95, a jet in water behind 20 mm of Perspex, a 10 mm sheet, noise",
-        keys: experiment,
-    },
-    Ready {
-        name: "tank",
-        about: "a corner of it: the same camera, water, sheet and noise on 60 x 60 lenslets, a vortex ring",
-        keys: tank,
-    },
-    Ready {
-        name: "jet",
-        about: "a round jet with two vortex rings in its shear layer, 60 x 60 lenslets at 0.5 particles each",
-        keys: || {
-            let flow = json!([jet(2.4, 0.06), ring([-1.1, 0.0, 0.0], 1.2, 0.04), ring([1.1, 0.0, 0.0], 1.3, 0.03)]);
-            moved(60, flow, [2.0, 2.0, 10.0], [33, 33, 17])
-        },
-    },
-    Ready {
-        name: "ring",
-        about: "a vortex ring that moves along x, 60 x 60 lenslets at 0.5 particles each",
-        keys: || moved(60, ring([0.0, 0.0, 0.0], 1.2, 0.1), [2.0, 2.0, 10.0], [33, 33, 17]),
-    },
-    Ready {
-        name: "target",
-        about: "a target of dots 1.1 mm apart at seven depths on 120 x 120 lenslets, for calibration",
-        keys: target,
-    },
+    ready(
+        "demo",
+        "a small volume of 60 x 60 lenslets at 0.5 particles each, round stop, moved by the paper's Case A1",
+        demo,
+    ),
+    ready(
+        "core",
+        "20 x 20 lenslets at 0.1 particles each behind a square stop, at rest: the small test volume of section 3",
+        || core("square", "square", 0.0),
+    ),
+    ready("core-round", "the same behind a round stop", || core("circle", "square", 0.0)),
+    ready("core-hexagonal", "the same on a hexagonal lattice turned by 3 mrad", || core("square", "hexagonal", 0.003)),
+    ready("uniform", "40 x 40 lenslets at 0.5 particles each, all displaced by (0.02, -0.013, 0.06) mm", uniform),
+    ready(
+        "waves",
+        "the volume of section 4, 1820 x 1820 x 182 voxels of 1 x 1 x 10 px, 0.5 particles a lenslet, Case A1 at 25 px",
+        || moved(130, wave(), [1.0, 1.0, 10.0], [65, 65, 33]),
+    ),
+    ready(
+        "full",
+        "the size of section 5, 3300 x 2200 x 182 voxels of 2 x 2 x 10 px, 0.4 particles a lenslet, by the simulations' camera",
+        full,
+    ),
+    ready(
+        "experiment",
+        "the experiment of section 5: 200 mm f/4 at 0.95, a jet in water behind 20 mm of Perspex, a 10 mm sheet, noise",
+        experiment,
+    ),
+    ready("tank", "a corner of it: the same camera, water, sheet and noise on 60 x 60 lenslets, a vortex ring", tank),
+    ready(
+        "jet",
+        "a round jet with two vortex rings in its shear layer, 60 x 60 lenslets at 0.5 particles each",
+        jet_with_rings,
+    ),
+    ready("ring", "a vortex ring that moves along x, 60 x 60 lenslets at 0.5 particles each", || {
+        moved(60, ring([0.0, 0.0, 0.0], 1.2, 0.1), [2.0, 2.0, 10.0], [33, 33, 17])
+    }),
+    ready("target", "a target of dots 1.1 mm apart at seven depths on 120 x 120 lenslets, for calibration", target),
 ];
 
 /// The ready scene of this name; none if there is no such scene.
@@ -145,6 +128,11 @@ fn jet(diameter_mm: f64, displacement_mm: f64) -> Value {
         "kind": "jet", "centre_mm": [0.0, 0.0, 0.0], "axis": [1.0, 0.0, 0.0], "diameter_mm": diameter_mm,
         "shear_layer_mm": 0.05 * diameter_mm, "displacement_mm": displacement_mm
     })
+}
+
+fn jet_with_rings() -> Value {
+    let flow = json!([jet(2.4, 0.06), ring([-1.1, 0.0, 0.0], 1.2, 0.04), ring([1.1, 0.0, 0.0], 1.3, 0.03)]);
+    moved(60, flow, [2.0, 2.0, 10.0], [33, 33, 17])
 }
 
 /// Particles of the experiment: of different size and brightness.
