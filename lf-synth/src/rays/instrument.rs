@@ -4,9 +4,9 @@
 
 use super::diffraction::Pattern;
 use super::glow::Glow;
-use super::patch::Patch;
 use super::samples::{Samples, Shape};
 use super::second_stop::SecondStop;
+use super::tally::Tally;
 use super::white_cells::WhiteCells;
 use crate::particles::Particle;
 use crate::random::stream;
@@ -41,7 +41,7 @@ struct Flight {
     y: [f64; FLIGHT],
     /// Whether a second stop holds the ray back.
     blocked: [bool; FLIGHT],
-    /// Pixel, counted from the corner of the patch.
+    /// Pixel, counted from the corner of the tally.
     column: [i32; FLIGHT],
     row: [i32; FLIGHT],
 }
@@ -77,7 +77,7 @@ impl Instrument {
         }
     }
 
-    /// Casts a particle's rays and counts them in `patch`.
+    /// Casts a particle's rays and counts them in `tally`.
     #[inline(always)]
     pub(super) fn cast_particle(
         &self,
@@ -85,7 +85,7 @@ impl Instrument {
         glow: &Glow,
         particle: &Particle,
         seed: u64,
-        patch: &mut Patch,
+        tally: &mut Tally,
     ) {
         let rays = glow.rays.of_intensity(particle.intensity);
         let mut random = stream(seed ^ PARTICLES, particle.id);
@@ -95,7 +95,7 @@ impl Instrument {
         let (centre, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
         let (half, size) = (self.optics.half_aperture_mm(), glow.size_mm * particle.size);
         let [low, high] = self.bounds_px(particle, size);
-        patch.clear(low, high, self.size, particle.intensity / rays as f64);
+        tally.clear(low, high, self.size, particle.intensity / rays as f64);
         let mut flight = Flight::START;
         for first in (0..rays).step_by(FLIGHT) {
             let n = FLIGHT.min(rays - first);
@@ -107,20 +107,20 @@ impl Instrument {
                 let hit = self.optics.array_from_object(point, z_mm, DVec2::new(u[i], v[i]));
                 (x[i], y[i]) = (hit.x, hit.y);
             }
-            self.finish(&mut flight, n, start + first, patch);
+            self.finish(&mut flight, n, start + first, tally);
         }
     }
 
-    /// Casts the rays through one row of white cells and counts them in `patch`.
+    /// Casts the rays through one row of white cells and counts them in `tally`.
     #[inline(always)]
-    pub(super) fn cast_row(&self, samples: &Samples, cells: &WhiteCells, row: usize, seed: u64, patch: &mut Patch) {
+    pub(super) fn cast_row(&self, samples: &Samples, cells: &WhiteCells, row: usize, seed: u64, tally: &mut Tally) {
         let half = self.optics.half_aperture_mm();
         let top_mm = cells.corner_mm.y + row as f64 * cells.side_mm.y;
         let reach_px = self.margin_px + half * self.optics.demagnification() / self.pixel_pitch_mm;
         let edge_px = |y_mm: f64| self.optics.place_px(DVec2::new(0.0, y_mm)).y;
         let low = [0.0, edge_px(top_mm) - reach_px];
         let high = [self.size[0] as f64, edge_px(top_mm + cells.side_mm.y) + reach_px];
-        patch.clear(low, high, self.size, cells.counts_per_ray);
+        tally.clear(low, high, self.size, cells.counts_per_ray);
         let mut flight = Flight::START;
         for column in 0..cells.columns {
             let mut random = stream(seed ^ WHITE, (row * cells.columns + column) as u64);
@@ -136,14 +136,14 @@ impl Instrument {
                 for i in 0..n {
                     (x[i], y[i]) = (centre.x + cells.side_mm.x * x[i], centre.y + cells.side_mm.y * y[i]);
                 }
-                self.finish(&mut flight, n, start + first, patch);
+                self.finish(&mut flight, n, start + first, tally);
             }
         }
     }
 
     /// Takes rays from the array to the sensor and counts them. `sample` is the number of the first ray.
     #[inline(always)]
-    fn finish(&self, flight: &mut Flight, n: usize, sample: usize, patch: &mut Patch) {
+    fn finish(&self, flight: &mut Flight, n: usize, sample: usize, tally: &mut Tally) {
         let Flight { u, v, x, y, blocked, column, row } = flight;
         if let Some(stop) = &self.second_stop {
             for i in 0..n {
@@ -157,7 +157,7 @@ impl Instrument {
         if let Some(pattern) = &self.diffraction {
             pattern.deflect(sample, &mut x[..n], &mut y[..n]);
         }
-        let corner = DVec2::from(patch.corner());
+        let corner = DVec2::from(tally.corner());
         for i in 0..n {
             let place = (self.optics.place_px(DVec2::new(x[i], y[i])) - corner).floor();
             (column[i], row[i]) = (place.x as i32, place.y as i32);
@@ -169,7 +169,7 @@ impl Instrument {
                 }
             }
         }
-        patch.count(&column[..n], &row[..n], self.size);
+        tally.count(&column[..n], &row[..n], self.size);
     }
 
     /// Low and high pixel bounds of a particle's image: the rays through the rim of the aperture, and a margin.

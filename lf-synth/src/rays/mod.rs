@@ -5,11 +5,11 @@
 mod diffraction;
 mod glow;
 mod instrument;
-mod patch;
 pub mod ray_noise;
 mod render;
 mod samples;
 mod second_stop;
+mod tally;
 mod white_cells;
 
 pub use diffraction::{Diffraction, Pattern};

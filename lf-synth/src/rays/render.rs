@@ -1,13 +1,13 @@
 //! From rays to images.
 //!
-//! Each ray carries an equal share of its particle's counts. The rays of one particle are counted in a patch of the
+//! Each ray carries an equal share of its particle's counts. The rays of one particle are counted in a tally of the
 //! sensor. Patches are added to the image in the order of the particles, so that the image has the same bytes for any
 //! number of threads.
 
 use super::glow::Glow;
 use super::instrument::Instrument;
-use super::patch::{self, Patch};
 use super::samples::{Samples, Shape};
+use super::tally::{self, Tally};
 use super::white_cells::WhiteCells;
 use crate::particles::Particle;
 use lf_core::camera::Camera;
@@ -43,10 +43,10 @@ pub fn frame(
     let samples = Samples::new(particles.iter().map(rays).max().unwrap_or(0), instrument.aperture, glow.shape);
     let emitted = particles.iter().map(|particle| particle.intensity).sum();
     let cast_rays = particles.iter().map(|particle| rays(particle) as u64).sum();
-    let (pixels, arrived) = collect(instrument.size, particles, |particle, patch| {
+    let (pixels, arrived) = collect(instrument.size, particles, |particle, tally| {
         fastest(
             #[inline(always)]
-            || instrument.cast_particle(&samples, glow, particle, seed, patch),
+            || instrument.cast_particle(&samples, glow, particle, seed, tally),
         );
         done(1);
     });
@@ -67,10 +67,10 @@ pub fn white(
     let cells = WhiteCells::new(camera, level, rays);
     let samples = Samples::new(cells.rays, instrument.aperture, Shape::Square);
     let rows: Vec<usize> = (0..cells.rows).collect();
-    let (pixels, arrived) = collect(instrument.size, &rows, |&row, patch| {
+    let (pixels, arrived) = collect(instrument.size, &rows, |&row, tally| {
         fastest(
             #[inline(always)]
-            || instrument.cast_row(&samples, &cells, row, seed, patch),
+            || instrument.cast_row(&samples, &cells, row, seed, tally),
         );
         done(1);
     });
@@ -78,20 +78,20 @@ pub fn white(
     Rendered { pixels, emitted, arrived, rays: (cells.columns * cells.rows * cells.rays) as u64 }
 }
 
-/// Casts the rays of many sources and adds up their patches in order. Returns the image and the counts that arrived.
+/// Casts the rays of many sources and adds up their tallies in order. Returns the image and the counts that arrived.
 fn collect<T: Sync>(
     [width, height]: [usize; 2],
     sources: &[T],
-    cast: impl Fn(&T, &mut Patch) + Sync,
+    cast: impl Fn(&T, &mut Tally) + Sync,
 ) -> (Array2<f32>, f64) {
     let mut pixels = Array2::zeros((height, width));
     let mut arrived = 0.0;
-    let mut patches: Vec<Patch> = (0..BATCH.min(sources.len())).map(|_| Patch::default()).collect();
+    let mut tallies: Vec<Tally> = (0..BATCH.min(sources.len())).map(|_| Tally::default()).collect();
     for batch in sources.chunks(BATCH) {
-        let patches = &mut patches[..batch.len()];
-        batch.par_iter().zip(patches.par_iter_mut()).with_max_len(1).for_each(|(source, patch)| cast(source, patch));
-        patch::add(&mut pixels, patches);
-        arrived += patches.iter().map(Patch::arrived).sum::<f64>();
+        let tallies = &mut tallies[..batch.len()];
+        batch.par_iter().zip(tallies.par_iter_mut()).with_max_len(1).for_each(|(source, tally)| cast(source, tally));
+        tally::add(&mut pixels, tallies);
+        arrived += tallies.iter().map(Tally::arrived).sum::<f64>();
     }
     (pixels, arrived)
 }

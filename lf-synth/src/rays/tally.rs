@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 /// Rays counted for each pixel in a rectangle of the sensor, and a list of those that fell on the sensor outside it.
 #[derive(Debug, Default)]
-pub struct Patch {
+pub struct Tally {
     left: usize,
     top: usize,
     width: usize,
@@ -15,8 +15,8 @@ pub struct Patch {
     counts_per_ray: f64,
 }
 
-impl Patch {
-    /// Empties the patch and moves it to the pixels from `low` up to `high`, excluded, on a sensor of `size`. All are
+impl Tally {
+    /// Empties the tally and moves it to the pixels from `low` up to `high`, excluded, on a sensor of `size`. All are
     /// (column, row).
     pub fn clear(&mut self, low: [f64; 2], high: [f64; 2], size: [usize; 2], counts_per_ray: f64) {
         // The cast turns NaN into 0.
@@ -35,14 +35,14 @@ impl Patch {
         [self.left as f64, self.top as f64]
     }
 
-    /// Counts rays by the column and row of their pixel from the corner of the patch, on a sensor of `size`.
+    /// Counts rays by the column and row of their pixel from the corner of the tally, on a sensor of `size`.
     #[inline(always)]
     pub fn count(&mut self, columns: &[i32], rows: &[i32], size: [usize; 2]) {
         let wide = self.width as u32;
         let high = (self.rays.len() / self.width.max(1)) as u32;
         let mut within = 0;
         for (&column, &row) in columns.iter().zip(rows) {
-            // A negative number wraps to a place beyond the patch.
+            // A negative number wraps to a place beyond the tally.
             let (x, y) = (column as u32, row as u32);
             if x < wide && y < high {
                 self.rays[(y * wide + x) as usize] += 1;
@@ -54,7 +54,7 @@ impl Patch {
         self.arrived += within;
     }
 
-    /// Lists a ray that fell outside the patch, if the sensor is there.
+    /// Lists a ray that fell outside the tally, if the sensor is there.
     #[cold]
     fn stray(&mut self, column: i64, row: i64, [width, height]: [usize; 2]) {
         let (x, y) = (column + self.left as i64, row + self.top as i64);
@@ -73,27 +73,27 @@ impl Patch {
 /// Rows of the image that one thread adds to at a time.
 const BAND: usize = 64;
 
-/// Adds patches to an image, in their order at each pixel.
-pub fn add(image: &mut Array2<f32>, patches: &[Patch]) {
+/// Adds tallies to an image, in their order at each pixel.
+pub fn add(image: &mut Array2<f32>, tallies: &[Tally]) {
     let width = image.ncols();
     let pixels = image.as_slice_mut().expect("an image of our own is in rows");
     pixels.par_chunks_mut(BAND * width).enumerate().for_each(|(band, rows)| {
-        for patch in patches.iter().filter(|patch| !patch.rays.is_empty()) {
-            let height = patch.rays.len() / patch.width;
-            let from = patch.top.max(band * BAND);
-            let to = (patch.top + height).min(band * BAND + rows.len() / width);
+        for tally in tallies.iter().filter(|tally| !tally.rays.is_empty()) {
+            let height = tally.rays.len() / tally.width;
+            let from = tally.top.max(band * BAND);
+            let to = (tally.top + height).min(band * BAND + rows.len() / width);
             for row in from..to {
-                let start = (row - band * BAND) * width + patch.left;
-                let counted = &patch.rays[(row - patch.top) * patch.width..][..patch.width];
-                for (pixel, rays) in rows[start..][..patch.width].iter_mut().zip(counted) {
-                    *pixel += (f64::from(*rays) * patch.counts_per_ray) as f32;
+                let start = (row - band * BAND) * width + tally.left;
+                let counted = &tally.rays[(row - tally.top) * tally.width..][..tally.width];
+                for (pixel, rays) in rows[start..][..tally.width].iter_mut().zip(counted) {
+                    *pixel += (f64::from(*rays) * tally.counts_per_ray) as f32;
                 }
             }
         }
     });
-    for patch in patches {
-        for &stray in &patch.strays {
-            pixels[stray] += patch.counts_per_ray as f32;
+    for tally in tallies {
+        for &stray in &tally.strays {
+            pixels[stray] += tally.counts_per_ray as f32;
         }
     }
 }
