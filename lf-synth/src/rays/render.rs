@@ -1,8 +1,8 @@
 //! From rays to images.
 //!
-//! Each ray carries an equal share of its particle's counts. The rays of one particle are counted in a tally of the
-//! sensor. Patches are added to the image in the order of the particles, so that the image has the same bytes for any
-//! number of threads.
+//! Each ray carries an equal share of its particle's counts. The rays of one particle are counted in a tally of part of
+//! the sensor. Tallies are added to the image in the order of the particles, so that the image has the same bytes for
+//! any number of threads.
 
 use super::glow::Glow;
 use super::instrument::Instrument;
@@ -28,7 +28,7 @@ pub struct Rendered {
     pub rays: u64,
 }
 
-/// Patches in memory at a time.
+/// Tallies in memory at a time.
 const BATCH: usize = 64;
 
 /// Renders particles. `done` is called with the number of particles finished since its last call.
