@@ -1,4 +1,4 @@
-//! What share of the errors of vectors do their stated uncertainties cover?
+//! The fraction of the vectors' errors that their stated uncertainties cover.
 
 #[path = "../tests/coverage/mod.rs"]
 mod coverage;

@@ -1,10 +1,10 @@
-//! How fast is a pass over volumes of particles?
+//! The speed of a pass over volumes of particles.
 
 #[path = "../tests/scene/mod.rs"]
 mod scene;
 
 use divan::{Bencher, counter::ItemsCount};
-use lf_xcorr::{Deform, Options, Pass, Route, correlate, windows};
+use lf_xcorr::{Deform, Options, Pass, Route, correlate};
 
 fn main() {
     divan::main();
@@ -16,19 +16,19 @@ fn window(bencher: Bencher, side: usize) {
     measure(bencher, pass(side, 0.75, Options::REFINE), 8.0, 0.75, Route::Direct, Deform::Never);
 }
 
-/// The same with particles long along z.
+/// The same windows with particles long along z.
 #[divan::bench(args = [16, 24, 32], sample_count = 5)]
 fn long_particles(bencher: Bencher, side: usize) {
     measure(bencher, pass(side, 0.75, Options::REFINE), 8.0, 4.0, Route::Direct, Deform::Never);
 }
 
-/// Growth with density, particles in 32^3 voxels.
+/// Time against density: particles in 32^3 voxels.
 #[divan::bench(args = [2, 8, 32, 128], sample_count = 5)]
 fn density(bencher: Bencher, particles: usize) {
     measure(bencher, pass(32, 0.75, Options::REFINE), particles as f64, 0.75, Route::Direct, Deform::Never);
 }
 
-/// Growth with the search radius.
+/// Time against the search radius.
 #[divan::bench(args = [2, 4, 8], sample_count = 5)]
 fn search(bencher: Bencher, radius: usize) {
     measure(bencher, pass(32, 0.75, [radius; 3]), 8.0, 0.75, Route::Direct, Deform::Never);
@@ -40,13 +40,14 @@ fn deformed(bencher: Bencher) {
     measure(bencher, pass(32, 0.75, Options::REFINE), 8.0, 0.75, Route::Direct, Deform::Auto);
 }
 
-/// Products voxel by voxel against transforms, by particles in 32^3 voxels; windows apart, a search of half a window.
+/// Direct sums, to compare with transforms: particles in 32^3 voxels, windows without overlap, a search of half a
+/// window.
 #[divan::bench(args = [2, 8, 32, 128], sample_count = 3)]
 fn apart_direct(bencher: Bencher, particles: usize) {
     measure(bencher, pass(32, 0.0, [16; 3]), particles as f64, 0.75, Route::Direct, Deform::Never);
 }
 
-/// As `apart_direct`.
+/// The same by transforms.
 #[divan::bench(args = [2, 8, 32, 128], sample_count = 3)]
 fn apart_transforms(bencher: Bencher, particles: usize) {
     measure(bencher, pass(32, 0.0, [16; 3]), particles as f64, 0.75, Route::Transform, Deform::Never);
@@ -60,7 +61,7 @@ fn measure(bencher: Bencher, pass: Pass, particles: f64, sigma_z_vox: f64, route
     let grid = scene::grid([128; 3]);
     let density = particles / 32f64.powi(3);
     let [a, b] = scene::pair(&grid, density, [0.75, 0.75, sigma_z_vox], 1, |_| [0.3, -0.6, 0.7]);
-    let options = Options { route, deform, ..Options::of(vec![pass]) };
-    let count = windows(grid.shape, &options);
+    let options = Options { route, deform, ..Options::new(vec![pass]) };
+    let count = options.windows(grid.shape);
     bencher.counter(ItemsCount::new(count)).bench(|| correlate(&a.sparse(), &b.sparse(), &options));
 }

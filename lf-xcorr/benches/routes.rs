@@ -1,7 +1,7 @@
-//! From which share of lit voxels on are transforms faster than products, and does the estimate know?
+//! The fraction of lit voxels from which on transforms are faster than direct sums, measured and estimated.
 //!
-//! Prints milliseconds of one pass on one core over voxels lit at random, and the ratio of the two paths, measured and
-//! estimated. What would take longer than [`LONGEST_S`] is left out. `--quick` measures the small cases.
+//! Prints the time of one pass by direct sums over that by transforms, on one core over voxels lit at random. Cases
+//! that would take longer than [`LONGEST_S`] are left out. `--quick` measures the small cases only.
 
 use lf_core::grid::Grid;
 use lf_xcorr::{Pass, Sparse, one_pass};
@@ -15,7 +15,7 @@ const LONGEST_S: f64 = 4.0;
 fn main() {
     let quick = std::env::args().any(|word| word == "--quick");
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    println!("products over transforms, one core: measured (estimated); above 1 transforms are faster");
+    println!("direct sums over transforms, one core: measured (estimated); above 1 transforms are faster");
     println!("{:32}{}", "lit", LIT.map(|lit| format!("{:>18}", format!("{} %", 100.0 * lit))).concat());
     for (window, overlap, side) in
         [(16, 0.75, 36), (16, 0.0, 48), (32, 0.75, 64), (32, 0.0, 64), (64, 0.75, 96), (64, 0.0, 128)]
@@ -31,7 +31,7 @@ fn main() {
                 let sparse = volumes.each_ref().map(Volume::sparse);
                 let mut estimated = [0.0; 2];
                 for path in 0..2 {
-                    // Ten times the light is up to a hundred times the products.
+                    // Ten times the light makes up to a hundred times the products.
                     let factor = if path == 0 { 30.0 } else { 1.2 };
                     if last[path] * factor > 5.0 * LONGEST_S {
                         last[path] = f64::INFINITY;
@@ -51,7 +51,7 @@ fn main() {
     }
 }
 
-/// Seconds of the fastest of three, and what was estimated. Other work on the machine only adds.
+/// Seconds of the fastest of three runs, and the estimate. Other work on the machine only adds time.
 fn fastest_of_three(volumes: [&Sparse; 2], pass: &Pass, transform: bool) -> (f64, [f64; 2]) {
     let mut fastest = (f64::INFINITY, [0.0; 2]);
     for _ in 0..3 {

@@ -1,34 +1,34 @@
 //! Why two volumes cannot be correlated.
 
-/// Which of the inputs a refusal is about.
+use lf_core::Refusal;
+
+/// The input that a refusal is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// The first volume of a pair, counted from 0.
+    /// The first volume of a pair; pairs are counted from 0.
     First(usize),
     /// The second volume of a pair.
     Second(usize),
-    /// The volumes together.
+    /// All volumes together.
     Both,
     /// The mask.
     Mask,
-    /// The options, whatever the volumes hold.
+    /// The options; no volume would fit them.
     Options,
 }
 
-/// A refusal: what was found, and what was wanted instead.
+/// A refusal and the input it is about. The caller knows the name of that input.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{found}; {wanted}")]
-pub struct Error {
-    /// The input it is about.
+#[error("{refusal}")]
+pub struct Refused {
+    /// The input.
     pub side: Side,
-    /// What was found there.
-    pub found: String,
-    /// What was wanted.
-    pub wanted: String,
+    /// What was found there and what was wanted.
+    pub refusal: Refusal,
 }
 
-impl Error {
+impl Refused {
     pub(crate) fn new(side: Side, found: impl Into<String>, wanted: impl Into<String>) -> Self {
-        Self { side, found: found.into(), wanted: wanted.into() }
+        Self { side, refusal: Refusal::new(found, wanted) }
     }
 }

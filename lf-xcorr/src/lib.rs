@@ -1,22 +1,30 @@
-//! Sparse volumes in pairs to a velocity field: multigrid cross-correlation of the lit voxels.
+//! Pairs of sparse volumes to a velocity field, by multigrid cross-correlation of the lit voxels.
 //!
-//! Each pass lays interrogation windows over the volume, sums the products of the two volumes over every trial shift, and
-//! fits the peak of the normalised correlation; its validated vectors predict the shift for the next, finer pass. The last
-//! pass is repeated on volumes deformed by what is known, until the vectors stand still.
+//! ```text
+//! volumes/    lit voxels and a mask  ->  rows of lit voxels
+//! correlate/  rows, windows, boxes of trial shifts  ->  the correlation peak of every window
+//! vectors/    peaks  ->  outliers replaced, a smooth field, uncertainties
+//! passes/     coarse to fine: correlate, predict, deform the volumes, correlate again  ->  the field
+//! plan.rs     checks the input, estimates memory, runs the passes: open it first
+//! ```
 //!
-//! - The work is done on the lit voxels, and once: windows that overlap share the sums of the cells they have in common
-//!   (a sparse direct correlation after Discetti & Astarita, Exp. Fluids 53, 2012; 64 windows share a cell at 75 % overlap).
-//!   Where Fourier transforms of each window should be faster they find the peak, and direct sums its place.
-//! - Both windows move: a trial shift is taken half from each volume, so a vector stands where it was measured, and on the
-//!   direct path exchanging the volumes negates the field exactly.
-//! - The correlation is zero-mean and normalised by the energy of what each shift pairs, so that window edges, gain and
-//!   long particles do not pull the peak; the fit is a three-dimensional Gaussian, tilt included.
-//! - Deformation sends the light to the midpoints of a predicted field, voxel by lit voxel, and spreads it with a spline that
+//! Each pass lays interrogation windows over the volume, sums the products of the two volumes over every trial shift,
+//! and fits the peak of the normalised correlation. Its validated vectors predict the shift for the next, finer pass.
+//! The last pass is repeated on volumes deformed by the known field, until the vectors stand still.
+//!
+//! - Only lit voxels are worked on, and only once: windows that overlap share the sums of their common cells (a sparse
+//!   direct correlation after Discetti & Astarita, Exp. Fluids 53, 2012; 64 windows share a cell at 75 % overlap).
+//!   Where Fourier transforms of each window should be faster, they find the peak, and direct sums its place.
+//! - Both windows move: each volume takes half of a trial shift, so a vector stands where it was measured, and with
+//!   direct sums exchanging the volumes negates the field exactly.
+//! - The correlation is zero-mean and normalised by the energy of the voxels that each shift pairs, so that window
+//!   edges, gain and long particles do not pull the peak. The fit is a three-dimensional Gaussian that may be tilted.
+//! - Deformation sends each lit voxel to the midpoint of the predicted displacement, and spreads it with a spline that
 //!   moves five moments of a particle image exactly. The predictor follows gradients where there is evidence of them.
-//! - Vectors pass the normalised median test (Westerweel & Scarano, Exp. Fluids 39, 2005), are searched again, or are
-//!   replaced and say so. A window without light gives no data, never a silent zero.
-//! - Standard uncertainties come from how the particle images of a window disagree (after Wieneke, Meas. Sci. Technol. 26,
-//!   2015), and from what of the field the windows are too large for.
+//! - Vectors that fail the normalised median test (Westerweel & Scarano, Exp. Fluids 39, 2005) are searched again;
+//!   those that still fail are replaced and flagged. A window without light gives no data, never a silent zero.
+//! - Standard uncertainties come from how the particle images of a window disagree (after Wieneke, Meas. Sci. Technol.
+//!   26, 2015), and from the part of the field that the windows are too large to resolve.
 //!
 //! ```
 //! use lf_core::grid::Grid;
@@ -33,47 +41,18 @@
 //! assert_eq!((field.u[0], field.v[0], field.w[0]), (0.2, 0.0, 0.5));
 //! ```
 
-mod cost;
-mod deform;
-mod energy;
+mod correlate;
 mod error;
-mod evidence;
-mod fill;
-mod fit;
-mod kernel;
-mod lattice;
-mod level;
-mod mask;
-mod memory;
-mod multigrid;
-mod neighbours;
-mod options;
-#[cfg(test)]
-mod oracle;
-mod outcome;
-mod overlap;
-mod overlay;
-mod pass;
-mod peak;
+mod passes;
+mod plan;
 pub mod plot;
-mod predictor;
-mod response;
-mod run;
-mod score;
-mod shifts;
-mod smooth;
-mod sparse;
-mod transform;
-mod uncertainty;
-mod validation;
+mod vectors;
+mod volumes;
 
-pub use error::{Error, Side};
-pub use level::Counts;
-pub use mask::Mask;
-pub use memory::estimate_bytes;
-pub use multigrid::{correlate, correlate_pairs, windows};
-pub use options::{Deform, MedianTest, Options, Pass, Route, triple};
-pub use outcome::{Outcome, PassReport, Repeat};
+pub use error::{Refused, Side};
 #[doc(hidden)]
-pub use pass::one_pass;
-pub use sparse::Sparse;
+pub use passes::one_pass;
+pub use passes::{Choice, Counts, Deform, Options, Outcome, Pass, PassReport, Reason, Repeat, Route, triple};
+pub use plan::{Plan, correlate};
+pub use vectors::MedianTest;
+pub use volumes::{Mask, Sparse};

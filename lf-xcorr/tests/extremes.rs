@@ -2,7 +2,7 @@
 
 use crate::scene::{self, Volume};
 use lf_core::field::{Field, MEASURED};
-use lf_xcorr::{Options, Pass, Route, correlate};
+use lf_xcorr::{Mask, Options, Pass, Plan, Route, correlate};
 
 const SHIFT: [f64; 3] = [1.3, -0.4, 0.6];
 
@@ -118,7 +118,7 @@ fn displacements_beyond_half_a_window_are_found() {
     let shift = [19.3, 0.0, -2.4];
     let [a, b] = scene::pair(&scene::grid([96, 48, 48]), 10.0 / 32f64.powi(3), [0.8; 3], 3, |_| shift);
     let pass = |window: usize, search: [usize; 3]| Pass { window: [window; 3], overlap: 0.5, search };
-    let options = Options::of(vec![pass(32, [24, 4, 6]), pass(24, [3; 3])]);
+    let options = Options::new(vec![pass(32, [24, 4, 6]), pass(24, [3; 3])]);
     let field = correlate(&a.sparse(), &b.sparse(), &options).unwrap().field;
     let good = |i: &usize| (field.u[*i] - 19.3).abs() < 0.1 && (field.w[*i] + 2.4).abs() < 0.1;
     let count = (0..field.len()).filter(|&i| field.flag[i] == MEASURED).filter(good).count();
@@ -158,7 +158,7 @@ fn pairs_of_different_brightness_are_taken_about_their_own_means() {
         .map(|(pair, gain)| pair.each_ref().map(|volume| grounded(volume, gain)))
         .collect();
     let sparse: Vec<[lf_xcorr::Sparse; 2]> = pairs.iter().map(|pair| pair.each_ref().map(Volume::sparse)).collect();
-    let both = lf_xcorr::correlate_pairs(&sparse, &lf_xcorr::Mask::Everything, &options(), &|_| ()).unwrap().field;
+    let both = Plan::new(&sparse, &Mask::Everything, &options()).unwrap().correlate(&|_| ()).unwrap().field;
     let one = correlate(&sparse[0][0], &sparse[0][1], &options()).unwrap().field;
     let (both, one) = (error(&both), error(&one));
     assert!(both[1] < 1.2 * one[1] && both[0] < 0.025 && both[2] > 0.95, "{both:?} {one:?}");

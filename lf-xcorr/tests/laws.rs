@@ -4,7 +4,7 @@ use crate::scene::{self, Volume};
 use lf_core::field::{Cut, Field, MEASURED, NO_DATA, REPLACED, VectorGrid};
 use lf_core::grid::Grid;
 use lf_xcorr::plot;
-use lf_xcorr::{Error, Options, Side, Sparse, correlate};
+use lf_xcorr::{Options, Refused, Side, Sparse, correlate};
 
 const SHAPE: [usize; 3] = [72, 64, 48];
 
@@ -162,21 +162,21 @@ fn a_wrong_window_is_replaced_and_says_so() {
 #[test]
 fn unusable_input_is_refused_with_what_was_found() {
     let [a, b] = particles(7);
-    let refused = |a: &Sparse, b: &Sparse, options: &Options| -> Error { correlate(a, b, options).unwrap_err() };
+    let refused = |a: &Sparse, b: &Sparse, options: &Options| -> Refused { correlate(a, b, options).unwrap_err() };
 
     let other = Grid { spacing_mm: [1.0, 1.0, 2.0], ..b.grid.clone() };
     let error = refused(&a.sparse(), &Sparse { grid: &other, ..b.sparse() }, &options());
     assert_eq!(error.side, Side::Second(0));
-    assert!(error.wanted.contains("1 x 1 x 1 mm") && error.found.contains("1 x 1 x 2 mm"), "{error}");
+    assert!(error.refusal.wanted.contains("1 x 1 x 1 mm") && error.refusal.found.contains("1 x 1 x 2 mm"), "{error}");
 
     let empty = Sparse { grid: &a.grid, indices: &[], intensity: &[] };
     assert_eq!(refused(&a.sparse(), &empty, &options()).side, Side::Second(0));
     let dark = Sparse { grid: &a.grid, indices: &[3, 4], intensity: &[0.0, 0.0] };
-    assert!(refused(&dark, &a.sparse(), &options()).found.contains("none of them lit"));
+    assert!(refused(&dark, &a.sparse(), &options()).refusal.found.contains("none of them lit"));
     for value in [-1.0, f32::NAN, f32::INFINITY] {
         let wrong = Sparse { grid: &a.grid, indices: &[3, 4], intensity: &[1.0, value] };
         let error = refused(&wrong, &a.sparse(), &options());
-        assert!(error.side == Side::First(0) && error.found.contains("[4, 0, 0]"), "{error}");
+        assert!(error.side == Side::First(0) && error.refusal.found.contains("[4, 0, 0]"), "{error}");
     }
 
     let with = |change: &dyn Fn(&mut Options)| {
@@ -184,9 +184,9 @@ fn unusable_input_is_refused_with_what_was_found() {
         change(&mut options);
         refused(&a.sparse(), &b.sparse(), &options)
     };
-    assert!(with(&|o| o.passes[1].overlap = 1.0).found.contains("overlap 1"));
-    assert!(with(&|o| o.passes[1].overlap = f64::NAN).found.contains("overlap NaN"));
-    assert!(with(&|o| o.passes[0].window[2] = 49).found.contains("48 x 48 x 49"));
+    assert!(with(&|o| o.passes[1].overlap = 1.0).refusal.found.contains("overlap 1"));
+    assert!(with(&|o| o.passes[1].overlap = f64::NAN).refusal.found.contains("overlap NaN"));
+    assert!(with(&|o| o.passes[0].window[2] = 49).refusal.found.contains("48 x 48 x 49"));
     assert!(with(&|o| o.passes[1].window[0] = 0).side == Side::Options);
     assert!(with(&|o| o.passes[1].search[0] = 0).side == Side::Options);
     assert!(with(&|o| o.passes.clear()).side == Side::Options);

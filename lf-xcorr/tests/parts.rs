@@ -2,7 +2,7 @@
 
 use crate::scene::{self, Volume, Wear};
 use lf_core::field::{Field, MEASURED};
-use lf_xcorr::{Deform, Mask, Options, Pass, Route, Side, Sparse, correlate, correlate_pairs, windows};
+use lf_xcorr::{Deform, Mask, Options, Outcome, Pass, Plan, Refused, Route, Side, Sparse, correlate};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 const SHAPE: [usize; 3] = [72, 64, 48];
@@ -17,7 +17,11 @@ fn cloud(seed: u64, per_window: f64, wear: Wear) -> [Volume; 2] {
 }
 
 fn field(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> Field {
-    correlate_pairs(pairs, mask, options, &|_| ()).unwrap().field
+    planned(pairs, mask, options).unwrap().field
+}
+
+fn planned(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> Result<Outcome, Refused> {
+    Plan::new(pairs, mask, options)?.correlate(&|_| ())
 }
 
 fn rms(field: &Field) -> f64 {
@@ -66,9 +70,9 @@ fn a_support_keeps_its_voxels_alone() {
     assert!(halved.count.iter().sum::<f32>() < 0.8 * plain.count.iter().sum::<f32>());
     assert!(rms(&halved) < 0.03, "{}", rms(&halved));
 
-    let nowhere = correlate_pairs(&pair, &Mask::Support(&[3]), &options(), &|_| ()).unwrap_err();
-    assert!(nowhere.side == Side::First(0) && nowhere.found.contains("inside the mask"), "{nowhere}");
-    let empty = correlate_pairs(&pair, &Mask::Box([80..90, 0..9, 0..9]), &options(), &|_| ()).unwrap_err();
+    let nowhere = planned(&pair, &Mask::Support(&[3]), &options()).unwrap_err();
+    assert!(nowhere.side == Side::First(0) && nowhere.refusal.found.contains("inside the mask"), "{nowhere}");
+    let empty = planned(&pair, &Mask::Box([80..90, 0..9, 0..9]), &options()).unwrap_err();
     assert!(empty.side == Side::Mask, "{empty}");
 }
 
@@ -109,13 +113,15 @@ fn any_list_of_passes_is_done_one_after_the_other() {
         pass([32, 32, 24], 0.5, [3, 3, 3]),
         pass([24, 24, 16], 0.75, [3, 3, 2]),
     ];
-    let options = Options::of(passes);
+    let options = Options::new(passes);
     let counted = AtomicU64::new(0);
     let watch = |n: u64| {
         counted.fetch_add(n, Ordering::Relaxed);
     };
-    let outcome = correlate_pairs(&[[a.sparse(), b.sparse()]], &Mask::Everything, &options, &watch).unwrap();
-    assert_eq!(counted.into_inner(), windows(SHAPE, &options));
+    let pairs = [[a.sparse(), b.sparse()]];
+    let plan = Plan::new(&pairs, &Mask::Everything, &options).unwrap();
+    let outcome = plan.correlate(&watch).unwrap();
+    assert_eq!(counted.into_inner(), plan.windows());
     assert_eq!(outcome.passes.iter().map(|pass| pass.window).collect::<Vec<_>>()[1..3], [[40, 48, 32], [32, 32, 24]]);
     assert!(outcome.passes[..3].iter().all(|pass| pass.repeats.len() == 1));
     let repeats = &outcome.passes[3].repeats;
@@ -126,7 +132,7 @@ fn any_list_of_passes_is_done_one_after_the_other() {
 #[test]
 fn one_pass_without_deformation_is_enough() {
     let [a, b] = cloud(5, 20.0, Wear::default());
-    let mut options = Options::of(vec![Pass { window: [32, 32, 24], overlap: 0.5, search: [5, 5, 5] }]);
+    let mut options = Options::new(vec![Pass { window: [32, 32, 24], overlap: 0.5, search: [5, 5, 5] }]);
     options.deform = Deform::Never;
     let outcome = correlate(&a.sparse(), &b.sparse(), &options).unwrap();
     let repeats = &outcome.passes[0].repeats;
@@ -142,7 +148,7 @@ fn transforms_and_products_find_the_same_field() {
     let by = |route: Route| {
         let options = Options { route, deform: Deform::Never, ..options() };
         let outcome = correlate(&a.sparse(), &b.sparse(), &options).unwrap();
-        assert!(outcome.passes.iter().all(|pass| pass.repeats[0].transform == (route == Route::Transform)));
+        assert!(outcome.passes.iter().all(|pass| pass.repeats[0].choice.is_transform == (route == Route::Transform)));
         outcome.field
     };
     let (direct, transform) = (by(Route::Direct), by(Route::Transform));

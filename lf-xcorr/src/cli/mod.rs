@@ -1,0 +1,15 @@
+//! The command line of lf-xcorr.
+//!
+//! In: typed words and files.
+//! Out: a field file, a picture, lines on standard error.
+//! Open `run.rs` first.
+
+mod arguments;
+mod preset;
+mod report;
+mod run;
+mod windows;
+mod words;
+
+pub use arguments::Arguments;
+pub use run::run;

@@ -1,0 +1,100 @@
+//! The report of a run: lines for `--verbose`, a warning, counts for `--stats`.
+
+use lf_core::cli::Session;
+use lf_core::field::{MEASURED, NO_DATA, REPLACED};
+use lf_xcorr::{Choice, Deform, Options, Outcome, PassReport, Reason, Repeat, triple};
+
+/// Tells how every pass went, and warns if many vectors are replaced.
+pub fn tell(outcome: &Outcome, options: &Options, session: &mut Session) {
+    for (number, pass) in outcome.passes.iter().enumerate() {
+        session.explain(pass_line(number + 1, pass));
+        for (again, repeat) in pass.repeats.iter().enumerate() {
+            session.explain(repeat_line(number + 1, again + 1, repeat));
+        }
+    }
+    if let Some(pass) = outcome.passes.last() {
+        session.explain(end_line(pass, options));
+    }
+    let flags = &outcome.field.flag;
+    let count = |flag: f32| flags.iter().filter(|&&other| other == flag).count();
+    let (measured, replaced) = (count(MEASURED), count(REPLACED));
+    if replaced * 5 > flags.len() - count(NO_DATA) {
+        session.warn(format!("{replaced} vectors replaced against {measured} measured; try larger windows"));
+    }
+    session.count("vectors", flags.len());
+    session.count("measured", measured);
+    session.count("replaced", replaced);
+    session.count("no_data", count(NO_DATA));
+    if let Some(pass) = outcome.passes.last() {
+        session.count("lit_voxels_a", pass.lit[0]);
+        session.count("lit_voxels_b", pass.lit[1]);
+        session.count("repeats", pass.repeats.len());
+    }
+}
+
+/// Why the last pass was not repeated once more.
+fn end_line(pass: &PassReport, options: &Options) -> String {
+    let times = pass.repeats.len();
+    let why = match pass.repeats.last() {
+        _ if options.deform == Deform::Never => "without deformation no pass is repeated".to_owned(),
+        Some(last) if last.change_vox < options.stall_vox => {
+            format!("vectors changed by less than {} voxel", options.stall_vox)
+        }
+        _ if times == options.repeats => "--repeats allows no more".to_owned(),
+        _ => "another repeat would change them no less, or for the worse".to_owned(),
+    };
+    format!("the last pass was done {times} times: {why}")
+}
+
+fn pass_line(number: usize, pass: &PassReport) -> String {
+    let (bins, unit) = match pass.bin {
+        [1, 1, 1] => (String::new(), "voxels"),
+        bin => (format!(" in bins of {}", triple(bin)), "bins"),
+    };
+    format!(
+        "pass {number}: windows of {} voxels, {} of them {} voxels apart; search to {} voxels{bins}; {} and {} lit \
+         {unit}",
+        triple(pass.window),
+        triple(pass.nodes),
+        triple(pass.step),
+        triple(pass.search),
+        pass.lit[0],
+        pass.lit[1]
+    )
+}
+
+fn repeat_line(number: usize, again: usize, repeat: &Repeat) -> String {
+    let counts = repeat.counts;
+    let state = if repeat.deformed {
+        format!("deformed by {:.2} voxel across a window", repeat.change_across_vox)
+    } else {
+        "volumes as they are".to_owned()
+    };
+    let change =
+        if repeat.change_vox.is_nan() { String::new() } else { format!(", changed by {:.4} voxel", repeat.change_vox) };
+    format!(
+        "pass {number}.{again}: {state}; {}; correlation {:.3}{change}; {} dark, {} without a peak inside the search, \
+         {} outliers; {} of these by their second peak, {} replaced, {} without data",
+        choice(&repeat.choice),
+        repeat.correlation,
+        counts.dark,
+        counts.outside,
+        counts.outliers,
+        counts.recovered,
+        counts.replaced,
+        counts.no_data
+    )
+}
+
+/// How products were summed, and why.
+fn choice(choice: &Choice) -> String {
+    let way = if choice.is_transform { "by transforms" } else { "direct" };
+    let reason = match choice.reason {
+        Reason::Asked => "as asked",
+        Reason::Close => "a close search",
+        Reason::Faster => "the faster way",
+        Reason::Memory => "direct sums would take too much memory",
+    };
+    let (direct_s, transform_s) = (choice.direct_s, choice.transform_s);
+    format!("{way} (estimated {direct_s:.3} s direct, {transform_s:.3} s by transforms, on one core; {reason})")
+}

@@ -1,0 +1,165 @@
+//! A run of lf-xcorr: read the volumes, plan, correlate, write the field.
+
+use super::arguments::Arguments;
+use super::report;
+use super::words::MaskSource;
+use lf_core::cli::{Session, Verdict};
+use lf_core::field::Cut;
+use lf_core::grid::Grid;
+use lf_core::volume::{JoinedVolume, Volume, together};
+use lf_core::{Error, Result, io};
+use lf_xcorr::{Mask, Outcome, Plan, Refused, Side, Sparse, plot};
+use std::ops::Range;
+use std::path::PathBuf;
+
+/// The column of a volume that is correlated.
+const COLUMN: &str = "intensity";
+
+/// The whole run.
+pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    check_outputs(arguments, session)?;
+    let (volumes, support) = session.phase("read", |_| Ok((volumes(arguments)?, support(arguments)?)))?;
+    let mask = mask(arguments, support.as_ref(), &volumes[0])?;
+    let named = |refused| named(refused, &volumes);
+    let part = mask.part(volumes[0].grid()).map_err(named)?;
+    let cut = arguments.slice.unwrap_or_default();
+    check_slice(cut, &mask, &part, volumes[0].name())?;
+    let options = arguments.options(&part);
+    let pairs = pairs(&volumes);
+    let plan = Plan::new(&pairs, &mask, &options).map_err(named)?;
+
+    arguments.explain_preset(session);
+    arguments.windows.tell_millimetres(&part, session);
+    arguments.windows.warn_if_shrunk(part.shape, &options, session);
+    if arguments.estimate {
+        let voxels = volumes.iter().map(|volume| volume.indices().len() as u64).sum();
+        session.tell_estimate(plan.bytes(), &[("voxels", voxels)])?;
+        return Ok(Verdict::Done);
+    }
+    if session.is_verbose() {
+        session.explain(plan.about());
+        session.explain(format!("products by {}", lf_core::simd::Level::detect().name()));
+    }
+    let mut outcome = session.phase("correlate", |session| {
+        let progress = session.progress("windows", plan.windows());
+        plan.correlate(&|windows| progress.add(windows)).map_err(named)
+    })?;
+    let histories = volumes.iter().map(JoinedVolume::history).chain(support.as_ref().map(Volume::history));
+    outcome.field.layout.history = session.history(&together(histories));
+    outcome.field.layout.dt_s = arguments.dt;
+    report::tell(&outcome, &options, session);
+    session.phase("write", |_| save(&outcome, arguments, cut))?;
+    Ok(Verdict::Done)
+}
+
+/// Refuses options that would change nothing, and outputs that cannot be written or that are another file of this run.
+fn check_outputs(arguments: &Arguments, session: &Session) -> Result<()> {
+    if let Some((option, why)) = arguments.ignored() {
+        return Err(Error::new(option, format!("changes nothing: {why}"), "wanted it left out"));
+    }
+    let inputs = arguments.inputs();
+    session.keep_apart(&arguments.output, &inputs)?;
+    io::check_place(&arguments.output)?;
+    if let Some(plot) = &arguments.plot {
+        io::check_picture(plot)?;
+        session.keep_apart(plot, &inputs)?;
+        if plot == &arguments.output || io::same_file(plot, &arguments.output) {
+            return Err(Error::new(io::output_name(plot), "is the output and the --plot file", "wanted two files"));
+        }
+    }
+    Ok(())
+}
+
+/// The volumes of all pairs, first and second in turn.
+fn volumes(arguments: &Arguments) -> Result<Vec<JoinedVolume>> {
+    let mut volumes = JoinedVolume::open_all(arguments.files(), COLUMN)?;
+    if volumes.len() != 2 {
+        let found = format!("{} volumes", volumes.len());
+        let wanted = "wanted two, each a file or all its tiles; more pairs by --and";
+        return Err(Error::new(names(&volumes, ", "), found, wanted));
+    }
+    let more = JoinedVolume::open_all(arguments.and.iter().map(PathBuf::as_path), COLUMN)?;
+    if more.len() % 2 == 1 {
+        return Err(Error::new(names(&more, ", "), format!("{} volumes after --and", more.len()), "wanted pairs"));
+    }
+    volumes.extend(more);
+    Ok(volumes)
+}
+
+/// The names of volumes.
+fn names(volumes: &[JoinedVolume], between: &str) -> String {
+    volumes.iter().map(JoinedVolume::name).collect::<Vec<_>>().join(between)
+}
+
+/// The volume that is used as a mask.
+fn support(arguments: &Arguments) -> Result<Option<Volume>> {
+    match &arguments.mask {
+        Some(MaskSource::Support(path)) => Volume::open(path).map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// The mask for volumes of the same grid as `first`.
+fn mask<'a>(arguments: &Arguments, support: Option<&'a Volume>, first: &JoinedVolume) -> Result<Mask<'a>> {
+    let grid = first.grid();
+    match (&arguments.mask, support) {
+        (Some(MaskSource::Box(box_mm)), _) => Ok(Mask::Box(voxels_in(*box_mm, grid))),
+        (_, Some(support)) if !support.grid().agrees_with(grid) => {
+            let wanted = format!("wanted the grid of {}, {grid}", first.name());
+            Err(Error::new(support.name(), format!("a grid of {}", support.grid()), wanted))
+        }
+        (_, Some(support)) => Ok(Mask::Support(support.indices())),
+        _ => Ok(Mask::Everything),
+    }
+}
+
+/// The voxels that have their centres in a box of x0, x1, y0, y1, z0, z1 mm.
+fn voxels_in(box_mm: [f64; 6], grid: &Grid) -> [Range<usize>; 3] {
+    // Tolerance for rounding: millimetres are rarely whole in binary.
+    const TOLERANCE_VOX: f64 = 1e-6;
+    [0, 1, 2].map(|axis| {
+        let clamp = |voxel: f64| voxel.clamp(0.0, grid.shape[axis] as f64) as usize;
+        let [low, high] = [0, 1].map(|side| grid.place_vox(axis, box_mm[2 * axis + side]));
+        clamp((low - TOLERANCE_VOX).ceil())..clamp((high + TOLERANCE_VOX).floor() + 1.0)
+    })
+}
+
+/// Refuses a slice outside the part of the volume `name` that is correlated.
+fn check_slice(cut: Cut, mask: &Mask, part: &Grid, name: &str) -> Result<()> {
+    let (axis, count) = (cut.axis, part.shape[cut.axis] as f64);
+    let bounds_mm = [-0.5, count - 0.5].map(|i| part.origin_mm[axis] + i * part.spacing_mm[axis]);
+    let whose = if let Mask::Box(_) = mask { "mask" } else { "volume" };
+    cut.check(bounds_mm, whose).map_err(|refusal| refusal.about(name))
+}
+
+/// The light of the volumes, pair by pair.
+fn pairs<'a>(volumes: &'a [JoinedVolume]) -> Vec<[Sparse<'a>; 2]> {
+    let sparse = |volume: &'a JoinedVolume| Sparse {
+        grid: volume.grid(),
+        indices: volume.indices(),
+        intensity: volume.values(),
+    };
+    volumes.chunks_exact(2).map(|pair| [sparse(&pair[0]), sparse(&pair[1])]).collect()
+}
+
+/// The refusal with the name of the file or option that it is about.
+fn named(refused: Refused, volumes: &[JoinedVolume]) -> Error {
+    let subject = match refused.side {
+        Side::First(pair) => volumes[2 * pair].name().to_owned(),
+        Side::Second(pair) => volumes[2 * pair + 1].name().to_owned(),
+        Side::Both => names(volumes, " and "),
+        Side::Mask => "--mask".to_owned(),
+        Side::Options => "options".to_owned(),
+    };
+    refused.refusal.about(subject)
+}
+
+/// Writes the field and its picture. The field is kept if the slice is inside the volume but outside the smaller field.
+fn save(outcome: &Outcome, arguments: &Arguments, cut: Cut) -> Result<()> {
+    outcome.field.save(&arguments.output)?;
+    if let Some(path) = &arguments.plot {
+        let svg = plot::slice(&outcome.field, cut).map_err(|refusal| refusal.about(io::output_name(path)))?;
+        io::save_text(path, |out| out.write_all(svg.as_bytes()))?;
+    }
+    Ok(())
+}

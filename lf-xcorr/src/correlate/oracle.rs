@@ -1,0 +1,47 @@
+//! References for tests: sums by their definition, and volumes lit at random.
+
+use super::shifts::Shifts;
+use super::sums::Sums;
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use std::ops::Range;
+
+/// The sums of a window by the definition: every midpoint, every shift, dense volumes. `pair` returns the voxels of the
+/// first and the second volume that a midpoint and a shift stand for.
+pub(crate) fn sums(
+    dense: [&[f32]; 2],
+    shape: [usize; 3],
+    window: &[Range<usize>; 3],
+    shifts: Shifts,
+    pair: impl Fn([i32; 3], [i32; 3]) -> [[i32; 3]; 2],
+) -> Sums {
+    let inside = |p: [i32; 3]| (0..3).all(|a| p[a] >= 0 && p[a] < shape[a] as i32);
+    let at = |volume: usize, p: [i32; 3]| {
+        dense[volume][p[0] as usize + shape[0] * (p[1] as usize + shape[1] * p[2] as usize)] as f64
+    };
+    let mut sums = Sums::zero(shifts);
+    for k in 0..shifts.len() {
+        let place = shifts.place(k);
+        let d: [i32; 3] = std::array::from_fn(|a| shifts.low[a] + place[a] as i32);
+        for z in window[2].clone() {
+            for y in window[1].clone() {
+                for x in window[0].clone() {
+                    let [from, to] = pair([x as i32, y as i32, z as i32], d);
+                    if inside(from) && inside(to) {
+                        let (a, b) = (at(0, from), at(1, to));
+                        for (channel, value) in [a * b, a, a * a, b, b * b].into_iter().enumerate() {
+                            sums.channel_mut(channel)[k] += value;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    sums
+}
+
+/// A dense volume with a fraction `lit` of its voxels lit.
+pub(crate) fn volume(random: &mut Pcg64Mcg, shape: [usize; 3], lit: f64) -> Vec<f32> {
+    let mut voxel = || if random.random::<f64>() < lit { random.random::<f32>() } else { 0.0 };
+    (0..shape.iter().product()).map(|_| voxel()).collect()
+}

@@ -1,0 +1,207 @@
+//! The sums of every window, from the sums of cells that overlapping windows share (a sparse direct correlation after
+//! Discetti & Astarita, Exp. Fluids 53, 2012).
+//!
+//! Memory: the cells of one layer of windows at a time, never of the whole grid.
+
+use super::energy;
+use super::kernel::{self, Cell};
+use super::midpoints::paired_voxels;
+use super::shifts::{Shifts, back, on};
+use super::sums::{Sums, SumsPool, channel};
+use super::window_grid::WindowGrid;
+use crate::volumes::Rows;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Whether direct sums fit into [`MOST_BYTES`].
+pub(crate) fn fit(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> bool {
+    bytes(windows, radius, pairs) <= MOST_BYTES
+}
+
+/// Bytes of the sums of `pairs` pairs, searched within `radius`: the cells of one layer of windows, their columns and
+/// rows.
+pub(crate) fn bytes(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f64 {
+    let shifts: f64 = radius.iter().map(|&radius| (2 * radius + 1) as f64).product();
+    let [x, y, z] = &windows.axes;
+    let layers = z.spans.iter().map(|span| span.len()).max().unwrap_or(0) + 2;
+    (x.cells.len() * y.cells.len() * layers * pairs) as f64 * shifts * (channel::COUNT * size_of::<f64>()) as f64
+}
+
+/// Constant: most memory for direct sums; a pass that needs more is done by transforms. The paper's windows take a
+/// fiftieth of it, and a machine that holds the paper's volumes has it.
+pub(crate) const MOST_BYTES: f64 = 4e9;
+
+/// Sums of cells, columns or rows in a table, x fastest; `None` if no window needs them.
+type Table = Vec<Option<Sums>>;
+
+/// Calls `each(node, sums)` for every node that has a box of shifts, with the sums of each pair, and returns the
+/// answers in the order of the nodes.
+pub(crate) fn of_windows<T: Send>(
+    pairs: &[[&Rows; 2]],
+    windows: &WindowGrid,
+    search: &[Option<Shifts>],
+    each: impl Fn(usize, &[Sums]) -> T + Sync,
+) -> Vec<Option<T>> {
+    let sharing = Sharing { windows, search, pool: SumsPool::default() };
+    let [nx, ny, nz] = windows.shape();
+    let [x, _, z] = &windows.axes;
+    let mut cells: Vec<Vec<Table>> = vec![vec![Vec::new(); z.cells.len()]; pairs.len()];
+    let mut answers = Vec::with_capacity(windows.count());
+    let mut ready = 0;
+    for k in 0..nz {
+        let span = z.spans[k].clone();
+        let rows_of = |(cells, pair): (&mut Vec<Table>, &[&Rows; 2])| {
+            // Release the layers of cells behind this layer of windows, and sum the new ones.
+            for layer in &mut cells[..span.start] {
+                sharing.pool.take_back(std::mem::take(layer).into_iter().flatten());
+            }
+            for layer in ready.max(span.start)..span.end {
+                cells[layer] = sharing.cell_layer(*pair, layer);
+            }
+            sharing.rows(k, &cells[span.clone()])
+        };
+        let rows: Vec<Table> = cells.iter_mut().zip(pairs).map(rows_of).collect();
+        ready = ready.max(span.end);
+
+        // Add rows into windows.
+        answers.extend(gather(nx, ny, |i, j| {
+            let window = |rows: &Table| {
+                let cells = x.spans[i].clone().filter_map(|cx| rows[cx + x.cells.len() * j].as_ref());
+                Some(sharing.pool.total(sharing.hull([i..i + 1, j..j + 1, k..k + 1])?, cells))
+            };
+            let sums = rows.iter().map(window).collect::<Option<Vec<Sums>>>()?;
+            let answer = each(windows.index([i, j, k]), &sums);
+            sharing.pool.take_back(sums);
+            Some(answer)
+        }));
+        rows.into_iter().for_each(|rows| sharing.pool.take_back(rows.into_iter().flatten()));
+    }
+    answers
+}
+
+/// The windows, the box of shifts of each, and buffers of sums.
+struct Sharing<'a> {
+    windows: &'a WindowGrid,
+    search: &'a [Option<Shifts>],
+    pool: SumsPool,
+}
+
+impl Sharing<'_> {
+    /// The smallest box that holds the shifts of all nodes in a box of nodes; `None` if none of them is searched.
+    fn hull(&self, [i, j, k]: [Range<usize>; 3]) -> Option<Shifts> {
+        let rows = k.flat_map(|k| j.clone().map(move |j| (j, k)));
+        let nodes = rows.flat_map(|(j, k)| i.clone().map(move |i| [i, j, k]));
+        Shifts::hull(nodes.filter_map(|node| self.search[self.windows.index(node)]))
+    }
+
+    /// The sums of every cell of one layer.
+    fn cell_layer(&self, [first, second]: [&Rows; 2], layer: usize) -> Table {
+        let [x, y, z] = &self.windows.axes;
+        let sums_of = |scratch: &mut (kernel::Scratch, energy::Scratch), place: usize| {
+            let (cx, cy) = (place % x.cells.len(), place / x.cells.len());
+            let shifts = self.hull([x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()])?;
+            let midpoints = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
+            let mut sums = self.pool.zero(shifts);
+            let cell = Cell { first, second, midpoints: &midpoints, shifts: &shifts };
+            kernel::products(cell, sums.channel_mut(channel::PRODUCT), &mut scratch.0);
+            let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
+            let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
+            for (rows, ranges, channel) in [(first, of_first, channel::FIRST), (second, of_second, channel::SECOND)] {
+                let (sum, squares) = sums.pair_mut(channel);
+                energy::sums(rows, &ranges, sum, squares, &mut scratch.1);
+            }
+            Some(sums)
+        };
+        (0..x.cells.len() * y.cells.len()).into_par_iter().map_init(Default::default, sums_of).collect()
+    }
+
+    /// Adds the cells of window layer `k` into columns of its depth, and the columns into rows of cells along x.
+    fn rows(&self, k: usize, layers: &[Table]) -> Table {
+        let [x, y, _] = &self.windows.axes;
+        let columns = gather(x.cells.len(), y.cells.len(), |cx, cy| {
+            let cells = layers.iter().filter_map(|layer| layer[cx + x.cells.len() * cy].as_ref());
+            Some(self.pool.total(self.hull([x.users[cx].clone(), y.users[cy].clone(), k..k + 1])?, cells))
+        });
+        let rows = gather(x.cells.len(), y.count(), |cx, j| {
+            let cells = y.spans[j].clone().filter_map(|cy| columns[cx + x.cells.len() * cy].as_ref());
+            Some(self.pool.total(self.hull([x.users[cx].clone(), j..j + 1, k..k + 1])?, cells))
+        });
+        self.pool.take_back(columns.into_iter().flatten());
+        rows
+    }
+}
+
+/// `make(i, j)` for every place of an nx x ny table, x fastest.
+fn gather<T: Send>(nx: usize, ny: usize, make: impl Fn(usize, usize) -> T + Sync) -> Vec<T> {
+    (0..nx * ny).into_par_iter().map(|place| make(place % nx, place / nx)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::correlate::oracle;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    /// The sums of one window by the definition: both voxels lie half a shift from the midpoint.
+    fn oracle(dense: [&[f32]; 2], shape: [usize; 3], window: &[Range<usize>; 3], shifts: Shifts) -> Sums {
+        oracle::sums(dense, shape, window, shifts, |midpoint, d| {
+            [std::array::from_fn(|a| midpoint[a] - back(d[a])), std::array::from_fn(|a| midpoint[a] + on(d[a]))]
+        })
+    }
+
+    #[test]
+    fn the_oracle_agrees_with_a_case_solved_by_hand() {
+        // A row of 7 voxels: intensity 2 at voxel 2, then 3 at voxel 4. Only the shift 2 pairs them, at midpoint 3.
+        let (mut a, mut b) = ([0f32; 7], [0f32; 7]);
+        (a[2], b[4]) = (2.0, 3.0);
+        let shifts = Shifts { low: [-3, 0, 0], n: [7, 1, 1] };
+        let sums = oracle([&a, &b], [7, 1, 1], &[0..7, 0..1, 0..1], shifts);
+        assert_eq!(sums.channel(channel::PRODUCT), [0.0, 0.0, 0.0, 0.0, 0.0, 6.0, 0.0]);
+        // At shift -3, midpoints 1 to 4 pair voxels 3 to 6 with voxels 0 to 3: neither light. At -2, midpoints 1 to 5
+        // pair 2 to 6 with 0 to 4: both. At 3, midpoints 1 to 4 pair 0 to 3 with 3 to 6: both.
+        assert_eq!(sums.channel(channel::FIRST), [0.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0]);
+        assert_eq!(sums.channel(channel::SECOND_SQUARED), [0.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0]);
+        // Midpoint 3 is in a window of voxels 3 to 4, not in one of 4 to 5.
+        for (window, product) in [(3..5, 6.0), (4..6, 0.0)] {
+            let sums = oracle([&a, &b], [7, 1, 1], &[window, 0..1, 0..1], shifts);
+            assert_eq!(sums.channel(channel::PRODUCT)[5], product);
+        }
+    }
+
+    #[test]
+    fn shared_sparse_sums_are_the_oracles() {
+        let mut random = Pcg64Mcg::seed_from_u64(4);
+        for (shape, window, step, radius, lit) in [
+            ([12, 10, 9], [8, 8, 4], [2, 2, 1], [2, 3, 1], 0.3),
+            ([23, 7, 5], [9, 5, 5], [5, 3, 3], [6, 2, 2], 0.1),
+            ([30, 6, 4], [30, 6, 1], [30, 6, 1], [11, 1, 1], 0.5),
+            ([40, 3, 3], [5, 3, 3], [3, 2, 2], [13, 1, 1], 0.9),
+        ] {
+            let [a, b] = [0, 1].map(|_| oracle::volume(&mut random, shape, lit));
+            let windows = WindowGrid::new(shape, window, step);
+            // Every window has its own prediction, and some are not searched.
+            let search: Vec<Option<Shifts>> = (0..windows.count())
+                .map(|_| {
+                    (random.random::<f64>() < 0.8)
+                        .then(|| Shifts::around([0; 3].map(|_| random.random_range(-3..4)), radius))
+                })
+                .collect();
+            let (a_rows, b_rows) = (Rows::of_dense(shape, &a), Rows::of_dense(shape, &b));
+            let found = of_windows(&[[&a_rows, &b_rows]], &windows, &search, |_, sums| sums[0].clone());
+            for (node, sums) in found.iter().enumerate() {
+                assert_eq!(sums.as_ref().map(|sums| sums.shifts), search[node]);
+                let Some(sums) = sums else { continue };
+                let wanted = oracle([&a, &b], shape, &windows.voxels(node), sums.shifts);
+                for c in 0..channel::COUNT {
+                    for (k, (found, wanted)) in sums.channel(c).iter().zip(wanted.channel(c)).enumerate() {
+                        assert!(
+                            (found - wanted).abs() < 1e-9,
+                            "node {node} channel {c} shift {k}: {found} for {wanted}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Boxes of trial shifts.
+//!
+//! Convention: a trial shift `d` is a whole number of voxels, split as `d1 = floor(d / 2)`, `d2 = d - d1`. Midpoint `x`
+//! pairs voxel `x - d1` of the first volume with voxel `x + d2` of the second. A window therefore measures where the
+//! particles are half way (second order in time), and swapping the volumes turns `d` into `-d` with the very same
+//! pairs.
+
+use std::ops::Range;
+
+/// `d1`, the share of the shift `d` that lies between the voxel of the first volume and the midpoint.
+#[inline]
+pub(crate) fn back(d: i32) -> i32 {
+    d >> 1
+}
+
+/// `d2`, the share of the shift `d` that lies between the midpoint and the voxel of the second volume.
+#[inline]
+pub(crate) fn on(d: i32) -> i32 {
+    d - (d >> 1)
+}
+
+/// A box of trial shifts; x fastest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Shifts {
+    /// Lowest shift along each axis.
+    pub low: [i32; 3],
+    /// Number of shifts along each axis.
+    pub n: [usize; 3],
+}
+
+impl Shifts {
+    /// All shifts within `radius` of `centre`.
+    pub fn around(centre: [i32; 3], radius: [usize; 3]) -> Self {
+        Self { low: std::array::from_fn(|a| centre[a] - radius[a] as i32), n: radius.map(|r| 2 * r + 1) }
+    }
+
+    pub fn len(&self) -> usize {
+        self.n.iter().product()
+    }
+
+    pub fn high(&self, axis: usize) -> i32 {
+        self.low[axis] + self.n[axis] as i32 - 1
+    }
+
+    /// The centre along an axis, rounded down.
+    pub fn centre(&self, axis: usize) -> i32 {
+        (self.low[axis] + self.high(axis)).div_euclid(2)
+    }
+
+    pub fn along(&self, axis: usize) -> Range<i32> {
+        self.low[axis]..self.low[axis] + self.n[axis] as i32
+    }
+
+    /// The smallest box that holds every box of an iterator; `None` if there is no box.
+    pub fn hull(boxes: impl Iterator<Item = Self>) -> Option<Self> {
+        boxes.reduce(|hull, one| {
+            let low = std::array::from_fn(|a| hull.low[a].min(one.low[a]));
+            let n = std::array::from_fn(|a| (hull.high(a).max(one.high(a)) - low[a] + 1) as usize);
+            Self { low, n }
+        })
+    }
+
+    /// Index of the shift `low + k`.
+    pub fn index(&self, k: [usize; 3]) -> usize {
+        k[0] + self.n[0] * (k[1] + self.n[1] * k[2])
+    }
+
+    /// The `k` of an index: the shift is `low + k`.
+    pub fn place(&self, index: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.n;
+        [index % nx, index / nx % ny, index / nx / ny]
+    }
+}

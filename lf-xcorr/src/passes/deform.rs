@@ -1,0 +1,283 @@
+//! Both volumes of a pair, moved half way towards each other along a predicted field, so that equal particles coincide.
+//!
+//! Convention: the field is a displacement at midpoints. Light at `a` of the first volume goes to the `m` with `m = a +
+//! d(m) / 2`, light at `b` of the second to the `m` with `m = b - d(m) / 2`. Midpoints that are masked, or that stand
+//! for a place outside the volume, are cut from both volumes alike: light that is cut from one of them only would pull
+//! the peak.
+//!
+//! Departure: the usual way interpolates, for every target voxel, the light at the place that it comes from. Here each
+//! lit voxel is sent off and spread over the 6 x 6 x 6 voxels around its target with the quintic B-spline. That costs
+//! 216 additions per lit voxel and none per dark one, loses no light, keeps it positive, and moves the first five
+//! moments of every particle image exactly, because the spline reproduces polynomials up to the fifth degree. The
+//! remaining error attracts the peak of particles of 0.75 voxel by less than 0.001 voxel; with the cubic spline it is
+//! 0.007, with straight lines 0.06. Particle images become wider: the spline adds a variance of 1/2 voxel^2 along each
+//! axis.
+
+use super::predictor::Predictor;
+use crate::volumes::{Mask, Rows};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Variance that the spline adds to a particle image along each axis, voxels squared.
+pub(crate) const SPLINE_VARIANCE_VOX2: f64 = 0.5;
+
+/// Voxels that a spline reaches along an axis.
+const REACH: usize = 6;
+
+/// Voxels of the spline before the voxel that holds its centre.
+const BEFORE: usize = 2;
+
+/// The two volumes of a pair at the midpoints of `field` inside `mask`. A moved voxel below the floor of its volume is
+/// dark.
+pub(crate) fn matched(pair: [&Rows; 2], field: &Predictor, mask: &Mask) -> [Rows; 2] {
+    let counts = |place: [usize; 3]| counts(place, field, mask, pair[0].shape);
+    [moved(pair[0], field, 0.5, &counts), moved(pair[1], field, -0.5, &counts)]
+}
+
+/// Whether the light at a midpoint counts: it is not masked, and both places that it stands for are inside the volume,
+/// with a margin for the light that the spline would have brought from beyond.
+fn counts(place: [usize; 3], field: &Predictor, mask: &Mask, shape: [usize; 3]) -> bool {
+    // Constant: most of the light that the spline spreads comes from within 1.5 voxels. The margin is 0 where nothing
+    // moves, because there no light is missing, and at most a tenth of the volume, so that a thin one keeps its middle.
+    const MARGIN_VOX: f64 = 1.5;
+    const MARGIN_SHARE: f64 = 0.1;
+    let middle = place.map(|place| place as f64);
+    let shift = field.at(middle.into()).abs();
+    let is_inside = |a: usize| {
+        let reach = 0.5 * shift[a] + shift[a].min(MARGIN_VOX).min(MARGIN_SHARE * shape[a] as f64);
+        middle[a] - reach >= -0.5 && middle[a] + reach <= shape[a] as f64 - 0.5
+    };
+    (0..3).all(is_inside) && mask.holds_in_part(place, shape)
+}
+
+/// The light of `rows` at the midpoints: `share` 0.5 for a first volume, -0.5 for a second.
+fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]) -> bool + Sync)) -> Rows {
+    let shape = rows.shape;
+    let planes: Vec<Plane> = (0..shape[2]).into_par_iter().map(|z| Plane::new(rows, z, field, share)).collect();
+    let lists: Vec<Vec<Vec<(u32, f32)>>> = (0..shape[2])
+        .into_par_iter()
+        .map_init(
+            || vec![0f32; shape[0] * shape[1]],
+            |dense, z| {
+                planes.iter().for_each(|plane| plane.spread(z, shape, dense));
+                let take = |(y, row)| take_lit(row, rows.least, |x| counts([x, y, z]));
+                dense.chunks_mut(shape[0]).enumerate().map(take).collect()
+            },
+        )
+        .collect();
+    Rows::from_lists(shape, lists.iter().flatten().map(Vec::as_slice))
+}
+
+/// Estimate of the lit voxels of a volume once it is deformed, from a few of its slices. Every voxel is moved by half a
+/// voxel, which spreads it the most.
+pub(crate) fn spread_count(rows: &Rows) -> f64 {
+    const SLICES: usize = 9;
+    let [nx, ny, nz] = rows.shape;
+    let half_moved = |z: usize| {
+        let in_row = |y: usize| {
+            let (places, values) = rows.run(y, z, 0, nx as i32);
+            places.iter().zip(values).map(move |(&x, &value)| (Vec3::new(x as f32, y as f32, z as f32) + 0.5, value))
+        };
+        Plane { light: (0..ny).flat_map(in_row).collect(), reach: 0..nz }
+    };
+    let few = nz.min(SLICES);
+    let lit = (0..few).into_par_iter().map(|n| {
+        let z = ((n as f64 + 0.5) * nz as f64 / few as f64) as usize;
+        let mut dense = vec![0f32; nx * ny];
+        let near = z.saturating_sub(REACH - BEFORE - 1)..(z + BEFORE + 1).min(nz);
+        near.for_each(|source| half_moved(source).spread(z, rows.shape, &mut dense));
+        dense.iter().filter(|value| **value > 0.0 && **value >= rows.least).count()
+    });
+    lit.sum::<usize>() as f64 * nz as f64 / few as f64
+}
+
+/// Takes the lit voxels that count out of a dense row, and leaves the row dark.
+fn take_lit(row: &mut [f32], least: f32, counts: impl Fn(usize) -> bool) -> Vec<(u32, f32)> {
+    let lit = row.iter().enumerate().filter(|(x, value)| **value > 0.0 && **value >= least && counts(*x));
+    let lit = lit.map(|(x, &value)| (x as u32, value)).collect();
+    row.fill(0.0);
+    lit
+}
+
+/// The targets of one plane of lit voxels.
+struct Plane {
+    /// Target, voxels, and intensity.
+    light: Vec<(Vec3, f32)>,
+    /// Planes that the light reaches.
+    reach: Range<usize>,
+}
+
+impl Plane {
+    fn new(rows: &Rows, z: usize, field: &Predictor, share: f64) -> Self {
+        let shape = rows.shape;
+        let mut light = Vec::new();
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for y in 0..shape[1] {
+            let (places, values) = rows.run(y, z, 0, shape[0] as i32);
+            for (&x, &value) in places.iter().zip(values) {
+                let target = midpoint(DVec3::new(x as f64, y as f64, z as f64), field, share).as_vec3();
+                (low, high) = (low.min(target.z), high.max(target.z));
+                light.push((target, value));
+            }
+        }
+        let reach = if light.is_empty() {
+            0..0
+        } else {
+            let from = (low.floor() as i64 - BEFORE as i64).max(0) as usize;
+            from..((high.floor() as i64 + (REACH - BEFORE) as i64).clamp(0, shape[2] as i64) as usize).max(from)
+        };
+        Self { light, reach }
+    }
+
+    /// Adds the light that reaches plane `z` of a volume of `shape` to that plane, which is dense.
+    fn spread(&self, z: usize, shape: [usize; 3], dense: &mut [f32]) {
+        if !self.reach.contains(&z) {
+            return;
+        }
+        for &(target, value) in &self.light {
+            let base = target.floor();
+            let first = base.to_array().map(|place| place as i64 - BEFORE as i64);
+            let k = z as i64 - first[2];
+            if !(0..REACH as i64).contains(&k) {
+                continue;
+            }
+            let value = value * spline(target.z - base.z)[k as usize];
+            let [along_x, along_y] = [spline(target.x - base.x), spline(target.y - base.y)];
+            for (j, weight) in along_y.iter().enumerate() {
+                let y = first[1] + j as i64;
+                if (0..shape[1] as i64).contains(&y) {
+                    let row = &mut dense[y as usize * shape[0]..][..shape[0]];
+                    add_to_row(row, first[0], value * weight, &along_x);
+                }
+            }
+        }
+    }
+}
+
+/// Adds `value` times the weights to the voxels of a row from `first` on, as far as they are inside.
+#[inline]
+fn add_to_row(row: &mut [f32], first: i64, value: f32, weights: &[f32; REACH]) {
+    if first >= 0 && first + REACH as i64 <= row.len() as i64 {
+        let row = &mut row[first as usize..][..REACH];
+        (0..REACH).for_each(|i| row[i] += value * weights[i]);
+    } else {
+        for (i, weight) in weights.iter().enumerate() {
+            if let Some(to) = usize::try_from(first + i as i64).ok().and_then(|x| row.get_mut(x)) {
+                *to += value * weight;
+            }
+        }
+    }
+}
+
+/// The midpoint of light at `place`.
+fn midpoint(place: DVec3, field: &Predictor, share: f64) -> DVec3 {
+    // The field is a function of the midpoint, which is unknown: iterate. Each round divides the error by 2 / gradient.
+    const ROUNDS: usize = 8;
+    const CLOSE_VOX: f64 = 1e-4;
+    let mut shift = field.at(place);
+    for _ in 0..ROUNDS {
+        let better = field.at(place + share * shift);
+        let change = (better - shift).abs().max_element();
+        shift = better;
+        if change < CLOSE_VOX {
+            break;
+        }
+    }
+    place + share * shift
+}
+
+/// The quintic B-spline's weights of the voxels -2 to 3, centred `t` beyond voxel 0.
+fn spline(t: f32) -> [f32; REACH] {
+    let rest = 1.0 - t;
+    let [fifth, rest_fifth] = [t, rest].map(|t| t * t * t * t * t);
+    [
+        rest_fifth,
+        26.0 + t * (-50.0 + t * (20.0 + t * (20.0 + t * (-20.0 + 5.0 * t)))),
+        66.0 + t * t * (-60.0 + t * t * (30.0 - 10.0 * t)),
+        26.0 + t * (50.0 + t * (20.0 + t * (-20.0 + t * (-20.0 + 10.0 * t)))),
+        1.0 + t * (5.0 + t * (10.0 + t * (10.0 + t * (5.0 - 5.0 * t)))),
+        fifth,
+    ]
+    .map(|weight| weight / 120.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volumes::Sparse;
+    use lf_core::grid::Grid;
+
+    #[test]
+    fn the_spline_reproduces_polynomials_to_the_fifth_degree() {
+        for t in [0.0f32, 0.1, 0.5, 0.73, 0.999] {
+            let moment = |power: i32| -> f64 {
+                let places = spline(t).into_iter().zip(-2..);
+                places.map(|(weight, voxel)| weight as f64 * (voxel as f64 - t as f64).powi(power)).sum()
+            };
+            // By hand: the moments of the sum of six uniform variables of variance 1/12.
+            for (power, wanted) in [(0, 1.0), (1, 0.0), (2, 0.5), (3, 0.0), (4, 0.7), (5, 0.0)] {
+                assert!((moment(power) - wanted).abs() < 1e-5, "{power} at {t}: {}", moment(power));
+            }
+        }
+    }
+
+    /// A field between eight nodes, `step` apart, that is not smoothed.
+    fn corners(step: DVec3, nodes: Vec<Option<DVec3>>) -> Predictor {
+        Predictor::new([2, 2, 2], DVec3::ZERO, step, nodes, DVec3::ZERO, 0.0).unwrap()
+    }
+
+    /// The oracle moves a lit voxel to its target by the definition, in a field that is solved by hand.
+    #[test]
+    fn a_shear_moves_centres_of_mass_half_way_and_keeps_their_light() {
+        let shape = [40, 30, 20];
+        let grid = Grid { shape, spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
+        // u = 0.2 (y - 10), w = 0.1 (x - 20) at the nodes, linear between them.
+        let nodes = (0..8).map(|k| {
+            let [x, y] = [(k % 2) as f64 * 39.0, (k / 2 % 2) as f64 * 29.0];
+            Some(DVec3::new(0.2 * (y - 10.0), 0.0, 0.1 * (x - 20.0)))
+        });
+        let field = corners(DVec3::new(39.0, 29.0, 19.0), nodes.collect());
+        for (share, place) in [(0.5, [12usize, 17, 9]), (-0.5, [25, 6, 11])] {
+            let rows = Rows::new(
+                &Sparse { grid: &grid, indices: &[grid.index(place)], intensity: &[3.0] },
+                &Mask::Everything,
+                0.0,
+            );
+            let moved = moved(&rows, &field, share, &|_| true);
+            let (mut light, mut centre) = (0.0, [0.0; 3]);
+            for row in 0..shape[1] * shape[2] {
+                let (places, values) = moved.run(row % shape[1], row / shape[1], 0, shape[0] as i32);
+                for (&x, &value) in places.iter().zip(values) {
+                    light += value as f64;
+                    let voxel = [x as usize, row % shape[1], row / shape[1]];
+                    (0..3).for_each(|a| centre[a] += value as f64 * voxel[a] as f64);
+                }
+            }
+            let [x, y, z] = place.map(|p| p as f64);
+            // At the midpoint: y stays, x' = x + share u(y), z' = z + share w(x').
+            let across = x + share * 0.2 * (y - 10.0);
+            let wanted = [across, y, z + share * 0.1 * (across - 20.0)];
+            assert!((light - 3.0).abs() < 1e-5, "{light}");
+            (0..3).for_each(|a| assert!((centre[a] / light - wanted[a]).abs() < 1e-3, "{centre:?} {wanted:?}"));
+        }
+    }
+
+    /// By hand: at a shift of 4 voxels, places from 11 on in the first volume and below 4 in the second have no
+    /// partner. At the midpoints these are places below 2 and above 12, and a margin of 1.5 is added.
+    #[test]
+    fn places_without_a_partner_are_cut_from_both_alike() {
+        let shape = [15, 3, 3];
+        let field = corners(DVec3::new(14.0, 2.0, 2.0), vec![Some(4.0 * DVec3::X); 8]);
+        let even = Rows::of_dense(shape, &[1.0; 135]);
+        let support: Vec<u64> = (0..135).filter(|i| i % 15 != 5).collect();
+        for (mask, wanted) in [
+            (Mask::Everything, (3..12).collect::<Vec<u32>>()),
+            (Mask::Support(&support), vec![3, 4, 6, 7, 8, 9, 10, 11]),
+        ] {
+            let [first, second] = matched([&even, &even], &field, &mask);
+            assert_eq!(first.run(1, 1, 0, 15).0, wanted);
+            assert_eq!(second.run(1, 1, 0, 15).0, wanted);
+        }
+    }
+}

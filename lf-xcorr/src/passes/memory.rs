@@ -1,0 +1,81 @@
+//! The memory that a correlation will take, estimated before it begins.
+
+use super::deform::spread_count;
+use super::options::{Deform, Options, Route};
+use super::pass::Pass;
+use crate::correlate::shared_sums;
+use crate::volumes::{Mask, Rows, Sparse};
+
+/// Bytes of a lit voxel in [`Rows`]: x and intensity.
+const LIT: f64 = 8.0;
+
+/// Bytes of a lit voxel in the lists that a deformed volume is put together from; they may grow to twice their length.
+const LISTED: f64 = 16.0;
+
+/// Bytes of a lit voxel that is about to be moved: target and intensity.
+const MOVED: f64 = 16.0;
+
+/// Bytes of a voxel lit in either of two matched volumes, while particle images are sought.
+const OVERLAID: f64 = 40.0;
+
+/// Number of voxels lit in either of two matched volumes, over the number lit in one.
+const EITHER: f64 = 1.3;
+
+/// Voxels by which the shifts that a cell's windows ask for reach beyond the search of one window, because each window
+/// has its own prediction. The second entry holds if no deformation takes the predictions out.
+const HULL: [usize; 2] = [1, 2];
+
+/// Bytes of a cell: the particle images in it.
+const CELL: f64 = 600.0;
+
+/// Bytes of a window: its vectors of this repeat and the last, their statistics, and the headers of its sums.
+const WINDOW: f64 = 400.0;
+
+/// Estimate of the most bytes in use during the correlation, without the volumes themselves. It looks at a few slices
+/// of the first pair. Expects input that has been checked.
+pub(crate) fn bytes(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> u64 {
+    let first = Rows::new(&pairs[0][0], mask, options.floor);
+    let [nx, ny, nz] = first.shape;
+    let volumes = (2 * pairs.len()) as f64;
+    let row_starts = 8.0 * (ny * nz) as f64;
+    let all: f64 = pairs.iter().flatten().map(|volume| volume.indices.len() as f64).sum();
+    let plain = LIT * all + volumes * row_starts;
+
+    // Lit voxels of all volumes, of one, and of one deformed over one.
+    let lit = first.count() as f64 / pairs[0][0].indices.len().max(1) as f64 * all;
+    let one = lit / volumes;
+    let spread = spread_count(&first) / first.count().max(1) as f64;
+    // Each repeat is made while the last is still held. The uncertainties need one deformed copy in any case.
+    let held = if options.deform == Deform::Never { 1.0 } else { 2.0 };
+    let deformed = spread * LIT * lit + volumes * row_starts;
+    let moving = one * (spread * LISTED + MOVED) + 4.0 * (nx * ny * rayon::current_num_threads()) as f64;
+    let overlaid = OVERLAID * EITHER * one * spread.max(1.0);
+
+    let passes = 0..options.passes.len();
+    let sums = passes.map(|number| pass_bytes(options, number, first.shape, pairs.len())).fold(0.0, f64::max);
+    (plain + held * deformed + moving.max(overlaid) + sums) as u64
+}
+
+/// Bytes of the sums, transforms, windows and cells of a pass.
+fn pass_bytes(options: &Options, number: usize, shape: [usize; 3], pairs: usize) -> f64 {
+    let binned = options.passes[number].binned(shape, options.is_last(number));
+    let windows = binned.windows();
+    let hull = if number == 0 { 0 } else { HULL[usize::from(options.deform == Deform::Never)] };
+    let radius = binned.pass.search.map(|radius| radius + hull);
+    // The run decides by the search of one window.
+    let is_direct = match options.route {
+        Route::Direct => true,
+        Route::Auto => shared_sums::fit(&windows, binned.pass.search, pairs),
+        Route::Transform => false,
+    };
+    let sums = if is_direct { shared_sums::bytes(&windows, radius, pairs) } else { 0.0 };
+    let cells: usize = windows.axes.iter().map(|axis| axis.cells.len()).product();
+    sums + transform_bytes(&binned.pass) + WINDOW * windows.count() as f64 + CELL * cells as f64
+}
+
+/// Bytes of the transforms of one window, for all threads.
+fn transform_bytes(pass: &Pass) -> f64 {
+    let size = [0, 1, 2].map(|axis| (pass.window[axis] + 2 * pass.search[axis]) as f64);
+    // Two spectra of half as many complex numbers of 16 bytes, and the space they are made in.
+    24.0 * size.iter().product::<f64>() * rayon::current_num_threads() as f64
+}

@@ -1,0 +1,24 @@
+//! The passes of a run, coarse to fine; the last one is repeated on deformed volumes until its vectors stand still.
+//!
+//! In: pairs of volumes, a mask, options, all of them checked.
+//! Out: the field, and a report of every pass.
+//! Open `multigrid.rs` first.
+
+mod choice;
+mod deform;
+pub(crate) mod memory;
+pub(crate) mod multigrid;
+mod one_pass;
+mod options;
+mod outcome;
+mod pass;
+mod predictor;
+mod prepared;
+mod repeats;
+mod search;
+
+pub use choice::{Choice, Reason};
+pub use one_pass::one_pass;
+pub use options::{Deform, Options, Route};
+pub use outcome::{Counts, Outcome, PassReport, Repeat};
+pub use pass::{Pass, triple};

@@ -1,0 +1,69 @@
+//! Pass after pass, coarse to fine; each predicts the shift for the next.
+
+use super::deform::SPLINE_VARIANCE_VOX2;
+use super::options::Options;
+use super::outcome::{Outcome, PassReport, field};
+use super::prepared::PreparedPass;
+use super::repeats::Repeats;
+use crate::error::Refused;
+use crate::vectors::Measured;
+use crate::volumes::{Mask, Rows, Sparse};
+use lf_core::grid::Grid;
+
+/// Constant: factor on the smoothing of every pass but the last. Large windows hold many particles: there is less noise
+/// to smooth away, and more of the field to lose.
+const COARSE_SMOOTHING: f64 = 0.5;
+
+/// Correlates pairs inside `mask`, a part of the volume with the grid `part`. Expects input that has been checked.
+pub(crate) fn run(
+    pairs: &[[Sparse; 2]],
+    mask: &Mask,
+    options: &Options,
+    part: &Grid,
+    watch: &(dyn Fn(u64) + Sync),
+) -> Result<Outcome, Refused> {
+    let rows = |mask: &Mask| -> Vec<[Rows; 2]> {
+        let one = |volume: &Sparse| {
+            let rows = Rows::new(volume, mask, options.floor);
+            // No pair of several may count for more by being brighter.
+            if pairs.len() > 1 { rows.of_unit_energy() } else { rows }
+        };
+        pairs.iter().map(|pair| pair.each_ref().map(one)).collect()
+    };
+    // A support masks plain volumes as they are, and deformed volumes after their light has been moved.
+    let volumes = rows(&mask.without_support());
+    let masked = if let Mask::Support(_) = mask { Some(rows(mask)) } else { None };
+    let plain = masked.as_ref().unwrap_or(&volumes);
+    let (mut known, mut reports) = (None, Vec::new());
+    for (number, pass) in options.passes.iter().enumerate() {
+        let next = options.passes.get(number + 1);
+        let is_last = next.is_none();
+        let smoothing = if is_last { options.smoothing } else { COARSE_SMOOTHING * options.smoothing };
+        let prepared = PreparedPass::new(plain, pass.binned(part.shape, is_last), smoothing);
+        let mut repeats = Repeats::new(&prepared, &volumes, mask, options, known.take());
+        repeats.run(number, options.most_repeats(number), next, watch)?;
+        reports.push(PassReport::new(&prepared, repeats.done.clone()));
+        if is_last {
+            return Ok(Outcome { field: finish(&prepared, repeats, part), passes: reports });
+        }
+        known = repeats.predictor;
+    }
+    unreachable!("the options hold at least one pass")
+}
+
+/// The field of the last pass with its uncertainties.
+fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> lf_core::field::Field {
+    let times = repeats.done.len();
+    // The peak of volumes that were not deformed is narrower by the variance that the spline adds to both.
+    let widened_vox2 = if repeats.deformed.is_some() { 0.0 } else { 2.0 * SPLINE_VARIANCE_VOX2 };
+    let matched = repeats.matched();
+    let measured = Measured {
+        windows: &pass.windows,
+        vectors: &repeats.vectors,
+        unresolved_vox: &pass.unresolved_vox(&repeats.vectors, times),
+        narrow_share: &repeats.narrow_share(),
+        widened_vox2,
+        noise: pass.noise(times),
+    };
+    field(pass, &repeats.vectors, &measured.uncertainties(&matched), part)
+}

@@ -1,0 +1,120 @@
+//! The prediction of a pass for the next one: a displacement at every place.
+
+use crate::vectors::{filled, smoothed_by_evidence};
+use glam::DVec3;
+use lf_core::statistics::ranked;
+
+/// A field of displacements between the nodes of a pass, in voxels.
+#[derive(Debug, Clone)]
+pub(crate) struct Predictor {
+    shape: [usize; 3],
+    first_vox: DVec3,
+    step_vox: DVec3,
+    vectors: Vec<DVec3>,
+    /// Fraction of the narrow smoothing, by node and component.
+    pub narrow_share: Vec<DVec3>,
+}
+
+impl Predictor {
+    /// Fills every hole and smooths over `smoothing` nodes, more widely if there is only noise
+    /// ([`smoothed_by_evidence`]). `None` if no vector was measured.
+    pub fn new(
+        shape: [usize; 3],
+        first_vox: DVec3,
+        step_vox: DVec3,
+        vectors: Vec<Option<DVec3>>,
+        smoothing: DVec3,
+        noise_ratio: f64,
+    ) -> Option<Self> {
+        let (vectors, narrow_share) = smoothed_by_evidence(shape, filled(shape, vectors)?, smoothing, noise_ratio);
+        Some(Self { shape, first_vox, step_vox, vectors, narrow_share })
+    }
+
+    /// The change of each component across a window of `window` voxels, along x, y and z together, voxels: the value
+    /// that all but [`Predictor::CALM`] of the nodes stay below.
+    pub fn change_across(&self, window: [usize; 3]) -> [f64; 3] {
+        let stride = [1, self.shape[0], self.shape[0] * self.shape[1]];
+        std::array::from_fn(|component| {
+            let across = |node: usize| -> f64 {
+                let along = |axis: usize| {
+                    if node / stride[axis] % self.shape[axis] + 1 >= self.shape[axis] {
+                        return 0.0;
+                    }
+                    let rise = self.vectors[node + stride[axis]][component] - self.vectors[node][component];
+                    (rise / self.step_vox[axis] * window[axis] as f64).abs()
+                };
+                (0..3).map(along).sum()
+            };
+            let mut changes: Vec<f64> = (0..self.vectors.len()).map(across).collect();
+            let rank = ((1.0 - Self::CALM) * (changes.len() - 1) as f64) as usize;
+            ranked(&mut changes, rank).expect("a pass has at least one window")
+        })
+    }
+
+    /// Constant: a fiftieth of the nodes may change more. That much noise makes of a uniform field.
+    const CALM: f64 = 0.02;
+
+    /// The displacement at a place, voxels: trilinear between nodes. Beyond the outermost nodes the gradient continues
+    /// for up to [`Predictor::BEYOND`] nodes; farther out the displacement is constant.
+    pub fn at(&self, place_vox: DVec3) -> DVec3 {
+        let places = (place_vox - self.first_vox) / self.step_vox;
+        let mut fraction = [0.0; 3];
+        let mut corner = 0;
+        let mut stride = [0; 3];
+        let mut length = 1;
+        for axis in 0..3 {
+            let n = self.shape[axis];
+            let last = (n - 1) as f64;
+            let place = places[axis].clamp(-Self::BEYOND, last + Self::BEYOND);
+            let low = place.clamp(0.0, (last - 1.0).max(0.0)).floor();
+            if n > 1 {
+                (fraction[axis], stride[axis]) = (place - low, length);
+            }
+            corner += low as usize * length;
+            length *= n;
+        }
+        let mix = |from: DVec3, to: DVec3, fraction: f64| from + fraction * (to - from);
+        let along_x = |corner: usize| mix(self.vectors[corner], self.vectors[corner + stride[0]], fraction[0]);
+        let along_y = |corner: usize| mix(along_x(corner), along_x(corner + stride[1]), fraction[1]);
+        mix(along_y(corner), along_y(corner + stride[2]), fraction[2])
+    }
+
+    /// Constant: at 75 % overlap the outermost windows reach two nodes beyond their centres.
+    const BEYOND: f64 = 2.0;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_linear_field_is_filled_smoothed_and_interpolated_into_itself() {
+        let shape = [5, 4, 3];
+        let truth = |x: f64, y: f64, z: f64| DVec3::new(1.0 + 0.2 * x - 0.1 * y, 0.3 * z, -2.0 + 0.05 * x);
+        let mut field: Vec<_> =
+            (0..60).map(|k| Some(truth((k % 5) as f64, (k / 5 % 4) as f64, (k / 20) as f64))).collect();
+        for hole in [0, 13, 27, 32, 59] {
+            field[hole] = None;
+        }
+        let step = DVec3::new(2.0, 3.0, 4.0);
+        let predictor = Predictor::new(shape, DVec3::splat(10.0), step, field, DVec3::splat(1.4), 0.1).unwrap();
+        let found = predictor.at(10.0 + step * DVec3::new(1.3, 2.6, 1.5));
+        let wanted = truth(1.3, 2.6, 1.5);
+        assert!((found - wanted).abs().max_element() < 0.02, "{found:?} {wanted:?}");
+    }
+
+    #[test]
+    fn nothing_measured_predicts_nothing() {
+        assert!(Predictor::new([2, 2, 1], DVec3::ZERO, DVec3::ONE, vec![None; 4], DVec3::ONE, 0.1).is_none());
+    }
+
+    #[test]
+    fn the_change_across_a_window_is_that_of_its_gradient() {
+        let shear = (0..60).map(|k| Some(DVec3::new(0.5 * (k / 5 % 4) as f64, 0.0, -0.25 * (k / 20) as f64)));
+        let step = DVec3::new(2.0, 4.0, 2.0);
+        let predictor = Predictor::new([5, 4, 3], DVec3::ZERO, step, shear.collect(), DVec3::splat(1.4), 0.1).unwrap();
+        // u rises by 1/8 a voxel along y, w falls by 1/8 along z.
+        let found = predictor.change_across([100, 8, 16]);
+        (0..3).for_each(|a| assert!((found[a] - [1.0, 0.0, 2.0][a]).abs() < 1e-9, "{found:?}"));
+    }
+}

@@ -1,0 +1,187 @@
+//! A pass, done until its vectors stand still.
+
+use super::deform::matched;
+use super::options::{Deform, Options};
+use super::outcome::Repeat;
+use super::pass::{Pass, triple};
+use super::predictor::Predictor;
+use super::prepared::{PreparedPass, Volumes};
+use super::search::{Found, Guide, search};
+use crate::error::{Refused, Side};
+use crate::vectors::Vector;
+use crate::volumes::{Mask, Rows};
+use glam::DVec3;
+
+/// A pass that is done again and again.
+pub(crate) struct Repeats<'a> {
+    pass: &'a PreparedPass<'a>,
+    /// The volumes to deform, in voxels, with their light outside a support.
+    volumes: &'a [[Rows; 2]],
+    mask: &'a Mask<'a>,
+    options: &'a Options,
+    /// The known field: from the pass before, then from the last repeat.
+    pub predictor: Option<Predictor>,
+    /// The volumes of the last repeat, if it deformed them, and the field that it deformed them by.
+    pub deformed: Option<Vec<[Rows; 2]>>,
+    deformed_by: Option<Predictor>,
+    pub vectors: Vec<Vector>,
+    pub done: Vec<Repeat>,
+}
+
+impl<'a> Repeats<'a> {
+    pub fn new(
+        pass: &'a PreparedPass,
+        volumes: &'a [[Rows; 2]],
+        mask: &'a Mask,
+        options: &'a Options,
+        predictor: Option<Predictor>,
+    ) -> Self {
+        let (vectors, done) = (Vec::new(), Vec::new());
+        Self { pass, volumes, mask, options, predictor, deformed: None, deformed_by: None, vectors, done }
+    }
+
+    /// Does pass `number` up to `most` times: until it stalls, or until the `next` pass can follow. Calls `watch(n)`
+    /// after n more windows; the windows of repeats that are left out count as done.
+    ///
+    /// # Errors
+    /// No window has a peak.
+    pub fn run(
+        &mut self,
+        number: usize,
+        most: usize,
+        next: Option<&Pass>,
+        watch: &(dyn Fn(u64) + Sync),
+    ) -> Result<(), Refused> {
+        let mut done = 0;
+        while done < most {
+            done += 1;
+            if !self.repeat(watch) {
+                break;
+            }
+            if self.has_stalled() || next.is_some_and(|next| !is_too_steep(self.change_across(next), next)) {
+                break;
+            }
+        }
+        watch(((most - done) * self.pass.windows.count()) as u64);
+        if self.done.is_empty() {
+            let search = triple(self.options.passes[number].search);
+            let found = format!("no peak within {search} voxels in any window of pass {}", number + 1);
+            return Err(Refused::new(Side::Both, found, "wanted the same particles in both, or a wider search"));
+        }
+        Ok(())
+    }
+
+    /// Does the pass once more. If it finds nothing, or less than the time before, it changes nothing and returns
+    /// false.
+    fn repeat(&mut self, watch: &(dyn Fn(u64) + Sync)) -> bool {
+        let pass_vox = self.pass.binned.in_voxels();
+        let across = self.change_across(&pass_vox);
+        let is_asked = match self.options.deform {
+            Deform::Auto => !self.done.is_empty() || is_too_steep(across, &pass_vox),
+            Deform::Always => true,
+            Deform::Never => false,
+        };
+        let field = self.predictor.as_ref().filter(|_| is_asked);
+        let deformed = field.map(|field| self.deform(field));
+        let volumes = match &deformed {
+            Some(pairs) => Volumes { pairs: pairs.iter().map(|pair| pair.each_ref()).collect(), deformed_by: field },
+            None => self.pass.plain(),
+        };
+        let guide = Guide {
+            predictor: self.predictor.as_ref(),
+            // Vectors of deformed volumes are known well enough for a close search.
+            known: self.done.last().filter(|before| before.deformed).map(|_| self.vectors.as_slice()),
+            route: self.options.route,
+            test: &self.options.median_test,
+        };
+        let Found { mut vectors, counts, choice } = search(self.pass, &volumes, &guide, watch);
+        let heights: Vec<f64> = vectors.iter().filter_map(Vector::fit).map(|fit| fit.height).collect();
+        let repeat = Repeat {
+            deformed: field.is_some(),
+            change_across_vox: across.into_iter().fold(0.0, f64::max),
+            change_vox: change(&self.vectors, &vectors),
+            correlation: heights.iter().sum::<f64>() / heights.len() as f64,
+            choice,
+            counts,
+        };
+        // A vector that deformation moved out of sight stays as it was before.
+        for (vector, before) in vectors.iter_mut().zip(&self.vectors) {
+            if *vector == Vector::NoData {
+                *vector = *before;
+            }
+        }
+        let is_worse = self.is_worse(&repeat, heights.len());
+        let Some(predictor) = self.pass.predictor(&vectors).filter(|_| !is_worse) else { return false };
+        self.deformed_by = field.cloned();
+        (self.vectors, self.predictor, self.deformed) = (vectors, Some(predictor), deformed);
+        self.done.push(repeat);
+        true
+    }
+
+    /// Constant: noise alone does not lower the mean correlation by this much from one repeat to the next.
+    const WORSE: f64 = 0.02;
+
+    /// Whether a repeat that measured `count` vectors found less than the one before.
+    fn is_worse(&self, repeat: &Repeat, count: usize) -> bool {
+        self.done.last().is_some_and(|before| {
+            let has_fewer = count * 10 < self.vectors.iter().filter_map(Vector::fit).count() * 9;
+            // Deformed and plain volumes correlate differently, so only two deformed repeats are compared.
+            has_fewer || (before.deformed && repeat.correlation + Self::WORSE < before.correlation)
+        })
+    }
+
+    /// Constant: a change above this fraction of the one before leads nowhere.
+    const NO_LESS: f64 = 0.9;
+
+    /// Whether another repeat would change nothing that matters: the vectors changed little, or no less than the time
+    /// before.
+    fn has_stalled(&self) -> bool {
+        let [.., before, last] = self.done.as_slice() else { return false };
+        last.change_vox < self.options.stall_vox || last.change_vox > Self::NO_LESS * before.change_vox
+    }
+
+    /// The predicted change of each component across a window of `pass`, voxels.
+    fn change_across(&self, pass: &Pass) -> [f64; 3] {
+        self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(pass.window))
+    }
+
+    /// Fraction of the narrow smoothing in the field that the last repeat deformed the volumes by, by node and
+    /// component. It is 1 without deformation, and after deformation by the field of the pass before.
+    pub fn narrow_share(&self) -> Vec<DVec3> {
+        let count = self.pass.windows.count();
+        match self.deformed_by.as_ref().map(|field| &field.narrow_share) {
+            Some(share) if share.len() == count => share.clone(),
+            _ => vec![DVec3::ONE; count],
+        }
+    }
+
+    fn deform(&self, field: &Predictor) -> Vec<[Rows; 2]> {
+        let deform = |pair: &[Rows; 2]| matched(pair.each_ref(), field, self.mask).map(|rows| self.pass.in_bins(rows));
+        self.volumes.iter().map(deform).collect()
+    }
+
+    /// The volumes laid on each other by the measured field, or by the last repeat if it deformed them.
+    pub fn matched(&mut self) -> Vec<[Rows; 2]> {
+        match (self.deformed.take(), &self.predictor) {
+            (Some(pairs), _) => pairs,
+            (None, Some(field)) => self.deform(field),
+            (None, None) => unreachable!("a pass that was done leaves a predictor"),
+        }
+    }
+}
+
+/// Whether a component changes by more across a window of a pass than the pass searches along it, voxels.
+fn is_too_steep(across_vox: [f64; 3], pass: &Pass) -> bool {
+    (0..3).any(|axis| across_vox[axis] > pass.search[axis] as f64)
+}
+
+/// Root mean square change of a component between vectors measured both times, voxels; NaN if there are none.
+fn change(before: &[Vector], after: &[Vector]) -> f64 {
+    let both = before.iter().zip(after).filter_map(|(before, after)| Some((before.fit()?, after.fit()?)));
+    let (mut sum, mut count) = (0.0, 0);
+    for (before, after) in both {
+        sum += (after.shift_vox - before.shift_vox).length_squared();
+        count += 3;
+    }
+    (sum / count as f64).sqrt()
+}

@@ -1,0 +1,195 @@
+//! One search of a pass: vectors measured, tested, searched again, replaced.
+
+use super::choice::{CLOSE, Choice};
+use super::options::Route;
+use super::outcome::Counts;
+use super::predictor::Predictor;
+use super::prepared::{PreparedPass, Volumes};
+use crate::correlate::{Peak, PeakFit, Shifts, Summation, Transforms, measure};
+use crate::vectors::{MedianTest, Vector, fill, outliers, passes_test};
+use glam::DVec3;
+use lf_core::statistics::upper_median;
+
+/// Where to search, and how.
+pub(crate) struct Guide<'a> {
+    /// The shifts are searched about this field; about zero without one.
+    pub predictor: Option<&'a Predictor>,
+    /// The vectors of the time before, if the search is close about them.
+    pub known: Option<&'a [Vector]>,
+    pub route: Route,
+    pub test: &'a MedianTest,
+}
+
+/// The result of a search.
+pub(crate) struct Found {
+    pub vectors: Vec<Vector>,
+    pub counts: Counts,
+    pub choice: Choice,
+}
+
+/// Searches every window of `pass`: measures, validates, takes the second peak where the first fails, and replaces the
+/// rest. Calls `watch(1)` after every window.
+pub(crate) fn search(pass: &PreparedPass, volumes: &Volumes, guide: &Guide, watch: &(dyn Fn(u64) + Sync)) -> Found {
+    let shape = pass.windows.shape();
+    let count = pass.windows.count();
+    let choice = Choice::new(pass, volumes, guide.route, guide.known.is_some());
+    let search = Search::new(pass, volumes);
+    // Transforms search equally far everywhere, so they cannot look close about known vectors.
+    let known = guide.known.filter(|_| !choice.is_transform);
+    let peaks = search.peaks(guide.predictor, known, choice.is_transform, watch);
+
+    // Test the peaks against their neighbours, in voxels.
+    let mut fits: Vec<Option<PeakFit>> = peaks.iter().map(|peak| peak.fit()).collect();
+    let mut vectors: Vec<_> = fits.iter().map(|fit| fit.map(|fit| fit.shift_vox)).collect();
+    let test = scaled(guide.test, &fits);
+    let outliers = outliers(shape, &vectors, &test);
+    let has_failed = |node: &usize| outliers[*node] || matches!(peaks[*node], Peak::Outside);
+    let failures: Vec<usize> = (0..count).filter(has_failed).collect();
+    for &node in &failures {
+        (vectors[node], fits[node]) = (None, None);
+    }
+
+    // Search the failures again, close to their neighbours. A second peak that fits is a measurement.
+    let measured = vectors.clone();
+    fill(shape, &mut vectors, failures.clone());
+    let mut recovered = 0;
+    for (node, fit) in search.close_to(&failures, &vectors).into_iter().enumerate() {
+        let Some(fit) = fit else { continue };
+        if passes_test(shape, &measured, node, fit.shift_vox, &test) {
+            (fits[node], vectors[node]) = (Some(fit), Some(fit.shift_vox));
+            recovered += 1;
+        }
+    }
+
+    // Replace the rest from everything measured by now.
+    let holes: Vec<usize> = failures.into_iter().filter(|&node| fits[node].is_none()).collect();
+    holes.iter().for_each(|&hole| vectors[hole] = None);
+    fill(shape, &mut vectors, holes);
+    let vector = |(fit, vector): (Option<PeakFit>, Option<DVec3>)| match (fit, vector) {
+        (Some(fit), _) => Vector::Measured(fit),
+        (None, Some(shift_vox)) => Vector::Replaced(shift_vox),
+        (None, None) => Vector::NoData,
+    };
+    let vectors: Vec<Vector> = fits.into_iter().zip(vectors).map(vector).collect();
+    let counts = Counts {
+        dark: peaks.iter().filter(|peak| matches!(peak, Peak::Dark)).count(),
+        outside: peaks.iter().filter(|peak| matches!(peak, Peak::Outside)).count(),
+        outliers: outliers.iter().filter(|is_outlier| **is_outlier).count(),
+        recovered,
+        replaced: vectors.iter().filter(|vector| matches!(vector, Vector::Replaced(_))).count(),
+        no_data: vectors.iter().filter(|vector| matches!(vector, Vector::NoData)).count(),
+    };
+    Found { vectors, counts, choice }
+}
+
+/// The test with the tolerance that the usual width of the peaks asks for along each axis.
+fn scaled(test: &MedianTest, fits: &[Option<PeakFit>]) -> MedianTest {
+    let tolerance = |axis: usize| {
+        let width = |fit: &PeakFit| fit.covariance_vox2[axis][axis].sqrt();
+        let mut widths: Vec<f64> = fits.iter().flatten().map(width).filter(|width| width.is_finite()).collect();
+        let factor = upper_median(&mut widths).map_or(1.0, |usual| (usual / MedianTest::WIDTH_VOX).max(1.0));
+        test.tolerance_vox[axis] * factor
+    };
+    MedianTest { tolerance_vox: [0, 1, 2].map(tolerance), ..*test }
+}
+
+/// A search over the windows of a pass.
+struct Search<'a> {
+    pass: &'a PreparedPass<'a>,
+    volumes: &'a Volumes<'a>,
+    /// Displacement of every window that the deformation has already taken out, voxels.
+    base_vox: Vec<DVec3>,
+}
+
+impl<'a> Search<'a> {
+    fn new(pass: &'a PreparedPass, volumes: &'a Volumes) -> Self {
+        let base_of = |node| volumes.deformed_by.map_or(DVec3::ZERO, |field| field.at(pass.centre_vox(node)));
+        Self { pass, volumes, base_vox: (0..pass.windows.count()).map(base_of).collect() }
+    }
+
+    /// The box of trial shifts, in bins, about a displacement in voxels.
+    fn shifts(&self, node: usize, shift_vox: DVec3, radius: [usize; 3]) -> Shifts {
+        let centre = ((shift_vox - self.base_vox[node]) / self.pass.bin_vox()).round();
+        Shifts::around(centre.to_array().map(|d| d as i32), radius)
+    }
+
+    /// The peaks of all windows: close to known vectors, elsewhere as far from the prediction as the pass searches.
+    fn peaks(
+        &self,
+        predictor: Option<&Predictor>,
+        known: Option<&[Vector]>,
+        is_transform: bool,
+        watch: &(dyn Fn(u64) + Sync),
+    ) -> Vec<Peak> {
+        let pass = &self.pass.binned.pass;
+        let known = |node: usize| known.and_then(|vectors| vectors[node].fit());
+        let box_of = |node: usize| match known(node) {
+            Some(before) => self.shifts(node, before.shift_vox, CLOSE),
+            None => {
+                let predicted = predictor.map_or(DVec3::ZERO, |field| field.at(self.pass.centre_vox(node)));
+                self.shifts(node, predicted, pass.search)
+            }
+        };
+        let boxes: Vec<Option<Shifts>> = (0..self.pass.windows.count()).map(|node| Some(box_of(node))).collect();
+        let summation = if is_transform {
+            Summation::Transform(Transforms::new(pass.window, pass.search.map(|radius| 2 * radius + 1)))
+        } else {
+            Summation::Direct
+        };
+        let peaks = self.measure(&boxes, &summation, watch);
+        let mut peaks: Vec<Peak> = peaks.into_iter().map(|peak| peak.expect("every window has a box")).collect();
+        if is_transform {
+            self.read_off_direct_sums(&mut peaks);
+        }
+        for (node, peak) in peaks.iter_mut().enumerate() {
+            // A close search sees no second peak: keep the ratio of the time before.
+            if let (Peak::Inside(fit), Some(before)) = (peak, known(node)) {
+                fit.ratio = before.ratio;
+            }
+        }
+        peaks
+    }
+
+    /// Measures the peaks that transforms found again by direct sums, because there both windows move with every shift.
+    fn read_off_direct_sums(&self, peaks: &mut [Peak]) {
+        let found: Vec<Option<DVec3>> = peaks.iter().map(|peak| peak.fit().map(|fit| fit.shift_vox)).collect();
+        let nodes: Vec<usize> = (0..peaks.len()).collect();
+        for (peak, again) in peaks.iter_mut().zip(self.close_to(&nodes, &found)) {
+            if let (Peak::Inside(fit), Some(again)) = (peak, again) {
+                *fit = PeakFit { ratio: fit.ratio, ..again };
+            }
+        }
+    }
+
+    /// The peaks close to `vectors`, for these nodes; `None` for other nodes and where there is no vector or no peak.
+    fn close_to(&self, nodes: &[usize], vectors: &[Option<DVec3>]) -> Vec<Option<PeakFit>> {
+        let mut boxes = vec![None; vectors.len()];
+        for &node in nodes {
+            boxes[node] = vectors[node].map(|shift_vox| self.shifts(node, shift_vox, CLOSE));
+        }
+        if boxes.iter().all(Option::is_none) {
+            return Vec::new();
+        }
+        let peaks = self.measure(&boxes, &Summation::Direct, &|_| ());
+        peaks.into_iter().map(|peak| peak?.fit()).collect()
+    }
+
+    /// The peaks of the windows that have a box of shifts; displacements in voxels, on top of the deformation.
+    fn measure(
+        &self,
+        boxes: &[Option<Shifts>],
+        summation: &Summation,
+        watch: &(dyn Fn(u64) + Sync),
+    ) -> Vec<Option<Peak>> {
+        let PreparedPass { windows, is_full, .. } = self.pass;
+        let bin = self.pass.bin_vox();
+        let mut peaks = measure(&self.volumes.pairs, windows, boxes, summation, *is_full, watch);
+        for (peak, base) in peaks.iter_mut().zip(&self.base_vox) {
+            if let Some(Peak::Inside(fit)) = peak {
+                fit.shift_vox = *base + fit.shift_vox * bin;
+                (0..3).for_each(|a| (0..3).for_each(|b| fit.covariance_vox2[a][b] *= bin[a] * bin[b]));
+            }
+        }
+        peaks
+    }
+}

@@ -1,0 +1,87 @@
+//! A correlation that has been checked and can be estimated and run.
+
+use crate::error::{Refused, Side};
+use crate::passes::{Options, Outcome, Pass, Route, memory, multigrid, triple};
+use crate::volumes::{Mask, Sparse};
+use lf_core::grid::Grid;
+
+/// A correlation of pairs that fit together, inside a mask, with options that fit the volume.
+#[derive(Debug, Clone)]
+pub struct Plan<'a> {
+    pairs: &'a [[Sparse<'a>; 2]],
+    mask: &'a Mask<'a>,
+    options: &'a Options,
+    /// The grid of the voxels that windows may hold.
+    part: Grid,
+}
+
+impl<'a> Plan<'a> {
+    /// Plans the correlation of several pairs that show the same flow: their correlations are summed before a peak is
+    /// sought. Every volume counts by its sum of squares, so no pair counts for more by being brighter.
+    ///
+    /// # Errors
+    /// The volume, mask or option that does not fit.
+    ///
+    /// # Panics
+    /// If there is no pair, if a volume's lengths differ or if its indices do not rise.
+    pub fn new(pairs: &'a [[Sparse<'a>; 2]], mask: &'a Mask<'a>, options: &'a Options) -> Result<Self, Refused> {
+        let grid = pairs[0][0].grid;
+        let volumes = || {
+            let sides = (0..pairs.len()).flat_map(|pair| [Side::First(pair), Side::Second(pair)]);
+            pairs.iter().flatten().zip(sides)
+        };
+        if let Some((volume, side)) = volumes().find(|(volume, _)| !volume.grid.agrees_with(grid)) {
+            let wanted = format!("wanted the grid of the first volume, a {grid}");
+            return Err(Refused::new(side, volume.grid.to_string(), wanted));
+        }
+        let part = mask.part(grid)?;
+        options.check(part.shape)?;
+        volumes().try_for_each(|(volume, side)| volume.check(mask, side))?;
+        Ok(Self { pairs, mask, options, part })
+    }
+
+    /// Estimate of the most bytes that [`Plan::correlate`] has in use, without the volumes themselves.
+    pub fn bytes(&self) -> u64 {
+        memory::bytes(self.pairs, self.mask, self.options)
+    }
+
+    /// The decisions of the plan, for `--verbose`.
+    pub fn about(&self) -> String {
+        let windows = |pass: &Pass| format!("{} voxels at overlap {}", triple(pass.window), pass.overlap);
+        let windows: Vec<String> = self.options.passes.iter().map(windows).collect();
+        let sums = match self.options.route {
+            Route::Auto => "direct sums or transforms, the faster for each pass",
+            Route::Direct => "direct sums, as asked",
+            Route::Transform => "transforms, as asked",
+        };
+        let gigabytes = 1e-9 * self.bytes() as f64;
+        format!(
+            "about {gigabytes:.2} GB of memory beside the volumes; windows of {}; {sums}",
+            windows.join(", then of ")
+        )
+    }
+
+    /// Windows in all passes, repeats counted: the total that [`Plan::correlate`] counts up to.
+    pub fn windows(&self) -> u64 {
+        self.options.windows(self.part.shape)
+    }
+
+    /// Runs the passes. Calls `watch(n)` after n more windows.
+    ///
+    /// # Errors
+    /// No window of a pass holds a peak.
+    pub fn correlate(&self, watch: &(dyn Fn(u64) + Sync)) -> Result<Outcome, Refused> {
+        multigrid::run(self.pairs, self.mask, self.options, &self.part, watch)
+    }
+}
+
+/// Correlates two volumes of one grid.
+///
+/// # Errors
+/// The errors of [`Plan::new`] and [`Plan::correlate`].
+///
+/// # Panics
+/// The panics of [`Plan::new`].
+pub fn correlate(first: &Sparse, second: &Sparse, options: &Options) -> Result<Outcome, Refused> {
+    Plan::new(&[[*first, *second]], &Mask::Everything, options)?.correlate(&|_| ())
+}

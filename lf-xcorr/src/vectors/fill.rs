@@ -1,0 +1,88 @@
+//! Vectors from their neighbours: the replacement of outliers.
+
+use super::neighbours;
+use glam::DVec3;
+
+/// Gives every hole that has neighbours a vector: the value of the least-squares plane through them. Holes inside a
+/// large gap take vectors that an earlier round gave. A hole that no vector can reach stays `None`.
+pub(crate) fn fill(shape: [usize; 3], vectors: &mut [Option<DVec3>], mut holes: Vec<usize>) {
+    while !holes.is_empty() {
+        let given: Vec<_> =
+            holes.iter().filter_map(|&hole| plane(shape, vectors, hole).map(|plane| (hole, plane.value))).collect();
+        if given.is_empty() {
+            return;
+        }
+        given.iter().for_each(|&(hole, vector)| vectors[hole] = Some(vector));
+        holes.retain(|&hole| vectors[hole].is_none());
+    }
+}
+
+/// The vectors with every hole filled; `None` if there is no vector at all.
+pub(crate) fn filled(shape: [usize; 3], mut vectors: Vec<Option<DVec3>>) -> Option<Vec<DVec3>> {
+    let holes = (0..vectors.len()).filter(|&node| vectors[node].is_none()).collect();
+    fill(shape, &mut vectors, holes);
+    vectors.into_iter().collect()
+}
+
+/// A least-squares plane through the neighbours of a node.
+pub(crate) struct Plane {
+    /// Its value at the node.
+    pub value: DVec3,
+    /// Its change per node along x, y, z.
+    pub slope: [DVec3; 3],
+}
+
+/// The plane through the neighbours of `node`; `None` if it has no neighbour.
+pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -> Option<Plane> {
+    // Constant: the ridge holds the slope at zero along an axis that the neighbours do not determine. It changes
+    // nothing if they surround the node; at an edge it reduces the slope by a few per cent, so that rounds of
+    // extrapolation stay tame.
+    const RIDGE: f64 = 0.1;
+    let (mut matrix, mut right) = ([[0.0; 4]; 4], [DVec3::ZERO; 4]);
+    let mut count = 0;
+    neighbours::each(shape, node, |neighbour, step| {
+        if let Some(vector) = vectors[neighbour] {
+            count += 1;
+            // Weigh a neighbour by one over the square of its distance.
+            let row = [1.0, step.x, step.y, step.z];
+            let weight = 1.0 / step.length_squared();
+            for i in 0..4 {
+                (0..4).for_each(|j| matrix[i][j] += weight * row[i] * row[j]);
+                right[i] += weight * row[i] * vector;
+            }
+        }
+    });
+    if count == 0 {
+        return None;
+    }
+    (1..4).for_each(|i| matrix[i][i] += RIDGE);
+    // Eliminate the slopes upwards, then substitute downwards. The matrix is positive definite.
+    for i in (1..4).rev() {
+        for j in 0..i {
+            let share = matrix[j][i] / matrix[i][i];
+            (0..4).for_each(|k| matrix[j][k] -= share * matrix[i][k]);
+            right[j] -= share * right[i];
+        }
+    }
+    for i in 0..4 {
+        let known: DVec3 = (0..i).map(|j| matrix[i][j] * right[j]).sum();
+        right[i] = (right[i] - known) / matrix[i][i];
+    }
+    Some(Plane { value: right[0], slope: [right[1], right[2], right[3]] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn far_holes_are_reached_in_rounds() {
+        let mut row = vec![None; 6];
+        row[0] = Some(DVec3::new(1.0, 2.0, 3.0));
+        fill([6, 1, 1], &mut row, (1..6).collect());
+        assert!(row.iter().all(|v| v.is_some_and(|v| (0..3).all(|a| (v[a] - (a + 1) as f64).abs() < 1e-9))));
+        let mut apart = vec![Some(DVec3::ONE), None, None];
+        fill([3, 1, 1], &mut apart, vec![2]);
+        assert_eq!(apart[2], None);
+    }
+}

@@ -1,0 +1,124 @@
+//! The lit voxels of a volume in rows along x.
+
+use super::mask::Mask;
+use super::sparse::Sparse;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Lit voxels in rows along x: row `y + ny z` holds entries `start[row] .. start[row + 1]`, x rising.
+#[derive(Debug, Clone)]
+pub(crate) struct Rows {
+    pub shape: [usize; 3],
+    /// Voxels below this intensity are dark: the floor times the peak of the whole volume.
+    pub least: f32,
+    start: Vec<usize>,
+    x: Vec<u32>,
+    value: Vec<f32>,
+}
+
+impl Rows {
+    /// The voxels of `volume` inside `mask` of at least `floor` times its peak, counted from the mask's corner.
+    pub fn new(volume: &Sparse, mask: &Mask, floor: f32) -> Self {
+        let grid = volume.grid;
+        let sides = mask.sides(grid.shape);
+        let shape = sides.each_ref().map(Range::len);
+        let least = (floor * volume.peak()).max(f32::MIN_POSITIVE);
+        let mut rows = Self { least, ..Self::with_capacity(shape, volume.indices.len()) };
+        for (&index, &value) in volume.indices.iter().zip(volume.intensity).filter(|(_, value)| **value >= least) {
+            let voxel = grid.voxel(index);
+            if mask.holds(index, voxel) {
+                let [x, y, z]: [usize; 3] = std::array::from_fn(|a| voxel[a] - sides[a].start);
+                rows.open_row(y + shape[1] * z);
+                rows.x.push(x as u32);
+                rows.value.push(value);
+            }
+        }
+        rows.open_row(shape[1] * shape[2]);
+        rows
+    }
+
+    /// Rows from the lit voxels of each row, in order: x and intensity.
+    pub fn from_lists<'a>(shape: [usize; 3], lists: impl Iterator<Item = &'a [(u32, f32)]> + Clone) -> Self {
+        let mut rows = Self::with_capacity(shape, lists.clone().map(<[_]>::len).sum());
+        for (row, list) in lists.enumerate() {
+            rows.open_row(row);
+            rows.x.extend(list.iter().map(|lit| lit.0));
+            rows.value.extend(list.iter().map(|lit| lit.1));
+        }
+        rows.open_row(shape[1] * shape[2]);
+        rows
+    }
+
+    /// The lit voxels of a dense volume, x fastest.
+    #[cfg(test)]
+    pub fn of_dense(shape: [usize; 3], dense: &[f32]) -> Self {
+        let lit = |row: &[f32]| -> Vec<(u32, f32)> {
+            let lit = row.iter().enumerate().filter(|(_, value)| **value > 0.0);
+            lit.map(|(x, &value)| (x as u32, value)).collect()
+        };
+        let lists: Vec<_> = dense.chunks(shape[0]).map(lit).collect();
+        Self::from_lists(shape, lists.iter().map(Vec::as_slice))
+    }
+
+    fn with_capacity(shape: [usize; 3], count: usize) -> Self {
+        let start = Vec::with_capacity(shape[1] * shape[2] + 1);
+        Self { shape, least: 0.0, start, x: Vec::with_capacity(count), value: Vec::with_capacity(count) }
+    }
+
+    /// Closes every row before `row`.
+    fn open_row(&mut self, row: usize) {
+        if self.start.len() <= row {
+            self.start.resize(row + 1, self.x.len());
+        }
+    }
+
+    pub fn count(&self) -> usize {
+        self.x.len()
+    }
+
+    /// The same light, scaled to a sum of squares of 1.
+    pub fn of_unit_energy(mut self) -> Self {
+        let energy: f64 = self.value.iter().map(|&value| (value as f64).powi(2)).sum();
+        let gain = if energy > 0.0 { energy.sqrt().recip() } else { 1.0 };
+        self.value.iter_mut().for_each(|value| *value = (*value as f64 * gain) as f32);
+        self.least = (self.least as f64 * gain) as f32;
+        self
+    }
+
+    /// The lit voxels of row (y, z) with x in `from .. to`: their x and their intensities.
+    #[inline]
+    pub fn run(&self, y: usize, z: usize, from: i32, to: i32) -> (&[u32], &[f32]) {
+        let row = y + self.shape[1] * z;
+        let entries = self.start[row]..self.start[row + 1];
+        if entries.is_empty() {
+            return (&[], &[]);
+        }
+        let x = &self.x[entries.clone()];
+        let first = x.partition_point(|&x| (x as i32) < from);
+        let last = first + x[first..].partition_point(|&x| (x as i32) < to);
+        (&x[first..last], &self.value[entries.start + first..entries.start + last])
+    }
+
+    /// The same light summed into bins of `bin` voxels; the last bin of an axis may reach beyond the volume.
+    pub fn binned(&self, bin: [usize; 3]) -> Self {
+        let shape: [usize; 3] = std::array::from_fn(|axis| self.shape[axis].div_ceil(bin[axis]));
+        let lists: Vec<Vec<(u32, f32)>> = (0..shape[1] * shape[2])
+            .into_par_iter()
+            .map(|row| {
+                let (y, z) = (row % shape[1] * bin[1], row / shape[1] * bin[2]);
+                let mut sums = vec![0f64; shape[0]];
+                for z in z..(z + bin[2]).min(self.shape[2]) {
+                    for y in y..(y + bin[1]).min(self.shape[1]) {
+                        let (x, value) = self.run(y, z, 0, self.shape[0] as i32);
+                        for (&x, &value) in x.iter().zip(value) {
+                            sums[x as usize / bin[0]] += value as f64;
+                        }
+                    }
+                }
+                let lit = sums.iter().enumerate().filter(|(_, value)| **value > 0.0);
+                lit.map(|(x, &value)| (x as u32, value as f32)).collect()
+            })
+            .collect();
+        Self::from_lists(shape, lists.iter().map(Vec::as_slice))
+    }
+}

@@ -1,0 +1,53 @@
+//! A sparse volume as a caller holds it.
+
+use super::mask::Mask;
+use crate::error::{Refused, Side};
+use lf_core::grid::Grid;
+
+/// A sparse volume: one intensity per linear index of a grid, indices strictly rising.
+#[derive(Debug, Clone, Copy)]
+pub struct Sparse<'a> {
+    /// The grid that the indices count in.
+    pub grid: &'a Grid,
+    /// Strictly rising linear indices.
+    pub indices: &'a [u64],
+    /// Intensity of each voxel; finite and not negative.
+    pub intensity: &'a [f32],
+}
+
+impl Sparse<'_> {
+    /// Checks that the volume can be correlated inside `mask`; `side` names it in a refusal.
+    ///
+    /// # Errors
+    /// An intensity that is negative or not finite; no light, or none inside the mask.
+    ///
+    /// # Panics
+    /// If the lengths differ or the indices do not rise.
+    pub(crate) fn check(&self, mask: &Mask, side: Side) -> Result<(), Refused> {
+        assert_eq!(self.indices.len(), self.intensity.len(), "one intensity per index");
+        let rises = self.indices.windows(2).all(|pair| pair[0] < pair[1]);
+        assert!(rises && self.indices.last().is_none_or(|&last| last < self.grid.len()), "indices rise in the grid");
+        let is_bad = |value: &f32| !(*value >= 0.0 && value.is_finite());
+        if let Some(first) = self.intensity.iter().position(is_bad) {
+            let count = self.intensity.iter().filter(|value| is_bad(value)).count();
+            let voxel = self.grid.voxel(self.indices[first]);
+            let found = format!("intensity {} at voxel {voxel:?}, {count} bad values in all", self.intensity[first]);
+            return Err(Refused::new(side, found, "wanted finite intensities of 0 or more"));
+        }
+        if self.peak() == 0.0 {
+            let found = format!("{} voxels, none of them lit", self.indices.len());
+            return Err(Refused::new(side, found, "wanted a volume with light in it"));
+        }
+        let mut lit = self.indices.iter().zip(self.intensity).filter(|(_, value)| **value > 0.0);
+        if !lit.any(|(&index, _)| mask.holds(index, self.grid.voxel(index))) {
+            let found = format!("{} voxels, none of them lit inside the mask", self.indices.len());
+            return Err(Refused::new(side, found, "wanted light inside the mask"));
+        }
+        Ok(())
+    }
+
+    /// The brightest intensity; 0 for an empty volume.
+    pub(crate) fn peak(&self) -> f32 {
+        self.intensity.iter().fold(0.0, |peak, &value| value.max(peak))
+    }
+}
