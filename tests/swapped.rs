@@ -1,10 +1,8 @@
 //! Stages of `scripts/examples` in place of our tools, and files that other libraries read. `PYTHON` names the Python
 //! that runs them (python3). A test whose Python module is missing says so in one line and passes.
 
-use lf_core::field::{Field, MEASURED, NO_DATA, VectorGrid};
-use lf_core::grid::Grid;
-use lf_core::history::{History, Step};
-use lf_core::volume::{self, Volume};
+use lf_core::field::{MEASURED, NO_DATA};
+use lf_core::{Field, Grid, History, VectorGrid, Volume, history::Step, volume};
 use lf_tests::Call;
 use lf_tests::tools::workspace;
 use serde_json::{Value, json};

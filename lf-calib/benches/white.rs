@@ -9,8 +9,7 @@
 mod scenes;
 
 use glam::DVec2;
-use lf_core::camera::{Camera, Layout};
-use lf_core::image;
+use lf_core::{Camera, camera::Layout, image};
 use ndarray::Array2;
 use std::fs;
 use std::path::Path;

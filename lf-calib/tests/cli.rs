@@ -2,8 +2,7 @@
 
 use crate::scenes;
 use crate::workbench::{self, workbench};
-use lf_core::camera::{Camera, Layout};
-use lf_core::image;
+use lf_core::{Camera, camera::Layout, image};
 use lf_tests::Workbench;
 use ndarray::Array2;
 use serde_json::Value;

@@ -3,8 +3,8 @@
 use crate::scenes::{camera, cut_discs, discs, farthest_px, image_px, noisy, nominal, squares, uniform};
 use glam::DVec2;
 use lf_calib::{Calibrated, ImageLattice, calibrate, find_lattice};
-use lf_core::camera::{Aperture, Camera, Layout};
-use lf_core::lattice::Centres;
+use lf_core::camera::{Aperture, Layout};
+use lf_core::{Camera, lattice::Centres};
 use ndarray::Array2;
 
 const LAYOUTS: [Layout; 2] = [Layout::Square, Layout::Hexagonal];

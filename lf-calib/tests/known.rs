@@ -2,7 +2,7 @@
 
 use crate::scenes::{self, camera, discs, farthest_px, noisy, nominal, rays, squares};
 use lf_calib::{ImageLattice, calibrate, find_lattice};
-use lf_core::camera::{Camera, Layout};
+use lf_core::{Camera, camera::Layout};
 use ndarray::Array2;
 
 const LAYOUTS: [Layout; 2] = [Layout::Square, Layout::Hexagonal];

@@ -3,8 +3,7 @@
 use crate::scenes::{camera, discs, image_px, noisy};
 use glam::DVec2;
 use lf_calib::{calibrate, find_lattice};
-use lf_core::camera::{Camera, Layout};
-use lf_core::lattice::Centres;
+use lf_core::{Camera, camera::Layout, lattice::Centres};
 use ndarray::{Array2, s};
 use std::sync::OnceLock;
 

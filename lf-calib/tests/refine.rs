@@ -3,7 +3,7 @@
 use crate::scenes::{self, points};
 use glam::DVec3;
 use lf_calib::refine;
-use lf_core::camera::Camera;
+use lf_core::Camera;
 use ndarray::Array2;
 
 fn frames(truth: &Camera, count: usize) -> Vec<Array2<f32>> {

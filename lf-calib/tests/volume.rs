@@ -3,7 +3,7 @@
 use crate::scenes::{self, points};
 use glam::DVec3;
 use lf_calib::{Dot, Exposure, main_lens};
-use lf_core::camera::{Camera, Distortion};
+use lf_core::{Camera, camera::Distortion};
 use ndarray::Array2;
 
 const DEPTHS_MM: [f64; 4] = [-4.0, -2.8, 2.8, 4.0];

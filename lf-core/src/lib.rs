@@ -16,8 +16,7 @@
 //!
 //! ```no_run
 //! use glam::DVec2;
-//! use lf_core::volume::{self, Volume};
-//! use lf_core::{camera::Camera, image, io, optics::Optics};
+//! use lf_core::{Camera, Optics, Volume, image, io, volume};
 //!
 //! fn main() -> lf_core::Result<()> {
 //!     let camera = Camera::open("camera.json".as_ref())?;
@@ -64,4 +63,13 @@ pub mod statistics;
 pub mod volume;
 pub mod weights;
 
+pub use camera::Camera;
+pub use cli::{Session, Verdict};
 pub use error::{Error, Refusal, Result};
+pub use field::{Field, VectorGrid};
+pub use grid::Grid;
+pub use history::History;
+pub use optics::Optics;
+pub use particles::Particle;
+pub use volume::{JoinedVolume, Tile, Volume};
+pub use weights::Weights;

@@ -9,8 +9,7 @@
 //!
 //! lf-synth reads the other keys.
 
-use crate::camera::Camera;
-use crate::{Error, Refusal, Result};
+use crate::{Error, Refusal, Result, camera::Camera};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

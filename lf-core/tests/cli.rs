@@ -1,8 +1,8 @@
 //! The shared part of the command lines. This program runs itself as a tool and checks what a user would see.
 
 use clap::Parser;
-use lf_core::cli::{self, Common, Session, Verdict};
-use lf_core::{Error, Result, io};
+use lf_core::cli::{self, Common};
+use lf_core::{Error, Result, Session, Verdict, io};
 use serde_json::Value;
 use std::fs::{self, File};
 use std::io::Write;

@@ -1,7 +1,7 @@
 //! Vector fields: EXR written and read, and the files for ParaView and spreadsheets.
 
-use lf_core::field::{Field, MEASURED, NO_DATA, REPLACED, VectorGrid};
-use lf_core::history::Step;
+use lf_core::field::{MEASURED, NO_DATA, REPLACED};
+use lf_core::{Field, VectorGrid, history::Step};
 use std::fs;
 use std::path::Path;
 

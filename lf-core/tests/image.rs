@@ -2,8 +2,8 @@
 
 use crate::allocation;
 use image::{ExtendedColorType, ImageEncoder};
-use lf_core::history::{History, Step};
 use lf_core::image::{Image, from_bytes, open, open_counts, outside_u16, save};
+use lf_core::{History, history::Step};
 use ndarray::{Array2, array};
 use std::io::Cursor;
 use std::path::Path;

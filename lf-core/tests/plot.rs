@@ -1,6 +1,6 @@
 //! Properties of all charts. The pictures stay in the build folder, to be looked at.
 
-use lf_core::field::VectorGrid;
+use lf_core::VectorGrid;
 use lf_core::plot::{Arrows, Axis, Chart, Mark, Panel, Place, Slice, Style, draw};
 use std::fs;
 use std::path::Path;

@@ -1,10 +1,6 @@
 //! Tiles of a volume: how a grid is cut, and how files of tiles are joined or refused.
 
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
-use lf_core::volume::JoinedVolume;
-use lf_core::volume::tile::{Tile, core};
-use lf_core::volume::write_with;
+use lf_core::{Camera, Grid, JoinedVolume, Tile, volume::tile::core, volume::write_with};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 

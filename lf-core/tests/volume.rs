@@ -1,10 +1,8 @@
 //! The `.lfv` format: files are read as written, and damaged files are refused.
 
 use crate::allocation;
-use lf_core::grid::Grid;
-use lf_core::history::{History, Step};
-use lf_core::io::Bytes;
-use lf_core::volume::{SIGNATURE, Volume, write, write_with};
+use lf_core::volume::{SIGNATURE, write, write_with};
+use lf_core::{Grid, History, Volume, history::Step, io::Bytes};
 use proptest::prelude::*;
 use serde_json::{Map, Value, json};
 use xxhash_rust::xxh3::xxh3_64;

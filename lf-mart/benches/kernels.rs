@@ -4,9 +4,8 @@
 //! with the machine's memory. 60 x 60 lenslets, 8000 particles of 3 x 3 x 9 voxels of 1 x 1 x 10 px. Medians of seven
 //! runs.
 
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
-use lf_core::weights::{Basis, Model, Scratch, Weights};
+use lf_core::weights::{Basis, Model, Scratch};
+use lf_core::{Camera, Grid, Weights};
 use lf_mart::projector::Projector;
 use ndarray::Array2;
 use rayon::prelude::*;

@@ -1,6 +1,6 @@
 //! From the strengths of voxels or blobs to intensities.
 
-use lf_core::grid::Grid;
+use lf_core::Grid;
 use rayon::prelude::*;
 
 /// A blob ends this many standard deviations from its centre. The light left out, 3e-3, is given to the rest.

@@ -1,7 +1,7 @@
 //! The options of a reconstruction.
 
 use crate::reconstruction::{Ended, Sweep, stalls};
-use lf_core::volume::tile::Tile;
+use lf_core::Tile;
 use lf_core::weights::{Basis, Model};
 
 /// How intensities are found.

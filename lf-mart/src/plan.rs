@@ -5,11 +5,7 @@ use crate::method::{Problem, row_action, simultaneous};
 use crate::operator::{Plane, Storage};
 use crate::options::{Method, Options};
 use crate::reconstruction::{Reconstruction, Start, Sweep};
-use lf_core::Refusal;
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
-use lf_core::simd::Level;
-use lf_core::weights::{Basis, Weights};
+use lf_core::{Camera, Grid, Refusal, Weights, simd::Level, weights::Basis};
 use ndarray::{Array2, ArrayView2};
 
 /// Assumed fraction of voxels that pruning keeps, for the first strengths of a tile. Only the whole volume knows the

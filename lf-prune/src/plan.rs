@@ -3,10 +3,7 @@
 use crate::options::{Options, Region};
 use crate::score::{Levels, Scorer, Scoring, Sections};
 use crate::support::Support;
-use lf_core::Refusal;
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
-use lf_core::weights::check_depth;
+use lf_core::{Camera, Grid, Refusal, weights::check_depth};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 

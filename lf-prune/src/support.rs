@@ -1,6 +1,6 @@
 //! The voxels that pruning keeps.
 
-use lf_core::grid::Grid;
+use lf_core::Grid;
 
 /// The voxels kept.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,9 +1,6 @@
 use super::*;
 use crate::score::{Levels, Scorer, Scoring, Sections};
-use lf_core::Refusal;
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
-use lf_core::volume::tile::Tile;
+use lf_core::{Camera, Grid, Refusal, Tile};
 use ndarray::{Array2, ArrayView2};
 
 fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {

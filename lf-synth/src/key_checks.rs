@@ -1,7 +1,6 @@
 //! Checks of the keys of a scene that its parts share.
 
-use lf_core::Refusal;
-use lf_core::scene::WANTED;
+use lf_core::{Refusal, scene::WANTED};
 use std::ops::RangeInclusive;
 
 /// The refusal of a scene in which `found` is wrong.

@@ -1,10 +1,7 @@
 //! The exact volumes and displacements of a scene.
 
 use crate::particles::Particle;
-use lf_core::field::{Field, MEASURED, VectorGrid};
-use lf_core::flow::Velocity;
-use lf_core::grid::Grid;
-use lf_core::history::History;
+use lf_core::{Field, Grid, History, VectorGrid, field::MEASURED, flow::Velocity};
 use rayon::prelude::*;
 
 /// Reach of a particle along each axis, in standard deviations. The light left out is 2e-4.

@@ -1,7 +1,8 @@
 //! Images whose answer is known on paper.
 
 use glam::{DVec2, DVec3};
-use lf_core::camera::{Aperture, Camera, Medium};
+use lf_core::Camera;
+use lf_core::camera::{Aperture, Medium};
 use lf_synth::particles::Particle;
 use lf_synth::rays::{self, Glow, Instrument, RayCount, Rendered, SecondStop, Shape};
 use lf_synth::scene::ready;

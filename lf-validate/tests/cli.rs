@@ -1,8 +1,8 @@
 //! The command line of lf-validate.
 
 use crate::workbench::{CAMERA, field, save_field, workbench};
-use lf_core::field::{Field, NO_DATA, REPLACED};
-use lf_core::grid::Grid;
+use lf_core::field::{NO_DATA, REPLACED};
+use lf_core::{Field, Grid};
 use lf_tests::{Call, Ended, Workbench};
 use serde_json::Value;
 use std::fs::{self, File};

@@ -1,7 +1,7 @@
 //! The command line of the scores of volumes, and the pictures of every score.
 
 use crate::workbench::{CAMERA, field, save_field, workbench};
-use lf_core::grid::Grid;
+use lf_core::Grid;
 use lf_tests::Workbench;
 use serde_json::{Value, json};
 use std::fs;

@@ -1,6 +1,6 @@
 //! The tool in a folder, and the inputs that several tests write.
 
-use lf_core::field::{Field, MEASURED, VectorGrid};
+use lf_core::{Field, VectorGrid, field::MEASURED};
 use lf_tests::Workbench;
 use std::path::PathBuf;
 

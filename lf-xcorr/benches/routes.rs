@@ -3,7 +3,7 @@
 //! Prints the time of one pass by direct sums over that by transforms, on one core over voxels lit at random. Cases
 //! that would take longer than [`LONGEST_S`] are left out. `--quick` measures the small cases only.
 
-use lf_core::grid::Grid;
+use lf_core::Grid;
 use lf_xcorr::{Pass, Sparse, one_pass};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

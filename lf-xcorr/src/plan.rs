@@ -3,7 +3,7 @@
 use crate::error::{Refused, Side};
 use crate::passes::{Options, Outcome, Pass, Route, memory, multigrid, triple};
 use crate::volumes::{Mask, Sparse};
-use lf_core::grid::Grid;
+use lf_core::Grid;
 
 /// A correlation of pairs that fit together, inside a mask, with options that fit the volume.
 #[derive(Debug, Clone)]

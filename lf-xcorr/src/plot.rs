@@ -5,9 +5,9 @@
 //! centred on the places where they were measured; the key gives their scale. Replaced vectors are hollow. If the time
 //! between the volumes is known, velocities are drawn, mm/s.
 
-use lf_core::Refusal;
-use lf_core::field::{Cut, Field, MEASURED, NO_DATA, REPLACED};
+use lf_core::field::{Cut, MEASURED, NO_DATA, REPLACED};
 use lf_core::plot::{Arrows, Axis, Chart, Mark, Slice, draw, short, usual};
+use lf_core::{Field, Refusal};
 
 /// The letters of the axes, and of the components.
 const AXES: [&str; 3] = ["x", "y", "z"];

@@ -1,7 +1,7 @@
 //! Errors of vectors on clouds of Gaussian particles with a known displacement.
 
 use crate::scene;
-use lf_core::field::{Field, MEASURED};
+use lf_core::{Field, field::MEASURED};
 use lf_xcorr::{Options, Outcome, correlate};
 
 /// Bias and RMS error of u, v, w over the measured vectors, voxels (the grids here have voxels of 1 mm).

@@ -2,7 +2,7 @@
 
 use crate::scene;
 use crate::workbench::{SMALL, workbench};
-use lf_core::field::{Field, MEASURED};
+use lf_core::{Field, field::MEASURED};
 use std::path::Path;
 
 #[test]

@@ -1,7 +1,7 @@
 //! Extreme gains, sizes of particle images, densities, displacements and shapes.
 
 use crate::scene::{self, Volume};
-use lf_core::field::{Field, MEASURED};
+use lf_core::{Field, field::MEASURED};
 use lf_xcorr::{Mask, Options, Pass, Plan, Route, correlate};
 
 const SHIFT: [f64; 3] = [1.3, -0.4, 0.6];

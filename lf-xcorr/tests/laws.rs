@@ -1,8 +1,8 @@
 //! Laws that hold for any particles.
 
 use crate::scene::{self, Volume};
-use lf_core::field::{Cut, Field, MEASURED, NO_DATA, REPLACED, VectorGrid};
-use lf_core::grid::Grid;
+use lf_core::field::{Cut, MEASURED, NO_DATA, REPLACED};
+use lf_core::{Field, Grid, VectorGrid};
 use lf_xcorr::plot;
 use lf_xcorr::{Options, Refused, Side, Sparse, correlate};
 

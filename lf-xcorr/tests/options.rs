@@ -2,7 +2,7 @@
 
 use crate::scene;
 use crate::workbench::{SMALL, grid, save_pair, workbench};
-use lf_core::field::{Field, MEASURED};
+use lf_core::{Field, field::MEASURED};
 use lf_tests::Workbench;
 
 fn field(bench: &Workbench, name: &str) -> Field {

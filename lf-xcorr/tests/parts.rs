@@ -1,7 +1,7 @@
 //! Options beyond the usual: masks, several pairs, lists of passes, transforms.
 
 use crate::scene::{self, Volume, Wear};
-use lf_core::field::{Field, MEASURED};
+use lf_core::{Field, field::MEASURED};
 use lf_xcorr::{Deform, Mask, Options, Outcome, Pass, Plan, Refused, Route, Side, Sparse, correlate};
 use std::sync::atomic::{AtomicU64, Ordering};
 

@@ -1,7 +1,7 @@
 //! The tool with two volumes to correlate.
 
 use crate::scene;
-use lf_core::grid::Grid;
+use lf_core::Grid;
 use lf_tests::Workbench;
 
 /// Options that make a run short.

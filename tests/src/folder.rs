@@ -1,8 +1,7 @@
 //! The folder of a test: its files, and tools run in it.
 
 use crate::call::{Call, Ended};
-use lf_core::grid::Grid;
-use lf_core::{image, volume};
+use lf_core::{Grid, image, volume};
 use ndarray::Array2;
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -1,11 +1,7 @@
 //! Small inputs that the tools accept, and damaged ones that they must refuse.
 
 use crate::folder::Folder;
-use lf_core::camera::Camera;
-use lf_core::field::{Field, MEASURED, VectorGrid};
-use lf_core::grid::Grid;
-use lf_core::history::History;
-use lf_core::volume;
+use lf_core::{Camera, Field, Grid, History, VectorGrid, field::MEASURED, volume};
 use ndarray::Array2;
 use std::fs;
 use std::ops::Deref;

@@ -2,11 +2,8 @@
 
 use super::arguments::BackgroundArguments;
 use lf_calib::Background;
-use lf_core::camera::{Camera, Sensor};
-use lf_core::cli::{Session, Verdict};
-use lf_core::history::History;
 use lf_core::image::{self, Image, Stack};
-use lf_core::{Error, Refusal, Result, io};
+use lf_core::{Camera, Error, History, Refusal, Result, Session, Verdict, camera::Sensor, io};
 use std::path::{Path, PathBuf};
 
 /// Makes the background and writes it. With a camera, frames that cannot be read or have another size than its sensor

@@ -1,9 +1,6 @@
 //! Files that several tasks read and write: frames, and a camera with its history and its flat field.
 
-use lf_core::camera::Camera;
-use lf_core::cli::Session;
-use lf_core::history::History;
-use lf_core::{Error, Result, image, io};
+use lf_core::{Camera, Error, History, Result, Session, image, io};
 use ndarray::Array2;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};

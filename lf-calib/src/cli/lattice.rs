@@ -1,12 +1,9 @@
 //! `lf-calib lattice`: white images and a nominal camera in, a camera with its microlenses out.
 
-use super::arguments::LatticeArguments;
 use super::files::{path_from_camera, with_history};
-use super::tell_lattice::tell;
+use super::{arguments::LatticeArguments, tell_lattice::tell};
 use lf_calib::{Calibrated, LATTICE_STEPS, WhiteMean, calibrate, find_lattice_watched, flat_field, plot};
-use lf_core::camera::Camera;
-use lf_core::cli::{Session, Verdict};
-use lf_core::{Error, Refusal, Result, image, io};
+use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, image, io};
 use ndarray::Array2;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

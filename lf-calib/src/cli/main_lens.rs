@@ -3,10 +3,7 @@
 use super::arguments::VolumeArguments;
 use super::files::{frames, save_found};
 use lf_calib::{Dot, Exposure, MainLensFit, grid, main_lens_steps, main_lens_watched};
-use lf_core::camera::Camera;
-use lf_core::cli::{Session, Verdict, numbers};
-use lf_core::weights::check_depth_mm;
-use lf_core::{Error, Result, io, particles};
+use lf_core::{Camera, Error, Result, Session, Verdict, cli::numbers, io, particles, weights::check_depth_mm};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 

@@ -3,10 +3,7 @@
 use super::arguments::RefineArguments;
 use super::files::{frames, save_found};
 use lf_calib::{Refined, refine_steps, refine_watched};
-use lf_core::camera::Camera;
-use lf_core::cli::{Session, Verdict};
-use lf_core::weights::check_depth_mm;
-use lf_core::{Error, Result, io};
+use lf_core::{Camera, Error, Result, Session, Verdict, io, weights::check_depth_mm};
 use std::path::Path;
 
 /// Corrects a camera and writes it.

@@ -1,10 +1,7 @@
 //! Runs the task that was asked for.
 
 use super::arguments::{Arguments, Task};
-use super::background::background;
-use super::lattice::lattice;
-use super::main_lens::main_lens;
-use super::refine::refine;
+use super::{background::background, lattice::lattice, main_lens::main_lens, refine::refine};
 use lf_core::cli;
 use std::process::ExitCode;
 

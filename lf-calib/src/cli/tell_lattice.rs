@@ -1,8 +1,7 @@
 //! The report of `lf-calib lattice` about the lattice it found.
 
 use lf_calib::{Calibrated, Fill, ImageLattice};
-use lf_core::camera::Camera;
-use lf_core::cli::Session;
+use lf_core::{Camera, Session};
 use serde_json::json;
 
 /// A difference between the width of lenslet images and the pitch, or the f-number, is reported from this fraction on.

@@ -1,17 +1,12 @@
 //! How far the light of particles is from the middle of the stop, and the equations for the drift that explains it.
 
 use crate::drift::stop_fill::{StopFill, stop_fill};
-use crate::fit::changes::Changes;
 use crate::fit::equations::{NormalEquations, Observation, ParameterEstimate};
-use crate::fit::parameter::Parameter as P;
-use crate::fit::robust::deviation;
 use crate::points::locate::{NARROWEST, locate, width_in_lenslets};
 use crate::points::sub_images::{PointBlur, SHARE, measure};
-use crate::points::view::PointView;
+use crate::{fit::changes::Changes, fit::parameter::Parameter as P, fit::robust::deviation, points::view::PointView};
 use glam::{DVec2, DVec3};
-use lf_core::camera::Camera;
-use lf_core::optics::Optics;
-use lf_core::statistics::upper_median;
+use lf_core::{Camera, Optics, statistics::upper_median};
 use ndarray::Array2;
 
 /// Blur of the sub-images of a particle, beside that by the lenslets' cells and the pixels, px.

@@ -3,7 +3,7 @@
 use crate::points::locate::{NARROWEST, width_in_lenslets};
 use crate::points::refocus::refocus;
 use glam::{DVec2, DVec3};
-use lf_core::optics::Optics;
+use lf_core::Optics;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 

@@ -4,16 +4,13 @@
 //! sensor, so that it fills the stop evenly. Repeat with the corrected camera.
 
 use crate::drift::disparity::{GROUPS, IsolatedParticle, equations, evident, look, solve_with_stop};
-use crate::drift::isolated::isolated_particles;
 use crate::drift::report::{Refined, report};
-use crate::drift::stop_fill::StopFill;
-use crate::fit::changes::Changes;
-use crate::fit::equations::ParameterEstimate;
-use crate::fit::parameter::Parameter as P;
+use crate::{
+    drift::isolated::isolated_particles, drift::stop_fill::StopFill, fit::changes::Changes,
+    fit::equations::ParameterEstimate, fit::parameter::Parameter as P,
+};
 use glam::DVec2;
-use lf_core::Refusal;
-use lf_core::camera::Camera;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Optics, Refusal};
 use ndarray::Array2;
 use rayon::prelude::*;
 

@@ -1,13 +1,12 @@
 //! The result of a refinement, and its record in the camera.
 
 use crate::drift::disparity::{IsolatedParticle, disparity_px};
-use crate::drift::stop_fill::StopFill;
-use crate::fit::changes::Changes;
-use crate::fit::equations::ParameterEstimate;
-use crate::fit::parameter::Parameter as P;
-use crate::fit::record::record;
+use crate::{
+    drift::stop_fill::StopFill, fit::changes::Changes, fit::equations::ParameterEstimate,
+    fit::parameter::Parameter as P, fit::record::record,
+};
 use glam::{DVec2, DVec3};
-use lf_core::camera::Camera;
+use lf_core::Camera;
 use serde_json::{Value, json};
 
 /// Regions along x, y and z that a mean disparity is reported for.

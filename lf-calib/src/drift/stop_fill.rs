@@ -6,12 +6,10 @@
 //! mean of U over all light is the middle of the stop; if the lattice is off by d, the mean is d / k. The spread of U
 //! is the stop's radius; it is too large if the array is too far from the sensor.
 
-use crate::points::spot;
 use crate::points::sub_images::{PointBlur, spot_profile};
-use crate::points::view::PointView;
+use crate::{points::spot, points::view::PointView};
 use glam::{DVec2, DVec3};
-use lf_core::optics::Optics;
-use lf_core::statistics::ranked;
+use lf_core::{Optics, statistics::ranked};
 use ndarray::ArrayView2;
 
 /// Lenslets are read if they are lit from within this many radii of the stop. A drift of 3 of 14 px moves the stop by

@@ -3,7 +3,8 @@
 use crate::fit::keep_images::{Drift, keep_images};
 use crate::fit::parameter::Parameter;
 use glam::{DMat3, DVec2, DVec3};
-use lf_core::camera::{Camera, Distortion, Tilt};
+use lf_core::Camera;
+use lf_core::camera::{Distortion, Tilt};
 
 /// Changes of all parameters, against the given camera and the stated position of the target.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,7 +6,7 @@
 use crate::fit::lenslet_images::LensletImages;
 use crate::fit::polynomial::{Polynomial, TiePoint};
 use glam::DVec2;
-use lf_core::camera::Camera;
+use lf_core::Camera;
 use lf_core::lattice::{Centres, MOST_DEGREE};
 
 /// Samples of the departure along each side of the frame.

@@ -6,8 +6,7 @@
 //! x / (1 + k).
 
 use glam::DVec2;
-use lf_core::camera::Camera;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Optics};
 
 /// Maps lenslet centres to image centres and back. The camera's own lattice plays no part.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! The parameters that a calibration can change.
 
-use lf_core::camera::Camera;
+use lf_core::Camera;
 
 macro_rules! parameters {
     ($($(#[$doc:meta])* $variant:ident $name:literal,)*) => {

@@ -1,6 +1,6 @@
 //! The `calibration` block of a camera: each task writes its own key and keeps the others.
 
-use lf_core::camera::Camera;
+use lf_core::Camera;
 use serde_json::{Value, json};
 
 /// Writes `found` as `calibration.<task>`. A `calibration` that is no JSON object is replaced.

@@ -1,10 +1,9 @@
 //! The point that a set of sub-images comes from.
 
 use crate::fit::robust::{deviation, tukey_weight};
-use crate::points::sub_images::SubImage;
-use crate::points::view::PointView;
+use crate::{points::sub_images::SubImage, points::view::PointView};
 use glam::{DVec2, DVec3};
-use lf_core::optics::Optics;
+use lf_core::Optics;
 use nalgebra::{Matrix3, Vector3};
 
 /// Fewest sub-images that locate a point.

@@ -2,9 +2,7 @@
 
 use crate::points::view::PointView;
 use glam::{DVec2, DVec3};
-use lf_core::image::noise;
-use lf_core::optics::Optics;
-use lf_core::statistics::upper_median;
+use lf_core::{Optics, image::noise, statistics::upper_median};
 use ndarray::{Array2, ArrayView2};
 
 /// A pixel counts if it is this many standard deviations of the noise above the ground.

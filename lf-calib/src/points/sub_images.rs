@@ -1,10 +1,9 @@
 //! The sub-images of a point: read from an image under every lenslet that the point lights as a whole.
 
-use crate::points::spot;
-use crate::points::spot_profile::SpotProfile;
 use crate::points::view::{LitLenslet, PointView, cell_variance_mm2};
+use crate::{points::spot, points::spot_profile::SpotProfile};
 use glam::{DVec2, DVec3};
-use lf_core::optics::Optics;
+use lf_core::Optics;
 use ndarray::ArrayView2;
 
 /// Lenslets are read if they are lit from within this share of the stop. At the rim f-numbers err and lenses shade.

@@ -9,7 +9,7 @@
 //! It is neglected.
 
 use glam::{DVec2, DVec3};
-use lf_core::optics::Optics;
+use lf_core::Optics;
 
 /// Iterations that find the ray through a position on the array. In air one is enough; behind a window each divides the
 /// error by at least a hundred.

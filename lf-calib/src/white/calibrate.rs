@@ -4,18 +4,16 @@
 //! camera gives the factor: a white image alone cannot tell a small k from a small pitch.
 
 use crate::fit::lenslet_images::{LensletImages, image_px};
-use crate::fit::polynomial::TiePoint;
-use crate::fit::record::record;
-use crate::white::basis::unit_basis;
 use crate::white::calibrated::{Calibrated, Fill, Residual};
-use crate::white::departure::DepartureFit;
-use crate::white::followed::few;
 use crate::white::image_lattice::{Centre, ImageLattice};
 use crate::white::same_lattice::{nearest_offset, nearest_turn};
+use crate::{
+    fit::polynomial::TiePoint, fit::record::record, white::basis::unit_basis, white::departure::DepartureFit,
+    white::followed::few,
+};
 use glam::DVec2;
-use lf_core::Refusal;
-use lf_core::camera::{Aperture, Camera, Layout, Microlenses};
-use lf_core::optics::Optics;
+use lf_core::camera::{Aperture, Layout, Microlenses};
+use lf_core::{Camera, Optics, Refusal};
 use serde_json::{Value, json};
 
 /// Overlap, in pitches, above which the light between lenslets may be brighter than that of the lenslets. Matched

@@ -1,6 +1,6 @@
 //! The result of [`crate::calibrate()`]: a camera, and how well its lenslets match the white image.
 
-use lf_core::camera::Camera;
+use lf_core::Camera;
 
 /// A camera, and how well its lenslets match the white image.
 #[derive(Debug, Clone)]

@@ -11,9 +11,7 @@
 //! simulated rims MINPACK's method (crate levenberg-marquardt 0.15) takes twice as long, and its result differs in the
 //! fourth digit of b, which the rims hardly determine.
 
-use crate::fit::plane::outer;
-use crate::white::mean_cell::MeanCell;
-use crate::white::rim::rim_px;
+use crate::{fit::plane::outer, white::mean_cell::MeanCell, white::rim::rim_px};
 use glam::{DMat2, DVec2};
 use lf_core::statistics::ranked;
 use nalgebra::{SMatrix, SVector};

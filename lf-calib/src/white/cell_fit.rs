@@ -1,16 +1,13 @@
 //! The mean cell, fitted to the pixels of the lenslets that follow the lattice.
 
-use crate::fit::plane::middle_px;
-use crate::fit::robust::chosen;
-use crate::white::basis::shortest;
-use crate::white::cell_equations::CellEquations;
 use crate::white::followed::{FollowedLattice, few};
 use crate::white::lenslet_fit::{LensletFit, window};
-use crate::white::mean_cell::MeanCell;
-use crate::white::profile::ProfileEquations;
+use crate::{
+    fit::plane::middle_px, fit::robust::chosen, white::basis::shortest, white::cell_equations::CellEquations,
+    white::mean_cell::MeanCell, white::profile::ProfileEquations,
+};
 use glam::{DMat2, DVec2};
-use lf_core::Refusal;
-use lf_core::statistics::ranked;
+use lf_core::{Refusal, statistics::ranked};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 

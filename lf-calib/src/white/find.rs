@@ -1,18 +1,14 @@
 //! The microlens lattice of a white image: the centre of every lenslet image, and the perfect lattice through them.
 
-use crate::fit::plane::middle_px;
 use crate::fit::polynomial::{Polynomial, TiePoint};
 use crate::fit::robust::{chosen, without_outliers};
 use crate::white::basis::{layout_of, shortest, unit_basis};
 use crate::white::follow::{STEPS, follow};
 use crate::white::followed::{FEWEST, FollowedLattice, few};
 use crate::white::image_lattice::{Centre, ImageLattice, SecondStop};
-use crate::white::lenslet_fit::window;
-use crate::white::perfect_lattice::PerfectLattice;
-use crate::white::period;
+use crate::{fit::plane::middle_px, white::lenslet_fit::window, white::perfect_lattice::PerfectLattice, white::period};
 use glam::{DMat2, DVec2};
-use lf_core::Refusal;
-use lf_core::camera::Layout;
+use lf_core::{Refusal, camera::Layout};
 use ndarray::Array2;
 
 /// Least share of the lenslets in the frame that follow the lattice.

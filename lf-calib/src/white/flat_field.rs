@@ -8,9 +8,7 @@
 
 use crate::fit::lenslet_images::{LensletImages, image_px};
 use glam::DVec2;
-use lf_core::camera::{Aperture, Camera};
-use lf_core::optics::Optics;
-use lf_core::statistics::upper_median;
+use lf_core::{Camera, Optics, camera::Aperture, statistics::upper_median};
 use ndarray::Array2;
 use rayon::prelude::*;
 

@@ -5,17 +5,14 @@
 //! the cell, enlarge the radius. On the whole frame the fits of cell and lattice are repeated until the lattice rests.
 //! Then every lenslet is read once. The cost is one pass over the pixels, plus work that does not grow with the image.
 
-use crate::fit::polynomial::Polynomial;
 use crate::white::basis::{layout_of, shortest};
-use crate::white::cats_eye::TwoStops;
-use crate::white::cell_equations::CellEquations;
 use crate::white::followed::{FEWEST, FollowedLattice, few};
-use crate::white::period::Period;
-use crate::white::region_rims::region_rims;
-use crate::white::symmetry::centre_of;
+use crate::{
+    fit::polynomial::Polynomial, white::cats_eye::TwoStops, white::cell_equations::CellEquations,
+    white::period::Period, white::region_rims::region_rims, white::symmetry::centre_of,
+};
 use glam::{DMat2, DVec2};
-use lf_core::Refusal;
-use lf_core::camera::Layout;
+use lf_core::{Refusal, camera::Layout};
 use ndarray::ArrayView2;
 
 /// Half the side of the first patch, in lattice vectors. At this distance the period is still good to a twentieth of a

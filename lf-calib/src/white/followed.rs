@@ -1,15 +1,13 @@
 //! The lattice as far as it has been followed through a white image: reading lenslets, and the smooth lattice through
 //! them.
 
-use crate::fit::plane::middle_px;
 use crate::fit::polynomial::{Polynomial, TiePoint};
 use crate::fit::robust::{chosen, without_outliers};
-use crate::white::basis::shortest;
-use crate::white::cats_eye::TwoStops;
 use crate::white::lenslet_fit::{LensletFit, fit_lenslet, window};
-use crate::white::mean_cell::MeanCell;
-use crate::white::rim::side_px;
-use crate::white::untouched::Untouched;
+use crate::{
+    fit::plane::middle_px, white::basis::shortest, white::cats_eye::TwoStops, white::mean_cell::MeanCell,
+    white::rim::side_px, white::untouched::Untouched,
+};
 use glam::{DMat2, DVec2};
 use lf_core::Refusal;
 use ndarray::ArrayView2;

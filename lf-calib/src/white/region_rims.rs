@@ -1,12 +1,10 @@
 //! The rims of lenslet images in regions of the frame: they show a second stop.
 
-use crate::fit::plane::middle_px;
-use crate::white::basis::shortest;
-use crate::white::cats_eye::RegionRim;
-use crate::white::cell_equations::CellEquations;
-use crate::white::cell_fit::thinned;
-use crate::white::followed::FollowedLattice;
 use crate::white::lenslet_fit::{LensletFit, window};
+use crate::{
+    fit::plane::middle_px, white::basis::shortest, white::cats_eye::RegionRim, white::cell_equations::CellEquations,
+    white::cell_fit::thinned, white::followed::FollowedLattice,
+};
 use glam::DVec2;
 use ndarray::ArrayView2;
 use rayon::prelude::*;

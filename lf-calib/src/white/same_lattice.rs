@@ -1,7 +1,8 @@
 //! Different numbers for the same lattice: the rotation and the offset that are nearest to the nominal ones.
 
 use glam::DVec2;
-use lf_core::camera::{Camera, Layout, Microlenses};
+use lf_core::Camera;
+use lf_core::camera::{Layout, Microlenses};
 
 /// The rotation nearest to `to_rad` that gives the same lattice: 90 degrees (square) or 60 degrees (hexagonal) are a
 /// symmetry.

@@ -4,8 +4,8 @@
 pub mod points;
 
 use glam::DVec2;
-use lf_core::camera::{Aperture, Camera, Layout, MainLens, Microlenses, Sensor};
-use lf_core::optics::Optics;
+use lf_core::camera::{Aperture, Layout, MainLens, Microlenses, Sensor};
+use lf_core::{Camera, Optics};
 use ndarray::Array2;
 
 /// The camera of the simulations with a round stop: lenslets of 14 px whose discs touch.

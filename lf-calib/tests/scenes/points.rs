@@ -1,8 +1,8 @@
 //! Points of light drawn by rays through the shared optics: dot targets and particles.
 
 use glam::{DVec2, DVec3};
-use lf_core::camera::{Aperture, Camera, Layout};
-use lf_core::optics::Optics;
+use lf_core::camera::{Aperture, Layout};
+use lf_core::{Camera, Optics};
 use ndarray::Array2;
 
 /// Number of rays of a point.

@@ -3,8 +3,7 @@
 use super::complaint::{answer, complain, usage};
 use super::generate;
 use super::session::{Common, Session};
-use crate::history::Step;
-use crate::{Result, io};
+use crate::{Result, history::Step, io};
 use std::ffi::OsString;
 use std::io::Write;
 use std::panic::{self, AssertUnwindSafe};

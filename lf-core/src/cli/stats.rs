@@ -1,7 +1,6 @@
 //! The file of `--stats`: seconds per phase, peak memory and counts of a run, as JSON.
 
-use super::memory::peak_bytes;
-use super::session::Session;
+use super::{memory::peak_bytes, session::Session};
 use crate::{Result, io};
 use serde_json::{Map, Value, json};
 

@@ -1,13 +1,11 @@
 //! A field from and to a file.
 
 use super::channels::{CHANNELS, COUNT, REQUIRED};
-use super::csv;
-use super::vector_grid::VectorGrid;
-use super::vectors::Field;
 use super::vti::{self, Array};
+use super::{csv, vector_grid::VectorGrid, vectors::Field};
 use crate::image::{exr, guarded};
-use crate::io::Signature;
-use crate::{Refusal, Result, io};
+use crate::io::{self, Signature};
+use crate::{Refusal, Result};
 use std::path::Path;
 
 /// The attribute that holds the layout.

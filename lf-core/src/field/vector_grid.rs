@@ -1,8 +1,7 @@
 //! Where the vectors of a field are and how they were made.
 
 use super::channels::CHANNELS;
-use crate::Refusal;
-use crate::history::History;
+use crate::{Refusal, history::History};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
 

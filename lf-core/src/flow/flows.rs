@@ -1,11 +1,7 @@
 //! All flows of a scene.
 
-use super::kinds::Flow;
-use super::sampled::Sampled;
-use super::terms::term;
-use super::velocity::Velocity;
-use crate::field::Field;
-use crate::{Error, Refusal, io};
+use super::{kinds::Flow, sampled::Sampled, terms::term, velocity::Velocity};
+use crate::{Error, Refusal, field::Field, io};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;

@@ -1,8 +1,7 @@
 //! The terms of a velocity field: one function of the place for each flow of a scene.
 
 use super::kinds::{Axis, Case, Flow};
-use super::ring::Ring;
-use super::sampled::Sampled;
+use super::{ring::Ring, sampled::Sampled};
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 

@@ -1,7 +1,6 @@
 //! What all decoders share: the image they give, and their guards against damaged files.
 
-use crate::Refusal;
-use crate::history::History;
+use crate::{Refusal, history::History};
 use ndarray::Array2;
 use std::panic::{self, AssertUnwindSafe};
 

@@ -1,9 +1,7 @@
 //! A frame as the stages use it: counts above a background, divided by the flat field.
 
-use super::decode::Image;
-use super::reading::open_counts;
-use crate::camera::Camera;
-use crate::{Error, Result, io};
+use super::{decode::Image, reading::open_counts};
+use crate::{Error, Result, camera::Camera, io};
 use ndarray::Array2;
 use std::path::Path;
 

@@ -2,8 +2,7 @@
 
 use super::decode::{Image, array};
 use super::exr;
-use crate::Refusal;
-use crate::history::History;
+use crate::{Refusal, history::History};
 use ndarray::Array2;
 
 /// The attribute that holds the history as JSON.

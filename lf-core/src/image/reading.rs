@@ -2,9 +2,8 @@
 
 use super::decode::{Image, guarded, pixels_are};
 use super::{light_field, png, tiff};
-use crate::history::History;
-use crate::io::Signature;
-use crate::{Error, Refusal, Result, io};
+use crate::io::{self, Signature};
+use crate::{Error, Refusal, Result, history::History};
 use std::path::Path;
 
 /// Reads EXR, TIFF or PNG by its first bytes; `-` is standard input. Pixels may be negative or not finite.

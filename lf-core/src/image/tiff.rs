@@ -2,8 +2,7 @@
 
 use super::decode::{Image, array, believable, damaged, pixels_are};
 use super::exr::ascii;
-use crate::Refusal;
-use crate::history::History;
+use crate::{Refusal, history::History};
 use ::tiff::ColorType;
 use ::tiff::decoder::{Decoder, DecodingResult, Limits};
 use ::tiff::encoder::colortype::Gray16;

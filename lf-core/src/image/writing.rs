@@ -2,8 +2,7 @@
 
 use super::decode::{damaged, guarded};
 use super::{light_field, tiff};
-use crate::history::History;
-use crate::{Refusal, Result, io};
+use crate::{Refusal, Result, history::History, io};
 use ndarray::Array2;
 use std::path::Path;
 

@@ -1,9 +1,7 @@
 //! Opens an input.
 
-use super::bytes::Bytes;
-use super::failures::reading;
 use super::names::{is_standard, name, standard};
-use super::signature::Signature;
+use super::{bytes::Bytes, failures::reading, signature::Signature};
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{self, IsTerminal};

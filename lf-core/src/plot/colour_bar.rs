@@ -1,12 +1,10 @@
 //! The bar of colours beside a map.
 
-use super::canvas::Canvas;
 use super::chart::{Axis, Panel};
-use super::map;
 use super::palette::{INK, map_colours};
-use super::range::Range;
 use super::text::{Anchor, LINE, NAME_PX, TEXT_PX, wrap};
 use super::ticks::{Direction, TICK, TICK_TEXT, Tick, ticks, widest};
+use super::{canvas::Canvas, map, range::Range};
 
 /// Width of the bar, px.
 const BAR: i32 = 15;

@@ -1,14 +1,12 @@
 //! The key of a panel, in rows above it.
 
-use super::arrow::arrow;
 use super::canvas::{Canvas, Pixel};
 use super::chart::{Mark, Panel, Style};
 use super::looks::{Look, Looks, has_many_series};
-use super::map;
 use super::palette::{EMPTY, GREY, SHADES};
 use super::strokes::{REFERENCE_DASHES, SERIES_DASHES, stroke};
 use super::text::{Anchor, TEXT_PX, width, wrap};
-use super::view::reference_number;
+use super::{arrow::arrow, map, view::reference_number};
 
 /// Width of a symbol, its distance to the name, and that of a name to the next entry, px.
 const SYMBOL: i32 = 30;

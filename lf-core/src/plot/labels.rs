@@ -1,10 +1,8 @@
 //! Labels beside points, at places where they cover nothing.
 
 use super::canvas::{At, Canvas, rounded};
-use super::chart::Mark;
-use super::palette::GREY;
 use super::text::{Anchor, TEXT_PX, width};
-use super::view::View;
+use super::{chart::Mark, palette::GREY, view::View};
 
 /// Height of a label's box, px.
 const HEIGHT: f64 = 16.0;

@@ -2,10 +2,8 @@
 
 use super::canvas::{Canvas, rounded};
 use super::chart::{Axis, Mark};
-use super::extent::range_of;
 use super::palette::{EMPTY, map_colours};
-use super::range::Range;
-use super::view::View;
+use super::{extent::range_of, range::Range, view::View};
 
 /// Largest number of cells along an axis.
 const MOST_CELLS: usize = 300;

@@ -2,12 +2,11 @@
 
 use super::canvas::{At, Canvas, rounded};
 use super::chart::{Mark, Style};
-use super::labels::labels;
 use super::looks::{Look, has_many_series};
-use super::map;
 use super::palette::{GREY, SHADES};
 use super::strokes::{REFERENCE_DASHES, SERIES_DASHES, stroke};
 use super::view::{View, reference_number};
+use super::{labels::labels, map};
 
 /// Number of marked points of a line, if they only tell it from other lines.
 const FEW_MARKERS: usize = 5;

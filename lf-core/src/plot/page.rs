@@ -2,12 +2,8 @@
 
 use super::canvas::{Canvas, svg};
 use super::chart::{Chart, Mark, Panel};
-use super::check::check;
-use super::looks::Looks;
-use super::map;
-use super::palette::COLOURS;
-use super::panel::PanelLayout;
 use super::text::{Anchor, TEXT_PX, TITLE_PX, wrap};
+use super::{check::check, looks::Looks, map, palette::COLOURS, panel::PanelLayout};
 use crate::Refusal;
 
 /// Margin of the page, and distance between panels, px.

@@ -2,19 +2,13 @@
 
 use super::canvas::{Canvas, Pixel, rounded};
 use super::chart::{Mark, Panel};
-use super::clip::Frame;
-use super::colour_bar::ColourBar;
 use super::extent::{ranges, stretch};
-use super::key::Key;
-use super::looks::Looks;
-use super::map;
-use super::marks;
-use super::numbers::figures;
 use super::palette::{GRID, INK};
-use super::range::Range;
 use super::text::{Anchor, LINE, NAME_PX, TEXT_PX, width, wrap};
 use super::ticks::{Direction, TICK, TICK_TEXT, Tick, ticks, widest};
-use super::view::View;
+use super::{
+    clip::Frame, colour_bar::ColourBar, key::Key, looks::Looks, map, marks, numbers::figures, range::Range, view::View,
+};
 
 /// Distance from the frame to the colour bar, px.
 const BAR_GAP: i32 = 14;

@@ -2,8 +2,7 @@
 
 use super::chart::{Arrows, Axis, Mark, Panel};
 use super::extent::stretch;
-use crate::field::VectorGrid;
-use crate::statistics::quantile;
+use crate::{field::VectorGrid, statistics::quantile};
 
 /// The letters of the axes.
 const AXES: [&str; 3] = ["x", "y", "z"];

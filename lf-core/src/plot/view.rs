@@ -1,10 +1,7 @@
 //! A panel with its place on the canvas.
 
-use super::canvas::At;
 use super::chart::{Mark, Panel, Place};
-use super::clip::Frame;
-use super::looks::Looks;
-use super::range::Range;
+use super::{canvas::At, clip::Frame, looks::Looks, range::Range};
 
 /// Maps the values of a panel to pixels.
 pub(super) struct View<'a> {

@@ -1,9 +1,7 @@
 //! The header of a `.lfv`, from and to text.
 
 use super::format::{ALIGNMENT, KEYS, LONGEST_HEADER, PREFIX, SIGNATURE, VERSION};
-use crate::Refusal;
-use crate::grid::Grid;
-use crate::history::History;
+use crate::{Refusal, grid::Grid, history::History};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 

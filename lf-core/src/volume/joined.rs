@@ -1,10 +1,6 @@
 //! One column of a whole volume, from one file or from all its tiles.
 
-use crate::grid::Grid;
-use crate::history::History;
-use crate::volume::reader::Volume;
-use crate::volume::tile::Tile;
-use crate::{Error, Result};
+use crate::{Error, Result, grid::Grid, history::History, volume::reader::Volume, volume::tile::Tile};
 use std::path::Path;
 
 /// Rising indices of a whole volume, with a value for each. A single file lends its own columns. From

@@ -1,8 +1,6 @@
 //! Where the light of a voxel lands on the sensor, seen along one axis.
 
-use crate::camera::Camera;
-use crate::grid::Grid;
-use crate::optics::Optics;
+use crate::{camera::Camera, grid::Grid, optics::Optics};
 use glam::DVec2;
 use std::ops::Range;
 

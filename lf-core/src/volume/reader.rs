@@ -3,10 +3,8 @@
 use super::checks::{first_not_finite, first_not_rising};
 use super::format::Places;
 use super::header::{Header, header_text};
-use crate::grid::Grid;
-use crate::history::History;
 use crate::io::{self, Bytes};
-use crate::{Error, Refusal, Result};
+use crate::{Error, Refusal, Result, grid::Grid, history::History};
 use serde_json::{Map, Value};
 use std::ops::Range;
 use std::path::Path;

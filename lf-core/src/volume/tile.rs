@@ -13,12 +13,9 @@
 //! `[[x0, x1], [y0, y1]]`, half-open ranges of voxels, and of columns and rows of the image. The grid and the indices
 //! are those of the whole volume.
 
-use crate::camera::Camera;
-use crate::grid::Grid;
-use crate::optics::Optics;
-use crate::volume::reach::Reach;
-use crate::volume::reader::Volume;
-use crate::{Error, Refusal, Result};
+use crate::{
+    Error, Refusal, Result, camera::Camera, grid::Grid, optics::Optics, volume::reach::Reach, volume::reader::Volume,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::ops::Range;

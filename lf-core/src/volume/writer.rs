@@ -3,9 +3,7 @@
 use super::checks::{first_not_finite, first_not_rising};
 use super::format::{ALIGNMENT, KEYS, Places, SIGNATURE, VERSION};
 use super::header::Header;
-use crate::Refusal;
-use crate::grid::Grid;
-use crate::history::History;
+use crate::{Refusal, grid::Grid, history::History};
 use serde_json::{Map, Value};
 use std::io::Write;
 use xxhash_rust::xxh3::Xxh3;

@@ -4,8 +4,7 @@
 //! give the thousand weights of a voxel. This is the fastest path.
 
 use super::axis::{Piece, Span};
-use super::chords::Chords;
-use super::geometry::Geometry;
+use super::{chords::Chords, geometry::Geometry};
 use crate::grid::Grid;
 
 /// Column and row profiles of an aligned camera.

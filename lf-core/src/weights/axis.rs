@@ -1,7 +1,6 @@
 //! Weights along one axis of the sensor: through one lenslet, onto each pixel, and from which part of the aperture.
 
-use super::blur::Blur;
-use super::model::Model;
+use super::{blur::Blur, model::Model};
 use std::ops::Range;
 
 /// The optics of one slice of voxels along one axis of the sensor. Lengths are mm unless they are called pixels.

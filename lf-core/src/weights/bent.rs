@@ -5,10 +5,7 @@
 //! of a section's beam that a lenslet's cell takes; this light falls evenly on the pixels between the ends of its
 //! image. About 0.1 us a section.
 
-use super::axis::Span;
-use super::blur::Blur;
-use super::cell::Slab;
-use super::geometry::Geometry;
+use super::{axis::Span, blur::Blur, cell::Slab, geometry::Geometry};
 use crate::optics::Optics;
 use glam::DVec2;
 use std::sync::OnceLock;

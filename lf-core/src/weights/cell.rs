@@ -1,7 +1,6 @@
 //! A lenslet's cell as a stack of upright rectangles, so that weights are products even if the cell is no rectangle.
 
-use crate::camera::Camera;
-use crate::lattice::Layout;
+use crate::{camera::Camera, lattice::Layout};
 use glam::DVec2;
 
 /// A rectangle of a cell, relative to the lenslet's centre, mm.

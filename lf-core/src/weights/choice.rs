@@ -1,17 +1,10 @@
 //! The one choice of how weights are made, and its reason.
 
-use super::aligned::Aligned;
-use super::bent::Bent;
-use super::depth::check_depth;
-use super::geometry::Geometry;
 use super::lenslets::{self, Lenslets};
 use super::model::{Basis, Model, sections};
 use super::pieces::{self, Pieces};
-use super::rows::RowSet;
-use super::sphere::Sphere;
-use crate::Refusal;
-use crate::camera::Camera;
-use crate::grid::Grid;
+use super::{aligned::Aligned, bent::Bent, depth::check_depth, geometry::Geometry, rows::RowSet, sphere::Sphere};
+use crate::{Refusal, camera::Camera, grid::Grid};
 
 /// The weights of every voxel of a grid, made when asked for.
 #[derive(Debug, Clone)]

@@ -1,9 +1,6 @@
 //! The depths that the optics can reconstruct.
 
-use crate::Refusal;
-use crate::camera::Camera;
-use crate::grid::Grid;
-use crate::optics::Optics;
+use crate::{Refusal, camera::Camera, grid::Grid, optics::Optics};
 
 /// Refuses a grid that reaches the main lens or its window, or a depth where the image under a lenslet turns over.
 ///

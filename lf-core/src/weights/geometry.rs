@@ -1,12 +1,10 @@
 //! The common base of every path to the weights: camera, grid and model, and the slices and cells derived from them.
 
-use super::axis::Axis;
-use super::blur::Blur;
 use super::cell::{self, Slab};
 use super::model::{Basis, Model, aperture_sections};
+use super::{axis::Axis, blur::Blur};
 use crate::camera::{Aperture, Camera};
-use crate::grid::Grid;
-use crate::optics::Optics;
+use crate::{grid::Grid, optics::Optics};
 use glam::DVec2;
 
 /// Camera, grid and model of the weights.

@@ -1,7 +1,6 @@
 //! Settings of the weights: the model of the optics, the meaning of a voxel, and the sections of the aperture.
 
-use crate::Refusal;
-use crate::camera::Camera;
+use crate::{Refusal, camera::Camera};
 use std::ops::RangeInclusive;
 
 /// How weights are computed.

@@ -3,8 +3,7 @@
 //! The slow and obvious way, and the oracle of the faster ones. About 0.1 us for each lenslet and slab.
 
 use super::axis::{Axis, Piece, Span};
-use super::chords::Chords;
-use super::geometry::Geometry;
+use super::{chords::Chords, geometry::Geometry};
 use glam::DVec2;
 
 /// Weights without tables: sampled apertures on a lattice that is not aligned with the pixels.

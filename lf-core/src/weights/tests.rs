@@ -1,9 +1,6 @@
 use super::*;
-use crate::camera::tests::seed;
 use crate::camera::{Aperture, Camera};
-use crate::grid::Grid;
-use crate::lattice::Layout;
-use crate::optics::Optics;
+use crate::{camera::tests::seed, grid::Grid, lattice::Layout, optics::Optics};
 use glam::DVec2;
 use std::collections::BTreeMap;
 

@@ -4,9 +4,8 @@ use super::names::{BasisName, MethodName, WeightsName};
 use super::preset;
 use clap::Parser;
 use lf_core::cli::{self, Common, Preset};
-use lf_core::volume::tile::Tile;
 use lf_core::weights::{Basis, Model, SECTIONS};
-use lf_core::{Error, Result};
+use lf_core::{Error, Result, Tile};
 use lf_mart::{Method, Options, Until};
 use std::path::PathBuf;
 

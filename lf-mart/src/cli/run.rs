@@ -1,15 +1,10 @@
 //! Reads image, camera and voxels, reconstructs, and writes the volume.
 
-use super::arguments::Arguments;
-use super::names::WeightsName;
-use lf_core::camera::Camera;
-use lf_core::cli::{self, Session, Verdict};
-use lf_core::grid::Grid;
+use super::{arguments::Arguments, names::WeightsName};
 use lf_core::image::{self, Image};
-use lf_core::volume::tile::Tile;
-use lf_core::volume::{self, Volume};
-use lf_core::weights::aperture_sections;
-use lf_core::{Error, Result, io};
+use lf_core::{
+    Camera, Error, Grid, Result, Session, Tile, Verdict, Volume, cli, io, volume, weights::aperture_sections,
+};
 use lf_mart::{Ended, Options, Plan, Reconstruction, Start, Sweep, Until};
 use serde_json::json;
 use std::process::ExitCode;

@@ -2,7 +2,7 @@
 
 use crate::options::{Options, Until};
 use crate::reconstruction::{Start, Sweep, stalls};
-use lf_core::weights::Weights;
+use lf_core::Weights;
 use ndarray::Array2;
 
 /// Strengths stay below this, in units of the image's brightest pixel, so that sums over any image stay finite.

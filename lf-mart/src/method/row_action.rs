@@ -8,10 +8,9 @@
 //! rows from the top, each from the left. The method needs the weights pixel by pixel, so they are stored.
 
 use super::problem::{GREATEST_STRENGTH, Misfit, Problem, Solved, change};
-use crate::operator::count_weights;
-use crate::reconstruction::Sweep;
-use lf_core::Refusal;
-use lf_core::weights::{Aligned, Path, Piece, Scratch, Weights};
+use crate::{operator::count_weights, reconstruction::Sweep};
+use lf_core::weights::{Aligned, Path, Piece, Scratch};
+use lf_core::{Refusal, Weights};
 use rayon::prelude::*;
 
 /// A voxel and its weight on a pixel.

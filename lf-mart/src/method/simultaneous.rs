@@ -11,12 +11,10 @@
 //! A subset is every n-th image row, where n is the number of pixels under a lenslet. So every voxel has rows in every
 //! subset, in focus and out of focus. Each subset moves all strengths once, so a sweep moves them n times.
 
-use super::momentum::Momentum;
 use super::problem::{GREATEST_STRENGTH, Misfit, Problem, Solved, change};
-use super::spent::Neighbourhood;
+use super::{momentum::Momentum, spent::Neighbourhood};
 use crate::operator::{Operator, Plane, keep};
-use crate::options::Method;
-use crate::reconstruction::Sweep;
+use crate::{options::Method, reconstruction::Sweep};
 use lf_core::weights::RowSet;
 use rayon::prelude::*;
 

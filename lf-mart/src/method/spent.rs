@@ -1,7 +1,7 @@
 //! Which voxels of a tile have so little light that they are dropped. The decision may not depend on voxels far away.
 
 use crate::operator::keep;
-use lf_core::grid::Grid;
+use lf_core::Grid;
 
 /// Voxels in blocks along x and y of the whole grid; z is not divided. The strongest voxel in a voxel's block and the
 /// eight around it decides. So a tile drops what the whole volume drops, except near the tile's edge.

@@ -1,10 +1,9 @@
 //! The one choice of how weights are applied and kept.
 
-use super::plane::Plane;
-use super::profiles::ProfileWeights;
-use super::stored;
 use super::voxels::{VoxelWeights, kept_bytes};
-use lf_core::weights::{Path, RowSet, Weights};
+use super::{plane::Plane, profiles::ProfileWeights, stored};
+use lf_core::Weights;
+use lf_core::weights::{Path, RowSet};
 
 /// Where weights are during the sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

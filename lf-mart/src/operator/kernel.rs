@@ -3,12 +3,9 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::kernel_avx2;
-use super::kernel_portable;
-use super::lit_rows::LitRows;
-use super::plane::PADDING;
 use super::taps::{CutTap, Tap, fill, halves};
-use lf_core::simd::Level;
-use lf_core::weights::Piece;
+use super::{kernel_portable, lit_rows::LitRows, plane::PADDING};
+use lf_core::{simd::Level, weights::Piece};
 use std::ops::Range;
 
 /// Column profiles, numbered in the order in which they are pushed.

@@ -1,8 +1,7 @@
 //! Projection and back-projection over products of profiles, in pieces that fit into a core's cache.
 
 use super::lit_rows::{LitRow, LitRows};
-use super::plane::Plane;
-use super::profiles::ProfileWeights;
+use super::{plane::Plane, profiles::ProfileWeights};
 use lf_core::weights::{Chords, RowSet};
 use rayon::prelude::*;
 use std::ops::Range;

@@ -1,9 +1,8 @@
 //! The weights of an aligned camera: a column profile for each x and z, and a row profile for each line (y, z) of
 //! voxels. A voxel of 1000 weights costs two profiles of 30.
 
-use super::held::keep;
-use super::kernel::ColumnProfiles;
 use super::taps::{CutTap, Tap};
+use super::{held::keep, kernel::ColumnProfiles};
 use lf_core::weights::{Aligned, Chords};
 use rayon::prelude::*;
 use std::ops::Range;

@@ -1,8 +1,7 @@
 //! Projection and back-projection without a matrix, for solvers of your own.
 
-use super::choice::Operator;
-use super::plane::Plane;
-use lf_core::weights::{RowSet, Weights};
+use super::{choice::Operator, plane::Plane};
+use lf_core::{Weights, weights::RowSet};
 use ndarray::{Array2, ArrayView2};
 
 /// The weights of a support's voxels as two operations.

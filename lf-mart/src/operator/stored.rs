@@ -1,7 +1,8 @@
 //! The weights of voxels in memory, and how many they will be.
 
 use super::plane::Plane;
-use lf_core::weights::{RowSet, Scratch, Weights};
+use lf_core::Weights;
+use lf_core::weights::{RowSet, Scratch};
 use rayon::prelude::*;
 
 /// Voxels whose weights are counted to foretell the number of all.

@@ -2,8 +2,8 @@
 
 use super::plane::Plane;
 use glam::Vec4;
-use lf_core::simd::fastest;
-use lf_core::weights::{RowSet, Scratch, Weights};
+use lf_core::weights::{RowSet, Scratch};
+use lf_core::{Weights, simd::fastest};
 
 /// Adds the light of voxels to a plane.
 pub(super) fn spread(weights: &Weights, indices: &[u64], rows: RowSet, strengths: &[f32], plane: &mut Plane) {

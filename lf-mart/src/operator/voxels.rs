@@ -1,11 +1,11 @@
 //! Weights voxel by voxel, for cameras that are not aligned: kept in memory if they fit, and otherwise made anew at
 //! every use.
 
-use super::held::keep;
-use super::plane::Plane;
 use super::stored::{RUN, Stored, WEIGHT_BYTES, count_weights, fits};
 use super::voxel_sums::{gather, spread};
-use lf_core::weights::{RowSet, Scratch, Weights};
+use super::{held::keep, plane::Plane};
+use lf_core::Weights;
+use lf_core::weights::{RowSet, Scratch};
 use rayon::prelude::*;
 
 /// Blocks of the support, which are projected separately and added in order, so that the sum is the same for any number

@@ -5,10 +5,8 @@ mod slow;
 
 use crate::operator::{Operator, Plane, VoxelWeights};
 use crate::{Method, Options, Plan, Reconstruction, Start, Sweep, Until};
-use lf_core::Refusal;
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
-use lf_core::weights::{Basis, Model, Path, RowSet, Scratch, Weights};
+use lf_core::weights::{Basis, Model, Path, RowSet, Scratch};
+use lf_core::{Camera, Grid, Refusal, Weights};
 use ndarray::{Array1, Array2, ArrayView2};
 
 const SUBSETS: usize = 14;

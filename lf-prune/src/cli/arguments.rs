@@ -1,14 +1,9 @@
 //! The options of lf-prune, their defaults and their checks.
 
-use super::preset;
-use super::score_name::ScoreName;
+use super::{preset, score_name::ScoreName};
 use clap::Parser;
-use lf_core::camera::Camera;
 use lf_core::cli::{Common, Preset, numbers};
-use lf_core::grid::Grid;
-use lf_core::volume::Volume;
-use lf_core::weights::SECTIONS;
-use lf_core::{Error, Result, io};
+use lf_core::{Camera, Error, Grid, Result, Volume, io, weights::SECTIONS};
 use lf_prune::{DARK, Options, Score};
 use std::path::PathBuf;
 

@@ -1,12 +1,9 @@
 //! Reads image and camera, prunes, and writes the support.
 
 use super::arguments::Arguments;
-use lf_core::camera::Camera;
-use lf_core::cli::{self, Session, Verdict};
-use lf_core::grid::Grid;
-use lf_core::volume::tile::Tile;
-use lf_core::weights::aperture_sections;
-use lf_core::{Error, Result, image, io, particles, volume};
+use lf_core::{
+    Camera, Error, Grid, Result, Session, Tile, Verdict, cli, image, io, particles, volume, weights::aperture_sections,
+};
 use lf_prune::{Automatic, Options, Plan, Region, Support};
 use ndarray::ArrayView2;
 use std::path::Path;

@@ -9,9 +9,7 @@
 use super::levels::Levels;
 use super::slice::{Kept, Slice};
 use glam::DVec2;
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Grid, Optics};
 use std::ops::Range;
 
 /// The pixel of a ray that misses the sensor.

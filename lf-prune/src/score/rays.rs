@@ -4,8 +4,7 @@
 use super::levels::SEEN_SHARE;
 use super::slice::{Kept, Slice};
 use glam::DVec2;
-use lf_core::camera::Camera;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Optics};
 
 /// Places 0 to `count` in an order that soon reaches all parts: steps near the golden section of the count, prime to
 /// it.

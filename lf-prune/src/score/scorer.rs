@@ -1,15 +1,11 @@
 //! The one choice of how voxels are scored, and its reason.
 
-use super::aligned;
-use super::levels::Levels;
 use super::lines::{Views, line_sums, straightened, tiles};
-use super::rays;
-use super::sections::Sections;
 use super::slice::{Kept, Slice};
+use super::{aligned, levels::Levels, rays, sections::Sections};
 use crate::options::Region;
 use glam::DVec2;
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
+use lf_core::{Camera, Grid};
 
 /// A way to score voxels, the fastest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,9 +1,7 @@
 //! The aperture in sections.
 
 use glam::DVec2;
-use lf_core::Refusal;
-use lf_core::camera::{Aperture, Camera};
-use lf_core::weights::sections;
+use lf_core::{Camera, Refusal, camera::Aperture, weights::sections};
 
 /// Centres of sections along one axis and, for each, the sections of the other axis that lie inside the stop.
 pub(crate) struct Sections {

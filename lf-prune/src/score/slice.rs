@@ -1,9 +1,8 @@
 //! The voxels of a slice: those to score, and those kept.
 
-use super::levels::Levels;
-use super::sections::Sections;
+use super::{levels::Levels, sections::Sections};
 use crate::options::Region;
-use lf_core::grid::Grid;
+use lf_core::Grid;
 
 /// Voxels of a slice as (x + nx y, score), rising.
 pub(super) type Kept = Vec<(u32, f32)>;

@@ -3,8 +3,7 @@
 use super::arguments::{ImageFormat, SceneSource};
 use super::images::{check_folder, create_folder, rendered, save_image, save_text};
 use super::setup::Setup;
-use lf_core::cli::Session;
-use lf_core::{Error, Result, io};
+use lf_core::{Error, Result, Session, io};
 use lf_synth::particles::table;
 use lf_synth::rays;
 use std::path::Path;

@@ -1,13 +1,8 @@
 //! `frames`: frames, particles and truth.
 
-use super::arguments::FramesArguments;
 use super::images::{check_folder, create_folder, rendered, save_image, save_text};
-use super::setup::Setup;
-use lf_core::cli::Session;
-use lf_core::flow::Velocity;
-use lf_core::grid::Grid;
-use lf_core::history::History;
-use lf_core::{Error, Refusal, Result, io, volume};
+use super::{arguments::FramesArguments, setup::Setup};
+use lf_core::{Error, Grid, History, Refusal, Result, Session, flow::Velocity, io, volume};
 use lf_synth::particles::{Appearance, Particle, Tracers, inside, seed_evenly, table};
 use lf_synth::rays::{self, Glow, Instrument, Rendered, ray_noise};
 use lf_synth::truth;

@@ -1,7 +1,6 @@
 //! Images and texts that are written.
 
-use lf_core::cli::Session;
-use lf_core::{Error, Result, image, io};
+use lf_core::{Error, Result, Session, image, io};
 use lf_synth::rays::Rendered;
 use ndarray::Array2;
 use std::path::Path;

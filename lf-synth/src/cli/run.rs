@@ -2,8 +2,7 @@
 
 use super::arguments::{Arguments, Task};
 use super::{dots, frames, scene, white};
-use lf_core::Result;
-use lf_core::cli::{self, Session, Verdict};
+use lf_core::{Result, Session, Verdict, cli};
 use std::process::ExitCode;
 
 pub fn main() -> ExitCode {

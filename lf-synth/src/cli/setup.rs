@@ -1,10 +1,8 @@
 //! A scene as read from its files.
 
 use super::arguments::SceneSource;
-use lf_core::camera::Camera;
-use lf_core::cli::Session;
 use lf_core::scene::{CameraSource, WANTED};
-use lf_core::{Error, Result, image, io};
+use lf_core::{Camera, Error, Result, Session, image, io};
 use lf_synth::Scene;
 use lf_synth::rays::{Instrument, Pattern};
 use lf_synth::scene;

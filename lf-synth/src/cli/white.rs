@@ -1,10 +1,8 @@
 //! `white` and `dark`: images without particles.
 
-use super::arguments::SceneSource;
 use super::images::{rendered, save_image};
-use super::setup::Setup;
-use lf_core::cli::Session;
-use lf_core::{Result, io};
+use super::{arguments::SceneSource, setup::Setup};
+use lf_core::{Result, Session, io};
 use lf_synth::rays;
 use ndarray::Array2;
 use std::path::Path;

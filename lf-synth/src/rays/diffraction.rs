@@ -1,8 +1,7 @@
 //! Diffraction by a lenslet's rim. A sensor at the focal length sees the far field of the lenslet's cell.
 
 use crate::key_checks::wrong;
-use lf_core::Refusal;
-use lf_core::camera::{Camera, Layout};
+use lf_core::{Camera, Refusal, camera::Layout};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};

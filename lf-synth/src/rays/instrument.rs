@@ -2,17 +2,11 @@
 //!
 //! Each step is a loop over a few hundred rays in flight. A step that the scene does not ask for is not run.
 
-use super::diffraction::Pattern;
-use super::glow::Glow;
 use super::samples::{Samples, Shape};
-use super::second_stop::SecondStop;
-use super::tally::Tally;
-use super::white_cells::WhiteCells;
-use crate::particles::Particle;
-use crate::random::stream;
+use super::{diffraction::Pattern, glow::Glow, second_stop::SecondStop, tally::Tally, white_cells::WhiteCells};
+use crate::{particles::Particle, random::stream};
 use glam::DVec2;
-use lf_core::camera::Camera;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Optics};
 
 /// A camera with the effects that bend or stop its rays.
 #[derive(Debug)]

@@ -1,8 +1,6 @@
 //! The noise of the ray tracing itself, measured.
 
-use super::glow::Glow;
-use super::instrument::Instrument;
-use super::render;
+use super::{glow::Glow, instrument::Instrument, render};
 use crate::particles::Particle;
 use ndarray::Array2;
 

@@ -4,14 +4,11 @@
 //! the sensor. Tallies are added to the image in the order of the particles, so that the image has the same bytes for
 //! any number of threads.
 
-use super::glow::Glow;
-use super::instrument::Instrument;
 use super::samples::{Samples, Shape};
 use super::tally::{self, Tally};
-use super::white_cells::WhiteCells;
+use super::{glow::Glow, instrument::Instrument, white_cells::WhiteCells};
 use crate::particles::Particle;
-use lf_core::camera::Camera;
-use lf_core::simd::fastest;
+use lf_core::{Camera, simd::fastest};
 use ndarray::Array2;
 use rayon::prelude::*;
 

@@ -2,9 +2,7 @@
 
 use crate::key_checks::wrong;
 use glam::DVec2;
-use lf_core::Refusal;
-use lf_core::camera::Camera;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Optics, Refusal};
 use serde::{Deserialize, Serialize};
 
 /// A round stop on the axis before or behind the aperture, like the rim of a lens barrel.

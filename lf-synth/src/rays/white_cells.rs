@@ -1,7 +1,7 @@
 //! The part of the array that a white image lights.
 
 use glam::DVec2;
-use lf_core::camera::{Aperture, Camera};
+use lf_core::{Camera, camera::Aperture};
 
 /// A rectangle of the array, in cells of about a pitch that each send the same number of rays.
 pub(super) struct WhiteCells {

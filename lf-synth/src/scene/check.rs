@@ -2,8 +2,7 @@
 
 use super::keys::{Scene, Truth};
 use crate::key_checks::{positive, within, wrong};
-use lf_core::Refusal;
-use lf_core::camera::Camera;
+use lf_core::{Camera, Refusal};
 
 /// Checks a scene with its camera.
 ///

@@ -1,14 +1,10 @@
 //! The keys of a `scene.json`. An effect without a key is not modelled and costs no time.
 
 use super::dots::Dots;
-use crate::particles::Sheet;
 use crate::rays::{Diffraction, Glow, RayCount, SecondStop, Shape};
-use crate::sensor::SensorNoise;
-use lf_core::Refusal;
-use lf_core::camera::Camera;
-use lf_core::flow::Flows;
-use lf_core::grid::Grid;
+use crate::{particles::Sheet, sensor::SensorNoise};
 use lf_core::scene::{CameraSource, Frames, LitVolume};
+use lf_core::{Camera, Grid, Refusal, flow::Flows};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

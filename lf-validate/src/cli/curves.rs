@@ -1,11 +1,8 @@
 //! `curves`: runs as curves.
 
-use super::limits::number;
-use super::print::print;
-use super::source::RunSource;
-use lf_core::cli::{Session, Verdict};
+use super::{limits::number, print::print, source::RunSource};
 use lf_core::plot::{Axis, Mark, Place};
-use lf_core::{Error, Result};
+use lf_core::{Error, Result, Session, Verdict};
 use lf_validate::runs::curves::{ChartOptions, CurveKeys, curves};
 
 /// Runs as curves: medians over seeds, with their range

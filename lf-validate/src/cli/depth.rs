@@ -2,10 +2,8 @@
 
 use super::inputs::{light, open_whole};
 use super::limits::{is_at_most, number, verdict};
-use super::picture::Picture;
-use super::print::print;
-use lf_core::cli::{Session, Verdict, numbers};
-use lf_core::{Error, Result};
+use super::{picture::Picture, print::print};
+use lf_core::{Error, Result, Session, Verdict, cli::numbers};
 use lf_validate::pictures;
 use lf_validate::scores::depth::DepthSums;
 use std::path::{Path, PathBuf};

@@ -1,13 +1,8 @@
 //! `displacement`: a vector field against the true displacement.
 
-use super::inputs::pixel_mm;
 use super::limits::{are_at_most, components, number, share, verdict};
-use super::picture::Picture;
-use super::print::print;
-use super::truth;
-use lf_core::cli::{Session, Verdict};
-use lf_core::field::Field;
-use lf_core::{Result, io};
+use super::{inputs::pixel_mm, picture::Picture, print::print, truth};
+use lf_core::{Field, Result, Session, Verdict, io};
 use lf_validate::pictures;
 use lf_validate::scores::displacement::{Displacement, ParticleCounts, displacement};
 use std::path::{Path, PathBuf};

@@ -1,12 +1,8 @@
 //! `divergence`: a vector field without the truth.
 
-use super::inputs::pixel_mm;
 use super::limits::{are_at_most, components, is_at_most, number, verdict};
-use super::picture::Picture;
-use super::print::print;
-use lf_core::cli::{Session, Verdict};
-use lf_core::field::Field;
-use lf_core::{Result, io};
+use super::{inputs::pixel_mm, picture::Picture, print::print};
+use lf_core::{Field, Result, Session, Verdict, io};
 use lf_validate::pictures;
 use lf_validate::scores::divergence::divergence;
 use std::path::{Path, PathBuf};

@@ -2,11 +2,8 @@
 
 use super::inputs::{light, open_whole, pixel_mm};
 use super::limits::{are_at_most, counts, verdict};
-use super::picture::Picture;
-use super::print::print;
-use lf_core::cli::{Session, Verdict, numbers};
-use lf_core::volume::Volume;
-use lf_core::{Error, Result, io, particles};
+use super::{picture::Picture, print::print};
+use lf_core::{Error, Result, Session, Verdict, Volume, cli::numbers, io, particles};
 use lf_validate::pictures;
 use lf_validate::scores::elongation::{Elongation, elongation};
 use std::path::{Path, PathBuf};

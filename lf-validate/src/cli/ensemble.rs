@@ -1,10 +1,8 @@
 //! `ensemble`: many fields of one flow.
 
-use super::picture::Picture;
-use super::print::print;
-use lf_core::cli::{Session, Verdict};
-use lf_core::field::{self, Cut, Field};
-use lf_core::{Error, Result, io};
+use super::{picture::Picture, print::print};
+use lf_core::field::{self, Cut};
+use lf_core::{Error, Field, Result, Session, Verdict, io};
 use lf_validate::pictures;
 use lf_validate::scores::ensemble::{Ensemble, EnsembleSums};
 use std::path::{Path, PathBuf};

@@ -1,12 +1,8 @@
 //! `info`: description of a file.
 
 use super::inputs::text;
-use lf_core::cli::{Session, Verdict};
-use lf_core::field::Field;
-use lf_core::image::Stack;
-use lf_core::volume::Volume;
-use lf_core::volume::tile::{self, Tile};
-use lf_core::{Refusal, Result, image, io};
+use lf_core::image::{self, Stack};
+use lf_core::{Field, Refusal, Result, Session, Tile, Verdict, Volume, io, volume::tile};
 use lf_validate::info::{self, Description, FileKind};
 use std::path::{Path, PathBuf};
 

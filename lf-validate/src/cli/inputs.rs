@@ -1,9 +1,6 @@
 //! Files that several subcommands read.
 
-use lf_core::camera::Camera;
-use lf_core::volume::Volume;
-use lf_core::volume::tile::Tile;
-use lf_core::{Error, Result};
+use lf_core::{Camera, Error, Result, Tile, Volume};
 use lf_validate::scores::light::VoxelLight;
 use std::path::Path;
 

@@ -2,8 +2,7 @@
 //!
 //! A number that does not exist keeps no limit.
 
-use lf_core::cli::Verdict;
-use lf_core::{Error, Result};
+use lf_core::{Error, Result, Verdict};
 
 /// Parses a finite number.
 pub fn number(text: &str) -> std::result::Result<f64, String> {

@@ -1,7 +1,6 @@
 //! `line`: settings and scores to one record.
 
-use lf_core::cli::{Session, Verdict};
-use lf_core::{Refusal, Result, io};
+use lf_core::{Refusal, Result, Session, Verdict, io};
 use lf_validate::runs::{self, Argument, Entries};
 use serde_json::Value;
 use std::path::{Path, PathBuf};

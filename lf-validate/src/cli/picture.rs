@@ -1,8 +1,7 @@
 //! The option `--plot`, the same for every score.
 
-use lf_core::cli::Session;
 use lf_core::plot::{self, Chart};
-use lf_core::{Error, Result, io};
+use lf_core::{Error, Result, Session, io};
 use std::path::{Path, PathBuf};
 
 /// Where the picture goes.

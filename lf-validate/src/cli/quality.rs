@@ -1,11 +1,8 @@
 //! `quality`: a volume against the true one.
 
 use super::limits::{counts, is_at_most, number, verdict};
-use super::picture::Picture;
-use super::print::print;
-use lf_core::cli::{Session, Verdict, numbers};
-use lf_core::volume::JoinedVolume;
-use lf_core::{Error, Result};
+use super::{picture::Picture, print::print};
+use lf_core::{Error, JoinedVolume, Result, Session, Verdict, cli::numbers};
 use lf_validate::pictures;
 use lf_validate::scores::light::VoxelLight;
 use lf_validate::scores::quality::{Quality, quality};

@@ -1,9 +1,7 @@
 //! Runs that `curves` and `trade` read, and the options of their pictures.
 
 use super::picture::Picture;
-use lf_core::cli::Session;
-use lf_core::plot::Chart;
-use lf_core::{Error, Refusal, Result, io};
+use lf_core::{Error, Refusal, Result, Session, io, plot::Chart};
 use lf_validate::runs::{self, Condition, RunRecord, parse_value};
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,8 @@
 //! `trade`: cost against error of settings.
 
 use super::limits::{number, verdict};
-use super::print::print;
-use super::source::RunSource;
-use lf_core::Result;
-use lf_core::cli::{Session, Verdict};
+use super::{print::print, source::RunSource};
+use lf_core::{Result, Session, Verdict};
 use lf_validate::runs::trade::{ChartOptions, TradeKeys, trade};
 
 /// Cost against error of settings: the Pareto front, and the effect of each factor

@@ -1,12 +1,9 @@
 //! The true displacement, from a field, a scene or particles.
 
-use super::inputs::text;
-use super::picture::Picture;
-use lf_core::cli::Session;
-use lf_core::field::Field;
+use super::{inputs::text, picture::Picture};
 use lf_core::flow::{Flows, Velocity};
 use lf_core::scene::{self, CameraSource, Frames, LitVolume};
-use lf_core::{Error, Refusal, Result, io, particles};
+use lf_core::{Error, Field, Refusal, Result, Session, io, particles};
 use lf_validate::info::FileKind;
 use lf_validate::scores::displacement::TrueDisplacement;
 use lf_validate::scores::displacement::tracks;

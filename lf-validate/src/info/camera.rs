@@ -2,8 +2,8 @@
 
 use super::description::Description;
 use super::numbers::{figures, product, whole};
-use lf_core::camera::{Aperture, Camera, Layout};
-use lf_core::lattice::MOST_DEGREE;
+use lf_core::camera::{Aperture, Layout};
+use lf_core::{Camera, lattice::MOST_DEGREE};
 use serde_json::Value;
 
 /// Largest k D / p - 1 that counts as matched: a tenth of a pixel, with lenslets of 14 pixels.

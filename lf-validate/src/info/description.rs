@@ -1,6 +1,6 @@
 //! The description of a file: a title and labelled lines.
 
-use lf_core::history::{History, Step};
+use lf_core::{History, history::Step};
 use serde::Serialize;
 use std::fmt;
 

@@ -1,8 +1,7 @@
 //! Descriptions of tables and pictures that the tools write and do not read.
 
-use super::description::Description;
-use super::kind::WANTED;
 use super::numbers::{figures, percent, whole};
+use super::{description::Description, kind::WANTED};
 use lf_core::Refusal;
 
 /// Describes a vector field as text. `text` is the whole file.

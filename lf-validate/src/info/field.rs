@@ -1,10 +1,10 @@
 //! Description of a vector field.
 
-use super::description::Description;
 use super::numbers::{figures, percent, product, whole};
-use super::summary::Summary;
+use super::{description::Description, summary::Summary};
 use crate::scores::units::AXES;
-use lf_core::field::{Field, MEASURED, REPLACED};
+use lf_core::Field;
+use lf_core::field::{MEASURED, REPLACED};
 
 /// Describes a vector field. Its statistics are of the vectors that are measured or replaced.
 pub fn field(field: &Field) -> Description {

@@ -1,9 +1,8 @@
 //! Description of an image.
 
-use super::description::Description;
 use super::numbers::{percent, whole};
-use super::summary::Summary;
-use lf_core::history::History;
+use super::{description::Description, summary::Summary};
+use lf_core::History;
 
 /// Describes an image of `width` x `height` pixels, the first of `pages`.
 pub fn image<'a>(

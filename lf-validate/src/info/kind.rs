@@ -1,7 +1,6 @@
 //! The kind of a file, from its content and not from its name.
 
-use lf_core::Refusal;
-use lf_core::io::Signature;
+use lf_core::{Refusal, io::Signature};
 
 /// The kinds that are described.
 pub(super) const WANTED: &str =

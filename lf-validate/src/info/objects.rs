@@ -1,11 +1,8 @@
 //! Descriptions of JSON: scenes, scores, statistics and runs.
 
-use super::camera::camera;
-use super::description::Description;
-use super::kind::WANTED;
 use super::numbers::{figures, whole};
-use lf_core::Refusal;
-use lf_core::camera::Camera;
+use super::{camera::camera, description::Description, kind::WANTED};
+use lf_core::{Camera, Refusal};
 use serde_json::{Map, Value};
 
 /// Keys that only a `scene.json` has.

@@ -1,11 +1,9 @@
 //! Description of a table of particles.
 
-use super::description::Description;
 use super::numbers::{figures, whole};
-use super::summary::Summary;
+use super::{description::Description, summary::Summary};
 use crate::scores::units::AXES;
-use lf_core::Refusal;
-use lf_core::particles::{Particle, read};
+use lf_core::{Particle, Refusal, particles::read};
 use std::collections::BTreeMap;
 
 /// Most frames listed one by one. Of more frames the first and the last are listed.

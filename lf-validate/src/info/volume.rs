@@ -1,13 +1,9 @@
 //! Description of a volume.
 
-use super::description::Description;
 use super::numbers::{figures, product, whole};
-use super::objects::brief;
-use super::summary::Summary;
+use super::{description::Description, objects::brief, summary::Summary};
 use crate::scores::units::AXES;
-use lf_core::grid::Grid;
-use lf_core::history::History;
-use lf_core::volume::tile::Tile;
+use lf_core::{Grid, History, Tile};
 use serde_json::{Map, Value};
 
 /// Describes a sparse volume: its grid, the tile that the file holds, the `count` voxels held, columns by name, and

@@ -1,8 +1,7 @@
 //! Errors of a field of displacements.
 
 use super::series::{edges, normal_density};
-use crate::scores::displacement::Displacement;
-use crate::scores::units::COMPONENTS;
+use crate::{scores::displacement::Displacement, scores::units::COMPONENTS};
 use lf_core::plot::{Axis, Chart, Mark, Panel, Place, three_figures};
 
 /// The density of the errors of each component, beside the normal density with the uncertainty that the vectors state.

@@ -1,9 +1,7 @@
 //! How the light of volumes is distributed along z.
 
-use super::light::VoxelLight;
-use super::spread::ErrorSpread;
-use lf_core::Refusal;
-use lf_core::grid::Grid;
+use super::{light::VoxelLight, spread::ErrorSpread};
+use lf_core::{Grid, Refusal};
 use serde::Serialize;
 
 /// Sums over the light of volumes of one grid.

@@ -1,6 +1,6 @@
 //! Fields for the tests of this crate.
 
-use lf_core::field::{Field, MEASURED, VectorGrid};
+use lf_core::{Field, VectorGrid, field::MEASURED};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;

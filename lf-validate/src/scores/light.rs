@@ -1,6 +1,6 @@
 //! The light of a sparse volume.
 
-use lf_core::grid::Grid;
+use lf_core::Grid;
 
 /// Voxels that a volume holds: linear indices, strictly rising, and an intensity for each. All others are dark.
 #[derive(Debug, Clone, Copy)]

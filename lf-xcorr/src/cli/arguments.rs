@@ -4,9 +4,8 @@ use super::preset::{self, Values};
 use super::windows::Windows;
 use super::words::{By, MaskSource, When, mask, seconds};
 use clap::Parser;
-use lf_core::cli::{Common, Preset, Session};
-use lf_core::field::Cut;
-use lf_core::grid::Grid;
+use lf_core::cli::{Common, Preset};
+use lf_core::{Grid, Session, field::Cut};
 use lf_xcorr::{Deform, Options, Route};
 use std::path::{Path, PathBuf};
 

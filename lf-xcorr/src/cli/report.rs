@@ -1,6 +1,6 @@
 //! The report of a run: lines for `--verbose`, a warning, counts for `--stats`.
 
-use lf_core::cli::Session;
+use lf_core::Session;
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
 use lf_xcorr::{Choice, Deform, Options, Outcome, PassReport, Reason, Repeat, triple};
 

@@ -1,13 +1,7 @@
 //! A run of lf-xcorr: read the volumes, plan, correlate, write the field.
 
-use super::arguments::Arguments;
-use super::report;
-use super::words::MaskSource;
-use lf_core::cli::{Session, Verdict};
-use lf_core::field::Cut;
-use lf_core::grid::Grid;
-use lf_core::volume::{JoinedVolume, Volume, together};
-use lf_core::{Error, Result, io};
+use super::{arguments::Arguments, report, words::MaskSource};
+use lf_core::{Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, field::Cut, io, volume::together};
 use lf_xcorr::{Mask, Outcome, Plan, Refused, Side, Sparse, plot};
 use std::ops::Range;
 use std::path::PathBuf;

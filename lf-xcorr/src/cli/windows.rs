@@ -2,8 +2,7 @@
 
 use super::words::{TypedPass, millimetres, typed_pass, whole_triple};
 use clap::ValueEnum;
-use lf_core::cli::Session;
-use lf_core::grid::Grid;
+use lf_core::{Grid, Session};
 use lf_xcorr::{Options, Pass, triple};
 
 /// The paper's final window, voxels.

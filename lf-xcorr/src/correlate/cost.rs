@@ -5,10 +5,8 @@
 //! The direct sums take longer where neighbours differ, because a cell is summed over all shifts that its windows ask
 //! for.
 
-use super::kernel::lanes_for;
-use super::light::Light;
-use super::transform::Transforms;
 use super::window_grid::{WindowAxis, WindowGrid};
+use super::{kernel::lanes_for, light::Light, transform::Transforms};
 use crate::volumes::Rows;
 
 /// The light of a pair in the cells of a window grid, from which the time of a pass is estimated. Seconds are of one

@@ -5,8 +5,7 @@
 //! Promise: a sum is the difference of two running sums, good to 1e-15 of the whole region's sum. It is never negative,
 //! and exactly 0 if there is no light.
 
-use super::midpoints::hull;
-use super::sums::zeros;
+use super::{midpoints::hull, sums::zeros};
 use crate::volumes::Rows;
 use std::ops::Range;
 

@@ -1,12 +1,8 @@
 //! The correlation peak of every window of a pass.
 
 use super::peak::{self, Peak};
-use super::score::PairedVoxels;
-use super::shared_sums;
-use super::shifts::Shifts;
-use super::sums::Sums;
 use super::transform::{Scratch, Transforms};
-use super::window_grid::WindowGrid;
+use super::{score::PairedVoxels, shared_sums, shifts::Shifts, sums::Sums, window_grid::WindowGrid};
 use crate::volumes::Rows;
 use rayon::prelude::*;
 

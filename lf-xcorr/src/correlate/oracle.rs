@@ -1,7 +1,6 @@
 //! References for tests: sums by their definition, and volumes lit at random.
 
-use super::shifts::Shifts;
-use super::sums::Sums;
+use super::{shifts::Shifts, sums::Sums};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use std::ops::Range;

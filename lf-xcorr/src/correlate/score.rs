@@ -1,8 +1,7 @@
 //! The normalised correlation of a window at every trial shift.
 
-use super::midpoints::midpoints;
-use super::shifts::Shifts;
 use super::sums::{Sums, channel};
+use super::{midpoints::midpoints, shifts::Shifts};
 use std::ops::Range;
 
 /// The locally normalised, zero-mean correlation of a window at every shift.

@@ -3,12 +3,10 @@
 //!
 //! Memory: the cells of one layer of windows at a time, never of the whole grid.
 
-use super::energy;
 use super::kernel::{self, Cell};
-use super::midpoints::paired_voxels;
 use super::shifts::{Shifts, back, on};
 use super::sums::{Sums, SumsPool, channel};
-use super::window_grid::WindowGrid;
+use super::{energy, midpoints::paired_voxels, window_grid::WindowGrid};
 use crate::volumes::Rows;
 use rayon::prelude::*;
 use std::ops::Range;

@@ -11,10 +11,9 @@
 //! 1e-12 of the energies. The transforms are one-dimensional, axis by axis; rows known to be dark on the way in, and
 //! rows that nobody reads on the way out, are left out.
 
-use super::energy;
-use super::score::PairedVoxels;
 use super::shifts::{Shifts, back};
 use super::sums::{Sums, channel, zeros};
+use super::{energy, score::PairedVoxels};
 use crate::volumes::Rows;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use rustfft::num_complex::Complex;

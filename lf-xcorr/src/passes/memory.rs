@@ -1,8 +1,7 @@
 //! The memory that a correlation will take, estimated before it begins.
 
-use super::deform::spread_count;
 use super::options::{Deform, Options, Route};
-use super::pass::Pass;
+use super::{deform::spread_count, pass::Pass};
 use crate::correlate::shared_sums;
 use crate::volumes::{Mask, Rows, Sparse};
 

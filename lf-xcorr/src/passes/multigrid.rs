@@ -1,14 +1,10 @@
 //! Pass after pass, coarse to fine; each predicts the shift for the next.
 
-use super::deform::SPLINE_VARIANCE_VOX2;
-use super::options::Options;
 use super::outcome::{Outcome, PassReport, field};
-use super::prepared::PreparedPass;
-use super::repeats::Repeats;
-use crate::error::Refused;
-use crate::vectors::Measured;
+use super::{deform::SPLINE_VARIANCE_VOX2, options::Options, prepared::PreparedPass, repeats::Repeats};
 use crate::volumes::{Mask, Rows, Sparse};
-use lf_core::grid::Grid;
+use crate::{error::Refused, vectors::Measured};
+use lf_core::Grid;
 
 /// Constant: factor on the smoothing of every pass but the last. Large windows hold many particles: there is less noise
 /// to smooth away, and more of the field to lose.

@@ -1,9 +1,8 @@
 //! The options of a run.
 
 use super::pass::{Pass, triple};
-use crate::correlate::shared_sums;
 use crate::error::{Refused, Side};
-use crate::vectors::MedianTest;
+use crate::{correlate::shared_sums, vectors::MedianTest};
 
 /// When the volumes are deformed by the known field before they are correlated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

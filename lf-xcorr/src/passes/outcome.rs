@@ -1,12 +1,9 @@
 //! The result of a correlation: the field, and how it came about.
 
-use super::choice::Choice;
-use super::pass::Pass;
-use super::prepared::PreparedPass;
+use super::{choice::Choice, pass::Pass, prepared::PreparedPass};
 use crate::vectors::{Uncertainty, Vector};
 use glam::DVec3;
-use lf_core::field::{self, Field, VectorGrid};
-use lf_core::grid::Grid;
+use lf_core::{Field, Grid, VectorGrid, field};
 
 /// The origin of the vectors of a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

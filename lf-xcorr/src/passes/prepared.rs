@@ -1,10 +1,8 @@
 //! A pass with its windows and its volumes, ready to be correlated.
 
-use super::pass::BinnedPass;
-use super::predictor::Predictor;
-use crate::correlate::WindowGrid;
+use super::{pass::BinnedPass, predictor::Predictor};
 use crate::vectors::{Noise, Vector, filled, noise_ratio, unresolved};
-use crate::volumes::Rows;
+use crate::{correlate::WindowGrid, volumes::Rows};
 use glam::DVec3;
 use std::borrow::Cow;
 

@@ -1,12 +1,10 @@
 //! A pass, done until its vectors stand still.
 
-use super::deform::matched;
 use super::options::{Deform, Options};
-use super::outcome::Repeat;
 use super::pass::{Pass, triple};
-use super::predictor::Predictor;
 use super::prepared::{PreparedPass, Volumes};
 use super::search::{Found, Guide, search};
+use super::{deform::matched, outcome::Repeat, predictor::Predictor};
 use crate::error::{Refused, Side};
 use crate::vectors::Vector;
 use crate::volumes::{Mask, Rows};

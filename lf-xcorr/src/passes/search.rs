@@ -1,10 +1,8 @@
 //! One search of a pass: vectors measured, tested, searched again, replaced.
 
 use super::choice::{CLOSE, Choice};
-use super::options::Route;
-use super::outcome::Counts;
-use super::predictor::Predictor;
 use super::prepared::{PreparedPass, Volumes};
+use super::{options::Route, outcome::Counts, predictor::Predictor};
 use crate::correlate::{Peak, PeakFit, Shifts, Summation, Transforms, measure};
 use crate::vectors::{MedianTest, Vector, fill, outliers, passes_test};
 use glam::DVec3;

@@ -1,7 +1,6 @@
 //! The normalised median test.
 
-use super::fill::plane;
-use super::neighbours;
+use super::{fill::plane, neighbours};
 use glam::DVec3;
 use lf_core::statistics::median;
 

@@ -19,8 +19,7 @@
 //! too large to resolve, and a floor.
 
 use super::particle_images::{ParticleImages, Voxel};
-use super::response::Noise;
-use super::vector::Vector;
+use super::{response::Noise, vector::Vector};
 use crate::correlate::{PeakFit, WindowGrid};
 use crate::volumes::Rows;
 use glam::{DMat3, DVec3};

@@ -1,7 +1,7 @@
 //! The part of the volume that is correlated.
 
 use crate::error::{Refused, Side};
-use lf_core::grid::Grid;
+use lf_core::Grid;
 use std::ops::Range;
 
 /// The part of the volume that is correlated.

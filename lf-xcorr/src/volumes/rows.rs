@@ -1,7 +1,6 @@
 //! The lit voxels of a volume in rows along x.
 
-use super::mask::Mask;
-use super::sparse::Sparse;
+use super::{mask::Mask, sparse::Sparse};
 use rayon::prelude::*;
 use std::ops::Range;
 

@@ -2,7 +2,7 @@
 
 use super::mask::Mask;
 use crate::error::{Refused, Side};
-use lf_core::grid::Grid;
+use lf_core::Grid;
 
 /// A sparse volume: one intensity per linear index of a grid, indices strictly rising.
 #[derive(Debug, Clone, Copy)]

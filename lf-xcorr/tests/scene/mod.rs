@@ -1,7 +1,7 @@
 //! Clouds of Gaussian particles on a grid, before and after a displacement.
 #![allow(dead_code)]
 
-use lf_core::grid::Grid;
+use lf_core::Grid;
 use lf_xcorr::Sparse;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

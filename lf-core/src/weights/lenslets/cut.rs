@@ -4,8 +4,7 @@
 use super::patch::{LANES, Patches};
 use super::slice::SliceOptics;
 use super::stop::{ApertureBehind, Spans};
-use crate::weights::geometry::Geometry;
-use crate::weights::rows::RowSet;
+use crate::{weights::geometry::Geometry, weights::rows::RowSet};
 use glam::{DVec2, Vec4};
 
 /// A lenslet and where its image of the voxel is.

@@ -4,12 +4,10 @@
 //! to as little on the array. If the stop cuts the image, `cut.rs` computes what is left of each pixel. The oracle is
 //! `pieces.rs`.
 
-use super::array::Array;
 use super::cut::{CutBuffers, CutImage, LensletImage};
 use super::patch::{self, Patches};
-use super::slice::SliceOptics;
-use crate::weights::geometry::Geometry;
-use crate::weights::rows::RowSet;
+use super::{array::Array, slice::SliceOptics};
+use crate::{weights::geometry::Geometry, weights::rows::RowSet};
 use glam::DVec2;
 use std::sync::OnceLock;
 

@@ -6,9 +6,7 @@
 //! voxel's width, at a scale of one pixel to `step`, and cut where the stop ends. From lenslet to lenslet only its
 //! place among the pixels differs: two fractions of a pixel.
 
-use crate::weights::axis::Span;
-use crate::weights::blur::Blur;
-use crate::weights::cell::Slab;
+use crate::{weights::axis::Span, weights::blur::Blur, weights::cell::Slab};
 
 /// Most fractions of a pixel along an axis that the table distinguishes: a place is then right to 1/128 px.
 const MOST_PHASES: usize = 64;

@@ -1,9 +1,7 @@
 //! The optics of one slice, as a lenslet's image of a voxel needs them.
 
-use super::patch;
-use super::stop::ApertureBehind;
-use crate::weights::axis::Axis;
-use crate::weights::geometry::Geometry;
+use super::{patch, stop::ApertureBehind};
+use crate::{weights::axis::Axis, weights::geometry::Geometry};
 use glam::DVec2;
 
 /// The optics of a slice.

@@ -1,8 +1,7 @@
 //! Where a line of voxels crosses the edges of cells.
 
-use super::cell::EDGES;
 use super::lattice_lines::{LineRays, Lines, max, min};
-use super::views::between;
+use super::{cell::EDGES, views::between};
 use glam::DVec2;
 use std::ops::Range;
 

@@ -2,11 +2,9 @@
 
 use super::cell::{Cell, Edge};
 use super::views::{Views, between, per_step};
-use crate::score::levels::Levels;
-use crate::score::slice::Slice;
+use crate::{score::levels::Levels, score::slice::Slice};
 use glam::DVec2;
-use lf_core::grid::Grid;
-use lf_core::optics::{Optics, StraightRays};
+use lf_core::{Grid, Optics, optics::StraightRays};
 use std::ops::Range;
 
 /// Rows and lenslets within this share of one beyond a limit are looked at too.

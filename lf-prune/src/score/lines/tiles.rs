@@ -1,14 +1,11 @@
 //! Scores for a distorted image and lenslets that depart from their lattice: in tiles so small that all rays of one
 //! shift alike.
 
-use super::line_sums;
-use super::views::Views;
+use super::{line_sums, views::Views};
 use crate::score::rays;
 use crate::score::slice::{Kept, Slice};
 use glam::DVec2;
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Grid, Optics};
 
 /// Largest chief-ray error within a tile, px: a hundredth of a lenslet, so few rays pass another lenslet.
 const CHIEF_PX: f64 = 0.15;

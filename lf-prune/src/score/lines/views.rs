@@ -4,12 +4,9 @@
 //! rays of one section through one lenslet usually meet one pixel, from any voxel. Lenslets whose rays may meet several
 //! pixels are listed.
 
-use crate::score::levels::Levels;
-use crate::score::sections::Sections;
+use crate::{score::levels::Levels, score::sections::Sections};
 use glam::DVec2;
-use lf_core::camera::Camera;
-use lf_core::lattice::Lattice;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Optics, lattice::Lattice};
 use rayon::prelude::*;
 use std::ops::Range;
 

@@ -1,10 +1,8 @@
 //! Runs that differ in one key, as curves: medians and ranges over runs that differ in nothing but their seed.
 
 use super::series::{CurveKeys, Curves, Series};
-use crate::runs::median_range::MedianRange;
-use crate::runs::missing::MissingKeys;
-use crate::runs::record::RunRecord;
 use crate::runs::values::{is_same, order, plain};
+use crate::{runs::median_range::MedianRange, runs::missing::MissingKeys, runs::record::RunRecord};
 use lf_core::Refusal;
 use serde_json::Value;
 use std::cmp::Ordering;

@@ -2,10 +2,8 @@
 
 use super::pareto::{Pareto, pareto};
 use super::settings::{Effect, Factor, Setting, Trade, TradeKeys};
-use crate::runs::median_range::MedianRange;
-use crate::runs::missing::MissingKeys;
-use crate::runs::record::RunRecord;
 use crate::runs::values::{is_same, order, plain};
+use crate::{runs::median_range::MedianRange, runs::missing::MissingKeys, runs::record::RunRecord};
 use lf_core::Refusal;
 
 /// Prefix of the keys of settings.

@@ -1,7 +1,6 @@
 //! Settings, their front and the effects of factors.
 
-use crate::runs::median_range::MedianRange;
-use crate::runs::missing::MissingKeys;
+use crate::{runs::median_range::MedianRange, runs::missing::MissingKeys};
 use serde_json::Value;
 
 /// The keys that are compared.

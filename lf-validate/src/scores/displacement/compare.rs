@@ -2,12 +2,11 @@
 //!
 //! Error = measured - true, each component on its own, in the units of [`crate::scores::units`].
 
-use super::coverage::Coverage;
-use super::pdf::ErrorPdf;
-use super::summary::ErrorSummary;
 use super::truth::{TrueDisplacement, VectorError, errors};
+use super::{coverage::Coverage, pdf::ErrorPdf, summary::ErrorSummary};
 use crate::scores::units::units;
-use lf_core::field::{Field, MEASURED, REPLACED};
+use lf_core::Field;
+use lf_core::field::{MEASURED, REPLACED};
 use serde::Serialize;
 
 /// The score of a measured field against the truth.

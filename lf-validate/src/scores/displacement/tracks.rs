@@ -1,8 +1,7 @@
 //! True displacements of particles that are known in two frames.
 
 use glam::DVec3;
-use lf_core::Refusal;
-use lf_core::particles::Particle;
+use lf_core::{Particle, Refusal};
 use std::collections::HashMap;
 
 /// Particles that are known in two frames.

@@ -1,7 +1,8 @@
 //! A vector field between its vectors.
 
 use glam::{DVec3, USizeVec3};
-use lf_core::field::{Field, MEASURED, NO_DATA};
+use lf_core::Field;
+use lf_core::field::{MEASURED, NO_DATA};
 
 /// Tolerance at the outermost vectors, in distances between vectors: the rounding of two tools' arithmetic.
 const RIM: f64 = 1e-6;

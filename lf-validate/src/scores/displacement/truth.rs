@@ -1,10 +1,9 @@
 //! The true displacement, and the errors of a field against it.
 
-use super::tracks::Tracks;
-use super::trilinear::interpolate;
+use super::{tracks::Tracks, trilinear::interpolate};
 use glam::DVec3;
-use lf_core::field::{Field, MEASURED, NO_DATA};
-use lf_core::flow::Velocity;
+use lf_core::field::{MEASURED, NO_DATA};
+use lf_core::{Field, flow::Velocity};
 
 /// A source of the true displacement.
 pub enum TrueDisplacement {

@@ -1,11 +1,9 @@
 //! The divergence of a field: how far it is from a flow that keeps its volume. It needs no truth.
 
 use super::noise::{FieldNoise, noise};
-use crate::scores::density::Density;
-use crate::scores::spread::ErrorSpread;
+use crate::{scores::density::Density, scores::spread::ErrorSpread};
 use glam::DVec3;
-use lf_core::field::{Field, NO_DATA, VectorGrid};
-use lf_core::statistics::robust;
+use lf_core::{Field, VectorGrid, field::NO_DATA, statistics::robust};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 

@@ -1,8 +1,8 @@
 //! The noise of a field, from the field alone.
 
 use crate::scores::units::{AXES, COMPONENTS, Unit, in_px, units};
-use lf_core::field::{Field, MEASURED};
 use lf_core::statistics::{median, robust};
+use lf_core::{Field, field::MEASURED};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 

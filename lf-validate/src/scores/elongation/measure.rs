@@ -7,7 +7,7 @@
 use super::profile::{Profiles, distance_squared};
 use super::score::{DiametersByDepth, Elongation, Histogram, ParticleSize, Widths};
 use crate::scores::light::VoxelLight;
-use lf_core::grid::Grid;
+use lf_core::Grid;
 use std::collections::BTreeMap;
 
 /// Measures the particles at `places_mm` in volumes of one grid.

@@ -1,8 +1,7 @@
 //! The numbers that are printed about the sizes of particles.
 
 use crate::scores::units::AXES;
-use lf_core::grid::Grid;
-use lf_core::statistics::quantile;
+use lf_core::{Grid, statistics::quantile};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 

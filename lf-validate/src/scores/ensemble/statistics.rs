@@ -1,6 +1,7 @@
 //! The statistics of many fields, the numbers printed about them and the arrays written for ParaView.
 
-use lf_core::field::{Array, Field, NO_DATA};
+use lf_core::Field;
+use lf_core::field::{Array, NO_DATA};
 use serde::Serialize;
 
 /// Statistics of a number of fields. Lists have one number a place, in the order of a field's components, and NaN where

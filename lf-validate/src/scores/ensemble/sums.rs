@@ -3,11 +3,9 @@
 //! Only measured vectors count. A replaced vector repeats its neighbours and would make the fluctuations too small.
 //! Fields are added one after another, and none is kept.
 
-use super::statistics::Ensemble;
-use super::vorticity::vorticity;
+use super::{statistics::Ensemble, vorticity::vorticity};
 use crate::scores::units::AXES;
-use lf_core::Refusal;
-use lf_core::field::{Field, MEASURED, VectorGrid};
+use lf_core::{Field, Refusal, VectorGrid, field::MEASURED};
 
 /// Pairs of components whose products are summed: uu, vv, ww, uv, uw, vw.
 const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];

@@ -1,6 +1,6 @@
 //! The vorticity of a field.
 
-use lf_core::field::{Field, NO_DATA};
+use lf_core::{Field, field::NO_DATA};
 
 /// Curl of the displacement, divided by the time between the volumes if it is known.
 pub(super) fn vorticity(field: &Field) -> [Vec<f32>; 3] {

@@ -12,8 +12,7 @@
 use super::score::{PartScores, Quality, QualityByDepth, QualityByRegion};
 use super::sums::QualitySums;
 use crate::scores::light::VoxelLight;
-use lf_core::Refusal;
-use lf_core::grid::Grid;
+use lf_core::{Grid, Refusal};
 use ndarray::Array3;
 use std::cmp::Ordering;
 

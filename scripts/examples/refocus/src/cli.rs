@@ -1,10 +1,8 @@
 //! The command line of the stage: words, files in, one call, files out.
 
 use clap::Parser;
-use lf_core::camera::Camera;
-use lf_core::cli::{self, Common, Session, Verdict};
-use lf_core::volume::{self, Volume};
-use lf_core::{Result, image, io};
+use lf_core::cli::{self, Common};
+use lf_core::{Camera, Result, Session, Verdict, Volume, image, io, volume};
 use lf_refocus::refocus;
 use std::path::PathBuf;
 use std::process::ExitCode;

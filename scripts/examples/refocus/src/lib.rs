@@ -4,10 +4,7 @@
 //! the command line is in `cli.rs`.
 
 use glam::DVec2;
-use lf_core::camera::Camera;
-use lf_core::grid::Grid;
-use lf_core::optics::Optics;
-use lf_core::weights::aperture_sections;
+use lf_core::{Camera, Grid, Optics, weights::aperture_sections};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
