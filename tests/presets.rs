@@ -110,7 +110,7 @@ fn typed_options_win_over_a_preset() {
         for preset in ["fast", "accurate"] {
             let mut options = listed(case.tool, preset);
             let place = options.iter().position(|word| word == option).unwrap();
-            let left = format!("what is typed comes before its {option} {}", options[place + 1]);
+            let left = format!("the command line replaces its {option} {}", options[place + 1]);
             options[place + 1] = (*value).to_owned();
             let wanted = outcome(&samples, case, &options).0;
             for words in [["--preset", preset, option, value], [option, value, "--preset", preset]] {

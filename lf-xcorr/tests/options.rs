@@ -91,7 +91,7 @@ fn passes_with_their_own_overlap_and_those_by_name_keep_it_under_a_preset() {
     };
     let (overlap, said) = given(&["--preset", "fast", "--pass", "24,24,12:0.25"]);
     assert_eq!(overlap, 0.25);
-    assert!(said.contains("what is typed comes before its --overlap"), "{said}");
+    assert!(said.contains("the command line replaces its --overlap"), "{said}");
     let fast = given(&["--preset", "fast", "--window", "24,24,12"]).0;
     assert_eq!(given(&["--preset", "fast", "--pass", "32,32,16:0.25", "--pass", "24,24,12"]).0, fast);
 
