@@ -55,16 +55,20 @@ const SNELL_STEPS: usize = 2;
 /// The rays of one camera.
 #[derive(Debug, Clone)]
 pub struct Optics {
-    image_distance_mm: f64,
+    /// s_i.
+    pub image_distance_mm: f64,
     object_distance_mm: f64,
     focal_length_mm: f64,
-    demagnification: f64,
-    half_aperture_mm: f64,
+    /// k, the demagnification of the aperture under a lenslet: f_l / s_i, or g / s_i with a gap g.
+    pub demagnification: f64,
+    /// D / 2.
+    pub half_aperture_mm: f64,
     aperture: Aperture,
     lattice: Lattice,
-    width: usize,
-    height: usize,
-    pixel_pitch_mm: f64,
+    /// Columns and rows of the sensor.
+    pub sensor_px: [usize; 2],
+    /// Distance between pixels.
+    pub pixel_pitch_mm: f64,
     distortion: Option<Distortion>,
     medium: Option<Medium>,
     sensor_plane: Option<SensorPlane>,
@@ -105,8 +109,7 @@ impl Optics {
             half_aperture_mm: 0.5 * camera.aperture_mm(),
             aperture: camera.main_lens.aperture,
             lattice: camera.lattice(),
-            width: camera.sensor.width,
-            height: camera.sensor.height,
+            sensor_px: [camera.sensor.width, camera.sensor.height],
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
             distortion: camera.distortion.clone(),
             medium: camera.medium.clone(),
@@ -136,12 +139,6 @@ impl Optics {
         StraightRays { alpha: self.alpha(z_mm), beta: self.beta(z_mm) }
     }
 
-    /// k, the demagnification of the aperture under a lenslet: f_l / s_i, or g / s_i with a gap g.
-    #[inline]
-    pub fn demagnification(&self) -> f64 {
-        self.demagnification
-    }
-
     /// The factor of x_m in `x_s = array_gain x_m + lenslet_gain c - k U`, for a sensor without tilt: k, or
     /// `k + 1 - g / f_l` with a gap g.
     pub fn array_gain(&self) -> f64 {
@@ -151,18 +148,6 @@ impl Optics {
     /// The factor of the lenslet's centre c in the same equation: 1, or `g / f_l` with a gap g.
     pub fn lenslet_gain(&self) -> f64 {
         self.sensor_plane.as_ref().map_or(1.0, |plane| plane.gap_mm / plane.focal_length_mm)
-    }
-
-    /// s_i, mm.
-    #[inline]
-    pub fn image_distance_mm(&self) -> f64 {
-        self.image_distance_mm
-    }
-
-    /// D / 2, mm.
-    #[inline]
-    pub fn half_aperture_mm(&self) -> f64 {
-        self.half_aperture_mm
     }
 
     /// The microlens lattice.
@@ -268,29 +253,23 @@ impl Optics {
         self.sensor_from_array(self.array_from_object(object_mm, z_mm, aperture_mm), aperture_mm)
     }
 
-    /// Distance between pixels, mm.
+    /// Where the axis meets the sensor, px.
     #[inline]
-    pub fn pixel_pitch_mm(&self) -> f64 {
-        self.pixel_pitch_mm
+    pub(crate) fn middle_px(&self) -> DVec2 {
+        0.5 * DVec2::from(self.sensor_px.map(|count| count as f64))
     }
 
     /// A place on the sensor in pixels. 0 is the left or top edge; a pixel's centre is at a half.
     #[inline]
     pub fn place_px(&self, sensor_mm: DVec2) -> DVec2 {
-        sensor_mm / self.pixel_pitch_mm + 0.5 * DVec2::new(self.width as f64, self.height as f64)
+        sensor_mm / self.pixel_pitch_mm + self.middle_px()
     }
 
     /// Centre of a pixel on the sensor, mm.
     #[inline]
     pub fn centre_mm(&self, column: u32, row: u32) -> DVec2 {
         let place = DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
-        (place - 0.5 * DVec2::new(self.width as f64, self.height as f64)) * self.pixel_pitch_mm
-    }
-
-    /// Columns and rows of the sensor.
-    #[inline]
-    pub fn sensor_px(&self) -> [usize; 2] {
-        [self.width, self.height]
+        (place - self.middle_px()) * self.pixel_pitch_mm
     }
 
     /// Column and row of the pixel at a place on the sensor, mm. None beside the sensor.
@@ -303,7 +282,8 @@ impl Optics {
     #[inline]
     pub fn pixel_under(&self, place_px: DVec2) -> Option<(usize, usize)> {
         let [x, y] = place_px.to_array();
-        let is_inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
+        let [width, height] = self.sensor_px.map(|count| count as f64);
+        let is_inside = x >= 0.0 && y >= 0.0 && x < width && y < height;
         is_inside.then_some((x as usize, y as usize))
     }
 }
@@ -324,10 +304,10 @@ mod tests {
         assert!(optics.alpha(0.0).abs() < 1e-15);
         let centre = optics.lattice().centre_mm(2, -3);
         for angle in 0..12 {
-            let rim = DVec2::from_angle(angle as f64) * optics.half_aperture_mm();
+            let rim = DVec2::from_angle(angle as f64) * optics.half_aperture_mm;
             let hit = optics.sensor_from_object(-centre, 0.0, rim);
             // The lens turns the disc over: U lands at c (1 + k) - k U. Half a pitch is k D/2.
-            let expected = centre * (1.0 + optics.demagnification()) - rim.normalize() * 0.0385;
+            let expected = centre * (1.0 + optics.demagnification) - rim.normalize() * 0.0385;
             assert!(hit.distance(expected) < 1e-12);
         }
     }

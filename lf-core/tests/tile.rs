@@ -72,7 +72,7 @@ fn a_tile_holds_every_voxel_that_lights_its_pixels() {
             let is_held = held[voxel[2]][0].contains(&voxel[0]) && held[voxel[2]][1].contains(&voxel[1]);
             outside += usize::from(!is_held);
             for aperture in [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.7, 0.7], [-0.7, 0.7]] {
-                let aperture_mm = DVec2::from(aperture) * optics.half_aperture_mm();
+                let aperture_mm = DVec2::from(aperture) * optics.half_aperture_mm;
                 let Some((column, row)) = optics.pixel_at(optics.sensor_from_object(DVec2::new(x, y), z, aperture_mm))
                 else {
                     continue;

@@ -110,7 +110,7 @@ fn the_voxel_that_lit_the_image_is_kept() {
         for n in 0..200 {
             for m in 0..200 {
                 let u = (DVec2::new(n as f64, m as f64) + 0.5) / 100.0 - 1.0;
-                let u = u * optics.half_aperture_mm();
+                let u = u * optics.half_aperture_mm;
                 if optics.passes(u)
                     && let Some((x, y)) =
                         optics.pixel_at(optics.sensor_from_object(point, grid.centre_mm(2, voxel[2]), u))
@@ -292,7 +292,7 @@ fn lit(camera: &Camera, points_mm: &[[f64; 3]]) -> Array2<f32> {
         for n in [2, 5, 14, 28, 200] {
             for ray in 0..n * n {
                 let u = glam::DVec2::new((2 * (ray % n) + 1) as f64, (2 * (ray / n) + 1) as f64) / n as f64 - 1.0;
-                let u = u * optics.half_aperture_mm();
+                let u = u * optics.half_aperture_mm;
                 let place = optics.sensor_from_object(glam::DVec2::new(*x, *y), *z, u);
                 if optics.passes(u)
                     && let Some((column, row)) = optics.pixel_at(place)

@@ -27,7 +27,7 @@ pub(crate) fn isolated_particles(
 ) -> Vec<DVec3> {
     let cell_mm = CELL_PX * pixel_mm;
     // alpha changes by about beta / s_o for each mm of depth, and the light spreads by the stop's width times that.
-    let per_mm = optics.alpha(1.0).abs() * 2.0 * optics.half_aperture_mm();
+    let per_mm = optics.alpha(1.0).abs() * 2.0 * optics.half_aperture_mm;
     let step = (STEP_CELLS * cell_mm / per_mm).max((depth_mm[1] - depth_mm[0]) / 400.0);
     let count = ((depth_mm[1] - depth_mm[0]) / step).ceil() as usize + 1;
     let planes: Vec<f64> = (0..count)

@@ -64,7 +64,7 @@ fn full_light(lights: &[(DVec2, f64)]) -> Option<f64> {
 /// Mean position of the light in the stop, mm, and its spread relative to an evenly lit stop. Only light within a stop
 /// about that middle counts, so the two are iterated.
 fn middle_and_spread(lights: &[(DVec2, f64)], full: f64, optics: &Optics) -> Option<(DVec2, f64)> {
-    let radius = optics.half_aperture_mm();
+    let radius = optics.half_aperture_mm;
     let is_square = optics.passes(DVec2::splat(0.99 * radius));
     // Mean square distance over the squared radius or half side: 1/2 for an even disc, 2/3 for an even square.
     let even = if is_square { 2.0 / 3.0 } else { 0.5 };

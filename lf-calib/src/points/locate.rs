@@ -16,7 +16,7 @@ const STEP_MM: f64 = 1e-3;
 
 /// Number of lenslets across that a point lights.
 pub(crate) fn width_in_lenslets(optics: &Optics, place_mm: DVec3) -> f64 {
-    2.0 * optics.half_aperture_mm() * PointView::new(optics, place_mm).alpha().abs() / optics.lattice().row_pitch_mm()
+    2.0 * optics.half_aperture_mm * PointView::new(optics, place_mm).alpha().abs() / optics.lattice().row_pitch_mm()
 }
 
 /// Locates the point that sub-images come from, with the camera's own rays: robust least squares from a first position.

@@ -35,7 +35,7 @@ pub(crate) fn refocus(
     let mut light = Array2::zeros(((size.y as usize).max(3), (size.x as usize).max(3)));
     let ground = ground(image);
     let least = ground + ABOVE_NOISE * noise(image);
-    let k = optics.demagnification();
+    let k = optics.demagnification;
     let axis = PointView::new(optics, DVec3::new(0.0, 0.0, z_mm));
     // Magnification from the object to the array at this depth, by a numerical derivative. The image is inverted.
     let step = DVec2::new(1e-2, 0.0);

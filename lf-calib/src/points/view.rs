@@ -43,7 +43,7 @@ impl<'a> PointView<'a> {
     /// The view of a point in front of the main lens.
     pub fn new(optics: &'a Optics, place_mm: DVec3) -> Self {
         let (object, z_mm) = (place_mm.truncate(), place_mm.z);
-        let radius = optics.half_aperture_mm();
+        let radius = optics.half_aperture_mm;
         let hit = |u: f64| optics.array_from_object(object, z_mm, DVec2::new(u, 0.0));
         let alpha = (hit(0.5 * radius).x - hit(-0.5 * radius).x) / radius;
         Self { optics, place_mm, chief_mm: hit(0.0), alpha }
@@ -62,7 +62,7 @@ impl<'a> PointView<'a> {
     /// Where the ray that meets the array at `array_mm` passes the aperture, mm.
     pub fn aperture_mm(&self, array_mm: DVec2) -> DVec2 {
         let mut aperture = (array_mm - self.chief_mm) / self.alpha;
-        let radius = self.optics.half_aperture_mm();
+        let radius = self.optics.half_aperture_mm;
         for _ in 0..STEPS {
             let hit = self.optics.array_from_object(self.place_mm.truncate(), self.place_mm.z, aperture);
             let step = (array_mm - hit) / self.alpha;
@@ -96,8 +96,8 @@ impl<'a> PointView<'a> {
         let hit = |place: DVec2| self.optics.array_from_object(place, z_mm, DVec2::ZERO);
         let on_array = (hit(object + step).x - hit(object - step).x) / (2.0 * step.x);
         // A motion on the array changes the position in the aperture that lights a lenslet.
-        let k = self.optics.demagnification();
-        let pitch_mm = self.optics.pixel_pitch_mm();
+        let k = self.optics.demagnification;
+        let pitch_mm = self.optics.pixel_pitch_mm;
         (k * on_array / self.alpha / pitch_mm).abs()
     }
 
@@ -105,10 +105,10 @@ impl<'a> PointView<'a> {
     /// corner of the lenslet's cell must be lit so, by a point of this radius in mm.
     pub fn lit_lenslets(&self, share: f64, whole: Option<f64>) -> Vec<LitLenslet> {
         let lattice = self.optics.lattice();
-        let reach = self.optics.half_aperture_mm() * self.alpha.abs() * share + lattice.row_pitch_mm();
+        let reach = self.optics.half_aperture_mm * self.alpha.abs() * share + lattice.row_pitch_mm();
         let cell = lattice.cell_mm();
         let pitch_px = self.optics.place_px(DVec2::X) - self.optics.place_px(DVec2::ZERO);
-        let size = whole.map_or(0.0, |radius| radius * self.px_per_mm() / (pitch_px.x * self.optics.demagnification()));
+        let size = whole.map_or(0.0, |radius| radius * self.px_per_mm() / (pitch_px.x * self.optics.demagnification));
         let passes = |aperture: DVec2| {
             let outward = if size > 0.0 { aperture + size * self.outward(aperture) } else { aperture };
             self.optics.passes(outward / share)
@@ -133,7 +133,7 @@ impl<'a> PointView<'a> {
     /// Direction out of the stop at a position in it: of length 1 in a round stop, with a step of 1 along each axis in
     /// a square one.
     fn outward(&self, aperture: DVec2) -> DVec2 {
-        let diagonal = DVec2::splat(self.optics.half_aperture_mm() * 0.99);
+        let diagonal = DVec2::splat(self.optics.half_aperture_mm * 0.99);
         // The corner of the bounding square passes only through a square stop.
         if self.optics.passes(diagonal) { aperture.signum() } else { aperture.normalize_or_zero() }
     }

@@ -127,7 +127,7 @@ pub fn rays(camera: &Camera, per_pixel: usize) -> Array2<f32> {
     for _ in 0..width * height * per_pixel {
         let mut signed = || 2.0 * uniform(&mut state) - 1.0;
         let array = half * DVec2::new(signed(), signed());
-        let stop = optics.half_aperture_mm() * DVec2::new(signed(), signed());
+        let stop = optics.half_aperture_mm * DVec2::new(signed(), signed());
         if !optics.passes(stop) {
             continue;
         }

@@ -26,7 +26,7 @@ pub fn add(image: &mut Array2<f32>, optics: &Optics, place: DVec3, radius_mm: f6
         let [u, v, r, turn] = STEP.map(|step| (start + (n + 1) as f64 * step).fract());
         let part = DVec2::new(u, v) * 2.0 - 1.0;
         let point = place.truncate() + radius_mm * r.sqrt() * DVec2::from_angle(std::f64::consts::TAU * turn);
-        let sensor = optics.sensor_from_object(point, place.z, part * optics.half_aperture_mm());
+        let sensor = optics.sensor_from_object(point, place.z, part * optics.half_aperture_mm);
         if let Some((column, row)) = optics.pixel_at(sensor) {
             image[(row, column)] += each;
         }

@@ -45,7 +45,7 @@ impl<'a> Reach<'a> {
         for across_mm in self.across_mm {
             let point = if self.axis == 0 { DVec2::new(along_mm, across_mm) } else { DVec2::new(across_mm, along_mm) };
             for aperture in apertures {
-                let aperture_mm = *aperture * self.optics.half_aperture_mm();
+                let aperture_mm = *aperture * self.optics.half_aperture_mm;
                 let hit = self.optics.sensor_from_object(point, z_mm, aperture_mm);
                 let hit = if self.axis == 0 { hit.x } else { hit.y };
                 ends = [ends[0].min(hit), ends[1].max(hit)];
@@ -58,7 +58,7 @@ impl<'a> Reach<'a> {
     /// Pixels that light from `[from_mm, to_mm]` in the focal plane reaches.
     pub fn pixels(&self, from_mm: f64, to_mm: f64) -> [usize; 2] {
         let sides = [from_mm, to_mm].map(|along| self.ends(along, 0.0, &[DVec2::ZERO]));
-        let limit = self.optics.sensor_px()[self.axis] as f64;
+        let limit = self.optics.sensor_px[self.axis] as f64;
         let place = |mm: f64| {
             let place = self.optics.place_px(DVec2::splat(mm));
             if self.axis == 0 { place.x } else { place.y }
@@ -71,9 +71,9 @@ impl<'a> Reach<'a> {
     /// Voxels at depth `z_mm` whose light can reach these pixels. The lens inverts the image: the place on the sensor
     /// falls as x rises.
     pub fn voxels(&self, pixels: [usize; 2], z_mm: f64) -> Range<usize> {
-        let half = 0.5 * self.optics.sensor_px()[self.axis] as f64;
-        let edge = |pixel: usize| (pixel as f64 - half) * self.optics.pixel_pitch_mm();
-        let limit = self.optics.sensor_px()[self.axis];
+        let half = 0.5 * self.optics.sensor_px[self.axis] as f64;
+        let edge = |pixel: usize| (pixel as f64 - half) * self.optics.pixel_pitch_mm;
+        let limit = self.optics.sensor_px[self.axis];
         // At the sensor's ends, light beside the sensor counts as well.
         let low = if pixels[0] == 0 { f64::NEG_INFINITY } else { edge(pixels[0]) };
         let high = if pixels[1] == limit { f64::INFINITY } else { edge(pixels[1]) };

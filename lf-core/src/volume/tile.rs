@@ -94,7 +94,7 @@ impl Tile {
     ) -> std::result::Result<Self, Refusal> {
         let core_vox = core(grid, index, of)?;
         let pixels = [0, 1].map(|axis| {
-            let limit = Optics::new(camera).sensor_px()[axis];
+            let limit = Optics::new(camera).sensor_px[axis];
             let [from, to] = core_vox[axis];
             let [low, high] = Reach::new(camera, grid, axis)
                 .pixels(grid.centre_mm(axis, from) - halo_mm, grid.centre_mm(axis, to - 1) + halo_mm);
@@ -114,7 +114,7 @@ impl Tile {
     pub fn usual_halo_mm(camera: &Camera, grid: &Grid) -> f64 {
         let optics = Optics::new(camera);
         let ends = [0, grid.shape[2] - 1].map(|z| grid.centre_mm(2, z));
-        let beam = |z_mm: f64| 2.0 * (optics.alpha(z_mm) / optics.beta(z_mm)).abs() * optics.half_aperture_mm();
+        let beam = |z_mm: f64| 2.0 * (optics.alpha(z_mm) / optics.beta(z_mm)).abs() * optics.half_aperture_mm;
         let pitch = camera.microlenses.pitch_mm / camera.main_lens.magnification;
         USUAL_BEAMS * beam(ends[0]).max(beam(ends[1])) + USUAL_LENSLETS * pitch
     }

@@ -62,7 +62,7 @@ struct Beam {
 
 /// The sections of the stop, `count` a side.
 fn sections(optics: &Optics, count: usize, side: f64) -> Vec<Section> {
-    let half = optics.half_aperture_mm();
+    let half = optics.half_aperture_mm;
     let mut sections = Vec::new();
     for n in 0..count * count {
         let corner = DVec2::new((n % count) as f64, (n / count) as f64) * side - half;
@@ -120,7 +120,7 @@ impl CellShares {
 impl Bent {
     pub(super) fn new(geometry: Geometry) -> Self {
         let count = SECTIONS_PER_PIXEL * geometry.sections;
-        let side = 2.0 * geometry.optics.half_aperture_mm() / count as f64;
+        let side = 2.0 * geometry.optics.half_aperture_mm / count as f64;
         let sections = sections(&geometry.optics, count, side);
         Self { sections, side, shares: vec![OnceLock::new(); geometry.grid.shape[2]], geometry }
     }
@@ -150,7 +150,7 @@ impl Bent {
             // The beam of the slice is taken on the axis, half way out of the aperture: its width matters little beside
             // the cell's.
             let Geometry { optics, grid, .. } = &self.geometry;
-            let half_way = 0.5 * optics.half_aperture_mm();
+            let half_way = 0.5 * optics.half_aperture_mm;
             let hit = optics.array_from_object(DVec2::ZERO, grid.centre_mm(2, z), DVec2::new(half_way, 0.0));
             let alpha = hit.x / half_way;
             let beam = (0.5 * self.side * alpha.abs()).max(1e-3 * self.geometry.pitch_mm);

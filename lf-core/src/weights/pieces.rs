@@ -23,7 +23,7 @@ impl Geometry {
     /// The cut of a row piece by the stop.
     pub(super) fn chords(&self, row: &Piece) -> Chords {
         if self.has_round_stop {
-            Chords::of_disc(self.optics.half_aperture_mm(), f64::from(row.u0), f64::from(row.u1))
+            Chords::of_disc(self.optics.half_aperture_mm, f64::from(row.u0), f64::from(row.u1))
         } else {
             Chords::UNCUT
         }

@@ -55,9 +55,9 @@ impl Sphere {
     pub(super) fn visit(&self, voxel: [usize; 3], wanted: impl Fn(u32) -> bool, mut found: impl FnMut(u32, u32, f32)) {
         let Geometry { grid, optics, .. } = &self.geometry;
         let [x, y, z] = std::array::from_fn(|axis| grid.centre_mm(axis, voxel[axis]));
-        let (alpha, k) = (optics.alpha(z), optics.demagnification());
+        let (alpha, k) = (optics.alpha(z), optics.demagnification);
         let chief = -optics.beta(z) * DVec2::new(x, y);
-        let spread = alpha.abs() * optics.half_aperture_mm() + self.reach_mm;
+        let spread = alpha.abs() * optics.half_aperture_mm + self.reach_mm;
         for (_, _, centre) in optics.lattice().lenslets_within(chief, DVec2::splat(spread)) {
             // Light from U meets the array at chief + alpha U. The line of sight of the pixel at s comes from
             // U = c - (s - c) / k.
@@ -87,17 +87,17 @@ impl Sphere {
 
     /// First and end (column, row) of the pixels under a lenslet whose lines of sight may reach the voxel.
     fn pixels(&self, optics: &Optics, alpha: f64, chief: DVec2, centre: DVec2) -> ((u32, u32), (u32, u32)) {
-        let k = optics.demagnification();
+        let k = optics.demagnification;
         let middle = centre * (1.0 + k);
         let (mut low, mut high) = (middle - self.half_image_mm, middle + self.half_image_mm);
-        if alpha.abs() * optics.half_aperture_mm() > self.reach_mm {
+        if alpha.abs() * optics.half_aperture_mm > self.reach_mm {
             let at = |side: f64| centre + k * (centre - (centre - chief + side * self.reach_mm) / alpha);
             let (a, b) = (at(-1.0), at(1.0));
             low = low.max(a.min(b));
             high = high.min(a.max(b));
         }
         let (low, high) = (optics.place_px(low), optics.place_px(high));
-        let [width, height] = optics.sensor_px();
+        let [width, height] = optics.sensor_px;
         let clamp = |value: f64, most: usize| value.clamp(0.0, most as f64) as u32;
         (
             (clamp(low.x.floor(), width), clamp(low.y.floor(), height)),

@@ -151,7 +151,7 @@ fn distance_from_rays(camera: &Camera, grid: &Grid, basis: Basis, voxel: [usize;
     let g: f64 = 1.167_303_978_261_418_7;
     for n in 1..=rays {
         let r: [f64; 4] = std::array::from_fn(|d| (n as f64 * g.powi(-(d as i32) - 1)).fract());
-        let u = (DVec2::new(r[0], r[1]) * 2.0 - 1.0) * optics.half_aperture_mm();
+        let u = (DVec2::new(r[0], r[1]) * 2.0 - 1.0) * optics.half_aperture_mm;
         if !optics.passes(u) {
             continue;
         }

@@ -18,7 +18,7 @@ const BESIDE: u32 = u32::MAX;
 /// The pixel of each section's centre ray from each of `places`, `[place * sections + section]`, along one axis.
 fn pixels(along: usize, places: Range<usize>, optics: &Optics, grid: &Grid, z_mm: f64, centres_mm: &[f64]) -> Vec<u32> {
     let axis = if along == 0 { DVec2::X } else { DVec2::Y };
-    let limit = optics.sensor_px()[along];
+    let limit = optics.sensor_px[along];
     let mut pixels = Vec::with_capacity(places.len() * centres_mm.len());
     for place in places {
         let point = grid.centre_mm(along, place) * axis;

@@ -87,7 +87,7 @@ impl Instrument {
         let in_image = glow.shape.motion(&mut random);
         let start = self.diffraction.as_ref().map_or(0, |pattern| pattern.start(&mut random));
         let (centre, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
-        let (half, size) = (self.optics.half_aperture_mm(), glow.size_mm * particle.size);
+        let (half, size) = (self.optics.half_aperture_mm, glow.size_mm * particle.size);
         let [low, high] = self.bounds_px(particle, size);
         tally.clear(low, high, self.size, particle.intensity / rays as f64);
         let mut flight = Flight::START;
@@ -108,9 +108,9 @@ impl Instrument {
     /// Casts the rays through one row of white cells and counts them in `tally`.
     #[inline(always)]
     pub(super) fn cast_row(&self, samples: &Samples, cells: &WhiteCells, row: usize, seed: u64, tally: &mut Tally) {
-        let half = self.optics.half_aperture_mm();
+        let half = self.optics.half_aperture_mm;
         let top_mm = cells.corner_mm.y + row as f64 * cells.side_mm.y;
-        let reach_px = self.margin_px + half * self.optics.demagnification() / self.pixel_pitch_mm;
+        let reach_px = self.margin_px + half * self.optics.demagnification / self.pixel_pitch_mm;
         let edge_px = |y_mm: f64| self.optics.place_px(DVec2::new(0.0, y_mm)).y;
         let low = [0.0, edge_px(top_mm) - reach_px];
         let high = [self.size[0] as f64, edge_px(top_mm + cells.side_mm.y) + reach_px];
@@ -170,7 +170,7 @@ impl Instrument {
     fn bounds_px(&self, particle: &Particle, size_mm: f64) -> [[f64; 2]; 2] {
         const RIM: usize = 12;
         // The circle of 1.5 half sides lies outside the corners of a square stop.
-        let radius = self.optics.half_aperture_mm() * if self.aperture == Shape::Disc { 1.0 } else { 1.5 };
+        let radius = self.optics.half_aperture_mm * if self.aperture == Shape::Disc { 1.0 } else { 1.5 };
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for n in 0..RIM {
             let rim = radius * DVec2::from_angle(std::f64::consts::TAU * n as f64 / RIM as f64);

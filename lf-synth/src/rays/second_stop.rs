@@ -39,7 +39,7 @@ impl SecondStop {
         let way = if self.distance_mm >= 0.0 {
             -self.distance_mm * optics.slope_from_array(array_mm, aperture_mm)
         } else {
-            self.distance_mm / optics.image_distance_mm() * (aperture_mm - array_mm)
+            self.distance_mm / optics.image_distance_mm * (aperture_mm - array_mm)
         };
         4.0 * (aperture_mm + way).length_squared() <= self.diameter_mm * self.diameter_mm
     }

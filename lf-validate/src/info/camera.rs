@@ -182,7 +182,7 @@ mod tests {
         seed.main_lens.magnification = 0.95;
         let depth = depth_of_spread_mm(&seed, 0.077);
         let rays = Optics::new(&seed);
-        assert!((rays.alpha(depth) * 2.0 * rays.half_aperture_mm() - 0.077).abs() < 1e-12);
+        assert!((rays.alpha(depth) * 2.0 * rays.half_aperture_mm - 0.077).abs() < 1e-12);
         assert!(depth > 0.0);
     }
 }

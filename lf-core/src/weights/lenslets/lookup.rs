@@ -59,8 +59,8 @@ impl Lenslets {
     pub(crate) fn new(geometry: Geometry) -> Self {
         // The image of a lenslet farther out lies beside the sensor.
         let optics = &geometry.optics;
-        let half_mm = 0.5 * optics.pixel_pitch_mm() * DVec2::new(geometry.width as f64, geometry.height as f64);
-        let image = optics.demagnification() * optics.half_aperture_mm();
+        let half_mm = 0.5 * optics.pixel_pitch_mm * DVec2::new(geometry.width as f64, geometry.height as f64);
+        let image = optics.demagnification * optics.half_aperture_mm;
         let array = Array::new(optics.lattice(), half_mm + DVec2::splat(image + geometry.pitch_mm));
         let patches = vec![OnceLock::new(); geometry.grid.shape[2]];
         Self { array, fine_patches: patches.clone(), patches, geometry }

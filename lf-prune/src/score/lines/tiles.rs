@@ -41,7 +41,7 @@ impl Shift<'_> {
     /// do not even over the shortest.
     fn side(&self, pixel_mm: f64) -> Option<usize> {
         let size = DVec2::new(self.grid.shape[0] as f64, self.grid.shape[1] as f64);
-        let spread = self.optics.alpha(self.z_mm) * self.optics.half_aperture_mm();
+        let spread = self.optics.alpha(self.z_mm) * self.optics.half_aperture_mm;
         let middles = (0..PLACES * PLACES)
             .map(|n| DVec2::new((n % PLACES) as f64, (n / PLACES) as f64) / (PLACES - 1) as f64 * size);
         let most = CHIEF_PX * pixel_mm;

@@ -119,7 +119,7 @@ impl Views {
     /// lattice, from which lenslets may depart.
     pub(crate) fn new(levels: &Levels, sections: &Sections, camera: &Camera) -> Self {
         let (measured, optics) = (camera.lattice(), Optics::new(&straightened(camera)));
-        let k = optics.demagnification();
+        let k = optics.demagnification;
         let cell_reach = optics.lattice().cell_mm().iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
         let rows = Rows::new(optics.lattice(), seen_sides(&optics, &measured, cell_reach));
         let sections_mm = sections.inside_mm();
@@ -133,7 +133,7 @@ impl Views {
                 // The image of a lenslet's centre: c (1 + k) - k U.
                 let centre = measured.departed(rows.centre_mm(lenslet, rows.first_row + row as i64));
                 let place = optics.place_px(centre + k * (centre - section_mm));
-                match light_at(levels, place, reach_px, optics.sensor_px()) {
+                match light_at(levels, place, reach_px, optics.sensor_px) {
                     Some(found) => *light = found,
                     None => mixed.push(lenslet),
                 }
@@ -191,12 +191,12 @@ impl Views {
 /// Half sides of the part of the array that the sensor sees, mm. A cell beyond them shows none of its rays on the
 /// sensor.
 fn seen_sides(optics: &Optics, measured: &Lattice, cell_reach: DVec2) -> DVec2 {
-    let [width, height] = optics.sensor_px();
-    let half_sensor = 0.5 * optics.pixel_pitch_mm() * DVec2::new(width as f64, height as f64);
+    let [width, height] = optics.sensor_px;
+    let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::new(width as f64, height as f64);
     let departure = |side: DVec2| (measured.departed(side * half_sensor) - side * half_sensor).abs().max_element();
     let departures = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)].map(departure);
     let departure = departures.iter().fold(0.0, |most: f64, departure| most.max(2.0 * departure));
-    half_sensor + optics.demagnification() * optics.half_aperture_mm() + cell_reach + departure
+    half_sensor + optics.demagnification * optics.half_aperture_mm + cell_reach + departure
 }
 
 /// Light of the pixel at a place; 0 beside the sensor. None if there may be several pixels within the reach.

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Centres of the sections of the aperture inside the stop, mm. Each side has as many sections as a lenslet has pixels.
 fn sections_mm(camera: &Camera, optics: &Optics) -> Vec<DVec2> {
     let n = aperture_sections(camera);
-    let centre = |i: usize| optics.half_aperture_mm() * ((2 * i + 1) as f64 / n as f64 - 1.0);
+    let centre = |i: usize| optics.half_aperture_mm * ((2 * i + 1) as f64 / n as f64 - 1.0);
     let all = (0..n).flat_map(|v| (0..n).map(move |u| DVec2::new(centre(u), centre(v))));
     all.filter(|section| optics.passes(*section)).collect()
 }
