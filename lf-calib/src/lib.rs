@@ -20,9 +20,9 @@ mod target;
 mod white;
 
 pub use background::Background;
-pub use drift::{Refined, refine, refine_steps, refine_watched};
-pub use target::{Dot, Exposure, MainLensFit, grid, main_lens, main_lens_steps, main_lens_watched};
+pub use drift::{Refined, refine, refine_steps};
+pub use target::{Dot, Exposure, MainLensFit, grid, main_lens, main_lens_steps};
 pub use white::{
     Calibrated, Centre, Fill, ImageLattice, LATTICE_STEPS, Residual, SecondStop, WhiteMean, calibrate, find_lattice,
-    find_lattice_watched, flat_field,
+    flat_field,
 };

@@ -11,7 +11,7 @@ const LAYOUTS: [Layout; 2] = [Layout::Square, Layout::Hexagonal];
 
 /// Calibrates with an image and refuses lenslet images that are farther off than `limit_px`.
 fn measured(what: &str, truth: &Camera, image: &Array2<f32>, limit_px: f64) -> Calibrated {
-    let found = find_lattice(image).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
+    let found = find_lattice(image, &|_| ()).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
     calibrated(what, truth, &found, limit_px)
 }
 
@@ -66,12 +66,12 @@ fn a_second_stop_moves_no_centre() {
         for &drift in drifts {
             let mut image = cut_discs(&truth, 0.95, 1.25, drift);
             noisy(&mut image, 0.01);
-            let found = find_lattice(&image).unwrap();
+            let found = find_lattice(&image, &|_| ()).unwrap();
             let stop = found.second_stop.expect("a second stop");
             assert!((stop.slope / drift - 1.0).abs() < 0.15, "{stop:?}");
             calibrated("second stop", &truth, &found, 0.01);
         }
-        let plain = find_lattice(&discs(&truth, 0.95)).unwrap();
+        let plain = find_lattice(&discs(&truth, 0.95), &|_| ()).unwrap();
         assert!(plain.second_stop.is_none());
     }
 }

@@ -10,7 +10,7 @@ const ASIDE: [f64; 2] = [0.0123, -0.0257];
 
 /// Calibrates with an image. Pitch (relative) and rotation (rad) must be within `limit`, places within `limit_px`.
 fn check(what: &str, truth: &Camera, image: &Array2<f32>, limit: f64, limit_px: f64) -> ImageLattice {
-    let found = find_lattice(image).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
+    let found = find_lattice(image, &|_| ()).unwrap_or_else(|refusal| panic!("{what}: {refusal:?}"));
     let camera = calibrate(&found, &nominal(truth)).unwrap().camera;
     let (mine, wanted) = (&camera.microlenses, &truth.microlenses);
     let pitch = (mine.pitch_mm / wanted.pitch_mm - 1.0).abs();
@@ -141,7 +141,7 @@ fn dust_is_left_out() {
             }
         }
     }
-    let found = find_lattice(&image).unwrap();
+    let found = find_lattice(&image, &|_| ()).unwrap();
     let camera = calibrate(&found, &nominal(&truth)).unwrap().camera;
     assert!(farthest_px(&camera, &truth) < 0.003, "{}", farthest_px(&camera, &truth));
     assert!(found.kept() < found.centres.len());
@@ -151,7 +151,7 @@ fn dust_is_left_out() {
 fn the_equivalent_description_nearest_to_nominal_is_written() {
     for layout in LAYOUTS {
         let truth = camera(280, layout, 0.003, ASIDE);
-        let found = find_lattice(&discs(&truth, 0.8)).unwrap();
+        let found = find_lattice(&discs(&truth, 0.8), &|_| ()).unwrap();
         let lattice = truth.lattice();
         // An offset by a lattice vector or a rotation by a symmetry gives the same lattice.
         for (i, j) in [(0, 0), (3, -2), (-5, 7)] {

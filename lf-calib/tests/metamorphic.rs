@@ -32,7 +32,7 @@ fn bent() -> Centres {
 fn measured(image: &Array2<f32>) -> Camera {
     let mut nominal = camera(0, Layout::Square, 0.0, [0.0, 0.0]);
     (nominal.sensor.width, nominal.sensor.height) = (image.ncols(), image.nrows());
-    calibrate(&find_lattice(image).unwrap(), &nominal).unwrap().camera
+    calibrate(&find_lattice(image, &|_| ()).unwrap(), &nominal).unwrap().camera
 }
 
 /// Every lenslet image of `before`, moved, must be a lenslet image of `after` if it lies in the frame.

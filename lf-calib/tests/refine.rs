@@ -27,13 +27,13 @@ fn a_drift_of_two_pixels_is_taken_away() {
     let mut drifted = truth.clone();
     drifted.microlenses.offset_mm = [0.0077, -0.0077];
     let frames = frames(&truth, 24);
-    let found = refine(&frames, &drifted, [-4.5, 4.5]).unwrap();
+    let found = refine(&frames, &drifted, [-4.5, 4.5], &|_| ()).unwrap();
     let left_px = found.camera.microlenses.offset_mm.map(|offset| offset / 0.0055);
     println!("{} particles, left {left_px:?} px, {:?}", found.particles, found.changed);
     assert!(left_px.iter().all(|left| left.abs() < 0.06), "{left_px:?} px");
     assert!(found.disparity_px[0] > 1.8 && found.disparity_px[1] < 0.4, "{:?}", found.disparity_px);
     // The true camera stays as it is.
-    let same = refine(&frames, &truth, [-4.5, 4.5]).unwrap();
+    let same = refine(&frames, &truth, [-4.5, 4.5], &|_| ()).unwrap();
     assert!(same.changed.is_empty(), "{:?}", same.changed);
     assert_eq!(same.camera.microlenses, truth.microlenses);
 }
@@ -41,8 +41,11 @@ fn a_drift_of_two_pixels_is_taken_away() {
 #[test]
 fn too_few_particles_are_refused() {
     let truth = points::camera(70);
-    let refusal = refine(&frames(&truth, 4), &truth, [-4.5, 4.5]).unwrap_err();
+    let refusal = refine(&frames(&truth, 4), &truth, [-4.5, 4.5], &|_| ()).unwrap_err();
     assert!(refusal.found.ends_with("isolated bright particles in 2 frames"), "{refusal:?}");
     let dark = Array2::from_elem((980, 980), 3.0);
-    assert_eq!(refine(&[dark], &truth, [-4.5, 4.5]).unwrap_err().found, "0 isolated bright particles in 1 frames");
+    assert_eq!(
+        refine(&[dark], &truth, [-4.5, 4.5], &|_| ()).unwrap_err().found,
+        "0 isolated bright particles in 1 frames"
+    );
 }

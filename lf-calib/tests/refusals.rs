@@ -6,7 +6,7 @@ use lf_core::camera::{Aperture, Layout};
 use ndarray::Array2;
 
 fn refused(image: &Array2<f32>, words: &str) {
-    let refusal = find_lattice(image).expect_err("a lattice was found");
+    let refusal = find_lattice(image, &|_| ()).expect_err("a lattice was found");
     assert!(refusal.found.contains(words), "{refusal:?}");
     assert!(refusal.wanted.starts_with("wanted "), "{refusal:?}");
     assert!(!format!("{}{}", refusal.found, refusal.wanted).contains('\n'));

@@ -29,7 +29,7 @@ const OFFSET: DVec3 = DVec3::new(0.13, -0.07, 0.15);
 #[test]
 fn a_perfect_camera_gets_no_new_parameters() {
     let truth = points::camera(LENSLETS);
-    let found = main_lens(&exposures(&truth, OFFSET), &truth).unwrap();
+    let found = main_lens(&exposures(&truth, OFFSET), &truth, &|_| ()).unwrap();
     assert!(found.selected.is_empty(), "{:?}", found.selected);
     assert_eq!(found.used, [0, 1, 2, 3]);
     assert_eq!(found.dots, 25);
@@ -50,7 +50,7 @@ fn every_misalignment_is_found_within_its_uncertainty() {
     truth.microlenses.pitch_mm *= (1.0 + nominal.demagnification()) / (1.0 + k);
     truth.microlenses.rotation_rad = 8e-4;
     truth.distortion = Some(Distortion { radial: [40.0, 0.0, 0.0], tangential: [0.0; 2] });
-    let found = main_lens(&exposures(&truth, OFFSET), &nominal).unwrap();
+    let found = main_lens(&exposures(&truth, OFFSET), &nominal, &|_| ()).unwrap();
     let wanted =
         [("magnification", 1.008), ("gap_mm", 0.302), ("rotation_rad", 8e-4), ("k1", 40.0), ("focus_offset_mm", 0.15)];
     for (name, wanted) in wanted {
@@ -73,12 +73,12 @@ fn images_without_the_target_are_refused() {
     let mut anywhere = || 3.8 * (scenes::uniform(&mut state) - 0.5);
     let scattered: Vec<DVec3> = (0..25).map(|_| DVec3::new(anywhere(), anywhere(), 2.8)).collect();
     seen[2].pixels = points::image(&nominal, &scattered, 0.03, 4e5);
-    let (image, refusal) = main_lens(&seen, &nominal).unwrap_err();
+    let (image, refusal) = main_lens(&seen, &nominal, &|_| ()).unwrap_err();
     assert_eq!(image, Some(2));
     assert!(refusal.found.starts_with("no target"), "{refusal:?}");
     seen[2].pixels = Array2::from_elem(seen[2].pixels.dim(), 20.0);
-    assert_eq!(main_lens(&seen, &nominal).unwrap_err().0, Some(2));
-    let (image, refusal) = main_lens(&seen[..1], &nominal).unwrap_err();
+    assert_eq!(main_lens(&seen, &nominal, &|_| ()).unwrap_err().0, Some(2));
+    let (image, refusal) = main_lens(&seen[..1], &nominal, &|_| ()).unwrap_err();
     assert_eq!(image, None);
     assert_eq!(refusal.found, "1 of 1 images at depths out of focus");
 }
@@ -91,5 +91,5 @@ fn a_target_with_wrong_depths_is_refused() {
     for (n, exposure) in seen.iter_mut().enumerate() {
         exposure.dots.iter_mut().for_each(|dot| dot.place_mm[2] = DEPTHS_MM[3 - n]);
     }
-    assert!(main_lens(&seen, &nominal).is_err());
+    assert!(main_lens(&seen, &nominal, &|_| ()).is_err());
 }

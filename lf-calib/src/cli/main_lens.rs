@@ -1,8 +1,7 @@
 //! `lf-calib volume`: images of a dot target and a camera in, a camera with its main lens out.
 
-use super::arguments::VolumeArguments;
-use super::files::{frames, save_found};
-use lf_calib::{Dot, Exposure, MainLensFit, grid, main_lens_steps, main_lens_watched};
+use super::{arguments::VolumeArguments, files::frames, files::save_found};
+use lf_calib::{Dot, Exposure, MainLensFit, grid, main_lens_steps};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli::numbers, io, particles, weights::check_depth_mm};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -30,7 +29,7 @@ pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<V
     let subject = |image: Option<usize>| image.map_or_else(|| "the target".to_string(), |n| io::name(&images[n]));
     let found = session.phase("volume", |session| {
         let progress = session.progress("looks", main_lens_steps(exposures.len()));
-        main_lens_watched(&exposures, &nominal, &|looks| progress.add(looks))
+        lf_calib::main_lens(&exposures, &nominal, &|looks| progress.add(looks))
             .map_err(|(image, refusal)| refusal.about(subject(image)))
     })?;
     save_found(found.camera.clone(), nominal.flat_field(camera), "wanted a target that fits one", output, session)?;

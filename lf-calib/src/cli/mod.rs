@@ -9,6 +9,5 @@ mod lattice;
 mod main_lens;
 mod refine;
 mod run;
-mod tell_lattice;
 
 pub use run::run;

@@ -1,8 +1,7 @@
 //! `lf-calib refine`: frames of particles and a camera in, the camera corrected for drift out.
 
-use super::arguments::RefineArguments;
-use super::files::{frames, save_found};
-use lf_calib::{Refined, refine_steps, refine_watched};
+use super::{arguments::RefineArguments, files::frames, files::save_found};
+use lf_calib::{Refined, refine_steps};
 use lf_core::{Camera, Error, Result, Session, Verdict, io, weights::check_depth_mm};
 use std::path::Path;
 
@@ -28,7 +27,7 @@ pub fn refine(arguments: &RefineArguments, session: &mut Session) -> Result<Verd
     };
     let found = session.phase("refine", |session| {
         let progress = session.progress("steps", refine_steps(files.len()));
-        refine_watched(&images, &nominal, *depth, &|steps| progress.add(steps))
+        lf_calib::refine(&images, &nominal, *depth, &|steps| progress.add(steps))
             .map_err(|refusal| refusal.about(&subject))
     })?;
     tell(&found, files.len(), session);

@@ -1,6 +1,6 @@
 //! How far the light of particles is from the middle of the stop, and the equations for the drift that explains it.
 
-use crate::drift::stop_fill::{StopFill, stop_fill};
+use super::stop_fill::{StopFill, stop_fill};
 use crate::fit::equations::{NormalEquations, Observation, ParameterEstimate};
 use crate::points::locate::{NARROWEST, locate, width_in_lenslets};
 use crate::points::sub_images::{PointBlur, SHARE, measure};

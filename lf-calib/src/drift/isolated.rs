@@ -1,7 +1,6 @@
 //! Isolated bright particles: peaks of an image that is refocused at one depth after another.
 
-use crate::points::locate::{NARROWEST, width_in_lenslets};
-use crate::points::refocus::refocus;
+use crate::{points::locate::NARROWEST, points::locate::width_in_lenslets, points::refocus::refocus};
 use glam::{DVec2, DVec3};
 use lf_core::Optics;
 use ndarray::ArrayView2;

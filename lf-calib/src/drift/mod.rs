@@ -8,5 +8,5 @@ mod refine;
 mod report;
 mod stop_fill;
 
-pub use refine::{refine, refine_steps, refine_watched};
+pub use refine::{refine, refine_steps};
 pub use report::Refined;

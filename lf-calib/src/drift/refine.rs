@@ -3,12 +3,9 @@
 //! Locate isolated bright particles and see how their light fills the stop. Shift and turn the lattice, and tilt the
 //! sensor, so that it fills the stop evenly. Repeat with the corrected camera.
 
-use crate::drift::disparity::{GROUPS, IsolatedParticle, equations, evident, look, solve_with_stop};
-use crate::drift::report::{Refined, report};
-use crate::{
-    drift::isolated::isolated_particles, drift::stop_fill::StopFill, fit::changes::Changes,
-    fit::equations::ParameterEstimate, fit::parameter::Parameter as P,
-};
+use super::disparity::{GROUPS, IsolatedParticle, equations, evident, look, solve_with_stop};
+use super::{isolated::isolated_particles, report::Refined, report::report, stop_fill::StopFill};
+use crate::{fit::changes::Changes, fit::equations::ParameterEstimate, fit::parameter::Parameter as P};
 use glam::DVec2;
 use lf_core::{Camera, Optics, Refusal};
 use ndarray::Array2;
@@ -23,25 +20,16 @@ const ROUNDS: usize = 6;
 /// The first rounds change only the offset.
 const OFFSET_ROUNDS: usize = 2;
 
-/// Corrects a camera by the particles of some frames between two depths. The frames have the size of the camera's
-/// sensor.
-///
-/// # Errors
-/// Refuses frames with too few isolated particles, and particles that are too faint.
-pub fn refine(frames: &[Array2<f32>], nominal: &Camera, depth_mm: [f64; 2]) -> Result<Refined, Refusal> {
-    refine_watched(frames, nominal, depth_mm, &|_| ())
-}
-
-/// The number of steps that [`refine_watched`] reports in all: one for each frame, and the rounds.
+/// The number of steps that [`refine`] reports in all: one for each frame, and the rounds.
 pub fn refine_steps(frames: usize) -> u64 {
     (frames + ROUNDS) as u64
 }
 
-/// Like [`refine`]. It calls `watch(n)` after n more of the [`refine_steps`] steps.
+/// Corrects a camera by the particles of some frames between two depths. The frames have the size of the camera's
+/// sensor. Calls `watch(n)` after n more of the [`refine_steps`] steps.
 ///
-/// # Errors
-/// The same as of [`refine`].
-pub fn refine_watched(
+/// Refuses frames with too few isolated particles, and particles that are too faint.
+pub fn refine(
     frames: &[Array2<f32>],
     nominal: &Camera,
     depth_mm: [f64; 2],

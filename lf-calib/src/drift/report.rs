@@ -1,10 +1,8 @@
 //! The result of a refinement, and its record in the camera.
 
-use crate::drift::disparity::{IsolatedParticle, disparity_px};
-use crate::{
-    drift::stop_fill::StopFill, fit::changes::Changes, fit::equations::ParameterEstimate,
-    fit::parameter::Parameter as P, fit::record::record,
-};
+use super::{disparity::IsolatedParticle, disparity::disparity_px, stop_fill::StopFill};
+use crate::fit::changes::{Changes, record};
+use crate::{fit::equations::ParameterEstimate, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
 use lf_core::Camera;
 use serde_json::{Value, json};

@@ -6,8 +6,7 @@
 //! mean of U over all light is the middle of the stop; if the lattice is off by d, the mean is d / k. The spread of U
 //! is the stop's radius; it is too large if the array is too far from the sensor.
 
-use crate::points::sub_images::{PointBlur, spot_profile};
-use crate::{points::spot, points::view::PointView};
+use crate::{points::spot, points::sub_images::PointBlur, points::sub_images::spot_profile, points::view::PointView};
 use glam::{DVec2, DVec3};
 use lf_core::{Optics, statistics::ranked};
 use ndarray::ArrayView2;

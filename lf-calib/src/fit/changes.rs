@@ -1,10 +1,9 @@
 //! A set of parameter changes: the camera and the target's pose that result from it.
 
-use crate::fit::keep_images::{Drift, keep_images};
-use crate::fit::parameter::Parameter;
+use super::{keep_images::Drift, keep_images::keep_images, parameter::Parameter};
 use glam::{DMat3, DVec2, DVec3};
-use lf_core::Camera;
-use lf_core::camera::{Distortion, Tilt};
+use lf_core::{Camera, camera::Distortion, camera::Tilt};
+use serde_json::{Value, json};
 
 /// Changes of all parameters, against the given camera and the stated position of the target.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,6 +116,15 @@ impl TargetPose {
         let aside = (self.skew * target_mm.z).extend(0.0);
         self.turn * (target_mm + aside) + self.shift_mm
     }
+}
+
+/// Writes `found` as `calibration.<task>`. A `calibration` that is no JSON object is replaced.
+pub(crate) fn record(camera: &mut Camera, task: &str, found: Value) {
+    let calibration = camera.calibration.get_or_insert_with(|| json!({}));
+    if !calibration.is_object() {
+        *calibration = json!({});
+    }
+    calibration[task] = found;
 }
 
 #[cfg(test)]

@@ -7,8 +7,7 @@
 //! A step is a weighted Gauss-Newton step. Weights are Tukey's and change with the residuals, so the sum of squares
 //! does not fall from step to step; the caller watches a median distance and halves the steps that make it worse.
 
-use crate::fit::parameter::Parameter;
-use crate::fit::robust::{deviation, tukey_weight};
+use super::{parameter::Parameter, robust::deviation, robust::tukey_weight};
 use nalgebra::{DMatrix, DVector};
 
 /// Periods per pixel of the sampling error that is assumed for the position of a sub-image. The error depends on the

@@ -3,11 +3,9 @@
 //! A white image measures the image centres of the lenslets. When the gap, the tilt or the image distance of a camera
 //! changes, its lenslets have to move so that the images stay: see [`crate::fit::lenslet_images`].
 
-use crate::fit::lenslet_images::LensletImages;
-use crate::fit::polynomial::{Polynomial, TiePoint};
+use super::{lenslet_images::LensletImages, polynomial::Polynomial, polynomial::TiePoint};
 use glam::DVec2;
-use lf_core::Camera;
-use lf_core::lattice::{Centres, MOST_DEGREE};
+use lf_core::{Camera, lattice::Centres, lattice::MOST_DEGREE};
 
 /// Samples of the departure along each side of the frame.
 const SAMPLES: usize = 13;

@@ -7,7 +7,5 @@ pub(crate) mod equations;
 pub(crate) mod keep_images;
 pub(crate) mod lenslet_images;
 pub(crate) mod parameter;
-pub(crate) mod plane;
 pub(crate) mod polynomial;
-pub(crate) mod record;
 pub(crate) mod robust;

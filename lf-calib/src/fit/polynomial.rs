@@ -41,6 +41,16 @@ fn monomials(degree: usize, place: DVec2) -> [f64; MOST_TERMS] {
     terms
 }
 
+/// The outer product a b'.
+pub(crate) fn outer(a: DVec2, b: DVec2) -> DMat2 {
+    DMat2::from_cols(a * b.x, a * b.y)
+}
+
+/// The middle of an image of shape (height, width), px from its left and top edge.
+pub(crate) fn middle_px((height, width): (usize, usize)) -> DVec2 {
+    0.5 * DVec2::new(width as f64, height as f64)
+}
+
 impl Polynomial {
     /// The affine map of a perfect lattice: origin and lattice vectors, px.
     pub fn affine(origin_px: DVec2, basis_px: DMat2) -> Self {

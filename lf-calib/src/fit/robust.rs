@@ -1,6 +1,6 @@
 //! Fits that outliers do not move: Tukey's weights, and fits repeated without outliers.
 
-use crate::fit::polynomial::TiePoint;
+use super::polynomial::TiePoint;
 use glam::DVec2;
 use lf_core::statistics::upper_median;
 

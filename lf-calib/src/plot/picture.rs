@@ -1,10 +1,8 @@
 //! The page: heading, pieces of the white image, fields of arrows.
 
-use super::crops::{Crops, KEPT, LEFT_OUT};
-use super::fields;
+use super::{crops::Crops, crops::KEPT, crops::LEFT_OUT, fields};
 use crate::{Calibrated, ImageLattice};
-use lf_core::Refusal;
-use lf_core::plot::{Anchor, Canvas, TEXT_PX, svg};
+use lf_core::{Refusal, plot::Anchor, plot::Canvas, plot::TEXT_PX, plot::svg};
 use ndarray::Array2;
 
 const TITLE_PX: i32 = 20;

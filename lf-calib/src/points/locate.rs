@@ -1,7 +1,7 @@
 //! The point that a set of sub-images comes from.
 
+use super::{sub_images::SubImage, view::PointView};
 use crate::fit::robust::{deviation, tukey_weight};
-use crate::{points::sub_images::SubImage, points::view::PointView};
 use glam::{DVec2, DVec3};
 use lf_core::Optics;
 use nalgebra::{Matrix3, Vector3};

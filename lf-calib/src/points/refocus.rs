@@ -1,6 +1,6 @@
 //! An image refocused at one depth: it shows where the points of light are in the object.
 
-use crate::points::view::PointView;
+use super::view::PointView;
 use glam::{DVec2, DVec3};
 use lf_core::{Optics, image::noise, statistics::upper_median};
 use ndarray::{Array2, ArrayView2};

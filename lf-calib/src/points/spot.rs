@@ -3,7 +3,7 @@
 //! A centroid has to choose between light cut off by a narrow window and noise let in by a wide one. A fit of the
 //! profile does neither.
 
-use crate::points::spot_profile::SpotProfile;
+use super::spot_profile::SpotProfile;
 use glam::DVec2;
 use nalgebra::{Matrix4, Vector4};
 use ndarray::ArrayView2;

@@ -1,7 +1,6 @@
 //! The sub-images of a point: read from an image under every lenslet that the point lights as a whole.
 
-use crate::points::view::{LitLenslet, PointView, cell_variance_mm2};
-use crate::{points::spot, points::spot_profile::SpotProfile};
+use super::{spot, spot_profile::SpotProfile, view::LitLenslet, view::PointView, view::cell_variance_mm2};
 use glam::{DVec2, DVec3};
 use lf_core::Optics;
 use ndarray::ArrayView2;

@@ -2,13 +2,10 @@
 
 use crate::fit::changes::{Changes, TargetPose};
 use crate::fit::equations::{NormalEquations, Observation, ParameterEstimate};
-use crate::fit::parameter::Parameter;
 use crate::fit::robust::{OUTLIER, deviation};
-use crate::points::sub_images::SubImage;
-use crate::points::view::PointView;
+use crate::{fit::parameter::Parameter, points::sub_images::SubImage, points::view::PointView};
 use glam::{DVec2, DVec3};
-use lf_core::camera::Camera;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Optics};
 use rayon::prelude::*;
 
 /// Gauss-Newton steps at most. Sub-images move almost in proportion to every parameter, so a few steps are enough.

@@ -1,7 +1,7 @@
 //! Images of a dot target, and the dots on it.
 
 use glam::{DVec2, DVec3};
-use lf_core::camera::Camera;
+use lf_core::Camera;
 use ndarray::Array2;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,18 +1,14 @@
 //! Looking at an image of a target: which dot is where, and its sub-images.
 
-use crate::fit::changes::TargetPose;
+use super::{
+    bundle::DotSighting, exposure::Exposure, recognise::no_target, recognise::recognise, recognise::spacing_mm,
+};
 use crate::points::locate::{FEWEST, locate};
-use crate::points::refocus::refocus;
 use crate::points::sub_images::{PointBlur, measure};
-use crate::points::view::PointView;
-use crate::target::blur::{NEXT_PX, SENSOR_PX, best_blur};
-use crate::target::bundle::DotSighting;
-use crate::target::exposure::Exposure;
-use crate::target::recognise::{no_target, recognise, spacing_mm};
+use crate::{fit::changes::TargetPose, points::refocus::refocus, points::view::PointView};
 use glam::{DVec2, DVec3};
-use lf_core::Refusal;
-use lf_core::optics::Optics;
-use lf_core::statistics::upper_median;
+use lf_core::{Optics, Refusal, statistics::upper_median};
+use ndarray::ArrayView2;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -22,6 +18,16 @@ const CELLS: f64 = 32.0;
 const APART: f64 = 0.4;
 /// Largest distance of a sub-image from its prediction in the first look, px.
 const FIRST_PX: f64 = 4.0;
+
+/// Largest distance of a sub-image from the prediction of a located point, px.
+const NEXT_PX: f64 = 1.5;
+/// Blur of the sub-images beside the size of the dots and of the pixels, px.
+const SENSOR_PX: f64 = 0.05;
+/// Sizes of dots (standard deviations) that are tried, px on the sensor, then factors about the best of them.
+const BLURS_PX: [f64; 9] = [0.09, 0.13, 0.2, 0.3, 0.45, 0.65, 0.95, 1.4, 2.0];
+const FACTORS: [f64; 5] = [0.8, 0.9, 1.0, 1.1, 1.22];
+/// Dots whose sub-images are read for it.
+const BLUR_DOTS: usize = 24;
 
 /// The result of a first look at an image.
 #[derive(Debug, Clone)]
@@ -118,4 +124,24 @@ fn sightings(
         })
         .filter(|sighting| sighting.sub_images.len() >= fewest)
         .collect()
+}
+
+/// The blur that gives the sub-images of points at `places` the smallest uncertainties.
+fn best_blur(image: ArrayView2<f32>, optics: &Optics, places: &[DVec3]) -> PointBlur {
+    let middle = places.get(places.len() / 2).copied().unwrap_or(DVec3::Z);
+    let px_per_mm = PointView::new(optics, middle).px_per_mm();
+    let every = (places.len() / BLUR_DOTS).max(1);
+    let some: Vec<DVec3> = places.iter().step_by(every).copied().collect();
+    let blur = |blur_px: f64| PointBlur { object_mm: blur_px / px_per_mm, sensor_px: SENSOR_PX };
+    let median_uncertainty = |blur_px: f64| {
+        let read = |place: &DVec3| measure(image, optics, *place, blur(blur_px), NEXT_PX, false);
+        let mut all: Vec<f64> = some.par_iter().flat_map_iter(read).map(|sub_image| sub_image.uncertainty_px).collect();
+        upper_median(&mut all).unwrap_or(f64::INFINITY)
+    };
+    let best = |blurs_px: &[f64]| {
+        let judged = blurs_px.iter().map(|blur_px| (median_uncertainty(*blur_px), *blur_px));
+        judged.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(blurs_px[0], |judged| judged.1)
+    };
+    let coarse = best(&BLURS_PX);
+    blur(best(&FACTORS.map(|factor| factor * coarse)))
 }

@@ -5,18 +5,14 @@
 //! 3. Read the sub-images again where the fitted camera predicts them, and fit again.
 //! 4. Select the parameters that the data require.
 
-use crate::fit::changes::Changes;
-use crate::fit::parameter::Parameter as P;
+use super::bundle::{Bundle, BundleFit, DotSighting};
+use super::exposure::{Exposure, numbers_by_id};
+use super::selection::{ParameterGroup, select};
+use super::{look::first_look, look::look_again, report::MainLensFit, report::report};
 use crate::points::locate::{NARROWEST, width_in_lenslets};
-use crate::target::bundle::{Bundle, BundleFit, DotSighting};
-use crate::target::exposure::{Exposure, numbers_by_id};
-use crate::target::look::{first_look, look_again};
-use crate::target::report::{MainLensFit, report};
-use crate::target::selection::{ParameterGroup, select};
+use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
-use lf_core::Refusal;
-use lf_core::camera::Camera;
-use lf_core::optics::Optics;
+use lf_core::{Camera, Optics, Refusal};
 use std::collections::BTreeMap;
 
 /// Fewest depths that tell a focus offset from a magnification.
@@ -37,24 +33,16 @@ const ALWAYS: [P; 7] =
 /// The error of a calibration, with the number of the image that it is about, if there is one.
 type ImageRefusal = (Option<usize>, Refusal);
 
-/// Calibrates the main lens of a camera. The error holds the number of the image that it is about, if there is one.
-///
-/// # Errors
-/// Refuses fewer than two usable depths, images without the target, and dots where no camera could show them.
-pub fn main_lens(exposures: &[Exposure], nominal: &Camera) -> Result<MainLensFit, (Option<usize>, Refusal)> {
-    main_lens_watched(exposures, nominal, &|_| ())
-}
-
-/// The number of steps that [`main_lens_watched`] reports in all for this many images.
+/// The number of looks at an image that [`main_lens`] reports in all.
 pub fn main_lens_steps(images: usize) -> u64 {
     ((1 + LOOKS) * images) as u64
 }
 
-/// Like [`main_lens`]. It calls `watch(n)` after n more of the [`main_lens_steps`] looks at an image.
+/// Calibrates the main lens of a camera. Calls `watch(n)` after n more of the [`main_lens_steps`] looks at an image. The
+/// error holds the number of the image that it is about, if there is one.
 ///
-/// # Errors
-/// The same as of [`main_lens`].
-pub fn main_lens_watched(
+/// Refuses fewer than two usable depths, images without the target, and dots where no camera could show them.
+pub fn main_lens(
     exposures: &[Exposure],
     nominal: &Camera,
     watch: &dyn Fn(u64),

@@ -2,7 +2,6 @@
 //! misalignment, each with its uncertainty.
 //! Open `main_lens.rs` first.
 
-mod blur;
 mod bundle;
 mod exposure;
 mod look;
@@ -12,5 +11,5 @@ mod report;
 mod selection;
 
 pub use exposure::{Dot, Exposure, grid};
-pub use main_lens::{main_lens, main_lens_steps, main_lens_watched};
+pub use main_lens::{main_lens, main_lens_steps};
 pub use report::MainLensFit;

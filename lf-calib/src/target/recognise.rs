@@ -1,9 +1,8 @@
 //! Finds out which peak of light is which dot of a target.
 
-use crate::fit::plane::outer;
+use crate::fit::polynomial::outer;
 use glam::{DMat2, DVec2};
-use lf_core::Refusal;
-use lf_core::statistics::upper_median;
+use lf_core::{Refusal, statistics::upper_median};
 use std::fmt::Display;
 
 /// Largest distance between a dot and its peak, in spacings of the dots.

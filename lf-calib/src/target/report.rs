@@ -1,12 +1,8 @@
 //! The result of a calibration of the main lens, and its record in the camera.
 
-use crate::fit::changes::Changes;
-use crate::fit::parameter::Parameter;
-use crate::fit::record::record;
-use crate::target::bundle::{BundleFit, BundleMisfit, DotSighting};
-use crate::target::exposure::Exposure;
-use crate::target::selection::GroupResult;
-use lf_core::camera::Camera;
+use super::{bundle::BundleFit, bundle::BundleMisfit, bundle::DotSighting, exposure::Exposure, selection::GroupResult};
+use crate::{fit::changes::Changes, fit::changes::record, fit::parameter::Parameter};
+use lf_core::Camera;
 use serde_json::{Map, Value, json};
 
 /// Pairs of parameters with a correlation above this can hardly be told apart.

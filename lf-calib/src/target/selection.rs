@@ -6,10 +6,8 @@
 //! tilt of the sensor. There is evidence for a parameter if neither the scatter of independent sub-images, nor that
 //! from dot to dot, nor sampling explains it by chance.
 
-use crate::fit::changes::Changes;
-use crate::fit::equations::NormalEquations;
-use crate::fit::parameter::Parameter;
-use crate::target::bundle::{Bundle, BundleFit};
+use super::bundle::{Bundle, BundleFit};
+use crate::{fit::changes::Changes, fit::equations::NormalEquations, fit::parameter::Parameter};
 
 /// Evidence that one more parameter needs, in squared standard deviations: five deviations. A tool that tries ten
 /// parameters on each of a thousand cameras should find none by chance, and sampling errors are not chance.

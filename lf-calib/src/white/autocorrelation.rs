@@ -1,7 +1,7 @@
 //! The autocorrelation of an image and its peaks.
 
-use crate::fit::plane::outer;
-use crate::white::basis::{reduced, shortest};
+use super::basis::{reduced, shortest};
+use crate::fit::polynomial::outer;
 use glam::{DMat2, DVec2};
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;

@@ -3,17 +3,12 @@
 //! The image of a lenslet is farther from the axis than the lenslet ([`crate::fit::lenslet_images`]). The nominal
 //! camera gives the factor: a white image alone cannot tell a small k from a small pitch.
 
+use super::image_lattice::{Centre, ImageLattice};
+use super::{basis::nearest_offset, basis::nearest_turn, basis::unit_basis, departure::DepartureFit, followed::few};
 use crate::fit::lenslet_images::{LensletImages, image_px};
-use crate::white::calibrated::{Calibrated, Fill, Residual};
-use crate::white::image_lattice::{Centre, ImageLattice};
-use crate::white::same_lattice::{nearest_offset, nearest_turn};
-use crate::{
-    fit::polynomial::TiePoint, fit::record::record, white::basis::unit_basis, white::departure::DepartureFit,
-    white::followed::few,
-};
+use crate::{fit::changes::record, fit::polynomial::TiePoint};
 use glam::DVec2;
-use lf_core::camera::{Aperture, Layout, Microlenses};
-use lf_core::{Camera, Optics, Refusal};
+use lf_core::{Camera, Optics, Refusal, camera::Aperture, camera::Layout, camera::Microlenses};
 use serde_json::{Value, json};
 
 /// Overlap, in pitches, above which the light between lenslets may be brighter than that of the lenslets. Matched
@@ -21,6 +16,52 @@ use serde_json::{Value, json};
 const MOST_OVERLAP: f64 = 1.03;
 /// A measured width agrees with the nominal overlap if it differs by less than this, in pitches.
 const OVERLAP_AGREES: f64 = 0.1;
+
+/// A camera, and how well its lenslets match the white image.
+#[derive(Debug, Clone)]
+pub struct Calibrated {
+    /// The nominal camera with its lattice replaced. `calibration.lattice` holds what was measured.
+    pub camera: Camera,
+    /// One for each of the lattice's centres.
+    pub residuals: Vec<Residual>,
+    /// Degree of the departure from the perfect lattice, 0 if there is none.
+    pub degree: usize,
+    /// Largest departure at the frame's corners, px.
+    pub departure_px: f64,
+    /// Root mean square distance of the kept centres from the camera's, px.
+    pub residual_rms_px: f64,
+    /// Width of the lenslet images. None if they have no rim.
+    pub fill: Option<Fill>,
+    /// Whether lenslet images overlap so much that a lattice half a pitch aside would fit as well. The nominal offset
+    /// has then decided between the two.
+    pub is_ambiguous: bool,
+}
+
+/// Diameter (round stop) or side (square stop) of lenslet images, px.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fill {
+    /// Measured at half of the light.
+    pub measured_px: f64,
+    /// By the nominal f-number: k D.
+    pub nominal_px: f64,
+    /// Distance between lenslet images that they may fill: the pitch, for a square stop the distance between rows.
+    pub pitch_px: f64,
+}
+
+/// One measured lenslet image, compared with the camera's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residual {
+    /// Column and row of the lenslet, as [`lf_core::lattice::Lattice`] counts them.
+    pub lenslet: (i64, i64),
+    /// Centre of its image, px from the image's left and top edge (a pixel's centre is at a half).
+    pub place_px: [f64; 2],
+    /// Measured minus the camera's, px.
+    pub residual_px: [f64; 2],
+    /// The camera's minus the perfect lattice's, px of the lenslet image.
+    pub departure_px: [f64; 2],
+    /// Whether the camera was fitted to it.
+    pub kept: bool,
+}
 
 /// The nominal camera with its lattice replaced by the measured one.
 ///

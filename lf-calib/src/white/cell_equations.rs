@@ -2,7 +2,7 @@
 //!
 //! With T(-s) = T(s) imposed, the symmetry determines where the centre is.
 
-use crate::white::mean_cell::{MeanCell, knots_of, splines, wrapped};
+use super::mean_cell::{MeanCell, knots_of, splines, wrapped};
 use glam::{DMat2, DVec2};
 
 /// Knots per pixel of the fitted surface, and their fewest and most along a side. More knots follow a sharp rim better.

@@ -1,11 +1,9 @@
 //! The mean cell, fitted to the pixels of the lenslets that follow the lattice.
 
-use crate::white::followed::{FollowedLattice, few};
-use crate::white::lenslet_fit::{LensletFit, window};
-use crate::{
-    fit::plane::middle_px, fit::robust::chosen, white::basis::shortest, white::cell_equations::CellEquations,
-    white::mean_cell::MeanCell, white::profile::ProfileEquations,
-};
+use super::followed::{FollowedLattice, few};
+use super::lenslet_fit::{LensletFit, window};
+use super::{basis::shortest, cell_equations::CellEquations, mean_cell::MeanCell, profile::ProfileEquations};
+use crate::{fit::polynomial::middle_px, fit::robust::chosen};
 use glam::{DMat2, DVec2};
 use lf_core::{Refusal, statistics::ranked};
 use ndarray::ArrayView2;

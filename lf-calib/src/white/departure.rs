@@ -5,8 +5,8 @@
 //! that is stretched or sheared, degree 3 for the distortion of a relay lens. A higher degree must pass two tests,
 //! evidence and size. They prevent polynomials that fit noise, and departures too small to matter.
 
+use super::perfect_lattice::PerfectLattice;
 use crate::fit::polynomial::{Polynomial, TiePoint};
-use crate::white::perfect_lattice::PerfectLattice;
 use glam::{DMat2, DVec2};
 use lf_core::lattice::{Centres, terms};
 use std::collections::BTreeMap;

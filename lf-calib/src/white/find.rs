@@ -1,12 +1,11 @@
 //! The microlens lattice of a white image: the centre of every lenslet image, and the perfect lattice through them.
 
-use crate::fit::polynomial::{Polynomial, TiePoint};
+use super::basis::{layout_of, shortest, unit_basis};
+use super::followed::{FEWEST, FollowedLattice, few};
+use super::image_lattice::{Centre, ImageLattice, SecondStop};
+use super::{follow::follow, lenslet_fit::window, perfect_lattice::PerfectLattice, period};
+use crate::fit::polynomial::{Polynomial, TiePoint, middle_px};
 use crate::fit::robust::{chosen, without_outliers};
-use crate::white::basis::{layout_of, shortest, unit_basis};
-use crate::white::follow::{STEPS, follow};
-use crate::white::followed::{FEWEST, FollowedLattice, few};
-use crate::white::image_lattice::{Centre, ImageLattice, SecondStop};
-use crate::{fit::plane::middle_px, white::lenslet_fit::window, white::perfect_lattice::PerfectLattice, white::period};
 use glam::{DMat2, DVec2};
 use lf_core::{Refusal, camera::Layout};
 use ndarray::Array2;
@@ -21,22 +20,11 @@ const SMOOTH: [(usize, usize); 2] = [(4, 1000), (3, 150)];
 /// discs drawn without noise. It is not a scatter, so no residual shows it.
 const SAMPLING_PX: f64 = 0.002;
 
-/// The number of steps that [`find_lattice_watched`] reports in all.
-pub const LATTICE_STEPS: u64 = STEPS;
-
 /// Finds the lattice of an image of counts, shape (height, width). The result is the same for any number of threads.
+/// Calls `watch(n)` after n more of the [`LATTICE_STEPS`] steps.
 ///
-/// # Errors
 /// Refuses an image without a period, and one whose lenslets do not follow one square or hexagonal lattice.
-pub fn find_lattice(image: &Array2<f32>) -> Result<ImageLattice, Refusal> {
-    find_lattice_watched(image, &|_| ())
-}
-
-/// Like [`find_lattice`]. It calls `watch(n)` after n more of the [`LATTICE_STEPS`] steps.
-///
-/// # Errors
-/// The same as of [`find_lattice`].
-pub fn find_lattice_watched(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLattice, Refusal> {
+pub fn find_lattice(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLattice, Refusal> {
     let image = image.view();
     let period = period::find(image)?;
     let followed = follow(image, &period, watch)?;

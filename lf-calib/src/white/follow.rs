@@ -5,15 +5,16 @@
 //! the cell, enlarge the radius. On the whole frame the fits of cell and lattice are repeated until the lattice rests.
 //! Then every lenslet is read once. The cost is one pass over the pixels, plus work that does not grow with the image.
 
-use crate::white::basis::{layout_of, shortest};
-use crate::white::followed::{FEWEST, FollowedLattice, few};
-use crate::{
-    fit::polynomial::Polynomial, white::cats_eye::TwoStops, white::cell_equations::CellEquations,
-    white::period::Period, white::region_rims::region_rims, white::symmetry::centre_of,
+use super::followed::{FEWEST, FollowedLattice, few};
+use super::{
+    basis::layout_of, basis::shortest, cats_eye::RegionRim, cats_eye::TwoStops, cell_equations::CellEquations,
+    cell_fit::thinned, lenslet_fit::LensletFit, lenslet_fit::window, period::Period, symmetry::centre_of,
 };
+use crate::fit::polynomial::{Polynomial, middle_px};
 use glam::{DMat2, DVec2};
 use lf_core::{Refusal, camera::Layout};
 use ndarray::ArrayView2;
+use rayon::prelude::*;
 
 /// Half the side of the first patch, in lattice vectors. At this distance the period is still good to a twentieth of a
 /// pixel.
@@ -24,9 +25,9 @@ const GROWTH: f64 = 1.7;
 const AT_REST_PX: f64 = 1e-4;
 /// Repetitions of cell and lattice at most.
 const REPETITIONS: u64 = 5;
-/// Steps reported to `watch`: the way to the corners, three times the repetitions, the last reading. Steps that are not
-/// needed are reported as done.
-pub(crate) const STEPS: u64 = 2 + 3 * REPETITIONS;
+/// Steps that [`crate::find_lattice`] reports: the way to the corners, three times the repetitions, the last reading.
+/// Steps that are not needed are reported as done.
+pub const LATTICE_STEPS: u64 = 2 + 3 * REPETITIONS;
 /// Lenslets that are read in each repetition, and on the way to the corners. The last reading is of all lenslets.
 const SAMPLE: usize = 3000;
 const ROUGH_SAMPLE: usize = SAMPLE / 4;
@@ -151,4 +152,41 @@ fn rest(followed: &mut FollowedLattice, image: ArrayView2<f32>, watch: &dyn Fn(u
         }
     }
     Ok(())
+}
+
+/// Regions along each side of the frame.
+const REGIONS: usize = 7;
+/// Pixels that the mean cell of a region is fitted to, and fewest lenslets in a region.
+const REGION_PIXELS: usize = 1 << 15;
+const FEWEST_IN_REGION: usize = 3;
+
+/// The rim of the mean cell of each region of the frame.
+fn region_rims(followed: &FollowedLattice, image: ArrayView2<f32>) -> Vec<RegionRim> {
+    let (height, width) = image.dim();
+    let mut regions = vec![Vec::new(); REGIONS * REGIONS];
+    for (index, fit) in &followed.fits {
+        let region = |place: f64, size: usize| ((place / size as f64 * REGIONS as f64) as usize).min(REGIONS - 1);
+        regions[region(fit.centre_px.y, height) * REGIONS + region(fit.centre_px.x, width)].push((*index, *fit));
+    }
+    regions.par_iter().filter_map(|fits| region_rim(followed, image, fits)).collect()
+}
+
+/// The rim of the mean cell of some lenslets. None if there are too few, or if the cell shows too little of a rim.
+fn region_rim(followed: &FollowedLattice, image: ArrayView2<f32>, fits: &[(DVec2, LensletFit)]) -> Option<RegionRim> {
+    let basis = followed.basis_px;
+    let to_cell = basis.inverse();
+    let fits = thinned(fits, basis, REGION_PIXELS);
+    if fits.len() < FEWEST_IN_REGION {
+        return None;
+    }
+    let mut equations = CellEquations::new(basis);
+    let mut middle = DVec2::ZERO;
+    for (index, fit) in &fits {
+        let centre = followed.smooth.at(*index);
+        middle += (centre - middle_px(image.dim())) / fits.len() as f64;
+        for (pixel, offset) in window(centre, shortest(basis), image.dim()).into_iter().flatten() {
+            equations.add(to_cell * offset, fit.level(image[pixel] as f64, offset));
+        }
+    }
+    RegionRim::of(middle, &equations.solve(false), basis)
 }

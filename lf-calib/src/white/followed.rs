@@ -1,13 +1,10 @@
 //! The lattice as far as it has been followed through a white image: reading lenslets, and the smooth lattice through
 //! them.
 
-use crate::fit::polynomial::{Polynomial, TiePoint};
+use super::lenslet_fit::{LensletFit, fit_lenslet, window};
+use super::{basis::shortest, cats_eye::TwoStops, cats_eye::Untouched, mean_cell::MeanCell, rim::side_px};
+use crate::fit::polynomial::{Polynomial, TiePoint, middle_px};
 use crate::fit::robust::{chosen, without_outliers};
-use crate::white::lenslet_fit::{LensletFit, fit_lenslet, window};
-use crate::{
-    fit::plane::middle_px, white::basis::shortest, white::cats_eye::TwoStops, white::mean_cell::MeanCell,
-    white::rim::side_px, white::untouched::Untouched,
-};
 use glam::{DMat2, DVec2};
 use lf_core::Refusal;
 use ndarray::ArrayView2;

@@ -1,6 +1,6 @@
 //! One lenslet image, read against the mean cell: its centre, its brightness and the quality of the fit.
 
-use crate::{white::basis::shortest, white::mean_cell::MeanCell, white::untouched::Untouched};
+use super::{basis::shortest, cats_eye::Untouched, mean_cell::MeanCell};
 use glam::{DMat2, DVec2};
 use nalgebra::{Matrix4, Vector4};
 use ndarray::ArrayView2;

@@ -5,7 +5,6 @@
 mod autocorrelation;
 mod basis;
 mod calibrate;
-mod calibrated;
 mod cats_eye;
 mod cell_equations;
 mod cell_fit;
@@ -21,15 +20,12 @@ mod mean_cell;
 mod perfect_lattice;
 mod period;
 mod profile;
-mod region_rims;
 mod rim;
-mod same_lattice;
 mod symmetry;
-mod untouched;
 
-pub use calibrate::calibrate;
-pub use calibrated::{Calibrated, Fill, Residual};
-pub use find::{LATTICE_STEPS, find_lattice, find_lattice_watched};
+pub use calibrate::{Calibrated, Fill, Residual, calibrate};
+pub use find::find_lattice;
 pub use flat_field::flat_field;
+pub use follow::LATTICE_STEPS;
 pub use image_lattice::{Centre, ImageLattice, SecondStop};
 pub use mean::WhiteMean;

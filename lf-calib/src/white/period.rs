@@ -3,7 +3,7 @@
 //! The shifts are peaks of the autocorrelation, which shows them for lenslet images of any shape. A spectrum would not
 //! do: discs that touch in a hexagonal lattice have almost no power at its fundamental.
 
-use crate::{white::autocorrelation::Autocorrelation, white::basis::reduced};
+use super::{autocorrelation::Autocorrelation, basis::reduced};
 use glam::{DMat2, DVec2};
 use lf_core::Refusal;
 use ndarray::ArrayView2;

@@ -4,7 +4,7 @@
 //! add up. If the pitch is near a whole number of pixels, all lenslets are sampled alike. The distances of their pixels
 //! from the centre still differ, so S is resolved much finer than a pixel, and the sampling does not move the centre.
 
-use crate::{white::basis::shortest, white::mean_cell::MeanCell, white::rim::radius_px};
+use super::{basis::shortest, mean_cell::MeanCell, rim::radius_px};
 use glam::{DMat2, DVec2};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;

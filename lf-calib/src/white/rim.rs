@@ -1,6 +1,6 @@
 //! The rim of lenslet images: where the light falls to half of the plateau.
 
-use crate::{white::basis::shortest, white::mean_cell::MeanCell};
+use super::{basis::shortest, mean_cell::MeanCell};
 use glam::{DMat2, DVec2};
 
 /// The rim is where the light is `HALF` of the plateau. The plateau is the mean around `PLATEAU` of the radius. Beyond

@@ -1,6 +1,6 @@
 //! The centre of the lenslet image in its cell, by symmetry. Neither the size of a disc nor overlap can move it.
 
-use crate::{white::basis::shortest, white::mean_cell::MeanCell};
+use super::{basis::shortest, mean_cell::MeanCell};
 use glam::{DMat2, DVec2};
 
 /// Samples along each side of the cell.
