@@ -46,9 +46,7 @@ impl Grid {
     }
 
     /// The grid of `round(extent / spacing)` voxels an axis, centred in `bounds_mm` = `[[x0, x1], [y0, y1], [z0, z1]]`.
-    ///
-    /// # Errors
-    /// An axis that has no voxel, runs backwards or is not finite.
+    /// Refuses an axis without a voxel.
     pub fn in_bounds(bounds_mm: [[f64; 2]; 3], spacing_mm: [f64; 3]) -> Result<Self, Refusal> {
         let mut shape = [0; 3];
         let mut origin_mm = [0.0; 3];
@@ -70,9 +68,6 @@ impl Grid {
     }
 
     /// Checks that the grid has at most 2^62 voxels and a place in space.
-    ///
-    /// # Errors
-    /// An empty axis, too many voxels, a spacing that is not positive, and an origin that is not finite.
     pub fn check(&self) -> Result<(), Refusal> {
         let wrong = |found: String, wanted: &str| Err(Refusal::new(format!("grid {found}"), wanted));
         let count = self.shape.iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64));

@@ -28,10 +28,7 @@ pub struct Particle {
     pub intensity: f64,
 }
 
-/// Reads a table.
-///
-/// # Errors
-/// Another first line, a line that is not six numbers, and a negative intensity, each with its line number.
+/// Reads a table. Errors give the number of the line.
 pub fn read(text: &str) -> Result<Vec<Particle>, Refusal> {
     let mut lines = text.lines();
     if lines.next().map(str::trim) != Some(HEADER) {

@@ -36,9 +36,6 @@ impl CameraSource {
     }
 
     /// Reads the camera of a scene in `folder`; `scene` stands for the scene in messages.
-    ///
-    /// # Errors
-    /// The errors of [`Camera::open`].
     pub fn open(&self, folder: &Path, scene: &str) -> Result<Camera> {
         match self {
             Self::Path(file) => Camera::open(&folder.join(file)),
@@ -67,9 +64,6 @@ impl LitVolume {
     }
 
     /// Checks that every pair is finite and rises.
-    ///
-    /// # Errors
-    /// The key of a pair that does not.
     pub fn check(&self) -> std::result::Result<(), Refusal> {
         for (name, [low, high]) in ["x_mm", "y_mm", "z_mm"].iter().zip(self.bounds_mm()) {
             if !(low.is_finite() && high.is_finite() && low < high) {
@@ -111,10 +105,8 @@ impl Frames {
         times.get(1).map_or(1.0, |second| second - times[0])
     }
 
-    /// Checks the number of frames and their order.
-    ///
-    /// # Errors
-    /// Less than 1 or more than 10000 frames, and times that do not rise or are beyond 1e6.
+    /// Checks the number of frames and their order. Refuses less than 1 or more than 10000 frames, and times that do
+    /// not rise or are beyond 1e6.
     pub fn check(&self) -> std::result::Result<(), Refusal> {
         let (count, rise) = match self {
             Self::Count(count) => (*count, true),

@@ -8,9 +8,6 @@ const WANTED: &str = "wanted a camera.json";
 
 impl Camera {
     /// Reads and checks a camera file; `-` is standard input.
-    ///
-    /// # Errors
-    /// The errors of reading a text file and of [`Camera::from_json`].
     pub fn open(path: &Path) -> Result<Self> {
         let text = crate::io::open_text(path).map_err(|mut error| {
             if error.found.ends_with("no text") {
@@ -22,9 +19,6 @@ impl Camera {
     }
 
     /// Reads and checks a camera.
-    ///
-    /// # Errors
-    /// Text that is not JSON, a key that is unknown or missing, and those of [`Camera::check`].
     pub fn from_json(text: &str) -> std::result::Result<Self, Refusal> {
         let value: serde_json::Value =
             serde_json::from_str(text).map_err(|error| Refusal::new(format!("not JSON ({error})"), WANTED))?;
@@ -46,10 +40,7 @@ impl Camera {
         Some(file.parent().map_or_else(|| flat.to_path_buf(), |folder| folder.join(flat)))
     }
 
-    /// Checks that an image is as large as the sensor.
-    ///
-    /// # Errors
-    /// An image of another size; `name` is its name in the message.
+    /// Checks that an image is as large as the sensor. `name` is its name in the message.
     pub fn check_image(&self, name: &str, width: usize, height: usize) -> Result<()> {
         if (width, height) == (self.sensor.width, self.sensor.height) {
             return Ok(());

@@ -1,9 +1,7 @@
 //! Lists of numbers as values of options: `2,2,10`.
 
-/// Reads `N` finite numbers between commas; a value parser for clap.
-///
-/// # Errors
-/// Another text. The error says what was wanted; clap adds the option and what was found.
+/// Reads `N` finite numbers between commas; a value parser for clap. The error says what was wanted; clap adds the
+/// option and what was found.
 pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let values: Vec<f64> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
     let whole = text.split(',').count() == values.len();

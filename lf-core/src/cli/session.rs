@@ -117,10 +117,7 @@ impl Session {
         before.iter().chain([&self.step]).cloned().collect()
     }
 
-    /// Checks that output, inputs and the `--stats` file are different files.
-    ///
-    /// # Errors
-    /// Two of them are the same file, or two inputs are standard input.
+    /// Checks that output, inputs and the `--stats` file are different files. Also refuses standard input twice.
     pub fn keep_apart(&self, output: &Path, inputs: &[&Path]) -> Result<()> {
         let clash = |output: &Path, found: &str| {
             Err(Error::new(io::output_name(output), found, "wanted another file to write to"))

@@ -39,10 +39,7 @@ impl FromStr for Cut {
 }
 
 impl Cut {
-    /// Checks that the place is within `bounds_mm` of the cut's axis.
-    ///
-    /// # Errors
-    /// A place outside; `what` names the object that has these bounds.
+    /// Checks that the place is within `bounds_mm` of the cut's axis. `what` names the object that has these bounds.
     pub fn check(&self, bounds_mm: [f64; 2], what: &str) -> Result<(), Refusal> {
         let axis = AXES[self.axis];
         match self.place_mm {
@@ -55,10 +52,7 @@ impl Cut {
         }
     }
 
-    /// The layer of vectors nearest to the place.
-    ///
-    /// # Errors
-    /// A place outside the field.
+    /// The layer of vectors nearest to the place. Refuses a place outside the field.
     pub fn layer(&self, layout: &VectorGrid) -> Result<usize, Refusal> {
         let (axis, count) = (self.axis, layout.shape[self.axis]);
         self.check(layout.bounds_mm(axis), "field")?;

@@ -13,30 +13,18 @@ const LAYOUT: &str = "lf:field";
 
 impl Field {
     /// Reads an EXR field; `-` is standard input.
-    ///
-    /// # Errors
-    /// Another kind of file, missing channels, a layout that does not fit the image, an unknown flag, and a
-    /// displacement that is not finite where there is data.
     pub fn open(path: &Path) -> Result<Self> {
         Self::from_bytes(&io::open(path)?, &io::name(path))
     }
 
     /// Reads an EXR field from memory as [`Field::open`] does; `name` stands for it in messages.
-    ///
-    /// # Errors
-    /// The errors of [`Field::open`], without those of the file.
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
     /// Writes EXR, `.vti` or `.csv` by extension; `-` is EXR on standard output, and a name without extension is EXR
-    /// too.
-    ///
-    /// # Errors
-    /// The errors of writing, a name that promises another format, and a field that [`Field::open`] would refuse.
-    ///
-    /// # Panics
-    /// If a component is not as long as the shape asks.
+    /// too. Refuses other extensions and what [`Field::open`] refuses. Panics if a component is not as long as the
+    /// shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
         let refused = |refusal: Refusal| refusal.about(io::output_name(path));
         self.layout.check().map_err(refused)?;

@@ -68,9 +68,6 @@ impl VectorGrid {
     }
 
     /// The JSON of the attribute `lf:field`, units included.
-    ///
-    /// # Errors
-    /// A number that JSON cannot express.
     pub(super) fn to_json(&self) -> Result<String, Refusal> {
         serde_json::to_string(&Attribute { units: Units, layout: self })
             .map_err(|error| Refusal::new(format!("its layout cannot be written ({error})"), "wanted plain numbers"))
@@ -81,8 +78,6 @@ impl VectorGrid {
         self.shape.iter().try_fold(1usize, |product, &n| product.checked_mul(n)).filter(|&len| len > 0)
     }
 
-    /// # Errors
-    /// A number that no field can have.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         let positive = |lengths: [f64; 3]| lengths.iter().all(|length| length.is_finite() && *length > 0.0);
         let wrong = |key: &str, value: String, wanted: &str| {

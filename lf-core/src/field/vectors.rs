@@ -82,8 +82,6 @@ impl Field {
         [u, v, w, peak, ratio, su, sv, sw, flag, count].map(Vec::as_slice)
     }
 
-    /// # Errors
-    /// A flag that is unknown, and a displacement that is not finite where there is data.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         for (i, &flag) in self.flag.iter().enumerate() {
             let place = || self.step(i);

@@ -33,13 +33,7 @@ impl Array {
 }
 
 /// Writes arrays on the points of a layout as `.vti`, for results that a [`super::Field`] has no component for.
-/// ParaView shows the first array with three components first.
-///
-/// # Errors
-/// The errors of writing, and a layout with an unusable number.
-///
-/// # Panics
-/// If an array is not as long as the layout asks.
+/// ParaView shows the first array with three components first. Panics if an array is not as long as the layout asks.
 pub fn save_arrays(path: &Path, layout: &VectorGrid, arrays: &[Array]) -> Result<()> {
     layout.check().map_err(|refusal| refusal.about(io::output_name(path)))?;
     for array in arrays {

@@ -9,9 +9,6 @@ const MOST: f64 = 1e9;
 
 impl Flow {
     /// Checks the numbers of the flow.
-    ///
-    /// # Errors
-    /// The key of a number that cannot be used.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         match self {
             Self::Uniform { displacement_mm } => finite(displacement_mm),

@@ -66,10 +66,7 @@ impl Flows {
         }
     }
 
-    /// Checks the numbers of all flows.
-    ///
-    /// # Errors
-    /// Tracks beside other flows, and the key of a number that cannot be used.
+    /// Checks the numbers of all flows. Tracks cannot stand beside other flows.
     pub fn check(&self) -> Result<(), Refusal> {
         let flows = self.all();
         if flows.len() > 1 && flows.iter().any(|flow| matches!(flow, Flow::Tracks { .. })) {
@@ -79,10 +76,8 @@ impl Flows {
     }
 
     /// The velocity field in a volume; reads the files of sampled fields. `pixel_mm` is the side of a pixel at the
-    /// focal plane, `scene` stands for the scene in messages.
-    ///
-    /// # Errors
-    /// The errors of [`Field::open`], a sampled field with gaps, and a flow that needs more than [`MOST_STEPS`].
+    /// focal plane, `scene` stands for the scene in messages. Refuses a sampled field with gaps, and a flow that needs
+    /// more than [`MOST_STEPS`].
     pub fn open(&self, bounds_mm: [[f64; 2]; 3], pixel_mm: f64, scene: &str) -> crate::Result<Velocity> {
         let open = |path: &Path| Sampled::new(&Field::open(path)?).map_err(|refusal| refusal.about(io::name(path)));
         let sampled: crate::Result<Vec<Sampled>> = self.sampled().into_iter().map(open).collect();

@@ -14,10 +14,7 @@ pub struct Sampled {
 }
 
 impl Sampled {
-    /// The displacements of a field.
-    ///
-    /// # Errors
-    /// Vectors without data.
+    /// The displacements of a field. Refuses vectors without data.
     pub fn new(field: &Field) -> Result<Self, Refusal> {
         let missing = field.flag.iter().filter(|flag| **flag == NO_DATA).count();
         if missing > 0 {

@@ -22,9 +22,6 @@ pub(super) fn damaged(error: impl std::fmt::Display) -> Refusal {
 }
 
 /// Pixels in rows from the top as an array.
-///
-/// # Errors
-/// No pixels, and a number of values that is not the size.
 pub(super) fn array(width: usize, height: usize, values: Vec<f32>) -> Result<Array2<f32>, Refusal> {
     if width == 0 || height == 0 {
         return Err(Refusal::new(format!("{width} x {height} pixels"), "wanted an image with pixels"));

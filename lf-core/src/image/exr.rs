@@ -22,8 +22,7 @@ pub(crate) struct Header {
 }
 
 impl Header {
-    /// # Errors
-    /// Several parts, deep or subsampled data, a crop, or a size that the file cannot hold.
+    /// Refuses several parts, deep or subsampled data, a crop, and a size that the file cannot hold.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, Refusal> {
         let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
         let [header] = meta.headers.as_slice() else {
@@ -63,9 +62,6 @@ impl Header {
 }
 
 /// Values of the named channels, in the order of `names`, each in rows from the top.
-///
-/// # Errors
-/// Damage, and channels that are missing.
 pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N]) -> Result<[Vec<f32>; N], Refusal> {
     let missing: Vec<&str> = names.into_iter().filter(|name| !header.channels.iter().any(|has| has == name)).collect();
     if !missing.is_empty() {
@@ -99,9 +95,6 @@ pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N
 }
 
 /// Encodes one part of `f32` channels; `attribute` is a name and JSON text. Equal input gives equal bytes.
-///
-/// # Errors
-/// No pixels.
 pub(crate) fn write(
     width: usize,
     height: usize,

@@ -10,10 +10,7 @@ pub const BLIND: f32 = 0.05;
 
 /// Reads an image of counts ([`open_counts`]), subtracts the background, sets negative results to 0, and divides by the
 /// flat field of `camera`, which was read from `camera_file`. Pixels whose flat field is below [`BLIND`] become NaN:
-/// their light is unknown.
-///
-/// # Errors
-/// The errors of the files, and images of another size than the camera's sensor.
+/// their light is unknown. Refuses images of another size than the camera's sensor.
 pub fn open_frame(path: &Path, background: Option<&Path>, camera: &Camera, camera_file: &Path) -> Result<Image> {
     let mut image = open_counts(path)?;
     let (height, width) = image.pixels.dim();

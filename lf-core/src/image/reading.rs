@@ -7,17 +7,12 @@ use crate::{Error, Refusal, Result, history::History};
 use std::path::Path;
 
 /// Reads EXR, TIFF or PNG by its first bytes; `-` is standard input. Pixels may be negative or not finite.
-///
-/// # Errors
-/// The errors of the file, and those of [`from_bytes`].
 pub fn open(path: &Path) -> Result<Image> {
     from_bytes(&io::open(path)?, &io::name(path))
 }
 
-/// Reads an image from memory as [`open`] does; `name` stands for it in messages.
-///
-/// # Errors
-/// Colour, alpha, several pages or parts, other sample types, damage, and no pixels.
+/// Reads an image from memory as [`open`] does; `name` stands for it in messages. Refuses colour, alpha, several pages
+/// or parts, and other sample types.
 pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
     guarded(|| match Signature::of(bytes) {
         Some(Signature::Exr) => light_field::read(bytes),
@@ -30,9 +25,6 @@ pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
 }
 
 /// Reads as [`open`] does, and refuses pixels that are NaN, infinite or negative.
-///
-/// # Errors
-/// The errors of [`open`]; for bad pixels their number and the place of the first.
 pub fn open_counts(path: &Path) -> Result<Image> {
     counts(open(path)?, &io::name(path))
 }

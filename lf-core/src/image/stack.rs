@@ -17,18 +17,13 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// Opens a file and counts its images; `-` is standard input. Pages are decoded later, by [`Stack::read`].
-    ///
-    /// # Errors
-    /// No such file, and a TIFF without a whole list of pages.
+    /// Opens a file and counts its images; `-` is standard input. Pages are decoded later, by [`Stack::read`]. Refuses
+    /// a TIFF without a whole list of pages.
     pub fn open(path: &Path) -> Result<Self> {
         Self::from_bytes(io::open(path)?, &io::name(path))
     }
 
     /// Counts the images of a file in memory; `name` stands for it in messages.
-    ///
-    /// # Errors
-    /// A TIFF without a whole list of pages.
     pub fn from_bytes(bytes: Bytes, name: &str) -> Result<Self> {
         let name = name.to_owned();
         let is_tiff = Signature::of(&bytes) == Some(Signature::Tiff);
@@ -57,13 +52,8 @@ impl Stack {
         if self.images == 1 { self.name.clone() } else { format!("{}, page {}", self.name, number + 1) }
     }
 
-    /// Decodes image `number`, counted from 0, and refuses pixels that are NaN, infinite or negative.
-    ///
-    /// # Errors
-    /// The errors of [`super::open_counts`].
-    ///
-    /// # Panics
-    /// If there is no such image.
+    /// Decodes image `number`, counted from 0, and refuses pixels that are NaN, infinite or negative. Panics if there
+    /// is no such image.
     pub fn read(&self, number: usize) -> Result<Image> {
         assert!(number < self.images, "image {number} of {}", self.images);
         let name = self.name(number);

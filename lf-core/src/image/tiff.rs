@@ -32,9 +32,6 @@ pub(super) fn read(bytes: &[u8]) -> Result<Image, Refusal> {
 }
 
 /// Number of pages of a file.
-///
-/// # Errors
-/// No page, too many, and a chain of directories that leaves the file.
 pub(super) fn count(bytes: &[u8]) -> Result<usize, Refusal> {
     match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
         0 => Err(Refusal::new("no page", "wanted a TIFF with pages")),
@@ -97,10 +94,7 @@ fn history(decoder: &mut Decoder<Cursor<&[u8]>>) -> History {
 
 /// Encodes one page of 16-bit grey in strips without compression, in the byte order of the machine; `steps` is JSON
 /// text. Counts are rounded to whole numbers, halves away from zero, and clipped to 0..=65535. Equal input gives equal
-/// bytes.
-///
-/// # Errors
-/// No pixels, NaN, and more than the 4 GiB of a classic TIFF.
+/// bytes. Refuses NaN and more than the 4 GiB of a classic TIFF.
 pub(super) fn write(pixels: &Array2<f32>, steps: Option<String>) -> Result<Vec<u8>, Refusal> {
     let (height, width) = pixels.dim();
     if width == 0 || height == 0 {

@@ -7,10 +7,8 @@ use ndarray::Array2;
 use std::path::Path;
 
 /// Writes an EXR, or a 16-bit TIFF if the name ends in `.tif` or `.tiff`; `-` is an EXR on standard output. A TIFF
-/// holds whole counts, rounded and clipped to 0..=65535; [`outside_u16`] says how many are clipped.
-///
-/// # Errors
-/// The errors of writing, no pixels, a name that promises another format, and NaN in a TIFF.
+/// holds whole counts, rounded and clipped to 0..=65535; [`outside_u16`] says how many are clipped. Refuses names of
+/// other formats, and NaN in a TIFF.
 pub fn save(path: &Path, pixels: &Array2<f32>, history: &History) -> Result<()> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let bytes = match extension.as_str() {

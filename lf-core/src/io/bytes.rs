@@ -19,9 +19,6 @@ enum Storage {
 
 impl Bytes {
     /// Takes the bytes of an open file. A plain file that is read from its start is mapped, everything else is copied.
-    ///
-    /// # Errors
-    /// A folder, and those of reading.
     pub(super) fn read(mut file: File) -> io::Result<Self> {
         let found = file.metadata()?;
         if found.is_dir() {

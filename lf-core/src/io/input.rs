@@ -8,10 +8,7 @@ use std::io::{self, IsTerminal};
 use std::os::fd::AsFd;
 use std::path::Path;
 
-/// Opens a file, or standard input for `-`.
-///
-/// # Errors
-/// No such file, a folder, a terminal, and those of reading.
+/// Opens a file, or standard input for `-`. Refuses a folder and a terminal.
 pub fn open(path: &Path) -> Result<Bytes> {
     let refused = |error: io::Error| reading(&name(path), &error);
     if !is_standard(path) {
@@ -24,10 +21,8 @@ pub fn open(path: &Path) -> Result<Bytes> {
     Bytes::read(stdin).map_err(refused)
 }
 
-/// Reads a small text file (JSON, CSV). A byte order mark is dropped.
-///
-/// # Errors
-/// The errors of [`open`], and bytes that are not UTF-8; known binary formats are named.
+/// Reads a small text file (JSON, CSV). A byte order mark is dropped. Refuses bytes that are not UTF-8 and names known
+/// binary formats.
 pub fn open_text(path: &Path) -> Result<String> {
     let bytes = open(path)?;
     let text = std::str::from_utf8(&bytes).map_err(|error| {

@@ -16,9 +16,6 @@ const BUFFER: usize = 256 * 1024;
 const LINKS: usize = 40;
 
 /// Checks that an output can be created, before the work begins: its folder must exist, and it must not be a folder.
-///
-/// # Errors
-/// A missing folder, and a folder under the output's name.
 pub fn check_place(path: &Path) -> Result<()> {
     if is_standard(path) {
         return Ok(());
@@ -34,9 +31,6 @@ pub fn check_place(path: &Path) -> Result<()> {
 }
 
 /// Checks the place of a picture, and that its name does not promise another format than SVG.
-///
-/// # Errors
-/// The errors of [`check_place`], and names like `x.png`.
 pub fn check_picture(path: &Path) -> Result<()> {
     const OTHERS: [&str; 8] = ["png", "jpg", "jpeg", "pdf", "eps", "tif", "tiff", "gif"];
     match path.extension().filter(|end| OTHERS.iter().any(|other| end.eq_ignore_ascii_case(other))) {
@@ -48,18 +42,12 @@ pub fn check_picture(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes `path` whole or not at all; `-` is standard output.
-///
-/// # Errors
-/// The errors of `fill` and of writing, and a terminal, which cannot show binary output.
+/// Writes `path` whole or not at all; `-` is standard output. Refuses a terminal, which cannot show binary output.
 pub fn save(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     write(path, false, fill)
 }
 
 /// Writes text as [`save`] does; a terminal is allowed.
-///
-/// # Errors
-/// The errors of `fill` and of writing.
 pub fn save_text(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     write(path, true, fill)
 }

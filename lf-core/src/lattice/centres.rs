@@ -71,10 +71,7 @@ impl Centres {
         bound(&self.x_mm).max(bound(&self.y_mm)) / self.radius_mm
     }
 
-    /// Checks that the polynomials are complete and gentle.
-    ///
-    /// # Errors
-    /// A number of coefficients that fits no degree, numbers that are not finite, and a gradient above 0.2.
+    /// Checks that the polynomials are complete and gentle. Refuses a gradient above 0.2.
     pub fn check(&self) -> Result<(), Refusal> {
         let (x, y) = (self.x_mm.len(), self.y_mm.len());
         if x != y || self.degree().is_none() {

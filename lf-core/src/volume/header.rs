@@ -8,10 +8,6 @@ use serde_json::{Map, Value, json};
 const WANTED: &str = "wanted the header of a .lfv file";
 
 /// The text of the header and the place where it ends.
-///
-/// # Errors
-/// No bytes, another signature or version, a length that is too large or not aligned, a cut file, and text that is not
-/// UTF-8.
 pub(super) fn header_text(bytes: &[u8]) -> Result<(&str, usize), Refusal> {
     let number = |at: usize| -> Option<u32> { Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?)) };
     let cut_short = || Refusal::new(format!("cut short, {} bytes", bytes.len()), "wanted a whole .lfv file");
@@ -63,9 +59,6 @@ fn wrong(found: impl Into<String>) -> Refusal {
 
 impl Header {
     /// Reads the text of a header.
-    ///
-    /// # Errors
-    /// Text that is not a JSON object, and a key that is missing or breaks a rule of the format.
     pub fn parse(text: &str) -> Result<Self, Refusal> {
         // Only spaces may pad the header; JSON would allow other blanks.
         let text = text.trim_end_matches(' ');
@@ -95,10 +88,7 @@ impl Header {
         Ok(Self { count, grid, columns, checksum, history, extra: map })
     }
 
-    /// The header as it is written: JSON padded with spaces up to the alignment.
-    ///
-    /// # Errors
-    /// A header above 1 MiB.
+    /// The header as it is written: JSON padded with spaces up to the alignment. A header is at most 1 MiB long.
     pub fn to_text(&self) -> Result<Vec<u8>, Refusal> {
         let mut map = Map::new();
         map.insert("count".into(), json!(self.count));

@@ -19,11 +19,8 @@ enum Source {
 
 impl JoinedVolume {
     /// Opens files as volumes, in their order. A tile and the files after it, as many as the volume has tiles and in
-    /// any order among themselves, make one volume. Only the files of one volume are open at a time.
-    ///
-    /// # Errors
-    /// The errors of the files, a file without the column, and tiles that are missing, given twice, or of different
-    /// grids.
+    /// any order among themselves, make one volume. Only the files of one volume are open at a time. Refuses tiles that
+    /// are missing, given twice, or of different grids.
     pub fn open_all<'a>(paths: impl IntoIterator<Item = &'a Path>, column: &'static str) -> Result<Vec<Self>> {
         let mut paths = paths.into_iter();
         let mut wholes = Vec::new();

@@ -24,17 +24,11 @@ pub struct Volume {
 
 impl Volume {
     /// Opens and checks a file, or standard input for `-`.
-    ///
-    /// # Errors
-    /// The errors of the file, and every departure from the [format](super::format).
     pub fn open(path: &Path) -> Result<Self> {
         Self::from_bytes(io::open(path)?, &io::name(path))
     }
 
     /// Checks bytes in memory; `name` stands for them in messages.
-    ///
-    /// # Errors
-    /// Every departure from the [format](super::format).
     pub fn from_bytes(bytes: Bytes, name: &str) -> Result<Self> {
         Self::parse(bytes, name).map_err(|refusal| refusal.about(name))
     }
@@ -137,10 +131,7 @@ impl Volume {
         bytemuck::cast_slice(&self.bytes[self.columns[i].1.clone()])
     }
 
-    /// A column by name.
-    ///
-    /// # Errors
-    /// No column of this name; the message lists the columns of the file.
+    /// A column by name. The error lists the columns of the file.
     pub fn require(&self, name: &str) -> Result<&[f32]> {
         self.column(name).ok_or_else(|| {
             let found = match self.columns().as_slice() {

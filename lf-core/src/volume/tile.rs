@@ -62,10 +62,8 @@ fn blocks(grid: &Grid, of: usize) -> [usize; 2] {
     [along_x, of / along_x]
 }
 
-/// The voxels along x and y, `[from, to)`, of core `index` of `of`.
-///
-/// # Errors
-/// A number outside 1 to `of`, more than [`MOST_TILES`], and more blocks along an axis than voxels.
+/// The voxels along x and y, `[from, to)`, of core `index` of `of`. `of` is at most [`MOST_TILES`], and no block is
+/// smaller than a voxel.
 pub fn core(grid: &Grid, index: usize, of: usize) -> std::result::Result<[[usize; 2]; 2], Refusal> {
     if index == 0 || index > of || of > MOST_TILES {
         return Err(Refusal::new(format!("{index}/{of}"), format!("wanted 1/n to n/n, n at most {MOST_TILES}")));
@@ -81,10 +79,7 @@ pub fn core(grid: &Grid, index: usize, of: usize) -> std::result::Result<[[usize
 }
 
 impl Tile {
-    /// Tile `index` of `of` of a grid.
-    ///
-    /// # Errors
-    /// The errors of [`core()`].
+    /// Tile `index` of `of` of a grid. Refuses what [`core()`] refuses.
     pub fn new(
         camera: &Camera,
         grid: &Grid,
@@ -146,10 +141,8 @@ impl Tile {
         keys
     }
 
-    /// The tile in the header of a volume; None for a whole volume.
-    ///
-    /// # Errors
-    /// A key `tile` that is not a tile of the volume's grid.
+    /// The tile in the header of a volume; None for a whole volume. Refuses a key `tile` that is not a tile of the
+    /// volume's grid.
     pub fn of(volume: &Volume) -> Result<Option<Self>> {
         let Some(value) = volume.extra().get(KEY) else { return Ok(None) };
         let wanted = "wanted that of a tile of its grid, as lf-prune --tile writes it";

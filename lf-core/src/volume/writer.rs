@@ -8,14 +8,9 @@ use serde_json::{Map, Value};
 use std::io::Write;
 use xxhash_rust::xxh3::Xxh3;
 
-/// Writes a `.lfv` in one pass, without seeking. An empty history is left out.
-///
-/// # Errors
-/// The errors of `out`, a value that is not finite, and a header above 1 MiB.
-///
-/// # Panics
-/// If the grid is invalid, indices do not rise or lie outside the grid, or a column has the wrong length, no name, or
-/// the name of another.
+/// Writes a `.lfv` in one pass, without seeking. An empty history is left out. Refuses values that are not finite, and
+/// a header above 1 MiB. Panics if the grid is invalid, indices do not rise or lie outside the grid, or a column has
+/// the wrong length, no name, or the name of another.
 pub fn write(
     out: &mut dyn Write,
     grid: &Grid,
@@ -27,13 +22,7 @@ pub fn write(
 }
 
 /// Writes as [`write()`] does, with further header keys, such as the [`extra`](super::Volume::extra) keys of another
-/// file.
-///
-/// # Errors
-/// The errors of [`write()`].
-///
-/// # Panics
-/// As [`write()`], and if a key belongs to the format itself.
+/// file. Panics also if a key belongs to the format itself.
 pub fn write_with(
     out: &mut dyn Write,
     grid: &Grid,
