@@ -38,6 +38,15 @@ impl Refusal {
         Self { found: found.into(), wanted: wanted.into() }
     }
 
+    /// Refuses if the condition does not hold. `found` is worded only then.
+    pub fn unless<F: Into<String>>(
+        holds: bool,
+        found: impl FnOnce() -> F,
+        wanted: impl Into<String>,
+    ) -> std::result::Result<(), Self> {
+        if holds { Ok(()) } else { Err(Self::new(found(), wanted)) }
+    }
+
     /// The refusal as an error about a file, an option or a stream.
     pub fn about(self, subject: impl Into<String>) -> Error {
         Error::new(subject, self.found, self.wanted)

@@ -16,8 +16,8 @@ pub struct Grid {
     pub origin_mm: [f64; 3],
 }
 
-/// Two grids are the same if their spacings differ by less than this fraction of the spacing, and their origins by less
-/// than this fraction of the extent: far above rounding, far below a shift that matters.
+/// Grids agree if spacings differ by less than this fraction of the spacing, and origins by less than this fraction of
+/// the extent: far above rounding, far below a shift that matters.
 const TOLERANCE: f64 = 1e-9;
 
 impl fmt::Display for Grid {
@@ -34,7 +34,7 @@ fn short(length_mm: f64) -> f64 {
 }
 
 impl Grid {
-    /// Whether the two grids are equal within rounding.
+    /// Whether two grids are equal within rounding.
     pub fn agrees_with(&self, other: &Self) -> bool {
         self.shape == other.shape
             && (0..3).all(|axis| {
@@ -63,24 +63,19 @@ impl Grid {
             origin_mm[axis] = 0.5 * (low + high) - 0.5 * (count - 1.0) * spacing_mm[axis];
         }
         let grid = Self { shape, spacing_mm, origin_mm };
-        grid.check()?;
-        Ok(grid)
+        grid.check().map(|()| grid)
     }
 
     /// Checks that the grid has at most 2^62 voxels and a place in space.
     pub fn check(&self) -> Result<(), Refusal> {
-        let wrong = |found: String, wanted: &str| Err(Refusal::new(format!("grid {found}"), wanted));
-        let count = self.shape.iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64));
-        if !count.is_some_and(|count| (1..=1 << 62).contains(&count)) {
-            return wrong(format!("shape {:?}", self.shape), "wanted 1 to 2^62 voxels");
-        }
-        if !self.spacing_mm.iter().all(|spacing| spacing.is_finite() && *spacing > 0.0) {
-            return wrong(format!("spacing_mm {:?}", self.spacing_mm), "wanted positive lengths");
-        }
-        if !self.origin_mm.iter().all(|origin| origin.is_finite()) {
-            return wrong(format!("origin_mm {:?}", self.origin_mm), "wanted finite lengths");
-        }
-        Ok(())
+        let Self { shape, spacing_mm, origin_mm } = self;
+        let count = shape.iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64));
+        let is_countable = count.is_some_and(|count| (1..=1 << 62).contains(&count));
+        Refusal::unless(is_countable, || format!("grid shape {shape:?}"), "wanted 1 to 2^62 voxels")?;
+        let positive = spacing_mm.iter().all(|spacing| spacing.is_finite() && *spacing > 0.0);
+        Refusal::unless(positive, || format!("grid spacing_mm {spacing_mm:?}"), "wanted positive lengths")?;
+        let finite = origin_mm.iter().all(|origin| origin.is_finite());
+        Refusal::unless(finite, || format!("grid origin_mm {origin_mm:?}"), "wanted finite lengths")
     }
 
     /// Number of voxels.

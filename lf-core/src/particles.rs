@@ -24,7 +24,7 @@ pub struct Particle {
     pub id: u64,
     /// Centre, mm.
     pub place_mm: [f64; 3],
-    /// Light that it sends through the aperture, counts; not negative.
+    /// Light that it sends through the aperture, counts.
     pub intensity: f64,
 }
 
@@ -42,9 +42,7 @@ pub fn read(text: &str) -> Result<Vec<Particle>, Refusal> {
         let [frame, id, x, y, z, intensity] = fields[..] else { return Err(wrong()) };
         let number = |text: &str| text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong);
         let intensity = number(intensity)?;
-        if intensity < 0.0 {
-            return Err(Refusal::new(found("has a negative intensity"), "wanted 0 or more"));
-        }
+        Refusal::unless(intensity >= 0.0, || found("has a negative intensity"), "wanted 0 or more")?;
         particles.push(Particle {
             frame: frame.parse().map_err(|_| wrong())?,
             id: id.parse().map_err(|_| wrong())?,

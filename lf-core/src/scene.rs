@@ -58,19 +58,17 @@ pub struct LitVolume {
 }
 
 impl LitVolume {
-    /// The bounds along x, y, z, mm.
+    /// Bounds along x, y, z, mm.
     pub fn bounds_mm(&self) -> [[f64; 2]; 3] {
         [self.x_mm, self.y_mm, self.z_mm]
     }
 
     /// Checks that every pair is finite and rises.
     pub fn check(&self) -> std::result::Result<(), Refusal> {
-        for (name, [low, high]) in ["x_mm", "y_mm", "z_mm"].iter().zip(self.bounds_mm()) {
-            if !(low.is_finite() && high.is_finite() && low < high) {
-                return Err(Refusal::new(format!("volume.{name} [{low}, {high}] does not rise"), "wanted [low, high]"));
-            }
-        }
-        Ok(())
+        ["x_mm", "y_mm", "z_mm"].iter().zip(self.bounds_mm()).try_for_each(|(name, [low, high])| {
+            let rises = low.is_finite() && high.is_finite() && low < high;
+            Refusal::unless(rises, || format!("volume.{name} [{low}, {high}] does not rise"), "wanted [low, high]")
+        })
     }
 }
 
@@ -78,9 +76,9 @@ impl LitVolume {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Frames {
-    /// This many frames, at 0, 1, 2 ...
+    /// Number of frames, at 0, 1, 2 ...
     Count(usize),
-    /// Frames at these rising times.
+    /// Rising times.
     Times(Vec<f64>),
 }
 
@@ -105,23 +103,15 @@ impl Frames {
         times.get(1).map_or(1.0, |second| second - times[0])
     }
 
-    /// Checks the number of frames and their order. Refuses less than 1 or more than 10000 frames, and times that do
-    /// not rise or are beyond 1e6.
+    /// Checks that there are 1 to 10000 frames, at rising times within 1e6.
     pub fn check(&self) -> std::result::Result<(), Refusal> {
-        let (count, rise) = match self {
-            Self::Count(count) => (*count, true),
-            Self::Times(times) => {
-                (times.len(), times.iter().all(|t| t.abs() < 1e6) && times.windows(2).all(|pair| pair[0] < pair[1]))
-            }
+        let (count, times) = match self {
+            Self::Count(count) => (*count, &[][..]),
+            Self::Times(times) => (times.len(), times.as_slice()),
         };
-        if !(1..=10_000).contains(&count) {
-            return Err(Refusal::new(format!("frames asks for {count}"), "wanted 1 to 10000"));
-        }
-        if rise {
-            Ok(())
-        } else {
-            Err(Refusal::new("frames has times that do not rise or are beyond 1e6", "wanted rising times"))
-        }
+        Refusal::unless((1..=10_000).contains(&count), || format!("frames asks for {count}"), "wanted 1 to 10000")?;
+        let rise = times.iter().all(|time| time.abs() < 1e6) && times.is_sorted_by(|a, b| a < b);
+        Refusal::unless(rise, || "frames has times that do not rise or are beyond 1e6", "wanted rising times")
     }
 }
 

@@ -1,28 +1,29 @@
 //! Order statistics: medians, quantiles and robust spreads. NaN sorts after every number.
 
+use std::cmp::Ordering;
+
 /// Standard deviation of a normal distribution over its median absolute deviation: 1 / Phi^-1(3/4).
 pub const NORMAL_PER_MAD: f64 = 1.482_602_218_505_602;
 
-/// Floats with a total order.
+/// Floats with the total order of `total_cmp`.
 pub trait Ordered: Copy {
-    /// Compares as `total_cmp` does.
-    fn order(&self, other: &Self) -> std::cmp::Ordering;
+    /// `total_cmp`.
+    fn order(&self, other: &Self) -> Ordering;
 }
 
 impl Ordered for f32 {
-    fn order(&self, other: &Self) -> std::cmp::Ordering {
+    fn order(&self, other: &Self) -> Ordering {
         self.total_cmp(other)
     }
 }
 
 impl Ordered for f64 {
-    fn order(&self, other: &Self) -> std::cmp::Ordering {
+    fn order(&self, other: &Self) -> Ordering {
         self.total_cmp(other)
     }
 }
 
-/// The value at position `rank` of the sorted values, counted from 0; None if there are too few. Linear time; reorders
-/// `values`.
+/// The value at position `rank`, from 0, of the sorted values; None if there are too few. Linear time; reorders `values`.
 pub fn ranked<T: Ordered>(values: &mut [T], rank: usize) -> Option<T> {
     (rank < values.len()).then(|| *values.select_nth_unstable_by(rank, T::order).1)
 }
@@ -33,8 +34,7 @@ pub fn upper_median<T: Ordered>(values: &mut [T]) -> Option<T> {
     ranked(values, values.len() / 2)
 }
 
-/// The median: for an even count, the mean of the two in the middle. NaN without values. Linear time; reorders
-/// `values`.
+/// The median: for an even count, the mean of the two in the middle. NaN without values. Linear time; reorders `values`.
 pub fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::NAN;
