@@ -1,7 +1,9 @@
 use super::*;
 use crate::score::{Levels, Scorer, Scoring, Sections};
-use lf_core::{Camera, Grid, Refusal, Tile};
-use ndarray::{Array2, ArrayView2};
+use glam::DVec2;
+use lf_core::camera::{Distortion, Tilt};
+use lf_core::{Camera, Grid, Optics, Refusal, Tile, lattice::Centres};
+use ndarray::{Array2, ArrayView2, s};
 
 fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
     let text = format!(
@@ -15,6 +17,9 @@ fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
 
 const PLAIN: Options =
     Options { score: Score::Geometric, threshold: 0.05, dark: DARK, keep_all: false, sections: None };
+
+/// Moves the corners by about 3 px.
+const DISTORTION: Distortion = Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] };
 
 /// All kinds of score, each with a threshold that keeps some voxels, and another number of sections.
 const RULES: [Options; 5] = [
@@ -48,30 +53,40 @@ fn speckle() -> Array2<f32> {
     })
 }
 
+/// The voxels kept of slices of grids, scored in a fast way and ray by ray.
+fn twice(
+    fast: Scoring,
+    image: &Array2<f32>,
+    camera: &Camera,
+    options: &Options,
+    grids: &[Grid],
+    slices: &[usize],
+) -> Vec<[Vec<(u32, f32)>; 2]> {
+    let levels = Levels::new(image.view(), 1.0, options);
+    let sections = Sections::new(camera, options.sections).unwrap();
+    let ways = [fast, Scoring::Rays].map(|scoring| Scorer::new(scoring, &levels, &sections, camera));
+    let slice = |grid: &Grid, z: usize| ways.each_ref().map(|way| way.slice(grid, z, &whole(grid)));
+    grids.iter().flat_map(|grid| slices.iter().map(|z| slice(grid, *z)).collect::<Vec<_>>()).collect()
+}
+
+/// A fast way keeps what single rays keep, with the same scores: some voxels, but not all.
+fn assert_same(fast: Scoring, camera: &Camera, options: &Options, grids: &[Grid], slices: &[usize]) {
+    let kept = twice(fast, &speckle(), camera, options, grids, slices);
+    let wrong = kept.iter().position(|[fast, slow]| fast != slow);
+    assert!(wrong.is_none(), "slice {wrong:?} of {grids:?}, {options:?}, {camera:?}");
+    let kept: usize = kept.iter().map(|[fast, _]| fast.len()).sum();
+    let all = slices.len() * grids.iter().map(|grid| grid.shape[0] * grid.shape[1]).sum::<usize>();
+    assert!(kept > 0 && kept < all, "{kept} of {all}");
+}
+
 /// Updated sums and single rays are the same rule in whole numbers, so voxels and scores agree, also at the edge of
 /// sight.
 #[test]
 fn updated_sums_are_the_rays_one_by_one() {
-    let image = speckle();
     let wide = Grid::in_bounds([[-0.9, 0.9], [-0.8, 0.8], [-4.0, 4.0]], [0.011, 0.023, 0.4]).unwrap();
-    for aperture in ["square", "circle"] {
-        let camera = camera(aperture, "square", 0.0);
-        for options in RULES {
-            let levels = Levels::new(image.view(), 1.0, &options);
-            let sections = Sections::new(&camera, options.sections).unwrap();
-            let aligned = Scorer::new(Scoring::Aligned, &levels, &sections, &camera);
-            let rays = Scorer::new(Scoring::Rays, &levels, &sections, &camera);
-            let (mut kept, mut all) = (0, 0);
-            for grid in [grid(), wide.clone()] {
-                for z in [0, 7, 10, 19] {
-                    let fast = aligned.slice(&grid, z, &whole(&grid));
-                    assert!(fast == rays.slice(&grid, z, &whole(&grid)), "{aperture} {options:?} {z}");
-                    all += grid.shape[0] * grid.shape[1];
-                    kept += fast.len();
-                }
-            }
-            assert!(kept > 0 && kept < all, "{kept} of {all}");
-        }
+    let grids = [grid(), wide];
+    for camera in ["square", "circle"].map(|aperture| camera(aperture, "square", 0.0)) {
+        RULES.iter().for_each(|rule| assert_same(Scoring::Aligned, &camera, rule, &grids, &[0, 7, 10, 19]));
     }
 }
 
@@ -97,28 +112,13 @@ fn scores_by_hand() {
 /// One voxel lights the pixels that separate rays find: it is kept, with few others.
 #[test]
 fn the_voxel_that_lit_the_image_is_kept() {
-    use glam::DVec2;
+    let (grid, voxel) = (grid(), [20, 31, 16]);
+    let place = [0, 1, 2].map(|axis| grid.centre_mm(axis, voxel[axis]));
     for (aperture, layout, rotation) in
         [("circle", "square", 0.0), ("circle", "hexagonal", 0.003), ("square", "square", 0.01)]
     {
         let camera = camera(aperture, layout, rotation);
-        let optics = lf_core::optics::Optics::new(&camera);
-        let grid = grid();
-        let voxel = [20, 31, 16];
-        let point = DVec2::new(grid.centre_mm(0, voxel[0]), grid.centre_mm(1, voxel[1]));
-        let mut image = Array2::zeros((252, 280));
-        for n in 0..200 {
-            for m in 0..200 {
-                let u = (DVec2::new(n as f64, m as f64) + 0.5) / 100.0 - 1.0;
-                let u = u * optics.half_aperture_mm;
-                if optics.passes(u)
-                    && let Some((x, y)) =
-                        optics.pixel_at(optics.sensor_from_object(point, grid.centre_mm(2, voxel[2]), u))
-                {
-                    image[[y, x]] += 1.0;
-                }
-            }
-        }
+        let image = lit(&camera, &[place], &[200]);
         for score in [Score::Geometric, Score::Share(0.0)] {
             let options = Options { score, threshold: 1e-3, ..PLAIN };
             let support = prune(image.view(), &camera, &grid, &options).unwrap();
@@ -143,7 +143,7 @@ fn the_threshold_follows_the_light_and_the_noise() {
     let block = |scale: f32| {
         let mut image =
             Array2::from_shape_fn((252, 280), |(y, x)| scale * (3.0 + if (x + y) % 2 == 0 { 3.0 } else { -3.0 }));
-        image.slice_mut(ndarray::s![40..140, 60..160]).fill(100.0 * scale);
+        image.slice_mut(s![40..140, 60..160]).fill(100.0 * scale);
         image[[90, 90]] = 200.0 * scale;
         image
     };
@@ -167,7 +167,6 @@ fn places_are_lost_with_their_voxel() {
 /// for voxels on the edges of cells, and for voxels larger than cells.
 #[test]
 fn sums_along_lines_are_the_rays_one_by_one() {
-    let image = speckle();
     let grids = [
         Grid::in_bounds([[-0.9, 0.9], [-0.9, 0.8], [-4.0, 4.0]], [0.011, 0.027, 0.4]).unwrap(),
         Grid::in_bounds([[-0.34, 0.2], [-0.25, 0.25], [-2.0, 2.0]], [0.0055, 0.0385, 0.2]).unwrap(),
@@ -179,25 +178,8 @@ fn sums_along_lines_are_the_rays_one_by_one() {
     let square = [0.003, 0.02, 0.3, -1.0, 1.5 * third, 3.0 * third].map(|turn| ("square", turn));
     let hexagonal = [0.0, 0.003, -0.3, 0.5 * third, third].map(|turn| ("hexagonal", turn));
     for (layout, turn) in square.into_iter().chain(hexagonal) {
-        for aperture in ["square", "circle"] {
-            let camera = camera(aperture, layout, turn);
-            for options in RULES {
-                let levels = Levels::new(image.view(), 1.0, &options);
-                let sections = Sections::new(&camera, options.sections).unwrap();
-                let lines = Scorer::new(Scoring::Lines, &levels, &sections, &camera);
-                let rays = Scorer::new(Scoring::Rays, &levels, &sections, &camera);
-                let (mut kept, mut all) = (0, 0);
-                for grid in &grids {
-                    for z in [0, 7, 10] {
-                        let fast = lines.slice(grid, z, &whole(grid));
-                        let slow = rays.slice(grid, z, &whole(grid));
-                        assert!(fast == slow, "{layout} {turn} {aperture} {options:?} {grid} {z}");
-                        all += grid.shape[0] * grid.shape[1];
-                        kept += fast.len();
-                    }
-                }
-                assert!(kept > 0 && kept < all, "{kept} of {all}");
-            }
+        for camera in ["square", "circle"].map(|aperture| camera(aperture, layout, turn)) {
+            RULES.iter().for_each(|rule| assert_same(Scoring::Lines, &camera, rule, &grids, &[0, 7, 10]));
         }
     }
 }
@@ -211,15 +193,9 @@ fn lines_may_leave_the_rows_of_lenslets() {
         let mut camera = camera("square", layout, turn);
         (camera.sensor.width, camera.sensor.height) = (1820, 56);
         let options = Options { keep_all: true, ..PLAIN };
-        let levels = Levels::new(image.view(), 1.0, &options);
-        let sections = Sections::new(&camera, None).unwrap();
-        let lines = Scorer::new(Scoring::Lines, &levels, &sections, &camera);
-        let rays = Scorer::new(Scoring::Rays, &levels, &sections, &camera);
         let grid = Grid::in_bounds([[-5.2, 5.2], [-0.3, 0.3], [-1.0, 1.0]], [0.03, 0.007, 0.5]).unwrap();
-        for z in 0..4 {
-            let fast = lines.slice(&grid, z, &whole(&grid));
-            assert!(fast == rays.slice(&grid, z, &whole(&grid)), "{layout} {turn} {z}");
-            assert!(!fast.is_empty());
+        for [fast, slow] in twice(Scoring::Lines, &image, &camera, &options, &[grid], &[0, 1, 2, 3]) {
+            assert!(fast == slow && !fast.is_empty(), "{layout} {turn}");
         }
     }
 }
@@ -230,9 +206,9 @@ fn blind_pixels_speak_against_no_voxel() {
     let (camera, grid) = (camera("circle", "hexagonal", 0.003), grid());
     let even = Array2::from_elem((252, 280), 1f32);
     let mut dead = even.clone();
-    dead.slice_mut(ndarray::s![120..134, ..]).fill(0.0);
+    dead.slice_mut(s![120..134, ..]).fill(0.0);
     let mut blind = even.clone();
-    blind.slice_mut(ndarray::s![120..134, ..]).fill(f32::NAN);
+    blind.slice_mut(s![120..134, ..]).fill(f32::NAN);
     for options in &RULES[..3] {
         let count = |image: &Array2<f32>| prune(image.view(), &camera, &grid, options).unwrap().indices.len();
         assert!(count(&dead) < count(&even), "{options:?}");
@@ -243,62 +219,47 @@ fn blind_pixels_speak_against_no_voxel() {
 /// Tile by tile some rays pass another lenslet, so nearly the same voxels are kept.
 #[test]
 fn tiles_follow_distortion_and_departures() {
-    use lf_core::camera::Distortion;
-    use lf_core::lattice::Centres;
-    let image = speckle();
-    let grid = Grid::in_bounds([[-0.6, 0.6], [-0.5, 0.5], [-4.0, 4.0]], [0.0055, 0.0055, 0.4]).unwrap();
+    let grid = [Grid::in_bounds([[-0.6, 0.6], [-0.5, 0.5], [-4.0, 4.0]], [0.0055, 0.0055, 0.4]).unwrap()];
     for (layout, turn) in [("square", 0.003), ("hexagonal", -0.02)] {
         let mut camera = camera("circle", layout, turn);
-        // Each moves the corners by about 3 px.
-        camera.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] });
+        camera.distortion = Some(DISTORTION);
+        // Moves the corners by about 3 px, too.
         camera.centres = Some(Centres {
             radius_mm: 1.0,
             x_mm: vec![0.003, -0.002, 0.008, 0.002, -0.006],
             y_mm: vec![-0.002, 0.003, 0.004, -0.003, 0.007],
         });
         camera.check().unwrap();
-        let options = Options { threshold: 0.37, ..PLAIN };
-        let levels = Levels::new(image.view(), 1.0, &options);
-        let sections = Sections::new(&camera, None).unwrap();
-        let tiles = Scorer::new(Scoring::Tiles, &levels, &sections, &camera);
-        let rays = Scorer::new(Scoring::Rays, &levels, &sections, &camera);
-        for z in [0, 7, 10, 19] {
-            let fast = tiles.slice(&grid, z, &whole(&grid));
-            let slow = rays.slice(&grid, z, &whole(&grid));
+        for [fast, slow] in twice(Scoring::Tiles, &speckle(), &camera, &RULES[0], &grid, &[0, 7, 10, 19]) {
             let scores: std::collections::BTreeMap<u32, f32> = slow.iter().copied().collect();
             let both = fast.iter().filter(|(place, _)| scores.contains_key(place)).count() as f64;
             let all = fast.len().max(slow.len()) as f64;
             assert!(fast.is_sorted_by_key(|(place, _)| *place));
-            assert!(both > 0.9 * all, "{layout} {z}: {both} of {} and {}", fast.len(), slow.len());
+            assert!(both > 0.9 * all, "{layout}: {both} of {} and {}", fast.len(), slow.len());
         }
     }
 }
 
 /// A camera for each way to score: aligned, along lines, tile by tile, ray by ray.
 fn cameras() -> [Camera; 4] {
-    use lf_core::camera::{Distortion, Tilt};
     let mut tiles = camera("circle", "square", 0.003);
-    tiles.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] });
+    tiles.distortion = Some(DISTORTION);
     let mut rays = camera("circle", "hexagonal", 0.003);
     rays.tilt = Some(Tilt { x_rad: 0.002, y_rad: -0.001 });
     [camera("circle", "square", 0.0), camera("circle", "hexagonal", 0.003), tiles, rays]
 }
 
-/// The image of points by n x n rays, for several n. Every section of the stop has rays among them.
-fn lit(camera: &Camera, points_mm: &[[f64; 3]]) -> Array2<f32> {
-    let optics = lf_core::optics::Optics::new(camera);
+/// The image of points by n x n rays, for several n.
+fn lit(camera: &Camera, points_mm: &[[f64; 3]], counts: &[usize]) -> Array2<f32> {
+    let optics = Optics::new(camera);
     let mut image = Array2::zeros((252, 280));
-    for [x, y, z] in points_mm {
-        for n in [2, 5, 14, 28, 200] {
-            for ray in 0..n * n {
-                let u = glam::DVec2::new((2 * (ray % n) + 1) as f64, (2 * (ray / n) + 1) as f64) / n as f64 - 1.0;
-                let u = u * optics.half_aperture_mm;
-                let place = optics.sensor_from_object(glam::DVec2::new(*x, *y), *z, u);
-                if optics.passes(u)
-                    && let Some((column, row)) = optics.pixel_at(place)
-                {
-                    image[[row, column]] += 1.0;
-                }
+    for ([x, y, z], n) in points_mm.iter().flat_map(|point| counts.iter().map(move |n| (point, *n))) {
+        for ray in 0..n * n {
+            let u = DVec2::new((2 * (ray % n) + 1) as f64, (2 * (ray / n) + 1) as f64) / n as f64 - 1.0;
+            let u = u * optics.half_aperture_mm();
+            let place = optics.sensor_from_object(DVec2::new(*x, *y), *z, u);
+            if let Some((column, row)) = optics.pixel_at(place).filter(|_| optics.passes(u)) {
+                image[[row, column]] += 1.0;
             }
         }
     }
@@ -310,10 +271,7 @@ fn lit(camera: &Camera, points_mm: &[[f64; 3]]) -> Array2<f32> {
 fn sections_of_the_paper_may_be_typed_out() {
     let (image, grid) = (speckle(), Grid { shape: [20, 20, 3], ..grid() });
     for camera in cameras() {
-        let kept = |sections| {
-            let options = Options { threshold: 0.37, sections, ..PLAIN };
-            prune(image.view(), &camera, &grid, &options)
-        };
+        let kept = |sections| prune(image.view(), &camera, &grid, &Options { sections, ..RULES[0] });
         assert_eq!(kept(None).unwrap(), kept(Some(14)).unwrap());
         assert!(kept(None).unwrap() != kept(Some(13)).unwrap());
         assert!([0, 1, 65].iter().all(|sections| kept(Some(*sections)).is_err()));
@@ -328,17 +286,16 @@ fn fewer_sections_lose_no_light() {
     let voxels = [[20, 31, 16], [33, 12, 3], [9, 20, 10], [40, 40, 19]];
     let places = voxels.map(|voxel| [0, 1, 2].map(|axis| grid.centre_mm(axis, voxel[axis])));
     for (route, camera) in cameras().into_iter().enumerate() {
-        let image = lit(&camera, &places);
+        // Every section of the stop has rays among these.
+        let image = lit(&camera, &places, &[2, 5, 14, 28, 200]);
         for score in [Score::Geometric, Score::Share(0.0)] {
             let [two, five, paper, many] = [Some(2), Some(5), None, Some(28)].map(|sections| {
                 let options = Options { score, threshold: 1e-3, sections, ..PLAIN };
                 prune(image.view(), &camera, &grid, &options).unwrap().indices
             });
             for kept in [&two, &five, &paper, &many] {
-                assert!(
-                    voxels.iter().all(|voxel| kept.binary_search(&grid.index(*voxel)).is_ok()),
-                    "{route} {score:?}"
-                );
+                let is_kept = |voxel: &[usize; 3]| kept.binary_search(&grid.index(*voxel)).is_ok();
+                assert!(voxels.iter().all(is_kept), "{route} {score:?}");
             }
             assert!(two.len() >= paper.len(), "{route} {score:?}: {} {}", two.len(), paper.len());
             let among = paper.iter().filter(|index| two.binary_search(index).is_ok()).count();
@@ -347,22 +304,19 @@ fn fewer_sections_lose_no_light() {
     }
 }
 
+/// Voxels and the bits of their scores.
+fn scored(support: &Support) -> Vec<(u64, u32)> {
+    support.indices.iter().zip(&support.scores).map(|(index, score)| (*index, score.to_bits())).collect()
+}
+
 /// The cores of all tiles are the whole support, to the bit, for every way to score. A tile holds more than its core.
 #[test]
 fn cores_of_tiles_are_the_whole() {
-    use lf_core::camera::Distortion;
     let image = speckle();
     let wide = Grid::in_bounds([[-0.9, 0.9], [-0.8, 0.8], [-2.0, 2.0]], [0.011, 0.023, 0.4]).unwrap();
-    let mut distorted = camera("circle", "square", 0.002);
-    distorted.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] });
-    let cameras = [
-        camera("circle", "square", 0.0),
-        camera("circle", "square", 0.003),
-        camera("square", "hexagonal", 0.0),
-        distorted,
-    ];
-    for camera in cameras {
-        let options = Options { threshold: 0.37, ..PLAIN };
+    let [aligned, hexagonal, distorted, _] = cameras();
+    let options = Options { threshold: 0.37, ..PLAIN };
+    for camera in [aligned, hexagonal, camera("square", "square", 0.003), distorted] {
         let whole = prune(image.view(), &camera, &wide, &options).unwrap();
         assert!(whole.indices.len() > 1000);
         for of in [1, 2, 3, 4, 6] {
@@ -371,16 +325,13 @@ fn cores_of_tiles_are_the_whole() {
                 let tile = Tile::new(&camera, &wide, index, of, 0.05).unwrap();
                 let regions = tile.held(&camera, &wide);
                 let part = Plan::new(&camera, &wide, &regions, &options).unwrap().prune(image.view(), |_| ());
-                let scored = part.indices.iter().zip(&part.scores);
-                let held = scored.clone().filter(|(index, _)| !tile.owns(wide.voxel(**index))).count();
-                assert!((held > 0) == (of > 1), "{held} beside the core of {index} of {of}");
-                joined
-                    .extend(scored.filter(|(index, _)| tile.owns(wide.voxel(**index))).map(|(i, s)| (*i, s.to_bits())));
+                let (own, held): (Vec<_>, Vec<_>) =
+                    scored(&part).into_iter().partition(|(index, _)| tile.owns(wide.voxel(*index)));
+                assert!(held.is_empty() == (of == 1), "{} beside the core of {index} of {of}", held.len());
+                joined.extend(own);
             }
             joined.sort_unstable();
-            let wanted: Vec<(u64, u32)> =
-                whole.indices.iter().zip(&whole.scores).map(|(index, score)| (*index, score.to_bits())).collect();
-            assert!(joined == wanted, "{of} tiles, {camera:?}");
+            assert!(joined == scored(&whole), "{of} tiles, {camera:?}");
         }
     }
 }
