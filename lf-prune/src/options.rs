@@ -7,7 +7,7 @@ use std::ops::Range;
 pub enum Score {
     /// Geometric mean of the pixels over the brightest pixel. Forgives a few dark pixels among many.
     Geometric,
-    /// Share of the pixels that reach the threshold. A voxel is kept if all but this share do: with 0 the darkest pixel
+    /// Share of the pixels that reach the threshold. A voxel is kept if all but this share do. With 0 the darkest pixel
     /// decides; a larger share is a low quantile, which a few dead or noisy pixels cannot change.
     Share(f64),
 }

@@ -27,14 +27,8 @@ pub struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     /// Plans the pruning of a region in each slice of `grid`. Scores and indices do not depend on the regions, to the
-    /// bit.
-    ///
-    /// # Errors
-    /// If the grid is too deep, if a slice has 2^32 voxels or more, or if the sections are outside
-    /// [`lf_core::weights::SECTIONS`].
-    ///
-    /// # Panics
-    /// If there is not one region for each slice, or if a region reaches out of the grid.
+    /// bit. Refuses a grid that is too deep, a slice of 2^32 voxels or more, and sections outside
+    /// [`lf_core::weights::SECTIONS`]. Panics unless each slice has one region, within the grid.
     pub fn new(
         camera: &'a Camera,
         grid: &'a Grid,
@@ -45,8 +39,7 @@ impl<'a> Plan<'a> {
         let sections = Sections::new(camera, options.sections)?;
         let [nx, ny, nz] = grid.shape;
         if nx as u64 * ny as u64 >= 1 << 32 {
-            let found = format!("a slice of {nx} x {ny} voxels");
-            return Err(Refusal::new(found, "wanted less than 2^32 voxels a slice"));
+            return Err(Refusal::new(format!("a slice of {nx} x {ny} voxels"), "wanted less than 2^32 voxels a slice"));
         }
         assert_eq!(regions.len(), nz, "a region for each slice");
         assert!(regions.iter().all(|[x, y]| x.end <= nx && y.end <= ny), "regions of the grid");
@@ -54,7 +47,7 @@ impl<'a> Plan<'a> {
         Ok(Self { camera, grid, regions, options, sections, scoring, reason })
     }
 
-    /// How voxels are scored and why, in words.
+    /// How voxels are scored and why.
     pub fn about(&self) -> String {
         format!("{}: {}", self.scoring.about(), self.reason)
     }
@@ -65,9 +58,6 @@ impl<'a> Plan<'a> {
     }
 
     /// The number of voxels that [`Plan::prune`] will keep: an estimate from a few slices, which are pruned.
-    ///
-    /// # Errors
-    /// See [`Plan::new`].
     pub fn foretold_kept(&self, image: ArrayView2<f32>) -> Result<f64, Refusal> {
         // The same depth in fewer slices.
         let nz = self.grid.shape[2];
@@ -115,11 +105,8 @@ impl<'a> Plan<'a> {
         let [nx, ny, nz] = self.grid.shape;
         let slices: Vec<Vec<(u32, f32)>> = (0..nz)
             .into_par_iter()
-            .map(|z| {
-                let kept = scorer.slice(self.grid, z, &self.regions[z]);
-                done(1);
-                kept
-            })
+            .map(|z| scorer.slice(self.grid, z, &self.regions[z]))
+            .inspect(|_| done(1))
             .collect();
         let count = slices.iter().map(Vec::len).sum();
         let mut support = Support { indices: Vec::with_capacity(count), scores: Vec::with_capacity(count) };

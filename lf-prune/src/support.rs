@@ -1,8 +1,6 @@
-//! The voxels that pruning keeps.
-
 use lf_core::Grid;
 
-/// The voxels kept.
+/// The voxels that pruning keeps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Support {
     /// Rising linear indices.
@@ -12,7 +10,7 @@ pub struct Support {
 }
 
 impl Support {
-    /// (inside, lost): how many of these places lie in a voxel of `grid`, and in how many cases that voxel is not kept.
+    /// (inside, lost): how many of these places lie in `grid`, and how many of them in voxels that are not kept.
     pub fn lost(&self, grid: &Grid, places_mm: &[[f64; 3]]) -> (usize, usize) {
         let (mut inside, mut lost) = (0, 0);
         for place in places_mm {

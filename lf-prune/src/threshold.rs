@@ -1,5 +1,3 @@
-//! A threshold found from the image.
-
 use lf_core::image::noise;
 use ndarray::ArrayView2;
 

@@ -1,6 +1,6 @@
 //! The options of lf-prune, their defaults and their checks.
 
-use super::{preset, score_name::ScoreName};
+use super::preset::{self, ScoreName};
 use clap::Parser;
 use lf_core::cli::{Common, Preset, numbers};
 use lf_core::{Camera, Error, Grid, Result, Volume, io, weights::SECTIONS};
@@ -94,13 +94,11 @@ const PVR: [f64; 3] = [1.0, 1.0, 10.0];
 /// Least `--dark`; the logarithms of darker pixels do not add up in whole numbers.
 const LEAST_DARK: f64 = 1e-12;
 
-/// Parses I/N.
 fn tile_number(text: &str) -> std::result::Result<[usize; 2], String> {
     let numbers = text.split_once('/').and_then(|(index, of)| Some([index.parse().ok()?, of.parse().ok()?]));
     numbers.ok_or_else(|| "wanted the tile and the number of tiles, like 1/4".into())
 }
 
-/// Refuses a number that is no share.
 fn check_share(option: &str, value: f64) -> Result<()> {
     if (0.0..=1.0).contains(&value) {
         return Ok(());
@@ -108,7 +106,6 @@ fn check_share(option: &str, value: f64) -> Result<()> {
     Err(Error::new(option, format!("{value}"), "wanted a share, 0 to 1"))
 }
 
-/// Refuses pairs of numbers that fall.
 fn check_rising(option: &str, typed: &[f64]) -> Result<()> {
     if typed.chunks(2).all(|side| side[0] < side[1]) {
         return Ok(());
@@ -118,7 +115,6 @@ fn check_rising(option: &str, typed: &[f64]) -> Result<()> {
 }
 
 impl Arguments {
-    /// Refuses numbers outside their ranges.
     pub fn check(&self) -> Result<()> {
         self.depth.map_or(Ok(()), |depth| check_rising("--depth", &depth))?;
         self.bounds.map_or(Ok(()), |bounds| check_rising("--bounds", &bounds))?;
@@ -144,7 +140,7 @@ impl Arguments {
         }
     }
 
-    /// The threshold typed; None for auto.
+    /// None for auto.
     pub fn typed_threshold(&self) -> Option<f64> {
         self.threshold.parse().ok()
     }
@@ -155,13 +151,11 @@ impl Arguments {
         preset::values(preset).typed().into_iter().zip(holds)
     }
 
-    /// Pixels per voxel: as typed, or by the preset.
     fn pvr(&self) -> [f64; 3] {
         let preset = self.preset.map(|preset| preset::values(preset).pvr);
         self.pvr.or(preset).unwrap_or(PVR)
     }
 
-    /// The score's name: as typed, or by the preset.
     fn score(&self) -> ScoreName {
         let preset = self.preset.map(|preset| preset::values(preset).score);
         self.score.or(preset).unwrap_or(ScoreName::Geometric)
@@ -177,10 +171,7 @@ impl Arguments {
         }
     }
 
-    /// The grid asked for.
-    ///
-    /// # Errors
-    /// If it has no voxel, or if the volume of `--like` cannot be read.
+    /// The grid asked for, or that of `--like`.
     pub fn grid(&self, camera: &Camera) -> Result<Grid> {
         let Some(depth) = self.depth else {
             let like = self.like.as_deref().expect("clap wants one of them");
@@ -197,7 +188,7 @@ impl Arguments {
         self.like.as_deref().map_or_else(|| "--depth, --pvr, --bounds".to_string(), io::name)
     }
 
-    /// The options of pruning, with the threshold typed or found.
+    /// The options of pruning, with the threshold as typed or found.
     pub fn options(&self, threshold: f64) -> Options {
         Options {
             score: match self.score() {
@@ -225,11 +216,7 @@ mod tests {
         };
         assert!(["2", "14", "64"].iter().all(|typed| checked(typed).is_ok()));
         for typed in ["0", "1", "65"] {
-            assert_eq!(
-                checked(typed).unwrap_err().to_string(),
-                format!("--sections: {typed}; wanted 2 to 64"),
-                "{typed}"
-            );
+            assert_eq!(checked(typed).unwrap_err().to_string(), format!("--sections: {typed}; wanted 2 to 64"));
         }
     }
 }

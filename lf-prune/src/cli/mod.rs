@@ -4,6 +4,5 @@
 mod arguments;
 mod preset;
 mod run;
-mod score_name;
 
 pub use run::main;

@@ -9,7 +9,6 @@ use ndarray::ArrayView2;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// The whole program.
 pub fn main() -> ExitCode {
     cli::run("lf-prune", |arguments: &Arguments| &arguments.common, run)
 }
@@ -17,9 +16,8 @@ pub fn main() -> ExitCode {
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     arguments.check()?;
     let mut inputs = vec![arguments.image.as_path(), arguments.camera.as_path()];
-    inputs.extend(
-        [&arguments.background, &arguments.truth, &arguments.like].into_iter().flat_map(|file| file.as_deref()),
-    );
+    let others = [&arguments.background, &arguments.truth, &arguments.like];
+    inputs.extend(others.into_iter().flat_map(|file| file.as_deref()));
     session.keep_apart(&arguments.output, &inputs)?;
     io::check_place(&arguments.output)?;
     let (camera, image) = session.phase("read", |_| {
@@ -79,7 +77,6 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(Verdict::Done)
 }
 
-/// Finds the threshold from the image, and explains it.
 fn find_threshold(image: ArrayView2<f32>, session: &mut Session) -> f64 {
     let found = Automatic::new(image);
     session.count("noise", found.noise);
@@ -93,14 +90,12 @@ fn find_threshold(image: ArrayView2<f32>, session: &mut Session) -> f64 {
     found.threshold
 }
 
-/// The tile asked for.
 fn tile(arguments: &Arguments, camera: &Camera, grid: &Grid) -> Result<Option<Tile>> {
     let Some([index, of]) = arguments.tile else { return Ok(None) };
     let halo_mm = arguments.halo.unwrap_or_else(|| Tile::usual_halo_mm(camera, grid));
     Tile::new(camera, grid, index, of, halo_mm).map(Some).map_err(|refusal| refusal.about("--tile"))
 }
 
-/// Explains the voxels and pixels of a tile.
 fn explain_tile(tile: &Tile, session: &mut Session) {
     let Tile { index, of, halo_mm, core_vox: [[x0, x1], [y0, y1]], pixels: [[c0, c1], [r0, r1]] } = tile;
     session.count("halo_mm", *halo_mm);
@@ -110,7 +105,6 @@ fn explain_tile(tile: &Tile, session: &mut Session) {
     ));
 }
 
-/// Explains camera, scoring and sections.
 fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, session: &mut Session) {
     let sections = arguments.sections.unwrap_or_else(|| aperture_sections(camera));
     session.count("sections", sections);
@@ -119,7 +113,6 @@ fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, session: &m
     session.explain(format!("{sections} x {sections} sections of the aperture, scored by {}", arguments.score_about()));
 }
 
-/// Reports how many voxels are kept.
 fn report(support: &Support, plan: &Plan, grid: &Grid, options: &Options, session: &mut Session) {
     let (kept, all) = (support.indices.len(), plan.voxels());
     session.count("voxels", all);
@@ -132,7 +125,6 @@ fn report(support: &Support, plan: &Plan, grid: &Grid, options: &Options, sessio
     ));
 }
 
-/// Reports how many of a frame's particles are lost.
 fn report_lost(support: &Support, grid: &Grid, file: &Path, frame: usize, session: &mut Session) -> Result<()> {
     let table = particles::read(&io::open_text(file)?).map_err(|refusal| refusal.about(io::name(file)))?;
     let shown = table.iter().filter(|particle| particle.frame == frame);

@@ -2,9 +2,8 @@
 //! on y and v only.
 //!
 //! Image rows are added up along v first, then these sums along u. From a voxel to its neighbour, only the rays that
-//! pass into another lenslet change their row or column: one or two of n sections a side. So both sums are updated from
-//! neighbour to neighbour by what changes. They are whole numbers, so the order of adding does not matter. A voxel
-//! costs a few additions, for any number of sections.
+//! pass into another lenslet change their row or column: one or two of n sections a side. So both sums are updated by
+//! what changes; they are whole numbers, so the order does not matter. A voxel costs a few additions, for any n.
 
 use super::levels::Levels;
 use super::slice::{Kept, Slice};
@@ -31,15 +30,14 @@ fn pixels(along: usize, places: Range<usize>, optics: &Optics, grid: &Grid, z_mm
     pixels
 }
 
-/// Sections u (or v) at which the stop is equally wide: the sections of the other axis from `first` to `n - first` lie
-/// inside.
+/// Sections u at which the stop is equally wide: the sections v from `first` to `n - first` lie inside.
 struct Chord {
     first: usize,
-    /// How many of its v meet the sensor.
+    /// Number of its v that meet the sensor.
     seen: u32,
 }
 
-/// Sums over v of image rows, for each chord of the stop; moved from one row of voxels to the next.
+/// Sums over v of image rows, for each chord of the stop, for one row of voxels.
 struct ChordSums<'a> {
     levels: &'a Levels<'a>,
     /// First column of the image that any ray meets, and the number of columns.
@@ -53,7 +51,7 @@ struct ChordSums<'a> {
 }
 
 impl ChordSums<'_> {
-    /// Replaces the image row of each v.
+    /// Moves to the next row of voxels; `rows` is its image row of each v.
     fn move_to(&mut self, rows: &[u32]) {
         let n = rows.len();
         for v in 0..n {
@@ -117,7 +115,7 @@ impl Steps {
     }
 }
 
-/// The voxels kept of a region of slice `z`; the camera is exactly aligned.
+/// The voxels kept; the camera is exactly aligned.
 pub(super) fn slice(slice: &Slice, camera: &Camera) -> Kept {
     let Slice { levels, sections, grid, z, region } = *slice;
     let n = sections.centres_mm.len();

@@ -1,4 +1,4 @@
-//! The image as whole numbers that scores add up, and the rule for keeping a voxel.
+//! The image as whole numbers, at most 0, that scores add up; and the rule for keeping a voxel.
 
 use crate::options::{Options, Score};
 use ndarray::ArrayView2;
@@ -11,7 +11,6 @@ pub(super) const SEEN_SHARE: f64 = 0.5;
 /// i32.
 const UNIT: f64 = 512.0;
 
-/// The image as whole numbers of at most 0, and the rule for keeping.
 pub(crate) struct Levels<'a> {
     /// [`UNIT`] ln(pixel over the brightest), or 0 for a pixel that reaches the threshold and -1 for one that does not.
     pub(crate) values: Vec<i32>,
@@ -21,7 +20,7 @@ pub(crate) struct Levels<'a> {
 }
 
 impl<'a> Levels<'a> {
-    /// For an image whose brightest pixel is `peak`.
+    /// `peak` is the brightest pixel.
     pub(crate) fn new(image: ArrayView2<f32>, peak: f32, options: &'a Options) -> Self {
         let peak = if peak > 0.0 { f64::from(peak) } else { 1.0 };
         let (height, width) = image.dim();

@@ -6,8 +6,7 @@ use super::slice::{Kept, Slice};
 use glam::DVec2;
 use lf_core::{Camera, Optics};
 
-/// Places 0 to `count` in an order that soon reaches all parts: steps near the golden section of the count, prime to
-/// it.
+/// Places 0 to `count` in an order that soon reaches all parts: steps near the count's golden section, prime to it.
 fn spread_order(count: usize) -> Vec<usize> {
     let gcd = |mut a: usize, mut b: usize| {
         while b > 0 {
@@ -20,7 +19,6 @@ fn spread_order(count: usize) -> Vec<usize> {
     (0..count).map(|n| n * stride % count).collect()
 }
 
-/// The voxels kept of a region of slice `z`.
 pub(super) fn slice(slice: &Slice, camera: &Camera) -> Kept {
     let Slice { levels, sections, grid, z, region } = *slice;
     let optics = Optics::new(camera);
@@ -28,8 +26,7 @@ pub(super) fn slice(slice: &Slice, camera: &Camera) -> Kept {
     let inside = sections.inside_mm();
     let order: Vec<DVec2> = spread_order(inside.len()).into_iter().map(|place| inside[place]).collect();
     let sections = order.len() as u32;
-    // A sum below this cannot recover: the rays to come add 0 at best. If some rays miss the sensor, the limit is
-    // higher.
+    // A sum below this cannot recover: the rays to come add 0 at best. Rays that miss the sensor raise the limit.
     let hopeless = levels.least_sum(sections, sections);
 
     let mut kept = Kept::new();

@@ -21,7 +21,7 @@ pub(crate) enum Scoring {
 }
 
 impl Scoring {
-    /// The fastest way that follows the camera, and why it is not a faster one, in words.
+    /// The fastest way that follows the camera, and why it is not a faster one.
     pub(crate) fn choose(camera: &Camera) -> (Self, String) {
         let Some(reason) = camera.misalignment() else {
             return (Self::Aligned, "the lattice is aligned with the pixels".to_string());
@@ -36,7 +36,6 @@ impl Scoring {
         (scoring, reason)
     }
 
-    /// The way and its cost, in words.
     pub(crate) fn about(self) -> &'static str {
         match self {
             Self::Aligned => "sums along columns and rows, the fastest way",
@@ -55,9 +54,8 @@ pub(crate) struct Scorer<'a> {
     tables: Tables,
 }
 
-/// Tables that are made once for all slices.
+/// Made once for all slices. An aligned camera is made exactly aligned.
 enum Tables {
-    /// The camera with its lattice exactly aligned.
     Aligned(Camera),
     Lines(Views),
     Tiles(Views),

@@ -1,9 +1,7 @@
-//! The aperture in sections.
-
 use glam::DVec2;
 use lf_core::{Camera, Refusal, camera::Aperture, weights::sections};
 
-/// Centres of sections along one axis and, for each, the sections of the other axis that lie inside the stop.
+/// The sections of the aperture.
 pub(crate) struct Sections {
     /// Centres along either axis, mm.
     pub(super) centres_mm: Vec<f64>,
@@ -12,11 +10,9 @@ pub(crate) struct Sections {
 }
 
 impl Sections {
-    /// n x n sections, n as asked for or the pixels under a lenslet. A section lies inside the stop if its centre does.
-    /// A round stop has no corner sections; if they counted, every voxel would be pruned.
-    ///
-    /// # Errors
-    /// If n is outside [`lf_core::weights::SECTIONS`].
+    /// n x n sections, n as asked for or the pixels under a lenslet; n outside [`lf_core::weights::SECTIONS`] is
+    /// refused. A section lies inside the stop if its centre does. A round stop has no corner sections; if they counted,
+    /// every voxel would be pruned.
     pub(crate) fn new(camera: &Camera, asked: Option<usize>) -> Result<Self, Refusal> {
         let n = sections(camera, asked)?;
         let half = 0.5 * camera.aperture_mm();
@@ -33,7 +29,6 @@ impl Sections {
         Ok(Self { centres_mm, first })
     }
 
-    /// Number of sections inside the stop.
     pub(super) fn count(&self) -> u32 {
         let n = self.centres_mm.len();
         self.first.iter().map(|first| (n - 2 * first) as u32).sum()

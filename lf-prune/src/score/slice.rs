@@ -1,5 +1,3 @@
-//! The voxels of a slice: those to score, and those kept.
-
 use super::{levels::Levels, sections::Sections};
 use crate::options::Region;
 use lf_core::Grid;
@@ -7,7 +5,7 @@ use lf_core::Grid;
 /// Voxels of a slice as (x + nx y, score), rising.
 pub(super) type Kept = Vec<(u32, f32)>;
 
-/// A region of a slice, and all that scores it except the camera.
+/// A region of slice `z`, and all that scores it except the camera.
 #[derive(Clone, Copy)]
 pub(super) struct Slice<'a> {
     pub(super) levels: &'a Levels<'a>,

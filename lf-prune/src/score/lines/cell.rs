@@ -12,7 +12,7 @@ const FLAT: f64 = 1e-4;
 const ROUNDING: f64 = 1e-7;
 
 /// An edge at the left of a cell.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Edge {
     /// It cuts a line that passes `y` beyond the cell's centre at x = at + slope y.
     pub(super) at: f64,
@@ -22,7 +22,7 @@ pub(super) struct Edge {
     pub(super) high: f64,
     /// From the cell's centre to the centre of the cell on the edge's other side.
     pub(super) across: DVec2,
-    /// Tolerance of a cut in voxels; closer than this, rounding decides.
+    /// Tolerance of a cut, voxels; closer than this, rounding decides.
     pub(super) tolerance: f64,
 }
 
@@ -33,12 +33,12 @@ pub(super) struct Cell {
     pub(super) left: Vec<Edge>,
     /// Half sides of the box around it.
     pub(super) reach: DVec2,
-    /// Tolerance of a line's distance from a corner, in voxels; closer than this, rounding decides which edge it cuts.
+    /// A line closer to a corner than this, in voxels, may cut either edge: rounding decides.
     pub(super) tolerance: f64,
 }
 
 impl Cell {
-    /// A cell by its corners in order.
+    /// `corners` in order.
     pub(super) fn new(corners: &[DVec2]) -> Self {
         let reach = corners.iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
         let mut cell = Self { left: Vec::new(), reach, tolerance: ROUNDING };

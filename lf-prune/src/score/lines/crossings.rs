@@ -22,7 +22,7 @@ pub(super) struct CrossedRow {
     pub(super) cuts: [(f64, Range<i64>); EDGES],
 }
 
-/// The places where a line crosses edges of one kind, one after the other.
+/// Where a line crosses edges of one kind, one after the other.
 struct Crossings<'a> {
     rays: &'a LineRays,
     /// Place of the next.
@@ -35,8 +35,8 @@ struct Crossings<'a> {
 }
 
 impl Lines<'_> {
-    /// Finds the rows of lenslets that a line's rays through alike sections cross. False if the rays pass so near a
-    /// corner of a cell that rounding decides on which side.
+    /// Finds the rows of lenslets that a line's rays through alike sections cross. False if rounding decides on which
+    /// side of a cell's corner they pass.
     #[inline(always)]
     pub(super) fn cross_rows(&self, y: usize, alike: &Range<usize>, crossed: &mut Vec<CrossedRow>) -> bool {
         crossed.clear();

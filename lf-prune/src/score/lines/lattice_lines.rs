@@ -2,7 +2,7 @@
 
 use super::cell::{Cell, Edge};
 use super::views::{Views, between, per_step};
-use crate::{score::levels::Levels, score::slice::Slice};
+use crate::score::{levels::Levels, slice::Slice};
 use glam::DVec2;
 use lf_core::{Grid, Optics, optics::StraightRays};
 use std::ops::Range;
@@ -10,12 +10,12 @@ use std::ops::Range;
 /// Rows and lenslets within this share of one beyond a limit are looked at too.
 const SLACK: f64 = 1e-6;
 
-/// The voxels of a region of a slice, and the lattice in units of voxels as the slice sees it.
+/// The voxels of a region of a slice, and the lattice as the slice sees it, in units of voxels.
 pub(super) struct Lines<'a> {
     pub(super) levels: &'a Levels<'a>,
     pub(super) views: &'a Views,
     pub(super) grid: &'a Grid,
-    /// The first voxel of the region along x and y. Places along lines, and lines, are counted from it.
+    /// The region's first voxel along x and y. Lines, and places along them, are counted from it.
     pub(super) first: [usize; 2],
     /// Voxels of the region along x and y.
     pub(super) shape: [usize; 2],
@@ -23,7 +23,6 @@ pub(super) struct Lines<'a> {
     pub(super) rays: StraightRays,
     /// Rays meet the perfect lattice this far from where straight ones would, mm.
     pub(super) shift_mm: DVec2,
-    /// A lenslet's cell.
     pub(super) cell: Cell,
     /// The cells beyond its left edges.
     pub(super) neighbours: Vec<Neighbour>,
@@ -87,7 +86,6 @@ impl<'a> Lines<'a> {
             end += sections.len();
             end - sections.len()..end
         });
-        let alike = alike.collect();
         Self {
             levels,
             views,
@@ -105,7 +103,7 @@ impl<'a> Lines<'a> {
             per_across,
             reach_rows: corners.iter().fold(0.0, |reach: f64, corner| reach.max(per_across.dot(*corner))),
             origins: views.sections_mm.iter().map(origin).collect(),
-            alike,
+            alike: alike.collect(),
             optics,
         }
     }
@@ -138,7 +136,6 @@ impl<'a> Lines<'a> {
         start..(min(by_x.1, by_y.1).floor() as i64 + 1).min(known.end)
     }
 
-    /// The last voxel of a line.
     #[inline(always)]
     pub(super) fn last_x(&self) -> f64 {
         (self.shape[0] - 1) as f64

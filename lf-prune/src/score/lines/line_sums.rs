@@ -2,9 +2,8 @@
 //!
 //! Along x, a section's rays from the voxels of a line pass from lenslet to lenslet at an even pace, and through one
 //! lenslet they usually meet one pixel (see [`Views`]). So the sums of a line change only where a ray crosses an edge
-//! of a cell. The change is noted at the first voxel beyond the edge, and one pass along the line adds up all changes.
-//! They are whole numbers, so the order of adding does not matter. The edges of one kind between two rows of lenslets
-//! cut the line in even steps.
+//! of a cell; edges of one kind between two rows of lenslets cut the line in even steps. The change is noted at the
+//! first voxel beyond, and one pass along the line adds up all changes: whole numbers, in any order.
 //!
 //! If rounding could move a cut past a voxel, or if the pixel may change within a cell, rays are traced (`traced.rs`).
 //! So the sums are those of `rays.rs`, except for the approximation in `tiles.rs`.
@@ -24,8 +23,7 @@ struct Changes {
     runs: Vec<i64>,
 }
 
-/// The voxels kept of a region of a slice. All rays meet the perfect lattice `shift_mm` from where straight ones
-/// would.
+/// The voxels kept. All rays meet the perfect lattice `shift_mm` from where straight ones would.
 pub(crate) fn slice(slice: &Slice, views: &Views, shift_mm: DVec2) -> Kept {
     let lines = Lines::new(slice, views, shift_mm);
     let mut kept = Kept::new();
@@ -37,13 +35,12 @@ pub(crate) fn slice(slice: &Slice, views: &Views, shift_mm: DVec2) -> Kept {
 }
 
 impl Lines<'_> {
-    /// Scores line after line and keeps voxels.
     #[inline(always)]
     fn keep(&self, kept: &mut Kept) {
         let [nx, ny] = self.shape;
         let sections = self.origins.len() as u32;
         let least: Vec<i32> = (0..=sections).map(|seen| self.levels.least_sum(seen, sections)).collect();
-        let mut changes = Changes { edges: vec![0i64; nx + 1], runs: vec![0i64; nx + 1] };
+        let mut changes = Changes { edges: vec![0; nx + 1], runs: vec![0; nx + 1] };
         let mut crossed = Vec::new();
         for y in 0..ny {
             changes.edges.fill(0);
@@ -55,7 +52,7 @@ impl Lines<'_> {
                     if is_sure {
                         self.note(&rays, &crossed, &mut changes);
                     } else {
-                        self.note_all(&rays, &mut changes.runs);
+                        self.note_rays(&rays, None, (0.0, self.last_x()), &mut changes.runs);
                     }
                 }
             }

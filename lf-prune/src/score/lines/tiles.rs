@@ -25,13 +25,11 @@ struct Shift<'a> {
 }
 
 impl Shift<'_> {
-    /// The shift on the perfect lattice, mm, of a voxel's ray that meets the array `spread_mm` from the chief ray.
-    /// `place` is in voxels.
+    /// The shift on the perfect lattice, mm, of a ray that meets the array `spread_mm` from the chief ray of the voxel
+    /// at `place`.
     fn at_mm(&self, place: DVec2, spread_mm: DVec2) -> DVec2 {
-        let place_mm = DVec2::new(
-            self.grid.origin_mm[0] + place.x * self.grid.spacing_mm[0],
-            self.grid.origin_mm[1] + place.y * self.grid.spacing_mm[1],
-        );
+        let [[x, y, _], [dx, dy, _]] = [self.grid.origin_mm, self.grid.spacing_mm];
+        let place_mm = DVec2::new(x + place.x * dx, y + place.y * dy);
         let straight = spread_mm - self.optics.beta(self.z_mm) * place_mm;
         let moved = straight + self.optics.distortion_mm(place_mm, self.z_mm);
         self.optics.lattice().perfect(moved) - straight
@@ -49,8 +47,8 @@ impl Shift<'_> {
             let half = 0.5 * side as f64;
             middles.clone().all(|middle| {
                 let chief = self.at_mm(middle, DVec2::ZERO);
-                let over_tile = [DVec2::new(half, half), DVec2::new(half, -half)];
-                over_tile.iter().all(|way| self.at_mm(middle + *way, DVec2::ZERO).distance(chief) < most)
+                let corners = [DVec2::new(half, half), DVec2::new(half, -half)];
+                corners.iter().all(|way| self.at_mm(middle + *way, DVec2::ZERO).distance(chief) < most)
             })
         };
         let through_rim = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].map(|way| spread * way);
@@ -62,7 +60,6 @@ impl Shift<'_> {
     }
 }
 
-/// The voxels kept of a region of slice `z`, tile by tile.
 pub(crate) fn slice(slice: &Slice, camera: &Camera, views: &Views) -> Kept {
     let Slice { grid, z, region, .. } = *slice;
     let shift = Shift { optics: Optics::new(camera), grid, z_mm: grid.centre_mm(2, z) };
@@ -75,16 +72,15 @@ pub(crate) fn slice(slice: &Slice, camera: &Camera, views: &Views) -> Kept {
     for first_y in (region[1].start / side * side..region[1].end).step_by(side) {
         for first_x in (region[0].start / side * side..region[0].end).step_by(side) {
             let (width, height) = (side.min(nx - first_x), side.min(ny - first_y));
-            let middle =
-                DVec2::new(first_x as f64, first_y as f64) + 0.5 * DVec2::new(width as f64, height as f64) - 0.5;
+            let first = DVec2::new(first_x as f64, first_y as f64);
+            let middle = first + 0.5 * DVec2::new(width as f64, height as f64) - 0.5;
             let tile = Grid {
                 shape: [width, height, nz],
                 origin_mm: [grid.centre_mm(0, first_x), grid.centre_mm(1, first_y), grid.origin_mm[2]],
                 ..grid.clone()
             };
-            let shift_mm = shift.at_mm(middle, DVec2::ZERO);
             let tile = Slice { grid: &tile, region: &[0..width, 0..height], ..*slice };
-            let found = line_sums::slice(&tile, views, shift_mm);
+            let found = line_sums::slice(&tile, views, shift.at_mm(middle, DVec2::ZERO));
             let places = found.into_iter().map(|(place, score)| {
                 let (x, y) = (place as usize % width, place as usize / width);
                 (first_x + x, first_y + y, score)

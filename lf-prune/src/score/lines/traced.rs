@@ -22,9 +22,8 @@ impl Lines<'_> {
         }
         let voxel = place.round().clamp(0.0, self.last_x()) as usize;
         let nearest = self.optics.lattice().nearest_centre_mm(self.array_mm(rays, voxel));
-        let [old, new] =
-            [old, new].map(|(lenslet, row)| nearest.distance_squared(self.views.lattice.centre_mm(lenslet, row)));
-        voxel + usize::from(old < new)
+        let distance = |(lenslet, row)| nearest.distance_squared(self.views.lattice.centre_mm(lenslet, row));
+        voxel + usize::from(distance(old) < distance(new))
     }
 
     /// Light of a pixel; 0 beside the sensor.
@@ -41,18 +40,11 @@ impl Lines<'_> {
         self.rays.array_mm(point, self.views.sections_mm[rays.section]) + self.shift_mm
     }
 
-    /// Where a ray meets the sensor, mm, if it meets the perfect lattice at `array_mm` in the cell of `centre_mm`. The
+    /// Where a ray that meets the perfect lattice at `array_mm`, in the cell of `centre_mm`, meets the sensor, mm. The
     /// lenslet departs from there to `departed_mm` with all that its cell holds.
     #[inline(always)]
     fn sensor_mm(&self, centre_mm: DVec2, departed_mm: DVec2, array_mm: DVec2, section_mm: DVec2) -> DVec2 {
         self.optics.sensor_through(departed_mm, array_mm + (departed_mm - centre_mm), section_mm)
-    }
-
-    /// Light of the ray that meets the array at `array_mm` in the cell of `centre_mm`.
-    #[inline(always)]
-    fn ray_light(&self, centre_mm: DVec2, array_mm: DVec2, section_mm: DVec2) -> i64 {
-        let departed_mm = self.views.measured.departed(centre_mm);
-        self.light(self.optics.pixel_at(self.sensor_mm(centre_mm, departed_mm, array_mm, section_mm)))
     }
 
     /// Notes the rays through one lenslet where they may meet several pixels. `centre` is the lenslet's, in voxels from
@@ -68,11 +60,11 @@ impl Lines<'_> {
         }
         let is_near = |place: f64| (place - (place + 0.5).floor()).abs() < tolerance;
         if is_near(low) || is_near(high) {
-            return self.note_rays(rays, centre_mm, (low - tolerance, high + tolerance), changes);
+            return self.note_rays(rays, Some(centre_mm), (low - tolerance, high + tolerance), changes);
         }
         let run = low.ceil() as usize..high.ceil() as usize;
         if !run.is_empty() && !self.note_run(rays, centre_mm, run.clone(), changes) {
-            self.note_rays(rays, centre_mm, (run.start as f64, (run.end - 1) as f64), changes);
+            self.note_rays(rays, Some(centre_mm), (run.start as f64, (run.end - 1) as f64), changes);
         }
     }
 
@@ -89,14 +81,14 @@ impl Lines<'_> {
             let part = place - place.floor();
             part.min_element() > ROUNDING_PX && part.max_element() < 1.0 - ROUNDING_PX
         };
+        if !(is_sure(first) && is_sure(last)) {
+            return false;
+        }
         let mut add = |run: Range<usize>, place: DVec2| {
             let light = self.light(self.optics.pixel_under(place));
             changes[run.start] += light;
             changes[run.end] -= light;
         };
-        if !(is_sure(first) && is_sure(last)) {
-            return false;
-        }
         if first.floor() == last.floor() {
             add(run, first);
             return true;
@@ -115,29 +107,20 @@ impl Lines<'_> {
         is_turn
     }
 
-    /// Notes the rays of all voxels, one by one.
+    /// Notes the voxels within `reach` one by one: those whose rays pass the lenslet at `centre_mm`, or all if None.
     #[inline(never)]
-    pub(super) fn note_all(&self, rays: &LineRays, changes: &mut [i64]) {
-        for x in 0..changes.len() - 1 {
-            let array_mm = self.array_mm(rays, x);
-            let nearest = self.optics.lattice().nearest_centre_mm(array_mm);
-            let light = self.ray_light(nearest, array_mm, self.views.sections_mm[rays.section]);
-            changes[x] += light;
-            changes[x + 1] -= light;
-        }
-    }
-
-    /// Notes the voxels within `reach` whose rays pass one lenslet, one by one.
-    #[inline(never)]
-    fn note_rays(&self, rays: &LineRays, centre_mm: DVec2, reach: (f64, f64), changes: &mut [i64]) {
+    pub(super) fn note_rays(&self, rays: &LineRays, centre_mm: Option<DVec2>, reach: (f64, f64), changes: &mut [i64]) {
+        let section_mm = self.views.sections_mm[rays.section];
         let near_mm2 = 0.01 * self.views.lattice.along_mm.length_squared();
         let first = reach.0.ceil().max(0.0) as usize;
         let end = ((reach.1.floor() + 1.0).max(0.0) as usize).min(changes.len() - 1);
         for x in first..end {
             let array_mm = self.array_mm(rays, x);
             let nearest = self.optics.lattice().nearest_centre_mm(array_mm);
-            if nearest.distance_squared(centre_mm) < near_mm2 {
-                let light = self.ray_light(nearest, array_mm, self.views.sections_mm[rays.section]);
+            if centre_mm.is_none_or(|centre_mm| nearest.distance_squared(centre_mm) < near_mm2) {
+                let departed_mm = self.views.measured.departed(nearest);
+                let sensor_mm = self.sensor_mm(nearest, departed_mm, array_mm, section_mm);
+                let light = self.light(self.optics.pixel_at(sensor_mm));
                 changes[x] += light;
                 changes[x + 1] -= light;
             }

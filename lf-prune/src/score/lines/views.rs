@@ -1,10 +1,9 @@
 //! The light that each section of the aperture sees through each lenslet: the image once, sorted by section.
 //!
 //! A ray's place in its lenslet's cell moves it by k times as much on the sensor, some hundredths of a pixel. So the
-//! rays of one section through one lenslet usually meet one pixel, from any voxel. Lenslets whose rays may meet several
-//! pixels are listed.
+//! rays of one section through one lenslet usually meet one pixel, from any voxel. The other lenslets are listed.
 
-use crate::{score::levels::Levels, score::sections::Sections};
+use crate::score::{levels::Levels, sections::Sections};
 use glam::DVec2;
 use lf_core::{Camera, Optics, lattice::Lattice};
 use rayon::prelude::*;
@@ -19,7 +18,6 @@ pub(super) const ROUNDING_PX: f64 = 1e-6;
 /// Unseen lenslets at either end of a row, so that the neighbours of all others are known.
 const PADDING: i64 = 4;
 
-/// The lattice in rows nearly along x, and the light of each section.
 pub(crate) struct Views {
     /// Rays of the camera without distortion and departures of lenslets.
     pub(super) optics: Optics,
@@ -35,8 +33,7 @@ pub(crate) struct Views {
     mixed: Vec<Vec<i64>>,
 }
 
-/// The rows of a lattice that the sensor sees.
-#[derive(Debug, Clone)]
+/// The rows of a lattice, nearly along x, that the sensor sees.
 pub(super) struct Rows {
     /// Centre of lenslet 0 of row 0, mm.
     pub(super) origin_mm: DVec2,
@@ -76,10 +73,9 @@ impl Rows {
     fn new(lattice: &Lattice, sides: DVec2) -> Self {
         let origin_mm = lattice.centre_mm(0, 0);
         let [along_mm, across_mm] = Self::directions(lattice);
-        let corners = [sides, DVec2::new(sides.x, -sides.y)];
-        let reach_rows = corners.map(|corner| (along_mm.perp_dot(corner) / along_mm.perp_dot(across_mm)).abs());
-        let middle_row = -along_mm.perp_dot(origin_mm) / along_mm.perp_dot(across_mm);
-        let reach_rows = reach_rows[0].max(reach_rows[1]);
+        let rows = |way: DVec2| along_mm.perp_dot(way) / along_mm.perp_dot(across_mm);
+        let reach_rows = rows(sides).abs().max(rows(DVec2::new(sides.x, -sides.y)).abs());
+        let middle_row = rows(-origin_mm);
         let first_row = (middle_row - reach_rows).ceil() as i64;
         // Two more at either end: a ray that leaves a row enters the next, whose neighbours must be known too.
         let rows = first_row - 2..=(middle_row + reach_rows).floor() as i64 + 2;
@@ -92,7 +88,7 @@ impl Rows {
         Self { origin_mm, along_mm, across_mm, per_area, first_row, first, length }
     }
 
-    /// From lenslet to lenslet and from row to row, for the rows nearest to x, mm.
+    /// `[along_mm, across_mm]` of the rows nearest to x.
     fn directions(lattice: &Lattice) -> [DVec2; 2] {
         let origin = lattice.centre_mm(0, 0);
         let mut along = lattice.centre_mm(1, 0) - origin;
@@ -108,15 +104,13 @@ impl Rows {
         [along, across]
     }
 
-    /// Centre of a lenslet of a row, mm.
     pub(super) fn centre_mm(&self, lenslet: i64, row: i64) -> DVec2 {
         self.origin_mm + lenslet as f64 * self.along_mm + row as f64 * self.across_mm
     }
 }
 
 impl Views {
-    /// For a camera whose rays are straight except for distortion: see [`Camera::bends`]. Places are on the perfect
-    /// lattice, from which lenslets may depart.
+    /// For a camera whose rays are straight except for distortion: see [`Camera::bends`].
     pub(crate) fn new(levels: &Levels, sections: &Sections, camera: &Camera) -> Self {
         let (measured, optics) = (camera.lattice(), Optics::new(&straightened(camera)));
         let k = optics.demagnification;
@@ -142,12 +136,12 @@ impl Views {
         Self { optics, measured, lattice: rows, sections_mm, lights, mixed }
     }
 
-    /// Number in its row, and row, of the lenslet at a centre.
+    /// The lenslet at a centre: its number in its row, and its row.
     #[inline(always)]
     pub(super) fn lenslet(&self, centre_mm: DVec2) -> (i64, i64) {
-        let way = centre_mm - self.lattice.origin_mm;
-        let (lenslet, row) = (way.perp_dot(self.lattice.across_mm), self.lattice.along_mm.perp_dot(way));
-        let (lenslet, row) = (lenslet * self.lattice.per_area, row * self.lattice.per_area);
+        let Rows { origin_mm, along_mm, across_mm, per_area, .. } = self.lattice;
+        let way = centre_mm - origin_mm;
+        let (lenslet, row) = (way.perp_dot(across_mm) * per_area, along_mm.perp_dot(way) * per_area);
         ((lenslet + 0.5).floor() as i64, (row + 0.5).floor() as i64)
     }
 
@@ -181,7 +175,6 @@ impl Views {
         self.lights(section, row, lenslet..lenslet + 1)[0]
     }
 
-    /// Lenslets of a row through which a section's rays may meet several pixels.
     #[inline(always)]
     pub(super) fn mixed(&self, section: usize, row: i64) -> &[i64] {
         &self.mixed[section * self.lattice.first.len() + (row - self.lattice.first_row) as usize]
@@ -194,9 +187,9 @@ fn seen_sides(optics: &Optics, measured: &Lattice, cell_reach: DVec2) -> DVec2 {
     let [width, height] = optics.sensor_px;
     let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::new(width as f64, height as f64);
     let departure = |side: DVec2| (measured.departed(side * half_sensor) - side * half_sensor).abs().max_element();
-    let departures = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)].map(departure);
-    let departure = departures.iter().fold(0.0, |most: f64, departure| most.max(2.0 * departure));
-    half_sensor + optics.demagnification * optics.half_aperture_mm + cell_reach + departure
+    let sides = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
+    let departure = sides.into_iter().map(departure).fold(0.0, |most: f64, departure| most.max(2.0 * departure));
+    half_sensor + optics.demagnification() * optics.half_aperture_mm() + cell_reach + departure
 }
 
 /// Light of the pixel at a place; 0 beside the sensor. None if there may be several pixels within the reach.
