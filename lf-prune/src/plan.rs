@@ -77,13 +77,9 @@ impl<'a> Plan<'a> {
     pub fn bytes(&self, pixels: usize, kept: f64) -> u64 {
         let pixels = pixels as f64;
         let lenslets = pixels / self.camera.pitch_px().powi(2);
-        let views = match self.scoring {
-            Scoring::Aligned | Scoring::Rays => 0.0,
-            // A light for each section of each lenslet, and of lenslets beside the sensor.
-            Scoring::Lines | Scoring::Tiles => {
-                8.0 * self.sections.inside_mm().len() as f64 * (lenslets.sqrt() + 12.0).powi(2)
-            }
-        };
+        // A light for each section of each lenslet, and of lenslets beside the sensor.
+        let views = 8.0 * f64::from(self.sections.count()) * (lenslets.sqrt() + 12.0).powi(2);
+        let views = if self.scoring.has_lines() { views } else { 0.0 };
         let threads = rayon::current_num_threads().min(self.grid.shape[2]) as f64;
         let slice = self.regions.iter().map(|[x, y]| x.len() * y.len()).max().unwrap_or(0);
         (4.0 * pixels + KEPT_BYTES * kept + views + threads * 8.0 * slice as f64) as u64
@@ -92,9 +88,8 @@ impl<'a> Plan<'a> {
     /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN
     /// is blind: it speaks against no voxel and counts as the brightest. `done` is told how many slices are finished.
     ///
-    /// For an aligned lattice a voxel costs a few additions. For another lattice a line of voxels costs one addition
-    /// for each section of the aperture and each lenslet that its rays pass. If rays bend, a voxel costs up to one ray
-    /// a section.
+    /// For an aligned lattice a voxel costs a few additions. For another, a line of voxels costs one addition for each
+    /// section and each lenslet that its rays pass. If rays bend, a voxel costs up to one ray a section.
     pub fn prune(&self, image: ArrayView2<f32>, done: impl Fn(u64) + Sync) -> Support {
         let peak = image.iter().fold(0f32, |peak, value| peak.max(*value));
         if peak <= 0.0 && !self.options.keep_all {

@@ -256,7 +256,7 @@ fn lit(camera: &Camera, points_mm: &[[f64; 3]], counts: &[usize]) -> Array2<f32>
     for ([x, y, z], n) in points_mm.iter().flat_map(|point| counts.iter().map(move |n| (point, *n))) {
         for ray in 0..n * n {
             let u = DVec2::new((2 * (ray % n) + 1) as f64, (2 * (ray / n) + 1) as f64) / n as f64 - 1.0;
-            let u = u * optics.half_aperture_mm();
+            let u = u * optics.half_aperture_mm;
             let place = optics.sensor_from_object(DVec2::new(*x, *y), *z, u);
             if let Some((column, row)) = optics.pixel_at(place).filter(|_| optics.passes(u)) {
                 image[[row, column]] += 1.0;

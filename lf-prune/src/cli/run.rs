@@ -34,10 +34,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let threshold = arguments.typed_threshold().unwrap_or_else(|| find_threshold(pixels, session));
     let options = arguments.options(threshold);
     let tile = tile(arguments, &camera, &grid)?;
-    let regions: Vec<Region> = match &tile {
-        Some(tile) => tile.held(&camera, &grid),
-        None => vec![[0..grid.shape[0], 0..grid.shape[1]]; grid.shape[2]],
-    };
+    let whole = || vec![[0..grid.shape[0], 0..grid.shape[1]]; grid.shape[2]];
+    let regions: Vec<Region> = tile.as_ref().map_or_else(whole, |tile| tile.held(&camera, &grid));
     let refused = |refusal: lf_core::Refusal| refusal.about(arguments.grid_subject());
     let plan = Plan::new(&camera, &grid, &regions, &options).map_err(refused)?;
     explain_plan(arguments, &plan, &camera, session);

@@ -1,5 +1,4 @@
-//! Scores for a square lattice that is aligned with the pixels. There a ray's column depends on x and u only, its row
-//! on y and v only.
+//! Scores for a square lattice aligned with the pixels: a ray's column depends on x and u only, its row on y and v.
 //!
 //! Image rows are added up along v first, then these sums along u. From a voxel to its neighbour, only the rays that
 //! pass into another lenslet change their row or column: one or two of n sections a side. So both sums are updated by
@@ -9,7 +8,7 @@ use super::levels::Levels;
 use super::slice::{Kept, Slice};
 use glam::DVec2;
 use lf_core::{Camera, Grid, Optics};
-use std::ops::Range;
+use std::{collections::BTreeSet, ops::Range};
 
 /// The pixel of a ray that misses the sensor.
 const BESIDE: u32 = u32::MAX;
@@ -87,7 +86,7 @@ fn exchange(sums: &mut [i32], old: Option<&[i32]>, new: Option<&[i32]>) {
     }
 }
 
-/// The change of a voxel's sum from its neighbour at x - 1: places in the chords' sums to add and to subtract.
+/// Changes of a voxel's sum from its neighbour at x - 1: places in the chords' sums to add and to subtract.
 struct Steps {
     starts: Vec<u32>,
     gains: Vec<u32>,
@@ -131,13 +130,11 @@ pub(super) fn slice(slice: &Slice, camera: &Camera) -> Kept {
         width.max(*column as usize + 1)
     });
 
-    let mut firsts: Vec<usize> = sections.first.iter().copied().filter(|first| 2 * first < n).collect();
-    firsts.sort_unstable();
-    firsts.dedup();
+    let firsts: BTreeSet<usize> = sections.first.iter().copied().filter(|first| 2 * first < n).collect();
     let chord_of: Vec<Option<usize>> =
         sections.first.iter().map(|first| firsts.iter().position(|known| known == first)).collect();
     let steps = Steps::new(&columns, n, &chord_of, width);
-    let chords: Vec<Chord> = firsts.iter().map(|first| Chord { first: *first, seen: 0 }).collect();
+    let chords: Vec<Chord> = firsts.into_iter().map(|first| Chord { first, seen: 0 }).collect();
     let sums = vec![0i32; chords.len() * (width + 1)];
     let first_column = first_column as usize;
     let mut chords = ChordSums { levels, first_column, width, chords, sums, rows: vec![BESIDE; n] };

@@ -7,8 +7,7 @@ use rayon::prelude::*;
 /// A voxel counts as seen if at least this share of the aperture's sections leads to the sensor.
 pub(super) const SEEN_SHARE: f64 = 0.5;
 
-/// Levels of a logarithm of 1. The sum over as many sections as pixels under a lenslet, 512 a side at most, fits an
-/// i32.
+/// Levels of a logarithm of 1. The sum over 512 x 512 sections, the most pixels under a lenslet, fits an i32.
 const UNIT: f64 = 512.0;
 
 pub(crate) struct Levels<'a> {
@@ -35,9 +34,7 @@ impl<'a> Levels<'a> {
         };
         let mut values = vec![0; height * width];
         values.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, levels)| {
-            for (value, pixel) in levels.iter_mut().zip(image.row(y)) {
-                *value = level(pixel);
-            }
+            levels.iter_mut().zip(image.row(y)).for_each(|(value, pixel)| *value = level(pixel));
         });
         Self { values, width, peak, options }
     }

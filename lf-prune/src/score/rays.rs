@@ -1,5 +1,4 @@
-//! Scores ray by ray, for cameras whose rays bend (see [`Camera::bends`]). A voxel that can no longer be kept ends
-//! early.
+//! Scores ray by ray, for cameras whose rays bend: [`Camera::bends`]. A voxel that cannot be kept any more ends early.
 
 use super::levels::SEEN_SHARE;
 use super::slice::{Kept, Slice};

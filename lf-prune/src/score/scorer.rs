@@ -36,6 +36,11 @@ impl Scoring {
         (scoring, reason)
     }
 
+    /// Whether it adds up lines of voxels, from views of the image.
+    pub(crate) fn has_lines(self) -> bool {
+        matches!(self, Self::Lines | Self::Tiles)
+    }
+
     pub(crate) fn about(self) -> &'static str {
         match self {
             Self::Aligned => "sums along columns and rows, the fastest way",
@@ -50,37 +55,30 @@ impl Scoring {
 pub(crate) struct Scorer<'a> {
     levels: &'a Levels<'a>,
     sections: &'a Sections,
-    camera: &'a Camera,
-    tables: Tables,
-}
-
-/// Made once for all slices. An aligned camera is made exactly aligned.
-enum Tables {
-    Aligned(Camera),
-    Lines(Views),
-    Tiles(Views),
-    Rays,
+    scoring: Scoring,
+    /// Exactly aligned if voxels are scored so.
+    camera: Camera,
+    views: Option<Views>,
 }
 
 impl<'a> Scorer<'a> {
-    pub(crate) fn new(scoring: Scoring, levels: &'a Levels, sections: &'a Sections, camera: &'a Camera) -> Self {
-        let tables = match scoring {
-            Scoring::Aligned => Tables::Aligned(camera.aligned().expect("chosen for an aligned camera")),
-            Scoring::Lines => Tables::Lines(Views::new(levels, sections, camera)),
-            Scoring::Tiles => Tables::Tiles(Views::new(levels, sections, camera)),
-            Scoring::Rays => Tables::Rays,
+    pub(crate) fn new(scoring: Scoring, levels: &'a Levels, sections: &'a Sections, camera: &Camera) -> Self {
+        let views = scoring.has_lines().then(|| Views::new(levels, sections, camera));
+        let camera = match scoring {
+            Scoring::Aligned => camera.aligned().expect("chosen for an aligned camera"),
+            _ => camera.clone(),
         };
-        Self { levels, sections, camera, tables }
+        Self { levels, sections, scoring, camera, views }
     }
 
     /// The voxels kept of a region of slice `z`.
     pub(crate) fn slice(&self, grid: &Grid, z: usize, region: &Region) -> Kept {
         let slice = Slice { levels: self.levels, sections: self.sections, grid, z, region };
-        match &self.tables {
-            Tables::Aligned(camera) => aligned::slice(&slice, camera),
-            Tables::Lines(views) => line_sums::slice(&slice, views, DVec2::ZERO),
-            Tables::Tiles(views) => tiles::slice(&slice, self.camera, views),
-            Tables::Rays => rays::slice(&slice, self.camera),
+        match (&self.views, self.scoring) {
+            (None, Scoring::Aligned) => aligned::slice(&slice, &self.camera),
+            (None, _) => rays::slice(&slice, &self.camera),
+            (Some(views), Scoring::Tiles) => tiles::slice(&slice, &self.camera, views),
+            (Some(views), _) => line_sums::slice(&slice, views, DVec2::ZERO),
         }
     }
 }

@@ -29,13 +29,13 @@ impl Sections {
         Ok(Self { centres_mm, first })
     }
 
-    pub(super) fn count(&self) -> u32 {
+    pub(crate) fn count(&self) -> u32 {
         let n = self.centres_mm.len();
         self.first.iter().map(|first| (n - 2 * first) as u32).sum()
     }
 
     /// Centres of the sections inside the stop, mm; those of one v together, u rising.
-    pub(crate) fn inside_mm(&self) -> Vec<DVec2> {
+    pub(super) fn inside_mm(&self) -> Vec<DVec2> {
         let n = self.centres_mm.len();
         let inside = (0..n).flat_map(|v| (self.first[v]..n - self.first[v]).map(move |u| (u, v)));
         inside.map(|(u, v)| DVec2::new(self.centres_mm[u], self.centres_mm[v])).collect()

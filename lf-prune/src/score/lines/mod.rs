@@ -1,6 +1,5 @@
 //! In: levels, a camera whose rays are straight, and a slice. Out: the voxels kept, by sums along lines of voxels.
-//! First file to open: `line_sums.rs`, then `crossings.rs`; `views.rs` is what each section of the aperture sees
-//! through each lenslet.
+//! First file to open: `line_sums.rs`, then `crossings.rs`; `views.rs` is what each section sees through each lenslet.
 
 mod cell;
 mod crossings;

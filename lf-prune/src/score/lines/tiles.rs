@@ -1,5 +1,4 @@
-//! Scores for a distorted image and lenslets that depart from their lattice: in tiles so small that all rays of one
-//! shift alike.
+//! Scores for distortion and for lenslets that depart from their lattice: in tiles so small that all rays shift alike.
 
 use super::{line_sums, views::Views};
 use crate::score::rays;
@@ -9,8 +8,7 @@ use lf_core::{Camera, Grid, Optics};
 
 /// Largest chief-ray error within a tile, px: a hundredth of a lenslet, so few rays pass another lenslet.
 const CHIEF_PX: f64 = 0.15;
-/// Largest error of rays through the stop's rim, px: one in twenty of them passes another lenslet. Beyond it rays are
-/// traced.
+/// Largest error of rays through the stop's rim, px: one in twenty passes another lenslet. Beyond it rays are traced.
 const RIM_PX: f64 = 0.7;
 /// Sides that a tile may have, voxels.
 const SIDES: [usize; 6] = [512, 256, 128, 64, 32, 16];
@@ -35,8 +33,7 @@ impl Shift<'_> {
         self.optics.lattice().perfect(moved) - straight
     }
 
-    /// The longest side of a tile over which rays shift alike, at its corners and through the stop's rim. None if they
-    /// do not even over the shortest.
+    /// The longest side of a tile over which rays shift alike, at its corners and through the stop's rim, if any.
     fn side(&self, pixel_mm: f64) -> Option<usize> {
         let size = DVec2::new(self.grid.shape[0] as f64, self.grid.shape[1] as f64);
         let spread = self.optics.alpha(self.z_mm) * self.optics.half_aperture_mm;

@@ -6,8 +6,7 @@ use glam::DVec2;
 use std::ops::Range;
 
 impl Lines<'_> {
-    /// The first voxel whose ray passes through the second of two cells. Within the tolerance, the ray of the voxel at
-    /// their edge decides.
+    /// The first voxel whose ray passes the second of two cells. Near their edge, that voxel's ray decides.
     #[inline(never)]
     pub(super) fn first_beyond(
         &self,
@@ -26,7 +25,6 @@ impl Lines<'_> {
         voxel + usize::from(distance(old) < distance(new))
     }
 
-    /// Light of a pixel; 0 beside the sensor.
     #[inline(always)]
     fn light(&self, pixel: Option<(usize, usize)>) -> i64 {
         pixel.map_or(0, |(column, row)| SEEN - i64::from(self.levels.values[row * self.levels.width + column]))
@@ -47,8 +45,7 @@ impl Lines<'_> {
         self.optics.sensor_through(departed_mm, array_mm + (departed_mm - centre_mm), section_mm)
     }
 
-    /// Notes the rays through one lenslet where they may meet several pixels. `centre` is the lenslet's, in voxels from
-    /// the line's first.
+    /// Notes the rays through one lenslet that may meet several pixels; `centre` in voxels from the line's first.
     #[inline(always)]
     pub(super) fn note_mixed(&self, rays: &LineRays, centre: DVec2, (lenslet, row): (i64, i64), changes: &mut [i64]) {
         let centre_mm = self.views.lattice.centre_mm(lenslet, row);

@@ -26,8 +26,7 @@ pub(crate) struct Views {
     pub(super) lattice: Rows,
     /// Centres of the sections inside the stop, mm.
     pub(super) sections_mm: Vec<DVec2>,
-    /// Section after section, row after row: [`SEEN`] less the level. 0 if rays miss the sensor or may meet several
-    /// pixels.
+    /// Section after section, row after row: [`SEEN`] less the level; 0 beside the sensor or if pixels may be several.
     lights: Vec<i64>,
     /// Lenslets whose rays may meet several pixels, for each row of each section, rising.
     mixed: Vec<Vec<i64>>,
@@ -181,15 +180,14 @@ impl Views {
     }
 }
 
-/// Half sides of the part of the array that the sensor sees, mm. A cell beyond them shows none of its rays on the
-/// sensor.
+/// Half sides of the part of the array that the sensor sees, mm. No ray through a cell beyond meets the sensor.
 fn seen_sides(optics: &Optics, measured: &Lattice, cell_reach: DVec2) -> DVec2 {
     let [width, height] = optics.sensor_px;
     let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::new(width as f64, height as f64);
     let departure = |side: DVec2| (measured.departed(side * half_sensor) - side * half_sensor).abs().max_element();
     let sides = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
     let departure = sides.into_iter().map(departure).fold(0.0, |most: f64, departure| most.max(2.0 * departure));
-    half_sensor + optics.demagnification() * optics.half_aperture_mm() + cell_reach + departure
+    half_sensor + optics.demagnification * optics.half_aperture_mm + cell_reach + departure
 }
 
 /// Light of the pixel at a place; 0 beside the sensor. None if there may be several pixels within the reach.
