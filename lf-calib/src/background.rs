@@ -5,7 +5,6 @@ use lf_core::Refusal;
 use ndarray::Array2;
 use rayon::prelude::*;
 
-/// Frames taken in one after another.
 /// A background in the making; frames are added one after another.
 ///
 /// The quantile q of n frames lies between the sorted counts number floor(q (n - 1)) and the next one, counted from 0,
@@ -22,10 +21,8 @@ pub struct Background {
 }
 
 impl Background {
-    /// A background of at most this many frames, for a quantile from 0 to 1.
-    ///
-    /// # Panics
-    /// If there are no frames or the quantile is outside 0 to 1.
+    /// A background of at most this many frames, for a quantile from 0 to 1. Panics without frames, or with another
+    /// quantile.
     pub fn new(frames: usize, quantile: f64) -> Self {
         assert!(frames > 0 && (0.0..=1.0).contains(&quantile));
         let position = quantile * (frames - 1) as f64;
@@ -33,10 +30,7 @@ impl Background {
         Self { quantile, planes, frames: 0, shape: None, lowest: Vec::new() }
     }
 
-    /// Adds a frame.
-    ///
-    /// # Errors
-    /// Refuses a frame of another size than the first one.
+    /// Adds a frame. Refuses another size than that of the first one.
     pub fn add(&mut self, frame: &Array2<f32>) -> Result<(), Refusal> {
         let shape = *self.shape.get_or_insert(frame.dim());
         if shape != frame.dim() {
@@ -68,8 +62,7 @@ impl Background {
             .lowest
             .par_chunks(self.planes)
             .map(|lowest| {
-                // With a share of 0 there may be no next count: the list then ends with infinity, and 0 times infinity
-                // is NaN.
+                // At a share of 0 the next count may be infinity, and 0 times infinity is NaN.
                 let above = if share > 0.0 { lowest[below + 1] } else { lowest[below] };
                 lowest[below] + share * (above - lowest[below])
             })

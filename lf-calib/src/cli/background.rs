@@ -38,7 +38,6 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
     Ok(Verdict::Done)
 }
 
-/// The frames of all files.
 struct FrameFiles {
     /// Files, and those that come through a pipe in memory: they can be read only once. Other files are opened again,
     /// because a system limits the number of mapped files.
@@ -92,7 +91,7 @@ impl FrameFiles {
         Ok((used, history.unwrap_or_default()))
     }
 
-    /// One frame. With a camera it must have the size of its sensor.
+    /// With a camera a frame must have the size of its sensor.
     fn read(&self, stack: &Stack, number: usize) -> Result<Image> {
         let frame = stack.read(number)?;
         let (height, width) = frame.pixels.dim();
@@ -105,8 +104,7 @@ impl FrameFiles {
         }
     }
 
-    /// With a camera, leaves out what `error` is about. Without one it cannot be known which frame is wrong: the error
-    /// stands.
+    /// With a camera, leaves out what `error` is about. Without one it cannot be known which frame is wrong.
     fn leave_out(&mut self, error: Error) -> Result<()> {
         if self.sensor.is_none() {
             return Err(error);

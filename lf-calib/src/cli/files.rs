@@ -17,8 +17,7 @@ pub fn with_history(mut camera: Camera, session: &Session) -> Camera {
     camera
 }
 
-/// The path by which a camera at `output` names a file: the file's name if it is beside the camera, otherwise its full
-/// path.
+/// The path by which a camera at `output` names a file: its name if it is beside the camera, otherwise its full path.
 pub fn path_from_camera(file: &Path, output: &Path, session: &Session) -> Result<PathBuf> {
     let whole = |path: &Path| std::path::absolute(path).map_err(|error| io::writing(&io::output_name(path), &error));
     let file = whole(file)?;
@@ -43,8 +42,7 @@ pub fn save_found(
     session.phase("write", |_| io::save_text(output, |out| out.write_all(camera.to_json().as_bytes())))
 }
 
-/// Frames of a camera's size, minus a background, divided by the camera's flat field. Blind pixels are NaN and are
-/// ignored.
+/// Frames of a camera's size, minus a background, divided by the camera's flat field. Blind pixels are NaN.
 pub fn frames<'a>(
     paths: impl IntoIterator<Item = &'a PathBuf>,
     background: Option<&Path>,

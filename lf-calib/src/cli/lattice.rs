@@ -101,7 +101,6 @@ struct Outputs {
 }
 
 impl Outputs {
-    /// Writes all files.
     fn save(&self, arguments: &LatticeArguments, calibrated: &Calibrated, session: &Session) -> Result<()> {
         if let (Some(file), Some(flat)) = (&arguments.vignetting, &self.flat) {
             image::save(file, flat, &session.history(&Vec::new()))?;
@@ -117,8 +116,7 @@ impl Outputs {
     }
 }
 
-/// The table of `--centres`, one row for each lenslet. Image positions and residuals are px from the image's left and
-/// top edge.
+/// The table of `--centres`, one row for each lenslet, px from the image's left and top edge.
 fn table(calibrated: &Calibrated) -> String {
     let mut text = String::from("i,j,x_px,y_px,residual_x_px,residual_y_px,kept\n");
     for lenslet in &calibrated.residuals {

@@ -5,7 +5,6 @@ use super::{background::background, lattice::lattice, main_lens::main_lens, refi
 use lf_core::cli;
 use std::process::ExitCode;
 
-/// Parses the command line and runs its task.
 pub fn run() -> ExitCode {
     cli::run(
         "lf-calib",

@@ -17,9 +17,9 @@ const FIRST_PX: f64 = 4.0;
 const LEAST_SEEN: f64 = 0.55;
 /// Largest scatter of the sub-images about the point that they come from, px.
 const LARGEST_SCATTER_PX: f64 = 0.35;
-/// Standard deviation of a normal distribution over its median absolute deviation, to five digits.
+/// Standard deviation over median absolute deviation of a normal distribution, to five digits.
 const PER_DEVIATION: f64 = 1.4826;
-/// Evidence that a change needs, in squared standard deviations, and the addition for each further parameter of its
+/// Evidence that a change needs, in squared standard deviations, and the addition for each further parameter of a
 /// group.
 const NEEDED: f64 = 16.0;
 const NEEDED_MORE: f64 = 4.0;
@@ -27,12 +27,9 @@ const NEEDED_MORE: f64 = 4.0;
 /// Parameters that may have drifted. Those of a group are free or fixed together.
 pub(crate) const GROUPS: [&[P]; 3] = [&[P::LatticeX, P::LatticeY], &[P::LatticeTurn], &[P::TiltX, P::TiltY]];
 
-/// A particle of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct IsolatedParticle {
-    /// Number of the frame.
     pub frame: usize,
-    /// Position, mm.
     pub place_mm: DVec3,
 }
 
@@ -63,8 +60,8 @@ pub(crate) fn disparity_px(fill: &StopFill, camera: &Camera) -> DVec2 {
     -camera.demagnification() * fill.middle_mm / camera.sensor.pixel_pitch_mm
 }
 
-/// Equations for the parameters of [`GROUPS`], and for the size of the stop in the column of [`P::Gap`]. F-numbers are
-/// not known well enough for the size to say anything about the gap.
+/// Equations for the parameters of [`GROUPS`], and for the size of the stop in the column of [`P::Gap`]: f-numbers are
+/// not known well enough for the size to tell the gap.
 pub(crate) fn equations(seen: &[(IsolatedParticle, StopFill)], camera: &Camera) -> NormalEquations {
     let columns = [P::LatticeX, P::LatticeY, P::LatticeTurn, P::TiltX, P::TiltY, P::Gap];
     let (px, gap) = (1.0 / camera.sensor.pixel_pitch_mm, camera.gap_mm());

@@ -63,7 +63,6 @@ pub fn refine(
     Ok(report(nominal, &changes, &free, &seen, &estimate, depth_mm))
 }
 
-/// The isolated particles of all frames.
 fn particles(
     frames: &[Array2<f32>],
     nominal: &Camera,
@@ -82,7 +81,7 @@ fn particles(
     particles
 }
 
-/// The camera with some changes. Refuses changes that no camera can have.
+/// Refuses changes that no camera can have.
 fn checked_camera(changes: &Changes, nominal: &Camera) -> Result<Camera, Refusal> {
     let camera = changes.camera(nominal);
     camera.check().map_err(|refusal| Refusal::new(refusal.found, "wanted particles that leave a camera"))?;

@@ -13,9 +13,9 @@ const REGIONS: [usize; 3] = [3, 3, 2];
 /// A refined camera.
 #[derive(Debug, Clone)]
 pub struct Refined {
-    /// The camera. `calibration.refine` holds what was measured.
+    /// `calibration.refine` holds what was measured.
     pub camera: Camera,
-    /// Number of particles that were used.
+    /// Number of particles used.
     pub particles: usize,
     /// Root mean square disparity of the particles before and after, px: the distance of their light from the middle of
     /// the stop, as a shift of the lenslet images.

@@ -21,7 +21,6 @@ const MOST_FOREIGN: f64 = 0.12;
 /// The light of a fully lit lenslet is this quantile over all lenslets within reach. A round stop lights 1 / 1.55^2 of
 /// them, less the rim, so the quantile is well inside the lit ones.
 const FULL_QUANTILE: f64 = 0.8;
-/// Iterations of the middle at most.
 const STEPS: usize = 8;
 
 /// The stop as the light of a point fills it.

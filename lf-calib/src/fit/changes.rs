@@ -10,15 +10,12 @@ use serde_json::{Value, json};
 pub(crate) struct Changes([f64; Parameter::ALL.len()]);
 
 impl Changes {
-    /// No change.
     pub const NONE: Self = Self([0.0; Parameter::ALL.len()]);
 
-    /// Change of one parameter.
     pub fn get(&self, parameter: Parameter) -> f64 {
         self.0[parameter.number()]
     }
 
-    /// Sets the change of one parameter.
     pub fn set(&mut self, parameter: Parameter, value: f64) {
         self.0[parameter.number()] = value;
     }
@@ -64,7 +61,6 @@ impl Changes {
         camera
     }
 
-    /// The pose of the target.
     pub fn pose(&self) -> TargetPose {
         use Parameter as P;
         let turn = DVec3::new(self.get(P::TargetLeanY), -self.get(P::TargetLeanX), self.get(P::TargetTurn));
@@ -79,7 +75,7 @@ impl Changes {
         }
     }
 
-    /// The value for a report: of the camera if the parameter belongs to the camera, otherwise of the target.
+    /// The value for a report: of the camera or, if the parameter does not belong to it, of the target.
     pub fn value(&self, parameter: Parameter, before: &Camera) -> f64 {
         use Parameter as P;
         let camera = self.camera(before);

@@ -18,38 +18,31 @@ const WAVES: [f64; 2] = [1.0, 2.0];
 /// of its squared effect that they do not explain.
 const LEAST_PIVOT: f64 = 1e-7;
 
-/// One measured position, compared with its prediction.
+/// A measured position minus its prediction. `exposure` is the number of its image: sub-images of one image have the
+/// same sampling error.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Observation {
-    /// Measured minus predicted position along x and y, px.
     pub off_px: [f64; 2],
-    /// Standard uncertainty of each coordinate, px.
     pub uncertainty_px: f64,
     /// Measured position, px. Its fraction of a pixel determines the sampling error.
     pub place_px: [f64; 2],
     /// Amplitude of the sampling error, px.
     pub sampling_px: f64,
-    /// Number of the image. Sub-images of one image look alike and have the same sampling error.
     pub exposure: usize,
     /// Derivatives of the predicted x and of the predicted y by each parameter.
     pub slopes: [Vec<f64>; 2],
 }
 
-/// Normal equations of one source.
+/// Normal equations of one source: weighted sums of derivative times derivative and of derivative times residual.
 #[derive(Debug, Clone)]
 pub(crate) struct SourceEquations {
-    /// Weighted sum of derivative times derivative.
     pub normal: DMatrix<f64>,
-    /// Weighted sum of derivative times residual.
     pub right: DVector<f64>,
 }
 
-/// Normal equations of all sources.
 #[derive(Debug, Clone)]
 pub(crate) struct NormalEquations {
-    /// Parameter of each column.
     pub parameters: Vec<Parameter>,
-    /// One for each source.
     pub sources: Vec<SourceEquations>,
     /// Standard deviation of the residuals over their stated uncertainties.
     pub deviation: f64,
@@ -57,10 +50,8 @@ pub(crate) struct NormalEquations {
     pub sampling: Vec<DVector<f64>>,
 }
 
-/// A step of the parameters and its uncertainty.
 #[derive(Debug, Clone)]
 pub(crate) struct ParameterEstimate {
-    /// Change of each parameter.
     pub step: DVector<f64>,
     /// Covariance if sub-images were independent.
     pub independent: DMatrix<f64>,
@@ -229,7 +220,8 @@ mod tests {
 
     const PAIR: [Parameter; 2] = [Parameter::TargetX, Parameter::TargetLeanX];
 
-    // The sub-images of a dot share its error. If sub-images counted as independent, the truth was five deviations away.
+    // The sub-images of a dot share its error. If sub-images counted as independent, the truth was five deviations
+    // away.
     #[test]
     fn errors_shared_by_a_source_count_in_the_uncertainty() {
         for shared in [0.0, 0.2] {

@@ -13,14 +13,13 @@ const SAMPLES: usize = 13;
 /// Motion of the lenslet images on the sensor: a turn about its middle, then a shift.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Drift {
-    /// Shift, mm.
     pub shift_mm: DVec2,
-    /// Turn, from x towards y, rad.
+    /// From x towards y.
     pub turn_rad: f64,
 }
 
 /// Moves the lenslets of `camera` so that their images are where `before` has them, moved by `drift`. The main lens,
-/// gap and tilt of `camera` are already set; pitch, offset, rotation and centres are computed. Accurate to 1e-5 px.
+/// gap and tilt of `camera` are already set. Accurate to 1e-5 px.
 pub(crate) fn keep_images(camera: &mut Camera, before: &Camera, drift: Drift) {
     let (k, k_before) = (camera.demagnification(), before.demagnification());
     let turn = DVec2::from_angle(drift.turn_rad);

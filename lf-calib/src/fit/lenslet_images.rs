@@ -19,7 +19,6 @@ pub(crate) struct LensletImages {
 }
 
 impl LensletImages {
-    /// The maps of a camera.
     pub fn new(camera: &Camera) -> Self {
         Self {
             image_distance_mm: camera.image_distance_mm(),
@@ -47,8 +46,7 @@ impl LensletImages {
         lenslet_mm * (self.image_distance_mm + self.gap_mm) / distance
     }
 
-    /// Length on the array, mm, that one pixel of distance between lenslet images stands for, in the middle of the
-    /// sensor.
+    /// Length on the array, mm, for one pixel between lenslet images, in the middle of the sensor.
     pub fn lenslet_mm_per_px(&self) -> f64 {
         self.pixel_pitch_mm / (1.0 + self.gap_mm / self.image_distance_mm)
     }

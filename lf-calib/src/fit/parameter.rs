@@ -4,12 +4,13 @@ use lf_core::Camera;
 
 macro_rules! parameters {
     ($($(#[$doc:meta])* $variant:ident $name:literal,)*) => {
-        /// One number of the camera or of the target's pose.
+        /// One number of the camera or of the target's pose. `Lattice` ones move the lenslet images; turns are from x
+        /// towards y, of the target or of the images about the sensor's middle; tilts are of the sensor against the
+        /// array.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub(crate) enum Parameter { $($(#[$doc])* $variant,)* }
 
         impl Parameter {
-            /// All parameters, in the order of their numbers.
             pub const ALL: &[Self] = &[$(Self::$variant,)*];
 
             /// Its name in reports, which ends in its unit.
@@ -21,9 +22,7 @@ macro_rules! parameters {
 }
 
 parameters! {
-    /// Shift of the target along x.
     TargetX "target_x_mm",
-    /// Shift of the target along y.
     TargetY "target_y_mm",
     /// Shift of the target along z: from the given depths to depths from the focal plane.
     FocusOffset "focus_offset_mm",
@@ -31,46 +30,30 @@ parameters! {
     TargetLeanX "target_lean_x_rad",
     /// Lean of the target: its z grows along its y.
     TargetLeanY "target_lean_y_rad",
-    /// Turn of the target from x towards y.
     TargetTurn "target_turn_rad",
     /// Motion of the traverse along x for each unit of motion along z.
     SkewX "traverse_skew_x_rad",
     /// Motion of the traverse along y for each unit of motion along z.
     SkewY "traverse_skew_y_rad",
-    /// Magnification.
     Magnification "magnification",
-    /// Focal length of the main lens.
     FocalLength "focal_length_mm",
     /// Distance from the array to the sensor. With the image distance it gives k and the distance of the exit pupil.
     Gap "gap_mm",
-    /// Shift of the lenslet images along x.
     LatticeX "offset_x_mm",
-    /// Shift of the lenslet images along y.
     LatticeY "offset_y_mm",
-    /// Turn of the lenslet images about the sensor's middle.
     LatticeTurn "rotation_rad",
-    /// Tilt of the sensor against the array along x.
     TiltX "tilt_x_rad",
-    /// Tilt of the sensor against the array along y.
     TiltY "tilt_y_rad",
-    /// First radial coefficient of the distortion.
     K1 "k1",
-    /// Second radial coefficient of the distortion.
     K2 "k2",
-    /// Third radial coefficient of the distortion.
     K3 "k3",
-    /// First tangential coefficient of the distortion.
     P1 "p1",
-    /// Second tangential coefficient of the distortion.
     P2 "p2",
-    /// Refractive index of the medium.
     Index "index",
-    /// Position of the window.
     Window "window_z_mm",
 }
 
 impl Parameter {
-    /// Its position in [`Parameter::ALL`].
     pub fn number(self) -> usize {
         self as usize
     }

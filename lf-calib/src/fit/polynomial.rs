@@ -58,7 +58,6 @@ impl Polynomial {
         Self { degree: 1, middle: DVec2::ZERO, scale: 1.0, coefficients }
     }
 
-    /// The position that `place` maps to.
     pub fn at(&self, place: DVec2) -> DVec2 {
         let place = (place - self.middle) / self.scale;
         monomials(self.degree, place)

@@ -4,7 +4,7 @@ use super::polynomial::TiePoint;
 use glam::DVec2;
 use lf_core::statistics::upper_median;
 
-/// Residuals beyond this many standard deviations are outliers (Tukey's biweight). The deviation comes from the median.
+/// Residuals beyond this many standard deviations, estimated from the median, are outliers (Tukey's biweight).
 pub(crate) const OUTLIER: f64 = 4.5;
 /// Median distance of a two-dimensional normal scatter, in standard deviations of one coordinate: sqrt(2 ln 2).
 const MEDIAN_DISTANCE: f64 = 1.177_410_022_515_474_7;
@@ -47,7 +47,6 @@ pub(crate) fn without_outliers<F>(
     Some((found, kept))
 }
 
-/// The items that are kept.
 pub(crate) fn chosen<T: Copy>(items: &[T], kept: &[bool]) -> Vec<T> {
     items.iter().zip(kept).filter(|(_, kept)| **kept).map(|(item, _)| *item).collect()
 }

@@ -19,7 +19,6 @@ const LEVELS: f32 = 40.0;
 /// Smallest distance of a centre from the edge of its piece, px.
 const CROSS: f64 = 5.0;
 
-/// The pieces.
 pub(super) struct Crops {
     /// Name and first pixel (column, row) of each piece.
     corners: Vec<(&'static str, [usize; 2])>,
@@ -76,7 +75,8 @@ impl Crops {
         }
     }
 
-    /// The pixels in grey from the darkest to the brightest; means of blocks if there are more than [`CELLS`] along a side.
+    /// The pixels in grey from the darkest to the brightest; means of blocks if there are more than [`CELLS`] along a
+    /// side.
     fn cells(&self, canvas: &mut Canvas, [left, top]: [i32; 2], white: &Array2<f32>, [x, y]: [usize; 2]) {
         let cells = self.side_px.min(CELLS);
         let edge = |cell: usize, whole: usize| cell * whole / cells;

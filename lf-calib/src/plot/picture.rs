@@ -8,13 +8,9 @@ use ndarray::Array2;
 const TITLE_PX: i32 = 20;
 /// Margin of the page, and distance between its parts, px.
 const MARGIN: i32 = 20;
-/// Height of the heading, px.
 const HEADING: i32 = 92;
 
-/// The picture as an SVG.
-///
-/// # Errors
-/// A failure of the drawing library.
+/// The picture as an SVG, or a failure of the drawing library.
 pub fn lattice(white: &Array2<f32>, measured: &ImageLattice, calibrated: &Calibrated) -> Result<String, Refusal> {
     let pieces = Crops::new(white, measured.pitch_px);
     let fields_top = HEADING + pieces.height() + 3 * MARGIN;

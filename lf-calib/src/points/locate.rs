@@ -6,10 +6,8 @@ use glam::{DVec2, DVec3};
 use lf_core::Optics;
 use nalgebra::{Matrix3, Vector3};
 
-/// Fewest sub-images that locate a point.
 pub(crate) const FEWEST: usize = 5;
-/// A point is located if its sub-images span at least this many lenslets: with fewer, not even five are lit as
-/// a whole.
+/// A point is located if its sub-images span at least this many lenslets. With fewer, not even five are lit as a whole.
 pub(crate) const NARROWEST: f64 = 5.0;
 /// Step of the numerical derivatives, mm.
 const STEP_MM: f64 = 1e-3;

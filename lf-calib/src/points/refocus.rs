@@ -22,8 +22,8 @@ pub(crate) struct RefocusedImage {
     cell_mm: f64,
 }
 
-/// Refocuses an image at depth `z_mm`, as far as `half_mm` from the axis, in cells of `cell_mm`. The light of each
-/// pixel goes to where the ray through the pixel's middle and its lenslet's centre comes from.
+/// Refocuses an image as far as `half_mm` from the axis. The light of each pixel goes to where the ray through the
+/// pixel's middle and its lenslet's centre comes from.
 pub(crate) fn refocus(
     image: ArrayView2<f32>,
     optics: &Optics,
@@ -67,7 +67,6 @@ pub(crate) fn refocus(
     RefocusedImage { light, half_mm, cell_mm }
 }
 
-/// The ground: the median count of a sample of the pixels.
 fn ground(image: ArrayView2<f32>) -> f64 {
     let mut sample: Vec<f32> =
         image.iter().step_by((image.len() / 100_000).max(1)).copied().filter(|count| count.is_finite()).collect();

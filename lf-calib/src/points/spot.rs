@@ -16,16 +16,12 @@ const SMALL_STEP_PX: f64 = 1e-4;
 const LOOK_SIGMA: f64 = 2.0;
 const LOOK_PX: f64 = 2.0;
 
-/// A fitted spot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SpotFit {
-    /// Middle, px.
     pub place_px: DVec2,
     /// Standard uncertainty of each coordinate, px, from the residuals of the pixels.
     pub uncertainty_px: f64,
-    /// Its light, counts.
     pub light: f64,
-    /// Share of the pixels' variance that the profile explains.
     pub explained: f64,
 }
 

@@ -5,9 +5,8 @@ const LEAST_PX: f64 = 0.05;
 /// Half width of the window of pixels: half the spot, this many standard deviations of the blur, and this many px.
 const REACH_SIGMA: f64 = 2.0;
 const REACH_PX: f64 = 1.2;
-/// Amplitude of the sampling error, px. On wide spots it was 0.0006 to 0.0024 px, measured on discs without noise. A
-/// spot of zero width would have `NARROW_PX` more, which falls with the spot's contrast at the spatial frequency of the
-/// pixels.
+/// Amplitude of the sampling error, px: 0.0006 to 0.0024 px on wide discs without noise. A spot of zero width would
+/// have `NARROW_PX` more, which falls with the spot's contrast at the spatial frequency of the pixels.
 const SAMPLING_PX: f64 = 0.0015;
 const NARROW_PX: f64 = 0.017;
 
@@ -16,8 +15,7 @@ const NARROW_PX: f64 = 0.017;
 pub(crate) struct SpotProfile {
     /// Width of the flat square, px.
     pub width_px: f64,
-    /// Standard deviation of the source along an axis, px. The profile takes a square of this deviation; a disc differs
-    /// little.
+    /// Standard deviation of the source along an axis, px, taken as a square's; a disc differs little.
     pub disc_px: f64,
     /// Standard deviation of all other blur along an axis, without the pixels, px.
     pub sigma_px: f64,
@@ -48,13 +46,11 @@ impl SpotProfile {
         ((self.width_px * self.width_px + 1.0) / 12.0 + self.disc_px.powi(2) + self.sigma_px.powi(2)).sqrt()
     }
 
-    /// Share of the light along one axis that falls on the pixel whose middle is `u` px from the spot's, and its
-    /// derivative.
+    /// Share of the light along one axis on the pixel whose middle is `u` px from the spot's, and its derivative.
     pub fn share(self, u: f64) -> (f64, f64) {
         let (w, d, s) = (self.width_px, 12f64.sqrt() * self.disc_px, self.sigma_px);
         let (mut value, mut slope) = (0.0, 0.0);
-        // The convolution of three boxes and a Gaussian: differences of the Gaussian's third integral over the three
-        // widths.
+        // Three boxes convolved with a Gaussian: differences of the Gaussian's third integral over the three widths.
         for n in 0..8 {
             let side = |bit: u32| if n >> bit & 1 == 0 { 0.5 } else { -0.5 };
             let sign = 8.0 * side(0) * side(1) * side(2);
@@ -66,8 +62,7 @@ impl SpotProfile {
         (value / (w * d), slope / (w * d))
     }
 
-    /// Sampling error of a fitted position, px. The profile is only nearly right, and a narrow spot shows more of the
-    /// difference.
+    /// Sampling error of a fitted position, px: the profile is only nearly right, and a narrow spot shows more of that.
     pub fn sampling_px(self) -> f64 {
         let variance = self.width_px.powi(2) / 12.0 + self.disc_px.powi(2) + self.sigma_px.powi(2);
         SAMPLING_PX + NARROW_PX * (-2.0 * std::f64::consts::PI.powi(2) * variance).exp()

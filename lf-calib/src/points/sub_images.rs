@@ -21,20 +21,15 @@ pub(crate) struct PointBlur {
     pub sensor_px: f64,
 }
 
-/// One sub-image of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SubImage {
-    /// Indices of the lenslet.
     pub lenslet: (i64, i64),
-    /// Its middle, px.
     pub place_px: DVec2,
     /// Standard uncertainty of each coordinate, from the pixels and from sampling, px.
     pub uncertainty_px: f64,
-    /// Amplitude of the sampling error, px.
     pub sampling_px: f64,
 }
 
-/// Expected profile of the sub-images of a point.
 pub(crate) fn spot_profile(optics: &Optics, view: &PointView, blur: PointBlur) -> SpotProfile {
     let px_per_mm = 1.0 / optics.pixel_pitch_mm;
     let (i, j) = optics.lattice().lenslet_at(view.chief_mm());

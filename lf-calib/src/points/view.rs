@@ -28,12 +28,9 @@ pub(crate) struct PointView<'a> {
     alpha: f64,
 }
 
-/// One lenslet that a point lights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LitLenslet {
-    /// Indices of the lenslet.
     pub lenslet: (i64, i64),
-    /// Middle of the sub-image, px.
     pub place_px: DVec2,
     /// Position in the aperture from which the lenslet's centre is lit, mm.
     pub aperture_mm: DVec2,
@@ -130,8 +127,8 @@ impl<'a> PointView<'a> {
             .collect()
     }
 
-    /// Direction out of the stop at a position in it: of length 1 in a round stop, with a step of 1 along each axis in
-    /// a square one.
+    /// Direction out of the stop at a position in it: of length 1 in a round stop, a step of 1 along each axis in a
+    /// square one.
     fn outward(&self, aperture: DVec2) -> DVec2 {
         let diagonal = DVec2::splat(self.optics.half_aperture_mm * 0.99);
         // The corner of the bounding square passes only through a square stop.
@@ -139,8 +136,7 @@ impl<'a> PointView<'a> {
     }
 }
 
-/// Second moment of a lenslet's cell along one axis, mm^2. It is the same along every axis for square and hexagonal
-/// cells.
+/// Second moment of a lenslet's cell along any axis, mm^2, for square and hexagonal cells.
 pub(crate) fn cell_variance_mm2(optics: &Optics) -> f64 {
     let cell = optics.lattice().cell_mm();
     let (mut area, mut moment) = (0.0, 0.0);

@@ -22,48 +22,35 @@ const HALVINGS: usize = 8;
 pub(crate) struct DotSighting {
     /// Number of the dot among all dots, the same at every depth.
     pub dot: usize,
-    /// Number of the image.
     pub exposure: usize,
-    /// Stated position of the dot, mm.
     pub target_mm: DVec3,
-    /// Its sub-images.
     pub sub_images: Vec<SubImage>,
 }
 
-/// Everything that is fitted together.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bundle<'a> {
-    /// The nominal camera.
     pub nominal: &'a Camera,
-    /// All dots at all depths.
     pub sightings: &'a [DotSighting],
-    /// Number of different dots.
     pub dots: usize,
 }
 
-/// A solution.
 #[derive(Debug, Clone)]
 pub(crate) struct BundleFit {
-    /// The free parameters.
     pub parameters: Vec<Parameter>,
-    /// Changes of all parameters.
     pub changes: Changes,
     /// The last step, with the uncertainties.
     pub estimate: ParameterEstimate,
-    /// The residuals.
     pub misfit: BundleMisfit,
 }
 
-/// Size of the residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BundleMisfit {
     /// Root mean square of a coordinate of the sub-images that have weight, px.
     pub rms_px: f64,
     /// The same from the sub-images' own uncertainties, px.
     pub expected_px: f64,
-    /// Number of sub-images that have weight.
+    /// Sub-images that have weight.
     pub kept: usize,
-    /// Number of all sub-images.
     pub sub_images: usize,
 }
 
@@ -71,7 +58,6 @@ pub(crate) struct BundleMisfit {
 type Setting = (Optics, TargetPose);
 
 impl Bundle<'_> {
-    /// Number of all sub-images.
     pub fn sub_images(&self) -> usize {
         self.sightings.iter().map(|sighting| sighting.sub_images.len()).sum()
     }

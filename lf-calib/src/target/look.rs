@@ -29,10 +29,8 @@ const FACTORS: [f64; 5] = [0.8, 0.9, 1.0, 1.1, 1.22];
 /// Dots whose sub-images are read for it.
 const BLUR_DOTS: usize = 24;
 
-/// The result of a first look at an image.
 #[derive(Debug, Clone)]
 pub(crate) struct FirstLook {
-    /// Every dot that was found, with its sub-images.
     pub sightings: Vec<DotSighting>,
     /// Measured minus stated position of the target across the axis, mm.
     pub shift_mm: DVec2,
@@ -41,10 +39,7 @@ pub(crate) struct FirstLook {
 }
 
 /// Finds the target in an image, with the nominal camera: in an image refocused at its depth, dots are peaks of light.
-/// `shift_mm` is the target's shift if another image has shown it.
-///
-/// # Errors
-/// Refuses an image in which the target is not found, and says how many dots were.
+/// `shift_mm` is the target's shift if another image has shown it. Refuses an image in which the target is not found.
 pub(crate) fn first_look(
     exposure: &Exposure,
     number: usize,

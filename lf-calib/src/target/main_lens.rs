@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 
 /// Fewest depths that tell a focus offset from a magnification.
 const FEWEST_DEPTHS: usize = 2;
-/// Most sub-images that are fitted. More of them, from the same dots, add little and take time in proportion.
+/// Most sub-images that are fitted. More from the same dots add little.
 const MOST_SUB_IMAGES: usize = 60_000;
 /// Times that the sub-images are read again with the camera found.
 const LOOKS: usize = 2;
@@ -38,8 +38,8 @@ pub fn main_lens_steps(images: usize) -> u64 {
     ((1 + LOOKS) * images) as u64
 }
 
-/// Calibrates the main lens of a camera. Calls `watch(n)` after n more of the [`main_lens_steps`] looks at an image. The
-/// error holds the number of the image that it is about, if there is one.
+/// Calibrates the main lens of a camera. Calls `watch(n)` after n more of the [`main_lens_steps`] looks at an image.
+/// The error holds the number of the image that it is about, if there is one.
 ///
 /// Refuses fewer than two usable depths, images without the target, and dots where no camera could show them.
 pub fn main_lens(
@@ -100,7 +100,6 @@ fn unsolved() -> ImageRefusal {
     (None, Refusal::new("no camera shows the dots where they are seen", wanted))
 }
 
-/// The images, the camera and the numbers of the dots.
 struct TargetSearch<'a> {
     exposures: &'a [Exposure],
     nominal: &'a Camera,
@@ -166,9 +165,9 @@ impl TargetSearch<'_> {
         bundle.fit(&free, start).or_else(|| select(&bundle, &ALWAYS, groups, start).map(|(fit, _)| fit))
     }
 
-    /// Reads the sub-images again where the fitted camera predicts them, and fits again, [`LOOKS`] times. This includes
-    /// images that were too near to focus before: a few of their lenslets may be lit as a whole. Returns the last look
-    /// at each image.
+    /// Reads the sub-images again where the fitted camera predicts them, and fits again, [`LOOKS`] times. Images too
+    /// near to focus before take part: a few of their lenslets may be lit as a whole. Returns the last look at each
+    /// image.
     fn look_again(&self, first: &BundleFit) -> Option<(Vec<Vec<DotSighting>>, Changes)> {
         let mut changes = first.changes;
         let mut looks = Vec::new();

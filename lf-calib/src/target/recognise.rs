@@ -18,7 +18,6 @@ const LEAST_SEEN: f64 = 0.5;
 /// Number of peaks about the middle that a first shift is tried on.
 const FIRST: usize = 25;
 
-/// A target found among peaks of light.
 #[derive(Debug, Clone)]
 pub(crate) struct Recognised {
     /// Numbers of dots and the positions of their peaks, mm.
@@ -56,12 +55,10 @@ impl Affine {
     }
 }
 
-/// The refusal of an image without a target.
 pub(crate) fn no_target(found: impl Display) -> Refusal {
     Refusal::new(format!("no target: {found}"), "wanted bright dots on a dark ground, where the target has them")
 }
 
-/// Number and distance of the nearest of some positions.
 fn nearest(places: &[DVec2], to: DVec2) -> Option<(usize, f64)> {
     let distances = places.iter().map(|place| place.distance_squared(to)).enumerate();
     distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(n, square)| (n, square.sqrt()))
@@ -82,10 +79,8 @@ pub(crate) fn spacing_mm(dots: &[DVec2]) -> Option<f64> {
 
 /// Finds the dots of a target among peaks of light, from the middle outwards. The target may be shifted by up to half a
 /// spacing from its stated position (or from `shift_mm` if another depth has shown it), and stretched and turned a
-/// little. Dots beyond `view_mm` need not be seen.
-///
-/// # Errors
-/// Refuses peaks that are not the target, and says how many dots were found.
+/// little. Dots beyond `view_mm` need not be seen. Refuses peaks that are not the target, and says how many dots were
+/// found.
 pub(crate) fn recognise(
     dots: &[DVec2],
     peaks: &[DVec2],

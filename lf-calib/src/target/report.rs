@@ -8,13 +8,10 @@ use serde_json::{Map, Value, json};
 /// Pairs of parameters with a correlation above this can hardly be told apart.
 const CORRELATED: f64 = 0.95;
 
-/// Two parameters by name, and their correlation.
-type Correlated = (&'static str, &'static str, f64);
-
 /// A calibration of the main lens.
 #[derive(Debug, Clone)]
 pub struct MainLensFit {
-    /// The camera found. `calibration.volume` holds what was measured.
+    /// `calibration.volume` holds what was measured.
     pub camera: Camera,
     /// Numbers of the images that could be used.
     pub used: Vec<usize>,
@@ -33,8 +30,8 @@ pub struct MainLensFit {
     pub values: Vec<(&'static str, f64, f64)>,
 }
 
-/// Reports a fit: as a value, and under `calibration.volume` of the camera. `pose_only` is the misfit with only the
-/// target's pose free.
+/// Reports a fit, also under `calibration.volume` of the camera. `pose_only` is the misfit with only the target's pose
+/// free.
 pub(crate) fn report(
     nominal: &Camera,
     fit: &BundleFit,
@@ -117,7 +114,7 @@ fn parameters(nominal: &Camera, fit: &BundleFit, results: &[GroupResult]) -> Map
 }
 
 /// Pairs of free parameters that are correlated by more than [`CORRELATED`].
-fn correlated(fit: &BundleFit) -> Vec<Correlated> {
+fn correlated(fit: &BundleFit) -> Vec<(&'static str, &'static str, f64)> {
     let names: Vec<&'static str> = fit.parameters.iter().map(|parameter| parameter.name()).collect();
     let pairs = (0..names.len()).flat_map(|a| (0..a).map(move |b| (b, a)));
     let correlated = pairs.map(|(b, a)| (names[b], names[a], fit.estimate.correlation(b, a)));

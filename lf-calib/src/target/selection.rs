@@ -10,31 +10,26 @@ use super::bundle::{Bundle, BundleFit};
 use crate::{fit::changes::Changes, fit::equations::NormalEquations, fit::parameter::Parameter};
 
 /// Evidence that one more parameter needs, in squared standard deviations: five deviations. A tool that tries ten
-/// parameters on each of a thousand cameras should find none by chance, and sampling errors are not chance.
+/// parameters on each of a thousand cameras should find none by chance, and sampling errors are not chance. Each
+/// further parameter of a group adds `NEEDED_MORE`.
 const NEEDED: f64 = 25.0;
-/// Evidence that each further parameter of a group adds to it.
 const NEEDED_MORE: f64 = 5.0;
 /// Changes of the set at most, and times that one group may be removed.
 const ROUNDS: usize = 30;
 const TRIALS: usize = 2;
 
-/// Parameters that are free or fixed together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Parameters that are free or fixed together.
 pub(crate) struct ParameterGroup {
-    /// The parameters.
     pub parameters: &'static [Parameter],
     /// A parameter that must be free before this group is tried.
     pub after: Option<Parameter>,
-    /// Whether the group is free at the start.
     pub is_first: bool,
 }
 
-/// The result for one group.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct GroupResult {
-    /// The group.
     pub group: ParameterGroup,
-    /// Whether it is free.
     pub is_free: bool,
     /// Its evidence, in squared standard deviations. None if it cannot be told from the other parameters.
     pub evidence: Option<f64>,
@@ -43,7 +38,6 @@ pub(crate) struct GroupResult {
 }
 
 impl ParameterGroup {
-    /// Evidence that the group needs to be free.
     pub fn needed(&self) -> f64 {
         NEEDED + NEEDED_MORE * (self.parameters.len() - 1) as f64
     }

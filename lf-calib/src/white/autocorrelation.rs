@@ -21,8 +21,8 @@ pub(crate) struct Autocorrelation {
     tiles: f64,
 }
 
-/// Power spectrum of a tile minus its best plane, scaled to unit variance, and its standard deviation over its mean.
-/// None if the tile is flat.
+/// Power spectrum of a tile minus its best plane, of unit variance, and its standard deviation over its mean. None if
+/// the tile is flat.
 fn power(tile: ArrayView2<f32>, padded: [usize; 2]) -> Option<(Vec<f64>, f64)> {
     let (rows, columns) = tile.dim();
     let count = (rows * columns) as f64;
@@ -82,9 +82,9 @@ fn smooth_size(least: usize) -> usize {
 }
 
 impl Autocorrelation {
-    /// The mean autocorrelation of the tiles at `corners`, each scaled to unit variance, and the largest standard
-    /// deviation of a tile over its mean. Each shift is divided by the share of pixels that overlap, so long shifts are
-    /// noisier but not lower. None if every tile is flat.
+    /// The mean autocorrelation of the tiles at `corners`, each of unit variance, and the largest standard deviation of
+    /// a tile over its mean. Each shift is divided by the share of pixels that overlap, so long shifts are noisier but
+    /// not lower. None if every tile is flat.
     pub fn of(image: ArrayView2<f32>, corners: &[[usize; 2]], tile: [usize; 2]) -> Option<(Self, f64)> {
         let reach = tile.map(|side| (side as f64 * REACH) as i64);
         let padded = [0, 1].map(|axis| smooth_size(tile[axis] + reach[axis] as usize + 1));
@@ -120,8 +120,8 @@ impl Autocorrelation {
         (column >= 0 && row >= 0).then(|| self.value.get((row as usize, column as usize)).copied()).flatten()
     }
 
-    /// Shifts in the lower half plane, with their coefficients, that are the highest within 0.35 of their own length.
-    /// This leaves out the flank of the peak at zero shift and noise on a broad peak.
+    /// Shifts in the lower half plane that are the highest within 0.35 of their length, with their coefficients. The
+    /// limit leaves out the flank of the peak at zero shift and noise on a broad peak.
     pub fn peaks(&self) -> Vec<(DVec2, f64)> {
         let [reach_x, reach_y] = self.reach;
         let candidates: Vec<(i64, i64)> = (0..=reach_y)
@@ -149,8 +149,7 @@ impl Autocorrelation {
             .collect()
     }
 
-    /// Level that pure noise does not reach at a shift: seven standard deviations, because a hundred thousand shifts
-    /// are tried.
+    /// Level that noise does not reach at a shift: seven standard deviations, for a hundred thousand shifts are tried.
     fn noise(&self, x: i64, y: i64) -> f64 {
         let common = (self.tile[0] - x.abs() as f64) * (self.tile[1] - y.abs() as f64);
         7.0 / (common * self.tiles).sqrt()

@@ -42,7 +42,6 @@ pub(crate) fn reduced(basis: DMat2) -> DMat2 {
     DMat2::from_cols(u, v)
 }
 
-/// Length of the shorter lattice vector.
 pub(crate) fn shortest(basis: DMat2) -> f64 {
     basis.x_axis.length().min(basis.y_axis.length())
 }
@@ -62,8 +61,7 @@ pub(crate) fn layout_of(basis_px: DMat2) -> (Layout, f64) {
     if square <= hexagonal { (Layout::Square, square) } else { (Layout::Hexagonal, hexagonal) }
 }
 
-/// The rotation nearest to `to_rad` that gives the same lattice: 90 degrees (square) or 60 degrees (hexagonal) are a
-/// symmetry.
+/// The rotation nearest to `to_rad` that gives the same lattice, which repeats after 90 (square) or 60 degrees.
 pub(crate) fn nearest_turn(rotation_rad: f64, to_rad: f64, layout: Layout) -> f64 {
     let turn = match layout {
         Layout::Square => std::f64::consts::FRAC_PI_2,
@@ -72,8 +70,8 @@ pub(crate) fn nearest_turn(rotation_rad: f64, to_rad: f64, layout: Layout) -> f6
     rotation_rad + turn * ((to_rad - rotation_rad) / turn).round()
 }
 
-/// The offset nearest to `to_mm` that gives the same lattice. In `camera`, `offset_mm` is the centre of a lenslet and
-/// no lenslet departs from the perfect lattice.
+/// The offset nearest to `to_mm` that gives the same lattice. `offset_mm` of `camera` is the centre of a lenslet, and
+/// the lattice is perfect.
 pub(crate) fn nearest_offset(camera: &Camera, to_mm: [f64; 2]) -> [f64; 2] {
     let Microlenses { layout, pitch_mm, rotation_rad, offset_mm, .. } = camera.microlenses;
     let (centre, to) = (DVec2::from(offset_mm), DVec2::from(to_mm));

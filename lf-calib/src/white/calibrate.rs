@@ -12,7 +12,7 @@ use lf_core::{Camera, Optics, Refusal, camera::Aperture, camera::Layout, camera:
 use serde_json::{Value, json};
 
 /// Overlap, in pitches, above which the light between lenslets may be brighter than that of the lenslets. Matched
-/// f-numbers stay below, allowing for the accuracy that pitches and f-numbers are stated with.
+/// f-numbers stay below, within the accuracy that pitches and f-numbers are stated with.
 const MOST_OVERLAP: f64 = 1.03;
 /// A measured width agrees with the nominal overlap if it differs by less than this, in pitches.
 const OVERLAP_AGREES: f64 = 0.1;
@@ -32,8 +32,8 @@ pub struct Calibrated {
     pub residual_rms_px: f64,
     /// Width of the lenslet images. None if they have no rim.
     pub fill: Option<Fill>,
-    /// Whether lenslet images overlap so much that a lattice half a pitch aside would fit as well. The nominal offset
-    /// has then decided between the two.
+    /// Whether a lattice half a pitch aside would fit as well, because lenslet images overlap. The nominal offset has
+    /// decided.
     pub is_ambiguous: bool,
 }
 
@@ -53,7 +53,7 @@ pub struct Fill {
 pub struct Residual {
     /// Column and row of the lenslet, as [`lf_core::lattice::Lattice`] counts them.
     pub lenslet: (i64, i64),
-    /// Centre of its image, px from the image's left and top edge (a pixel's centre is at a half).
+    /// Centre of its image, px.
     pub place_px: [f64; 2],
     /// Measured minus the camera's, px.
     pub residual_px: [f64; 2],
@@ -65,11 +65,9 @@ pub struct Residual {
 
 /// The nominal camera with its lattice replaced by the measured one.
 ///
-/// Several offsets and rotations describe the same lattice (rotations repeat after 90 or 60 degrees). The ones nearest
-/// to the nominal values are written. The nominal layout and pitch are not used.
-///
-/// # Errors
-/// Refuses centres that do not span the plane, and a departure that is too steep for a camera.
+/// Several offsets and rotations describe the same lattice. The ones nearest to the nominal values are written. The
+/// nominal layout and pitch are not used. Refuses centres that do not span the plane, and a departure too steep for a
+/// camera.
 pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated, Refusal> {
     let images = LensletImages::new(nominal);
     let departure = departure(lattice, nominal, &images)?;
@@ -136,7 +134,8 @@ fn with_lattice(nominal: &Camera, layout: Layout, departure: &DepartureFit) -> C
 
 /// Whether squares overlap so much that their light does not tell a lenslet from the corner between four.
 fn is_ambiguous(camera: &Camera, fill: Option<Fill>) -> bool {
-    let nominal_share = overlap(camera);
+    // Above 1, lenslet images overlap, and a point between lenslets can be as symmetric as a lenslet.
+    let nominal_share = camera.demagnification() * camera.aperture_mm() / free_pitch_mm(camera);
     // If the bright squares are the overlaps of lenslet images, they are as wide as the overlap.
     let agrees = fill.is_none_or(|fill| {
         let share = fill.measured_px / fill.pitch_px;
@@ -148,8 +147,8 @@ fn is_ambiguous(camera: &Camera, fill: Option<Fill>) -> bool {
         && agrees
 }
 
-/// The camera with its lattice moved by half a cell's diagonal, and that motion, mm. None if the nominal offset is
-/// farther away.
+/// The camera with its lattice moved by half a cell's diagonal, and that motion, mm. None if that is farther from the
+/// nominal offset.
 fn nearer_half_aside(camera: &Camera, centre_mm: [f64; 2], nominal: &Camera) -> Option<(Camera, DVec2)> {
     let to_mm = nominal.microlenses.offset_mm;
     let half = DVec2::from_angle(camera.microlenses.rotation_rad).rotate(DVec2::splat(0.5));
@@ -160,7 +159,6 @@ fn nearer_half_aside(camera: &Camera, centre_mm: [f64; 2], nominal: &Camera) -> 
     (off(&other) < off(camera)).then(|| (other, half * camera.microlenses.pitch_mm))
 }
 
-/// Departure from the perfect lattice at the four corners of the frame, px.
 fn departure_at_corners_px(camera: &Camera, images: &LensletImages) -> [DVec2; 4] {
     let size = DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64);
     [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| {
@@ -169,7 +167,6 @@ fn departure_at_corners_px(camera: &Camera, images: &LensletImages) -> [DVec2; 4
     })
 }
 
-/// Departure from the perfect lattice at a position on the array, mm.
 fn departure_mm(camera: &Camera, place_mm: DVec2) -> DVec2 {
     camera.centres.as_ref().map_or(DVec2::ZERO, |centres| centres.departure_mm(place_mm))
 }
@@ -231,7 +228,7 @@ fn residuals(measured: &ImageLattice, camera: &Camera, images: &LensletImages, a
     measured.centres.iter().map(residual).collect()
 }
 
-/// Width of the lenslet images of a calibrated camera. None if they have no rim.
+/// None if the lenslet images have no rim.
 fn fill(lattice: &ImageLattice, camera: &Camera) -> Option<Fill> {
     let px_per_mm = (1.0 + camera.demagnification()) / camera.sensor.pixel_pitch_mm;
     let measured_px = match camera.main_lens.aperture {
@@ -242,14 +239,8 @@ fn fill(lattice: &ImageLattice, camera: &Camera) -> Option<Fill> {
     Some(Fill { measured_px, nominal_px, pitch_px: free_pitch_mm(camera) * px_per_mm })
 }
 
-/// Width of the stop's image over the distance between lenslets, from the camera alone. Above 1, lenslet images
-/// overlap, and a point between lenslets can be as symmetric as a lenslet.
-fn overlap(camera: &Camera) -> f64 {
-    camera.demagnification() * camera.aperture_mm() / free_pitch_mm(camera)
-}
-
-/// Distance that a lenslet image may fill, mm on the array: the pitch for a round stop, the distance of rows for a
-/// square one.
+/// Distance that a lenslet image may fill, mm on the array: the pitch (round stop) or the distance of rows (square
+/// stop).
 fn free_pitch_mm(camera: &Camera) -> f64 {
     match camera.main_lens.aperture {
         Aperture::Circle => camera.microlenses.pitch_mm,

@@ -25,7 +25,7 @@ const FEWEST_REGIONS: usize = 7;
 /// There are two discs if their misfit is at most this share of one disc's misfit, and at most this share of a.
 const LEAST_GAIN: f64 = 0.6;
 const LARGEST_MISFIT: f64 = 0.03;
-/// Least depth of the cut in the farthest region, px. A smaller cut moves no centre by more than a hundredth of a
+/// Least depth of the cut in the farthest region, px. A smaller one moves no centre by more than a hundredth of a
 /// pixel.
 const LEAST_CUT_PX: f64 = 0.1;
 /// Least displacement of the second disc from the frame's middle to the farthest region: in px, and over its
@@ -36,10 +36,9 @@ const LEAST_SHIFT: f64 = 1.0;
 const STEPS: usize = 40;
 const INNER_STEPS: usize = 4;
 
-/// The rim of the mean cell of a region of the frame.
+/// The rim of the mean cell of a region at `place_px` from the middle of the frame.
 #[derive(Debug, Clone)]
 pub(crate) struct RegionRim {
-    /// Position in the frame, px from its middle.
     place_px: DVec2,
     /// Direction and distance of each point of the rim, px.
     rim: Vec<(DVec2, f64)>,
@@ -57,16 +56,13 @@ impl RegionRim {
     }
 }
 
-/// Two discs over the frame.
+/// Two discs over the frame, of radii a and b. The second is displaced by e (`slope`) for each px from the frame's
+/// middle and by `aside_px` in the middle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TwoStops {
-    /// Radius of the main disc, a, px.
     pub main_px: f64,
-    /// Radius of the second disc, b, px.
     pub second_px: f64,
-    /// Displacement of the second disc for each unit of distance from the frame's middle, e.
     pub slope: f64,
-    /// Its displacement in the frame's middle, px.
     pub aside_px: DVec2,
 }
 
@@ -107,8 +103,8 @@ impl TwoStops {
         (is_close && is_shifting && cut > LEAST_CUT_PX).then_some(two)
     }
 
-    /// The same two discs with the smaller one as the main stop. The rims do not tell which disc is which; by
-    /// convention the main stop is the smaller one, which alone limits the light on the axis.
+    /// The same discs with the smaller one as the main stop. The rims do not tell which is which; by convention the
+    /// main stop is the smaller one, which alone limits the light on the axis.
     fn by_size(self) -> Self {
         if self.main_px <= self.second_px {
             return self;
@@ -233,7 +229,7 @@ impl TwoStops {
 const INSIDE_PX: f64 = 1.2;
 const OUTSIDE_PX: f64 = 0.9;
 
-/// The pixels around one lenslet image that are not touched.
+/// The pixels around one lenslet image that the second stop cannot have touched.
 #[derive(Debug, Clone)]
 pub(crate) struct Untouched {
     lenslets: Vec<DVec2>,
@@ -258,7 +254,7 @@ impl Untouched {
         })
     }
 
-    /// Whether a pixel is untouched. `offset_px` is its middle, from the centre of the lenslet image.
+    /// Whether the pixel with its middle at `offset_px` from the centre of the lenslet image is untouched.
     #[inline]
     pub fn holds(&self, offset_px: DVec2) -> bool {
         self.lenslets.iter().all(|lenslet| {

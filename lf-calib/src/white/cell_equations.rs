@@ -1,6 +1,5 @@
-//! The fit of the mean cell: least squares of a smooth periodic surface through the pixels of many lenslets.
-//!
-//! With T(-s) = T(s) imposed, the symmetry determines where the centre is.
+//! The fit of the mean cell: least squares of a smooth periodic surface through the pixels of many lenslets. With
+//! T(-s) = T(s) imposed, the symmetry determines where the centre is.
 
 use super::mean_cell::{MeanCell, knots_of, splines, wrapped};
 use glam::{DMat2, DVec2};
@@ -10,8 +9,7 @@ use glam::{DMat2, DVec2};
 /// surface with more knots leaves the centre undetermined.
 const KNOTS_PER_PX: f64 = 1.0;
 const KNOTS: [usize; 2] = [8, 32];
-/// Weight of the surface's roughness against its misfit. It determines the surface where no pixel falls, and changes
-/// nothing else.
+/// Weight of the surface's roughness against its misfit. It only determines the surface where no pixel falls.
 const ROUGHNESS: f64 = 1e-4;
 
 /// Normal equations of the surface, summed over pixels.
@@ -24,7 +22,6 @@ pub(crate) struct CellEquations {
 }
 
 impl CellEquations {
-    /// Empty equations for the cell of a lattice.
     pub fn new(basis_px: DMat2) -> Self {
         let knots = knots_of(basis_px, KNOTS_PER_PX, KNOTS);
         let count = knots[0] * knots[1];
@@ -53,7 +50,6 @@ impl CellEquations {
         }
     }
 
-    /// Adds the sums of other equations.
     pub fn merge(&mut self, other: &Self) {
         self.right.iter_mut().zip(&other.right).for_each(|(mine, theirs)| *mine += theirs);
         for (mine, theirs) in self.normal.iter_mut().zip(&other.normal) {
@@ -61,8 +57,7 @@ impl CellEquations {
         }
     }
 
-    /// Solves for the surface. If `is_symmetric`, it is symmetric about the cell's origin, as if every pixel had also
-    /// been added at -s.
+    /// The surface. With `is_symmetric`, as if every pixel had also been added at -s.
     pub fn solve(mut self, is_symmetric: bool) -> MeanCell {
         if is_symmetric {
             self.reflect();
@@ -73,7 +68,6 @@ impl CellEquations {
         MeanCell { knots: self.knots, coefficients }
     }
 
-    /// Adds every pixel again at -s.
     fn reflect(&mut self) {
         let [columns, rows] = self.knots;
         let opposite = |knot: usize| {
@@ -105,7 +99,6 @@ impl CellEquations {
             .collect()
     }
 
-    /// The five-point Laplacian of periodic coefficients.
     fn laplacian(&self, c: &[f64]) -> Vec<f64> {
         let [columns, rows] = self.knots;
         (0..c.len())

@@ -9,15 +9,14 @@ use lf_core::{Refusal, statistics::ranked};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-/// Pixels that the round part and the remainder of the mean cell are fitted to: thousands for each unknown. More cost
-/// time and gain nothing.
+/// Pixels that the round part and the remainder of the mean cell are fitted to. More cost time and gain nothing.
 const ROUND_PIXELS: usize = 1 << 16;
 const REMAINDER_PIXELS: usize = 1 << 19;
 /// While the lattice is being followed, the pixels are fewer by this factor.
 const ROUGH: usize = 4;
 /// Least standard deviation of the remainder, over that of the round part. A smaller one is due to sampling and noise.
 const LEAST_REMAINDER: f64 = 0.03;
-/// With a second stop, the cell is fitted to one in `LEAST_CUT` lenslets, those that are cut least, but to at least
+/// With a second stop, the cell is fitted to the tenth of the lenslets that is cut least, but to at least
 /// `FEWEST_UNCUT`.
 const LEAST_CUT: usize = 10;
 const FEWEST_UNCUT: usize = 100;
@@ -31,8 +30,8 @@ impl FollowedLattice {
         Ok(())
     }
 
-    /// The lenslets that a second stop cuts least; all if there is none. A disc that is seen from one side only leaves
-    /// its radius and its position uncertain together. Discs seen nearly all round give the radius.
+    /// The lenslets that a second stop cuts least; all if there is none. A disc seen from one side only leaves its
+    /// radius and its position uncertain together.
     fn least_cut(&self, mut fits: Vec<(DVec2, LensletFit)>, size: (usize, usize)) -> Vec<(DVec2, LensletFit)> {
         let Some(stops) = &self.stops else { return fits };
         let cut = |fit: &(DVec2, LensletFit)| stops.cut_px(fit.1.centre_px - middle_px(size));
@@ -43,8 +42,7 @@ impl FollowedLattice {
         fits
     }
 
-    /// The mean cell about the smooth lattice: its round part, plus the remainder if that is large enough. The pixels
-    /// of each lenslet are brought to the same floor and gain.
+    /// The mean cell about the smooth lattice: its round part, plus the remainder if that is large enough.
     fn fit_cell(&mut self, image: ArrayView2<f32>, fits: &[(DVec2, LensletFit)]) -> Option<MeanCell> {
         let basis = self.basis_px;
         let knots = MeanCell::table_knots(basis);
@@ -79,8 +77,7 @@ impl FollowedLattice {
         Some(MeanCell::through(knots, &table))
     }
 
-    /// A sum over the pixels of lenslets. `add` gets the offset of a pixel from the smooth lattice and its count in
-    /// units of the cell, (count - floor) / gain.
+    /// A sum over pixels of lenslets. `add` gets a pixel's offset from the smooth lattice and (count - floor) / gain.
     fn sum_over<T: Send>(
         &self,
         image: ArrayView2<f32>,
@@ -119,7 +116,6 @@ pub(crate) fn thinned(fits: &[(DVec2, LensletFit)], basis_px: DMat2, pixels: usi
     fits.iter().step_by((fits.len() * each).div_ceil(pixels).max(1)).copied().collect()
 }
 
-/// Standard deviation.
 fn deviation(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()

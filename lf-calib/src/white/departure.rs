@@ -11,15 +11,12 @@ use glam::{DMat2, DVec2};
 use lf_core::lattice::{Centres, terms};
 use std::collections::BTreeMap;
 
-/// Highest degree that is tried. In photographic lenses distortion of fifth order is a thousandth of that of third
-/// order.
+/// Highest degree that is tried. In photographic lenses distortion of fifth order is a thousandth of that of third.
 const MOST_DEGREE: usize = 4;
 /// Evidence that a higher degree needs, as a multiple of Schwarz's (1978) criterion: n ln(S before / S after) > p ln n
-/// for n coordinates and p more coefficients. At 3, noise alone bends a lattice of a hundred lenslets in one of 10^6
-/// images.
+/// for n coordinates and p more coefficients. At 3, noise bends a lattice of a hundred lenslets in one of 10^6 images.
 const EVIDENCE: f64 = 3.0;
-/// Root mean square motion of the centres that a higher degree must bring, px. Sampling alone moves the ends of the
-/// frame by this.
+/// Root mean square motion of the centres that a higher degree must bring, px. Sampling moves the frame's ends by this.
 const WORTH_PX: f64 = 0.002;
 /// Lenslets needed for each coefficient of a coordinate. With fewer, errors by sampling bend the lattice.
 const LENSLETS: usize = 12;
@@ -29,21 +26,18 @@ const BLOCKS: f64 = 4.0;
 /// Iterations that move the departure's constant term into the origin. Each squares the rest.
 const GAUGE_STEPS: usize = 3;
 
-/// A perfect lattice, and the departure of the lenslets from it.
+/// A perfect lattice, and the departure of the lenslets from it: None and degree 0 if there is none.
 #[derive(Debug, Clone)]
 pub(crate) struct DepartureFit {
-    /// The perfect lattice.
     pub perfect: PerfectLattice,
-    /// The departure. None for a perfect lattice.
     pub centres: Option<Centres>,
-    /// Degree of the departure, 0 for a perfect lattice.
     pub degree: usize,
 }
 
 impl DepartureFit {
-    /// Fits lenslet centres in mm from the sensor's middle. `unit` holds the lattice vectors in pitches, `radius_mm` is
-    /// the radius of the resulting [`Centres`], and `px_mm` is the length of a pixel on the array. None if the centres
-    /// do not span the plane.
+    /// Fits lenslet centres, mm from the sensor's middle. `unit` holds the lattice vectors in pitches, `radius_mm` is
+    /// that of the resulting [`Centres`], `px_mm` the length of a pixel on the array. None if the centres do not span
+    /// the plane.
     pub fn through(ties: &[TiePoint], unit: DMat2, radius_mm: f64, px_mm: f64) -> Option<Self> {
         let mut perfect = PerfectLattice::through(ties, unit)?;
         let departures = |perfect: &PerfectLattice| -> Vec<TiePoint> {
@@ -86,9 +80,9 @@ impl DepartureFit {
     }
 }
 
-/// The number of correlated residuals that count as one independent residual: the variance of the means of blocks of
-/// lenslets, over the variance that independent residuals would give; at least 1. Neighbours have similar errors where
-/// the lattice beats with the pixels.
+/// The number of correlated residuals that count as one independent one: the variance of the means of blocks of
+/// lenslets over that of independent residuals; at least 1. Neighbours have similar errors where the lattice beats with
+/// the pixels.
 fn correlation_factor(residuals: impl Iterator<Item = (DVec2, DVec2)> + Clone) -> f64 {
     let lenslets = residuals.clone().count() as f64;
     let side = BLOCK.min((lenslets.sqrt() / BLOCKS).floor()).max(1.0);

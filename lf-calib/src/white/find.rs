@@ -16,8 +16,8 @@ const LEAST_FOLLOWING: f64 = 0.5;
 const LARGEST_SCATTER: f64 = 0.05;
 /// Degree of the smooth lattice that outliers are judged by, and the number of lenslets it needs.
 const SMOOTH: [(usize, usize); 2] = [(4, 1000), (3, 150)];
-/// Error by sampling of the whole lattice's position, and of its two ends with either sign, px: the largest seen on
-/// discs drawn without noise. It is not a scatter, so no residual shows it.
+/// Error by sampling of the lattice's position, and of its two ends with either sign, px: the largest seen on discs
+/// drawn without noise. It is not a scatter, so no residual shows it.
 const SAMPLING_PX: f64 = 0.002;
 
 /// Finds the lattice of an image of counts, shape (height, width). The result is the same for any number of threads.
@@ -67,7 +67,7 @@ pub fn find_lattice(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLat
     })
 }
 
-/// The layout of a basis. Refuses lattice vectors that are neither square nor hexagonal.
+/// Refuses lattice vectors that are neither square nor hexagonal.
 fn checked_layout(basis_px: DMat2) -> Result<Layout, Refusal> {
     let (layout, strain) = layout_of(basis_px);
     if strain <= LARGEST_SCATTER {
@@ -88,7 +88,6 @@ fn rms(ties: &[TiePoint], at: impl Fn(DVec2) -> DVec2) -> f64 {
 
 /// All centres that were read, and the smooth lattice that most of them follow.
 struct SmoothLattice {
-    /// Lattice index and image centre of each lenslet.
     ties: Vec<TiePoint>,
     kept: Vec<bool>,
     fit: Polynomial,
@@ -111,7 +110,6 @@ impl SmoothLattice {
         Ok(Self { ties, kept, fit, in_frame })
     }
 
-    /// The centres that follow the lattice.
     fn kept_ties(&self) -> Vec<TiePoint> {
         chosen(&self.ties, &self.kept)
     }

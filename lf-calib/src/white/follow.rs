@@ -16,10 +16,8 @@ use lf_core::{Refusal, camera::Layout};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-/// Half the side of the first patch, in lattice vectors. At this distance the period is still good to a twentieth of a
-/// pixel.
+/// Half the side of the first patch, in lattice vectors. The period is still good to a twentieth of a pixel there.
 const FIRST_PATCH: f64 = 12.0;
-/// Growth of the radius from one fit to the next.
 const GROWTH: f64 = 1.7;
 /// The lattice rests when no lenslet moves by more than this, px.
 const AT_REST_PX: f64 = 1e-4;
@@ -32,7 +30,6 @@ pub const LATTICE_STEPS: u64 = 2 + 3 * REPETITIONS;
 const SAMPLE: usize = 3000;
 const ROUGH_SAMPLE: usize = SAMPLE / 4;
 
-/// Follows the lattice from its period to every lenslet of the frame.
 pub(crate) fn follow(image: ArrayView2<f32>, period: &Period, watch: &dyn Fn(u64)) -> Result<FollowedLattice, Refusal> {
     let mut followed = start(image, period).ok_or_else(|| few(0))?;
     to_corners(&mut followed, image)?;
@@ -56,8 +53,7 @@ fn start(image: ArrayView2<f32>, period: &Period) -> Option<FollowedLattice> {
     best.map(|best| best.1)
 }
 
-/// The lattice in a patch in the middle of a tile, and the share of its lenslets that can be read. None if they are too
-/// few.
+/// The lattice in a patch in the middle of a tile, and the share of its lenslets that can be read. None if too few can.
 fn from_tile(image: ArrayView2<f32>, period: &Period, corner: [usize; 2]) -> Option<(f64, FollowedLattice)> {
     let basis = period.basis_px;
     let half = FIRST_PATCH * shortest(basis);
@@ -118,8 +114,8 @@ fn to_corners(followed: &mut FollowedLattice, image: ArrayView2<f32>) -> Result<
     }
 }
 
-/// Repeats the fits on the whole frame until the lattice rests: first with the round cell, then (if there is a second
-/// stop) without the pixels that it has touched, then with the whole cell. Last it reads every lenslet.
+/// Repeats the fits on the whole frame until the lattice rests: with the round cell, then (if there is a second stop)
+/// without the pixels that it has touched, then with the whole cell. Last it reads every lenslet.
 fn settle(followed: &mut FollowedLattice, image: ArrayView2<f32>, watch: &dyn Fn(u64)) -> Result<(), Refusal> {
     rest(followed, image, watch)?;
     followed.stops = TwoStops::seen(&region_rims(followed, image));
@@ -136,7 +132,6 @@ fn settle(followed: &mut FollowedLattice, image: ArrayView2<f32>, watch: &dyn Fn
     Ok(())
 }
 
-/// Repeats cell and lattice until no lenslet moves any more.
 fn rest(followed: &mut FollowedLattice, image: ArrayView2<f32>, watch: &dyn Fn(u64)) -> Result<(), Refusal> {
     let indices: Vec<DVec2> = followed.fits.iter().map(|fit| fit.0).collect();
     for done in 1..=REPETITIONS {

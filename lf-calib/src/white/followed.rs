@@ -1,5 +1,4 @@
-//! The lattice as far as it has been followed through a white image: reading lenslets, and the smooth lattice through
-//! them.
+//! The lattice as far as it has been followed through a white image: its lenslets, and the smooth lattice through them.
 
 use super::lenslet_fit::{LensletFit, fit_lenslet, window};
 use super::{basis::shortest, cats_eye::TwoStops, cats_eye::Untouched, mean_cell::MeanCell, rim::side_px};
@@ -19,7 +18,6 @@ const LEAST_EXPLAINED: f64 = 0.3;
 /// Largest relative change of the gain from one lenslet to the next. A larger one comes from a bad extrapolation.
 const MOST_SHADE: f64 = 0.2;
 
-/// The refusal of a lattice with too few lenslets.
 pub(crate) fn few(found: usize) -> Refusal {
     Refusal::new(
         format!("only {found} lenslets follow one lattice"),
@@ -27,25 +25,22 @@ pub(crate) fn few(found: usize) -> Refusal {
     )
 }
 
-/// The lattice as far as it has been followed.
 #[derive(Debug, Clone)]
 pub(crate) struct FollowedLattice {
-    /// The mean cell that lenslets are read against.
     pub cell: MeanCell,
     /// Lattice vectors as columns, px.
     pub basis_px: DMat2,
     /// The smooth lattice: image position, px, from lattice index.
     pub smooth: Polynomial,
-    /// The gain over the frame, from lattice index. Only x is used.
+    /// The gain, from lattice index. Only x is used.
     pub gain: Polynomial,
     /// Distance that the lattice has been followed to, in shortest lattice vectors.
     pub radius: f64,
     /// Whether it reaches the corners of the frame. Until then a rough cell is enough.
     pub is_whole: bool,
-    /// Whether the lattice has come to rest on the round part of the cell. Only then can the remainder be told from a
-    /// wrong centre.
+    /// Whether it rests on the round part of the cell. Only then can the remainder be told from a wrong centre.
     pub is_settled: bool,
-    /// The second stop that cuts into lenslet images, once it has been seen.
+    /// Once it has been seen.
     pub stops: Option<TwoStops>,
     /// Radius of the round part of the cell, px.
     pub radius_px: Option<f64>,
@@ -133,7 +128,6 @@ impl FollowedLattice {
         if gain > 0.0 { (slope / gain).clamp_length_max(MOST_SHADE / shortest(self.basis_px)) } else { DVec2::ZERO }
     }
 
-    /// Side of the lenslet images if they are square, px. None if they have no rim.
     pub fn side_px(&self) -> Option<f64> {
         side_px(&self.cell, self.basis_px)
     }

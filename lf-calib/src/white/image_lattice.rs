@@ -7,7 +7,7 @@ use lf_core::camera::Layout;
 pub struct Centre {
     /// Steps along the two lattice vectors from [`ImageLattice::origin_px`].
     pub index: [i64; 2],
-    /// Centre of the image, px from the frame's left and top edge (a pixel's centre is at a half).
+    /// Centre of the image, px.
     pub place_px: [f64; 2],
     /// Whether it follows the lattice of the lenslets around it.
     pub kept: bool,
@@ -32,7 +32,7 @@ pub struct ImageLattice {
     pub layout: Layout,
     /// Distance between neighbours, px.
     pub pitch_px: f64,
-    /// Rotation of the lattice, rad: the angle nearest to 0 among those that symmetry makes equal.
+    /// Rotation, rad: the angle nearest to 0 among those that symmetry makes equal.
     pub rotation_rad: f64,
     /// Centre of a lenslet image near the middle of the frame, px.
     pub origin_px: [f64; 2],
@@ -54,7 +54,7 @@ pub struct ImageLattice {
     pub second_stop: Option<SecondStop>,
     /// Contrast: root mean square of the periodic part over the mean count.
     pub contrast: f64,
-    /// Number of lenslets whose images are at least seven tenths inside the frame, readable or not.
+    /// Number of lenslets with at least seven tenths of their images inside the frame, readable or not.
     pub in_frame: usize,
     /// Every lenslet image that was read, row by row.
     pub centres: Vec<Centre>,

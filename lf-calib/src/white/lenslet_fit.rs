@@ -14,10 +14,8 @@ const FARTHEST: f64 = 0.35;
 /// Least share of the window's pixels that a second stop leaves untouched. A third of a rim still gives a centre.
 const LEAST_UNTOUCHED: f64 = 0.4;
 
-/// The fit of one lenslet image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LensletFit {
-    /// Centre, px from the image's left and top edge.
     pub centre_px: DVec2,
     /// Counts where the cell is 0.
     pub floor: f64,
@@ -27,12 +25,11 @@ pub(crate) struct LensletFit {
     pub shade_per_px: DVec2,
     /// Standard deviation of a coordinate of the centre, px, for noise of one count in each pixel.
     pub spread_px: f64,
-    /// Share of the pixels' variance that the cell explains.
     pub explained: f64,
 }
 
-/// The pixels around a position: their (row, column) and their offset from it, px. None if too many of them are outside
-/// the image.
+/// The (row, column) of the pixels around a position, and their offset from it, px. None if too many are outside the
+/// image.
 pub(crate) fn window(
     centre_px: DVec2,
     shortest_px: f64,
@@ -65,7 +62,6 @@ impl LensletFit {
     }
 }
 
-/// The pixels of one lenslet image, and their sums.
 struct Pixels {
     /// Offset from the start position, px, count, and the relative gain there.
     values: Vec<(DVec2, f64, f64)>,
@@ -102,9 +98,8 @@ impl Pixels {
 }
 
 /// Fits floor + gain (1 + shade . x) T(x - centre) to the pixels around `from_px`, with x from `from_px`, by
-/// Gauss-Newton. Pixels that a second stop may have touched are left out. The shade is given: within one lenslet it
-/// cannot be told from a shift. None if the window leaves the image, if the centre moves too far, or if there is no
-/// light.
+/// Gauss-Newton. The shade is given: within one lenslet it cannot be told from a shift. None if the window leaves the
+/// image, if the centre moves too far, or if there is no light.
 pub(crate) fn fit_lenslet(
     image: ArrayView2<f32>,
     cell: &MeanCell,

@@ -16,15 +16,12 @@ pub struct WhiteMean {
 }
 
 impl WhiteMean {
-    /// A sum of no images.
+    /// No images yet.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds an image of counts.
-    ///
-    /// # Errors
-    /// Refuses an image of another size than the first one, and a saturated image.
+    /// Adds an image of counts. Refuses another size than that of the first image, and a saturated image.
     pub fn add(&mut self, image: &Array2<f32>) -> Result<(), Refusal> {
         let sum = self.sum.get_or_insert_with(|| Array2::zeros(image.dim()));
         if sum.dim() != image.dim() {
@@ -51,8 +48,8 @@ pub(crate) fn other_size(image: &Array2<f32>, (height, width): (usize, usize)) -
     )
 }
 
-/// Refuses an image with too many pixels at full scale. Full scale is recognised only if every count is a whole number:
-/// images of real numbers may have flat tops for other reasons.
+/// Refuses too many pixels at full scale. It is recognised only if every count is a whole number: images of real
+/// numbers may have flat tops for other reasons.
 fn check_saturation(image: &Array2<f32>) -> Result<(), Refusal> {
     let highest = image.iter().copied().fold(0.0, f32::max);
     if !FULL_SCALES.contains(&highest) || image.iter().any(|value| value.fract() != 0.0) {

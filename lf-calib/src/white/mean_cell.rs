@@ -11,12 +11,10 @@ use glam::{DMat2, DVec2};
 const TABLE_PER_PX: f64 = 4.0;
 const TABLE: [usize; 2] = [16, 160];
 
-/// The periodic surface.
 #[derive(Debug, Clone)]
 pub(crate) struct MeanCell {
-    /// Knots along the two sides.
     pub knots: [usize; 2],
-    /// Coefficients of the splines, row by row.
+    /// Row by row.
     pub coefficients: Vec<f64>,
 }
 
@@ -51,7 +49,6 @@ pub(crate) fn knots_of(basis_px: DMat2, per_px: f64, [fewest, most]: [usize; 2])
 }
 
 impl MeanCell {
-    /// Number of knots of a cell that lenslets are read against.
     pub fn table_knots(basis_px: DMat2) -> [usize; 2] {
         knots_of(basis_px, TABLE_PER_PX, TABLE)
     }
@@ -62,7 +59,6 @@ impl MeanCell {
         DVec2::new(wrapped(knot % knots[0], knots[0]), wrapped(knot / knots[0], knots[1]))
     }
 
-    /// The surface through given values at its knots.
     pub fn through(knots: [usize; 2], values: &[f64]) -> Self {
         // Taps of the inverse of the spline's (1, 4, 1) / 6: sqrt(3) z^|n| with z = sqrt(3) - 2. After 21 steps they
         // are below 1e-12.

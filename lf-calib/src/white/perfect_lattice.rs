@@ -19,7 +19,7 @@ pub(crate) struct PerfectLattice {
 
 impl PerfectLattice {
     /// Least squares in closed form, with (x, y) as complex numbers. `unit` holds the lattice vectors in pitches. None
-    /// with fewer than three centres, or if they do not give a pitch.
+    /// with fewer than three centres, or without a pitch.
     pub fn through(ties: &[TiePoint], unit: DMat2) -> Option<Self> {
         let count = ties.len() as f64;
         if ties.len() < 3 {
@@ -41,7 +41,6 @@ impl PerfectLattice {
         (turn.length() > 0.0 && turn.is_finite()).then_some(fit)
     }
 
-    /// Position of a point of the unit lattice.
     pub fn at(&self, q: DVec2) -> DVec2 {
         self.origin + self.turn.rotate(q)
     }

@@ -19,16 +19,13 @@ const LEAST_CONTRAST: f64 = 0.02;
 
 const WANTED: &str = "a white image with dark gaps between the discs of the lenslets";
 
-/// Two shifts that map the image onto itself.
 #[derive(Debug, Clone)]
 pub(crate) struct Period {
-    /// The lattice vectors u and v as columns, px; see [`reduced`].
+    /// The lattice vectors as columns, px; see [`reduced`].
     pub basis_px: DMat2,
-    /// Contrast: root mean square of the periodic part over the mean count.
     pub contrast: f64,
-    /// First column and row of each tile.
+    /// First column and row of each tile, then columns and rows of a tile.
     pub corners: Vec<[usize; 2]>,
-    /// Columns and rows of a tile.
     pub tile: [usize; 2],
 }
 

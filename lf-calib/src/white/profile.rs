@@ -19,7 +19,7 @@ const MOST_KNOTS: f64 = 64.0;
 /// Samples along each side of a pixel, for the fit and for the table.
 const FIT_SAMPLES: usize = 8;
 const TABLE_SAMPLES: usize = 8;
-/// Weight of the profile's curvature and height against its misfit. It determines only what no pixel does.
+/// Weight of the profile's curvature and height against its misfit. It only determines what no pixel does.
 const ROUGHNESS: f64 = 1e-6;
 
 /// Positions in a pixel relative to its centre.
@@ -40,7 +40,6 @@ pub(crate) struct ProfileEquations {
 }
 
 impl ProfileEquations {
-    /// Empty equations for a lattice.
     pub fn new(basis_px: DMat2) -> Self {
         let reach = REACH * shortest(basis_px);
         let step_px = STEP_PX.max(reach / MOST_KNOTS);
@@ -53,8 +52,7 @@ impl ProfileEquations {
         Self { basis_px, step_px, knots, lenslets, normal, right: DVector::zeros(knots + 1) }
     }
 
-    /// The knot before a distance, and the weight of the next one. The profile is zero after the last knot. None beyond
-    /// it.
+    /// The knot before a distance, and the weight of the next one. None after the last knot, where the profile is zero.
     #[inline]
     fn knots_at(&self, distance_px: f64) -> Option<(usize, f64)> {
         let t = distance_px / self.step_px;
@@ -62,7 +60,6 @@ impl ProfileEquations {
         (knot < self.knots).then_some((knot, t - knot as f64))
     }
 
-    /// The lenslets whose profile reaches a pixel.
     fn near(&self, offset_px: DVec2) -> Vec<DVec2> {
         let reach = self.knots as f64 * self.step_px + std::f64::consts::FRAC_1_SQRT_2;
         self.lenslets.iter().filter(|place| place.distance(offset_px) < reach).copied().collect()
@@ -93,14 +90,13 @@ impl ProfileEquations {
         }
     }
 
-    /// Adds the sums of other equations.
     pub fn merge(&mut self, other: &Self) {
         self.normal += &other.normal;
         self.right += &other.right;
     }
 
-    /// The cell as pixels see it, in a table of `knots` along its sides, and the radius of the profile if it has a rim.
-    /// None if the pixels do not determine the profile.
+    /// The cell as pixels see it, in a table of `knots` along its sides, and the profile's radius if it has a rim. None
+    /// if the pixels do not determine the profile.
     pub fn solve(mut self, knots: [usize; 2]) -> Option<(Vec<f64>, Option<f64>)> {
         let weight = ROUGHNESS * self.normal.trace() / (self.knots + 1) as f64;
         for knot in 0..self.knots {

@@ -3,9 +3,8 @@
 use super::{basis::shortest, mean_cell::MeanCell};
 use glam::{DMat2, DVec2};
 
-/// The rim is where the light is `HALF` of the plateau. The plateau is the mean around `PLATEAU` of the radius. Beyond
-/// the rim the light must fall to `DARK` of the plateau: between discs that touch it does not, and then there is no
-/// rim.
+/// The rim is where the light is `HALF` of the plateau, the mean around `PLATEAU` of the radius. Beyond it the light
+/// must fall to `DARK` of the plateau: between discs that touch it does not, and then there is no rim.
 const HALF: f64 = 0.5;
 const PLATEAU: f64 = 0.6;
 const DARK: f64 = 0.35;
@@ -13,8 +12,7 @@ const DARK: f64 = 0.35;
 const STEP: f64 = 0.01;
 const FARTHEST: f64 = 0.75;
 
-/// Distances, px, from the cell's origin to the rim in the directions `angles`. None if the light does not fall far
-/// enough.
+/// Distances, px, from the cell's origin to the rim in the directions `angles`. None if the light does not fall enough.
 pub(crate) fn rim_px(cell: &MeanCell, basis_px: DMat2, angles: impl Iterator<Item = f64>) -> Vec<Option<f64>> {
     let shortest = shortest(basis_px);
     let to_cell = basis_px.inverse();

@@ -10,10 +10,9 @@ const HARMONICS: i64 = 6;
 /// Blur before brightness is compared, as a share of the shorter side. It keeps the fundamental and removes the rim.
 const BLUR: f64 = 0.18;
 
-/// The centre of the lenslet image in its cell. Turned about its centre by a sixth of a turn (hexagonal lattice) or a
-/// quarter (square lattice), the cell is most similar to itself. A square cell has two such points, half a diagonal
-/// apart, and the brighter one is taken. Brightness alone would fail for discs that overlap: they are brightest where
-/// they overlap.
+/// The centre of the lenslet image in its cell. Turned about it by a sixth of a turn (hexagonal lattice) or a quarter
+/// (square lattice), the cell is most similar to itself. A square cell has two such points, half a diagonal apart; the
+/// brighter one is taken. Brightness alone would fail: discs that overlap are brightest where they overlap.
 pub(crate) fn centre_of(cell: &MeanCell, basis_px: DMat2, is_hexagonal: bool) -> DVec2 {
     let places = || (0..GRID * GRID).map(|n| DVec2::new((n % GRID) as f64, (n / GRID) as f64) / GRID as f64);
     let values: Vec<f64> = places().map(|place| cell.at(place).0).collect();
