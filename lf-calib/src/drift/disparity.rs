@@ -27,7 +27,7 @@ const NEEDED_MORE: f64 = 4.0;
 /// Parameters that may have drifted. Those of a group are free or fixed together.
 pub(crate) const GROUPS: [&[P]; 3] = [&[P::LatticeX, P::LatticeY], &[P::LatticeTurn], &[P::TiltX, P::TiltY]];
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct IsolatedParticle {
     pub frame: usize,
     pub place_mm: DVec3,

@@ -24,7 +24,6 @@ const FULL_QUANTILE: f64 = 0.8;
 const STEPS: usize = 8;
 
 /// The stop as the light of a point fills it.
-#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct StopFill {
     /// Mean position of the light, mm.
     pub middle_mm: DVec2,

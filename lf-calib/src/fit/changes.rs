@@ -6,7 +6,7 @@ use lf_core::{Camera, camera::Distortion, camera::Tilt};
 use serde_json::{Value, json};
 
 /// Changes of all parameters, against the given camera and the stated position of the target.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) struct Changes([f64; Parameter::ALL.len()]);
 
 impl Changes {
@@ -99,7 +99,6 @@ impl Changes {
 }
 
 /// Where the target stands in front of the camera.
-#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TargetPose {
     turn: DMat3,
     skew: DVec2,

@@ -20,7 +20,7 @@ const LEAST_PIVOT: f64 = 1e-7;
 
 /// A measured position minus its prediction. `exposure` is the number of its image: sub-images of one image have the
 /// same sampling error.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone)]
 pub(crate) struct Observation {
     pub off_px: [f64; 2],
     pub uncertainty_px: f64,
@@ -34,13 +34,11 @@ pub(crate) struct Observation {
 }
 
 /// Normal equations of one source: weighted sums of derivative times derivative and of derivative times residual.
-#[derive(Debug, Clone)]
 pub(crate) struct SourceEquations {
     pub normal: DMatrix<f64>,
     pub right: DVector<f64>,
 }
 
-#[derive(Debug, Clone)]
 pub(crate) struct NormalEquations {
     pub parameters: Vec<Parameter>,
     pub sources: Vec<SourceEquations>,
@@ -50,7 +48,6 @@ pub(crate) struct NormalEquations {
     pub sampling: Vec<DVector<f64>>,
 }
 
-#[derive(Debug, Clone)]
 pub(crate) struct ParameterEstimate {
     pub step: DVector<f64>,
     /// Covariance if sub-images were independent.

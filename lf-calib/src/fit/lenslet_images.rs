@@ -9,7 +9,6 @@ use glam::DVec2;
 use lf_core::{Camera, Optics};
 
 /// Maps lenslet centres to image centres and back. The camera's own lattice plays no part.
-#[derive(Debug, Clone)]
 pub(crate) struct LensletImages {
     image_distance_mm: f64,
     gap_mm: f64,

@@ -15,7 +15,7 @@ const MOST_TERMS: usize = (MOST_DEGREE + 1) * (MOST_DEGREE + 2) / 2;
 const PARTS: usize = 8;
 
 /// A polynomial from positions to positions.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone)]
 pub(crate) struct Polynomial {
     degree: usize,
     middle: DVec2,

@@ -15,7 +15,6 @@ const BRIGHT: f64 = 0.9;
 const SMOOTHING: usize = 5;
 
 /// Light over a plane of the object.
-#[derive(Debug, Clone)]
 pub(crate) struct RefocusedImage {
     light: Array2<f64>,
     half_mm: DVec2,

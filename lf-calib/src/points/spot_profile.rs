@@ -11,7 +11,7 @@ const SAMPLING_PX: f64 = 0.0015;
 const NARROW_PX: f64 = 0.017;
 
 /// How a spot should look: a flat square, blurred by the size of the light source, by a Gaussian and by the pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) struct SpotProfile {
     /// Width of the flat square, px.
     pub width_px: f64,

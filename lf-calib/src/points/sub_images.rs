@@ -13,7 +13,7 @@ const LEAST_EXPLAINED: f64 = 0.5;
 const LEAST_KNOWN_PX: f64 = 0.3;
 
 /// Blur of a point: standard deviations along an axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) struct PointBlur {
     /// Size of the light source in the object, mm.
     pub object_mm: f64,
@@ -21,7 +21,7 @@ pub(crate) struct PointBlur {
     pub sensor_px: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) struct SubImage {
     pub lenslet: (i64, i64),
     pub place_px: DVec2,

@@ -18,7 +18,6 @@ const STEPS: usize = 6;
 const NEAR_ENOUGH: f64 = 1e-10;
 
 /// A point of the object as the lenslets see it.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct PointView<'a> {
     optics: &'a Optics,
     place_mm: DVec3,
@@ -28,7 +27,6 @@ pub(crate) struct PointView<'a> {
     alpha: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LitLenslet {
     pub lenslet: (i64, i64),
     pub place_px: DVec2,

@@ -18,7 +18,7 @@ const WORSE: f64 = 1.2;
 const HALVINGS: usize = 8;
 
 /// A dot of the target at one depth, and its sub-images.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(crate) struct DotSighting {
     /// Number of the dot among all dots, the same at every depth.
     pub dot: usize,
@@ -27,14 +27,12 @@ pub(crate) struct DotSighting {
     pub sub_images: Vec<SubImage>,
 }
 
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Bundle<'a> {
     pub nominal: &'a Camera,
     pub sightings: &'a [DotSighting],
     pub dots: usize,
 }
 
-#[derive(Debug, Clone)]
 pub(crate) struct BundleFit {
     pub parameters: Vec<Parameter>,
     pub changes: Changes,
@@ -43,7 +41,7 @@ pub(crate) struct BundleFit {
     pub misfit: BundleMisfit,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) struct BundleMisfit {
     /// Root mean square of a coordinate of the sub-images that have weight, px.
     pub rms_px: f64,

@@ -29,7 +29,6 @@ const FACTORS: [f64; 5] = [0.8, 0.9, 1.0, 1.1, 1.22];
 /// Dots whose sub-images are read for it.
 const BLUR_DOTS: usize = 24;
 
-#[derive(Debug, Clone)]
 pub(crate) struct FirstLook {
     pub sightings: Vec<DotSighting>,
     /// Measured minus stated position of the target across the axis, mm.

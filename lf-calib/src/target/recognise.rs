@@ -18,7 +18,7 @@ const LEAST_SEEN: f64 = 0.5;
 /// Number of peaks about the middle that a first shift is tried on.
 const FIRST: usize = 25;
 
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(crate) struct Recognised {
     /// Numbers of dots and the positions of their peaks, mm.
     pub pairs: Vec<(usize, DVec2)>,
@@ -27,7 +27,6 @@ pub(crate) struct Recognised {
 }
 
 /// An affine map from dot positions to peak positions.
-#[derive(Debug, Clone, Copy)]
 struct Affine {
     matrix: DMat2,
     shift: DVec2,

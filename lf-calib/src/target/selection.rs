@@ -18,8 +18,8 @@ const NEEDED_MORE: f64 = 5.0;
 const ROUNDS: usize = 30;
 const TRIALS: usize = 2;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 /// Parameters that are free or fixed together.
+#[derive(Clone, Copy, PartialEq)]
 pub(crate) struct ParameterGroup {
     pub parameters: &'static [Parameter],
     /// A parameter that must be free before this group is tried.
@@ -27,7 +27,6 @@ pub(crate) struct ParameterGroup {
     pub is_first: bool,
 }
 
-#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct GroupResult {
     pub group: ParameterGroup,
     pub is_free: bool,

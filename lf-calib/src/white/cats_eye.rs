@@ -37,7 +37,6 @@ const STEPS: usize = 40;
 const INNER_STEPS: usize = 4;
 
 /// The rim of the mean cell of a region at `place_px` from the middle of the frame.
-#[derive(Debug, Clone)]
 pub(crate) struct RegionRim {
     place_px: DVec2,
     /// Direction and distance of each point of the rim, px.
@@ -58,7 +57,7 @@ impl RegionRim {
 
 /// Two discs over the frame, of radii a and b. The second is displaced by e (`slope`) for each px from the frame's
 /// middle and by `aside_px` in the middle.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) struct TwoStops {
     pub main_px: f64,
     pub second_px: f64,
@@ -230,7 +229,6 @@ const INSIDE_PX: f64 = 1.2;
 const OUTSIDE_PX: f64 = 0.9;
 
 /// The pixels around one lenslet image that the second stop cannot have touched.
-#[derive(Debug, Clone)]
 pub(crate) struct Untouched {
     lenslets: Vec<DVec2>,
     displacement_px: DVec2,

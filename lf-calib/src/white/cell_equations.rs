@@ -13,7 +13,6 @@ const KNOTS: [usize; 2] = [8, 32];
 const ROUGHNESS: f64 = 1e-4;
 
 /// Normal equations of the surface, summed over pixels.
-#[derive(Debug, Clone)]
 pub(crate) struct CellEquations {
     knots: [usize; 2],
     /// For each knot, the products with the 7 x 7 knots around it.

@@ -27,7 +27,6 @@ const BLOCKS: f64 = 4.0;
 const GAUGE_STEPS: usize = 3;
 
 /// A perfect lattice, and the departure of the lenslets from it: None and degree 0 if there is none.
-#[derive(Debug, Clone)]
 pub(crate) struct DepartureFit {
     pub perfect: PerfectLattice,
     pub centres: Option<Centres>,

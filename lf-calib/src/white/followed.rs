@@ -25,7 +25,6 @@ pub(crate) fn few(found: usize) -> Refusal {
     )
 }
 
-#[derive(Debug, Clone)]
 pub(crate) struct FollowedLattice {
     pub cell: MeanCell,
     /// Lattice vectors as columns, px.

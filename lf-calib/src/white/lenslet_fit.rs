@@ -14,7 +14,7 @@ const FARTHEST: f64 = 0.35;
 /// Least share of the window's pixels that a second stop leaves untouched. A third of a rim still gives a centre.
 const LEAST_UNTOUCHED: f64 = 0.4;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) struct LensletFit {
     pub centre_px: DVec2,
     /// Counts where the cell is 0.

@@ -11,7 +11,6 @@ use glam::{DMat2, DVec2};
 const TABLE_PER_PX: f64 = 4.0;
 const TABLE: [usize; 2] = [16, 160];
 
-#[derive(Debug, Clone)]
 pub(crate) struct MeanCell {
     pub knots: [usize; 2],
     /// Row by row.

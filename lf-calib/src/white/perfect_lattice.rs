@@ -4,7 +4,6 @@ use crate::fit::polynomial::TiePoint;
 use glam::{DMat2, DVec2};
 
 /// A perfect lattice: position = origin + turn(q), where q is the position in the unit lattice.
-#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PerfectLattice {
     /// Centre of lenslet (0, 0), in the unit of the tie points: px or mm.
     pub origin: DVec2,

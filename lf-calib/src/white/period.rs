@@ -19,7 +19,6 @@ const LEAST_CONTRAST: f64 = 0.02;
 
 const WANTED: &str = "a white image with dark gaps between the discs of the lenslets";
 
-#[derive(Debug, Clone)]
 pub(crate) struct Period {
     /// The lattice vectors as columns, px; see [`reduced`].
     pub basis_px: DMat2,

@@ -29,7 +29,6 @@ fn samples(side: usize) -> impl Iterator<Item = DVec2> {
 }
 
 /// Normal equations of the profile, summed over pixels. The last unknown is the base.
-#[derive(Debug, Clone)]
 pub(crate) struct ProfileEquations {
     basis_px: DMat2,
     step_px: f64,
