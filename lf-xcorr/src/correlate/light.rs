@@ -44,7 +44,7 @@ impl Light {
             for y in 0..volume.shape[1] {
                 let (Some(cy), Some(cz)) = (cell_of[1][y], cell_of[2][z]) else { continue };
                 let mut last = None;
-                for &x in volume.run(y, z, 0, volume.shape[0] as i32).0 {
+                for (x, _) in volume.row(y, z) {
                     let cx = cell_of[0][x as usize];
                     let Some(place) = cx.map(|cx| cx + nx * (cy + ny * cz)) else { continue };
                     voxels[place] += 1;

@@ -14,7 +14,7 @@
 //! axis.
 
 use super::predictor::Predictor;
-use crate::volumes::{Mask, Rows};
+use crate::volumes::{Mask, Rows, lit};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -54,19 +54,18 @@ fn counts(place: [usize; 3], field: &Predictor, mask: &Mask, shape: [usize; 3]) 
 /// The light of `rows` at the midpoints: `share` 0.5 for a first volume, -0.5 for a second.
 fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]) -> bool + Sync)) -> Rows {
     let shape = rows.shape;
-    let planes: Vec<Plane> = (0..shape[2]).into_par_iter().map(|z| Plane::new(rows, z, field, share)).collect();
-    let lists: Vec<Vec<Vec<(u32, f32)>>> = (0..shape[2])
-        .into_par_iter()
-        .map_init(
-            || vec![0f32; shape[0] * shape[1]],
-            |dense, z| {
-                planes.iter().for_each(|plane| plane.spread(z, shape, dense));
-                let take = |(y, row)| take_lit(row, rows.least, |x| counts([x, y, z]));
-                dense.chunks_mut(shape[0]).enumerate().map(take).collect()
-            },
-        )
-        .collect();
-    Rows::from_lists(shape, lists.iter().flatten().map(Vec::as_slice))
+    let plane = |z: usize| Plane::new(rows, z, |place| midpoint(place, field, share));
+    let planes: Vec<Plane> = (0..shape[2]).into_par_iter().map(plane).collect();
+    let lists_of = |dense: &mut Vec<f32>, z: usize| -> Vec<Vec<(u32, f32)>> {
+        dense.resize(shape[0] * shape[1], 0.0);
+        planes.iter().for_each(|plane| plane.spread(z, shape, dense));
+        let row = |(y, row)| lit(row, rows.least).filter(|(x, _)| counts([*x as usize, y, z])).collect();
+        let lists = dense.chunks(shape[0]).enumerate().map(row).collect();
+        dense.fill(0.0);
+        lists
+    };
+    let lists = (0..shape[2]).into_par_iter().map_init(Vec::new, lists_of).flatten_iter();
+    Rows::from_lists(shape, &lists.collect::<Vec<_>>())
 }
 
 /// Estimate of the lit voxels of a volume once it is deformed, from a few of its slices. Every voxel is moved by half a
@@ -74,30 +73,15 @@ fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]
 pub(crate) fn spread_count(rows: &Rows) -> f64 {
     const SLICES: usize = 9;
     let [nx, ny, nz] = rows.shape;
-    let half_moved = |z: usize| {
-        let in_row = |y: usize| {
-            let (places, values) = rows.run(y, z, 0, nx as i32);
-            places.iter().zip(values).map(move |(&x, &value)| (Vec3::new(x as f32, y as f32, z as f32) + 0.5, value))
-        };
-        Plane { light: (0..ny).flat_map(in_row).collect(), reach: 0..nz }
-    };
     let few = nz.min(SLICES);
     let lit = (0..few).into_par_iter().map(|n| {
         let z = ((n as f64 + 0.5) * nz as f64 / few as f64) as usize;
         let mut dense = vec![0f32; nx * ny];
         let near = z.saturating_sub(REACH - BEFORE - 1)..(z + BEFORE + 1).min(nz);
-        near.for_each(|source| half_moved(source).spread(z, rows.shape, &mut dense));
-        dense.iter().filter(|value| **value > 0.0 && **value >= rows.least).count()
+        near.for_each(|source| Plane::new(rows, source, |place| place + 0.5).spread(z, rows.shape, &mut dense));
+        lit(&dense, rows.least).count()
     });
     lit.sum::<usize>() as f64 * nz as f64 / few as f64
-}
-
-/// Takes the lit voxels that count out of a dense row, and leaves the row dark.
-fn take_lit(row: &mut [f32], least: f32, counts: impl Fn(usize) -> bool) -> Vec<(u32, f32)> {
-    let lit = row.iter().enumerate().filter(|(x, value)| **value > 0.0 && **value >= least && counts(*x));
-    let lit = lit.map(|(x, &value)| (x as u32, value)).collect();
-    row.fill(0.0);
-    lit
 }
 
 /// The targets of one plane of lit voxels.
@@ -109,25 +93,16 @@ struct Plane {
 }
 
 impl Plane {
-    fn new(rows: &Rows, z: usize, field: &Predictor, share: f64) -> Self {
-        let shape = rows.shape;
-        let mut light = Vec::new();
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for y in 0..shape[1] {
-            let (places, values) = rows.run(y, z, 0, shape[0] as i32);
-            for (&x, &value) in places.iter().zip(values) {
-                let target = midpoint(DVec3::new(x as f64, y as f64, z as f64), field, share).as_vec3();
-                (low, high) = (low.min(target.z), high.max(target.z));
-                light.push((target, value));
-            }
-        }
-        let reach = if light.is_empty() {
-            0..0
-        } else {
-            let from = (low.floor() as i64 - BEFORE as i64).max(0) as usize;
-            from..((high.floor() as i64 + (REACH - BEFORE) as i64).clamp(0, shape[2] as i64) as usize).max(from)
-        };
-        Self { light, reach }
+    fn new(rows: &Rows, z: usize, target: impl Fn(DVec3) -> DVec3) -> Self {
+        let [_, ny, nz] = rows.shape;
+        let target = |x: u32, y: usize| target(DVec3::new(x as f64, y as f64, z as f64)).as_vec3();
+        let in_row = |y: usize| rows.row(y, z).map(move |(x, value)| (x, y, value));
+        let light = (0..ny).flat_map(in_row).map(|(x, y, value)| (target(x, y), value));
+        let light: Vec<(Vec3, f32)> = light.collect();
+        let heights = || light.iter().map(|(target, _)| target.z.floor() as i64);
+        let from = heights().min().map_or(0, |low| (low - BEFORE as i64).max(0));
+        let to = heights().max().map_or(0, |high| (high + (REACH - BEFORE) as i64).min(nz as i64));
+        Self { light, reach: from as usize..to.max(from) as usize }
     }
 
     /// Adds the light that reaches plane `z` of a volume of `shape` to that plane, which is dense.
@@ -239,16 +214,12 @@ mod tests {
         });
         let field = corners(DVec3::new(39.0, 29.0, 19.0), nodes.collect());
         for (share, place) in [(0.5, [12usize, 17, 9]), (-0.5, [25, 6, 11])] {
-            let rows = Rows::new(
-                &Sparse { grid: &grid, indices: &[grid.index(place)], intensity: &[3.0] },
-                &Mask::Everything,
-                0.0,
-            );
+            let lit = Sparse { grid: &grid, indices: &[grid.index(place)], intensity: &[3.0] };
+            let rows = Rows::new(&lit, &Mask::Everything, 0.0);
             let moved = moved(&rows, &field, share, &|_| true);
             let (mut light, mut centre) = (0.0, [0.0; 3]);
             for row in 0..shape[1] * shape[2] {
-                let (places, values) = moved.run(row % shape[1], row / shape[1], 0, shape[0] as i32);
-                for (&x, &value) in places.iter().zip(values) {
+                for (x, value) in moved.row(row % shape[1], row / shape[1]) {
                     light += value as f64;
                     let voxel = [x as usize, row % shape[1], row / shape[1]];
                     (0..3).for_each(|a| centre[a] += value as f64 * voxel[a] as f64);

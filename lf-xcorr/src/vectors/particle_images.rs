@@ -4,18 +4,14 @@ use crate::volumes::Rows;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The lit voxels of a matched pair in rows along x, each assigned to a particle image.
+/// The voxels of a matched pair that are lit in either volume, each assigned to a particle image.
 ///
 /// A particle image is the set of voxels from which one local maximum is reached by climbing: from each voxel to the
 /// brightest of its 26 neighbours, and on.
 pub(crate) struct ParticleImages {
-    shape: [usize; 3],
-    /// Row `y + ny z` holds entries `start[row] .. start[row + 1]`, x rising.
-    start: Vec<usize>,
-    x: Vec<u32>,
     /// Intensity in the first and in the second volume.
-    light: Vec<[f32; 2]>,
-    /// Number of the particle image.
+    lit: Rows<[f32; 2]>,
+    /// Number of each voxel's particle image.
     image: Vec<u32>,
     /// The entry at the top of each particle image, and whether it is bright enough to count.
     tops: Vec<(u32, bool)>,
@@ -38,35 +34,32 @@ impl ParticleImages {
     /// brightness is sum v^3 / sum v^2, half the peak of a Gaussian. Ripples and haze of a reconstruction stay below.
     const COUNTS: f64 = 0.2;
 
-    /// The voxels that are lit in either volume.
     pub fn new(pair: &[Rows; 2]) -> Self {
         let shape = pair[0].shape;
-        let count = pair[0].count().max(pair[1].count());
-        let (mut start, mut x, mut light) = (Vec::new(), Vec::with_capacity(count), Vec::with_capacity(count));
+        let mut lit = Rows::with_capacity(shape, pair[0].count().max(pair[1].count()));
         for row in 0..shape[1] * shape[2] {
-            start.push(x.len());
-            let [(ax, a), (bx, b)] =
-                pair.each_ref().map(|rows| rows.run(row % shape[1], row / shape[1], 0, shape[0] as i32));
-            let [mut a, mut b] = [ax.iter().zip(a).peekable(), bx.iter().zip(b).peekable()];
-            while let Some(place) = [a.peek(), b.peek()].into_iter().flatten().map(|(place, _)| **place).min() {
-                let [a, b] = [&mut a, &mut b].map(|lit| lit.next_if(|(x, _)| **x == place));
-                x.push(place);
-                light.push([a, b].map(|lit| lit.map_or(0.0, |(_, value)| *value)));
+            lit.open_row(row);
+            let [mut a, mut b] = pair.each_ref().map(|rows| rows.row(row % shape[1], row / shape[1]).peekable());
+            while let Some(place) = [a.peek(), b.peek()].into_iter().flatten().map(|(x, _)| *x).min() {
+                let both = [&mut a, &mut b].map(|volume| volume.next_if(|(x, _)| *x == place));
+                lit.push(place, both.map(|voxel| voxel.map_or(0.0, |(_, value)| value)));
             }
         }
-        start.push(x.len());
-        let mut images = Self { shape, start, x, light, image: Vec::new(), tops: Vec::new() };
+        lit.open_row(shape[1] * shape[2]);
+        let mut images = Self { lit, image: Vec::new(), tops: Vec::new() };
         images.assign();
         images
     }
 
     fn brightness(&self, voxel: usize) -> f32 {
-        self.light[voxel][0] + self.light[voxel][1]
+        let [first, second] = self.lit.value[voxel];
+        first + second
     }
 
     fn assign(&mut self) {
+        let [_, ny, nz] = self.lit.shape;
         let up: Vec<Vec<u32>> =
-            (0..self.shape[1] * self.shape[2]).into_par_iter().map(|row| self.brightest_neighbours(row)).collect();
+            (0..ny * nz).into_par_iter().map(|row| self.brightest_neighbours(row % ny, row / ny)).collect();
         let mut top_of: Vec<u32> = up.into_iter().flatten().collect();
         climb(&mut top_of);
         let powers = (0..top_of.len()).map(|voxel| self.brightness(voxel) as f64);
@@ -80,25 +73,22 @@ impl ParticleImages {
         self.image = top_of.into_iter().map(|top| number[top as usize]).collect();
     }
 
-    /// For each voxel of a row, the brightest of it and its 26 neighbours; the last one of several equals.
-    fn brightest_neighbours(&self, row: usize) -> Vec<u32> {
-        let (y, z) = ((row % self.shape[1]) as i64, (row / self.shape[1]) as i64);
-        let mut rows: Vec<Range<usize>> = Vec::with_capacity(9);
-        for z in (z - 1).max(0)..(z + 2).min(self.shape[2] as i64) {
-            for y in (y - 1).max(0)..(y + 2).min(self.shape[1] as i64) {
-                let near = (y + z * self.shape[1] as i64) as usize;
-                rows.push(self.start[near]..self.start[near + 1]);
-            }
-        }
+    /// For each voxel of row (y, z), the brightest of it and its 26 neighbours; the last one of several equals.
+    fn brightest_neighbours(&self, y: usize, z: usize) -> Vec<u32> {
+        let [_, ny, nz] = self.lit.shape;
+        let near = |place: usize, n: usize| place.saturating_sub(1)..(place + 2).min(n);
+        let rows = near(z, nz).flat_map(|z| near(y, ny).map(move |y| self.lit.entries(y, z)));
+        let mut rows: Vec<Range<usize>> = rows.collect();
+        let x_of = &self.lit.x;
         let mut brightest = |voxel: usize| {
-            let x = self.x[voxel];
+            let x = x_of[voxel];
             let mut best = (self.brightness(voxel), voxel);
             for near in &mut rows {
                 // x rises along the row, so a voxel left behind is never needed again.
-                while near.start < near.end && self.x[near.start] + 1 < x {
+                while near.start < near.end && x_of[near.start] + 1 < x {
                     near.start += 1;
                 }
-                for other in near.clone().take_while(|&other| self.x[other] <= x + 1) {
+                for other in near.clone().take_while(|&other| x_of[other] <= x + 1) {
                     let candidate = (self.brightness(other), other);
                     if candidate > best {
                         best = candidate;
@@ -107,7 +97,7 @@ impl ParticleImages {
             }
             best.1 as u32
         };
-        (self.start[row]..self.start[row + 1]).map(&mut brightest).collect()
+        self.lit.entries(y, z).map(&mut brightest).collect()
     }
 
     /// Number of particle images, including those too faint to count.
@@ -117,24 +107,29 @@ impl ParticleImages {
 
     /// Visits the lit voxels of a box.
     pub fn visit(&self, ranges: [&Range<usize>; 3], mut visit: impl FnMut(Voxel)) {
+        let Rows { shape, x: x_of, value: light, .. } = &self.lit;
+        // The voxels of a row with x in the box; none beyond the volume.
+        let row = |y: usize, z: usize| match y < shape[1] && z < shape[2] {
+            true => self.lit.between(y, z, ranges[0].start as i32, ranges[0].end as i32),
+            false => 0..0,
+        };
         for z in ranges[2].clone() {
             for y in ranges[1].clone() {
-                let (here, mut along_y, mut along_z) =
-                    (self.row(y, z, ranges[0]), self.row(y + 1, z, ranges[0]), self.row(y, z + 1, ranges[0]));
-                let row_end = self.start[y + self.shape[1] * z + 1];
-                for voxel in here {
-                    let x = self.x[voxel];
+                let [mut along_y, mut along_z] = [row(y + 1, z), row(y, z + 1)];
+                let row_end = self.lit.entries(y, z).end;
+                for voxel in row(y, z) {
+                    let x = x_of[voxel];
                     let light_at_x = |near: &mut Range<usize>| {
-                        while near.start < near.end && self.x[near.start] < x {
+                        while near.start < near.end && x_of[near.start] < x {
                             near.start += 1;
                         }
-                        if near.start < near.end && self.x[near.start] == x { self.light[near.start] } else { [0.0; 2] }
+                        if near.start < near.end && x_of[near.start] == x { light[near.start] } else { [0.0; 2] }
                     };
                     let next = voxel + 1;
-                    let along_x = if next < row_end && self.x[next] == x + 1 { self.light[next] } else { [0.0; 2] };
+                    let along_x = if next < row_end && x_of[next] == x + 1 { light[next] } else { [0.0; 2] };
                     let image = self.image[voxel];
                     visit(Voxel {
-                        light: self.light[voxel],
+                        light: light[voxel],
                         next: [along_x, light_at_x(&mut along_y), light_at_x(&mut along_z)],
                         image,
                         is_top: self.tops[image as usize] == (voxel as u32, true),
@@ -142,18 +137,6 @@ impl ParticleImages {
                 }
             }
         }
-    }
-
-    /// The voxels of row (y, z) with x in a range; empty beyond the volume.
-    fn row(&self, y: usize, z: usize, range: &Range<usize>) -> Range<usize> {
-        if y >= self.shape[1] || z >= self.shape[2] {
-            return 0..0;
-        }
-        let row = y + self.shape[1] * z;
-        let x = &self.x[self.start[row]..self.start[row + 1]];
-        let first = x.partition_point(|&x| (x as usize) < range.start);
-        let last = first + x[first..].partition_point(|&x| (x as usize) < range.end);
-        self.start[row] + first..self.start[row] + last
     }
 }
 
@@ -199,9 +182,9 @@ mod tests {
             k
         };
         let lit: Vec<usize> = (0..315).filter(|&k| light(k) > 0.0).collect();
-        assert_eq!(images.light.len(), lit.len());
+        assert_eq!(images.lit.count(), lit.len());
         for (i, &k) in lit.iter().enumerate() {
-            assert_eq!(images.light[i], [a[k], b[k]]);
+            assert_eq!(images.lit.value[i], [a[k], b[k]]);
             let end = images.tops[images.image[i] as usize].0;
             assert_eq!(lit[end as usize], top(k));
         }

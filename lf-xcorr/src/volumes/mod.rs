@@ -9,5 +9,5 @@ mod rows;
 mod sparse;
 
 pub use mask::Mask;
-pub(crate) use rows::Rows;
+pub(crate) use rows::{Rows, lit};
 pub use sparse::Sparse;

@@ -6,13 +6,69 @@ use std::ops::Range;
 
 /// Lit voxels in rows along x: row `y + ny z` holds entries `start[row] .. start[row + 1]`, x rising.
 #[derive(Debug, Clone)]
-pub(crate) struct Rows {
+pub(crate) struct Rows<T = f32> {
     pub shape: [usize; 3],
     /// Voxels below this intensity are dark: the floor times the peak of the whole volume.
     pub least: f32,
     start: Vec<usize>,
-    x: Vec<u32>,
-    value: Vec<f32>,
+    pub x: Vec<u32>,
+    /// Intensity, or intensities, of each entry.
+    pub value: Vec<T>,
+}
+
+impl<T: Copy> Rows<T> {
+    pub fn with_capacity(shape: [usize; 3], count: usize) -> Self {
+        let start = Vec::with_capacity(shape[1] * shape[2] + 1);
+        Self { shape, least: 0.0, start, x: Vec::with_capacity(count), value: Vec::with_capacity(count) }
+    }
+
+    /// Closes every row before `row`.
+    pub fn open_row(&mut self, row: usize) {
+        if self.start.len() <= row {
+            self.start.resize(row + 1, self.x.len());
+        }
+    }
+
+    pub fn push(&mut self, x: u32, value: T) {
+        self.x.push(x);
+        self.value.push(value);
+    }
+
+    pub fn count(&self) -> usize {
+        self.x.len()
+    }
+
+    /// The entries of row (y, z).
+    #[inline]
+    pub fn entries(&self, y: usize, z: usize) -> Range<usize> {
+        let row = y + self.shape[1] * z;
+        self.start[row]..self.start[row + 1]
+    }
+
+    /// The entries of row (y, z) with x in `from .. to`.
+    #[inline]
+    pub fn between(&self, y: usize, z: usize, from: i32, to: i32) -> Range<usize> {
+        let entries = self.entries(y, z);
+        if entries.is_empty() {
+            return entries;
+        }
+        let x = &self.x[entries.clone()];
+        let first = x.partition_point(|&x| (x as i32) < from);
+        let last = first + x[first..].partition_point(|&x| (x as i32) < to);
+        entries.start + first..entries.start + last
+    }
+
+    /// The lit voxels of row (y, z) with x in `from .. to`: their x and their intensities.
+    #[inline]
+    pub fn run(&self, y: usize, z: usize, from: i32, to: i32) -> (&[u32], &[T]) {
+        let entries = self.between(y, z, from, to);
+        (&self.x[entries.clone()], &self.value[entries])
+    }
+
+    /// The lit voxels of row (y, z): x and intensity.
+    pub fn row(&self, y: usize, z: usize) -> impl Iterator<Item = (u32, T)> + '_ {
+        self.entries(y, z).map(|entry| (self.x[entry], self.value[entry]))
+    }
 }
 
 impl Rows {
@@ -28,21 +84,19 @@ impl Rows {
             if mask.holds(index, voxel) {
                 let [x, y, z]: [usize; 3] = std::array::from_fn(|a| voxel[a] - sides[a].start);
                 rows.open_row(y + shape[1] * z);
-                rows.x.push(x as u32);
-                rows.value.push(value);
+                rows.push(x as u32, value);
             }
         }
         rows.open_row(shape[1] * shape[2]);
         rows
     }
 
-    /// Rows from the lit voxels of each row, in order: x and intensity.
-    pub fn from_lists<'a>(shape: [usize; 3], lists: impl Iterator<Item = &'a [(u32, f32)]> + Clone) -> Self {
-        let mut rows = Self::with_capacity(shape, lists.clone().map(<[_]>::len).sum());
-        for (row, list) in lists.enumerate() {
+    /// Rows from the lit voxels of each row, in order.
+    pub fn from_lists(shape: [usize; 3], lists: &[Vec<(u32, f32)>]) -> Self {
+        let mut rows = Self::with_capacity(shape, lists.iter().map(Vec::len).sum());
+        for (row, list) in lists.iter().enumerate() {
             rows.open_row(row);
-            rows.x.extend(list.iter().map(|lit| lit.0));
-            rows.value.extend(list.iter().map(|lit| lit.1));
+            list.iter().for_each(|&(x, value)| rows.push(x, value));
         }
         rows.open_row(shape[1] * shape[2]);
         rows
@@ -51,28 +105,7 @@ impl Rows {
     /// The lit voxels of a dense volume, x fastest.
     #[cfg(test)]
     pub fn of_dense(shape: [usize; 3], dense: &[f32]) -> Self {
-        let lit = |row: &[f32]| -> Vec<(u32, f32)> {
-            let lit = row.iter().enumerate().filter(|(_, value)| **value > 0.0);
-            lit.map(|(x, &value)| (x as u32, value)).collect()
-        };
-        let lists: Vec<_> = dense.chunks(shape[0]).map(lit).collect();
-        Self::from_lists(shape, lists.iter().map(Vec::as_slice))
-    }
-
-    fn with_capacity(shape: [usize; 3], count: usize) -> Self {
-        let start = Vec::with_capacity(shape[1] * shape[2] + 1);
-        Self { shape, least: 0.0, start, x: Vec::with_capacity(count), value: Vec::with_capacity(count) }
-    }
-
-    /// Closes every row before `row`.
-    fn open_row(&mut self, row: usize) {
-        if self.start.len() <= row {
-            self.start.resize(row + 1, self.x.len());
-        }
-    }
-
-    pub fn count(&self) -> usize {
-        self.x.len()
+        Self::from_lists(shape, &dense.chunks(shape[0]).map(|row| lit(row, 0.0).collect()).collect::<Vec<_>>())
     }
 
     /// The same light, scaled to a sum of squares of 1.
@@ -84,40 +117,26 @@ impl Rows {
         self
     }
 
-    /// The lit voxels of row (y, z) with x in `from .. to`: their x and their intensities.
-    #[inline]
-    pub fn run(&self, y: usize, z: usize, from: i32, to: i32) -> (&[u32], &[f32]) {
-        let row = y + self.shape[1] * z;
-        let entries = self.start[row]..self.start[row + 1];
-        if entries.is_empty() {
-            return (&[], &[]);
-        }
-        let x = &self.x[entries.clone()];
-        let first = x.partition_point(|&x| (x as i32) < from);
-        let last = first + x[first..].partition_point(|&x| (x as i32) < to);
-        (&x[first..last], &self.value[entries.start + first..entries.start + last])
-    }
-
     /// The same light summed into bins of `bin` voxels; the last bin of an axis may reach beyond the volume.
     pub fn binned(&self, bin: [usize; 3]) -> Self {
         let shape: [usize; 3] = std::array::from_fn(|axis| self.shape[axis].div_ceil(bin[axis]));
-        let lists: Vec<Vec<(u32, f32)>> = (0..shape[1] * shape[2])
-            .into_par_iter()
-            .map(|row| {
-                let (y, z) = (row % shape[1] * bin[1], row / shape[1] * bin[2]);
-                let mut sums = vec![0f64; shape[0]];
-                for z in z..(z + bin[2]).min(self.shape[2]) {
-                    for y in y..(y + bin[1]).min(self.shape[1]) {
-                        let (x, value) = self.run(y, z, 0, self.shape[0] as i32);
-                        for (&x, &value) in x.iter().zip(value) {
-                            sums[x as usize / bin[0]] += value as f64;
-                        }
-                    }
+        let in_row = |row: usize| {
+            let (y, z) = (row % shape[1] * bin[1], row / shape[1] * bin[2]);
+            let mut sums = vec![0f64; shape[0]];
+            for z in z..(z + bin[2]).min(self.shape[2]) {
+                for y in y..(y + bin[1]).min(self.shape[1]) {
+                    self.row(y, z).for_each(|(x, value)| sums[x as usize / bin[0]] += value as f64);
                 }
-                let lit = sums.iter().enumerate().filter(|(_, value)| **value > 0.0);
-                lit.map(|(x, &value)| (x as u32, value as f32)).collect()
-            })
-            .collect();
-        Self::from_lists(shape, lists.iter().map(Vec::as_slice))
+            }
+            let sums: Vec<f32> = sums.into_iter().map(|sum| sum as f32).collect();
+            lit(&sums, 0.0).collect()
+        };
+        let lists: Vec<_> = (0..shape[1] * shape[2]).into_par_iter().map(in_row).collect();
+        Self::from_lists(shape, &lists)
     }
+}
+
+/// The voxels of a dense row that have light, and no less than `least`: x and intensity.
+pub(crate) fn lit(row: &[f32], least: f32) -> impl Iterator<Item = (u32, f32)> + '_ {
+    (0..).zip(row.iter().copied()).filter(move |(_, value)| *value > 0.0 && *value >= least)
 }
