@@ -26,7 +26,7 @@ impl Predictor {
         smoothing: DVec3,
         noise_ratio: f64,
     ) -> Option<Self> {
-        let (vectors, narrow_share) = smoothed_by_evidence(shape, filled(shape, vectors)?, smoothing, noise_ratio);
+        let (vectors, narrow_share) = smoothed_by_evidence(shape, &filled(shape, vectors)?, smoothing, noise_ratio);
         Some(Self { shape, first_vox, step_vox, vectors, narrow_share })
     }
 

@@ -86,7 +86,7 @@ impl<'a> PreparedPass<'a> {
     pub fn unresolved_vox(&self, vectors: &[Vector], times: usize) -> Vec<DVec3> {
         let known = vectors.iter().map(Vector::shift_vox).collect();
         let filled = filled(self.windows.shape(), known).unwrap_or_else(|| vec![DVec3::ZERO; vectors.len()]);
-        unresolved(&self.windows, filled, self.smoothing(), times)
+        unresolved(&self.windows, &filled, self.smoothing(), times)
     }
 
     /// Standard deviation of the predictor's smoothing, nodes.

@@ -4,7 +4,7 @@ use super::choice::{CLOSE, Choice};
 use super::prepared::{PreparedPass, Volumes};
 use super::{options::Route, outcome::Counts, predictor::Predictor};
 use crate::correlate::{Peak, PeakFit, Shifts, Summation, Transforms, measure};
-use crate::vectors::{MedianTest, Vector, fill, outliers, passes_test};
+use crate::vectors::{MedianTest, Vector, fill};
 use glam::DVec3;
 use lf_core::statistics::upper_median;
 
@@ -40,7 +40,7 @@ pub(crate) fn search(pass: &PreparedPass, volumes: &Volumes, guide: &Guide, watc
     let mut fits: Vec<Option<PeakFit>> = peaks.iter().map(|peak| peak.fit()).collect();
     let mut vectors: Vec<_> = fits.iter().map(|fit| fit.map(|fit| fit.shift_vox)).collect();
     let test = scaled(guide.test, &fits);
-    let outliers = outliers(shape, &vectors, &test);
+    let outliers = test.outliers(shape, &vectors);
     let has_failed = |node: &usize| outliers[*node] || matches!(peaks[*node], Peak::Outside);
     let failures: Vec<usize> = (0..count).filter(has_failed).collect();
     for &node in &failures {
@@ -53,7 +53,7 @@ pub(crate) fn search(pass: &PreparedPass, volumes: &Volumes, guide: &Guide, watc
     let mut recovered = 0;
     for (node, fit) in search.close_to(&failures, &vectors).into_iter().enumerate() {
         let Some(fit) = fit else { continue };
-        if passes_test(shape, &measured, node, fit.shift_vox, &test) {
+        if test.passes(shape, &measured, node, fit.shift_vox) {
             (fits[node], vectors[node]) = (Some(fit), Some(fit.shift_vox));
             recovered += 1;
         }

@@ -1,9 +1,8 @@
 //! How much of a measured field's shape is flow, and how much is noise.
 //!
-//! A predictor hands its noise to the next repeat, which sharpens it. A component is therefore smoothed narrowly, as
-//! its gradients need, only where there is evidence of gradients: it varies more over a window or two than the noise
-//! seen at shorter lengths would. Elsewhere the smoothing is three times as wide. A steep u then does not make the
-//! measurement of a uniform w worse.
+//! A predictor hands its noise to the next repeat, which sharpens it. A component is therefore smoothed narrowly only
+//! where it varies more over a window or two than the noise seen at shorter lengths would. Elsewhere the smoothing is
+//! three times as wide. A steep u then does not make the measurement of a uniform w worse.
 //!
 //! Equation: with N the narrowly and W the widely smoothed field, the result is `W + s (N - W)`, `s = 1 - D q / E`
 //! between 0 and 1. E and q are the local means of `(N - W)^2` and of `(f - N)^2`; D is the ratio E / q for noise of
@@ -23,17 +22,17 @@ const DOUBT: f64 = 1.5;
 /// component, the fraction `s` of the narrow smoothing. `noise_ratio` is E / q of noise.
 pub(crate) fn smoothed_by_evidence(
     shape: [usize; 3],
-    field: Vec<DVec3>,
+    field: &[DVec3],
     smoothing: DVec3,
     noise_ratio: f64,
 ) -> (Vec<DVec3>, Vec<DVec3>) {
     let width = WIDE * smoothing;
-    let (narrow, wide) = (smoothed(shape, field.clone(), smoothing), smoothed(shape, field.clone(), width));
+    let [narrow, wide] = [smoothing, width].map(|width| smooth(shape, field, width));
     let mean_square = |a: &[DVec3], b: &[DVec3]| {
-        let squares = a.iter().zip(b).map(|(a, b)| (*a - *b) * (*a - *b));
-        smoothed(shape, squares.collect(), width)
+        let squares: Vec<DVec3> = a.iter().zip(b).map(|(a, b)| (*a - *b) * (*a - *b)).collect();
+        smooth(shape, &squares, width)
     };
-    let (seen, short) = (mean_square(&narrow, &wide), mean_square(&field, &narrow));
+    let (seen, short) = (mean_square(&narrow, &wide), mean_square(field, &narrow));
     let share_of = |(seen, short): (&DVec3, &DVec3)| {
         DVec3::from_array([0, 1, 2].map(|c| {
             // A local mean extrapolated beyond the ends can fall below zero.
@@ -44,11 +43,6 @@ pub(crate) fn smoothed_by_evidence(
     let share: Vec<DVec3> = seen.iter().zip(&short).map(share_of).collect();
     let mixed = wide.iter().zip(&narrow).zip(&share).map(|((wide, narrow), share)| *wide + *share * (*narrow - *wide));
     (mixed.collect(), share)
-}
-
-fn smoothed(shape: [usize; 3], mut field: Vec<DVec3>, width: DVec3) -> Vec<DVec3> {
-    smooth(shape, &mut field, width);
-    field
 }
 
 #[cfg(test)]
@@ -67,10 +61,10 @@ mod tests {
         let width = DVec3::ONE;
         let mut spike = vec![DVec3::ZERO; 16000];
         spike[20 + 40 * (10 + 20 * 10)] = DVec3::ONE;
-        let [narrow, wide] = [width, WIDE * width].map(|width| smoothed(shape, spike.clone(), width));
+        let [narrow, wide] = [width, WIDE * width].map(|width| smooth(shape, &spike, width));
         let power = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| (a[0] - b[0]).powi(2)).sum::<f64>();
         let ratio = power(&narrow, &wide) / power(&spike, &narrow);
-        let (found, share) = smoothed_by_evidence(shape, field.clone(), width, ratio);
+        let (found, share) = smoothed_by_evidence(shape, &field, width, ratio);
         let mean = |component: usize| share.iter().map(|share| share[component]).sum::<f64>() / 16000.0;
         assert!(mean(0) > 0.9 && mean(1) < 0.25 && mean(2) == 0.0, "{} {} {}", mean(0), mean(1), mean(2));
         // exp(-0.628^2 / 2) = 0.82 of the wave is left, and little of the noise.
@@ -82,7 +76,7 @@ mod tests {
     fn a_linear_field_is_unchanged() {
         let shape = [9, 7, 5];
         let linear: Vec<DVec3> = (0..315).map(|k| DVec3::new((k % 9) as f64, 0.5, (k / 63) as f64 * -2.0)).collect();
-        let (found, _) = smoothed_by_evidence(shape, linear.clone(), DVec3::splat(1.4), 0.5);
+        let (found, _) = smoothed_by_evidence(shape, &linear, DVec3::splat(1.4), 0.5);
         let near = |(a, b): (&DVec3, &DVec3)| (*a - *b).abs().max_element() < 1e-9;
         assert!(found.iter().zip(&linear).all(near));
     }

@@ -1,14 +1,24 @@
 //! Vectors from their neighbours: the replacement of outliers.
 
-use super::neighbours;
-use glam::DVec3;
+use glam::{DVec3, IVec3};
+
+/// The up to 26 neighbours of `node` in a field of `shape`, with the step to each: -1, 0 or 1 along each axis.
+pub(crate) fn neighbours(shape: [usize; 3], node: usize) -> impl Iterator<Item = (usize, DVec3)> {
+    let [nx, ny, nz] = shape.map(|n| n as i32);
+    let node = node as i32;
+    let place = IVec3::new(node % nx, node / nx % ny, node / nx / ny);
+    let steps = (0..27).map(|k| IVec3::new(k % 3, k / 3 % 3, k / 9) - 1).filter(|step| *step != IVec3::ZERO);
+    let is_inside = move |to: IVec3| to.cmpge(IVec3::ZERO).all() && to.cmplt(IVec3::new(nx, ny, nz)).all();
+    let index = move |step: IVec3| (node + step.x + nx * (step.y + ny * step.z)) as usize;
+    steps.filter(move |step| is_inside(place + step)).map(move |step| (index(step), step.as_dvec3()))
+}
 
 /// Gives every hole that has neighbours a vector: the value of the least-squares plane through them. Holes inside a
 /// large gap take vectors that an earlier round gave. A hole that no vector can reach stays `None`.
 pub(crate) fn fill(shape: [usize; 3], vectors: &mut [Option<DVec3>], mut holes: Vec<usize>) {
     while !holes.is_empty() {
-        let given: Vec<_> =
-            holes.iter().filter_map(|&hole| plane(shape, vectors, hole).map(|plane| (hole, plane.value))).collect();
+        let value = |&hole: &usize| Some((hole, plane(shape, vectors, hole)?.value));
+        let given: Vec<_> = holes.iter().filter_map(value).collect();
         if given.is_empty() {
             return;
         }
@@ -24,35 +34,30 @@ pub(crate) fn filled(shape: [usize; 3], mut vectors: Vec<Option<DVec3>>) -> Opti
     vectors.into_iter().collect()
 }
 
-/// A least-squares plane through the neighbours of a node.
+/// A plane through the neighbours of a node: its value at the node, and its change per node along x, y, z.
 pub(crate) struct Plane {
-    /// Its value at the node.
     pub value: DVec3,
-    /// Its change per node along x, y, z.
     pub slope: [DVec3; 3],
 }
 
-/// The plane through the neighbours of `node`; `None` if it has no neighbour.
+/// The least-squares plane through the neighbours of `node`; `None` if it has no neighbour.
 pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -> Option<Plane> {
     // Constant: the ridge holds the slope at zero along an axis that the neighbours do not determine. It changes
     // nothing if they surround the node; at an edge it reduces the slope by a few per cent, so that rounds of
     // extrapolation stay tame.
     const RIDGE: f64 = 0.1;
     let (mut matrix, mut right) = ([[0.0; 4]; 4], [DVec3::ZERO; 4]);
-    let mut count = 0;
-    neighbours::each(shape, node, |neighbour, step| {
-        if let Some(vector) = vectors[neighbour] {
-            count += 1;
-            // Weigh a neighbour by one over the square of its distance.
-            let row = [1.0, step.x, step.y, step.z];
-            let weight = 1.0 / step.length_squared();
-            for i in 0..4 {
-                (0..4).for_each(|j| matrix[i][j] += weight * row[i] * row[j]);
-                right[i] += weight * row[i] * vector;
-            }
+    for (neighbour, step) in neighbours(shape, node) {
+        let Some(vector) = vectors[neighbour] else { continue };
+        // Weigh a neighbour by one over the square of its distance.
+        let row = [1.0, step.x, step.y, step.z];
+        let weight = 1.0 / step.length_squared();
+        for i in 0..4 {
+            (0..4).for_each(|j| matrix[i][j] += weight * row[i] * row[j]);
+            right[i] += weight * row[i] * vector;
         }
-    });
-    if count == 0 {
+    }
+    if matrix[0][0] == 0.0 {
         return None;
     }
     (1..4).for_each(|i| matrix[i][i] += RIDGE);

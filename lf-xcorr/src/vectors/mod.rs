@@ -7,7 +7,6 @@
 mod evidence;
 mod fill;
 mod median_test;
-mod neighbours;
 mod particle_images;
 mod response;
 mod smooth;
@@ -17,7 +16,6 @@ mod vector;
 pub(crate) use evidence::smoothed_by_evidence;
 pub(crate) use fill::{fill, filled};
 pub use median_test::MedianTest;
-pub(crate) use median_test::{outliers, passes_test};
 pub(crate) use response::{Noise, noise_ratio, unresolved};
 pub(crate) use uncertainty::{Measured, Uncertainty};
 pub(crate) use vector::Vector;

@@ -8,26 +8,26 @@ pub(crate) const REACH: f64 = 3.0;
 /// Smooths along one axis after the other. Each node takes the value of the straight line through its neighbours, by
 /// least squares under Gaussian weights of standard deviation `sigma` nodes. A linear field is unchanged, also at its
 /// ends.
-pub(crate) fn smooth(shape: [usize; 3], vectors: &mut [DVec3], sigma: DVec3) {
-    let stride = [1, shape[0], shape[0] * shape[1]];
+pub(crate) fn smooth(shape: [usize; 3], vectors: &[DVec3], sigma: DVec3) -> Vec<DVec3> {
+    let mut stride = 1;
+    let mut smoothed = vectors.to_vec();
     for axis in 0..3 {
-        let rows: Vec<(usize, Vec<f64>)> =
-            (0..shape[axis]).map(|node| weights(node, shape[axis], sigma[axis])).collect();
-        let before = vectors.to_vec();
-        for (node, vector) in vectors.iter_mut().enumerate() {
-            let place = node / stride[axis] % shape[axis];
+        let rows: Vec<_> = (0..shape[axis]).map(|node| weights(node, shape[axis], sigma[axis])).collect();
+        let before = smoothed.clone();
+        for (node, vector) in smoothed.iter_mut().enumerate() {
+            let place = node / stride % shape[axis];
             let (first, weights) = &rows[place];
-            let start = node + first * stride[axis] - place * stride[axis];
-            let own = before[node];
+            let near = before[node + first * stride - place * stride..].iter().step_by(stride);
             // Add differences, so that a uniform field is kept to the last bit.
-            let near = weights.iter().enumerate().map(|(k, weight)| (weight, before[start + k * stride[axis]]));
-            *vector = own + near.fold(DVec3::ZERO, |change, (weight, near)| change + *weight * (near - own));
+            let changes = weights.iter().zip(near).map(|(weight, near)| *weight * (*near - before[node]));
+            *vector = before[node] + changes.fold(DVec3::ZERO, |sum, change| sum + change);
         }
+        stride *= shape[axis];
     }
+    smoothed
 }
 
-/// The first neighbour and the weights, from it on, that give the value at `node` of the line through the neighbours;
-/// there are `n` nodes.
+/// The first neighbour, and the weights from it on, that give the line's value at `node` of `n` nodes.
 fn weights(node: usize, n: usize, sigma: f64) -> (usize, Vec<f64>) {
     let reach = (REACH * sigma).ceil() as usize;
     let first = node.saturating_sub(reach);
@@ -57,30 +57,25 @@ mod tests {
         let at = |k: usize| [(k % 9) as f64, (k / 9 % 7) as f64, (k / 63) as f64];
         let linear = (0..315).map(at).map(|[x, y, z]| DVec3::new(1.0 + 0.2 * x - y, 3.0 * z, x + y));
         let linear: Vec<DVec3> = linear.collect();
-        let mut smoothed = linear.clone();
-        smooth(shape, &mut smoothed, DVec3::new(1.4, 0.7, 2.0));
-        for (smoothed, linear) in smoothed.iter().zip(&linear) {
+        for (smoothed, linear) in smooth(shape, &linear, DVec3::new(1.4, 0.7, 2.0)).iter().zip(&linear) {
             assert!((*smoothed - *linear).abs().max_element() < 1e-12);
         }
         // A single 1 in the middle of a row becomes the Gaussian's own weights.
         let mut spike = vec![DVec3::ZERO; 21];
         spike[10] = DVec3::ONE;
-        smooth([21, 1, 1], &mut spike, DVec3::ONE);
+        let smoothed = smooth([21, 1, 1], &spike, DVec3::ONE);
         let sum: f64 = (-3..=3).map(|k: i32| (-0.5 * (k * k) as f64).exp()).sum();
         (8..13).for_each(|k: i32| {
             let wanted = (-0.5 * ((k - 10) * (k - 10)) as f64).exp() / sum;
-            assert!((spike[k as usize][0] - wanted).abs() < 1e-12);
+            assert!((smoothed[k as usize][0] - wanted).abs() < 1e-12);
         });
     }
 
     #[test]
     fn a_uniform_field_is_kept_to_the_last_bit_and_no_width_smooths_nothing() {
-        let mut uniform = vec![DVec3::new(0.1, -3.7, 1e-9); 60];
-        smooth([5, 4, 3], &mut uniform, DVec3::splat(1.4));
-        assert!(uniform.iter().all(|vector| *vector == DVec3::new(0.1, -3.7, 1e-9)));
-        let mut rough: Vec<DVec3> = (0..60).map(|k| DVec3::splat((k * k % 7) as f64)).collect();
-        let before = rough.clone();
-        smooth([5, 4, 3], &mut rough, DVec3::ZERO);
-        assert_eq!(rough, before);
+        let uniform = vec![DVec3::new(0.1, -3.7, 1e-9); 60];
+        assert_eq!(smooth([5, 4, 3], &uniform, DVec3::splat(1.4)), uniform);
+        let rough: Vec<DVec3> = (0..60).map(|k| DVec3::splat((k * k % 7) as f64)).collect();
+        assert_eq!(smooth([5, 4, 3], &rough, DVec3::ZERO), rough);
     }
 }
