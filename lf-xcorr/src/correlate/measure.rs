@@ -6,6 +6,9 @@ use super::{score::PairedVoxels, shared_sums, shifts::Shifts, sums::Sums, window
 use crate::volumes::Rows;
 use rayon::prelude::*;
 
+/// Is called with the number of windows that are done since the last call.
+pub(crate) type Watch<'a> = &'a (dyn Fn(u64) + Sync);
+
 /// How the products of a window are summed.
 pub(crate) enum Summation {
     /// Lit voxel by lit voxel, in cells that windows share.
@@ -25,7 +28,7 @@ pub(crate) fn measure(
     search: &[Option<Shifts>],
     summation: &Summation,
     is_full: bool,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch,
 ) -> Vec<Option<Peak>> {
     let shape = pairs[0][0].shape;
     let found = |sums: &[Sums], paired: PairedVoxels| {
@@ -37,14 +40,14 @@ pub(crate) fn measure(
     match summation {
         Summation::Direct => shared_sums::of_windows(pairs, windows, search, |node, sums| {
             let shifts = &sums[0].shifts;
-            let voxels = windows.voxels(node);
-            found(sums, if is_full { PairedVoxels::inside(&voxels, shape, shifts) } else { whole(shifts) })
+            let inside = || PairedVoxels::inside(&windows.voxels(node), shape, shifts);
+            found(sums, if is_full { inside() } else { whole(shifts) })
         }),
         Summation::Transform(transforms) => {
             let peak_of = |scratch: &mut Scratch, node: usize| {
                 let (shifts, voxels) = (search[node]?, windows.voxels(node));
-                let sums = pairs.iter().map(|pair| transforms.sums(*pair, &voxels, shifts, scratch));
-                let sums: Vec<Sums> = sums.collect();
+                let sums_of = |pair: &[&Rows; 2]| transforms.sums(*pair, &voxels, shifts, scratch);
+                let sums: Vec<Sums> = pairs.iter().map(sums_of).collect();
                 let inside = || transforms.paired_voxels(&voxels, shape, &shifts);
                 Some(found(&sums, if is_full { inside() } else { whole(&shifts) }))
             };

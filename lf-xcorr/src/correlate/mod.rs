@@ -22,7 +22,7 @@ mod transform;
 mod window_grid;
 
 pub(crate) use cost::Estimate;
-pub(crate) use measure::{Summation, measure};
+pub(crate) use measure::{Summation, Watch, measure};
 pub(crate) use peak::{Peak, PeakFit};
 pub(crate) use shifts::Shifts;
 pub(crate) use transform::Transforms;

@@ -3,8 +3,8 @@
 use super::outcome::{Outcome, PassReport, field};
 use super::{deform::SPLINE_VARIANCE_VOX2, options::Options, prepared::PreparedPass, repeats::Repeats};
 use crate::volumes::{Mask, Rows, Sparse};
-use crate::{error::Refused, vectors::Measured};
-use lf_core::Grid;
+use crate::{correlate::Watch, error::Refused, vectors::Measured};
+use lf_core::{Field, Grid};
 
 /// Constant: factor on the smoothing of every pass but the last. Large windows hold many particles: there is less noise
 /// to smooth away, and more of the field to lose.
@@ -16,14 +16,12 @@ pub(crate) fn run(
     mask: &Mask,
     options: &Options,
     part: &Grid,
-    watch: &(dyn Fn(u64) + Sync),
+    watch: Watch,
 ) -> Result<Outcome, Refused> {
     let rows = |mask: &Mask| -> Vec<[Rows; 2]> {
-        let one = |volume: &Sparse| {
-            let rows = Rows::new(volume, mask, options.floor);
-            // No pair of several may count for more by being brighter.
-            if pairs.len() > 1 { rows.of_unit_energy() } else { rows }
-        };
+        let rows = |volume: &Sparse| Rows::new(volume, mask, options.floor);
+        // No pair of several may count for more by being brighter.
+        let one = |volume: &Sparse| if pairs.len() > 1 { rows(volume).of_unit_energy() } else { rows(volume) };
         pairs.iter().map(|pair| pair.each_ref().map(one)).collect()
     };
     // A support masks plain volumes as they are, and deformed volumes after their light has been moved.
@@ -48,7 +46,7 @@ pub(crate) fn run(
 }
 
 /// The field of the last pass with its uncertainties.
-fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> lf_core::field::Field {
+fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> Field {
     let times = repeats.done.len();
     // The peak of volumes that were not deformed is narrower by the variance that the spline adds to both.
     let widened_vox2 = if repeats.deformed.is_some() { 0.0 } else { 2.0 * SPLINE_VARIANCE_VOX2 };

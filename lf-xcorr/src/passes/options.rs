@@ -51,18 +51,15 @@ pub struct Options {
 }
 
 impl Options {
-    /// Constant: a voxel under a thousandth of the peak holds a millionth of its energy, and leaving such voxels out
-    /// saves most of the work in a reconstruction with haze. On reconstructed pairs every floor from 0 to 0.01 gave the
-    /// same error to 0.001 voxel; 0.03 begins to cost. See [`Options::floor`].
+    /// Constant: a voxel under a thousandth of the peak holds a millionth of its energy; without such voxels a
+    /// reconstruction with haze takes far less work. On reconstructed pairs every floor from 0 to 0.01 gave the same
+    /// error to 0.001 voxel; 0.03 begins to cost.
     pub const FLOOR: f32 = 1e-3;
     /// Constant: search of every pass after the first. The first pass is good to about a voxel (or a bin), the fit
     /// needs a voxel beyond the peak, and the rest is room for the gradients that a coarse window averages.
     pub const REFINE: [usize; 3] = [4, 4, 3];
 
-    const MOST_REPEATS: usize = 100;
-
-    /// Constant: most times that the last pass is done. Gradients that can be followed at all are followed in three or
-    /// four.
+    /// Constant: gradients that can be followed at all are followed in three or four repeats.
     pub const REPEATS: usize = 6;
     /// Constant: repeats sharpen all that the smoothed field still holds, noise included. At 0.35 a wave of four
     /// windows is measured to 0.985 (0.90 without repeats) and noise grows by an eighth; at 0.5, 0.97 and by a
@@ -70,6 +67,10 @@ impl Options {
     pub const SMOOTHING: f64 = 0.35;
     /// Constant: a change that no correlation of particle images resolves.
     pub const STALL_VOX: f64 = 0.01;
+
+    const MOST_REPEATS: usize = 100;
+    /// Constant: most times that a pass before the last is done, if the next one could not follow it.
+    const COARSE_REPEATS: usize = 4;
 
     /// These passes, and the defaults for everything else.
     pub fn new(passes: Vec<Pass>) -> Self {
@@ -101,9 +102,6 @@ impl Options {
         number + 1 == self.passes.len()
     }
 
-    /// Constant: most times that a pass before the last is done, if the next one could not follow it.
-    const COARSE_REPEATS: usize = 4;
-
     /// Most times that pass `number`, counted from 0, is done.
     pub(crate) fn most_repeats(&self, number: usize) -> usize {
         match (self.deform, self.is_last(number)) {
@@ -116,71 +114,60 @@ impl Options {
     /// Windows in all passes over a volume of `shape`, repeats counted: the total that a run counts up to. Expects
     /// options that [`Options::check`] accepts.
     pub fn windows(&self, shape: [usize; 3]) -> u64 {
-        let passes = self.passes.iter().enumerate();
-        let count = passes.map(|(number, pass)| {
-            self.most_repeats(number) * pass.binned(shape, self.is_last(number)).windows().count()
-        });
-        count.sum::<usize>() as u64
+        let windows = |number: usize| self.passes[number].binned(shape, self.is_last(number)).windows().count();
+        (0..self.passes.len()).map(|number| self.most_repeats(number) * windows(number)).sum::<usize>() as u64
     }
 
-    /// Checks the options against the volume's `shape`.
-    ///
-    /// # Errors
-    /// The number that does not fit.
+    /// Refuses the first number that does not fit a volume of `shape`.
     pub fn check(&self, shape: [usize; 3]) -> Result<(), Refused> {
-        let test = &self.median_test;
-        if self.passes.is_empty() {
-            return refuse("no pass", "wanted at least one window size");
-        }
-        if !(0.0..1.0).contains(&self.floor) {
-            return refuse(format!("floor {}", self.floor), "wanted a fraction of the peak, 0 to below 1");
-        }
-        if !(test.threshold > 0.0 && test.tolerance_vox.iter().all(|t| *t > 0.0)) {
-            return refuse("a median test that no vector passes", "wanted a threshold and tolerances above 0");
-        }
-        if !(1..=Self::MOST_REPEATS).contains(&self.repeats) {
-            return refuse(format!("{} repeats of the last pass", self.repeats), "wanted 1 to 100");
-        }
-        if !(0.0..f64::INFINITY).contains(&self.stall_vox) {
-            return refuse(format!("a stall of {} voxel", self.stall_vox), "wanted a number of 0 or more");
-        }
-        if !(0.0..=4.0).contains(&self.smoothing) {
-            return refuse(format!("a smoothing of {} windows", self.smoothing), "wanted 0 to 4");
-        }
+        let (floor, repeats, stall, smoothing) = (self.floor, self.repeats, self.stall_vox, self.smoothing);
+        let MedianTest { threshold, tolerance_vox } = &self.median_test;
+        let can_pass = *threshold > 0.0 && tolerance_vox.iter().all(|tolerance| *tolerance > 0.0);
+        first_refusal([
+            (!self.passes.is_empty(), "no pass".into(), "wanted at least one window size"),
+            ((0.0..1.0).contains(&floor), format!("floor {floor}"), "wanted a fraction of the peak, 0 to below 1"),
+            (can_pass, "a median test that no vector passes".into(), "wanted a threshold and tolerances above 0"),
+            (
+                (1..=Self::MOST_REPEATS).contains(&repeats),
+                format!("{repeats} repeats of the last pass"),
+                "wanted 1 to 100",
+            ),
+            (
+                (0.0..f64::INFINITY).contains(&stall),
+                format!("a stall of {stall} voxel"),
+                "wanted a number of 0 or more",
+            ),
+            ((0.0..=4.0).contains(&smoothing), format!("a smoothing of {smoothing} windows"), "wanted 0 to 4"),
+        ])?;
         (0..self.passes.len()).try_for_each(|number| self.check_pass(number, shape))
     }
 
     fn check_pass(&self, number: usize, shape: [usize; 3]) -> Result<(), Refused> {
-        let pass = &self.passes[number];
-        let (window, search) = (triple(pass.window), triple(pass.search));
-        let exceeds = |size: [usize; 3]| (0..3).any(|axis| size[axis] > shape[axis]);
-        if !(0.0..1.0).contains(&pass.overlap) {
-            return refuse(format!("overlap {}", pass.overlap), "wanted 0 to below 1");
-        }
-        if pass.window.contains(&0) {
-            return refuse(format!("window {window}"), "wanted at least one voxel along each axis");
-        }
-        if exceeds(pass.window) {
-            let found = format!("window {window} in a volume of {} voxels", triple(shape));
-            return refuse(found, "wanted a window no larger than the volume");
-        }
-        if pass.search.contains(&0) {
-            return refuse(format!("search {search}"), "wanted at least 1 voxel along each axis");
-        }
-        if exceeds(pass.search) {
-            let found = format!("search {search} in a volume of {} voxels", triple(shape));
-            return refuse(found, "wanted a search radius no larger than the volume");
-        }
-        let binned = pass.binned(shape, self.is_last(number));
+        let Pass { window, overlap, search } = self.passes[number];
+        let fits = |size: [usize; 3]| (0..3).all(|axis| size[axis] <= shape[axis]);
+        let named = |name: &str, size: [usize; 3]| format!("{name} {}", triple(size));
+        let beside =
+            |name: &str, size: [usize; 3]| format!("{} in a volume of {} voxels", named(name, size), triple(shape));
+        first_refusal([
+            ((0.0..1.0).contains(&overlap), format!("overlap {overlap}"), "wanted 0 to below 1"),
+            (!window.contains(&0), named("window", window), "wanted at least one voxel along each axis"),
+            (fits(window), beside("window", window), "wanted a window no larger than the volume"),
+            (!search.contains(&0), named("search", search), "wanted at least 1 voxel along each axis"),
+            (fits(search), beside("search", search), "wanted a search radius no larger than the volume"),
+        ])?;
+        let binned = self.passes[number].binned(shape, self.is_last(number));
         let bytes = shared_sums::bytes(&binned.windows(), binned.pass.search, 1);
-        if self.route == Route::Direct && bytes > shared_sums::MOST_BYTES {
-            let found = format!("search {search} in windows {window} takes {:.0} GB directly", bytes / 1e9);
-            return refuse(found, "wanted a shorter search, less overlap, a pass before it, or transforms");
-        }
-        Ok(())
+        let found =
+            format!("search {} in windows {} takes {:.0} GB directly", triple(search), triple(window), bytes / 1e9);
+        let wanted = "wanted a shorter search, less overlap, a pass before it, or transforms";
+        first_refusal([(self.route != Route::Direct || bytes <= shared_sums::MOST_BYTES, found, wanted)])
     }
 }
 
-fn refuse(found: impl Into<String>, wanted: &str) -> Result<(), Refused> {
-    Err(Refused::new(Side::Options, found, wanted))
+/// Refuses the first of (holds, found, wanted) that does not hold.
+fn first_refusal<const N: usize>(checks: [(bool, String, &str); N]) -> Result<(), Refused> {
+    match checks.into_iter().find(|(holds, ..)| !holds) {
+        Some((_, found, wanted)) => Err(Refused::new(Side::Options, found, wanted)),
+        None => Ok(()),
+    }
 }

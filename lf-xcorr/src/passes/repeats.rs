@@ -3,14 +3,14 @@
 use super::options::{Deform, Options};
 use super::pass::{Pass, triple};
 use super::prepared::{PreparedPass, Volumes};
-use super::search::{Found, Guide, search};
+use super::search::{Guide, search};
 use super::{deform::matched, outcome::Repeat, predictor::Predictor};
 use crate::error::{Refused, Side};
-use crate::vectors::Vector;
 use crate::volumes::{Mask, Rows};
+use crate::{correlate::Watch, vectors::Vector};
 use glam::DVec3;
 
-/// A pass that is done again and again.
+/// A pass, its vectors, and each time that it was done.
 pub(crate) struct Repeats<'a> {
     pass: &'a PreparedPass<'a>,
     /// The volumes to deform, in voxels, with their light outside a support.
@@ -38,25 +38,15 @@ impl<'a> Repeats<'a> {
         Self { pass, volumes, mask, options, predictor, deformed: None, deformed_by: None, vectors, done }
     }
 
-    /// Does pass `number` up to `most` times: until it stalls, or until the `next` pass can follow. Calls `watch(n)`
-    /// after n more windows; the windows of repeats that are left out count as done.
-    ///
-    /// # Errors
-    /// No window has a peak.
-    pub fn run(
-        &mut self,
-        number: usize,
-        most: usize,
-        next: Option<&Pass>,
-        watch: &(dyn Fn(u64) + Sync),
-    ) -> Result<(), Refused> {
+    /// Does pass `number` up to `most` times: until it stalls, or until the `next` pass can follow. The windows of
+    /// repeats that are left out count as done. Refuses volumes without a peak in any window.
+    pub fn run(&mut self, number: usize, most: usize, next: Option<&Pass>, watch: Watch) -> Result<(), Refused> {
         let mut done = 0;
         while done < most {
             done += 1;
-            if !self.repeat(watch) {
-                break;
-            }
-            if self.has_stalled() || next.is_some_and(|next| !is_too_steep(self.change_across(next), next)) {
+            let has_changed = self.repeat(watch);
+            let can_follow = |next: &Pass| !is_too_steep(self.change_across(next), next);
+            if !has_changed || self.has_stalled() || next.is_some_and(can_follow) {
                 break;
             }
         }
@@ -71,7 +61,7 @@ impl<'a> Repeats<'a> {
 
     /// Does the pass once more. If it finds nothing, or less than the time before, it changes nothing and returns
     /// false.
-    fn repeat(&mut self, watch: &(dyn Fn(u64) + Sync)) -> bool {
+    fn repeat(&mut self, watch: Watch) -> bool {
         let pass_vox = self.pass.binned.in_voxels();
         let across = self.change_across(&pass_vox);
         let is_asked = match self.options.deform {
@@ -92,7 +82,7 @@ impl<'a> Repeats<'a> {
             route: self.options.route,
             test: &self.options.median_test,
         };
-        let Found { mut vectors, counts, choice } = search(self.pass, &volumes, &guide, watch);
+        let (mut vectors, counts, choice) = search(self.pass, &volumes, &guide, watch);
         let heights: Vec<f64> = vectors.iter().filter_map(Vector::fit).map(|fit| fit.height).collect();
         let repeat = Repeat {
             deformed: field.is_some(),
@@ -103,11 +93,8 @@ impl<'a> Repeats<'a> {
             counts,
         };
         // A vector that deformation moved out of sight stays as it was before.
-        for (vector, before) in vectors.iter_mut().zip(&self.vectors) {
-            if *vector == Vector::NoData {
-                *vector = *before;
-            }
-        }
+        let out_of_sight = vectors.iter_mut().zip(&self.vectors).filter(|(vector, _)| **vector == Vector::NoData);
+        out_of_sight.for_each(|(vector, before)| *vector = *before);
         let is_worse = self.is_worse(&repeat, heights.len());
         let Some(predictor) = self.pass.predictor(&vectors).filter(|_| !is_worse) else { return false };
         self.deformed_by = field.cloned();
@@ -131,8 +118,7 @@ impl<'a> Repeats<'a> {
     /// Constant: a change above this fraction of the one before leads nowhere.
     const NO_LESS: f64 = 0.9;
 
-    /// Whether another repeat would change nothing that matters: the vectors changed little, or no less than the time
-    /// before.
+    /// Whether the vectors changed little, or no less than the time before.
     fn has_stalled(&self) -> bool {
         let [.., before, last] = self.done.as_slice() else { return false };
         last.change_vox < self.options.stall_vox || last.change_vox > Self::NO_LESS * before.change_vox
@@ -175,11 +161,7 @@ fn is_too_steep(across_vox: [f64; 3], pass: &Pass) -> bool {
 
 /// Root mean square change of a component between vectors measured both times, voxels; NaN if there are none.
 fn change(before: &[Vector], after: &[Vector]) -> f64 {
-    let both = before.iter().zip(after).filter_map(|(before, after)| Some((before.fit()?, after.fit()?)));
-    let (mut sum, mut count) = (0.0, 0);
-    for (before, after) in both {
-        sum += (after.shift_vox - before.shift_vox).length_squared();
-        count += 3;
-    }
-    (sum / count as f64).sqrt()
+    let change = |(before, after): (&Vector, &Vector)| Some(after.fit()?.shift_vox - before.fit()?.shift_vox);
+    let changes: Vec<f64> = before.iter().zip(after).filter_map(change).map(DVec3::length_squared).collect();
+    (changes.iter().sum::<f64>() / (3 * changes.len()) as f64).sqrt()
 }

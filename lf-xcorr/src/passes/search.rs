@@ -3,7 +3,7 @@
 use super::choice::{CLOSE, Choice};
 use super::prepared::{PreparedPass, Volumes};
 use super::{options::Route, outcome::Counts, predictor::Predictor};
-use crate::correlate::{Peak, PeakFit, Shifts, Summation, Transforms, measure};
+use crate::correlate::{Peak, PeakFit, Shifts, Summation, Transforms, Watch, measure};
 use crate::vectors::{MedianTest, Vector, fill};
 use glam::DVec3;
 use lf_core::statistics::upper_median;
@@ -18,34 +18,27 @@ pub(crate) struct Guide<'a> {
     pub test: &'a MedianTest,
 }
 
-/// The result of a search.
-pub(crate) struct Found {
-    pub vectors: Vec<Vector>,
-    pub counts: Counts,
-    pub choice: Choice,
-}
-
 /// Searches every window of `pass`: measures, validates, takes the second peak where the first fails, and replaces the
-/// rest. Calls `watch(1)` after every window.
-pub(crate) fn search(pass: &PreparedPass, volumes: &Volumes, guide: &Guide, watch: &(dyn Fn(u64) + Sync)) -> Found {
+/// rest.
+pub(crate) fn search(
+    pass: &PreparedPass,
+    volumes: &Volumes,
+    guide: &Guide,
+    watch: Watch,
+) -> (Vec<Vector>, Counts, Choice) {
     let shape = pass.windows.shape();
-    let count = pass.windows.count();
     let choice = Choice::new(pass, volumes, guide.route, guide.known.is_some());
     let search = Search::new(pass, volumes);
-    // Transforms search equally far everywhere, so they cannot look close about known vectors.
-    let known = guide.known.filter(|_| !choice.is_transform);
-    let peaks = search.peaks(guide.predictor, known, choice.is_transform, watch);
+    let peaks = search.peaks(guide, choice.is_transform, watch);
 
     // Test the peaks against their neighbours, in voxels.
-    let mut fits: Vec<Option<PeakFit>> = peaks.iter().map(|peak| peak.fit()).collect();
+    let mut fits: Vec<Option<PeakFit>> = peaks.iter().map(Peak::fit).collect();
     let mut vectors: Vec<_> = fits.iter().map(|fit| fit.map(|fit| fit.shift_vox)).collect();
     let test = scaled(guide.test, &fits);
     let outliers = test.outliers(shape, &vectors);
     let has_failed = |node: &usize| outliers[*node] || matches!(peaks[*node], Peak::Outside);
-    let failures: Vec<usize> = (0..count).filter(has_failed).collect();
-    for &node in &failures {
-        (vectors[node], fits[node]) = (None, None);
-    }
+    let failures: Vec<usize> = (0..peaks.len()).filter(has_failed).collect();
+    failures.iter().for_each(|&node| (vectors[node], fits[node]) = (None, None));
 
     // Search the failures again, close to their neighbours. A second peak that fits is a measurement.
     let measured = vectors.clone();
@@ -63,10 +56,9 @@ pub(crate) fn search(pass: &PreparedPass, volumes: &Volumes, guide: &Guide, watc
     let holes: Vec<usize> = failures.into_iter().filter(|&node| fits[node].is_none()).collect();
     holes.iter().for_each(|&hole| vectors[hole] = None);
     fill(shape, &mut vectors, holes);
-    let vector = |(fit, vector): (Option<PeakFit>, Option<DVec3>)| match (fit, vector) {
-        (Some(fit), _) => Vector::Measured(fit),
-        (None, Some(shift_vox)) => Vector::Replaced(shift_vox),
-        (None, None) => Vector::NoData,
+    let vector = |(fit, vector): (Option<PeakFit>, Option<DVec3>)| match fit {
+        Some(fit) => Vector::Measured(fit),
+        None => vector.map_or(Vector::NoData, Vector::Replaced),
     };
     let vectors: Vec<Vector> = fits.into_iter().zip(vectors).map(vector).collect();
     let counts = Counts {
@@ -77,7 +69,7 @@ pub(crate) fn search(pass: &PreparedPass, volumes: &Volumes, guide: &Guide, watc
         replaced: vectors.iter().filter(|vector| matches!(vector, Vector::Replaced(_))).count(),
         no_data: vectors.iter().filter(|vector| matches!(vector, Vector::NoData)).count(),
     };
-    Found { vectors, counts, choice }
+    (vectors, counts, choice)
 }
 
 /// The test with the tolerance that the usual width of the peaks asks for along each axis.
@@ -91,6 +83,11 @@ fn scaled(test: &MedianTest, fits: &[Option<PeakFit>]) -> MedianTest {
     MedianTest { tolerance_vox: [0, 1, 2].map(tolerance), ..*test }
 }
 
+/// The displacement of `field` at the centre of a window; zero without a field.
+fn shift_at(field: Option<&Predictor>, pass: &PreparedPass, node: usize) -> DVec3 {
+    field.map_or(DVec3::ZERO, |field| field.at(pass.centre_vox(node)))
+}
+
 /// A search over the windows of a pass.
 struct Search<'a> {
     pass: &'a PreparedPass<'a>,
@@ -101,7 +98,7 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     fn new(pass: &'a PreparedPass, volumes: &'a Volumes) -> Self {
-        let base_of = |node| volumes.deformed_by.map_or(DVec3::ZERO, |field| field.at(pass.centre_vox(node)));
+        let base_of = |node| shift_at(volumes.deformed_by, pass, node);
         Self { pass, volumes, base_vox: (0..pass.windows.count()).map(base_of).collect() }
     }
 
@@ -112,27 +109,19 @@ impl<'a> Search<'a> {
     }
 
     /// The peaks of all windows: close to known vectors, elsewhere as far from the prediction as the pass searches.
-    fn peaks(
-        &self,
-        predictor: Option<&Predictor>,
-        known: Option<&[Vector]>,
-        is_transform: bool,
-        watch: &(dyn Fn(u64) + Sync),
-    ) -> Vec<Peak> {
+    fn peaks(&self, guide: &Guide, is_transform: bool, watch: Watch) -> Vec<Peak> {
         let pass = &self.pass.binned.pass;
-        let known = |node: usize| known.and_then(|vectors| vectors[node].fit());
+        // Transforms search equally far everywhere, so they cannot look close about known vectors.
+        let known = |node: usize| guide.known.filter(|_| !is_transform).and_then(|vectors| vectors[node].fit());
+        let predicted = |node: usize| shift_at(guide.predictor, self.pass, node);
         let box_of = |node: usize| match known(node) {
             Some(before) => self.shifts(node, before.shift_vox, CLOSE),
-            None => {
-                let predicted = predictor.map_or(DVec3::ZERO, |field| field.at(self.pass.centre_vox(node)));
-                self.shifts(node, predicted, pass.search)
-            }
+            None => self.shifts(node, predicted(node), pass.search),
         };
         let boxes: Vec<Option<Shifts>> = (0..self.pass.windows.count()).map(|node| Some(box_of(node))).collect();
-        let summation = if is_transform {
-            Summation::Transform(Transforms::new(pass.window, pass.search.map(|radius| 2 * radius + 1)))
-        } else {
-            Summation::Direct
+        let summation = match is_transform {
+            true => Summation::Transform(Transforms::new(pass.window, pass.search.map(|radius| 2 * radius + 1))),
+            false => Summation::Direct,
         };
         let peaks = self.measure(&boxes, &summation, watch);
         let mut peaks: Vec<Peak> = peaks.into_iter().map(|peak| peak.expect("every window has a box")).collect();
@@ -173,12 +162,7 @@ impl<'a> Search<'a> {
     }
 
     /// The peaks of the windows that have a box of shifts; displacements in voxels, on top of the deformation.
-    fn measure(
-        &self,
-        boxes: &[Option<Shifts>],
-        summation: &Summation,
-        watch: &(dyn Fn(u64) + Sync),
-    ) -> Vec<Option<Peak>> {
+    fn measure(&self, boxes: &[Option<Shifts>], summation: &Summation, watch: Watch) -> Vec<Option<Peak>> {
         let PreparedPass { windows, is_full, .. } = self.pass;
         let bin = self.pass.bin_vox();
         let mut peaks = measure(&self.volumes.pairs, windows, boxes, summation, *is_full, watch);
