@@ -21,8 +21,7 @@ pub struct Background {
 }
 
 impl Background {
-    /// A background of at most this many frames, for a quantile from 0 to 1. Panics without frames, or with another
-    /// quantile.
+    /// A background of at most this many frames. Panics without frames, or with a quantile outside 0 to 1.
     pub fn new(frames: usize, quantile: f64) -> Self {
         assert!(frames > 0 && (0.0..=1.0).contains(&quantile));
         let position = quantile * (frames - 1) as f64;

@@ -6,8 +6,7 @@ use lf_core::image::{self, Image, Stack};
 use lf_core::{Camera, Error, History, Refusal, Result, Session, Verdict, camera::Sensor, io};
 use std::path::{Path, PathBuf};
 
-/// Makes the background and writes it. With a camera, frames that cannot be read or have another size than its sensor
-/// are left out.
+/// Makes the background and writes it.
 pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Result<Verdict> {
     let BackgroundArguments { frames, quantile, camera, output } = arguments;
     if !(0.0..=0.5).contains(quantile) {
@@ -39,8 +38,8 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
 }
 
 struct FrameFiles {
-    /// Files, and those that come through a pipe in memory: they can be read only once. Other files are opened again,
-    /// because a system limits the number of mapped files.
+    /// Files; those that come through a pipe in memory. Others are opened again: a system limits the number of mapped
+    /// files.
     files: Vec<(PathBuf, Option<Stack>)>,
     count: usize,
     sensor: Option<Sensor>,

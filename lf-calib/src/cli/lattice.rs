@@ -82,7 +82,7 @@ fn white(arguments: &LatticeArguments, nominal: &Camera) -> Result<Option<Array2
         Ok(image)
     };
     let dark = arguments.dark.as_deref().map(read).transpose()?;
-    let mut mean = WhiteMean::new();
+    let mut mean = WhiteMean::default();
     for path in &arguments.whites {
         mean.add(&read(path)?).map_err(|refusal| refusal.about(io::name(path)))?;
     }

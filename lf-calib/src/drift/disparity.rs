@@ -19,8 +19,7 @@ const LEAST_SEEN: f64 = 0.55;
 const LARGEST_SCATTER_PX: f64 = 0.35;
 /// Standard deviation over median absolute deviation of a normal distribution, to five digits.
 const PER_DEVIATION: f64 = 1.4826;
-/// Evidence that a change needs, in squared standard deviations, and the addition for each further parameter of a
-/// group.
+/// Evidence that a change needs, in squared standard deviations, and the addition for each further parameter.
 const NEEDED: f64 = 16.0;
 const NEEDED_MORE: f64 = 4.0;
 
@@ -60,8 +59,8 @@ pub(crate) fn disparity_px(fill: &StopFill, camera: &Camera) -> DVec2 {
     -camera.demagnification() * fill.middle_mm / camera.sensor.pixel_pitch_mm
 }
 
-/// Equations for the parameters of [`GROUPS`], and for the size of the stop in the column of [`P::Gap`]: f-numbers are
-/// not known well enough for the size to tell the gap.
+/// Equations for [`GROUPS`], and for the stop's size in the column of [`P::Gap`]: f-numbers are too vague to tell the
+/// gap.
 pub(crate) fn equations(seen: &[(IsolatedParticle, StopFill)], camera: &Camera) -> NormalEquations {
     let columns = [P::LatticeX, P::LatticeY, P::LatticeTurn, P::TiltX, P::TiltY, P::Gap];
     let (px, gap) = (1.0 / camera.sensor.pixel_pitch_mm, camera.gap_mm());
@@ -72,14 +71,8 @@ pub(crate) fn equations(seen: &[(IsolatedParticle, StopFill)], camera: &Camera) 
     let logs: Vec<f64> = seen.iter().map(|(_, fill)| fill.spread.ln()).collect();
     let size = median(logs.clone());
     let size_scatter = (PER_DEVIATION * median(logs.iter().map(|log| (log - size).abs()).collect())).max(1e-3);
-    let observation = |off_px, uncertainty_px, slopes| Observation {
-        off_px,
-        uncertainty_px,
-        place_px: [0.0; 2],
-        sampling_px: 0.0,
-        exposure: 0,
-        slopes,
-    };
+    let observation =
+        |off_px, uncertainty_px, slopes| Observation { off_px, uncertainty_px, slopes, ..Default::default() };
     let observe = |(fill, shift): (&StopFill, &DVec2)| {
         let e = fill.image_mm;
         let shift_slopes = [vec![px, 0.0, -e.y * px, 0.0, 0.0, 0.0], vec![0.0, px, e.x * px, 0.0, 0.0, 0.0]];

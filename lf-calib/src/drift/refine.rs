@@ -27,7 +27,6 @@ pub fn refine_steps(frames: usize) -> u64 {
 
 /// Corrects a camera by the particles of some frames between two depths. The frames have the size of the camera's
 /// sensor. Calls `watch(n)` after n more of the [`refine_steps`] steps.
-///
 /// Refuses frames with too few isolated particles, and particles that are too faint.
 pub fn refine(
     frames: &[Array2<f32>],

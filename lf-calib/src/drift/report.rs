@@ -17,8 +17,8 @@ pub struct Refined {
     pub camera: Camera,
     /// Number of particles used.
     pub particles: usize,
-    /// Root mean square disparity of the particles before and after, px: the distance of their light from the middle of
-    /// the stop, as a shift of the lenslet images.
+    /// Root mean square disparity before and after, px of the lenslet images: how far particles' light is from the
+    /// stop's middle.
     pub disparity_px: [f64; 2],
     /// Name, change and standard uncertainty of each changed parameter. Empty if nothing has drifted.
     pub changed: Vec<(&'static str, f64, f64)>,

@@ -11,8 +11,7 @@ use glam::{DVec2, DVec3};
 use lf_core::{Optics, statistics::ranked};
 use ndarray::ArrayView2;
 
-/// Lenslets are read if they are lit from within this many radii of the stop. A drift of 3 of 14 px moves the stop by
-/// 0.43 radii.
+/// Radii of the stop that lenslets are read within. A drift of 3 of 14 px moves the stop by 0.43 radii.
 const REACH: f64 = 1.55;
 /// A lenslet with more than this many times the light of a fully lit one shows another object too.
 const BRIGHTEST: f64 = 1.5;
@@ -45,7 +44,7 @@ pub(crate) fn stop_fill(image: ArrayView2<f32>, optics: &Optics, place_mm: DVec3
         .collect::<Option<_>>()?;
     let full = full_light(&lights)?;
     let (middle_mm, spread) = middle_and_spread(&lights, full, optics)?;
-    let image_mm = optics.sensor_from_array(optics.lattice().nearest_centre_mm(view.chief_mm()), DVec2::ZERO);
+    let image_mm = optics.sensor_from_array(optics.lattice().nearest_centre_mm(view.chief_mm), DVec2::ZERO);
     (middle_mm.is_finite() && spread > 0.5 && spread < 1.5).then_some(StopFill { middle_mm, spread, image_mm })
 }
 
@@ -58,8 +57,8 @@ fn full_light(lights: &[(DVec2, f64)]) -> Option<f64> {
     (foreign as f64 <= MOST_FOREIGN * counts.len() as f64).then_some(full)
 }
 
-/// Mean position of the light in the stop, mm, and its spread relative to an evenly lit stop. Only light within a stop
-/// about that middle counts, so the two are iterated.
+/// Mean position of the light in the stop, mm, and its spread relative to an even stop, by iteration: only light within
+/// a stop about that middle counts.
 fn middle_and_spread(lights: &[(DVec2, f64)], full: f64, optics: &Optics) -> Option<(DVec2, f64)> {
     let radius = optics.half_aperture_mm;
     let is_square = optics.passes(DVec2::splat(0.99 * radius));

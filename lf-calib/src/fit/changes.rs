@@ -139,8 +139,7 @@ mod tests {
             let step = parameter.step(&before);
             let changed = Changes::NONE.plus(parameter, step);
             let grown = changed.value(parameter, &before) - Changes::NONE.value(parameter, &before);
-            // Without a medium its index cannot change. An offset is that of the lenslets, which are nearer to the axis
-            // than their images by a share of k.
+            // Without a medium its index cannot change. The lenslets are nearer to the axis than their images.
             let wanted = if matches!(parameter, Parameter::Index | Parameter::Window) { 0.0 } else { step };
             assert!((grown - wanted).abs() < 1e-3 * step, "{parameter:?} {grown} {step}");
             changed.camera(&before).check().unwrap();

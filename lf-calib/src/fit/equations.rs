@@ -14,13 +14,12 @@ use nalgebra::{DMatrix, DVector};
 /// position between the pixels, so a target whose rows are parallel to rows of pixels adds it up.
 const WAVES: [f64; 2] = [1.0, 2.0];
 
-/// Smallest pivot of the scaled normal matrix. Below it a parameter cannot be told from the others: this is the share
-/// of its squared effect that they do not explain.
+/// Smallest pivot of the scaled normal matrix: the share of a parameter's squared effect that the others do not
+/// explain.
 const LEAST_PIVOT: f64 = 1e-7;
 
-/// A measured position minus its prediction. `exposure` is the number of its image: sub-images of one image have the
-/// same sampling error.
-#[derive(Clone)]
+/// A measured position minus its prediction. Sub-images of one image (`exposure`) have the same sampling error.
+#[derive(Clone, Default)]
 pub(crate) struct Observation {
     pub off_px: [f64; 2],
     pub uncertainty_px: f64,
@@ -201,14 +200,8 @@ mod tests {
                     .map(|_| {
                         let at = n as f64 / 20.0 - 1.0 + 0.01 * uniform(&mut state);
                         let off = [0, 1].map(|_| slope * at + common + 0.1 * normal(&mut state));
-                        Observation {
-                            off_px: off,
-                            uncertainty_px: 0.1,
-                            place_px: [0.0; 2],
-                            sampling_px: 0.0,
-                            exposure: 0,
-                            slopes: [vec![1.0, at], vec![1.0, at]],
-                        }
+                        let slopes = [vec![1.0, at], vec![1.0, at]];
+                        Observation { off_px: off, uncertainty_px: 0.1, slopes, ..Default::default() }
                     })
                     .collect()
             })
@@ -217,8 +210,7 @@ mod tests {
 
     const PAIR: [Parameter; 2] = [Parameter::TargetX, Parameter::TargetLeanX];
 
-    // The sub-images of a dot share its error. If sub-images counted as independent, the truth was five deviations
-    // away.
+    // With sub-images counted as independent, the truth was five deviations away.
     #[test]
     fn errors_shared_by_a_source_count_in_the_uncertainty() {
         for shared in [0.0, 0.2] {

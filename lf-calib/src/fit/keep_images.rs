@@ -49,7 +49,7 @@ pub(crate) fn keep_images(camera: &mut Camera, before: &Camera, drift: Drift) {
     // A sensor that is only a narrow strip does not determine the highest powers across it.
     let fitted = (1..=degree).rev().find_map(|degree| Polynomial::about(&ties, degree, DVec2::ZERO, radius_mm));
     let Some(departure) = fitted else { return };
-    let [offset, coefficients @ ..] = departure.coefficients() else { return };
+    let [offset, coefficients @ ..] = departure.coefficients.as_slice() else { return };
     // A departure has no constant term; it goes into the offset.
     camera.microlenses.offset_mm[0] += offset.x;
     camera.microlenses.offset_mm[1] += offset.y;

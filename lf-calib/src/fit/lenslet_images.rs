@@ -1,9 +1,8 @@
 //! Between lenslets and the centres of their images.
 //!
-//! A ray through the middle of the stop (U = 0) that meets the array at a lenslet's centre c is not refracted there. It
-//! meets the sensor at c (1 + g / s_i), where g is the gap along the ray. On a sensor tilted by slopes t, g = (g_0 + t
-//! . c) / (1 - t . c / s_i). The inverse for an image at x is exact: c = x s_i / (s_i + g_0 + t . x); without tilt c =
-//! x / (1 + k).
+//! A ray through the middle of the stop (U = 0) is not refracted at a lenslet's centre c. It meets the sensor at
+//! c (1 + g / s_i), where g is the gap along the ray: on a sensor tilted by slopes t, g = (g_0 + t . c) / (1 - t . c /
+//! s_i). The inverse for an image at x is exact: c = x s_i / (s_i + g_0 + t . x); without tilt c = x / (1 + k).
 
 use glam::DVec2;
 use lf_core::{Camera, Optics};
@@ -60,17 +59,14 @@ pub(crate) fn image_px(optics: &Optics, lenslet_mm: DVec2) -> DVec2 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lf_core::camera::Tilt;
+    use crate::points::view::tests::seed;
+    use lf_core::camera::{Layout, Tilt};
 
     #[test]
     fn rays_through_lenslet_centres_are_followed_back() {
-        let plain = Camera::from_json(
-            r#"{"sensor": {"width": 600, "height": 400, "pixel_pitch_mm": 0.0055},
-                "main_lens": {"focal_length_mm": 50, "magnification": 0.5, "working_f_number": 4, "aperture": "circle"},
-                "microlenses": {"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0.01,
-                                "offset_mm": [0.01, 0.02]}}"#,
-        )
-        .unwrap();
+        let mut plain = seed(40, Layout::Square);
+        plain.microlenses.rotation_rad = 0.01;
+        plain.microlenses.offset_mm = [0.01, 0.02];
         let mut gap = plain.clone();
         gap.microlenses.gap_mm = Some(0.33);
         let mut tilted = gap.clone();

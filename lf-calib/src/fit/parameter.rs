@@ -4,9 +4,8 @@ use lf_core::Camera;
 
 macro_rules! parameters {
     ($($(#[$doc:meta])* $variant:ident $name:literal,)*) => {
-        /// One number of the camera or of the target's pose. `Lattice` ones move the lenslet images; turns are from x
-        /// towards y, of the target or of the images about the sensor's middle; tilts are of the sensor against the
-        /// array.
+        /// One number of the camera or of the target's pose. `Lattice` ones move the lenslet images. Turns are from x
+        /// to y.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub(crate) enum Parameter { $($(#[$doc])* $variant,)* }
 

@@ -4,8 +4,7 @@ use glam::{DMat2, DVec2};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// A position and the position that is measured for it. The first is often a place in the lattice, in lattice vectors;
-/// the second an image position, px.
+/// A position, often in lattice vectors, and the position that is measured for it, often in px.
 pub(crate) type TiePoint = (DVec2, DVec2);
 
 /// Highest degree, and its number of monomials.
@@ -20,8 +19,8 @@ pub(crate) struct Polynomial {
     degree: usize,
     middle: DVec2,
     scale: f64,
-    /// One pair for each monomial, in the order of [`monomials`].
-    coefficients: Vec<DVec2>,
+    /// One pair for each monomial of (place - middle) / scale, in the order of [`monomials`].
+    pub coefficients: Vec<DVec2>,
 }
 
 /// x^a y^b with a + b up to `degree`, lowest degree first; the rest is 0.
@@ -73,13 +72,7 @@ impl Polynomial {
         DMat2::from_cols(step(DVec2::X), step(DVec2::Y))
     }
 
-    /// One coefficient pair for each monomial of (place - middle) / scale, lowest degree first.
-    pub fn coefficients(&self) -> &[DVec2] {
-        &self.coefficients
-    }
-
-    /// Least squares through tie points, about their mean and scaled by their reach. None if they do not span the
-    /// plane.
+    /// Least squares about the tie points' mean, scaled by their reach. None if they do not span the plane.
     pub fn through(ties: &[TiePoint], degree: usize) -> Option<Self> {
         let middle = ties.iter().map(|tie| tie.0).sum::<DVec2>() / ties.len() as f64;
         let scale = ties.iter().map(|tie| tie.0.distance(middle)).fold(0.0, f64::max);

@@ -75,8 +75,7 @@ impl Crops {
         }
     }
 
-    /// The pixels in grey from the darkest to the brightest; means of blocks if there are more than [`CELLS`] along a
-    /// side.
+    /// The pixels in grey from the darkest to the brightest; means of blocks beyond [`CELLS`] along a side.
     fn cells(&self, canvas: &mut Canvas, [left, top]: [i32; 2], white: &Array2<f32>, [x, y]: [usize; 2]) {
         let cells = self.side_px.min(CELLS);
         let edge = |cell: usize, whole: usize| cell * whole / cells;

@@ -14,12 +14,11 @@ const STEP_MM: f64 = 1e-3;
 
 /// Number of lenslets across that a point lights.
 pub(crate) fn width_in_lenslets(optics: &Optics, place_mm: DVec3) -> f64 {
-    2.0 * optics.half_aperture_mm * PointView::new(optics, place_mm).alpha().abs() / optics.lattice().row_pitch_mm()
+    2.0 * optics.half_aperture_mm * PointView::new(optics, place_mm).alpha.abs() / optics.lattice().row_pitch_mm()
 }
 
-/// Locates the point that sub-images come from, with the camera's own rays: robust least squares from a first position.
-/// Returns the position and the scatter of the sub-images about it, px. None if there are too few or the point moves
-/// into focus.
+/// Locates the point that sub-images come from: robust least squares with the camera's own rays. Returns the scatter of
+/// the sub-images about it too, px. None if there are too few or the point moves into focus.
 pub(crate) fn locate(optics: &Optics, sub_images: &[SubImage], from_mm: DVec3) -> Option<(DVec3, f64)> {
     if sub_images.len() < FEWEST {
         return None;

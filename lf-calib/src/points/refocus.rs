@@ -51,7 +51,7 @@ pub(crate) fn refocus(
         if !optics.passes(aperture) {
             continue;
         }
-        let mut object = (axis.alpha() * aperture - centre) / beta;
+        let mut object = (axis.alpha * aperture - centre) / beta;
         for _ in 0..2 {
             object += (optics.array_from_object(object, z_mm, aperture) - centre) / beta;
         }

@@ -128,8 +128,7 @@ pub(crate) fn fit(image: ArrayView2<f32>, profile: SpotProfile, from_px: DVec2, 
     None
 }
 
-/// Light of a spot at a known position above the window's floor, counts, by least squares. Noise can make it negative.
-/// None if the window leaves the image.
+/// Light of a spot at a known position above the floor, counts; noise can make it negative. None outside the image.
 pub(crate) fn light(image: ArrayView2<f32>, profile: SpotProfile, place_px: DVec2) -> Option<f64> {
     let usable = profile.usable();
     let reach = usable.reach_px();

@@ -32,13 +32,13 @@ pub(crate) struct SubImage {
 
 pub(crate) fn spot_profile(optics: &Optics, view: &PointView, blur: PointBlur) -> SpotProfile {
     let px_per_mm = 1.0 / optics.pixel_pitch_mm;
-    let (i, j) = optics.lattice().lenslet_at(view.chief_mm());
+    let (i, j) = optics.lattice().lenslet_at(view.chief_mm);
     let width_px = (12.0 * cell_variance_mm2(optics)).sqrt() * view.widening((i, j)).abs() * px_per_mm;
     SpotProfile { width_px, disc_px: blur.object_mm * view.px_per_mm(), sigma_px: blur.sensor_px }
 }
 
-/// Reads the sub-images of a point within `farthest_px` of their expected positions. With `search` a search around the
-/// expected position precedes the fit.
+/// Reads the sub-images of a point within `farthest_px` of their expected positions, from there or from a first
+/// `search`.
 pub(crate) fn measure(
     image: ArrayView2<f32>,
     optics: &Optics,

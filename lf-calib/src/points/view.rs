@@ -11,8 +11,7 @@
 use glam::{DVec2, DVec3};
 use lf_core::Optics;
 
-/// Iterations that find the ray through a position on the array. In air one is enough; behind a window each divides the
-/// error by at least a hundred.
+/// Iterations that find the ray through a position on the array. Behind a window each divides the error by a hundred.
 const STEPS: usize = 6;
 /// Tolerance of the position in the aperture, as a fraction of its radius.
 const NEAR_ENOUGH: f64 = 1e-10;
@@ -22,9 +21,9 @@ pub(crate) struct PointView<'a> {
     optics: &'a Optics,
     place_mm: DVec3,
     /// Where the ray through the middle of the stop meets the array, mm.
-    chief_mm: DVec2,
+    pub chief_mm: DVec2,
     /// Distance on the array for each unit of distance in the aperture.
-    alpha: f64,
+    pub alpha: f64,
 }
 
 pub(crate) struct LitLenslet {
@@ -42,16 +41,6 @@ impl<'a> PointView<'a> {
         let hit = |u: f64| optics.array_from_object(object, z_mm, DVec2::new(u, 0.0));
         let alpha = (hit(0.5 * radius).x - hit(-0.5 * radius).x) / radius;
         Self { optics, place_mm, chief_mm: hit(0.0), alpha }
-    }
-
-    /// Distance on the array for each unit of distance in the aperture.
-    pub fn alpha(&self) -> f64 {
-        self.alpha
-    }
-
-    /// Where the ray through the middle of the stop meets the array, mm.
-    pub fn chief_mm(&self) -> DVec2 {
-        self.chief_mm
     }
 
     /// Where the ray that meets the array at `array_mm` passes the aperture, mm.
@@ -125,8 +114,7 @@ impl<'a> PointView<'a> {
             .collect()
     }
 
-    /// Direction out of the stop at a position in it: of length 1 in a round stop, a step of 1 along each axis in a
-    /// square one.
+    /// Direction out of the stop: of length 1 in a round stop, a step of 1 along each axis in a square one.
     fn outward(&self, aperture: DVec2) -> DVec2 {
         let diagonal = DVec2::splat(self.optics.half_aperture_mm * 0.99);
         // The corner of the bounding square passes only through a square stop.
@@ -151,35 +139,19 @@ pub(crate) fn cell_variance_mm2(optics: &Optics) -> f64 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use lf_core::camera::{Aperture, Camera, Distortion, Layout, MainLens, Medium, Microlenses, Sensor, Tilt};
+    use lf_core::camera::{Camera, Distortion, Layout, Medium, Tilt};
     use lf_core::lattice::Centres;
+    use serde_json::json;
 
     /// The seed camera of the simulations behind a round stop.
     pub(crate) fn seed(lenslets: usize, layout: Layout) -> Camera {
         let side = 14 * lenslets;
-        Camera {
-            sensor: Sensor { width: side, height: side, pixel_pitch_mm: 0.0055 },
-            main_lens: MainLens {
-                focal_length_mm: 200.0,
-                magnification: 1.0,
-                working_f_number: 4.0,
-                aperture: Aperture::Circle,
-            },
-            microlenses: Microlenses {
-                layout,
-                pitch_mm: 0.077,
-                focal_length_mm: 0.308,
-                rotation_rad: 0.0,
-                offset_mm: [0.0; 2],
-                gap_mm: None,
-            },
-            distortion: None,
-            tilt: None,
-            medium: None,
-            centres: None,
-            vignetting: None,
-            calibration: None,
-        }
+        let camera = json!({
+            "sensor": {"width": side, "height": side, "pixel_pitch_mm": 0.0055},
+            "main_lens": {"focal_length_mm": 200, "magnification": 1, "working_f_number": 4, "aperture": "circle"},
+            "microlenses": {"layout": layout, "pitch_mm": 0.077, "focal_length_mm": 0.308},
+        });
+        Camera::from_json(&camera.to_string()).unwrap()
     }
 
     #[test]
@@ -190,7 +162,7 @@ pub(crate) mod tests {
         let optics = Optics::new(&camera);
         let view = PointView::new(&optics, DVec3::new(0.0, 0.0, 4.0));
         let centre = 4.5 * 0.077;
-        assert!((view.alpha() - 4.0 / 396.0).abs() < 1e-15);
+        assert!((view.alpha - 4.0 / 396.0).abs() < 1e-15);
         assert!((view.aperture_mm(DVec2::new(centre, 0.0)).x - 99.0 * centre).abs() < 1e-9);
         let place = view.place_px((4, -1));
         assert!((place.x - 140.0 - centre * (1.0 + 0.00077 * (1.0 - 99.0)) / 0.0055).abs() < 1e-9);
@@ -248,7 +220,7 @@ pub(crate) mod tests {
                     let view = PointView::new(&optics, place);
                     let fan = view.lit_lenslets(0.95, Some(0.0));
                     assert!(fan.len() > 10, "{name} {}", fan.len());
-                    let whole = DVec2::splat(1.3 * 0.077 / view.alpha().abs());
+                    let whole = DVec2::splat(1.3 * 0.077 / view.alpha.abs());
                     for seen in fan.iter().step_by(7) {
                         let (mean, count) = by_rays(&optics, place, seen, whole);
                         let off = mean.distance(seen.place_px);
@@ -258,7 +230,7 @@ pub(crate) mod tests {
                         );
                         assert!(seen.place_px.distance(view.place_px(seen.lenslet)) < 1e-12);
                         // A lenslet that is lit as a whole gets rays in proportion to its cell's area.
-                        let wanted = optics.lattice().cell_area_mm2() / (whole.x * view.alpha()).powi(2);
+                        let wanted = optics.lattice().cell_area_mm2() / (whole.x * view.alpha).powi(2);
                         let most = if name == "medium" { 0.5 } else { 0.02 };
                         assert!((count / 160_000.0 / wanted - 1.0).abs() < most, "{name} {count}");
                     }

@@ -129,8 +129,7 @@ impl Bundle<'_> {
     }
 }
 
-/// Residuals and derivatives of the sub-images of one dot. `beside` holds the steps of the parameters and the settings
-/// on either side.
+/// The observations of one dot. `beside` holds the steps of the parameters and the settings on either side.
 fn observe(sighting: &DotSighting, here: &Setting, beside: &[(f64, Setting, Setting)]) -> Vec<Observation> {
     let predict = |(optics, pose): &Setting| -> Vec<DVec2> {
         let view = PointView::new(optics, pose.place_mm(sighting.target_mm));

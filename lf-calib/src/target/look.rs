@@ -60,7 +60,7 @@ pub(crate) fn first_look(
     let refocused = refocus(image, optics, depth, half_view_mm + 0.5 * spacing, spacing / CELLS);
     // All sub-images of a dot are in the frame if the dot is this near the axis.
     let axis = PointView::new(optics, DVec3::new(0.0, 0.0, depth));
-    let inside = half_view_mm - axis.alpha().abs() * optics.half_aperture_mm * 0.5 / optics.beta(depth);
+    let inside = half_view_mm - axis.alpha.abs() * optics.half_aperture_mm * 0.5 / optics.beta(depth);
     let peaks: Vec<DVec2> = refocused.peaks(APART * spacing).into_iter().map(|(_, place)| place).collect();
     let found = recognise(&flat, &peaks, inside.max(0.3 * half_view_mm), shift_mm)?;
     let rough = PointBlur { object_mm: 0.6 / axis.px_per_mm(), sensor_px: SENSOR_PX };

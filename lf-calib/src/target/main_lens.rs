@@ -40,7 +40,6 @@ pub fn main_lens_steps(images: usize) -> u64 {
 
 /// Calibrates the main lens of a camera. Calls `watch(n)` after n more of the [`main_lens_steps`] looks at an image.
 /// The error holds the number of the image that it is about, if there is one.
-///
 /// Refuses fewer than two usable depths, images without the target, and dots where no camera could show them.
 pub fn main_lens(
     exposures: &[Exposure],
@@ -137,8 +136,8 @@ impl TargetSearch<'_> {
         Ok((sightings, start))
     }
 
-    /// Numbers of the images in which a dot lights enough lenslets, nearest to focus first: there a position is known
-    /// best, and the shift found helps farther away.
+    /// Numbers of the images in which a dot lights enough lenslets, nearest to focus first: their shift helps farther
+    /// away.
     fn usable(&self, optics: &Optics) -> Result<Vec<usize>, Refusal> {
         let depth_mm = |n: usize| self.exposures[n].depth_mm();
         let is_usable = |n: &usize| width_in_lenslets(optics, DVec3::new(0.0, 0.0, depth_mm(*n))) >= NARROWEST;
@@ -165,9 +164,8 @@ impl TargetSearch<'_> {
         bundle.fit(&free, start).or_else(|| select(&bundle, &ALWAYS, groups, start).map(|(fit, _)| fit))
     }
 
-    /// Reads the sub-images again where the fitted camera predicts them, and fits again, [`LOOKS`] times. Images too
-    /// near to focus before take part: a few of their lenslets may be lit as a whole. Returns the last look at each
-    /// image.
+    /// Reads the sub-images where the fitted camera predicts them, and fits again, [`LOOKS`] times. Images too near to
+    /// focus before take part: some of their lenslets may be lit as a whole. Returns the last look at each image.
     fn look_again(&self, first: &BundleFit) -> Option<(Vec<Vec<DotSighting>>, Changes)> {
         let mut changes = first.changes;
         let mut looks = Vec::new();

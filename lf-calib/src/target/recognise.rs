@@ -78,8 +78,7 @@ pub(crate) fn spacing_mm(dots: &[DVec2]) -> Option<f64> {
 
 /// Finds the dots of a target among peaks of light, from the middle outwards. The target may be shifted by up to half a
 /// spacing from its stated position (or from `shift_mm` if another depth has shown it), and stretched and turned a
-/// little. Dots beyond `view_mm` need not be seen. Refuses peaks that are not the target, and says how many dots were
-/// found.
+/// little. Dots beyond `view_mm` need not be seen. Refuses peaks that are not the target.
 pub(crate) fn recognise(
     dots: &[DVec2],
     peaks: &[DVec2],
@@ -140,8 +139,7 @@ fn first_shift(dots: &[DVec2], inner: &[DVec2], spacing: f64) -> DVec2 {
     candidates.first().map_or(DVec2::ZERO, |candidate| candidate.2)
 }
 
-/// Pairs of dots within `radius` of the middle and peaks that are each other's nearest, with the distance that the map
-/// leaves.
+/// Dots within `radius` of the middle and peaks that are each other's nearest, with the distance that the map leaves.
 fn pair(
     dots: &[DVec2],
     peaks: &[DVec2],

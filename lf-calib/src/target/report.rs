@@ -23,15 +23,14 @@ pub struct MainLensFit {
     pub dots: usize,
     /// Number of sub-images that were fitted, and number of those with weight.
     pub sub_images: [usize; 2],
-    /// Root mean square residual of a coordinate, px: with only the target's pose free, after the fit, and as expected
-    /// from the uncertainties of the sub-images.
+    /// Root mean square residual of a coordinate, px: with only the target's pose free, fitted, and expected from
+    /// noise.
     pub rms_px: [f64; 3],
     /// Name, value and standard uncertainty of each free parameter.
     pub values: Vec<(&'static str, f64, f64)>,
 }
 
-/// Reports a fit, also under `calibration.volume` of the camera. `pose_only` is the misfit with only the target's pose
-/// free.
+/// Reports a fit, also under `calibration.volume`. `pose_only` is the misfit with only the target's pose free.
 pub(crate) fn report(
     nominal: &Camera,
     fit: &BundleFit,

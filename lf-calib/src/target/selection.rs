@@ -1,10 +1,9 @@
 //! Selects the parameters that the data require: backward elimination, then forward selection.
 //!
-//! The fit begins with all parameters that can be told apart together. The one with the least evidence is removed,
-//! again and again; then parameters that have gained enough evidence are added back. A start without parameters would
-//! be worse: one parameter would stand in for another that is still to come, for example a lean of the target for a
-//! tilt of the sensor. There is evidence for a parameter if neither the scatter of independent sub-images, nor that
-//! from dot to dot, nor sampling explains it by chance.
+//! The fit begins with all parameters that can be told apart. The one with the least evidence is removed, again and
+//! again; then parameters that have gained enough evidence are added back. A start without parameters would be worse:
+//! one would stand in for another still to come, for example a lean of the target for a tilt of the sensor. Evidence is
+//! what neither the scatter of independent sub-images, nor that from dot to dot, nor sampling explains by chance.
 
 use super::bundle::{Bundle, BundleFit};
 use crate::{fit::changes::Changes, fit::equations::NormalEquations, fit::parameter::Parameter};

@@ -21,8 +21,8 @@ pub(crate) struct Autocorrelation {
     tiles: f64,
 }
 
-/// Power spectrum of a tile minus its best plane, of unit variance, and its standard deviation over its mean. None if
-/// the tile is flat.
+/// Power spectrum of a tile minus its best plane, of unit variance, and its deviation over its mean. None if it is
+/// flat.
 fn power(tile: ArrayView2<f32>, padded: [usize; 2]) -> Option<(Vec<f64>, f64)> {
     let (rows, columns) = tile.dim();
     let count = (rows * columns) as f64;

@@ -8,8 +8,8 @@ pub(crate) fn unit_basis(is_hexagonal: bool) -> DMat2 {
     if is_hexagonal { DMat2::from_cols(DVec2::X, DVec2::new(0.5, 0.75f64.sqrt())) } else { DMat2::IDENTITY }
 }
 
-/// The same lattice by its two shortest vectors. They are 60 to 90 degrees apart, the second turned from the first as y
-/// is from x; the first is as near to x as possible.
+/// The same lattice by its two shortest vectors: 60 to 90 degrees apart, turned from first to second as from x to y,
+/// the first as near to x as possible.
 pub(crate) fn reduced(basis: DMat2) -> DMat2 {
     let (mut u, mut v) = (basis.x_axis, basis.y_axis);
     loop {
@@ -70,8 +70,7 @@ pub(crate) fn nearest_turn(rotation_rad: f64, to_rad: f64, layout: Layout) -> f6
     rotation_rad + turn * ((to_rad - rotation_rad) / turn).round()
 }
 
-/// The offset nearest to `to_mm` that gives the same lattice. `offset_mm` of `camera` is the centre of a lenslet, and
-/// the lattice is perfect.
+/// The offset nearest to `to_mm` that gives the same perfect lattice. `offset_mm` of `camera` is a lenslet's centre.
 pub(crate) fn nearest_offset(camera: &Camera, to_mm: [f64; 2]) -> [f64; 2] {
     let Microlenses { layout, pitch_mm, rotation_rad, offset_mm, .. } = camera.microlenses;
     let (centre, to) = (DVec2::from(offset_mm), DVec2::from(to_mm));

@@ -32,8 +32,8 @@ pub struct Calibrated {
     pub residual_rms_px: f64,
     /// Width of the lenslet images. None if they have no rim.
     pub fill: Option<Fill>,
-    /// Whether a lattice half a pitch aside would fit as well, because lenslet images overlap. The nominal offset has
-    /// decided.
+    /// Whether a lattice half a pitch aside fits as well, because lenslet images overlap. The nominal offset decides
+    /// then.
     pub is_ambiguous: bool,
 }
 
@@ -63,11 +63,9 @@ pub struct Residual {
     pub kept: bool,
 }
 
-/// The nominal camera with its lattice replaced by the measured one.
-///
-/// Several offsets and rotations describe the same lattice. The ones nearest to the nominal values are written. The
-/// nominal layout and pitch are not used. Refuses centres that do not span the plane, and a departure too steep for a
-/// camera.
+/// The nominal camera with its lattice replaced by the measured one. Offset and rotation are the nearest to the nominal
+/// ones that describe the same lattice. The nominal layout and pitch are not used. Refuses
+/// centres that do not span the plane, and a departure too steep for a camera.
 pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated, Refusal> {
     let images = LensletImages::new(nominal);
     let departure = departure(lattice, nominal, &images)?;
@@ -147,8 +145,8 @@ fn is_ambiguous(camera: &Camera, fill: Option<Fill>) -> bool {
         && agrees
 }
 
-/// The camera with its lattice moved by half a cell's diagonal, and that motion, mm. None if that is farther from the
-/// nominal offset.
+/// The camera with its lattice moved by half a cell's diagonal, and that motion, mm. None if the nominal offset is
+/// farther.
 fn nearer_half_aside(camera: &Camera, centre_mm: [f64; 2], nominal: &Camera) -> Option<(Camera, DVec2)> {
     let to_mm = nominal.microlenses.offset_mm;
     let half = DVec2::from_angle(camera.microlenses.rotation_rad).rotate(DVec2::splat(0.5));
@@ -239,8 +237,7 @@ fn fill(lattice: &ImageLattice, camera: &Camera) -> Option<Fill> {
     Some(Fill { measured_px, nominal_px, pitch_px: free_pitch_mm(camera) * px_per_mm })
 }
 
-/// Distance that a lenslet image may fill, mm on the array: the pitch (round stop) or the distance of rows (square
-/// stop).
+/// Width that a lenslet image may fill, mm on the array: the pitch for a round stop, the distance of rows for a square.
 fn free_pitch_mm(camera: &Camera) -> f64 {
     match camera.main_lens.aperture {
         Aperture::Circle => camera.microlenses.pitch_mm,

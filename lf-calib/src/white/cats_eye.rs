@@ -2,14 +2,13 @@
 //!
 //! A round rim in front of or behind the main stop also has an image under every lenslet: a disc of radius b, displaced
 //! by `d = e (x - x_0)`, where x is the position of the lenslet image in the frame. The lenslet image is the
-//! intersection of this disc and the main one, of radius a. Its middle is displaced towards the axis by a pixel or
-//! more, which looks like a smaller pitch. The two discs are fitted to the rims of mean cells of regions of the frame,
-//! with a free displacement for each region. From then on only pixels are read that the second disc cannot have
-//! touched.
+//! intersection of this disc and the main one, of radius a. Its middle moves towards the axis by a pixel or more, which
+//! looks like a smaller pitch. The two discs are fitted to the rims of mean cells of regions of the frame, each with a
+//! free displacement. From then on only pixels are read that the second disc cannot have touched.
 //!
 //! The search is a short Levenberg-Marquardt of our own. Its residuals come from inner searches and are not smooth. On
-//! simulated rims MINPACK's method (crate levenberg-marquardt 0.15) takes twice as long, and its result differs in the
-//! fourth digit of b, which the rims hardly determine.
+//! simulated rims MINPACK's method (crate levenberg-marquardt 0.15) takes twice as long and differs in the fourth digit
+//! of b, which the rims hardly determine.
 
 use super::{mean_cell::MeanCell, rim::rim_px};
 use crate::fit::polynomial::outer;
@@ -25,8 +24,7 @@ const FEWEST_REGIONS: usize = 7;
 /// There are two discs if their misfit is at most this share of one disc's misfit, and at most this share of a.
 const LEAST_GAIN: f64 = 0.6;
 const LARGEST_MISFIT: f64 = 0.03;
-/// Least depth of the cut in the farthest region, px. A smaller one moves no centre by more than a hundredth of a
-/// pixel.
+/// Least depth of the cut in the farthest region, px. A smaller one moves no centre by a hundredth of a pixel.
 const LEAST_CUT_PX: f64 = 0.1;
 /// Least displacement of the second disc from the frame's middle to the farthest region: in px, and over its
 /// displacement in the middle. What is the same everywhere is the shape of the lenslets themselves.
@@ -223,8 +221,8 @@ impl TwoStops {
     }
 }
 
-/// A pixel must be this far inside the rim of the second disc, or this far outside the rim of the main one, px: half
-/// its diagonal plus a margin for errors of the fit.
+/// A pixel must be this far inside the second disc, or outside the main one, px: half its diagonal, and errors of the
+/// fit.
 const INSIDE_PX: f64 = 1.2;
 const OUTSIDE_PX: f64 = 0.9;
 

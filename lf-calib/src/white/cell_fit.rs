@@ -2,7 +2,8 @@
 
 use super::followed::{FollowedLattice, few};
 use super::lenslet_fit::{LensletFit, window};
-use super::{basis::shortest, cell_equations::CellEquations, mean_cell::MeanCell, profile::ProfileEquations};
+use super::mean_cell::{MeanCell, TABLE, TABLE_PER_PX, knots_of};
+use super::{basis::shortest, cell_equations::CellEquations, profile::ProfileEquations};
 use crate::{fit::polynomial::middle_px, fit::robust::chosen};
 use glam::{DMat2, DVec2};
 use lf_core::{Refusal, statistics::ranked};
@@ -16,8 +17,7 @@ const REMAINDER_PIXELS: usize = 1 << 19;
 const ROUGH: usize = 4;
 /// Least standard deviation of the remainder, over that of the round part. A smaller one is due to sampling and noise.
 const LEAST_REMAINDER: f64 = 0.03;
-/// With a second stop, the cell is fitted to the tenth of the lenslets that is cut least, but to at least
-/// `FEWEST_UNCUT`.
+/// With a second stop, one in `LEAST_CUT` lenslets gives the cell, those cut least, but at least `FEWEST_UNCUT`.
 const LEAST_CUT: usize = 10;
 const FEWEST_UNCUT: usize = 100;
 
@@ -30,8 +30,8 @@ impl FollowedLattice {
         Ok(())
     }
 
-    /// The lenslets that a second stop cuts least; all if there is none. A disc seen from one side only leaves its
-    /// radius and its position uncertain together.
+    /// The lenslets that a second stop cuts least. A disc seen from one side only does not tell its radius from its
+    /// place.
     fn least_cut(&self, mut fits: Vec<(DVec2, LensletFit)>, size: (usize, usize)) -> Vec<(DVec2, LensletFit)> {
         let Some(stops) = &self.stops else { return fits };
         let cut = |fit: &(DVec2, LensletFit)| stops.cut_px(fit.1.centre_px - middle_px(size));
@@ -45,7 +45,7 @@ impl FollowedLattice {
     /// The mean cell about the smooth lattice: its round part, plus the remainder if that is large enough.
     fn fit_cell(&mut self, image: ArrayView2<f32>, fits: &[(DVec2, LensletFit)]) -> Option<MeanCell> {
         let basis = self.basis_px;
-        let knots = MeanCell::table_knots(basis);
+        let knots = knots_of(basis, TABLE_PER_PX, TABLE);
         let round = self.sum_over(
             image,
             &thinned(fits, basis, if self.is_whole { ROUND_PIXELS } else { ROUND_PIXELS / ROUGH }),

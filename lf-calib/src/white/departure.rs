@@ -1,9 +1,9 @@
 //! The smooth departure of lenslets from the perfect lattice through them.
 //!
-//! The perfect lattice is the best similarity (origin, rotation, pitch). The residuals are fitted by a polynomial of
-//! position, of the lowest degree that leaves only noise: no polynomial for a perfect lattice, degree 1 for an array
-//! that is stretched or sheared, degree 3 for the distortion of a relay lens. A higher degree must pass two tests,
-//! evidence and size. They prevent polynomials that fit noise, and departures too small to matter.
+//! The perfect lattice is the best similarity (origin, rotation, pitch). The residuals are fitted by the polynomial of
+//! position of the lowest degree that leaves only noise: degree 1 for an array that is stretched or sheared, degree 3
+//! for the distortion of a relay lens. A higher degree must pass two tests, evidence and size. They prevent polynomials
+//! that fit noise, and departures too small to matter.
 
 use super::perfect_lattice::PerfectLattice;
 use crate::fit::polynomial::{Polynomial, TiePoint};
@@ -35,8 +35,7 @@ pub(crate) struct DepartureFit {
 
 impl DepartureFit {
     /// Fits lenslet centres, mm from the sensor's middle. `unit` holds the lattice vectors in pitches, `radius_mm` is
-    /// that of the resulting [`Centres`], `px_mm` the length of a pixel on the array. None if the centres do not span
-    /// the plane.
+    /// for [`Centres`], `px_mm` is a pixel's length on the array. None if the centres do not span the plane.
     pub fn through(ties: &[TiePoint], unit: DMat2, radius_mm: f64, px_mm: f64) -> Option<Self> {
         let mut perfect = PerfectLattice::through(ties, unit)?;
         let departures = |perfect: &PerfectLattice| -> Vec<TiePoint> {
@@ -70,18 +69,17 @@ impl DepartureFit {
             return Some(Self { perfect, centres: None, degree });
         }
         for _ in 0..GAUGE_STEPS {
-            perfect.origin += best.coefficients()[0];
+            perfect.origin += best.coefficients[0];
             best = Polynomial::about(&departures(&perfect), degree, DVec2::ZERO, radius_mm)?;
         }
-        let along = |axis: usize| best.coefficients()[1..].iter().map(|pair| pair[axis]).collect();
+        let along = |axis: usize| best.coefficients[1..].iter().map(|pair| pair[axis]).collect();
         let centres = Centres { radius_mm, x_mm: along(0), y_mm: along(1) };
         Some(Self { perfect, centres: Some(centres), degree })
     }
 }
 
-/// The number of correlated residuals that count as one independent one: the variance of the means of blocks of
-/// lenslets over that of independent residuals; at least 1. Neighbours have similar errors where the lattice beats with
-/// the pixels.
+/// The number of correlated residuals that count as one: the variance of the means of blocks of lenslets over that of
+/// independent residuals, at least 1. Neighbours err alike where the lattice beats with the pixels.
 fn correlation_factor(residuals: impl Iterator<Item = (DVec2, DVec2)> + Clone) -> f64 {
     let lenslets = residuals.clone().count() as f64;
     let side = BLOCK.min((lenslets.sqrt() / BLOCKS).floor()).max(1.0);

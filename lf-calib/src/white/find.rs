@@ -3,7 +3,7 @@
 use super::basis::{layout_of, shortest, unit_basis};
 use super::followed::{FEWEST, FollowedLattice, few};
 use super::image_lattice::{Centre, ImageLattice, SecondStop};
-use super::{follow::follow, lenslet_fit::window, perfect_lattice::PerfectLattice, period};
+use super::{follow::follow, lenslet_fit::window, perfect_lattice::PerfectLattice, period, rim::side_px};
 use crate::fit::polynomial::{Polynomial, TiePoint, middle_px};
 use crate::fit::robust::{chosen, without_outliers};
 use glam::{DMat2, DVec2};
@@ -22,7 +22,6 @@ const SAMPLING_PX: f64 = 0.002;
 
 /// Finds the lattice of an image of counts, shape (height, width). The result is the same for any number of threads.
 /// Calls `watch(n)` after n more of the [`LATTICE_STEPS`] steps.
-///
 /// Refuses an image without a period, and one whose lenslets do not follow one square or hexagonal lattice.
 pub fn find_lattice(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLattice, Refusal> {
     let image = image.view();
@@ -55,7 +54,7 @@ pub fn find_lattice(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLat
         rotation_uncertainty_rad: pitch_uncertainty_px / pitch_px,
         origin_uncertainty_px: (noise * perfect.place_uncertainty(DVec2::ZERO)).hypot(SAMPLING_PX),
         disc_px: followed.stops.map(|stops| stops.main_px).or(followed.radius_px).map(|radius| 2.0 * radius),
-        square_px: followed.side_px(),
+        square_px: side_px(&followed.cell, followed.basis_px),
         second_stop: followed.stops.map(|stops| SecondStop {
             diameter_px: 2.0 * stops.second_px,
             slope: stops.slope,

@@ -1,10 +1,9 @@
 //! The flat field: the counts of each pixel over the counts that it should have.
 //!
-//! The flat field is the white image divided by a prediction from the camera's geometry for an evenly lit stop. The
-//! prediction is the share of the pixel inside the image of the stop under a lenslet. This image is a disc of diameter
-//! `k D` about `c (1 + k)`, or a square. Neighbours that overlap add up. The quotient is scaled to a median of 1 over
-//! well-lit pixels. It is 1 where (almost) no light is predicted, so that no noise is amplified, and 0 where light is
-//! predicted but none arrives.
+//! It is the white image divided by a prediction for an evenly lit stop: the share of the pixel inside the image of the
+//! stop under a lenslet, a disc of diameter `k D` about `c (1 + k)` or a square. Neighbours that overlap add up. The
+//! quotient is scaled to a median of 1 over well-lit pixels. It is 1 where (almost) no light is predicted, so that no
+//! noise is amplified, and 0 where light is predicted but none arrives.
 
 use crate::fit::lenslet_images::{LensletImages, image_px};
 use glam::DVec2;

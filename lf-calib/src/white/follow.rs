@@ -2,8 +2,8 @@
 //!
 //! The period gives the lattice vectors, and a patch of some lenslets gives the mean cell. From there the lattice is
 //! followed outwards: read the lenslets within a radius against the cell, fit a smooth lattice to the centres, renew
-//! the cell, enlarge the radius. On the whole frame the fits of cell and lattice are repeated until the lattice rests.
-//! Then every lenslet is read once. The cost is one pass over the pixels, plus work that does not grow with the image.
+//! the cell, enlarge the radius. On the whole frame the fits are repeated until the lattice rests. Then every lenslet
+//! is read once. The cost is one pass over the pixels, plus work that does not grow with the image.
 
 use super::followed::{FEWEST, FollowedLattice, few};
 use super::{
@@ -23,8 +23,8 @@ const GROWTH: f64 = 1.7;
 const AT_REST_PX: f64 = 1e-4;
 /// Repetitions of cell and lattice at most.
 const REPETITIONS: u64 = 5;
-/// Steps that [`crate::find_lattice`] reports: the way to the corners, three times the repetitions, the last reading.
-/// Steps that are not needed are reported as done.
+/// Steps that [`crate::find_lattice`] reports, needed or not: to the corners, three times the repetitions, last
+/// reading.
 pub const LATTICE_STEPS: u64 = 2 + 3 * REPETITIONS;
 /// Lenslets that are read in each repetition, and on the way to the corners. The last reading is of all lenslets.
 const SAMPLE: usize = 3000;

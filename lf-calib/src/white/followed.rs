@@ -1,7 +1,7 @@
 //! The lattice as far as it has been followed through a white image: its lenslets, and the smooth lattice through them.
 
 use super::lenslet_fit::{LensletFit, fit_lenslet, window};
-use super::{basis::shortest, cats_eye::TwoStops, cats_eye::Untouched, mean_cell::MeanCell, rim::side_px};
+use super::{basis::shortest, cats_eye::TwoStops, cats_eye::Untouched, mean_cell::MeanCell};
 use crate::fit::polynomial::{Polynomial, TiePoint, middle_px};
 use crate::fit::robust::{chosen, without_outliers};
 use glam::{DMat2, DVec2};
@@ -125,9 +125,5 @@ impl FollowedLattice {
         let steps = self.gain.basis_at(index);
         let slope = self.basis_px.inverse().transpose() * DVec2::new(steps.x_axis.x, steps.y_axis.x);
         if gain > 0.0 { (slope / gain).clamp_length_max(MOST_SHADE / shortest(self.basis_px)) } else { DVec2::ZERO }
-    }
-
-    pub fn side_px(&self) -> Option<f64> {
-        side_px(&self.cell, self.basis_px)
     }
 }

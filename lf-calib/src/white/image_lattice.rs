@@ -13,8 +13,7 @@ pub struct Centre {
     pub kept: bool,
 }
 
-/// A second stop as the lenslet images show it (cat's eye): a disc that cuts into them, displaced in proportion to the
-/// position in the frame.
+/// A disc that cuts into the lenslet images (cat's eye), displaced in proportion to the position in the frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SecondStop {
     /// Diameter of its image, px.

@@ -28,8 +28,7 @@ pub(crate) struct LensletFit {
     pub explained: f64,
 }
 
-/// The (row, column) of the pixels around a position, and their offset from it, px. None if too many are outside the
-/// image.
+/// The (row, column) of the pixels around a position, and their offset from it, px. None if too many are outside.
 pub(crate) fn window(
     centre_px: DVec2,
     shortest_px: f64,

@@ -16,11 +16,6 @@ pub struct WhiteMean {
 }
 
 impl WhiteMean {
-    /// No images yet.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Adds an image of counts. Refuses another size than that of the first image, and a saturated image.
     pub fn add(&mut self, image: &Array2<f32>) -> Result<(), Refusal> {
         let sum = self.sum.get_or_insert_with(|| Array2::zeros(image.dim()));
@@ -48,8 +43,8 @@ pub(crate) fn other_size(image: &Array2<f32>, (height, width): (usize, usize)) -
     )
 }
 
-/// Refuses too many pixels at full scale. It is recognised only if every count is a whole number: images of real
-/// numbers may have flat tops for other reasons.
+/// Refuses too many pixels at full scale, if every count is a whole number: others may have flat tops for other
+/// reasons.
 fn check_saturation(image: &Array2<f32>) -> Result<(), Refusal> {
     let highest = image.iter().copied().fold(0.0, f32::max);
     if !FULL_SCALES.contains(&highest) || image.iter().any(|value| value.fract() != 0.0) {
@@ -71,21 +66,21 @@ mod tests {
 
     #[test]
     fn the_mean_is_exact_and_sizes_must_match() {
-        let mut white = WhiteMean::new();
+        let mut white = WhiteMean::default();
         white.add(&Array2::from_elem((2, 3), 1.0)).unwrap();
         white.add(&Array2::from_elem((2, 3), 4.0)).unwrap();
         let refusal = white.add(&Array2::from_elem((3, 2), 1.0)).unwrap_err();
         assert_eq!(refusal.found, "image of 2 x 3 px");
         assert_eq!(refusal.wanted, "wanted 3 x 2 px like the first");
         assert_eq!(white.mean().unwrap(), Array2::from_elem((2, 3), 2.5));
-        assert!(WhiteMean::new().mean().is_none());
+        assert!(WhiteMean::default().mean().is_none());
     }
 
     #[test]
     fn full_scale_of_whole_numbers_is_saturation_and_a_flat_top_is_not() {
         let image = Array2::from_shape_fn((10, 10), |(row, _)| if row < 5 { 4095.0 } else { 10.0 });
-        assert!(WhiteMean::new().add(&image).unwrap_err().found.contains("50 % of the pixels are at 4095"));
-        assert!(WhiteMean::new().add(&image.mapv(|value| value * 0.9)).is_ok());
-        assert!(WhiteMean::new().add(&image.mapv(|value| value + 0.5)).is_ok());
+        assert!(WhiteMean::default().add(&image).unwrap_err().found.contains("50 % of the pixels are at 4095"));
+        assert!(WhiteMean::default().add(&image.mapv(|value| value * 0.9)).is_ok());
+        assert!(WhiteMean::default().add(&image.mapv(|value| value + 0.5)).is_ok());
     }
 }

@@ -8,8 +8,8 @@
 use glam::{DMat2, DVec2};
 
 /// Knots per pixel of the cell that lenslets are read against, and their fewest and most along a side.
-const TABLE_PER_PX: f64 = 4.0;
-const TABLE: [usize; 2] = [16, 160];
+pub(crate) const TABLE_PER_PX: f64 = 4.0;
+pub(crate) const TABLE: [usize; 2] = [16, 160];
 
 pub(crate) struct MeanCell {
     pub knots: [usize; 2],
@@ -48,10 +48,6 @@ pub(crate) fn knots_of(basis_px: DMat2, per_px: f64, [fewest, most]: [usize; 2])
 }
 
 impl MeanCell {
-    pub fn table_knots(basis_px: DMat2) -> [usize; 2] {
-        knots_of(basis_px, TABLE_PER_PX, TABLE)
-    }
-
     /// Position of a knot, each coordinate in [-1/2, 1/2).
     pub fn place(knots: [usize; 2], knot: usize) -> DVec2 {
         let wrapped = |n: usize, knots: usize| n as f64 / knots as f64 - if 2 * n >= knots { 1.0 } else { 0.0 };
@@ -59,8 +55,7 @@ impl MeanCell {
     }
 
     pub fn through(knots: [usize; 2], values: &[f64]) -> Self {
-        // Taps of the inverse of the spline's (1, 4, 1) / 6: sqrt(3) z^|n| with z = sqrt(3) - 2. After 21 steps they
-        // are below 1e-12.
+        // Taps of the inverse of (1, 4, 1) / 6: sqrt(3) z^|n|, z = sqrt(3) - 2. After 21 steps they are below 1e-12.
         let pole = 3f64.sqrt() - 2.0;
         let taps: Vec<f64> = (-21i32..=21).map(|n| 3f64.sqrt() * pole.powi(n.abs())).collect();
         let [columns, rows] = knots;

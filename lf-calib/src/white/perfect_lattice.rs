@@ -17,8 +17,8 @@ pub(crate) struct PerfectLattice {
 }
 
 impl PerfectLattice {
-    /// Least squares in closed form, with (x, y) as complex numbers. `unit` holds the lattice vectors in pitches. None
-    /// with fewer than three centres, or without a pitch.
+    /// Least squares, with (x, y) as complex numbers. `unit` holds the lattice vectors in pitches. None without a
+    /// pitch.
     pub fn through(ties: &[TiePoint], unit: DMat2) -> Option<Self> {
         let count = ties.len() as f64;
         if ties.len() < 3 {

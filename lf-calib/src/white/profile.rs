@@ -11,8 +11,7 @@ use rayon::prelude::*;
 
 /// Reach of the profile in shortest lattice vectors: the corner of a square cell, beyond the pixels that are read.
 const REACH: f64 = 0.71;
-/// Least distance between the knots of the profile, px. With a third of a pixel the pitch of an unrotated lattice was
-/// wrong by 1.4e-5, with a fifth by 2e-6.
+/// Least distance between knots, px. With a third of a pixel an unrotated lattice's pitch erred by 1.4e-5, now by 2e-6.
 const STEP_PX: f64 = 0.2;
 /// Most knots. More of them would follow the noise of a few large lenslets.
 const MOST_KNOTS: f64 = 64.0;
@@ -94,8 +93,7 @@ impl ProfileEquations {
         self.right += &other.right;
     }
 
-    /// The cell as pixels see it, in a table of `knots` along its sides, and the profile's radius if it has a rim. None
-    /// if the pixels do not determine the profile.
+    /// The cell as pixels see it, a table of `knots` along its sides, and the radius of its rim. None if undetermined.
     pub fn solve(mut self, knots: [usize; 2]) -> Option<(Vec<f64>, Option<f64>)> {
         let weight = ROUGHNESS * self.normal.trace() / (self.knots + 1) as f64;
         for knot in 0..self.knots {
