@@ -37,20 +37,16 @@ compile_error!("columns are lent from the file as they are, and the file is litt
 pub const SIGNATURE: [u8; 8] = *b"\x89LFV\r\n\x1a\n";
 
 pub(super) const VERSION: u32 = 1;
-
 /// Bytes of signature, version and header length.
 pub(super) const PREFIX: usize = 16;
-
 /// Largest header, bytes. A thousand steps of history fit many times; a longer header is damage.
 pub(super) const LONGEST_HEADER: usize = 1 << 20;
-
-/// Header and columns end and start at multiples of this, bytes: a cache line and a 512-bit register.
+/// The header ends and columns start at multiples of this, bytes: a cache line and a 512-bit register.
 pub(super) const ALIGNMENT: u64 = 64;
-
 /// Header keys of the format itself.
 pub(super) const KEYS: [&str; 5] = ["count", "grid", "columns", "checksum", "history"];
 
-/// Places of the parts of a file, bytes; wide enough that no header can overflow them.
+/// Places of the parts of a file, bytes. No header can overflow a `u128`.
 pub(super) struct Places {
     indices_end: u128,
     column: u128,
@@ -69,7 +65,7 @@ impl Places {
         places
     }
 
-    /// Start of column `i`. All columns have the same length, so they start at equal distances.
+    /// Start of column `i`. All columns are equally long.
     pub fn column(&self, i: usize) -> u128 {
         let alignment = u128::from(ALIGNMENT);
         self.indices_end.next_multiple_of(alignment) + i as u128 * self.column.next_multiple_of(alignment)

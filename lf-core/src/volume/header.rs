@@ -11,27 +11,19 @@ const WANTED: &str = "wanted the header of a .lfv file";
 pub(super) fn header_text(bytes: &[u8]) -> Result<(&str, usize), Refusal> {
     let number = |at: usize| -> Option<u32> { Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?)) };
     let cut_short = || Refusal::new(format!("cut short, {} bytes", bytes.len()), "wanted a whole .lfv file");
-    if bytes.is_empty() {
-        return Err(Refusal::new("empty", "wanted a .lfv file"));
-    }
+    Refusal::unless(!bytes.is_empty(), || "empty", "wanted a .lfv file")?;
     let shared = bytes.iter().zip(&SIGNATURE).take_while(|(found, wanted)| found == wanted).count();
     if shared < SIGNATURE.len().min(bytes.len()) {
         let found = if shared >= 4 { "its signature was changed, as by a transfer as text" } else { "not a .lfv file" };
         return Err(Refusal::new(found, "wanted a .lfv file, made by lf-prune or lf-mart"));
     }
     let (Some(version), Some(length)) = (number(8), number(12)) else { return Err(cut_short()) };
-    if version != VERSION {
-        return Err(Refusal::new(format!("version {version} of the format"), "wanted version 1"));
-    }
+    Refusal::unless(version == VERSION, || format!("version {version} of the format"), "wanted version 1")?;
     let length = length as usize;
-    if length > LONGEST_HEADER {
-        return Err(Refusal::new(format!("a header of {length} bytes"), "wanted at most 1 MiB"));
-    }
+    Refusal::unless(length <= LONGEST_HEADER, || format!("a header of {length} bytes"), "wanted at most 1 MiB")?;
     let end = PREFIX + length;
-    if !end.is_multiple_of(ALIGNMENT as usize) {
-        let found = format!("a header that ends at byte {end}");
-        return Err(Refusal::new(found, "wanted it padded to a multiple of 64"));
-    }
+    let found = || format!("a header that ends at byte {end}");
+    Refusal::unless(end.is_multiple_of(ALIGNMENT as usize), found, "wanted it padded to a multiple of 64")?;
     let text = std::str::from_utf8(bytes.get(PREFIX..end).ok_or_else(cut_short)?)
         .map_err(|error| Refusal::new(format!("byte {} of its header is not UTF-8", error.valid_up_to()), WANTED))?;
     Ok((text, end))
@@ -62,18 +54,15 @@ impl Header {
     pub fn parse(text: &str) -> Result<Self, Refusal> {
         // Only spaces may pad the header; JSON would allow other blanks.
         let text = text.trim_end_matches(' ');
-        if !(text.starts_with('{') && text.ends_with('}')) {
-            return Err(wrong("its header is not a JSON object"));
-        }
+        let is_object = text.starts_with('{') && text.ends_with('}');
+        Refusal::unless(is_object, || "its header is not a JSON object", WANTED)?;
         let mut map: Map<String, Value> =
             serde_json::from_str(text).map_err(|error| wrong(format!("its header is not JSON: {error}")))?;
         let count: u64 = take(&map, "count")?;
         let grid: Grid = take(&map, "grid")?;
         grid.check().map_err(|refusal| Refusal { found: format!("its header: {}", refusal.found), ..refusal })?;
-        if count > grid.len() {
-            let found = format!("`count` in its header is {count}, more than the {} voxels of its grid", grid.len());
-            return Err(wrong(found));
-        }
+        let found = || format!("`count` in its header is {count}, more than the {} voxels of its grid", grid.len());
+        Refusal::unless(count <= grid.len(), found, WANTED)?;
         let columns: Vec<String> = take(&map, "columns")?;
         check_names(&columns)?;
         let checksum: String = take(&map, "checksum")?;
@@ -90,21 +79,19 @@ impl Header {
 
     /// The header as it is written: JSON padded with spaces up to the alignment. A header is at most 1 MiB long.
     pub fn to_text(&self) -> Result<Vec<u8>, Refusal> {
-        let mut map = Map::new();
-        map.insert("count".into(), json!(self.count));
-        map.insert("grid".into(), json!(self.grid));
-        map.insert("columns".into(), json!(self.columns));
-        map.insert("checksum".into(), json!(format!("{:016x}", self.checksum)));
-        if !self.history.is_empty() {
-            map.insert("history".into(), json!(self.history));
+        let Self { count, grid, columns, checksum, history, extra } = self;
+        let checksum = format!("{checksum:016x}");
+        let mut header = json!({"count": count, "grid": grid, "columns": columns, "checksum": checksum});
+        if !history.is_empty() {
+            header["history"] = json!(history);
         }
-        map.extend(self.extra.iter().map(|(key, value)| (key.clone(), value.clone())));
-        let mut text = Value::Object(map).to_string().into_bytes();
+        for (key, value) in extra {
+            header[key] = value.clone();
+        }
+        let mut text = header.to_string().into_bytes();
         text.resize((PREFIX + text.len()).next_multiple_of(ALIGNMENT as usize) - PREFIX, b' ');
-        if text.len() > LONGEST_HEADER {
-            let found = format!("its header would take {} bytes", text.len());
-            return Err(Refusal::new(found, "wanted at most 1 MiB (LF_HISTORY=off shortens it)"));
-        }
+        let found = || format!("its header would take {} bytes", text.len());
+        Refusal::unless(text.len() <= LONGEST_HEADER, found, "wanted at most 1 MiB (LF_HISTORY=off shortens it)")?;
         Ok(text)
     }
 }
@@ -112,11 +99,8 @@ impl Header {
 fn check_names(columns: &[String]) -> Result<(), Refusal> {
     let mut names: Vec<&str> = columns.iter().map(String::as_str).collect();
     names.sort_unstable();
-    if names.first().is_some_and(|name| name.is_empty()) {
-        return Err(wrong("`columns` in its header has an empty name"));
-    }
-    match names.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(wrong(format!("`columns` in its header has `{}` twice", pair[0]))),
-        None => Ok(()),
-    }
+    let is_named = names.first().is_none_or(|name| !name.is_empty());
+    Refusal::unless(is_named, || "`columns` in its header has an empty name", WANTED)?;
+    let twin = names.windows(2).find(|pair| pair[0] == pair[1]);
+    twin.map_or(Ok(()), |pair| Err(wrong(format!("`columns` in its header has `{}` twice", pair[0]))))
 }

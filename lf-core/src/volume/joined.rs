@@ -62,8 +62,7 @@ impl JoinedVolume {
         };
         let (grid, history) = (tiles[0].1.grid().clone(), together(tiles.iter().map(|(_, volume)| volume.history())));
         tiles.sort_by_key(|(tile, _)| tile.index);
-        let mut runs = Vec::with_capacity(tiles.len());
-        let mut count = 0;
+        let (mut runs, mut count) = (Vec::with_capacity(tiles.len()), 0);
         for (tile, volume) in &tiles {
             let indices = volume.indices();
             count += indices.iter().filter(|index| tile.owns(grid.voxel(**index))).count();
@@ -87,7 +86,7 @@ impl JoinedVolume {
         Ok(Self { name, grid, history, source: Source::Joined(joined, values) })
     }
 
-    /// Name of the volume in messages.
+    /// Name in messages.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -125,23 +124,23 @@ fn alike(tiles: &[(Tile, Volume)], next: &Volume) -> Result<Tile> {
     let of = first_tile.of;
     let wanted = || format!("wanted another of the {of} tiles of {}", first.name());
     let Some(tile) = Tile::of(next)? else { return Err(Error::new(next.name(), "a whole volume", wanted())) };
+    let twin = tiles.iter().find(|(other, _)| other.index == tile.index);
     if tile.of != of {
-        return Err(Error::new(next.name(), format!("tile {} of {}", tile.index, tile.of), wanted()));
-    }
-    if !next.grid().agrees_with(first.grid()) {
-        return Err(Error::new(next.name(), next.grid().to_string(), format!("{}, {}", wanted(), first.grid())));
-    }
-    if let Some((_, twin)) = tiles.iter().find(|(other, _)| other.index == tile.index) {
+        Err(Error::new(next.name(), format!("tile {} of {}", tile.index, tile.of), wanted()))
+    } else if !next.grid().agrees_with(first.grid()) {
+        Err(Error::new(next.name(), next.grid().to_string(), format!("{}, {}", wanted(), first.grid())))
+    } else if let Some((_, twin)) = twin {
         let found = format!("tile {}, which {} is already", tile.index, twin.name());
-        return Err(Error::new(next.name(), found, wanted()));
+        Err(Error::new(next.name(), found, wanted()))
+    } else {
+        Ok(tile)
     }
-    Ok(tile)
 }
 
 /// The steps of all histories without repetition, those of the first history first.
 pub fn together<'a>(histories: impl IntoIterator<Item = &'a History>) -> History {
     let mut steps = History::new();
-    for step in histories.into_iter().flat_map(|history| history.iter()) {
+    for step in histories.into_iter().flatten() {
         if !steps.contains(step) {
             steps.push(step.clone());
         }

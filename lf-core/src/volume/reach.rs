@@ -46,8 +46,7 @@ impl<'a> Reach<'a> {
             let point = if self.axis == 0 { DVec2::new(along_mm, across_mm) } else { DVec2::new(across_mm, along_mm) };
             for aperture in apertures {
                 let aperture_mm = *aperture * self.optics.half_aperture_mm;
-                let hit = self.optics.sensor_from_object(point, z_mm, aperture_mm);
-                let hit = if self.axis == 0 { hit.x } else { hit.y };
+                let hit = self.optics.sensor_from_object(point, z_mm, aperture_mm)[self.axis];
                 ends = [ends[0].min(hit), ends[1].max(hit)];
             }
         }
@@ -59,10 +58,7 @@ impl<'a> Reach<'a> {
     pub fn pixels(&self, from_mm: f64, to_mm: f64) -> [usize; 2] {
         let sides = [from_mm, to_mm].map(|along| self.ends(along, 0.0, &[DVec2::ZERO]));
         let limit = self.optics.sensor_px[self.axis] as f64;
-        let place = |mm: f64| {
-            let place = self.optics.place_px(DVec2::splat(mm));
-            if self.axis == 0 { place.x } else { place.y }
-        };
+        let place = |mm: f64| self.optics.place_px(DVec2::splat(mm))[self.axis];
         let low = place(sides[0][0].min(sides[1][0])).floor().clamp(0.0, limit);
         let high = place(sides[0][1].max(sides[1][1])).ceil().clamp(0.0, limit);
         [low as usize, high as usize]

@@ -54,10 +54,9 @@ impl Volume {
     fn check_gaps(&self) -> std::result::Result<(), Refusal> {
         let mut end = self.indices.end;
         for (column, range) in &self.columns {
-            if self.bytes[end..range.start].iter().any(|&byte| byte != 0) {
-                let found = format!("bytes before column `{column}` are not zero");
-                return Err(Refusal::new(found, "wanted zeros up to the column"));
-            }
+            let is_zero = self.bytes[end..range.start].iter().all(|&byte| byte == 0);
+            let found = || format!("bytes before column `{column}` are not zero");
+            Refusal::unless(is_zero, found, "wanted zeros up to the column")?;
             end = range.end;
         }
         Ok(())
@@ -69,11 +68,9 @@ impl Volume {
             let found = format!("index {i} is {} after {}", indices[i], indices[i - 1]);
             return Err(Refusal::new(found, "wanted strictly rising indices"));
         }
-        if let Some(&last) = indices.last().filter(|&&last| last >= self.grid.len()) {
-            let wanted = format!("wanted indices below {}, the voxels of its grid", self.grid.len());
-            return Err(Refusal::new(format!("index {last} outside the grid"), wanted));
-        }
-        Ok(())
+        let (last, limit) = (indices.last().copied().unwrap_or(0), self.grid.len());
+        let wanted = format!("wanted indices below {limit}, the voxels of its grid");
+        Refusal::unless(last < limit, || format!("index {last} outside the grid"), wanted)
     }
 
     fn check_values(&self) -> std::result::Result<(), Refusal> {
@@ -102,12 +99,12 @@ impl Volume {
         &self.extra
     }
 
-    /// Name of this file in messages.
+    /// Name in messages.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Number of voxels in the file.
+    /// Number of voxels.
     pub fn count(&self) -> usize {
         self.indices.len() / 8
     }
@@ -122,7 +119,7 @@ impl Volume {
         self.columns.iter().map(|(name, _)| name.as_str()).collect()
     }
 
-    /// A column by name; None if there is none of this name.
+    /// A column by name.
     pub fn column(&self, name: &str) -> Option<&[f32]> {
         self.columns.iter().position(|(known, _)| known == name).map(|i| self.column_at(i))
     }
@@ -131,7 +128,7 @@ impl Volume {
         bytemuck::cast_slice(&self.bytes[self.columns[i].1.clone()])
     }
 
-    /// A column by name. The error lists the columns of the file.
+    /// A column that must be there; the error lists the columns of the file.
     pub fn require(&self, name: &str) -> Result<&[f32]> {
         self.column(name).ok_or_else(|| {
             let found = match self.columns().as_slice() {
@@ -145,18 +142,13 @@ impl Volume {
 }
 
 fn check_length(wanted: u128, length: usize) -> std::result::Result<(), Refusal> {
-    if wanted == length as u128 {
-        return Ok(());
-    }
     let how = if wanted > length as u128 { "cut short" } else { "too long" };
-    Err(Refusal::new(format!("{how}, {length} bytes"), format!("wanted the {wanted} bytes that its header gives")))
+    let found = || format!("{how}, {length} bytes");
+    Refusal::unless(wanted == length as u128, found, format!("wanted the {wanted} bytes that its header gives"))
 }
 
 fn check_sum(body: &[u8], wanted: u64) -> std::result::Result<(), Refusal> {
     let checksum = xxhash_rust::xxh3::xxh3_64(body);
-    if checksum == wanted {
-        return Ok(());
-    }
-    let found = format!("damaged, its bytes give checksum {checksum:016x}");
-    Err(Refusal::new(found, format!("wanted {wanted:016x} as its header says")))
+    let found = || format!("damaged, its bytes give checksum {checksum:016x}");
+    Refusal::unless(checksum == wanted, found, format!("wanted {wanted:016x} as its header says"))
 }

@@ -38,7 +38,6 @@ pub struct Tile {
 
 /// The key of a `.lfv` header.
 pub const KEY: &str = "tile";
-
 /// Largest number of tiles. More would have a few voxels each, and a command line could not hold their names.
 pub const MOST_TILES: usize = 10_000;
 
@@ -65,21 +64,19 @@ fn blocks(grid: &Grid, of: usize) -> [usize; 2] {
 /// The voxels along x and y, `[from, to)`, of core `index` of `of`. `of` is at most [`MOST_TILES`], and no block is
 /// smaller than a voxel.
 pub fn core(grid: &Grid, index: usize, of: usize) -> std::result::Result<[[usize; 2]; 2], Refusal> {
-    if index == 0 || index > of || of > MOST_TILES {
-        return Err(Refusal::new(format!("{index}/{of}"), format!("wanted 1/n to n/n, n at most {MOST_TILES}")));
-    }
+    let wanted = format!("wanted 1/n to n/n, n at most {MOST_TILES}");
+    Refusal::unless((1..=of).contains(&index) && of <= MOST_TILES, || format!("{index}/{of}"), wanted)?;
     let blocks = blocks(grid, of);
     let [nx, ny, _] = grid.shape;
-    if blocks[0] > nx || blocks[1] > ny {
-        let wanted = format!("wanted blocks of a voxel or more of {nx} x {ny}");
-        return Err(Refusal::new(format!("{} x {} tiles", blocks[0], blocks[1]), wanted));
-    }
+    let found = || format!("{} x {} tiles", blocks[0], blocks[1]);
+    let wanted = format!("wanted blocks of a voxel or more of {nx} x {ny}");
+    Refusal::unless(blocks[0] <= nx && blocks[1] <= ny, found, wanted)?;
     let place = [(index - 1) % blocks[0], (index - 1) / blocks[0]];
     Ok([0, 1].map(|axis| [0, 1].map(|end| (place[axis] + end) * grid.shape[axis] / blocks[axis])))
 }
 
 impl Tile {
-    /// Tile `index` of `of` of a grid. Refuses what [`core()`] refuses.
+    /// Tile `index` of `of` of a grid.
     pub fn new(
         camera: &Camera,
         grid: &Grid,
@@ -117,14 +114,12 @@ impl Tile {
     /// The voxels along x and y that the tile holds, for each slice of the grid.
     pub fn held(&self, camera: &Camera, grid: &Grid) -> Vec<[Range<usize>; 2]> {
         let reach = [0, 1].map(|axis| Reach::new(camera, grid, axis));
-        let held = |z: usize| {
-            [0, 1].map(|axis| {
-                let [from, to] = self.core_vox[axis];
-                let lit = reach[axis].voxels(self.pixels[axis], grid.centre_mm(2, z));
-                lit.start.min(from)..lit.end.max(to)
-            })
+        let held = |axis: usize, z: usize| {
+            let [from, to] = self.core_vox[axis];
+            let lit = reach[axis].voxels(self.pixels[axis], grid.centre_mm(2, z));
+            lit.start.min(from)..lit.end.max(to)
         };
-        (0..grid.shape[2]).map(held).collect()
+        (0..grid.shape[2]).map(|z| [held(0, z), held(1, z)]).collect()
     }
 
     /// Whether a voxel belongs to the core.
@@ -136,13 +131,10 @@ impl Tile {
 
     /// The tile as a header key of a `.lfv`.
     pub fn header(&self) -> Map<String, Value> {
-        let mut keys = Map::new();
-        keys.insert(KEY.into(), json!(self));
-        keys
+        Map::from_iter([(KEY.into(), json!(self))])
     }
 
-    /// The tile in the header of a volume; None for a whole volume. Refuses a key `tile` that is not a tile of the
-    /// volume's grid.
+    /// The tile in the header of a volume; None for a whole volume. Refuses a tile of another grid.
     pub fn of(volume: &Volume) -> Result<Option<Self>> {
         let Some(value) = volume.extra().get(KEY) else { return Ok(None) };
         let wanted = "wanted that of a tile of its grid, as lf-prune --tile writes it";

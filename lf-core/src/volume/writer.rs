@@ -34,13 +34,13 @@ pub fn write_with(
     check(grid, indices, columns)?;
     assert!(KEYS.iter().all(|&key| !extra.contains_key(key)), "an extra key of the format's own name");
 
-    // The header ends at a multiple of the alignment, so gaps can be found without its length.
-    let places = Places::new(0, indices.len() as u64, columns.len());
+    let mut checksum = Xxh3::new();
+    body(indices, columns).for_each(|bytes| checksum.update(bytes));
     let header = Header {
         count: indices.len() as u64,
         grid: grid.clone(),
         columns: columns.iter().map(|(name, _)| (*name).to_owned()).collect(),
-        checksum: checksum(indices, columns, &places),
+        checksum: checksum.digest(),
         history: history.clone(),
         extra: extra.clone(),
     };
@@ -50,14 +50,11 @@ pub fn write_with(
     out.write_all(&VERSION.to_le_bytes())?;
     out.write_all(&(text.len() as u32).to_le_bytes())?;
     out.write_all(&text)?;
-    body(indices, columns, &places, |bytes| out.write_all(bytes))
+    body(indices, columns).try_for_each(|bytes| out.write_all(bytes))
 }
 
-/// Checks the input of [`write_with`].
 fn check(grid: &Grid, indices: &[u64], columns: &[(&str, &[f32])]) -> std::io::Result<()> {
-    if let Err(refusal) = grid.check() {
-        panic!("{refusal}");
-    }
+    grid.check().unwrap_or_else(|refusal| panic!("{refusal}"));
     assert!(first_not_rising(indices).is_none(), "indices do not rise");
     assert!(indices.last().is_none_or(|&last| last < grid.len()), "an index outside the grid");
     for (i, (name, values)) in columns.iter().enumerate() {
@@ -71,29 +68,14 @@ fn check(grid: &Grid, indices: &[u64], columns: &[(&str, &[f32])]) -> std::io::R
     Ok(())
 }
 
-/// Gives everything after the header to `take`, piece by piece.
-fn body(
-    indices: &[u64],
-    columns: &[(&str, &[f32])],
-    places: &Places,
-    mut take: impl FnMut(&[u8]) -> std::io::Result<()>,
-) -> std::io::Result<()> {
-    take(bytemuck::cast_slice(indices))?;
-    for (i, (_, values)) in columns.iter().enumerate() {
-        take(&[0; ALIGNMENT as usize][..places.gap(i)])?;
-        take(bytemuck::cast_slice(values))?;
-    }
-    Ok(())
-}
-
-fn checksum(indices: &[u64], columns: &[(&str, &[f32])], places: &Places) -> u64 {
-    let mut sum = Xxh3::new();
-    let add = |bytes: &[u8]| {
-        sum.update(bytes);
-        Ok(())
+/// Everything after the header.
+fn body<'a>(indices: &'a [u64], columns: &'a [(&str, &[f32])]) -> impl Iterator<Item = &'a [u8]> {
+    // The header ends at a multiple of the alignment, so gaps can be found without its length.
+    let places = Places::new(0, indices.len() as u64, columns.len());
+    let column = move |(i, (_, values)): (usize, &(&str, &'a [f32]))| {
+        [&[0; ALIGNMENT as usize][..places.gap(i)], bytemuck::cast_slice(values)]
     };
-    body(indices, columns, places, add).expect("adding to a sum cannot fail");
-    sum.digest()
+    std::iter::once(bytemuck::cast_slice(indices)).chain(columns.iter().enumerate().flat_map(column))
 }
 
 fn invalid(refusal: Refusal) -> std::io::Error {
