@@ -33,14 +33,13 @@
 //! # }
 //! ```
 
-mod about;
 mod checks;
+mod derived;
 mod file;
-mod lengths;
 mod model;
 
 pub use crate::lattice::{Layout, Microlenses};
-pub use about::ALIGNED_PX;
+pub use derived::ALIGNED_PX;
 pub use model::{Aperture, Camera, Distortion, MainLens, Medium, Sensor, Tilt};
 
 #[cfg(test)]

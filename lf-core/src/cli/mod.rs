@@ -8,16 +8,13 @@
 
 mod complaint;
 mod generate;
-mod memory;
-mod numbers;
-mod preset;
 mod progress;
 mod run;
 mod session;
 mod stats;
+mod values;
 
-pub use numbers::numbers;
-pub use preset::{Preset, word};
 pub use progress::Progress;
 pub use run::{Verdict, run};
 pub use session::{Common, Session};
+pub use values::{Preset, numbers, word};

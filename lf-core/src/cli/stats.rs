@@ -1,8 +1,12 @@
-//! The file of `--stats`: seconds per phase, peak memory and counts of a run, as JSON.
+//! The file of `--stats`, the answer to `--estimate`, and the memory of this process.
 
-use super::{memory::peak_bytes, session::Session};
+use super::session::Session;
 use crate::{Result, io};
 use serde_json::{Map, Value, json};
+use std::path::Path;
+
+/// Resident memory of a tool that has read its inputs, bytes; used if the system does not tell.
+const HELD_BYTES: u64 = 1 << 26;
 
 impl Session {
     /// Writes the file; does nothing without `--stats`.
@@ -22,5 +26,39 @@ impl Session {
             "counts": self.counts,
         });
         io::save_text(path, |out| writeln!(out, "{stats:#}"))
+    }
+
+    /// Answers `--estimate` with one JSON object on standard output: `memory_bytes`, the peak memory of a run, and
+    /// `counts`. The peak is `work_bytes` plus what the process holds now, with the inputs read.
+    pub fn tell_estimate(&mut self, work_bytes: u64, counts: &[(&str, u64)]) -> Result<()> {
+        let held = status_bytes("VmRSS:").unwrap_or(HELD_BYTES) + work_bytes;
+        let memory_bytes = held.max(peak_bytes().unwrap_or(0));
+        self.count("estimated_bytes", memory_bytes);
+        let counts = counts.iter().map(|(name, count)| ((*name).to_owned(), json!(count)));
+        let told: Map<String, Value> =
+            [("memory_bytes".to_owned(), json!(memory_bytes))].into_iter().chain(counts).collect();
+        io::save_text(Path::new("-"), |out| writeln!(out, "{}", Value::Object(told)))
+    }
+}
+
+/// Peak resident memory of this process, bytes; None if the system does not tell.
+pub(super) fn peak_bytes() -> Option<u64> {
+    status_bytes("VmHWM:")
+}
+
+/// A value in kB from the system's status of this process, in bytes.
+fn status_bytes(key: &str) -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(key))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn peak_memory_is_known_here() {
+        assert!(peak_bytes().is_some_and(|bytes| bytes > 100_000));
     }
 }

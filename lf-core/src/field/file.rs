@@ -1,8 +1,8 @@
 //! A field from and to a file.
 
-use super::channels::{CHANNELS, COUNT, REQUIRED};
-use super::vti::{self, Array};
-use super::{csv, vector_grid::VectorGrid, vectors::Field};
+use super::export::{Array, write_csv, write_vti};
+use super::vector_grid::{CHANNELS, COUNT, REQUIRED, VectorGrid};
+use super::vectors::Field;
 use crate::image::{exr, guarded};
 use crate::io::{self, Signature};
 use crate::{Refusal, Result};
@@ -38,8 +38,8 @@ impl Field {
                 let bytes = guarded(|| self.to_exr()).map_err(refused)?;
                 io::save(path, |out| out.write_all(&bytes))
             }
-            Some("vti") => io::save(path, |out| vti::write(&self.layout, &self.to_arrays(), out)),
-            Some("csv") => io::save_text(path, |out| csv::write(self, out)),
+            Some("vti") => io::save(path, |out| write_vti(&self.layout, &self.to_arrays(), out)),
+            Some("csv") => io::save_text(path, |out| write_csv(self, out)),
             Some(other) => Err(refused(Refusal::new(format!("the extension .{other}"), "wanted .exr, .vti or .csv"))),
         }
     }

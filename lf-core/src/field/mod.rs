@@ -1,7 +1,7 @@
 //! Vector fields: EXR, `.vti`, `.csv`.
 //!
 //! In: the bytes of an EXR field. Out: a [`Field`], and files in any of the three formats.
-//! Open first: `vectors.rs`, then `channels.rs` and `vector_grid.rs` for what the EXR holds.
+//! Open first: `vectors.rs`, then `vector_grid.rs` for what else the EXR holds.
 //!
 //! **EXR** is the format that stages exchange. It has one part with the `f32` channels
 //!
@@ -21,16 +21,13 @@
 //! **`.vti`** is VTK image data for ParaView, **`.csv`** is text for a spreadsheet; both are only written. They also
 //! hold the velocity, mm/s, if the time between the volumes is known.
 
-mod channels;
-mod csv;
 mod cut;
+mod export;
 mod file;
 mod vector_grid;
 mod vectors;
-mod vti;
 
-pub use channels::{MEASURED, NO_DATA, REPLACED};
 pub use cut::Cut;
+pub use export::{Array, save_arrays};
 pub use vector_grid::VectorGrid;
-pub use vectors::Field;
-pub use vti::{Array, save_arrays};
+pub use vectors::{Field, MEASURED, NO_DATA, REPLACED};

@@ -1,9 +1,28 @@
 //! Where the vectors of a field are and how they were made.
 
-use super::channels::CHANNELS;
 use crate::{Refusal, history::History};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
+
+/// Names and units of the channels, in the order of the components of a [`super::Field`].
+pub(super) const CHANNELS: [(&str, &str); 10] = [
+    ("u", "mm"),
+    ("v", "mm"),
+    ("w", "mm"),
+    ("peak", "1"),
+    ("ratio", "1"),
+    ("su", "mm"),
+    ("sv", "mm"),
+    ("sw", "mm"),
+    ("flag", "1"),
+    ("count", "1"),
+];
+
+/// The channels that every file has.
+pub(super) const REQUIRED: [&str; 9] = ["u", "v", "w", "peak", "ratio", "su", "sv", "sw", "flag"];
+
+/// The channel that a file may lack.
+pub(super) const COUNT: &str = "count";
 
 /// Where the vectors of a field are and how they were made: the attribute `lf:field`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,9 +1,15 @@
 //! A field in memory.
 
-use super::channels::{MEASURED, NO_DATA, REPLACED};
 use super::vector_grid::VectorGrid;
 use crate::Refusal;
 use glam::DVec3;
+
+/// `flag` of a measured vector.
+pub const MEASURED: f32 = 0.0;
+/// `flag` of a vector that was replaced from its neighbours.
+pub const REPLACED: f32 = 1.0;
+/// `flag` of a place without data.
+pub const NO_DATA: f32 = 2.0;
 
 /// A field of vectors, each component in the order x fastest, then y, then z.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,7 +82,7 @@ impl Field {
         Some([self.u[i], self.v[i], self.w[i]].map(|mm| (f64::from(mm) / dt_s) as f32))
     }
 
-    /// The components in the order of [`super::channels::CHANNELS`].
+    /// The components in the order of [`super::vector_grid::CHANNELS`].
     pub(super) fn components(&self) -> [&[f32]; 10] {
         let Self { layout: _, u, v, w, peak, ratio, su, sv, sw, flag, count } = self;
         [u, v, w, peak, ratio, su, sv, sw, flag, count].map(Vec::as_slice)

@@ -10,7 +10,6 @@
 mod checks;
 mod flows;
 mod kinds;
-mod ring;
 mod sampled;
 mod terms;
 mod velocity;

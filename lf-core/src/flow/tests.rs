@@ -107,7 +107,7 @@ fn a_ring_is_the_integral_of_biot_and_savart() {
         assert!(divergence(&ring, place).abs() < 1e-7);
     }
     assert!(ring.at(DVec3::new(1.3, 0.0, 0.0)).y < 0.0);
-    let fine = ring::Ring::new(DVec3::ZERO, DVec3::Y, 0.8, 0.2, 0.1);
+    let fine = terms::Ring::new(DVec3::ZERO, DVec3::Y, 0.8, 0.2, 0.1);
     for angle in 0..12 {
         let (sin, cos) = (f64::from(angle) * 0.5).sin_cos();
         let place = DVec3::new(0.8 + 0.2 * cos, 0.2 * sin, 0.0);

@@ -1,6 +1,6 @@
 //! A frame as the stages use it: counts above a background, divided by the flat field.
 
-use super::{decode::Image, reading::open_counts};
+use super::{decode::Image, files::open_counts};
 use crate::{Error, Result, camera::Camera, io};
 use ndarray::Array2;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Light-field images: EXR, TIFF and PNG to and from `Array2<f32>` of shape (height, width), row 0 at the top.
 //!
 //! In: the bytes of an image file. Out: pixels in counts with their history, and new files.
-//! Open first: `reading.rs`, then `light_field.rs` for the EXR that the tools exchange.
+//! Open first: `files.rs`, then `light_field.rs` for the EXR that the tools exchange.
 //!
 //! **Written.** The extension of the name chooses the format. Equal images and histories give equal bytes.
 //!
@@ -18,19 +18,17 @@
 
 mod decode;
 pub(crate) mod exr;
+mod files;
 mod frame;
 mod light_field;
 mod noise;
 mod png;
-mod reading;
 mod stack;
 mod tiff;
-mod writing;
 
 pub use decode::Image;
 pub(crate) use decode::guarded;
+pub use files::{from_bytes, open, open_counts, outside_u16, save};
 pub use frame::{BLIND, open_frame};
 pub use noise::noise;
-pub use reading::{from_bytes, open, open_counts};
 pub use stack::Stack;
-pub use writing::{outside_u16, save};

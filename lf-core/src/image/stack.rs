@@ -1,7 +1,7 @@
 //! Files of one image or many, read one image at a time.
 
 use super::decode::{Image, guarded};
-use super::reading::{counts, from_bytes};
+use super::files::{counts, from_bytes};
 use super::tiff;
 use crate::Result;
 use crate::io::{self, Bytes, Signature};

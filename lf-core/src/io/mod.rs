@@ -13,11 +13,9 @@ mod failures;
 mod input;
 mod names;
 mod output;
-mod signature;
 
 pub use bytes::Bytes;
 pub use failures::writing;
-pub use input::{open, open_text};
+pub use input::{Signature, open, open_text};
 pub use names::{is_standard, name, output_name, same_file};
 pub use output::{check_picture, check_place, save, save_text};
-pub use signature::Signature;

@@ -1,7 +1,6 @@
 //! From points of the array to lenslets and back.
 
-use super::centres::Centres;
-use super::microlenses::{Layout, Microlenses};
+use super::keys::{Centres, Layout, Microlenses};
 use glam::{DMat2, DVec2};
 use std::ops::RangeInclusive;
 
@@ -221,7 +220,7 @@ impl Lattice {
 
 #[cfg(test)]
 mod tests {
-    use super::super::centres::tests::bent;
+    use super::super::keys::tests::bent;
     use super::*;
     use crate::camera::Aperture;
     use crate::camera::tests::seed;

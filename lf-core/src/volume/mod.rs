@@ -3,7 +3,6 @@
 //! In: `.lfv` files. Out: views of their columns, and new files.
 //! Open first: [`mod@format`], the specification. [`tile`] cuts a volume into tiles, [`joined`] puts them together.
 
-mod checks;
 pub mod format;
 mod header;
 pub mod joined;

@@ -1,7 +1,6 @@
 //! Reads a `.lfv`: maps the file, checks it, and lends its columns.
 
-use super::checks::{first_not_finite, first_not_rising};
-use super::format::Places;
+use super::format::{Places, first_not_finite, first_not_rising};
 use super::header::{Header, header_text};
 use crate::io::{self, Bytes};
 use crate::{Error, Refusal, Result, grid::Grid, history::History};

@@ -1,7 +1,6 @@
 //! Writes a `.lfv` in one pass.
 
-use super::checks::{first_not_finite, first_not_rising};
-use super::format::{ALIGNMENT, KEYS, Places, SIGNATURE, VERSION};
+use super::format::{ALIGNMENT, KEYS, Places, SIGNATURE, VERSION, first_not_finite, first_not_rising};
 use super::header::Header;
 use crate::{Refusal, grid::Grid, history::History};
 use serde_json::{Map, Value};

@@ -1,8 +1,20 @@
-//! `--preset`: sets of defaults that were measured together, under the same three names in every tool that has them.
+//! Values of options: lists of numbers such as `2,2,10`, and `--preset`, whose three sets of defaults were measured
+//! together and have the same names in every tool.
 
 use super::session::Session;
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+/// Reads `N` finite numbers between commas; a value parser for clap. The error says what was wanted; clap adds the
+/// option and what was found.
+pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let values: Vec<f64> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
+    let whole = text.split(',').count() == values.len();
+    match <[f64; N]>::try_from(values) {
+        Ok(values) if whole && values.iter().all(|v| v.is_finite()) => Ok(values),
+        _ => Err(format!("wanted {N} numbers between commas")),
+    }
+}
 
 /// A set of defaults between speed and accuracy. An option on the command line takes precedence over the preset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -66,5 +78,18 @@ impl Session {
         let used = if used.is_empty() { "nothing" } else { &used };
         let typed = if typed.is_empty() { typed } else { format!("; the command line replaces its {typed}") };
         self.explain(format!("preset {} sets {used}{typed}", word(&preset)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::numbers;
+
+    #[test]
+    fn lists_have_the_wanted_length() {
+        assert_eq!(numbers::<3>("1, 2,-1.5e1"), Ok([1.0, 2.0, -15.0]));
+        for wrong in ["1,2", "1,2,3,4", "1,2,x", "1,2,inf", "1,2,NaN", "", "1,2,"] {
+            assert!(numbers::<3>(wrong).is_err(), "{wrong}");
+        }
     }
 }

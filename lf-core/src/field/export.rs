@@ -1,10 +1,10 @@
-//! VTK image data (`.vti`) for ParaView: points on a regular grid in millimetres, arrays as raw bytes after the XML.
+//! Fields for other programs: VTK image data (`.vti`) for ParaView, and text (`.csv`).
 //!
-//! Each array follows its length in bytes (a `u64`, little-endian); its `offset` counts from the byte after the
-//! underscore. Units are in the names of the arrays and in a comment. The time between the volumes, if known, is the
-//! field datum `dt_s`.
+//! A `.vti` has points on a regular grid in millimetres, and its arrays as raw bytes after the XML. Each array follows
+//! its length in bytes (a `u64`, little-endian); its `offset` counts from the byte after the underscore. Units are in
+//! the names of the arrays and in a comment. The time between the volumes, if known, is the field datum `dt_s`.
 
-use super::vector_grid::VectorGrid;
+use super::{vector_grid::VectorGrid, vectors::Field};
 use crate::{Result, io};
 use std::io::Write;
 use std::path::Path;
@@ -39,10 +39,10 @@ pub fn save_arrays(path: &Path, layout: &VectorGrid, arrays: &[Array]) -> Result
     for array in arrays {
         assert_eq!(Some(array.values.len() / array.components), layout.checked_len(), "length of {}", array.name);
     }
-    io::save(path, |out| write(layout, arrays, out))
+    io::save(path, |out| write_vti(layout, arrays, out))
 }
 
-pub(super) fn write(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
+pub(super) fn write_vti(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
     let [nx, ny, nz] = layout.shape.map(|n| n - 1);
     let extent = format!("0 {nx} 0 {ny} 0 {nz}");
     let [ox, oy, oz] = layout.origin_mm;
@@ -78,4 +78,21 @@ pub(super) fn write(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Write) 
         out.write_all(bytemuck::cast_slice(values))?;
     }
     writeln!(out, "\n</AppendedData>\n</VTKFile>")
+}
+
+/// A header line with units, then one vector a line, x fastest. Every number reads back to the same bits.
+pub(super) fn write_csv(field: &Field, out: &mut dyn Write) -> std::io::Result<()> {
+    write!(out, "x_mm,y_mm,z_mm,u_mm,v_mm,w_mm,peak,ratio,su_mm,sv_mm,sw_mm,flag,count")?;
+    writeln!(out, "{}", if field.layout.dt_s.is_some() { ",u_mm_s,v_mm_s,w_mm_s" } else { "" })?;
+    let components = field.components();
+    for i in 0..field.len() {
+        let [x, y, z] = field.place_mm(i);
+        write!(out, "{x},{y},{z}")?;
+        let velocity = field.velocity_mm_s(i);
+        for value in components.iter().map(|component| component[i]).chain(velocity.into_iter().flatten()) {
+            write!(out, ",{value}")?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
 }
