@@ -3,6 +3,10 @@
 use super::model::{Aperture, Camera, Medium};
 use crate::lattice::{Lattice, Layout};
 
+/// Largest shift of a lenslet, px, by a rotation that still counts as none. Particle images are 0.6 px wide and more,
+/// and the calibration on white images errs by some thousandths of a pixel.
+pub const ALIGNED_PX: f64 = 0.02;
+
 impl Camera {
     /// s_i = f (1 + m), mm.
     pub fn image_distance_mm(&self) -> f64 {
@@ -54,27 +58,8 @@ impl Camera {
     pub fn voxel_spacing_mm(&self, pixels_per_voxel: [f64; 3]) -> [f64; 3] {
         pixels_per_voxel.map(|ratio| ratio * self.sensor.pixel_pitch_mm / self.main_lens.magnification)
     }
-}
 
-impl Medium {
-    /// Thickness, mm, and index of the layers that a ray from Z passes before the air: medium, then window.
-    pub fn layers_from(&self, z_mm: f64) -> [(f64, f64); 2] {
-        [(self.window_z_mm - z_mm, self.index), (self.window_thickness_mm, self.window_index)]
-    }
-
-    /// Distance from the window to the main lens, mm, for a lens that is focused on the object distance `s_o` in air.
-    pub fn air_mm(&self, object_distance_mm: f64) -> f64 {
-        object_distance_mm - self.layers_from(0.0).iter().map(|(thickness, index)| thickness / index).sum::<f64>()
-    }
-}
-
-/// Largest shift of a lenslet, px, by a rotation that still counts as none. Particle images are 0.6 px wide and more,
-/// and the calibration on white images errs by some thousandths of a pixel.
-pub const ALIGNED_PX: f64 = 0.02;
-
-impl Camera {
-    /// The optional blocks in the order of their modelling, and whether the camera has them. The first four bend rays
-    /// or defocus the lenslets.
+    /// The optional blocks and whether the camera has them. The first four bend rays or defocus the lenslets.
     fn optional_blocks(&self) -> [(&'static str, bool); 6] {
         [
             ("medium", self.medium.is_some()),
@@ -86,7 +71,7 @@ impl Camera {
         ]
     }
 
-    /// Keys of the optional blocks that the camera has. Each effect is modelled only if its block is given.
+    /// Keys of the optional blocks that the camera has.
     pub fn blocks(&self) -> Vec<&'static str> {
         self.optional_blocks().into_iter().filter_map(|(name, given)| given.then_some(name)).collect()
     }
@@ -96,15 +81,11 @@ impl Camera {
         self.optional_blocks()[..4].iter().find_map(|(name, given)| given.then_some(*name))
     }
 
-    /// The camera with its lattice exactly aligned with the pixels: the rotation is set to 0. None if
-    /// [`Camera::misalignment`] gives a reason.
+    /// The camera without the lattice's rotation; None if [`Camera::misalignment`] gives a reason.
     pub fn aligned(&self) -> Option<Self> {
-        if self.misalignment().is_some() {
-            return None;
-        }
         let mut aligned = self.clone();
         aligned.microlenses.rotation_rad = 0.0;
-        Some(aligned)
+        self.misalignment().is_none().then_some(aligned)
     }
 
     /// Why rows and columns of lenslets do not follow the pixels, in words. None if the lattice is square, moves no
@@ -118,8 +99,7 @@ impl Camera {
         }
         let turn = self.microlenses.rotation_rad.abs();
         let drift_px = 0.5 * self.sensor.width.max(self.sensor.height) as f64 * turn;
-        let reason = || format!("the lattice is turned, by {drift_px:.2} px at the sensor's sides");
-        (drift_px > ALIGNED_PX).then(reason)
+        (drift_px > ALIGNED_PX).then(|| format!("the lattice is turned, by {drift_px:.2} px at the sensor's sides"))
     }
 
     /// The camera in a line for `-v`: its lattice, its stop, and which optional blocks are modelled.
@@ -137,5 +117,17 @@ impl Camera {
             blocks => format!("modelled beyond a thin lens: {}", blocks.join(", ")),
         };
         format!("{layout} lattice of {:.2} px, {stop} stop; {blocks}", self.pitch_px())
+    }
+}
+
+impl Medium {
+    /// Thickness, mm, and index of the layers that a ray from Z passes before the air: medium, then window.
+    pub fn layers_from(&self, z_mm: f64) -> [(f64, f64); 2] {
+        [(self.window_z_mm - z_mm, self.index), (self.window_thickness_mm, self.window_index)]
+    }
+
+    /// Distance from the window to the main lens, mm, for a lens that is focused on the object distance `s_o` in air.
+    pub fn air_mm(&self, object_distance_mm: f64) -> f64 {
+        object_distance_mm - self.layers_from(0.0).iter().map(|(thickness, index)| thickness / index).sum::<f64>()
     }
 }

@@ -4,8 +4,7 @@ use crate::lattice::{Centres, Microlenses};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A plenoptic camera: a thin main lens, a microlens array, and a sensor about one microlens focal length behind the
-/// array.
+/// A plenoptic camera: a thin main lens, a microlens array, and a sensor about one microlens focal length behind it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
@@ -32,7 +31,7 @@ pub struct Camera {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vignetting: Option<PathBuf>,
     /// Results of calibrations for people: residuals and their units under `lattice`, `volume` and `refine`, and
-    /// `history`. Only lf-calib reads it; it is kept when the file is rewritten.
+    /// `history`. Only lf-calib reads it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<serde_json::Value>,
 }

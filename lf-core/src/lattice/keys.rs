@@ -40,8 +40,7 @@ pub struct Microlenses {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Centres {
-    /// Length that scales the polynomials, mm. With half the sensor's diagonal, no coefficient is much larger than the
-    /// departures on the sensor.
+    /// Scale of the polynomials, mm. Half the sensor's diagonal keeps coefficients as small as the departures.
     pub radius_mm: f64,
     /// Departure along x, mm: coefficients of q_x, q_y, q_x^2, q_x q_y, q_y^2, q_x^3, q_x^2 q_y ... up to a full
     /// degree, [`MOST_DEGREE`] at most.
@@ -92,35 +91,30 @@ impl Centres {
     pub(super) fn steepest(&self) -> f64 {
         let bound = |coefficients: &[f64]| {
             let mut rest = coefficients.iter();
-            (1..=MOST_DEGREE)
-                .map(|degree| {
-                    let sum: f64 = rest.by_ref().take(degree + 1).map(|c| c.abs()).sum();
-                    sum * degree as f64 * FARTHEST.powi(degree as i32 - 1)
-                })
-                .sum::<f64>()
+            let mut term = |degree: usize| {
+                let sum: f64 = rest.by_ref().take(degree + 1).map(|c| c.abs()).sum();
+                sum * degree as f64 * FARTHEST.powi(degree as i32 - 1)
+            };
+            (1..=MOST_DEGREE).map(&mut term).sum::<f64>()
         };
         bound(&self.x_mm).max(bound(&self.y_mm)) / self.radius_mm
     }
 
-    /// Checks that the polynomials are complete and gentle. Refuses a gradient above 0.2.
+    /// Checks that the polynomials are complete, and their gradient at most 0.2.
     pub fn check(&self) -> Result<(), Refusal> {
         let (x, y) = (self.x_mm.len(), self.y_mm.len());
-        if x != y || self.degree().is_none() {
-            let found = format!("centres has {x} and {y} coefficients");
-            return Err(Refusal::new(found, "wanted twice the 2, 5, 9, 14 or 20 of a full degree"));
-        }
-        if !(self.radius_mm.is_finite() && self.radius_mm > 0.0) {
-            return Err(Refusal::new(format!("centres.radius_mm is {}", self.radius_mm), "wanted a positive number"));
-        }
+        let found = || format!("centres has {x} and {y} coefficients");
+        let wanted = "wanted twice the 2, 5, 9, 14 or 20 of a full degree";
+        Refusal::unless(x == y && self.degree().is_some(), found, wanted)?;
+        let radius = self.radius_mm;
+        let found = || format!("centres.radius_mm is {radius}");
+        Refusal::unless(radius.is_finite() && radius > 0.0, found, "wanted a positive number")?;
         if let Some(number) = self.x_mm.iter().chain(&self.y_mm).find(|number| !number.is_finite()) {
             return Err(Refusal::new(format!("centres has a coefficient of {number}"), "wanted finite numbers"));
         }
         let steepest = self.steepest();
-        if steepest > STEEPEST {
-            let found = format!("centres depart by up to {steepest:.3} mm per mm");
-            return Err(Refusal::new(found, format!("wanted at most {STEEPEST}, a departure from one lattice")));
-        }
-        Ok(())
+        let found = || format!("centres depart by up to {steepest:.3} mm per mm");
+        Refusal::unless(steepest <= STEEPEST, found, format!("wanted at most {STEEPEST}, a departure from one lattice"))
     }
 }
 

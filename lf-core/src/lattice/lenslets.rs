@@ -52,11 +52,7 @@ impl Lattice {
     #[inline]
     pub fn perfect(&self, point_mm: DVec2) -> DVec2 {
         let Some(centres) = &self.centres else { return point_mm };
-        let mut perfect = point_mm;
-        for _ in 0..BACK_STEPS {
-            perfect = point_mm - centres.departure_mm(perfect);
-        }
-        perfect
+        (0..BACK_STEPS).fold(point_mm, |perfect, _| point_mm - centres.departure_mm(perfect))
     }
 
     /// Distance between rows of lenslets, mm.
@@ -79,10 +75,7 @@ impl Lattice {
     /// Distance of row 0 from the offset, row pitches.
     #[inline]
     fn first_row(&self) -> f64 {
-        match self.layout {
-            Layout::Square => 0.5,
-            Layout::Hexagonal => 0.0,
-        }
+        if self.layout == Layout::Square { 0.5 } else { 0.0 }
     }
 
     /// Centre of lenslet (i, j), mm.
@@ -115,8 +108,7 @@ impl Lattice {
         }
     }
 
-    /// Centre of the lenslet whose cell holds a point of the array, mm. Agrees with [`Lattice::lenslet_at`] and has no
-    /// branches.
+    /// Centre of the lenslet of [`Lattice::lenslet_at`], mm, without branches.
     #[inline(always)]
     pub fn nearest_centre_mm(&self, point_mm: DVec2) -> DVec2 {
         if let Some(centres) = &self.centres {
@@ -160,8 +152,7 @@ impl Lattice {
         DVec2::new(q.x / self.pitch_mm, q.y / self.row_pitch_mm())
     }
 
-    /// The lenslets whose centres lie in a box of half sides `reach_mm` about a point, row by row: (i, j, centre in
-    /// mm). May hold some beyond the box.
+    /// The lenslets (i, j, centre in mm) of [`Lattice::rows_within`] about any point of the array, row by row.
     pub fn lenslets_within(&self, point_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = (i64, i64, DVec2)> + '_ {
         let rows = self.rows_within(self.perfect(point_mm), reach_mm);
         rows.flat_map(move |(j, lenslets)| lenslets.map(move |i| (i, j, self.centre_mm(i, j))))
@@ -193,23 +184,13 @@ impl Lattice {
 
     /// Corners of a perfect cell relative to its centre, in order around it, mm.
     pub fn cell_mm(&self) -> Vec<DVec2> {
-        let corner = |x: f64, y: f64| self.rotation * DVec2::new(x, y) * self.pitch_mm;
-        match self.layout {
-            Layout::Square => [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| corner(x, y)).to_vec(),
-            Layout::Hexagonal => {
-                let (side, flat) = (1.0 / 3f64.sqrt(), 0.5);
-                [
-                    (0.0, -side),
-                    (flat, -side / 2.0),
-                    (flat, side / 2.0),
-                    (0.0, side),
-                    (-flat, side / 2.0),
-                    (-flat, -side / 2.0),
-                ]
-                .map(|(x, y)| corner(x, y))
-                .to_vec()
-            }
-        }
+        let side = 1.0 / 3f64.sqrt();
+        let half = side / 2.0;
+        let corners = match self.layout {
+            Layout::Square => &[(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)][..],
+            Layout::Hexagonal => &[(0.0, -side), (0.5, -half), (0.5, half), (0.0, side), (-0.5, half), (-0.5, -half)],
+        };
+        corners.iter().map(|&(x, y)| self.rotation * DVec2::new(x, y) * self.pitch_mm).collect()
     }
 
     /// Area of a perfect cell, mm^2.
@@ -222,8 +203,7 @@ impl Lattice {
 mod tests {
     use super::super::keys::tests::bent;
     use super::*;
-    use crate::camera::Aperture;
-    use crate::camera::tests::seed;
+    use crate::camera::{Aperture, tests::seed};
 
     #[test]
     fn every_point_belongs_to_its_nearest_lenslet() {
