@@ -256,7 +256,7 @@ fn a_tiff_rounds_clips_and_refuses_nan() {
     assert!(!path.exists());
     assert_eq!(outside_u16(&pixels), 5);
     let refused = save(&path, &Array2::zeros((0, 5)), &History::new()).unwrap_err().to_string();
-    assert!(refused.ends_with("5 x 0 pixels to write; wanted an image with pixels"), "{refused}");
+    assert!(refused.ends_with("5 x 0 pixels; wanted an image with pixels"), "{refused}");
 }
 
 #[test]
@@ -303,7 +303,7 @@ fn what_is_no_count_is_counted_and_placed() {
 #[test]
 fn an_image_without_pixels_is_not_written() {
     let refused = save(Path::new("/dev/null"), &Array2::zeros((0, 5)), &History::new()).unwrap_err();
-    assert_eq!(refused.to_string(), "/dev/null: 5 x 0 pixels to write; wanted an image with pixels");
+    assert_eq!(refused.to_string(), "/dev/null: 5 x 0 pixels; wanted an image with pixels");
 }
 
 fn replace(bytes: &mut [u8], from: &[u8], to: &[u8]) {

@@ -21,11 +21,13 @@ pub(super) fn damaged(error: impl std::fmt::Display) -> Refusal {
     Refusal::new(format!("cannot be decoded ({error})"), "wanted a whole, valid file")
 }
 
+pub(super) fn has_pixels(width: usize, height: usize) -> Result<(), Refusal> {
+    Refusal::unless(width * height > 0, || format!("{width} x {height} pixels"), "wanted an image with pixels")
+}
+
 /// Pixels in rows from the top as an array.
 pub(super) fn array(width: usize, height: usize, values: Vec<f32>) -> Result<Array2<f32>, Refusal> {
-    if width == 0 || height == 0 {
-        return Err(Refusal::new(format!("{width} x {height} pixels"), "wanted an image with pixels"));
-    }
+    has_pixels(width, height)?;
     Array2::from_shape_vec((height, width), values).map_err(damaged)
 }
 
@@ -36,12 +38,9 @@ pub(super) fn pixels_are(count: usize) -> String {
 
 /// Refuses a size that a file of `length` bytes cannot hold, before memory is allocated for it.
 pub(super) fn believable(width: u64, height: u64, bytes_per_pixel: u64, length: usize) -> Result<(), Refusal> {
-    let wanted = u128::from(width) * u128::from(height) * u128::from(bytes_per_pixel);
-    if wanted > u128::from(RATIO) * length as u128 {
-        let found = format!("{width} x {height} pixels in a file of {length} bytes");
-        return Err(Refusal::new(found, "wanted a file that holds what its header gives"));
-    }
-    Ok(())
+    let size = u128::from(width) * u128::from(height) * u128::from(bytes_per_pixel);
+    let found = || format!("{width} x {height} pixels in a file of {length} bytes");
+    Refusal::unless(size <= u128::from(RATIO) * length as u128, found, "wanted a file that holds what its header gives")
 }
 
 /// Runs a decoder. A panic inside it counts as damage of the file.

@@ -1,6 +1,6 @@
 //! EXR of one part with named `f32` channels and one JSON text attribute, to and from memory.
 
-use super::decode::{believable, damaged};
+use super::decode::{believable, damaged, has_pixels};
 use crate::Refusal;
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{AttributeValue, LineOrder, SampleType, Text};
@@ -28,17 +28,13 @@ impl Header {
         let [header] = meta.headers.as_slice() else {
             return Err(Refusal::new(format!("{} parts", meta.headers.len()), "wanted one part"));
         };
-        if header.deep {
-            return Err(Refusal::new("deep data", "wanted one value a pixel"));
-        }
+        Refusal::unless(!header.deep, || "deep data", "wanted one value a pixel")?;
         let list = &header.channels.list;
-        if list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
-            return Err(Refusal::new("subsampled channels", "wanted a value for every pixel"));
-        }
+        let is_full = list.iter().all(|channel| channel.sampling == Vec2(1, 1));
+        Refusal::unless(is_full, || "subsampled channels", "wanted a value for every pixel")?;
         let window = header.shared_attributes.display_window;
-        if window.position != header.own_attributes.layer_position || window.size != header.layer_size {
-            return Err(Refusal::new("a crop, data and display window differ", "wanted the whole image"));
-        }
+        let is_whole = window.position == header.own_attributes.layer_position && window.size == header.layer_size;
+        Refusal::unless(is_whole, || "a crop, data and display window differ", "wanted the whole image")?;
         let Vec2(width, height) = header.layer_size;
         let sizes = list.iter().map(|channel| if channel.sample_type == SampleType::F16 { 2 } else { 4 });
         believable(width as u64, height as u64, sizes.sum(), bytes.len())?;
@@ -64,10 +60,8 @@ impl Header {
 /// Values of the named channels, in the order of `names`, each in rows from the top.
 pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N]) -> Result<[Vec<f32>; N], Refusal> {
     let missing: Vec<&str> = names.into_iter().filter(|name| !header.channels.iter().any(|has| has == name)).collect();
-    if !missing.is_empty() {
-        let found = format!("channels {} without {}", header.channels.join(", "), missing.join(", "));
-        return Err(Refusal::new(found, format!("wanted channels {}", names.join(", "))));
-    }
+    let found = || format!("channels {} without {}", header.channels.join(", "), missing.join(", "));
+    Refusal::unless(missing.is_empty(), found, format!("wanted channels {}", names.join(", ")))?;
     let image = ::exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -101,9 +95,7 @@ pub(crate) fn write(
     channels: Vec<(&str, Vec<f32>)>,
     attribute: Option<(&str, String)>,
 ) -> Result<Vec<u8>, Refusal> {
-    if width == 0 || height == 0 {
-        return Err(Refusal::new(format!("{width} x {height} pixels to write"), "wanted an image with pixels"));
-    }
+    has_pixels(width, height)?;
     let channels: SmallVec<_> =
         channels.into_iter().map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values))).collect();
     let mut attributes = LayerAttributes::default();
@@ -129,9 +121,7 @@ pub(super) fn ascii(json: &str) -> String {
         if letter.is_ascii() {
             text.push(letter);
         } else {
-            for unit in letter.encode_utf16(&mut [0; 2]) {
-                text.push_str(&format!("\\u{unit:04x}"));
-            }
+            letter.encode_utf16(&mut [0; 2]).iter().for_each(|unit| text.push_str(&format!("\\u{unit:04x}")));
         }
     }
     text

@@ -32,7 +32,6 @@ pub fn open_counts(path: &Path) -> Result<Image> {
     counts(open(path)?, &io::name(path))
 }
 
-/// The image, if every pixel is a count.
 pub(super) fn counts(image: Image, name: &str) -> Result<Image> {
     let is_count = |value: f32| (0.0..f32::INFINITY).contains(&value);
     let bad = image.pixels.iter().filter(|&&value| !is_count(value)).count();
@@ -46,8 +45,8 @@ pub(super) fn counts(image: Image, name: &str) -> Result<Image> {
 }
 
 /// Writes an EXR, or a 16-bit TIFF if the name ends in `.tif` or `.tiff`; `-` is an EXR on standard output. A TIFF
-/// holds whole counts, rounded and clipped to 0..=65535; [`outside_u16`] says how many are clipped. Refuses names of
-/// other formats, and NaN in a TIFF.
+/// holds whole counts, rounded and clipped to 0..=65535 ([`outside_u16`]). Refuses names of other formats, and NaN in
+/// a TIFF.
 pub fn save(path: &Path, pixels: &Array2<f32>, history: &History) -> Result<()> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let bytes = match extension.as_str() {

@@ -30,12 +30,9 @@ pub fn open_frame(path: &Path, background: Option<&Path>, camera: &Camera, camer
 fn like(what: &str, file: &Path, frame: &Path, image: &Image) -> Result<Array2<f32>> {
     let pixels = open_counts(file)?.pixels;
     let ((height, width), (wanted_height, wanted_width)) = (pixels.dim(), image.pixels.dim());
-    if (height, width) != (wanted_height, wanted_width) {
-        return Err(Error::new(
-            io::name(file),
-            format!("{what} of {width} x {height} px"),
-            format!("wanted the {wanted_width} x {wanted_height} px of {}", io::name(frame)),
-        ));
+    if (height, width) == (wanted_height, wanted_width) {
+        return Ok(pixels);
     }
-    Ok(pixels)
+    let wanted = format!("wanted the {wanted_width} x {wanted_height} px of {}", io::name(frame));
+    Err(Error::new(io::name(file), format!("{what} of {width} x {height} px"), wanted))
 }

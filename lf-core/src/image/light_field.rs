@@ -27,10 +27,8 @@ fn check_channels(channels: &[String]) -> Result<(), Refusal> {
     let has = |name: &&str| channels.iter().any(|channel| channel == name);
     let found = match channels {
         [only] if only == "Y" => return Ok(()),
-        _ if ["u", "v", "w"].iter().all(|name| has(name)) => "a vector field".to_owned(),
-        _ if ["R", "G", "B", "RY", "BY"].iter().any(|name| has(name)) => {
-            format!("colour, channels {}", channels.join(", "))
-        }
+        _ if ["u", "v", "w"].iter().all(has) => "a vector field".to_owned(),
+        _ if ["R", "G", "B", "RY", "BY"].iter().any(has) => format!("colour, channels {}", channels.join(", ")),
         [first, second] if first == "A" && second == "Y" => "an alpha channel".to_owned(),
         [only] => format!("channel {only}"),
         _ => format!("channels {}", channels.join(", ")),

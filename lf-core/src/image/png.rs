@@ -26,9 +26,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Array2<f32>, Refusal> {
         (_, ColorType::La8 | ColorType::La16) => return Err(Refusal::new("an alpha channel", WANTED)),
         _ => return Err(Refusal::new("colour", WANTED)),
     };
-    if decoder.is_apng().map_err(damaged)? {
-        return Err(Refusal::new("an animation", "wanted one image"));
-    }
+    Refusal::unless(!decoder.is_apng().map_err(damaged)?, || "an animation", "wanted one image")?;
     believable(width.into(), height.into(), depth as u64, bytes.len())?;
     let mut samples = vec![0u8; width as usize * height as usize * depth];
     decoder.read_image(&mut samples).map_err(damaged)?;

@@ -7,8 +7,7 @@ use crate::Result;
 use crate::io::{self, Bytes, Signature};
 use std::path::Path;
 
-/// The images of a file: every page of a TIFF, or the one image of another format. Holds the bytes of the file (mapped
-/// if it is a plain file) and no pixels.
+/// The images of a file: every page of a TIFF, or the one image of another format. Holds the bytes and no pixels.
 pub struct Stack {
     name: String,
     bytes: Bytes,
@@ -17,13 +16,12 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// Opens a file and counts its images; `-` is standard input. Pages are decoded later, by [`Stack::read`]. Refuses
-    /// a TIFF without a whole list of pages.
+    /// Opens a file and counts its images; `-` is standard input. Refuses a TIFF without a whole list of pages.
     pub fn open(path: &Path) -> Result<Self> {
         Self::from_bytes(io::open(path)?, &io::name(path))
     }
 
-    /// Counts the images of a file in memory; `name` stands for it in messages.
+    /// Counts the images in memory; `name` stands for the file in messages.
     pub fn from_bytes(bytes: Bytes, name: &str) -> Result<Self> {
         let name = name.to_owned();
         let is_tiff = Signature::of(&bytes) == Some(Signature::Tiff);
@@ -52,15 +50,14 @@ impl Stack {
         if self.images == 1 { self.name.clone() } else { format!("{}, page {}", self.name, number + 1) }
     }
 
-    /// Decodes image `number`, counted from 0, and refuses pixels that are NaN, infinite or negative. Panics if there
-    /// is no such image.
+    /// Decodes image `number`, from 0, as [`super::open_counts`] does. Panics if there is no such image.
     pub fn read(&self, number: usize) -> Result<Image> {
         assert!(number < self.images, "image {number} of {}", self.images);
         let name = self.name(number);
-        if !self.is_tiff {
-            return counts(from_bytes(&self.bytes, &name)?, &name);
-        }
-        let image = guarded(|| tiff::page(&self.bytes, number));
-        counts(image.map_err(|refusal| refusal.about(&name))?, &name)
+        let image = match self.is_tiff {
+            true => guarded(|| tiff::page(&self.bytes, number)).map_err(|refusal| refusal.about(&name)),
+            false => from_bytes(&self.bytes, &name),
+        };
+        counts(image?, &name)
     }
 }

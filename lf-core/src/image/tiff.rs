@@ -1,14 +1,11 @@
 //! TIFF: reads 8-bit, 16-bit or `f32` grey, page by page; writes one page of 16-bit grey.
 
-use super::decode::{Image, array, believable, damaged, pixels_are};
+use super::decode::{Image, array, believable, damaged, has_pixels, pixels_are};
 use super::exr::ascii;
 use crate::{Refusal, history::History};
-use ::tiff::ColorType;
 use ::tiff::decoder::{Decoder, DecodingResult, Limits};
-use ::tiff::encoder::colortype::Gray16;
-use ::tiff::encoder::{TiffEncoder, TiffKindStandard};
-use ::tiff::tags::Tag;
-use ::tiff::{TiffError, TiffResult};
+use ::tiff::encoder::{TiffEncoder, TiffKindStandard, colortype::Gray16};
+use ::tiff::{ColorType, TiffError, TiffResult, tags::Tag};
 use ndarray::Array2;
 use std::io::Cursor;
 
@@ -19,25 +16,27 @@ const BLACK_IS_ZERO: u16 = 1;
 
 /// Most pages that are counted; also bounds a cyclic chain of directories.
 const MANY: usize = 100_000;
+/// Space reserved for tags, bytes. If they need more, the buffer is moved once.
+const TAGS: usize = 64 << 10;
 
 pub(super) fn read(bytes: &[u8]) -> Result<Image, Refusal> {
-    match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
-        1 => {}
-        MANY.. => {
-            return Err(Refusal::new(format!("{MANY} pages or more"), "wanted one page (split the stack into files)"));
-        }
-        pages => return Err(Refusal::new(format!("{pages} pages"), "wanted one page (split the stack into files)")),
-    }
+    let pages = pages(bytes)?;
+    let or_more = if pages >= MANY { " or more" } else { "" };
+    let found = || format!("{pages} pages{or_more}");
+    Refusal::unless(pages == 1, found, "wanted one page (split the stack into files)")?;
     page(bytes, 0)
 }
 
 /// Number of pages of a file.
 pub(super) fn count(bytes: &[u8]) -> Result<usize, Refusal> {
-    match pages(bytes).ok_or_else(|| damaged("its directories leave the file"))? {
-        0 => Err(Refusal::new("no page", "wanted a TIFF with pages")),
-        MANY.. => Err(Refusal::new(format!("{MANY} pages or more"), "wanted fewer in one file")),
-        pages => Ok(pages),
-    }
+    let pages = pages(bytes)?;
+    Refusal::unless(pages > 0, || "no page", "wanted a TIFF with pages")?;
+    Refusal::unless(pages < MANY, || format!("{MANY} pages or more"), "wanted fewer in one file")?;
+    Ok(pages)
+}
+
+fn pages(bytes: &[u8]) -> Result<usize, Refusal> {
+    chain(bytes).ok_or_else(|| damaged("its directories leave the file"))
 }
 
 /// Decodes page `number`, counted from 0, and no other.
@@ -69,21 +68,20 @@ pub(super) fn page(bytes: &[u8], number: usize) -> Result<Image, Refusal> {
 
 /// Bits of a grey pixel.
 fn depth(decoder: &mut Decoder<Cursor<&[u8]>>) -> Result<u8, Refusal> {
-    let depth = match decoder.colortype().map_err(damaged)? {
-        ColorType::Gray(depth @ (8 | 16 | 32)) => depth,
-        ColorType::Gray(depth) => return Err(Refusal::new(format!("{depth}-bit grey"), WANTED)),
-        ColorType::GrayA(_) => return Err(Refusal::new("an alpha channel", WANTED)),
-        ColorType::Palette(_) => return Err(Refusal::new("a colour palette", WANTED)),
-        ColorType::Multiband { num_samples, .. } => {
-            return Err(Refusal::new(format!("{num_samples} channels"), WANTED));
+    let found = match decoder.colortype().map_err(damaged)? {
+        ColorType::Gray(depth @ (8 | 16 | 32)) => {
+            let meaning: Option<u16> = decoder.find_tag_unsigned(Tag::PhotometricInterpretation).map_err(damaged)?;
+            let is_linear = meaning.is_none_or(|meaning| meaning == BLACK_IS_ZERO);
+            Refusal::unless(is_linear, || "inverted grey, 0 is white", "wanted linear counts, 0 is black")?;
+            return Ok(depth);
         }
-        _ => return Err(Refusal::new("colour", WANTED)),
+        ColorType::Gray(depth) => format!("{depth}-bit grey"),
+        ColorType::GrayA(_) => "an alpha channel".to_owned(),
+        ColorType::Palette(_) => "a colour palette".to_owned(),
+        ColorType::Multiband { num_samples, .. } => format!("{num_samples} channels"),
+        _ => "colour".to_owned(),
     };
-    let photometric: Option<u16> = decoder.find_tag_unsigned(Tag::PhotometricInterpretation).map_err(damaged)?;
-    if photometric.is_some_and(|meaning| meaning != BLACK_IS_ZERO) {
-        return Err(Refusal::new("inverted grey, 0 is white", "wanted linear counts, 0 is black"));
-    }
-    Ok(depth)
+    Err(Refusal::new(found, WANTED))
 }
 
 /// The history in `ImageDescription`; empty if the tag holds other text.
@@ -92,14 +90,12 @@ fn history(decoder: &mut Decoder<Cursor<&[u8]>>) -> History {
     text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
 }
 
-/// Encodes one page of 16-bit grey in strips without compression, in the byte order of the machine; `steps` is JSON
-/// text. Counts are rounded to whole numbers, halves away from zero, and clipped to 0..=65535. Equal input gives equal
-/// bytes. Refuses NaN and more than the 4 GiB of a classic TIFF.
+/// Encodes one page of 16-bit grey in strips without compression, in the byte order of the machine; `steps` is JSON.
+/// Counts are rounded to whole numbers, halves away from zero, and clipped to 0..=65535. Equal input gives equal bytes.
+/// Refuses NaN and more than the 4 GiB of a classic TIFF.
 pub(super) fn write(pixels: &Array2<f32>, steps: Option<String>) -> Result<Vec<u8>, Refusal> {
     let (height, width) = pixels.dim();
-    if width == 0 || height == 0 {
-        return Err(Refusal::new(format!("{width} x {height} pixels to write"), "wanted an image with pixels"));
-    }
+    has_pixels(width, height)?;
     if let Some(((y, x), _)) = pixels.indexed_iter().find(|(_, value)| value.is_nan()) {
         let bad = pixels.iter().filter(|value| value.is_nan()).count();
         let found = format!("{} NaN, the first at x {x}, y {y}", pixels_are(bad));
@@ -112,9 +108,7 @@ pub(super) fn write(pixels: &Array2<f32>, steps: Option<String>) -> Result<Vec<u
 
 fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<String>) -> TiffResult<Vec<u8>> {
     let length = 2 * width * height;
-    if u32::try_from(length).is_err() {
-        return Err(TiffError::IntSizeError);
-    }
+    u32::try_from(length).map_err(|_| TiffError::IntSizeError)?;
     let mut file = Cursor::new(Vec::with_capacity(length + TAGS));
     let mut encoder = TiffEncoder::<_, TiffKindStandard>::new(&mut file)?;
     let mut page = encoder.new_image::<Gray16>(u32::try_from(width)?, u32::try_from(height)?)?;
@@ -123,11 +117,8 @@ fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<Strin
     }
     let mut values = pixels.iter();
     let mut strip: Vec<u16> = Vec::new();
-    loop {
+    while page.next_strip_sample_count() > 0 {
         let samples = page.next_strip_sample_count() as usize;
-        if samples == 0 {
-            break;
-        }
         strip.clear();
         // A cast from float to integer saturates.
         strip.extend(values.by_ref().take(samples).map(|value| value.round() as u16));
@@ -137,12 +128,9 @@ fn encode(pixels: &Array2<f32>, width: usize, height: usize, steps: Option<Strin
     Ok(file.into_inner())
 }
 
-/// Space reserved for tags, bytes. If they need more, the buffer is moved once.
-const TAGS: usize = 64 << 10;
-
 /// Counts the pages along the chain of directories, in either byte order, classic or BigTIFF. None if the chain leaves
 /// the file, or if a tag claims more bytes than the file has: the library would allocate them before it checks.
-fn pages(bytes: &[u8]) -> Option<usize> {
+fn chain(bytes: &[u8]) -> Option<usize> {
     let number = |at: usize, width: usize| -> Option<usize> {
         let field = bytes.get(at..at.checked_add(width)?)?;
         let push = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
