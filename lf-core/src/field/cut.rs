@@ -4,7 +4,6 @@ use super::vector_grid::VectorGrid;
 use crate::Refusal;
 use std::str::FromStr;
 
-/// The letters of the axes.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// A plane normal to one axis of a field. As text: `z` (the middle) or `z=0.5` (mm).
@@ -17,7 +16,6 @@ pub struct Cut {
 }
 
 impl Default for Cut {
-    /// The middle plane normal to z.
     fn default() -> Self {
         Self { axis: 2, place_mm: None }
     }
@@ -42,14 +40,10 @@ impl Cut {
     /// Checks that the place is within `bounds_mm` of the cut's axis. `what` names the object that has these bounds.
     pub fn check(&self, bounds_mm: [f64; 2], what: &str) -> Result<(), Refusal> {
         let axis = AXES[self.axis];
-        match self.place_mm {
-            Some(mm) if !(bounds_mm[0]..=bounds_mm[1]).contains(&mm) => {
-                let [low, high] = bounds_mm.map(|bound| short(bound, bounds_mm[1] - bounds_mm[0]));
-                let found = format!("slice {axis} = {mm} mm is outside the {what}");
-                Err(Refusal::new(found, format!("wanted {low} to {high} mm")))
-            }
-            _ => Ok(()),
-        }
+        let Some(mm) = self.place_mm else { return Ok(()) };
+        let [low, high] = bounds_mm.map(|bound| short(bound, bounds_mm[1] - bounds_mm[0]));
+        let found = || format!("slice {axis} = {mm} mm is outside the {what}");
+        Refusal::unless((bounds_mm[0]..=bounds_mm[1]).contains(&mm), found, format!("wanted {low} to {high} mm"))
     }
 
     /// The layer of vectors nearest to the place. Refuses a place outside the field.
@@ -63,8 +57,7 @@ impl Cut {
     }
 }
 
-/// Rounds a place on an axis of length `span` to a thousandth of the span's power of ten. An `f32` prints it without a
-/// tail of digits.
+/// Rounds a place to a thousandth of the power of ten of `span`. An `f32` prints it without a tail of digits.
 fn short(place: f64, span: f64) -> f32 {
     let step = 10f64.powf(span.log10().floor() - 3.0);
     ((place / step).round() * step + 0.0) as f32
@@ -90,11 +83,7 @@ mod tests {
             shape: [4, 1, 3],
             spacing_mm: [0.5, 1.0, 2.0],
             origin_mm: [-1.0, 7.0, 0.0],
-            voxel_mm: [0.0; 3],
-            window: [0; 3],
-            overlap: 0.0,
-            dt_s: None,
-            history: Vec::new(),
+            ..VectorGrid::default()
         };
         let layer = |text: &str| text.parse::<Cut>().unwrap().layer(&layout);
         for (text, wanted) in

@@ -43,17 +43,13 @@ pub fn save_arrays(path: &Path, layout: &VectorGrid, arrays: &[Array]) -> Result
 }
 
 pub(super) fn write_vti(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
-    let [nx, ny, nz] = layout.shape.map(|n| n - 1);
+    let ([nx, ny, nz], [ox, oy, oz], [dx, dy, dz]) = (layout.shape.map(|n| n - 1), layout.origin_mm, layout.spacing_mm);
     let extent = format!("0 {nx} 0 {ny} 0 {nz}");
-    let [ox, oy, oz] = layout.origin_mm;
-    let [dx, dy, dz] = layout.spacing_mm;
     writeln!(out, r#"<?xml version="1.0"?>"#)?;
     writeln!(out, r#"<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">"#)?;
     let dt = layout.dt_s.map_or("not known".into(), |dt_s| format!("{dt_s} s"));
-    writeln!(
-        out,
-        "<!-- Units: places in mm; an array's is the end of its name, mm_s for mm/s, and 1 where there is none. -->"
-    )?;
+    let units = "places in mm; an array's is the end of its name, mm_s for mm/s, and 1 where there is none.";
+    writeln!(out, "<!-- Units: {units} -->")?;
     writeln!(out, "<!-- Time between the volumes: {dt}. -->")?;
     writeln!(out, r#"<ImageData WholeExtent="{extent}" Origin="{ox} {oy} {oz}" Spacing="{dx} {dy} {dz}">"#)?;
     if let Some(dt_s) = layout.dt_s {
@@ -65,10 +61,8 @@ pub(super) fn write_vti(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Wri
     writeln!(out, r#"<PointData Vectors="{}" Scalars="{}">"#, first(3), first(1))?;
     let mut offset = 0;
     for Array { name, components, values } in arrays {
-        writeln!(
-            out,
-            r#"<DataArray type="Float32" Name="{name}" NumberOfComponents="{components}" format="appended" offset="{offset}"/>"#
-        )?;
+        let shape = format!(r#"Name="{name}" NumberOfComponents="{components}""#);
+        writeln!(out, r#"<DataArray type="Float32" {shape} format="appended" offset="{offset}"/>"#)?;
         offset += size_of::<u64>() + size_of_val(values.as_slice());
     }
     writeln!(out, "</PointData>\n</Piece>\n</ImageData>")?;

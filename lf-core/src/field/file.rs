@@ -22,9 +22,8 @@ impl Field {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
-    /// Writes EXR, `.vti` or `.csv` by extension; `-` is EXR on standard output, and a name without extension is EXR
-    /// too. Refuses other extensions and what [`Field::open`] refuses. Panics if a component is not as long as the
-    /// shape asks.
+    /// Writes EXR, `.vti` or `.csv` by extension; `-` and a name without extension are EXR. Refuses what [`Field::open`]
+    /// refuses. Panics if a component is not as long as the shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
         let refused = |refusal: Refusal| refusal.about(io::output_name(path));
         self.layout.check().map_err(refused)?;
@@ -44,7 +43,6 @@ impl Field {
         }
     }
 
-    /// The arrays of a `.vti`.
     fn to_arrays(&self) -> Vec<Array> {
         let [u, v, w, peak, ratio, su, sv, sw, flag, count] = self.components();
         let mut arrays = vec![
@@ -72,10 +70,8 @@ impl Field {
 
 fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
     const WANTED: &str = "wanted a vector field in EXR";
-    if Signature::of(bytes) != Some(Signature::Exr) {
-        let found = if bytes.is_empty() { "empty" } else { "not an EXR by its first bytes" };
-        return Err(Refusal::new(found, WANTED));
-    }
+    let found = || if bytes.is_empty() { "empty" } else { "not an EXR by its first bytes" };
+    Refusal::unless(Signature::of(bytes) == Some(Signature::Exr), found, WANTED)?;
     let header = exr::Header::read(bytes)?;
     let Some(text) = header.text(LAYOUT) else {
         let found = format!("an EXR of channels {} without attribute {LAYOUT}", header.channels.join(", "));
@@ -85,10 +81,9 @@ fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
         serde_json::from_str(&text).map_err(|error| Refusal::new(format!("attribute {LAYOUT}: {error}"), WANTED))?;
     layout.check()?;
     let [nx, ny, nz] = layout.shape;
-    if (header.width, Some(header.height)) != (nx, ny.checked_mul(nz)) {
-        let found = format!("{} x {} pixels for a shape of {nx} x {ny} x {nz}", header.width, header.height);
-        return Err(Refusal::new(found, "wanted nx x (ny nz) pixels"));
-    }
+    let found = || format!("{} x {} pixels for a shape of {nx} x {ny} x {nz}", header.width, header.height);
+    let fits = (header.width, Some(header.height)) == (nx, ny.checked_mul(nz));
+    Refusal::unless(fits, found, "wanted nx x (ny nz) pixels")?;
     let [u, v, w, peak, ratio, su, sv, sw, flag, count] = if header.channels.iter().any(|name| name == COUNT) {
         exr::read(bytes, header, CHANNELS.map(|(name, _)| name))?
     } else {
@@ -97,6 +92,5 @@ fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
         [u, v, w, peak, ratio, su, sv, sw, flag, count]
     };
     let field = Field { layout, u, v, w, peak, ratio, su, sv, sw, flag, count };
-    field.check()?;
-    Ok(field)
+    field.check().map(|()| field)
 }

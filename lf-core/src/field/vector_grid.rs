@@ -25,7 +25,7 @@ pub(super) const REQUIRED: [&str; 9] = ["u", "v", "w", "peak", "ratio", "su", "s
 pub(super) const COUNT: &str = "count";
 
 /// Where the vectors of a field are and how they were made: the attribute `lf:field`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct VectorGrid {
     /// Vectors along x, y, z.
     pub shape: [usize; 3],
@@ -98,29 +98,22 @@ impl VectorGrid {
     }
 
     pub(super) fn check(&self) -> Result<(), Refusal> {
-        let positive = |lengths: [f64; 3]| lengths.iter().all(|length| length.is_finite() && *length > 0.0);
-        let wrong = |key: &str, value: String, wanted: &str| {
-            Err(Refusal::new(format!("{key} {value}"), format!("wanted {wanted}")))
-        };
-        if self.checked_len().is_none() {
-            return wrong("shape", format!("{:?}", self.shape), "at least one vector an axis");
-        }
-        if !positive(self.spacing_mm) {
-            return wrong("spacing_mm", format!("{:?}", self.spacing_mm), "positive lengths");
-        }
-        // Zeros if no volume was correlated.
-        if !self.voxel_mm.iter().all(|length| length.is_finite() && *length >= 0.0) {
-            return wrong("voxel_mm", format!("{:?}", self.voxel_mm), "lengths that are not negative");
-        }
-        if !self.origin_mm.iter().all(|place| place.is_finite()) {
-            return wrong("origin_mm", format!("{:?}", self.origin_mm), "finite lengths");
-        }
-        if !(0.0..=1.0).contains(&self.overlap) {
-            return wrong("overlap", self.overlap.to_string(), "0 to 1");
-        }
-        if let Some(dt_s) = self.dt_s.filter(|dt_s| !(dt_s.is_finite() && *dt_s > 0.0)) {
-            return wrong("dt_s", dt_s.to_string(), "a positive time");
-        }
-        Ok(())
+        let Self { shape, spacing_mm, origin_mm, voxel_mm, overlap, dt_s, .. } = self;
+        let positive = |length: &f64| length.is_finite() && *length > 0.0;
+        let not_negative = |length: &f64| length.is_finite() && *length >= 0.0;
+        let has_length = self.checked_len().is_some();
+        Refusal::unless(has_length, || format!("shape {shape:?}"), "wanted at least one vector an axis")?;
+        Refusal::unless(
+            spacing_mm.iter().all(positive),
+            || format!("spacing_mm {spacing_mm:?}"),
+            "wanted positive lengths",
+        )?;
+        let found = || format!("voxel_mm {voxel_mm:?}");
+        Refusal::unless(voxel_mm.iter().all(not_negative), found, "wanted lengths that are not negative")?;
+        let is_placed = origin_mm.iter().all(|place| place.is_finite());
+        Refusal::unless(is_placed, || format!("origin_mm {origin_mm:?}"), "wanted finite lengths")?;
+        Refusal::unless((0.0..=1.0).contains(overlap), || format!("overlap {overlap}"), "wanted 0 to 1")?;
+        let found = || format!("dt_s {}", dt_s.unwrap_or_default());
+        Refusal::unless(dt_s.iter().all(positive), found, "wanted a positive time")
     }
 }

@@ -71,7 +71,7 @@ impl Field {
         DVec3::new(self.u[i].into(), self.v[i].into(), self.w[i].into())
     }
 
-    /// Standard uncertainty of vector `i`, mm. NaN if it was not estimated.
+    /// Standard uncertainty of vector `i`, mm.
     pub fn uncertainty_mm(&self, i: usize) -> DVec3 {
         DVec3::new(self.su[i].into(), self.sv[i].into(), self.sw[i].into())
     }
@@ -91,14 +91,12 @@ impl Field {
     pub(super) fn check(&self) -> Result<(), Refusal> {
         for (i, &flag) in self.flag.iter().enumerate() {
             let place = || self.step(i);
-            if ![MEASURED, REPLACED, NO_DATA].contains(&flag) {
-                return Err(Refusal::new(format!("flag {flag} at vector {:?}", place()), "wanted 0, 1 or 2"));
-            }
+            let is_known = [MEASURED, REPLACED, NO_DATA].contains(&flag);
+            Refusal::unless(is_known, || format!("flag {flag} at vector {:?}", place()), "wanted 0, 1 or 2")?;
             let vector = [self.u[i], self.v[i], self.w[i]];
-            if flag != NO_DATA && !vector.iter().all(|component| component.is_finite()) {
-                let found = format!("displacement {vector:?} at vector {:?}", place());
-                return Err(Refusal::new(found, "wanted finite values or flag 2"));
-            }
+            let is_usable = flag == NO_DATA || vector.iter().all(|component| component.is_finite());
+            let found = || format!("displacement {vector:?} at vector {:?}", place());
+            Refusal::unless(is_usable, found, "wanted finite values or flag 2")?;
         }
         Ok(())
     }

@@ -8,7 +8,6 @@ use glam::DVec3;
 const MOST: f64 = 1e9;
 
 impl Flow {
-    /// Checks the numbers of the flow.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         match self {
             Self::Uniform { displacement_mm } => finite(displacement_mm),
@@ -22,11 +21,8 @@ impl Flow {
                 direction(axis)
             }
             Self::Shear { centre_mm, rate, along, across } => {
-                if along == across {
-                    return Err(Refusal::new("flow.along and flow.across are the same axis", "wanted two axes"));
-                }
-                finite(centre_mm)?;
-                finite(&[*rate])
+                Refusal::unless(along != across, || "flow.along and flow.across are the same axis", "wanted two axes")?;
+                finite(centre_mm).and(finite(&[*rate]))
             }
             Self::Ring { centre_mm, axis, radius_mm, core_mm, displacement_mm } => {
                 finite(centre_mm)?;
@@ -34,11 +30,8 @@ impl Flow {
                 direction(axis)?;
                 length("radius_mm", *radius_mm)?;
                 length("core_mm", *core_mm)?;
-                if *core_mm < 0.01 * radius_mm {
-                    let wanted = format!("wanted at least a hundredth of flow.radius_mm {radius_mm}");
-                    return Err(Refusal::new(format!("flow.core_mm is {core_mm}"), wanted));
-                }
-                Ok(())
+                let wanted = format!("wanted at least a hundredth of flow.radius_mm {radius_mm}");
+                Refusal::unless(*core_mm >= 0.01 * radius_mm, || format!("flow.core_mm is {core_mm}"), wanted)
             }
             Self::Jet { centre_mm, axis, diameter_mm, shear_layer_mm, displacement_mm } => {
                 finite(centre_mm)?;
@@ -63,25 +56,18 @@ impl Flow {
 }
 
 fn finite(numbers: &[f64]) -> Result<(), Refusal> {
-    match numbers.iter().find(|number| !number.is_finite() || number.abs() > MOST) {
-        Some(number) => Err(Refusal::new(format!("flow has the number {number}"), "wanted finite numbers up to 1e9")),
-        None => Ok(()),
-    }
+    let wrong = numbers.iter().find(|number| !number.is_finite() || number.abs() > MOST);
+    let refusal = |number| Refusal::new(format!("flow has the number {number}"), "wanted finite numbers up to 1e9");
+    wrong.map_or(Ok(()), |number| Err(refusal(number)))
 }
 
 fn length(key: &str, length: f64) -> Result<(), Refusal> {
-    if length.is_finite() && length > 0.0 {
-        Ok(())
-    } else {
-        Err(Refusal::new(format!("flow.{key} is {length}"), "wanted a positive length"))
-    }
+    let is_length = length.is_finite() && length > 0.0;
+    Refusal::unless(is_length, || format!("flow.{key} is {length}"), "wanted a positive length")
 }
 
 fn direction(axis: &[f64; 3]) -> Result<(), Refusal> {
-    let size = DVec3::from(*axis).length();
-    if (1e-9..MOST).contains(&size) {
-        Ok(())
-    } else {
-        Err(Refusal::new(format!("flow.axis is {axis:?}"), "wanted a direction of a length within 1e-9 to 1e9"))
-    }
+    let is_direction = (1e-9..MOST).contains(&DVec3::from(*axis).length());
+    let wanted = "wanted a direction of a length within 1e-9 to 1e9";
+    Refusal::unless(is_direction, || format!("flow.axis is {axis:?}"), wanted)
 }

@@ -2,8 +2,7 @@
 
 use super::{kinds::Flow, sampled::Sampled, terms::term, velocity::Velocity};
 use crate::{Error, Refusal, field::Field, io};
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de::Error as _};
 use std::path::Path;
 
 /// Largest number of integration steps from frame to frame. A flow that needs more has a wrong unit.
@@ -23,10 +22,9 @@ impl<'de> Deserialize<'de> for Flows {
     // Written by hand: serde's choice between the two variants would hide the error of either.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let value = serde_json::Value::deserialize(deserializer)?;
-        let flows = if value.is_array() {
-            serde_json::from_value(value).map(Self::Sum)
-        } else {
-            serde_json::from_value(value).map(Self::One)
+        let flows = match value.is_array() {
+            true => serde_json::from_value(value).map(Self::Sum),
+            false => serde_json::from_value(value).map(Self::One),
         };
         flows.map_err(|error| D::Error::custom(format!("flow: {error}")))
     }
@@ -60,18 +58,14 @@ impl Flows {
 
     /// File of the tracks; None if the flow is of another kind.
     pub fn tracks(&self) -> Option<&Path> {
-        match self.all() {
-            [Flow::Tracks { path }] => Some(path),
-            _ => None,
-        }
+        if let [Flow::Tracks { path }] = self.all() { Some(path) } else { None }
     }
 
     /// Checks the numbers of all flows. Tracks cannot stand beside other flows.
     pub fn check(&self) -> Result<(), Refusal> {
         let flows = self.all();
-        if flows.len() > 1 && flows.iter().any(|flow| matches!(flow, Flow::Tracks { .. })) {
-            return Err(Refusal::new("flow has kind 'tracks' beside other flows", "wanted it alone"));
-        }
+        let fits = flows.len() == 1 || !flows.iter().any(|flow| matches!(flow, Flow::Tracks { .. }));
+        Refusal::unless(fits, || "flow has kind 'tracks' beside other flows", "wanted it alone")?;
         flows.iter().try_for_each(Flow::check)
     }
 
@@ -89,8 +83,7 @@ impl Flows {
         Ok(velocity)
     }
 
-    /// The velocity field in a volume. `sampled` are the fields of the sampled flows in their order, `pixel_mm` is the
-    /// side of a pixel at the focal plane.
+    /// [`Flows::open`] with the fields of the sampled flows in their order.
     pub fn velocity(&self, sampled: Vec<Sampled>, bounds_mm: [[f64; 2]; 3], pixel_mm: f64) -> Velocity {
         let mut sampled = sampled.into_iter();
         let terms = self.all().iter().map(|flow| term(flow, &mut sampled, bounds_mm, pixel_mm)).collect();

@@ -4,8 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// A steady flow. Displacements are those of a unit of time, the interval between two frames. Axes need not have unit
-/// length.
+/// A steady flow. Displacements are per unit of time, the interval between frames. Axes need not have unit length.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Flow {
@@ -22,8 +21,7 @@ pub enum Flow {
         omega: f64,
         /// Largest displacement, px at the focal plane.
         amplitude_px: f64,
-        /// Length that holds omega cycles along every axis, px at the focal plane: a small volume can then show a part
-        /// of the wave of a large one. The volume's extents if absent.
+        /// Length that holds omega cycles along every axis, px at the focal plane; the volume's extents if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         length_px: Option<f64>,
         /// Phase in the middle of the volume, rad; 0, a crest, if absent.
@@ -142,7 +140,6 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Its unit vector.
     pub(super) fn unit(self) -> DVec3 {
         match self {
             Self::X => DVec3::X,
@@ -153,7 +150,6 @@ impl Axis {
 }
 
 impl Flow {
-    /// File of a sampled field.
     pub(super) fn sampled(&self) -> Option<&Path> {
         if let Self::Sampled { path } = self { Some(path) } else { None }
     }

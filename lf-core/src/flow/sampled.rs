@@ -17,16 +17,13 @@ impl Sampled {
     /// The displacements of a field. Refuses vectors without data.
     pub fn new(field: &Field) -> Result<Self, Refusal> {
         let missing = field.flag.iter().filter(|flag| **flag == NO_DATA).count();
-        if missing > 0 {
-            let found = format!("{missing} of {} vectors are without data", field.len());
-            return Err(Refusal::new(found, "wanted a field without gaps"));
-        }
-        let vector = |i: usize| DVec3::new(field.u[i].into(), field.v[i].into(), field.w[i].into());
+        let found = || format!("{missing} of {} vectors are without data", field.len());
+        Refusal::unless(missing == 0, found, "wanted a field without gaps")?;
         Ok(Self {
             shape: field.layout.shape,
             spacing: DVec3::from(field.layout.spacing_mm),
             origin: DVec3::from(field.layout.origin_mm),
-            vectors: (0..field.len()).map(vector).collect(),
+            vectors: (0..field.len()).map(|i| field.displacement_mm(i)).collect(),
         })
     }
 

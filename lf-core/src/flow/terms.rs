@@ -8,8 +8,7 @@ use std::f64::consts::TAU;
 /// Velocity at a place, mm in a unit of time.
 pub(super) type Term = Box<dyn Fn(DVec3) -> DVec3 + Send + Sync>;
 
-/// The velocity of a flow in a volume. `sampled` gives the fields of sampled flows in their order; `pixel_mm` is the
-/// side of a pixel at the focal plane.
+/// The velocity of a flow in a volume; `pixel_mm` is the side of a pixel at the focal plane.
 pub(super) fn term(
     flow: &Flow,
     sampled: &mut impl Iterator<Item = Sampled>,
@@ -56,8 +55,7 @@ pub(super) fn term(
             })
         }
         Flow::Abc { centre_mm, wavelength_mm, displacement_mm: [a, b, c] } => {
-            let (centre, wavenumber) = (DVec3::from(*centre_mm), TAU / wavelength_mm);
-            let [a, b, c] = [*a, *b, *c];
+            let (centre, wavenumber, a, b, c) = (DVec3::from(*centre_mm), TAU / wavelength_mm, *a, *b, *c);
             Box::new(move |place| {
                 let DVec3 { x, y, z } = wavenumber * (place - centre);
                 DVec3::new(a * z.sin() + c * y.cos(), b * x.sin() + a * z.cos(), c * y.sin() + b * x.cos())

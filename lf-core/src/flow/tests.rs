@@ -167,11 +167,7 @@ fn a_sampled_field_is_trilinear() {
         shape: [3, 4, 1],
         spacing_mm: [1.0, 0.5, 2.0],
         origin_mm: [-1.0, -1.0, 0.5],
-        voxel_mm: [0.0; 3],
-        window: [0; 3],
-        overlap: 0.0,
-        dt_s: None,
-        history: Vec::new(),
+        ..VectorGrid::default()
     };
     let mut sampled = Field::empty(layout);
     for n in 0..sampled.len() {

@@ -26,25 +26,18 @@ impl Velocity {
 
     /// The sum of `terms`; `is_uniform` says that none depends on the place.
     pub(super) fn new(terms: Vec<Term>, is_uniform: bool, bounds_mm: [[f64; 2]; 3]) -> Self {
-        let mut velocity = Self { terms, steps: None };
-        if !is_uniform {
-            velocity.steps = Some(STEPS * velocity.rate(bounds_mm).max(1.0));
-        }
-        velocity
+        let velocity = Self { terms, steps: None };
+        let steps = (!is_uniform).then(|| STEPS * velocity.rate(bounds_mm).max(1.0));
+        Self { steps, ..velocity }
     }
 
     /// Largest change of velocity per distance in a volume, per unit of time, sampled on a regular grid of places.
     fn rate(&self, bounds_mm: [[f64; 2]; 3]) -> f64 {
         let extent = DVec3::from(bounds_mm.map(|[low, high]| high - low));
         let step = 1e-4 * extent.min_element();
-        let mut rate = 0.0f64;
-        for place in places(bounds_mm, PLACES) {
-            for axis in DVec3::AXES {
-                let change = self.at(place + 0.5 * step * axis) - self.at(place - 0.5 * step * axis);
-                rate = rate.max(change.length() / step);
-            }
-        }
-        rate
+        let change = |place: DVec3, half: DVec3| (self.at(place + half) - self.at(place - half)).length() / step;
+        let pairs = places(bounds_mm, PLACES).flat_map(|place| DVec3::AXES.map(|axis| (place, 0.5 * step * axis)));
+        pairs.map(|(place, half)| change(place, half)).fold(0.0, f64::max)
     }
 
     /// Number of integration steps in a unit of time.
@@ -59,9 +52,7 @@ impl Velocity {
 
     /// Place of a particle after `time`, mm, by the classical fourth-order Runge-Kutta method. `time` may be negative.
     pub fn carry(&self, mut place_mm: DVec3, time: f64) -> DVec3 {
-        let Some(steps) = self.steps else {
-            return place_mm + self.at(place_mm) * time;
-        };
+        let Some(steps) = self.steps else { return place_mm + self.at(place_mm) * time };
         let steps = (steps * time.abs()).ceil();
         let h = if steps > 0.0 { time / steps } else { 0.0 };
         for _ in 0..steps as u64 {
