@@ -22,6 +22,11 @@ impl Level {
         Self::Portable
     }
 
+    /// The level at which [`fastest`] runs work on this machine.
+    pub fn unfused() -> Self {
+        Self::detect().min(Self::Avx2)
+    }
+
     /// Its name, as `--verbose` prints it.
     pub fn name(self) -> &'static str {
         match self {

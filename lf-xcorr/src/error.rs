@@ -23,7 +23,7 @@ pub enum Side {
 pub struct Refused {
     /// The input.
     pub side: Side,
-    /// What was found there and what was wanted.
+    /// What was found and wanted.
     pub refusal: Refusal,
 }
 

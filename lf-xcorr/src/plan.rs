@@ -5,7 +5,7 @@ use crate::passes::{Options, Outcome, Pass, Route, memory, multigrid, triple};
 use crate::volumes::{Mask, Sparse};
 use lf_core::Grid;
 
-/// A correlation of pairs that fit together, inside a mask, with options that fit the volume.
+/// Pairs, a mask and options that fit together.
 #[derive(Debug, Clone)]
 pub struct Plan<'a> {
     pairs: &'a [[Sparse<'a>; 2]],
@@ -17,19 +17,13 @@ pub struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     /// Plans the correlation of several pairs that show the same flow: their correlations are summed before a peak is
-    /// sought. Every volume counts by its sum of squares, so no pair counts for more by being brighter.
-    ///
-    /// # Errors
-    /// The volume, mask or option that does not fit.
-    ///
-    /// # Panics
-    /// If there is no pair, if a volume's lengths differ or if its indices do not rise.
+    /// sought. Every volume counts by its sum of squares, so no pair counts for more by being brighter. Refuses the
+    /// first volume, mask or option that does not fit. Panics without a pair, or if a volume's lengths differ or its
+    /// indices do not rise.
     pub fn new(pairs: &'a [[Sparse<'a>; 2]], mask: &'a Mask<'a>, options: &'a Options) -> Result<Self, Refused> {
         let grid = pairs[0][0].grid;
-        let volumes = || {
-            let sides = (0..pairs.len()).flat_map(|pair| [Side::First(pair), Side::Second(pair)]);
-            pairs.iter().flatten().zip(sides)
-        };
+        let sides = || (0..pairs.len()).flat_map(|pair| [Side::First(pair), Side::Second(pair)]);
+        let volumes = || pairs.iter().flatten().zip(sides());
         if let Some((volume, side)) = volumes().find(|(volume, _)| !volume.grid.agrees_with(grid)) {
             let wanted = format!("wanted the grid of the first volume, a {grid}");
             return Err(Refused::new(side, volume.grid.to_string(), wanted));
@@ -66,22 +60,13 @@ impl<'a> Plan<'a> {
         self.options.windows(self.part.shape)
     }
 
-    /// Runs the passes. Calls `watch(n)` after n more windows.
-    ///
-    /// # Errors
-    /// No window of a pass holds a peak.
+    /// Runs the passes. Calls `watch(n)` after n more windows. Refuses volumes without a peak in any window of a pass.
     pub fn correlate(&self, watch: &(dyn Fn(u64) + Sync)) -> Result<Outcome, Refused> {
         multigrid::run(self.pairs, self.mask, self.options, &self.part, watch)
     }
 }
 
-/// Correlates two volumes of one grid.
-///
-/// # Errors
-/// The errors of [`Plan::new`] and [`Plan::correlate`].
-///
-/// # Panics
-/// The panics of [`Plan::new`].
+/// Correlates two volumes of one grid; refuses and panics as [`Plan::new`] and [`Plan::correlate`] do.
 pub fn correlate(first: &Sparse, second: &Sparse, options: &Options) -> Result<Outcome, Refused> {
     Plan::new(&[[*first, *second]], &Mask::Everything, options)?.correlate(&|_| ())
 }

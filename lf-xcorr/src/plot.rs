@@ -9,7 +9,6 @@ use lf_core::field::{Cut, MEASURED, NO_DATA, REPLACED};
 use lf_core::plot::{Arrows, Axis, Chart, Mark, Slice, draw, short, usual};
 use lf_core::{Field, Refusal};
 
-/// The letters of the axes, and of the components.
 const AXES: [&str; 3] = ["x", "y", "z"];
 const COMPONENTS: [&str; 3] = ["u", "v", "w"];
 /// Largest number of arrows along the longer side of the layer.
@@ -17,13 +16,7 @@ const MOST_ARROWS: usize = 47;
 /// Least usual length of an arrow, as a share of the end of the colours: noise about zero must not look like a flow.
 const LEAST_USUAL: f64 = 0.2;
 
-/// The layer of `field` nearest to `cut` as an SVG.
-///
-/// # Errors
-/// A place outside the field.
-///
-/// # Panics
-/// If the axis of `cut` is not 0, 1 or 2.
+/// The layer of `field` nearest to `cut` as an SVG. Refuses a place outside the field; panics if the axis is above 2.
 pub fn slice(field: &Field, cut: Cut) -> Result<String, Refusal> {
     draw(&chart(field, cut)?)
 }
@@ -69,11 +62,9 @@ fn chart(field: &Field, cut: Cut) -> Result<Chart, Refusal> {
 /// The lines under the title. `counts` are the vectors that are measured, replaced and without data.
 fn notes(slice: &Slice, [measured, replaced, no_data]: [usize; 3]) -> Vec<String> {
     let [right, upright] = slice.across().map(|axis| COMPONENTS[axis]);
+    let through = COMPONENTS[slice.through];
     let mut notes = vec![
-        format!(
-            "colour: {}, through the plane; arrows: {right} and {upright}, in the plane",
-            COMPONENTS[slice.through]
-        ),
+        format!("colour: {through}, through the plane; arrows: {right} and {upright}, in the plane"),
         format!("this layer: {measured} measured, {replaced} replaced, {no_data} no data"),
     ];
     let stride = slice.arrow_stride(MOST_ARROWS);

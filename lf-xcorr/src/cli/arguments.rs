@@ -118,14 +118,12 @@ impl Arguments {
     pub fn ignored(&self) -> Option<(&'static str, &'static str)> {
         let (method, resolved) = (&self.method, self.resolved());
         let is_never = resolved.deform == When::Never;
-        self.windows.ignored().or_else(|| {
-            if method.repeats.is_some_and(|repeats| repeats != 1) && is_never {
-                Some(("--repeats", "without deformation no pass is repeated"))
-            } else if method.stall.is_some() && (is_never || resolved.repeats == 1) {
-                Some(("--stall", "no pass is repeated"))
-            } else {
-                None
-            }
+        let never_repeats = method.repeats.is_some_and(|repeats| repeats != 1) && is_never;
+        let never_stalls = method.stall.is_some() && (is_never || resolved.repeats == 1);
+        self.windows.ignored().or(match (never_repeats, never_stalls) {
+            (true, _) => Some(("--repeats", "without deformation no pass is repeated")),
+            (_, true) => Some(("--stall", "no pass is repeated")),
+            _ => None,
         })
     }
 

@@ -21,25 +21,21 @@ pub fn tell(outcome: &Outcome, options: &Options, session: &mut Session) {
     if replaced * 5 > flags.len() - count(NO_DATA) {
         session.warn(format!("{replaced} vectors replaced against {measured} measured; try larger windows"));
     }
-    session.count("vectors", flags.len());
-    session.count("measured", measured);
-    session.count("replaced", replaced);
-    session.count("no_data", count(NO_DATA));
+    let counts =
+        [("vectors", flags.len()), ("measured", measured), ("replaced", replaced), ("no_data", count(NO_DATA))];
+    counts.into_iter().for_each(|(name, count)| session.count(name, count));
     if let Some(pass) = outcome.passes.last() {
-        session.count("lit_voxels_a", pass.lit[0]);
-        session.count("lit_voxels_b", pass.lit[1]);
-        session.count("repeats", pass.repeats.len());
+        let counts = [("lit_voxels_a", pass.lit[0]), ("lit_voxels_b", pass.lit[1]), ("repeats", pass.repeats.len())];
+        counts.into_iter().for_each(|(name, count)| session.count(name, count));
     }
 }
 
 /// Why the last pass was not repeated once more.
 fn end_line(pass: &PassReport, options: &Options) -> String {
-    let times = pass.repeats.len();
+    let (times, stall_vox) = (pass.repeats.len(), options.stall_vox);
     let why = match pass.repeats.last() {
         _ if options.deform == Deform::Never => "without deformation no pass is repeated".to_owned(),
-        Some(last) if last.change_vox < options.stall_vox => {
-            format!("vectors changed by less than {} voxel", options.stall_vox)
-        }
+        Some(last) if last.change_vox < stall_vox => format!("vectors changed by less than {stall_vox} voxel"),
         _ if times == options.repeats => "--repeats allows no more".to_owned(),
         _ => "another repeat would change them no less, or for the worse".to_owned(),
     };
@@ -65,13 +61,14 @@ fn pass_line(number: usize, pass: &PassReport) -> String {
 
 fn repeat_line(number: usize, again: usize, repeat: &Repeat) -> String {
     let counts = repeat.counts;
-    let state = if repeat.deformed {
-        format!("deformed by {:.2} voxel across a window", repeat.change_across_vox)
-    } else {
-        "volumes as they are".to_owned()
+    let state = match repeat.deformed {
+        true => format!("deformed by {:.2} voxel across a window", repeat.change_across_vox),
+        false => "volumes as they are".to_owned(),
     };
-    let change =
-        if repeat.change_vox.is_nan() { String::new() } else { format!(", changed by {:.4} voxel", repeat.change_vox) };
+    let change = match repeat.change_vox {
+        change_vox if change_vox.is_nan() => String::new(),
+        change_vox => format!(", changed by {change_vox:.4} voxel"),
+    };
     format!(
         "pass {number}.{again}: {state}; {}; correlation {:.3}{change}; {} dark, {} without a peak inside the search, \
          {} outliers; {} of these by their second peak, {} replaced, {} without data",

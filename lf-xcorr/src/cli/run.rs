@@ -1,7 +1,9 @@
 //! A run of lf-xcorr: read the volumes, plan, correlate, write the field.
 
 use super::{arguments::Arguments, report, words::MaskSource};
-use lf_core::{Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, field::Cut, io, volume::together};
+use lf_core::{
+    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, field::Cut, io, simd::Level, volume::together,
+};
 use lf_xcorr::{Mask, Outcome, Plan, Refused, Side, Sparse, plot};
 use std::ops::Range;
 use std::path::PathBuf;
@@ -9,7 +11,6 @@ use std::path::PathBuf;
 /// The column of a volume that is correlated.
 const COLUMN: &str = "intensity";
 
-/// The whole run.
 pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     check_outputs(arguments, session)?;
     let (volumes, support) = session.phase("read", |_| Ok((volumes(arguments)?, support(arguments)?)))?;
@@ -32,7 +33,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     }
     if session.is_verbose() {
         session.explain(plan.about());
-        session.explain(format!("products by {}", lf_core::simd::Level::detect().name()));
+        session.explain(format!("products by {}", Level::unfused().name()));
     }
     let mut outcome = session.phase("correlate", |session| {
         let progress = session.progress("windows", plan.windows());
@@ -80,7 +81,6 @@ fn volumes(arguments: &Arguments) -> Result<Vec<JoinedVolume>> {
     Ok(volumes)
 }
 
-/// The names of volumes.
 fn names(volumes: &[JoinedVolume], between: &str) -> String {
     volumes.iter().map(JoinedVolume::name).collect::<Vec<_>>().join(between)
 }

@@ -11,7 +11,6 @@ const WINDOW: [usize; 3] = [160, 160, 16];
 /// Least length of a window given in millimetres, voxels.
 const LEAST_WINDOW: usize = 4;
 
-/// The windows.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Windows")]
 pub struct Windows {
@@ -64,17 +63,13 @@ impl Windows {
     pub fn ignored(&self) -> Option<(&'static str, &'static str)> {
         let have_own_search = !self.pass.is_empty() && self.pass.iter().skip(1).all(|pass| pass.search.is_some());
         let has_own_search = self.pass.first().is_some_and(|pass| pass.search.is_some());
-        if self.refine.is_some() && self.pass.len() == 1 {
-            Some(("--refine", "there is one pass"))
-        } else if self.refine.is_some() && have_own_search {
-            Some(("--refine", "every later pass has its own"))
-        } else if self.search.is_some() && has_own_search {
-            Some(("--search", "the first pass has its own"))
-        } else if self.overlap.is_some() && self.has_own_overlaps() {
-            Some(("--overlap", "every pass has its own"))
-        } else {
-            None
-        }
+        let ignored = [
+            (self.refine.is_some() && self.pass.len() == 1, "--refine", "there is one pass"),
+            (self.refine.is_some() && have_own_search, "--refine", "every later pass has its own"),
+            (self.search.is_some() && has_own_search, "--search", "the first pass has its own"),
+            (self.overlap.is_some() && self.has_own_overlaps(), "--overlap", "every pass has its own"),
+        ];
+        ignored.into_iter().find(|(is_ignored, ..)| *is_ignored).map(|(_, option, why)| (option, why))
     }
 
     /// The passes for a volume of `grid`; `overlap` holds for passes that have no overlap of their own.
@@ -111,10 +106,9 @@ impl Windows {
             let used = clamped(wanted, grid.shape);
             let [x, y, z] = sides_mm;
             let told = format!("{name} of {x} x {y} x {z} mm is {} voxels", triple(wanted));
-            if used == wanted {
-                session.explain(told);
-            } else {
-                session.warn(format!("{told}; used {}", triple(used)));
+            match used == wanted {
+                true => session.explain(told),
+                false => session.warn(format!("{told}; used {}", triple(used))),
             }
         };
         self.initial_mm.into_iter().for_each(|sides_mm| tell("initial window", sides_mm));

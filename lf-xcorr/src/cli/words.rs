@@ -40,10 +40,8 @@ pub enum MaskSource {
 /// `160,160,16`: three whole numbers above 0.
 pub fn whole_triple(text: &str) -> Result<[usize; 3], String> {
     let numbers: Option<Vec<usize>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let numbers = numbers.and_then(|numbers| <[usize; 3]>::try_from(numbers).ok());
-    numbers
-        .filter(|numbers| !numbers.contains(&0))
-        .ok_or_else(|| "wanted three whole numbers above 0, like 160,160,16".into())
+    let numbers = numbers.and_then(|numbers| <[usize; 3]>::try_from(numbers).ok()).filter(|n| !n.contains(&0));
+    numbers.ok_or_else(|| "wanted three whole numbers above 0, like 160,160,16".into())
 }
 
 /// `0.88,0.88,0.88`: three lengths in mm above 0.

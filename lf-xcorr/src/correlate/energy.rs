@@ -5,7 +5,7 @@
 //! Promise: a sum is the difference of two running sums, good to 1e-15 of the whole region's sum. It is never negative,
 //! and exactly 0 if there is no light.
 
-use super::{midpoints::hull, sums::zeros};
+use super::{shifts::hull, sums::zeros};
 use crate::volumes::Rows;
 use std::ops::Range;
 
@@ -22,22 +22,15 @@ pub(crate) struct Scratch {
     along_z: Vec<f64>,
 }
 
-/// Writes the sum and the sum of squares for every shift. Shift (kx, ky, kz) sums the box `ranges[0][kx]` x
+/// Writes the sum and the sum of squares for every shift to `out`. Shift (kx, ky, kz) sums the box `ranges[0][kx]` x
 /// `ranges[1][ky]` x `ranges[2][kz]`.
-pub(crate) fn sums(
-    rows: &Rows,
-    ranges: &[Vec<Range<i32>>; 3],
-    sum: &mut [f64],
-    squares: &mut [f64],
-    scratch: &mut Scratch,
-) {
+pub(crate) fn sums(rows: &Rows, ranges: &[Vec<Range<i32>>; 3], mut out: [&mut [f64]; 2], scratch: &mut Scratch) {
     let [nx, ny, _] = ranges.each_ref().map(Vec::len);
     let [hull_x, hull_y, hull_z] = ranges.each_ref().map(|ranges| hull(ranges));
-    sum.fill(0.0);
-    squares.fill(0.0);
+    out.iter_mut().for_each(|sums| sums.fill(0.0));
     zeros(&mut scratch.along_z, 2 * nx * ny);
     for z in hull_z.start..hull_z.end + 1 {
-        take(&ranges[2], z, &scratch.along_z, sum, squares);
+        take(&ranges[2], z, &scratch.along_z, out.each_mut().map(|sums| &mut **sums));
         if z < hull_z.end && sum_plane(rows, z, ranges, [&hull_x, &hull_y], scratch) {
             scratch.along_z.iter_mut().zip(&scratch.plane).for_each(|(running, plane)| *running += plane);
         }
@@ -59,8 +52,7 @@ fn sum_plane(
     let mut is_lit = false;
     for y in hull_y.start..hull_y.end + 1 {
         if is_lit {
-            let (plane_sum, plane_squares) = plane.split_at_mut(nx * ny);
-            take(&ranges[1], y, along_y, plane_sum, plane_squares);
+            take(&ranges[1], y, along_y, plane.split_at_mut(nx * ny).into());
         }
         if y == hull_y.end {
             break;
@@ -96,7 +88,7 @@ fn run_along(x: &[u32], value: &[f32], hull: &Range<i32>, out: &mut Vec<[f64; 2]
 /// Carries the running sums over to the ranges: subtracts them from every range that starts at `place`, adds them to
 /// every range that ends there. `running` holds the sums, then the squares.
 #[inline]
-fn take(ranges: &[Range<i32>], place: i32, running: &[f64], sum: &mut [f64], squares: &mut [f64]) {
+fn take(ranges: &[Range<i32>], place: i32, running: &[f64], [sum, squares]: [&mut [f64]; 2]) {
     let n = running.len() / 2;
     for (k, range) in ranges.iter().enumerate().filter(|(_, range)| !range.is_empty()) {
         for (to, from) in [(&mut *sum, &running[..n]), (&mut *squares, &running[n..])] {
@@ -136,8 +128,7 @@ mod tests {
                 (0..5).map(|_| if trial % 10 == 9 { 3..3 } else { range() }).collect()
             });
             let mut found = [vec![7.0; 125], vec![7.0; 125]];
-            let [sum, squares] = &mut found;
-            sums(&rows, &ranges, sum, squares, &mut scratch);
+            sums(&rows, &ranges, found.each_mut().map(Vec::as_mut_slice), &mut scratch);
             // The oracle sums every voxel of every box.
             let mut wanted = [vec![0.0; 125], vec![0.0; 125]];
             for k in 0..125 {

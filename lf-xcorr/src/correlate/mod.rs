@@ -10,7 +10,6 @@ mod fit;
 mod kernel;
 mod light;
 mod measure;
-mod midpoints;
 #[cfg(test)]
 mod oracle;
 mod peak;

@@ -1,7 +1,7 @@
 //! The normalised correlation of a window at every trial shift.
 
+use super::shifts::{Shifts, midpoints};
 use super::sums::{Sums, channel};
-use super::{midpoints::midpoints, shifts::Shifts};
 use std::ops::Range;
 
 /// The locally normalised, zero-mean correlation of a window at every shift.

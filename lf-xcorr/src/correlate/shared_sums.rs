@@ -4,9 +4,9 @@
 //! Memory: the cells of one layer of windows at a time, never of the whole grid.
 
 use super::kernel::{self, Cell};
-use super::shifts::{Shifts, back, on};
+use super::shifts::{Shifts, back, on, paired_voxels};
 use super::sums::{Sums, SumsPool, channel};
-use super::{energy, midpoints::paired_voxels, window_grid::WindowGrid};
+use super::{energy, window_grid::WindowGrid};
 use crate::volumes::Rows;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -105,8 +105,7 @@ impl Sharing<'_> {
             let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
             let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
             for (rows, ranges, channel) in [(first, of_first, channel::FIRST), (second, of_second, channel::SECOND)] {
-                let (sum, squares) = sums.pair_mut(channel);
-                energy::sums(rows, &ranges, sum, squares, &mut scratch.1);
+                energy::sums(rows, &ranges, sums.pair_mut(channel), &mut scratch.1);
             }
             Some(sums)
         };

@@ -37,9 +37,9 @@ impl Sums {
     }
 
     /// A channel and the next one, mutable.
-    pub fn pair_mut(&mut self, channel: usize) -> (&mut [f64], &mut [f64]) {
+    pub fn pair_mut(&mut self, channel: usize) -> [&mut [f64]; 2] {
         let n = self.shifts.len();
-        self.data[channel * n..(channel + 2) * n].split_at_mut(n)
+        self.data[channel * n..(channel + 2) * n].split_at_mut(n).into()
     }
 
     /// Adds `other`. Its box of shifts contains this one.

@@ -72,10 +72,7 @@ impl Transforms {
         }
     }
 
-    /// The sums of a window. Its midpoints, at the centre of `shifts`, are `window`.
-    ///
-    /// # Panics
-    /// If the window or the box of shifts is not of the prepared size.
+    /// The sums of a window of the prepared size. Its midpoints, at the centre of `shifts`, are `window`.
     pub fn sums(
         &self,
         [first, second]: [&Rows; 2],
@@ -97,9 +94,8 @@ impl Transforms {
             shifts.along(axis).map(pairs).collect()
         };
         for (rows, channel, of_second) in [(first, channel::FIRST, false), (second, channel::SECOND, true)] {
-            let (sum, squares) = sums.pair_mut(channel);
             let ranges = [0, 1, 2].map(|axis| paired(axis, of_second));
-            energy::sums(rows, &ranges, sum, squares, &mut scratch.energy);
+            energy::sums(rows, &ranges, sums.pair_mut(channel), &mut scratch.energy);
         }
 
         // Transform both along x and y, and correlate if both hold light.

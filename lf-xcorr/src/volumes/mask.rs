@@ -27,10 +27,7 @@ impl Mask<'_> {
         }
     }
 
-    /// The grid of the voxels that windows may hold.
-    ///
-    /// # Errors
-    /// A box that holds no voxel of the volume.
+    /// The grid of the voxels that windows may hold. Refuses a box that holds no voxel of the volume.
     pub fn part(&self, grid: &Grid) -> Result<Grid, Refused> {
         let sides = self.sides(grid.shape);
         if sides.iter().any(Range::is_empty) {

@@ -16,13 +16,8 @@ pub struct Sparse<'a> {
 }
 
 impl Sparse<'_> {
-    /// Checks that the volume can be correlated inside `mask`; `side` names it in a refusal.
-    ///
-    /// # Errors
-    /// An intensity that is negative or not finite; no light, or none inside the mask.
-    ///
-    /// # Panics
-    /// If the lengths differ or the indices do not rise.
+    /// Refuses, as `side`, an intensity that is negative or not finite, and a volume without light inside `mask`. Panics
+    /// if the lengths differ or the indices do not rise.
     pub(crate) fn check(&self, mask: &Mask, side: Side) -> Result<(), Refused> {
         assert_eq!(self.indices.len(), self.intensity.len(), "one intensity per index");
         let rises = self.indices.windows(2).all(|pair| pair[0] < pair[1]);
@@ -46,7 +41,6 @@ impl Sparse<'_> {
         Ok(())
     }
 
-    /// The brightest intensity; 0 for an empty volume.
     pub(crate) fn peak(&self) -> f32 {
         self.intensity.iter().fold(0.0, |peak, &value| value.max(peak))
     }
