@@ -2,21 +2,20 @@
 
 use super::*;
 
+/// A scene by an aligned camera with a square stop.
+fn plain(method: Method, strength: impl Fn(usize) -> f32) -> Scene {
+    Scene::new(camera("square", "square", 0.0), method, strength)
+}
+
 #[test]
 fn a_brighter_image_is_a_brighter_volume() {
-    let grid = grid();
-    let indices = voxels(&grid);
-    let strengths: Vec<f32> = (0..indices.len()).map(|n| 1000.0 * hash(n)).collect();
-    let camera = camera("circle", "square", 0.0);
-    let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-    let image = image_of(&matrix(&weights, &indices), &strengths, 168);
     for method in METHODS {
-        let options = options(method, 4);
-        let one = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+        let scene = Scene::new(camera("circle", "square", 0.0), method, |n| 1000.0 * hash(n));
+        let solve = |image| scene.solve(&image, None, &options(method, 4)).unwrap();
+        let one = solve(scene.image.clone());
         // From far below a photon to far above any sensor.
         for scale in [1e-25f32, 1e-6, 1024.0, 1e25] {
-            let scaled = image.mapv(|value| value * scale);
-            let other = reconstruct(scaled.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+            let other = solve(scene.image.mapv(|value| value * scale));
             assert_eq!(one.indices, other.indices, "{method:?} {scale}");
             for (a, b) in one.intensity.iter().zip(&other.intensity) {
                 assert!((b / (a * scale) - 1.0).abs() < 1e-3, "{method:?} {scale}: {a} {b}");
@@ -27,25 +26,18 @@ fn a_brighter_image_is_a_brighter_volume() {
 
 #[test]
 fn extremes_stay_finite() {
-    let grid = grid();
-    let indices = voxels(&grid);
-    let camera = camera("square", "square", 0.0);
+    let scene = plain(Method::Subsets, |_| 0.0);
     let mut spike = Array2::zeros((168, 182));
     spike[[80, 91]] = 1e30;
-    let images = [
-        Array2::zeros((168, 182)),
-        Array2::from_elem((168, 182), 1e-45),
-        Array2::from_elem((168, 182), 1e-30),
-        Array2::from_elem((168, 182), 1e30),
-        Array2::from_elem((168, 182), f32::MAX),
-        Array2::from_shape_fn((168, 182), |(row, column)| if (row + column) % 2 == 0 { 0.0 } else { 65535.0 }),
-        spike,
-    ];
+    let mut images = vec![spike];
+    images.extend([0.0, 1e-45, 1e-30, 1e30, f32::MAX].map(|value| Array2::from_elem((168, 182), value)));
+    let is_dark = |(row, column)| (row + column) % 2 == 0;
+    images.push(Array2::from_shape_fn((168, 182), |pixel| if is_dark(pixel) { 0.0 } else { 65535.0 }));
     for method in METHODS {
         for relaxation in [1e-6, 2.5, 100.0] {
             for image in &images {
                 let options = Options { relaxation, ..options(method, 30) };
-                let found = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+                let found = scene.solve(image, None, &options).unwrap();
                 assert!(found.intensity.iter().all(|e| e.is_finite() && *e >= 0.0), "{method:?} {relaxation}");
                 assert!(found.sweeps.iter().all(|sweep| sweep.misfit.is_finite()), "{method:?} {relaxation}");
             }
@@ -55,36 +47,31 @@ fn extremes_stay_finite() {
 
 #[test]
 fn voxels_that_no_pixel_sees_are_counted_and_left_out() {
-    let camera = camera("square", "square", 0.0);
     let grid = Grid::in_bounds([[-2.0, 2.0], [-0.1, 0.1], [-0.1, 0.1]], [0.0055, 0.0055, 0.055]).unwrap();
     let indices = vec![grid.index([0, 5, 1]), grid.index([grid.shape[0] / 2, 5, 1])];
-    let image = Array2::from_elem((168, 182), 1.0);
+    let scene = Scene::with_voxels(camera("square", "square", 0.0), grid, indices, Method::Subsets, |_| 0.0);
     for method in METHODS {
-        let found = reconstruct(image.view(), &camera, &grid, &indices, None, &options(method, 2), |_| ()).unwrap();
-        assert_eq!((found.unseen, found.indices.as_slice()), (1, &indices[1..]), "{method:?}");
+        let found = scene.solve(&Array2::from_elem((168, 182), 1.0), None, &options(method, 2)).unwrap();
+        assert_eq!((found.unseen, found.indices.as_slice()), (1, &scene.indices[1..]), "{method:?}");
     }
 }
 
 #[test]
 fn weights_that_do_not_fit_are_refused() {
-    let grid = grid();
-    let image = Array2::from_elem((168, 182), 1.0);
+    let mut scene = plain(Method::Mart, |_| 0.0);
     let options = Options { max_bytes: 1000, ..options(Method::Mart, 1) };
-    let camera = camera("square", "square", 0.0);
-    let refused = reconstruct(image.view(), &camera, &grid, &voxels(&grid), None, &options, |_| ());
-    assert!(refused.unwrap_err().to_string().contains("GB"));
-    assert!(reconstruct(image.view(), &camera, &grid, &[grid.len()], None, &options, |_| ()).is_err());
+    assert!(scene.solve(&scene.image, None, &options).unwrap_err().to_string().contains("GB"));
+    scene.indices = vec![scene.grid.len()];
+    assert!(scene.solve(&scene.image, None, &options).is_err());
 }
 
 #[test]
 fn a_reconstruction_that_exceeds_its_memory_is_refused() {
-    let grid = grid();
-    let image = Array2::from_elem((168, 182), 1.0);
-    for camera in cameras() {
+    for scene in cameras().map(|camera| Scene::new(camera, Method::Subsets, |_| 0.0)) {
         for method in METHODS {
-            let bytes = Plan::new(&camera, &grid, &voxels(&grid), &options(method, 1)).unwrap().bytes();
-            let options = Options { max_bytes: bytes - 1, ..options(method, 1) };
-            let refused = reconstruct(image.view(), &camera, &grid, &voxels(&grid), None, &options, |_| ());
+            let options = options(method, 1);
+            let bytes = Plan::new(&scene.camera, &scene.grid, &scene.indices, &options).unwrap().bytes();
+            let refused = scene.solve(&scene.image, None, &Options { max_bytes: bytes - 1, ..options });
             assert!(refused.unwrap_err().to_string().contains("GB"));
         }
     }
@@ -93,11 +80,9 @@ fn a_reconstruction_that_exceeds_its_memory_is_refused() {
 /// A camera of 3 x 3 lenslets and one voxel: in focus, at the edge of sight, and hundreds of lenslets out of focus.
 #[test]
 fn one_voxel_anywhere_is_found_in_a_hundred_thousand_sweeps() {
-    let text = r#"{"sensor": {"width": 42, "height": 42, "pixel_pitch_mm": 0.0055},
-        "main_lens": {"focal_length_mm": 200, "magnification": 1, "working_f_number": 4, "aperture": "square"},
-        "microlenses": {"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0,
-        "offset_mm": [0, 0]}}"#;
-    let camera = Camera::from_json(text).unwrap();
+    let mut camera = camera("square", "square", 0.0);
+    (camera.sensor.width, camera.sensor.height) = (42, 42);
+    camera.microlenses.offset_mm = [0.0, 0.0];
     let focus = [[-0.01, 0.01], [-0.01, 0.01], [-0.01, 0.01]];
     for (bounds, method, sweeps) in [
         (focus, Method::Subsets, 1000),
@@ -108,33 +93,23 @@ fn one_voxel_anywhere_is_found_in_a_hundred_thousand_sweeps() {
         ([[-0.01, 0.01], [-0.01, 0.01], [-120.02, -120.0]], Method::Subsets, 1000),
     ] {
         let grid = Grid::in_bounds(bounds, [0.02, 0.02, 0.02]).unwrap();
-        let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-        let matrix = matrix(&weights, &[0]);
-        assert!(matrix.sum() > 0.0, "{bounds:?}");
-        let image = image_of(&matrix, &[3000.0], 42);
-        let mut last = None;
-        let done = |sweep: &Sweep| last = Some(*sweep);
-        let options = options(method, sweeps);
-        let found = reconstruct(image.view(), &camera, &grid, &[0], None, &options, done).unwrap();
-        assert_eq!(last.unwrap().number, sweeps);
+        let scene = Scene::with_voxels(camera.clone(), grid, vec![0], method, |_| 3000.0);
+        assert!(scene.matrix.sum() > 0.0, "{bounds:?}");
+        let found = scene.solve(&scene.image, None, &options(method, sweeps)).unwrap();
+        let last = found.sweeps[sweeps - 1];
+        assert_eq!((last.number, found.sweeps.len()), (sweeps, sweeps));
         assert!((found.intensity[0] / 3000.0 - 1.0).abs() < 1e-3, "{bounds:?}: {:?}", found.intensity);
-        assert!(last.unwrap().misfit < 1e-3, "{bounds:?}: {last:?}");
+        assert!(last.misfit < 1e-3, "{bounds:?}: {last:?}");
     }
 }
 
 #[test]
 fn a_start_is_continued_and_voxels_that_it_lacks_can_come_back() {
-    let grid = grid();
-    let indices = voxels(&grid);
-    let strengths: Vec<f32> = (0..indices.len()).map(|n| 100.0 + 1000.0 * hash(n)).collect();
-    let camera = camera("square", "square", 0.0);
-    let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-    let image = image_of(&matrix(&weights, &indices), &strengths, 168);
     for method in METHODS {
-        let run = |start: Option<Start>, sweeps| {
-            reconstruct(image.view(), &camera, &grid, &indices, start, &options(method, sweeps), |_| ()).unwrap()
-        };
-        let truth = Start { indices: &indices, intensity: &strengths };
+        let scene = plain(method, |n| 100.0 + 1000.0 * hash(n));
+        let run = |start, sweeps| scene.solve(&scene.image, start, &options(method, sweeps)).unwrap();
+        let Scene { indices, strengths, .. } = &scene;
+        let truth = Start { indices, intensity: strengths };
         assert!(run(Some(truth), 1).sweeps[0].misfit < 1e-5, "{method:?}");
         // Leave out every third voxel, and add one that the support does not have.
         let mut known: Vec<(u64, f32)> = indices.iter().copied().zip(strengths.iter().copied()).collect();
@@ -150,15 +125,10 @@ fn a_start_is_continued_and_voxels_that_it_lacks_can_come_back() {
 
 #[test]
 fn sweeps_end_as_asked() {
-    let grid = grid();
-    let indices = voxels(&grid);
-    let strengths: Vec<f32> = (0..indices.len()).map(|n| 100.0 + 1000.0 * hash(n)).collect();
-    let camera = camera("square", "square", 0.0);
-    let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-    let mut image = image_of(&matrix(&weights, &indices), &strengths, 168);
+    let scene = plain(Method::Subsets, |n| 100.0 + 1000.0 * hash(n));
+    let mut image = scene.image.clone();
     let run = |image: &Array2<f32>, until| {
-        let options = Options { until, ..options(Method::Subsets, 200) };
-        reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap().sweeps
+        scene.solve(image, None, &Options { until, ..options(Method::Subsets, 200) }).unwrap().sweeps
     };
     assert_eq!(run(&image, Until::Never).len(), 200);
     let sweeps = run(&image, Until::Misfit(0.05));
@@ -175,17 +145,13 @@ fn sweeps_end_as_asked() {
 /// The pixels of a dead lenslet, at 0 counts, extinguish the voxels that they should see. As blind pixels they do not.
 #[test]
 fn blind_pixels_have_no_effect() {
-    let grid = grid();
-    let indices = voxels(&grid);
-    let strengths: Vec<f32> = (0..indices.len()).map(|n| 500.0 + 1000.0 * hash(n)).collect();
     for camera in cameras() {
-        let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
         for method in METHODS {
-            let matrix = if method == Method::Mart { matrix } else { matrix_by_lenslets };
-            let mut image = image_of(&matrix(&weights, &indices), &strengths, 168);
-            let options = options(method, 40);
+            let scene = Scene::new(camera.clone(), method, |n| 500.0 + 1000.0 * hash(n));
+            let Scene { indices, strengths, .. } = &scene;
+            let mut image = scene.image.clone();
             let error_of = |image: &Array2<f32>| {
-                let found = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+                let found = scene.solve(image, None, &options(method, 40)).unwrap();
                 let error = |(index, value): (&u64, &f32)| {
                     f64::from(strengths[indices.binary_search(index).unwrap()] - value).powi(2)
                 };

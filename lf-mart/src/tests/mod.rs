@@ -4,10 +4,10 @@ mod extremes;
 mod slow;
 
 use crate::operator::{Operator, Plane, VoxelWeights};
-use crate::{Method, Options, Plan, Reconstruction, Start, Sweep, Until};
+use crate::{Method, Options, Plan, Reconstruction, Start, Until};
 use lf_core::weights::{Basis, Model, Path, RowSet, Scratch};
 use lf_core::{Camera, Grid, Refusal, Weights};
-use ndarray::{Array1, Array2, ArrayView2};
+use ndarray::{Array1, Array2};
 
 const SUBSETS: usize = 14;
 const FLOOR: f64 = 1e-4;
@@ -35,19 +35,6 @@ pub(crate) fn grid() -> Grid {
     Grid::in_bounds([[-0.11, 0.11], [-0.1, 0.1], [-1.5, 1.5]], [0.0055, 0.0055, 0.055]).unwrap()
 }
 
-/// Plans and solves.
-fn reconstruct(
-    image: ArrayView2<f32>,
-    camera: &Camera,
-    grid: &Grid,
-    indices: &[u64],
-    start: Option<Start>,
-    options: &Options,
-    done: impl FnMut(&Sweep),
-) -> Result<Reconstruction, Refusal> {
-    Plan::new(camera, grid, indices, options)?.solve(image, start, done)
-}
-
 /// A few voxels all over the grid, some of them neighbours, by rising index.
 pub(crate) fn voxels(grid: &Grid) -> Vec<u64> {
     let mut indices: Vec<u64> = (0..60u64).map(|n| n * n * 7919 % grid.len()).collect();
@@ -61,34 +48,63 @@ pub(crate) fn hash(n: usize) -> f32 {
     (((n as u32).wrapping_add(1).wrapping_mul(2_654_435_761) >> 9) % 1000) as f32 / 1000.0
 }
 
-/// W, pixels by voxels, the slow way.
-fn matrix(weights: &Weights, indices: &[u64]) -> Array2<f64> {
-    let [width, height] = weights.sensor_px();
-    let mut matrix = Array2::zeros((width * height, indices.len()));
-    for (n, index) in indices.iter().enumerate() {
-        let voxel = weights.grid().voxel(*index);
-        let add = |column, row, weight| matrix[[row as usize * width + column as usize, n]] += f64::from(weight);
-        weights.visit(voxel, &mut Scratch::default(), |_| true, add);
-    }
-    matrix
-}
-
-/// W as projections have it: with lenslets looked up where the path does so.
-fn matrix_by_lenslets(weights: &Weights, indices: &[u64]) -> Array2<f64> {
-    if !matches!(weights.path(), Path::Lenslets(_)) {
-        return matrix(weights, indices);
-    }
+/// W, pixels by voxels, the slow way; or with lenslets looked up, where the path does so.
+fn matrix(weights: &Weights, indices: &[u64], by_lenslets: bool) -> Array2<f64> {
     let [width, height] = weights.sensor_px();
     let mut matrix = Array2::zeros((width * height, indices.len()));
     let mut scratch = Scratch::default();
     for (n, index) in indices.iter().enumerate() {
-        weights.runs(weights.grid().voxel(*index), &mut scratch, RowSet::ALL, |row, first, share, columns| {
-            for (column, weight) in (first as usize..).zip(columns) {
-                matrix[[row as usize * width + column, n]] += f64::from(share) * f64::from(*weight);
-            }
-        });
+        let voxel = weights.grid().voxel(*index);
+        let mut add = |column, row, weight| matrix[[row as usize * width + column as usize, n]] += weight;
+        if by_lenslets && matches!(weights.path(), Path::Lenslets(_)) {
+            weights.runs(voxel, &mut scratch, RowSet::ALL, |row, first, share, columns| {
+                for (column, weight) in (first..).zip(columns) {
+                    add(column, row, f64::from(share) * f64::from(*weight));
+                }
+            });
+        } else {
+            weights.visit(voxel, &mut scratch, |_| true, |column, row, weight| add(column, row, f64::from(weight)));
+        }
     }
     matrix
+}
+
+/// Voxels of known strengths, and a camera's image of them, in f32 as from a sensor.
+struct Scene {
+    camera: Camera,
+    grid: Grid,
+    indices: Vec<u64>,
+    strengths: Vec<f32>,
+    matrix: Array2<f64>,
+    image: Array2<f32>,
+}
+
+impl Scene {
+    /// The usual voxels of the usual grid, with weights as a method has them.
+    fn new(camera: Camera, method: Method, strength: impl Fn(usize) -> f32) -> Self {
+        Self::with_voxels(camera, grid(), voxels(&grid()), method, strength)
+    }
+
+    fn with_voxels(
+        camera: Camera,
+        grid: Grid,
+        indices: Vec<u64>,
+        method: Method,
+        strength: impl Fn(usize) -> f32,
+    ) -> Self {
+        let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
+        // The row action stores the weights as the slow way makes them.
+        let matrix = matrix(&weights, &indices, method != Method::Mart);
+        let strengths: Vec<f32> = (0..indices.len()).map(strength).collect();
+        let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
+        let [width, height] = weights.sensor_px();
+        let image = Array2::from_shape_fn((height, width), |(row, column)| pixels[row * width + column] as f32);
+        Self { camera, grid, indices, strengths, matrix, image }
+    }
+
+    fn solve(&self, image: &Array2<f32>, start: Option<Start>, options: &Options) -> Result<Reconstruction, Refusal> {
+        Plan::new(&self.camera, &self.grid, &self.indices, options)?.solve(image.view(), start, |_| ())
+    }
 }
 
 fn rows(subset: usize) -> RowSet {
@@ -116,10 +132,7 @@ fn projections_are_the_matrix_and_its_transpose() {
                 operators.push(Operator::Voxels(VoxelWeights::new(&weights, &indices, SUBSETS, bytes)));
             }
             for operator in &mut operators {
-                let matrix = match operator {
-                    Operator::Profiles(_) => matrix(&weights, &indices),
-                    Operator::Voxels(_) => matrix_by_lenslets(&weights, &indices),
-                };
+                let matrix = matrix(&weights, &indices, matches!(operator, Operator::Voxels(_)));
                 let pixels = matrix.dot(&strengths_of);
                 let mut plane = Plane::new(width, height);
                 // Buffers start dirty: old values of a row may not show.
@@ -136,9 +149,7 @@ fn projections_are_the_matrix_and_its_transpose() {
                         );
                     }
                 }
-                for (n, value) in plane.values.iter_mut().enumerate() {
-                    *value = hash(n);
-                }
+                plane.values.iter_mut().enumerate().for_each(|(n, value)| *value = hash(n));
                 let image = Array1::from_shape_fn(width * height, |n| {
                     f64::from(plane.values[n / width * plane.stride + n % width])
                 });
@@ -180,35 +191,21 @@ fn options(method: Method, iterations: usize) -> Options {
     }
 }
 
-/// The image of known strengths on the support, in f32 as from a camera.
-fn image_of(matrix: &Array2<f64>, strengths: &[f32], height: usize) -> Array2<f32> {
-    let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
-    let width = pixels.len() / height;
-    Array2::from_shape_fn((height, width), |(row, column)| pixels[row * width + column] as f32)
-}
-
 const METHODS: [Method; 4] = [Method::Subsets, Method::Smart, Method::Mlem, Method::Mart];
 
 #[test]
 fn methods_are_their_slow_twins() {
-    let grid = grid();
-    let indices = voxels(&grid);
-    let strengths: Vec<f32> = (0..indices.len()).map(|n| 100.0 + 1000.0 * hash(n)).collect();
     for camera in cameras() {
-        let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
         for method in METHODS {
-            // The row action stores the weights as the slow way makes them.
-            let matrix = if method == Method::Mart { matrix } else { matrix_by_lenslets };
-            let matrix = matrix(&weights, &indices);
-            let image = image_of(&matrix, &strengths, 168);
-            let flat = Array1::from_iter(image.iter().map(|value| f64::from(*value)));
+            let scene = Scene::new(camera.clone(), method, |n| 100.0 + 1000.0 * hash(n));
+            let flat = Array1::from_iter(scene.image.iter().map(|value| f64::from(*value)));
             let options = options(method, 4);
-            let fast = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+            let fast = scene.solve(&scene.image, None, &options).unwrap();
             let slow = match method {
-                Method::Mart => slow::mart(&matrix, &flat, 4, options.relaxation),
-                _ => slow::simultaneous(&matrix, &flat, 182, 4, method, options.relaxation),
+                Method::Mart => slow::mart(&scene.matrix, &flat, 4, options.relaxation),
+                _ => slow::simultaneous(&scene.matrix, &flat, 182, 4, method, options.relaxation),
             };
-            assert_eq!(fast.indices, indices);
+            assert_eq!(fast.indices, scene.indices);
             for (value, exact) in fast.intensity.iter().zip(&slow) {
                 assert!((f64::from(*value) / exact - 1.0).abs() < 2e-3, "{method:?}: {value} against {exact}");
             }
@@ -218,19 +215,14 @@ fn methods_are_their_slow_twins() {
 
 #[test]
 fn an_image_without_noise_is_explained() {
-    let grid = grid();
-    let indices = voxels(&grid);
-    let strengths: Vec<f32> =
-        (0..indices.len()).map(|n| if n % 3 == 0 { 1000.0 + 1000.0 * hash(n) } else { 0.0 }).collect();
     for camera in cameras() {
-        let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
-        let image = image_of(&matrix_by_lenslets(&weights, &indices), &strengths, 168);
-        let options = options(Method::Subsets, 200);
-        let found = reconstruct(image.view(), &camera, &grid, &indices, None, &options, |_| ()).unwrap();
+        let strength = |n| if n % 3 == 0 { 1000.0 + 1000.0 * hash(n) } else { 0.0 };
+        let scene = Scene::new(camera, Method::Subsets, strength);
+        let found = scene.solve(&scene.image, None, &options(Method::Subsets, 200)).unwrap();
         let last = found.sweeps.last().unwrap().misfit;
         assert!(last < 0.01, "{last}");
         assert!(found.sweeps[0].misfit > 10.0 * last, "{:?}", &found.sweeps[..3]);
         let light: f32 = found.intensity.iter().sum();
-        assert!((light / strengths.iter().sum::<f32>() - 1.0).abs() < 0.01, "{light}");
+        assert!((light / scene.strengths.iter().sum::<f32>() - 1.0).abs() < 0.01, "{light}");
     }
 }
