@@ -19,8 +19,7 @@ pub(crate) enum Storage {
 }
 
 impl Storage {
-    /// Foretells [`Operator::new`]: the storage, and the bytes of the weights, an estimate from a sample of voxels and
-    /// slices.
+    /// Foretells [`Operator::new`]: the storage, and the bytes of the weights from a sample of voxels and slices.
     pub(crate) fn choose(weights: &Weights, indices: &[u64], max_bytes: u64) -> (Self, u64) {
         if let Path::Aligned(aligned) = weights.path() {
             return (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices));
@@ -33,15 +32,14 @@ impl Storage {
 
 /// The weights of a support's voxels.
 pub(crate) enum Operator<'a> {
-    /// An aligned camera: products of two profiles.
+    /// For an aligned camera.
     Profiles(Box<ProfileWeights>),
-    /// Any other: voxel by voxel.
+    /// For any other.
     Voxels(VoxelWeights<'a>),
 }
 
 impl<'a> Operator<'a> {
-    /// For image rows in `subsets` interleaved subsets. Weights are kept if they take no more than a part of
-    /// `max_bytes`.
+    /// For `subsets` interleaved subsets of image rows. Weights are kept if they fit in a part of `max_bytes`.
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
         match weights.path() {
             Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets))),
@@ -61,14 +59,14 @@ impl<'a> Operator<'a> {
 
     /// Whether weights are made anew at every use.
     pub(crate) fn is_remade(&self) -> bool {
-        matches!(self, Self::Voxels(weights) if weights.is_remade())
+        matches!(self, Self::Voxels(weights) if weights.kept.is_none())
     }
 
-    /// Weights of all voxels: the number that one projection or back-projection over all rows touches.
+    /// The number of weights that one projection or back-projection over all rows touches.
     pub(crate) fn weights(&self) -> u64 {
         match self {
             Self::Profiles(weights) => weights.weights(),
-            Self::Voxels(weights) => weights.weights(),
+            Self::Voxels(weights) => weights.count,
         }
     }
 

@@ -3,8 +3,8 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::kernel_avx2;
-use super::taps::{CutTap, Tap, fill, halves};
-use super::{kernel_portable, lit_rows::LitRows, plane::PADDING};
+use super::taps::{CutTap, LitRows, Tap, fill, halves};
+use super::{kernel_portable, plane::PADDING};
 use lf_core::{simd::Level, weights::Piece};
 use std::ops::Range;
 
@@ -44,9 +44,6 @@ impl ColumnProfiles {
     }
 
     /// Appends a profile.
-    ///
-    /// # Panics
-    /// If a column lies outside the image.
     pub(super) fn push(&mut self, pieces: &[Piece]) {
         assert!(pieces.iter().all(|piece| (piece.pixel as usize) < self.width), "a column outside the image");
         let first = self.count_taps();
@@ -93,14 +90,14 @@ impl ColumnProfiles {
 
     #[inline(always)]
     fn check(&self, rows: &LitRows, plane: &[f32]) {
-        assert!(rows.last() + self.width + PADDING <= plane.len(), "a row outside the plane");
+        assert!(rows.last + self.width + PADDING <= plane.len(), "a row outside the plane");
     }
 
     /// Adds the light of a voxel with profile `number` to rows of `plane`.
     #[inline(always)]
     pub(super) fn spread(&self, number: u32, strength: f32, rows: &LitRows, plane: &mut [f32]) {
         self.check(rows, plane);
-        let (taps, rows) = (self.taps(number), rows.as_slice());
+        let (taps, rows) = (self.taps(number), rows.rows.as_slice());
         // SAFETY: `push` checked that columns are less than the width, `check` that rows lie in the plane; the machine
         // has the level.
         unsafe {
@@ -119,7 +116,7 @@ impl ColumnProfiles {
     #[inline(always)]
     pub(super) fn gather(&self, number: u32, rows: &LitRows, plane: &[f32]) -> (f32, f32) {
         self.check(rows, plane);
-        let (taps, rows) = (self.taps(number), rows.as_slice());
+        let (taps, rows) = (self.taps(number), rows.rows.as_slice());
         // SAFETY: as in `spread`.
         unsafe {
             match (self.has_round_stop, self.level) {
@@ -138,7 +135,7 @@ impl ColumnProfiles {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lit_rows::LitRow;
+    use super::super::taps::LitRow;
     use super::*;
     use lf_core::weights::Chords;
 
@@ -169,10 +166,8 @@ mod tests {
             });
             let [(four, (sum, weight)), (eight, (wide_sum, wide_weight))] = both;
             assert!(four.iter().zip(&eight).all(|(a, b)| (a - b).abs() < 1e-5 * a), "{has_round_stop}");
-            assert!(
-                (sum - wide_sum).abs() < 1e-5 * sum && (weight - wide_weight).abs() < 1e-5 * weight,
-                "{has_round_stop}"
-            );
+            assert!((sum - wide_sum).abs() < 1e-5 * sum, "{has_round_stop}");
+            assert!((weight - wide_weight).abs() < 1e-5 * weight, "{has_round_stop}");
             assert!(sum > 1.0 && four.iter().any(|value| *value > 1.1), "{has_round_stop}: {sum}");
         }
     }

@@ -7,8 +7,7 @@
 //! For all unsafe functions: the start of every row, plus every tap's column, plus 4, lies in the plane. The machine
 //! has AVX2 and FMA.
 
-use super::lit_rows::LitRow;
-use super::taps::{CutTap, Tap};
+use super::taps::{CutTap, LitRow, Tap};
 use std::arch::x86_64::*;
 
 /// A row's half chords, each in all lanes.

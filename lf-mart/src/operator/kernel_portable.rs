@@ -3,8 +3,7 @@
 //! # Safety
 //! For all unsafe functions: the start of every row, plus every tap's column, plus 4, lies in the plane.
 
-use super::lit_rows::LitRow;
-use super::taps::{CutTap, Tap};
+use super::taps::{CutTap, LitRow, Tap};
 
 /// Adds a voxel's light to rows of `plane`.
 #[inline(always)]

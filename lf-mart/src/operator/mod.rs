@@ -2,24 +2,20 @@
 //! First file to open: `choice.rs`; then `profiles.rs` for aligned cameras or `voxels.rs` for all others.
 
 mod choice;
-mod held;
 mod kernel;
 #[cfg(target_arch = "x86_64")]
 mod kernel_avx2;
 mod kernel_portable;
-mod lit_rows;
 mod plane;
 mod profile_sums;
 mod profiles;
 pub mod projector;
 mod stored;
 mod taps;
-mod voxel_sums;
 mod voxels;
 
 pub(crate) use choice::{Operator, Storage};
-pub(crate) use held::keep;
-pub(crate) use plane::Plane;
+pub(crate) use plane::{Plane, keep};
 pub(crate) use stored::count_weights;
 #[cfg(test)]
 pub(crate) use voxels::VoxelWeights;

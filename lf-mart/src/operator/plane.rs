@@ -1,6 +1,6 @@
-//! An image whose rows are padded for vectors.
+//! Values of pixels and values of voxels, as the sweeps hold them.
 
-/// Values at the end of a row of a plane, behind the image's columns: four lanes fit at any column.
+/// Values at the end of a row of a plane, behind the image's columns.
 pub(super) const PADDING: usize = 4;
 
 /// An image whose rows are long enough for four-lane reads and writes at any column.
@@ -16,8 +16,13 @@ impl Plane {
         Self { stride, values: vec![0.0; stride * height] }
     }
 
-    /// Values of a row for an image `width` pixels wide.
     pub(crate) fn stride(width: usize) -> usize {
         width + PADDING
     }
+}
+
+/// Keeps the values of the voxels that are held.
+pub(crate) fn keep<T>(values: &mut Vec<T>, held: &[bool]) {
+    let mut held = held.iter();
+    values.retain(|_| *held.next().expect("one for each"));
 }

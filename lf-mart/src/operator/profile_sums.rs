@@ -1,6 +1,6 @@
 //! Projection and back-projection over products of profiles, in pieces that fit into a core's cache.
 
-use super::lit_rows::{LitRow, LitRows};
+use super::taps::{LitRow, LitRows};
 use super::{plane::Plane, profiles::ProfileWeights};
 use lf_core::weights::{Chords, RowSet};
 use rayon::prelude::*;
@@ -10,7 +10,7 @@ use std::ops::Range;
 const RUN: usize = 4096;
 
 impl ProfileWeights {
-    /// The image rows that a line of voxels lights: those of one subset, between two image rows.
+    /// The rows of one subset, within `image_rows`, that a line of voxels lights.
     fn lit(&self, line: usize, rows: RowSet, image_rows: Range<usize>, stride: usize, lit: &mut LitRows) {
         lit.clear();
         let at = line * (self.subsets + 1) + rows.first as usize;
@@ -41,7 +41,7 @@ impl ProfileWeights {
                         continue;
                     }
                     self.lit(line as usize, rows, band_rows.clone(), stride, lit);
-                    if lit.is_empty() {
+                    if lit.rows.is_empty() {
                         continue;
                     }
                     for (strength, profile) in strengths[voxels.clone()].iter().zip(&self.profiles[voxels]) {
@@ -79,7 +79,7 @@ impl ProfileWeights {
                     continue;
                 }
                 self.lit(line, rows, 0..height, plane.stride, lit);
-                if lit.is_empty() {
+                if lit.rows.is_empty() {
                     continue;
                 }
                 for n in voxels {

@@ -1,8 +1,8 @@
-//! The weights of an aligned camera: a column profile for each x and z, and a row profile for each line (y, z) of
-//! voxels. A voxel of 1000 weights costs two profiles of 30.
+//! The weights of an aligned camera: a column profile for each x and z, a row profile for each line (y, z) of voxels. A
+//! voxel of 1000 weights costs two profiles of 30.
 
 use super::taps::{CutTap, Tap};
-use super::{held::keep, kernel::ColumnProfiles};
+use super::{kernel::ColumnProfiles, plane::keep};
 use lf_core::weights::{Aligned, Chords};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -116,18 +116,15 @@ impl ProfileWeights {
     pub(super) fn new(aligned: &Aligned, indices: &[u64], subsets: usize) -> Self {
         let [nx, ny, nz] = aligned.grid().shape;
         let has_round_stop = aligned.has_round_stop();
-        let lines: Vec<u32> = (0..=ny as u64 * nz as u64)
-            .map(|line| indices.partition_point(|index| *index < line * nx as u64) as u32)
-            .collect();
+        let start = |line: u64| indices.partition_point(|index| *index < line * nx as u64) as u32;
+        let lines: Vec<u32> = (0..=ny as u64 * nz as u64).map(start).collect();
 
         // Make the columns of all slices side by side, then append slice after slice.
-        let slices: Vec<SliceColumns> = (0..nz)
-            .into_par_iter()
-            .map(|z| {
-                let voxels = &indices[lines[ny * z] as usize..lines[ny * (z + 1)] as usize];
-                SliceColumns::new(aligned, z, voxels.iter().map(|index| (index % nx as u64) as usize))
-            })
-            .collect();
+        let of_slice = |z: usize| {
+            let voxels = &indices[lines[ny * z] as usize..lines[ny * (z + 1)] as usize];
+            SliceColumns::new(aligned, z, voxels.iter().map(|index| (index % nx as u64) as usize))
+        };
+        let slices: Vec<SliceColumns> = (0..nz).into_par_iter().map(of_slice).collect();
         let [width, height] = aligned.sensor_px();
         let mut this = Self {
             has_round_stop,
@@ -155,7 +152,6 @@ impl ProfileWeights {
         this
     }
 
-    /// Makes the row profiles of all lines.
     fn fill_rows(&mut self, aligned: &Aligned) {
         let [_, ny, nz] = aligned.grid().shape;
         let (lines, subsets) = (&self.lines, self.subsets);
@@ -186,8 +182,7 @@ impl ProfileWeights {
         }
     }
 
-    /// Bytes of the profiles, twice, as while they are brought together: an estimate from a sample of the slices. There
-    /// is a column profile for each x and z of the support and a row profile for each y and z.
+    /// Bytes of the profiles, twice, as while they are brought together: an estimate from a sample of the slices.
     pub(super) fn foretold_bytes(aligned: &Aligned, indices: &[u64]) -> u64 {
         let [nx, ny, nz] = aligned.grid().shape;
         let has_round_stop = aligned.has_round_stop();
@@ -212,7 +207,6 @@ impl ProfileWeights {
         (2.0 * bytes) as u64
     }
 
-    /// Drops the voxels that are not held; the profiles of the others stay.
     pub(super) fn retain(&mut self, held: &[bool]) {
         keep(&mut self.profiles, held);
         let (mut kept, mut n) = (0, 0);
@@ -225,15 +219,12 @@ impl ProfileWeights {
 
     /// Weights of all voxels, including those that a round stop cuts to 0.
     pub(super) fn weights(&self) -> u64 {
-        let lines = self.row_starts.chunks(self.subsets + 1).zip(self.lines.windows(2));
-        lines
-            .map(|(starts, voxels)| {
-                let profiles = &self.profiles[voxels[0] as usize..voxels[1] as usize];
-                let columns: u64 =
-                    profiles.iter().map(|profile| u64::from(self.columns.counts[*profile as usize])).sum();
-                u64::from(starts[self.subsets] - starts[0]) * columns
-            })
-            .sum()
+        let count = |profile: &u32| u64::from(self.columns.counts[*profile as usize]);
+        let weights = |(starts, voxels): (&[u32], &[u32])| {
+            let profiles = &self.profiles[voxels[0] as usize..voxels[1] as usize];
+            u64::from(starts[self.subsets] - starts[0]) * profiles.iter().map(count).sum::<u64>()
+        };
+        self.row_starts.chunks(self.subsets + 1).zip(self.lines.windows(2)).map(weights).sum()
     }
 
     /// The sum of each voxel's weights. A round stop is assumed to cut as much from a voxel at the edge of sight as

@@ -1,7 +1,38 @@
-//! Column profiles as the kernels read them: "taps" of two runs of four columns, the lanes of the narrowest vector
-//! unit.
+//! What a voxel lights, as the kernels read it: image rows, and column profiles as "taps" of two runs of four columns,
+//! the lanes of the narrowest vector unit.
 
-use lf_core::weights::Piece;
+use lf_core::weights::{Chords, Piece};
+
+/// An image row that a line of voxels lights.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LitRow {
+    /// Place in a plane where the row begins.
+    pub(super) start: usize,
+    /// The row's share of the light.
+    pub(super) share: f32,
+    /// The cut by a round stop.
+    pub(super) chords: Chords,
+}
+
+/// The image rows that a line of voxels lights.
+#[derive(Debug, Default)]
+pub(super) struct LitRows {
+    pub(super) rows: Vec<LitRow>,
+    /// The largest start.
+    pub(super) last: usize,
+}
+
+impl LitRows {
+    pub(super) fn clear(&mut self) {
+        self.rows.clear();
+        self.last = 0;
+    }
+
+    pub(super) fn push(&mut self, row: LitRow) {
+        self.last = self.last.max(row.start);
+        self.rows.push(row);
+    }
+}
 
 /// Two runs of four columns and their shares.
 #[derive(Debug, Clone, Copy)]
@@ -20,18 +51,17 @@ pub(super) struct CutTap {
     pub(super) from: [f32; 8],
     /// Width of that part, mm.
     pub(super) width: [f32; 8],
-    /// Share of the light over 18 widths; the quadrature weights of [`lf_core::weights::Chords::nodes`] sum to 18.
+    /// Share of the light over 18 widths; the quadrature weights of [`Chords::nodes`] sum to 18.
     pub(super) density: [f32; 8],
 }
 
-/// Width given to a part of no width, mm, such as the chief ray of a section. It is either inside or outside.
+/// Width given to a part without width, mm, such as the chief ray of a section: inside or outside as a whole.
 const LEAST_WIDTH: f32 = 1e-30;
 
-/// A tap that is being filled, piece by piece.
+/// A tap that is filled piece by piece.
 pub(super) trait Fill: Copy {
-    /// An empty tap.
     const EMPTY: Self;
-    /// Begins a run at a column.
+    /// Begins one of the two runs at a column.
     fn begin(&mut self, half: usize, column: u32);
     /// Sets one of the eight lanes.
     fn set(&mut self, lane: usize, piece: &Piece);

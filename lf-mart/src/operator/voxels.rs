@@ -1,19 +1,17 @@
-//! Weights voxel by voxel, for cameras that are not aligned: kept in memory if they fit, and otherwise made anew at
-//! every use.
+//! Weights voxel by voxel, for cameras that are not aligned: kept in memory if they fit, otherwise made at every use.
 
+use super::plane::{Plane, keep};
 use super::stored::{RUN, Stored, WEIGHT_BYTES, count_weights, fits};
-use super::voxel_sums::{gather, spread};
-use super::{held::keep, plane::Plane};
-use lf_core::Weights;
+use glam::Vec4;
 use lf_core::weights::{RowSet, Scratch};
+use lf_core::{Weights, simd::fastest};
 use rayon::prelude::*;
 
-/// Blocks of the support, which are projected separately and added in order, so that the sum is the same for any number
-/// of threads.
+/// Blocks of the support. They are projected apart and added in order: any number of threads gives the same sum.
 const BLOCKS: usize = 8;
 
-/// Weights are kept once those of all voxels held take no more than this part of the memory allowed. Making them anew
-/// takes ten to a hundred times as long.
+/// Weights are kept once they take no more than this part of the memory allowed. Making them anew takes ten to a
+/// hundred times as long.
 const KEPT_PART: f64 = 0.8;
 
 /// Bytes that kept weights may take, of the bytes allowed for everything.
@@ -30,12 +28,12 @@ pub(crate) struct VoxelWeights<'a> {
     /// The projection of each block.
     planes: Vec<Plane>,
     /// Weights of all voxels: the number kept, or an estimate from a sample.
-    count: u64,
-    kept: Option<Stored>,
+    pub(super) count: u64,
+    /// None while weights are made at every use.
+    pub(super) kept: Option<Stored>,
 }
 
 impl<'a> VoxelWeights<'a> {
-    /// The weights of all voxels are kept if they take no more than `most_bytes`.
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, most_bytes: u64) -> Self {
         let [width, height] = weights.sensor_px();
         let planes = (0..BLOCKS).map(|_| Plane::new(width, height)).collect();
@@ -62,10 +60,6 @@ impl<'a> VoxelWeights<'a> {
         }
     }
 
-    pub(super) fn is_remade(&self) -> bool {
-        self.kept.is_none()
-    }
-
     /// Drops the voxels that are not held. Keeps the weights of the others as soon as they fit.
     pub(super) fn retain(&mut self, held: &[bool]) {
         keep(&mut self.indices, held);
@@ -76,10 +70,6 @@ impl<'a> VoxelWeights<'a> {
             }
             None => self.keep_if_it_fits(),
         }
-    }
-
-    pub(super) fn weights(&self) -> u64 {
-        self.count
     }
 
     pub(super) fn shares(&self) -> Vec<f32> {
@@ -116,8 +106,7 @@ impl<'a> VoxelWeights<'a> {
                 spread(weights, &indices[voxels.clone()], rows, &strengths[voxels], plane);
             }
         });
-        let planes = &self.planes;
-        let stride = plane.stride;
+        let (planes, stride) = (&self.planes, plane.stride);
         let image_rows = plane.values.par_chunks_mut(stride).enumerate();
         image_rows.filter(|(row, _)| rows.holds(*row as u32)).for_each(|(row, out)| {
             out.fill(0.0);
@@ -157,5 +146,54 @@ impl<'a> VoxelWeights<'a> {
                 }
             }
         });
+    }
+}
+
+/// Adds the light of voxels to a plane.
+pub(super) fn spread(weights: &Weights, indices: &[u64], rows: RowSet, strengths: &[f32], plane: &mut Plane) {
+    fastest(
+        #[inline(always)]
+        || spread_inlined(weights, indices, rows, strengths, plane),
+    );
+}
+
+/// For each voxel the sum of a plane's values by its weights, and of its weights.
+pub(super) fn gather(weights: &Weights, indices: &[u64], rows: RowSet, plane: &Plane, sums: &mut [(f32, f32)]) {
+    fastest(
+        #[inline(always)]
+        || gather_inlined(weights, indices, rows, plane, sums),
+    );
+}
+
+#[inline(always)]
+fn spread_inlined(weights: &Weights, indices: &[u64], rows: RowSet, strengths: &[f32], plane: &mut Plane) {
+    let mut scratch = Scratch::default();
+    for (index, strength) in indices.iter().zip(strengths) {
+        weights.runs(weights.grid().voxel(*index), &mut scratch, rows, |row, first, share, columns| {
+            let light = share * strength;
+            let start = row as usize * plane.stride + first as usize;
+            let values = &mut plane.values[start..start + columns.len()];
+            for (values, columns) in values.chunks_exact_mut(4).zip(columns.chunks_exact(4)) {
+                (Vec4::from_slice(values) + light * Vec4::from_slice(columns)).write_to_slice(values);
+            }
+        });
+    }
+}
+
+#[inline(always)]
+fn gather_inlined(weights: &Weights, indices: &[u64], rows: RowSet, plane: &Plane, sums: &mut [(f32, f32)]) {
+    let mut scratch = Scratch::default();
+    for (index, sums) in indices.iter().zip(sums) {
+        let (mut sum, mut all) = (Vec4::ZERO, Vec4::ZERO);
+        weights.runs(weights.grid().voxel(*index), &mut scratch, rows, |row, first, share, columns| {
+            let start = row as usize * plane.stride + first as usize;
+            let values = &plane.values[start..start + columns.len()];
+            for (values, columns) in values.chunks_exact(4).zip(columns.chunks_exact(4)) {
+                let weights = share * Vec4::from_slice(columns);
+                sum += weights * Vec4::from_slice(values);
+                all += weights;
+            }
+        });
+        *sums = (sum.element_sum(), all.element_sum());
     }
 }
