@@ -8,11 +8,9 @@ const REACH_SIGMA: f64 = 3.0;
 
 /// The brightest of the voxels within `core_vox`, `[from, to)` along x and y; 0 if there is none.
 fn brightest<'a>(grid: &Grid, voxels: impl Iterator<Item = (&'a u64, &'a f32)>, core_vox: [[usize; 2]; 2]) -> f32 {
-    let in_core = |index: u64| {
-        let voxel = grid.voxel(index);
-        (0..2).all(|axis| (core_vox[axis][0]..core_vox[axis][1]).contains(&voxel[axis]))
-    };
-    voxels.filter(|(index, _)| in_core(**index)).fold(0f32, |peak, (_, value)| peak.max(*value))
+    let [[x0, x1], [y0, y1]] = core_vox;
+    let in_core = |[x, y, _]: [usize; 3]| (x0..x1).contains(&x) && (y0..y1).contains(&y);
+    voxels.filter(|(index, _)| in_core(grid.voxel(**index))).fold(0f32, |peak, (_, value)| peak.max(*value))
 }
 
 /// The voxels above `least_share` of the brightest within `core_vox`, unchanged.
@@ -28,8 +26,7 @@ pub(crate) fn lit(
 }
 
 /// Strengths convolved with a Gaussian of `sigma_vox` voxels in x, y and z; its samples sum to 1. Gives the voxels
-/// above `least_share` of the brightest within `core_vox`, by rising index. The result is the same for any number of
-/// threads.
+/// above `least_share` of the brightest within `core_vox`: rising, and the same for any number of threads.
 pub(crate) fn spread(
     grid: &Grid,
     indices: &[u64],
@@ -47,30 +44,23 @@ pub(crate) fn spread(
     let slice = nx as u64 * ny as u64;
     let starts: Vec<usize> = (0..=nz as u64).map(|z| indices.partition_point(|index| *index < z * slice)).collect();
 
+    let near = |place: usize, size: usize| (place as i64 - reach).max(0)..=(place as i64 + reach).min(size as i64 - 1);
     // Add up the blobs that reach slice z.
     let blurred = |z: usize, plane: &mut Vec<f32>, touched: &mut Vec<u32>| -> Vec<(u64, f32)> {
         plane.resize(slice as usize, 0.0);
-        for source in (z as i64 - reach).max(0)..=(z as i64 + reach).min(nz as i64 - 1) {
+        for source in near(z, nz) {
             let depth = bell[(z as i64 - source + reach) as usize];
             for n in starts[source as usize]..starts[source as usize + 1] {
                 let [x, y, _] = grid.voxel(indices[n]);
                 let strength = strengths[n] * depth;
-                for dy in -reach..=reach {
-                    let row = y as i64 + dy;
-                    if row < 0 || row >= ny as i64 {
-                        continue;
-                    }
-                    let in_row = strength * bell[(dy + reach) as usize];
-                    for dx in -reach..=reach {
-                        let column = x as i64 + dx;
-                        if column < 0 || column >= nx as i64 {
-                            continue;
-                        }
+                for row in near(y, ny) {
+                    let in_row = strength * bell[(row - y as i64 + reach) as usize];
+                    for column in near(x, nx) {
                         let place = (row * nx as i64 + column) as usize;
                         if plane[place] == 0.0 {
                             touched.push(place as u32);
                         }
-                        plane[place] += in_row * bell[(dx + reach) as usize];
+                        plane[place] += in_row * bell[(column - x as i64 + reach) as usize];
                     }
                 }
             }

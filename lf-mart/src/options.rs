@@ -11,8 +11,7 @@ pub enum Method {
     Subsets,
     /// Simultaneous MART: all pixels at once.
     Smart,
-    /// Maximum likelihood by expectation maximisation: as SMART, with the mean of ratios instead of the mean of
-    /// logarithms.
+    /// Maximum likelihood by expectation maximisation: SMART with the mean of ratios, not of logarithms.
     Mlem,
     /// The paper's row action.
     Mart,
@@ -46,18 +45,17 @@ pub struct Options {
     pub until: Until,
     /// Relaxation: the factor mu of the exponent.
     pub relaxation: f64,
-    /// Least brightness of a pixel, as a share of the image's brightest. It keeps logarithms finite, and one dark pixel
-    /// among hundreds cannot extinguish a voxel at once.
+    /// Least brightness of a pixel, as a share of the image's brightest. It keeps logarithms finite, and keeps one dark
+    /// pixel among hundreds from extinguishing a voxel at once.
     pub floor: f64,
     /// Largest factor by which one step changes a strength.
     pub clamp: f64,
     /// Limit of memory, bytes; a reconstruction that needs more is refused.
     pub max_bytes: u64,
-    /// The tile that the voxels are; None for a whole volume.
-    ///
-    /// A tile must become what it is in the whole volume, so nothing may depend on what other tiles hold: spent voxels
-    /// are found by the strongest voxel near them and not by the strongest of all, momentum is never reset, and only
-    /// misfits that [`Until`] names end the sweeps. Pixels outside the tile's are blind.
+    /// The tile that the voxels are; None for a whole volume. A tile must become what it is in the whole volume, so
+    /// nothing may depend on other tiles: spent voxels are found by the strongest voxel near them and not by the
+    /// strongest of all, momentum is never reset, and only misfits that [`Until`] names end the sweeps. Pixels outside
+    /// the tile's are blind.
     pub tile: Option<Tile>,
 }
 

@@ -13,8 +13,7 @@ use ndarray::{Array2, ArrayView2};
 /// twentieth to a tenth.
 const KEPT_SHARE: f64 = 0.1;
 
-/// Lenslets a side of the blocks in which a tile looks for the strongest voxel; three by three blocks around a voxel
-/// count.
+/// Lenslets a side of the blocks in which a tile looks for the strongest voxel.
 const BLOCK_LENSLETS: f64 = 4.0;
 
 /// Voxels of the result below this share of its brightest are not written.
@@ -24,8 +23,8 @@ const LEAST_SHARE: f32 = 1e-4;
 /// well below [`LEAST_SHARE`] of the whole volume's brightest, which the tile cannot know.
 const LEAST_SHARE_OF_TILE: f32 = 0.5 * LEAST_SHARE;
 
-/// Bytes a voxel of the support, unless weights are stored by pixel: its index, its profile, its strength now and one
-/// sweep before, its share, and one byte to drop it.
+/// Bytes a voxel of the support, unless weights are stored by pixel: index, profile, strength now and one sweep before,
+/// share, and one byte to drop it.
 const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
 
 /// Bytes a voxel of the support that the volume of blobs takes while the solution is still held.
@@ -38,15 +37,13 @@ pub struct Plan<'a> {
     weights: Weights,
     storage: Storage,
     bytes: u64,
-    /// Voxels along x and y of the blocks in which a tile looks for the strongest voxel.
+    /// See [`Problem::block_vox`].
     block_vox: [usize; 2],
 }
 
 impl<'a> Plan<'a> {
-    /// Plans the reconstruction of the voxels `indices` (rising) of `grid`.
-    ///
-    /// # Errors
-    /// If an index lies outside the grid, or if [`Weights::choose`] refuses.
+    /// Plans the reconstruction of the voxels `indices` (rising) of `grid`. Refuses an index outside the grid, and what
+    /// [`Weights::choose`] refuses.
     pub fn new(camera: &Camera, grid: &Grid, indices: &'a [u64], options: &'a Options) -> Result<Self, Refusal> {
         if indices.last().is_some_and(|last| *last >= grid.len()) || u32::try_from(indices.len()).is_err() {
             let found = format!("{} voxels, or one outside the grid", indices.len());
@@ -87,7 +84,7 @@ impl<'a> Plan<'a> {
         sweeps + 4 * pixels as u64 + written * self.indices.len() as u64
     }
 
-    /// How the weights are made and kept, and why, in words.
+    /// How the weights are made and kept, and why.
     pub fn about(&self) -> String {
         let (path, reason) = (self.weights.path(), self.weights.reason());
         match self.storage {
@@ -101,9 +98,7 @@ impl<'a> Plan<'a> {
     }
 
     /// Solves for the intensities. Pixels that are NaN are blind: they move no voxel. `done` is told of each sweep.
-    ///
-    /// # Errors
-    /// If more memory is needed than the options allow.
+    /// Refuses to take more memory than the options allow.
     pub fn solve(
         &self,
         image: ArrayView2<f32>,
@@ -130,8 +125,8 @@ impl<'a> Plan<'a> {
             }
             Basis::Point | Basis::Box => blob::lit(grid, &solved.indices, &solved.strengths, least_share, core_vox),
         };
-        let largest = f64::from(f32::MAX);
-        intensity.iter_mut().for_each(|value| *value = (f64::from(*value) * problem.unit).min(largest) as f32);
+        let in_counts = |value: f32| (f64::from(value) * problem.unit).min(f64::from(f32::MAX)) as f32;
+        intensity.iter_mut().for_each(|value| *value = in_counts(*value));
         Ok(Reconstruction { indices, intensity, sweeps: solved.sweeps, unseen: solved.unseen })
     }
 

@@ -1,4 +1,4 @@
-//! The start and the result of a reconstruction.
+//! Start, sweeps and result of a reconstruction.
 
 /// Intensities to begin with. Voxels that it does not name begin dim.
 #[derive(Debug, Clone, Copy)]
@@ -12,7 +12,7 @@ pub struct Start<'a> {
 /// A finished sweep over all pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sweep {
-    /// Its number, from 1.
+    /// From 1.
     pub number: usize,
     /// `|image - projection| / |image|` over the pixels that the support can reach, each before its own update.
     pub misfit: f64,

@@ -1,7 +1,6 @@
 //! The options of lf-mart, their defaults and their checks.
 
-use super::names::{BasisName, MethodName, WeightsName};
-use super::preset;
+use super::preset::{self, BasisName, MethodName, WeightsName};
 use clap::Parser;
 use lf_core::cli::{self, Common, Preset};
 use lf_core::weights::{Basis, Model, SECTIONS};
@@ -109,21 +108,18 @@ impl Arguments {
     }
 
     /// The options of a reconstruction, for a whole volume or a tile. `sigma` measures the noise of the image, counts,
-    /// if it is needed.
-    ///
-    /// # Errors
-    /// If options do not go together or a number is outside its range.
+    /// if it is needed. Refuses options that do not go together and numbers outside their ranges.
     pub fn options(&self, tile: Option<Tile>, sigma: impl FnOnce() -> f64) -> Result<Options> {
-        let basis = self.basis();
+        let (basis, preset) = (self.basis(), self.preset.map(preset::values));
         self.check_together(basis)?;
-        let preset = self.preset.map(preset::values);
         let (method, iterations, until, relaxation, clamp) = match self.method {
             MethodName::Subsets => (Method::Subsets, 60, "stall", 1.5, 20.0),
             MethodName::Smart => (Method::Smart, 100, "never", 1.0, 20.0),
             MethodName::Mlem => (Method::Mlem, 100, "never", 1.0, 20.0),
             MethodName::Mart => (Method::Mart, 30, "never", 2.5, 1e6),
         };
-        let (iterations, until) = preset.map_or((iterations, until), |preset| (preset.iterations, preset.until));
+        let (iterations, until) =
+            preset.as_ref().map_or((iterations, until), |preset| (preset.iterations, preset.until));
         let (iterations, until) = match tile {
             Some(_) if preset.is_none() && self.method == MethodName::Subsets => (TILE_ITERATIONS, "never"),
             Some(_) => (iterations, "never"),
@@ -149,7 +145,6 @@ impl Arguments {
         Ok(options)
     }
 
-    /// Refuses options that do not go together.
     fn check_together(&self, basis: Basis) -> Result<()> {
         if self.weights == WeightsName::Sphere && basis != Basis::Point {
             let found = "box or blob with --weights sphere";
@@ -166,7 +161,6 @@ impl Arguments {
         Ok(())
     }
 
-    /// Refuses numbers outside their ranges.
     fn check_ranges(&self, options: &Options) -> Result<()> {
         let (least, most) = (*SECTIONS.start(), *SECTIONS.end());
         for (option, value, least, most) in [
@@ -193,7 +187,6 @@ impl Arguments {
     }
 }
 
-/// The end of the sweeps, from what is typed.
 fn until_from(typed: &str, sigma: impl FnOnce() -> f64) -> Result<Until> {
     Ok(match typed {
         "stall" => Until::Stall,
@@ -224,11 +217,8 @@ mod tests {
             let text = options(&["--weights", "drt", "--sections", typed]).unwrap_err().to_string();
             assert_eq!(text, format!("--sections: {typed}; wanted 2 to 64"));
         }
-        for words in [
-            &["--sections", "7"][..],
-            &["--weights", "exact", "--sections", "7"],
-            &["--weights", "sphere", "--sections", "14"],
-        ] {
+        let sampled = [&["--sections", "7"][..], &["--weights", "exact", "--sections", "7"]];
+        for words in sampled.into_iter().chain([&["--weights", "sphere", "--sections", "14"][..]]) {
             let text = options(words).unwrap_err().to_string();
             assert!(text.starts_with("--sections: ") && text.contains("wanted --weights drt"), "{text}");
         }

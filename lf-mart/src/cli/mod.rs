@@ -2,7 +2,6 @@
 //! First file to open: `run.rs`; `arguments.rs` holds the options, `preset.rs` the presets' values.
 
 mod arguments;
-mod names;
 mod preset;
 mod run;
 

@@ -1,7 +1,40 @@
-//! The values of `--preset`, for --method subsets. Change them here, and nowhere else, when they are measured again.
+//! The words that options take, and the values of `--preset` for --method subsets. Change these here, and nowhere else,
+//! when they are measured again.
 
-use super::names::BasisName;
+use clap::ValueEnum;
 use lf_core::cli::{Preset, word};
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub enum WeightsName {
+    /// Geometric optics without sampling
+    Exact,
+    /// The paper's dense ray tracing: n x n sections of the aperture, one beam and one chief ray each
+    Drt,
+    /// Tomographic PIV's: a sphere for the voxel, a cylinder for the pixel's line of sight
+    Sphere,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum BasisName {
+    /// Its centre
+    Point,
+    /// Its width in x and y
+    Box,
+    /// A Gaussian particle image; the volume written is the sum of the blobs
+    Blob,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub enum MethodName {
+    /// Ordered subsets of simultaneous MART, with momentum
+    Subsets,
+    /// Simultaneous MART
+    Smart,
+    /// Maximum likelihood by expectation maximisation
+    Mlem,
+    /// The paper's row action: pixel after pixel, with stored weights
+    Mart,
+}
 
 /// The values of one preset.
 pub struct Values {
@@ -9,22 +42,15 @@ pub struct Values {
     pub iterations: usize,
     /// When to end sooner, as it would be typed.
     pub until: &'static str,
-    /// The basis. Blobs of the default's width give the best Q, but larger errors in displacement.
+    /// Blobs of the default's width give the best Q, but larger errors in displacement.
     pub basis: BasisName,
 }
 
-/// Few sweeps and no blob: vectors hardly gain by more.
-const FAST: Values = Values { iterations: 3, until: "stall", basis: BasisName::Point };
-
-/// Enough sweeps for vectors that hardly improve further.
-const BALANCED: Values = Values { iterations: 5, until: "stall", basis: BasisName::Point };
-
-/// Voxels with their width, and sweeps until vectors improve no further.
-const ACCURATE: Values = Values { iterations: 10, until: "stall", basis: BasisName::Box };
-
-/// The values of a preset.
-pub fn values(preset: Preset) -> &'static Values {
-    preset.of([&FAST, &BALANCED, &ACCURATE])
+/// Fast has few sweeps, and points: vectors hardly gain by more. Balanced ends when vectors hardly improve further.
+/// Accurate has voxels with their width, and sweeps until vectors improve no further.
+pub fn values(preset: Preset) -> Values {
+    let (iterations, basis) = preset.of([(3, BasisName::Point), (5, BasisName::Point), (10, BasisName::Box)]);
+    Values { iterations, until: "stall", basis }
 }
 
 impl Values {

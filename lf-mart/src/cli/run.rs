@@ -1,6 +1,6 @@
 //! Reads image, camera and voxels, reconstructs, and writes the volume.
 
-use super::{arguments::Arguments, names::WeightsName};
+use super::{arguments::Arguments, preset::WeightsName};
 use lf_core::image::{self, Image};
 use lf_core::{
     Camera, Error, Grid, Result, Session, Tile, Verdict, Volume, cli, io, volume, weights::aperture_sections,
@@ -10,7 +10,6 @@ use serde_json::json;
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// The whole program.
 pub fn main() -> ExitCode {
     cli::run("lf-mart", |arguments: &Arguments| &arguments.common, run)
 }
@@ -76,7 +75,6 @@ fn check_files(arguments: &Arguments, session: &Session) -> Result<()> {
     io::check_place(log)
 }
 
-/// The volume to begin with.
 fn open_start(arguments: &Arguments, grid: &Grid) -> Result<Option<Volume>> {
     let Some(file) = &arguments.start else { return Ok(None) };
     let start = Volume::open(file)?;
@@ -87,7 +85,6 @@ fn open_start(arguments: &Arguments, grid: &Grid) -> Result<Option<Volume>> {
     Ok(Some(start))
 }
 
-/// The options for this support and image, explained.
 fn options(
     arguments: &Arguments,
     tile: Option<Tile>,
@@ -115,7 +112,6 @@ fn options(
     Ok(options)
 }
 
-/// Explains camera, weights and memory.
 fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, support: &Volume, session: &mut Session) {
     session.explain(format!("camera: {}", camera.about()));
     session.explain(plan.about());
@@ -128,7 +124,7 @@ fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, support: &V
     ));
 }
 
-/// Runs the sweeps. Gives the reconstruction and the log of the sweeps.
+/// Gives the reconstruction, and the log of its sweeps.
 fn solve(
     plan: &Plan,
     image: &Image,
@@ -159,7 +155,6 @@ fn solve(
     Ok((solved, log))
 }
 
-/// Reports how the sweeps ended.
 fn report(solved: &Reconstruction, options: &Options, support: &Volume, session: &mut Session) {
     let (sweeps, misfit) = solved.sweeps.last().map_or((0, 0.0), |sweep| (sweep.number, sweep.misfit));
     session.explain(match options.ended(&solved.sweeps) {

@@ -2,7 +2,6 @@
 //! Candes 2015).
 
 use super::problem::GREATEST_STRENGTH;
-use crate::operator::keep;
 use rayon::prelude::*;
 
 /// Largest factor by which momentum changes a strength.
@@ -10,30 +9,15 @@ const FARTHEST: f32 = 8.0;
 
 pub(super) struct Momentum {
     /// Strengths after the sweep before.
-    before: Vec<f32>,
+    pub(super) before: Vec<f32>,
     t: f64,
     misfit: f64,
 }
 
 impl Momentum {
-    /// Begins at rest; `strengths` are the first ones.
+    /// At rest.
     pub(super) fn new(strengths: &[f32]) -> Self {
         Self { before: strengths.to_vec(), t: 1.0, misfit: f64::INFINITY }
-    }
-
-    /// Strengths after the sweep before.
-    pub(super) fn before(&self) -> &[f32] {
-        &self.before
-    }
-
-    /// Drops the voxels that are not held.
-    pub(super) fn retain(&mut self, held: &[bool]) {
-        keep(&mut self.before, held);
-    }
-
-    /// Remembers the strengths after a sweep without changing them.
-    pub(super) fn remember(&mut self, strengths: &[f32]) {
-        self.before.copy_from_slice(strengths);
     }
 
     /// Extrapolates the strengths along the sweep that ends: E (E / E_before)^beta with beta = (t - 1) / t'.
@@ -71,7 +55,7 @@ mod tests {
         momentum.carry(&mut strengths, 0.4);
         assert!((strengths[0] - 4.0 * 2f32.powf(0.2817)).abs() < 1e-3, "{strengths:?}");
         assert!((strengths[1] - 0.5f32.powf(0.2817)).abs() < 1e-3, "{strengths:?}");
-        assert_eq!(momentum.before(), [4.0, 1.0, 0.0]);
+        assert_eq!(momentum.before, [4.0, 1.0, 0.0]);
         // A rising misfit resets the momentum.
         let mut strengths = [8.0, 1.0, 0.0];
         momentum.carry(&mut strengths, 0.41);

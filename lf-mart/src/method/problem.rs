@@ -43,15 +43,17 @@ impl Problem<'_> {
         self.indices.iter().map(first).collect()
     }
 
-    /// Whether the sweeps so far are enough. `pixels` counts the pixels reached; `light` is the root of their sum of
-    /// squares.
-    pub(super) fn is_done(&self, sweeps: &[Sweep], pixels: usize, light: f64) -> bool {
+    /// Whether the sweeps so far are enough; `misfit` is the last one's.
+    pub(super) fn is_done(&self, sweeps: &[Sweep], misfit: &Misfit) -> bool {
         let Some(last) = sweeps.last() else { return false };
         match self.options.until {
             Until::Never => false,
             Until::Stall => stalls(sweeps),
             Until::Misfit(wanted) => last.misfit <= wanted,
-            Until::Noise(sigma) => last.misfit <= sigma / self.unit * (pixels as f64).sqrt() / light || stalls(sweeps),
+            Until::Noise(sigma) => {
+                let of_noise = sigma / self.unit * (misfit.pixels as f64).sqrt() / misfit.light.sqrt();
+                last.misfit <= of_noise || stalls(sweeps)
+            }
         }
     }
 }
@@ -72,7 +74,7 @@ pub(crate) struct Solved {
 pub(super) struct Misfit {
     residual: f64,
     light: f64,
-    pub(super) pixels: usize,
+    pixels: usize,
 }
 
 impl Misfit {
@@ -94,11 +96,6 @@ impl Misfit {
     /// `|image - projection| / |image|`.
     pub(super) fn value(&self) -> f64 {
         if self.light > 0.0 { (self.residual / self.light).sqrt() } else { 0.0 }
-    }
-
-    /// `|image|`.
-    pub(super) fn root_light(&self) -> f64 {
-        self.light.sqrt()
     }
 }
 

@@ -201,7 +201,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<S
         let sweep = Sweep { number, misfit: misfit.value(), change, voxels, weights };
         done(&sweep);
         sweeps.push(sweep);
-        if problem.is_done(&sweeps, misfit.pixels, misfit.root_light()) {
+        if problem.is_done(&sweeps, &misfit) {
             break;
         }
     }

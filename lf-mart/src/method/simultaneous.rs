@@ -18,10 +18,10 @@ use crate::{options::Method, reconstruction::Sweep};
 use lf_core::weights::RowSet;
 use rayon::prelude::*;
 
-/// Subsets of the default method. Fixed, since the relaxation was tuned with it.
+/// Subsets of the default method, with which the relaxation was tuned.
 const SUBSETS: usize = 14;
 
-/// A voxel is spent, and is dropped, when its strength falls to this share of the strongest. On the `core` scenes this
+/// A voxel is spent, and dropped, when its strength falls to this share of the strongest. On the `core` scenes this
 /// changes Q by less than 3e-4 (upwards).
 const SPENT: f32 = 1e-4;
 
@@ -61,7 +61,7 @@ fn compare(problem: &Problem, rows: RowSet, plane: &mut Plane) -> Misfit {
             misfit
         })
         .collect();
-    // Add one after the other: the sum is then the same for any number of threads.
+    // One after the other, so that the sum is the same for any number of threads.
     let mut all = Misfit::default();
     by_row.iter().for_each(|row| all.add(row));
     all
@@ -77,7 +77,7 @@ struct State<'a> {
     /// A subset's share of each voxel's weights. A subset that sees less of a voxel may not move it as far.
     share: Vec<f32>,
     momentum: Momentum,
-    /// Finds a tile's spent voxels; None for a whole volume, where the strongest voxel decides.
+    /// For a tile's spent voxels. In a whole volume the strongest voxel decides.
     neighbourhood: Option<Neighbourhood>,
     /// Misfit of the current sweep.
     misfit: Misfit,
@@ -117,7 +117,7 @@ impl<'a> State<'a> {
         }
     }
 
-    /// Moves all strengths by some image rows, and drops the spent voxels.
+    /// Moves all strengths by some image rows.
     fn step(&mut self, rows: RowSet, spent_share: f32) {
         let options = self.problem.options;
         let (relaxation, greatest) = (options.relaxation as f32, options.clamp.ln() as f32);
@@ -153,7 +153,7 @@ impl<'a> State<'a> {
             keep(&mut self.indices, &held);
             keep(&mut self.share, &held);
             keep(&mut self.strengths, &held);
-            self.momentum.retain(&held);
+            keep(&mut self.momentum.before, &held);
             self.neighbourhood.iter_mut().for_each(|neighbourhood| neighbourhood.retain(&held));
             self.operator.retain(&held);
             self.weights = self.operator.weights();
@@ -181,19 +181,18 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
             state.step(RowSet { first: subset as u32, step: subsets as u32 }, spent_share);
         }
         let misfit = state.misfit.value();
-        let change = change(state.momentum.before(), &state.strengths);
+        let change = change(&state.momentum.before, &state.strengths);
         let sweep = Sweep { number, misfit, change, voxels: state.indices.len(), weights: state.touched as u64 };
         done(&sweep);
         sweeps.push(sweep);
-        let Misfit { pixels, .. } = state.misfit;
-        if number == options.iterations || problem.is_done(&sweeps, pixels, state.misfit.root_light()) {
+        if number == options.iterations || problem.is_done(&sweeps, &state.misfit) {
             break;
         }
         if has_subsets {
             // Whether the misfit rises may differ from tile to tile, so a tile never resets its momentum.
             state.momentum.carry(&mut state.strengths, if is_tile { 0.0 } else { misfit });
         } else {
-            state.momentum.remember(&state.strengths);
+            state.momentum.before.copy_from_slice(&state.strengths);
         }
     }
     Solved { indices: state.indices, strengths: state.strengths, sweeps, unseen: state.unseen }
