@@ -19,8 +19,8 @@ const TOOLS: [&str; 6] = ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-xco
 /// The text of `--generate WORDS`: a man page for `man` or `man TASK`, completions for `bash`, `zsh` or `fish`, and the
 /// names of the subcommands, one a line, for `tasks`.
 pub(super) fn text(tool: &'static str, command: Command, words: &[OsString]) -> Result<Vec<u8>> {
-    let words: Vec<String> = words.iter().map(|word| word.to_string_lossy().into_owned()).collect();
-    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let words: Vec<_> = words.iter().map(|word| word.to_string_lossy()).collect();
+    let words: Vec<&str> = words.iter().map(|word| &**word).collect();
     let mut command = command.name(tool).bin_name(tool);
     let mut text = Vec::new();
     let refused = |found: String| Error::new(OPTION, found, WANTED);
@@ -112,10 +112,8 @@ mod tests {
         let page = text(&["man"]).unwrap();
         assert!(page.contains("lf\\-x \\- Some tool") && page.contains("lf\\-x\\-deed(1)"), "{page}");
         let page = text(&["man", "deed"]).unwrap();
-        assert!(
-            page.contains("lf\\-x\\-deed \\- Does it") && page.contains(".SH EXAMPLES\n.nf\n  lf\\-x deed"),
-            "{page}"
-        );
+        let examples = ".SH EXAMPLES\n.nf\n  lf\\-x deed";
+        assert!(page.contains("lf\\-x\\-deed \\- Does it") && page.contains(examples), "{page}");
         assert_eq!(text(&["tasks"]).unwrap(), "deed\n");
         for words in [&[][..], &["csh"], &["man", "word"], &["man", "deed", "deed"]] {
             assert!(text(words).is_err(), "{words:?}");

@@ -20,19 +20,12 @@ impl Screen {
 
     /// Prints a line. A closed standard error is ignored.
     pub(super) fn print(&self, line: &str) {
-        let print = || {
-            let _ = writeln!(std::io::stderr().lock(), "{line}");
-        };
-        match &self.bars {
-            Some(bars) => bars.suspend(print),
-            None => print(),
-        }
+        let print = || writeln!(std::io::stderr().lock(), "{line}");
+        let _ = self.bars.as_ref().map_or_else(print, |bars| bars.suspend(print));
     }
 
     pub(super) fn progress(&self, what: &str, total: u64) -> Progress {
-        let Some(bars) = &self.bars else {
-            return Progress { bar: None };
-        };
+        let Some(bars) = &self.bars else { return Progress::hidden() };
         // The least important parts come last, where a narrow terminal cuts them off.
         let style = "{msg:<10} {percent:>3}% {left:>4} left [{wide_bar:.dim}] {human_pos}/{human_len} {rate}/s";
         let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
@@ -49,14 +42,12 @@ impl Screen {
                 seconds => write!(out, "{}h", seconds / 3600),
             };
         });
-        let bar =
-            bars.add(ProgressBar::new(total).with_style(style.progress_chars("=> ")).with_message(what.to_owned()));
-        Progress { bar: Some((bar, bars.clone())) }
+        let bar = ProgressBar::new(total).with_style(style.progress_chars("=> ")).with_message(what.to_owned());
+        Progress { bar: Some((bars.add(bar), bars.clone())) }
     }
 }
 
-/// A progress counter; its bar disappears when it is dropped. Cheap, `Sync`, silent unless standard error is a
-/// terminal.
+/// A progress counter; dropping it removes its bar. Cheap, `Sync`, silent unless standard error is a terminal.
 pub struct Progress {
     bar: Option<(ProgressBar, MultiProgress)>,
 }

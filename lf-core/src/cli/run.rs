@@ -54,7 +54,7 @@ pub fn run<A: clap::Parser>(
     }
     let mut session = Session::new(step::<A>(tool, &words), common);
     report(tool, || {
-        session.stats.as_deref().map_or(Ok(()), io::check_place)?;
+        common.stats.as_deref().map_or(Ok(()), io::check_place)?;
         let verdict = body(&arguments, &mut session)?;
         std::io::stdout().flush().map_err(|error| io::writing("standard output", &error))?;
         session.save_stats()?;

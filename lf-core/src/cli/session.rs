@@ -30,10 +30,8 @@ pub struct Common {
 pub struct Session {
     pub(super) step: Step,
     keeps_history: bool,
-    quiet: bool,
-    verbose: bool,
     screen: Screen,
-    pub(super) stats: Option<PathBuf>,
+    pub(super) common: Common,
     pub(super) started: Instant,
     pub(super) phases: Vec<(String, f64)>,
     pub(super) counts: Map<String, Value>,
@@ -44,10 +42,8 @@ impl Session {
         Self {
             step,
             keeps_history: std::env::var_os("LF_HISTORY").is_none_or(|value| value != "off"),
-            quiet: common.quiet,
-            verbose: common.verbose,
             screen: Screen::new(common.quiet),
-            stats: common.stats.clone(),
+            common: common.clone(),
             started: Instant::now(),
             phases: Vec::new(),
             counts: Map::new(),
@@ -76,14 +72,14 @@ impl Session {
 
     /// Prints a line on standard error, unless `--quiet`.
     pub fn say(&self, line: impl AsRef<str>) {
-        if !self.quiet {
+        if !self.common.quiet {
             self.print(line.as_ref());
         }
     }
 
     /// Whether [`Session::explain`] prints. Guards expensive diagnostics.
     pub fn is_verbose(&self) -> bool {
-        self.verbose && !self.quiet
+        self.common.verbose && !self.common.quiet
     }
 
     /// Prints a line on standard error with `--verbose`.
@@ -95,26 +91,21 @@ impl Session {
 
     /// Prints `tool: warning: ...` on standard error, unless `--quiet`.
     pub fn warn(&self, line: impl AsRef<str>) {
-        if !self.quiet {
-            self.print(&format!("warning: {}", line.as_ref()));
-        }
+        self.say(format!("warning: {}", line.as_ref()));
     }
 
     fn print(&self, line: &str) {
         self.screen.print(&one_line(&format!("{}: {line}", self.step.tool)));
     }
 
-    /// A progress counter of `total` steps: a bar if standard error is a terminal, otherwise silent. Cheap, `Sync`.
+    /// A progress counter of `total` steps.
     pub fn progress(&self, what: &str, total: u64) -> Progress {
         self.screen.progress(what, total)
     }
 
     /// The history `before` with this run appended; empty with `LF_HISTORY=off`.
     pub fn history(&self, before: &History) -> History {
-        if !self.keeps_history {
-            return History::new();
-        }
-        before.iter().chain([&self.step]).cloned().collect()
+        if self.keeps_history { before.iter().chain([&self.step]).cloned().collect() } else { History::new() }
     }
 
     /// Checks that output, inputs and the `--stats` file are different files. Also refuses standard input twice.
@@ -129,11 +120,11 @@ impl Session {
             if io::same_file(output, input) {
                 return clash(output, "is also an input");
             }
-            if self.stats.as_ref().is_some_and(|stats| io::same_file(stats, input)) {
+            if self.common.stats.as_ref().is_some_and(|stats| io::same_file(stats, input)) {
                 return clash(input, "is an input and the --stats file");
             }
         }
-        match &self.stats {
+        match &self.common.stats {
             Some(stats) if stats == output || io::same_file(stats, output) => {
                 clash(output, "is the output and the --stats file")
             }

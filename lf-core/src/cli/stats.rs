@@ -2,7 +2,7 @@
 
 use super::session::Session;
 use crate::{Result, io};
-use serde_json::{Map, Value, json};
+use serde_json::{Map, json};
 use std::path::Path;
 
 /// Resident memory of a tool that has read its inputs, bytes; used if the system does not tell.
@@ -11,11 +11,8 @@ const HELD_BYTES: u64 = 1 << 26;
 impl Session {
     /// Writes the file; does nothing without `--stats`.
     pub(super) fn save_stats(&self) -> Result<()> {
-        let Some(path) = &self.stats else {
-            return Ok(());
-        };
-        let phases: Map<String, Value> =
-            self.phases.iter().map(|(name, seconds)| (name.clone(), json!(seconds))).collect();
+        let Some(path) = &self.common.stats else { return Ok(()) };
+        let phases: Map<_, _> = self.phases.iter().map(|(name, seconds)| (name.clone(), json!(seconds))).collect();
         let stats = json!({
             "tool": self.step.tool,
             "version": self.step.version,
@@ -34,15 +31,16 @@ impl Session {
         let held = status_bytes("VmRSS:").unwrap_or(HELD_BYTES) + work_bytes;
         let memory_bytes = held.max(peak_bytes().unwrap_or(0));
         self.count("estimated_bytes", memory_bytes);
-        let counts = counts.iter().map(|(name, count)| ((*name).to_owned(), json!(count)));
-        let told: Map<String, Value> =
-            [("memory_bytes".to_owned(), json!(memory_bytes))].into_iter().chain(counts).collect();
-        io::save_text(Path::new("-"), |out| writeln!(out, "{}", Value::Object(told)))
+        let mut told = json!({"memory_bytes": memory_bytes});
+        for (name, count) in counts {
+            told[name] = json!(count);
+        }
+        io::save_text(Path::new("-"), |out| writeln!(out, "{told}"))
     }
 }
 
 /// Peak resident memory of this process, bytes; None if the system does not tell.
-pub(super) fn peak_bytes() -> Option<u64> {
+fn peak_bytes() -> Option<u64> {
     status_bytes("VmHWM:")
 }
 

@@ -42,8 +42,7 @@ impl Preset {
         }
     }
 
-    /// Help of this preset in a tool: the options that it sets, as on the command line, and its measured time and
-    /// error.
+    /// Help of this preset in a tool: the options that it sets, and its measured time and error.
     pub fn help(self, sets: &[String]) -> String {
         format!("{}; {}", sets.join(" "), self.measured())
     }
@@ -67,14 +66,12 @@ impl Preset {
 }
 
 impl Session {
-    /// Tells with `--verbose` what a preset sets. `sets` holds its options as on the command line, each with whether it
-    /// takes effect; an option that is typed as well does not.
+    /// Tells with `--verbose` what a preset sets: options as on the command line, each with whether it takes effect; an
+    /// option that is typed as well does not.
     pub fn explain_preset(&self, preset: Preset, sets: impl IntoIterator<Item = (String, bool)>) {
         let (used, typed): (Vec<_>, Vec<_>) = sets.into_iter().partition(|(_, is_used)| *is_used);
-        let [used, typed] = [used, typed].map(|sets| {
-            let sets: Vec<String> = sets.into_iter().map(|(set, _)| set).collect();
-            sets.join(" ")
-        });
+        let words = |sets: Vec<(String, bool)>| sets.into_iter().map(|(set, _)| set).collect::<Vec<_>>().join(" ");
+        let [used, typed] = [used, typed].map(words);
         let used = if used.is_empty() { "nothing" } else { &used };
         let typed = if typed.is_empty() { typed } else { format!("; the command line replaces its {typed}") };
         self.explain(format!("preset {} sets {used}{typed}", word(&preset)));

@@ -26,10 +26,9 @@ impl Bytes {
         }
         // The files of /proc also claim a length of zero; they are read.
         if found.is_file() && found.len() > 0 && file.stream_position()? == 0 {
-            // SAFETY: the map is read-only and outlives every slice lent from it. Another program may still write into
-            // the file. A changed byte shows as a changed number, and no reader here bases memory safety on these
-            // numbers. A truncation ends the process with SIGBUS. Our own writers replace a file and never write into
-            // it.
+            // SAFETY: the map is read-only and outlives every slice lent from it. If another program writes into the
+            // file, a number changes, and no reader here bases memory safety on numbers; a truncation ends the process
+            // with SIGBUS. Our own writers replace a file and never write into it.
             if let Ok(map) = unsafe { memmap2::Mmap::map(&file) } {
                 return Ok(Self { storage: Storage::Mapped(map) });
             }

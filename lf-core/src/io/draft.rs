@@ -13,7 +13,6 @@ use tempfile::{Builder, NamedTempFile, TempPath};
 /// Permissions before the umask: everybody may read and write.
 const MODE: u32 = 0o666;
 
-/// The name of a draft, if it has one.
 pub(super) enum Draft {
     Nameless,
     Named(TempPath),
@@ -24,29 +23,33 @@ pub(super) fn begin(folder: &Path) -> io::Result<(File, Draft)> {
     if let Some(file) = nameless(folder) {
         return Ok((file, Draft::Nameless));
     }
-    let named = names().permissions(Permissions::from_mode(MODE)).tempfile_in(folder).map_err(without_path)?;
-    let (file, path) = named.into_parts();
+    let (file, path) = named(folder)?.into_parts();
     Ok((file, Draft::Named(path)))
 }
 
 impl Draft {
     /// Gives the complete draft its final name and replaces a file that has this name.
     pub fn finish(self, file: &File, place: &Path, folder: &Path) -> io::Result<()> {
-        match self {
-            Self::Named(path) => path.persist(place).map_err(|refused| refused.error),
+        let path = match self {
+            Self::Named(path) => path,
             // A link cannot replace an existing name, a rename can: link the draft to a temporary name first.
             Self::Nameless => match names().make_in(folder, |path| link(file, path)) {
-                Ok(named) => named.into_temp_path().persist(place).map_err(|refused| refused.error),
+                Ok(named) => named.into_temp_path(),
                 // Some file systems allow nameless files but do not let them be linked.
-                Err(_) => copy(file, folder)?.persist(place).map(|_| ()).map_err(|refused| refused.error),
+                Err(_) => copy(file, folder)?.into_temp_path(),
             },
-        }
+        };
+        path.persist(place).map_err(|refused| refused.error)
     }
+}
+
+fn named(folder: &Path) -> io::Result<NamedTempFile> {
+    names().permissions(Permissions::from_mode(MODE)).tempfile_in(folder).map_err(without_path)
 }
 
 /// Copies a draft to a file with a temporary name.
 fn copy(mut file: &File, folder: &Path) -> io::Result<NamedTempFile> {
-    let mut named = names().permissions(Permissions::from_mode(MODE)).tempfile_in(folder).map_err(without_path)?;
+    let mut named = named(folder)?;
     file.seek(SeekFrom::Start(0))?;
     io::copy(&mut file, named.as_file_mut())?;
     named.as_file().sync_all()?;

@@ -5,32 +5,25 @@ use std::io::{self, ErrorKind};
 
 /// The error of a failed write. An [`Error`] carried inside is returned as it is, a [`Refusal`] as one about `subject`.
 pub fn writing(subject: &str, error: &io::Error) -> Error {
-    if let Some(carried) = carried(subject, error) {
-        return carried;
-    }
-    match error.kind() {
-        ErrorKind::BrokenPipe => {
-            Error::new(subject, "closed by its reader before the end", "wanted a reader that takes everything")
-        }
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
-            Error::new(subject, phrase(error), "wanted room for the whole output")
-        }
-        ErrorKind::NotFound => Error::new(subject, "its folder does not exist", "wanted an existing folder"),
-        ErrorKind::IsADirectory => Error::new(subject, "is a folder", "wanted a file to write"),
-        _ => Error::new(subject, phrase(error), "wanted a place to write"),
-    }
+    use ErrorKind::{BrokenPipe, FileTooLarge, IsADirectory, NotFound, QuotaExceeded, StorageFull};
+    let (found, wanted) = match error.kind() {
+        BrokenPipe => ("closed by its reader before the end".to_owned(), "wanted a reader that takes everything"),
+        StorageFull | QuotaExceeded | FileTooLarge => (phrase(error), "wanted room for the whole output"),
+        NotFound => ("its folder does not exist".to_owned(), "wanted an existing folder"),
+        IsADirectory => ("is a folder".to_owned(), "wanted a file to write"),
+        _ => (phrase(error), "wanted a place to write"),
+    };
+    carried(subject, error).unwrap_or_else(|| Error::new(subject, found, wanted))
 }
 
-/// The error of a failed read. An [`Error`] carried inside is returned as it is, a [`Refusal`] as one about `subject`.
+/// The error of a failed read; see [`writing`].
 pub(super) fn reading(subject: &str, error: &io::Error) -> Error {
-    if let Some(carried) = carried(subject, error) {
-        return carried;
-    }
-    match error.kind() {
-        ErrorKind::NotFound => Error::new(subject, "no such file", "wanted a file to read"),
-        ErrorKind::IsADirectory => Error::new(subject, "is a folder", "wanted a file to read"),
-        _ => Error::new(subject, phrase(error), "wanted a file to read"),
-    }
+    let found = match error.kind() {
+        ErrorKind::NotFound => "no such file".to_owned(),
+        ErrorKind::IsADirectory => "is a folder".to_owned(),
+        _ => phrase(error),
+    };
+    carried(subject, error).unwrap_or_else(|| Error::new(subject, found, "wanted a file to read"))
 }
 
 fn carried(subject: &str, error: &io::Error) -> Option<Error> {

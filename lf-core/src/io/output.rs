@@ -15,31 +15,28 @@ const BUFFER: usize = 256 * 1024;
 /// Symbolic links that are followed before a chain counts as a ring. Linux has the same limit.
 const LINKS: usize = 40;
 
-/// Checks that an output can be created, before the work begins: its folder must exist, and it must not be a folder.
+/// Checks before the work that an output can be created: its folder must exist, and it must not be a folder.
 pub fn check_place(path: &Path) -> Result<()> {
     if is_standard(path) {
         return Ok(());
     }
     let refused = |kind: ErrorKind| Err(writing(&output_name(path), &kind.into()));
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
-    match folder.map(fs::metadata) {
-        Some(Err(error)) if error.kind() == ErrorKind::NotFound => return refused(ErrorKind::NotFound),
-        Some(Ok(found)) if !found.is_dir() => return refused(ErrorKind::NotFound),
-        _ => {}
+    match (folder.map(fs::metadata), fs::metadata(path)) {
+        (Some(Err(error)), _) if error.kind() == ErrorKind::NotFound => refused(ErrorKind::NotFound),
+        (Some(Ok(found)), _) if !found.is_dir() => refused(ErrorKind::NotFound),
+        (_, Ok(found)) if found.is_dir() => refused(ErrorKind::IsADirectory),
+        _ => Ok(()),
     }
-    if fs::metadata(path).is_ok_and(|found| found.is_dir()) { refused(ErrorKind::IsADirectory) } else { Ok(()) }
 }
 
 /// Checks the place of a picture, and that its name does not promise another format than SVG.
 pub fn check_picture(path: &Path) -> Result<()> {
     const OTHERS: [&str; 8] = ["png", "jpg", "jpeg", "pdf", "eps", "tif", "tiff", "gif"];
-    match path.extension().filter(|end| OTHERS.iter().any(|other| end.eq_ignore_ascii_case(other))) {
-        Some(end) => {
-            let found = format!("the name of a .{} file", end.to_string_lossy());
-            Err(Error::new(output_name(path), found, "wanted FILE.svg, the format drawn"))
-        }
-        None => check_place(path),
-    }
+    let other = path.extension().filter(|end| OTHERS.iter().any(|other| end.eq_ignore_ascii_case(other)));
+    let Some(end) = other else { return check_place(path) };
+    let found = format!("the name of a .{} file", end.to_string_lossy());
+    Err(Error::new(output_name(path), found, "wanted FILE.svg, the format drawn"))
 }
 
 /// Writes `path` whole or not at all; `-` is standard output. Refuses a terminal, which cannot show binary output.
@@ -71,10 +68,7 @@ fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Resul
             fill_and_flush(file, fill).map_err(failed)?;
         }
         Target::Replace(place, old) => {
-            let folder = match place.parent() {
-                Some(folder) if folder != Path::new("") => folder,
-                _ => Path::new("."),
-            };
+            let folder = place.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
             let (file, draft) = draft::begin(folder).map_err(failed)?;
             let file = fill_and_flush(file, fill).map_err(failed)?;
             if let Some(old) = old {
@@ -89,14 +83,10 @@ fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Resul
 
 fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<File> {
     let mut buffered = BufWriter::with_capacity(BUFFER, file);
-    match fill(&mut buffered).and_then(|()| buffered.flush()) {
-        Ok(()) => Ok(buffered.into_parts().0),
-        Err(error) => {
-            // Drop the rest of the buffer: it belongs to an output that failed.
-            let _ = buffered.into_parts();
-            Err(error)
-        }
-    }
+    let outcome = fill(&mut buffered).and_then(|()| buffered.flush());
+    // After a failure the rest of the buffer is dropped, not written.
+    let (file, _) = buffered.into_parts();
+    outcome.map(|()| file)
 }
 
 /// Finds out what a path stands for: a stream, a file to replace, or a new file behind symbolic links.
@@ -122,9 +112,7 @@ fn target(path: &Path) -> io::Result<Target> {
         Err(error) if error.kind() == ErrorKind::NotFound => {
             let mut place = path.to_owned();
             for _ in 0..LINKS {
-                let Ok(next) = fs::read_link(&place) else {
-                    return Ok(Target::Replace(place, None));
-                };
+                let Ok(next) = fs::read_link(&place) else { return Ok(Target::Replace(place, None)) };
                 place = place.parent().unwrap_or(Path::new("")).join(next);
             }
             Err(io::Error::other("a ring of symbolic links"))
@@ -133,8 +121,7 @@ fn target(path: &Path) -> io::Result<Target> {
     }
 }
 
-/// Whether a path names an open descriptor. It leads to a file that others hold open: replacing the file would cut them
-/// off.
+/// Whether a path names an open descriptor. Replacing its file would cut off others that hold it open.
 fn names_a_descriptor(path: &Path) -> bool {
     path.starts_with("/dev/fd") || path.starts_with("/proc") || path == Path::new("/dev/stderr")
 }
