@@ -1,14 +1,14 @@
-//! `camera.json` from and to text, and what belongs to its file.
+//! `camera.json` from and to text, and which of its values are refused.
 
-use super::model::Camera;
-use crate::{Error, Refusal, Result, io};
+use super::model::{Camera, Distortion, Medium, Tilt};
+use crate::{Error, Refusal, io};
 use std::path::{Path, PathBuf};
 
 const WANTED: &str = "wanted a camera.json";
 
 impl Camera {
     /// Reads and checks a camera file; `-` is standard input.
-    pub fn open(path: &Path) -> Result<Self> {
+    pub fn open(path: &Path) -> crate::Result<Self> {
         let text = io::open_text(path).map_err(|error| match error.found.ends_with("no text") {
             true => Error { wanted: WANTED.to_string(), ..error },
             false => error,
@@ -17,7 +17,7 @@ impl Camera {
     }
 
     /// Reads and checks a camera.
-    pub fn from_json(text: &str) -> std::result::Result<Self, Refusal> {
+    pub fn from_json(text: &str) -> Result<Self, Refusal> {
         let value: serde_json::Value =
             serde_json::from_str(text).map_err(|error| Refusal::new(format!("not JSON ({error})"), WANTED))?;
         let camera: Self = serde_json::from_value(value).map_err(|error| Refusal::new(error.to_string(), WANTED))?;
@@ -35,10 +35,100 @@ impl Camera {
     }
 
     /// Checks that an image is as large as the sensor. `name` is its name in the message.
-    pub fn check_image(&self, name: &str, width: usize, height: usize) -> Result<()> {
+    pub fn check_image(&self, name: &str, width: usize, height: usize) -> crate::Result<()> {
         let wanted = format!("wanted the camera's {} x {} px", self.sensor.width, self.sensor.height);
         let fits = (width, height) == (self.sensor.width, self.sensor.height);
         Refusal::unless(fits, || format!("image of {width} x {height} px"), wanted)
             .map_err(|refusal| refusal.about(name))
+    }
+}
+
+/// Largest width or height of a sensor, px.
+const MOST_PIXELS: usize = 1 << 20;
+
+/// Largest tilt of the sensor, rad.
+const MOST_TILT_RAD: f64 = 0.5;
+
+/// Largest k = f_l / s_i: the thin-lens equations hold for microlenses that are short beside the image distance.
+const MOST_DEMAGNIFICATION: f64 = 0.5;
+
+fn positive(key: &str, value: f64) -> Result<(), Refusal> {
+    Refusal::unless(value.is_finite() && value > 0.0, || format!("{key} is {value}"), "wanted a positive number")
+}
+
+fn finite(key: &str, values: &[f64]) -> Result<(), Refusal> {
+    let is_finite = |value: &f64| {
+        Refusal::unless(value.is_finite(), || format!("{key} has the number {value}"), "wanted finite numbers")
+    };
+    values.iter().try_for_each(is_finite)
+}
+
+impl Camera {
+    /// Checks that every number can be used. Refuses lengths that are not positive, numbers that are not finite, more
+    /// than 2^20 px a side, lenslets smaller than a pixel, a tilt that brings the sensor to the array, a medium that
+    /// leaves no air before the lens, and microlenses as long as half the image distance.
+    pub fn check(&self) -> Result<(), Refusal> {
+        positive("sensor.pixel_pitch_mm", self.sensor.pixel_pitch_mm)?;
+        positive("main_lens.focal_length_mm", self.main_lens.focal_length_mm)?;
+        positive("main_lens.magnification", self.main_lens.magnification)?;
+        positive("main_lens.working_f_number", self.main_lens.working_f_number)?;
+        let (width, height) = (self.sensor.width, self.sensor.height);
+        let fits = [width, height].iter().all(|side| (1..=MOST_PIXELS).contains(side));
+        let wanted = format!("wanted 1 to {MOST_PIXELS} px a side");
+        Refusal::unless(fits, || format!("sensor is {width} x {height} px"), wanted)?;
+        self.check_microlenses()?;
+        if let Some(Distortion { radial, tangential }) = &self.distortion {
+            finite("distortion.radial", radial)?;
+            finite("distortion.tangential", tangential)?;
+        }
+        if let Some(tilt) = &self.tilt {
+            self.check_tilt(tilt)?;
+        }
+        if let Some(medium) = &self.medium {
+            medium.check(self.object_distance_mm())?;
+        }
+        if let Some(centres) = &self.centres {
+            centres.check()?;
+        }
+        let found = || format!("microlens focal length {} mm", self.microlenses.focal_length_mm);
+        let wanted = format!("wanted less than half the image distance of {} mm", self.image_distance_mm());
+        Refusal::unless(self.demagnification() < MOST_DEMAGNIFICATION, found, wanted)
+    }
+
+    fn check_microlenses(&self) -> Result<(), Refusal> {
+        let lenslets = &self.microlenses;
+        positive("microlenses.pitch_mm", lenslets.pitch_mm)?;
+        positive("microlenses.focal_length_mm", lenslets.focal_length_mm)?;
+        let (pitch_mm, pixel_mm) = (lenslets.pitch_mm, self.sensor.pixel_pitch_mm);
+        let wanted = format!("wanted at least a pixel ({pixel_mm} mm)");
+        Refusal::unless(pitch_mm >= pixel_mm, || format!("microlenses.pitch_mm is {pitch_mm}"), wanted)?;
+        finite("microlenses.rotation_rad", &[lenslets.rotation_rad])?;
+        finite("microlenses.offset_mm", &lenslets.offset_mm)?;
+        lenslets.gap_mm.map_or(Ok(()), |gap_mm| positive("microlenses.gap_mm", gap_mm))
+    }
+
+    fn check_tilt(&self, Tilt { x_rad, y_rad }: &Tilt) -> Result<(), Refusal> {
+        let is_small = x_rad.abs() < MOST_TILT_RAD && y_rad.abs() < MOST_TILT_RAD;
+        let wanted = format!("wanted less than {MOST_TILT_RAD} rad each way");
+        Refusal::unless(is_small, || format!("tilt is ({x_rad}, {y_rad}) rad"), wanted)?;
+        let [half_width, half_height] =
+            [self.sensor.width, self.sensor.height].map(|pixels| 0.5 * pixels as f64 * self.sensor.pixel_pitch_mm);
+        let (nearer, gap) = (x_rad.abs().tan() * half_width + y_rad.abs().tan() * half_height, self.gap_mm());
+        let found = || format!("tilt brings the sensor {nearer:.3} mm nearer to the array");
+        Refusal::unless(nearer < gap, found, format!("wanted less than the gap of {gap:.3} mm"))
+    }
+}
+
+impl Medium {
+    fn check(&self, object_distance_mm: f64) -> Result<(), Refusal> {
+        for (key, index) in [("index", self.index), ("window_index", self.window_index)] {
+            Refusal::unless((1.0..=4.0).contains(&index), || format!("medium.{key} is {index}"), "wanted 1 to 4")?;
+        }
+        let thickness = self.window_thickness_mm;
+        let found = || format!("medium.window_thickness_mm is {thickness}");
+        Refusal::unless(thickness.is_finite() && thickness >= 0.0, found, "wanted 0 or more")?;
+        let air = self.air_mm(object_distance_mm);
+        let found = || format!("medium.window_z_mm is {}", self.window_z_mm);
+        Refusal::unless(air.is_finite() && air > 0.0, found, "wanted air between the window and the main lens")
     }
 }

@@ -1,6 +1,10 @@
 //! All flows of a scene.
 
-use super::{kinds::Flow, sampled::Sampled, terms::term, velocity::Velocity};
+use super::{
+    kinds::Flow,
+    terms::{Sampled, term},
+    velocity::Velocity,
+};
 use crate::{Error, Refusal, field::Field, io};
 use serde::{Deserialize, Deserializer, Serialize, de::Error as _};
 use std::path::Path;

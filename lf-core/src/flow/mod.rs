@@ -7,16 +7,14 @@
 //! A flow is one object of [`Flow`], or a list of them whose velocities add up ([`Flows`]). The flow is steady.
 //! Displacements are those of a unit of time, the interval between two frames.
 
-mod checks;
 mod flows;
 mod kinds;
-mod sampled;
 mod terms;
 mod velocity;
 
 pub use flows::{Flows, MOST_STEPS};
 pub use kinds::{Axis, Case, Flow};
-pub use sampled::Sampled;
+pub use terms::Sampled;
 pub use velocity::{Velocity, places};
 
 #[cfg(test)]

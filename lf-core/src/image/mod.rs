@@ -19,7 +19,6 @@
 mod decode;
 pub(crate) mod exr;
 mod files;
-mod frame;
 mod light_field;
 mod noise;
 mod png;
@@ -28,7 +27,6 @@ mod tiff;
 
 pub use decode::Image;
 pub(crate) use decode::guarded;
-pub use files::{from_bytes, open, open_counts, outside_u16, save};
-pub use frame::{BLIND, open_frame};
+pub use files::{BLIND, from_bytes, open, open_counts, open_frame, outside_u16, save};
 pub use noise::noise;
 pub use stack::Stack;

@@ -1,7 +1,7 @@
 //! Opens an input; knows binary formats by their first bytes.
 
-use super::names::{is_standard, name, standard};
-use super::{bytes::Bytes, failures::reading};
+use super::bytes::Bytes;
+use super::names::{is_standard, name, reading, standard};
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{self, IsTerminal};

@@ -9,13 +9,11 @@
 
 mod bytes;
 mod draft;
-mod failures;
 mod input;
 mod names;
 mod output;
 
 pub use bytes::Bytes;
-pub use failures::writing;
 pub use input::{Signature, open, open_text};
-pub use names::{is_standard, name, output_name, same_file};
+pub use names::{is_standard, name, output_name, same_file, writing};
 pub use output::{check_picture, check_place, save, save_text};

@@ -1,7 +1,7 @@
 //! Writes an output whole or not at all.
 
-use super::names::{is_standard, output_name, standard};
-use super::{draft, failures::writing};
+use super::draft;
+use super::names::{is_standard, output_name, standard, writing};
 use crate::{Error, Result};
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, IsTerminal, Seek, SeekFrom, Write};
