@@ -5,7 +5,7 @@
 
 use super::axis::{Piece, Span};
 use super::{chords::Chords, geometry::Geometry};
-use crate::grid::Grid;
+use crate::Grid;
 
 /// Column and row profiles of an aligned camera.
 #[derive(Debug, Clone)]
@@ -21,7 +21,7 @@ impl Aligned {
 
     /// Columns and rows of the sensor.
     pub fn sensor_px(&self) -> [usize; 2] {
-        [self.geometry.width, self.geometry.height]
+        self.geometry.optics.sensor_px
     }
 
     /// Whether the stop is round. Then [`Chords`] cut the products of shares.
@@ -51,10 +51,9 @@ impl Aligned {
 
     fn profile(&self, along: usize, place: usize, z: usize, out: &mut Vec<Piece>) {
         let geometry = &self.geometry;
-        let axis = geometry.axis(z, self.sensor_px()[along]);
-        let slab = &geometry.slabs[0];
-        let (low, high) = (slab.x[0], slab.x[1]);
-        let span = Span { low, high, blur: geometry.blur(&axis, along) };
+        let axis = geometry.axis(z, along);
+        let [low, high] = geometry.slabs[0].x;
+        let span = Span { low, high, blur: geometry.blurs(&axis)[along] };
         let x0 = -axis.beta * geometry.grid.centre_mm(along, place);
         let reach = axis.alpha.abs() * axis.half_aperture + high + span.blur.reach();
         let pitch = high - low;

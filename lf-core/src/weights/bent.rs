@@ -82,17 +82,15 @@ fn sections(optics: &Optics, count: usize, side: f64) -> Vec<Section> {
 impl CellShares {
     /// For a cell in slabs, beams of half sides `beam`, and a voxel that blurs by `blurs`.
     fn new(slabs: &[Slab], corner: DVec2, beam: DVec2, blurs: [Blur; 2]) -> Self {
-        let reach = DVec2::new(blurs[0].reach(), blurs[1].reach());
-        let half = corner + beam + reach;
-        let along = |edges: [f64; 2], blur: Blur, beam: f64, half: f64| -> Vec<f64> {
-            let span = Span { low: edges[0], high: edges[1], blur };
+        let half = corner + beam + DVec2::from(blurs.map(Blur::reach));
+        let profile = |span: Span, beam: f64, half: f64| -> Vec<f64> {
             let at = |n: usize| -half + 2.0 * half * n as f64 / (STEPS - 1) as f64;
             (0..STEPS).map(|n| (span.ramp(at(n) + beam) - span.ramp(at(n) - beam)) / (2.0 * beam)).collect()
         };
         let mut table = vec![0f32; STEPS * STEPS];
         for slab in slabs {
-            let across = along(slab.x, blurs[0].widened(slab.slant_x), beam.x, half.x);
-            let down = along(slab.y, blurs[1].widened(slab.slant_y), beam.y, half.y);
+            let across = profile(slab.span(0, blurs), beam.x, half.x);
+            let down = profile(slab.span(1, blurs), beam.y, half.y);
             for (row, down) in table.chunks_mut(STEPS).zip(down) {
                 row.iter_mut().zip(&across).for_each(|(share, across)| *share += (down * across) as f32);
             }
@@ -154,8 +152,7 @@ impl Bent {
             let hit = optics.array_from_object(DVec2::ZERO, grid.centre_mm(2, z), DVec2::new(half_way, 0.0));
             let alpha = hit.x / half_way;
             let beam = (0.5 * self.side * alpha.abs()).max(1e-3 * self.geometry.pitch_mm);
-            let axis = self.geometry.axis(z, self.geometry.width);
-            let blurs = [self.geometry.blur(&axis, 0), self.geometry.blur(&axis, 1)];
+            let blurs = self.geometry.blurs(&self.geometry.axis(z, 0));
             CellShares::new(&self.geometry.slabs, self.geometry.corner(), DVec2::splat(beam), blurs)
         })
     }
@@ -196,7 +193,7 @@ impl Bent {
         wanted: &impl Fn(u32) -> bool,
         found: &mut impl FnMut(u32, u32, f32),
     ) {
-        let (width, height) = (self.geometry.width, self.geometry.height);
+        let [width, height] = self.geometry.optics.sensor_px;
         let whole_px = DVec2::new(width as f64, height as f64);
         let (first, last) = (a.min(b).max(DVec2::ZERO), a.max(b).min(whole_px));
         let size = (b - a).abs().max(DVec2::splat(1e-9));

@@ -8,15 +8,9 @@ pub(crate) enum Blur {
     /// All at the centre.
     None,
     /// Even over `[-half, half]`, mm.
-    Box {
-        /// Half width, mm.
-        half: f64,
-    },
+    Box { half: f64 },
     /// Gaussian of standard deviation `sigma`, mm.
-    Gauss {
-        /// Standard deviation, mm.
-        sigma: f64,
-    },
+    Gauss { sigma: f64 },
 }
 
 /// A Gaussian ends after this many standard deviations; the light left out is 6e-5.
@@ -28,13 +22,13 @@ const STEPS_PER_SIGMA: f64 = 128.0;
 /// distribution. Linear interpolation errs by at most 3e-6 sigma.
 static NORMAL: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
     let count = (2.0 * REACH_SIGMA * STEPS_PER_SIGMA) as usize + 2;
+    let h = 1.0 / STEPS_PER_SIGMA;
     let mut area = 0.0;
     let mut cumulative: Vec<f64> = vec![0.0];
     // Integrate the density by Simpson's rule between nodes; the error is 1e-12.
     let density = |z: f64| (-0.5 * z * z).exp();
     for n in 0..count {
         let z = -REACH_SIGMA + n as f64 / STEPS_PER_SIGMA;
-        let h = 1.0 / STEPS_PER_SIGMA;
         area += h / 6.0 * (density(z) + 4.0 * density(z + 0.5 * h) + density(z + h));
         cumulative.push(area);
     }
@@ -75,13 +69,8 @@ impl Blur {
     #[inline]
     pub(crate) fn cdf(self, t: f64) -> f64 {
         match self {
-            Self::None => {
-                if t < 0.0 {
-                    0.0
-                } else {
-                    1.0
-                }
-            }
+            Self::None if t < 0.0 => 0.0,
+            Self::None => 1.0,
             Self::Box { half } => (0.5 + 0.5 * t / half).clamp(0.0, 1.0),
             Self::Gauss { sigma } => interpolate(t / sigma, 1, 1.0),
         }
@@ -92,19 +81,11 @@ impl Blur {
     pub(crate) fn ramp(self, t: f64) -> f64 {
         match self {
             Self::None => t.max(0.0),
-            Self::Box { half } => {
-                if t <= -half {
-                    0.0
-                } else if t >= half {
-                    t
-                } else {
-                    (t + half) * (t + half) / (4.0 * half)
-                }
-            }
-            Self::Gauss { sigma } => {
-                let z = t / sigma;
-                if z >= REACH_SIGMA { t } else { sigma * interpolate(z, 0, z) }
-            }
+            Self::Box { half } if t <= -half => 0.0,
+            Self::Box { half } if t >= half => t,
+            Self::Box { half } => (t + half) * (t + half) / (4.0 * half),
+            Self::Gauss { sigma } if t / sigma >= REACH_SIGMA => t,
+            Self::Gauss { sigma } => sigma * interpolate(t / sigma, 0, t / sigma),
         }
     }
 }

@@ -1,19 +1,26 @@
 //! A lenslet's cell as a stack of upright rectangles, so that weights are products even if the cell is no rectangle.
 
-use crate::{camera::Camera, lattice::Layout};
+use super::{axis::Span, blur::Blur};
+use crate::{Camera, lattice::Layout};
 use glam::DVec2;
 
 /// A rectangle of a cell, relative to the lenslet's centre, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Slab {
     /// Left and right edge.
-    pub(crate) x: [f64; 2],
+    pub(super) x: [f64; 2],
     /// Top and bottom edge.
-    pub(crate) y: [f64; 2],
-    /// Sideways change of the true left and right edges over the slab's height.
-    pub(crate) slant_x: f64,
-    /// Change in height of the true top and bottom edges over the slab's width.
-    pub(crate) slant_y: f64,
+    pub(super) y: [f64; 2],
+    /// Change of the true edges in x over the slab's height, and in y over its width.
+    slant: [f64; 2],
+}
+
+impl Slab {
+    /// The slab along x (0) or y (1), for a voxel that blurs by `blurs`.
+    pub(super) fn span(&self, along: usize, blurs: [Blur; 2]) -> Span {
+        let [low, high] = [self.x, self.y][along];
+        Span { low, high, blur: blurs[along].widened(self.slant[along]) }
+    }
 }
 
 /// A square cell turned by no more than this is one rectangle whose edges are blurred by their slant; beyond it, slabs.
@@ -31,7 +38,7 @@ pub(crate) fn slabs(camera: &Camera) -> Vec<Slab> {
     if camera.microlenses.layout == Layout::Square && tilt <= ONE_SLAB_RAD {
         let half = 0.5 * pitch;
         let slant = pitch * tilt.tan();
-        return vec![Slab { x: [-half, half], y: [-half, half], slant_x: slant, slant_y: slant }];
+        return vec![Slab { x: [-half, half], y: [-half, half], slant: [slant; 2] }];
     }
     polygon_slabs(&camera.lattice().cell_mm(), pitch)
 }
@@ -49,10 +56,10 @@ fn polygon_slabs(corners: &[DVec2], pitch: f64) -> Vec<Slab> {
         }
     }
     let heights: Vec<f64> = heights.iter().map(|group| group.iter().sum::<f64>() / group.len() as f64).collect();
+    let inset = 1e-9 * pitch;
     let mut slabs = Vec::new();
     for pair in heights.windows(2) {
         let (top, bottom) = (pair[0], pair[1]);
-        let inset = 1e-9 * pitch;
         let (a, b) = (chord(corners, top + inset), chord(corners, bottom - inset));
         let slant = (b[0] - a[0]).abs().max((b[1] - a[1]).abs());
         let count = (slant / (STEP * pitch)).ceil().max(1.0) as usize;
@@ -60,7 +67,7 @@ fn polygon_slabs(corners: &[DVec2], pitch: f64) -> Vec<Slab> {
             let at = |part: f64| top + (bottom - top) * part / count as f64;
             let y = [at(n as f64), at(n as f64 + 1.0)];
             let x = chord(corners, 0.5 * (y[0] + y[1]));
-            slabs.push(Slab { x, y, slant_x: slant / count as f64, slant_y: 0.0 });
+            slabs.push(Slab { x, y, slant: [slant / count as f64, 0.0] });
         }
     }
     slabs
@@ -83,8 +90,7 @@ fn chord(corners: &[DVec2], y: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Aperture;
-    use crate::camera::tests::seed;
+    use crate::camera::{Aperture, tests::seed};
 
     #[test]
     fn slabs_have_the_area_of_the_cell() {
@@ -101,9 +107,7 @@ mod tests {
     #[test]
     fn an_aligned_square_is_one_slab_and_a_hexagon_many() {
         let count = |layout, rotation| slabs(&seed(20, Aperture::Square, layout, rotation)).len();
-        assert_eq!(count(Layout::Square, 0.0), 1);
-        assert_eq!(count(Layout::Square, 0.003), 1);
-        assert_eq!(count(Layout::Hexagonal, 0.0), 19);
-        assert_eq!(count(Layout::Hexagonal, 0.003), 19);
+        assert_eq!([0.0, 0.003].map(|rotation| count(Layout::Square, rotation)), [1, 1]);
+        assert_eq!([0.0, 0.003].map(|rotation| count(Layout::Hexagonal, rotation)), [19, 19]);
     }
 }

@@ -1,10 +1,10 @@
 //! The one choice of how weights are made, and its reason.
 
 use super::lenslets::{self, Lenslets};
-use super::model::{Basis, Model, sections};
+use super::model::{Basis, Model, RowSet, check_depth, sections};
 use super::pieces::{self, Pieces};
-use super::{aligned::Aligned, bent::Bent, depth::check_depth, geometry::Geometry, rows::RowSet, sphere::Sphere};
-use crate::{Refusal, camera::Camera, grid::Grid};
+use super::{aligned::Aligned, bent::Bent, geometry::Geometry, sphere::Sphere};
+use crate::{Camera, Grid, Refusal};
 
 /// The weights of every voxel of a grid, made when asked for.
 #[derive(Debug, Clone)]
@@ -36,11 +36,8 @@ pub struct Scratch {
 }
 
 impl Weights {
-    /// Chooses the fastest path for a camera, a grid, a model and a basis.
-    ///
-    /// # Errors
-    /// If the grid reaches the main lens or a depth where the light behind a lenslet no longer fans out; if the model
-    /// cannot follow the camera; if a blob is outside 0 to 10 voxels; if sections are outside [`super::SECTIONS`].
+    /// Chooses the fastest path for a camera, a grid, a model and a basis. Refuses a grid as [`check_depth`] does, a
+    /// model that cannot follow the camera, a blob outside 0 to 10 voxels, and sections outside [`super::SECTIONS`].
     pub fn choose(camera: &Camera, grid: &Grid, model: Model, basis: Basis) -> Result<Self, Refusal> {
         check_depth(camera, grid)?;
         if let Some(block) = camera.bends().filter(|_| model != Model::Exact) {
@@ -55,8 +52,8 @@ impl Weights {
         let aligned = camera.aligned();
         let geometry = Geometry::new(aligned.as_ref().unwrap_or(camera), grid, model, basis, sections);
         let reason = match model {
-            Model::Sphere => "the weights are spheres".to_string(),
-            _ => camera.misalignment().unwrap_or_else(|| "the lattice is aligned with the pixels".to_string()),
+            Model::Sphere => "the weights are spheres".into(),
+            _ => camera.misalignment().unwrap_or_else(|| "the lattice is aligned with the pixels".into()),
         };
         let path = match model {
             Model::Sphere => Path::Sphere(Sphere::new(camera, geometry)),
@@ -68,7 +65,7 @@ impl Weights {
         Ok(Self { path, reason })
     }
 
-    /// The path.
+    /// The way to make the weights.
     #[inline(always)]
     pub fn path(&self) -> &Path {
         &self.path
@@ -87,7 +84,7 @@ impl Weights {
 
     /// Columns and rows of the sensor.
     pub fn sensor_px(&self) -> [usize; 2] {
-        [self.geometry().width, self.geometry().height]
+        self.geometry().optics.sensor_px
     }
 
     /// Bytes of the tables that are made when first used, in all slices except those nearest focus.
@@ -106,8 +103,7 @@ impl Weights {
     }
 
     /// Calls `found(column, row, weight)` for the pixels of a voxel on the rows that `wanted` accepts. A pixel may come
-    /// more than once: its weight is the sum. Uses no table of profiles or lenslets, so it is slow and exact on every
-    /// path.
+    /// more than once: its weight is the sum. Uses no table of profiles or lenslets: slow and exact on every path.
     pub fn visit(
         &self,
         voxel: [usize; 3],

@@ -3,11 +3,9 @@
 use super::cell::{self, Slab};
 use super::model::{Basis, Model, aperture_sections};
 use super::{axis::Axis, blur::Blur};
-use crate::camera::{Aperture, Camera};
-use crate::{grid::Grid, optics::Optics};
+use crate::{Camera, Grid, Optics, camera::Aperture};
 use glam::DVec2;
 
-/// Camera, grid and model of the weights.
 #[derive(Debug, Clone)]
 pub(crate) struct Geometry {
     pub(super) model: Model,
@@ -19,8 +17,6 @@ pub(crate) struct Geometry {
     pub(super) has_round_stop: bool,
     /// The full square of the aperture over the area of the stop: turns products of shares into shares of the light.
     pub(super) scale: f32,
-    pub(super) width: usize,
-    pub(super) height: usize,
     pub(super) pitch_mm: f64,
     /// Sections of the aperture a side.
     pub(super) sections: usize,
@@ -29,7 +25,6 @@ pub(crate) struct Geometry {
 }
 
 impl Geometry {
-    /// For a camera and a grid that are checked.
     pub(super) fn new(camera: &Camera, grid: &Grid, model: Model, basis: Basis, sections: usize) -> Self {
         let optics = Optics::new(camera);
         let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
@@ -41,16 +36,14 @@ impl Geometry {
             has_round_stop,
             scale: aperture_scale(model, has_round_stop, sections, optics.half_aperture_mm),
             optics,
-            width: camera.sensor.width,
-            height: camera.sensor.height,
             pitch_mm: camera.microlenses.pitch_mm,
             sections,
             has_pixel_squares: sections == aperture_sections(camera),
         }
     }
 
-    /// The optics of slice `z` along an axis of the sensor that has `pixels` pixels.
-    pub(super) fn axis(&self, z: usize, pixels: usize) -> Axis {
+    /// The optics of slice `z` along x (0) or y (1) of the sensor.
+    pub(super) fn axis(&self, z: usize, along: usize) -> Axis {
         let z_mm = self.grid.centre_mm(2, z);
         let mut axis = Axis {
             alpha: self.optics.alpha(z_mm),
@@ -60,7 +53,7 @@ impl Geometry {
             lenslet_gain: self.optics.lenslet_gain(),
             half_aperture: self.optics.half_aperture_mm,
             pixel_pitch: self.optics.pixel_pitch_mm,
-            pixels,
+            pixels: self.optics.sensor_px[along],
             sections: self.sections,
             square: 1.0,
         };
@@ -73,21 +66,22 @@ impl Geometry {
         axis
     }
 
-    /// How a voxel of a slice blurs along one axis, as seen on the array.
-    pub(super) fn blur(&self, axis: &Axis, along: usize) -> Blur {
-        let width = axis.beta * self.grid.spacing_mm[along];
-        match self.basis {
-            Basis::Point => Blur::None,
-            Basis::Box => Blur::Box { half: 0.5 * width },
-            Basis::Blob { sigma_vox } => Blur::Gauss { sigma: sigma_vox * width },
-        }
+    /// How a voxel of the slice of `axis` blurs along x and y, as seen on the array.
+    pub(super) fn blurs(&self, axis: &Axis) -> [Blur; 2] {
+        [0, 1].map(|along| {
+            let width = axis.beta * self.grid.spacing_mm[along];
+            match self.basis {
+                Basis::Point => Blur::None,
+                Basis::Box => Blur::Box { half: 0.5 * width },
+                Basis::Blob { sigma_vox } => Blur::Gauss { sigma: sigma_vox * width },
+            }
+        })
     }
 
     /// Half sides of the box around a cell.
     pub(super) fn corner(&self) -> DVec2 {
-        self.slabs.iter().fold(DVec2::ZERO, |corner, slab| {
-            corner.max(DVec2::new(slab.x[0].abs().max(slab.x[1].abs()), slab.y[0].abs().max(slab.y[1].abs())))
-        })
+        let corners = |slab: &Slab| [0, 1].map(|n| DVec2::new(slab.x[n], slab.y[n]).abs());
+        self.slabs.iter().flat_map(corners).fold(DVec2::ZERO, DVec2::max)
     }
 
     /// Left and right edge of a cell at a height from its centre, mm.

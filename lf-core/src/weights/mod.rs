@@ -18,25 +18,20 @@ mod blur;
 mod cell;
 mod choice;
 mod chords;
-mod depth;
 mod geometry;
 mod lenslets;
 mod model;
 mod pieces;
-mod rows;
 mod sphere;
+#[cfg(test)]
+mod tests;
 
 pub use aligned::Aligned;
 pub use axis::Piece;
 pub use bent::Bent;
 pub use choice::{Path, Scratch, Weights};
 pub use chords::Chords;
-pub use depth::{check_depth, check_depth_mm};
 pub use lenslets::Lenslets;
-pub use model::{Basis, Model, SECTIONS, aperture_sections, sections};
+pub use model::{Basis, Model, RowSet, SECTIONS, aperture_sections, check_depth, check_depth_mm, sections};
 pub use pieces::Pieces;
-pub use rows::RowSet;
 pub use sphere::Sphere;
-
-#[cfg(test)]
-mod tests;

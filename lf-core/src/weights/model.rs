@@ -1,6 +1,7 @@
-//! Settings of the weights: the model of the optics, the meaning of a voxel, and the sections of the aperture.
+//! Settings of the weights: the model of the optics, the meaning of a voxel, the sections of the aperture, the depths
+//! that the optics can reconstruct, and the image rows of a computation.
 
-use crate::{Refusal, camera::Camera};
+use crate::{Camera, Grid, Optics, Refusal};
 use std::ops::RangeInclusive;
 
 /// How weights are computed.
@@ -41,10 +42,7 @@ pub fn aperture_sections(camera: &Camera) -> usize {
 /// Numbers of sections a side that a user may ask for.
 pub const SECTIONS: RangeInclusive<usize> = 2..=64;
 
-/// Sections of the aperture a side: the number asked for, or [`aperture_sections`].
-///
-/// # Errors
-/// If the number asked for is outside [`SECTIONS`].
+/// The sections a side that are asked for, or [`aperture_sections`]. Refuses a number outside [`SECTIONS`].
 pub fn sections(camera: &Camera, asked: Option<usize>) -> Result<usize, Refusal> {
     let Some(sections) = asked else { return Ok(aperture_sections(camera)) };
     if SECTIONS.contains(&sections) {
@@ -52,4 +50,50 @@ pub fn sections(camera: &Camera, asked: Option<usize>) -> Result<usize, Refusal>
     }
     let found = format!("{sections} sections of the aperture a side");
     Err(Refusal::new(found, format!("wanted {} to {}", SECTIONS.start(), SECTIONS.end())))
+}
+
+/// [`check_depth_mm`] for the first and last slice of a grid.
+pub fn check_depth(camera: &Camera, grid: &Grid) -> Result<(), Refusal> {
+    [0, grid.shape[2] - 1].into_iter().try_for_each(|z| check_depth_mm(camera, grid.centre_mm(2, z)))
+}
+
+/// Refuses a depth at the main lens or its window, or one where the image under a lenslet turns over.
+pub fn check_depth_mm(camera: &Camera, z_mm: f64) -> Result<(), Refusal> {
+    let refusal = |reason: String| {
+        Err(Refusal::new(format!("depth {} mm {reason}", z_mm as f32), "wanted a volume that ends before the lens"))
+    };
+    if let Some(medium) = camera.medium.as_ref().filter(|medium| z_mm >= medium.window_z_mm) {
+        return refusal(format!("is not before the window, which is at {} mm", medium.window_z_mm));
+    }
+    let lens_mm = camera.object_distance_mm();
+    if z_mm >= 0.9 * lens_mm || Optics::new(camera).alpha(z_mm) > 0.5 {
+        return refusal(format!("is too near the main lens, which stands {lens_mm:.1} mm before the focal plane"));
+    }
+    Ok(())
+}
+
+/// Every `step`-th image row from `first` on; `step` is 1 or more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RowSet {
+    /// The first row, less than `step`.
+    pub first: u32,
+    /// Rows to the next.
+    pub step: u32,
+}
+
+impl RowSet {
+    /// All rows.
+    pub const ALL: Self = Self { first: 0, step: 1 };
+
+    /// Whether a row is in the set.
+    #[inline]
+    pub fn holds(self, row: u32) -> bool {
+        row % self.step == self.first
+    }
+
+    /// For each row of an image of `rows` rows, and for the end, the first row of the set at or after it.
+    pub(super) fn next_from(self, rows: usize) -> Vec<u32> {
+        let ahead = |row: u32| (self.first + self.step - row % self.step) % self.step;
+        (0..=rows as u32).map(|row| row + ahead(row)).collect()
+    }
 }

@@ -3,7 +3,7 @@
 //! The slow and obvious way, and the oracle of the faster ones. About 0.1 us for each lenslet and slab.
 
 use super::axis::{Axis, Piece, Span};
-use super::{chords::Chords, geometry::Geometry};
+use super::{blur::Blur, chords::Chords, geometry::Geometry};
 use glam::DVec2;
 
 /// Weights without tables: sampled apertures on a lattice that is not aligned with the pixels.
@@ -37,14 +37,14 @@ impl Geometry {
         wanted: impl Fn(u32) -> bool,
         mut found: impl FnMut(u32, u32, f32),
     ) {
-        let axes = [self.axis(voxel[2], self.width), self.axis(voxel[2], self.height)];
+        let axes = [self.axis(voxel[2], 0), self.axis(voxel[2], 1)];
         let [across, down] = &axes;
-        let blur_y = self.blur(down, 1);
+        let blurs = self.blurs(across);
         let chief = self.chief_mm(across, voxel);
         let corner = self.corner();
-        let margin = corner + DVec2::new(self.blur(across, 0).reach(), blur_y.reach());
+        let margin = corner + DVec2::from(blurs.map(Blur::reach));
         let spread = across.alpha.abs() * across.half_aperture;
-        let whole = Span { low: -corner.y, high: corner.y, blur: blur_y };
+        let whole = Span { low: -corner.y, high: corner.y, blur: blurs[1] };
         for (_, _, centre) in self.optics.lattice().lenslets_within(chief, margin + DVec2::splat(spread)) {
             // Skip a lenslet that the light of a round stop cannot reach. A section's beam is wider than its chief ray.
             let beyond = ((centre - chief).abs() - margin).max(DVec2::ZERO);
@@ -68,9 +68,9 @@ impl Geometry {
         wanted: &impl Fn(u32) -> bool,
         found: &mut impl FnMut(u32, u32, f32),
     ) {
-        let (blur_x, blur_y) = (self.blur(across, 0), self.blur(down, 1));
+        let blurs = self.blurs(across);
         for slab in &self.slabs {
-            let span_y = Span { low: slab.y[0], high: slab.y[1], blur: blur_y.widened(slab.slant_y) };
+            let span_y = slab.span(1, blurs);
             if !down.pixels_reached(chief.y, centre.y, &span_y).any(wanted) {
                 continue;
             }
@@ -81,8 +81,7 @@ impl Geometry {
                 continue;
             }
             columns.clear();
-            let span_x = Span { low: slab.x[0], high: slab.x[1], blur: blur_x.widened(slab.slant_x) };
-            across.pieces(self.model, chief.x, centre.x, &span_x, columns);
+            across.pieces(self.model, chief.x, centre.x, &slab.span(0, blurs), columns);
             for row in &*rows {
                 let chords = self.chords(row);
                 for column in &*columns {

@@ -4,7 +4,7 @@
 use super::patch::{LANES, Patches};
 use super::slice::SliceOptics;
 use super::stop::{ApertureBehind, Spans};
-use crate::{weights::geometry::Geometry, weights::rows::RowSet};
+use crate::weights::{geometry::Geometry, model::RowSet};
 use glam::{DVec2, Vec4};
 
 /// A lenslet and where its image of the voxel is.
@@ -19,12 +19,10 @@ pub(super) struct LensletImage {
     pub(super) rows: (i32, i32),
 }
 
-/// Buffers of a thread.
+/// Buffers of a thread: the aperture behind the columns, and the light of an image row.
 #[derive(Debug, Default)]
 pub(super) struct CutBuffers {
-    /// Spans of the aperture behind the columns, four at a time.
     spans: Vec<Spans>,
-    /// Light of an image row.
     light: Vec<f32>,
 }
 
@@ -44,17 +42,14 @@ pub(super) struct CutImage<'a> {
     zero: DVec2,
     /// First fine column and row of the patch.
     first: (i32, i32),
-    /// First and end fine column.
+    /// First and end: fine columns, fine rows, and image rows.
     columns: (i32, i32),
-    /// First and end fine row.
     fine_rows: (i32, i32),
-    /// First and end image row.
     rows: (i32, i32),
 }
 
-/// The aperture behind four fine rows.
+/// The aperture behind four fine rows from `first`.
 struct RowsBehind {
-    /// The first of the rows.
     first: i32,
     /// Half chords of the stop at the nodes of each row.
     nodes: [Vec4; 3],
@@ -73,14 +68,14 @@ impl<'a> CutImage<'a> {
     ) -> Option<Self> {
         let LensletImage { centre, chief, place_px, rows: (low, high) } = *image;
         let per_px = f64::from(fineness);
-        let middle_px = 0.5 * DVec2::new(geometry.width as f64, geometry.height as f64);
-        let zero = (slice.axis.lenslet_gain * centre + slice.axis.array_gain * chief) * slice.per_pixel + middle_px;
-        let zero = per_px * zero;
+        let axis_px = (slice.axis.lenslet_gain * centre + slice.axis.array_gain * chief) * slice.per_pixel;
+        let zero = per_px * (axis_px + geometry.optics.middle_px());
         let (first_x, phase_x) = patches.split(per_px * place_px.x);
         let (first_y, phase_y) = patches.split(per_px * place_px.y);
         let (stop_x, stop_y) = (slice.stop_pixels(zero.x, per_px), slice.stop_pixels(zero.y, per_px));
         let left = first_x.max(stop_x.0).max(0);
-        let right = (first_x + patches.columns as i32).min(stop_x.1).min(geometry.width as i32 * fineness);
+        let right =
+            (first_x + patches.columns as i32).min(stop_x.1).min(geometry.optics.sensor_px[0] as i32 * fineness);
         let (low_fine, high_fine) = (first_y.max(stop_y.0), (first_y + patches.rows as i32).min(stop_y.1));
         let (low, high) = (low.max(low_fine.div_euclid(fineness)), high.min((high_fine - 1).div_euclid(fineness) + 1));
         (left < right && low < high).then(|| Self {
@@ -146,12 +141,9 @@ impl<'a> CutImage<'a> {
         let across = self.slice.aperture_behind(self.zero.x, self.beyond.x, cell, self.per_slope);
         let (left, right) = self.columns;
         spans.clear();
-        for first in (0..right - left).step_by(LANES) {
-            spans.push(across.spans(left + first));
-        }
+        spans.extend((left..right).step_by(LANES).map(|first| across.spans(first)));
     }
 
-    /// The aperture behind four fine rows from `first`.
     #[inline(always)]
     fn rows_behind(&self, down: &ApertureBehind, first: i32) -> RowsBehind {
         let behind = down.spans(first);

@@ -6,21 +6,29 @@
 
 use super::cut::{CutBuffers, CutImage, LensletImage};
 use super::patch::{self, Patches};
-use super::{array::Array, slice::SliceOptics};
-use crate::{weights::geometry::Geometry, weights::rows::RowSet};
+use super::slice::SliceOptics;
+use crate::weights::{geometry::Geometry, model::RowSet};
 use glam::DVec2;
-use std::sync::OnceLock;
+use std::{ops::RangeInclusive, sync::OnceLock};
 
 /// Weights from tables of a lenslet's image of a voxel.
 #[derive(Debug, Clone)]
 pub struct Lenslets {
     pub(crate) geometry: Geometry,
-    /// Centres of the lenslets.
-    array: Array,
+    /// The rows of lenslets that the sensor sees, from row `first_row` of the lattice.
+    rows: Vec<LensletRow>,
+    first_row: i64,
     /// The patches of each slice, made when first used.
     patches: Vec<OnceLock<Patches>>,
     /// The same with pixels cut into [`FINENESS`] parts, for cells with slanted sides that the stop cuts.
     fine_patches: Vec<OnceLock<Patches>>,
+}
+
+/// Centres of a row of lenslets, from lenslet `first` of the lattice.
+#[derive(Debug, Clone)]
+struct LensletRow {
+    first: i64,
+    centres_mm: Vec<DVec2>,
 }
 
 /// Buffers of a thread, for the slice and the rows last asked for.
@@ -51,7 +59,6 @@ struct Request<'a> {
     /// The chief ray's part of the place of a patch's middle, px.
     chief_px: DVec2,
     wanted: RowSet,
-    /// For each row the first wanted at or after it.
     next: &'a [u32],
 }
 
@@ -59,11 +66,17 @@ impl Lenslets {
     pub(crate) fn new(geometry: Geometry) -> Self {
         // The image of a lenslet farther out lies beside the sensor.
         let optics = &geometry.optics;
-        let half_mm = 0.5 * optics.pixel_pitch_mm * DVec2::new(geometry.width as f64, geometry.height as f64);
         let image = optics.demagnification * optics.half_aperture_mm;
-        let array = Array::new(optics.lattice(), half_mm + DVec2::splat(image + geometry.pitch_mm));
+        let reach_mm = optics.pixel_pitch_mm * optics.middle_px() + DVec2::splat(image + geometry.pitch_mm);
+        let lattice = optics.lattice();
+        let seen = || lattice.rows_within(DVec2::ZERO, reach_mm);
+        let rows = seen().map(|(j, lenslets)| LensletRow {
+            first: *lenslets.start(),
+            centres_mm: lenslets.map(|i| lattice.centre_mm(i, j)).collect(),
+        });
+        let (rows, first_row) = (rows.collect(), seen().next().map_or(0, |(j, _)| j));
         let patches = vec![OnceLock::new(); geometry.grid.shape[2]];
-        Self { array, fine_patches: patches.clone(), patches, geometry }
+        Self { rows, first_row, fine_patches: patches.clone(), patches, geometry }
     }
 
     /// Bytes of the tables, in all slices except those nearest focus.
@@ -77,13 +90,21 @@ impl Lenslets {
         if self.geometry.slabs.len() > 1 { FINENESS } else { 1 }
     }
 
-    /// The patches of a slice.
+    /// Centres of those lenslets of row `j` that the sensor sees, mm.
+    #[inline(always)]
+    fn centres_mm(&self, j: i64, lenslets: &RangeInclusive<i64>) -> &[DVec2] {
+        let Some(row) = usize::try_from(j - self.first_row).ok().and_then(|n| self.rows.get(n)) else { return &[] };
+        let count = row.centres_mm.len() as i64;
+        let first = (*lenslets.start() - row.first).clamp(0, count);
+        let end = (*lenslets.end() + 1 - row.first).clamp(first, count);
+        &row.centres_mm[first as usize..end as usize]
+    }
+
     #[inline(always)]
     fn patches(&self, slice: &SliceOptics) -> &Patches {
         self.patches[slice.z].get_or_init(|| self.new_patches(slice, slice.step_mm))
     }
 
-    /// The patches of a slice for images that the stop cuts.
     #[inline(always)]
     fn fine_patches(&self, slice: &SliceOptics) -> &Patches {
         if self.fineness() == 1 {
@@ -93,8 +114,7 @@ impl Lenslets {
     }
 
     fn new_patches(&self, slice: &SliceOptics, step_mm: f64) -> Patches {
-        let blurs = [self.geometry.blur(&slice.axis, 0), self.geometry.blur(&slice.axis, 1)];
-        Patches::new(&self.geometry.slabs, blurs, step_mm)
+        Patches::new(&self.geometry.slabs, self.geometry.blurs(&slice.axis), step_mm)
     }
 
     /// See [`crate::weights::Weights::runs`].
@@ -112,24 +132,23 @@ impl Lenslets {
             _ => *buffers.slice.insert(SliceOptics::new(&self.geometry, z)),
         };
         if buffers.wanted != Some(wanted) {
-            buffers.next = wanted.next_from(self.geometry.height);
+            buffers.next = wanted.next_from(self.geometry.optics.sensor_px[1]);
             buffers.wanted = Some(wanted);
         }
-        let geometry = &self.geometry;
-        let lattice = geometry.optics.lattice();
-        let chief_mm = geometry.chief_mm(&slice.axis, voxel);
-        let middle_px = 0.5 * DVec2::new(geometry.width as f64, geometry.height as f64);
+        let Geometry { optics, .. } = &self.geometry;
+        let chief_mm = self.geometry.chief_mm(&slice.axis, voxel);
         let request = Request {
             lenslets: self,
             slice: &slice,
             patches: self.patches(&slice),
             chief_mm,
-            chief_px: slice.by_chief * chief_mm + middle_px,
+            chief_px: slice.by_chief * chief_mm + optics.middle_px(),
             wanted,
             next: &buffers.next,
         };
+        let lattice = optics.lattice();
         for (j, row) in lattice.rows_within(lattice.perfect(chief_mm), slice.reach + DVec2::splat(slice.spread)) {
-            let centres = self.array.row_mm(j, &row);
+            let centres = self.centres_mm(j, &row);
             if request.is_reached(centres) {
                 for centre in centres {
                     request.runs(*centre, &mut buffers.cut, &mut found);
@@ -151,7 +170,7 @@ impl Request<'_> {
         }
         let ends = ends.map(|y| self.patches.split(self.chief_px.y + self.slice.by_centre * y).0);
         let (low, high) = (ends[0].min(ends[1]) - 1, ends[0].max(ends[1]) + self.patches.rows as i32 + 1);
-        self.has_wanted(low.max(0), high.min(self.lenslets.geometry.height as i32))
+        self.has_wanted(low.max(0), high.min(self.lenslets.geometry.optics.sensor_px[1] as i32))
     }
 
     /// Whether any of the image rows `low..high` is wanted.
@@ -165,7 +184,7 @@ impl Request<'_> {
     fn runs(&self, centre: DVec2, cut: &mut CutBuffers, found: &mut impl FnMut(u32, u32, f32, &[f32])) {
         let Self { lenslets, slice, patches, next, wanted, .. } = *self;
         let geometry = &lenslets.geometry;
-        let (width, height) = (geometry.width as i32, geometry.height as i32);
+        let [width, height] = geometry.optics.sensor_px.map(|count| count as i32);
         let (rows, columns) = (patches.rows as i32, patches.columns);
         let place_px = self.chief_px + slice.by_centre * centre;
         let (first_y, phase_y) = patches.split(place_px.y);
@@ -191,13 +210,11 @@ impl Request<'_> {
             }
             return;
         }
-        // Leave it if it is outside the stop.
         let DVec2 { x, y } = (far - slice.reach).max(DVec2::ZERO);
         let is_out = if has_round_stop { x * x + y * y > spread2 } else { x > slice.spread || y > slice.spread };
         if is_out {
             return;
         }
-        // Cut it otherwise.
         let image = LensletImage { centre, chief: self.chief_mm, place_px, rows: (low, high) };
         let (fine, fineness) = (lenslets.fine_patches(slice), lenslets.fineness());
         if let Some(image) = CutImage::new(geometry, slice, fine, fineness, &image) {

@@ -2,7 +2,6 @@
 //! looked up in a table by its place among the pixels.
 //! First file to open: `lookup.rs`; `patch.rs` is the table, `cut.rs` cuts an image by the stop.
 
-mod array;
 mod cut;
 mod lookup;
 mod patch;

@@ -6,7 +6,7 @@
 //! voxel's width, at a scale of one pixel to `step`, and cut where the stop ends. From lenslet to lenslet only its
 //! place among the pixels differs: two fractions of a pixel.
 
-use crate::{weights::axis::Span, weights::blur::Blur, weights::cell::Slab};
+use crate::weights::{axis::Span, blur::Blur, cell::Slab};
 
 /// Most fractions of a pixel along an axis that the table distinguishes: a place is then right to 1/128 px.
 const MOST_PHASES: usize = 64;
@@ -29,21 +29,18 @@ pub(super) fn step_mm(step_mm: f64, size_mm: f64) -> f64 {
     step_mm.abs().clamp(LEAST_STEP * size_mm, LARGEST_STEP * size_mm)
 }
 
-/// All patches of a slice.
 #[derive(Debug, Clone)]
 pub(super) struct Patches {
-    /// Phases of a pixel along an axis: 2 to this power.
-    bits: u32,
-    /// Phases of a pixel along an axis.
+    /// Phases of a pixel along an axis, and their logarithm to base 2.
     per_px: f64,
+    bits: u32,
     /// Half the side of the footprint, px: a patch begins at the pixel this far before its middle.
     half_px: f64,
-    /// Rows of a patch.
+    /// Rows and columns of a patch; columns are a multiple of [`LANES`].
     pub(super) rows: usize,
-    /// Columns of a patch, a multiple of [`LANES`].
     pub(super) columns: usize,
-    /// Integrals over pixels of the blurred cell, mm^2 of the array: row by row, patch by patch, phases down outside
-    /// and phases across inside.
+    /// Integrals over pixels of the blurred cell, mm^2 of the array: row by row, patch by patch, phases across inside
+    /// phases down.
     shares: Vec<f32>,
 }
 
@@ -58,21 +55,16 @@ impl Patches {
             phases /= 2;
         }
         // Integrate along each axis, for every phase and slab.
-        let profile = |phase: usize, pixels: usize, edges: [f64; 2], blur: Blur| -> Vec<f64> {
-            let span = Span { low: edges[0], high: edges[1], blur };
+        let profile = |phase: usize, pixels: usize, span: Span| -> Vec<f64> {
             let middle = half_px + (phase as f64 + 0.5) / phases as f64;
             let ramp = |pixel: usize| span.ramp((pixel as f64 - middle) * step_mm);
             (0..pixels).map(|pixel| ramp(pixel + 1) - ramp(pixel)).collect()
         };
-        let profiles = |pixels: usize, side: fn(&Slab, [Blur; 2]) -> ([f64; 2], Blur)| -> Vec<Vec<Vec<f64>>> {
-            let of_slab = |phase: usize, slab: &Slab| {
-                let (edges, blur) = side(slab, blurs);
-                profile(phase, pixels, edges, blur)
-            };
-            (0..phases).map(|phase| slabs.iter().map(|slab| of_slab(phase, slab)).collect()).collect()
+        let profiles = |pixels: usize, along: usize| -> Vec<Vec<Vec<f64>>> {
+            let spans = slabs.iter().map(|slab| slab.span(along, blurs));
+            (0..phases).map(|phase| spans.clone().map(|span| profile(phase, pixels, span)).collect()).collect()
         };
-        let across = profiles(columns, across);
-        let down = profiles(rows, down);
+        let (across, down) = (profiles(columns, 0), profiles(rows, 1));
         // Multiply, and add the slabs.
         let cell: f64 = slabs.iter().map(|slab| (slab.x[1] - slab.x[0]) * (slab.y[1] - slab.y[0])).sum();
         let most = cell.min(step_mm * step_mm);
@@ -106,18 +98,8 @@ impl Patches {
     }
 }
 
-/// Edges of a slab along x, and how they blur.
-fn across(slab: &Slab, blurs: [Blur; 2]) -> ([f64; 2], Blur) {
-    (slab.x, blurs[0].widened(slab.slant_x))
-}
-
-/// The same along y.
-fn down(slab: &Slab, blurs: [Blur; 2]) -> ([f64; 2], Blur) {
-    (slab.y, blurs[1].widened(slab.slant_y))
-}
-
 /// Half the side of a square around the blurred cell, mm.
 fn half_side(slabs: &[Slab], blurs: [Blur; 2]) -> f64 {
-    let sides = slabs.iter().flat_map(|slab| [across(slab, blurs), down(slab, blurs)]);
-    sides.map(|(edges, blur)| edges[0].abs().max(edges[1].abs()) + blur.reach()).fold(0.0, f64::max)
+    let spans = slabs.iter().flat_map(|slab| [0, 1].map(|along| slab.span(along, blurs)));
+    spans.map(|span| span.low.abs().max(span.high.abs()) + span.blur.reach()).fold(0.0, f64::max)
 }

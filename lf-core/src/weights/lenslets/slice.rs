@@ -1,10 +1,9 @@
 //! The optics of one slice, as a lenslet's image of a voxel needs them.
 
 use super::{patch, stop::ApertureBehind};
-use crate::{weights::axis::Axis, weights::geometry::Geometry};
+use crate::weights::{axis::Axis, blur::Blur, geometry::Geometry};
 use glam::DVec2;
 
-/// The optics of a slice.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SliceOptics {
     pub(super) z: usize,
@@ -21,13 +20,11 @@ pub(super) struct SliceOptics {
     pub(super) spread: f64,
     /// 1 / (width of a pixel), 1/mm.
     pub(super) per_pixel: f64,
-    /// The middle of a patch, px per mm of the chief ray's place.
+    /// The middle of a patch, px per mm of the chief ray's place and of the lenslet's centre.
     pub(super) by_chief: f64,
-    /// The same, px per mm of the lenslet's centre.
     pub(super) by_centre: f64,
-    /// Half sides of the cell, mm.
+    /// Half sides of the cell and of the blurred cell, mm.
     pub(super) corner: DVec2,
-    /// Half sides of the blurred cell, mm.
     pub(super) reach: DVec2,
     /// From mm^2 of the array to the share of the light.
     pub(super) scale: f32,
@@ -35,11 +32,11 @@ pub(super) struct SliceOptics {
 
 impl SliceOptics {
     pub(super) fn new(geometry: &Geometry, z: usize) -> Self {
-        let axis = geometry.axis(z, geometry.width);
+        let axis = geometry.axis(z, 0);
         let (_, slope) = axis.sensor_line(0.0, 0.0);
         let corner = geometry.corner();
-        let blur = DVec2::new(geometry.blur(&axis, 0).reach(), geometry.blur(&axis, 1).reach());
-        let step_mm = patch::step_mm(axis.alpha / slope, 2.0 * (corner + blur).max_element());
+        let reach = corner + DVec2::from(geometry.blurs(&axis).map(Blur::reach));
+        let step_mm = patch::step_mm(axis.alpha / slope, 2.0 * reach.max_element());
         // The alpha that belongs to this step: not 0 even in focus, with the sign of the true one.
         let alpha = (step_mm * slope.abs()).copysign(axis.alpha);
         let axis = Axis { alpha, ..axis };
@@ -57,7 +54,7 @@ impl SliceOptics {
             by_chief: axis.array_gain * per_pixel + slope / alpha,
             by_centre: axis.lenslet_gain * per_pixel - slope / alpha,
             corner,
-            reach: corner + blur,
+            reach,
             scale: geometry.scale / (whole * whole) as f32,
             axis,
         }
