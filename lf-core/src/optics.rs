@@ -139,15 +139,13 @@ impl Optics {
         StraightRays { alpha: self.alpha(z_mm), beta: self.beta(z_mm) }
     }
 
-    /// The factor of x_m in `x_s = array_gain x_m + lenslet_gain c - k U`, for a sensor without tilt: k, or
-    /// `k + 1 - g / f_l` with a gap g.
-    pub fn array_gain(&self) -> f64 {
-        self.sensor_plane.as_ref().map_or(self.demagnification, |_| self.demagnification + 1.0 - self.lenslet_gain())
-    }
-
-    /// The factor of the lenslet's centre c in the same equation: 1, or `g / f_l` with a gap g.
-    pub fn lenslet_gain(&self) -> f64 {
-        self.sensor_plane.as_ref().map_or(1.0, |plane| plane.gap_mm / plane.focal_length_mm)
+    /// The factors of x_m and c in `x_s = array_gain x_m + lenslet_gain c - k U`, for a sensor without tilt: k and 1,
+    /// or `k + 1 - g / f_l` and `g / f_l` with a gap g.
+    pub(crate) fn gains(&self) -> (f64, f64) {
+        self.sensor_plane.as_ref().map_or((self.demagnification, 1.0), |plane| {
+            let lenslet_gain = plane.gap_mm / plane.focal_length_mm;
+            (self.demagnification + 1.0 - lenslet_gain, lenslet_gain)
+        })
     }
 
     /// The microlens lattice.
@@ -197,8 +195,7 @@ impl Optics {
         self.slope_per_mm(z_mm, offset.length_squared()) * offset
     }
 
-    /// The slope before the main lens of the ray that passes `aperture_mm` and meets the array at `array_mm`, without
-    /// distortion.
+    /// The same of the ray that passes `aperture_mm` and meets the array at `array_mm`, without distortion.
     #[inline(always)]
     pub fn slope_from_array(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         (array_mm - aperture_mm) / self.image_distance_mm + aperture_mm / self.focal_length_mm
@@ -235,8 +232,7 @@ impl Optics {
         self.sensor_through(self.lattice.nearest_centre_mm(array_mm), array_mm, aperture_mm)
     }
 
-    /// The same through the lenslet with centre `centre`, even if the ray meets the array outside that lenslet's cell,
-    /// mm.
+    /// The same through the lenslet with centre `centre`, even if the ray meets the array outside that lenslet's cell.
     #[inline(always)]
     pub fn sensor_through(&self, centre: DVec2, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let Some(plane) = &self.sensor_plane else {
@@ -294,13 +290,19 @@ mod tests {
     use crate::camera::tests::seed;
     use crate::lattice::Layout;
 
-    fn optics(rotation_rad: f64) -> Optics {
-        Optics::new(&seed(20, Aperture::Circle, Layout::Square, rotation_rad))
+    fn with(change: impl Fn(&mut Camera)) -> Optics {
+        let mut camera = seed(20, Aperture::Circle, Layout::Square, 0.0);
+        change(&mut camera);
+        Optics::new(&camera)
+    }
+
+    fn plain() -> Optics {
+        with(|_| ())
     }
 
     #[test]
     fn a_point_in_focus_stays_under_one_lenslet_and_fills_its_disc() {
-        let optics = optics(0.0);
+        let optics = plain();
         assert!(optics.alpha(0.0).abs() < 1e-15);
         let centre = optics.lattice().centre_mm(2, -3);
         for angle in 0..12 {
@@ -317,7 +319,7 @@ mod tests {
         // By hand: m = 1, s_i = s_o = 400 and Z = 4 give beta = 400/396 and alpha = 4/396. A point on the axis lights
         // lenslet c through U = c / alpha and lands at c + k (c - c / alpha). The drift k (1 - 1/alpha) is
         // 0.00077 (1 - 99) px per px.
-        let optics = optics(0.0);
+        let optics = plain();
         let centre = optics.lattice().centre_mm(4, 0).x;
         let aperture = DVec2::new(centre / (4.0 / 396.0), 0.0);
         let hit = optics.sensor_from_object(DVec2::ZERO, 4.0, aperture);
@@ -326,16 +328,10 @@ mod tests {
 
     #[test]
     fn pixels_are_counted_from_the_top_left_corner() {
-        let optics = optics(0.0);
-        assert_eq!(optics.pixel_at(DVec2::new(0.001, -0.001)), Some((140, 139)));
-        assert_eq!(optics.pixel_at(DVec2::new(-0.77 + 1e-9, 0.77 - 1e-9)), Some((0, 279)));
-        assert_eq!(optics.pixel_at(DVec2::new(0.7701, 0.0)), None);
-    }
-
-    fn with(change: impl Fn(&mut Camera)) -> Optics {
-        let mut camera = seed(20, Aperture::Circle, Layout::Square, 0.0);
-        change(&mut camera);
-        Optics::new(&camera)
+        let pixel_at = |x, y| plain().pixel_at(DVec2::new(x, y));
+        assert_eq!(pixel_at(0.001, -0.001), Some((140, 139)));
+        assert_eq!(pixel_at(-0.77 + 1e-9, 0.77 - 1e-9), Some((0, 279)));
+        assert_eq!(pixel_at(0.7701, 0.0), None);
     }
 
     const TANK: Medium = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
@@ -359,7 +355,7 @@ mod tests {
         let optics = with(|camera| camera.medium = Some(TANK));
         // Near the axis a point at depth Z in water is one at Z / n in air.
         let near = DVec2::new(1e-4, 0.0);
-        let in_air = with(|_| ()).array_from_object(DVec2::ZERO, 4.0 / 1.333, near);
+        let in_air = plain().array_from_object(DVec2::ZERO, 4.0 / 1.333, near);
         assert!(optics.array_from_object(DVec2::ZERO, 4.0, near).distance(in_air) < 1e-12);
         assert!(optics.array_from_object(DVec2::ZERO, 0.0, near).length() < 1e-15);
     }
@@ -371,7 +367,7 @@ mod tests {
         let optics = with(|camera| {
             camera.distortion = Some(Distortion { radial: [5.0, 0.0, 0.0], tangential: [0.0, 0.01] });
         });
-        let plain = with(|_| ());
+        let plain = plain();
         for (z, u) in [(0.0, 0.0), (0.0, 40.0), (3.0, -40.0)] {
             let t = -4.0 / (400.0 - z);
             let moved = 400.0 * (t * 5.0 * t * t + 0.01 * 3.0 * t * t);
@@ -385,7 +381,7 @@ mod tests {
     /// point where the lenslet's axis meets the sensor, and adds (1 - g / f_l) of the ray's distance from that axis.
     #[test]
     fn gap_and_tilt_move_rays_on_the_sensor() {
-        let plain = with(|_| ());
+        let plain = plain();
         let same = with(|camera| camera.microlenses.gap_mm = Some(0.308));
         let longer = with(|camera| camera.microlenses.gap_mm = Some(0.33));
         let tilted = with(|camera| camera.tilt = Some(crate::camera::Tilt { x_rad: 0.01, y_rad: 0.0 }));

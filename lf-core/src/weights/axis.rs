@@ -9,9 +9,8 @@ pub(crate) struct Axis {
     pub(crate) alpha: f64,
     pub(crate) beta: f64,
     pub(crate) demagnification: f64,
-    /// See [`crate::optics::Optics::array_gain`].
+    /// See [`crate::Optics::gains`].
     pub(crate) array_gain: f64,
-    /// See [`crate::optics::Optics::lenslet_gain`].
     pub(crate) lenslet_gain: f64,
     pub(crate) half_aperture: f64,
     pub(crate) pixel_pitch: f64,
@@ -115,17 +114,16 @@ impl Axis {
         }
         let (zero, slope) = self.sensor_line(x0, centre);
         let (a, b) = (zero - slope * high, zero - slope * low);
-        let first = a.min(b).floor().max(0.0);
-        let last = a.max(b).ceil().min(self.pixels as f64);
+        let mut pixel = a.min(b).floor().max(0.0);
+        let end = a.max(b).ceil().min(self.pixels as f64);
         let integral_to = |u: f64| span.ramp(t0 + self.alpha * u) / self.alpha;
         let flat = self.alpha.abs() * (high - low) < 1e-9;
-        let mut pixel = first;
         let at_edge = |pixel: f64| {
             let u = ((zero - pixel) / slope).clamp(low, high);
             (u, if flat { 0.0 } else { integral_to(u) })
         };
         let mut before = at_edge(pixel);
-        while pixel < last {
+        while pixel < end {
             let after = at_edge(pixel + 1.0);
             // U falls as pixels rise, unless a lenslet out of focus turns its image over.
             let (lower, upper) = if slope > 0.0 { (after, before) } else { (before, after) };
@@ -152,13 +150,7 @@ impl Axis {
         }
         let (a, b) = ((span.low - t0) / self.alpha, (span.high - t0) / self.alpha);
         let (a, b) = (a.min(b), a.max(b));
-        if a >= upper {
-            (upper, upper)
-        } else if b <= lower {
-            (lower, lower)
-        } else {
-            (lower.max(a), upper.min(b))
-        }
+        (a.clamp(lower, upper), b.clamp(lower, upper))
     }
 
     /// The paper's weights w1 w2 / n: w1 is the share of a section's beam on the lenslet, w2 the share on a pixel of a

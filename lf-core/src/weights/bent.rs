@@ -5,8 +5,8 @@
 //! of a section's beam that a lenslet's cell takes; this light falls evenly on the pixels between the ends of its
 //! image. About 0.1 us a section.
 
-use super::{axis::Span, blur::Blur, cell::Slab, geometry::Geometry};
-use crate::optics::Optics;
+use super::{axis::Span, blur::Blur, geometry::Geometry};
+use crate::Optics;
 use glam::DVec2;
 use std::sync::OnceLock;
 
@@ -63,34 +63,32 @@ struct Beam {
 /// The sections of the stop, `count` a side.
 fn sections(optics: &Optics, count: usize, side: f64) -> Vec<Section> {
     let half = optics.half_aperture_mm;
-    let mut sections = Vec::new();
-    for n in 0..count * count {
+    let point = |m: usize| DVec2::new((m % POINTS) as f64 + 0.5, (m / POINTS) as f64 + 0.5) * side / POINTS as f64;
+    let section = |n: usize| {
         let corner = DVec2::new((n % count) as f64, (n / count) as f64) * side - half;
-        let point = |m: usize| DVec2::new((m % POINTS) as f64 + 0.5, (m / POINTS) as f64 + 0.5) * side / POINTS as f64;
-        let inside: Vec<DVec2> =
-            (0..POINTS * POINTS).map(|m| corner + point(m)).filter(|point| optics.passes(*point)).collect();
-        if !inside.is_empty() {
-            let middle = inside.iter().sum::<DVec2>() / inside.len() as f64;
-            sections.push(Section { middle, share: inside.len() as f64 });
-        }
-    }
+        let inside = (0..POINTS * POINTS).map(|m| corner + point(m)).filter(|point| optics.passes(*point));
+        let share = inside.clone().count() as f64;
+        (share > 0.0).then(|| Section { middle: inside.sum::<DVec2>() / share, share })
+    };
+    let mut sections: Vec<Section> = (0..count * count).filter_map(section).collect();
     let all: f64 = sections.iter().map(|section| section.share).sum();
     sections.iter_mut().for_each(|section| section.share /= all);
     sections
 }
 
 impl CellShares {
-    /// For a cell in slabs, beams of half sides `beam`, and a voxel that blurs by `blurs`.
-    fn new(slabs: &[Slab], corner: DVec2, beam: DVec2, blurs: [Blur; 2]) -> Self {
-        let half = corner + beam + DVec2::from(blurs.map(Blur::reach));
-        let profile = |span: Span, beam: f64, half: f64| -> Vec<f64> {
+    /// For beams of half side `beam` in slice `z`.
+    fn new(geometry: &Geometry, z: usize, beam: f64) -> Self {
+        let blurs = geometry.blurs(&geometry.axis(z, 0));
+        let half = geometry.corner() + beam + DVec2::from(blurs.map(Blur::reach));
+        let profile = |span: Span, half: f64| -> Vec<f64> {
             let at = |n: usize| -half + 2.0 * half * n as f64 / (STEPS - 1) as f64;
             (0..STEPS).map(|n| (span.ramp(at(n) + beam) - span.ramp(at(n) - beam)) / (2.0 * beam)).collect()
         };
         let mut table = vec![0f32; STEPS * STEPS];
-        for slab in slabs {
-            let across = profile(slab.span(0, blurs), beam.x, half.x);
-            let down = profile(slab.span(1, blurs), beam.y, half.y);
+        for slab in &geometry.slabs {
+            let across = profile(slab.span(0, blurs), half.x);
+            let down = profile(slab.span(1, blurs), half.y);
             for (row, down) in table.chunks_mut(STEPS).zip(down) {
                 row.iter_mut().zip(&across).for_each(|(share, across)| *share += (down * across) as f32);
             }
@@ -126,8 +124,8 @@ impl Bent {
     /// See [`super::Weights::visit`].
     pub(super) fn visit(&self, voxel: [usize; 3], wanted: impl Fn(u32) -> bool, mut found: impl FnMut(u32, u32, f32)) {
         let Geometry { grid, optics, .. } = &self.geometry;
-        let z_mm = grid.centre_mm(2, voxel[2]);
-        let place = DVec2::new(grid.centre_mm(0, voxel[0]), grid.centre_mm(1, voxel[1]));
+        let [x, y, z_mm] = std::array::from_fn(|axis| grid.centre_mm(axis, voxel[axis]));
+        let place = DVec2::new(x, y);
         let shares = self.shares(voxel[2]);
         let corner = self.geometry.corner();
         for section in &self.sections {
@@ -135,8 +133,7 @@ impl Bent {
             for (_, _, centre) in optics.lattice().lenslets_within(beam.array, shares.half) {
                 let light = section.share * shares.at(beam.array - centre);
                 if light >= LEAST {
-                    let image = self.image_px(&beam, centre, corner);
-                    self.share_out(light, image, &wanted, &mut found);
+                    self.share_out(light, self.image_px(&beam, centre, corner), &wanted, &mut found);
                 }
             }
         }
@@ -152,8 +149,7 @@ impl Bent {
             let hit = optics.array_from_object(DVec2::ZERO, grid.centre_mm(2, z), DVec2::new(half_way, 0.0));
             let alpha = hit.x / half_way;
             let beam = (0.5 * self.side * alpha.abs()).max(1e-3 * self.geometry.pitch_mm);
-            let blurs = self.geometry.blurs(&self.geometry.axis(z, 0));
-            CellShares::new(&self.geometry.slabs, self.geometry.corner(), DVec2::splat(beam), blurs)
+            CellShares::new(&self.geometry, z, beam)
         })
     }
 

@@ -45,12 +45,13 @@ impl Geometry {
     /// The optics of slice `z` along x (0) or y (1) of the sensor.
     pub(super) fn axis(&self, z: usize, along: usize) -> Axis {
         let z_mm = self.grid.centre_mm(2, z);
+        let (array_gain, lenslet_gain) = self.optics.gains();
         let mut axis = Axis {
             alpha: self.optics.alpha(z_mm),
             beta: self.optics.beta(z_mm),
             demagnification: self.optics.demagnification,
-            array_gain: self.optics.array_gain(),
-            lenslet_gain: self.optics.lenslet_gain(),
+            array_gain,
+            lenslet_gain,
             half_aperture: self.optics.half_aperture_mm,
             pixel_pitch: self.optics.pixel_pitch_mm,
             pixels: self.optics.sensor_px[along],

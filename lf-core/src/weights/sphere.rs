@@ -5,8 +5,8 @@
 
 use super::geometry::Geometry;
 use crate::camera::{Aperture, Camera};
-use crate::optics::Optics;
 use glam::DVec2;
+use std::{f64::consts::PI, ops::Range};
 
 /// Steps of the table over the distance between sphere and line of sight.
 const STEPS: usize = 256;
@@ -21,7 +21,6 @@ pub struct Sphere {
     shares: Vec<f32>,
     /// The distance at which sphere and cylinder part, on the array, mm.
     reach_mm: f64,
-    /// Half a lenslet's image, mm.
     half_image_mm: f64,
     /// Factor that makes the weights of a voxel sum to 1 on average.
     scale: f64,
@@ -33,13 +32,13 @@ impl Sphere {
         let pitch = camera.microlenses.pitch_mm;
         let [dx, dy, _] = geometry.grid.spacing_mm;
         let width = camera.main_lens.magnification * (dx * dy).sqrt();
-        let sphere = width * (0.75 / std::f64::consts::PI).cbrt();
+        let sphere = width * (0.75 / PI).cbrt();
         let cylinder = 0.5 * pitch;
         let reach_mm = cylinder + sphere;
         let share = |n: usize| inside(n as f64 / STEPS as f64 * reach_mm, sphere, cylinder) as f32;
         let sections = camera.pitch_px() * (1.0 + camera.demagnification());
-        let stop = if camera.main_lens.aperture == Aperture::Circle { 0.25 * std::f64::consts::PI } else { 1.0 };
-        let lenslets = std::f64::consts::PI * cylinder * cylinder / camera.lattice().cell_area_mm2();
+        let stop = if camera.main_lens.aperture == Aperture::Circle { 0.25 * PI } else { 1.0 };
+        let lenslets = PI * cylinder * cylinder / camera.lattice().cell_area_mm2();
         // The image of the aperture under a lenslet is k D wide.
         let image = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
         Self {
@@ -59,21 +58,14 @@ impl Sphere {
         let chief = -optics.beta(z) * DVec2::new(x, y);
         let spread = alpha.abs() * optics.half_aperture_mm + self.reach_mm;
         for (_, _, centre) in optics.lattice().lenslets_within(chief, DVec2::splat(spread)) {
-            // Light from U meets the array at chief + alpha U. The line of sight of the pixel at s comes from
-            // U = c - (s - c) / k.
-            let (first, last) = self.pixels(optics, alpha, chief, centre);
-            for row in first.1..last.1 {
-                if !wanted(row) {
-                    continue;
-                }
-                for column in first.0..last.0 {
-                    let sensor = optics.centre_mm(column, row);
-                    let aperture = centre - (sensor - centre) / k;
-                    if !optics.passes(aperture) {
-                        continue;
-                    }
+            let [columns, rows] = self.pixels(alpha, chief, centre);
+            for row in rows.filter(|row| wanted(*row)) {
+                for column in columns.clone() {
+                    // The line of sight of the pixel at s comes from U = c - (s - c) / k. Light from U meets the array
+                    // at chief + alpha U.
+                    let aperture = centre - (optics.centre_mm(column, row) - centre) / k;
                     let distance = (chief + alpha * aperture - centre).length();
-                    if distance < self.reach_mm {
+                    if optics.passes(aperture) && distance < self.reach_mm {
                         let step = (distance / self.reach_mm * STEPS as f64).round() as usize;
                         let weight = self.scale as f32 * self.shares[step];
                         if weight > 0.0 {
@@ -85,8 +77,9 @@ impl Sphere {
         }
     }
 
-    /// First and end (column, row) of the pixels under a lenslet whose lines of sight may reach the voxel.
-    fn pixels(&self, optics: &Optics, alpha: f64, chief: DVec2, centre: DVec2) -> ((u32, u32), (u32, u32)) {
+    /// Columns and rows of the pixels under a lenslet whose lines of sight may reach the voxel.
+    fn pixels(&self, alpha: f64, chief: DVec2, centre: DVec2) -> [Range<u32>; 2] {
+        let optics = &self.geometry.optics;
         let k = optics.demagnification;
         let middle = centre * (1.0 + k);
         let (mut low, mut high) = (middle - self.half_image_mm, middle + self.half_image_mm);
@@ -97,12 +90,10 @@ impl Sphere {
             high = high.min(a.max(b));
         }
         let (low, high) = (optics.place_px(low), optics.place_px(high));
-        let [width, height] = optics.sensor_px;
-        let clamp = |value: f64, most: usize| value.clamp(0.0, most as f64) as u32;
-        (
-            (clamp(low.x.floor(), width), clamp(low.y.floor(), height)),
-            (clamp(high.x.ceil(), width), clamp(high.y.ceil(), height)),
-        )
+        [0, 1].map(|axis| {
+            let clamp = |value: f64| value.clamp(0.0, optics.sensor_px[axis] as f64) as u32;
+            clamp(low[axis].floor())..clamp(high[axis].ceil())
+        })
     }
 }
 
@@ -114,7 +105,7 @@ fn inside(distance: f64, sphere: f64, cylinder: f64) -> f64 {
         let r = (ring as f64 + 0.5) / RINGS as f64 * sphere;
         let column = r * (sphere * sphere - r * r).sqrt();
         for spoke in 0..RINGS {
-            let angle = (spoke as f64 + 0.5) / RINGS as f64 * std::f64::consts::PI;
+            let angle = (spoke as f64 + 0.5) / RINGS as f64 * PI;
             let (sin, cos) = angle.sin_cos();
             all += column;
             if (distance + r * cos).hypot(r * sin) <= cylinder {

@@ -4,7 +4,7 @@
 //! to as little on the array. If the stop cuts the image, `cut.rs` computes what is left of each pixel. The oracle is
 //! `pieces.rs`.
 
-use super::cut::{CutBuffers, CutImage, LensletImage};
+use super::cut::{CutBuffers, LensletImage};
 use super::patch::{self, Patches};
 use super::slice::SliceOptics;
 use crate::weights::{geometry::Geometry, model::RowSet};
@@ -215,10 +215,9 @@ impl Request<'_> {
         if is_out {
             return;
         }
-        let image = LensletImage { centre, chief: self.chief_mm, place_px, rows: (low, high) };
-        let (fine, fineness) = (lenslets.fine_patches(slice), lenslets.fineness());
-        if let Some(image) = CutImage::new(geometry, slice, fine, fineness, &image) {
-            image.runs(cut, next, wanted, found);
-        }
+        let (patches, fineness) = (lenslets.fine_patches(slice), lenslets.fineness());
+        let (chief, rows) = (self.chief_mm, (low, high));
+        let image = LensletImage { geometry, slice, patches, fineness, centre, chief, place_px, rows };
+        image.cut_runs(cut, next, wanted, found);
     }
 }
