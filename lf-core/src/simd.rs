@@ -37,9 +37,7 @@ impl Level {
     }
 }
 
-/// Runs `work`, compiled for the widest level of the machine. Operations are not fused, so every level gives the same
-/// bytes.
-///
+/// Runs `work` with the widest level of the machine. Operations are not fused: every level gives the same bytes.
 /// `work` is compiled for the level only where it is inlined: mark the closure and its callees `#[inline(always)]`.
 #[inline(always)]
 pub fn fastest(work: impl FnOnce()) {

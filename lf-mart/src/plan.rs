@@ -86,7 +86,7 @@ impl<'a> Plan<'a> {
 
     /// How the weights are made and kept, and why.
     pub fn about(&self) -> String {
-        let (path, reason) = (self.weights.path(), self.weights.reason());
+        let (path, reason) = (&self.weights.path, &self.weights.reason);
         match self.storage {
             Storage::Profiles => format!("weights {}, with {}: {reason}", path.about(), Level::detect().name()),
             Storage::Kept => format!("weights {}, kept in memory: {reason}", path.about()),

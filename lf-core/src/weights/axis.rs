@@ -9,7 +9,6 @@ pub(crate) struct Axis {
     pub(crate) alpha: f64,
     pub(crate) beta: f64,
     pub(crate) demagnification: f64,
-    /// See [`crate::Optics::gains`].
     pub(crate) array_gain: f64,
     pub(crate) lenslet_gain: f64,
     pub(crate) half_aperture: f64,
@@ -21,7 +20,7 @@ pub(crate) struct Axis {
     pub(crate) square: f64,
 }
 
-/// Light that goes through one lenslet onto one pixel, along one axis.
+/// Light through one lenslet onto one pixel, along one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piece {
     /// Column or row.
@@ -86,8 +85,7 @@ impl Axis {
         first.floor().max(0.0) as u32..last.ceil().clamp(0.0, self.pixels as f64) as u32
     }
 
-    /// (zero, slope) of a ray's place on the sensor in pixels, `zero - slope U`. This is
-    /// `x_s = array_gain x_m + lenslet_gain c - k U`.
+    /// (zero, slope) of a ray's place on the sensor in pixels, `zero - slope U`: see [`crate::Optics::gains`].
     pub(super) fn sensor_line(&self, x0: f64, centre: f64) -> (f64, f64) {
         let slope = (self.demagnification - self.array_gain * self.alpha) / self.pixel_pitch;
         // If a lenslet images the point sharply, a small slope keeps it on one pixel in spite of rounding.
@@ -104,8 +102,7 @@ impl Axis {
         }
     }
 
-    /// The maps U -> array and U -> sensor are linear. So a pixel's share is the integral of the blurred cell over an
-    /// interval of U, divided by D.
+    /// Rays are linear in U. So a pixel's share is the integral of the blurred cell over an interval of U, over D.
     fn exact(&self, x0: f64, centre: f64, span: &Span, out: &mut Vec<Piece>) {
         let t0 = x0 - centre;
         let (low, high) = self.aperture_part(t0, span);
@@ -114,17 +111,17 @@ impl Axis {
         }
         let (zero, slope) = self.sensor_line(x0, centre);
         let (a, b) = (zero - slope * high, zero - slope * low);
-        let mut pixel = a.min(b).floor().max(0.0);
-        let end = a.max(b).ceil().min(self.pixels as f64);
+        let first = a.min(b).floor().max(0.0) as u32;
+        let end = a.max(b).ceil().min(self.pixels as f64) as u32;
         let integral_to = |u: f64| span.ramp(t0 + self.alpha * u) / self.alpha;
         let flat = self.alpha.abs() * (high - low) < 1e-9;
-        let at_edge = |pixel: f64| {
-            let u = ((zero - pixel) / slope).clamp(low, high);
+        let at_edge = |pixel: u32| {
+            let u = ((zero - f64::from(pixel)) / slope).clamp(low, high);
             (u, if flat { 0.0 } else { integral_to(u) })
         };
-        let mut before = at_edge(pixel);
-        while pixel < end {
-            let after = at_edge(pixel + 1.0);
+        let mut before = at_edge(first);
+        for pixel in first..end {
+            let after = at_edge(pixel + 1);
             // U falls as pixels rise, unless a lenslet out of focus turns its image over.
             let (lower, upper) = if slope > 0.0 { (after, before) } else { (before, after) };
             let light = if flat {
@@ -135,10 +132,9 @@ impl Axis {
             let weight = light / (2.0 * self.half_aperture);
             if weight > LEAST_SHARE && upper.0 > lower.0 {
                 let (u0, u1) = self.unblurred(t0, span, lower.0, upper.0);
-                out.push(Piece { pixel: pixel as u32, weight: weight as f32, u0: u0 as f32, u1: u1 as f32 });
+                out.push(Piece { pixel, weight: weight as f32, u0: u0 as f32, u1: u1 as f32 });
             }
             before = after;
-            pixel += 1.0;
         }
     }
 
@@ -167,8 +163,7 @@ impl Axis {
         let last = (((high + self.half_aperture) / width).ceil() as usize).min(self.sections);
         for section in first..last {
             let u = -self.half_aperture + (section as f64 + 0.5) * width;
-            let beam = self.alpha * width;
-            let t = t0 + self.alpha * u;
+            let (beam, t) = (self.alpha * width, t0 + self.alpha * u);
             let w1 = if beam.abs() < 1e-9 {
                 span.share(t)
             } else {

@@ -2,16 +2,14 @@
 //!
 //! The aperture is cut into sections so small that the rays of one section run straight: the place on the array is
 //! linear in the place in the aperture, and so is the place on the sensor, lenslet by lenslet. A table gives the share
-//! of a section's beam that a lenslet's cell takes; this light falls evenly on the pixels between the ends of its
-//! image. About 0.1 us a section.
+//! of a beam that a cell takes; this light falls evenly on the pixels between the ends of its image. 0.1 us a section.
 
 use super::{axis::Span, blur::Blur, geometry::Geometry};
 use crate::Optics;
 use glam::DVec2;
 use std::sync::OnceLock;
 
-/// Sections of the aperture for each pixel under a lenslet: with 1 the error is 2 to 4 % of a voxel's light, with 2 it
-/// is 1 %.
+/// Sections of the aperture for each pixel under a lenslet: 1 errs by 2 to 4 % of a voxel's light, 2 by 1 %.
 const SECTIONS_PER_PIXEL: usize = 2;
 /// Points a side of the table of a cell's shares.
 const STEPS: usize = 128;
@@ -33,7 +31,6 @@ pub struct Bent {
     shares: Vec<OnceLock<CellShares>>,
 }
 
-/// A section of the aperture.
 #[derive(Debug, Clone, Copy)]
 struct Section {
     /// Middle of what the stop leaves of it, mm.
@@ -60,7 +57,6 @@ struct Beam {
     alpha: DVec2,
 }
 
-/// The sections of the stop, `count` a side.
 fn sections(optics: &Optics, count: usize, side: f64) -> Vec<Section> {
     let half = optics.half_aperture_mm;
     let point = |m: usize| DVec2::new((m % POINTS) as f64 + 0.5, (m / POINTS) as f64 + 0.5) * side / POINTS as f64;
@@ -121,7 +117,6 @@ impl Bent {
         Self { sections, side, shares: vec![OnceLock::new(); geometry.grid.shape[2]], geometry }
     }
 
-    /// See [`super::Weights::visit`].
     pub(super) fn visit(&self, voxel: [usize; 3], wanted: impl Fn(u32) -> bool, mut found: impl FnMut(u32, u32, f32)) {
         let Geometry { grid, optics, .. } = &self.geometry;
         let [x, y, z_mm] = std::array::from_fn(|axis| grid.centre_mm(axis, voxel[axis]));
@@ -139,11 +134,9 @@ impl Bent {
         }
     }
 
-    /// The cell's shares of the beams of slice `z`.
     fn shares(&self, z: usize) -> &CellShares {
         self.shares[z].get_or_init(|| {
-            // The beam of the slice is taken on the axis, half way out of the aperture: its width matters little beside
-            // the cell's.
+            // A beam on the axis, half way out of the aperture: its width matters little beside the cell's.
             let Geometry { optics, grid, .. } = &self.geometry;
             let half_way = 0.5 * optics.half_aperture_mm;
             let hit = optics.array_from_object(DVec2::ZERO, grid.centre_mm(2, z), DVec2::new(half_way, 0.0));

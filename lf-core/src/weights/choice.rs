@@ -9,8 +9,10 @@ use crate::{Camera, Grid, Refusal};
 /// The weights of every voxel of a grid, made when asked for.
 #[derive(Debug, Clone)]
 pub struct Weights {
-    path: Path,
-    reason: String,
+    /// The way to make the weights.
+    pub path: Path,
+    /// Why it is this path, in words.
+    pub reason: String,
 }
 
 /// A way to make weights, the fastest first. A faster one is another file and another arm.
@@ -63,17 +65,6 @@ impl Weights {
             Model::Exact => Path::Lenslets(Lenslets::new(geometry)),
         };
         Ok(Self { path, reason })
-    }
-
-    /// The way to make the weights.
-    #[inline(always)]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Why it is this path, in words.
-    pub fn reason(&self) -> &str {
-        &self.reason
     }
 
     /// The grid.

@@ -42,7 +42,7 @@ impl Chords {
         let width = u1 - u0;
         let at = |half: f32| {
             if width <= 0.0 {
-                return if far <= half { 1.0 } else { 0.0 };
+                return f32::from(far <= half);
             }
             ((u1.min(half) - u0.max(-half)) / width).max(0.0)
         };

@@ -12,7 +12,6 @@ pub(crate) struct Geometry {
     basis: Basis,
     pub(super) grid: Grid,
     pub(super) optics: Optics,
-    /// A lenslet's cell.
     pub(super) slabs: Vec<Slab>,
     pub(super) has_round_stop: bool,
     /// The full square of the aperture over the area of the stop: turns products of shares into shares of the light.

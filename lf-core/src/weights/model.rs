@@ -1,5 +1,4 @@
-//! Settings of the weights: the model of the optics, the meaning of a voxel, the sections of the aperture, the depths
-//! that the optics can reconstruct, and the image rows of a computation.
+//! Settings of the weights: the model, the meaning of a voxel, the sections of the aperture, depths and image rows.
 
 use crate::{Camera, Grid, Optics, Refusal};
 use std::ops::RangeInclusive;
@@ -15,8 +14,7 @@ pub enum Model {
         /// n; None for the paper's number, [`aperture_sections`].
         sections: Option<usize>,
     },
-    /// Tomographic PIV's, for comparison: a sphere for the voxel, a cylinder for a pixel's line of sight. It ignores
-    /// the [`Basis`].
+    /// Tomographic PIV's, for comparison: a sphere for the voxel, a cylinder for a pixel. Ignores the [`Basis`].
     Sphere,
 }
 

@@ -20,7 +20,6 @@ pub(super) struct Buffers {
 }
 
 impl Geometry {
-    /// The cut of a row piece by the stop.
     pub(super) fn chords(&self, row: &Piece) -> Chords {
         if self.has_round_stop {
             Chords::of_disc(self.optics.half_aperture_mm, f64::from(row.u0), f64::from(row.u1))
@@ -29,7 +28,6 @@ impl Geometry {
         }
     }
 
-    /// See [`super::Weights::visit`].
     pub(super) fn visit(
         &self,
         voxel: [usize; 3],
@@ -57,7 +55,6 @@ impl Geometry {
         }
     }
 
-    /// The weights through one lenslet.
     #[inline(always)]
     fn visit_lenslet(
         &self,

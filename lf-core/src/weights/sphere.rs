@@ -1,6 +1,5 @@
 //! The weights of tomographic PIV (Elsinga et al. 2006), carried over to a lenslet's pixels: the share of a sphere (the
 //! voxel) that lies inside a cylinder (a pixel's line of sight through the middle of its lenslet).
-//!
 //! For comparison only. It takes the whole lenslet for its middle; Shi et al. (2016) show the cost.
 
 use super::geometry::Geometry;
@@ -50,7 +49,6 @@ impl Sphere {
         }
     }
 
-    /// See [`super::Weights::visit`].
     pub(super) fn visit(&self, voxel: [usize; 3], wanted: impl Fn(u32) -> bool, mut found: impl FnMut(u32, u32, f32)) {
         let Geometry { grid, optics, .. } = &self.geometry;
         let [x, y, z] = std::array::from_fn(|axis| grid.centre_mm(axis, voxel[axis]));
@@ -61,8 +59,7 @@ impl Sphere {
             let [columns, rows] = self.pixels(alpha, chief, centre);
             for row in rows.filter(|row| wanted(*row)) {
                 for column in columns.clone() {
-                    // The line of sight of the pixel at s comes from U = c - (s - c) / k. Light from U meets the array
-                    // at chief + alpha U.
+                    // The line of sight of the pixel at s comes from U = c - (s - c) / k.
                     let aperture = centre - (optics.centre_mm(column, row) - centre) / k;
                     let distance = (chief + alpha * aperture - centre).length();
                     if optics.passes(aperture) && distance < self.reach_mm {
@@ -97,8 +94,7 @@ impl Sphere {
     }
 }
 
-/// Share of a sphere of radius `sphere` that lies within `cylinder` of a line; the line passes the middle at
-/// `distance`.
+/// Share of a sphere of radius `sphere` that lies within `cylinder` of a line at `distance` from its middle.
 fn inside(distance: f64, sphere: f64, cylinder: f64) -> f64 {
     let (mut within, mut all) = (0.0, 0.0);
     for ring in 0..RINGS {

@@ -48,7 +48,7 @@ struct Buffers {
 
 /// The weights of a voxel, each pixel once, by rising pixel: `row * width + column`.
 fn voxel_weights(weights: &Weights, index: u64, buffers: &mut Buffers) -> Vec<(u32, f32)> {
-    match weights.path() {
+    match &weights.path {
         Path::Aligned(aligned) if !aligned.has_round_stop() => products(aligned, index, buffers),
         _ => merged(weights, index, &mut buffers.scratch),
     }
@@ -224,7 +224,7 @@ mod tests {
             (Model::Exact, Basis::Blob { sigma_vox: 0.65 }),
         ] {
             let weights = Weights::choose(camera, &grid, model, basis).unwrap();
-            let Path::Aligned(aligned) = weights.path() else { panic!("{}", weights.reason()) };
+            let Path::Aligned(aligned) = &weights.path else { panic!("{}", weights.reason) };
             for index in voxels(&grid) {
                 let mut buffers = Buffers::default();
                 let found = products(aligned, index, &mut buffers);

@@ -21,7 +21,7 @@ pub(crate) enum Storage {
 impl Storage {
     /// Foretells [`Operator::new`]: the storage, and the bytes of the weights from a sample of voxels and slices.
     pub(crate) fn choose(weights: &Weights, indices: &[u64], max_bytes: u64) -> (Self, u64) {
-        if let Path::Aligned(aligned) = weights.path() {
+        if let Path::Aligned(aligned) = &weights.path {
             return (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices));
         }
         let count = stored::count_weights(weights, indices);
@@ -41,7 +41,7 @@ pub(crate) enum Operator<'a> {
 impl<'a> Operator<'a> {
     /// For `subsets` interleaved subsets of image rows. Weights are kept if they fit in a part of `max_bytes`.
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
-        match weights.path() {
+        match &weights.path {
             Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets))),
             Path::Lenslets(_) | Path::Pieces(_) | Path::Bent(_) | Path::Sphere(_) => {
                 Self::Voxels(VoxelWeights::new(weights, indices, subsets, kept_bytes(max_bytes)))

@@ -56,7 +56,7 @@ fn matrix(weights: &Weights, indices: &[u64], by_lenslets: bool) -> Array2<f64> 
     for (n, index) in indices.iter().enumerate() {
         let voxel = weights.grid().voxel(*index);
         let mut add = |column, row, weight| matrix[[row as usize * width + column as usize, n]] += weight;
-        if by_lenslets && matches!(weights.path(), Path::Lenslets(_)) {
+        if by_lenslets && matches!(weights.path, Path::Lenslets(_)) {
             weights.runs(voxel, &mut scratch, RowSet::ALL, |row, first, share, columns| {
                 for (column, weight) in (first..).zip(columns) {
                     add(column, row, f64::from(share) * f64::from(*weight));

@@ -33,8 +33,7 @@ pub(super) struct CutBuffers {
 }
 
 impl LensletImage<'_> {
-    /// Calls `found` for each wanted row of what the stop lets through and the sensor sees; see
-    /// [`crate::weights::Weights::runs`].
+    /// [`crate::weights::Weights::runs`] for what the stop lets through and the sensor sees.
     #[inline(always)]
     pub(super) fn cut_runs(
         &self,

@@ -1,8 +1,7 @@
 //! Exact weights of a straight-ray camera whose lattice is not aligned with the pixels.
 //!
 //! A lenslet's image of a voxel is one of the slice's [`Patches`], found by its place among the pixels: to 1/128 px, or
-//! to as little on the array. If the stop cuts the image, `cut.rs` computes what is left of each pixel. The oracle is
-//! `pieces.rs`.
+//! to as little on the array. If the stop cuts the image, `cut.rs` does the rest. The oracle is `pieces.rs`.
 
 use super::cut::{CutBuffers, LensletImage};
 use super::patch::{self, Patches};
@@ -20,7 +19,7 @@ pub struct Lenslets {
     first_row: i64,
     /// The patches of each slice, made when first used.
     patches: Vec<OnceLock<Patches>>,
-    /// The same with pixels cut into [`FINENESS`] parts, for cells with slanted sides that the stop cuts.
+    /// The same in fine pixels, [`FINENESS`] a side, for cells with slanted sides that the stop cuts.
     fine_patches: Vec<OnceLock<Patches>>,
 }
 
@@ -41,12 +40,10 @@ pub(crate) struct Buffers {
     cut: CutBuffers,
 }
 
-/// Parts of a pixel a side at the stop's edge, for cells with slanted sides. Whole pixels err by 1.2 % of a voxel's
-/// light and cost 0.01 of Q.
+/// Fine pixels of a pixel, a side; see `cut.rs`. Whole pixels err by 1.2 % of a voxel's light and cost 0.01 of Q.
 const FINENESS: i32 = 2;
 
-/// A lenslet is wholly inside the stop if its cell, widened by this share of the blur, is. The light farther out is
-/// little and is not cut.
+/// A lenslet is wholly inside the stop if its cell, widened by this share of the blur, is. Little light lies outside.
 const BLUR_INSIDE: f64 = 0.4;
 
 /// A voxel and the rows asked for.
@@ -79,7 +76,6 @@ impl Lenslets {
         Self { rows, first_row, fine_patches: patches.clone(), patches, geometry }
     }
 
-    /// Bytes of the tables, in all slices except those nearest focus.
     pub(crate) fn table_bytes(&self) -> u64 {
         let tables = if self.fineness() > 1 { 2 } else { 1 };
         (self.patches.len() * tables * patch::SLICE_BYTES) as u64
@@ -117,7 +113,6 @@ impl Lenslets {
         Patches::new(&self.geometry.slabs, self.geometry.blurs(&slice.axis), step_mm)
     }
 
-    /// See [`crate::weights::Weights::runs`].
     #[inline(always)]
     pub(crate) fn runs(
         &self,
@@ -135,7 +130,7 @@ impl Lenslets {
             buffers.next = wanted.next_from(self.geometry.optics.sensor_px[1]);
             buffers.wanted = Some(wanted);
         }
-        let Geometry { optics, .. } = &self.geometry;
+        let optics = &self.geometry.optics;
         let chief_mm = self.geometry.chief_mm(&slice.axis, voxel);
         let request = Request {
             lenslets: self,
@@ -194,14 +189,14 @@ impl Request<'_> {
         }
         // Take the whole image if it is inside the stop and on the sensor.
         let far = (self.chief_mm - centre).abs();
-        let spread2 = slice.spread * slice.spread;
-        let has_round_stop = geometry.has_round_stop;
         let inside_reach = slice.corner + BLUR_INSIDE * (slice.reach - slice.corner);
-        let DVec2 { x, y } = far + inside_reach;
-        let is_in = if has_round_stop { x * x + y * y <= spread2 } else { x <= slice.spread && y <= slice.spread };
+        let is_in_stop = |DVec2 { x, y }: DVec2| {
+            let half = slice.spread;
+            if geometry.has_round_stop { x * x + y * y <= half * half } else { x <= half && y <= half }
+        };
         let (first_x, phase_x) = patches.split(place_px.x);
         let patch = patches.at(phase_x, phase_y);
-        if is_in && first_x >= 0 && first_x + columns as i32 <= width {
+        if is_in_stop(far + inside_reach) && first_x >= 0 && first_x + columns as i32 <= width {
             let mut row = next[low as usize];
             while row < high as u32 {
                 let start = (row as i32 - first_y) as usize * columns;
@@ -210,9 +205,7 @@ impl Request<'_> {
             }
             return;
         }
-        let DVec2 { x, y } = (far - slice.reach).max(DVec2::ZERO);
-        let is_out = if has_round_stop { x * x + y * y > spread2 } else { x > slice.spread || y > slice.spread };
-        if is_out {
+        if !is_in_stop((far - slice.reach).max(DVec2::ZERO)) {
             return;
         }
         let (patches, fineness) = (lenslets.fine_patches(slice), lenslets.fineness());

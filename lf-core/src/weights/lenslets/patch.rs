@@ -1,5 +1,4 @@
-//! Tables of a lenslet's image of a voxel: the light integrated over pixels, for every place of the image among the
-//! pixels.
+//! Tables of a lenslet's image of a voxel: the light of each pixel, for every place of the image among the pixels.
 //!
 //! If rays are straight, a step in U moves a ray on the array and on the sensor in proportion: from one pixel edge to
 //! the next the ray moves by `step` mm on the array. So a lenslet's image of a voxel is the cell, blurred by the
@@ -39,8 +38,7 @@ pub(super) struct Patches {
     /// Rows and columns of a patch; columns are a multiple of [`LANES`].
     pub(super) rows: usize,
     pub(super) columns: usize,
-    /// Integrals over pixels of the blurred cell, mm^2 of the array: row by row, patch by patch, phases across inside
-    /// phases down.
+    /// Integrals over pixels of the blurred cell, mm^2 of the array: phases down, phases across, rows, columns.
     shares: Vec<f32>,
 }
 
