@@ -5,7 +5,7 @@ use super::limits::{are_at_most, counts, verdict};
 use super::{picture::Picture, print::print};
 use lf_core::{Error, Result, Session, Verdict, Volume, cli::numbers, io, particles};
 use lf_validate::pictures;
-use lf_validate::scores::elongation::{Elongation, elongation};
+use lf_validate::scores::elongation::{SizeCounts, elongation};
 use std::path::{Path, PathBuf};
 
 /// Diameters of reconstructed particles along x, y and z
@@ -82,16 +82,16 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         })
         .collect::<Result<Vec<_>>>()?;
     let score = session.phase("score", |_| Ok(elongation(&volumes, grid, search_vox, pixel_mm)))?;
-    session.count("particles", score.particles);
-    session.count("measured", score.measured);
+    let SizeCounts { particles, measured, missed, merged, cut } = score.counts;
+    session.count("particles", particles);
+    session.count("measured", measured);
     arguments.picture.draw(session, || pictures::elongation(&score))?;
     print(&score)?;
-    if score.measured == 0 {
-        let Elongation { particles, missed, merged, cut, .. } = score;
+    if measured == 0 {
         let counts = format!("of {particles}, {missed} missed, {merged} merged, {cut} cut");
         session.warn(format!("{}: no particle could be measured: {counts}", pairs[0].1.name()));
     }
-    Ok(verdict(are_at_most(Some(score.diameter.vox.median), arguments.max_diameter)))
+    Ok(verdict(are_at_most(Some(score.medians_vox()), arguments.max_diameter)))
 }
 
 /// The places of a table and the volume that belongs to it.

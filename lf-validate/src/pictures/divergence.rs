@@ -8,8 +8,7 @@ use lf_core::plot::{Axis, Chart, Mark, Panel, Place, three_figures};
 pub fn divergence(score: &Divergence) -> Chart {
     let x = Axis::new("divergence (change of volume over volume, between the two volumes)");
     let mut panel = Panel::new("", x, Axis::new("density"));
-    if let Some(pdf) = &score.pdf {
-        let histogram = &pdf.0;
+    if let Some(histogram) = &score.pdf {
         panel.marks = vec![
             Mark::Steps { name: "measured".into(), edges: edges(&histogram.x), values: histogram.density.clone() },
             Mark::reference("a flow that keeps its volume", Place::Vertical(0.0)),

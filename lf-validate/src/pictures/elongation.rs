@@ -35,15 +35,22 @@ pub fn elongation(score: &Elongation) -> Chart {
         .collect();
     depth.marks.push(Mark::reference("ideal particle, 3 voxels", Place::Horizontal(IDEAL_VOX)));
     panels.push(depth);
-    let [x, y, z] = score.diameter.px.as_ref().map_or(score.diameter.vox.median, |px| px.median);
-    let medians = [x, y, z].map(|median| three_figures(Some(median))).join(", ");
+    let counts = score.counts;
+    let medians = score
+        .diameter
+        .px
+        .as_ref()
+        .unwrap_or(&score.diameter.vox)
+        .median
+        .map(|median| three_figures(Some(median)))
+        .join(", ");
     Chart {
         title: "Diameters of reconstructed particles (4 sigma: where a particle falls to exp(-2) of its peak)".into(),
         notes: vec![
             format!("medians along x, y, z: {medians} {name}"),
             format!(
                 "of {} particles {} measured, {} missed, {} merged with a neighbour, {} cut by the end of the volume",
-                score.particles, score.measured, score.missed, score.merged, score.cut
+                counts.particles, counts.measured, counts.missed, counts.merged, counts.cut
             ),
         ],
         columns: 2,

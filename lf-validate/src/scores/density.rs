@@ -4,11 +4,10 @@ use serde::ser::SerializeMap;
 
 /// A probability density in bins of equal width. The middle bin is centred at zero.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Density {
+pub(crate) struct Density {
     /// Middle of each bin.
     pub x: Vec<f64>,
-    /// Density in each bin, per unit of x. It integrates to the share of the values inside the bins. NaN without
-    /// values.
+    /// Per unit of x. It integrates to the share of the values inside the bins. NaN without values.
     pub density: Vec<f64>,
     /// Share of the values below the first bin.
     pub below: f64,

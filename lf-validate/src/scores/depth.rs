@@ -15,59 +15,53 @@ pub struct DepthSums {
     peak: Vec<f64>,
 }
 
-/// The score of the volumes.
+/// The score of the volumes. Numbers that need light are None if all is dark.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Depth {
     /// Number of volumes.
     pub volumes: usize,
     /// Light of a volume, mean over the volumes.
     pub light: f64,
-    /// Mean depth of the light, mm. None if all is dark.
-    pub mean_z_mm: Option<f64>,
-    /// Standard deviation of the depth of the light, mm. None if all is dark.
-    pub std_z_mm: Option<f64>,
-    /// The lit slab, mm.
+    pub(crate) mean_z_mm: Option<f64>,
+    pub(crate) std_z_mm: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub slab_mm: Option<[f64; 2]>,
-    /// Share of the light in slices with their centre outside the slab. None if all is dark, or without a slab.
+    pub(crate) slab_mm: Option<[f64; 2]>,
+    /// Share of the light in slices with their centre outside the slab. None without a slab.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outside_share: Option<f64>,
     /// Light of the brightest slice outside the slab over that of the mean slice inside.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub outside_peak: Option<f64>,
+    pub(crate) outside_peak: Option<f64>,
     /// Standard deviation over mean of the light of the slices inside the slab, or of all slices without a slab.
-    pub unevenness: Option<f64>,
-    /// Mean light of the slices inside the slab, or of all slices without a slab. Not in the JSON.
+    pub(crate) unevenness: Option<f64>,
+    /// Mean light of the same slices.
     #[serde(skip)]
-    pub mean_slice: f64,
-    /// Centres of the voxels along x, mm. Not in the JSON.
+    pub(crate) mean_slice: f64,
+    /// Centres of the voxels along x.
     #[serde(skip)]
-    pub x_mm: Vec<f64>,
-    /// Distance between voxels along x, and between slices, mm. Not in the JSON.
+    pub(crate) x_mm: Vec<f64>,
+    /// Distance between voxels along x, and between slices.
     #[serde(skip)]
-    pub spacing_mm: [f64; 2],
-    /// Centres of the slices, mm.
-    pub z_mm: Vec<f64>,
+    pub(crate) spacing_mm: [f64; 2],
+    /// Centres of the slices.
+    pub(crate) z_mm: Vec<f64>,
     /// Light of each slice, mean over the volumes.
-    pub profile: Vec<f64>,
+    pub(crate) profile: Vec<f64>,
     /// Brightest voxel of each slice, mean over the volumes.
-    pub peak: Vec<f64>,
-    /// Light summed over y and the volumes: nx x nz, x fastest. Not in the JSON.
+    pub(crate) peak: Vec<f64>,
+    /// Light summed over y and the volumes: nx x nz, x fastest.
     #[serde(skip)]
-    pub section: Vec<f64>,
+    pub(crate) section: Vec<f64>,
 }
 
 impl DepthSums {
-    /// Sums of no volume yet.
+    /// Sums of no volume.
     pub fn new(grid: &Grid) -> Self {
         let [nx, _, nz] = grid.shape;
         Self { grid: grid.clone(), volumes: 0, section: vec![0.0; nx * nz], peak: vec![0.0; nz] }
     }
 
-    /// Adds a volume.
-    ///
-    /// # Errors
-    /// The grid of the volume is another one.
+    /// Adds a volume. Refuses another grid.
     pub fn add(&mut self, light: VoxelLight) -> Result<(), Refusal> {
         if !self.grid.agrees_with(light.grid) {
             return Err(Refusal::new(light.grid.to_string(), format!("wanted the first volume's {}", self.grid)));
@@ -100,7 +94,6 @@ impl DepthSums {
         let mean_z_mm = mean_of(&|z| z);
         let variance = mean_z_mm.and_then(|mean| mean_of(&|z| (z - mean).powi(2)));
 
-        // Slices inside and outside the slab.
         let is_inside = |z: f64| slab_mm.is_none_or(|[low, high]| (low..=high).contains(&z));
         let slices = |wanted: bool| {
             let chosen = z_mm.iter().zip(&profile).filter(move |(z, _)| is_inside(**z) == wanted);

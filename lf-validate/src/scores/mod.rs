@@ -2,7 +2,7 @@
 //! Out: one struct for each score, which serialises to the JSON that `lf-validate` prints.
 //! Open first: `quality/compare.rs`, the score of a volume, and `displacement/compare.rs`, the score of a field.
 
-pub mod density;
+mod density;
 pub mod depth;
 pub mod displacement;
 pub mod divergence;
@@ -12,5 +12,5 @@ pub mod ensemble;
 pub(crate) mod fixtures;
 pub mod light;
 pub mod quality;
-pub mod spread;
-pub mod units;
+mod spread;
+pub(crate) mod units;

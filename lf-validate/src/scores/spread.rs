@@ -1,11 +1,10 @@
 //! Statistics of errors about zero.
 
 use lf_core::statistics::median;
-use serde::Serialize;
 
-/// Statistics of a set of errors about zero. NaN, `null` in JSON, without errors.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ErrorSpread {
+/// Statistics of a set of errors about zero. NaN without errors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ErrorSpread {
     /// Mean.
     pub bias: f64,
     /// Root mean square about zero: rms^2 = bias^2 + std^2.
@@ -17,7 +16,7 @@ pub struct ErrorSpread {
 }
 
 impl ErrorSpread {
-    /// The spread of `errors`. The bias is known before the standard deviation is summed.
+    /// The bias is known before the standard deviation is summed.
     pub fn of(errors: &[f64]) -> Self {
         let count = errors.len() as f64;
         let bias = errors.iter().sum::<f64>() / count;

@@ -1,17 +1,14 @@
 //! Axes, components and the units of errors.
 
-/// Names of the components.
-pub const COMPONENTS: [&str; 3] = ["u", "v", "w"];
-
-/// Names of the axes.
-pub const AXES: [&str; 3] = ["x", "y", "z"];
+pub(crate) const COMPONENTS: [&str; 3] = ["u", "v", "w"];
+pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Name of a unit and its length along each axis, mm.
-pub type Unit = (&'static str, [f64; 3]);
+pub(crate) type Unit = (&'static str, [f64; 3]);
 
 /// The units of errors: `mm` in object space; `vox`, the voxel spacing along each axis of the volumes correlated; with
 /// a camera also `px`, a pixel at the focal plane (pixel pitch / magnification), the same along all axes.
-pub fn units(voxel_mm: [f64; 3], pixel_mm: Option<f64>) -> Vec<Unit> {
+pub(super) fn units(voxel_mm: [f64; 3], pixel_mm: Option<f64>) -> Vec<Unit> {
     let mut units = vec![("mm", [1.0; 3]), ("vox", voxel_mm)];
     units.extend(pixel_mm.map(|pixel| ("px", [pixel; 3])));
     units

@@ -13,13 +13,11 @@ use serde::Serialize;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Displacement {
     /// Kind of the truth: `field`, `flow` or `tracks`.
-    pub truth: &'static str,
+    pub(crate) truth: &'static str,
     /// Vectors of the measured field.
     pub places: usize,
-    /// Vectors flagged measured.
-    pub measured: usize,
-    /// Vectors flagged replaced.
-    pub replaced: usize,
+    pub(crate) measured: usize,
+    pub(crate) replaced: usize,
     /// Vectors without data.
     pub no_data: usize,
     /// Measured or replaced vectors outside the hull of the truth or beside one of its gaps. Not scored.
@@ -27,20 +25,19 @@ pub struct Displacement {
     /// Counts of the particles, if they are the truth.
     #[serde(flatten)]
     pub particles: Option<ParticleCounts>,
-    /// Size of a pixel at the focal plane, mm. Without a camera it is absent, and so is every `px`.
+    /// Size of a pixel at the focal plane. Without a camera it is absent, and so is every `px`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub pixel_mm: Option<f64>,
-    /// Voxel spacing of the volumes correlated, mm.
-    pub voxel_mm: [f64; 3],
+    pub(crate) pixel_mm: Option<f64>,
+    /// Voxel spacing of the volumes correlated.
+    pub(crate) voxel_mm: [f64; 3],
     /// Errors of all that are scored.
     #[serde(flatten)]
     pub all: ErrorSummary,
-    /// Errors of the measured vectors.
-    pub measured_only: ErrorSummary,
+    pub(crate) measured_only: ErrorSummary,
     /// Stated uncertainty of the measured vectors against their errors.
     pub uncertainty: Coverage,
     /// Density of the errors of all that are scored. None in voxels without a size.
-    pub pdf: Option<ErrorPdf>,
+    pub(crate) pdf: Option<ErrorPdf>,
 }
 
 /// Particles that are the truth.
@@ -49,7 +46,7 @@ pub struct ParticleCounts {
     /// Particles in both frames.
     pub particles: usize,
     /// Particles in only one of the frames. Not scored.
-    pub unpaired: usize,
+    pub(crate) unpaired: usize,
     /// Particles in both frames that lie outside the field's vectors or beside one of its gaps. Not scored.
     pub outside_field: usize,
 }

@@ -5,26 +5,24 @@ use crate::scores::units::COMPONENTS;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-/// Errors of measured vectors against their stated standard uncertainty, one number for each of u, v and w. In JSON one
-/// key for each component: `within_1_u`. Normally distributed errors with the stated uncertainty are within one of it
-/// in a share of 0.683 and within two in a share of 0.954. NaN if no vector states an uncertainty.
+/// Errors of measured vectors that state a standard uncertainty, for u, v and w; `within_1_u` in JSON. Normally
+/// distributed errors with the stated uncertainty are within one of it in a share of 0.683 and within two in a share of
+/// 0.954. NaN if no vector states one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coverage {
-    /// Measured vectors with a stated uncertainty.
-    pub stated: [usize; 3],
+    /// Number of these vectors.
+    pub(crate) stated: [usize; 3],
     /// Share of their errors not larger than the stated uncertainty.
     pub within_1: [f64; 3],
     /// Share of their errors not larger than twice the stated uncertainty.
-    pub within_2: [f64; 3],
-    /// RMS of the stated uncertainty, mm.
-    pub rms_stated_mm: [f64; 3],
-    /// RMS of their errors, mm. It equals `rms_stated_mm` if the stated uncertainty is right.
-    pub rms_error_mm: [f64; 3],
+    pub(crate) within_2: [f64; 3],
+    pub(crate) rms_stated_mm: [f64; 3],
+    /// It equals `rms_stated_mm` if the stated uncertainty is right.
+    pub(crate) rms_error_mm: [f64; 3],
 }
 
 impl Coverage {
-    /// The coverage of the measured vectors.
-    pub fn of(errors: &[VectorError]) -> Self {
+    pub(super) fn of(errors: &[VectorError]) -> Self {
         // Error and stated uncertainty of each vector that has both.
         let pairs = [0, 1, 2].map(|axis| {
             let measured = errors.iter().filter(|error| error.is_measured);

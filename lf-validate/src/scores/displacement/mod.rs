@@ -12,8 +12,6 @@ mod truth;
 
 pub use compare::{Displacement, ParticleCounts, displacement};
 pub use coverage::Coverage;
-pub use pdf::{BINS_PER_PX, BINS_PER_VOX, ErrorPdf, REACH};
-pub use summary::{ErrorSummary, OUTLIER_FLOOR_VOX, OUTLIER_SIGMAS};
+pub use summary::ErrorSummary;
 pub use tracks::{Tracks, tracks};
-pub use trilinear::{Interpolated, interpolate};
-pub use truth::{TrueDisplacement, VectorError, errors};
+pub use truth::TrueDisplacement;

@@ -8,28 +8,26 @@ use serde::{Serialize, Serializer};
 
 /// Bins a pixel for u, v and w. The bins of w are ten times wider: the angle under which the camera sees depth is a few
 /// tenths of a radian.
-pub const BINS_PER_PX: [f64; 3] = [20.0, 20.0, 2.0];
+const BINS_PER_PX: [f64; 3] = [20.0, 20.0, 2.0];
 
 /// Bins a voxel for u, v and w. Voxels are long along the depth.
-pub const BINS_PER_VOX: [f64; 3] = [20.0; 3];
+const BINS_PER_VOX: [f64; 3] = [20.0; 3];
 
 /// Bins on either side of the middle one: to 4 px and 40 px, or to 4 voxels. Any two fields in one unit have the same
 /// bins, so that their curves can be compared.
-pub const REACH: usize = 80;
+const REACH: usize = 80;
 
-/// Density of the error of each component. The JSON has for each component, here u: `x_u`, the middles of the bins in
-/// `unit`; `u`, the density per `unit`; `below_u` and `above_u`, the shares beyond the bins.
+/// Density of the error of u, v and w.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ErrorPdf {
+pub(crate) struct ErrorPdf {
     /// `px` with a camera, `vox` without one.
     pub unit: &'static str,
-    /// Densities of u, v and w.
     pub curves: [Density; 3],
 }
 
 impl ErrorPdf {
-    /// The densities of the errors in the last of `units`. None if that unit has no length.
-    pub fn of(errors: &[VectorError], units: &[Unit]) -> Option<Self> {
+    /// In the last of `units`. None if that unit has no length.
+    pub(super) fn of(errors: &[VectorError], units: &[Unit]) -> Option<Self> {
         let &(unit, length_mm) = units.last()?;
         if length_mm.iter().any(|length| *length <= 0.0) {
             return None;

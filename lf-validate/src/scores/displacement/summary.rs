@@ -9,11 +9,11 @@ use serde::{Serialize, Serializer};
 
 /// An error is an outlier if it is more than this many robust standard deviations from the median error of its
 /// component: one vector in two million of a normal distribution.
-pub const OUTLIER_SIGMAS: f64 = 5.0;
+const OUTLIER_SIGMAS: f64 = 5.0;
 
 /// An outlier is also more than this many voxels from the median error: the uncertainty of correlation in good data.
 /// Without this floor ordinary vectors would be outliers where the others agree very closely.
-pub const OUTLIER_FLOOR_VOX: f64 = 0.1;
+const OUTLIER_FLOOR_VOX: f64 = 0.1;
 
 /// Errors of a set of vectors, or of the field at particles. In JSON one key for each of bias, rms, std and median_abs,
 /// component and unit: `rms_u_px`.
@@ -21,10 +21,9 @@ pub const OUTLIER_FLOOR_VOX: f64 = 0.1;
 pub struct ErrorSummary {
     /// Vectors scored, or particles if they are the truth.
     pub vectors: usize,
-    /// Vectors with a component beyond [`OUTLIER_SIGMAS`] and [`OUTLIER_FLOOR_VOX`]. All other numbers include them.
-    pub outliers: usize,
-    /// Spread of each component, mm.
-    pub spread_mm: [ErrorSpread; 3],
+    /// All other numbers include them.
+    pub(crate) outliers: usize,
+    pub(crate) spread_mm: [ErrorSpread; 3],
     units: Vec<Unit>,
 }
 

@@ -7,19 +7,16 @@ use std::collections::HashMap;
 /// Particles that are known in two frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracks {
-    /// Half way between the two places of each particle, mm.
-    pub mid_mm: Vec<DVec3>,
-    /// From its first place to its second, mm.
-    pub displacement_mm: Vec<DVec3>,
+    /// Half way between the two places of each particle.
+    pub(super) mid_mm: Vec<DVec3>,
+    /// From its first place to its second.
+    pub(super) displacement_mm: Vec<DVec3>,
     /// Particles that are in only one of the frames.
-    pub unpaired: usize,
+    pub(super) unpaired: usize,
 }
 
-/// The particles that are in both `frames`, in the order of the first.
-///
-/// # Errors
-/// A frame against itself, a frame without particles, a particle that is twice in a frame, or no particle in both
-/// frames.
+/// The particles that are in both `frames`, in the order of the first. Refuses a frame against itself, a frame without
+/// particles, a particle that is twice in a frame, and no particle in both.
 pub fn tracks(particles: &[Particle], frames: [usize; 2]) -> Result<Tracks, Refusal> {
     let [first, second] = frames;
     if first == second {

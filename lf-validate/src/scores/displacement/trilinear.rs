@@ -9,10 +9,9 @@ const RIM: f64 = 1e-6;
 
 /// A field at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Interpolated {
-    /// Displacement, mm.
+pub(super) struct Interpolated {
     pub vector_mm: DVec3,
-    /// Stated standard uncertainty, mm: the mean of the neighbours, weighted as the displacement is. This assumes that
+    /// Stated standard uncertainty: the mean of the neighbours, weighted as the displacement is. This assumes that
     /// neighbours have the same error. NaN if a neighbour with weight states none.
     pub stated_mm: DVec3,
     /// Whether all neighbours with weight are flagged measured.
@@ -21,7 +20,7 @@ pub struct Interpolated {
 
 /// A field at a place (mm), trilinear between its eight neighbours. None outside the hull of the field's vectors, or if
 /// a neighbour with weight has no data.
-pub fn interpolate(field: &Field, place_mm: DVec3) -> Option<Interpolated> {
+pub(super) fn interpolate(field: &Field, place_mm: DVec3) -> Option<Interpolated> {
     let layout = &field.layout;
     let last = DVec3::from(layout.shape.map(|count| count as f64 - 1.0));
     let place = (place_mm - DVec3::from(layout.origin_mm)) / DVec3::from(layout.spacing_mm);

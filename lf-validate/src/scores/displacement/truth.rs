@@ -22,8 +22,7 @@ pub enum TrueDisplacement {
 }
 
 impl TrueDisplacement {
-    /// `field`, `flow` or `tracks`.
-    pub fn name(&self) -> &'static str {
+    pub(super) fn name(&self) -> &'static str {
         match self {
             Self::Field(_) => "field",
             Self::Flow { .. } => "flow",
@@ -34,19 +33,18 @@ impl TrueDisplacement {
 
 /// Error of one vector, or of the field at one particle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct VectorError {
-    /// Measured - true, mm.
+pub(super) struct VectorError {
+    /// Measured - true.
     pub error_mm: DVec3,
-    /// Stated standard uncertainty, mm. NaN where there is none.
+    /// Stated standard uncertainty. NaN where there is none.
     pub stated_mm: DVec3,
     /// Whether the vector was measured. If not, it was replaced, or a neighbour used for interpolation was.
     pub is_measured: bool,
 }
 
-/// The errors of `field`, one for each vector or particle, and the number of vectors or particles that could not be
-/// compared: vectors outside the truth or beside one of its gaps, particles outside the field or beside one of its
-/// gaps.
-pub fn errors(truth: &TrueDisplacement, field: &Field) -> (Vec<VectorError>, usize) {
+/// The errors of `field`, one for each vector or particle, and the number of those that could not be compared: vectors
+/// outside the truth or beside one of its gaps, particles outside the field or beside one of its gaps.
+pub(super) fn errors(truth: &TrueDisplacement, field: &Field) -> (Vec<VectorError>, usize) {
     let with_data = || (0..field.len()).filter(|&at| field.flag[at] != NO_DATA);
     let error = |at: usize, expected_mm: DVec3| VectorError {
         error_mm: field.displacement_mm(at) - expected_mm,

@@ -8,59 +8,52 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 /// Bins of the density in one robust standard deviation of the divergence.
-pub const BINS_PER_SIGMA: f64 = 5.0;
+const BINS_PER_SIGMA: f64 = 5.0;
 
 /// Bins on either side of the middle one: to 8 robust standard deviations.
-pub const REACH: usize = 40;
+const REACH: usize = 40;
 
 /// Divergence and noise of a field. Divergences have no unit: change of volume over volume between the two volumes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Divergence {
     /// Vectors of the field.
-    pub places: usize,
-    /// Vectors without data.
-    pub no_data: usize,
-    /// Size of a pixel at the focal plane, mm. Without a camera it is absent, and so is every `px`.
+    places: usize,
+    no_data: usize,
+    /// Size of a pixel at the focal plane. Without a camera it is absent, and so is every `px`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub pixel_mm: Option<f64>,
-    /// Voxel spacing of the volumes correlated, mm.
-    pub voxel_mm: [f64; 3],
+    pub(crate) pixel_mm: Option<f64>,
+    /// Voxel spacing of the volumes correlated.
+    pub(crate) voxel_mm: [f64; 3],
     /// Vectors from one to the next that shares no data with it; see [`stride`].
     pub stride: [usize; 3],
-    /// The same, mm.
-    pub stride_mm: [f64; 3],
+    stride_mm: [f64; 3],
     /// Places with data at all six neighbours a stride away. Replaced vectors count as data.
     pub count: usize,
-    /// Mean divergence.
-    pub mean: f64,
+    mean: f64,
     /// Root mean square of the divergence.
     pub rms: f64,
     /// Median of its absolute value.
-    pub median_abs: f64,
+    median_abs: f64,
     /// Its robust standard deviation.
-    pub sigma: f64,
+    sigma: f64,
     /// Root mean square of all nine gradients of the displacement at all places.
-    pub rms_gradient: f64,
+    pub(crate) rms_gradient: f64,
     /// `rms` over the root of the mean of (du/dx)^2 + (dv/dy)^2 + (dw/dz)^2. It is 0 for a flow that keeps its volume,
     /// and 1 where the three are independent, as those of noise are. A flow of rotation and shear alone has no such
     /// gradients: it also gives 1, from its noise, and NaN without noise.
-    pub relative: f64,
+    relative: f64,
     /// RMS divergence of the noise alone: the root of the sum of sigma^2 / (2 stride_mm^2) over the axes.
-    pub rms_of_noise: f64,
+    pub(crate) rms_of_noise: f64,
     /// Noise of the components.
     pub noise: FieldNoise,
     /// Density of the divergence, with [`BINS_PER_SIGMA`] bins in a `sigma`. None if `sigma` is 0 or does not exist.
-    pub pdf: Option<DivergencePdf>,
+    #[serde(serialize_with = "as_divergence")]
+    pub(crate) pdf: Option<Density>,
 }
-
-/// Density of the divergence. In JSON: `x_divergence`, the middles of the bins; `divergence`, the density per unit of
-/// divergence; `below_divergence` and `above_divergence`, the shares beyond the bins.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DivergencePdf(pub Density);
 
 /// Vectors along each axis that an interrogation window covers, rounded up, and at least one. Windows so far apart
 /// share no data.
-pub fn stride(layout: &VectorGrid) -> [usize; 3] {
+fn stride(layout: &VectorGrid) -> [usize; 3] {
     // Rounding of the product may exceed a whole number by this much.
     const ROUNDING: f64 = 1e-6;
     [0, 1, 2].map(|axis| {
@@ -100,7 +93,7 @@ pub fn divergence(field: &Field, pixel_mm: Option<f64>) -> Divergence {
         relative: spread.rms / straight.sqrt(),
         rms_of_noise: (0..3).map(of_noise).sum::<f64>().sqrt(),
         noise,
-        pdf: (sigma > 0.0).then(|| DivergencePdf(Density::of(&divergences, BINS_PER_SIGMA / sigma, REACH))),
+        pdf: (sigma > 0.0).then(|| Density::of(&divergences, BINS_PER_SIGMA / sigma, REACH)),
     }
 }
 
@@ -120,12 +113,11 @@ fn gradient(field: &Field, at: usize, stride: [usize; 3], stride_mm: [f64; 3]) -
     Some(gradient)
 }
 
-impl Serialize for DivergencePdf {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        self.0.serialize_as("divergence", &mut map)?;
-        map.end()
-    }
+fn as_divergence<S: Serializer>(pdf: &Option<Density>, serializer: S) -> Result<S::Ok, S::Error> {
+    let Some(density) = pdf else { return serializer.serialize_none() };
+    let mut map = serializer.serialize_map(None)?;
+    density.serialize_as("divergence", &mut map)?;
+    map.end()
 }
 
 #[cfg(test)]
@@ -218,7 +210,7 @@ mod tests {
             assert!((found.relative - 1.0).abs() < 0.02, "{}", found.relative);
             assert!((found.rms_of_noise / found.rms - 1.0).abs() < 0.03, "{} of {}", found.rms_of_noise, found.rms);
             assert!((found.sigma / found.rms - 1.0).abs() < 0.03 && found.mean.abs() < 0.05 * found.rms);
-            let Some(DivergencePdf(curve)) = &found.pdf else { panic!("no density") };
+            let curve = found.pdf.unwrap();
             // The density of a normal distribution in its middle, and no value beyond 8 sigma.
             assert!((curve.density[REACH] * found.sigma - 0.399).abs() < 0.02);
             assert_eq!((curve.x.len(), curve.x[REACH], curve.below, curve.above), (81, 0.0, 0.0, 0.0));
@@ -229,8 +221,7 @@ mod tests {
     #[test]
     fn gaps_are_left_out() {
         let mut expansion = field([5, 5, 5], |place| place.map(|x| 0.01 * x));
-        // In the middle of 3 x 3 x 3 places. The six around it lose a neighbour; its own vector is not used at its
-        // place.
+        // In the middle of 3 x 3 x 3 places: the six around it lose a neighbour, and it does not use its own vector.
         expansion.flag[62] = NO_DATA;
         expansion.u[62] = f32::NAN;
         let found = divergence(&expansion, None);

@@ -5,5 +5,5 @@
 mod gradients;
 mod noise;
 
-pub use gradients::{BINS_PER_SIGMA, Divergence, DivergencePdf, REACH, divergence, stride};
-pub use noise::{FieldNoise, LEAST_DIFFERENCES, NoiseEstimate, noise};
+pub use gradients::{Divergence, divergence};
+pub use noise::FieldNoise;

@@ -7,19 +7,17 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 /// Fewest third differences along an axis. From this many the robust standard deviation is known to 12 %.
-pub const LEAST_DIFFERENCES: usize = 100;
+const LEAST_DIFFERENCES: usize = 100;
 
 /// A third difference f0 - 3 f1 + 3 f2 - f3 of independent errors has the variance (1 + 9 + 9 + 1) sigma^2.
 const VARIANCE: f64 = 20.0;
 
 /// Noise of one component.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NoiseEstimate {
-    /// Standard deviation, mm.
+pub(super) struct NoiseEstimate {
     pub sigma_mm: f64,
     /// Axis of the differences.
     pub axis: usize,
-    /// Third differences along that axis.
     pub differences: usize,
 }
 
@@ -31,15 +29,15 @@ pub struct NoiseEstimate {
 /// smallest estimate. Errors that neighbours share stay hidden.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldNoise {
-    /// Estimates of u, v and w. None if no axis has [`LEAST_DIFFERENCES`].
-    pub estimates: [Option<NoiseEstimate>; 3],
-    /// Median of the uncertainties that measured vectors state, mm. NaN if none is stated.
-    pub stated_mm: [f64; 3],
+    /// None if no axis has [`LEAST_DIFFERENCES`].
+    estimates: [Option<NoiseEstimate>; 3],
+    /// Median of the uncertainties that measured vectors state. NaN if none is stated.
+    stated_mm: [f64; 3],
     units: Vec<Unit>,
 }
 
-/// The noise of `field`, from differences over `stride` vectors. `pixel_mm`: size of a pixel at the focal plane.
-pub fn noise(field: &Field, stride: [usize; 3], pixel_mm: Option<f64>) -> FieldNoise {
+/// The noise of `field`, from differences over `stride` vectors.
+pub(super) fn noise(field: &Field, stride: [usize; 3], pixel_mm: Option<f64>) -> FieldNoise {
     let stated = |values: &Vec<f32>| {
         let measured = values.iter().zip(&field.flag).filter(|(_, flag)| **flag == MEASURED);
         let finite = measured.map(|(value, _)| f64::from(*value)).filter(|value| value.is_finite());
@@ -81,8 +79,8 @@ impl FieldNoise {
         in_px([0, 1, 2].map(|axis| self.sigma_mm(axis)), &self.units)
     }
 
-    /// The noise of a component, mm. NaN without an estimate.
-    pub fn sigma_mm(&self, component: usize) -> f64 {
+    /// The noise of a component. NaN without an estimate.
+    pub(crate) fn sigma_mm(&self, component: usize) -> f64 {
         self.estimates[component].map_or(f64::NAN, |estimate| estimate.sigma_mm)
     }
 }

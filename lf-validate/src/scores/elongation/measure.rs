@@ -5,31 +5,27 @@
 //! a Gaussian, the full width at exp(-2) of its peak. The other width is that at half maximum.
 
 use super::profile::{Profiles, distance_squared};
-use super::score::{DiametersByDepth, Elongation, Histogram, ParticleSize, Widths};
+use super::score::{DiametersByDepth, Elongation, Histogram, ParticleSize, SizeCounts, Widths};
 use crate::scores::light::VoxelLight;
 use lf_core::Grid;
 use std::collections::BTreeMap;
 
 /// Measures the particles at `places_mm` in volumes of one grid.
 ///
-/// `search_vox`: the brightest voxel of a particle is searched this far from its true place along each axis.
-/// `pixel_mm`: size of a pixel at the focal plane.
+/// The brightest voxel of a particle is searched up to `search_vox` from its true place along each axis. `pixel_mm`: size
+/// of a pixel at the focal plane.
 pub fn elongation(
     volumes: &[(VoxelLight, Vec<[f64; 3]>)],
     grid: &Grid,
     search_vox: [usize; 3],
     pixel_mm: Option<f64>,
 ) -> Elongation {
-    let (mut sizes, mut counts) = (Vec::new(), Counts::default());
+    let (mut sizes, mut counts) = (Vec::new(), SizeCounts::default());
     for (light, places_mm) in volumes {
         measure(*light, places_mm, search_vox, &mut sizes, &mut counts);
     }
     Elongation {
-        particles: counts.particles,
-        measured: sizes.len(),
-        missed: counts.missed,
-        merged: counts.merged,
-        cut: counts.cut,
+        counts: SizeCounts { measured: sizes.len(), ..counts },
         voxel_mm: grid.spacing_mm,
         pixel_mm,
         diameter: Widths::of(sizes.iter().map(|size| size.diameter), grid.spacing_mm, pixel_mm),
@@ -39,25 +35,16 @@ pub fn elongation(
     }
 }
 
-#[derive(Default)]
-struct Counts {
-    particles: usize,
-    missed: usize,
-    merged: usize,
-    cut: usize,
-}
-
 /// Measures the particles of one volume.
 fn measure(
     light: VoxelLight,
     places_mm: &[[f64; 3]],
     search_vox: [usize; 3],
     sizes: &mut Vec<ParticleSize>,
-    counts: &mut Counts,
+    counts: &mut SizeCounts,
 ) {
     let profiles = Profiles { light };
-    // Give each brightest voxel to the nearest of the particles that found it: square of the distance, true depth,
-    // peak.
+    // The nearest of the particles that found a brightest voxel: square of the distance, true depth, peak.
     let mut owners: BTreeMap<u64, (f64, f64, [i64; 3])> = BTreeMap::new();
     for place_mm in places_mm {
         let place = [0, 1, 2].map(|axis| light.grid.place_vox(axis, place_mm[axis]));
@@ -123,7 +110,7 @@ mod tests {
         for n in 0..20 {
             let place = [10.0 + 0.137 * f64::from(n), 12.0 - 0.093 * f64::from(n), 14.0 + 0.211 * f64::from(n)];
             let found = score(&blobs(&[(place, [0.75, 0.75, 2.5])], 1e-9), &[place]);
-            assert_eq!((found.particles, found.measured), (1, 1));
+            assert_eq!((found.counts.particles, found.counts.measured), (1, 1));
             let px = found.diameter.px.unwrap();
             for (axis, wanted) in [(0, 3.0), (1, 3.0), (2, 100.0)] {
                 assert!((px.median[axis] - wanted).abs() < 1e-4 * wanted, "{place:?}: {px:?}");
@@ -163,8 +150,7 @@ mod tests {
         ];
         let volume = blobs(&[(places[0], [0.75; 3]), (places[3], [0.75; 3])], 1e-6);
         let found = score(&volume, &places);
-        let counts = (found.particles, found.measured, found.missed, found.merged, found.cut);
-        assert_eq!(counts, (4, 1, 1, 1, 1));
+        assert_eq!(found.counts, SizeCounts { particles: 4, measured: 1, missed: 1, merged: 1, cut: 1 });
         assert_eq!(found.by_depth.particles.iter().sum::<usize>(), 1);
         assert_eq!(found.histogram.x[5] + found.histogram.x[6], 1.0);
     }
@@ -175,7 +161,7 @@ mod tests {
         let ramp: Vec<u64> = (2..28).map(|z| grid.index([10, 10, z])).collect();
         let light: Vec<f32> = (2..28).map(|z| (0.5 * z as f32).exp()).collect();
         let found = score(&(ramp, light), &[[10.0, 10.0, 8.0]]);
-        assert_eq!((found.missed, found.measured), (1, 0));
+        assert_eq!((found.counts.missed, found.counts.measured), (1, 0));
     }
 
     #[test]
@@ -188,7 +174,7 @@ mod tests {
     #[test]
     fn widths_of_no_particle_are_null() {
         let found = score(&(Vec::new(), Vec::new()), &[[10.0; 3]]);
-        assert_eq!((found.particles, found.missed), (1, 1));
+        assert_eq!((found.counts.particles, found.counts.missed), (1, 1));
         let json = serde_json::to_value(&found).unwrap();
         assert!(json["diameter"]["median_x_vox"].is_null() && json["by_depth"]["x_vox"][0].is_null());
     }

@@ -7,4 +7,5 @@ mod profile;
 mod score;
 
 pub use measure::elongation;
-pub use score::{BIN_VOX, BINS, DiametersByDepth, Elongation, Histogram, IDEAL_VOX, Percentiles, SLABS, Widths};
+pub(crate) use score::{BIN_VOX, BINS, IDEAL_VOX};
+pub use score::{Elongation, SizeCounts};

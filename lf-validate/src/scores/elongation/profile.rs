@@ -15,8 +15,8 @@ use crate::scores::light::VoxelLight;
 /// r at which the diameter ends.
 const DIAMETER_SIGMA: f64 = 2.0;
 
-/// Constant: intensity that a dark voxel counts as, as a share of the brightest voxel on the line. r is 4.3 there. From
-/// 1e-3 to 1e-6 the diameter of a lone voxel changes from 1.08 to 0.76, and that of the ideal particle does not change.
+/// Constant: intensity of a dark voxel as a share of the brightest voxel on the line. r is 4.3 there. From 1e-3 to 1e-6 the
+/// diameter of a lone voxel changes from 1.08 to 0.76, and that of the ideal particle does not change.
 const DARK: f64 = 1e-4;
 
 /// Constant: most steps from the brightest voxel near the true place to a brighter one beside it. With more steps the
@@ -69,8 +69,7 @@ impl Profiles<'_> {
         None
     }
 
-    /// The brightest voxel within `search_vox` of a place, and its intensity. Of equal voxels the nearest. None if all
-    /// is dark.
+    /// The brightest voxel within `search_vox` of a place, of equals the nearest, and its intensity. None if all is dark.
     fn brightest(&self, place: [f64; 3], search_vox: [usize; 3]) -> Option<([i64; 3], f64)> {
         let range = |axis: usize| {
             let (middle, reach) = (place[axis].round() as i64, search_vox[axis] as i64);

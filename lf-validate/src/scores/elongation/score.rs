@@ -6,22 +6,20 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 /// Diameter of the ideal particle, voxels.
-pub const IDEAL_VOX: f64 = 3.0;
+pub(crate) const IDEAL_VOX: f64 = 3.0;
 
-/// Width of a bin of the histogram, voxels. With voxels of 1 x 1 x 10 pixels, 2 to 4 and 10 to 25 pixels are whole
-/// bins.
-pub const BIN_VOX: f64 = 0.5;
+/// Width of a bin, voxels. With voxels of 1 x 1 x 10 pixels, 2 to 4 and 10 to 25 pixels are whole bins.
+pub(crate) const BIN_VOX: f64 = 0.5;
 
 /// Number of bins. Longer diameters count as `beyond`.
-pub const BINS: usize = 24;
+pub(crate) const BINS: usize = 24;
 
 /// Slabs of equal depth in which medians are given.
-pub const SLABS: usize = 20;
+const SLABS: usize = 20;
 
 /// Widths of one particle along x, y and z, voxels.
-#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ParticleSize {
-    /// True depth of the particle, mm.
+    /// True depth of the particle.
     pub z_mm: f64,
     pub diameter: [f64; 3],
     pub half_maximum: [f64; 3],
@@ -30,90 +28,89 @@ pub(super) struct ParticleSize {
 /// The score of the particles of one or more volumes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Elongation {
+    /// How many particles were measured, and why others were not.
+    #[serde(flatten)]
+    pub counts: SizeCounts,
+    /// Voxel spacing.
+    pub(crate) voxel_mm: [f64; 3],
+    /// Size of a pixel at the focal plane. Without a camera it is absent, and so is every `px`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) pixel_mm: Option<f64>,
+    /// The paper's diameter: full width at exp(-2) of the peak.
+    pub(crate) diameter: Widths,
+    /// Full width at half maximum.
+    pub(crate) half_maximum: Widths,
+    /// Shares of the particles by diameter.
+    pub(crate) histogram: Histogram,
+    pub(crate) by_depth: DiametersByDepth,
+}
+
+/// Counts of particles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct SizeCounts {
     /// Particles whose true place is in the grid.
     pub particles: usize,
-    /// Particles that were measured.
+    /// Both widths are known along all axes.
     pub measured: usize,
-    /// Particles without light near their true place.
+    /// No light near the true place.
     pub missed: usize,
-    /// Particles whose brightest voxel belongs to a particle nearer to it. Not measured.
+    /// The brightest voxel belongs to a particle nearer to it.
     pub merged: usize,
-    /// Particles that reach over the end of the grid. Not measured.
+    /// Reaches over the end of the grid.
     pub cut: usize,
-    /// Voxel spacing, mm.
-    pub voxel_mm: [f64; 3],
-    /// Size of a pixel at the focal plane, mm. Without a camera it is absent, and so is every `px`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pixel_mm: Option<f64>,
-    /// The paper's diameter: full width at exp(-2) of the peak.
-    pub diameter: Widths,
-    /// Full width at half maximum.
-    pub half_maximum: Widths,
-    /// Shares of the particles by diameter.
-    pub histogram: Histogram,
-    /// Medians of the diameter by depth.
-    pub by_depth: DiametersByDepth,
 }
 
 /// Percentiles of a width in each unit. In JSON one key for each percentile, axis and unit: `median_x_vox`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Widths {
-    /// In voxels.
+pub(crate) struct Widths {
     pub vox: Percentiles,
-    /// In millimetres.
     pub mm: Percentiles,
-    /// In pixels at the focal plane. None without a camera.
+    /// None without a camera.
     pub px: Option<Percentiles>,
 }
 
 /// Percentiles of a width along x, y and z. NaN without particles.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Percentiles {
-    /// Half of the particles are smaller.
+pub(crate) struct Percentiles {
     pub median: [f64; 3],
-    /// A tenth are smaller.
     pub p10: [f64; 3],
-    /// A tenth are larger.
     pub p90: [f64; 3],
 }
 
 /// Share of the particles in each bin of [`BIN_VOX`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Histogram {
-    /// Middles of the bins, voxels.
+pub(crate) struct Histogram {
+    /// Middles of the bins, voxels, and below in pixels, which differ along x and y if voxels are not square.
     pub vox: Vec<f64>,
-    /// Middles of the bins of x, pixels. Those of y are equal if pixels and voxels are square.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub x_px: Option<Vec<f64>>,
-    /// Middles of the bins of y, pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub y_px: Option<Vec<f64>>,
-    /// Middles of the bins of z, pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub z_px: Option<Vec<f64>>,
-    /// Shares along x.
     pub x: Vec<f64>,
-    /// Shares along y.
     pub y: Vec<f64>,
-    /// Shares along z.
     pub z: Vec<f64>,
     /// Shares beyond the last bin, along x, y, z.
     pub beyond: [f64; 3],
 }
 
-/// Medians of the diameter in slabs of equal depth. None, `null` in JSON, for a slab without particles.
+/// Medians of the diameter in slabs of equal depth. None for a slab without particles.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct DiametersByDepth {
-    /// Middles of the slabs, mm.
+pub(crate) struct DiametersByDepth {
+    /// Middles of the slabs.
     pub z_mm: Vec<f64>,
-    /// Particles in each.
     pub particles: Vec<usize>,
-    /// Medians along x, voxels.
     pub x_vox: Vec<Option<f64>>,
-    /// Medians along y, voxels.
     pub y_vox: Vec<Option<f64>>,
-    /// Medians along z, voxels.
     pub z_vox: Vec<Option<f64>>,
+}
+
+impl Elongation {
+    /// Medians of the diameter along x, y and z. NaN without particles.
+    pub fn medians_vox(&self) -> [f64; 3] {
+        self.diameter.vox.median
+    }
 }
 
 impl Widths {

@@ -4,7 +4,6 @@
 
 mod statistics;
 mod sums;
-mod vorticity;
 
-pub use statistics::{Ensemble, EnsembleSummary};
+pub use statistics::Ensemble;
 pub use sums::EnsembleSums;

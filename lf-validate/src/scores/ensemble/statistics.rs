@@ -8,45 +8,38 @@ use serde::Serialize;
 /// it does not exist.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ensemble {
-    /// Fields added.
+    /// Number of fields.
     pub fields: usize,
     /// Measured vectors at each place.
-    pub count: Vec<f32>,
+    pub(crate) count: Vec<f32>,
     /// Mean displacement. Its uncertainty is that of the mean, from the scatter of the fields, and NaN for a single
     /// vector. `peak` and `ratio` are means; `count`, the particle images, is a sum over the fields. Places with too
     /// few vectors have no data.
     pub mean: Field,
-    /// Root mean square of the fluctuations of u, v and w, mm, with n - 1.
-    pub rms_mm: [Vec<f32>; 3],
-    /// Mean products of the fluctuations uv, uw and vw, mm^2, with n - 1: the Reynolds stresses without density and
-    /// sign.
-    pub products_mm2: [Vec<f32>; 3],
-    /// Vorticity of the mean: curl of the displacement between the two volumes. It has no unit, or 1/s if the time
-    /// between them is known. Central differences of neighbours, one-sided beside a gap.
-    pub vorticity: [Vec<f32>; 3],
+    /// Root mean square of the fluctuations of u, v and w, with n - 1.
+    pub(crate) rms_mm: [Vec<f32>; 3],
+    /// Mean products of the fluctuations uv, uw and vw, with n - 1: the Reynolds stresses without density and sign.
+    pub(crate) products_mm2: [Vec<f32>; 3],
+    /// Vorticity of the mean, without unit, or in 1/s if the time between the volumes is known. Central differences of
+    /// neighbours, one-sided beside a gap.
+    pub(crate) vorticity: [Vec<f32>; 3],
 }
 
-/// The numbers that `lf-validate ensemble` prints.
+/// The numbers that `lf-validate ensemble` prints. The four of each component are RMS over the places.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EnsembleSummary {
-    /// Fields added.
-    pub fields: usize,
-    /// Vectors of the field.
-    pub places: usize,
-    /// Places with fewer measured vectors than asked for.
-    pub no_data: usize,
+    pub(super) fields: usize,
+    pub(super) places: usize,
+    pub(super) no_data: usize,
     /// Share of measured vectors among all vectors of all fields.
-    pub measured_share: f64,
-    /// RMS of the mean displacement over the places, mm.
-    pub displacement_mm: [f64; 3],
-    /// RMS of the fluctuations over the places, mm. They include the noise of the measurement.
-    pub fluctuation_mm: [f64; 3],
-    /// RMS of the standard uncertainty of the mean over the places, mm.
-    pub uncertainty_mm: [f64; 3],
-    /// RMS of the vorticity's components over the places, in `vorticity_unit`.
-    pub vorticity: [f64; 3],
-    /// `1/s`, or `1` if the time between the volumes is not known.
-    pub vorticity_unit: &'static str,
+    pub(super) measured_share: f64,
+    displacement_mm: [f64; 3],
+    /// Includes the noise of the measurement.
+    fluctuation_mm: [f64; 3],
+    /// Standard uncertainty of the mean.
+    uncertainty_mm: [f64; 3],
+    vorticity: [f64; 3],
+    vorticity_unit: &'static str,
 }
 
 impl Ensemble {
@@ -54,21 +47,21 @@ impl Ensemble {
     pub fn summary(&self) -> EnsembleSummary {
         let mean = &self.mean;
         let measured: f64 = self.count.iter().map(|count| f64::from(*count)).sum();
+        let rms = |components: [&Vec<f32>; 3]| components.map(|values| root_mean_square(values, &mean.flag));
         EnsembleSummary {
             fields: self.fields,
             places: mean.len(),
             no_data: mean.flag.iter().filter(|flag| **flag == NO_DATA).count(),
             measured_share: measured / (mean.len() * self.fields) as f64,
-            displacement_mm: [&mean.u, &mean.v, &mean.w].map(|values| root_mean_square(values, &mean.flag)),
-            fluctuation_mm: self.rms_mm.each_ref().map(|values| root_mean_square(values, &mean.flag)),
-            uncertainty_mm: [&mean.su, &mean.sv, &mean.sw].map(|values| root_mean_square(values, &mean.flag)),
-            vorticity: self.vorticity.each_ref().map(|values| root_mean_square(values, &mean.flag)),
+            displacement_mm: rms([&mean.u, &mean.v, &mean.w]),
+            fluctuation_mm: rms(self.rms_mm.each_ref()),
+            uncertainty_mm: rms([&mean.su, &mean.sv, &mean.sw]),
+            vorticity: rms(self.vorticity.each_ref()),
             vorticity_unit: self.vorticity_unit(),
         }
     }
 
-    /// Unit of the vorticity.
-    pub fn vorticity_unit(&self) -> &'static str {
+    pub(crate) fn vorticity_unit(&self) -> &'static str {
         if self.mean.layout.dt_s.is_some() { "1/s" } else { "1" }
     }
 
@@ -103,4 +96,29 @@ fn root_mean_square(values: &[f32], flag: &[f32]) -> f64 {
     let known = values.iter().zip(flag).filter(|(value, flag)| **flag != NO_DATA && value.is_finite());
     let (sum, count) = known.fold((0.0, 0.0), |(sum, n), (value, _)| (sum + f64::from(*value).powi(2), n + 1.0));
     (sum / count).sqrt()
+}
+
+/// Curl of the displacement, divided by the time between the volumes if it is known.
+pub(super) fn vorticity(field: &Field) -> [Vec<f32>; 3] {
+    let time = field.layout.dt_s.unwrap_or(1.0);
+    let components = [&field.u, &field.v, &field.w];
+    std::array::from_fn(|axis| {
+        let [one, other] = [(axis + 1) % 3, (axis + 2) % 3];
+        let curl = |i: usize| slope(field, components[other], one, i) - slope(field, components[one], other, i);
+        (0..field.len()).map(|i| (curl(i) / time) as f32).collect()
+    })
+}
+
+/// Derivative of a component along an axis at a place with data: from its two neighbours, or from one neighbour and
+/// itself. NaN without data or without a neighbour.
+fn slope(field: &Field, values: &[f32], axis: usize, i: usize) -> f64 {
+    let has_data = |n: &usize| field.flag[*n] != NO_DATA;
+    if !has_data(&i) {
+        return f64::NAN;
+    }
+    let [before, after] = [-1, 1].map(|step| field.layout.neighbour(i, axis, step).filter(has_data));
+    let steps = [before, after].into_iter().flatten().count() as f64;
+    let (low, high) = (before.unwrap_or(i), after.unwrap_or(i));
+    // Without a neighbour this is 0 / 0.
+    (f64::from(values[high]) - f64::from(values[low])) / (steps * field.layout.spacing_mm[axis])
 }

@@ -3,7 +3,7 @@
 //! Only measured vectors count. A replaced vector repeats its neighbours and would make the fluctuations too small.
 //! Fields are added one after another, and none is kept.
 
-use super::{statistics::Ensemble, vorticity::vorticity};
+use super::statistics::{Ensemble, vorticity};
 use crate::scores::units::AXES;
 use lf_core::{Field, Refusal, VectorGrid, field::MEASURED};
 
@@ -13,7 +13,7 @@ const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 /// Two layouts agree if their places differ by at most this share of the distance between vectors.
 const SAME_PLACE: f64 = 1e-3;
 
-/// Sums over the fields added so far.
+/// Sums over the fields added.
 #[derive(Debug, Clone)]
 pub struct EnsembleSums {
     layout: VectorGrid,
@@ -29,7 +29,7 @@ pub struct EnsembleSums {
 }
 
 impl EnsembleSums {
-    /// Sums of no field yet, for fields of a layout.
+    /// Sums of no field.
     pub fn new(layout: &VectorGrid) -> Self {
         let len = layout.shape.iter().product();
         let zeros = |_| vec![0.0; len];
@@ -43,10 +43,7 @@ impl EnsembleSums {
         }
     }
 
-    /// Adds a field.
-    ///
-    /// # Errors
-    /// The layout of the field is another one than that of the first. The sums then stay as they were.
+    /// Adds a field. Refuses a layout other than that of the first; the sums then stay as they were.
     pub fn add(&mut self, field: &Field) -> Result<(), Refusal> {
         check_layout(&self.layout, &field.layout)?;
         self.fields += 1;

@@ -7,4 +7,4 @@ mod score;
 mod sums;
 
 pub use compare::quality;
-pub use score::{PartScores, Quality, QualityByDepth, QualityByRegion};
+pub use score::Quality;
