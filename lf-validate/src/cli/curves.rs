@@ -1,6 +1,6 @@
 //! `curves`: runs as curves.
 
-use super::{limits::number, print::print, source::RunSource};
+use super::{limits::number, output::print, source::RunSource};
 use lf_core::plot::{Axis, Mark, Place};
 use lf_core::{Error, Result, Session, Verdict};
 use lf_validate::runs::curves::{ChartOptions, CurveKeys, curves};

@@ -2,7 +2,7 @@
 
 use super::inputs::{light, open_whole};
 use super::limits::{is_at_most, number, verdict};
-use super::{picture::Picture, print::print};
+use super::output::{Picture, print};
 use lf_core::{Error, Result, Session, Verdict, cli::numbers};
 use lf_validate::pictures;
 use lf_validate::scores::depth::DepthSums;

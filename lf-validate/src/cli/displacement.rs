@@ -1,7 +1,10 @@
 //! `displacement`: a vector field against the true displacement.
 
 use super::limits::{are_at_most, components, number, share, verdict};
-use super::{inputs::pixel_mm, picture::Picture, print::print, truth};
+use super::{
+    inputs::{open_truth, pixel_mm},
+    output::{Picture, print},
+};
 use lf_core::{Field, Result, Session, Verdict, io};
 use lf_validate::pictures;
 use lf_validate::scores::displacement::{Displacement, ParticleCounts, displacement};
@@ -98,7 +101,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     };
     let (truth, field, pixel_mm) = session.phase("read", |session| {
         let pixel_mm = pixel_mm(arguments.camera.as_deref())?;
-        let truth = truth::open(&arguments.truth, arguments.frames, &arguments.picture, session)?;
+        let truth = open_truth(&arguments.truth, arguments.frames, &arguments.picture, session)?;
         Ok((truth, Field::open(&arguments.field)?, pixel_mm))
     })?;
     session.explain(match pixel_mm {

@@ -1,7 +1,10 @@
 //! `divergence`: a vector field without the truth.
 
 use super::limits::{are_at_most, components, is_at_most, number, verdict};
-use super::{inputs::pixel_mm, picture::Picture, print::print};
+use super::{
+    inputs::pixel_mm,
+    output::{Picture, print},
+};
 use lf_core::{Field, Result, Session, Verdict, io};
 use lf_validate::pictures;
 use lf_validate::scores::divergence::divergence;

@@ -2,7 +2,7 @@
 
 use super::inputs::{light, open_whole, pixel_mm};
 use super::limits::{are_at_most, counts, verdict};
-use super::{picture::Picture, print::print};
+use super::output::{Picture, print};
 use lf_core::{Error, Result, Session, Verdict, Volume, cli::numbers, io, particles};
 use lf_validate::pictures;
 use lf_validate::scores::elongation::{SizeCounts, elongation};

@@ -1,6 +1,6 @@
 //! `ensemble`: many fields of one flow.
 
-use super::{picture::Picture, print::print};
+use super::output::{Picture, print};
 use lf_core::field::{self, Cut};
 use lf_core::{Error, Field, Result, Session, Verdict, io};
 use lf_validate::pictures;

@@ -13,12 +13,10 @@ mod info;
 mod inputs;
 mod limits;
 mod line;
-mod picture;
-mod print;
+mod output;
 mod quality;
 mod run;
 mod source;
 mod trade;
-mod truth;
 
 pub use run::run;

@@ -1,7 +1,7 @@
 //! `quality`: a volume against the true one.
 
 use super::limits::{counts, is_at_most, number, verdict};
-use super::{picture::Picture, print::print};
+use super::output::{Picture, print};
 use lf_core::{Error, JoinedVolume, Result, Session, Verdict, cli::numbers};
 use lf_validate::pictures;
 use lf_validate::scores::light::VoxelLight;

@@ -1,7 +1,7 @@
 //! `trade`: cost against error of settings.
 
 use super::limits::{number, verdict};
-use super::{print::print, source::RunSource};
+use super::{output::print, source::RunSource};
 use lf_core::{Result, Session, Verdict};
 use lf_validate::runs::trade::{ChartOptions, TradeKeys, trade};
 

@@ -1,17 +1,15 @@
 //! The description of a file: a title and labelled lines.
 
 use lf_core::{History, history::Step};
-use serde::Serialize;
 use std::fmt;
 
 /// Most steps of the history shown. Older ones are counted, so that a description fits a screen.
 const MOST_STEPS: usize = 8;
-
 /// Most characters of a text shown: a hostile or broken header must not flood a terminal.
 const MOST_CHARACTERS: usize = 400;
 
 /// A title, then lines of a label and a text. Prints aligned, with control characters escaped.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Description {
     /// Kind of the file.
     pub title: String,
@@ -24,7 +22,6 @@ impl Description {
         Self { title: title.into(), lines: Vec::new() }
     }
 
-    /// Adds a line.
     pub(super) fn line(&mut self, label: impl Into<String>, text: impl Into<String>) {
         self.lines.push((label.into(), text.into()));
     }
@@ -67,6 +64,11 @@ fn escaped(text: &str) -> String {
         if c.is_control() { shown.extend(c.escape_default()) } else { shown.push(c) }
     }
     shown
+}
+
+#[cfg(test)]
+pub(super) fn assert_shows(text: &str, parts: &[&str]) {
+    parts.iter().for_each(|part| assert!(text.contains(part), "{part} is not in\n{text}"));
 }
 
 #[cfg(test)]

@@ -30,10 +30,7 @@ pub enum FileKind {
 }
 
 impl FileKind {
-    /// The kind of `bytes`.
-    ///
-    /// # Errors
-    /// An unknown kind. The message says how the bytes begin.
+    /// The kind of `bytes`. A refusal says how unknown bytes begin.
     pub fn of(bytes: &[u8]) -> Result<Self, Refusal> {
         match Signature::of(bytes) {
             Some(Signature::Exr) if exr_has(bytes, b"lf:field") => return Ok(Self::Field),
@@ -42,20 +39,16 @@ impl FileKind {
             _ => {}
         }
         let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes).trim_ascii_start();
-        if text.first() == Some(&b'{') {
-            return Ok(Self::Json);
-        }
-        if text.starts_with(b"frame,") {
-            return Ok(Self::Particles);
-        }
-        if text.starts_with(b"x_mm,y_mm,z_mm,u_mm,") {
-            return Ok(Self::Table);
-        }
-        if text.starts_with(b"i,j,x_px,y_px,") {
-            return Ok(Self::Centres);
-        }
-        if text.starts_with(b"<svg") {
-            return Ok(Self::Picture);
+        for (start, kind) in [
+            ("{", Self::Json),
+            ("frame,", Self::Particles),
+            ("x_mm,y_mm,z_mm,u_mm,", Self::Table),
+            ("i,j,x_px,y_px,", Self::Centres),
+            ("<svg", Self::Picture),
+        ] {
+            if text.starts_with(start.as_bytes()) {
+                return Ok(kind);
+            }
         }
         if text.starts_with(b"<") && text[..text.len().min(200)].windows(8).any(|word| word == b"<VTKFile") {
             return Ok(Self::Vti);
@@ -81,7 +74,7 @@ fn unknown(bytes: &[u8], text: &[u8]) -> String {
 /// type, both ended by zero, a length in four bytes, and a value. An empty name ends the header.
 fn exr_has(bytes: &[u8], name: &[u8]) -> bool {
     let mut rest = bytes.get(8..).unwrap_or_default();
-    let word = |rest: &mut &[u8]| -> Option<Vec<u8>> {
+    let word = |rest: &mut &[u8]| {
         let end = rest.iter().take(256).position(|&byte| byte == 0)?;
         let word = rest[..end].to_vec();
         *rest = &rest[end + 1..];

@@ -3,24 +3,16 @@
 //! Open first: `kind.rs`, which finds the kind of a file.
 
 mod camera;
+mod data;
 mod description;
-mod exports;
-mod field;
-mod image;
 mod kind;
 mod numbers;
 mod objects;
-mod particles;
-mod summary;
-mod volume;
+mod tables;
 
 pub use camera::camera;
+pub use data::{field, image, volume};
 pub use description::Description;
-pub use exports::{centres, picture, table, vti};
-pub use field::field;
-pub use image::image;
 pub use kind::FileKind;
 pub use objects::json;
-pub use particles::particles;
-pub use summary::Summary;
-pub use volume::volume;
+pub use tables::{centres, particles, picture, table, vti};

@@ -8,10 +8,8 @@ use serde_json::{Map, Value};
 /// Keys that only a `scene.json` has.
 const SCENE: [&str; 4] = ["particles", "flow", "volume", "frames"];
 
-/// Describes JSON: a camera, a scene, a report of a tool, or objects one after another, such as runs.
-///
-/// # Errors
-/// The text is not JSON, an invalid camera, an object with unknown keys, or a value that is not an object.
+/// Describes JSON: a camera, a scene, a report of a tool, or objects one after another, such as runs. Refuses an invalid
+/// camera, an object with unknown keys, and other values.
 pub fn json(text: &str) -> Result<Description, Refusal> {
     let values: serde_json::Result<Vec<Value>> = serde_json::Deserializer::from_str(text).into_iter().collect();
     let values = values.map_err(|error| refused(format!("not JSON ({error})")))?;
@@ -28,7 +26,7 @@ fn refused(found: impl Into<String>) -> Refusal {
     Refusal::new(found, WANTED)
 }
 
-/// Describes an object that is not a camera: a scene by its keys, or a report by its numbers. A refusal names the keys.
+/// Describes a scene by its keys, or a report by its numbers. A refusal names the keys.
 fn object(value: &Value) -> Result<Description, Refusal> {
     let object = value.as_object().ok_or_else(|| refused("JSON that is not an object"))?;
     if object.contains_key("camera") && SCENE.iter().any(|key| object.contains_key(*key)) {
@@ -46,10 +44,14 @@ fn object(value: &Value) -> Result<Description, Refusal> {
     let mut about = Description::new(title);
     let shown: Vec<_> = object.iter().filter(|(key, _)| !is_given_in_pixels(key, object)).collect();
     shown.iter().take(MOST_LINES).for_each(|(key, value)| about.line(*key, brief(value)));
-    if object.len() > shown.len().min(MOST_LINES) {
-        about.line("", format!("{} more keys", object.len() - shown.len().min(MOST_LINES)));
-    }
+    more_keys(&mut about, object.len() - shown.len().min(MOST_LINES));
     Ok(about)
+}
+
+fn more_keys(about: &mut Description, count: usize) {
+    if count > 0 {
+        about.line("", format!("{count} more keys"));
+    }
 }
 
 /// Keys that identify a kind, and its title.
@@ -90,9 +92,7 @@ fn records(values: &[Value]) -> Result<Description, Refusal> {
     first.keys().take(MOST_KEYS).for_each(|key| {
         about.line(key, format!("{} in the first, {} in the last", text(first.get(key)), text(last.get(key))));
     });
-    if first.len() > MOST_KEYS {
-        about.line("", format!("{} more keys", first.len() - MOST_KEYS));
-    }
+    more_keys(&mut about, first.len().saturating_sub(MOST_KEYS));
     Ok(about)
 }
 

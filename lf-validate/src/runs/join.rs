@@ -15,10 +15,8 @@ pub enum Argument<'a> {
 }
 
 impl<'a> Argument<'a> {
-    /// Parses an argument. The first of `=`, `:` and `/` decides between a setting, a named file and a file.
-    ///
-    /// # Errors
-    /// The key, the name or the file is empty.
+    /// The first of `=`, `:` and `/` decides between a setting, a named file and a file. Refuses an empty key, name or
+    /// file.
     pub fn parse(word: &'a str) -> Result<Self, Refusal> {
         let cut = word.find(['=', ':', '/']).map(|at| (&word[..at], &word[at..at + 1], &word[at + 1..]));
         let (parsed, is_whole) = match cut {
@@ -34,11 +32,10 @@ impl<'a> Argument<'a> {
 /// Entries of a record that come from one source.
 pub struct Entries {
     /// Source for messages: the name of the file, or the setting as it was typed.
-    pub source: String,
+    source: String,
     /// Prefix of every key.
-    pub prefix: String,
-    /// Values by key.
-    pub values: Map<String, Value>,
+    prefix: String,
+    values: Map<String, Value>,
 }
 
 impl Entries {
@@ -48,14 +45,11 @@ impl Entries {
         Self { source, prefix: String::new(), values: Map::from_iter([(key.to_owned(), value)]) }
     }
 
-    /// The JSON object that a tool wrote, with flat keys. The prefix is `name.`, or empty if the name is.
-    ///
-    /// # Errors
-    /// The text is not one JSON object.
+    /// The JSON object that a tool wrote, with flat keys. The prefix is `name.`, or empty if the name is. Refuses other
+    /// text.
     pub fn scores(source: &str, name: &str, text: &str) -> Result<Self, Refusal> {
         const WANTED: &str = "wanted one JSON object";
-        let value: Value =
-            serde_json::from_str(text).map_err(|error| Refusal::new(format!("not JSON ({error})"), WANTED))?;
+        let value = serde_json::from_str(text).map_err(|error| Refusal::new(format!("not JSON ({error})"), WANTED))?;
         let Value::Object(object) = value else {
             return Err(Refusal::new("JSON that is not an object", WANTED));
         };
@@ -65,10 +59,7 @@ impl Entries {
     }
 }
 
-/// The entries of all sources as one record, in their order.
-///
-/// # Errors
-/// Two sources give the same key. The message names both.
+/// The entries of all sources as one record, in their order. Refuses a key from two sources and names both.
 pub fn join(sources: Vec<Entries>) -> Result<Map<String, Value>, Refusal> {
     let mut record = Map::new();
     let mut names: Vec<String> = Vec::new();

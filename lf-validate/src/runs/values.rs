@@ -1,5 +1,6 @@
-//! JSON values as people type, compare and read them.
+//! Values of runs: as people type, compare and read them; their median and range.
 
+use lf_core::statistics::median;
 use serde_json::Value;
 use std::cmp::Ordering;
 
@@ -9,9 +10,8 @@ pub fn parse_value(word: &str) -> Value {
         "true" => Value::Bool(true),
         "false" => Value::Bool(false),
         _ => {
-            let whole = word.parse::<i64>().map(Value::from).ok();
             let number = || word.parse::<f64>().ok().filter(|number| number.is_finite()).map(Value::from);
-            whole.or_else(number).unwrap_or_else(|| Value::from(word))
+            word.parse::<i64>().ok().map(Value::from).or_else(number).unwrap_or_else(|| Value::from(word))
         }
     }
 }
@@ -52,6 +52,25 @@ pub fn order(one: &Value, other: &Value) -> Ordering {
     }
 }
 
+/// Median, least and greatest of the finite ones of some numbers. NaN without numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MedianRange {
+    pub median: f64,
+    pub low: f64,
+    pub high: f64,
+    /// Number of finite numbers: the runs that have one.
+    pub runs: usize,
+}
+
+impl MedianRange {
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
+        let mut values: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
+        let [low, high] = [f64::min as fn(f64, f64) -> f64, f64::max]
+            .map(|pick| values.iter().copied().reduce(pick).unwrap_or(f64::NAN));
+        Self { low, high, runs: values.len(), median: median(&mut values) }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,5 +97,11 @@ mod tests {
         values.sort_by(order);
         assert_eq!(json!(values), json!([-1, 2.5, 10, true, "a", "b", null]));
         assert!(is_same(&json!(1), &json!(1.0)) && !is_same(&json!("1"), &json!(1)));
+    }
+
+    #[test]
+    fn only_finite_values_count() {
+        assert_eq!(MedianRange::of([3.0, f64::NAN, 1.0]), MedianRange { median: 2.0, low: 1.0, high: 3.0, runs: 2 });
+        assert!(MedianRange::of([]).low.is_nan());
     }
 }

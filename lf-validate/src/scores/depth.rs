@@ -1,6 +1,6 @@
 //! How the light of volumes is distributed along z.
 
-use super::{light::VoxelLight, spread::ErrorSpread};
+use super::{distribution::ErrorSpread, light::VoxelLight};
 use lf_core::{Grid, Refusal};
 use serde::Serialize;
 

@@ -2,9 +2,9 @@
 //! Out: one struct for each score, which serialises to the JSON that `lf-validate` prints.
 //! Open first: `quality/compare.rs`, the score of a volume, and `displacement/compare.rs`, the score of a field.
 
-mod density;
 pub mod depth;
 pub mod displacement;
+mod distribution;
 pub mod divergence;
 pub mod elongation;
 pub mod ensemble;
@@ -12,5 +12,4 @@ pub mod ensemble;
 pub(crate) mod fixtures;
 pub mod light;
 pub mod quality;
-mod spread;
 pub(crate) mod units;

@@ -1,8 +1,8 @@
 //! Runs that differ in one key, as curves: medians and ranges over runs that differ in nothing but their seed.
 
 use super::series::{CurveKeys, Curves, Series};
-use crate::runs::values::{is_same, order, plain};
-use crate::{runs::median_range::MedianRange, runs::missing::MissingKeys, runs::record::RunRecord};
+use crate::runs::record::{MissingKeys, RunRecord};
+use crate::runs::values::{MedianRange, is_same, order, plain};
 use lf_core::Refusal;
 use serde_json::Value;
 use std::cmp::Ordering;
@@ -23,10 +23,7 @@ struct Group<'a> {
     curves: Vec<RunCurve<'a>>,
 }
 
-/// The series of `records`.
-///
-/// # Errors
-/// No run has all keys, or lists do not agree.
+/// The series of `records`. Refuses records without a run that has all keys, and lists that do not agree.
 pub fn curves(records: &[RunRecord], keys: &CurveKeys) -> Result<Curves, Refusal> {
     let mut missing = MissingKeys::default();
     let mut groups: Vec<Group> = Vec::new();

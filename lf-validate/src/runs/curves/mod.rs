@@ -2,10 +2,8 @@
 //! Out: one curve a series: the median over its runs, with least and greatest value.
 //! Open first: `group.rs`.
 
-mod chart;
 mod group;
 mod series;
 
-pub use chart::ChartOptions;
 pub use group::curves;
-pub use series::{CurveKeys, Curves, Series};
+pub use series::{ChartOptions, CurveKeys, Curves};

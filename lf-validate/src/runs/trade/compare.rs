@@ -2,8 +2,8 @@
 
 use super::pareto::{Pareto, pareto};
 use super::settings::{Effect, Factor, Setting, Trade, TradeKeys};
-use crate::runs::values::{is_same, order, plain};
-use crate::{runs::median_range::MedianRange, runs::missing::MissingKeys, runs::record::RunRecord};
+use crate::runs::record::{MissingKeys, RunRecord};
+use crate::runs::values::{MedianRange, is_same, order, plain};
 use lf_core::Refusal;
 
 /// Prefix of the keys of settings.
@@ -11,11 +11,8 @@ const SETTING: &str = "set.";
 /// The key in which runs of one name may differ.
 const SEED: &str = "set.seed";
 
-/// Cost and error of the settings in `records`.
-///
-/// # Errors
-/// No run has name, cost and error; runs of one name differ in a key `set.*` other than the seed; no setting has the
-/// name of the base.
+/// Cost and error of the settings in `records`. Refuses records without a run that has name, cost and error, runs of one
+/// name that differ in a key `set.*` other than the seed, and a base that is no setting.
 pub fn trade(records: &[RunRecord], keys: &TradeKeys) -> Result<Trade, Refusal> {
     let mut missing = MissingKeys::default();
     let mut groups: Vec<(String, Vec<&RunRecord>)> = Vec::new();
@@ -34,8 +31,8 @@ pub fn trade(records: &[RunRecord], keys: &TradeKeys) -> Result<Trade, Refusal> 
     if groups.is_empty() {
         return Err(missing.refusal(records));
     }
-    let mut settings =
-        groups.into_iter().map(|(name, runs)| setting(name, &runs, keys)).collect::<Result<Vec<_>, Refusal>>()?;
+    let settings = groups.into_iter().map(|(name, runs)| setting(name, &runs, keys));
+    let mut settings = settings.collect::<Result<Vec<_>, Refusal>>()?;
     settings.sort_by(|a, b| {
         let by_cost = a.cost.median.total_cmp(&b.cost.median);
         by_cost.then(a.error.median.total_cmp(&b.error.median)).then(a.name.cmp(&b.name))
@@ -52,7 +49,7 @@ pub fn trade(records: &[RunRecord], keys: &TradeKeys) -> Result<Trade, Refusal> 
     Ok(Trade { keys: keys.clone(), runs: records.len(), settings, front, factors, ungrouped, missing })
 }
 
-/// The setting of the runs of one name. Refuses runs that differ in a key `set.*` other than the seed.
+/// The setting of the runs of one name.
 fn setting(name: String, runs: &[&RunRecord], keys: &TradeKeys) -> Result<Setting, Refusal> {
     let is_setting = |key: &&String| key.starts_with(SETTING) && *key != SEED;
     let mut set_keys: Vec<&String> = runs.iter().flat_map(|run| run.values.keys()).filter(is_setting).collect();
@@ -75,8 +72,7 @@ fn setting(name: String, runs: &[&RunRecord], keys: &TradeKeys) -> Result<Settin
     Ok(Setting { name, cost, error, memory, set, dominated_by: None })
 }
 
-/// The settings that differ from the base in one key, by that key, and the indices of those that differ in more or in
-/// none.
+/// The settings that differ from the base in one key, by that key, and the indices of all others.
 fn factors(settings: &[Setting], base: &str) -> Result<(Vec<Factor>, Vec<usize>), Refusal> {
     let Some(base) = settings.iter().find(|setting| setting.name == base) else {
         let names: Vec<&str> = settings.iter().map(|setting| setting.name.as_str()).collect();

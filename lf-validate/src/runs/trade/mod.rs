@@ -5,10 +5,8 @@
 mod chart;
 mod compare;
 mod pareto;
-mod report;
 mod settings;
 
 pub use chart::ChartOptions;
 pub use compare::trade;
-pub use pareto::{Pareto, pareto};
-pub use settings::{Effect, Factor, Setting, Trade, TradeKeys};
+pub use settings::{Trade, TradeKeys};

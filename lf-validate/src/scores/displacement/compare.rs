@@ -2,8 +2,8 @@
 //!
 //! Error = measured - true, each component on its own, in the units of [`crate::scores::units`].
 
+use super::statistics::{Coverage, ErrorPdf, ErrorSummary};
 use super::truth::{TrueDisplacement, VectorError, errors};
-use super::{coverage::Coverage, pdf::ErrorPdf, summary::ErrorSummary};
 use crate::scores::units::units;
 use lf_core::Field;
 use lf_core::field::{MEASURED, REPLACED};
@@ -85,8 +85,8 @@ pub fn displacement(truth: &TrueDisplacement, field: &Field, pixel_mm: Option<f6
 
 #[cfg(test)]
 mod tests {
-    use super::super::tracks::Tracks;
     use super::*;
+    use crate::scores::displacement::truth::Tracks;
     use crate::scores::fixtures::{field, trilinear};
     use glam::DVec3;
     use lf_core::field::NO_DATA;

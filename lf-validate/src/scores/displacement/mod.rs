@@ -3,15 +3,10 @@
 //! Open first: `compare.rs`.
 
 mod compare;
-mod coverage;
-mod pdf;
-mod summary;
-mod tracks;
+mod statistics;
 mod trilinear;
 mod truth;
 
 pub use compare::{Displacement, ParticleCounts, displacement};
-pub use coverage::Coverage;
-pub use summary::ErrorSummary;
-pub use tracks::{Tracks, tracks};
-pub use truth::TrueDisplacement;
+pub use statistics::{Coverage, ErrorSummary};
+pub use truth::{Tracks, TrueDisplacement, tracks};

@@ -1,7 +1,7 @@
 //! The divergence of a field: how far it is from a flow that keeps its volume. It needs no truth.
 
 use super::noise::{FieldNoise, noise};
-use crate::{scores::density::Density, scores::spread::ErrorSpread};
+use crate::scores::distribution::{Density, ErrorSpread};
 use glam::DVec3;
 use lf_core::{Field, VectorGrid, field::NO_DATA, statistics::robust};
 use serde::ser::SerializeMap;

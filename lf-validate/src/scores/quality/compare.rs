@@ -9,8 +9,7 @@
 //!
 //! Voxels that a file does not hold are zero. A stored zero counts as a voxel that is not held.
 
-use super::score::{PartScores, Quality, QualityByDepth, QualityByRegion};
-use super::sums::QualitySums;
+use super::score::{PartScores, Quality, QualityByDepth, QualityByRegion, QualitySums};
 use crate::scores::light::VoxelLight;
 use lf_core::{Grid, Refusal};
 use ndarray::Array3;

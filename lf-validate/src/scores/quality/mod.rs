@@ -4,7 +4,6 @@
 
 mod compare;
 mod score;
-mod sums;
 
 pub use compare::quality;
 pub use score::Quality;
