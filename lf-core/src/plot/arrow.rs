@@ -2,8 +2,8 @@
 
 use super::canvas::{At, Canvas, rounded};
 use super::chart::Arrows;
-use super::numbers::{figures, round_below};
 use super::palette::{GREY, INK, PAPER};
+use super::text::{figures, round_below};
 
 /// A shorter arrow is a dot, px.
 const DOT_PX: f64 = 2.0;

@@ -8,7 +8,7 @@ use plotters::element::{Drawable, PointCollection};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// A place on a canvas, px: to the right of its left edge, and below its upper edge.
+/// A place on a canvas, px: to the right of its left edge and below its upper one.
 pub type At = [f64; 2];
 
 /// A place on a canvas in whole px: column, row.
@@ -22,22 +22,19 @@ pub fn rounded([x, y]: At) -> Pixel {
 /// A white canvas. Later strokes cover earlier ones.
 pub struct Canvas<'a> {
     area: DrawingArea<SVGBackend<'a>, Shift>,
-    /// The first failure of the drawing library. [`svg`] reports it.
+    /// The first failure of the drawing library.
     failure: Option<String>,
 }
 
-/// An SVG of `[width, height]` px, and the result of `draw`.
-///
-/// # Errors
-/// A failure of the drawing library, in its words.
+/// An SVG of `[width, height]` px, and the result of `draw`. A refusal is a failure of the drawing library, in its words.
 pub fn svg<T>(size: [i32; 2], draw: impl FnOnce(&mut Canvas) -> T) -> Result<(String, T), Refusal> {
     let mut text = String::new();
     let (result, failure) = {
         let area = SVGBackend::with_string(&mut text, (size[0] as u32, size[1] as u32)).into_drawing_area();
         let mut canvas = Canvas { area, failure: None };
-        canvas.attempt(|area| area.fill(&WHITE));
+        canvas.keep(canvas.area.fill(&WHITE));
         let result = draw(&mut canvas);
-        canvas.attempt(|area| area.present());
+        canvas.keep(canvas.area.present());
         (result, canvas.failure)
     };
     failure.map_or(Ok((text, result)), |failure| Err(Refusal::new(failure, "wanted a picture")))
@@ -101,14 +98,11 @@ impl<'a> Canvas<'a> {
     where
         for<'e> &'e E: PointCollection<'e, Pixel>,
     {
-        self.attempt(|area| area.draw(element));
+        self.keep(self.area.draw(element));
     }
 
-    fn attempt<F: std::fmt::Display>(
-        &mut self,
-        draw: impl FnOnce(&DrawingArea<SVGBackend<'a>, Shift>) -> Result<(), F>,
-    ) {
-        if let Err(failure) = draw(&self.area) {
+    fn keep(&mut self, result: Result<(), impl std::fmt::Display>) {
+        if let Err(failure) = result {
             self.failure.get_or_insert(failure.to_string());
         }
     }

@@ -2,11 +2,11 @@
 
 use super::canvas::{Canvas, Pixel};
 use super::chart::{Mark, Panel, Style};
-use super::looks::{Look, Looks, has_many_series};
 use super::palette::{EMPTY, GREY, SHADES};
 use super::strokes::{REFERENCE_DASHES, SERIES_DASHES, stroke};
 use super::text::{Anchor, TEXT_PX, width, wrap};
-use super::{arrow::arrow, map, view::reference_number};
+use super::view::{Look, Looks, has_many_series, reference_number};
+use super::{arrow::arrow, map};
 
 /// Width of a symbol, its distance to the name, and that of a name to the next entry, px.
 const SYMBOL: i32 = 30;
@@ -26,11 +26,7 @@ enum Symbol {
     Steps(Look),
     Reference(usize),
     Region(usize),
-    /// Length in px.
-    Arrow {
-        length: i32,
-        is_hollow: bool,
-    },
+    Arrow { length: i32, is_hollow: bool },
     Empty,
 }
 
@@ -38,7 +34,6 @@ enum Symbol {
 struct Entry {
     name: String,
     symbols: Vec<Symbol>,
-    /// The name in lines.
     lines: Vec<String>,
     /// Place in the key.
     place: Pixel,
@@ -130,44 +125,37 @@ fn entries(panel: &Panel, looks: &Looks, px_per_unit: [f64; 2]) -> Vec<Entry> {
     let mut regions = 0;
     for mark in &panel.marks {
         let look = looks.look(mark.name());
-        // Markers tell the series apart.
         let marker = |is_marked: bool| is_marked.then_some(Symbol::Marker(look));
         let has_many = has_many_series(panel);
-        let symbols = match mark {
+        let name = mark.name().to_owned();
+        let (name, symbols) = match mark {
             Mark::Line { spread, style, with_points, .. } => {
                 let band = spread.as_ref().map(|_| Symbol::Band(look));
                 let line = Symbol::Line(look, *style);
-                band.into_iter().chain([line]).chain(marker(*with_points || has_many)).collect()
+                (name, band.into_iter().chain([line]).chain(marker(*with_points || has_many)).collect())
             }
-            Mark::Steps { .. } => [Symbol::Steps(look)].into_iter().chain(marker(has_many)).collect(),
-            Mark::Points { .. } => vec![Symbol::Marker(look)],
-            Mark::Reference { name, .. } => vec![Symbol::Reference(reference_number(panel, name))],
+            Mark::Steps { .. } => (name, [Symbol::Steps(look)].into_iter().chain(marker(has_many)).collect()),
+            Mark::Points { .. } => (name, vec![Symbol::Marker(look)]),
+            Mark::Reference { name: known, .. } => (name, vec![Symbol::Reference(reference_number(panel, known))]),
             Mark::Region { .. } => {
                 regions += 1;
-                vec![Symbol::Region(regions - 1)]
+                (name, vec![Symbol::Region(regions - 1)])
             }
-            Mark::Arrows(arrows) if arrows.name.is_empty() => {
-                if let Some((length, text)) = arrows.sample(px_per_unit) {
-                    let symbol = Symbol::Arrow { length: length.round() as i32, is_hollow: arrows.is_hollow };
-                    add(&mut entries, &text, vec![symbol]);
-                }
-                continue;
+            Mark::Arrows(arrows) => {
+                let sample = if name.is_empty() { arrows.sample(px_per_unit) } else { Some((f64::from(ARROW), name)) };
+                let Some((length, name)) = sample else { continue };
+                (name, vec![Symbol::Arrow { length: length.round() as i32, is_hollow: arrows.is_hollow }])
             }
-            Mark::Arrows(arrows) => vec![Symbol::Arrow { length: ARROW, is_hollow: arrows.is_hollow }],
-            Mark::Map { .. } if map::has_empty(mark) => {
-                add(&mut entries, "no data", vec![Symbol::Empty]);
-                continue;
-            }
+            Mark::Map { .. } if map::has_empty(mark) => ("no data".to_owned(), vec![Symbol::Empty]),
             Mark::Map { .. } => continue,
         };
-        add(&mut entries, mark.name(), symbols);
+        add(&mut entries, name, symbols);
     }
     entries
 }
 
-/// Adds a name with its symbols, or the symbols to the entry of that name. A reference with the name of a series has its
-/// own entry.
-fn add(entries: &mut Vec<Entry>, name: &str, symbols: Vec<Symbol>) {
+/// Adds a name with its symbols, or the symbols to its entry. A reference with the name of a series has its own entry.
+fn add(entries: &mut Vec<Entry>, name: String, symbols: Vec<Symbol>) {
     if name.is_empty() {
         return;
     }
@@ -180,6 +168,6 @@ fn add(entries: &mut Vec<Entry>, name: &str, symbols: Vec<Symbol>) {
     match entries.iter_mut().find(is_known) {
         Some(entry) if entry.symbols != symbols => entry.symbols.extend(symbols),
         Some(_) => {}
-        None => entries.push(Entry { name: name.to_owned(), symbols, lines: Vec::new(), place: (0, 0) }),
+        None => entries.push(Entry { name, symbols, lines: Vec::new(), place: (0, 0) }),
     }
 }

@@ -22,8 +22,8 @@ struct LabelBox {
 }
 
 impl LabelBox {
-    fn about(at: At, half: f64) -> Self {
-        Self { low: at.map(|v| v - half), high: at.map(|v| v + half) }
+    fn about(at: At, half: At) -> Self {
+        Self { low: [0, 1].map(|axis| at[axis] - half[axis]), high: [0, 1].map(|axis| at[axis] + half[axis]) }
     }
 
     fn meets(&self, other: &Self) -> bool {
@@ -87,15 +87,12 @@ fn along(from: At, to: At) -> Vec<At> {
 
 /// The box of a label of width `wide` at the distance `far` from a point, in a direction.
 fn beside(at: At, far: f64, [right, down]: [f64; 2], wide: f64) -> LabelBox {
-    let middle = [at[0] + right * (far + 0.5 * wide), at[1] + down * (far + 0.5 * HEIGHT)];
+    let mut middle = [at[0] + right * (far + 0.5 * wide), at[1] + down * (far + 0.5 * HEIGHT)];
     // In an oblique direction the label starts beside the point, not above it.
-    let middle = if right.abs() < 1.0 && right != 0.0 {
-        [at[0] + right.signum() * (0.7 * far + 0.5 * wide), middle[1]]
-    } else {
-        middle
-    };
-    let half = [0.5 * wide, 0.5 * HEIGHT];
-    LabelBox { low: [0, 1].map(|axis| middle[axis] - half[axis]), high: [0, 1].map(|axis| middle[axis] + half[axis]) }
+    if right.abs() < 1.0 && right != 0.0 {
+        middle[0] = at[0] + right.signum() * (0.7 * far + 0.5 * wide);
+    }
+    LabelBox::about(middle, [0.5 * wide, 0.5 * HEIGHT])
 }
 
 fn labelled<'a>(view: &'a View) -> impl Iterator<Item = (At, &'a str)> {
@@ -119,7 +116,7 @@ fn obstacles(view: &View) -> (Vec<LabelBox>, Vec<At>) {
             Mark::Line { points, .. } => follow(&view.places(points)),
             Mark::Points { points, spread, .. } => {
                 let places = points.iter().map(|point| view.at(*point));
-                boxes.extend(places.filter(|at| view.frame.contains(*at)).map(|at| LabelBox::about(at, 5.0)));
+                boxes.extend(places.filter(|at| view.frame.contains(*at)).map(|at| LabelBox::about(at, [5.0; 2])));
                 for (point, ends) in points.iter().zip(spread.iter().flatten()) {
                     follow(&ends.map(|y| view.at_or_below([point[0], y])));
                 }

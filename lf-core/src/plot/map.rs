@@ -1,15 +1,18 @@
-//! Values over the plane as colours.
+//! Values over the plane as colours, and the bar that explains them.
 
 use super::canvas::{Canvas, rounded};
-use super::chart::{Axis, Mark};
-use super::palette::{EMPTY, map_colours};
-use super::{extent::range_of, range::Range, view::View};
+use super::chart::{Axis, Mark, Panel};
+use super::palette::{EMPTY, INK, map_colours};
+use super::range::{Range, range_of};
+use super::text::{Anchor, LINE, NAME_PX, TEXT_PX, wrap};
+use super::ticks::{TICK, TICK_TEXT, Tick, ticks, widest};
+use super::view::View;
 
-/// Largest number of cells along an axis.
+/// Most cells along an axis.
 const MOST_CELLS: usize = 300;
-/// Largest number of rectangles of one colour. It keeps a picture below a megabyte.
+/// Most rectangles of one colour. It keeps a picture below a megabyte.
 const MOST_RECTANGLES: usize = 8000;
-/// Number of steps of the colours.
+/// Steps of the colours.
 const LEVELS: f64 = 48.0;
 
 /// Means over blocks of a map's values.
@@ -49,10 +52,8 @@ pub(super) fn cells(canvas: &mut Canvas, view: &View, mark: &Mark) {
     for (row, columns, level) in runs(&blocks, range) {
         let corners = [[columns[0], row], [columns[1], row + 1]].map(|[i, j]| view.at([edge(0, i), edge(1, j)]));
         let corner = |pick: fn(f64, f64) -> f64| {
-            let inside = |axis: usize| {
-                pick(corners[0][axis], corners[1][axis]).clamp(view.frame.low[axis], view.frame.high[axis])
-            };
-            rounded([inside(0), inside(1)])
+            let picked = |axis: usize| pick(corners[0][axis], corners[1][axis]);
+            rounded([0, 1].map(|axis| picked(axis).clamp(view.frame.low[axis], view.frame.high[axis])))
         };
         let [from, to] = [corner(f64::min), corner(f64::max)];
         if from.0 < to.0 && from.1 < to.1 {
@@ -105,6 +106,58 @@ fn runs(blocks: &Blocks, range: Range) -> impl Iterator<Item = (usize, [usize; 2
             (row, columns, level(&run[0]))
         })
     })
+}
+
+/// Width of the bar, px.
+const BAR: i32 = 15;
+/// Distance between the ticks' texts and the name, px.
+const NAME_GAP: i32 = 8;
+
+/// The bar of a map's colours, as high as the panel.
+pub(super) struct ColourBar<'a> {
+    scale: &'a Axis,
+    range: Range,
+    ticks: Vec<Tick>,
+    height: i32,
+}
+
+impl<'a> ColourBar<'a> {
+    /// The bar of the first map of a panel that has values.
+    pub fn of(panel: &'a Panel, height: i32) -> Option<Self> {
+        panel.marks.iter().find_map(|mark| {
+            let (axis, range) = scale(mark)?;
+            Some(Self { scale: axis, range, ticks: ticks(&range, height, 1), height })
+        })
+    }
+
+    fn name(&self) -> Vec<String> {
+        wrap(&self.scale.name, NAME_PX, self.height.max(120))
+    }
+
+    /// Its width with ticks and name, px.
+    pub fn width(&self) -> i32 {
+        BAR + TICK_TEXT + widest(&self.ticks) + NAME_GAP + LINE * self.name().len() as i32 + 4
+    }
+
+    /// Draws it with its top left corner at a place.
+    pub fn draw(&self, canvas: &mut Canvas, [left, top]: [i32; 2]) {
+        let (right, height) = (left + BAR, self.height);
+        let colours = map_colours(&self.range);
+        for y in 0..height {
+            let colour = colours(1.0 - (f64::from(y) + 0.5) / f64::from(height));
+            canvas.block([(left, top + y), (right, top + y + 1)], colour);
+        }
+        canvas.frame([(left, top), (right, top + height)], INK);
+        for (value, label) in &self.ticks {
+            let y = top + ((1.0 - self.range.share(*value).clamp(0.0, 1.0)) * f64::from(height)).round() as i32;
+            canvas.line([(right, y), (right + TICK, y)], INK, 1);
+            canvas.text(label, (right + TICK_TEXT, y), TEXT_PX, Anchor::Left);
+        }
+        for (n, line) in self.name().iter().enumerate() {
+            let x = right + TICK_TEXT + widest(&self.ticks) + NAME_GAP + LINE / 2 + n as i32 * LINE;
+            canvas.upright_text(line, (x, top + height / 2), NAME_PX);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -2,10 +2,9 @@
 
 use super::canvas::{At, Canvas, rounded};
 use super::chart::{Mark, Style};
-use super::looks::{Look, has_many_series};
 use super::palette::{GREY, SHADES};
 use super::strokes::{REFERENCE_DASHES, SERIES_DASHES, stroke};
-use super::view::{View, reference_number};
+use super::view::{Look, View, has_many_series, reference_number};
 use super::{labels::labels, map};
 
 /// Number of marked points of a line, if they only tell it from other lines.

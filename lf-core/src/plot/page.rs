@@ -1,10 +1,11 @@
 //! A page of panels under a title.
 
 use super::canvas::{Canvas, svg};
-use super::chart::{Chart, Mark, Panel};
+use super::chart::{Chart, Mark, Panel, check};
 use super::text::{Anchor, TEXT_PX, TITLE_PX, wrap};
-use super::{check::check, looks::Looks, map, palette::COLOURS, panel::PanelLayout};
+use super::{map, palette::COLOURS, panel::PanelLayout, view::Looks};
 use crate::Refusal;
+use std::collections::HashSet;
 
 /// Margin of the page, and distance between panels, px.
 const EDGE: i32 = 20;
@@ -12,27 +13,23 @@ const BETWEEN: i32 = 22;
 /// Heights of a line of the title and of a note, px.
 const TITLE: i32 = 30;
 const NOTE: i32 = 21;
-/// Constant: width and height of a frame on a page of one, two, and three or more columns, px. With names and ticks a page is
-/// 700 to 1500 px wide.
+/// Constant: size of a frame on a page of one, two, and three or more columns, px. With names and ticks a page is 700 to
+/// 1500 px wide.
 const FRAMES: [[i32; 2]; 3] = [[640, 400], [440, 300], [370, 260]];
 /// The longer side of a frame that is to scale, px.
 const FRAMES_TO_SCALE: [i32; 3] = [760, 440, 370];
 /// Least width of a page, px, for its title and notes.
 const LEAST_WIDTH: i32 = 640;
 
-/// The chart as an SVG.
-///
-/// Only drawing shows which labels find no free place. If there are any, the page is drawn again with a note on them.
-///
-/// # Errors
-/// Lists of different lengths, an empty range, or a failure of the drawing library.
+/// The chart as an SVG. Refuses lists of different lengths and an empty range. Only drawing shows which labels find no free
+/// place. If there are any, the page is drawn again with a note on them.
 pub fn draw(chart: &Chart) -> Result<String, Refusal> {
     check(chart)?;
     let (svg, left_out) = page(chart, 0)?;
     if left_out == 0 { Ok(svg) } else { Ok(page(chart, left_out)?.0) }
 }
 
-/// The page, and the number of labels that find no free place. The notes say that `unlabelled` labels are missing.
+/// The page, and the number of labels left out. The notes say that `unlabelled` labels are missing.
 fn page(chart: &Chart, unlabelled: usize) -> Result<(String, usize), Refusal> {
     // Lay out the panels.
     let columns = chart.columns.clamp(1, chart.panels.len().max(1));
@@ -89,29 +86,22 @@ fn lines(canvas: &mut Canvas, lines: &[String], top: i32, height: i32, size_px: 
 /// The notes of the page itself: everything that is drawn otherwise than asked.
 fn own_notes(chart: &Chart, panels: &[PanelLayout], unlabelled: usize) -> Vec<String> {
     let maps = chart.panels.iter().flat_map(|panel| &panel.marks).filter_map(map::note);
-    let mut notes: Vec<String> = Vec::new();
-    for note in maps.chain(panels.iter().filter_map(PanelLayout::note)) {
-        if !notes.contains(&note) {
-            notes.push(note);
-        }
-    }
+    let mut notes: Vec<String> = maps.chain(panels.iter().filter_map(|panel| panel.note.clone())).collect();
+    let mut known = HashSet::new();
+    notes.retain(|note| known.insert(note.clone()));
     let arrows = chart.panels.iter().flat_map(|panel| &panel.marks).map(|mark| match mark {
         Mark::Arrows(arrows) => arrows.count_cut_short(),
         _ => 0,
     });
-    match arrows.sum() {
-        0 => {}
-        1 => notes.push("one arrow cut short".into()),
-        count => notes.push(format!("{count} arrows cut short")),
-    }
-    let points = |count: usize| if count == 1 { "1 point".to_string() } else { format!("{count} points") };
-    match chart.panels.iter().map(not_positive).sum() {
-        0 => {}
-        count => notes.push(format!("{} at or below 0 not shown on a logarithmic axis", points(count))),
-    }
-    if unlabelled > 0 {
-        notes.push(format!("{} without a label for want of room", points(unlabelled)));
-    }
+    let counted = |count: usize, one: &str, many: &str, text: &str| match count {
+        0 => None,
+        1 => Some(format!("{one} {text}")),
+        _ => Some(format!("{count} {many} {text}")),
+    };
+    let hidden = chart.panels.iter().map(not_positive).sum();
+    notes.extend(counted(arrows.sum(), "one arrow", "arrows", "cut short"));
+    notes.extend(counted(hidden, "1 point", "points", "at or below 0 not shown on a logarithmic axis"));
+    notes.extend(counted(unlabelled, "1 point", "points", "without a label for want of room"));
     notes
 }
 

@@ -1,14 +1,13 @@
 //! One panel: its size and margins, its axes, title, key and colour bar.
 
-use super::canvas::{Canvas, Pixel, rounded};
+use super::canvas::{At, Canvas, rounded};
 use super::chart::{Mark, Panel};
-use super::extent::{ranges, stretch};
 use super::palette::{GRID, INK};
-use super::text::{Anchor, LINE, NAME_PX, TEXT_PX, width, wrap};
-use super::ticks::{Direction, TICK, TICK_TEXT, Tick, ticks, widest};
-use super::{
-    clip::Frame, colour_bar::ColourBar, key::Key, looks::Looks, map, marks, numbers::figures, range::Range, view::View,
-};
+use super::range::{Range, ranges, stretch};
+use super::text::{Anchor, LINE, NAME_PX, TEXT_PX, figures, width, wrap};
+use super::ticks::{TICK, TICK_TEXT, Tick, ticks, widest};
+use super::view::{Looks, View};
+use super::{key::Key, map, marks, strokes::Frame};
 
 /// Distance from the frame to the colour bar, px.
 const BAR_GAP: i32 = 14;
@@ -21,41 +20,34 @@ pub(super) struct PanelLayout<'a> {
     looks: Looks,
     ranges: [Option<Range>; 2],
     size: [i32; 2],
-    stretched: Option<String>,
+    /// Says that the panel is not to scale, though it should be.
+    pub note: Option<String>,
     ticks: [Vec<Tick>; 2],
     title: Vec<String>,
     key: Key,
     names: [Vec<String>; 2],
-    bar: Option<ColourBar<'a>>,
+    bar: Option<map::ColourBar<'a>>,
 }
 
 impl<'a> PanelLayout<'a> {
-    /// A panel whose frame has at most the size `room`, px.
+    /// The frame has at most the size `room`, px.
     pub fn new(panel: &'a Panel, looks: Looks, room: [i32; 2]) -> Self {
         let ranges = ranges(panel);
-        let (size, stretched) = size(panel, ranges, room);
-        let on_axis = |axis: usize, direction: Direction| {
-            ranges[axis].map_or(Vec::new(), |range| ticks(&range, size[axis], direction))
-        };
+        let (size, note) = size(panel, ranges, room);
         let px_per_unit =
             [0, 1].map(|axis| ranges[axis].map_or(0.0, |range| f64::from(size[axis]) / (range.high() - range.low())));
         Self {
-            ticks: [on_axis(0, Direction::Horizontal), on_axis(1, Direction::Vertical)],
+            ticks: [0, 1].map(|axis| ranges[axis].map_or(Vec::new(), |range| ticks(&range, size[axis], axis))),
             title: wrap(&panel.title, NAME_PX, room[0]),
             key: Key::new(panel, &looks, room[0], px_per_unit),
             names: [wrap(&panel.x.name, NAME_PX, room[0]), wrap(&panel.y.name, NAME_PX, size[1].max(120))],
-            bar: ColourBar::of(panel, size[1]),
-            stretched,
+            bar: map::ColourBar::of(panel, size[1]),
+            note,
             panel,
             looks,
             ranges,
             size,
         }
-    }
-
-    /// The note on a panel that is not to scale, though it should be.
-    pub fn note(&self) -> Option<String> {
-        self.stretched.clone()
     }
 
     /// Widths of the margin left of the frame, of the frame, and of the margin right of it, px.
@@ -76,7 +68,7 @@ impl<'a> PanelLayout<'a> {
         if self.ticks[0].is_empty() { 8 } else { 28 }
     }
 
-    /// Draws it with the upper left corner of its frame at a place. Returns the number of labels that find no free place.
+    /// Draws it with the upper left corner of its frame at a place. Returns the number of labels left out.
     pub fn draw(&self, canvas: &mut Canvas, [left, top]: [i32; 2]) -> usize {
         let low = [left, top].map(f64::from);
         let frame = Frame { low, high: [0, 1].map(|axis| low[axis] + f64::from(self.size[axis])) };
@@ -95,7 +87,7 @@ impl<'a> PanelLayout<'a> {
         left_out
     }
 
-    /// Draws the grid and the marks, or says that there is no data. Returns the number of labels that find no free place.
+    /// Draws the grid and the marks, or says that there is no data.
     fn contents(&self, canvas: &mut Canvas, frame: Frame) -> usize {
         let ([Some(x), Some(y)], true) = (self.ranges, self.has_data()) else {
             let middle = [0, 1].map(|axis| 0.5 * (frame.low[axis] + frame.high[axis]));
@@ -105,17 +97,12 @@ impl<'a> PanelLayout<'a> {
         let view = View { panel: self.panel, frame, x, y, looks: &self.looks };
         marks::regions(canvas, &view);
         for (axis, at, _) in self.tick_places(frame) {
-            let ends = if axis == 0 {
-                [[at, frame.low[1]], [at, frame.high[1]]]
-            } else {
-                [[frame.low[0], at], [frame.high[0], at]]
-            };
-            canvas.line(ends.map(rounded), GRID, 1);
+            let end = |corner: At| if axis == 0 { [at, corner[1]] } else { [corner[0], at] };
+            canvas.line([frame.low, frame.high].map(|corner| rounded(end(corner))), GRID, 1);
         }
         marks::marks(canvas, &view)
     }
 
-    /// Draws the ticks outside the frame, and their texts.
     fn ticks(&self, canvas: &mut Canvas, frame: Frame) {
         let (left, bottom, length) = (frame.low[0], frame.high[1], f64::from(TICK));
         for (axis, at, label) in self.tick_places(frame) {
@@ -142,12 +129,11 @@ impl<'a> PanelLayout<'a> {
         })
     }
 
-    /// Writes the names of the axes.
     fn names(&self, canvas: &mut Canvas, [left, top]: [i32; 2]) {
         let below = self.ticks_below() + 6;
         for (n, line) in self.names[0].iter().enumerate() {
-            let place: Pixel = (left + self.size[0] / 2, top + self.size[1] + below + n as i32 * LINE);
-            canvas.text(line, place, NAME_PX, Anchor::Middle);
+            let y = top + self.size[1] + below + n as i32 * LINE;
+            canvas.text(line, (left + self.size[0] / 2, y), NAME_PX, Anchor::Middle);
         }
         for (n, line) in self.names[1].iter().enumerate() {
             let x = left - self.widths()[0] + LINE / 2 + n as i32 * LINE;

@@ -1,7 +1,7 @@
 //! A layer of a grid of vectors as a panel: a map of values, and arrows over it.
 
 use super::chart::{Arrows, Axis, Mark, Panel};
-use super::extent::stretch;
+use super::range::stretch;
 use crate::{field::VectorGrid, statistics::quantile};
 
 /// The letters of the axes.

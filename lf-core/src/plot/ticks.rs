@@ -1,8 +1,7 @@
 //! The ticks of an axis.
 
-use super::numbers::{Numbers, magnitude, scaled};
 use super::range::Range;
-use super::text::{TEXT_PX, width};
+use super::text::{Numbers, TEXT_PX, magnitude, scaled, width};
 
 /// Smallest distance between the texts of two ticks, px.
 const GAP_PX: f64 = 12.0;
@@ -11,42 +10,35 @@ const GAP_PX: f64 = 12.0;
 pub(super) const TICK: i32 = 5;
 pub(super) const TICK_TEXT: i32 = 9;
 
-/// A tick: its value and its text.
+/// Value and text.
 pub(super) type Tick = (f64, String);
 
-/// The direction of an axis: its texts stand beside each other or above each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Direction {
-    Horizontal,
-    Vertical,
-}
-
-/// Ticks at round values: as many as fit on `length_px` without touching.
-pub(super) fn ticks(range: &Range, length_px: i32, direction: Direction) -> Vec<Tick> {
+/// Ticks at round values: as many as fit on `length_px` without touching. Their texts stand beside each other on the
+/// horizontal axis, 0, and above each other on the vertical one, 1.
+pub(super) fn ticks(range: &Range, length_px: i32, axis: usize) -> Vec<Tick> {
     let decades = (range.high() / range.low()).log10();
     if range.is_log && decades >= 0.7 {
         let sets = [&[1.0, 2.0, 5.0][..], &[1.0, 3.0][..], &[1.0][..]];
         let dense = sets.iter().map(|digits| decimal(range, digits, 1));
         let sparse = (2..40).map(|stride| decimal(range, &[1.0], stride));
-        let fitting = dense.chain(sparse).find(|ticks| fit(ticks, range, length_px, direction));
+        let fitting = dense.chain(sparse).find(|ticks| fit(ticks, range, length_px, axis));
         // Two ticks on a short logarithmic axis do not show how it is divided; linear ticks do.
         let fewest = if decades < 1.5 { 3 } else { 2 };
         if let Some(ticks) = fitting.filter(|ticks| ticks.len() >= fewest) {
             return ticks;
         }
     }
-    linear(range, length_px, direction)
+    linear(range, length_px, axis)
 }
 
-/// Width of the widest text of some ticks, px.
 pub(super) fn widest(ticks: &[Tick]) -> i32 {
     ticks.iter().map(|(_, label)| width(label, TEXT_PX)).max().unwrap_or(0)
 }
 
 /// Multiples of 1, 2 or 5 times a power of ten: the finest step that fits.
-fn linear(range: &Range, length_px: i32, direction: Direction) -> Vec<Tick> {
+fn linear(range: &Range, length_px: i32, axis: usize) -> Vec<Tick> {
     let span = range.high() - range.low();
-    let most = f64::from(length_px) / if direction == Direction::Horizontal { 60.0 } else { 42.0 };
+    let most = f64::from(length_px) / [60.0, 42.0][axis];
     let finest = magnitude(span / most.max(1.0));
     let steps = (finest..finest + 5).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(power)));
     for step in steps.filter(|step| span / step <= most.max(1.0)) {
@@ -55,7 +47,7 @@ fn linear(range: &Range, length_px: i32, direction: Direction) -> Vec<Tick> {
         let count = (to - from).max(-1.0) as usize + 1;
         let values = (0..count).map(|n| (from + n as f64) * step);
         let ticks: Vec<Tick> = values.map(|value| (value, numbers.text(value))).collect();
-        if fit(&ticks, range, length_px, direction) {
+        if fit(&ticks, range, length_px, axis) {
             return ticks;
         }
     }
@@ -76,14 +68,10 @@ fn decimal(range: &Range, digits: &[f64], stride: i32) -> Vec<Tick> {
 }
 
 /// Whether the texts of neighbouring ticks are at least [`GAP_PX`] apart.
-fn fit(ticks: &[Tick], range: &Range, length_px: i32, direction: Direction) -> bool {
-    let middle_and_half = |tick: &Tick| {
-        let half = if direction == Direction::Horizontal {
-            f64::from(width(&tick.1, TEXT_PX)) / 2.0
-        } else {
-            f64::from(TEXT_PX) / 2.0
-        };
-        (range.share(tick.0) * f64::from(length_px), half)
+fn fit(ticks: &[Tick], range: &Range, length_px: i32, axis: usize) -> bool {
+    let middle_and_half = |(value, text): &Tick| {
+        let half = f64::from([width(text, TEXT_PX), TEXT_PX][axis]) / 2.0;
+        (range.share(*value) * f64::from(length_px), half)
     };
     ticks.windows(2).all(|pair| {
         let [(one, half), (other, other_half)] = [&pair[0], &pair[1]].map(middle_and_half);
@@ -97,7 +85,7 @@ mod tests {
 
     fn texts(first: f64, last: f64, is_log: bool, px: i32) -> Vec<String> {
         let range = Range { first, last, is_log };
-        ticks(&range, px, Direction::Horizontal).into_iter().map(|(_, text)| text).collect()
+        ticks(&range, px, 0).into_iter().map(|(_, text)| text).collect()
     }
 
     #[test]
@@ -122,8 +110,8 @@ mod tests {
                 let [first, last] = [low, high].map(|end| end * 10f64.powi(power));
                 for is_log in [false, true].into_iter().filter(|is_log| !is_log || first > 0.0) {
                     let range = Range { first, last, is_log };
-                    let ticks = ticks(&range, 320, Direction::Horizontal);
-                    assert!(ticks.len() > 1 && fit(&ticks, &range, 320, Direction::Horizontal), "{range:?} {ticks:?}");
+                    let ticks = ticks(&range, 320, 0);
+                    assert!(ticks.len() > 1 && fit(&ticks, &range, 320, 0), "{range:?} {ticks:?}");
                 }
             }
         }
