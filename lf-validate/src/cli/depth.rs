@@ -6,7 +6,7 @@ use super::output::{Picture, print};
 use lf_core::{Error, Result, Session, Verdict, cli::numbers};
 use lf_validate::pictures;
 use lf_validate::scores::depth::DepthSums;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Light along z: profile, brightest voxel per slice, light outside the lit slab
 ///
@@ -43,14 +43,13 @@ pub struct Arguments {
 
 /// Scores the light of volumes along z.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    let inputs: Vec<&Path> = arguments.volumes.iter().map(PathBuf::as_path).collect();
-    arguments.picture.check(&inputs, session)?;
+    arguments.picture.check(&arguments.volumes, session)?;
     if let Some([low, high]) = arguments.slab.filter(|[low, high]| low >= high) {
         return Err(Error::new("--slab", format!("{low},{high}"), "wanted the lower depth first"));
     }
     let sums = session.phase("score", |session| {
-        let progress = session.progress("volumes", inputs.len() as u64);
-        add_up(&inputs, &|| progress.add(1))
+        let progress = session.progress("volumes", arguments.volumes.len() as u64);
+        add_up(&arguments.volumes, &|| progress.add(1))
     })?;
     let score = sums.score(arguments.slab);
     session.count("volumes", score.volumes);
@@ -63,8 +62,8 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 }
 
 /// Sums over the volumes, with one in memory at a time.
-fn add_up(inputs: &[&Path], added: &dyn Fn()) -> Result<DepthSums> {
-    let add = |sums: Option<DepthSums>, input: &&Path| {
+fn add_up(inputs: &[PathBuf], added: &dyn Fn()) -> Result<DepthSums> {
+    let add = |sums: Option<DepthSums>, input: &PathBuf| {
         let volume = open_whole(input)?;
         let mut sums = sums.unwrap_or_else(|| DepthSums::new(volume.grid()));
         sums.add(light(&volume)?).map_err(|refusal| refusal.about(volume.name()))?;

@@ -1,6 +1,6 @@
 //! `displacement`: a vector field against the true displacement.
 
-use super::limits::{are_at_most, components, number, share, verdict};
+use super::limits::{are_at_most, components, is_at_most, number, share, verdict};
 use super::{
     inputs::{open_truth, pixel_mm},
     output::{Picture, print},
@@ -8,7 +8,7 @@ use super::{
 use lf_core::{Field, Result, Session, Verdict, io};
 use lf_validate::pictures;
 use lf_validate::scores::displacement::{Displacement, ParticleCounts, displacement};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Error of a vector field, component by component, and its stated uncertainty
 ///
@@ -80,25 +80,12 @@ pub struct Arguments {
     min_coverage: Option<f64>,
 }
 
-/// Limits of the numbers. None if not given.
-struct Limits {
-    rms_px: Option<[f64; 3]>,
-    bias_px: Option<[f64; 3]>,
-    outliers: Option<f64>,
-    coverage: Option<f64>,
-}
-
 /// Scores a field against the true displacement.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    let mut inputs: Vec<&Path> = vec![&arguments.truth, &arguments.field];
-    inputs.extend(arguments.camera.as_deref());
-    arguments.picture.check(&inputs, session)?;
-    let limits = Limits {
-        rms_px: components("--max-rms", &arguments.max_rms)?,
-        bias_px: components("--max-bias", &arguments.max_bias)?,
-        outliers: arguments.max_outliers,
-        coverage: arguments.min_coverage,
-    };
+    let inputs = [&arguments.truth, &arguments.field];
+    arguments.picture.check(inputs.into_iter().chain(&arguments.camera), session)?;
+    let max_rms_px = components("--max-rms", &arguments.max_rms)?;
+    let max_bias_px = components("--max-bias", &arguments.max_bias)?;
     let (truth, field, pixel_mm) = session.phase("read", |session| {
         let pixel_mm = pixel_mm(arguments.camera.as_deref())?;
         let truth = open_truth(&arguments.truth, arguments.frames, &arguments.picture, session)?;
@@ -116,16 +103,14 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let name = io::name(&arguments.field);
         session.warn(format!("{name}: no vector could be scored: {}", reasons(&score)));
     }
-    Ok(verdict(keeps(&score, &limits)))
-}
-
-/// Whether all limits are kept. A number that does not exist, without a scored vector or a stated uncertainty, keeps
-/// none.
-fn keeps(score: &Displacement, limits: &Limits) -> bool {
-    are_at_most(score.all.rms_px(), limits.rms_px)
-        && are_at_most(score.all.bias_px().map(|bias| bias.map(f64::abs)), limits.bias_px)
-        && limits.outliers.is_none_or(|most| score.all.outlier_share() <= most)
-        && limits.coverage.is_none_or(|least| score.uncertainty.within_1.iter().all(|share| *share >= least))
+    Ok(verdict(
+        are_at_most(score.all.rms_px(), max_rms_px)
+            && are_at_most(score.all.bias_px().map(|bias| bias.map(f64::abs)), max_bias_px)
+            && is_at_most(Some(score.all.outlier_share()), arguments.max_outliers)
+            && arguments
+                .min_coverage
+                .is_none_or(|least| score.uncertainty.within_1.iter().all(|share| *share >= least)),
+    ))
 }
 
 /// Why no vector could be scored.

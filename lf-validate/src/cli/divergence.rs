@@ -8,7 +8,7 @@ use super::{
 use lf_core::{Field, Result, Session, Verdict, io};
 use lf_validate::pictures;
 use lf_validate::scores::divergence::divergence;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Divergence and noise of a vector field, without the truth
 ///
@@ -60,9 +60,7 @@ pub struct Arguments {
 
 /// Scores a field without its truth.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    let mut inputs: Vec<&Path> = vec![&arguments.field];
-    inputs.extend(arguments.camera.as_deref());
-    arguments.picture.check(&inputs, session)?;
+    arguments.picture.check([&arguments.field].into_iter().chain(&arguments.camera), session)?;
     let noise_px = components("--max-noise", &arguments.max_noise)?;
     let (field, pixel_mm) = session.phase("read", |_| {
         let pixel_mm = pixel_mm(arguments.camera.as_deref())?;

@@ -6,7 +6,7 @@ use super::output::{Picture, print};
 use lf_core::{Error, Result, Session, Verdict, Volume, cli::numbers, io, particles};
 use lf_validate::pictures;
 use lf_validate::scores::elongation::{SizeCounts, elongation};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Diameters of reconstructed particles along x, y and z
 ///
@@ -61,10 +61,8 @@ pub struct Arguments {
 
 /// Measures the particles of one or more volumes.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    let files: Vec<&Path> =
-        [&arguments.particles, &arguments.volume].into_iter().chain(&arguments.and).map(PathBuf::as_path).collect();
-    let inputs: Vec<&Path> = files.iter().copied().chain(arguments.camera.as_deref()).collect();
-    arguments.picture.check(&inputs, session)?;
+    let files: Vec<&PathBuf> = [&arguments.particles, &arguments.volume].into_iter().chain(&arguments.and).collect();
+    arguments.picture.check(files.iter().copied().chain(&arguments.camera), session)?;
     let search_vox = counts("--search", arguments.search)?;
     let (pairs, pixel_mm) = session.phase("read", |_| {
         let pairs: Result<Vec<_>> = files.chunks(2).map(|pair| read(pair, arguments.frame)).collect();
@@ -95,7 +93,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 }
 
 /// The places of a table and the volume that belongs to it.
-fn read(pair: &[&Path], frame: usize) -> Result<(Vec<[f64; 3]>, Volume)> {
+fn read(pair: &[&PathBuf], frame: usize) -> Result<(Vec<[f64; 3]>, Volume)> {
     let [table, volume] = pair else { unreachable!("clap takes them in pairs") };
     let text = io::open_text(table)?;
     let all = particles::read(&text).map_err(|refusal| refusal.about(io::name(table)))?;

@@ -56,7 +56,7 @@ pub struct Arguments {
 /// Averages fields, read one after another, and writes the statistics.
 pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
-    arguments.picture.check(&inputs, session)?;
+    arguments.picture.check(&arguments.fields, session)?;
     for (n, output) in arguments.output.iter().enumerate() {
         if io::is_standard(output) {
             return Err(Error::new("--output", "-", "wanted a file: the summary goes to standard output"));

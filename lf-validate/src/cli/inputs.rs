@@ -100,7 +100,6 @@ fn flow(text: &str, file: &Path, name: &str, picture: &Picture, session: &Sessio
     flow.join(folder);
     let mut files: Vec<PathBuf> = flow.sampled().into_iter().map(Path::to_path_buf).collect();
     files.extend(motion.camera.file(folder));
-    let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     picture.check(&files, session)?;
     let camera = motion.camera.open(folder, name)?;
     let pixel_mm = camera.pixel_in_focus_mm();

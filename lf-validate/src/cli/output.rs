@@ -18,14 +18,15 @@ pub struct Picture {
 impl Picture {
     /// Refuses standard input named twice, and any output that is also an input: standard output, `--stats` or the
     /// picture. Refuses a picture on standard output, which is the score's.
-    pub fn check(&self, inputs: &[&Path], session: &Session) -> Result<()> {
-        session.keep_apart(Path::new("-"), inputs)?;
+    pub fn check<'a>(&self, inputs: impl IntoIterator<Item = &'a PathBuf>, session: &Session) -> Result<()> {
+        let inputs: Vec<&Path> = inputs.into_iter().map(PathBuf::as_path).collect();
+        session.keep_apart(Path::new("-"), &inputs)?;
         let Some(file) = &self.plot else { return Ok(()) };
         if io::is_standard(file) {
             return Err(Error::new("--plot", "-", "wanted a file: standard output is the score's"));
         }
         io::check_picture(file)?;
-        session.keep_apart(file, inputs)
+        session.keep_apart(file, &inputs)
     }
 
     /// Draws and saves the chart if `--plot` is given.

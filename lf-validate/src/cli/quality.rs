@@ -5,7 +5,7 @@ use super::output::{Picture, print};
 use lf_core::{Error, JoinedVolume, Result, Session, Verdict, cli::numbers};
 use lf_validate::pictures;
 use lf_validate::scores::light::VoxelLight;
-use lf_validate::scores::quality::{Quality, quality};
+use lf_validate::scores::quality::quality;
 use std::path::PathBuf;
 
 /// Upper limit of `--regions`. Each box takes some hundred bytes and a number in each list of the score.
@@ -63,15 +63,14 @@ pub struct Arguments {
 
 /// Scores a volume against the truth.
 pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
-    let mut inputs = vec![arguments.truth.as_path()];
-    inputs.extend(arguments.volume.iter().map(PathBuf::as_path));
-    arguments.picture.check(&inputs, session)?;
+    let inputs = || [&arguments.truth].into_iter().chain(&arguments.volume);
+    arguments.picture.check(inputs(), session)?;
     let regions = arguments.regions.map(|typed| counts("--regions", typed)).transpose()?;
     if let Some(regions) = regions.filter(|regions| !(1..=MOST_REGIONS).contains(&regions.iter().product())) {
         let wanted = format!("wanted 1 to {MOST_REGIONS} boxes in all");
         return Err(Error::new("--regions", format!("{regions:?}"), wanted));
     }
-    let volumes = session.phase("read", |_| JoinedVolume::open_all(inputs, "intensity"))?;
+    let volumes = session.phase("read", |_| JoinedVolume::open_all(inputs().map(PathBuf::as_path), "intensity"))?;
     if volumes.len() != 2 {
         let names: Vec<&str> = volumes.iter().map(JoinedVolume::name).collect();
         let found = format!("{} volumes", volumes.len());
@@ -82,28 +81,25 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let regions = regions.unwrap_or_else(|| truth.grid().shape.map(|voxels| voxels.min(3)));
     let score = session
         .phase("score", |_| quality(true_light, light, regions).map_err(|refusal| refusal.about(volume.name())))?;
-    let [x, y, z] = regions;
-    session.explain(format!("{x} x {y} x {z} regions; {} voxels lit in the truth", score.truth_voxels));
-    session.count("truth_voxels", score.truth_voxels);
-    session.count("volume_voxels", score.volume_voxels);
+    let ([x, y, z], whole) = (regions, &score.whole);
+    session.explain(format!("{x} x {y} x {z} regions; {} voxels lit in the truth", whole.truth_voxels));
+    session.count("truth_voxels", whole.truth_voxels);
+    session.count("volume_voxels", whole.volume_voxels);
     arguments.picture.draw(session, || pictures::quality(&score))?;
     print(&score)?;
-    for (name, voxels) in [(truth.name(), score.truth_voxels), (volume.name(), score.volume_voxels)] {
+    for (name, voxels) in [(truth.name(), whole.truth_voxels), (volume.name(), whole.volume_voxels)] {
         if voxels == 0 {
             session.warn(format!("{name}: every voxel is dark; q is 0"));
         }
     }
-    Ok(verdict(keeps(&score, arguments)))
+    Ok(verdict(
+        arguments.min_q.is_none_or(|least| whole.q >= least)
+            && is_at_most(whole.ghost_share, arguments.max_ghosts)
+            && is_at_most(whole.missed_share, arguments.max_missed)
+            && is_at_most(whole.max_difference, arguments.max_difference),
+    ))
 }
 
 fn light(volume: &JoinedVolume) -> VoxelLight<'_> {
     VoxelLight { grid: volume.grid(), indices: volume.indices(), intensity: volume.values() }
-}
-
-/// Whether all limits are kept.
-fn keeps(score: &Quality, arguments: &Arguments) -> bool {
-    arguments.min_q.is_none_or(|least| score.q >= least)
-        && is_at_most(score.ghost_share, arguments.max_ghosts)
-        && is_at_most(score.missed_share, arguments.max_missed)
-        && is_at_most(score.max_difference, arguments.max_difference)
 }

@@ -3,7 +3,7 @@
 use super::output::Picture;
 use lf_core::{Error, Refusal, Result, Session, io, plot::Chart};
 use lf_validate::runs::{self, Condition, RunRecord, parse_value};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub struct RunSource {
@@ -23,8 +23,7 @@ pub struct RunSource {
 impl RunSource {
     /// Reads the runs that meet all conditions. Refuses outputs that are also inputs.
     pub fn records(&self, session: &mut Session) -> Result<Vec<RunRecord>> {
-        let inputs: Vec<&Path> = self.files.iter().map(PathBuf::as_path).collect();
-        self.picture.check(&inputs, session)?;
+        self.picture.check(&self.files, session)?;
         let read = |path: &PathBuf| {
             let name = io::name(path);
             runs::read_records(&io::open_text(path)?, &name).map_err(|refusal| refusal.about(name))

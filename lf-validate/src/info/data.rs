@@ -97,17 +97,9 @@ pub fn field(field: &Field) -> Description {
         let kept = values.iter().zip(&field.flag).filter(|(_, flag)| [MEASURED, REPLACED].contains(*flag));
         Summary::of(kept.map(|(value, _)| value))
     };
-    for (label, values) in [
-        ("u (mm)", &field.u),
-        ("v (mm)", &field.v),
-        ("w (mm)", &field.w),
-        ("peak", &field.peak),
-        ("ratio", &field.ratio),
-        ("su (mm)", &field.su),
-        ("sv (mm)", &field.sv),
-        ("sw (mm)", &field.sw),
-        ("count", &field.count),
-    ] {
+    let labels = ["u (mm)", "v (mm)", "w (mm)", "peak", "ratio", "su (mm)", "sv (mm)", "sw (mm)", "count"];
+    let Field { u, v, w, peak, ratio, su, sv, sw, count, .. } = field;
+    for (label, values) in labels.into_iter().zip([u, v, w, peak, ratio, su, sv, sw, count]) {
         about.line(label, held(values).to_string());
     }
     about.history(&layout.history);

@@ -12,7 +12,7 @@ pub fn quality(score: &Quality) -> Chart {
     let mut q = Panel::new("Quality of each slice", z(), Axis::new("Q").over([0.0, 1.0]));
     q.marks = vec![
         Mark::line("Q of a slice", curve(&by.z_mm, &by.scores.q)),
-        Mark::reference("Q of the whole", Place::Horizontal(score.q)),
+        Mark::reference("Q of the whole", Place::Horizontal(score.whole.q)),
     ];
     let mut shares =
         Panel::new("Light where there was none, and light lost", z(), Axis::new("share of the slice's light"));
@@ -36,10 +36,10 @@ pub fn quality(score: &Quality) -> Chart {
         title: "Quality of a reconstructed volume against the truth".into(),
         notes: vec![format!(
             "Q {}, ghosts {} of the light, missed {}, best scale {}",
-            three_figures(Some(score.q)),
-            three_figures(score.ghost_share),
-            three_figures(score.missed_share),
-            three_figures(score.scale)
+            three_figures(Some(score.whole.q)),
+            three_figures(score.whole.ghost_share),
+            three_figures(score.whole.missed_share),
+            three_figures(score.whole.scale)
         )],
         columns: 1,
         panels: vec![q, shares, light],

@@ -46,7 +46,7 @@ pub fn quality(truth: VoxelLight, volume: VoxelLight, regions: [usize; 3]) -> Re
         centre_mm: boxes.indexed_iter().map(|((k, j, i), _)| box_centre_mm(grid, regions, [i, j, k])).collect(),
         scores: PartScores::of(&boxes),
     };
-    Ok(Quality::of(&whole, by_depth, by_region))
+    Ok(Quality { whole: whole.score(), by_depth, by_region })
 }
 
 /// Centre of a box: half way between the centres of its first and its last voxel.
@@ -97,13 +97,13 @@ mod tests {
     fn score_by_hand() {
         // E0 = 3 at 1, 4 at 5, 5 at 9; E1 = 2 at 0, 6 at 5, 3 at 9: products 24 + 15, squares 50 and 49.
         let found = score((&[1, 5, 9], &[3.0, 4.0, 5.0]), (&[0, 5, 9], &[2.0, 6.0, 3.0]));
-        assert!((found.q - 39.0 / (50f64 * 49.0).sqrt()).abs() < 1e-15);
-        assert!((found.scale.unwrap() - 39.0 / 49.0).abs() < 1e-15);
-        assert!((found.ghost_share.unwrap() - 2.0 / 11.0).abs() < 1e-15);
-        assert!((found.missed_share.unwrap() - 3.0 / 12.0).abs() < 1e-15);
-        assert_eq!(found.max_difference, Some(3.0 / 5.0));
-        assert_eq!((found.truth_voxels, found.volume_voxels, found.shared_voxels), (3, 3, 2));
-        assert_eq!((found.truth_sum, found.volume_sum), (12.0, 11.0));
+        assert!((found.whole.q - 39.0 / (50f64 * 49.0).sqrt()).abs() < 1e-15);
+        assert!((found.whole.scale.unwrap() - 39.0 / 49.0).abs() < 1e-15);
+        assert!((found.whole.ghost_share.unwrap() - 2.0 / 11.0).abs() < 1e-15);
+        assert!((found.whole.missed_share.unwrap() - 3.0 / 12.0).abs() < 1e-15);
+        assert_eq!(found.whole.max_difference, Some(3.0 / 5.0));
+        assert_eq!((found.whole.truth_voxels, found.whole.volume_voxels, found.whole.shared_voxels), (3, 3, 2));
+        assert_eq!((found.whole.truth_sum, found.whole.volume_sum), (12.0, 11.0));
     }
 
     #[test]
@@ -111,9 +111,9 @@ mod tests {
         let truth: &[f32] = &[3.0, 0.1, 1e-20, 7e15];
         let copy: Vec<f32> = truth.iter().map(|e| e / 4.0).collect();
         let found = score((&[1, 5, 9, 23], truth), (&[1, 5, 9, 23], &copy));
-        assert!((found.q - 1.0).abs() < 1e-15 && found.q <= 1.0);
-        assert!((found.scale.unwrap() - 4.0).abs() < 1e-14);
-        assert_eq!((found.ghost_share, found.missed_share), (Some(0.0), Some(0.0)));
+        assert!((found.whole.q - 1.0).abs() < 1e-15 && found.whole.q <= 1.0);
+        assert!((found.whole.scale.unwrap() - 4.0).abs() < 1e-14);
+        assert_eq!((found.whole.ghost_share, found.whole.missed_share), (Some(0.0), Some(0.0)));
     }
 
     #[test]
@@ -125,9 +125,12 @@ mod tests {
     #[test]
     fn darkness_scores_zero_and_has_no_shares() {
         let dark = score((&[1], &[3.0]), (&[], &[]));
-        assert_eq!((dark.q, dark.scale, dark.ghost_share, dark.missed_share), (0.0, None, None, Some(1.0)));
+        assert_eq!(
+            (dark.whole.q, dark.whole.scale, dark.whole.ghost_share, dark.whole.missed_share),
+            (0.0, None, None, Some(1.0))
+        );
         let both = score((&[], &[]), (&[2], &[0.0]));
-        assert_eq!((both.q, both.missed_share), (0.0, None));
+        assert_eq!((both.whole.q, both.whole.missed_share), (0.0, None));
         assert!(!serde_json::to_string(&both).unwrap().contains("NaN"));
     }
 
@@ -135,8 +138,8 @@ mod tests {
     #[test]
     fn negative_light_counts_by_its_size() {
         let found = score((&[1, 2, 5], &[3.0, -1.0, 4.0]), (&[0, 2, 5], &[-2.0, 1.0, 1.0]));
-        assert_eq!((found.ghost_share, found.missed_share), (Some(0.5), Some(3.0 / 8.0)));
-        assert_eq!((found.truth_sum, found.volume_sum), (6.0, 0.0));
+        assert_eq!((found.whole.ghost_share, found.whole.missed_share), (Some(0.5), Some(3.0 / 8.0)));
+        assert_eq!((found.whole.truth_sum, found.whole.volume_sum), (6.0, 0.0));
     }
 
     #[test]
@@ -159,8 +162,8 @@ mod tests {
             [1, 1, 1],
         )
         .unwrap();
-        assert!((found.q - dot(&e0, &e1) / (dot(&e0, &e0) * dot(&e1, &e1)).sqrt()).abs() < 1e-14);
-        assert!((found.scale.unwrap() - dot(&e0, &e1) / dot(&e1, &e1)).abs() < 1e-14);
+        assert!((found.whole.q - dot(&e0, &e1) / (dot(&e0, &e0) * dot(&e1, &e1)).sqrt()).abs() < 1e-14);
+        assert!((found.whole.scale.unwrap() - dot(&e0, &e1) / dot(&e1, &e1)).abs() < 1e-14);
     }
 
     #[test]

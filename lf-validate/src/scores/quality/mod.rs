@@ -6,4 +6,4 @@ mod compare;
 mod score;
 
 pub use compare::quality;
-pub use score::Quality;
+pub use score::{Quality, VolumeScore};

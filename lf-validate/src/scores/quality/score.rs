@@ -2,10 +2,20 @@
 
 use serde::Serialize;
 
+/// The score of a reconstructed volume against the truth: as a whole, by slices and by boxes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Quality {
+    /// The whole volume.
+    #[serde(flatten)]
+    pub whole: VolumeScore,
+    pub(crate) by_depth: QualityByDepth,
+    pub(crate) by_region: QualityByRegion,
+}
+
 /// The score of a reconstructed volume, E1, against the truth, E0. A share is None, `null` in JSON, without light to take
 /// it of; the scale is None if the volume is dark.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Quality {
+pub struct VolumeScore {
     /// Q. 0 if either volume has no light.
     pub q: f64,
     /// sum E1 E0 / sum E1^2: the factor on the volume that brings it closest to the truth in least squares. A share of
@@ -24,8 +34,6 @@ pub struct Quality {
     pub(crate) shared_voxels: u64,
     pub(crate) truth_sum: f64,
     pub(crate) volume_sum: f64,
-    pub(crate) by_depth: QualityByDepth,
-    pub(crate) by_region: QualityByRegion,
 }
 
 /// Scores of every slice of the grid, in the order of z.
@@ -59,35 +67,17 @@ pub(crate) struct PartScores {
     pub volume_sum: Vec<f64>,
 }
 
-impl Quality {
-    pub(super) fn of(whole: &QualitySums, by_depth: QualityByDepth, by_region: QualityByRegion) -> Self {
-        Self {
-            q: whole.q(),
-            scale: whole.scale(),
-            ghost_share: whole.ghost_share(),
-            missed_share: whole.missed_share(),
-            max_difference: whole.max_difference(),
-            truth_voxels: whole.truth_voxels,
-            volume_voxels: whole.volume_voxels,
-            shared_voxels: whole.shared_voxels,
-            truth_sum: whole.truth,
-            volume_sum: whole.volume,
-            by_depth,
-            by_region,
-        }
-    }
-}
-
 impl PartScores {
     pub(super) fn of<'a>(all: impl IntoIterator<Item = &'a QualitySums>) -> Self {
         let mut scores = Self::default();
         for sums in all {
-            scores.q.push((sums.truth_square > 0.0).then(|| sums.q()));
-            scores.scale.push(sums.scale());
-            scores.ghost_share.push(sums.ghost_share());
-            scores.missed_share.push(sums.missed_share());
-            scores.truth_sum.push(sums.truth);
-            scores.volume_sum.push(sums.volume);
+            let score = sums.score();
+            scores.q.push((sums.truth_square > 0.0).then_some(score.q));
+            scores.scale.push(score.scale);
+            scores.ghost_share.push(score.ghost_share);
+            scores.missed_share.push(score.missed_share);
+            scores.truth_sum.push(score.truth_sum);
+            scores.volume_sum.push(score.volume_sum);
         }
         scores
     }
@@ -97,19 +87,19 @@ impl PartScores {
 #[derive(Debug, Clone, Default)]
 pub(super) struct QualitySums {
     product: f64,
-    pub truth_square: f64,
+    truth_square: f64,
     volume_square: f64,
-    pub truth: f64,
-    pub volume: f64,
+    truth: f64,
+    volume: f64,
     truth_size: f64,
     volume_size: f64,
     ghost: f64,
     missed: f64,
     difference: f64,
     truth_peak: f64,
-    pub truth_voxels: u64,
-    pub volume_voxels: u64,
-    pub shared_voxels: u64,
+    truth_voxels: u64,
+    volume_voxels: u64,
+    shared_voxels: u64,
 }
 
 impl QualitySums {
@@ -157,30 +147,22 @@ impl QualitySums {
         }
     }
 
-    pub fn q(&self) -> f64 {
+    pub fn score(&self) -> VolumeScore {
+        // None if the whole is 0.
+        let ratio = |part: f64, whole: f64| (whole > 0.0).then(|| part / whole);
         // The root of each sum: the product of the sums may overflow. Only rounding brings Q above 1.
         let norm = self.truth_square.sqrt() * self.volume_square.sqrt();
-        if norm > 0.0 { (self.product / norm).clamp(-1.0, 1.0) } else { 0.0 }
+        VolumeScore {
+            q: ratio(self.product, norm).map_or(0.0, |q| q.clamp(-1.0, 1.0)),
+            scale: ratio(self.product, self.volume_square),
+            ghost_share: ratio(self.ghost, self.volume_size),
+            missed_share: ratio(self.missed, self.truth_size),
+            max_difference: ratio(self.difference, self.truth_peak),
+            truth_voxels: self.truth_voxels,
+            volume_voxels: self.volume_voxels,
+            shared_voxels: self.shared_voxels,
+            truth_sum: self.truth,
+            volume_sum: self.volume,
+        }
     }
-
-    pub fn scale(&self) -> Option<f64> {
-        ratio(self.product, self.volume_square)
-    }
-
-    pub fn ghost_share(&self) -> Option<f64> {
-        ratio(self.ghost, self.volume_size)
-    }
-
-    pub fn missed_share(&self) -> Option<f64> {
-        ratio(self.missed, self.truth_size)
-    }
-
-    pub fn max_difference(&self) -> Option<f64> {
-        ratio(self.difference, self.truth_peak)
-    }
-}
-
-/// None if the whole is 0.
-fn ratio(part: f64, whole: f64) -> Option<f64> {
-    (whole > 0.0).then(|| part / whole)
 }
