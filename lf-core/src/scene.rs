@@ -29,10 +29,7 @@ pub enum CameraSource {
 impl CameraSource {
     /// The camera's file for a scene in `folder`; None if the camera is inside the scene.
     pub fn file(&self, folder: &Path) -> Option<PathBuf> {
-        match self {
-            Self::Path(file) => Some(folder.join(file)),
-            Self::Camera(_) => None,
-        }
+        if let Self::Path(file) = self { Some(folder.join(file)) } else { None }
     }
 
     /// Reads the camera of a scene in `folder`; `scene` stands for the scene in messages.

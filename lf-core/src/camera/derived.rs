@@ -46,7 +46,7 @@ impl Camera {
     /// Half width and half height of the focal plane that the sensor sees, mm.
     pub fn half_view_mm(&self) -> [f64; 2] {
         let scale = 0.5 * self.sensor.pixel_pitch_mm / self.main_lens.magnification;
-        [self.sensor.width as f64 * scale, self.sensor.height as f64 * scale]
+        [self.sensor.width, self.sensor.height].map(|side| side as f64 * scale)
     }
 
     /// Side of a pixel seen at the focal plane, mm.
@@ -104,14 +104,8 @@ impl Camera {
 
     /// The camera in a line for `-v`: its lattice, its stop, and which optional blocks are modelled.
     pub fn about(&self) -> String {
-        let layout = match self.microlenses.layout {
-            Layout::Square => "square",
-            Layout::Hexagonal => "hexagonal",
-        };
-        let stop = match self.main_lens.aperture {
-            Aperture::Circle => "round",
-            Aperture::Square => "square",
-        };
+        let layout = if self.microlenses.layout == Layout::Square { "square" } else { "hexagonal" };
+        let stop = if self.main_lens.aperture == Aperture::Circle { "round" } else { "square" };
         let blocks = match self.blocks().as_slice() {
             [] => "nothing beyond a thin lens is modelled".to_string(),
             blocks => format!("modelled beyond a thin lens: {}", blocks.join(", ")),

@@ -62,7 +62,6 @@ pub fn run<A: clap::Parser>(
     })
 }
 
-/// This run as a step of the history.
 fn step<A: clap::Parser>(tool: &str, words: &[OsString]) -> Step {
     let version = A::command().get_version().unwrap_or(env!("CARGO_PKG_VERSION")).to_owned();
     let arguments = words.iter().map(|word| word.to_string_lossy().into_owned()).collect();

@@ -156,49 +156,40 @@ impl Axis {
 impl Flow {
     /// Refuses numbers that cannot be used.
     pub(super) fn check(&self) -> Result<(), Refusal> {
-        match self {
-            Self::Uniform { displacement_mm } => finite(displacement_mm),
+        let checks = match self {
+            Self::Uniform { displacement_mm } => vec![finite(displacement_mm)],
             Self::Wave { omega, amplitude_px, length_px, phase_rad, .. } => {
-                finite(&[*omega, *amplitude_px, *phase_rad])?;
-                length_px.map_or(Ok(()), |px| length("length_px", px))
+                let length = length_px.map_or(Ok(()), |px| length("length_px", px));
+                vec![finite(&[*omega, *amplitude_px, *phase_rad]), length]
             }
             Self::Rotation { centre_mm, axis, angle_rad } => {
-                finite(centre_mm)?;
-                finite(&[*angle_rad])?;
-                direction(axis)
+                vec![finite(centre_mm), finite(&[*angle_rad]), direction(axis)]
             }
             Self::Shear { centre_mm, rate, along, across } => {
-                Refusal::unless(along != across, || "flow.along and flow.across are the same axis", "wanted two axes")?;
-                finite(centre_mm).and(finite(&[*rate]))
+                let found = || "flow.along and flow.across are the same axis";
+                vec![Refusal::unless(along != across, found, "wanted two axes"), finite(centre_mm), finite(&[*rate])]
             }
             Self::Ring { centre_mm, axis, radius_mm, core_mm, displacement_mm } => {
-                finite(centre_mm)?;
-                finite(&[*displacement_mm])?;
-                direction(axis)?;
-                length("radius_mm", *radius_mm)?;
-                length("core_mm", *core_mm)?;
                 let wanted = format!("wanted at least a hundredth of flow.radius_mm {radius_mm}");
-                Refusal::unless(*core_mm >= 0.01 * radius_mm, || format!("flow.core_mm is {core_mm}"), wanted)
+                let found = || format!("flow.core_mm is {core_mm}");
+                let core =
+                    length("core_mm", *core_mm).and(Refusal::unless(*core_mm >= 0.01 * radius_mm, found, wanted));
+                let radius = length("radius_mm", *radius_mm);
+                vec![finite(centre_mm), finite(&[*displacement_mm]), direction(axis), radius, core]
             }
             Self::Jet { centre_mm, axis, diameter_mm, shear_layer_mm, displacement_mm } => {
-                finite(centre_mm)?;
-                finite(&[*displacement_mm])?;
-                direction(axis)?;
-                length("diameter_mm", *diameter_mm)?;
-                length("shear_layer_mm", *shear_layer_mm)
+                let lengths = length("diameter_mm", *diameter_mm).and(length("shear_layer_mm", *shear_layer_mm));
+                vec![finite(centre_mm), finite(&[*displacement_mm]), direction(axis), lengths]
             }
             Self::TaylorGreen { centre_mm, wavelength_mm, displacement_mm } => {
-                finite(centre_mm)?;
-                finite(&[*displacement_mm])?;
-                length("wavelength_mm", *wavelength_mm)
+                vec![finite(centre_mm), finite(&[*displacement_mm]), length("wavelength_mm", *wavelength_mm)]
             }
             Self::Abc { centre_mm, wavelength_mm, displacement_mm } => {
-                finite(centre_mm)?;
-                finite(displacement_mm)?;
-                length("wavelength_mm", *wavelength_mm)
+                vec![finite(centre_mm), finite(displacement_mm), length("wavelength_mm", *wavelength_mm)]
             }
-            Self::Sampled { .. } | Self::Tracks { .. } => Ok(()),
-        }
+            Self::Sampled { .. } | Self::Tracks { .. } => Vec::new(),
+        };
+        checks.into_iter().collect()
     }
 
     pub(super) fn sampled(&self) -> Option<&Path> {

@@ -57,19 +57,13 @@ impl Lattice {
 
     /// Distance between rows of lenslets, mm.
     pub fn row_pitch_mm(&self) -> f64 {
-        match self.layout {
-            Layout::Square => self.pitch_mm,
-            Layout::Hexagonal => self.pitch_mm * 0.75f64.sqrt(),
-        }
+        if self.layout == Layout::Square { self.pitch_mm } else { self.pitch_mm * 0.75f64.sqrt() }
     }
 
     /// Shift of row `j` along the row, pitches.
     #[inline]
     fn row_shift(&self, j: i64) -> f64 {
-        match self.layout {
-            Layout::Square => 0.5,
-            Layout::Hexagonal => 0.5 * (j & 1) as f64,
-        }
+        if self.layout == Layout::Square { 0.5 } else { 0.5 * (j & 1) as f64 }
     }
 
     /// Distance of row 0 from the offset, row pitches.

@@ -29,7 +29,6 @@ pub(super) fn header_text(bytes: &[u8]) -> Result<(&str, usize), Refusal> {
     Ok((text, end))
 }
 
-/// The keys of a header.
 pub(super) struct Header {
     pub count: u64,
     pub grid: Grid,
@@ -39,7 +38,6 @@ pub(super) struct Header {
     pub extra: Map<String, Value>,
 }
 
-/// The value of a key.
 fn take<T: for<'de> Deserialize<'de>>(map: &Map<String, Value>, key: &str) -> Result<T, Refusal> {
     let value = map.get(key).ok_or_else(|| wrong(format!("its header has no `{key}`")))?;
     T::deserialize(value).map_err(|error| wrong(format!("`{key}` in its header: {error}")))
@@ -50,7 +48,6 @@ fn wrong(found: impl Into<String>) -> Refusal {
 }
 
 impl Header {
-    /// Reads the text of a header.
     pub fn parse(text: &str) -> Result<Self, Refusal> {
         // Only spaces may pad the header; JSON would allow other blanks.
         let text = text.trim_end_matches(' ');

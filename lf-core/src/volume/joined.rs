@@ -3,8 +3,8 @@
 use crate::{Error, Result, grid::Grid, history::History, volume::reader::Volume, volume::tile::Tile};
 use std::path::Path;
 
-/// Rising indices of a whole volume, with a value for each. A single file lends its own columns. From
-/// [tiles](crate::volume::tile), the cores are copied; the voxels beyond the cores are dropped.
+/// Rising indices of a whole volume, with a value for each. A single file lends its columns; of
+/// [tiles](crate::volume::tile) the cores are copied.
 pub struct JoinedVolume {
     name: String,
     grid: Grid,
@@ -32,11 +32,10 @@ impl JoinedVolume {
             };
             let mut tiles = vec![(tile, first)];
             while tiles.len() < tiles[0].0.of {
-                let (of, first) = (tiles[0].0.of, tiles[0].1.name());
-                let Some(path) = paths.next() else {
-                    let found = format!("{} of the {of} tiles of its volume", tiles.len());
-                    return Err(Error::new(first, found, "wanted all of them, one after the other"));
-                };
+                let path = paths.next().ok_or_else(|| {
+                    let found = format!("{} of the {} tiles of its volume", tiles.len(), tiles[0].0.of);
+                    Error::new(tiles[0].1.name(), found, "wanted all of them, one after the other")
+                })?;
                 let next = Volume::open(path)?;
                 let tile = alike(&tiles, &next)?;
                 tiles.push((tile, next));
@@ -46,7 +45,6 @@ impl JoinedVolume {
         Ok(wholes)
     }
 
-    /// A volume from one file.
     fn of_file(volume: Volume, column: &'static str) -> Result<Self> {
         volume.require(column)?;
         let (name, grid, history) = (volume.name().to_owned(), volume.grid().clone(), volume.history().clone());

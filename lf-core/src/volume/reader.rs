@@ -3,7 +3,7 @@
 use super::format::{Places, first_not_finite, first_not_rising};
 use super::header::{Header, header_text};
 use crate::io::{self, Bytes};
-use crate::{Error, Refusal, Result, grid::Grid, history::History};
+use crate::{Error, Grid, History, Refusal, Result};
 use serde_json::{Map, Value};
 use std::ops::Range;
 use std::path::Path;
@@ -44,21 +44,9 @@ impl Volume {
         let columns = columns.into_iter().enumerate().map(|(i, column)| (column, range(i))).collect();
         check_sum(&bytes[header_end..], checksum)?;
         let volume = Self { bytes, name: name.to_owned(), grid, history, extra, indices, columns };
-        volume.check_gaps()?;
         volume.check_indices()?;
-        volume.check_values()?;
+        volume.check_columns()?;
         Ok(volume)
-    }
-
-    fn check_gaps(&self) -> std::result::Result<(), Refusal> {
-        let mut end = self.indices.end;
-        for (column, range) in &self.columns {
-            let is_zero = self.bytes[end..range.start].iter().all(|&byte| byte == 0);
-            let found = || format!("bytes before column `{column}` are not zero");
-            Refusal::unless(is_zero, found, "wanted zeros up to the column")?;
-            end = range.end;
-        }
-        Ok(())
     }
 
     fn check_indices(&self) -> std::result::Result<(), Refusal> {
@@ -72,8 +60,13 @@ impl Volume {
         Refusal::unless(last < limit, || format!("index {last} outside the grid"), wanted)
     }
 
-    fn check_values(&self) -> std::result::Result<(), Refusal> {
-        for (i, (name, _)) in self.columns.iter().enumerate() {
+    fn check_columns(&self) -> std::result::Result<(), Refusal> {
+        let mut end = self.indices.end;
+        for (i, (name, range)) in self.columns.iter().enumerate() {
+            let is_zero = self.bytes[end..range.start].iter().all(|&byte| byte == 0);
+            let found = || format!("bytes before column `{name}` are not zero");
+            Refusal::unless(is_zero, found, "wanted zeros up to the column")?;
+            end = range.end;
             let values = self.column_at(i);
             if let Some(at) = first_not_finite(values) {
                 let found = format!("column `{name}` has {} at index {at}", values[at]);
