@@ -45,8 +45,7 @@ impl Grid {
             })
     }
 
-    /// The grid of `round(extent / spacing)` voxels an axis, centred in `bounds_mm` = `[[x0, x1], [y0, y1], [z0, z1]]`.
-    /// Refuses an axis without a voxel.
+    /// A grid of `round(extent / spacing)` voxels an axis, 1 or more, centred in `bounds_mm`, the ends of each axis.
     pub fn in_bounds(bounds_mm: [[f64; 2]; 3], spacing_mm: [f64; 3]) -> Result<Self, Refusal> {
         let mut shape = [0; 3];
         let mut origin_mm = [0.0; 3];

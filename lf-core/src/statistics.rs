@@ -28,8 +28,7 @@ pub fn ranked<T: Ordered>(values: &mut [T], rank: usize) -> Option<T> {
     (rank < values.len()).then(|| *values.select_nth_unstable_by(rank, T::order).1)
 }
 
-/// The upper median, always one of the values: for an even count, the larger of the two in the middle. None without
-/// values. Linear time; reorders `values`.
+/// The upper median: the larger middle value of an even count. None without values. Linear time; reorders `values`.
 pub fn upper_median<T: Ordered>(values: &mut [T]) -> Option<T> {
     ranked(values, values.len() / 2)
 }

@@ -88,8 +88,7 @@ impl Camera {
         self.misalignment().is_none().then_some(aligned)
     }
 
-    /// Why rows and columns of lenslets do not follow the pixels, in words. None if the lattice is square, moves no
-    /// lenslet by more than [`ALIGNED_PX`] by its rotation, and nothing bends its columns.
+    /// Why lenslets do not follow the pixels: a hexagonal lattice, a turn beyond [`ALIGNED_PX`], or bent columns.
     pub fn misalignment(&self) -> Option<String> {
         if let Some(block) = self.bends().or(self.centres.is_some().then_some("centres")) {
             return Some(format!("the camera has '{block}'"));

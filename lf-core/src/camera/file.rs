@@ -64,9 +64,8 @@ fn finite(key: &str, values: &[f64]) -> Result<(), Refusal> {
 }
 
 impl Camera {
-    /// Checks that every number can be used. Refuses lengths that are not positive, numbers that are not finite, more
-    /// than 2^20 px a side, lenslets smaller than a pixel, a tilt that brings the sensor to the array, a medium that
-    /// leaves no air before the lens, and microlenses as long as half the image distance.
+    /// Refuses numbers that are not finite or have the wrong sign, more than 2^20 px a side, lenslets below a pixel, a
+    /// tilt that brings the sensor to the array, no air before the lens, and microlenses of half the image distance.
     pub fn check(&self) -> Result<(), Refusal> {
         positive("sensor.pixel_pitch_mm", self.sensor.pixel_pitch_mm)?;
         positive("main_lens.focal_length_mm", self.main_lens.focal_length_mm)?;

@@ -55,8 +55,7 @@ pub(super) fn answer(tool: &str, error: &clap::Error, command: &clap::Command, t
     }
 }
 
-/// The option and the negative number after it, if the option takes no negative number: clap reports the number as an
-/// unknown option.
+/// The option and the negative number that it does not take: clap reports the number as an unknown option.
 fn negative(error: &clap::Error, command: &clap::Command, typed: &[OsString]) -> Option<(String, String)> {
     use clap::error::{ContextKind, ContextValue};
     let ContextValue::String(found) = error.get(ContextKind::InvalidArg)? else { return None };

@@ -1,5 +1,4 @@
-//! `--generate`: man pages and shell completions, made from the texts of `--help`. The option is hidden, since only
-//! packagers need it, through `scripts/man`.
+//! `--generate`: man pages and shell completions from the texts of `--help`. Hidden, since only `scripts/man` needs it.
 
 use crate::{Error, Result};
 use clap::Command;

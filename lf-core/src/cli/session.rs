@@ -50,8 +50,7 @@ impl Session {
         }
     }
 
-    /// Runs `work` as a named phase. Its seconds go to `--stats`; phases of the same name are added up. A phase inside
-    /// another counts in both.
+    /// Runs `work` as a named phase of `--stats`. Phases of one name add up; a phase inside another counts in both.
     pub fn phase<T>(&mut self, name: &str, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         let place = self.phases.iter().position(|(known, _)| known == name).unwrap_or_else(|| {
             self.phases.push((name.to_owned(), 0.0));

@@ -1,12 +1,10 @@
-//! Values of options: lists of numbers such as `2,2,10`, and `--preset`, whose three sets of defaults were measured
-//! together and have the same names in every tool.
+//! Values of options: lists of numbers, and `--preset`, the same three sets of measured defaults in every tool.
 
 use super::session::Session;
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-/// Reads `N` finite numbers between commas; a value parser for clap. The error says what was wanted; clap adds the
-/// option and what was found.
+/// Reads `N` finite numbers between commas; a value parser for clap, which adds the option to the error.
 pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let values: Vec<f64> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
     let whole = text.split(',').count() == values.len();

@@ -73,9 +73,8 @@ impl Flows {
         flows.iter().try_for_each(Flow::check)
     }
 
-    /// The velocity field in a volume; reads the files of sampled fields. `pixel_mm` is the side of a pixel at the
-    /// focal plane, `scene` stands for the scene in messages. Refuses a sampled field with gaps, and a flow that needs
-    /// more than [`MOST_STEPS`].
+    /// The velocity field in a volume; `pixel_mm` is the side of a pixel at the focal plane, `scene` names the scene in
+    /// messages. Refuses a sampled field with gaps, and a flow that needs more than [`MOST_STEPS`].
     pub fn open(&self, bounds_mm: [[f64; 2]; 3], pixel_mm: f64, scene: &str) -> crate::Result<Velocity> {
         let open = |path: &Path| Sampled::new(&Field::open(path)?).map_err(|refusal| refusal.about(io::name(path)));
         let sampled: crate::Result<Vec<Sampled>> = self.sampled().into_iter().map(open).collect();

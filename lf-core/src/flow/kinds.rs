@@ -54,8 +54,7 @@ pub enum Flow {
         /// Displacement per distance, mm per mm.
         rate: f64,
     },
-    /// A vortex ring at rest: a thin circular vortex with the softened kernel 1 / (r^2 + core^2)^(3/2) of Rosenhead
-    /// (1930) and Moore (1972).
+    /// A vortex ring at rest, with the softened kernel 1 / (r^2 + core^2)^(3/2) of Rosenhead (1930) and Moore (1972).
     Ring {
         /// Centre of the ring, mm; the origin if absent.
         #[serde(default)]
@@ -69,8 +68,7 @@ pub enum Flow {
         /// Displacement at the centre, mm.
         displacement_mm: f64,
     },
-    /// A parallel round jet: displacement `displacement / 2 (1 + tanh((diameter / 2 - r) / (2 shear_layer)))` along the
-    /// axis, at distance r from it.
+    /// A round jet: `displacement / 2 (1 + tanh((diameter / 2 - r) / (2 shear_layer)))` at distance r from the axis.
     Jet {
         /// A point of the axis, mm; the origin if absent.
         #[serde(default)]
@@ -84,8 +82,7 @@ pub enum Flow {
         /// Displacement inside the jet, mm.
         displacement_mm: f64,
     },
-    /// Taylor & Green (1937): u = A sin x cos y cos z, v = -A cos x sin y cos z, w = 0, with lengths in units of
-    /// wavelength / (2 pi).
+    /// Taylor & Green (1937): u = A sin x cos y cos z, v = -A cos x sin y cos z, w = 0; lengths in wavelength / (2 pi).
     TaylorGreen {
         /// A point at which u and v are 0 and their gradients largest, mm; the origin if absent.
         #[serde(default)]
@@ -96,7 +93,7 @@ pub enum Flow {
         displacement_mm: f64,
     },
     /// Arnold-Beltrami-Childress: u = A sin z + C cos y, v = B sin x + A cos z, w = C sin y + B cos x, with lengths in
-    /// units of wavelength / (2 pi).
+    /// wavelength / (2 pi).
     Abc {
         /// Origin of the phases, mm; the frame's origin if absent.
         #[serde(default)]
@@ -118,8 +115,7 @@ pub enum Flow {
     },
 }
 
-/// One of the eight oscillating fields of Shi, Ding, New & Soria (2017), section 4. A fields oscillate in u, B fields
-/// in w.
+/// An oscillating field of Shi, Ding, New & Soria (2017), section 4: A fields oscillate in u, B fields in w.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub enum Case {

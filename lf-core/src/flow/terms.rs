@@ -78,10 +78,8 @@ fn linear(gradient: DMat3, centre_mm: [f64; 3]) -> Term {
     Box::new(move |place| gradient * (place - DVec3::from(centre_mm)))
 }
 
-/// Direction of a wave's velocity, and its cycles along each axis for omega = 1.
-///
-/// The paper prints k = 2 pi / (omega L), and sqrt(2) omega L for two axes, where L is sqrt(2) times longer. Its text
-/// counts omega as cycles across the volume, so omega multiplies here.
+/// Direction of a wave's velocity, and its cycles along each axis for omega = 1. The paper prints k = 2 pi / (omega L),
+/// and sqrt(2) omega L for two axes, where L is sqrt(2) times longer; its text counts omega as cycles across the field.
 fn wave(case: Case) -> (DVec3, DVec3) {
     let direction = match case {
         Case::A1 | Case::A2 | Case::A3 | Case::A4 => DVec3::X,
@@ -111,18 +109,16 @@ pub(super) struct Ring {
 impl Ring {
     /// A ring whose velocity at the centre is `displacement` along `axis`.
     pub(super) fn new(centre: DVec3, axis: DVec3, radius: f64, core: f64, displacement: f64) -> Self {
-        // The integrand is periodic and smooth over an angle of core / radius. Once the points are closer than that,
-        // the midpoint rule converges faster than any power of their number. This many give 1e-6 of the field at the
-        // core.
+        // The integrand is smooth over an angle of core / radius. With closer points, the midpoint rule converges
+        // faster than any power of their number. This many give 1e-6 of the field at the core.
         let count = (9.0 * radius / core).ceil().max(16.0) as usize;
         let cosines = (0..count).map(|n| (std::f64::consts::PI * (n as f64 + 0.5) / count as f64).cos());
         Self { centre, axis: axis.normalize(), radius, core, displacement, cosines: cosines.collect() }
     }
 
-    /// Velocity at a place. Let s be the place along the axis and r its distance from the axis, in radii of the ring,
-    /// and e the core in radii. With q = (r^2 + s^2 + 1 + e^2 - 2 r cos t)^(-3/2), the velocity is the mean over t from
-    /// 0 to pi of (1 - r cos t) q along the axis, and of s cos t q away from it, divided by the value (1 + e^2)^(-3/2)
-    /// at the centre.
+    /// Velocity at a place: s along the axis and r from it, in radii of the ring; core e in radii. It is the mean over
+    /// t from 0 to pi of (1 - r cos t) q along the axis and of s cos t q away from it, over its value (1 + e^2)^(-3/2)
+    /// at the centre, where q = (r^2 + s^2 + 1 + e^2 - 2 r cos t)^(-3/2).
     pub(super) fn at(&self, place: DVec3) -> DVec3 {
         let offset = (place - self.centre) / self.radius;
         let s = offset.dot(self.axis);

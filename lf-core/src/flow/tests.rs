@@ -73,8 +73,7 @@ fn uniform_is_uniform_and_flows_add_up() {
     assert!((z - (0.12 + 0.5 * (0.8 + 0.04))).abs() < 1e-12, "{z}");
 }
 
-/// A rotation by 8 eighths closes, and is right-handed: about z, x goes to y. Two steps of half the length leave about
-/// a sixteenth of the error of one.
+/// A rotation by 8 eighths closes; about z, x goes to y. Two half steps leave about a sixteenth of the error of one.
 #[test]
 fn rotation_closes_to_the_fourth_order() {
     let turn = |angle: f64| field(&format!(r#"{{"kind": "rotation", "axis": [0, 0, 3], "angle_rad": {angle}}}"#));
@@ -92,9 +91,8 @@ fn rotation_closes_to_the_fourth_order() {
     assert!(error(1) < 1e-8 && error(2) < error(1) / 14.0, "{} {}", error(1), error(2));
 }
 
-/// On the axis, s radii from the centre, the velocity is displacement ((1 + e^2) / (1 + e^2 + s^2))^(3/2). The field
-/// has no divergence and flows back outside the ring. It equals a fine sum of Biot and Savart's integral also at the
-/// core, where the quadrature is hardest.
+/// On the axis, s radii from the centre, the velocity is displacement ((1 + e^2) / (1 + e^2 + s^2))^(3/2). Without
+/// divergence, flowing back outside, and equal to Biot and Savart's integral also at the core.
 #[test]
 fn a_ring_is_the_integral_of_biot_and_savart() {
     let text = r#"{"kind": "ring", "axis": [0, 2, 0], "radius_mm": 0.8, "core_mm": 0.2, "displacement_mm": 0.1}"#;
@@ -141,8 +139,7 @@ fn a_jet_is_half_as_fast_at_its_edge() {
     assert!((thickness - 0.05).abs() < 1e-3, "{thickness}");
 }
 
-/// Neither has divergence. The vorticity of ABC is its velocity times the wavenumber. At the centre of the Taylor-Green
-/// flow the vorticity is 0 and u grows by A k.
+/// No divergence; ABC's vorticity is its velocity times k; Taylor-Green's is 0 at its centre, where u grows by A k.
 #[test]
 fn textbook_vortices_have_their_properties() {
     let k = std::f64::consts::TAU / 3.0;

@@ -14,8 +14,7 @@ pub fn open(path: &Path) -> Result<Image> {
     from_bytes(&io::open(path)?, &io::name(path))
 }
 
-/// Reads an image from memory as [`open`] does; `name` stands for it in messages. Refuses colour, alpha, several pages
-/// or parts, and other sample types.
+/// Reads from memory as [`open`] does, for a file `name`. Refuses colour, alpha, several pages, other sample types.
 pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
     guarded(|| match Signature::of(bytes) {
         Some(Signature::Exr) => light_field::read(bytes),
@@ -47,9 +46,8 @@ pub(super) fn counts(image: Image, name: &str) -> Result<Image> {
 /// A pixel that counts less than this fraction of its light is blind: the flat field would multiply its noise by 20.
 pub const BLIND: f32 = 0.05;
 
-/// Reads an image of counts ([`open_counts`]), subtracts the background, sets negative results to 0, and divides by the
-/// flat field of `camera`, which was read from `camera_file`. Pixels whose flat field is below [`BLIND`] become NaN:
-/// their light is unknown. Refuses images of another size than the camera's sensor.
+/// Reads counts ([`open_counts`]), subtracts the background, sets negative results to 0, and divides by the flat field
+/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images have the sensor's size.
 pub fn open_frame(path: &Path, background: Option<&Path>, camera: &Camera, camera_file: &Path) -> Result<Image> {
     let mut image = open_counts(path)?;
     let (height, width) = image.pixels.dim();
@@ -76,9 +74,8 @@ fn like(what: &str, file: &Path, frame: &Path, image: &Image) -> Result<Array2<f
     Err(Error::new(io::name(file), format!("{what} of {width} x {height} px"), wanted))
 }
 
-/// Writes an EXR, or a 16-bit TIFF if the name ends in `.tif` or `.tiff`; `-` is an EXR on standard output. A TIFF
-/// holds whole counts, rounded and clipped to 0..=65535 ([`outside_u16`]). Refuses names of other formats, and NaN in
-/// a TIFF.
+/// Writes an EXR, or a 16-bit TIFF for `.tif` and `.tiff`; `-` is an EXR on standard output. A TIFF holds whole counts,
+/// rounded and clipped to 0..=65535 ([`outside_u16`]). Refuses names of other formats, and NaN in a TIFF.
 pub fn save(path: &Path, pixels: &Array2<f32>, history: &History) -> Result<()> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let bytes = match extension.as_str() {

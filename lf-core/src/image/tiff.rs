@@ -90,9 +90,8 @@ fn history(decoder: &mut Decoder<Cursor<&[u8]>>) -> History {
     text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
 }
 
-/// Encodes one page of 16-bit grey in strips without compression, in the byte order of the machine; `steps` is JSON.
-/// Counts are rounded to whole numbers, halves away from zero, and clipped to 0..=65535. Equal input gives equal bytes.
-/// Refuses NaN and more than the 4 GiB of a classic TIFF.
+/// Encodes one page of 16-bit grey, not compressed, in the machine's byte order; `steps` is JSON. Rounds counts, halves
+/// away from zero, and clips them. Equal input gives equal bytes. Refuses NaN and more than 4 GiB (classic TIFF).
 pub(super) fn write(pixels: &Array2<f32>, steps: Option<String>) -> Result<Vec<u8>, Refusal> {
     let (height, width) = pixels.dim();
     has_pixels(width, height)?;

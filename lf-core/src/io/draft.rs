@@ -1,8 +1,7 @@
 //! An output before it is complete.
 //!
-//! If the file system allows it (Linux: O_TMPFILE), the draft has no name, and a killed process leaves nothing behind.
-//! Otherwise (NFS, for example) the draft is a file `.lf-*.part` in the folder of the output, and a killed process
-//! leaves it there.
+//! With O_TMPFILE (Linux) the draft has no name, and a killed process leaves nothing behind. Elsewhere, as on NFS, it
+//! is a file `.lf-*.part` in the folder of the output, which a killed process leaves there.
 
 use std::fs::{File, Permissions};
 use std::io::{self, Seek, SeekFrom};

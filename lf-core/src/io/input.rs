@@ -21,8 +21,7 @@ pub fn open(path: &Path) -> Result<Bytes> {
     Bytes::read(stdin).map_err(refused)
 }
 
-/// Reads a small text file (JSON, CSV). A byte order mark is dropped. Refuses bytes that are not UTF-8 and names known
-/// binary formats.
+/// Reads a small text file in UTF-8 (JSON, CSV). Drops a byte order mark; an error names a known binary format.
 pub fn open_text(path: &Path) -> Result<String> {
     let bytes = open(path)?;
     let text = std::str::from_utf8(&bytes).map_err(|error| {

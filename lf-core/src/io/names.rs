@@ -22,8 +22,7 @@ pub fn output_name(path: &Path) -> String {
     if is_standard(path) { "standard output".into() } else { path.display().to_string() }
 }
 
-/// Whether an output and an input are the same plain file, also under different names; `-` is standard output and
-/// standard input. Devices and pipes are never the same.
+/// Whether an output and an input (`-`: standard streams) are the same plain file. Devices and pipes never are.
 pub fn same_file(output: &Path, input: &Path) -> bool {
     let look = |path: &Path, stream: BorrowedFd| -> Option<(u64, u64)> {
         let found =

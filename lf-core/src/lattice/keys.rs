@@ -15,8 +15,8 @@ pub enum Layout {
 }
 
 /// The perfect lattice of the microlenses. Lenslet (i, j) has its centre at `offset_mm + R(rotation_rad) q`, where q is
-/// `((i + 1/2) p, (j + 1/2) p)` for a square lattice and `((i + (j odd)/2) p, j p sqrt(3)/2)` for a hexagonal one; p is
-/// the pitch, and R turns from x towards y. The lattice has no bounds: the sensor decides which lenslets are seen.
+/// `((i + 1/2) p, (j + 1/2) p)` in a square lattice and `((i + (j odd)/2) p, j p sqrt(3)/2)` in a hexagonal one; p is
+/// the pitch, and R turns from x towards y. The sensor decides which lenslets are seen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Microlenses {
@@ -42,8 +42,7 @@ pub struct Microlenses {
 pub struct Centres {
     /// Scale of the polynomials, mm. Half the sensor's diagonal keeps coefficients as small as the departures.
     pub radius_mm: f64,
-    /// Departure along x, mm: coefficients of q_x, q_y, q_x^2, q_x q_y, q_y^2, q_x^3, q_x^2 q_y ... up to a full
-    /// degree, [`MOST_DEGREE`] at most.
+    /// Departure along x, mm: coefficients of q_x, q_y, q_x^2, q_x q_y, q_y^2, q_x^3 ... up to a full degree.
     pub x_mm: Vec<f64>,
     /// Departure along y, mm: as many coefficients, in the same order.
     pub y_mm: Vec<f64>,

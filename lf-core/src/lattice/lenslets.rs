@@ -4,12 +4,10 @@ use super::keys::{Centres, Layout, Microlenses};
 use glam::{DMat2, DVec2};
 use std::ops::RangeInclusive;
 
-/// Fixed-point steps that take a point back to the perfect lattice. Each multiplies the error by the departure's
-/// gradient, which is some thousandths for real arrays and 0.2 at most.
+/// Fixed-point steps back to the perfect lattice; each reduces the error to some thousandths, a fifth at worst.
 const BACK_STEPS: usize = 3;
 
-/// Centres and cells of the lenslets: the perfect lattice of [`Microlenses`], and the measured departure of [`Centres`]
-/// from it. A cell is the part of the array whose light a lenslet takes.
+/// Centres and cells of the lenslets. A cell is the part of the array whose light a lenslet takes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lattice {
     layout: Layout,
@@ -139,8 +137,7 @@ impl Lattice {
         DVec2::new(self.offset_mm.x + cos * cx - sin * cy, self.offset_mm.y + cos * cy + sin * cx)
     }
 
-    /// Coordinates of a point of the perfect lattice: along a row in pitches, across rows in row pitches. The shift of
-    /// the rows is not taken off.
+    /// Coordinates of a point of the perfect lattice, in pitches and row pitches, with the shift of the rows.
     fn place(&self, point_mm: DVec2) -> DVec2 {
         let q = self.rotation.transpose() * (point_mm - self.offset_mm);
         DVec2::new(q.x / self.pitch_mm, q.y / self.row_pitch_mm())
@@ -152,8 +149,7 @@ impl Lattice {
         rows.flat_map(move |(j, lenslets)| lenslets.map(move |i| (i, j, self.centre_mm(i, j))))
     }
 
-    /// For each row j the range of i whose centres lie in a box of half sides `reach_mm` about a point of the perfect
-    /// lattice. May hold some beyond the box.
+    /// Rows j and ranges of i whose centres lie within `reach_mm` of a point of the perfect lattice, and a few more.
     #[inline]
     pub fn rows_within(
         &self,

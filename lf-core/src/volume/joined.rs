@@ -3,8 +3,7 @@
 use crate::{Error, Result, grid::Grid, history::History, volume::reader::Volume, volume::tile::Tile};
 use std::path::Path;
 
-/// Rising indices of a whole volume, with a value for each. A single file lends its columns; of
-/// [tiles](crate::volume::tile) the cores are copied.
+/// Rising indices of a whole volume, each with its value: the columns of one file, or copies of the tiles' cores.
 pub struct JoinedVolume {
     name: String,
     grid: Grid,
@@ -18,9 +17,8 @@ enum Source {
 }
 
 impl JoinedVolume {
-    /// Opens files as volumes, in their order. A tile and the files after it, as many as the volume has tiles and in
-    /// any order among themselves, make one volume. Only the files of one volume are open at a time. Refuses tiles that
-    /// are missing, given twice, or of different grids.
+    /// Opens files as volumes, in their order; all tiles of a volume stand together, in any order. Only one volume's files
+    /// are open at a time. Refuses tiles that are missing, given twice, or of different grids.
     pub fn open_all<'a>(paths: impl IntoIterator<Item = &'a Path>, column: &'static str) -> Result<Vec<Self>> {
         let mut paths = paths.into_iter();
         let mut wholes = Vec::new();

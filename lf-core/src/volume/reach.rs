@@ -37,9 +37,8 @@ impl<'a> Reach<'a> {
         Self { grid, optics: Optics::new(camera), camera, axis, across_mm }
     }
 
-    /// The least and the greatest place on the sensor, mm, of light from `along_mm` at depth `z_mm` through
-    /// `apertures`, in half widths of the aperture. A pitch is added on each side, since a ray lands within a pitch of
-    /// its lenslet's image centre.
+    /// Least and greatest place on the sensor, mm, of light from `along_mm` at depth `z_mm` through `apertures`, in
+    /// half widths. A ray lands within a pitch of its lenslet's image centre, so a pitch is added on each side.
     fn ends(&self, along_mm: f64, z_mm: f64, apertures: &[DVec2]) -> [f64; 2] {
         let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
         for across_mm in self.across_mm {
@@ -64,8 +63,7 @@ impl<'a> Reach<'a> {
         [low as usize, high as usize]
     }
 
-    /// Voxels at depth `z_mm` whose light can reach these pixels. The lens inverts the image: the place on the sensor
-    /// falls as x rises.
+    /// Voxels at depth `z_mm` whose light can reach these pixels. The lens inverts: the place falls as x rises.
     pub fn voxels(&self, pixels: [usize; 2], z_mm: f64) -> Range<usize> {
         let half = 0.5 * self.optics.sensor_px[self.axis] as f64;
         let edge = |pixel: usize| (pixel as f64 - half) * self.optics.pixel_pitch_mm;

@@ -45,8 +45,7 @@ pub const MOST_TILES: usize = 10_000;
 const USUAL_BEAMS: f64 = 1.25;
 const USUAL_LENSLETS: f64 = 8.0;
 
-/// Number of blocks along x and y: the factors of `of` whose blocks are most nearly square. Of two equal choices, the
-/// one with fewer blocks along x.
+/// Number of blocks along x and y: the factors of `of` with the most nearly square blocks, the fewer along x in a tie.
 fn blocks(grid: &Grid, of: usize) -> [usize; 2] {
     let unevenness = |along_x: usize| {
         let side = |axis: usize, blocks: usize| grid.shape[axis] as f64 * grid.spacing_mm[axis] / blocks as f64;
@@ -61,8 +60,7 @@ fn blocks(grid: &Grid, of: usize) -> [usize; 2] {
     [along_x, of / along_x]
 }
 
-/// The voxels along x and y, `[from, to)`, of core `index` of `of`. `of` is at most [`MOST_TILES`], and no block is
-/// smaller than a voxel.
+/// The voxels along x and y, `[from, to)`, of core `index` of `of` (at most [`MOST_TILES`], a voxel or more each).
 pub fn core(grid: &Grid, index: usize, of: usize) -> std::result::Result<[[usize; 2]; 2], Refusal> {
     let wanted = format!("wanted 1/n to n/n, n at most {MOST_TILES}");
     Refusal::unless((1..=of).contains(&index) && of <= MOST_TILES, || format!("{index}/{of}"), wanted)?;
@@ -98,11 +96,9 @@ impl Tile {
         Ok(Self { index, of, halo_mm, core_vox, pixels })
     }
 
-    /// A halo that is wide enough for 20 sweeps of lf-mart's default method, mm at the focal plane: 1.25 times the
-    /// widest beam, plus the eight lenslets within which lf-mart looks for the strongest voxel.
-    ///
-    /// The error at the edge of a core, relative to the brightest voxel, is then below 1e-4. It is below 1e-3 with one
-    /// beam width, and below 6e-3 with half of it (scene `demo` in four tiles).
+    /// A halo for 20 sweeps of lf-mart's default method, mm at the focal plane: 1.25 times the widest beam, plus the
+    /// eight lenslets within which lf-mart looks for the strongest voxel. The error at a core's edge, over the brightest
+    /// voxel, is then below 1e-4; below 1e-3 with one beam width, below 6e-3 with half (scene `demo` in four tiles).
     pub fn usual_halo_mm(camera: &Camera, grid: &Grid) -> f64 {
         let optics = Optics::new(camera);
         let ends = [0, grid.shape[2] - 1].map(|z| grid.centre_mm(2, z));

@@ -20,8 +20,7 @@ pub fn write(
     write_with(out, grid, indices, columns, history, &Map::new())
 }
 
-/// Writes as [`write()`] does, with further header keys, such as the [`extra`](super::Volume::extra) keys of another
-/// file. Panics also if a key belongs to the format itself.
+/// Writes as [`write()`] does, with header keys beyond the format's own, such as [`extra`](super::Volume::extra).
 pub fn write_with(
     out: &mut dyn Write,
     grid: &Grid,
