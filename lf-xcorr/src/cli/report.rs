@@ -12,9 +12,8 @@ pub fn tell(outcome: &Outcome, options: &Options, session: &mut Session) {
             session.explain(repeat_line(number + 1, again + 1, repeat));
         }
     }
-    if let Some(pass) = outcome.passes.last() {
-        session.explain(end_line(pass, options));
-    }
+    let Some(last) = outcome.passes.last() else { return };
+    session.explain(end_line(last, options));
     let flags = &outcome.field.flag;
     let count = |flag: f32| flags.iter().filter(|&&other| other == flag).count();
     let (measured, replaced) = (count(MEASURED), count(REPLACED));
@@ -23,11 +22,8 @@ pub fn tell(outcome: &Outcome, options: &Options, session: &mut Session) {
     }
     let counts =
         [("vectors", flags.len()), ("measured", measured), ("replaced", replaced), ("no_data", count(NO_DATA))];
-    counts.into_iter().for_each(|(name, count)| session.count(name, count));
-    if let Some(pass) = outcome.passes.last() {
-        let counts = [("lit_voxels_a", pass.lit[0]), ("lit_voxels_b", pass.lit[1]), ("repeats", pass.repeats.len())];
-        counts.into_iter().for_each(|(name, count)| session.count(name, count));
-    }
+    let of_last = [("lit_voxels_a", last.lit[0]), ("lit_voxels_b", last.lit[1]), ("repeats", last.repeats.len())];
+    counts.into_iter().chain(of_last).for_each(|(name, count)| session.count(name, count));
 }
 
 /// Why the last pass was not repeated once more.

@@ -1,16 +1,14 @@
 //! The time that a pass would take by direct sums and by Fourier transforms.
 //!
 //! Promise: one look at every lit voxel and a table of cells. If the light is spread evenly, the ratio of the two times
-//! is within a factor of 2 of the measured one. Departure: every window is taken to be searched about the same shift.
-//! The direct sums take longer where neighbours differ, because a cell is summed over all shifts that its windows ask
-//! for.
+//! is within a factor of 2 of the measured one. Departure: every window is taken to be searched about the same shift;
+//! where neighbours differ, direct sums take longer, because a cell is summed over all shifts of its windows.
 
 use super::window_grid::{WindowAxis, WindowGrid};
 use super::{kernel::lanes_for, light::Light, transform::Transforms};
 use crate::volumes::Rows;
 
-/// The light of a pair in the cells of a window grid, from which the time of a pass is estimated. Seconds are of one
-/// core.
+/// Estimates the time of a pass from the light of a pair in the cells of a window grid. Seconds are of one core.
 pub(crate) struct Estimate<'a> {
     light: [Light; 2],
     shape: [usize; 3],
@@ -40,13 +38,10 @@ impl<'a> Estimate<'a> {
         let inside: f64 = (0..3).map(|axis| share_inside(self.shape[axis], radius[axis])).product();
         let mut steps = [0.0; 7];
         let [x, y, z] = &self.windows.axes;
-        let cells = z.cells.iter().flat_map(|cz| y.cells.iter().map(move |cy| (cy, cz)));
-        let cells = cells.flat_map(|(cy, cz)| x.cells.iter().map(move |cx| [cx, cy, cz]));
-        for (place, cell) in cells.enumerate() {
-            let cell = cell.map(|range| range.len() as f64);
+        for place in 0..self.windows.cell_count() {
+            let cell = self.windows.cell(place).map(|range| range.len() as f64);
             let [here, there] = [0, 1].map(|volume| self.light[volume].of_cell(place, cell));
-            // Products: the rows of the first volume that light may come from, with the rows of the second that they
-            // meet.
+            // Products: the rows of the first volume that send light, with the rows of the second that they meet.
             let reach = [0, 1, 2].map(|axis| cell[axis] + r[axis]);
             let pairs = inside * (n[1] * n[2]) as f64 * cell[1] * cell[2] * there.lit(reach[0] + 2.0 * r[0]);
             steps[0] += pairs * here.density * reach[0] * lanes * vectors;
@@ -112,8 +107,7 @@ fn lanes(n: usize) -> [f64; 2] {
     [lanes as f64, n.div_ceil(lanes) as f64]
 }
 
-/// Fraction of the pairs of voxels along an axis of `length` voxels that are inside it, over all shifts within
-/// `radius`.
+/// Fraction of the pairs of voxels along an axis that are inside its `length`, over all shifts within `radius`.
 fn share_inside(length: usize, radius: usize) -> f64 {
     let pairs = |d: usize| length.saturating_sub(d) as f64;
     (pairs(0) + 2.0 * (1..radius + 1).map(pairs).sum::<f64>()) / ((2 * radius + 1) * length) as f64

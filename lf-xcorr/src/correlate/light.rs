@@ -3,13 +3,10 @@
 use super::window_grid::WindowGrid;
 use crate::volumes::Rows;
 
-/// Lit voxels and lit rows of every cell, x fastest.
+/// Number of lit voxels and of lit rows of every cell, x fastest, and all cells together.
 pub(crate) struct Light {
-    /// Lit voxels of each cell.
     pub voxels: Vec<u32>,
-    /// Rows of each cell that hold light.
     pub rows: Vec<u32>,
-    /// All cells together.
     pub total: Spread,
 }
 

@@ -32,17 +32,13 @@ impl WindowAxis {
         let mut cuts: Vec<usize> = starts.iter().flat_map(|&start| [start, start + window]).collect();
         cuts.sort_unstable();
         cuts.dedup();
-        let is_used =
-            |cell: &Range<usize>| starts.iter().any(|&start| start <= cell.start && cell.end <= start + window);
+        let is_used = |cell: &Range<usize>| starts.iter().any(|&at| at <= cell.start && cell.end <= at + window);
         let cells: Vec<Range<usize>> = cuts.windows(2).map(|cut| cut[0]..cut[1]).filter(is_used).collect();
         let cell_at = |voxel: usize| cells.partition_point(|cell| cell.start < voxel);
         let spans: Vec<Range<usize>> = starts.iter().map(|&start| cell_at(start)..cell_at(start + window)).collect();
-        let users = (0..cells.len())
-            .map(|cell| {
-                let first = spans.partition_point(|span| span.end <= cell);
-                first..spans.partition_point(|span| span.start <= cell)
-            })
-            .collect();
+        let first = |cell: usize| spans.partition_point(|span| span.end <= cell);
+        let end = |cell: usize| spans.partition_point(|span| span.start <= cell);
+        let users = (0..cells.len()).map(|cell| first(cell)..end(cell)).collect();
         Self { starts, window, step, cells, spans, users }
     }
 
@@ -68,7 +64,6 @@ impl WindowGrid {
         Self { axes: [0, 1, 2].map(|axis| WindowAxis::new(shape[axis], window[axis], step[axis])) }
     }
 
-    /// Windows along x, y, z.
     pub fn shape(&self) -> [usize; 3] {
         self.axes.each_ref().map(WindowAxis::count)
     }
@@ -91,12 +86,28 @@ impl WindowGrid {
         })
     }
 
-    /// Index of a node.
+    pub fn cell_count(&self) -> usize {
+        self.axes.iter().map(|axis| axis.cells.len()).product()
+    }
+
+    /// The voxels of a cell; x counts fastest.
+    pub fn cell(&self, index: usize) -> [&Range<usize>; 3] {
+        let [x, y, z] = self.axes.each_ref().map(|axis| &axis.cells);
+        [&x[index % x.len()], &y[index / x.len() % y.len()], &z[index / x.len() / y.len()]]
+    }
+
+    /// The cells of window `index`.
+    pub fn cells_of(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
+        let [i, j, k] = self.node(index);
+        let [x, y, z] = &self.axes;
+        let rows = z.spans[k].clone().flat_map(move |cz| y.spans[j].clone().map(move |cy| cy + y.cells.len() * cz));
+        rows.flat_map(move |row| x.spans[i].clone().map(move |cx| cx + x.cells.len() * row))
+    }
+
     pub fn index(&self, node: [usize; 3]) -> usize {
         node[0] + self.axes[0].count() * (node[1] + self.axes[1].count() * node[2])
     }
 
-    /// Node of an index.
     pub fn node(&self, index: usize) -> [usize; 3] {
         let [nx, ny, _] = self.shape();
         [index % nx, index / nx % ny, index / nx / ny]

@@ -7,21 +7,18 @@ use crate::volumes::{Mask, Rows, Sparse};
 
 /// Bytes of a lit voxel in [`Rows`]: x and intensity.
 const LIT: f64 = 8.0;
-
 /// Bytes of a lit voxel in the lists that a deformed volume is put together from; they may grow to twice their length.
 const LISTED: f64 = 16.0;
-
 /// Bytes of a lit voxel that is about to be moved: target and intensity.
 const MOVED: f64 = 16.0;
-
 /// Bytes of a voxel lit in either of two matched volumes, while particle images are sought.
 const OVERLAID: f64 = 40.0;
 
 /// Number of voxels lit in either of two matched volumes, over the number lit in one.
 const EITHER: f64 = 1.3;
 
-/// Voxels by which the shifts that a cell's windows ask for reach beyond the search of one window, because each window
-/// has its own prediction. The second entry holds if no deformation takes the predictions out.
+/// Voxels by which the shifts of a cell's windows reach beyond the search of one window, because each has its own
+/// prediction. The second entry holds if no deformation takes the predictions out.
 const HULL: [usize; 2] = [1, 2];
 
 /// Bytes of a cell: the particle images in it.
@@ -68,8 +65,7 @@ fn pass_bytes(options: &Options, number: usize, shape: [usize; 3], pairs: usize)
         Route::Transform => false,
     };
     let sums = if is_direct { shared_sums::bytes(&windows, radius, pairs) } else { 0.0 };
-    let cells: usize = windows.axes.iter().map(|axis| axis.cells.len()).product();
-    sums + transform_bytes(&binned.pass) + WINDOW * windows.count() as f64 + CELL * cells as f64
+    sums + transform_bytes(&binned.pass) + WINDOW * windows.count() as f64 + CELL * windows.cell_count() as f64
 }
 
 /// Bytes of the transforms of one window, for all threads.

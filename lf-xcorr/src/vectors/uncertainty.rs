@@ -2,21 +2,20 @@
 //!
 //! Method, after B. Wieneke, "PIV uncertainty quantification from correlation statistics", Meas. Sci. Technol. 26
 //! (2015): once the two volumes lie on each other, the correlation at one voxel to the left equals that at one voxel to
-//! the right, and every voxel adds its own disagreement to their difference. The variance of the difference is the sum
-//! of the variances of its parts, and the shape of the peak turns it into a displacement.
+//! the right, and every voxel adds its own disagreement to their difference. The variances of the parts add up, and the
+//! shape of the peak turns their sum into a displacement.
 //!
 //! Equation, along each axis, for a part of the window: `g = ((C+ - C-) / C - (A+ - A-) / 2A - (B+ - B-) / 2B) / 2`.
 //! This is the part's contribution to the slope of the logarithm of the score; C, A and B are the sums of products and
 //! squares of the whole window. The displacement that the part asks for is the peak's covariance times g.
 //!
-//! Departure: the parts are particle images, as far as they are inside the window. The author takes pixels and finds a
-//! correlation length from them. A light-field particle is long, bright and rare: its voxels disagree together, and a
-//! window holds ten particles. The variance of the window's mean over particle images is n / (n - 1) times the sum of
-//! squares about the mean. n is the effective number, (sum of shares)^2 / sum of squared shares. Repeats make it grow
-//! ([`super::response`]).
+//! Departure: the parts are particle images inside the window. The author takes pixels and finds a correlation length
+//! from them. A light-field particle is long, bright and rare: its voxels disagree together, and a window holds ten
+//! particles. The variance of the window's mean is n / (n - 1) times the sum of squares about the mean, with the
+//! effective number n = (sum of shares)^2 / sum of squared shares. Repeats make it grow ([`super::response`]).
 //!
-//! Two things that no scatter shows are added to the scatter, in squares: the part of the field that the windows are
-//! too large to resolve, and a floor.
+//! Two things that no scatter shows are added in squares: the part of the field that the windows are too large to
+//! resolve, and a floor.
 
 use super::particle_images::{ParticleImages, Voxel};
 use super::{response::Noise, vector::Vector};
@@ -35,8 +34,6 @@ const FLOOR_VOX: f64 = 0.001;
 /// Constant: fewer effective particle images than this have no spread to speak of.
 const FEWEST: f64 = 1.5;
 
-/// The uncertainty of a vector.
-#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Uncertainty {
     /// Standard uncertainty, voxels. NaN if hardly more than one particle image matters, and along an axis on which the
     /// correlation has no peak.
@@ -60,26 +57,14 @@ pub(crate) struct Measured<'a> {
 }
 
 impl Measured<'_> {
-    /// The uncertainty of every vector, from the pairs of volumes laid on each other.
+    /// The uncertainty of every vector; `matched` are the pairs laid on each other.
     pub fn uncertainties(&self, matched: &[[Rows; 2]]) -> Vec<Uncertainty> {
         let cells = images_of_cells(matched, self.windows);
-        let [x, y, z] = &self.windows.axes;
-        let (nx, ny) = (x.cells.len(), y.cells.len());
-        (0..self.windows.count())
-            .into_par_iter()
-            .map(|node| {
-                let [i, j, k] = self.windows.node(node);
-                let mut window = Vec::new();
-                for cz in z.spans[k].clone() {
-                    for cy in y.spans[j].clone() {
-                        for cx in x.spans[i].clone() {
-                            window.extend_from_slice(&cells[cx + nx * (cy + ny * cz)]);
-                        }
-                    }
-                }
-                self.of_window(node, &joined(window))
-            })
-            .collect()
+        let of_window = |node: usize| {
+            let images = self.windows.cells_of(node).flat_map(|cell| cells[cell].iter().copied());
+            self.of_window(node, &joined(images.collect()))
+        };
+        (0..self.windows.count()).into_par_iter().map(of_window).collect()
     }
 
     fn of_window(&self, node: usize, images: &[ImageSums]) -> Uncertainty {
@@ -120,17 +105,13 @@ impl Measured<'_> {
 
 /// The particle images in every cell of the window grid, cut at the cell's sides; x fastest.
 fn images_of_cells(matched: &[[Rows; 2]], windows: &WindowGrid) -> Vec<Vec<ImageSums>> {
-    let [x, y, z] = &windows.axes;
-    let (nx, ny) = (x.cells.len(), y.cells.len());
-    let count = nx * ny * z.cells.len();
-    let mut cells: Vec<Vec<ImageSums>> = vec![Vec::new(); count];
+    let mut cells: Vec<Vec<ImageSums>> = vec![Vec::new(); windows.cell_count()];
     let mut first_image = 0u64;
     for (number, pair) in matched.iter().enumerate() {
         let images = ParticleImages::new(pair);
         let in_cell = |cell: usize| {
-            let ranges = [&x.cells[cell % nx], &y.cells[cell / nx % ny], &z.cells[cell / nx / ny]];
             let mut found: Vec<ImageSums> = Vec::new();
-            images.visit(ranges, |voxel| {
+            images.visit(windows.cell(cell), |voxel| {
                 let sums = ImageSums::new(&voxel, number, first_image);
                 match found.iter_mut().rev().find(|other| other.image == sums.image) {
                     Some(same) => same.add(&sums),
@@ -139,19 +120,17 @@ fn images_of_cells(matched: &[[Rows; 2]], windows: &WindowGrid) -> Vec<Vec<Image
             });
             found
         };
-        let found: Vec<Vec<ImageSums>> = (0..count).into_par_iter().map(in_cell).collect();
+        let found: Vec<Vec<ImageSums>> = (0..cells.len()).into_par_iter().map(in_cell).collect();
         cells.iter_mut().zip(found).for_each(|(cell, found)| cell.extend(found));
         first_image += images.count() as u64;
     }
     cells
 }
 
-/// The contribution of a particle image to the sums of a window.
-#[derive(Debug, Clone, Copy, Default)]
+/// The contribution of a particle image to the sums of a window. Pairs and images have numbers.
+#[derive(Clone, Copy, Default)]
 struct ImageSums {
-    /// Number of the pair of volumes.
     pair: usize,
-    /// Number of the particle image.
     image: u64,
     /// 1 if the top of the image is here.
     tops: usize,
@@ -199,17 +178,17 @@ impl ImageSums {
     }
 }
 
+/// The first of the pieces with all others added.
+fn total(pieces: &[ImageSums]) -> ImageSums {
+    let mut total = pieces[0];
+    pieces[1..].iter().for_each(|piece| total.add(piece));
+    total
+}
+
 /// The pieces of each particle image put together, in the order of the images.
 fn joined(mut pieces: Vec<ImageSums>) -> Vec<ImageSums> {
     pieces.sort_by_key(|piece| piece.image);
-    pieces.dedup_by(|next, kept| {
-        let is_same = next.image == kept.image;
-        if is_same {
-            kept.add(next);
-        }
-        is_same
-    });
-    pieces
+    pieces.chunk_by(|a, b| a.image == b.image).map(total).collect()
 }
 
 /// The correlation peak of a window, and the sums that turn a disagreement into a displacement.
