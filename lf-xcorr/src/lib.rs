@@ -9,8 +9,8 @@
 //! ```
 //!
 //! Each pass lays interrogation windows over the volume, sums the products of the two volumes over every trial shift,
-//! and fits the peak of the normalised correlation. Its validated vectors predict the shift for the next, finer pass.
-//! The last pass is repeated on volumes deformed by the known field, until the vectors stand still.
+//! and fits the peak of the normalised correlation. Its vectors predict the shift for the next, finer pass. The last
+//! pass is repeated on volumes deformed by the known field, until the vectors stand still.
 //!
 //! - Only lit voxels are worked on, and only once: windows that overlap share the sums of their common cells (a sparse
 //!   direct correlation after Discetti & Astarita, Exp. Fluids 53, 2012; 64 windows share a cell at 75 % overlap).

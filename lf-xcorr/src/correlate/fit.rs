@@ -6,13 +6,12 @@
 
 use glam::DVec3;
 
-/// Constant: an axis is fitted over two shifts each way, not one, if the score two shifts off on both sides is still
-/// above this fraction of the peak. Particles long along z have a broad peak, whose nearest neighbours differ by less
-/// than noise.
+/// Constant: an axis is fitted over two shifts each way, not one, if the score two shifts off on both sides is above
+/// this fraction of the peak. Particles long along z have a broad peak, whose neighbours differ by less than noise.
 const BROAD: f64 = 0.6;
 
 /// A Gaussian through a correlation peak.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug)]
 pub(crate) struct GaussianFit {
     /// Place of the top from the whole shift, voxels.
     pub offset: DVec3,
@@ -26,9 +25,8 @@ pub(crate) struct GaussianFit {
 ///
 /// Method: a least-squares quadratic through the logarithms, weighted by the square of the score, because the error of
 /// a logarithm is the error of the score over the score. The offset is within one voxel of `at` on each axis. If the
-/// neighbours do not form a peak, the fit falls back to three points per axis.
-///
-/// Promise: a score that is the same at +d and -d gives an offset of exactly zero.
+/// neighbours do not form a peak, the fit falls back to three points per axis. Promise: a score that is the same at +d
+/// and -d gives an offset of exactly zero.
 pub(crate) fn gaussian(score: &[f64], n: [usize; 3], at: [usize; 3]) -> GaussianFit {
     let get = |d: [i32; 3]| {
         let is_inside = (0..3).all(|a| at[a] as i32 + d[a] >= 0 && at[a] as i32 + d[a] < n[a] as i32);
@@ -45,7 +43,6 @@ pub(crate) fn gaussian(score: &[f64], n: [usize; 3], at: [usize; 3]) -> Gaussian
     GaussianFit { offset: offset.into(), height: top * gain.exp(), covariance }
 }
 
-/// `d` along one axis.
 fn along(axis: usize, d: i32) -> [i32; 3] {
     std::array::from_fn(|a| if a == axis { d } else { 0 })
 }

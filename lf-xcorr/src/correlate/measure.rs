@@ -17,8 +17,7 @@ pub(crate) enum Summation {
     Transform(Transforms),
 }
 
-/// Finds the peak of every node that has a box of shifts to search; other nodes get `None`. The score is summed over
-/// all `pairs`. Calls `watch(1)` after every window.
+/// Finds the peak of every node that has a box of shifts to search, in the score summed over all `pairs`.
 ///
 /// In a dark volume the outside counts as dark, so that a shift by whole voxels stays exact. In a volume that
 /// `is_full`, with light everywhere, that would be an edge that both windows share; there the outside does not count.

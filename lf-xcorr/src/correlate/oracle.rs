@@ -1,6 +1,7 @@
 //! References for tests: sums by their definition, and volumes lit at random.
 
-use super::{shifts::Shifts, sums::Sums};
+use super::shifts::Shifts;
+use super::sums::{Sums, channel};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use std::ops::Range;
@@ -37,6 +38,17 @@ pub(crate) fn sums(
         }
     }
     sums
+}
+
+/// Asserts that sums agree within `tolerance` of the largest sum of their channel.
+pub(crate) fn assert_close(found: &Sums, wanted: &Sums, tolerance: impl Fn(f64) -> f64) {
+    for c in 0..channel::COUNT {
+        let [found, wanted] = [found, wanted].map(|sums| sums.channel(c));
+        let tolerance = tolerance(wanted.iter().fold(0.0, |largest: f64, &sum| largest.max(sum)));
+        for (k, (found, wanted)) in found.iter().zip(wanted).enumerate() {
+            assert!((found - wanted).abs() <= tolerance, "channel {c} shift {k}: {found} for {wanted}");
+        }
+    }
 }
 
 /// A dense volume with a fraction `lit` of its voxels lit.

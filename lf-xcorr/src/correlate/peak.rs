@@ -9,11 +9,10 @@ use glam::DVec3;
 /// The measurement of a window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Peak {
-    /// One of the volumes has no light: there is nothing to correlate.
+    /// One of the volumes has no light.
     Dark,
-    /// The score is highest at the edge of the search, or nowhere above zero: there is no peak inside.
+    /// The score is highest at the edge of the search, or nowhere above zero.
     Outside,
-    /// A peak inside the search.
     Inside(PeakFit),
 }
 
@@ -57,12 +56,8 @@ pub(crate) fn find(pairs: &[Sums], paired: &PairedVoxels) -> Peak {
     let second = second(&score, &shifts, best);
     let ratio = if second * RATIO_LIMIT > score[best] { score[best] / second } else { RATIO_LIMIT };
     let whole = DVec3::from_array([0, 1, 2].map(|axis| (shifts.low[axis] + at[axis] as i32) as f64));
-    Peak::Inside(PeakFit {
-        shift_vox: whole + offset,
-        height: height.clamp(0.0, 1.0),
-        ratio,
-        covariance_vox2: covariance,
-    })
+    let (shift_vox, height) = (whole + offset, height.clamp(0.0, 1.0));
+    Peak::Inside(PeakFit { shift_vox, height, ratio, covariance_vox2: covariance })
 }
 
 /// The score of the second peak: the highest shift other than `best` that none of its 26 neighbours exceeds. The flank

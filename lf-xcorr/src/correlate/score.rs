@@ -7,9 +7,9 @@ use std::ops::Range;
 /// The locally normalised, zero-mean correlation of a window at every shift.
 ///
 /// Equation: `(S_ab - S_a S_b / n) / sqrt((S_aa - S_a^2 / n) (S_bb - S_b^2 / n))`. It is at most 1, and 1 only if the
-/// two windows are equal up to gain and offset. The sums of each volume run over the voxels that the shift pairs: their
-/// midpoint is in the window and both voxels are inside the volume. `n` is their number; it is the number of voxels of
-/// the window if the outside counts as dark. A window without light, or with even light, scores 0.
+/// two windows are equal up to gain and offset. The sums run over the voxels that the shift pairs: their midpoint is in
+/// the window and both are inside the volume. `n` is their number, or the window's if the outside counts as dark. A
+/// window without light, or with even light, scores 0.
 ///
 /// Reason: normalising with the energy of one fixed window instead lets a particle that is cut by the window's edge
 /// push the peak: 0.1 voxel of bias and 0.26 RMS on particles as long as an eighth of the window.

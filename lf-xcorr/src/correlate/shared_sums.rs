@@ -1,7 +1,5 @@
 //! The sums of every window, from the sums of cells that overlapping windows share (a sparse direct correlation after
-//! Discetti & Astarita, Exp. Fluids 53, 2012).
-//!
-//! Memory: the cells of one layer of windows at a time, never of the whole grid.
+//! Discetti & Astarita, Exp. Fluids 53, 2012). Memory: the cells of one layer of windows at a time.
 
 use super::kernel::{self, Cell};
 use super::shifts::{Shifts, back, on, paired_voxels};
@@ -16,8 +14,7 @@ pub(crate) fn fit(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> boo
     bytes(windows, radius, pairs) <= MOST_BYTES
 }
 
-/// Bytes of the sums of `pairs` pairs, searched within `radius`: the cells of one layer of windows, their columns and
-/// rows.
+/// Bytes of the sums of `pairs` pairs within `radius`: the cells of one layer of windows, their columns and rows.
 pub(crate) fn bytes(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f64 {
     let shifts: f64 = radius.iter().map(|&radius| (2 * radius + 1) as f64).product();
     let [x, y, z] = &windows.axes;
@@ -26,14 +23,13 @@ pub(crate) fn bytes(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f
 }
 
 /// Constant: most memory for direct sums; a pass that needs more is done by transforms. The paper's windows take a
-/// fiftieth of it, and a machine that holds the paper's volumes has it.
+/// fiftieth of it; a machine that holds the paper's volumes has it.
 pub(crate) const MOST_BYTES: f64 = 4e9;
 
 /// Sums of cells, columns or rows in a table, x fastest; `None` if no window needs them.
 type Table = Vec<Option<Sums>>;
 
-/// Calls `each(node, sums)` for every node that has a box of shifts, with the sums of each pair, and returns the
-/// answers in the order of the nodes.
+/// `each(node, sums)` for every node that has a box of shifts, with the sums of each pair.
 pub(crate) fn of_windows<T: Send>(
     pairs: &[[&Rows; 2]],
     windows: &WindowGrid,
@@ -178,26 +174,17 @@ mod tests {
             let [a, b] = [0, 1].map(|_| oracle::volume(&mut random, shape, lit));
             let windows = WindowGrid::new(shape, window, step);
             // Every window has its own prediction, and some are not searched.
-            let search: Vec<Option<Shifts>> = (0..windows.count())
-                .map(|_| {
-                    (random.random::<f64>() < 0.8)
-                        .then(|| Shifts::around([0; 3].map(|_| random.random_range(-3..4)), radius))
-                })
-                .collect();
+            let mut shifts = || {
+                let is_searched = random.random::<f64>() < 0.8;
+                is_searched.then(|| Shifts::around([0; 3].map(|_| random.random_range(-3..4)), radius))
+            };
+            let search: Vec<Option<Shifts>> = (0..windows.count()).map(|_| shifts()).collect();
             let (a_rows, b_rows) = (Rows::of_dense(shape, &a), Rows::of_dense(shape, &b));
             let found = of_windows(&[[&a_rows, &b_rows]], &windows, &search, |_, sums| sums[0].clone());
             for (node, sums) in found.iter().enumerate() {
                 assert_eq!(sums.as_ref().map(|sums| sums.shifts), search[node]);
                 let Some(sums) = sums else { continue };
-                let wanted = oracle([&a, &b], shape, &windows.voxels(node), sums.shifts);
-                for c in 0..channel::COUNT {
-                    for (k, (found, wanted)) in sums.channel(c).iter().zip(wanted.channel(c)).enumerate() {
-                        assert!(
-                            (found - wanted).abs() < 1e-9,
-                            "node {node} channel {c} shift {k}: {found} for {wanted}"
-                        );
-                    }
-                }
+                oracle::assert_close(sums, &oracle([&a, &b], shape, &windows.voxels(node), sums.shifts), |_| 1e-9);
             }
         }
     }

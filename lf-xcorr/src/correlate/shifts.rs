@@ -7,13 +7,13 @@
 
 use std::ops::Range;
 
-/// `d1`, the share of the shift `d` that lies between the voxel of the first volume and the midpoint.
+/// `d1`, from the voxel of the first volume to the midpoint.
 #[inline]
 pub(crate) fn back(d: i32) -> i32 {
     d >> 1
 }
 
-/// `d2`, the share of the shift `d` that lies between the midpoint and the voxel of the second volume.
+/// `d2`, from the midpoint to the voxel of the second volume.
 #[inline]
 pub(crate) fn on(d: i32) -> i32 {
     d - (d >> 1)
@@ -22,9 +22,8 @@ pub(crate) fn on(d: i32) -> i32 {
 /// A box of trial shifts; x fastest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Shifts {
-    /// Lowest shift along each axis.
+    /// Lowest shift, and number of shifts, along each axis.
     pub low: [i32; 3],
-    /// Number of shifts along each axis.
     pub n: [usize; 3],
 }
 

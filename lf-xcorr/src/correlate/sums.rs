@@ -3,8 +3,8 @@
 use super::shifts::Shifts;
 use std::sync::{Mutex, PoisonError};
 
-/// The five sums of a cell or a window: of first x second, of each volume, and of each volume squared. The sums of one
-/// volume run over the voxels that the shift pairs with a voxel inside the other volume.
+/// The five sums of a cell or a window. The sums of one volume run over the voxels that the shift pairs with a voxel
+/// inside the other volume.
 pub(crate) mod channel {
     pub const PRODUCT: usize = 0;
     pub const FIRST: usize = 1;
@@ -104,7 +104,6 @@ impl SumsPool {
         sums
     }
 
-    /// Takes back the buffers of sums that are no longer needed.
     pub fn take_back(&self, sums: impl IntoIterator<Item = Sums>) {
         let free = sums.into_iter().map(|sums| sums.data);
         self.free.lock().unwrap_or_else(PoisonError::into_inner).extend(free);

@@ -1,15 +1,13 @@
 //! The sums of one window at every shift of a box, by Fourier transforms: for volumes full of light.
 //!
 //! Convention: `c` is the centre of the box of shifts, rounded down. The window of the first volume is moved by
-//! `-back(c)`, and every shift `d` pairs its voxel `a` with voxel `a + d` of the second volume. A pair that has one
-//! voxel outside its volume counts as dark in both. At `d = c` these are the pairs of the direct sums, which move both
-//! volumes by half of each shift; at other shifts the sums stand half of `d - c` away. Use them to find a peak, not to
-//! measure it: a vector read off them scatters about twice as much as one read off direct sums, and swapping the
-//! volumes does not quite negate it.
+//! `-back(c)`, and every shift `d` pairs its voxel `a` with voxel `a + d` of the second volume. A pair with one voxel
+//! outside counts as dark in both. At `d = c` these are the pairs of the direct sums; at other shifts the sums stand
+//! half of `d - c` away. Use them to find a peak, not to measure it: a vector read off them scatters about twice as much
+//! as one read off direct sums, and swapping the volumes does not quite negate it.
 //!
 //! Promise: nothing wraps round, because the transforms are as long as window and search together. Products are good to
-//! 1e-12 of the energies. The transforms are one-dimensional, axis by axis; rows known to be dark on the way in, and
-//! rows that nobody reads on the way out, are left out.
+//! 1e-12 of the energies. The transforms go axis by axis, without rows that are dark or that nobody reads.
 
 use super::shifts::{Shifts, back};
 use super::sums::{Sums, channel, zeros};
@@ -21,8 +19,8 @@ use rustfft::{Fft, FftPlanner};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Constant: products below this fraction of the root of the product of both energies are set to 0. Rounding leaves
-/// 1e-13 where no light meets; a larger constant would lose dim particles beside bright ones.
+/// Constant: products below this fraction of the geometric mean of both energies are set to 0. Rounding leaves 1e-13
+/// where no light meets; a larger constant would lose dim particles beside bright ones.
 const ROUNDING: f64 = 1e-12;
 
 /// The transforms for one size of window and of box of shifts. Threads may share it.
@@ -55,7 +53,6 @@ pub(crate) struct Scratch {
 }
 
 impl Transforms {
-    /// Prepares windows of `window` voxels and boxes of `n_shifts` shifts.
     pub fn new(window: [usize; 3], n_shifts: [usize; 3]) -> Self {
         let extent = extent(window, n_shifts);
         let size = [0, 1, 2].map(|axis| smooth_length(extent[axis], if axis == 0 { 2 } else { 1 }));
@@ -116,8 +113,7 @@ impl Transforms {
         PairedVoxels::new(shifts, |axis, d| self.paired(start[axis], axis, shape[axis], d).len() as f64)
     }
 
-    /// The voxels of the first volume along an axis of `length` voxels that the shift `d` pairs, in a window at
-    /// `start`.
+    /// Voxels of the first volume, along an axis of `length` voxels, that the shift `d` pairs in a window at `start`.
     fn paired(&self, start: i32, axis: usize, length: usize, d: i32) -> Range<i32> {
         let length = length as i32;
         let from = start.max(0).max(-d);
@@ -255,7 +251,6 @@ fn smooth_length(least: usize, factor: usize) -> usize {
     (least.div_ceil(factor)..).map(|n| n * factor).find(is_smooth).expect("powers of 2 are endless")
 }
 
-/// Copies as many numbers as there are in the shorter of the two.
 fn copy<'a, T: Copy + 'a>(to: impl Iterator<Item = &'a mut T>, from: impl Iterator<Item = &'a T>) {
     to.zip(from).for_each(|(to, from)| *to = *from);
 }

@@ -2,16 +2,14 @@
 //!
 //! Convention: the field is a displacement at midpoints. Light at `a` of the first volume goes to the `m` with `m = a +
 //! d(m) / 2`, light at `b` of the second to the `m` with `m = b - d(m) / 2`. Midpoints that are masked, or that stand
-//! for a place outside the volume, are cut from both volumes alike: light that is cut from one of them only would pull
-//! the peak.
+//! for a place outside the volume, are cut from both volumes alike: a cut in one of them only would pull the peak.
 //!
 //! Departure: the usual way interpolates, for every target voxel, the light at the place that it comes from. Here each
-//! lit voxel is sent off and spread over the 6 x 6 x 6 voxels around its target with the quintic B-spline. That costs
-//! 216 additions per lit voxel and none per dark one, loses no light, keeps it positive, and moves the first five
-//! moments of every particle image exactly, because the spline reproduces polynomials up to the fifth degree. The
-//! remaining error attracts the peak of particles of 0.75 voxel by less than 0.001 voxel; with the cubic spline it is
-//! 0.007, with straight lines 0.06. Particle images become wider: the spline adds a variance of 1/2 voxel^2 along each
-//! axis.
+//! lit voxel is spread over the 6 x 6 x 6 voxels around its target with the quintic B-spline. That costs 216 additions
+//! per lit voxel and none per dark one, loses no light, keeps it positive, and moves the first five moments of every
+//! particle image exactly, because the spline reproduces polynomials up to the fifth degree. The remaining error
+//! attracts the peak of particles of 0.75 voxel by less than 0.001 voxel; with the cubic spline it is 0.007, with
+//! straight lines 0.06. The spline adds a variance of 1/2 voxel^2 to a particle image along each axis.
 
 use super::predictor::Predictor;
 use crate::volumes::{Mask, Rows, lit};
@@ -19,27 +17,24 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Variance that the spline adds to a particle image along each axis, voxels squared.
+/// Variance that the spline adds along each axis.
 pub(crate) const SPLINE_VARIANCE_VOX2: f64 = 0.5;
 
-/// Voxels that a spline reaches along an axis.
+/// Voxels that a spline reaches along an axis, and those of them before the voxel that holds its centre.
 const REACH: usize = 6;
-
-/// Voxels of the spline before the voxel that holds its centre.
 const BEFORE: usize = 2;
 
-/// The two volumes of a pair at the midpoints of `field` inside `mask`. A moved voxel below the floor of its volume is
-/// dark.
+/// The pair at the midpoints of `field` inside `mask`. A moved voxel below the floor of its volume is dark.
 pub(crate) fn matched(pair: [&Rows; 2], field: &Predictor, mask: &Mask) -> [Rows; 2] {
     let counts = |place: [usize; 3]| counts(place, field, mask, pair[0].shape);
     [moved(pair[0], field, 0.5, &counts), moved(pair[1], field, -0.5, &counts)]
 }
 
-/// Whether the light at a midpoint counts: it is not masked, and both places that it stands for are inside the volume,
-/// with a margin for the light that the spline would have brought from beyond.
+/// Whether the light at a midpoint counts: it is not masked, and both its places are inside the volume, with a margin
+/// for the light that the spline would have brought from beyond.
 fn counts(place: [usize; 3], field: &Predictor, mask: &Mask, shape: [usize; 3]) -> bool {
-    // Constant: most of the light that the spline spreads comes from within 1.5 voxels. The margin is 0 where nothing
-    // moves, because there no light is missing, and at most a tenth of the volume, so that a thin one keeps its middle.
+    // Constant: most light comes from within 1.5 voxels. The margin is 0 where nothing moves, because there no light is
+    // missing, and at most a tenth of the volume, so that a thin one keeps its middle.
     const MARGIN_VOX: f64 = 1.5;
     const MARGIN_SHARE: f64 = 0.1;
     let middle = place.map(|place| place as f64);
@@ -68,8 +63,7 @@ fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]
     Rows::from_lists(shape, &lists.collect::<Vec<_>>())
 }
 
-/// Estimate of the lit voxels of a volume once it is deformed, from a few of its slices. Every voxel is moved by half a
-/// voxel, which spreads it the most.
+/// Estimate of a deformed volume's lit voxels, from a few slices. A move by half a voxel spreads light the most.
 pub(crate) fn spread_count(rows: &Rows) -> f64 {
     const SLICES: usize = 9;
     let [nx, ny, nz] = rows.shape;

@@ -6,8 +6,8 @@ use crate::volumes::{Mask, Rows, Sparse};
 use crate::{correlate::Watch, error::Refused, vectors::Measured};
 use lf_core::{Field, Grid};
 
-/// Constant: factor on the smoothing of every pass but the last. Large windows hold many particles: there is less noise
-/// to smooth away, and more of the field to lose.
+/// Constant: factor on the smoothing of every pass but the last. Large windows have less noise to smooth away, and more
+/// of the field to lose.
 const COARSE_SMOOTHING: f64 = 0.5;
 
 /// Correlates pairs inside `mask`, a part of the volume with the grid `part`. Expects input that has been checked.

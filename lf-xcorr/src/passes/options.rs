@@ -8,13 +8,11 @@ use crate::{correlate::shared_sums, vectors::MedianTest};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Deform {
     /// In repeats of a pass. The first time only if the displacement changes by more across a window than the pass
-    /// searches: a search without deformation would not find it. Elsewhere the first time is not misled by errors of
-    /// the pass before.
+    /// searches; otherwise the first time is not misled by errors of the pass before.
     Auto,
     /// Whenever a field is known.
     Always,
-    /// Never: windows are moved by whole voxels, and no pass is repeated. The uncertainties still lay the volumes on
-    /// each other.
+    /// Never: windows move by whole voxels, no pass is repeated. Uncertainties still lay the volumes on each other.
     Never,
 }
 
@@ -55,8 +53,8 @@ impl Options {
     /// reconstruction with haze takes far less work. On reconstructed pairs every floor from 0 to 0.01 gave the same
     /// error to 0.001 voxel; 0.03 begins to cost.
     pub const FLOOR: f32 = 1e-3;
-    /// Constant: search of every pass after the first. The first pass is good to about a voxel (or a bin), the fit
-    /// needs a voxel beyond the peak, and the rest is room for the gradients that a coarse window averages.
+    /// Constant: search of every pass after the first: a voxel (or a bin) for the error of the first pass, one beyond
+    /// the peak for the fit, and the rest for gradients that a coarse window averages.
     pub const REFINE: [usize; 3] = [4, 4, 3];
 
     /// Constant: gradients that can be followed at all are followed in three or four repeats.

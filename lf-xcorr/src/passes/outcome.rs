@@ -14,12 +14,11 @@ pub struct Counts {
     pub outside: usize,
     /// Peaks that failed the median test.
     pub outliers: usize,
-    /// Windows counted in `outside` or `outliers` whose second peak, near their neighbours' displacement, was taken
-    /// instead.
+    /// Windows of `outside` or `outliers` whose second peak, near their neighbours' displacement, was taken.
     pub recovered: usize,
     /// Vectors replaced from their neighbours.
     pub replaced: usize,
-    /// Vectors without data: dark windows, and windows that have nothing to replace them from.
+    /// Dark windows, and windows that have nothing to replace them from.
     pub no_data: usize,
 }
 
@@ -63,9 +62,8 @@ pub struct PassReport {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// Displacement of the second volume against the first, mm, at the windows' centres. The history is left empty.
-    ///
-    /// Convention: a replaced vector has `peak` and `ratio` 0 and no uncertainty, because nothing was measured. A
-    /// vector without data also has u, v, w NaN, so that it cannot pass for a displacement of zero.
+    /// A replaced vector has `peak` and `ratio` 0 and no uncertainty, because nothing was measured. Without data u, v,
+    /// w are NaN too, so that they cannot pass for a displacement of zero.
     pub field: Field,
     /// One report for each pass.
     pub passes: Vec<PassReport>,

@@ -19,7 +19,6 @@ impl Pass {
         ((self.window[axis] as f64 * (1.0 - self.overlap)).round() as usize).max(1)
     }
 
-    /// The windows of the pass in a volume of `shape` voxels.
     pub(crate) fn windows(&self, shape: [usize; 3]) -> WindowGrid {
         WindowGrid::new(shape, self.window, [0, 1, 2].map(|axis| self.step(axis)))
     }
@@ -40,28 +39,21 @@ impl Pass {
         BinnedPass { shape, pass: Self { window, search, ..*self }, bin }
     }
 
-    /// Constant: widest search, in bins, of a pass that bins: every pass but the last. The cost of a pass grows with
-    /// the number of trial shifts, (2 x 8 + 1)^3 at most; the next pass recovers the detail that bins blur. A larger
-    /// number is slower and takes more memory.
+    /// Constant: widest search, in bins, of a pass that bins: every pass but the last. Time and memory grow with the
+    /// number of trial shifts, (2 x 8 + 1)^3 at most; the next pass recovers the detail that bins blur.
     pub const BINNED_SEARCH: usize = 8;
-
     /// Constant: widest search without bins. Bins of two voxels cost an eighth, and the next pass finds what they miss.
     pub const FINE_SEARCH: usize = 5;
 }
 
-/// A pass in bins.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A pass whose lengths are bins, in a volume of `shape` bins of `bin` voxels.
 pub(crate) struct BinnedPass {
-    /// Shape of the volume, bins.
     pub shape: [usize; 3],
-    /// The pass; its lengths are bins.
     pub pass: Pass,
-    /// Size of a bin, voxels.
     pub bin: [usize; 3],
 }
 
 impl BinnedPass {
-    /// The windows of the pass.
     pub fn windows(&self) -> WindowGrid {
         self.pass.windows(self.shape)
     }

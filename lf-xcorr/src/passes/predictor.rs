@@ -16,8 +16,7 @@ pub(crate) struct Predictor {
 }
 
 impl Predictor {
-    /// Fills every hole and smooths over `smoothing` nodes, more widely if there is only noise
-    /// ([`smoothed_by_evidence`]). `None` if no vector was measured.
+    /// Fills holes and smooths over `smoothing` nodes ([`smoothed_by_evidence`]). `None` if no vector was measured.
     pub fn new(
         shape: [usize; 3],
         first_vox: DVec3,
@@ -30,8 +29,8 @@ impl Predictor {
         Some(Self { shape, first_vox, step_vox, vectors, narrow_share })
     }
 
-    /// The change of each component across a window of `window` voxels, along x, y and z together, voxels: the value
-    /// that all but [`Predictor::CALM`] of the nodes stay below.
+    /// The change of each component across a window, along x, y and z together, voxels: all but [`Predictor::CALM`] of
+    /// the nodes stay below it.
     pub fn change_across(&self, window: [usize; 3]) -> [f64; 3] {
         let stride = [1, self.shape[0], self.shape[0] * self.shape[1]];
         std::array::from_fn(|component| {

@@ -2,7 +2,7 @@
 
 use super::{pass::BinnedPass, predictor::Predictor};
 use crate::vectors::{Noise, Vector, filled, noise_ratio, unresolved};
-use crate::{correlate::WindowGrid, volumes::Rows};
+use crate::{correlate::WindowAxis, correlate::WindowGrid, volumes::Rows};
 use glam::DVec3;
 use std::borrow::Cow;
 
@@ -32,7 +32,7 @@ impl<'a> PreparedPass<'a> {
         };
         let pairs: Vec<[Cow<Rows>; 2]> = pairs.iter().map(|pair| pair.each_ref().map(in_bins)).collect();
         let is_full = pairs.iter().flatten().any(|rows| 2 * rows.count() > binned.shape.iter().product());
-        Self { binned, windows: binned.windows(), smoothing_windows, pairs, is_full }
+        Self { windows: binned.windows(), binned, smoothing_windows, pairs, is_full }
     }
 
     /// Bins a volume to the resolution of the pass.
@@ -40,7 +40,7 @@ impl<'a> PreparedPass<'a> {
         if self.binned.bin == [1; 3] { rows } else { rows.binned(self.binned.bin) }
     }
 
-    /// The volumes as they are, not deformed.
+    /// The volumes that are not deformed.
     pub fn plain(&self) -> Volumes<'_> {
         let pairs = self.pairs.iter().map(|pair| pair.each_ref().map(|rows| rows.as_ref())).collect();
         Volumes { pairs, deformed_by: None }
@@ -81,8 +81,8 @@ impl<'a> PreparedPass<'a> {
         Noise::new(&self.windows, self.smoothing(), times)
     }
 
-    /// The part of each vector that the windows are too large to resolve, after the pass was done `times` times,
-    /// voxels. Vectors without data are taken from their neighbours.
+    /// The part of each vector that the windows are too large to resolve after `times` times, voxels. Vectors without
+    /// data are taken from their neighbours.
     pub fn unresolved_vox(&self, vectors: &[Vector], times: usize) -> Vec<DVec3> {
         let known = vectors.iter().map(Vector::shift_vox).collect();
         let filled = filled(self.windows.shape(), known).unwrap_or_else(|| vec![DVec3::ZERO; vectors.len()]);
@@ -91,8 +91,7 @@ impl<'a> PreparedPass<'a> {
 
     /// Standard deviation of the predictor's smoothing, nodes.
     fn smoothing(&self) -> DVec3 {
-        let nodes =
-            self.windows.axes.each_ref().map(|axis| self.smoothing_windows * axis.window as f64 / axis.step as f64);
-        DVec3::from_array(nodes)
+        let nodes = |axis: &WindowAxis| self.smoothing_windows * axis.window as f64 / axis.step as f64;
+        DVec3::from_array(self.windows.axes.each_ref().map(nodes))
     }
 }

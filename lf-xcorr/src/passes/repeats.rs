@@ -59,8 +59,7 @@ impl<'a> Repeats<'a> {
         Ok(())
     }
 
-    /// Does the pass once more. If it finds nothing, or less than the time before, it changes nothing and returns
-    /// false.
+    /// Does the pass once more. If it finds nothing or less than before, it changes nothing and returns false.
     fn repeat(&mut self, watch: Watch) -> bool {
         let pass_vox = self.pass.binned.in_voxels();
         let across = self.change_across(&pass_vox);
@@ -129,8 +128,8 @@ impl<'a> Repeats<'a> {
         self.predictor.as_ref().map_or([0.0; 3], |field| field.change_across(pass.window))
     }
 
-    /// Fraction of the narrow smoothing in the field that the last repeat deformed the volumes by, by node and
-    /// component. It is 1 without deformation, and after deformation by the field of the pass before.
+    /// Fraction of the narrow smoothing in the field of the last deformation, by node and component. It is 1 without
+    /// deformation, and after deformation by the field of the pass before.
     pub fn narrow_share(&self) -> Vec<DVec3> {
         let count = self.pass.windows.count();
         match self.deformed_by.as_ref().map(|field| &field.narrow_share) {

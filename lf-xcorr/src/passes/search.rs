@@ -18,8 +18,7 @@ pub(crate) struct Guide<'a> {
     pub test: &'a MedianTest,
 }
 
-/// Searches every window of `pass`: measures, validates, takes the second peak where the first fails, and replaces the
-/// rest.
+/// Searches every window: measures, validates, takes the second peak where the first fails, replaces the rest.
 pub(crate) fn search(
     pass: &PreparedPass,
     volumes: &Volumes,
@@ -72,7 +71,7 @@ pub(crate) fn search(
     (vectors, counts, choice)
 }
 
-/// The test with the tolerance that the usual width of the peaks asks for along each axis.
+/// The test with the tolerance for the usual width of the peaks along each axis.
 fn scaled(test: &MedianTest, fits: &[Option<PeakFit>]) -> MedianTest {
     let tolerance = |axis: usize| {
         let width = |fit: &PeakFit| fit.covariance_vox2[axis][axis].sqrt();

@@ -62,16 +62,7 @@ fn transforms_give_the_oracles_sums() {
             let shifts = Shifts { low, n: n_shifts };
             let rows = [&a, &b].map(|dense| Rows::of_dense(shape, dense));
             let found = transforms.sums(rows.each_ref(), &window, shifts, &mut scratch);
-            let wanted = oracle([&a, &b], shape, &window, shifts);
-            for c in 0..channel::COUNT {
-                let largest = wanted.channel(c).iter().fold(0.0, |largest: f64, &sum| largest.max(sum));
-                for (k, (found, wanted)) in found.channel(c).iter().zip(wanted.channel(c)).enumerate() {
-                    assert!(
-                        (found - wanted).abs() <= 1e-9 * largest,
-                        "{shape:?} {window:?} {low:?} channel {c} shift {k}: {found} for {wanted}"
-                    );
-                }
-            }
+            oracle::assert_close(&found, &oracle([&a, &b], shape, &window, shifts), |largest| 1e-9 * largest);
         }
     }
 }
