@@ -3,7 +3,6 @@
 use lf_core::{Refusal, scene::WANTED};
 use std::ops::RangeInclusive;
 
-/// The refusal of a scene in which `found` is wrong.
 pub(crate) fn wrong(found: impl Into<String>) -> Refusal {
     Refusal::new(found, WANTED)
 }
@@ -15,8 +14,11 @@ pub(crate) fn positive(key: &str, value: f64) -> Result<(), Refusal> {
 
 /// Refuses a value outside a range.
 pub(crate) fn within(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), Refusal> {
-    if range.contains(&value) {
-        return Ok(());
-    }
-    Err(wrong(format!("{key} is {value}, outside {} to {}", range.start(), range.end())))
+    let (low, high) = (range.start(), range.end());
+    if range.contains(&value) { Ok(()) } else { Err(wrong(format!("{key} is {value}, outside {low} to {high}"))) }
+}
+
+/// Refuses infinity and NaN.
+pub(crate) fn finite(key: &str, value: f64) -> Result<(), Refusal> {
+    if value.is_finite() { Ok(()) } else { Err(wrong(format!("{key} is {value}, not a finite number"))) }
 }

@@ -14,8 +14,7 @@ struct AxisShares {
 }
 
 /// Renders particles as Gaussians of `sigma_vox` voxels, sampled at voxel centres. Each sums to its particle's
-/// intensity. Returns rising indices and intensities. Slices are made in parallel; each adds up the particles in their
-/// order.
+/// intensity. Returns rising indices and intensities. Each voxel adds up the particles in their order.
 pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>, Vec<f32>) {
     let reach = REACH_SIGMA * sigma_vox;
     let shares_along = |axis: usize, particle: &Particle| {
@@ -33,46 +32,23 @@ pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>,
             slices[first + z].push((n, particle.intensity * share));
         }
     }
-    let lit: Vec<(Vec<u64>, Vec<f32>)> = slices
-        .par_iter()
-        .enumerate()
-        .map(|(z, members)| {
-            let mut voxels: Vec<(u64, f32)> = Vec::new();
-            for &(n, light) in members {
-                let (across, down) = (shares_along(0, &particles[n]), shares_along(1, &particles[n]));
-                for (y, wy) in down.shares.iter().enumerate() {
-                    for (x, wx) in across.shares.iter().enumerate() {
-                        let index = grid.index([across.first + x, down.first + y, z]);
-                        voxels.push((index, (light * wx * wy) as f32));
-                    }
+    let lit = slices.par_iter().enumerate().map(|(z, members)| {
+        let mut voxels: Vec<(u64, f32)> = Vec::new();
+        for &(n, light) in members {
+            let (across, down) = (shares_along(0, &particles[n]), shares_along(1, &particles[n]));
+            for (y, wy) in down.shares.iter().enumerate() {
+                for (x, wx) in across.shares.iter().enumerate() {
+                    voxels.push((grid.index([across.first + x, down.first + y, z]), (light * wx * wy) as f32));
                 }
             }
-            merged(voxels)
-        })
-        .collect();
-    let count = lit.iter().map(|(indices, _)| indices.len()).sum();
-    let (mut indices, mut intensity) = (Vec::with_capacity(count), Vec::with_capacity(count));
-    for (slice_indices, slice_intensity) in lit {
-        indices.extend(slice_indices);
-        intensity.extend(slice_intensity);
-    }
-    (indices, intensity)
-}
-
-/// Sums up the values of each voxel in their order. Returns rising indices and sums.
-fn merged(mut voxels: Vec<(u64, f32)>) -> (Vec<u64>, Vec<f32>) {
-    voxels.sort_by_key(|(index, _)| *index);
-    let mut indices: Vec<u64> = Vec::with_capacity(voxels.len());
-    let mut intensity: Vec<f32> = Vec::with_capacity(voxels.len());
-    for (index, value) in voxels {
-        if indices.last() == Some(&index) {
-            *intensity.last_mut().expect("as long as indices") += value;
-        } else {
-            indices.push(index);
-            intensity.push(value);
         }
-    }
-    (indices, intensity)
+        voxels.sort_by_key(|(index, _)| *index);
+        let sums =
+            voxels.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0, run.iter().map(|(_, value)| value).sum::<f32>()));
+        sums.unzip()
+    });
+    let (indices, intensity): (Vec<Vec<u64>>, Vec<Vec<f32>>) = lit.collect::<Vec<_>>().into_iter().unzip();
+    (indices.concat(), intensity.concat())
 }
 
 /// The displacement during `interval` on a lattice of `shape` places whose outermost lie on the bounds; see

@@ -44,24 +44,12 @@ pub enum Task {
     #[command(after_help = "Examples:
   lf-synth scene demo | lf-synth white -o white.exr
   lf-synth scene tank --set sensor_noise.bits=12 | lf-synth white --seed 2 -o white.tif")]
-    White {
-        #[command(flatten)]
-        source: SceneSource,
-        /// White image (EXR, or 16-bit TIFF if the name ends in .tif), - for standard output
-        #[arg(short, long, value_name = "FILE", default_value = "-")]
-        output: PathBuf,
-    },
+    White(ImageArguments),
     /// Render the image that the sensor records without light
     #[command(after_help = "Examples:
   lf-synth scene tank | lf-synth dark -o dark.exr
   lf-synth scene tank --set sensor_noise.dark_counts=100 | lf-synth dark --seed 2 -o dark.tif")]
-    Dark {
-        #[command(flatten)]
-        source: SceneSource,
-        /// Dark image (EXR, or 16-bit TIFF if the name ends in .tif), - for standard output
-        #[arg(short, long, value_name = "FILE", default_value = "-")]
-        output: PathBuf,
-    },
+    Dark(ImageArguments),
     /// Render a target of dots stepped through known depths
     #[command(after_help = "Examples:
   lf-synth scene target | lf-synth dots -o target
@@ -98,7 +86,15 @@ pub struct FramesArguments {
     pub max_memory: f64,
 }
 
-/// The scene, and its seed.
+#[derive(Args)]
+pub struct ImageArguments {
+    #[command(flatten)]
+    pub source: SceneSource,
+    /// Image (EXR, or 16-bit TIFF if the name ends in .tif), - for standard output
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+}
+
 #[derive(Args)]
 pub struct SceneSource {
     /// scene.json, - for standard input
@@ -109,7 +105,6 @@ pub struct SceneSource {
     pub seed: Option<u64>,
 }
 
-/// File format of images.
 #[derive(Clone, Copy, ValueEnum)]
 pub enum ImageFormat {
     /// Float, linear counts
@@ -119,7 +114,6 @@ pub enum ImageFormat {
 }
 
 impl ImageFormat {
-    /// The extension of its files.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Exr => "exr",

@@ -3,12 +3,10 @@
 //! Open `arguments.rs` first.
 
 mod arguments;
-mod dots;
+mod calibration;
 mod frames;
 mod images;
 mod run;
-mod scene;
 mod setup;
-mod white;
 
 pub use run::main;

@@ -1,8 +1,11 @@
 //! From the command line to its task.
 
 use super::arguments::{Arguments, Task};
-use super::{dots, frames, scene, white};
-use lf_core::{Result, Session, Verdict, cli};
+use super::{calibration, frames, images::save_text};
+use lf_core::{Error, Result, Session, Verdict, cli};
+use lf_synth::Scene;
+use lf_synth::scene::ready::{self, READY};
+use std::path::Path;
 use std::process::ExitCode;
 
 pub fn main() -> ExitCode {
@@ -11,11 +14,32 @@ pub fn main() -> ExitCode {
 
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     match &arguments.task {
-        Task::Scene { name, set } => scene::print(name.as_deref(), set),
+        Task::Scene { name, set } => print_scene(name.as_deref(), set),
         Task::Frames(arguments) => frames::render(arguments, session),
-        Task::White { source, output } => white::white(source, output, session),
-        Task::Dark { source, output } => white::dark(source, output, session),
-        Task::Dots { source, output, format } => dots::render(source, output, *format, session),
+        Task::White(arguments) => calibration::white(arguments, session),
+        Task::Dark(arguments) => calibration::dark(arguments, session),
+        Task::Dots { source, output, format } => calibration::dots(source, output, *format, session),
     }?;
     Ok(Verdict::Done)
+}
+
+/// Prints a ready scene with keys set, or a list of all.
+fn print_scene(name: Option<&str>, set: &[String]) -> Result<()> {
+    let text = match name {
+        Some(name) => changed_scene(name, set)?,
+        None => READY.iter().map(|(name, about, _)| format!("{name:16}{about}\n")).collect(),
+    };
+    save_text(Path::new("-"), &text)
+}
+
+fn changed_scene(name: &str, set: &[String]) -> Result<String> {
+    let names = || READY.map(|(name, ..)| name).join(", ");
+    let no_scene = || Error::new(name, "not a ready scene", format!("wanted one of {}", names()));
+    let mut scene = ready::scene(name).ok_or_else(no_scene)?;
+    for assignment in set {
+        ready::set(&mut scene, assignment).map_err(|refusal| refusal.about("--set"))?;
+    }
+    serde_json::from_value::<Scene>(scene.clone())
+        .map_err(|error| Error::new("--set", error.to_string(), "wanted keys and values that a scene.json has"))?;
+    Ok(format!("{}\n", serde_json::to_string_pretty(&scene).expect("a scene is plain data")))
 }

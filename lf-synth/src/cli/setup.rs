@@ -1,16 +1,18 @@
 //! A scene as read from its files.
 
 use super::arguments::SceneSource;
+use super::images::save_text;
 use lf_core::scene::{CameraSource, WANTED};
 use lf_core::{Camera, Error, Result, Session, image, io};
-use lf_synth::Scene;
 use lf_synth::rays::{Instrument, Pattern};
-use lf_synth::scene;
+use lf_synth::scene::{self, Scene};
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
 
 /// A checked scene with its camera, its background image and the files it comes from.
 pub struct Setup {
+    /// Name of the scene's file for messages.
+    pub name: String,
     pub scene: Scene,
     pub camera: Camera,
     pub background: Option<Array2<f32>>,
@@ -37,7 +39,7 @@ impl Setup {
             let shape = (camera.sensor.height, camera.sensor.width);
             let file = scene.sensor_noise.as_ref().and_then(|noise| noise.background.as_deref());
             let background = file.map(|file| background(file, shape)).transpose()?;
-            Ok(Self { scene, camera, background, inputs })
+            Ok(Self { name, scene, camera, background, inputs })
         })
     }
 
@@ -64,12 +66,13 @@ impl Setup {
         Ok(())
     }
 
-    /// The text of the scene as used: with the seed that was typed and the camera in place.
-    pub fn used(&self) -> String {
-        let mut scene = self.scene.clone();
+    /// Writes the camera, and the scene as used: with the seed that was typed and the camera in place.
+    pub fn save(&self, folder: &Path) -> Result<()> {
+        save_text(&folder.join("camera.json"), &self.camera.to_json())?;
         let camera = serde_json::to_value(&self.camera).expect("a camera is plain data");
-        scene.camera = CameraSource::Camera(camera);
-        format!("{}\n", serde_json::to_string_pretty(&scene).expect("a scene is plain data"))
+        let used = Scene { camera: CameraSource::Camera(camera), ..self.scene.clone() };
+        let text = serde_json::to_string_pretty(&used).expect("a scene is plain data");
+        save_text(&folder.join("scene-used.json"), &format!("{text}\n"))
     }
 }
 

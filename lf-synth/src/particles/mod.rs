@@ -2,13 +2,11 @@
 //! Out: the lit particles of each frame.
 //! Open `tracers.rs` first.
 
-mod particle;
 mod seed;
 mod sheet;
 pub mod table;
 mod tracers;
 
-pub use particle::{Particle, inside};
 pub use seed::{Appearance, seed_evenly};
 pub use sheet::{Sheet, SheetProfile};
-pub use tracers::Tracers;
+pub use tracers::{Particle, Tracers, inside};

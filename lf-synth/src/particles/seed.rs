@@ -1,6 +1,6 @@
 //! Seeding: particles spread evenly over the volume, and over what the flow will bring into it.
 
-use super::particle::Particle;
+use super::tracers::Particle;
 use crate::random::stream;
 use glam::DVec3;
 use lf_core::Refusal;
@@ -31,7 +31,6 @@ fn factor(spread: f64, random: &mut Pcg64Mcg) -> f64 {
     (variance.sqrt() * normal - 0.5 * variance).exp()
 }
 
-/// Upper limit of the number of particles.
 const MOST: f64 = 1e8;
 
 /// Places along each side of the lattice that finds where particles come from.
@@ -63,10 +62,7 @@ fn origin_mm(bounds_mm: [[f64; 2]; 3], velocity: &Velocity, times: &[f64]) -> [[
 }
 
 /// Seeds particles evenly at time 0: `count` inside the bounds, and equally dense around them as far as the flow brings
-/// particles in by the last of the times. Ids count from 0.
-///
-/// # Errors
-/// More than 1e8 particles.
+/// particles in by the last of the times. Ids count from 0. Refuses more than 1e8 particles.
 pub fn seed_evenly(
     count: f64,
     bounds_mm: [[f64; 2]; 3],
@@ -96,8 +92,7 @@ pub fn seed_evenly(
 
 #[cfg(test)]
 mod tests {
-    use super::super::particle::inside;
-    use super::super::tracers::carry;
+    use super::super::tracers::{carry, inside};
     use super::*;
     use lf_core::flow::Flows;
 

@@ -1,6 +1,6 @@
 //! The laser sheet that lights the particles.
 
-use crate::key_checks::wrong;
+use crate::key_checks::{finite, positive};
 use lf_core::Refusal;
 use serde::{Deserialize, Serialize};
 
@@ -28,17 +28,9 @@ pub enum SheetProfile {
 }
 
 impl Sheet {
-    /// # Errors
-    /// Names the key that is wrong.
-    pub fn check(&self) -> Result<(), Refusal> {
-        let Self { thickness_mm, centre_mm, .. } = self;
-        if !(thickness_mm.is_finite() && *thickness_mm > 0.0) {
-            return Err(wrong(format!("light.thickness_mm is {thickness_mm}, not a positive length")));
-        }
-        if !centre_mm.is_finite() {
-            return Err(wrong(format!("light.centre_mm is {centre_mm}, not a finite length")));
-        }
-        Ok(())
+    pub(crate) fn check(&self) -> Result<(), Refusal> {
+        positive("light.thickness_mm", self.thickness_mm)?;
+        finite("light.centre_mm", self.centre_mm)
     }
 
     /// Brightness at a depth; 1 in the middle.

@@ -1,6 +1,6 @@
 //! Particles from and to a `particles.csv`; [`lf_core::particles`] defines the format.
 
-use super::particle::Particle;
+use super::tracers::Particle;
 use glam::DVec3;
 use lf_core::Refusal;
 use lf_core::particles::{self, HEADER};
@@ -17,10 +17,7 @@ pub fn to_csv(frames: &[Vec<Particle>]) -> String {
     text
 }
 
-/// The particles of the first frame of a `particles.csv`.
-///
-/// # Errors
-/// Names the line that is wrong.
+/// The particles of the first frame of a `particles.csv`. Refuses a wrong line.
 pub fn first_frame(text: &str) -> Result<Vec<Particle>, Refusal> {
     Ok(lines(text)?.into_iter().filter(|(frame, _)| *frame == 0).map(|(_, particle)| particle).collect())
 }
@@ -28,10 +25,8 @@ pub fn first_frame(text: &str) -> Result<Vec<Particle>, Refusal> {
 /// The end of messages about a wrong table of tracks.
 pub const TRACKS_WANTED: &str = "wanted a particles.csv of every frame";
 
-/// The particles of each frame of a `particles.csv`, in its order.
-///
-/// # Errors
-/// Names the line that is wrong, or the frame that is missing or holds a particle twice.
+/// The particles of each frame of a `particles.csv`, in its order. Refuses a wrong line, and a frame that is missing or
+/// holds a particle twice.
 pub fn tracks(text: &str) -> Result<Vec<Vec<Particle>>, Refusal> {
     let refused = |found: String| Refusal::new(found, TRACKS_WANTED);
     let lines = lines(text)?;

@@ -1,6 +1,6 @@
 //! Diffraction by a lenslet's rim. A sensor at the focal length sees the far field of the lenslet's cell.
 
-use crate::key_checks::wrong;
+use crate::key_checks::within;
 use lf_core::{Camera, Refusal, camera::Layout};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -16,14 +16,8 @@ pub struct Diffraction {
 }
 
 impl Diffraction {
-    /// # Errors
-    /// Names the key that is wrong.
-    pub fn check(&self) -> Result<(), Refusal> {
-        let found = self.wavelength_mm;
-        if found > 1e-5 && found < 0.1 {
-            return Ok(());
-        }
-        Err(wrong(format!("diffraction.wavelength_mm is {found}, outside 0.00001 to 0.1")))
+    pub(crate) fn check(&self) -> Result<(), Refusal> {
+        within("diffraction.wavelength_mm", self.wavelength_mm, 1e-5..=0.1)
     }
 }
 
@@ -31,7 +25,8 @@ impl Diffraction {
 /// cell; the Airy pattern of the disc of equal area for a hexagonal one.
 #[derive(Debug)]
 pub struct Pattern {
-    unit_mm: f64,
+    /// lambda g / p, mm: the distance from the middle to the first dark line of a square lenslet.
+    pub(super) unit_mm: f64,
     deflections_mm: [Vec<f32>; 2],
 }
 
@@ -42,7 +37,6 @@ const REACH: f64 = 16.0;
 /// Steps of the integral for each lambda g / p. Twice as many move no quantile by 1e-4.
 const FINENESS: usize = 128;
 
-/// Number of deflections in the table.
 const LENGTH: usize = 1 << 16;
 
 /// A map from the unit square to the pattern.
@@ -87,19 +81,14 @@ impl Pattern {
         Self { unit_mm, deflections_mm }
     }
 
-    /// lambda g / p, mm: the distance from the middle to the first dark line of a square lenslet.
-    pub fn unit_mm(&self) -> f64 {
-        self.unit_mm
-    }
-
-    /// Place in the table at which a particle's rays begin, at random.
-    pub fn start(&self, random: &mut Pcg64Mcg) -> usize {
+    /// Random place in the table, for a particle's first ray.
+    pub(super) fn start(&self, random: &mut Pcg64Mcg) -> usize {
         random.random_range(0..LENGTH)
     }
 
     /// Deflects rays. The first ray has the number `first`.
     #[inline(always)]
-    pub fn deflect(&self, first: usize, x: &mut [f64], y: &mut [f64]) {
+    pub(super) fn deflect(&self, first: usize, x: &mut [f64], y: &mut [f64]) {
         for i in 0..x.len() {
             let n = (first + i) % LENGTH;
             x[i] += f64::from(self.deflections_mm[0][n]);

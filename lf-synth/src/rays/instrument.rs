@@ -59,7 +59,7 @@ const WHITE: u64 = 0x7768_6974;
 impl Instrument {
     /// The instrument of a checked camera.
     pub fn new(camera: &Camera, second_stop: Option<SecondStop>, diffraction: Option<Pattern>) -> Self {
-        let reach_mm = diffraction.as_ref().map_or(0.0, |pattern| 4.0 * pattern.unit_mm());
+        let reach_mm = diffraction.as_ref().map_or(0.0, |pattern| 4.0 * pattern.unit_mm);
         Self {
             optics: Optics::new(camera),
             aperture: camera.main_lens.aperture.into(),

@@ -5,7 +5,6 @@
 mod diffraction;
 mod glow;
 mod instrument;
-pub mod ray_noise;
 mod render;
 mod samples;
 mod second_stop;
@@ -15,6 +14,6 @@ mod white_cells;
 pub use diffraction::{Diffraction, Pattern};
 pub use glow::{Glow, RayCount};
 pub use instrument::Instrument;
-pub use render::{Rendered, frame, white};
+pub use render::{NOISE_SAMPLE, Rendered, frame, measure_noise, white};
 pub use samples::Shape;
 pub use second_stop::SecondStop;

@@ -8,6 +8,7 @@ use super::samples::{Samples, Shape};
 use super::tally::{self, Tally};
 use super::{glow::Glow, instrument::Instrument, white_cells::WhiteCells};
 use crate::particles::Particle;
+use glam::DVec2;
 use lf_core::{Camera, simd::fastest};
 use ndarray::Array2;
 use rayon::prelude::*;
@@ -91,4 +92,33 @@ fn collect<T: Sync>(
         arrived += tallies.iter().map(Tally::arrived).sum::<f64>();
     }
     (pixels, arrived)
+}
+
+/// Number of particles that [`measure_noise`] renders.
+pub const NOISE_SAMPLE: usize = 200;
+
+/// Renders with different rays that are averaged, to stand for one render with 100 times the rays.
+const RENDERS: u64 = 100;
+
+/// Measures the noise of the ray tracing: root mean square error of the lit pixels, relative to the brightest pixel; 0
+/// without light. Takes the [`NOISE_SAMPLE`] particles nearest in x and y to the middle of all, where they overlap as
+/// in the whole frame.
+pub fn measure_noise(instrument: &Instrument, particles: &[Particle], glow: &Glow, seed: u64) -> f64 {
+    let middle =
+        particles.iter().map(|particle| particle.place_mm.truncate()).sum::<DVec2>() / particles.len().max(1) as f64;
+    let mut near = particles.to_vec();
+    let distance = |particle: &Particle| (particle.place_mm.truncate() - middle).abs().max_element();
+    near.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    near.truncate(NOISE_SAMPLE);
+    let render = |n: u64| frame(instrument, &near, glow, seed ^ (n << 48), |_| ()).pixels;
+    let one = render(0);
+    let mut mean = Array2::<f64>::zeros(one.dim());
+    for n in 1..=RENDERS {
+        mean.zip_mut_with(&render(n), |sum, pixel| *sum += f64::from(*pixel) / RENDERS as f64);
+    }
+    let brightest = mean.iter().copied().fold(0.0, f64::max);
+    let lit = one.iter().zip(&mean).filter(|(_, mean)| **mean > 0.0);
+    let squares = lit.clone().map(|(one, mean)| (f64::from(*one) - mean).powi(2)).sum::<f64>();
+    let count = lit.count();
+    if count == 0 { 0.0 } else { (squares / count as f64).sqrt() / brightest }
 }

@@ -1,6 +1,6 @@
 //! A second stop, which cuts the beam off the axis (cat's-eye vignetting).
 
-use crate::key_checks::wrong;
+use crate::key_checks::{positive, wrong};
 use glam::DVec2;
 use lf_core::{Camera, Optics, Refusal};
 use serde::{Deserialize, Serialize};
@@ -16,13 +16,9 @@ pub struct SecondStop {
 }
 
 impl SecondStop {
-    /// # Errors
-    /// Names the key that is wrong.
-    pub fn check(&self, camera: &Camera) -> Result<(), Refusal> {
+    pub(crate) fn check(&self, camera: &Camera) -> Result<(), Refusal> {
         let Self { distance_mm, diameter_mm } = *self;
-        if !(diameter_mm.is_finite() && diameter_mm > 0.0) {
-            return Err(wrong(format!("second_stop.diameter_mm is {diameter_mm}, not a positive length")));
-        }
+        positive("second_stop.diameter_mm", diameter_mm)?;
         let object_mm = camera.object_distance_mm();
         let air_mm = camera.medium.as_ref().map_or(object_mm, |medium| medium.air_mm(object_mm));
         let image_mm = camera.image_distance_mm();
@@ -35,7 +31,7 @@ impl SecondStop {
 
     /// Whether a ray between `array_mm` on the array and `aperture_mm` in the aperture comes through.
     #[inline(always)]
-    pub fn passes(&self, optics: &Optics, array_mm: DVec2, aperture_mm: DVec2) -> bool {
+    pub(super) fn passes(&self, optics: &Optics, array_mm: DVec2, aperture_mm: DVec2) -> bool {
         let way = if self.distance_mm >= 0.0 {
             -self.distance_mm * optics.slope_from_array(array_mm, aperture_mm)
         } else {

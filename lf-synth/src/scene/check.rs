@@ -4,10 +4,7 @@ use super::keys::{Scene, Truth};
 use crate::key_checks::{positive, within, wrong};
 use lf_core::{Camera, Refusal};
 
-/// Checks a scene with its camera.
-///
-/// # Errors
-/// Names the key that is wrong.
+/// Checks a scene with its camera. Names the key that is wrong.
 pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     if camera.vignetting.is_some() {
         return Err(wrong("camera.vignetting is a measured flat field, which is not rendered; use a key second_stop"));
@@ -47,8 +44,8 @@ fn check_truth(truth: &Truth) -> Result<(), Refusal> {
 
 fn check_particles(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     let p = &scene.particles;
-    let sources = [p.per_lenslet.is_some(), p.count.is_some(), p.csv.is_some()];
-    let sources = sources.iter().filter(|given| **given).count();
+    let sources =
+        [p.per_lenslet.is_some(), p.count.is_some(), p.csv.is_some()].into_iter().filter(|given| *given).count();
     let has_tracks = scene.flow.as_ref().is_some_and(|flow| flow.tracks().is_some());
     if has_tracks && sources > 0 {
         return Err(wrong("particles come from the flow's tracks, not from 'per_lenslet', 'count' or 'csv'"));

@@ -1,6 +1,6 @@
 //! The target of a calibration: a plate of dots at known depths.
 
-use crate::key_checks::{positive, wrong};
+use crate::key_checks::{finite, positive, wrong};
 use crate::particles::Particle;
 use crate::rays::{Glow, RayCount, Shape};
 use glam::{DVec2, DVec3};
@@ -36,7 +36,6 @@ fn default_intensity() -> f64 {
     1e5
 }
 
-/// Upper limit of the number of dots.
 const MOST: f64 = 1e6;
 
 /// Tolerance at the edge of the plate, in spacings: 3 mm are 30 spacings of 0.1 mm, but not in binary numbers.
@@ -48,36 +47,23 @@ impl Dots {
         Glow { shape: Shape::Disc, size_mm: 0.5 * self.diameter_mm, rays }
     }
 
-    /// Checks values that the types allow. The sensor sees `half_view_mm` of the focal plane to either side of the
-    /// axis.
-    ///
-    /// # Errors
-    /// Names the key that is wrong.
-    pub fn check(&self, half_view_mm: [f64; 2]) -> Result<(), Refusal> {
+    /// Checks the keys. The sensor sees `half_view_mm` of the focal plane to either side of the axis.
+    pub(crate) fn check(&self, half_view_mm: [f64; 2]) -> Result<(), Refusal> {
         positive("dots.spacing_mm", self.spacing_mm)?;
         positive("dots.diameter_mm", self.diameter_mm)?;
         positive("dots.intensity", self.intensity)?;
-        for half_mm in self.half_size_mm.into_iter().flatten() {
-            positive("dots.half_size_mm", half_mm)?;
-        }
+        self.half_size_mm.into_iter().flatten().try_for_each(|half_mm| positive("dots.half_size_mm", half_mm))?;
         let Self { diameter_mm, spacing_mm, depths_mm, .. } = self;
         if diameter_mm >= spacing_mm {
-            let found =
-                format!("dots.diameter_mm {diameter_mm} is not below dots.spacing_mm {spacing_mm}: the dots touch");
-            return Err(wrong(found));
+            let found = format!("dots.diameter_mm {diameter_mm} is not below dots.spacing_mm {spacing_mm}");
+            return Err(wrong(format!("{found}: the dots touch")));
         }
-        let [x, y] = self.centre_mm;
-        for (key, value) in [("rotation_rad", self.rotation_rad), ("centre_mm", x), ("centre_mm", y)] {
-            if !(-1e12..1e12).contains(&value) {
-                return Err(wrong(format!("dots.{key} is {value}, not a finite number")));
-            }
-        }
+        finite("dots.rotation_rad", self.rotation_rad)?;
+        self.centre_mm.into_iter().try_for_each(|value| finite("dots.centre_mm", value))?;
         if depths_mm.is_empty() || depths_mm.len() > 10_000 {
             return Err(wrong(format!("dots.depths_mm has {} depths, outside 1 to 10000", depths_mm.len())));
         }
-        if let Some(depth) = depths_mm.iter().find(|depth| !depth.is_finite()) {
-            return Err(wrong(format!("dots.depths_mm has {depth}, not a finite number")));
-        }
+        depths_mm.iter().try_for_each(|depth| finite("dots.depths_mm", *depth))?;
         let [columns, rows] = self.steps(half_view_mm).map(|[first, last]| (last - first + 1.0).max(0.0));
         let count = columns * rows;
         if count > MOST {
