@@ -38,7 +38,8 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
     let history = session.history(&Vec::new());
     let (mut rays, mut shown) = (0, Vec::new());
     for (frame, &time) in times.iter().enumerate() {
-        let lit = session.phase("carry", |_| Ok(tracers.lit(frame, time, scene.bounds_mm(), scene.light.as_ref())))?;
+        let lit =
+            session.phase("carry", |_| Ok(tracers.lit(frame, time, scene.volume.bounds_mm(), scene.light.as_ref())))?;
         let seed = scene.seed ^ ((frame as u64) << 32);
         let (about, total) = (format!("frame {frame}: {} particles", lit.len()), lit.len() as u64);
         let mut image =
@@ -62,7 +63,7 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
     }
     session.phase("write", |_| {
         if let (Some((truth, grid)), Tracers::Carried { velocity, .. }) = (&truth, &tracers) {
-            let (interval, bounds) = (scene.frames.interval(), scene.bounds_mm());
+            let (interval, bounds) = (scene.frames.interval(), scene.volume.bounds_mm());
             let flow = truth::displacement(velocity, interval, bounds, truth.vectors, grid.spacing_mm, history);
             flow.save(&folder.join("flow.exr"))?;
         }
@@ -81,7 +82,7 @@ fn tracers(setup: &Setup, times: &[f64], session: &Session) -> Result<Tracers> {
     if let Some(file) = scene.flow.as_ref().and_then(Flows::tracks) {
         return tracks(file, times);
     }
-    let bounds = scene.bounds_mm();
+    let bounds = scene.volume.bounds_mm();
     let velocity = match &scene.flow {
         Some(flow) => flow.open(bounds, setup.camera.pixel_in_focus_mm(), &setup.name)?,
         None => Velocity::rest(),

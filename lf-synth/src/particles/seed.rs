@@ -40,19 +40,16 @@ const PLACES: usize = 9;
 /// density inside. They enclose a lattice of places in the volume carried back in time, with a tenth of the widening
 /// added.
 fn origin_mm(bounds_mm: [[f64; 2]; 3], velocity: &Velocity, times: &[f64]) -> [[f64; 2]; 3] {
-    let carried: Vec<(DVec3, DVec3)> = places(bounds_mm, PLACES)
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .map(|mut place| {
-            let (mut low, mut high, mut from) = (place, place, 0.0);
-            for &time in times {
-                place = velocity.carry(place, from - time);
-                from = time;
-                (low, high) = (low.min(place), high.max(place));
-            }
-            (low, high)
-        })
-        .collect();
+    let carried = places(bounds_mm, PLACES).par_bridge().map(|mut place| {
+        let (mut low, mut high, mut from) = (place, place, 0.0);
+        for &time in times {
+            place = velocity.carry(place, from - time);
+            from = time;
+            (low, high) = (low.min(place), high.max(place));
+        }
+        (low, high)
+    });
+    let carried: Vec<(DVec3, DVec3)> = carried.collect();
     std::array::from_fn(|axis| {
         let [low, high] = bounds_mm[axis];
         let least = carried.iter().map(|(low, _)| low[axis]).fold(low, f64::min);

@@ -25,6 +25,8 @@ pub struct Instrument {
 /// Rays in flight at a time. Their arrays stay in the nearest cache.
 const FLIGHT: usize = 256;
 
+const ZERO: [f64; FLIGHT] = [0.0; FLIGHT];
+
 /// Rays in flight, mm.
 struct Flight {
     /// Place in the aperture.
@@ -41,15 +43,8 @@ struct Flight {
 }
 
 impl Flight {
-    const START: Self = Self {
-        u: [0.0; FLIGHT],
-        v: [0.0; FLIGHT],
-        x: [0.0; FLIGHT],
-        y: [0.0; FLIGHT],
-        blocked: [false; FLIGHT],
-        column: [0; FLIGHT],
-        row: [0; FLIGHT],
-    };
+    const START: Self =
+        Self { u: ZERO, v: ZERO, x: ZERO, y: ZERO, blocked: [false; FLIGHT], column: [0; FLIGHT], row: [0; FLIGHT] };
 }
 
 /// Keep the random streams of particles and of white cells apart.

@@ -75,9 +75,6 @@ fn check_particles(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
 
 /// Whether the main lens forms an image of a depth.
 fn check_depth(camera: &Camera, z_mm: f64) -> Result<(), String> {
-    if !z_mm.is_finite() {
-        return Err(format!("{z_mm}, not a length"));
-    }
     if let Some(medium) = &camera.medium {
         let face_mm = medium.window_z_mm;
         let beyond = || format!("{z_mm} mm, beyond the window's wet face at {face_mm} mm");

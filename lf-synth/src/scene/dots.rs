@@ -3,7 +3,7 @@
 use crate::key_checks::{finite, positive, wrong};
 use crate::particles::Particle;
 use crate::rays::{Glow, RayCount, Shape};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use lf_core::Refusal;
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +32,7 @@ pub struct Dots {
     pub half_size_mm: Option<[f64; 2]>,
 }
 
-fn default_intensity() -> f64 {
+pub(super) fn default_intensity() -> f64 {
     1e5
 }
 
@@ -64,7 +64,7 @@ impl Dots {
             return Err(wrong(format!("dots.depths_mm has {} depths, outside 1 to 10000", depths_mm.len())));
         }
         depths_mm.iter().try_for_each(|depth| finite("dots.depths_mm", *depth))?;
-        let [columns, rows] = self.steps(half_view_mm).map(|[first, last]| (last - first + 1.0).max(0.0));
+        let (_, DVec2 { x: columns, y: rows }) = self.steps(half_view_mm);
         let count = columns * rows;
         if count > MOST {
             let found = format!("dots asks for a grid of {columns} x {rows} = {count:.0} dots, more than {MOST:.0}");
@@ -74,51 +74,44 @@ impl Dots {
     }
 
     /// The dots with the plate at `depth_mm`, row by row from low y in the frame of the plate. Ids count from 0 and are
-    /// the same at every depth. [`check`](Self::check) must have passed with the same `half_view_mm`.
+    /// the same at every depth. `check` must have passed with the same `half_view_mm`.
     pub fn target(&self, half_view_mm: [f64; 2], depth_mm: f64) -> Vec<Particle> {
-        let [columns, rows] = self.steps(half_view_mm);
-        let count = |[first, last]: [f64; 2]| (last - first + 1.0).max(0.0) as u64;
+        let (first, count) = self.steps(half_view_mm);
         let (turn, centre) = (DVec2::from_angle(self.rotation_rad), DVec2::from(self.centre_mm));
         let seen = DVec2::from(half_view_mm) + EDGE * self.spacing_mm;
         let place = |row: u64, column: u64| {
-            let steps = DVec2::new(columns[0] + column as f64, rows[0] + row as f64);
-            centre + turn.rotate(steps * self.spacing_mm)
+            centre + turn.rotate((first + DVec2::new(column as f64, row as f64)) * self.spacing_mm)
         };
-        (0..count(rows))
-            .flat_map(|row| (0..count(columns)).map(move |column| place(row, column)))
+        (0..count.y as u64)
+            .flat_map(|row| (0..count.x as u64).map(move |column| place(row, column)))
             .filter(|place| self.half_size_mm.is_some() || place.abs().cmple(seen).all())
             .zip(0..)
-            .map(|(place, id)| Particle {
-                id,
-                place_mm: DVec3::new(place.x, place.y, depth_mm),
-                intensity: self.intensity,
-                size: 1.0,
-            })
+            .map(|(place, id)| Particle { id, place_mm: place.extend(depth_mm), intensity: self.intensity, size: 1.0 })
             .collect()
     }
 
-    /// First and last dot along rows and columns, in spacings from the centre: those of the plate, or of the box around
-    /// the view in the frame of the plate.
-    fn steps(&self, half_view_mm: [f64; 2]) -> [[f64; 2]; 2] {
+    /// First dot along rows and columns, in spacings from the centre, and number of dots: those of the plate, or of the
+    /// box around the view in the frame of the plate.
+    fn steps(&self, half_view_mm: [f64; 2]) -> (DVec2, DVec2) {
         let (middle, reach) = match self.half_size_mm {
             Some(half) => (DVec2::ZERO, DVec2::from(half)),
             None => {
-                let turn = DVec2::from_angle(self.rotation_rad);
                 let half = DVec2::from(half_view_mm);
                 let middle = DVec2::from_angle(-self.rotation_rad).rotate(-DVec2::from(self.centre_mm));
-                let [across, along] = [turn.x.abs(), turn.y.abs()];
-                (middle, DVec2::new(across * half.x + along * half.y, along * half.x + across * half.y))
+                let turn = DVec2::from_angle(self.rotation_rad).abs();
+                (middle, DVec2::new(turn.x * half.x + turn.y * half.y, turn.y * half.x + turn.x * half.y))
             }
         };
         let first = ((middle - reach) / self.spacing_mm - EDGE).ceil();
         let last = ((middle + reach) / self.spacing_mm + EDGE).floor();
-        [[first.x, last.x], [first.y, last.y]]
+        (first, (last - first + 1.0).max(DVec2::ZERO))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     fn dots() -> Dots {
         serde_json::from_str(r#"{"spacing_mm": 0.1, "diameter_mm": 0.03, "depths_mm": [-1, 0, 1]}"#).unwrap()
@@ -188,7 +181,7 @@ mod tests {
         assert!(refused(Dots { rotation_rad: f64::INFINITY, ..dots() }).contains("dots.rotation_rad is inf"));
         assert!(refused(Dots { centre_mm: [0.0, f64::NAN], ..dots() }).contains("dots.centre_mm is NaN"));
         assert!(refused(Dots { depths_mm: vec![], ..dots() }).contains("dots.depths_mm has 0 depths"));
-        assert!(refused(Dots { depths_mm: vec![0.0, f64::NAN], ..dots() }).contains("dots.depths_mm has NaN"));
+        assert!(refused(Dots { depths_mm: vec![0.0, f64::NAN], ..dots() }).contains("dots.depths_mm is NaN"));
         let dense = Dots { spacing_mm: 0.001, diameter_mm: 0.0005, ..dots() };
         assert_eq!(refused(dense), "dots asks for a grid of 6001 x 4001 = 24010001 dots, more than 1000000");
         assert!(serde_json::from_str::<Dots>(r#"{"spacing": 1}"#).unwrap_err().to_string().contains("unknown field"));

@@ -77,7 +77,7 @@ pub struct Particles {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size_spread: Option<f64>,
     /// Counts that one particle sends through the aperture.
-    #[serde(default = "default_intensity")]
+    #[serde(default = "super::dots::default_intensity")]
     pub intensity: f64,
     /// Standard deviation of the intensities over their mean, log-normal. If absent, all are the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -91,7 +91,7 @@ pub struct Particles {
     pub rays: Option<u32>,
 }
 
-/// The exact volumes and displacements.
+/// Sizes of the exact volumes and displacements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Truth {
@@ -122,10 +122,6 @@ impl Default for White {
     }
 }
 
-fn default_intensity() -> f64 {
-    1e5
-}
-
 impl Scene {
     /// Takes relative paths from a folder, except that of the camera. Returns the files that the scene needs.
     pub fn join(&mut self, folder: &Path) -> Vec<PathBuf> {
@@ -139,25 +135,17 @@ impl Scene {
             files.extend(flow.sampled().into_iter().chain(flow.tracks()).map(Path::to_path_buf));
         }
         if let Some(noise) = &mut self.sensor_noise {
-            noise.join(folder);
+            noise.background = noise.background.take().map(|file| folder.join(file));
             files.extend(noise.background.clone());
         }
         files.extend(self.camera.file(folder));
         files
     }
 
-    /// The volume's bounds along x, y, z, mm.
-    pub fn bounds_mm(&self) -> [[f64; 2]; 3] {
-        self.volume.bounds_mm()
-    }
-
-    /// The grid of the exact volumes; none if the scene asks for no truth.
-    ///
-    /// # Errors
-    /// If the grid has no voxel.
+    /// The grid of the exact volumes. None if the scene asks for no truth. Refuses a grid without voxels.
     pub fn grid(&self, camera: &Camera) -> Result<Option<Grid>, Refusal> {
         let in_bounds = |truth: &Truth| {
-            Grid::in_bounds(self.bounds_mm(), camera.voxel_spacing_mm(truth.pixels_per_voxel))
+            Grid::in_bounds(self.volume.bounds_mm(), camera.voxel_spacing_mm(truth.pixels_per_voxel))
                 .map_err(|Refusal { found, wanted }| Refusal::new(format!("truth: {found}"), wanted))
         };
         self.truth.as_ref().map(in_bounds).transpose()
