@@ -118,14 +118,9 @@ impl SensorNoise {
                 let mut noise = stream(seed ^ NOISE, (frame as u64) << 32 | y as u64);
                 let mut fixed = stream(seed ^ FIXED, y as u64);
                 let mut recorded = Recorded::default();
-                match background {
-                    Some(background) => row.iter_mut().zip(background.row(y)).for_each(|(pixel, light)| {
-                        let counts = f64::from(*pixel) + f64::from(*light);
-                        *pixel = chain.pixel(counts, &mut noise, &mut fixed, &mut recorded);
-                    }),
-                    None => row.iter_mut().for_each(|pixel| {
-                        *pixel = chain.pixel(f64::from(*pixel), &mut noise, &mut fixed, &mut recorded);
-                    }),
+                for (x, pixel) in row.iter_mut().enumerate() {
+                    let light = background.map_or(0.0, |background| f64::from(background[[y, x]]));
+                    *pixel = chain.pixel(f64::from(*pixel) + light, &mut noise, &mut fixed, &mut recorded);
                 }
                 recorded
             })

@@ -7,27 +7,22 @@ use rayon::prelude::*;
 /// Reach of a particle along each axis, in standard deviations. The light left out is 2e-4.
 const REACH_SIGMA: f64 = 4.0;
 
-/// Shares of a particle's light in the voxels along an axis, from voxel `first`.
-struct AxisShares {
-    first: usize,
-    shares: Vec<f64>,
-}
-
 /// Renders particles as Gaussians of `sigma_vox` voxels, sampled at voxel centres. Each sums to its particle's
 /// intensity. Returns rising indices and intensities. Each voxel adds up the particles in their order.
 pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>, Vec<f32>) {
     let reach = REACH_SIGMA * sigma_vox;
+    // First voxel along an axis, and the shares of the particle's light in it and the next ones.
     let shares_along = |axis: usize, particle: &Particle| {
         let place = grid.place_vox(axis, particle.place_mm[axis]);
         let (first, last) = ((place - reach).ceil() as i64, (place + reach).floor() as i64);
         let bell = |i: i64| (-0.5 * ((i as f64 - place) / sigma_vox).powi(2)).exp();
         let sum: f64 = (first..=last).map(bell).sum();
         let within = first.max(0)..=last.min(grid.shape[axis] as i64 - 1);
-        AxisShares { first: *within.start() as usize, shares: within.map(|i| bell(i) / sum).collect() }
+        (*within.start() as usize, within.map(|i| bell(i) / sum).collect::<Vec<f64>>())
     };
     let mut slices: Vec<Vec<(usize, f64)>> = vec![Vec::new(); grid.shape[2]];
     for (n, particle) in particles.iter().enumerate() {
-        let AxisShares { first, shares } = shares_along(2, particle);
+        let (first, shares) = shares_along(2, particle);
         for (z, share) in shares.iter().enumerate() {
             slices[first + z].push((n, particle.intensity * share));
         }
@@ -35,19 +30,18 @@ pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>,
     let lit = slices.par_iter().enumerate().map(|(z, members)| {
         let mut voxels: Vec<(u64, f32)> = Vec::new();
         for &(n, light) in members {
-            let (across, down) = (shares_along(0, &particles[n]), shares_along(1, &particles[n]));
-            for (y, wy) in down.shares.iter().enumerate() {
-                for (x, wx) in across.shares.iter().enumerate() {
-                    voxels.push((grid.index([across.first + x, down.first + y, z]), (light * wx * wy) as f32));
+            let ((left, across), (top, down)) = (shares_along(0, &particles[n]), shares_along(1, &particles[n]));
+            for (y, wy) in down.iter().enumerate() {
+                for (x, wx) in across.iter().enumerate() {
+                    voxels.push((grid.index([left + x, top + y, z]), (light * wx * wy) as f32));
                 }
             }
         }
         voxels.sort_by_key(|(index, _)| *index);
-        let sums =
-            voxels.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0, run.iter().map(|(_, value)| value).sum::<f32>()));
-        sums.unzip()
+        let sum = |run: &[(u64, f32)]| (run[0].0, run.iter().map(|(_, value)| value).sum::<f32>());
+        voxels.chunk_by(|a, b| a.0 == b.0).map(sum).unzip()
     });
-    let (indices, intensity): (Vec<Vec<u64>>, Vec<Vec<f32>>) = lit.collect::<Vec<_>>().into_iter().unzip();
+    let (indices, intensity): (Vec<Vec<u64>>, Vec<Vec<f32>>) = lit.unzip();
     (indices.concat(), intensity.concat())
 }
 

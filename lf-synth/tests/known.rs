@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use lf_core::Camera;
 use lf_core::camera::{Aperture, Medium};
 use lf_synth::particles::Particle;
-use lf_synth::rays::{self, Glow, Instrument, RayCount, Rendered, SecondStop, Shape};
+use lf_synth::rays::{self, Glow, Instrument, RayCount, Rendered, SecondStop, Shape, WhiteCells};
 use lf_synth::scene::ready;
 
 /// The simulations' camera: m = 1, s_i = s_o = 400 mm, D = 100 mm, k = 0.00077, lenslets of 14 px.
@@ -101,7 +101,8 @@ fn sub_images_drift_by_the_depth_and_its_sign() {
 fn lenslet_images_are_wider_apart_than_lenslets() {
     let mut camera = camera(Aperture::Circle);
     camera.main_lens.working_f_number = 8.0;
-    let image = rays::white(&Instrument::new(&camera, None, None), &camera, 1000.0, 40_000, 3, |_| ());
+    let image =
+        rays::white(&Instrument::new(&camera, None, None), &WhiteCells::new(&camera, 1000.0, 40_000), 3, |_| ());
     let place = |n: usize| centroid(&image, 14 * n..14 * (n + 1), 266..280).x;
     let apart = place(34) - place(4);
     assert!((apart - 30.0 * 14.0 * 1.00077).abs() < 0.02, "{apart}");
@@ -181,8 +182,9 @@ fn a_second_stop_cuts_the_overlap_of_two_discs() {
     // The beam to the middle comes from a disc magnified by 1 - 100 (1 / f - 1 / s_i).
     let magnified = 1.0 - 100.0 * (1.0 / 200.0 - 1.0 / 400.0);
     let stop = SecondStop { distance_mm: 100.0, diameter_mm: 100.0 * magnified };
-    let open = rays::white(&Instrument::new(&camera, None, None), &camera, 1000.0, 20_000, 1, |_| ());
-    let cut = rays::white(&Instrument::new(&camera, Some(stop), None), &camera, 1000.0, 20_000, 1, |_| ());
+    let open = rays::white(&Instrument::new(&camera, None, None), &WhiteCells::new(&camera, 1000.0, 20_000), 1, |_| ());
+    let cut =
+        rays::white(&Instrument::new(&camera, Some(stop), None), &WhiteCells::new(&camera, 1000.0, 20_000), 1, |_| ());
     for lenslet in [100, 150, 190] {
         let sum = |image: &Rendered| -> f64 {
             let columns = 14 * lenslet..14 * (lenslet + 4);

@@ -4,7 +4,8 @@ use super::arguments::{ImageArguments, ImageFormat, SceneSource};
 use super::images::{check_folder, create_folder, rendered, save_image, save_text};
 use super::setup::Setup;
 use lf_core::{Error, Result, Session, io};
-use lf_synth::{particles::table, rays};
+use lf_synth::particles::table;
+use lf_synth::rays::{self, WhiteCells};
 use ndarray::Array2;
 use std::path::Path;
 
@@ -21,12 +22,9 @@ pub fn white(ImageArguments { source, output }: &ImageArguments, session: &mut S
     if let Some(f_number) = white.working_f_number {
         setup.camera.main_lens.working_f_number = f_number;
     }
-    // The renderer counts the rows of the sensor and three on either side.
-    let rows = (setup.camera.sensor.height as f64 / setup.camera.pitch_px() + 6.0).ceil() as u64;
-    let (instrument, camera) = (setup.instrument(), &setup.camera);
-    let mut image = rendered("white", ("rows", rows), session, |done| {
-        rays::white(&instrument, camera, white.counts, white.rays_per_lenslet, seed, done)
-    })?;
+    let cells = WhiteCells::new(&setup.camera, white.counts, white.rays_per_lenslet);
+    let (instrument, rows) = (setup.instrument(), cells.rows as u64);
+    let mut image = rendered("white", ("rows", rows), session, |done| rays::white(&instrument, &cells, seed, done))?;
     session.count("rays", image.rays);
     setup.record(&mut image.pixels, WHITE, session)?;
     save_image(output, &image.pixels, session)

@@ -8,15 +8,12 @@ use std::time::Instant;
 
 /// Refuses a file as an output folder.
 pub fn check_folder(folder: &Path) -> Result<()> {
-    match std::fs::metadata(folder) {
-        Ok(found) if !found.is_dir() => {
-            Err(Error::new(io::output_name(folder), "a file", "wanted a folder to write into"))
-        }
-        _ => Ok(()),
+    if folder.is_dir() || !folder.exists() {
+        return Ok(());
     }
+    Err(Error::new(io::output_name(folder), "a file", "wanted a folder to write into"))
 }
 
-/// Makes an output folder.
 pub fn create_folder(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|error| io::writing(&io::output_name(folder), &error))
 }
@@ -28,11 +25,9 @@ pub fn save_text(path: &Path, text: &str) -> Result<()> {
 /// Writes an image. A TIFF cuts counts outside 16 bits, with a warning.
 pub fn save_image(path: &Path, pixels: &Array2<f32>, session: &mut Session) -> Result<()> {
     let is_tiff = path.extension().is_some_and(|end| ["tif", "tiff"].iter().any(|tiff| end.eq_ignore_ascii_case(tiff)));
-    if is_tiff {
-        let cut = image::outside_u16(pixels);
-        if cut > 0 {
-            session.warn(format!("{}: {cut} pixels outside 0 to 65535 are cut", io::output_name(path)));
-        }
+    let cut = if is_tiff { image::outside_u16(pixels) } else { 0 };
+    if cut > 0 {
+        session.warn(format!("{}: {cut} pixels outside 0 to 65535 are cut", io::output_name(path)));
     }
     session.phase("write", |session| image::save(path, pixels, &session.history(&Vec::new())))
 }

@@ -1,6 +1,7 @@
 //! Diffraction by a lenslet's rim. A sensor at the focal length sees the far field of the lenslet's cell.
 
 use crate::key_checks::within;
+use glam::DVec2;
 use lf_core::{Camera, Refusal, camera::Layout};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -39,9 +40,6 @@ const FINENESS: usize = 128;
 
 const LENGTH: usize = 1 << 16;
 
-/// A map from the unit square to the pattern.
-type Place = dyn Fn(f64, f64) -> (f64, f64);
-
 /// Steps of a low-discrepancy sequence in the plane (Roberts 2018): powers of 1/g, where g^3 = g + 1.
 const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
@@ -50,35 +48,29 @@ impl Pattern {
     pub fn new(diffraction: &Diffraction, camera: &Camera) -> Self {
         let pitch_mm = camera.microlenses.pitch_mm;
         let per_aperture = diffraction.wavelength_mm * camera.gap_mm();
-        let (sin, cos) = camera.microlenses.rotation_rad.sin_cos();
-        let (unit_mm, place): (f64, Box<Place>) = match camera.microlenses.layout {
+        let turn = DVec2::from_angle(camera.microlenses.rotation_rad);
+        // `place` maps the unit square to the pattern.
+        let (unit_mm, place): (f64, Box<dyn Fn([f64; 2]) -> DVec2>) = match camera.microlenses.layout {
             Layout::Square => {
                 let across = Quantiles::new(sinc2);
                 let signed = move |share: f64| {
                     let t = across.at((2.0 * share - 1.0).abs());
                     if share < 0.5 { -t } else { t }
                 };
-                let turned = move |a: f64, b: f64| (cos * a - sin * b, sin * a + cos * b);
-                (per_aperture / pitch_mm, Box::new(move |a, b| turned(signed(a), signed(b))))
+                (per_aperture / pitch_mm, Box::new(move |unit| turn.rotate(unit.map(&signed).into())))
             }
             Layout::Hexagonal => {
                 let radius = Quantiles::new(|r| airy(r) * r);
                 let diameter_mm = (camera.lattice().cell_area_mm2() * 4.0 / PI).sqrt();
-                let place = move |a: f64, b: f64| {
-                    let (sin, cos) = (2.0 * PI * b).sin_cos();
-                    (radius.at(a) * cos, radius.at(a) * sin)
-                };
-                (per_aperture / diameter_mm, Box::new(place))
+                (per_aperture / diameter_mm, Box::new(move |[a, b]| radius.at(a) * DVec2::from_angle(2.0 * PI * b)))
             }
         };
-        let mut deflections_mm = [Vec::with_capacity(LENGTH), Vec::with_capacity(LENGTH)];
-        for n in 1..=LENGTH {
-            let [a, b] = STEP.map(|step| (n as f64 * step).fract());
-            let (x, y) = place(a, b);
-            deflections_mm[0].push((unit_mm * x) as f32);
-            deflections_mm[1].push((unit_mm * y) as f32);
-        }
-        Self { unit_mm, deflections_mm }
+        let deflection = |n: usize| {
+            let deflection_mm = unit_mm * place(STEP.map(|step| (n as f64 * step).fract()));
+            (deflection_mm.x as f32, deflection_mm.y as f32)
+        };
+        let (x, y) = (1..=LENGTH).map(deflection).unzip();
+        Self { unit_mm, deflections_mm: [x, y] }
     }
 
     /// Random place in the table, for a particle's first ray.
@@ -115,9 +107,7 @@ fn airy(r: f64) -> f64 {
 }
 
 /// Quantiles of a density on 0 to [`REACH`], from a table of its integral.
-struct Quantiles {
-    integral: Vec<f64>,
-}
+struct Quantiles(Vec<f64>);
 
 impl Quantiles {
     fn new(density: impl Fn(f64) -> f64) -> Self {
@@ -128,12 +118,12 @@ impl Quantiles {
         }
         let whole = integral[integral.len() - 1];
         integral.iter_mut().for_each(|sum| *sum /= whole);
-        Self { integral }
+        Self(integral)
     }
 
     fn at(&self, share: f64) -> f64 {
-        let n = self.integral.partition_point(|reached| *reached <= share).clamp(1, self.integral.len() - 1);
-        let (low, high) = (self.integral[n - 1], self.integral[n]);
+        let n = self.0.partition_point(|reached| *reached <= share).clamp(1, self.0.len() - 1);
+        let (low, high) = (self.0[n - 1], self.0[n]);
         let within = if high > low { (share - low) / (high - low) } else { 0.0 };
         (n as f64 - 1.0 + within) / FINENESS as f64
     }

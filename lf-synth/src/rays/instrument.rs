@@ -3,7 +3,8 @@
 //! Each step is a loop over a few hundred rays in flight. A step that the scene does not ask for is not run.
 
 use super::samples::{Samples, Shape};
-use super::{diffraction::Pattern, glow::Glow, second_stop::SecondStop, tally::Tally, white_cells::WhiteCells};
+use super::sources::{Glow, WhiteCells};
+use super::{diffraction::Pattern, second_stop::SecondStop, tally::Tally};
 use crate::{particles::Particle, random::stream};
 use glam::DVec2;
 use lf_core::{Camera, Optics};

@@ -3,17 +3,16 @@
 //! Open `render.rs` first.
 
 mod diffraction;
-mod glow;
 mod instrument;
 mod render;
 mod samples;
 mod second_stop;
+mod sources;
 mod tally;
-mod white_cells;
 
 pub use diffraction::{Diffraction, Pattern};
-pub use glow::{Glow, RayCount};
 pub use instrument::Instrument;
 pub use render::{NOISE_SAMPLE, Rendered, frame, measure_noise, white};
 pub use samples::Shape;
 pub use second_stop::SecondStop;
+pub use sources::{Glow, RayCount, WhiteCells};

@@ -4,12 +4,13 @@
 //! the sensor. Tallies are added to the image in the order of the particles, so that the image has the same bytes for
 //! any number of threads.
 
+use super::instrument::Instrument;
 use super::samples::{Samples, Shape};
+use super::sources::{Glow, WhiteCells};
 use super::tally::{self, Tally};
-use super::{glow::Glow, instrument::Instrument, white_cells::WhiteCells};
 use crate::particles::Particle;
 use glam::DVec2;
-use lf_core::{Camera, simd::fastest};
+use lf_core::simd::fastest;
 use ndarray::Array2;
 use rayon::prelude::*;
 
@@ -51,24 +52,15 @@ pub fn frame(
     Rendered { pixels, emitted, arrived, rays: cast_rays }
 }
 
-/// Renders an evenly lit aperture through every lenslet of the sensor, with `rays` rays for each lenslet. A pixel that
-/// sees only lit aperture holds `level` counts. `done` is called with the number of rows of cells finished since its
-/// last call.
-pub fn white(
-    instrument: &Instrument,
-    camera: &Camera,
-    level: f64,
-    rays: u32,
-    seed: u64,
-    done: impl Fn(u64) + Sync,
-) -> Rendered {
-    let cells = WhiteCells::new(camera, level, rays);
+/// Renders an evenly lit aperture through every lenslet of the sensor. `done` is called with the number of rows of cells
+/// finished since its last call.
+pub fn white(instrument: &Instrument, cells: &WhiteCells, seed: u64, done: impl Fn(u64) + Sync) -> Rendered {
     let samples = Samples::new(cells.rays, instrument.aperture, Shape::Square);
     let rows: Vec<usize> = (0..cells.rows).collect();
     let (pixels, arrived) = collect(instrument.size, &rows, |&row, tally| {
         fastest(
             #[inline(always)]
-            || instrument.cast_row(&samples, &cells, row, seed, tally),
+            || instrument.cast_row(&samples, cells, row, seed, tally),
         );
         done(1);
     });

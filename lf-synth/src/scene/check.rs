@@ -44,8 +44,7 @@ fn check_truth(truth: &Truth) -> Result<(), Refusal> {
 
 fn check_particles(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     let p = &scene.particles;
-    let sources =
-        [p.per_lenslet.is_some(), p.count.is_some(), p.csv.is_some()].into_iter().filter(|given| *given).count();
+    let sources = usize::from(p.per_lenslet.is_some()) + usize::from(p.count.is_some()) + usize::from(p.csv.is_some());
     let has_tracks = scene.flow.as_ref().is_some_and(|flow| flow.tracks().is_some());
     if has_tracks && sources > 0 {
         return Err(wrong("particles come from the flow's tracks, not from 'per_lenslet', 'count' or 'csv'"));
