@@ -33,9 +33,8 @@ fn print_scene(name: Option<&str>, set: &[String]) -> Result<()> {
 }
 
 fn changed_scene(name: &str, set: &[String]) -> Result<String> {
-    let names = || READY.map(|(name, ..)| name).join(", ");
-    let no_scene = || Error::new(name, "not a ready scene", format!("wanted one of {}", names()));
-    let mut scene = ready::scene(name).ok_or_else(no_scene)?;
+    let wanted = || format!("wanted one of {}", READY.map(|(name, ..)| name).join(", "));
+    let mut scene = ready::scene(name).ok_or_else(|| Error::new(name, "not a ready scene", wanted()))?;
     for assignment in set {
         ready::set(&mut scene, assignment).map_err(|refusal| refusal.about("--set"))?;
     }

@@ -4,7 +4,7 @@ use super::arguments::SceneSource;
 use super::images::save_text;
 use lf_core::scene::{CameraSource, WANTED};
 use lf_core::{Camera, Error, Result, Session, image, io};
-use lf_synth::rays::{Instrument, Pattern};
+use lf_synth::rays::Instrument;
 use lf_synth::scene::{self, Scene};
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
@@ -45,8 +45,7 @@ impl Setup {
 
     /// The camera with the scene's effects.
     pub fn instrument(&self) -> Instrument {
-        let pattern = self.scene.diffraction.as_ref().map(|diffraction| Pattern::new(diffraction, &self.camera));
-        Instrument::new(&self.camera, self.scene.second_stop, pattern)
+        Instrument::new(&self.camera, self.scene.second_stop, self.scene.diffraction.as_ref())
     }
 
     /// Refuses to overwrite a file that the scene comes from.

@@ -8,5 +8,5 @@ pub mod table;
 mod tracers;
 
 pub use seed::{Appearance, seed_evenly};
-pub use sheet::{Sheet, SheetProfile};
+pub use sheet::Sheet;
 pub use tracers::{Particle, Tracers, inside};

@@ -1,7 +1,5 @@
 //! The laser sheet that lights the particles.
 
-use crate::key_checks::{finite, positive};
-use lf_core::Refusal;
 use serde::{Deserialize, Serialize};
 
 /// A laser sheet across z.
@@ -23,16 +21,10 @@ pub struct Sheet {
 pub enum SheetProfile {
     /// Even within the thickness, dark outside.
     TopHat,
-    /// Gaussian.
     Gaussian,
 }
 
 impl Sheet {
-    pub(crate) fn check(&self) -> Result<(), Refusal> {
-        positive("light.thickness_mm", self.thickness_mm)?;
-        finite("light.centre_mm", self.centre_mm)
-    }
-
     /// Brightness at a depth; 1 in the middle.
     pub fn brightness(&self, z_mm: f64) -> f64 {
         let from_middle = 2.0 * (z_mm - self.centre_mm) / self.thickness_mm;

@@ -1,7 +1,6 @@
 //! Particles from and to a `particles.csv`; [`lf_core::particles`] defines the format.
 
 use super::tracers::Particle;
-use glam::DVec3;
 use lf_core::Refusal;
 use lf_core::particles::{self, HEADER};
 
@@ -53,16 +52,15 @@ pub fn tracks(text: &str) -> Result<Vec<Vec<Particle>>, Refusal> {
 
 /// Frame and particle of each line.
 fn lines(text: &str) -> Result<Vec<(usize, Particle)>, Refusal> {
-    let particle = |line: particles::Particle| {
-        let place_mm = DVec3::from(line.place_mm);
-        (line.frame, Particle { id: line.id, place_mm, intensity: line.intensity, size: 1.0 })
-    };
-    Ok(particles::read(text)?.into_iter().map(particle).collect())
+    let particle =
+        |p: &particles::Particle| Particle { id: p.id, place_mm: p.place_mm.into(), intensity: p.intensity, size: 1.0 };
+    Ok(particles::read(text)?.iter().map(|line| (line.frame, particle(line))).collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     #[test]
     fn a_table_written_and_read_is_the_same() {

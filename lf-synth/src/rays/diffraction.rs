@@ -1,8 +1,7 @@
 //! Diffraction by a lenslet's rim. A sensor at the focal length sees the far field of the lenslet's cell.
 
-use crate::key_checks::within;
 use glam::DVec2;
-use lf_core::{Camera, Refusal, camera::Layout};
+use lf_core::{Camera, camera::Layout};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -16,16 +15,10 @@ pub struct Diffraction {
     pub wavelength_mm: f64,
 }
 
-impl Diffraction {
-    pub(crate) fn check(&self) -> Result<(), Refusal> {
-        within("diffraction.wavelength_mm", self.wavelength_mm, 1e-5..=0.1)
-    }
-}
-
 /// A table of ray deflections that add up to a diffraction pattern: sinc^2 along both axes of the lattice for a square
 /// cell; the Airy pattern of the disc of equal area for a hexagonal one.
 #[derive(Debug)]
-pub struct Pattern {
+pub(super) struct Pattern {
     /// lambda g / p, mm: the distance from the middle to the first dark line of a square lenslet.
     pub(super) unit_mm: f64,
     deflections_mm: [Vec<f32>; 2],
@@ -44,9 +37,7 @@ const LENGTH: usize = 1 << 16;
 const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
 impl Pattern {
-    /// The pattern of a camera's lenslets.
-    pub fn new(diffraction: &Diffraction, camera: &Camera) -> Self {
-        let pitch_mm = camera.microlenses.pitch_mm;
+    pub(super) fn new(diffraction: &Diffraction, camera: &Camera) -> Self {
         let per_aperture = diffraction.wavelength_mm * camera.gap_mm();
         let turn = DVec2::from_angle(camera.microlenses.rotation_rad);
         // `place` maps the unit square to the pattern.
@@ -57,7 +48,10 @@ impl Pattern {
                     let t = across.at((2.0 * share - 1.0).abs());
                     if share < 0.5 { -t } else { t }
                 };
-                (per_aperture / pitch_mm, Box::new(move |unit| turn.rotate(unit.map(&signed).into())))
+                (
+                    per_aperture / camera.microlenses.pitch_mm,
+                    Box::new(move |unit| turn.rotate(unit.map(&signed).into())),
+                )
             }
             Layout::Hexagonal => {
                 let radius = Quantiles::new(|r| airy(r) * r);

@@ -2,9 +2,10 @@
 //!
 //! Each step is a loop over a few hundred rays in flight. A step that the scene does not ask for is not run.
 
+use super::diffraction::{Diffraction, Pattern};
 use super::samples::{Samples, Shape};
 use super::sources::{Glow, WhiteCells};
-use super::{diffraction::Pattern, second_stop::SecondStop, tally::Tally};
+use super::{second_stop::SecondStop, tally::Tally};
 use crate::{particles::Particle, random::stream};
 use glam::DVec2;
 use lf_core::{Camera, Optics};
@@ -54,7 +55,8 @@ const WHITE: u64 = 0x7768_6974;
 
 impl Instrument {
     /// The instrument of a checked camera.
-    pub fn new(camera: &Camera, second_stop: Option<SecondStop>, diffraction: Option<Pattern>) -> Self {
+    pub fn new(camera: &Camera, second_stop: Option<SecondStop>, diffraction: Option<&Diffraction>) -> Self {
+        let diffraction = diffraction.map(|diffraction| Pattern::new(diffraction, camera));
         let reach_mm = diffraction.as_ref().map_or(0.0, |pattern| 4.0 * pattern.unit_mm);
         Self {
             optics: Optics::new(camera),
@@ -69,14 +71,7 @@ impl Instrument {
 
     /// Casts a particle's rays and counts them in `tally`.
     #[inline(always)]
-    pub(super) fn cast_particle(
-        &self,
-        samples: &Samples,
-        glow: &Glow,
-        particle: &Particle,
-        seed: u64,
-        tally: &mut Tally,
-    ) {
+    pub(super) fn cast(&self, samples: &Samples, glow: &Glow, particle: &Particle, seed: u64, tally: &mut Tally) {
         let rays = glow.rays.of_intensity(particle.intensity);
         let mut random = stream(seed ^ PARTICLES, particle.id);
         let in_aperture = self.aperture.motion(&mut random);
@@ -105,26 +100,26 @@ impl Instrument {
     #[inline(always)]
     pub(super) fn cast_row(&self, samples: &Samples, cells: &WhiteCells, row: usize, seed: u64, tally: &mut Tally) {
         let half = self.optics.half_aperture_mm;
-        let top_mm = cells.corner_mm.y + row as f64 * cells.side_mm.y;
+        let top_mm = cells.corner_mm.y + row as f64 * cells.cell_mm.y;
         let reach_px = self.margin_px + half * self.optics.demagnification / self.pixel_pitch_mm;
         let edge_px = |y_mm: f64| self.optics.place_px(DVec2::new(0.0, y_mm)).y;
         let low = [0.0, edge_px(top_mm) - reach_px];
-        let high = [self.size[0] as f64, edge_px(top_mm + cells.side_mm.y) + reach_px];
-        tally.clear(low, high, self.size, cells.counts_per_ray);
+        let high = [self.size[0] as f64, edge_px(top_mm + cells.cell_mm.y) + reach_px];
+        tally.clear(low, high, self.size, cells.counts_per_cell / cells.rays_per_cell as f64);
         let mut flight = Flight::START;
         for column in 0..cells.columns {
             let mut random = stream(seed ^ WHITE, (row * cells.columns + column) as u64);
             let in_aperture = self.aperture.motion(&mut random);
             let in_cell = Shape::Square.motion(&mut random);
             let start = self.diffraction.as_ref().map_or(0, |pattern| pattern.start(&mut random));
-            let centre = cells.corner_mm + cells.side_mm * DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
-            for first in (0..cells.rays).step_by(FLIGHT) {
-                let n = FLIGHT.min(cells.rays - first);
+            let centre = cells.corner_mm + cells.cell_mm * DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+            for first in (0..cells.rays_per_cell).step_by(FLIGHT) {
+                let n = FLIGHT.min(cells.rays_per_cell - first);
                 let Flight { u, v, x, y, .. } = &mut flight;
                 in_aperture.apply(samples.first(first, n), half, &mut u[..n], &mut v[..n]);
                 in_cell.apply(samples.second(first, n), 0.5, &mut x[..n], &mut y[..n]);
                 for i in 0..n {
-                    (x[i], y[i]) = (centre.x + cells.side_mm.x * x[i], centre.y + cells.side_mm.y * y[i]);
+                    (x[i], y[i]) = (centre.x + cells.cell_mm.x * x[i], centre.y + cells.cell_mm.y * y[i]);
                 }
                 self.finish(&mut flight, n, start + first, tally);
             }
@@ -147,7 +142,7 @@ impl Instrument {
         if let Some(pattern) = &self.diffraction {
             pattern.deflect(sample, &mut x[..n], &mut y[..n]);
         }
-        let corner = DVec2::from(tally.corner());
+        let corner = DVec2::new(tally.left as f64, tally.top as f64);
         for i in 0..n {
             let place = (self.optics.place_px(DVec2::new(x[i], y[i])) - corner).floor();
             (column[i], row[i]) = (place.x as i32, place.y as i32);

@@ -10,7 +10,7 @@ mod second_stop;
 mod sources;
 mod tally;
 
-pub use diffraction::{Diffraction, Pattern};
+pub use diffraction::Diffraction;
 pub use instrument::Instrument;
 pub use render::{NOISE_SAMPLE, Rendered, frame, measure_noise, white};
 pub use samples::Shape;

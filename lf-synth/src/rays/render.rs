@@ -45,7 +45,7 @@ pub fn frame(
     let (pixels, arrived) = collect(instrument.size, particles, |particle, tally| {
         fastest(
             #[inline(always)]
-            || instrument.cast_particle(&samples, glow, particle, seed, tally),
+            || instrument.cast(&samples, glow, particle, seed, tally),
         );
         done(1);
     });
@@ -55,7 +55,7 @@ pub fn frame(
 /// Renders an evenly lit aperture through every lenslet of the sensor. `done` is called with the number of rows of cells
 /// finished since its last call.
 pub fn white(instrument: &Instrument, cells: &WhiteCells, seed: u64, done: impl Fn(u64) + Sync) -> Rendered {
-    let samples = Samples::new(cells.rays, instrument.aperture, Shape::Square);
+    let samples = Samples::new(cells.rays_per_cell, instrument.aperture, Shape::Square);
     let rows: Vec<usize> = (0..cells.rows).collect();
     let (pixels, arrived) = collect(instrument.size, &rows, |&row, tally| {
         fastest(
@@ -64,8 +64,8 @@ pub fn white(instrument: &Instrument, cells: &WhiteCells, seed: u64, done: impl 
         );
         done(1);
     });
-    let emitted = cells.counts * cells.columns as f64 * cells.rows as f64;
-    Rendered { pixels, emitted, arrived, rays: (cells.columns * cells.rows * cells.rays) as u64 }
+    let emitted = cells.counts_per_cell * cells.columns as f64 * cells.rows as f64;
+    Rendered { pixels, emitted, arrived, rays: (cells.columns * cells.rows * cells.rays_per_cell) as u64 }
 }
 
 /// Casts the rays of many sources and adds up their tallies in order. Returns the image and the counts that arrived.

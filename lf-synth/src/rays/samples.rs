@@ -50,8 +50,7 @@ impl Shape {
         }
     }
 
-    /// A random motion of the shape onto itself.
-    pub fn motion(self, random: &mut Pcg64Mcg) -> Motion {
+    pub(super) fn motion(self, random: &mut Pcg64Mcg) -> Motion {
         let (a, b): (f64, f64) = (random.random(), random.random());
         match self {
             Self::Square => Motion::Shift(2.0 * DVec2::new(a, b)),

@@ -21,12 +21,13 @@ impl SecondStop {
         positive("second_stop.diameter_mm", diameter_mm)?;
         let object_mm = camera.object_distance_mm();
         let air_mm = camera.medium.as_ref().map_or(object_mm, |medium| medium.air_mm(object_mm));
-        let image_mm = camera.image_distance_mm();
-        if distance_mm > -image_mm && distance_mm < air_mm {
+        let low_mm = -camera.image_distance_mm();
+        if distance_mm > low_mm && distance_mm < air_mm {
             return Ok(());
         }
-        let range = format!("the air between {:.1} and {air_mm:.1}", -image_mm);
-        Err(wrong(format!("second_stop.distance_mm is {distance_mm}, outside {range}")))
+        Err(wrong(format!(
+            "second_stop.distance_mm is {distance_mm}, outside the air between {low_mm:.1} and {air_mm:.1}"
+        )))
     }
 
     /// Whether a ray between `array_mm` on the array and `aperture_mm` in the aperture comes through.

@@ -63,16 +63,11 @@ pub struct WhiteCells {
     pub(super) columns: usize,
     /// Rows of cells.
     pub rows: usize,
-    /// Corner of the first cell.
+    /// Low corner of the first cell.
     pub(super) corner_mm: DVec2,
-    /// Sides of a cell.
-    pub(super) side_mm: DVec2,
-    /// Rays of a cell.
-    pub(super) rays: usize,
-    /// Counts of a cell.
-    pub(super) counts: f64,
-    /// Counts of a ray.
-    pub(super) counts_per_ray: f64,
+    pub(super) cell_mm: DVec2,
+    pub(super) rays_per_cell: usize,
+    pub(super) counts_per_cell: f64,
 }
 
 impl WhiteCells {
@@ -83,7 +78,7 @@ impl WhiteCells {
         let half = 0.5 * pixel_mm * DVec2::new(camera.sensor.width as f64, camera.sensor.height as f64);
         let reach = half + 3.0 * pitch_mm;
         let count = (2.0 * reach / pitch_mm).ceil();
-        let side_mm = 2.0 * reach / count;
+        let cell_mm = 2.0 * reach / count;
         // A pixel's share of its lenslet's light is its area over that of the aperture's image.
         let image_side_mm = camera.demagnification() * camera.aperture_mm();
         let filled = match camera.main_lens.aperture {
@@ -91,15 +86,8 @@ impl WhiteCells {
             Aperture::Square => 1.0,
         };
         let per_lenslet = level * image_side_mm.powi(2) * filled / pixel_mm.powi(2);
-        let counts = per_lenslet * side_mm.x * side_mm.y / camera.lattice().cell_area_mm2();
-        Self {
-            columns: count.x as usize,
-            rows: count.y as usize,
-            corner_mm: -reach,
-            side_mm,
-            rays: rays as usize,
-            counts,
-            counts_per_ray: counts / f64::from(rays),
-        }
+        let counts_per_cell = per_lenslet * cell_mm.x * cell_mm.y / camera.lattice().cell_area_mm2();
+        let (columns, rows) = (count.x as usize, count.y as usize);
+        Self { columns, rows, corner_mm: -reach, cell_mm, rays_per_cell: rays as usize, counts_per_cell }
     }
 }

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 /// Rays counted for each pixel in a rectangle of the sensor, and a list of those that fell on the sensor outside it.
 #[derive(Debug, Default)]
 pub struct Tally {
-    left: usize,
-    top: usize,
+    pub left: usize,
+    pub top: usize,
     width: usize,
     rays: Vec<u32>,
     strays: Vec<usize>,
@@ -28,11 +28,6 @@ impl Tally {
         self.rays.resize(self.width * bottom.saturating_sub(top), 0);
         self.strays.clear();
         (self.arrived, self.counts_per_ray) = (0, counts_per_ray);
-    }
-
-    /// Left and top edge, px.
-    pub fn corner(&self) -> [f64; 2] {
-        [self.left as f64, self.top as f64]
     }
 
     /// Counts rays by the column and row of their pixel from the corner of the tally, on a sensor of `size`.

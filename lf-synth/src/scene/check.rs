@@ -1,7 +1,7 @@
 //! Checks of a scene that the types of its keys do not make.
 
-use super::keys::{Scene, Truth};
-use crate::key_checks::{positive, within, wrong};
+use super::keys::Scene;
+use crate::key_checks::{finite, positive, within, wrong};
 use lf_core::{Camera, Refusal};
 
 /// Checks a scene with its camera. Names the key that is wrong.
@@ -13,9 +13,14 @@ pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     check_depth(camera, scene.volume.z_mm[1]).map_err(|found| wrong(format!("volume.z_mm reaches {found}")))?;
     check_particles(scene, camera)?;
     scene.frames.check()?;
-    scene.diffraction.as_ref().map_or(Ok(()), |diffraction| diffraction.check())?;
+    if let Some(diffraction) = &scene.diffraction {
+        within("diffraction.wavelength_mm", diffraction.wavelength_mm, 1e-5..=0.1)?;
+    }
     scene.second_stop.as_ref().map_or(Ok(()), |stop| stop.check(camera))?;
-    scene.light.as_ref().map_or(Ok(()), |light| light.check())?;
+    if let Some(light) = &scene.light {
+        positive("light.thickness_mm", light.thickness_mm)?;
+        finite("light.centre_mm", light.centre_mm)?;
+    }
     scene.flow.as_ref().map_or(Ok(()), |flow| flow.check())?;
     scene.sensor_noise.as_ref().map_or(Ok(()), |noise| noise.check())?;
     if let Some(dots) = &scene.dots {
@@ -29,17 +34,14 @@ pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     if scene.white.rays_per_lenslet == 0 {
         return Err(wrong("white.rays_per_lenslet must be at least 1"));
     }
-    scene.truth.as_ref().map_or(Ok(()), check_truth)?;
-    scene.grid(camera).map(|_| ())
-}
-
-fn check_truth(truth: &Truth) -> Result<(), Refusal> {
-    // A narrower particle could fall between voxels.
-    within("truth.sigma_vox", truth.sigma_vox, 0.2..=5.0)?;
-    if truth.vectors.iter().any(|n| *n < 2 || *n > 4096) {
-        return Err(wrong(format!("truth.vectors is {:?}, outside 2 to 4096", truth.vectors)));
+    if let Some(truth) = &scene.truth {
+        // A narrower particle could fall between voxels.
+        within("truth.sigma_vox", truth.sigma_vox, 0.2..=5.0)?;
+        if truth.vectors.iter().any(|n| *n < 2 || *n > 4096) {
+            return Err(wrong(format!("truth.vectors is {:?}, outside 2 to 4096", truth.vectors)));
+        }
     }
-    Ok(())
+    scene.grid(camera).map(|_| ())
 }
 
 fn check_particles(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {

@@ -169,13 +169,10 @@ impl Scene {
 
     /// Number of particles in the volume, from the density or the count. Not for scenes with a `csv` or tracks.
     pub fn particle_count(&self, camera: &Camera) -> f64 {
-        let p = &self.particles;
-        if let Some(count) = p.count {
-            return count as f64;
-        }
+        let Particles { count, per_lenslet, .. } = self.particles;
         let on_array = |[low, high]: [f64; 2]| (high - low) * camera.main_lens.magnification;
         let lenslets = on_array(self.volume.x_mm) * on_array(self.volume.y_mm) / camera.lattice().cell_area_mm2();
-        (p.per_lenslet.unwrap_or(0.0) * lenslets).round()
+        count.map_or((per_lenslet.unwrap_or(0.0) * lenslets).round(), |count| count as f64)
     }
 
     /// Share, 0 to 1, of the volume's cross-section at the focal plane that the sensor does not see.
