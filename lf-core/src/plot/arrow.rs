@@ -20,8 +20,8 @@ const LONGEST: f64 = 1.6;
 const SAMPLE_PX: f64 = 48.0;
 
 impl Arrows {
-    /// Draws the arrows. `px_per_unit` is that of the axes to the right and upwards; `at` is the place of a point, None outside
-    /// the frame.
+    /// Draws the arrows. `px_per_unit` is that of the axes to the right and upwards; `at` is the place of a point, None
+    /// outside the frame.
     pub fn draw(&self, canvas: &mut Canvas, px_per_unit: [f64; 2], at: impl Fn([f64; 2]) -> Option<At>) {
         let px = self.px(px_per_unit);
         for (point, vector) in self.points.iter().zip(&self.vectors) {

@@ -26,7 +26,8 @@ pub struct Canvas<'a> {
     failure: Option<String>,
 }
 
-/// An SVG of `[width, height]` px, and the result of `draw`. A refusal is a failure of the drawing library, in its words.
+/// An SVG of `[width, height]` px, and the result of `draw`. A refusal is a failure of the drawing library, in its
+/// words.
 pub fn svg<T>(size: [i32; 2], draw: impl FnOnce(&mut Canvas) -> T) -> Result<(String, T), Refusal> {
     let mut text = String::new();
     let (result, failure) = {

@@ -24,8 +24,8 @@ pub struct Panel {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// Whether one unit of x is drawn as long as one unit of y. It needs linear axes. A panel whose sides differ by more than a
-    /// factor of six is stretched to that factor, and a note under the title says so.
+    /// Whether one unit of x is drawn as long as one unit of y. It needs linear axes. A panel whose sides differ by
+    /// more than a factor of six is stretched to that factor, and a note under the title says so.
     pub is_to_scale: bool,
     /// The marks; a later one covers earlier ones of its kind.
     pub marks: Vec<Mark>,
@@ -62,10 +62,8 @@ pub enum Place {
     Curve(Vec<[f64; 2]>),
 }
 
-/// Something drawn in a panel.
-///
-/// A mark with a name has an entry in the panel's key. Lines, steps and points of the same name share their colour, their
-/// marker and their entry. If a chart has at most seven such names, a name has the same look in all panels.
+/// Something drawn in a panel. A mark with a name has an entry in the key. Lines, steps and points of one name share
+/// colour, marker and entry. If a chart has at most seven such names, a name has the same look in all panels.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mark {
     /// Points joined in order; a point that is not finite leaves a gap.
@@ -78,8 +76,7 @@ pub enum Mark {
         spread: Option<Vec<[f64; 2]>>,
         /// Stroke.
         style: Style,
-        /// Whether every point is marked. If not, and if the panel has several series, a few points are marked, so that the
-        /// series can be told apart without colour.
+        /// Whether every point is marked. If not, a few are, if the panel has several series to be told apart.
         with_points: bool,
     },
     /// The outline of a histogram; its vertical axis includes zero.
@@ -99,10 +96,12 @@ pub enum Mark {
         points: Vec<[f64; 2]>,
         /// Smallest and largest y at each point, drawn as a bar.
         spread: Option<Vec<[f64; 2]>>,
-        /// A label beside each point. Labels that find no free place are left out, and a note under the title counts them.
+        /// A label beside each point. Labels that find no free place are left out, and a note under the title counts
+        /// them.
         labels: Option<Vec<String>>,
     },
-    /// A value to compare with, dashed and grey. References of the same name share their dashes and their entry in the key.
+    /// A value to compare with, dashed and grey. References of the same name share their dashes and their entry in the
+    /// key.
     Reference {
         /// Name in the key; may be empty.
         name: String,
@@ -118,10 +117,9 @@ pub enum Mark {
     },
     /// Vectors.
     Arrows(Arrows),
-    /// Values over the plane as colours, with a colour bar. A cell whose value is not finite is grey. A scale whose range is
-    /// given and symmetric about 0 runs from blue over white to red.
-    ///
-    /// A map with too many cells for a picture is drawn as means of blocks, and a note under the title says so.
+    /// Values over the plane as colours, with a colour bar. A cell whose value is not finite is grey. A scale whose
+    /// range is given and symmetric about 0 runs from blue over white to red. If there are too many cells for a
+    /// picture, means of blocks are drawn, and a note under the title says so.
     Map {
         /// Values row by row, x fastest; the first row stands at the first y.
         values: Vec<f64>,
@@ -138,8 +136,9 @@ pub enum Mark {
 
 /// Vectors, drawn as arrows centred on their points; a vector that is not finite is left out. They need linear axes.
 ///
-/// An arrow of the usual length nearly reaches its neighbours, or is 80 px long. Longer arrows are cut to 1.6 times that, keep their direction,
-/// and a note under the title counts them. Arrows keep their direction in a stretched panel, too.
+/// An arrow of the usual length nearly reaches its neighbours, or is 80 px long. Longer arrows are cut to 1.6 times
+/// that, keep their direction, and a note under the title counts them. Arrows keep their direction in a stretched
+/// panel, too.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arrows {
     /// Name in the key. If it is empty, the key shows an arrow of a round length with its value and unit.
@@ -203,6 +202,16 @@ impl Mark {
         Self::Line { name: name.into(), points, spread: None, style: Style::Solid, with_points: false }
     }
 
+    /// A dashed line without marked points.
+    pub fn dashed(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
+        Self::Line { name: name.into(), points, spread: None, style: Style::Dashed, with_points: false }
+    }
+
+    /// The outline of a histogram.
+    pub fn steps(name: impl Into<String>, edges: Vec<f64>, values: Vec<f64>) -> Self {
+        Self::Steps { name: name.into(), edges, values }
+    }
+
     /// Points without spread or labels.
     pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
         Self::Points { name: name.into(), points, spread: None, labels: None }
@@ -213,7 +222,6 @@ impl Mark {
         Self::Reference { name: name.into(), place }
     }
 
-    /// The name in the key; a map has none.
     pub(super) fn name(&self) -> &str {
         match self {
             Self::Line { name, .. }
@@ -226,7 +234,7 @@ impl Mark {
         }
     }
 
-    /// Whether it is a series, which has a colour of its own.
+    /// Whether it has a colour of its own.
     pub(super) fn is_series(&self) -> bool {
         matches!(self, Self::Line { .. } | Self::Steps { .. } | Self::Points { .. })
     }
@@ -253,16 +261,12 @@ fn check_axis(axis: &Axis) -> Result<(), Refusal> {
 }
 
 fn check_mark(mark: &Mark) -> Result<(), Refusal> {
-    let agree = |found: usize, items: &str, wanted: usize| {
-        if found == wanted {
-            return Ok(());
-        }
-        Err(Refusal::new(format!("'{}' has {found} {items}", mark.name()), format!("wanted {wanted}")))
+    let agree = |found: usize, items: &str, wanted: usize| match found == wanted {
+        true => Ok(()),
+        false => Err(Refusal::new(format!("'{}' has {found} {items}", mark.name()), format!("wanted {wanted}"))),
     };
     match mark {
-        Mark::Line { points, spread, .. } => {
-            agree(spread.as_ref().map_or(points.len(), Vec::len), "spreads", points.len())
-        }
+        Mark::Line { points, spread: Some(spread), .. } => agree(spread.len(), "spreads", points.len()),
         Mark::Points { points, spread, labels, .. } => {
             agree(spread.as_ref().map_or(points.len(), Vec::len), "spreads", points.len())?;
             agree(labels.as_ref().map_or(points.len(), Vec::len), "labels", points.len())
@@ -279,6 +283,6 @@ fn check_mark(mark: &Mark) -> Result<(), Refusal> {
             Err(Refusal::new(format!("a map over x {x:?} and y {y:?}"), "wanted edges that differ"))
         }
         Mark::Arrows(arrows) => agree(arrows.vectors.len(), "vectors", arrows.points.len()),
-        Mark::Reference { .. } | Mark::Region { .. } => Ok(()),
+        Mark::Line { spread: None, .. } | Mark::Reference { .. } | Mark::Region { .. } => Ok(()),
     }
 }

@@ -3,9 +3,8 @@
 use super::canvas::{Canvas, svg};
 use super::chart::{Chart, Mark, Panel, check};
 use super::text::{Anchor, TEXT_PX, TITLE_PX, wrap};
-use super::{map, palette::COLOURS, panel::PanelLayout, view::Looks};
+use super::{map, palette::COLOURS, panel::PanelLayout, view::Looks, view::distinct};
 use crate::Refusal;
-use std::collections::HashSet;
 
 /// Margin of the page, and distance between panels, px.
 const EDGE: i32 = 20;
@@ -13,16 +12,16 @@ const BETWEEN: i32 = 22;
 /// Heights of a line of the title and of a note, px.
 const TITLE: i32 = 30;
 const NOTE: i32 = 21;
-/// Constant: size of a frame on a page of one, two, and three or more columns, px. With names and ticks a page is 700 to
-/// 1500 px wide.
+/// Constant: size of a frame on a page of one, two, and three or more columns, px. With names and ticks a page is 700
+/// to 1500 px wide.
 const FRAMES: [[i32; 2]; 3] = [[640, 400], [440, 300], [370, 260]];
 /// The longer side of a frame that is to scale, px.
 const FRAMES_TO_SCALE: [i32; 3] = [760, 440, 370];
 /// Least width of a page, px, for its title and notes.
 const LEAST_WIDTH: i32 = 640;
 
-/// The chart as an SVG. Refuses lists of different lengths and an empty range. Only drawing shows which labels find no free
-/// place. If there are any, the page is drawn again with a note on them.
+/// The chart as an SVG. Refuses lists of different lengths and an empty range. Only drawing shows which labels find no
+/// free place. If there are any, the page is drawn again with a note on them.
 pub fn draw(chart: &Chart) -> Result<String, Refusal> {
     check(chart)?;
     let (svg, left_out) = page(chart, 0)?;
@@ -86,9 +85,7 @@ fn lines(canvas: &mut Canvas, lines: &[String], top: i32, height: i32, size_px: 
 /// The notes of the page itself: everything that is drawn otherwise than asked.
 fn own_notes(chart: &Chart, panels: &[PanelLayout], unlabelled: usize) -> Vec<String> {
     let maps = chart.panels.iter().flat_map(|panel| &panel.marks).filter_map(map::note);
-    let mut notes: Vec<String> = maps.chain(panels.iter().filter_map(|panel| panel.note.clone())).collect();
-    let mut known = HashSet::new();
-    notes.retain(|note| known.insert(note.clone()));
+    let mut notes = distinct(maps.chain(panels.iter().filter_map(|panel| panel.note.clone())));
     let arrows = chart.panels.iter().flat_map(|panel| &panel.marks).map(|mark| match mark {
         Mark::Arrows(arrows) => arrows.count_cut_short(),
         _ => 0,

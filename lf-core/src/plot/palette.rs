@@ -43,7 +43,8 @@ const SEQUENCE: [[f64; 3]; 9] = [
     [253.0, 231.0, 37.0],
 ];
 
-/// Maps of values about 0: blue, white, red. Most colour-blind eyes tell the ends apart, and both are light enough for ink.
+/// Maps of values about 0: blue, white, red. Most colour-blind eyes tell the ends apart, and both are light enough for
+/// ink.
 const SIGNED: [[f64; 3]; 7] = [
     [62.0, 118.0, 186.0],
     [126.0, 168.0, 214.0],

@@ -47,7 +47,8 @@ const MARGIN: f64 = 0.05;
 /// Largest ratio of the sides of a panel that is drawn to scale. A flatter one is stretched to it.
 const FLATTEST: f64 = 6.0;
 
-/// How many times longer than to scale the two sides of a panel are drawn: 1, or more for the shorter side of a flat panel.
+/// How many times longer than to scale the two sides of a panel are drawn: 1, or more for the shorter side of a flat
+/// panel.
 pub(super) fn stretch(spans: [f64; 2]) -> [f64; 2] {
     [spans[1] / (FLATTEST * spans[0]), spans[0] / (FLATTEST * spans[1])].map(|factor| factor.max(1.0))
 }

@@ -4,14 +4,12 @@ use super::chart::{Arrows, Axis, Mark, Panel};
 use super::range::stretch;
 use crate::{field::VectorGrid, statistics::quantile};
 
-/// The letters of the axes.
 const AXES: [&str; 3] = ["x", "y", "z"];
-/// Share of the values that colours and arrows show whole: a few wild ones do not make the rest pale and short.
+/// Share of the values that colours and arrows show whole, so that a few wild ones do not make the rest pale and short.
 const USUAL: f64 = 0.98;
 
-/// One layer of vectors across an axis.
-///
-/// Convention: x is drawn to the right or, in a layer across x, y. Upwards, y runs down as image rows do, and z up.
+/// One layer of vectors across an axis. Convention: x is drawn to the right or, in a layer across x, y. Upwards, y runs
+/// down as image rows do, and z up.
 #[derive(Debug, Clone, Copy)]
 pub struct Slice<'a> {
     /// The grid of the vectors.
@@ -23,7 +21,7 @@ pub struct Slice<'a> {
 }
 
 impl Slice<'_> {
-    /// The two axes in the layer, horizontal and vertical.
+    /// The horizontal and the vertical axis in the layer.
     pub fn across(&self) -> [usize; 2] {
         [[1, 2], [0, 2], [0, 1]][self.through]
     }
@@ -37,7 +35,8 @@ impl Slice<'_> {
     pub fn place_mm(&self) -> f64 {
         let spacing = self.grid.spacing_mm[self.through];
         let steps = self.grid.origin_mm[self.through] / spacing + self.layer as f64;
-        // Rounding may leave a small number instead of 0 in the middle of a symmetric field. `+ 0.0` removes the sign of -0.
+        // Rounding may leave a small number instead of 0 in the middle of a symmetric field. `+ 0.0` removes the sign
+        // of -0.
         (1e6 * steps).round() * 1e-6 * spacing + 0.0
     }
 
@@ -76,8 +75,8 @@ impl Slice<'_> {
         [0, 1].map(|n| ((step / (spacing[n] * stretch[n]) - 1e-6).ceil() as usize).clamp(1, self.shape()[n]))
     }
 
-    /// Arrows for `vector`, which gives the components along the two axes, at most `most` of them along the longer one. NaN
-    /// is left out. The usual length is that of the vectors drawn.
+    /// Arrows for `vector`, which gives the components along the two axes, at most `most` of them along the longer one.
+    /// NaN is left out. The usual length is that of the vectors drawn.
     pub fn arrows(&self, most: usize, vector: impl Fn(usize) -> [f64; 2]) -> Arrows {
         let (shape, stride, across) = (self.shape(), self.arrow_stride(most), self.across());
         let along = |n: usize| ((shape[n] - 1) % stride[n] / 2..shape[n]).step_by(stride[n]);

@@ -22,9 +22,8 @@ pub enum Anchor {
     Right,
 }
 
-/// Width of a text, px, on the wide side: the viewer of the picture chooses the font.
-///
-/// Constant: widths of DejaVu Sans, one of the widest fonts of its kind, by groups of letters.
+/// Width of a text, px, on the wide side: the viewer of the picture chooses the font. Constant: widths of DejaVu Sans,
+/// one of the widest fonts of its kind, by groups of letters.
 pub(super) fn width(text: &str, size_px: i32) -> i32 {
     let em = |letter: char| match letter {
         'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '|' | '\'' | ' ' => 0.34,
@@ -39,8 +38,8 @@ pub(super) fn width(text: &str, size_px: i32) -> i32 {
     (text.chars().map(em).sum::<f64>() * f64::from(size_px) / HEIGHT_PER_SIZE).ceil() as i32
 }
 
-/// A text in lines of at most `room_px`, broken between words, or within a word that is longer than a line. An empty text
-/// has no line.
+/// A text in lines of at most `room_px`, broken between words, or within a word that is longer than a line. An empty
+/// text has no line.
 pub(super) fn wrap(text: &str, size_px: i32, room_px: i32) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     let mut line = String::new();
@@ -98,7 +97,8 @@ impl Numbers {
     }
 }
 
-/// Power of ten of a number's first digit; 0 for zero. The factor keeps rounding, as in 0.1 x 10, from lowering the power.
+/// Power of ten of a number's first digit; 0 for zero. The factor keeps rounding, as in 0.1 x 10, from lowering the
+/// power.
 pub(super) fn magnitude(value: f64) -> i32 {
     if value == 0.0 { 0 } else { (value.abs() * (1.0 + 1e-9)).log10().floor() as i32 }
 }
@@ -134,7 +134,8 @@ pub fn round_below(value: f64) -> f64 {
     rounds.into_iter().find(|round| *round <= value * (1.0 + 1e-9)).unwrap_or(rounds[2])
 }
 
-/// `digit` times a power of ten. A negative power divides, so that the number prints without a tail like 0.30000000000000004.
+/// `digit` times a power of ten. A negative power divides, so that the number prints without a tail like
+/// 0.30000000000000004.
 pub(super) fn scaled(digit: f64, power: i32) -> f64 {
     if power < 0 { digit / 10f64.powi(-power) } else { digit * 10f64.powi(power) }
 }

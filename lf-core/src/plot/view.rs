@@ -39,19 +39,24 @@ pub(super) struct Looks(pub Vec<String>);
 impl Looks {
     /// The names of the series of some panels.
     pub fn of<'a>(panels: impl IntoIterator<Item = &'a Panel>) -> Self {
-        let mut names: Vec<String> = Vec::new();
         let series = panels.into_iter().flat_map(|panel| panel.marks.iter().filter(|mark| mark.is_series()));
-        for name in series.map(|mark| mark.name()) {
-            if !names.iter().any(|known| known == name) {
-                names.push(name.to_owned());
-            }
-        }
-        Self(names)
+        Self(distinct(series.map(|mark| mark.name().to_owned())))
     }
 
     pub fn look(&self, name: &str) -> Look {
         Look(self.0.iter().position(|known| known == name).unwrap_or(0))
     }
+}
+
+/// Values without repetitions, in their order.
+pub(super) fn distinct<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
+    let add = |mut known: Vec<T>, one: T| {
+        if !known.contains(&one) {
+            known.push(one);
+        }
+        known
+    };
+    all.fold(Vec::new(), add)
 }
 
 /// Whether a panel has two series or more, which its markers have to tell apart.
@@ -108,13 +113,6 @@ impl View<'_> {
 
 /// The number of a reference's name among the names of the panel's references.
 pub(super) fn reference_number(panel: &Panel, name: &str) -> usize {
-    let mut names: Vec<&str> = Vec::new();
-    for mark in &panel.marks {
-        if let Mark::Reference { name, .. } = mark
-            && !names.contains(&name.as_str())
-        {
-            names.push(name);
-        }
-    }
-    names.iter().position(|known| *known == name).unwrap_or(0)
+    let references = panel.marks.iter().filter(|mark| matches!(mark, Mark::Reference { .. }));
+    distinct(references.map(Mark::name)).iter().position(|known| *known == name).unwrap_or(0)
 }

@@ -8,8 +8,8 @@ use serde_json::{Map, Value};
 /// Keys that only a `scene.json` has.
 const SCENE: [&str; 4] = ["particles", "flow", "volume", "frames"];
 
-/// Describes JSON: a camera, a scene, a report of a tool, or objects one after another, such as runs. Refuses an invalid
-/// camera, an object with unknown keys, and other values.
+/// Describes JSON: a camera, a scene, a report of a tool, or objects one after another, such as runs. Refuses an
+/// invalid camera, an object with unknown keys, and other values.
 pub fn json(text: &str) -> Result<Description, Refusal> {
     let values: serde_json::Result<Vec<Value>> = serde_json::Deserializer::from_str(text).into_iter().collect();
     let values = values.map_err(|error| refused(format!("not JSON ({error})")))?;

@@ -18,10 +18,8 @@ pub fn displacement(score: &Displacement) -> Chart {
         let Some(pdf) = &score.pdf else { return panel };
         let histogram = &pdf.curves[axis];
         let (x, density) = middle(&histogram.x, &histogram.density);
-        panel.marks = vec![
-            Mark::Steps { name: "error".into(), edges: edges(x), values: density.to_vec() },
-            Mark::reference("no error", Place::Vertical(0.0)),
-        ];
+        panel.marks =
+            vec![Mark::steps("error", edges(x), density.to_vec()), Mark::reference("no error", Place::Vertical(0.0))];
         let stated = score.uncertainty.rms_stated_mm[axis] / unit_mm[axis];
         if stated > 0.0 {
             let curve = normal_density(x, score.all.spread_mm[axis].bias / unit_mm[axis], stated);
@@ -77,7 +75,7 @@ pub fn divergence(score: &Divergence) -> Chart {
     let mut panel = Panel::new("", x, Axis::new("density"));
     if let Some(histogram) = &score.pdf {
         panel.marks = vec![
-            Mark::Steps { name: "measured".into(), edges: edges(&histogram.x), values: histogram.density.clone() },
+            Mark::steps("measured", edges(&histogram.x), histogram.density.clone()),
             Mark::reference("a flow that keeps its volume", Place::Vertical(0.0)),
         ];
         if score.rms_of_noise > 0.0 {
@@ -109,8 +107,8 @@ pub fn divergence(score: &Divergence) -> Chart {
 /// Largest number of arrows along the longer side of a panel.
 const MOST_ARROWS: usize = 24;
 
-/// Layer `layer` across axis `through`: the mean in the layer with arrows, the mean across it, the RMS fluctuation of each
-/// component, and the vorticity across the layer.
+/// Layer `layer` across axis `through`: the mean in the layer with arrows, the mean across it, the RMS fluctuation of
+/// each component, and the vorticity across the layer.
 pub fn ensemble(found: &Ensemble, through: usize, layer: usize) -> Chart {
     let grid = &found.mean.layout;
     let (factor, unit) = grid.dt_s.map_or((1.0, "mm"), |dt_s| (1.0 / dt_s, "mm/s"));

@@ -3,7 +3,7 @@
 use super::series::{curve, from_zero, whole_curve};
 use crate::scores::elongation::{BIN_VOX, BINS, Elongation, IDEAL_VOX};
 use crate::scores::{depth::Depth, quality::Quality};
-use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style, three_figures};
+use lf_core::plot::{Axis, Chart, Mark, Panel, Place, three_figures};
 
 /// Q, ghost and missed light, and the sum of the light, for each slice across z.
 pub fn quality(score: &Quality) -> Chart {
@@ -24,13 +24,7 @@ pub fn quality(score: &Quality) -> Chart {
     let mut light = Panel::new("Light of each slice", z(), Axis::new("sum of intensities, counts"));
     light.marks = vec![
         Mark::line("volume", whole_curve(&by.z_mm, &by.scores.volume_sum)),
-        Mark::Line {
-            name: "truth".into(),
-            points: whole_curve(&by.z_mm, &by.scores.truth_sum),
-            spread: None,
-            style: Style::Dashed,
-            with_points: false,
-        },
+        Mark::dashed("truth", whole_curve(&by.z_mm, &by.scores.truth_sum)),
     ];
     Chart {
         title: "Quality of a reconstructed volume against the truth".into(),
@@ -115,19 +109,13 @@ pub fn elongation(score: &Elongation) -> Chart {
     let unit = score.pixel_mm.map_or([1.0; 3], |pixel| score.voxel_mm.map(|voxel| voxel / pixel));
     let name = if score.pixel_mm.is_some() { "px" } else { "voxels" };
     let histogram = &score.histogram;
-    let shares = [("x", &histogram.x), ("y", &histogram.y), ("z", &histogram.z)];
+    let shares = [("x", &histogram.x), ("y", &histogram.y), ("z", &histogram.z)].into_iter().zip(unit);
     let mut panels: Vec<Panel> = shares
-        .into_iter()
-        .zip(unit)
         .map(|((axis, values), unit)| {
             let (x, y) = (Axis::new(format!("diameter along {axis}, {name}")), Axis::new("share of the particles"));
             let mut panel = Panel::new(format!("Along {axis}"), x, y);
             panel.marks = vec![
-                Mark::Steps {
-                    name: String::new(),
-                    edges: (0..=BINS).map(|edge| edge as f64 * BIN_VOX * unit).collect(),
-                    values: values.clone(),
-                },
+                Mark::steps("", (0..=BINS).map(|edge| edge as f64 * BIN_VOX * unit).collect(), values.clone()),
                 Mark::reference("ideal particle, 3 voxels", Place::Vertical(IDEAL_VOX * unit)),
             ];
             panel
@@ -135,10 +123,8 @@ pub fn elongation(score: &Elongation) -> Chart {
         .collect();
     let by = &score.by_depth;
     let mut depth = Panel::new("Against depth, medians", Axis::new("z, mm"), Axis::new("diameter, voxels"));
-    depth.marks = [("x", &by.x_vox), ("y", &by.y_vox), ("z", &by.z_vox)]
-        .into_iter()
-        .map(|(axis, medians)| Mark::line(axis, curve(&by.z_mm, medians)))
-        .collect();
+    let medians = [("x", &by.x_vox), ("y", &by.y_vox), ("z", &by.z_vox)];
+    depth.marks = medians.map(|(axis, medians)| Mark::line(axis, curve(&by.z_mm, medians))).to_vec();
     depth.marks.push(Mark::reference("ideal particle, 3 voxels", Place::Horizontal(IDEAL_VOX)));
     panels.push(depth);
     let counts = score.counts;

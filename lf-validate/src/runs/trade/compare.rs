@@ -11,8 +11,8 @@ const SETTING: &str = "set.";
 /// The key in which runs of one name may differ.
 const SEED: &str = "set.seed";
 
-/// Cost and error of the settings in `records`. Refuses records without a run that has name, cost and error, runs of one
-/// name that differ in a key `set.*` other than the seed, and a base that is no setting.
+/// Cost and error of the settings in `records`. Refuses records without a run that has name, cost and error, runs of
+/// one name that differ in a key `set.*` other than the seed, and a base that is no setting.
 pub fn trade(records: &[RunRecord], keys: &TradeKeys) -> Result<Trade, Refusal> {
     let mut missing = MissingKeys::default();
     let mut groups: Vec<(String, Vec<&RunRecord>)> = Vec::new();

@@ -12,8 +12,8 @@ use std::collections::BTreeMap;
 
 /// Measures the particles at `places_mm` in volumes of one grid.
 ///
-/// The brightest voxel of a particle is searched up to `search_vox` from its true place along each axis. `pixel_mm`: size
-/// of a pixel at the focal plane.
+/// The brightest voxel of a particle is searched up to `search_vox` from its true place along each axis. `pixel_mm`:
+/// size of a pixel at the focal plane.
 pub fn elongation(
     volumes: &[(VoxelLight, Vec<[f64; 3]>)],
     grid: &Grid,

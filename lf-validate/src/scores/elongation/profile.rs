@@ -15,8 +15,8 @@ use crate::scores::light::VoxelLight;
 /// r at which the diameter ends.
 const DIAMETER_SIGMA: f64 = 2.0;
 
-/// Constant: intensity of a dark voxel as a share of the brightest voxel on the line. r is 4.3 there. From 1e-3 to 1e-6 the
-/// diameter of a lone voxel changes from 1.08 to 0.76, and that of the ideal particle does not change.
+/// Constant: intensity of a dark voxel as a share of the brightest voxel on the line. r is 4.3 there. From 1e-3 to 1e-6
+/// the diameter of a lone voxel changes from 1.08 to 0.76, and that of the ideal particle does not change.
 const DARK: f64 = 1e-4;
 
 /// Constant: most steps from the brightest voxel near the true place to a brighter one beside it. With more steps the
@@ -69,28 +69,17 @@ impl Profiles<'_> {
         None
     }
 
-    /// The brightest voxel within `search_vox` of a place, of equals the nearest, and its intensity. None if all is dark.
+    /// The brightest voxel within `search_vox` of a place, of equals the nearest, and its intensity. None if all is
+    /// dark.
     fn brightest(&self, place: [f64; 3], search_vox: [usize; 3]) -> Option<([i64; 3], f64)> {
         let range = |axis: usize| {
             let (middle, reach) = (place[axis].round() as i64, search_vox[axis] as i64);
             (middle - reach).max(0)..=(middle + reach).min(self.light.grid.shape[axis] as i64 - 1)
         };
-        let mut best: Option<([i64; 3], f64)> = None;
-        for z in range(2) {
-            for y in range(1) {
-                for x in range(0) {
-                    let voxel = [x, y, z];
-                    let here = self.at(voxel).unwrap_or(0.0);
-                    let is_better = best.map_or(here > 0.0, |(best, most)| {
-                        here > most || (here == most && distance_squared(voxel, place) < distance_squared(best, place))
-                    });
-                    if is_better {
-                        best = Some((voxel, here));
-                    }
-                }
-            }
-        }
-        best
+        let voxels = range(2).flat_map(|z| range(1).flat_map(move |y| range(0).map(move |x| [x, y, z])));
+        let lit = voxels.map(|voxel| (voxel, self.at(voxel).unwrap_or(0.0))).filter(|(_, light)| *light > 0.0);
+        let distance = |voxel| distance_squared(voxel, place);
+        lit.min_by(|a, b| b.1.total_cmp(&a.1).then_with(|| distance(a.0).total_cmp(&distance(b.0))))
     }
 
     /// Diameter and full width at half maximum along an axis, voxels. None if either passes the end of the grid.

@@ -15,8 +15,8 @@ use lf_core::{Grid, Refusal};
 use ndarray::Array3;
 use std::cmp::Ordering;
 
-/// Scores `volume` against `truth`: as a whole, by slices, and by `regions` boxes along x, y, z. Refuses different grids,
-/// and more regions than voxels along an axis.
+/// Scores `volume` against `truth`: as a whole, by slices, and by `regions` boxes along x, y, z. Refuses different
+/// grids, and more regions than voxels along an axis.
 pub fn quality(truth: VoxelLight, volume: VoxelLight, regions: [usize; 3]) -> Result<Quality, Refusal> {
     let grid = truth.grid;
     if !grid.agrees_with(volume.grid) {

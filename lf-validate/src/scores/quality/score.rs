@@ -12,8 +12,8 @@ pub struct Quality {
     pub(crate) by_region: QualityByRegion,
 }
 
-/// The score of a reconstructed volume, E1, against the truth, E0. A share is None, `null` in JSON, without light to take
-/// it of; the scale is None if the volume is dark.
+/// The score of a reconstructed volume, E1, against the truth, E0. A share is None, `null` in JSON, without light to
+/// take it of; the scale is None if the volume is dark.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct VolumeScore {
     /// Q. 0 if either volume has no light.
