@@ -162,13 +162,15 @@ impl Optics {
         }
     }
 
-    /// g in q = g (U - X), where q is the ray's slope in the air before the main lens, 1/mm. `offset_mm2` is |U - X|^2.
-    /// The relative error is below 1e-10 for rays within 0.15 rad of the axis and below 1e-7 within 0.4 rad.
+    /// q, the ray's slope in the air before the main lens: mm sideways per mm towards the lens. The relative error is
+    /// below 1e-10 for rays within 0.15 rad of the axis and below 1e-7 within 0.4 rad.
     #[inline(always)]
-    pub fn slope_per_mm(&self, z_mm: f64, offset_mm2: f64) -> f64 {
+    pub fn slope(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
+        let offset = aperture_mm - object_mm;
         let Some(medium) = &self.medium else {
-            return 1.0 / (self.object_distance_mm - z_mm);
+            return 1.0 / (self.object_distance_mm - z_mm) * offset;
         };
+        let offset_mm2 = offset.length_squared();
         // By Snell's law n sin(angle) is the same in every layer. A ray of slope t in air therefore moves sideways by
         // h t / sqrt(n^2 + (n^2 - 1) t^2) in a layer of thickness h. The sum over air and layers is |U - X|.
         // Newton's method for g = t / |U - X| starts from the paraxial answer and rises to the root.
@@ -185,14 +187,7 @@ impl Optics {
             }
             g += (1.0 - g * reach) / growth;
         }
-        g
-    }
-
-    /// q, the ray's slope in the air before the main lens: mm sideways per mm towards the lens.
-    #[inline(always)]
-    pub fn slope(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
-        let offset = aperture_mm - object_mm;
-        self.slope_per_mm(z_mm, offset.length_squared()) * offset
+        g * offset
     }
 
     /// The same of the ray that passes `aperture_mm` and meets the array at `array_mm`, without distortion.

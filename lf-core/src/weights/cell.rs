@@ -48,14 +48,8 @@ fn polygon_slabs(corners: &[DVec2], pitch: f64) -> Vec<Slab> {
     let mut breaks: Vec<f64> = corners.iter().map(|corner| corner.y).collect();
     breaks.sort_by(f64::total_cmp);
     // Corners of nearly the same height are one break: a sliver has too little light.
-    let mut heights: Vec<Vec<f64>> = Vec::new();
-    for y in breaks {
-        match heights.last_mut() {
-            Some(group) if y - group[0] < 0.02 * pitch => group.push(y),
-            _ => heights.push(vec![y]),
-        }
-    }
-    let heights: Vec<f64> = heights.iter().map(|group| group.iter().sum::<f64>() / group.len() as f64).collect();
+    let groups = breaks.chunk_by(|above, below| below - above < 0.02 * pitch);
+    let heights: Vec<f64> = groups.map(|group| group.iter().sum::<f64>() / group.len() as f64).collect();
     let inset = 1e-9 * pitch;
     let mut slabs = Vec::new();
     for pair in heights.windows(2) {

@@ -2,7 +2,7 @@
 //!
 //! The slow and obvious way, and the oracle of the faster ones. About 0.1 us for each lenslet and slab.
 
-use super::axis::{Axis, Piece, Span};
+use super::axis::{Piece, Span};
 use super::{blur::Blur, chords::Chords, geometry::Geometry};
 use glam::DVec2;
 
@@ -31,14 +31,13 @@ impl Geometry {
     pub(super) fn visit(
         &self,
         voxel: [usize; 3],
-        buffers: &mut Buffers,
+        Buffers { columns, rows }: &mut Buffers,
         wanted: impl Fn(u32) -> bool,
         mut found: impl FnMut(u32, u32, f32),
     ) {
-        let axes = [self.axis(voxel[2], 0), self.axis(voxel[2], 1)];
-        let [across, down] = &axes;
-        let blurs = self.blurs(across);
-        let chief = self.chief_mm(across, voxel);
+        let [across, down] = [0, 1].map(|along| self.axis(voxel[2], along));
+        let blurs = self.blurs(&across);
+        let chief = self.chief_mm(&across, voxel);
         let corner = self.corner();
         let margin = corner + DVec2::from(blurs.map(Blur::reach));
         let spread = across.alpha.abs() * across.half_aperture;
@@ -49,42 +48,29 @@ impl Geometry {
             if self.has_round_stop && beyond.length() > spread * (1.0 + 2.0 / self.sections as f64) {
                 continue;
             }
-            if down.pixels_reached(chief.y, centre.y, &whole).any(&wanted) {
-                self.visit_lenslet(&axes, chief, centre, buffers, &wanted, &mut found);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn visit_lenslet(
-        &self,
-        [across, down]: &[Axis; 2],
-        chief: DVec2,
-        centre: DVec2,
-        Buffers { columns, rows }: &mut Buffers,
-        wanted: &impl Fn(u32) -> bool,
-        found: &mut impl FnMut(u32, u32, f32),
-    ) {
-        let blurs = self.blurs(across);
-        for slab in &self.slabs {
-            let span_y = slab.span(1, blurs);
-            if !down.pixels_reached(chief.y, centre.y, &span_y).any(wanted) {
+            if !down.pixels_reached(chief.y, centre.y, &whole).any(&wanted) {
                 continue;
             }
-            rows.clear();
-            down.pieces(self.model, chief.y, centre.y, &span_y, rows);
-            rows.retain(|row| wanted(row.pixel));
-            if rows.is_empty() {
-                continue;
-            }
-            columns.clear();
-            across.pieces(self.model, chief.x, centre.x, &slab.span(0, blurs), columns);
-            for row in &*rows {
-                let chords = self.chords(row);
-                for column in &*columns {
-                    let weight = self.scale * row.weight * column.weight * chords.share(column.u0, column.u1);
-                    if weight > 0.0 {
-                        found(column.pixel, row.pixel, weight);
+            for slab in &self.slabs {
+                let span_y = slab.span(1, blurs);
+                if !down.pixels_reached(chief.y, centre.y, &span_y).any(&wanted) {
+                    continue;
+                }
+                rows.clear();
+                down.pieces(self.model, chief.y, centre.y, &span_y, rows);
+                rows.retain(|row| wanted(row.pixel));
+                if rows.is_empty() {
+                    continue;
+                }
+                columns.clear();
+                across.pieces(self.model, chief.x, centre.x, &slab.span(0, blurs), columns);
+                for row in &*rows {
+                    let chords = self.chords(row);
+                    for column in &*columns {
+                        let weight = self.scale * row.weight * column.weight * chords.share(column.u0, column.u1);
+                        if weight > 0.0 {
+                            found(column.pixel, row.pixel, weight);
+                        }
                     }
                 }
             }

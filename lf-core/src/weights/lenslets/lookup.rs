@@ -14,20 +14,13 @@ use std::{ops::RangeInclusive, sync::OnceLock};
 #[derive(Debug, Clone)]
 pub struct Lenslets {
     pub(crate) geometry: Geometry,
-    /// The rows of lenslets that the sensor sees, from row `first_row` of the lattice.
-    rows: Vec<LensletRow>,
+    /// The rows of lenslets that the sensor sees, from row `first_row` of the lattice: first lenslet, and centres in mm.
+    rows: Vec<(i64, Vec<DVec2>)>,
     first_row: i64,
     /// The patches of each slice, made when first used.
     patches: Vec<OnceLock<Patches>>,
     /// The same in fine pixels, [`FINENESS`] a side, for cells with slanted sides that the stop cuts.
     fine_patches: Vec<OnceLock<Patches>>,
-}
-
-/// Centres of a row of lenslets, from lenslet `first` of the lattice.
-#[derive(Debug, Clone)]
-struct LensletRow {
-    first: i64,
-    centres_mm: Vec<DVec2>,
 }
 
 /// Buffers of a thread, for the slice and the rows last asked for.
@@ -67,11 +60,8 @@ impl Lenslets {
         let reach_mm = optics.pixel_pitch_mm * optics.middle_px() + DVec2::splat(image + geometry.pitch_mm);
         let lattice = optics.lattice();
         let seen = || lattice.rows_within(DVec2::ZERO, reach_mm);
-        let rows = seen().map(|(j, lenslets)| LensletRow {
-            first: *lenslets.start(),
-            centres_mm: lenslets.map(|i| lattice.centre_mm(i, j)).collect(),
-        });
-        let (rows, first_row) = (rows.collect(), seen().next().map_or(0, |(j, _)| j));
+        let rows = seen().map(|(j, row)| (*row.start(), row.map(|i| lattice.centre_mm(i, j)).collect())).collect();
+        let first_row = seen().next().map_or(0, |(j, _)| j);
         let patches = vec![OnceLock::new(); geometry.grid.shape[2]];
         Self { rows, first_row, fine_patches: patches.clone(), patches, geometry }
     }
@@ -89,11 +79,11 @@ impl Lenslets {
     /// Centres of those lenslets of row `j` that the sensor sees, mm.
     #[inline(always)]
     fn centres_mm(&self, j: i64, lenslets: &RangeInclusive<i64>) -> &[DVec2] {
-        let Some(row) = usize::try_from(j - self.first_row).ok().and_then(|n| self.rows.get(n)) else { return &[] };
-        let count = row.centres_mm.len() as i64;
-        let first = (*lenslets.start() - row.first).clamp(0, count);
-        let end = (*lenslets.end() + 1 - row.first).clamp(first, count);
-        &row.centres_mm[first as usize..end as usize]
+        let row = usize::try_from(j - self.first_row).ok().and_then(|n| self.rows.get(n));
+        let Some((zero, centres)) = row else { return &[] };
+        let first = (lenslets.start() - zero).clamp(0, centres.len() as i64);
+        let end = (lenslets.end() + 1 - zero).clamp(first, centres.len() as i64);
+        &centres[first as usize..end as usize]
     }
 
     #[inline(always)]

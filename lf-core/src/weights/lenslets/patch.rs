@@ -14,19 +14,10 @@ const MOST_PHASES: usize = 64;
 const ROOM: usize = 1 << 16;
 /// Bytes of a slice's patches, except nearest focus.
 pub(super) const SLICE_BYTES: usize = ROOM * size_of::<f32>();
-/// Smallest step, as a fraction of the voxel's footprint on the array; nearer focus counts as focus.
-const LEAST_STEP: f64 = 1.0 / 1536.0;
-/// Largest step in the same unit: a voxel's image is then a point.
-const LARGEST_STEP: f64 = 1e6;
 /// A row of shares is padded to a multiple of this.
 pub(super) const LANES: usize = 4;
 /// Shares below this fraction of the largest possible are 0.
 const LEAST: f64 = 1e-6;
-
-/// The step of a table, for a true step in mm per pixel and a footprint of `size_mm`.
-pub(super) fn step_mm(step_mm: f64, size_mm: f64) -> f64 {
-    step_mm.abs().clamp(LEAST_STEP * size_mm, LARGEST_STEP * size_mm)
-}
 
 #[derive(Debug, Clone)]
 pub(super) struct Patches {

@@ -1,8 +1,13 @@
 //! The optics of one slice, as a lenslet's image of a voxel needs them.
 
-use super::{patch, stop::ApertureBehind};
+use super::stop::ApertureBehind;
 use crate::weights::{axis::Axis, blur::Blur, geometry::Geometry};
 use glam::DVec2;
+
+/// Smallest step, as a fraction of the voxel's footprint on the array; nearer focus counts as focus.
+const LEAST_STEP: f64 = 1.0 / 1536.0;
+/// Largest step in the same unit: a voxel's image is then a point.
+const LARGEST_STEP: f64 = 1e6;
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SliceOptics {
@@ -36,7 +41,8 @@ impl SliceOptics {
         let (_, slope) = axis.sensor_line(0.0, 0.0);
         let corner = geometry.corner();
         let reach = corner + DVec2::from(geometry.blurs(&axis).map(Blur::reach));
-        let step_mm = patch::step_mm(axis.alpha / slope, 2.0 * reach.max_element());
+        let size_mm = 2.0 * reach.max_element();
+        let step_mm = (axis.alpha / slope).abs().clamp(LEAST_STEP * size_mm, LARGEST_STEP * size_mm);
         // The alpha that belongs to this step: not 0 even in focus, with the sign of the true one.
         let alpha = (step_mm * slope.abs()).copysign(axis.alpha);
         let axis = Axis { alpha, ..axis };
