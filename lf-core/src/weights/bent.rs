@@ -73,8 +73,14 @@ fn sections(optics: &Optics, count: usize, side: f64) -> Vec<Section> {
 }
 
 impl CellShares {
-    /// For beams of half side `beam` in slice `z`.
-    fn new(geometry: &Geometry, z: usize, beam: f64) -> Self {
+    /// For the beams of sections of side `side` in slice `z`.
+    fn new(geometry: &Geometry, z: usize, side: f64) -> Self {
+        // A beam on the axis, half way out of the aperture: its width matters little beside the cell's.
+        let Geometry { optics, grid, .. } = geometry;
+        let half_way = 0.5 * optics.half_aperture_mm;
+        let hit = optics.array_from_object(DVec2::ZERO, grid.centre_mm(2, z), DVec2::new(half_way, 0.0));
+        let alpha = hit.x / half_way;
+        let beam = (0.5 * side * alpha.abs()).max(1e-3 * geometry.pitch_mm);
         let blurs = geometry.blurs(&geometry.axis(z, 0));
         let half = geometry.corner() + beam + DVec2::from(blurs.map(Blur::reach));
         let profile = |span: Span, half: f64| -> Vec<f64> {
@@ -121,7 +127,7 @@ impl Bent {
         let Geometry { grid, optics, .. } = &self.geometry;
         let [x, y, z_mm] = std::array::from_fn(|axis| grid.centre_mm(axis, voxel[axis]));
         let place = DVec2::new(x, y);
-        let shares = self.shares(voxel[2]);
+        let shares = self.shares[voxel[2]].get_or_init(|| CellShares::new(&self.geometry, voxel[2], self.side));
         let corner = self.geometry.corner();
         for section in &self.sections {
             let beam = beam(optics, place, z_mm, section.middle);
@@ -132,18 +138,6 @@ impl Bent {
                 }
             }
         }
-    }
-
-    fn shares(&self, z: usize) -> &CellShares {
-        self.shares[z].get_or_init(|| {
-            // A beam on the axis, half way out of the aperture: its width matters little beside the cell's.
-            let Geometry { optics, grid, .. } = &self.geometry;
-            let half_way = 0.5 * optics.half_aperture_mm;
-            let hit = optics.array_from_object(DVec2::ZERO, grid.centre_mm(2, z), DVec2::new(half_way, 0.0));
-            let alpha = hit.x / half_way;
-            let beam = (0.5 * self.side * alpha.abs()).max(1e-3 * self.geometry.pitch_mm);
-            CellShares::new(&self.geometry, z, beam)
-        })
     }
 
     /// Two opposite corners, px, of the image of what a lenslet takes of a beam.
@@ -204,7 +198,6 @@ impl Bent {
     }
 }
 
-/// The rays from a voxel at `place` through the section of the aperture around `middle`.
 #[inline(always)]
 fn beam(optics: &Optics, place: DVec2, z_mm: f64, middle: DVec2) -> Beam {
     let at = |aperture: DVec2| optics.array_from_object(place, z_mm, aperture);

@@ -1,6 +1,7 @@
 use super::*;
-use crate::camera::{Aperture, Camera, tests::seed};
-use crate::{Grid, Optics, lattice::Layout};
+use crate::camera::{Aperture, Camera, Distortion, Medium, Tilt, tests::seed};
+use crate::lattice::{Centres, Layout};
+use crate::{Grid, Optics};
 use glam::DVec2;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -199,8 +200,6 @@ fn exact_weights_are_where_rays_fall() {
 /// The camera's blocks one by one and all together. Each is so large that the distance without it is 0.1 or more.
 #[test]
 fn exact_weights_follow_every_block() {
-    use crate::camera::{Distortion, Medium, Tilt};
-    use crate::lattice::Centres;
     let grid = grid([1.0, 1.0, 90.0]);
     let medium = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
     let distortion = Distortion { radial: [40_000.0, 0.0, 0.0], tangential: [20.0, -10.0] };

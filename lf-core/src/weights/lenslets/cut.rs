@@ -2,8 +2,7 @@
 //! slanted, pixels are cut into parts ("fine" pixels).
 
 use super::patch::{LANES, Patches};
-use super::slice::SliceOptics;
-use super::stop::Spans;
+use super::slice::{SliceOptics, Spans};
 use crate::weights::{geometry::Geometry, model::RowSet};
 use glam::{DVec2, Vec4};
 
@@ -15,9 +14,8 @@ pub(super) struct LensletImage<'a> {
     pub(super) patches: &'a Patches,
     /// Fine pixels of a pixel, a side.
     pub(super) fineness: i32,
-    /// Centre of the lenslet, mm.
+    /// Centre of the lenslet, and where the voxel's chief ray meets the array, mm.
     pub(super) centre: DVec2,
-    /// Where the voxel's chief ray meets the array, mm.
     pub(super) chief: DVec2,
     /// Middle of the image, px.
     pub(super) place_px: DVec2,

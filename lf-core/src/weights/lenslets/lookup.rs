@@ -14,13 +14,14 @@ use std::{ops::RangeInclusive, sync::OnceLock};
 #[derive(Debug, Clone)]
 pub struct Lenslets {
     pub(crate) geometry: Geometry,
-    /// The rows of lenslets that the sensor sees, from row `first_row` of the lattice: first lenslet, and centres in mm.
+    /// First lenslet and centres, mm, of the rows that the sensor sees; `first_row` is the first of these rows.
     rows: Vec<(i64, Vec<DVec2>)>,
     first_row: i64,
     /// The patches of each slice, made when first used.
     patches: Vec<OnceLock<Patches>>,
     /// The same in fine pixels, [`FINENESS`] a side, for cells with slanted sides that the stop cuts.
     fine_patches: Vec<OnceLock<Patches>>,
+    fineness: i32,
 }
 
 /// Buffers of a thread, for the slice and the rows last asked for.
@@ -63,17 +64,13 @@ impl Lenslets {
         let rows = seen().map(|(j, row)| (*row.start(), row.map(|i| lattice.centre_mm(i, j)).collect())).collect();
         let first_row = seen().next().map_or(0, |(j, _)| j);
         let patches = vec![OnceLock::new(); geometry.grid.shape[2]];
-        Self { rows, first_row, fine_patches: patches.clone(), patches, geometry }
+        let fineness = if geometry.slabs.len() > 1 { FINENESS } else { 1 };
+        Self { rows, first_row, fine_patches: patches.clone(), patches, fineness, geometry }
     }
 
     pub(crate) fn table_bytes(&self) -> u64 {
-        let tables = if self.fineness() > 1 { 2 } else { 1 };
+        let tables = if self.fineness > 1 { 2 } else { 1 };
         (self.patches.len() * tables * patch::SLICE_BYTES) as u64
-    }
-
-    #[inline(always)]
-    fn fineness(&self) -> i32 {
-        if self.geometry.slabs.len() > 1 { FINENESS } else { 1 }
     }
 
     /// Centres of those lenslets of row `j` that the sensor sees, mm.
@@ -93,10 +90,10 @@ impl Lenslets {
 
     #[inline(always)]
     fn fine_patches(&self, slice: &SliceOptics) -> &Patches {
-        if self.fineness() == 1 {
+        if self.fineness == 1 {
             return self.patches(slice);
         }
-        self.fine_patches[slice.z].get_or_init(|| self.new_patches(slice, slice.step_mm / f64::from(FINENESS)))
+        self.fine_patches[slice.z].get_or_init(|| self.new_patches(slice, slice.step_mm / f64::from(self.fineness)))
     }
 
     fn new_patches(&self, slice: &SliceOptics, step_mm: f64) -> Patches {
@@ -198,7 +195,7 @@ impl Request<'_> {
         if !is_in_stop((far - slice.reach).max(DVec2::ZERO)) {
             return;
         }
-        let (patches, fineness) = (lenslets.fine_patches(slice), lenslets.fineness());
+        let (patches, fineness) = (lenslets.fine_patches(slice), lenslets.fineness);
         let (chief, rows) = (self.chief_mm, (low, high));
         let image = LensletImage { geometry, slice, patches, fineness, centre, chief, place_px, rows };
         image.cut_runs(cut, next, wanted, found);

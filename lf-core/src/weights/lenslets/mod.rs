@@ -6,7 +6,6 @@ mod cut;
 mod lookup;
 mod patch;
 mod slice;
-mod stop;
 
 pub(super) use lookup::Buffers;
 pub use lookup::Lenslets;

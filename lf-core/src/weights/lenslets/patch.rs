@@ -36,7 +36,10 @@ pub(super) struct Patches {
 impl Patches {
     /// The patches of a cell in slabs, at `step_mm` a pixel, for a voxel that blurs by `blurs` along x and y.
     pub(super) fn new(slabs: &[Slab], blurs: [Blur; 2], step_mm: f64) -> Self {
-        let half_px = half_side(slabs, blurs) / step_mm;
+        // A square around the blurred cell.
+        let spans = slabs.iter().flat_map(|slab| [0, 1].map(|along| slab.span(along, blurs)));
+        let reaches = spans.map(|span| span.low.abs().max(span.high.abs()) + span.blur.reach());
+        let half_px = reaches.fold(0.0, f64::max) / step_mm;
         let rows = (2.0 * half_px + 1.0).ceil() as usize;
         let columns = rows.next_multiple_of(LANES);
         let mut phases = MOST_PHASES;
@@ -85,10 +88,4 @@ impl Patches {
         let size = self.rows * self.columns;
         &self.shares[((down << self.bits) + across) * size..][..size]
     }
-}
-
-/// Half the side of a square around the blurred cell, mm.
-fn half_side(slabs: &[Slab], blurs: [Blur; 2]) -> f64 {
-    let spans = slabs.iter().flat_map(|slab| [0, 1].map(|along| slab.span(along, blurs)));
-    spans.map(|span| span.low.abs().max(span.high.abs()) + span.blur.reach()).fold(0.0, f64::max)
 }
