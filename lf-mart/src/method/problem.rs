@@ -1,4 +1,4 @@
-//! Input and output of a method.
+//! Input and output of a method: [`Problem`] and [`Solved`].
 
 use crate::options::{Options, Until};
 use crate::reconstruction::{Start, Sweep, stalls};
@@ -11,7 +11,6 @@ pub(super) const GREATEST_STRENGTH: f32 = 1e20;
 /// First strength of a voxel that a [`Start`] does not name, as a share of the start's brightest.
 const DIM: f32 = 1e-3;
 
-/// Input of a method.
 pub(crate) struct Problem<'a> {
     /// The image in units of its brightest pixel; blind pixels are NaN.
     pub(crate) image: Array2<f32>,
@@ -58,7 +57,6 @@ impl Problem<'_> {
     }
 }
 
-/// Output of a method.
 pub(crate) struct Solved {
     /// Rising indices of the voxels still held to have light.
     pub(crate) indices: Vec<u64>,
@@ -78,7 +76,6 @@ pub(super) struct Misfit {
 }
 
 impl Misfit {
-    /// Adds a pixel.
     #[inline(always)]
     pub(super) fn add_pixel(&mut self, measured: f32, projected: f32) {
         self.residual += f64::from(measured - projected).powi(2);
@@ -86,7 +83,6 @@ impl Misfit {
         self.pixels += 1;
     }
 
-    /// Adds the pixels of another.
     pub(super) fn add(&mut self, other: &Self) {
         self.residual += other.residual;
         self.light += other.light;

@@ -20,17 +20,16 @@ struct Weight {
     weight: f32,
 }
 
-/// Strengths below this become 0. Voxels fade for ever, and the light of a faint one becomes a denormal number; these
-/// took most of the time of hundreds of sweeps.
+/// Strengths below this become 0. Voxels fade for ever, and their light becomes denormal numbers, which took most of the
+/// time of hundreds of sweeps.
 const LEAST_STRENGTH: f32 = 1e-25;
 
 /// Voxels whose weights are made at once, to be stored in their order.
 const RUN: usize = 1 << 12;
 
-/// Bytes of a stored weight.
 const WEIGHT_BYTES: u64 = size_of::<Weight>() as u64;
 
-/// Bytes of the stored weights and of those being made: an estimate from a sample of the voxels.
+/// Bytes of the stored weights and of those being made, from a sample of the voxels.
 pub(crate) fn weight_bytes(weights: &Weights, indices: &[u64]) -> u64 {
     let stored = count_weights(weights, indices);
     let run = stored as f64 / indices.len().max(1) as f64 * RUN as f64;
@@ -66,8 +65,7 @@ fn products(aligned: &Aligned, index: u64, buffers: &mut Buffers) -> Vec<(u32, f
     pieces.clear();
     aligned.rows(y, z, pieces);
     summed(pieces, rows);
-    // Keep shares apart from their pixels. Multiplied in pairs, the pixels' bits would be denormal numbers, thirty
-    // times slower.
+    // Keep shares apart from pixels: multiplied in pairs, the pixels' bits would be denormal numbers, 30 times slower.
     let scale = aligned.scale();
     shares.clear();
     shares.extend(columns.iter().map(|(_, share)| scale * share));
@@ -124,9 +122,7 @@ impl Stored {
         let mut seen = vec![false; problem.indices.len()];
         for_each_voxel(problem, |voxel, weights| {
             seen[voxel] = !weights.is_empty();
-            for (pixel, _) in weights {
-                starts[pixel as usize + 1] += 1;
-            }
+            weights.iter().for_each(|(pixel, _)| starts[*pixel as usize + 1] += 1);
         });
         for pixel in 0..pixels {
             starts[pixel + 1] += starts[pixel];
@@ -149,7 +145,6 @@ impl Stored {
         Ok(Self { starts, weights, seen })
     }
 
-    /// Moves the strengths by every pixel in turn.
     fn sweep(&self, problem: &Problem, strengths: &mut [f32]) -> Misfit {
         let options = problem.options;
         let dark = options.floor as f32;
@@ -187,7 +182,6 @@ fn for_each_voxel(problem: &Problem, mut take: impl FnMut(usize, Vec<(u32, f32)>
     }
 }
 
-/// Solves by the row action.
 pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<Solved, Refusal> {
     let stored = Stored::new(problem)?;
     let mut strengths = problem.first_strengths();

@@ -67,7 +67,7 @@ fn compare(problem: &Problem, rows: RowSet, plane: &mut Plane) -> Misfit {
     all
 }
 
-/// The voxels still held, and what is known of each.
+/// The voxels still held.
 struct State<'a> {
     problem: &'a Problem<'a>,
     operator: Operator<'a>,
@@ -85,7 +85,6 @@ struct State<'a> {
     weights: u64,
     /// Weights touched in the current sweep.
     touched: f64,
-    /// Support voxels that no pixel sees.
     unseen: usize,
 }
 
@@ -161,7 +160,6 @@ impl<'a> State<'a> {
     }
 }
 
-/// Solves by SMART, MLEM or ordered subsets.
 pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
     let options = problem.options;
     let (is_tile, has_subsets) = (options.tile.is_some(), options.method == Method::Subsets);

@@ -49,7 +49,6 @@ impl Neighbourhood {
         }
     }
 
-    /// Drops the voxels that are not held.
     pub(super) fn retain(&mut self, held: &[bool]) {
         keep(&mut self.block, held);
     }

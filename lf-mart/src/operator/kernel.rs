@@ -8,6 +8,17 @@ use super::{kernel_portable, plane::PADDING};
 use lf_core::{simd::Level, weights::Piece};
 use std::ops::Range;
 
+/// A column profile.
+#[derive(Debug)]
+pub(super) struct Profile {
+    first_tap: u32,
+    end_tap: u32,
+    /// Sum of its shares.
+    pub(super) sum: f32,
+    /// Number of its shares.
+    pub(super) count: u32,
+}
+
 /// Column profiles, numbered in the order in which they are pushed.
 #[derive(Debug)]
 pub(super) struct ColumnProfiles {
@@ -15,77 +26,54 @@ pub(super) struct ColumnProfiles {
     width: usize,
     has_round_stop: bool,
     level: Level,
-    /// First and end tap of each.
-    ranges: Vec<(u32, u32)>,
-    /// Sum of the shares of each.
-    pub(super) sums: Vec<f32>,
-    /// Number of shares of each.
-    pub(super) counts: Vec<u32>,
+    pub(super) profiles: Vec<Profile>,
     taps: Vec<Tap>,
     cut_taps: Vec<CutTap>,
 }
 
 impl ColumnProfiles {
     pub(super) fn new(width: usize, has_round_stop: bool) -> Self {
-        Self {
-            width,
-            has_round_stop,
-            level: Level::detect(),
-            ranges: Vec::new(),
-            sums: Vec::new(),
-            counts: Vec::new(),
-            taps: Vec::new(),
-            cut_taps: Vec::new(),
-        }
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.ranges.len()
+        let level = Level::detect();
+        Self { width, has_round_stop, level, profiles: Vec::new(), taps: Vec::new(), cut_taps: Vec::new() }
     }
 
     /// Appends a profile.
     pub(super) fn push(&mut self, pieces: &[Piece]) {
         assert!(pieces.iter().all(|piece| (piece.pixel as usize) < self.width), "a column outside the image");
-        let first = self.count_taps();
+        let first_tap = self.count_taps();
         if self.has_round_stop {
             fill(&halves(pieces), &mut self.cut_taps);
         } else {
             fill(pieces, &mut self.taps);
         }
-        self.ranges.push((first, self.count_taps()));
-        self.counts.push(pieces.len() as u32);
-        self.sums.push(pieces.iter().map(|piece| piece.weight).sum());
+        let sum = pieces.iter().map(|piece| piece.weight).sum();
+        self.profiles.push(Profile { first_tap, end_tap: self.count_taps(), sum, count: pieces.len() as u32 });
     }
 
     fn count_taps(&self) -> u32 {
         (self.taps.len() + self.cut_taps.len()) as u32
     }
 
-    /// Reserves room for the profiles of others.
     pub(super) fn reserve<'a>(&mut self, others: impl Iterator<Item = &'a Self> + Clone) {
-        self.ranges.reserve_exact(others.clone().map(|other| other.ranges.len()).sum());
-        self.counts.reserve_exact(others.clone().map(|other| other.counts.len()).sum());
-        self.sums.reserve_exact(others.clone().map(|other| other.sums.len()).sum());
+        self.profiles.reserve_exact(others.clone().map(|other| other.profiles.len()).sum());
         self.taps.reserve_exact(others.clone().map(|other| other.taps.len()).sum());
         self.cut_taps.reserve_exact(others.map(|other| other.cut_taps.len()).sum());
     }
 
-    /// Appends the profiles of another.
     pub(super) fn append(&mut self, other: Self) {
         let is_alike = other.width == self.width && other.has_round_stop == self.has_round_stop;
         assert!(is_alike, "profiles of another image");
         let base = self.count_taps();
-        self.ranges.extend(other.ranges.iter().map(|(first, end)| (base + first, base + end)));
-        self.sums.extend(other.sums);
-        self.counts.extend(other.counts);
+        let moved = |p: Profile| Profile { first_tap: base + p.first_tap, end_tap: base + p.end_tap, ..p };
+        self.profiles.extend(other.profiles.into_iter().map(moved));
         self.taps.extend(other.taps);
         self.cut_taps.extend(other.cut_taps);
     }
 
     #[inline(always)]
     fn taps(&self, number: u32) -> Range<usize> {
-        let (first, end) = self.ranges[number as usize];
-        first as usize..end as usize
+        let profile = &self.profiles[number as usize];
+        profile.first_tap as usize..profile.end_tap as usize
     }
 
     #[inline(always)]
@@ -116,15 +104,13 @@ impl ColumnProfiles {
     #[inline(always)]
     pub(super) fn gather(&self, number: u32, rows: &LitRows, plane: &[f32]) -> (f32, f32) {
         self.check(rows, plane);
-        let (taps, rows) = (self.taps(number), rows.rows.as_slice());
+        let (taps, rows, sum) = (self.taps(number), rows.rows.as_slice(), self.profiles[number as usize].sum);
         // SAFETY: as in `spread`.
         unsafe {
             match (self.has_round_stop, self.level) {
                 #[cfg(target_arch = "x86_64")]
-                (false, Level::Avx2Fma) => {
-                    kernel_avx2::gather_whole(plane, rows, &self.taps[taps], self.sums[number as usize])
-                }
-                (false, _) => kernel_portable::gather_whole(plane, rows, &self.taps[taps], self.sums[number as usize]),
+                (false, Level::Avx2Fma) => kernel_avx2::gather_whole(plane, rows, &self.taps[taps], sum),
+                (false, _) => kernel_portable::gather_whole(plane, rows, &self.taps[taps], sum),
                 #[cfg(target_arch = "x86_64")]
                 (true, Level::Avx2Fma) => kernel_avx2::gather_cut(plane, rows, &self.cut_taps[taps]),
                 (true, _) => kernel_portable::gather_cut(plane, rows, &self.cut_taps[taps]),

@@ -3,7 +3,7 @@
 
 use super::taps::{CutTap, Tap};
 use super::{kernel::ColumnProfiles, plane::keep};
-use lf_core::weights::{Aligned, Chords};
+use lf_core::weights::{Aligned, Chords, Piece};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -65,51 +65,35 @@ impl SliceRows {
             }
             pieces.sort_by_key(|piece| piece.pixel as usize % subsets);
             rows.sums.push(pieces.iter().map(|piece| piece.weight).sum());
-            let mut subset = 0;
-            for piece in &pieces {
-                while subset <= piece.pixel as usize % subsets {
-                    rows.starts.push(rows.taps.len() as u32);
-                    subset += 1;
-                }
-                rows.taps.push(RowTap { row: piece.pixel, share: aligned.scale() * piece.weight });
-                if aligned.has_round_stop() {
-                    rows.chords.push(aligned.chords(piece));
-                }
-            }
-            while subset <= subsets {
-                rows.starts.push(rows.taps.len() as u32);
-                subset += 1;
+            let base = rows.taps.len();
+            let before = |subset: usize| pieces.partition_point(|piece| (piece.pixel as usize % subsets) < subset);
+            rows.starts.extend((0..=subsets).map(|subset| (base + before(subset)) as u32));
+            let tap = |piece: &Piece| RowTap { row: piece.pixel, share: aligned.scale() * piece.weight };
+            rows.taps.extend(pieces.iter().map(tap));
+            if aligned.has_round_stop() {
+                rows.chords.extend(pieces.iter().map(|piece| aligned.chords(piece)));
             }
         }
         rows
     }
 }
 
-/// The column profiles of a slice's voxels, counted from the slice's first.
-struct SliceColumns {
-    profiles: Vec<u32>,
-    columns: ColumnProfiles,
-}
-
-impl SliceColumns {
-    /// For voxels at these x of slice `z`.
-    fn new(aligned: &Aligned, z: usize, voxels: impl Iterator<Item = usize>) -> Self {
-        const UNKNOWN: u32 = u32::MAX;
-        let columns = ColumnProfiles::new(aligned.sensor_px()[0], aligned.has_round_stop());
-        let mut this = Self { profiles: Vec::new(), columns };
-        let mut known = vec![UNKNOWN; aligned.grid().shape[0]];
-        let mut pieces = Vec::new();
-        for x in voxels {
-            if known[x] == UNKNOWN {
-                known[x] = this.columns.len() as u32;
-                pieces.clear();
-                aligned.columns(x, z, &mut pieces);
-                this.columns.push(&pieces);
-            }
-            this.profiles.push(known[x]);
+/// The column profiles of slice `z`, and the number of the one of each voxel; the voxels are at these x.
+fn slice_columns(aligned: &Aligned, z: usize, voxels: impl Iterator<Item = usize>) -> (Vec<u32>, ColumnProfiles) {
+    const UNKNOWN: u32 = u32::MAX;
+    let mut columns = ColumnProfiles::new(aligned.sensor_px()[0], aligned.has_round_stop());
+    let mut known = vec![UNKNOWN; aligned.grid().shape[0]];
+    let mut pieces = Vec::new();
+    let mut profile = |x: usize| {
+        if known[x] == UNKNOWN {
+            known[x] = columns.profiles.len() as u32;
+            pieces.clear();
+            aligned.columns(x, z, &mut pieces);
+            columns.push(&pieces);
         }
-        this
-    }
+        known[x]
+    };
+    (voxels.map(&mut profile).collect(), columns)
 }
 
 impl ProfileWeights {
@@ -122,9 +106,9 @@ impl ProfileWeights {
         // Make the columns of all slices side by side, then append slice after slice.
         let of_slice = |z: usize| {
             let voxels = &indices[lines[ny * z] as usize..lines[ny * (z + 1)] as usize];
-            SliceColumns::new(aligned, z, voxels.iter().map(|index| (index % nx as u64) as usize))
+            slice_columns(aligned, z, voxels.iter().map(|index| (index % nx as u64) as usize))
         };
-        let slices: Vec<SliceColumns> = (0..nz).into_par_iter().map(of_slice).collect();
+        let slices: Vec<(Vec<u32>, ColumnProfiles)> = (0..nz).into_par_iter().map(of_slice).collect();
         let [width, height] = aligned.sensor_px();
         let mut this = Self {
             has_round_stop,
@@ -141,11 +125,11 @@ impl ProfileWeights {
             reached: Vec::new(),
             scale: aligned.scale() * if has_round_stop { std::f32::consts::FRAC_PI_4 } else { 1.0 },
         };
-        this.columns.reserve(slices.iter().map(|slice| &slice.columns));
-        for slice in slices {
-            let first = this.columns.len() as u32;
-            this.profiles.extend(slice.profiles.iter().map(|profile| first + profile));
-            this.columns.append(slice.columns);
+        this.columns.reserve(slices.iter().map(|(_, columns)| columns));
+        for (profiles, columns) in slices {
+            let first = this.columns.profiles.len() as u32;
+            this.profiles.extend(profiles.iter().map(|profile| first + profile));
+            this.columns.append(columns);
         }
         this.fill_rows(aligned);
         this.find_reached(height.div_ceil(this.band), ny, nz);
@@ -219,7 +203,7 @@ impl ProfileWeights {
 
     /// Weights of all voxels, including those that a round stop cuts to 0.
     pub(super) fn weights(&self) -> u64 {
-        let count = |profile: &u32| u64::from(self.columns.counts[*profile as usize]);
+        let count = |profile: &u32| u64::from(self.columns.profiles[*profile as usize].count);
         let weights = |(starts, voxels): (&[u32], &[u32])| {
             let profiles = &self.profiles[voxels[0] as usize..voxels[1] as usize];
             u64::from(starts[self.subsets] - starts[0]) * profiles.iter().map(count).sum::<u64>()
@@ -227,13 +211,12 @@ impl ProfileWeights {
         self.row_starts.chunks(self.subsets + 1).zip(self.lines.windows(2)).map(weights).sum()
     }
 
-    /// The sum of each voxel's weights. A round stop is assumed to cut as much from a voxel at the edge of sight as
-    /// from any other.
+    /// The sum of each voxel's weights, as if a round stop cut as much at the edge of sight as anywhere.
     pub(super) fn shares(&self) -> Vec<f32> {
         let mut shares = Vec::with_capacity(self.profiles.len());
         for (line, sum) in self.line_sums.iter().enumerate() {
             let voxels = &self.profiles[self.lines[line] as usize..self.lines[line + 1] as usize];
-            shares.extend(voxels.iter().map(|profile| self.scale * sum * self.columns.sums[*profile as usize]));
+            shares.extend(voxels.iter().map(|profile| self.scale * sum * self.columns.profiles[*profile as usize].sum));
         }
         shares
     }

@@ -13,7 +13,7 @@ pub struct Projector<'a> {
 }
 
 impl<'a> Projector<'a> {
-    /// For the voxels `indices` (rising) of the weights' grid. Cameras that are not aligned keep their weights if these
+    /// For the voxels `indices` (rising) of the weights' grid. If the camera is not aligned, weights are kept if they
     /// take no more than four fifths of `max_bytes`.
     pub fn new(weights: &'a Weights, indices: &[u64], max_bytes: u64) -> Self {
         let [width, height] = weights.sensor_px();
@@ -26,22 +26,16 @@ impl<'a> Projector<'a> {
         self.operator.weights()
     }
 
-    /// p_i = sum_j w_ij E_j: the image, shape (height, width), of one strength for each voxel.
-    ///
-    /// # Panics
-    /// If there are more or fewer strengths than voxels.
+    /// p_i = sum_j w_ij E_j: the image, shape (height, width), of one strength for each voxel. Panics for another
+    /// number of strengths.
     pub fn project(&mut self, strengths: &[f32]) -> Array2<f32> {
         assert_eq!(strengths.len(), self.voxels, "one strength for each voxel");
         self.operator.project(RowSet::ALL, strengths, &mut self.plane);
-        let (stride, width) = (self.plane.stride, self.width);
-        let height = self.plane.values.len() / stride;
-        Array2::from_shape_fn((height, width), |(row, column)| self.plane.values[row * stride + column])
+        let Plane { stride, values } = &self.plane;
+        Array2::from_shape_fn((values.len() / stride, self.width), |(row, column)| values[row * stride + column])
     }
 
-    /// (sum_i w_ij v_i, sum_i w_ij) of each voxel, for an image `v`.
-    ///
-    /// # Panics
-    /// If the image has another size than the sensor.
+    /// (sum_i w_ij v_i, sum_i w_ij) of each voxel, for an image `v`. Panics unless it has the sensor's size.
     pub fn back_project(&mut self, image: ArrayView2<f32>) -> Vec<(f32, f32)> {
         let stride = self.plane.stride;
         let height = self.plane.values.len() / stride;
@@ -49,8 +43,7 @@ impl<'a> Projector<'a> {
         for (values, row) in self.plane.values.chunks_mut(stride).zip(image.rows()) {
             values[..self.width].iter_mut().zip(row).for_each(|(value, pixel)| *value = *pixel);
         }
-        let mut sums = vec![0f32; self.voxels];
-        let mut weights = vec![0f32; self.voxels];
+        let (mut sums, mut weights) = (vec![0f32; self.voxels], vec![0f32; self.voxels]);
         self.operator.back_project(RowSet::ALL, &self.plane, &mut sums, |_, out, sum, _| *out = sum);
         self.operator.back_project(RowSet::ALL, &self.plane, &mut weights, |_, out, _, weight| *out = weight);
         sums.into_iter().zip(weights).collect()
@@ -74,12 +67,10 @@ mod tests {
             let [width, height] = weights.sensor_px();
             let image = Array2::from_shape_fn((height, width), |(row, column)| hash(1000 + row * width + column));
             let mut projector = Projector::new(&weights, &indices, 1 << 30);
-            let dot =
-                |a: &mut dyn Iterator<Item = (f32, f32)>| a.map(|(a, b)| f64::from(a) * f64::from(b)).sum::<f64>();
-            let projected = projector.project(&strengths);
-            let left = dot(&mut projected.iter().copied().zip(image.iter().copied()));
+            let product = |(a, b): (&f32, &f32)| f64::from(*a) * f64::from(*b);
+            let left: f64 = projector.project(&strengths).iter().zip(&image).map(product).sum();
             let back = projector.back_project(image.view());
-            let right = dot(&mut strengths.iter().copied().zip(back.iter().map(|(sum, _)| *sum)));
+            let right: f64 = strengths.iter().zip(back.iter().map(|(sum, _)| sum)).map(product).sum();
             assert!(left > 1.0 && (left / right - 1.0).abs() < 1e-5, "{camera:?}: {left} {right}");
             assert!(projector.weights() > 10_000);
         }

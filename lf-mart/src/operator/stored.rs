@@ -21,10 +21,8 @@ pub(super) struct Weight {
     pub(super) weight: f32,
 }
 
-/// Bytes of a stored weight.
 pub(super) const WEIGHT_BYTES: u64 = size_of::<Weight>() as u64;
 
-/// Whether so many weights may be stored in `most_bytes`.
 pub(super) fn fits(count: u64, most_bytes: u64) -> bool {
     count <= MOST_WEIGHTS.min(most_bytes / WEIGHT_BYTES)
 }
@@ -74,7 +72,6 @@ impl Stored {
         stored
     }
 
-    /// Drops the voxels that are not held.
     pub(super) fn retain(&mut self, held: &[bool]) {
         let (mut end, mut starts) = (0, vec![0]);
         for (voxel, _) in held.iter().enumerate().filter(|(_, held)| **held) {
@@ -90,7 +87,6 @@ impl Stored {
         self.starts = starts;
     }
 
-    /// The number of weights.
     pub(super) fn count(&self) -> u64 {
         self.weights.len() as u64
     }
@@ -109,7 +105,7 @@ impl Stored {
     }
 }
 
-/// Adds up the weights of one voxel on each pixel. Buffers of a thread.
+/// Adds up the weights of one voxel on each pixel, in a thread's buffers.
 struct Merger {
     scratch: Scratch,
     /// Weight on each place; zero between voxels.
@@ -141,9 +137,7 @@ impl Merger {
         });
         // Sort by subset: count, then place.
         let mut next = vec![0u32; ends.len() + 1];
-        for place in places.iter() {
-            next[subset(*place) + 1] += 1;
-        }
+        places.iter().for_each(|place| next[subset(*place) + 1] += 1);
         for n in 1..next.len() {
             next[n] += next[n - 1];
         }

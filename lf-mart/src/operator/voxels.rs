@@ -14,7 +14,6 @@ const BLOCKS: usize = 8;
 /// hundred times as long.
 const KEPT_PART: f64 = 0.8;
 
-/// Bytes that kept weights may take, of the bytes allowed for everything.
 pub(super) fn kept_bytes(max_bytes: u64) -> u64 {
     (KEPT_PART * max_bytes as f64) as u64
 }
@@ -60,7 +59,7 @@ impl<'a> VoxelWeights<'a> {
         }
     }
 
-    /// Drops the voxels that are not held. Keeps the weights of the others as soon as they fit.
+    /// Keeps the weights as soon as those of the voxels held fit.
     pub(super) fn retain(&mut self, held: &[bool]) {
         keep(&mut self.indices, held);
         match &mut self.kept {
@@ -111,9 +110,8 @@ impl<'a> VoxelWeights<'a> {
         image_rows.filter(|(row, _)| rows.holds(*row as u32)).for_each(|(row, out)| {
             out.fill(0.0);
             for block in planes {
-                for (sum, value) in out.iter_mut().zip(&block.values[row * stride..(row + 1) * stride]) {
-                    *sum += value;
-                }
+                let values = &block.values[row * stride..(row + 1) * stride];
+                out.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
             }
         });
     }
@@ -125,8 +123,7 @@ impl<'a> VoxelWeights<'a> {
         strengths: &mut [f32],
         update: impl Fn(usize, &mut f32, f32, f32) + Sync,
     ) {
-        let runs = strengths.par_chunks_mut(RUN).enumerate();
-        runs.for_each(|(run, strengths)| {
+        strengths.par_chunks_mut(RUN).enumerate().for_each(|(run, strengths)| {
             let first = run * RUN;
             let indices = &self.indices[first..first + strengths.len()];
             if let Some(kept) = &self.kept {
