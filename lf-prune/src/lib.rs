@@ -11,12 +11,10 @@
 mod options;
 mod plan;
 mod score;
-mod support;
 mod threshold;
 
 pub use options::{DARK, Options, Region, Score};
-pub use plan::Plan;
-pub use support::Support;
+pub use plan::{Plan, Support};
 pub use threshold::Automatic;
 
 #[cfg(test)]

@@ -96,9 +96,8 @@ const BLOB: f64 = 0.65;
 impl Arguments {
     /// The basis typed; otherwise the preset's with exact weights; otherwise the one that suits the weights.
     fn basis(&self) -> Basis {
-        let preset = self.preset.map(preset::values);
         let is_exact = self.weights == WeightsName::Exact;
-        let preset_basis = preset.filter(|_| is_exact).map(|preset| preset.basis);
+        let preset_basis = self.preset.filter(|_| is_exact).map(|preset| preset::values(preset).basis);
         let usual = if is_exact { BasisName::Blob } else { BasisName::Point };
         match self.basis.or(preset_basis).unwrap_or(usual) {
             BasisName::Point => Basis::Point,

@@ -43,13 +43,10 @@ impl<'a> Operator<'a> {
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
         match &weights.path {
             Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets))),
-            Path::Lenslets(_) | Path::Pieces(_) | Path::Bent(_) | Path::Sphere(_) => {
-                Self::Voxels(VoxelWeights::new(weights, indices, subsets, kept_bytes(max_bytes)))
-            }
+            _ => Self::Voxels(VoxelWeights::new(weights, indices, subsets, kept_bytes(max_bytes))),
         }
     }
 
-    /// Drops the voxels that are not held.
     pub(crate) fn retain(&mut self, held: &[bool]) {
         match self {
             Self::Profiles(weights) => weights.retain(held),

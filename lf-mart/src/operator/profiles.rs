@@ -150,7 +150,6 @@ impl ProfileWeights {
         }
     }
 
-    /// Finds the lines that light each band.
     fn find_reached(&mut self, bands: usize, ny: usize, nz: usize) {
         let subsets = self.subsets;
         self.reached = vec![0..0; bands * nz];
@@ -172,8 +171,7 @@ impl ProfileWeights {
         let has_round_stop = aligned.has_round_stop();
         let tap = if has_round_stop { size_of::<CutTap>() } else { size_of::<Tap>() };
         let row = size_of::<RowTap>() + if has_round_stop { size_of::<Chords>() } else { 0 };
-        let mut pieces = Vec::new();
-        let (mut columns, mut rows) = (0f64, 0f64);
+        let (mut pieces, mut columns, mut rows) = (Vec::new(), 0.0, 0.0);
         let slices: Vec<usize> = (0..nz).step_by(nz.div_ceil(SAMPLE_SLICES)).collect();
         for &z in &slices {
             pieces.clear();

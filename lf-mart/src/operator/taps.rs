@@ -14,7 +14,6 @@ pub(super) struct LitRow {
     pub(super) chords: Chords,
 }
 
-/// The image rows that a line of voxels lights.
 #[derive(Debug, Default)]
 pub(super) struct LitRows {
     pub(super) rows: Vec<LitRow>,
@@ -63,7 +62,7 @@ pub(super) trait Fill: Copy {
     const EMPTY: Self;
     /// Begins one of the two runs at a column.
     fn begin(&mut self, half: usize, column: u32);
-    /// Sets one of the eight lanes.
+    /// Sets one of eight lanes.
     fn set(&mut self, lane: usize, piece: &Piece);
 }
 
@@ -103,10 +102,8 @@ pub(super) fn halves(pieces: &[Piece]) -> Vec<Piece> {
             return [Some(*piece), None];
         }
         let left = piece.weight * piece.u0 / (piece.u0 - piece.u1);
-        [
-            Some(Piece { weight: left, u1: 0.0, ..*piece }),
-            Some(Piece { weight: piece.weight - left, u0: 0.0, ..*piece }),
-        ]
+        let right = piece.weight - left;
+        [Some(Piece { weight: left, u1: 0.0, ..*piece }), Some(Piece { weight: right, u0: 0.0, ..*piece })]
     };
     pieces.iter().flat_map(cut).flatten().collect()
 }

@@ -126,14 +126,10 @@ fn projections_are_the_matrix_and_its_transpose() {
         ] {
             let weights = Weights::choose(&camera, &grid, model, basis).unwrap();
             let [width, height] = weights.sensor_px();
-            let strengths_of = Array1::from_iter(strengths.iter().map(|e| f64::from(*e)));
-            let mut operators = vec![Operator::new(&weights, &indices, SUBSETS, 1 << 30)];
-            for bytes in [0, u64::MAX] {
-                operators.push(Operator::Voxels(VoxelWeights::new(&weights, &indices, SUBSETS, bytes)));
-            }
-            for operator in &mut operators {
+            let voxels = |bytes| Operator::Voxels(VoxelWeights::new(&weights, &indices, SUBSETS, bytes));
+            for operator in &mut [Operator::new(&weights, &indices, SUBSETS, 1 << 30), voxels(0), voxels(u64::MAX)] {
                 let matrix = matrix(&weights, &indices, matches!(operator, Operator::Voxels(_)));
-                let pixels = matrix.dot(&strengths_of);
+                let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
                 let mut plane = Plane::new(width, height);
                 // Buffers start dirty: old values of a row may not show.
                 plane.values.fill(f32::NAN);
@@ -155,8 +151,7 @@ fn projections_are_the_matrix_and_its_transpose() {
                 });
                 let (mut back, mut seen) = (vec![0f32; indices.len()], 0f32);
                 for subset in 0..SUBSETS {
-                    let mut shares = vec![0f32; indices.len()];
-                    let mut sums = vec![0f32; indices.len()];
+                    let [mut shares, mut sums] = [vec![0f32; indices.len()], vec![0f32; indices.len()]];
                     operator.back_project(rows(subset), &plane, &mut sums, |_, out, sum, _| *out = sum);
                     operator.back_project(rows(subset), &plane, &mut shares, |_, out, _, weight| *out = weight);
                     back.iter_mut().zip(&sums).for_each(|(all, sum)| *all += sum);

@@ -161,7 +161,6 @@ impl Arguments {
         self.score.or(preset).unwrap_or(ScoreName::Geometric)
     }
 
-    /// The score in words.
     pub fn score_about(&self) -> String {
         match self.score() {
             _ if self.keep_all => "nothing: every voxel that can be seen is kept".to_string(),

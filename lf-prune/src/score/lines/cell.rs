@@ -12,7 +12,6 @@ const FLAT: f64 = 1e-4;
 const ROUNDING: f64 = 1e-7;
 
 /// An edge at the left of a cell.
-#[derive(Debug)]
 pub(super) struct Edge {
     /// It cuts a line that passes `y` beyond the cell's centre at x = at + slope y.
     pub(super) at: f64,
@@ -27,7 +26,6 @@ pub(super) struct Edge {
 }
 
 /// A convex cell about its centre, in voxels. It is symmetric under half a turn.
-#[derive(Debug)]
 pub(super) struct Cell {
     /// Edges at its left that do not lie along the line.
     pub(super) left: Vec<Edge>,
@@ -38,7 +36,6 @@ pub(super) struct Cell {
 }
 
 impl Cell {
-    /// `corners` in order.
     pub(super) fn new(corners: &[DVec2]) -> Self {
         let reach = corners.iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
         let mut cell = Self { left: Vec::new(), reach, tolerance: ROUNDING };

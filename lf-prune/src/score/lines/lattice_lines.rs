@@ -24,7 +24,7 @@ pub(super) struct Lines<'a> {
     /// Rays meet the perfect lattice this far from where straight ones would, mm.
     pub(super) shift_mm: DVec2,
     pub(super) cell: Cell,
-    /// The cells beyond its left edges.
+    /// Beyond its left edges.
     pub(super) neighbours: Vec<Neighbour>,
     /// The largest tolerance of a cut.
     pub(super) tolerance: f64,

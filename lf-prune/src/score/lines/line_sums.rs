@@ -70,7 +70,6 @@ impl Lines<'_> {
         }
     }
 
-    /// Notes the light of one section's rays.
     #[inline(always)]
     fn note(&self, rays: &LineRays, crossed: &[CrossedRow], changes: &mut Changes) {
         let nearest = self.optics.lattice().nearest_centre_mm(self.array_mm(rays, 0));

@@ -15,7 +15,6 @@ const SIDES: [usize; 6] = [512, 256, 128, 64, 32, 16];
 /// Places a side of a slice at which the change of the shift is measured.
 const PLACES: usize = 9;
 
-/// The shift of the rays of one slice.
 struct Shift<'a> {
     optics: Optics,
     grid: &'a Grid,
