@@ -45,10 +45,9 @@ impl<'a> Plan<'a> {
     /// Plans the reconstruction of the voxels `indices` (rising) of `grid`. Refuses an index outside the grid, and what
     /// [`Weights::choose`] refuses.
     pub fn new(camera: &Camera, grid: &Grid, indices: &'a [u64], options: &'a Options) -> Result<Self, Refusal> {
-        if indices.last().is_some_and(|last| *last >= grid.len()) || u32::try_from(indices.len()).is_err() {
-            let found = format!("{} voxels, or one outside the grid", indices.len());
-            return Err(Refusal::new(found, "wanted less than 2^32 voxels of the grid"));
-        }
+        let is_inside = indices.last().is_none_or(|last| *last < grid.len()) && u32::try_from(indices.len()).is_ok();
+        let found = || format!("{} voxels, or one outside the grid", indices.len());
+        Refusal::unless(is_inside, found, "wanted less than 2^32 voxels of the grid")?;
         let weights = Weights::choose(camera, grid, options.weights, options.basis)?;
         let (storage, weight_bytes) = match options.method {
             Method::Mart => (Storage::ByPixel, row_action::weight_bytes(&weights, indices)),

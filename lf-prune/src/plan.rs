@@ -37,9 +37,8 @@ impl<'a> Plan<'a> {
         check_depth(camera, grid)?;
         let sections = Sections::new(camera, options.sections)?;
         let [nx, ny, nz] = grid.shape;
-        if nx as u64 * ny as u64 >= 1 << 32 {
-            return Err(Refusal::new(format!("a slice of {nx} x {ny} voxels"), "wanted less than 2^32 voxels a slice"));
-        }
+        let found = || format!("a slice of {nx} x {ny} voxels");
+        Refusal::unless((nx as u64 * ny as u64) < 1 << 32, found, "wanted less than 2^32 voxels a slice")?;
         assert_eq!(regions.len(), nz, "a region for each slice");
         assert!(regions.iter().all(|[x, y]| x.end <= nx && y.end <= ny), "regions of the grid");
         let (scoring, reason) = Scoring::choose(camera);

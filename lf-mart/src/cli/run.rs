@@ -31,7 +31,12 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Err(Error::new(name, "holds no voxel", "wanted a support with voxels"));
     }
     let start = open_start(arguments, support.grid())?;
-    let options = options(arguments, Tile::of(&support)?, &image, &camera, session)?;
+    let options = options(arguments, &support, &image, session)?;
+    if arguments.weights == WeightsName::Drt {
+        let sections = arguments.sections.unwrap_or_else(|| aperture_sections(&camera));
+        session.count("sections", sections);
+        session.explain(format!("{sections} x {sections} sections of the aperture"));
+    }
     let plan = Plan::new(&camera, support.grid(), support.indices(), &options)
         .map_err(|refusal| refusal.about(name.as_str()))?;
     if arguments.estimate {
@@ -85,14 +90,8 @@ fn open_start(arguments: &Arguments, grid: &Grid) -> Result<Option<Volume>> {
     Ok(Some(start))
 }
 
-fn options(
-    arguments: &Arguments,
-    tile: Option<Tile>,
-    image: &Image,
-    camera: &Camera,
-    session: &mut Session,
-) -> Result<Options> {
-    let options = arguments.options(tile, || {
+fn options(arguments: &Arguments, support: &Volume, image: &Image, session: &mut Session) -> Result<Options> {
+    let options = arguments.options(Tile::of(support)?, || {
         let sigma = image::noise(image.pixels.view());
         session.explain(format!("noise {sigma:.3} counts"));
         session.count("noise_counts", sigma);
@@ -103,11 +102,6 @@ fn options(
             "a tile: at most {} sweeps, momentum is never reset, voxels are dropped by the strongest near them",
             options.iterations
         ));
-    }
-    if arguments.weights == WeightsName::Drt {
-        let sections = arguments.sections.unwrap_or_else(|| aperture_sections(camera));
-        session.count("sections", sections);
-        session.explain(format!("{sections} x {sections} sections of the aperture"));
     }
     Ok(options)
 }

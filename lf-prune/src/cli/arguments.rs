@@ -3,7 +3,7 @@
 use super::preset::{self, ScoreName};
 use clap::Parser;
 use lf_core::cli::{Common, Preset, numbers};
-use lf_core::{Camera, Error, Grid, Result, Volume, io, weights::SECTIONS};
+use lf_core::{Camera, Error, Grid, Refusal, Result, Volume, io, weights::SECTIONS};
 use lf_prune::{DARK, Options, Score};
 use std::path::PathBuf;
 
@@ -100,39 +100,35 @@ fn tile_number(text: &str) -> std::result::Result<[usize; 2], String> {
 }
 
 fn check_share(option: &str, value: f64) -> Result<()> {
-    if (0.0..=1.0).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::new(option, format!("{value}"), "wanted a share, 0 to 1"))
+    check(option, (0.0..=1.0).contains(&value), || value.to_string(), "wanted a share, 0 to 1")
 }
 
 fn check_rising(option: &str, typed: &[f64]) -> Result<()> {
-    if typed.chunks(2).all(|side| side[0] < side[1]) {
-        return Ok(());
-    }
-    let typed: Vec<String> = typed.iter().map(f64::to_string).collect();
-    Err(Error::new(option, typed.join(","), "wanted the lower number of each side first, like -5,5"))
+    let found = || typed.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    let is_rising = typed.chunks(2).all(|side| side[0] < side[1]);
+    check(option, is_rising, found, "wanted the lower number of each side first, like -5,5")
+}
+
+fn check(option: &str, holds: bool, found: impl FnOnce() -> String, wanted: impl Into<String>) -> Result<()> {
+    Refusal::unless(holds, found, wanted).map_err(|refusal| refusal.about(option))
 }
 
 impl Arguments {
     pub fn check(&self) -> Result<()> {
         self.depth.map_or(Ok(()), |depth| check_rising("--depth", &depth))?;
         self.bounds.map_or(Ok(()), |bounds| check_rising("--bounds", &bounds))?;
-        if let Some([x, y, z]) = self.pvr.filter(|pvr| pvr.iter().any(|side| *side <= 0.0)) {
-            return Err(Error::new("--pvr", format!("{x},{y},{z}"), "wanted three numbers above 0, like 1,1,10"));
-        }
+        let [x, y, z] = self.pvr.unwrap_or(PVR);
+        let is_above = [x, y, z].iter().all(|side| *side > 0.0);
+        check("--pvr", is_above, || format!("{x},{y},{z}"), "wanted three numbers above 0, like 1,1,10")?;
         check_share("--quantile", self.quantile)?;
         check_share("--dark", self.dark)?;
-        if let Some(halo) = self.halo.filter(|halo| !(0.0..=1e6).contains(halo)) {
-            return Err(Error::new("--halo", format!("{halo}"), "wanted mm, 0 or more"));
-        }
-        if self.dark < LEAST_DARK {
-            return Err(Error::new("--dark", format!("{}", self.dark), format!("wanted {LEAST_DARK} or more")));
-        }
-        if let Some(sections) = self.sections.filter(|sections| !SECTIONS.contains(sections)) {
-            let wanted = format!("wanted {} to {}", SECTIONS.start(), SECTIONS.end());
-            return Err(Error::new("--sections", sections.to_string(), wanted));
-        }
+        let halo = self.halo.unwrap_or(0.0);
+        check("--halo", (0.0..=1e6).contains(&halo), || halo.to_string(), "wanted mm, 0 or more")?;
+        let dark = || self.dark.to_string();
+        check("--dark", self.dark >= LEAST_DARK, dark, format!("wanted {LEAST_DARK} or more"))?;
+        let sections = self.sections.unwrap_or(*SECTIONS.start());
+        let wanted = format!("wanted {} to {}", SECTIONS.start(), SECTIONS.end());
+        check("--sections", SECTIONS.contains(&sections), || sections.to_string(), wanted)?;
         match self.typed_threshold() {
             Some(value) => check_share("--threshold", value),
             None if self.threshold == "auto" => Ok(()),
@@ -149,11 +145,6 @@ impl Arguments {
     pub fn preset_settings(&self, preset: Preset) -> impl Iterator<Item = (String, bool)> {
         let holds = [self.pvr.is_none(), self.score.is_none()];
         preset::values(preset).typed().into_iter().zip(holds)
-    }
-
-    fn pvr(&self) -> [f64; 3] {
-        let preset = self.preset.map(|preset| preset::values(preset).pvr);
-        self.pvr.or(preset).unwrap_or(PVR)
     }
 
     fn score(&self) -> ScoreName {
@@ -176,9 +167,11 @@ impl Arguments {
             let like = self.like.as_deref().expect("clap wants one of them");
             return Ok(Volume::open(like)?.grid().clone());
         };
+        let preset = self.preset.map(|preset| preset::values(preset).pvr);
+        let pvr = self.pvr.or(preset).unwrap_or(PVR);
         let [half_x, half_y] = camera.half_view_mm();
         let [x0, x1, y0, y1] = self.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
-        Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(self.pvr()))
+        Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(pvr))
             .map_err(|refusal| refusal.about("--pvr, --depth, --bounds"))
     }
 
