@@ -51,7 +51,7 @@ impl<'a> Plan<'a> {
         let weights = Weights::choose(camera, grid, options.weights, options.basis)?;
         let (storage, weight_bytes) = match options.method {
             Method::Mart => (Storage::ByPixel, row_action::weight_bytes(&weights, indices)),
-            Method::Subsets | Method::Smart | Method::Mlem => Storage::choose(&weights, indices, options.max_bytes),
+            _ => Storage::choose(&weights, indices, options.max_bytes),
         };
         let (voxel_bytes, planes) = match storage {
             Storage::ByPixel => (8, 4),
@@ -85,15 +85,14 @@ impl<'a> Plan<'a> {
 
     /// How the weights are made and kept, and why.
     pub fn about(&self) -> String {
-        let (path, reason) = (&self.weights.path, &self.weights.reason);
-        match self.storage {
-            Storage::Profiles => format!("weights {}, with {}: {reason}", path.about(), Level::detect().name()),
-            Storage::Kept => format!("weights {}, kept in memory: {reason}", path.about()),
-            Storage::Remade => {
-                format!("weights {}, made anew at every use until they fit into memory: {reason}", path.about())
-            }
-            Storage::ByPixel => "weights stored pixel by pixel, as --method mart needs them".to_string(),
-        }
+        let (path, reason) = (self.weights.path(), self.weights.reason());
+        let storage = match self.storage {
+            Storage::Profiles => format!("with {}", Level::detect().name()),
+            Storage::Kept => "kept in memory".to_string(),
+            Storage::Remade => "made anew at every use until they fit into memory".to_string(),
+            Storage::ByPixel => return "weights stored pixel by pixel, as --method mart needs them".to_string(),
+        };
+        format!("weights {}, {storage}: {reason}", path.about())
     }
 
     /// Solves for the intensities. Pixels that are NaN are blind: they move no voxel. `done` is told of each sweep.
@@ -104,15 +103,14 @@ impl<'a> Plan<'a> {
         start: Option<Start>,
         done: impl FnMut(&Sweep),
     ) -> Result<Reconstruction, Refusal> {
-        if self.bytes > self.options.max_bytes {
-            let [bytes, most] = [self.bytes, self.options.max_bytes].map(|bytes| bytes as f64 * 1e-9);
-            let found = format!("{} voxels would take about {bytes:.2} GB", self.indices.len());
-            return Err(Refusal::new(found, format!("wanted {most} GB at most, as --max-memory allows")));
-        }
+        let [bytes, most] = [self.bytes, self.options.max_bytes].map(|bytes| bytes as f64 * 1e-9);
+        let found = || format!("{} voxels would take about {bytes:.2} GB", self.indices.len());
+        let wanted = format!("wanted {most} GB at most, as --max-memory allows");
+        Refusal::unless(self.bytes <= self.options.max_bytes, found, wanted)?;
         let problem = self.problem(image, start);
         let solved = match self.options.method {
             Method::Mart => row_action::solve(&problem, done)?,
-            Method::Subsets | Method::Smart | Method::Mlem => simultaneous::solve(&problem, done),
+            _ => simultaneous::solve(&problem, done),
         };
         let grid = self.weights.grid();
         let tile = self.options.tile.as_ref();

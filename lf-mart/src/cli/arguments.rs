@@ -146,8 +146,11 @@ impl Arguments {
 
     fn check_together(&self, basis: Basis) -> Result<()> {
         if self.weights == WeightsName::Sphere && basis != Basis::Point {
-            let found = "box or blob with --weights sphere";
-            return Err(Error::new("--basis", found, "wanted point, which is its default"));
+            return Err(Error::new(
+                "--basis",
+                "box or blob with --weights sphere",
+                "wanted point, which is its default",
+            ));
         }
         if let (Some(sections), false) = (self.sections, self.weights == WeightsName::Drt) {
             let found = format!("{sections} with other weights, which do not sample the aperture");

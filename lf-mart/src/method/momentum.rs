@@ -15,7 +15,6 @@ pub(super) struct Momentum {
 }
 
 impl Momentum {
-    /// At rest.
     pub(super) fn new(strengths: &[f32]) -> Self {
         Self { before: strengths.to_vec(), t: 1.0, misfit: f64::INFINITY }
     }

@@ -27,11 +27,9 @@ pub(crate) struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// First strengths: those of the start, or an even volume of the image's light.
+    /// The start's, or an even volume of the image's light.
     pub(super) fn first_strengths(&self) -> Vec<f32> {
-        let Some(start) = self.start else {
-            return vec![self.even; self.indices.len()];
-        };
+        let Some(start) = self.start else { return vec![self.even; self.indices.len()] };
         let in_units = |intensity: f32| ((f64::from(intensity) / self.unit) as f32).clamp(0.0, GREATEST_STRENGTH);
         let dim = DIM * start.intensity.iter().fold(0f32, |peak, value| peak.max(in_units(*value)));
         let mut known = start.indices.iter().zip(start.intensity).peekable();

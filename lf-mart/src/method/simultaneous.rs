@@ -81,7 +81,6 @@ struct State<'a> {
     neighbourhood: Option<Neighbourhood>,
     /// Misfit of the current sweep.
     misfit: Misfit,
-    /// Weights of all voxels.
     weights: u64,
     /// Weights touched in the current sweep.
     touched: f64,

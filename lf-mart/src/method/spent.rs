@@ -1,10 +1,10 @@
-//! Which voxels of a tile have so little light that they are dropped. The decision may not depend on voxels far away.
+//! Which voxels of a tile have so little light that they are dropped. Voxels far away may not matter.
 
 use crate::operator::keep;
 use lf_core::Grid;
 
 /// Voxels in blocks along x and y of the whole grid; z is not divided. The strongest voxel in a voxel's block and the
-/// eight around it decides. So a tile drops what the whole volume drops, except near the tile's edge.
+/// eight around it decides, so a tile drops what the whole volume drops, except near its edge.
 pub(super) struct Neighbourhood {
     /// Blocks along x and y, one more on every side.
     blocks: [usize; 2],
@@ -17,7 +17,6 @@ pub(super) struct Neighbourhood {
 }
 
 impl Neighbourhood {
-    /// For voxels of a grid, in blocks of `block_vox` voxels along x and y.
     pub(super) fn new(grid: &Grid, block_vox: [usize; 2], indices: &[u64]) -> Self {
         let blocks = [0, 1].map(|axis| grid.shape[axis].div_ceil(block_vox[axis]) + 2);
         let block = |index: &u64| {

@@ -22,7 +22,6 @@ pub(super) struct Profile {
 /// Column profiles, numbered in the order in which they are pushed.
 #[derive(Debug)]
 pub(super) struct ColumnProfiles {
-    /// Columns of the image.
     width: usize,
     has_round_stop: bool,
     level: Level,

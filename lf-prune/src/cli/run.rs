@@ -80,11 +80,8 @@ fn find_threshold(image: ArrayView2<f32>, session: &mut Session) -> f64 {
     session.count("noise", found.noise);
     session.count("threshold", found.threshold);
     let by = if found.threshold > found.noise { "a fifth of the light's mean brightness" } else { "the noise" };
-    session.explain(format!(
-        "threshold {:.2} % of the brightest pixel, {by}; noise {:.2} %",
-        100.0 * found.threshold,
-        100.0 * found.noise
-    ));
+    let [threshold, noise] = [found.threshold, found.noise].map(|share| 100.0 * share);
+    session.explain(format!("threshold {threshold:.2} % of the brightest pixel, {by}; noise {noise:.2} %"));
     found.threshold
 }
 
@@ -116,10 +113,9 @@ fn report(support: &Support, plan: &Plan, grid: &Grid, options: &Options, sessio
     session.count("voxels", all);
     session.count("kept", kept);
     let [nx, ny, nz] = grid.shape;
+    let (share, threshold) = (100.0 * kept as f64 / all as f64, 100.0 * options.threshold);
     session.explain(format!(
-        "kept {kept} of {nx} x {ny} x {nz} voxels ({:.3} %) scoring {:.2} % of the brightest pixel or more",
-        100.0 * kept as f64 / all as f64,
-        100.0 * options.threshold
+        "kept {kept} of {nx} x {ny} x {nz} voxels ({share:.3} %) scoring {threshold:.2} % of the brightest pixel or more"
     ));
 }
 
