@@ -6,9 +6,8 @@ mod levels;
 mod lines;
 mod rays;
 mod scorer;
-mod sections;
 mod slice;
 
 pub(crate) use levels::Levels;
 pub(crate) use scorer::{Scorer, Scoring};
-pub(crate) use sections::Sections;
+pub(crate) use slice::Sections;

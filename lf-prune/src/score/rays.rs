@@ -5,14 +5,12 @@ use super::slice::{Kept, Slice};
 use glam::DVec2;
 use lf_core::{Camera, Optics};
 
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
 /// Places 0 to `count` in an order that soon reaches all parts: steps near the count's golden section, prime to it.
 fn spread_order(count: usize) -> Vec<usize> {
-    let gcd = |mut a: usize, mut b: usize| {
-        while b > 0 {
-            (a, b) = (b, a % b);
-        }
-        a
-    };
     let golden = (count as f64 * 0.618_034) as usize;
     let stride = (golden.max(1)..).find(|stride| gcd(*stride, count) == 1).expect("count + 1 is prime to count");
     (0..count).map(|n| n * stride % count).collect()

@@ -1,8 +1,8 @@
 //! The one choice of how voxels are scored, and its reason.
 
 use super::lines::{Views, line_sums, straightened, tiles};
-use super::slice::{Kept, Slice};
-use super::{aligned, levels::Levels, rays, sections::Sections};
+use super::slice::{Kept, Sections, Slice};
+use super::{aligned, levels::Levels, rays};
 use crate::options::Region;
 use glam::DVec2;
 use lf_core::{Camera, Grid};

@@ -3,7 +3,7 @@
 //! A ray's place in its lenslet's cell moves it by k times as much on the sensor, some hundredths of a pixel. So the
 //! rays of one section through one lenslet usually meet one pixel, from any voxel. The other lenslets are listed.
 
-use crate::score::{levels::Levels, sections::Sections};
+use crate::score::{levels::Levels, slice::Sections};
 use glam::DVec2;
 use lf_core::{Camera, Optics, lattice::Lattice};
 use rayon::prelude::*;
