@@ -85,14 +85,13 @@ impl<'a> Plan<'a> {
 
     /// How the weights are made and kept, and why.
     pub fn about(&self) -> String {
-        let (path, reason) = (self.weights.path(), self.weights.reason());
         let storage = match self.storage {
             Storage::Profiles => format!("with {}", Level::detect().name()),
             Storage::Kept => "kept in memory".to_string(),
             Storage::Remade => "made anew at every use until they fit into memory".to_string(),
             Storage::ByPixel => return "weights stored pixel by pixel, as --method mart needs them".to_string(),
         };
-        format!("weights {}, {storage}: {reason}", path.about())
+        format!("weights {}, {storage}: {}", self.weights.path.about(), self.weights.reason)
     }
 
     /// Solves for the intensities. Pixels that are NaN are blind: they move no voxel. `done` is told of each sweep.
