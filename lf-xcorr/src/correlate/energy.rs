@@ -1,7 +1,6 @@
 //! Sums of one volume and of its squares, over the voxels that each trial shift pairs, by running sums.
 //!
 //! Cost: about (voxels of the lit rows + lit rows x shifts along x + planes x shifts along x and y + shifts) additions.
-//!
 //! Promise: a sum is the difference of two running sums, good to 1e-15 of the whole region's sum. It is never negative,
 //! and exactly 0 if there is no light.
 
@@ -16,9 +15,8 @@ pub(crate) struct Scratch {
     along_x: Vec<[f64; 2]>,
     /// Running over rows: sums for each shift along x, then squares.
     along_y: Vec<f64>,
-    /// One plane: sums for each shift along y and x, then squares.
+    /// One plane, and running over planes: sums for each shift along y and x, then squares.
     plane: Vec<f64>,
-    /// Running over planes: sums for each shift along y and x, then squares.
     along_z: Vec<f64>,
 }
 
@@ -131,16 +129,12 @@ mod tests {
             sums(&rows, &ranges, found.each_mut().map(Vec::as_mut_slice), &mut scratch);
             // The oracle sums every voxel of every box.
             let mut wanted = [vec![0.0; 125], vec![0.0; 125]];
-            for k in 0..125 {
-                let [rx, ry, rz] = [&ranges[0][k % 5], &ranges[1][k / 5 % 5], &ranges[2][k / 25]].map(Range::clone);
-                for z in rz {
-                    for y in ry.clone() {
-                        for x in rx.clone() {
-                            let value = dense[x as usize + shape[0] * (y as usize + shape[1] * z as usize)] as f64;
-                            wanted[0][k] += value;
-                            wanted[1][k] += value * value;
-                        }
-                    }
+            for (i, &value) in dense.iter().enumerate() {
+                let place = [i % 17, i / 17 % 9, i / 153].map(|place| place as i32);
+                let is_in = |k: &usize| (0..3).all(|a| ranges[a][[k % 5, k / 5 % 5, k / 25][a]].contains(&place[a]));
+                for k in (0..125).filter(is_in) {
+                    wanted[0][k] += value as f64;
+                    wanted[1][k] += (value as f64).powi(2);
                 }
             }
             for (found, wanted) in found.iter().flatten().zip(wanted.iter().flatten()) {

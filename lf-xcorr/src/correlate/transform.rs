@@ -23,7 +23,7 @@ use std::sync::Arc;
 /// where no light meets; a larger constant would lose dim particles beside bright ones.
 const ROUNDING: f64 = 1e-12;
 
-/// The transforms for one size of window and of box of shifts. Threads may share it.
+/// The transforms for one size of window and of box of shifts.
 pub(crate) struct Transforms {
     window: [usize; 3],
     n_shifts: [usize; 3],

@@ -7,7 +7,6 @@
 use std::ops::Range;
 
 /// One axis of a window grid.
-#[derive(Debug, Clone)]
 pub(crate) struct WindowAxis {
     /// First voxel of each window.
     pub starts: Vec<usize>,
@@ -53,7 +52,6 @@ impl WindowAxis {
 }
 
 /// The windows of a pass along x, y, z. Node (i, j, k) is window `i + nx (j + ny k)`.
-#[derive(Debug, Clone)]
 pub(crate) struct WindowGrid {
     pub axes: [WindowAxis; 3],
 }

@@ -8,7 +8,6 @@ mod choice;
 mod deform;
 pub(crate) mod memory;
 pub(crate) mod multigrid;
-mod one_pass;
 mod options;
 mod outcome;
 mod pass;
@@ -18,7 +17,7 @@ mod repeats;
 mod search;
 
 pub use choice::{Choice, Reason};
-pub use one_pass::one_pass;
 pub use options::{Deform, Options, Route};
 pub use outcome::{Counts, Outcome, PassReport, Repeat};
 pub use pass::{Pass, triple};
+pub use search::one_pass;

@@ -2,9 +2,10 @@
 
 use super::choice::{CLOSE, Choice};
 use super::prepared::{PreparedPass, Volumes};
-use super::{options::Route, outcome::Counts, predictor::Predictor};
-use crate::correlate::{Peak, PeakFit, Shifts, Summation, Transforms, Watch, measure};
+use super::{options::Route, outcome::Counts, pass::Pass, predictor::Predictor};
+use crate::correlate::{Estimate, Peak, PeakFit, Shifts, Summation, Transforms, Watch, measure};
 use crate::vectors::{MedianTest, Vector, fill};
+use crate::volumes::{Mask, Rows, Sparse};
 use glam::DVec3;
 use lf_core::statistics::upper_median;
 
@@ -82,6 +83,14 @@ fn scaled(test: &MedianTest, fits: &[Option<PeakFit>]) -> MedianTest {
     MedianTest { tolerance_vox: [0, 1, 2].map(tolerance), ..*test }
 }
 
+/// The way to sum the products of a pass.
+fn summation(pass: &Pass, is_transform: bool) -> Summation {
+    match is_transform {
+        true => Summation::Transform(Transforms::new(pass.window, pass.search.map(|radius| 2 * radius + 1))),
+        false => Summation::Direct,
+    }
+}
+
 /// The displacement of `field` at the centre of a window; zero without a field.
 fn shift_at(field: Option<&Predictor>, pass: &PreparedPass, node: usize) -> DVec3 {
     field.map_or(DVec3::ZERO, |field| field.at(pass.centre_vox(node)))
@@ -118,11 +127,7 @@ impl<'a> Search<'a> {
             None => self.shifts(node, predicted(node), pass.search),
         };
         let boxes: Vec<Option<Shifts>> = (0..self.pass.windows.count()).map(|node| Some(box_of(node))).collect();
-        let summation = match is_transform {
-            true => Summation::Transform(Transforms::new(pass.window, pass.search.map(|radius| 2 * radius + 1))),
-            false => Summation::Direct,
-        };
-        let peaks = self.measure(&boxes, &summation, watch);
+        let peaks = self.measure(&boxes, &summation(pass, is_transform), watch);
         let mut peaks: Vec<Peak> = peaks.into_iter().map(|peak| peak.expect("every window has a box")).collect();
         if is_transform {
             self.read_off_direct_sums(&mut peaks);
@@ -173,4 +178,17 @@ impl<'a> Search<'a> {
         }
         peaks
     }
+}
+
+/// One pass about zero alone, for benches. Returns how many peaks it found inside the search, and the estimated time of
+/// direct sums and of transforms, seconds.
+#[doc(hidden)]
+pub fn one_pass(volumes: [&Sparse; 2], pass: &Pass, is_transform: bool) -> (usize, [f64; 2]) {
+    let rows = volumes.map(|volume| Rows::new(volume, &Mask::Everything, 0.0));
+    let windows = pass.windows(rows[0].shape);
+    let boxes = vec![Some(Shifts::around([0; 3], pass.search)); windows.count()];
+    let peaks = measure(&[rows.each_ref()], &windows, &boxes, &summation(pass, is_transform), false, &|_| ());
+    let inside = peaks.iter().filter(|peak| matches!(peak, Some(Peak::Inside(_)))).count();
+    let estimate = Estimate::new(rows.each_ref(), &windows);
+    (inside, [estimate.direct_s(pass.search), estimate.transform_s(pass.search)])
 }

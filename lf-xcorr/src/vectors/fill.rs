@@ -42,9 +42,8 @@ pub(crate) struct Plane {
 
 /// The least-squares plane through the neighbours of `node`; `None` if it has no neighbour.
 pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -> Option<Plane> {
-    // Constant: the ridge holds the slope at zero along an axis that the neighbours do not determine. It changes
-    // nothing if they surround the node; at an edge it reduces the slope by a few per cent, so that rounds of
-    // extrapolation stay tame.
+    // Constant: the ridge holds the slope at zero along an axis that the neighbours do not determine. At an edge it
+    // reduces the slope by a few per cent, so that rounds of extrapolation stay tame.
     const RIDGE: f64 = 0.1;
     let (mut matrix, mut right) = ([[0.0; 4]; 4], [DVec3::ZERO; 4]);
     for (neighbour, step) in neighbours(shape, node) {

@@ -10,8 +10,8 @@ pub struct MedianTest {
     /// Largest accepted residual over the neighbours' median residual. The authors' value is 2.
     pub threshold: f64,
     /// Fluctuation of a good measurement along each axis, voxels. It keeps a calm neighbourhood from being too strict.
-    /// The default is the authors' 0.1 px, for a correlation peak of [`MedianTest::WIDTH_VOX`]. A wider peak raises it
-    /// in proportion, axis by axis, as it raises the error of a good measurement.
+    /// The default is the authors' 0.1 px, for a correlation peak of [`MedianTest::WIDTH_VOX`]; a wider peak raises it
+    /// in proportion.
     pub tolerance_vox: [f64; 3],
 }
 

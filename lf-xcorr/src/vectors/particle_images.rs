@@ -19,9 +19,8 @@ pub(crate) struct ParticleImages {
 
 /// A lit voxel and its neighbours one voxel further along x, y, z.
 pub(crate) struct Voxel {
-    /// Intensity in the first and in the second volume.
+    /// Intensity in the first and in the second volume, and at +1 along x, y, z.
     pub light: [f32; 2],
-    /// Intensity at +1 along x, y, z.
     pub next: [[f32; 2]; 3],
     /// Number of its particle image.
     pub image: u32,
@@ -30,8 +29,8 @@ pub(crate) struct Voxel {
 }
 
 impl ParticleImages {
-    /// Constant: a local maximum counts as a particle image from this fraction of the usual brightness on. The usual
-    /// brightness is sum v^3 / sum v^2, half the peak of a Gaussian. Ripples and haze of a reconstruction stay below.
+    /// Constant: a local maximum counts as a particle image from this fraction of sum v^3 / sum v^2 on, which is half the
+    /// peak of a Gaussian. Ripples and haze of a reconstruction stay below.
     const COUNTS: f64 = 0.2;
 
     pub fn new(pair: &[Rows; 2]) -> Self {
@@ -90,9 +89,7 @@ impl ParticleImages {
                 }
                 for other in near.clone().take_while(|&other| x_of[other] <= x + 1) {
                     let candidate = (self.brightness(other), other);
-                    if candidate > best {
-                        best = candidate;
-                    }
+                    best = if candidate > best { candidate } else { best };
                 }
             }
             best.1 as u32

@@ -2,13 +2,12 @@
 //!
 //! A window measures the mean of the displacement over itself, noise included. Each repeat subtracts the mean over the
 //! window of the predictor, which is the smoothed field of the time before, and adds the predictor at the window's
-//! centre. Let H be the response to the windows' measurements, S the response of the smoothing, and M the response of
-//! the mean of the predictor over a window.
+//! centre. Let H be the response to the windows' measurements, S that of the smoothing, and M that of the mean of the
+//! predictor over a window.
 //!
-//! Equation: `H <- 1 + S (1 - M) H`, starting from 1, at every wave number of the window grid.
-//!
-//! Waves of a few windows therefore return to their full height, and noise grows: by the root of the mean of H^2 over
-//! the spectrum of a mean over windows that overlap.
+//! Equation: `H <- 1 + S (1 - M) H`, starting from 1, at every wave number of the window grid. Waves of a few windows
+//! therefore return to their full height, and noise grows: by the root of the mean of H^2 over the spectrum of a mean
+//! over windows that overlap.
 
 use super::evidence::WIDE;
 use super::smooth::{self, smooth};
@@ -43,8 +42,7 @@ impl Noise {
     }
 }
 
-/// Power of the windows' noise between the narrow and the wide smoothing of [`super::evidence`], over its power beyond
-/// the narrow one.
+/// Power of noise between the narrow and the wide smoothing of [`super::evidence`], over that beyond the narrow one.
 pub(crate) fn noise_ratio(windows: &WindowGrid, smoothing: DVec3) -> f64 {
     let (mut between, mut beyond) = (0.0, 0.0);
     each_wave(windows, smoothing, |[spectrum, narrow, _, _, wide]| {
@@ -61,12 +59,8 @@ fn each_wave(windows: &WindowGrid, smoothing: DVec3, mut visit: impl FnMut([f64;
     let [xs, ys, zs]: [Vec<[f64; 5]>; 3] = std::array::from_fn(|axis| {
         (0..WAVES).map(|k| responses(&windows.axes[axis], smoothing[axis], TAU * k as f64 / WAVES as f64)).collect()
     });
-    for x in &xs {
-        for y in &ys {
-            for z in &zs {
-                visit(std::array::from_fn(|i| x[i] * y[i] * z[i]));
-            }
-        }
+    for (x, y) in xs.iter().flat_map(|x| ys.iter().map(move |y| (x, y))) {
+        zs.iter().for_each(|z| visit(std::array::from_fn(|i| x[i] * y[i] * z[i])));
     }
 }
 
