@@ -20,7 +20,6 @@ pub enum By {
     Transform,
 }
 
-/// A pass as typed.
 #[derive(Clone, Copy)]
 pub struct TypedPass {
     pub window: [usize; 3],

@@ -41,7 +41,7 @@ pub(crate) fn products(cell: Cell, out: &mut [f64], scratch: &mut Scratch) {
     );
 }
 
-/// Number of shifts along x that are summed at a time, for a box of `n` along x.
+/// Number of shifts along x that are summed at a time, of `n`.
 pub(crate) fn lanes_for(n: usize) -> usize {
     match n {
         0..=8 => 8,
@@ -59,7 +59,7 @@ impl Cell<'_> {
         self.clipped(axis, cell.start as i32 - back(shifts.high(axis)), cell.end as i32 - back(shifts.low[axis]))
     }
 
-    /// Voxels of the second volume along `axis` that any shift pairs with a midpoint of the cell.
+    /// The same of the second volume.
     #[inline(always)]
     fn from_second(&self, axis: usize) -> Range<i32> {
         let (cell, shifts) = (&self.midpoints[axis], self.shifts);

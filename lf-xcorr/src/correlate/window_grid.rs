@@ -10,15 +10,12 @@ use std::ops::Range;
 pub(crate) struct WindowAxis {
     /// First voxel of each window.
     pub starts: Vec<usize>,
-    /// Length of a window, voxels.
+    /// Length of a window and distance between windows, voxels.
     pub window: usize,
-    /// Distance between windows, voxels.
     pub step: usize,
-    /// Voxels of each cell.
+    /// Voxels of each cell, cells of each window, windows of each cell.
     pub cells: Vec<Range<usize>>,
-    /// Cells of each window.
     pub spans: Vec<Range<usize>>,
-    /// Windows of each cell.
     pub users: Vec<Range<usize>>,
 }
 
@@ -70,18 +67,15 @@ impl WindowGrid {
         self.shape().iter().product()
     }
 
-    /// Length of a window along x, y, z, voxels.
     pub fn window(&self) -> [usize; 3] {
         self.axes.each_ref().map(|axis| axis.window)
     }
 
     /// The voxels of window `index`.
     pub fn voxels(&self, index: usize) -> [Range<usize>; 3] {
-        let node = self.node(index);
-        std::array::from_fn(|a| {
-            let start = self.axes[a].starts[node[a]];
-            start..start + self.axes[a].window
-        })
+        let (node, window) = (self.node(index), self.window());
+        let starts: [usize; 3] = std::array::from_fn(|a| self.axes[a].starts[node[a]]);
+        [0, 1, 2].map(|a| starts[a]..starts[a] + window[a])
     }
 
     pub fn cell_count(&self) -> usize {

@@ -13,7 +13,6 @@ const LISTED: f64 = 16.0;
 const MOVED: f64 = 16.0;
 /// Bytes of a voxel lit in either of two matched volumes, while particle images are sought.
 const OVERLAID: f64 = 40.0;
-
 /// Number of voxels lit in either of two matched volumes, over the number lit in one.
 const EITHER: f64 = 1.3;
 
@@ -23,7 +22,6 @@ const HULL: [usize; 2] = [1, 2];
 
 /// Bytes of a cell: the particle images in it.
 const CELL: f64 = 600.0;
-
 /// Bytes of a window: its vectors of this repeat and the last, their statistics, and the headers of its sums.
 const WINDOW: f64 = 400.0;
 

@@ -16,6 +16,11 @@ pub(crate) struct Predictor {
 }
 
 impl Predictor {
+    /// Constant: a fiftieth of the nodes may change more. That much noise makes of a uniform field.
+    const CALM: f64 = 0.02;
+    /// Constant: at 75 % overlap the outermost windows reach two nodes beyond their centres.
+    const BEYOND: f64 = 2.0;
+
     /// Fills holes and smooths over `smoothing` nodes ([`smoothed_by_evidence`]). `None` if no vector was measured.
     pub fn new(
         shape: [usize; 3],
@@ -50,17 +55,12 @@ impl Predictor {
         })
     }
 
-    /// Constant: a fiftieth of the nodes may change more. That much noise makes of a uniform field.
-    const CALM: f64 = 0.02;
-
     /// The displacement at a place, voxels: trilinear between nodes. Beyond the outermost nodes the gradient continues
     /// for up to [`Predictor::BEYOND`] nodes; farther out the displacement is constant.
     pub fn at(&self, place_vox: DVec3) -> DVec3 {
         let places = (place_vox - self.first_vox) / self.step_vox;
-        let mut fraction = [0.0; 3];
-        let mut corner = 0;
-        let mut stride = [0; 3];
-        let mut length = 1;
+        let (mut fraction, mut stride) = ([0.0; 3], [0; 3]);
+        let (mut corner, mut length) = (0, 1);
         for axis in 0..3 {
             let n = self.shape[axis];
             let last = (n - 1) as f64;
@@ -77,9 +77,6 @@ impl Predictor {
         let along_y = |corner: usize| mix(along_x(corner), along_x(corner + stride[1]), fraction[1]);
         mix(along_y(corner), along_y(corner + stride[2]), fraction[2])
     }
-
-    /// Constant: at 75 % overlap the outermost windows reach two nodes beyond their centres.
-    const BEYOND: f64 = 2.0;
 }
 
 #[cfg(test)]

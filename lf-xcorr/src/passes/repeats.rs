@@ -13,7 +13,7 @@ use glam::DVec3;
 /// A pass, its vectors, and each time that it was done.
 pub(crate) struct Repeats<'a> {
     pass: &'a PreparedPass<'a>,
-    /// The volumes to deform, in voxels, with their light outside a support.
+    /// The volumes to deform, with their light outside a support.
     volumes: &'a [[Rows; 2]],
     mask: &'a Mask<'a>,
     options: &'a Options,
@@ -102,25 +102,23 @@ impl<'a> Repeats<'a> {
         true
     }
 
-    /// Constant: noise alone does not lower the mean correlation by this much from one repeat to the next.
-    const WORSE: f64 = 0.02;
-
     /// Whether a repeat that measured `count` vectors found less than the one before.
     fn is_worse(&self, repeat: &Repeat, count: usize) -> bool {
+        // Constant: noise alone does not lower the mean correlation by this much from one repeat to the next.
+        const WORSE: f64 = 0.02;
         self.done.last().is_some_and(|before| {
             let has_fewer = count * 10 < self.vectors.iter().filter_map(Vector::fit).count() * 9;
             // Deformed and plain volumes correlate differently, so only two deformed repeats are compared.
-            has_fewer || (before.deformed && repeat.correlation + Self::WORSE < before.correlation)
+            has_fewer || (before.deformed && repeat.correlation + WORSE < before.correlation)
         })
     }
 
-    /// Constant: a change above this fraction of the one before leads nowhere.
-    const NO_LESS: f64 = 0.9;
-
     /// Whether the vectors changed little, or no less than the time before.
     fn has_stalled(&self) -> bool {
+        // Constant: a change above this fraction of the one before leads nowhere.
+        const NO_LESS: f64 = 0.9;
         let [.., before, last] = self.done.as_slice() else { return false };
-        last.change_vox < self.options.stall_vox || last.change_vox > Self::NO_LESS * before.change_vox
+        last.change_vox < self.options.stall_vox || last.change_vox > NO_LESS * before.change_vox
     }
 
     /// The predicted change of each component across a window of `pass`, voxels.

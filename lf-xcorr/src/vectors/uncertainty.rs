@@ -30,7 +30,6 @@ const FEW: f64 = 0.5;
 
 /// Constant: the error that deformation's spline and the fit leave on particles of 0.75 voxel without any noise.
 const FLOOR_VOX: f64 = 0.001;
-
 /// Constant: fewer effective particle images than this have no spread to speak of.
 const FEWEST: f64 = 1.5;
 
@@ -52,7 +51,6 @@ pub(crate) struct Measured<'a> {
     pub narrow_share: &'a [DVec3],
     /// Variance along each axis that the matched volumes have and the peaks do not, voxels squared.
     pub widened_vox2: f64,
-    /// The effect of repeats on noise.
     pub noise: Noise,
 }
 
@@ -134,11 +132,9 @@ struct ImageSums {
     image: u64,
     /// 1 if the top of the image is here.
     tops: usize,
-    /// Sum of first x second.
+    /// Sum of first x second; sums of the first and of the second, plain and squared.
     product: f64,
-    /// Sum of the first and of the second.
     light: [f64; 2],
-    /// Sum of the first and of the second, squared.
     squares: [f64; 2],
     /// Sum of first x second, with the second at +1 and at -1 voxel along each axis.
     plus: DVec3,
@@ -178,16 +174,14 @@ impl ImageSums {
     }
 }
 
-/// The first of the pieces with all others added.
-fn total(pieces: &[ImageSums]) -> ImageSums {
-    let mut total = pieces[0];
-    pieces[1..].iter().for_each(|piece| total.add(piece));
-    total
-}
-
 /// The pieces of each particle image put together, in the order of the images.
 fn joined(mut pieces: Vec<ImageSums>) -> Vec<ImageSums> {
     pieces.sort_by_key(|piece| piece.image);
+    let total = |pieces: &[ImageSums]| {
+        let mut total = pieces[0];
+        pieces[1..].iter().for_each(|piece| total.add(piece));
+        total
+    };
     pieces.chunk_by(|a, b| a.image == b.image).map(total).collect()
 }
 

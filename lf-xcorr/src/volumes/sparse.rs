@@ -33,8 +33,8 @@ impl Sparse<'_> {
             let found = format!("{} voxels, none of them lit", self.indices.len());
             return Err(Refused::new(side, found, "wanted a volume with light in it"));
         }
-        let mut lit = self.indices.iter().zip(self.intensity).filter(|(_, value)| **value > 0.0);
-        if !lit.any(|(&index, _)| mask.holds(index, self.grid.voxel(index))) {
+        let counts = |(&index, &value): (&u64, &f32)| value > 0.0 && mask.holds(index, self.grid.voxel(index));
+        if !self.indices.iter().zip(self.intensity).any(counts) {
             let found = format!("{} voxels, none of them lit inside the mask", self.indices.len());
             return Err(Refused::new(side, found, "wanted light inside the mask"));
         }
