@@ -5,17 +5,14 @@ use super::chart::Arrows;
 use super::palette::{GREY, INK, PAPER};
 use super::text::{figures, round_below};
 
-/// A shorter arrow is a dot, px.
+/// A shorter arrow is a dot, and a shorter hollow one a ring, px.
 const DOT_PX: f64 = 2.0;
-/// A shorter hollow arrow is a ring, px.
 const RING_PX: f64 = 5.0;
-
 /// Length of an arrow of the usual length, in distances between arrows; and its largest length, px.
 const USUAL_STEPS: f64 = 0.9;
 const USUAL_PX: f64 = 80.0;
 /// Longest arrow, in usual lengths.
 const LONGEST: f64 = 1.6;
-
 /// Least length of the arrow in the key before it is rounded down, px.
 const SAMPLE_PX: f64 = 48.0;
 
@@ -41,7 +38,6 @@ impl Arrows {
         (px > 0.0).then(|| (length * px, format!("{} {}", figures(length), self.unit)))
     }
 
-    /// Number of vectors whose arrows are cut short.
     pub(super) fn count_cut_short(&self) -> usize {
         self.vectors.iter().filter(|vector| self.excess(vector) > 1.0).count()
     }

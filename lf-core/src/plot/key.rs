@@ -12,12 +12,10 @@ use super::{arrow::arrow, map};
 const SYMBOL: i32 = 30;
 const GAP: i32 = 7;
 const APART: i32 = 18;
-/// Length of an arrow without a value, px.
+/// Length of an arrow without a value, and height of a row, px.
 const ARROW: i32 = 26;
-/// Height of a row, px.
 const ROW: i32 = 20;
 
-/// The symbol of an entry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Symbol {
     Line(Look, Style),
@@ -35,14 +33,11 @@ struct Entry {
     name: String,
     symbols: Vec<Symbol>,
     lines: Vec<String>,
-    /// Place in the key.
     place: Pixel,
 }
 
-/// The entries of a panel.
 pub(super) struct Key {
     entries: Vec<Entry>,
-    /// Size, px.
     pub width: i32,
     pub height: i32,
 }

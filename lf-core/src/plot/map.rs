@@ -15,7 +15,7 @@ const MOST_RECTANGLES: usize = 8000;
 /// Steps of the colours.
 const LEVELS: f64 = 48.0;
 
-/// Means over blocks of a map's values.
+/// Means over blocks of values.
 struct Blocks {
     values: Vec<f64>,
     cells: [usize; 2],

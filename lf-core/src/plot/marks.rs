@@ -52,7 +52,6 @@ pub(super) fn marks(canvas: &mut Canvas, view: &View) -> usize {
     labels(canvas, view)
 }
 
-/// Draws a line, a histogram, points or arrows.
 fn series(canvas: &mut Canvas, view: &View, mark: &Mark) {
     let look = view.looks.look(mark.name());
     let has_many = has_many_series(view.panel);
@@ -150,7 +149,6 @@ fn band(canvas: &mut Canvas, view: &View, points: &[[f64; 2]], spread: &[[f64; 2
     }
 }
 
-/// A vertical bar from the smallest to the largest y.
 fn bar(canvas: &mut Canvas, view: &View, x: f64, spread: [f64; 2], look: Look) {
     let ends = spread.map(|y| view.at_or_below([x, y]));
     for part in view.frame.line(&ends) {

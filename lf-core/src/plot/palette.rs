@@ -10,7 +10,6 @@ pub struct Colour(pub u8, pub u8, pub u8);
 pub const INK: Colour = Colour(25, 25, 35);
 /// References, and the outlines of hollow arrows.
 pub(super) const GREY: Colour = Colour(115, 115, 120);
-/// Grid lines.
 pub(super) const GRID: Colour = Colour(232, 232, 236);
 /// Cells of a map without a value.
 pub(super) const EMPTY: Colour = Colour(205, 205, 205);

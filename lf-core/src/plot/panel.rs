@@ -50,7 +50,7 @@ impl<'a> PanelLayout<'a> {
         }
     }
 
-    /// Widths of the margin left of the frame, of the frame, and of the margin right of it, px.
+    /// Widths of the left margin, the frame and the right margin, px.
     pub fn widths(&self) -> [i32; 3] {
         let left = TICK_TEXT + widest(&self.ticks[1]) + NAME_GAP + LINE * self.names[1].len() as i32;
         let bar = self.bar.as_ref().map_or(0, |bar| BAR_GAP + bar.width());
@@ -58,7 +58,7 @@ impl<'a> PanelLayout<'a> {
         [left, self.size[0], bar.max(24).max(title - self.size[0])]
     }
 
-    /// Heights of the margin above the frame, of the frame, and of the margin below it, px.
+    /// Heights of the upper margin, the frame and the lower margin, px.
     pub fn heights(&self) -> [i32; 3] {
         let above = LINE * self.title.len() as i32 + self.key.height + NAME_GAP;
         [above, self.size[1], self.ticks_below() + LINE * self.names[0].len() as i32 + 6]

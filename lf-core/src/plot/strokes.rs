@@ -78,8 +78,7 @@ impl Frame {
 }
 
 /// Lengths of a stroke, a gap, a stroke and a gap, px.
-pub(super) type Dashes = [f64; 4];
-
+type Dashes = [f64; 4];
 /// Dashes of the references in turn.
 pub(super) const REFERENCE_DASHES: [Dashes; 4] =
     [[8.0, 5.0, 8.0, 5.0], [2.0, 4.0, 2.0, 4.0], [9.0, 4.0, 2.0, 4.0], [16.0, 6.0, 16.0, 6.0]];
@@ -95,7 +94,6 @@ pub(super) fn stroke(canvas: &mut Canvas, places: &[At], colour: Colour, width_p
     }
 }
 
-/// The strokes of a dashed line.
 fn dashes(places: &[At], pattern: Dashes) -> Vec<Vec<At>> {
     let mut strokes = Vec::new();
     let (mut phase, mut left) = (0, pattern[0]);

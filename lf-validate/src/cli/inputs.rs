@@ -8,8 +8,7 @@ use lf_validate::info::FileKind;
 use lf_validate::scores::{displacement::TrueDisplacement, displacement::tracks, light::VoxelLight};
 use std::path::{Path, PathBuf};
 
-/// Opens a volume. A tile is refused: the light in its halo belongs to its neighbours, so that a score of it means
-/// nothing.
+/// Opens a volume. A tile is refused: the light in its halo belongs to its neighbours, so its score means nothing.
 pub fn open_whole(path: &Path) -> Result<Volume> {
     let volume = Volume::open(path)?;
     match Tile::of(&volume)? {

@@ -119,8 +119,7 @@ fn blocks(about: &mut Description, camera: &Camera) {
     }
 }
 
-/// Depth Z at which the light of a point is `width_mm` wide on the array: alpha(Z) D = width, solved for Z, with the
-/// rays of [`lf_core::optics`].
+/// Depth Z at which the light of a point is `width_mm` wide on the array: alpha(Z) D = width, with [`lf_core::optics`].
 fn depth_of_spread_mm(camera: &Camera, width_mm: f64) -> f64 {
     let alpha = width_mm / camera.aperture_mm();
     camera.object_distance_mm() - camera.image_distance_mm() / (camera.main_lens.magnification + alpha)

@@ -71,7 +71,7 @@ const KNOWN: [(&[&str], &str); 10] = [
 /// Most lines of a report: with its title and the number of keys left out they fill a screen of 24.
 const MOST_LINES: usize = 22;
 
-/// Whether the object has the same number in pixels, which people know best.
+/// Whether the object has the same number in pixels.
 fn is_given_in_pixels(key: &str, object: &Map<String, Value>) -> bool {
     let stem = key.strip_suffix("_mm").or(key.strip_suffix("_vox"));
     stem.is_some_and(|stem| object.contains_key(&format!("{stem}_px")))

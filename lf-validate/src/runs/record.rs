@@ -118,7 +118,6 @@ const MOST_KEYS: usize = 8;
 pub struct MissingKeys(Vec<(String, usize)>);
 
 impl MissingKeys {
-    /// Counts a run without `key`.
     pub fn count(&mut self, key: &str) {
         match self.0.iter_mut().find(|(known, _)| known == key) {
             Some((_, count)) => *count += 1,

@@ -7,8 +7,8 @@ use lf_core::Grid;
 pub struct VoxelLight<'a> {
     /// Grid of the voxels.
     pub grid: &'a Grid,
-    /// Linear indices of the voxels held.
+    /// Linear indices.
     pub indices: &'a [u64],
-    /// Their intensities, finite.
+    /// Finite.
     pub intensity: &'a [f32],
 }

@@ -6,9 +6,8 @@ use crate::runs::record::{MissingKeys, RunRecord};
 use crate::runs::values::{MedianRange, is_same, order, plain};
 use lf_core::Refusal;
 
-/// Prefix of the keys of settings.
+/// Prefix of the keys of settings, and the key in which runs of one name may differ.
 const SETTING: &str = "set.";
-/// The key in which runs of one name may differ.
 const SEED: &str = "set.seed";
 
 /// Cost and error of the settings in `records`. Refuses records without a run that has name, cost and error, runs of

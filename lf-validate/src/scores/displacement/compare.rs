@@ -1,6 +1,4 @@
-//! Errors of a vector field against the true displacement.
-//!
-//! Error = measured - true, each component on its own, in the units of [`crate::scores::units`].
+//! Errors of a vector field against the true displacement: measured - true, each component on its own.
 
 use super::statistics::{Coverage, ErrorPdf, ErrorSummary};
 use super::truth::{TrueDisplacement, VectorError, errors};

@@ -128,8 +128,7 @@ mod tests {
 
     #[test]
     fn the_axis_with_the_smallest_estimate_counts_if_it_is_long_enough() {
-        // The third difference of a cubic along x is constant. That of a fast wave along x is not, but y does not see
-        // the wave.
+        // The third difference of a cubic along x is constant. A fast wave along x is not seen along y.
         let quiet = noise(&field([40, 12, 4], |[x, ..]| [0.1 * x * x * x, (9.0 * x).sin(), 0.0]), [1; 3], None);
         assert!(quiet.sigma_mm(0) < 1e-4 && quiet.sigma_mm(1) < 1e-6 && quiet.sigma_mm(2) == 0.0);
         assert_eq!(quiet.estimates[1].map(|estimate| (estimate.axis, estimate.differences)), Some((1, 40 * 9 * 4)));

@@ -80,7 +80,7 @@ pub(crate) struct Percentiles {
 /// Share of the particles in each bin of [`BIN_VOX`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Histogram {
-    /// Middles of the bins, voxels, and below in pixels, which differ along x and y if voxels are not square.
+    /// Middles of the bins, voxels; below in pixels, which differ along x and y if voxels are not square.
     pub vox: Vec<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub x_px: Option<Vec<f64>>,
