@@ -140,13 +140,12 @@ impl Axis {
 
     /// The part of `[lower, upper]` inside the cell's sharp edges, where most of the light comes through. If there is
     /// none, the end of the interval nearer to the cell, twice.
-    pub(super) fn unblurred(&self, t0: f64, span: &Span, lower: f64, upper: f64) -> (f64, f64) {
+    fn unblurred(&self, t0: f64, span: &Span, lower: f64, upper: f64) -> (f64, f64) {
         if self.alpha.abs() * self.half_aperture < 1e-12 {
             return (lower, upper);
         }
         let (a, b) = ((span.low - t0) / self.alpha, (span.high - t0) / self.alpha);
-        let (a, b) = (a.min(b), a.max(b));
-        (a.clamp(lower, upper), b.clamp(lower, upper))
+        (a.min(b).clamp(lower, upper), a.max(b).clamp(lower, upper))
     }
 
     /// The paper's weights w1 w2 / n: w1 is the share of a section's beam on the lenslet, w2 the share on a pixel of a

@@ -41,10 +41,8 @@ impl Chords {
         }
         let width = u1 - u0;
         let at = |half: f32| {
-            if width <= 0.0 {
-                return f32::from(far <= half);
-            }
-            ((u1.min(half) - u0.max(-half)) / width).max(0.0)
+            let inside = u1.min(half) - u0.max(-half);
+            if width > 0.0 { (inside / width).max(0.0) } else { f32::from(far <= half) }
         };
         (5.0 * (at(self.nodes[0]) + at(self.nodes[2])) + 8.0 * at(self.nodes[1])) / 18.0
     }

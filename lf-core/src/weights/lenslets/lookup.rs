@@ -45,7 +45,6 @@ struct Request<'a> {
     lenslets: &'a Lenslets,
     slice: &'a SliceOptics,
     patches: &'a Patches,
-    /// Where the voxel's chief ray meets the array, mm.
     chief_mm: DVec2,
     /// The chief ray's part of the place of a patch's middle, px.
     chief_px: DVec2,
