@@ -23,7 +23,7 @@ impl Ordered for f64 {
     }
 }
 
-/// The value at position `rank`, from 0, of the sorted values; None if there are too few. Linear time; reorders `values`.
+/// The value at position `rank`, from 0, of the sorted values; None beyond them. Linear time; reorders `values`.
 pub fn ranked<T: Ordered>(values: &mut [T], rank: usize) -> Option<T> {
     (rank < values.len()).then(|| *values.select_nth_unstable_by(rank, T::order).1)
 }
@@ -33,7 +33,7 @@ pub fn upper_median<T: Ordered>(values: &mut [T]) -> Option<T> {
     ranked(values, values.len() / 2)
 }
 
-/// The median: for an even count, the mean of the two in the middle. NaN without values. Linear time; reorders `values`.
+/// The median: the mean of the middle two of an even count. NaN without values. Linear time; reorders `values`.
 pub fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::NAN;

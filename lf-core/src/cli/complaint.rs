@@ -1,9 +1,7 @@
 //! The one line on standard error that ends a failed run, also for a mistake on the command line.
 
 use crate::io;
-use std::ffi::OsString;
-use std::io::Write;
-use std::process::ExitCode;
+use std::{ffi::OsString, io::Write, process::ExitCode};
 
 /// Control characters in a file name or in a foreign message must not break the line.
 pub(super) fn one_line(text: &str) -> String {

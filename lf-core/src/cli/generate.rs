@@ -4,8 +4,7 @@ use crate::{Error, Result};
 use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
-use std::ffi::OsString;
-use std::io::Write;
+use std::{ffi::OsString, io::Write};
 
 /// The option; it must be the first word.
 pub(super) const OPTION: &str = "--generate";

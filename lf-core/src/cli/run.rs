@@ -4,12 +4,8 @@ use super::complaint::{answer, complain, usage};
 use super::generate;
 use super::session::{Common, Session};
 use crate::{Result, history::Step, io};
-use std::ffi::OsString;
-use std::io::Write;
 use std::panic::{self, AssertUnwindSafe};
-use std::path::Path;
-use std::process::ExitCode;
-use std::sync::Mutex;
+use std::{ffi::OsString, io::Write, path::Path, process::ExitCode, sync::Mutex};
 
 /// Upper limit of `--threads`. Each thread costs a stack; a larger number is a typing error.
 const MOST_THREADS: usize = 1024;

@@ -6,8 +6,7 @@
 
 use super::{vector_grid::VectorGrid, vectors::Field};
 use crate::{Result, io};
-use std::io::Write;
-use std::path::Path;
+use std::{io::Write, path::Path};
 
 /// Numbers at every vector of a field; the components of one vector are neighbours.
 #[derive(Debug, Clone, PartialEq)]

@@ -22,8 +22,8 @@ impl Field {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
-    /// Writes EXR, `.vti` or `.csv` by extension; `-` and a name without extension are EXR. Refuses what [`Field::open`]
-    /// refuses. Panics if a component is not as long as the shape asks.
+    /// Writes EXR, `.vti` or `.csv` by extension; `-` and a name without extension are EXR. Refuses what
+    /// [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
         let refused = |refusal: Refusal| refusal.about(io::output_name(path));
         self.layout.check().map_err(refused)?;

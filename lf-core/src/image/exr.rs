@@ -8,8 +8,7 @@ use ::exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels,
     ReadLayers, SmallVec, Vec2, WritableImage,
 };
-use std::collections::HashMap;
-use std::io::Cursor;
+use std::{collections::HashMap, io::Cursor};
 
 /// Header of an EXR, checked before any pixel is decoded.
 pub(crate) struct Header {

@@ -47,7 +47,7 @@ pub(super) fn counts(image: Image, name: &str) -> Result<Image> {
 pub const BLIND: f32 = 0.05;
 
 /// Reads counts ([`open_counts`]), subtracts the background, sets negative results to 0, and divides by the flat field
-/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images have the sensor's size.
+/// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images are sensor-sized.
 pub fn open_frame(path: &Path, background: Option<&Path>, camera: &Camera, camera_file: &Path) -> Result<Image> {
     let mut image = open_counts(path)?;
     let (height, width) = image.pixels.dim();

@@ -1,8 +1,7 @@
 //! The bytes of an input: mapped, or read into memory.
 
-use std::fs::File;
 use std::io::{self, ErrorKind, Read, Seek};
-use std::ops::Deref;
+use std::{fs::File, ops::Deref};
 
 /// Every [`Bytes`] starts at a multiple of this address, so that a `u64` can be read in place.
 const ALIGNMENT: usize = 8;

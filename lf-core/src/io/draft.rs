@@ -5,8 +5,7 @@
 
 use std::fs::{File, Permissions};
 use std::io::{self, Seek, SeekFrom};
-use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
+use std::{os::unix::fs::PermissionsExt, path::Path};
 use tempfile::{Builder, NamedTempFile, TempPath};
 
 /// Permissions before the umask: everybody may read and write.

@@ -3,10 +3,8 @@
 use super::bytes::Bytes;
 use super::names::{is_standard, name, reading, standard};
 use crate::{Error, Result};
-use std::fs::File;
 use std::io::{self, IsTerminal};
-use std::os::fd::AsFd;
-use std::path::Path;
+use std::{fs::File, os::fd::AsFd, path::Path};
 
 /// Opens a file, or standard input for `-`. Refuses a folder and a terminal.
 pub fn open(path: &Path) -> Result<Bytes> {

@@ -4,8 +4,7 @@ use crate::{Error, Refusal};
 use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind};
 use std::os::fd::{AsFd, BorrowedFd};
-use std::os::unix::fs::MetadataExt;
-use std::path::Path;
+use std::{os::unix::fs::MetadataExt, path::Path};
 
 /// Whether `path` is `-`, a standard stream.
 pub fn is_standard(path: &Path) -> bool {

@@ -17,7 +17,7 @@ enum Source {
 }
 
 impl JoinedVolume {
-    /// Opens files as volumes, in their order; all tiles of a volume stand together, in any order. Only one volume's files
+    /// Opens files as volumes, in their order; all tiles of a volume stand together, in any order. Only those of one
     /// are open at a time. Refuses tiles that are missing, given twice, or of different grids.
     pub fn open_all<'a>(paths: impl IntoIterator<Item = &'a Path>, column: &'static str) -> Result<Vec<Self>> {
         let mut paths = paths.into_iter();

@@ -5,8 +5,7 @@ use super::header::{Header, header_text};
 use crate::io::{self, Bytes};
 use crate::{Error, Grid, History, Refusal, Result};
 use serde_json::{Map, Value};
-use std::ops::Range;
-use std::path::Path;
+use std::{ops::Range, path::Path};
 
 /// A `.lfv` that is read and checked.
 pub struct Volume {

@@ -97,8 +97,8 @@ impl Tile {
     }
 
     /// A halo for 20 sweeps of lf-mart's default method, mm at the focal plane: 1.25 times the widest beam, plus the
-    /// eight lenslets within which lf-mart looks for the strongest voxel. The error at a core's edge, over the brightest
-    /// voxel, is then below 1e-4; below 1e-3 with one beam width, below 6e-3 with half (scene `demo` in four tiles).
+    /// eight lenslets within which lf-mart looks for the strongest voxel. Error at a core's edge, over the brightest
+    /// voxel: below 1e-4; below 1e-3 with one beam width, below 6e-3 with half (scene `demo` in four tiles).
     pub fn usual_halo_mm(camera: &Camera, grid: &Grid) -> f64 {
         let optics = Optics::new(camera);
         let ends = [0, grid.shape[2] - 1].map(|z| grid.centre_mm(2, z));
