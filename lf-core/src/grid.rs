@@ -52,12 +52,10 @@ impl Grid {
         for axis in 0..3 {
             let [low, high] = bounds_mm[axis];
             let count = ((high - low) / spacing_mm[axis]).round();
-            if !(count >= 1.0 && count < 2f64.powi(40) && spacing_mm[axis] > 0.0) {
-                let name = ["x", "y", "z"][axis];
-                let [low, high, step] = [low, high, spacing_mm[axis]].map(short);
-                let found = format!("{name} from {low} to {high} mm in steps of {step} mm holds no voxel");
-                return Err(Refusal::new(found, "wanted bounds that hold a voxel"));
-            }
+            let holds_voxels = count >= 1.0 && count < 2f64.powi(40) && spacing_mm[axis] > 0.0;
+            let (name, [from, to, step]) = (["x", "y", "z"][axis], [low, high, spacing_mm[axis]].map(short));
+            let found = || format!("{name} from {from} to {to} mm in steps of {step} mm holds no voxel");
+            Refusal::unless(holds_voxels, found, "wanted bounds that hold a voxel")?;
             shape[axis] = count as usize;
             origin_mm[axis] = 0.5 * (low + high) - 0.5 * (count - 1.0) * spacing_mm[axis];
         }

@@ -64,7 +64,7 @@ impl Field {
         let [nx, ny, nz] = self.layout.shape;
         let names = CHANNELS.into_iter().map(|(name, _)| name);
         let channels = names.zip(self.components().map(<[f32]>::to_vec)).collect();
-        exr::write(nx, ny * nz, channels, Some((LAYOUT, self.layout.to_json()?)))
+        exr::write(nx, ny * nz, channels, Some((LAYOUT, self.layout.to_json())))
     }
 }
 

@@ -1,8 +1,8 @@
 //! Where the vectors of a field are and how they were made.
 
 use crate::{Refusal, history::History};
-use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, json};
 
 /// Names and units of the channels, in the order of the components of a [`super::Field`].
 pub(super) const CHANNELS: [(&str, &str); 10] = [
@@ -47,26 +47,6 @@ pub struct VectorGrid {
     pub history: History,
 }
 
-/// The attribute as it is written: the layout, and the unit of every channel, which makes the file explain itself.
-#[derive(Serialize)]
-struct Attribute<'a> {
-    units: Units,
-    #[serde(flatten)]
-    layout: &'a VectorGrid,
-}
-
-struct Units;
-
-impl Serialize for Units {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(CHANNELS.len()))?;
-        for (name, unit) in CHANNELS {
-            map.serialize_entry(name, unit)?;
-        }
-        map.end()
-    }
-}
-
 impl VectorGrid {
     /// Extent of the field along an axis, mm: half a spacing beyond the outermost vectors.
     pub fn bounds_mm(&self, axis: usize) -> [f64; 2] {
@@ -86,10 +66,14 @@ impl VectorGrid {
         (along < self.shape[axis]).then(|| i.wrapping_add_signed(steps * stride as isize))
     }
 
-    /// The JSON of the attribute `lf:field`, units included.
-    pub(super) fn to_json(&self) -> Result<String, Refusal> {
-        serde_json::to_string(&Attribute { units: Units, layout: self })
-            .map_err(|error| Refusal::new(format!("its layout cannot be written ({error})"), "wanted plain numbers"))
+    /// The JSON of the attribute `lf:field`: the units of the channels, which explain the file, and the layout.
+    pub(super) fn to_json(&self) -> String {
+        let units: Map<_, _> = CHANNELS.iter().map(|(name, unit)| ((*name).to_owned(), json!(unit))).collect();
+        let mut attribute = json!({"units": units});
+        for (key, value) in json!(self).as_object().into_iter().flatten() {
+            attribute[key] = value.clone();
+        }
+        attribute.to_string()
     }
 
     /// Number of vectors; None if an axis is empty or the number overflows.

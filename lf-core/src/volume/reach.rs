@@ -7,19 +7,6 @@ use std::ops::Range;
 /// Reach of a voxel's image beyond the image of its centre, voxels: three standard deviations of a blob.
 const BASIS_VOX: f64 = 3.0;
 
-/// The places in the aperture, in half widths, whose rays bound the light of a point: centre, sides and corners.
-const RIM: [DVec2; 9] = [
-    DVec2::ZERO,
-    DVec2::X,
-    DVec2::NEG_X,
-    DVec2::Y,
-    DVec2::NEG_Y,
-    DVec2::ONE,
-    DVec2::NEG_ONE,
-    DVec2::new(1.0, -1.0),
-    DVec2::new(-1.0, 1.0),
-];
-
 /// From object points to pixels and back, along one axis.
 pub(super) struct Reach<'a> {
     grid: &'a Grid,
@@ -37,14 +24,15 @@ impl<'a> Reach<'a> {
         Self { grid, optics: Optics::new(camera), camera, axis, across_mm }
     }
 
-    /// Least and greatest place on the sensor, mm, of light from `along_mm` at depth `z_mm` through `apertures`, in
-    /// half widths. A ray lands within a pitch of its lenslet's image centre, so a pitch is added on each side.
-    fn ends(&self, along_mm: f64, z_mm: f64, apertures: &[DVec2]) -> [f64; 2] {
+    /// Least and greatest place on the sensor, mm, of light from `along_mm` at depth `z_mm`: of its chief ray for `rim`
+    /// 0, with rays through sides and corners of the aperture for 1. A pitch is added on each side, since a ray lands
+    /// within a pitch of its lenslet's image centre.
+    fn ends(&self, along_mm: f64, z_mm: f64, rim: i32) -> [f64; 2] {
         let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
         for across_mm in self.across_mm {
             let point = if self.axis == 0 { DVec2::new(along_mm, across_mm) } else { DVec2::new(across_mm, along_mm) };
-            for aperture in apertures {
-                let aperture_mm = *aperture * self.optics.half_aperture_mm;
+            for (x, y) in (-rim..=rim).flat_map(|x| (-rim..=rim).map(move |y| (x, y))) {
+                let aperture_mm = DVec2::new(x.into(), y.into()) * self.optics.half_aperture_mm;
                 let hit = self.optics.sensor_from_object(point, z_mm, aperture_mm)[self.axis];
                 ends = [ends[0].min(hit), ends[1].max(hit)];
             }
@@ -55,7 +43,7 @@ impl<'a> Reach<'a> {
 
     /// Pixels that light from `[from_mm, to_mm]` in the focal plane reaches.
     pub fn pixels(&self, from_mm: f64, to_mm: f64) -> [usize; 2] {
-        let sides = [from_mm, to_mm].map(|along| self.ends(along, 0.0, &[DVec2::ZERO]));
+        let sides = [from_mm, to_mm].map(|along| self.ends(along, 0.0, 0));
         let limit = self.optics.sensor_px[self.axis] as f64;
         let place = |mm: f64| self.optics.place_px(DVec2::splat(mm))[self.axis];
         let low = place(sides[0][0].min(sides[1][0])).floor().clamp(0.0, limit);
@@ -82,8 +70,8 @@ impl<'a> Reach<'a> {
             }
             from
         };
-        let is_above = |i: usize| self.ends(place(i as f64 + BASIS_VOX), z_mm, &RIM)[0] > high;
-        let not_below = |i: usize| self.ends(place(i as f64 - BASIS_VOX), z_mm, &RIM)[1] >= low;
+        let is_above = |i: usize| self.ends(place(i as f64 + BASIS_VOX), z_mm, 1)[0] > high;
+        let not_below = |i: usize| self.ends(place(i as f64 - BASIS_VOX), z_mm, 1)[1] >= low;
         first(&is_above)..first(&not_below)
     }
 }
