@@ -6,7 +6,6 @@ use lf_core::image::{self, Image, Stack};
 use lf_core::{Camera, Error, History, Refusal, Result, Session, Verdict, camera::Sensor, io};
 use std::path::{Path, PathBuf};
 
-/// Makes the background and writes it.
 pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Result<Verdict> {
     let BackgroundArguments { frames, quantile, camera, output } = arguments;
     if !(0.0..=0.5).contains(quantile) {
@@ -38,7 +37,7 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
 }
 
 struct FrameFiles {
-    /// Files; those that come through a pipe in memory. Others are opened again: a system limits the number of mapped
+    /// Files; those through a pipe are held in memory. Others are opened again: a system limits the number of mapped
     /// files.
     files: Vec<(PathBuf, Option<Stack>)>,
     count: usize,

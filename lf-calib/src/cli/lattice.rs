@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 /// A difference between the width of lenslet images and the pitch, or the f-number, is reported from this fraction on.
 const NOTABLE_FILL: f64 = 0.05;
 
-/// Finds the lattice, then writes the camera and the other files asked for.
 pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Verdict> {
     check_files(arguments, session)?;
     let nominal = Camera::open(&arguments.camera)?;
@@ -30,20 +29,17 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     let mut calibrated = calibrate(&lattice, &nominal).map_err(refused)?;
 
     // Compute everything before the first file is written.
-    let mut outputs = Outputs::default();
-    if arguments.vignetting.is_some() {
-        let none = Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
-        let flat = |_: &mut Session| flat_field(&white, &calibrated.camera).ok_or_else(|| refused(none));
-        outputs.flat = Some(session.phase("vignetting", flat)?);
-    }
-    if let Some(file) = &arguments.plot {
-        let svg = plot::lattice(&white, &lattice, &calibrated);
-        outputs.svg = Some(svg.map_err(|refusal| refusal.about(io::output_name(file)))?);
-    }
+    let none = || Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
+    let flat = |_: &mut Session| flat_field(&white, &calibrated.camera).ok_or_else(|| refused(none()));
+    let flat_pixels = arguments.vignetting.as_ref().map(|_| session.phase("vignetting", flat)).transpose()?;
+    let draw = |file: &PathBuf| {
+        plot::lattice(&white, &lattice, &calibrated).map_err(|refusal| refusal.about(io::output_name(file)))
+    };
+    let svg = arguments.plot.as_ref().map(draw).transpose()?;
     let flat = arguments.vignetting.clone().or_else(|| nominal.flat_field(&arguments.camera));
     let flat = flat.map(|flat| path_from_camera(&flat, &arguments.output, session)).transpose()?;
     calibrated.camera.vignetting = flat;
-    session.phase("write", |session| outputs.save(arguments, &calibrated, session))?;
+    session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), svg.as_deref(), session))?;
     // If a file cannot be written, its error is the only line.
     tell(&lattice, &calibrated, session);
     Ok(Verdict::Done)
@@ -93,27 +89,25 @@ fn white(arguments: &LatticeArguments, nominal: &Camera) -> Result<Option<Array2
     Ok(white)
 }
 
-/// Outputs besides the camera and the table.
-#[derive(Default)]
-struct Outputs {
-    flat: Option<Array2<f32>>,
-    svg: Option<String>,
-}
-
-impl Outputs {
-    fn save(&self, arguments: &LatticeArguments, calibrated: &Calibrated, session: &Session) -> Result<()> {
-        if let (Some(file), Some(flat)) = (&arguments.vignetting, &self.flat) {
-            image::save(file, flat, &session.history(&Vec::new()))?;
-        }
-        if let (Some(file), Some(svg)) = (&arguments.plot, &self.svg) {
-            io::save_text(file, |out| out.write_all(svg.as_bytes()))?;
-        }
-        if let Some(file) = &arguments.centres {
-            io::save_text(file, |out| out.write_all(table(calibrated).as_bytes()))?;
-        }
-        let camera = with_history(calibrated.camera.clone(), session);
-        io::save_text(&arguments.output, |out| out.write_all(camera.to_json().as_bytes()))
+/// Writes the camera, and what was asked for: the flat field, the picture and the table.
+fn save(
+    arguments: &LatticeArguments,
+    calibrated: &Calibrated,
+    flat: Option<&Array2<f32>>,
+    svg: Option<&str>,
+    session: &Session,
+) -> Result<()> {
+    if let Some((file, flat)) = arguments.vignetting.as_deref().zip(flat) {
+        image::save(file, flat, &session.history(&Vec::new()))?;
     }
+    if let Some((file, svg)) = arguments.plot.as_deref().zip(svg) {
+        io::save_text(file, |out| out.write_all(svg.as_bytes()))?;
+    }
+    if let Some(file) = &arguments.centres {
+        io::save_text(file, |out| out.write_all(table(calibrated).as_bytes()))?;
+    }
+    let camera = with_history(calibrated.camera.clone(), session);
+    io::save_text(&arguments.output, |out| out.write_all(camera.to_json().as_bytes()))
 }
 
 /// The table of `--centres`, one row for each lenslet, px from the image's left and top edge.
@@ -126,7 +120,6 @@ fn table(calibrated: &Calibrated) -> String {
     text
 }
 
-/// Reports the lattice, its departure, a second stop and the width of the lenslet images.
 fn tell(lattice: &ImageLattice, calibrated: &Calibrated, session: &mut Session) {
     session.count("lenslets", lattice.kept());
     session.count("lenslets_rejected", lattice.centres.len() - lattice.kept());

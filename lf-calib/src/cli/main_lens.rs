@@ -6,7 +6,6 @@ use lf_core::{Camera, Error, Result, Session, Verdict, cli::numbers, io, particl
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// Finds the main lens and writes the camera.
 pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<Verdict> {
     let VolumeArguments { camera, output, .. } = arguments;
     let (images, table) = inputs(arguments)?;
@@ -88,7 +87,6 @@ fn dots_of_table(images: usize, table: &Path) -> Result<Vec<Vec<Dot>>> {
     Ok(dots)
 }
 
-/// The depth of each image from `--depths`, mm.
 fn depths_of(images: usize, text: &str) -> Result<Vec<f64>> {
     let depths: Option<Vec<f64>> = text.split(',').map(|part| numbers::<1>(part).ok().map(|[depth]| depth)).collect();
     let depths = depths.ok_or_else(|| Error::new("--depths", text, "wanted numbers between commas, mm"))?;

@@ -5,7 +5,6 @@ use lf_calib::{Refined, refine_steps};
 use lf_core::{Camera, Error, Result, Session, Verdict, io, weights::check_depth_mm};
 use std::path::Path;
 
-/// Corrects a camera and writes it.
 pub fn refine(arguments: &RefineArguments, session: &mut Session) -> Result<Verdict> {
     let RefineArguments { frames: files, camera, depth, background, output } = arguments;
     let background = background.as_deref();

@@ -59,8 +59,7 @@ pub(crate) fn disparity_px(fill: &StopFill, camera: &Camera) -> DVec2 {
     -camera.demagnification() * fill.middle_mm / camera.sensor.pixel_pitch_mm
 }
 
-/// Equations for [`GROUPS`], and for the stop's size in the column of [`P::Gap`]: f-numbers are too vague to tell the
-/// gap.
+/// Equations for [`GROUPS`], and for the stop's size in the column of [`P::Gap`]: f-numbers are too vague for the gap.
 pub(crate) fn equations(seen: &[(IsolatedParticle, StopFill)], camera: &Camera) -> NormalEquations {
     let columns = [P::LatticeX, P::LatticeY, P::LatticeTurn, P::TiltX, P::TiltY, P::Gap];
     let (px, gap) = (1.0 / camera.sensor.pixel_pitch_mm, camera.gap_mm());

@@ -15,8 +15,7 @@ const APART_CELLS: f64 = 5.0;
 /// Most particles of a frame.
 const MOST: usize = 400;
 
-/// Positions of a frame's brightest isolated peaks, mm. Depths that light too few lenslets to locate a point are left
-/// out.
+/// A frame's brightest isolated peaks, mm. Depths that light too few lenslets to locate a point are left out.
 pub(crate) fn isolated_particles(
     image: ArrayView2<f32>,
     optics: &Optics,

@@ -1,7 +1,6 @@
-//! The drift of the lattice and small sensor tilts, from ordinary frames of particles.
-//!
-//! Locate isolated bright particles and see how their light fills the stop. Shift and turn the lattice, and tilt the
-//! sensor, so that it fills the stop evenly. Repeat with the corrected camera.
+//! The drift of the lattice and small sensor tilts, from ordinary frames of particles. Locate isolated bright particles
+//! and see how their light fills the stop. Shift and turn the lattice, and tilt the sensor, so that it fills the stop
+//! evenly. Repeat with the corrected camera.
 
 use super::disparity::{GROUPS, IsolatedParticle, equations, evident, look, solve_with_stop};
 use super::{isolated::isolated_particles, report::Refined, report::report, stop_fill::StopFill};

@@ -17,8 +17,7 @@ pub struct Refined {
     pub camera: Camera,
     /// Number of particles used.
     pub particles: usize,
-    /// Root mean square disparity before and after, px of the lenslet images: how far particles' light is from the
-    /// stop's middle.
+    /// Root mean square disparity before and after, px: how far particles' light is from the stop's middle.
     pub disparity_px: [f64; 2],
     /// Name, change and standard uncertainty of each changed parameter. Empty if nothing has drifted.
     pub changed: Vec<(&'static str, f64, f64)>,

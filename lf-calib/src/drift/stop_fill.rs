@@ -1,10 +1,10 @@
 //! The part of the stop that the light of a point fills.
 //!
-//! The sub-images of a free point say nothing about the position of the lattice. If the lattice is off by d, every set
-//! of sub-images still fits a point, displaced by d m Z / g. The reconstructed volume is sheared, and only the stop
-//! shows it. The light of each lenslet is assigned to the position U in the stop from which the point lights it. The
-//! mean of U over all light is the middle of the stop; if the lattice is off by d, the mean is d / k. The spread of U
-//! is the stop's radius; it is too large if the array is too far from the sensor.
+//! The sub-images of a free point say nothing about the position of the lattice: if it is off by d, they still fit a
+//! point, displaced by d m Z / g. The reconstructed volume is sheared, and only the stop shows it. The light of each
+//! lenslet is assigned to the position U in the stop from which the point lights it. The mean of U over all light is
+//! the middle of the stop, or d / k off. The spread of U is the stop's radius; it is too large if the array is too far
+//! from the sensor.
 
 use crate::{points::spot, points::sub_images::PointBlur, points::sub_images::spot_profile, points::view::PointView};
 use glam::{DVec2, DVec3};
@@ -57,8 +57,7 @@ fn full_light(lights: &[(DVec2, f64)]) -> Option<f64> {
     (foreign as f64 <= MOST_FOREIGN * counts.len() as f64).then_some(full)
 }
 
-/// Mean position of the light in the stop, mm, and its spread relative to an even stop, by iteration: only light within
-/// a stop about that middle counts.
+/// Mean position of the light in the stop, mm, and its spread relative to an even stop. Only light near it counts.
 fn middle_and_spread(lights: &[(DVec2, f64)], full: f64, optics: &Optics) -> Option<(DVec2, f64)> {
     let radius = optics.half_aperture_mm;
     let is_square = optics.passes(DVec2::splat(0.99 * radius));

@@ -13,17 +13,17 @@ impl Changes {
     pub const NONE: Self = Self([0.0; Parameter::ALL.len()]);
 
     pub fn get(&self, parameter: Parameter) -> f64 {
-        self.0[parameter.number()]
+        self.0[parameter as usize]
     }
 
     pub fn set(&mut self, parameter: Parameter, value: f64) {
-        self.0[parameter.number()] = value;
+        self.0[parameter as usize] = value;
     }
 
     /// The same changes, one parameter moved by `step`.
     pub fn plus(&self, parameter: Parameter, step: f64) -> Self {
         let mut moved = *self;
-        moved.0[parameter.number()] += step;
+        moved.0[parameter as usize] += step;
         moved
     }
 
@@ -89,8 +89,8 @@ impl Changes {
             P::LatticeTurn => camera.microlenses.rotation_rad,
             P::TiltX => camera.tilt.map_or(0.0, |tilt| tilt.x_rad),
             P::TiltY => camera.tilt.map_or(0.0, |tilt| tilt.y_rad),
-            P::K1 | P::K2 | P::K3 => distortion.radial[parameter.number() - P::K1.number()],
-            P::P1 | P::P2 => distortion.tangential[parameter.number() - P::P1.number()],
+            P::K1 | P::K2 | P::K3 => distortion.radial[parameter as usize - P::K1 as usize],
+            P::P1 | P::P2 => distortion.tangential[parameter as usize - P::P1 as usize],
             P::Index => camera.medium.map_or(1.0, |medium| medium.index),
             P::Window => camera.medium.map_or(0.0, |medium| medium.window_z_mm),
             _ => self.get(parameter),

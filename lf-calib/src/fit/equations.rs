@@ -1,11 +1,11 @@
 //! Robust least squares over many sub-images, with uncertainties by a jackknife over sources.
 //!
-//! All sub-images of one source (a dot at all depths, or a particle) share its errors, so they are not independent. The
-//! normal equations are therefore kept for each source. Solving again without one source after another shows how far
-//! the solution scatters (the jackknife); this needs no assumption about the independence of sub-images.
+//! All sub-images of one source (a dot at all depths, or a particle) share its errors. The normal equations are
+//! therefore kept for each source: solving without one source after another shows how far the solution scatters (the
+//! jackknife).
 //!
 //! A step is a weighted Gauss-Newton step. Weights are Tukey's and change with the residuals, so the sum of squares
-//! does not fall from step to step; the caller watches a median distance and halves the steps that make it worse.
+//! need not fall; the caller watches a median distance and halves the steps that make it worse.
 
 use super::{parameter::Parameter, robust::deviation, robust::tukey_weight};
 use nalgebra::{DMatrix, DVector};
@@ -14,8 +14,7 @@ use nalgebra::{DMatrix, DVector};
 /// position between the pixels, so a target whose rows are parallel to rows of pixels adds it up.
 const WAVES: [f64; 2] = [1.0, 2.0];
 
-/// Smallest pivot of the scaled normal matrix: the share of a parameter's squared effect that the others do not
-/// explain.
+/// Smallest pivot of the scaled normal matrix: the share of a parameter's squared effect that no other one explains.
 const LEAST_PIVOT: f64 = 1e-7;
 
 /// A measured position minus its prediction. Sub-images of one image (`exposure`) have the same sampling error.

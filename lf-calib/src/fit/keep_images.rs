@@ -1,7 +1,5 @@
-//! Microlenses that keep their images where a white image has shown them.
-//!
-//! A white image measures the image centres of the lenslets. When the gap, the tilt or the image distance of a camera
-//! changes, its lenslets have to move so that the images stay: see [`crate::fit::lenslet_images`].
+//! Microlenses that keep their images where a white image has shown them. When the gap, the tilt or the image distance
+//! of a camera changes, its lenslets have to move so that the images stay: see [`crate::fit::lenslet_images`].
 
 use super::{lenslet_images::LensletImages, polynomial::Polynomial, polynomial::TiePoint};
 use glam::DVec2;

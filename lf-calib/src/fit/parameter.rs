@@ -3,11 +3,11 @@
 use lf_core::Camera;
 
 macro_rules! parameters {
-    ($($(#[$doc:meta])* $variant:ident $name:literal,)*) => {
+    ($($variant:ident $name:literal,)*) => {
         /// One number of the camera or of the target's pose. `Lattice` ones move the lenslet images. Turns are from x
         /// to y.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub(crate) enum Parameter { $($(#[$doc])* $variant,)* }
+        pub(crate) enum Parameter { $($variant,)* }
 
         impl Parameter {
             pub const ALL: &[Self] = &[$(Self::$variant,)*];
@@ -23,20 +23,18 @@ macro_rules! parameters {
 parameters! {
     TargetX "target_x_mm",
     TargetY "target_y_mm",
-    /// Shift of the target along z: from the given depths to depths from the focal plane.
+    // From the given depths to depths from the focal plane.
     FocusOffset "focus_offset_mm",
-    /// Lean of the target: its z grows along its x.
+    // Its z grows along its x, or its y.
     TargetLeanX "target_lean_x_rad",
-    /// Lean of the target: its z grows along its y.
     TargetLeanY "target_lean_y_rad",
     TargetTurn "target_turn_rad",
-    /// Motion of the traverse along x for each unit of motion along z.
+    // Motion of the traverse along x, or y, for each unit of motion along z.
     SkewX "traverse_skew_x_rad",
-    /// Motion of the traverse along y for each unit of motion along z.
     SkewY "traverse_skew_y_rad",
     Magnification "magnification",
     FocalLength "focal_length_mm",
-    /// Distance from the array to the sensor. With the image distance it gives k and the distance of the exit pupil.
+    // Distance from the array to the sensor. With the image distance it gives k and the distance of the exit pupil.
     Gap "gap_mm",
     LatticeX "offset_x_mm",
     LatticeY "offset_y_mm",
@@ -53,10 +51,6 @@ parameters! {
 }
 
 impl Parameter {
-    pub fn number(self) -> usize {
-        self as usize
-    }
-
     /// Its unit in reports.
     pub fn unit(self) -> &'static str {
         match self.name() {
@@ -97,7 +91,7 @@ mod tests {
     #[test]
     fn parameters_know_their_numbers_and_units() {
         for (n, parameter) in Parameter::ALL.iter().enumerate() {
-            assert_eq!(parameter.number(), n);
+            assert_eq!(*parameter as usize, n);
         }
         let units = [Parameter::Gap, Parameter::TiltX, Parameter::Magnification].map(Parameter::unit);
         assert_eq!(units, ["mm", "rad", "1"]);

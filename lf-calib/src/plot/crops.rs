@@ -62,7 +62,6 @@ impl Crops {
         }
     }
 
-    /// The centres that the camera gives the lenslets.
     fn centres(&self, canvas: &mut Canvas, place: [i32; 2], corner: [usize; 2], calibrated: &Calibrated) {
         let scale = f64::from(SIDE) / self.side_px as f64;
         for lenslet in &calibrated.residuals {

@@ -1,6 +1,7 @@
 //! Departure and residual over the frame, as arrows.
 
 use crate::{Calibrated, ImageLattice};
+use glam::DVec2;
 use lf_core::plot::{Anchor, Arrows, Canvas, INK, NAME_PX, TEXT_PX, arrow};
 use lf_core::statistics::ranked;
 
@@ -32,7 +33,6 @@ fn chart_size([columns, rows]: [usize; 2]) -> [i32; 2] {
     [columns, rows].map(|side| (side as f64 * scale).round().max(40.0) as i32)
 }
 
-/// Draws both charts beside each other.
 pub(super) fn draw(
     canvas: &mut Canvas,
     [left, top]: [i32; 2],
@@ -82,22 +82,20 @@ fn means(vectors: &[Vector], frame: [usize; 2]) -> (Arrows, f64) {
     let along = (vectors.len() as f64 * longer / frame[0].min(frame[1]) as f64).sqrt();
     let most = ARROWS.min(along.ceil().max(1.0) as usize);
     let cells = frame.map(|side| ((side as f64 / longer * most as f64).round() as usize).max(1));
-    let mut sums = vec![([0.0; 2], [0.0; 2], 0.0); cells[0] * cells[1]];
+    let mut sums = vec![(DVec2::ZERO, DVec2::ZERO, 0.0); cells[0] * cells[1]];
     for (place, vector) in vectors {
         let [i, j] = [0, 1].map(|axis| {
             let share = place[axis] / frame[axis] as f64 * cells[axis] as f64;
             (share.max(0.0) as usize).min(cells[axis] - 1)
         });
         let (places, vectors, count) = &mut sums[j * cells[0] + i];
-        for axis in 0..2 {
-            places[axis] += place[axis];
-            vectors[axis] += vector[axis];
-        }
+        *places += DVec2::from(*place);
+        *vectors += DVec2::from(*vector);
         *count += 1.0;
     }
     sums.retain(|(.., count)| *count > 0.0);
     let lenslets = vectors.len() as f64 / sums.len().max(1) as f64;
-    let vectors: Vec<[f64; 2]> = sums.iter().map(|(_, sum, count)| sum.map(|along| along / count)).collect();
+    let vectors: Vec<[f64; 2]> = sums.iter().map(|(_, sum, count)| (*sum / *count).to_array()).collect();
     let mut lengths: Vec<f64> = vectors.iter().map(|[x, y]| x.hypot(*y)).collect();
     let rank = (USUAL * lengths.len() as f64) as usize;
     let arrows = Arrows {
@@ -106,7 +104,7 @@ fn means(vectors: &[Vector], frame: [usize; 2]) -> (Arrows, f64) {
         usual: ranked(&mut lengths, rank).unwrap_or(0.0),
         spacing: [frame[0] as f64 / cells[0] as f64; 2],
         is_hollow: false,
-        points: sums.iter().map(|(sum, _, count)| sum.map(|along| along / count)).collect(),
+        points: sums.iter().map(|(sum, _, count)| (*sum / *count).to_array()).collect(),
         vectors,
     };
     (arrows, lenslets)

@@ -12,7 +12,6 @@ pub(crate) const NARROWEST: f64 = 5.0;
 /// Step of the numerical derivatives, mm.
 const STEP_MM: f64 = 1e-3;
 
-/// Number of lenslets across that a point lights.
 pub(crate) fn width_in_lenslets(optics: &Optics, place_mm: DVec3) -> f64 {
     2.0 * optics.half_aperture_mm * PointView::new(optics, place_mm).alpha.abs() / optics.lattice().row_pitch_mm()
 }

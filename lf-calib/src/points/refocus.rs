@@ -14,7 +14,6 @@ const BRIGHT: f64 = 0.9;
 /// Passes of the smoothing (1, 2, 1) / 4; five give a standard deviation of 1.6 cells.
 const SMOOTHING: usize = 5;
 
-/// Light over a plane of the object.
 pub(crate) struct RefocusedImage {
     light: Array2<f64>,
     half_mm: DVec2,

@@ -37,8 +37,7 @@ pub(crate) fn spot_profile(optics: &Optics, view: &PointView, blur: PointBlur) -
     SpotProfile { width_px, disc_px: blur.object_mm * view.px_per_mm(), sigma_px: blur.sensor_px }
 }
 
-/// Reads the sub-images of a point within `farthest_px` of their expected positions, from there or from a first
-/// `search`.
+/// Reads the sub-images of a point within `farthest_px` of their expected positions, if asked after a `search`.
 pub(crate) fn measure(
     image: ArrayView2<f32>,
     optics: &Optics,

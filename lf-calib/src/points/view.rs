@@ -1,12 +1,11 @@
 //! Where a lenslet shows a point that is out of focus.
 //!
-//! A point out of focus lights many lenslets. If the whole cell of a lenslet is lit from inside the stop, its light is
-//! even over the cell and keeps its proportions on the sensor. The middle of the sub-image is therefore where the ray
+//! Such a point lights many lenslets. If the whole cell of a lenslet is lit from inside the stop, its light is even
+//! over the cell and keeps its proportions on the sensor. The middle of the sub-image is therefore where the ray
 //! through the lenslet's centre c lands: `x_m(U) = c` gives U, and U gives the position on the sensor.
 //!
-//! Behind a window this is not exact. Aberration spreads the light unevenly: at f/4, behind 40 mm of water and 10 mm of
-//! glass, it moves the middle by up to 0.05 px at the rim of the stop. The shift falls with the cube of the aperture.
-//! It is neglected.
+//! Behind a window this is not exact: at f/4, behind 40 mm of water and 10 mm of glass, aberration moves the middle by
+//! up to 0.05 px at the rim of the stop. The shift falls with the cube of the aperture. It is neglected.
 
 use glam::{DVec2, DVec3};
 use lf_core::Optics;
@@ -34,7 +33,6 @@ pub(crate) struct LitLenslet {
 }
 
 impl<'a> PointView<'a> {
-    /// The view of a point in front of the main lens.
     pub fn new(optics: &'a Optics, place_mm: DVec3) -> Self {
         let (object, z_mm) = (place_mm.truncate(), place_mm.z);
         let radius = optics.half_aperture_mm;
@@ -149,7 +147,8 @@ pub(crate) mod tests {
         let camera = json!({
             "sensor": {"width": side, "height": side, "pixel_pitch_mm": 0.0055},
             "main_lens": {"focal_length_mm": 200, "magnification": 1, "working_f_number": 4, "aperture": "circle"},
-            "microlenses": {"layout": layout, "pitch_mm": 0.077, "focal_length_mm": 0.308},
+            "microlenses": {"layout": layout, "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0,
+                            "offset_mm": [0, 0]},
         });
         Camera::from_json(&camera.to_string()).unwrap()
     }

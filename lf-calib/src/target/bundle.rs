@@ -36,7 +36,6 @@ pub(crate) struct Bundle<'a> {
 pub(crate) struct BundleFit {
     pub parameters: Vec<Parameter>,
     pub changes: Changes,
-    /// The last step, with the uncertainties.
     pub estimate: ParameterEstimate,
     pub misfit: BundleMisfit,
 }
@@ -52,14 +51,9 @@ pub(crate) struct BundleMisfit {
     pub sub_images: usize,
 }
 
-/// Optics of a camera and pose of the target in front of it.
 type Setting = (Optics, TargetPose);
 
 impl Bundle<'_> {
-    pub fn sub_images(&self) -> usize {
-        self.sightings.iter().map(|sighting| sighting.sub_images.len()).sum()
-    }
-
     /// Residual and derivatives of every sub-image, for each dot.
     pub fn observations(&self, changes: &Changes, parameters: &[Parameter]) -> Vec<Vec<Observation>> {
         let setting = |changes: Changes| (Optics::new(&changes.camera(self.nominal)), changes.pose());
@@ -85,7 +79,6 @@ impl Bundle<'_> {
         deviation(self.observations(changes, &[]).iter().flatten().map(distance).collect())
     }
 
-    /// The residuals with given changes.
     pub fn misfit(&self, changes: &Changes) -> BundleMisfit {
         let observations = self.observations(changes, &[]);
         let scatter = deviation(observations.iter().flatten().map(distance).collect());
@@ -98,7 +91,8 @@ impl Bundle<'_> {
             }
         }
         let rms = |squares: f64| (squares / kept.max(1) as f64).sqrt();
-        BundleMisfit { rms_px: rms(squares), expected_px: rms(expected), kept, sub_images: self.sub_images() }
+        let sub_images = self.sightings.iter().map(|sighting| sighting.sub_images.len()).sum();
+        BundleMisfit { rms_px: rms(squares), expected_px: rms(expected), kept, sub_images }
     }
 
     /// Fits some parameters, from given changes. None if they cannot be told apart or leave the range of a camera.

@@ -23,14 +23,13 @@ pub struct MainLensFit {
     pub dots: usize,
     /// Number of sub-images that were fitted, and number of those with weight.
     pub sub_images: [usize; 2],
-    /// Root mean square residual of a coordinate, px: with only the target's pose free, fitted, and expected from
-    /// noise.
+    /// Root mean square residual of a coordinate, px: with only the pose free, fitted, and expected from noise.
     pub rms_px: [f64; 3],
     /// Name, value and standard uncertainty of each free parameter.
     pub values: Vec<(&'static str, f64, f64)>,
 }
 
-/// Reports a fit, also under `calibration.volume`. `pose_only` is the misfit with only the target's pose free.
+/// Reports a fit, also under `calibration.volume`. `pose_only` is the misfit with only the pose free.
 pub(crate) fn report(
     nominal: &Camera,
     fit: &BundleFit,
@@ -112,7 +111,6 @@ fn parameters(nominal: &Camera, fit: &BundleFit, results: &[GroupResult]) -> Map
     entries
 }
 
-/// Pairs of free parameters that are correlated by more than [`CORRELATED`].
 fn correlated(fit: &BundleFit) -> Vec<(&'static str, &'static str, f64)> {
     let names: Vec<&'static str> = fit.parameters.iter().map(|parameter| parameter.name()).collect();
     let pairs = (0..names.len()).flat_map(|a| (0..a).map(move |b| (b, a)));

@@ -100,7 +100,6 @@ fn leads(free: &[ParameterGroup], group: &ParameterGroup) -> bool {
     free.iter().any(|other| other.after.is_some_and(|parent| group.parameters.contains(&parent)))
 }
 
-/// Evidence for and against every group, at a fit.
 fn evaluate(bundle: &Bundle, fit: &BundleFit, free: &[ParameterGroup], groups: &[ParameterGroup]) -> Vec<GroupResult> {
     let others = groups.iter().filter(|group| !free.contains(group)).flat_map(|group| group.parameters);
     let every: Vec<Parameter> = fit.parameters.iter().chain(others).copied().collect();

@@ -21,8 +21,7 @@ pub(crate) struct Autocorrelation {
     tiles: f64,
 }
 
-/// Power spectrum of a tile minus its best plane, of unit variance, and its deviation over its mean. None if it is
-/// flat.
+/// Power spectrum of a tile minus its best plane, of unit variance, and its deviation over its mean. None if flat.
 fn power(tile: ArrayView2<f32>, padded: [usize; 2]) -> Option<(Vec<f64>, f64)> {
     let (rows, columns) = tile.dim();
     let count = (rows * columns) as f64;
@@ -68,17 +67,11 @@ fn transform(field: &mut Vec<Complex<f64>>, [columns, rows]: [usize; 2], directi
 
 /// The next size without a prime factor above 5.
 fn smooth_size(least: usize) -> usize {
-    (least..)
-        .find(|&size| {
-            let mut rest = size;
-            for factor in [2, 3, 5] {
-                while rest % factor == 0 {
-                    rest /= factor;
-                }
-            }
-            rest == 1
-        })
-        .expect("powers of two have no end")
+    fn is_smooth(size: usize) -> bool {
+        size == 1
+            || [2, 3, 5].into_iter().find(|factor| size % factor == 0).is_some_and(|factor| is_smooth(size / factor))
+    }
+    (least..).find(|&size| is_smooth(size)).expect("powers of two have no end")
 }
 
 impl Autocorrelation {

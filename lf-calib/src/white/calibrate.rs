@@ -1,7 +1,6 @@
-//! From the lattice of lenslet images to the microlenses of a camera.
-//!
-//! The image of a lenslet is farther from the axis than the lenslet ([`crate::fit::lenslet_images`]). The nominal
-//! camera gives the factor: a white image alone cannot tell a small k from a small pitch.
+//! From the lattice of lenslet images to the microlenses of a camera. The image of a lenslet is farther from the axis
+//! than the lenslet ([`crate::fit::lenslet_images`]). The nominal camera gives the factor: a white image alone cannot
+//! tell a small k from a small pitch.
 
 use super::image_lattice::{Centre, ImageLattice};
 use super::{basis::nearest_offset, basis::nearest_turn, basis::unit_basis, departure::DepartureFit, followed::few};
@@ -32,8 +31,7 @@ pub struct Calibrated {
     pub residual_rms_px: f64,
     /// Width of the lenslet images. None if they have no rim.
     pub fill: Option<Fill>,
-    /// Whether a lattice half a pitch aside fits as well, because lenslet images overlap. The nominal offset decides
-    /// then.
+    /// Whether a lattice half a pitch aside fits as well, because lenslet images overlap. The nominal offset decides.
     pub is_ambiguous: bool,
 }
 
@@ -145,8 +143,7 @@ fn is_ambiguous(camera: &Camera, fill: Option<Fill>) -> bool {
         && agrees
 }
 
-/// The camera with its lattice moved by half a cell's diagonal, and that motion, mm. None if the nominal offset is
-/// farther.
+/// The camera with its lattice moved by half a cell's diagonal, and that motion, mm. None if that is no nearer.
 fn nearer_half_aside(camera: &Camera, centre_mm: [f64; 2], nominal: &Camera) -> Option<(Camera, DVec2)> {
     let to_mm = nominal.microlenses.offset_mm;
     let half = DVec2::from_angle(camera.microlenses.rotation_rad).rotate(DVec2::splat(0.5));

@@ -221,8 +221,7 @@ impl TwoStops {
     }
 }
 
-/// A pixel must be this far inside the second disc, or outside the main one, px: half its diagonal, and errors of the
-/// fit.
+/// A pixel must be this far inside the second disc, or outside the main one, px: half its diagonal, and a margin.
 const INSIDE_PX: f64 = 1.2;
 const OUTSIDE_PX: f64 = 0.9;
 

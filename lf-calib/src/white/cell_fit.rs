@@ -22,7 +22,6 @@ const LEAST_CUT: usize = 10;
 const FEWEST_UNCUT: usize = 100;
 
 impl FollowedLattice {
-    /// Fits the smooth lattice, then the mean cell, to the lenslets that were read.
     pub fn fit(&mut self, image: ArrayView2<f32>) -> Result<(), Refusal> {
         let kept = self.fit_smooth()?;
         let followed = self.least_cut(chosen(&self.fits, &kept), image.dim());
@@ -30,8 +29,7 @@ impl FollowedLattice {
         Ok(())
     }
 
-    /// The lenslets that a second stop cuts least. A disc seen from one side only does not tell its radius from its
-    /// place.
+    /// The lenslets that a second stop cuts least. A disc seen from one side does not tell its radius from its place.
     fn least_cut(&self, mut fits: Vec<(DVec2, LensletFit)>, size: (usize, usize)) -> Vec<(DVec2, LensletFit)> {
         let Some(stops) = &self.stops else { return fits };
         let cut = |fit: &(DVec2, LensletFit)| stops.cut_px(fit.1.centre_px - middle_px(size));

@@ -94,7 +94,6 @@ struct SmoothLattice {
 }
 
 impl SmoothLattice {
-    /// Fits a polynomial through the centres and drops outliers.
     fn of(followed: &FollowedLattice, size: (usize, usize)) -> Result<Self, Refusal> {
         // Count lenslets from the one nearest the middle of the frame: there the origin is known best.
         let base = (followed.basis_px.inverse() * (middle_px(size) - followed.smooth.at(DVec2::ZERO))).round();
@@ -118,7 +117,6 @@ impl SmoothLattice {
         rms(&self.kept_ties(), |index| self.fit.at(index))
     }
 
-    /// Refuses too few followers and too much scatter.
     fn check(&self, pitch_px: f64) -> Result<(), Refusal> {
         let kept = self.kept.iter().filter(|kept| **kept).count();
         if kept < FEWEST {

@@ -23,8 +23,7 @@ const GROWTH: f64 = 1.7;
 const AT_REST_PX: f64 = 1e-4;
 /// Repetitions of cell and lattice at most.
 const REPETITIONS: u64 = 5;
-/// Steps that [`crate::find_lattice`] reports, needed or not: to the corners, three times the repetitions, last
-/// reading.
+/// Steps that [`crate::find_lattice`] reports, needed or not: to the corners, three times the repetitions, at the end.
 pub const LATTICE_STEPS: u64 = 2 + 3 * REPETITIONS;
 /// Lenslets that are read in each repetition, and on the way to the corners. The last reading is of all lenslets.
 const SAMPLE: usize = 3000;
@@ -155,7 +154,6 @@ const REGIONS: usize = 7;
 const REGION_PIXELS: usize = 1 << 15;
 const FEWEST_IN_REGION: usize = 3;
 
-/// The rim of the mean cell of each region of the frame.
 fn region_rims(followed: &FollowedLattice, image: ArrayView2<f32>) -> Vec<RegionRim> {
     let (height, width) = image.dim();
     let mut regions = vec![Vec::new(); REGIONS * REGIONS];

@@ -61,39 +61,23 @@ impl LensletFit {
     }
 }
 
-struct Pixels {
-    /// Offset from the start position, px, count, and the relative gain there.
-    values: Vec<(DVec2, f64, f64)>,
-    squares: f64,
-    variance: f64,
-}
-
-impl Pixels {
-    /// The pixels in the window that no second stop has touched. None if they are too few.
-    fn around(
-        image: ArrayView2<f32>,
-        from_px: DVec2,
-        shortest_px: f64,
-        shade_per_px: DVec2,
-        untouched: Option<&Untouched>,
-    ) -> Option<Self> {
-        let (mut seen, mut values) = (0, Vec::with_capacity(256));
-        let (mut sum, mut squares) = (0.0, 0.0);
-        for (pixel, offset) in window(from_px, shortest_px, image.dim())? {
-            seen += 1;
-            if untouched.is_none_or(|untouched| untouched.holds(offset)) {
-                let count = image[pixel] as f64;
-                sum += count;
-                squares += count * count;
-                values.push((offset, count, 1.0 + shade_per_px.dot(offset)));
-            }
+/// The pixels in the window that no second stop has touched: offset from `from_px`, px, count, and relative gain there.
+/// None if they are too few.
+fn pixels(
+    image: ArrayView2<f32>,
+    from_px: DVec2,
+    shortest_px: f64,
+    shade_per_px: DVec2,
+    untouched: Option<&Untouched>,
+) -> Option<Vec<(DVec2, f64, f64)>> {
+    let (mut seen, mut pixels) = (0, Vec::with_capacity(256));
+    for (pixel, offset) in window(from_px, shortest_px, image.dim())? {
+        seen += 1;
+        if untouched.is_none_or(|untouched| untouched.holds(offset)) {
+            pixels.push((offset, image[pixel] as f64, 1.0 + shade_per_px.dot(offset)));
         }
-        if (values.len() as f64) < LEAST_UNTOUCHED * seen as f64 {
-            return None;
-        }
-        let variance = squares - sum * sum / values.len() as f64;
-        Some(Self { values, squares, variance })
     }
+    (pixels.len() as f64 >= LEAST_UNTOUCHED * seen as f64).then_some(pixels)
 }
 
 /// Fits floor + gain (1 + shade . x) T(x - centre) to the pixels around `from_px`, with x from `from_px`, by
@@ -110,12 +94,15 @@ pub(crate) fn fit_lenslet(
     let shortest = shortest(basis_px);
     let to_cell = basis_px.inverse();
     let slope_to_px = to_cell.transpose();
-    let pixels = Pixels::around(image, from_px, shortest, shade_per_px, untouched)?;
+    let pixels = pixels(image, from_px, shortest, shade_per_px, untouched)?;
+    let (sum, squares) =
+        pixels.iter().fold((0.0, 0.0), |(sum, squares), (_, count, _)| (sum + count, squares + count * count));
+    let variance = squares - sum * sum / pixels.len() as f64;
     let mut centre = from_px;
     let mut fit = None;
     for _ in 0..8 {
         let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        for (offset, count, shade) in &pixels.values {
+        for (offset, count, shade) in &pixels {
             let (value, slope) = cell.at(to_cell * (*offset + from_px - centre));
             let (value, slope) = (shade * value, *shade * (slope_to_px * slope));
             let line = [1.0, value, -slope.x, -slope.y];
@@ -135,7 +122,7 @@ pub(crate) fn fit_lenslet(
         }
         let inverse = solver.inverse();
         let spread_px = f64::sqrt(0.5 * (inverse[(2, 2)] + inverse[(3, 3)])) / gain;
-        let misfit = pixels.squares - solution.dot(&right);
+        let misfit = squares - solution.dot(&right);
         let step = DVec2::new(solution[2], solution[3]) / gain;
         // After a long step the linearisation is poor: keep its direction and limit its length.
         let step = step.clamp_length_max(0.12 * shortest);
@@ -143,7 +130,7 @@ pub(crate) fn fit_lenslet(
         if !centre.is_finite() || centre.distance(from_px) > FARTHEST * shortest {
             return None;
         }
-        let explained = if pixels.variance > 0.0 { 1.0 - misfit / pixels.variance } else { 0.0 };
+        let explained = if variance > 0.0 { 1.0 - misfit / variance } else { 0.0 };
         fit = Some(LensletFit { centre_px: centre, floor: solution[0], gain, shade_per_px, spread_px, explained });
         // Gauss-Newton squares the error: after a step of 0.03 px it is far below the noise.
         if step.length() < 0.03 {

@@ -43,8 +43,7 @@ pub(crate) fn other_size(image: &Array2<f32>, (height, width): (usize, usize)) -
     )
 }
 
-/// Refuses too many pixels at full scale, if every count is a whole number: others may have flat tops for other
-/// reasons.
+/// Refuses too many pixels at full scale, if every count is a whole number: other images may have flat tops.
 fn check_saturation(image: &Array2<f32>) -> Result<(), Refusal> {
     let highest = image.iter().copied().fold(0.0, f32::max);
     if !FULL_SCALES.contains(&highest) || image.iter().any(|value| value.fract() != 0.0) {

@@ -1,9 +1,8 @@
 //! The mean image of one lenslet's cell: a smooth periodic surface.
 //!
-//! The surface T(s) is defined on the cell, s = B^-1 (x - c) in [0, 1)^2, where c is the centre of the lenslet image
-//! and B the lattice basis. T(s) is what a *pixel* at s sees, already integrated over the pixel's square. A fit of
-//! pixels to T is free of the bias that cut pixels and neighbouring discs give a centroid. T is a cubic B-spline with
-//! knots at s = k / K.
+//! The surface T(s) is defined on the cell, s = B^-1 (x - c) in [0, 1)^2, with the centre c of the lenslet image and
+//! the lattice basis B. T(s) is what a *pixel* at s sees, integrated over its square. A fit of pixels to T is free of
+//! the bias that cut pixels and neighbouring discs give a centroid. T is a cubic B-spline with knots at s = k / K.
 
 use glam::{DMat2, DVec2};
 

@@ -1,7 +1,6 @@
-//! A first estimate of the lattice: the two shortest shifts that map a white image onto itself.
-//!
-//! The shifts are peaks of the autocorrelation, which shows them for lenslet images of any shape. A spectrum would not
-//! do: discs that touch in a hexagonal lattice have almost no power at its fundamental.
+//! A first estimate of the lattice: the two shortest shifts that map a white image onto itself. They are peaks of the
+//! autocorrelation, for lenslet images of any shape. A spectrum would not do: discs that touch in a hexagonal lattice
+//! have almost no power at its fundamental.
 
 use super::{autocorrelation::Autocorrelation, basis::reduced};
 use glam::{DMat2, DVec2};
@@ -30,12 +29,13 @@ pub(crate) struct Period {
 
 /// Finds the period of an image of counts. The cost is that of five tiles at most, for any size of the image.
 pub(crate) fn find(image: ArrayView2<f32>) -> Result<Period, Refusal> {
+    let refused = |found: String| Err(Refusal::new(found, format!("wanted {WANTED}")));
     let (height, width) = image.dim();
     let tile = [width.min(TILE_PX), height.min(TILE_PX)];
     let corners = corners([width, height], tile);
     let Some((correlation, deviation)) = Autocorrelation::of(image, &corners, tile) else {
         let value = image.iter().next().copied().unwrap_or(0.0);
-        return Err(Refusal::new(format!("flat, {value} everywhere"), format!("wanted {WANTED}")));
+        return refused(format!("flat, {value} everywhere"));
     };
     let peaks = correlation.peaks();
     let highest = peaks.iter().map(|peak| peak.1).fold(0.0, f64::max);
@@ -51,10 +51,7 @@ pub(crate) fn find(image: ArrayView2<f32>) -> Result<Period, Refusal> {
     let first = high[0];
     let second = high.iter().find(|w| (first.perp_dot(**w) / (first.length() * w.length())).abs() > 0.4);
     let Some(&second) = second else {
-        return Err(Refusal::new(
-            format!("repeats every {:.1} px in one direction only", first.length()),
-            format!("wanted {WANTED}"),
-        ));
+        return refused(format!("repeats every {:.1} px in one direction only", first.length()));
     };
     let basis = reduced(DMat2::from_cols(first, second));
     Ok(Period { basis_px: correlation.refined(basis, highest), contrast, corners, tile })
@@ -62,10 +59,9 @@ pub(crate) fn find(image: ArrayView2<f32>) -> Result<Period, Refusal> {
 
 /// The first column and row of a tile in the middle and in each quarter of the image, without repetitions.
 fn corners(size: [usize; 2], tile: [usize; 2]) -> Vec<[usize; 2]> {
-    let spare = [size[0] - tile[0], size[1] - tile[1]];
-    let mut corners = vec![[spare[0] / 2, spare[1] / 2]];
-    for (x, y) in [(1, 1), (3, 1), (1, 3), (3, 3)] {
-        let corner = [spare[0] * x / 4, spare[1] * y / 4];
+    let mut corners = Vec::new();
+    for quarters in [[2, 2], [1, 1], [3, 1], [1, 3], [3, 3]] {
+        let corner = [0, 1].map(|axis| (size[axis] - tile[axis]) * quarters[axis] / 4);
         if !corners.contains(&corner) {
             corners.push(corner);
         }

@@ -1,8 +1,8 @@
 //! The round part of the mean cell: one brightness profile S(r) about every centre, seen through square pixels.
 //!
-//! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(|x - c|). Where discs overlap, they
-//! add up. If the pitch is near a whole number of pixels, all lenslets are sampled alike. The distances of their pixels
-//! from the centre still differ, so S is resolved much finer than a pixel, and the sampling does not move the centre.
+//! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(|x - c|). If the pitch is near a whole
+//! number of pixels, all lenslets are sampled alike, but the distances of their pixels from the centre still differ: S
+//! is resolved much finer than a pixel, and the sampling does not move the centre.
 
 use super::{basis::shortest, mean_cell::MeanCell, rim::radius_px};
 use glam::{DMat2, DVec2};
