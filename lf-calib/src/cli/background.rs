@@ -37,8 +37,7 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
 }
 
 struct FrameFiles {
-    /// Files; those through a pipe are held in memory. Others are opened again: a system limits the number of mapped
-    /// files.
+    /// Files; those through a pipe are held in memory. Others are opened again: the number of mapped files is limited.
     files: Vec<(PathBuf, Option<Stack>)>,
     count: usize,
     sensor: Option<Sensor>,

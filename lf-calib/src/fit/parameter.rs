@@ -4,8 +4,7 @@ use lf_core::Camera;
 
 macro_rules! parameters {
     ($($variant:ident $name:literal,)*) => {
-        /// One number of the camera or of the target's pose. `Lattice` ones move the lenslet images. Turns are from x
-        /// to y.
+        /// A number of the camera or of the target's pose. `Lattice` ones move the images; turns are from x to y.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub(crate) enum Parameter { $($variant,)* }
 

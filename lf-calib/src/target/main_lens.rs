@@ -136,8 +136,7 @@ impl TargetSearch<'_> {
         Ok((sightings, start))
     }
 
-    /// Numbers of the images in which a dot lights enough lenslets, nearest to focus first: their shift helps the
-    /// others.
+    /// Numbers of the images in which a dot lights enough lenslets, nearest to focus first: they help the others.
     fn usable(&self, optics: &Optics) -> Result<Vec<usize>, Refusal> {
         let depth_mm = |n: usize| self.exposures[n].depth_mm();
         let is_usable = |n: &usize| width_in_lenslets(optics, DVec3::new(0.0, 0.0, depth_mm(*n))) >= NARROWEST;

@@ -61,8 +61,7 @@ impl LensletFit {
     }
 }
 
-/// The pixels in the window that no second stop has touched: offset from `from_px`, px, count, and relative gain there.
-/// None if they are too few.
+/// Offset from `from_px`, px, count and relative gain of the pixels untouched by a second stop. None if too few.
 fn pixels(
     image: ArrayView2<f32>,
     from_px: DVec2,
