@@ -1,4 +1,4 @@
-//! What a voxel lights, as the kernels read it: image rows, and column profiles as "taps" of two runs of four columns,
+//! The light of voxels as the kernels read it: image rows, and column profiles as "taps" of two runs of four columns,
 //! the lanes of the narrowest vector unit.
 
 use lf_core::weights::{Chords, Piece};

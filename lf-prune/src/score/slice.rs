@@ -1,4 +1,4 @@
-//! What is scored, the voxels of a slice, and the sections of the aperture that their rays pass.
+//! The voxels of a slice, and the sections of the aperture that their rays pass.
 
 use super::levels::Levels;
 use crate::options::Region;
