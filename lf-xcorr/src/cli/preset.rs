@@ -33,7 +33,6 @@ impl Values {
     }
 }
 
-/// The preset's line of the help.
 pub fn help(preset: Preset) -> String {
     preset.help(&values(preset).typed())
 }

@@ -85,7 +85,6 @@ fn names(volumes: &[JoinedVolume], between: &str) -> String {
     volumes.iter().map(JoinedVolume::name).collect::<Vec<_>>().join(between)
 }
 
-/// The volume that is used as a mask.
 fn support(arguments: &Arguments) -> Result<Option<Volume>> {
     match &arguments.mask {
         Some(MaskSource::Support(path)) => Volume::open(path).map(Some),

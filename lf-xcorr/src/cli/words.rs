@@ -27,7 +27,6 @@ pub struct TypedPass {
     pub search: Option<[usize; 3]>,
 }
 
-/// A mask as typed.
 #[derive(Clone)]
 pub enum MaskSource {
     /// x0, x1, y0, y1, z0, z1 in mm.

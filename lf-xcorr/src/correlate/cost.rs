@@ -25,7 +25,6 @@ impl<'a> Estimate<'a> {
         seconds(&self.direct_steps(radius), &DIRECT_NS)
     }
 
-    /// By transforms, window after window.
     pub fn transform_s(&self, radius: [usize; 3]) -> f64 {
         seconds(&self.transform_steps(radius), &TRANSFORM_NS)
     }
@@ -84,7 +83,6 @@ impl<'a> Estimate<'a> {
     }
 }
 
-/// Total time of steps, each kind counted and timed.
 fn seconds(counts: &[f64], ns: &[f64]) -> f64 {
     counts.iter().zip(ns).map(|(count, ns)| count * ns).sum::<f64>() * 1e-9
 }

@@ -28,7 +28,6 @@ pub(crate) struct Shifts {
 }
 
 impl Shifts {
-    /// All shifts within `radius` of `centre`.
     pub fn around(centre: [i32; 3], radius: [usize; 3]) -> Self {
         Self { low: std::array::from_fn(|a| centre[a] - radius[a] as i32), n: radius.map(|r| 2 * r + 1) }
     }

@@ -14,7 +14,6 @@ pub(crate) mod channel {
     pub const COUNT: usize = 5;
 }
 
-/// The sums of one cell, column, row or window.
 #[derive(Debug, Clone)]
 pub(crate) struct Sums {
     pub shifts: Shifts,

@@ -47,7 +47,6 @@ pub(crate) struct Scratch {
     rows: Vec<Complex<f64>>,
     /// One row along x.
     real: Vec<f64>,
-    /// Work space of the transforms.
     work: Vec<Complex<f64>>,
     energy: energy::Scratch,
 }

@@ -95,7 +95,6 @@ impl Options {
         Self::new(vec![Pass { window: initial, overlap, search }, Pass { window, overlap, search: refine }])
     }
 
-    /// Whether pass `number`, counted from 0, is the last one.
     pub(crate) fn is_last(&self, number: usize) -> bool {
         number + 1 == self.passes.len()
     }

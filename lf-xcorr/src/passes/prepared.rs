@@ -35,7 +35,6 @@ impl<'a> PreparedPass<'a> {
         Self { windows: binned.windows(), binned, smoothing_windows, pairs, is_full }
     }
 
-    /// Bins a volume to the resolution of the pass.
     pub fn in_bins(&self, rows: Rows) -> Rows {
         if self.binned.bin == [1; 3] { rows } else { rows.binned(self.binned.bin) }
     }
@@ -51,19 +50,16 @@ impl<'a> PreparedPass<'a> {
         [0, 1].map(|side| self.pairs.iter().map(|pair| pair[side].count()).sum())
     }
 
-    /// Size of a bin, voxels.
     pub fn bin_vox(&self) -> DVec3 {
         DVec3::from_array(self.binned.bin.map(|bin| bin as f64))
     }
 
-    /// Centre of a window, voxels.
     pub fn centre_vox(&self, node: usize) -> DVec3 {
         let node = self.windows.node(node);
         let centre = DVec3::from_array([0, 1, 2].map(|a| self.windows.axes[a].centre_vox(node[a])));
         (centre + 0.5) * self.bin_vox() - 0.5
     }
 
-    /// Distance between windows, voxels.
     pub fn step_vox(&self) -> [usize; 3] {
         [0, 1, 2].map(|a| self.windows.axes[a].step * self.binned.bin[a])
     }
@@ -76,7 +72,6 @@ impl<'a> PreparedPass<'a> {
         Predictor::new(self.windows.shape(), self.centre_vox(0), step_vox, vectors, self.smoothing(), noise_ratio)
     }
 
-    /// The effect on noise of doing the pass `times` times.
     pub fn noise(&self, times: usize) -> Noise {
         Noise::new(&self.windows, self.smoothing(), times)
     }

@@ -83,7 +83,6 @@ fn scaled(test: &MedianTest, fits: &[Option<PeakFit>]) -> MedianTest {
     MedianTest { tolerance_vox: [0, 1, 2].map(tolerance), ..*test }
 }
 
-/// The way to sum the products of a pass.
 fn summation(pass: &Pass, is_transform: bool) -> Summation {
     match is_transform {
         true => Summation::Transform(Transforms::new(pass.window, pass.search.map(|radius| 2 * radius + 1))),

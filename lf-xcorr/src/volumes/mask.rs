@@ -41,7 +41,6 @@ impl Mask<'_> {
         })
     }
 
-    /// Whether the light of a voxel of the volume counts.
     pub(crate) fn holds(&self, index: u64, voxel: [usize; 3]) -> bool {
         match self {
             Self::Everything => true,

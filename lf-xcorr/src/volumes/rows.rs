@@ -38,7 +38,6 @@ impl<T: Copy> Rows<T> {
         self.x.len()
     }
 
-    /// The entries of row (y, z).
     #[inline]
     pub fn entries(&self, y: usize, z: usize) -> Range<usize> {
         let row = y + self.shape[1] * z;
@@ -65,7 +64,6 @@ impl<T: Copy> Rows<T> {
         (&self.x[entries.clone()], &self.value[entries])
     }
 
-    /// The lit voxels of row (y, z): x and intensity.
     pub fn row(&self, y: usize, z: usize) -> impl Iterator<Item = (u32, T)> + '_ {
         self.entries(y, z).map(|entry| (self.x[entry], self.value[entry]))
     }
