@@ -141,6 +141,7 @@ impl Optics {
 
     /// The factors of x_m and c in `x_s = array_gain x_m + lenslet_gain c - k U`, for a sensor without tilt: k and 1,
     /// or `k + 1 - g / f_l` and `g / f_l` with a gap g.
+    #[inline]
     pub(crate) fn gains(&self) -> (f64, f64) {
         self.sensor_plane.as_ref().map_or((self.demagnification, 1.0), |plane| {
             let lenslet_gain = plane.gap_mm / plane.focal_length_mm;
@@ -149,6 +150,7 @@ impl Optics {
     }
 
     /// The microlens lattice.
+    #[inline]
     pub fn lattice(&self) -> &Lattice {
         &self.lattice
     }
