@@ -13,8 +13,8 @@
 //! pass is repeated on volumes deformed by the known field, until the vectors stand still.
 //!
 //! - Only lit voxels are worked on, and only once: windows that overlap share the sums of their common cells (after
-//!   Discetti & Astarita, Exp. Fluids 53, 2012). Where Fourier transforms of each window should be faster, they find the
-//!   peak, and direct sums its place.
+//!   Discetti & Astarita, Exp. Fluids 53, 2012). Where Fourier transforms of each window should be faster, they find
+//!   the peak, and direct sums its place.
 //! - Both windows move: each volume takes half of a trial shift, so a vector stands where it was measured, and with
 //!   direct sums exchanging the volumes negates the field exactly.
 //! - The correlation is zero-mean and normalised by the energy of the voxels that each shift pairs, so that window

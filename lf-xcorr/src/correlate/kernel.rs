@@ -1,8 +1,8 @@
 //! The products of a cell: the sum over its midpoints x of first(x - d1) second(x + d2), for every trial shift d.
 //!
 //! Cost: about (lit voxels of the first volume in the cell) x (lit rows of the second within the search) x (shifts
-//! along x, rounded up to whole vectors) multiplications. Promise: products are added in the order of the first volume's
-//! voxels at every vector width. The sums of d between (A, B) and those of -d between (B, A) are the same bytes.
+//! along x, rounded up to whole vectors) multiplications. Promise: products are added in the order of the first
+//! volume's voxels at every vector width. The sums of d between (A, B) and of -d between (B, A) are the same bytes.
 
 use super::shifts::{Shifts, back, on};
 use super::sums::zeros;

@@ -3,8 +3,8 @@
 //! Convention: `c` is the centre of the box of shifts, rounded down. The window of the first volume is moved by
 //! `-back(c)`, and every shift `d` pairs its voxel `a` with voxel `a + d` of the second volume. A pair with one voxel
 //! outside counts as dark in both. At `d = c` these are the pairs of the direct sums; at other shifts the sums stand
-//! half of `d - c` away. Use them to find a peak, not to measure it: a vector read off them scatters about twice as much
-//! as one read off direct sums, and swapping the volumes does not quite negate it.
+//! half of `d - c` away. Use them to find a peak, not to measure it: a vector read off them scatters about twice as
+//! much as one read off direct sums, and swapping the volumes does not quite negate it.
 //!
 //! Promise: nothing wraps round, because the transforms are as long as window and search together. Products are good to
 //! 1e-12 of the energies. The transforms go axis by axis, without rows that are dark or that nobody reads.

@@ -29,8 +29,8 @@ pub(crate) struct Voxel {
 }
 
 impl ParticleImages {
-    /// Constant: a local maximum counts as a particle image from this fraction of sum v^3 / sum v^2 on, which is half the
-    /// peak of a Gaussian. Ripples and haze of a reconstruction stay below.
+    /// Constant: a local maximum counts as a particle image from this fraction of sum v^3 / sum v^2 on, which is half
+    /// the peak of a Gaussian. Ripples and haze of a reconstruction stay below.
     const COUNTS: f64 = 0.2;
 
     pub fn new(pair: &[Rows; 2]) -> Self {

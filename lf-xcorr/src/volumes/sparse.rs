@@ -16,8 +16,8 @@ pub struct Sparse<'a> {
 }
 
 impl Sparse<'_> {
-    /// Refuses, as `side`, an intensity that is negative or not finite, and a volume without light inside `mask`. Panics
-    /// if the lengths differ or the indices do not rise.
+    /// Refuses, as `side`, an intensity that is negative or not finite, and a volume without light inside `mask`.
+    /// Panics if the lengths differ or the indices do not rise.
     pub(crate) fn check(&self, mask: &Mask, side: Side) -> Result<(), Refused> {
         assert_eq!(self.indices.len(), self.intensity.len(), "one intensity per index");
         let rises = self.indices.windows(2).all(|pair| pair[0] < pair[1]);
