@@ -6,9 +6,9 @@
 pub struct Error {
     /// The file, option or stream that was used.
     pub subject: String,
-    /// What was found there.
+    /// The value or state found there.
     pub found: String,
-    /// What was wanted instead.
+    /// The value or state wanted instead.
     pub wanted: String,
 }
 
@@ -26,9 +26,9 @@ impl Error {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{found}; {wanted}")]
 pub struct Refusal {
-    /// What was found.
+    /// The value or state found.
     pub found: String,
-    /// What was wanted instead.
+    /// The value or state wanted instead.
     pub wanted: String,
 }
 

@@ -23,7 +23,7 @@ pub enum Side {
 pub struct Refused {
     /// The input.
     pub side: Side,
-    /// What was found and wanted.
+    /// The value or state found, and the one wanted.
     pub refusal: Refusal,
 }
 

@@ -1,4 +1,4 @@
-//! What follows from a camera's keys: lengths, effects that are modelled, whether the lattice follows the pixels.
+//! Derived from a camera's keys: lengths, effects that are modelled, whether the lattice follows the pixels.
 
 use super::model::{Aperture, Camera, Medium};
 use crate::lattice::{Lattice, Layout};

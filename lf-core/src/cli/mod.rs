@@ -1,4 +1,4 @@
-//! What the command lines of the six tools share: exit codes, errors, progress, `--stats`, `--threads`, `--preset`.
+//! Shared by the command lines of the six tools: exit codes, errors, progress, `--stats`, `--threads`, `--preset`.
 //!
 //! In: a tool's `clap` arguments and its body. Out: an exit code, and one line on standard error for every failure.
 //! Open first: `run.rs`, which holds the whole of a tool's `main`; then `session.rs`, the handle that the body gets.

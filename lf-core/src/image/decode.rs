@@ -1,4 +1,4 @@
-//! What all decoders share: the image they give, and their guards against damaged files.
+//! Shared by all decoders: the image they give, and their guards against damaged files.
 
 use crate::{Refusal, history::History};
 use ndarray::Array2;

@@ -1,4 +1,4 @@
-//! What sends rays: particles with their glow, and the cells of a white image.
+//! Sources of rays: particles with their glow, and the cells of a white image.
 
 use super::samples::Shape;
 use glam::DVec2;
