@@ -23,11 +23,11 @@ const LEAST_SHARE: f32 = 1e-4;
 /// well below [`LEAST_SHARE`] of the whole volume's brightest, which the tile cannot know.
 const LEAST_SHARE_OF_TILE: f32 = 0.5 * LEAST_SHARE;
 
-/// Bytes a voxel of the support, unless weights are stored by pixel: index, profile, strength now and one sweep before,
+/// Bytes per voxel of the support, unless weights are stored by pixel: index, profile, strength now and one sweep before,
 /// share, and one byte to drop it.
 const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
 
-/// Bytes a voxel of the support that the volume of blobs takes while the solution is still held.
+/// Bytes per voxel of the support that the volume of blobs takes while the solution is still held.
 const BLOB_BYTES: u64 = 12;
 
 /// A reconstruction that is ready to run.

@@ -32,17 +32,17 @@ pub struct Arguments {
     /// Image to subtract first; values below zero become zero
     #[arg(short, long, value_name = "FILE")]
     pub background: Option<PathBuf>,
-    /// Defaults between speed and accuracy for the whole chain, with --method subsets; typed options override them
+    /// Defaults between speed and accuracy for the whole chain, with --method subsets; options that you give come first
     #[arg(long, value_parser = Preset::parser(preset::help))]
     pub preset: Option<Preset>,
     /// How weights are computed
     #[arg(long, value_enum, default_value_t = WeightsName::Exact)]
     pub weights: WeightsName,
-    /// Sections of the aperture a side with --weights drt, 2 to 64; many sections come near the exact weights, fewer
+    /// Sections along each side of the aperture with --weights drt, 2 to 64; many sections come near the exact weights, fewer
     /// than the pixels under a lenslet are far from them [default: pixels under a lenslet]
     #[arg(long, value_name = "N")]
     pub sections: Option<usize>,
-    /// Meaning of a voxel, seen sideways [default: blob with exact weights, point with drt]
+    /// Shape of the light that a voxel stands for [default: blob with exact weights, point with drt]
     #[arg(long, value_enum)]
     pub basis: Option<BasisName>,
     /// Standard deviation of a blob, voxels [default: 0.65]
@@ -54,17 +54,18 @@ pub struct Arguments {
     /// Most sweeps over all pixels [default: 60, for a tile 20; with smart and mlem 100, with mart 30]
     #[arg(long, value_name = "N")]
     pub iterations: Option<usize>,
-    /// End sooner: when the misfit stalls, at the image's noise, at this misfit, or never [default: stall; with smart,
-    /// mlem and mart never; for a tile never, since each tile would end at its own misfit]
+    /// End sooner: stall, when two sweeps lower the misfit (|image - projection| / |image|) by less than a hundredth;
+    /// noise, when the misfit is what the image's noise leaves; a MISFIT; or never [default: stall; with smart, mlem
+    /// and mart never; for a tile never, since each tile would end at its own misfit]
     #[arg(long, value_name = "stall|noise|MISFIT|never")]
     pub until: Option<String>,
     /// Factor of the exponent; the paper uses 2 to 2.5 with mart [default: 1.5; with smart and mlem 1, with mart 2.5]
     #[arg(long, value_name = "MU")]
     pub relaxation: Option<f64>,
-    /// Least brightness that a pixel counts with, as a share of the brightest
+    /// Brightness of a dark pixel, as a share of the brightest; keeps one dark pixel from putting out a voxel at once
     #[arg(long, value_name = "SHARE", default_value_t = 1e-4)]
     pub floor: f64,
-    /// Largest factor by which one step changes an intensity [default: 20, with mart 1e6]
+    /// Largest factor by which the update of one subset changes an intensity [default: 20, with mart 1e6]
     #[arg(long, value_name = "FACTOR")]
     pub clamp: Option<f64>,
     /// Volume (.lfv) to begin with, on the same grid
@@ -90,7 +91,8 @@ pub struct Arguments {
 /// stalls.
 const TILE_ITERATIONS: usize = 20;
 
-/// Standard deviation of a blob if neither an option nor a preset sets it, voxels.
+/// Standard deviation of a blob if neither an option nor a preset sets it, voxels. The help of `--blob`,
+/// `scripts/examples/mart.py` and `scripts/paper/README.md` name it too.
 const BLOB: f64 = 0.65;
 
 impl Arguments {

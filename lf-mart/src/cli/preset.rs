@@ -16,9 +16,9 @@ pub enum WeightsName {
 
 #[derive(Clone, Copy, ValueEnum)]
 pub enum BasisName {
-    /// Its centre
+    /// The voxel's centre
     Point,
-    /// Its width in x and y
+    /// The voxel's width in x and y
     Box,
     /// A Gaussian particle image; the volume written is the sum of the blobs
     Blob,

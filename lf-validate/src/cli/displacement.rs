@@ -27,8 +27,8 @@ use std::path::PathBuf;
 ///   outliers        vectors more than 5 robust standard deviations and 0.1 voxel from the median
 ///                   error; all other numbers include them
 ///   measured_only   the same without replaced vectors
-///   pdf             density of the error of u in `u`, per `unit`, in bins with their middles in
-///                   `x_u`, and the shares below_u and above_u beyond them. Bins of 0.05 px up to
+///   pdf             density of the error of each component: `u` holds that of u, per `unit`, for
+///                   bins whose centres are in `x_u`; below_u and above_u are the shares beyond. Bins of 0.05 px up to
 ///                   4 px for u and v, of 0.5 px up to 40 px for w; without a camera of 0.05 vox up
 ///                   to 4 vox
 ///
@@ -36,14 +36,14 @@ use std::path::PathBuf;
 ///   stated          number of these vectors
 ///   within_1, within_2
 ///                   shares of their errors within one and two stated standard uncertainties;
-///                   0.683 and 0.954 for normal errors and a right statement
+///                   0.683 and 0.954 for normal errors if the stated uncertainty is right
 ///   rms_stated, rms_error
 ///                   RMS of the stated uncertainty and of the errors, mm
 ///
 /// Counted, but not scored
 ///   no_data         places without data
 ///   outside_truth   vectors outside the truth
-///   outside_field   particles outside the field or beside a gap
+///   outside_field   particles outside the field or beside vectors without data
 ///   unpaired        particles in only one of the frames
 #[derive(clap::Args)]
 #[command(

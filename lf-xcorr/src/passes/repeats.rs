@@ -13,7 +13,7 @@ use glam::DVec3;
 /// A pass, its vectors, and each time that it was done.
 pub(crate) struct Repeats<'a> {
     pass: &'a PreparedPass<'a>,
-    /// The volumes to deform, with their light outside a support.
+    /// The volumes to deform. A `Mask::Support` does not cut them; their light outside it may move into it.
     volumes: &'a [[Rows; 2]],
     mask: &'a Mask<'a>,
     options: &'a Options,

@@ -7,7 +7,7 @@ use lf_core::statistics::median;
 /// The normalised median test (Westerweel & Scarano, Exp. Fluids 39, 2005) over the 26 neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MedianTest {
-    /// Largest accepted residual over the neighbours' median residual. The authors' value is 2.
+    /// Largest accepted ratio of a vector's residual to the median residual of its neighbours. The authors' value is 2.
     pub threshold: f64,
     /// Fluctuation of a good measurement along each axis, voxels. It keeps a calm neighbourhood from being too strict.
     /// The default is the authors' 0.1 px, for a correlation peak of [`MedianTest::WIDTH_VOX`]; a wider peak raises it

@@ -89,7 +89,7 @@ impl Rows {
         rows
     }
 
-    /// Rows from the lit voxels of each row, in order.
+    /// One list per row: column and value of its lit voxels, by rising column.
     pub fn from_lists(shape: [usize; 3], lists: &[Vec<(u32, f32)>]) -> Self {
         let mut rows = Self::with_capacity(shape, lists.iter().map(Vec::len).sum());
         for (row, list) in lists.iter().enumerate() {
