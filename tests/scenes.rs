@@ -165,7 +165,7 @@ fn bad_scenes_are_refused_by_name() {
         ("core", "volume.z_mm=[-5, 250]", "focal length"),
         ("core", "volume.x_mm=[1, -1]", "x_mm"),
         ("tank", "volume.z_mm=[-5, 190]", "wet face"),
-        ("tank", "camera.medium.window_z_mm=900", "no air"),
+        ("tank", "camera.medium.window_z_mm=900", "wanted air between the window and the main lens"),
         ("core", "camera.tilt={\"x_rad\": 0.3, \"y_rad\": 0}", "tilt"),
         ("core", "camera.vignetting=\"flat.exr\"", "vignetting"),
         ("core", "camera.centres={\"radius_mm\": 1, \"x_mm\": [1, 0], \"y_mm\": [0]}", "centres"),
