@@ -66,7 +66,7 @@ fn a_line_has_every_key_once() {
 #[test]
 fn curves_are_medians_over_seeds() {
     let bench = workbench();
-    bench.write("runs.jsonl", &runs());
+    bench.write("runs.jsonl", runs());
     let words = ["curves", "runs.jsonl", "-x", "set.iterations", "-y", "rms_w_px", "--by", "set.kernel", "--quiet"];
     let found = bench.run(&words).silent_json();
     assert_eq!(
@@ -91,7 +91,7 @@ fn curves_are_medians_over_seeds() {
 #[test]
 fn lists_panels_and_several_values() {
     let bench = workbench();
-    bench.write("runs.jsonl", &runs());
+    bench.write("runs.jsonl", runs());
     let words = [
         "curves",
         "runs.jsonl",
@@ -158,7 +158,7 @@ fn lists_panels_and_several_values() {
 #[test]
 fn runs_without_a_curve_are_refused() {
     let bench = workbench();
-    bench.write("runs.jsonl", &runs());
+    bench.write("runs.jsonl", runs());
     bench.write("empty.jsonl", "");
     bench.write("bad.jsonl", "{\"a\": 1}\n{\"a\": \n");
     for (words, wanted) in [

@@ -98,7 +98,7 @@ fn runs_that_cannot_be_judged_are_refused() {
     bench.write("runs.jsonl", RUNS);
     bench.write(
         "mixed.jsonl",
-        &RUNS.replace("\"set.iterations\": 20", "\"set.iterations\": 21").replace("short", "base"),
+        RUNS.replace("\"set.iterations\": 20", "\"set.iterations\": 21").replace("short", "base"),
     );
     for (words, wanted) in [
         (&["runs.jsonl", "--base", "basis"][..], ["no setting is named basis", "short, base"]),

@@ -69,7 +69,10 @@ fn transform(field: &mut Vec<Complex<f64>>, [columns, rows]: [usize; 2], directi
 fn smooth_size(least: usize) -> usize {
     fn is_smooth(size: usize) -> bool {
         size == 1
-            || [2, 3, 5].into_iter().find(|factor| size % factor == 0).is_some_and(|factor| is_smooth(size / factor))
+            || [2, 3, 5]
+                .into_iter()
+                .find(|factor| size.is_multiple_of(*factor))
+                .is_some_and(|factor| is_smooth(size / factor))
     }
     (least..).find(|&size| is_smooth(size)).expect("powers of two have no end")
 }

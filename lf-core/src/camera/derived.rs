@@ -115,11 +115,13 @@ impl Camera {
 
 impl Medium {
     /// Thickness, mm, and index of the layers that a ray from Z passes before the air: medium, then window.
+    #[inline]
     pub fn layers_from(&self, z_mm: f64) -> [(f64, f64); 2] {
         [(self.window_z_mm - z_mm, self.index), (self.window_thickness_mm, self.window_index)]
     }
 
     /// Distance from the window to the main lens, mm, for a lens that is focused on the object distance `s_o` in air.
+    #[inline]
     pub fn air_mm(&self, object_distance_mm: f64) -> f64 {
         object_distance_mm - self.layers_from(0.0).iter().map(|(thickness, index)| thickness / index).sum::<f64>()
     }

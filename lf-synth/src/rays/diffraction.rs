@@ -36,12 +36,15 @@ const LENGTH: usize = 1 << 16;
 /// Steps of a low-discrepancy sequence in the plane (Roberts 2018): powers of 1/g, where g^3 = g + 1.
 const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
+/// Maps the unit square to the pattern.
+type Place = Box<dyn Fn([f64; 2]) -> DVec2>;
+
 impl Pattern {
     pub(super) fn new(diffraction: &Diffraction, camera: &Camera) -> Self {
         let per_aperture = diffraction.wavelength_mm * camera.gap_mm();
         let turn = DVec2::from_angle(camera.microlenses.rotation_rad);
         // `place` maps the unit square to the pattern.
-        let (unit_mm, place): (f64, Box<dyn Fn([f64; 2]) -> DVec2>) = match camera.microlenses.layout {
+        let (unit_mm, place): (f64, Place) = match camera.microlenses.layout {
             Layout::Square => {
                 let across = Quantiles::new(sinc2);
                 let signed = move |share: f64| {

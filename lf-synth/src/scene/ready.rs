@@ -3,8 +3,11 @@
 use lf_core::Refusal;
 use serde_json::{Map, Value, json};
 
+/// Name, description and scene.
+type ReadyScene = (&'static str, &'static str, fn() -> Value);
+
 /// All ready scenes: name, description, and the other keys but the seed.
-pub const READY: [(&str, &str, fn() -> Value); 12] = [
+pub const READY: [ReadyScene; 12] = [
     (
         "demo",
         "a small volume of 60 x 60 lenslets at 0.5 particles each, round stop, moved by the paper's Case A1",

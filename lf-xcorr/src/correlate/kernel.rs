@@ -54,14 +54,14 @@ pub(crate) fn lanes_for(n: usize) -> usize {
 impl Cell<'_> {
     /// Voxels of the first volume along `axis` that any shift pairs with a midpoint of the cell.
     #[inline(always)]
-    fn from_first(&self, axis: usize) -> Range<i32> {
+    fn of_first(&self, axis: usize) -> Range<i32> {
         let (cell, shifts) = (&self.midpoints[axis], self.shifts);
         self.clipped(axis, cell.start as i32 - back(shifts.high(axis)), cell.end as i32 - back(shifts.low[axis]))
     }
 
     /// The same of the second volume.
     #[inline(always)]
-    fn from_second(&self, axis: usize) -> Range<i32> {
+    fn of_second(&self, axis: usize) -> Range<i32> {
         let (cell, shifts) = (&self.midpoints[axis], self.shifts);
         self.clipped(axis, cell.start as i32 + on(shifts.low[axis]), cell.end as i32 + on(shifts.high(axis)))
     }
@@ -84,8 +84,8 @@ impl Cell<'_> {
     /// Adds the products, `L` shifts along x at a time.
     #[inline(always)]
     fn add<const L: usize>(&self, out: &mut [f64], scratch: &mut Scratch) {
-        let [ax, ay, az] = [0, 1, 2].map(|axis| self.from_first(axis));
-        let [by, bz] = [1, 2].map(|axis| self.from_second(axis));
+        let [ax, ay, az] = [0, 1, 2].map(|axis| self.of_first(axis));
+        let [by, bz] = [1, 2].map(|axis| self.of_second(axis));
         if [&ax, &ay, &az, &by, &bz].iter().any(|range| range.is_empty()) {
             return;
         }
