@@ -21,7 +21,7 @@ const SMOOTH: [(usize, usize); 2] = [(4, 1000), (3, 150)];
 const SAMPLING_PX: f64 = 0.002;
 
 /// Finds the lattice of an image of counts, shape (height, width). The result is the same for any number of threads.
-/// Calls `watch(n)` after n more of the [`LATTICE_STEPS`] steps.
+/// Calls `watch(n)` after n more of the `LATTICE_STEPS` steps.
 /// Refuses an image without a period, and one whose lenslets do not follow one square or hexagonal lattice.
 pub fn find_lattice(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLattice, Refusal> {
     let image = image.view();

@@ -1,7 +1,7 @@
 //! Pictures as SVG.
 //!
 //! In: a [`Chart`], which says what is drawn, or strokes on a [`Canvas`]. Out: the text of an SVG; the same input gives
-//! the same bytes. Open `chart.rs` first, then `page.rs`; [`slice`] draws a layer of a vector field.
+//! the same bytes. Open `chart.rs` first, then `page.rs`; `slice.rs` draws a layer of a vector field.
 //!
 //! [`draw`] finds ranges, ticks, keys and margins of a chart. Series differ in colour and in marker, so that they can
 //! be told apart in grey print. A point that is not finite is left out.

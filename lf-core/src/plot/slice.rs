@@ -96,7 +96,7 @@ impl Slice<'_> {
     }
 }
 
-/// The size that [`USUAL`] of the finite values do not exceed; 0 without any.
+/// The size that 98 % of the finite values do not exceed; 0 without any.
 pub fn usual(values: impl Iterator<Item = f64>) -> f64 {
     let mut sizes: Vec<f64> = values.map(f64::abs).filter(|size| size.is_finite()).collect();
     if sizes.is_empty() { 0.0 } else { quantile(&mut sizes, USUAL) }

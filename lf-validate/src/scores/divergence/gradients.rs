@@ -24,7 +24,7 @@ pub struct Divergence {
     pub(crate) pixel_mm: Option<f64>,
     /// Voxel spacing of the volumes correlated.
     pub(crate) voxel_mm: [f64; 3],
-    /// Vectors from one to the next that shares no data with it; see [`stride`].
+    /// Vectors from one to the next that shares no data with it; see `stride`.
     pub stride: [usize; 3],
     stride_mm: [f64; 3],
     /// Places with data at all six neighbours a stride away. Replaced vectors count as data.
@@ -62,7 +62,7 @@ fn stride(layout: &VectorGrid) -> [usize; 3] {
     })
 }
 
-/// Divergence and noise of `field`, by differences over a [`stride`] to either side. `pixel_mm`: size of a pixel at the
+/// Divergence and noise of `field`, by differences over a `stride` to either side. `pixel_mm`: size of a pixel at the
 /// focal plane.
 pub fn divergence(field: &Field, pixel_mm: Option<f64>) -> Divergence {
     let stride = stride(&field.layout);
