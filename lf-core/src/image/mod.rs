@@ -16,6 +16,7 @@
 //! - TIFF with 8-bit, 16-bit or `f32` grey, 0 is black: one page, or many through [`Stack`].
 //! - PNG with 8-bit or 16-bit grey.
 
+mod clipped;
 mod decode;
 pub(crate) mod exr;
 mod files;
@@ -25,6 +26,7 @@ mod png;
 mod stack;
 mod tiff;
 
+pub use clipped::clipped_share;
 pub use decode::Image;
 pub(crate) use decode::guarded;
 pub use files::{BLIND, from_bytes, open, open_counts, open_frame, outside_u16, save};
