@@ -135,7 +135,7 @@ fn an_output_folder_may_not_overwrite_the_files_of_its_scene() {
         return;
     }
     let samples = Samples::new();
-    let particles = "frame,id,x_mm,y_mm,z_mm,intensity\n0,0,0,0,0,1000\n";
+    let particles = "# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n0,0,0,0,0,1000\n";
     samples.write("particles.csv", particles);
     let mut scene: Value = serde_json::from_slice(&fs::read(samples.sound(Kind::Scene)).unwrap()).unwrap();
     scene["particles"] = serde_json::json!({"csv": "particles.csv", "sigma_px": 0.75, "rays": 500});

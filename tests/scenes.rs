@@ -85,16 +85,17 @@ fn dots_are_stepped_through_their_depths() {
     assert_eq!(names, ["camera.json", "dots-0000.exr", "dots-0001.exr", "dots.csv", "scene-used.json"]);
     let table = String::from_utf8(made["dots.csv"].clone()).unwrap();
     let lines: Vec<&str> = table.lines().collect();
-    assert_eq!(lines.len(), 1 + 2 * 3, "{table}");
-    assert_eq!(lines[1], "0,0,-1.1000000,0.0000000,-1.5000000,500000");
-    assert_eq!(lines[6], "1,2,1.1000000,0.0000000,2.0000000,500000");
+    assert_eq!(lines.len(), 2 + 2 * 3, "{table}");
+    assert_eq!(lines[2], "0,0,-1.1000000,0.0000000,-1.5000000,500000");
+    assert_eq!(lines[7], "1,2,1.1000000,0.0000000,2.0000000,500000");
 }
 
 /// A table of tracks gives the particles of the wanted frames, and no flow.exr.
 #[test]
 fn tracks_are_followed() {
     let folder = Folder::new();
-    let table = "frame,id,x_mm,y_mm,z_mm,intensity\n0,4,0.1,0.2,0.3,500\n0,9,0.1,0.0,0.3,500\n1,4,0.2,0.2,0.3,500\n\
+    let table = "# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n\
+                 0,4,0.1,0.2,0.3,500\n0,9,0.1,0.0,0.3,500\n1,4,0.2,0.2,0.3,500\n\
                  2,4,0.3,0.2,0.3,400\n";
     folder.write("tracks.csv", table);
     let text = scene(
@@ -112,8 +113,8 @@ fn tracks_are_followed() {
     assert!(!made.contains_key("flow.exr"));
     let shown = String::from_utf8(made["particles.csv"].clone()).unwrap();
     let lines: Vec<&str> = shown.lines().collect();
-    assert_eq!(lines.len(), 4, "{shown}");
-    assert!(lines[3].starts_with("1,4,0.3"), "{shown}");
+    assert_eq!(lines.len(), 5, "{shown}");
+    assert!(lines[4].starts_with("1,4,0.3"), "{shown}");
 }
 
 /// A flow.exr written by lf-synth moves particles like the flow itself, within the interpolation between its vectors.

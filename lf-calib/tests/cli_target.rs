@@ -14,7 +14,7 @@ fn camera_and_images() -> Workbench {
         bench.image(name, &Array2::from_elem((280, 280), 3.0));
     }
     bench.image("small.exr", &Array2::from_elem((20, 30), 3.0));
-    bench.write("target.csv", "frame,id,x_mm,y_mm,z_mm,intensity\n0,0,0,0,3,1\n1,0,0,0,-3,1\n");
+    bench.write("target.csv", "# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n0,0,0,0,3,1\n1,0,0,0,-3,1\n");
     fs::create_dir(bench.path("empty")).unwrap();
     bench
 }
@@ -102,7 +102,7 @@ fn a_folder_of_images_gives_a_camera() {
     let mut camera = points::camera(46);
     camera.calibration = Some(serde_json::json!({"lattice": {"lenslets": 7}}));
     bench.write("camera.json", camera.to_json());
-    let mut table = "frame,id,x_mm,y_mm,z_mm,intensity\n".to_string();
+    let mut table = "# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n".to_string();
     fs::create_dir(bench.path("target")).unwrap();
     for (n, z) in [-3.5, 3.5].into_iter().enumerate() {
         let dots = points::grid(3, 0.8, z);

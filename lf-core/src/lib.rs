@@ -7,7 +7,8 @@
 //! 5. [`cli`] is what the command lines of all tools share.
 //!
 //! The file formats are specified in [`volume::format`] (`.lfv`), [`field`], [`image`], [`camera`], [`particles`] and
-//! [`scene`]. Lengths are millimetres, places on the image are pixels; the frame and its signs are in [`optics`].
+//! [`scene`]. Lengths are millimetres, places on the image are pixels; the frame and its signs are in [`optics`], its
+//! mark in files in [`mod@frame`].
 //!
 //! # A stage of your own
 //!
@@ -49,6 +50,7 @@ pub mod cli;
 pub mod error;
 pub mod field;
 pub mod flow;
+pub mod frame;
 pub mod grid;
 pub mod history;
 pub mod image;

@@ -3,25 +3,29 @@
 //! # Frames
 //!
 //! **Object.** The origin is the point where the optical axis meets the focal plane, which is conjugate to the
-//! microlens array. X points right, Y points down (as image rows run), Z points towards the camera. All lengths are mm.
+//! microlens array. X points right and Y up in the picture as it is stored, Z points towards the camera: the frame is
+//! right-handed, so what turns anticlockwise in the picture has positive vorticity about Z. All lengths are mm.
 //!
 //! **Sensor.** x runs along the columns, y along the rows, and the origin is on the axis. A sensor of W x H pixels with
 //! pitch pp has pixel (i, j) at `[(i - W/2) pp, (i + 1 - W/2) pp]` in x; y is alike, with j and H. So a pixel's centre
 //! has half-integer coordinates in pixels.
 //!
-//! The main lens inverts the image, and the image is stored inverted.
+//! The main lens inverts the image, and the camera reads it out upright: what moves along +X moves to higher columns,
+//! what moves along +Y to lower rows. Along the sensor's axes the place (X, Y) of the object is (-X, Y), which the lens
+//! inverts; [`sensor_axes`] alone turns it. The aperture and all keys of a camera are measured along the sensor's axes;
+//! among them are the lattice's turn, the tilt, and p1 and p2 of the distortion.
 //!
 //! # A ray
 //!
 //! A ray starts at the point (X, Y, Z) and passes the aperture at (U, V). It meets the array at (x_m, y_m), in the cell
-//! of the lenslet with centre c, and the sensor at (x_s, y_s). The equations for x are below; those for y have Y and V
-//! in place of X and U.
+//! of the lenslet with centre c, and the sensor at (x_s, y_s). The equations for y are below; those for x have -X and U
+//! in place of Y and V.
 //!
 //! ```text
 //! beta(Z)  = s_i / (s_o - Z)            local magnification
 //! alpha(Z) = 1 - s_i / f + beta(Z)      spread on the array per length of the aperture; 0 in focus
-//! x_m      = -beta X + alpha U
-//! x_s      = c + k (x_m - U)
+//! y_m      = -beta Y + alpha V          (and x_m = beta X + alpha U)
+//! y_s      = c + k (y_m - V)
 //! ```
 //!
 //! Here f is the focal length of the main lens, s_i and s_o are its image and object distances for the focal plane, and
@@ -35,7 +39,7 @@
 //! A block that a camera does not have costs nothing.
 //!
 //! - **Medium.** The ray bends at both faces of the window by Snell's law. Let q be its slope in the air before the
-//!   lens. Then `x_m = U (1 - s_i / f) + s_i q`. Without a medium q = (U - X) / (s_o - Z), which gives the x_m above.
+//!   lens. Then `y_m = V (1 - s_i / f) + s_i q`. Without a medium q = (V - Y) / (s_o - Z), which gives the y_m above.
 //! - **Distortion.** Every ray of a point moves on the array as the point's chief ray (U = 0) does; the place in the
 //!   aperture does not matter (Seidel's fifth aberration). With t = q(0) and r = |t|,
 //!   `x_m += s_i (t (k1 r^2 + k2 r^4 + k3 r^6) + tangential)`. The tangential part is 2 p1 t_x t_y + p2 (r^2 + 2 t_x^2)
@@ -45,6 +49,7 @@
 //!   sensor are read along the axis, an error of half the square of the tilt.
 
 use crate::camera::{Aperture, Camera, Distortion, Medium};
+use crate::frame::sensor_axes;
 use crate::lattice::Lattice;
 use glam::DVec2;
 
@@ -91,10 +96,16 @@ pub struct StraightRays {
 }
 
 impl StraightRays {
-    /// x_m = -beta X + alpha U: the place on the array, mm.
+    /// x_m = beta X + alpha U and y_m = -beta Y + alpha V: the place on the array, mm.
     #[inline(always)]
     pub fn array_mm(&self, object_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
-        -self.beta * object_mm + self.alpha * aperture_mm
+        self.chief_mm(object_mm) + self.alpha * aperture_mm
+    }
+
+    /// The same of the ray through the middle of the aperture. It is linear in the place, so it maps steps as well.
+    #[inline(always)]
+    pub fn chief_mm(&self, object_mm: DVec2) -> DVec2 {
+        -self.beta * sensor_axes(object_mm)
     }
 }
 
@@ -164,18 +175,18 @@ impl Optics {
         }
     }
 
-    /// q, the ray's slope in the air before the main lens: mm sideways per mm towards the lens. The relative error is
-    /// below 1e-10 for rays within 0.15 rad of the axis and below 1e-7 within 0.4 rad.
+    /// q, the ray's slope in the air before the main lens, along the sensor's axes: mm sideways per mm towards the
+    /// lens. The relative error is below 1e-10 for rays within 0.15 rad of the axis and below 1e-7 within 0.4 rad.
     #[inline(always)]
     pub fn slope(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2) -> DVec2 {
-        let offset = aperture_mm - object_mm;
+        let offset = aperture_mm - sensor_axes(object_mm);
         let Some(medium) = &self.medium else {
             return 1.0 / (self.object_distance_mm - z_mm) * offset;
         };
         let offset_mm2 = offset.length_squared();
         // By Snell's law n sin(angle) is the same in every layer. A ray of slope t in air therefore moves sideways by
-        // h t / sqrt(n^2 + (n^2 - 1) t^2) in a layer of thickness h. The sum over air and layers is |U - X|.
-        // Newton's method for g = t / |U - X| starts from the paraxial answer and rises to the root.
+        // h t / sqrt(n^2 + (n^2 - 1) t^2) in a layer of thickness h. The sum over air and layers is |offset|.
+        // Newton's method for g = t / |offset| starts from the paraxial answer and rises to the root.
         let air = medium.air_mm(self.object_distance_mm);
         let layers = medium.layers_from(z_mm);
         let mut g = 1.0 / (air + layers[0].0 / layers[0].1 + layers[1].0 / layers[1].1);
@@ -297,6 +308,26 @@ mod tests {
         with(|_| ())
     }
 
+    /// The picture is upright: to the right, to the top.
+    #[test]
+    fn x_runs_along_the_columns_and_y_against_the_rows() {
+        let tank = with(|camera| camera.medium = Some(TANK));
+        let bent = with(|camera| {
+            camera.distortion = Some(Distortion { radial: [5.0, 0.0, 0.0], tangential: [0.01, -0.01] });
+        });
+        for optics in [plain(), tank, bent] {
+            for (z, aperture) in [(0.0, DVec2::ZERO), (-3.0, DVec2::new(20.0, -10.0)), (3.0, DVec2::new(-5.0, 30.0))] {
+                let hit = |x: f64, y: f64| optics.array_from_object(DVec2::new(x, y), z, aperture);
+                let (right, up) = (hit(0.4, 0.1) - hit(0.3, 0.1), hit(0.3, 0.2) - hit(0.3, 0.1));
+                assert!((right.x - 0.1).abs() < 2e-3 && right.y.abs() < 1e-3, "{right}");
+                assert!((up.y + 0.1).abs() < 2e-3 && up.x.abs() < 1e-3, "{up}");
+            }
+        }
+        // By hand: 0.3 mm to the right and 0.2 mm up of the middle, (140, 140).
+        let place = plain().place_px(plain().array_from_object(DVec2::new(0.3, 0.2), 0.0, DVec2::ZERO));
+        assert!(place.distance(DVec2::new(140.0 + 0.3 / 0.0055, 140.0 - 0.2 / 0.0055)) < 1e-9);
+    }
+
     #[test]
     fn a_point_in_focus_stays_under_one_lenslet_and_fills_its_disc() {
         let optics = plain();
@@ -304,7 +335,7 @@ mod tests {
         let centre = optics.lattice().centre_mm(2, -3);
         for angle in 0..12 {
             let rim = DVec2::from_angle(angle as f64) * optics.half_aperture_mm;
-            let hit = optics.sensor_from_object(-centre, 0.0, rim);
+            let hit = optics.sensor_from_object(-sensor_axes(centre), 0.0, rim);
             // The lens turns the disc over: U lands at c (1 + k) - k U. Half a pitch is k D/2.
             let expected = centre * (1.0 + optics.demagnification) - rim.normalize() * 0.0385;
             assert!(hit.distance(expected) < 1e-12);
@@ -345,7 +376,7 @@ mod tests {
                 let (in_window, in_water) = (sine(slope) / 1.49, sine(slope) / 1.333);
                 let aside = |sine: f64| sine / (1.0 - sine * sine).sqrt();
                 let wet = (tank.window_z_mm - z) * aside(in_water) + 20.0 * aside(in_window);
-                let reached = x + wet + tank.air_mm(400.0) * slope;
+                let reached = -x + wet + tank.air_mm(400.0) * slope;
                 assert!((reached - u).abs() < if u == 150.0 { 1e-5 } else { 1e-9 }, "{reached} for {u}");
             }
         }
@@ -357,8 +388,8 @@ mod tests {
         assert!(optics.array_from_object(DVec2::ZERO, 0.0, near).length() < 1e-15);
     }
 
-    /// By hand: at m = 1 a point at X = 4 mm in focus has t = -X / 400 = -0.01 and r^2 = 1e-4. It moves by 400 t k1 r^2
-    /// on the array, through every part of the aperture.
+    /// By hand: at m = 1 a point at X = 4 mm in focus has t = X / 400 = 0.01 along x and r^2 = 1e-4. It moves by
+    /// 400 t k1 r^2 on the array, through every part of the aperture.
     #[test]
     fn distortion_moves_whole_images() {
         let optics = with(|camera| {
@@ -366,7 +397,7 @@ mod tests {
         });
         let plain = plain();
         for (z, u) in [(0.0, 0.0), (0.0, 40.0), (3.0, -40.0)] {
-            let t = -4.0 / (400.0 - z);
+            let t = 4.0 / (400.0 - z);
             let moved = 400.0 * (t * 5.0 * t * t + 0.01 * 3.0 * t * t);
             let (object, aperture) = (DVec2::new(4.0, 0.0), DVec2::new(u, 0.0));
             let shift = optics.array_from_object(object, z, aperture) - plain.array_from_object(object, z, aperture);

@@ -6,6 +6,7 @@
 //! | `volume` | `{"x_mm", "y_mm", "z_mm"}`, each `[low, high]` in the frame of [`crate::optics`]: [`LitVolume`] |
 //! | `frames` | a number of frames, or the list of their times; 2 if absent: [`Frames`] |
 //! | `flow` | the motion of the particles: [`crate::flow`] |
+//! | `frame` | `right-handed`: [`mod@crate::frame`]. A scene without it is rendered, but is not taken as a truth |
 //!
 //! lf-synth reads the other keys.
 

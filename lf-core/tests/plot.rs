@@ -280,11 +280,42 @@ fn a_flat_layer_of_vectors_is_stretched_and_its_arrows_keep_their_direction() {
         assert!(found.iter().any(|known| known == text), "{text} in {found:?}");
     }
     // The shafts run to the right and up at 45 degrees, up to rounding.
-    let slanted = svg.lines().filter(|line| {
-        let points =
-            line.split_once("points=\"").and_then(|(_, points)| points.split_once(" \"")).map(|(points, _)| points);
-        let places: Vec<i32> = points.into_iter().flat_map(|p| p.split([' ', ','])).flat_map(str::parse).collect();
-        line.starts_with("<polyline") && matches!(places[..], [x, y, u, v] if u - x > 8 && (u - x - (y - v)).abs() < 2)
-    });
+    let slanted = shafts(&svg).into_iter().filter(|[x, y, u, v]| (u - x - (y - v)).abs() < 2);
     assert_eq!(slanted.count(), 59);
+}
+
+/// The shafts of the arrows in a picture: from (x, y) to (u, v), px from the upper left corner.
+fn shafts(svg: &str) -> Vec<[i32; 4]> {
+    let shaft = |line: &str| {
+        let (_, points) = line.strip_prefix("<polyline")?.split_once("points=\"")?;
+        let (points, _) = points.split_once(" \"")?;
+        let places: Vec<i32> = points.split([' ', ',']).flat_map(str::parse).collect();
+        places.try_into().ok().filter(|[x, _, u, _]: &[i32; 4]| u - x > 8)
+    };
+    svg.lines().filter_map(shaft).collect()
+}
+
+/// A layer across z looks as the camera sees it: x to the right, y up.
+#[test]
+fn y_runs_up_in_a_layer_across_z() {
+    let grid = VectorGrid {
+        shape: [3, 3, 1],
+        spacing_mm: [0.5; 3],
+        origin_mm: [-0.5, -0.5, 0.0],
+        voxel_mm: [0.0; 3],
+        window: [0; 3],
+        overlap: 0.0,
+        dt_s: None,
+        history: Vec::new(),
+    };
+    let slice = Slice { grid: &grid, through: 2, layer: 0 };
+    let mut panel = slice.panel("", Axis::symmetric("w, mm", 2.0), vec![1.0; 9]);
+    // The vectors at the largest y point to the right and up, those at the least y to the right and down.
+    let vector = |node: usize| [[1.0, -1.0], [f64::NAN; 2], [1.0, 1.0]][node / 3];
+    panel.marks.push(Mark::Arrows(Arrows { unit: "mm".into(), ..slice.arrows(20, vector) }));
+    let shafts = shafts(&drawn("upright", &chart("Layer", 1, vec![panel])));
+    let [up, down] =
+        [-1, 1].map(|way| shafts.iter().filter(|[_, y, _, v]| (v - y).signum() == way).collect::<Vec<_>>());
+    assert_eq!([up.len(), down.len()], [3, 3], "{shafts:?}");
+    assert!(up.iter().all(|above| down.iter().all(|below| above[1] < below[3])), "{shafts:?}");
 }

@@ -60,7 +60,8 @@ fn payload(indices: &[u64], values: &[f32]) -> Vec<u8> {
     payload
 }
 
-const HEADER: &str = r#"{"count": 3, "grid": {"shape": [4, 3, 2], "spacing_mm": [1, 1, 10.0], "origin_mm": [0, 0, -5]},
+const HEADER: &str = r#"{"count": 3, "frame": "right-handed",
+    "grid": {"shape": [4, 3, 2], "spacing_mm": [1, 1, 10.0], "origin_mm": [0, 0, -5]},
     "columns": ["score"], "checksum": "SUM", "history": [], "later": 7}"#;
 
 /// The value published with the hash: XXH3-64 of no bytes.

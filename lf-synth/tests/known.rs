@@ -44,7 +44,7 @@ fn centroid(image: &Rendered, columns: std::ops::Range<usize>, rows: std::ops::R
 fn a_point_in_focus_fills_the_disc_of_one_lenslet() {
     let camera = camera(Aperture::Circle);
     let centre_mm = DVec2::new(2.5, 3.5) * 0.077;
-    let image = image_of(&camera, None, [-centre_mm.x, -centre_mm.y, 0.0], 1_000_000);
+    let image = image_of(&camera, None, [centre_mm.x, -centre_mm.y, 0.0], 1_000_000);
     let centre_px = centre_mm * 1.00077 / 0.0055 + 266.0;
     let even = 1000.0 / (std::f64::consts::PI * 49.0);
     for ((row, column), light) in image.pixels.indexed_iter() {
@@ -88,7 +88,7 @@ fn sub_images_drift_by_the_depth_and_its_sign() {
         let centre_px = |n: i64| (n as f64 + 0.5) * 14.0 + 266.0;
         for n in [-3, -2, 0, 1] {
             let c = (n as f64 + 0.5) * 0.077;
-            let by_hand = 0.00077 * (c - (c + beta * 0.0385) / alpha) / 0.0055;
+            let by_hand = 0.00077 * (c - (c - beta * 0.0385) / alpha) / 0.0055;
             let near = |place: f64| (place - 5.0) as usize..(place + 5.0) as usize;
             let found = centroid(&image, near(centre_px(n) + by_hand), near(centre_px(-1))).x - centre_px(n);
             assert!((found - by_hand).abs() < 0.05, "lenslet {n} at {z} mm: {found} px, not {by_hand}");
@@ -129,8 +129,8 @@ fn water_brings_depths_nearer() {
 }
 
 /// The oracle in one dimension: the share of the aperture that each pixel column sees, by intervals between lenslet
-/// edges and pixel edges.
-fn columns(camera: &Camera, x_mm: f64, z_mm: f64) -> Vec<f64> {
+/// edges and pixel edges. It is written for y and the rows; columns run the other way.
+fn rows(camera: &Camera, x_mm: f64, z_mm: f64) -> Vec<f64> {
     let (pitch, pixel) = (camera.microlenses.pitch_mm, camera.sensor.pixel_pitch_mm);
     let (s_i, s_o) = (camera.image_distance_mm(), camera.object_distance_mm());
     let half = 0.5 * camera.aperture_mm();
@@ -161,7 +161,7 @@ fn images_match_the_interval_oracle() {
     let camera = camera(Aperture::Square);
     for (x, y, z) in [(0.011, -0.043, 3.3), (-0.2, 0.31, -4.7), (0.02, 0.005, 0.4)] {
         let image = image_of(&camera, None, [x, y, z], 1_000_000);
-        let (across, down) = (columns(&camera, x, z), columns(&camera, y, z));
+        let (across, down) = (rows(&camera, -x, z), rows(&camera, y, z));
         assert!((across.iter().sum::<f64>() - 1.0).abs() < 1e-9);
         let peak = across.iter().copied().fold(0.0, f64::max) * down.iter().copied().fold(0.0, f64::max);
         let mut worst = 0.0f64;

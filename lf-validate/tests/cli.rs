@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// The keys of a scene that move particles: a shear of 0.01 along x across z, and 0.02 mm along y, between its frames.
 const SCENE: &str = r#"{
-    "about": "other keys are not read", "camera": "camera.json",
+    "about": "other keys are not read", "frame": "right-handed", "camera": "camera.json",
     "volume": {"x_mm": [-1, 3], "y_mm": [-1, 3], "z_mm": [-1, 3]},
     "flow": [{"kind": "shear", "along": "x", "across": "z", "rate": 0.02},
              {"kind": "uniform", "displacement_mm": [0, 0.04, 0]}],
@@ -205,7 +205,7 @@ fn three_truths_agree() {
     let exact = save_flagged(&bench, "truth.exr", [3, 3, 3], &[], shear);
     let scene = bench.write("scene.json", SCENE);
     // Half way between the frames the particles are at (0.3, 0.4, z) and (0.6, 0.7, z).
-    let mut rows = "frame,id,x_mm,y_mm,z_mm,intensity\n9,1,0,0,0,1\n".to_string();
+    let mut rows = "# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n9,1,0,0,0,1\n".to_string();
     for (id, [x, y, z]) in [(4, [0.3, 0.4, 0.2]), (2, [0.6, 0.7, 0.9]), (3, [5.0, 0.5, 0.5])] {
         for (frame, half) in [(3, -0.5), (5, 0.5)] {
             let (x, y) = (x + half * 0.01 * z, y + half * 0.02);
@@ -260,7 +260,8 @@ fn a_sampled_flow_is_read_from_the_folder_of_its_scene() {
     let bench = workbench();
     bench.write("camera.json", CAMERA);
     let field = save_even(&bench, "flow.exr", [3, 3, 3], [0.02, 0.0, 0.1], &[]);
-    let sampled = r#"{"camera": "camera.json", "volume": {"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]},
+    let sampled = r#"{"frame": "right-handed", "camera": "camera.json",
+        "volume": {"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]},
         "flow": {"kind": "sampled", "path": "flow.exr"}}"#;
     let scene = bench.write("scene.json", sampled);
     let larger = save_even(&bench, "larger.exr", [5, 3, 3], [0.02, 0.0, 0.1], &[]);
@@ -281,7 +282,8 @@ fn a_sampled_flow_is_read_from_the_folder_of_its_scene() {
 #[test]
 fn a_scene_without_a_flow_is_at_rest() {
     let bench = workbench();
-    let still = r#"{"camera": "camera.json", "volume": {"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]}}"#;
+    let still = r#"{"frame": "right-handed", "camera": "camera.json",
+        "volume": {"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]}}"#;
     let scene = bench.write("scene.json", still);
     let field = save_even(&bench, "field.exr", [3, 3, 3], [0.25, 0.0, 0.0], &[]);
     let score = run(&["displacement"], &[&scene, &field]).json();
@@ -293,10 +295,11 @@ fn unusable_truths_are_refused_by_name() {
     let bench = workbench();
     bench.write("camera.json", CAMERA);
     let field = save_even(&bench, "field.exr", [3, 3, 3], [0.0; 3], &[]);
-    let head = "frame,id,x_mm,y_mm,z_mm,intensity\n";
+    let head = "# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n";
     let scene = |flow: &str| {
         format!(
-            r#"{{"camera": "camera.json", "volume": {{"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]}}, "flow": {flow}}}"#
+            r#"{{"frame": "right-handed", "camera": "camera.json",
+                "volume": {{"x_mm": [0, 1], "y_mm": [0, 1], "z_mm": [0, 1]}}, "flow": {flow}}}"#
         )
     };
     for (name, content, wanted) in [
@@ -312,7 +315,7 @@ fn unusable_truths_are_refused_by_name() {
         ("one.csv", format!("{head}0,1,0,0,0,1\n"), "no particle in frame 1"),
         ("apart.csv", format!("{head}0,1,0,0,0,1\n1,2,0,0,0,1\n"), "both frames 0 and 1"),
         ("twice.csv", format!("{head}0,1,0,0,0,1\n1,1,0,0,0,1\n1,1,0,0,0,1\n"), "particle 1 is twice in frame 1"),
-        ("cut.csv", format!("{head}0,1,0,0\n"), "line 2"),
+        ("cut.csv", format!("{head}0,1,0,0\n"), "line 3"),
     ] {
         let path = bench.write(name, content);
         let text = run(&["displacement"], &[&path, &field]).refusal();

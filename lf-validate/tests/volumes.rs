@@ -49,7 +49,7 @@ fn table(bench: &Workbench, name: &str, particles: &[(usize, [f64; 3])]) {
         format!("{frame},{id},{},{},{},1\n", x * 0.022, y * 0.022, z * 0.11)
     };
     let rows: String = particles.iter().enumerate().map(row).collect();
-    bench.write(name, format!("frame,id,x_mm,y_mm,z_mm,intensity\n{rows}"));
+    bench.write(name, format!("# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n{rows}"));
 }
 
 fn near(found: &Value, wanted: f64, slack: f64) {

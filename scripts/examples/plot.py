@@ -29,7 +29,7 @@ def draw(path, output, where):
     layout, field = lf.read_field(path)
     name, _, wanted = where.partition("=")
     normal = "xyz".index(name)
-    right, down = (axis for axis in range(3) if axis != normal)
+    right, up = (axis for axis in range(3) if axis != normal)
     places = lf.Grid(layout["shape"], layout["spacing_mm"], layout["origin_mm"]).axes_mm()
     nearest = np.abs(places[normal] - float(wanted)).argmin() if wanted else layout["shape"][normal] // 2
     title = f"{name} = {places[normal][nearest]:.3g} mm"
@@ -39,27 +39,24 @@ def draw(path, output, where):
     has_data = cut["flag"] != NO_DATA
     if not has_data.any():
         raise lf.Refused(f"{path}: no data in the slice {title}; wanted another --slice")
-    u, v, w = (np.where(has_data, cut["uvw"[axis]], np.nan) for axis in (right, down, normal))
+    u, v, w = (np.where(has_data, cut["uvw"[axis]], np.nan) for axis in (right, up, normal))
 
     figure, view = pyplot.subplots(figsize=(7, 6), layout="constrained")
     limit = np.nanmax(np.abs(w)) or 1
     colours = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit, "shading": "nearest"}
-    mesh = view.pcolormesh(places[right], places[down], w, **colours)
+    mesh = view.pcolormesh(places[right], places[up], w, **colours)
     figure.colorbar(mesh, label=f"{'uvw'[normal]}, mm")
 
     every = tuple(slice(n % step // 2, None, step) for n in u.shape for step in [-(-n // MOST_ARROWS)])
-    x, y = (part[every] for part in np.meshgrid(places[right], places[down]))
+    x, y = (part[every] for part in np.meshgrid(places[right], places[up]))
     u, v, measured = u[every], v[every], cut["flag"][every] == MEASURED
     # The longest arrow is as long as the distance between arrows, at any scale of the axes.
     longest = np.nanmax(np.hypot(u, v)) or 1
     options = {"scale": longest * (max(x.shape) + 1), "scale_units": "width", "width": 0.003, "pivot": "mid"}
     for flagged, colour in ((measured, "black"), (~measured, "grey")):
-        # y points down, as image rows run; quiver's y points up the page.
-        view.quiver(x[flagged], y[flagged], u[flagged], v[flagged] * (-1 if down == 1 else 1), color=colour, **options)
+        view.quiver(x[flagged], y[flagged], u[flagged], v[flagged], color=colour, **options)
     view.set_aspect("equal" if normal == 2 else "auto")
-    view.set(xlabel=f"{'xyz'[right]}, mm", ylabel=f"{'xyz'[down]}, mm")
-    if down == 1:
-        view.invert_yaxis()
+    view.set(xlabel=f"{'xyz'[right]}, mm", ylabel=f"{'xyz'[up]}, mm")
     view.set_title(f"{title}; the longest arrow is {longest:.3g} mm", fontsize=10)
     try:
         figure.savefig(output, dpi=150)

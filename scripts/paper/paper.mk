@@ -690,7 +690,8 @@ $(trade_runs):
 	"$$bin"lf-xcorr "$$d/volume-0000.lfv" "$$d/volume-0001.lfv" "$${passing[@]}" "$${quiet[@]}" -o "$$d/field.exr" --stats "$$d/xcorr.json"
 	add "$$d/xcorr.json"
 	awk -F, -v a=$$(awk 'BEGIN { print 0.0385 * $(TRADE_SIDE) - 0.572 }') -v z=$$(awk 'BEGIN { print $(TRADE_DEPTH) - 0.55 }') '
-	    NR == 1 || ($$1 == 0 && $$3^2 < a^2 && $$4^2 < a^2 && $$5^2 < z^2) { print; if (NR > 1) kept[$$2] }
+	    !/^[0-9]/ { print; next }
+	    $$1 == 0 && $$3^2 < a^2 && $$4^2 < a^2 && $$5^2 < z^2 { print; kept[$$2] }
 	    $$1 == 1 && $$2 in kept' "$$d/particles.csv" > "$$d/inner.csv"
 	"$$bin"lf-validate displacement "$$d/inner.csv" "$$d/field.exr" -c "$$d/camera.json" --quiet > "$$d/error.json"
 	quality

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+FRAME = "right-handed"  # X right and Y up in the picture, Z towards the camera.
 SIGNATURE = b"\x89LFV\r\n\x1a\n"
 
 
@@ -32,6 +33,14 @@ def module(name, purpose):
         return __import__(name)
     except ImportError:
         raise Refused(f"{name}: no such Python module; wanted it {purpose} (pip install {name})") from None
+
+
+def _check_frame(path, header):
+    wanted = f'wanted "frame": "{FRAME}"; make the file again from the images'
+    if "frame" not in header:
+        raise Refused(f"{path}: its header names no frame: lf 0.1.0 wrote it, with x to the left; {wanted}")
+    if header["frame"] != FRAME:
+        raise Refused(f"{path}: its header has the frame {header['frame']!r}; {wanted}")
 
 
 # Volumes
@@ -96,6 +105,7 @@ def read_volume(path):
     start = 16 + int.from_bytes(data[12:16], "little")
     try:
         header = json.loads(data[16:start])
+        _check_frame(path, header)
         count, names, wanted = int(header["count"]), list(header["columns"]), header["checksum"]
         grid = Grid(*(tuple(header["grid"][key]) for key in ("shape", "spacing_mm", "origin_mm")))
     except (ValueError, KeyError, TypeError) as error:
@@ -117,7 +127,7 @@ def read_volume(path):
     if (indices[1:] <= indices[:-1]).any() or (count and indices[-1] >= len(grid)):
         raise Refused(f"{path}: indices that do not rise, or leave the grid; wanted strictly rising indices in it")
     columns = {name: np.frombuffer(data, "<f4", count, place) for name, place in zip(names, places)}
-    known = ("count", "grid", "columns", "checksum", "history")
+    known = ("count", "frame", "grid", "columns", "checksum", "history")
     extra = {key: value for key, value in header.items() if key not in known}
     return Volume(grid, indices, columns, header.get("history", []), extra)
 
@@ -137,6 +147,7 @@ def write_volume(path, volume):
         length += -length % 64 + 4 * len(indices)
     header = {
         "count": len(indices),
+        "frame": FRAME,
         "grid": {"shape": grid.shape, "spacing_mm": grid.spacing_mm, "origin_mm": grid.origin_mm},
         "columns": list(volume.columns),
         "checksum": _xxh3(parts),
@@ -265,6 +276,7 @@ def read_field(path):
     if "lf:field" not in header:
         raise Refused(f"{path}: an EXR of channels {', '.join(channels)} without attribute lf:field; wanted a field")
     layout = json.loads(header["lf:field"])
+    _check_frame(path, layout)
     return layout, {name: pixels.reshape(layout["shape"][::-1]) for name, pixels in channels.items()}
 
 
@@ -281,6 +293,8 @@ class Camera:
     def __init__(self, path):
         try:
             given = json.loads(_bytes(path)[:])
+            if given.get("frame", FRAME) != FRAME:  # No key depends on the frame, so a camera may lack it.
+                raise Refused(f"{path}: frame {given['frame']!r}; wanted {FRAME!r}")
             sensor, lens, lenslets = given["sensor"], given["main_lens"], given["microlenses"]
             bent = [key for key in ("distortion", "tilt", "medium", "centres") if given.get(key) is not None]
             if bent or lenslets.get("gap_mm") is not None:
@@ -321,11 +335,12 @@ class Camera:
         return np.stack([u[inside], v[inside]], 1)
 
     def array_mm(self, x, y, z, u, v):
-        """Where rays from (x, y, z) through (u, v) of the aperture meet the array, mm: x_m = -beta X + alpha U.
-        The arguments broadcast: x_m has the shape of x, z and u together, y_m the shape of y, z and v."""
+        """Where rays from (x, y, z) through (u, v) of the aperture meet the array, mm: x_m = beta X + alpha U and
+        y_m = -beta Y + alpha V. U and V are measured along the sensor's axes, as x_m and y_m are. The arguments
+        broadcast: x_m has the shape of x, z and u together, y_m the shape of y, z and v."""
         beta = self.image_mm / (self.object_mm - z)
         alpha = 1 - self.image_mm / self.focal_mm + beta
-        return alpha * u - beta * x, alpha * v - beta * y
+        return alpha * u + beta * x, alpha * v - beta * y
 
     def centre_mm(self, x, y):
         """Centres of the lenslets whose cells hold these places of the array, mm. If the lattice is in line with the

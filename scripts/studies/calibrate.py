@@ -95,8 +95,8 @@ def shift(folder):
     """Subtracts the focus offset from the depths: a traverse knows the steps between depths, not the focal plane."""
     focus = json.load(open(f"{folder}/truth.json"))["focus"]
     lines = open(f"{folder}/target/dots.csv").read().splitlines()
-    out = [lines[0]]
-    for line in lines[1:]:
+    out = [line for line in lines if not line[0].isdigit()]
+    for line in lines[len(out) :]:
         fields = line.split(",")
         fields[4] = repr(float(fields[4]) - focus)
         out.append(",".join(fields))

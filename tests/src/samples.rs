@@ -189,6 +189,7 @@ fn camera() -> Camera {
 
 fn scene(camera: &Camera) -> String {
     serde_json::json!({
+        "frame": "right-handed",
         "camera": camera,
         "volume": {"x_mm": [-0.2, 0.2], "y_mm": [-0.2, 0.2], "z_mm": [-0.3, 0.3]},
         "particles": {"count": 5, "sigma_px": 0.75, "rays": 500},

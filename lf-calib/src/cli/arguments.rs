@@ -96,7 +96,8 @@ pub struct VolumeArguments {
     /// Folder written by lf-synth dots, or images of one size, one for each depth
     #[arg(required = true, value_name = "DIR|IMAGES")]
     pub images: Vec<PathBuf>,
-    /// Table of the dots, frame,id,x_mm,y_mm,z_mm,intensity, one frame for each image; a folder has its own, dots.csv
+    /// Table of the dots, frame,id,x_mm,y_mm,z_mm,intensity, one frame for each image, x right and y up in the
+    /// picture; a folder has its own, dots.csv
     #[arg(long, value_name = "FILE")]
     pub target: Option<PathBuf>,
     /// Instead of a table: spacing of a square grid of dots with one near the axis, mm

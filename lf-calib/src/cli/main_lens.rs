@@ -14,7 +14,7 @@ pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<V
     io::check_place(output)?;
     let nominal = Camera::open(camera)?;
     session.explain(format!("camera: {}", nominal.about()));
-    let dots = dots(images.len(), table.as_deref(), arguments, &nominal)?;
+    let dots = dots(images.len(), table.as_deref(), arguments, &nominal, session)?;
     let exposures = session.phase("read", |_| {
         for depth in dots.iter().flatten().map(|dot| dot.place_mm[2]) {
             check_depth_mm(&nominal, depth).map_err(|refusal| {
@@ -60,9 +60,15 @@ fn inputs(arguments: &VolumeArguments) -> Result<(Vec<PathBuf>, Option<PathBuf>)
 }
 
 /// The dots of each image: from a table, or on a square grid.
-fn dots(images: usize, table: Option<&Path>, arguments: &VolumeArguments, nominal: &Camera) -> Result<Vec<Vec<Dot>>> {
+fn dots(
+    images: usize,
+    table: Option<&Path>,
+    arguments: &VolumeArguments,
+    nominal: &Camera,
+    session: &Session,
+) -> Result<Vec<Vec<Dot>>> {
     match (table, arguments.spacing, arguments.depths.as_deref()) {
-        (Some(table), None, None) => dots_of_table(images, table),
+        (Some(table), None, None) => dots_of_table(images, table, session),
         (None, Some(spacing), Some(depths)) => {
             if !(spacing.is_finite() && spacing > 0.0) {
                 return Err(Error::new("--spacing", spacing.to_string(), "wanted a positive length, mm"));
@@ -75,8 +81,10 @@ fn dots(images: usize, table: Option<&Path>, arguments: &VolumeArguments, nomina
 }
 
 /// The dots of each image from a table, which must have as many frames as there are images.
-fn dots_of_table(images: usize, table: &Path) -> Result<Vec<Vec<Dot>>> {
-    let rows = particles::read(&io::open_text(table)?).map_err(|refusal| refusal.about(io::name(table)))?;
+fn dots_of_table(images: usize, table: &Path, session: &Session) -> Result<Vec<Vec<Dot>>> {
+    let text = io::open_text(table)?;
+    let rows = particles::read(&text).map_err(|refusal| refusal.about(io::name(table)))?;
+    particles::warn_unmarked(&text, &io::name(table), session);
     let frames = rows.iter().map(|row| row.frame + 1).max().unwrap_or(0);
     if frames != images {
         let found = format!("dots of {frames} frames for {images} images");

@@ -35,10 +35,11 @@ pub(crate) fn refocus(
     let least = ground + ABOVE_NOISE * noise(image);
     let k = optics.demagnification;
     let axis = PointView::new(optics, DVec3::new(0.0, 0.0, z_mm));
-    // Magnification from the object to the array at this depth, by a numerical derivative. The image is inverted.
-    let step = DVec2::new(1e-2, 0.0);
+    // Motion on the array for each mm that a point moves along x and along y at this depth, by numerical derivatives.
+    let step = 1e-2;
     let hit = |object: DVec2| optics.array_from_object(object, z_mm, DVec2::ZERO);
-    let beta = (hit(-step) - hit(step)).x / (2.0 * step.x);
+    let motion = |way: DVec2| (hit(step * way) - hit(-step * way)) / (2.0 * step);
+    let per_mm = DVec2::new(motion(DVec2::X).x, motion(DVec2::Y).y);
     for ((row, column), &count) in image.indexed_iter() {
         let count = f64::from(count);
         if count.is_nan() || count <= least {
@@ -50,9 +51,9 @@ pub(crate) fn refocus(
         if !optics.passes(aperture) {
             continue;
         }
-        let mut object = (axis.alpha * aperture - centre) / beta;
+        let mut object = (centre - axis.alpha * aperture) / per_mm;
         for _ in 0..2 {
-            object += (optics.array_from_object(object, z_mm, aperture) - centre) / beta;
+            object -= (optics.array_from_object(object, z_mm, aperture) - centre) / per_mm;
         }
         let cell = (object + half_mm) / cell_mm;
         if cell.x >= 0.0 && cell.y >= 0.0 && cell.x < light.ncols() as f64 && cell.y < light.nrows() as f64 {

@@ -11,6 +11,7 @@ use ndarray::Array2;
 /// The camera of the simulations with a round stop: lenslets of 14 px whose discs touch.
 pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2]) -> Camera {
     Camera {
+        frame: Default::default(),
         sensor: Sensor { width: side, height: side, pixel_pitch_mm: 0.0055 },
         main_lens: MainLens {
             focal_length_mm: 200.0,

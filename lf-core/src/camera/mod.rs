@@ -6,7 +6,11 @@
 //! A `camera.json` is one JSON object. Its keys are the fields of [`Camera`], and its blocks those of the structs named
 //! there; an unknown key is refused. `sensor`, `main_lens` and `microlenses` are required. The other blocks are
 //! optional: an effect is modelled only if its block is given, and costs nothing otherwise. Lengths are mm, angles rad;
-//! the frame and its signs are in [`crate::optics`].
+//! the frame and its signs are in [`crate::optics`]. Directions in a camera (the lattice's turn and offset, tilt,
+//! distortion, centres) are along the sensor's axes: x along the columns, y along the rows, downwards.
+//!
+//! `frame` is `right-handed` in every file that the tools write. A camera without it is read too, so that a data sheet
+//! may be typed in without it and cameras of lf 0.1.0 keep their worth: no key depends on where X points.
 //!
 //! | symbol | key | derived here |
 //! | --- | --- | --- |

@@ -1,5 +1,6 @@
 //! The keys of `camera.json`.
 
+use crate::frame::Frame;
 use crate::lattice::{Centres, Microlenses};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -8,6 +9,10 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
+    /// The frame of the object. A file may lack it: its keys are measured along the axis or along the sensor's axes, so
+    /// none depends on where X points.
+    #[serde(default)]
+    pub frame: Frame,
     /// The pixels.
     pub sensor: Sensor,
     /// The main lens.
@@ -80,12 +85,13 @@ pub struct Distortion {
     /// k1, k2, k3: coefficients of r^2, r^4, r^6, where r is the tangent of the chief ray behind the lens.
     #[serde(default)]
     pub radial: [f64; 3],
-    /// p1, p2.
+    /// p1, p2, along the sensor's axes.
     #[serde(default)]
     pub tangential: [f64; 2],
 }
 
-/// Tilt of the sensor against the array: the gap between them grows by tan(x_rad) along x and by tan(y_rad) along y.
+/// Tilt of the sensor against the array: the gap between them grows by tan(x_rad) along x and by tan(y_rad) along y,
+/// the sensor's columns and rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tilt {

@@ -3,6 +3,7 @@ use super::*;
 /// The seed camera of the simulations: 77 um lenslets of 0.308 mm behind a 200 mm lens at m = 1, N_w = 4.
 pub(crate) fn seed(lenslets: usize, aperture: Aperture, layout: Layout, rotation_rad: f64) -> Camera {
     Camera {
+        frame: Default::default(),
         sensor: Sensor { width: 14 * lenslets, height: 14 * lenslets, pixel_pitch_mm: 0.0055 },
         main_lens: MainLens { focal_length_mm: 200.0, magnification: 1.0, working_f_number: 4.0, aperture },
         microlenses: Microlenses {

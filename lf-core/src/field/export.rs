@@ -5,7 +5,7 @@
 //! the names of the arrays and in a comment. The time between the volumes, if known, is the field datum `dt_s`.
 
 use super::{vector_grid::VectorGrid, vectors::Field};
-use crate::{Result, io};
+use crate::{Result, frame::MARK, io};
 use std::{io::Write, path::Path};
 
 /// Numbers at every vector of a field; the components of one vector are neighbours.
@@ -49,6 +49,7 @@ pub(super) fn write_vti(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Wri
     let dt = layout.dt_s.map_or("not known".into(), |dt_s| format!("{dt_s} s"));
     let units = "places in mm; an array's is the end of its name, mm_s for mm/s, and 1 where there is none.";
     writeln!(out, "<!-- Units: {units} -->")?;
+    writeln!(out, "<!-- Frame: {MARK}; x right and y up in the picture, z towards the camera. -->")?;
     writeln!(out, "<!-- Time between the volumes: {dt}. -->")?;
     writeln!(out, r#"<ImageData WholeExtent="{extent}" Origin="{ox} {oy} {oz}" Spacing="{dx} {dy} {dz}">"#)?;
     if let Some(dt_s) = layout.dt_s {

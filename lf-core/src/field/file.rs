@@ -5,7 +5,9 @@ use super::vector_grid::{CHANNELS, COUNT, REQUIRED, VectorGrid};
 use super::vectors::Field;
 use crate::image::{exr, guarded};
 use crate::io::{self, Signature};
-use crate::{Refusal, Result};
+use crate::{Refusal, Result, frame};
+use serde::Deserialize;
+use serde_json::{Map, Value};
 use std::path::Path;
 
 /// The attribute that holds the layout.
@@ -77,8 +79,10 @@ fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
         let found = format!("an EXR of channels {} without attribute {LAYOUT}", header.channels.join(", "));
         return Err(Refusal::new(found, WANTED));
     };
-    let layout: VectorGrid =
-        serde_json::from_str(&text).map_err(|error| Refusal::new(format!("attribute {LAYOUT}: {error}"), WANTED))?;
+    let wrong = |error: serde_json::Error| Refusal::new(format!("attribute {LAYOUT}: {error}"), WANTED);
+    let attribute: Map<String, Value> = serde_json::from_str(&text).map_err(wrong)?;
+    frame::check(&attribute)?;
+    let layout = VectorGrid::deserialize(Value::from(attribute)).map_err(wrong)?;
     layout.check()?;
     let [nx, ny, nz] = layout.shape;
     let found = || format!("{} x {} pixels for a shape of {nx} x {ny} x {nz}", header.width, header.height);

@@ -15,7 +15,8 @@
 //! | `count` | particle images in the window; NaN if not counted; a file may lack this channel | 1 |
 //!
 //! and one text attribute `lf:field`: the JSON of [`VectorGrid`], and `units`, an object with the unit of every
-//! channel, which readers ignore. A field of nx x ny x nz vectors is an image nx wide and ny nz high; vector (i, j, k)
+//! channel, which readers ignore, and `frame`, which must be `right-handed` (see
+//! [`mod@crate::frame`]). A field of nx x ny x nz vectors is an image nx wide and ny nz high; vector (i, j, k)
 //! is the pixel in column i of row k ny + j. A displacement must be finite unless its flag is 2.
 //!
 //! **`.vti`** is VTK image data for ParaView, **`.csv`** is text for a spreadsheet; both are only written. They also

@@ -1,6 +1,6 @@
 //! Where the vectors of a field are and how they were made.
 
-use crate::{Refusal, history::History};
+use crate::{Refusal, frame::MARK, history::History};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, json};
 
@@ -66,10 +66,11 @@ impl VectorGrid {
         (along < self.shape[axis]).then(|| i.wrapping_add_signed(steps * stride as isize))
     }
 
-    /// The JSON of the attribute `lf:field`: the units of the channels, which explain the file, and the layout.
+    /// The JSON of the attribute `lf:field`: the units of the channels and the frame, which explain the file, and the
+    /// layout.
     pub(super) fn to_json(&self) -> String {
         let units: Map<_, _> = CHANNELS.iter().map(|(name, unit)| ((*name).to_owned(), json!(unit))).collect();
-        let mut attribute = json!({"units": units});
+        let mut attribute = json!({"units": units, "frame": MARK});
         for (key, value) in json!(self).as_object().into_iter().flatten() {
             attribute[key] = value.clone();
         }

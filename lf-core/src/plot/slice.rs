@@ -8,8 +8,8 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// Share of the values that colours and arrows show whole, so that a few wild ones do not make the rest pale and short.
 const USUAL: f64 = 0.98;
 
-/// One layer of vectors across an axis. Convention: x is drawn to the right or, in a layer across x, y. Upwards, y runs
-/// down as image rows do, and z up.
+/// One layer of vectors across an axis. Convention: x is drawn to the right or, in a layer across x, y; the other axis
+/// is drawn upwards. So a layer across z looks as the camera sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct Slice<'a> {
     /// The grid of the vectors.
@@ -58,8 +58,7 @@ impl Slice<'_> {
     pub fn panel(&self, title: impl Into<String>, scale: Axis, values: Vec<f64>) -> Panel {
         let bounds = self.across().map(|axis| self.grid.bounds_mm(axis));
         let name = |which: usize| Axis::new(format!("{}, mm", AXES[self.across()[which]])).over(bounds[which]);
-        let upright = if self.across()[1] == 1 { name(1).over([bounds[1][1], bounds[1][0]]) } else { name(1) };
-        let mut panel = Panel::new(title, name(0), upright);
+        let mut panel = Panel::new(title, name(0), name(1));
         panel.is_to_scale = true;
         panel.marks = vec![Mark::Map { values, cells: self.shape(), x: bounds[0], y: bounds[1], scale }];
         panel

@@ -19,6 +19,7 @@
 //! Voxel (x, y, z) has the index `x + nx (y + ny z)`. The keys of the header are:
 //!
 //! - `count`: n, a whole number, at most nx ny nz.
+//! - `frame`: `right-handed`, see [`mod@crate::frame`].
 //! - `grid`: `{"shape": [nx, ny, nz], "spacing_mm": [dx, dy, dz], "origin_mm": [x, y, z]}` and nothing else. The origin
 //!   is the centre of voxel (0, 0, 0) in the object frame of [`crate::optics`].
 //! - `columns`: the names of the columns in the order of the file, all different, none empty.
@@ -44,7 +45,7 @@ pub(super) const LONGEST_HEADER: usize = 1 << 20;
 /// The header ends and columns start at multiples of this, bytes: a cache line and a 512-bit register.
 pub(super) const ALIGNMENT: u64 = 64;
 /// Header keys of the format itself.
-pub(super) const KEYS: [&str; 5] = ["count", "grid", "columns", "checksum", "history"];
+pub(super) const KEYS: [&str; 6] = ["count", crate::frame::KEY, "grid", "columns", "checksum", "history"];
 
 /// Places of the parts of a file, bytes. No header can overflow a `u128`.
 pub(super) struct Places {

@@ -1,7 +1,7 @@
 //! The header of a `.lfv`, from and to text.
 
 use super::format::{ALIGNMENT, KEYS, LONGEST_HEADER, PREFIX, SIGNATURE, VERSION};
-use crate::{Refusal, grid::Grid, history::History};
+use crate::{Refusal, frame, frame::MARK, grid::Grid, history::History};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
@@ -55,6 +55,7 @@ impl Header {
         Refusal::unless(is_object, || "its header is not a JSON object", WANTED)?;
         let mut map: Map<String, Value> =
             serde_json::from_str(text).map_err(|error| wrong(format!("its header is not JSON: {error}")))?;
+        frame::check(&map)?;
         let count: u64 = take(&map, "count")?;
         let grid: Grid = take(&map, "grid")?;
         grid.check().map_err(|refusal| Refusal { found: format!("its header: {}", refusal.found), ..refusal })?;
@@ -78,7 +79,7 @@ impl Header {
     pub fn to_text(&self) -> Result<Vec<u8>, Refusal> {
         let Self { count, grid, columns, checksum, history, extra } = self;
         let checksum = format!("{checksum:016x}");
-        let mut header = json!({"count": count, "grid": grid, "columns": columns, "checksum": checksum});
+        let mut header = json!({"count": count, "frame": MARK, "grid": grid, "columns": columns, "checksum": checksum});
         if !history.is_empty() {
             header["history"] = json!(history);
         }

@@ -1,6 +1,6 @@
 //! Where the light of a voxel lands on the sensor, seen along one axis.
 
-use crate::{camera::Camera, grid::Grid, optics::Optics};
+use crate::{camera::Camera, frame::runs_back, grid::Grid, optics::Optics};
 use glam::DVec2;
 use std::ops::Range;
 
@@ -51,7 +51,7 @@ impl<'a> Reach<'a> {
         [low as usize, high as usize]
     }
 
-    /// Voxels at depth `z_mm` whose light can reach these pixels. The lens inverts: the place falls as x rises.
+    /// Voxels at depth `z_mm` whose light can reach these pixels.
     pub fn voxels(&self, pixels: [usize; 2], z_mm: f64) -> Range<usize> {
         let half = 0.5 * self.optics.sensor_px[self.axis] as f64;
         let edge = |pixel: usize| (pixel as f64 - half) * self.optics.pixel_pitch_mm;
@@ -70,8 +70,14 @@ impl<'a> Reach<'a> {
             }
             from
         };
-        let is_above = |i: usize| self.ends(place(i as f64 + BASIS_VOX), z_mm, 1)[0] > high;
-        let not_below = |i: usize| self.ends(place(i as f64 - BASIS_VOX), z_mm, 1)[1] >= low;
-        first(&is_above)..first(&not_below)
+        // Along the axis the light moves to higher pixels or to lower ones. Voxels before the range miss the pixels on
+        // one side, voxels behind it on the other.
+        let ends = |i: usize, reach_vox: f64| self.ends(place(i as f64 + reach_vox), z_mm, 1);
+        let (before, after): (&dyn Fn(usize) -> bool, &dyn Fn(usize) -> bool) = if runs_back(self.axis) {
+            (&|i| ends(i, BASIS_VOX)[0] > high, &|i| ends(i, -BASIS_VOX)[1] < low)
+        } else {
+            (&|i| ends(i, BASIS_VOX)[1] < low, &|i| ends(i, -BASIS_VOX)[0] > high)
+        };
+        first(before)..first(&|i| !after(i))
     }
 }

@@ -14,7 +14,8 @@
 //! are those of the whole volume.
 
 use crate::{
-    Error, Refusal, Result, camera::Camera, grid::Grid, optics::Optics, volume::reach::Reach, volume::reader::Volume,
+    Error, Refusal, Result, camera::Camera, frame::runs_back, grid::Grid, optics::Optics, volume::reach::Reach,
+    volume::reader::Volume,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -88,10 +89,10 @@ impl Tile {
             let [from, to] = core_vox[axis];
             let [low, high] = Reach::new(camera, grid, axis)
                 .pixels(grid.centre_mm(axis, from) - halo_mm, grid.centre_mm(axis, to - 1) + halo_mm);
-            // The lens inverts the image: the last voxels light the first pixels.
-            let low = if to == grid.shape[axis] { 0 } else { low };
-            let high = if from == 0 { limit } else { high };
-            [low, high]
+            let (is_first, is_last) = (from == 0, to == grid.shape[axis]);
+            // The first voxels light the first pixels, or the last ones if the pixels run back.
+            let [at_start, at_end] = if runs_back(axis) { [is_last, is_first] } else { [is_first, is_last] };
+            [if at_start { 0 } else { low }, if at_end { limit } else { high }]
         });
         Ok(Self { index, of, halo_mm, core_vox, pixels })
     }

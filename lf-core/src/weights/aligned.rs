@@ -54,7 +54,8 @@ impl Aligned {
         let axis = geometry.axis(z, along);
         let [low, high] = geometry.slabs[0].x;
         let span = Span { low, high, blur: geometry.blurs(&axis)[along] };
-        let x0 = -axis.beta * geometry.grid.centre_mm(along, place);
+        let voxel = if along == 0 { [place, 0, z] } else { [0, place, z] };
+        let x0 = geometry.chief_mm(&axis, voxel)[along];
         let reach = axis.alpha.abs() * axis.half_aperture + high + span.blur.reach();
         let pitch = high - low;
         let zero = geometry.optics.lattice().centre_mm(0, 0)[along];

@@ -3,7 +3,7 @@
 use super::cell::{self, Slab};
 use super::model::{Basis, Model, aperture_sections};
 use super::{axis::Axis, blur::Blur};
-use crate::{Camera, Grid, Optics, camera::Aperture};
+use crate::{Camera, Grid, Optics, camera::Aperture, frame::sensor_axes};
 use glam::DVec2;
 
 #[derive(Debug, Clone)]
@@ -95,7 +95,7 @@ impl Geometry {
     #[inline(always)]
     pub(super) fn chief_mm(&self, axis: &Axis, [x, y, z]: [usize; 3]) -> DVec2 {
         let place = DVec2::new(self.grid.centre_mm(0, x), self.grid.centre_mm(1, y));
-        -axis.beta * place + self.optics.distortion_mm(place, self.grid.centre_mm(2, z))
+        -axis.beta * sensor_axes(place) + self.optics.distortion_mm(place, self.grid.centre_mm(2, z))
     }
 }
 

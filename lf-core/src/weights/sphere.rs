@@ -53,7 +53,7 @@ impl Sphere {
         let Geometry { grid, optics, .. } = &self.geometry;
         let [x, y, z] = std::array::from_fn(|axis| grid.centre_mm(axis, voxel[axis]));
         let (alpha, k) = (optics.alpha(z), optics.demagnification);
-        let chief = -optics.beta(z) * DVec2::new(x, y);
+        let chief = optics.straight_rays(z).chief_mm(DVec2::new(x, y));
         let spread = alpha.abs() * optics.half_aperture_mm + self.reach_mm;
         for (_, _, centre) in optics.lattice().lenslets_within(chief, DVec2::splat(spread)) {
             let [columns, rows] = self.pixels(alpha, chief, centre);

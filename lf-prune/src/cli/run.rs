@@ -120,7 +120,9 @@ fn report(support: &Support, plan: &Plan, grid: &Grid, options: &Options, sessio
 }
 
 fn report_lost(support: &Support, grid: &Grid, file: &Path, frame: usize, session: &mut Session) -> Result<()> {
-    let table = particles::read(&io::open_text(file)?).map_err(|refusal| refusal.about(io::name(file)))?;
+    let text = io::open_text(file)?;
+    let table = particles::read(&text).map_err(|refusal| refusal.about(io::name(file)))?;
+    particles::warn_unmarked(&text, &io::name(file), session);
     let shown = table.iter().filter(|particle| particle.frame == frame);
     let places: Vec<[f64; 3]> = shown.map(|particle| particle.place_mm).collect();
     let (inside, lost) = support.lost(grid, &places);

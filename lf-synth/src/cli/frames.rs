@@ -3,7 +3,7 @@
 use super::images::{check_folder, create_folder, rendered, save_image, save_text};
 use super::{arguments::FramesArguments, setup::Setup};
 use lf_core::flow::{Flows, Velocity};
-use lf_core::{Error, Grid, Refusal, Result, Session, io, volume};
+use lf_core::{Error, Grid, Refusal, Result, Session, io, particles, volume};
 use lf_synth::particles::{Appearance, Particle, Tracers, inside, seed_evenly, table};
 use lf_synth::rays::{self, Glow, Instrument};
 use lf_synth::{scene::Truth, truth};
@@ -80,7 +80,7 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
 fn tracers(setup: &Setup, times: &[f64], session: &Session) -> Result<Tracers> {
     let (scene, p) = (&setup.scene, &setup.scene.particles);
     if let Some(file) = scene.flow.as_ref().and_then(Flows::tracks) {
-        return tracks(file, times);
+        return tracks(file, times, session);
     }
     let bounds = scene.volume.bounds_mm();
     let velocity = match &scene.flow {
@@ -89,7 +89,9 @@ fn tracers(setup: &Setup, times: &[f64], session: &Session) -> Result<Tracers> {
     };
     let all = match &p.csv {
         Some(csv) => {
-            let all = table::first_frame(&io::open_text(csv)?).map_err(|refusal| refusal.about(io::name(csv)))?;
+            let text = io::open_text(csv)?;
+            let all = table::first_frame(&text).map_err(|refusal| refusal.about(io::name(csv)))?;
+            particles::warn_unmarked(&text, &io::name(csv), session);
             let (count, outside) = (all.len(), all.len() - inside(&all, bounds).len());
             if outside > 0 {
                 session.warn(format!("{}: {outside} of {count} particles are outside the volume", io::name(csv)));
@@ -110,9 +112,11 @@ fn tracers(setup: &Setup, times: &[f64], session: &Session) -> Result<Tracers> {
     Ok(Tracers::Carried { all, velocity, time: 0.0 })
 }
 
-fn tracks(file: &Path, times: &[f64]) -> Result<Tracers> {
+fn tracks(file: &Path, times: &[f64], session: &Session) -> Result<Tracers> {
     let wrong = |refusal: Refusal| refusal.about(io::name(file));
-    let frames = table::tracks(&io::open_text(file)?).map_err(wrong)?;
+    let text = io::open_text(file)?;
+    let frames = table::tracks(&text).map_err(wrong)?;
+    particles::warn_unmarked(&text, &io::name(file), session);
     if let Some(time) = times.iter().find(|t| t.fract() != 0.0 || **t < 0.0 || **t >= frames.len() as f64) {
         let found = format!("has {} frames, none of them at the scene's time {time}", frames.len());
         return Err(wrong(Refusal::new(found, table::TRACKS_WANTED)));

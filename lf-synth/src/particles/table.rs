@@ -2,11 +2,11 @@
 
 use super::tracers::Particle;
 use lf_core::Refusal;
-use lf_core::particles::{self, HEADER};
+use lf_core::particles::{self, FRAME_LINE, HEADER};
 
 /// The text of a `particles.csv`.
 pub fn to_csv(frames: &[Vec<Particle>]) -> String {
-    let mut text = format!("{HEADER}\n");
+    let mut text = format!("{FRAME_LINE}\n{HEADER}\n");
     for (frame, particles) in frames.iter().enumerate() {
         for p in particles {
             let [x, y, z] = p.place_mm.to_array();

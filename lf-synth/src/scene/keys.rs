@@ -4,7 +4,7 @@ use super::dots::Dots;
 use crate::rays::{Diffraction, Glow, RayCount, SecondStop, Shape};
 use crate::{particles::Sheet, sensor::SensorNoise};
 use lf_core::scene::{CameraSource, Frames, LitVolume};
-use lf_core::{Camera, Grid, Refusal, flow::Flows};
+use lf_core::{Camera, Grid, Refusal, flow::Flows, frame::Frame};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -15,6 +15,9 @@ pub struct Scene {
     /// A description of the scene in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub about: Option<String>,
+    /// The frame of the volume, the particles and the flow. A scene may lack it.
+    #[serde(default)]
+    pub frame: Frame,
     /// The camera, or the path of its file from the scene's folder.
     pub camera: CameraSource,
     /// Blur by diffraction at the lenslets.

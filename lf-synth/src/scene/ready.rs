@@ -1,6 +1,6 @@
 //! Ready scenes, as data.
 
-use lf_core::Refusal;
+use lf_core::{Refusal, frame};
 use serde_json::{Map, Value, json};
 
 /// Name, description and scene.
@@ -54,6 +54,7 @@ pub fn scene(name: &str) -> Option<Value> {
     let (_, about, keys) = READY.iter().find(|ready| ready.0 == name)?;
     let Value::Object(keys) = keys() else { unreachable!("a scene is an object") };
     let mut scene = Map::from_iter([("about".to_string(), (*about).into())]);
+    scene.insert(frame::KEY.to_string(), frame::MARK.into());
     scene.extend(keys);
     scene.insert("seed".to_string(), 1.into());
     Some(Value::Object(scene))

@@ -64,8 +64,8 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&PathBuf> = [&arguments.particles, &arguments.volume].into_iter().chain(&arguments.and).collect();
     arguments.picture.check(files.iter().copied().chain(&arguments.camera), session)?;
     let search_vox = counts("--search", arguments.search)?;
-    let (pairs, pixel_mm) = session.phase("read", |_| {
-        let pairs: Result<Vec<_>> = files.chunks(2).map(|pair| read(pair, arguments.frame)).collect();
+    let (pairs, pixel_mm) = session.phase("read", |session| {
+        let pairs: Result<Vec<_>> = files.chunks(2).map(|pair| read(pair, arguments.frame, session)).collect();
         Ok((pairs?, pixel_mm(arguments.camera.as_deref())?))
     })?;
     let grid = pairs[0].1.grid();
@@ -93,10 +93,11 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 }
 
 /// The places of a table and the volume that belongs to it.
-fn read(pair: &[&PathBuf], frame: usize) -> Result<(Vec<[f64; 3]>, Volume)> {
+fn read(pair: &[&PathBuf], frame: usize, session: &Session) -> Result<(Vec<[f64; 3]>, Volume)> {
     let [table, volume] = pair else { unreachable!("clap takes them in pairs") };
     let text = io::open_text(table)?;
     let all = particles::read(&text).map_err(|refusal| refusal.about(io::name(table)))?;
+    particles::warn_unmarked(&text, &io::name(table), session);
     let of_frame = all.iter().filter(|particle| particle.frame == frame);
     let places: Vec<[f64; 3]> = of_frame.map(|particle| particle.place_mm).collect();
     if places.is_empty() {

@@ -2,6 +2,7 @@
 
 use super::output::Picture;
 use lf_core::flow::{Flows, Velocity};
+use lf_core::frame::{self, Frame};
 use lf_core::scene::{self, CameraSource, Frames, LitVolume};
 use lf_core::{Camera, Error, Field, Refusal, Result, Session, Tile, Volume, io, particles};
 use lf_validate::info::FileKind;
@@ -44,6 +45,7 @@ const WANTED: &str = "wanted a vector field in EXR, a scene.json or a particles.
 /// The keys of a scene that describe how its particles move. Other keys are not read.
 #[derive(serde::Deserialize)]
 struct Motion {
+    frame: Option<Frame>,
     camera: CameraSource,
     volume: LitVolume,
     #[serde(default)]
@@ -72,6 +74,7 @@ pub fn open_truth(
         FileKind::Particles => {
             let named = |refusal: Refusal| refusal.about(&name);
             let particles = particles::read(text()?).map_err(named)?;
+            particles::warn_unmarked(text()?, &name, session);
             Ok(TrueDisplacement::Tracks(tracks(&particles, frames.unwrap_or([0, 1])).map_err(named)?))
         }
         FileKind::Volume | FileKind::Table | FileKind::Centres | FileKind::Vti | FileKind::Picture => {
@@ -85,6 +88,10 @@ pub fn open_truth(
 fn flow(text: &str, file: &Path, name: &str, picture: &Picture, session: &Session) -> Result<TrueDisplacement> {
     let wrong = |found: String| Error::new(name, found, scene::WANTED);
     let mut motion: Motion = serde_json::from_str(text).map_err(|error| wrong(error.to_string()))?;
+    if motion.frame.is_none() {
+        let wanted = format!("wanted \"{}\": \"{}\", with x to the right in the picture", frame::KEY, frame::MARK);
+        return Err(Error::new(name, "names no frame, as scenes of lf 0.1.0, which have x to the left", wanted));
+    }
     let folder = file.parent().unwrap_or(Path::new(""));
     motion.volume.check().and_then(|()| motion.frames.check()).map_err(|refusal| refusal.about(name))?;
     let interval = motion.frames.interval();

@@ -3,7 +3,7 @@
 use super::description::Description;
 use super::numbers::{figures, product, whole};
 use lf_core::camera::{Aperture, Layout};
-use lf_core::{Camera, lattice::MOST_DEGREE};
+use lf_core::{Camera, frame, lattice::MOST_DEGREE};
 use serde_json::Value;
 
 /// Largest k D / p - 1 that counts as matched: a tenth of a pixel, with lenslets of 14 pixels.
@@ -12,6 +12,7 @@ const MATCHED: f64 = 0.007;
 /// Describes a camera, with the lengths that follow from it.
 pub fn camera(camera: &Camera) -> Description {
     let mut about = Description::new("plenoptic camera (camera.json)");
+    about.line(frame::KEY, frame::MARK);
     sensor_and_lens(&mut about, camera);
     lenslets(&mut about, camera);
     resolution(&mut about, camera);

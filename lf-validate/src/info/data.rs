@@ -4,7 +4,7 @@ use super::numbers::{Summary, figures, percent, product, whole};
 use super::{description::Description, objects::brief};
 use crate::scores::units::AXES;
 use lf_core::field::{MEASURED, REPLACED};
-use lf_core::{Field, Grid, History, Tile};
+use lf_core::{Field, Grid, History, Tile, frame};
 use serde_json::{Map, Value};
 
 /// Describes an image of `width` x `height` pixels, the first of `pages`.
@@ -39,6 +39,7 @@ pub fn volume(
     history: &History,
 ) -> Description {
     let mut about = Description::new("sparse volume (.lfv)");
+    about.line(frame::KEY, frame::MARK);
     let [nx, ny, nz] = grid.shape;
     about
         .line("grid", format!("{nx} x {ny} x {nz} = {} voxels of {} mm", whole(grid.len()), product(&grid.spacing_mm)));
@@ -65,6 +66,7 @@ pub fn volume(
 pub fn field(field: &Field) -> Description {
     let layout = &field.layout;
     let mut about = Description::new("vector field (.exr)");
+    about.line(frame::KEY, frame::MARK);
     let [nx, ny, nz] = layout.shape;
     let total = field.flag.len();
     about.line(

@@ -38,7 +38,11 @@ impl FileKind {
             Some(Signature::Lfv) => return Ok(Self::Volume),
             _ => {}
         }
-        let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes).trim_ascii_start();
+        let mut text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes).trim_ascii_start();
+        // Lines with `#` may stand before the header of a table.
+        while text.starts_with(b"#") {
+            text = text.iter().position(|byte| *byte == b'\n').map_or(&[][..], |end| &text[end + 1..]);
+        }
         for (start, kind) in [
             ("{", Self::Json),
             ("frame,", Self::Particles),
@@ -115,6 +119,7 @@ mod tests {
             (b"MM\0*....", FileKind::Image),
             (b"\xef\xbb\xbf {\"sensor\": 1}", FileKind::Json),
             (b"frame,id,x_mm,y_mm,z_mm,intensity\n", FileKind::Particles),
+            (b"# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n", FileKind::Particles),
             (b"x_mm,y_mm,z_mm,u_mm,v_mm,w_mm\n", FileKind::Table),
             (b"i,j,x_px,y_px,residual_x_px,residual_y_px,kept\n", FileKind::Centres),
             (b"<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\">", FileKind::Vti),

@@ -3,7 +3,7 @@
 use super::numbers::{Summary, figures, percent, whole};
 use super::{description::Description, kind::WANTED};
 use crate::scores::units::AXES;
-use lf_core::{Particle, Refusal, particles::read};
+use lf_core::{Particle, Refusal, particles::frame, particles::read};
 use std::collections::BTreeMap;
 
 /// Most frames listed one by one. Of more frames the first and the last are listed.
@@ -15,6 +15,7 @@ pub fn particles(text: &str) -> Result<Description, Refusal> {
     let mut frames = BTreeMap::<usize, u64>::new();
     particles.iter().for_each(|particle| *frames.entry(particle.frame).or_default() += 1);
     let mut about = Description::new("particles, or dots of a target (particles.csv, dots.csv)");
+    about.line("frame", frame(text).unwrap_or("not named; read as right-handed"));
     let plural = if frames.len() == 1 { "" } else { "s" };
     about.line("particles", format!("{} in {} frame{plural}", whole(particles.len() as u64), frames.len()));
     for (n, (frame, count)) in frames.iter().enumerate() {

@@ -66,7 +66,8 @@ impl<'a> Lines<'a> {
         let z_mm = grid.centre_mm(2, z);
         let spacing = DVec2::new(grid.spacing_mm[0], grid.spacing_mm[1]);
         let first = DVec2::new(grid.centre_mm(0, region[0].start), grid.centre_mm(1, region[1].start));
-        let voxels_per_mm = -1.0 / (optics.beta(z_mm) * spacing);
+        // With their signs: from voxel to voxel a ray moves to the right and to the top of the picture.
+        let voxels_per_mm = 1.0 / optics.straight_rays(z_mm).chief_mm(spacing);
         let corners: Vec<DVec2> = optics.lattice().cell_mm().iter().map(|corner| *corner * voxels_per_mm).collect();
         let (along, across) = (views.lattice.along_mm * voxels_per_mm, views.lattice.across_mm * voxels_per_mm);
         let per_across = DVec2::new(-along.y, along.x) / along.perp_dot(across);

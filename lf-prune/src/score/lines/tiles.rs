@@ -27,7 +27,7 @@ impl Shift<'_> {
     fn at_mm(&self, place: DVec2, spread_mm: DVec2) -> DVec2 {
         let [[x, y, _], [dx, dy, _]] = [self.grid.origin_mm, self.grid.spacing_mm];
         let place_mm = DVec2::new(x + place.x * dx, y + place.y * dy);
-        let straight = spread_mm - self.optics.beta(self.z_mm) * place_mm;
+        let straight = spread_mm + self.optics.straight_rays(self.z_mm).chief_mm(place_mm);
         let moved = straight + self.optics.distortion_mm(place_mm, self.z_mm);
         self.optics.lattice().perfect(moved) - straight
     }

@@ -55,8 +55,8 @@ mod tests {
                         "offset_mm": [0.0, 0.0]}
     }"#;
 
-    /// A point in focus fills the disc under one lenslet, on the other side of the axis. All rays from its voxel meet
-    /// the disc; none does from a voxel one lenslet further.
+    /// A point in focus fills the disc under one lenslet, on its side of the axis: to the right and above. All
+    /// rays from its voxel meet the disc; none does from a voxel one lenslet further.
     #[test]
     fn a_point_in_focus_is_seen_through_the_whole_aperture() {
         let camera = Camera::from_json(CAMERA).unwrap();
@@ -66,7 +66,7 @@ mod tests {
         image[[30, 90]] = f32::NAN;
         let indices: Vec<u64> = (0..grid.len()).collect();
         let means = refocus(image.view(), &camera, &grid, &indices);
-        let lit = grid.index([3, 7, 0]);
+        let lit = grid.index([6, 7, 0]);
         for (index, mean) in indices.iter().zip(&means) {
             assert_eq!(*mean, if *index == lit { 8.0 } else { 0.0 }, "{:?}", grid.voxel(*index));
         }
