@@ -132,7 +132,7 @@ fn file(names: &[&str], json: &str) -> Vec<u8> {
 }
 
 const REQUIRED: [&str; 9] = ["u", "v", "w", "peak", "ratio", "su", "sv", "sw", "flag"];
-const GOOD: &str = r#"{"shape": [4, 3, 2], "spacing_mm": [1, 1, 1], "origin_mm": [0, 0, 0], "voxel_mm": [0, 0, 0], "window": [0, 0, 0], "overlap": 0}"#;
+const GOOD: &str = r#"{"frame": "right-handed", "shape": [4, 3, 2], "spacing_mm": [1, 1, 1], "origin_mm": [0, 0, 0], "voxel_mm": [0, 0, 0], "window": [0, 0, 0], "overlap": 0}"#;
 
 #[test]
 fn a_file_may_lack_the_count_the_time_and_the_history() {
@@ -187,6 +187,12 @@ fn missing_channels_and_false_layouts_are_named() {
         ("[1, 1, 1]", "[1, -1, 1]", "spacing_mm"),
         ("\"overlap\": 0", "\"overlap\": 2", "overlap 2"),
         ("\"overlap\": 0", "\"over\": 0", "missing field `overlap`"),
+        (
+            "\"frame\"",
+            "\"before\"",
+            "names no frame: lf 0.1.0 wrote it, with x to the left; wanted \"frame\": \"right-handed\"",
+        ),
+        ("right-handed", "left-handed", "the frame \"left-handed\"; wanted \"frame\": \"right-handed\""),
     ];
     for (from, to, message) in changes {
         let refusal = refusal(&file(&REQUIRED, &GOOD.replace(from, to)));

@@ -184,6 +184,8 @@ fn every_violation_of_the_specification_is_refused() {
         ("\"history\": []", "\"history\": [1]", "`history`"),
         ("{\"count\"", "[{\"count\"", "not a JSON object"),
         ("\"later\": 7", "\"later\": \u{0}", "not JSON"),
+        ("\"frame\"", "\"before\"", "names no frame: lf 0.1.0 wrote it, with x to the left; wanted \"frame\""),
+        ("right-handed", "left-handed", "the frame \"left-handed\"; wanted \"frame\": \"right-handed\""),
     ];
     for (from, to, message) in headers {
         let refusal = refusal(&with(from, to));
