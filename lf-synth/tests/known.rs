@@ -81,14 +81,14 @@ fn light_arrives_or_is_lost() {
 fn sub_images_drift_by_the_depth_and_its_sign() {
     let camera = camera(Aperture::Square);
     for z in [-4.0f64, -2.0, 2.0, 4.0] {
-        let image = image_of(&camera, None, [0.0385, 0.0385, z], 400_000);
+        let image = image_of(&camera, None, [-0.0385, 0.0385, z], 400_000);
         let beta = 400.0 / (400.0 - z);
         let alpha = beta - 1.0;
         // Lenslets within 3 of the one that holds the image of the point. The rim of the beam cuts none of them.
         let centre_px = |n: i64| (n as f64 + 0.5) * 14.0 + 266.0;
         for n in [-3, -2, 0, 1] {
             let c = (n as f64 + 0.5) * 0.077;
-            let by_hand = 0.00077 * (c - (c - beta * 0.0385) / alpha) / 0.0055;
+            let by_hand = 0.00077 * (c - (c + beta * 0.0385) / alpha) / 0.0055;
             let near = |place: f64| (place - 5.0) as usize..(place + 5.0) as usize;
             let found = centroid(&image, near(centre_px(n) + by_hand), near(centre_px(-1))).x - centre_px(n);
             assert!((found - by_hand).abs() < 0.05, "lenslet {n} at {z} mm: {found} px, not {by_hand}");
