@@ -129,7 +129,7 @@ fn a_written_flow_can_be_followed() {
         folder.run(&format!("lf-synth frames scene.json -o {name}"));
         let table = folder.text(format!("{name}/particles.csv"));
         let number = |text: &str| text.parse::<f64>().unwrap();
-        table.lines().skip(1).map(|line| line.split(',').map(number).collect()).collect::<Vec<Vec<f64>>>()
+        table.lines().skip(2).map(|line| line.split(',').map(number).collect()).collect::<Vec<Vec<f64>>>()
     };
     let written = places(shear, "written");
     let followed = places("flow={\"kind\": \"sampled\", \"path\": \"written/flow.exr\"}", "followed");
@@ -144,7 +144,7 @@ fn no_particles_are_black_frames() {
     let made = rendered("frames", &scene("core", &["particles.per_lenslet=0"]), "0", &[]);
     let image = lf_core::image::from_bytes(&made["frame-0000.exr"], "frame").unwrap();
     assert!(image.pixels.iter().all(|pixel| *pixel == 0.0));
-    assert_eq!(made["particles.csv"].iter().filter(|byte| **byte == b'\n').count(), 1);
+    assert_eq!(made["particles.csv"].iter().filter(|byte| **byte == b'\n').count(), 2);
 }
 
 /// A scene without `truth` gets none.
