@@ -2,7 +2,8 @@
 //!
 //! A `.vti` has points on a regular grid in millimetres, and its arrays as raw bytes after the XML. Each array follows
 //! its length in bytes (a `u64`, little-endian); its `offset` counts from the byte after the underscore. Units are in
-//! the names of the arrays and in a comment. The time between the volumes, if known, is the field datum `dt_s`.
+//! the names of the arrays and in a comment, the frame is in another. The time between the volumes, if known, is the
+//! field datum `dt_s`.
 
 use super::{vector_grid::VectorGrid, vectors::Field};
 use crate::{Result, frame::MARK, io};
