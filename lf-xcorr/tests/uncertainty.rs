@@ -1,7 +1,7 @@
 //! The stated uncertainties cover the true errors.
 
-use crate::coverage::{WORN, coverage, shear, vortices};
-use crate::scene::{self, Wear};
+use crate::coverage::{Cloud, Flow, coverage};
+use crate::scene;
 use lf_xcorr::{Options, correlate};
 
 /// By hand: of two equal particles, one moves 0.1 voxel more along x than the mean and one 0.1 voxel less. The standard
@@ -26,19 +26,22 @@ fn two_particles_by_hand() {
 
 #[test]
 fn worn_particles_are_covered_as_a_standard_uncertainty_says() {
-    for (density, rate) in [(4.0, 0.0), (8.0, 0.03), (20.0, 0.0)] {
-        let found = coverage(density, 0.75, WORN, 1..2, shear(rate));
+    for (density, flow) in [(4.0, Flow::Shear(0.0)), (8.0, Flow::Shear(5.0)), (20.0, Flow::Rotation(10.0))] {
+        let found = coverage(&Cloud::worn(density), |place| flow.at(place), 1..2);
         let mean = found.share.iter().sum::<f64>() / 3.0;
-        assert!((0.60..0.75).contains(&mean), "{density} {rate}: {:?}", found.share);
+        assert!((0.60..0.75).contains(&mean), "{density} {flow:?}: {:?}", found.share);
         assert!(found.error_vox.iter().all(|error| *error > 0.03), "{:?}", found.error_vox);
     }
 }
 
+/// The errors of u and v are those of windows too large for the flow, whether the particles are worn or not.
 #[test]
 fn errors_of_windows_too_large_for_the_flow_are_stated() {
-    let found = coverage(12.0, 0.75, Wear::default(), 1..2, vortices(4.0));
-    (0..2).for_each(|axis| {
-        let ratio = found.stated_vox[axis] / found.error_vox[axis];
-        assert!((0.7..1.3).contains(&ratio), "{:?} {:?}", found.stated_vox, found.error_vox);
-    });
+    let flow = Flow::Vortices(4.0, 5.0);
+    for cloud in [Cloud::exact(12.0), Cloud::exact(30.0), Cloud::worn(30.0)] {
+        let found = coverage(&cloud, |place| flow.at(place), 1..2);
+        let share = 0.5 * (found.share[0] + found.share[1]);
+        assert!((0.55..0.80).contains(&share), "{:?}", found.share);
+        assert!(found.error_vox[0] > 0.05, "{:?}", found.error_vox);
+    }
 }

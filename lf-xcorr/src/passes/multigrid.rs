@@ -49,12 +49,13 @@ pub(crate) fn run(
 fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> Field {
     let times = repeats.done.len();
     // The peak of volumes that were not deformed is narrower by the variance that the spline adds to both.
-    let widened_vox2 = if repeats.deformed.is_some() { 0.0 } else { 2.0 * SPLINE_VARIANCE_VOX2 };
+    let is_plain = repeats.deformed.is_none();
+    let widened_vox2 = if is_plain { 2.0 * SPLINE_VARIANCE_VOX2 } else { 0.0 };
     let matched = repeats.matched();
     let measured = Measured {
         windows: &pass.windows,
         vectors: &repeats.vectors,
-        unresolved_vox: &pass.unresolved_vox(&repeats.vectors, times),
+        unresolved_vox: is_plain.then(|| pass.unresolved_vox(&repeats.vectors)),
         narrow_share: &repeats.narrow_share(),
         widened_vox2,
         noise: pass.noise(times),

@@ -76,12 +76,12 @@ impl<'a> PreparedPass<'a> {
         Noise::new(&self.windows, self.smoothing(), times)
     }
 
-    /// The part of each vector that the windows are too large to resolve after `times` times, voxels. Vectors without
-    /// data are taken from their neighbours.
-    pub fn unresolved_vox(&self, vectors: &[Vector], times: usize) -> Vec<DVec3> {
+    /// The part of each vector of volumes that were not deformed that the windows are too large to resolve, voxels.
+    /// Vectors without data are taken from their neighbours.
+    pub fn unresolved_vox(&self, vectors: &[Vector]) -> Vec<DVec3> {
         let known = vectors.iter().map(Vector::shift_vox).collect();
         let filled = filled(self.windows.shape(), known).unwrap_or_else(|| vec![DVec3::ZERO; vectors.len()]);
-        unresolved(&self.windows, &filled, self.smoothing(), times)
+        unresolved(&self.windows, &filled)
     }
 
     /// Standard deviation of the predictor's smoothing, nodes.

@@ -19,6 +19,7 @@ pub(crate) struct ParticleImages {
 
 /// A lit voxel and its neighbours one voxel further along x, y, z.
 pub(crate) struct Voxel {
+    pub place: [usize; 3],
     /// Intensity in the first and in the second volume, and at +1 along x, y, z.
     pub light: [f32; 2],
     pub next: [[f32; 2]; 3],
@@ -33,12 +34,12 @@ impl ParticleImages {
     /// the peak of a Gaussian. Ripples and haze of a reconstruction stay below.
     const COUNTS: f64 = 0.2;
 
-    pub fn new(pair: &[Rows; 2]) -> Self {
+    pub fn new(pair: [&Rows; 2]) -> Self {
         let shape = pair[0].shape;
         let mut lit = Rows::with_capacity(shape, pair[0].count().max(pair[1].count()));
         for row in 0..shape[1] * shape[2] {
             lit.open_row(row);
-            let [mut a, mut b] = pair.each_ref().map(|rows| rows.row(row % shape[1], row / shape[1]).peekable());
+            let [mut a, mut b] = pair.map(|rows| rows.row(row % shape[1], row / shape[1]).peekable());
             while let Some(place) = [a.peek(), b.peek()].into_iter().flatten().map(|(x, _)| *x).min() {
                 let both = [&mut a, &mut b].map(|volume| volume.next_if(|(x, _)| *x == place));
                 lit.push(place, both.map(|voxel| voxel.map_or(0.0, |(_, value)| value)));
@@ -102,6 +103,17 @@ impl ParticleImages {
         self.tops.len() as u32
     }
 
+    /// The voxels at the tops of the particle images that count.
+    pub fn tops(&self) -> Vec<[usize; 3]> {
+        let [_, ny, nz] = self.lit.shape;
+        let is_top = |entry: usize| self.tops[self.image[entry] as usize] == (entry as u32, true);
+        let in_row = |row: usize| {
+            let entries = self.lit.entries(row % ny, row / ny).filter(|&entry| is_top(entry));
+            entries.map(move |entry| [self.lit.x[entry] as usize, row % ny, row / ny])
+        };
+        (0..ny * nz).flat_map(in_row).collect()
+    }
+
     /// Visits the lit voxels of a box.
     pub fn visit(&self, ranges: [&Range<usize>; 3], mut visit: impl FnMut(Voxel)) {
         let Rows { shape, x: x_of, value: light, .. } = &self.lit;
@@ -126,6 +138,7 @@ impl ParticleImages {
                     let along_x = if next < row_end && x_of[next] == x + 1 { light[next] } else { [0.0; 2] };
                     let image = self.image[voxel];
                     visit(Voxel {
+                        place: [x as usize, y, z],
                         light: light[voxel],
                         next: [along_x, light_at_x(&mut along_y), light_at_x(&mut along_z)],
                         image,
@@ -164,7 +177,7 @@ mod tests {
         let mut random = Pcg64Mcg::seed_from_u64(3);
         let mut voxel = || if random.random::<f64>() < 0.4 { random.random_range(1..6) as f32 } else { 0.0 };
         let [a, b]: [Vec<f32>; 2] = [0, 1].map(|_| (0..315).map(|_| voxel()).collect());
-        let images = ParticleImages::new(&[Rows::of_dense(shape, &a), Rows::of_dense(shape, &b)]);
+        let images = ParticleImages::new([&Rows::of_dense(shape, &a), &Rows::of_dense(shape, &b)]);
         let place = |k: usize| [k % 9, k / 9 % 7, k / 63];
         let light = |k: usize| a[k] + b[k];
         let up = |k: usize| {

@@ -14,11 +14,11 @@
 //! particles. The variance of the window's mean is n / (n - 1) times the sum of squares about the mean, with the
 //! effective number n = (sum of shares)^2 / sum of squared shares. Repeats make it grow ([`super::response`]).
 //!
-//! Two things that no scatter shows are added in squares: the part of the field that the windows are too large to
-//! resolve, and a floor.
+//! Two things that no scatter shows are added in squares: the part of the flow that bends inside a window
+//! ([`super::bend`]), and a floor.
 
-use super::particle_images::{ParticleImages, Voxel};
-use super::{response::Noise, vector::Vector};
+use super::image_sums::{ImageSums, images_of_cells, joined};
+use super::{bend, response::Noise, vector::Vector};
 use crate::correlate::{PeakFit, WindowGrid};
 use crate::volumes::Rows;
 use glam::{DMat3, DVec3};
@@ -29,7 +29,7 @@ use rayon::prelude::*;
 const FEW: f64 = 0.5;
 
 /// Constant: the error that deformation's spline and the fit leave on particles of 0.75 voxel without any noise.
-const FLOOR_VOX: f64 = 0.001;
+const FLOOR_VOX: f64 = 0.0008;
 /// Constant: fewer effective particle images than this have no spread to speak of.
 const FEWEST: f64 = 1.5;
 
@@ -45,13 +45,22 @@ pub(crate) struct Uncertainty {
 pub(crate) struct Measured<'a> {
     pub windows: &'a WindowGrid,
     pub vectors: &'a [Vector],
-    /// Part of each displacement that the windows are too large to resolve, voxels.
-    pub unresolved_vox: &'a [DVec3],
+    /// Part of each displacement that the windows are too large to resolve, voxels, if the volumes were not deformed.
+    pub unresolved_vox: Option<Vec<DVec3>>,
     /// Fraction of the narrow smoothing in the predictor that repeats started from, by node and component.
     pub narrow_share: &'a [DVec3],
     /// Variance along each axis that the matched volumes have and the peaks do not, voxels squared.
     pub widened_vox2: f64,
     pub noise: Noise,
+}
+
+/// The statistics of the particle images of a window.
+struct Scatter {
+    /// Standard deviation of the vector by the disagreement of the images, voxels; NaN if it is unknown.
+    std_vox: DVec3,
+    /// The bend of the flow, voxels squared; `None` if it is unknown.
+    bend_vox2: Option<DVec3>,
+    particles: usize,
 }
 
 impl Measured<'_> {
@@ -60,15 +69,30 @@ impl Measured<'_> {
         let cells = images_of_cells(matched, self.windows);
         let of_window = |node: usize| {
             let images = self.windows.cells_of(node).flat_map(|cell| cells[cell].iter().copied());
-            self.of_window(node, &joined(images.collect()))
+            self.scatter(node, &joined(images.collect()))
         };
-        (0..self.windows.count()).into_par_iter().map(of_window).collect()
+        let scatters: Vec<Scatter> = (0..self.windows.count()).into_par_iter().map(of_window).collect();
+        let bends = bend::mean_squares(self.windows, scatters.iter().map(|scatter| scatter.bend_vox2).collect());
+        let total = |(node, (scatter, bend)): (usize, (&Scatter, DVec3))| {
+            let missing = bend.max(self.unresolved_vox2(node, scatter));
+            let variance = scatter.std_vox * scatter.std_vox + missing + FLOOR_VOX * FLOOR_VOX;
+            Uncertainty { std_vox: variance.map(f64::sqrt), particles: scatter.particles }
+        };
+        scatters.iter().zip(bends).enumerate().map(total).collect()
     }
 
-    fn of_window(&self, node: usize, images: &[ImageSums]) -> Uncertainty {
+    /// Square of the part of a displacement in volumes that were not deformed that the window is too large to resolve.
+    fn unresolved_vox2(&self, node: usize, scatter: &Scatter) -> DVec3 {
+        let Some(unresolved) = &self.unresolved_vox else { return DVec3::ZERO };
+        // Scatter looks like unresolved flow: subtract that much again.
+        let noise = self.noise.taken_for_unresolved * scatter.std_vox;
+        (unresolved[node] * unresolved[node] - noise * noise).max(DVec3::ZERO)
+    }
+
+    fn scatter(&self, node: usize, images: &[ImageSums]) -> Scatter {
         let mut sum = ImageSums::default();
         images.iter().for_each(|image| sum.add(image));
-        let unknown = Uncertainty { std_vox: DVec3::NAN, particles: sum.tops };
+        let unknown = Scatter { std_vox: DVec3::NAN, bend_vox2: None, particles: sum.tops };
         let Some(fit) = self.vectors[node].fit() else { return unknown };
         let shares = images.iter().map(|image| image.product / sum.product);
         let count = shares.clone().map(|share| share * share).sum::<f64>().recip();
@@ -77,112 +101,19 @@ impl Measured<'_> {
             return unknown;
         }
 
-        // The scatter of the displacements that the images ask for.
+        // The displacements that the images ask for, less their shares of the whole window's.
         let whole = peak.displacement(&sum);
-        let mut variance = DVec3::ZERO;
-        for (image, share) in images.iter().zip(shares) {
-            let residual = peak.displacement(image) - share * whole;
-            variance += residual * residual;
-        }
+        let residuals = images.iter().zip(shares).map(|(image, share)| peak.displacement(image) - share * whole);
+        let residuals: Vec<DVec3> = residuals.collect();
+        let variance = residuals.iter().map(|residual| residual * residual).sum::<DVec3>();
         let few = 1.0 + FEW / (count - 1.0);
-        let std_vox = [0, 1, 2].map(|axis| {
-            if !peak.has_slope[axis] {
-                return f64::NAN;
-            }
-            // A widely smoothed predictor brings no noise back.
-            let gain = 1.0 + self.narrow_share[node][axis] * (self.noise.gain - 1.0);
-            let scatter = gain * few * (variance[axis] * count / (count - 1.0)).sqrt();
-            // Scatter looks like unresolved flow: subtract that much again.
-            let unresolved = self.unresolved_vox[node][axis].powi(2);
-            let unresolved = unresolved - (self.noise.taken_for_unresolved * scatter).powi(2);
-            (scatter.powi(2) + unresolved.max(0.0) + FLOOR_VOX * FLOOR_VOX).sqrt()
-        });
-        Uncertainty { std_vox: std_vox.into(), particles: sum.tops }
+        let known = DVec3::from_array(peak.has_slope.map(|has_slope| if has_slope { 1.0 } else { f64::NAN }));
+        // A widely smoothed predictor brings no noise back.
+        let gain = 1.0 + self.narrow_share[node] * (self.noise.gain - 1.0);
+        let std_vox = gain * few * (variance * count / (count - 1.0)).map(f64::sqrt) * known;
+        let bend_vox2 = bend::square(&self.windows.voxels(node), images, &residuals, count / (count - 1.0));
+        Scatter { std_vox, bend_vox2: (bend_vox2 * known).is_finite().then_some(bend_vox2), particles: sum.tops }
     }
-}
-
-/// The particle images in every cell of the window grid, cut at the cell's sides; x fastest.
-fn images_of_cells(matched: &[[Rows; 2]], windows: &WindowGrid) -> Vec<Vec<ImageSums>> {
-    let mut cells: Vec<Vec<ImageSums>> = vec![Vec::new(); windows.cell_count()];
-    let mut first_image = 0u64;
-    for (number, pair) in matched.iter().enumerate() {
-        let images = ParticleImages::new(pair);
-        let in_cell = |cell: usize| {
-            let mut found: Vec<ImageSums> = Vec::new();
-            images.visit(windows.cell(cell), |voxel| {
-                let sums = ImageSums::new(&voxel, number, first_image);
-                match found.iter_mut().rev().find(|other| other.image == sums.image) {
-                    Some(same) => same.add(&sums),
-                    None => found.push(sums),
-                }
-            });
-            found
-        };
-        let found: Vec<Vec<ImageSums>> = (0..cells.len()).into_par_iter().map(in_cell).collect();
-        cells.iter_mut().zip(found).for_each(|(cell, found)| cell.extend(found));
-        first_image += images.count() as u64;
-    }
-    cells
-}
-
-/// The contribution of a particle image to the sums of a window. Pairs and images have numbers.
-#[derive(Clone, Copy, Default)]
-struct ImageSums {
-    pair: usize,
-    image: u64,
-    /// 1 if the top of the image is here.
-    tops: usize,
-    /// Sum of first x second; sums of the first and of the second, plain and squared.
-    product: f64,
-    light: [f64; 2],
-    squares: [f64; 2],
-    /// Sum of first x second, with the second at +1 and at -1 voxel along each axis.
-    plus: DVec3,
-    minus: DVec3,
-    /// Change of the sums of squares of the first and of the second from -1 to +1 voxel along each axis.
-    flux: [DVec3; 2],
-}
-
-impl ImageSums {
-    /// A voxel of pair number `pair`, whose images are numbered from `first_image` on.
-    fn new(voxel: &Voxel, pair: usize, first_image: u64) -> Self {
-        let [a, b] = voxel.light.map(f64::from);
-        let [a_next, b_next] = [0, 1].map(|volume| DVec3::from_array(voxel.next.map(|light| f64::from(light[volume]))));
-        Self {
-            pair,
-            image: voxel.image as u64 + first_image,
-            tops: voxel.is_top as usize,
-            product: a * b,
-            light: [a, b],
-            squares: [a * a, b * b],
-            plus: a * b_next,
-            minus: a_next * b,
-            flux: [a * a - a_next * a_next, b_next * b_next - b * b],
-        }
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.tops += other.tops;
-        self.product += other.product;
-        self.plus += other.plus;
-        self.minus += other.minus;
-        for i in 0..2 {
-            self.light[i] += other.light[i];
-            self.squares[i] += other.squares[i];
-            self.flux[i] += other.flux[i];
-        }
-    }
-}
-
-/// The pieces of each particle image put together, in the order of the images.
-fn joined(mut pieces: Vec<ImageSums>) -> Vec<ImageSums> {
-    pieces.sort_by_key(|piece| piece.image);
-    let total = |pieces: &[ImageSums]| {
-        let mut total = pieces[0];
-        pieces[1..].iter().for_each(|piece| total.add(piece));
-        total
-    };
-    pieces.chunk_by(|a, b| a.image == b.image).map(total).collect()
 }
 
 /// The correlation peak of a window, and the sums that turn a disagreement into a displacement.
