@@ -49,9 +49,11 @@ ITERATIONS =
 PRUNE_FLAGS =
 MART_FLAGS =
 
-# Interrogation windows of the first and the last pass, mm; seconds between the frames of a pair, if known.
-INITIAL_MM = 1.76,1.76,1.76
-WINDOW_MM = 0.88,0.88,0.88
+# Interrogation windows of the first and the last pass, mm. Without WINDOW_MM, windows hold about ten of the particles
+# found in the first pair that can be reconstructed; OUT/windows.txt keeps them for all pairs. DT: seconds between the
+# frames of a pair, if known.
+INITIAL_MM =
+WINDOW_MM =
 DT =
 XCORR_FLAGS =
 
@@ -99,20 +101,30 @@ supports := $(names:%=$(OUT)/support-%.lfv)
 volumes := $(names:%=$(OUT)/volume-%.lfv)
 fields := $(pairs:%=$(OUT)/field-%.exr)
 
-.PHONY: all calibrate prune reconstruct correlate report
+.PHONY: all calibrate prune reconstruct windows correlate fields report
 .SECONDARY: $(supports) $(volumes)
 
+# The file of the windows, unless they are set.
+WINDOWS = $(if $(WINDOW_MM)$(filter --window% --pass% --settings%,$(XCORR_FLAGS)),,$(OUT)/windows.txt)
+
 # First as many fields as possible; then the mean of those that exist, and a list of the missing ones.
+dry = $(findstring n,$(firstword -$(MAKEFLAGS)))
 again := $(MAKE) -f $(lastword $(MAKEFILE_LIST)) --no-print-directory
 all:
 	+@n=0; status=1; while [ $$status != 0 ] && [ $$n -lt $(TRIES) ]; do \
 	    $(again) -k correlate && status=0; n=$$((n + 1)); \
-	done; $(if $(findstring n,$(firstword -$(MAKEFLAGS))),,$(again) report &&) exit $$status
+	done; $(if $(dry),,$(again) report &&) exit $$status
 
 calibrate: $(CAMERA)
 prune: $(supports)
 reconstruct: $(volumes)
-correlate: $(fields)
+fields: $(fields)
+ifeq ($(WINDOWS),)
+correlate: fields
+else
+correlate:
+	+@$(again) windows; $(again) fields
+endif
 
 $(LOG):
 	mkdir -p $@
@@ -171,9 +183,21 @@ $(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $(FRAME) $(CAMERA) $$(call
 	$(if $(TIDY),@rm -f $<)
 
 volumes-of = $(foreach name,$(call split,$1),$(OUT)/volume-$(name).lfv)
+
+# The fields of all pairs need the same windows to be averaged, so the first pair that can be reconstructed decides.
+estimate = $(RUN) $(BIN)lf-xcorr $$volumes $(XCORR_FLAGS) --threads $(THREADS) --estimate
+windows:
+	+@$(if $(dry),,for pair in $(pairs); do \
+	    [ ! -e $(WINDOWS) ] || break; \
+	    volumes="$(OUT)/volume-$${pair%-*}.lfv $(OUT)/volume-$${pair#*-}.lfv"; \
+	    $(again) $$volumes && told=$$($(estimate)) && told=$${told#*\"window_mm\":[} && \
+	        echo "--window-mm $${told%%]*}" > $(WINDOWS).$$$$ && mv $(WINDOWS).$$$$ $(WINDOWS); \
+	done; [ -e $(WINDOWS) ])
+
 $(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) | $(LOG)
-	$(call step,$(XCORR) $(call volumes-of,$*) --initial-mm $(INITIAL_MM) \
-	    --window-mm $(WINDOW_MM) $(addprefix --dt ,$(DT)) $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg))
+	$(call step,$(XCORR) $(call volumes-of,$*) $(addprefix --initial-mm ,$(INITIAL_MM)) \
+	    $(if $(WINDOWS),$$(cat $(WINDOWS)),$(addprefix --window-mm ,$(WINDOW_MM))) $(addprefix --dt ,$(DT)) \
+	    $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg))
 
 endif
 

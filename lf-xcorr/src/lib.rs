@@ -1,6 +1,7 @@
 //! Pairs of sparse volumes to a velocity field, by multigrid cross-correlation of the lit voxels.
 //!
 //! ```text
+//! seeding/    volumes  ->  the particle images in them, and windows that suit them
 //! volumes/    lit voxels and a mask  ->  rows of lit voxels
 //! correlate/  rows, windows, boxes of trial shifts  ->  the correlation peak of every window
 //! vectors/    peaks  ->  outliers replaced, a smooth field, uncertainties
@@ -46,6 +47,7 @@ mod error;
 mod passes;
 mod plan;
 pub mod plot;
+mod seeding;
 mod vectors;
 mod volumes;
 
@@ -54,5 +56,6 @@ pub use error::{Refused, Side};
 pub use passes::one_pass;
 pub use passes::{Choice, Counts, Deform, Options, Outcome, Pass, PassReport, Reason, Repeat, Route, triple};
 pub use plan::{Plan, correlate};
+pub use seeding::{Seeding, WANTED, cube, sides_mm};
 pub use vectors::MedianTest;
 pub use volumes::{Mask, Sparse};

@@ -1,6 +1,6 @@
 //! A correlation that has been checked and can be estimated and run.
 
-use crate::error::{Refused, Side};
+use crate::error::Refused;
 use crate::passes::{Options, Outcome, Pass, Route, memory, multigrid, triple};
 use crate::volumes::{Mask, Sparse};
 use lf_core::Grid;
@@ -21,16 +21,8 @@ impl<'a> Plan<'a> {
     /// first volume, mask or option that does not fit. Panics without a pair, or if a volume's lengths differ or its
     /// indices do not rise.
     pub fn new(pairs: &'a [[Sparse<'a>; 2]], mask: &'a Mask<'a>, options: &'a Options) -> Result<Self, Refused> {
-        let grid = pairs[0][0].grid;
-        let sides = || (0..pairs.len()).flat_map(|pair| [Side::First(pair), Side::Second(pair)]);
-        let volumes = || pairs.iter().flatten().zip(sides());
-        if let Some((volume, side)) = volumes().find(|(volume, _)| !volume.grid.agrees_with(grid)) {
-            let wanted = format!("wanted the grid of the first volume, a {grid}");
-            return Err(Refused::new(side, volume.grid.to_string(), wanted));
-        }
-        let part = mask.part(grid)?;
+        let part = Sparse::check_pairs(pairs, mask)?;
         options.check(part.shape)?;
-        volumes().try_for_each(|(volume, side)| volume.check(mask, side))?;
         Ok(Self { pairs, mask, options, part })
     }
 

@@ -96,11 +96,8 @@ fn verbose_tells_every_decision() {
 }
 
 #[test]
-fn default_windows_shrink_to_the_volume_with_a_warning_and_typed_ones_do_not() {
+fn windows_larger_than_the_volume_are_refused() {
     let bench = workbench();
-    let said = bench.done(&["a.lfv", "b.lfv", "-o", "f.exr"]).stderr;
-    assert!(said.contains("warning: the default --window 160 x 160 x 16 does not fit"), "{said}");
-    assert_eq!(Field::open(&bench.path("f.exr")).unwrap().layout.window, [48, 40, 16]);
     bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "--window", "49,40,16"], &["49 x 40 x 16", "48 x 40 x 24"]);
     bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "--initial", "48,41,16", "-q"], &["48 x 41 x 16"]);
 }

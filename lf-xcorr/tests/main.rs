@@ -9,4 +9,5 @@ mod options;
 mod parts;
 mod scene;
 mod uncertainty;
+mod windows;
 mod workbench;

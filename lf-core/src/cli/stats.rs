@@ -28,12 +28,25 @@ impl Session {
     /// Answers `--estimate` with one JSON object on standard output: `memory_bytes`, the peak memory of a run, and
     /// `counts`. The peak is `work_bytes` plus what the process holds now, with the inputs read.
     pub fn tell_estimate(&mut self, work_bytes: u64, counts: &[(&str, u64)]) -> Result<()> {
+        self.tell_estimate_with(work_bytes, counts, &[])
+    }
+
+    /// Answers `--estimate` as [`Session::tell_estimate`] does, with `lengths` in mm along x, y, z beside the counts.
+    pub fn tell_estimate_with(
+        &mut self,
+        work_bytes: u64,
+        counts: &[(&str, u64)],
+        lengths: &[(&str, [f64; 3])],
+    ) -> Result<()> {
         let held = status_bytes("VmRSS:").unwrap_or(HELD_BYTES) + work_bytes;
         let memory_bytes = held.max(peak_bytes().unwrap_or(0));
         self.count("estimated_bytes", memory_bytes);
         let mut told = json!({"memory_bytes": memory_bytes});
         for (name, count) in counts {
             told[name] = json!(count);
+        }
+        for (name, length) in lengths {
+            told[name] = json!(length);
         }
         io::save_text(Path::new("-"), |out| writeln!(out, "{told}"))
     }

@@ -15,14 +15,14 @@ use std::path::{Path, PathBuf};
 /// vector in millimetres for every window: its components, the correlation at its peak, the ratio to the second peak,
 /// the standard uncertainty of each component, the number of particle images and a flag (0 measured, 1 replaced from
 /// neighbours, 2 no data). The last pass is repeated on volumes deformed by the known field until the vectors stand
-/// still.
+/// still. Windows are chosen from the particles found in the volumes, unless they are typed.
 #[derive(Parser)]
 #[command(
     name = "lf-xcorr",
     version,
     max_term_width = 100,
     after_help = "Examples, in out/ after scripts/demo:
-  lf-xcorr volume-0000.lfv volume-0001.lfv --window 80,80,8 -o field.exr --plot field.svg
+  lf-xcorr volume-0000.lfv volume-0001.lfv -o field.exr --plot field.svg
   lf-xcorr volume-0000.lfv volume-0001.lfv --preset fast --window-mm 0.88,0.88,0.88 --dt 0.001 \\
       -o field.vti"
 )]
@@ -61,7 +61,8 @@ pub struct Arguments {
     /// [default: z, its middle]
     #[arg(long, value_name = "AXIS[=MM]", requires = "plot")]
     pub slice: Option<Cut>,
-    /// Only estimate the memory: {"memory_bytes", "voxels"} as JSON on standard output
+    /// Only estimate the memory and choose the windows: {"memory_bytes", "voxels", "initial_mm", "window_mm"} as JSON on
+    /// standard output
     #[arg(long)]
     pub estimate: bool,
     #[command(flatten)]
@@ -150,8 +151,13 @@ impl Arguments {
         session.explain_preset(preset, preset::values(preset).typed().into_iter().zip(is_heeded));
     }
 
-    /// The options for a volume of `grid`.
-    pub fn options(&self, grid: &Grid) -> Options {
+    /// Voxels below this fraction of their volume's brightest are dark.
+    pub fn floor(&self) -> f32 {
+        self.method.floor
+    }
+
+    /// The options for a volume of `grid`, with the window that was chosen for the last pass if none is typed.
+    pub fn options(&self, grid: &Grid, chosen: Option<[usize; 3]>) -> Options {
         let (method, resolved) = (&self.method, self.resolved());
         Options {
             floor: method.floor,
@@ -168,7 +174,7 @@ impl Arguments {
                 By::Direct => Route::Direct,
                 By::Transform => Route::Transform,
             },
-            ..Options::new(self.windows.passes(grid, resolved.overlap))
+            ..Options::new(self.windows.passes(grid, resolved.overlap, chosen))
         }
     }
 }

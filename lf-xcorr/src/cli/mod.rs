@@ -8,6 +8,7 @@ mod arguments;
 mod preset;
 mod report;
 mod run;
+mod warnings;
 mod windows;
 mod words;
 

@@ -1,10 +1,10 @@
-//! The report of a run: lines for `--verbose`, a warning, counts for `--stats`.
+//! The report of a run: the windows that were chosen, lines for `--verbose`, counts for `--stats`.
 
-use lf_core::Session;
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
-use lf_xcorr::{Choice, Deform, Options, Outcome, PassReport, Reason, Repeat, triple};
+use lf_core::{Grid, Session};
+use lf_xcorr::{Choice, Deform, Options, Outcome, Pass, PassReport, Reason, Repeat, Seeding, sides_mm, triple};
 
-/// Tells how every pass went, and warns if many vectors are replaced.
+/// Tells how every pass went.
 pub fn tell(outcome: &Outcome, options: &Options, session: &mut Session) {
     for (number, pass) in outcome.passes.iter().enumerate() {
         session.explain(pass_line(number + 1, pass));
@@ -17,13 +17,36 @@ pub fn tell(outcome: &Outcome, options: &Options, session: &mut Session) {
     let flags = &outcome.field.flag;
     let count = |flag: f32| flags.iter().filter(|&&other| other == flag).count();
     let (measured, replaced) = (count(MEASURED), count(REPLACED));
-    if replaced * 5 > flags.len() - count(NO_DATA) {
-        session.warn(format!("{replaced} vectors replaced against {measured} measured; try larger windows"));
-    }
     let counts =
         [("vectors", flags.len()), ("measured", measured), ("replaced", replaced), ("no_data", count(NO_DATA))];
+    session.count("particles_in_window", outcome.in_median_window());
     let of_last = [("lit_voxels_a", last.lit[0]), ("lit_voxels_b", last.lit[1]), ("repeats", last.repeats.len())];
     counts.into_iter().chain(of_last).for_each(|(name, count)| session.count(name, count));
+}
+
+/// The windows of the first and of the last pass, mm.
+pub fn windows_mm(options: &Options, part: &Grid) -> ([f64; 3], [f64; 3]) {
+    let mm = |pass: Option<&Pass>| sides_mm(part, pass.expect("a plan has a pass").window).map(rounded);
+    (mm(options.passes.first()), mm(options.passes.last()))
+}
+
+/// A length with four digits, which stands for the same number of voxels.
+fn rounded(mm: f64) -> f64 {
+    let unit = 10f64.powi(mm.log10().floor() as i32 - 3);
+    // Dividing by a whole number leaves the shortest decimal.
+    (mm / unit).round() / (1.0 / unit).round()
+}
+
+/// Tells the windows that were chosen from the particles.
+pub fn chosen_windows(seeding: &Seeding, options: &Options) -> String {
+    let last = options.passes.last().expect("a plan has a pass");
+    let (_, [x, y, z]) = windows_mm(options, &seeding.part);
+    format!(
+        "windows of {} voxels, {x} x {y} x {z} mm; the median window holds {} of {} particles (--window-mm {x},{y},{z})",
+        triple(last.window),
+        seeding.in_median_window(last),
+        seeding.tops.len()
+    )
 }
 
 /// Why the last pass was not repeated once more.

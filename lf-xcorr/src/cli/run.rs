@@ -1,10 +1,10 @@
 //! A run of lf-xcorr: read the volumes, plan, correlate, write the field.
 
-use super::{arguments::Arguments, report, words::MaskSource};
+use super::{arguments::Arguments, report, warnings, words::MaskSource};
 use lf_core::{
     Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, field::Cut, io, simd::Level, volume::together,
 };
-use lf_xcorr::{Mask, Outcome, Plan, Refused, Side, Sparse, plot};
+use lf_xcorr::{Mask, Outcome, Plan, Refused, Seeding, Side, Sparse, plot};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -19,16 +19,22 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let part = mask.part(volumes[0].grid()).map_err(named)?;
     let cut = arguments.slice.unwrap_or_default();
     check_slice(cut, &mask, &part, volumes[0].name())?;
-    let options = arguments.options(&part);
     let pairs = pairs(&volumes);
+    let seeding = session.phase("choose", |_| seeding(arguments, &pairs, &mask).map_err(named))?;
+    let options = arguments.options(&part, seeding.as_ref().map(Seeding::window));
     let plan = Plan::new(&pairs, &mask, &options).map_err(named)?;
 
     arguments.explain_preset(session);
     arguments.windows.tell_millimetres(&part, session);
-    arguments.windows.warn_if_shrunk(part.shape, &options, session);
+    if let Some(seeding) = &seeding {
+        session.say(report::chosen_windows(seeding, &options));
+    }
+    warnings::about_pairs(&volumes).into_iter().for_each(|line| session.warn(line));
     if arguments.estimate {
         let voxels = volumes.iter().map(|volume| volume.indices().len() as u64).sum();
-        session.tell_estimate(plan.bytes(), &[("voxels", voxels)])?;
+        let (initial_mm, window_mm) = report::windows_mm(&options, &part);
+        let lengths = [("initial_mm", initial_mm), ("window_mm", window_mm)];
+        session.tell_estimate_with(plan.bytes(), &[("voxels", voxels)], &lengths)?;
         return Ok(Verdict::Done);
     }
     if session.is_verbose() {
@@ -43,6 +49,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     outcome.field.layout.history = session.history(&together(histories));
     outcome.field.layout.dt_s = arguments.dt;
     report::tell(&outcome, &options, session);
+    warnings::about(&outcome, &options, &part).into_iter().for_each(|line| session.warn(line));
     session.phase("write", |_| save(&outcome, arguments, cut))?;
     Ok(Verdict::Done)
 }
@@ -123,6 +130,12 @@ fn check_slice(cut: Cut, mask: &Mask, part: &Grid, name: &str) -> Result<()> {
     let bounds_mm = [-0.5, count - 0.5].map(|i| part.origin_mm[axis] + i * part.spacing_mm[axis]);
     let whose = if let Mask::Box(_) = mask { "mask" } else { "volume" };
     cut.check(bounds_mm, whose).map_err(|refusal| refusal.about(name))
+}
+
+/// The particles in the volumes, if windows are to be chosen from them.
+fn seeding(arguments: &Arguments, pairs: &[[Sparse; 2]], mask: &Mask) -> std::result::Result<Option<Seeding>, Refused> {
+    let is_asked = arguments.windows.are_chosen();
+    is_asked.then(|| Seeding::find(pairs, mask, arguments.floor())).transpose()
 }
 
 /// The light of the volumes, pair by pair.

@@ -5,16 +5,14 @@ use clap::ValueEnum;
 use lf_core::{Grid, Session};
 use lf_xcorr::{Options, Pass, triple};
 
-/// The paper's final window, voxels.
-const WINDOW: [usize; 3] = [160, 160, 16];
-
 /// Least length of a window given in millimetres, voxels.
 const LEAST_WINDOW: usize = 4;
 
 #[derive(clap::Args)]
 #[command(next_help_heading = "Windows")]
 pub struct Windows {
-    /// Interrogation window of the last pass, voxels [default: 160,160,16, or the volume if it is smaller]
+    /// Interrogation window of the last pass, voxels [default: nearly a cube in mm that holds about ten of the particles
+    /// found in the volumes]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     window: Option<[usize; 3]>,
     /// Interrogation window of the first pass, voxels [default: twice the window, or the volume if it is smaller]
@@ -29,7 +27,8 @@ pub struct Windows {
     /// Fraction of a window that the next one covers too [default: 0.75]
     #[arg(long, value_name = "SHARE")]
     pub overlap: Option<f64>,
-    /// Largest displacement that the first pass searches, voxels [default: an eighth of its window, at least 4]
+    /// Largest displacement that the first pass searches, voxels [default: a quarter of its window; an eighth with
+    /// --settings and --pass; at least 4]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     search: Option<[usize; 3]>,
     /// How far later passes search from the displacement that the pass before found, voxels [default: 4,4,3]
@@ -54,6 +53,11 @@ pub enum Settings {
 }
 
 impl Windows {
+    /// Whether no window of the last pass is typed.
+    pub fn are_chosen(&self) -> bool {
+        self.window.is_none() && self.window_mm.is_none() && self.settings.is_none() && self.pass.is_empty()
+    }
+
     /// Whether every pass was typed with its own overlap.
     pub fn has_own_overlaps(&self) -> bool {
         !self.pass.is_empty() && self.pass.iter().all(|pass| pass.overlap.is_some())
@@ -72,26 +76,28 @@ impl Windows {
         ignored.into_iter().find(|(is_ignored, ..)| *is_ignored).map(|(_, option, why)| (option, why))
     }
 
-    /// The passes for a volume of `grid`; `overlap` holds for passes that have no overlap of their own.
-    pub fn passes(&self, grid: &Grid, overlap: f64) -> Vec<Pass> {
+    /// The passes for a volume of `grid`; `overlap` holds for passes that have no overlap of their own. `chosen` is the
+    /// window of the last pass if none is typed.
+    pub fn passes(&self, grid: &Grid, overlap: f64, chosen: Option<[usize; 3]>) -> Vec<Pass> {
         let shape = grid.shape;
         let fitted = |wanted: [usize; 3]| [0, 1, 2].map(|axis| wanted[axis].min(shape[axis]));
         let typed = |window| TypedPass { window, overlap: None, search: None };
         let named = |windows: [[usize; 3]; 2]| windows.map(typed).to_vec();
         let passes = match self.settings {
-            Some(Settings::Paper) => named([[320, 320, 32], WINDOW]),
+            Some(Settings::Paper) => named([[320, 320, 32], [160, 160, 16]]),
             Some(Settings::PaperJet) => named([[320, 320, 64], [160, 160, 32]]),
             None if !self.pass.is_empty() => self.pass.clone(),
             None => {
                 let voxels = |sides_mm| clamped(nearest(sides_mm, grid), shape);
-                let window = self.window.or(self.window_mm.map(voxels)).unwrap_or(fitted(WINDOW));
+                let window = self.window.or(self.window_mm.map(voxels)).or(chosen).unwrap_or(shape);
                 let twice = fitted(window.map(|n| n.saturating_mul(2)));
                 let initial = self.initial.or(self.initial_mm.map(voxels)).unwrap_or(twice);
                 named([initial, window])
             }
         };
         let full = |(number, pass): (usize, &TypedPass)| {
-            let first = self.search.unwrap_or(fitted(pass.window.map(|n| (n / 8).max(4))));
+            let part = if self.settings.is_none() && self.pass.is_empty() { 4 } else { 8 };
+            let first = self.search.unwrap_or(fitted(pass.window.map(|n| (n / part).max(4))));
             let later = self.refine.unwrap_or(fitted(Options::REFINE));
             let search = pass.search.unwrap_or(if number == 0 { first } else { later });
             Pass { window: pass.window, overlap: pass.overlap.unwrap_or(overlap), search }
@@ -113,23 +119,6 @@ impl Windows {
         };
         self.initial_mm.into_iter().for_each(|sides_mm| tell("initial window", sides_mm));
         self.window_mm.into_iter().for_each(|sides_mm| tell("window", sides_mm));
-    }
-
-    /// Warns if the volume is smaller than a default window.
-    pub fn warn_if_shrunk(&self, shape: [usize; 3], options: &Options, session: &Session) {
-        if self.window.is_some() || self.window_mm.is_some() || self.settings.is_some() || !self.pass.is_empty() {
-            return;
-        }
-        let (first, last) = (options.passes[0].window, options.passes[options.passes.len() - 1].window);
-        let warn = |flag: &str, wanted: [usize; 3], used: [usize; 3]| {
-            let [wanted, used, shape] = [wanted, used, shape].map(triple);
-            session.warn(format!("the default --{flag} {wanted} does not fit {shape} voxels; used {used}"));
-        };
-        if last != WINDOW {
-            warn("window", WINDOW, last);
-        } else if self.initial.is_none() && self.initial_mm.is_none() && first != WINDOW.map(|n| 2 * n) {
-            warn("initial", WINDOW.map(|n| 2 * n), first);
-        }
     }
 }
 

@@ -3,6 +3,7 @@
 use super::{choice::Choice, pass::Pass, prepared::PreparedPass};
 use crate::vectors::{Uncertainty, Vector};
 use glam::DVec3;
+use lf_core::statistics::upper_median;
 use lf_core::{Field, Grid, VectorGrid, field};
 
 /// The origin of the vectors of a pass.
@@ -67,6 +68,15 @@ pub struct Outcome {
     pub field: Field,
     /// One report for each pass.
     pub passes: Vec<PassReport>,
+}
+
+impl Outcome {
+    /// Particle images of the median window that has data; 0 without any.
+    pub fn in_median_window(&self) -> usize {
+        let lit = (0..self.field.len()).filter(|&i| self.field.flag[i] != field::NO_DATA);
+        let mut counts: Vec<f32> = lit.map(|i| self.field.count[i]).collect();
+        upper_median(&mut counts).unwrap_or(0.0) as usize
+    }
 }
 
 impl PassReport {

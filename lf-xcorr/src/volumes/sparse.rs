@@ -41,6 +41,21 @@ impl Sparse<'_> {
         Ok(())
     }
 
+    /// Refuses the first volume of another grid than the first, the first one that [`Sparse::check`] refuses, and a mask
+    /// that leaves nothing. Returns the grid of the voxels that windows may hold. Panics without a pair.
+    pub(crate) fn check_pairs(pairs: &[[Self; 2]], mask: &Mask) -> Result<Grid, Refused> {
+        let grid = pairs[0][0].grid;
+        let sides = || (0..pairs.len()).flat_map(|pair| [Side::First(pair), Side::Second(pair)]);
+        let volumes = || pairs.iter().flatten().zip(sides());
+        if let Some((volume, side)) = volumes().find(|(volume, _)| !volume.grid.agrees_with(grid)) {
+            let wanted = format!("wanted the grid of the first volume, a {grid}");
+            return Err(Refused::new(side, volume.grid.to_string(), wanted));
+        }
+        let part = mask.part(grid)?;
+        volumes().try_for_each(|(volume, side)| volume.check(mask, side))?;
+        Ok(part)
+    }
+
     pub(crate) fn peak(&self) -> f32 {
         self.intensity.iter().fold(0.0, |peak, &value| value.max(peak))
     }

@@ -1,0 +1,204 @@
+//! Warnings about a run: each names a cause, a figure and a remedy in one line.
+
+use super::report::windows_mm;
+use lf_core::field::{NO_DATA, REPLACED};
+use lf_core::{Grid, JoinedVolume};
+use lf_xcorr::{Options, Outcome, PassReport, WANTED, cube, sides_mm, triple};
+
+/// Constant: fewer particles than this in the median window are too few. Five pairs of particles find their peak in
+/// nineteen windows of twenty (Raffel et al., Particle Image Velocimetry, 2018, after Keane & Adrian 1992).
+const FEW: usize = 5;
+/// Constant: longest side over shortest side, in mm, of a window that is far from a cube.
+const FAR_FROM_CUBE: f64 = 3.0;
+/// Constant: share of the vectors that may be replaced without a warning.
+const MANY_REPLACED: f64 = 0.2;
+/// Constant: a displacement is near the end of the first search from this share of it on.
+const NEAR_END: f64 = 0.9;
+/// Constant: share of the vectors that may be near the end of the search without a warning.
+const SOME: f64 = 0.01;
+/// Constant: a change of the displacement across a window, in voxels, that few windows follow.
+const STEEP_VOX: f64 = 10.0;
+
+/// Warnings about the volumes alone: a volume with itself, and frames in the wrong order.
+pub fn about_pairs(volumes: &[JoinedVolume]) -> Vec<String> {
+    volumes.chunks_exact(2).filter_map(|pair| about_pair(&pair[0], &pair[1])).collect()
+}
+
+fn about_pair(first: &JoinedVolume, second: &JoinedVolume) -> Option<String> {
+    let (a, b) = (first.name(), second.name());
+    if first.indices() == second.indices() && first.values() == second.values() {
+        return Some(format!("{a} and {b} hold the same light, so every displacement is zero; name two frames"));
+    }
+    is_later(a, b)
+        .then(|| format!("{a} seems to be later than {b}; if it is, exchange them, or all vectors point backwards"))
+}
+
+/// Whether two names differ in a number only, or in one letter, and it falls from `first` to `second`.
+fn is_later(first: &str, second: &str) -> bool {
+    let is_same = |(a, b): &(char, char)| a == b;
+    let head = first.chars().zip(second.chars()).take_while(is_same).count();
+    // A number is compared as a whole.
+    let digits = first.chars().take(head).collect::<Vec<_>>().iter().rev().take_while(|c| c.is_ascii_digit()).count();
+    let [a, b] = [first, second].map(|name| name.chars().skip(head - digits).collect::<String>());
+    let number = |text: &str| text.chars().take_while(char::is_ascii_digit).collect::<String>();
+    let [x, y] = [number(&a), number(&b)];
+    if let (Ok(x_value), Ok(y_value)) = (x.parse::<u64>(), y.parse::<u64>()) {
+        return a[x.len()..] == b[y.len()..] && x_value > y_value;
+    }
+    let [mut a, mut b] = [a.chars(), b.chars()];
+    match (a.next(), b.next()) {
+        (Some(x), Some(y)) => x.is_ascii_alphabetic() && y.is_ascii_alphabetic() && a.as_str() == b.as_str() && x > y,
+        _ => false,
+    }
+}
+
+/// Warnings about the field of a volume of `part`.
+pub fn about(outcome: &Outcome, options: &Options, part: &Grid) -> Vec<String> {
+    let run = Run { outcome, options, part };
+    [run.few_particles(), run.far_from_cubes(), run.near_end(), run.replaced()].into_iter().flatten().collect()
+}
+
+struct Run<'a> {
+    outcome: &'a Outcome,
+    options: &'a Options,
+    part: &'a Grid,
+}
+
+impl Run<'_> {
+    fn last(&self) -> &PassReport {
+        self.outcome.passes.last().expect("a run has a pass")
+    }
+
+    /// The window as typed: in voxels and in mm.
+    fn window(&self) -> String {
+        let (_, [x, y, z]) = windows_mm(self.options, self.part);
+        format!("{} voxels ({x} x {y} x {z} mm)", triple(self.last().window))
+    }
+
+    /// `--window-mm` of the near cube of `mm3` cubic millimetres.
+    fn remedy(&self, mm3: f64) -> String {
+        let [x, y, z] = sides_mm(self.part, cube(self.part, mm3));
+        format!("--window-mm {x:.2},{y:.2},{z:.2}")
+    }
+
+    fn window_mm3(&self) -> f64 {
+        sides_mm(self.part, self.last().window).iter().product()
+    }
+
+    fn few_particles(&self) -> Option<String> {
+        let (count, window) = (self.outcome.in_median_window(), self.last().window);
+        if count >= FEW {
+            return None;
+        }
+        let found = format!("the median window of {} holds {count} particles", self.window());
+        let wanted_mm3 = self.window_mm3() * WANTED as f64 / (count as f64).max(0.5);
+        let part_mm3: f64 = sides_mm(self.part, self.part.shape).iter().product();
+        Some(match wanted_mm3 < part_mm3 && window != self.part.shape {
+            true => format!("{found}, too few for a sure peak; {} would hold about {WANTED}", self.remedy(wanted_mm3)),
+            false => format!(
+                "{found}, too few for a sure peak, and the volume too few for larger ones; add pairs of \
+                 the same flow (--and) or more tracers"
+            ),
+        })
+    }
+
+    fn far_from_cubes(&self) -> Option<String> {
+        let window = self.last().window;
+        let nearest = sides_mm(self.part, cube(self.part, self.window_mm3()));
+        let ratio =
+            |sides: [f64; 3]| sides.into_iter().fold(0.0, f64::max) / sides.into_iter().fold(f64::MAX, f64::min);
+        let found = ratio(sides_mm(self.part, window));
+        // A volume that is thinner than a cube allows no better.
+        (found > FAR_FROM_CUBE.max(1.5 * ratio(nearest))).then(|| {
+            format!(
+                "windows of {} are {found:.1} times as long one way as another, so they resolve the flow unevenly; {} \
+                 is a cube of the same volume",
+                self.window(),
+                self.remedy(self.window_mm3())
+            )
+        })
+    }
+
+    /// Share of the vectors whose displacement comes near the end of the first search along some axis, and the search
+    /// that would leave room for them.
+    fn near_end(&self) -> Option<String> {
+        let (field, search) = (&self.outcome.field, self.outcome.passes[0].search);
+        let components = [&field.u, &field.v, &field.w];
+        let is_near = |i: usize, axis: usize| {
+            let shift_vox = (components[axis][i] as f64 / field.layout.voxel_mm[axis]).abs();
+            shift_vox > NEAR_END * search[axis] as f64
+        };
+        let known: Vec<usize> = (0..field.len()).filter(|&i| field.flag[i] != NO_DATA).collect();
+        let near: [usize; 3] = [0, 1, 2].map(|axis| known.iter().filter(|&&i| is_near(i, axis)).count());
+        let axis = (0..3).max_by_key(|&axis| near[axis]).expect("there are three axes");
+        let share = near[axis] as f64 / known.len().max(1) as f64;
+        (share > SOME).then(|| {
+            let wider =
+                [0, 1, 2].map(|a| if near[a] > 0 { (2 * search[a]).min(self.part.shape[a]) } else { search[a] });
+            format!(
+                "{:.0} % of the displacements along {} reach the end of the first search, {} voxels, and larger ones \
+                 are lost; --search {},{},{}",
+                100.0 * share,
+                ["x", "y", "z"][axis],
+                search[axis],
+                wider[0],
+                wider[1],
+                wider[2]
+            )
+        })
+    }
+
+    fn replaced(&self) -> Option<String> {
+        let flags = &self.outcome.field.flag;
+        let count = |flag: f32| flags.iter().filter(|&&other| other == flag).count();
+        let (replaced, lit) = (count(REPLACED), flags.len() - count(NO_DATA));
+        if (replaced as f64) <= MANY_REPLACED * lit as f64 {
+            return None;
+        }
+        let found = format!("{replaced} of {lit} vectors are replaced from their neighbours");
+        let steepest = self.last().repeats.iter().map(|repeat| repeat.change_across_vox).fold(0.0, f64::max);
+        let correlation = self.last().repeats.last().map_or(f64::NAN, |repeat| repeat.correlation);
+        let particles = self.outcome.in_median_window();
+        Some(if particles < FEW {
+            format!("{found}, because windows hold too few particles; enlarge them")
+        } else if self.near_end().is_some() {
+            format!("{found}, because displacements exceed the first search; widen --search")
+        } else if steepest > STEEP_VOX {
+            format!(
+                "{found}; the displacement changes by {steepest:.0} voxels across a window: make windows smaller, or \
+                 the time between frames shorter"
+            )
+        } else {
+            format!(
+                "{found}, though windows hold {particles} particles: the volumes agree little (mean correlation \
+                 {correlation:.2}). Larger windows would hide this; check that both are of one flow, a short time \
+                 apart, and that the camera is calibrated for these frames"
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_the_order_of_frames() {
+        for (first, second, wanted) in [
+            ("volume-0001.lfv", "volume-0000.lfv", true),
+            ("volume-0000.lfv", "volume-0001.lfv", false),
+            ("out/0010a.lfv", "out/0009a.lfv", true),
+            ("run2/volume-10.lfv", "run2/volume-9.lfv", true),
+            ("volume-9.lfv", "volume-10.lfv", false),
+            ("0007b.lfv", "0007a.lfv", true),
+            ("0007a.lfv", "0007b.lfv", false),
+            ("late.lfv", "early.lfv", false),
+            ("9-b.lfv", "8-c.lfv", false),
+            ("é1.lfv", "é0.lfv", true),
+            ("a.lfv", "a.lfv", false),
+            ("", "", false),
+        ] {
+            assert_eq!(is_later(first, second), wanted, "{first} {second}");
+        }
+    }
+}
