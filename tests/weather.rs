@@ -1,6 +1,6 @@
 //! scripts/pipeline.mk in bad weather: broken and missing frames, a kill, two runs at once, a full disk.
 
-use lf_tests::Folder;
+use lf_tests::{Call, Folder};
 use lf_tests::scripts::{has_programs, link_tools};
 use lf_tests::tools::workspace;
 use std::collections::BTreeMap;
@@ -175,6 +175,26 @@ fn bad_frames_fail_alone_are_named_and_can_be_mended() {
     assert_eq!(ended.status.code(), Some(2));
     assert!(said(&ended).contains("no field 0002a-0002b: lf-prune: raw/0002a.tif: "), "{}", said(&ended));
     assert!(fs::read_to_string(out.join("mean.json")).unwrap().contains("\"fields\": 3,"));
+}
+
+#[test]
+fn without_windows_the_first_good_pair_decides_for_all() {
+    if !has_programs(&["make"]) {
+        return;
+    }
+    let place = copy();
+    let out = place.path().join("out");
+    fs::write(place.path().join("raw/0001a.tif"), "no image").unwrap();
+    let ended = pipeline(place.path(), &out, &["-j2", "INITIAL_MM=", "WINDOW_MM="]).output().unwrap();
+    let text = said(&ended);
+    assert_eq!(ended.status.code(), Some(2), "{text}");
+    assert!(text.contains("no field 0001a-0001b: lf-prune: raw/0001a.tif: "), "{text}");
+    assert!(fs::read_to_string(out.join("mean.json")).unwrap().contains("\"fields\": 3,"), "{text}");
+    let words = fs::read_to_string(out.join("windows.txt")).unwrap();
+    let sides = words.strip_prefix("--window-mm ").unwrap().trim();
+    let second = ["volume-0002a.lfv", "volume-0002b.lfv"].map(|name| out.join(name));
+    let told = Call::new("lf-xcorr").words(second).words(["--estimate", "-q"]).run().done().text();
+    assert!(told.contains(&format!("\"window_mm\":[{sides}]")), "{told} {words}");
 }
 
 #[test]

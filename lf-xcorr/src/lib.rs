@@ -25,7 +25,8 @@
 //! - Vectors that fail the normalised median test (Westerweel & Scarano, Exp. Fluids 39, 2005) are searched again;
 //!   those that still fail are replaced and flagged. A window without light gives no data, never a silent zero.
 //! - Standard uncertainties come from how the particle images of a window disagree (after Wieneke, Meas. Sci. Technol.
-//!   26, 2015), and from the part of the field that the windows are too large to resolve.
+//!   26, 2015), and from how much the flow bends inside windows, by the places of the images.
+//! - Windows can be chosen from the particles found: [`Seeding`].
 //!
 //! ```
 //! use lf_core::grid::Grid;
