@@ -1,8 +1,8 @@
 //! scripts/pipeline.mk in bad weather: broken and missing frames, a kill, two runs at once, a full disk.
 
-use lf_tests::{Call, Folder};
 use lf_tests::scripts::{has_programs, link_tools};
 use lf_tests::tools::workspace;
+use lf_tests::{Call, Folder};
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::process::CommandExt;

@@ -61,8 +61,8 @@ pub struct Arguments {
     /// [default: z, its middle]
     #[arg(long, value_name = "AXIS[=MM]", requires = "plot")]
     pub slice: Option<Cut>,
-    /// Only estimate the memory and choose the windows: {"memory_bytes", "voxels", "initial_mm", "window_mm"} as JSON on
-    /// standard output
+    /// Only estimate the memory and choose the windows: {"memory_bytes", "voxels", "initial_mm", "window_mm"} as JSON
+    /// on standard output
     #[arg(long)]
     pub estimate: bool,
     #[command(flatten)]

@@ -30,11 +30,9 @@ pub fn windows_mm(options: &Options, part: &Grid) -> ([f64; 3], [f64; 3]) {
     (mm(options.passes.first()), mm(options.passes.last()))
 }
 
-/// A length with four digits, which stands for the same number of voxels.
+/// A length with five digits, which stands for the same number of voxels.
 fn rounded(mm: f64) -> f64 {
-    let unit = 10f64.powi(mm.log10().floor() as i32 - 3);
-    // Dividing by a whole number leaves the shortest decimal.
-    (mm / unit).round() / (1.0 / unit).round()
+    format!("{mm:.4e}").parse().expect("a number that was printed")
 }
 
 /// Tells the windows that were chosen from the particles.
@@ -42,7 +40,7 @@ pub fn chosen_windows(seeding: &Seeding, options: &Options) -> String {
     let last = options.passes.last().expect("a plan has a pass");
     let (_, [x, y, z]) = windows_mm(options, &seeding.part);
     format!(
-        "windows of {} voxels, {x} x {y} x {z} mm; the median window holds {} of {} particles (--window-mm {x},{y},{z})",
+        "windows of {} voxels, {x} x {y} x {z} mm; the median one holds {} of {} particles (--window-mm {x},{y},{z})",
         triple(last.window),
         seeding.in_median_window(last),
         seeding.tops.len()

@@ -11,8 +11,8 @@ const LEAST_WINDOW: usize = 4;
 #[derive(clap::Args)]
 #[command(next_help_heading = "Windows")]
 pub struct Windows {
-    /// Interrogation window of the last pass, voxels [default: nearly a cube in mm that holds about ten of the particles
-    /// found in the volumes]
+    /// Interrogation window of the last pass, voxels [default: nearly a cube in mm that holds about ten of the
+    /// particles found in the volumes]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     window: Option<[usize; 3]>,
     /// Interrogation window of the first pass, voxels [default: twice the window, or the volume if it is smaller]

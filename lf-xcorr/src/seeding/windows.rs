@@ -4,9 +4,9 @@ use super::particles::Seeding;
 use crate::passes::Pass;
 use lf_core::Grid;
 
-/// Constant: particle images that a window should hold. On reconstructed volumes of a wave, a jet and a ring at 0.1 to 1
-/// particles per lenslet, windows of five err half as much again in w, and those of twenty resolve less of u. Windows
-/// 0.6, 1.6 or 2.5 times as long along z as across serve some of these flows better and others worse than cubes.
+/// Constant: particle images that a window should hold. On reconstructed volumes of a wave, a jet and a ring at 0.1 to
+/// 1 particles per lenslet, windows of five err up to half as much again in w, and those of twenty resolve less of u.
+/// Windows 0.6, 1.6 or 2.5 times as long along z as across serve some of these flows better and others worse.
 pub const WANTED: usize = 10;
 
 /// Least length of a chosen window, voxels: the peak and its neighbours.

@@ -41,8 +41,8 @@ impl Sparse<'_> {
         Ok(())
     }
 
-    /// Refuses the first volume of another grid than the first, the first one that [`Sparse::check`] refuses, and a mask
-    /// that leaves nothing. Returns the grid of the voxels that windows may hold. Panics without a pair.
+    /// Refuses the first volume of another grid than the first, the first one that [`Sparse::check`] refuses, and a
+    /// mask that leaves nothing. Returns the grid of the voxels that windows may hold. Panics without a pair.
     pub(crate) fn check_pairs(pairs: &[[Self; 2]], mask: &Mask) -> Result<Grid, Refused> {
         let grid = pairs[0][0].grid;
         let sides = || (0..pairs.len()).flat_map(|pair| [Side::First(pair), Side::Second(pair)]);
