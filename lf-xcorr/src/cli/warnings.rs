@@ -16,6 +16,9 @@ const MANY_REPLACED: f64 = 0.2;
 const NEAR_END: f64 = 0.9;
 /// Constant: share of the vectors that may be near the end of the search without a warning.
 const SOME: f64 = 0.01;
+/// Constant: mean correlation of volumes that hold the same particles. Reconstructed pairs reach 0.9, pairs of different
+/// flows 0.1.
+const SAME_PARTICLES: f64 = 0.3;
 /// Constant: a change of the displacement across a window, in voxels, that few windows follow.
 const STEEP_VOX: f64 = 10.0;
 
@@ -55,7 +58,13 @@ fn is_later(first: &str, second: &str) -> bool {
 /// Warnings about the field of a volume of `part`.
 pub fn about(outcome: &Outcome, options: &Options, part: &Grid) -> Vec<String> {
     let run = Run { outcome, options, part };
-    [run.few_particles(), run.far_from_cubes(), run.near_end(), run.replaced()].into_iter().flatten().collect()
+    let mut lines = vec![run.few_particles(), run.far_from_cubes()];
+    // Volumes of other particles have their peaks anywhere, also at the end of the search.
+    match run.other_particles() {
+        Some(line) => lines.push(Some(line)),
+        None => lines.extend([run.near_end(), run.replaced()]),
+    }
+    lines.into_iter().flatten().collect()
 }
 
 struct Run<'a> {
@@ -90,7 +99,8 @@ impl Run<'_> {
         if count >= FEW {
             return None;
         }
-        let found = format!("the median window of {} holds {count} particles", self.window());
+        let plural = if count == 1 { "" } else { "s" };
+        let found = format!("the median window of {} holds {count} particle{plural}", self.window());
         let wanted_mm3 = self.window_mm3() * WANTED as f64 / (count as f64).max(0.5);
         let part_mm3: f64 = sides_mm(self.part, self.part.shape).iter().product();
         Some(match wanted_mm3 < part_mm3 && window != self.part.shape {
@@ -148,6 +158,19 @@ impl Run<'_> {
         })
     }
 
+    /// If the volumes do not hold the same particles.
+    fn other_particles(&self) -> Option<String> {
+        let correlation = self.last().repeats.last().map_or(f64::NAN, |repeat| repeat.correlation);
+        let search = triple(self.outcome.passes[0].search);
+        (correlation < SAME_PARTICLES).then(|| {
+            format!(
+                "the volumes agree little (mean correlation {correlation:.2}), which larger windows would only hide; \
+                 check that both are of one flow, that it moves by less than the first search ({search} voxels), and \
+                 that the camera is calibrated for these frames"
+            )
+        })
+    }
+
     fn replaced(&self) -> Option<String> {
         let flags = &self.outcome.field.flag;
         let count = |flag: f32| flags.iter().filter(|&&other| other == flag).count();
@@ -157,12 +180,11 @@ impl Run<'_> {
         }
         let found = format!("{replaced} of {lit} vectors are replaced from their neighbours");
         let steepest = self.last().repeats.iter().map(|repeat| repeat.change_across_vox).fold(0.0, f64::max);
-        let correlation = self.last().repeats.last().map_or(f64::NAN, |repeat| repeat.correlation);
         let particles = self.outcome.in_median_window();
         Some(if particles < FEW {
             format!("{found}, because windows hold too few particles; enlarge them")
         } else if self.near_end().is_some() {
-            format!("{found}, because displacements exceed the first search; widen --search")
+            format!("{found}, because displacements exceed the first search; widen it")
         } else if steepest > STEEP_VOX {
             format!(
                 "{found}; the displacement changes by {steepest:.0} voxels across a window: make windows smaller, or \
@@ -170,9 +192,8 @@ impl Run<'_> {
             )
         } else {
             format!(
-                "{found}, though windows hold {particles} particles: the volumes agree little (mean correlation \
-                 {correlation:.2}). Larger windows would hide this; check that both are of one flow, a short time \
-                 apart, and that the camera is calibrated for these frames"
+                "{found}, though the median window holds {particles} particles; many particles may be in one volume \
+                 only: check the background, the noise, and that the camera is calibrated for these frames"
             )
         })
     }
