@@ -57,6 +57,6 @@ pub use error::{Refused, Side};
 pub use passes::one_pass;
 pub use passes::{Choice, Counts, Deform, Options, Outcome, Pass, PassReport, Reason, Repeat, Route, triple};
 pub use plan::{Plan, correlate};
-pub use seeding::{Seeding, WANTED, cube, sides_mm};
+pub use seeding::{Seeding, WANTED_PARTICLES, near_cube, sides_mm};
 pub use vectors::MedianTest;
 pub use volumes::{Mask, Sparse};

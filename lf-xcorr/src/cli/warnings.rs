@@ -3,7 +3,7 @@
 use super::report::windows_mm;
 use lf_core::field::{NO_DATA, REPLACED};
 use lf_core::{Grid, JoinedVolume};
-use lf_xcorr::{Options, Outcome, PassReport, WANTED, cube, sides_mm, triple};
+use lf_xcorr::{Options, Outcome, PassReport, WANTED_PARTICLES, near_cube, sides_mm, triple};
 
 /// Constant: fewer particles than this in the median window are too few. Five pairs of particles find their peak in
 /// nineteen windows of twenty (Raffel et al., Particle Image Velocimetry, 2018, after Keane & Adrian 1992).
@@ -86,7 +86,7 @@ impl Run<'_> {
 
     /// `--window-mm` of the near cube of `mm3` cubic millimetres.
     fn remedy(&self, mm3: f64) -> String {
-        let [x, y, z] = sides_mm(self.part, cube(self.part, mm3));
+        let [x, y, z] = sides_mm(self.part, near_cube(self.part, mm3));
         format!("--window-mm {x:.2},{y:.2},{z:.2}")
     }
 
@@ -101,10 +101,13 @@ impl Run<'_> {
         }
         let plural = if count == 1 { "" } else { "s" };
         let found = format!("the median window of {} holds {count} particle{plural}", self.window());
-        let wanted_mm3 = self.window_mm3() * WANTED as f64 / (count as f64).max(0.5);
+        let wanted_mm3 = self.window_mm3() * WANTED_PARTICLES as f64 / (count as f64).max(0.5);
         let part_mm3: f64 = sides_mm(self.part, self.part.shape).iter().product();
         Some(match wanted_mm3 < part_mm3 && window != self.part.shape {
-            true => format!("{found}, too few for a sure peak; {} would hold about {WANTED}", self.remedy(wanted_mm3)),
+            true => format!(
+                "{found}, too few for a sure peak; {} would hold about {WANTED_PARTICLES}",
+                self.remedy(wanted_mm3)
+            ),
             false => format!(
                 "{found}, too few for a sure peak, and the volume too few for larger ones; add pairs of \
                  the same flow (--and) or more tracers"
@@ -114,7 +117,7 @@ impl Run<'_> {
 
     fn far_from_cubes(&self) -> Option<String> {
         let window = self.last().window;
-        let nearest = sides_mm(self.part, cube(self.part, self.window_mm3()));
+        let nearest = sides_mm(self.part, near_cube(self.part, self.window_mm3()));
         let ratio =
             |sides: [f64; 3]| sides.into_iter().fold(0.0, f64::max) / sides.into_iter().fold(f64::MAX, f64::min);
         let found = ratio(sides_mm(self.part, window));

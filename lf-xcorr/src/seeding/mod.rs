@@ -8,4 +8,4 @@ mod particles;
 mod windows;
 
 pub use particles::Seeding;
-pub use windows::{WANTED, cube, sides_mm};
+pub use windows::{WANTED_PARTICLES, near_cube, sides_mm};

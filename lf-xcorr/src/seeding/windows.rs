@@ -7,7 +7,7 @@ use lf_core::Grid;
 /// Constant: particle images that a window should hold. On reconstructed volumes of a wave, a jet and a ring at 0.1 to
 /// 1 particles per lenslet, windows of five err up to half as much again in w, and those of twenty resolve less of u.
 /// Windows 0.6, 1.6 or 2.5 times as long along z as across serve some of these flows better and others worse.
-pub const WANTED: usize = 10;
+pub const WANTED_PARTICLES: usize = 10;
 
 /// Least length of a chosen window, voxels: the peak and its neighbours.
 const LEAST_VOX: usize = 8;
@@ -15,24 +15,24 @@ const LEAST_VOX: usize = 8;
 const LEAST_LENGTHS: f64 = 2.0;
 
 impl Seeding {
-    /// The window, in voxels, whose median holds [`WANTED`] particle images: a cube in mm as far as the volume allows.
+    /// The window, in voxels, whose median holds [`WANTED_PARTICLES`] particle images: a cube in mm as far as the volume allows.
     /// The whole volume if it holds no more than that.
     pub fn window(&self) -> [usize; 3] {
         // Constants: rounds of better estimates, each of which at most doubles or halves the window's volume.
         const ROUNDS: usize = 12;
         const STEP: [f64; 2] = [0.5, 2.0];
         let part_mm3: f64 = sides_mm(&self.part, self.part.shape).iter().product();
-        let mut wanted_mm3 = part_mm3 * (WANTED as f64 / self.tops.len().max(1) as f64).min(1.0);
+        let mut wanted_mm3 = part_mm3 * (WANTED_PARTICLES as f64 / self.tops.len().max(1) as f64).min(1.0);
         let least = self.length_vox.map(|length| ((LEAST_LENGTHS * length).ceil() as usize).max(LEAST_VOX));
         let mut best = (f64::INFINITY, self.part.shape);
         for _ in 0..ROUNDS {
             let window = cuboid(&self.part, wanted_mm3, least);
             let count = self.in_median_window(&Pass { window, overlap: 0.5, search: [1; 3] });
-            let ratio = WANTED as f64 / (count as f64).max(0.5);
+            let ratio = WANTED_PARTICLES as f64 / (count as f64).max(0.5);
             if ratio.ln().abs() < best.0 {
                 best = (ratio.ln().abs(), window);
             }
-            if count == WANTED {
+            if count == WANTED_PARTICLES {
                 break;
             }
             wanted_mm3 = (wanted_mm3 * ratio.clamp(STEP[0], STEP[1])).min(part_mm3);
@@ -43,11 +43,11 @@ impl Seeding {
 
 /// The window of about `mm3` cubic millimetres that is nearest to a cube in a volume of `part`, in voxels. No side is
 /// shorter than 8 voxels, or longer than the volume.
-pub fn cube(part: &Grid, mm3: f64) -> [usize; 3] {
+pub fn near_cube(part: &Grid, mm3: f64) -> [usize; 3] {
     cuboid(part, mm3, [LEAST_VOX; 3])
 }
 
-/// As [`cube`], with a least number of voxels along each axis.
+/// The same as [`near_cube`], with a least number of voxels along each axis.
 fn cuboid(part: &Grid, mm3: f64, least: [usize; 3]) -> [usize; 3] {
     let range_mm = |axis: usize| {
         let most = part.shape[axis];
@@ -89,13 +89,13 @@ mod tests {
     #[test]
     fn a_cube_is_cut_by_the_volumes_sides() {
         // A cube of 1 mm.
-        assert_eq!(cube(&part(), 1.0), [100, 100, 10]);
+        assert_eq!(near_cube(&part(), 1.0), [100, 100, 10]);
         // In a sheet of 0.8 mm, 1.6 mm^3 leave 2 mm^2.
         let sheet = Grid { shape: [400, 400, 8], ..part() };
-        assert_eq!(cube(&sheet, 1.6), [141, 141, 8]);
+        assert_eq!(near_cube(&sheet, 1.6), [141, 141, 8]);
         // No larger than the volume, no smaller than a peak.
-        assert_eq!(cube(&part(), 1e6), [400, 400, 100]);
-        assert_eq!(cube(&part(), 1e-6), [8, 8, 8]);
+        assert_eq!(near_cube(&part(), 1e6), [400, 400, 100]);
+        assert_eq!(near_cube(&part(), 1e-6), [8, 8, 8]);
         // Particles long along z: 0.2 mm^3 in slabs of 20 voxels, or 2 mm, leave 0.1 mm^2.
         assert_eq!(cuboid(&part(), 0.2, [8, 8, 20]), [32, 32, 20]);
     }
