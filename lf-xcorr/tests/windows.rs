@@ -24,7 +24,7 @@ fn save(bench: &Workbench, name: &str, volume: &Volume) {
     bench.volume(name, &volume.grid, &volume.indices, &[("intensity", &volume.intensity)]);
 }
 
-/// What a run says beside the line about the chosen windows.
+/// The warnings of a run.
 fn warnings(bench: &Workbench, arguments: &[&str]) -> Vec<String> {
     let said = bench.done(&[arguments, &["-o", "f.exr"]].concat()).stderr;
     said.lines().filter_map(|line| Some(line.strip_prefix("lf-xcorr: warning: ")?.to_owned())).collect()

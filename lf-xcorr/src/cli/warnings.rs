@@ -16,8 +16,8 @@ const MANY_REPLACED: f64 = 0.2;
 const NEAR_END: f64 = 0.9;
 /// Constant: share of the vectors that may be near the end of the search without a warning.
 const SOME: f64 = 0.01;
-/// Constant: mean correlation of volumes that hold the same particles. Reconstructed pairs reach 0.9, pairs of different
-/// flows 0.1.
+/// Constant: least mean correlation of volumes that hold the same particles. Reconstructed pairs reach 0.9, pairs of
+/// different flows 0.1.
 const SAME_PARTICLES: f64 = 0.3;
 /// Constant: a change of the displacement across a window, in voxels, that few windows follow.
 const STEEP_VOX: f64 = 10.0;

@@ -15,8 +15,8 @@ const LEAST_VOX: usize = 8;
 const LEAST_LENGTHS: f64 = 2.0;
 
 impl Seeding {
-    /// The window, in voxels, whose median holds [`WANTED_PARTICLES`] particle images: a cube in mm as far as the volume allows.
-    /// The whole volume if it holds no more than that.
+    /// The window, in voxels, whose median holds [`WANTED_PARTICLES`] particle images: a cube in mm as far as the volume
+    /// allows. The whole volume if it holds no more than that.
     pub fn window(&self) -> [usize; 3] {
         // Constants: rounds of better estimates, each of which at most doubles or halves the window's volume.
         const ROUNDS: usize = 12;
