@@ -1,19 +1,22 @@
 //! Windows that are chosen from the particles, and warnings about windows, frames and searches.
 
 use crate::scene::{self, Volume};
-use crate::workbench::{SMALL, grid, save_pair, workbench};
-use lf_core::Field;
+use crate::workbench::{SMALL, save_pair, workbench};
 use lf_core::statistics::upper_median;
+use lf_core::{Field, Grid};
 use lf_tests::Workbench;
+
+/// The voxels of the clouds.
+const SPACING_MM: [f64; 3] = [0.1, 0.1, 0.2];
 
 fn field(bench: &Workbench, name: &str) -> Field {
     Field::open(&bench.path(name)).unwrap()
 }
 
-/// A pair of clouds with `density` particles in a cubic mm, voxels of 0.1 x 0.1 x 0.5 mm.
+/// A pair of clouds with `density` particles in a cubic mm, voxels of 0.1 x 0.1 x 0.2 mm.
 fn save_cloud(bench: &Workbench, names: [&str; 2], density: f64, shift_vox: [f64; 3], seeds: [u64; 2]) {
-    let grid = lf_core::Grid { shape: [72, 72, 24], ..grid() };
-    let pair = |seed| scene::pair(&grid, density * 0.1 * 0.1 * 0.5, [0.8; 3], seed, |_| shift_vox);
+    let grid = Grid { spacing_mm: SPACING_MM, ..scene::grid([72, 72, 48]) };
+    let pair = |seed| scene::pair(&grid, density * SPACING_MM.iter().product::<f64>(), [0.8; 3], seed, |_| shift_vox);
     let [[a, _], [_, b]] = seeds.map(pair);
     for (name, volume) in names.iter().zip([&a, &b]) {
         save(bench, name, volume);
@@ -37,7 +40,7 @@ fn the_median_window_holds_ten_particles_in_a_cube() {
         save_cloud(&bench, ["a.lfv", "b.lfv"], density, [1.3, -0.7, 0.4], [seed, seed]);
         let said = bench.done(&["a.lfv", "b.lfv", "-o", "chosen.exr"]).stderr;
         let chosen = field(&bench, "chosen.exr");
-        let sides_mm = [0, 1, 2].map(|axis| chosen.layout.window[axis] as f64 * [0.1, 0.1, 0.5][axis]);
+        let sides_mm = [0, 1, 2].map(|axis| chosen.layout.window[axis] as f64 * SPACING_MM[axis]);
         let wanted_mm = (10.0 / density).cbrt();
         // Seven particles in a hundred are hidden by others or cut at the sides.
         sides_mm.iter().for_each(|side| assert!((side / wanted_mm - 1.0).abs() < 0.2, "{sides_mm:?} {wanted_mm}"));
@@ -60,9 +63,9 @@ fn the_median_window_holds_ten_particles_in_a_cube() {
 fn windows_too_small_and_windows_far_from_cubes_are_warned_of() {
     let bench = workbench();
     save_cloud(&bench, ["a.lfv", "b.lfv"], 1.0, [1.3, -0.7, 0.4], [3, 3]);
-    let said = warnings(&bench, &["a.lfv", "b.lfv", "--window", "12,12,3", "--overlap", "0.5"]);
+    let said = warnings(&bench, &["a.lfv", "b.lfv", "--window", "12,12,6", "--overlap", "0.5"]);
     let few = said.iter().find(|line| line.contains("too few")).unwrap();
-    assert!(few.starts_with("the median window of 12 x 12 x 3 voxels (1.2 x 1.2 x 1.5 mm) holds "), "{few}");
+    assert!(few.starts_with("the median window of 12 x 12 x 6 voxels (1.2 x 1.2 x 1.2 mm) holds "), "{few}");
     // The remedy holds.
     let (_, option) = few.split_once("--window-mm ").unwrap();
     let said = warnings(&bench, &["a.lfv", "b.lfv", "--window-mm", option.split(' ').next().unwrap()]);
@@ -70,8 +73,8 @@ fn windows_too_small_and_windows_far_from_cubes_are_warned_of() {
     let count = upper_median(&mut field(&bench, "f.exr").count.clone()).unwrap();
     assert!((6.0..16.0).contains(&count), "{count}");
 
-    let said = warnings(&bench, &["a.lfv", "b.lfv", "--window", "16,16,16", "--overlap", "0.5"]);
-    let wanted = "windows of 16 x 16 x 16 voxels (1.6 x 1.6 x 8 mm) are 5.0 times as long one way as another";
+    let said = warnings(&bench, &["a.lfv", "b.lfv", "--window", "16,16,40", "--overlap", "0.5"]);
+    let wanted = "windows of 16 x 16 x 40 voxels (1.6 x 1.6 x 8 mm) are 5.0 times as long one way as another";
     assert!(said.len() == 1 && said[0].starts_with(wanted) && said[0].contains("--window-mm 2.7"), "{said:?}");
 }
 
@@ -90,8 +93,8 @@ fn a_volume_with_itself_and_frames_in_the_wrong_order_are_warned_of() {
 #[test]
 fn a_search_that_is_too_short_and_volumes_that_do_not_agree_are_told_apart() {
     let bench = workbench();
-    save_cloud(&bench, ["a.lfv", "b.lfv"], 1.5, [5.7, -0.7, 0.4], [7, 7]);
-    let short = ["a.lfv", "b.lfv", "--window", "24,24,5", "--overlap", "0.5", "--search"];
+    save_cloud(&bench, ["a.lfv", "b.lfv"], 1.5, [5.45, -0.7, 0.4], [7, 7]);
+    let short = ["a.lfv", "b.lfv", "--window", "24,24,12", "--overlap", "0.5", "--search"];
     let said = warnings(&bench, &[&short[..], &["6,6,4"]].concat());
     assert!(
         said.len() == 1 && said[0].contains("along x reach the end") && said[0].ends_with("--search 12,6,4"),
@@ -101,7 +104,7 @@ fn a_search_that_is_too_short_and_volumes_that_do_not_agree_are_told_apart() {
 
     save_cloud(&bench, ["a.lfv", "other.lfv"], 1.5, [0.7, -0.7, 0.4], [7, 70]);
     let said =
-        warnings(&bench, &["a.lfv", "other.lfv", "--window", "24,24,5", "--overlap", "0.5", "--search", "8,8,4"]);
+        warnings(&bench, &["a.lfv", "other.lfv", "--window", "24,24,12", "--overlap", "0.5", "--search", "8,8,4"]);
     assert!(said.iter().any(|line| line.contains("the volumes agree little (mean correlation 0.")), "{said:?}");
     assert!(!said.iter().any(|line| line.contains("enlarge") || line.contains("try larger")), "{said:?}");
 }

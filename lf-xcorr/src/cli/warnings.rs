@@ -42,13 +42,17 @@ fn is_later(first: &str, second: &str) -> bool {
     let head = first.chars().zip(second.chars()).take_while(is_same).count();
     // A number is compared as a whole.
     let digits = first.chars().take(head).collect::<Vec<_>>().iter().rev().take_while(|c| c.is_ascii_digit()).count();
-    let [a, b] = [first, second].map(|name| name.chars().skip(head - digits).collect::<String>());
+    let from = |place: usize| [first, second].map(|name| name.chars().skip(place).collect::<String>());
+    let [a, b] = from(head - digits);
     let number = |text: &str| text.chars().take_while(char::is_ascii_digit).collect::<String>();
     let [x, y] = [number(&a), number(&b)];
-    if let (Ok(x_value), Ok(y_value)) = (x.parse::<u64>(), y.parse::<u64>()) {
+    if let (Ok(x_value), Ok(y_value)) = (x.parse::<u64>(), y.parse::<u64>())
+        && x != y
+    {
         return a[x.len()..] == b[y.len()..] && x_value > y_value;
     }
-    let [mut a, mut b] = [a.chars(), b.chars()];
+    let rest = from(head);
+    let [mut a, mut b] = rest.each_ref().map(|rest| rest.chars());
     match (a.next(), b.next()) {
         (Some(x), Some(y)) => x.is_ascii_alphabetic() && y.is_ascii_alphabetic() && a.as_str() == b.as_str() && x > y,
         _ => false,
