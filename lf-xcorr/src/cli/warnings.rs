@@ -12,7 +12,8 @@ const FEW: usize = 5;
 const FAR_FROM_CUBE: f64 = 3.0;
 /// Constant: share of the vectors that may be replaced without a warning.
 const MANY_REPLACED: f64 = 0.2;
-/// Constant: a displacement is near the end of the first search from this share of it on.
+/// Constant: a displacement is near the end of the first search from this share of it on, or a bin before it, because a
+/// peak at the end itself is not found.
 const NEAR_END: f64 = 0.9;
 /// Constant: share of the vectors that may be near the end of the search without a warning.
 const SOME: f64 = 0.01;
@@ -139,11 +140,13 @@ impl Run<'_> {
     /// Share of the vectors whose displacement comes near the end of the first search along some axis, and the search
     /// that would leave room for them.
     fn near_end(&self) -> Option<String> {
-        let (field, search) = (&self.outcome.field, self.outcome.passes[0].search);
+        let PassReport { search, bin, .. } = self.outcome.passes[0];
+        let field = &self.outcome.field;
+        let end_vox = [0, 1, 2].map(|a| (NEAR_END * search[a] as f64).min(search[a] as f64 - bin[a] as f64));
         let components = [&field.u, &field.v, &field.w];
         let is_near = |i: usize, axis: usize| {
             let shift_vox = (components[axis][i] as f64 / field.layout.voxel_mm[axis]).abs();
-            shift_vox > NEAR_END * search[axis] as f64
+            shift_vox > end_vox[axis]
         };
         let known: Vec<usize> = (0..field.len()).filter(|&i| field.flag[i] != NO_DATA).collect();
         let near: [usize; 3] = [0, 1, 2].map(|axis| known.iter().filter(|&&i| is_near(i, axis)).count());
