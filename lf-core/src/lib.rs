@@ -4,7 +4,7 @@
 //! 2. [`camera`] and its [`lattice`] of lenslets give the rays ([`optics`]); a [`grid`] places voxels in space.
 //! 3. [`weights`] tell which pixels a voxel lights, [`flow`] moves particles; [`statistics`] and [`simd`] serve both.
 //! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`plot`] draws them, [`io`] writes.
-//! 5. [`cli`] is what the command lines of all tools share.
+//! 5. [`cli`] is what the command lines of all tools share; [`json`] names the mistakes in files that people write.
 //!
 //! The file formats are specified in [`volume::format`] (`.lfv`), [`field`], [`image`], [`camera`], [`particles`] and
 //! [`scene`]. Lengths are millimetres, places on the image are pixels; the frame and its signs are in [`optics`], its
@@ -55,6 +55,7 @@ pub mod grid;
 pub mod history;
 pub mod image;
 pub mod io;
+pub mod json;
 pub mod lattice;
 pub mod optics;
 pub mod particles;

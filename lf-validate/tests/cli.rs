@@ -305,7 +305,7 @@ fn unusable_truths_are_refused_by_name() {
     for (name, content, wanted) in [
         ("empty.exr", String::new(), "empty"),
         ("text", "hello world".to_string(), "scene.json or a particles.csv"),
-        ("camera.json", CAMERA.to_string(), "missing field `camera`"),
+        ("camera.json", CAMERA.to_string(), "without camera"),
         ("tracks.json", scene(r#"{"kind": "tracks", "path": "particles.csv"}"#), "the particles.csv itself"),
         ("odd.json", scene(r#"{"kind": "vortex"}"#), "vortex"),
         ("wild.json", scene(r#"{"kind": "rotation", "axis": [0, 0, 1], "angle_rad": 1e6}"#), "steps"),

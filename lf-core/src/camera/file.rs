@@ -1,10 +1,10 @@
 //! `camera.json` from and to text, and which of its values are refused.
 
 use super::model::{Camera, Distortion, Medium, Tilt};
-use crate::{Error, Refusal, io};
+use crate::{Error, Refusal, io, json};
 use std::path::{Path, PathBuf};
 
-const WANTED: &str = "wanted a camera.json";
+const WANTED: &str = "wanted a camera.json as `lf-calib nominal` prints one";
 
 impl Camera {
     /// Reads and checks a camera file; `-` is standard input.
@@ -20,7 +20,7 @@ impl Camera {
     pub fn from_json(text: &str) -> Result<Self, Refusal> {
         let value: serde_json::Value =
             serde_json::from_str(text).map_err(|error| Refusal::new(format!("not JSON ({error})"), WANTED))?;
-        let camera: Self = serde_json::from_value(value).map_err(|error| Refusal::new(error.to_string(), WANTED))?;
+        let camera: Self = json::read(&value).map_err(|found| Refusal::new(found, WANTED))?;
         camera.check().map(|()| camera)
     }
 
@@ -64,8 +64,9 @@ fn finite(key: &str, values: &[f64]) -> Result<(), Refusal> {
 }
 
 impl Camera {
-    /// Refuses numbers that are not finite or have the wrong sign, more than 2^20 px a side, lenslets below a pixel, a
-    /// tilt that brings the sensor to the array, no air before the lens, and microlenses of half the image distance.
+    /// Refuses numbers that are not finite or have the wrong sign, more than 2^20 px a side, lengths that no plenoptic
+    /// camera has, a tilt that brings the sensor to the array, no air before the lens, and microlenses whose focal
+    /// length is half the image distance.
     pub fn check(&self) -> Result<(), Refusal> {
         positive("sensor.pixel_pitch_mm", self.sensor.pixel_pitch_mm)?;
         positive("main_lens.focal_length_mm", self.main_lens.focal_length_mm)?;
@@ -76,6 +77,7 @@ impl Camera {
         let wanted = format!("wanted 1 to {MOST_PIXELS} px a side");
         Refusal::unless(fits, || format!("sensor is {width} x {height} px"), wanted)?;
         self.check_microlenses()?;
+        self.check_plausible()?;
         if let Some(Distortion { radial, tangential }) = &self.distortion {
             finite("distortion.radial", radial)?;
             finite("distortion.tangential", tangential)?;
@@ -98,9 +100,6 @@ impl Camera {
         let lenslets = &self.microlenses;
         positive("microlenses.pitch_mm", lenslets.pitch_mm)?;
         positive("microlenses.focal_length_mm", lenslets.focal_length_mm)?;
-        let (pitch_mm, pixel_mm) = (lenslets.pitch_mm, self.sensor.pixel_pitch_mm);
-        let wanted = format!("wanted at least a pixel ({pixel_mm} mm)");
-        Refusal::unless(pitch_mm >= pixel_mm, || format!("microlenses.pitch_mm is {pitch_mm}"), wanted)?;
         finite("microlenses.rotation_rad", &[lenslets.rotation_rad])?;
         finite("microlenses.offset_mm", &lenslets.offset_mm)?;
         lenslets.gap_mm.map_or(Ok(()), |gap_mm| positive("microlenses.gap_mm", gap_mm))

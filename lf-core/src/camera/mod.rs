@@ -1,7 +1,7 @@
 //! The camera, its file `camera.json`, and the lengths that follow from it.
 //!
 //! In: the text of a `camera.json`. Out: a checked [`Camera`] and its derived lengths.
-//! Open first: `model.rs`, the keys of the file. `file.rs` says which values are refused.
+//! Open first: `model.rs`, the keys of the file. `file.rs` and `plausible.rs` say which values are refused.
 //!
 //! A `camera.json` is one JSON object. Its keys are the fields of [`Camera`], and its blocks those of the structs named
 //! there; an unknown key is refused. `sensor`, `main_lens` and `microlenses` are required. The other blocks are
@@ -37,9 +37,11 @@
 //! # }
 //! ```
 
+mod depths;
 mod derived;
 mod file;
 mod model;
+mod plausible;
 
 pub use crate::lattice::{Layout, Microlenses};
 pub use derived::ALIGNED_PX;

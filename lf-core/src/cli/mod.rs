@@ -8,12 +8,14 @@
 
 mod complaint;
 mod generate;
+mod lengths;
 mod progress;
 mod run;
 mod session;
 mod stats;
 mod values;
 
+pub use lengths::length_mm;
 pub use progress::Progress;
 pub use run::{Verdict, run};
 pub use session::{Common, Session};

@@ -6,8 +6,10 @@ use super::{
     velocity::Velocity,
 };
 use crate::{Error, Refusal, field::Field, io};
-use serde::{Deserialize, Deserializer, Serialize, de::Error as _};
-use std::path::Path;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::{fmt, path::Path};
 
 /// Largest number of integration steps from frame to frame. A flow that needs more has a wrong unit.
 pub const MOST_STEPS: f64 = 1e5;
@@ -25,12 +27,26 @@ pub enum Flows {
 impl<'de> Deserialize<'de> for Flows {
     // Written by hand: serde's choice between the two variants would hide the error of either.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = serde_json::Value::deserialize(deserializer)?;
-        let flows = match value.is_array() {
-            true => serde_json::from_value(value).map(Self::Sum),
-            false => serde_json::from_value(value).map(Self::One),
-        };
-        flows.map_err(|error| D::Error::custom(format!("flow: {error}")))
+        deserializer.deserialize_any(OneOrMore)
+    }
+}
+
+/// Reads an object as one flow and a list as several.
+struct OneOrMore;
+
+impl<'de> Visitor<'de> for OneOrMore {
+    type Value = Flows;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a flow or a list of flows")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Flows, A::Error> {
+        Flow::deserialize(MapAccessDeserializer::new(map)).map(Flows::One)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Flows, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(list)).map(Flows::Sum)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::arguments::{Arguments, Task};
 use super::{calibration, frames, images::save_text};
-use lf_core::{Error, Result, Session, Verdict, cli};
+use lf_core::{Error, Result, Session, Verdict, cli, json};
 use lf_synth::Scene;
 use lf_synth::scene::ready::{self, READY};
 use std::path::Path;
@@ -38,7 +38,7 @@ fn changed_scene(name: &str, set: &[String]) -> Result<String> {
     for assignment in set {
         ready::set(&mut scene, assignment).map_err(|refusal| refusal.about("--set"))?;
     }
-    serde_json::from_value::<Scene>(scene.clone())
-        .map_err(|error| Error::new("--set", error.to_string(), "wanted keys and values that a scene.json has"))?;
+    json::read::<Scene>(&scene)
+        .map_err(|found| Error::new("--set", found, "wanted keys and values that a scene.json has"))?;
     Ok(format!("{}\n", serde_json::to_string_pretty(&scene).expect("a scene is plain data")))
 }

@@ -3,10 +3,11 @@
 use super::arguments::SceneSource;
 use super::images::save_text;
 use lf_core::scene::{CameraSource, WANTED};
-use lf_core::{Camera, Error, Result, Session, image, io};
+use lf_core::{Camera, Error, Result, Session, image, io, json};
 use lf_synth::rays::Instrument;
 use lf_synth::scene::{self, Scene};
 use ndarray::Array2;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// A checked scene with its camera, its background image and the files it comes from.
@@ -25,8 +26,7 @@ impl Setup {
         session.phase("read", |session| {
             let name = io::name(&source.scene);
             let text = io::open_text(&source.scene)?;
-            let mut scene: Scene =
-                serde_json::from_str(&text).map_err(|error| Error::new(&name, error.to_string(), WANTED))?;
+            let mut scene = read(&text).map_err(|found| Error::new(&name, found, WANTED))?;
             let folder = source.scene.parent().unwrap_or(Path::new(""));
             let mut inputs = scene.join(folder);
             let camera = scene.camera.open(folder, &name)?;
@@ -75,6 +75,16 @@ impl Setup {
     }
 }
 
+/// Reads a scene. The error names all its mistakes, those of a camera inside it too.
+fn read(text: &str) -> std::result::Result<Scene, String> {
+    let value: Value = serde_json::from_str(text).map_err(|error| format!("not JSON ({error})"))?;
+    let mut found = json::mistakes::<Scene>(&value, "");
+    if let Some(camera) = value.get("camera").filter(|camera| !camera.is_string()) {
+        found.extend(json::mistakes::<Camera>(camera, "camera"));
+    }
+    if found.is_empty() { json::read(&value) } else { Err(found.join(", ")) }
+}
+
 /// Reads an image of counts of shape (height, width).
 fn background(file: &Path, shape: (usize, usize)) -> Result<Array2<f32>> {
     let pixels = image::open_counts(file)?.pixels;
@@ -83,4 +93,36 @@ fn background(file: &Path, shape: (usize, usize)) -> Result<Array2<f32>> {
     }
     let found = format!("background of {} x {} px", pixels.ncols(), pixels.nrows());
     Err(Error::new(io::name(file), found, format!("wanted the sensor's {} x {} px", shape.1, shape.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lf_synth::scene::ready;
+
+    #[test]
+    fn all_mistakes_of_a_scene_and_its_camera_are_named_at_once() {
+        let mut scene = ready::scene("tank").unwrap();
+        assert!(read(&scene.to_string()).is_ok());
+        let remove = |object: &mut Value, key: &str| drop(object.as_object_mut().unwrap().remove(key));
+        remove(&mut scene["volume"], "z_mm");
+        remove(&mut scene["camera"]["sensor"], "width");
+        scene["camera"]["main_lens"]["aperture"] = "round".into();
+        scene["particels"] = scene["particles"].clone();
+        remove(&mut scene, "particles");
+        scene["light"]["profile"] = "gauss".into();
+        scene["flow"]["core"] = 1.into();
+        let found = read(&scene.to_string()).unwrap_err();
+        for words in [
+            "without volume.z_mm",
+            "particels should be 'particles'",
+            "light.profile is 'gauss', which should be 'gaussian'",
+            "flow.core should be 'core_mm'",
+            "without camera.sensor.width",
+            "camera.main_lens.aperture is 'round', which should be 'circle'",
+        ] {
+            assert!(found.contains(words), "{words}: {found}");
+        }
+        assert!(read("{").unwrap_err().starts_with("not JSON ("));
+    }
 }

@@ -4,12 +4,16 @@ use super::keys::Scene;
 use crate::key_checks::{finite, positive, within, wrong};
 use lf_core::{Camera, Refusal};
 
+/// Largest distance of the volume's sides from the axis, in half views of the sensor.
+const MOST_VIEWS: f64 = 100.0;
+
 /// Checks a scene with its camera. Names the key that is wrong.
 pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     if camera.vignetting.is_some() {
         return Err(wrong("camera.vignetting is a measured flat field, which is not rendered; use a key second_stop"));
     }
     scene.volume.check()?;
+    check_size(scene, camera)?;
     check_depth(camera, scene.volume.z_mm[1]).map_err(|found| wrong(format!("volume.z_mm reaches {found}")))?;
     check_particles(scene, camera)?;
     scene.frames.check()?;
@@ -42,6 +46,20 @@ pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
         }
     }
     scene.grid(camera).map(|_| ())
+}
+
+/// Refuses a volume many times as wide as the sensor's view: its bounds are probably not in mm.
+fn check_size(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
+    for (key, [low, high], half_mm) in
+        [("x_mm", scene.volume.x_mm, camera.half_view_mm()[0]), ("y_mm", scene.volume.y_mm, camera.half_view_mm()[1])]
+    {
+        let times = high.abs().max(low.abs()) / half_mm;
+        if times > MOST_VIEWS {
+            let found = format!("volume.{key} [{low}, {high}] reaches {times:.0} times as far as the sensor's view");
+            return Err(wrong(format!("{found} of {half_mm:.3} mm to a side, as if in um")));
+        }
+    }
+    Ok(())
 }
 
 fn check_particles(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {

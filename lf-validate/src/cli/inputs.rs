@@ -4,7 +4,7 @@ use super::output::Picture;
 use lf_core::flow::{Flows, Velocity};
 use lf_core::frame::{self, Frame};
 use lf_core::scene::{self, CameraSource, Frames, LitVolume};
-use lf_core::{Camera, Error, Field, Refusal, Result, Session, Tile, Volume, io, particles};
+use lf_core::{Camera, Error, Field, Refusal, Result, Session, Tile, Volume, io, json, particles};
 use lf_validate::info::FileKind;
 use lf_validate::scores::{displacement::TrueDisplacement, displacement::tracks, light::VoxelLight};
 use std::path::{Path, PathBuf};
@@ -87,7 +87,8 @@ pub fn open_truth(
 /// The flow of a scene: the one that `lf-synth` samples in `flow.exr`.
 fn flow(text: &str, file: &Path, name: &str, picture: &Picture, session: &Session) -> Result<TrueDisplacement> {
     let wrong = |found: String| Error::new(name, found, scene::WANTED);
-    let mut motion: Motion = serde_json::from_str(text).map_err(|error| wrong(error.to_string()))?;
+    let value = serde_json::from_str(text).map_err(|error| wrong(format!("not JSON ({error})")))?;
+    let mut motion: Motion = json::read(&value).map_err(wrong)?;
     if motion.frame.is_none() {
         let wanted = format!("wanted \"{}\": \"{}\", with x to the right in the picture", frame::KEY, frame::MARK);
         return Err(Error::new(name, "names no frame, as scenes of lf 0.1.0, which have x to the left", wanted));

@@ -78,10 +78,12 @@ fn resolution(about: &mut Description, camera: &Camera) {
     about.line("pixel in focus", format!("{} mm", figures(pixel)));
     let widths = [("pixel", camera.sensor.pixel_pitch_mm), ("lenslet", camera.microlenses.pitch_mm)];
     for (name, width) in widths {
-        let depth = depth_of_spread_mm(camera, width);
+        let depth = camera.depth_of_width_mm(width);
         let text = format!("{} mm = {} px in focus, of spread on the array", figures(depth), figures(depth / pixel));
         about.line(format!("depth for one {name}"), text);
     }
+    let [away, towards] = camera.useful_depth_mm().map(figures);
+    about.line("useful depth", format!("z from {away} to {towards} mm"));
 }
 
 /// Adds the parts of the camera beyond a thin lens and a perfect lattice.
@@ -120,17 +122,10 @@ fn blocks(about: &mut Description, camera: &Camera) {
     }
 }
 
-/// Depth Z at which the light of a point is `width_mm` wide on the array: alpha(Z) D = width, with [`lf_core::optics`].
-fn depth_of_spread_mm(camera: &Camera, width_mm: f64) -> f64 {
-    let alpha = width_mm / camera.aperture_mm();
-    camera.object_distance_mm() - camera.image_distance_mm() / (camera.main_lens.magnification + alpha)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::info::description::assert_shows;
-    use lf_core::optics::Optics;
 
     const SEED: &str = r#"{
         "sensor": {"width": 280, "height": 280, "pixel_pitch_mm": 0.0055},
@@ -145,7 +140,7 @@ mod tests {
         let text = self::camera(&seed).to_string();
         assert_shows(&text, &["280 x 280 px of 0.0055 mm = 1.54 x 1.54 mm", "400 mm", "100 mm, square", "= 14 px"]);
         assert_shows(&text, &["20 x 20, about 400", "0.00077", "1 of the pitch: matched", "1.54 x 1.54 mm"]);
-        assert_shows(&text, &["nothing: no medium"]);
+        assert_shows(&text, &["nothing: no medium", "z from -4.3", " to 4.2"]);
         let unmatched = SEED.replace("\"working_f_number\": 4.0", "\"working_f_number\": 8.0");
         let text = self::camera(&Camera::from_json(&unmatched).unwrap()).to_string();
         assert!(text.contains("0.5 of the pitch: not matched: gaps"), "{text}");
@@ -162,15 +157,5 @@ mod tests {
         let text = self::camera(&camera).to_string();
         assert_shows(&text, &["index 1.333, its", "1 mrad along x", "0.31 mm", "radial 0.5, 0, 0"]);
         assert_shows(&text, &["degree 2", "flat.exr", "lattice\n"]);
-    }
-
-    #[test]
-    fn depth_for_a_lenslet_spreads_the_light_by_a_lenslet() {
-        let mut seed = Camera::from_json(SEED).unwrap();
-        seed.main_lens.magnification = 0.95;
-        let depth = depth_of_spread_mm(&seed, 0.077);
-        let rays = Optics::new(&seed);
-        assert!((rays.alpha(depth) * 2.0 * rays.half_aperture_mm - 0.077).abs() < 1e-12);
-        assert!(depth > 0.0);
     }
 }

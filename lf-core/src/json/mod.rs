@@ -1,0 +1,12 @@
+//! JSON that people write: every mistake is found at once and named with its remedy.
+//!
+//! In: a JSON value and the type it should become. Out: the type, or a phrase that names all missing, unknown and wrong
+//! keys. The types say which keys exist; nothing is listed twice.
+//! Open first: `read.rs`; `reader.rs` is the deserializer behind it, and `suggest.rs` knows synonyms.
+
+mod fault;
+mod read;
+mod reader;
+mod suggest;
+
+pub use read::{mistakes, read};
