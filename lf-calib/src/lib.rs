@@ -1,17 +1,19 @@
 //! White images, dot targets and particle frames to a camera that can be trusted.
 //!
-//! 1. [`WhiteMean`] averages white images, [`find_lattice`] finds the lattice of the lenslet *images* in the mean.
-//! 2. [`calibrate()`] turns that lattice into the microlenses of a camera, and [`flat_field`] gives the camera's flat
+//! 1. [`DataSheet`] gives a camera that has seen nothing yet, and [`advice()`] what it lets one measure.
+//! 2. [`WhiteMean`] averages white images, [`find_lattice`] finds the lattice of the lenslet *images* in the mean.
+//! 3. [`calibrate()`] turns that lattice into the microlenses of a camera, and [`flat_field`] gives the camera's flat
 //!    field.
-//! 3. [`main_lens()`] finds the main lens, its distortion and the misalignment from images of a dot target.
-//! 4. [`refine()`] corrects a later drift from frames of particles.
-//! 5. [`Background`] is what stays the same in every frame.
+//! 4. [`main_lens()`] finds the main lens, its distortion and the misalignment from images of a dot target.
+//! 5. [`refine()`] corrects a later drift from frames of particles.
+//! 6. [`Background`] is what stays the same in every frame.
 //!
 //! Image positions are pixels from the left and top edge; a pixel's centre is at a half.
 
 mod background;
 mod drift;
 mod fit;
+mod nominal;
 pub mod plot;
 mod points;
 #[cfg(test)]
@@ -21,7 +23,11 @@ mod white;
 
 pub use background::Background;
 pub use drift::{Refined, refine, refine_steps};
-pub use target::{Dot, Exposure, MainLensFit, grid, main_lens, main_lens_steps};
+pub use nominal::{Advice, DataSheet, Liquid, advice, doubts, in_air};
+pub use target::{
+    Dot, Exposure, MainLensFit, blunder, closer_dots_mm, depths_of_names, depths_of_table, fit_doubts, grid, main_lens,
+    main_lens_steps,
+};
 pub use white::{
     Calibrated, Centre, Fill, ImageLattice, LATTICE_STEPS, Residual, SecondStop, WhiteMean, calibrate, find_lattice,
     flat_field,

@@ -35,19 +35,31 @@ fn targets_that_cannot_be_used() {
     );
     unusable(
         "a.exr b.exr --spacing 0.3 --depths 0,3",
-        "the target: 1 of 2 images at depths out of focus; wanted 2 depths or more at which a dot lights 5 lenslets across",
+        "the target: 1 of 2 images at depths out of focus; wanted 2 depths or more beyond -1.55 and 1.53 mm, where a \
+         dot lights 5 lenslets across",
     );
     unusable("a.exr b.exr --spacing 0.3 --depths 3", "--depths: 1 depths for 2 images; wanted one for each image");
-    unusable("a.exr b.exr --spacing 0.3 --depths 3,x", "--depths: 3,x; wanted numbers between commas, mm");
+    unusable(
+        "a.exr b.exr --spacing 0.3 --depths 3,x",
+        "--depths: 3,x; wanted numbers between commas, mm, or a table FILE.csv",
+    );
     unusable("a.exr b.exr --spacing -1 --depths 3,4", "--spacing: -1; wanted a positive length, mm");
     unusable(
         "a.exr b.exr --spacing 0.3 --depths 3,395",
         "the target: depth 395 mm is too near the main lens, which stands 400.0 mm before the focal plane; wanted depths \
          in front of the main lens",
     );
-    let wanted = "wanted --target FILE, or --spacing MM and --depths Z0,Z1,...";
+    let wanted = "wanted --spacing MM, with --depths or with depths in the images' names; or --target FILE";
     unusable("a.exr b.exr", &format!("the target: not given; {wanted}"));
-    unusable("a.exr b.exr --spacing 0.3", &format!("the target: not given; {wanted}"));
+    unusable("a.exr b.exr --depths 3,-3", &format!("the target: not given; {wanted}"));
+    let wanted = "wanted z and a number in every name, such as dots_z-2.70.tif or z+4mm.tif, or --depths";
+    unusable("a.exr b.exr --spacing 0.3", &format!("a.exr: no depth in its name; {wanted}"));
+    bench.write("depths.csv", "file,depth_mm\na.exr,3\n");
+    unusable(
+        "a.exr b.exr --spacing 0.3 --depths depths.csv",
+        "depths.csv: no depth of b.exr; wanted a line for each image, with its name and depth",
+    );
+    unusable("a.exr b.exr --spacing 0.3 --depths none.csv", "none.csv: no such file; wanted a file to read");
     unusable(
         &format!("a.exr b.exr --target target.csv {grid}"),
         "--target: given with --spacing or --depths; wanted one or the other",
@@ -58,7 +70,7 @@ fn targets_that_cannot_be_used() {
     );
     unusable("a.exr b.exr --target none.csv", "none.csv: no such file; wanted a file to read");
     unusable("none.exr b.exr --target target.csv", "none.exr: no such file; wanted a file to read");
-    unusable("empty", "empty: no dots-0000.exr; wanted a folder of images, as lf-synth dots writes it");
+    unusable("empty", "empty: no TIFF, PNG or EXR; wanted a folder of images of a target");
     refused(
         &bench,
         &format!("volume a.exr b.exr {grid} -c camera.json -o a.exr"),
@@ -119,6 +131,28 @@ fn a_folder_of_images_gives_a_camera() {
     let grid = "volume target/dots-0000.exr target/dots-0001.exr -c camera.json --spacing 0.8 --depths -3.5,3.5";
     let by_grid = bench.run(grid);
     assert!(by_grid.status.success(), "{by_grid:?}");
+    // The same depths from the names, and from a table, of images in a folder.
+    fs::create_dir(bench.path("named")).unwrap();
+    for (n, z) in ["z-3.5", "z+3.5mm"].into_iter().enumerate() {
+        fs::copy(bench.path(&format!("target/dots-000{n}.exr")), bench.path(&format!("named/dots_{z}.exr"))).unwrap();
+    }
+    let without_history = |run: &lf_tests::Ended| {
+        let mut camera = run.json();
+        camera["calibration"].as_object_mut().unwrap().remove("history");
+        camera
+    };
+    // The images are sorted by their names: '+' stands before '-'.
+    let by_name = bench.run("volume named -c camera.json --spacing 0.8");
+    assert!(by_name.status.success(), "{by_name:?}");
+    fs::copy(bench.path("named/dots_z-3.5.exr"), bench.path("named/other.exr")).unwrap();
+    bench.write("depths.csv", "file,depth_mm\ndots_z-3.5.exr,-3.5\ndots_z+3.5mm.exr,3.5mm\n");
+    let by_table = bench.run("volume named -c camera.json --spacing 0.8 --depths depths.csv");
+    assert!(by_table.status.success(), "{by_table:?}");
+    assert!(by_table.stderr.contains("named/other.exr is left out: depths.csv does not list it"));
+    assert_eq!(without_history(&by_name), without_history(&by_table));
+    let magnification = |camera: &serde_json::Value| camera["main_lens"]["magnification"].as_f64().unwrap();
+    let [names, grid] = [&by_name, &by_grid].map(|run| magnification(&without_history(run)));
+    assert!((names - grid).abs() < 1e-6, "{names} {grid}");
     let found: serde_json::Value = serde_json::from_slice(&one.stdout).unwrap();
     assert_eq!(found["calibration"]["lattice"]["lenslets"], 7);
     let volume = &found["calibration"]["volume"];

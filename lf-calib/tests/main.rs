@@ -1,6 +1,8 @@
 //! Tests of lf-calib: its library on images whose answer is known, and its command line.
 
+mod blunders;
 mod cli;
+mod cli_nominal;
 mod cli_target;
 mod hard;
 mod known;

@@ -1,7 +1,9 @@
 //! The options of `lf-calib`.
 
+use super::words::{aperture, layout, sensor_px, window};
 use clap::{Args, Parser, Subcommand};
-use lf_core::cli::{self, Common};
+use lf_core::camera::{Aperture, Layout};
+use lf_core::cli::{self, Common, length_mm};
 use std::path::PathBuf;
 
 /// White images and particle frames to a camera that can be trusted
@@ -11,7 +13,9 @@ use std::path::PathBuf;
     version,
     propagate_version = true,
     max_term_width = 100,
-    after_help = "Examples, in out/ after scripts/demo:
+    after_help = "Examples; the last two in out/ after scripts/demo:
+  lf-calib nominal --sensor 1092x1092 --pixel 5.5um --f 200 --magnification 1 --f-number 4 \\
+      --pitch 77um --lenslet-f 308um
   lf-calib lattice white.exr -c nominal.json -o calibrated.json --plot lattice.svg
   lf-calib background scene/frame-*.exr -o background.exr"
 )]
@@ -24,6 +28,17 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 pub enum Task {
+    /// Make a camera from data sheets, in air or before a liquid
+    ///
+    /// Prints camera.json, the start of every calibration, and says which depths the camera resolves, how large voxels
+    /// should be and where a dot target should stand. Warns of parts that do not fit each other. Lengths take a unit,
+    /// as 5.5um or 20cm; without one they are mm.
+    #[command(after_help = "Examples; the last is before a tank of water:
+  lf-calib nominal --sensor 6600x4400 --pixel 5.5um --f 200 --magnification 1 --f-number 4 \\
+      --pitch 77um --lenslet-f 308um -o nominal.json
+  lf-calib nominal --sensor 6600x4400 --pixel 5.5um --f 200 --magnification 0.95 --ring 4 \\
+      --pitch 77um --lenslet-f 600um --layout hexagonal --water -o nominal.json")]
+    Nominal(NominalArguments),
     /// Find the microlens lattice in white images
     ///
     /// The images give the layout, pitch, rotation, offset and smooth departures of the lattice. The nominal camera
@@ -66,6 +81,56 @@ pub enum Task {
 }
 
 #[derive(Args)]
+pub struct NominalArguments {
+    /// Columns and rows of the sensor
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = sensor_px)]
+    pub sensor: [usize; 2],
+    /// Distance between pixels
+    #[arg(long, value_name = "LENGTH", value_parser = length_mm)]
+    pub pixel: f64,
+    /// Focal length of the main lens
+    #[arg(long = "f", visible_alias = "focal-length", value_name = "LENGTH", value_parser = length_mm)]
+    pub focal_length: f64,
+    /// Size of the image on the microlenses over the size of the object in focus
+    #[arg(long, value_name = "M")]
+    pub magnification: f64,
+    /// Working f-number: distance from the lens to the microlenses, over the diameter of the stop
+    #[arg(long, value_name = "N", required_unless_present = "ring")]
+    pub f_number: Option<f64>,
+    /// Instead of --f-number: the number on the lens's ring, which holds for objects far away. The working f-number is
+    /// 1 + M times as large
+    #[arg(long, value_name = "N", conflicts_with = "f_number")]
+    pub ring: Option<f64>,
+    /// Shape of the stop
+    #[arg(long, value_name = "SHAPE", default_value = "circle", value_parser = aperture())]
+    pub aperture: Aperture,
+    /// Distance between neighbouring microlenses
+    #[arg(long, value_name = "LENGTH", value_parser = length_mm)]
+    pub pitch: f64,
+    /// Focal length of the microlenses
+    #[arg(long = "lenslet-f", visible_alias = "lenslet-focal-length", value_name = "LENGTH", value_parser = length_mm)]
+    pub lenslet_focal_length: f64,
+    /// How the microlenses are packed
+    #[arg(long, value_name = "LAYOUT", default_value = "square", value_parser = layout())]
+    pub layout: Layout,
+    /// The volume is in a liquid of this index, 1.333 if none is given. The camera written stands in air and sees the
+    /// same rays, except for the aberration of the liquid; lf-prune and lf-mart are fast with it
+    #[arg(long, value_name = "INDEX", num_args = 0..=1, default_missing_value = "1.333")]
+    pub water: Option<f64>,
+    /// With --water: distance from the plane in focus to the window, the window's thickness and its index, such as
+    /// 180,20,1.49. Warns if the camera in air errs too much
+    #[arg(long, value_name = "DISTANCE,THICKNESS,INDEX", value_parser = window, requires = "water")]
+    pub window: Option<[f64; 3]>,
+    /// With --water and --window: write a camera with the exact rays through window and liquid, which lf-prune and
+    /// lf-mart follow slowly
+    #[arg(long, requires = "window")]
+    pub exact: bool,
+    /// Camera by its data sheets, camera.json, - for standard output
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    pub output: PathBuf,
+}
+
+#[derive(Args)]
 pub struct LatticeArguments {
     /// White images of one size, averaged; - for standard input
     #[arg(default_value = "-")]
@@ -93,18 +158,20 @@ pub struct LatticeArguments {
 
 #[derive(Args)]
 pub struct VolumeArguments {
-    /// Folder written by lf-synth dots, or images of one size, one for each depth
+    /// Images of one size, one for each depth, or a folder of them. A folder that lf-synth dots has written knows its
+    /// dots and depths
     #[arg(required = true, value_name = "DIR|IMAGES")]
     pub images: Vec<PathBuf>,
     /// Table of the dots, frame,id,x_mm,y_mm,z_mm,intensity, one frame for each image, x right and y up in the
-    /// picture; a folder has its own, dots.csv
+    /// picture; a folder may have its own, dots.csv
     #[arg(long, value_name = "FILE")]
     pub target: Option<PathBuf>,
     /// Instead of a table: spacing of a square grid of dots with one near the axis, mm
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     pub spacing: Option<f64>,
-    /// With --spacing: the depth of each image, mm
-    #[arg(long, value_name = "Z0,Z1,...", allow_hyphen_values = true)]
+    /// With --spacing: the depth of each image, mm, + towards the camera; or a table with the columns file,depth_mm.
+    /// Without it, each name must have its depth after a z: dots_z-2.70.tif, z+4mm.tif
+    #[arg(long, value_name = "Z0,Z1,...|FILE.csv", allow_hyphen_values = true)]
     pub depths: Option<String>,
     /// Camera to start from, camera.json
     #[arg(short, long, value_name = "FILE")]

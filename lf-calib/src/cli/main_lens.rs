@@ -1,108 +1,54 @@
 //! `lf-calib volume`: images of a dot target and a camera in, a camera with its main lens out.
 
-use super::{arguments::VolumeArguments, files::frames, files::save_found};
-use lf_calib::{Dot, Exposure, MainLensFit, grid, main_lens_steps};
-use lf_core::{Camera, Error, Result, Session, Verdict, cli::numbers, io, particles, weights::check_depth_mm};
-use std::ffi::OsStr;
+use super::{arguments::VolumeArguments, files::frames, files::save_found, target_images::Target};
+use lf_calib::{Exposure, MainLensFit, blunder, closer_dots_mm, fit_doubts, main_lens_steps};
+use lf_core::{Camera, Error, Result, Session, Verdict, image, io, weights::check_depth_mm};
+use ndarray::Array2;
 use std::path::{Path, PathBuf};
 
 pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<Verdict> {
     let VolumeArguments { camera, output, .. } = arguments;
-    let (images, table) = inputs(arguments)?;
-    let all: Vec<&Path> = images.iter().chain(&table).chain([camera]).map(PathBuf::as_path).collect();
-    session.keep_apart(output, &all)?;
     io::check_place(output)?;
+    let target = Target::open(arguments, session)?;
+    let Target { images, tables, .. } = &target;
+    let all: Vec<&Path> = images.iter().chain(tables).chain([camera]).map(PathBuf::as_path).collect();
+    session.keep_apart(output, &all)?;
     let nominal = Camera::open(camera)?;
     session.explain(format!("camera: {}", nominal.about()));
-    let dots = dots(images.len(), table.as_deref(), arguments, &nominal, session)?;
+    let dots = target.dots(&nominal, session)?;
+    // If the work cannot be done, its error is the only line.
+    let mut warnings: Vec<String> = Vec::new();
     let exposures = session.phase("read", |_| {
         for depth in dots.iter().flatten().map(|dot| dot.place_mm[2]) {
             check_depth_mm(&nominal, depth).map_err(|refusal| {
                 Error::new("the target", refusal.found, "wanted depths in front of the main lens")
             })?;
         }
-        let images = frames(&images, None, &nominal, camera)?;
+        let pixels = frames(images, None, &nominal, camera)?;
+        for (image, pixels) in images.iter().zip(&pixels) {
+            warnings.extend(clipping(image, pixels, &nominal)?);
+        }
         let exposure = |(pixels, dots)| Exposure { pixels, dots };
-        Ok(images.into_iter().zip(dots).map(exposure).collect::<Vec<_>>())
+        Ok(pixels.into_iter().zip(dots).map(exposure).collect::<Vec<_>>())
     })?;
     let subject = |image: Option<usize>| image.map_or_else(|| "the target".to_string(), |n| io::name(&images[n]));
     let found = session.phase("volume", |session| {
         let progress = session.progress("looks", main_lens_steps(exposures.len()));
-        lf_calib::main_lens(&exposures, &nominal, &|looks| progress.add(looks))
-            .map_err(|(image, refusal)| refusal.about(subject(image)))
+        Ok(lf_calib::main_lens(&exposures, &nominal, &|looks| progress.add(looks)))
+    })?;
+    let found = found.or_else(|(image, refusal)| {
+        let slip = session.phase("slips", |_| Ok(blunder(&exposures, &nominal)))?;
+        Err(slip.map_or_else(|| refusal.about(subject(image)), |slip| slip.about("the target")))
     })?;
     save_found(found.camera.clone(), nominal.flat_field(camera), "wanted a target that fits one", output, session)?;
     tell(&found, exposures.len(), session);
+    let lists = || target.tables.iter().map(|table| io::name(table)).collect::<String>();
+    target.left_out.iter().for_each(|image| {
+        session.say(format!("{} is left out: {} does not list it", io::name(image), lists()));
+    });
+    warnings.extend(doubts(&found, &exposures, &nominal));
+    warnings.iter().for_each(|warning| session.warn(warning));
     Ok(Verdict::Done)
-}
-
-/// The images and the table as typed, or those of a folder.
-fn inputs(arguments: &VolumeArguments) -> Result<(Vec<PathBuf>, Option<PathBuf>)> {
-    let [folder] = arguments.images.as_slice() else { return Ok((arguments.images.clone(), arguments.target.clone())) };
-    if !folder.is_dir() {
-        return Ok((arguments.images.clone(), arguments.target.clone()));
-    }
-    let wanted = "wanted a folder of images, as lf-synth dots writes it";
-    let read = std::fs::read_dir(folder).map_err(|error| Error::new(io::name(folder), error.to_string(), wanted))?;
-    let is_image = |path: &PathBuf| {
-        let is_known = |end: &OsStr| ["exr", "tif", "tiff", "png"].iter().any(|e| end.eq_ignore_ascii_case(e));
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        name.starts_with("dots-") && path.extension().is_some_and(is_known)
-    };
-    let mut found: Vec<PathBuf> = read.filter_map(|entry| Some(entry.ok()?.path())).filter(is_image).collect();
-    found.sort();
-    if found.is_empty() {
-        return Err(Error::new(io::name(folder), "no dots-0000.exr", wanted));
-    }
-    let is_grid = arguments.spacing.is_some() || arguments.depths.is_some();
-    let table = || arguments.target.clone().unwrap_or_else(|| folder.join("dots.csv"));
-    Ok((found, (!is_grid).then(table)))
-}
-
-/// The dots of each image: from a table, or on a square grid.
-fn dots(
-    images: usize,
-    table: Option<&Path>,
-    arguments: &VolumeArguments,
-    nominal: &Camera,
-    session: &Session,
-) -> Result<Vec<Vec<Dot>>> {
-    match (table, arguments.spacing, arguments.depths.as_deref()) {
-        (Some(table), None, None) => dots_of_table(images, table, session),
-        (None, Some(spacing), Some(depths)) => {
-            if !(spacing.is_finite() && spacing > 0.0) {
-                return Err(Error::new("--spacing", spacing.to_string(), "wanted a positive length, mm"));
-            }
-            Ok(depths_of(images, depths)?.iter().map(|depth| grid(spacing, *depth, nominal)).collect())
-        }
-        (Some(_), _, _) => Err(Error::new("--target", "given with --spacing or --depths", "wanted one or the other")),
-        _ => Err(Error::new("the target", "not given", "wanted --target FILE, or --spacing MM and --depths Z0,Z1,...")),
-    }
-}
-
-/// The dots of each image from a table, which must have as many frames as there are images.
-fn dots_of_table(images: usize, table: &Path, session: &Session) -> Result<Vec<Vec<Dot>>> {
-    let text = io::open_text(table)?;
-    let rows = particles::read(&text).map_err(|refusal| refusal.about(io::name(table)))?;
-    particles::warn_unmarked(&text, &io::name(table), session);
-    let frames = rows.iter().map(|row| row.frame + 1).max().unwrap_or(0);
-    if frames != images {
-        let found = format!("dots of {frames} frames for {images} images");
-        return Err(Error::new(io::name(table), found, "wanted the table of a target's dots"));
-    }
-    let mut dots = vec![Vec::new(); images];
-    rows.iter().for_each(|row| dots[row.frame].push(Dot { id: row.id, place_mm: row.place_mm }));
-    Ok(dots)
-}
-
-fn depths_of(images: usize, text: &str) -> Result<Vec<f64>> {
-    let depths: Option<Vec<f64>> = text.split(',').map(|part| numbers::<1>(part).ok().map(|[depth]| depth)).collect();
-    let depths = depths.ok_or_else(|| Error::new("--depths", text, "wanted numbers between commas, mm"))?;
-    if depths.len() != images {
-        let found = format!("{} depths for {images} images", depths.len());
-        return Err(Error::new("--depths", found, "wanted one for each image"));
-    }
-    Ok(depths)
 }
 
 fn tell(found: &MainLensFit, images: usize, session: &mut Session) {
@@ -131,4 +77,32 @@ fn tell(found: &MainLensFit, images: usize, session: &mut Session) {
     for (a, b, correlation) in &found.correlated {
         session.warn(format!("{a} and {b} can hardly be told apart: correlation {correlation:.3}"));
     }
+}
+
+/// The warning of an image whose brightest pixels are clipped: its dots seem to be elsewhere.
+fn clipping(file: &Path, pixels: &Array2<f32>, camera: &Camera) -> Result<Option<String>> {
+    // Divided by a flat field, the counts at the end of the histogram are no longer the same.
+    let raw =
+        camera.vignetting.as_ref().filter(|_| !io::is_standard(file)).map(|_| image::open_counts(file)).transpose()?;
+    let pixels = raw.as_ref().map_or(pixels, |raw| &raw.pixels);
+    Ok(image::clipped_share(pixels.view()).map(|(level, share)| {
+        format!(
+            "{}: {:.2} % of its pixels are clipped at {level} counts, which moves sub-images: take the target with less light",
+            io::name(file),
+            100.0 * share
+        )
+    }))
+}
+
+/// Warnings of what is doubtful in the camera found, with the slip that explains it if there is one.
+fn doubts(found: &MainLensFit, exposures: &[Exposure], nominal: &Camera) -> Vec<String> {
+    let mut doubts = fit_doubts(found, nominal);
+    let slip = (!doubts.is_empty()).then(|| blunder(exposures, nominal)).flatten();
+    doubts.extend(slip.map(|slip| format!("the target: {}; {}", slip.found, slip.wanted)));
+    doubts.extend(closer_dots_mm(exposures, &found.used, &found.camera).map(|[seen, stated]| {
+        format!(
+            "the images show dots {seen:.3} mm apart, and the target is said to have them {stated:.3} mm apart: check the spacing"
+        )
+    }));
+    doubts
 }

@@ -7,7 +7,10 @@ mod background;
 mod files;
 mod lattice;
 mod main_lens;
+mod nominal;
 mod refine;
 mod run;
+mod target_images;
+mod words;
 
 pub use run::run;

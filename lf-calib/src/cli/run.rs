@@ -1,7 +1,7 @@
 //! Runs the task that was asked for.
 
 use super::arguments::{Arguments, Task};
-use super::{background::background, lattice::lattice, main_lens::main_lens, refine::refine};
+use super::{background::background, lattice::lattice, main_lens::main_lens, nominal::nominal, refine::refine};
 use lf_core::cli;
 use std::process::ExitCode;
 
@@ -10,6 +10,7 @@ pub fn run() -> ExitCode {
         "lf-calib",
         |arguments: &Arguments| &arguments.common,
         |arguments, session| match &arguments.task {
+            Task::Nominal(arguments) => nominal(arguments, session),
             Task::Lattice(arguments) => lattice(arguments, session),
             Task::Volume(arguments) => main_lens(arguments, session),
             Task::Refine(arguments) => refine(arguments, session),

@@ -16,6 +16,24 @@ pub(crate) fn width_in_lenslets(optics: &Optics, place_mm: DVec3) -> f64 {
     2.0 * optics.half_aperture_mm * PointView::new(optics, place_mm).alpha.abs() / optics.lattice().row_pitch_mm()
 }
 
+/// The depths nearest to focus, away from and towards the camera, at which a point lights `lenslets`, mm; by the
+/// camera's own rays.
+pub(crate) fn nearest_depths_mm(optics: &Optics, lenslets: f64) -> [f64; 2] {
+    [-1.0, 1.0].map(|side| {
+        let is_wide = |depth: f64| width_in_lenslets(optics, DVec3::new(0.0, 0.0, side * depth)) >= lenslets;
+        // The least power of two at which the light is wide enough, then bisection.
+        let Some(wide) = (-10..14).map(|power| 2f64.powi(power)).find(|depth| is_wide(*depth)) else {
+            return side * f64::INFINITY;
+        };
+        let (mut low, mut high) = (0.0, wide);
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            if is_wide(middle) { high = middle } else { low = middle }
+        }
+        side * high
+    })
+}
+
 /// Locates the point that sub-images come from: robust least squares with the camera's own rays. Returns the scatter of
 /// the sub-images about it too, px. None if there are too few or the point moves into focus.
 pub(crate) fn locate(optics: &Optics, sub_images: &[SubImage], from_mm: DVec3) -> Option<(DVec3, f64)> {

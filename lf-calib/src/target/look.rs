@@ -16,6 +16,9 @@ use std::collections::BTreeMap;
 const CELLS: f64 = 32.0;
 /// Least distance between peaks of light, in spacings.
 const APART: f64 = 0.4;
+/// Peaks of light that show another spacing than that of the dots: their number, and the difference.
+const FEWEST_PEAKS: usize = 9;
+const OTHER_SPACING: f64 = 0.15;
 /// Largest distance of a sub-image from its prediction in the first look, px.
 const FIRST_PX: f64 = 4.0;
 
@@ -62,7 +65,8 @@ pub(crate) fn first_look(
     let axis = PointView::new(optics, DVec3::new(0.0, 0.0, depth));
     let inside = half_view_mm - axis.alpha.abs() * optics.half_aperture_mm * 0.5 / optics.beta(depth);
     let peaks: Vec<DVec2> = refocused.peaks(APART * spacing).into_iter().map(|(_, place)| place).collect();
-    let found = recognise(&flat, &peaks, inside.max(0.3 * half_view_mm), shift_mm)?;
+    let found = recognise(&flat, &peaks, inside.max(0.3 * half_view_mm), shift_mm)
+        .map_err(|refusal| with_spacing(refusal, spacing, &peaks))?;
     let rough = PointBlur { object_mm: 0.6 / axis.px_per_mm(), sensor_px: SENSOR_PX };
     let located: Vec<(usize, DVec3)> = found
         .pairs
@@ -81,6 +85,16 @@ pub(crate) fn first_look(
         return Err(no_target(format!("{} dots with enough sub-images", sightings.len())));
     }
     Ok(FirstLook { sightings, shift_mm: found.shift_mm, deeper_mm })
+}
+
+/// Adds the distance between peaks of light to the refusal of a target, if it is clearly not that of the dots.
+fn with_spacing(refusal: Refusal, spacing: f64, peaks: &[DVec2]) -> Refusal {
+    let Some(seen) = spacing_mm(peaks).filter(|_| peaks.len() >= FEWEST_PEAKS) else { return refusal };
+    if (seen / spacing - 1.0).abs() < OTHER_SPACING {
+        return refusal;
+    }
+    let found = format!("{}; peaks of light are {seen:.3} mm apart, and dots {spacing:.3} mm", refusal.found);
+    Refusal { found, ..refusal }
 }
 
 /// Reads the sub-images of every dot where a camera and a pose of the target predict them.

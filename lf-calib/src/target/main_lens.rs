@@ -9,7 +9,7 @@ use super::bundle::{Bundle, BundleFit, DotSighting};
 use super::exposure::{Exposure, numbers_by_id};
 use super::selection::{ParameterGroup, select};
 use super::{look::first_look, look::look_again, report::MainLensFit, report::report};
-use crate::points::locate::{NARROWEST, width_in_lenslets};
+use crate::points::locate::{NARROWEST, nearest_depths_mm, width_in_lenslets};
 use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
 use lf_core::{Camera, Optics, Refusal};
@@ -22,12 +22,12 @@ const MOST_SUB_IMAGES: usize = 60_000;
 /// Times that the sub-images are read again with the camera found.
 const LOOKS: usize = 2;
 /// Largest root mean square residual of a fit, px.
-const LARGEST_RMS_PX: f64 = 0.3;
+pub(super) const LARGEST_RMS_PX: f64 = 0.3;
 /// Least share of the sub-images that follow the fit.
-const LEAST_FOLLOWING: f64 = 0.5;
+pub(super) const LEAST_FOLLOWING: f64 = 0.5;
 
 /// Always free: the pose of the target (the first six) and the magnification.
-const ALWAYS: [P; 7] =
+pub(super) const ALWAYS: [P; 7] =
     [P::TargetX, P::TargetY, P::FocusOffset, P::TargetLeanX, P::TargetLeanY, P::TargetTurn, P::Magnification];
 
 /// The error of a calibration, with the number of the image that it is about, if there is one.
@@ -146,8 +146,11 @@ impl TargetSearch<'_> {
         depths.dedup();
         if depths.len() < FEWEST_DEPTHS {
             let found = format!("{} of {} images at depths out of focus", used.len(), self.exposures.len());
-            let wanted =
-                format!("wanted {FEWEST_DEPTHS} depths or more at which a dot lights {NARROWEST} lenslets across");
+            let [away, towards] = nearest_depths_mm(optics, NARROWEST);
+            let wanted = format!(
+                "wanted {FEWEST_DEPTHS} depths or more beyond {away:.2} and {towards:.2} mm, where a dot lights {NARROWEST} lenslets \
+                 across"
+            );
             return Err(Refusal::new(found, wanted));
         }
         used.sort_by(|&a, &b| depth_mm(a).abs().total_cmp(&depth_mm(b).abs()));

@@ -1,0 +1,57 @@
+//! Values of options that are neither numbers nor files.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use lf_core::camera::{Aperture, Layout};
+use lf_core::cli::length_mm;
+
+/// Shape of a stop, by the word of camera.json or another one for it.
+pub fn aperture() -> impl TypedValueParser<Value = Aperture> {
+    let circle = PossibleValue::new("circle").aliases(["round", "circular", "disc"]);
+    let square = PossibleValue::new("square").aliases(["rect", "rectangular"]);
+    let parser = PossibleValuesParser::new([circle, square]);
+    parser.map(
+        |word| if ["square", "rect", "rectangular"].contains(&&*word) { Aperture::Square } else { Aperture::Circle },
+    )
+}
+
+/// Layout of a lattice, by the word of camera.json or another one for it.
+pub fn layout() -> impl TypedValueParser<Value = Layout> {
+    let square = PossibleValue::new("square").aliases(["rect", "rectangular"]);
+    let hexagonal = PossibleValue::new("hexagonal").aliases(["hex", "hexagon"]);
+    let parser = PossibleValuesParser::new([square, hexagonal]);
+    parser.map(|word| if word.starts_with("hex") { Layout::Hexagonal } else { Layout::Square })
+}
+
+/// Columns and rows of a sensor, such as 6600x4400.
+pub fn sensor_px(text: &str) -> Result<[usize; 2], String> {
+    let sides: Vec<usize> = text.split(['x', 'X', '\u{d7}', ',']).filter_map(|side| side.trim().parse().ok()).collect();
+    let sides: Option<[usize; 2]> = sides.try_into().ok();
+    sides.ok_or_else(|| "wanted columns and rows, such as 6600x4400".to_owned())
+}
+
+/// A window: distance and thickness, mm, and its index.
+pub fn window(text: &str) -> Result<[f64; 3], String> {
+    let parts: Vec<&str> = text.split(',').collect();
+    let wanted = || "wanted distance, thickness and index of the window, such as 180,20,1.49".to_owned();
+    let [distance, thickness, index] = parts.as_slice() else { return Err(wanted()) };
+    let index = index.trim().parse().ok().filter(|index: &f64| index.is_finite()).ok_or_else(wanted)?;
+    Ok([length_mm(distance)?, length_mm(thickness)?, index])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sensors_and_windows_are_read() {
+        assert_eq!(sensor_px("6600x4400"), Ok([6600, 4400]));
+        assert_eq!(sensor_px("6600 × 4400"), Ok([6600, 4400]));
+        for wrong in ["6600", "6600x", "1x2x3", "axb", "-1x2"] {
+            assert!(sensor_px(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(window("18cm,20mm,1.49"), Ok([180.0, 20.0, 1.49]));
+        for wrong in ["180,20", "180,20,x", "180,20,inf", "a,20,1.5"] {
+            assert!(window(wrong).is_err(), "{wrong}");
+        }
+    }
+}
