@@ -23,8 +23,9 @@ PAIRS = $(foreach stem,$(stems),$(stem)$(FIRST)-$(stem)$(SECOND))
 NOMINAL = nominal.json
 WHITE = white.exr
 
-# A dot target: its folder or images, and what lf-calib needs to know of it (--spacing 1.1 --depths -4,0,4). Without
-# one, the main lens is that of the data sheets.
+# A dot target: its folder or images, and what lf-calib needs to know of it: --spacing 1.1 with --depths -4,-2,2,4, with
+# a table --depths depths.csv (columns file,depth_mm), or with the depths in the images' names (dots_z-2.70.tif).
+# Without a target, the main lens is that of the data sheets.
 DOTS =
 DOTS_FLAGS =
 
@@ -150,7 +151,7 @@ in = $(patsubst %,$(FRAME),$1)
 $(OUT)/camera-lattice.json: $(WHITE) $(NOMINAL) | $(LOG)
 	$(call step,$(CALIB) lattice $(WHITE) -c $(NOMINAL))
 
-$(OUT)/camera-volume.json: $(lattice) $(wildcard $(DOTS)) | $(LOG)
+$(OUT)/camera-volume.json: $(lattice) $(wildcard $(DOTS) $(DOTS:%=%/*)) | $(LOG)
 	$(call step,$(CALIB) volume $(DOTS) $(DOTS_FLAGS) -c $<)
 
 $(OUT)/camera-refine.json: $(lens) $(call in,$(REFINE)) $$(call background-of,$$(firstword $$(REFINE))) | $(LOG)
