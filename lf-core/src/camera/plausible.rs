@@ -106,20 +106,21 @@ impl Camera {
             slips.found.push(format!("the sensor is {:.0} mm wide, {} mm from the main lens", 2.0 * half, digits(far)));
             slips.wanted.push(format!("at most {} times that distance", 2.0 * MOST_FIELD));
         }
-        self.check_lattice_place(&mut slips, pixel);
+        self.check_lattice_place(&mut slips, pixel, pitch);
         let plausible = slips.found.is_empty();
         Refusal::unless(plausible, || slips.found.join(", "), format!("wanted {}", slips.wanted.join(", ")))
     }
 
     /// Checks where the lattice is and how it is turned.
-    fn check_lattice_place(&self, slips: &mut Slips, pixel_mm: f64) {
+    fn check_lattice_place(&self, slips: &mut Slips, pixel_mm: f64, pitch_mm: f64) {
         let turn = self.microlenses.rotation_rad;
         if turn.abs() > MOST_ROTATION_RAD {
             let radians = digits(turn.to_radians());
             slips.found.push(format!("microlenses.rotation_rad is {turn} ({turn} degrees are {radians} rad)"));
             slips.wanted.push("at most a whole turn of 6.28 rad".to_owned());
         }
-        let half_mm = 0.5 * pixel_mm * self.diagonal_px();
+        // A lattice is the same a pitch aside, also on a sensor of a few pixels.
+        let half_mm = (0.5 * pixel_mm * self.diagonal_px()).max(2.0 * pitch_mm);
         for offset in self.microlenses.offset_mm {
             let key = "microlenses.offset_mm";
             let on_sensor = || format!("an offset on the sensor, at most {} mm from its middle", digits(half_mm));
