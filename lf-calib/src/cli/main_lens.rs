@@ -24,12 +24,12 @@ pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<V
                 Error::new("the target", refusal.found, "wanted depths in front of the main lens")
             })?;
         }
-        let pixels = frames(images, None, &nominal, camera)?;
-        for (image, pixels) in images.iter().zip(&pixels) {
-            warnings.extend(clipping(image, pixels, &nominal)?);
+        let counts = frames(images, None, &nominal, camera)?;
+        for (file, frame) in images.iter().zip(&counts) {
+            warnings.extend(clipping(file, frame, &nominal)?);
         }
         let exposure = |(pixels, dots)| Exposure { pixels, dots };
-        Ok(pixels.into_iter().zip(dots).map(exposure).collect::<Vec<_>>())
+        Ok(counts.into_iter().zip(dots).map(exposure).collect::<Vec<_>>())
     })?;
     let subject = |image: Option<usize>| image.map_or_else(|| "the target".to_string(), |n| io::name(&images[n]));
     let found = session.phase("volume", |session| {

@@ -59,7 +59,7 @@ fn exact(arguments: &NominalArguments) -> Result<Option<Liquid>> {
     Ok(arguments.window.map(medium))
 }
 
-/// What the camera's file says of its making and its depths.
+/// The record in the camera's file: its depths, and the liquid that it stands in air for.
 fn record(arguments: &NominalArguments, advice: &Advice) -> serde_json::Value {
     let mut record = json!({
         "useful_depth_mm": advice.useful_depth_mm.map(hundredths),

@@ -1,4 +1,4 @@
-//! What a camera lets one measure, and where a dot target should stand to calibrate it.
+//! The depths that a camera resolves, and where a dot target should stand to calibrate it.
 
 use crate::points::locate::{NARROWEST, nearest_depths_mm};
 use crate::points::view::PointView;
@@ -19,7 +19,7 @@ const DOTS_ACROSS: f64 = 20.0;
 /// Largest diameter of a dot in one lenslet's image, px, at the nearest depth.
 const DOT_PX: f64 = 2.0;
 
-/// What follows from a camera's lengths for an experiment, mm. Depths are Z, towards the camera.
+/// Consequences of a camera's lengths for an experiment, mm. Depths are Z, towards the camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Advice {
     /// Depths within which the light that a pixel receives is narrower than a lenslet.

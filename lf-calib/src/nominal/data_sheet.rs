@@ -3,7 +3,7 @@
 use lf_core::camera::{Aperture, Layout, MainLens, Medium, Microlenses, Sensor};
 use lf_core::{Camera, Refusal};
 
-/// What data sheets say of a camera.
+/// A camera as data sheets describe it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataSheet {
     /// Columns and rows of the sensor.

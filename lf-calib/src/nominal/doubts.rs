@@ -12,7 +12,7 @@ const USUAL_PITCH_PX: [f64; 2] = [5.0, 150.0];
 /// Largest error of an equivalent camera, px, that needs no remark.
 const NOTABLE_PX: f64 = 0.05;
 
-/// What does not fit in a camera by its data sheets, each with its figure and a remedy. `exact` is the same camera with
+/// Parts of a camera by its data sheets that do not fit each other, each with its figure and a remedy. `exact` is the same camera with
 /// the liquid as it is, if the camera stands for one.
 pub fn doubts(camera: &Camera, exact: Option<&Camera>) -> Vec<String> {
     [f_numbers(camera), pitch(camera), exact.and_then(|exact| aberration(camera, exact))]

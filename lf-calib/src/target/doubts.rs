@@ -1,4 +1,4 @@
-//! What is doubtful in a calibration of the main lens that has an answer.
+//! Doubts about a calibration of the main lens that has succeeded.
 
 use super::exposure::Exposure;
 use super::recognise::spacing_mm;
@@ -19,7 +19,7 @@ const CLOSER: f64 = 0.75;
 const FEWEST: usize = 9;
 const CELLS: f64 = 32.0;
 
-/// What is doubtful in a calibration, each with its figure. Empty if nothing is.
+/// Doubts about a calibration, each with its figure. Empty if there are none.
 pub fn fit_doubts(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
     let [_, rms, expected] = found.rms_px;
     let mut doubts = Vec::new();

@@ -1,4 +1,4 @@
-//! What a camera resolves along its axis, from its lengths alone.
+//! The depths that a camera resolves, from its lengths alone.
 
 use super::model::Camera;
 

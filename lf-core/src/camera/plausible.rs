@@ -36,7 +36,7 @@ fn digits(value: f64) -> String {
     format!("{}", format!("{value:.3e}").parse::<f64>().unwrap_or(value))
 }
 
-/// What is implausible, and what would be plausible.
+/// Implausible values, and which values would be plausible.
 #[derive(Default)]
 struct Slips {
     found: Vec<String>,

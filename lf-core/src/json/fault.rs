@@ -3,7 +3,7 @@
 use serde::de::{Error, Expected, Unexpected};
 use std::fmt::{self, Display};
 
-/// What is wrong at one place.
+/// A mistake, without its place.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Mistake {
     /// A key that must be there is not.
