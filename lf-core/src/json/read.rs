@@ -43,11 +43,11 @@ fn pass_over(known: &mut Known, path: &str, mistake: &Mistake) -> bool {
     // Without its kind, nothing is known of an object's other keys.
     let untold = match mistake {
         Mistake::Missing(TAG) => Some(path),
-        Mistake::Word(..) => path.strip_suffix(TAG).and_then(|path| path.strip_suffix('.')),
+        Mistake::Word(..) => path.strip_suffix(TAG).filter(|path| path.is_empty() || path.ends_with('.')),
         _ => None,
     };
     if let Some(object) = untold {
-        return known.wrong.insert(object.to_owned());
+        return known.wrong.insert(object.trim_end_matches('.').to_owned());
     }
     match mistake {
         Mistake::Missing(key) => known.missing.insert((path.to_owned(), key), 0).is_none(),
