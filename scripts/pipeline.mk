@@ -13,11 +13,19 @@
 # The frames (TIFF, EXR or PNG): one name with % for the part that differs.
 FRAME = raw/%.tif
 
+# If a file holds several frames (a TIFF of many pages): the pairs of pages to correlate, counted from 0. 0-1: each file
+# is a double frame; 0-1 2-3: two of them. pairs: 0-1 2-3 4-5 and so on, series: 0-1 1-2 2-3, to each file's last page.
+# Then a frame's differing part is that of its file, a dot, and the page: 0007.0 is page 0 of raw/0007.tif.
+PAGES =
+
+# What stands for the light of colour images whose channels differ: r, g, b or luma.
+CHANNEL =
+
 # The pairs to correlate: two of those parts with one '-' between them. By default a pair is two frames whose parts
-# differ only in their end, FIRST and SECOND: raw/0001a.tif and raw/0001b.tif.
+# differ only in their end, FIRST and SECOND: raw/0001a.tif and raw/0001b.tif. With PAGES they are those of every file.
 FIRST = a
 SECOND = b
-PAIRS = $(foreach stem,$(stems),$(stem)$(FIRST)-$(stem)$(SECOND))
+PAIRS = $(if $(PAGES),$(paged),$(foreach stem,$(stems),$(stem)$(FIRST)-$(stem)$(SECOND)))
 
 # The camera by its data sheets, and one or more white images taken with it. Without any, NOMINAL counts as calibrated.
 NOMINAL = nominal.json
@@ -34,7 +42,7 @@ DOTS_FLAGS =
 REFINE =
 
 # The background to subtract from every frame: an image, 'auto' for a low quantile of all frames, or nothing. FIRST and
-# SECOND frames, which two lasers may light, have one each.
+# SECOND frames, which two lasers may light, have one each, and so have the first and the second pages of double frames.
 BACKGROUND = auto
 QUANTILE = 0.05
 
@@ -91,8 +99,23 @@ found := $(sort $(patsubst $(FRAME),%,$(wildcard $(subst %,*,$(FRAME)))))
 ends = $(patsubst %$1,%,$(filter %$1,$(found)))
 stems := $(sort $(call ends,$(FIRST)) $(call ends,$(SECOND)))
 split = $(subst -, ,$1)
+
+# With PAGES: the pages of a file, its pairs, the file and the page of a frame, and the frame as the tools name it.
+pages-in = $(shell $(BIN)lf-validate info -q '$(patsubst %,$(FRAME),$1)' 2> /dev/null | \
+    sed -n 's/^ *pages  *\([0-9 ]*\),.*/\1/p' | tr -d ' ')
+last-page = $(shell expr $(or $(call pages-in,$1),1) - 1)
+counted = $(shell n=0; while [ $$n -lt $(call last-page,$2) ]; do echo $$n-$$((n + 1)); n=$$((n + $1)); done)
+step-of = $(patsubst pairs,2,$(patsubst series,1,$(PAGES)))
+pages-of = $(if $(filter pairs series,$(PAGES)),$(call counted,$(step-of),$1),$(PAGES))
+paged = $(foreach file,$(found),$(foreach pair,$(call pages-of,$(file)),$(file).$(subst -,-$(file).,$(pair))))
+page-of = $(patsubst .%,%,$(suffix $1))
+file-of = $(patsubst %,$(FRAME),$(if $(PAGES),$(basename $1),$1))
+frame-of = $(call file-of,$1)$(if $(PAGES),:$(page-of))
+shown = $(subst %,*$1,$(FRAME))
+none = $(if $(PAGES),pages ($(PAGES)) in $(shown),frames $(call shown,$(FIRST)) and $(call shown,$(SECOND)))
+
 pairs := $(PAIRS)
-$(if $(pairs),,$(error PAIRS: no pair of frames $(subst %,*$(FIRST),$(FRAME)) and $(subst %,*$(SECOND),$(FRAME))))
+$(if $(pairs),,$(error PAIRS: no pair of $(none)))
 $(foreach pair,$(pairs),$(if $(filter 2,$(words $(call split,$(pair)))),,$(error PAIRS: '$(pair)' is not A-B)))
 names := $(sort $(call split,$(pairs)))
 
@@ -146,40 +169,50 @@ step = $(call say,$1 -o $@); \
 lattice := $(if $(WHITE),$(OUT)/camera-lattice.json,$(NOMINAL))
 lens := $(if $(DOTS),$(OUT)/camera-volume.json,$(lattice))
 drift := $(if $(REFINE),$(OUT)/camera-refine.json,$(lens))
-in = $(patsubst %,$(FRAME),$1)
+each = $(foreach name,$2,$(call $1,$(name)))
+colour = $(addprefix --channel ,$(CHANNEL))
 
 $(OUT)/camera-lattice.json: $(WHITE) $(NOMINAL) | $(LOG)
-	$(call step,$(CALIB) lattice $(WHITE) -c $(NOMINAL))
+	$(call step,$(CALIB) lattice $(WHITE) -c $(NOMINAL) $(colour))
 
 $(OUT)/camera-volume.json: $(lattice) $(wildcard $(DOTS) $(DOTS:%=%/*)) | $(LOG)
-	$(call step,$(CALIB) volume $(DOTS) $(DOTS_FLAGS) -c $<)
+	$(call step,$(CALIB) volume $(DOTS) $(DOTS_FLAGS) -c $< $(colour))
 
-$(OUT)/camera-refine.json: $(lens) $(call in,$(REFINE)) $$(call background-of,$$(firstword $$(REFINE))) | $(LOG)
-	$(call step,$(CALIB) refine $(call in,$(REFINE)) -c $< --depth $(DEPTH) $(call subtract,$(firstword $(REFINE))))
+drifting = $(call each,file-of,$(REFINE)) $(call background-of,$(firstword $(REFINE)))
+$(OUT)/camera-refine.json: $(lens) $$(drifting) | $(LOG)
+	$(call step,$(CALIB) refine $(call each,frame-of,$(REFINE)) -c $< --depth $(DEPTH) \
+	    $(call subtract,$(firstword $(REFINE))) $(colour))
 
 $(CAMERA): $(drift) | $(LOG)
 	@cp $< $@.$$$$ && mv $@.$$$$ $@
 
 # The background is made once, from the frames that exist at that time; delete it to have it made anew. It leaves out
 # frames that cannot be read.
-kind = $(if $(filter %$(FIRST),$1),$(FIRST),$(if $(filter %$(SECOND),$1),$(SECOND),all))
+firsts = $(sort $(foreach pair,$(pairs),$(firstword $(call split,$(pair)))))
+seconds = $(sort $(foreach pair,$(pairs),$(lastword $(call split,$(pair)))))
+series = $(filter $(firsts),$(seconds))
+page-kind = $(if $(series),all,$(if $(filter $1,$(firsts)),first,$(if $(filter $1,$(seconds)),second,all)))
+end-kind = $(if $(filter %$(FIRST),$1),$(FIRST),$(if $(filter %$(SECOND),$1),$(SECOND),all))
+kind = $(if $(PAGES),$(page-kind),$(end-kind))
+paged-of = $(call each,frame-of,$(if $(filter first,$1),$(firsts),$(if $(filter second,$1),$(seconds),$(names))))
+frames-of = $(if $(PAGES),$(paged-of),$(wildcard $(subst %,*$(filter-out all,$1),$(FRAME))))
 background-of = $(if $(filter auto,$(BACKGROUND)),$(OUT)/background-$(call kind,$1).exr,$(BACKGROUND))
 subtract = $(addprefix -b ,$(call background-of,$1))
 
 $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
-	$(call step,$(CALIB) background $(wildcard $(subst %,*$(filter-out all,$*),$(FRAME))) -c $< --quantile $(QUANTILE))
+	$(call step,$(CALIB) background $(call frames-of,$*) -c $< --quantile $(QUANTILE) $(colour))
 
 # One line per stage. Only our own tools know presets; a swapped stage does not get the option.
 fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr))
 preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 
-$(supports): $(OUT)/support-%.lfv: $(FRAME) $(CAMERA) $$(call background-of,$$*) | $(LOG)
-	$(call step,$(PRUNE) $< -c $(CAMERA) $(call subtract,$*) --pvr $(PVR) --depth $(DEPTH) \
+$(supports): $(OUT)/support-%.lfv: $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
+	$(call step,$(PRUNE) $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) --pvr $(PVR) --depth $(DEPTH) \
 	    $(addprefix --bounds ,$(BOUNDS)) $(call preset,$(PRUNE)) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS),\
 	    $(OUT)/volume-$*.lfv $(call fields-of,$*))
 
-$(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $(FRAME) $(CAMERA) $$(call background-of,$$*) | $(LOG)
-	$(call step,$(MART) $< -i $(word 2,$^) -c $(CAMERA) $(call subtract,$*) $(call preset,$(MART)) \
+$(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
+	$(call step,$(MART) $< -i $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(call preset,$(MART)) \
 	    $(addprefix --iterations ,$(ITERATIONS)) $(MART_FLAGS),$(call fields-of,$*))
 	$(if $(TIDY),@rm -f $<)
 
@@ -225,7 +258,7 @@ report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	    [ -e $(CAMERA) ] || why="no $(CAMERA); see above"; \
 	    for n in $${pair%-*} $${pair#*-}; do \
 	        [ -z "$$why" ] && [ ! -e $(OUT)/volume-$$n.lfv ] || continue; \
-	        frame=$$(echo '$(FRAME)' | sed "s|%|$$n|"); \
+	        file=$$n; $(if $(PAGES),file=$${n%.*};) frame=$$(echo '$(FRAME)' | sed "s|%|$$file|"); \
 	        if [ ! -e $$frame ]; then why="$$frame: no such file"; \
 	        elif [ ! -e $(OUT)/support-$$n.lfv ]; then why=$$(last support-$$n); \
 	        else why=$$(last volume-$$n); fi; \

@@ -5,6 +5,7 @@ mod bad_output;
 mod bench;
 mod frame;
 mod front_door;
+mod pages;
 mod paper;
 mod physics;
 mod presets;

@@ -14,7 +14,7 @@ use std::process::{Command, Output};
 use tempfile::TempDir;
 
 /// Python, if it has all modules.
-fn python(modules: &[&str]) -> Option<Command> {
+pub fn python(modules: &[&str]) -> Option<Command> {
     let program = env::var_os("PYTHON").unwrap_or_else(|| OsString::from("python3"));
     // A path is relative to the workspace.
     let is_path = program.to_string_lossy().contains('/');
@@ -35,7 +35,7 @@ fn python(modules: &[&str]) -> Option<Command> {
     Some(command)
 }
 
-fn done(mut command: Command) -> Output {
+pub fn done(mut command: Command) -> Output {
     let output = command.output().expect("Python starts");
     assert!(output.status.success(), "{command:?}\n{}", String::from_utf8_lossy(&output.stderr));
     output

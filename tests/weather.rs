@@ -17,7 +17,7 @@ const PATIENCE: Duration = Duration::from_secs(300);
 
 /// A folder with the tools, a white image, a nominal camera and four pairs of frames of 168 x 168 px in `raw`. Made
 /// once.
-fn campaign() -> &'static Path {
+pub fn campaign() -> &'static Path {
     static CAMPAIGN: OnceLock<Folder> = OnceLock::new();
     let folder = CAMPAIGN.get_or_init(|| {
         let folder = Folder::shared();
@@ -53,7 +53,7 @@ fn copy() -> TempDir {
 }
 
 /// The pipeline on the frames in `folder`, results to `out`.
-fn pipeline(folder: &Path, out: &Path, more: &[&str]) -> Command {
+pub fn pipeline(folder: &Path, out: &Path, more: &[&str]) -> Command {
     let from = campaign();
     let mut command = Command::new("make");
     command.arg("-f").arg(workspace().join("scripts/pipeline.mk")).current_dir(folder);
@@ -67,7 +67,7 @@ fn pipeline(folder: &Path, out: &Path, more: &[&str]) -> Command {
     command
 }
 
-fn said(output: &Output) -> String {
+pub fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
@@ -106,7 +106,7 @@ fn done(out: &Path) -> Vec<String> {
 }
 
 /// Results of an undisturbed run.
-fn undisturbed() -> &'static BTreeMap<String, Vec<u8>> {
+pub fn undisturbed() -> &'static BTreeMap<String, Vec<u8>> {
     static RESULTS: OnceLock<BTreeMap<String, Vec<u8>>> = OnceLock::new();
     RESULTS.get_or_init(|| {
         let place = tempfile::tempdir().unwrap();

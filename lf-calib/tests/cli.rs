@@ -188,12 +188,18 @@ fn whites_that_cannot_be_used() {
 }
 
 #[test]
-fn colour_is_refused() {
+fn colour_needs_a_channel() {
     let bench = camera_and_images();
-    let colour = ::image::RgbImage::from_fn(280, 280, |x, y| ::image::Rgb([x as u8, y as u8, 0]));
+    let colour = ::image::RgbImage::from_fn(7, 5, |x, y| ::image::Rgb([x as u8, (3 * y) as u8, 0]));
     colour.save(bench.path("colour.png")).unwrap();
-    bench.run("lattice colour.png -c nominal.json -o out").refused("lf-calib: colour.png: ");
+    let wanted = "wanted equal channels, or --channel r, g, b or luma";
+    let found = "colour.png: colour, 34 pixels are not grey, the first at x 1, y 0 (red 1, green 0, blue 0)";
+    refused(&bench, "background colour.png -o out", &format!("{found}; {wanted}"));
+    refused(&bench, "lattice colour.png -c nominal.json -o out", &format!("{found}; {wanted}"));
     assert!(!bench.path("out").exists());
+    bench.done("background colour.png --channel g -o green.exr");
+    let green = image::open(&bench.path("green.exr")).unwrap().pixels;
+    assert_eq!(green, Array2::from_shape_fn((5, 7), |(y, _)| 3.0 * y as f32));
 }
 
 #[test]
@@ -315,7 +321,7 @@ fn a_vignetted_frame_over_the_flat_field_is_the_plain_one() {
     bench.done("lattice white.exr -c nominal.json -o out --vignetting flat.exr");
     let camera = Camera::open(&bench.path("out")).unwrap();
     assert_eq!(camera.vignetting.as_deref(), Some(Path::new("flat.exr")));
-    let mended = image::open_frame(&bench.path("frame.exr"), None, &camera, &bench.path("out")).unwrap().pixels;
+    let mended = image::open_frame(&bench.path("frame.exr"), None, &camera, &bench.path("out"), None).unwrap().pixels;
     let scale = mended[(140, 140)] / frame[(140, 140)];
     let mut blind = 0;
     assert!(plain[(140, 140)] > 999.0);
@@ -411,9 +417,22 @@ fn pages_of_a_stack_are_frames() {
     stack(&bench.path("two.tif"), 2);
     let files = bench.done("background frame-0.exr frame-1.exr frame-2.exr").stdout;
     assert_eq!(bench.done("background two.tif frame-2.exr").stdout, files);
-    // A stack is refused if one image is wanted.
-    let message = "stack.tif: 3 pages; wanted one page (split the stack into files)";
+    // Pages by name; the file stays an input.
+    let files = bench.done("background frame-2.exr frame-0.exr").stdout;
+    assert_eq!(bench.done("background stack.tif:2 stack.tif:0").stdout, files);
+    assert_eq!(bench.feed("background -:0 frame-2.exr", bench.bytes("stack.tif")).stdout, files);
+    let message = "stack.tif: is also an input; wanted another file to write to";
+    refused(&bench, "background stack.tif:2 -o stack.tif", message);
+    refused(&bench, "background - -:1", "standard input: named more than once; wanted - for one input only");
+    let message = "stack.tif:3: no page 3, the file has 3 pages; wanted a page from 0 to 2";
+    refused(&bench, "background stack.tif:3", message);
+    // Every page is a white image; where one image is wanted, a page must be named.
+    let message = "stack.tif:0: image of 7 x 5 px; wanted the camera's 280 x 280 px";
     refused(&bench, "lattice stack.tif -c nominal.json -o out", message);
+    let message = "stack.tif: 3 pages; wanted one of them, stack.tif:0 to stack.tif:2";
+    refused(&bench, "lattice white.exr --dark stack.tif -c nominal.json -o out", message);
+    let input = bench.feed("lattice -c nominal.json -o out", bench.bytes("stack.tif")).stderr;
+    assert!(input.contains("standard input: 3 pages; wanted one of them, -:0 to -:2"), "{input}");
 }
 
 #[test]
@@ -430,6 +449,6 @@ fn stacks_that_cannot_be_used_leave_no_background() {
     refused(
         &bench,
         "background other.exr stack.tif -o out.exr",
-        "stack.tif, page 1: image of 7 x 5 px; wanted 8 x 5 px like the first",
+        "stack.tif:0: image of 7 x 5 px; wanted 8 x 5 px like the first",
     );
 }

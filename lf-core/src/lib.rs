@@ -21,7 +21,7 @@
 //!
 //! fn main() -> lf_core::Result<()> {
 //!     let camera = Camera::open("camera.json".as_ref())?;
-//!     let image = image::open_frame("frame.exr".as_ref(), None, &camera, "camera.json".as_ref())?.pixels;
+//!     let image = image::open_frame("frame.exr".as_ref(), None, &camera, "camera.json".as_ref(), None)?.pixels;
 //!     let support = Volume::open("support.lfv".as_ref())?;
 //!     let (grid, optics) = (support.grid(), Optics::new(&camera));
 //!

@@ -3,6 +3,7 @@
 mod allocation;
 mod field;
 mod image;
+mod image_kinds;
 mod io;
 mod plot;
 mod tile;

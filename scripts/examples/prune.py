@@ -56,7 +56,7 @@ def prune(image, camera, grid, threshold):
 
 def work(options, session):
     camera = lf.Camera(options.camera)
-    image, history = lf.read_frame(options.image, camera, options.background)
+    image, history = lf.read_frame(options.image, camera, options.background, options.channel)
     grid = camera.grid(options.pvr, options.depth, options.bounds)
     threshold = automatic(image) if options.threshold == "auto" else float(options.threshold)
     with session.phase("prune"):

@@ -219,11 +219,13 @@ def _exr(path):
     return {name: channel.pixels for name, channel in file.channels().items()}, file.header()
 
 
-def read_image(path):
-    """A light-field image as counts, (height, width) f32, and its history, which only an EXR has. Grey TIFF and PNG
-    need Pillow."""
-    if os.path.splitext(path)[1].lower() in (".tif", ".tiff", ".png"):
-        return _read_grey(path), []
+def read_image(path, channel=None):
+    """A light-field image as counts, (height, width) f32, and its history, which only an EXR has. TIFF and PNG need
+    Pillow. `run.tif:3` is page 3 of `run.tif`, counted from 0; `channel` (r, g, b or luma) chooses from colour whose
+    channels differ."""
+    file, page = _split_page(path)
+    if os.path.splitext(file)[1].lower() in (".tif", ".tiff", ".png"):
+        return _read_picture(file, page, channel), []
     channels, header = _exr(path)
     if list(channels) != ["Y"]:
         raise Refused(f"{path}: channels {', '.join(channels)}; wanted one channel Y")
@@ -233,28 +235,51 @@ def read_image(path):
     return counts, json.loads(header.get("lf:history", "[]"))
 
 
-def _read_grey(path):
+def _split_page(path):
+    """A file and the page that its name ends in, or None; a file of exactly that name comes first, as in lf-core."""
+    file, colon, page = str(path).rpartition(":")
+    named = colon and page.isdecimal() and os.path.exists(file) and not os.path.exists(path)
+    return (file, int(page)) if named else (str(path), None)
+
+
+def _read_picture(path, page, channel):
     module("PIL", "to read TIFF and PNG (its package is called pillow)")
     from PIL import Image, UnidentifiedImageError
 
     try:
         with Image.open(path) as image:
-            counts = np.asarray(image)
+            pages = getattr(image, "n_frames", 1)
+            if page is None and pages > 1:
+                raise Refused(f"{path}: {pages} pages; wanted one of them, {path}:0 to {path}:{pages - 1}")
+            if (page or 0) >= pages:
+                raise Refused(f"{path}: no page {page}, the file has {pages}; wanted a page from 0 to {pages - 1}")
+            image.seek(page or 0)
+            counts = np.asarray(image.convert("RGB") if image.mode == "P" else image)
     except FileNotFoundError:
         raise Refused(f"{path}: no such file; wanted an image") from None
     except (OSError, UnidentifiedImageError) as error:
-        raise Refused(f"{path}: {error}; wanted a grey TIFF or PNG") from None
-    if counts.ndim != 2:
-        raise Refused(f"{path}: {counts.shape[-1]} channels; wanted one of grey")
-    return counts.astype(np.float32)
+        raise Refused(f"{path}: {error}; wanted a TIFF or PNG of grey or RGB") from None
+    opaque = 1 if counts.dtype.kind == "f" else np.iinfo(counts.dtype).max if counts.dtype.kind == "u" else None
+    counts = counts.astype(np.float32)
+    if counts.ndim == 2:
+        return counts
+    if channel is None and counts.shape[2] in (2, 4) and (counts[..., -1] != opaque).any():
+        raise Refused(f"{path}: pixels that are not opaque; wanted full alpha, or --channel, which ignores alpha")
+    if counts.shape[2] < 3:
+        return counts[..., 0]
+    red, green, blue = (counts[..., number] for number in range(3))
+    if channel is None and ((red != green) | (green != blue)).any():
+        raise Refused(f"{path}: colour; wanted equal channels, or --channel r, g, b or luma")
+    luma = np.float32(0.2126) * red + np.float32(0.7152) * green + np.float32(0.0722) * blue
+    return {None: red, "r": red, "g": green, "b": blue, "luma": luma}[channel]
 
 
-def read_frame(path, camera, background=None):
+def read_frame(path, camera, background=None, channel=None):
     """An image of the camera's size, minus a background, divided by the camera's flat field; and its history. Negative
     differences become 0. A pixel that sees less than a twentieth of the flat field's light is NaN, as in lf-core."""
 
     def sized(file):
-        counts, history = read_image(file)
+        counts, history = read_image(file, channel)
         if counts.shape != camera.sensor_px[::-1]:
             height, width = counts.shape
             raise Refused(f"{file}: image of {width} x {height} px; wanted the camera's %d x %d px" % camera.sensor_px)
@@ -401,6 +426,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
         self.add_argument("-c", "--camera", required=True, metavar="FILE", help="camera.json")
         self.add_argument("-b", "--background", metavar="FILE", help="image to subtract first")
+        self.add_argument("--channel", choices=["r", "g", "b", "luma"], help="channel of colour images")
         self.add_argument("-o", "--output", default="-", metavar="FILE", help="file to write, - for standard output")
         self.add_argument("--threads", type=int, default=0, help="accepted and ignored: numpy has its own")
         self.add_argument("--stats", metavar="FILE", help="seconds, peak memory and counts as JSON")

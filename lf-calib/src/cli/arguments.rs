@@ -3,7 +3,7 @@
 use super::words::{aperture, layout, sensor_px, window};
 use clap::{Args, Parser, Subcommand};
 use lf_core::camera::{Aperture, Layout};
-use lf_core::cli::{self, Common, length_mm};
+use lf_core::cli::{self, Common, ImageOptions, length_mm};
 use std::path::PathBuf;
 
 /// White images and particle frames to a camera that can be trusted
@@ -132,7 +132,7 @@ pub struct NominalArguments {
 
 #[derive(Args)]
 pub struct LatticeArguments {
-    /// White images of one size, averaged; - for standard input
+    /// White images of one size, averaged, also pages of a TIFF; - for standard input
     #[arg(default_value = "-")]
     pub whites: Vec<PathBuf>,
     /// Nominal camera.json
@@ -151,6 +151,8 @@ pub struct LatticeArguments {
     /// Picture: the lattice over pieces of the image, departures and residuals over the frame
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+    #[command(flatten)]
+    pub reading: ImageOptions,
     /// Calibrated camera.json, - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
@@ -158,8 +160,8 @@ pub struct LatticeArguments {
 
 #[derive(Args)]
 pub struct VolumeArguments {
-    /// Images of one size, one for each depth, or a folder of them. A folder that lf-synth dots has written knows its
-    /// dots and depths
+    /// Images of one size, one for each depth, also pages of a TIFF, or a folder of them. A folder that lf-synth dots
+    /// has written knows its dots and depths
     #[arg(required = true, value_name = "DIR|IMAGES")]
     pub images: Vec<PathBuf>,
     /// Table of the dots, frame,id,x_mm,y_mm,z_mm,intensity, one frame for each image, x right and y up in the
@@ -176,6 +178,8 @@ pub struct VolumeArguments {
     /// Camera to start from, camera.json
     #[arg(short, long, value_name = "FILE")]
     pub camera: PathBuf,
+    #[command(flatten)]
+    pub reading: ImageOptions,
     /// Calibrated camera.json, - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
@@ -183,7 +187,7 @@ pub struct VolumeArguments {
 
 #[derive(Args)]
 pub struct RefineArguments {
-    /// Frames of one size
+    /// Frames of one size, also pages of a TIFF
     #[arg(required = true)]
     pub frames: Vec<PathBuf>,
     /// Camera to correct, camera.json
@@ -195,6 +199,8 @@ pub struct RefineArguments {
     /// Background image, subtracted from each frame
     #[arg(short, long, value_name = "FILE")]
     pub background: Option<PathBuf>,
+    #[command(flatten)]
+    pub reading: ImageOptions,
     /// Corrected camera.json, - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
@@ -202,7 +208,7 @@ pub struct RefineArguments {
 
 #[derive(Args)]
 pub struct BackgroundArguments {
-    /// Frames of one size, one or many in a file; - for standard input
+    /// Frames of one size, also pages of a TIFF; - for standard input
     #[arg(default_value = "-")]
     pub frames: Vec<PathBuf>,
     /// Quantile from 0, the minimum, to 0.5
@@ -212,6 +218,8 @@ pub struct BackgroundArguments {
     /// it they are an error
     #[arg(short, long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
+    #[command(flatten)]
+    pub reading: ImageOptions,
     /// Background image (EXR), - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,

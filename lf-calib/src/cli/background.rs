@@ -2,12 +2,12 @@
 
 use super::arguments::BackgroundArguments;
 use lf_calib::Background;
-use lf_core::image::{self, Image, Stack};
+use lf_core::image::{self, Channel, Image, Stack};
 use lf_core::{Camera, Error, History, Refusal, Result, Session, Verdict, camera::Sensor, io};
 use std::path::{Path, PathBuf};
 
 pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Result<Verdict> {
-    let BackgroundArguments { frames, quantile, camera, output } = arguments;
+    let BackgroundArguments { frames, quantile, camera, reading, output } = arguments;
     if !(0.0..=0.5).contains(quantile) {
         return Err(Error::new("--quantile", quantile.to_string(), "wanted 0 to 0.5"));
     }
@@ -15,7 +15,7 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
     session.keep_apart(output, &inputs)?;
     io::check_place(output)?;
     let sensor = camera.as_deref().map(Camera::open).transpose()?.map(|camera| camera.sensor);
-    let mut frames = FrameFiles::open(frames, sensor)?;
+    let mut frames = FrameFiles::open(frames, sensor, reading.channel)?;
     let count = frames.count;
     let statistic = if *quantile > 0.0 { format!("quantile {quantile}") } else { "minimum".to_string() };
     session.explain(format!("{statistic} of {count} frames, pixel by pixel"));
@@ -41,13 +41,14 @@ struct FrameFiles {
     files: Vec<(PathBuf, Option<Stack>)>,
     count: usize,
     sensor: Option<Sensor>,
+    channel: Option<Channel>,
     left_out: Vec<Error>,
 }
 
 impl FrameFiles {
     /// Counts the frames, which a quantile needs to know before the first one.
-    fn open(paths: &[PathBuf], sensor: Option<Sensor>) -> Result<Self> {
-        let mut frames = Self { files: Vec::new(), count: 0, sensor, left_out: Vec::new() };
+    fn open(paths: &[PathBuf], sensor: Option<Sensor>, channel: Option<Channel>) -> Result<Self> {
+        let mut frames = Self { files: Vec::new(), count: 0, sensor, channel, left_out: Vec::new() };
         for path in paths {
             match Stack::open(path) {
                 Ok(stack) => {
@@ -90,7 +91,7 @@ impl FrameFiles {
 
     /// With a camera a frame must have the size of its sensor.
     fn read(&self, stack: &Stack, number: usize) -> Result<Image> {
-        let frame = stack.read(number)?;
+        let frame = stack.read(number, self.channel)?;
         let (height, width) = frame.pixels.dim();
         match &self.sensor {
             Some(sensor) if (width, height) != (sensor.width, sensor.height) => {

@@ -1,6 +1,7 @@
 //! Files that several tasks read and write: frames, and a camera with its history and its flat field.
 
-use lf_core::{Camera, Error, History, Result, Session, image, io};
+use lf_core::image::{self, Channel};
+use lf_core::{Camera, Error, History, Result, Session, io};
 use ndarray::Array2;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -48,6 +49,8 @@ pub fn frames<'a>(
     background: Option<&Path>,
     camera: &Camera,
     camera_file: &Path,
+    channel: Option<Channel>,
 ) -> Result<Vec<Array2<f32>>> {
-    paths.into_iter().map(|path| Ok(image::open_frame(path, background, camera, camera_file)?.pixels)).collect()
+    let frame = |path| image::open_frame(path, background, camera, camera_file, channel);
+    paths.into_iter().map(|path| Ok(frame(path)?.pixels)).collect()
 }

@@ -47,7 +47,7 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
 
 /// Refuses files named twice, and names that promise another kind of file than is written.
 fn check_files(arguments: &LatticeArguments, session: &mut Session) -> Result<()> {
-    let LatticeArguments { whites, camera, dark, centres, vignetting, plot, output } = arguments;
+    let LatticeArguments { whites, camera, dark, centres, vignetting, plot, output, .. } = arguments;
     let inputs: Vec<&Path> = whites.iter().chain([camera]).chain(dark).map(PathBuf::as_path).collect();
     let outputs: Vec<&Path> =
         centres.iter().chain(vignetting).chain(plot).chain([output]).map(PathBuf::as_path).collect();
@@ -73,13 +73,13 @@ fn check_files(arguments: &LatticeArguments, session: &mut Session) -> Result<()
 /// The mean white image minus the dark one. None without images.
 fn white(arguments: &LatticeArguments, nominal: &Camera) -> Result<Option<Array2<f32>>> {
     let read = |path: &Path| -> Result<Array2<f32>> {
-        let image = image::open_counts(path)?.pixels;
+        let image = image::open_counts(path, arguments.reading.channel)?.pixels;
         nominal.check_image(&io::name(path), image.ncols(), image.nrows())?;
         Ok(image)
     };
     let dark = arguments.dark.as_deref().map(read).transpose()?;
     let mut mean = WhiteMean::default();
-    for path in &arguments.whites {
+    for path in &image::frames(&arguments.whites) {
         mean.add(&read(path)?).map_err(|refusal| refusal.about(io::name(path)))?;
     }
     let mut white = mean.mean();

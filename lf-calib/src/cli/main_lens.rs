@@ -2,12 +2,14 @@
 
 use super::{arguments::VolumeArguments, files::frames, files::save_found, target_images::Target};
 use lf_calib::{Exposure, MainLensFit, blunder, closer_dots_mm, fit_doubts, main_lens_steps};
-use lf_core::{Camera, Error, Result, Session, Verdict, image, io, weights::check_depth_mm};
+use lf_core::image::{self, Channel};
+use lf_core::{Camera, Error, Result, Session, Verdict, io, weights::check_depth_mm};
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
 
 pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<Verdict> {
-    let VolumeArguments { camera, output, .. } = arguments;
+    let VolumeArguments { camera, reading, output, .. } = arguments;
+    let channel = reading.channel;
     io::check_place(output)?;
     let target = Target::open(arguments, session)?;
     let Target { images, tables, .. } = &target;
@@ -24,9 +26,9 @@ pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<V
                 Error::new("the target", refusal.found, "wanted depths in front of the main lens")
             })?;
         }
-        let counts = frames(images, None, &nominal, camera)?;
+        let counts = frames(images, None, &nominal, camera, channel)?;
         for (file, frame) in images.iter().zip(&counts) {
-            warnings.extend(clipping(file, frame, &nominal)?);
+            warnings.extend(clipping(file, frame, &nominal, channel)?);
         }
         let exposure = |(pixels, dots)| Exposure { pixels, dots };
         Ok(counts.into_iter().zip(dots).map(exposure).collect::<Vec<_>>())
@@ -80,10 +82,15 @@ fn tell(found: &MainLensFit, images: usize, session: &mut Session) {
 }
 
 /// The warning of an image whose brightest pixels are clipped: its dots seem to be elsewhere.
-fn clipping(file: &Path, pixels: &Array2<f32>, camera: &Camera) -> Result<Option<String>> {
+fn clipping(
+    file: &Path,
+    pixels: &Array2<f32>,
+    camera: &Camera,
+    channel: Option<Channel>,
+) -> Result<Option<String>> {
     // Divided by a flat field, the counts at the end of the histogram are no longer the same.
-    let raw =
-        camera.vignetting.as_ref().filter(|_| !io::is_standard(file)).map(|_| image::open_counts(file)).transpose()?;
+    let is_divided = camera.vignetting.is_some() && !io::is_standard(file);
+    let raw = is_divided.then(|| image::open_counts(file, channel)).transpose()?;
     let pixels = raw.as_ref().map_or(pixels, |raw| &raw.pixels);
     Ok(image::clipped_share(pixels.view()).map(|(level, share)| {
         format!(

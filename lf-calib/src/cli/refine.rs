@@ -2,11 +2,12 @@
 
 use super::{arguments::RefineArguments, files::frames, files::save_found};
 use lf_calib::{Refined, refine_steps};
-use lf_core::{Camera, Error, Result, Session, Verdict, io, weights::check_depth_mm};
+use lf_core::{Camera, Error, Result, Session, Verdict, image, io, weights::check_depth_mm};
 use std::path::Path;
 
 pub fn refine(arguments: &RefineArguments, session: &mut Session) -> Result<Verdict> {
-    let RefineArguments { frames: files, camera, depth, background, output } = arguments;
+    let RefineArguments { camera, depth, background, reading, output, .. } = arguments;
+    let files = &image::frames(&arguments.frames);
     let background = background.as_deref();
     let inputs: Vec<&Path> =
         files.iter().map(|file| file.as_path()).chain(background).chain([camera.as_path()]).collect();
@@ -19,7 +20,7 @@ pub fn refine(arguments: &RefineArguments, session: &mut Session) -> Result<Verd
         let found = "standard input, for several frames";
         return Err(Error::new("--background", found, "wanted a file, which can be read again"));
     }
-    let images = session.phase("read", |_| frames(files, background, &nominal, camera))?;
+    let images = session.phase("read", |_| frames(files, background, &nominal, camera, reading.channel))?;
     let subject = match files.as_slice() {
         [frame] => io::name(frame),
         _ => format!("{} frames", files.len()),

@@ -3,7 +3,7 @@
 
 use super::arguments::VolumeArguments;
 use lf_calib::{Dot, depths_of_names, depths_of_table, grid};
-use lf_core::{Camera, Error, Result, Session, cli::numbers, io, particles};
+use lf_core::{Camera, Error, Result, Session, cli::numbers, image, io, particles};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -35,6 +35,7 @@ impl Target {
             _ => None,
         };
         let images = folder.map_or_else(|| Ok(arguments.images.clone()), |folder| images_in(folder))?;
+        let images = image::frames(&images);
         let is_grid = arguments.spacing.is_some() || arguments.depths.is_some();
         let dots = folder.map(|folder| folder.join("dots.csv")).filter(|dots| !is_grid && dots.exists());
         let Some(table) = arguments.target.clone().or(dots) else {

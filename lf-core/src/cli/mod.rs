@@ -19,4 +19,4 @@ pub use lengths::length_mm;
 pub use progress::Progress;
 pub use run::{Verdict, run};
 pub use session::{Common, Session};
-pub use values::{Preset, numbers, word};
+pub use values::{ImageOptions, Preset, numbers, word};

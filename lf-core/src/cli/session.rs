@@ -112,6 +112,7 @@ impl Session {
         let clash = |output: &Path, found: &str| {
             Err(Error::new(io::output_name(output), found, "wanted another file to write to"))
         };
+        let inputs: Vec<&Path> = inputs.iter().map(|input| io::split_page(input).0).collect();
         if inputs.iter().filter(|input| io::is_standard(input)).count() > 1 {
             return Err(Error::new("standard input", "named more than once", "wanted - for one input only"));
         }

@@ -1,6 +1,7 @@
 //! Values of options: lists of numbers, and `--preset`, the same three sets of measured defaults in every tool.
 
 use super::session::Session;
+use crate::image::Channel;
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
@@ -12,6 +13,19 @@ pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
         Ok(values) if whole && values.iter().all(|v| v.is_finite()) => Ok(values),
         _ => Err(format!("wanted {N} numbers between commas")),
     }
+}
+
+/// How images are read; `#[command(flatten)]` it in the arguments of a tool that reads any.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct ImageOptions {
+    /// Channel of colour images that counts as their light; without it, colour is refused unless all channels are equal
+    #[arg(long, value_name = "CHANNEL", value_parser = channels())]
+    pub channel: Option<Channel>,
+}
+
+fn channels() -> impl TypedValueParser<Value = Channel> {
+    let find = |word: String| Channel::WORDS.into_iter().find(|(known, _)| *known == word).map(|(_, channel)| channel);
+    PossibleValuesParser::new(Channel::WORDS.map(|(word, _)| word)).map(move |word| find(word).expect("a known word"))
 }
 
 /// A set of defaults between speed and accuracy. An option on the command line takes precedence over the preset.

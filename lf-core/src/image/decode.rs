@@ -1,6 +1,6 @@
 //! Shared by all decoders: the image they give, and their guards against damaged files.
 
-use crate::{Refusal, history::History};
+use crate::{Error, Refusal, Result as Outcome, history::History};
 use ndarray::Array2;
 use std::panic::{self, AssertUnwindSafe};
 
@@ -46,4 +46,17 @@ pub(super) fn believable(width: u64, height: u64, bytes_per_pixel: u64, length: 
 /// Runs a decoder. A panic inside it counts as damage of the file.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> Result<T, Refusal>) -> Result<T, Refusal> {
     panic::catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err(damaged("the decoder gave up")))
+}
+
+/// Refuses pixels of an image `name` that are NaN, infinite or negative.
+pub(super) fn counts(image: Image, name: &str) -> Outcome<Image> {
+    let is_count = |value: f32| (0.0..f32::INFINITY).contains(&value);
+    let bad = image.pixels.iter().filter(|&&value| !is_count(value)).count();
+    match image.pixels.indexed_iter().find(|&(_, &value)| !is_count(value)) {
+        None => Ok(image),
+        Some(((y, x), value)) => {
+            let found = format!("{} not a count, the first {value} at x {x}, y {y}", pixels_are(bad));
+            Err(Error::new(name, found, "wanted finite values that are not negative"))
+        }
+    }
 }

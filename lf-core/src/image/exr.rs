@@ -23,7 +23,7 @@ pub(crate) struct Header {
 impl Header {
     /// Refuses several parts, deep or subsampled data, a crop, and a size that the file cannot hold.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, Refusal> {
-        let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
+        let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(failed)?;
         let [header] = meta.headers.as_slice() else {
             return Err(Refusal::new(format!("{} parts", meta.headers.len()), "wanted one part"));
         };
@@ -68,7 +68,7 @@ pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N
         .first_valid_layer()
         .all_attributes()
         .from_buffered(Cursor::new(bytes))
-        .map_err(damaged)?;
+        .map_err(failed)?;
     let mut list = image.layer_data.channel_data.list;
     let pixels = header.width * header.height;
     let mut values = names.map(|_| Vec::new());
@@ -85,6 +85,17 @@ pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N
         }
     }
     Ok(values)
+}
+
+/// The library's failure in words.
+fn failed(error: ::exr::error::Error) -> Refusal {
+    match error {
+        ::exr::error::Error::NotSupported(what) => Refusal::new(
+            format!("a kind of EXR that is not read ({what})"),
+            "wanted one of a common compression, like ZIP",
+        ),
+        error => damaged(error),
+    }
 }
 
 /// Encodes one part of `f32` channels; `attribute` is a name and JSON text. Equal input gives equal bytes.

@@ -1,46 +1,51 @@
 //! Opens an image in any of the formats, also as a frame whose background and flat field are removed; saves it.
 
 use super::{
-    decode::{Image, damaged, guarded, pixels_are},
-    light_field, png, tiff,
+    channel::Channel,
+    decode::{Image, counts, damaged, guarded},
+    light_field,
+    stack::{self, Stack},
+    tiff,
 };
-use crate::io::{self, Signature};
+use crate::io;
 use crate::{Error, Refusal, Result, camera::Camera, history::History};
 use ndarray::Array2;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Reads EXR, TIFF or PNG by its first bytes; `-` is standard input. Pixels may be negative or not finite.
+/// Reads EXR, TIFF or PNG by its first bytes; `-` is standard input, and `file.tif:3` names a page, from 0. Refuses
+/// several pages if none is named, and colour whose channels differ. Pixels may be negative or not finite.
 pub fn open(path: &Path) -> Result<Image> {
-    from_bytes(&io::open(path)?, &io::name(path))
+    Stack::open(path)?.only(None)
 }
 
-/// Reads from memory as [`open`] does, for a file `name`. Refuses colour, alpha, several pages, other sample types.
+/// Reads from memory as [`open`] does, for a file `name`.
 pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
-    guarded(|| match Signature::of(bytes) {
-        Some(Signature::Exr) => light_field::read(bytes),
-        Some(Signature::Tiff) => tiff::read(bytes),
-        Some(Signature::Png) => png::read(bytes).map(|pixels| Image { pixels, history: History::new() }),
-        _ if bytes.is_empty() => Err(Refusal::new("empty", "wanted an EXR, TIFF or PNG image")),
-        _ => Err(Refusal::new("not an image by its first bytes", "wanted EXR, TIFF or PNG")),
+    guarded(|| {
+        let pages = stack::pages(bytes)?;
+        stack::refuse_many(pages.len(), name)?;
+        stack::decode(bytes, pages[0], None)
     })
     .map_err(|refusal| refusal.about(name))
 }
 
-/// Reads as [`open`] does, and refuses pixels that are NaN, infinite or negative.
-pub fn open_counts(path: &Path) -> Result<Image> {
-    counts(open(path)?, &io::name(path))
+/// Reads as [`open`] does, colour by `channel`, and refuses pixels that are NaN, infinite or negative.
+pub fn open_counts(path: &Path, channel: Option<Channel>) -> Result<Image> {
+    counts(Stack::open(path)?.only(channel)?, &io::name(path))
 }
 
-pub(super) fn counts(image: Image, name: &str) -> Result<Image> {
-    let is_count = |value: f32| (0.0..f32::INFINITY).contains(&value);
-    let bad = image.pixels.iter().filter(|&&value| !is_count(value)).count();
-    match image.pixels.indexed_iter().find(|&(_, &value)| !is_count(value)) {
-        None => Ok(image),
-        Some(((y, x), value)) => {
-            let found = format!("{} not a count, the first {value} at x {x}, y {y}", pixels_are(bad));
-            Err(Error::new(name, found, "wanted finite values that are not negative"))
-        }
-    }
+/// Paths with a multi-page TIFF as its pages, `file.tif:0`, `file.tif:1` and so on. Pipes, and files that cannot be
+/// read, stay as they are.
+pub fn frames(paths: &[PathBuf]) -> Vec<PathBuf> {
+    let page = |path: &Path, number: usize| {
+        let mut name = path.as_os_str().to_owned();
+        name.push(format!(":{number}"));
+        PathBuf::from(name)
+    };
+    let pages = |path: &PathBuf| match path.is_file().then(|| Stack::open(path)) {
+        Some(Ok(stack)) if stack.images() > 1 => (0..stack.images()).map(|number| page(path, number)).collect(),
+        _ => vec![path.clone()],
+    };
+    paths.iter().flat_map(pages).collect()
 }
 
 /// A pixel that counts less than this fraction of its light is blind: the flat field would multiply its noise by 20.
@@ -48,24 +53,30 @@ pub const BLIND: f32 = 0.05;
 
 /// Reads counts ([`open_counts`]), subtracts the background, sets negative results to 0, and divides by the flat field
 /// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images are sensor-sized.
-pub fn open_frame(path: &Path, background: Option<&Path>, camera: &Camera, camera_file: &Path) -> Result<Image> {
-    let mut image = open_counts(path)?;
+pub fn open_frame(
+    path: &Path,
+    background: Option<&Path>,
+    camera: &Camera,
+    camera_file: &Path,
+    channel: Option<Channel>,
+) -> Result<Image> {
+    let mut image = open_counts(path, channel)?;
     let (height, width) = image.pixels.dim();
     camera.check_image(&io::name(path), width, height)?;
     if let Some(file) = background {
-        let dark = like("background", file, path, &image)?;
+        let dark = like("background", file, path, &image, channel)?;
         image.pixels.zip_mut_with(&dark, |pixel, dark| *pixel = (*pixel - dark).max(0.0));
     }
     if let Some(file) = camera.flat_field(camera_file) {
-        let flat = like("flat field", &file, path, &image)?;
+        let flat = like("flat field", &file, path, &image, channel)?;
         image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });
     }
     Ok(image)
 }
 
 /// Pixels of `file`, which must be as large as the frame; `what` names it in the message.
-fn like(what: &str, file: &Path, frame: &Path, image: &Image) -> Result<Array2<f32>> {
-    let pixels = open_counts(file)?.pixels;
+fn like(what: &str, file: &Path, frame: &Path, image: &Image, channel: Option<Channel>) -> Result<Array2<f32>> {
+    let pixels = open_counts(file, channel)?.pixels;
     let ((height, width), (wanted_height, wanted_width)) = (pixels.dim(), image.pixels.dim());
     if (height, width) == (wanted_height, wanted_width) {
         return Ok(pixels);

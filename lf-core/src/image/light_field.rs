@@ -1,6 +1,7 @@
 //! The EXR of a light-field image: one channel `Y`, linear counts, and the attribute `lf:history`.
 
-use super::decode::{Image, array};
+use super::channel::{Channel, Meaning, grey};
+use super::decode::Image;
 use super::exr;
 use crate::{Refusal, history::History};
 use ndarray::Array2;
@@ -8,28 +9,40 @@ use ndarray::Array2;
 /// The attribute that holds the history as JSON.
 const HISTORY: &str = "lf:history";
 
-const WANTED: &str = "wanted one channel Y, linear counts";
+const WANTED: &str = "wanted one channel Y, or R, G and B, linear counts";
 
-pub(super) fn read(bytes: &[u8]) -> Result<Image, Refusal> {
+/// Full alpha.
+const OPAQUE: f32 = 1.0;
+
+pub(super) fn read(bytes: &[u8], channel: Option<Channel>) -> Result<Image, Refusal> {
     let header = exr::Header::read(bytes)?;
-    check_channels(&header.channels)?;
+    let meaning = meaning(&header.channels)?;
     let history = match header.text(HISTORY) {
         None => History::new(),
         Some(text) => serde_json::from_str(&text)
             .map_err(|error| Refusal::new(format!("attribute {HISTORY}: {error}"), "wanted the steps as JSON"))?,
     };
-    let (width, height) = (header.width, header.height);
-    let [values]: [Vec<f32>; 1] = exr::read(bytes, header, ["Y"])?;
-    Ok(Image { pixels: array(width, height, values)?, history })
+    let size = [header.width, header.height];
+    let planes = match (meaning.is_colour, meaning.opaque) {
+        (false, None) => exr::read(bytes, header, ["Y"])?.to_vec(),
+        (false, Some(_)) => exr::read(bytes, header, ["Y", "A"])?.to_vec(),
+        (true, None) => exr::read(bytes, header, ["R", "G", "B"])?.to_vec(),
+        (true, Some(_)) => exr::read(bytes, header, ["R", "G", "B", "A"])?.to_vec(),
+    };
+    Ok(Image { pixels: grey(size, meaning, channel, |p, s| planes[s][p])?, history })
 }
 
-fn check_channels(channels: &[String]) -> Result<(), Refusal> {
+/// The meaning of channels in alphabetical order.
+fn meaning(channels: &[String]) -> Result<Meaning, Refusal> {
     let has = |name: &&str| channels.iter().any(|channel| channel == name);
-    let found = match channels {
-        [only] if only == "Y" => return Ok(()),
+    let names: Vec<&str> = channels.iter().map(String::as_str).collect();
+    let found = match names.as_slice() {
+        ["Y"] => return Ok(Meaning { is_colour: false, opaque: None }),
+        ["A", "Y"] => return Ok(Meaning { is_colour: false, opaque: Some(OPAQUE) }),
+        ["B", "G", "R"] => return Ok(Meaning { is_colour: true, opaque: None }),
+        ["A", "B", "G", "R"] => return Ok(Meaning { is_colour: true, opaque: Some(OPAQUE) }),
         _ if ["u", "v", "w"].iter().all(has) => "a vector field".to_owned(),
         _ if ["R", "G", "B", "RY", "BY"].iter().any(has) => format!("colour, channels {}", channels.join(", ")),
-        [first, second] if first == "A" && second == "Y" => "an alpha channel".to_owned(),
         [only] => format!("channel {only}"),
         _ => format!("channels {}", channels.join(", ")),
     };

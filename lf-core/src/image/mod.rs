@@ -13,9 +13,18 @@
 //! **Read.** The first bytes choose the format, not the name. Values are taken as they stand: no gamma, no scaling.
 //!
 //! - EXR as above, also with half or whole-number samples and every compression that the library knows.
-//! - TIFF with 8-bit, 16-bit or `f32` grey, 0 is black: one page, or many through [`Stack`].
-//! - PNG with 8-bit or 16-bit grey.
+//! - TIFF with grey of 8 to 16 bits (packed if the depth is between) or `f32`, 0 is black; classic or BigTIFF, strips or
+//!   tiles, plain or compressed by LZW, deflate or PackBits, with a predictor or without. The tag `Orientation` is
+//!   ignored: row 0 is the first stored one.
+//! - PNG with 8-bit or 16-bit samples.
+//!
+//! **Pages.** Each page of a TIFF is an image. `file.tif:3` names page 3 of `file.tif`, counted from 0, unless a file of
+//! exactly that name exists. Where one image is wanted, a file of several pages is refused.
+//!
+//! **Colour.** RGB in any of these formats is read as grey if its channels are equal in every pixel; otherwise a
+//! [`Channel`] must be chosen. Full alpha is ignored; other alpha is refused unless a channel is chosen.
 
+mod channel;
 mod clipped;
 mod decode;
 pub(crate) mod exr;
@@ -26,9 +35,10 @@ mod png;
 mod stack;
 mod tiff;
 
+pub use channel::Channel;
 pub use clipped::clipped_share;
 pub use decode::Image;
 pub(crate) use decode::guarded;
-pub use files::{BLIND, from_bytes, open, open_counts, open_frame, outside_u16, save};
+pub use files::{BLIND, frames, from_bytes, open, open_counts, open_frame, outside_u16, save};
 pub use noise::noise;
 pub use stack::Stack;

@@ -1,38 +1,43 @@
-//! Reads PNG with 8-bit or 16-bit grey.
+//! Reads PNG with 8-bit or 16-bit samples: grey, RGB or a palette, with or without alpha.
 
-use super::decode::{RATIO, array, believable, damaged};
+use super::channel::{Channel, Meaning, grey};
+use super::decode::{RATIO, believable, damaged};
 use crate::Refusal;
 use ::image::codecs::png::PngDecoder;
-use ::image::{ColorType, ExtendedColorType, ImageDecoder, Limits};
+use ::image::{ColorType, ImageDecoder, Limits};
 use ndarray::Array2;
 use std::io::Cursor;
-
-const WANTED: &str = "wanted 8-bit or 16-bit grey";
 
 /// Memory allowed for chunks other than pixels, bytes.
 const CHUNKS: u64 = 16 << 20;
 
-pub(super) fn read(bytes: &[u8]) -> Result<Array2<f32>, Refusal> {
+/// Places of the bit depth and the colour type, which a PNG begins with, and the colour type of grey.
+const DEPTH: usize = 24;
+const KIND: usize = 25;
+const GREY: u8 = 0;
+
+pub(super) fn read(bytes: &[u8], channel: Option<Channel>) -> Result<Array2<f32>, Refusal> {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(RATIO * bytes.len() as u64 + CHUNKS);
     let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(damaged)?;
-    let (width, height) = decoder.dimensions();
-    let depth: usize = match (decoder.original_color_type(), decoder.color_type()) {
-        (ExtendedColorType::L1, _) => return Err(Refusal::new("1-bit grey", WANTED)),
-        (ExtendedColorType::L2, _) => return Err(Refusal::new("2-bit grey", WANTED)),
-        (ExtendedColorType::L4, _) => return Err(Refusal::new("4-bit grey", WANTED)),
-        (_, ColorType::L8) => 1,
-        (_, ColorType::L16) => 2,
-        (_, ColorType::La8 | ColorType::La16) => return Err(Refusal::new("an alpha channel", WANTED)),
-        _ => return Err(Refusal::new("colour", WANTED)),
-    };
+    // The library stretches samples of fewer bits to eight.
+    let (depth, kind) = (bytes[DEPTH], bytes[KIND]);
+    let is_whole = depth >= 8 || kind != GREY;
+    Refusal::unless(is_whole, || format!("{depth}-bit grey"), "wanted 8-bit or 16-bit grey or RGB")?;
     Refusal::unless(!decoder.is_apng().map_err(damaged)?, || "an animation", "wanted one image")?;
-    believable(width.into(), height.into(), depth as u64, bytes.len())?;
-    let mut samples = vec![0u8; width as usize * height as usize * depth];
-    decoder.read_image(&mut samples).map_err(damaged)?;
-    let values = match depth {
-        1 => samples.into_iter().map(f32::from).collect(),
-        _ => samples.chunks_exact(2).map(|pair| f32::from(u16::from_ne_bytes([pair[0], pair[1]]))).collect(),
-    };
-    array(width as usize, height as usize, values)
+    let (width, height) = decoder.dimensions();
+    let colour = decoder.color_type();
+    believable(width.into(), height.into(), colour.bytes_per_pixel().into(), bytes.len())?;
+    let size = [width as usize, height as usize];
+    let mut values = vec![0u8; size[0] * size[1] * usize::from(colour.bytes_per_pixel())];
+    decoder.read_image(&mut values).map_err(damaged)?;
+    let samples = usize::from(colour.channel_count());
+    let is_wide = matches!(colour, ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16);
+    let opaque = colour.has_alpha().then_some(if is_wide { 65535.0 } else { 255.0 });
+    let meaning = Meaning { is_colour: colour.has_color(), opaque };
+    let wide = |at: usize| f32::from(u16::from_ne_bytes([values[2 * at], values[2 * at + 1]]));
+    match is_wide {
+        true => grey(size, meaning, channel, |p, s| wide(p * samples + s)),
+        false => grey(size, meaning, channel, |p, s| values[p * samples + s].into()),
+    }
 }

@@ -1,38 +1,48 @@
 //! Files of one image or many, read one image at a time.
 
-use super::decode::{Image, guarded};
-use super::files::{counts, from_bytes};
-use super::tiff;
-use crate::Result;
+use super::channel::Channel;
+use super::decode::{Image, counts, guarded};
+use super::{light_field, png, tiff};
 use crate::io::{self, Bytes, Signature};
+use crate::{Error, Refusal, Result, history::History};
 use std::path::Path;
 
-/// The images of a file: every page of a TIFF, or the one image of another format. Holds the bytes and no pixels.
+/// The images of a file: every page of a TIFF or the one that was named, or the one image of another format. Holds the
+/// bytes and no pixels.
 pub struct Stack {
     name: String,
+    /// How the file was typed on a command line.
+    typed: String,
     bytes: Bytes,
-    images: usize,
-    is_tiff: bool,
+    /// Places of the pages in the file.
+    pages: Vec<usize>,
+    /// Number in the file of the first page here; None if the file has one page and none was named.
+    first: Option<usize>,
 }
 
 impl Stack {
-    /// Opens a file and counts its images; `-` is standard input. Refuses a TIFF without a whole list of pages.
+    /// Opens a file and finds its images; `-` is standard input, and `file.tif:3` names one page, from 0. Refuses a TIFF
+    /// without a whole list of pages, and a page that it does not have.
     pub fn open(path: &Path) -> Result<Self> {
-        Self::from_bytes(io::open(path)?, &io::name(path))
+        let (file, page) = io::split_page(path);
+        let mut stack = Self::from_bytes(io::open(file)?, &io::name(file))?;
+        stack.typed = file.display().to_string();
+        if let Some(number) = page {
+            let pages = stack.pages.len();
+            let Some(&place) = stack.pages.get(number) else {
+                let found = format!("no page {number}, the file has {}", pages_are(pages));
+                return Err(Error::new(io::name(path), found, format!("wanted a page from 0 to {}", pages - 1)));
+            };
+            (stack.pages, stack.first) = (vec![place], Some(number));
+        }
+        Ok(stack)
     }
 
-    /// Counts the images in memory; `name` stands for the file in messages.
+    /// Finds the images in memory; `name` stands for the file in messages.
     pub fn from_bytes(bytes: Bytes, name: &str) -> Result<Self> {
-        let name = name.to_owned();
-        let is_tiff = Signature::of(&bytes) == Some(Signature::Tiff);
-        let images = if is_tiff { guarded(|| tiff::count(&bytes)) } else { Ok(1) };
-        let images = images.map_err(|refusal| refusal.about(&name))?;
-        Ok(Self { name, bytes, images, is_tiff })
-    }
-
-    /// The file itself.
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
+        let pages = guarded(|| pages(&bytes)).map_err(|refusal| refusal.about(name))?;
+        let first = (pages.len() > 1).then_some(0);
+        Ok(Self { name: name.to_owned(), typed: name.to_owned(), bytes, pages, first })
     }
 
     /// Whether the file is mapped. Such a file can be opened again, a pipe cannot.
@@ -42,22 +52,61 @@ impl Stack {
 
     /// Number of images, at least one.
     pub fn images(&self) -> usize {
-        self.images
+        self.pages.len()
     }
 
-    /// Name of an image in messages: the file, and its page from 1 if there are several.
+    /// Name of an image in messages: the file, and its page from 0 if it has several.
     pub fn name(&self, number: usize) -> String {
-        if self.images == 1 { self.name.clone() } else { format!("{}, page {}", self.name, number + 1) }
+        self.first.map_or_else(|| self.name.clone(), |first| format!("{}:{}", self.name, first + number))
+    }
+
+    /// Decodes the image as [`super::open`] does. Refuses several.
+    pub fn only(&self, channel: Option<Channel>) -> Result<Image> {
+        refuse_many(self.images(), &self.typed).map_err(|refusal| refusal.about(&self.name))?;
+        self.decode(0, channel)
     }
 
     /// Decodes image `number`, from 0, as [`super::open_counts`] does. Panics if there is no such image.
-    pub fn read(&self, number: usize) -> Result<Image> {
-        assert!(number < self.images, "image {number} of {}", self.images);
-        let name = self.name(number);
-        let image = match self.is_tiff {
-            true => guarded(|| tiff::page(&self.bytes, number)).map_err(|refusal| refusal.about(&name)),
-            false => from_bytes(&self.bytes, &name),
-        };
-        counts(image?, &name)
+    pub fn read(&self, number: usize, channel: Option<Channel>) -> Result<Image> {
+        counts(self.decode(number, channel)?, &self.name(number))
+    }
+
+    /// Decodes image `number`, from 0; pixels may be negative or not finite. Panics if there is no such image.
+    pub fn decode(&self, number: usize, channel: Option<Channel>) -> Result<Image> {
+        let image = guarded(|| decode(&self.bytes, self.pages[number], channel));
+        image.map_err(|refusal| refusal.about(self.name(number)))
+    }
+
+    /// Size and samples of every page of a TIFF in words, or why it cannot be read; nothing is decoded. Empty for other
+    /// formats.
+    pub fn about(&self) -> Vec<String> {
+        let pages = if Signature::of(&self.bytes) == Some(Signature::Tiff) { self.pages.as_slice() } else { &[] };
+        pages.iter().map(|&page| tiff::about(&self.bytes, page)).collect()
+    }
+}
+
+/// Refuses several pages where one image is wanted, of a file typed as `name`.
+pub(super) fn refuse_many(pages: usize, name: &str) -> std::result::Result<(), Refusal> {
+    let wanted = || format!("wanted one of them, {name}:0 to {name}:{}", pages - 1);
+    Refusal::unless(pages == 1, || pages_are(pages), wanted())
+}
+
+fn pages_are(pages: usize) -> String {
+    if pages == 1 { "1 page".to_owned() } else { format!("{pages} pages") }
+}
+
+/// Places of the pages of a TIFF. The one image of another format has no place of its own.
+pub(super) fn pages(bytes: &[u8]) -> std::result::Result<Vec<usize>, Refusal> {
+    if Signature::of(bytes) == Some(Signature::Tiff) { tiff::pages(bytes) } else { Ok(vec![0]) }
+}
+
+/// Decodes the image at one of the places that [`pages`] gives. The first bytes tell the format.
+pub(super) fn decode(bytes: &[u8], page: usize, channel: Option<Channel>) -> std::result::Result<Image, Refusal> {
+    match Signature::of(bytes) {
+        Some(Signature::Exr) => light_field::read(bytes, channel),
+        Some(Signature::Tiff) => tiff::page(bytes, page, channel),
+        Some(Signature::Png) => png::read(bytes, channel).map(|pixels| Image { pixels, history: History::new() }),
+        _ if bytes.is_empty() => Err(Refusal::new("empty", "wanted an EXR, TIFF or PNG image")),
+        _ => Err(Refusal::new("not an image by its first bytes", "wanted EXR, TIFF or PNG")),
     }
 }

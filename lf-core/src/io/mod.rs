@@ -15,5 +15,5 @@ mod output;
 
 pub use bytes::Bytes;
 pub use input::{Signature, open, open_text};
-pub use names::{is_standard, name, output_name, same_file, writing};
+pub use names::{is_standard, name, output_name, same_file, split_page, writing};
 pub use output::{check_picture, check_place, save, save_text};

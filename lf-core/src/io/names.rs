@@ -1,14 +1,30 @@
 //! Names of inputs and outputs, whether two of them are one file, and failures of the system in words.
 
 use crate::{Error, Refusal};
+use std::ffi::OsStr;
 use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind};
 use std::os::fd::{AsFd, BorrowedFd};
-use std::{os::unix::fs::MetadataExt, path::Path};
+use std::os::unix::{ffi::OsStrExt, fs::MetadataExt};
+use std::path::Path;
 
 /// Whether `path` is `-`, a standard stream.
 pub fn is_standard(path: &Path) -> bool {
     path.as_os_str() == "-"
+}
+
+/// A path without the page that its end names, and the page: `frames.tif:3` is page 3, from 0, of `frames.tif`. A file
+/// of exactly the typed name is taken as it stands, and so is a name whose file would not exist without the page.
+pub fn split_page(path: &Path) -> (&Path, Option<usize>) {
+    let typed = path.as_os_str().as_bytes();
+    let split = || {
+        let colon = typed.iter().rposition(|&byte| byte == b':')?;
+        let digits = &typed[colon + 1..];
+        let page = str::from_utf8(digits).ok().filter(|_| digits.iter().all(u8::is_ascii_digit))?.parse().ok()?;
+        let file = Path::new(OsStr::from_bytes(&typed[..colon]));
+        (!path.exists() && (is_standard(file) || file.exists())).then_some((file, Some(page)))
+    };
+    split().unwrap_or((path, None))
 }
 
 /// Name of an input in messages: its path, or `standard input` for `-`.

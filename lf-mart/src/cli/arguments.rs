@@ -2,7 +2,7 @@
 
 use super::preset::{self, BasisName, MethodName, WeightsName};
 use clap::Parser;
-use lf_core::cli::{self, Common, Preset};
+use lf_core::cli::{self, Common, ImageOptions, Preset};
 use lf_core::weights::{Basis, Model, SECTIONS};
 use lf_core::{Error, Result, Tile};
 use lf_mart::{Method, Options, Until};
@@ -32,6 +32,8 @@ pub struct Arguments {
     /// Image to subtract first; values below zero become zero
     #[arg(short, long, value_name = "FILE")]
     pub background: Option<PathBuf>,
+    #[command(flatten)]
+    pub reading: ImageOptions,
     /// Defaults between speed and accuracy for the whole chain, with --method subsets; options that you give come first
     #[arg(long, value_parser = Preset::parser(preset::help))]
     pub preset: Option<Preset>,

@@ -23,8 +23,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let name = io::name(&arguments.support);
     let (camera, image, support) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        let background = arguments.background.as_deref();
-        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera)?;
+        let (background, channel) = (arguments.background.as_deref(), arguments.reading.channel);
+        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
         Ok((camera, image, Volume::open(&arguments.support)?))
     })?;
     if support.count() == 0 {

@@ -2,7 +2,7 @@
 
 use super::preset::{self, ScoreName};
 use clap::Parser;
-use lf_core::cli::{Common, Preset, numbers};
+use lf_core::cli::{Common, ImageOptions, Preset, numbers};
 use lf_core::{Camera, Error, Grid, Refusal, Result, Volume, io, weights::SECTIONS};
 use lf_prune::{DARK, Options, Score};
 use std::path::PathBuf;
@@ -28,6 +28,8 @@ pub struct Arguments {
     /// Image to subtract first; values below zero become zero
     #[arg(short, long, value_name = "FILE")]
     pub background: Option<PathBuf>,
+    #[command(flatten)]
+    pub reading: ImageOptions,
     /// Defaults between speed and accuracy for the whole chain; typed options override them
     #[arg(long, value_parser = Preset::parser(preset::help))]
     pub preset: Option<Preset>,

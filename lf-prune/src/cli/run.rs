@@ -22,8 +22,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     io::check_place(&arguments.output)?;
     let (camera, image) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        let background = arguments.background.as_deref();
-        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera)?;
+        let (background, channel) = (arguments.background.as_deref(), arguments.reading.channel);
+        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
         Ok((camera, image))
     })?;
     let pixels = image.pixels.view();

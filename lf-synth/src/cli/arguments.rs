@@ -1,7 +1,7 @@
 //! The command line.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use lf_core::cli::Common;
+use lf_core::cli::{Common, ImageOptions};
 use std::path::PathBuf;
 
 /// Particles and a flow to light-field images and the truth, by ray tracing
@@ -103,6 +103,8 @@ pub struct SceneSource {
     /// Use this seed instead of the scene's
     #[arg(long)]
     pub seed: Option<u64>,
+    #[command(flatten)]
+    pub reading: ImageOptions,
 }
 
 #[derive(Clone, Copy, ValueEnum)]

@@ -2,8 +2,9 @@
 
 use super::arguments::SceneSource;
 use super::images::save_text;
+use lf_core::image::{self, Channel};
 use lf_core::scene::{CameraSource, WANTED};
-use lf_core::{Camera, Error, Result, Session, image, io, json};
+use lf_core::{Camera, Error, Result, Session, io, json};
 use lf_synth::rays::Instrument;
 use lf_synth::scene::{self, Scene};
 use ndarray::Array2;
@@ -38,7 +39,7 @@ impl Setup {
             session.explain(format!("seed {}, {origin}", scene.seed));
             let shape = (camera.sensor.height, camera.sensor.width);
             let file = scene.sensor_noise.as_ref().and_then(|noise| noise.background.as_deref());
-            let background = file.map(|file| background(file, shape)).transpose()?;
+            let background = file.map(|file| background(file, shape, source.reading.channel)).transpose()?;
             Ok(Self { name, scene, camera, background, inputs })
         })
     }
@@ -86,8 +87,8 @@ fn read(text: &str) -> std::result::Result<Scene, String> {
 }
 
 /// Reads an image of counts of shape (height, width).
-fn background(file: &Path, shape: (usize, usize)) -> Result<Array2<f32>> {
-    let pixels = image::open_counts(file)?.pixels;
+fn background(file: &Path, shape: (usize, usize), channel: Option<Channel>) -> Result<Array2<f32>> {
+    let pixels = image::open_counts(file, channel)?.pixels;
     if pixels.dim() == shape {
         return Ok(pixels);
     }

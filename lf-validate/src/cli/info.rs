@@ -1,7 +1,8 @@
 //! `info`: description of a file.
 
 use super::inputs::text;
-use lf_core::image::{self, Stack};
+use lf_core::cli::ImageOptions;
+use lf_core::image::{Channel, Stack};
 use lf_core::{Field, Refusal, Result, Session, Tile, Verdict, Volume, io, volume::tile};
 use lf_validate::info::{self, Description, FileKind};
 use std::path::{Path, PathBuf};
@@ -12,21 +13,27 @@ use std::path::{Path, PathBuf};
   lf-validate info camera.json
   lf-prune scene/frame-0000.exr -c camera.json --pvr 4,4,40 --depth -5,5 | lf-validate info")]
 pub struct Arguments {
-    /// The file
+    /// The file; file.tif:3 is page 3 of a TIFF
     #[arg(default_value = "-")]
     file: PathBuf,
+    #[command(flatten)]
+    reading: ImageOptions,
 }
 
 /// Describes a file.
 pub fn describe(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let file = arguments.file.as_path();
     session.keep_apart(Path::new("-"), &[file])?;
-    let description = session.phase("read", |_| description(io::open(file)?, &io::name(file)))?;
+    let channel = arguments.reading.channel;
+    let description = session.phase("read", |_| match io::split_page(file) {
+        (_, Some(_)) => image(&Stack::open(file)?, channel),
+        _ => description(io::open(file)?, &io::name(file), channel),
+    })?;
     io::save_text(Path::new("-"), |out| write!(out, "{description}"))?;
     Ok(Verdict::Done)
 }
 
-fn description(bytes: io::Bytes, name: &str) -> Result<Description> {
+fn description(bytes: io::Bytes, name: &str, channel: Option<Channel>) -> Result<Description> {
     let refused = |refusal: Refusal| refusal.about(name);
     let kind = FileKind::of(&bytes).map_err(refused)?;
     let text = |bytes| text(bytes, name, "wanted text");
@@ -41,12 +48,7 @@ fn description(bytes: io::Bytes, name: &str) -> Result<Description> {
             Ok(info::volume(volume.grid(), tile.as_ref(), volume.count(), &columns, &extra, volume.history()))
         }
         FileKind::Field => Ok(info::field(&Field::from_bytes(&bytes, name)?)),
-        FileKind::Image => {
-            let stack = Stack::from_bytes(bytes, name)?;
-            let image = if stack.images() == 1 { image::from_bytes(stack.bytes(), name)? } else { stack.read(0)? };
-            let (height, width) = image.pixels.dim();
-            Ok(info::image(stack.images(), [width, height], &image.pixels, &image.history))
-        }
+        FileKind::Image => image(&Stack::from_bytes(bytes, name)?, channel),
         FileKind::Json => info::json(text(&bytes)?).map_err(refused),
         FileKind::Particles => info::particles(text(&bytes)?).map_err(refused),
         FileKind::Table => Ok(info::table(text(&bytes)?)),
@@ -54,4 +56,12 @@ fn description(bytes: io::Bytes, name: &str) -> Result<Description> {
         FileKind::Vti => Ok(info::vti(&bytes)),
         FileKind::Picture => Ok(info::picture(text(&bytes)?)),
     }
+}
+
+/// Describes the first image of a file, and lists its pages.
+fn image(stack: &Stack, channel: Option<Channel>) -> Result<Description> {
+    let image = stack.decode(0, channel)?;
+    let (height, width) = image.pixels.dim();
+    let pages: Vec<_> = stack.about().into_iter().enumerate().map(|(n, about)| (stack.name(n), about)).collect();
+    Ok(info::image(&pages, [width, height], &image.pixels, &image.history))
 }

@@ -7,17 +7,23 @@ use lf_core::field::{MEASURED, REPLACED};
 use lf_core::{Field, Grid, History, Tile, frame};
 use serde_json::{Map, Value};
 
-/// Describes an image of `width` x `height` pixels, the first of `pages`.
+/// Most runs of equal pages that are listed.
+const MOST_RUNS: usize = 12;
+
+/// Describes an image of `width` x `height` pixels. `pages`: the name of each page of its file, the image being the
+/// first, and size and samples in words.
 pub fn image<'a>(
-    pages: usize,
+    pages: &[(String, String)],
     [width, height]: [usize; 2],
     pixels: impl IntoIterator<Item = &'a f32>,
     history: &History,
 ) -> Description {
     let summary = Summary::of(pixels);
     let mut about = Description::new("grey image (.exr, .tif or .png)");
-    if pages > 1 {
-        about.line("pages", format!("{}: only `lf-calib background` reads them. The first:", whole(pages as u64)));
+    match pages {
+        [] => {}
+        [(_, stored)] => about.line("stored", stored),
+        _ => list(pages, &mut about),
     }
     about.line("size", format!("{width} x {height} px = {} pixels", whole(summary.count as u64)));
     about.line("counts", summary.to_string());
@@ -27,6 +33,24 @@ pub fn image<'a>(
     }
     about.history(history);
     about
+}
+
+/// Lists the pages of a file, equal neighbours in one line.
+fn list(pages: &[(String, String)], about: &mut Description) {
+    about.line(
+        "pages",
+        format!("{}, each a frame; the rest of this text is about the first", whole(pages.len() as u64)),
+    );
+    let mut runs = pages.chunk_by(|(_, one), (_, next)| one == next);
+    for run in runs.by_ref().take(MOST_RUNS) {
+        let ((first, stored), (last, _)) = (&run[0], &run[run.len() - 1]);
+        let names = if run.len() == 1 { first.clone() } else { format!("{first} to {last}") };
+        about.line("", format!("{names}: {stored}"));
+    }
+    let rest = runs.map(<[_]>::len).sum::<usize>();
+    if rest > 0 {
+        about.line("", format!("and {} more", whole(rest as u64)));
+    }
 }
 
 /// Describes a sparse volume: grid, tile that the file holds, `count` voxels held, columns, and other header entries.
@@ -116,12 +140,23 @@ mod tests {
 
     #[test]
     fn counts_of_a_small_image() {
-        let text = image(1, [3, 1], &[0.0, 4.0, 5.0], &Vec::new()).to_string();
+        let text = image(&[], [3, 1], &[0.0, 4.0, 5.0], &Vec::new()).to_string();
         assert!(text.contains("3 x 1 px") && text.contains("mean 3, sum 9") && text.contains("1, 33.3333 %"));
         assert!(!text.contains("negative"));
         assert!(!text.contains("pages"));
-        assert!(image(2, [1, 1], &[1.0], &Vec::new()).to_string().contains("pages        2: "));
-        assert!(image(1, [1, 1], &[-1.0], &Vec::new()).to_string().contains("negative"));
+        assert!(image(&[], [1, 1], &[-1.0], &Vec::new()).to_string().contains("negative"));
+    }
+
+    #[test]
+    fn equal_pages_share_a_line() {
+        let page = |n: usize, stored: &str| (format!("f.tif:{n}"), stored.to_owned());
+        let mut pages: Vec<_> = (0..4).map(|n| page(n, "2 x 1 px, 8-bit grey")).collect();
+        pages.push(page(4, "a colour palette"));
+        let text = |pages: &[_]| image(pages, [1, 1], &[1.0], &Vec::new()).to_string();
+        assert_shows(&text(&pages), &["5, each a frame", "f.tif:0 to f.tif:3: 2 x 1 px", "f.tif:4: a colour palette"]);
+        assert_shows(&text(&pages[..1]), &["stored", "2 x 1 px, 8-bit grey"]);
+        pages = (0..20).map(|n| page(n, &format!("{n}"))).collect();
+        assert_shows(&text(&pages), &["f.tif:11: 11", "and 8 more"]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The command line of the stage: words, files in, one call, files out.
 
 use clap::Parser;
-use lf_core::cli::{self, Common};
+use lf_core::cli::{self, Common, ImageOptions};
 use lf_core::{Camera, Result, Session, Verdict, Volume, image, io, volume};
 use lf_refocus::refocus;
 use std::path::PathBuf;
@@ -30,6 +30,8 @@ struct Arguments {
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: PathBuf,
     #[command(flatten)]
+    reading: ImageOptions,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -43,8 +45,8 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.keep_apart(&arguments.output, &inputs)?;
     let (camera, image, support) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
-        let background = arguments.background.as_deref();
-        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera)?;
+        let (background, channel) = (arguments.background.as_deref(), arguments.reading.channel);
+        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
         Ok((camera, image.pixels, Volume::open(&arguments.support)?))
     })?;
     let means = session.phase("refocus", |_| Ok(refocus(image.view(), &camera, support.grid(), support.indices())))?;
