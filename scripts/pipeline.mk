@@ -18,7 +18,7 @@ FRAME = raw/%.tif
 # Then a frame's differing part is that of its file, a dot, and the page: 0007.0 is page 0 of raw/0007.tif.
 PAGES =
 
-# What stands for the light of colour images whose channels differ: r, g, b or luma.
+# The channel of colour images, if their channels differ: r, g, b or luma.
 CHANNEL =
 
 # The pairs to correlate: two of those parts with one '-' between them. By default a pair is two frames whose parts

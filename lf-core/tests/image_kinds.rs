@@ -7,6 +7,7 @@ use ndarray::{Array2, array};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use tiff::encoder::{Compression, DeflateLevel, TiffEncoder, colortype};
+use tiff::tags::Tag;
 
 /// Where and how a TIFF is written.
 #[derive(Clone, Copy, Debug)]
@@ -148,6 +149,35 @@ fn packed_samples_may_be_compressed() {
         replace(&mut file, &entry(258, 3, 8), &entry(258, 3, 12));
         assert_eq!(read(&file).unwrap().pixels, wanted);
     }
+}
+
+/// Bytes compressed by LZW, taken from a file of one strip.
+fn lzw(bytes: &[u8]) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    let mut encoder = TiffEncoder::new(&mut file).unwrap().with_compression(Compression::Lzw);
+    encoder.write_image::<colortype::Gray8>(bytes.len() as u32, 1, bytes).unwrap();
+    let file = file.into_inner();
+    let mut decoder = tiff::decoder::Decoder::new(Cursor::new(&file)).unwrap();
+    let [start, length] =
+        [Tag::StripOffsets, Tag::StripByteCounts].map(|tag| decoder.get_tag_u32(tag).unwrap() as usize);
+    file[start..start + length].to_vec()
+}
+
+/// Scar: the library reads tiles row by row, and its LZW decoder took the short rows at the image's edge for an early end.
+#[test]
+fn tiles_beyond_the_edge_may_be_compressed_and_planar() {
+    let wanted = Array2::from_shape_fn((37, 53), |(y, x)| if x < 30 { 7.0 } else { ((y * 53 + x) * 31 % 256) as f32 });
+    let at = |y: usize, x: usize| wanted.get((y, x)).map_or(0, |&value| value as u8);
+    let tile = |number: usize| {
+        let (top, left) = (number / 4 * 16, number % 4 * 16);
+        lzw(&(0..256).map(|i| at(top + i / 16, left + i % 16)).collect::<Vec<u8>>())
+    };
+    let tiles: Vec<Vec<u8>> = (0..12).map(tile).collect();
+    let form = [(259, 5), (322, 16), (323, 16)];
+    assert_eq!(read(&PLAIN.page([53, 37], &[8], &form, tiles.clone())).unwrap().pixels, wanted);
+    let planes = [tiles.clone(), tiles.clone(), tiles].concat();
+    let form = [&form[..], &[(284, 2)]].concat();
+    assert_eq!(read(&PLAIN.page([53, 37], &[8; 3], &form, planes)).unwrap().pixels, wanted);
 }
 
 /// Rows of 43 691 packed samples have more bytes than a tag of 16 bits can say.
@@ -308,7 +338,7 @@ fn an_imagej_stack_without_pages_is_named() {
         let mut file = Cursor::new(Vec::new());
         let mut encoder = TiffEncoder::new(&mut file).unwrap();
         let mut page = encoder.new_image::<colortype::Gray8>(2, 1).unwrap();
-        page.encoder().write_tag(tiff::tags::Tag::ImageDescription, text).unwrap();
+        page.encoder().write_tag(Tag::ImageDescription, text).unwrap();
         page.write_data(&[1, 2]).unwrap();
         file.into_inner()
     };

@@ -4,7 +4,7 @@ use super::decode::{array, pixels_are};
 use crate::Refusal;
 use ndarray::Array2;
 
-/// What stands for the light of a colour image.
+/// The part of a colour image that counts as its light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum Channel {
@@ -24,7 +24,7 @@ impl Channel {
 /// Luminance of red, green and blue primaries (ITU-R BT.709-6, item 3.2).
 const LUMA: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// What the samples of a pixel mean.
+/// Meaning of the samples of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Meaning {
     /// Red, green and blue; otherwise one grey sample.

@@ -26,7 +26,9 @@ impl Stack {
     pub fn open(path: &Path) -> Result<Self> {
         let (file, page) = io::split_page(path);
         let mut stack = Self::from_bytes(io::open(file)?, &io::name(file))?;
-        stack.typed = file.display().to_string();
+        if io::is_standard(file) {
+            stack.typed = "FILE".to_owned();
+        }
         if let Some(number) = page {
             let pages = stack.pages.len();
             let Some(&place) = stack.pages.get(number) else {

@@ -22,7 +22,7 @@ pub fn split_page(path: &Path) -> (&Path, Option<usize>) {
         let digits = &typed[colon + 1..];
         let page = str::from_utf8(digits).ok().filter(|_| digits.iter().all(u8::is_ascii_digit))?.parse().ok()?;
         let file = Path::new(OsStr::from_bytes(&typed[..colon]));
-        (!path.exists() && (is_standard(file) || file.exists())).then_some((file, Some(page)))
+        (!path.exists() && file.exists()).then_some((file, Some(page)))
     };
     split().unwrap_or((path, None))
 }

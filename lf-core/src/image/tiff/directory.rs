@@ -101,10 +101,15 @@ impl<'a> Tiff<'a> {
     }
 
     /// The place and the bytes that give a tag of a directory one number. None if it does not have the tag.
-    pub(super) fn with_number(&self, directory: usize, tag: u16, value: u32) -> Option<(usize, Vec<u8>)> {
+    pub(super) fn with_number(&self, directory: usize, tag: u16, value: u64) -> Option<(usize, Vec<u8>)> {
         let (at, (_, word, _)) = (self.entry(directory, tag)?, self.widths());
-        let (kind, size) = if value <= u32::from(u16::MAX) { (3, 2) } else { (4, 4) };
-        let mut bytes = [self.encoded(kind, 2), self.encoded(1, word), self.encoded(value.into(), size)].concat();
+        let (kind, size) = match value {
+            0..=0xffff => (3, 2),
+            0x1_0000..=0xffff_ffff => (4, 4),
+            _ if self.is_big => (16, 8),
+            _ => return None,
+        };
+        let mut bytes = [self.encoded(kind, 2), self.encoded(1, word), self.encoded(value, size)].concat();
         bytes.resize(2 + 2 * word, 0);
         Some((at + 2, bytes))
     }

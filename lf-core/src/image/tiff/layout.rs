@@ -17,11 +17,13 @@ pub(super) struct Layout {
     pub(super) samples: usize,
     /// Bits of a sample.
     pub(super) bits: usize,
-    is_float: bool,
+    pub(super) is_float: bool,
     pub(super) is_colour: bool,
     pub(super) has_alpha: bool,
     /// Each sample of all pixels is stored apart; otherwise the samples of a pixel stand together.
     pub(super) is_planar: bool,
+    /// Width and height of a tile, px; None in strips.
+    pub(super) tile: Option<[usize; 2]>,
 }
 
 /// The numbers of a page's tags.
@@ -64,11 +66,14 @@ impl Layout {
         Refusal::unless((1..=2).contains(&planes), || format!("planar configuration {planes}"), "wanted 1 or 2")?;
         let bytes = bits.div_ceil(8) * samples;
         believable(width, height, bytes, length)?;
-        if let (Some(across), Some(down)) = (tags.one(Tag::TileWidth), tags.one(Tag::TileLength)) {
-            believable(across, down, bytes, length)?;
-            let is_whole = (across * bits).is_multiple_of(8);
-            Refusal::unless(is_whole, || "tiles that end inside a byte", "wanted strips, or tiles of whole bytes")?;
-        }
+        let tile = match (tags.one(Tag::TileWidth), tags.one(Tag::TileLength)) {
+            (Some(across @ 1..), Some(down @ 1..)) => {
+                believable(across, down, bytes, length)?;
+                Some([across as usize, down as usize])
+            }
+            (None, None) => None,
+            _ => return Err(damaged("a tile without its size")),
+        };
         let side = |side: u64| usize::try_from(side).map_err(damaged);
         Ok(Self {
             width: side(width)?,
@@ -79,12 +84,18 @@ impl Layout {
             is_colour,
             has_alpha,
             is_planar: planes == 2 && samples > 1,
+            tile,
         })
     }
 
     /// Samples of 9 to 15 bits stand without gaps, the first in the highest bits of its byte; rows begin at a byte.
     pub(super) fn is_packed(&self) -> bool {
         (9..16).contains(&self.bits)
+    }
+
+    /// The largest value of a whole sample; 1 of a float.
+    pub(super) fn most(&self) -> f32 {
+        if self.is_float { 1.0 } else { ((1u32 << self.bits) - 1) as f32 }
     }
 
     /// Bytes of a row, or of a part of it, as stored.

@@ -9,7 +9,6 @@ use crate::image::decode::{Image, array, damaged};
 use crate::{Refusal, history::History};
 use ::tiff::decoder::{Decoder, DecodingResult, Limits};
 use ::tiff::{TiffError, tags::Tag};
-use ndarray::Array2;
 
 /// Places of the pages' directories, at least one.
 pub(in crate::image) fn pages(bytes: &[u8]) -> Result<Vec<usize>, Refusal> {
@@ -42,67 +41,124 @@ pub(in crate::image) fn about(bytes: &[u8], directory: usize) -> String {
 pub(in crate::image) fn page(bytes: &[u8], directory: usize, channel: Option<Channel>) -> Result<Image, Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
     let layout = Layout::read(tiff, directory, bytes.len())?;
-    let file = Patched::new(bytes, patches(tiff, directory, &layout).ok_or_else(|| damaged("a tag is missing"))?);
-    let mut decoder = Decoder::new(file).map_err(failed)?;
-    let history = history(&mut decoder);
-
-    let stored = layout.row_bytes(layout.width) * layout.height * layout.samples;
-    let mut limits = Limits::default();
-    limits.decoding_buffer_size = stored;
-    limits.intermediate_buffer_size = stored + bytes.len();
-    let mut decoder = decoder.with_limits(limits);
-    let mut samples = DecodingResult::U8(Vec::new());
-    decoder.read_image_to_buffer(&mut samples).map_err(failed)?;
-    Ok(Image { pixels: pixels(samples, &layout, channel)?, history })
-}
-
-/// What the library is to read instead of the file's own bytes: the page as the first; several samples as bands, so that
-/// it drops and converts none; packed samples as bytes.
-fn patches(tiff: Tiff, directory: usize, layout: &Layout) -> Option<Vec<(usize, Vec<u8>)>> {
-    let number = |tag: Tag, value: usize| tiff.with_number(directory, tag.to_u16(), u32::try_from(value).ok()?);
-    let mut patches = vec![tiff.as_first(directory)];
-    if layout.samples > 1 {
-        patches.push(number(Tag::PhotometricInterpretation, 1)?);
-        patches.extend(number(Tag::ExtraSamples, 0));
-    }
-    if layout.is_packed() {
-        patches.push(number(Tag::BitsPerSample, 8)?);
-        patches.push(number(Tag::ImageWidth, layout.row_bytes(layout.width))?);
-        if let Some(width) = tiff.numbers(directory, Tag::TileWidth.to_u16()) {
-            patches.push(number(Tag::TileWidth, layout.row_bytes(usize::try_from(*width.first()?).ok()?))?);
-        }
-    }
-    Some(patches)
-}
-
-fn pixels(samples: DecodingResult, layout: &Layout, channel: Option<Channel>) -> Result<Array2<f32>, Refusal> {
-    let Layout { width, height, bits, .. } = *layout;
-    match samples {
-        DecodingResult::U8(bytes) if layout.is_packed() => array(width, height, unpacked(&bytes, width, bits)),
-        DecodingResult::U8(values) => one_each(&values, 255.0, layout, channel),
-        DecodingResult::U16(values) => one_each(&values, 65535.0, layout, channel),
-        DecodingResult::F32(values) if layout.samples == 1 => array(width, height, values),
-        DecodingResult::F32(values) => one_each(&values, 1.0, layout, channel),
-        _ => Err(damaged("samples of another type")),
-    }
-}
-
-/// One value a pixel; `opaque` is full alpha.
-fn one_each<T: Copy + Into<f32>>(
-    values: &[T],
-    opaque: f32,
-    layout: &Layout,
-    channel: Option<Channel>,
-) -> Result<Array2<f32>, Refusal> {
-    let Layout { width, height, samples, is_colour, is_planar, has_alpha, .. } = *layout;
+    let page = Page { bytes, tiff, directory, layout };
+    let history = page.history();
+    let Layout { width, height, samples, is_colour, is_planar, has_alpha, .. } = layout;
+    let values = match layout.tile {
+        Some(tile) => page.tiles(tile)?,
+        None => page.block(&Block { size: [width, height], samples, patches: Vec::new() })?,
+    };
     let pixels = width * height;
     if values.len() != pixels * samples {
         return Err(damaged(format!("{} of {} samples", values.len(), pixels * samples)));
     }
-    let meaning = Meaning { is_colour, opaque: has_alpha.then_some(opaque) };
-    match is_planar {
-        true => grey([width, height], meaning, channel, |p, s| values[s * pixels + p].into()),
-        false => grey([width, height], meaning, channel, |p, s| values[p * samples + s].into()),
+    let meaning = Meaning { is_colour, opaque: has_alpha.then(|| layout.most()) };
+    let pixels = match (samples, is_planar) {
+        (1, _) => array(width, height, values),
+        (_, true) => grey([width, height], meaning, channel, |p, s| values[s * pixels + p]),
+        (_, false) => grey([width, height], meaning, channel, |p, s| values[p * samples + s]),
+    };
+    Ok(Image { pixels: pixels?, history })
+}
+
+struct Page<'a> {
+    bytes: &'a [u8],
+    tiff: Tiff<'a>,
+    directory: usize,
+    layout: Layout,
+}
+
+/// A part that the library decodes at once: all strips of a page, or one tile as if it was a page.
+struct Block {
+    /// Width and height, px.
+    size: [usize; 2],
+    /// Samples of a pixel.
+    samples: usize,
+    /// Places in the file, and the bytes to read there instead.
+    patches: Vec<(usize, Vec<u8>)>,
+}
+
+impl Page<'_> {
+    fn number(&self, tag: Tag, value: usize) -> Result<(usize, Vec<u8>), Refusal> {
+        let patch = self.tiff.with_number(self.directory, tag.to_u16(), value as u64);
+        patch.ok_or_else(|| damaged(format!("no tag {}", tag.to_u16())))
+    }
+
+    /// Decodes a block. The library reads the page as the first; several samples as bands, so that it drops and converts
+    /// none; packed samples as bytes.
+    fn block(&self, block: &Block) -> Result<Vec<f32>, Refusal> {
+        let Block { size: [width, height], samples, .. } = *block;
+        let row = self.layout.row_bytes(width);
+        let mut patches = vec![self.tiff.as_first(self.directory)];
+        if self.layout.samples > 1 {
+            patches.push(self.number(Tag::PhotometricInterpretation, 1)?);
+            patches.extend(self.number(Tag::ExtraSamples, 0));
+        }
+        patches.extend(block.patches.iter().cloned());
+        if self.layout.is_packed() {
+            patches.push(self.number(Tag::BitsPerSample, 8)?);
+            patches.push(self.number(Tag::ImageWidth, row)?);
+            patches.extend(self.number(Tag::TileWidth, row));
+        }
+        let stored = row * height * samples;
+        let mut limits = Limits::default();
+        limits.decoding_buffer_size = stored;
+        limits.intermediate_buffer_size = stored + self.bytes.len();
+        let decoder = Decoder::new(Patched::new(self.bytes, patches)).map_err(failed)?;
+        let mut values = DecodingResult::U8(Vec::new());
+        decoder.with_limits(limits).read_image_to_buffer(&mut values).map_err(failed)?;
+        match values {
+            DecodingResult::U8(bytes) if self.layout.is_packed() => Ok(unpacked(&bytes, width, self.layout.bits)),
+            DecodingResult::U8(values) => Ok(values.into_iter().map(f32::from).collect()),
+            DecodingResult::U16(values) => Ok(values.into_iter().map(f32::from).collect()),
+            DecodingResult::F32(values) => Ok(values),
+            _ => Err(damaged("samples of another type")),
+        }
+    }
+
+    /// Decodes tile by tile. The library itself reads a tile row by row, and then fails on valid LZW: its decoder takes
+    /// a short row without new input for the end of the data.
+    fn tiles(&self, [across_px, down_px]: [usize; 2]) -> Result<Vec<f32>, Refusal> {
+        let Layout { width, height, is_planar, .. } = self.layout;
+        let [across, down] = [width.div_ceil(across_px), height.div_ceil(down_px)];
+        let samples = if is_planar { 1 } else { self.layout.samples };
+        let numbers = |tag: Tag| self.tiff.numbers(self.directory, tag.to_u16()).unwrap_or_default();
+        let [places, lengths] = [Tag::TileOffsets, Tag::TileByteCounts].map(numbers);
+        let tiles = across * down * self.layout.samples / samples;
+        if [places.len(), lengths.len()] != [tiles; 2] {
+            return Err(damaged(format!("{} of {tiles} tiles", places.len().min(lengths.len()))));
+        }
+        let mut values = vec![0.0; width * height * self.layout.samples];
+        for (number, (place, length)) in places.into_iter().zip(lengths).enumerate() {
+            let mut patches = vec![
+                self.number(Tag::ImageWidth, across_px)?,
+                self.number(Tag::ImageLength, down_px)?,
+                self.number(Tag::TileOffsets, place as usize)?,
+                self.number(Tag::TileByteCounts, length as usize)?,
+            ];
+            if is_planar {
+                patches.push(self.number(Tag::SamplesPerPixel, 1)?);
+                patches.push(self.number(Tag::BitsPerSample, self.layout.bits)?);
+                patches.push(self.number(Tag::PlanarConfiguration, 1)?);
+                patches.extend(self.number(Tag::SampleFormat, if self.layout.is_float { 3 } else { 1 }));
+            }
+            let tile = self.block(&Block { size: [across_px, down_px], samples, patches })?;
+            let (plane, number) = (number / (across * down), number % (across * down));
+            let (top, left) = (number / across * down_px, number % across * across_px);
+            let row = samples * across_px.min(width - left);
+            for (y, from) in tile.chunks_exact(samples * across_px).enumerate().take(height - top) {
+                let start = plane * width * height + ((top + y) * width + left) * samples;
+                values[start..start + row].copy_from_slice(&from[..row]);
+            }
+        }
+        Ok(values)
+    }
+
+    /// The history in `ImageDescription`; empty if the tag holds other text.
+    fn history(&self) -> History {
+        let text = self.tiff.text(self.directory, Tag::ImageDescription.to_u16());
+        let text = text.split(|&byte| byte == 0).next().unwrap_or_default();
+        serde_json::from_slice(text).unwrap_or_default()
     }
 }
 
@@ -114,10 +170,4 @@ fn failed(error: TiffError) -> Refusal {
         }
         error => damaged(error),
     }
-}
-
-/// The history in `ImageDescription`; empty if the tag holds other text.
-fn history(decoder: &mut Decoder<Patched>) -> History {
-    let text = decoder.find_tag(Tag::ImageDescription).ok().flatten().and_then(|value| value.into_string().ok());
-    text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
 }
