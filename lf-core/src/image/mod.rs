@@ -29,6 +29,6 @@ mod tiff;
 pub use clipped::clipped_share;
 pub use decode::Image;
 pub(crate) use decode::guarded;
-pub use files::{BLIND, from_bytes, open, open_counts, open_frame, outside_u16, save};
+pub use files::{BLIND, Frame, from_bytes, open, open_counts, open_frame, outside_u16, save};
 pub use noise::noise;
 pub use stack::Stack;
