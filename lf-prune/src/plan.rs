@@ -89,8 +89,8 @@ impl<'a> Plan<'a> {
     }
 
     /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN
-    /// is blind and speaks neither for a voxel nor against it. Sections of the aperture that the image shows as dark do not
-    /// count. `done` is told how many slices are finished.
+    /// is blind and speaks neither for a voxel nor against it. Sections of the aperture that the image shows as dark do
+    /// not count. `done` is told how many slices are finished.
     ///
     /// For an aligned lattice a voxel costs a few additions. For another, a line of voxels costs one addition for each
     /// section and each lenslet that its rays pass. If rays bend, a voxel costs up to one ray a section.

@@ -221,8 +221,8 @@ fn shadowed(image: &Array2<f32>, camera: &Camera, is_dark: impl Fn(DVec2) -> boo
     image
 }
 
-/// A shadow at one side of the stop leaves the sections that each fast way traces uneven. They still give the voxels and
-/// scores of single rays.
+/// A shadow at one side of the stop leaves the sections that each fast way traces uneven. They still give the voxels
+/// and scores of single rays.
 #[test]
 fn every_way_leaves_dark_sections_out() {
     let is_dark = |stop: DVec2| stop.y > 0.3 || stop.x + stop.y < -0.9;

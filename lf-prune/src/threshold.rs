@@ -16,8 +16,8 @@ pub struct Automatic {
 /// of this value keeps twice the voxels.
 const MEAN_SHARE: f64 = 0.2;
 
-/// The same for a share of the rays, each of which must reach it. At [`MEAN_SHARE`] more than a tenth of the rays of one
-/// particle in six are too dark on turned and hexagonal lattices.
+/// The same for a share of the rays, each of which must reach it. At [`MEAN_SHARE`] more than a tenth of the rays of
+/// one particle in six are too dark on turned and hexagonal lattices.
 const RAY_SHARE: f64 = 0.06;
 
 impl Automatic {

@@ -55,8 +55,8 @@ impl Camera {
     }
 
     /// About the depth, in pixels at the focal plane, that the camera resolves: 5 N_w / m. Over N_w / m pixels of depth
-    /// the rays through opposite sides of the stop part by one pixel. Particles that the paper's method reconstructs are
-    /// 10 to 25 px long at N_w = 4 and 40 px at N_w = 8, both at m = 1.
+    /// the rays through opposite sides of the stop part by one pixel. Particles that the paper's method reconstructs
+    /// are 10 to 25 px long at N_w = 4 and 40 px at N_w = 8, both at m = 1.
     pub fn depth_resolution_px(&self) -> f64 {
         5.0 * self.main_lens.working_f_number / self.main_lens.magnification
     }

@@ -9,7 +9,8 @@ use crate::light::{Follows, LatticeLight, Tones};
 const CLIPPED: f64 = 1e-3;
 
 /// Brightness of the darkest tenth of the pixels over that of the light from which a background is warned of. Frames of
-/// one particle a lenslet without background have less than 0.01; from 0.2, the threshold of lf-prune, every voxel stays.
+/// one particle a lenslet without background have less than 0.01; from 0.2, the threshold of lf-prune, every voxel
+/// stays.
 const BRIGHT_DARKNESS: f64 = 0.15;
 
 impl Session {

@@ -4,7 +4,7 @@
 //! harmonics of the fold tell how strongly the light follows the lattice (their size) and where it lies (their phase).
 //! A frame of a few particles gives the place to a tenth of a pixel, because each particle fills the whole stop.
 
-use super::{DARKEST, Tones};
+use super::tones::{DARKEST, Tones};
 use crate::{Camera, Optics, lattice::Lattice};
 use glam::DVec2;
 use ndarray::ArrayView2;
@@ -27,7 +27,8 @@ const FOLLOWS: f64 = 0.4;
 /// Harmonics of this strength have a sure phase, for any camera.
 const SURE_STRENGTH: f64 = 0.08;
 
-/// Largest shift of a good camera's light, px: in the whole frame and in a quarter of it. Weak harmonics err more there.
+/// Largest shift of a good camera's light, px: in the whole frame and in a quarter of it. Weak harmonics err more
+/// there.
 const SHIFT_PX: f64 = 0.7;
 const QUARTER_SHIFT_PX: f64 = 1.5;
 const LARGEST_FACTOR: f64 = 2.5;

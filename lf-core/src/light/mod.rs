@@ -1,9 +1,8 @@
 //! Figures that the light of a frame gives about itself and its camera, for thresholds and for warnings.
 //!
 //! In: the pixels of a frame as [`crate::image::open_frame`] reads them, and its camera. Out: how bright light and
-//! darkness are ([`Tones`]), how much light comes through each part of the stop ([`light_through`]), and whether it lies
-//! under the camera's lenslets ([`LatticeLight`]).
-//! Open first: `tones.rs`.
+//! darkness are ([`Tones`]), how much light comes through each part of the stop ([`light_through`]), and whether it
+//! lies under the camera's lenslets ([`LatticeLight`]). Open first: `tones.rs`.
 
 mod lattice_light;
 mod stop_light;
@@ -12,6 +11,3 @@ mod tones;
 pub use lattice_light::{Follows, LatticeLight};
 pub use stop_light::light_through;
 pub use tones::Tones;
-
-/// Pixels below this share of the light's brightness count as dark: they may be noise.
-const DARKEST: f64 = 0.1;

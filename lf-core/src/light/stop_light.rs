@@ -1,9 +1,9 @@
 //! Light by the place in the stop that it comes through.
 //!
-//! A lenslet draws an image of the stop. A particle sends as much light through one part of the stop as through another,
-//! so over all lenslets all parts of an open stop are equally bright: a part that stays dark is closed.
+//! A lenslet draws an image of the stop. A particle sends as much light through one part of the stop as through
+//! another, so over all lenslets all parts of an open stop are equally bright: a part that stays dark is closed.
 
-use super::{DARKEST, Tones};
+use super::tones::{DARKEST, Tones};
 use crate::{Camera, Optics};
 use glam::DVec2;
 use ndarray::ArrayView2;
@@ -13,8 +13,8 @@ use rayon::prelude::*;
 const LENSLETS: usize = 1 << 15;
 
 /// Mean light that comes through each of these places of the stop, counts: the pixels there under all lenslets of which
-/// the sensor sees the place. No pixel counts more than the mean brightness of the light, so that a few bright particles
-/// do not decide. Blind pixels, which are NaN, do not count. 0 for a place that no lenslet shows.
+/// the sensor sees the place. No pixel counts more than the mean brightness of the light, so that a few bright
+/// particles do not decide. Blind pixels, which are NaN, do not count. 0 for a place that no lenslet shows.
 pub fn light_through(image: ArrayView2<f32>, camera: &Camera, tones: &Tones, stop_mm: &[DVec2]) -> Vec<f64> {
     let optics = Optics::new(camera);
     let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::from(optics.sensor_px.map(|side| side as f64));

@@ -5,6 +5,9 @@ use rayon::prelude::*;
 /// Most pixels that the darkest tenth is found from; they are spread evenly over the image.
 const SAMPLE: usize = 1 << 20;
 
+/// Pixels below this share of the light's brightness count as dark: they may be noise.
+pub(super) const DARKEST: f64 = 0.1;
+
 /// How bright a frame is, in counts. Blind pixels, which are NaN, do not count.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tones {

@@ -5,8 +5,8 @@ use lf_mart::{Ended, Options, Reconstruction};
 use ndarray::ArrayView2;
 
 /// Misfits above this are of a camera, a support or a background that is not the image's, if noise does not explain
-/// them. Scenes of `core` end at 0.05 to 0.1 with their own camera, frames of laboratories at 0.3; a lattice that is off
-/// by one pixel leaves 0.4, by two 0.5 to 0.8, a pitch that is off by a hundredth 0.5 to 0.6.
+/// them. Scenes of `core` end at 0.05 to 0.1 with their own camera, frames of laboratories at 0.3; a lattice that is
+/// off by one pixel leaves 0.4, by two 0.5 to 0.8, a pitch that is off by a hundredth 0.5 to 0.6.
 const BAD: f64 = 0.45;
 
 /// Times what the noise allows up to which noise explains a misfit. Light in the darkest places hides a part of the

@@ -57,12 +57,12 @@ pub struct Arguments {
     /// Least score kept, as a share of the image's brightest pixel; auto finds it from the image's light and noise
     #[arg(long, value_name = "SHARE|auto", default_value = "auto")]
     pub threshold: String,
-    /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest; a lower one lets dark
-    /// pixels speak louder against a voxel [default: a fiftieth of the threshold]
+    /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest; a lower one lets
+    /// dark pixels speak louder against a voxel [default: a fiftieth of the threshold]
     #[arg(long, value_name = "SHARE")]
     pub dark: Option<f64>,
-    /// Most brightness that a pixel counts with in a geometric mean, as a share of the brightest; a higher one keeps more
-    /// voxels where particle images overlap [default: twice the threshold]
+    /// Most brightness that a pixel counts with in a geometric mean, as a share of the brightest; a higher one keeps
+    /// more voxels where particle images overlap [default: twice the threshold]
     #[arg(long, value_name = "SHARE")]
     pub bright: Option<f64>,
     /// Prune one of N tiles, I from 1 to N, of a volume too large for one machine. The grid is cut in x and y into

@@ -11,8 +11,8 @@ pub(super) const SEEN_SHARE: f64 = 0.5;
 const UNIT: f64 = 512.0;
 
 pub(crate) struct Levels<'a> {
-    /// [`UNIT`] ln(pixel over the brightest), between two limits; or 0 for a pixel that reaches the threshold and -1 for
-    /// one that does not. A blind pixel has the threshold's level, so it speaks neither for a voxel nor against it.
+    /// [`UNIT`] ln(pixel over the brightest), between two limits; or 0 for a pixel that reaches the threshold and -1
+    /// for one that does not. A blind pixel has the threshold's level, so it speaks neither for a voxel nor against it.
     pub(crate) values: Vec<i32>,
     pub(super) width: usize,
     peak: f64,

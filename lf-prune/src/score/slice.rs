@@ -34,8 +34,8 @@ pub(crate) struct Sections {
 
 impl Sections {
     /// n x n sections, n as asked for or the pixels under a lenslet; n outside [`lf_core::weights::SECTIONS`] is
-    /// refused. A section lies inside the stop if its centre does. A round stop has no corner sections; if they counted,
-    /// every voxel would be pruned.
+    /// refused. A section lies inside the stop if its centre does. A round stop has no corner sections; if they
+    /// counted, every voxel would be pruned.
     pub(crate) fn new(camera: &Camera, asked: Option<usize>) -> Result<Self, Refusal> {
         let n = sections(camera, asked)?;
         let half = 0.5 * camera.aperture_mm();
