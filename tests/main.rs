@@ -3,6 +3,7 @@
 mod bad_input;
 mod bad_output;
 mod bench;
+mod blunders;
 mod frame;
 mod front_door;
 mod pages;

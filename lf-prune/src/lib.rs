@@ -13,7 +13,7 @@ mod plan;
 mod score;
 mod threshold;
 
-pub use options::{DARK, Options, Region, Score};
+pub use options::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, Options, Region, Score};
 pub use plan::{Plan, Support};
 pub use threshold::Automatic;
 

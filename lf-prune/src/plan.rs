@@ -45,6 +45,11 @@ impl<'a> Plan<'a> {
         Ok(Self { camera, grid, regions, options, sections, scoring, reason })
     }
 
+    /// Sections of the aperture that lie inside the camera's stop.
+    pub fn sections(&self) -> u32 {
+        self.sections.count()
+    }
+
     /// How voxels are scored and why.
     pub fn about(&self) -> String {
         format!("{}: {}", self.scoring.about(), self.reason)
@@ -84,17 +89,19 @@ impl<'a> Plan<'a> {
     }
 
     /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN
-    /// is blind: it speaks against no voxel and counts as the brightest. `done` is told how many slices are finished.
+    /// is blind and speaks neither for a voxel nor against it. Sections of the aperture that the image shows as dark do
+    /// not count. `done` is told how many slices are finished.
     ///
     /// For an aligned lattice a voxel costs a few additions. For another, a line of voxels costs one addition for each
     /// section and each lenslet that its rays pass. If rays bend, a voxel costs up to one ray a section.
     pub fn prune(&self, image: ArrayView2<f32>, done: impl Fn(u64) + Sync) -> Support {
         let peak = image.iter().fold(0f32, |peak, value| peak.max(*value));
         if peak <= 0.0 && !self.options.keep_all {
-            return Support { indices: Vec::new(), scores: Vec::new() };
+            return Support { indices: Vec::new(), scores: Vec::new(), dark_sections: 0 };
         }
         let levels = Levels::new(image, peak, self.options);
-        let scorer = Scorer::new(self.scoring, &levels, &self.sections, self.camera);
+        let sections = self.sections.lit(image, self.camera);
+        let scorer = Scorer::new(self.scoring, &levels, &sections, self.camera);
         let [nx, ny, nz] = self.grid.shape;
         let slices: Vec<Vec<(u32, f32)>> = (0..nz)
             .into_par_iter()
@@ -102,7 +109,8 @@ impl<'a> Plan<'a> {
             .inspect(|_| done(1))
             .collect();
         let count = slices.iter().map(Vec::len).sum();
-        let mut support = Support { indices: Vec::with_capacity(count), scores: Vec::with_capacity(count) };
+        let (indices, scores) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let mut support = Support { indices, scores, dark_sections: self.sections.count() - sections.count() };
         for (z, slice) in slices.into_iter().enumerate() {
             let base = nx as u64 * ny as u64 * z as u64;
             support.indices.extend(slice.iter().map(|(place, _)| base + u64::from(*place)));
@@ -119,6 +127,8 @@ pub struct Support {
     pub indices: Vec<u64>,
     /// Score of each: the geometric mean in counts, or the share of pixels.
     pub scores: Vec<f32>,
+    /// Sections inside the stop that are dark for every voxel and count for none.
+    pub dark_sections: u32,
 }
 
 impl Support {

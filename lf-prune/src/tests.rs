@@ -16,18 +16,19 @@ fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
 }
 
 const PLAIN: Options =
-    Options { score: Score::Geometric, threshold: 0.05, dark: DARK, keep_all: false, sections: None };
+    Options { score: Score::Geometric, threshold: 0.05, dark: 1e-6, bright: 1.0, keep_all: false, sections: None };
 
 /// Moves the corners by about 3 px.
 const DISTORTION: Distortion = Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] };
 
 /// All kinds of score, each with a threshold that keeps some voxels, and another number of sections.
-const RULES: [Options; 5] = [
+const RULES: [Options; 6] = [
     Options { threshold: 0.37, ..PLAIN },
     Options { score: Score::Share(0.0), threshold: 1e-3, ..PLAIN },
     Options { score: Score::Share(0.15), threshold: 0.2, ..PLAIN },
     Options { keep_all: true, ..PLAIN },
     Options { threshold: 0.37, sections: Some(5), ..PLAIN },
+    Options { threshold: 0.4, dark: 0.1, bright: 0.6, ..PLAIN },
 ];
 
 fn grid() -> Grid {
@@ -63,7 +64,7 @@ fn twice(
     slices: &[usize],
 ) -> Vec<[Vec<(u32, f32)>; 2]> {
     let levels = Levels::new(image.view(), 1.0, options);
-    let sections = Sections::new(camera, options.sections).unwrap();
+    let sections = Sections::new(camera, options.sections).unwrap().lit(image.view(), camera);
     let ways = [fast, Scoring::Rays].map(|scoring| Scorer::new(scoring, &levels, &sections, camera));
     let slice = |grid: &Grid, z: usize| ways.each_ref().map(|way| way.slice(grid, z, &whole(grid)));
     grids.iter().flat_map(|grid| slices.iter().map(|z| slice(grid, *z)).collect::<Vec<_>>()).collect()
@@ -100,6 +101,12 @@ fn scores_by_hand() {
     let levels = Levels::new(image.view(), 1.0, &options);
     let sum = levels.values.iter().sum();
     assert!((f64::from(levels.score(sum, 100)) - 10f64.powf(-1.2)).abs() < 1e-4);
+    assert!(sum >= levels.least_sum(100, 100));
+    // With limits of 0.01 and 0.03 the mean is 0.03^0.96 0.01^0.04.
+    let limited = Options { threshold: 0.028, dark: 0.01, bright: 0.03, ..PLAIN };
+    let levels = Levels::new(image.view(), 1.0, &limited);
+    let sum = levels.values.iter().sum();
+    assert!((f64::from(levels.score(sum, 100)) - 0.03f64.powf(0.96) * 0.01f64.powf(0.04)).abs() < 1e-4);
     assert!(sum >= levels.least_sum(100, 100));
     let options = Options { score: Score::Share(0.04), threshold: 0.1, ..options };
     let levels = Levels::new(image.view(), 1.0, &options);
@@ -147,18 +154,18 @@ fn the_threshold_follows_the_light_and_the_noise() {
         image
     };
     for scale in [1.0, 1e-20, 1e20] {
-        let found = Automatic::new(block(scale).view());
+        let found = Automatic::new(block(scale).view(), Score::Geometric);
         assert!((found.noise * 200.0 - 3.1).abs() < 0.1, "{found:?}");
         assert!((found.threshold * 200.0 - 0.2 * 86.7).abs() < 1.0, "{found:?}");
     }
-    assert_eq!(Automatic::new(Array2::zeros((3, 3)).view()).threshold, 0.0);
+    assert_eq!(Automatic::new(Array2::zeros((3, 3)).view(), Score::Geometric).threshold, 0.0);
 }
 
 /// Three places: one lies in a voxel that is kept, one in a voxel that is not, and one outside.
 #[test]
 fn places_are_lost_with_their_voxel() {
     let grid = Grid { shape: [4, 4, 4], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-    let support = Support { indices: vec![grid.index([1, 2, 3])], scores: vec![1.0] };
+    let support = Support { indices: vec![grid.index([1, 2, 3])], scores: vec![1.0], dark_sections: 0 };
     assert_eq!(support.lost(&grid, &[[1.4, 1.6, 3.3], [1.6, 1.6, 3.3], [1.0, 2.0, 3.6]]), (2, 1));
 }
 
@@ -199,7 +206,70 @@ fn lines_may_leave_the_rows_of_lenslets() {
     }
 }
 
-/// A pixel of NaN is blind: voxels are kept as if it were the brightest.
+/// The image without the light of those parts of the stop for which `is_dark` holds, in units of half the aperture.
+fn shadowed(image: &Array2<f32>, camera: &Camera, is_dark: impl Fn(DVec2) -> bool) -> Array2<f32> {
+    let optics = Optics::new(camera);
+    let k = camera.demagnification();
+    let mut image = image.clone();
+    for ((row, column), value) in image.indexed_iter_mut() {
+        let place = optics.centre_mm(column as u32, row as u32);
+        let centre = optics.lattice().nearest_centre_mm(place / (1.0 + k));
+        if is_dark((centre * (1.0 + k) - place) / (k * optics.half_aperture_mm)) {
+            *value = 0.0;
+        }
+    }
+    image
+}
+
+/// A shadow at one side of the stop leaves the sections that each fast way traces uneven. They still give the voxels
+/// and scores of single rays.
+#[test]
+fn every_way_leaves_dark_sections_out() {
+    let is_dark = |stop: DVec2| stop.y > 0.3 || stop.x + stop.y < -0.9;
+    for (scoring, turn) in [(Scoring::Aligned, 0.0), (Scoring::Lines, 0.003)] {
+        for camera in ["square", "circle"].map(|aperture| camera(aperture, "square", turn)) {
+            let image = shadowed(&speckle(), &camera, is_dark);
+            let all = Sections::new(&camera, None).unwrap();
+            let lit = all.lit(image.view(), &camera);
+            assert!(
+                lit.count() > all.count() / 3 && lit.count() < all.count() * 2 / 3,
+                "{} of {}",
+                lit.count(),
+                all.count()
+            );
+            for options in &RULES {
+                let pairs = twice(scoring, &image, &camera, options, &[grid()], &[0, 7, 10]);
+                assert!(pairs.iter().all(|[fast, slow]| fast == slow), "{scoring:?} {options:?}");
+                assert!(!options.keep_all || pairs.iter().all(|[fast, _]| !fast.is_empty()), "{scoring:?}");
+            }
+        }
+    }
+}
+
+/// Particles seen through a stop 12 % smaller than the camera says, and through one half covered, stay.
+#[test]
+fn dark_sections_veto_no_voxel() {
+    let (grid, voxels) = (grid(), [[20, 31, 16], [33, 12, 3], [9, 20, 10], [40, 40, 19]]);
+    let places = voxels.map(|voxel| [0, 1, 2].map(|axis| grid.centre_mm(axis, voxel[axis])));
+    for camera in cameras() {
+        let mut smaller = camera.clone();
+        smaller.main_lens.working_f_number /= 0.88;
+        let whole = lit(&camera, &places, &[200]);
+        for image in [lit(&smaller, &places, &[200]), shadowed(&whole, &camera, |stop| stop.y < 0.0)] {
+            for score in [Score::Geometric, Score::Share(0.1)] {
+                let threshold = Automatic::new(image.view(), score).threshold;
+                let options = Options { score, threshold, dark: threshold / 50.0, bright: 2.0 * threshold, ..PLAIN };
+                let support = prune(&image, &camera, &grid, &options).unwrap();
+                assert!(support.dark_sections > 10, "{score:?}: {} dark", support.dark_sections);
+                let lost = support.lost(&grid, &places);
+                assert_eq!(lost, (4, 0), "{score:?}, {camera:?}");
+                assert!(support.indices.len() < 5000, "{score:?}: {} kept", support.indices.len());
+            }
+        }
+    }
+}
+
+/// A pixel of NaN is blind: with a band of blind pixels the voxels are kept that an even image keeps.
 #[test]
 fn blind_pixels_speak_against_no_voxel() {
     let (camera, grid) = (camera("circle", "hexagonal", 0.003), grid());

@@ -4,7 +4,8 @@
     make -f scripts/pipeline.mk PRUNE='python3 scripts/examples/prune.py'
 
 The centre ray of every section of the aperture is traced from every voxel to a pixel. A voxel is kept if the geometric
-mean of its pixels is at least --threshold of the image's brightest pixel.
+mean of its pixels, each within two limits, is at least --threshold of the image's brightest pixel. Sections that are
+dark under all lenslets do not count.
 """
 
 import sys
@@ -15,7 +16,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
-DARK = 1e-6  # Least value of a pixel, as a share of the brightest: one dark pixel must not decide alone.
+DARK, BRIGHT = 1 / 50, 2  # Limits of a pixel, in thresholds: neither a dark nor a bright pixel must decide alone.
+LIT = 0.4  # Least light of a section, as a share of that of three quarters of the sections.
 SEEN = 0.5  # Least share of a voxel's rays that must meet the sensor.
 
 
@@ -30,13 +32,35 @@ def automatic(image):
     return min(max(0.2 * (light**2).sum() / light.sum(), noise) / light.max(), 1.0)
 
 
+def lit_sections(image, camera):
+    """Centres (U, V), mm, of the sections that let light through: (sections, 2). Every particle lights all sections
+    alike, so the mean over the lenslets' images tells which are dark."""
+    half = [0.5 * n * camera.pixel_mm + camera.pitch_mm for n in camera.sensor_px]
+    x, y = np.meshgrid(*(np.arange(-side, side, 0.5 * camera.pitch_mm) for side in half))
+    centres = np.unique(np.round(np.stack(camera.centre_mm(x, y), -1).reshape(-1, 2), 9), axis=0)
+    values = image[~np.isnan(image)].astype(float)
+    brightness = (values**2).sum() / max(values.sum(), 1e-300)
+    light = np.minimum(np.where(image >= 0.1 * brightness, image, 0), brightness)
+    sections = camera.sections_mm()
+    means = []
+    for section in sections:
+        # The image of a lenslet's centre through the section.
+        places = centres + camera.demagnification * (centres - section)
+        column, row = np.floor(places / camera.pixel_mm + 0.5 * np.array(camera.sensor_px)).astype(int).T
+        seen = (column >= 0) & (row >= 0) & (column < camera.sensor_px[0]) & (row < camera.sensor_px[1])
+        seen[seen] = ~np.isnan(image[row[seen], column[seen]])
+        means.append(light[row[seen], column[seen]].mean() if seen.any() else 0)
+    return sections[means >= LIT * np.sort(means)[len(means) * 3 // 4]]
+
+
 def prune(image, camera, grid, threshold):
     """Indices (n,) of the voxels kept, and their scores (n,) in counts. `image` is (height, width), NaN where blind."""
     peak = np.nanmax(image)
     # Real part: what a pixel adds to a voxel's score. Imaginary part: 1 on the sensor, 0 beside it, which counts rays.
-    levels = np.log(np.fmax(np.where(np.isnan(image), 1, image / peak), DARK)) + 1j
+    shares = np.clip(image / peak, max(DARK * threshold, 1e-12), max(min(BRIGHT * threshold, 1), 1e-12))
+    levels = np.log(np.where(np.isnan(image), max(threshold, 1e-12), shares)) + 1j
     levels = np.pad(levels.astype(np.complex64), 1)
-    sections = camera.sections_mm()
+    sections = lit_sections(image, camera)
     x, y, depths = grid.axes_mm()
     indices, scores = [], []
     for k, z in enumerate(depths):
@@ -48,7 +72,7 @@ def prune(image, camera, grid, threshold):
             total += levels.take(row * levels.shape[1] + column)
         seen = total.imag
         mean = total.real / np.maximum(seen, 1)
-        kept = np.flatnonzero((seen >= SEEN * len(sections)) & (mean >= np.log(max(threshold, DARK))))
+        kept = np.flatnonzero((seen >= SEEN * len(sections)) & (mean >= np.log(max(threshold, 1e-12))))
         indices.append(kept + k * total.size)
         scores.append(peak * np.exp(mean.flat[kept]))
     return np.concatenate(indices), np.concatenate(scores)

@@ -54,6 +54,13 @@ impl Camera {
         self.sensor.pixel_pitch_mm / self.main_lens.magnification
     }
 
+    /// About the depth, in pixels at the focal plane, that the camera resolves: 5 N_w / m. Over N_w / m pixels of depth
+    /// the rays through opposite sides of the stop part by one pixel. Particles that the paper's method reconstructs
+    /// are 10 to 25 px long at N_w = 4 and 40 px at N_w = 8, both at m = 1.
+    pub fn depth_resolution_px(&self) -> f64 {
+        5.0 * self.main_lens.working_f_number / self.main_lens.magnification
+    }
+
     /// Spacing of a grid of `pixels_per_voxel` at the focal plane, mm.
     pub fn voxel_spacing_mm(&self, pixels_per_voxel: [f64; 3]) -> [f64; 3] {
         pixels_per_voxel.map(|ratio| ratio * self.sensor.pixel_pitch_mm / self.main_lens.magnification)

@@ -7,6 +7,7 @@
 //! standard error that starts with the tool's name.
 
 mod complaint;
+mod frame_warnings;
 mod generate;
 mod lengths;
 mod progress;

@@ -1,5 +1,6 @@
 //! Opens an image in any of the formats, also as a frame whose background and flat field are removed; saves it.
 
+use super::clipped::clipped_share;
 use super::{
     channel::Channel,
     decode::{Image, counts, damaged, guarded},
@@ -51,6 +52,16 @@ pub fn frames(paths: &[PathBuf]) -> Vec<PathBuf> {
 /// A pixel that counts less than this fraction of its light is blind: the flat field would multiply its noise by 20.
 pub const BLIND: f32 = 0.05;
 
+/// A frame without its background and flat field.
+pub struct Frame {
+    /// Counts, shape (height, width); NaN where the pixel is blind.
+    pub pixels: Array2<f32>,
+    /// The steps that led to it; empty if the file has none.
+    pub history: History,
+    /// Level, counts, and share of the pixels that were clipped when the frame was taken: see [`clipped_share`].
+    pub clipped: Option<(f32, f64)>,
+}
+
 /// Reads counts ([`open_counts`]), subtracts the background, sets negative results to 0, and divides by the flat field
 /// of `camera`, which was read from `camera_file`. Pixels below [`BLIND`] become NaN. All images are sensor-sized.
 pub fn open_frame(
@@ -59,10 +70,11 @@ pub fn open_frame(
     camera: &Camera,
     camera_file: &Path,
     channel: Option<Channel>,
-) -> Result<Image> {
+) -> Result<Frame> {
     let mut image = open_counts(path, channel)?;
     let (height, width) = image.pixels.dim();
     camera.check_image(&io::name(path), width, height)?;
+    let clipped = clipped_share(image.pixels.view());
     if let Some(file) = background {
         let dark = like("background", file, path, &image, channel)?;
         image.pixels.zip_mut_with(&dark, |pixel, dark| *pixel = (*pixel - dark).max(0.0));
@@ -71,7 +83,7 @@ pub fn open_frame(
         let flat = like("flat field", &file, path, &image, channel)?;
         image.pixels.zip_mut_with(&flat, |pixel, flat| *pixel = if *flat < BLIND { f32::NAN } else { *pixel / flat });
     }
-    Ok(image)
+    Ok(Frame { pixels: image.pixels, history: image.history, clipped })
 }
 
 /// Pixels of `file`, which must be as large as the frame; `what` names it in the message.

@@ -172,6 +172,21 @@ impl Lattice {
         })
     }
 
+    /// Turns of a point of the array along two directions of the lattice: whole numbers at the centres of lenslets.
+    pub(crate) fn turns(&self, point_mm: DVec2) -> DVec2 {
+        let place = self.place(self.perfect(point_mm));
+        match self.layout {
+            Layout::Square => place - DVec2::splat(0.5),
+            Layout::Hexagonal => DVec2::new(place.x - 0.5 * place.y, place.y),
+        }
+    }
+
+    /// The shift, mm, that changes [`Lattice::turns`] by `turns` where no lenslet departs.
+    pub(crate) fn shift_mm(&self, turns: DVec2) -> DVec2 {
+        let along = if self.layout == Layout::Square { turns.x } else { turns.x + 0.5 * turns.y };
+        self.rotation * DVec2::new(along * self.pitch_mm, turns.y * self.row_pitch_mm())
+    }
+
     /// Corners of a perfect cell relative to its centre, in order around it, mm.
     pub fn cell_mm(&self) -> Vec<DVec2> {
         let side = 1.0 / 3f64.sqrt();

@@ -2,6 +2,7 @@
 //! First file to open: `run.rs`; `arguments.rs` holds the options, `preset.rs` the presets' values.
 
 mod arguments;
+mod misfit;
 mod preset;
 mod run;
 

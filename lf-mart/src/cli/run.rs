@@ -1,7 +1,7 @@
 //! Reads image, camera and voxels, reconstructs, and writes the volume.
 
-use super::{arguments::Arguments, preset::WeightsName};
-use lf_core::image::{self, Image};
+use super::{arguments::Arguments, misfit, preset::WeightsName};
+use lf_core::image::{self, Frame};
 use lf_core::{
     Camera, Error, Grid, Result, Session, Tile, Verdict, Volume, cli, io, volume, weights::aperture_sections,
 };
@@ -43,6 +43,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         session.tell_estimate(plan.peak_bytes(image.pixels.len()), &[("voxels", support.count() as u64)])?;
         return Ok(Verdict::Done);
     }
+    session.warn_of_frame(&image, &camera, arguments.background.is_some());
     explain_plan(arguments, &plan, &camera, &support, session);
 
     let (solved, log) = solve(&plan, &image, start.as_ref(), &options, &name, session)?;
@@ -51,6 +52,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Err(Error::new(name, "no voxel has light", wanted));
     }
     report(&solved, &options, &support, session);
+    misfit::judge(&solved, &options, image.pixels.view(), session);
     session.phase("write", |session| {
         let history = session.history(support.history());
         io::save(&arguments.output, |out| {
@@ -90,7 +92,7 @@ fn open_start(arguments: &Arguments, grid: &Grid) -> Result<Option<Volume>> {
     Ok(Some(start))
 }
 
-fn options(arguments: &Arguments, support: &Volume, image: &Image, session: &mut Session) -> Result<Options> {
+fn options(arguments: &Arguments, support: &Volume, image: &Frame, session: &mut Session) -> Result<Options> {
     let options = arguments.options(Tile::of(support)?, || {
         let sigma = image::noise(image.pixels.view());
         session.explain(format!("noise {sigma:.3} counts"));
@@ -121,7 +123,7 @@ fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, support: &V
 /// Gives the reconstruction, and the log of its sweeps.
 fn solve(
     plan: &Plan,
-    image: &Image,
+    image: &Frame,
     start: Option<&Volume>,
     options: &Options,
     name: &str,

@@ -4,7 +4,7 @@ use super::preset::{self, ScoreName};
 use clap::Parser;
 use lf_core::cli::{Common, ImageOptions, Preset, numbers};
 use lf_core::{Camera, Error, Grid, Refusal, Result, Volume, io, weights::SECTIONS};
-use lf_prune::{DARK, Options, Score};
+use lf_prune::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, Options, Score};
 use std::path::PathBuf;
 
 /// Image and camera to the voxels that may hold light, by dense ray tracing
@@ -33,7 +33,8 @@ pub struct Arguments {
     /// Defaults between speed and accuracy for the whole chain; typed options override them
     #[arg(long, value_parser = Preset::parser(preset::help))]
     pub preset: Option<Preset>,
-    /// Pixels per voxel along x, y, z [default: 1,1,10]
+    /// Pixels per voxel along x, y, z. Choose 1,1 or 2,2 across, as particle images are about 2 px wide, and half the
+    /// camera's depth resolution along z; -v tells it and suggests values [default: 1,1,10]
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
     pub pvr: Option<[f64; 3]>,
     /// Depth of the volume, mm, from far to near: towards the camera is positive, 0 is in focus
@@ -58,9 +59,14 @@ pub struct Arguments {
     /// Least score kept, as a share of the image's brightest pixel; auto finds it from the image's light and noise
     #[arg(long, value_name = "SHARE|auto", default_value = "auto")]
     pub threshold: String,
-    /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest
-    #[arg(long, value_name = "SHARE", default_value_t = DARK)]
-    pub dark: f64,
+    /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest; a lower one lets
+    /// dark pixels speak louder against a voxel [default: a fiftieth of the threshold]
+    #[arg(long, value_name = "SHARE")]
+    pub dark: Option<f64>,
+    /// Most brightness that a pixel counts with in a geometric mean, as a share of the brightest; a higher one keeps
+    /// more voxels where particle images overlap [default: twice the threshold]
+    #[arg(long, value_name = "SHARE")]
+    pub bright: Option<f64>,
     /// Prune one of N tiles, I from 1 to N, of a volume too large for one machine. The grid is cut in x and y into
     /// nearly square blocks; the voxels of one block are kept, and those around it that lf-mart needs. lf-xcorr and
     /// `lf-validate quality` take all tiles for the whole volume
@@ -123,11 +129,13 @@ impl Arguments {
         let is_above = [x, y, z].iter().all(|side| *side > 0.0);
         check("--pvr", is_above, || format!("{x},{y},{z}"), "wanted three numbers above 0, like 1,1,10")?;
         check_share("--quantile", self.quantile)?;
-        check_share("--dark", self.dark)?;
+        for (option, typed) in [("--dark", self.dark), ("--bright", self.bright)] {
+            typed.map_or(Ok(()), |share| check_share(option, share))?;
+        }
         let halo = self.halo.unwrap_or(0.0);
         check("--halo", (0.0..=1e6).contains(&halo), || halo.to_string(), "wanted mm, 0 or more")?;
-        let dark = || self.dark.to_string();
-        check("--dark", self.dark >= LEAST_DARK, dark, format!("wanted {LEAST_DARK} or more"))?;
+        let dark = self.dark.unwrap_or(LEAST_DARK);
+        check("--dark", dark >= LEAST_DARK, || dark.to_string(), format!("wanted {LEAST_DARK} or more"))?;
         let sections = self.sections.unwrap_or(*SECTIONS.start());
         let wanted = format!("wanted {} to {}", SECTIONS.start(), SECTIONS.end());
         check("--sections", SECTIONS.contains(&sections), || sections.to_string(), wanted)?;
@@ -157,7 +165,7 @@ impl Arguments {
     pub fn score_about(&self) -> String {
         match self.score() {
             _ if self.keep_all => "nothing: every voxel that can be seen is kept".to_string(),
-            ScoreName::Geometric => "the geometric mean of the pixels".to_string(),
+            ScoreName::Geometric => "the geometric mean of the pixels, each within limits".to_string(),
             ScoreName::Minimum => "the darkest pixel".to_string(),
             ScoreName::Quantile => format!("all but the darkest {:.0} % of the pixels", 100.0 * self.quantile),
         }
@@ -182,16 +190,22 @@ impl Arguments {
         self.like.as_deref().map_or_else(|| "--depth, --pvr, --bounds".to_string(), io::name)
     }
 
+    /// How a voxel is scored.
+    pub fn scored_by(&self) -> Score {
+        match self.score() {
+            ScoreName::Geometric => Score::Geometric,
+            ScoreName::Minimum => Score::Share(0.0),
+            ScoreName::Quantile => Score::Share(self.quantile),
+        }
+    }
+
     /// The options of pruning, with the threshold as typed or found.
     pub fn options(&self, threshold: f64) -> Options {
         Options {
-            score: match self.score() {
-                ScoreName::Geometric => Score::Geometric,
-                ScoreName::Minimum => Score::Share(0.0),
-                ScoreName::Quantile => Score::Share(self.quantile),
-            },
+            score: self.scored_by(),
             threshold,
-            dark: self.dark,
+            dark: self.dark.unwrap_or(DARK_THRESHOLDS * threshold).max(LEAST_DARK),
+            bright: self.bright.unwrap_or(BRIGHT_THRESHOLDS * threshold).min(1.0),
             keep_all: self.keep_all,
             sections: self.sections,
         }

@@ -4,5 +4,6 @@
 mod arguments;
 mod preset;
 mod run;
+mod warnings;
 
 pub use run::main;

@@ -1,11 +1,10 @@
 //! Reads image and camera, prunes, and writes the support.
 
-use super::arguments::Arguments;
+use super::{arguments::Arguments, warnings};
 use lf_core::{
-    Camera, Error, Grid, Result, Session, Tile, Verdict, cli, image, io, particles, volume, weights::aperture_sections,
+    Camera, Grid, Result, Session, Tile, Verdict, cli, image, io, particles, volume, weights::aperture_sections,
 };
 use lf_prune::{Automatic, Options, Plan, Region, Support};
-use ndarray::ArrayView2;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -31,7 +30,9 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         session.explain_preset(preset, arguments.preset_settings(preset));
     }
     let grid = arguments.grid(&camera)?;
-    let threshold = arguments.typed_threshold().unwrap_or_else(|| find_threshold(pixels, session));
+    session.warn_of_frame(&image, &camera, arguments.background.is_some());
+    let found = Automatic::new(pixels, arguments.scored_by());
+    let threshold = arguments.typed_threshold().unwrap_or_else(|| explain_threshold(&found, arguments, session));
     let options = arguments.options(threshold);
     let tile = tile(arguments, &camera, &grid)?;
     let whole = || vec![[0..grid.shape[0], 0..grid.shape[1]]; grid.shape[2]];
@@ -58,13 +59,9 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         report_lost(&support, &grid, file, arguments.frame, session)?;
     }
     if support.indices.is_empty() {
-        let [x, y] = camera.half_view_mm();
-        let wanted = format!(
-            "wanted a brighter image, a lower --threshold, another --depth, or --bounds within {x:.3} mm of the axis along x \
-             and {y:.3} mm along y, which the sensor sees in focus"
-        );
-        return Err(Error::new(io::name(&arguments.image), "no voxel survives pruning", wanted));
+        return Err(warnings::nothing_left(io::name(&arguments.image), &image, &support, &plan, &camera));
     }
+    warnings::warn(&support, &plan, &camera, &options, found.noise, session);
     session.phase("write", |session| {
         let history = session.history(&image.history);
         io::save(&arguments.output, |out| {
@@ -75,11 +72,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(Verdict::Done)
 }
 
-fn find_threshold(image: ArrayView2<f32>, session: &mut Session) -> f64 {
-    let found = Automatic::new(image);
+fn explain_threshold(found: &Automatic, arguments: &Arguments, session: &mut Session) -> f64 {
     session.count("noise", found.noise);
     session.count("threshold", found.threshold);
-    let by = if found.threshold > found.noise { "a fifth of the light's mean brightness" } else { "the noise" };
+    let of_light = format!("{:.0} % of the light's mean brightness", 100.0 * Automatic::share(arguments.scored_by()));
+    let by = if found.threshold > found.noise { of_light } else { "the noise".to_string() };
     let [threshold, noise] = [found.threshold, found.noise].map(|share| 100.0 * share);
     session.explain(format!("threshold {threshold:.2} % of the brightest pixel, {by}; noise {noise:.2} %"));
     found.threshold
@@ -105,6 +102,12 @@ fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, session: &m
     session.count("sections", sections);
     session.explain(format!("camera: {}", camera.about()));
     session.explain(plan.about());
+    let depth_px = camera.depth_resolution_px();
+    session.explain(format!(
+        "the camera resolves about {depth_px:.0} px in depth: --pvr 1,1,{:.0} puts two voxels into it, --pvr 2,2,{depth_px:.0} \
+         takes an eighth of the voxels",
+        0.5 * depth_px
+    ));
     session.explain(format!("{sections} x {sections} sections of the aperture, scored by {}", arguments.score_about()));
 }
 

@@ -29,9 +29,10 @@ fn pixels(along: usize, places: Range<usize>, optics: &Optics, grid: &Grid, z_mm
     pixels
 }
 
-/// Sections u at which the stop is equally wide: the sections v from `first` to `n - first` lie inside.
+/// Sections u at which the stop is open alike.
 struct Chord {
-    first: usize,
+    /// Whether the section is traced, for each v.
+    traced: Vec<bool>,
     /// Number of its v that meet the sensor.
     seen: u32,
 }
@@ -52,8 +53,7 @@ struct ChordSums<'a> {
 impl ChordSums<'_> {
     /// Moves to the next row of voxels; `rows` is its image row of each v.
     fn move_to(&mut self, rows: &[u32]) {
-        let n = rows.len();
-        for v in 0..n {
+        for v in 0..rows.len() {
             let (old, new) = (self.rows[v], rows[v]);
             if old == new {
                 continue;
@@ -61,7 +61,7 @@ impl ChordSums<'_> {
             self.rows[v] = new;
             let row_of = |row: u32| Some(&self.levels.row(row)?[self.first_column..][..self.width]);
             for (chord, sums) in self.chords.iter_mut().zip(self.sums.chunks_exact_mut(self.width + 1)) {
-                if v < chord.first || v >= n - chord.first {
+                if !chord.traced[v] {
                     continue;
                 }
                 exchange(&mut sums[..self.width], row_of(old), row_of(new));
@@ -130,11 +130,12 @@ pub(super) fn slice(slice: &Slice, camera: &Camera) -> Kept {
         width.max(*column as usize + 1)
     });
 
-    let firsts: BTreeSet<usize> = sections.first.iter().copied().filter(|first| 2 * first < n).collect();
+    let columns_of: Vec<Vec<bool>> = (0..n).map(|u| sections.column(u)).collect();
+    let alike: BTreeSet<&Vec<bool>> = columns_of.iter().filter(|traced| traced.contains(&true)).collect();
     let chord_of: Vec<Option<usize>> =
-        sections.first.iter().map(|first| firsts.iter().position(|known| known == first)).collect();
+        columns_of.iter().map(|traced| alike.iter().position(|known| *known == traced)).collect();
     let steps = Steps::new(&columns, n, &chord_of, width);
-    let chords: Vec<Chord> = firsts.into_iter().map(|first| Chord { first, seen: 0 }).collect();
+    let chords: Vec<Chord> = alike.into_iter().map(|traced| Chord { traced: traced.clone(), seen: 0 }).collect();
     let sums = vec![0i32; chords.len() * (width + 1)];
     let first_column = first_column as usize;
     let mut chords = ChordSums { levels, first_column, width, chords, sums, rows: vec![BESIDE; n] };

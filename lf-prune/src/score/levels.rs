@@ -11,7 +11,8 @@ pub(super) const SEEN_SHARE: f64 = 0.5;
 const UNIT: f64 = 512.0;
 
 pub(crate) struct Levels<'a> {
-    /// [`UNIT`] ln(pixel over the brightest), or 0 for a pixel that reaches the threshold and -1 for one that does not.
+    /// [`UNIT`] ln(pixel over the brightest), between two limits; or 0 for a pixel that reaches the threshold and -1
+    /// for one that does not. A blind pixel has the threshold's level, so it speaks neither for a voxel nor against it.
     pub(crate) values: Vec<i32>,
     pub(super) width: usize,
     peak: f64,
@@ -23,12 +24,14 @@ impl<'a> Levels<'a> {
     pub(crate) fn new(image: ArrayView2<f32>, peak: f32, options: &'a Options) -> Self {
         let peak = if peak > 0.0 { f64::from(peak) } else { 1.0 };
         let (height, width) = image.dim();
+        let bright = options.bright.max(options.dark);
+        let blind = (options.threshold.max(options.dark).ln() * UNIT).ceil() as i32;
         let level = |pixel: &f32| {
             let share = f64::from(*pixel) / peak;
             match options.score {
-                // A blind pixel speaks against no voxel.
-                _ if share.is_nan() => 0,
-                Score::Geometric => (share.max(options.dark).ln() * UNIT).round() as i32,
+                Score::Geometric if share.is_nan() => blind,
+                Score::Geometric => (share.clamp(options.dark, bright).ln() * UNIT).round() as i32,
+                Score::Share(_) if share.is_nan() => 0,
                 Score::Share(_) => -i32::from(share < options.threshold || share <= 0.0),
             }
         };

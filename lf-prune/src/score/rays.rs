@@ -20,8 +20,8 @@ pub(super) fn slice(slice: &Slice, camera: &Camera) -> Kept {
     let Slice { levels, sections, grid, z, region } = *slice;
     let optics = Optics::new(camera);
     let z_mm = grid.centre_mm(2, z);
-    let inside = sections.inside_mm();
-    let order: Vec<DVec2> = spread_order(inside.len()).into_iter().map(|place| inside[place]).collect();
+    let traced = sections.traced_mm();
+    let order: Vec<DVec2> = spread_order(traced.len()).into_iter().map(|place| traced[place]).collect();
     let sections = order.len() as u32;
     // A sum below this cannot recover: the rays to come add 0 at best. Rays that miss the sensor raise the limit.
     let hopeless = levels.least_sum(sections, sections);

@@ -3,7 +3,13 @@
 use super::levels::Levels;
 use crate::options::Region;
 use glam::DVec2;
-use lf_core::{Camera, Grid, Refusal, camera::Aperture, weights::sections};
+use lf_core::light::{Tones, light_through};
+use lf_core::{Camera, Grid, Refusal, camera::Aperture, statistics::ranked, weights::sections};
+use ndarray::ArrayView2;
+
+/// A section below this share of the light of three quarters of the sections is dark. On the scenes of
+/// `scripts/studies/study prune-cameras` closed sections have at most 0.3 of it, open ones 0.5 or more.
+const LIT_SHARE: f64 = 0.4;
 
 /// Voxels of a slice as (x + nx y, score), rising.
 pub(super) type Kept = Vec<(u32, f32)>;
@@ -22,39 +28,51 @@ pub(super) struct Slice<'a> {
 pub(crate) struct Sections {
     /// Centres along either axis, mm.
     pub(super) centres_mm: Vec<f64>,
-    /// For each row of sections v: the sections u in `first..n - first` lie inside.
-    pub(super) first: Vec<usize>,
+    /// Whether rays through section (u, v) are traced, at `[v n + u]`.
+    traced: Vec<bool>,
 }
 
 impl Sections {
     /// n x n sections, n as asked for or the pixels under a lenslet; n outside [`lf_core::weights::SECTIONS`] is
-    /// refused. A section lies inside the stop if its centre does. A round stop has no corner sections; if they counted,
-    /// every voxel would be pruned.
+    /// refused. A section lies inside the stop if its centre does. A round stop has no corner sections; if they
+    /// counted, every voxel would be pruned.
     pub(crate) fn new(camera: &Camera, asked: Option<usize>) -> Result<Self, Refusal> {
         let n = sections(camera, asked)?;
         let half = 0.5 * camera.aperture_mm();
         let centres_mm: Vec<f64> = (0..n).map(|i| half * ((2 * i + 1) as f64 / n as f64 - 1.0)).collect();
-        let first = centres_mm
-            .iter()
-            .map(|v| match camera.main_lens.aperture {
-                Aperture::Square => 0,
-                Aperture::Circle => {
-                    centres_mm.iter().take_while(|u| **u < 0.0 && **u * **u + v * v > half * half).count()
-                }
-            })
-            .collect();
-        Ok(Self { centres_mm, first })
+        let is_inside = |u: f64, v: f64| match camera.main_lens.aperture {
+            Aperture::Square => true,
+            Aperture::Circle => u * u + v * v <= half * half,
+        };
+        let traced = centres_mm.iter().flat_map(|v| centres_mm.iter().map(|u| is_inside(*u, *v))).collect();
+        Ok(Self { centres_mm, traced })
     }
 
+    /// The sections that let light through, as the image tells: those with at least [`LIT_SHARE`] of the usual light of
+    /// a section. A smaller stop than the camera says, or a shadow in it, leaves the others dark for every voxel. All
+    /// sections, if the image has no light.
+    pub(crate) fn lit(&self, image: ArrayView2<f32>, camera: &Camera) -> Self {
+        let light = light_through(image, camera, &Tones::new(image), &self.traced_mm());
+        let usual = ranked(&mut light.clone(), light.len() * 3 / 4).unwrap_or(0.0);
+        let mut light = light.into_iter();
+        let is_lit = |traced: &bool| *traced && light.next().is_some_and(|light| light >= LIT_SHARE * usual);
+        Self { centres_mm: self.centres_mm.clone(), traced: self.traced.iter().map(is_lit).collect() }
+    }
+
+    /// Sections that are traced.
     pub(crate) fn count(&self) -> u32 {
-        let n = self.centres_mm.len();
-        self.first.iter().map(|first| (n - 2 * first) as u32).sum()
+        self.traced.iter().filter(|traced| **traced).count() as u32
     }
 
-    /// Centres of the sections inside the stop, mm; those of one v together, u rising.
-    pub(super) fn inside_mm(&self) -> Vec<DVec2> {
+    /// Whether each section (u, v) of this u is traced, for v rising.
+    pub(super) fn column(&self, u: usize) -> Vec<bool> {
+        self.traced.iter().skip(u).step_by(self.centres_mm.len()).copied().collect()
+    }
+
+    /// Centres of the sections that are traced, mm; those of one v together, u rising.
+    pub(super) fn traced_mm(&self) -> Vec<DVec2> {
         let n = self.centres_mm.len();
-        let inside = (0..n).flat_map(|v| (self.first[v]..n - self.first[v]).map(move |u| (u, v)));
-        inside.map(|(u, v)| DVec2::new(self.centres_mm[u], self.centres_mm[v])).collect()
+        let traced = (0..n * n).filter(|place| self.traced[*place]);
+        traced.map(|place| DVec2::new(self.centres_mm[place % n], self.centres_mm[place / n])).collect()
     }
 }

@@ -24,7 +24,7 @@ pub(crate) struct Views {
     /// The lattice with its departures.
     pub(super) measured: Lattice,
     pub(super) lattice: Rows,
-    /// Centres of the sections inside the stop, mm.
+    /// Centres of the sections that are traced, mm.
     pub(super) sections_mm: Vec<DVec2>,
     /// Section after section, row after row: [`SEEN`] less the level; 0 beside the sensor or if pixels may be several.
     lights: Vec<i64>,
@@ -115,7 +115,7 @@ impl Views {
         let k = optics.demagnification;
         let cell_reach = optics.lattice().cell_mm().iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
         let rows = Rows::new(optics.lattice(), seen_sides(&optics, &measured, cell_reach));
-        let sections_mm = sections.inside_mm();
+        let sections_mm = sections.traced_mm();
         let (count, length) = (rows.first.len(), rows.length);
         let mut lights = vec![0; sections_mm.len() * count * length];
         let mut mixed = vec![Vec::new(); sections_mm.len() * count];

@@ -1,0 +1,66 @@
+//! Warnings about a frame that lf-prune and lf-mart share: clipped, with its background, or by another camera.
+
+use super::session::Session;
+use crate::Camera;
+use crate::image::Frame;
+use crate::light::{Follows, LatticeLight, Tones};
+
+/// Share of clipped pixels from which a frame is warned of. Hot pixels are fewer.
+const CLIPPED: f64 = 1e-3;
+
+/// Brightness of the darkest tenth of the pixels over that of the light from which a background is warned of. Frames of
+/// one particle a lenslet without background have less than 0.01; from 0.2, the threshold of lf-prune, every voxel
+/// stays.
+const BRIGHT_DARKNESS: f64 = 0.15;
+
+impl Session {
+    /// Warns of a frame that is clipped, that still has its background, or whose light does not lie where `camera` puts
+    /// it. `has_background` says whether a background was subtracted.
+    pub fn warn_of_frame(&mut self, frame: &Frame, camera: &Camera, has_background: bool) {
+        let tones = Tones::new(frame.pixels.view());
+        if let Some((level, share)) = frame.clipped.filter(|(_, share)| *share >= CLIPPED) {
+            self.count("clipped_share", share);
+            let percent = 100.0 * share;
+            self.warn(format!(
+                "{percent:.1} % of the pixels are clipped, at {level} counts: the brightest light is lost, and with it the \
+                 shape of particles; expose less or lower the gain"
+            ));
+        }
+        let darkness = tones.dark / tones.light.max(f64::MIN_POSITIVE);
+        if darkness >= BRIGHT_DARKNESS {
+            let remedy = if has_background {
+                "the background of -b is not that of this frame; make one from frames of the same run with lf-calib \
+                 background"
+            } else {
+                "the background is not subtracted, so no voxel is dark; subtract it with -b, lf-calib background makes it"
+            };
+            self.warn(format!(
+                "the darkest tenth of the image is {:.0} % as bright as its light: {remedy}",
+                100.0 * darkness
+            ));
+        }
+        if let Some(light) = LatticeLight::new(frame.pixels.view(), camera, &tones) {
+            self.warn_of_lattice(&light);
+        }
+    }
+
+    fn warn_of_lattice(&mut self, light: &LatticeLight) {
+        let LatticeLight { strength, predicted, shift_px, quarter_shift_px } = light;
+        self.explain(format!(
+            "light follows the lattice with strength {strength:.3}, {predicted:.3} by the camera's stop; it lies \
+             {shift_px:.2} px from the lenslet images, {quarter_shift_px:.2} px in the worst quarter"
+        ));
+        match light.follows() {
+            Follows::Camera => (),
+            Follows::AnotherLattice => self.warn(format!(
+                "the light does not lie under the camera's lenslets: it follows their lattice by {:.0} % of what it should; \
+                 the camera is another one or not calibrated; take this frame's camera, or calibrate with lf-calib lattice",
+                100.0 * strength / predicted
+            )),
+            Follows::Moved => self.warn(format!(
+                "the light lies {shift_px:.1} px beside the camera's lenslet images, {quarter_shift_px:.1} px in the worst \
+                 quarter of the image: the lattice has moved or is not calibrated; calibrate with lf-calib lattice"
+            )),
+        }
+    }
+}

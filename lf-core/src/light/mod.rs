@@ -1,0 +1,13 @@
+//! Figures that the light of a frame gives about itself and its camera, for thresholds and for warnings.
+//!
+//! In: the pixels of a frame as [`crate::image::open_frame`] reads them, and its camera. Out: how bright light and
+//! darkness are ([`Tones`]), how much light comes through each part of the stop ([`light_through`]), and whether it
+//! lies under the camera's lenslets ([`LatticeLight`]). Open first: `tones.rs`.
+
+mod lattice_light;
+mod stop_light;
+mod tones;
+
+pub use lattice_light::{Follows, LatticeLight};
+pub use stop_light::light_through;
+pub use tones::Tones;

@@ -1,0 +1,74 @@
+//! Light by the place in the stop that it comes through.
+//!
+//! A lenslet draws an image of the stop. A particle sends as much light through one part of the stop as through
+//! another, so over all lenslets all parts of an open stop are equally bright: a part that stays dark is closed.
+
+use super::tones::{DARKEST, Tones};
+use crate::{Camera, Optics};
+use glam::DVec2;
+use ndarray::ArrayView2;
+use rayon::prelude::*;
+
+/// Most lenslets that are looked at; they are spread evenly over the array.
+const LENSLETS: usize = 1 << 15;
+
+/// Mean light that comes through each of these places of the stop, counts: the pixels there under all lenslets of which
+/// the sensor sees the place. No pixel counts more than the mean brightness of the light, so that a few bright
+/// particles do not decide. Blind pixels, which are NaN, do not count. 0 for a place that no lenslet shows.
+pub fn light_through(image: ArrayView2<f32>, camera: &Camera, tones: &Tones, stop_mm: &[DVec2]) -> Vec<f64> {
+    let optics = Optics::new(camera);
+    let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::from(optics.sensor_px.map(|side| side as f64));
+    let reach = half_sensor + DVec2::splat(camera.microlenses.pitch_mm);
+    let mut centres: Vec<DVec2> =
+        optics.lattice().lenslets_within(DVec2::ZERO, reach).map(|(_, _, centre)| centre).collect();
+    let step = centres.len() / LENSLETS + 1;
+    centres = centres.into_iter().step_by(step).collect();
+    let (least, most) = ((DARKEST * tones.light) as f32, tones.light as f32);
+    let mean = |place: &DVec2| {
+        let (mut sum, mut count) = (0.0, 0u32);
+        for centre in &centres {
+            let Some((column, row)) = optics.pixel_at(optics.sensor_through(*centre, *centre, *place)) else {
+                continue;
+            };
+            let value = image[[row, column]];
+            if !value.is_nan() {
+                count += 1;
+                sum += if value >= least { f64::from(value.min(most)) } else { 0.0 };
+            }
+        }
+        sum / f64::from(count.max(1))
+    };
+    stop_mm.par_iter().map(mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Aperture, tests::seed};
+    use crate::lattice::Layout;
+    use ndarray::Array2;
+
+    /// By hand: light under the lower half of every lenslet's image, which shows the half of the stop at negative V.
+    /// One pixel a hundred thousand times as bright changes nothing.
+    #[test]
+    fn a_covered_half_of_the_stop_is_dark() {
+        for (layout, turn) in [(Layout::Square, 0.0), (Layout::Square, 0.01), (Layout::Hexagonal, 0.003)] {
+            let camera = seed(20, Aperture::Circle, layout, turn);
+            let optics = Optics::new(&camera);
+            let k = camera.demagnification();
+            let mut image = Array2::from_shape_fn((280, 280), |(row, column)| {
+                let place = optics.centre_mm(column as u32, row as u32);
+                let centre = optics.lattice().nearest_centre_mm(place / (1.0 + k));
+                if place.y > centre.y * (1.0 + k) { 50.0 } else { 0.0 }
+            });
+            image[[140, 140]] = 5e6;
+            image[[3, 3]] = f32::NAN;
+            let light = 50.0;
+            let tones = Tones { light, dark: 0.0, peak: 5e6 };
+            let places = [(0.0, -30.0), (30.0, -15.0), (0.0, 30.0), (30.0, 15.0)].map(DVec2::from);
+            let found = light_through(image.view(), &camera, &tones, &places);
+            assert!(found[..2].iter().all(|found| (found - light).abs() < 0.01 * light), "{layout:?}: {found:?}");
+            assert!(found[2..].iter().all(|found| *found < 0.01 * light), "{layout:?}: {found:?}");
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Warnings about a pruning that ran, and the refusal when nothing is left: each with its likely cause and its figure.
+
+use lf_core::image::Frame;
+use lf_core::light::{Follows, LatticeLight, Tones};
+use lf_core::{Camera, Error, Session, camera::Aperture};
+use lf_prune::{Options, Plan, Support};
+
+/// Share of dark sections from which the stop is warned of.
+const DARK_SECTIONS: f64 = 0.05;
+
+/// Share of the voxels that pruning must rule out to be of use.
+const RULED_OUT: f64 = 0.1;
+
+/// How the light fills the stop: `31 of 156 sections ...`.
+fn fill(support: &Support, plan: &Plan, camera: &Camera) -> String {
+    let (dark, all) = (support.dark_sections, plan.sections());
+    let stated = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
+    let lit = stated * (1.0 - f64::from(dark) / f64::from(all)).sqrt();
+    let shape = if camera.main_lens.aperture == Aperture::Circle { "disc" } else { "square" };
+    format!(
+        "{dark} of {all} sections of the aperture are dark: the light under a lenslet fills a {shape} of {lit:.1} px, the \
+         camera says {stated:.1} px"
+    )
+}
+
+fn has_dark_sections(support: &Support, plan: &Plan) -> bool {
+    f64::from(support.dark_sections) > DARK_SECTIONS * f64::from(plan.sections())
+}
+
+/// Warns of a stop that is not as the camera says, and of pruning that rules out next to nothing.
+pub fn warn(support: &Support, plan: &Plan, camera: &Camera, options: &Options, noise: f64, session: &mut Session) {
+    session.count("dark_sections", support.dark_sections);
+    if has_dark_sections(support, plan) {
+        session.warn(format!(
+            "{}; they are left out here, but lf-mart's weights need the true stop: measure working_f_number with lf-calib \
+             lattice",
+            fill(support, plan, camera)
+        ));
+    }
+    let kept = support.indices.len() as f64 / plan.voxels().max(1) as f64;
+    if kept > 1.0 - RULED_OUT && !options.keep_all {
+        let share = 100.0 * kept;
+        let cause = if noise >= 0.9 * options.threshold {
+            format!("the noise is {:.1} % of the brightest pixel, as much as the threshold", 100.0 * noise)
+        } else {
+            "nearly every line of sight is bright; lower the density of particles, raise --threshold, or subtract a \
+             background with -b"
+                .to_string()
+        };
+        session.warn(format!("{share:.1} % of the voxels are kept, so lf-mart is slow and gains nothing: {cause}"));
+    }
+}
+
+/// The refusal when no voxel is left.
+pub fn nothing_left(name: String, frame: &Frame, support: &Support, plan: &Plan, camera: &Camera) -> Error {
+    let tones = Tones::new(frame.pixels.view());
+    let light = LatticeLight::new(frame.pixels.view(), camera, &tones);
+    let found = "no voxel survives pruning";
+    let (found, wanted) = match light {
+        None => (format!("{found}: the image is black"), "wanted an image with light".to_string()),
+        Some(light) if light.follows() != Follows::Camera => (
+            format!("{found}: the light does not lie under the camera's lenslets"),
+            "wanted the camera of this frame, calibrated with lf-calib lattice".to_string(),
+        ),
+        Some(_) if has_dark_sections(support, plan) => (
+            format!("{found}: {}", fill(support, plan, camera)),
+            "wanted a camera with the stop of this frame, or a lower --threshold".to_string(),
+        ),
+        Some(_) => {
+            let [x, y] = camera.half_view_mm();
+            let bounds =
+                format!("within {x:.3} mm of the axis along x and {y:.3} mm along y, which the sensor sees in focus");
+            let wanted = format!("wanted a brighter image, a lower --threshold, another --depth, or --bounds {bounds}");
+            (found.to_string(), wanted)
+        }
+    };
+    Error::new(name, found, wanted)
+}

@@ -1,0 +1,160 @@
+//! Blunders of a user: each gets a warning that names its cause, and good frames get none.
+
+use lf_tests::{Ended, Folder};
+use serde_json::{Value, json};
+use std::fs;
+
+/// A camera: layout, turn of the lattice, stop.
+const CAMERAS: [[&str; 3]; 4] = [
+    ["square", "0.0", "square"],
+    ["square", "0.0", "circle"],
+    ["square", "0.003", "circle"],
+    ["hexagonal", "0.003", "circle"],
+];
+
+const NOISE: &str =
+    r#"sensor_noise={"gain_counts_per_electron": 0.2, "photon_noise": true, "read_noise_electrons": 12, "bits": 12}"#;
+
+/// Particles of a ninth of the volume of `core`, by a camera, with more keys.
+fn rendered([layout, turn, stop]: [&str; 3], more: &[&str]) -> Folder {
+    let folder = Folder::new();
+    let lattice = [
+        format!("camera.microlenses.layout={layout}"),
+        format!("camera.microlenses.rotation_rad={turn}"),
+        format!("camera.main_lens.aperture={stop}"),
+    ];
+    let small = ["volume.x_mm=[-0.35,0.35]", "volume.y_mm=[-0.35,0.35]", "volume.z_mm=[-3,3]", "truth=null"];
+    let light = ["particles.rays=50000", "particles.intensity=40000"];
+    let keys = lattice.iter().map(String::as_str).chain(small).chain(light).chain(more.iter().copied());
+    folder.scene("core", &keys.collect::<Vec<_>>());
+    folder.run("lf-synth frames scene.json -o . --quiet");
+    folder
+}
+
+const REGION: &str = "--depth -3,3 --bounds -0.35,0.35,-0.35,0.35 --pvr 1,1,20";
+
+fn prune(folder: &Folder, words: &str) -> Ended {
+    folder.run(&format!("lf-prune frame-0000.exr -c camera.json {REGION} -o support.lfv {words}"))
+}
+
+fn mart(folder: &Folder, words: &str) -> Ended {
+    folder.run(&format!("lf-mart support.lfv -i frame-0000.exr -c camera.json -o volume.lfv {words}"))
+}
+
+/// Changes a block of `camera.json`.
+fn change(folder: &Folder, block: &str, key: &str, value: &Value) {
+    let mut camera = folder.json("camera.json");
+    camera[block][key] = value.clone();
+    folder.write("camera.json", camera.to_string());
+}
+
+/// The one warning of a run has all of these words.
+fn assert_warned(ended: &Ended, words: &[&str]) {
+    let lines: Vec<&str> = ended.stderr.lines().filter(|line| line.contains(": warning: ")).collect();
+    let has_all = |line: &&&str| words.iter().all(|word| line.contains(word));
+    assert!(lines.iter().filter(has_all).count() == 1, "{words:?} in {}", ended.stderr);
+}
+
+#[test]
+fn good_frames_are_pruned_and_reconstructed_without_a_word() {
+    for camera in CAMERAS {
+        for density in ["0.02", "0.1", "0.5", "1.0"] {
+            for noise in ["sensor_noise=null", NOISE] {
+                let folder = rendered(camera, &[&format!("particles.per_lenslet={density}"), noise]);
+                prune(&folder, "").silent();
+                if density == "0.1" {
+                    mart(&folder, "").silent();
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_stop_smaller_than_stated_loses_no_particle_and_is_named() {
+    for camera in CAMERAS {
+        for more in [&["sensor_noise=null"][..], &[r#"sensor_noise={"dead_share": 0.01}"#]] {
+            let stop = "camera.main_lens.working_f_number=4.545454";
+            let folder = rendered(camera, &[&[stop, "particles.per_lenslet=0.5"], more].concat());
+            change(&folder, "main_lens", "working_f_number", &json!(4.0));
+            for score in ["geometric", "quantile"] {
+                let ended = prune(&folder, &format!("--score {score} --truth particles.csv --stats stats.json"));
+                let counts = folder.json("stats.json")["counts"].clone();
+                let [lost, all] = ["lost_particles", "particles"].map(|name| counts[name].as_f64().unwrap());
+                assert!(all > 20.0 && lost <= 0.02 * all, "{camera:?} {score}: {lost} of {all}");
+                assert_warned(
+                    &ended,
+                    &["sections of the aperture are dark", "the camera says 14.0 px", "lf-calib lattice"],
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_forgotten_background_is_named() {
+    let folder = rendered(CAMERAS[1], &["particles.per_lenslet=0.5", r#"sensor_noise={"dark_counts": 100}"#]);
+    let ended = prune(&folder, "");
+    assert_warned(&ended, &["the darkest tenth of the image is", "% as bright", "-b"]);
+    assert_warned(&ended, &["% of the voxels are kept", "-b"]);
+    assert_warned(&mart(&folder, "--iterations 2"), &["the darkest tenth of the image is", "-b"]);
+    folder.run("lf-synth dark scene.json -o dark.exr --quiet");
+    prune(&folder, "-b dark.exr").silent();
+}
+
+#[test]
+fn a_clipped_frame_is_named_with_its_share() {
+    let noise = r#"sensor_noise={"gain_counts_per_electron": 0.2, "photon_noise": true, "full_well_electrons": 1500}"#;
+    let folder = rendered(CAMERAS[1], &["particles.per_lenslet=0.5", noise]);
+    for ended in [prune(&folder, ""), mart(&folder, "--iterations 2")] {
+        assert_warned(&ended, &["% of the pixels are clipped, at 300 counts"]);
+    }
+}
+
+#[test]
+fn another_lattice_and_a_moved_one_are_named() {
+    for camera in &CAMERAS[1..] {
+        let folder = rendered(*camera, &["particles.per_lenslet=0.5"]);
+        let right = folder.bytes("camera.json");
+        change(&folder, "microlenses", "offset_mm", &json!([0.0055, -0.0055]));
+        assert_warned(
+            &prune(&folder, ""),
+            &["the light lies 1.4 px beside the camera's lenslet images", "lf-calib lattice"],
+        );
+        assert_warned(&mart(&folder, "--iterations 2"), &["the light lies 1.4 px beside"]);
+        fs::write(folder.path("camera.json"), &right).unwrap();
+        change(&folder, "microlenses", "pitch_mm", &json!(0.08));
+        assert_warned(
+            &prune(&folder, "--keep-all"),
+            &["the light does not lie under the camera's lenslets", "another one"],
+        );
+    }
+}
+
+/// A support of another frame cannot explain the image.
+#[test]
+fn a_misfit_beyond_the_noise_is_named() {
+    let folder = rendered(CAMERAS[0], &["particles.per_lenslet=0.1", "seed=1"]);
+    prune(&folder, "");
+    folder.scene(
+        "core",
+        &["volume.x_mm=[-0.35,0.35]", "volume.y_mm=[-0.35,0.35]", "volume.z_mm=[-3,3]", "truth=null", "seed=7"],
+    );
+    folder.run("lf-synth frames scene.json -o . --quiet");
+    assert_warned(&mart(&folder, ""), &["misfit 0.", "up to 0.35 is good", "check that camera and support"]);
+}
+
+#[test]
+fn nothing_left_names_the_cause() {
+    let folder = rendered(CAMERAS[1], &["particles.per_lenslet=0.1"]);
+    let line = |words: &str| {
+        folder
+            .call(&format!("lf-prune frame-0000.exr -c camera.json {REGION} -o support.lfv {words}"))
+            .run()
+            .ended(2)
+            .stderr
+    };
+    change(&folder, "microlenses", "pitch_mm", &json!(0.08));
+    let text = line("--threshold 0.99");
+    assert!(text.contains("no voxel survives pruning: the light does not lie under the camera's lenslets"), "{text}");
+}
