@@ -1,15 +1,13 @@
 //! `lf-calib lattice`: white images and a nominal camera in, a camera with its microlenses out.
 
+use super::fill::tell_fill;
 use super::{arguments::LatticeArguments, files::path_from_camera, files::with_history};
-use lf_calib::{Calibrated, Fill, ImageLattice, LATTICE_STEPS, WhiteMean, calibrate, find_lattice, flat_field, plot};
+use lf_calib::{Calibrated, ImageLattice, Keep, LATTICE_STEPS, WhiteMean, calibrate, find_lattice, flat_field, plot};
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, image, io};
 use ndarray::Array2;
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-
-/// A difference between the width of lenslet images and the pitch, or the f-number, is reported from this fraction on.
-const NOTABLE_FILL: f64 = 0.05;
 
 pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Verdict> {
     check_files(arguments, session)?;
@@ -26,11 +24,11 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
         let progress = session.progress("rounds", LATTICE_STEPS);
         find_lattice(&white, &|rounds| progress.add(rounds)).map_err(refused)
     })?;
-    let mut calibrated = calibrate(&lattice, &nominal).map_err(refused)?;
+    let mut calibrated = calibrate(&lattice, &nominal, Keep { f_number: arguments.keep_f_number }).map_err(refused)?;
 
     // Compute everything before the first file is written.
     let none = || Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
-    let flat = |_: &mut Session| flat_field(&white, &calibrated.camera).ok_or_else(|| refused(none()));
+    let flat = |_: &mut Session| flat_field(&white, &calibrated.camera_of_white()).ok_or_else(|| refused(none()));
     let flat_pixels = arguments.vignetting.as_ref().map(|_| session.phase("vignetting", flat)).transpose()?;
     let draw = |file: &PathBuf| {
         plot::lattice(&white, &lattice, &calibrated).map_err(|refusal| refusal.about(io::output_name(file)))
@@ -41,13 +39,13 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     calibrated.camera.vignetting = flat;
     session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), svg.as_deref(), session))?;
     // If a file cannot be written, its error is the only line.
-    tell(&lattice, &calibrated, session);
+    tell(&lattice, &calibrated, arguments.keep_f_number, session);
     Ok(Verdict::Done)
 }
 
 /// Refuses files named twice, and names that promise another kind of file than is written.
 fn check_files(arguments: &LatticeArguments, session: &mut Session) -> Result<()> {
-    let LatticeArguments { whites, camera, dark, centres, vignetting, plot, output } = arguments;
+    let LatticeArguments { whites, camera, dark, centres, vignetting, plot, output, .. } = arguments;
     let inputs: Vec<&Path> = whites.iter().chain([camera]).chain(dark).map(PathBuf::as_path).collect();
     let outputs: Vec<&Path> =
         centres.iter().chain(vignetting).chain(plot).chain([output]).map(PathBuf::as_path).collect();
@@ -120,7 +118,7 @@ fn table(calibrated: &Calibrated) -> String {
     text
 }
 
-fn tell(lattice: &ImageLattice, calibrated: &Calibrated, session: &mut Session) {
+fn tell(lattice: &ImageLattice, calibrated: &Calibrated, is_kept: bool, session: &mut Session) {
     session.count("lenslets", lattice.kept());
     session.count("lenslets_rejected", lattice.centres.len() - lattice.kept());
     session.count("lenslets_in_frame", lattice.in_frame);
@@ -147,35 +145,13 @@ fn tell(lattice: &ImageLattice, calibrated: &Calibrated, session: &mut Session) 
             stop.diameter_px, stop.slope
         ));
     }
-    if let Some(fill) = &calibrated.fill {
-        tell_fill(fill, &calibrated.camera, session);
+    if !calibrated.is_ambiguous {
+        tell_fill(calibrated.fill.as_ref(), &calibrated.camera, is_kept, session);
     }
     if calibrated.is_ambiguous {
         session.warn(
             "by the f-number lenslet images overlap, and a lattice half a pitch aside fits them as well: the one nearer to the \
              nominal offset is written",
         );
-    }
-}
-
-/// Warns of lenslet images that are wider or narrower than they should be.
-fn tell_fill(fill: &Fill, camera: &Camera, session: &Session) {
-    let Fill { measured_px, nominal_px, pitch_px } = *fill;
-    session.explain(format!("lenslet images are {measured_px:.2} px wide, {:.3} of the pitch", measured_px / pitch_px));
-    let lens = &camera.main_lens;
-    if (measured_px / nominal_px - 1.0).abs() > NOTABLE_FILL {
-        session.warn(format!(
-            "lenslet images are {measured_px:.2} px wide, but the nominal f-number {} gives {nominal_px:.2} px: the white image \
-             was taken at f-number {:.2}, or with another camera",
-            lens.working_f_number,
-            lens.working_f_number * nominal_px / measured_px
-        ));
-    } else if (measured_px / pitch_px - 1.0).abs() > NOTABLE_FILL {
-        let (what, share) = if measured_px < pitch_px { ("underfill", "unused") } else { ("overfill", "shared") };
-        session.warn(format!(
-            "lenslet images {what} the pitch: {measured_px:.2} of {pitch_px:.2} px, {:.0} % {share}; f-number {:.2} would match",
-            100.0 * (measured_px / pitch_px - 1.0).abs(),
-            lens.working_f_number * measured_px / pitch_px
-        ));
     }
 }
