@@ -389,12 +389,6 @@ fn outputs_that_cannot_be_written_are_refused() {
         &format!("{line} --centres none/t.csv"),
         "none/t.csv: its folder does not exist; wanted an existing folder",
     );
-    let mut nominal = scenes::nominal(&truth());
-    nominal.main_lens.working_f_number = 400.0;
-    bench.write("slow.json", nominal.to_json());
-    let line = "lattice white.exr -c slow.json -o out --vignetting flat.exr -q";
-    bench.run(line).refused("no pixel is well lit by the nominal f-number");
-    assert!(!bench.path("out").exists() && !bench.path("flat.exr").exists());
 }
 
 /// A TIFF of 16-bit pages that differ by their number.

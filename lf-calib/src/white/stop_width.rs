@@ -1,10 +1,11 @@
 //! The width of the stop's image under a lenslet, by a fit of its edge.
 //!
 //! The model is a blurred disc (or square) about every lenslet, neighbours added up, on an even ground. It is fitted to
-//! the mean cell by least squares: width and blur by Levenberg-Marquardt, the light and the ground linearly. The light
-//! inside is even in a first fit, and in a second fit a polynomial of the distance from the centre, which follows a
-//! dark centre, a bright rim and vignetting. The second fit is taken if it is clearly closer. The difference between
-//! the two counts towards the uncertainty, because the true light inside is not known.
+//! the mean cell by least squares: width and blur by Levenberg-Marquardt, the light and the ground linearly. A first
+//! fit finds the edge about; then the middle of the images is left out, because its light says nothing about the edge.
+//! The light inside the edge is even in one fit, and in another a polynomial of the distance from the centre, which
+//! follows a dark centre, a bright rim and vignetting. The second is taken if it is clearly closer. The difference
+//! between the two counts towards the uncertainty, because the true light inside is not known.
 
 use super::{basis::shortest, cell_samples::CellSample, image_lattice::StopWidth, stop_image::StopImage};
 use glam::{DMat2, DVec2};
@@ -14,18 +15,22 @@ use nalgebra::{DMatrix, DVector};
 /// Powers of the light inside: of an even stop, of small images, and of images with at least `LARGE_PX` across.
 const EVEN: &[i32] = &[0];
 const SMALL: &[i32] = &[0, 2];
-const LARGE: &[i32] = &[0, 2, 4, 8];
+const LARGE: &[i32] = &[0, 2, 8];
 const LARGE_PX: f64 = 10.0;
 /// The uneven light is taken if it leaves less than this share of the misfit.
 const CLEARLY: f64 = 0.8;
 /// Standard uncertainty of the model itself, over the width. Exact discs and squares of 3 to 70 px erred by no more.
 const MODEL: f64 = 0.002;
+/// Standard uncertainty that uneven light adds on small images, where it is hardly seen, px.
+const UNSEEN_PX: f64 = 0.05;
+/// The part of an image that is left out, over the width: of large and of small images.
+const MIDDLE: [f64; 2] = [0.65, 0.4];
 /// Half widths that are tried, in shortest lattice vectors, their number, and the least of them, px.
 const HALVES: [f64; 2] = [0.1, 0.8];
 const TRIALS: usize = 26;
 const LEAST_HALF_PX: f64 = 0.7;
-/// Least standard deviation of the blur, px: below that of a pixel, 0.29.
-const LEAST_SIGMA_PX: f64 = 0.25;
+/// Least standard deviation of the blur, px: of a disc below that of a pixel, 0.29; of a square without the pixel.
+const LEAST_SIGMA_PX: [f64; 2] = [0.25, 0.08];
 /// Largest misfit over the light, and largest uncertainty over the width, of a width that is believed.
 const MOST_MISFIT: f64 = 0.15;
 const MOST_UNCERTAIN: f64 = 0.1;
@@ -38,9 +43,13 @@ pub(crate) fn stop_width(samples: &[CellSample], basis_px: DMat2, shape: Apertur
     if samples.len() < FEWEST {
         return None;
     }
-    let cell = Cell::new(samples, basis_px, shape);
-    let even = cell.fitted(cell.start()?, EVEN)?;
-    let powers = if 2.0 * even.half_px() > LARGE_PX { LARGE } else { SMALL };
+    let whole = Cell::new(samples, basis_px, shape);
+    let first = whole.fitted(whole.start()?, EVEN)?;
+    let is_large = 2.0 * first.half_px() > LARGE_PX;
+    let (powers, middle) = if is_large { (LARGE, MIDDLE[0]) } else { (SMALL, MIDDLE[1]) };
+    let rims = whole.without_middles(middle * first.half_px());
+    let cell = Cell::new(&rims, basis_px, shape);
+    let even = cell.fitted(first.edge, EVEN)?;
     let uneven = cell.fitted(even.edge, powers).filter(|fit| fit.is_believable(&cell));
     let best = match &uneven {
         Some(uneven) if uneven.misfit < CLEARLY * even.misfit => uneven,
@@ -48,17 +57,14 @@ pub(crate) fn stop_width(samples: &[CellSample], basis_px: DMat2, shape: Apertur
     };
     let apart = uneven.as_ref().map_or(0.0, |uneven| uneven.half_px() - even.half_px());
     let width_px = 2.0 * best.half_px();
-    let uncertainty_px = (2.0 * best.uncertainty_px).hypot(apart).hypot(MODEL * width_px);
+    let unseen = if is_large { 0.0 } else { UNSEEN_PX };
+    let uncertainty_px = (2.0 * best.uncertainty_px).hypot(apart).hypot(MODEL * width_px).hypot(unseen);
     let is_clear = best.is_believable(&cell) && uncertainty_px < MOST_UNCERTAIN * width_px;
-    is_clear.then_some(StopWidth { width_px, uncertainty_px, blur_px: best.sigma_px(), misfit: best.misfit })
+    is_clear.then_some(StopWidth { width_px, uncertainty_px, blur_px: cell.sigma_px(best.edge), misfit: best.misfit })
 }
 
 /// Logarithms of half width and of the blur beyond its least value, px.
 type Edge = [f64; 2];
-
-fn sigma_px(edge: Edge) -> f64 {
-    LEAST_SIGMA_PX + edge[1].exp()
-}
 
 struct Fit {
     edge: Edge,
@@ -73,14 +79,12 @@ impl Fit {
         self.edge[0].exp()
     }
 
-    fn sigma_px(&self) -> f64 {
-        sigma_px(self.edge)
-    }
-
     /// Whether the model follows the cell, with a width inside the range that was tried.
     fn is_believable(&self, cell: &Cell) -> bool {
         let [low, high] = HALVES.map(|share| share * cell.shortest_px);
-        (0.9 * low..high).contains(&self.half_px()) && self.sigma_px() < self.half_px() && self.misfit < MOST_MISFIT
+        (0.9 * low..high).contains(&self.half_px())
+            && cell.sigma_px(self.edge) < self.half_px()
+            && self.misfit < MOST_MISFIT
     }
 }
 
@@ -105,6 +109,22 @@ impl<'a> Cell<'a> {
         }
     }
 
+    /// The samples that are farther from every lenslet's centre than this.
+    fn without_middles(&self, half_px: f64) -> Vec<CellSample> {
+        let is_outside = |sample: &&CellSample| {
+            self.lenslets.iter().all(|lenslet| {
+                let from = sample.offset_px - *lenslet;
+                let distance = if self.shape == Aperture::Circle { from.length() } else { from.abs().max_element() };
+                distance > half_px
+            })
+        };
+        self.samples.iter().filter(is_outside).copied().collect()
+    }
+
+    fn sigma_px(&self, edge: Edge) -> f64 {
+        LEAST_SIGMA_PX[usize::from(self.shape == Aperture::Square)] + edge[1].exp()
+    }
+
     /// The best of a range of even discs, sharp and soft.
     fn start(&self) -> Option<Edge> {
         let [low, high] = HALVES.map(|share| (share * self.shortest_px).max(LEAST_HALF_PX));
@@ -116,7 +136,7 @@ impl<'a> Cell<'a> {
 
     /// Residuals of the best light and ground for an edge. None if the light in the middle is not positive.
     fn residuals(&self, edge: Edge, powers: &[i32]) -> Option<Residuals> {
-        let image = StopImage::new(self.shape, edge[0].exp(), sigma_px(edge), powers);
+        let image = StopImage::new(self.shape, edge[0].exp(), self.sigma_px(edge), powers);
         let columns = powers.len() + 1;
         let mut lines = DMatrix::zeros(self.samples.len(), columns);
         let mut levels = DVector::zeros(self.samples.len());
@@ -258,6 +278,7 @@ mod tests {
             (40.0, 0.9, 0.4, 1.0),
             (70.0, 1.0, 0.4, 1.0),
         ];
+        let mut wrong = Vec::new();
         for hexagonal in [false, true] {
             for (width, fill, limit_even, limit_uneven) in cases {
                 let basis = width / fill * (DMat2::from_angle(0.01) * unit_basis(hexagonal));
@@ -280,13 +301,15 @@ mod tests {
                         let error = 100.0 * (found.width_px / width - 1.0);
                         println!("{what}: {error:+.2} % {found:.3?}");
                         let limit = if name == "even" { limit_even } else { limit_uneven };
-                        assert!(error.abs() < limit, "{what}: {error:.2} % {found:?}");
                         let apart = (found.width_px - width).abs();
-                        assert!(apart < 3.0 * found.uncertainty_px, "{what}: {error:.2} % {found:?}");
+                        if error.abs() > limit || apart > 3.0 * found.uncertainty_px {
+                            wrong.push(format!("{what}: {error:.2} % +- {:.2} px", found.uncertainty_px));
+                        }
                     }
                 }
             }
         }
+        assert!(wrong.is_empty(), "{wrong:#?}");
     }
 
     #[test]
@@ -296,6 +319,7 @@ mod tests {
                 let basis = width / fill * unit_basis(false);
                 let samples = samples(width, basis, Aperture::Square, even, noise);
                 let found = stop_width(&samples, basis, Aperture::Square).unwrap();
+                println!("square {width} {fill} {noise}: {found:.3?}");
                 assert!((found.width_px / width - 1.0).abs() < 0.01, "{width} {fill} {noise}: {found:?}");
             }
         }
