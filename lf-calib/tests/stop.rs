@@ -128,3 +128,39 @@ fn a_stop_that_agrees_leaves_the_camera_as_it_is_without_a_word() {
     assert_eq!(done.stderr, "");
     assert!(bench.done("lattice white.exr -c nominal.json -v").stderr.contains("agrees with that and is kept"));
 }
+
+#[test]
+fn an_exact_pitch_gives_the_exit_pupil() {
+    for layout in [Layout::Square, Layout::Hexagonal] {
+        let bench = workbench();
+        let mut truth = matched(Aperture::Circle, layout, 0.003, 14.0, 420);
+        // A bench camera of long lenslets: k = 0.02.
+        truth.microlenses.focal_length_mm = 8.0;
+        truth.main_lens.working_f_number = 8.0 / 0.077;
+        bench.write("nominal.json", truth.to_json());
+        truth.main_lens.pupil_distance_mm = Some(502.0);
+        bench.image("white.exr", &white(&truth, 0.95, 0.01));
+        let done = bench.done("lattice white.exr -c nominal.json --keep-pitch");
+        let camera = Camera::from_json(&String::from_utf8(done.stdout).unwrap()).unwrap();
+        let pupil = camera.main_lens.pupil_distance_mm.unwrap();
+        assert!((pupil - 502.0).abs() < 1.0, "{layout:?}: {pupil}");
+        assert!((camera.microlenses.pitch_mm / 0.077 - 1.0).abs() < 1e-6);
+        assert!((camera.main_lens.working_f_number * 0.95 / truth.main_lens.working_f_number - 1.0).abs() < 0.01);
+        let stated = &camera.calibration.unwrap()["lattice"];
+        assert_eq!(stated["pupil_distance_mm"], pupil);
+        let uncertainty = stated["standard_uncertainty"]["pupil_distance_mm"].as_f64().unwrap();
+        assert!((pupil - 502.0).abs() < 3.0 * uncertainty && uncertainty < 1.0, "{pupil} +- {uncertainty}");
+
+        let line = bench.done("lattice white.exr -c nominal.json").stderr;
+        assert!(line.contains("-0.40 % from the nominal 0.07700 mm: another array, or an exit pupil"), "{line}");
+        assert!(line.contains("give --keep-pitch: the pupil then stands at 50"), "{line}");
+
+        // Images nearer to each other than the lenslets have no pupil.
+        truth.microlenses.pitch_mm = 0.08;
+        bench.write("wide.json", truth.to_json());
+        bench
+            .run("lattice white.exr -c wide.json --keep-pitch -o out")
+            .refused("px apart, of an array of exactly 14.5455 px");
+        assert!(!bench.path("out").exists());
+    }
+}

@@ -153,6 +153,10 @@ pub struct LatticeArguments {
     /// another stop than the frames
     #[arg(long)]
     pub keep_f_number: bool,
+    /// Take the nominal pitch of the array as exact. The distance between lenslet images then gives the distance of the
+    /// main lens's exit pupil, which the camera gets as pupil_distance_mm
+    #[arg(long)]
+    pub keep_pitch: bool,
     /// Picture: the lattice over pieces of the image, departures and residuals over the frame
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,

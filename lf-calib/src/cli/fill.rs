@@ -1,6 +1,6 @@
-//! What `lf-calib lattice` says about the width of the lenslet images and the f-number.
+//! What `lf-calib lattice` says about the main lens: f-number and exit pupil.
 
-use lf_calib::Fill;
+use lf_calib::{Calibrated, Fill, PitchChange};
 use lf_core::{Camera, Session};
 
 /// A measured f-number, or a fill of the pitch, is warned of from this difference on.
@@ -52,4 +52,34 @@ pub fn tell_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session: &
             fill.f_number() * measured_px / pitch_px
         ));
     }
+}
+
+/// Tells the exit pupil, and warns if the pitch is not the nominal one.
+pub fn tell_pitch(calibrated: &Calibrated, nominal: &Camera, session: &Session) {
+    let PitchChange { share, is_notable, implied, pupil } = calibrated.pitch;
+    if let Some(pupil) = pupil {
+        session.explain(format!(
+            "the exit pupil stands {:.1} +- {:.1} mm from the array, by the pitch of the lenslet images",
+            pupil.distance_mm, pupil.uncertainty_mm
+        ));
+        return;
+    }
+    if !is_notable {
+        return;
+    }
+    let remedy = match implied {
+        Some(implied) => format!(
+            "if the nominal pitch is exact, give --keep-pitch: the pupil then stands at {:.1} +- {:.1} mm",
+            implied.distance_mm, implied.uncertainty_mm
+        ),
+        None => "no place of the pupil explains it: check the nominal pitch and the size of a pixel".to_string(),
+    };
+    session.warn(format!(
+        "the lenslets' pitch comes out as {:.5} mm, {:+.2} % from the nominal {:.5} mm: another array, or an exit pupil \
+         that is not {:.1} mm from the array; {remedy}",
+        calibrated.camera.microlenses.pitch_mm,
+        100.0 * share,
+        nominal.microlenses.pitch_mm,
+        nominal.pupil_distance_mm(),
+    ));
 }

@@ -1,7 +1,7 @@
 //! `lf-calib lattice`: white images and a nominal camera in, a camera with its microlenses out.
 
-use super::fill::tell_fill;
 use super::{arguments::LatticeArguments, files::path_from_camera, files::with_history};
+use super::{fill::tell_fill, fill::tell_pitch};
 use lf_calib::{Calibrated, ImageLattice, Keep, LATTICE_STEPS, WhiteMean, calibrate, find_lattice, flat_field, plot};
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, image, io};
 use ndarray::Array2;
@@ -24,7 +24,9 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
         let progress = session.progress("rounds", LATTICE_STEPS);
         find_lattice(&white, &|rounds| progress.add(rounds)).map_err(refused)
     })?;
-    let mut calibrated = calibrate(&lattice, &nominal, Keep { f_number: arguments.keep_f_number }).map_err(refused)?;
+    let mut calibrated =
+        calibrate(&lattice, &nominal, Keep { f_number: arguments.keep_f_number, pitch: arguments.keep_pitch })
+            .map_err(refused)?;
 
     // Compute everything before the first file is written.
     let none = || Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
@@ -39,7 +41,7 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     calibrated.camera.vignetting = flat;
     session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), svg.as_deref(), session))?;
     // If a file cannot be written, its error is the only line.
-    tell(&lattice, &calibrated, arguments.keep_f_number, session);
+    tell(&lattice, &calibrated, &nominal, arguments.keep_f_number, session);
     Ok(Verdict::Done)
 }
 
@@ -118,7 +120,7 @@ fn table(calibrated: &Calibrated) -> String {
     text
 }
 
-fn tell(lattice: &ImageLattice, calibrated: &Calibrated, is_kept: bool, session: &mut Session) {
+fn tell(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, is_kept: bool, session: &mut Session) {
     session.count("lenslets", lattice.kept());
     session.count("lenslets_rejected", lattice.centres.len() - lattice.kept());
     session.count("lenslets_in_frame", lattice.in_frame);
@@ -145,6 +147,7 @@ fn tell(lattice: &ImageLattice, calibrated: &Calibrated, is_kept: bool, session:
             stop.diameter_px, stop.slope
         ));
     }
+    tell_pitch(calibrated, nominal, session);
     if !calibrated.is_ambiguous {
         tell_fill(calibrated.fill.as_ref(), &calibrated.camera, is_kept, session);
     }

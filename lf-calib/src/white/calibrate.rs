@@ -4,7 +4,7 @@
 
 use super::image_lattice::{Centre, ImageLattice};
 use super::{basis::nearest_offset, basis::nearest_turn, basis::unit_basis, departure::DepartureFit, followed::few};
-use super::{fill::Fill, fill::free_pitch_mm};
+use super::{fill::Fill, fill::free_pitch_mm, pupil::PitchChange, pupil::Pupil};
 use crate::fit::lenslet_images::{LensletImages, image_px};
 use crate::{fit::changes::record, fit::polynomial::TiePoint};
 use glam::DVec2;
@@ -32,6 +32,8 @@ pub struct Calibrated {
     pub residual_rms_px: f64,
     /// Width of the lenslet images. None if they show no clear edge, or if two lattices fit.
     pub fill: Option<Fill>,
+    /// The measured pitch against the nominal one.
+    pub pitch: PitchChange,
     /// Whether a lattice half a pitch aside fits as well, because lenslet images overlap. The nominal offset decides.
     pub is_ambiguous: bool,
 }
@@ -52,6 +54,8 @@ impl Calibrated {
 pub struct Keep {
     /// The working f-number: the white image was taken with another stop than the frames.
     pub f_number: bool,
+    /// The pitch of the array, which is then exact. The pitch of the lenslet images gives the distance of the exit pupil.
+    pub pitch: bool,
 }
 
 /// One measured lenslet image, compared with the camera's.
@@ -70,9 +74,15 @@ pub struct Residual {
 }
 
 /// The nominal camera with its lattice replaced by the measured one, and its working f-number if the lenslet images show
-/// another. Offset and rotation are the nearest to the nominal ones that describe the same lattice. The nominal layout
+/// another. With [`Keep::pitch`] it gets the distance of the exit pupil instead of a pitch. Offset and rotation are the nearest to the nominal ones that describe the same lattice. The nominal layout
 /// and pitch are not used. Refuses centres that do not span the plane, and a departure too steep for a camera.
 pub fn calibrate(lattice: &ImageLattice, nominal: &Camera, keep: Keep) -> Result<Calibrated, Refusal> {
+    let pupil = if keep.pitch { Some(Pupil::of(lattice, nominal).checked(lattice, nominal)?) } else { None };
+    let mut given = nominal.clone();
+    if let Some(pupil) = pupil {
+        given.main_lens.pupil_distance_mm = Some(pupil.distance_mm);
+    }
+    let nominal = &given;
     let images = LensletImages::new(nominal);
     let departure = departure(lattice, nominal, &images)?;
     let mut camera = with_lattice(nominal, lattice.layout, &departure);
@@ -105,6 +115,7 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera, keep: Keep) -> Result
         departure_px: corners_px.iter().map(|corner| corner.length()).fold(0.0, f64::max),
         residual_rms_px: (squares / lattice.kept() as f64).sqrt(),
         fill,
+        pitch: PitchChange::of(lattice, nominal, pupil),
         is_ambiguous,
     };
     let measured = measured(lattice, nominal, &calibrated, corners_px, images.lenslet_mm_per_px());
@@ -209,10 +220,12 @@ fn measured(
         "nominal_working_f_number": nominal.main_lens.working_f_number,
         "second_stop": second_stop,
         "nominal_demagnification": nominal.demagnification(),
+        "pupil_distance_mm": calibrated.pitch.pupil.map(|pupil| pupil.distance_mm),
         "standard_uncertainty": {
             "pitch_mm": lattice.pitch_uncertainty_px * px_mm,
             "rotation_rad": lattice.rotation_uncertainty_rad,
             "offset_mm": lattice.origin_uncertainty_px * px_mm,
+            "pupil_distance_mm": calibrated.pitch.pupil.map(|pupil| pupil.uncertainty_mm),
             "micro_image_px": fill.map(|fill| fill.uncertainty_px),
             "working_f_number": fill.map(|fill| fill.f_number_uncertainty()),
         },

@@ -5,7 +5,13 @@ pub(crate) fn seed(lenslets: usize, aperture: Aperture, layout: Layout, rotation
     Camera {
         frame: Default::default(),
         sensor: Sensor { width: 14 * lenslets, height: 14 * lenslets, pixel_pitch_mm: 0.0055 },
-        main_lens: MainLens { focal_length_mm: 200.0, magnification: 1.0, working_f_number: 4.0, aperture },
+        main_lens: MainLens {
+            focal_length_mm: 200.0,
+            magnification: 1.0,
+            working_f_number: 4.0,
+            aperture,
+            pupil_distance_mm: None,
+        },
         microlenses: Microlenses {
             layout,
             pitch_mm: 0.077,
