@@ -9,6 +9,9 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+/// Share of clipped pixels that is warned of.
+const NOTABLE_CLIPPED: f64 = 0.005;
+
 pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Verdict> {
     check_files(arguments, session)?;
     let nominal = Camera::open(&arguments.camera)?;
@@ -18,7 +21,7 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
         paths => format!("mean of {} white images", paths.len()),
     };
     let refused = |refusal: Refusal| refusal.about(&subject);
-    let white = session.phase("read", |_| white(arguments, &nominal))?;
+    let white = session.phase("read", |session| white(arguments, &nominal, session))?;
     let white = white.ok_or_else(|| refused(Refusal::new("no image", "wanted a white image")))?;
     let lattice = session.phase("lattice", |session| {
         let progress = session.progress("rounds", LATTICE_STEPS);
@@ -70,8 +73,8 @@ fn check_files(arguments: &LatticeArguments, session: &mut Session) -> Result<()
     outputs.iter().try_for_each(|output| session.keep_apart(output, &inputs))
 }
 
-/// The mean white image minus the dark one. None without images.
-fn white(arguments: &LatticeArguments, nominal: &Camera) -> Result<Option<Array2<f32>>> {
+/// The mean white image minus the dark one. None without images. Warns of clipped images that are not refused.
+fn white(arguments: &LatticeArguments, nominal: &Camera, session: &Session) -> Result<Option<Array2<f32>>> {
     let read = |path: &Path| -> Result<Array2<f32>> {
         let image = image::open_counts(path)?.pixels;
         nominal.check_image(&io::name(path), image.ncols(), image.nrows())?;
@@ -80,7 +83,16 @@ fn white(arguments: &LatticeArguments, nominal: &Camera) -> Result<Option<Array2
     let dark = arguments.dark.as_deref().map(read).transpose()?;
     let mut mean = WhiteMean::default();
     for path in &arguments.whites {
-        mean.add(&read(path)?).map_err(|refusal| refusal.about(io::name(path)))?;
+        let image = read(path)?;
+        mean.add(&image).map_err(|refusal| refusal.about(io::name(path)))?;
+        if let Some((level, share)) = image::clipped_share(image.view()).filter(|(_, share)| *share > NOTABLE_CLIPPED) {
+            session.warn(format!(
+                "{}: {:.1} % of the pixels are at the highest count, {level}: clipped, or drawn without noise; clipped \
+                 lenslet images look too wide, so take the white image with less light",
+                io::name(path),
+                100.0 * share
+            ));
+        }
     }
     let mut white = mean.mean();
     if let (Some(white), Some(dark)) = (&mut white, &dark) {

@@ -179,7 +179,7 @@ mod tests {
                     }
                 }
                 let mut dark = [0.0; 3];
-                image.add(DVec2::new(half + 6.0 * sigma, 0.0), &mut dark);
+                image.add(DVec2::new(half + 6.0 * sigma + 1.0, 0.0), &mut dark);
                 assert_eq!(dark, [0.0; 3]);
             }
         }
