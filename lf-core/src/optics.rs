@@ -48,13 +48,14 @@
 //! - **Medium.** The ray bends at both faces of the window by Snell's law. Let q be its slope in the air before the
 //!   lens. Then `y_m = V (1 - s_i / f) + s_i q`. Without a medium q = (V - Y) / (s_o - Z), which gives the y_m above.
 //!   With an exit pupil, h takes the place of V.
-//! - **Distortion.** Every ray of a point moves on the array as the ray through the lens's centre does; the place in the
-//!   aperture does not matter (Seidel's fifth aberration). With t = q(0) and r = |t|,
+//! - **Distortion.** Every ray of a point moves on the array as the ray through the lens's centre does; the place in
+//!   the aperture does not matter (Seidel's fifth aberration). With t = q(0) and r = |t|,
 //!   `x_m += s_i (t (k1 r^2 + k2 r^4 + k3 r^6) + tangential)`. The tangential part is 2 p1 t_x t_y + p2 (r^2 + 2 t_x^2)
 //!   in x and p1 (r^2 + 2 t_y^2) + 2 p2 t_x t_y in y (Brown 1966).
 //! - **Gap and tilt.** A sensor at a distance g other than f_l sees the ray after the lenslet has bent it:
-//!   `x_s = x_m + g ((x_m - U) / s_i - (x_m - c) / f_l)`, with l for s_i if there is an exit pupil. On a tilted sensor g is the gap at x_s. Places on a tilted
-//!   sensor are read along the axis, an error of half the square of the tilt.
+//!   `x_s = x_m + g ((x_m - U) / s_i - (x_m - c) / f_l)`, with l in place of s_i if there is an exit pupil. On a tilted
+//!   sensor g is the gap at x_s. Places on a tilted sensor are read along the axis, an error of half the square of the
+//!   tilt.
 
 use crate::camera::{Aperture, Camera, Distortion, Medium};
 use crate::frame::sensor_axes;
@@ -203,7 +204,8 @@ impl Optics {
     }
 
     /// q, the slope in the air before the main lens of a ray that meets the lens at `lens_mm`, along the sensor's axes:
-    /// mm sideways per mm towards the lens. The relative error is below 1e-10 for rays within 0.15 rad of the axis and below 1e-7 within 0.4 rad.
+    /// mm sideways per mm towards the lens. The relative error is below 1e-10 for rays within 0.15 rad of the axis and
+    /// below 1e-7 within 0.4 rad.
     #[inline(always)]
     pub fn slope(&self, object_mm: DVec2, z_mm: f64, lens_mm: DVec2) -> DVec2 {
         let offset = lens_mm - sensor_axes(object_mm);

@@ -149,7 +149,7 @@ pub struct LatticeArguments {
     /// frames are divided by it. Give --dark too if the sensor counts without light
     #[arg(long, value_name = "FILE.exr")]
     pub vignetting: Option<PathBuf>,
-    /// Keep the nominal working f-number although the lenslet images show another. For white images that were taken with
+    /// Keep the nominal working f-number although the lenslet images show another: the white images were taken with
     /// another stop than the frames
     #[arg(long)]
     pub keep_f_number: bool,
