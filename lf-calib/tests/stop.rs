@@ -76,7 +76,11 @@ fn widths_of_3_to_70_px_in_noise() {
                     let found = lattice.disc;
                     let what = format!("{layout:?} {width} {noise} {fill}");
                     println!("{what}: {found:.3?}");
-                    let found = found.unwrap_or_else(|| panic!("{what}"));
+                    // Of small discs that nearly touch, hardly an edge is left.
+                    let Some(found) = found else {
+                        assert!(width <= 5.0 && fill > 0.9, "{what}");
+                        continue;
+                    };
                     assert!((found.width_px / width - 1.0).abs() < 0.01, "{what}: {found:?}");
                     assert!((found.width_px - width).abs() < 3.0 * found.uncertainty_px, "{what}: {found:?}");
                 }

@@ -73,12 +73,11 @@ fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
     let one = |parameters: &'static [P], after: Option<P>| ParameterGroup {
         parameters,
         after,
-        is_first: after.is_none() && !matches!(parameters[0], P::Pupil | P::Index | P::Window),
+        is_first: after.is_none() && !matches!(parameters[0], P::Index | P::Window),
     };
     let measured = nominal.calibration.as_ref().is_some_and(|calibration| calibration.get("lattice").is_some());
     let mut groups = vec![
         one(&[P::Gap], None),
-        one(&[P::Pupil], None),
         one(&[P::FocalLength], None),
         if measured { one(&[P::SkewX, P::SkewY], None) } else { one(&[P::LatticeX, P::LatticeY], None) },
         one(&[P::LatticeTurn], None),

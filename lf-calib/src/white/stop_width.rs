@@ -16,11 +16,13 @@ use nalgebra::{DMatrix, DVector};
 const EVEN: &[i32] = &[0];
 const UNEVEN: &[i32] = &[0, 2, 8];
 const LARGE_PX: f64 = 7.0;
-/// The uneven light is taken if it leaves less than this share of the misfit.
+/// The uneven light is taken if it leaves less than this share of the misfit, and explains at least this share of the
+/// light: sharp discs and squares leave about a hundredth by the pixels.
 const CLEARLY: f64 = 0.8;
+const EXPLAINED: f64 = 0.015;
 /// Standard uncertainty of the model itself, over the width. Exact discs and squares of 3 to 70 px erred by no more.
 const MODEL: f64 = 0.002;
-/// Standard uncertainty that uneven light adds on smaller images, px.
+/// Standard uncertainty that uneven light which is not seen adds on smaller images, px; on larger ones it is less.
 const UNSEEN_PX: f64 = 0.08;
 /// The middle that is left out, over the width.
 const MIDDLE: f64 = 0.65;
@@ -55,10 +57,11 @@ pub(crate) fn stop_width(samples: &[CellSample], basis_px: DMat2, shape: Apertur
     let even = cell.fitted(first.edge, EVEN)?;
     let uneven = cell.fitted(even.edge, UNEVEN).filter(|fit| fit.is_believable(&cell));
     let best = match &uneven {
-        Some(uneven) if uneven.misfit < CLEARLY * even.misfit => uneven,
+        Some(uneven) if uneven.misfit < CLEARLY * even.misfit && uneven.explains(&even) => uneven,
         _ => &even,
     };
-    cell.judged(best, uneven.as_ref().map_or(0.0, |uneven| uneven.half_px() - even.half_px()))
+    let apart_px = uneven.as_ref().map_or(0.0, |uneven| uneven.half_px() - even.half_px());
+    cell.judged(best, apart_px.hypot(UNSEEN_PX * 0.5 * LARGE_PX / first.half_px()))
 }
 
 /// Logarithms of half width and of the blur beyond its least value, px.
@@ -75,6 +78,11 @@ struct Fit {
 impl Fit {
     fn half_px(&self) -> f64 {
         self.edge[0].exp()
+    }
+
+    /// Whether this fit explains light that the other one leaves.
+    fn explains(&self, other: &Self) -> bool {
+        other.misfit.powi(2) - self.misfit.powi(2) > EXPLAINED * EXPLAINED
     }
 
     /// Whether the model follows the cell, with a width inside the range that was tried.
