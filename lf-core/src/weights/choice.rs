@@ -78,6 +78,12 @@ impl Weights {
         self.geometry().optics.sensor_px
     }
 
+    /// Image rows from one row of lenslets to the next; see [`crate::lattice::Lattice::period_y_mm`].
+    pub fn lenslet_rows_px(&self) -> f64 {
+        let optics = &self.geometry().optics;
+        optics.lattice().period_y_mm() / optics.pixel_pitch_mm
+    }
+
     /// Bytes of the tables that are made when first used, in all slices except those nearest focus.
     pub fn table_bytes(&self) -> u64 {
         if let Path::Lenslets(lenslets) = &self.path { lenslets.table_bytes() } else { 0 }
