@@ -84,6 +84,7 @@ def build(scene, seed):
     in_v = {"kind": "shear", "along": "y", "across": "x", "rate": 2.0 * px / half}
     flows = {"uniform": uniform, "sheared": [uniform, in_w, in_v]}
     found = {
+        "frame": "right-handed",
         "camera": {
             "sensor": {"width": sensor, "height": sensor, "pixel_pitch_mm": PIXEL},
             "main_lens": {

@@ -13,7 +13,8 @@ const USUAL: f64 = 14.0;
 /// The number of subsets for rows of lenslets that are `rows_px` image rows apart: the whole number nearest to this
 /// distance, or to the multiple or fraction of it that is nearest to [`USUAL`].
 pub(crate) fn number(rows_px: f64) -> usize {
-    let nearest = if rows_px < USUAL { rows_px * (USUAL / rows_px).round() } else { rows_px / (rows_px / USUAL).round() };
+    let nearest =
+        if rows_px < USUAL { rows_px * (USUAL / rows_px).round() } else { rows_px / (rows_px / USUAL).round() };
     (nearest.round() as usize).max(2)
 }
 
@@ -38,7 +39,9 @@ mod tests {
     /// By hand: 14 px square; hexagonal rows of 14 px, 12.12 apart; the microscope's 15.4; 66.7 / 5 = 13.3; 5 * 3 = 15.
     #[test]
     fn as_many_subsets_as_rows_under_a_lenslet() {
-        for (rows_px, wanted) in [(14.0, 14), (12.124, 12), (15.389, 15), (66.667, 13), (5.0, 15), (25.0, 13), (20.0, 20)] {
+        for (rows_px, wanted) in
+            [(14.0, 14), (12.124, 12), (15.389, 15), (66.667, 13), (5.0, 15), (25.0, 13), (20.0, 20)]
+        {
             assert_eq!(number(rows_px), wanted, "{rows_px}");
         }
         assert_eq!(number(1e-3), 14);

@@ -119,7 +119,7 @@ fn projections_are_the_matrix_and_its_transpose() {
     let strengths: Vec<f32> = (0..indices.len()).map(hash).collect();
     for camera in cameras() {
         for (model, basis) in [
-            (Model::Exact, Basis::Blob { sigma_vox: 0.65 }),
+            (Model::Exact, Basis::Blob { sigma_px: 0.65 }),
             (Model::Exact, Basis::Box),
             (Model::Drt { sections: None }, Basis::Point),
             (Model::Drt { sections: Some(3) }, Basis::Point),
