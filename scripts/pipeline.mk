@@ -51,8 +51,8 @@ PVR = 1,1,10
 DEPTH = -5,5
 BOUNDS =
 
-# Speed against accuracy: fast, balanced, accurate or nothing (--help of the tools). The settings below override it.
-PRESET = balanced
+# Speed against accuracy: fast, balanced, accurate (--help of the tools), or nothing for the defaults. The settings below override it.
+PRESET =
 THRESHOLD =
 ITERATIONS =
 PRUNE_FLAGS =

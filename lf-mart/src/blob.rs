@@ -25,42 +25,54 @@ pub(crate) fn lit(
     indices.iter().zip(strengths).filter(|(_, s)| **s > least).map(|(index, s)| (*index, *s)).unzip()
 }
 
-/// Strengths convolved with a Gaussian of `sigma_vox` voxels in x, y and z; its samples sum to 1. Gives the voxels
+/// Samples of a Gaussian of `sigma_vox` voxels, from its centre's left to its right; they sum to 1.
+fn bell(sigma_vox: f64) -> Vec<f32> {
+    let reach = (REACH_SIGMA * sigma_vox).ceil() as i64;
+    let bell: Vec<f64> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma_vox).powi(2)).exp()).collect();
+    let sum: f64 = bell.iter().sum();
+    bell.iter().map(|b| (b / sum) as f32).collect()
+}
+
+/// The places of `0..size` that a bell about `place` reaches, each with its share.
+#[inline]
+fn reached(bell: &[f32], place: usize, size: usize) -> impl Iterator<Item = (usize, f32)> {
+    let reach = bell.len() / 2;
+    let first = place.saturating_sub(reach);
+    let shares = &bell[first + reach - place..];
+    (first..size).zip(shares.iter().copied())
+}
+
+/// Strengths convolved with a Gaussian of `sigma_vox` voxels along x, y and z; its samples sum to 1. Gives the voxels
 /// above `least_share` of the brightest within `core_vox`: rising, and the same for any number of threads.
 pub(crate) fn spread(
     grid: &Grid,
     indices: &[u64],
     strengths: &[f32],
-    sigma_vox: f64,
+    sigma_vox: [f64; 3],
     least_share: f32,
     core_vox: [[usize; 2]; 2],
 ) -> (Vec<u64>, Vec<f32>) {
     let (indices, strengths) = lit(grid, indices, strengths, 1e-2 * least_share, core_vox);
     let [nx, ny, nz] = grid.shape;
-    let reach = (REACH_SIGMA * sigma_vox).ceil() as i64;
-    let bell: Vec<f64> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma_vox).powi(2)).exp()).collect();
-    let sum: f64 = bell.iter().sum();
-    let bell: Vec<f32> = bell.iter().map(|b| (b / sum) as f32).collect();
+    let [across, down, deep] = sigma_vox.map(bell);
     let slice = nx as u64 * ny as u64;
     let starts: Vec<usize> = (0..=nz as u64).map(|z| indices.partition_point(|index| *index < z * slice)).collect();
 
-    let near = |place: usize, size: usize| (place as i64 - reach).max(0)..=(place as i64 + reach).min(size as i64 - 1);
     // Add up the blobs that reach slice z.
     let blurred = |z: usize, plane: &mut Vec<f32>, touched: &mut Vec<u32>| -> Vec<(u64, f32)> {
         plane.resize(slice as usize, 0.0);
-        for source in near(z, nz) {
-            let depth = bell[(z as i64 - source + reach) as usize];
-            for n in starts[source as usize]..starts[source as usize + 1] {
+        for (source, depth) in reached(&deep, z, nz) {
+            for n in starts[source]..starts[source + 1] {
                 let [x, y, _] = grid.voxel(indices[n]);
                 let strength = strengths[n] * depth;
-                for row in near(y, ny) {
-                    let in_row = strength * bell[(row - y as i64 + reach) as usize];
-                    for column in near(x, nx) {
-                        let place = (row * nx as i64 + column) as usize;
+                for (row, share) in reached(&down, y, ny) {
+                    let in_row = strength * share;
+                    for (column, share) in reached(&across, x, nx) {
+                        let place = row * nx + column;
                         if plane[place] == 0.0 {
                             touched.push(place as u32);
                         }
-                        plane[place] += in_row * bell[(column - x as i64 + reach) as usize];
+                        plane[place] += in_row * share;
                     }
                 }
             }
@@ -90,7 +102,7 @@ mod tests {
     #[test]
     fn one_blob_by_hand() {
         let grid = Grid { shape: [9, 9, 9], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-        let (indices, values) = spread(&grid, &[grid.index([4, 4, 4])], &[8.0], 1.0, 0.0, [[0, 9], [0, 9]]);
+        let (indices, values) = spread(&grid, &[grid.index([4, 4, 4])], &[8.0], [1.0; 3], 0.0, [[0, 9], [0, 9]]);
         let side = 1.0 + 2.0 * ((-0.5f64).exp() + (-2.0f64).exp() + (-4.5f64).exp());
         let centre = indices.iter().position(|index| *index == grid.index([4, 4, 4])).unwrap();
         assert!((f64::from(values[centre]) - 8.0 / side.powi(3)).abs() < 1e-5);
@@ -102,7 +114,7 @@ mod tests {
     #[test]
     fn blobs_at_the_edge_are_cut_and_neighbours_add() {
         let grid = Grid { shape: [3, 3, 3], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
-        let (indices, values) = spread(&grid, &[0, 1], &[1.0, 1.0], 0.5, 0.0, [[0, 3], [0, 3]]);
+        let (indices, values) = spread(&grid, &[0, 1], &[1.0, 1.0], [0.5; 3], 0.0, [[0, 3], [0, 3]]);
         assert!(indices.len() <= 27 && values.iter().all(|v| *v > 0.0));
         assert_eq!(values[0], values[1]);
     }

@@ -116,7 +116,8 @@ impl<'a> Plan<'a> {
         let core_vox = tile.map_or([[0, grid.shape[0]], [0, grid.shape[1]]], |tile| tile.core_vox);
         let least_share = if tile.is_some() { LEAST_SHARE_OF_TILE } else { LEAST_SHARE };
         let (indices, mut intensity) = match self.options.basis {
-            Basis::Blob { sigma_vox } => {
+            Basis::Blob { sigma_px } => {
+                let sigma_vox = self.weights.blob_vox(sigma_px);
                 blob::spread(grid, &solved.indices, &solved.strengths, sigma_vox, least_share, core_vox)
             }
             Basis::Point | Basis::Box => blob::lit(grid, &solved.indices, &solved.strengths, least_share, core_vox),

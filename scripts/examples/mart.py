@@ -19,9 +19,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
 FINER = 4  # Rays a side for every section of the aperture.
-BLOB = 0.65  # Standard deviation of the Gaussian that a voxel stands for, voxels; as in lf-mart.
+BLOB = 0.65  # Standard deviation of the Gaussian that a voxel stands for, voxels (lf-mart --basis blob: pixels).
 SUBSETS = 14  # Subsets of the image's rows.
-STALLED = 0.99  # Sweeps end when two of them leave more than this share of the misfit; as in lf-mart.
+STALLED = 0.99  # Sweeps end when two of them leave more than this share of the misfit; as lf-mart --until stall.
 LEAST = 1e-4  # Voxels below this share of the brightest are not written; as in lf-mart.
 BLOCK = 512  # Voxels whose weights are made at once.
 

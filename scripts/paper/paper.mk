@@ -180,10 +180,11 @@ render() {
     "$$bin"lf-synth frames "$$d/scene.json" -o "$$d" "$${quiet[@]}"
 }
 
-# Options of each method for lf-prune and lf-mart: the paper's DRT-MART behind our threshold, MART on all voxels, and our default.
+# Options of each method for lf-prune and lf-mart: the paper's DRT-MART behind our threshold, MART on all voxels, and
+# ours with blobs, which is best in Q.
 prune_drt=() prune_drtsmall=() prune_mart=(--keep-all) prune_ours=()
 solve_drt=(--weights drt --method mart --max-memory 20) solve_drtsmall=("$${solve_drt[@]}") solve_mart=("$${solve_drt[@]}")
-solve_ours=(--max-memory 20)
+solve_ours=(--max-memory 20 --basis blob)
 
 # prune METHOD FRAME [OPTIONS]: makes $$d/support-FRAME.lfv, with statistics in $$d/prune.json.
 prune() {
@@ -546,7 +547,7 @@ $(fig14) $(fig15):
 	line figure=$(figure) method=truth case=$(call part,1) omega=$(call part,2) set.seed=$(call part,3) "$$d/error.json"
 	for n in 0000 0001; do
 	    prune ours $$n
-	    solve ours $$n
+	    solve ours $$n --iterations 60 --until stall
 	done
 	field volume
 	line figure=$(figure) method=ours case=$(call part,1) omega=$(call part,2) set.seed=$(call part,3) "$$d/error.json"
@@ -586,7 +587,7 @@ $(OUT)/fig17/ours.jsonl:
 	for n in $$(seq -f %04g 0 $$(($(FIG17_FRAMES) - 1))); do
 	    box=(--depth -5,5 --bounds=-2.4,2.4,-2.4,2.4)
 	    prune ours $$n --pvr 2,2,10 -b "$$d/background.exr"
-	    solve ours $$n -b "$$d/background.exr"
+	    solve ours $$n --iterations 60 --until stall -b "$$d/background.exr"
 	done
 	$(BIN)lf-validate depth "$$d"/volume-*.lfv --slab=-3,3 --plot "$$d/depth.svg" > "$$d/depth.json"
 	$(BIN)lf-validate depth "$$d"/volume-*.lfv --slab=-3.2,3.2 > "$$d/beyond.json"
@@ -598,15 +599,14 @@ $(OUT)/fig17/ours.jsonl:
 # -------------------------------------------------------------- Errors are those of the field, interpolated to the true
 # particles that fields of every setting reach: more than 0.57 mm from the volume's sides and 0.55 mm from its ends. The
 # flow is an ABC flow of 8 px and 3640 px of wavelength, whose components all vary along all axes. Windows of the last
-# pass are 0.88 mm a side at any voxel size. The base is the preset `balanced`. Each setting changes something of it.
-# Those below `front` change more at once; among them are the presets `fast` and `accurate`, the tools' defaults and the
-# paper's DRT-MART.
+# pass are 0.88 mm a side at any voxel size. The base is the default, which is the preset `balanced` too. Each setting changes something of it.
+# Those below `front` change more at once; among them are the presets `fast` and `accurate` and the paper's DRT-MART.
 
-base = pvr=1,1,10 weights=exact basis=point blob=0.65 method=subsets iterations=5 threshold=auto score=quantile sections=14 \
+base = pvr=1,1,10 weights=exact basis=point blob=0.65 method=subsets iterations=20 threshold=auto score=geometric sections=14 \
     overlap=0.5 passes=2 deform=auto repeats=3
-set.balanced =
-set.iterations2 = iterations=2
+set.default =
 set.iterations3 = iterations=3
+set.iterations5 = iterations=5
 set.iterations10 = iterations=10
 set.iterations60 = iterations=60
 set.pvr2x10 = pvr=2,2,10
@@ -623,7 +623,7 @@ set.mlem = method=mlem
 set.threshold03 = threshold=0.03
 set.threshold1 = threshold=0.1
 set.minimum = score=minimum
-set.geometric = score=geometric
+set.quantile = score=quantile
 set.sections7 = sections=7
 set.sections10 = sections=10
 set.overlap75 = overlap=0.75
@@ -633,7 +633,8 @@ set.deformNever = deform=never
 set.repeats1 = repeats=1
 set.repeats6 = repeats=6
 # front
-set.fast = pvr=2,2,20 iterations=3
+set.fast = iterations=10
+set.quick0 = pvr=2,2,20 iterations=3
 set.quick1 = pvr=4,4,20 iterations=3 deform=never repeats=1
 set.quick2 = pvr=3,3,20 iterations=3 deform=never repeats=1
 set.quick3 = pvr=3,3,20 iterations=3
@@ -641,14 +642,14 @@ set.quick4 = pvr=2,2,20 iterations=3 deform=never repeats=1
 set.quick5 = pvr=2,2,10 iterations=3
 set.middle1 = pvr=1,1,20 iterations=3
 set.middle2 = iterations=10 overlap=0.75
-set.slow1 = score=geometric iterations=60 overlap=0.75 repeats=6
-set.slow2 = score=geometric iterations=60 overlap=0.75 repeats=6 basis=blob blob=0.4
-set.slow3 = score=geometric pvr=1,1,5 iterations=60 overlap=0.75 repeats=6
-set.slow6 = score=geometric pvr=1,1,5 iterations=60 overlap=0.75 repeats=6 basis=blob blob=0.4
-set.slow4 = score=geometric pvr=1,1,5 iterations=10
-set.accurate = pvr=1,1,5 iterations=10 basis=box
-set.default = score=geometric iterations=60 overlap=0.75 repeats=6 basis=blob
-set.paper = score=geometric overlap=0.75 pvr=2,2,10 weights=drt method=mart iterations=30
+set.slow1 = iterations=60 overlap=0.75 repeats=6
+set.slow2 = iterations=60 overlap=0.75 repeats=6 basis=blob blob=0.4
+set.slow3 = pvr=1,1,5 iterations=60 overlap=0.75 repeats=6
+set.slow6 = pvr=1,1,5 iterations=60 overlap=0.75 repeats=6 basis=blob blob=0.4
+set.slow4 = pvr=1,1,5 iterations=10
+set.slow5 = pvr=1,1,5 iterations=10 basis=box
+set.accurate = pvr=1,1,5
+set.paper = overlap=0.75 pvr=2,2,10 weights=drt method=mart iterations=30
 trade_names := $(patsubst set.%,%,$(filter set.%,$(.VARIABLES)))
 trade_runs := $(foreach s,$(TRADE_SEEDS),$(foreach n,$(trade_names),$(OUT)/trade/$n-$s.jsonl))
 # The paper's method takes minutes a pair: one seed.

@@ -58,6 +58,13 @@ impl Lattice {
         if self.layout == Layout::Square { self.pitch_mm } else { self.pitch_mm * 0.75f64.sqrt() }
     }
 
+    /// Distance along y between lenslets that lie in line along x, or nearly so, mm. Rows of lenslets run along x up to
+    /// a rotation of 45 degrees; beyond, they run along y, and the pitch is this distance.
+    pub fn period_y_mm(&self) -> f64 {
+        let is_upright = self.rotation.x_axis.y.abs() > self.rotation.x_axis.x.abs();
+        if is_upright { self.pitch_mm } else { self.row_pitch_mm() }
+    }
+
     /// Shift of row `j` along the row, pitches.
     #[inline]
     fn row_shift(&self, j: i64) -> f64 {

@@ -45,10 +45,10 @@ impl Weights {
         if let Some(block) = camera.bends().filter(|_| model != Model::Exact) {
             return Err(Refusal::new(format!("the camera has '{block}'"), "wanted exact weights: no others follow it"));
         }
-        if let Basis::Blob { sigma_vox } = basis
-            && !(sigma_vox > 0.0 && sigma_vox <= 10.0)
+        if let Basis::Blob { sigma_px } = basis
+            && !(sigma_px > 0.0 && sigma_px <= 10.0)
         {
-            return Err(Refusal::new(format!("a blob of {sigma_vox} voxels"), "wanted more than 0, 10 at most"));
+            return Err(Refusal::new(format!("a blob of {sigma_px} px"), "wanted more than 0, 10 at most"));
         }
         let sections = sections(camera, if let Model::Drt { sections } = model { sections } else { None })?;
         let aligned = camera.aligned();
@@ -76,6 +76,19 @@ impl Weights {
     /// Columns and rows of the sensor.
     pub fn sensor_px(&self) -> [usize; 2] {
         self.geometry().optics.sensor_px
+    }
+
+    /// Voxels along x, y and z in the standard deviation of a blob of `sigma_px`; see [`Basis::Blob`].
+    pub fn blob_vox(&self, sigma_px: f64) -> [f64; 3] {
+        let sigma_mm = sigma_px * self.geometry().focal_px_mm();
+        let [dx, dy, _] = self.grid().spacing_mm;
+        [sigma_mm / dx, sigma_mm / dy, sigma_px]
+    }
+
+    /// Image rows from one row of lenslets to the next; see [`crate::lattice::Lattice::period_y_mm`].
+    pub fn lenslet_rows_px(&self) -> f64 {
+        let optics = &self.geometry().optics;
+        optics.lattice().period_y_mm() / optics.pixel_pitch_mm
     }
 
     /// Bytes of the tables that are made when first used, in all slices except those nearest focus.

@@ -73,9 +73,14 @@ impl Geometry {
             match self.basis {
                 Basis::Point => Blur::None,
                 Basis::Box => Blur::Box { half: 0.5 * width },
-                Basis::Blob { sigma_vox } => Blur::Gauss { sigma: sigma_vox * width },
+                Basis::Blob { sigma_px } => Blur::Gauss { sigma: axis.beta * sigma_px * self.focal_px_mm() },
             }
         })
+    }
+
+    /// A pixel at the focal plane: pixel pitch over magnification, mm.
+    pub(super) fn focal_px_mm(&self) -> f64 {
+        self.optics.pixel_pitch_mm / self.optics.beta(0.0)
     }
 
     /// Half sides of the box around a cell.

@@ -27,8 +27,9 @@ pub enum Basis {
     Box,
     /// A Gaussian particle image.
     Blob {
-        /// Standard deviation in voxels along x and y.
-        sigma_vox: f64,
+        /// Standard deviation along x and y, pixels at the focal plane (pixel pitch over magnification). Along z the
+        /// light that is written has as many voxels as standard deviation.
+        sigma_px: f64,
     },
 }
 

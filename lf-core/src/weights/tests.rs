@@ -52,7 +52,7 @@ fn aligned(weights: &Weights) -> &Aligned {
 
 const DRT: Model = Model::Drt { sections: None };
 const MODELS: [Model; 4] = [Model::Exact, DRT, Model::Drt { sections: Some(5) }, Model::Drt { sections: Some(33) }];
-const BASES: [Basis; 3] = [Basis::Point, Basis::Box, Basis::Blob { sigma_vox: 0.7 }];
+const BASES: [Basis; 3] = [Basis::Point, Basis::Box, Basis::Blob { sigma_px: 0.7 }];
 
 #[test]
 fn weights_sum_to_one_inside_the_sensor() {
@@ -126,7 +126,7 @@ fn subsets_of_rows_add_up_to_the_whole() {
     for (layout, rotation) in [(Layout::Square, 0.0), (Layout::Square, 0.2), (Layout::Hexagonal, 0.003)] {
         for model in MODELS {
             let camera = seed(40, Aperture::Circle, layout, rotation);
-            let weights = Weights::choose(&camera, &grid, model, Basis::Blob { sigma_vox: 0.7 }).unwrap();
+            let weights = Weights::choose(&camera, &grid, model, Basis::Blob { sigma_px: 0.7 }).unwrap();
             for voxel in [[0, 0, 0], [23, 26, 10], [7, 33, 9], [40, 11, 20]] {
                 let whole = pixels_of(&weights, voxel);
                 let mut apart = BTreeMap::new();
@@ -161,9 +161,9 @@ fn distance_from_rays(camera: &Camera, grid: &Grid, basis: Basis, voxel: [usize;
         let spread = match basis {
             Basis::Point => DVec2::ZERO,
             Basis::Box => (DVec2::new(r[2], r[3]) - 0.5) * 0.0055,
-            Basis::Blob { sigma_vox } => {
+            Basis::Blob { sigma_px } => {
                 let length = (-2.0 * (1.0 - r[2]).ln()).sqrt();
-                DVec2::from_angle(std::f64::consts::TAU * r[3]) * length * sigma_vox * 0.0055
+                DVec2::from_angle(std::f64::consts::TAU * r[3]) * length * sigma_px * 0.0055
             }
         };
         passed += 1.0;
@@ -216,7 +216,7 @@ fn exact_weights_follow_every_block() {
             camera.main_lens.pupil_distance_mm = has("pupil").then_some(60.0);
             camera.check().unwrap();
             for voxel in [[3, 5, 0], [25, 27, 10], [30, 20, 6], [40, 11, 17]] {
-                let basis = Basis::Blob { sigma_vox: 0.7 };
+                let basis = Basis::Blob { sigma_px: 0.7 };
                 let (distance, noise) = distance_from_rays(&camera, &grid, basis, voxel, 200_000);
                 // The strong distortion in "all" stretches the voxel's own image, which the weights neglect.
                 // A hexagon's sides cut a section at one height only.

@@ -44,11 +44,12 @@ pub struct Arguments {
     /// than the pixels under a lenslet are far from them [default: pixels under a lenslet]
     #[arg(long, value_name = "N")]
     pub sections: Option<usize>,
-    /// Shape of the light that a voxel stands for [default: blob with exact weights, point with drt]
+    /// Shape of the light that a voxel stands for: points give the best vectors, blobs the best Q [default: point]
     #[arg(long, value_enum)]
     pub basis: Option<BasisName>,
-    /// Standard deviation of a blob, voxels [default: 0.65]
-    #[arg(long, value_name = "VOXELS")]
+    /// Standard deviation of a blob, pixels at the focal plane (pixel pitch over magnification); voxels along z
+    /// [default: 0.65]
+    #[arg(long, value_name = "PX")]
     pub blob: Option<f64>,
     /// How intensities are found
     #[arg(long, value_enum, default_value_t = MethodName::Subsets)]
@@ -89,45 +90,37 @@ pub struct Arguments {
     pub common: Common,
 }
 
-/// Sweeps of a tile if nothing sets them. All tiles of a volume need as many, and none knows when the whole volume
-/// stalls.
-const TILE_ITERATIONS: usize = 20;
+/// Sweeps of the default method. Vectors gain by twice as many as ten, and hardly by forty. A fixed number lets all tiles of
+/// a volume end together.
+const SWEEPS: usize = 20;
 
-/// Standard deviation of a blob if neither an option nor a preset sets it, voxels. The help of `--blob`,
+/// Standard deviation of a blob if no option sets it, pixels at the focal plane. The help of `--blob`,
 /// `scripts/examples/mart.py` and `scripts/paper/README.md` name it too.
 const BLOB: f64 = 0.65;
 
 impl Arguments {
-    /// The basis typed; otherwise the preset's with exact weights; otherwise the one that suits the weights.
     fn basis(&self) -> Basis {
-        let is_exact = self.weights == WeightsName::Exact;
-        let preset_basis = self.preset.filter(|_| is_exact).map(|preset| preset::values(preset).basis);
-        let usual = if is_exact { BasisName::Blob } else { BasisName::Point };
-        match self.basis.or(preset_basis).unwrap_or(usual) {
+        match self.basis.unwrap_or(BasisName::Point) {
             BasisName::Point => Basis::Point,
             BasisName::Box => Basis::Box,
-            BasisName::Blob => Basis::Blob { sigma_vox: self.blob.unwrap_or(BLOB) },
+            BasisName::Blob => Basis::Blob { sigma_px: self.blob.unwrap_or(BLOB) },
         }
     }
 
     /// The options of a reconstruction, for a whole volume or a tile. `sigma` measures the noise of the image, counts,
     /// if it is needed. Refuses options that do not go together and numbers outside their ranges.
     pub fn options(&self, tile: Option<Tile>, sigma: impl FnOnce() -> f64) -> Result<Options> {
-        let (basis, preset) = (self.basis(), self.preset.map(preset::values));
+        let basis = self.basis();
         self.check_together(basis)?;
         let (method, iterations, until, relaxation, clamp) = match self.method {
-            MethodName::Subsets => (Method::Subsets, 60, "stall", 1.5, 20.0),
+            MethodName::Subsets => (Method::Subsets, SWEEPS, "never", 1.5, 20.0),
             MethodName::Smart => (Method::Smart, 100, "never", 1.0, 20.0),
             MethodName::Mlem => (Method::Mlem, 100, "never", 1.0, 20.0),
             MethodName::Mart => (Method::Mart, 30, "never", 2.5, 1e6),
         };
-        let (iterations, until) =
-            preset.as_ref().map_or((iterations, until), |preset| (preset.iterations, preset.until));
-        let (iterations, until) = match tile {
-            Some(_) if preset.is_none() && self.method == MethodName::Subsets => (TILE_ITERATIONS, "never"),
-            Some(_) => (iterations, "never"),
-            None => (iterations, until),
-        };
+        let iterations = self.preset.map_or(iterations, |preset| preset::values(preset).iterations);
+        // No tile knows when the whole volume stalls.
+        let until = if tile.is_some() { "never" } else { until };
         let options = Options {
             weights: match self.weights {
                 WeightsName::Exact => Model::Exact,
@@ -187,9 +180,7 @@ impl Arguments {
 
     /// The settings of the preset, as they would be typed, each with whether it holds: typed options override it.
     pub fn preset_settings(&self, preset: Preset) -> impl Iterator<Item = (String, bool)> {
-        let is_exact = self.weights == WeightsName::Exact;
-        let holds = [self.iterations.is_none(), self.until.is_none(), self.basis.is_none() && is_exact];
-        preset::values(preset).typed().into_iter().zip(holds)
+        preset::values(preset).typed().into_iter().zip([self.iterations.is_none()])
     }
 }
 

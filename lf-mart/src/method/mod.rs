@@ -6,5 +6,6 @@ mod problem;
 pub(crate) mod row_action;
 pub(crate) mod simultaneous;
 mod spent;
+pub(crate) mod subsets;
 
 pub(crate) use problem::Problem;

@@ -215,7 +215,7 @@ mod tests {
         for (model, basis) in [
             (Model::Drt { sections: None }, Basis::Point),
             (Model::Drt { sections: Some(3) }, Basis::Point),
-            (Model::Exact, Basis::Blob { sigma_vox: 0.65 }),
+            (Model::Exact, Basis::Blob { sigma_px: 0.65 }),
         ] {
             let weights = Weights::choose(camera, &grid, model, basis).unwrap();
             let Path::Aligned(aligned) = &weights.path else { panic!("{}", weights.reason) };

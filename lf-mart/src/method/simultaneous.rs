@@ -8,18 +8,14 @@
 //!                                                                 p_i = sum_j w_ij E_j
 //! ```
 //!
-//! A subset is every n-th image row, where n is the number of pixels under a lenslet. So every voxel has rows in every
-//! subset, in focus and out of focus. Each subset moves all strengths once, so a sweep moves them n times.
+//! [`subsets`] divides the image rows. Each subset moves all strengths once, so n subsets move them n times a sweep.
 
 use super::problem::{GREATEST_STRENGTH, Misfit, Problem, Solved, change};
-use super::{momentum::Momentum, spent::Neighbourhood};
+use super::{momentum::Momentum, spent::Neighbourhood, subsets};
 use crate::operator::{Operator, Plane, keep};
 use crate::{options::Method, reconstruction::Sweep};
 use lf_core::weights::RowSet;
 use rayon::prelude::*;
-
-/// Subsets of the default method, with which the relaxation was tuned.
-const SUBSETS: usize = 14;
 
 /// A voxel is spent, and dropped, when its strength falls to this share of the strongest. On the `core` scenes this
 /// changes Q by less than 3e-4 (upwards).
@@ -33,11 +29,6 @@ const FIRST_SWEEPS: usize = 2;
 /// The same while weights are remade at every use, when each voxel costs most: a quarter of the time again, and less
 /// than 2e-3 of Q.
 const SPENT_WHERE_REMADE: f32 = 1e-2;
-
-/// Subsets in an order in which neighbours are far apart: steps of 5 modulo 14.
-fn order(subsets: usize) -> impl Iterator<Item = usize> {
-    (0..subsets).map(move |n| n * 5 % subsets)
-}
 
 /// Turns the projection, in a subset's rows, into what is projected back: ratios, or their logarithms.
 fn compare(problem: &Problem, rows: RowSet, plane: &mut Plane) -> Misfit {
@@ -162,13 +153,13 @@ impl<'a> State<'a> {
 pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
     let options = problem.options;
     let (is_tile, has_subsets) = (options.tile.is_some(), options.method == Method::Subsets);
-    let subsets = if has_subsets { SUBSETS } else { 1 };
+    let subsets = if has_subsets { subsets::number(problem.weights.lenslet_rows_px()) } else { 1 };
     let clears_haze = has_subsets && problem.start.is_none();
     let mut state = State::new(problem, subsets);
     let mut sweeps: Vec<Sweep> = Vec::new();
     for number in 1..=options.iterations {
         (state.misfit, state.touched) = (Misfit::default(), 0.0);
-        for subset in order(subsets) {
+        for subset in subsets::order(subsets) {
             let spent_share = match clears_haze {
                 // A tile may keep weights that the whole volume cannot, and must drop the same voxels.
                 true if state.operator.is_remade() && !is_tile => SPENT_WHERE_REMADE,

@@ -63,7 +63,7 @@ mod tests {
         let indices = voxels(&grid);
         let strengths: Vec<f32> = (0..indices.len()).map(hash).collect();
         for camera in cameras() {
-            let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Blob { sigma_vox: 0.65 }).unwrap();
+            let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Blob { sigma_px: 0.65 }).unwrap();
             let [width, height] = weights.sensor_px();
             let image = Array2::from_shape_fn((height, width), |(row, column)| hash(1000 + row * width + column));
             let mut projector = Projector::new(&weights, &indices, 1 << 30);

@@ -5,6 +5,7 @@ mod slow;
 
 use crate::operator::{Operator, Plane, VoxelWeights};
 use crate::{Method, Options, Plan, Reconstruction, Start, Until};
+use lf_core::lattice::Layout;
 use lf_core::weights::{Basis, Model, Path, RowSet, Scratch};
 use lf_core::{Camera, Grid, Refusal, Weights};
 use ndarray::{Array1, Array2};
@@ -118,7 +119,7 @@ fn projections_are_the_matrix_and_its_transpose() {
     let strengths: Vec<f32> = (0..indices.len()).map(hash).collect();
     for camera in cameras() {
         for (model, basis) in [
-            (Model::Exact, Basis::Blob { sigma_vox: 0.65 }),
+            (Model::Exact, Basis::Blob { sigma_px: 0.65 }),
             (Model::Exact, Basis::Box),
             (Model::Drt { sections: None }, Basis::Point),
             (Model::Drt { sections: Some(3) }, Basis::Point),
@@ -191,6 +192,7 @@ const METHODS: [Method; 4] = [Method::Subsets, Method::Smart, Method::Mlem, Meth
 #[test]
 fn methods_are_their_slow_twins() {
     for camera in cameras() {
+        let rows_px = if camera.microlenses.layout == Layout::Square { 14.0 } else { 14.0 * 0.75f64.sqrt() };
         for method in METHODS {
             let scene = Scene::new(camera.clone(), method, |n| 100.0 + 1000.0 * hash(n));
             let flat = Array1::from_iter(scene.image.iter().map(|value| f64::from(*value)));
@@ -198,7 +200,7 @@ fn methods_are_their_slow_twins() {
             let fast = scene.solve(&scene.image, None, &options).unwrap();
             let slow = match method {
                 Method::Mart => slow::mart(&scene.matrix, &flat, 4, options.relaxation),
-                _ => slow::simultaneous(&scene.matrix, &flat, 182, 4, method, options.relaxation),
+                _ => slow::simultaneous(&scene.matrix, &flat, 182, rows_px, 4, method, options.relaxation),
             };
             assert_eq!(fast.indices, scene.indices);
             for (value, exact) in fast.intensity.iter().zip(&slow) {

@@ -1,14 +1,16 @@
 //! The methods written as their equations, on a dense matrix in f64.
 
-use super::{FLOOR, SUBSETS};
+use super::FLOOR;
 use crate::Method;
 use ndarray::{Array1, Array2};
 
-/// SMART, its ordered subsets with momentum, and MLEM. Rows of the image have `width` pixels.
+/// SMART, its ordered subsets with momentum, and MLEM. Rows of the image have `width` pixels; rows of lenslets are
+/// `rows_px` of them apart.
 pub(super) fn simultaneous(
     matrix: &Array2<f64>,
     image: &Array1<f64>,
     width: usize,
+    rows_px: f64,
     sweeps: usize,
     method: Method,
     relaxation: f64,
@@ -16,7 +18,7 @@ pub(super) fn simultaneous(
     let (pixels, count) = matrix.dim();
     let dark = FLOOR * image.fold(0.0, |peak: f64, value| peak.max(*value));
     let seen: Vec<f64> = (0..count).map(|j| matrix.column(j).sum()).collect();
-    let subsets = if method == Method::Subsets { SUBSETS } else { 1 };
+    let subsets = if method == Method::Subsets { rows_px.round() as usize } else { 1 };
     let mut e = vec![image.sum() / count as f64; count];
     let (mut before, mut t, mut last) = (e.clone(), 1.0, f64::INFINITY);
     for sweep in 0..sweeps {
@@ -89,8 +91,8 @@ fn by_hand() {
     assert!((mart(&one, &image, 1, 2.0)[0] - 16.0).abs() < 1e-12);
     let two = Array2::from_shape_vec((1, 2), vec![0.5, 0.25]).unwrap();
     for method in [Method::Subsets, Method::Smart, Method::Mlem] {
-        assert!((simultaneous(&one, &image, 1, 1, method, 1.0)[0] - 16.0).abs() < 1e-12);
-        let e = simultaneous(&two, &Array1::from_elem(1, 6.0), 1, 1, method, 1.0);
+        assert!((simultaneous(&one, &image, 1, 14.0, 1, method, 1.0)[0] - 16.0).abs() < 1e-12);
+        let e = simultaneous(&two, &Array1::from_elem(1, 6.0), 1, 14.0, 1, method, 1.0);
         assert!((e[0] - 8.0).abs() < 1e-12 && (e[1] - 8.0).abs() < 1e-12);
     }
     let e = mart(&two, &Array1::from_elem(1, 6.0), 1, 1.0);
@@ -104,6 +106,6 @@ fn by_hand() {
 fn means_of_ratios_and_of_logarithms_by_hand() {
     let weights = Array2::from_shape_vec((2, 1), vec![0.5, 0.5]).unwrap();
     let image = Array1::from_vec(vec![1.0, 4.0]);
-    assert!((simultaneous(&weights, &image, 2, 1, Method::Mlem, 1.0)[0] - 5.0).abs() < 1e-12);
-    assert!((simultaneous(&weights, &image, 2, 1, Method::Smart, 1.0)[0] - 4.0).abs() < 1e-12);
+    assert!((simultaneous(&weights, &image, 2, 14.0, 1, Method::Mlem, 1.0)[0] - 5.0).abs() < 1e-12);
+    assert!((simultaneous(&weights, &image, 2, 14.0, 1, Method::Smart, 1.0)[0] - 4.0).abs() < 1e-12);
 }
