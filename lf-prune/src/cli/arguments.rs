@@ -153,13 +153,12 @@ impl Arguments {
 
     /// The settings of the preset, as they would be typed, each with whether it holds: typed options override it.
     pub fn preset_settings(&self, preset: Preset) -> impl Iterator<Item = (String, bool)> {
-        let holds = [self.pvr.is_none(), self.score.is_none()];
+        let holds = [self.pvr.is_none()];
         preset::values(preset).typed().into_iter().zip(holds)
     }
 
     fn score(&self) -> ScoreName {
-        let preset = self.preset.map(|preset| preset::values(preset).score);
-        self.score.or(preset).unwrap_or(ScoreName::Geometric)
+        self.score.unwrap_or(ScoreName::Geometric)
     }
 
     pub fn score_about(&self) -> String {
