@@ -239,13 +239,15 @@ fn tiles_follow_distortion_and_departures() {
     }
 }
 
-/// A camera for each way to score: aligned, along lines, tile by tile, ray by ray.
-fn cameras() -> [Camera; 4] {
+/// A camera for each way to score: aligned, along lines, tile by tile, ray by ray; and one with an exit pupil.
+fn cameras() -> [Camera; 5] {
     let mut tiles = camera("circle", "square", 0.003);
     tiles.distortion = Some(DISTORTION);
     let mut rays = camera("circle", "hexagonal", 0.003);
     rays.tilt = Some(Tilt { x_rad: 0.002, y_rad: -0.001 });
-    [camera("circle", "square", 0.0), camera("circle", "hexagonal", 0.003), tiles, rays]
+    let mut pupil = camera("circle", "hexagonal", 0.003);
+    pupil.main_lens.pupil_distance_mm = Some(100.0);
+    [camera("circle", "square", 0.0), camera("circle", "hexagonal", 0.003), tiles, rays, pupil]
 }
 
 /// The image of points by n x n rays, for several n.
@@ -313,7 +315,7 @@ fn scored(support: &Support) -> Vec<(u64, u32)> {
 fn cores_of_tiles_are_the_whole() {
     let image = speckle();
     let wide = Grid::in_bounds([[-0.9, 0.9], [-0.8, 0.8], [-2.0, 2.0]], [0.011, 0.023, 0.4]).unwrap();
-    let [aligned, hexagonal, distorted, _] = cameras();
+    let [aligned, hexagonal, distorted, ..] = cameras();
     for camera in [aligned, hexagonal, camera("square", "square", 0.003), distorted] {
         let whole = prune(&image, &camera, &wide, &RULES[0]).unwrap();
         assert!(whole.indices.len() > 1000);

@@ -333,8 +333,10 @@ class Camera:
             self.rotation_rad = lenslets["rotation_rad"]
             self.image_mm = self.focal_mm * (1 + self.magnification)  # s_i
             self.object_mm = self.focal_mm * (1 + 1 / self.magnification)  # s_o
-            self.aperture_mm = self.image_mm / lens["working_f_number"]  # D
-            self.demagnification = lenslets["focal_length_mm"] / self.image_mm  # k
+            pupil_mm = lens.get("pupil_distance_mm") or self.image_mm  # l
+            self.pupil_ratio = self.image_mm / pupil_mm  # r
+            self.aperture_mm = pupil_mm / lens["working_f_number"]  # D
+            self.demagnification = lenslets["focal_length_mm"] / pupil_mm  # k
         except (ValueError, KeyError, TypeError) as error:
             raise Refused(f"{path}: {error!r}; wanted a camera.json") from None
         if 0.5 * max(self.sensor_px) * abs(self.rotation_rad) <= self.IN_LINE_PX and not self.is_hexagonal:
@@ -365,6 +367,8 @@ class Camera:
         broadcast: x_m has the shape of x, z and u together, y_m the shape of y, z and v."""
         beta = self.image_mm / (self.object_mm - z)
         alpha = 1 - self.image_mm / self.focal_mm + beta
+        away = 1 + (self.pupil_ratio - 1) * alpha  # 1 if the lens is its own exit pupil
+        alpha, beta = self.pupil_ratio * alpha / away, beta / away
         return alpha * u + beta * x, alpha * v - beta * y
 
     def centre_mm(self, x, y):

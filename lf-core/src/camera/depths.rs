@@ -11,7 +11,14 @@ impl Camera {
     /// Depth Z, mm, at which the light of a point on the axis is `width_mm` wide on the array, towards the camera; with
     /// a negative width the depth away from it. Paraxial in a medium. Infinite if no depth is so wide.
     pub fn depth_of_width_mm(&self, width_mm: f64) -> f64 {
-        let beta = self.main_lens.magnification + width_mm / self.aperture_mm();
+        // From the spread by an exit pupil to that of the thin lens, the inverse of the equation in [`crate::optics`].
+        let spread = width_mm / self.aperture_mm();
+        let ratio = self.image_distance_mm() / self.pupil_distance_mm();
+        let away = ratio - (ratio - 1.0) * spread;
+        if away <= 0.0 {
+            return f64::INFINITY.copysign(width_mm);
+        }
+        let beta = self.main_lens.magnification + spread / away;
         let index = self.medium.as_ref().map_or(1.0, |medium| medium.index);
         if beta <= 0.0 {
             return f64::NEG_INFINITY;

@@ -18,9 +18,14 @@ impl Camera {
         self.main_lens.focal_length_mm * (1.0 + 1.0 / self.main_lens.magnification)
     }
 
-    /// D = s_i / N_w: diameter of a round stop, side of a square one, mm.
+    /// l, the distance from the exit pupil to the array, mm: s_i if the camera states none.
+    pub fn pupil_distance_mm(&self) -> f64 {
+        self.main_lens.pupil_distance_mm.unwrap_or_else(|| self.image_distance_mm())
+    }
+
+    /// D = l / N_w: diameter of a round exit pupil, side of a square one, mm.
     pub fn aperture_mm(&self) -> f64 {
-        self.image_distance_mm() / self.main_lens.working_f_number
+        self.pupil_distance_mm() / self.main_lens.working_f_number
     }
 
     /// Distance from the array to the sensor on the axis, mm.
@@ -28,9 +33,9 @@ impl Camera {
         self.microlenses.gap_mm.unwrap_or(self.microlenses.focal_length_mm)
     }
 
-    /// k = f_l / s_i: size of the aperture's image under a lenslet over the size of the aperture. A gap g replaces f_l.
+    /// k = f_l / l: size of the aperture's image under a lenslet over the size of the aperture. A gap g replaces f_l.
     pub fn demagnification(&self) -> f64 {
-        self.gap_mm() / self.image_distance_mm()
+        self.gap_mm() / self.pupil_distance_mm()
     }
 
     /// Lenslet pitch in pixels.
@@ -60,7 +65,7 @@ impl Camera {
     }
 
     /// The optional blocks and whether the camera has them. The first four bend rays or defocus the lenslets.
-    fn optional_blocks(&self) -> [(&'static str, bool); 6] {
+    fn optional_blocks(&self) -> [(&'static str, bool); 7] {
         [
             ("medium", self.medium.is_some()),
             ("tilt", self.tilt.is_some()),
@@ -68,6 +73,7 @@ impl Camera {
             ("distortion", self.distortion.is_some()),
             ("centres", self.centres.is_some()),
             ("vignetting", self.vignetting.is_some()),
+            ("main_lens.pupil_distance_mm", self.main_lens.pupil_distance_mm.is_some()),
         ]
     }
 

@@ -49,7 +49,7 @@ const MOST_PIXELS: usize = 1 << 20;
 /// Largest tilt of the sensor, rad.
 const MOST_TILT_RAD: f64 = 0.5;
 
-/// Largest k = f_l / s_i: the thin-lens equations hold for microlenses that are short beside the image distance.
+/// Largest k = f_l / l: the thin-lens equations hold for microlenses that are short beside the exit pupil's distance.
 const MOST_DEMAGNIFICATION: f64 = 0.5;
 
 fn positive(key: &str, value: f64) -> Result<(), Refusal> {
@@ -72,6 +72,7 @@ impl Camera {
         positive("main_lens.focal_length_mm", self.main_lens.focal_length_mm)?;
         positive("main_lens.magnification", self.main_lens.magnification)?;
         positive("main_lens.working_f_number", self.main_lens.working_f_number)?;
+        self.main_lens.pupil_distance_mm.map_or(Ok(()), |mm| positive("main_lens.pupil_distance_mm", mm))?;
         let (width, height) = (self.sensor.width, self.sensor.height);
         let fits = [width, height].iter().all(|side| (1..=MOST_PIXELS).contains(side));
         let wanted = format!("wanted 1 to {MOST_PIXELS} px a side");
@@ -92,7 +93,9 @@ impl Camera {
             centres.check()?;
         }
         let found = || format!("microlens focal length {} mm", self.microlenses.focal_length_mm);
-        let wanted = format!("wanted less than half the image distance of {} mm", self.image_distance_mm());
+        let from =
+            if self.main_lens.pupil_distance_mm.is_some() { "distance of the exit pupil" } else { "image distance" };
+        let wanted = format!("wanted less than half the {from} of {} mm", self.pupil_distance_mm());
         Refusal::unless(self.demagnification() < MOST_DEMAGNIFICATION, found, wanted)
     }
 

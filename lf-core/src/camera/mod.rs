@@ -19,6 +19,7 @@
 //! | `f_l` | `microlenses.focal_length_mm` | |
 //! | `f`, `m` | `main_lens.focal_length_mm`, `main_lens.magnification` | |
 //! | `s_i`, `s_o` | | [`Camera::image_distance_mm`], [`Camera::object_distance_mm`] |
+//! | `l` | `main_lens.pupil_distance_mm`; s_i if absent | [`Camera::pupil_distance_mm`] |
 //! | `N_w`, `D` | `main_lens.working_f_number` | [`Camera::aperture_mm`] |
 //! | `g` | `microlenses.gap_mm`; f_l if absent | [`Camera::gap_mm`] |
 //! | `k` | | [`Camera::demagnification`] |

@@ -61,10 +61,15 @@ pub struct MainLens {
     pub focal_length_mm: f64,
     /// Magnification |M| at the focal plane, without its sign.
     pub magnification: f64,
-    /// Working f-number: image distance over aperture diameter.
+    /// Working f-number, the cone of light at the array: distance of the exit pupil over its diameter. For a thin lens,
+    /// image distance over aperture diameter.
     pub working_f_number: f64,
     /// Shape of the stop.
     pub aperture: Aperture,
+    /// Distance from the exit pupil to the array, mm; the image distance if absent, as in a thin lens. It sets from
+    /// where light meets a lenslet; which planes are in focus is up to focal length and magnification.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pupil_distance_mm: Option<f64>,
 }
 
 /// Shape of the main lens's stop. Its diameter or side is [`Camera::aperture_mm`].

@@ -5,7 +5,13 @@ pub(crate) fn seed(lenslets: usize, aperture: Aperture, layout: Layout, rotation
     Camera {
         frame: Default::default(),
         sensor: Sensor { width: 14 * lenslets, height: 14 * lenslets, pixel_pitch_mm: 0.0055 },
-        main_lens: MainLens { focal_length_mm: 200.0, magnification: 1.0, working_f_number: 4.0, aperture },
+        main_lens: MainLens {
+            focal_length_mm: 200.0,
+            magnification: 1.0,
+            working_f_number: 4.0,
+            aperture,
+            pupil_distance_mm: None,
+        },
         microlenses: Microlenses {
             layout,
             pitch_mm: 0.077,
@@ -28,4 +34,25 @@ fn seed_camera_is_matched() {
     let camera = seed(20, Aperture::Square, Layout::Square, 0.0);
     assert!((camera.aperture_mm() - 100.0).abs() < 1e-12);
     assert!((camera.demagnification() * camera.aperture_mm() - camera.microlenses.pitch_mm).abs() < 1e-12);
+}
+
+#[test]
+fn an_exit_pupil_sets_the_cone_of_light_and_the_demagnification() {
+    let plain = seed(20, Aperture::Circle, Layout::Square, 0.0);
+    assert!(!plain.to_json().contains("pupil") && plain.blocks().is_empty());
+    let mut camera = plain.clone();
+    camera.main_lens.pupil_distance_mm = Some(500.0);
+    assert_eq!(camera.aperture_mm(), 125.0);
+    assert_eq!(camera.demagnification(), 0.308 / 500.0);
+    assert_eq!(camera.image_distance_mm(), plain.image_distance_mm());
+    // The image of the stop under a lenslet is f_l / N_w wide, wherever the pupil stands.
+    assert!((camera.demagnification() * camera.aperture_mm() - 0.077).abs() < 1e-12);
+    assert_eq!(camera.blocks(), ["main_lens.pupil_distance_mm"]);
+    assert!(camera.misalignment().is_none(), "rays stay straight");
+    assert_eq!(Camera::from_json(&camera.to_json()).unwrap(), camera);
+    for (wrong, found) in [(-3.0, "main_lens.pupil_distance_mm is -3"), (0.5, "microlens focal length 0.308 mm")] {
+        camera.main_lens.pupil_distance_mm = Some(wrong);
+        let refusal = camera.check().unwrap_err();
+        assert_eq!(refusal.found, found, "{refusal:?}");
+    }
 }

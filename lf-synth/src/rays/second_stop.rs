@@ -5,11 +5,11 @@ use glam::DVec2;
 use lf_core::{Camera, Optics, Refusal};
 use serde::{Deserialize, Serialize};
 
-/// A round stop on the axis before or behind the aperture, like the rim of a lens barrel.
+/// A round stop on the axis before or behind the main lens, like the rim of a lens barrel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SecondStop {
-    /// Distance from the aperture, mm: positive towards the particles, negative towards the sensor.
+    /// Distance from the main lens, mm: positive towards the particles, negative towards the sensor.
     pub distance_mm: f64,
     /// Diameter, mm.
     pub diameter_mm: f64,
@@ -36,8 +36,8 @@ impl SecondStop {
         let way = if self.distance_mm >= 0.0 {
             -self.distance_mm * optics.slope_from_array(array_mm, aperture_mm)
         } else {
-            self.distance_mm / optics.image_distance_mm * (aperture_mm - array_mm)
+            self.distance_mm / optics.pupil_distance_mm * (aperture_mm - array_mm)
         };
-        4.0 * (aperture_mm + way).length_squared() <= self.diameter_mm * self.diameter_mm
+        4.0 * (optics.lens_mm(array_mm, aperture_mm) + way).length_squared() <= self.diameter_mm * self.diameter_mm
     }
 }

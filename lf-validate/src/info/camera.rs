@@ -43,6 +43,9 @@ fn sensor_and_lens(about: &mut Description, camera: &Camera) {
         Aperture::Circle => "round",
         Aperture::Square => "square",
     };
+    if let Some(pupil) = lens.pupil_distance_mm {
+        about.line("exit pupil", format!("{} mm from the array", figures(pupil)));
+    }
     let number = figures(lens.working_f_number);
     about.line("aperture D", format!("{} mm, {stop}, working f-number {number}", figures(camera.aperture_mm())));
 }
