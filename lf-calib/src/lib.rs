@@ -29,6 +29,6 @@ pub use target::{
     main_lens_steps,
 };
 pub use white::{
-    Calibrated, Centre, Fill, ImageLattice, LATTICE_STEPS, Residual, SecondStop, WhiteMean, calibrate, find_lattice,
-    flat_field,
+    Calibrated, Centre, Fill, ImageLattice, Keep, LATTICE_STEPS, PitchChange, Pupil, Residual, SecondStop, StopWidth,
+    WhiteMean, calibrate, find_lattice, flat_field,
 };

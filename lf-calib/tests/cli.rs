@@ -2,7 +2,7 @@
 
 use crate::scenes;
 use crate::workbench::{self, workbench};
-use lf_core::{Camera, camera::Layout, image};
+use lf_core::{Camera, camera::Layout, camera::MainLens, image};
 use lf_tests::Workbench;
 use ndarray::Array2;
 use serde_json::Value;
@@ -38,7 +38,10 @@ fn the_camera_is_the_nominal_one_with_measured_microlenses() {
     let camera = Camera::open(&bench.path("out")).unwrap();
     let (truth, nominal) = (truth(), scenes::nominal(&truth()));
     assert_eq!(camera.sensor, nominal.sensor);
-    assert_eq!(camera.main_lens, nominal.main_lens);
+    // Discs of 0.9 pitches of 14 px; the data sheet says 14 px.
+    assert!((camera.main_lens.working_f_number * 0.9 / 4.0 - 1.0).abs() < 0.005, "{:?}", camera.main_lens);
+    let lens = MainLens { working_f_number: nominal.main_lens.working_f_number, ..camera.main_lens.clone() };
+    assert_eq!(lens, nominal.main_lens);
     assert_eq!(camera.microlenses.layout, Layout::Hexagonal);
     assert!(scenes::farthest_px(&camera, &truth) < 0.003);
     let measured = &camera.calibration.unwrap()["lattice"];
@@ -180,10 +183,15 @@ fn whites_that_cannot_be_used() {
         "lattice nan.exr -c nominal.json -o out",
         "nan.exr: 1 pixel is not a count, the first NaN at x 4, y 3; wanted finite values that are not negative",
     );
-    let clipped = scenes::discs(&truth(), 0.9).mapv(|value| if value > 500.0 { 4095.0 } else { 3.0 });
-    bench.image("clipped.exr", &clipped);
-    let message = bench.run("lattice clipped.exr -c nominal.json -o out").refused("clipped.exr").stderr;
-    assert!(message.contains("saturated") && message.contains("at 4095, full scale; wanted at most 2 %"), "{message}");
+    // Twelve bits, as they are and shifted left.
+    for (full, scale) in [("4095", 1.0), ("65520", 16.0)] {
+        let mut clipped = scenes::discs(&truth(), 0.9) * 4.5 + 50.0;
+        scenes::noisy(&mut clipped, 0.05);
+        bench.image("clipped.exr", &clipped.mapv(|value| value.round().min(4095.0) * scale));
+        let message = bench.run("lattice clipped.exr -c nominal.json -o out").refused("clipped.exr").stderr;
+        let found = format!("at {full}, the highest count; wanted at most 2 %");
+        assert!(message.contains("saturated") && message.contains(&found), "{message}");
+    }
     assert!(!bench.path("out").exists());
 }
 
@@ -387,12 +395,6 @@ fn outputs_that_cannot_be_written_are_refused() {
         &format!("{line} --centres none/t.csv"),
         "none/t.csv: its folder does not exist; wanted an existing folder",
     );
-    let mut nominal = scenes::nominal(&truth());
-    nominal.main_lens.working_f_number = 400.0;
-    bench.write("slow.json", nominal.to_json());
-    let line = "lattice white.exr -c slow.json -o out --vignetting flat.exr -q";
-    bench.run(line).refused("no pixel is well lit by the nominal f-number");
-    assert!(!bench.path("out").exists() && !bench.path("flat.exr").exists());
 }
 
 /// A TIFF of 16-bit pages that differ by their number.

@@ -2,7 +2,7 @@
 
 use crate::scenes::{camera, cut_discs, discs, farthest_px, image_px, noisy, nominal, squares, uniform};
 use glam::DVec2;
-use lf_calib::{Calibrated, ImageLattice, calibrate, find_lattice};
+use lf_calib::{Calibrated, ImageLattice, Keep, calibrate, find_lattice};
 use lf_core::camera::{Aperture, Layout};
 use lf_core::{Camera, lattice::Centres};
 use ndarray::Array2;
@@ -16,7 +16,7 @@ fn measured(what: &str, truth: &Camera, image: &Array2<f32>, limit_px: f64) -> C
 }
 
 fn calibrated(what: &str, truth: &Camera, found: &ImageLattice, limit_px: f64) -> Calibrated {
-    let calibrated = calibrate(found, &nominal(truth)).unwrap();
+    let calibrated = calibrate(found, &nominal(truth), Keep::default()).unwrap();
     let worst = farthest_px(&calibrated.camera, truth);
     println!("{what}: farthest {worst:.4} px, {} of {}, degree {}", found.kept(), found.in_frame, calibrated.degree);
     assert_eq!(calibrated.camera.microlenses.layout, truth.microlenses.layout, "{what}");

@@ -10,5 +10,6 @@ mod metamorphic;
 mod refine;
 mod refusals;
 mod scenes;
+mod stop;
 mod volume;
 mod workbench;

@@ -2,7 +2,7 @@
 
 use crate::scenes::{camera, discs, image_px, noisy};
 use glam::DVec2;
-use lf_calib::{calibrate, find_lattice};
+use lf_calib::{Keep, calibrate, find_lattice};
 use lf_core::{Camera, camera::Layout, lattice::Centres};
 use ndarray::{Array2, s};
 use std::sync::OnceLock;
@@ -32,7 +32,7 @@ fn bent() -> Centres {
 fn measured(image: &Array2<f32>) -> Camera {
     let mut nominal = camera(0, Layout::Square, 0.0, [0.0, 0.0]);
     (nominal.sensor.width, nominal.sensor.height) = (image.ncols(), image.nrows());
-    calibrate(&find_lattice(image, &|_| ()).unwrap(), &nominal).unwrap().camera
+    calibrate(&find_lattice(image, &|_| ()).unwrap(), &nominal, Keep::default()).unwrap().camera
 }
 
 /// Every lenslet image of `before`, moved, must be a lenslet image of `after` if it lies in the frame.

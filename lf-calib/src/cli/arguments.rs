@@ -41,8 +41,9 @@ pub enum Task {
     Nominal(NominalArguments),
     /// Find the microlens lattice in white images
     ///
-    /// The images give the layout, pitch, rotation, offset and smooth departures of the lattice. The nominal camera
-    /// gives the main lens, the microlens focal length, the pixels and everything else in its file. Several offsets and
+    /// The images give the layout, pitch, rotation, offset and smooth departures of the lattice, and the working
+    /// f-number from the width of the lenslet images. The nominal camera gives the rest of the main lens, the microlens
+    /// focal length, the pixels and everything else in its file. Several offsets and
     /// rotations describe the same lattice; the ones nearest to the nominal camera are written.
     #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-calib lattice white.exr -c nominal.json -o calibrated.json --plot lattice.svg
@@ -148,6 +149,14 @@ pub struct LatticeArguments {
     /// frames are divided by it. Give --dark too if the sensor counts without light
     #[arg(long, value_name = "FILE.exr")]
     pub vignetting: Option<PathBuf>,
+    /// Keep the nominal working f-number although the lenslet images show another: the white images were taken with
+    /// another stop than the frames
+    #[arg(long)]
+    pub keep_f_number: bool,
+    /// Take the nominal pitch of the array as exact. The distance between lenslet images then gives the distance of the
+    /// main lens's exit pupil, which the camera gets as pupil_distance_mm
+    #[arg(long)]
+    pub keep_pitch: bool,
     /// Picture: the lattice over pieces of the image, departures and residuals over the frame
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,

@@ -1,15 +1,16 @@
 //! `lf-calib lattice`: white images and a nominal camera in, a camera with its microlenses out.
 
 use super::{arguments::LatticeArguments, files::path_from_camera, files::with_history};
-use lf_calib::{Calibrated, Fill, ImageLattice, LATTICE_STEPS, WhiteMean, calibrate, find_lattice, flat_field, plot};
+use super::{fill::tell_fill, fill::tell_pitch};
+use lf_calib::{Calibrated, ImageLattice, Keep, LATTICE_STEPS, WhiteMean, calibrate, find_lattice, flat_field, plot};
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, image, io};
 use ndarray::Array2;
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// A difference between the width of lenslet images and the pitch, or the f-number, is reported from this fraction on.
-const NOTABLE_FILL: f64 = 0.05;
+/// Share of clipped pixels that is warned of.
+const NOTABLE_CLIPPED: f64 = 0.005;
 
 pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Verdict> {
     check_files(arguments, session)?;
@@ -20,17 +21,19 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
         paths => format!("mean of {} white images", paths.len()),
     };
     let refused = |refusal: Refusal| refusal.about(&subject);
-    let white = session.phase("read", |_| white(arguments, &nominal))?;
+    let white = session.phase("read", |session| white(arguments, &nominal, session))?;
     let white = white.ok_or_else(|| refused(Refusal::new("no image", "wanted a white image")))?;
     let lattice = session.phase("lattice", |session| {
         let progress = session.progress("rounds", LATTICE_STEPS);
         find_lattice(&white, &|rounds| progress.add(rounds)).map_err(refused)
     })?;
-    let mut calibrated = calibrate(&lattice, &nominal).map_err(refused)?;
+    let mut calibrated =
+        calibrate(&lattice, &nominal, Keep { f_number: arguments.keep_f_number, pitch: arguments.keep_pitch })
+            .map_err(refused)?;
 
     // Compute everything before the first file is written.
     let none = || Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
-    let flat = |_: &mut Session| flat_field(&white, &calibrated.camera).ok_or_else(|| refused(none()));
+    let flat = |_: &mut Session| flat_field(&white, &calibrated.camera_of_white()).ok_or_else(|| refused(none()));
     let flat_pixels = arguments.vignetting.as_ref().map(|_| session.phase("vignetting", flat)).transpose()?;
     let draw = |file: &PathBuf| {
         plot::lattice(&white, &lattice, &calibrated).map_err(|refusal| refusal.about(io::output_name(file)))
@@ -41,7 +44,7 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     calibrated.camera.vignetting = flat;
     session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), svg.as_deref(), session))?;
     // If a file cannot be written, its error is the only line.
-    tell(&lattice, &calibrated, session);
+    tell(&lattice, &calibrated, &nominal, arguments.keep_f_number, session);
     Ok(Verdict::Done)
 }
 
@@ -70,8 +73,8 @@ fn check_files(arguments: &LatticeArguments, session: &mut Session) -> Result<()
     outputs.iter().try_for_each(|output| session.keep_apart(output, &inputs))
 }
 
-/// The mean white image minus the dark one. None without images.
-fn white(arguments: &LatticeArguments, nominal: &Camera) -> Result<Option<Array2<f32>>> {
+/// The mean white image minus the dark one. None without images. Warns of clipped images that are not refused.
+fn white(arguments: &LatticeArguments, nominal: &Camera, session: &Session) -> Result<Option<Array2<f32>>> {
     let read = |path: &Path| -> Result<Array2<f32>> {
         let image = image::open_counts(path, arguments.reading.channel)?.pixels;
         nominal.check_image(&io::name(path), image.ncols(), image.nrows())?;
@@ -80,7 +83,16 @@ fn white(arguments: &LatticeArguments, nominal: &Camera) -> Result<Option<Array2
     let dark = arguments.dark.as_deref().map(read).transpose()?;
     let mut mean = WhiteMean::default();
     for path in &image::frames(&arguments.whites) {
-        mean.add(&read(path)?).map_err(|refusal| refusal.about(io::name(path)))?;
+        let image = read(path)?;
+        mean.add(&image).map_err(|refusal| refusal.about(io::name(path)))?;
+        if let Some((level, share)) = image::clipped_share(image.view()).filter(|(_, share)| *share > NOTABLE_CLIPPED) {
+            session.warn(format!(
+                "{}: {:.1} % of the pixels are at the highest count, {level}: clipped, or drawn without noise; clipped \
+                 lenslet images look too wide, so take the white image with less light",
+                io::name(path),
+                100.0 * share
+            ));
+        }
     }
     let mut white = mean.mean();
     if let (Some(white), Some(dark)) = (&mut white, &dark) {
@@ -120,7 +132,7 @@ fn table(calibrated: &Calibrated) -> String {
     text
 }
 
-fn tell(lattice: &ImageLattice, calibrated: &Calibrated, session: &mut Session) {
+fn tell(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, is_kept: bool, session: &mut Session) {
     session.count("lenslets", lattice.kept());
     session.count("lenslets_rejected", lattice.centres.len() - lattice.kept());
     session.count("lenslets_in_frame", lattice.in_frame);
@@ -147,35 +159,14 @@ fn tell(lattice: &ImageLattice, calibrated: &Calibrated, session: &mut Session) 
             stop.diameter_px, stop.slope
         ));
     }
-    if let Some(fill) = &calibrated.fill {
-        tell_fill(fill, &calibrated.camera, session);
+    tell_pitch(calibrated, nominal, session);
+    if !calibrated.is_ambiguous {
+        tell_fill(calibrated.fill.as_ref(), &calibrated.camera, is_kept, session);
     }
     if calibrated.is_ambiguous {
         session.warn(
             "by the f-number lenslet images overlap, and a lattice half a pitch aside fits them as well: the one nearer to the \
              nominal offset is written",
         );
-    }
-}
-
-/// Warns of lenslet images that are wider or narrower than they should be.
-fn tell_fill(fill: &Fill, camera: &Camera, session: &Session) {
-    let Fill { measured_px, nominal_px, pitch_px } = *fill;
-    session.explain(format!("lenslet images are {measured_px:.2} px wide, {:.3} of the pitch", measured_px / pitch_px));
-    let lens = &camera.main_lens;
-    if (measured_px / nominal_px - 1.0).abs() > NOTABLE_FILL {
-        session.warn(format!(
-            "lenslet images are {measured_px:.2} px wide, but the nominal f-number {} gives {nominal_px:.2} px: the white image \
-             was taken at f-number {:.2}, or with another camera",
-            lens.working_f_number,
-            lens.working_f_number * nominal_px / measured_px
-        ));
-    } else if (measured_px / pitch_px - 1.0).abs() > NOTABLE_FILL {
-        let (what, share) = if measured_px < pitch_px { ("underfill", "unused") } else { ("overfill", "shared") };
-        session.warn(format!(
-            "lenslet images {what} the pitch: {measured_px:.2} of {pitch_px:.2} px, {:.0} % {share}; f-number {:.2} would match",
-            100.0 * (measured_px / pitch_px - 1.0).abs(),
-            lens.working_f_number * measured_px / pitch_px
-        ));
     }
 }

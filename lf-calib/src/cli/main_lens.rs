@@ -82,12 +82,7 @@ fn tell(found: &MainLensFit, images: usize, session: &mut Session) {
 }
 
 /// The warning of an image whose brightest pixels are clipped: its dots seem to be elsewhere.
-fn clipping(
-    file: &Path,
-    pixels: &Array2<f32>,
-    camera: &Camera,
-    channel: Option<Channel>,
-) -> Result<Option<String>> {
+fn clipping(file: &Path, pixels: &Array2<f32>, camera: &Camera, channel: Option<Channel>) -> Result<Option<String>> {
     // Divided by a flat field, the counts at the end of the histogram are no longer the same.
     let is_divided = camera.vignetting.is_some() && !io::is_standard(file);
     let raw = is_divided.then(|| image::open_counts(file, channel)).transpose()?;

@@ -5,6 +5,7 @@
 mod arguments;
 mod background;
 mod files;
+mod fill;
 mod lattice;
 mod main_lens;
 mod nominal;

@@ -1,15 +1,16 @@
 //! Between lenslets and the centres of their images.
 //!
 //! A ray through the middle of the stop (U = 0) is not refracted at a lenslet's centre c. It meets the sensor at
-//! c (1 + g / s_i), where g is the gap along the ray: on a sensor tilted by slopes t, g = (g_0 + t . c) / (1 - t . c /
-//! s_i). The inverse for an image at x is exact: c = x s_i / (s_i + g_0 + t . x); without tilt c = x / (1 + k).
+//! c (1 + g / l), where l is the distance of the exit pupil (s_i in a thin lens) and g the gap along the ray: on a sensor
+//! tilted by slopes t, g = (g_0 + t . c) / (1 - t . c / l). The inverse for an image at x is exact: c = x l / (l + g_0 +
+//! t . x); without tilt c = x / (1 + k).
 
 use glam::DVec2;
 use lf_core::{Camera, Optics};
 
 /// Maps lenslet centres to image centres and back. The camera's own lattice plays no part.
 pub(crate) struct LensletImages {
-    image_distance_mm: f64,
+    pupil_distance_mm: f64,
     gap_mm: f64,
     slope: DVec2,
     pixel_pitch_mm: f64,
@@ -19,7 +20,7 @@ pub(crate) struct LensletImages {
 impl LensletImages {
     pub fn new(camera: &Camera) -> Self {
         Self {
-            image_distance_mm: camera.image_distance_mm(),
+            pupil_distance_mm: camera.pupil_distance_mm(),
             gap_mm: camera.gap_mm(),
             slope: camera.tilt.as_ref().map_or(DVec2::ZERO, |tilt| DVec2::new(tilt.x_rad.tan(), tilt.y_rad.tan())),
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
@@ -34,19 +35,19 @@ impl LensletImages {
 
     /// Lenslet centre from its image centre, both mm from the sensor's middle.
     pub fn lenslet_from_image(&self, image_mm: DVec2) -> DVec2 {
-        let distance = self.image_distance_mm + self.gap_mm + self.slope.dot(image_mm);
-        image_mm * self.image_distance_mm / distance
+        let distance = self.pupil_distance_mm + self.gap_mm + self.slope.dot(image_mm);
+        image_mm * self.pupil_distance_mm / distance
     }
 
     /// Image centre from the lenslet centre, both mm from the sensor's middle.
     pub fn image_from_lenslet(&self, lenslet_mm: DVec2) -> DVec2 {
-        let distance = self.image_distance_mm - self.slope.dot(lenslet_mm);
-        lenslet_mm * (self.image_distance_mm + self.gap_mm) / distance
+        let distance = self.pupil_distance_mm - self.slope.dot(lenslet_mm);
+        lenslet_mm * (self.pupil_distance_mm + self.gap_mm) / distance
     }
 
     /// Length on the array, mm, for one pixel between lenslet images, in the middle of the sensor.
     pub fn lenslet_mm_per_px(&self) -> f64 {
-        self.pixel_pitch_mm / (1.0 + self.gap_mm / self.image_distance_mm)
+        self.pixel_pitch_mm / (1.0 + self.gap_mm / self.pupil_distance_mm)
     }
 }
 
@@ -71,7 +72,9 @@ mod tests {
         gap.microlenses.gap_mm = Some(0.33);
         let mut tilted = gap.clone();
         tilted.tilt = Some(Tilt { x_rad: 0.02, y_rad: -0.01 });
-        for camera in [plain, gap, tilted] {
+        let mut pupil = tilted.clone();
+        pupil.main_lens.pupil_distance_mm = Some(610.0);
+        for camera in [plain, gap, tilted, pupil] {
             let (places, optics) = (LensletImages::new(&camera), Optics::new(&camera));
             for (i, j) in [(0, 0), (19, -12), (-20, 3)] {
                 let centre = camera.lattice().centre_mm(i, j);

@@ -49,6 +49,7 @@ impl DataSheet {
                 magnification: self.magnification,
                 working_f_number: self.working_f_number,
                 aperture: self.aperture,
+                pupil_distance_mm: None,
             },
             microlenses: Microlenses {
                 layout: self.layout,

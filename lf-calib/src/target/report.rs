@@ -55,6 +55,7 @@ pub(crate) fn report(
         "residual_rms_px": misfit.rms_px,
         "expected_rms_px": misfit.expected_px,
         "image_distance_mm": camera.image_distance_mm(),
+        "pupil_distance_mm": camera.pupil_distance_mm(),
         "demagnification": camera.demagnification(),
         "parameters": parameters(nominal, fit, results),
         "correlated": correlated.iter().map(|(a, b, r)| json!({"pair": [a, b], "correlation": r})).collect::<Vec<_>>(),

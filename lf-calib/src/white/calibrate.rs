@@ -4,6 +4,7 @@
 
 use super::image_lattice::{Centre, ImageLattice};
 use super::{basis::nearest_offset, basis::nearest_turn, basis::unit_basis, departure::DepartureFit, followed::few};
+use super::{fill::Fill, fill::free_pitch_mm, pupil::PitchChange, pupil::Pupil};
 use crate::fit::lenslet_images::{LensletImages, image_px};
 use crate::{fit::changes::record, fit::polynomial::TiePoint};
 use glam::DVec2;
@@ -29,21 +30,32 @@ pub struct Calibrated {
     pub departure_px: f64,
     /// Root mean square distance of the kept centres from the camera's, px.
     pub residual_rms_px: f64,
-    /// Width of the lenslet images. None if they have no rim.
+    /// Width of the lenslet images. None if they show no clear edge, or if two lattices fit.
     pub fill: Option<Fill>,
+    /// The measured pitch against the nominal one.
+    pub pitch: PitchChange,
     /// Whether a lattice half a pitch aside fits as well, because lenslet images overlap. The nominal offset decides.
     pub is_ambiguous: bool,
 }
 
-/// Diameter (round stop) or side (square stop) of lenslet images, px.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fill {
-    /// Measured at half of the light.
-    pub measured_px: f64,
-    /// By the nominal f-number: k D.
-    pub nominal_px: f64,
-    /// Distance between lenslet images that they may fill: the pitch, for a square stop the distance between rows.
-    pub pitch_px: f64,
+impl Calibrated {
+    /// The camera with the stop that the white image was taken with, which need not be the camera's.
+    pub fn camera_of_white(&self) -> Camera {
+        let mut camera = self.camera.clone();
+        if let Some(fill) = &self.fill {
+            fill.with_stop(&mut camera);
+        }
+        camera
+    }
+}
+
+/// What a calibration takes from the nominal camera although the white image shows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Keep {
+    /// The working f-number: the white image was taken with another stop than the frames.
+    pub f_number: bool,
+    /// The pitch of the array, which is then exact. The pitch of the lenslet images gives the distance of the exit pupil.
+    pub pitch: bool,
 }
 
 /// One measured lenslet image, compared with the camera's.
@@ -61,21 +73,31 @@ pub struct Residual {
     pub kept: bool,
 }
 
-/// The nominal camera with its lattice replaced by the measured one. Offset and rotation are the nearest to the nominal
-/// ones that describe the same lattice. The nominal layout and pitch are not used. Refuses
-/// centres that do not span the plane, and a departure too steep for a camera.
-pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated, Refusal> {
+/// The nominal camera with its lattice replaced by the measured one, and its working f-number if the lenslet images show
+/// another. With [`Keep::pitch`] it gets the distance of the exit pupil instead of a pitch. Offset and rotation are the nearest to the nominal ones that describe the same lattice. The nominal layout
+/// and pitch are not used. Refuses centres that do not span the plane, and a departure too steep for a camera.
+pub fn calibrate(lattice: &ImageLattice, nominal: &Camera, keep: Keep) -> Result<Calibrated, Refusal> {
+    let pupil = if keep.pitch { Some(Pupil::of(lattice, nominal).checked(lattice, nominal)?) } else { None };
+    let mut given = nominal.clone();
+    if let Some(pupil) = pupil {
+        given.main_lens.pupil_distance_mm = Some(pupil.distance_mm);
+    }
+    let nominal = &given;
     let images = LensletImages::new(nominal);
     let departure = departure(lattice, nominal, &images)?;
     let mut camera = with_lattice(nominal, lattice.layout, &departure);
     let centre_mm = camera.microlenses.offset_mm;
     camera.microlenses.offset_mm = nearest_offset(&camera, nominal.microlenses.offset_mm);
 
-    let fill = fill(lattice, &camera);
+    let fill = Fill::of(lattice, &camera);
     let is_ambiguous = is_ambiguous(&camera, fill);
     let mut aside_mm = DVec2::ZERO;
     if is_ambiguous && let Some((other, half_mm)) = nearer_half_aside(&camera, centre_mm, nominal) {
         (camera, aside_mm) = (other, half_mm);
+    }
+    let fill = fill.filter(|_| !is_ambiguous);
+    if let Some(fill) = fill.filter(|_| !keep.f_number) {
+        fill.with_stop(&mut camera);
     }
     camera.centres = departure.centres;
     camera
@@ -92,7 +114,8 @@ pub fn calibrate(lattice: &ImageLattice, nominal: &Camera) -> Result<Calibrated,
         degree: departure.degree,
         departure_px: corners_px.iter().map(|corner| corner.length()).fold(0.0, f64::max),
         residual_rms_px: (squares / lattice.kept() as f64).sqrt(),
-        fill: fill.filter(|_| !is_ambiguous),
+        fill,
+        pitch: PitchChange::of(lattice, nominal, pupil),
         is_ambiguous,
     };
     let measured = measured(lattice, nominal, &calibrated, corners_px, images.lenslet_mm_per_px());
@@ -193,12 +216,18 @@ fn measured(
         "micro_image_px": fill.map(|fill| fill.measured_px),
         "nominal_micro_image_px": fill.map(|fill| fill.nominal_px),
         "fill": fill.map(|fill| fill.measured_px / fill.pitch_px),
+        "working_f_number": fill.map(|fill| fill.f_number()),
+        "nominal_working_f_number": nominal.main_lens.working_f_number,
         "second_stop": second_stop,
         "nominal_demagnification": nominal.demagnification(),
+        "pupil_distance_mm": calibrated.pitch.pupil.map(|pupil| pupil.distance_mm),
         "standard_uncertainty": {
             "pitch_mm": lattice.pitch_uncertainty_px * px_mm,
             "rotation_rad": lattice.rotation_uncertainty_rad,
             "offset_mm": lattice.origin_uncertainty_px * px_mm,
+            "pupil_distance_mm": calibrated.pitch.pupil.map(|pupil| pupil.uncertainty_mm),
+            "micro_image_px": fill.map(|fill| fill.uncertainty_px),
+            "working_f_number": fill.map(|fill| fill.f_number_uncertainty()),
         },
     })
 }
@@ -221,23 +250,4 @@ fn residuals(measured: &ImageLattice, camera: &Camera, images: &LensletImages, a
         }
     };
     measured.centres.iter().map(residual).collect()
-}
-
-/// None if the lenslet images have no rim.
-fn fill(lattice: &ImageLattice, camera: &Camera) -> Option<Fill> {
-    let px_per_mm = (1.0 + camera.demagnification()) / camera.sensor.pixel_pitch_mm;
-    let measured_px = match camera.main_lens.aperture {
-        Aperture::Circle => lattice.disc_px?,
-        Aperture::Square => lattice.square_px?,
-    };
-    let nominal_px = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
-    Some(Fill { measured_px, nominal_px, pitch_px: free_pitch_mm(camera) * px_per_mm })
-}
-
-/// Width that a lenslet image may fill, mm on the array: the pitch for a round stop, the distance of rows for a square.
-fn free_pitch_mm(camera: &Camera) -> f64 {
-    match camera.main_lens.aperture {
-        Aperture::Circle => camera.microlenses.pitch_mm,
-        Aperture::Square => camera.lattice().row_pitch_mm(),
-    }
 }

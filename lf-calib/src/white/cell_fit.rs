@@ -30,7 +30,7 @@ impl FollowedLattice {
     }
 
     /// The lenslets that a second stop cuts least. A disc seen from one side does not tell its radius from its place.
-    fn least_cut(&self, mut fits: Vec<(DVec2, LensletFit)>, size: (usize, usize)) -> Vec<(DVec2, LensletFit)> {
+    pub fn least_cut(&self, mut fits: Vec<(DVec2, LensletFit)>, size: (usize, usize)) -> Vec<(DVec2, LensletFit)> {
         let Some(stops) = &self.stops else { return fits };
         let cut = |fit: &(DVec2, LensletFit)| stops.cut_px(fit.1.centre_px - middle_px(size));
         let mut cuts: Vec<f64> = fits.iter().map(cut).collect();
@@ -41,7 +41,7 @@ impl FollowedLattice {
     }
 
     /// The mean cell about the smooth lattice: its round part, plus the remainder if that is large enough.
-    fn fit_cell(&mut self, image: ArrayView2<f32>, fits: &[(DVec2, LensletFit)]) -> Option<MeanCell> {
+    fn fit_cell(&self, image: ArrayView2<f32>, fits: &[(DVec2, LensletFit)]) -> Option<MeanCell> {
         let basis = self.basis_px;
         let knots = knots_of(basis, TABLE_PER_PX, TABLE);
         let round = self.sum_over(
@@ -51,8 +51,7 @@ impl FollowedLattice {
             |(equations, line), offset, value| equations.add(offset, value, line),
             |(sum, _), (equations, _)| sum.merge(equations),
         );
-        let (mut table, radius_px) = round.0.solve(knots)?;
-        self.radius_px = radius_px;
+        let mut table = round.0.solve(knots)?;
         let cell = MeanCell::through(knots, &table);
         if !self.is_settled {
             return Some(cell);

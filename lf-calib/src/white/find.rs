@@ -3,11 +3,11 @@
 use super::basis::{layout_of, shortest, unit_basis};
 use super::followed::{FEWEST, FollowedLattice, few};
 use super::image_lattice::{Centre, ImageLattice, SecondStop};
-use super::{follow::follow, lenslet_fit::window, perfect_lattice::PerfectLattice, period, rim::side_px};
+use super::{follow::follow, lenslet_fit::window, perfect_lattice::PerfectLattice, period, stop_width::stop_width};
 use crate::fit::polynomial::{Polynomial, TiePoint, middle_px};
 use crate::fit::robust::{chosen, without_outliers};
 use glam::{DMat2, DVec2};
-use lf_core::{Refusal, camera::Layout};
+use lf_core::{Refusal, camera::Aperture, camera::Layout};
 use ndarray::Array2;
 
 /// Least share of the lenslets in the frame that follow the lattice.
@@ -26,7 +26,8 @@ const SAMPLING_PX: f64 = 0.002;
 pub fn find_lattice(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLattice, Refusal> {
     let image = image.view();
     let period = period::find(image)?;
-    let followed = follow(image, &period, watch)?;
+    let mut followed = follow(image, &period, watch)?;
+    let samples = followed.cell_samples(image);
     let layout = checked_layout(followed.basis_px)?;
     let smooth = SmoothLattice::of(&followed, image.dim())?;
     let unit = unit_basis(layout == Layout::Hexagonal);
@@ -53,8 +54,8 @@ pub fn find_lattice(image: &Array2<f32>, watch: &dyn Fn(u64)) -> Result<ImageLat
         pitch_uncertainty_px,
         rotation_uncertainty_rad: pitch_uncertainty_px / pitch_px,
         origin_uncertainty_px: (noise * perfect.place_uncertainty(DVec2::ZERO)).hypot(SAMPLING_PX),
-        disc_px: followed.stops.map(|stops| stops.main_px).or(followed.radius_px).map(|radius| 2.0 * radius),
-        square_px: side_px(&followed.cell, followed.basis_px),
+        disc: stop_width(&samples, followed.basis_px, Aperture::Circle),
+        square: stop_width(&samples, followed.basis_px, Aperture::Square),
         second_stop: followed.stops.map(|stops| SecondStop {
             diameter_px: 2.0 * stops.second_px,
             slope: stops.slope,

@@ -91,7 +91,6 @@ fn from_tile(image: ArrayView2<f32>, period: &Period, corner: [usize; 2]) -> Opt
         is_whole: false,
         is_settled: false,
         stops: None,
-        radius_px: None,
         fits: Vec::new(),
     };
     let tried = followed.read(image, SAMPLE);

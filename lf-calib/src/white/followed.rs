@@ -41,8 +41,6 @@ pub(crate) struct FollowedLattice {
     pub is_settled: bool,
     /// Once it has been seen.
     pub stops: Option<TwoStops>,
-    /// Radius of the round part of the cell, px.
-    pub radius_px: Option<f64>,
     /// Lattice index and fit of each lenslet that was read.
     pub fits: Vec<(DVec2, LensletFit)>,
 }

@@ -24,6 +24,19 @@ pub struct SecondStop {
     pub aside_px: [f64; 2],
 }
 
+/// The width of the stop's image under a lenslet, by a fit of its edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StopWidth {
+    /// Diameter of a disc or side of a square, px, where the light is half of that inside.
+    pub width_px: f64,
+    /// Standard uncertainty of the width, px.
+    pub uncertainty_px: f64,
+    /// Standard deviation of the edge's blur, px; a sharp edge under pixels has 0.29.
+    pub blur_px: f64,
+    /// Root mean square misfit of the fit, over the light in the middle.
+    pub misfit: f64,
+}
+
 /// The lattice of the lenslet *images*, in px from the frame's left and top edge. Angles turn from x towards y.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImageLattice {
@@ -45,10 +58,10 @@ pub struct ImageLattice {
     pub rotation_uncertainty_rad: f64,
     /// Standard uncertainty of each coordinate of the origin, px.
     pub origin_uncertainty_px: f64,
-    /// Diameter of the lenslet images if they are discs, px. None if they have no rim.
-    pub disc_px: Option<f64>,
-    /// Side of the lenslet images if they are squares, px. None if they have no rim.
-    pub square_px: Option<f64>,
+    /// Width of the lenslet images if they are discs. None if no disc follows their edge.
+    pub disc: Option<StopWidth>,
+    /// Width of the lenslet images if they are squares along x and y. None if no square follows their edge.
+    pub square: Option<StopWidth>,
     /// The second stop that cuts into them, if there is one.
     pub second_stop: Option<SecondStop>,
     /// Contrast: root mean square of the periodic part over the mean count.

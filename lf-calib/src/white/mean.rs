@@ -1,12 +1,10 @@
 //! The mean of several white images.
 
-use lf_core::Refusal;
+use lf_core::{Refusal, image::clipped_share};
 use ndarray::Array2;
 
-/// Largest share of pixels at full scale.
+/// Largest share of pixels that are clipped.
 const MOST_SATURATED: f64 = 0.02;
-/// Full scales of integer formats of 8, 10, 12, 14 and 16 bits.
-const FULL_SCALES: [f32; 5] = [255.0, 1023.0, 4095.0, 16383.0, 65535.0];
 
 /// White images, summed one after another. Memory does not grow with their number.
 #[derive(Debug, Clone, Default)]
@@ -43,20 +41,16 @@ pub(crate) fn other_size(image: &Array2<f32>, (height, width): (usize, usize)) -
     )
 }
 
-/// Refuses too many pixels at full scale, if every count is a whole number: other images may have flat tops.
+/// Refuses too many clipped pixels if every count is a whole number: an image that was drawn may have flat tops.
 fn check_saturation(image: &Array2<f32>) -> Result<(), Refusal> {
-    let highest = image.iter().copied().fold(0.0, f32::max);
-    if !FULL_SCALES.contains(&highest) || image.iter().any(|value| value.fract() != 0.0) {
-        return Ok(());
+    let clipped = clipped_share(image.view()).filter(|(_, share)| *share > MOST_SATURATED);
+    match clipped {
+        Some((level, share)) if image.iter().all(|value| value.fract() == 0.0) => Err(Refusal::new(
+            format!("saturated: {:.0} % of the pixels are at {level}, the highest count", 100.0 * share),
+            format!("wanted at most {:.0} %", 100.0 * MOST_SATURATED),
+        )),
+        _ => Ok(()),
     }
-    let share = image.iter().filter(|&&value| value == highest).count() as f64 / image.len() as f64;
-    if share <= MOST_SATURATED {
-        return Ok(());
-    }
-    Err(Refusal::new(
-        format!("saturated: {:.0} % of the pixels are at {highest}, full scale", 100.0 * share),
-        format!("wanted at most {:.0} %", 100.0 * MOST_SATURATED),
-    ))
 }
 
 #[cfg(test)]
@@ -76,10 +70,18 @@ mod tests {
     }
 
     #[test]
-    fn full_scale_of_whole_numbers_is_saturation_and_a_flat_top_is_not() {
-        let image = Array2::from_shape_fn((10, 10), |(row, _)| if row < 5 { 4095.0 } else { 10.0 });
-        assert!(WhiteMean::default().add(&image).unwrap_err().found.contains("50 % of the pixels are at 4095"));
-        assert!(WhiteMean::default().add(&image.mapv(|value| value * 0.9)).is_ok());
-        assert!(WhiteMean::default().add(&image.mapv(|value| value + 0.5)).is_ok());
+    fn a_pile_of_whole_numbers_at_any_level_is_saturation_and_a_flat_top_is_not() {
+        let image = Array2::from_shape_fn((40, 40), |(row, column)| (40 * row + column) as f32 % 800.0);
+        for (limit, scale) in [(400.0, 1.0), (600.0, 16.0), (790.0, 5.0)] {
+            let clipped = image.mapv(|value| value.min(limit) * scale);
+            let share = (800.0 - limit) / 8.0;
+            let wanted = format!("saturated: {share:.0} % of the pixels are at {}, the highest count", limit * scale);
+            match WhiteMean::default().add(&clipped) {
+                Err(refusal) => assert_eq!(refusal.found, wanted),
+                Ok(()) => assert!(share < 2.0, "{limit}"),
+            }
+            assert!(WhiteMean::default().add(&clipped.mapv(|value| value * 0.9 + 0.5)).is_ok());
+        }
+        assert!(WhiteMean::default().add(&image).is_ok());
     }
 }

@@ -4,7 +4,7 @@
 //! number of pixels, all lenslets are sampled alike, but the distances of their pixels from the centre still differ: S
 //! is resolved much finer than a pixel, and the sampling does not move the centre.
 
-use super::{basis::shortest, mean_cell::MeanCell, rim::radius_px};
+use super::{basis::shortest, mean_cell::MeanCell};
 use glam::{DMat2, DVec2};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -93,8 +93,8 @@ impl ProfileEquations {
         self.right += &other.right;
     }
 
-    /// The cell as pixels see it, a table of `knots` along its sides, and the radius of its rim. None if undetermined.
-    pub fn solve(mut self, knots: [usize; 2]) -> Option<(Vec<f64>, Option<f64>)> {
+    /// The cell as pixels see it: a table of `knots` along its sides. None if undetermined.
+    pub fn solve(mut self, knots: [usize; 2]) -> Option<Vec<f64>> {
         let weight = ROUGHNESS * self.normal.trace() / (self.knots + 1) as f64;
         for knot in 0..self.knots {
             self.normal[(knot, knot)] += weight;
@@ -122,7 +122,6 @@ impl ProfileEquations {
             profile[self.knots] + sum / (TABLE_SAMPLES * TABLE_SAMPLES) as f64
         };
         let places = 0..knots[0] * knots[1];
-        let table = places.into_par_iter().map(|n| seen(self.basis_px * MeanCell::place(knots, n))).collect();
-        Some((table, radius_px(&profile.as_slice()[..self.knots], self.step_px)))
+        Some(places.into_par_iter().map(|n| seen(self.basis_px * MeanCell::place(knots, n))).collect())
     }
 }

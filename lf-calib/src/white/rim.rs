@@ -41,24 +41,3 @@ fn fall(profile: &[f64], dark: f64, rough: f64) -> Option<f64> {
     let after = profile[rim as usize..].iter().copied().fold(f64::INFINITY, f64::min);
     (after - dark < DARK * (plateau - dark)).then_some(rim)
 }
-
-/// Radius of a disc, px, from its brightness profile with samples `step_px` apart. None if the disc has no rim.
-pub(crate) fn radius_px(profile: &[f64], step_px: f64) -> Option<f64> {
-    let inner = &profile[..(profile.len() / 3).max(1)];
-    let rough = inner.iter().sum::<f64>() / inner.len() as f64;
-    fall(profile, 0.0, rough).map(|steps| steps * step_px)
-}
-
-/// Side of a square parallel to x and y, px, from the rim across its four sides. None if a side has no rim.
-pub(crate) fn side_px(cell: &MeanCell, basis_px: DMat2) -> Option<f64> {
-    // Only directions within 15 degrees of the normals: the corners say nothing about the sides.
-    let angles: Vec<f64> =
-        (0..4).flat_map(|side| (-1..=1).map(move |n| (90.0 * side as f64 + 15.0 * n as f64).to_radians())).collect();
-    let rim = rim_px(cell, basis_px, angles.iter().copied());
-    let halves: Option<Vec<f64>> = rim
-        .iter()
-        .zip(&angles)
-        .map(|(rim, angle)| rim.map(|rim| rim * angle.cos().abs().max(angle.sin().abs())))
-        .collect();
-    halves.map(|halves| 2.0 * halves.iter().sum::<f64>() / halves.len() as f64)
-}

@@ -18,6 +18,7 @@ pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2
             magnification: 1.0,
             working_f_number: 4.0,
             aperture: Aperture::Circle,
+            pupil_distance_mm: None,
         },
         microlenses: Microlenses {
             layout,

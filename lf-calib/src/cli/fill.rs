@@ -1,0 +1,85 @@
+//! What `lf-calib lattice` says about the main lens: f-number and exit pupil.
+
+use lf_calib::{Calibrated, Fill, PitchChange};
+use lf_core::{Camera, Session};
+
+/// A measured f-number, or a fill of the pitch, is warned of from this difference on.
+const NOTABLE_STOP: f64 = 0.03;
+const NOTABLE_FILL: f64 = 0.05;
+
+/// Tells the measured width, and warns if another stop than the camera's, or a fill other than the pitch, shows.
+/// `is_kept`: the nominal f-number was asked for.
+pub fn tell_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session: &Session) {
+    let Some(fill) = fill else {
+        session.say(format!(
+            "the width of the lenslet images cannot be measured, no clear edge shows: the nominal f-number {} is kept",
+            camera.main_lens.working_f_number
+        ));
+        return;
+    };
+    let Fill { measured_px, uncertainty_px, nominal_px, pitch_px, nominal_f_number } = *fill;
+    session.explain(format!(
+        "lenslet images are {measured_px:.2} +- {uncertainty_px:.2} px wide, {:.3} of the pitch: f-number {:.3} +- {:.3}",
+        measured_px / pitch_px,
+        fill.f_number(),
+        fill.f_number_uncertainty()
+    ));
+    let wide = format!(
+        "lenslet images are {measured_px:.2} +- {uncertainty_px:.2} px wide, but the nominal f-number {nominal_f_number} \
+         gives {nominal_px:.2} px"
+    );
+    let cause = if fill.change() > 0.0 { "smaller" } else { "larger" };
+    if fill.is_other_stop() {
+        let stated = format!("the stop is {cause} than stated, or another one was used for the white image");
+        let line = if is_kept {
+            format!("{wide}: {stated}; --keep-f-number keeps {nominal_f_number}, {:.2} was measured", fill.f_number())
+        } else {
+            format!(
+                "{wide}: {stated} (then give --keep-f-number); the camera gets the measured f-number {:.3} ({:+.1} %)",
+                fill.f_number(),
+                100.0 * fill.change()
+            )
+        };
+        if fill.change().abs() > NOTABLE_STOP { session.warn(line) } else { session.explain(line) }
+    } else {
+        session.explain(format!("the nominal f-number {nominal_f_number} agrees with that and is kept"));
+    }
+    if (measured_px / pitch_px - 1.0).abs() > NOTABLE_FILL {
+        let (what, share) = if measured_px < pitch_px { ("underfill", "unused") } else { ("overfill", "shared") };
+        session.warn(format!(
+            "lenslet images {what} the pitch: {measured_px:.2} of {pitch_px:.2} px, {:.0} % {share}; f-number {:.2} would match",
+            100.0 * (measured_px / pitch_px - 1.0).abs(),
+            fill.f_number() * measured_px / pitch_px
+        ));
+    }
+}
+
+/// Tells the exit pupil, and warns if the pitch is not the nominal one.
+pub fn tell_pitch(calibrated: &Calibrated, nominal: &Camera, session: &Session) {
+    let PitchChange { share, is_notable, implied, pupil } = calibrated.pitch;
+    if let Some(pupil) = pupil {
+        session.explain(format!(
+            "the exit pupil stands {:.1} +- {:.1} mm from the array, by the pitch of the lenslet images",
+            pupil.distance_mm, pupil.uncertainty_mm
+        ));
+        return;
+    }
+    if !is_notable {
+        return;
+    }
+    let remedy = match implied {
+        Some(implied) => format!(
+            "if the nominal pitch is exact, give --keep-pitch: the pupil then stands at {:.1} +- {:.1} mm",
+            implied.distance_mm, implied.uncertainty_mm
+        ),
+        None => "no place of the pupil explains it: check the nominal pitch and the size of a pixel".to_string(),
+    };
+    session.warn(format!(
+        "the lenslets' pitch comes out as {:.5} mm, {:+.2} % from the nominal {:.5} mm: another array, or an exit pupil \
+         that is not {:.1} mm from the array; {remedy}",
+        calibrated.camera.microlenses.pitch_mm,
+        100.0 * share,
+        nominal.microlenses.pitch_mm,
+        nominal.pupil_distance_mm(),
+    ));
+}
