@@ -15,7 +15,7 @@ fn scene(folder: &Folder, keys: &[&str]) {
 
 /// Centroid of an image's light, columns and rows from its middle.
 fn centroid(folder: &Folder, name: &str) -> [f64; 2] {
-    let pixels = image::open_counts(&folder.path(name)).unwrap().pixels;
+    let pixels = image::open_counts(&folder.path(name), None).unwrap().pixels;
     let (mut sum, mut moment) = (0.0, [0.0; 2]);
     for ((row, column), light) in pixels.indexed_iter() {
         let light = f64::from(*light);
