@@ -2,7 +2,7 @@
 
 use crate::scenes::{self, points};
 use glam::DVec3;
-use lf_calib::{Dot, Exposure, blunder, closer_dots_mm, fit_doubts, main_lens};
+use lf_calib::{Dot, Exposure, blunder, closer_dots_mm, fit_doubts, in_air, main_lens};
 use lf_core::Camera;
 
 const DEPTHS_MM: [f64; 4] = [-4.2, -3.0, 3.0, 4.0];
@@ -54,6 +54,17 @@ fn each_slip_is_named() {
     assert!(mirrored.contains("as its mirror image"), "{mirrored}");
     let turned = told(&camera, |[x, y, z]| [-y, x, z]);
     assert!(turned.contains("turned by 270 degrees") || turned.contains("turned by 90 degrees"), "{turned}");
+}
+
+#[test]
+fn forgotten_water_is_named() {
+    let truth = in_air(&points::camera(LENSLETS), 1.333);
+    let text = told(&truth, |place| place);
+    assert!(text.contains("as behind water") && text.contains("--water"), "{text}");
+    // The other way round: a camera for water, and a target in air.
+    let seen = exposures(&points::camera(LENSLETS), |place| place);
+    let text = blunder(&seen, &truth).expect("a slip").to_string();
+    assert!(text.contains("as a camera for water in air"), "{text}");
 }
 
 /// A fit may follow depths that are a little wrong with a gap that no camera has.

@@ -80,13 +80,14 @@ impl DataSheet {
 /// The camera in air that sees the same paraxial rays as a camera before a liquid of this index does.
 ///
 /// In the liquid, a depth Z is Z / n deep for the lens: `beta = s_i / (s_o - Z / n) = n s_i / (n s_o - Z)`. So all
-/// lengths along the axis grow by n: the focal lengths of the lens and of the lenslets, and the gap. The stop keeps its
-/// size, so the f-number grows by n too. The magnification is the same.
+/// lengths along the axis grow by n: the focal lengths of the lens and of the lenslets, the gap, and the distance of the
+/// exit pupil. The stop keeps its size, so the f-number grows by n too. The magnification is the same.
 pub fn in_air(camera: &Camera, index: f64) -> Camera {
     let mut camera = camera.clone();
     // Twelve digits: 200 mm times 1.333 are 266.6 mm, and not 266.59999999999997.
     let grown = |length: f64| format!("{:.11e}", length * index).parse().unwrap_or(length * index);
     camera.main_lens.focal_length_mm = grown(camera.main_lens.focal_length_mm);
+    camera.main_lens.pupil_distance_mm = camera.main_lens.pupil_distance_mm.map(grown);
     camera.main_lens.working_f_number = grown(camera.main_lens.working_f_number);
     camera.microlenses.focal_length_mm = grown(camera.microlenses.focal_length_mm);
     camera.microlenses.gap_mm = camera.microlenses.gap_mm.map(grown);

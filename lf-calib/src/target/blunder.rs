@@ -10,6 +10,7 @@ use super::look::first_look;
 use super::main_lens::{ALWAYS, LARGEST_RMS_PX, LEAST_FOLLOWING};
 use super::recognise::spacing_mm;
 use crate::points::locate::{NARROWEST, width_in_lenslets};
+use crate::points::{sub_images::SHARE, view::PointView};
 use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
 use lf_core::{Camera, Optics, Refusal};
@@ -145,6 +146,9 @@ fn fit(exposures: &[Exposure], nominal: &Camera, optics: &Optics) -> Option<f64>
     start.set(P::FocusOffset, deeper);
     let bundle = Bundle { nominal, sightings: &sightings, dots: ids.len() };
     let misfit = bundle.fit(&ALWAYS, &start)?.misfit;
-    let follows = misfit.kept as f64 >= LEAST_FOLLOWING * misfit.sub_images as f64;
+    // A regular grid at a wrong depth has some sub-images where another dot's should be: too few.
+    let lit = |sighting: &DotSighting| PointView::new(optics, sighting.target_mm).lit_lenslets(SHARE, Some(0.0)).len();
+    let wanted = sightings.iter().map(lit).sum::<usize>().max(misfit.sub_images);
+    let follows = misfit.kept as f64 >= LEAST_FOLLOWING * wanted as f64;
     (follows && misfit.rms_px <= LARGEST_RMS_PX).then_some(misfit.rms_px)
 }

@@ -27,8 +27,7 @@ pub struct Windows {
     /// Fraction of a window that the next one covers too [default: 0.75]
     #[arg(long, value_name = "SHARE")]
     pub overlap: Option<f64>,
-    /// Largest displacement that the first pass searches, voxels [default: a quarter of its window; an eighth with
-    /// --settings and --pass; at least 4]
+    /// Largest displacement that the first pass searches, voxels [default: an eighth of its window, at least 4]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     search: Option<[usize; 3]>,
     /// How far later passes search from the displacement that the pass before found, voxels [default: 4,4,3]
@@ -96,8 +95,7 @@ impl Windows {
             }
         };
         let full = |(number, pass): (usize, &TypedPass)| {
-            let part = if self.settings.is_none() && self.pass.is_empty() { 4 } else { 8 };
-            let first = self.search.unwrap_or(fitted(pass.window.map(|n| (n / part).max(4))));
+            let first = self.search.unwrap_or(fitted(pass.window.map(|n| (n / 8).max(4))));
             let later = self.refine.unwrap_or(fitted(Options::REFINE));
             let search = pass.search.unwrap_or(if number == 0 { first } else { later });
             Pass { window: pass.window, overlap: pass.overlap.unwrap_or(overlap), search }
