@@ -178,6 +178,9 @@ impl<'ast> Visit<'ast> for Names<'_> {
     }
 
     fn visit_attribute(&mut self, _: &'ast Attribute) {}
+
+    // `pub(in crate::image)` says who may use an item; it uses nothing.
+    fn visit_visibility(&mut self, _: &'ast syn::Visibility) {}
 }
 
 /// Which file of a crate uses which others. A re-export leads to the file that it names.

@@ -76,7 +76,7 @@ fn widths_of_3_to_70_px_in_noise() {
                     let found = lattice.disc;
                     let what = format!("{layout:?} {width} {noise} {fill}");
                     println!("{what}: {found:.3?}");
-                    // Of small discs that nearly touch, hardly an edge is left.
+                    // Small discs that nearly touch have hardly an edge left.
                     let Some(found) = found else {
                         assert!(width <= 5.0 && fill > 0.9, "{what}");
                         continue;

@@ -1,4 +1,4 @@
-//! What `lf-calib lattice` says about the main lens: f-number and exit pupil.
+//! The main lens in the messages of `lf-calib lattice`: f-number and exit pupil.
 
 use lf_calib::{Calibrated, Fill, PitchChange};
 use lf_core::{Camera, Session};

@@ -49,7 +49,7 @@ impl Calibrated {
     }
 }
 
-/// What a calibration takes from the nominal camera although the white image shows it.
+/// A calibration takes these from the nominal camera although the white image shows them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Keep {
     /// The working f-number: the white image was taken with another stop than the frames.

@@ -71,7 +71,7 @@ struct Fit {
     edge: Edge,
     /// Root mean square misfit over the light in the middle.
     misfit: f64,
-    /// Of the half width, by the scatter of the samples about the fit.
+    /// Standard uncertainty of the half width, by the scatter of the samples about the fit.
     uncertainty_px: f64,
 }
 

@@ -46,7 +46,7 @@ pub struct LatticeLight {
     pub quarter_shift_px: f64,
 }
 
-/// What the light says about the camera.
+/// The camera as the light shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Follows {
     /// It lies where the camera puts it, or cannot tell.
