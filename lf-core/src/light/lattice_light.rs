@@ -196,7 +196,8 @@ mod tests {
             let mut other = camera.clone();
             other.microlenses.pitch_mm *= 1.05;
             if aperture == Aperture::Square {
-                assert_eq!(found(&other).follows(), Follows::Camera);
+                // Squares that touch leave no gap, so their light cannot tell where the lattice is.
+                assert_eq!(found(&moved).follows(), Follows::Camera);
                 continue;
             }
             assert!((found(&moved).shift_px - 5f64.sqrt()).abs() < 0.1, "{layout:?}: {:?}", found(&moved));
