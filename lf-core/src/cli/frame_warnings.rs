@@ -45,7 +45,7 @@ impl Session {
     }
 
     fn warn_of_lattice(&mut self, light: &LatticeLight) {
-        let LatticeLight { strength, predicted, shift_px, quarter_shift_px } = light;
+        let LatticeLight { strength, predicted, shift_px, quarter_shift_px, .. } = light;
         self.explain(format!(
             "light follows the lattice with strength {strength:.3}, {predicted:.3} by the camera's stop; it lies \
              {shift_px:.2} px from the lenslet images, {quarter_shift_px:.2} px in the worst quarter"

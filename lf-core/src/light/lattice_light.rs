@@ -27,11 +27,24 @@ const FOLLOWS: f64 = 0.4;
 /// Harmonics of this strength have a sure phase, for any camera.
 const SURE_STRENGTH: f64 = 0.08;
 
-/// Largest shift of a good camera's light, px: in the whole frame and in a quarter of it. Weak harmonics err more
-/// there.
-const SHIFT_PX: f64 = 0.7;
-const QUARTER_SHIFT_PX: f64 = 1.5;
-const LARGEST_FACTOR: f64 = 2.5;
+/// Largest shift of a good camera's light, px, and the strength and the number of lit pixels from which it holds. With
+/// weaker harmonics or less light more is allowed.
+struct Limit {
+    shift_px: f64,
+    strength: f64,
+    pixels: f64,
+}
+const WHOLE: Limit = Limit { shift_px: 0.7, strength: 0.05, pixels: 2e4 };
+const QUARTER: Limit = Limit { shift_px: 1.5, strength: 0.1, pixels: 2e4 };
+
+impl Limit {
+    /// A shift over the largest shift.
+    fn excess(&self, sums: &Sums, shift_px: f64) -> f64 {
+        let weakness =
+            self.strength / sums.strength().max(1e-9) * (self.pixels / f64::from(sums.pixels)).max(1.0).sqrt();
+        shift_px / (self.shift_px * weakness.max(1.0))
+    }
+}
 
 /// How the light of a frame lies under the lenslets of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,11 +55,13 @@ pub struct LatticeLight {
     pub predicted: f64,
     /// Distance of the light from where the camera's lenslets put it, px.
     pub shift_px: f64,
-    /// The largest such distance in a quarter of the frame, px.
+    /// The same in the quarter of the frame where it is most remarkable, px.
     pub quarter_shift_px: f64,
+    /// The more remarkable of the two over the largest of a good camera.
+    pub excess: f64,
 }
 
-/// The camera as the light shows it.
+/// Whether the light is that of the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Follows {
     /// It lies where the camera puts it, or cannot tell.
@@ -62,11 +77,13 @@ pub enum Follows {
 struct Sums {
     weight: f64,
     harmonics: [DVec2; 2],
+    pixels: u32,
 }
 
 impl Sums {
     fn add(&mut self, weight: f64, turns: DVec2) {
         self.weight += weight;
+        self.pixels += 1;
         for (sum, turns) in self.harmonics.iter_mut().zip(turns.to_array()) {
             *sum += weight * DVec2::from_angle(TAU * turns);
         }
@@ -74,6 +91,7 @@ impl Sums {
 
     fn join(mut self, other: Self) -> Self {
         self.weight += other.weight;
+        self.pixels += other.pixels;
         (0..2).for_each(|n| self.harmonics[n] += other.harmonics[n]);
         self
     }
@@ -120,21 +138,26 @@ impl LatticeLight {
         }
         let whole = quarters.into_iter().fold(Sums::default(), Sums::join);
         let shift = |sums: &Sums| sums.shift_px(lattice, optics.pixel_pitch_mm);
+        let of_quarters = quarters.iter().filter(|sums| sums.weight > 0.0).map(|sums| {
+            let shift_px = shift(sums);
+            (QUARTER.excess(sums, shift_px), shift_px)
+        });
+        let (excess, quarter_shift_px) = of_quarters.fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a });
         (whole.weight > 0.0).then(|| Self {
             strength: whole.strength(),
             predicted: predicted(&optics),
             shift_px: shift(&whole),
-            quarter_shift_px: quarters.iter().filter(|sums| sums.weight > 0.0).map(shift).fold(0.0, f64::max),
+            quarter_shift_px,
+            excess: WHOLE.excess(&whole, shift(&whole)).max(excess),
         })
     }
 
     /// Whether the light is that of the camera.
     pub fn follows(&self) -> Follows {
-        let Self { strength, predicted, shift_px, quarter_shift_px } = *self;
+        let Self { strength, predicted, excess, .. } = *self;
         let can_tell = predicted >= LEAST_STRENGTH || strength >= SURE_STRENGTH;
-        let quarter_px = QUARTER_SHIFT_PX * (0.1 / strength.max(1e-9)).clamp(1.0, LARGEST_FACTOR);
         // Light of another lattice lies anywhere. Light of a wider stop is weak and lies in its place.
-        if !can_tell || (shift_px <= SHIFT_PX && quarter_shift_px <= quarter_px) {
+        if !can_tell || excess <= 1.0 {
             Follows::Camera
         } else if strength < FOLLOWS * predicted {
             Follows::AnotherLattice
@@ -196,7 +219,8 @@ mod tests {
             let mut other = camera.clone();
             other.microlenses.pitch_mm *= 1.05;
             if aperture == Aperture::Square {
-                assert_eq!(found(&other).follows(), Follows::Camera);
+                // Squares that touch leave no gap, so their light cannot tell where the lattice is.
+                assert_eq!(found(&moved).follows(), Follows::Camera);
                 continue;
             }
             assert!((found(&moved).shift_px - 5f64.sqrt()).abs() < 0.1, "{layout:?}: {:?}", found(&moved));
