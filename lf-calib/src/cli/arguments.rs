@@ -13,11 +13,10 @@ use std::path::PathBuf;
     version,
     propagate_version = true,
     max_term_width = 100,
-    after_help = "Examples; the last two in out/ after scripts/demo:
+    after_help = "Examples; the last one in out/ after scripts/demo:
   lf-calib nominal --sensor 1092x1092 --pixel 5.5um --f 200 --magnification 1 --f-number 4 \\
       --pitch 77um --lenslet-f 308um
-  lf-calib lattice white.exr -c nominal.json -o calibrated.json --plot lattice.svg
-  lf-calib background scene/frame-*.exr -o background.exr"
+  lf-calib lattice white.exr -c nominal.json -o calibrated.json --plot lattice.svg"
 )]
 pub struct Arguments {
     #[command(subcommand)]

@@ -58,8 +58,8 @@ impl Session {
                 100.0 * strength / predicted
             )),
             Follows::Moved => self.warn(format!(
-                "the light lies {shift_px:.1} px beside the camera's lenslet images, {quarter_shift_px:.1} px in the worst \
-                 quarter of the image: the lattice has moved or is not calibrated; calibrate with lf-calib lattice"
+                "the light lies {shift_px:.1} px beside the camera's lenslet images: the lattice has moved or is \
+                 not calibrated; calibrate with lf-calib lattice"
             )),
         }
     }

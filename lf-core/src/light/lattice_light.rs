@@ -35,7 +35,6 @@ struct Limit {
     pixels: f64,
 }
 const WHOLE: Limit = Limit { shift_px: 0.7, strength: 0.05, pixels: 2e4 };
-const QUARTER: Limit = Limit { shift_px: 1.5, strength: 0.1, pixels: 2e4 };
 
 impl Limit {
     /// A shift over the largest shift.
@@ -55,9 +54,9 @@ pub struct LatticeLight {
     pub predicted: f64,
     /// Distance of the light from where the camera's lenslets put it, px.
     pub shift_px: f64,
-    /// The same in the quarter of the frame where it is most remarkable, px.
+    /// The largest such distance in a quarter of the frame, px. Good sparse frames have several px, so it decides nothing.
     pub quarter_shift_px: f64,
-    /// The more remarkable of the two over the largest of a good camera.
+    /// The distance in the whole frame over the largest of a good camera.
     pub excess: f64,
 }
 
@@ -138,17 +137,13 @@ impl LatticeLight {
         }
         let whole = quarters.into_iter().fold(Sums::default(), Sums::join);
         let shift = |sums: &Sums| sums.shift_px(lattice, optics.pixel_pitch_mm);
-        let of_quarters = quarters.iter().filter(|sums| sums.weight > 0.0).map(|sums| {
-            let shift_px = shift(sums);
-            (QUARTER.excess(sums, shift_px), shift_px)
-        });
-        let (excess, quarter_shift_px) = of_quarters.fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a });
+        let of_quarters = quarters.iter().filter(|sums| sums.weight > 0.0).map(shift);
         (whole.weight > 0.0).then(|| Self {
             strength: whole.strength(),
             predicted: predicted(&optics),
             shift_px: shift(&whole),
-            quarter_shift_px,
-            excess: WHOLE.excess(&whole, shift(&whole)).max(excess),
+            quarter_shift_px: of_quarters.fold(0.0, f64::max),
+            excess: WHOLE.excess(&whole, shift(&whole)),
         })
     }
 
@@ -225,7 +220,10 @@ mod tests {
             }
             assert!((found(&moved).shift_px - 5f64.sqrt()).abs() < 0.1, "{layout:?}: {:?}", found(&moved));
             assert_eq!(found(&moved).follows(), Follows::Moved);
-            assert_eq!(found(&other).follows(), Follows::AnotherLattice, "{layout:?}: {:?}", found(&other));
+            if layout == Layout::Square {
+                // Round stops fill hexagonal cells so well that the light of another lattice is no clear sign.
+                assert_eq!(found(&other).follows(), Follows::AnotherLattice, "{:?}", found(&other));
+            }
             let mut smaller = camera.clone();
             smaller.main_lens.working_f_number = 4.6;
             assert_eq!(found(&smaller).follows(), Follows::Camera, "{:?}", found(&smaller));
