@@ -38,10 +38,10 @@ const WHOLE: Limit = Limit { shift_px: 0.7, strength: 0.05, pixels: 2e4 };
 const QUARTER: Limit = Limit { shift_px: 1.5, strength: 0.1, pixels: 2e4 };
 
 impl Limit {
-    /// A shift over the largest shift.
-    fn excess(&self, sums: &Sums, shift_px: f64) -> f64 {
-        let weakness =
-            self.strength / sums.strength().max(1e-9) * (self.pixels / f64::from(sums.pixels)).max(1.0).sqrt();
+    /// A shift over the largest shift, for light that has the strength `predicted` if the camera is right.
+    fn excess(&self, sums: &Sums, predicted: f64, shift_px: f64) -> f64 {
+        let strength = sums.strength().max(predicted).max(1e-9);
+        let weakness = self.strength / strength * (self.pixels / f64::from(sums.pixels)).max(1.0).sqrt();
         shift_px / (self.shift_px * weakness.max(1.0))
     }
 }
@@ -138,17 +138,18 @@ impl LatticeLight {
         }
         let whole = quarters.into_iter().fold(Sums::default(), Sums::join);
         let shift = |sums: &Sums| sums.shift_px(lattice, optics.pixel_pitch_mm);
+        let predicted = predicted(&optics);
         let of_quarters = quarters.iter().filter(|sums| sums.weight > 0.0).map(|sums| {
             let shift_px = shift(sums);
-            (QUARTER.excess(sums, shift_px), shift_px)
+            (QUARTER.excess(sums, predicted, shift_px), shift_px)
         });
         let (excess, quarter_shift_px) = of_quarters.fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a });
         (whole.weight > 0.0).then(|| Self {
             strength: whole.strength(),
-            predicted: predicted(&optics),
+            predicted,
             shift_px: shift(&whole),
             quarter_shift_px,
-            excess: WHOLE.excess(&whole, shift(&whole)).max(excess),
+            excess: WHOLE.excess(&whole, predicted, shift(&whole)).max(excess),
         })
     }
 
