@@ -123,6 +123,25 @@ fn a_moved_lattice_is_named() {
     }
 }
 
+/// Keys of particles under most of the lenslets: under a few of them another pitch is not clear.
+const WIDE: [&str; 3] = ["volume.x_mm=[-1,1]", "volume.y_mm=[-1,1]", "volume.z_mm=[-1,1]"];
+
+/// A camera of another pitch either leaves voxels, with a warning, or none.
+#[test]
+fn a_camera_of_another_lattice_is_named() {
+    for camera in &CAMERAS[1..] {
+        for density in [0.1, 0.5] {
+            let folder = rendered(*camera, &[&WIDE[..], &[&format!("particles.per_lenslet={density}")]].concat());
+            change(&folder, "microlenses", "pitch_mm", &json!(0.08));
+            let ended = folder
+                .call(&format!("lf-prune frame-0000.exr -c camera.json {REGION} -o support.lfv --threshold 0.01"))
+                .run();
+            let line = "the light does not lie under the camera's lenslets";
+            assert!(ended.stderr.contains(line), "{camera:?} {density}: {}", ended.stderr);
+        }
+    }
+}
+
 /// A support of another frame cannot explain the image.
 #[test]
 fn a_misfit_beyond_the_noise_is_named() {
@@ -138,7 +157,7 @@ fn a_misfit_beyond_the_noise_is_named() {
 
 #[test]
 fn nothing_left_names_the_cause() {
-    let folder = rendered(CAMERAS[1], &["particles.per_lenslet=0.1"]);
+    let folder = rendered(CAMERAS[1], &[&WIDE[..], &["particles.per_lenslet=0.3"]].concat());
     let line = |words: &str| {
         folder
             .call(&format!("lf-prune frame-0000.exr -c camera.json {REGION} -o support.lfv {words}"))

@@ -134,7 +134,7 @@ fn a_folder_of_images_gives_a_camera() {
     // The same depths from the names, and from a table, of images in a folder.
     fs::create_dir(bench.path("named")).unwrap();
     for (n, z) in ["z-3.5", "z+3.5mm"].into_iter().enumerate() {
-        fs::copy(bench.path(&format!("target/dots-000{n}.exr")), bench.path(&format!("named/dots_{z}.exr"))).unwrap();
+        fs::copy(bench.path(format!("target/dots-000{n}.exr")), bench.path(format!("named/dots_{z}.exr"))).unwrap();
     }
     let without_history = |run: &lf_tests::Ended| {
         let mut camera = run.json();

@@ -64,6 +64,21 @@ fn every_misalignment_is_found_within_its_uncertainty() {
     found.camera.check().unwrap();
 }
 
+/// With the images of the lenslets known, the pupil's distance gives the lenslets' pitch behind them, and dots show it.
+#[test]
+fn an_exit_pupil_that_is_not_the_thin_lens_is_found() {
+    let nominal = points::camera(LENSLETS);
+    let mut truth = nominal.clone();
+    truth.main_lens.pupil_distance_mm = Some(150.0);
+    truth.microlenses.pitch_mm *= (1.0 + nominal.demagnification()) / (1.0 + truth.demagnification());
+    let found = main_lens(&exposures(&truth, OFFSET), &nominal, &|_| ()).unwrap();
+    assert!(found.selected.contains(&"pupil_distance_mm"), "{:?} {:?}", found.selected, found.values);
+    let (_, value, uncertainty) = found.values.iter().find(|(known, _, _)| *known == "pupil_distance_mm").unwrap();
+    assert!((value - 150.0).abs() < 4.0 * uncertainty, "{value} +- {uncertainty}");
+    assert_eq!(found.camera.main_lens.pupil_distance_mm, Some(*value));
+    assert!(scenes::farthest_px(&found.camera, &truth) < 0.1);
+}
+
 #[test]
 fn images_without_the_target_are_refused() {
     let nominal = points::camera(LENSLETS);

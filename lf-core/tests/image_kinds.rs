@@ -24,6 +24,9 @@ const FORMS: [Form; 4] = [
     Form { is_big: true, is_little: false },
 ];
 
+/// Tags with whole numbers, and strips or tiles.
+type Page = (Vec<(u16, Vec<u64>)>, Vec<Vec<u8>>);
+
 impl Form {
     fn number(self, value: u64, width: usize) -> Vec<u8> {
         let mut bytes = value.to_le_bytes()[..width].to_vec();
@@ -38,7 +41,7 @@ impl Form {
     }
 
     /// A file of pages, each of tags with whole numbers and of strips, or tiles if it has the tag `TileWidth`.
-    fn file(self, pages: &[(Vec<(u16, Vec<u64>)>, Vec<Vec<u8>>)]) -> Vec<u8> {
+    fn file(self, pages: &[Page]) -> Vec<u8> {
         let word = self.word();
         let mut file = if self.is_little { b"II".to_vec() } else { b"MM".to_vec() };
         file.extend(self.number(if self.is_big { 43 } else { 42 }, 2));

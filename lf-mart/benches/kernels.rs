@@ -95,7 +95,7 @@ fn main() {
     }
     let grid = Grid::in_bounds([[-2.0, 2.0], [-2.0, 2.0], [-5.0, 5.0]], [0.0055, 0.0055, 0.055]).expect("a grid");
     let all = voxels(&grid);
-    let basis = Basis::Blob { sigma_vox: 0.65 };
+    let basis = Basis::Blob { sigma_px: 0.65 };
     println!("{:<40} {:>10} {:>14} {:>10} {:>10}", "", "voxels", "weights/voxel", "forward", "back");
     println!("{:<40} {:>10} {:>14} {:>21}", "", "", "", "million weights/s");
     let row = |name: &str, voxels: usize, weights: f64, forward: f64, back: f64| {

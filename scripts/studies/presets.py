@@ -78,7 +78,9 @@ def build(scene, seed):
     window = (IN_WINDOW / count * 8.0 * half * half * depth) ** (1 / 3)
     window = min(window, half)
     steps = depth / 2.5
-    uniform = {"kind": "uniform", "displacement_mm": [3.6 * px, -2.4 * px, 0.06 * steps]}
+    # The first pass of lf-xcorr searches an eighth of its window, which is twice the last one.
+    along_z = min(0.06 * steps, window / 5.0)
+    uniform = {"kind": "uniform", "displacement_mm": [3.6 * px, -2.4 * px, along_z]}
     # From side to side, w changes by 0.06 mm and v by 4 px.
     in_w = {"kind": "shear", "along": "z", "across": "x", "rate": 0.03 * steps / half}
     in_v = {"kind": "shear", "along": "y", "across": "x", "rate": 2.0 * px / half}
@@ -195,7 +197,7 @@ def settings(names):
 
 def scenes(which):
     table, seeds = SETS[which]
-    return [(name, scene, seed) for name, scene in table.items() for seed in seeds]
+    return [(name, scene, seed) for seed in seeds for name, scene in table.items()]
 
 
 def run(which, folder, names):

@@ -36,6 +36,9 @@ impl Changes {
         if self.get(P::Gap) != 0.0 {
             camera.microlenses.gap_mm = Some(before.gap_mm() + self.get(P::Gap));
         }
+        if self.get(P::Pupil) != 0.0 {
+            camera.main_lens.pupil_distance_mm = Some(camera.pupil_distance_mm() + self.get(P::Pupil));
+        }
         let [tilt_x, tilt_y] = [P::TiltX, P::TiltY].map(|p| self.get(p));
         if tilt_x != 0.0 || tilt_y != 0.0 {
             let tilt = camera.tilt.get_or_insert(Tilt { x_rad: 0.0, y_rad: 0.0 });
@@ -79,11 +82,13 @@ impl Changes {
     pub fn value(&self, parameter: Parameter, before: &Camera) -> f64 {
         use Parameter as P;
         let camera = self.camera(before);
+        let pupil_mm = camera.pupil_distance_mm();
         let distortion = camera.distortion.unwrap_or(Distortion { radial: [0.0; 3], tangential: [0.0; 2] });
         match parameter {
             P::Magnification => camera.main_lens.magnification,
             P::FocalLength => camera.main_lens.focal_length_mm,
             P::Gap => before.gap_mm() + self.get(P::Gap),
+            P::Pupil => pupil_mm,
             P::LatticeX => camera.microlenses.offset_mm[0],
             P::LatticeY => camera.microlenses.offset_mm[1],
             P::LatticeTurn => camera.microlenses.rotation_rad,

@@ -33,8 +33,10 @@ parameters! {
     SkewY "traverse_skew_y_rad",
     Magnification "magnification",
     FocalLength "focal_length_mm",
-    // Distance from the array to the sensor. With the image distance it gives k and the distance of the exit pupil.
+    // Distance from the array to the sensor. With the distance of the exit pupil it gives k.
     Gap "gap_mm",
+    // Distance from the exit pupil to the array. Where images of lenslets are known, it gives where the lenslets are.
+    Pupil "pupil_distance_mm",
     LatticeX "offset_x_mm",
     LatticeY "offset_y_mm",
     LatticeTurn "rotation_rad",
@@ -70,6 +72,7 @@ impl Parameter {
             Self::Magnification => 1e-4,
             Self::FocalLength => 1e-3 * camera.main_lens.focal_length_mm,
             Self::Gap => 1e-3 * camera.gap_mm(),
+            Self::Pupil => 1e-2 * camera.pupil_distance_mm(),
             Self::LatticeX | Self::LatticeY => 0.05 * camera.sensor.pixel_pitch_mm,
             Self::LatticeTurn => 1e-4,
             Self::TiltX | Self::TiltY => 1e-3,

@@ -78,6 +78,7 @@ fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
     let measured = nominal.calibration.as_ref().is_some_and(|calibration| calibration.get("lattice").is_some());
     let mut groups = vec![
         one(&[P::Gap], None),
+        one(&[P::Pupil], None),
         one(&[P::FocalLength], None),
         if measured { one(&[P::SkewX, P::SkewY], None) } else { one(&[P::LatticeX, P::LatticeY], None) },
         one(&[P::LatticeTurn], None),

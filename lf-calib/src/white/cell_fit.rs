@@ -6,7 +6,7 @@ use super::mean_cell::{MeanCell, TABLE, TABLE_PER_PX, knots_of};
 use super::{basis::shortest, cell_equations::CellEquations, profile::ProfileEquations};
 use crate::{fit::polynomial::middle_px, fit::robust::chosen};
 use glam::{DMat2, DVec2};
-use lf_core::{Refusal, statistics::ranked};
+use lf_core::{Refusal, camera::Aperture, statistics::ranked};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
@@ -40,18 +40,26 @@ impl FollowedLattice {
         fits
     }
 
-    /// The mean cell about the smooth lattice: its round part, plus the remainder if that is large enough.
+    /// The mean cell about the smooth lattice: its round or square part, whichever explains more, plus the remainder if
+    /// that is large enough.
     fn fit_cell(&self, image: ArrayView2<f32>, fits: &[(DVec2, LensletFit)]) -> Option<MeanCell> {
         let basis = self.basis_px;
         let knots = knots_of(basis, TABLE_PER_PX, TABLE);
-        let round = self.sum_over(
-            image,
-            &thinned(fits, basis, if self.is_whole { ROUND_PIXELS } else { ROUND_PIXELS / ROUGH }),
-            || (ProfileEquations::new(basis), Vec::new()),
-            |(equations, line), offset, value| equations.add(offset, value, line),
-            |(sum, _), (equations, _)| sum.merge(equations),
-        );
-        let mut table = round.0.solve(knots)?;
+        let thin = thinned(fits, basis, if self.is_whole { ROUND_PIXELS } else { ROUND_PIXELS / ROUGH });
+        let part = |stop: Aperture| {
+            let empty = || (ProfileEquations::new(stop, basis), Vec::new());
+            let sum = self.sum_over(
+                image,
+                &thin,
+                empty,
+                |(equations, line), offset, value| equations.add(offset, value, line),
+                |(sum, _), (equations, _)| sum.merge(equations),
+            );
+            sum.0.solve(knots)
+        };
+        // Round parts alone would leave an error of 0.06 % in the pitch of squares in line with the pixels.
+        let parts = [part(Aperture::Circle), part(Aperture::Square)].into_iter().flatten();
+        let mut table = parts.max_by(|a, b| a.0.total_cmp(&b.0))?.1;
         let cell = MeanCell::through(knots, &table);
         if !self.is_settled {
             return Some(cell);

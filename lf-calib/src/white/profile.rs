@@ -1,11 +1,13 @@
-//! The round part of the mean cell: one brightness profile S(r) about every centre, seen through square pixels.
+//! The round or square part of the mean cell: one brightness profile S(r) about every centre, seen through square
+//! pixels. The distance r is along a line for a round stop, and the larger one of |x| and |y| for a square stop.
 //!
-//! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(|x - c|). If the pitch is near a whole
+//! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(r(x - c)). If the pitch is near a whole
 //! number of pixels, all lenslets are sampled alike, but the distances of their pixels from the centre still differ: S
 //! is resolved much finer than a pixel, and the sampling does not move the centre.
 
 use super::{basis::shortest, mean_cell::MeanCell};
 use glam::{DMat2, DVec2};
+use lf_core::camera::Aperture;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -29,6 +31,7 @@ fn samples(side: usize) -> impl Iterator<Item = DVec2> {
 
 /// Normal equations of the profile, summed over pixels. The last unknown is the base.
 pub(crate) struct ProfileEquations {
+    stop: Aperture,
     basis_px: DMat2,
     step_px: f64,
     knots: usize,
@@ -38,29 +41,39 @@ pub(crate) struct ProfileEquations {
 }
 
 impl ProfileEquations {
-    pub fn new(basis_px: DMat2) -> Self {
+    pub fn new(stop: Aperture, basis_px: DMat2) -> Self {
         let reach = REACH * shortest(basis_px);
         let step_px = STEP_PX.max(reach / MOST_KNOTS);
         let knots = (reach / step_px) as usize;
         let lenslets = (-2..=2)
             .flat_map(|n| (-2..=2).map(move |m| basis_px * DVec2::new(m as f64, n as f64)))
-            .filter(|place| place.length() < 2.0 * reach + 1.0)
+            .filter(|place| place.abs().max_element() < 2.0 * reach + 1.0)
             .collect();
         let normal = DMatrix::zeros(knots + 1, knots + 1);
-        Self { basis_px, step_px, knots, lenslets, normal, right: DVector::zeros(knots + 1) }
+        Self { stop, basis_px, step_px, knots, lenslets, normal, right: DVector::zeros(knots + 1) }
     }
 
-    /// The knot before a distance, and the weight of the next one. None after the last knot, where the profile is zero.
+    /// The knot before an offset's distance, and the weight of the next one. None after the last knot, where the
+    /// profile is zero.
     #[inline]
-    fn knots_at(&self, distance_px: f64) -> Option<(usize, f64)> {
+    fn knots_at(&self, offset_px: DVec2) -> Option<(usize, f64)> {
+        let distance_px = match self.stop {
+            Aperture::Circle => offset_px.length(),
+            Aperture::Square => offset_px.abs().max_element(),
+        };
         let t = distance_px / self.step_px;
         let knot = t as usize;
         (knot < self.knots).then_some((knot, t - knot as f64))
     }
 
     fn near(&self, offset_px: DVec2) -> Vec<DVec2> {
-        let reach = self.knots as f64 * self.step_px + std::f64::consts::FRAC_1_SQRT_2;
-        self.lenslets.iter().filter(|place| place.distance(offset_px) < reach).copied().collect()
+        let half_pixel = std::f64::consts::FRAC_1_SQRT_2;
+        let reach = self.knots as f64 * self.step_px;
+        let is_near = |place: &DVec2| match self.stop {
+            Aperture::Circle => place.distance(offset_px) < reach + half_pixel,
+            Aperture::Square => (*place - offset_px).abs().max_element() < reach + half_pixel,
+        };
+        self.lenslets.iter().copied().filter(is_near).collect()
     }
 
     /// Adds a pixel whose centre is at `offset_px` from the lenslet image's centre. `line` is scratch memory.
@@ -72,7 +85,7 @@ impl ProfileEquations {
         let near = self.near(offset_px);
         for sample in samples(FIT_SAMPLES) {
             for lenslet in &near {
-                let Some((knot, share)) = self.knots_at((offset_px + sample).distance(*lenslet)) else { continue };
+                let Some((knot, share)) = self.knots_at(offset_px + sample - *lenslet) else { continue };
                 line[knot] += weight * (1.0 - share);
                 if knot + 1 < self.knots {
                     line[knot + 1] += weight * share;
@@ -93,8 +106,9 @@ impl ProfileEquations {
         self.right += &other.right;
     }
 
-    /// The cell as pixels see it: a table of `knots` along its sides. None if undetermined.
-    pub fn solve(mut self, knots: [usize; 2]) -> Option<Vec<f64>> {
+    /// The cell as pixels see it, a table of `knots` along its sides, and the squares that it explains. None if
+    /// undetermined.
+    pub fn solve(mut self, knots: [usize; 2]) -> Option<(f64, Vec<f64>)> {
         let weight = ROUGHNESS * self.normal.trace() / (self.knots + 1) as f64;
         for knot in 0..self.knots {
             self.normal[(knot, knot)] += weight;
@@ -109,12 +123,13 @@ impl ProfileEquations {
             }
         }
         let profile = self.normal.clone().cholesky()?.solve(&self.right);
+        let explained = profile.dot(&self.right);
         let seen = |offset: DVec2| {
             let mut sum = 0.0;
             let near = self.near(offset);
             for sample in samples(TABLE_SAMPLES) {
                 for lenslet in &near {
-                    let Some((knot, share)) = self.knots_at((offset + sample).distance(*lenslet)) else { continue };
+                    let Some((knot, share)) = self.knots_at(offset + sample - *lenslet) else { continue };
                     let next = if knot + 1 < self.knots { profile[knot + 1] } else { 0.0 };
                     sum += profile[knot] + share * (next - profile[knot]);
                 }
@@ -122,6 +137,6 @@ impl ProfileEquations {
             profile[self.knots] + sum / (TABLE_SAMPLES * TABLE_SAMPLES) as f64
         };
         let places = 0..knots[0] * knots[1];
-        Some(places.into_par_iter().map(|n| seen(self.basis_px * MeanCell::place(knots, n))).collect())
+        Some((explained, places.into_par_iter().map(|n| seen(self.basis_px * MeanCell::place(knots, n))).collect()))
     }
 }

@@ -45,17 +45,17 @@ impl Session {
     }
 
     fn warn_of_lattice(&mut self, light: &LatticeLight) {
-        let LatticeLight { strength, predicted, shift_px, quarter_shift_px, .. } = light;
+        let LatticeLight { share, share_deviation, shift_px, gain, gain_deviation } = light;
         self.explain(format!(
-            "light follows the lattice with strength {strength:.3}, {predicted:.3} by the camera's stop; it lies \
-             {shift_px:.2} px from the lenslet images, {quarter_shift_px:.2} px in the worst quarter"
+            "light follows the lattice by {share:.2} +- {share_deviation:.2} of what the camera's stop predicts; {shift_px:.2} \
+             px aside it follows by {gain:.2} +- {gain_deviation:.2} more"
         ));
         match light.follows() {
             Follows::Camera => (),
             Follows::AnotherLattice => self.warn(format!(
                 "the light does not lie under the camera's lenslets: it follows their lattice by {:.0} % of what it should; \
                  the camera is another one or not calibrated; take this frame's camera, or calibrate with lf-calib lattice",
-                100.0 * strength / predicted
+                100.0 * share.max(0.0)
             )),
             Follows::Moved => self.warn(format!(
                 "the light lies {shift_px:.1} px beside the camera's lenslet images: the lattice has moved or is \

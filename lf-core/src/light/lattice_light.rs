@@ -1,63 +1,58 @@
 //! Whether the light of a frame repeats with the lattice of a camera, and where it lies in the lenslets' images.
 //!
-//! Folded into one cell, the light shows the image of the stop: bright inside, dark between the lenslets. The first
-//! harmonics of the fold tell how strongly the light follows the lattice (their size) and where it lies (their phase).
-//! A frame of a few particles gives the place to a tenth of a pixel, because each particle fills the whole stop.
+//! Folded into one cell, the light shows the image of the stop: bright inside, dark between the lenslets. The fold is
+//! compared with the one that the camera predicts, in place and at every shift. The lit part of the frame is cut into
+//! blocks, and the scatter of the blocks tells which differences are sure: a frame of ten particles is not asked for
+//! more than it knows.
 
 use super::tones::{DARKEST, Tones};
-use crate::{Camera, Optics, lattice::Lattice};
+use crate::{Camera, Optics};
 use glam::DVec2;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
-use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// Most pixels that are looked at. They are in whole rows, spread evenly over the phases of the lattice.
 const PIXELS: usize = 1 << 20;
 
-/// Places a side at which the camera's stop is sampled.
-const STOP_PLACES: usize = 48;
+/// Bins a side of a fold, and places a side at which the stop and a pixel are sampled for the predicted one.
+const BINS: usize = 32;
+const STOP_PLACES: usize = 96;
+const PIXEL_PLACES: usize = 4;
 
-/// Least strength of a harmonic that the camera predicts or the frame shows. A square stop that fills square cells
-/// leaves none, so its frames tell nothing.
-const LEAST_STRENGTH: f64 = 0.03;
+/// Blocks a side of the lit part of a frame, and the share of the light beyond each side of that part.
+const BLOCKS: usize = 6;
+const BEYOND: f64 = 0.01;
 
-/// Light follows the lattice if its harmonics have this share of the strength that the camera predicts.
+/// Fewest blocks with light, by the spread of their light.
+const FEWEST_BLOCKS: f64 = 6.0;
+
+/// Least relative variance of a predicted fold. A square stop that fills square cells leaves none, so its frames tell
+/// nothing.
+const LEAST_VARIANCE: f64 = 0.01;
+
+/// Light follows the lattice if it has this share of the contrast that the camera predicts.
 const FOLLOWS: f64 = 0.4;
 
-/// Harmonics of this strength have a sure phase, for any camera.
-const SURE_STRENGTH: f64 = 0.08;
+/// A difference is sure from so many standard deviations.
+const SURE: f64 = 4.5;
 
-/// Largest shift of a good camera's light, px, and the strength and the number of lit pixels from which it holds. With
-/// weaker harmonics or less light more is allowed.
-struct Limit {
-    shift_px: f64,
-    strength: f64,
-    pixels: f64,
-}
-const WHOLE: Limit = Limit { shift_px: 0.7, strength: 0.05, pixels: 2e4 };
-
-impl Limit {
-    /// A shift over the largest shift.
-    fn excess(&self, sums: &Sums, shift_px: f64) -> f64 {
-        let weakness =
-            self.strength / sums.strength().max(1e-9) * (self.pixels / f64::from(sums.pixels)).max(1.0).sqrt();
-        shift_px / (self.shift_px * weakness.max(1.0))
-    }
-}
+/// Largest shift of a good camera's light, px.
+const LARGEST_SHIFT_PX: f64 = 0.7;
 
 /// How the light of a frame lies under the lenslets of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatticeLight {
-    /// Strength of the harmonics, 0 to 1.
-    pub strength: f64,
-    /// Strength that the camera's stop gives.
-    pub predicted: f64,
+    /// Contrast of the fold where the camera puts it, over the predicted one: 1 for the camera's light, 0 for any other.
+    pub share: f64,
+    /// Its standard deviation. Infinite where the frame or the camera cannot tell.
+    pub share_deviation: f64,
     /// Distance of the light from where the camera's lenslets put it, px.
     pub shift_px: f64,
-    /// The largest such distance in a quarter of the frame, px. Good sparse frames have several px, so it decides nothing.
-    pub quarter_shift_px: f64,
-    /// The distance in the whole frame over the largest of a good camera.
-    pub excess: f64,
+    /// Contrast that the shift adds, over the predicted one.
+    pub gain: f64,
+    /// Its standard deviation.
+    pub gain_deviation: f64,
 }
 
 /// Whether the light is that of the camera.
@@ -71,109 +66,195 @@ pub enum Follows {
     Moved,
 }
 
-/// Sums over light: weight, and both harmonics as cosine and sine.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sums {
-    weight: f64,
-    harmonics: [DVec2; 2],
-    pixels: u32,
+/// Light by its place in the cell.
+#[derive(Clone)]
+struct Fold {
+    /// Row by row, BINS a side.
+    bins: Vec<f64>,
+    light: f64,
 }
 
-impl Sums {
-    fn add(&mut self, weight: f64, turns: DVec2) {
-        self.weight += weight;
-        self.pixels += 1;
-        for (sum, turns) in self.harmonics.iter_mut().zip(turns.to_array()) {
-            *sum += weight * DVec2::from_angle(TAU * turns);
-        }
+impl Fold {
+    fn new() -> Self {
+        Self { bins: vec![0.0; BINS * BINS], light: 0.0 }
     }
 
-    fn join(mut self, other: Self) -> Self {
-        self.weight += other.weight;
-        self.pixels += other.pixels;
-        (0..2).for_each(|n| self.harmonics[n] += other.harmonics[n]);
+    /// Adds light at a place in turns of the lattice.
+    fn add(&mut self, light: f64, turns: DVec2) {
+        let [column, row] =
+            (turns * BINS as f64).floor().to_array().map(|n| (n as i64).rem_euclid(BINS as i64) as usize);
+        self.bins[row * BINS + column] += light;
+        self.light += light;
+    }
+
+    fn join(mut self, other: &Self) -> Self {
+        self.bins.iter_mut().zip(&other.bins).for_each(|(sum, light)| *sum += light);
+        self.light += other.light;
         self
     }
 
-    /// Mean size of the harmonics over the light.
-    fn strength(&self) -> f64 {
-        let per_weight = if self.weight > 0.0 { 0.5 / self.weight } else { 0.0 };
-        per_weight * (self.harmonics[0].length() + self.harmonics[1].length())
+    /// Each bin over the mean, less one.
+    fn departures(&self) -> Vec<f64> {
+        let mean = self.light / (BINS * BINS) as f64;
+        self.bins.iter().map(|light| light / mean - 1.0).collect()
     }
 
-    /// Distance of the light from the lattice points, px.
-    fn shift_px(&self, lattice: &Lattice, pixel_mm: f64) -> f64 {
-        let turns = DVec2::from(self.harmonics.map(|sum| if sum == DVec2::ZERO { 0.0 } else { sum.to_angle() / TAU }));
-        lattice.shift_mm(turns).length() / pixel_mm
+    /// Sum of the light times the pattern that is shifted by so many bins.
+    fn along(&self, pattern: &[f64], [columns, rows]: [usize; 2]) -> f64 {
+        let mut sum = 0.0;
+        for row in 0..BINS {
+            let line = &pattern[(row + BINS - rows) % BINS * BINS..][..BINS];
+            let light = &self.bins[row * BINS..][..BINS];
+            let (before, after) = light.split_at(columns);
+            let products = |light: &[f64], line: &[f64]| light.iter().zip(line).map(|(a, b)| a * b).sum::<f64>();
+            sum += products(before, &line[BINS - columns..]) + products(after, line);
+        }
+        sum
     }
+}
+
+/// A ratio of sums over blocks, and its standard deviation by the scatter of the blocks.
+fn ratio(blocks: &[Fold], part: impl Fn(&Fold) -> f64) -> [f64; 2] {
+    let light: f64 = blocks.iter().map(|block| block.light).sum();
+    let parts: Vec<f64> = blocks.iter().map(part).collect();
+    let mean = parts.iter().sum::<f64>() / light;
+    let squares: f64 = parts.iter().zip(blocks).map(|(part, block)| (part - mean * block.light).powi(2)).sum();
+    let count = blocks.len() as f64;
+    [mean, (squares * count / (count - 1.0)).sqrt() / light]
 }
 
 impl LatticeLight {
     /// The light of an image of the camera's size; NaN is a blind pixel. None for a black image.
     pub fn new(image: ArrayView2<f32>, camera: &Camera, tones: &Tones) -> Option<Self> {
         let optics = Optics::new(camera);
-        let lattice = optics.lattice();
-        // The image of a lenslet's centre is farther from the axis than the centre.
-        let gain = optics.sensor_through(DVec2::Y, DVec2::Y, DVec2::ZERO).y;
-        let (height, width) = image.dim();
-        let (least, most) = ((DARKEST * tones.light) as f32, tones.light as f32);
-        let share = PIXELS as f64 / image.len() as f64;
-        let rows = (0..height).into_par_iter().filter(|row| share >= 1.0 || (*row as f64 * 0.618_034).fract() < share);
-        let row_sums = |row: usize| {
-            let mut halves = [Sums::default(); 2];
-            for (column, value) in image.row(row).iter().enumerate() {
-                if *value >= least && *value > 0.0 {
-                    let turns = lattice.turns(optics.centre_mm(column as u32, row as u32) / gain);
-                    halves[usize::from(2 * column >= width)].add(f64::from(value.min(most)), turns);
-                }
-            }
-            (usize::from(2 * row >= height), halves)
-        };
-        let mut quarters = [Sums::default(); 4];
-        for (below, halves) in rows.map(row_sums).collect::<Vec<_>>() {
-            halves.into_iter().enumerate().for_each(|(right, half)| {
-                quarters[2 * below + right] = quarters[2 * below + right].join(half);
+        let blocks = folds(image, &optics, tones);
+        let whole = blocks.iter().fold(Fold::new(), Fold::join);
+        if whole.light <= 0.0 {
+            return None;
+        }
+        let pattern = predicted(&optics).departures();
+        let variance = pattern.iter().map(|value| value * value).sum::<f64>() / pattern.len() as f64;
+        let spread = whole.light.powi(2) / blocks.iter().map(|block| block.light.powi(2)).sum::<f64>();
+        if variance < LEAST_VARIANCE || spread < FEWEST_BLOCKS {
+            let unknown = f64::INFINITY;
+            return Some(Self {
+                share: 1.0,
+                share_deviation: unknown,
+                shift_px: 0.0,
+                gain: 0.0,
+                gain_deviation: unknown,
             });
         }
-        let whole = quarters.into_iter().fold(Sums::default(), Sums::join);
-        let shift = |sums: &Sums| sums.shift_px(lattice, optics.pixel_pitch_mm);
-        let of_quarters = quarters.iter().filter(|sums| sums.weight > 0.0).map(shift);
-        (whole.weight > 0.0).then(|| Self {
-            strength: whole.strength(),
-            predicted: predicted(&optics),
-            shift_px: shift(&whole),
-            quarter_shift_px: of_quarters.fold(0.0, f64::max),
-            excess: WHOLE.excess(&whole, shift(&whole)),
-        })
+        let shifts = (0..BINS * BINS).map(|n| [n % BINS, n / BINS]);
+        let contrasts: Vec<f64> = shifts.map(|shift| whole.along(&pattern, shift)).collect();
+        let best = (0..contrasts.len()).max_by(|a, b| contrasts[*a].total_cmp(&contrasts[*b]))?;
+        let [column, row] = [best % BINS, best / BINS];
+        let [share, share_deviation] = ratio(&blocks, |block| block.along(&pattern, [0, 0]) / variance);
+        let [gain, gain_deviation] =
+            ratio(&blocks, |block| (block.along(&pattern, [column, row]) - block.along(&pattern, [0, 0])) / variance);
+        let shift_mm = optics.lattice().shift_mm(peak(&contrasts, [column, row]));
+        let shift_px = shift_mm.length() * array_to_sensor(&optics) / optics.pixel_pitch_mm;
+        Some(Self { share, share_deviation, shift_px, gain, gain_deviation })
     }
 
     /// Whether the light is that of the camera.
     pub fn follows(&self) -> Follows {
-        let Self { strength, predicted, excess, .. } = *self;
-        let can_tell = predicted >= LEAST_STRENGTH || strength >= SURE_STRENGTH;
-        // Light of another lattice lies anywhere. Light of a wider stop is weak and lies in its place.
-        if !can_tell || excess <= 1.0 {
-            Follows::Camera
-        } else if strength < FOLLOWS * predicted {
+        let is_beside = self.shift_px > LARGEST_SHIFT_PX;
+        let lacks = self.share + SURE * self.share_deviation < FOLLOWS;
+        if is_beside && self.gain > SURE * self.gain_deviation && self.share + self.gain > FOLLOWS {
+            Follows::Moved
+        } else if lacks && (is_beside || self.share < SURE * self.share_deviation) {
             Follows::AnotherLattice
         } else {
-            Follows::Moved
+            // A wider stop than the camera's leaves less contrast, in its place.
+            Follows::Camera
         }
     }
 }
 
-/// Strength of the harmonics of light that fills the camera's stop evenly.
-fn predicted(optics: &Optics) -> f64 {
-    let mut sums = Sums::default();
+/// Distances on the sensor over those on the array: the image of a lenslet's centre is farther from the axis.
+fn array_to_sensor(optics: &Optics) -> f64 {
+    optics.sensor_through(DVec2::Y, DVec2::Y, DVec2::ZERO).y
+}
+
+/// The light of each block of a frame's lit part.
+fn folds(image: ArrayView2<f32>, optics: &Optics, tones: &Tones) -> Vec<Fold> {
+    let (least, most) = ((DARKEST * tones.light) as f32, tones.light as f32);
+    let light = |value: f32| if value >= least && value > 0.0 { f64::from(value.min(most)) } else { 0.0 };
+    let share = PIXELS as f64 / image.len() as f64;
+    let is_seen = |row: usize| share >= 1.0 || (row as f64 * 0.618_034).fract() < share;
+    let line = |row: usize| image.row(row).iter().map(|value| light(*value)).collect::<Vec<f64>>();
+    let lines: Vec<(usize, Vec<f64>)> =
+        (0..image.nrows()).into_par_iter().filter(|row| is_seen(*row)).map(|row| (row, line(row))).collect();
+    let mut columns = vec![0.0; image.ncols()];
+    lines.iter().for_each(|(_, line)| columns.iter_mut().zip(line).for_each(|(sum, light)| *sum += light));
+    let rows: Vec<f64> = lines.iter().map(|(_, line)| line.iter().sum()).collect();
+    let (columns, rows) = (lit(&columns), lit(&rows));
+    let gain = array_to_sensor(optics);
+    let part = |range: &Range<usize>, n: usize| {
+        range.start + n * range.len() / BLOCKS..range.start + (n + 1) * range.len() / BLOCKS
+    };
+    let fold = |block: usize| {
+        let mut fold = Fold::new();
+        for (row, line) in &lines[part(&rows, block / BLOCKS)] {
+            for column in part(&columns, block % BLOCKS).filter(|column| line[*column] > 0.0) {
+                fold.add(line[column], optics.lattice().turns(optics.centre_mm(column as u32, *row as u32) / gain));
+            }
+        }
+        fold
+    };
+    (0..BLOCKS * BLOCKS).into_par_iter().map(fold).collect()
+}
+
+/// The range that holds all but [`BEYOND`] of the light on each side.
+fn lit(light: &[f64]) -> Range<usize> {
+    let beyond = BEYOND * light.iter().sum::<f64>();
+    let reach = |count: usize, sum: f64| (sum <= beyond).then_some(count);
+    let before = |light: &mut dyn Iterator<Item = &f64>| {
+        let sums = light.scan(0.0, |sum, light| {
+            *sum += light;
+            Some(*sum)
+        });
+        sums.enumerate().map_while(|(n, sum)| reach(n + 1, sum)).last().unwrap_or(0)
+    };
+    let [first, after] = [before(&mut light.iter()), before(&mut light.iter().rev())];
+    first..light.len().saturating_sub(after).max(first)
+}
+
+/// The fold of light that fills the camera's stop evenly, blurred by a pixel.
+fn predicted(optics: &Optics) -> Fold {
+    let mut fold = Fold::new();
     let half = 0.5 * STOP_PLACES as f64;
-    for place in 0..STOP_PLACES * STOP_PLACES {
-        let (u, v) = ((place % STOP_PLACES) as f64 + 0.5, (place / STOP_PLACES) as f64 + 0.5);
-        let stop_mm = DVec2::new(u / half - 1.0, v / half - 1.0) * optics.half_aperture_mm;
+    let pixel_mm = optics.pixel_pitch_mm / array_to_sensor(optics);
+    let middle = optics.lattice().centre_mm(0, 0);
+    let places = |side: usize| (0..side * side).map(move |n| DVec2::new((n % side) as f64, (n / side) as f64) + 0.5);
+    for place in places(STOP_PLACES) {
+        let stop_mm = (place / half - 1.0) * optics.half_aperture_mm;
         if optics.passes(stop_mm) {
-            sums.add(1.0, optics.lattice().turns(optics.lattice().centre_mm(0, 0) + optics.demagnification * stop_mm));
+            for pixel in places(PIXEL_PLACES) {
+                let aside_mm = (pixel / PIXEL_PLACES as f64 - 0.5) * pixel_mm;
+                fold.add(1.0, optics.lattice().turns(middle + optics.demagnification * stop_mm + aside_mm));
+            }
         }
     }
-    sums.strength()
+    fold
+}
+
+/// The place of the highest contrast in turns, -1/2 to 1/2, by a parabola through its neighbours along each side.
+fn peak(contrasts: &[f64], best: [usize; 2]) -> DVec2 {
+    let at = |column: usize, row: usize| contrasts[row % BINS * BINS + column % BINS];
+    let [column, row] = best;
+    let here = at(column, row);
+    let along = |before: f64, after: f64| {
+        let bend = before + after - 2.0 * here;
+        if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
+    };
+    let place = DVec2::new(
+        column as f64 + along(at(column + BINS - 1, row), at(column + 1, row)),
+        row as f64 + along(at(column, row + BINS - 1), at(column, row + 1)),
+    );
+    let turns = place / BINS as f64;
+    turns - turns.round()
 }
 
 #[cfg(test)]
@@ -207,7 +288,7 @@ mod tests {
             let found =
                 |camera: &Camera| LatticeLight::new(image.view(), camera, &Tones::new(image.view())).expect("light");
             let right = found(&camera);
-            assert!((right.strength - right.predicted).abs() < 0.02, "{right:?}");
+            assert!(right.share_deviation.is_infinite() || (right.share - 1.0).abs() < 0.1, "{right:?}");
             assert_eq!(right.follows(), Follows::Camera, "{right:?}");
             let mut moved = camera.clone();
             moved.microlenses.offset_mm = [0.0055, -0.011];
@@ -220,10 +301,7 @@ mod tests {
             }
             assert!((found(&moved).shift_px - 5f64.sqrt()).abs() < 0.1, "{layout:?}: {:?}", found(&moved));
             assert_eq!(found(&moved).follows(), Follows::Moved);
-            if layout == Layout::Square {
-                // Round stops fill hexagonal cells so well that the light of another lattice is no clear sign.
-                assert_eq!(found(&other).follows(), Follows::AnotherLattice, "{:?}", found(&other));
-            }
+            assert_eq!(found(&other).follows(), Follows::AnotherLattice, "{:?}", found(&other));
             let mut smaller = camera.clone();
             smaller.main_lens.working_f_number = 4.6;
             assert_eq!(found(&smaller).follows(), Follows::Camera, "{:?}", found(&smaller));

@@ -30,7 +30,8 @@ pub struct Windows {
     /// Largest displacement that the first pass searches, voxels [default: an eighth of its window, at least 4]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     search: Option<[usize; 3]>,
-    /// How far later passes search from the displacement that the pass before found, voxels [default: 4,4,3]
+    /// How far later passes search from the displacement that the pass before found, voxels [default:
+    /// 4,4,3, or more after a pass that works in bins]
     #[arg(long, value_name = "X,Y,Z", value_parser = whole_triple)]
     refine: Option<[usize; 3]>,
     /// A pass; replaces --initial and --window. Give it once for each pass, coarse to fine
@@ -100,7 +101,13 @@ impl Windows {
             let search = pass.search.unwrap_or(if number == 0 { first } else { later });
             Pass { window: pass.window, overlap: pass.overlap.unwrap_or(overlap), search }
         };
-        passes.iter().enumerate().map(full).collect()
+        let mut full: Vec<Pass> = passes.iter().enumerate().map(full).collect();
+        for number in 1..full.len() {
+            if self.refine.is_none() && passes[number].search.is_none() {
+                full[number].search = fitted(full[number].search_after(&full[number - 1]));
+            }
+        }
+        full
     }
 
     /// Tells the size in voxels of windows in millimetres, and warns if they could not be as large as typed.

@@ -30,6 +30,13 @@ impl Pass {
         if search <= Self::FINE_SEARCH { 1 } else { search.div_ceil(Self::BINNED_SEARCH).max(2) }
     }
 
+    /// The search of this pass, or more if the pass `before` works in bins: its error is up to a bin, and the fit of a
+    /// peak needs a voxel beyond.
+    pub fn search_after(&self, before: &Self) -> [usize; 3] {
+        let least = |axis: usize| if before.bin(axis) > 1 { before.bin(axis) + 1 } else { 1 };
+        [0, 1, 2].map(|axis| self.search[axis].max(least(axis)))
+    }
+
     /// The pass in bins, in a volume of `shape` voxels. The last pass does not bin: its bins are voxels.
     pub(crate) fn binned(&self, shape: [usize; 3], is_last: bool) -> BinnedPass {
         let bin = [0, 1, 2].map(|axis| if is_last { 1 } else { self.bin(axis).min(self.window[axis]) });
