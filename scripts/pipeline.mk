@@ -46,8 +46,9 @@ REFINE =
 BACKGROUND = auto
 QUANTILE = 0.05
 
-# The volume: pixels per voxel, depth and sides in mm. Without sides: what the sensor sees.
-PVR = 1,1,10
+# The volume: pixels per voxel, depth and sides in mm. Without pixels per voxel: by the preset and the camera's depth
+# resolution. Without sides: what the sensor sees.
+PVR =
 DEPTH = -5,5
 BOUNDS =
 
@@ -207,7 +208,7 @@ fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OU
 preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 
 $(supports): $(OUT)/support-%.lfv: $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
-	$(call step,$(PRUNE) $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) --pvr $(PVR) --depth $(DEPTH) \
+	$(call step,$(PRUNE) $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(addprefix --pvr ,$(PVR)) --depth $(DEPTH) \
 	    $(addprefix --bounds ,$(BOUNDS)) $(call preset,$(PRUNE)) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS),\
 	    $(OUT)/volume-$*.lfv $(call fields-of,$*))
 

@@ -37,8 +37,6 @@ CHOOSE = {
     "h2": ("hexagonal", 0.003, "circle", 1.0, 4.0, 0.5, False, "uniform"),
     "h3": ("hexagonal", 0.003, "square", 2.0, 4.0, 0.5, True, "uniform"),
     "h4": ("hexagonal", 0.0, "circle", 1.0, 4.0, 1.0, False, "uniform"),
-}
-REPORT = {
     "S1": ("square", 0.0, "circle", 1.0, 4.0, 1.0, True, "sheared"),
     "S2": ("square", 0.0, "circle", 0.5, 8.0, 0.5, True, "uniform"),
     "S3": ("square", 0.0, "square", 2.0, 4.0, 0.5, False, "uniform"),
@@ -49,7 +47,18 @@ REPORT = {
     "H3": ("hexagonal", 0.0, "circle", 2.0, 8.0, 0.5, True, "uniform"),
     "H4": ("hexagonal", 0.003, "circle", 0.5, 4.0, 0.5, True, "sheared"),
 }
-SETS = {"choose": (CHOOSE, (1, 2, 3)), "report": (REPORT, (11, 12, 13))}
+REPORT = {
+    "R1": ("square", 0.0, "circle", 0.5, 4.0, 1.0, True, "sheared"),
+    "R2": ("square", 0.0, "square", 1.0, 8.0, 0.5, False, "uniform"),
+    "R3": ("square", 0.003, "circle", 2.0, 8.0, 0.5, True, "uniform"),
+    "R4": ("square", 0.003, "square", 2.0, 4.0, 0.2, False, "sheared"),
+    "R5": ("square", 0.003, "circle", 1.0, 4.0, 1.0, False, "sheared"),
+    "X1": ("hexagonal", 0.0, "circle", 2.0, 4.0, 0.5, True, "sheared"),
+    "X2": ("hexagonal", 0.003, "square", 0.5, 4.0, 0.2, False, "uniform"),
+    "X3": ("hexagonal", 0.003, "circle", 1.0, 8.0, 0.5, True, "uniform"),
+    "X4": ("hexagonal", 0.0, "circle", 1.0, 4.0, 1.0, True, "sheared"),
+}
+SETS = {"choose": (CHOOSE, (1, 2, 3)), "report": (REPORT, (21, 22, 23))}
 
 SETTINGS = {
     "default": ("", ""),

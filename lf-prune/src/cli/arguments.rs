@@ -1,6 +1,7 @@
 //! The options of lf-prune, their defaults and their checks.
 
 use super::preset::{self, ScoreName};
+use super::pvr::{self, Pvr};
 use clap::Parser;
 use lf_core::cli::{Common, ImageOptions, Preset, numbers};
 use lf_core::{Camera, Error, Grid, Refusal, Result, Volume, io, weights::SECTIONS};
@@ -33,10 +34,10 @@ pub struct Arguments {
     /// Defaults between speed and accuracy for the whole chain; typed options override them
     #[arg(long, value_parser = Preset::parser(preset::help))]
     pub preset: Option<Preset>,
-    /// Pixels per voxel along x, y, z. Choose 1,1 or 2,2 across, as particle images are about 2 px wide, and half the
-    /// camera's depth resolution along z; -v tells it and suggests values [default: 1,1,10]
-    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
-    pub pvr: Option<[f64; 3]>,
+    /// Pixels per voxel along x, y, z. Choose 1 or 2 across, as particle images are about 2 px wide. Along z, `r` is the
+    /// camera's depth resolution, which -v tells: r/2 puts two voxels into it [default: 1,1,r/2]
+    #[arg(long, value_name = "X,Y,Z", value_parser = Pvr::parse)]
+    pub pvr: Option<Pvr>,
     /// Depth of the volume, mm, from far to near: towards the camera is positive, 0 is in focus
     #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true, required_unless_present = "like")]
     pub depth: Option<[f64; 2]>,
@@ -96,9 +97,6 @@ pub struct Arguments {
     pub common: Common,
 }
 
-/// Pixels per voxel if neither an option nor a preset sets them: the paper's.
-const PVR: [f64; 3] = [1.0, 1.0, 10.0];
-
 /// Least `--dark`; the logarithms of darker pixels do not add up in whole numbers.
 const LEAST_DARK: f64 = 1e-12;
 
@@ -125,9 +123,6 @@ impl Arguments {
     pub fn check(&self) -> Result<()> {
         self.depth.map_or(Ok(()), |depth| check_rising("--depth", &depth))?;
         self.bounds.map_or(Ok(()), |bounds| check_rising("--bounds", &bounds))?;
-        let [x, y, z] = self.pvr.unwrap_or(PVR);
-        let is_above = [x, y, z].iter().all(|side| *side > 0.0);
-        check("--pvr", is_above, || format!("{x},{y},{z}"), "wanted three numbers above 0, like 1,1,10")?;
         check_share("--quantile", self.quantile)?;
         for (option, typed) in [("--dark", self.dark), ("--bright", self.bright)] {
             typed.map_or(Ok(()), |share| check_share(option, share))?;
@@ -177,7 +172,7 @@ impl Arguments {
             return Ok(Volume::open(like)?.grid().clone());
         };
         let preset = self.preset.map(|preset| preset::values(preset).pvr);
-        let pvr = self.pvr.or(preset).unwrap_or(PVR);
+        let pvr = self.pvr.or(preset).unwrap_or(pvr::DEFAULT).of(camera);
         let [half_x, half_y] = camera.half_view_mm();
         let [x0, x1, y0, y1] = self.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
         Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(pvr))

@@ -3,6 +3,7 @@
 
 mod arguments;
 mod preset;
+mod pvr;
 mod run;
 mod warnings;
 

@@ -1,6 +1,7 @@
 //! The words of `--score`, and the values of `--preset`. Change these here, and nowhere else, when they are measured
 //! again.
 
+use super::pvr::{self, Depth, Pvr};
 use clap::ValueEnum;
 use lf_core::cli::Preset;
 
@@ -16,20 +17,20 @@ pub enum ScoreName {
 
 /// The values of one preset: pixels per voxel along x, y, z.
 pub struct Values {
-    pub pvr: [f64; 3],
+    pub pvr: Pvr,
 }
 
 /// Accurate has finer voxels in depth, where the error is largest; it had the least error of u and w on every camera
 /// tried. Larger voxels are much faster, but err two to three times as much.
 pub fn values(preset: Preset) -> Values {
-    Values { pvr: preset.of([[1.0, 1.0, 10.0], [1.0, 1.0, 10.0], [1.0, 1.0, 5.0]]) }
+    let parts = preset.of([2.0, 2.0, 4.0]);
+    Values { pvr: Pvr { depth: Depth::Resolution(parts), ..pvr::DEFAULT } }
 }
 
 impl Values {
     /// The options, as they would be typed.
     pub fn typed(&self) -> [String; 1] {
-        let [x, y, z] = self.pvr;
-        [format!("--pvr {x},{y},{z}")]
+        [format!("--pvr {}", self.pvr)]
     }
 }
 

@@ -104,9 +104,8 @@ fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, session: &m
     session.explain(plan.about());
     let depth_px = camera.depth_resolution_px();
     session.explain(format!(
-        "the camera resolves about {depth_px:.0} px in depth: --pvr 1,1,{:.0} puts two voxels into it, --pvr 2,2,{depth_px:.0} \
-         takes an eighth of the voxels",
-        0.5 * depth_px
+        "the camera resolves about {depth_px:.0} px in depth (r): --pvr 1,1,r/2 puts two voxels into it, --pvr 2,2,r takes an \
+         eighth of the voxels"
     ));
     session.explain(format!("{sections} x {sections} sections of the aperture, scored by {}", arguments.score_about()));
 }

@@ -95,19 +95,16 @@ impl Windows {
                 named([initial, window])
             }
         };
-        let full = |(number, pass): (usize, &TypedPass)| {
-            let first = self.search.unwrap_or(fitted(pass.window.map(|n| (n / 8).max(4))));
-            let later = self.refine.unwrap_or(fitted(Options::REFINE));
-            let search = pass.search.unwrap_or(if number == 0 { first } else { later });
-            Pass { window: pass.window, overlap: pass.overlap.unwrap_or(overlap), search }
-        };
-        let mut full: Vec<Pass> = passes.iter().enumerate().map(full).collect();
-        for number in 1..full.len() {
-            if self.refine.is_none() && passes[number].search.is_none() {
-                full[number].search = fitted(full[number].search_after(&full[number - 1]));
-            }
+        let mut found: Vec<Pass> = Vec::new();
+        for typed in passes {
+            let search = match found.last() {
+                None => self.search.unwrap_or(fitted(typed.window.map(|n| (n / 8).max(4)))),
+                Some(before) => self.refine.unwrap_or(fitted(before.search_after(Options::REFINE))),
+            };
+            let (overlap, search) = (typed.overlap.unwrap_or(overlap), typed.search.unwrap_or(search));
+            found.push(Pass { window: typed.window, overlap, search });
         }
-        full
+        found
     }
 
     /// Tells the size in voxels of windows in millimetres, and warns if they could not be as large as typed.

@@ -30,11 +30,11 @@ impl Pass {
         if search <= Self::FINE_SEARCH { 1 } else { search.div_ceil(Self::BINNED_SEARCH).max(2) }
     }
 
-    /// The search of this pass, or more if the pass `before` works in bins: its error is up to a bin, and the fit of a
-    /// peak needs a voxel beyond.
-    pub fn search_after(&self, before: &Self) -> [usize; 3] {
-        let least = |axis: usize| if before.bin(axis) > 1 { before.bin(axis) + 1 } else { 1 };
-        [0, 1, 2].map(|axis| self.search[axis].max(least(axis)))
+    /// The search of the pass after this one: `usual`, or more after bins, because the error of a pass is up to a bin
+    /// and the fit of a peak needs a voxel beyond.
+    pub fn search_after(&self, usual: [usize; 3]) -> [usize; 3] {
+        let after_bins = |axis: usize| if self.bin(axis) > 1 { self.bin(axis) + 1 } else { 1 };
+        [0, 1, 2].map(|axis| usual[axis].max(after_bins(axis)))
     }
 
     /// The pass in bins, in a volume of `shape` voxels. The last pass does not bin: its bins are voxels.
