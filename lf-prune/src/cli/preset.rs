@@ -20,8 +20,8 @@ pub struct Values {
     pub pvr: Pvr,
 }
 
-/// Accurate has finer voxels in depth, where the error is largest; it had the least error of u and w on every camera
-/// tried. Larger voxels are much faster, but err two to three times as much.
+/// Accurate has finer voxels in depth, where the error is largest: it had the least error of w on every camera that
+/// scripts/studies/presets reports. Larger voxels are much faster, but err two to three times as much.
 pub fn values(preset: Preset) -> Values {
     let parts = preset.of([2.0, 2.0, 4.0]);
     Values { pvr: Pvr { depth: Depth::Resolution(parts), ..pvr::DEFAULT } }
