@@ -2,7 +2,8 @@
 """Measures settings of lf-prune and lf-mart on scenes of many cameras, for scripts/studies/presets.
 
     presets.py run SET FOLDER [SETTING...]   runs settings on a set of scenes; what FOLDER holds already is not run again
-    presets.py table SET FOLDER [SETTING...] prints w, u, Q, lost particles and seconds of each scene and setting
+    presets.py table SET FOLDER [SETTING...] prints w, u, Q, lost particles, seconds and how many errors the stated
+                                             uncertainties cover, of each scene and setting
 
 SET is `choose` or `report`. A setting is a name of SETTINGS below, or `name=PRUNE OPTIONS/MART OPTIONS`. Each scene is
 rendered with three seeds. Seconds are processor seconds of one thread, for both frames.
@@ -229,12 +230,13 @@ def combined(results):
         "lost": 100.0 * sum(found["lost"] for found in results) / max(1, sum(found["particles"] for found in results)),
         "kept": 100.0 * statistics.fmean(found["kept"] for found in results),
         "replaced": 100.0 * sum(score("replaced")) / max(1, sum(score("vectors"))),
+        "covered": [100.0 * statistics.fmean(found["score"]["uncertainty"][f"within_1_{axis}"] for found in results) for axis in "uvw"],
         "seconds": statistics.fmean(sum(found["seconds"].values()) for found in results),
     }
 
 
 def table(which, folder, names):
-    print(f"{'':14s}     w, px    u, px        Q  lost, %  kept, %  replaced, %  seconds")
+    print(f"{'':14s}     w, px    u, px        Q  lost, %  kept, %  replaced, %  seconds  covered u, v, w, %")
     ratios = {}
     for name, scene in SETS[which][0].items():
         print(f"{name}: {describe(scene)}")
@@ -248,7 +250,7 @@ def table(which, folder, names):
             q = f"{row['q']:8.3f}" if row["q"] is not None else "       -"
             print(
                 f"  {setting:12s} {row['w']:9.3f} {row['u']:8.3f} {q} {row['lost']:8.2f} {row['kept']:8.2f}"
-                f" {row['replaced']:12.1f} {row['seconds']:8.2f}"
+                f" {row['replaced']:12.1f} {row['seconds']:8.2f}     " + " ".join(f"{share:4.0f}" for share in row["covered"])
             )
         for setting, row in rows.items():
             if "default" in rows:
