@@ -1,7 +1,7 @@
 //! Pruning before it runs: how voxels are scored, and the memory; then the run itself, and the voxels kept.
 
 use crate::options::{Options, Region};
-use crate::score::{Levels, Scorer, Scoring, Sections};
+use crate::score::{Scorer, Sections, Shades, ViewsPlan};
 use lf_core::{Camera, Grid, Refusal, weights::check_depth};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
@@ -20,8 +20,7 @@ pub struct Plan<'a> {
     regions: &'a [Region],
     options: &'a Options,
     sections: Sections,
-    scoring: Scoring,
-    reason: String,
+    views: ViewsPlan,
 }
 
 impl<'a> Plan<'a> {
@@ -41,8 +40,8 @@ impl<'a> Plan<'a> {
         Refusal::unless((nx as u64 * ny as u64) < 1 << 32, found, "wanted less than 2^32 voxels a slice")?;
         assert_eq!(regions.len(), nz, "a region for each slice");
         assert!(regions.iter().all(|[x, y]| x.end <= nx && y.end <= ny), "regions of the grid");
-        let (scoring, reason) = Scoring::choose(camera);
-        Ok(Self { camera, grid, regions, options, sections, scoring, reason })
+        let views = ViewsPlan::new(camera, grid);
+        Ok(Self { camera, grid, regions, options, sections, views })
     }
 
     /// Sections of the aperture that lie inside the camera's stop.
@@ -50,9 +49,9 @@ impl<'a> Plan<'a> {
         self.sections.count()
     }
 
-    /// How voxels are scored and why.
+    /// The views that the image is sorted into.
     pub fn about(&self) -> String {
-        format!("{}: {}", self.scoring.about(), self.reason)
+        self.views.about(self.sections.count())
     }
 
     /// Voxels to score.
@@ -79,13 +78,10 @@ impl<'a> Plan<'a> {
     /// Most bytes in use beside an image of `pixels` pixels, if `kept` voxels are kept.
     pub fn bytes(&self, pixels: usize, kept: f64) -> u64 {
         let pixels = pixels as f64;
-        let lenslets = pixels / self.camera.pitch_px().powi(2);
-        // A light for each section of each lenslet, and of lenslets beside the sensor.
-        let views = 8.0 * f64::from(self.sections.count()) * (lenslets.sqrt() + 12.0).powi(2);
-        let views = if self.scoring.has_lines() { views } else { 0.0 };
+        let views = self.views.bytes(self.sections.count());
         let threads = rayon::current_num_threads().min(self.grid.shape[2]) as f64;
         let slice = self.regions.iter().map(|[x, y]| x.len() * y.len()).max().unwrap_or(0);
-        (4.0 * pixels + KEPT_BYTES * kept + views + threads * 8.0 * slice as f64) as u64
+        (pixels + KEPT_BYTES * kept + views + threads * 8.0 * slice as f64) as u64
     }
 
     /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN
@@ -99,13 +95,13 @@ impl<'a> Plan<'a> {
         if peak <= 0.0 && !self.options.keep_all {
             return Support { indices: Vec::new(), scores: Vec::new(), dark_sections: 0 };
         }
-        let levels = Levels::new(image, peak, self.options);
         let sections = self.sections.lit(image, self.camera);
-        let scorer = Scorer::new(self.scoring, &levels, &sections, self.camera);
+        let shades = Shades::new(image, peak, sections.count(), self.options);
+        let scorer = Scorer::new(&shades, &sections, self.camera, self.grid, &self.views);
         let [nx, ny, nz] = self.grid.shape;
         let slices: Vec<Vec<(u32, f32)>> = (0..nz)
             .into_par_iter()
-            .map(|z| scorer.slice(self.grid, z, &self.regions[z]))
+            .map(|z| scorer.slice(z, &self.regions[z]))
             .inspect(|_| done(1))
             .collect();
         let count = slices.iter().map(Vec::len).sum();

@@ -1,0 +1,167 @@
+//! The image sorted by section: the shade that each section of the aperture sees through each lenslet.
+//!
+//! A ray's place in its lenslet's cell moves it on the sensor by k times as much, some thousandths of a pixel. So the
+//! rays of one section through one lenslet meet one pixel, from any voxel. With a gap or a tilt they part, and cells are
+//! divided into parts with a view each.
+
+use super::cells::Cells;
+use super::sections::Sections;
+use super::shades::Shades;
+use super::sums::LANES;
+use glam::DVec2;
+use lf_core::{Camera, Grid, Optics};
+use rayon::prelude::*;
+
+/// Most by which rays of one view may part on the sensor, px.
+const APART_PX: f64 = 0.5;
+
+/// Most parts a side of a cell.
+const MOST_PARTS: usize = 4;
+
+/// Which lenslets have views, and how many views: known before the image.
+#[derive(Debug, Clone)]
+pub(crate) struct Plan {
+    /// First lenslet along i and j.
+    pub(super) first: [i32; 2],
+    /// Number of lenslets along i and j.
+    pub(super) size: [usize; 2],
+    /// Most lenslets along i or j from a voxel's own to one that its rays meet.
+    pub(super) reach: i32,
+    /// Parts a side of a cell.
+    pub(super) parts: usize,
+}
+
+impl Plan {
+    pub(crate) fn new(camera: &Camera, grid: &Grid) -> Self {
+        let (optics, cells) = (Optics::new(camera), Cells::new(camera));
+        let reach = reach(&optics, &cells, grid);
+        let [least, most] = cells.bounds(seen_sides(&optics));
+        let along = |axis: usize| (most[axis].ceil() as i32 + reach) - (least[axis].floor() as i32 - reach) + 1;
+        // Voxels of these lenslets may be seen; their rays meet others within reach. Lanes come in groups.
+        let groups = (along(0) as usize).div_ceil(LANES);
+        let beside = 2 * reach as usize;
+        Self {
+            first: [0, 1].map(|axis| least[axis].floor() as i32 - 2 * reach),
+            size: [groups * LANES + beside, along(1) as usize + beside],
+            reach,
+            parts: parts(&optics, &cells),
+        }
+    }
+
+    /// The views in words.
+    pub(crate) fn about(&self, sections: u32) -> String {
+        let [width, height] = self.size;
+        let parts = match self.parts {
+            1 => String::new(),
+            parts => format!(", in {parts} x {parts} parts of their cells"),
+        };
+        format!("the image is sorted into the views of {sections} sections through {width} x {height} lenslets{parts}")
+    }
+
+    /// Bytes of the views of so many sections.
+    pub(crate) fn bytes(&self, sections: u32) -> f64 {
+        2.0 * f64::from(sections) * (self.parts * self.parts * self.lenslets()) as f64
+    }
+
+    pub(super) fn lenslets(&self) -> usize {
+        self.size[0] * self.size[1]
+    }
+
+    /// The first lenslet of voxels along i and j, and the number of groups of lanes and of rows.
+    pub(super) fn voxel_lenslets(&self) -> ([i32; 2], [usize; 2]) {
+        let beside = 2 * self.reach as usize;
+        (self.first.map(|first| first + self.reach), [(self.size[0] - beside) / LANES, self.size[1] - beside])
+    }
+
+    /// Place of a lenslet in a view.
+    pub(super) fn place(&self, i: i32, j: i32) -> usize {
+        (j - self.first[1]) as usize * self.size[0] + (i - self.first[0]) as usize
+    }
+}
+
+/// Most lenslets from the chief ray's to another ray's, from any voxel.
+fn reach(optics: &Optics, cells: &Cells, grid: &Grid) -> i32 {
+    let rim = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y, DVec2::ONE, DVec2::NEG_ONE];
+    let mut most = 0f64;
+    for z in [0, grid.shape[2] - 1] {
+        let z_mm = grid.centre_mm(2, z);
+        for place in 0..9 {
+            let along = |axis: usize, part: usize| {
+                grid.centre_mm(axis, 0) + 0.5 * part as f64 * (grid.shape[axis] - 1) as f64 * grid.spacing_mm[axis]
+            };
+            let point_mm = DVec2::new(along(0, place % 3), along(1, place / 3));
+            let hit = |stop: DVec2| cells.place(optics.array_from_object(point_mm, z_mm, stop));
+            let chief = hit(DVec2::ZERO);
+            let far = rim.map(|way| (hit(way * optics.half_aperture_mm) - chief).abs().max_element());
+            most = far.into_iter().fold(most, f64::max);
+        }
+    }
+    most.ceil() as i32 + 3
+}
+
+/// Half sides of the part of the array that the sensor sees, mm. No ray through a cell beyond meets the sensor.
+fn seen_sides(optics: &Optics) -> DVec2 {
+    let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::from(optics.sensor_px.map(|side| side as f64));
+    let lattice = optics.lattice();
+    let cell = lattice.cell_mm().iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
+    let sides = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
+    let departure = |side: DVec2| (lattice.departed(side * half_sensor) - side * half_sensor).abs().max_element();
+    let departure = sides.into_iter().map(departure).fold(0.0, |most: f64, departure| most.max(2.0 * departure));
+    half_sensor + 1.5 * optics.demagnification * optics.half_aperture_mm + cell + departure
+}
+
+/// Parts a side of a cell by which the rays of a view part little on the sensor.
+fn parts(optics: &Optics, cells: &Cells) -> usize {
+    let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::from(optics.sensor_px.map(|side| side as f64));
+    let mut most_mm = 0f64;
+    for corner in [DVec2::ZERO, DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)] {
+        let centre = corner * half_sensor;
+        for side in cells.sides_mm {
+            let [low, high] =
+                [-0.5, 0.5].map(|half| optics.sensor_through(centre, centre + half * side, DVec2::ZERO));
+            most_mm = most_mm.max(low.distance(high));
+        }
+    }
+    ((most_mm / optics.pixel_pitch_mm / APART_PX).ceil() as usize).clamp(1, MOST_PARTS)
+}
+
+pub(crate) struct Views {
+    pub(super) plan: Plan,
+    /// Section after section, part after part of the cells, row j after row j of lenslets: the shade; 0 beside the
+    /// sensor.
+    pub(super) shades: Vec<u8>,
+    /// The same: 1 on the sensor, 0 beside it.
+    pub(super) seen: Vec<u8>,
+    /// Whether all sections and parts of a lenslet are on the sensor.
+    pub(super) is_whole: Vec<bool>,
+}
+
+impl Views {
+    pub(super) fn new(plan: &Plan, shades: &Shades, sections: &Sections, camera: &Camera) -> Self {
+        let (optics, cells) = (Optics::new(camera), Cells::new(camera));
+        let Plan { first, size: [width, height], parts, .. } = *plan;
+        let sections_mm = sections.traced_mm();
+        let middle = |part: usize| (2.0 * (part as f64 + 0.5) / parts as f64 - 1.0) * cells.shape.half();
+        let centres: Vec<DVec2> = (0..width * height)
+            .into_par_iter()
+            .map(|n| cells.centre_mm(first[0] + (n % width) as i32, first[1] + (n / width) as i32))
+            .collect();
+        let count = sections_mm.len() * parts * parts * width * height;
+        let (mut values, mut seen) = (vec![0; count], vec![0; count]);
+        let views = values.par_chunks_mut(width * height).zip(seen.par_chunks_mut(width * height));
+        views.enumerate().for_each(|(n, (values, seen))| {
+            let (section_mm, part) = (sections_mm[n / (parts * parts)], n % (parts * parts));
+            let beyond_mm = cells.step_mm(DVec2::new(middle(part % parts), middle(part / parts)));
+            for (place, centre) in centres.iter().enumerate() {
+                let hit = optics.sensor_through(*centre, *centre + beyond_mm, section_mm);
+                if let Some((column, row)) = optics.pixel_at(hit) {
+                    values[place] = shades.values[row * shades.width + column];
+                    seen[place] = 1;
+                }
+            }
+        });
+        let is_whole = |place: usize| seen[place..].iter().step_by(width * height).all(|seen| *seen == 1);
+        let is_whole = (0..width * height).into_par_iter().map(is_whole).collect();
+        Self { plan: plan.clone(), shades: values, seen, is_whole }
+    }
+}

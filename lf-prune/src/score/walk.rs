@@ -1,0 +1,133 @@
+//! A walk over all places of the raster in a lenslet's cell, and the sections whose rays change lenslets on the way.
+//!
+//! Which lenslets the rays of a voxel meet, counted from its own, depends on its place in its own lenslet's cell only.
+//! From a place to the next few rays change lenslets, so sums are updated by what changes.
+
+use super::cells::{Cells, Shape};
+use super::views::Plan;
+use glam::DVec2;
+use lf_core::simd;
+
+/// Lenslets along i or j from a ray that starts in the cell (0, 0) to (1, 1) to the nearest centre, at most.
+pub(super) const BESIDE: i32 = 2;
+
+/// The raster: 2^bits places along the sides i and j of a lattice's cell. A place stands for the part of the cell whose
+/// middle it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Raster {
+    pub(super) bits: [u32; 2],
+}
+
+impl Raster {
+    pub(super) fn places(self) -> usize {
+        1 << (self.bits[0] + self.bits[1])
+    }
+
+    /// Lattice coordinate of place `n` along an axis.
+    #[inline(always)]
+    pub(super) fn middle(self, axis: usize, n: usize) -> f64 {
+        (n as f64 + 0.5) / f64::from(1 << self.bits[axis])
+    }
+
+    /// All places, each next to the one before: `n_i + n_j 2^bits_i`.
+    fn path(self) -> impl Iterator<Item = usize> {
+        let along = 1usize << self.bits[0];
+        (0..self.places()).map(move |n| {
+            let (row, column) = (n / along, n % along);
+            row * along + if row % 2 == 0 { column } else { along - 1 - column }
+        })
+    }
+}
+
+/// One place of the walk.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Step {
+    /// The place on the raster, `n_i + n_j 2^bits_i`.
+    pub(super) place: u32,
+    /// End of its changes.
+    pub(super) end: u32,
+}
+
+pub(super) struct Walk {
+    /// Most lenslets along i or j from the voxel's own to one that its rays meet.
+    pub(super) reach: i32,
+    /// Place of each section's view through its lenslet, from the voxel's own lenslet in the first view.
+    pub(super) start: Vec<isize>,
+    pub(super) steps: Vec<Step>,
+    /// [new, old] places in the views.
+    pub(super) changes: Vec<[isize; 2]>,
+}
+
+/// Sections whose views are looked up together.
+struct Rays<'a> {
+    /// Lattice coordinates along i and j from the chief ray.
+    beyond: &'a [Vec<f32>; 2],
+    shape: Shape,
+    width: i32,
+    lenslets: i32,
+    parts: i32,
+}
+
+/// The part of a cell, along one axis, at a distance from its centre.
+#[inline(always)]
+fn part(beyond: f32, half: f32, parts: i32) -> i32 {
+    (((beyond / half + 1.0) * (0.5 * parts as f32)) as i32).clamp(0, parts - 1)
+}
+
+impl Rays<'_> {
+    /// Offset of each section's view within the section's views, for a voxel at (i, j) of its own lenslet's cell.
+    #[inline(always)]
+    fn offsets(&self, i: f32, j: f32, offsets: &mut [i32]) {
+        let half = self.shape.half() as f32;
+        for ((offset, ray_i), ray_j) in offsets.iter_mut().zip(&self.beyond[0]).zip(&self.beyond[1]) {
+            let (i, j) = (i + ray_i, j + ray_j);
+            let (near_i, near_j) = self.shape.nearest(i, j);
+            *offset = near_j * self.width + near_i;
+            if self.parts > 1 {
+                let [part_i, part_j] =
+                    [(i, near_i), (j, near_j)].map(|(place, near)| part(place - near as f32, half, self.parts));
+                *offset += (part_j * self.parts + part_i) * self.lenslets;
+            }
+        }
+    }
+}
+
+impl Walk {
+    /// For sections whose rays meet the array at `beyond` of the chief ray, lattice coordinates.
+    pub(super) fn new(raster: Raster, beyond: &[DVec2], plan: &Plan, cells: &Cells) -> Self {
+        // A ray beyond all others that were tried for the plan must not leave the views.
+        let far = f64::from(plan.reach - BESIDE);
+        let beyond: [Vec<f32>; 2] =
+            [0, 1].map(|axis| beyond.iter().map(|ray| ray[axis].clamp(-far, far) as f32).collect());
+        let farthest = beyond.iter().flatten().fold(0f32, |most, ray| most.max(ray.abs()));
+        let reach = farthest.ceil() as i32 + BESIDE;
+        let lenslets = plan.lenslets() as i32;
+        let views = (plan.parts * plan.parts * plan.lenslets()) as isize;
+        let rays =
+            Rays { beyond: &beyond, shape: cells.shape, width: plan.size[0] as i32, lenslets, parts: plan.parts as i32 };
+        let mut offsets = vec![0; beyond[0].len()];
+        let mut next = offsets.clone();
+        let mut walk = Self { reach, start: Vec::new(), steps: Vec::with_capacity(raster.places()), changes: Vec::new() };
+        let along = 1 << raster.bits[0];
+        for place in raster.path() {
+            let [i, j] = [raster.middle(0, place % along) as f32, raster.middle(1, place / along) as f32];
+            simd::fastest(
+                #[inline(always)]
+                || rays.offsets(i, j, &mut next),
+            );
+            let view = |section: usize, offset: i32| section as isize * views + offset as isize;
+            if walk.steps.is_empty() {
+                walk.start = next.iter().enumerate().map(|(section, offset)| view(section, *offset)).collect();
+            } else {
+                for (section, (new, old)) in next.iter().zip(&offsets).enumerate() {
+                    if new != old {
+                        walk.changes.push([view(section, *new), view(section, *old)]);
+                    }
+                }
+            }
+            std::mem::swap(&mut offsets, &mut next);
+            walk.steps.push(Step { place: place as u32, end: walk.changes.len() as u32 });
+        }
+        walk
+    }
+}

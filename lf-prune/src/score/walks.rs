@@ -1,0 +1,101 @@
+//! The walks of a slice: one, or one for each block of lenslets where the rays of a bundle part otherwise.
+
+use super::chiefs::SliceRays;
+use super::sums::LANES;
+use super::views::Plan;
+use super::walk::{Raster, Walk};
+use glam::DVec2;
+use lf_core::Camera;
+
+/// Most that a ray is moved against the chief ray otherwise than in the middle of its block, px on the array.
+const APART_PX: f64 = 0.1;
+/// Blocks along an axis that are tried.
+const BLOCKS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
+/// Blocks along an axis at which their number is tried.
+const TRIED: usize = 5;
+
+pub(super) struct Walks<'a> {
+    rays: &'a SliceRays<'a>,
+    sections_mm: &'a [DVec2],
+    raster: Raster,
+    plan: &'a Plan,
+    /// Groups of lanes of a block, and rows.
+    side: [usize; 2],
+    /// The block row of the walks.
+    row: usize,
+    walks: Vec<Option<Walk>>,
+}
+
+impl<'a> Walks<'a> {
+    pub(super) fn new(
+        rays: &'a SliceRays,
+        camera: &Camera,
+        sections_mm: &'a [DVec2],
+        raster: Raster,
+        plan: &'a Plan,
+    ) -> Self {
+        let (_, size) = plan.voxel_lenslets();
+        let blocks = blocks(rays, camera);
+        let side = size.map(|count| count.div_ceil(blocks));
+        Self { rays, sections_mm, raster, plan, side, row: 0, walks: Vec::new() }
+    }
+
+    /// The walk for a group of lanes in a row of lenslets; rows must not fall.
+    pub(super) fn of(&mut self, row: usize, group: usize) -> &Walk {
+        let (_, size) = self.plan.voxel_lenslets();
+        let blocks = size[0].div_ceil(self.side[0]);
+        let (block, block_row) = (group / self.side[0], row / self.side[1]);
+        if self.walks.is_empty() || block_row != self.row {
+            self.row = block_row;
+            self.walks.clear();
+            self.walks.resize_with(blocks, || None);
+        }
+        if self.walks[block].is_none() {
+            let voxel = self.middle(block, block_row);
+            let beyond = beyond(self.rays, voxel, self.sections_mm);
+            self.walks[block] = Some(Walk::new(self.raster, &beyond, self.plan, self.rays.cells));
+        }
+        self.walks[block].as_ref().expect("made above")
+    }
+
+    /// The place in voxels that stands for a block: within the grid.
+    fn middle(&self, block: usize, row: usize) -> DVec2 {
+        let (origin, size) = self.plan.voxel_lenslets();
+        if self.side == size {
+            return self.rays.middle();
+        }
+        let along = |first: i32, block: usize, side: usize| f64::from(first) + (block as f64 + 0.5) * side as f64;
+        let i = along(origin[0], block, self.side[0] * LANES);
+        let j = along(origin[1], row, self.side[1]);
+        self.rays.voxel(DVec2::new(i, j)).clamp(DVec2::ZERO, 2.0 * self.rays.middle())
+    }
+}
+
+/// Lattice coordinates of rays through places of the stop, from the chief ray's.
+fn beyond(rays: &SliceRays, voxel: DVec2, stop_mm: &[DVec2]) -> Vec<DVec2> {
+    let chief = rays.chief(voxel);
+    stop_mm.iter().map(|stop_mm| rays.place(voxel, *stop_mm) - chief).collect()
+}
+
+/// Blocks along an axis in each of which the rays of a bundle part alike.
+fn blocks(rays: &SliceRays, camera: &Camera) -> usize {
+    if camera.medium.is_none() && camera.centres.is_none() {
+        return 1;
+    }
+    let most = APART_PX / camera.pitch_px();
+    let rim = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].map(|way| way * rays.optics.half_aperture_mm);
+    let is_alike = |blocks: usize| {
+        let block = 2.0 * rays.middle() / blocks as f64;
+        let tried = TRIED.min(blocks);
+        (0..tried * tried).all(|n| {
+            let nth = |n: usize| if tried == 1 { 0.0 } else { (n * (blocks - 1)) as f64 / (tried - 1) as f64 };
+            let corner = block * DVec2::new(nth(n % tried), nth(n / tried));
+            let middle = beyond(rays, corner + 0.5 * block, &rim);
+            [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE].into_iter().all(|way| {
+                let there = beyond(rays, corner + way * block, &rim);
+                there.iter().zip(&middle).all(|(a, b)| (*a - *b).abs().max_element() < most)
+            })
+        })
+    };
+    BLOCKS.into_iter().find(|blocks| is_alike(*blocks)).unwrap_or(BLOCKS[BLOCKS.len() - 1])
+}
