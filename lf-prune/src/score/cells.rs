@@ -22,24 +22,6 @@ pub(super) enum Shape {
 }
 
 impl Shape {
-    /// The centre nearest to a place that is less than [`FAR`] from (0, 0), by components.
-    #[inline(always)]
-    pub(super) fn nearest(self, i: f32, j: f32) -> (i32, i32) {
-        match self {
-            Self::Square => (round(i), round(j)),
-            Self::Hexagon => {
-                // In coordinates i, j and k = -i - j a hexagon is a cube seen from a corner. Rounded, the three must
-                // still add up to 0: the one that was rounded most follows the others.
-                let k = -i - j;
-                let [a, b, c] = [round(i), round(j), round(k)];
-                let [x, y, z] = [(a as f32 - i).abs(), (b as f32 - j).abs(), (c as f32 - k).abs()];
-                let is_i = x > y && x > z;
-                let is_j = !is_i && y > z;
-                (if is_i { -b - c } else { a }, if is_j { -a - c } else { b })
-            }
-        }
-    }
-
     /// Largest distance of a cell's points from its centre along i or j.
     pub(super) fn half(self) -> f64 {
         match self {
@@ -49,13 +31,31 @@ impl Shape {
     }
 }
 
-/// Most cells between a voxel's own lenslet and one that its rays meet.
-pub(super) const FAR: i32 = 1 << 12;
-
-/// The nearest whole number, of a number above -[`FAR`].
+/// The nearest whole number, of a number less than 2^21.
 #[inline(always)]
 fn round(number: f32) -> i32 {
-    (number + (FAR as f32 + 0.5)) as i32 - FAR
+    /// Behind the point of numbers near it there are no bits.
+    const WHOLE: f32 = 12_582_912.0;
+    (number + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
+}
+
+/// The centre nearest to a place on a square lattice.
+#[inline(always)]
+pub(super) fn nearest_square(i: f32, j: f32) -> (i32, i32) {
+    (round(i), round(j))
+}
+
+/// The centre nearest to a place on a hexagonal lattice.
+#[inline(always)]
+pub(super) fn nearest_hexagon(i: f32, j: f32) -> (i32, i32) {
+    // In coordinates i, j and k = -i - j a hexagon is a cube seen from a corner. Rounded, the three must still add up
+    // to 0: the one that was rounded most follows the others.
+    let k = -i - j;
+    let (a, b, c) = (round(i), round(j), round(k));
+    let (x, y, z) = ((a as f32 - i).abs(), (b as f32 - j).abs(), (c as f32 - k).abs());
+    let is_i = (x > y) & (x > z);
+    let is_j = !is_i & (y > z);
+    (if is_i { -b - c } else { a }, if is_j { -a - c } else { b })
 }
 
 impl Cells {

@@ -10,6 +10,8 @@
 
 mod cells;
 mod chiefs;
+#[cfg(test)]
+mod oracle;
 mod scorer;
 mod sections;
 mod shades;
@@ -18,6 +20,8 @@ mod views;
 mod walk;
 mod walks;
 
+#[cfg(test)]
+pub(crate) use oracle::{Oracle, Tolerance};
 pub(crate) use scorer::Scorer;
 pub(crate) use sections::Sections;
 pub(crate) use shades::Shades;

@@ -51,6 +51,11 @@ impl<'a> Shades<'a> {
         Self { values, width, darkest, range, limit, peak, options }
     }
 
+    #[cfg(test)]
+    pub(crate) fn values(&self) -> &[u8] {
+        &self.values
+    }
+
     /// The largest sum of shades with which a voxel is kept, if `seen` of `sections` rays meet the sensor; negative if
     /// none is.
     pub(crate) fn most(&self, seen: u32, sections: u32) -> i32 {

@@ -3,28 +3,40 @@
 use super::walk::Walk;
 use lf_core::simd;
 
-/// Neighbouring lenslets along i whose sums are made together.
+/// Neighbouring lenslets along i whose sums lie together.
 pub(super) const LANES: usize = 64;
+/// Least lanes whose sums are made together.
+const LEAST: usize = 16;
 
-/// Sums of `views` for the voxels of [`LANES`] lenslets at every place of the raster, `[place][lane]`. `first` is the
-/// place of the first lenslet in a view. Sums fit 16 bits, and wrap in between.
-pub(super) fn sums(walk: &Walk, views: &[u8], first: usize, sums: &mut [u16]) {
+/// Makes sums of `views` for the voxels of lenslets at every place of the raster, `[place][lane]`: of the lanes from
+/// `least` to `most`, and a few more. `first` is the place of the first lane's lenslet in the first view. Sums fit 16
+/// bits, and wrap in between. Returns the lanes that were made.
+pub(super) fn sums(walk: &Walk, views: &[u8], first: usize, [least, most]: [usize; 2], sums: &mut [u16]) -> [usize; 2] {
+    let start = least / LEAST * LEAST;
+    let count = (most + 1 - start).next_power_of_two().max(LEAST);
+    let start = start.min(LANES - count);
+    let (first, sums) = (first + start, &mut sums[start..]);
     simd::fastest(
         #[inline(always)]
-        || add_up(walk, views, first, sums),
+        || match count {
+            LEAST => add_up::<LEAST>(walk, views, first, sums),
+            32 => add_up::<32>(walk, views, first, sums),
+            _ => add_up::<LANES>(walk, views, first, sums),
+        },
     );
+    [start, start + count - 1]
 }
 
 #[inline(always)]
-fn add_up(walk: &Walk, views: &[u8], first: usize, sums: &mut [u16]) {
-    let lanes = |place: isize| -> &[u8; LANES] {
-        let place = first.wrapping_add_signed(place);
+fn add_up<const COUNT: usize>(walk: &Walk, views: &[u8], first: usize, sums: &mut [u16]) {
+    let lanes = |place: i32| -> &[u8; COUNT] {
+        let place = first.wrapping_add_signed(place as isize);
         views[place..].first_chunk().expect("views reach beyond the lenslets of all rays")
     };
-    let mut sum = [0u16; LANES];
+    let mut sum = [0u16; COUNT];
     for place in &walk.start {
         let new = lanes(*place);
-        for lane in 0..LANES {
+        for lane in 0..COUNT {
             sum[lane] = sum[lane].wrapping_add(u16::from(new[lane]));
         }
     }
@@ -32,11 +44,11 @@ fn add_up(walk: &Walk, views: &[u8], first: usize, sums: &mut [u16]) {
     for step in &walk.steps {
         for [new, old] in &walk.changes[done..step.end as usize] {
             let (new, old) = (lanes(*new), lanes(*old));
-            for lane in 0..LANES {
+            for lane in 0..COUNT {
                 sum[lane] = sum[lane].wrapping_add(u16::from(new[lane])).wrapping_sub(u16::from(old[lane]));
             }
         }
         done = step.end as usize;
-        sums[step.place as usize * LANES..][..LANES].copy_from_slice(&sum);
+        sums[step.place as usize * LANES..][..COUNT].copy_from_slice(&sum);
     }
 }

@@ -11,9 +11,10 @@ use super::sums::LANES;
 use glam::DVec2;
 use lf_core::{Camera, Grid, Optics};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Most by which rays of one view may part on the sensor, px.
-const APART_PX: f64 = 0.5;
+const APART_PX: f64 = 0.25;
 
 /// Most parts a side of a cell.
 const MOST_PARTS: usize = 4;
@@ -73,9 +74,9 @@ impl Plan {
         (self.first.map(|first| first + self.reach), [(self.size[0] - beside) / LANES, self.size[1] - beside])
     }
 
-    /// Place of a lenslet in a view.
-    pub(super) fn place(&self, i: i32, j: i32) -> usize {
-        (j - self.first[1]) as usize * self.size[0] + (i - self.first[0]) as usize
+    /// Views of one lenslet by so many sections.
+    pub(super) fn views(&self, sections: usize) -> usize {
+        sections * self.parts * self.parts
     }
 }
 
@@ -127,13 +128,13 @@ fn parts(optics: &Optics, cells: &Cells) -> usize {
 
 pub(crate) struct Views {
     pub(super) plan: Plan,
-    /// Section after section, part after part of the cells, row j after row j of lenslets: the shade; 0 beside the
-    /// sensor.
+    /// Row j after row j of lenslets, section after section, part after part of the cells: the shade; 0 beside the
+    /// sensor. So the views that one voxel needs lie near each other.
     pub(super) shades: Vec<u8>,
     /// The same: 1 on the sensor, 0 beside it.
     pub(super) seen: Vec<u8>,
-    /// Whether all sections and parts of a lenslet are on the sensor.
-    pub(super) is_whole: Vec<bool>,
+    /// Lenslets of each row, from the first, that all sections see on the sensor.
+    pub(super) whole: Vec<Range<usize>>,
 }
 
 impl Views {
@@ -146,12 +147,13 @@ impl Views {
             .into_par_iter()
             .map(|n| cells.centre_mm(first[0] + (n % width) as i32, first[1] + (n / width) as i32))
             .collect();
-        let count = sections_mm.len() * parts * parts * width * height;
-        let (mut values, mut seen) = (vec![0; count], vec![0; count]);
-        let views = values.par_chunks_mut(width * height).zip(seen.par_chunks_mut(width * height));
-        views.enumerate().for_each(|(n, (values, seen))| {
-            let (section_mm, part) = (sections_mm[n / (parts * parts)], n % (parts * parts));
+        let views = plan.views(sections_mm.len());
+        let (mut values, mut seen) = (vec![0; views * width * height], vec![0; views * width * height]);
+        let lines = values.par_chunks_mut(width).zip(seen.par_chunks_mut(width));
+        lines.enumerate().for_each(|(n, (values, seen))| {
+            let (section_mm, part) = (sections_mm[n % views / (parts * parts)], n % (parts * parts));
             let beyond_mm = cells.step_mm(DVec2::new(middle(part % parts), middle(part / parts)));
+            let centres = &centres[n / views * width..][..width];
             for (place, centre) in centres.iter().enumerate() {
                 let hit = optics.sensor_through(*centre, *centre + beyond_mm, section_mm);
                 if let Some((column, row)) = optics.pixel_at(hit) {
@@ -160,8 +162,12 @@ impl Views {
                 }
             }
         });
-        let is_whole = |place: usize| seen[place..].iter().step_by(width * height).all(|seen| *seen == 1);
-        let is_whole = (0..width * height).into_par_iter().map(is_whole).collect();
-        Self { plan: plan.clone(), shades: values, seen, is_whole }
+        let whole = seen.par_chunks(views * width).map(|row| {
+            let is_whole = |i: &usize| row[*i..].iter().step_by(width).all(|seen| *seen == 1);
+            let start = (0..width).find(is_whole).unwrap_or(width);
+            start..(start..width).find(|i| !is_whole(i)).unwrap_or(width)
+        });
+        let whole = whole.collect();
+        Self { plan: plan.clone(), shades: values, seen, whole }
     }
 }

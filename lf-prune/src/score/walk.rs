@@ -3,7 +3,7 @@
 //! Which lenslets the rays of a voxel meet, counted from its own, depends on its place in its own lenslet's cell only.
 //! From a place to the next few rays change lenslets, so sums are updated by what changes.
 
-use super::cells::{Cells, Shape};
+use super::cells::{Cells, Shape, nearest_hexagon, nearest_square};
 use super::views::Plan;
 use glam::DVec2;
 use lf_core::simd;
@@ -51,20 +51,22 @@ pub(super) struct Step {
 pub(super) struct Walk {
     /// Most lenslets along i or j from the voxel's own to one that its rays meet.
     pub(super) reach: i32,
-    /// Place of each section's view through its lenslet, from the voxel's own lenslet in the first view.
-    pub(super) start: Vec<isize>,
+    /// Place of each section's view through its lenslet, from that of the first view through the voxel's own.
+    pub(super) start: Vec<i32>,
     pub(super) steps: Vec<Step>,
     /// [new, old] places in the views.
-    pub(super) changes: Vec<[isize; 2]>,
+    pub(super) changes: Vec<[i32; 2]>,
 }
 
-/// Sections whose views are looked up together.
+/// Rays whose views are looked up together.
 struct Rays<'a> {
     /// Lattice coordinates along i and j from the chief ray.
     beyond: &'a [Vec<f32>; 2],
+    /// Place of each section's first view.
+    firsts: &'a [i32],
     shape: Shape,
-    width: i32,
-    lenslets: i32,
+    /// Places from row to row of lenslets, and from view to view.
+    strides: [i32; 2],
     parts: i32,
 }
 
@@ -75,18 +77,32 @@ fn part(beyond: f32, half: f32, parts: i32) -> i32 {
 }
 
 impl Rays<'_> {
-    /// Offset of each section's view within the section's views, for a voxel at (i, j) of its own lenslet's cell.
+    /// Place of each ray's view, for a voxel at (i, j) of its own lenslet's cell.
     #[inline(always)]
-    fn offsets(&self, i: f32, j: f32, offsets: &mut [i32]) {
-        let half = self.shape.half() as f32;
-        for ((offset, ray_i), ray_j) in offsets.iter_mut().zip(&self.beyond[0]).zip(&self.beyond[1]) {
-            let (i, j) = (i + ray_i, j + ray_j);
-            let (near_i, near_j) = self.shape.nearest(i, j);
-            *offset = near_j * self.width + near_i;
-            if self.parts > 1 {
+    fn views(&self, i: f32, j: f32, views: &mut [i32]) {
+        match self.shape {
+            Shape::Square => self.views_of(nearest_square, i, j, views),
+            Shape::Hexagon => self.views_of(nearest_hexagon, i, j, views),
+        }
+    }
+
+    #[inline(always)]
+    fn views_of(&self, nearest: impl Fn(f32, f32) -> (i32, i32), i: f32, j: f32, views: &mut [i32]) {
+        let [rays_i, rays_j] = self.beyond;
+        let (rays_i, rays_j, firsts) = (&rays_i[..views.len()], &rays_j[..views.len()], &self.firsts[..views.len()]);
+        let [row, view] = self.strides;
+        for n in 0..views.len() {
+            let (near_i, near_j) = nearest(i + rays_i[n], j + rays_j[n]);
+            views[n] = firsts[n] + near_j * row + near_i;
+        }
+        if self.parts > 1 {
+            let half = self.shape.half() as f32;
+            for n in 0..views.len() {
+                let (i, j) = (i + rays_i[n], j + rays_j[n]);
+                let (near_i, near_j) = nearest(i, j);
                 let [part_i, part_j] =
                     [(i, near_i), (j, near_j)].map(|(place, near)| part(place - near as f32, half, self.parts));
-                *offset += (part_j * self.parts + part_i) * self.lenslets;
+                views[n] += (part_j * self.parts + part_i) * view;
             }
         }
     }
@@ -101,31 +117,27 @@ impl Walk {
             [0, 1].map(|axis| beyond.iter().map(|ray| ray[axis].clamp(-far, far) as f32).collect());
         let farthest = beyond.iter().flatten().fold(0f32, |most, ray| most.max(ray.abs()));
         let reach = farthest.ceil() as i32 + BESIDE;
-        let lenslets = plan.lenslets() as i32;
-        let views = (plan.parts * plan.parts * plan.lenslets()) as isize;
-        let rays =
-            Rays { beyond: &beyond, shape: cells.shape, width: plan.size[0] as i32, lenslets, parts: plan.parts as i32 };
-        let mut offsets = vec![0; beyond[0].len()];
-        let mut next = offsets.clone();
+        let (width, parts) = (plan.size[0] as i32, plan.parts as i32);
+        let firsts: Vec<i32> = (0..beyond[0].len() as i32).map(|section| section * parts * parts * width).collect();
+        let strides = [plan.views(firsts.len()) as i32 * width, width];
+        let rays = Rays { beyond: &beyond, firsts: &firsts, shape: cells.shape, strides, parts };
+        let mut views = firsts.clone();
+        let mut next = firsts.clone();
         let mut walk = Self { reach, start: Vec::new(), steps: Vec::with_capacity(raster.places()), changes: Vec::new() };
         let along = 1 << raster.bits[0];
         for place in raster.path() {
             let [i, j] = [raster.middle(0, place % along) as f32, raster.middle(1, place / along) as f32];
             simd::fastest(
                 #[inline(always)]
-                || rays.offsets(i, j, &mut next),
+                || rays.views(i, j, &mut next),
             );
-            let view = |section: usize, offset: i32| section as isize * views + offset as isize;
             if walk.steps.is_empty() {
-                walk.start = next.iter().enumerate().map(|(section, offset)| view(section, *offset)).collect();
+                walk.start.clone_from(&next);
             } else {
-                for (section, (new, old)) in next.iter().zip(&offsets).enumerate() {
-                    if new != old {
-                        walk.changes.push([view(section, *new), view(section, *old)]);
-                    }
-                }
+                let changed = next.iter().zip(&views).filter(|(new, old)| new != old);
+                walk.changes.extend(changed.map(|(new, old)| [*new, *old]));
             }
-            std::mem::swap(&mut offsets, &mut next);
+            std::mem::swap(&mut views, &mut next);
             walk.steps.push(Step { place: place as u32, end: walk.changes.len() as u32 });
         }
         walk

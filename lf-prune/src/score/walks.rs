@@ -21,8 +21,8 @@ pub(super) struct Walks<'a> {
     plan: &'a Plan,
     /// Groups of lanes of a block, and rows.
     side: [usize; 2],
-    /// The block row of the walks.
-    row: usize,
+    /// The block along a row of the walks, and one for each block across the rows.
+    block: usize,
     walks: Vec<Option<Walk>>,
 }
 
@@ -37,25 +37,24 @@ impl<'a> Walks<'a> {
         let (_, size) = plan.voxel_lenslets();
         let blocks = blocks(rays, camera);
         let side = size.map(|count| count.div_ceil(blocks));
-        Self { rays, sections_mm, raster, plan, side, row: 0, walks: Vec::new() }
+        Self { rays, sections_mm, raster, plan, side, block: 0, walks: Vec::new() }
     }
 
-    /// The walk for a group of lanes in a row of lenslets; rows must not fall.
-    pub(super) fn of(&mut self, row: usize, group: usize) -> &Walk {
-        let (_, size) = self.plan.voxel_lenslets();
-        let blocks = size[0].div_ceil(self.side[0]);
+    /// The walk for a group of lanes in a row of lenslets. Fastest if groups do not fall.
+    pub(super) fn of(&mut self, [group, row]: [usize; 2]) -> &Walk {
         let (block, block_row) = (group / self.side[0], row / self.side[1]);
-        if self.walks.is_empty() || block_row != self.row {
-            self.row = block_row;
+        if self.walks.is_empty() || block != self.block {
+            let (_, size) = self.plan.voxel_lenslets();
+            self.block = block;
             self.walks.clear();
-            self.walks.resize_with(blocks, || None);
+            self.walks.resize_with(size[1].div_ceil(self.side[1]), || None);
         }
-        if self.walks[block].is_none() {
+        if self.walks[block_row].is_none() {
             let voxel = self.middle(block, block_row);
             let beyond = beyond(self.rays, voxel, self.sections_mm);
-            self.walks[block] = Some(Walk::new(self.raster, &beyond, self.plan, self.rays.cells));
+            self.walks[block_row] = Some(Walk::new(self.raster, &beyond, self.plan, self.rays.cells));
         }
-        self.walks[block].as_ref().expect("made above")
+        self.walks[block_row].as_ref().expect("made above")
     }
 
     /// The place in voxels that stands for a block: within the grid.
