@@ -4,9 +4,9 @@ use super::cells::Cells;
 use super::chiefs::{Chiefs, FRACTION, Line, SliceRays};
 use super::sections::Sections;
 use super::shades::Shades;
-use super::sums::{LANES, sums};
+use super::sums::{LANES, LEAST, add_up};
 use super::views::{Plan, Views};
-use super::walk::{Raster, Walk};
+use super::walk::Raster;
 use super::walks::Walks;
 use crate::options::Region;
 use glam::DVec2;
@@ -63,8 +63,10 @@ impl Run {
 /// Sums of the voxels of one group of lenslets at every place of the raster.
 struct Sums {
     shades: Vec<u16>,
-    /// Rays that meet the sensor.
+    /// Rays that meet the sensor; all of them, unless some may miss it.
     seen: Vec<u16>,
+    /// Whether rays may miss the sensor, for lanes of [`LEAST`].
+    is_beside: [bool; LANES / LEAST],
     /// Places in the sums of a run's voxels.
     places: Vec<u32>,
 }
@@ -122,11 +124,15 @@ impl<'a> Scorer<'a> {
         let chiefs = Chiefs::new(&rays, self.camera, self.raster, origin);
         let mut walks = Walks::new(&rays, self.camera, &self.sections_mm, self.raster, &self.views.plan);
         let size = self.raster.places() * LANES;
-        let mut sums = Sums { shades: vec![0; size], seen: vec![0; size], places: Vec::new() };
+        let mut sums = Sums { shades: vec![0; size], seen: vec![0; size], is_beside: [false; LANES / LEAST], places: Vec::new() };
         let mut kept = Kept::new();
         for runs in self.runs(&chiefs, region).chunk_by(|a, b| a.group == b.group) {
-            let walk = walks.of(self.place(runs[0].group));
-            self.keep(runs, walk, &mut sums, &mut kept);
+            sums.is_beside = Default::default();
+            let lanes = self.lanes(runs);
+            for lanes in walks.parts(lanes) {
+                self.add_up(runs[0].group, lanes, &mut walks, &mut sums);
+            }
+            self.keep(runs, &mut sums, &mut kept);
         }
         kept.sort_unstable_by_key(|(place, _)| *place);
         kept
@@ -193,22 +199,29 @@ impl<'a> Scorer<'a> {
         }
     }
 
-    /// Keeps voxels of runs that share their group of lenslets.
-    fn keep(&self, runs: &[Run], walk: &Walk, all: &mut Sums, kept: &mut Kept) {
+    /// Makes the sums of lanes of a group.
+    fn add_up(&self, group: u32, [least, most]: [usize; 2], walks: &mut Walks, sums: &mut Sums) {
         let Plan { size: [width, _], reach, .. } = self.views.plan;
-        let [group, row] = self.place(runs[0].group);
+        let [along, row] = self.place(group);
+        let walk = walks.of(along * LANES + least, row);
         let line = (row + reach as usize) * self.views.plan.views(self.sections_mm.len());
-        let first = line * width + group * LANES + reach as usize;
-        let lanes = self.lanes(runs);
-        sums(walk, &self.views.shades, first, lanes, &mut all.shades);
-        let beside = self.beside(runs[0].group, lanes, walk.reach);
-        let beside = beside.map(|lanes| sums(walk, &self.views.seen, first, lanes, &mut all.seen));
+        let first = line * width + along * LANES + reach as usize;
+        add_up(walk, &self.views.shades, first, [least, most], &mut sums.shades);
+        if let Some([least, most]) = self.beside(group, [least, most], walk.reach) {
+            add_up(walk, &self.views.seen, first, [least, most], &mut sums.seen);
+            sums.is_beside[least / LEAST..=most / LEAST].fill(true);
+        }
+    }
+
+    /// Keeps voxels of runs that share their group of lenslets.
+    fn keep(&self, runs: &[Run], all: &mut Sums, kept: &mut Kept) {
+        let is_beside = all.is_beside.contains(&true);
         let most = self.scores.len();
         for run in runs {
             self.find_places(run, &mut all.places);
             let base = run.y * self.grid.shape[0] as u32 + run.x;
             let voxels = (base..).zip(&all.places);
-            let Some([low, high]) = beside else {
+            if !is_beside {
                 for (voxel, place) in voxels {
                     let sum = usize::from(all.shades[*place as usize]);
                     if sum < most {
@@ -216,11 +229,11 @@ impl<'a> Scorer<'a> {
                     }
                 }
                 continue;
-            };
+            }
             for (voxel, place) in voxels {
                 let place = *place as usize;
-                let (sum, lane) = (all.shades[place], place % LANES);
-                let is_beside = lane >= low && lane <= high;
+                let sum = all.shades[place];
+                let is_beside = all.is_beside[place % LANES / LEAST];
                 let seen = if is_beside { usize::from(all.seen[place]) } else { self.sections_mm.len() };
                 if i32::from(sum) <= self.most[seen] {
                     kept.push((voxel, self.shades.score(u32::from(sum), seen as u32)));

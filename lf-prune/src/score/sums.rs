@@ -6,12 +6,12 @@ use lf_core::simd;
 /// Neighbouring lenslets along i whose sums lie together.
 pub(super) const LANES: usize = 64;
 /// Least lanes whose sums are made together.
-const LEAST: usize = 16;
+pub(super) const LEAST: usize = 16;
 
 /// Makes sums of `views` for the voxels of lenslets at every place of the raster, `[place][lane]`: of the lanes from
-/// `least` to `most`, and a few more. `first` is the place of the first lane's lenslet in the first view. Sums fit 16
-/// bits, and wrap in between. Returns the lanes that were made.
-pub(super) fn sums(walk: &Walk, views: &[u8], first: usize, [least, most]: [usize; 2], sums: &mut [u16]) -> [usize; 2] {
+/// `least` to `most`, and those between them and the next multiples of [`LEAST`] or more. `first` is the place of the first lane's lenslet in the first view. Sums fit 16
+/// bits, and wrap in between.
+pub(super) fn add_up(walk: &Walk, views: &[u8], first: usize, [least, most]: [usize; 2], sums: &mut [u16]) {
     let start = least / LEAST * LEAST;
     let count = (most + 1 - start).next_power_of_two().max(LEAST);
     let start = start.min(LANES - count);
@@ -19,16 +19,15 @@ pub(super) fn sums(walk: &Walk, views: &[u8], first: usize, [least, most]: [usiz
     simd::fastest(
         #[inline(always)]
         || match count {
-            LEAST => add_up::<LEAST>(walk, views, first, sums),
-            32 => add_up::<32>(walk, views, first, sums),
-            _ => add_up::<LANES>(walk, views, first, sums),
+            LEAST => add_lanes::<LEAST>(walk, views, first, sums),
+            32 => add_lanes::<32>(walk, views, first, sums),
+            _ => add_lanes::<LANES>(walk, views, first, sums),
         },
     );
-    [start, start + count - 1]
 }
 
 #[inline(always)]
-fn add_up<const COUNT: usize>(walk: &Walk, views: &[u8], first: usize, sums: &mut [u16]) {
+fn add_lanes<const COUNT: usize>(walk: &Walk, views: &[u8], first: usize, sums: &mut [u16]) {
     let lanes = |place: i32| -> &[u8; COUNT] {
         let place = first.wrapping_add_signed(place as isize);
         views[place..].first_chunk().expect("views reach beyond the lenslets of all rays")

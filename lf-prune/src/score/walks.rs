@@ -1,14 +1,15 @@
 //! The walks of a slice: one, or one for each block of lenslets where the rays of a bundle part otherwise.
 
 use super::chiefs::SliceRays;
-use super::sums::LANES;
+use super::sums::{LANES, LEAST};
 use super::views::Plan;
 use super::walk::{Raster, Walk};
 use glam::DVec2;
 use lf_core::Camera;
+use std::ops::Range;
 
 /// Most that a ray is moved against the chief ray otherwise than in the middle of its block, px on the array.
-const APART_PX: f64 = 0.1;
+const APART_PX: f64 = 0.2;
 /// Blocks along an axis that are tried.
 const BLOCKS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// Blocks along an axis at which their number is tried.
@@ -19,10 +20,10 @@ pub(super) struct Walks<'a> {
     sections_mm: &'a [DVec2],
     raster: Raster,
     plan: &'a Plan,
-    /// Groups of lanes of a block, and rows.
+    /// Lanes and rows of a block.
     side: [usize; 2],
-    /// The block along a row of the walks, and one for each block across the rows.
-    block: usize,
+    /// The blocks along a row whose walks are known, and their walks, row after row.
+    blocks: Range<usize>,
     walks: Vec<Option<Walk>>,
 }
 
@@ -36,35 +37,45 @@ impl<'a> Walks<'a> {
     ) -> Self {
         let (_, size) = plan.voxel_lenslets();
         let blocks = blocks(rays, camera);
-        let side = size.map(|count| count.div_ceil(blocks));
-        Self { rays, sections_mm, raster, plan, side, block: 0, walks: Vec::new() }
+        let lanes = size[0] * LANES / blocks;
+        let lanes = if lanes < LANES { (lanes + 1).next_power_of_two() / 2 } else { lanes / LANES * LANES };
+        let side = [lanes.max(LEAST), size[1].div_ceil(blocks)];
+        Self { rays, sections_mm, raster, plan, side, blocks: 0..0, walks: Vec::new() }
     }
 
-    /// The walk for a group of lanes in a row of lenslets. Fastest if groups do not fall.
-    pub(super) fn of(&mut self, [group, row]: [usize; 2]) -> &Walk {
-        let (block, block_row) = (group / self.side[0], row / self.side[1]);
-        if self.walks.is_empty() || block != self.block {
-            let (_, size) = self.plan.voxel_lenslets();
-            self.block = block;
+    /// Lanes, of those from `least` to `most` of a group, that share a walk: the first such part after the other.
+    pub(super) fn parts(&self, [least, most]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let side = self.side[0].min(LANES);
+        (least / side..=most / side).map(move |part| [least.max(part * side), most.min((part + 1) * side - 1)])
+    }
+
+    /// The walk for a lane, counted along all groups, in a row of lenslets. Fastest if blocks do not fall.
+    pub(super) fn of(&mut self, lane: usize, row: usize) -> &Walk {
+        let (block, block_row) = (lane / self.side[0], row / self.side[1]);
+        let (_, size) = self.plan.voxel_lenslets();
+        if self.walks.is_empty() || !self.blocks.contains(&block) {
+            // All blocks of a group stay, since each row has them all.
+            self.blocks = block..block + (LANES / self.side[0]).max(1);
             self.walks.clear();
-            self.walks.resize_with(size[1].div_ceil(self.side[1]), || None);
+            self.walks.resize_with(self.blocks.len() * size[1].div_ceil(self.side[1]), || None);
         }
-        if self.walks[block_row].is_none() {
+        let place = (block - self.blocks.start) + self.blocks.len() * block_row;
+        if self.walks[place].is_none() {
             let voxel = self.middle(block, block_row);
             let beyond = beyond(self.rays, voxel, self.sections_mm);
-            self.walks[block_row] = Some(Walk::new(self.raster, &beyond, self.plan, self.rays.cells));
+            self.walks[place] = Some(Walk::new(self.raster, &beyond, self.plan, self.rays.cells));
         }
-        self.walks[block_row].as_ref().expect("made above")
+        self.walks[place].as_ref().expect("made above")
     }
 
     /// The place in voxels that stands for a block: within the grid.
     fn middle(&self, block: usize, row: usize) -> DVec2 {
         let (origin, size) = self.plan.voxel_lenslets();
-        if self.side == size {
+        if self.side[0] >= size[0] * LANES && self.side[1] >= size[1] {
             return self.rays.middle();
         }
         let along = |first: i32, block: usize, side: usize| f64::from(first) + (block as f64 + 0.5) * side as f64;
-        let i = along(origin[0], block, self.side[0] * LANES);
+        let i = along(origin[0], block, self.side[0]);
         let j = along(origin[1], row, self.side[1]);
         self.rays.voxel(DVec2::new(i, j)).clamp(DVec2::ZERO, 2.0 * self.rays.middle())
     }
