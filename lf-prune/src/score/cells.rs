@@ -33,7 +33,7 @@ impl Shape {
 
 /// The nearest whole number, of a number less than 2^21.
 #[inline(always)]
-fn round(number: f32) -> i32 {
+pub(super) fn round(number: f32) -> i32 {
     /// Behind the point of numbers near it there are no bits.
     const WHOLE: f32 = 12_582_912.0;
     (number + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32

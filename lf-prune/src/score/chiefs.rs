@@ -141,10 +141,6 @@ impl Chiefs {
         let (start, end) = (node(column), node(column + 1));
         let step = (end - start) / self.side as f64;
         let whole = |coordinate: f64| (coordinate * f64::from(1 << FRACTION)).round() as i64;
-        Line {
-            x: column * self.side,
-            start: start.to_array().map(whole),
-            step: step.to_array().map(whole),
-        }
+        Line { x: column * self.side, start: start.to_array().map(whole), step: step.to_array().map(whole) }
     }
 }

@@ -17,7 +17,7 @@ pub(crate) struct Tolerance {
     pub(crate) raster: f64,
 }
 
-/// What a voxel's rays add up to, least and most.
+/// Sums over a voxel's rays, least and most.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bounds {
     pub(crate) shades: [u32; 2],
@@ -58,7 +58,8 @@ impl<'a> Oracle<'a> {
         let place = rays.chief(voxel);
         let scale = DVec2::new(f64::from(1 << bits[0]), f64::from(1 << bits[1]));
         let within = scale * place - (scale * place).floor();
-        let is_sure = within.min_element() > self.tolerance.raster && within.max_element() < 1.0 - self.tolerance.raster;
+        let is_sure =
+            within.min_element() > self.tolerance.raster && within.max_element() < 1.0 - self.tolerance.raster;
         is_sure.then(|| rays.cells.step_mm((DVec2::splat(0.5) - within) / scale))
     }
 

@@ -4,8 +4,8 @@ use super::cells::Cells;
 use super::chiefs::{Chiefs, FRACTION, Line, SliceRays};
 use super::sections::Sections;
 use super::shades::Shades;
-use super::sums::{LANES, LEAST, add_up};
-use super::views::{Plan, Views};
+use super::sums::add_up;
+use super::views::{LANES, LEAST, Plan, Views};
 use super::walk::Raster;
 use super::walks::Walks;
 use crate::options::Region;
@@ -124,7 +124,8 @@ impl<'a> Scorer<'a> {
         let chiefs = Chiefs::new(&rays, self.camera, self.raster, origin);
         let mut walks = Walks::new(&rays, self.camera, &self.sections_mm, self.raster, &self.views.plan);
         let size = self.raster.places() * LANES;
-        let mut sums = Sums { shades: vec![0; size], seen: vec![0; size], is_beside: [false; LANES / LEAST], places: Vec::new() };
+        let mut sums =
+            Sums { shades: vec![0; size], seen: vec![0; size], is_beside: [false; LANES / LEAST], places: Vec::new() };
         let mut kept = Kept::new();
         for runs in self.runs(&chiefs, region).chunk_by(|a, b| a.group == b.group) {
             sums.is_beside = Default::default();

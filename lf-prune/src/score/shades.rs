@@ -40,7 +40,7 @@ impl<'a> Shades<'a> {
             let share = f64::from(*pixel) / peak;
             match options.score {
                 Score::Geometric if share.is_nan() => limit.max(0.0) as u8,
-                Score::Geometric => shade(share.clamp(options.dark, bright)).round() as u8,
+                Score::Geometric => (shade(share.clamp(options.dark, bright)) + 0.5) as u8,
                 Score::Share(_) => u8::from(share < options.threshold || share <= 0.0),
             }
         };

@@ -1,12 +1,8 @@
 //! Sums over sections for many lenslets at once: the inner loop of pruning.
 
+use super::views::{LANES, LEAST};
 use super::walk::Walk;
 use lf_core::simd;
-
-/// Neighbouring lenslets along i whose sums lie together.
-pub(super) const LANES: usize = 64;
-/// Least lanes whose sums are made together.
-pub(super) const LEAST: usize = 16;
 
 /// Makes sums of `views` for the voxels of lenslets at every place of the raster, `[place][lane]`: of the lanes from
 /// `least` to `most`, and those between them and the next multiples of [`LEAST`] or more. `first` is the place of the first lane's lenslet in the first view. Sums fit 16

@@ -7,11 +7,15 @@
 use super::cells::Cells;
 use super::sections::Sections;
 use super::shades::Shades;
-use super::sums::LANES;
 use glam::DVec2;
 use lf_core::{Camera, Grid, Optics};
 use rayon::prelude::*;
 use std::ops::Range;
+
+/// Neighbouring lenslets along i whose sums lie together: a group.
+pub(super) const LANES: usize = 64;
+/// Least lanes whose sums are made together.
+pub(super) const LEAST: usize = 16;
 
 /// Most by which rays of one view may part on the sensor, px.
 const APART_PX: f64 = 0.25;
@@ -118,8 +122,7 @@ fn parts(optics: &Optics, cells: &Cells) -> usize {
     for corner in [DVec2::ZERO, DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)] {
         let centre = corner * half_sensor;
         for side in cells.sides_mm {
-            let [low, high] =
-                [-0.5, 0.5].map(|half| optics.sensor_through(centre, centre + half * side, DVec2::ZERO));
+            let [low, high] = [-0.5, 0.5].map(|half| optics.sensor_through(centre, centre + half * side, DVec2::ZERO));
             most_mm = most_mm.max(low.distance(high));
         }
     }

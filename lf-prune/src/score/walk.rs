@@ -3,7 +3,7 @@
 //! Which lenslets the rays of a voxel meet, counted from its own, depends on its place in its own lenslet's cell only.
 //! From a place to the next few rays change lenslets, so sums are updated by what changes.
 
-use super::cells::{Cells, Shape, nearest_hexagon, nearest_square};
+use super::cells::{Cells, Shape, nearest_hexagon, nearest_square, round};
 use super::views::Plan;
 use glam::DVec2;
 use lf_core::simd;
@@ -70,12 +70,6 @@ struct Rays<'a> {
     parts: i32,
 }
 
-/// The part of a cell, along one axis, at a distance from its centre.
-#[inline(always)]
-fn part(beyond: f32, half: f32, parts: i32) -> i32 {
-    (((beyond / half + 1.0) * (0.5 * parts as f32)) as i32).clamp(0, parts - 1)
-}
-
 impl Rays<'_> {
     /// Place of each ray's view, for a voxel at (i, j) of its own lenslet's cell.
     #[inline(always)]
@@ -96,13 +90,14 @@ impl Rays<'_> {
             views[n] = firsts[n] + near_j * row + near_i;
         }
         if self.parts > 1 {
-            let half = self.shape.half() as f32;
+            // The least and the greatest part, and parts per step of the lattice, from a cell's centre.
+            let most = 0.5 * (self.parts - 1) as f32;
+            let per_step = 0.5 * self.parts as f32 / self.shape.half() as f32;
+            let part = |beyond: f32| round((per_step * beyond).clamp(-most, most) + most);
             for n in 0..views.len() {
                 let (i, j) = (i + rays_i[n], j + rays_j[n]);
                 let (near_i, near_j) = nearest(i, j);
-                let [part_i, part_j] =
-                    [(i, near_i), (j, near_j)].map(|(place, near)| part(place - near as f32, half, self.parts));
-                views[n] += (part_j * self.parts + part_i) * view;
+                views[n] += (part(j - near_j as f32) * self.parts + part(i - near_i as f32)) * view;
             }
         }
     }
@@ -123,7 +118,8 @@ impl Walk {
         let rays = Rays { beyond: &beyond, firsts: &firsts, shape: cells.shape, strides, parts };
         let mut views = firsts.clone();
         let mut next = firsts.clone();
-        let mut walk = Self { reach, start: Vec::new(), steps: Vec::with_capacity(raster.places()), changes: Vec::new() };
+        let mut walk =
+            Self { reach, start: Vec::new(), steps: Vec::with_capacity(raster.places()), changes: Vec::new() };
         let along = 1 << raster.bits[0];
         for place in raster.path() {
             let [i, j] = [raster.middle(0, place % along) as f32, raster.middle(1, place / along) as f32];

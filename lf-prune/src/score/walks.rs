@@ -1,15 +1,15 @@
 //! The walks of a slice: one, or one for each block of lenslets where the rays of a bundle part otherwise.
 
 use super::chiefs::SliceRays;
-use super::sums::{LANES, LEAST};
-use super::views::Plan;
+use super::views::{LANES, LEAST, Plan};
 use super::walk::{Raster, Walk};
 use glam::DVec2;
 use lf_core::Camera;
 use std::ops::Range;
 
-/// Most that a ray is moved against the chief ray otherwise than in the middle of its block, px on the array.
-const APART_PX: f64 = 0.2;
+/// Most that a ray through the stop's rim is moved against the chief ray otherwise than in the middle of its block, px on
+/// the array: half of what a voxel of 2 px is moved to its place of the raster.
+const APART_PX: f64 = 0.4;
 /// Blocks along an axis that are tried.
 const BLOCKS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// Blocks along an axis at which their number is tried.
