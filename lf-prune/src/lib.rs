@@ -14,7 +14,7 @@ mod score;
 mod threshold;
 
 pub use options::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, Options, Region, Score};
-pub use plan::{Plan, Support};
+pub use plan::{Forecast, Plan, Support};
 pub use threshold::Automatic;
 
 #[cfg(test)]

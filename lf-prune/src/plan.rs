@@ -5,6 +5,7 @@ use crate::score::{Scorer, Sections, Shades, ViewsPlan};
 use lf_core::{Camera, Grid, Refusal, weights::check_depth};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// Slices that are pruned to foretell how many voxels all slices keep.
 const SAMPLE_SLICES: usize = 9;
@@ -62,8 +63,9 @@ impl<'a> Plan<'a> {
         self.regions.iter().map(|[x, y]| x.len() as u64 * y.len() as u64).sum()
     }
 
-    /// The number of voxels that [`Plan::prune`] will keep: an estimate from a few slices, which are pruned.
-    pub fn foretold_kept(&self, image: ArrayView2<f32>) -> Result<f64, Refusal> {
+    /// The voxels that [`Plan::prune`] will keep and the time it will take: an estimate from a few slices, which are
+    /// pruned. `clock` tells seconds.
+    pub fn forecast(&self, image: ArrayView2<f32>, clock: impl Fn() -> f64 + Sync) -> Result<Forecast, Refusal> {
         // The same depth in fewer slices.
         let nz = self.grid.shape[2];
         let few = nz.min(SAMPLE_SLICES);
@@ -74,8 +76,16 @@ impl<'a> Plan<'a> {
         grid.origin_mm[2] += 0.5 * (stretch - 1.0) * self.grid.spacing_mm[2];
         let nearest = |slice: usize| self.regions[((slice as f64 + 0.5) * stretch) as usize].clone();
         let regions: Vec<Region> = (0..few).map(nearest).collect();
-        let sample = Plan::new(self.camera, &grid, &regions, self.options)?.prune(image, |_| ());
-        Ok(sample.indices.len() as f64 * stretch)
+        let ends = Mutex::new(Vec::new());
+        let note_end = |_| ends.lock().unwrap_or_else(PoisonError::into_inner).push(clock());
+        let start = clock();
+        let sample = Plan::new(self.camera, &grid, &regions, self.options)?.prune(image, note_end);
+        let ends = ends.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let (first, last) = (ends.first().copied().unwrap_or(start), ends.last().copied().unwrap_or(start));
+        // The views are made before the first slice, once.
+        let a_slice = (last - first) / (few - 1).max(1) as f64;
+        let seconds = first - start + a_slice * (nz - 1) as f64;
+        Ok(Forecast { kept: sample.indices.len() as f64 * stretch, seconds })
     }
 
     /// Most bytes in use beside an image of `pixels` pixels, if `kept` voxels are kept.
@@ -114,6 +124,15 @@ impl<'a> Plan<'a> {
         }
         support
     }
+}
+
+/// Estimates before a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Forecast {
+    /// Number of voxels kept.
+    pub kept: f64,
+    /// Time of [`Plan::prune`].
+    pub seconds: f64,
 }
 
 /// The voxels that pruning keeps.
