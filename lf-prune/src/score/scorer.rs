@@ -186,8 +186,9 @@ impl<'a> Scorer<'a> {
     fn beside(&self, group: u32, [least, most]: [usize; 2], reach: i32) -> Option<[usize; 2]> {
         let Views { plan, whole, .. } = &self.views;
         let [group, row] = self.place(group);
-        let (reach, first) = (reach as usize, plan.reach as usize + group * LANES);
-        let rows = &whole[plan.reach as usize + row - reach..=plan.reach as usize + row + reach];
+        let (reach, first) = (reach as usize, plan.reach as usize);
+        let row = group * plan.size[1] + first + row;
+        let rows = &whole[row - reach..=row + reach];
         // Lanes from here on are whole, up to there.
         let start = rows.iter().map(|whole| whole.start).max().unwrap_or(0) + reach;
         let end = rows.iter().map(|whole| whole.end).min().unwrap_or(0).saturating_sub(reach);
@@ -202,11 +203,11 @@ impl<'a> Scorer<'a> {
 
     /// Makes the sums of lanes of a group.
     fn add_up(&self, group: u32, [least, most]: [usize; 2], walks: &mut Walks, sums: &mut Sums) {
-        let Plan { size: [width, _], reach, .. } = self.views.plan;
+        let Plan { size: [width, height], reach, .. } = self.views.plan;
         let [along, row] = self.place(group);
         let walk = walks.of(along * LANES + least, row);
-        let line = (row + reach as usize) * self.views.plan.views(self.sections_mm.len());
-        let first = line * width + along * LANES + reach as usize;
+        let line = (along * height + row + reach as usize) * self.views.plan.views(self.sections_mm.len());
+        let first = line * width + reach as usize;
         add_up(walk, &self.views.shades, first, [least, most], &mut sums.shades);
         if let Some([least, most]) = self.beside(group, [least, most], walk.reach) {
             add_up(walk, &self.views.seen, first, [least, most], &mut sums.seen);

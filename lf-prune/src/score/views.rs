@@ -28,7 +28,9 @@ const MOST_PARTS: usize = 4;
 pub(crate) struct Plan {
     /// First lenslet along i and j.
     pub(super) first: [i32; 2],
-    /// Number of lenslets along i and j.
+    /// Groups of lenslets along i, for each of which the views lie together.
+    pub(super) groups: usize,
+    /// Lenslets along i that the rays of a group's voxels meet, and rows of lenslets.
     pub(super) size: [usize; 2],
     /// Most lenslets along i or j from a voxel's own to one that its rays meet.
     pub(super) reach: i32,
@@ -43,11 +45,11 @@ impl Plan {
         let [least, most] = cells.bounds(seen_sides(&optics));
         let along = |axis: usize| (most[axis].ceil() as i32 + reach) - (least[axis].floor() as i32 - reach) + 1;
         // Voxels of these lenslets may be seen; their rays meet others within reach. Lanes come in groups.
-        let groups = (along(0) as usize).div_ceil(LANES);
         let beside = 2 * reach as usize;
         Self {
             first: [0, 1].map(|axis| least[axis].floor() as i32 - 2 * reach),
-            size: [groups * LANES + beside, along(1) as usize + beside],
+            groups: (along(0) as usize).div_ceil(LANES),
+            size: [LANES + beside, along(1) as usize + beside],
             reach,
             parts: parts(&optics, &cells),
         }
@@ -55,7 +57,7 @@ impl Plan {
 
     /// The views in words.
     pub(crate) fn about(&self, sections: u32) -> String {
-        let [width, height] = self.size;
+        let [width, height] = [self.groups * LANES, self.voxel_lenslets().1[1]];
         let parts = match self.parts {
             1 => String::new(),
             parts => format!(", in {parts} x {parts} parts of their cells"),
@@ -65,17 +67,14 @@ impl Plan {
 
     /// Bytes of the views of so many sections.
     pub(crate) fn bytes(&self, sections: u32) -> f64 {
-        2.0 * f64::from(sections) * (self.parts * self.parts * self.lenslets()) as f64
-    }
-
-    pub(super) fn lenslets(&self) -> usize {
-        self.size[0] * self.size[1]
+        let [width, height] = self.size;
+        2.0 * (self.views(sections as usize) * self.groups * width * height) as f64
     }
 
     /// The first lenslet of voxels along i and j, and the number of groups of lanes and of rows.
     pub(super) fn voxel_lenslets(&self) -> ([i32; 2], [usize; 2]) {
         let beside = 2 * self.reach as usize;
-        (self.first.map(|first| first + self.reach), [(self.size[0] - beside) / LANES, self.size[1] - beside])
+        (self.first.map(|first| first + self.reach), [self.groups, self.size[1] - beside])
     }
 
     /// Views of one lenslet by so many sections.
@@ -131,27 +130,29 @@ fn parts(optics: &Optics, cells: &Cells) -> usize {
 
 pub(crate) struct Views {
     pub(super) plan: Plan,
-    /// Row j after row j of lenslets, section after section, part after part of the cells: the shade; 0 beside the
-    /// sensor. So the views that one voxel needs lie near each other.
+    /// Group after group of lenslets, row j after row j, section after section, part after part of the cells, and the
+    /// lenslets that the group's rays meet: the shade; 0 beside the sensor. So the views that a voxel needs lie near
+    /// each other, in few pages of memory.
     pub(super) shades: Vec<u8>,
     /// The same: 1 on the sensor, 0 beside it.
     pub(super) seen: Vec<u8>,
-    /// Lenslets of each row, from the first, that all sections see on the sensor.
+    /// Group after group, row after row: the lenslets, from the first, that all sections see on the sensor.
     pub(super) whole: Vec<Range<usize>>,
 }
 
 impl Views {
     pub(super) fn new(plan: &Plan, shades: &Shades, sections: &Sections, camera: &Camera) -> Self {
         let (optics, cells) = (Optics::new(camera), Cells::new(camera));
-        let Plan { first, size: [width, height], parts, .. } = *plan;
+        let Plan { first, groups, size: [width, height], parts, .. } = *plan;
         let sections_mm = sections.traced_mm();
         let middle = |part: usize| (2.0 * (part as f64 + 0.5) / parts as f64 - 1.0) * cells.shape.half();
-        let centres: Vec<DVec2> = (0..width * height)
-            .into_par_iter()
-            .map(|n| cells.centre_mm(first[0] + (n % width) as i32, first[1] + (n / width) as i32))
-            .collect();
+        let centre = |n: usize| {
+            let (group, i, j) = (n / width / height, n % width, n / width % height);
+            cells.centre_mm(first[0] + (group * LANES + i) as i32, first[1] + j as i32)
+        };
+        let centres: Vec<DVec2> = (0..groups * width * height).into_par_iter().map(centre).collect();
         let views = plan.views(sections_mm.len());
-        let (mut values, mut seen) = (vec![0; views * width * height], vec![0; views * width * height]);
+        let (mut values, mut seen) = (vec![0; views * centres.len()], vec![0; views * centres.len()]);
         let lines = values.par_chunks_mut(width).zip(seen.par_chunks_mut(width));
         lines.enumerate().for_each(|(n, (values, seen))| {
             let (section_mm, part) = (sections_mm[n % views / (parts * parts)], n % (parts * parts));
