@@ -29,8 +29,9 @@ pub struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     /// Plans the pruning of a region in each slice of `grid`. Scores and indices do not depend on the regions, to the
-    /// bit. Refuses a grid that is too deep, a slice of 2^32 voxels or more, and sections outside
-    /// [`lf_core::weights::SECTIONS`]. Panics unless each slice has one region, within the grid.
+    /// bit. Refuses a grid that is too deep, a slice of 2^32 voxels or more, sections outside
+    /// [`lf_core::weights::SECTIONS`], and more views than 32 bits can count. Panics unless each slice has one region,
+    /// within the grid.
     pub fn new(
         camera: &'a Camera,
         grid: &'a Grid,
@@ -45,6 +46,7 @@ impl<'a> Plan<'a> {
         assert_eq!(regions.len(), nz, "a region for each slice");
         assert!(regions.iter().all(|[x, y]| x.end <= nx && y.end <= ny), "regions of the grid");
         let views = ViewsPlan::new(camera, grid);
+        views.check(sections.count())?;
         Ok(Self { camera, grid, regions, options, sections, views })
     }
 

@@ -14,8 +14,9 @@ const LINEAR_PX: f64 = 0.08;
 const SIDES: [usize; 7] = [512, 256, 128, 64, 32, 16, 8];
 /// Places a side of a slice at which the mesh is tried.
 const TRIED: usize = 9;
-/// Bits of a raster's coordinate behind the point.
-pub(super) const FRACTION: u32 = 20;
+/// Bits of a raster's coordinate behind the point: along the longest line between nodes it errs by a thousandth of a
+/// place.
+pub(super) const FRACTION: u32 = 18;
 /// Newton steps from a place on the lattice back to a point; the lattice coordinates are nearly linear in the point.
 const BACK_STEPS: usize = 4;
 
@@ -63,7 +64,7 @@ impl SliceRays<'_> {
     fn mesh_side(&self, camera: &Camera) -> usize {
         let whole = self.grid.shape[0].max(self.grid.shape[1]);
         if camera.medium.is_none() && camera.distortion.is_none() && camera.centres.is_none() {
-            return whole;
+            return whole.min(SIDES[0]);
         }
         let size = 2.0 * self.middle();
         let most = LINEAR_PX / camera.pitch_px();

@@ -19,7 +19,7 @@ pub(crate) type Kept = Vec<(u32, f32)>;
 /// as many, `scripts/studies/study prune-cameras` and the full scene keep and lose the same within 0.3 %.
 const PLACES_PER_VOXEL: f64 = 2.0;
 /// Least and most bits of the raster along a side of the lattice's cell. The coordinates of a voxel within a group of
-/// lenslets must fit 32 bits.
+/// lenslets must fit 32 bits. The most are enough for voxels down to a 128th of a cell.
 const RASTER_BITS: [u32; 2] = [3, u32::BITS - FRACTION - LANES.ilog2()];
 
 /// Scores slices of voxels against an image.

@@ -5,8 +5,8 @@ use super::walk::Walk;
 use lf_core::simd;
 
 /// Makes sums of `views` for the voxels of lenslets at every place of the raster, `[place][lane]`: of the lanes from
-/// `least` to `most`, and those between them and the next multiples of [`LEAST`] or more. `first` is the place of the first lane's lenslet in the first view. Sums fit 16
-/// bits, and wrap in between.
+/// `least` to `most`, and those between them and the next multiples of [`LEAST`] or more. `first` is the place of the
+/// first lane's lenslet in the first view. Sums fit 16 bits, and wrap in between.
 pub(super) fn add_up(walk: &Walk, views: &[u8], first: usize, [least, most]: [usize; 2], sums: &mut [u16]) {
     let start = least / LEAST * LEAST;
     let count = (most + 1 - start).next_power_of_two().max(LEAST);

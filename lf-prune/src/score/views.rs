@@ -8,7 +8,7 @@ use super::cells::Cells;
 use super::sections::Sections;
 use super::shades::Shades;
 use glam::DVec2;
-use lf_core::{Camera, Grid, Optics};
+use lf_core::{Camera, Grid, Optics, Refusal};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -17,11 +17,15 @@ pub(super) const LANES: usize = 64;
 /// Least lanes whose sums are made together.
 pub(super) const LEAST: usize = 16;
 
-/// Most by which rays of one view may part on the sensor, px.
+/// Most by which rays of one view may part on the sensor, px; a third more between opposite corners of a hexagon.
 const APART_PX: f64 = 0.25;
 
 /// Most parts a side of a cell.
 const MOST_PARTS: usize = 4;
+
+/// Most lenslets from the chief ray's to another ray's, so that counts of lenslets fit 32 bits. [`Plan::check`] refuses
+/// far fewer.
+const MOST_REACH: f64 = 1e6;
 
 /// Which lenslets have views, and how many views: known before the image.
 #[derive(Debug, Clone)]
@@ -65,10 +69,19 @@ impl Plan {
         format!("the image is sorted into the views of {sections} sections through {width} x {height} lenslets{parts}")
     }
 
-    /// Bytes of the views of so many sections.
+    /// Refuses more views than 32 bits can tell apart within the reach of a voxel's rays.
+    pub(crate) fn check(&self, sections: u32) -> Result<(), Refusal> {
+        let reach = self.reach as u64;
+        let fits = self.views(sections as usize) as u64 * self.size[0] as u64 * (reach + 1) < 1 << 31;
+        let found = || format!("rays of a voxel meet lenslets {reach} from its own, {sections} sections of the aperture");
+        Refusal::unless(fits, found, "wanted a volume less deep or fewer --sections")
+    }
+
+    /// Bytes of the views of so many sections, and of the lenslets' centres while the views are made.
     pub(crate) fn bytes(&self, sections: u32) -> f64 {
-        let [width, height] = self.size;
-        2.0 * (self.views(sections as usize) * self.groups * width * height) as f64
+        let [width, height] = self.size.map(|count| count as f64);
+        let lenslet = 2 * self.views(sections as usize) + size_of::<DVec2>();
+        lenslet as f64 * self.groups as f64 * width * height
     }
 
     /// The first lenslet of voxels along i and j, and the number of groups of lanes and of rows.
@@ -85,7 +98,7 @@ impl Plan {
 
 /// Most lenslets from the chief ray's to another ray's, from any voxel.
 fn reach(optics: &Optics, cells: &Cells, grid: &Grid) -> i32 {
-    let rim = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y, DVec2::ONE, DVec2::NEG_ONE];
+    let corners = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
     let mut most = 0f64;
     for z in [0, grid.shape[2] - 1] {
         let z_mm = grid.centre_mm(2, z);
@@ -96,11 +109,11 @@ fn reach(optics: &Optics, cells: &Cells, grid: &Grid) -> i32 {
             let point_mm = DVec2::new(along(0, place % 3), along(1, place / 3));
             let hit = |stop: DVec2| cells.place(optics.array_from_object(point_mm, z_mm, stop));
             let chief = hit(DVec2::ZERO);
-            let far = rim.map(|way| (hit(way * optics.half_aperture_mm) - chief).abs().max_element());
+            let far = corners.map(|way| (hit(way * optics.half_aperture_mm) - chief).abs().max_element());
             most = far.into_iter().fold(most, f64::max);
         }
     }
-    most.ceil() as i32 + 3
+    most.min(MOST_REACH).ceil() as i32 + 3
 }
 
 /// Half sides of the part of the array that the sensor sees, mm. No ray through a cell beyond meets the sensor.

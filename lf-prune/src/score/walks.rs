@@ -49,13 +49,20 @@ impl<'a> Walks<'a> {
         (least / side..=most / side).map(move |part| [least.max(part * side), most.min((part + 1) * side - 1)])
     }
 
-    /// The walk for a lane, counted along all groups, in a row of lenslets. Fastest if blocks do not fall.
+    /// Blocks along a row whose walks are held: those of a group.
+    fn held(&self) -> usize {
+        (LANES / self.side[0]).max(1)
+    }
+
+    /// The walk for a lane, counted along all groups, in a row of lenslets. Fastest if groups do not fall.
     pub(super) fn of(&mut self, lane: usize, row: usize) -> &Walk {
         let (block, block_row) = (lane / self.side[0], row / self.side[1]);
         let (_, size) = self.plan.voxel_lenslets();
         if self.walks.is_empty() || !self.blocks.contains(&block) {
             // All blocks of a group stay, since each row has them all.
-            self.blocks = block..block + (LANES / self.side[0]).max(1);
+            let many = self.held();
+            let first = block / many * many;
+            self.blocks = first..first + many;
             self.walks.clear();
             self.walks.resize_with(self.blocks.len() * size[1].div_ceil(self.side[1]), || None);
         }
