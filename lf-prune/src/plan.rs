@@ -1,7 +1,7 @@
 //! Pruning before it runs: how voxels are scored, and the memory; then the run itself, and the voxels kept.
 
 use crate::options::{Options, Region};
-use crate::score::{Scorer, Sections, Shades, ViewsPlan};
+use crate::score::{Scorer, Sections, Shades, ViewsPlan, thread_bytes};
 use lf_core::{Camera, Grid, Refusal, weights::check_depth};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
@@ -14,7 +14,7 @@ const SAMPLE_SLICES: usize = 9;
 /// one by one while the support grows. Measured: 13 to 17.
 const KEPT_BYTES: f64 = 12.0 + 5.0;
 
-/// Bytes that a thread holds for each voxel of a slice: runs of voxels, and the list of voxels kept while it grows.
+/// Bytes that a thread holds for each voxel of a slice: the list of voxels kept while it grows.
 const SLICE_BYTES: f64 = 2.0;
 
 /// Pruning that is ready to run.
@@ -83,10 +83,10 @@ impl<'a> Plan<'a> {
         let start = clock();
         let sample = Plan::new(self.camera, &grid, &regions, self.options)?.prune(image, note_end);
         let ends = ends.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let (first, last) = (ends.first().copied().unwrap_or(start), ends.last().copied().unwrap_or(start));
-        // The views are made before the first slice, once.
-        let a_slice = (last - first) / (few - 1).max(1) as f64;
-        let seconds = first - start + a_slice * (nz - 1) as f64;
+        let (ready, last) = (ends.first().copied().unwrap_or(start), ends.last().copied().unwrap_or(start));
+        // The views are made once. Then each thread has its slices.
+        let rounds = |slices: usize| slices.div_ceil(rayon::current_num_threads()) as f64;
+        let seconds = ready - start + (last - ready) * rounds(nz) / rounds(few);
         Ok(Forecast { kept: sample.indices.len() as f64 * stretch, seconds })
     }
 
@@ -96,12 +96,13 @@ impl<'a> Plan<'a> {
         let views = self.views.bytes(self.sections.count());
         let threads = rayon::current_num_threads().min(self.grid.shape[2]) as f64;
         let slice = self.regions.iter().map(|[x, y]| x.len() * y.len()).max().unwrap_or(0);
-        (pixels + KEPT_BYTES * kept + views + threads * SLICE_BYTES * slice as f64) as u64
+        let thread = thread_bytes(self.camera, self.grid, &self.sections, &self.views, slice);
+        (pixels + KEPT_BYTES * kept + views + threads * (thread + SLICE_BYTES * slice as f64)) as u64
     }
 
     /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN
     /// is blind and speaks neither for a voxel nor against it. Sections of the aperture that the image shows as dark do
-    /// not count. `done` is told how many slices are finished.
+    /// not count. `done` is told how many slices are finished: first none, when the views are ready.
     ///
     /// A voxel is scored at a place of a raster that is at most a quarter of a voxel from its centre along each side of
     /// the lattice. It costs some hundred additions of 8 bits, for any camera.
@@ -114,6 +115,7 @@ impl<'a> Plan<'a> {
         let shades = Shades::new(image, peak, sections.count(), self.options);
         let scorer = Scorer::new(&shades, &sections, self.camera, self.grid, &self.views);
         let [nx, ny, nz] = self.grid.shape;
+        done(0);
         let slices: Vec<Vec<(u32, f32)>> =
             (0..nz).into_par_iter().map(|z| scorer.slice(z, &self.regions[z])).inspect(|_| done(1)).collect();
         let count = slices.iter().map(Vec::len).sum();

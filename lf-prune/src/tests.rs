@@ -56,10 +56,13 @@ fn speckle() -> Array2<f32> {
 
 /// Rays of straight cameras err by rounding on the array, and on the sensor by k times a cell.
 const STRAIGHT: Tolerance = Tolerance { array_px: 0.002, sensor_px: 0.01, raster: 0.002 };
-/// Bent rays err on the array by 0.4 px against their chief ray, chief rays by a tenth of that.
-const BENT: Tolerance = Tolerance { array_px: 0.45, sensor_px: 0.01, raster: 0.1 };
+/// Distortion moves a voxel's rays alike; its chief rays err by 0.04 px.
+const DISTORTED: Tolerance = Tolerance { array_px: 0.045, sensor_px: 0.01, raster: 0.1 };
+/// Bent rays err on the array by 0.2 px against their chief ray.
+const BENT: Tolerance = Tolerance { array_px: 0.25, sensor_px: 0.01, raster: 0.1 };
 /// With a gap or a tilt a view stands for rays that part on the sensor.
-const DEFOCUSED: Tolerance = Tolerance { array_px: 0.45, sensor_px: 0.2, raster: 0.1 };
+const DEFOCUSED: Tolerance = Tolerance { sensor_px: 0.2, ..STRAIGHT };
+const ALL_BENT: Tolerance = Tolerance { sensor_px: 0.2, ..BENT };
 
 /// How many voxels were compared, and kept of them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -247,29 +250,122 @@ fn bent_rays_are_the_rays_one_by_one() {
             camera.check().unwrap();
             camera
         };
-        let bent = [
-            with(&|camera| camera.distortion = Some(DISTORTION)),
-            with(&|camera| camera.centres = Some(departures())),
-            with(&|camera| camera.medium = Some(water.clone())),
-            with(&|camera| camera.main_lens.pupil_distance_mm = Some(500.0)),
-        ];
-        let defocused = [
-            with(&|camera| camera.microlenses.gap_mm = Some(0.32)),
-            with(&|camera| camera.tilt = Some(tilt.clone())),
-            with(&|camera| {
-                camera.distortion = Some(DISTORTION);
-                camera.centres = Some(departures());
-                camera.medium = Some(water.clone());
-                camera.tilt = Some(tilt.clone());
-                camera.main_lens.pupil_distance_mm = Some(500.0);
-            }),
-        ];
+        let bent =
+            [with(&|camera| camera.centres = Some(departures())), with(&|camera| camera.medium = Some(water.clone()))];
+        let distorted = with(&|camera| camera.distortion = Some(DISTORTION));
+        let pupil = with(&|camera| camera.main_lens.pupil_distance_mm = Some(500.0));
+        let defocused =
+            [with(&|camera| camera.microlenses.gap_mm = Some(0.32)), with(&|camera| camera.tilt = Some(tilt.clone()))];
+        let all = with(&|camera| {
+            camera.distortion = Some(DISTORTION);
+            camera.centres = Some(departures());
+            camera.medium = Some(water.clone());
+            camera.tilt = Some(tilt.clone());
+            camera.main_lens.pupil_distance_mm = Some(500.0);
+        });
         let cameras = bent.iter().map(|camera| (camera, BENT));
-        for (camera, tolerance) in cameras.chain(defocused.iter().map(|camera| (camera, DEFOCUSED))) {
+        let cameras = cameras.chain(defocused.iter().map(|camera| (camera, DEFOCUSED)));
+        for (camera, tolerance) in cameras.chain([(&distorted, DISTORTED), (&pupil, STRAIGHT), (&all, ALL_BENT)]) {
             let kept = |rule| kept_as_by_rays(camera, rule, &grids, &[0, 7, 10, 19], tolerance);
             assert!(RULES[..4].iter().map(kept).sum::<usize>() > 0, "{camera:?}");
         }
     }
+}
+
+/// Far from focus the corners of a square stop reach farthest along a turned hexagonal lattice.
+#[test]
+fn far_rays_meet_their_own_lenslets() {
+    for degrees in [15.0, -45.0, 45.0, 180.0] {
+        for layout in ["square", "hexagonal"] {
+            let camera = camera("square", layout, f64::to_radians(degrees));
+            let grid = Grid::in_bounds([[-0.3, 0.3], [-0.3, 0.3], [-7.0, 7.0]], [0.033, 0.03, 1.0]).unwrap();
+            let rules = [RULES[0], RULES[3]];
+            for options in rules {
+                let compared = compare(&speckle(), &camera, &options, &grid, &[0, 1, 2, 13], STRAIGHT);
+                assert!(compared.all > 20, "{compared:?}");
+            }
+        }
+    }
+}
+
+/// Lenslets of 1 px, lenslets wider than the sensor, a sensor of one row, and lenslets beside it; 2 to 64 sections.
+#[test]
+fn odd_cameras_are_pruned_as_by_rays() {
+    let speckle = speckle();
+    let mut pruned = 0;
+    // Under large lenslets the rays of one section part on the sensor, by k times a cell, and views err by half a part,
+    // along both sides of a hexagonal lattice at once.
+    let odd = [
+        (1.0, (40, 40), 0.01),
+        (1.7, (64, 1), 0.01),
+        (100.0, (252, 280), 0.22),
+        (150.0, (64, 50), 0.37),
+        (14.0, (1, 1), 0.01),
+    ];
+    for (pitch_px, size, sensor_px) in odd {
+        let tolerance = Tolerance { sensor_px, ..STRAIGHT };
+        for (layout, turn) in [("square", 0.0), ("hexagonal", 0.8), ("square", 3.141_592_7)] {
+            let mut camera = camera("circle", layout, turn);
+            (camera.sensor.height, camera.sensor.width) = size;
+            camera.microlenses.pitch_mm = pitch_px * 0.0055;
+            camera.microlenses.focal_length_mm = pitch_px * 0.022;
+            camera.microlenses.offset_mm = [0.4 * camera.microlenses.pitch_mm, -0.003];
+            camera.check().unwrap();
+            let image = speckle.slice(s![..size.0, ..size.1]).to_owned();
+            let grid = Grid::in_bounds([[-0.2, 0.2], [-0.2, 0.2], [-1.0, 1.0]], [0.0055, 0.0173, 0.5]).unwrap();
+            for (sections, rule) in [(2, RULES[0]), (2, RULES[2]), (20, RULES[3]), (64, RULES[0])] {
+                let options = Options { sections: Some(sections), ..rule };
+                pruned += compare(&image, &camera, &options, &grid, &[0], tolerance).kept;
+            }
+        }
+    }
+    assert!(pruned > 1000, "{pruned}");
+}
+
+/// A voxel of a pixel under lenslets of 100 px is scored within a quarter of it.
+#[test]
+fn voxels_are_scored_within_a_quarter() {
+    let mut camera = camera("circle", "square", 0.003);
+    camera.microlenses.pitch_mm = 0.55;
+    camera.microlenses.focal_length_mm = 2.2;
+    let grid = Grid::in_bounds([[-0.2, 0.2], [-0.2, 0.2], [-1.0, 1.0]], [0.0055, 0.0055, 0.5]).unwrap();
+    let options = Options { sections: Some(9), ..PLAIN };
+    let sections = Sections::new(&camera, options.sections).unwrap();
+    let image = speckle();
+    let shades = Shades::new(image.view(), 1.0, sections.count(), &options);
+    let scorer = Scorer::new(&shades, &sections, &camera, &grid, &ViewsPlan::new(&camera, &grid));
+    let oracle = Oracle::new(&scorer, &shades, &sections, &camera, STRAIGHT);
+    let steps_mm = (0..grid.shape[0]).filter_map(|x| oracle.to_raster_mm(DVec2::new(x as f64, 7.0), 2));
+    let farthest = steps_mm.fold(0f64, |most, step| most.max(step.abs().max_element()));
+    assert!(farthest > 0.0005 && farthest < 0.25 * 0.0055 * 1.01, "{farthest}");
+}
+
+/// Frames without any light keep nothing, or every voxel that can be seen.
+#[test]
+fn frames_without_light_may_be_kept_whole() {
+    let (camera, grid) = (camera("circle", "hexagonal", 0.003), grid());
+    let kept = |value: f32, options: &Options| {
+        prune(&Array2::from_elem((252, 280), value), &camera, &grid, options).unwrap().indices.len()
+    };
+    let whole = kept(1.0, &RULES[3]);
+    assert!(whole > 1000);
+    for value in [0.0, -1.0, f32::NAN] {
+        assert_eq!((kept(value, &RULES[0]), kept(value, &RULES[3])), (0, whole), "{value}");
+    }
+}
+
+/// Rays of a volume far from focus would meet more lenslets than are counted.
+#[test]
+fn volumes_that_reach_too_many_lenslets_are_refused() {
+    let mut camera = camera("square", "square", 0.0);
+    camera.microlenses.pitch_mm = 0.0055;
+    camera.microlenses.focal_length_mm = 0.022;
+    camera.main_lens.working_f_number = 0.3;
+    let grid = Grid::in_bounds([[-0.1, 0.1], [-0.1, 0.1], [-5e5, 0.0]], [0.1, 0.1, 1e5]).unwrap();
+    let regions = vec![whole(&grid); grid.shape[2]];
+    let options = Options { sections: Some(64), ..PLAIN };
+    let refusal = Plan::new(&camera, &grid, &regions, &options).err().expect("a refusal").to_string();
+    assert!(refusal.contains("rays of a voxel meet lenslets"), "{refusal}");
 }
 
 /// Moves the corners by about a pixel.

@@ -9,7 +9,7 @@ use glam::DVec2;
 use lf_core::{Camera, Grid, Optics};
 
 /// Largest error of a chief ray between the nodes of the mesh, px on the array.
-const LINEAR_PX: f64 = 0.08;
+const LINEAR_PX: f64 = 0.04;
 /// Sides of a mesh, voxels, that are tried.
 const SIDES: [usize; 7] = [512, 256, 128, 64, 32, 16, 8];
 /// Places a side of a slice at which the mesh is tried.

@@ -22,7 +22,7 @@ mod walks;
 
 #[cfg(test)]
 pub(crate) use oracle::{Oracle, Tolerance};
-pub(crate) use scorer::Scorer;
+pub(crate) use scorer::{Scorer, thread_bytes};
 pub(crate) use sections::Sections;
 pub(crate) use shades::Shades;
 pub(crate) use views::Plan as ViewsPlan;

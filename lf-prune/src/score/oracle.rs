@@ -53,7 +53,7 @@ impl<'a> Oracle<'a> {
 
     /// The step on the perfect lattice, mm, from a voxel's chief ray to the place of the raster that stands for it.
     /// None if it is not sure which place that is.
-    fn to_raster_mm(&self, voxel: DVec2, z: usize) -> Option<DVec2> {
+    pub(crate) fn to_raster_mm(&self, voxel: DVec2, z: usize) -> Option<DVec2> {
         let (rays, bits) = (self.scorer.rays(z), self.scorer.raster().bits);
         let place = rays.chief(voxel);
         let scale = DVec2::new(f64::from(1 << bits[0]), f64::from(1 << bits[1]));

@@ -22,6 +22,9 @@ const PLACES_PER_VOXEL: f64 = 2.0;
 /// lenslets must fit 32 bits. The most are enough for voxels down to a 128th of a cell.
 const RASTER_BITS: [u32; 2] = [3, u32::BITS - FRACTION - LANES.ilog2()];
 
+/// Runs are held while their list grows, and once more when they are sorted.
+const RUN_COPIES: f64 = 2.5;
+
 /// Scores slices of voxels against an image.
 pub(crate) struct Scorer<'a> {
     camera: &'a Camera,
@@ -81,6 +84,23 @@ fn raster(rays: &SliceRays) -> Raster {
     let bits = |voxels: DVec2| (PLACES_PER_VOXEL * voxels.abs().max_element()).log2().ceil() as i32;
     let [least, most] = RASTER_BITS.map(|bits| bits as i32);
     Raster { bits: voxels.map(|voxels| bits(voxels).clamp(least, most) as u32) }
+}
+
+/// Bytes that a thread holds for a slice, with up to `voxels` voxels in its region, beside the voxels kept.
+pub(crate) fn thread_bytes(camera: &Camera, grid: &Grid, sections: &Sections, plan: &Plan, voxels: usize) -> f64 {
+    let (optics, cells) = (Optics::new(camera), Cells::new(camera));
+    let rays = |z: usize| SliceRays { optics: &optics, cells: &cells, grid, z_mm: grid.centre_mm(2, z) };
+    let middle = rays(grid.shape[2] / 2);
+    let (raster, sections_mm) = (raster(&middle), sections.traced_mm());
+    let walks = [0, grid.shape[2] / 2, grid.shape[2] - 1]
+        .map(|z| Walks::new(&rays(z), camera, &sections_mm, raster, plan).bytes())
+        .into_iter()
+        .fold(0.0, f64::max);
+    // A line of voxels enters a new group after LANES lenslets along i, or one along j.
+    let [along_x, _] = middle.per_voxel();
+    let runs = (along_x.x.abs() / LANES as f64 + along_x.y.abs()).min(1.0) * voxels as f64;
+    let sums = raster.places() * LANES * 2 * size_of::<u16>();
+    walks + sums as f64 + RUN_COPIES * runs * size_of::<Run>() as f64
 }
 
 impl<'a> Scorer<'a> {

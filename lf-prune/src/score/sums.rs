@@ -47,3 +47,29 @@ fn add_lanes<const COUNT: usize>(walk: &Walk, views: &[u8], first: usize, sums: 
         sums[step.place as usize * LANES..][..COUNT].copy_from_slice(&sum);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::score::walk::Step;
+
+    /// The instructions that every machine has give the same sums as the widest of this one.
+    #[test]
+    fn portable_sums_are_the_same() {
+        let views: Vec<u8> = (0..4096u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let places: Vec<i32> = (0..300).map(|n| n * 97 % 3000).collect();
+        let changes: Vec<[i32; 2]> = places.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+        let steps = (0..8).map(|place| Step { place, end: place * 37 }).collect();
+        let walk = Walk { reach: 3, start: places, steps, changes };
+        for (lanes, [start, count]) in [([0, 63], [0, LANES]), ([17, 40], [16, 32]), ([50, 50], [48, LEAST])] {
+            let (mut wide, mut portable) = (vec![0; 8 * LANES], vec![0; 8 * LANES]);
+            add_up(&walk, &views, 100, lanes, &mut wide);
+            match count {
+                LEAST => add_lanes::<LEAST>(&walk, &views, 100 + start, &mut portable[start..]),
+                32 => add_lanes::<32>(&walk, &views, 100 + start, &mut portable[start..]),
+                _ => add_lanes::<LANES>(&walk, &views, 100 + start, &mut portable[start..]),
+            }
+            assert!(wide == portable && wide.iter().any(|sum| *sum > 0), "{lanes:?}");
+        }
+    }
+}

@@ -73,7 +73,8 @@ impl Plan {
     pub(crate) fn check(&self, sections: u32) -> Result<(), Refusal> {
         let reach = self.reach as u64;
         let fits = self.views(sections as usize) as u64 * self.size[0] as u64 * (reach + 1) < 1 << 31;
-        let found = || format!("rays of a voxel meet lenslets {reach} from its own, {sections} sections of the aperture");
+        let found =
+            || format!("rays of a voxel meet lenslets {reach} from its own, {sections} sections of the aperture");
         Refusal::unless(fits, found, "wanted a volume less deep or fewer --sections")
     }
 

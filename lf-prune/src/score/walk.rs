@@ -139,3 +139,28 @@ impl Walk {
         walk
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The instructions that every machine has find the same views as the widest of this one.
+    #[test]
+    fn portable_views_are_the_same() {
+        let beyond = [0, 1].map(|axis| (0..200).map(|n| 3.7 * ((n * 37 + axis * 11) as f32).sin()).collect());
+        let firsts: Vec<i32> = (0..200).map(|section| section * 900).collect();
+        for (shape, parts) in [(Shape::Square, 1), (Shape::Square, 3), (Shape::Hexagon, 1), (Shape::Hexagon, 4)] {
+            let rays = Rays { beyond: &beyond, firsts: &firsts, shape, strides: [180_000, 100], parts };
+            for n in 0..50 {
+                let (i, j) = (n as f32 / 50.0, (n * 7 % 50) as f32 / 50.0);
+                let (mut wide, mut portable) = (firsts.clone(), firsts.clone());
+                simd::fastest(
+                    #[inline(always)]
+                    || rays.views(i, j, &mut wide),
+                );
+                rays.views(i, j, &mut portable);
+                assert_eq!(wide, portable, "{shape:?}, {parts} parts");
+            }
+        }
+    }
+}
