@@ -304,7 +304,7 @@ fn odd_cameras_are_pruned_as_by_rays() {
     ];
     for (pitch_px, size, sensor_px) in odd {
         let tolerance = Tolerance { sensor_px, ..STRAIGHT };
-        for (layout, turn) in [("square", 0.0), ("hexagonal", 0.8), ("square", 3.141_592_7)] {
+        for (layout, turn) in [("square", 0.0), ("hexagonal", 0.8), ("square", 3.0 * std::f64::consts::FRAC_PI_3)] {
             let mut camera = camera("circle", layout, turn);
             (camera.sensor.height, camera.sensor.width) = size;
             camera.microlenses.pitch_mm = pitch_px * 0.0055;
