@@ -532,6 +532,8 @@ fn fewer_sections_lose_no_light() {
                 let is_kept = |voxel: &[usize; 3]| kept.binary_search(&grid.index(*voxel)).is_ok();
                 assert!(voxels.iter().all(is_kept), "{route} {score:?}");
             }
+            // A mean of few rays may keep a hundredth less than a mean of many.
+            assert!(50 * two.len() >= 49 * paper.len(), "{route} {score:?}: {} {}", two.len(), paper.len());
             let among = paper.iter().filter(|index| two.binary_search(index).is_ok()).count();
             assert!(among == paper.len() || score == Score::Geometric, "{route}: {among} of {}", paper.len());
         }
