@@ -154,7 +154,8 @@ refused(lambda: lf.write_volume(sys.argv[1], volume))
     assert!(fs::read(&file).unwrap() == bytes);
 }
 
-/// The same rays meet the same pixels, except at pixel edges. Only voxels at the threshold differ.
+/// The same sections, but lf-prune scores a voxel at a place up to a quarter of a voxel from its centre. Voxels near the
+/// threshold differ; the reconstruction does not.
 #[test]
 fn the_numpy_support_is_ours() {
     let turned = ["camera.microlenses.rotation_rad=0.003", "camera.microlenses.offset_mm=[0.011,-0.007]"];
@@ -169,7 +170,7 @@ fn the_numpy_support_is_ours() {
         let stats = scene.example(python, "prune.py", &[&words[..], &["-o", "theirs.lfv"]].concat());
         let common = agreement(&scene.path("part.lfv"), &scene.path("theirs.lfv"));
         assert!(
-            common > 0.995 && stats["counts"]["kept"].as_u64().unwrap() > 100,
+            common > 0.92 && stats["counts"]["kept"].as_u64().unwrap() > 100,
             "{name} {settings:?}: {common} {stats}"
         );
         if bounds == GRID[5] {

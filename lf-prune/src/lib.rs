@@ -1,7 +1,7 @@
 //! Image and camera to the voxels that may hold light: dense ray tracing with a multiplicative line of sight.
 //!
 //! Data flow: a [`Plan`] takes camera, grid and [`Options`] and chooses how to score. [`Plan::prune`] turns the image
-//! into whole-number levels (`score/levels.rs`), adds the levels of each voxel's rays (`score/`), and keeps the voxels
+//! into whole-number shades (`score/shades.rs`), adds the shades of each voxel's rays (`score/`), and keeps the voxels
 //! with enough as the [`Support`]. [`Automatic`] finds a threshold from the image.
 //!
 //! The centre ray of every section of the aperture is traced from every voxel to a pixel. A voxel that held a particle
@@ -14,7 +14,7 @@ mod score;
 mod threshold;
 
 pub use options::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, Options, Region, Score};
-pub use plan::{Plan, Support};
+pub use plan::{Forecast, Plan, Support};
 pub use threshold::Automatic;
 
 #[cfg(test)]

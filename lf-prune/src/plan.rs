@@ -1,17 +1,21 @@
 //! Pruning before it runs: how voxels are scored, and the memory; then the run itself, and the voxels kept.
 
 use crate::options::{Options, Region};
-use crate::score::{Levels, Scorer, Scoring, Sections};
+use crate::score::{Scorer, Sections, Shades, ViewsPlan, thread_bytes};
 use lf_core::{Camera, Grid, Refusal, weights::check_depth};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// Slices that are pruned to foretell how many voxels all slices keep.
 const SAMPLE_SLICES: usize = 9;
 
 /// Bytes of a voxel kept: its index and score in the support, and its place in the lists of the slices, which are freed
 /// one by one while the support grows. Measured: 13 to 17.
-const KEPT_BYTES: f64 = 12.0 + 6.0;
+const KEPT_BYTES: f64 = 12.0 + 5.0;
+
+/// Bytes that a thread holds for each voxel of a slice: the list of voxels kept while it grows.
+const SLICE_BYTES: f64 = 2.0;
 
 /// Pruning that is ready to run.
 pub struct Plan<'a> {
@@ -20,14 +24,14 @@ pub struct Plan<'a> {
     regions: &'a [Region],
     options: &'a Options,
     sections: Sections,
-    scoring: Scoring,
-    reason: String,
+    views: ViewsPlan,
 }
 
 impl<'a> Plan<'a> {
     /// Plans the pruning of a region in each slice of `grid`. Scores and indices do not depend on the regions, to the
-    /// bit. Refuses a grid that is too deep, a slice of 2^32 voxels or more, and sections outside
-    /// [`lf_core::weights::SECTIONS`]. Panics unless each slice has one region, within the grid.
+    /// bit. Refuses a grid that is too deep, a slice of 2^32 voxels or more, sections outside
+    /// [`lf_core::weights::SECTIONS`], and more views than 32 bits can count. Panics unless each slice has one region,
+    /// within the grid.
     pub fn new(
         camera: &'a Camera,
         grid: &'a Grid,
@@ -41,8 +45,9 @@ impl<'a> Plan<'a> {
         Refusal::unless((nx as u64 * ny as u64) < 1 << 32, found, "wanted less than 2^32 voxels a slice")?;
         assert_eq!(regions.len(), nz, "a region for each slice");
         assert!(regions.iter().all(|[x, y]| x.end <= nx && y.end <= ny), "regions of the grid");
-        let (scoring, reason) = Scoring::choose(camera);
-        Ok(Self { camera, grid, regions, options, sections, scoring, reason })
+        let views = ViewsPlan::new(camera, grid);
+        views.check(sections.count())?;
+        Ok(Self { camera, grid, regions, options, sections, views })
     }
 
     /// Sections of the aperture that lie inside the camera's stop.
@@ -50,9 +55,9 @@ impl<'a> Plan<'a> {
         self.sections.count()
     }
 
-    /// How voxels are scored and why.
+    /// The views that the image is sorted into.
     pub fn about(&self) -> String {
-        format!("{}: {}", self.scoring.about(), self.reason)
+        self.views.about(self.sections.count())
     }
 
     /// Voxels to score.
@@ -60,8 +65,9 @@ impl<'a> Plan<'a> {
         self.regions.iter().map(|[x, y]| x.len() as u64 * y.len() as u64).sum()
     }
 
-    /// The number of voxels that [`Plan::prune`] will keep: an estimate from a few slices, which are pruned.
-    pub fn foretold_kept(&self, image: ArrayView2<f32>) -> Result<f64, Refusal> {
+    /// The voxels that [`Plan::prune`] will keep and the time it will take: an estimate from a few slices, which are
+    /// pruned. `clock` tells seconds.
+    pub fn forecast(&self, image: ArrayView2<f32>, clock: impl Fn() -> f64 + Sync) -> Result<Forecast, Refusal> {
         // The same depth in fewer slices.
         let nz = self.grid.shape[2];
         let few = nz.min(SAMPLE_SLICES);
@@ -72,42 +78,46 @@ impl<'a> Plan<'a> {
         grid.origin_mm[2] += 0.5 * (stretch - 1.0) * self.grid.spacing_mm[2];
         let nearest = |slice: usize| self.regions[((slice as f64 + 0.5) * stretch) as usize].clone();
         let regions: Vec<Region> = (0..few).map(nearest).collect();
-        let sample = Plan::new(self.camera, &grid, &regions, self.options)?.prune(image, |_| ());
-        Ok(sample.indices.len() as f64 * stretch)
+        let ends = Mutex::new(Vec::new());
+        let note_end = |_| ends.lock().unwrap_or_else(PoisonError::into_inner).push(clock());
+        let start = clock();
+        let sample = Plan::new(self.camera, &grid, &regions, self.options)?.prune(image, note_end);
+        let ends = ends.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let (ready, last) = (ends.first().copied().unwrap_or(start), ends.last().copied().unwrap_or(start));
+        // The views are made once. Then each thread has its slices.
+        let rounds = |slices: usize| slices.div_ceil(rayon::current_num_threads()) as f64;
+        let seconds = ready - start + (last - ready) * rounds(nz) / rounds(few);
+        Ok(Forecast { kept: sample.indices.len() as f64 * stretch, seconds })
     }
 
     /// Most bytes in use beside an image of `pixels` pixels, if `kept` voxels are kept.
     pub fn bytes(&self, pixels: usize, kept: f64) -> u64 {
         let pixels = pixels as f64;
-        let lenslets = pixels / self.camera.pitch_px().powi(2);
-        // A light for each section of each lenslet, and of lenslets beside the sensor.
-        let views = 8.0 * f64::from(self.sections.count()) * (lenslets.sqrt() + 12.0).powi(2);
-        let views = if self.scoring.has_lines() { views } else { 0.0 };
+        let views = self.views.bytes(self.sections.count());
         let threads = rayon::current_num_threads().min(self.grid.shape[2]) as f64;
         let slice = self.regions.iter().map(|[x, y]| x.len() * y.len()).max().unwrap_or(0);
-        (4.0 * pixels + KEPT_BYTES * kept + views + threads * 8.0 * slice as f64) as u64
+        let thread = thread_bytes(self.camera, self.grid, &self.sections, &self.views, slice);
+        (pixels + KEPT_BYTES * kept + views + threads * (thread + SLICE_BYTES * slice as f64)) as u64
     }
 
     /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN
     /// is blind and speaks neither for a voxel nor against it. Sections of the aperture that the image shows as dark do
-    /// not count. `done` is told how many slices are finished.
+    /// not count. `done` is told how many slices are finished: first none, when the views are ready.
     ///
-    /// For an aligned lattice a voxel costs a few additions. For another, a line of voxels costs one addition for each
-    /// section and each lenslet that its rays pass. If rays bend, a voxel costs up to one ray a section.
+    /// A voxel is scored at a place of a raster that is at most a quarter of a voxel from its centre along each side of
+    /// the lattice. It costs some hundred additions of 8 bits, for any camera.
     pub fn prune(&self, image: ArrayView2<f32>, done: impl Fn(u64) + Sync) -> Support {
         let peak = image.iter().fold(0f32, |peak, value| peak.max(*value));
         if peak <= 0.0 && !self.options.keep_all {
             return Support { indices: Vec::new(), scores: Vec::new(), dark_sections: 0 };
         }
-        let levels = Levels::new(image, peak, self.options);
         let sections = self.sections.lit(image, self.camera);
-        let scorer = Scorer::new(self.scoring, &levels, &sections, self.camera);
+        let shades = Shades::new(image, peak, sections.count(), self.options);
+        let scorer = Scorer::new(&shades, &sections, self.camera, self.grid, &self.views);
         let [nx, ny, nz] = self.grid.shape;
-        let slices: Vec<Vec<(u32, f32)>> = (0..nz)
-            .into_par_iter()
-            .map(|z| scorer.slice(self.grid, z, &self.regions[z]))
-            .inspect(|_| done(1))
-            .collect();
+        done(0);
+        let slices: Vec<Vec<(u32, f32)>> =
+            (0..nz).into_par_iter().map(|z| scorer.slice(z, &self.regions[z])).inspect(|_| done(1)).collect();
         let count = slices.iter().map(Vec::len).sum();
         let (indices, scores) = (Vec::with_capacity(count), Vec::with_capacity(count));
         let mut support = Support { indices, scores, dark_sections: self.sections.count() - sections.count() };
@@ -118,6 +128,15 @@ impl<'a> Plan<'a> {
         }
         support
     }
+}
+
+/// Estimates before a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Forecast {
+    /// Number of voxels kept.
+    pub kept: f64,
+    /// Time of [`Plan::prune`].
+    pub seconds: f64,
 }
 
 /// The voxels that pruning keeps.

@@ -1,7 +1,7 @@
 use super::*;
-use crate::score::{Levels, Scorer, Scoring, Sections};
+use crate::score::{Oracle, Scorer, Sections, Shades, Tolerance, ViewsPlan};
 use glam::DVec2;
-use lf_core::camera::{Distortion, Tilt};
+use lf_core::camera::{Distortion, Medium, Tilt};
 use lf_core::{Camera, Grid, Optics, Refusal, Tile, lattice::Centres};
 use ndarray::{Array2, s};
 
@@ -54,41 +54,81 @@ fn speckle() -> Array2<f32> {
     })
 }
 
-/// The voxels kept of slices of grids, scored in a fast way and ray by ray.
-fn twice(
-    fast: Scoring,
+/// Rays of straight cameras err by rounding on the array, and on the sensor by k times a cell.
+const STRAIGHT: Tolerance = Tolerance { array_px: 0.002, sensor_px: 0.01, raster: 0.002 };
+/// Distortion moves a voxel's rays alike; its chief rays err by 0.04 px.
+const DISTORTED: Tolerance = Tolerance { array_px: 0.045, sensor_px: 0.01, raster: 0.1 };
+/// Bent rays err on the array by 0.2 px against their chief ray.
+const BENT: Tolerance = Tolerance { array_px: 0.25, sensor_px: 0.01, raster: 0.1 };
+/// With a gap or a tilt a view stands for rays that part on the sensor.
+const DEFOCUSED: Tolerance = Tolerance { sensor_px: 0.2, ..STRAIGHT };
+const ALL_BENT: Tolerance = Tolerance { sensor_px: 0.2, ..BENT };
+
+/// How many voxels were compared, and kept of them.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Compared {
+    all: usize,
+    kept: usize,
+}
+
+/// Compares voxels of slices, all but a few of them skipped, with their rays one by one: a voxel is kept, or not, and
+/// has its score, as rays within the tolerance of the exact ones say.
+fn compare(
     image: &Array2<f32>,
+    camera: &Camera,
+    options: &Options,
+    grid: &Grid,
+    slices: &[usize],
+    tolerance: Tolerance,
+) -> Compared {
+    let all = Sections::new(camera, options.sections).unwrap();
+    let sections = all.lit(image.view(), camera);
+    let count = sections.count();
+    let shades = Shades::new(image.view(), 1.0, count, options);
+    let scorer = Scorer::new(&shades, &sections, camera, grid, &ViewsPlan::new(camera, grid));
+    let oracle = Oracle::new(&scorer, &shades, &sections, camera, tolerance);
+    let mut compared = Compared::default();
+    for z in slices {
+        let kept = scorer.slice(*z, &whole(grid));
+        assert!(kept.is_sorted_by(|a, b| a.0 < b.0));
+        for place in (0..grid.shape[0] * grid.shape[1]).step_by(13) {
+            let voxel = [place % grid.shape[0], place / grid.shape[0]];
+            let Some(bounds) = oracle.bounds(voxel, *z) else { continue };
+            let found = kept.binary_search_by_key(&(place as u32), |(place, _)| *place).ok().map(|n| kept[n].1);
+            let [dark, bright] = [(1, 0), (0, 1)].map(|(shade, seen)| {
+                let scores = bounds.seen.map(|seen| shades.score(bounds.shades[shade], seen));
+                [scores[0].min(scores[1]), scores[0].max(scores[1])][seen]
+            });
+            let about = || format!("{voxel:?} of slice {z}: {found:?}, {bounds:?}, {options:?}, {camera:?}");
+            let may = |shades_sum: u32, [least, most]: [u32; 2]| {
+                (least..=most).map(move |seen| (shades_sum, seen)).collect::<Vec<_>>()
+            };
+            let is_kept = |(sum, seen): (u32, u32)| i64::from(sum) <= i64::from(shades.most(seen, count));
+            compared.all += 1;
+            if let Some(score) = found {
+                compared.kept += 1;
+                assert!(may(bounds.shades[0], bounds.seen).into_iter().any(is_kept), "kept: {}", about());
+                assert!(score >= dark * 0.999_99 && score <= bright * 1.000_01, "{dark} to {bright}: {}", about());
+            } else {
+                assert!(!may(bounds.shades[1], bounds.seen).into_iter().all(is_kept), "lost: {}", about());
+            }
+        }
+    }
+    compared
+}
+
+/// The fast way agrees with single rays, and does not keep all voxels. Returns how many it keeps.
+fn kept_as_by_rays(
     camera: &Camera,
     options: &Options,
     grids: &[Grid],
     slices: &[usize],
-) -> Vec<[Vec<(u32, f32)>; 2]> {
-    let levels = Levels::new(image.view(), 1.0, options);
-    let sections = Sections::new(camera, options.sections).unwrap().lit(image.view(), camera);
-    let ways = [fast, Scoring::Rays].map(|scoring| Scorer::new(scoring, &levels, &sections, camera));
-    let slice = |grid: &Grid, z: usize| ways.each_ref().map(|way| way.slice(grid, z, &whole(grid)));
-    grids.iter().flat_map(|grid| slices.iter().map(|z| slice(grid, *z)).collect::<Vec<_>>()).collect()
-}
-
-/// A fast way keeps what single rays keep, with the same scores: some voxels, but not all.
-fn assert_same(fast: Scoring, camera: &Camera, options: &Options, grids: &[Grid], slices: &[usize]) {
-    let kept = twice(fast, &speckle(), camera, options, grids, slices);
-    let wrong = kept.iter().position(|[fast, slow]| fast != slow);
-    assert!(wrong.is_none(), "slice {wrong:?} of {grids:?}, {options:?}, {camera:?}");
-    let kept: usize = kept.iter().map(|[fast, _]| fast.len()).sum();
-    let all = slices.len() * grids.iter().map(|grid| grid.shape[0] * grid.shape[1]).sum::<usize>();
-    assert!(kept > 0 && kept < all, "{kept} of {all}");
-}
-
-/// Updated sums and single rays are the same rule in whole numbers, so voxels and scores agree, also at the edge of
-/// sight.
-#[test]
-fn updated_sums_are_the_rays_one_by_one() {
-    let wide = Grid::in_bounds([[-0.9, 0.9], [-0.8, 0.8], [-4.0, 4.0]], [0.011, 0.023, 0.4]).unwrap();
-    let grids = [grid(), wide];
-    for camera in ["square", "circle"].map(|aperture| camera(aperture, "square", 0.0)) {
-        RULES.iter().for_each(|rule| assert_same(Scoring::Aligned, &camera, rule, &grids, &[0, 7, 10, 19]));
-    }
+    tolerance: Tolerance,
+) -> usize {
+    let compared = grids.iter().map(|grid| compare(&speckle(), camera, options, grid, slices, tolerance));
+    let sum = compared.fold(Compared::default(), |a, b| Compared { all: a.all + b.all, kept: a.kept + b.kept });
+    assert!(sum.kept < sum.all && sum.all > 300, "{sum:?}: {options:?}, {camera:?}");
+    sum.kept
 }
 
 /// By hand: 4 of 100 pixels at the floor of 1e-6 and the rest at 0.1 have a geometric mean of 10^(-0.96 - 0.24). With
@@ -98,25 +138,25 @@ fn scores_by_hand() {
     let mut image = Array2::from_elem((10, 10), 0.1f32);
     (0..4).for_each(|n| image[[n, n]] = 0.0);
     let options = Options { threshold: 0.063, ..PLAIN };
-    let levels = Levels::new(image.view(), 1.0, &options);
-    let sum = levels.values.iter().sum();
-    assert!((f64::from(levels.score(sum, 100)) - 10f64.powf(-1.2)).abs() < 1e-4);
-    assert!(sum >= levels.least_sum(100, 100));
-    // With limits of 0.01 and 0.03 the mean is 0.03^0.96 0.01^0.04.
+    let sum = |shades: &Shades| shades.values().iter().map(|shade| u32::from(*shade)).sum::<u32>();
+    let shades = Shades::new(image.view(), 1.0, 100, &options);
+    // A shade is a 255th of ln(1e-6): rounding errs by up to half of it, 2.7 %.
+    assert!((f64::from(shades.score(sum(&shades), 100)) / 10f64.powf(-1.2) - 1.0).abs() < 0.028);
+    assert!(sum(&shades) as i32 <= shades.most(100, 100));
+    // With limits of 0.01 and 0.03 the mean is 0.03^0.96 0.01^0.04, without rounding: all pixels are at a limit.
     let limited = Options { threshold: 0.028, dark: 0.01, bright: 0.03, ..PLAIN };
-    let levels = Levels::new(image.view(), 1.0, &limited);
-    let sum = levels.values.iter().sum();
-    assert!((f64::from(levels.score(sum, 100)) - 0.03f64.powf(0.96) * 0.01f64.powf(0.04)).abs() < 1e-4);
-    assert!(sum >= levels.least_sum(100, 100));
+    let shades = Shades::new(image.view(), 1.0, 100, &limited);
+    let mean = 0.03f64.powf(0.96) * 0.01f64.powf(0.04);
+    assert!((f64::from(shades.score(sum(&shades), 100)) / mean - 1.0).abs() < 1e-6);
+    assert!(sum(&shades) as i32 <= shades.most(100, 100));
     let options = Options { score: Score::Share(0.04), threshold: 0.1, ..options };
-    let levels = Levels::new(image.view(), 1.0, &options);
-    let sum = levels.values.iter().sum();
-    assert_eq!((sum, levels.least_sum(100, 100)), (-4, -4));
-    assert!((levels.score(sum, 100) - 0.96).abs() < 1e-6);
-    assert_eq!(levels.least_sum(49, 100), i32::MAX);
+    let shades = Shades::new(image.view(), 1.0, 100, &options);
+    assert_eq!((sum(&shades), shades.most(100, 100)), (4, 4));
+    assert!((shades.score(4, 100) - 0.96).abs() < 1e-6);
+    assert_eq!(shades.most(49, 100), -1);
 }
 
-/// One voxel lights the pixels that separate rays find: it is kept, with few others.
+/// One voxel, all over, lights the pixels that separate rays find: it is kept, with few others.
 #[test]
 fn the_voxel_that_lit_the_image_is_kept() {
     let (grid, voxel) = (grid(), [34, 31, 16]);
@@ -125,7 +165,7 @@ fn the_voxel_that_lit_the_image_is_kept() {
         [("circle", "square", 0.0), ("circle", "hexagonal", 0.003), ("square", "square", 0.01)]
     {
         let camera = camera(aperture, layout, rotation);
-        let image = lit(&camera, &[place], &[200]);
+        let image = lit(&camera, &filled(&[place]), &[200]);
         for score in [Score::Geometric, Score::Share(0.0)] {
             let options = Options { score, threshold: 1e-3, ..PLAIN };
             let support = prune(&image, &camera, &grid, &options).unwrap();
@@ -169,10 +209,10 @@ fn places_are_lost_with_their_voxel() {
     assert_eq!(support.lost(&grid, &[[1.4, 1.6, 3.3], [1.6, 1.6, 3.3], [1.0, 2.0, 3.6]]), (2, 1));
 }
 
-/// Sums along lines give the voxels and scores of single rays: for every shape of cell and stop, at the edge of sight,
-/// for voxels on the edges of cells, and for voxels larger than cells.
+/// For every shape of cell and stop, at the edge of sight, for voxels on the edges of cells, and for voxels larger than
+/// cells. The turns reach beyond a sixth of a turn.
 #[test]
-fn sums_along_lines_are_the_rays_one_by_one() {
+fn sums_are_the_rays_one_by_one() {
     let grids = [
         Grid::in_bounds([[-0.9, 0.9], [-0.9, 0.8], [-4.0, 4.0]], [0.011, 0.027, 0.4]).unwrap(),
         Grid::in_bounds([[-0.34, 0.2], [-0.25, 0.25], [-2.0, 2.0]], [0.0055, 0.0385, 0.2]).unwrap(),
@@ -181,16 +221,163 @@ fn sums_along_lines_are_the_rays_one_by_one() {
         Grid { shape: [13, 9, 20], spacing_mm: [0.2, 0.13, 0.3], origin_mm: [-1.2, -0.5, -3.0] },
     ];
     let third = std::f64::consts::FRAC_PI_3;
-    let square = [0.003, 0.02, 0.3, -1.0, 1.5 * third, 3.0 * third].map(|turn| ("square", turn));
+    let square = [0.0, 0.003, 0.3, -1.0, 3.0 * third].map(|turn| ("square", turn));
     let hexagonal = [0.0, 0.003, -0.3, 0.5 * third, third].map(|turn| ("hexagonal", turn));
+    let mut kept = [0; RULES.len()];
     for (layout, turn) in square.into_iter().chain(hexagonal) {
         for camera in ["square", "circle"].map(|aperture| camera(aperture, layout, turn)) {
-            RULES.iter().for_each(|rule| assert_same(Scoring::Lines, &camera, rule, &grids, &[0, 7, 10]));
+            for (rule, kept) in RULES.iter().zip(&mut kept) {
+                *kept += kept_as_by_rays(&camera, rule, &grids, &[0, 7, 10], STRAIGHT);
+            }
+        }
+    }
+    assert!(kept.iter().all(|kept| *kept > 0), "{kept:?}");
+}
+
+/// Every block that bends rays, alone and with the others, on either lattice.
+#[test]
+fn bent_rays_are_the_rays_one_by_one() {
+    let grids = [
+        Grid::in_bounds([[-0.9, 0.9], [-0.9, 0.8], [-4.0, 4.0]], [0.011, 0.027, 0.4]).unwrap(),
+        Grid::in_bounds([[-0.34, 0.2], [-0.25, 0.25], [-2.0, 2.0]], [0.0055, 0.011, 0.2]).unwrap(),
+    ];
+    let water = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
+    let tilt = Tilt { x_rad: 0.01, y_rad: -0.005 };
+    for (layout, turn) in [("square", 0.003), ("hexagonal", -0.02)] {
+        let with = |change: &dyn Fn(&mut Camera)| {
+            let mut camera = camera("circle", layout, turn);
+            change(&mut camera);
+            camera.check().unwrap();
+            camera
+        };
+        let bent =
+            [with(&|camera| camera.centres = Some(departures())), with(&|camera| camera.medium = Some(water.clone()))];
+        let distorted = with(&|camera| camera.distortion = Some(DISTORTION));
+        let pupil = with(&|camera| camera.main_lens.pupil_distance_mm = Some(500.0));
+        let defocused =
+            [with(&|camera| camera.microlenses.gap_mm = Some(0.32)), with(&|camera| camera.tilt = Some(tilt.clone()))];
+        let all = with(&|camera| {
+            camera.distortion = Some(DISTORTION);
+            camera.centres = Some(departures());
+            camera.medium = Some(water.clone());
+            camera.tilt = Some(tilt.clone());
+            camera.main_lens.pupil_distance_mm = Some(500.0);
+        });
+        let cameras = bent.iter().map(|camera| (camera, BENT));
+        let cameras = cameras.chain(defocused.iter().map(|camera| (camera, DEFOCUSED)));
+        for (camera, tolerance) in cameras.chain([(&distorted, DISTORTED), (&pupil, STRAIGHT), (&all, ALL_BENT)]) {
+            let kept = |rule| kept_as_by_rays(camera, rule, &grids, &[0, 7, 10, 19], tolerance);
+            assert!(RULES[..4].iter().map(kept).sum::<usize>() > 0, "{camera:?}");
         }
     }
 }
 
-/// A long, low sensor: lines leave and enter rows of lenslets over its upper and lower sides.
+/// Far from focus the corners of a square stop reach farthest along a turned hexagonal lattice.
+#[test]
+fn far_rays_meet_their_own_lenslets() {
+    for degrees in [15.0, -45.0, 45.0, 180.0] {
+        for layout in ["square", "hexagonal"] {
+            let camera = camera("square", layout, f64::to_radians(degrees));
+            let grid = Grid::in_bounds([[-0.3, 0.3], [-0.3, 0.3], [-7.0, 7.0]], [0.033, 0.03, 1.0]).unwrap();
+            let rules = [RULES[0], RULES[3]];
+            for options in rules {
+                let compared = compare(&speckle(), &camera, &options, &grid, &[0, 1, 2, 13], STRAIGHT);
+                assert!(compared.all > 20, "{compared:?}");
+            }
+        }
+    }
+}
+
+/// Lenslets of 1 px, lenslets wider than the sensor, a sensor of one row, and lenslets beside it; 2 to 64 sections.
+#[test]
+fn odd_cameras_are_pruned_as_by_rays() {
+    let speckle = speckle();
+    let mut pruned = 0;
+    // Under large lenslets the rays of one section part on the sensor, by k times a cell, and views err by half a part,
+    // along both sides of a hexagonal lattice at once.
+    let odd = [
+        (1.0, (40, 40), 0.01),
+        (1.7, (64, 1), 0.01),
+        (100.0, (252, 280), 0.22),
+        (150.0, (64, 50), 0.37),
+        (14.0, (1, 1), 0.01),
+    ];
+    for (pitch_px, size, sensor_px) in odd {
+        let tolerance = Tolerance { sensor_px, ..STRAIGHT };
+        for (layout, turn) in [("square", 0.0), ("hexagonal", 0.8), ("square", 3.0 * std::f64::consts::FRAC_PI_3)] {
+            let mut camera = camera("circle", layout, turn);
+            (camera.sensor.height, camera.sensor.width) = size;
+            camera.microlenses.pitch_mm = pitch_px * 0.0055;
+            camera.microlenses.focal_length_mm = pitch_px * 0.022;
+            camera.microlenses.offset_mm = [0.4 * camera.microlenses.pitch_mm, -0.003];
+            camera.check().unwrap();
+            let image = speckle.slice(s![..size.0, ..size.1]).to_owned();
+            let grid = Grid::in_bounds([[-0.2, 0.2], [-0.2, 0.2], [-1.0, 1.0]], [0.0055, 0.0173, 0.5]).unwrap();
+            for (sections, rule) in [(2, RULES[0]), (2, RULES[2]), (20, RULES[3]), (64, RULES[0])] {
+                let options = Options { sections: Some(sections), ..rule };
+                pruned += compare(&image, &camera, &options, &grid, &[0], tolerance).kept;
+            }
+        }
+    }
+    assert!(pruned > 1000, "{pruned}");
+}
+
+/// A voxel of a pixel under lenslets of 100 px is scored within a quarter of it.
+#[test]
+fn voxels_are_scored_within_a_quarter() {
+    let mut camera = camera("circle", "square", 0.003);
+    camera.microlenses.pitch_mm = 0.55;
+    camera.microlenses.focal_length_mm = 2.2;
+    let grid = Grid::in_bounds([[-0.2, 0.2], [-0.2, 0.2], [-1.0, 1.0]], [0.0055, 0.0055, 0.5]).unwrap();
+    let options = Options { sections: Some(9), ..PLAIN };
+    let sections = Sections::new(&camera, options.sections).unwrap();
+    let image = speckle();
+    let shades = Shades::new(image.view(), 1.0, sections.count(), &options);
+    let scorer = Scorer::new(&shades, &sections, &camera, &grid, &ViewsPlan::new(&camera, &grid));
+    let oracle = Oracle::new(&scorer, &shades, &sections, &camera, STRAIGHT);
+    let steps_mm = (0..grid.shape[0]).filter_map(|x| oracle.to_raster_mm(DVec2::new(x as f64, 7.0), 2));
+    let farthest = steps_mm.fold(0f64, |most, step| most.max(step.abs().max_element()));
+    assert!(farthest > 0.0005 && farthest < 0.25 * 0.0055 * 1.01, "{farthest}");
+}
+
+/// Frames without any light keep nothing, or every voxel that can be seen.
+#[test]
+fn frames_without_light_may_be_kept_whole() {
+    let (camera, grid) = (camera("circle", "hexagonal", 0.003), grid());
+    let kept = |value: f32, options: &Options| {
+        prune(&Array2::from_elem((252, 280), value), &camera, &grid, options).unwrap().indices.len()
+    };
+    let whole = kept(1.0, &RULES[3]);
+    assert!(whole > 1000);
+    for value in [0.0, -1.0, f32::NAN] {
+        assert_eq!((kept(value, &RULES[0]), kept(value, &RULES[3])), (0, whole), "{value}");
+    }
+}
+
+/// Rays of a volume far from focus would meet more lenslets than are counted.
+#[test]
+fn volumes_that_reach_too_many_lenslets_are_refused() {
+    let mut camera = camera("square", "square", 0.0);
+    camera.microlenses.pitch_mm = 0.0055;
+    camera.microlenses.focal_length_mm = 0.022;
+    camera.main_lens.working_f_number = 0.3;
+    let grid = Grid::in_bounds([[-0.1, 0.1], [-0.1, 0.1], [-5e5, 0.0]], [0.1, 0.1, 1e5]).unwrap();
+    let regions = vec![whole(&grid); grid.shape[2]];
+    let options = Options { sections: Some(64), ..PLAIN };
+    let refusal = Plan::new(&camera, &grid, &regions, &options).err().expect("a refusal").to_string();
+    assert!(refusal.contains("rays of a voxel meet lenslets"), "{refusal}");
+}
+
+/// Moves the corners by about a pixel.
+fn departures() -> Centres {
+    Centres {
+        radius_mm: 1.0,
+        x_mm: vec![0.001, -0.0007, 0.002, 0.0007, -0.002],
+        y_mm: vec![-0.0007, 0.001, 0.0013, -0.001, 0.0023],
+    }
+}
+
+/// A long, low sensor: lines of voxels leave and enter rows of lenslets over its upper and lower sides.
 #[test]
 fn lines_may_leave_the_rows_of_lenslets() {
     let speckle = speckle();
@@ -200,9 +387,8 @@ fn lines_may_leave_the_rows_of_lenslets() {
         (camera.sensor.width, camera.sensor.height) = (1820, 56);
         let options = Options { keep_all: true, ..PLAIN };
         let grid = Grid::in_bounds([[-5.2, 5.2], [-0.3, 0.3], [-1.0, 1.0]], [0.03, 0.007, 0.5]).unwrap();
-        for [fast, slow] in twice(Scoring::Lines, &image, &camera, &options, &[grid], &[0, 1, 2, 3]) {
-            assert!(fast == slow && !fast.is_empty(), "{layout} {turn}");
-        }
+        let compared = compare(&image, &camera, &options, &grid, &[0, 1, 2, 3], STRAIGHT);
+        assert!(compared.kept > 300 && compared.kept < compared.all, "{layout} {turn}: {compared:?}");
     }
 }
 
@@ -221,26 +407,19 @@ fn shadowed(image: &Array2<f32>, camera: &Camera, is_dark: impl Fn(DVec2) -> boo
     image
 }
 
-/// A shadow at one side of the stop leaves the sections that each fast way traces uneven. They still give the voxels
-/// and scores of single rays.
+/// A shadow at one side of the stop leaves uneven sections. Sums over them are still those of single rays.
 #[test]
-fn every_way_leaves_dark_sections_out() {
+fn dark_sections_are_left_out() {
     let is_dark = |stop: DVec2| stop.y > 0.3 || stop.x + stop.y < -0.9;
-    for (scoring, turn) in [(Scoring::Aligned, 0.0), (Scoring::Lines, 0.003)] {
+    for turn in [0.0, 0.003] {
         for camera in ["square", "circle"].map(|aperture| camera(aperture, "square", turn)) {
             let image = shadowed(&speckle(), &camera, is_dark);
-            let all = Sections::new(&camera, None).unwrap();
-            let lit = all.lit(image.view(), &camera);
-            assert!(
-                lit.count() > all.count() / 3 && lit.count() < all.count() * 2 / 3,
-                "{} of {}",
-                lit.count(),
-                all.count()
-            );
+            let all = Sections::new(&camera, None).unwrap().count();
+            let lit = Sections::new(&camera, None).unwrap().lit(image.view(), &camera).count();
+            assert!(lit > all / 3 && lit < all * 2 / 3, "{lit} of {all}");
             for options in &RULES {
-                let pairs = twice(scoring, &image, &camera, options, &[grid()], &[0, 7, 10]);
-                assert!(pairs.iter().all(|[fast, slow]| fast == slow), "{scoring:?} {options:?}");
-                assert!(!options.keep_all || pairs.iter().all(|[fast, _]| !fast.is_empty()), "{scoring:?}");
+                let compared = compare(&image, &camera, options, &grid(), &[0, 7, 10], STRAIGHT);
+                assert!(compared.all > 300 && (!options.keep_all || compared.kept > 300), "{compared:?}: {options:?}");
             }
         }
     }
@@ -285,39 +464,24 @@ fn blind_pixels_speak_against_no_voxel() {
     }
 }
 
-/// Tile by tile some rays pass another lenslet, so nearly the same voxels are kept.
-#[test]
-fn tiles_follow_distortion_and_departures() {
-    let grid = [Grid::in_bounds([[-0.6, 0.6], [-0.5, 0.5], [-4.0, 4.0]], [0.0055, 0.0055, 0.4]).unwrap()];
-    for (layout, turn) in [("square", 0.003), ("hexagonal", -0.02)] {
-        let mut camera = camera("circle", layout, turn);
-        camera.distortion = Some(DISTORTION);
-        // Moves the corners by about 3 px, too.
-        camera.centres = Some(Centres {
-            radius_mm: 1.0,
-            x_mm: vec![0.003, -0.002, 0.008, 0.002, -0.006],
-            y_mm: vec![-0.002, 0.003, 0.004, -0.003, 0.007],
-        });
-        camera.check().unwrap();
-        for [fast, slow] in twice(Scoring::Tiles, &speckle(), &camera, &RULES[0], &grid, &[0, 7, 10, 19]) {
-            let is_slow = |place: u32| slow.binary_search_by_key(&place, |(place, _)| *place).is_ok();
-            let both = fast.iter().filter(|(place, _)| is_slow(*place)).count() as f64;
-            let all = fast.len().max(slow.len()) as f64;
-            assert!(fast.is_sorted_by_key(|(place, _)| *place));
-            assert!(both > 0.9 * all, "{layout}: {both} of {} and {}", fast.len(), slow.len());
-        }
-    }
-}
-
-/// A camera for each way to score: aligned, along lines, tile by tile, ray by ray; and one with an exit pupil.
+/// Aligned, hexagonal and turned, distorted, tilted, and with an exit pupil.
 fn cameras() -> [Camera; 5] {
-    let mut tiles = camera("circle", "square", 0.003);
-    tiles.distortion = Some(DISTORTION);
-    let mut rays = camera("circle", "hexagonal", 0.003);
-    rays.tilt = Some(Tilt { x_rad: 0.002, y_rad: -0.001 });
+    let mut distorted = camera("circle", "square", 0.003);
+    distorted.distortion = Some(DISTORTION);
+    let mut tilted = camera("circle", "hexagonal", 0.003);
+    tilted.tilt = Some(Tilt { x_rad: 0.002, y_rad: -0.001 });
     let mut pupil = camera("circle", "hexagonal", 0.003);
     pupil.main_lens.pupil_distance_mm = Some(100.0);
-    [camera("circle", "square", 0.0), camera("circle", "hexagonal", 0.003), tiles, rays, pupil]
+    [camera("circle", "square", 0.0), camera("circle", "hexagonal", 0.003), distorted, tilted, pupil]
+}
+
+/// Points all over the voxels at these places, since a voxel is scored at a place within it.
+fn filled(places_mm: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    const SIDE: usize = 5;
+    let [dx, dy, _] = grid().spacing_mm;
+    let part = |n: usize| n as f64 / (SIDE - 1) as f64 - 0.5;
+    let all = places_mm.iter().flat_map(|place| (0..SIDE * SIDE).map(move |n| (place, n)));
+    all.map(|([x, y, z], n)| [x + part(n % SIDE) * dx, y + part(n / SIDE) * dy, *z]).collect()
 }
 
 /// The image of points by n x n rays, for several n.
@@ -358,7 +522,7 @@ fn fewer_sections_lose_no_light() {
     let places = voxels.map(|voxel| [0, 1, 2].map(|axis| grid.centre_mm(axis, voxel[axis])));
     for (route, camera) in cameras().into_iter().enumerate() {
         // Every section of the stop has rays among these.
-        let image = lit(&camera, &places, &[2, 5, 14, 28, 200]);
+        let image = lit(&camera, &filled(&places), &[2, 5, 14, 28, 100]);
         for score in [Score::Geometric, Score::Share(0.0)] {
             let [two, five, paper, many] = [Some(2), Some(5), None, Some(28)].map(|sections| {
                 let options = Options { score, threshold: 1e-3, sections, ..PLAIN };
@@ -368,7 +532,8 @@ fn fewer_sections_lose_no_light() {
                 let is_kept = |voxel: &[usize; 3]| kept.binary_search(&grid.index(*voxel)).is_ok();
                 assert!(voxels.iter().all(is_kept), "{route} {score:?}");
             }
-            assert!(two.len() >= paper.len(), "{route} {score:?}: {} {}", two.len(), paper.len());
+            // A mean of few rays may keep a hundredth less than a mean of many.
+            assert!(50 * two.len() >= 49 * paper.len(), "{route} {score:?}: {} {}", two.len(), paper.len());
             let among = paper.iter().filter(|index| two.binary_search(index).is_ok()).count();
             assert!(among == paper.len() || score == Score::Geometric, "{route}: {among} of {}", paper.len());
         }
@@ -380,7 +545,7 @@ fn scored(support: &Support) -> Vec<(u64, u32)> {
     support.indices.iter().zip(&support.scores).map(|(index, score)| (*index, score.to_bits())).collect()
 }
 
-/// The cores of all tiles are the whole support, to the bit, for every way to score. A tile holds more than its core.
+/// The cores of all tiles are the whole support, to the bit. A tile holds more than its core.
 #[test]
 fn cores_of_tiles_are_the_whole() {
     let image = speckle();

@@ -86,8 +86,8 @@ pub struct Arguments {
     /// Keep every voxel that can be seen: the baseline of plain MART, not a mode to recommend
     #[arg(long)]
     pub keep_all: bool,
-    /// Only print the resources needed, from a few slices: {"memory_bytes", "voxels", "kept"} as JSON on standard
-    /// output
+    /// Only print the resources needed, from a few slices: {"memory_bytes", "voxels", "kept", "seconds"} as JSON on
+    /// standard output
     #[arg(long)]
     pub estimate: bool,
     /// Support (.lfv), - for standard output

@@ -7,6 +7,7 @@ use lf_core::{
 use lf_prune::{Automatic, Options, Plan, Region, Support};
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Instant;
 
 pub fn main() -> ExitCode {
     cli::run("lf-prune", |arguments: &Arguments| &arguments.common, run)
@@ -44,9 +45,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         explain_tile(tile, session);
     }
     if arguments.estimate {
-        let kept = plan.foretold_kept(pixels).map_err(refused)?;
-        let counts = [("voxels", plan.voxels()), ("kept", kept as u64)];
-        session.tell_estimate(plan.bytes(pixels.len(), kept), &counts)?;
+        let start = Instant::now();
+        let forecast = plan.forecast(pixels, || start.elapsed().as_secs_f64()).map_err(refused)?;
+        let seconds = forecast.seconds.ceil() as u64;
+        let counts = [("voxels", plan.voxels()), ("kept", forecast.kept as u64), ("seconds", seconds)];
+        session.tell_estimate(plan.bytes(pixels.len(), forecast.kept), &counts)?;
         return Ok(Verdict::Done);
     }
 

@@ -1,13 +1,28 @@
-//! In: the image as levels, a camera, and the voxels of a slice. Out: the voxels kept, each with its score.
-//! First file to open: `scorer.rs`, the choice; then `rays.rs`, the slow and obvious way, which proves the others.
+//! In: the image, a camera, and the voxels of a slice. Out: the voxels kept, each with its score.
+//!
+//! A lenslet shows each section of the aperture at one place. So the image is sorted once into views: the shade that a
+//! section sees through each lenslet ([`views`]). A voxel's score is a sum over sections, each through the lenslet that
+//! the voxel's ray meets. Which lenslet, counted from the voxel's own, depends only on the voxel's place in its
+//! lenslet's cell. Over a raster of such places, [`walk`] lists the few sections that change lenslets from one place to
+//! the next, and [`sums`] makes the sums of many lenslets at once. [`chiefs`] finds each voxel's place on the raster.
+//!
+//! First file to open: `scorer.rs`, which runs these steps. `oracle.rs` proves them, ray by ray.
 
-mod aligned;
-mod levels;
-mod lines;
-mod rays;
+mod cells;
+mod chiefs;
+#[cfg(test)]
+mod oracle;
 mod scorer;
-mod slice;
+mod sections;
+mod shades;
+mod sums;
+mod views;
+mod walk;
+mod walks;
 
-pub(crate) use levels::Levels;
-pub(crate) use scorer::{Scorer, Scoring};
-pub(crate) use slice::Sections;
+#[cfg(test)]
+pub(crate) use oracle::{Oracle, Tolerance};
+pub(crate) use scorer::{Scorer, thread_bytes};
+pub(crate) use sections::Sections;
+pub(crate) use shades::Shades;
+pub(crate) use views::Plan as ViewsPlan;

@@ -1,28 +1,13 @@
-//! The voxels of a slice, and the sections of the aperture that their rays pass.
+//! The sections of the aperture that rays pass.
 
-use super::levels::Levels;
-use crate::options::Region;
 use glam::DVec2;
 use lf_core::light::{Tones, light_through};
-use lf_core::{Camera, Grid, Refusal, camera::Aperture, statistics::ranked, weights::sections};
+use lf_core::{Camera, Refusal, camera::Aperture, statistics::ranked, weights::sections};
 use ndarray::ArrayView2;
 
 /// A section below this share of the light of three quarters of the sections is dark. On the scenes of
 /// `scripts/studies/study prune-cameras` closed sections have at most 0.3 of it, open ones 0.5 or more.
 const LIT_SHARE: f64 = 0.4;
-
-/// Voxels of a slice as (x + nx y, score), rising.
-pub(super) type Kept = Vec<(u32, f32)>;
-
-/// A region of slice `z`, and all that scores it except the camera.
-#[derive(Clone, Copy)]
-pub(super) struct Slice<'a> {
-    pub(super) levels: &'a Levels<'a>,
-    pub(super) sections: &'a Sections,
-    pub(super) grid: &'a Grid,
-    pub(super) z: usize,
-    pub(super) region: &'a Region,
-}
 
 /// The sections of the aperture.
 pub(crate) struct Sections {
@@ -62,11 +47,6 @@ impl Sections {
     /// Sections that are traced.
     pub(crate) fn count(&self) -> u32 {
         self.traced.iter().filter(|traced| **traced).count() as u32
-    }
-
-    /// Whether each section (u, v) of this u is traced, for v rising.
-    pub(super) fn column(&self, u: usize) -> Vec<bool> {
-        self.traced.iter().skip(u).step_by(self.centres_mm.len()).copied().collect()
     }
 
     /// Centres of the sections that are traced, mm; those of one v together, u rising.

@@ -1,0 +1,75 @@
+//! Sums over sections for many lenslets at once: the inner loop of pruning.
+
+use super::views::{LANES, LEAST};
+use super::walk::Walk;
+use lf_core::simd;
+
+/// Makes sums of `views` for the voxels of lenslets at every place of the raster, `[place][lane]`: of the lanes from
+/// `least` to `most`, and those between them and the next multiples of [`LEAST`] or more. `first` is the place of the
+/// first lane's lenslet in the first view. Sums fit 16 bits, and wrap in between.
+pub(super) fn add_up(walk: &Walk, views: &[u8], first: usize, [least, most]: [usize; 2], sums: &mut [u16]) {
+    let start = least / LEAST * LEAST;
+    let count = (most + 1 - start).next_power_of_two().max(LEAST);
+    let start = start.min(LANES - count);
+    let (first, sums) = (first + start, &mut sums[start..]);
+    simd::fastest(
+        #[inline(always)]
+        || match count {
+            LEAST => add_lanes::<LEAST>(walk, views, first, sums),
+            32 => add_lanes::<32>(walk, views, first, sums),
+            _ => add_lanes::<LANES>(walk, views, first, sums),
+        },
+    );
+}
+
+#[inline(always)]
+fn add_lanes<const COUNT: usize>(walk: &Walk, views: &[u8], first: usize, sums: &mut [u16]) {
+    let lanes = |place: i32| -> &[u8; COUNT] {
+        let place = first.wrapping_add_signed(place as isize);
+        views[place..].first_chunk().expect("views reach beyond the lenslets of all rays")
+    };
+    let mut sum = [0u16; COUNT];
+    for place in &walk.start {
+        let new = lanes(*place);
+        for lane in 0..COUNT {
+            sum[lane] = sum[lane].wrapping_add(u16::from(new[lane]));
+        }
+    }
+    let mut done = 0;
+    for step in &walk.steps {
+        for [new, old] in &walk.changes[done..step.end as usize] {
+            let (new, old) = (lanes(*new), lanes(*old));
+            for lane in 0..COUNT {
+                sum[lane] = sum[lane].wrapping_add(u16::from(new[lane])).wrapping_sub(u16::from(old[lane]));
+            }
+        }
+        done = step.end as usize;
+        sums[step.place as usize * LANES..][..COUNT].copy_from_slice(&sum);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::score::walk::Step;
+
+    /// The instructions that every machine has give the same sums as the widest of this one.
+    #[test]
+    fn portable_sums_are_the_same() {
+        let views: Vec<u8> = (0..4096u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let places: Vec<i32> = (0..300).map(|n| n * 97 % 3000).collect();
+        let changes: Vec<[i32; 2]> = places.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+        let steps = (0..8).map(|place| Step { place, end: place * 37 }).collect();
+        let walk = Walk { reach: 3, start: places, steps, changes };
+        for (lanes, [start, count]) in [([0, 63], [0, LANES]), ([17, 40], [16, 32]), ([50, 50], [48, LEAST])] {
+            let (mut wide, mut portable) = (vec![0; 8 * LANES], vec![0; 8 * LANES]);
+            add_up(&walk, &views, 100, lanes, &mut wide);
+            match count {
+                LEAST => add_lanes::<LEAST>(&walk, &views, 100 + start, &mut portable[start..]),
+                32 => add_lanes::<32>(&walk, &views, 100 + start, &mut portable[start..]),
+                _ => add_lanes::<LANES>(&walk, &views, 100 + start, &mut portable[start..]),
+            }
+            assert!(wide == portable && wide.iter().any(|sum| *sum > 0), "{lanes:?}");
+        }
+    }
+}
