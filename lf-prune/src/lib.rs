@@ -1,6 +1,6 @@
 //! Image and camera to the voxels that may hold light: dense ray tracing with a multiplicative line of sight.
 //!
-//! Data flow: a [`Plan`] takes camera, grid and [`Options`] and chooses how to score. [`Plan::prune`] turns the image
+//! Data flow: a [`Plan`] takes camera, grid and [`Options`] and knows its memory. [`Plan::prune`] turns the image
 //! into whole-number shades (`score/shades.rs`), adds the shades of each voxel's rays (`score/`), and keeps the voxels
 //! with enough as the [`Support`]. [`Automatic`] finds a threshold from the image.
 //!

@@ -1,4 +1,4 @@
-//! Pruning before it runs: how voxels are scored, and the memory; then the run itself, and the voxels kept.
+//! Pruning before it runs: the views and the memory; then the run itself, and the voxels kept.
 
 use crate::options::{Options, Region};
 use crate::score::{Scorer, Sections, Shades, ViewsPlan, thread_bytes};

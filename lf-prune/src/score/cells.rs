@@ -3,6 +3,9 @@
 use glam::DVec2;
 use lf_core::{Camera, lattice::Lattice};
 
+/// Corners of a square about the origin, 2 a side.
+pub(super) const CORNERS: [DVec2; 4] = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
+
 pub(super) struct Cells {
     lattice: Lattice,
     /// Perfect centre of lenslet (0, 0), mm.
@@ -99,8 +102,7 @@ impl Cells {
 
     /// Lattice coordinates that hold all points of the array within `sides_mm` of the axis: least and greatest.
     pub(super) fn bounds(&self, sides_mm: DVec2) -> [DVec2; 2] {
-        let corners = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
-        let places = corners.map(|corner| self.step(corner * sides_mm - self.origin_mm));
+        let places = CORNERS.map(|corner| self.step(corner * sides_mm - self.origin_mm));
         let least = places.iter().fold(DVec2::INFINITY, |least, place| least.min(*place));
         [least, places.iter().fold(DVec2::NEG_INFINITY, |most, place| most.max(*place))]
     }

@@ -28,7 +28,12 @@ pub(super) struct SliceRays<'a> {
     pub(super) z_mm: f64,
 }
 
-impl SliceRays<'_> {
+impl<'a> SliceRays<'a> {
+    /// The rays from slice `z`.
+    pub(super) fn new(optics: &'a Optics, cells: &'a Cells, grid: &'a Grid, z: usize) -> Self {
+        Self { optics, cells, grid, z_mm: grid.centre_mm(2, z) }
+    }
+
     /// Lattice coordinates of a ray from a place in voxels.
     pub(super) fn place(&self, voxel: DVec2, stop_mm: DVec2) -> DVec2 {
         let [[x, y, _], [dx, dy, _]] = [self.grid.origin_mm, self.grid.spacing_mm];
@@ -117,7 +122,7 @@ impl Chiefs {
     pub(super) fn new(rays: &SliceRays, camera: &Camera, raster: Raster, origin: [i32; 2]) -> Self {
         let side = rays.mesh_side(camera);
         let [columns, rows] = [0, 1].map(|axis| rays.grid.shape[axis].div_ceil(side) + 1);
-        let scale = DVec2::new(f64::from(1 << raster.bits[0]), f64::from(1 << raster.bits[1]));
+        let scale = raster.scale();
         let origin = DVec2::new(f64::from(origin[0]), f64::from(origin[1]));
         let node = |n: usize| {
             let voxel = DVec2::new((n % columns * side) as f64, (n / columns * side) as f64);

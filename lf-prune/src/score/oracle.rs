@@ -1,5 +1,6 @@
 //! Scores ray by ray: slow and obvious, to prove the fast way.
 
+use super::cells::CORNERS;
 use super::scorer::Scorer;
 use super::sections::Sections;
 use super::shades::Shades;
@@ -34,9 +35,8 @@ pub(crate) struct Oracle<'a> {
 }
 
 /// A place and four around it.
-fn around(place: DVec2, reach: f64) -> [DVec2; 5] {
-    [DVec2::ZERO, DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)]
-        .map(|way| place + reach * way)
+fn around(place: DVec2, reach: f64) -> impl Iterator<Item = DVec2> {
+    CORNERS.into_iter().chain([DVec2::ZERO]).map(move |way| place + reach * way)
 }
 
 impl<'a> Oracle<'a> {
@@ -54,9 +54,8 @@ impl<'a> Oracle<'a> {
     /// The step on the perfect lattice, mm, from a voxel's chief ray to the place of the raster that stands for it.
     /// None if it is not sure which place that is.
     pub(crate) fn to_raster_mm(&self, voxel: DVec2, z: usize) -> Option<DVec2> {
-        let (rays, bits) = (self.scorer.rays(z), self.scorer.raster().bits);
+        let (rays, scale) = (self.scorer.rays(z), self.scorer.raster().scale());
         let place = rays.chief(voxel);
-        let scale = DVec2::new(f64::from(1 << bits[0]), f64::from(1 << bits[1]));
         let within = scale * place - (scale * place).floor();
         let is_sure =
             within.min_element() > self.tolerance.raster && within.max_element() < 1.0 - self.tolerance.raster;

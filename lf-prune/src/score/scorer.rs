@@ -89,7 +89,7 @@ fn raster(rays: &SliceRays) -> Raster {
 /// Bytes that a thread holds for a slice, with up to `voxels` voxels in its region, beside the voxels kept.
 pub(crate) fn thread_bytes(camera: &Camera, grid: &Grid, sections: &Sections, plan: &Plan, voxels: usize) -> f64 {
     let (optics, cells) = (Optics::new(camera), Cells::new(camera));
-    let rays = |z: usize| SliceRays { optics: &optics, cells: &cells, grid, z_mm: grid.centre_mm(2, z) };
+    let rays = |z: usize| SliceRays::new(&optics, &cells, grid, z);
     let middle = rays(grid.shape[2] / 2);
     let (raster, sections_mm) = (raster(&middle), sections.traced_mm());
     let walks = [0, grid.shape[2] / 2, grid.shape[2] - 1]
@@ -112,8 +112,7 @@ impl<'a> Scorer<'a> {
         plan: &Plan,
     ) -> Self {
         let (optics, cells) = (Optics::new(camera), Cells::new(camera));
-        let z_mm = grid.centre_mm(2, grid.shape[2] / 2);
-        let raster = raster(&SliceRays { optics: &optics, cells: &cells, grid, z_mm });
+        let raster = raster(&SliceRays::new(&optics, &cells, grid, grid.shape[2] / 2));
         let count = sections.count();
         let most: Vec<i32> = (0..=count).map(|seen| shades.most(seen, count).min(i32::from(u16::MAX))).collect();
         let scores = (0..=most[count as usize]).map(|sum| shades.score(sum as u32, count)).collect();
@@ -133,8 +132,7 @@ impl<'a> Scorer<'a> {
     }
 
     pub(super) fn rays(&self, z: usize) -> SliceRays<'_> {
-        let z_mm = self.grid.centre_mm(2, z);
-        SliceRays { optics: &self.optics, cells: &self.cells, grid: self.grid, z_mm }
+        SliceRays::new(&self.optics, &self.cells, self.grid, z)
     }
 
     /// The voxels kept of a region of slice `z`.

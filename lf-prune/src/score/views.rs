@@ -4,7 +4,7 @@
 //! rays of one section through one lenslet meet one pixel, from any voxel. With a gap or a tilt they part, and cells are
 //! divided into parts with a view each.
 
-use super::cells::Cells;
+use super::cells::{CORNERS, Cells};
 use super::sections::Sections;
 use super::shades::Shades;
 use glam::DVec2;
@@ -99,7 +99,6 @@ impl Plan {
 
 /// Most lenslets from the chief ray's to another ray's, from any voxel.
 fn reach(optics: &Optics, cells: &Cells, grid: &Grid) -> i32 {
-    let corners = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
     let mut most = 0f64;
     for z in [0, grid.shape[2] - 1] {
         let z_mm = grid.centre_mm(2, z);
@@ -110,29 +109,33 @@ fn reach(optics: &Optics, cells: &Cells, grid: &Grid) -> i32 {
             let point_mm = DVec2::new(along(0, place % 3), along(1, place / 3));
             let hit = |stop: DVec2| cells.place(optics.array_from_object(point_mm, z_mm, stop));
             let chief = hit(DVec2::ZERO);
-            let far = corners.map(|way| (hit(way * optics.half_aperture_mm) - chief).abs().max_element());
+            let far = CORNERS.map(|way| (hit(way * optics.half_aperture_mm) - chief).abs().max_element());
             most = far.into_iter().fold(most, f64::max);
         }
     }
     most.min(MOST_REACH).ceil() as i32 + 3
 }
 
+/// Half sides of the sensor, mm.
+fn half_sensor(optics: &Optics) -> DVec2 {
+    0.5 * optics.pixel_pitch_mm * DVec2::from(optics.sensor_px.map(|side| side as f64))
+}
+
 /// Half sides of the part of the array that the sensor sees, mm. No ray through a cell beyond meets the sensor.
 fn seen_sides(optics: &Optics) -> DVec2 {
-    let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::from(optics.sensor_px.map(|side| side as f64));
+    let half_sensor = half_sensor(optics);
     let lattice = optics.lattice();
     let cell = lattice.cell_mm().iter().fold(DVec2::ZERO, |reach, corner| reach.max(corner.abs()));
-    let sides = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
     let departure = |side: DVec2| (lattice.departed(side * half_sensor) - side * half_sensor).abs().max_element();
-    let departure = sides.into_iter().map(departure).fold(0.0, |most: f64, departure| most.max(2.0 * departure));
+    let departure = CORNERS.into_iter().map(departure).fold(0.0, |most: f64, departure| most.max(2.0 * departure));
     half_sensor + 1.5 * optics.demagnification * optics.half_aperture_mm + cell + departure
 }
 
 /// Parts a side of a cell by which the rays of a view part little on the sensor.
 fn parts(optics: &Optics, cells: &Cells) -> usize {
-    let half_sensor = 0.5 * optics.pixel_pitch_mm * DVec2::from(optics.sensor_px.map(|side| side as f64));
+    let half_sensor = half_sensor(optics);
     let mut most_mm = 0f64;
-    for corner in [DVec2::ZERO, DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)] {
+    for corner in CORNERS.into_iter().chain([DVec2::ZERO]) {
         let centre = corner * half_sensor;
         for side in cells.sides_mm {
             let [low, high] = [-0.5, 0.5].map(|half| optics.sensor_through(centre, centre + half * side, DVec2::ZERO));

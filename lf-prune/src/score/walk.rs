@@ -23,6 +23,11 @@ impl Raster {
         1 << (self.bits[0] + self.bits[1])
     }
 
+    /// Places along each side of the cell.
+    pub(super) fn scale(self) -> DVec2 {
+        DVec2::from(self.bits.map(|bits| f64::from(1 << bits)))
+    }
+
     /// Lattice coordinate of place `n` along an axis.
     #[inline(always)]
     pub(super) fn middle(self, axis: usize, n: usize) -> f64 {
@@ -85,20 +90,22 @@ impl Rays<'_> {
         let [rays_i, rays_j] = self.beyond;
         let (rays_i, rays_j, firsts) = (&rays_i[..views.len()], &rays_j[..views.len()], &self.firsts[..views.len()]);
         let [row, view] = self.strides;
-        for n in 0..views.len() {
-            let (near_i, near_j) = nearest(i + rays_i[n], j + rays_j[n]);
-            views[n] = firsts[n] + near_j * row + near_i;
-        }
-        if self.parts > 1 {
-            // The least and the greatest part, and parts per step of the lattice, from a cell's centre.
-            let most = 0.5 * (self.parts - 1) as f32;
-            let per_step = 0.5 * self.parts as f32 / self.shape.half() as f32;
-            let part = |beyond: f32| round((per_step * beyond).clamp(-most, most) + most);
+        if self.parts == 1 {
             for n in 0..views.len() {
-                let (i, j) = (i + rays_i[n], j + rays_j[n]);
-                let (near_i, near_j) = nearest(i, j);
-                views[n] += (part(j - near_j as f32) * self.parts + part(i - near_i as f32)) * view;
+                let (near_i, near_j) = nearest(i + rays_i[n], j + rays_j[n]);
+                views[n] = firsts[n] + near_j * row + near_i;
             }
+            return;
+        }
+        // The least and the greatest part, and parts per step of the lattice, from a cell's centre.
+        let most = 0.5 * (self.parts - 1) as f32;
+        let per_step = 0.5 * self.parts as f32 / self.shape.half() as f32;
+        let part = |beyond: f32| round((per_step * beyond).clamp(-most, most) + most);
+        for n in 0..views.len() {
+            let (i, j) = (i + rays_i[n], j + rays_j[n]);
+            let (near_i, near_j) = nearest(i, j);
+            let part = part(j - near_j as f32) * self.parts + part(i - near_i as f32);
+            views[n] = firsts[n] + near_j * row + near_i + part * view;
         }
     }
 }
