@@ -3,7 +3,7 @@
 use super::numbers::{Summary, figures, percent, whole};
 use super::{description::Description, kind::WANTED};
 use crate::scores::units::AXES;
-use lf_core::{Particle, Refusal, particles::frame, particles::read};
+use lf_core::{Particle, Refusal, particles::frame, particles::read, statistics::median};
 use std::collections::BTreeMap;
 
 /// Most frames listed one by one. Of more frames the first and the last are listed.
@@ -35,7 +35,26 @@ pub fn particles(text: &str) -> Result<Description, Refusal> {
         }
     }
     about.line("intensity", summary(&|particle| particle.intensity).to_string());
+    uncertainties(&particles, &mut about);
     Ok(about)
+}
+
+/// Adds the median uncertainties of particles that have them.
+fn uncertainties(particles: &[Particle], about: &mut Description) {
+    let fitted = particles.iter().filter_map(|particle| Some((particle.intensity, particle.uncertainty?)));
+    let [mut sx, mut sy, mut sz, mut light] = [(); 4].map(|()| Vec::new());
+    for (intensity, uncertainty) in fitted {
+        let std_mm = uncertainty.std_mm();
+        sx.push(std_mm.x);
+        sy.push(std_mm.y);
+        sz.push(std_mm.z);
+        light.push(100.0 * uncertainty.intensity / intensity);
+    }
+    if sx.is_empty() {
+        return;
+    }
+    let [sx, sy, sz, light] = [&mut sx, &mut sy, &mut sz, &mut light].map(|values| figures(median(values)));
+    about.line("uncertainty", format!("median of x {sx}, y {sy}, z {sz} mm, light {light} %"));
 }
 
 /// Describes a vector field as text. `text` is the whole file.
@@ -107,7 +126,7 @@ pub fn picture(text: &str) -> Description {
 mod tests {
     use super::*;
     use crate::info::description::assert_shows;
-    use lf_core::particles::HEADER;
+    use lf_core::particles::{FITTED_HEADER, HEADER};
 
     #[test]
     fn particles_are_counted_per_frame() {
@@ -115,6 +134,14 @@ mod tests {
         let description = particles(&text).unwrap().to_string();
         assert_shows(&description, &["3 in 2 frames", "frame 0    2", "0 to 1.5 mm", "-3 to 3 mm", "mean 20, sum 60"]);
         assert!(particles(&format!("{HEADER}\n")).unwrap().to_string().contains("0 in 0 frames"));
+    }
+
+    #[test]
+    fn uncertainties_are_told_by_their_medians() {
+        let row = |id: u64, sz: f64| format!("0,{id},1,2,3,50,0.001,0.002,{sz},5,1e-6,0,0,4e-6,0,{}\n", sz * sz);
+        let rows: String = [0.01, 0.03, 0.7].iter().zip(0..).map(|(sz, id)| row(id, *sz)).collect();
+        let description = particles(&format!("{FITTED_HEADER}\n{rows}")).unwrap().to_string();
+        assert_shows(&description, &["median of x 0.001, y 0.002, z 0.03 mm, light 10 %"]);
     }
 
     #[test]

@@ -157,6 +157,7 @@ mod tests {
                 id: id as u64,
                 place_mm: place(frame, mid),
                 intensity: 1.0,
+                uncertainty: None,
             };
             mid_mm.iter().enumerate().map(particle).collect::<Vec<_>>()
         };
@@ -195,7 +196,7 @@ mod tests {
     }
 
     fn particle(frame: usize, id: u64, x_mm: f64) -> Particle {
-        Particle { frame, id, place_mm: [x_mm, 1.0, -2.0], intensity: 1.0 }
+        Particle { frame, id, place_mm: [x_mm, 1.0, -2.0], intensity: 1.0, uncertainty: None }
     }
 
     #[test]

@@ -1,0 +1,162 @@
+//! A table from text.
+
+use super::covariance::{fault, matrix};
+use super::particle::{Particle, Uncertainty};
+use crate::{Refusal, Result, Session, frame::MARK, io};
+use glam::DVec3;
+use std::path::Path;
+
+/// The mark of the frame, before the header.
+pub const FRAME_LINE: &str = "# frame: right-handed";
+/// The names of the columns, before the first particle.
+pub const HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity";
+/// The names of the columns of particles with uncertainties.
+pub const FITTED_HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity,sx_mm,sy_mm,sz_mm,s_intensity,\
+                                 cxx_mm2,cxy_mm2,cxz_mm2,cyy_mm2,cyz_mm2,czz_mm2";
+
+/// Columns of [`HEADER`] and of [`FITTED_HEADER`].
+const COLUMNS: [usize; 2] = [6, 16];
+
+/// The lines before the header, without their `#`.
+fn comments(text: &str) -> impl Iterator<Item = &str> {
+    text.lines().map_while(|line| line.trim().strip_prefix('#'))
+}
+
+/// The frame that a table names; None if it names none.
+pub fn frame(text: &str) -> Option<&str> {
+    comments(text).find_map(|line| line.trim().strip_prefix("frame:")).map(str::trim)
+}
+
+/// Warns of a table that does not name its frame. `name` stands for it.
+pub fn warn_unmarked(text: &str, name: &str, session: &Session) {
+    if frame(text).is_none() {
+        session.warn(format!(
+            "{name}: no line '{FRAME_LINE}'; x is read as rightwards in the picture and y as upwards. Add the line; in \
+             a table of lf 0.1.0 change the sign of x first"
+        ));
+    }
+}
+
+/// Reads a table from a file, or from standard input for `-`. Warns if it does not name its frame.
+pub fn open(path: &Path, session: &Session) -> Result<Vec<Particle>> {
+    let text = io::open_text(path)?;
+    let particles = read(&text).map_err(|refusal| refusal.about(io::name(path)))?;
+    warn_unmarked(&text, &io::name(path), session);
+    Ok(particles)
+}
+
+/// Reads a table. Refuses another frame than the tools', and a covariance that is none. Errors give the number of the
+/// line.
+pub fn read(text: &str) -> std::result::Result<Vec<Particle>, Refusal> {
+    if let Some(frame) = frame(text).filter(|frame| *frame != MARK) {
+        return Err(Refusal::new(format!("its frame is '{frame}'"), format!("wanted '{FRAME_LINE}'")));
+    }
+    let comments = comments(text).count();
+    let mut lines = text.lines().enumerate().skip(comments);
+    let header = match lines.next().map(|(_, line)| line.trim()) {
+        Some(HEADER) => HEADER,
+        Some(FITTED_HEADER) => FITTED_HEADER,
+        Some(other) if other.starts_with(HEADER) => {
+            let found = format!("line {} is another header: '{other}'", comments + 1);
+            return Err(Refusal::new(found, format!("wanted '{HEADER}' or '{FITTED_HEADER}'")));
+        }
+        _ => {
+            let found = format!("line {} is not the header", comments + 1);
+            return Err(Refusal::new(found, format!("wanted '{HEADER}'")));
+        }
+    };
+    let mut particles = Vec::new();
+    for (n, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
+        particles.push(Line { number: n + 1, text: line, header }.particle()?);
+    }
+    Ok(particles)
+}
+
+/// A line of a table that has a header.
+struct Line<'a> {
+    number: usize,
+    text: &'a str,
+    header: &'static str,
+}
+
+impl Line<'_> {
+    fn found(&self, what: &str) -> String {
+        format!("line {} {what}: '{}'", self.number, self.text)
+    }
+
+    fn wrong(&self) -> Refusal {
+        let count = if self.header == HEADER { "six" } else { "sixteen" };
+        Refusal::new(self.found(&format!("is not {count} numbers")), format!("wanted {}", self.header))
+    }
+
+    fn particle(&self) -> std::result::Result<Particle, Refusal> {
+        let mut words = self.text.split(',').map(str::trim);
+        let (frame, id) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+        let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok().filter(|v: &f64| v.is_finite())).collect();
+        let numbers = numbers.ok_or_else(|| self.wrong())?;
+        let [columns, fitted_columns] = COLUMNS.map(|columns| columns - 2);
+        let wanted = if self.header == HEADER { columns } else { fitted_columns };
+        let ([x, y, z, intensity, rest @ ..], true) = (&numbers[..], numbers.len() == wanted) else {
+            return Err(self.wrong());
+        };
+        Refusal::unless(*intensity >= 0.0, || self.found("has a negative intensity"), "wanted 0 or more")?;
+        Ok(Particle {
+            frame: frame.parse().map_err(|_| self.wrong())?,
+            id: id.parse().map_err(|_| self.wrong())?,
+            place_mm: [*x, *y, *z],
+            intensity: *intensity,
+            uncertainty: rest.try_into().ok().map(|rest| self.uncertainty(rest)).transpose()?,
+        })
+    }
+
+    fn uncertainty(
+        &self,
+        [sx, sy, sz, intensity, covariance @ ..]: [f64; 10],
+    ) -> std::result::Result<Uncertainty, Refusal> {
+        let is_positive = [sx, sy, sz, intensity].iter().all(|std| *std >= 0.0);
+        Refusal::unless(is_positive, || self.found("has a negative uncertainty"), "wanted 0 or more")?;
+        let covariance_mm2 = matrix(covariance);
+        match fault(&covariance_mm2, DVec3::new(sx, sy, sz)) {
+            Some(fault) => Err(Refusal::new(self.found(&fault), "wanted the covariance of the centre, mm²")),
+            None => Ok(Uncertainty { covariance_mm2, intensity }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_before_the_header_may_name_the_frame() {
+        let rows = format!("{HEADER}\n0,1,2,3,4,5\n");
+        let marked = format!("{FRAME_LINE}\n# particles of a jet\n{rows}");
+        assert_eq!(read(&marked).unwrap(), read(&rows).unwrap());
+        assert_eq!([frame(&marked), frame(&rows)], [Some(MARK), None]);
+        assert_eq!(read(&format!("# frame: left\n{rows}")).unwrap_err().found, "its frame is 'left'");
+        let wrong = read(&format!("{marked}0,1\n")).unwrap_err().found;
+        assert!(wrong.starts_with("line 5 is not six numbers"), "{wrong}");
+        assert_eq!(read("#\nx\n").unwrap_err().found, "line 2 is not the header");
+    }
+
+    #[test]
+    fn uncertainties_are_read_and_checked() {
+        let line = "0,1,2,3,4,5,0.1,0.2,0.5,7,0.01,0,0.04,0.04,0,0.25";
+        let read = |line: &str| super::read(&format!("{FRAME_LINE}\n{FITTED_HEADER}\n{line}\n"));
+        let uncertainty = read(line).unwrap()[0].uncertainty.unwrap();
+        assert_eq!((uncertainty.std_mm(), uncertainty.intensity), (DVec3::new(0.1, 0.2, 0.5), 7.0));
+        assert_eq!([uncertainty.covariance_mm2.col(2)[0], uncertainty.covariance_mm2.col(0)[2]], [0.04; 2]);
+        for (wrong, named) in [
+            ("0,1,2,3,4,5", "line 3 is not sixteen numbers"),
+            ("0,1,2,3,4,5,0.1,0.2,0.5,7,0.01,0,nan,0.04,0,0.25", "line 3 is not sixteen numbers"),
+            ("0,1,2,3,4,5,0.1,-0.2,0.5,7,0.01,0,0.04,0.04,0,0.25", "line 3 has a negative uncertainty"),
+            ("0,1,2,3,4,5,0.1,0.2,0.5,7,0.01,0,0.06,0.04,0,0.25", "line 3 has a covariance that is not positive"),
+            ("0,1,2,3,4,5,0.1,0.2,5,7,0.01,0,0.04,0.04,0,0.25", "line 3 has sz_mm 5, and 5.0000e-1 by"),
+        ] {
+            let refusal = read(wrong).unwrap_err();
+            assert!(refusal.found.starts_with(named), "{refusal}");
+        }
+        let other = super::read(&format!("{HEADER},sx_mm\n")).unwrap_err();
+        assert!(other.found.starts_with("line 1 is another header") && other.wanted.contains(FITTED_HEADER), "{other}");
+    }
+}
