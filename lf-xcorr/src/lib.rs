@@ -6,6 +6,7 @@
 //! correlate/  rows, windows, boxes of trial shifts  ->  the correlation peak of every window
 //! vectors/    peaks  ->  outliers replaced, a smooth field, uncertainties
 //! passes/     coarse to fine: correlate, predict, deform the volumes, correlate again  ->  the field
+//! tracks/     the field, particles of both frames  ->  pairs, and the field that they decide
 //! plan.rs     checks the input, estimates memory, runs the passes: open it first
 //! ```
 //!
@@ -49,6 +50,7 @@ mod passes;
 mod plan;
 pub mod plot;
 mod seeding;
+mod tracks;
 mod vectors;
 mod volumes;
 
@@ -58,5 +60,8 @@ pub use passes::one_pass;
 pub use passes::{Choice, Counts, Deform, Options, Outcome, Pass, PassReport, Reason, Repeat, Route, triple};
 pub use plan::{Plan, correlate};
 pub use seeding::{Seeding, WANTED_PARTICLES, near_cube, sides_mm};
+#[doc(hidden)]
+pub use tracks::{Order, decide_with};
+pub use tracks::{Pair, Tracks, TracksReport, decide};
 pub use vectors::MedianTest;
 pub use volumes::{Mask, Sparse};

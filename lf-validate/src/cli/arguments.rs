@@ -1,6 +1,6 @@
 //! The subcommands, and the options that all of them share.
 
-use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, quality, trade};
+use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, quality, trade};
 use clap::{Parser, Subcommand};
 use lf_core::cli::Common;
 
@@ -31,6 +31,7 @@ pub struct Arguments {
 pub enum Command {
     Quality(quality::Arguments),
     Elongation(elongation::Arguments),
+    Particles(particles::Arguments),
     Depth(depth::Arguments),
     Displacement(displacement::Arguments),
     Divergence(divergence::Arguments),

@@ -1,7 +1,7 @@
 //! From the command line to the work of a subcommand.
 
 use super::arguments::{Arguments, Command};
-use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, quality, trade};
+use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, quality, trade};
 use lf_core::cli;
 use std::process::ExitCode;
 
@@ -13,6 +13,7 @@ pub fn run() -> ExitCode {
         |arguments, session| match &arguments.command {
             Command::Quality(arguments) => quality::judge(arguments, session),
             Command::Elongation(arguments) => elongation::judge(arguments, session),
+            Command::Particles(arguments) => particles::judge(arguments, session),
             Command::Depth(arguments) => depth::judge(arguments, session),
             Command::Displacement(arguments) => displacement::judge(arguments, session),
             Command::Divergence(arguments) => divergence::judge(arguments, session),

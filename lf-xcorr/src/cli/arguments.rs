@@ -24,7 +24,8 @@ use std::path::{Path, PathBuf};
     after_help = "Examples, in out/ after scripts/demo:
   lf-xcorr volume-0000.lfv volume-0001.lfv -o field.exr --plot field.svg
   lf-xcorr volume-0000.lfv volume-0001.lfv --preset fast --window-mm 0.88,0.88,0.88 --dt 0.001 \\
-      -o field.vti"
+      -o field.vti
+  lf-xcorr volume-0000.lfv volume-0001.lfv --particles fitted-0000.csv fitted-0001.csv -o field.exr"
 )]
 pub struct Arguments {
     /// First volume (.lfv with a column `intensity`); `-` is standard input. If volumes are in tiles (lf-prune --tile),
@@ -40,6 +41,14 @@ pub struct Arguments {
     /// of the second
     #[arg(long, num_args = 2, value_names = ["A", "B"], action = clap::ArgAction::Append)]
     pub and: Vec<PathBuf>,
+    /// The particles of both volumes (.csv of lf-fit, or with the same columns): the correlation predicts, and particles
+    /// that are found in both tables decide the vectors. Give it again for every --and
+    #[arg(long, num_args = 2, value_names = ["A.csv", "B.csv"], action = clap::ArgAction::Append)]
+    pub particles: Vec<PathBuf>,
+    /// Write the particles that were found in both tables, a frame each (.csv): a scene of lf-synth reads it as `tracks`,
+    /// lf-validate displacement as a truth
+    #[arg(long, value_name = "FILE.csv", requires = "particles")]
+    pub tracks: Option<PathBuf>,
     /// Where the field goes: .exr, .vti or .csv; `-` is EXR on standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
@@ -108,7 +117,8 @@ impl Arguments {
 
     /// Every file that is read.
     pub fn inputs(&self) -> Vec<&Path> {
-        let mut inputs: Vec<&Path> = self.files().chain(self.and.iter().map(PathBuf::as_path)).collect();
+        let more = self.and.iter().chain(&self.particles).map(PathBuf::as_path);
+        let mut inputs: Vec<&Path> = self.files().chain(more).collect();
         if let Some(MaskSource::Support(path)) = &self.mask {
             inputs.push(path);
         }

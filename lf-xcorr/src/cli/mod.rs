@@ -5,6 +5,7 @@
 //! Open `run.rs` first.
 
 mod arguments;
+mod particles;
 mod preset;
 mod report;
 mod run;

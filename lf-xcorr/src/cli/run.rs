@@ -1,6 +1,6 @@
 //! A run of lf-xcorr: read the volumes, plan, correlate, write the field.
 
-use super::{arguments::Arguments, report, warnings, words::MaskSource};
+use super::{arguments::Arguments, particles, particles::Tables, report, warnings, words::MaskSource};
 use lf_core::{
     Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, field::Cut, io, simd::Level, volume::together,
 };
@@ -14,6 +14,7 @@ const COLUMN: &str = "intensity";
 pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     check_outputs(arguments, session)?;
     let (volumes, support) = session.phase("read", |_| Ok((volumes(arguments)?, support(arguments)?)))?;
+    let tables = Tables::read(arguments, volumes.len() / 2, session)?;
     let mask = mask(arguments, support.as_ref(), &volumes[0])?;
     let named = |refused| named(refused, &volumes);
     let part = mask.part(volumes[0].grid()).map_err(named)?;
@@ -45,12 +46,25 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let progress = session.progress("windows", plan.windows());
         plan.correlate(&|windows| progress.add(windows)).map_err(named)
     })?;
+    let mut pairs = Vec::new();
+    if let Some(tables) = &tables {
+        let decide = |session: &mut Session| tables.decide(&outcome.field, &mask, volumes[0].grid(), session);
+        let tracks = session.phase("particles", decide)?;
+        particles::tell(&tracks.report, session);
+        (outcome.field, pairs) = (tracks.field, tracks.pairs);
+    }
     let histories = volumes.iter().map(JoinedVolume::history).chain(support.as_ref().map(Volume::history));
     outcome.field.layout.history = session.history(&together(histories));
     outcome.field.layout.dt_s = arguments.dt;
     report::tell(&outcome, &options, session);
     warnings::about(&outcome, &options, &part).into_iter().for_each(|line| session.warn(line));
-    session.phase("write", |_| save(&outcome, arguments, cut))?;
+    session.phase("write", |_| {
+        save(&outcome, arguments, cut)?;
+        match (&arguments.tracks, &tables) {
+            (Some(file), Some(tables)) => particles::save(file, &pairs, tables),
+            _ => Ok(()),
+        }
+    })?;
     Ok(Verdict::Done)
 }
 
@@ -62,6 +76,18 @@ fn check_outputs(arguments: &Arguments, session: &Session) -> Result<()> {
     let inputs = arguments.inputs();
     session.keep_apart(&arguments.output, &inputs)?;
     io::check_place(&arguments.output)?;
+    if let Some(tracks) = &arguments.tracks {
+        io::check_place(tracks)?;
+        session.keep_apart(tracks, &inputs)?;
+        let others = [Some(&arguments.output), arguments.plot.as_ref()];
+        if others.into_iter().flatten().any(|other| tracks == other || io::same_file(tracks, other)) {
+            return Err(Error::new(
+                io::output_name(tracks),
+                "is another output and the --tracks file",
+                "wanted two files",
+            ));
+        }
+    }
     if let Some(plot) = &arguments.plot {
         io::check_picture(plot)?;
         session.keep_apart(plot, &inputs)?;

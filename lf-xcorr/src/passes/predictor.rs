@@ -1,15 +1,13 @@
 //! The prediction of a pass for the next one: a displacement at every place.
 
-use crate::vectors::{filled, smoothed_by_evidence};
+use crate::vectors::{Nodes, filled, smoothed_by_evidence};
 use glam::DVec3;
 use lf_core::statistics::ranked;
 
 /// A field of displacements between the nodes of a pass, in voxels.
 #[derive(Debug, Clone)]
 pub(crate) struct Predictor {
-    shape: [usize; 3],
-    first_vox: DVec3,
-    step_vox: DVec3,
+    nodes: Nodes,
     vectors: Vec<DVec3>,
     /// Fraction of the narrow smoothing, by node and component.
     pub narrow_share: Vec<DVec3>,
@@ -18,8 +16,6 @@ pub(crate) struct Predictor {
 impl Predictor {
     /// Constant: a fiftieth of the nodes may change more. That much noise makes of a uniform field.
     const CALM: f64 = 0.02;
-    /// Constant: at 75 % overlap the outermost windows reach two nodes beyond their centres.
-    const BEYOND: f64 = 2.0;
 
     /// Fills holes and smooths over `smoothing` nodes ([`smoothed_by_evidence`]). `None` if no vector was measured.
     pub fn new(
@@ -31,21 +27,22 @@ impl Predictor {
         noise_ratio: f64,
     ) -> Option<Self> {
         let (vectors, narrow_share) = smoothed_by_evidence(shape, &filled(shape, vectors)?, smoothing, noise_ratio);
-        Some(Self { shape, first_vox, step_vox, vectors, narrow_share })
+        Some(Self { nodes: Nodes { shape, first: first_vox, step: step_vox }, vectors, narrow_share })
     }
 
     /// The change of each component across a window, along x, y and z together, voxels: all but [`Predictor::CALM`] of
     /// the nodes stay below it.
     pub fn change_across(&self, window: [usize; 3]) -> [f64; 3] {
-        let stride = [1, self.shape[0], self.shape[0] * self.shape[1]];
+        let Nodes { shape, step, .. } = self.nodes;
+        let stride = [1, shape[0], shape[0] * shape[1]];
         std::array::from_fn(|component| {
             let across = |node: usize| -> f64 {
                 let along = |axis: usize| {
-                    if node / stride[axis] % self.shape[axis] + 1 >= self.shape[axis] {
+                    if node / stride[axis] % shape[axis] + 1 >= shape[axis] {
                         return 0.0;
                     }
                     let rise = self.vectors[node + stride[axis]][component] - self.vectors[node][component];
-                    (rise / self.step_vox[axis] * window[axis] as f64).abs()
+                    (rise / step[axis] * window[axis] as f64).abs()
                 };
                 (0..3).map(along).sum()
             };
@@ -55,27 +52,9 @@ impl Predictor {
         })
     }
 
-    /// The displacement at a place, voxels: trilinear between nodes. Beyond the outermost nodes the gradient continues
-    /// for up to [`Predictor::BEYOND`] nodes; farther out the displacement is constant.
+    /// The displacement at a place, voxels: [`Nodes::at`].
     pub fn at(&self, place_vox: DVec3) -> DVec3 {
-        let places = (place_vox - self.first_vox) / self.step_vox;
-        let (mut fraction, mut stride) = ([0.0; 3], [0; 3]);
-        let (mut corner, mut length) = (0, 1);
-        for axis in 0..3 {
-            let n = self.shape[axis];
-            let last = (n - 1) as f64;
-            let place = places[axis].clamp(-Self::BEYOND, last + Self::BEYOND);
-            let low = place.clamp(0.0, (last - 1.0).max(0.0)).floor();
-            if n > 1 {
-                (fraction[axis], stride[axis]) = (place - low, length);
-            }
-            corner += low as usize * length;
-            length *= n;
-        }
-        let mix = |from: DVec3, to: DVec3, fraction: f64| from + fraction * (to - from);
-        let along_x = |corner: usize| mix(self.vectors[corner], self.vectors[corner + stride[0]], fraction[0]);
-        let along_y = |corner: usize| mix(along_x(corner), along_x(corner + stride[1]), fraction[1]);
-        mix(along_y(corner), along_y(corner + stride[2]), fraction[2])
+        self.nodes.at(&self.vectors, place_vox)
     }
 }
 

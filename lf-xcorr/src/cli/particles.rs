@@ -1,0 +1,138 @@
+//! The particles that decide the vectors: read, used, told, and written as tracks.
+
+use super::arguments::Arguments;
+use glam::DVec3;
+use lf_core::particles;
+use lf_core::{Error, Field, Grid, Particle, Result, Session, io};
+use lf_xcorr::{Mask, Pair, Tracks, TracksReport, decide};
+use std::path::{Path, PathBuf};
+
+/// Constant: fewer partners than this share of the particles of the smaller table are few.
+const FEW: f64 = 0.7;
+/// Constant: residuals this many times as large as the covariances say are large.
+const LARGE: f64 = 1.5;
+/// Constant: share of the windows that may be blind, empty or outliers without a warning.
+const MANY: f64 = 0.2;
+
+/// The particles of the first and of the second volume of every pair.
+pub struct Tables {
+    names: Vec<String>,
+    tables: Vec<Vec<Particle>>,
+}
+
+impl Tables {
+    /// Reads the tables of `pairs` pairs of volumes; None if none is given. Refuses other numbers of tables, and a table
+    /// of several frames or of none.
+    pub fn read(arguments: &Arguments, pairs: usize, session: &Session) -> Result<Option<Self>> {
+        let files = &arguments.particles;
+        if files.is_empty() {
+            return Ok(None);
+        }
+        if files.len() != 2 * pairs {
+            let found = format!("{} tables for {pairs} pairs of volumes", files.len());
+            return Err(Error::new("--particles", found, "wanted two for every pair, in the same order"));
+        }
+        let tables = files.iter().map(|file| table(file, session)).collect::<Result<Vec<_>>>()?;
+        let names: Vec<String> = files.iter().map(|file| io::name(file)).collect();
+        for (pair, names) in tables.chunks_exact(2).zip(names.chunks_exact(2)) {
+            if pair[0] == pair[1] {
+                session.warn(format!(
+                    "{} and {} hold the same particles, so every displacement is zero; name two frames",
+                    names[0], names[1]
+                ));
+            }
+        }
+        Ok(Some(Self { names, tables }))
+    }
+
+    /// Decides the vectors of a field, and warns of particles that cannot do it well. Pairs count whose midpoint is in
+    /// the mask of a volume of `grid`.
+    pub fn decide(&self, field: &Field, mask: &Mask, grid: &Grid, session: &Session) -> Result<Tracks> {
+        let tables: Vec<[&[Particle]; 2]> =
+            self.tables.chunks_exact(2).map(|pair| [pair[0].as_slice(), pair[1].as_slice()]).collect();
+        let keeps = |middle_mm: DVec3| keeps(mask, grid, middle_mm);
+        let tracks = decide(field, &tables, &keeps).map_err(|refusal| refusal.about(self.names.join(", ")))?;
+        self.warnings(&tracks.report).into_iter().for_each(|line| session.warn(line));
+        Ok(tracks)
+    }
+
+    fn warnings(&self, report: &TracksReport) -> Vec<String> {
+        let mut lines = Vec::new();
+        let TracksReport { particles: [first, second], pairs, measured, blind, outliers, empty, misfit } = *report;
+        let fewer = first.min(second);
+        if (pairs as f64) < FEW * fewer as f64 {
+            let share = 100.0 * pairs as f64 / fewer as f64;
+            lines.push(format!(
+                "{pairs} of {fewer} particles ({share:.0} %) found their partner; many may be false or leave the volume: \
+                 check that both tables belong to these volumes, or fit them again with fewer false ones"
+            ));
+        }
+        if misfit > LARGE {
+            lines.push(format!(
+                "pairs scatter {misfit:.1} times as much as their uncertainties say, and stated uncertainties are as much \
+                 larger; check the camera and the noise that the particles were fitted with"
+            ));
+        }
+        let (lost, all) = (blind + outliers + empty, measured + blind + outliers + empty);
+        if lost as f64 > MANY * all as f64 {
+            lines.push(format!(
+                "{lost} of {all} windows are replaced from their neighbours or by the correlation: {empty} without a \
+                 pair, {blind} blind, {outliers} against their neighbours; enlarge the windows"
+            ));
+        }
+        if self.tables.iter().flatten().any(|particle| particle.uncertainty.is_none()) {
+            lines.push(format!(
+                "{}: no uncertainties, so all particles count alike, by a voxel; near the focal plane depths are far \
+                 worse than elsewhere: take the tables of lf-fit",
+                self.names.join(", ")
+            ));
+        }
+        lines
+    }
+}
+
+/// The particles of a table of one frame.
+fn table(file: &Path, session: &Session) -> Result<Vec<Particle>> {
+    let particles = particles::open(file, session)?;
+    let refused = |found: String| Error::new(io::name(file), found, "wanted the particles of one frame");
+    let Some(first) = particles.first() else { return Err(refused("no particle".to_owned())) };
+    match particles.iter().find(|particle| particle.frame != first.frame) {
+        Some(other) => Err(refused(format!("particles of frames {} and {}", first.frame, other.frame))),
+        None => Ok(particles),
+    }
+}
+
+/// Whether a place is in the mask.
+fn keeps(mask: &Mask, grid: &Grid, place_mm: DVec3) -> bool {
+    let Mask::Support(indices) = mask else { return true };
+    let voxel = [0, 1, 2].map(|axis| grid.place_vox(axis, place_mm[axis]).round());
+    let is_inside = (0..3).all(|axis| voxel[axis] >= 0.0 && voxel[axis] < grid.shape[axis] as f64);
+    is_inside && indices.binary_search(&grid.index(voxel.map(|place| place as usize))).is_ok()
+}
+
+/// Tells counts for `--stats` and a line for `--verbose`.
+pub fn tell(report: &TracksReport, session: &mut Session) {
+    let TracksReport { particles: [first, second], pairs, measured, blind, outliers, empty, misfit } = *report;
+    let counts = [("particles_a", first), ("particles_b", second), ("particle_pairs", pairs)];
+    let windows = [("windows_blind", blind), ("windows_outliers", outliers), ("windows_without_pairs", empty)];
+    counts.into_iter().chain(windows).for_each(|(name, count)| session.count(name, count));
+    session.explain(format!(
+        "{pairs} pairs of {first} and {second} particles decide {measured} windows; {blind} are blind, {outliers} \
+         contradict their neighbours, {empty} have no pair; residuals are {misfit:.2} of the uncertainties"
+    ));
+}
+
+/// Writes the pairs as tracks: two frames for each pair of tables, and one number for each pair.
+pub fn save(file: &PathBuf, pairs: &[Pair], tables: &Tables) -> Result<()> {
+    let place = |(id, pair): (usize, &Pair), side: usize| {
+        let particle = tables.tables[2 * pair.tables + side][pair.particles[side]];
+        Particle { frame: 2 * pair.tables + side, id: id as u64, ..particle }
+    };
+    let frames = (0..tables.tables.len()).flat_map(|frame| {
+        let of_frame = pairs.iter().enumerate().filter(move |(_, pair)| pair.tables == frame / 2);
+        of_frame.map(move |pair| place(pair, frame % 2))
+    });
+    let all: Vec<Particle> = frames.collect();
+    let comments = [format!("particles that lf-xcorr found in both of {}", tables.names.join(", "))];
+    io::save_text(file, |out| particles::write(out, &comments, &all))
+}

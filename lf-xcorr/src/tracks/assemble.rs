@@ -1,0 +1,119 @@
+//! The field of the fits: windows that know less than their neighbours are replaced.
+
+use super::fitter::Fitted;
+use super::guess::Guess;
+use crate::vectors::Nodes;
+use glam::{DMat3, DVec3};
+use lf_core::Field;
+use lf_core::field::{MEASURED, NO_DATA, REPLACED};
+use lf_core::statistics::{NORMAL_PER_MAD, median};
+use rayon::prelude::*;
+
+/// Constant: a window is blind if its uncertainty is this many times the usual one of its neighbours and their usual
+/// departure from a smooth field together. Then they tell its vector better than its own pairs.
+const BLIND: f64 = 3.0;
+/// Constant: nodes on each side whose vectors are usual for a node.
+const NEAR: usize = 3;
+/// Constant: a vector contradicts its neighbours from this many standard deviations on.
+const OUTLIER: f64 = 5.0;
+
+/// A field, and how many of its windows are what.
+pub(crate) struct Assembled {
+    pub field: Field,
+    pub measured: usize,
+    pub blind: usize,
+    pub outliers: usize,
+    pub empty: usize,
+}
+
+enum Verdict {
+    Measured(Fitted),
+    /// The vector that its pairs and its neighbours know together, mm.
+    Blind(DVec3),
+    Outlier,
+    Empty,
+}
+
+/// Puts the fits, at the nodes of the field, into the field of the correlation.
+pub(crate) fn assemble(correlation: &Field, nodes: &Nodes, fits: &[Option<Fitted>], guess: &Guess) -> Assembled {
+    let smooth: Vec<DVec3> = (0..fits.len()).into_par_iter().map(|node| guess.shift_mm(nodes.place(node))).collect();
+    let differences: Vec<Option<(DVec3, DVec3)>> =
+        fits.iter().zip(&smooth).map(|(fit, smooth)| fit.map(|fit| difference(&fit, *smooth))).collect();
+    let verdict = |node: usize| {
+        let Some(fit) = fits[node] else { return Verdict::Empty };
+        verdict(&fit, smooth[node], usual(nodes, node, &differences))
+    };
+    let verdicts: Vec<Verdict> = (0..fits.len()).into_par_iter().map(verdict).collect();
+
+    let mut found = Assembled { field: correlation.clone(), measured: 0, blind: 0, outliers: 0, empty: 0 };
+    let field = &mut found.field;
+    for (node, verdict) in verdicts.iter().enumerate() {
+        let pairs = fits[node].map_or(0, |fit| fit.pairs);
+        field.count[node] = pairs as f32;
+        match verdict {
+            Verdict::Measured(fit) => {
+                let std_mm = fit.covariance_mm2.diagonal().map(f64::sqrt);
+                set(field, node, fit.shift_mm, std_mm, MEASURED);
+                found.measured += 1;
+            }
+            Verdict::Blind(shift_mm) => {
+                set(field, node, *shift_mm, DVec3::NAN, REPLACED);
+                found.blind += 1;
+            }
+            Verdict::Outlier => {
+                set(field, node, smooth[node], DVec3::NAN, REPLACED);
+                found.outliers += 1;
+            }
+            Verdict::Empty => {
+                // Far from all pairs the vector stays the correlation's, and without light there is no data.
+                if field.flag[node] != NO_DATA && guess.is_decided(nodes.place(node)) {
+                    set(field, node, smooth[node], DVec3::NAN, REPLACED);
+                }
+                found.empty += 1;
+            }
+        }
+    }
+    found
+}
+
+/// A vector's difference from the smooth field, and its variance.
+fn difference(fit: &Fitted, smooth: DVec3) -> (DVec3, DVec3) {
+    (fit.shift_mm - smooth, fit.covariance_mm2.diagonal())
+}
+
+/// The usual square of the differences around a node, and their usual variance, by medians over [`NEAR`] nodes.
+fn usual(nodes: &Nodes, node: usize, differences: &[Option<(DVec3, DVec3)>]) -> (DVec3, DVec3) {
+    let steps = nodes.steps(node);
+    let near = |axis: usize| steps[axis].saturating_sub(NEAR)..(steps[axis] + NEAR + 1).min(nodes.shape[axis]);
+    let rows = near(2).flat_map(|k| near(1).map(move |j| (j, k)));
+    let all = rows.flat_map(|(j, k)| near(0).map(move |i| nodes.index([i, j, k])));
+    let near: Vec<(DVec3, DVec3)> = all.filter_map(|node| differences[node]).collect();
+    let middle = |value: &dyn Fn(&(DVec3, DVec3)) -> f64| median(&mut near.iter().map(value).collect::<Vec<f64>>());
+    let std = [0, 1, 2].map(|c| NORMAL_PER_MAD * middle(&|(difference, _)| difference[c].abs()));
+    let variance = [0, 1, 2].map(|c| middle(&|(_, variance)| variance[c]));
+    (DVec3::from_array(std).powf(2.0), variance.into())
+}
+
+/// The verdict about a window, by the smooth field there and the usual departures from it and variances.
+fn verdict(fit: &Fitted, smooth: DVec3, (departure, variance): (DVec3, DVec3)) -> Verdict {
+    let (far, own) = difference(fit, smooth);
+    if (far * far).cmpgt(OUTLIER * OUTLIER * (own + departure)).any() {
+        return Verdict::Outlier;
+    }
+    if own.cmpgt(BLIND * BLIND * (departure + variance)).any() {
+        // A window is rarely blind along all directions: it keeps what it knows.
+        let total = fit.covariance_mm2 + DMat3::from_diagonal(departure);
+        return Verdict::Blind(smooth + departure * (total.inverse() * far));
+    }
+    Verdict::Measured(*fit)
+}
+
+/// Writes a vector. Correlation's own numbers stay beside vectors that are measured.
+fn set(field: &mut Field, node: usize, shift_mm: DVec3, std_mm: DVec3, flag: f32) {
+    [field.u[node], field.v[node], field.w[node]] = shift_mm.as_vec3().to_array();
+    [field.su[node], field.sv[node], field.sw[node]] = std_mm.as_vec3().to_array();
+    if flag != MEASURED {
+        (field.peak[node], field.ratio[node]) = (0.0, 0.0);
+    }
+    field.flag[node] = flag;
+}

@@ -1,0 +1,249 @@
+//! From a field that predicts and particles to a field that they decide.
+//!
+//! 1. Particles are matched about the correlation's field ([`super::matching`]).
+//! 2. Windows twice as long are fitted to their pairs ([`super::window_fit`]), under priors found in all of them
+//!    ([`super::priors`]). This is the next guess: sharper than the correlation's where that is blind.
+//! 3. Particles are matched about it, and it is made again from the better pairs.
+//! 4. Every window is fitted to its own pairs, about the guess, which takes most of the flow's shape out of the fit.
+//! 5. Windows that know less than their neighbours are replaced ([`super::assemble`]).
+
+use super::assemble::{Assembled, assemble};
+use super::fitter::{Fitted, Fitter};
+use super::guess::Guess;
+use super::matching::{Light, Match, Matcher};
+use super::points::Point;
+use super::priors::PriorField;
+use super::window_fit::Order;
+use crate::vectors::{Nodes, filled};
+use glam::{DMat3, DVec3};
+use lf_core::statistics::quantile;
+use lf_core::{Field, Particle, Refusal};
+use rayon::prelude::*;
+
+/// Constant: the correlation's stated uncertainties count this many times as large in a search for partners. Near the
+/// focal plane they cover half of its errors.
+const DOUBT: f64 = 2.0;
+/// Constant: the least of them, voxels.
+const LEAST_VOX: f64 = 0.25;
+/// Constant: the windows of the guess over the windows of the field. Half as long again leaves noise of the same pairs
+/// in the guess, and longer ones flatten the flow.
+const LONGER: f64 = 2.0;
+
+/// Constant: the scatter of single particles over the usual one around them, as a variance. It is greatest in shear
+/// layers and vortex cores, narrower than the windows that tell the usual one.
+const STEEP: f64 = 10.0;
+
+/// A particle that was found in both frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pair {
+    /// Number of the pair of tables, from 0.
+    pub tables: usize,
+    /// Line of the particle in the first and in the second table, from 0.
+    pub particles: [usize; 2],
+    /// Half way between both places, mm.
+    pub middle_mm: DVec3,
+    /// From the first to the second place, mm.
+    pub shift_mm: DVec3,
+    /// Covariance of the displacement, mm².
+    pub covariance_mm2: DMat3,
+    /// Probability that the pair is right, by the motion around it.
+    pub chance: f64,
+}
+
+/// How a field came about from particles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TracksReport {
+    /// Particles of all first and of all second tables.
+    pub particles: [usize; 2],
+    /// Particles found in both.
+    pub pairs: usize,
+    /// Windows that their pairs decide.
+    pub measured: usize,
+    /// Windows with pairs that know too little, and were replaced.
+    pub blind: usize,
+    /// Windows whose pairs contradict the neighbours, and were replaced.
+    pub outliers: usize,
+    /// Windows without a pair.
+    pub empty: usize,
+    /// Standard deviation of the pairs' residuals over the one that their covariances say: median over the field.
+    pub misfit: f64,
+}
+
+/// A field decided by particles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tracks {
+    /// Measured vectors are those of the pairs in their window: `count` says how many, `su`, `sv`, `sw` follow from
+    /// their covariances and residuals. Replaced vectors follow their neighbours and have no uncertainty.
+    pub field: Field,
+    /// All pairs, table by table, by rising line of the first.
+    pub pairs: Vec<Pair>,
+    /// How it came about.
+    pub report: TracksReport,
+}
+
+/// Decides the vectors of `field` by the particles of `tables`, first and second frame of each pair. Pairs count whose
+/// midpoint, mm, `keeps`. Refuses tables of which no two particles are one.
+pub fn decide(
+    field: &Field,
+    tables: &[[&[Particle]; 2]],
+    keeps: &(dyn Fn(DVec3) -> bool + Sync),
+) -> Result<Tracks, Refusal> {
+    decide_with(field, tables, keeps, Order::Curvature)
+}
+
+/// [`decide`] with fewer terms, for comparisons.
+#[doc(hidden)]
+pub fn decide_with(
+    field: &Field,
+    tables: &[[&[Particle]; 2]],
+    keeps: &(dyn Fn(DVec3) -> bool + Sync),
+    order: Order,
+) -> Result<Tracks, Refusal> {
+    let run = Run::new(field, tables, keeps, order);
+    let guess = run.first_guess();
+    let found = run.matched(&guess, None);
+    let count = |side: usize| tables.iter().map(|pair| pair[side].len()).sum::<usize>();
+    let particles = [count(0), count(1)];
+    Refusal::unless(
+        !found.all.is_empty(),
+        || format!("no particle of {} is one of {} by its place", particles[0], particles[1]),
+        "wanted the particles of both volumes, in millimetres of the same frame",
+    )?;
+    let (guess, _) = run.next_guess(&found.all, &guess);
+    let found = run.matched(&guess, Some(&found.all));
+    let (guess, misfits) = run.next_guess(&found.all, &guess);
+    let fits = run.fits(&found.all, &guess, &misfits);
+    let Assembled { field, measured, blind, outliers, empty } = assemble(field, &run.nodes, &fits, &guess);
+    let report =
+        TracksReport { particles, pairs: found.all.len(), measured, blind, outliers, empty, misfit: misfits.usual() };
+    Ok(Tracks { field, pairs: found.pairs(), report })
+}
+
+/// The pairs of all tables.
+struct Found {
+    all: Vec<Match>,
+    /// Where each pair of tables begins.
+    start: Vec<usize>,
+}
+
+impl Found {
+    fn pairs(&self) -> Vec<Pair> {
+        let pair = |(n, found): (usize, &Match)| Pair {
+            tables: self.start.partition_point(|start| *start <= n) - 1,
+            particles: [found.first, found.second],
+            middle_mm: found.middle_mm,
+            shift_mm: found.shift_mm,
+            covariance_mm2: found.covariance_mm2,
+            chance: found.chance,
+        };
+        self.all.iter().enumerate().map(pair).collect()
+    }
+}
+
+/// A field, particles, and the windows between them.
+struct Run<'a> {
+    field: &'a Field,
+    tables: Vec<[Vec<Point>; 2]>,
+    keeps: &'a (dyn Fn(DVec3) -> bool + Sync),
+    order: Order,
+    nodes: Nodes,
+    half_mm: DVec3,
+}
+
+impl<'a> Run<'a> {
+    fn new(
+        field: &'a Field,
+        tables: &[[&[Particle]; 2]],
+        keeps: &'a (dyn Fn(DVec3) -> bool + Sync),
+        order: Order,
+    ) -> Self {
+        let layout = &field.layout;
+        let voxel_mm = DVec3::from(layout.voxel_mm);
+        let points = |table: &&[Particle]| table.iter().map(|particle| Point::new(particle, voxel_mm)).collect();
+        let nodes = Nodes { shape: layout.shape, first: layout.origin_mm.into(), step: layout.spacing_mm.into() };
+        let half_mm = 0.5 * voxel_mm * DVec3::from_array(layout.window.map(|side| side as f64));
+        let tables = tables.iter().map(|pair| pair.each_ref().map(points)).collect();
+        Self { field, tables, keeps, order, nodes, half_mm }
+    }
+
+    /// The correlation's field, with holes filled. Vectors without an uncertainty have that of the worst.
+    fn first_guess(&self) -> Guess {
+        const WORST: f64 = 0.9;
+        let voxel_mm = DVec3::from(self.field.layout.voxel_mm);
+        let known = |i: usize| Some(self.field.displacement_mm(i)).filter(|shift| shift.is_finite());
+        let count = self.nodes.count();
+        let shift_mm = filled(self.nodes.shape, (0..count).map(known).collect());
+        let stds: Vec<DVec3> = (0..count).map(|i| self.field.uncertainty_mm(i)).collect();
+        let worst = DVec3::from_array([0, 1, 2].map(|c| {
+            let mut finite: Vec<f64> = stds.iter().map(|std| std[c]).filter(|std| std.is_finite()).collect();
+            if finite.is_empty() { voxel_mm[c] } else { quantile(&mut finite, WORST) }
+        }));
+        let variance = |std: DVec3| {
+            let std = DVec3::from_array([0, 1, 2].map(|c| if std[c].is_finite() { std[c] } else { worst[c] }));
+            (DOUBT * std).powf(2.0) + (LEAST_VOX * voxel_mm).powf(2.0)
+        };
+        Guess {
+            nodes: self.nodes,
+            shift_mm: shift_mm.unwrap_or_else(|| vec![DVec3::ZERO; count]),
+            variance_mm2: stds.into_iter().map(variance).collect(),
+            is_decided: vec![false; count],
+        }
+    }
+
+    /// The displacement by pairs in longer windows, half a window of the field apart; without pairs it stays as before.
+    /// Also how far their residuals agree with the covariances.
+    fn next_guess(&self, pairs: &[Match], before: &Guess) -> (Guess, PriorField) {
+        let apart = (self.half_mm / self.nodes.step).round().to_array();
+        let nodes = self.nodes.every(apart.map(|steps| (steps as usize).max(1)));
+        let fitter = Fitter::new(pairs, nodes, LONGER * self.half_mm, self.order, None);
+        let priors = PriorField::new(&fitter);
+        let fit = |node: usize| {
+            let place = nodes.place(node);
+            let fit = fitter.fit(place, &priors.at(place), 1.0);
+            let unknown = || (before.shift_mm(place), before.variance_mm2(place), false);
+            fit.map_or_else(unknown, |fit| {
+                let variance = DOUBT * DOUBT * (fit.covariance_mm2.diagonal() + STEEP * priors.at(place).scatter);
+                (fit.shift_mm, variance, true)
+            })
+        };
+        let fits: Vec<(DVec3, DVec3, bool)> = (0..nodes.count()).into_par_iter().map(fit).collect();
+        let guess = Guess {
+            nodes,
+            shift_mm: fits.iter().map(|fit| fit.0).collect(),
+            variance_mm2: fits.iter().map(|fit| fit.1).collect(),
+            is_decided: fits.iter().map(|fit| fit.2).collect(),
+        };
+        (guess, priors)
+    }
+
+    /// The pairs of all tables about a guess; `before` are those that are known already.
+    fn matched(&self, guess: &Guess, before: Option<&[Match]>) -> Found {
+        let mut found = Found { all: Vec::new(), start: Vec::new() };
+        for [first, second] in &self.tables {
+            let frames = [first.as_slice(), second.as_slice()];
+            let light = Light::new(frames);
+            let light = before.map_or(light, |pairs| light.seen(pairs));
+            let places = || second.iter().map(|point| point.place_mm);
+            let low = places().reduce(DVec3::min).unwrap_or_default();
+            let extent = places().reduce(DVec3::max).unwrap_or_default() - low;
+            let density = second.len() as f64 / extent.max(self.half_mm).element_product();
+            let pairs = Matcher { frames, guess, light, density }.pairs();
+            found.start.push(found.all.len());
+            found.all.extend(pairs.into_iter().filter(|pair| (self.keeps)(pair.middle_mm)));
+        }
+        found
+    }
+
+    /// The vector of every window by its pairs. `misfits` are of fits in longer windows: about a guess by the same pairs,
+    /// residuals are too small to tell how far covariances can be trusted.
+    fn fits(&self, pairs: &[Match], guess: &Guess, misfits: &PriorField) -> Vec<Option<Fitted>> {
+        let fitter = Fitter::new(pairs, self.nodes, self.half_mm, self.order, Some(guess));
+        let priors = PriorField::new(&fitter);
+        let fit = |node: usize| {
+            let place = self.nodes.place(node);
+            let fit = fitter.fit(place, &priors.at(place), misfits.at(place).misfit)?;
+            Some(Fitted { shift_mm: fit.shift_mm + guess.shift_mm(place), ..fit })
+        };
+        (0..self.nodes.count()).into_par_iter().map(fit).collect()
+    }
+}

@@ -1,0 +1,93 @@
+//! Sums over windows that tell the variances of the priors.
+//!
+//! Equation, after MacKay (Neural Computation 4, 1992): the variance of a coefficient is the sum of its squares over
+//! windows, divided by the number of them that the pairs decide, `1 - posterior variance / prior variance`. The
+//! scatter's is the same over pairs. Repeated, this finds the variances that make the measured displacements most
+//! likely.
+
+use super::normal::MOST;
+use super::window_fit::{Order, Priors, Sample, TERMS, WindowFit, distance2, residual_mm};
+use glam::{DMat3, DVec3};
+
+/// Numbers in a set of priors: a variance for each coefficient, then the scatter's three, then the misfit.
+pub(crate) const NUMBERS: usize = MOST + 4;
+
+impl Priors {
+    pub fn to_numbers(self) -> [f64; NUMBERS] {
+        let mut numbers = [self.misfit; NUMBERS];
+        for (t, variance) in self.terms.iter().chain([&self.scatter]).enumerate() {
+            numbers[3 * t..3 * t + 3].copy_from_slice(&variance.to_array());
+        }
+        numbers
+    }
+
+    pub fn of_numbers(numbers: &[f64; NUMBERS]) -> Self {
+        let triple = |t: usize| DVec3::from_slice(&numbers[3 * t..]);
+        Self { terms: std::array::from_fn(triple), scatter: triple(TERMS), misfit: numbers[NUMBERS - 1] }
+    }
+}
+
+/// Numerators and denominators of the numbers of a set of priors. Nothing is told where both are 0.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Evidence {
+    pub above: [f64; NUMBERS],
+    pub below: [f64; NUMBERS],
+}
+
+impl Default for Evidence {
+    fn default() -> Self {
+        Self { above: [0.0; NUMBERS], below: [0.0; NUMBERS] }
+    }
+}
+
+impl Evidence {
+    /// The evidence of one window.
+    pub fn new(samples: &[Sample], fit: &WindowFit, priors: &Priors, order: Order) -> Self {
+        let mut evidence = Self::default();
+        let inverse = fit.covariances(order);
+        for t in 1..order.terms() {
+            for c in 0..3 {
+                let n = 3 * t + c;
+                evidence.above[n] = fit.terms[t][c].powi(2);
+                evidence.below[n] = (1.0 - inverse[n][n] / priors.terms[t][c]).max(0.0);
+            }
+        }
+        for ((sample, precision), weight) in samples.iter().zip(&fit.precisions).zip(&fit.weights) {
+            let rest = *precision * residual_mm(sample, &fit.terms);
+            let uncertain = of_prediction(sample, &inverse, order);
+            let inner = *precision * uncertain * *precision;
+            for c in 0..3 {
+                let (variance, n) = (priors.scatter[c], MOST + c);
+                evidence.above[n] += weight * (variance * rest[c]).powi(2);
+                evidence.below[n] += weight * variance * (precision.col(c)[c] - inner.col(c)[c]).max(0.0);
+            }
+            let product = *precision * uncertain;
+            let trace = (0..3).map(|c| product.col(c)[c]).sum::<f64>();
+            evidence.above[NUMBERS - 1] += weight * (distance2(sample, precision, &fit.terms) + trace);
+            evidence.below[NUMBERS - 1] += 3.0 * weight;
+        }
+        evidence
+    }
+
+    pub fn add(&mut self, other: &Self, weight: f64) {
+        for n in 0..NUMBERS {
+            self.above[n] += weight * other.above[n];
+            self.below[n] += weight * other.below[n];
+        }
+    }
+}
+
+/// Covariance of the polynomial at a sample, mm².
+fn of_prediction(sample: &Sample, inverse: &[[f64; MOST]], order: Order) -> DMat3 {
+    let count = order.terms();
+    let mut sum = [[0.0; 3]; 3];
+    for (t, value) in sample.basis[..count].iter().enumerate() {
+        for (c, row) in sum.iter_mut().enumerate() {
+            let column = &inverse[3 * t + c];
+            for (s, other) in sample.basis[..count].iter().enumerate() {
+                (0..3).for_each(|d| row[d] += value * other * column[3 * s + d]);
+            }
+        }
+    }
+    DMat3::from_cols_array_2d(&sum)
+}

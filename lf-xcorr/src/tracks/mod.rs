@@ -1,0 +1,23 @@
+//! Vectors from particles that are matched between the two frames.
+//!
+//! In: a field that predicts, and the particles of both frames with their covariances.
+//! Out: the pairs, and the field that they decide.
+//! Open `decide.rs` first.
+
+mod assemble;
+mod buckets;
+mod decide;
+mod evidence;
+mod fitter;
+mod guess;
+mod matching;
+mod normal;
+mod points;
+mod priors;
+mod window_fit;
+
+#[doc(hidden)]
+pub use decide::decide_with;
+pub use decide::{Pair, Tracks, TracksReport, decide};
+#[doc(hidden)]
+pub use window_fit::Order;

@@ -1,0 +1,33 @@
+//! Particles as matching and fitting see them.
+
+use glam::{DMat3, DVec3};
+use lf_core::Particle;
+
+/// Constant: least standard uncertainty of a place, voxels. Exact particles would have infinite weight.
+const LEAST_VOX: f64 = 1e-3;
+
+/// A particle of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Point {
+    pub place_mm: DVec3,
+    pub covariance_mm2: DMat3,
+    /// Natural logarithm of the light, and its variance; NaN without light.
+    pub log_light: f64,
+    pub log_variance: f64,
+}
+
+impl Point {
+    /// A particle without uncertainties counts as uncertain by a voxel along each axis.
+    pub fn new(particle: &Particle, voxel_mm: DVec3) -> Self {
+        let floor = (LEAST_VOX * voxel_mm) * (LEAST_VOX * voxel_mm);
+        let known = particle.uncertainty;
+        let covariance = known.map_or(DMat3::from_diagonal(voxel_mm * voxel_mm), |known| known.covariance_mm2);
+        let share = known.map_or(0.0, |known| known.intensity) / particle.intensity;
+        Self {
+            place_mm: particle.place_mm.into(),
+            covariance_mm2: covariance + DMat3::from_diagonal(floor),
+            log_light: if particle.intensity > 0.0 { particle.intensity.ln() } else { f64::NAN },
+            log_variance: share * share,
+        }
+    }
+}
