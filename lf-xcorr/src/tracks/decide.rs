@@ -3,7 +3,7 @@
 //! 1. Particles are matched about the correlation's field ([`super::matching`]).
 //! 2. Windows twice as long are fitted to their pairs ([`super::window_fit`]), under priors found in all of them
 //!    ([`super::priors`]). This is the next guess: sharper than the correlation's where that is blind.
-//! 3. Particles are matched about it, and it is made again from the better pairs.
+//! 3. Particles are matched about it too, and it is made again from the better pairs.
 //! 4. Every window is fitted to its own pairs, about the guess, which takes most of the flow's shape out of the fit.
 //! 5. Windows that know less than their neighbours are replaced ([`super::assemble`]).
 
@@ -100,8 +100,8 @@ pub fn decide_with(
     order: Order,
 ) -> Result<Tracks, Refusal> {
     let run = Run::new(field, tables, keeps, order);
-    let guess = run.first_guess();
-    let found = run.matched(&guess, None);
+    let first = run.first_guess();
+    let found = run.matched(&[&first], None);
     let count = |side: usize| tables.iter().map(|pair| pair[side].len()).sum::<usize>();
     let particles = [count(0), count(1)];
     Refusal::unless(
@@ -109,8 +109,8 @@ pub fn decide_with(
         || format!("no particle of {} is one of {} by its place", particles[0], particles[1]),
         "wanted the particles of both volumes, in millimetres of the same frame",
     )?;
-    let (guess, _) = run.next_guess(&found.all, &guess);
-    let found = run.matched(&guess, Some(&found.all));
+    let (guess, _) = run.next_guess(&found.all, &first);
+    let found = run.matched(&[&first, &guess], Some(&found.all));
     let (guess, misfits) = run.next_guess(&found.all, &guess);
     let fits = run.fits(&found.all, &guess, &misfits);
     let Assembled { field, measured, blind, outliers, empty } = assemble(field, &run.nodes, &fits, &guess);
@@ -216,8 +216,8 @@ impl<'a> Run<'a> {
         (guess, priors)
     }
 
-    /// The pairs of all tables about a guess; `before` are those that are known already.
-    fn matched(&self, guess: &Guess, before: Option<&[Match]>) -> Found {
+    /// The pairs of all tables about guesses; `before` are those that are known already.
+    fn matched(&self, guesses: &[&Guess], before: Option<&[Match]>) -> Found {
         let mut found = Found { all: Vec::new(), start: Vec::new() };
         for [first, second] in &self.tables {
             let frames = [first.as_slice(), second.as_slice()];
@@ -227,7 +227,7 @@ impl<'a> Run<'a> {
             let low = places().reduce(DVec3::min).unwrap_or_default();
             let extent = places().reduce(DVec3::max).unwrap_or_default() - low;
             let density = second.len() as f64 / extent.max(self.half_mm).element_product();
-            let pairs = Matcher { frames, guess, light, density }.pairs();
+            let pairs = Matcher { frames, guesses, light, density }.pairs();
             found.start.push(found.all.len());
             found.all.extend(pairs.into_iter().filter(|pair| (self.keeps)(pair.middle_mm)));
         }

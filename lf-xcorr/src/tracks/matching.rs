@@ -91,7 +91,8 @@ impl Light {
 /// Two frames and what is known of the motion between them.
 pub(crate) struct Matcher<'a> {
     pub frames: [&'a [Point]; 2],
-    pub guess: &'a Guess,
+    /// A pair is judged by the guess that suits it best.
+    pub guesses: &'a [&'a Guess],
     pub light: Light,
     /// Particles in a cubic millimetre of the second frame.
     pub density: f64,
@@ -122,8 +123,11 @@ impl Matcher<'_> {
 
     /// All pairs inside the gates, with the logarithm of their likelihood.
     fn candidates(&self) -> Vec<(Match, f64)> {
-        let mut all = self.near(0);
-        all.extend(self.near(1).into_iter().map(|[second, first]| [first, second]));
+        let mut all = Vec::new();
+        for guess in self.guesses {
+            all.extend(self.near(0, guess));
+            all.extend(self.near(1, guess).into_iter().map(|[second, first]| [first, second]));
+        }
         all.par_sort_unstable();
         all.dedup();
         all.into_par_iter().filter_map(|[first, second]| self.candidate(first as usize, second as usize)).collect()
@@ -131,7 +135,7 @@ impl Matcher<'_> {
 
     /// For each particle of one frame, those of the other inside its box. A sure particle has a small box and an
     /// uncertain one a large box, so either finds the other if both boxes are asked.
-    fn near(&self, side: usize) -> Vec<[u32; 2]> {
+    fn near(&self, side: usize, guess: &Guess) -> Vec<[u32; 2]> {
         let [own, other] = [self.frames[side], self.frames[1 - side]];
         let usual = DVec3::from_array([0, 1, 2].map(|axis| {
             median(&mut other.iter().map(|point| point.covariance_mm2.col(axis)[axis]).collect::<Vec<f64>>())
@@ -139,8 +143,8 @@ impl Matcher<'_> {
         let buckets = Buckets::new(other.iter().map(|point| point.place_mm).collect());
         let sign = if side == 0 { 1.0 } else { -1.0 };
         let near_point = |(n, point): (usize, &Point)| -> Vec<[u32; 2]> {
-            let middle = self.guess.middle_mm(point.place_mm, sign);
-            let variance = point.covariance_mm2.diagonal() + self.guess.variance_mm2(middle) + usual;
+            let middle = guess.middle_mm(point.place_mm, sign);
+            let variance = point.covariance_mm2.diagonal() + guess.variance_mm2(middle) + usual;
             let found = buckets.near(2.0 * middle - point.place_mm, GATE * variance.map(f64::sqrt));
             found.map(|other| [n as u32, other as u32]).collect()
         };
@@ -151,14 +155,9 @@ impl Matcher<'_> {
         let (first, second) = (&self.frames[0][n], &self.frames[1][m]);
         let (shift, middle) = (second.place_mm - first.place_mm, 0.5 * (first.place_mm + second.place_mm));
         let covariance = first.covariance_mm2 + second.covariance_mm2;
-        let total = covariance + DMat3::from_diagonal(self.guess.variance_mm2(middle));
-        let rest = shift - self.guess.shift_mm(middle);
-        let distance2 = rest.dot(total.inverse() * rest);
-        // A covariance that rounding has made singular gives no distance.
-        if !(distance2 < GATE * GATE) {
-            return None;
-        }
-        let log_density = -0.5 * (distance2 + total.determinant().ln() + 3.0 * TAU.ln());
+        let density =
+            |guess: &&Guess| log_density(shift - guess.shift_mm(middle), covariance, guess.variance_mm2(middle));
+        let log_density = self.guesses.iter().filter_map(density).max_by(f64::total_cmp)?;
         let pair = Match {
             first: n,
             second: m,
@@ -170,4 +169,13 @@ impl Matcher<'_> {
         };
         Some((pair, log_density - self.density.ln() + self.light.evidence(first, second)))
     }
+}
+
+/// Logarithm of the normal density of a displacement less its guess; None outside the gate.
+fn log_density(rest_mm: DVec3, covariance_mm2: DMat3, guess_mm2: DVec3) -> Option<f64> {
+    let total = covariance_mm2 + DMat3::from_diagonal(guess_mm2);
+    let distance2 = rest_mm.dot(total.inverse() * rest_mm);
+    // A covariance that rounding has made singular gives no distance.
+    let log_density = -0.5 * (distance2 + total.determinant().ln() + 3.0 * TAU.ln());
+    (distance2 < GATE * GATE && log_density.is_finite()).then_some(log_density)
 }
