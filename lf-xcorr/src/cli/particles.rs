@@ -29,7 +29,8 @@ impl Tables {
             return Ok(None);
         }
         if files.len() != 2 * pairs {
-            let found = format!("{} tables for {pairs} pairs of volumes", files.len());
+            let found =
+                format!("{} tables for {pairs} pair{} of volumes", files.len(), if pairs == 1 { "" } else { "s" });
             return Err(Error::new("--particles", found, "wanted two for every pair, in the same order"));
         }
         let tables = files.iter().map(|file| table(file, session)).collect::<Result<Vec<_>>>()?;
@@ -82,7 +83,7 @@ impl Tables {
         }
         if self.tables.iter().flatten().any(|particle| particle.uncertainty.is_none()) {
             lines.push(format!(
-                "{}: no uncertainties, so all particles count alike, by a voxel; near the focal plane depths are far \
+                "{}: no uncertainties, so all particles count alike; near the focal plane depths are far \
                  worse than elsewhere: take the tables of lf-fit",
                 self.names.join(", ")
             ));

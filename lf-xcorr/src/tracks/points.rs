@@ -6,6 +6,10 @@ use lf_core::Particle;
 /// Constant: least standard uncertainty of a place, voxels. Exact particles would have infinite weight.
 const LEAST_VOX: f64 = 1e-3;
 
+/// Constant: standard uncertainty of a place without one, voxels, as centroids of reconstructed particles have it. The
+/// residuals of the pairs scale the vectors' uncertainties.
+const UNSTATED_VOX: f64 = 0.25;
+
 /// A particle of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Point {
@@ -17,11 +21,12 @@ pub(crate) struct Point {
 }
 
 impl Point {
-    /// A particle without uncertainties counts as uncertain by a voxel along each axis.
+    /// A particle without uncertainties counts as uncertain by [`UNSTATED_VOX`] along each axis.
     pub fn new(particle: &Particle, voxel_mm: DVec3) -> Self {
         let floor = (LEAST_VOX * voxel_mm) * (LEAST_VOX * voxel_mm);
         let known = particle.uncertainty;
-        let covariance = known.map_or(DMat3::from_diagonal(voxel_mm * voxel_mm), |known| known.covariance_mm2);
+        let unstated = (UNSTATED_VOX * voxel_mm) * (UNSTATED_VOX * voxel_mm);
+        let covariance = known.map_or(DMat3::from_diagonal(unstated), |known| known.covariance_mm2);
         let share = known.map_or(0.0, |known| known.intensity) / particle.intensity;
         Self {
             place_mm: particle.place_mm.into(),
