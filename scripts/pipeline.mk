@@ -59,6 +59,10 @@ ITERATIONS =
 PRUNE_FLAGS =
 MART_FLAGS =
 
+# FIT: if set, lf-fit finds the particles of every volume, and those found in both frames of a pair decide the vectors.
+FIT =
+FIT_FLAGS =
+
 # Interrogation windows of the first and the last pass, mm. Without WINDOW_MM, windows hold about ten of the particles
 # found in the first pair that can be reconstructed; OUT/windows.txt keeps them for all pairs. DT: seconds between the
 # frames of a pair, if known.
@@ -82,6 +86,7 @@ TIDY =
 CALIB = $(BIN)lf-calib
 PRUNE = $(BIN)lf-prune
 MART = $(BIN)lf-mart
+FITTER = $(BIN)lf-fit
 XCORR = $(BIN)lf-xcorr
 
 # RUN: what every recipe line begins with, which sends it to a machine. TRIES: how often one call of make tries a stage.
@@ -124,10 +129,11 @@ CAMERA = $(OUT)/camera.json
 LOG = $(OUT)/log
 supports := $(names:%=$(OUT)/support-%.lfv)
 volumes := $(names:%=$(OUT)/volume-%.lfv)
+fitted := $(if $(FIT),$(names:%=$(OUT)/particles-%.csv))
 fields := $(pairs:%=$(OUT)/field-%.exr)
 
-.PHONY: all calibrate prune reconstruct windows correlate fields report
-.SECONDARY: $(supports) $(volumes)
+.PHONY: all calibrate prune reconstruct fit windows correlate fields report
+.SECONDARY: $(supports) $(volumes) $(fitted)
 
 # The file of the windows, unless they are set.
 WINDOWS = $(if $(WINDOW_MM)$(filter --window% --pass% --settings%,$(XCORR_FLAGS)),,$(OUT)/windows.txt)
@@ -143,6 +149,7 @@ all:
 calibrate: $(CAMERA)
 prune: $(supports)
 reconstruct: $(volumes)
+fit: $(fitted)
 fields: $(fields)
 ifeq ($(WINDOWS),)
 correlate: fields
@@ -158,11 +165,11 @@ $(LOG):
 ifneq ($(MAKECMDGOALS),report)
 
 # A log keeps what a stage prints. When a stage fails, its old result is deleted, because it is older than its input,
-# and so are the results made from it, $2.
+# and so are the results made from it, $2. $3 is the option that names the result, if it is not -o.
 log = $(LOG)/$(basename $(notdir $@)).txt
 say = @printf '%s\n' '$(subst ','\'',$(strip $(RUN) $1))'
-step = $(call say,$1 -o $@); \
-    $(RUN) $1 --threads $(THREADS) --stats $(basename $@).stats.json -o $@ 2> $(log); status=$$?; cat $(log) >&2; \
+step = $(call say,$1 $(or $3,-o) $@); \
+    $(RUN) $1 --threads $(THREADS) --stats $(basename $@).stats.json $(or $3,-o) $@ 2> $(log); status=$$?; cat $(log) >&2; \
     [ $$status = 0 ] && echo $@ >> $(LOG)/done.txt || { rm -f $@ $2; exit 2; }
 
 # Calibration: the lattice by white images, the main lens by a dot target, drift by particles. Each step starts from the
@@ -218,6 +225,12 @@ $(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $$(call file-of,$$*) $(CAM
 	$(if $(TIDY),@rm -f $<)
 
 volumes-of = $(foreach name,$(call split,$1),$(OUT)/volume-$(name).lfv)
+fitted-of = $(if $(FIT),$(foreach name,$(call split,$1),$(OUT)/particles-$(name).csv))
+
+# lf-fit names its table --particles; -o is a volume that is drawn from it.
+$(fitted): $(OUT)/particles-%.csv: $(OUT)/volume-%.lfv $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
+	$(call step,$(FITTER) $< -i $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(FIT_FLAGS),\
+	    $(call fields-of,$*),--particles)
 
 # The fields of all pairs need the same windows to be averaged, so the first pair that can be reconstructed decides.
 estimate = $(RUN) $(BIN)lf-xcorr $$volumes $(XCORR_FLAGS) --threads $(THREADS) --estimate
@@ -229,8 +242,8 @@ windows:
 	        echo "--window-mm $${told%%]*}" > $(WINDOWS).$$$$ && mv $(WINDOWS).$$$$ $(WINDOWS); \
 	done; [ -e $(WINDOWS) ])
 
-$(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) | $(LOG)
-	$(call step,$(XCORR) $(call volumes-of,$*) $(addprefix --initial-mm ,$(INITIAL_MM)) \
+$(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) $$(call fitted-of,$$*) | $(LOG)
+	$(call step,$(XCORR) $(call volumes-of,$*) $(if $(FIT),--particles $(call fitted-of,$*)) $(addprefix --initial-mm ,$(INITIAL_MM)) \
 	    $(if $(WINDOWS),$$(cat $(WINDOWS)),$(addprefix --window-mm ,$(WINDOW_MM))) $(addprefix --dt ,$(DT)) \
 	    $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg))
 
@@ -264,6 +277,9 @@ report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	        elif [ ! -e $(OUT)/support-$$n.lfv ]; then why=$$(last support-$$n); \
 	        else why=$$(last volume-$$n); fi; \
 	    done; \
+	    $(if $(FIT),for n in $${pair%-*} $${pair#*-}; do \
+	        [ -n "$$why" ] || [ -e $(OUT)/particles-$$n.csv ] || why=$$(last particles-$$n); \
+	    done;) \
 	    [ -n "$$why" ] || why=$$(last field-$$pair); \
 	    echo "no field $$pair: $${why:-not started; see above}" >&2; \
 	done; echo "$(words $(there)) of $(words $(fields)) fields are in $(OUT)" >&2

@@ -19,7 +19,7 @@ fn line(name: &str, cloud: Cloud, flow: Flow, seeds: Range<u64>) {
     let share = share.map(|share| 100.0 * share);
     println!(
         "{:24} {name:14} {:5}   {:3.0}  {:3.0}  {:3.0}   {:.4} {:.4} {:.4}   {:.4} {:.4} {:.4}   {:.1}",
-        words(flow),
+        flow.words(),
         cloud.density,
         share[0],
         share[1],
@@ -32,19 +32,6 @@ fn line(name: &str, cloud: Cloud, flow: Flow, seeds: Range<u64>) {
         stated[2],
         100.0 * replaced
     );
-}
-
-/// The flow in the words of the table.
-fn words(flow: Flow) -> String {
-    match flow {
-        Flow::Shear(0.0) => "uniform".to_owned(),
-        Flow::Shear(change) => format!("shear, {change}"),
-        Flow::Rotation(change) => format!("rotation, {change}"),
-        Flow::Vortices(period, change) => format!("vortices of {period} w., {change}"),
-        Flow::Wave(period, change) => format!("wave of {period} w., {change}"),
-        Flow::Jet(width, change) => format!("jet of {width} w., {change}"),
-        Flow::Ring(core, change) => format!("ring of {core} w., {change}"),
-    }
 }
 
 fn choose() {

@@ -1,4 +1,4 @@
-//! What the vectors of matched particles should be made of.
+//! Compares ways to make vectors of matched particles.
 //!
 //! `cargo bench -p lf-xcorr --bench pairs` reports root mean square errors in pixels and coverage by way and flow;
 //! `-- choose` runs the flows, densities and seeds that the way and its constants were chosen on. `-- full` times a full
@@ -88,7 +88,7 @@ fn compare(flow: Flow, density: f64, seeds: Range<u64>) {
         ];
         fields.iter().zip(&mut found).for_each(|(field, found)| found.push(errors(&lab, field)));
     }
-    let name = format!("{flow:?}");
+    let name = flow.words();
     WAYS.iter().zip(&found).for_each(|(way, found)| line(&name, density, way, found));
 }
 
@@ -116,7 +116,7 @@ fn full() {
     for i in 0..field.len() {
         let shift = lab.shift_mm(DVec3::ZERO).as_vec3();
         [field.u[i], field.v[i], field.w[i]] = shift.to_array();
-        (field.su[i], field.sv[i], field.sw[i], field.flag[i]) = (0.1, 0.1, 0.02, MEASURED);
+        (field.su[i], field.sv[i], field.sw[i], field.flag[i]) = (0.002, 0.002, 0.02, MEASURED);
     }
     let start = Instant::now();
     let found = decide(&field, &[[&a, &b]], &|_| true).expect("pairs are there");

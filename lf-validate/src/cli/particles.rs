@@ -91,7 +91,9 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let box_mm = least.map(|side| side * unit_mm);
     let score = session.phase("score", |_| Ok(score(&truth, &found, box_mm, &arguments.depths, pixel_mm)))?;
     let [of_truth, of_found, both] = score.all.counts;
-    [("truth", of_truth), ("found", of_found), ("matched", both)].map(|(name, count)| session.count(name, count));
+    for (name, count) in [("truth", of_truth), ("found", of_found), ("matched", both)] {
+        session.count(name, count);
+    }
     print(&score)?;
     let recall = score.all.recall();
     let has_recall = arguments.min_recall.is_none_or(|least| recall.is_some_and(|recall| recall >= least));

@@ -5,7 +5,7 @@ use glam::DVec3;
 use lf_core::particles;
 use lf_core::{Error, Field, Grid, Particle, Result, Session, io};
 use lf_xcorr::{Mask, Pair, Tracks, TracksReport, decide};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Constant: fewer partners than this share of the particles of the smaller table are few.
 const FEW: f64 = 0.7;
@@ -124,7 +124,7 @@ pub fn tell(report: &TracksReport, session: &mut Session) {
 }
 
 /// Writes the pairs as tracks: two frames for each pair of tables, and one number for each pair.
-pub fn save(file: &PathBuf, pairs: &[Pair], tables: &Tables) -> Result<()> {
+pub fn save(file: &Path, pairs: &[Pair], tables: &Tables) -> Result<()> {
     let place = |(id, pair): (usize, &Pair), side: usize| {
         let particle = tables.tables[2 * pair.tables + side][pair.particles[side]];
         Particle { frame: 2 * pair.tables + side, id: id as u64, ..particle }

@@ -1,9 +1,7 @@
 //! Small normal equations by Cholesky's method.
 
-use super::window_fit::TERMS;
-
-/// Most unknowns: three components of each term.
-pub(crate) const MOST: usize = 3 * TERMS;
+/// Most unknowns.
+pub(crate) const MOST: usize = 30;
 
 /// A symmetric positive definite matrix of `count` unknowns; its lower half is filled.
 pub(crate) struct Normal {
@@ -17,7 +15,7 @@ impl Normal {
         for j in 0..self.count {
             let row = self.matrix[j];
             let pivot = row[j] - row[..j].iter().map(|value| value * value).sum::<f64>();
-            if !(pivot > 0.0) {
+            if pivot <= 0.0 || pivot.is_nan() {
                 return None;
             }
             let root = pivot.sqrt();

@@ -13,8 +13,8 @@
 use super::normal::{Factor, MOST, Normal};
 use glam::{DMat3, DVec3};
 
-/// Terms of a polynomial of the second degree.
-pub(crate) const TERMS: usize = 10;
+/// Terms of a polynomial of the second degree; each has three components.
+pub(crate) const TERMS: usize = MOST / 3;
 
 /// Constant: squared Mahalanobis distance at which a pair is as likely wrong as right: one of fifty is wrong and then
 /// lies anywhere in a gate of five standard deviations, 2 ln(49 x 33).
@@ -51,9 +51,9 @@ pub(crate) fn basis(place: DVec3) -> [f64; TERMS] {
 /// Variances, mm², that a window's pairs are weighed against.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Priors {
-    /// Of each coefficient, about zero; the constant's is a window's length.
+    /// Variance of each coefficient, about zero; the constant's is the square of a window's length.
     pub terms: [DVec3; TERMS],
-    /// Of the displacements about the polynomial, beyond the covariances of the pairs.
+    /// Variance of the displacements about the polynomial, beyond the covariances of the pairs.
     pub scatter: DVec3,
     /// Variance of the residuals over the one expected.
     pub misfit: f64,

@@ -55,6 +55,19 @@ pub enum Flow {
 }
 
 impl Flow {
+    /// The flow in the words of a table.
+    pub fn words(self) -> String {
+        match self {
+            Self::Shear(0.0) => "uniform".to_owned(),
+            Self::Shear(change) => format!("shear, {change}"),
+            Self::Rotation(change) => format!("rotation, {change}"),
+            Self::Vortices(period, change) => format!("vortices of {period} w., {change}"),
+            Self::Wave(period, change) => format!("wave of {period} w., {change}"),
+            Self::Jet(width, change) => format!("jet of {width} w., {change}"),
+            Self::Ring(core, change) => format!("ring of {core} w., {change}"),
+        }
+    }
+
     /// The displacement at a place, voxels.
     pub fn at(self, place: [f64; 3]) -> [f64; 3] {
         let [x, y, z]: [f64; 3] = std::array::from_fn(|a| place[a] - MIDDLE[a]);

@@ -214,7 +214,7 @@ impl Lab {
             let place = DVec3::from_array(field.place_mm(i));
             let w = if place.z.abs() < 0.9 { 4.0 } else { 0.8 };
             let error = PX * DVec3::new(0.15, 0.15, w);
-            // Of neighbours two and two share their error.
+            // Neighbours share their error, two and two.
             let [x, y, z] = [i % nx, i / nx % ny, i / nx / ny].map(|step| step / 2 * 2);
             let shift = self.shift_mm(place) + error * rough[x + nx * (y + ny * z)];
             [field.u[i], field.v[i], field.w[i]] = shift.as_vec3().to_array();
