@@ -94,7 +94,7 @@ fn compare(flow: Flow, density: f64, seeds: Range<u64>) {
 
 /// Times a full frame of particles that move evenly.
 fn full() {
-    let lab = Lab::new(Flow::Shear(1.0), 0.4, 1);
+    let lab = Lab::new(Flow::Shear(0.0), 0.4, 1);
     let [a, b] = lab.tables();
     let copies = 60_000 / a.len() + 1;
     let moved = |table: &[Particle]| -> Vec<Particle> {
