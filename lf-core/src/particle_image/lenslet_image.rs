@@ -1,0 +1,348 @@
+//! A lenslet's image of a particle: the integral of the light on each pixel, and its derivatives.
+
+use super::beam::Beam;
+use super::cell_surface::{CellSurface, REACH_SIGMA};
+use super::lenslet_lines::LensletLine;
+use super::model::ParticleModel;
+use super::rim::{self, Side};
+use super::spline::Taps;
+use glam::DVec2;
+
+/// Numbers of a pixel: share of the particle's light; its derivatives by x, y, z and by the standard deviation of the
+/// particle, all 1/mm; by the lattice's shift along the sensor's columns and rows, 1/mm; and one that is 0.
+pub const QUANTITIES: usize = 8;
+
+/// A rectangle of pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Patch {
+    /// First column.
+    pub column: u32,
+    /// First row.
+    pub row: u32,
+    /// Columns.
+    pub columns: u32,
+    /// Rows.
+    pub rows: u32,
+}
+
+/// A place along one axis where the tables are read: an edge of a pixel, or a point within it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Place {
+    /// Place in the stop, mm, and its derivatives by m, alpha and the lattice's shift.
+    u: f64,
+    u_by: [f64; 3],
+    /// Place on the array from the lenslet's centre, mm, and its derivatives by the same.
+    x: f64,
+    x_by: [f64; 3],
+}
+
+/// Buffers of a thread.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    edges: [Vec<Place>; 2],
+    points: [Vec<Place>; 2],
+    taps: [Vec<(Taps, [f64; 3])>; 2],
+    lines: [Vec<[f64; QUANTITIES]>; 2],
+    pixels: Vec<[f64; QUANTITIES]>,
+}
+
+/// Pixels whose width on the array is below this many standard deviations of the spot are integrated by points.
+const BY_POINTS: f64 = 0.5;
+/// The same if the rays bend.
+const BY_POINTS_BENT: f64 = 0.75;
+/// Gauss-Legendre with two nodes: their places in the interval.
+const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+/// Pixels at the rim are cut until they are no wider than these shares of a lenslet and of the stop's half side.
+const FINE_ON_ARRAY: f64 = 0.4;
+const FINE_IN_STOP: f64 = 0.16;
+/// Most parts of a pixel a side.
+const FINEST: f64 = 4.0;
+
+impl Scratch {
+    /// The pixels of the last patch.
+    pub(super) fn pixels(&self) -> &[[f64; QUANTITIES]] {
+        &self.pixels
+    }
+
+    pub(super) fn pixels_mut(&mut self) -> &mut [[f64; QUANTITIES]] {
+        &mut self.pixels
+    }
+}
+
+/// A particle, as lenslets see it.
+pub(super) struct LensletImage<'a> {
+    pub(super) model: &'a ParticleModel,
+    pub(super) beam: &'a Beam,
+    pub(super) surface: &'a CellSurface,
+    /// Size of the spot beyond the table's, mm.
+    pub(super) more_mm: f64,
+}
+
+/// A lenslet along one axis: pixels are at `zero - slope u`.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    zero: f64,
+    slope: f64,
+    kappa: f64,
+    gamma: f64,
+    /// m from the lenslet's centre, mm.
+    chief: f64,
+    /// Pixels a side of the sensor.
+    pixels: usize,
+}
+
+impl Axis {
+    /// First and end pixel that can be lit, for light within `reach` of the lenslet's centre.
+    #[inline(always)]
+    fn lit(&self, alpha: f64, half: f64, reach: f64) -> Option<(i64, i64)> {
+        let (low, high) = if alpha.abs() * half < 1e-9 * reach {
+            if self.chief.abs() > reach { (1.0, 0.0) } else { (-half, half) }
+        } else {
+            let (a, b) = ((-reach - self.chief) / alpha, (reach - self.chief) / alpha);
+            (a.min(b).max(-half), a.max(b).min(half))
+        };
+        if low >= high {
+            return None;
+        }
+        let (a, b) = (self.zero - self.slope * low, self.zero - self.slope * high);
+        let first = a.min(b).floor().max(0.0) as i64;
+        let end = a.max(b).ceil().clamp(0.0, self.pixels as f64) as i64;
+        (first < end).then_some((first, end))
+    }
+
+    /// The place of pixel edge `edge`. A square stop ends at `half`.
+    #[inline(always)]
+    fn place(&self, edge: f64, alpha: f64, by_shift: f64, half: f64) -> Place {
+        let u = (self.zero - edge) / self.slope;
+        if u.abs() > half {
+            let u = half.copysign(u);
+            return Place { u, u_by: [0.0; 3], x: self.chief + alpha * u, x_by: [1.0, u, -1.0] };
+        }
+        let per_slope = 1.0 / self.slope;
+        let u_by = [self.gamma * per_slope, self.gamma * u * per_slope, (by_shift - self.gamma) * per_slope];
+        let along = self.kappa * per_slope;
+        Place { u, u_by, x: self.chief + alpha * u, x_by: [along, u * along, alpha * u_by[2] - 1.0] }
+    }
+}
+
+impl Place {
+    /// Between two places.
+    #[inline(always)]
+    fn between(a: &Self, b: &Self, part: f64) -> Self {
+        let mix = |a: f64, b: f64| a + part * (b - a);
+        let mixed = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|n| mix(a[n], b[n]));
+        Self { u: mix(a.u, b.u), u_by: mixed(a.u_by, b.u_by), x: mix(a.x, b.x), x_by: mixed(a.x_by, b.x_by) }
+    }
+}
+
+impl LensletImage<'_> {
+    /// Fills the scratch's pixels with light and derivatives by m, alpha, the spot's size and the lattice's shift.
+    #[inline(always)]
+    pub(super) fn integrate(&self, line: &LensletLine, by_shift: f64, scratch: &mut Scratch) -> Option<Patch> {
+        let Self { model, beam, surface, .. } = *self;
+        let half = model.optics.half_aperture_mm;
+        let spot = surface.sigma_mm + self.more_mm;
+        let (chief, alpha) = beam.towards(line.centre, spot, half);
+        let chief = chief - line.centre;
+        let zero = line.zero + line.gamma * chief;
+        let slope = line.kappa - line.gamma * alpha;
+        let axes = [0, 1].map(|n| Axis {
+            zero: zero[n],
+            slope: if slope[n].abs() < 1e-9 { 1e-9 } else { slope[n] },
+            kappa: line.kappa[n],
+            gamma: line.gamma[n],
+            chief: chief[n],
+            pixels: model.optics.sensor_px[n],
+        });
+        let reach = model.corner + REACH_SIGMA * spot + beam.most_bend_mm;
+        let (left, right) = axes[0].lit(alpha.x, half, reach.x)?;
+        let (top, bottom) = axes[1].lit(alpha.y, half, reach.y)?;
+        let width_mm = 1.0 / axes[0].slope.abs().min(axes[1].slope.abs());
+        let on_array = alpha.abs().max_element() * width_mm;
+        let mut parts = 1;
+        let mut is_cut = false;
+        if model.has_round_stop {
+            let edge = |axis: usize, pixel: i64| (axes[axis].zero - pixel as f64) / axes[axis].slope;
+            let (a, b) = (DVec2::new(edge(0, left), edge(1, top)), DVec2::new(edge(0, right), edge(1, bottom)));
+            match rim::side(half, a.min(b), a.max(b)) {
+                Side::Outside => return None,
+                Side::Inside => {}
+                Side::Across => {
+                    is_cut = true;
+                    let wanted = (on_array / (FINE_ON_ARRAY * model.pitch_mm)).max(width_mm / (FINE_IN_STOP * half));
+                    parts = wanted.ceil().clamp(1.0, FINEST) as usize;
+                }
+            }
+        }
+        // Bent rays are followed point by point as long as that takes few points.
+        let bent_parts = on_array / (BY_POINTS_BENT * spot);
+        let is_bent = beam.is_bent() && bent_parts <= FINEST;
+        if is_bent {
+            parts = parts.max(bent_parts.ceil() as usize);
+        }
+        let by_points = is_bent || on_array < BY_POINTS * spot * parts as f64;
+        let most = if model.has_round_stop { f64::INFINITY } else { half };
+        for (axis, (first, end)) in [(left, right), (top, bottom)].into_iter().enumerate() {
+            let edges = &mut scratch.edges[axis];
+            edges.clear();
+            let count = (end - first) as usize * parts;
+            let edge = |n: usize| first as f64 + n as f64 / parts as f64;
+            edges.extend((0..=count).map(|n| axes[axis].place(edge(n), alpha[axis], by_shift, most)));
+        }
+        scratch.pixels.clear();
+        scratch.pixels.resize(((right - left) * (bottom - top)) as usize, [0.0; QUANTITIES]);
+        let cut = Cut { parts, columns: (right - left) as usize, is_cut };
+        if by_points {
+            self.by_points(scratch, cut, line.centre);
+        } else {
+            self.by_corners(scratch, cut, alpha);
+        }
+        let [column, row] = [left, top].map(|first| first as u32);
+        Some(Patch { column, row, columns: (right - left) as u32, rows: (bottom - top) as u32 })
+    }
+
+    /// The tables' value and derivatives by m, alpha, size and shift, for one place along each axis.
+    #[inline(always)]
+    fn read(&self, by_points: bool, x: &(Taps, [f64; 3]), y: &(Taps, [f64; 3])) -> [f64; QUANTITIES] {
+        let table = if by_points { &self.surface.share } else { &self.surface.integral };
+        let [value, by_x, by_y, by_size] = table.at(&x.0, &y.0, self.more_mm);
+        let (x, y) = (x.1, y.1);
+        [value, by_x * x[0], by_y * y[0], by_x * x[1] + by_y * y[1], by_size, by_x * x[2], by_y * y[2], 0.0]
+    }
+
+    /// From the integral at the pixels' corners.
+    #[inline(always)]
+    fn by_corners(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2) {
+        let Scratch { edges, taps, lines, pixels, .. } = scratch;
+        for axis in 0..2 {
+            taps[axis].clear();
+            taps[axis].extend(edges[axis].iter().map(|e| (self.surface.integral.taps(axis, e.x), e.x_by)));
+        }
+        let turned = (edges[0][0].u < edges[0][1].u) != (edges[1][0].u < edges[1][1].u);
+        let scale = if turned { -1.0 } else { 1.0 } / (self.model.stop_mm2 * alpha.x * alpha.y);
+        let shrink = 1.0 / alpha.x + 1.0 / alpha.y;
+        let [above, below] = lines;
+        for (row, y) in taps[1].iter().enumerate() {
+            std::mem::swap(above, below);
+            below.clear();
+            below.extend(taps[0].iter().map(|x| self.read(false, x, y)));
+            if row == 0 {
+                continue;
+            }
+            for column in 1..below.len() {
+                let corners = [&above[column - 1], &above[column], &below[column - 1], &below[column]];
+                let mut light: [f64; QUANTITIES] = std::array::from_fn(|n| {
+                    scale * ((corners[0][n] - corners[1][n]) - (corners[2][n] - corners[3][n]))
+                });
+                light[3] -= light[0] * shrink;
+                self.add(light, [column - 1, row - 1], edges, cut, pixels);
+            }
+        }
+    }
+
+    /// From the mean over the pixel at two by two points.
+    #[inline(always)]
+    fn by_points(&self, scratch: &mut Scratch, cut: Cut, centre: DVec2) {
+        let Scratch { edges, points, taps, lines, pixels } = scratch;
+        for axis in 0..2 {
+            points[axis].clear();
+            for pair in edges[axis].windows(2) {
+                points[axis].extend(NODES.map(|part| Place::between(&pair[0], &pair[1], part)));
+            }
+            taps[axis].clear();
+            taps[axis].extend(points[axis].iter().map(|point| (self.surface.share.taps(axis, point.x), point.x_by)));
+        }
+        let [above, below] = lines;
+        for row in 0..edges[1].len() - 1 {
+            for (line, n) in [(&mut *above, 2 * row), (&mut *below, 2 * row + 1)] {
+                line.clear();
+                if self.beam.is_bent() {
+                    line.extend(points[0].iter().map(|x| self.read_bent(x, &points[1][n], centre)));
+                } else {
+                    line.extend(taps[0].iter().map(|x| self.read(true, x, &taps[1][n])));
+                }
+            }
+            let (height, height_by) = width(&edges[1][row..row + 2]);
+            for column in 0..edges[0].len() - 1 {
+                let (width, width_by) = width(&edges[0][column..column + 2]);
+                let scale = 0.25 / self.model.stop_mm2;
+                let at = 2 * column;
+                let mean: [f64; QUANTITIES] = std::array::from_fn(|n| {
+                    scale * ((above[at][n] + above[at + 1][n]) + (below[at][n] + below[at + 1][n]))
+                });
+                let mut light = mean.map(|value| value * width * height);
+                let (wide, high) = (mean[0] * height, mean[0] * width);
+                light[1] += wide * width_by[0];
+                light[2] += high * height_by[0];
+                light[3] += wide * width_by[1] + high * height_by[1];
+                light[5] += wide * width_by[2];
+                light[6] += high * height_by[2];
+                self.add(light, [column, row], edges, cut, pixels);
+            }
+        }
+    }
+
+    /// [`LensletImage::read`] for a bent ray.
+    #[inline(always)]
+    fn read_bent(&self, x: &Place, y: &Place, centre: DVec2) -> [f64; QUANTITIES] {
+        let aperture = DVec2::new(x.u, y.u);
+        let hit = self.beam.hit(aperture, self.model.optics.half_aperture_mm) - centre;
+        let slope = self.beam.bend_slope(aperture, self.model.optics.half_aperture_mm);
+        let taps = |axis: usize, place: &Place| {
+            let by = std::array::from_fn(|n| place.x_by[n] + slope[axis] * place.u_by[n]);
+            (self.surface.share.taps(axis, hit[axis]), by)
+        };
+        self.read(true, &taps(0, x), &taps(1, y))
+    }
+
+    /// Adds the light of a part of a pixel, less what a round stop holds back.
+    #[inline(always)]
+    fn add(
+        &self,
+        mut light: [f64; QUANTITIES],
+        [column, row]: [usize; 2],
+        edges: &[Vec<Place>; 2],
+        cut: Cut,
+        pixels: &mut [[f64; QUANTITIES]],
+    ) {
+        if cut.is_cut {
+            let (x, y) = (&edges[0][column..column + 2], &edges[1][row..row + 2]);
+            let centre = 0.5 * DVec2::new(x[0].u + x[1].u, y[0].u + y[1].u);
+            let half = 0.5 * DVec2::new((x[0].u - x[1].u).abs(), (y[0].u - y[1].u).abs());
+            let rim = rim::share(self.model.optics.half_aperture_mm, centre, half);
+            let whole = light[0];
+            light.iter_mut().for_each(|value| *value *= rim.share);
+            let by = |edges: &[Place], axis: usize, n: usize| {
+                let (a, b) = (edges[0].u_by[n], edges[1].u_by[n]);
+                let widens = (a - b) * (edges[0].u - edges[1].u).signum();
+                0.5 * whole * (rim.by_centre[axis] * (a + b) + rim.by_half[axis] * widens)
+            };
+            light[1] += by(x, 0, 0);
+            light[2] += by(y, 1, 0);
+            light[3] += by(x, 0, 1) + by(y, 1, 1);
+            light[5] += by(x, 0, 2);
+            light[6] += by(y, 1, 2);
+        }
+        let pixel = &mut pixels[row / cut.parts * cut.columns + column / cut.parts];
+        pixel.iter_mut().zip(light).for_each(|(sum, value)| *sum += value);
+    }
+}
+
+/// How pixels are cut.
+#[derive(Clone, Copy)]
+struct Cut {
+    /// Parts of a pixel a side.
+    parts: usize,
+    /// Pixels in a row of the patch.
+    columns: usize,
+    /// Whether the rim of a round stop crosses the patch.
+    is_cut: bool,
+}
+
+/// The width in the stop between two edges, mm, and its derivatives by m, alpha and the lattice's shift.
+#[inline(always)]
+fn width(edges: &[Place]) -> (f64, [f64; 3]) {
+    let width = edges[0].u - edges[1].u;
+    let sign = 1f64.copysign(width);
+    (width.abs(), std::array::from_fn(|n| sign * (edges[0].u_by[n] - edges[1].u_by[n])))
+}
