@@ -1,0 +1,30 @@
+//! In: an image, its camera, and a volume. Out: particles with uncertainties, the size of particles, the camera's drift.
+//! First file to open: `fit.rs`, the recipe; then `joint.rs`, the fit of a group, and `changes.rs`.
+//!
+//! The local maxima of the volume are the first particles. All are fitted together to the raw pixels by
+//! Levenberg-Marquardt ([`lf_core::particle_image`] has the model), weighed by the noise. Then particles are dropped,
+//! split and added where the likelihood asks for it.
+//!
+//! Sources: iterative particle reconstruction (Wieneke 2013; Jahn, Schanz & Schroeder 2021) and two-pulse
+//! Shake-the-Box (Novara et al. 2023) for the rounds of a fit.
+
+mod candidates;
+mod changes;
+mod cloud;
+mod covariance;
+mod draw;
+mod fit;
+mod image;
+mod joint;
+mod local;
+mod noise;
+mod normal;
+mod shape;
+mod spot;
+mod window;
+
+pub use draw::draw;
+pub use fit::{Fit, FitOptions, Found, Progress, fit, peak_bytes};
+pub use noise::{Given, Noise};
+pub use shape::{Free, Shape};
+pub use spot::Spot;
