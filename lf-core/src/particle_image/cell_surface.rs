@@ -16,8 +16,8 @@ pub(super) struct CellSurface {
     pub(super) integral: Spline,
 }
 
-/// Reach of the blur, in standard deviations; the light left out is 6e-7 on a side.
-pub(super) const REACH_SIGMA: f64 = 4.5;
+/// Reach of the blur, in standard deviations; the light left out is 3e-5 on a side.
+pub(super) const REACH_SIGMA: f64 = 4.0;
 /// Nodes of the tables for each standard deviation. The tables err by 1e-6 of the light.
 const NODES_PER_SIGMA: f64 = 4.0;
 /// Nodes beyond the reach, so that the ends of the spline do not matter.
@@ -129,7 +129,7 @@ mod tests {
     fn a_square_cell_by_hand() {
         let corners = [DVec2::new(-1.0, -1.0), DVec2::new(1.0, -1.0), DVec2::new(1.0, 1.0), DVec2::new(-1.0, 1.0)];
         let surface = CellSurface::new(&corners, 0.1);
-        let at = |spline: &Spline, x: f64, y: f64| spline.at(&spline.taps(0, x), &spline.taps(1, y), 0.0)[0];
+        let at = |spline: &Spline, x: f64, y: f64| spline.at::<8>(&spline.taps(0, x), &spline.taps(1, y), 0.0)[0];
         for (x, y, share) in [(0.0, 0.0, 1.0), (1.0, 0.2, 0.5), (-1.0, 1.0, 0.25), (1.6, 0.0, 0.0)] {
             assert!((at(&surface.share, x, y) - share).abs() < 1e-4, "{x} {y}: {}", at(&surface.share, x, y));
         }
@@ -145,7 +145,7 @@ mod tests {
         let [less, mid, more] = [0.00398, 0.004, 0.00402].map(|sigma| CellSurface::new(&corners, sigma));
         for (x, y) in [(0.0, 0.0), (0.04, 0.01), (0.03, -0.02), (-0.038, 0.0)] {
             let place = DVec2::new(x, y);
-            let at = |spline: &Spline| spline.at(&spline.taps(0, place.x), &spline.taps(1, place.y), 0.0);
+            let at = |spline: &Spline| spline.at::<8>(&spline.taps(0, place.x), &spline.taps(1, place.y), 0.0);
             for pick in [|s: &CellSurface| s.share.clone(), |s: &CellSurface| s.integral.clone()] {
                 let slope = (at(&pick(&more))[0] - at(&pick(&less))[0]) / 4e-5;
                 let (said, level) = (at(&pick(&mid))[3], at(&pick(&mid))[0]);

@@ -5,12 +5,14 @@ use super::cell_surface::{CellSurface, REACH_SIGMA};
 use super::lenslet_lines::LensletLine;
 use super::model::ParticleModel;
 use super::rim::{self, Side};
-use super::spline::Taps;
+use super::spline::{Spline, Taps};
 use glam::DVec2;
 
 /// Numbers of a pixel: share of the particle's light; its derivatives by x, y, z and by the standard deviation of the
 /// particle, all 1/mm; by the lattice's shift along the sensor's columns and rows, 1/mm; and one that is 0.
 pub const QUANTITIES: usize = 8;
+/// The first of them: the share of light and its derivatives by place.
+pub const PLACES: usize = 4;
 
 /// A rectangle of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,8 +55,12 @@ const BY_POINTS_BENT: f64 = 0.75;
 /// Gauss-Legendre with two nodes: their places in the interval.
 const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 /// Pixels at the rim are cut until they are no wider than these shares of a lenslet and of the stop's half side.
-const FINE_ON_ARRAY: f64 = 0.4;
+const FINE_ON_ARRAY: f64 = 4.0;
 const FINE_IN_STOP: f64 = 0.16;
+/// At the rim the stop's share is taken over the part that the cell sees, and this far beyond its edges if
+/// the pixel is not wide, in pitches.
+const BEYOND: f64 = 0.13;
+const WIDE: f64 = 0.27;
 /// Most parts of a pixel a side.
 const FINEST: f64 = 4.0;
 
@@ -138,7 +144,12 @@ impl Place {
 impl LensletImage<'_> {
     /// Fills the scratch's pixels with light and derivatives by m, alpha, the spot's size and the lattice's shift.
     #[inline(always)]
-    pub(super) fn integrate(&self, line: &LensletLine, by_shift: f64, scratch: &mut Scratch) -> Option<Patch> {
+    pub(super) fn integrate<const N: usize>(
+        &self,
+        line: &LensletLine,
+        by_shift: f64,
+        scratch: &mut Scratch,
+    ) -> Option<Patch> {
         let Self { model, beam, surface, .. } = *self;
         let half = model.optics.half_aperture_mm;
         let spot = surface.sigma_mm + self.more_mm;
@@ -187,15 +198,27 @@ impl LensletImage<'_> {
             edges.clear();
             let count = (end - first) as usize * parts;
             let edge = |n: usize| first as f64 + n as f64 / parts as f64;
-            edges.extend((0..=count).map(|n| axes[axis].place(edge(n), alpha[axis], by_shift, most)));
+            for n in 0..=count {
+                edges.push(axes[axis].place(edge(n), alpha[axis], by_shift, most));
+            }
         }
         scratch.pixels.clear();
         scratch.pixels.resize(((right - left) * (bottom - top)) as usize, [0.0; QUANTITIES]);
-        let cut = Cut { parts, columns: (right - left) as usize, is_cut };
+        let mut cut = Cut { parts, columns: (right - left) as usize, is_cut, cell: None };
         if by_points {
-            self.by_points(scratch, cut, line.centre);
+            self.by_points::<N>(scratch, cut, line.centre);
         } else {
-            self.by_corners(scratch, cut, alpha);
+            if is_cut {
+                // Where pixels are no wider than the blur, light from beyond the cell's edges counts too.
+                let wide = on_array / (WIDE * model.pitch_mm);
+                let beyond = BEYOND * model.pitch_mm / (1.0 + wide * wide);
+                let cell = |axis: usize| {
+                    let by_alpha = -2.0 * beyond * wide * wide / ((1.0 + wide * wide) * alpha[axis]);
+                    seen(chief[axis], alpha[axis], [model.cell_half_mm + beyond, by_alpha])
+                };
+                cut.cell = Some([cell(0), cell(1)]);
+            }
+            self.by_corners::<N>(scratch, cut, alpha);
         }
         let [column, row] = [left, top].map(|first| first as u32);
         Some(Patch { column, row, columns: (right - left) as u32, rows: (bottom - top) as u32 })
@@ -203,63 +226,93 @@ impl LensletImage<'_> {
 
     /// The tables' value and derivatives by m, alpha, size and shift, for one place along each axis.
     #[inline(always)]
-    fn read(&self, by_points: bool, x: &(Taps, [f64; 3]), y: &(Taps, [f64; 3])) -> [f64; QUANTITIES] {
-        let table = if by_points { &self.surface.share } else { &self.surface.integral };
-        let [value, by_x, by_y, by_size] = table.at(&x.0, &y.0, self.more_mm);
+    fn read<const N: usize>(
+        &self,
+        table: &Spline,
+        x: &(Taps, [f64; 3]),
+        y: &(Taps, [f64; 3]),
+        read: &mut [f64; QUANTITIES],
+    ) {
+        let [value, by_x, by_y, by_size] = table.at::<N>(&x.0, &y.0, self.more_mm);
         let (x, y) = (x.1, y.1);
-        [value, by_x * x[0], by_y * y[0], by_x * x[1] + by_y * y[1], by_size, by_x * x[2], by_y * y[2], 0.0]
+        [read[0], read[1], read[2], read[3]] = [value, by_x * x[0], by_y * y[0], by_x * x[1] + by_y * y[1]];
+        if N > PLACES {
+            [read[4], read[5], read[6]] = [by_size, by_x * x[2], by_y * y[2]];
+        }
     }
 
     /// From the integral at the pixels' corners.
     #[inline(always)]
-    fn by_corners(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2) {
+    fn by_corners<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2) {
         let Scratch { edges, taps, lines, pixels, .. } = scratch;
+        let table = &self.surface.integral;
         for axis in 0..2 {
             taps[axis].clear();
-            taps[axis].extend(edges[axis].iter().map(|e| (self.surface.integral.taps(axis, e.x), e.x_by)));
+            for edge in &edges[axis] {
+                taps[axis].push((table.taps(axis, edge.x), edge.x_by));
+            }
         }
         let turned = (edges[0][0].u < edges[0][1].u) != (edges[1][0].u < edges[1][1].u);
         let scale = if turned { -1.0 } else { 1.0 } / (self.model.stop_mm2 * alpha.x * alpha.y);
         let shrink = 1.0 / alpha.x + 1.0 / alpha.y;
+        let count = edges[0].len();
         let [above, below] = lines;
-        for (row, y) in taps[1].iter().enumerate() {
+        above.resize(above.len().max(count), [0.0; QUANTITIES]);
+        below.resize(below.len().max(count), [0.0; QUANTITIES]);
+        for row in 0..edges[1].len() {
             std::mem::swap(above, below);
-            below.clear();
-            below.extend(taps[0].iter().map(|x| self.read(false, x, y)));
+            let y = &taps[1][row];
+            for (x, corner) in taps[0].iter().zip(below.iter_mut()) {
+                // The integral is 0 up to the lower left of the cell.
+                if x.0.is_below || y.0.is_below {
+                    *corner = [0.0; QUANTITIES];
+                } else {
+                    self.read::<N>(table, x, y, corner);
+                }
+            }
             if row == 0 {
                 continue;
             }
-            for column in 1..below.len() {
-                let corners = [&above[column - 1], &above[column], &below[column - 1], &below[column]];
-                let mut light: [f64; QUANTITIES] = std::array::from_fn(|n| {
-                    scale * ((corners[0][n] - corners[1][n]) - (corners[2][n] - corners[3][n]))
-                });
+            for column in 1..count {
+                let (a, b, c, d) = (&above[column - 1], &above[column], &below[column - 1], &below[column]);
+                let mut light = [0.0; QUANTITIES];
+                for n in 0..N {
+                    light[n] = scale * ((a[n] - b[n]) - (c[n] - d[n]));
+                }
                 light[3] -= light[0] * shrink;
-                self.add(light, [column - 1, row - 1], edges, cut, pixels);
+                self.add::<N>(light, [column - 1, row - 1], edges, cut, pixels);
             }
         }
     }
 
     /// From the mean over the pixel at two by two points.
     #[inline(always)]
-    fn by_points(&self, scratch: &mut Scratch, cut: Cut, centre: DVec2) {
+    fn by_points<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, centre: DVec2) {
         let Scratch { edges, points, taps, lines, pixels } = scratch;
+        let table = &self.surface.share;
         for axis in 0..2 {
             points[axis].clear();
-            for pair in edges[axis].windows(2) {
-                points[axis].extend(NODES.map(|part| Place::between(&pair[0], &pair[1], part)));
-            }
             taps[axis].clear();
-            taps[axis].extend(points[axis].iter().map(|point| (self.surface.share.taps(axis, point.x), point.x_by)));
+            for pair in edges[axis].windows(2) {
+                for part in NODES {
+                    let point = Place::between(&pair[0], &pair[1], part);
+                    points[axis].push(point);
+                    taps[axis].push((table.taps(axis, point.x), point.x_by));
+                }
+            }
         }
         let [above, below] = lines;
+        let count = points[0].len();
+        above.resize(above.len().max(count), [0.0; QUANTITIES]);
+        below.resize(below.len().max(count), [0.0; QUANTITIES]);
         for row in 0..edges[1].len() - 1 {
             for (line, n) in [(&mut *above, 2 * row), (&mut *below, 2 * row + 1)] {
-                line.clear();
-                if self.beam.is_bent() {
-                    line.extend(points[0].iter().map(|x| self.read_bent(x, &points[1][n], centre)));
-                } else {
-                    line.extend(taps[0].iter().map(|x| self.read(true, x, &taps[1][n])));
+                for ((point, x), read) in points[0].iter().zip(&taps[0]).zip(line.iter_mut()) {
+                    if self.beam.is_bent() {
+                        self.read_bent::<N>(point, &points[1][n], centre, read);
+                    } else {
+                        self.read::<N>(table, x, &taps[1][n], read);
+                    }
                 }
             }
             let (height, height_by) = width(&edges[1][row..row + 2]);
@@ -267,24 +320,25 @@ impl LensletImage<'_> {
                 let (width, width_by) = width(&edges[0][column..column + 2]);
                 let scale = 0.25 / self.model.stop_mm2;
                 let at = 2 * column;
-                let mean: [f64; QUANTITIES] = std::array::from_fn(|n| {
-                    scale * ((above[at][n] + above[at + 1][n]) + (below[at][n] + below[at + 1][n]))
-                });
-                let mut light = mean.map(|value| value * width * height);
-                let (wide, high) = (mean[0] * height, mean[0] * width);
+                let (a, b, c, d) = (&above[at], &above[at + 1], &below[at], &below[at + 1]);
+                let mut light = [0.0; QUANTITIES];
+                for n in 0..N {
+                    light[n] = scale * width * height * ((a[n] + b[n]) + (c[n] + d[n]));
+                }
+                let (wide, high) = (light[0] / width, light[0] / height);
                 light[1] += wide * width_by[0];
                 light[2] += high * height_by[0];
                 light[3] += wide * width_by[1] + high * height_by[1];
                 light[5] += wide * width_by[2];
                 light[6] += high * height_by[2];
-                self.add(light, [column, row], edges, cut, pixels);
+                self.add::<N>(light, [column, row], edges, cut, pixels);
             }
         }
     }
 
     /// [`LensletImage::read`] for a bent ray.
     #[inline(always)]
-    fn read_bent(&self, x: &Place, y: &Place, centre: DVec2) -> [f64; QUANTITIES] {
+    fn read_bent<const N: usize>(&self, x: &Place, y: &Place, centre: DVec2, read: &mut [f64; QUANTITIES]) {
         let aperture = DVec2::new(x.u, y.u);
         let hit = self.beam.hit(aperture, self.model.optics.half_aperture_mm) - centre;
         let slope = self.beam.bend_slope(aperture, self.model.optics.half_aperture_mm);
@@ -292,12 +346,12 @@ impl LensletImage<'_> {
             let by = std::array::from_fn(|n| place.x_by[n] + slope[axis] * place.u_by[n]);
             (self.surface.share.taps(axis, hit[axis]), by)
         };
-        self.read(true, &taps(0, x), &taps(1, y))
+        self.read::<N>(&self.surface.share, &taps(0, x), &taps(1, y), read);
     }
 
     /// Adds the light of a part of a pixel, less what a round stop holds back.
     #[inline(always)]
-    fn add(
+    fn add<const N: usize>(
         &self,
         mut light: [f64; QUANTITIES],
         [column, row]: [usize; 2],
@@ -306,25 +360,93 @@ impl LensletImage<'_> {
         pixels: &mut [[f64; QUANTITIES]],
     ) {
         if cut.is_cut {
-            let (x, y) = (&edges[0][column..column + 2], &edges[1][row..row + 2]);
-            let centre = 0.5 * DVec2::new(x[0].u + x[1].u, y[0].u + y[1].u);
-            let half = 0.5 * DVec2::new((x[0].u - x[1].u).abs(), (y[0].u - y[1].u).abs());
-            let rim = rim::share(self.model.optics.half_aperture_mm, centre, half);
-            let whole = light[0];
-            light.iter_mut().for_each(|value| *value *= rim.share);
-            let by = |edges: &[Place], axis: usize, n: usize| {
-                let (a, b) = (edges[0].u_by[n], edges[1].u_by[n]);
-                let widens = (a - b) * (edges[0].u - edges[1].u).signum();
-                0.5 * whole * (rim.by_centre[axis] * (a + b) + rim.by_half[axis] * widens)
-            };
-            light[1] += by(x, 0, 0);
-            light[2] += by(y, 1, 0);
-            light[3] += by(x, 0, 1) + by(y, 1, 1);
-            light[5] += by(x, 0, 2);
-            light[6] += by(y, 1, 2);
+            self.hold_back(&mut light, &edges[0][column..column + 2], &edges[1][row..row + 2], cut);
         }
         let pixel = &mut pixels[row / cut.parts * cut.columns + column / cut.parts];
-        pixel.iter_mut().zip(light).for_each(|(sum, value)| *sum += value);
+        for n in 0..N {
+            pixel[n] += light[n];
+        }
+    }
+}
+
+impl LensletImage<'_> {
+    /// Takes from the light of a part of a pixel what a round stop holds back.
+    #[inline(always)]
+    fn hold_back(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], cut: Cut) {
+        let radius = self.model.optics.half_aperture_mm;
+        let far = |edges: &[Place]| edges[0].u.abs().max(edges[1].u.abs());
+        let (far_x, far_y) = (far(x), far(y));
+        if far_x * far_x + far_y * far_y <= radius * radius {
+            return;
+        }
+        let (cell_x, cell_y) = match cut.cell {
+            Some([x, y]) => (Some(x), Some(y)),
+            None => (None, None),
+        };
+        let (across, down) = (Span::of(x, cell_x), Span::of(y, cell_y));
+        let middle = DVec2::new(across.middle, down.middle);
+        let rim = rim::share(radius, middle, DVec2::new(across.half, down.half));
+        let whole = light[0];
+        light.iter_mut().for_each(|value| *value *= rim.share);
+        if rim.share < 1.0 && rim.share > 0.0 {
+            let by = |span: &Span, axis: usize, n: usize| {
+                whole * (rim.by_centre[axis] * span.middle_by[n] + rim.by_half[axis] * span.half_by[n])
+            };
+            light[1] += by(&across, 0, 0);
+            light[2] += by(&down, 1, 0);
+            light[3] += by(&across, 0, 1) + by(&down, 1, 1);
+            light[5] += by(&across, 0, 2);
+            light[6] += by(&down, 1, 2);
+        }
+    }
+}
+
+/// The places of the stop from which rays meet the edges of a cell, the lower first, and their derivatives by m, alpha
+/// and the lattice's shift. The cell's half side comes with its derivative by alpha.
+#[inline(always)]
+fn seen(chief: f64, alpha: f64, [half, half_by]: [f64; 2]) -> [(f64, [f64; 3]); 2] {
+    let per_alpha = 1.0 / alpha;
+    let edge = |side: f64| {
+        let u = (side * half - chief) * per_alpha;
+        (u, [-per_alpha, (side * half_by - u) * per_alpha, per_alpha])
+    };
+    let side = 1f64.copysign(alpha);
+    [edge(-side), edge(side)]
+}
+
+/// The part of the stop that a lenslet sees of a pixel, along one axis, with derivatives by m, alpha and shift.
+struct Span {
+    middle: f64,
+    half: f64,
+    middle_by: [f64; 3],
+    half_by: [f64; 3],
+}
+
+impl Span {
+    /// Between two edges of the pixel, and between those of the cell if they are given.
+    #[inline(always)]
+    fn of(edges: &[Place], cell: Option<[(f64, [f64; 3]); 2]>) -> Self {
+        let (a, b) = ((edges[0].u, edges[0].u_by), (edges[1].u, edges[1].u_by));
+        let (mut low, mut high) = if a.0 <= b.0 { (a, b) } else { (b, a) };
+        if let Some([first, last]) = cell {
+            let pixel = (low, high);
+            let within = |edge: (f64, [f64; 3])| {
+                if edge.0 < pixel.0.0 {
+                    pixel.0
+                } else if edge.0 > pixel.1.0 {
+                    pixel.1
+                } else {
+                    edge
+                }
+            };
+            (low, high) = (within(first), within(last));
+        }
+        let (mut middle_by, mut half_by) = ([0.0; 3], [0.0; 3]);
+        for n in 0..3 {
+            middle_by[n] = 0.5 * (high.1[n] + low.1[n]);
+            half_by[n] = 0.5 * (high.1[n] - low.1[n]);
+        }
+        Self { middle: 0.5 * (low.0 + high.0), half: 0.5 * (high.0 - low.0), middle_by, half_by }
     }
 }
 
@@ -337,6 +459,8 @@ struct Cut {
     columns: usize,
     /// Whether the rim of a round stop crosses the patch.
     is_cut: bool,
+    /// The part of the stop that the cell sees along both axes; None if that is more than pixels.
+    cell: Option<[[(f64, [f64; 3]); 2]; 2]>,
 }
 
 /// The width in the stop between two edges, mm, and its derivatives by m, alpha and the lattice's shift.
@@ -344,5 +468,5 @@ struct Cut {
 fn width(edges: &[Place]) -> (f64, [f64; 3]) {
     let width = edges[0].u - edges[1].u;
     let sign = 1f64.copysign(width);
-    (width.abs(), std::array::from_fn(|n| sign * (edges[0].u_by[n] - edges[1].u_by[n])))
+    (width.abs().max(f64::MIN_POSITIVE), std::array::from_fn(|n| sign * (edges[0].u_by[n] - edges[1].u_by[n])))
 }

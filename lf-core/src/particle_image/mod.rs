@@ -34,5 +34,5 @@ mod spline;
 #[cfg(test)]
 mod tests;
 
-pub use lenslet_image::{Patch, QUANTITIES, Scratch};
+pub use lenslet_image::{PLACES, Patch, QUANTITIES, Scratch};
 pub use model::ParticleModel;

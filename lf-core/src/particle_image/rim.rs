@@ -44,6 +44,7 @@ pub(super) fn share(radius: f64, centre: DVec2, half: DVec2) -> RimShare {
         return whole;
     }
     let normal = centre / distance;
+    let half = half.max(DVec2::splat(1e-6 * radius));
     // Half lengths across the rim, and the mean square along it, which makes the rim bulge.
     let across = (half * normal).abs();
     let along = DVec2::new(half.x * normal.y, half.y * normal.x);

@@ -14,6 +14,8 @@ pub(super) struct Spline {
 /// The four nodes about a coordinate and their weights: for the value, and for the slope.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Taps {
+    /// Whether the coordinate lies before the first node.
+    pub(super) is_below: bool,
     first: usize,
     weights: [f64; 4],
     slopes: [f64; 4],
@@ -39,7 +41,8 @@ impl Spline {
         let most = (self.nodes[axis] - 2) as f64 - 1e-9;
         let held = place.clamp(1.0, most);
         let inside = if held == place { self.per_step } else { 0.0 };
-        let t = held - held.floor();
+        let whole = held as usize;
+        let t = held - whole as f64;
         let s = 1.0 - t;
         let weights = [
             s * s * s / 6.0,
@@ -48,25 +51,29 @@ impl Spline {
             t * t * t / 6.0,
         ];
         let slopes = [-0.5 * s * s, t * (1.5 * t - 2.0), s * (2.0 - 1.5 * s), 0.5 * t * t];
-        Taps { first: held as usize - 1, weights, slopes: slopes.map(|slope| slope * inside) }
+        Taps { is_below: place < 1.0, first: whole - 1, weights, slopes: slopes.map(|slope| slope * inside) }
     }
 
-    /// Value, slopes along x and y, and derivative by the size, for a size that is `more` than the table's.
+    /// Value, slopes along x and y, and, if N is more than 4, derivative by the size, for a size that is `more` than the
+    /// table's.
     #[inline(always)]
-    pub(super) fn at(&self, x: &Taps, y: &Taps, more: f64) -> [f64; 4] {
+    pub(super) fn at<const N: usize>(&self, x: &Taps, y: &Taps, more: f64) -> [f64; 4] {
         let (mut level, mut slope, mut size) = ([0.0; 4], [0.0; 4], [0.0; 4]);
         for n in 0..4 {
-            let start = (y.first + n) * self.nodes[0] + x.first;
+            let start = y.first * self.nodes[0] + x.first + n * self.nodes[0];
             let (values, by_size) = (&self.values[start..start + 4], &self.by_size[start..start + 4]);
             for k in 0..4 {
                 let value = values[k] + more * by_size[k];
                 level[k] += y.weights[n] * value;
                 slope[k] += y.slopes[n] * value;
-                size[k] += y.weights[n] * by_size[k];
+                if N > 4 {
+                    size[k] += y.weights[n] * by_size[k];
+                }
             }
         }
         let dot = |a: [f64; 4], b: [f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
-        [dot(level, x.weights), dot(level, x.slopes), dot(slope, x.weights), dot(size, x.weights)]
+        let by_size = if N > 4 { dot(size, x.weights) } else { 0.0 };
+        [dot(level, x.weights), dot(level, x.slopes), dot(slope, x.weights), by_size]
     }
 }
 
@@ -101,7 +108,7 @@ mod tests {
         let table = |scale: f64| (0..3000).map(|n| scale * f(at(n).0, at(n).1)).collect();
         let spline = Spline::new([-3.0, -2.5], step, nodes, table(1.0), table(0.5));
         for (x, y, more) in [(0.33, 0.71, 0.0), (-1.04, 1.2, 0.1), (1.5, -1.57, -0.2)] {
-            let got = spline.at(&spline.taps(0, x), &spline.taps(1, y), more);
+            let got = spline.at::<8>(&spline.taps(0, x), &spline.taps(1, y), more);
             let scale = 1.0 + 0.5 * more;
             let by_x = 0.9 * (x * 0.9).cos() * (y * 1.1).cos() * scale;
             let by_y = -1.1 * (x * 0.9).sin() * (y * 1.1).sin() * scale;
@@ -111,7 +118,7 @@ mod tests {
             }
         }
         // Constant beyond the nodes.
-        let [value, by_x, ..] = spline.at(&spline.taps(0, 40.0), &spline.taps(1, 0.3), 0.0);
+        let [value, by_x, ..] = spline.at::<8>(&spline.taps(0, 40.0), &spline.taps(1, 0.3), 0.0);
         assert!(value.is_finite() && by_x == 0.0);
     }
 }

@@ -42,6 +42,8 @@ const SCAN_ASIDE: [f64; 7] = [-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0];
 const SCAN_DEPTH: [f64; 9] = [-84.0, -63.0, -42.0, -21.0, 0.0, 21.0, 42.0, 63.0, 84.0];
 const SCAN_BEST: usize = 3;
 const SCAN_GAIN: f64 = 1.0;
+/// Misfit, in standard deviations, from which a particle near focus is scanned.
+const SCAN_MISFIT: f64 = 0.5;
 
 impl Local<'_, '_> {
     /// Drops own particles whose light the image does not support. Gives how many.
@@ -214,6 +216,9 @@ impl Local<'_, '_> {
             .collect();
         for spot in todo {
             let Some(n) = self.members.iter().position(|member| member.spot == spot) else { continue };
+            if self.excess(n) < SCAN_MISFIT {
+                continue;
+            }
             let starts = self.scan_starts(n);
             let near = self.near(spot.place_mm, judge.lenslet_px + 2.0);
             let mut best: Option<(f64, super::joint::Fitted)> = None;

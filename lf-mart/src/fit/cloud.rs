@@ -147,7 +147,8 @@ impl<'a> Cloud<'a> {
             let images: Vec<SpotImage> = spots.iter().map(|spot| setting.image(spot, window, buffers)).collect();
             images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, -1.0));
             let before = setting.deviance(window, &images, buffers);
-            let fitted = setting.joint(window, &spots, ends, buffers);
+            let ends = Ends { gain: ends.gain * spots.len() as f64, ..ends };
+            let fitted = setting.joint(window, &spots, images, ends, buffers);
             fitted.images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, 1.0));
             (before - fitted.deviance, members.to_vec(), fitted.spots)
         };

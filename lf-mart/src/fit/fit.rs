@@ -82,6 +82,8 @@ const BEYOND_PX: f64 = 40.0;
 const SAMPLE_PX: usize = 420;
 /// Steps of the fit of size and drift: first, and later.
 const SHAPE_STEPS: [usize; 2] = [12, 6];
+/// A step of a tile that lowers -2 log L by less than this for each particle is the last of its sweep.
+const SWEEP_GAIN: f64 = 0.01;
 /// Neighbours within these pixels of the focal plane are free when the covariance is found: 0.995 of the full.
 const NEIGHBOURS_PX: f64 = 28.0;
 /// Noise before any is found, as a share of the brightest pixels.
@@ -230,7 +232,7 @@ impl Work<'_> {
 
     fn sweep(&mut self, sweeps: usize, steps: usize) -> f64 {
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
-        (0..sweeps).map(|_| self.cloud.sweep(&setting, Ends { steps, gain: 0.05 })).sum()
+        (0..sweeps).map(|_| self.cloud.sweep(&setting, Ends { steps, gain: SWEEP_GAIN })).sum()
     }
 
     fn sweeps(&mut self, what: &'static str, sweeps: usize, steps: usize, told: &mut impl FnMut(&Progress)) {

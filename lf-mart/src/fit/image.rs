@@ -20,12 +20,21 @@ struct Block {
 }
 
 /// The image of a particle.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct SpotImage {
+    /// The particle when it was rendered.
+    pub(super) rendered: Spot,
+    /// How far the counts have been moved since, pixels of the focal plane.
+    step: [f64; 3],
+    /// Light over that when it was rendered.
+    factor: f64,
     blocks: Vec<Block>,
     pixels: Vec<[f32; UNKNOWNS]>,
 }
 
+/// Lenslets and pixels that an image has at first room for.
+const BLOCKS: usize = 128;
+const PIXELS: usize = 1024;
 /// Pixels with less than this share of a particle's light are left out.
 const LEAST_SHARE: f64 = 1e-7;
 
@@ -38,14 +47,30 @@ impl SpotImage {
         window: &Window,
         scratch: &mut Scratch,
     ) -> Self {
-        let mut image = Self::default();
+        let (blocks, pixels) = (Vec::with_capacity(BLOCKS), Vec::with_capacity(PIXELS));
+        let mut image = Self { rendered: *spot, step: [0.0; 3], factor: 1.0, blocks, pixels };
         let scale = [spot.light, spot.light * pixel_mm];
         fastest(
             #[inline(always)]
             || {
-                model.visit(spot.place_mm, scratch, |patch, pixels| image.take(window, patch, pixels, scale));
+                model.visit_places(spot.place_mm, scratch, |patch, pixels| image.take(window, patch, pixels, scale));
             },
         );
+        image
+    }
+
+    /// The image after a small step from where it was rendered, by its derivatives, with another light.
+    pub(super) fn moved(&self, spot: &Spot, step: [f64; 3]) -> Self {
+        let factor = spot.light / self.rendered.light;
+        let scale = (factor / self.factor) as f32;
+        let more: [f32; 3] = std::array::from_fn(|k| (step[k] - self.step[k]) as f32);
+        let mut image =
+            Self { rendered: self.rendered, step, factor, blocks: self.blocks.clone(), pixels: self.pixels.clone() };
+        for pixel in &mut image.pixels {
+            let [x, y, z, counts] = *pixel;
+            let counts = counts + ((x * more[0] + y * more[1]) + z * more[2]);
+            *pixel = [x * scale, y * scale, z * scale, counts * scale];
+        }
         image
     }
 
@@ -97,13 +122,9 @@ impl SpotImage {
         self.pixels.is_empty()
     }
 
-    /// Counts that the window sees of it.
-    pub(super) fn counts(&self) -> f64 {
-        self.pixels.iter().map(|pixel| f64::from(pixel[COUNTS])).sum()
-    }
-
     /// Scales the light.
     pub(super) fn scale(&mut self, factor: f32) {
+        self.factor *= f64::from(factor);
         self.pixels.iter_mut().for_each(|pixel| pixel.iter_mut().for_each(|value| *value *= factor));
     }
 }

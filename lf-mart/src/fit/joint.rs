@@ -58,6 +58,9 @@ const MOST_DAMPING: f64 = 1e4;
 const SIDEWAYS: f64 = 1.0;
 const ALONG_Z: f64 = 20.0;
 const LEAST_LIGHT: f64 = 0.3;
+/// An image is not rendered anew if no ray has moved by more than this, pixels on the array: the derivatives tell the
+/// light to the square of this, a ten-thousandth.
+const NEAR: f64 = 0.015;
 /// Light rises at most by this factor.
 const MOST_LIGHT: f64 = 3.0;
 
@@ -100,6 +103,18 @@ impl Setting<'_> {
         SpotImage::of(self.model, spot, self.pixel_mm, window, &mut buffers.scratch)
     }
 
+    /// The image of a particle near the place where `image` was rendered: what the derivatives say if that is near
+    /// enough.
+    fn image_after(&self, spot: &Spot, image: &SpotImage, window: &Window, buffers: &mut Buffers) -> SpotImage {
+        let from = &image.rendered;
+        let step: [f64; 3] = std::array::from_fn(|k| (spot.place_mm[k] - from.place_mm[k]) / self.pixel_mm);
+        let spread = self.model.spread_px(step[2] * self.pixel_mm);
+        if step[0].abs().max(step[1].abs()).max(spread) > NEAR {
+            return self.image(spot, window, buffers);
+        }
+        image.moved(spot, step)
+    }
+
     /// -2 log L of a window with the images beyond that without them.
     pub(super) fn deviance(&self, window: &Window, images: &[SpotImage], buffers: &mut Buffers) -> f64 {
         buffers.fit(window.seen.len());
@@ -130,11 +145,17 @@ impl Setting<'_> {
         }
     }
 
-    /// Fits a group. The window holds the light of all others.
-    pub(super) fn joint(&self, window: &Window, spots: &[Spot], ends: Ends, buffers: &mut Buffers) -> Fitted {
+    /// Fits a group whose images are known. The window holds the light of all others.
+    pub(super) fn joint(
+        &self,
+        window: &Window,
+        spots: &[Spot],
+        mut images: Vec<SpotImage>,
+        ends: Ends,
+        buffers: &mut Buffers,
+    ) -> Fitted {
         buffers.fit(window.seen.len());
         let mut spots = spots.to_vec();
-        let mut images: Vec<SpotImage> = spots.iter().map(|spot| self.image(spot, window, buffers)).collect();
         buffers.paint(&images, window.columns);
         let mut deviance = self.painted_deviance(window, buffers);
         let mut damping = DAMPING;
@@ -149,7 +170,8 @@ impl Setting<'_> {
             let step = conjugate_gradients(&normal, &images, window.columns, damping, buffers);
             buffers.wipe();
             let next: Vec<Spot> = spots.iter().zip(&step).map(|(spot, step)| self.moved(spot, step)).collect();
-            let next_images: Vec<SpotImage> = next.iter().map(|spot| self.image(spot, window, buffers)).collect();
+            let next_images: Vec<SpotImage> =
+                next.iter().zip(&images).map(|(spot, image)| self.image_after(spot, image, window, buffers)).collect();
             buffers.paint(&next_images, window.columns);
             let reached = self.painted_deviance(window, buffers);
             if reached < deviance {

@@ -86,7 +86,15 @@ impl<'a, 'b> Local<'a, 'b> {
     /// Fits `spots` in the place of the members `near`. Gives the fit and the fall of -2 log L. Nothing changes yet.
     pub(super) fn attempt(&mut self, near: &[usize], spots: &[Spot], ends: Ends) -> (Fitted, f64) {
         let before = self.lift(near);
-        let fitted = self.setting.joint(self.window, spots, ends, self.buffers);
+        let mut images = Vec::with_capacity(spots.len());
+        for spot in spots {
+            let known = near.iter().map(|n| &self.members[*n]).find(|member| member.spot == *spot);
+            images.push(match known {
+                Some(member) => member.image.clone(),
+                None => self.setting.image(spot, self.window, self.buffers),
+            });
+        }
+        let fitted = self.setting.joint(self.window, spots, images, ends, self.buffers);
         self.lay(near);
         let gain = before - fitted.deviance;
         (fitted, gain)

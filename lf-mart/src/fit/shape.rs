@@ -33,8 +33,11 @@ const SHAPES: usize = 3;
 const STEP_PX: f64 = 0.1;
 const LEAST_PX: f64 = 0.15;
 const MOST_PX: f64 = 5.0;
-/// Damping of the particles while the shape is fitted.
-const DAMPING: f64 = 1e-4;
+/// Damping of the particles while the shape is fitted: its start, its change after a good and after a bad step.
+const DAMPING: f64 = 0.01;
+const LESS: f64 = 0.2;
+const MORE: f64 = 8.0;
+const LEAST_DAMPING: f64 = 1e-6;
 /// A step below this ends the fit, pixels.
 const ENOUGH_PX: f64 = 1e-4;
 
@@ -75,29 +78,24 @@ impl Sample<'_> {
         let mut buffers = Buffers::default();
         let mut model = shape.model(self.camera, setting.depth_mm)?;
         let mut state = self.state(&Setting { model: &model, ..*setting }, &mut buffers);
-        let mut shortening = 1.0;
+        let mut damping = DAMPING;
         for _ in 0..steps {
-            let (step, moves) = self.step(&Setting { model: &model, ..*setting }, &state, &mut buffers);
-            let next_shape = shape.moved(step.map(|value| value * shortening));
+            let (step, moves) = self.step(&Setting { model: &model, ..*setting }, &state, damping, &mut buffers);
+            let next_shape = shape.moved(step);
             let next_model = next_shape.model(self.camera, setting.depth_mm)?;
             let next_setting = Setting { model: &next_model, ..*setting };
             let old = self.spots.clone();
-            let moved =
-                |(spot, step): (&Spot, &[f64; UNKNOWNS])| next_setting.moved(spot, &step.map(|s| s * shortening));
-            self.spots = old.iter().zip(&moves).map(moved).collect();
+            self.spots = old.iter().zip(&moves).map(|(spot, step)| next_setting.moved(spot, step)).collect();
             let next = self.state(&next_setting, &mut buffers);
             if next.deviance < state.deviance {
                 (shape, model, state) = (next_shape, next_model, next);
+                damping = (damping * LESS).max(LEAST_DAMPING);
                 if step.iter().all(|step| step.abs() < ENOUGH_PX) {
                     break;
                 }
-                shortening = f64::min(1.0, 2.0 * shortening);
             } else {
                 self.spots = old;
-                shortening *= 0.3;
-                if shortening < 0.01 {
-                    break;
-                }
+                damping *= MORE;
             }
         }
         Ok(shape)
@@ -147,7 +145,13 @@ impl Sample<'_> {
     }
 
     /// The step of the shape and those of the particles: the equations of the shape are bordered by the particles'.
-    fn step(&self, setting: &Setting, state: &State, buffers: &mut Buffers) -> ([f64; SHAPES], Vec<[f64; UNKNOWNS]>) {
+    fn step(
+        &self,
+        setting: &Setting,
+        state: &State,
+        damping: f64,
+        buffers: &mut Buffers,
+    ) -> ([f64; SHAPES], Vec<[f64; UNKNOWNS]>) {
         let columns = self.window.columns;
         buffers.paint(&state.images, columns);
         setting.weigh(&self.window, buffers);
@@ -163,10 +167,10 @@ impl Sample<'_> {
             }
         }
         let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| self.mixed(state, a, buffers));
-        let own = conjugate_gradients(&normal, &state.images, columns, DAMPING, buffers);
+        let own = conjugate_gradients(&normal, &state.images, columns, damping, buffers);
         let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| {
             let normal = Blocks { gradient: mixed[a].clone(), diagonal: normal.diagonal.clone() };
-            conjugate_gradients(&normal, &state.images, columns, DAMPING, buffers)
+            conjugate_gradients(&normal, &state.images, columns, damping, buffers)
         });
         buffers.wipe();
         let dot = |a: &[[f64; UNKNOWNS]], b: &[[f64; UNKNOWNS]]| -> f64 {
