@@ -54,13 +54,11 @@ const BY_POINTS: f64 = 0.5;
 const BY_POINTS_BENT: f64 = 0.75;
 /// Gauss-Legendre with two nodes: their places in the interval.
 const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
-/// Pixels at the rim are cut until they are no wider than these shares of a lenslet and of the stop's half side.
-const FINE_ON_ARRAY: f64 = 4.0;
+/// Strips of a pixel at the rim of a round stop.
+const STRIPS: usize = 3;
+/// Where the mean over a pixel is taken, pixels at the rim are cut until they are no wider than this share of the
+/// stop's half side.
 const FINE_IN_STOP: f64 = 0.16;
-/// At the rim the stop's share is taken over the part that the cell sees, and this far beyond its edges if
-/// the pixel is not wide, in pitches.
-const BEYOND: f64 = 0.13;
-const WIDE: f64 = 0.27;
 /// Most parts of a pixel a side.
 const FINEST: f64 = 4.0;
 
@@ -180,8 +178,7 @@ impl LensletImage<'_> {
                 Side::Inside => {}
                 Side::Across => {
                     is_cut = true;
-                    let wanted = (on_array / (FINE_ON_ARRAY * model.pitch_mm)).max(width_mm / (FINE_IN_STOP * half));
-                    parts = wanted.ceil().clamp(1.0, FINEST) as usize;
+                    parts = (width_mm / (FINE_IN_STOP * half)).ceil().clamp(1.0, FINEST) as usize;
                 }
             }
         }
@@ -204,20 +201,10 @@ impl LensletImage<'_> {
         }
         scratch.pixels.clear();
         scratch.pixels.resize(((right - left) * (bottom - top)) as usize, [0.0; QUANTITIES]);
-        let mut cut = Cut { parts, columns: (right - left) as usize, is_cut, cell: None };
+        let cut = Cut { parts, columns: (right - left) as usize, is_cut };
         if by_points {
             self.by_points::<N>(scratch, cut, line.centre);
         } else {
-            if is_cut {
-                // Where pixels are no wider than the blur, light from beyond the cell's edges counts too.
-                let wide = on_array / (WIDE * model.pitch_mm);
-                let beyond = BEYOND * model.pitch_mm / (1.0 + wide * wide);
-                let cell = |axis: usize| {
-                    let by_alpha = -2.0 * beyond * wide * wide / ((1.0 + wide * wide) * alpha[axis]);
-                    seen(chief[axis], alpha[axis], [model.cell_half_mm + beyond, by_alpha])
-                };
-                cut.cell = Some([cell(0), cell(1)]);
-            }
             self.by_corners::<N>(scratch, cut, alpha);
         }
         let [column, row] = [left, top].map(|first| first as u32);
@@ -256,6 +243,7 @@ impl LensletImage<'_> {
         let scale = if turned { -1.0 } else { 1.0 } / (self.model.stop_mm2 * alpha.x * alpha.y);
         let shrink = 1.0 / alpha.x + 1.0 / alpha.y;
         let count = edges[0].len();
+        let radius = self.model.optics.half_aperture_mm;
         let [above, below] = lines;
         above.resize(above.len().max(count), [0.0; QUANTITIES]);
         below.resize(below.len().max(count), [0.0; QUANTITIES]);
@@ -276,11 +264,81 @@ impl LensletImage<'_> {
             for column in 1..count {
                 let (a, b, c, d) = (&above[column - 1], &above[column], &below[column - 1], &below[column]);
                 let mut light = [0.0; QUANTITIES];
-                for n in 0..N {
-                    light[n] = scale * ((a[n] - b[n]) - (c[n] - d[n]));
+                let side = if cut.is_cut {
+                    side_of(radius, &edges[0][column - 1..=column], &edges[1][row - 1..=row])
+                } else {
+                    Side::Inside
+                };
+                match side {
+                    Side::Outside => continue,
+                    Side::Inside => {
+                        for n in 0..N {
+                            light[n] = (a[n] - b[n]) - (c[n] - d[n]);
+                        }
+                    }
+                    Side::Across => {
+                        self.by_strips::<N>(
+                            &mut light,
+                            &edges[0][column - 1..=column],
+                            &edges[1][row - 1..=row],
+                            alpha,
+                        );
+                    }
                 }
+                light.iter_mut().for_each(|value| *value *= scale);
                 light[3] -= light[0] * shrink;
-                self.add::<N>(light, [column - 1, row - 1], edges, cut, pixels);
+                self.add::<N>(light, [column - 1, row - 1], cut, pixels);
+            }
+        }
+    }
+
+    /// The integral over a pixel that the rim of a round stop crosses: the pixel is cut into strips across the rim, and
+    /// a strip ends where the rim crosses it in the mean.
+    #[inline(always)]
+    fn by_strips<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], alpha: DVec2) {
+        let radius = self.model.optics.half_aperture_mm;
+        let chord = |v: f64| (radius * radius - v * v).max(0.0).sqrt();
+        let lies_across = (x[0].u + x[1].u).abs() >= (y[0].u + y[1].u).abs();
+        let (across, along, alpha) = if lies_across { (x, y, alpha.x) } else { (y, x, alpha.y) };
+        for n in 0..STRIPS {
+            let edge = |n: usize| Place::between(&along[0], &along[1], n as f64 / STRIPS as f64);
+            let (first, last) = (edge(n), edge(n + 1));
+            let middle = 0.5 * (first.u + last.u);
+            let end = (chord(first.u) + 4.0 * chord(middle) + chord(last.u)) / 6.0;
+            let turn = if end > 1e-3 * radius { -middle / end } else { 0.0 };
+            let turn_by: [f64; 3] = std::array::from_fn(|k| 0.5 * turn * (first.u_by[k] + last.u_by[k]));
+            let cut = |place: &Place| {
+                if place.u.abs() <= end {
+                    return (*place, [0.0; 3]);
+                }
+                let u = end.copysign(place.u);
+                let x = place.x + alpha * (u - place.u);
+                (Place { u, u_by: [0.0; 3], x, x_by: [1.0, u, -1.0] }, turn_by.map(|by| alpha * by * place.u.signum()))
+            };
+            let ends = [cut(&across[0]), cut(&across[1])];
+            if ends[0].0.u == ends[1].0.u {
+                continue;
+            }
+            for (place, sign) in [(&first, 1.0), (&last, -1.0)] {
+                for ((end, end_by), side) in ends.iter().zip([1.0, -1.0]) {
+                    let (x, y) = if lies_across { (end, place) } else { (place, end) };
+                    let table = &self.surface.integral;
+                    let (taps_x, taps_y) = (table.taps(0, x.x), table.taps(1, y.x));
+                    if taps_x.is_below || taps_y.is_below {
+                        continue;
+                    }
+                    let mut corner = [0.0; QUANTITIES];
+                    self.read::<N>(table, &(taps_x, x.x_by), &(taps_y, y.x_by), &mut corner);
+                    // The end of the strip moves as the strip does along the rim.
+                    let [_, by_x, by_y, _] = table.at::<PLACES>(&taps_x, &taps_y, self.more_mm);
+                    let (by_end, other) = if lies_across { (by_x, 1) } else { (by_y, 0) };
+                    corner[1 + other] += by_end * end_by[0];
+                    corner[3] += by_end * end_by[1];
+                    corner[5 + other] += by_end * end_by[2];
+                    for k in 0..QUANTITIES {
+                        light[k] += sign * side * corner[k];
+                    }
+                }
             }
         }
     }
@@ -331,7 +389,10 @@ impl LensletImage<'_> {
                 light[3] += wide * width_by[1] + high * height_by[1];
                 light[5] += wide * width_by[2];
                 light[6] += high * height_by[2];
-                self.add::<N>(light, [column, row], edges, cut, pixels);
+                if cut.is_cut {
+                    self.hold_back(&mut light, &edges[0][column..column + 2], &edges[1][row..row + 2]);
+                }
+                self.add::<N>(light, [column, row], cut, pixels);
             }
         }
     }
@@ -349,19 +410,15 @@ impl LensletImage<'_> {
         self.read::<N>(&self.surface.share, &taps(0, x), &taps(1, y), read);
     }
 
-    /// Adds the light of a part of a pixel, less what a round stop holds back.
+    /// Adds the light of a part of a pixel.
     #[inline(always)]
     fn add<const N: usize>(
         &self,
-        mut light: [f64; QUANTITIES],
+        light: [f64; QUANTITIES],
         [column, row]: [usize; 2],
-        edges: &[Vec<Place>; 2],
         cut: Cut,
         pixels: &mut [[f64; QUANTITIES]],
     ) {
-        if cut.is_cut {
-            self.hold_back(&mut light, &edges[0][column..column + 2], &edges[1][row..row + 2], cut);
-        }
         let pixel = &mut pixels[row / cut.parts * cut.columns + column / cut.parts];
         for n in 0..N {
             pixel[n] += light[n];
@@ -369,21 +426,22 @@ impl LensletImage<'_> {
     }
 }
 
+/// The side of the rim of a round stop on which a pixel between these edges lies.
+#[inline(always)]
+fn side_of(radius: f64, x: &[Place], y: &[Place]) -> Side {
+    let (a, b) = (DVec2::new(x[0].u, y[0].u), DVec2::new(x[1].u, y[1].u));
+    rim::side(radius, a.min(b), a.max(b))
+}
+
 impl LensletImage<'_> {
     /// Takes from the light of a part of a pixel what a round stop holds back.
     #[inline(always)]
-    fn hold_back(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], cut: Cut) {
+    fn hold_back(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place]) {
         let radius = self.model.optics.half_aperture_mm;
-        let far = |edges: &[Place]| edges[0].u.abs().max(edges[1].u.abs());
-        let (far_x, far_y) = (far(x), far(y));
-        if far_x * far_x + far_y * far_y <= radius * radius {
+        if side_of(radius, x, y) == Side::Inside {
             return;
         }
-        let (cell_x, cell_y) = match cut.cell {
-            Some([x, y]) => (Some(x), Some(y)),
-            None => (None, None),
-        };
-        let (across, down) = (Span::of(x, cell_x), Span::of(y, cell_y));
+        let (across, down) = (Span::of(x), Span::of(y));
         let middle = DVec2::new(across.middle, down.middle);
         let rim = rim::share(radius, middle, DVec2::new(across.half, down.half));
         let whole = light[0];
@@ -401,20 +459,7 @@ impl LensletImage<'_> {
     }
 }
 
-/// The places of the stop from which rays meet the edges of a cell, the lower first, and their derivatives by m, alpha
-/// and the lattice's shift. The cell's half side comes with its derivative by alpha.
-#[inline(always)]
-fn seen(chief: f64, alpha: f64, [half, half_by]: [f64; 2]) -> [(f64, [f64; 3]); 2] {
-    let per_alpha = 1.0 / alpha;
-    let edge = |side: f64| {
-        let u = (side * half - chief) * per_alpha;
-        (u, [-per_alpha, (side * half_by - u) * per_alpha, per_alpha])
-    };
-    let side = 1f64.copysign(alpha);
-    [edge(-side), edge(side)]
-}
-
-/// The part of the stop that a lenslet sees of a pixel, along one axis, with derivatives by m, alpha and shift.
+/// A part of a pixel in the stop along one axis, with derivatives by m, alpha and shift.
 struct Span {
     middle: f64,
     half: f64,
@@ -423,30 +468,16 @@ struct Span {
 }
 
 impl Span {
-    /// Between two edges of the pixel, and between those of the cell if they are given.
+    /// Between two edges.
     #[inline(always)]
-    fn of(edges: &[Place], cell: Option<[(f64, [f64; 3]); 2]>) -> Self {
-        let (a, b) = ((edges[0].u, edges[0].u_by), (edges[1].u, edges[1].u_by));
-        let (mut low, mut high) = if a.0 <= b.0 { (a, b) } else { (b, a) };
-        if let Some([first, last]) = cell {
-            let pixel = (low, high);
-            let within = |edge: (f64, [f64; 3])| {
-                if edge.0 < pixel.0.0 {
-                    pixel.0
-                } else if edge.0 > pixel.1.0 {
-                    pixel.1
-                } else {
-                    edge
-                }
-            };
-            (low, high) = (within(first), within(last));
-        }
+    fn of(edges: &[Place]) -> Self {
+        let (low, high) = if edges[0].u <= edges[1].u { (&edges[0], &edges[1]) } else { (&edges[1], &edges[0]) };
         let (mut middle_by, mut half_by) = ([0.0; 3], [0.0; 3]);
         for n in 0..3 {
-            middle_by[n] = 0.5 * (high.1[n] + low.1[n]);
-            half_by[n] = 0.5 * (high.1[n] - low.1[n]);
+            middle_by[n] = 0.5 * (high.u_by[n] + low.u_by[n]);
+            half_by[n] = 0.5 * (high.u_by[n] - low.u_by[n]);
         }
-        Self { middle: 0.5 * (low.0 + high.0), half: 0.5 * (high.0 - low.0), middle_by, half_by }
+        Self { middle: 0.5 * (low.u + high.u), half: 0.5 * (high.u - low.u), middle_by, half_by }
     }
 }
 
@@ -459,8 +490,6 @@ struct Cut {
     columns: usize,
     /// Whether the rim of a round stop crosses the patch.
     is_cut: bool,
-    /// The part of the stop that the cell sees along both axes; None if that is more than pixels.
-    cell: Option<[[(f64, [f64; 3]); 2]; 2]>,
 }
 
 /// The width in the stop between two edges, mm, and its derivatives by m, alpha and the lattice's shift.

@@ -21,8 +21,6 @@ pub struct ParticleModel {
     /// Half sides of the box around a cell, mm.
     pub(super) corner: DVec2,
     pub(super) pitch_mm: f64,
-    /// Half side of the square that is as wide as the cell in the mean square, mm.
-    pub(super) cell_half_mm: f64,
     pub(super) has_round_stop: bool,
     /// Area of the stop, mm^2.
     pub(super) stop_mm2: f64,
@@ -67,7 +65,6 @@ impl ParticleModel {
             alpha_by_z: tracer.beam(&optics, [0.0; 3]).alpha_by[2],
             corner: corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs())),
             pitch_mm,
-            cell_half_mm: cell_half_mm(&corners),
             has_round_stop,
             stop_mm2: if has_round_stop { PI * half * half } else { 4.0 * half * half },
             optics,
@@ -159,18 +156,6 @@ impl ParticleModel {
         let nearest = self.surfaces.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
         nearest.expect("there is a table")
     }
-}
-
-/// Half side of the square with the mean square width of a cell: of a square itself, of a hexagon 0.456 pitches.
-fn cell_half_mm(corners: &[DVec2]) -> f64 {
-    let (mut area, mut moment) = (0.0, 0.0);
-    for (n, from) in corners.iter().enumerate() {
-        let to = corners[(n + 1) % corners.len()];
-        let twice = from.perp_dot(to);
-        area += 0.5 * twice;
-        moment += twice * (from.length_squared() + from.dot(to) + to.length_squared()) / 12.0;
-    }
-    (1.5 * moment / area).sqrt()
 }
 
 /// From derivatives by the beam (m, alpha, spot) to derivatives by the place and the size of the particle.

@@ -101,12 +101,17 @@ impl SpotImage {
     /// Calls `each(place in the window, numbers)` for all pixels. A pixel may come more than once.
     #[inline(always)]
     pub(super) fn pixels(&self, columns: usize, mut each: impl FnMut(usize, &[f32; UNKNOWNS])) {
+        self.lines(columns, |start, line| line.iter().enumerate().for_each(|(n, pixel)| each(start + n, pixel)));
+    }
+
+    /// The same line by line: `each(first place in the window, numbers of the pixels)`.
+    #[inline(always)]
+    pub(super) fn lines(&self, columns: usize, mut each: impl FnMut(usize, &[[f32; UNKNOWNS]])) {
         let mut rest = self.pixels.as_slice();
         for block in &self.blocks {
             for row in 0..block.rows as usize {
-                let start = block.start as usize + row * columns;
                 let (line, behind) = rest.split_at(block.columns as usize);
-                line.iter().enumerate().for_each(|(n, pixel)| each(start + n, pixel));
+                each(block.start as usize + row * columns, line);
                 rest = behind;
             }
         }
@@ -114,7 +119,11 @@ impl SpotImage {
 
     /// Adds `sign` times the particle's light to a window.
     pub(super) fn add_to(&self, light: &mut [f32], columns: usize, sign: f32) {
-        self.pixels(columns, |n, pixel| light[n] += sign * pixel[COUNTS]);
+        self.lines(columns, |start, line| {
+            for (light, pixel) in light[start..start + line.len()].iter_mut().zip(line) {
+                *light += sign * pixel[COUNTS];
+            }
+        });
     }
 
     /// Whether the window sees nothing of it.

@@ -80,11 +80,15 @@ impl Buffers {
     pub(super) fn paint(&mut self, images: &[SpotImage], columns: usize) {
         let Self { own, is_touched, touched, .. } = self;
         for image in images {
-            image.pixels(columns, |n, pixel| {
-                own[n] += pixel[COUNTS];
-                if !is_touched[n] {
-                    is_touched[n] = true;
-                    touched.push(n as u32);
+            image.lines(columns, |start, line| {
+                let range = start..start + line.len();
+                let places = own[range.clone()].iter_mut().zip(&mut is_touched[range]);
+                for ((n, pixel), (own, is_touched)) in line.iter().enumerate().zip(places) {
+                    *own += pixel[COUNTS];
+                    if !*is_touched {
+                        *is_touched = true;
+                        touched.push((start + n) as u32);
+                    }
                 }
             });
         }

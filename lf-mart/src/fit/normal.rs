@@ -15,8 +15,8 @@ pub(super) struct Blocks {
 
 /// Most steps of conjugate gradients, and the share of the first residual at which they end. Blocks make them quick:
 /// particles of a usual density hang together by a few per cent.
-const STEPS: usize = 12;
-const ENOUGH: f64 = 1e-6;
+const STEPS: usize = 10;
+const ENOUGH: f64 = 1e-4;
 /// Least diagonal, as a share of the largest of its block: an unknown that no pixel tells stays.
 const LEAST: f64 = 1e-12;
 
@@ -26,13 +26,18 @@ impl Blocks {
         let (mut gradient, mut diagonal) = (Vec::new(), Vec::new());
         for image in images {
             let (mut pull, mut block) = ([0f64; UNKNOWNS], [[0f64; UNKNOWNS]; UNKNOWNS]);
-            image.pixels(columns, |n, pixel| {
-                let (weight, off) = (buffers.weight[n], buffers.pull[n]);
-                for a in 0..UNKNOWNS {
-                    pull[a] += f64::from(off * pixel[a]);
-                    let weighed = weight * pixel[a];
-                    for b in 0..UNKNOWNS {
-                        block[a][b] += f64::from(weighed * pixel[b]);
+            image.lines(columns, |start, line| {
+                let range = start..start + line.len();
+                let places = buffers.weight[range.clone()].iter().zip(&buffers.pull[range]);
+                for (pixel, (weight, off)) in line.iter().zip(places) {
+                    let pixel = pixel.map(f64::from);
+                    let (weight, off) = (f64::from(*weight), f64::from(*off));
+                    for a in 0..UNKNOWNS {
+                        pull[a] += off * pixel[a];
+                        let weighed = weight * pixel[a];
+                        for b in 0..UNKNOWNS {
+                            block[a][b] += weighed * pixel[b];
+                        }
                     }
                 }
             });
@@ -157,8 +162,10 @@ fn product(images: &[SpotImage], columns: usize, direction: &[Vector], buffers: 
     let Buffers { lane, weight, touched, .. } = buffers;
     for (image, along) in images.iter().zip(direction) {
         let along = along.map(|value| value as f32);
-        image.pixels(columns, |n, pixel| {
-            lane[n] += (pixel[0] * along[0] + pixel[1] * along[1]) + (pixel[2] * along[2] + pixel[3] * along[3]);
+        image.lines(columns, |start, line| {
+            for (lane, pixel) in lane[start..start + line.len()].iter_mut().zip(line) {
+                *lane += (pixel[0] * along[0] + pixel[1] * along[1]) + (pixel[2] * along[2] + pixel[3] * along[3]);
+            }
         });
     }
     touched.iter().for_each(|n| lane[*n as usize] *= weight[*n as usize]);
@@ -166,8 +173,12 @@ fn product(images: &[SpotImage], columns: usize, direction: &[Vector], buffers: 
         .iter()
         .map(|image| {
             let mut sum = [0f32; UNKNOWNS];
-            image.pixels(columns, |n, pixel| {
-                (0..UNKNOWNS).for_each(|k| sum[k] += lane[n] * pixel[k]);
+            image.lines(columns, |start, line| {
+                for (lane, pixel) in lane[start..start + line.len()].iter().zip(line) {
+                    for k in 0..UNKNOWNS {
+                        sum[k] += lane * pixel[k];
+                    }
+                }
             });
             sum.map(f64::from)
         })
