@@ -33,6 +33,8 @@ const HALVES: [[f64; 3]; 7] = [
     [-3.0, 3.0, 20.0],
     [-3.0, -3.0, 20.0],
 ];
+/// Most passes of drops in a round.
+const DROPS: usize = 6;
 /// Farthest in depth of a neighbour that takes a dropped particle's light, pixels of the focal plane.
 const HEIR: f64 = 150.0;
 /// Faintest new particle, in the usual light.
@@ -46,8 +48,21 @@ const SCAN_GAIN: f64 = 1.0;
 const SCAN_MISFIT: f64 = 0.5;
 
 impl Local<'_, '_> {
-    /// Drops own particles whose light the image does not support. Gives how many.
+    /// Drops own particles whose light the image does not support, until all do or none can be spared. Gives how many.
     pub(super) fn drop_weak(&mut self, judge: &Judge) -> usize {
+        let mut dropped = 0;
+        for _ in 0..DROPS {
+            let count = self.drop_apart(judge);
+            dropped += count;
+            if count == 0 {
+                break;
+            }
+        }
+        dropped
+    }
+
+    /// Drops weak particles that lie more than a lenslet apart.
+    fn drop_apart(&mut self, judge: &Judge) -> usize {
         let mut weak = Vec::new();
         for n in 0..self.members.len() {
             if !self.members[n].is_own {

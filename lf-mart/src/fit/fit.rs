@@ -80,8 +80,9 @@ const GAIN: f64 = 25.0;
 const BEYOND_PX: f64 = 40.0;
 /// Side of the part of the sensor from which size and drift are found, pixels.
 const SAMPLE_PX: usize = 420;
-/// Steps of the fit of size and drift: first, and later.
-const SHAPE_STEPS: [usize; 2] = [12, 6];
+/// Most steps of a fit of size and drift, and rounds after which they are fitted again.
+const SHAPE_STEPS: usize = 8;
+const SHAPE_ROUNDS: usize = 3;
 /// A step of a tile that lowers -2 log L by less than this for each particle is the last of its sweep.
 const SWEEP_GAIN: f64 = 0.01;
 /// Neighbours within these pixels of the focal plane are free when the covariance is found: 0.995 of the full.
@@ -131,15 +132,16 @@ pub fn fit(
         candidates: Vec::new(),
     };
     work.begin();
-    work.shape(SHAPE_STEPS[0], &mut told)?;
-    work.sweeps("first fit", 3, 4, &mut told);
-    work.find_noise();
-    work.shape(SHAPE_STEPS[1], &mut told)?;
+    work.sweeps("first fit", 1, 3, &mut told);
+    work.shape(&mut told)?;
     work.sweeps("fit", 2, 3, &mut told);
+    work.find_noise();
     for round in 0..options.rounds {
         let changes = work.round(round)?;
         work.find_noise();
-        work.shape(SHAPE_STEPS[1], &mut told)?;
+        if round < SHAPE_ROUNDS {
+            work.shape(&mut told)?;
+        }
         let gain = work.sweep(2, 4);
         work.tell("round", changes, gain, &mut told);
         if changes[1] + changes[2] == 0 && (changes[0] == 0 || round > 1) {
@@ -192,7 +194,7 @@ impl Work<'_> {
     }
 
     /// Fits size and drift in a part of the sensor.
-    fn shape(&mut self, steps: usize, told: &mut impl FnMut(&Progress)) -> Result<(), Refusal> {
+    fn shape(&mut self, told: &mut impl FnMut(&Progress)) -> Result<(), Refusal> {
         if !self.options.free.size && !self.options.free.drift {
             return Ok(());
         }
@@ -222,7 +224,7 @@ impl Work<'_> {
             return Ok(());
         }
         let mut sample = Sample { camera: self.camera, window, spots, free: self.options.free };
-        self.shape = sample.fit(&setting, self.shape, steps)?;
+        self.shape = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
         self.model = self.shape.model(self.camera, self.depth_mm)?;
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
         self.cloud.render(&setting);
@@ -303,6 +305,7 @@ impl Work<'_> {
 
     /// Scans near focus, drops once more, fits to the end, and finds the uncertainties.
     fn finish(mut self, told: &mut impl FnMut(&Progress)) -> Result<Fit, Refusal> {
+        self.shape(told)?;
         self.sweeps("fit", 2, 6, told);
         let judge = self.judge();
         let near_mm = self.near_focus_mm();

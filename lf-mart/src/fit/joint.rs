@@ -1,7 +1,7 @@
 //! Levenberg-Marquardt on the places and lights of a group of particles in a window, the others held.
 
 use super::image::{COUNTS, SpotImage, UNKNOWNS};
-use super::normal::{Blocks, conjugate_gradients};
+use super::normal::{Blocks, FINE, conjugate_gradients};
 use super::{noise::Noise, spot::Spot, window::Window};
 use lf_core::particle_image::{self, ParticleModel};
 
@@ -171,7 +171,7 @@ impl Setting<'_> {
                 normal = Blocks::new(&images, window.columns, buffers);
                 is_weighed = true;
             }
-            let step = conjugate_gradients(&normal, &images, window.columns, damping, buffers);
+            let step = conjugate_gradients(&normal, &images, window.columns, damping, FINE, buffers);
             buffers.wipe();
             let next: Vec<Spot> = spots.iter().zip(&step).map(|(spot, step)| self.moved(spot, step)).collect();
             let next_images: Vec<SpotImage> =

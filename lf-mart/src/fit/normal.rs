@@ -13,10 +13,17 @@ pub(super) struct Blocks {
     pub(super) diagonal: Vec<Matrix>,
 }
 
+/// Effort of conjugate gradients.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Effort {
+    steps: usize,
+    enough: f64,
+}
+
 /// Most steps of conjugate gradients, and the share of the first residual at which they end. Blocks make them quick:
 /// particles of a usual density hang together by a few per cent.
-const STEPS: usize = 10;
-const ENOUGH: f64 = 1e-4;
+pub(super) const FINE: Effort = Effort { steps: 10, enough: 1e-4 };
+pub(super) const ROUGH: Effort = Effort { steps: 6, enough: 1e-3 };
 /// Least diagonal, as a share of the largest of its block: an unknown that no pixel tells stays.
 const LEAST: f64 = 1e-12;
 
@@ -46,6 +53,40 @@ impl Blocks {
         }
         Self { gradient, diagonal }
     }
+}
+
+impl Blocks {
+    /// What is added to the diagonal.
+    fn damped(&self, damping: f64) -> Vec<Vector> {
+        let more = |block: &Matrix| {
+            let most = (0..UNKNOWNS).fold(0f64, |most, n| most.max(block[n][n]));
+            std::array::from_fn(|n| damping * block[n][n] + LEAST * most + f64::MIN_POSITIVE)
+        };
+        self.diagonal.iter().map(more).collect()
+    }
+
+    /// Cholesky factors of the blocks.
+    fn factors(&self, damped: &[Vector]) -> Vec<[f64; UNKNOWNS * UNKNOWNS]> {
+        let factor = |(block, more): (&Matrix, &Vector)| {
+            let mut matrix = [0.0; UNKNOWNS * UNKNOWNS];
+            for row in 0..UNKNOWNS {
+                matrix[row * UNKNOWNS..(row + 1) * UNKNOWNS].copy_from_slice(&block[row]);
+                matrix[row * UNKNOWNS + row] += more[row];
+            }
+            cholesky(&mut matrix, UNKNOWNS);
+            matrix
+        };
+        self.diagonal.iter().zip(damped).map(factor).collect()
+    }
+}
+
+fn solve_blocks(factors: &[[f64; UNKNOWNS * UNKNOWNS]], right: &[Vector]) -> Vec<Vector> {
+    let solved = |(vector, factor): (&Vector, &[f64; UNKNOWNS * UNKNOWNS])| {
+        let mut vector = *vector;
+        solve(factor, UNKNOWNS, &mut vector);
+        vector
+    };
+    right.iter().zip(factors).map(solved).collect()
 }
 
 /// The lower triangle L of `matrix = L L'`; pivots are held above `least` of the matrix's diagonal.
@@ -93,35 +134,12 @@ pub(super) fn conjugate_gradients(
     images: &[SpotImage],
     columns: usize,
     damping: f64,
+    effort: Effort,
     buffers: &mut Buffers,
 ) -> Vec<Vector> {
-    let damped: Vec<[f64; UNKNOWNS]> = normal
-        .diagonal
-        .iter()
-        .map(|block| {
-            let most = (0..UNKNOWNS).fold(0f64, |most, n| most.max(block[n][n]));
-            std::array::from_fn(|n| damping * block[n][n] + LEAST * most + f64::MIN_POSITIVE)
-        })
-        .collect();
-    let factors: Vec<[f64; UNKNOWNS * UNKNOWNS]> = normal
-        .diagonal
-        .iter()
-        .zip(&damped)
-        .map(|(block, more)| {
-            let mut matrix: [f64; 16] = std::array::from_fn(|n| block[n / UNKNOWNS][n % UNKNOWNS]);
-            (0..UNKNOWNS).for_each(|n| matrix[n * UNKNOWNS + n] += more[n]);
-            cholesky(&mut matrix, UNKNOWNS);
-            matrix
-        })
-        .collect();
-    let precondition = |residual: &[Vector]| -> Vec<Vector> {
-        let solved = |(vector, factor): (&Vector, &[f64; 16])| {
-            let mut vector = *vector;
-            solve(factor, UNKNOWNS, &mut vector);
-            vector
-        };
-        residual.iter().zip(&factors).map(solved).collect()
-    };
+    let damped = normal.damped(damping);
+    let factors = normal.factors(&damped);
+    let precondition = |residual: &[Vector]| solve_blocks(&factors, residual);
     let mut step = vec![[0.0; UNKNOWNS]; images.len()];
     let mut residual = normal.gradient.clone();
     let mut ahead = precondition(&residual);
@@ -131,8 +149,8 @@ pub(super) fn conjugate_gradients(
     if images.len() == 1 {
         return ahead;
     }
-    for _ in 0..STEPS {
-        if size <= ENOUGH * first || !size.is_normal() {
+    for _ in 0..effort.steps {
+        if size <= effort.enough * first || !size.is_normal() {
             break;
         }
         let mut turned = product(images, columns, &direction, buffers);

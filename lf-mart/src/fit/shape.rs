@@ -3,7 +3,7 @@
 
 use super::image::{SpotImage, UNKNOWNS};
 use super::joint::{Buffers, Setting};
-use super::normal::{Blocks, cholesky, conjugate_gradients, solve};
+use super::normal::{Blocks, FINE, ROUGH, cholesky, conjugate_gradients, solve};
 use super::{spot::Spot, window::Window};
 use lf_core::particle_image::{ParticleModel, Scratch};
 use lf_core::{Camera, Refusal};
@@ -81,6 +81,10 @@ impl Sample<'_> {
         let mut damping = DAMPING;
         for _ in 0..steps {
             let (step, moves) = self.step(&Setting { model: &model, ..*setting }, &state, damping, &mut buffers);
+            if !step.iter().all(|step| step.is_finite()) {
+                damping *= MORE;
+                continue;
+            }
             let next_shape = shape.moved(step);
             let next_model = next_shape.model(self.camera, setting.depth_mm)?;
             let next_setting = Setting { model: &next_model, ..*setting };
@@ -167,10 +171,11 @@ impl Sample<'_> {
             }
         }
         let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| self.mixed(state, a, buffers));
-        let own = conjugate_gradients(&normal, &state.images, columns, damping, buffers);
+        let own = conjugate_gradients(&normal, &state.images, columns, damping, FINE, buffers);
+        // Unfinished solutions make the shape's steps shorter, never longer.
         let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| {
             let normal = Blocks { gradient: mixed[a].clone(), diagonal: normal.diagonal.clone() };
-            conjugate_gradients(&normal, &state.images, columns, damping, buffers)
+            conjugate_gradients(&normal, &state.images, columns, damping, ROUGH, buffers)
         });
         buffers.wipe();
         let dot = |a: &[[f64; UNKNOWNS]], b: &[[f64; UNKNOWNS]]| -> f64 {

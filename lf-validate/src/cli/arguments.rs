@@ -1,6 +1,6 @@
 //! The subcommands, and the options that all of them share.
 
-use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, quality, trade};
+use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, precision, quality, trade};
 use clap::{Parser, Subcommand};
 use lf_core::cli::Common;
 
@@ -35,6 +35,7 @@ pub enum Command {
     Displacement(displacement::Arguments),
     Divergence(divergence::Arguments),
     Ensemble(ensemble::Arguments),
+    Precision(precision::Arguments),
     Info(info::Arguments),
     Line(line::Arguments),
     Curves(curves::Arguments),

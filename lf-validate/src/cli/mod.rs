@@ -14,6 +14,7 @@ mod inputs;
 mod limits;
 mod line;
 mod output;
+mod precision;
 mod quality;
 mod run;
 mod source;

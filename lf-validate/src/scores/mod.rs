@@ -11,5 +11,6 @@ pub mod ensemble;
 #[cfg(test)]
 pub(crate) mod fixtures;
 pub mod light;
+pub mod precision;
 pub mod quality;
 pub(crate) mod units;
