@@ -81,8 +81,10 @@ const BEYOND_PX: f64 = 40.0;
 /// Side of the part of the sensor from which size and drift are found, pixels.
 const SAMPLE_PX: usize = 420;
 /// Most steps of a fit of size and drift, and rounds after which they are fitted again.
-const SHAPE_STEPS: usize = 8;
-const SHAPE_ROUNDS: usize = 3;
+const SHAPE_STEPS: usize = 6;
+const SHAPE_ROUNDS: usize = 2;
+/// Rounds end when they change less than this share of the particles.
+const QUIET: f64 = 0.005;
 /// A step of a tile that lowers -2 log L by less than this for each particle is the last of its sweep.
 const SWEEP_GAIN: f64 = 0.01;
 /// Neighbours within these pixels of the focal plane are free when the covariance is found: 0.995 of the full.
@@ -142,9 +144,10 @@ pub fn fit(
         if round < SHAPE_ROUNDS {
             work.shape(&mut told)?;
         }
-        let gain = work.sweep(2, 4);
+        let gain = work.sweep(1, 4);
         work.tell("round", changes, gain, &mut told);
-        if changes[1] + changes[2] == 0 && (changes[0] == 0 || round > 1) {
+        let quiet = QUIET * work.cloud.spots.len() as f64;
+        if round > 0 && (changes.iter().sum::<usize>() as f64) < quiet {
             break;
         }
     }
@@ -279,7 +282,7 @@ impl Work<'_> {
     fn round(&mut self, round: usize) -> Result<[usize; 3], Refusal> {
         let judge = self.judge();
         let dropped = self.change(|local| local.drop_weak(&judge));
-        self.sweep(1, 4);
+        self.sweep(1, 3);
         let judge = self.judge();
         let split = self.change(|local| local.split(&judge));
         let added = if round < 3 {
@@ -306,13 +309,13 @@ impl Work<'_> {
     /// Scans near focus, drops once more, fits to the end, and finds the uncertainties.
     fn finish(mut self, told: &mut impl FnMut(&Progress)) -> Result<Fit, Refusal> {
         self.shape(told)?;
-        self.sweeps("fit", 2, 6, told);
+        self.sweeps("fit", 1, 6, told);
         let judge = self.judge();
         let near_mm = self.near_focus_mm();
         let moved = self.change(|local| local.scan(near_mm, &judge));
         let judge = self.judge();
         let dropped = self.change(|local| local.drop_weak(&judge));
-        let gain = self.sweep(2, 8);
+        let gain = self.sweep(1, 8);
         self.tell("scan", [dropped, 0, moved], gain, told);
         self.find_noise();
         let gain = self.sweep(1, 8);

@@ -5,7 +5,8 @@ use super::image::{SpotImage, UNKNOWNS};
 use super::joint::{Buffers, Setting};
 use super::normal::{Blocks, FINE, ROUGH, cholesky, conjugate_gradients, solve};
 use super::{spot::Spot, window::Window};
-use lf_core::particle_image::{ParticleModel, Scratch};
+use lf_core::particle_image::{ParticleModel, Patch, QUANTITIES, Scratch};
+use lf_core::simd::fastest;
 use lf_core::{Camera, Refusal};
 use rayon::prelude::*;
 
@@ -135,7 +136,7 @@ impl Sample<'_> {
         let sensor_px = spot.light * self.camera.sensor.pixel_pitch_mm;
         let scale = [spot.light * setting.pixel_mm, sensor_px, sensor_px];
         let mut slopes = Vec::new();
-        setting.model.visit(spot.place_mm, scratch, |patch, pixels| {
+        let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
             for (n, pixel) in pixels.iter().enumerate() {
                 let column = patch.column as usize + n % patch.columns as usize;
                 let row = patch.row as usize + n / patch.columns as usize;
@@ -144,7 +145,11 @@ impl Sample<'_> {
                     slopes.push((at as u32, std::array::from_fn(|k| (scale[k] * pixel[4 + k]) as f32)));
                 }
             }
-        });
+        };
+        fastest(
+            #[inline(always)]
+            || setting.model.visit(spot.place_mm, scratch, &mut take),
+        );
         slopes
     }
 
