@@ -19,7 +19,7 @@ pub(super) struct Judge {
 }
 
 const TRIAL: Ends = Ends { steps: 10, gain: 0.5 };
-const BRIEF: Ends = Ends { steps: 4, gain: 0.5 };
+const BRIEF: Ends = Ends { steps: 2, gain: 0.5 };
 /// Misfit, in standard deviations, and light over the usual, beyond which a particle may be two.
 const MISFIT: f64 = 4.0;
 const BRIGHT: f64 = 1.5;

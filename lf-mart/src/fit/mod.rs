@@ -1,5 +1,5 @@
 //! In: an image, its camera, and a volume. Out: particles with uncertainties, the size of particles, the camera's drift.
-//! First file to open: `fit.rs`, the recipe; then `joint.rs`, the fit of a group, and `changes.rs`.
+//! First file to open: `recipe.rs`; then `joint.rs`, the fit of a group, and `changes.rs`.
 //!
 //! The local maxima of the volume are the first particles. All are fitted together to the raw pixels by
 //! Levenberg-Marquardt ([`lf_core::particle_image`] has the model), weighed by the noise. Then particles are dropped,
@@ -13,18 +13,18 @@ mod changes;
 mod cloud;
 mod covariance;
 mod draw;
-mod fit;
 mod image;
 mod joint;
 mod local;
 mod noise;
 mod normal;
+mod recipe;
 mod shape;
 mod spot;
 mod window;
 
 pub use draw::draw;
-pub use fit::{Fit, FitOptions, Found, Progress, fit, peak_bytes};
 pub use noise::{Given, Noise};
+pub use recipe::{Fit, FitOptions, Found, Progress, fit, peak_bytes};
 pub use shape::{Free, Shape};
 pub use spot::Spot;

@@ -23,7 +23,8 @@ pub(super) struct Effort {
 /// Most steps of conjugate gradients, and the share of the first residual at which they end. Blocks make them quick:
 /// particles of a usual density hang together by a few per cent.
 pub(super) const FINE: Effort = Effort { steps: 6, enough: 1e-3 };
-pub(super) const ROUGH: Effort = Effort { steps: 3, enough: 1e-2 };
+/// For the answer of the particles to a change of the shape, with which they are closely tied.
+pub(super) const DEEP: Effort = Effort { steps: 12, enough: 1e-6 };
 /// Least diagonal, as a share of the largest of its block: an unknown that no pixel tells stays.
 const LEAST: f64 = 1e-12;
 

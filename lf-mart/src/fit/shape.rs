@@ -3,7 +3,7 @@
 
 use super::image::{SpotImage, UNKNOWNS};
 use super::joint::{Buffers, Setting};
-use super::normal::{Blocks, FINE, ROUGH, cholesky, conjugate_gradients, solve};
+use super::normal::{Blocks, DEEP, cholesky, conjugate_gradients, solve};
 use super::{spot::Spot, window::Window};
 use lf_core::particle_image::{ParticleModel, Patch, QUANTITIES, Scratch};
 use lf_core::simd::fastest;
@@ -109,7 +109,7 @@ impl Sample<'_> {
     /// Renders the particles.
     fn state(&self, setting: &Setting, buffers: &mut Buffers) -> State {
         let columns = self.window.columns;
-        let rendered: Vec<(SpotImage, Vec<(u32, [f32; SHAPES])>)> = self
+        let rendered: Vec<(SpotImage, Vec<Slopes>)> = self
             .spots
             .par_iter()
             .map_init(Scratch::default, |scratch, spot| {
@@ -131,7 +131,7 @@ impl Sample<'_> {
     }
 
     /// The derivatives of a particle's counts by the shape, by pixel of the window.
-    fn by_shape(&self, setting: &Setting, spot: &Spot, scratch: &mut Scratch) -> Vec<(u32, [f32; SHAPES])> {
+    fn by_shape(&self, setting: &Setting, spot: &Spot, scratch: &mut Scratch) -> Vec<Slopes> {
         let Window { left, top, columns, rows, .. } = self.window;
         let sensor_px = spot.light * self.camera.sensor.pixel_pitch_mm;
         let scale = [spot.light * setting.pixel_mm, sensor_px, sensor_px];
@@ -176,11 +176,11 @@ impl Sample<'_> {
             }
         }
         let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| self.mixed(state, a, buffers));
-        let own = conjugate_gradients(&normal, &state.images, columns, damping, FINE, buffers);
+        let own = conjugate_gradients(&normal, &state.images, columns, damping, DEEP, buffers);
         // Unfinished solutions make the shape's steps shorter, never longer.
         let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| {
             let normal = Blocks { gradient: mixed[a].clone(), diagonal: normal.diagonal.clone() };
-            conjugate_gradients(&normal, &state.images, columns, damping, ROUGH, buffers)
+            conjugate_gradients(&normal, &state.images, columns, damping, DEEP, buffers)
         });
         buffers.wipe();
         let dot = |a: &[[f64; UNKNOWNS]], b: &[[f64; UNKNOWNS]]| -> f64 {
@@ -220,6 +220,9 @@ impl Sample<'_> {
         state.images.iter().map(one).collect()
     }
 }
+
+/// A pixel of the window, and the derivatives of its counts by the shape.
+type Slopes = (u32, [f32; SHAPES]);
 
 /// A rendered sample.
 struct State {

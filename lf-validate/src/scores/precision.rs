@@ -44,13 +44,17 @@ pub struct ByDepth {
     pub z_mm: Vec<f64>,
     /// Particles.
     pub count: Vec<usize>,
-    /// Standard deviations of x, y and z, px.
+    /// Standard deviation of x, px.
     pub sx_px: Vec<Option<f64>>,
+    /// Standard deviation of y, px.
     pub sy_px: Vec<Option<f64>>,
+    /// Standard deviation of z, px.
     pub sz_px: Vec<Option<f64>>,
-    /// The same, mm.
+    /// Standard deviation of x, mm.
     pub sx_mm: Vec<Option<f64>>,
+    /// Standard deviation of y, mm.
     pub sy_mm: Vec<Option<f64>>,
+    /// Standard deviation of z, mm.
     pub sz_mm: Vec<Option<f64>>,
 }
 
@@ -63,13 +67,17 @@ pub struct Windows {
     pub z_mm: Vec<f64>,
     /// Particles in a window, mean.
     pub particles: Vec<Option<f64>>,
-    /// Standard deviations of the displacement between two frames, px.
+    /// Standard deviation of u, the displacement along x between two frames, px.
     pub su_px: Vec<Option<f64>>,
+    /// Standard deviation of v, px.
     pub sv_px: Vec<Option<f64>>,
+    /// Standard deviation of w, px.
     pub sw_px: Vec<Option<f64>>,
-    /// The same, mm.
+    /// Standard deviation of u, mm.
     pub su_mm: Vec<Option<f64>>,
+    /// Standard deviation of v, mm.
     pub sv_mm: Vec<Option<f64>>,
+    /// Standard deviation of w, mm.
     pub sw_mm: Vec<Option<f64>>,
 }
 

@@ -81,7 +81,7 @@ const BEYOND_PX: f64 = 40.0;
 /// Side of the part of the sensor from which size and drift are found, pixels.
 const SAMPLE_PX: usize = 420;
 /// Most steps of a fit of size and drift, and rounds after which they are fitted again.
-const SHAPE_STEPS: usize = 6;
+const SHAPE_STEPS: usize = 8;
 const SHAPE_ROUNDS: usize = 2;
 /// Rounds end when they change less than this share of the particles.
 const QUIET: f64 = 0.005;
