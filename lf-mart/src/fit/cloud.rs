@@ -194,6 +194,12 @@ impl<'a> Cloud<'a> {
         noise::pairs(&Window::cut(self.image, &self.light, [0, 0], [width, height]))
     }
 
+    /// -2 log L of the whole image, but for a constant.
+    pub(super) fn deviance(&self, setting: &Setting) -> f64 {
+        let seen = self.image.iter().zip(&self.light).filter(|(seen, _)| !seen.is_nan());
+        seen.map(|(seen, light)| setting.noise.deviance(*seen, 0.0, *light)).sum()
+    }
+
     /// Mean of squared differences over variances where light is expected, each held below 25.
     pub(super) fn misfit(&self, setting: &Setting) -> f64 {
         let least = 3.0 * setting.noise.gain.max(setting.noise.read_variance.sqrt()) as f32;

@@ -83,6 +83,8 @@ const SAMPLE_PX: usize = 420;
 /// Most steps of a fit of size and drift, and rounds after which they are fitted again.
 const SHAPE_STEPS: usize = 8;
 const SHAPE_ROUNDS: usize = 2;
+/// Steps of the sweep by which a shape is judged.
+const SHAPE_SWEEP: usize = 4;
 /// Rounds end when they change less than this share of the particles.
 const QUIET: f64 = 0.005;
 /// A step of a tile that lowers -2 log L by less than this for each particle is the last of its sweep.
@@ -227,11 +229,33 @@ impl Work<'_> {
             return Ok(());
         }
         let mut sample = Sample { camera: self.camera, window, spots, free: self.options.free };
-        self.shape = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
-        self.model = self.shape.model(self.camera, self.depth_mm)?;
+        let shape = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
+        self.judge_shape(shape)?;
+        self.tell("size and drift", [0; 3], 0.0, told);
+        Ok(())
+    }
+
+    /// Takes a shape that a part of the sensor proposes if all of it agrees: both are tried with particles fitted.
+    fn judge_shape(&mut self, shape: Shape) -> Result<(), Refusal> {
+        let (start, old_shape) = (self.cloud.spots.clone(), self.shape);
+        let kept = self.sweep(1, SHAPE_SWEEP);
+        let old = self.cloud.deviance(&Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm));
+        let old_spots = std::mem::replace(&mut self.cloud.spots, start);
+        self.take_shape(shape)?;
+        let gained = self.sweep(1, SHAPE_SWEEP);
+        let new = self.cloud.deviance(&Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm));
+        if new > old || !(kept + gained).is_finite() {
+            self.cloud.spots = old_spots;
+            self.take_shape(old_shape)?;
+        }
+        Ok(())
+    }
+
+    fn take_shape(&mut self, shape: Shape) -> Result<(), Refusal> {
+        self.shape = shape;
+        self.model = shape.model(self.camera, self.depth_mm)?;
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
         self.cloud.render(&setting);
-        self.tell("size and drift", [0; 3], 0.0, told);
         Ok(())
     }
 
