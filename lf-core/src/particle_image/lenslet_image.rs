@@ -3,9 +3,9 @@
 use super::beam::Beam;
 use super::cell_surface::{CellSurface, REACH_SIGMA};
 use super::lenslet_lines::LensletLine;
-use super::model::ParticleModel;
 use super::rim::{self, Side};
 use super::spline::{Spline, Taps};
+use super::view::View;
 use glam::DVec2;
 
 /// Numbers of a pixel: share of the particle's light; its derivatives by x, y, z and by the standard deviation of the
@@ -75,7 +75,7 @@ impl Scratch {
 
 /// A particle, as lenslets see it.
 pub(super) struct LensletImage<'a> {
-    pub(super) model: &'a ParticleModel,
+    pub(super) view: &'a View,
     pub(super) beam: &'a Beam,
     pub(super) surface: &'a CellSurface,
     /// Size of the spot beyond the table's, mm.
@@ -148,8 +148,8 @@ impl LensletImage<'_> {
         by_shift: f64,
         scratch: &mut Scratch,
     ) -> Option<Patch> {
-        let Self { model, beam, surface, .. } = *self;
-        let half = model.optics.half_aperture_mm;
+        let Self { view, beam, surface, .. } = *self;
+        let half = view.optics.half_aperture_mm;
         let spot = surface.sigma_mm + self.more_mm;
         let (chief, alpha) = beam.towards(line.centre, spot, half);
         let chief = chief - line.centre;
@@ -161,16 +161,16 @@ impl LensletImage<'_> {
             kappa: line.kappa[n],
             gamma: line.gamma[n],
             chief: chief[n],
-            pixels: model.optics.sensor_px[n],
+            pixels: view.optics.sensor_px[n],
         });
-        let reach = model.corner + REACH_SIGMA * spot + beam.most_bend_mm;
+        let reach = view.corner + REACH_SIGMA * spot + beam.most_bend_mm;
         let (left, right) = axes[0].lit(alpha.x, half, reach.x)?;
         let (top, bottom) = axes[1].lit(alpha.y, half, reach.y)?;
         let width_mm = 1.0 / axes[0].slope.abs().min(axes[1].slope.abs());
         let on_array = alpha.abs().max_element() * width_mm;
         let mut parts = 1;
         let mut is_cut = false;
-        if model.has_round_stop {
+        if view.has_round_stop {
             let edge = |axis: usize, pixel: i64| (axes[axis].zero - pixel as f64) / axes[axis].slope;
             let (a, b) = (DVec2::new(edge(0, left), edge(1, top)), DVec2::new(edge(0, right), edge(1, bottom)));
             match rim::side(half, a.min(b), a.max(b)) {
@@ -189,7 +189,7 @@ impl LensletImage<'_> {
             parts = parts.max(bent_parts.ceil() as usize);
         }
         let by_points = is_bent || on_array < BY_POINTS * spot * parts as f64;
-        let most = if model.has_round_stop { f64::INFINITY } else { half };
+        let most = if view.has_round_stop { f64::INFINITY } else { half };
         for (axis, (first, end)) in [(left, right), (top, bottom)].into_iter().enumerate() {
             let edges = &mut scratch.edges[axis];
             edges.clear();
@@ -240,10 +240,10 @@ impl LensletImage<'_> {
             }
         }
         let turned = (edges[0][0].u < edges[0][1].u) != (edges[1][0].u < edges[1][1].u);
-        let scale = if turned { -1.0 } else { 1.0 } / (self.model.stop_mm2 * alpha.x * alpha.y);
+        let scale = if turned { -1.0 } else { 1.0 } / (self.view.stop_mm2 * alpha.x * alpha.y);
         let shrink = 1.0 / alpha.x + 1.0 / alpha.y;
         let count = edges[0].len();
-        let radius = self.model.optics.half_aperture_mm;
+        let radius = self.view.optics.half_aperture_mm;
         let [above, below] = lines;
         above.resize(above.len().max(count), [0.0; QUANTITIES]);
         below.resize(below.len().max(count), [0.0; QUANTITIES]);
@@ -296,7 +296,7 @@ impl LensletImage<'_> {
     /// a strip ends where the rim crosses it in the mean.
     #[inline(always)]
     fn by_strips<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], alpha: DVec2) {
-        let radius = self.model.optics.half_aperture_mm;
+        let radius = self.view.optics.half_aperture_mm;
         let chord = |v: f64| (radius * radius - v * v).max(0.0).sqrt();
         let lies_across = (x[0].u + x[1].u).abs() >= (y[0].u + y[1].u).abs();
         let (across, along, alpha) = if lies_across { (x, y, alpha.x) } else { (y, x, alpha.y) };
@@ -376,7 +376,7 @@ impl LensletImage<'_> {
             let (height, height_by) = width(&edges[1][row..row + 2]);
             for column in 0..edges[0].len() - 1 {
                 let (width, width_by) = width(&edges[0][column..column + 2]);
-                let scale = 0.25 / self.model.stop_mm2;
+                let scale = 0.25 / self.view.stop_mm2;
                 let at = 2 * column;
                 let (a, b, c, d) = (&above[at], &above[at + 1], &below[at], &below[at + 1]);
                 let mut light = [0.0; QUANTITIES];
@@ -401,8 +401,8 @@ impl LensletImage<'_> {
     #[inline(always)]
     fn read_bent<const N: usize>(&self, x: &Place, y: &Place, centre: DVec2, read: &mut [f64; QUANTITIES]) {
         let aperture = DVec2::new(x.u, y.u);
-        let hit = self.beam.hit(aperture, self.model.optics.half_aperture_mm) - centre;
-        let slope = self.beam.bend_slope(aperture, self.model.optics.half_aperture_mm);
+        let hit = self.beam.hit(aperture, self.view.optics.half_aperture_mm) - centre;
+        let slope = self.beam.bend_slope(aperture, self.view.optics.half_aperture_mm);
         let taps = |axis: usize, place: &Place| {
             let by = std::array::from_fn(|n| place.x_by[n] + slope[axis] * place.u_by[n]);
             (self.surface.share.taps(axis, hit[axis]), by)
@@ -437,7 +437,7 @@ impl LensletImage<'_> {
     /// Takes from the light of a part of a pixel what a round stop holds back.
     #[inline(always)]
     fn hold_back(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place]) {
-        let radius = self.model.optics.half_aperture_mm;
+        let radius = self.view.optics.half_aperture_mm;
         if side_of(radius, x, y) == Side::Inside {
             return;
         }

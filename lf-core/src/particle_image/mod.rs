@@ -33,6 +33,7 @@ mod rim;
 mod spline;
 #[cfg(test)]
 mod tests;
+mod view;
 
 pub use lenslet_image::{PLACES, Patch, QUANTITIES, Scratch};
 pub use model::ParticleModel;

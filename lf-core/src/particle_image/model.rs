@@ -4,6 +4,7 @@ use super::beam::{Beam, Tracer};
 use super::cell_surface::{CellSurface, REACH_SIGMA};
 use super::lenslet_image::{LensletImage, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLines;
+use super::view::View;
 use crate::{Camera, Optics, Refusal, camera::Aperture, weights::check_depth_mm};
 use glam::DVec2;
 use std::f64::consts::PI;
@@ -11,19 +12,13 @@ use std::f64::consts::PI;
 /// Images of particles of one size, seen by one camera, within a range of depths.
 #[derive(Debug, Clone)]
 pub struct ParticleModel {
-    pub(super) optics: Optics,
+    pub(super) view: View,
     tracer: Tracer,
     lines: LensletLines,
     /// Tables for spots on the array, the smallest first.
     surfaces: Vec<CellSurface>,
     /// Standard deviation of a particle, mm.
     sigma_mm: f64,
-    /// Half sides of the box around a cell, mm.
-    pub(super) corner: DVec2,
-    pub(super) pitch_mm: f64,
-    pub(super) has_round_stop: bool,
-    /// Area of the stop, mm^2.
-    pub(super) stop_mm2: f64,
     /// Growth of alpha with depth in focus, 1/mm.
     alpha_by_z: f64,
 }
@@ -63,11 +58,13 @@ impl ParticleModel {
             surfaces: (0..count).map(|n| CellSurface::new(&corners, spot(n).max(least_mm))).collect(),
             sigma_mm,
             alpha_by_z: tracer.beam(&optics, [0.0; 3]).alpha_by[2],
-            corner: corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs())),
-            pitch_mm,
-            has_round_stop,
-            stop_mm2: if has_round_stop { PI * half * half } else { 4.0 * half * half },
-            optics,
+            view: View {
+                corner: corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs())),
+                pitch_mm,
+                has_round_stop,
+                stop_mm2: if has_round_stop { PI * half * half } else { 4.0 * half * half },
+                optics,
+            },
             tracer,
         })
     }
@@ -79,28 +76,28 @@ impl ParticleModel {
 
     /// Columns and rows of the sensor.
     pub fn sensor_px(&self) -> [usize; 2] {
-        self.optics.sensor_px
+        self.view.optics.sensor_px
     }
 
     /// Column and row of the pixel under which a particle's chief ray meets the array, px.
     pub fn chief_px(&self, place_mm: [f64; 3]) -> [f64; 2] {
         let point = DVec2::new(place_mm[0], place_mm[1]);
-        let hit = self.optics.array_from_object(point, place_mm[2], DVec2::ZERO);
-        self.optics.place_px(self.optics.sensor_from_array(hit, DVec2::ZERO)).to_array()
+        let hit = self.view.optics.array_from_object(point, place_mm[2], DVec2::ZERO);
+        self.view.optics.place_px(self.view.optics.sensor_from_array(hit, DVec2::ZERO)).to_array()
     }
 
     /// How far, px on the array, a ray through the rim of the stop moves for a step of `step_mm` in depth near focus.
     pub fn spread_px(&self, step_mm: f64) -> f64 {
-        (self.alpha_by_z * step_mm).abs() * self.optics.half_aperture_mm / self.optics.pixel_pitch_mm
+        (self.alpha_by_z * step_mm).abs() * self.view.optics.half_aperture_mm / self.view.optics.pixel_pitch_mm
     }
 
     /// Most pixels between the chief ray of a particle at depth `z_mm` and a pixel that it lights.
     pub fn reach_px(&self, z_mm: f64) -> f64 {
-        let beam = self.tracer.beam(&self.optics, [0.0, 0.0, z_mm]);
+        let beam = self.tracer.beam(&self.view.optics, [0.0, 0.0, z_mm]);
         let spot = REACH_SIGMA * beam.beta * self.sigma_mm;
-        let on_array = beam.alpha.abs() * self.optics.half_aperture_mm + spot + self.pitch_mm;
-        let picture = self.optics.demagnification * self.optics.half_aperture_mm + self.pitch_mm;
-        (on_array + picture) / self.optics.pixel_pitch_mm + 2.0
+        let on_array = beam.alpha.abs() * self.view.optics.half_aperture_mm + spot + self.view.pitch_mm;
+        let picture = self.view.optics.demagnification * self.view.optics.half_aperture_mm + self.view.pitch_mm;
+        (on_array + picture) / self.view.optics.pixel_pitch_mm + 2.0
     }
 
     /// Calls `found(patch, pixels)` for the lenslets that a particle at `place_mm` lights. The pixels of a patch come
@@ -130,14 +127,14 @@ impl ParticleModel {
         scratch: &mut Scratch,
         mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
-        let beam = self.tracer.beam(&self.optics, place_mm);
-        let spot_mm = (self.sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.optics.pixel_pitch_mm);
+        let beam = self.tracer.beam(&self.view.optics, place_mm);
+        let spot_mm = (self.sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
         let surface = self.surface(spot_mm);
-        let image = LensletImage { model: self, beam: &beam, surface, more_mm: spot_mm - surface.sigma_mm };
-        let margin = self.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
-        let spread = beam.alpha.abs() * self.optics.half_aperture_mm;
+        let image = LensletImage { view: &self.view, beam: &beam, surface, more_mm: spot_mm - surface.sigma_mm };
+        let margin = self.view.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
+        let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
         for line in self.lines.within(beam.chief, margin + spread) {
-            if self.has_round_stop {
+            if self.view.has_round_stop {
                 // The light of a round stop cannot reach the corners of its square.
                 let beyond = ((line.centre - beam.chief).abs() - margin).max(DVec2::ZERO);
                 if beyond.length_squared() > spread * spread {

@@ -146,7 +146,7 @@ fn derivatives_are_those_of_the_light() {
                     // Light is linear in the size between two tables; here each size has its own tables.
                     4 => 0.02,
                     // Where an edge of a pixel meets the edge of the stop, the slope changes within the difference.
-                    5 | 6 if !middle.has_round_stop => 0.05,
+                    5 | 6 if !middle.view.has_round_stop => 0.05,
                     // The same where a cell ends upon the rim.
                     5 | 6 => 5e-3,
                     _ => 5e-4,

@@ -6,7 +6,7 @@ use super::joint::Ends;
 use super::local::Local;
 use super::spot::Spot;
 
-/// What changes are judged by.
+/// The measures by which changes are judged.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Judge {
     /// Least fall of -2 log L for another particle.

@@ -3,8 +3,9 @@
 //! Tiles have four colours. Tiles of one colour are so far apart that no pixel has light of the particles of two: they
 //! are fitted at the same time, and the result does not depend on the number of threads.
 
+use super::buffers::Buffers;
 use super::image::SpotImage;
-use super::joint::{Buffers, Ends, Setting};
+use super::joint::{Ends, Setting};
 use super::{noise, spot::Spot, window::Window};
 use ndarray::ArrayView2;
 use rayon::prelude::*;

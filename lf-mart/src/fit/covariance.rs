@@ -1,11 +1,12 @@
 //! How uncertain a particle is: the inverse of the Fisher matrix of it and its neighbours.
 
+use super::buffers::Buffers;
 use super::image::{SpotImage, UNKNOWNS};
-use super::joint::{Buffers, Setting};
+use super::joint::Setting;
 use super::normal::{cholesky, solve};
 use super::window::Window;
 
-/// What is known before the image is seen, standard deviations in pixels of the focal plane and of the logarithm of the
+/// Knowledge before the image is seen: standard deviations in pixels of the focal plane and of the logarithm of the
 /// light. It keeps the uncertainty of what no pixel tells finite.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Prior(pub(super) [f64; UNKNOWNS]);

@@ -1,11 +1,12 @@
 //! Levenberg-Marquardt on the places and lights of a group of particles in a window, the others held.
 
-use super::image::{COUNTS, SpotImage, UNKNOWNS};
+use super::buffers::Buffers;
+use super::image::{SpotImage, UNKNOWNS};
 use super::normal::{Blocks, FINE, conjugate_gradients};
 use super::{noise::Noise, spot::Spot, window::Window};
-use lf_core::particle_image::{self, ParticleModel};
+use lf_core::particle_image::ParticleModel;
 
-/// What all fits of a frame share.
+/// The base that all fits of a frame share.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setting<'a> {
     pub(super) model: &'a ParticleModel,
@@ -23,20 +24,6 @@ pub(super) struct Ends {
     pub(super) steps: usize,
     /// A step that lowers -2 log L by less is the last.
     pub(super) gain: f64,
-}
-
-/// Buffers of a thread. `own` and `lane` are 0 and `stamp` is unset between uses.
-#[derive(Debug, Default)]
-pub(super) struct Buffers {
-    pub(super) scratch: particle_image::Scratch,
-    pub(super) own: Vec<f32>,
-    pub(super) weight: Vec<f32>,
-    pub(super) pull: Vec<f32>,
-    pub(super) lane: Vec<f32>,
-    /// Weighed derivatives of one particle; 0 between uses.
-    pub(super) field: Vec<[f32; UNKNOWNS]>,
-    is_touched: Vec<bool>,
-    pub(super) touched: Vec<u32>,
 }
 
 /// A fitted group.
@@ -63,44 +50,6 @@ const LEAST_LIGHT: f64 = 0.3;
 const NEAR: f64 = 0.015;
 /// Light rises at most by this factor.
 const MOST_LIGHT: f64 = 3.0;
-
-impl Buffers {
-    pub(super) fn fit(&mut self, pixels: usize) {
-        for lane in [&mut self.own, &mut self.weight, &mut self.pull, &mut self.lane] {
-            if lane.len() < pixels {
-                lane.resize(pixels, 0.0);
-            }
-        }
-        if self.is_touched.len() < pixels {
-            self.is_touched.resize(pixels, false);
-        }
-    }
-
-    /// Lists the pixels of the images and adds their light up in `own`.
-    pub(super) fn paint(&mut self, images: &[SpotImage], columns: usize) {
-        let Self { own, is_touched, touched, .. } = self;
-        for image in images {
-            image.lines(columns, |start, line| {
-                let range = start..start + line.len();
-                let places = own[range.clone()].iter_mut().zip(&mut is_touched[range]);
-                for ((n, pixel), (own, is_touched)) in line.iter().enumerate().zip(places) {
-                    *own += pixel[COUNTS];
-                    if !*is_touched {
-                        *is_touched = true;
-                        touched.push((start + n) as u32);
-                    }
-                }
-            });
-        }
-    }
-
-    pub(super) fn wipe(&mut self) {
-        for n in self.touched.drain(..) {
-            self.own[n as usize] = 0.0;
-            self.is_touched[n as usize] = false;
-        }
-    }
-}
 
 impl Setting<'_> {
     pub(super) fn image(&self, spot: &Spot, window: &Window, buffers: &mut Buffers) -> SpotImage {

@@ -1,9 +1,10 @@
 //! The particles of a tile and of its seam, and trials of changes among them.
 
+use super::buffers::Buffers;
 use super::cloud::{Cloud, SEAM, Tile};
 use super::covariance::Prior;
 use super::image::{COUNTS, SpotImage, UNKNOWNS};
-use super::joint::{Buffers, Ends, Fitted, Setting};
+use super::joint::{Ends, Fitted, Setting};
 use super::{spot::Spot, window::Window};
 
 /// A particle in hand.
@@ -28,7 +29,7 @@ pub(super) struct Local<'a, 'b> {
     tile: Tile,
 }
 
-/// What a tile's work changed.
+/// The changes by a tile's work.
 #[derive(Debug, Default)]
 pub(super) struct Changed {
     pub(super) spots: Vec<(usize, Spot)>,
@@ -160,7 +161,7 @@ impl<'a, 'b> Local<'a, 'b> {
         sum / f64::sqrt(2.0 * f64::max(count, 1.0))
     }
 
-    /// What the work has changed, after `count` changes.
+    /// The changes by the work, after `count` changes.
     pub(super) fn changed(self, count: usize) -> Changed {
         let mut changed = Changed { gone: self.gone, count, ..Changed::default() };
         for member in self.members {

@@ -8,6 +8,7 @@
 //! Sources: iterative particle reconstruction (Wieneke 2013; Jahn, Schanz & Schroeder 2021) and two-pulse
 //! Shake-the-Box (Novara et al. 2023) for the rounds of a fit.
 
+mod buffers;
 mod candidates;
 mod changes;
 mod cloud;

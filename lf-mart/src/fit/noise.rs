@@ -78,7 +78,7 @@ impl Noise {
     }
 }
 
-/// What is known of the noise beforehand.
+/// Parts of the noise that are known beforehand.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Given {
     /// Counts of an electron.

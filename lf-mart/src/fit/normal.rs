@@ -1,7 +1,7 @@
 //! The normal equations of a group of particles: blocks on the diagonal, products by way of the image.
 
+use super::buffers::Buffers;
 use super::image::{SpotImage, UNKNOWNS};
-use super::joint::Buffers;
 
 type Vector = [f64; UNKNOWNS];
 type Matrix = [[f64; UNKNOWNS]; UNKNOWNS];
@@ -57,7 +57,7 @@ impl Blocks {
 }
 
 impl Blocks {
-    /// What is added to the diagonal.
+    /// The damping of the diagonal.
     fn damped(&self, damping: f64) -> Vec<Vector> {
         let more = |block: &Matrix| {
             let most = (0..UNKNOWNS).fold(0f64, |most, n| most.max(block[n][n]));

@@ -1,10 +1,11 @@
 //! The whole fit: from a volume and an image to particles.
 
+use super::buffers::Buffers;
 use super::changes::Judge;
 use super::cloud::{Cloud, Tile};
 use super::covariance::Prior;
 use super::image::UNKNOWNS;
-use super::joint::{Buffers, Ends, Setting};
+use super::joint::{Ends, Setting};
 use super::local::{Changed, Local};
 use super::noise::{Given, Noise};
 use super::shape::{Free, Sample, Shape};
@@ -21,7 +22,7 @@ pub struct FitOptions {
     pub shape: Shape,
     /// Which parts of the shape are fitted.
     pub free: Free,
-    /// What is known of the noise.
+    /// Known parts of the noise.
     pub noise: Given,
     /// Most rounds of drop, split and add.
     pub rounds: usize,
@@ -41,7 +42,7 @@ pub struct Found {
 /// A step of the fit, for reports.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Progress {
-    /// What was done.
+    /// Its name.
     pub what: &'static str,
     /// Particles held.
     pub particles: usize,

@@ -1,8 +1,9 @@
-//! What all particles share: their size, and the drift of the camera's lattice. Both are fitted together with the
+//! The unknowns that all particles share: their size, and the drift of the camera's lattice. Both are fitted together with the
 //! particles of a part of the sensor.
 
+use super::buffers::Buffers;
 use super::image::{SpotImage, UNKNOWNS};
-use super::joint::{Buffers, Setting};
+use super::joint::Setting;
 use super::normal::{Blocks, DEEP, cholesky, conjugate_gradients, solve};
 use super::{spot::Spot, window::Window};
 use lf_core::particle_image::{ParticleModel, Patch, QUANTITIES, Scratch};

@@ -6,7 +6,7 @@ use lf_core::{Camera, Error, Result, Session, Verdict, io};
 use lf_validate::scores::precision::{Experiment, precision};
 use std::path::PathBuf;
 
-/// What an image can tell: the bound of a camera's precision, to plan an experiment with
+/// The bound of a camera's precision, to plan an experiment with
 ///
 /// The Cramer-Rao bound: no unbiased method has smaller standard deviations. Particles of one size
 /// and light lie at random places; place and light of all are unknown, and the noise is the same in

@@ -1,4 +1,4 @@
-//! What an image can tell: the Cramer-Rao bound of particles' places, and of the vectors made of them.
+//! The Cramer-Rao bound of particles' places, and of the vectors made of them.
 
 use glam::{DMat3, DVec3};
 use lf_core::particle_image::{ParticleModel, Scratch};

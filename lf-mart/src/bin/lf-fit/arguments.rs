@@ -69,7 +69,7 @@ pub struct Arguments {
     pub common: Common,
 }
 
-/// What is held.
+/// A part of the shape that is held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Hold {
     /// The size of particles
