@@ -8,7 +8,7 @@ use std::path::Path;
 /// The two sides of the wall inside a tool.
 #[derive(Clone, Copy, PartialEq)]
 enum Side {
-    /// The command line: main.rs and the modules that it declares.
+    /// The command line: main.rs and the modules that it declares, and further programs in bin.
     Cli,
     /// The library: everything else.
     Library,
@@ -23,7 +23,7 @@ fn side(tool: &str, side: Side) -> Vec<Source> {
     let is_cli = |path: &Path| {
         let first = path.strip_prefix(&folder).unwrap().iter().next().unwrap().to_string_lossy().into_owned();
         let stem = first.trim_end_matches(".rs");
-        stem == "main" || modules.iter().any(|module| module == stem)
+        stem == "main" || stem == "bin" || modules.iter().any(|module| module == stem)
     };
     all.retain(|source| is_cli(&source.path) == (side == Side::Cli));
     assert!(!all.is_empty(), "{tool} has sources");

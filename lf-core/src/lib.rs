@@ -60,6 +60,7 @@ pub mod json;
 pub mod lattice;
 pub mod light;
 pub mod optics;
+pub mod particle_image;
 pub mod particles;
 pub mod plot;
 pub mod scene;

@@ -15,6 +15,7 @@
 //! them. For other cameras a matrix is kept if it fits.
 
 mod blob;
+pub mod fit;
 mod method;
 mod operator;
 mod options;

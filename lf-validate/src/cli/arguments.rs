@@ -1,6 +1,8 @@
 //! The subcommands, and the options that all of them share.
 
-use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, quality, trade};
+use super::{
+    curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, precision, quality, trade,
+};
 use clap::{Parser, Subcommand};
 use lf_core::cli::Common;
 
@@ -36,6 +38,7 @@ pub enum Command {
     Displacement(displacement::Arguments),
     Divergence(divergence::Arguments),
     Ensemble(ensemble::Arguments),
+    Precision(precision::Arguments),
     Info(info::Arguments),
     Line(line::Arguments),
     Curves(curves::Arguments),

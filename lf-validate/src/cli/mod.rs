@@ -15,6 +15,7 @@ mod limits;
 mod line;
 mod output;
 mod particles;
+mod precision;
 mod quality;
 mod run;
 mod source;

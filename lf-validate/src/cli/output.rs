@@ -8,7 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Where the picture goes.
-#[derive(clap::Args)]
+#[derive(Default, clap::Args)]
 pub struct Picture {
     /// Draw the result
     #[arg(long, value_name = "FILE.svg")]

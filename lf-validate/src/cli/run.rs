@@ -1,7 +1,9 @@
 //! From the command line to the work of a subcommand.
 
 use super::arguments::{Arguments, Command};
-use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, quality, trade};
+use super::{
+    curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, precision, quality, trade,
+};
 use lf_core::cli;
 use std::process::ExitCode;
 
@@ -18,6 +20,7 @@ pub fn run() -> ExitCode {
             Command::Displacement(arguments) => displacement::judge(arguments, session),
             Command::Divergence(arguments) => divergence::judge(arguments, session),
             Command::Ensemble(arguments) => ensemble::average(arguments, session),
+            Command::Precision(arguments) => precision::judge(arguments, session),
             Command::Info(arguments) => info::describe(arguments, session),
             Command::Line(arguments) => line::join(arguments, session),
             Command::Curves(arguments) => curves::plot(arguments, session),

@@ -12,5 +12,6 @@ pub mod ensemble;
 pub(crate) mod fixtures;
 pub mod light;
 pub mod particles;
+pub mod precision;
 pub mod quality;
 pub(crate) mod units;

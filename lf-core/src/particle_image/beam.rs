@@ -1,0 +1,176 @@
+//! A particle's rays on the array: `m + alpha U`, with derivatives by its place, and what bends beyond that.
+
+use crate::{Camera, Optics, frame::sensor_axes};
+use glam::{DMat2, DVec2};
+
+/// The rays of a particle.
+#[derive(Debug, Clone)]
+pub(super) struct Beam {
+    /// m, where the chief ray meets the array, mm, and its derivatives by x, y, z.
+    pub(super) chief: DVec2,
+    pub(super) chief_by: [DVec2; 3],
+    /// Spread on the array per length of the stop, and its derivatives by x, y, z.
+    pub(super) alpha: f64,
+    pub(super) alpha_by: [f64; 3],
+    /// Size of the spot on the array over its size at the particle, and its derivative by z.
+    pub(super) beta: f64,
+    pub(super) beta_by_z: f64,
+    /// Coefficients of the bend, mm, see [`terms`]; None for straight rays.
+    bend: Option<[DVec2; TERMS]>,
+    /// Largest bend, mm.
+    pub(super) most_bend_mm: f64,
+}
+
+/// How beams of a camera are traced.
+#[derive(Debug, Clone)]
+pub(super) struct Tracer {
+    /// Places of the stop and the least-squares rows that turn hits there into a bend; None for straight rays.
+    bend: Option<(Vec<DVec2>, Vec<[f64; TERMS]>)>,
+}
+
+/// Step of the derivatives, mm. They err by its square over the squared distance of the lens: 1e-11.
+const STEP_MM: f64 = 1e-3;
+/// Terms of a bend: all powers of U up to the third.
+const TERMS: usize = 10;
+/// Fixed-point steps to the place of the stop whose light meets a lenslet.
+const BEND_STEPS: usize = 3;
+/// Step of a bend's slope, half apertures.
+const BEND_STEP: f64 = 0.02;
+/// Place of the four rays that stand for a bent beam, half apertures.
+const STANDS: f64 = 0.7;
+
+/// The powers of a place in the stop, in half apertures.
+fn terms(place: DVec2) -> [f64; TERMS] {
+    let (u, v) = (place.x, place.y);
+    [1.0, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v]
+}
+
+impl Tracer {
+    pub(super) fn new(camera: &Camera) -> Self {
+        Self { bend: camera.medium.is_some().then(least_squares) }
+    }
+
+    /// The rays of a particle at `place_mm`.
+    pub(super) fn beam(&self, optics: &Optics, place_mm: [f64; 3]) -> Beam {
+        let rays = |place: [f64; 3]| self.rays(optics, place);
+        let (chief, alpha) = rays(place_mm);
+        let (mut chief_by, mut alpha_by) = ([DVec2::ZERO; 3], [0.0; 3]);
+        for axis in 0..3 {
+            let moved = |by: f64| {
+                let mut place = place_mm;
+                place[axis] += by;
+                rays(place)
+            };
+            let (before, after) = (moved(-STEP_MM), moved(STEP_MM));
+            chief_by[axis] = (after.0 - before.0) / (2.0 * STEP_MM);
+            alpha_by[axis] = (after.1 - before.1) / (2.0 * STEP_MM);
+        }
+        let beta = DMat2::from_cols(chief_by[0], chief_by[1]).determinant().abs().sqrt();
+        let z = place_mm[2];
+        let growth = (optics.beta(z + STEP_MM) - optics.beta(z - STEP_MM)) / (2.0 * STEP_MM * optics.beta(z));
+        let mut most_bend_mm = 0f64;
+        let bend = self.bend.as_ref().map(|(places, rows)| {
+            let half = optics.half_aperture_mm;
+            let point = DVec2::new(place_mm[0], place_mm[1]);
+            let mut bend = [DVec2::ZERO; TERMS];
+            for (place, row) in places.iter().zip(rows) {
+                let aperture = half * *place;
+                let rest = optics.array_from_object(point, z, aperture) - chief - alpha * aperture;
+                most_bend_mm = most_bend_mm.max(rest.length());
+                bend.iter_mut().zip(row).for_each(|(term, share)| *term += *share * rest);
+            }
+            bend
+        });
+        Beam { chief, chief_by, alpha, alpha_by, beta, beta_by_z: beta * growth, bend, most_bend_mm }
+    }
+
+    /// m and alpha.
+    fn rays(&self, optics: &Optics, [x, y, z]: [f64; 3]) -> (DVec2, f64) {
+        let point = DVec2::new(x, y);
+        if self.bend.is_none() {
+            let chief = -optics.beta(z) * sensor_axes(point) + optics.distortion_mm(point, z);
+            return (chief, optics.alpha(z));
+        }
+        let aside = STANDS * optics.half_aperture_mm;
+        let hit = |aperture: DVec2| optics.array_from_object(point, z, aside * aperture);
+        let [right, left, down, up] = [DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::NEG_Y].map(hit);
+        (0.25 * (right + left + down + up), ((right - left).x + (down - up).y) / (4.0 * aside))
+    }
+}
+
+impl Beam {
+    /// Whether rays depart from `m + alpha U`.
+    #[inline(always)]
+    pub(super) fn is_bent(&self) -> bool {
+        self.bend.is_some()
+    }
+
+    /// Where the ray through a place of the stop meets the array, mm.
+    #[inline(always)]
+    pub(super) fn hit(&self, aperture: DVec2, half_aperture_mm: f64) -> DVec2 {
+        self.chief + self.alpha * aperture + self.bend(aperture / half_aperture_mm)
+    }
+
+    /// Growth of the bend along x and y per length of the stop along the same.
+    #[inline(always)]
+    pub(super) fn bend_slope(&self, aperture: DVec2, half_aperture_mm: f64) -> DVec2 {
+        let place = aperture / half_aperture_mm;
+        let slope =
+            |step: DVec2| (self.bend(place + step) - self.bend(place - step)) / (2.0 * BEND_STEP * half_aperture_mm);
+        DVec2::new(slope(DVec2::X * BEND_STEP).x, slope(DVec2::Y * BEND_STEP).y)
+    }
+
+    #[inline(always)]
+    fn bend(&self, place: DVec2) -> DVec2 {
+        let Some(bend) = &self.bend else { return DVec2::ZERO };
+        terms(place).iter().zip(bend).map(|(term, factor)| *term * *factor).sum()
+    }
+
+    /// m and alpha along both axes for the rays that meet the array about `centre`.
+    #[inline(always)]
+    pub(super) fn towards(&self, centre: DVec2, spot_mm: f64, half_aperture_mm: f64) -> (DVec2, DVec2) {
+        if self.bend.is_none() {
+            return (self.chief, DVec2::splat(self.alpha));
+        }
+        // The place of the stop from which light comes to the lenslet; the middle near focus, where all of it does.
+        let spread = spot_mm / half_aperture_mm;
+        let per_mm = self.alpha / (self.alpha * self.alpha + spread * spread) / half_aperture_mm;
+        let mut place = DVec2::ZERO;
+        for _ in 0..BEND_STEPS {
+            place = ((centre - self.chief - self.bend(place)) * per_mm).clamp_length_max(1.0);
+        }
+        let alpha = self.alpha + self.bend_slope(place * half_aperture_mm, half_aperture_mm);
+        (self.hit(place * half_aperture_mm, half_aperture_mm) - alpha * place * half_aperture_mm, alpha)
+    }
+}
+
+/// Seventeen places of the stop, in half apertures, and the rows of the pseudo-inverse of their terms.
+fn least_squares() -> (Vec<DVec2>, Vec<[f64; TERMS]>) {
+    let ring = |radius: f64, turn: f64| {
+        (0..8).map(move |n| radius * DVec2::from_angle((n as f64 + turn) * std::f64::consts::FRAC_PI_4))
+    };
+    let places: Vec<DVec2> = std::iter::once(DVec2::ZERO).chain(ring(0.5, 0.0)).chain(ring(0.95, 0.5)).collect();
+    // Normal equations, solved by Gauss-Jordan elimination beside the identity.
+    let mut system = [[0.0; 2 * TERMS]; TERMS];
+    for terms in places.iter().map(|place| terms(*place)) {
+        for (row, factor) in system.iter_mut().zip(terms) {
+            row.iter_mut().zip(terms).for_each(|(sum, term)| *sum += factor * term);
+        }
+    }
+    for (n, row) in system.iter_mut().enumerate() {
+        row[TERMS + n] = 1.0;
+    }
+    for n in 0..TERMS {
+        let pivot = system[n][n];
+        system[n].iter_mut().for_each(|value| *value /= pivot);
+        let row = system[n];
+        for (_, other) in system.iter_mut().enumerate().filter(|(m, _)| *m != n) {
+            let factor = other[n];
+            other.iter_mut().zip(row).for_each(|(value, pivot)| *value -= factor * pivot);
+        }
+    }
+    let inverse =
+        |terms: [f64; TERMS]| std::array::from_fn(|n| (0..TERMS).map(|m| system[n][TERMS + m] * terms[m]).sum::<f64>());
+    let rows = places.iter().map(|place| inverse(terms(*place))).collect();
+    (places, rows)
+}

@@ -1,0 +1,156 @@
+//! A lenslet's cell blurred by a particle's spot, and its double integral, as tables.
+
+use super::normal::{density, distribution, ramp};
+use super::spline::Spline;
+use glam::DVec2;
+use std::cmp::Ordering;
+
+/// Tables for a cell and a spot.
+#[derive(Debug, Clone)]
+pub(super) struct CellSurface {
+    /// Standard deviation of the spot on the array, mm.
+    pub(super) sigma_mm: f64,
+    /// H: share of the spot's light that the cell takes, by the place of the spot's middle from the lenslet's centre.
+    pub(super) share: Spline,
+    /// G: the integral of H from the lower left up to a place, mm^2.
+    pub(super) integral: Spline,
+}
+
+/// Reach of the blur, in standard deviations; the light left out is 3e-5 on a side.
+pub(super) const REACH_SIGMA: f64 = 4.0;
+/// Nodes of the tables for each standard deviation. The tables err by 1e-6 of the light.
+const NODES_PER_SIGMA: f64 = 4.0;
+/// Nodes beyond the reach, so that the ends of the spline do not matter.
+const MARGIN: f64 = 8.0;
+/// Steps of the integral over the cell's height for each standard deviation, of five Gauss-Legendre nodes each.
+const STEPS_PER_SIGMA: f64 = 1.0;
+const GAUSS: [(f64, f64); 5] = [
+    (0.0, 0.568_888_888_888_888_9),
+    (-0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
+    (0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
+    (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
+    (0.906_179_845_938_664, 0.236_926_885_056_189_1),
+];
+
+/// A strip of the cell at one height.
+struct Strip {
+    y: f64,
+    weight: f64,
+    left: f64,
+    right: f64,
+}
+
+impl CellSurface {
+    /// For the convex cell with these corners about the lenslet's centre, mm.
+    pub(super) fn new(corners: &[DVec2], sigma_mm: f64) -> Self {
+        let step = sigma_mm / NODES_PER_SIGMA;
+        let half = corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs()));
+        let reach = half + REACH_SIGMA * sigma_mm + MARGIN * step;
+        let nodes = [reach.x, reach.y].map(|reach| (2.0 * reach / step).ceil() as usize + 1);
+        let low = [-reach.x, -reach.y];
+        let strips = strips(corners, sigma_mm);
+        let s = sigma_mm;
+        // Along x: for each strip, at each node, the light of the strip left of the node, its density, and their
+        // derivatives by s. Along y the same of a strip's height.
+        let across = |strip: &Strip, n: usize| {
+            let x = low[0] + n as f64 * step;
+            let (a, b) = ((x - strip.left) / s, (x - strip.right) / s);
+            let by_s = -(a * density(a) - b * density(b)) / s;
+            [s * (ramp(a) - ramp(b)), density(a) - density(b), distribution(a) - distribution(b), by_s]
+        };
+        let down = |strip: &Strip, n: usize| {
+            let z = (low[1] + n as f64 * step - strip.y) / s;
+            let (phi, w) = (density(z), strip.weight);
+            [w * distribution(z), -w * z * phi / s, w * phi / s, w * (z * z - 1.0) * phi / (s * s)]
+        };
+        let empty = || vec![0.0; nodes[0] * nodes[1]];
+        let [mut integral, mut integral_by_s, mut share, mut share_by_s] = [empty(), empty(), empty(), empty()];
+        for strip in &strips {
+            let columns: Vec<[f64; 4]> = (0..nodes[0]).map(|n| across(strip, n)).collect();
+            for row in 0..nodes[1] {
+                let [up_to, up_to_by_s, here, here_by_s] = down(strip, row);
+                for (column, [sum, sum_by_s, level, level_by_s]) in columns.iter().enumerate() {
+                    let n = row * nodes[0] + column;
+                    integral[n] += up_to * sum;
+                    integral_by_s[n] += up_to_by_s * sum + up_to * sum_by_s;
+                    share[n] += here * level;
+                    share_by_s[n] += here_by_s * level + here * level_by_s;
+                }
+            }
+        }
+        Self {
+            sigma_mm,
+            share: Spline::new(low, step, nodes, share, share_by_s),
+            integral: Spline::new(low, step, nodes, integral, integral_by_s),
+        }
+    }
+}
+
+/// Strips that add up to the integral over the cell's height.
+fn strips(corners: &[DVec2], sigma_mm: f64) -> Vec<Strip> {
+    let mut breaks: Vec<f64> = corners.iter().map(|corner| corner.y).collect();
+    breaks.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+    let mut strips = Vec::new();
+    for pair in breaks.windows(2).filter(|pair| pair[1] - pair[0] > 1e-12 * sigma_mm) {
+        let count = ((pair[1] - pair[0]) / sigma_mm * STEPS_PER_SIGMA).ceil().max(1.0);
+        let half = 0.5 * (pair[1] - pair[0]) / count;
+        for n in 0..count as usize {
+            let middle = pair[0] + half * (2 * n + 1) as f64;
+            strips.extend(GAUSS.map(|(node, weight)| {
+                let y = middle + half * node;
+                let [left, right] = chord(corners, y);
+                Strip { y, weight: weight * half, left, right }
+            }));
+        }
+    }
+    strips
+}
+
+/// Where the line at height `y` enters and leaves the cell.
+fn chord(corners: &[DVec2], y: f64) -> [f64; 2] {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (n, &from) in corners.iter().enumerate() {
+        let to = corners[(n + 1) % corners.len()];
+        if (from.y - y) * (to.y - y) <= 0.0 && from.y != to.y {
+            let x = from.x + (to.x - from.x) * (y - from.y) / (to.y - from.y);
+            (low, high) = (low.min(x), high.max(x));
+        }
+    }
+    if low <= high { [low, high] } else { [0.0, 0.0] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: a square of side 2 with a spot of 0.1. In the middle it takes all; on an edge a half; at a corner a
+    /// quarter. Its integral up to beyond the far corner is its area.
+    #[test]
+    fn a_square_cell_by_hand() {
+        let corners = [DVec2::new(-1.0, -1.0), DVec2::new(1.0, -1.0), DVec2::new(1.0, 1.0), DVec2::new(-1.0, 1.0)];
+        let surface = CellSurface::new(&corners, 0.1);
+        let at = |spline: &Spline, x: f64, y: f64| spline.at::<8>(&spline.taps(0, x), &spline.taps(1, y), 0.0)[0];
+        for (x, y, share) in [(0.0, 0.0, 1.0), (1.0, 0.2, 0.5), (-1.0, 1.0, 0.25), (1.6, 0.0, 0.0)] {
+            assert!((at(&surface.share, x, y) - share).abs() < 1e-4, "{x} {y}: {}", at(&surface.share, x, y));
+        }
+        for (x, y, area) in [(3.0, 3.0, 4.0), (0.0, 3.0, 2.0), (0.5, -0.25, 1.5 * 0.75), (-2.0, 3.0, 0.0)] {
+            assert!((at(&surface.integral, x, y) - area).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn tables_grow_with_the_size_as_their_derivative_says() {
+        let corners: Vec<DVec2> =
+            (0..6).map(|n| DVec2::from_angle(0.003 + n as f64 * std::f64::consts::FRAC_PI_3) * 0.045).collect();
+        let [less, mid, more] = [0.00398, 0.004, 0.00402].map(|sigma| CellSurface::new(&corners, sigma));
+        for (x, y) in [(0.0, 0.0), (0.04, 0.01), (0.03, -0.02), (-0.038, 0.0)] {
+            let place = DVec2::new(x, y);
+            let at = |spline: &Spline| spline.at::<8>(&spline.taps(0, place.x), &spline.taps(1, place.y), 0.0);
+            for pick in [|s: &CellSurface| s.share.clone(), |s: &CellSurface| s.integral.clone()] {
+                let slope = (at(&pick(&more))[0] - at(&pick(&less))[0]) / 4e-5;
+                let (said, level) = (at(&pick(&mid))[3], at(&pick(&mid))[0]);
+                assert!((slope - said).abs() < 2e-3 * (level / 0.004), "{place}: {slope} for {said}");
+            }
+        }
+    }
+}

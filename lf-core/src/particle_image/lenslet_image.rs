@@ -1,0 +1,501 @@
+//! A lenslet's image of a particle: the integral of the light on each pixel, and its derivatives.
+
+use super::beam::Beam;
+use super::cell_surface::{CellSurface, REACH_SIGMA};
+use super::lenslet_lines::LensletLine;
+use super::rim::{self, Side};
+use super::spline::{Spline, Taps};
+use super::view::View;
+use glam::DVec2;
+
+/// Numbers of a pixel: share of the particle's light; its derivatives by x, y, z and by the standard deviation of the
+/// particle, all 1/mm; by the lattice's shift along the sensor's columns and rows, 1/mm; and one that is 0.
+pub const QUANTITIES: usize = 8;
+/// The first of them: the share of light and its derivatives by place.
+pub const PLACES: usize = 4;
+
+/// A rectangle of pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Patch {
+    /// First column.
+    pub column: u32,
+    /// First row.
+    pub row: u32,
+    /// Columns.
+    pub columns: u32,
+    /// Rows.
+    pub rows: u32,
+}
+
+/// A place along one axis where the tables are read: an edge of a pixel, or a point within it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Place {
+    /// Place in the stop, mm, and its derivatives by m, alpha and the lattice's shift.
+    u: f64,
+    u_by: [f64; 3],
+    /// Place on the array from the lenslet's centre, mm, and its derivatives by the same.
+    x: f64,
+    x_by: [f64; 3],
+}
+
+/// Buffers of a thread.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    edges: [Vec<Place>; 2],
+    points: [Vec<Place>; 2],
+    taps: [Vec<(Taps, [f64; 3])>; 2],
+    lines: [Vec<[f64; QUANTITIES]>; 2],
+    pixels: Vec<[f64; QUANTITIES]>,
+}
+
+/// Pixels whose width on the array is below this many standard deviations of the spot are integrated by points.
+const BY_POINTS: f64 = 0.5;
+/// The same if the rays bend.
+const BY_POINTS_BENT: f64 = 0.75;
+/// Gauss-Legendre with two nodes: their places in the interval.
+const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+/// Strips of a pixel at the rim of a round stop.
+const STRIPS: usize = 3;
+/// Where the mean over a pixel is taken, pixels at the rim are cut until they are no wider than this share of the
+/// stop's half side.
+const FINE_IN_STOP: f64 = 0.16;
+/// Most parts of a pixel a side.
+const FINEST: f64 = 4.0;
+
+impl Scratch {
+    /// The pixels of the last patch.
+    pub(super) fn pixels(&self) -> &[[f64; QUANTITIES]] {
+        &self.pixels
+    }
+
+    pub(super) fn pixels_mut(&mut self) -> &mut [[f64; QUANTITIES]] {
+        &mut self.pixels
+    }
+}
+
+/// A particle, as lenslets see it.
+pub(super) struct LensletImage<'a> {
+    pub(super) view: &'a View,
+    pub(super) beam: &'a Beam,
+    pub(super) surface: &'a CellSurface,
+    /// Size of the spot beyond the table's, mm.
+    pub(super) more_mm: f64,
+}
+
+/// A lenslet along one axis: pixels are at `zero - slope u`.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    zero: f64,
+    slope: f64,
+    kappa: f64,
+    gamma: f64,
+    /// m from the lenslet's centre, mm.
+    chief: f64,
+    /// Pixels a side of the sensor.
+    pixels: usize,
+}
+
+impl Axis {
+    /// First and end pixel that can be lit, for light within `reach` of the lenslet's centre.
+    #[inline(always)]
+    fn lit(&self, alpha: f64, half: f64, reach: f64) -> Option<(i64, i64)> {
+        let (low, high) = if alpha.abs() * half < 1e-9 * reach {
+            if self.chief.abs() > reach { (1.0, 0.0) } else { (-half, half) }
+        } else {
+            let (a, b) = ((-reach - self.chief) / alpha, (reach - self.chief) / alpha);
+            (a.min(b).max(-half), a.max(b).min(half))
+        };
+        if low >= high {
+            return None;
+        }
+        let (a, b) = (self.zero - self.slope * low, self.zero - self.slope * high);
+        let first = a.min(b).floor().max(0.0) as i64;
+        let end = a.max(b).ceil().clamp(0.0, self.pixels as f64) as i64;
+        (first < end).then_some((first, end))
+    }
+
+    /// The place of pixel edge `edge`. A square stop ends at `half`.
+    #[inline(always)]
+    fn place(&self, edge: f64, alpha: f64, by_shift: f64, half: f64) -> Place {
+        let u = (self.zero - edge) / self.slope;
+        if u.abs() > half {
+            let u = half.copysign(u);
+            return Place { u, u_by: [0.0; 3], x: self.chief + alpha * u, x_by: [1.0, u, -1.0] };
+        }
+        let per_slope = 1.0 / self.slope;
+        let u_by = [self.gamma * per_slope, self.gamma * u * per_slope, (by_shift - self.gamma) * per_slope];
+        let along = self.kappa * per_slope;
+        Place { u, u_by, x: self.chief + alpha * u, x_by: [along, u * along, alpha * u_by[2] - 1.0] }
+    }
+}
+
+impl Place {
+    /// Between two places.
+    #[inline(always)]
+    fn between(a: &Self, b: &Self, part: f64) -> Self {
+        let mix = |a: f64, b: f64| a + part * (b - a);
+        let mixed = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|n| mix(a[n], b[n]));
+        Self { u: mix(a.u, b.u), u_by: mixed(a.u_by, b.u_by), x: mix(a.x, b.x), x_by: mixed(a.x_by, b.x_by) }
+    }
+}
+
+impl LensletImage<'_> {
+    /// Fills the scratch's pixels with light and derivatives by m, alpha, the spot's size and the lattice's shift.
+    #[inline(always)]
+    pub(super) fn integrate<const N: usize>(
+        &self,
+        line: &LensletLine,
+        by_shift: f64,
+        scratch: &mut Scratch,
+    ) -> Option<Patch> {
+        let Self { view, beam, surface, .. } = *self;
+        let half = view.optics.half_aperture_mm;
+        let spot = surface.sigma_mm + self.more_mm;
+        let (chief, alpha) = beam.towards(line.centre, spot, half);
+        let chief = chief - line.centre;
+        let zero = line.zero + line.gamma * chief;
+        let slope = line.kappa - line.gamma * alpha;
+        let axes = [0, 1].map(|n| Axis {
+            zero: zero[n],
+            slope: if slope[n].abs() < 1e-9 { 1e-9 } else { slope[n] },
+            kappa: line.kappa[n],
+            gamma: line.gamma[n],
+            chief: chief[n],
+            pixels: view.optics.sensor_px[n],
+        });
+        let reach = view.corner + REACH_SIGMA * spot + beam.most_bend_mm;
+        let (left, right) = axes[0].lit(alpha.x, half, reach.x)?;
+        let (top, bottom) = axes[1].lit(alpha.y, half, reach.y)?;
+        let width_mm = 1.0 / axes[0].slope.abs().min(axes[1].slope.abs());
+        let on_array = alpha.abs().max_element() * width_mm;
+        let mut parts = 1;
+        let mut is_cut = false;
+        if view.has_round_stop {
+            let edge = |axis: usize, pixel: i64| (axes[axis].zero - pixel as f64) / axes[axis].slope;
+            let (a, b) = (DVec2::new(edge(0, left), edge(1, top)), DVec2::new(edge(0, right), edge(1, bottom)));
+            match rim::side(half, a.min(b), a.max(b)) {
+                Side::Outside => return None,
+                Side::Inside => {}
+                Side::Across => {
+                    is_cut = true;
+                    parts = (width_mm / (FINE_IN_STOP * half)).ceil().clamp(1.0, FINEST) as usize;
+                }
+            }
+        }
+        // Bent rays are followed point by point as long as that takes few points.
+        let bent_parts = on_array / (BY_POINTS_BENT * spot);
+        let is_bent = beam.is_bent() && bent_parts <= FINEST;
+        if is_bent {
+            parts = parts.max(bent_parts.ceil() as usize);
+        }
+        let by_points = is_bent || on_array < BY_POINTS * spot * parts as f64;
+        let most = if view.has_round_stop { f64::INFINITY } else { half };
+        for (axis, (first, end)) in [(left, right), (top, bottom)].into_iter().enumerate() {
+            let edges = &mut scratch.edges[axis];
+            edges.clear();
+            let count = (end - first) as usize * parts;
+            let edge = |n: usize| first as f64 + n as f64 / parts as f64;
+            for n in 0..=count {
+                edges.push(axes[axis].place(edge(n), alpha[axis], by_shift, most));
+            }
+        }
+        scratch.pixels.clear();
+        scratch.pixels.resize(((right - left) * (bottom - top)) as usize, [0.0; QUANTITIES]);
+        let cut = Cut { parts, columns: (right - left) as usize, is_cut };
+        if by_points {
+            self.by_points::<N>(scratch, cut, line.centre);
+        } else {
+            self.by_corners::<N>(scratch, cut, alpha);
+        }
+        let [column, row] = [left, top].map(|first| first as u32);
+        Some(Patch { column, row, columns: (right - left) as u32, rows: (bottom - top) as u32 })
+    }
+
+    /// The tables' value and derivatives by m, alpha, size and shift, for one place along each axis.
+    #[inline(always)]
+    fn read<const N: usize>(
+        &self,
+        table: &Spline,
+        x: &(Taps, [f64; 3]),
+        y: &(Taps, [f64; 3]),
+        read: &mut [f64; QUANTITIES],
+    ) {
+        let [value, by_x, by_y, by_size] = table.at::<N>(&x.0, &y.0, self.more_mm);
+        let (x, y) = (x.1, y.1);
+        [read[0], read[1], read[2], read[3]] = [value, by_x * x[0], by_y * y[0], by_x * x[1] + by_y * y[1]];
+        if N > PLACES {
+            [read[4], read[5], read[6]] = [by_size, by_x * x[2], by_y * y[2]];
+        }
+    }
+
+    /// From the integral at the pixels' corners.
+    #[inline(always)]
+    fn by_corners<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2) {
+        let Scratch { edges, taps, lines, pixels, .. } = scratch;
+        let table = &self.surface.integral;
+        for axis in 0..2 {
+            taps[axis].clear();
+            for edge in &edges[axis] {
+                taps[axis].push((table.taps(axis, edge.x), edge.x_by));
+            }
+        }
+        let turned = (edges[0][0].u < edges[0][1].u) != (edges[1][0].u < edges[1][1].u);
+        let scale = if turned { -1.0 } else { 1.0 } / (self.view.stop_mm2 * alpha.x * alpha.y);
+        let shrink = 1.0 / alpha.x + 1.0 / alpha.y;
+        let count = edges[0].len();
+        let radius = self.view.optics.half_aperture_mm;
+        let [above, below] = lines;
+        above.resize(above.len().max(count), [0.0; QUANTITIES]);
+        below.resize(below.len().max(count), [0.0; QUANTITIES]);
+        for row in 0..edges[1].len() {
+            std::mem::swap(above, below);
+            let y = &taps[1][row];
+            for (x, corner) in taps[0].iter().zip(below.iter_mut()) {
+                // The integral is 0 up to the lower left of the cell.
+                if x.0.is_below || y.0.is_below {
+                    *corner = [0.0; QUANTITIES];
+                } else {
+                    self.read::<N>(table, x, y, corner);
+                }
+            }
+            if row == 0 {
+                continue;
+            }
+            for column in 1..count {
+                let (a, b, c, d) = (&above[column - 1], &above[column], &below[column - 1], &below[column]);
+                let mut light = [0.0; QUANTITIES];
+                let side = if cut.is_cut {
+                    side_of(radius, &edges[0][column - 1..=column], &edges[1][row - 1..=row])
+                } else {
+                    Side::Inside
+                };
+                match side {
+                    Side::Outside => continue,
+                    Side::Inside => {
+                        for n in 0..N {
+                            light[n] = (a[n] - b[n]) - (c[n] - d[n]);
+                        }
+                    }
+                    Side::Across => {
+                        self.by_strips::<N>(
+                            &mut light,
+                            &edges[0][column - 1..=column],
+                            &edges[1][row - 1..=row],
+                            alpha,
+                        );
+                    }
+                }
+                light.iter_mut().for_each(|value| *value *= scale);
+                light[3] -= light[0] * shrink;
+                self.add::<N>(light, [column - 1, row - 1], cut, pixels);
+            }
+        }
+    }
+
+    /// The integral over a pixel that the rim of a round stop crosses: the pixel is cut into strips across the rim, and
+    /// a strip ends where the rim crosses it in the mean.
+    #[inline(always)]
+    fn by_strips<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], alpha: DVec2) {
+        let radius = self.view.optics.half_aperture_mm;
+        let chord = |v: f64| (radius * radius - v * v).max(0.0).sqrt();
+        let lies_across = (x[0].u + x[1].u).abs() >= (y[0].u + y[1].u).abs();
+        let (across, along, alpha) = if lies_across { (x, y, alpha.x) } else { (y, x, alpha.y) };
+        for n in 0..STRIPS {
+            let edge = |n: usize| Place::between(&along[0], &along[1], n as f64 / STRIPS as f64);
+            let (first, last) = (edge(n), edge(n + 1));
+            let middle = 0.5 * (first.u + last.u);
+            let end = (chord(first.u) + 4.0 * chord(middle) + chord(last.u)) / 6.0;
+            let turn = if end > 1e-3 * radius { -middle / end } else { 0.0 };
+            let turn_by: [f64; 3] = std::array::from_fn(|k| 0.5 * turn * (first.u_by[k] + last.u_by[k]));
+            let cut = |place: &Place| {
+                if place.u.abs() <= end {
+                    return (*place, [0.0; 3]);
+                }
+                let u = end.copysign(place.u);
+                let x = place.x + alpha * (u - place.u);
+                (Place { u, u_by: [0.0; 3], x, x_by: [1.0, u, -1.0] }, turn_by.map(|by| alpha * by * place.u.signum()))
+            };
+            let ends = [cut(&across[0]), cut(&across[1])];
+            if ends[0].0.u == ends[1].0.u {
+                continue;
+            }
+            for (place, sign) in [(&first, 1.0), (&last, -1.0)] {
+                for ((end, end_by), side) in ends.iter().zip([1.0, -1.0]) {
+                    let (x, y) = if lies_across { (end, place) } else { (place, end) };
+                    let table = &self.surface.integral;
+                    let (taps_x, taps_y) = (table.taps(0, x.x), table.taps(1, y.x));
+                    if taps_x.is_below || taps_y.is_below {
+                        continue;
+                    }
+                    let mut corner = [0.0; QUANTITIES];
+                    self.read::<N>(table, &(taps_x, x.x_by), &(taps_y, y.x_by), &mut corner);
+                    // The end of the strip moves as the strip does along the rim.
+                    let [_, by_x, by_y, _] = table.at::<PLACES>(&taps_x, &taps_y, self.more_mm);
+                    let (by_end, other) = if lies_across { (by_x, 1) } else { (by_y, 0) };
+                    corner[1 + other] += by_end * end_by[0];
+                    corner[3] += by_end * end_by[1];
+                    corner[5 + other] += by_end * end_by[2];
+                    for k in 0..QUANTITIES {
+                        light[k] += sign * side * corner[k];
+                    }
+                }
+            }
+        }
+    }
+
+    /// From the mean over the pixel at two by two points.
+    #[inline(always)]
+    fn by_points<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, centre: DVec2) {
+        let Scratch { edges, points, taps, lines, pixels } = scratch;
+        let table = &self.surface.share;
+        for axis in 0..2 {
+            points[axis].clear();
+            taps[axis].clear();
+            for pair in edges[axis].windows(2) {
+                for part in NODES {
+                    let point = Place::between(&pair[0], &pair[1], part);
+                    points[axis].push(point);
+                    taps[axis].push((table.taps(axis, point.x), point.x_by));
+                }
+            }
+        }
+        let [above, below] = lines;
+        let count = points[0].len();
+        above.resize(above.len().max(count), [0.0; QUANTITIES]);
+        below.resize(below.len().max(count), [0.0; QUANTITIES]);
+        for row in 0..edges[1].len() - 1 {
+            for (line, n) in [(&mut *above, 2 * row), (&mut *below, 2 * row + 1)] {
+                for ((point, x), read) in points[0].iter().zip(&taps[0]).zip(line.iter_mut()) {
+                    if self.beam.is_bent() {
+                        self.read_bent::<N>(point, &points[1][n], centre, read);
+                    } else {
+                        self.read::<N>(table, x, &taps[1][n], read);
+                    }
+                }
+            }
+            let (height, height_by) = width(&edges[1][row..row + 2]);
+            for column in 0..edges[0].len() - 1 {
+                let (width, width_by) = width(&edges[0][column..column + 2]);
+                let scale = 0.25 / self.view.stop_mm2;
+                let at = 2 * column;
+                let (a, b, c, d) = (&above[at], &above[at + 1], &below[at], &below[at + 1]);
+                let mut light = [0.0; QUANTITIES];
+                for n in 0..N {
+                    light[n] = scale * width * height * ((a[n] + b[n]) + (c[n] + d[n]));
+                }
+                let (wide, high) = (light[0] / width, light[0] / height);
+                light[1] += wide * width_by[0];
+                light[2] += high * height_by[0];
+                light[3] += wide * width_by[1] + high * height_by[1];
+                light[5] += wide * width_by[2];
+                light[6] += high * height_by[2];
+                if cut.is_cut {
+                    self.hold_back(&mut light, &edges[0][column..column + 2], &edges[1][row..row + 2]);
+                }
+                self.add::<N>(light, [column, row], cut, pixels);
+            }
+        }
+    }
+
+    /// [`LensletImage::read`] for a bent ray.
+    #[inline(always)]
+    fn read_bent<const N: usize>(&self, x: &Place, y: &Place, centre: DVec2, read: &mut [f64; QUANTITIES]) {
+        let aperture = DVec2::new(x.u, y.u);
+        let hit = self.beam.hit(aperture, self.view.optics.half_aperture_mm) - centre;
+        let slope = self.beam.bend_slope(aperture, self.view.optics.half_aperture_mm);
+        let taps = |axis: usize, place: &Place| {
+            let by = std::array::from_fn(|n| place.x_by[n] + slope[axis] * place.u_by[n]);
+            (self.surface.share.taps(axis, hit[axis]), by)
+        };
+        self.read::<N>(&self.surface.share, &taps(0, x), &taps(1, y), read);
+    }
+
+    /// Adds the light of a part of a pixel.
+    #[inline(always)]
+    fn add<const N: usize>(
+        &self,
+        light: [f64; QUANTITIES],
+        [column, row]: [usize; 2],
+        cut: Cut,
+        pixels: &mut [[f64; QUANTITIES]],
+    ) {
+        let pixel = &mut pixels[row / cut.parts * cut.columns + column / cut.parts];
+        for n in 0..N {
+            pixel[n] += light[n];
+        }
+    }
+}
+
+/// The side of the rim of a round stop on which a pixel between these edges lies.
+#[inline(always)]
+fn side_of(radius: f64, x: &[Place], y: &[Place]) -> Side {
+    let (a, b) = (DVec2::new(x[0].u, y[0].u), DVec2::new(x[1].u, y[1].u));
+    rim::side(radius, a.min(b), a.max(b))
+}
+
+impl LensletImage<'_> {
+    /// Takes from the light of a part of a pixel what a round stop holds back.
+    #[inline(always)]
+    fn hold_back(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place]) {
+        let radius = self.view.optics.half_aperture_mm;
+        if side_of(radius, x, y) == Side::Inside {
+            return;
+        }
+        let (across, down) = (Span::of(x), Span::of(y));
+        let middle = DVec2::new(across.middle, down.middle);
+        let rim = rim::share(radius, middle, DVec2::new(across.half, down.half));
+        let whole = light[0];
+        light.iter_mut().for_each(|value| *value *= rim.share);
+        if rim.share < 1.0 && rim.share > 0.0 {
+            let by = |span: &Span, axis: usize, n: usize| {
+                whole * (rim.by_centre[axis] * span.middle_by[n] + rim.by_half[axis] * span.half_by[n])
+            };
+            light[1] += by(&across, 0, 0);
+            light[2] += by(&down, 1, 0);
+            light[3] += by(&across, 0, 1) + by(&down, 1, 1);
+            light[5] += by(&across, 0, 2);
+            light[6] += by(&down, 1, 2);
+        }
+    }
+}
+
+/// A part of a pixel in the stop along one axis, with derivatives by m, alpha and shift.
+struct Span {
+    middle: f64,
+    half: f64,
+    middle_by: [f64; 3],
+    half_by: [f64; 3],
+}
+
+impl Span {
+    /// Between two edges.
+    #[inline(always)]
+    fn of(edges: &[Place]) -> Self {
+        let (low, high) = if edges[0].u <= edges[1].u { (&edges[0], &edges[1]) } else { (&edges[1], &edges[0]) };
+        let (mut middle_by, mut half_by) = ([0.0; 3], [0.0; 3]);
+        for n in 0..3 {
+            middle_by[n] = 0.5 * (high.u_by[n] + low.u_by[n]);
+            half_by[n] = 0.5 * (high.u_by[n] - low.u_by[n]);
+        }
+        Self { middle: 0.5 * (low.u + high.u), half: 0.5 * (high.u - low.u), middle_by, half_by }
+    }
+}
+
+/// How pixels are cut.
+#[derive(Clone, Copy)]
+struct Cut {
+    /// Parts of a pixel a side.
+    parts: usize,
+    /// Pixels in a row of the patch.
+    columns: usize,
+    /// Whether the rim of a round stop crosses the patch.
+    is_cut: bool,
+}
+
+/// The width in the stop between two edges, mm, and its derivatives by m, alpha and the lattice's shift.
+#[inline(always)]
+fn width(edges: &[Place]) -> (f64, [f64; 3]) {
+    let width = edges[0].u - edges[1].u;
+    let sign = 1f64.copysign(width);
+    (width.abs().max(f64::MIN_POSITIVE), std::array::from_fn(|n| sign * (edges[0].u_by[n] - edges[1].u_by[n])))
+}

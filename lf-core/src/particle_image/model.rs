@@ -1,0 +1,167 @@
+//! The image of a particle, lenslet by lenslet.
+
+use super::beam::{Beam, Tracer};
+use super::cell_surface::{CellSurface, REACH_SIGMA};
+use super::lenslet_image::{LensletImage, PLACES, Patch, QUANTITIES, Scratch};
+use super::lenslet_lines::LensletLines;
+use super::view::View;
+use crate::{Camera, Optics, Refusal, camera::Aperture, weights::check_depth_mm};
+use glam::DVec2;
+use std::f64::consts::PI;
+
+/// Images of particles of one size, seen by one camera, within a range of depths.
+#[derive(Debug, Clone)]
+pub struct ParticleModel {
+    pub(super) view: View,
+    tracer: Tracer,
+    lines: LensletLines,
+    /// Tables for spots on the array, the smallest first.
+    surfaces: Vec<CellSurface>,
+    /// Standard deviation of a particle, mm.
+    sigma_mm: f64,
+    /// Growth of alpha with depth in focus, 1/mm.
+    alpha_by_z: f64,
+}
+
+/// Ratio of the sizes of neighbouring tables. Between two tables the model is linear in the size; it errs by 2e-4.
+const TABLE_RATIO: f64 = 1.04;
+/// Spots smaller than this are drawn at this size, pixel pitches on the array.
+const LEAST_SPOT_PX: f64 = 0.05;
+/// Depths tried for the range of sizes.
+const DEPTHS: usize = 9;
+
+impl ParticleModel {
+    /// For particles of standard deviation `sigma_mm` within `depth_mm`. Refuses depths that no camera sees (see
+    /// [`check_depth_mm`]), and a size that is not above 0 or wider than two lenslets.
+    pub fn new(camera: &Camera, sigma_mm: f64, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
+        depth_mm.into_iter().try_for_each(|z| check_depth_mm(camera, z))?;
+        let optics = Optics::new(camera);
+        let tracer = Tracer::new(camera);
+        let pitch_mm = camera.microlenses.pitch_mm;
+        let found = || format!("a particle of {sigma_mm} mm");
+        let is_fit = sigma_mm > 0.0 && sigma_mm * optics.beta(0.0) < 2.0 * pitch_mm;
+        Refusal::unless(is_fit, found, "wanted more than 0, less than two lenslets at the focal plane")?;
+        let [low, high] = depth_mm;
+        let depths = (0..DEPTHS).map(|n| low + (high - low) * n as f64 / (DEPTHS - 1) as f64);
+        let betas: Vec<f64> = depths.map(|z| tracer.beam(&optics, [0.0, 0.0, z]).beta).collect();
+        let least = betas.iter().fold(f64::INFINITY, |least, beta| least.min(*beta));
+        let most = betas.iter().fold(0f64, |most, beta| most.max(*beta));
+        let count = ((most / least).ln() / TABLE_RATIO.ln()).ceil().max(1.0) as usize;
+        let step = (most / least).powf(1.0 / count as f64);
+        let corners = optics.lattice().cell_mm();
+        let spot = |n: usize| sigma_mm * least * step.powf(n as f64 + 0.5);
+        let least_mm = LEAST_SPOT_PX * optics.pixel_pitch_mm;
+        let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
+        let half = optics.half_aperture_mm;
+        Ok(Self {
+            lines: LensletLines::new(&optics, pitch_mm),
+            surfaces: (0..count).map(|n| CellSurface::new(&corners, spot(n).max(least_mm))).collect(),
+            sigma_mm,
+            alpha_by_z: tracer.beam(&optics, [0.0; 3]).alpha_by[2],
+            view: View {
+                corner: corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs())),
+                pitch_mm,
+                has_round_stop,
+                stop_mm2: if has_round_stop { PI * half * half } else { 4.0 * half * half },
+                optics,
+            },
+            tracer,
+        })
+    }
+
+    /// Standard deviation of a particle, mm.
+    pub fn sigma_mm(&self) -> f64 {
+        self.sigma_mm
+    }
+
+    /// Columns and rows of the sensor.
+    pub fn sensor_px(&self) -> [usize; 2] {
+        self.view.optics.sensor_px
+    }
+
+    /// Column and row of the pixel under which a particle's chief ray meets the array, px.
+    pub fn chief_px(&self, place_mm: [f64; 3]) -> [f64; 2] {
+        let point = DVec2::new(place_mm[0], place_mm[1]);
+        let hit = self.view.optics.array_from_object(point, place_mm[2], DVec2::ZERO);
+        self.view.optics.place_px(self.view.optics.sensor_from_array(hit, DVec2::ZERO)).to_array()
+    }
+
+    /// How far, px on the array, a ray through the rim of the stop moves for a step of `step_mm` in depth near focus.
+    pub fn spread_px(&self, step_mm: f64) -> f64 {
+        (self.alpha_by_z * step_mm).abs() * self.view.optics.half_aperture_mm / self.view.optics.pixel_pitch_mm
+    }
+
+    /// Most pixels between the chief ray of a particle at depth `z_mm` and a pixel that it lights.
+    pub fn reach_px(&self, z_mm: f64) -> f64 {
+        let beam = self.tracer.beam(&self.view.optics, [0.0, 0.0, z_mm]);
+        let spot = REACH_SIGMA * beam.beta * self.sigma_mm;
+        let on_array = beam.alpha.abs() * self.view.optics.half_aperture_mm + spot + self.view.pitch_mm;
+        let picture = self.view.optics.demagnification * self.view.optics.half_aperture_mm + self.view.pitch_mm;
+        (on_array + picture) / self.view.optics.pixel_pitch_mm + 2.0
+    }
+
+    /// Calls `found(patch, pixels)` for the lenslets that a particle at `place_mm` lights. The pixels of a patch come
+    /// row by row; each holds the share of the particle's light and its derivatives: see [`QUANTITIES`]. A pixel may
+    /// come in several patches: its share is the sum.
+    #[inline(always)]
+    pub fn visit(&self, place_mm: [f64; 3], scratch: &mut Scratch, found: impl FnMut(Patch, &[[f64; QUANTITIES]])) {
+        self.visit_all::<QUANTITIES>(place_mm, scratch, found);
+    }
+
+    /// The same with the first [`PLACES`] quantities only, in less time. The derivative by z leaves out that the spot
+    /// grows towards the camera, a ten-thousandth of it.
+    #[inline(always)]
+    pub fn visit_places(
+        &self,
+        place_mm: [f64; 3],
+        scratch: &mut Scratch,
+        found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+    ) {
+        self.visit_all::<PLACES>(place_mm, scratch, found);
+    }
+
+    #[inline(always)]
+    fn visit_all<const N: usize>(
+        &self,
+        place_mm: [f64; 3],
+        scratch: &mut Scratch,
+        mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+    ) {
+        let beam = self.tracer.beam(&self.view.optics, place_mm);
+        let spot_mm = (self.sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
+        let surface = self.surface(spot_mm);
+        let image = LensletImage { view: &self.view, beam: &beam, surface, more_mm: spot_mm - surface.sigma_mm };
+        let margin = self.view.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
+        let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
+        for line in self.lines.within(beam.chief, margin + spread) {
+            if self.view.has_round_stop {
+                // The light of a round stop cannot reach the corners of its square.
+                let beyond = ((line.centre - beam.chief).abs() - margin).max(DVec2::ZERO);
+                if beyond.length_squared() > spread * spread {
+                    continue;
+                }
+            }
+            if let Some(patch) = image.integrate::<N>(line, self.lines.by_shift, scratch) {
+                to_place(&beam, self.sigma_mm, scratch.pixels_mut());
+                found(patch, scratch.pixels());
+            }
+        }
+    }
+
+    fn surface(&self, spot_mm: f64) -> &CellSurface {
+        let far = |surface: &CellSurface| (surface.sigma_mm / spot_mm).ln().abs();
+        let nearest = self.surfaces.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
+        nearest.expect("there is a table")
+    }
+}
+
+/// From derivatives by the beam (m, alpha, spot) to derivatives by the place and the size of the particle.
+#[inline(always)]
+fn to_place(beam: &Beam, sigma_mm: f64, pixels: &mut [[f64; QUANTITIES]]) {
+    for pixel in pixels {
+        let [light, mx, my, alpha, spot, shift_x, shift_y, _] = *pixel;
+        let by = |axis: usize| beam.chief_by[axis].x * mx + beam.chief_by[axis].y * my + beam.alpha_by[axis] * alpha;
+        let z = by(2) + sigma_mm * beam.beta_by_z * spot;
+        *pixel = [light, by(0), by(1), z, beam.beta * spot, shift_x, shift_y, 0.0];
+    }
+}

@@ -1,0 +1,124 @@
+//! A function of the plane and of a size, as a cubic B-spline: smooth, with exact derivatives of what it gives.
+
+/// The function on a square lattice of nodes, linear in the size.
+#[derive(Debug, Clone)]
+pub(super) struct Spline {
+    low: [f64; 2],
+    per_step: f64,
+    /// Nodes along x and y.
+    nodes: [usize; 2],
+    values: Vec<f64>,
+    by_size: Vec<f64>,
+}
+
+/// The four nodes about a coordinate and their weights: for the value, and for the slope.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Taps {
+    /// Whether the coordinate lies before the first node.
+    pub(super) is_below: bool,
+    first: usize,
+    weights: [f64; 4],
+    slopes: [f64; 4],
+}
+
+impl Spline {
+    /// Through `values` and `by_size` (its derivative by the size), row by row, at nodes `step` apart from `low` on.
+    pub(super) fn new(
+        low: [f64; 2],
+        step: f64,
+        nodes: [usize; 2],
+        mut values: Vec<f64>,
+        mut by_size: Vec<f64>,
+    ) -> Self {
+        [&mut values, &mut by_size].into_iter().for_each(|table| to_coefficients(table, nodes));
+        Self { low, per_step: 1.0 / step, nodes, values, by_size }
+    }
+
+    /// The taps at `x` along an axis. Beyond the nodes the function is constant.
+    #[inline(always)]
+    pub(super) fn taps(&self, axis: usize, x: f64) -> Taps {
+        let place = (x - self.low[axis]) * self.per_step;
+        let most = (self.nodes[axis] - 2) as f64 - 1e-9;
+        let held = place.clamp(1.0, most);
+        let inside = if held == place { self.per_step } else { 0.0 };
+        let whole = held as usize;
+        let t = held - whole as f64;
+        let s = 1.0 - t;
+        let weights = [
+            s * s * s / 6.0,
+            (3.0 * t * t * (t - 2.0) + 4.0) / 6.0,
+            (3.0 * s * s * (s - 2.0) + 4.0) / 6.0,
+            t * t * t / 6.0,
+        ];
+        let slopes = [-0.5 * s * s, t * (1.5 * t - 2.0), s * (2.0 - 1.5 * s), 0.5 * t * t];
+        Taps { is_below: place < 1.0, first: whole - 1, weights, slopes: slopes.map(|slope| slope * inside) }
+    }
+
+    /// Value, slopes along x and y, and, if N is more than 4, derivative by the size, for a size that is `more` than the
+    /// table's.
+    #[inline(always)]
+    pub(super) fn at<const N: usize>(&self, x: &Taps, y: &Taps, more: f64) -> [f64; 4] {
+        let (mut level, mut slope, mut size) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+        for n in 0..4 {
+            let start = y.first * self.nodes[0] + x.first + n * self.nodes[0];
+            let (values, by_size) = (&self.values[start..start + 4], &self.by_size[start..start + 4]);
+            for k in 0..4 {
+                let value = values[k] + more * by_size[k];
+                level[k] += y.weights[n] * value;
+                slope[k] += y.slopes[n] * value;
+                if N > 4 {
+                    size[k] += y.weights[n] * by_size[k];
+                }
+            }
+        }
+        let dot = |a: [f64; 4], b: [f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
+        let by_size = if N > 4 { dot(size, x.weights) } else { 0.0 };
+        [dot(level, x.weights), dot(level, x.slopes), dot(slope, x.weights), by_size]
+    }
+}
+
+/// From values to the coefficients of the B-spline through them, along both axes.
+fn to_coefficients(table: &mut [f64], [columns, rows]: [usize; 2]) {
+    table.chunks_mut(columns).for_each(|row| solve(row, 1, columns));
+    (0..columns).for_each(|column| solve(&mut table[column..], columns, rows));
+}
+
+/// Solves `c[i-1] + 4 c[i] + c[i+1] = 6 f[i]`, with `c = f` at both ends, in place.
+fn solve(line: &mut [f64], stride: usize, count: usize) {
+    let mut factors = vec![0.0; count];
+    for n in 1..count - 1 {
+        let pivot = 1.0 / (4.0 - factors[n - 1]);
+        factors[n] = pivot;
+        line[n * stride] = (6.0 * line[n * stride] - line[(n - 1) * stride]) * pivot;
+    }
+    for n in (1..count - 1).rev() {
+        line[n * stride] -= factors[n] * line[(n + 1) * stride];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_smooth_function_comes_back_with_its_slopes() {
+        let (step, nodes) = (0.1, [60, 50]);
+        let f = |x: f64, y: f64| (x * 0.9).sin() * (y * 1.1).cos();
+        let at = |n: usize| (-3.0 + (n % 60) as f64 * step, -2.5 + (n / 60) as f64 * step);
+        let table = |scale: f64| (0..3000).map(|n| scale * f(at(n).0, at(n).1)).collect();
+        let spline = Spline::new([-3.0, -2.5], step, nodes, table(1.0), table(0.5));
+        for (x, y, more) in [(0.33, 0.71, 0.0), (-1.04, 1.2, 0.1), (1.5, -1.57, -0.2)] {
+            let got = spline.at::<8>(&spline.taps(0, x), &spline.taps(1, y), more);
+            let scale = 1.0 + 0.5 * more;
+            let by_x = 0.9 * (x * 0.9).cos() * (y * 1.1).cos() * scale;
+            let by_y = -1.1 * (x * 0.9).sin() * (y * 1.1).sin() * scale;
+            let wanted = [scale * f(x, y), by_x, by_y, 0.5 * f(x, y)];
+            for (got, wanted) in got.iter().zip(wanted) {
+                assert!((got - wanted).abs() < 3e-5, "{got} for {wanted}");
+            }
+        }
+        // Constant beyond the nodes.
+        let [value, by_x, ..] = spline.at::<8>(&spline.taps(0, 40.0), &spline.taps(1, 0.3), 0.0);
+        assert!(value.is_finite() && by_x == 0.0);
+    }
+}

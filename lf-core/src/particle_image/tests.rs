@@ -1,0 +1,214 @@
+//! The model against rays, and its derivatives against differences.
+
+use super::*;
+use crate::Optics;
+use crate::camera::{Aperture, Camera, Distortion, Medium, Tilt, tests::seed};
+use crate::lattice::{Centres, Layout};
+use glam::DVec2;
+use std::collections::BTreeMap;
+
+const SIGMA_MM: f64 = 0.75 * 0.0055;
+const DEPTH_MM: [f64; 2] = [-6.0, 6.0];
+
+type Pixels = BTreeMap<(u32, u32), [f64; QUANTITIES]>;
+
+fn image(model: &ParticleModel, place: [f64; 3]) -> Pixels {
+    let mut map = Pixels::new();
+    model.visit(place, &mut Scratch::default(), |patch, pixels| {
+        assert_eq!(pixels.len(), (patch.columns * patch.rows) as usize);
+        for (n, pixel) in pixels.iter().enumerate() {
+            let n = n as u32;
+            let at = (patch.column + n % patch.columns, patch.row + n / patch.columns);
+            let sum = map.entry(at).or_insert([0.0; QUANTITIES]);
+            sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += value);
+        }
+    });
+    map
+}
+
+/// Total variation distance between the model's light and the pixels hit by rays, and the noise of so many rays.
+fn distance_from_rays(camera: &Camera, place: [f64; 3], rays: usize) -> (f64, f64) {
+    let optics = Optics::new(camera);
+    let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
+    let (mut hits, mut passed) = (BTreeMap::new(), 0.0);
+    // Powers of the root of x^5 = x + 1 spread four coordinates evenly (Roberts' sequence).
+    let g: f64 = 1.167_303_978_261_418_7;
+    for n in 1..=rays {
+        let r: [f64; 4] = std::array::from_fn(|d| (n as f64 * g.powi(-(d as i32) - 1)).fract());
+        let u = (DVec2::new(r[0], r[1]) * 2.0 - 1.0) * optics.half_aperture_mm;
+        if !optics.passes(u) {
+            continue;
+        }
+        let length = (-2.0 * (1.0 - r[2]).ln()).sqrt() * SIGMA_MM;
+        let point = DVec2::new(place[0], place[1]) + DVec2::from_angle(std::f64::consts::TAU * r[3]) * length;
+        passed += 1.0;
+        if let Some((column, row)) = optics.pixel_at(optics.sensor_from_object(point, place[2], u)) {
+            *hits.entry((column as u32, row as u32)).or_insert(0.0) += 1.0;
+        }
+    }
+    let model = image(&model, place);
+    let lit = model.values().filter(|pixel| pixel[0] > 1e-5).count();
+    let mut off = 0.0;
+    for (at, pixel) in &model {
+        off += (hits.remove(at).unwrap_or(0.0) / passed - pixel[0]).abs();
+    }
+    off += hits.values().map(|count: &f64| count / passed).sum::<f64>();
+    (0.5 * off, (lit as f64 / passed).sqrt() * 0.1)
+}
+
+/// Cameras with each block alone, on both lattices and with both stops.
+fn cameras() -> Vec<(String, Camera)> {
+    let medium = Medium { index: 1.333, window_z_mm: 60.0, window_thickness_mm: 20.0, window_index: 1.49 };
+    let centres = Centres { radius_mm: 2.0, x_mm: vec![0.002, 0.001, 0.003, 0.0, 0.002], y_mm: vec![0.001; 5] };
+    let mut cameras = Vec::new();
+    for (layout, turn) in [(Layout::Square, 0.0), (Layout::Square, 0.3), (Layout::Hexagonal, 0.003)] {
+        for stop in [Aperture::Square, Aperture::Circle] {
+            for block in ["plain", "gap", "tilt", "distortion", "centres", "medium", "pupil"] {
+                let mut camera = seed(40, stop, layout, turn);
+                match block {
+                    "gap" => camera.microlenses.gap_mm = Some(0.316),
+                    "tilt" => camera.tilt = Some(Tilt { x_rad: 0.005, y_rad: -0.01 }),
+                    "distortion" => {
+                        camera.distortion = Some(Distortion { radial: [4000.0, 0.0, 0.0], tangential: [2.0, -1.0] });
+                    }
+                    "centres" => camera.centres = Some(centres.clone()),
+                    "medium" => {
+                        // At half the size, as in a wet laboratory: a window bends rays with the cube of their angle.
+                        camera.main_lens.magnification = 0.5;
+                        camera.medium = Some(medium.clone());
+                    }
+                    "pupil" => camera.main_lens.pupil_distance_mm = Some(250.0),
+                    _ => {}
+                }
+                camera.check().unwrap();
+                cameras.push((format!("{layout:?} {turn} {stop:?} {block}"), camera));
+            }
+        }
+    }
+    cameras
+}
+
+const PLACES: [[f64; 3]; 5] =
+    [[0.312, 0.207, 0.0], [0.11, -0.2, 0.08], [-0.21, 0.3, -0.7], [0.2, -0.15, 2.3], [0.05, 0.13, -4.9]];
+
+#[test]
+fn light_is_where_rays_fall() {
+    for (name, camera) in cameras() {
+        for place in PLACES {
+            let (distance, noise) = distance_from_rays(&camera, place, 200_000);
+            // Rays bend; each lenslet sees a part that the model takes as straight.
+            let most = if camera.medium.is_some() { 0.025 } else { 0.01 };
+            assert!(distance < noise + most, "{name} {place:?}: {distance:.5}, noise {noise:.5}");
+        }
+    }
+}
+
+/// Derivatives against central differences, in the norm over the particle's pixels.
+#[test]
+fn derivatives_are_those_of_the_light() {
+    for (name, camera) in cameras() {
+        let model = |sigma: f64, shift: [f64; 2]| {
+            let mut camera = camera.clone();
+            camera.microlenses.offset_mm = shift;
+            ParticleModel::new(&camera, sigma, DEPTH_MM).unwrap()
+        };
+        let middle = model(SIGMA_MM, [0.0; 2]);
+        for place in PLACES {
+            let said = image(&middle, place);
+            let moved = |axis: usize, by: f64| {
+                let mut place = place;
+                place[axis] += by;
+                image(&middle, place)
+            };
+            let step = 1e-6;
+            let mut pairs: Vec<(usize, f64, Pixels, Pixels)> =
+                (0..3).map(|axis| (axis + 1, step, moved(axis, -step), moved(axis, step))).collect();
+            let sized = |by: f64| image(&model(SIGMA_MM + by, [0.0; 2]), place);
+            pairs.push((4, 2e-5, sized(-2e-5), sized(2e-5)));
+            if camera.centres.is_none() && camera.tilt.is_none() {
+                let shifted = |x: f64, y: f64| image(&model(SIGMA_MM, [x, y]), place);
+                pairs.push((5, step, shifted(-step, 0.0), shifted(step, 0.0)));
+                pairs.push((6, step, shifted(0.0, -step), shifted(0.0, step)));
+            }
+            for (quantity, step, before, after) in pairs {
+                let (mut off, mut size) = (0.0, 0.0);
+                for (at, pixel) in &said {
+                    let value = |map: &Pixels| map.get(at).map_or(0.0, |pixel| pixel[0]);
+                    let slope = (value(&after) - value(&before)) / (2.0 * step);
+                    off += (slope - pixel[quantity]).powi(2);
+                    size += slope * slope;
+                }
+                let light: f64 = said.values().map(|pixel| (pixel[0] / SIGMA_MM).powi(2)).sum();
+                let off = (off / (size + 1e-4 * light)).sqrt();
+                let most = match quantity {
+                    // Bent rays are straight lenslet by lenslet, and the derivatives leave out how that changes.
+                    _ if camera.medium.is_some() => 0.2,
+                    // Light is linear in the size between two tables; here each size has its own tables.
+                    4 => 0.02,
+                    // Where an edge of a pixel meets the edge of the stop, the slope changes within the difference.
+                    5 | 6 if !middle.view.has_round_stop => 0.05,
+                    // The same where a cell ends upon the rim.
+                    5 | 6 => 5e-3,
+                    _ => 5e-4,
+                };
+                assert!(off < most, "{name} {place:?} quantity {quantity}: {off:.2e}");
+            }
+        }
+    }
+}
+
+/// No step and no kink near focus: the light's change over a short way is what its slopes at both ends say.
+#[test]
+fn light_is_smooth_through_the_focus() {
+    for (name, camera) in cameras().into_iter().filter(|(name, _)| name.ends_with("plain")) {
+        let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
+        let way = 0.01;
+        let mut before = image(&model, [0.31, 0.2, -0.6]);
+        for n in 1..=120 {
+            let after = image(&model, [0.31, 0.2, -0.6 + n as f64 * way]);
+            let (mut off, mut size) = (0.0, 0.0);
+            for (at, pixel) in &before {
+                let end = after.get(at).copied().unwrap_or_default();
+                off += (end[0] - pixel[0] - 0.5 * way * (end[3] + pixel[3])).abs();
+                size += pixel[0];
+            }
+            assert!(off < 1e-3 * size, "{name} {n}: {off:.2e}");
+            before = after;
+        }
+    }
+}
+
+#[test]
+#[ignore = "prints seconds"]
+fn time_of_an_image() {
+    for (name, camera) in cameras().into_iter().filter(|(name, _)| name.ends_with("plain")) {
+        let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
+        let mut scratch = Scratch::default();
+        let (mut pixels, mut patches) = (0, 0);
+        let cpu = || -> f64 {
+            std::fs::read_to_string("/proc/thread-self/schedstat")
+                .unwrap()
+                .split(' ')
+                .next()
+                .unwrap()
+                .parse::<f64>()
+                .unwrap()
+                * 1e-9
+        };
+        let began = cpu();
+        for n in 0..2000 {
+            let z = -5.0 + 10.0 * (n as f64 * 0.618).fract();
+            crate::simd::fastest(
+                #[inline(always)]
+                || {
+                    model.visit_places([0.1 * (n as f64 * 0.414).fract(), 0.05, z], &mut scratch, |_, found| {
+                        pixels += found.len();
+                        patches += 1;
+                    });
+                },
+            );
+        }
+        let us = (cpu() - began) / 2000.0 * 1e6;
+        println!("TIME {name}: {us:.1} us, {} pixels, {} patches", pixels / 2000, patches / 2000);
+    }
+}

@@ -1,0 +1,16 @@
+//! A camera as the images of particles see it.
+
+use crate::Optics;
+use glam::DVec2;
+
+/// Rays, lenslets and stop.
+#[derive(Debug, Clone)]
+pub(super) struct View {
+    pub(super) optics: Optics,
+    /// Half sides of the box around a cell, mm.
+    pub(super) corner: DVec2,
+    pub(super) pitch_mm: f64,
+    pub(super) has_round_stop: bool,
+    /// Area of the stop, mm^2.
+    pub(super) stop_mm2: f64,
+}

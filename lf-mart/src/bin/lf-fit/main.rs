@@ -1,0 +1,10 @@
+//! lf-fit: image, camera and volume to particles.
+
+mod arguments;
+mod run;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    run::main()
+}

@@ -1,0 +1,216 @@
+//! All particles of a frame. The sensor is cut into tiles; a tile's particles are fitted together, the others held.
+//!
+//! Tiles have four colours. Tiles of one colour are so far apart that no pixel has light of the particles of two: they
+//! are fitted at the same time, and the result does not depend on the number of threads.
+
+use super::buffers::Buffers;
+use super::image::SpotImage;
+use super::joint::{Ends, Setting};
+use super::{noise, spot::Spot, window::Window};
+use ndarray::ArrayView2;
+use rayon::prelude::*;
+
+/// A rectangle of the sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Tile {
+    /// First and end column and row.
+    pub(super) low: [usize; 2],
+    pub(super) high: [usize; 2],
+    colour: usize,
+}
+
+/// The particles and their light.
+#[derive(Debug)]
+pub(super) struct Cloud<'a> {
+    pub(super) image: ArrayView2<'a, f32>,
+    /// Expected counts of each pixel.
+    pub(super) light: Vec<f32>,
+    pub(super) spots: Vec<Spot>,
+    /// Most pixels from a particle's chief ray to a pixel that it lights.
+    pub(super) reach_px: usize,
+}
+
+/// Pixels beyond a tile within which a task may move particles of its neighbours.
+pub(super) const SEAM: usize = 32;
+/// Tiles that are rendered before their light is added up; bounds the memory.
+const AT_ONCE: usize = 32;
+const COLOURS: usize = 4;
+
+impl<'a> Cloud<'a> {
+    /// Particles without light on the sensor yet: see [`Cloud::render`].
+    pub(super) fn new(image: ArrayView2<'a, f32>, spots: Vec<Spot>, reach_px: usize) -> Self {
+        Self { light: vec![0.0; image.len()], image, spots, reach_px }
+    }
+
+    fn size(&self) -> [usize; 2] {
+        [self.image.ncols(), self.image.nrows()]
+    }
+
+    pub(super) fn tiles(&self) -> Vec<Tile> {
+        let least = 2 * (self.reach_px + SEAM);
+        let count = self.size().map(|side| (side / least).max(1));
+        let edge = |axis: usize, n: usize| self.size()[axis] * n / count[axis];
+        let tile = |n: usize| {
+            let at = [n % count[0], n / count[0]];
+            let low = [0, 1].map(|axis| edge(axis, at[axis]));
+            let high = [0, 1].map(|axis| edge(axis, at[axis] + 1));
+            Tile { low, high, colour: at[0] % 2 + 2 * (at[1] % 2) }
+        };
+        (0..count[0] * count[1]).map(tile).collect()
+    }
+
+    /// The window of a tile: all pixels that its particles can light.
+    pub(super) fn window(&self, tile: &Tile) -> Window {
+        let margin = self.reach_px + SEAM;
+        let size = self.size();
+        let low = tile.low.map(|low| low.saturating_sub(margin));
+        let high = [0, 1].map(|axis| (tile.high[axis] + margin).min(size[axis]));
+        Window::cut(self.image, &self.light, low, high)
+    }
+
+    /// The particles of each tile, by their chief rays.
+    pub(super) fn members(&self, setting: &Setting, tiles: &[Tile]) -> Vec<Vec<usize>> {
+        let places: Vec<usize> = self.spots.par_iter().map(|spot| self.tile_of(setting, spot, tiles)).collect();
+        let mut members = vec![Vec::new(); tiles.len()];
+        let held = |n: &usize| self.spots[*n].light > 0.0;
+        (0..places.len()).filter(held).for_each(|n| members[places[n]].push(n));
+        members
+    }
+
+    fn tile_of(&self, setting: &Setting, spot: &Spot, tiles: &[Tile]) -> usize {
+        let size = self.size();
+        let place = setting.model.chief_px(spot.place_mm);
+        let held = [0, 1].map(|axis| place[axis].clamp(0.0, size[axis] as f64 - 1.0) as usize);
+        let holds = |tile: &Tile| (0..2).all(|axis| (tile.low[axis]..tile.high[axis]).contains(&held[axis]));
+        tiles.iter().position(holds).unwrap_or(0)
+    }
+
+    /// Renders all particles anew.
+    pub(super) fn render(&mut self, setting: &Setting) {
+        self.light.fill(0.0);
+        let tiles = self.tiles();
+        let members = self.members(setting, &tiles);
+        let tasks: Vec<(&Tile, &Vec<usize>)> = tiles.iter().zip(&members).collect();
+        let width = self.image.ncols();
+        for tasks in tasks.chunks(AT_ONCE) {
+            let rendered: Vec<Window> = tasks
+                .par_iter()
+                .map_init(Buffers::default, |buffers, (tile, members)| {
+                    let mut window = self.window(tile);
+                    window.light.fill(0.0);
+                    for n in *members {
+                        let image = setting.image(&self.spots[*n], &window, buffers);
+                        image.add_to(&mut window.light, window.columns, 1.0);
+                    }
+                    window
+                })
+                .collect();
+            rendered.iter().for_each(|window| window.add_to(&mut self.light, width));
+        }
+    }
+
+    /// Runs `work` on all tiles, colour by colour, and takes the light that it leaves in the windows. `work` gets a
+    /// window, its tile and the numbers of its particles.
+    pub(super) fn each_tile<T: Send>(
+        &mut self,
+        setting: &Setting,
+        work: impl Fn(&Self, &mut Window, &Tile, &[usize], &mut Buffers) -> T + Sync,
+        mut done: impl FnMut(&mut Self, T),
+    ) {
+        let width = self.image.ncols();
+        let tiles = self.tiles();
+        for colour in 0..COLOURS {
+            let members = self.members(setting, &tiles);
+            let mine = |n: &usize| tiles[*n].colour == colour && !members[*n].is_empty();
+            let tasks: Vec<usize> = (0..tiles.len()).filter(mine).collect();
+            for tasks in tasks.chunks(AT_ONCE) {
+                let results: Vec<(Window, T)> = tasks
+                    .par_iter()
+                    .map_init(Buffers::default, |buffers, n| {
+                        let mut window = self.window(&tiles[*n]);
+                        let result = work(self, &mut window, &tiles[*n], &members[*n], buffers);
+                        (window, result)
+                    })
+                    .collect();
+                for (window, result) in results {
+                    window.paste(&mut self.light, width);
+                    done(self, result);
+                }
+            }
+        }
+    }
+
+    /// Fits the particles of every tile once. Returns the gain in -2 log L.
+    pub(super) fn sweep(&mut self, setting: &Setting, ends: Ends) -> f64 {
+        let mut total = 0.0;
+        let work = |cloud: &Self, window: &mut Window, _: &Tile, members: &[usize], buffers: &mut Buffers| {
+            let spots: Vec<Spot> = members.iter().map(|n| cloud.spots[*n]).collect();
+            let images: Vec<SpotImage> = spots.iter().map(|spot| setting.image(spot, window, buffers)).collect();
+            images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, -1.0));
+            let before = setting.deviance(window, &images, buffers);
+            let ends = Ends { gain: ends.gain * spots.len() as f64, ..ends };
+            let fitted = setting.joint(window, &spots, images, ends, buffers);
+            fitted.images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, 1.0));
+            (before - fitted.deviance, members.to_vec(), fitted.spots)
+        };
+        self.each_tile(setting, work, |cloud, (gain, members, spots)| {
+            total += gain;
+            members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
+        });
+        total
+    }
+
+    /// Finds light, places held: expectation maximisation, tile by tile.
+    pub(super) fn share_light(&mut self, setting: &Setting, rounds: usize) {
+        let work = |cloud: &Self, window: &mut Window, _: &Tile, members: &[usize], buffers: &mut Buffers| {
+            let mut spots: Vec<Spot> = members.iter().map(|n| cloud.spots[*n]).collect();
+            let mut images: Vec<SpotImage> = spots.iter().map(|spot| setting.image(spot, window, buffers)).collect();
+            let floor = setting.noise.read_variance.sqrt().max(setting.noise.gain) as f32;
+            for _ in 0..rounds {
+                let ratio =
+                    |(seen, light): (&f32, &f32)| if seen.is_nan() { 1.0 } else { seen.max(0.0) / (light + floor) };
+                let ratios: Vec<f32> = window.seen.iter().zip(&window.light).map(ratio).collect();
+                for (spot, image) in spots.iter_mut().zip(&mut images) {
+                    let (mut sum, mut whole) = (0.0, 0.0);
+                    image.pixels(window.columns, |n, pixel| {
+                        sum += f64::from(pixel[3] * ratios[n]);
+                        whole += f64::from(pixel[3]);
+                    });
+                    let factor = if whole > 0.0 { (sum / whole).max(1e-6) } else { 1e-6 };
+                    spot.light *= factor;
+                    image.add_to(&mut window.light, window.columns, factor as f32 - 1.0);
+                    image.scale(factor as f32);
+                }
+            }
+            (members.to_vec(), spots)
+        };
+        self.each_tile(setting, work, |cloud, (members, spots)| {
+            members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
+        });
+    }
+
+    /// Expected counts and difference of every lit pixel.
+    pub(super) fn pairs(&self) -> Vec<(f32, f32)> {
+        let [width, height] = self.size();
+        noise::pairs(&Window::cut(self.image, &self.light, [0, 0], [width, height]))
+    }
+
+    /// -2 log L of the whole image, but for a constant.
+    pub(super) fn deviance(&self, setting: &Setting) -> f64 {
+        let seen = self.image.iter().zip(&self.light).filter(|(seen, _)| !seen.is_nan());
+        seen.map(|(seen, light)| setting.noise.deviance(*seen, 0.0, *light)).sum()
+    }
+
+    /// Mean of squared differences over variances where light is expected, each held below 25.
+    pub(super) fn misfit(&self, setting: &Setting) -> f64 {
+        let least = 3.0 * setting.noise.gain.max(setting.noise.read_variance.sqrt()) as f32;
+        let (mut sum, mut count) = (0.0, 0usize);
+        for (seen, light) in self.image.iter().zip(&self.light) {
+            if !seen.is_nan() && *light > least {
+                sum += f64::from(((seen - light).powi(2) / setting.noise.variance(*light)).min(25.0));
+                count += 1;
+            }
+        }
+        if count > 0 { sum / count as f64 } else { 1.0 }
+    }
+}

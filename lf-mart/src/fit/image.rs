@@ -1,0 +1,139 @@
+//! The image of a particle within a window, with the derivatives that the fit needs.
+
+use super::{spot::Spot, window::Window};
+use lf_core::particle_image::{ParticleModel, Patch, QUANTITIES, Scratch};
+use lf_core::simd::fastest;
+
+/// Numbers of a pixel: the derivatives of its counts by x, y and z in pixels of the focal plane and by the logarithm of
+/// the light. The last one is the counts.
+pub(super) const UNKNOWNS: usize = 4;
+/// The counts among the numbers of a pixel.
+pub(super) const COUNTS: usize = 3;
+
+/// Pixels of one lenslet.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    /// First pixel in the window.
+    start: u32,
+    columns: u16,
+    rows: u16,
+}
+
+/// The image of a particle.
+#[derive(Debug, Clone)]
+pub(super) struct SpotImage {
+    /// The particle when it was rendered.
+    pub(super) rendered: Spot,
+    /// How far the counts have been moved since, pixels of the focal plane.
+    step: [f64; 3],
+    /// Light over that when it was rendered.
+    factor: f64,
+    blocks: Vec<Block>,
+    pixels: Vec<[f32; UNKNOWNS]>,
+}
+
+/// Lenslets and pixels that an image has at first room for.
+const BLOCKS: usize = 128;
+const PIXELS: usize = 1024;
+/// Pixels with less than this share of a particle's light are left out.
+const LEAST_SHARE: f64 = 1e-7;
+
+impl SpotImage {
+    /// Renders a particle. `pixel_mm` is a pixel at the focal plane.
+    pub(super) fn of(
+        model: &ParticleModel,
+        spot: &Spot,
+        pixel_mm: f64,
+        window: &Window,
+        scratch: &mut Scratch,
+    ) -> Self {
+        let (blocks, pixels) = (Vec::with_capacity(BLOCKS), Vec::with_capacity(PIXELS));
+        let mut image = Self { rendered: *spot, step: [0.0; 3], factor: 1.0, blocks, pixels };
+        let scale = [spot.light, spot.light * pixel_mm];
+        fastest(
+            #[inline(always)]
+            || {
+                model.visit_places(spot.place_mm, scratch, |patch, pixels| image.take(window, patch, pixels, scale));
+            },
+        );
+        image
+    }
+
+    /// The image after a small step from where it was rendered, by its derivatives, with another light.
+    pub(super) fn moved(&self, spot: &Spot, step: [f64; 3]) -> Self {
+        let factor = spot.light / self.rendered.light;
+        let scale = (factor / self.factor) as f32;
+        let more: [f32; 3] = std::array::from_fn(|k| (step[k] - self.step[k]) as f32);
+        let mut image =
+            Self { rendered: self.rendered, step, factor, blocks: self.blocks.clone(), pixels: self.pixels.clone() };
+        for pixel in &mut image.pixels {
+            let [x, y, z, counts] = *pixel;
+            let counts = counts + ((x * more[0] + y * more[1]) + z * more[2]);
+            *pixel = [x * scale, y * scale, z * scale, counts * scale];
+        }
+        image
+    }
+
+    #[inline(always)]
+    fn take(&mut self, window: &Window, patch: Patch, pixels: &[[f64; QUANTITIES]], [light, length]: [f64; 2]) {
+        // The part of the patch that lies within the window.
+        let within = |first: u32, count: u32, low: usize, size: usize| {
+            let from = (first as usize).clamp(low, low + size);
+            (from, ((first + count) as usize).clamp(from, low + size))
+        };
+        let (left, right) = within(patch.column, patch.columns, window.left, window.columns);
+        let (top, bottom) = within(patch.row, patch.rows, window.top, window.rows);
+        if left >= right || top >= bottom || pixels.iter().all(|pixel| pixel[0] < LEAST_SHARE) {
+            return;
+        }
+        let start = (top - window.top) * window.columns + left - window.left;
+        let (columns, rows) = ((right - left) as u16, (bottom - top) as u16);
+        self.blocks.push(Block { start: start as u32, columns, rows });
+        for row in top..bottom {
+            let first = (row - patch.row as usize) * patch.columns as usize + left - patch.column as usize;
+            let line = &pixels[first..first + right - left];
+            self.pixels.extend(line.iter().map(|pixel| {
+                [length * pixel[1], length * pixel[2], length * pixel[3], light * pixel[0]].map(|value| value as f32)
+            }));
+        }
+    }
+
+    /// Calls `each(place in the window, numbers)` for all pixels. A pixel may come more than once.
+    #[inline(always)]
+    pub(super) fn pixels(&self, columns: usize, mut each: impl FnMut(usize, &[f32; UNKNOWNS])) {
+        self.lines(columns, |start, line| line.iter().enumerate().for_each(|(n, pixel)| each(start + n, pixel)));
+    }
+
+    /// The same line by line: `each(first place in the window, numbers of the pixels)`.
+    #[inline(always)]
+    pub(super) fn lines(&self, columns: usize, mut each: impl FnMut(usize, &[[f32; UNKNOWNS]])) {
+        let mut rest = self.pixels.as_slice();
+        for block in &self.blocks {
+            for row in 0..block.rows as usize {
+                let (line, behind) = rest.split_at(block.columns as usize);
+                each(block.start as usize + row * columns, line);
+                rest = behind;
+            }
+        }
+    }
+
+    /// Adds `sign` times the particle's light to a window.
+    pub(super) fn add_to(&self, light: &mut [f32], columns: usize, sign: f32) {
+        self.lines(columns, |start, line| {
+            for (light, pixel) in light[start..start + line.len()].iter_mut().zip(line) {
+                *light += sign * pixel[COUNTS];
+            }
+        });
+    }
+
+    /// Whether the window sees nothing of it.
+    pub(super) fn is_dark(&self) -> bool {
+        self.pixels.is_empty()
+    }
+
+    /// Scales the light.
+    pub(super) fn scale(&mut self, factor: f32) {
+        self.factor *= f64::from(factor);
+        self.pixels.iter_mut().for_each(|pixel| pixel.iter_mut().for_each(|value| *value *= factor));
+    }
+}

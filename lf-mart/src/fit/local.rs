@@ -1,0 +1,189 @@
+//! The particles of a tile and of its seam, and trials of changes among them.
+
+use super::buffers::Buffers;
+use super::cloud::{Cloud, SEAM, Tile};
+use super::covariance::Prior;
+use super::image::{COUNTS, SpotImage, UNKNOWNS};
+use super::joint::{Ends, Fitted, Setting};
+use super::{spot::Spot, window::Window};
+
+/// A particle in hand.
+#[derive(Debug, Clone)]
+pub(super) struct Member {
+    /// Its number in the cloud; None for a new one.
+    pub(super) number: Option<usize>,
+    /// Whether the tile, and not its seam, holds it.
+    pub(super) is_own: bool,
+    pub(super) spot: Spot,
+    pub(super) image: SpotImage,
+}
+
+/// A tile at work.
+pub(super) struct Local<'a, 'b> {
+    pub(super) setting: &'a Setting<'a>,
+    pub(super) window: &'a mut Window,
+    pub(super) members: Vec<Member>,
+    pub(super) buffers: &'b mut Buffers,
+    /// Numbers of particles that are gone.
+    gone: Vec<usize>,
+    tile: Tile,
+}
+
+/// The changes by a tile's work.
+#[derive(Debug, Default)]
+pub(super) struct Changed {
+    pub(super) spots: Vec<(usize, Spot)>,
+    pub(super) gone: Vec<usize>,
+    pub(super) new: Vec<Spot>,
+    /// Changes that were kept.
+    pub(super) count: usize,
+}
+
+impl<'a, 'b> Local<'a, 'b> {
+    pub(super) fn new(
+        cloud: &Cloud,
+        setting: &'a Setting<'a>,
+        window: &'a mut Window,
+        tile: &Tile,
+        own: &[usize],
+        buffers: &'b mut Buffers,
+    ) -> Self {
+        buffers.fit(window.seen.len());
+        let mut local = Self { setting, window, members: Vec::new(), buffers, gone: Vec::new(), tile: *tile };
+        let mut is_own = vec![false; cloud.spots.len()];
+        own.iter().for_each(|n| is_own[*n] = true);
+        for (n, spot) in cloud.spots.iter().enumerate() {
+            if is_own[n] || (spot.light > 0.0 && local.is_in_seam(spot)) {
+                let image = setting.image(spot, local.window, local.buffers);
+                local.members.push(Member { number: Some(n), is_own: is_own[n], spot: *spot, image });
+            }
+        }
+        local
+    }
+
+    /// Whether a particle lies within half a seam of the tile.
+    fn is_in_seam(&self, spot: &Spot) -> bool {
+        let place = self.setting.model.chief_px(spot.place_mm);
+        let seam = SEAM as f64 / 2.0;
+        (0..2).all(|axis| {
+            let (low, high) = (self.tile.low[axis] as f64, self.tile.high[axis] as f64);
+            place[axis] > low - seam && place[axis] < high + seam
+        })
+    }
+
+    /// Whether the tile holds a particle.
+    pub(super) fn holds(&self, spot: &Spot) -> bool {
+        let place = self.setting.model.chief_px(spot.place_mm);
+        (0..2).all(|axis| place[axis] >= self.tile.low[axis] as f64 && place[axis] < self.tile.high[axis] as f64)
+    }
+
+    /// Particles within `aside` pixels of the focal plane of a place, sideways.
+    pub(super) fn near(&self, place_mm: [f64; 3], aside: f64) -> Vec<usize> {
+        let reach = aside * self.setting.pixel_mm;
+        let is_near = |spot: &Spot| (0..2).all(|axis| (spot.place_mm[axis] - place_mm[axis]).abs() < reach);
+        (0..self.members.len()).filter(|n| is_near(&self.members[*n].spot)).collect()
+    }
+
+    /// Fits `spots` in the place of the members `near`. Gives the fit and the fall of -2 log L. Nothing changes yet.
+    pub(super) fn attempt(&mut self, near: &[usize], spots: &[Spot], ends: Ends) -> (Fitted, f64) {
+        let before = self.lift(near);
+        let mut images = Vec::with_capacity(spots.len());
+        for spot in spots {
+            let known = near.iter().map(|n| &self.members[*n]).find(|member| member.spot == *spot);
+            images.push(match known {
+                Some(member) => member.image.clone(),
+                None => self.setting.image(spot, self.window, self.buffers),
+            });
+        }
+        let fitted = self.setting.joint(self.window, spots, images, ends, self.buffers);
+        self.lay(near);
+        let gain = before - fitted.deviance;
+        (fitted, gain)
+    }
+
+    /// Takes the light of members out of the window; gives their -2 log L beyond that of the window without them.
+    pub(super) fn lift(&mut self, near: &[usize]) -> f64 {
+        let images: Vec<SpotImage> = near.iter().map(|n| self.members[*n].image.clone()).collect();
+        images.iter().for_each(|image| image.add_to(&mut self.window.light, self.window.columns, -1.0));
+        self.setting.deviance(self.window, &images, self.buffers)
+    }
+
+    /// Puts it back.
+    pub(super) fn lay(&mut self, near: &[usize]) {
+        for n in near {
+            self.members[*n].image.add_to(&mut self.window.light, self.window.columns, 1.0);
+        }
+    }
+
+    /// Makes a fit hold: the first of its spots take the numbers of `near`, further ones are new. Members of `near`
+    /// beyond its spots go.
+    pub(super) fn keep(&mut self, near: &[usize], fitted: Fitted) {
+        for n in near {
+            self.members[*n].image.add_to(&mut self.window.light, self.window.columns, -1.0);
+        }
+        let (count, old) = (fitted.spots.len(), near.len());
+        for (k, (spot, image)) in fitted.spots.into_iter().zip(fitted.images).enumerate() {
+            image.add_to(&mut self.window.light, self.window.columns, 1.0);
+            if k < old {
+                let member = &mut self.members[near[k]];
+                (member.spot, member.image) = (spot, image);
+            } else {
+                self.members.push(Member { number: None, is_own: true, spot, image });
+            }
+        }
+        let mut spare: Vec<usize> = near.iter().skip(count).copied().collect();
+        spare.sort_unstable();
+        for n in spare.into_iter().rev() {
+            self.gone.extend(self.members.remove(n).number);
+        }
+    }
+
+    /// The covariance of a member, its neighbours within `aside` pixels free too.
+    pub(super) fn covariance(&mut self, n: usize, aside: f64, prior: Prior) -> [[f64; UNKNOWNS]; UNKNOWNS] {
+        let near = self.near(self.members[n].spot.place_mm, aside);
+        let others = near.iter().filter(|other| **other != n).map(|other| &self.members[*other].image);
+        let images: Vec<&SpotImage> = std::iter::once(&self.members[n].image).chain(others).collect();
+        self.setting.covariance(self.window, &images, prior, self.buffers)
+    }
+
+    /// Misfit on a member's light, in standard deviations of chi squared.
+    pub(super) fn excess(&self, n: usize) -> f64 {
+        let member = &self.members[n];
+        let least = (1e-4 * member.spot.light) as f32;
+        let (mut sum, mut count) = (0.0, 0.0);
+        member.image.pixels(self.window.columns, |n, pixel| {
+            let (seen, light) = (self.window.seen[n], self.window.light[n]);
+            if pixel[COUNTS] > least && !seen.is_nan() {
+                sum += f64::from((seen - light).powi(2) / self.setting.noise.variance(light)) - 1.0;
+                count += 1.0;
+            }
+        });
+        sum / f64::sqrt(2.0 * f64::max(count, 1.0))
+    }
+
+    /// The changes by the work, after `count` changes.
+    pub(super) fn changed(self, count: usize) -> Changed {
+        let mut changed = Changed { gone: self.gone, count, ..Changed::default() };
+        for member in self.members {
+            match member.number {
+                Some(number) => changed.spots.push((number, member.spot)),
+                None => changed.new.push(member.spot),
+            }
+        }
+        changed
+    }
+}
+
+impl Cloud<'_> {
+    /// Takes changes in. Numbers of particles hold until [`Cloud::forget`].
+    pub(super) fn take(&mut self, changed: &Changed) {
+        changed.spots.iter().for_each(|(n, spot)| self.spots[*n] = *spot);
+        self.spots.extend(&changed.new);
+        changed.gone.iter().for_each(|n| self.spots[*n].light = 0.0);
+    }
+
+    /// Forgets particles without light.
+    pub(super) fn forget(&mut self) {
+        self.spots.retain(|spot| spot.light > 0.0);
+    }
+}

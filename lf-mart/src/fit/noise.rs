@@ -1,0 +1,128 @@
+//! The noise of a pixel: `variance = gain * expected counts + read variance`.
+
+use crate::fit::window::Window;
+
+/// Noise of a sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    /// Counts of an electron, or of a ray.
+    pub gain: f64,
+    /// Variance of a pixel without light, counts^2.
+    pub read_variance: f64,
+}
+
+/// Bins of equal numbers of pixels, by expected counts, in which the noise is found.
+const BINS: usize = 24;
+/// Square of a normal variable that half of all are below, over its variance.
+const MEDIAN_OF_SQUARE: f64 = 0.454_936;
+/// Fewest pixels from which noise is found.
+const LEAST_PIXELS: usize = 2000;
+/// Noise below this share of the brightest expected pixel cannot be told from the model's own errors.
+const LEAST_SHARE: f64 = 1e-4;
+
+impl Noise {
+    /// Variance of a pixel of `expected` counts.
+    #[inline(always)]
+    pub fn variance(&self, expected: f32) -> f32 {
+        (self.gain as f32) * expected.max(0.0) + self.read_variance as f32
+    }
+
+    /// -2 log likelihood of a pixel with `expected` counts beyond that of one with `others` counts.
+    #[inline(always)]
+    pub(super) fn deviance(&self, seen: f32, others: f32, expected: f32) -> f64 {
+        let (v0, v1) = (self.variance(others), self.variance(expected));
+        let (r0, r1) = (f64::from(seen - others), f64::from(seen - expected));
+        r1 * r1 / f64::from(v1) - r0 * r0 / f64::from(v0) + f64::from((v1 / v0).ln())
+    }
+
+    /// Found from what the pixels of windows differ from what is expected there: in bins by expected counts, the median
+    /// of the squares, which missing and wrong particles move little; through the bins a line. None if too few pixels
+    /// are lit. A gain or read noise that is given stays.
+    pub(super) fn found(pairs: &mut [(f32, f32)], given: Given) -> Option<Self> {
+        if pairs.len() < LEAST_PIXELS {
+            return None;
+        }
+        pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let peak = f64::from(pairs[pairs.len() - 1].0);
+        let floor = (LEAST_SHARE * peak).powi(2).max(f64::MIN_POSITIVE);
+        let bins: Vec<[f64; 2]> = pairs.chunks(pairs.len().div_ceil(BINS)).map(|bin| level(bin, floor)).collect();
+        // Least squares of relative errors, weighted again by the line found before.
+        let mut noise = Self { gain: 0.0, read_variance: bins[0][1] };
+        for round in 0..6 {
+            let weight = |bin: &[f64; 2]| {
+                let variance = if round == 0 { bin[1] } else { noise.gain * bin[0] + noise.read_variance };
+                variance.max(floor).powi(-2)
+            };
+            let sum = |term: &dyn Fn(&[f64; 2]) -> f64| bins.iter().map(|bin| weight(bin) * term(bin)).sum::<f64>();
+            let (w, x, y) = (sum(&|_| 1.0), sum(&|bin| bin[0]), sum(&|bin| bin[1]));
+            let (xx, xy) = (sum(&|bin| bin[0] * bin[0]), sum(&|bin| bin[0] * bin[1]));
+            let spread = w * xx - x * x;
+            let mut gain = if spread > 1e-9 * w * xx { (w * xy - x * y) / spread } else { 0.0 };
+            let mut read_variance = (y - gain * x) / w;
+            if read_variance < 0.0 {
+                (gain, read_variance) = (xy / xx.max(f64::MIN_POSITIVE), 0.0);
+            }
+            if gain < 0.0 {
+                (gain, read_variance) = (0.0, y / w);
+            }
+            if let Some(known) = given.gain {
+                (gain, read_variance) = (known, ((y - known * x) / w).max(0.0));
+            }
+            if let Some(known) = given.read_variance {
+                read_variance = known;
+                gain = given.gain.unwrap_or(((xy - known * x) / xx.max(f64::MIN_POSITIVE)).max(0.0));
+            }
+            noise = Self { gain, read_variance: read_variance.max(floor) };
+        }
+        Some(noise)
+    }
+}
+
+/// Parts of the noise that are known beforehand.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Given {
+    /// Counts of an electron.
+    pub gain: Option<f64>,
+    /// Variance of a pixel without light, counts^2.
+    pub read_variance: Option<f64>,
+}
+
+/// Mean of the expected counts and robust mean of the squared differences.
+fn level(bin: &[(f32, f32)], floor: f64) -> [f64; 2] {
+    let mean = bin.iter().map(|(expected, _)| f64::from(*expected)).sum::<f64>() / bin.len() as f64;
+    let mut squares: Vec<f32> = bin.iter().map(|(_, off)| off * off).collect();
+    let middle = squares.len() / 2;
+    let (_, median, _) = squares.select_nth_unstable_by(middle, f32::total_cmp);
+    [mean, (f64::from(*median) / MEDIAN_OF_SQUARE).max(floor)]
+}
+
+/// Expected counts and difference of the lit pixels of a window.
+pub(super) fn pairs(window: &Window) -> Vec<(f32, f32)> {
+    let all = window.seen.iter().zip(&window.light);
+    all.filter(|(seen, light)| !seen.is_nan() && **light > 0.0).map(|(seen, light)| (*light, seen - light)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+    use rand_pcg::Pcg64Mcg;
+
+    #[test]
+    fn gain_and_read_noise_come_back_in_spite_of_outliers() {
+        let mut random = Pcg64Mcg::new(3);
+        let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        let mut pairs: Vec<(f32, f32)> = (0..200_000)
+            .map(|n| {
+                let expected = 400.0 * (f64::from(n) / 200_000.0).powi(2);
+                let off = (0.8 * expected + 9.0).sqrt() * normal() + if n % 20 == 0 { 60.0 } else { 0.0 };
+                (expected as f32, off as f32)
+            })
+            .collect();
+        let noise = Noise::found(&mut pairs, Given::default()).unwrap();
+        assert!((noise.gain / 0.8 - 1.0).abs() < 0.2 && (noise.read_variance / 9.0 - 1.0).abs() < 0.2, "{noise:?}");
+        let known = Noise::found(&mut pairs, Given { gain: Some(0.8), read_variance: None }).unwrap();
+        assert!(known.gain == 0.8 && (known.read_variance / 9.0 - 1.0).abs() < 0.5, "{known:?}");
+        assert!(Noise::found(&mut pairs[..100], Given::default()).is_none());
+    }
+}

@@ -1,0 +1,411 @@
+//! The whole fit: from a volume and an image to particles.
+
+use super::buffers::Buffers;
+use super::changes::Judge;
+use super::cloud::{Cloud, Tile};
+use super::covariance::Prior;
+use super::image::UNKNOWNS;
+use super::joint::{Ends, Setting};
+use super::local::{Changed, Local};
+use super::noise::{Given, Noise};
+use super::shape::{Free, Sample, Shape};
+use super::{candidates, spot::Spot, window::Window};
+use lf_core::particle_image::ParticleModel;
+use lf_core::{Camera, Grid, Refusal};
+use ndarray::{Array2, ArrayView2};
+use rayon::prelude::*;
+
+/// The options of a fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitOptions {
+    /// Where the fit of size and drift begins, or what is held.
+    pub shape: Shape,
+    /// Which parts of the shape are fitted.
+    pub free: Free,
+    /// Known parts of the noise.
+    pub noise: Given,
+    /// Most rounds of drop, split and add.
+    pub rounds: usize,
+}
+
+/// A particle that was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// Place and light.
+    pub spot: Spot,
+    /// Covariance of the place: xx, xy, xz, yy, yz, zz, mm^2.
+    pub covariance_mm2: [f64; 6],
+    /// Standard uncertainty of the light, counts.
+    pub light_std: f64,
+}
+
+/// A step of the fit, for reports.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Progress {
+    /// Its name.
+    pub what: &'static str,
+    /// Particles held.
+    pub particles: usize,
+    /// Particles dropped, split and added, or moved by the scan.
+    pub changes: [usize; 3],
+    /// Fall of -2 log L.
+    pub gain: f64,
+    /// Mean squared difference over variance where light is expected.
+    pub misfit: f64,
+    /// Size and drift.
+    pub shape: Shape,
+    /// The noise.
+    pub noise: Noise,
+}
+
+/// The result of a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// The particles, by rising rows of their chief rays' tiles.
+    pub particles: Vec<Found>,
+    /// Size and drift.
+    pub shape: Shape,
+    /// The noise.
+    pub noise: Noise,
+    /// Mean squared difference over variance where light is expected.
+    pub misfit: f64,
+}
+
+/// Sweeps of expectation maximisation on light, and the faintest candidate that is kept, in medians.
+const LIGHT_SWEEPS: usize = 3;
+const LIGHT_ROUNDS: usize = 10;
+const FAINTEST: f64 = 0.02;
+/// Fall of -2 log L that another particle must bring: five standard deviations.
+const GAIN: f64 = 25.0;
+/// Particles may leave the volume's depths by this many pixels of the focal plane.
+const BEYOND_PX: f64 = 40.0;
+/// Side of the part of the sensor from which size and drift are found, pixels.
+const SAMPLE_PX: usize = 420;
+/// Most steps of a fit of size and drift, and rounds after which they are fitted again.
+const SHAPE_STEPS: usize = 8;
+const SHAPE_ROUNDS: usize = 2;
+/// Steps of the sweep by which a shape is judged.
+const SHAPE_SWEEP: usize = 4;
+/// Rounds end when they change less than this share of the particles.
+const QUIET: f64 = 0.005;
+/// A step of a tile that lowers -2 log L by less than this for each particle is the last of its sweep.
+const SWEEP_GAIN: f64 = 0.01;
+/// Neighbours within these pixels of the focal plane are free when the covariance is found: 0.995 of the full.
+const NEIGHBOURS_PX: f64 = 28.0;
+/// Noise before any is found, as a share of the brightest pixels.
+const FIRST_NOISE: f64 = 0.02;
+/// Pixels are as bright as this quantile at least when they are called the brightest.
+const BRIGHTEST: f64 = 0.999;
+/// The scan reaches particles this many depths of focus from the focal plane; a depth of focus spreads a point by one
+/// pixel on the array.
+const SCAN_DEPTHS: f64 = 22.0;
+
+/// Fits particles to an image.
+///
+/// `indices` and `intensity` are the voxels of a volume on `grid`, indices rising. Pixels that are NaN are blind. `told`
+/// is called after each step. Refuses a volume without maxima, an image without light and what
+/// [`ParticleModel::new`] refuses.
+pub fn fit(
+    camera: &Camera,
+    image: ArrayView2<f32>,
+    (grid, indices, intensity): (&Grid, &[u64], &[f32]),
+    options: &FitOptions,
+    mut told: impl FnMut(&Progress),
+) -> Result<Fit, Refusal> {
+    let spots = candidates::maxima(grid, indices, intensity);
+    Refusal::unless(!spots.is_empty(), || "no voxel is brighter than its neighbours", "wanted a volume of particles")?;
+    let image = image.as_standard_layout();
+    let pixel_mm = camera.pixel_in_focus_mm();
+    let beyond = BEYOND_PX * pixel_mm;
+    let depth_mm = [grid.centre_mm(2, 0) - beyond, grid.centre_mm(2, grid.shape[2] - 1) + beyond];
+    let model = options.shape.model(camera, depth_mm)?;
+    let noise = first_noise(image.view(), options.noise)?;
+    let reach = depth_mm.into_iter().fold(0f64, |reach, z| reach.max(model.reach_px(z)));
+    let wide = ParticleModel::new(camera, 2.0 * options.shape.sigma_px * pixel_mm, depth_mm)?;
+    let reach = depth_mm.into_iter().fold(reach, |reach, z| reach.max(wide.reach_px(z)));
+    let prior = Prior([camera.pitch_px(), camera.pitch_px(), (depth_mm[1] - depth_mm[0]) / pixel_mm, 1.0]);
+    let mut work = Work {
+        camera,
+        options,
+        cloud: Cloud::new(image.view(), spots, reach.ceil() as usize),
+        model,
+        shape: options.shape,
+        noise,
+        pixel_mm,
+        depth_mm,
+        prior,
+        candidates: Vec::new(),
+    };
+    work.begin();
+    work.sweeps("first fit", 1, 3, &mut told);
+    work.shape(&mut told)?;
+    work.sweeps("fit", 2, 3, &mut told);
+    work.find_noise();
+    for round in 0..options.rounds {
+        let changes = work.round(round)?;
+        work.find_noise();
+        if round < SHAPE_ROUNDS {
+            work.shape(&mut told)?;
+        }
+        let gain = work.sweep(1, 4);
+        work.tell("round", changes, gain, &mut told);
+        let quiet = QUIET * work.cloud.spots.len() as f64;
+        if round > 0 && (changes.iter().sum::<usize>() as f64) < quiet {
+            break;
+        }
+    }
+    work.finish(&mut told)
+}
+
+/// Most bytes that a fit needs beside the image and the volume: light, and what the windows at work hold.
+pub fn peak_bytes(pixels: usize, voxels: usize) -> u64 {
+    24 * pixels as u64 + 4 * voxels as u64 + (256 << 20)
+}
+
+/// A fit at work.
+struct Work<'a> {
+    camera: &'a Camera,
+    options: &'a FitOptions,
+    cloud: Cloud<'a>,
+    model: ParticleModel,
+    shape: Shape,
+    noise: Noise,
+    pixel_mm: f64,
+    depth_mm: [f64; 2],
+    prior: Prior,
+    /// Candidates that were not kept.
+    candidates: Vec<Spot>,
+}
+
+impl Work<'_> {
+    fn setting(model: &ParticleModel, noise: Noise, pixel_mm: f64, depth_mm: [f64; 2]) -> Setting<'_> {
+        Setting { model, noise, pixel_mm, depth_mm }
+    }
+
+    /// Shares the light out among the candidates and drops the faint ones.
+    fn begin(&mut self) {
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        // The volume's light has no fixed scale: begin with the image's.
+        let seen: f64 = self.cloud.image.iter().filter(|v| !v.is_nan()).map(|v| f64::from(v.max(0.0))).sum();
+        let sum: f64 = self.cloud.spots.iter().map(|spot| spot.light).sum();
+        self.cloud.spots.iter_mut().for_each(|spot| spot.light *= seen / sum);
+        self.cloud.render(&setting);
+        for _ in 0..LIGHT_SWEEPS {
+            self.cloud.share_light(&setting, LIGHT_ROUNDS);
+        }
+        let least = FAINTEST * median(self.cloud.spots.iter().map(|spot| spot.light).collect());
+        let (kept, faint) = self.cloud.spots.iter().partition(|spot| spot.light > least);
+        (self.cloud.spots, self.candidates) = (kept, faint);
+        self.cloud.render(&setting);
+    }
+
+    /// Fits size and drift in a part of the sensor.
+    fn shape(&mut self, told: &mut impl FnMut(&Progress)) -> Result<(), Refusal> {
+        if !self.options.free.size && !self.options.free.drift {
+            return Ok(());
+        }
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let size = [self.cloud.image.ncols(), self.cloud.image.nrows()];
+        let part = size.map(|side| {
+            let width = side.min(SAMPLE_PX);
+            [(side - width) / 2, (side + width) / 2]
+        });
+        let margin = self.cloud.reach_px;
+        let low = part.map(|[low, _]| low.saturating_sub(margin));
+        let high = [0, 1].map(|axis| (part[axis][1] + margin).min(size[axis]));
+        let mut window = Window::cut(self.cloud.image, &self.cloud.light, low, high);
+        for (n, seen) in window.seen.iter_mut().enumerate() {
+            let place = [low[0] + n % window.columns, low[1] + n / window.columns];
+            if (0..2).any(|axis| !(part[axis][0]..part[axis][1]).contains(&place[axis])) {
+                *seen = f32::NAN;
+            }
+        }
+        let sees = |spot: &&Spot| {
+            let place = self.model.chief_px(spot.place_mm);
+            let reach = self.model.reach_px(spot.place_mm[2]);
+            (0..2).all(|axis| place[axis] > part[axis][0] as f64 - reach && place[axis] < part[axis][1] as f64 + reach)
+        };
+        let spots: Vec<Spot> = self.cloud.spots.iter().filter(sees).copied().collect();
+        if spots.is_empty() {
+            return Ok(());
+        }
+        let mut sample = Sample { camera: self.camera, window, spots, free: self.options.free };
+        let shape = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
+        self.judge_shape(shape)?;
+        self.tell("size and drift", [0; 3], 0.0, told);
+        Ok(())
+    }
+
+    /// Takes a shape that a part of the sensor proposes if all of it agrees: both are tried with particles fitted.
+    fn judge_shape(&mut self, shape: Shape) -> Result<(), Refusal> {
+        let (start, old_shape) = (self.cloud.spots.clone(), self.shape);
+        let kept = self.sweep(1, SHAPE_SWEEP);
+        let old = self.cloud.deviance(&Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm));
+        let old_spots = std::mem::replace(&mut self.cloud.spots, start);
+        self.take_shape(shape)?;
+        let gained = self.sweep(1, SHAPE_SWEEP);
+        let new = self.cloud.deviance(&Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm));
+        if new > old || !(kept + gained).is_finite() {
+            self.cloud.spots = old_spots;
+            self.take_shape(old_shape)?;
+        }
+        Ok(())
+    }
+
+    fn take_shape(&mut self, shape: Shape) -> Result<(), Refusal> {
+        self.shape = shape;
+        self.model = shape.model(self.camera, self.depth_mm)?;
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        self.cloud.render(&setting);
+        Ok(())
+    }
+
+    fn sweep(&mut self, sweeps: usize, steps: usize) -> f64 {
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        (0..sweeps).map(|_| self.cloud.sweep(&setting, Ends { steps, gain: SWEEP_GAIN })).sum()
+    }
+
+    fn sweeps(&mut self, what: &'static str, sweeps: usize, steps: usize, told: &mut impl FnMut(&Progress)) {
+        let gain = self.sweep(sweeps, steps);
+        self.tell(what, [0; 3], gain, told);
+    }
+
+    fn find_noise(&mut self) {
+        if let Some(noise) = Noise::found(&mut self.cloud.pairs(), self.options.noise) {
+            self.noise = noise;
+        }
+    }
+
+    fn judge(&self) -> Judge {
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        Judge {
+            gain: GAIN * self.cloud.misfit(&setting).max(1.0),
+            usual_light: median(self.cloud.spots.iter().map(|spot| spot.light).collect()),
+            lenslet_px: self.camera.pitch_px(),
+            prior: self.prior,
+        }
+    }
+
+    /// Runs a change in every tile. Gives how many changes were kept.
+    fn change(&mut self, work: impl Fn(&mut Local) -> usize + Sync) -> usize {
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let mut count = 0;
+        let task = |cloud: &Cloud, window: &mut Window, tile: &Tile, own: &[usize], buffers: &mut Buffers| {
+            let mut local = Local::new(cloud, &setting, window, tile, own, buffers);
+            let count = work(&mut local);
+            local.changed(count)
+        };
+        self.cloud.each_tile(&setting, task, |cloud, changed: Changed| {
+            count += changed.count;
+            cloud.take(&changed);
+        });
+        self.cloud.forget();
+        count
+    }
+
+    /// Drop, split, add.
+    fn round(&mut self, round: usize) -> Result<[usize; 3], Refusal> {
+        let judge = self.judge();
+        let dropped = self.change(|local| local.drop_weak(&judge));
+        self.sweep(1, 3);
+        let judge = self.judge();
+        let split = self.change(|local| local.split(&judge));
+        let added = if round < 3 {
+            let candidates = std::mem::take(&mut self.candidates);
+            let added = self.change(|local| {
+                let mine: Vec<Spot> = candidates.iter().filter(|spot| local.holds(spot)).copied().collect();
+                local.add(&mine, &judge)
+            });
+            self.candidates = candidates;
+            added
+        } else {
+            0
+        };
+        Ok([dropped, split, added])
+    }
+
+    fn tell(&self, what: &'static str, changes: [usize; 3], gain: f64, told: &mut impl FnMut(&Progress)) {
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let misfit = self.cloud.misfit(&setting);
+        let Self { shape, noise, .. } = *self;
+        told(&Progress { what, particles: self.cloud.spots.len(), changes, gain, misfit, shape, noise });
+    }
+
+    /// Scans near focus, drops once more, fits to the end, and finds the uncertainties.
+    fn finish(mut self, told: &mut impl FnMut(&Progress)) -> Result<Fit, Refusal> {
+        self.shape(told)?;
+        self.sweeps("fit", 1, 6, told);
+        let judge = self.judge();
+        let near_mm = self.near_focus_mm();
+        let moved = self.change(|local| local.scan(near_mm, &judge));
+        let judge = self.judge();
+        let dropped = self.change(|local| local.drop_weak(&judge));
+        let gain = self.sweep(1, 8);
+        self.tell("scan", [dropped, 0, moved], gain, told);
+        self.find_noise();
+        let gain = self.sweep(1, 8);
+        self.tell("last fit", [0; 3], gain, told);
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let misfit = self.cloud.misfit(&setting);
+        let particles = self.uncertainties(&setting);
+        Ok(Fit { particles, shape: self.shape, noise: self.noise, misfit })
+    }
+
+    /// Depth from focus over which a scan is worth its time, mm.
+    fn near_focus_mm(&self) -> f64 {
+        let optics = lf_core::Optics::new(self.camera);
+        let slope = (optics.alpha(0.05) - optics.alpha(-0.05)).abs() / 0.1;
+        let depth_of_focus = self.camera.sensor.pixel_pitch_mm / (slope * 2.0 * optics.half_aperture_mm);
+        SCAN_DEPTHS * depth_of_focus
+    }
+
+    fn uncertainties(&self, setting: &Setting) -> Vec<Found> {
+        let tiles = self.cloud.tiles();
+        let members = self.cloud.members(setting, &tiles);
+        let tasks: Vec<(&Tile, &Vec<usize>)> = tiles.iter().zip(&members).collect();
+        let found: Vec<Vec<Found>> = tasks
+            .par_iter()
+            .map_init(Buffers::default, |buffers, (tile, own)| {
+                let mut window = self.cloud.window(tile);
+                let mut local = Local::new(&self.cloud, setting, &mut window, tile, own, buffers);
+                let numbers: Vec<usize> = (0..local.members.len()).filter(|n| local.members[*n].is_own).collect();
+                numbers.iter().map(|n| self.uncertain(&mut local, *n)).collect()
+            })
+            .collect();
+        found.concat()
+    }
+
+    fn uncertain(&self, local: &mut Local, n: usize) -> Found {
+        let covariance: [[f64; UNKNOWNS]; UNKNOWNS] = local.covariance(n, NEIGHBOURS_PX, self.prior);
+        let spot = local.members[n].spot;
+        let square = self.pixel_mm * self.pixel_mm;
+        let at = |a: usize, b: usize| square * 0.5 * (covariance[a][b] + covariance[b][a]);
+        Found {
+            spot,
+            covariance_mm2: [at(0, 0), at(0, 1), at(0, 2), at(1, 1), at(1, 2), at(2, 2)],
+            light_std: spot.light * covariance[3][3].sqrt(),
+        }
+    }
+}
+
+/// Noise for the first fits, of the size of the model's errors then.
+fn first_noise(image: ArrayView2<f32>, given: Given) -> Result<Noise, Refusal> {
+    let mut bright: Vec<f32> = image.iter().copied().filter(|value| *value > 0.0).collect();
+    Refusal::unless(!bright.is_empty(), || "no pixel has light", "wanted an image of particles")?;
+    let at = ((bright.len() as f64 * BRIGHTEST) as usize).min(bright.len() - 1);
+    let peak = f64::from(*bright.select_nth_unstable_by(at, f32::total_cmp).1);
+    let dark: Array2<f32> = image.to_owned();
+    let read = lf_core::image::noise(dark.view()).max(FIRST_NOISE * 0.1 * peak);
+    Ok(Noise {
+        gain: given.gain.unwrap_or(FIRST_NOISE * peak * 0.1),
+        read_variance: given.read_variance.unwrap_or(read * read),
+    })
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}

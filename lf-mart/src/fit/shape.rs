@@ -1,0 +1,234 @@
+//! The unknowns that all particles share: their size, and the drift of the camera's lattice. Both are fitted together with the
+//! particles of a part of the sensor.
+
+use super::buffers::Buffers;
+use super::image::{SpotImage, UNKNOWNS};
+use super::joint::Setting;
+use super::normal::{Blocks, DEEP, cholesky, conjugate_gradients, solve};
+use super::{spot::Spot, window::Window};
+use lf_core::particle_image::{ParticleModel, Patch, QUANTITIES, Scratch};
+use lf_core::simd::fastest;
+use lf_core::{Camera, Refusal};
+use rayon::prelude::*;
+
+/// Size and drift, pixels: of the focal plane, and of the sensor along its columns and rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shape {
+    /// Standard deviation of a particle, pixels of the focal plane.
+    pub sigma_px: f64,
+    /// Shift of the lattice against the camera's, pixels.
+    pub drift_px: [f64; 2],
+}
+
+/// Which parts of a shape are fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Free {
+    /// The size.
+    pub size: bool,
+    /// The drift.
+    pub drift: bool,
+}
+
+/// Unknowns of a shape.
+const SHAPES: usize = 3;
+/// Longest step, pixels; the least size.
+const STEP_PX: f64 = 0.1;
+const LEAST_PX: f64 = 0.15;
+const MOST_PX: f64 = 5.0;
+/// Damping of the particles while the shape is fitted: its start, its change after a good and after a bad step.
+const DAMPING: f64 = 0.01;
+const LESS: f64 = 0.2;
+const MORE: f64 = 8.0;
+const LEAST_DAMPING: f64 = 1e-6;
+/// A step below this ends the fit, pixels.
+const ENOUGH_PX: f64 = 1e-4;
+
+impl Shape {
+    /// The model of particles of this shape.
+    pub(super) fn model(&self, camera: &Camera, depth_mm: [f64; 2]) -> Result<ParticleModel, Refusal> {
+        ParticleModel::new(&self.camera(camera), self.sigma_px * camera.pixel_in_focus_mm(), depth_mm)
+    }
+
+    /// The camera with its lattice where it is found.
+    pub fn camera(&self, camera: &Camera) -> Camera {
+        let mut moved = camera.clone();
+        for (axis, offset) in moved.microlenses.offset_mm.iter_mut().enumerate() {
+            *offset += self.drift_px[axis] * camera.sensor.pixel_pitch_mm;
+        }
+        moved
+    }
+
+    fn moved(&self, step: [f64; SHAPES]) -> Self {
+        let [size, x, y] = step.map(|step| step.clamp(-STEP_PX, STEP_PX));
+        let sigma_px = (self.sigma_px + size).clamp(LEAST_PX, MOST_PX);
+        Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y] }
+    }
+}
+
+/// A part of the sensor and the particles that it sees. Pixels of the window outside the part are blind.
+pub(super) struct Sample<'a> {
+    pub(super) camera: &'a Camera,
+    pub(super) window: Window,
+    pub(super) spots: Vec<Spot>,
+    pub(super) free: Free,
+}
+
+impl Sample<'_> {
+    /// Fits shape and particles. Gives the shape; the particles stay in the sample.
+    pub(super) fn fit(&mut self, setting: &Setting, mut shape: Shape, steps: usize) -> Result<Shape, Refusal> {
+        self.window.light.fill(0.0);
+        let mut buffers = Buffers::default();
+        let mut model = shape.model(self.camera, setting.depth_mm)?;
+        let mut state = self.state(&Setting { model: &model, ..*setting }, &mut buffers);
+        let mut damping = DAMPING;
+        for _ in 0..steps {
+            let (step, moves) = self.step(&Setting { model: &model, ..*setting }, &state, damping, &mut buffers);
+            if !step.iter().all(|step| step.is_finite()) {
+                damping *= MORE;
+                continue;
+            }
+            let next_shape = shape.moved(step);
+            let next_model = next_shape.model(self.camera, setting.depth_mm)?;
+            let next_setting = Setting { model: &next_model, ..*setting };
+            let old = self.spots.clone();
+            self.spots = old.iter().zip(&moves).map(|(spot, step)| next_setting.moved(spot, step)).collect();
+            let next = self.state(&next_setting, &mut buffers);
+            if next.deviance < state.deviance {
+                (shape, model, state) = (next_shape, next_model, next);
+                damping = (damping * LESS).max(LEAST_DAMPING);
+                if step.iter().all(|step| step.abs() < ENOUGH_PX) {
+                    break;
+                }
+            } else {
+                self.spots = old;
+                damping *= MORE;
+            }
+        }
+        Ok(shape)
+    }
+
+    /// Renders the particles.
+    fn state(&self, setting: &Setting, buffers: &mut Buffers) -> State {
+        let columns = self.window.columns;
+        let rendered: Vec<(SpotImage, Vec<Slopes>)> = self
+            .spots
+            .par_iter()
+            .map_init(Scratch::default, |scratch, spot| {
+                let image = SpotImage::of(setting.model, spot, setting.pixel_mm, &self.window, scratch);
+                (image, self.by_shape(setting, spot, scratch))
+            })
+            .collect();
+        let mut by_shape = vec![[0f32; SHAPES]; self.window.seen.len()];
+        let mut images = Vec::with_capacity(rendered.len());
+        for (image, pixels) in rendered {
+            for (n, slopes) in pixels {
+                (0..SHAPES).for_each(|k| by_shape[n as usize][k] += slopes[k]);
+            }
+            images.push(image);
+        }
+        let deviance = setting.deviance(&self.window, &images, buffers);
+        debug_assert_eq!(by_shape.len() % columns, 0);
+        State { images, by_shape, deviance }
+    }
+
+    /// The derivatives of a particle's counts by the shape, by pixel of the window.
+    fn by_shape(&self, setting: &Setting, spot: &Spot, scratch: &mut Scratch) -> Vec<Slopes> {
+        let Window { left, top, columns, rows, .. } = self.window;
+        let sensor_px = spot.light * self.camera.sensor.pixel_pitch_mm;
+        let scale = [spot.light * setting.pixel_mm, sensor_px, sensor_px];
+        let mut slopes = Vec::new();
+        let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
+            for (n, pixel) in pixels.iter().enumerate() {
+                let column = patch.column as usize + n % patch.columns as usize;
+                let row = patch.row as usize + n / patch.columns as usize;
+                if (left..left + columns).contains(&column) && (top..top + rows).contains(&row) {
+                    let at = (row - top) * columns + column - left;
+                    slopes.push((at as u32, std::array::from_fn(|k| (scale[k] * pixel[4 + k]) as f32)));
+                }
+            }
+        };
+        fastest(
+            #[inline(always)]
+            || setting.model.visit(spot.place_mm, scratch, &mut take),
+        );
+        slopes
+    }
+
+    /// The step of the shape and those of the particles: the equations of the shape are bordered by the particles'.
+    fn step(
+        &self,
+        setting: &Setting,
+        state: &State,
+        damping: f64,
+        buffers: &mut Buffers,
+    ) -> ([f64; SHAPES], Vec<[f64; UNKNOWNS]>) {
+        let columns = self.window.columns;
+        buffers.paint(&state.images, columns);
+        setting.weigh(&self.window, buffers);
+        let normal = Blocks::new(&state.images, columns, buffers);
+        let mut matrix = [[0f64; SHAPES]; SHAPES];
+        let mut gradient = [0f64; SHAPES];
+        for n in &buffers.touched {
+            let n = *n as usize;
+            let slopes = state.by_shape[n].map(f64::from);
+            for a in 0..SHAPES {
+                gradient[a] += slopes[a] * f64::from(buffers.pull[n]);
+                (0..SHAPES).for_each(|b| matrix[a][b] += f64::from(buffers.weight[n]) * slopes[a] * slopes[b]);
+            }
+        }
+        let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| self.mixed(state, a, buffers));
+        let own = conjugate_gradients(&normal, &state.images, columns, damping, DEEP, buffers);
+        // Unfinished solutions make the shape's steps shorter, never longer.
+        let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| {
+            let normal = Blocks { gradient: mixed[a].clone(), diagonal: normal.diagonal.clone() };
+            conjugate_gradients(&normal, &state.images, columns, damping, DEEP, buffers)
+        });
+        buffers.wipe();
+        let dot = |a: &[[f64; UNKNOWNS]], b: &[[f64; UNKNOWNS]]| -> f64 {
+            a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
+        };
+        let is_free = [self.free.size, self.free.drift, self.free.drift];
+        let mut system = [0f64; SHAPES * SHAPES];
+        let mut step = [0f64; SHAPES];
+        for a in 0..SHAPES {
+            step[a] = if is_free[a] { gradient[a] - dot(&mixed[a], &own) } else { 0.0 };
+            for b in 0..SHAPES {
+                system[a * SHAPES + b] = match (is_free[a] && is_free[b], a == b) {
+                    (true, _) => matrix[a][b] - dot(&mixed[a], &solved[b]),
+                    (false, true) => 1.0,
+                    (false, false) => 0.0,
+                };
+            }
+        }
+        cholesky(&mut system, SHAPES);
+        solve(&system, SHAPES, &mut step);
+        let moves = (0..own.len())
+            .map(|n| std::array::from_fn(|k| own[n][k] - (0..SHAPES).map(|a| solved[a][n][k] * step[a]).sum::<f64>()))
+            .collect();
+        (step, moves)
+    }
+
+    /// Products of the derivatives by one part of the shape with those of each particle.
+    fn mixed(&self, state: &State, part: usize, buffers: &Buffers) -> Vec<[f64; UNKNOWNS]> {
+        let one = |image: &SpotImage| {
+            let mut sum = [0f64; UNKNOWNS];
+            image.pixels(self.window.columns, |n, pixel| {
+                let weighed = buffers.weight[n] * state.by_shape[n][part];
+                (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(weighed * pixel[k]));
+            });
+            sum
+        };
+        state.images.iter().map(one).collect()
+    }
+}
+
+/// A pixel of the window, and the derivatives of its counts by the shape.
+type Slopes = (u32, [f32; SHAPES]);
+
+/// A rendered sample.
+struct State {
+    images: Vec<SpotImage>,
+    /// Derivatives of each pixel's counts by the shape.
+    by_shape: Vec<[f32; SHAPES]>,
+    deviance: f64,
+}

@@ -1,0 +1,138 @@
+//! Particles found again, refusals, and the same bytes for any number of threads.
+
+use lf_core::particles::{self, Particle};
+use lf_core::{Camera, Volume};
+use lf_tests::Workbench;
+
+const CALL: &str = "scene/truth-0000.lfv -i scene/frame-0000.exr -c scene/camera.json";
+
+/// A small scene by rays. Its truth stands for a reconstruction: the fit begins at the maxima of its voxels.
+fn bench(keys: &[&str]) -> Workbench {
+    let bench = Workbench::new(env!("CARGO_BIN_EXE_lf-fit"));
+    let small = [
+        "camera.sensor.width=476",
+        "camera.sensor.height=420",
+        "volume.x_mm=[-0.5,0.5]",
+        "volume.y_mm=[-0.4,0.4]",
+        "particles.per_lenslet=0.4",
+        "particles.rays=60000",
+        "truth.pixels_per_voxel=[2,2,10]",
+        "seed=2",
+    ];
+    let keys: Vec<&str> = small.iter().chain(keys).copied().collect();
+    bench.scene("core", &keys);
+    bench.folder_run("lf-synth frames scene.json -o scene");
+    bench
+}
+
+/// Runs a line in the folder of a bench.
+trait FolderRun {
+    fn folder_run(&self, line: &str);
+}
+
+impl FolderRun for Workbench {
+    fn folder_run(&self, line: &str) {
+        std::ops::Deref::deref(self).run(line);
+    }
+}
+
+fn table(bench: &Workbench, name: &str) -> Vec<Particle> {
+    particles::read(&bench.text(name)).unwrap()
+}
+
+/// Errors and standard uncertainties of the particles found at the true ones: within 1.5 pixels, or three times the
+/// uncertainty if that is more.
+fn matched(truth: &[Particle], found: &[Particle]) -> Vec<([f64; 3], [f64; 3])> {
+    let near = |particle: &Particle| {
+        found.iter().find_map(|other| {
+            let std = other.uncertainty.unwrap().std_mm().to_array();
+            let off: [f64; 3] = std::array::from_fn(|k| other.place_mm[k] - particle.place_mm[k]);
+            (0..3).all(|k| off[k].abs() < f64::max(1.5 * 0.0055, 3.0 * std[k])).then_some((off, std))
+        })
+    };
+    truth.iter().filter_map(near).collect()
+}
+
+/// Both stops and both lattices: nearly all particles are found, none too many, and the errors are what is stated.
+#[test]
+fn particles_of_a_scene_are_found_to_their_stated_uncertainty() {
+    for keys in [
+        &[][..],
+        &[
+            "camera.microlenses.layout=\"hexagonal\"",
+            "camera.microlenses.rotation_rad=0.003",
+            "camera.main_lens.aperture=\"circle\"",
+        ],
+    ] {
+        let bench = bench(keys);
+        let said = bench.done(&format!("{CALL} --particles found.csv -o drawn.lfv --stats stats.json --log log.jsonl"));
+        assert!(said.stderr.is_empty(), "{}", said.stderr);
+        let (truth, found) = (table(&bench, "scene/particles.csv"), table(&bench, "found.csv"));
+        let pairs = matched(&truth, &found);
+        let share = pairs.len() as f64 / truth.len() as f64;
+        assert!(share >= 0.95 && found.len() as f64 <= 1.03 * truth.len() as f64, "{share} {}", found.len());
+        // Depths of particles that are not blind: their errors against the uncertainties.
+        let known: Vec<f64> =
+            pairs.iter().filter(|(_, std)| std[2] < 0.01).map(|(off, std)| (off[2] / std[2]).abs()).collect();
+        let within = known.iter().filter(|off| **off < 1.0).count() as f64 / known.len() as f64;
+        assert!(known.len() > truth.len() / 2 && (0.5..0.9).contains(&within), "{within} of {}", known.len());
+        let stats = bench.json("stats.json");
+        assert!((stats["counts"]["size_px"].as_f64().unwrap() - 0.75).abs() < 0.02, "{stats}");
+        assert_eq!(bench.text("log.jsonl").lines().next().unwrap().chars().next(), Some('{'));
+        let drawn = Volume::open(&bench.path("drawn.lfv")).unwrap();
+        let light: f64 = drawn.column("intensity").unwrap().iter().map(|value| f64::from(*value)).sum();
+        let all: f64 = found.iter().map(|particle| particle.intensity).sum();
+        assert!((light / all - 1.0).abs() < 0.02, "{light} of {all}");
+    }
+}
+
+/// The lattice of the camera is off by a fifth of a pixel: the fit finds it, says so and writes the right camera.
+#[test]
+fn a_drift_is_found_said_and_written() {
+    let bench = bench(&[]);
+    let mut camera = Camera::open(&bench.path("scene/camera.json")).unwrap();
+    camera.microlenses.offset_mm = [0.0011, -0.0005];
+    bench.write("off.json", camera.to_json());
+    let call = "scene/truth-0000.lfv -i scene/frame-0000.exr -c off.json --particles found.csv --camera-out right.json";
+    let said = bench.done(call).stderr;
+    assert!(said.contains("warning: the lattice has drifted by (-0.2"), "{said}");
+    let [x, y] = Camera::open(&bench.path("right.json")).unwrap().microlenses.offset_mm;
+    assert!(x.abs() < 3e-5 && y.abs() < 3e-5, "{x} {y}");
+    let held = bench.done(&format!("{call} --hold drift"));
+    assert!(held.stderr.is_empty(), "{}", held.stderr);
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads_or_pipes() {
+    let bench = bench(&["particles.per_lenslet=0.1"]);
+    bench.done(&format!("{CALL} --particles one.csv --threads 1"));
+    let wanted = bench.bytes("one.csv");
+    for threads in ["2", "4"] {
+        bench.done(&format!("{CALL} --particles more.csv --threads {threads}"));
+        assert!(bench.bytes("more.csv") == wanted, "{threads} threads");
+    }
+    let volume = bench.bytes("scene/truth-0000.lfv");
+    let piped = bench.feed("-i scene/frame-0000.exr -c scene/camera.json", volume).done();
+    assert!(piped.stdout == wanted);
+}
+
+#[test]
+fn bad_input_is_refused_in_one_line() {
+    let bench = bench(&["particles.per_lenslet=0.1"]);
+    let refused = |words: &str, named: &[&str]| {
+        bench.refused(words, named);
+        assert!(!bench.path("p.csv").exists(), "{words} leaves a table");
+    };
+    let call = |more: &str| format!("{CALL} --particles p.csv {more}");
+    refused(&call("--size 0"), &["--size: 0; wanted 0.15 to 5"]);
+    refused(&call("--gain -1"), &["--gain"]);
+    refused(&call("-o -  --log -"), &["standard output"]);
+    refused(&call("-o scene/truth-0000.lfv"), &["truth-0000.lfv", "is also an input"]);
+    refused("scene/truth-0000.lfv -i scene/frame-0000.exr -c no.json --particles p.csv", &["no.json"]);
+    refused("scene/frame-0000.exr -i scene/frame-0000.exr -c scene/camera.json --particles p.csv", &["frame-0000.exr"]);
+    // Without light there is nothing to fit.
+    bench.image("dark.exr", &ndarray::Array2::zeros((420, 476)));
+    refused("scene/truth-0000.lfv -i dark.exr -c scene/camera.json --particles p.csv", &["no pixel has light"]);
+    let estimate = bench.done(&format!("{CALL} --estimate")).stdout;
+    assert!(String::from_utf8(estimate).unwrap().contains("memory_bytes"));
+}

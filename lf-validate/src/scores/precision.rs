@@ -1,0 +1,342 @@
+//! The Cramer-Rao bound of particles' places, and of the vectors made of them.
+
+use glam::{DMat3, DVec3};
+use lf_core::particle_image::{ParticleModel, Scratch};
+use lf_core::{Camera, Refusal};
+use ndarray::Array2;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use serde::Serialize;
+use std::collections::HashMap;
+
+/// An experiment to be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Experiment {
+    /// Particles for each lenslet that the lit volume covers at the focal plane.
+    pub per_lenslet: f64,
+    /// Standard deviation of a pixel's noise, as a share of the brightest pixel.
+    pub noise: f64,
+    /// Standard deviation of a particle, pixels at the focal plane.
+    pub sigma_px: f64,
+    /// First and last lit depth, mm.
+    pub depth_mm: [f64; 2],
+    /// Side of a window, mm.
+    pub window_mm: f64,
+    /// Seed of the random places.
+    pub seed: u64,
+}
+
+/// The bound by depth. Pixels are those of the focal plane.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Precision {
+    /// Particles in the statistics.
+    pub particles: usize,
+    /// Particles by depth.
+    pub by_depth: ByDepth,
+    /// Displacements of whole windows by depth.
+    pub windows: Windows,
+}
+
+/// Medians over the particles of slabs of equal depth; null where there is none.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ByDepth {
+    /// Middles of the slabs, mm.
+    pub z_mm: Vec<f64>,
+    /// Particles.
+    pub count: Vec<usize>,
+    /// Standard deviation of x, px.
+    pub sx_px: Vec<Option<f64>>,
+    /// Standard deviation of y, px.
+    pub sy_px: Vec<Option<f64>>,
+    /// Standard deviation of z, px.
+    pub sz_px: Vec<Option<f64>>,
+    /// Standard deviation of x, mm.
+    pub sx_mm: Vec<Option<f64>>,
+    /// Standard deviation of y, mm.
+    pub sy_mm: Vec<Option<f64>>,
+    /// Standard deviation of z, mm.
+    pub sz_mm: Vec<Option<f64>>,
+}
+
+/// Root mean squares over windows with three particles or more.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Windows {
+    /// Side, mm.
+    pub side_mm: f64,
+    /// Middles, mm.
+    pub z_mm: Vec<f64>,
+    /// Particles in a window, mean.
+    pub particles: Vec<Option<f64>>,
+    /// Standard deviation of u, the displacement along x between two frames, px.
+    pub su_px: Vec<Option<f64>>,
+    /// Standard deviation of v, px.
+    pub sv_px: Vec<Option<f64>>,
+    /// Standard deviation of w, px.
+    pub sw_px: Vec<Option<f64>>,
+    /// Standard deviation of u, mm.
+    pub su_mm: Vec<Option<f64>>,
+    /// Standard deviation of v, mm.
+    pub sv_mm: Vec<Option<f64>>,
+    /// Standard deviation of w, mm.
+    pub sw_mm: Vec<Option<f64>>,
+}
+
+const SLABS: usize = 10;
+/// Particles that the statistics want, and most clouds that are drawn for them.
+const WANTED: usize = 600;
+const CLOUDS: usize = 12;
+/// Neighbours within these pixels of the focal plane are free too: 0.995 of the bound with all free.
+const NEIGHBOURS_PX: f64 = 28.0;
+/// Windows tried in each slab of each cloud.
+const WINDOWS: usize = 16;
+/// Fewest particles in a window.
+const LEAST: usize = 3;
+/// Unknowns of a particle: place and light.
+const UNKNOWNS: usize = 4;
+
+type Pixels = Vec<(u32, [f64; UNKNOWNS])>;
+
+/// A particle of a cloud, and the covariance of its place, mm^2, if it is in the statistics.
+struct Member {
+    place: DVec3,
+    pixels: Pixels,
+    covariance: Option<DMat3>,
+}
+
+/// The bound. Refuses what [`ParticleModel::new`] refuses, and a sensor that sees less than a window.
+pub fn precision(camera: &Camera, experiment: &Experiment) -> Result<Precision, Refusal> {
+    let px = camera.pixel_in_focus_mm();
+    let model = ParticleModel::new(camera, experiment.sigma_px * px, experiment.depth_mm)?;
+    let mut random = Pcg64Mcg::seed_from_u64(experiment.seed);
+    let mut clouds: Vec<Vec<Member>> = Vec::new();
+    let counted = |clouds: &[Vec<Member>]| clouds.iter().flatten().filter(|m| m.covariance.is_some()).count();
+    while clouds.len() < CLOUDS && counted(&clouds) < WANTED {
+        clouds.push(cloud(camera, &model, experiment, &mut random)?);
+    }
+    Ok(Precision {
+        particles: counted(&clouds),
+        by_depth: by_depth(&clouds, experiment, px),
+        windows: windows(&clouds, experiment, px, &mut random),
+    })
+}
+
+/// Particles at random places about the axis, those of the inner part with their covariance.
+fn cloud(
+    camera: &Camera,
+    model: &ParticleModel,
+    experiment: &Experiment,
+    random: &mut Pcg64Mcg,
+) -> Result<Vec<Member>, Refusal> {
+    let px = camera.pixel_in_focus_mm();
+    let [low, high] = experiment.depth_mm;
+    let view = camera.half_view_mm();
+    let beam = px * model.reach_px(low).max(model.reach_px(high));
+    // Statistics over a window and a half, with a rim of neighbours, as far as the sensor sees the whole of a beam.
+    let rim = NEIGHBOURS_PX * px;
+    let seen = view[0].min(view[1]) - beam;
+    let inner = (0.75 * experiment.window_mm).min(seen - rim);
+    let found = || format!("a sensor of {:.2} x {:.2} mm at the focal plane", 2.0 * view[0], 2.0 * view[1]);
+    let least = 2.0 * (0.5 * experiment.window_mm + rim + beam);
+    Refusal::unless(inner >= 0.5 * experiment.window_mm, found, format!("wanted {least:.2} mm for such windows"))?;
+    let outer = inner + rim + beam;
+    let lenslet_mm2 = camera.lattice().cell_area_mm2() / camera.main_lens.magnification.powi(2);
+    let count = (experiment.per_lenslet * 4.0 * outer * outer / lenslet_mm2).round().max(1.0) as usize;
+    let mut scratch = Scratch::default();
+    let [width, height] = model.sensor_px();
+    let mut light = Array2::<f64>::zeros((height, width));
+    let mut members: Vec<Member> = (0..count)
+        .map(|_| {
+            let mut along = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
+            let place = DVec3::new(along(-outer, outer), along(-outer, outer), along(low, high));
+            let pixels = image(model, place, width, &mut scratch);
+            pixels.iter().for_each(|(n, value)| light[[*n as usize / width, *n as usize % width]] += value[3]);
+            Member { place, pixels, covariance: None }
+        })
+        .collect();
+    let brightest = light.iter().fold(0f64, |most, value| most.max(*value));
+    let variance = (experiment.noise * brightest).powi(2);
+    let is_near = |a: DVec3, b: DVec3| (a - b).truncate().abs().max_element() < rim;
+    for n in 0..members.len() {
+        let place = members[n].place;
+        if place.truncate().abs().max_element() > inner {
+            continue;
+        }
+        let others = members.iter().enumerate().filter(|(m, other)| *m != n && is_near(place, other.place));
+        let group: Vec<&Pixels> =
+            std::iter::once(&members[n].pixels).chain(others.map(|(_, other)| &other.pixels)).collect();
+        members[n].covariance = covariance(&group, variance);
+    }
+    Ok(members)
+}
+
+/// Light and its derivatives by place, 1/mm, by rising pixel.
+fn image(model: &ParticleModel, place: DVec3, width: usize, scratch: &mut Scratch) -> Pixels {
+    let mut sums: HashMap<u32, [f64; UNKNOWNS]> = HashMap::new();
+    model.visit(place.to_array(), scratch, |patch, pixels| {
+        for (n, [light, x, y, z, ..]) in pixels.iter().enumerate() {
+            let n = n as u32;
+            let (column, row) = (patch.column + n % patch.columns, patch.row + n / patch.columns);
+            let sum = sums.entry(row * width as u32 + column).or_default();
+            sum.iter_mut().zip([x, y, z, light]).for_each(|(sum, value)| *sum += value);
+        }
+    });
+    let mut pixels: Pixels = sums.into_iter().collect();
+    pixels.sort_unstable_by_key(|(n, _)| *n);
+    pixels
+}
+
+/// The covariance of the place of the first of a group, the places and lights of all being unknown. None if the image
+/// does not tell them.
+fn covariance(group: &[&Pixels], variance: f64) -> Option<DMat3> {
+    let size = UNKNOWNS * group.len();
+    let mut fisher = Array2::<f64>::zeros((size, size));
+    for (a, first) in group.iter().enumerate() {
+        for (b, second) in group.iter().enumerate().skip(a) {
+            let block = shared(first, second);
+            for i in 0..UNKNOWNS {
+                for k in 0..UNKNOWNS {
+                    fisher[[a * UNKNOWNS + i, b * UNKNOWNS + k]] = block[i][k] / variance;
+                    fisher[[b * UNKNOWNS + k, a * UNKNOWNS + i]] = block[i][k] / variance;
+                }
+            }
+        }
+    }
+    // Scaled to a diagonal of 1, then Gauss-Jordan elimination for the first three columns of the inverse.
+    let scale: Vec<f64> = (0..size).map(|n| fisher[[n, n]].sqrt().recip()).collect();
+    if scale.iter().any(|scale| !scale.is_finite()) {
+        return None;
+    }
+    let mut system = Array2::<f64>::zeros((size, size + 3));
+    for row in 0..size {
+        for column in 0..size {
+            system[[row, column]] = fisher[[row, column]] * scale[row] * scale[column];
+        }
+    }
+    (0..3).for_each(|n| system[[n, size + n]] = 1.0);
+    for n in (0..size).rev() {
+        let pivot = system[[n, n]];
+        if pivot < 1e-12 {
+            return None;
+        }
+        let row = system.row(n).mapv(|value| value / pivot);
+        for other in (0..size).filter(|other| *other != n) {
+            let factor = system[[other, n]];
+            system.row_mut(other).scaled_add(-factor, &row);
+        }
+        system.row_mut(n).assign(&row);
+    }
+    let at = |a: usize, b: usize| 0.5 * (system[[a, size + b]] + system[[b, size + a]]) * scale[a] * scale[b];
+    Some(DMat3::from_cols_array(&std::array::from_fn(|n| at(n % 3, n / 3))))
+}
+
+/// Sums over shared pixels of the products of derivatives.
+fn shared(first: &Pixels, second: &Pixels) -> [[f64; UNKNOWNS]; UNKNOWNS] {
+    let mut block = [[0.0; UNKNOWNS]; UNKNOWNS];
+    let mut rest = second.iter().peekable();
+    for (n, a) in first {
+        while rest.next_if(|(m, _)| m < n).is_some() {}
+        if let Some((_, b)) = rest.peek().filter(|(m, _)| m == n) {
+            for (row, a) in block.iter_mut().zip(a) {
+                row.iter_mut().zip(b).for_each(|(sum, b)| *sum += a * b);
+            }
+        }
+    }
+    block
+}
+
+/// Middle of slab n, mm.
+fn middle(experiment: &Experiment, n: usize) -> f64 {
+    let [low, high] = experiment.depth_mm;
+    low + (high - low) * (n as f64 + 0.5) / SLABS as f64
+}
+
+fn by_depth(clouds: &[Vec<Member>], experiment: &Experiment, px: f64) -> ByDepth {
+    let [low, high] = experiment.depth_mm;
+    let mut slabs: Vec<[Vec<f64>; 3]> = (0..SLABS).map(|_| Default::default()).collect();
+    for member in clouds.iter().flatten() {
+        let Some(covariance) = member.covariance else { continue };
+        let n = ((member.place.z - low) / (high - low) * SLABS as f64) as usize;
+        for axis in 0..3 {
+            slabs[n.min(SLABS - 1)][axis].push(covariance.col(axis)[axis].max(0.0).sqrt());
+        }
+    }
+    let medians = |axis: usize| -> Vec<Option<f64>> {
+        slabs.iter().map(|slab| lf_core::statistics::upper_median(&mut slab[axis].clone())).collect()
+    };
+    let in_px = |axis: usize| medians(axis).into_iter().map(|median| median.map(|mm| mm / px)).collect();
+    ByDepth {
+        z_mm: (0..SLABS).map(|n| middle(experiment, n)).collect(),
+        count: slabs.iter().map(|slab| slab[0].len()).collect(),
+        sx_px: in_px(0),
+        sy_px: in_px(1),
+        sz_px: in_px(2),
+        sx_mm: medians(0),
+        sy_mm: medians(1),
+        sz_mm: medians(2),
+    }
+}
+
+/// A window's displacement is the weighted mean over its particles, each with twice its covariance.
+fn windows(clouds: &[Vec<Member>], experiment: &Experiment, px: f64, random: &mut Pcg64Mcg) -> Windows {
+    let side = experiment.window_mm;
+    let mut sums = vec![(0usize, 0usize, DVec3::ZERO); SLABS];
+    for cloud in clouds {
+        for (n, sum) in sums.iter_mut().enumerate() {
+            for _ in 0..WINDOWS {
+                let mut aside = || 0.25 * side * (2.0 * random.random::<f64>() - 1.0);
+                let centre = DVec3::new(aside(), aside(), middle(experiment, n));
+                let inside = |member: &&Member| (member.place - centre).abs().max_element() < 0.5 * side;
+                let covariances: Vec<DMat3> = cloud.iter().filter(inside).filter_map(|m| m.covariance).collect();
+                if covariances.len() < LEAST {
+                    continue;
+                }
+                let information: DMat3 = covariances.iter().map(|c| (2.0 * *c).inverse()).sum();
+                let variance = information.inverse().diagonal();
+                if variance.is_finite() {
+                    *sum = (sum.0 + 1, sum.1 + covariances.len(), sum.2 + variance);
+                }
+            }
+        }
+    }
+    let rms = |axis: usize, unit: f64| -> Vec<Option<f64>> {
+        sums.iter().map(|(count, _, sum)| (*count > 0).then(|| (sum[axis] / *count as f64).sqrt() / unit)).collect()
+    };
+    Windows {
+        side_mm: side,
+        z_mm: (0..SLABS).map(|n| middle(experiment, n)).collect(),
+        particles: sums.iter().map(|(count, all, _)| (*count > 0).then(|| *all as f64 / *count as f64)).collect(),
+        su_px: rms(0, px),
+        sv_px: rms(1, px),
+        sw_px: rms(2, px),
+        su_mm: rms(0, 1.0),
+        sv_mm: rms(1, 1.0),
+        sw_mm: rms(2, 1.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: two pixels, each tells another combination of two unknowns of two particles apart.
+    #[test]
+    fn shared_pixels_alone_count() {
+        let a: Pixels = vec![(3, [1.0, 0.0, 0.0, 2.0]), (7, [0.0, 1.0, 0.0, 1.0])];
+        let b: Pixels = vec![(4, [9.0; 4]), (7, [0.5, 0.0, 3.0, 1.0])];
+        let block = shared(&a, &b);
+        assert_eq!(block[1], [0.5, 0.0, 3.0, 1.0]);
+        assert_eq!(block[3], [0.5, 0.0, 3.0, 1.0]);
+        assert_eq!(block[0], [0.0; 4]);
+    }
+
+    /// Four pixels that each tell one unknown: the covariance is the inverse of their squares. An unknown that no pixel
+    /// tells has none.
+    #[test]
+    fn a_covariance_by_hand() {
+        let pixel = |n: usize, value: f64| (n as u32, std::array::from_fn(|k| if k == n { value } else { 0.0 }));
+        let alone: Pixels = vec![pixel(0, 2.0), pixel(1, 4.0), pixel(2, 1.0), pixel(3, 1.0)];
+        let covariance = covariance(&[&alone], 4.0).unwrap();
+        assert!((covariance.diagonal() - DVec3::new(1.0, 0.25, 4.0)).length() < 1e-12);
+        assert!(super::covariance(&[&alone[..3].to_vec()], 4.0).is_none());
+    }
+}

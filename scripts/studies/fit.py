@@ -1,0 +1,58 @@
+#!/usr/bin/env python3
+"""Scores a table of lf-fit against the true particles, for scripts/studies/fit: TRUTH FOUND LABEL."""
+import sys
+
+PIXEL = 0.0055  # mm at the focal plane
+SLABS = ((0, 0.5), (0.5, 2), (2, 5.01))
+
+
+def table(path):
+    """The particles of frame 0: lists of numbers behind frame and id."""
+    lines = [line for line in open(path) if not line.startswith("#")][1:]
+    rows = [[float(field) for field in line.split(",")] for line in lines]
+    return [row[2:] for row in rows if row[0] == 0]
+
+
+def match(truth, found):
+    """Pairs within max(1.5 px, 3 sigma) along each axis, the nearest first, one to one."""
+    cell, cells = 20 * PIXEL, {}
+    for j, particle in enumerate(found):
+        cells.setdefault((particle[0] // cell, particle[1] // cell), []).append(j)
+    pairs = []
+    for i, (x, y, z, *_) in enumerate(truth):
+        for a in (-1, 0, 1):
+            for b in (-1, 0, 1):
+                for j in cells.get((x // cell + a, y // cell + b), ()):
+                    p = found[j]
+                    off = [(p[k] - (x, y, z)[k]) / max(1.5 * PIXEL, 3 * p[4 + k]) for k in range(3)]
+                    if max(map(abs, off)) < 1:
+                        pairs.append((sum(o * o for o in off), i, j))
+    taken, used, matched = set(), set(), []
+    for _, i, j in sorted(pairs):
+        if i not in taken and j not in used:
+            taken.add(i)
+            used.add(j)
+            matched.append((i, j))
+    return matched
+
+
+def rms(values):
+    return (sum(value * value for value in values) / len(values)) ** 0.5 if values else float("nan")
+
+
+def main():
+    truth, found = table(sys.argv[1]), table(sys.argv[2])
+    matched = match(truth, found)
+    print(f"{sys.argv[3]:<28} recall {len(matched) / len(truth):.4f} ghosts {1 - len(matched) / len(found):.4f}", end="")
+    for low, high in SLABS:
+        pairs = [(truth[i], found[j]) for i, j in matched if low <= abs(truth[i][2]) < high]
+        off = [p[2] - t[2] for t, p in pairs]
+        ratio = [(p[2] - t[2]) / p[6] for t, p in pairs]
+        count = sum(low <= abs(t[2]) < high for t in truth)
+        cover = sum(abs(r) < 1 for r in ratio) / max(len(ratio), 1)
+        print(f" | {low}-{high:.0f} mm: recall {len(pairs) / max(count, 1):.4f} z rms {rms(off) / PIXEL:.3f} px,"
+              f" over stated {rms(ratio):.2f}, covers {cover:.2f}", end="")
+    print()
+
+
+main()
