@@ -16,7 +16,7 @@ mod output;
 mod watched;
 
 pub use bytes::Bytes;
-pub use faults::guard;
+pub use faults::{guard, release_memory};
 pub use input::{Signature, open, open_text};
 pub use names::{is_standard, name, output_name, same_file, split_page, writing};
 pub use output::{check_picture, check_place, save, save_text};
