@@ -27,7 +27,7 @@ const LIMITS_GB: [f64; 2] = [1e-3, 1e6];
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct MemoryLimit {
     /// Refuse a run that needs more memory than this, GB [default: four fifths of the machine's]
-    #[arg(long, value_name = "GB", value_parser = gigabytes)]
+    #[arg(long, value_name = "GB", value_parser = gigabytes, global = true)]
     pub max_memory: Option<f64>,
 }
 

@@ -2,7 +2,7 @@
 
 use super::{curves, depth, displacement, divergence, elongation, ensemble, info, line, quality, trade};
 use clap::{Parser, Subcommand};
-use lf_core::cli::Common;
+use lf_core::cli::{Common, MemoryLimit};
 
 /// Results and truths to scores
 ///
@@ -22,6 +22,8 @@ use lf_core::cli::Common;
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
+    #[command(flatten)]
+    pub memory: MemoryLimit,
     #[command(flatten)]
     pub common: Common,
 }
