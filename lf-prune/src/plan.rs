@@ -86,7 +86,7 @@ impl<'a> Plan<'a> {
         grid.shape[2] = few;
         grid.spacing_mm[2] *= stretch;
         grid.origin_mm[2] += 0.5 * (stretch - 1.0) * self.grid.spacing_mm[2];
-        // Of huge slices some lines along x, from y to y in one slice after the other.
+        // Huge slices give some lines along x, at another y in each slice.
         let part = |slice: usize| {
             let [x, y] = self.regions[((slice as f64 + 0.5) * stretch) as usize].clone();
             let lines = (SAMPLE_VOXELS / x.len().max(1)).clamp(1, y.len().max(1));

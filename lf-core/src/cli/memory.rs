@@ -11,9 +11,9 @@ use std::path::Path;
 
 /// Resident memory of a tool that has read its inputs, bytes; used if the system does not tell.
 const HELD_BYTES: u64 = 1 << 26;
-/// What the allocator takes for each byte that is asked for.
+/// Bytes that the allocator takes for each byte asked for.
 const WORK_FACTOR: f64 = 1.05;
-/// What code takes when the work begins, and each thread with its stack and its scraps of memory, bytes.
+/// Bytes of code that the work brings into memory, and bytes of a thread with its stack and its scraps of memory.
 const CODE_BYTES: f64 = 3e6;
 const THREAD_BYTES: f64 = 5e5;
 /// The default limit as a share of the machine's memory. The rest is for the system and the files that it keeps at hand.

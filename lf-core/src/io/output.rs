@@ -89,7 +89,7 @@ fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()
     outcome.map(|()| file)
 }
 
-/// What a path stands for.
+/// The things that a path stands for.
 enum Place {
     /// Standard output.
     Standard,
