@@ -1,8 +1,8 @@
 //! `--max-memory`, the memory that a run will take, and the answer to `--estimate`: one sum for all three.
 //!
-//! A tool says how many bytes its work will take beside what the process holds with its inputs read. The sum of both is
-//! what `--estimate` prints, what `--stats` records as `estimated_bytes`, and what is refused above the limit, before the
-//! work takes any of it.
+//! A tool says how many bytes its work will take beside those that it holds with its inputs read. The sum of both is
+//! what `--estimate` prints, what `--stats` records as `estimated_bytes`, and what is refused above the limit, before
+//! the work takes any of it.
 
 use super::session::Session;
 use crate::{Error, Result, io};
@@ -16,7 +16,7 @@ const WORK_FACTOR: f64 = 1.05;
 /// Bytes of code that the work brings into memory, and bytes of a thread with its stack and its scraps of memory.
 const CODE_BYTES: f64 = 3e6;
 const THREAD_BYTES: f64 = 5e5;
-/// The default limit as a share of the machine's memory. The rest is for the system and the files that it keeps at hand.
+/// The default limit as a share of the machine's memory. The rest is for the system and for files that it keeps.
 const SHARE_OF_MACHINE: f64 = 0.8;
 /// The default limit if the system does not tell its memory, bytes.
 const USUAL_BYTES: f64 = 8e9;
