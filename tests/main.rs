@@ -6,6 +6,7 @@ mod bench;
 mod blunders;
 mod frame;
 mod front_door;
+mod limits;
 mod pages;
 mod paper;
 mod physics;

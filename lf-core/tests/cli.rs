@@ -5,7 +5,7 @@ use lf_core::cli::{self, Common};
 use lf_core::{Error, Result, Session, Verdict, io};
 use serde_json::Value;
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Output, Stdio};
 
@@ -64,6 +64,13 @@ fn deed(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
             let bytes = io::open(&arguments.input)?;
             session.explain(format!("mapped: {}", bytes.is_mapped()));
             io::save(&arguments.output, |out| out.write_all(&bytes))?;
+        }
+        "wait" => {
+            let bytes = io::open(&arguments.input)?;
+            eprintln!("ready");
+            std::io::stdin().read_line(&mut String::new()).unwrap();
+            let sum: u64 = bytes.iter().map(|byte| u64::from(*byte)).sum();
+            io::save_text(&arguments.output, |out| writeln!(out, "{sum}"))?;
         }
         other => return Err(Error::new("deed", other, "wanted another")),
     }
@@ -214,11 +221,103 @@ fn outputs_and_inputs_stay_apart() {
     assert_eq!(fs::read(&path).unwrap(), b"precious");
 }
 
+fn threads_of_the_environment_have_the_same_limit() {
+    let counted =
+        |threads: &str, words: &[&str]| seen(command(words).env("RAYON_NUM_THREADS", threads).output().unwrap());
+    let line = "lf-tool: RAYON_NUM_THREADS: 70000; wanted at most 1024; see 'lf-tool --help'\n";
+    assert_eq!(counted("70000", &["no", "-q"]), (2, String::new(), line.into()));
+    assert_eq!(counted("70000", &["no", "-q", "--threads", "2"]), (1, String::new(), String::new()));
+    assert_eq!(counted("many", &["no", "-q"]), (1, String::new(), String::new()));
+}
+
+fn a_message_has_an_end() {
+    let (code, out, err) = run(&[&"x".repeat(100_000), "-q"]);
+    assert!(code == 2 && out.is_empty() && err.chars().count() <= 1001, "{}", err.len());
+    assert!(err.starts_with("lf-tool: deed: xxx") && err.ends_with("xxx; wanted another\n"), "{err}");
+    let (_, _, err) = run(&["no", "-q", &format!("--{}", "y".repeat(100_000))]);
+    assert!(err.chars().count() <= 1001 && err.starts_with("lf-tool: unexpected argument '--yyy"), "{err}");
+}
+
+/// Runs words of this program in a shell; `{}` in the line stands for the program and the words.
+fn shell(line: &str, words: &[&str]) -> Output {
+    let line = line.replace("{}", "\"$0\" \"$@\"");
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &line]).arg(std::env::current_exe().unwrap()).args(words).env(TOOL, "yes");
+    shell.env("LF_HISTORY", "off").stdin(Stdio::null()).output().unwrap()
+}
+
+fn a_closed_standard_output_is_noticed() {
+    let line = "lf-tool: standard output: closed; wanted a place to write\n";
+    for words in [&["history", "-q"][..], &["--help"], &["--version"], &["--generate", "bash"]] {
+        assert_eq!(seen(shell("{} >&-", words)), (2, String::new(), line.into()), "{words:?}");
+        assert_eq!(seen(shell("{} >/dev/null", words)).0, 0, "{words:?}");
+    }
+    // Who writes nothing there needs none.
+    assert_eq!(seen(shell("{} >&-", &["no", "-q"])), (1, String::new(), String::new()));
+}
+
+fn a_limit_of_file_sizes_is_an_error_of_the_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let [input, output] = ["input", "output"].map(|name| folder.path().join(name));
+    fs::write(&input, vec![7; 1 << 20]).unwrap();
+    let words = ["copy", "-q", input.to_str().unwrap(), "-o", output.to_str().unwrap()];
+    let line = format!("lf-tool: {}: file too large; wanted room for the whole output\n", output.display());
+    assert_eq!(seen(shell("ulimit -f 100; {}", &words)), (2, String::new(), line));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    assert_eq!(seen(shell("ulimit -f 4000; {}", &words)), (0, String::new(), String::new()));
+}
+
+/// Starts a tool that holds `input` mapped, changes the file, and lets the tool read it.
+fn read_after(input: &Path, output: &Path, change: impl FnOnce()) -> (i32, String, String) {
+    let mut command = command(&["wait", "-q", input.to_str().unwrap(), "-o", output.to_str().unwrap()]);
+    let command = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut ready = [0; 6];
+    child.stderr.as_mut().unwrap().read_exact(&mut ready).unwrap();
+    change();
+    child.stdin.take().unwrap().write_all(b"\n").unwrap();
+    seen(child.wait_with_output().unwrap())
+}
+
+fn inputs_that_change_are_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let [input, output] = ["input", "output"].map(|name| folder.path().join(name));
+    let wanted = "wanted a file that stays as it is during the run";
+    fs::write(&input, vec![1; 1 << 20]).unwrap();
+    let cut = || File::options().write(true).open(&input).unwrap().set_len(10_000).unwrap();
+    let line = format!("lf-tool: {}: cut short while it was read; {wanted}\n", input.display());
+    assert_eq!(read_after(&input, &output, cut), (2, String::new(), line));
+    fs::write(&input, vec![1; 1 << 20]).unwrap();
+    let overwrite = || File::options().append(true).open(&input).unwrap().write_all(b"more").unwrap();
+    let line = format!("lf-tool: {}: changed while it was read; {wanted}\n", input.display());
+    assert_eq!(read_after(&input, &output, overwrite), (2, String::new(), line.clone()));
+    assert_eq!(read_after(&input, Path::new("-"), overwrite), (2, format!("{}\n", (1 << 20) + 435), line));
+    assert!(!output.exists());
+    // A file that replaces the input leaves its content to those that read it.
+    fs::write(&input, vec![1; 1 << 20]).unwrap();
+    let replace = || {
+        fs::write(folder.path().join("new"), "another").unwrap();
+        fs::rename(folder.path().join("new"), &input).unwrap();
+    };
+    assert_eq!(read_after(&input, &output, replace), (0, String::new(), String::new()));
+    assert_eq!(fs::read_to_string(&output).unwrap(), format!("{}\n", 1 << 20));
+}
+
+fn places_are_tried_before_the_work() {
+    // No file can be made there, whoever asks.
+    let (code, out, err) = run(&["no", "-q", "--stats", "/proc/stats.json"]);
+    assert!(code == 2 && out.is_empty() && err.starts_with("lf-tool: /proc/stats.json: "), "{err}");
+    let folder = tempfile::tempdir().unwrap();
+    let stats = folder.path().join("stats.json");
+    assert_eq!(run(&["fail", "-q", "--stats", stats.to_str().unwrap()]).0, 2);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
 fn main() -> ExitCode {
     if std::env::var_os(TOOL).is_some() {
         return tool();
     }
-    let tests: [(&str, fn()); 9] = [
+    let tests: [(&str, fn()); 15] = [
         ("help_and_version_are_results", help_and_version_are_results),
         ("a_slip_is_one_line", a_slip_is_one_line),
         ("outcomes_have_their_codes", outcomes_have_their_codes),
@@ -228,6 +327,12 @@ fn main() -> ExitCode {
         ("bytes_come_by_name_redirect_and_pipe", bytes_come_by_name_redirect_and_pipe),
         ("a_lost_output_is_noticed", a_lost_output_is_noticed),
         ("outputs_and_inputs_stay_apart", outputs_and_inputs_stay_apart),
+        ("threads_of_the_environment_have_the_same_limit", threads_of_the_environment_have_the_same_limit),
+        ("a_message_has_an_end", a_message_has_an_end),
+        ("a_closed_standard_output_is_noticed", a_closed_standard_output_is_noticed),
+        ("a_limit_of_file_sizes_is_an_error_of_the_write", a_limit_of_file_sizes_is_an_error_of_the_write),
+        ("inputs_that_change_are_noticed", inputs_that_change_are_noticed),
+        ("places_are_tried_before_the_work", places_are_tried_before_the_work),
     ];
     let mut failed = false;
     for (name, test) in tests {

@@ -2,7 +2,7 @@
 
 use crate::options::{Options, Region};
 use crate::score::{Scorer, Sections, Shades, ViewsPlan, thread_bytes};
-use lf_core::{Camera, Grid, Refusal, weights::check_depth};
+use lf_core::{Camera, Grid, Refusal, io, weights::check_depth};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
@@ -10,9 +10,19 @@ use std::sync::{Mutex, PoisonError};
 /// Slices that are pruned to foretell how many voxels all slices keep.
 const SAMPLE_SLICES: usize = 9;
 
-/// Bytes of a voxel kept: its index and score in the support, and its place in the lists of the slices, which are freed
-/// one by one while the support grows. Measured: 13 to 17.
-const KEPT_BYTES: f64 = 12.0 + 5.0;
+/// Bytes of a voxel kept in the list of its slice, and in the support: its index and score. The lists are given back
+/// while the support grows.
+const LISTED_BYTES: f64 = 8.0 + 0.5;
+const KEPT_BYTES: f64 = 12.0 + 0.7;
+
+/// Times that freed lists are given back to the system while the support grows.
+const RELEASES: usize = 8;
+
+/// Bytes of each slice before any voxel is kept: its region, and the head of its list.
+const HEAD_BYTES: f64 = (size_of::<Region>() + size_of::<Vec<(u32, f32)>>()) as f64;
+
+/// Most voxels of a slice that are pruned to foretell how many are kept.
+const SAMPLE_VOXELS: usize = 1 << 26;
 
 /// Bytes that a thread holds for each voxel of a slice: the list of voxels kept while it grows.
 const SLICE_BYTES: f64 = 2.0;
@@ -76,8 +86,17 @@ impl<'a> Plan<'a> {
         grid.shape[2] = few;
         grid.spacing_mm[2] *= stretch;
         grid.origin_mm[2] += 0.5 * (stretch - 1.0) * self.grid.spacing_mm[2];
-        let nearest = |slice: usize| self.regions[((slice as f64 + 0.5) * stretch) as usize].clone();
-        let regions: Vec<Region> = (0..few).map(nearest).collect();
+        // Huge slices give some lines along x, at another y in each slice.
+        let part = |slice: usize| {
+            let [x, y] = self.regions[((slice as f64 + 0.5) * stretch) as usize].clone();
+            let lines = (SAMPLE_VOXELS / x.len().max(1)).clamp(1, y.len().max(1));
+            let start = y.start + (y.len() - lines.min(y.len())) * (2 * slice + 1) / (2 * few);
+            [x, start..(start + lines).min(y.end)]
+        };
+        let regions: Vec<Region> = (0..few).map(part).collect();
+        let area = |[x, y]: &Region| x.len() as f64 * y.len() as f64;
+        let wholes = (0..few).map(|slice| area(&self.regions[((slice as f64 + 0.5) * stretch) as usize])).sum::<f64>();
+        let times = wholes / regions.iter().map(area).sum::<f64>().max(1.0);
         let ends = Mutex::new(Vec::new());
         let note_end = |_| ends.lock().unwrap_or_else(PoisonError::into_inner).push(clock());
         let start = clock();
@@ -86,8 +105,13 @@ impl<'a> Plan<'a> {
         let (ready, last) = (ends.first().copied().unwrap_or(start), ends.last().copied().unwrap_or(start));
         // The views are made once. Then each thread has its slices.
         let rounds = |slices: usize| slices.div_ceil(rayon::current_num_threads()) as f64;
-        let seconds = ready - start + (last - ready) * rounds(nz) / rounds(few);
-        Ok(Forecast { kept: sample.indices.len() as f64 * stretch, seconds })
+        let seconds = ready - start + times * (last - ready) * rounds(nz) / rounds(few);
+        Ok(Forecast { kept: times * sample.indices.len() as f64 * stretch, seconds })
+    }
+
+    /// Bytes of the lists of slices: what [`Plan::new`] and [`Plan::prune`] hold of a grid for any region.
+    pub fn list_bytes(grid: &Grid) -> f64 {
+        HEAD_BYTES * grid.shape[2] as f64
     }
 
     /// Most bytes in use beside an image of `pixels` pixels, if `kept` voxels are kept.
@@ -97,7 +121,8 @@ impl<'a> Plan<'a> {
         let threads = rayon::current_num_threads().min(self.grid.shape[2]) as f64;
         let slice = self.regions.iter().map(|[x, y]| x.len() * y.len()).max().unwrap_or(0);
         let thread = thread_bytes(self.camera, self.grid, &self.sections, &self.views, slice);
-        (pixels + KEPT_BYTES * kept + views + threads * (thread + SLICE_BYTES * slice as f64)) as u64
+        let pruning = views + threads * (thread + SLICE_BYTES * slice as f64) + LISTED_BYTES * kept;
+        (pixels + Self::list_bytes(self.grid) + pruning.max(KEPT_BYTES * kept)) as u64
     }
 
     /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN
@@ -118,10 +143,18 @@ impl<'a> Plan<'a> {
         done(0);
         let slices: Vec<Vec<(u32, f32)>> =
             (0..nz).into_par_iter().map(|z| scorer.slice(z, &self.regions[z])).inspect(|_| done(1)).collect();
+        drop(scorer);
+        io::release_memory();
         let count = slices.iter().map(Vec::len).sum();
         let (indices, scores) = (Vec::with_capacity(count), Vec::with_capacity(count));
         let mut support = Support { indices, scores, dark_sections: self.sections.count() - sections.count() };
+        let mut freed = 0;
         for (z, slice) in slices.into_iter().enumerate() {
+            freed += slice.len();
+            if freed > count / RELEASES {
+                freed = 0;
+                io::release_memory();
+            }
             let base = nx as u64 * ny as u64 * z as u64;
             support.indices.extend(slice.iter().map(|(place, _)| base + u64::from(*place)));
             support.scores.extend(slice.iter().map(|(_, score)| *score));

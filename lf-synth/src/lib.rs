@@ -6,12 +6,14 @@
 //!            -> rays: through main lens and lenslets to counts on the sensor
 //!            -> sensor: recorded counts, with noise
 //! particles  -> truth: exact volumes and displacements
+//! memory: bytes of all that, before it is made
 //! ```
 //!
 //! This crate traces rays only. It may not use the weights of `lf-core`: the reconstruction would then be judged by its
 //! own model.
 
 mod key_checks;
+pub mod memory;
 pub mod particles;
 mod random;
 pub mod rays;

@@ -26,6 +26,12 @@ impl<'a> Plan<'a> {
         Ok(Self { pairs, mask, options, part })
     }
 
+    /// Bytes of the lists of rows, and of windows along the axes, that planning itself takes for volumes of `grid`.
+    pub fn list_bytes(grid: &Grid, volumes: usize) -> f64 {
+        let [nx, ny, nz] = grid.shape.map(|count| count as f64);
+        8.0 * ny * nz * volumes as f64 + memory::AXIS_BYTES * (nx + ny + nz)
+    }
+
     /// Estimate of the most bytes that [`Plan::correlate`] has in use, without the volumes themselves.
     pub fn bytes(&self) -> u64 {
         memory::bytes(self.pairs, self.mask, self.options)

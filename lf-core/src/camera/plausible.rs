@@ -17,6 +17,10 @@ const LIKELY_FOCAL_MM: [f64; 2] = [2.0, 2000.0];
 /// Magnification, and image distance over the stop's diameter.
 const MAGNIFICATION: [f64; 2] = [1e-4, 1000.0];
 const F_NUMBER: [f64; 2] = [0.3, 1000.0];
+/// Least focal length of the main lens over its diameter f (1 + m) / N: 0.5 takes all light in air, 0.36 with the best oil.
+const LEAST_LENS_F_NUMBER: f64 = 0.3;
+/// Distance of the exit pupil over the image distance: long for lenses that are telecentric towards the sensor.
+const PUPIL: [f64; 2] = [0.1, 1e4];
 /// Half the sensor's diagonal over the image distance: the tangent of half the field angle.
 const MOST_FIELD: f64 = 3.0;
 /// Distance from array to sensor over the lenslets' focal length.
@@ -101,6 +105,21 @@ impl Camera {
         let focal = slips.length(key, lens.focal_length_mm, FOCAL_MM, LIKELY_FOCAL_MM, lenses);
         slips.number("main_lens.magnification", lens.magnification, MAGNIFICATION);
         slips.number("main_lens.working_f_number", lens.working_f_number, F_NUMBER);
+        let widest = lens.working_f_number / (1.0 + lens.magnification);
+        if widest < LEAST_LENS_F_NUMBER
+            && lens.magnification <= MAGNIFICATION[1]
+            && lens.working_f_number >= F_NUMBER[0]
+        {
+            let (number, magnification) = (digits(lens.working_f_number), digits(lens.magnification));
+            let found = format!("main_lens.working_f_number is {number} at magnification {magnification}");
+            slips.found.push(format!("{found}, a lens {} times as wide as its focal length", digits(1.0 / widest)));
+            slips.wanted.push(format!("at least {} (1 + m)", LEAST_LENS_F_NUMBER));
+        }
+        if let Some(pupil_mm) = lens.pupil_distance_mm {
+            let range = pitches(PUPIL, focal * (1.0 + lens.magnification));
+            let near = || format!("an exit pupil at {} to {} image distances, f (1 + m)", PUPIL[0], PUPIL[1]);
+            slips.length("main_lens.pupil_distance_mm", pupil_mm, range, range, near);
+        }
         let (half, far) = (0.5 * pixel * self.diagonal_px(), focal * (1.0 + lens.magnification));
         if half > MOST_FIELD * far {
             slips.found.push(format!("the sensor is {:.0} mm wide, {} mm from the main lens", 2.0 * half, digits(far)));
@@ -162,6 +181,24 @@ mod tests {
         assert!(text.starts_with("microlenses.offset_mm is 11 (11 um are 0.011 mm)"), "{text}");
         let text = refused(|camera| camera.microlenses.gap_mm = Some(310.0));
         assert!(text.starts_with("microlenses.gap_mm is 310 (310 um are 0.31 mm)"), "{text}");
+    }
+
+    /// Scar: light of such a lens covers millions of lenslets, and weights had no end.
+    #[test]
+    fn a_lens_wider_than_light_is_refused() {
+        let text = refused(|camera| camera.main_lens.magnification = 63.0);
+        let wanted = "main_lens.working_f_number is 4 at magnification 63, a lens 16 times as wide as its focal length";
+        assert!(text.starts_with(wanted), "{text}");
+    }
+
+    /// Scar: light of a pupil this near covers millions of lenslets, and weights had no end.
+    #[test]
+    fn an_exit_pupil_at_the_array_is_refused() {
+        let text = refused(|camera| {
+            (camera.main_lens.magnification, camera.main_lens.working_f_number) = (64.0, 30.0);
+            camera.main_lens.pupil_distance_mm = Some(350.0);
+        });
+        assert!(text.starts_with("main_lens.pupil_distance_mm is 350; wanted an exit pupil at 0.1 to 10000"), "{text}");
     }
 
     #[test]

@@ -1,11 +1,26 @@
 //! The one line on standard error that ends a failed run, also for a mistake on the command line.
 
-use crate::io;
-use std::{ffi::OsString, io::Write, process::ExitCode};
+use crate::{Result, io};
+use std::{ffi::OsString, io::Write, path::Path, process::ExitCode};
 
-/// Control characters in a file name or in a foreign message must not break the line.
+/// Letters of the longest line. A name, a value or a key of a damaged file may have any length.
+const MOST_LETTERS: usize = 1000;
+/// Letters at its end that a longer text keeps: they say what was wanted.
+const LAST_LETTERS: usize = 300;
+/// Stands for the letters left out.
+const GAP: &str = " [...] ";
+
+/// The text as one line of at most [`MOST_LETTERS`] letters. Control characters in a file name or in a foreign message
+/// must not break the line.
 pub(super) fn one_line(text: &str) -> String {
-    text.trim_end().chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect()
+    let text = text.trim_end();
+    let plain = |letter: char| if letter.is_control() { ' ' } else { letter };
+    let count = text.chars().count();
+    if count <= MOST_LETTERS {
+        return text.chars().map(plain).collect();
+    }
+    let first = text.chars().take(MOST_LETTERS - LAST_LETTERS - GAP.len());
+    first.chain(GAP.chars()).chain(text.chars().skip(count - LAST_LETTERS)).map(plain).collect()
 }
 
 /// Prints `tool: what` on standard error; exit code 2.
@@ -24,10 +39,12 @@ pub(super) fn answer(tool: &str, error: &clap::Error, command: &clap::Command, t
     use clap::error::ErrorKind;
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            match error.print().and_then(|()| std::io::stdout().flush()) {
-                Ok(()) => ExitCode::SUCCESS,
-                Err(error) => complain(tool, &io::writing("standard output", &error).to_string()),
-            }
+            let print = || -> Result<()> {
+                io::check_place(Path::new("-"))?;
+                let printed = error.print().and_then(|()| std::io::stdout().flush());
+                printed.map_err(|error| io::writing("standard output", &error))
+            };
+            print().map_or_else(|error| complain(tool, &error.to_string()), |()| ExitCode::SUCCESS)
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand | ErrorKind::MissingSubcommand => {
             let tasks: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).collect();
@@ -73,5 +90,17 @@ mod tests {
     #[test]
     fn a_line_stays_a_line() {
         assert_eq!(one_line("a\nb\tc\u{1b}[0m\n"), "a b c [0m");
+    }
+
+    #[test]
+    fn a_long_line_keeps_its_ends() {
+        let whole = format!("name: {}", "x".repeat(MOST_LETTERS - 6));
+        assert_eq!(one_line(&whole), whole);
+        let line = one_line(&format!("name: {}; wanted less", "ü".repeat(100_000)));
+        assert_eq!(line.chars().count(), MOST_LETTERS);
+        assert!(
+            line.starts_with("name: ü") && line.contains("ü [...] ü") && line.ends_with("ü; wanted less"),
+            "{line}"
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! Shared by the command lines of the six tools: exit codes, errors, progress, `--stats`, `--threads`, `--preset`.
+//! Shared by the command lines of the six tools: exit codes, errors, progress, `--stats`, `--threads`, `--preset`,
+//! `--max-memory`.
 //!
 //! In: a tool's `clap` arguments and its body. Out: an exit code, and one line on standard error for every failure.
 //! Open first: `run.rs`, which holds the whole of a tool's `main`; then `session.rs`, the handle that the body gets.
@@ -10,6 +11,7 @@ mod complaint;
 mod frame_warnings;
 mod generate;
 mod lengths;
+mod memory;
 mod progress;
 mod run;
 mod session;
@@ -17,6 +19,7 @@ mod stats;
 mod values;
 
 pub use lengths::length_mm;
+pub use memory::{MemoryLimit, check_memory};
 pub use progress::Progress;
 pub use run::{Verdict, run};
 pub use session::{Common, Session};

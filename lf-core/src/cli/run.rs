@@ -10,6 +10,9 @@ use std::{ffi::OsString, io::Write, path::Path, process::ExitCode, sync::Mutex};
 /// Upper limit of `--threads`. Each thread costs a stack; a larger number is a typing error.
 const MOST_THREADS: usize = 1024;
 
+/// The variable of the environment that rayon takes the number of its workers from.
+const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
+
 /// How a run ended if nothing failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -29,6 +32,7 @@ pub fn run<A: clap::Parser>(
     common: impl FnOnce(&A) -> &Common,
     body: impl FnOnce(&A, &mut Session) -> Result<Verdict>,
 ) -> ExitCode {
+    io::guard(tool);
     let words: Vec<_> = std::env::args_os().skip(1).collect();
     if let [first, words @ ..] = words.as_slice()
         && first == generate::OPTION
@@ -42,20 +46,34 @@ pub fn run<A: clap::Parser>(
         Err(error) => return answer(tool, &error, &A::command(), &words),
     };
     let common = common(&arguments);
-    if common.threads > MOST_THREADS {
-        return usage(tool, &format!("--threads: {}; wanted at most {MOST_THREADS}", common.threads));
-    }
-    if let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(common.threads).build_global() {
-        return complain(tool, &format!("--threads: {error}; wanted fewer"));
+    if let Err((name, found)) = start_threads(common.threads) {
+        return usage(tool, &format!("{name}: {found}; wanted at most {MOST_THREADS}"));
     }
     let mut session = Session::new(step::<A>(tool, &words), common);
     report(tool, || {
         common.stats.as_deref().map_or(Ok(()), io::check_place)?;
         let verdict = body(&arguments, &mut session)?;
         std::io::stdout().flush().map_err(|error| io::writing("standard output", &error))?;
+        io::check_inputs()?;
         session.save_stats()?;
         Ok(verdict)
     })
+}
+
+/// Starts the workers: as many as asked for, or for 0 as many as a variable of the environment or the machine says. The
+/// error names the number that is too large.
+fn start_threads(typed: usize) -> std::result::Result<(), (&'static str, String)> {
+    let variable = std::env::var(THREADS_VARIABLE).ok().and_then(|value| value.parse::<u64>().ok());
+    let (name, count) = match (typed, variable) {
+        (0, Some(count)) => (THREADS_VARIABLE, count),
+        (0, None) => ("--threads", 0),
+        (typed, _) => ("--threads", typed as u64),
+    };
+    if count > MOST_THREADS as u64 {
+        return Err((name, count.to_string()));
+    }
+    let built = rayon::ThreadPoolBuilder::new().num_threads(typed).build_global();
+    built.map_err(|error| (name, error.to_string()))
 }
 
 fn step<A: clap::Parser>(tool: &str, words: &[OsString]) -> Step {

@@ -58,6 +58,7 @@ impl Session {
         });
         let started = Instant::now();
         let outcome = work(self);
+        io::release_memory();
         let seconds = started.elapsed().as_secs_f64();
         self.phases[place].1 += seconds;
         self.explain(format!("{name}: {seconds:.3} s"));

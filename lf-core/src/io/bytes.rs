@@ -1,7 +1,8 @@
 //! The bytes of an input: mapped, or read into memory.
 
+use super::{faults::Named, names, watched::Used};
 use std::io::{self, ErrorKind, Read, Seek};
-use std::{fs::File, ops::Deref};
+use std::{fs::File, ops::Deref, path::Path};
 
 /// Every [`Bytes`] starts at a multiple of this address, so that a `u64` can be read in place.
 const ALIGNMENT: usize = 8;
@@ -12,13 +13,14 @@ pub struct Bytes {
 }
 
 enum Storage {
-    Mapped(memmap2::Mmap),
+    Mapped { map: memmap2::Mmap, _guards: (Named, Used) },
     Owned { buffer: Vec<u8>, start: usize },
 }
 
 impl Bytes {
-    /// Takes the bytes of an open file. A plain file that is read from its start is mapped, everything else is copied.
-    pub(super) fn read(mut file: File) -> io::Result<Self> {
+    /// Takes the bytes of a file that was opened as `path`. A plain file that is read from its start is mapped,
+    /// everything else is copied.
+    pub(super) fn read(mut file: File, path: &Path) -> io::Result<Self> {
         let found = file.metadata()?;
         if found.is_dir() {
             return Err(ErrorKind::IsADirectory.into());
@@ -26,10 +28,11 @@ impl Bytes {
         // The files of /proc also claim a length of zero; they are read.
         if found.is_file() && found.len() > 0 && file.stream_position()? == 0 {
             // SAFETY: the map is read-only and outlives every slice lent from it. If another program writes into the
-            // file, a number changes, and no reader here bases memory safety on numbers; a truncation ends the process
-            // with SIGBUS. Our own writers replace a file and never write into it.
+            // file, a number changes, and no reader here bases memory safety on numbers; if it cuts the file short, the
+            // process ends (see [`super::guard`]). Our own writers replace a file and never write into it.
             if let Ok(map) = unsafe { memmap2::Mmap::map(&file) } {
-                return Ok(Self { storage: Storage::Mapped(map) });
+                let guards = (Named::new(&map, &names::name(path)), Used::new(path, &found));
+                return Ok(Self { storage: Storage::Mapped { map, _guards: guards } });
             }
         }
         let mut buffer = Vec::new();
@@ -39,7 +42,7 @@ impl Bytes {
 
     /// Whether the bytes are a view of the file and no copy.
     pub fn is_mapped(&self) -> bool {
-        matches!(self.storage, Storage::Mapped(_))
+        matches!(self.storage, Storage::Mapped { .. })
     }
 }
 
@@ -61,7 +64,7 @@ impl Deref for Bytes {
     type Target = [u8];
     fn deref(&self) -> &[u8] {
         match &self.storage {
-            Storage::Mapped(map) => map,
+            Storage::Mapped { map, .. } => map,
             Storage::Owned { buffer, start } => &buffer[*start..],
         }
     }

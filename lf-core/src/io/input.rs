@@ -10,13 +10,13 @@ use std::{fs::File, os::fd::AsFd, path::Path};
 pub fn open(path: &Path) -> Result<Bytes> {
     let refused = |error: io::Error| reading(&name(path), &error);
     if !is_standard(path) {
-        return Bytes::read(File::open(path).map_err(refused)?).map_err(refused);
+        return Bytes::read(File::open(path).map_err(refused)?, path).map_err(refused);
     }
     let stdin = standard(io::stdin().as_fd()).map_err(refused)?;
     if stdin.is_terminal() {
         return Err(Error::new(name(path), "a terminal", "wanted a file or a pipe"));
     }
-    Bytes::read(stdin).map_err(refused)
+    Bytes::read(stdin, path).map_err(refused)
 }
 
 /// Reads a small text file in UTF-8 (JSON, CSV). Drops a byte order mark; an error names a known binary format.

@@ -5,15 +5,19 @@
 //!
 //! A plain file is mapped, whether it is named or redirected with `<`; everything else is read to its end. The reader
 //! cannot tell the two apart. An output appears under its name when it is complete; until then the name keeps its old
-//! content.
+//! content. An input that changes while it is in use is noticed before an output appears.
 
 mod bytes;
 mod draft;
+mod faults;
 mod input;
 mod names;
 mod output;
+mod watched;
 
 pub use bytes::Bytes;
+pub use faults::{guard, release_memory};
 pub use input::{Signature, open, open_text};
 pub use names::{is_standard, name, output_name, same_file, split_page, writing};
 pub use output::{check_picture, check_place, save, save_text};
+pub use watched::check_inputs;

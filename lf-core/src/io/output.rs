@@ -1,7 +1,7 @@
 //! Writes an output whole or not at all.
 
-use super::draft;
 use super::names::{is_standard, output_name, standard, writing};
+use super::{draft, faults::stdout_was_closed, watched::check_inputs};
 use crate::{Error, Result};
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, IsTerminal, Seek, SeekFrom, Write};
@@ -15,18 +15,13 @@ const BUFFER: usize = 256 * 1024;
 /// Symbolic links that are followed before a chain counts as a ring. Linux has the same limit.
 const LINKS: usize = 40;
 
-/// Checks before the work that an output can be created: its folder must exist, and it must not be a folder.
+/// Checks before the work that an output can be created: a file can be made in its folder, it is not a folder and not
+/// protected, and standard output is open. Leaves nothing behind.
 pub fn check_place(path: &Path) -> Result<()> {
-    if is_standard(path) {
-        return Ok(());
-    }
-    let refused = |kind: ErrorKind| Err(writing(&output_name(path), &kind.into()));
-    let folder = path.parent().filter(|folder| *folder != Path::new(""));
-    match (folder.map(fs::metadata), fs::metadata(path)) {
-        (Some(Err(error)), _) if error.kind() == ErrorKind::NotFound => refused(ErrorKind::NotFound),
-        (Some(Ok(found)), _) if !found.is_dir() => refused(ErrorKind::NotFound),
-        (_, Ok(found)) if found.is_dir() => refused(ErrorKind::IsADirectory),
-        _ => Ok(()),
+    let refused = |error: io::Error| writing(&output_name(path), &error);
+    match place(path).map_err(refused)? {
+        Place::Replace(place, _) => draft::begin(folder_of(&place)).map(drop).map_err(refused),
+        Place::Standard | Place::Through => Ok(()),
     }
 }
 
@@ -57,6 +52,10 @@ enum Target {
     Replace(PathBuf, Option<Permissions>),
 }
 
+fn folder_of(place: &Path) -> &Path {
+    place.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
+}
+
 fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let subject = output_name(path);
     let failed = |error: io::Error| writing(&subject, &error);
@@ -68,13 +67,14 @@ fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Resul
             fill_and_flush(file, fill).map_err(failed)?;
         }
         Target::Replace(place, old) => {
-            let folder = place.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+            let folder = folder_of(&place);
             let (file, draft) = draft::begin(folder).map_err(failed)?;
             let file = fill_and_flush(file, fill).map_err(failed)?;
             if let Some(old) = old {
                 file.set_permissions(old).map_err(failed)?;
             }
             file.sync_all().map_err(failed)?;
+            check_inputs()?;
             draft.finish(&file, &place, folder).map_err(failed)?;
         }
     }
@@ -89,35 +89,59 @@ fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()
     outcome.map(|()| file)
 }
 
-/// Finds out what a path stands for: a stream, a file to replace, or a new file behind symbolic links.
-fn target(path: &Path) -> io::Result<Target> {
+/// The things that a path stands for.
+enum Place {
+    /// Standard output.
+    Standard,
+    /// A device, a FIFO or an open descriptor.
+    Through,
+    /// A plain file, old or new: its path without symbolic links, and its permissions if there is one.
+    Replace(PathBuf, Option<Permissions>),
+}
+
+/// Finds out what a path stands for. Opens no device or FIFO: that may wait for a reader.
+fn place(path: &Path) -> io::Result<Place> {
     if is_standard(path) || path == Path::new("/dev/stdout") {
-        io::stdout().flush()?;
-        return Ok(Target::Through(standard(io::stdout().as_fd())?));
+        return if stdout_was_closed() { Err(io::Error::other("closed")) } else { Ok(Place::Standard) };
     }
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => Err(ErrorKind::IsADirectory.into()),
         Ok(found) if found.is_file() && !names_a_descriptor(path) => {
             // Do not replace a file that its owner has made read-only.
             OpenOptions::new().write(true).open(path)?;
-            Ok(Target::Replace(fs::canonicalize(path)?, Some(Permissions::from_mode(found.mode() & 0o7777))))
+            Ok(Place::Replace(fs::canonicalize(path)?, Some(Permissions::from_mode(found.mode() & 0o7777))))
         }
-        Ok(_) => {
+        Ok(_) => Ok(Place::Through),
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            let mut place = path.to_owned();
+            for _ in 0..LINKS {
+                let Ok(next) = fs::read_link(&place) else {
+                    let has_folder = folder_of(&place).is_dir();
+                    return if has_folder { Ok(Place::Replace(place, None)) } else { Err(ErrorKind::NotFound.into()) };
+                };
+                place = place.parent().unwrap_or(Path::new("")).join(next);
+            }
+            Err(io::Error::other("a ring of symbolic links"))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// Opens what a path stands for, unless it is a plain file.
+fn target(path: &Path) -> io::Result<Target> {
+    match place(path)? {
+        Place::Standard => {
+            io::stdout().flush()?;
+            Ok(Target::Through(standard(io::stdout().as_fd())?))
+        }
+        Place::Through => {
             let mut file = OpenOptions::new().write(true).open(path)?;
             if file.metadata()?.is_file() {
                 file.seek(SeekFrom::End(0))?;
             }
             Ok(Target::Through(file))
         }
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            let mut place = path.to_owned();
-            for _ in 0..LINKS {
-                let Ok(next) = fs::read_link(&place) else { return Ok(Target::Replace(place, None)) };
-                place = place.parent().unwrap_or(Path::new("")).join(next);
-            }
-            Err(io::Error::other("a ring of symbolic links"))
-        }
-        Err(error) => Err(error),
+        Place::Replace(place, old) => Ok(Target::Replace(place, old)),
     }
 }
 

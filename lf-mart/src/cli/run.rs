@@ -7,6 +7,7 @@ use lf_core::{
 };
 use lf_mart::{Ended, Options, Plan, Reconstruction, Start, Sweep, Until};
 use serde_json::json;
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -27,6 +28,10 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
         Ok((camera, image, Volume::open(&arguments.support)?))
     })?;
+    let flat = camera.flat_field(&arguments.camera);
+    let flat: Vec<&Path> = flat.as_deref().into_iter().collect();
+    session.keep_apart(&arguments.output, &flat)?;
+    arguments.log.as_ref().map_or(Ok(()), |log| session.keep_apart(log, &flat))?;
     if support.count() == 0 {
         return Err(Error::new(name, "holds no voxel", "wanted a support with voxels"));
     }
@@ -85,7 +90,14 @@ fn check_files(arguments: &Arguments, session: &Session) -> Result<()> {
 fn open_start(arguments: &Arguments, grid: &Grid) -> Result<Option<Volume>> {
     let Some(file) = &arguments.start else { return Ok(None) };
     let start = Volume::open(file)?;
-    start.require("intensity")?;
+    let intensity = start.require("intensity")?;
+    if let Some(negative) = intensity.iter().find(|value| **value < 0.0) {
+        return Err(Error::new(
+            io::name(file),
+            format!("an intensity of {negative}"),
+            "wanted intensities of 0 or more",
+        ));
+    }
     if !start.grid().agrees_with(grid) {
         return Err(Error::new(io::name(file), start.grid().to_string(), format!("wanted the support's {grid}")));
     }

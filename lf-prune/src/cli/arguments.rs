@@ -3,7 +3,7 @@
 use super::preset::{self, ScoreName};
 use super::pvr::{self, Pvr};
 use clap::Parser;
-use lf_core::cli::{Common, ImageOptions, Preset, numbers};
+use lf_core::cli::{Common, ImageOptions, MemoryLimit, Preset, numbers};
 use lf_core::{Camera, Error, Grid, Refusal, Result, Volume, io, weights::SECTIONS};
 use lf_prune::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, Options, Score};
 use std::path::PathBuf;
@@ -90,6 +90,8 @@ pub struct Arguments {
     /// standard output
     #[arg(long)]
     pub estimate: bool,
+    #[command(flatten)]
+    pub memory: MemoryLimit,
     /// Support (.lfv), - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,

@@ -30,7 +30,10 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if let Some(preset) = arguments.preset {
         session.explain_preset(preset, arguments.preset_settings(preset));
     }
+    let flat = camera.flat_field(&arguments.camera);
+    session.keep_apart(&arguments.output, &flat.as_deref().into_iter().collect::<Vec<&Path>>())?;
     let grid = arguments.grid(&camera)?;
+    allow(Plan::list_bytes(&grid), arguments, &grid)?;
     session.warn_of_frame(&image, &camera, arguments.background.is_some());
     let found = Automatic::new(pixels, arguments.scored_by());
     let threshold = arguments.typed_threshold().unwrap_or_else(|| explain_threshold(&found, arguments, session));
@@ -44,13 +47,21 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if let Some(tile) = &tile {
         explain_tile(tile, session);
     }
-    if arguments.estimate {
+    allow(plan.bytes(pixels.len(), 0.0) as f64, arguments, &grid)?;
+    let may_exceed = allow(plan.bytes(pixels.len(), plan.voxels() as f64) as f64, arguments, &grid).is_err();
+    if arguments.estimate || may_exceed {
         let start = Instant::now();
-        let forecast = plan.forecast(pixels, || start.elapsed().as_secs_f64()).map_err(refused)?;
+        let clock = || start.elapsed().as_secs_f64();
+        let forecast = session.phase("forecast", |_| plan.forecast(pixels, clock).map_err(refused))?;
         let seconds = forecast.seconds.ceil() as u64;
         let counts = [("voxels", plan.voxels()), ("kept", forecast.kept as u64), ("seconds", seconds)];
-        session.tell_estimate(plan.bytes(pixels.len(), forecast.kept), &counts)?;
-        return Ok(Verdict::Done);
+        let bytes = plan.bytes(pixels.len(), forecast.kept);
+        if arguments.estimate {
+            session.tell_estimate(bytes, &counts)?;
+            return Ok(Verdict::Done);
+        }
+        let what = || format!("{:.0} voxels kept of a {grid}", forecast.kept);
+        session.allow_memory(arguments.memory, bytes as f64, arguments.grid_subject(), what)?;
     }
 
     let support = session.phase("prune", |session| {
@@ -73,6 +84,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         })
     })?;
     Ok(Verdict::Done)
+}
+
+/// Refuses a grid that takes more bytes than allowed.
+fn allow(bytes: f64, arguments: &Arguments, grid: &Grid) -> Result<()> {
+    cli::check_memory(arguments.memory, bytes, arguments.grid_subject(), || format!("a {grid}"))
 }
 
 fn explain_threshold(found: &Automatic, arguments: &Arguments, session: &mut Session) -> f64 {

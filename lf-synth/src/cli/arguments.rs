@@ -1,7 +1,7 @@
 //! The command line.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use lf_core::cli::{Common, ImageOptions};
+use lf_core::cli::{Common, ImageOptions, MemoryLimit};
 use std::path::PathBuf;
 
 /// Particles and a flow to light-field images and the truth, by ray tracing
@@ -81,9 +81,6 @@ pub struct FramesArguments {
     /// Also measure the noise of the ray tracing, on 200 particles in the middle against 100 times their rays
     #[arg(long)]
     pub measure_noise: bool,
-    /// Most memory to use, GB
-    #[arg(long, value_name = "GB", default_value_t = 8.0)]
-    pub max_memory: f64,
 }
 
 #[derive(Args)]
@@ -105,6 +102,8 @@ pub struct SceneSource {
     pub seed: Option<u64>,
     #[command(flatten)]
     pub reading: ImageOptions,
+    #[command(flatten)]
+    pub memory: MemoryLimit,
 }
 
 #[derive(Clone, Copy, ValueEnum)]

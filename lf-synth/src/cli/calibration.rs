@@ -4,8 +4,8 @@ use super::arguments::{ImageArguments, ImageFormat, SceneSource};
 use super::images::{check_folder, create_folder, rendered, save_image, save_text};
 use super::setup::Setup;
 use lf_core::{Error, Result, Session, io};
-use lf_synth::particles::table;
 use lf_synth::rays::{self, WhiteCells};
+use lf_synth::{memory, particles::table};
 use ndarray::Array2;
 use std::path::Path;
 
@@ -24,6 +24,12 @@ pub fn white(ImageArguments { source, output }: &ImageArguments, session: &mut S
     }
     let cells = WhiteCells::new(&setup.camera, white.counts, white.rays_per_lenslet);
     let (instrument, rows) = (setup.instrument(), cells.rows as u64);
+    let bytes = memory::white(&instrument, &cells, setup.scene.sensor_noise.as_ref());
+    setup.allow_memory(
+        bytes,
+        || format!("{} with {} rays a lenslet", setup.sensor(), white.rays_per_lenslet),
+        session,
+    )?;
     let mut image = rendered("white", ("rows", rows), session, |done| rays::white(&instrument, &cells, seed, done))?;
     session.count("rays", image.rays);
     setup.record(&mut image.pixels, WHITE, session)?;
@@ -38,6 +44,8 @@ pub fn dark(ImageArguments { source, output }: &ImageArguments, session: &mut Se
     }
     // The lens is covered, so there is no background light.
     setup.background = None;
+    let bytes = memory::dark(&setup.instrument(), setup.scene.sensor_noise.as_ref());
+    setup.allow_memory(bytes, || setup.sensor(), session)?;
     let mut pixels = Array2::zeros((setup.camera.sensor.height, setup.camera.sensor.width));
     setup.record(&mut pixels, DARK, session)?;
     save_image(output, &pixels, session)
@@ -57,9 +65,12 @@ pub fn dots(source: &SceneSource, folder: &Path, format: ImageFormat, session: &
     }
     let half_view = setup.camera.half_view_mm();
     let targets: Vec<_> = dots.depths_mm.iter().map(|depth| dots.target(half_view, *depth)).collect();
-    create_folder(folder)?;
     let instrument = setup.instrument();
     let glow = dots.glow(setup.scene.rays(dots.intensity));
+    let most = targets.iter().max_by_key(|target| target.len()).map_or(&[][..], Vec::as_slice);
+    let bytes = memory::frames(&instrument, most, &glow, targets.len(), setup.scene.sensor_noise.as_ref(), None);
+    setup.allow_memory(bytes, || format!("{} and {} dots", setup.sensor(), most.len()), session)?;
+    create_folder(folder)?;
     for (n, (target, name)) in targets.iter().zip(&names).enumerate() {
         let seed = setup.scene.seed ^ ((n as u64) << 32);
         let mut image = rendered(&format!("depth {n}"), ("dots", target.len() as u64), session, |done| {

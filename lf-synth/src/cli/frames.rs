@@ -3,18 +3,15 @@
 use super::images::{check_folder, create_folder, rendered, save_image, save_text};
 use super::{arguments::FramesArguments, setup::Setup};
 use lf_core::flow::{Flows, Velocity};
-use lf_core::{Error, Grid, Refusal, Result, Session, io, particles, volume};
+use lf_core::{Refusal, Result, Session, cli, io, particles, volume};
 use lf_synth::particles::{Appearance, Particle, Tracers, inside, seed_evenly, table};
 use lf_synth::rays::{self, Glow, Instrument};
-use lf_synth::{scene::Truth, truth};
+use lf_synth::{memory, truth};
 use std::path::Path;
 
 /// Renders the frames of a scene into a folder.
 pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> {
-    let FramesArguments { source, output: folder, format, measure_noise, max_memory } = arguments;
-    if max_memory.is_nan() || *max_memory <= 0.0 {
-        return Err(Error::new("--max-memory", max_memory.to_string(), "wanted a number of GB above 0"));
-    }
+    let FramesArguments { source, output: folder, format, measure_noise } = arguments;
     check_folder(folder)?;
     let setup = Setup::open(source, session)?;
     let Setup { scene, camera, .. } = &setup;
@@ -31,10 +28,17 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
     for file in files.chain(["flow.exr", "particles.csv", "camera.json", "scene-used.json"].map(String::from)) {
         setup.keep_apart(&folder.join(file), session)?;
     }
+    let seeded = scene.particle_count(camera) * size_of::<Particle>() as f64;
+    let count = || format!("{:.0} particles", scene.particle_count(camera));
+    cli::check_memory(source.memory, seeded, &setup.name, count)?;
     let mut tracers = tracers(&setup, &times, session)?;
-    check_memory(&setup, &tracers, truth.as_ref(), *max_memory, session)?;
-    create_folder(folder)?;
     let (instrument, glow) = (setup.instrument(), scene.glow(camera));
+    let (most, exact) = (tracers.most(), truth.as_ref().map(|(truth, grid)| (*truth, grid)));
+    let bytes = memory::frames(&instrument, most, &glow, times.len(), scene.sensor_noise.as_ref(), exact);
+    let bytes = if *measure_noise { bytes.max(memory::measured_noise(&instrument)) } else { bytes };
+    let frames = || format!("{} frames of at most {} particles each", times.len(), most.len());
+    setup.allow_memory(bytes, || format!("{}, {}", setup.sensor(), frames()), session)?;
+    create_folder(folder)?;
     let history = session.history(&Vec::new());
     let (mut rays, mut shown) = (0, Vec::new());
     for (frame, &time) in times.iter().enumerate() {
@@ -122,34 +126,6 @@ fn tracks(file: &Path, times: &[f64], session: &Session) -> Result<Tracers> {
         return Err(wrong(Refusal::new(found, table::TRACKS_WANTED)));
     }
     Ok(Tracers::Given(times.iter().map(|time| frames[*time as usize].clone()).collect()))
-}
-
-/// Says how much memory the particles, a frame and its truth take at most, and refuses it above `max_memory` GB.
-fn check_memory(
-    setup: &Setup,
-    tracers: &Tracers,
-    truth: Option<&(&Truth, Grid)>,
-    max_memory: f64,
-    session: &mut Session,
-) -> Result<()> {
-    let (sensor, most) = (&setup.camera.sensor, tracers.most());
-    let voxels = truth.map_or(0.0, |(truth, grid)| {
-        let voxels_per_particle = (8.0 * truth.sigma_vox + 1.0).powi(3);
-        (most as f64 * voxels_per_particle).min(grid.shape.iter().map(|n| *n as f64).product())
-    });
-    let particles = most as f64 * size_of::<Particle>() as f64;
-    let bytes = 12.0 * (sensor.width * sensor.height) as f64 + 3.0 * particles + 24.0 * voxels;
-    session.count("estimated_bytes", bytes as u64);
-    session.explain(format!(
-        "about {:.2} GB of memory, of {max_memory} GB allowed, for {} frames of at most {most} particles each",
-        1e-9 * bytes,
-        setup.scene.frames.times().len(),
-    ));
-    if bytes > 1e9 * max_memory {
-        let found = format!("needs about {:.1} GB", 1e-9 * bytes);
-        return Err(Error::new(&setup.name, found, format!("wanted --max-memory {max_memory:.1} to allow it")));
-    }
-    Ok(())
 }
 
 /// Measures the noise of the ray tracing and says it.

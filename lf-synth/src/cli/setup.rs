@@ -4,7 +4,7 @@ use super::arguments::SceneSource;
 use super::images::save_text;
 use lf_core::image::{self, Channel};
 use lf_core::scene::{CameraSource, WANTED};
-use lf_core::{Camera, Error, Result, Session, io, json};
+use lf_core::{Camera, Error, Result, Session, cli::MemoryLimit, io, json};
 use lf_synth::rays::Instrument;
 use lf_synth::scene::{self, Scene};
 use ndarray::Array2;
@@ -19,6 +19,7 @@ pub struct Setup {
     pub camera: Camera,
     pub background: Option<Array2<f32>>,
     inputs: Vec<PathBuf>,
+    limit: MemoryLimit,
 }
 
 impl Setup {
@@ -40,13 +41,23 @@ impl Setup {
             let shape = (camera.sensor.height, camera.sensor.width);
             let file = scene.sensor_noise.as_ref().and_then(|noise| noise.background.as_deref());
             let background = file.map(|file| background(file, shape, source.reading.channel)).transpose()?;
-            Ok(Self { name, scene, camera, background, inputs })
+            Ok(Self { name, scene, camera, background, inputs, limit: source.memory })
         })
     }
 
     /// The camera with the scene's effects.
     pub fn instrument(&self) -> Instrument {
         Instrument::new(&self.camera, self.scene.second_stop, self.scene.diffraction.as_ref())
+    }
+
+    /// Refuses work that takes more memory than allowed; see [`Session::allow_memory`].
+    pub fn allow_memory(&self, bytes: f64, what: impl FnOnce() -> String, session: &mut Session) -> Result<()> {
+        session.allow_memory(self.limit, bytes, &self.name, what)
+    }
+
+    /// The sensor in words.
+    pub fn sensor(&self) -> String {
+        format!("a sensor of {} x {} px", self.camera.sensor.width, self.camera.sensor.height)
     }
 
     /// Refuses to overwrite a file that the scene comes from.

@@ -29,7 +29,7 @@ pub const TRACKS_WANTED: &str = "wanted a particles.csv of every frame";
 pub fn tracks(text: &str) -> Result<Vec<Vec<Particle>>, Refusal> {
     let refused = |found: String| Refusal::new(found, TRACKS_WANTED);
     let lines = lines(text)?;
-    let count = lines.iter().map(|(frame, _)| frame + 1).max().unwrap_or(0);
+    let count = lines.iter().map(|(frame, _)| frame.saturating_add(1)).max().unwrap_or(0);
     if count > lines.len() {
         return Err(refused(format!("has frame {}, and fewer lines than frames before it", count - 1)));
     }

@@ -58,11 +58,11 @@ impl Tracers {
         lit
     }
 
-    /// Largest number of particles in a frame.
-    pub fn most(&self) -> usize {
+    /// The most particles of a frame.
+    pub fn most(&self) -> &[Particle] {
         match self {
-            Self::Carried { all, .. } => all.len(),
-            Self::Given(frames) => frames.iter().map(Vec::len).max().unwrap_or(0),
+            Self::Carried { all, .. } => all,
+            Self::Given(frames) => frames.iter().max_by_key(|frame| frame.len()).map_or(&[], Vec::as_slice),
         }
     }
 }

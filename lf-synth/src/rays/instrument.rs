@@ -69,6 +69,32 @@ impl Instrument {
         }
     }
 
+    /// Pixels of the sensor.
+    pub fn pixels(&self) -> f64 {
+        self.size.map(|side| side as f64).iter().product()
+    }
+
+    /// Pixels of the tally of a particle.
+    pub(super) fn tally_px(&self, particle: &Particle, glow: &Glow) -> f64 {
+        let [low, high] = self.bounds_px(particle, glow.size_mm * particle.size);
+        let side = |axis: usize| {
+            let limit = self.size[axis] as f64;
+            (high[axis].ceil().clamp(0.0, limit) - low[axis].floor().clamp(0.0, limit)).max(0.0)
+        };
+        side(0) * side(1)
+    }
+
+    /// Pixels of the tally of a row of white cells.
+    pub(super) fn row_px(&self, cells: &WhiteCells) -> f64 {
+        let [width, height] = self.size.map(|side| side as f64);
+        width * (2.0 * self.row_reach_px() + cells.cell_mm.y / self.pixel_pitch_mm + 1.0).min(height)
+    }
+
+    /// Pixels that the light of a row of white cells reaches beyond its sides.
+    fn row_reach_px(&self) -> f64 {
+        self.margin_px + self.optics.half_aperture_mm * self.optics.demagnification / self.pixel_pitch_mm
+    }
+
     /// Casts a particle's rays and counts them in `tally`.
     #[inline(always)]
     pub(super) fn cast(&self, samples: &Samples, glow: &Glow, particle: &Particle, seed: u64, tally: &mut Tally) {
@@ -101,7 +127,7 @@ impl Instrument {
     pub(super) fn cast_row(&self, samples: &Samples, cells: &WhiteCells, row: usize, seed: u64, tally: &mut Tally) {
         let half = self.optics.half_aperture_mm;
         let top_mm = cells.corner_mm.y + row as f64 * cells.cell_mm.y;
-        let reach_px = self.margin_px + half * self.optics.demagnification / self.pixel_pitch_mm;
+        let reach_px = self.row_reach_px();
         let edge_px = |y_mm: f64| self.optics.place_px(DVec2::new(0.0, y_mm)).y;
         let low = [0.0, edge_px(top_mm) - reach_px];
         let high = [self.size[0] as f64, edge_px(top_mm + cells.cell_mm.y) + reach_px];

@@ -12,7 +12,7 @@ mod tally;
 
 pub use diffraction::Diffraction;
 pub use instrument::Instrument;
-pub use render::{NOISE_SAMPLE, Rendered, frame, measure_noise, white};
+pub use render::{NOISE_SAMPLE, Rendered, frame, frame_bytes, measure_noise, white, white_bytes};
 pub use samples::Shape;
 pub use second_stop::SecondStop;
 pub use sources::{Glow, RayCount, WhiteCells};

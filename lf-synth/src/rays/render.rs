@@ -5,7 +5,7 @@
 //! any number of threads.
 
 use super::instrument::Instrument;
-use super::samples::{Samples, Shape};
+use super::samples::{SAMPLE_BYTES, Samples, Shape};
 use super::sources::{Glow, WhiteCells};
 use super::tally::{self, Tally};
 use crate::particles::Particle;
@@ -42,7 +42,8 @@ pub fn frame(
     let samples = Samples::new(particles.iter().map(rays).max().unwrap_or(0), instrument.aperture, glow.shape);
     let emitted = particles.iter().map(|particle| particle.intensity).sum();
     let cast_rays = particles.iter().map(|particle| rays(particle) as u64).sum();
-    let (pixels, arrived) = collect(instrument.size, particles, |particle, tally| {
+    let most_px = tallies_px(instrument, particles, glow).fold(0.0, f64::max);
+    let (pixels, arrived) = collect(instrument.size, particles, most_px, |particle, tally| {
         fastest(
             #[inline(always)]
             || instrument.cast(&samples, glow, particle, seed, tally),
@@ -57,7 +58,7 @@ pub fn frame(
 pub fn white(instrument: &Instrument, cells: &WhiteCells, seed: u64, done: impl Fn(u64) + Sync) -> Rendered {
     let samples = Samples::new(cells.rays_per_cell, instrument.aperture, Shape::Square);
     let rows: Vec<usize> = (0..cells.rows).collect();
-    let (pixels, arrived) = collect(instrument.size, &rows, |&row, tally| {
+    let (pixels, arrived) = collect(instrument.size, &rows, instrument.row_px(cells), |&row, tally| {
         fastest(
             #[inline(always)]
             || instrument.cast_row(&samples, cells, row, seed, tally),
@@ -68,15 +69,40 @@ pub fn white(instrument: &Instrument, cells: &WhiteCells, seed: u64, done: impl 
     Rendered { pixels, emitted, arrived, rays: (cells.columns * cells.rows * cells.rays_per_cell) as u64 }
 }
 
-/// Casts the rays of many sources and adds up their tallies in order. Returns the image and the counts that arrived.
+/// Most bytes that [`frame`] takes: the image, a table of samples, and a batch of tallies.
+pub fn frame_bytes(instrument: &Instrument, particles: &[Particle], glow: &Glow) -> f64 {
+    let rays = particles.iter().map(|particle| glow.rays.of_intensity(particle.intensity)).max().unwrap_or(0);
+    let mut tallies: Vec<f64> = tallies_px(instrument, particles, glow).collect();
+    tallies.sort_unstable_by(|a, b| b.total_cmp(a));
+    rendered_bytes(instrument, rays, tallies.iter().take(BATCH).sum())
+}
+
+/// Most bytes that [`white`] takes.
+pub fn white_bytes(instrument: &Instrument, cells: &WhiteCells) -> f64 {
+    rendered_bytes(instrument, cells.rays_per_cell, BATCH.min(cells.rows) as f64 * instrument.row_px(cells))
+}
+
+fn rendered_bytes(instrument: &Instrument, rays: usize, tally_px: f64) -> f64 {
+    let [pixels, tallies] = [instrument.pixels(), tally_px].map(|pixels| pixels * size_of::<f32>() as f64);
+    pixels + tallies + SAMPLE_BYTES * rays as f64
+}
+
+/// Pixels of the tallies of particles.
+fn tallies_px<'a>(instrument: &'a Instrument, particles: &'a [Particle], glow: &'a Glow) -> impl Iterator<Item = f64> {
+    particles.iter().map(|particle| instrument.tally_px(particle, glow))
+}
+
+/// Casts the rays of many sources and adds up their tallies, of at most `most_px` pixels, in order. Returns the image and
+/// the counts that arrived.
 fn collect<T: Sync>(
     [width, height]: [usize; 2],
     sources: &[T],
+    most_px: f64,
     cast: impl Fn(&T, &mut Tally) + Sync,
 ) -> (Array2<f32>, f64) {
     let mut pixels = Array2::zeros((height, width));
     let mut arrived = 0.0;
-    let mut tallies: Vec<Tally> = (0..BATCH.min(sources.len())).map(|_| Tally::default()).collect();
+    let mut tallies: Vec<Tally> = (0..BATCH.min(sources.len())).map(|_| Tally::with_capacity(most_px)).collect();
     for batch in sources.chunks(BATCH) {
         let tallies = &mut tallies[..batch.len()];
         batch.par_iter().zip(tallies.par_iter_mut()).with_max_len(1).for_each(|(source, tally)| cast(source, tally));

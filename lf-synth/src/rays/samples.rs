@@ -94,6 +94,9 @@ impl Motion {
     }
 }
 
+/// Bytes of a sample of both shapes.
+pub(super) const SAMPLE_BYTES: f64 = 4.0 * size_of::<f32>() as f64;
+
 /// Samples of two shapes, independent of each other.
 #[derive(Debug)]
 pub struct Samples {
@@ -105,7 +108,8 @@ impl Samples {
     /// `n` samples. The first samples alone are as even as a table of that length.
     pub fn new(n: usize, first: Shape, second: Shape) -> Self {
         let step = DVec4::from_array(STEP);
-        let mut samples = Self { first: [vec![], vec![]], second: [vec![], vec![]] };
+        let list = || Vec::with_capacity(n);
+        let mut samples = Self { first: [list(), list()], second: [list(), list()] };
         let mut unit = DVec4::splat(0.5);
         for _ in 0..n {
             unit += step;

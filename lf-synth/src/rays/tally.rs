@@ -16,6 +16,11 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// An empty tally with room for so many pixels: it need not grow, which would leave memory behind.
+    pub fn with_capacity(pixels: f64) -> Self {
+        Self { rays: Vec::with_capacity(pixels.ceil() as usize), ..Self::default() }
+    }
+
     /// Empties the tally and moves it to the pixels from `low` up to `high`, excluded, on a sensor of `size`. All are
     /// (column, row).
     pub fn clear(&mut self, low: [f64; 2], high: [f64; 2], size: [usize; 2], counts_per_ray: f64) {

@@ -4,7 +4,7 @@ use super::{
     curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, precision, quality, trade,
 };
 use clap::{Parser, Subcommand};
-use lf_core::cli::Common;
+use lf_core::cli::{Common, MemoryLimit};
 
 /// Results and truths to scores
 ///
@@ -24,6 +24,8 @@ use lf_core::cli::Common;
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
+    #[command(flatten)]
+    pub memory: MemoryLimit,
     #[command(flatten)]
     pub common: Common,
 }

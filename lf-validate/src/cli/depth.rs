@@ -3,7 +3,8 @@
 use super::inputs::{light, open_whole};
 use super::limits::{is_at_most, number, verdict};
 use super::output::{Picture, print};
-use lf_core::{Error, Result, Session, Verdict, cli::numbers};
+use lf_core::cli::{MemoryLimit, numbers};
+use lf_core::{Error, Result, Session, Verdict};
 use lf_validate::pictures;
 use lf_validate::scores::depth::DepthSums;
 use std::path::PathBuf;
@@ -42,14 +43,14 @@ pub struct Arguments {
 }
 
 /// Scores the light of volumes along z.
-pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     arguments.picture.check(&arguments.volumes, session)?;
     if let Some([low, high]) = arguments.slab.filter(|[low, high]| low >= high) {
         return Err(Error::new("--slab", format!("{low},{high}"), "wanted the lower depth first"));
     }
     let sums = session.phase("score", |session| {
         let progress = session.progress("volumes", arguments.volumes.len() as u64);
-        add_up(&arguments.volumes, &|| progress.add(1))
+        add_up(&arguments.volumes, limit, session, &|| progress.add(1))
     })?;
     let score = sums.score(arguments.slab);
     session.count("volumes", score.volumes);
@@ -62,10 +63,17 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 }
 
 /// Sums over the volumes, with one in memory at a time.
-fn add_up(inputs: &[PathBuf], added: &dyn Fn()) -> Result<DepthSums> {
+fn add_up(inputs: &[PathBuf], limit: MemoryLimit, session: &mut Session, added: &dyn Fn()) -> Result<DepthSums> {
     let add = |sums: Option<DepthSums>, input: &PathBuf| {
         let volume = open_whole(input)?;
-        let mut sums = sums.unwrap_or_else(|| DepthSums::new(volume.grid()));
+        let grid = volume.grid();
+        let mut sums = match sums {
+            Some(sums) => sums,
+            None => {
+                session.allow_memory(limit, DepthSums::bytes(grid), volume.name(), || format!("a {grid}"))?;
+                DepthSums::new(grid)
+            }
+        };
         sums.add(light(&volume)?).map_err(|refusal| refusal.about(volume.name()))?;
         added();
         Ok(Some(sums))

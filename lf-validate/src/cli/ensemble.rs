@@ -2,7 +2,7 @@
 
 use super::output::{Picture, print};
 use lf_core::field::{self, Cut};
-use lf_core::{Error, Field, Result, Session, Verdict, io};
+use lf_core::{Error, Field, Result, Session, Verdict, cli::MemoryLimit, io};
 use lf_validate::pictures;
 use lf_validate::scores::ensemble::{Ensemble, EnsembleSums};
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ pub struct Arguments {
 }
 
 /// Averages fields, read one after another, and writes the statistics.
-pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
     arguments.picture.check(&arguments.fields, session)?;
     for (n, output) in arguments.output.iter().enumerate() {
@@ -77,6 +77,8 @@ pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> 
         if sums.is_none() {
             cut.layer(&field.layout).map_err(refused)?;
             history = session.history(&field.layout.history);
+            let bytes = EnsembleSums::bytes(&field.layout);
+            session.allow_memory(limit, bytes, io::name(path), || format!("{} places", field.len()))?;
         }
         let sums = sums.get_or_insert_with(|| EnsembleSums::new(&field.layout));
         session.phase("sum", |_| sums.add(&field).map_err(|refusal| refusal.about(io::name(path))))?;
@@ -89,8 +91,10 @@ pub fn average(arguments: &Arguments, session: &mut Session) -> Result<Verdict> 
     session.count("fields", found.fields);
     session.count("places", found.mean.len());
     let layer = cut.layer(&found.mean.layout).map_err(refused)?;
+    // A picture that is refused leaves no file behind.
+    let picture = arguments.picture.drawn(session, || pictures::ensemble(&found, cut.axis, layer))?;
     session.phase("write", |_| arguments.output.iter().try_for_each(|path| save(&found, path)))?;
-    arguments.picture.draw(session, || pictures::ensemble(&found, cut.axis, layer))?;
+    arguments.picture.save(&picture)?;
     print(&found.summary())?;
     Ok(Verdict::Done)
 }

@@ -31,11 +31,19 @@ impl Picture {
 
     /// Draws and saves the chart if `--plot` is given.
     pub fn draw(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<()> {
+        self.drawn(session, chart).and_then(|svg| self.save(&svg))
+    }
+
+    /// The chart as SVG; empty without `--plot`.
+    pub fn drawn(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<String> {
+        let Some(file) = &self.plot else { return Ok(String::new()) };
+        session.phase("plot", |_| plot::draw(&chart()).map_err(|refusal| refusal.about(io::output_name(file))))
+    }
+
+    /// Saves a chart that was drawn.
+    pub fn save(&self, svg: &str) -> Result<()> {
         let Some(file) = &self.plot else { return Ok(()) };
-        session.phase("plot", |_| {
-            let svg = plot::draw(&chart()).map_err(|refusal| refusal.about(io::output_name(file)))?;
-            io::save_text(file, |out| out.write_all(svg.as_bytes()))
-        })
+        io::save_text(file, |out| out.write_all(svg.as_bytes()))
     }
 }
 

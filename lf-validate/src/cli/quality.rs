@@ -2,10 +2,11 @@
 
 use super::limits::{counts, is_at_most, number, verdict};
 use super::output::{Picture, print};
-use lf_core::{Error, JoinedVolume, Result, Session, Verdict, cli::numbers};
+use lf_core::cli::{MemoryLimit, numbers};
+use lf_core::{Error, JoinedVolume, Result, Session, Verdict};
 use lf_validate::pictures;
 use lf_validate::scores::light::VoxelLight;
-use lf_validate::scores::quality::quality;
+use lf_validate::scores::quality::{quality, quality_bytes};
 use std::path::PathBuf;
 
 /// Upper limit of `--regions`. Each box takes some hundred bytes and a number in each list of the score.
@@ -62,7 +63,7 @@ pub struct Arguments {
 }
 
 /// Scores a volume against the truth.
-pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let inputs = || [&arguments.truth].into_iter().chain(&arguments.volume);
     arguments.picture.check(inputs(), session)?;
     let regions = arguments.regions.map(|typed| counts("--regions", typed)).transpose()?;
@@ -79,6 +80,8 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let [truth, volume] = [0, 1].map(|n| &volumes[n]);
     let (true_light, light) = (light(truth), light(volume));
     let regions = regions.unwrap_or_else(|| truth.grid().shape.map(|voxels| voxels.min(3)));
+    let bytes = quality_bytes(truth.grid(), regions);
+    session.allow_memory(limit, bytes, truth.name(), || format!("a {}", truth.grid()))?;
     let score = session
         .phase("score", |_| quality(true_light, light, regions).map_err(|refusal| refusal.about(volume.name())))?;
     let ([x, y, z], whole) = (regions, &score.whole);

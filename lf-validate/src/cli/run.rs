@@ -12,19 +12,22 @@ pub fn run() -> ExitCode {
     cli::run(
         "lf-validate",
         |arguments: &Arguments| &arguments.common,
-        |arguments, session| match &arguments.command {
-            Command::Quality(arguments) => quality::judge(arguments, session),
-            Command::Elongation(arguments) => elongation::judge(arguments, session),
-            Command::Particles(arguments) => particles::judge(arguments, session),
-            Command::Depth(arguments) => depth::judge(arguments, session),
-            Command::Displacement(arguments) => displacement::judge(arguments, session),
-            Command::Divergence(arguments) => divergence::judge(arguments, session),
-            Command::Ensemble(arguments) => ensemble::average(arguments, session),
-            Command::Precision(arguments) => precision::judge(arguments, session),
-            Command::Info(arguments) => info::describe(arguments, session),
-            Command::Line(arguments) => line::join(arguments, session),
-            Command::Curves(arguments) => curves::plot(arguments, session),
-            Command::Trade(arguments) => trade::judge(arguments, session),
+        |arguments, session| {
+            let limit = arguments.memory;
+            match &arguments.command {
+                Command::Quality(arguments) => quality::judge(arguments, limit, session),
+                Command::Elongation(arguments) => elongation::judge(arguments, session),
+                Command::Particles(arguments) => particles::judge(arguments, session),
+                Command::Depth(arguments) => depth::judge(arguments, limit, session),
+                Command::Displacement(arguments) => displacement::judge(arguments, session),
+                Command::Divergence(arguments) => divergence::judge(arguments, session),
+                Command::Ensemble(arguments) => ensemble::average(arguments, limit, session),
+                Command::Precision(arguments) => precision::judge(arguments, session),
+                Command::Info(arguments) => info::describe(arguments, session),
+                Command::Line(arguments) => line::join(arguments, session),
+                Command::Curves(arguments) => curves::plot(arguments, session),
+                Command::Trade(arguments) => trade::judge(arguments, session),
+            }
         },
     )
 }

@@ -54,7 +54,16 @@ pub struct Depth {
     pub(crate) section: Vec<f64>,
 }
 
+/// Bytes of a slice: its sums and numbers, and its lines in the text of the score.
+const SLICE_BYTES: f64 = 10.0 * 8.0 + 6.0 * 20.0;
+
 impl DepthSums {
+    /// Most bytes that sums over volumes of a grid, and their score, take.
+    pub fn bytes(grid: &Grid) -> f64 {
+        let [nx, _, nz] = grid.shape.map(|count| count as f64);
+        8.0 * nx * nz + SLICE_BYTES * nz + 8.0 * nx
+    }
+
     /// Sums of no volume.
     pub fn new(grid: &Grid) -> Self {
         let [nx, _, nz] = grid.shape;

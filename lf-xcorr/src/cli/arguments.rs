@@ -4,7 +4,7 @@ use super::preset::{self, Values};
 use super::windows::Windows;
 use super::words::{By, MaskSource, When, mask, seconds};
 use clap::Parser;
-use lf_core::cli::{Common, Preset};
+use lf_core::cli::{Common, MemoryLimit, Preset};
 use lf_core::{Grid, Session, field::Cut};
 use lf_xcorr::{Deform, Options, Route};
 use std::path::{Path, PathBuf};
@@ -74,6 +74,8 @@ pub struct Arguments {
     /// on standard output
     #[arg(long)]
     pub estimate: bool,
+    #[command(flatten)]
+    pub memory: MemoryLimit,
     #[command(flatten)]
     pub windows: Windows,
     #[command(flatten)]

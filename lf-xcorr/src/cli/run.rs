@@ -2,7 +2,7 @@
 
 use super::{arguments::Arguments, particles, particles::Tables, report, warnings, words::MaskSource};
 use lf_core::{
-    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, field::Cut, io, simd::Level, volume::together,
+    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, simd::Level, volume::together,
 };
 use lf_xcorr::{Mask, Outcome, Plan, Refused, Seeding, Side, Sparse, plot};
 use std::ops::Range;
@@ -18,6 +18,9 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mask = mask(arguments, support.as_ref(), &volumes[0])?;
     let named = |refused| named(refused, &volumes);
     let part = mask.part(volumes[0].grid()).map_err(named)?;
+    let whole = || names(&volumes, " and ");
+    let lists = Plan::list_bytes(&part, volumes.len());
+    cli::check_memory(arguments.memory, lists, whole(), || format!("a {part}"))?;
     let cut = arguments.slice.unwrap_or_default();
     check_slice(cut, &mask, &part, volumes[0].name())?;
     let pairs = pairs(&volumes);
@@ -38,6 +41,8 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         session.tell_estimate_with(plan.bytes(), &[("voxels", voxels)], &lengths)?;
         return Ok(Verdict::Done);
     }
+    let windows = || format!("{} windows in all passes", plan.windows());
+    session.allow_memory(arguments.memory, plan.bytes() as f64, whole(), windows)?;
     if session.is_verbose() {
         session.explain(plan.about());
         session.explain(format!("products by {}", Level::unfused().name()));

@@ -57,10 +57,14 @@ pub fn typed_pass(text: &str) -> Result<TypedPass, String> {
     Ok(TypedPass { window, overlap, search: words.next().map(whole_triple).transpose()? })
 }
 
-/// A time in seconds above 0.
+/// Shortest and longest time between two volumes, s: below light's way through a particle, above a year.
+const SECONDS: [f64; 2] = [1e-15, 1e9];
+
+/// A time in seconds.
 pub fn seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.trim().parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds > 0.0);
-    seconds.ok_or_else(|| "wanted seconds, above 0".into())
+    let [least, most] = SECONDS;
+    let seconds = text.trim().parse().ok().filter(|seconds: &f64| (least..=most).contains(seconds));
+    seconds.ok_or_else(|| format!("wanted seconds, {least:e} to {most:e}"))
 }
 
 /// A box in mm, or the name of a volume.

@@ -11,7 +11,7 @@ use glam::DVec3;
 pub(crate) enum Peak {
     /// One of the volumes has no light.
     Dark,
-    /// The score is highest at the edge of the search, or nowhere above zero.
+    /// The score is highest at the edge of the search, at two places apart, or nowhere above zero.
     Outside,
     Inside(PeakFit),
 }
@@ -52,21 +52,26 @@ pub(crate) fn find(pairs: &[Sums], paired: &PairedVoxels) -> Peak {
     if score[best] <= 0.0 || (0..3).any(|axis| at[axis] == 0 || at[axis] + 1 == shifts.n[axis]) {
         return Peak::Outside;
     }
-    let GaussianFit { offset, height, covariance } = fit::gaussian(&score, shifts.n, at);
     let second = second(&score, &shifts, best);
+    if second >= score[best] {
+        return Peak::Outside;
+    }
+    let GaussianFit { offset, height, covariance } = fit::gaussian(&score, shifts.n, at);
     let ratio = if second * RATIO_LIMIT > score[best] { score[best] / second } else { RATIO_LIMIT };
     let whole = DVec3::from_array([0, 1, 2].map(|axis| (shifts.low[axis] + at[axis] as i32) as f64));
     let (shift_vox, height) = (whole + offset, height.clamp(0.0, 1.0));
     Peak::Inside(PeakFit { shift_vox, height, ratio, covariance_vox2: covariance })
 }
 
-/// The score of the second peak: the highest shift other than `best` that none of its 26 neighbours exceeds. The flank
-/// of a long peak is therefore no second peak, however far it reaches.
+/// The score of the second peak: the highest shift that none of its 26 neighbours exceeds and that is no neighbour of
+/// `best`. The flank of a long peak is therefore no second peak, however far it reaches, nor is the other half of a peak
+/// between two shifts.
 fn second(score: &[f64], shifts: &Shifts, best: usize) -> f64 {
     let [nx, ny, nz] = shifts.n;
     let mut second = 0.0;
     for (k, &candidate) in score.iter().enumerate() {
-        if candidate <= second || k == best {
+        let is_beside = |(a, b): (usize, usize)| a.abs_diff(b) <= 1;
+        if candidate <= second || shifts.place(k).into_iter().zip(shifts.place(best)).all(is_beside) {
             continue;
         }
         let near = |i: usize, n: usize| i.saturating_sub(1)..(i + 2).min(n);

@@ -28,7 +28,11 @@ impl WindowAxis {
         let mut cuts: Vec<usize> = starts.iter().flat_map(|&start| [start, start + window]).collect();
         cuts.sort_unstable();
         cuts.dedup();
-        let is_used = |cell: &Range<usize>| starts.iter().any(|&at| at <= cell.start && cell.end <= at + window);
+        // The last window that begins before a cell's end reaches farthest.
+        let is_used = |cell: &Range<usize>| {
+            let begun = starts.partition_point(|at| *at <= cell.start);
+            begun > 0 && cell.end <= starts[begun - 1] + window
+        };
         let cells: Vec<Range<usize>> = cuts.windows(2).map(|cut| cut[0]..cut[1]).filter(is_used).collect();
         let cell_at = |voxel: usize| cells.partition_point(|cell| cell.start < voxel);
         let spans: Vec<Range<usize>> = starts.iter().map(|&start| cell_at(start)..cell_at(start + window)).collect();

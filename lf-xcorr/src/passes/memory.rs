@@ -1,5 +1,6 @@
 //! The memory that a correlation will take, estimated before it begins.
 
+use super::choice::CLOSE;
 use super::options::{Deform, Options, Route};
 use super::{deform::spread_count, pass::Pass};
 use crate::correlate::shared_sums;
@@ -16,10 +17,8 @@ const OVERLAID: f64 = 40.0;
 /// Number of voxels lit in either of two matched volumes, over the number lit in one.
 const EITHER: f64 = 1.3;
 
-/// Voxels by which the shifts of a cell's windows reach beyond the search of one window, because each has its own
-/// prediction. The second entry holds if no deformation takes the predictions out.
-const HULL: [usize; 2] = [1, 2];
-
+/// Bytes of a window along one axis: its start, cuts, cells and users.
+pub(crate) const AXIS_BYTES: f64 = 100.0;
 /// Bytes of a cell: the particle images in it.
 const CELL: f64 = 600.0;
 /// Bytes of a window: its vectors of this repeat and the last, their statistics, and the headers of its sums.
@@ -54,16 +53,15 @@ pub(crate) fn bytes(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> u6
 fn pass_bytes(options: &Options, number: usize, shape: [usize; 3], pairs: usize) -> f64 {
     let binned = options.passes[number].binned(shape, options.is_last(number));
     let windows = binned.windows();
-    let hull = if number == 0 { 0 } else { HULL[usize::from(options.deform == Deform::Never)] };
-    let radius = binned.pass.search.map(|radius| radius + hull);
-    // The run decides by the search of one window.
-    let is_direct = match options.route {
-        Route::Direct => true,
-        Route::Auto => shared_sums::fit(&windows, binned.pass.search, pairs),
-        Route::Transform => false,
+    let direct = shared_sums::budget(&windows, binned.pass.search, pairs);
+    // Vectors that transforms find are read off close direct sums.
+    let by_transform = transform_bytes(&binned.pass).max(shared_sums::budget(&windows, CLOSE, pairs));
+    let sums = match options.route {
+        Route::Direct => direct,
+        Route::Auto if shared_sums::fit(&windows, binned.pass.search, pairs) => direct.max(by_transform),
+        Route::Auto | Route::Transform => by_transform,
     };
-    let sums = if is_direct { shared_sums::bytes(&windows, radius, pairs) } else { 0.0 };
-    sums + transform_bytes(&binned.pass) + WINDOW * windows.count() as f64 + CELL * windows.cell_count() as f64
+    sums + WINDOW * windows.count() as f64 + CELL * windows.cell_count() as f64
 }
 
 /// Bytes of the transforms of one window, for all threads.

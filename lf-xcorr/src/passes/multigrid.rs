@@ -1,9 +1,11 @@
 //! Pass after pass, coarse to fine; each predicts the shift for the next.
 
-use super::outcome::{Outcome, PassReport, field};
+use super::outcome::{Outcome, PassReport, Repeat, field};
 use super::{deform::SPLINE_VARIANCE_VOX2, options::Options, prepared::PreparedPass, repeats::Repeats};
+use crate::vectors::{Measured, Vector, fill};
 use crate::volumes::{Mask, Rows, Sparse};
-use crate::{correlate::Watch, error::Refused, vectors::Measured};
+use crate::{correlate::Watch, error::Refused};
+use glam::DVec3;
 use lf_core::{Field, Grid};
 
 /// Constant: factor on the smoothing of every pass but the last. Large windows have less noise to smooth away, and more
@@ -36,17 +38,20 @@ pub(crate) fn run(
         let prepared = PreparedPass::new(plain, pass.binned(part.shape, is_last), smoothing);
         let mut repeats = Repeats::new(&prepared, &volumes, mask, options, known.take());
         repeats.run(number, options.most_repeats(number), next, watch)?;
-        reports.push(PassReport::new(&prepared, repeats.done.clone()));
         if is_last {
-            return Ok(Outcome { field: finish(&prepared, repeats, part), passes: reports });
+            let (field, done) = finish(&prepared, repeats, part);
+            reports.push(PassReport::new(&prepared, done));
+            return Ok(Outcome { field, passes: reports });
         }
+        reports.push(PassReport::new(&prepared, repeats.done.clone()));
         known = repeats.predictor;
     }
     unreachable!("the options hold at least one pass")
 }
 
-/// The field of the last pass with its uncertainties.
-fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> Field {
+/// The field of the last pass with its uncertainties, and the repeats of the pass. A window without the top of any
+/// particle image shows only the flanks of images beside it, whose peak means nothing: its vector is replaced.
+fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> (Field, Vec<Repeat>) {
     let times = repeats.done.len();
     // The peak of volumes that were not deformed is narrower by the variance that the spline adds to both.
     let is_plain = repeats.deformed.is_none();
@@ -60,5 +65,25 @@ fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> Field {
         widened_vox2,
         noise: pass.noise(times),
     };
-    field(pass, &repeats.vectors, &measured.uncertainties(&matched), part)
+    let uncertainties = measured.uncertainties(&matched);
+    let is_empty = |node: &usize| repeats.vectors[*node].fit().is_some() && uncertainties[*node].particles == 0;
+    let empty: Vec<usize> = (0..repeats.vectors.len()).filter(is_empty).collect();
+    let vectors = without(&repeats.vectors, &empty, pass.windows.shape());
+    let mut done = repeats.done;
+    if let Some(last) = done.last_mut() {
+        let replaced = empty.iter().filter(|node| vectors[**node] != Vector::NoData).count();
+        last.counts.replaced += replaced;
+        last.counts.no_data += empty.len() - replaced;
+    }
+    (field(pass, &vectors, &uncertainties, part), done)
+}
+
+/// The vectors with those of `nodes` replaced from their neighbours.
+fn without(vectors: &[Vector], nodes: &[usize], shape: [usize; 3]) -> Vec<Vector> {
+    let mut shifts: Vec<Option<DVec3>> = vectors.iter().map(|vector| vector.fit().map(|fit| fit.shift_vox)).collect();
+    nodes.iter().for_each(|node| shifts[*node] = None);
+    fill(shape, &mut shifts, nodes.to_vec());
+    let mut left = vectors.to_vec();
+    nodes.iter().for_each(|node| left[*node] = shifts[*node].map_or(Vector::NoData, Vector::Replaced));
+    left
 }

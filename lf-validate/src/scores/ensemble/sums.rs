@@ -28,7 +28,15 @@ pub struct EnsembleSums {
     quality: [Vec<f64>; 3],
 }
 
+/// Bytes of a place: the sums, the statistics and the mean made from them, and the file of all.
+const PLACE_BYTES: f64 = 100.0 + 150.0 + 100.0;
+
 impl EnsembleSums {
+    /// Most bytes that sums over fields of a layout, and their statistics, take.
+    pub fn bytes(layout: &VectorGrid) -> f64 {
+        PLACE_BYTES * layout.shape.iter().map(|count| *count as f64).product::<f64>()
+    }
+
     /// Sums of no field.
     pub fn new(layout: &VectorGrid) -> Self {
         let len = layout.shape.iter().product();

@@ -5,5 +5,5 @@
 mod compare;
 mod score;
 
-pub use compare::quality;
+pub use compare::{quality, quality_bytes};
 pub use score::{Quality, VolumeScore};

@@ -1,0 +1,172 @@
+//! `--max-memory`, the memory that a run will take, and the answer to `--estimate`: one sum for all three.
+//!
+//! A tool says how many bytes its work will take beside those that it holds with its inputs read. The sum of both is
+//! what `--estimate` prints, what `--stats` records as `estimated_bytes`, and what is refused above the limit, before
+//! the work takes any of it.
+
+use super::session::Session;
+use crate::{Error, Result, io};
+use serde_json::json;
+use std::path::Path;
+
+/// Resident memory of a tool that has read its inputs, bytes; used if the system does not tell.
+const HELD_BYTES: u64 = 1 << 26;
+/// Bytes that the allocator takes for each byte asked for.
+const WORK_FACTOR: f64 = 1.05;
+/// Bytes of code that the work brings into memory, and bytes of a thread with its stack and its scraps of memory.
+const CODE_BYTES: f64 = 3e6;
+const THREAD_BYTES: f64 = 5e5;
+/// The default limit as a share of the machine's memory. The rest is for the system and for files that it keeps.
+const SHARE_OF_MACHINE: f64 = 0.8;
+/// The default limit if the system does not tell its memory, bytes.
+const USUAL_BYTES: f64 = 8e9;
+/// Least and most limit, GB.
+const LIMITS_GB: [f64; 2] = [1e-3, 1e6];
+
+/// The limit of memory; `#[command(flatten)]` it in the arguments of a tool.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct MemoryLimit {
+    /// Refuse a run that needs more memory than this, GB [default: four fifths of the machine's]
+    #[arg(long, value_name = "GB", value_parser = gigabytes, global = true)]
+    pub max_memory: Option<f64>,
+}
+
+fn gigabytes(text: &str) -> std::result::Result<f64, String> {
+    let [least, most] = LIMITS_GB;
+    let typed = text.trim().parse::<f64>().ok().filter(|typed| (least..=most).contains(typed));
+    typed.ok_or_else(|| format!("wanted {least} to {most} GB"))
+}
+
+impl MemoryLimit {
+    /// The limit in bytes.
+    pub fn bytes(&self) -> u64 {
+        let typed = self.max_memory.map(|typed| 1e9 * typed);
+        typed.unwrap_or_else(|| machine_bytes().map_or(USUAL_BYTES, |bytes| SHARE_OF_MACHINE * bytes as f64)) as u64
+    }
+}
+
+impl Session {
+    /// Refuses, as about `subject`, work that would bring this process above the limit. `what` are the things that take
+    /// `work_bytes` beside the memory in use now, such as `a grid of 9 x 9 x 9 voxels`.
+    pub fn allow_memory(
+        &mut self,
+        limit: MemoryLimit,
+        work_bytes: f64,
+        subject: impl Into<String>,
+        what: impl FnOnce() -> String,
+    ) -> Result<()> {
+        let bytes = peak_with(work_bytes);
+        self.count("estimated_bytes", bytes);
+        let [needed, most] = [bytes, limit.bytes()].map(gigabytes_of);
+        self.explain(format!("about {needed} GB of memory, of {most} GB allowed"));
+        check_memory(limit, work_bytes, subject, what)
+    }
+
+    /// Answers `--estimate` with one JSON object on standard output: `memory_bytes`, the peak memory of a run, and
+    /// `counts`. The peak is `work_bytes` plus what the process holds now, with the inputs read.
+    pub fn tell_estimate(&mut self, work_bytes: u64, counts: &[(&str, u64)]) -> Result<()> {
+        self.tell_estimate_with(work_bytes, counts, &[])
+    }
+
+    /// Answers `--estimate` as [`Session::tell_estimate`] does, with `lengths` in mm along x, y, z beside the counts.
+    pub fn tell_estimate_with(
+        &mut self,
+        work_bytes: u64,
+        counts: &[(&str, u64)],
+        lengths: &[(&str, [f64; 3])],
+    ) -> Result<()> {
+        let bytes = peak_with(work_bytes as f64);
+        self.count("estimated_bytes", bytes);
+        let mut told = json!({"memory_bytes": bytes});
+        for (name, count) in counts {
+            told[name] = json!(count);
+        }
+        for (name, length) in lengths {
+            told[name] = json!(length);
+        }
+        io::save_text(Path::new("-"), |out| writeln!(out, "{told}"))
+    }
+}
+
+/// Refuses as [`Session::allow_memory`] does, and records nothing: for a part of the work that is known early, or for
+/// the most that it may take.
+pub fn check_memory(
+    limit: MemoryLimit,
+    work_bytes: f64,
+    subject: impl Into<String>,
+    what: impl FnOnce() -> String,
+) -> Result<()> {
+    let [bytes, most] = [peak_with(work_bytes), limit.bytes()];
+    if bytes <= most {
+        return Ok(());
+    }
+    let [needed, most] = [bytes, most].map(gigabytes_of);
+    let found = format!("{} would take about {needed} GB", what());
+    Err(Error::new(subject, found, format!("wanted {most} GB at most, as --max-memory allows")))
+}
+
+/// The peak memory of the process if work takes so many more bytes.
+fn peak_with(work_bytes: f64) -> u64 {
+    let held = status_bytes("VmRSS:").unwrap_or(HELD_BYTES);
+    let code = CODE_BYTES + THREAD_BYTES * rayon::current_num_threads() as f64;
+    // The cast saturates.
+    held.saturating_add((WORK_FACTOR * work_bytes + code) as u64).max(peak_bytes().unwrap_or(0))
+}
+
+/// Bytes in GB with three digits.
+fn gigabytes_of(bytes: u64) -> f64 {
+    format!("{:.2e}", 1e-9 * bytes as f64).parse().unwrap_or(f64::INFINITY)
+}
+
+/// Memory of the machine, or of the group of processes that this one belongs to if that has less, bytes.
+fn machine_bytes() -> Option<u64> {
+    let read = |file: &str| std::fs::read_to_string(file).ok();
+    let own = read("/proc/self/cgroup").unwrap_or_default();
+    let own = own.lines().find_map(|line| line.strip_prefix("0::/")).unwrap_or_default();
+    let groups = [
+        format!("/sys/fs/cgroup/{own}/memory.max"),
+        "/sys/fs/cgroup/memory.max".to_owned(),
+        "/sys/fs/cgroup/memory/memory.limit_in_bytes".to_owned(),
+    ];
+    let limits = groups.iter().filter_map(|file| read(file)?.trim().parse().ok());
+    limits.chain(table_bytes("/proc/meminfo", "MemTotal:")).min()
+}
+
+/// Peak resident memory of this process, bytes; None if the system does not tell.
+pub(super) fn peak_bytes() -> Option<u64> {
+    status_bytes("VmHWM:")
+}
+
+/// A value from the system's status of this process, bytes.
+fn status_bytes(key: &str) -> Option<u64> {
+    table_bytes("/proc/self/status", key)
+}
+
+/// A value in kB from a table of the system, in bytes.
+fn table_bytes(file: &str, key: &str) -> Option<u64> {
+    let table = std::fs::read_to_string(file).ok()?;
+    let line = table.lines().find_map(|line| line.strip_prefix(key))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_memory_of_process_and_machine_is_known_here() {
+        let (peak, machine) = (peak_bytes().unwrap(), machine_bytes().unwrap());
+        assert!(100_000 < peak && peak < machine, "{peak} {machine}");
+        let usual = MemoryLimit { max_memory: None }.bytes();
+        assert!((usual as f64 / machine as f64 - SHARE_OF_MACHINE).abs() < 1e-6);
+        assert_eq!(MemoryLimit { max_memory: Some(0.5) }.bytes(), 500_000_000);
+    }
+
+    #[test]
+    fn limits_are_numbers_within_reach() {
+        assert_eq!(gigabytes(" 2.5"), Ok(2.5));
+        for wrong in ["0", "-1", "NaN", "inf", "1e7", "lots", ""] {
+            assert_eq!(gigabytes(wrong), Err("wanted 0.001 to 1000000 GB".to_owned()), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Limits of memory, and values at the ends of their ranges: refused in one line before the work, or done in the memory
+//! foretold.
+
+use lf_core::Grid;
+use lf_tests::samples::{Kind, Samples};
+use lf_tests::{Call, Folder};
+use serde_json::json;
+
+/// The line that refuses a run of too much memory.
+const TOO_MUCH: &str = "wanted 1 GB at most, as --max-memory allows";
+
+fn prune(samples: &Samples, words: &str) -> Call {
+    let call = Call::new("lf-prune").within(samples.root());
+    call.words(["image.exr", "-c", "camera.json", "-o", "out.lfv"]).words(words.split_whitespace())
+}
+
+#[test]
+fn huge_sensors_are_refused_by_every_task_that_renders() {
+    let folder = Folder::new();
+    folder.scene("target", &["camera.sensor.width=60000", "camera.sensor.height=60000"]);
+    for (task, output) in [("white", "white.exr"), ("dark", "dark.exr"), ("dots", "dots"), ("frames", "frames")] {
+        let line = format!("lf-synth {task} scene.json -o {output} --max-memory 1");
+        folder.call(&line).run().refused(TOO_MUCH);
+        assert!(!folder.path(output).exists(), "{task}");
+    }
+}
+
+#[test]
+fn huge_grids_are_refused_before_they_take_memory() {
+    let samples = Samples::new();
+    for words in ["--pvr 20,20,0.000001", "--pvr 0.001,0.001,0.01", "--pvr 1,1,0.0000001"] {
+        for estimate in ["", " --estimate"] {
+            let ended = prune(&samples, &format!("--depth -5,5 {words} --max-memory 1{estimate}")).run();
+            let line = ended.refused("--depth, --pvr, --bounds").stderr;
+            assert!(line.contains(TOO_MUCH) || line.contains("wanted less than 2^32 voxels a slice"), "{line}");
+        }
+    }
+    let grid = Grid { shape: [2, 2, 1 << 58], spacing_mm: [0.01; 3], origin_mm: [0.0; 3] };
+    samples.volume("huge.lfv", &grid, &[0, 5, 9], &[("intensity", &[1.0, 2.0, 3.0])]);
+    prune(&samples, "--like huge.lfv --max-memory 1").run().refused(TOO_MUCH);
+    for line in [
+        "lf-validate quality huge.lfv huge.lfv --max-memory 1",
+        "lf-validate depth huge.lfv --max-memory 1",
+        "lf-xcorr huge.lfv huge.lfv --estimate --max-memory 1",
+        "lf-xcorr huge.lfv huge.lfv -o field.exr --max-memory 1",
+    ] {
+        samples.call(line).run().refused(TOO_MUCH);
+    }
+    prune(&samples, "--depth -0.2,0.2 --max-memory 0").run().refused("wanted 0.001 to 1000000 GB");
+}
+
+/// The real peak stays below the estimate, and the estimate below 1.3 times the peak, where the work takes more than the
+/// program.
+#[test]
+fn the_memory_foretold_is_the_memory_taken() {
+    let folder = Folder::new();
+    let check = |line: &str, recorded: Option<f64>| {
+        let stats = folder.json("stats.json");
+        let estimate = recorded.or(stats["counts"]["estimated_bytes"].as_f64()).unwrap();
+        let ratio = estimate / stats["peak_bytes"].as_f64().unwrap();
+        assert!((1.0..=1.3).contains(&ratio), "{line}: {ratio:.2}, {} bytes", stats["peak_bytes"]);
+    };
+    let noise = r#"sensor_noise={"dark_counts": 100, "read_noise_electrons": 3}"#;
+    for side in [1400, 2800] {
+        let sides = [format!("camera.sensor.width={side}"), format!("camera.sensor.height={side}")];
+        let keys = [&sides[0], &sides[1], noise, "white.rays_per_lenslet=100", "truth=null"];
+        for threads in [1, 2, 8] {
+            folder.scene("demo", &keys);
+            for (task, output) in [("white", "white.exr"), ("dark", "dark.exr")] {
+                let line = format!("lf-synth {task} scene.json -o {output} -q --threads {threads} --stats stats.json");
+                folder.run(&line);
+                check(&line, None);
+            }
+        }
+    }
+    for keys in [&["truth=null"][..], &["truth=null", "camera.microlenses.layout=hexagonal"]] {
+        folder.scene("demo", &[keys, &["frames=1", "particles.rays=3000", "particles.per_lenslet=2"]].concat());
+        folder.run("lf-synth frames scene.json -o . -q");
+        for threads in [1, 2] {
+            let line =
+                format!("lf-prune frame-0000.exr -c camera.json --depth -5,5 --pvr 2,2,20 -q --threads {threads}");
+            let told = folder.run(&format!("{line} --estimate")).json()["memory_bytes"].as_f64();
+            folder.run(&format!("{line} -o support.lfv --stats stats.json"));
+            check(&line, told);
+        }
+    }
+    // A voxel in every other slice of a deep grid: the score by depth is most of the memory.
+    let grid = Grid { shape: [4, 4, 400_000], spacing_mm: [0.01; 3], origin_mm: [0.0; 3] };
+    let indices: Vec<u64> = (0..200_000).map(|n| 32 * n).collect();
+    folder.volume("deep.lfv", &grid, &indices, &[("intensity", &vec![1.5; indices.len()])]);
+    for line in
+        ["lf-validate quality deep.lfv deep.lfv --stats stats.json", "lf-validate depth deep.lfv --stats stats.json"]
+    {
+        folder.run(line);
+        check(line, None);
+    }
+}
+
+#[test]
+fn the_flat_field_of_a_camera_is_no_output() {
+    let samples = Samples::new();
+    let mut camera = samples.json("camera.json");
+    camera["vignetting"] = json!("white.exr");
+    samples.write("flat.json", camera.to_string());
+    let white = samples.bytes("white.exr");
+    for line in [
+        "lf-prune image.exr -c flat.json --depth -0.2,0.2 -o white.exr",
+        "lf-mart support.lfv -i image.exr -c flat.json -o white.exr",
+        "lf-mart support.lfv -i image.exr -c flat.json -o out.lfv --log white.exr",
+    ] {
+        samples.call(line).run().refused("white.exr: is also an input");
+        assert!(samples.bytes("white.exr") == white && !samples.path("out.lfv").exists());
+    }
+}
+
+#[test]
+fn starts_times_and_pictures_are_checked_before_the_work() {
+    let samples = Samples::new();
+    let grid = Grid { shape: [36, 36, 8], spacing_mm: [0.0055, 0.0055, 0.055], origin_mm: [-0.096, -0.096, -0.19] };
+    samples.volume("start.lfv", &grid, &[0, 3], &[("intensity", &[1.0, -3.0])]);
+    let mart = samples.call("lf-mart support.lfv -i image.exr -c camera.json -o out.lfv --start start.lfv");
+    mart.run().refused("start.lfv: an intensity of -3; wanted intensities of 0 or more");
+    for (time, is_sound) in [("1e-308", false), ("1e300", false), ("inf", false), ("0.001", true)] {
+        let call = samples.call(&format!("lf-xcorr volume.lfv moved.lfv -q --dt {time} -o field-{is_sound}.csv"));
+        if is_sound {
+            drop(call.run().done())
+        } else {
+            drop(call.run().refused("wanted seconds, 1e-15 to 1e9"))
+        };
+    }
+    assert!(!samples.path("field-false.csv").exists() && !samples.text("field-true.csv").contains("inf"));
+    let names = samples.listing();
+    for line in [
+        format!("lf-mart {} -i image.exr -c camera.json -o out.lfv --log /proc/sweeps.jsonl", Kind::Support.file()),
+        "lf-xcorr volume.lfv moved.lfv -o out.exr --plot /proc/field.svg".to_owned(),
+        "lf-validate ensemble field.exr -o out.exr --plot /proc/mean.svg".to_owned(),
+        "lf-validate depth volume.lfv --stats /proc/stats.json".to_owned(),
+    ] {
+        samples.call(&line).run().refused("/proc/");
+        assert_eq!(samples.listing(), names, "{line}");
+    }
+}
