@@ -188,6 +188,12 @@ impl Optics {
         })
     }
 
+    /// Whether a medium bends the rays.
+    #[inline]
+    pub(crate) fn bends(&self) -> bool {
+        self.medium.is_some()
+    }
+
     /// The microlens lattice.
     #[inline]
     pub fn lattice(&self) -> &Lattice {

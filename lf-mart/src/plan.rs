@@ -51,11 +51,15 @@ impl<'a> Plan<'a> {
         let weights = Weights::choose(camera, grid, options.weights, options.basis)?;
         let (storage, weight_bytes) = match options.method {
             Method::Mart => (Storage::ByPixel, row_action::weight_bytes(&weights, indices)),
-            _ => Storage::choose(&weights, indices, options.max_bytes),
+            method => {
+                let subsets = simultaneous::subsets(&weights, method);
+                Storage::choose(&weights, indices, subsets, options.max_bytes)
+            }
         };
         let (voxel_bytes, planes) = match storage {
             Storage::ByPixel => (8, 4),
             Storage::Profiles => (VOXEL_BYTES, 2),
+            Storage::Tables => (VOXEL_BYTES, 3),
             Storage::Kept | Storage::Remade => (VOXEL_BYTES, 10),
         };
         let [width, height] = weights.sensor_px();
@@ -86,6 +90,7 @@ impl<'a> Plan<'a> {
     /// How the weights are made and kept, and why.
     pub fn about(&self) -> String {
         let storage = match self.storage {
+            Storage::Tables => "until they fit into memory".to_string(),
             Storage::Profiles => format!("with {}", Level::detect().name()),
             Storage::Kept => "kept in memory".to_string(),
             Storage::Remade => "made anew at every use until they fit into memory".to_string(),

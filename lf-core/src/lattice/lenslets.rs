@@ -179,6 +179,28 @@ impl Lattice {
         })
     }
 
+    /// The perfect lattice in rows nearly along x: the centre of one lenslet, the step to the next of its row, which has a
+    /// positive x, and a step to another row, mm.
+    pub(crate) fn rows_along_x(&self) -> [DVec2; 3] {
+        let shift = if self.layout == Layout::Square { 0.0 } else { 0.5 };
+        let mut along = self.rotation * DVec2::new(self.pitch_mm, 0.0);
+        let mut across = self.rotation * DVec2::new(shift * self.pitch_mm, self.row_pitch_mm());
+        // A square lattice is symmetric under a quarter of a turn, a hexagonal one under a sixth.
+        let (corners, next): (f64, fn(DVec2, DVec2) -> DVec2) = if self.layout == Layout::Square {
+            (4.0, |along, _| -along)
+        } else {
+            (6.0, |along, across| across - along)
+        };
+        while along.y.abs() > along.x.abs() * (1.001 * std::f64::consts::PI / corners).tan() {
+            (along, across) = (across, next(along, across));
+        }
+        if along.x < 0.0 {
+            (along, across) = (-along, -across);
+        }
+        let half = if self.layout == Layout::Square { DVec2::splat(0.5 * self.pitch_mm) } else { DVec2::ZERO };
+        [self.offset_mm + self.rotation * half, along, across]
+    }
+
     /// Turns of a point of the array along two directions of the lattice: whole numbers at the centres of lenslets.
     pub(crate) fn turns(&self, point_mm: DVec2) -> DVec2 {
         let place = self.place(self.perfect(point_mm));

@@ -23,7 +23,7 @@ const LEAST: f64 = 1e-7;
 /// Weights section by section of the aperture.
 #[derive(Debug, Clone)]
 pub struct Bent {
-    pub(super) geometry: Geometry,
+    geometry: Geometry,
     sections: Vec<Section>,
     /// Side of a section, mm.
     side: f64,

@@ -1,9 +1,9 @@
 //! The one choice of how weights are made, and its reason.
 
-use super::lenslets::{self, Lenslets};
+use super::lenslets;
 use super::model::{Basis, Model, RowSet, check_depth, sections};
 use super::pieces::{self, Pieces};
-use super::{aligned::Aligned, bent::Bent, geometry::Geometry, sphere::Sphere};
+use super::{aligned::Aligned, geometry::Geometry, micro::Micro, sphere::Sphere};
 use crate::{Camera, Grid, Refusal};
 
 /// The weights of every voxel of a grid, made when asked for.
@@ -20,12 +20,10 @@ pub struct Weights {
 pub enum Path {
     /// A square lattice aligned with the pixels: products of column and row profiles.
     Aligned(Aligned),
-    /// Exact weights of any other straight-ray camera: each lenslet's image of a voxel is looked up.
-    Lenslets(Lenslets),
+    /// Exact weights of any camera, made micro-image by micro-image where they are used.
+    Micro(Box<Micro>),
     /// Sampled apertures on a lattice that is not aligned: integrated lenslet by lenslet.
     Pieces(Pieces),
-    /// Exact weights of a camera whose rays bend: section by section of the aperture.
-    Bent(Bent),
     /// Tomographic PIV's weights.
     Sphere(Sphere),
 }
@@ -61,8 +59,7 @@ impl Weights {
             Model::Sphere => Path::Sphere(Sphere::new(camera, geometry)),
             _ if aligned.is_some() => Path::Aligned(Aligned { geometry }),
             Model::Drt { .. } => Path::Pieces(Pieces { geometry }),
-            Model::Exact if camera.medium.is_some() || camera.tilt.is_some() => Path::Bent(Bent::new(geometry)),
-            Model::Exact => Path::Lenslets(Lenslets::new(geometry)),
+            Model::Exact => Path::Micro(Box::new(Micro::new(geometry))),
         };
         Ok(Self { path, reason })
     }
@@ -91,23 +88,17 @@ impl Weights {
         optics.lattice().period_y_mm() / optics.pixel_pitch_mm
     }
 
-    /// Bytes of the tables that are made when first used, in all slices except those nearest focus.
-    pub fn table_bytes(&self) -> u64 {
-        if let Path::Lenslets(lenslets) = &self.path { lenslets.table_bytes() } else { 0 }
-    }
-
     fn geometry(&self) -> &Geometry {
         match &self.path {
             Path::Aligned(path) => &path.geometry,
-            Path::Lenslets(path) => &path.geometry,
             Path::Pieces(path) => &path.geometry,
-            Path::Bent(path) => &path.geometry,
             Path::Sphere(path) => &path.geometry,
+            Path::Micro(path) => &path.geometry,
         }
     }
 
     /// Calls `found(column, row, weight)` for the pixels of a voxel on the rows that `wanted` accepts. A pixel may come
-    /// more than once: its weight is the sum. Uses no table of profiles or lenslets: slow and exact on every path.
+    /// more than once: its weight is the sum. Uses no table: slow and exact on every path.
     pub fn visit(
         &self,
         voxel: [usize; 3],
@@ -117,8 +108,21 @@ impl Weights {
     ) {
         match &self.path {
             Path::Sphere(sphere) => sphere.visit(voxel, wanted, found),
-            Path::Bent(bent) => bent.visit(voxel, wanted, found),
+            Path::Micro(micro) => match &micro.slow {
+                Some(bent) => bent.visit(voxel, wanted, found),
+                None => self.geometry().visit(voxel, &mut scratch.pieces, wanted, found),
+            },
             _ => self.geometry().visit(voxel, &mut scratch.pieces, wanted, found),
+        }
+    }
+}
+
+impl Weights {
+    /// Bytes of the tables that are made when first used, in all slices except those nearest focus.
+    pub fn table_bytes(&self) -> u64 {
+        match &self.path {
+            Path::Micro(micro) => micro.lenslets.as_ref().map_or(0, |lenslets| lenslets.table_bytes()),
+            _ => 0,
         }
     }
 
@@ -133,7 +137,9 @@ impl Weights {
         wanted: RowSet,
         mut found: impl FnMut(u32, u32, f32, &[f32]),
     ) {
-        if let Path::Lenslets(lenslets) = &self.path {
+        if let Path::Micro(micro) = &self.path
+            && let Some(lenslets) = &micro.lenslets
+        {
             lenslets.runs(voxel, &mut scratch.lenslets, wanted, found);
         } else {
             let in_set = |row| wanted.holds(row);
@@ -147,9 +153,8 @@ impl Path {
     pub fn about(&self) -> &'static str {
         match self {
             Self::Aligned(_) => "from profiles of columns and rows, the fastest way",
-            Self::Lenslets(_) => "looked up lenslet by lenslet",
             Self::Pieces(_) => "integrated lenslet by lenslet, a slow way",
-            Self::Bent(_) => "traced section by section of the aperture, the slowest way",
+            Self::Micro(_) => "from tables, micro-image by micro-image",
             Self::Sphere(_) => "by spheres and cylinders, a slow way",
         }
     }

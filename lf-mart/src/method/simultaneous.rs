@@ -14,7 +14,7 @@ use super::problem::{GREATEST_STRENGTH, Misfit, Problem, Solved, change};
 use super::{momentum::Momentum, spent::Neighbourhood, subsets};
 use crate::operator::{Operator, Plane, keep};
 use crate::{options::Method, reconstruction::Sweep};
-use lf_core::weights::RowSet;
+use lf_core::{Weights, weights::RowSet};
 use rayon::prelude::*;
 
 /// A voxel is spent, and dropped, when its strength falls to this share of the strongest. On the `core` scenes this
@@ -82,7 +82,7 @@ impl<'a> State<'a> {
     fn new(problem: &'a Problem<'a>, subsets: usize) -> Self {
         let Problem { weights, options, indices, .. } = *problem;
         let (height, width) = problem.image.dim();
-        let operator = Operator::new(weights, indices, subsets, options.max_bytes);
+        let mut operator = Operator::new(weights, indices, subsets, options.max_bytes);
         let mut share = operator.shares();
         let unseen = share.iter().filter(|share| **share <= 0.0).count();
         let mut strengths = problem.first_strengths();
@@ -150,10 +150,15 @@ impl<'a> State<'a> {
     }
 }
 
+/// The subsets of a method.
+pub(crate) fn subsets(weights: &Weights, method: Method) -> usize {
+    if method == Method::Subsets { subsets::number(weights.lenslet_rows_px()) } else { 1 }
+}
+
 pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
     let options = problem.options;
     let (is_tile, has_subsets) = (options.tile.is_some(), options.method == Method::Subsets);
-    let subsets = if has_subsets { subsets::number(problem.weights.lenslet_rows_px()) } else { 1 };
+    let subsets = subsets(problem.weights, options.method);
     let clears_haze = has_subsets && problem.start.is_none();
     let mut state = State::new(problem, subsets);
     let mut sweeps: Vec<Sweep> = Vec::new();

@@ -6,6 +6,7 @@ mod kernel;
 #[cfg(target_arch = "x86_64")]
 mod kernel_avx2;
 mod kernel_portable;
+mod micro;
 mod plane;
 mod profile_sums;
 mod profiles;
@@ -14,7 +15,11 @@ mod stored;
 mod taps;
 mod voxels;
 
+#[cfg(test)]
+pub(crate) use choice::Haze;
 pub(crate) use choice::{Operator, Storage};
+#[cfg(test)]
+pub(crate) use micro::MicroWeights;
 pub(crate) use plane::{Plane, keep};
 pub(crate) use stored::count_weights;
 #[cfg(test)]

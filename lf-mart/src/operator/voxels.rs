@@ -42,12 +42,12 @@ impl<'a> VoxelWeights<'a> {
     }
 
     /// Bytes of `count` weights and of the tables that make them.
-    pub(super) fn foretold_bytes(weights: &Weights, indices: &[u64], count: u64, max_bytes: u64) -> u64 {
+    pub(super) fn foretold_bytes(weights: &Weights, indices: &[u64], count: u64, most_bytes: u64) -> u64 {
         let (voxels, all) = (indices.len() as u64, count * WEIGHT_BYTES);
         // Weights that are being made stand in lists that may have grown to twice their length.
         let run = (all / voxels.max(1)) * voxels.min(RUN as u64);
         // Sooner or later they are kept, when they fit.
-        all.min(kept_bytes(max_bytes)) + 2 * run + weights.table_bytes()
+        all.min(most_bytes) + 2 * run + weights.table_bytes()
     }
 
     fn keep_if_it_fits(&mut self) {

@@ -1,0 +1,218 @@
+//! Rays that a medium bends: how the place on the array departs from a straight line in the place in the stop.
+//!
+//! A voxel's ray through U meets the array at `chief + alpha U + q(U)`. Over the stop q is a polynomial to the third
+//! power. It changes slowly over the field, so it is fitted to exact rays at a net of places.
+
+use crate::weights::geometry::Geometry;
+use glam::{DMat2, DVec2};
+
+/// Terms of a polynomial in x and y up to the third power, without a constant: x, y, x^2, xy, y^2, x^3, x^2 y, xy^2, y^3.
+pub(super) const TERMS: usize = 9;
+
+/// Rays a side of the square around the stop at which a polynomial is fitted.
+const RAYS: usize = 9;
+/// Distance between the nodes of the net, mm of the array; and the fewest and the most of them along an axis.
+const APART_MM: f64 = 1.5;
+const NODES: [usize; 2] = [3, 40];
+/// Rays beyond the stop still count, so that the polynomials hold for lenslets beside the beam.
+const BEYOND: f64 = 1.2;
+
+/// The bend near one place of the field.
+#[derive(Debug, Clone)]
+pub(super) struct Node {
+    /// q along x and y, mm, from the place in the stop, mm.
+    pub(super) departure: [[f32; TERMS]; 2],
+    /// The place in the stop along x and y, mm, whose ray meets the array so far from the chief ray, mm.
+    pub(super) inverse: [[f32; TERMS]; 2],
+    /// The width of a patch over that of straight rays: its constant, and its changes by x, y and x^2 + y^2 in the stop.
+    pub(super) width: [f32; 4],
+}
+
+impl Node {
+    /// The place in the stop, mm, whose ray meets the array at (x, y) from the chief ray, mm, where straight rays spread
+    /// by `alpha`.
+    #[inline(always)]
+    pub(super) fn aperture(&self, alpha: f32, per_alpha: f32, x: f32, y: f32) -> (f32, f32) {
+        let (u, v) = (value(&self.inverse[0], x, y), value(&self.inverse[1], x, y));
+        // The inverse is rough; a step by what is left of the distance makes it a few times better.
+        let hit = [alpha * u + value(&self.departure[0], u, v), alpha * v + value(&self.departure[1], u, v)];
+        (u + per_alpha * (x - hit[0]), v + per_alpha * (y - hit[1]))
+    }
+}
+
+/// The bend of one slice.
+#[derive(Debug, Clone)]
+pub(super) struct Bend {
+    nodes: Vec<Node>,
+    counts: [usize; 2],
+    /// Nodes for a mm of the array, from its lower corner.
+    per_mm: DVec2,
+    corner: DVec2,
+    /// Spread on the array per length of the aperture on the axis.
+    pub(super) alpha: f64,
+    /// q is nowhere greater, mm.
+    pub(super) greatest: f64,
+    /// Rays through the stop meet the array no farther from the chief ray, mm.
+    pub(super) reach: f64,
+    /// Least and greatest width of a patch over that of straight rays.
+    pub(super) widths: [f64; 2],
+}
+
+fn powers(place: DVec2) -> [f64; TERMS] {
+    let [x, y] = place.to_array();
+    [x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y]
+}
+
+/// The value of a polynomial.
+#[inline(always)]
+pub(super) fn value(terms: &[f32; TERMS], x: f32, y: f32) -> f32 {
+    let [a, b, c, d, e, f, g, h, i] = *terms;
+    x * (a + x * (c + x * f + y * g) + y * (d + y * h)) + y * (b + y * (e + y * i))
+}
+
+/// Least squares of each of `values` by N terms.
+fn fit<const N: usize, const M: usize>(terms: &[[f64; N]], values: &[[f64; M]]) -> [[f64; N]; M] {
+    let mut normal = [[0.0; N]; N];
+    let mut right = [[0.0; M]; N];
+    for (terms, values) in terms.iter().zip(values) {
+        for (n, term) in terms.iter().enumerate() {
+            normal[n].iter_mut().zip(terms).for_each(|(sum, other)| *sum += term * other);
+            right[n].iter_mut().zip(values).for_each(|(sum, value)| *sum += term * value);
+        }
+    }
+    // Gauss and Jordan; the matrix is positive.
+    for n in 0..N {
+        let (pivot, of_pivot) =
+            (normal[n].map(|value| value / normal[n][n]), right[n].map(|value| value / normal[n][n]));
+        (normal[n], right[n]) = (pivot, of_pivot);
+        for m in (0..N).filter(|m| *m != n) {
+            let factor = normal[m][n];
+            normal[m].iter_mut().zip(&pivot).for_each(|(value, pivot)| *value -= factor * pivot);
+            right[m].iter_mut().zip(&of_pivot).for_each(|(value, pivot)| *value -= factor * pivot);
+        }
+    }
+    std::array::from_fn(|m| std::array::from_fn(|n| right[n][m]))
+}
+
+/// Coefficients for places of which `scale` is 1.
+fn scaled(terms: [f64; TERMS], scale: f64) -> [f32; TERMS] {
+    let power = |n: usize| {
+        if n < 2 {
+            1
+        } else if n < 5 {
+            2
+        } else {
+            3
+        }
+    };
+    std::array::from_fn(|n| (terms[n] / scale.powi(power(n))) as f32)
+}
+
+/// Rays spread over the stop, mm.
+fn apertures(geometry: &Geometry) -> Vec<DVec2> {
+    let most = (RAYS - 1) as f64;
+    let at = |n: usize| DVec2::new((n % RAYS) as f64, (n / RAYS) as f64) * (2.0 / most) - 1.0;
+    let places = (0..RAYS * RAYS).map(at).filter(|place| !geometry.has_round_stop || place.length() < 1.1);
+    places.map(|place| place * BEYOND * geometry.optics.half_aperture_mm).collect()
+}
+
+impl Bend {
+    pub(super) fn new(geometry: &Geometry, z: usize) -> Self {
+        let (optics, grid) = (&geometry.optics, &geometry.grid);
+        let z_mm = grid.centre_mm(2, z);
+        let apertures = apertures(geometry);
+        let beta = optics.beta(z_mm);
+        let ends = [0, 1].map(|axis| {
+            let ends = [0, grid.shape[axis] - 1].map(|voxel| grid.centre_mm(axis, voxel));
+            (0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]))
+        });
+        let counts = ends.map(|(_, half)| ((2.0 * half * beta / APART_MM) as usize + 1).clamp(NODES[0], NODES[1]));
+        let axial = optics.array_from_object(DVec2::ZERO, z_mm, DVec2::new(0.5 * optics.half_aperture_mm, 0.0));
+        let alpha = axial.x / (0.5 * optics.half_aperture_mm);
+        let middle = |n: usize, axis: usize| {
+            let (middle, half) = ends[axis];
+            middle + half * ((2 * n + 1) as f64 / counts[axis] as f64 - 1.0)
+        };
+        let mut this = Self {
+            nodes: Vec::new(),
+            counts,
+            per_mm: DVec2::ZERO,
+            corner: DVec2::ZERO,
+            alpha,
+            greatest: 0.0,
+            reach: 0.0,
+            widths: [f64::INFINITY, 0.0],
+        };
+        for n in 0..counts[0] * counts[1] {
+            let place = DVec2::new(middle(n % counts[0], 0), middle(n / counts[0], 1));
+            this.add(geometry, place, z_mm, &apertures);
+        }
+        let chief = |x: f64, y: f64| optics.array_from_object(DVec2::new(x, y), z_mm, DVec2::ZERO);
+        let [(x, half_x), (y, half_y)] = ends;
+        let corners = [chief(x - half_x, y - half_y), chief(x + half_x, y + half_y)];
+        this.corner = corners[0];
+        this.per_mm = DVec2::new(counts[0] as f64, counts[1] as f64) / (corners[1] - corners[0]);
+        this
+    }
+
+    fn add(&mut self, geometry: &Geometry, place: DVec2, z_mm: f64, apertures: &[DVec2]) {
+        let optics = &geometry.optics;
+        let range = BEYOND * optics.half_aperture_mm;
+        let chief = optics.array_from_object(place, z_mm, DVec2::ZERO);
+        let hits: Vec<DVec2> =
+            apertures.iter().map(|aperture| optics.array_from_object(place, z_mm, *aperture) - chief).collect();
+        let by_stop: Vec<[f64; TERMS]> = apertures.iter().map(|aperture| powers(*aperture / range)).collect();
+        let bends: Vec<[f64; 2]> =
+            hits.iter().zip(apertures).map(|(hit, aperture)| (*hit - self.alpha * *aperture).to_array()).collect();
+        let departure = fit(&by_stop, &bends).map(|terms| scaled(terms, range));
+        let farthest = hits.iter().fold(1e-12f64, |most, hit| most.max(hit.length()));
+        let by_hit: Vec<[f64; TERMS]> = hits.iter().map(|hit| powers(*hit / farthest)).collect();
+        let places: Vec<[f64; 2]> = apertures.iter().map(|aperture| aperture.to_array()).collect();
+        let inverse = fit(&by_hit, &places).map(|terms| scaled(terms, farthest));
+        let widths: Vec<[f64; 1]> = apertures.iter().map(|aperture| [self.width(&departure, *aperture)]).collect();
+        let terms: Vec<[f64; 4]> = apertures
+            .iter()
+            .map(|aperture| [1.0, aperture.x / range, aperture.y / range, aperture.length_squared() / (range * range)])
+            .collect();
+        let [width] = fit(&terms, &widths);
+        let scales = [1.0, range, range, range * range];
+        let width = std::array::from_fn(|n| (width[n] / scales[n]) as f32);
+        let within = |aperture: &DVec2| aperture.abs().max_element() <= optics.half_aperture_mm;
+        let bends = bends.iter().zip(apertures).filter(|(_, aperture)| within(aperture));
+        self.greatest = bends.fold(self.greatest, |most, (bend, _)| most.max(DVec2::from(*bend).length()));
+        self.reach = self.reach.max(farthest / BEYOND);
+        for [value] in &widths {
+            self.widths = [self.widths[0].min(*value), self.widths[1].max(*value)];
+        }
+        self.nodes.push(Node { departure, inverse, width });
+    }
+
+    /// The width of a patch over that of straight rays, where a place in the stop has the bend `departure`.
+    fn width(&self, departure: &[[f32; TERMS]; 2], aperture: DVec2) -> f64 {
+        let [x, y] = aperture.as_vec2().to_array();
+        let near = 0.01f32 * aperture.length().max(1.0) as f32;
+        let slope = |terms: &[f32; TERMS], dx: f32, dy: f32| {
+            f64::from((value(terms, x + dx, y + dy) - value(terms, x - dx, y - dy)) / (2.0 * near))
+        };
+        let [along_x, along_y] = departure;
+        let change = DMat2::from_cols(
+            DVec2::new(self.alpha + slope(along_x, near, 0.0), slope(along_y, near, 0.0)),
+            DVec2::new(slope(along_x, 0.0, near), self.alpha + slope(along_y, 0.0, near)),
+        );
+        (self.alpha * self.alpha / change.determinant().abs().max(1e-12)).sqrt().min(10.0)
+    }
+
+    /// The node nearest to a chief ray that meets the array at `chief`, mm.
+    #[inline]
+    pub(super) fn near(&self, chief: DVec2) -> &Node {
+        let place = (chief - self.corner) * self.per_mm;
+        let [x, y] = [(place.x, self.counts[0]), (place.y, self.counts[1])]
+            .map(|(place, count)| (place.max(0.0) as usize).min(count - 1));
+        &self.nodes[x + self.counts[0] * y]
+    }
+
+    /// Bytes of the nodes.
+    pub(super) fn bytes(&self) -> usize {
+        self.nodes.len() * size_of::<Node>()
+    }
+}

@@ -1,0 +1,128 @@
+//! Lists of hits: rows of patches on rows of micro-images.
+
+use super::array::LANES;
+use super::patches::Patches;
+
+/// Hits are used when so many are there. Then the loops over them are long and well foreseen by the processor.
+pub(super) const FULL: usize = 96;
+/// Places for as many, and for what eight more lenslets may add.
+pub(super) const ROOM: usize = FULL + LANES;
+
+/// Rows of patches on rows of micro-images: where each begins.
+#[derive(Debug)]
+pub(super) struct List {
+    pub(super) count: usize,
+    /// In the segment.
+    pub(super) voxels: [i32; ROOM],
+    /// In the table of patches.
+    pub(super) shares: [i32; ROOM],
+    /// In the micro-images.
+    pub(super) values: [i32; ROOM],
+    /// The part of the way to the next phase across.
+    pub(super) parts: [f32; ROOM],
+    /// The columns of the micro-images where patches of more than 8 columns begin.
+    pub(super) columns: [i32; ROOM],
+}
+
+/// A row of a patch on a row of a micro-image; see [`List`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Hit {
+    pub(super) voxel: usize,
+    pub(super) shares: usize,
+    pub(super) values: usize,
+    pub(super) part: f32,
+}
+
+impl List {
+    fn new() -> Self {
+        Self {
+            count: 0,
+            voxels: [0; ROOM],
+            shares: [0; ROOM],
+            values: [0; ROOM],
+            parts: [0.0; ROOM],
+            columns: [0; ROOM],
+        }
+    }
+
+    /// Each of them.
+    #[inline(always)]
+    pub(super) fn iter(&self) -> impl Iterator<Item = Hit> + '_ {
+        let all = self.voxels.iter().zip(&self.shares).zip(&self.values).zip(&self.parts).take(self.count);
+        all.map(|(((voxel, shares), values), part)| Hit {
+            voxel: *voxel as usize,
+            shares: *shares as usize,
+            values: *values as usize,
+            part: *part,
+        })
+    }
+
+    /// Each of them, and the column of the micro-image where the patch begins.
+    #[inline(always)]
+    pub(super) fn with_columns(&self) -> impl Iterator<Item = (Hit, i32)> + '_ {
+        self.iter().zip(self.columns)
+    }
+}
+
+/// Hits of one voxel under eight lenslets: they end here.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Group {
+    pub(super) voxel: usize,
+    /// In all hits, and in those that the stop may cut.
+    pub(super) end: usize,
+    pub(super) end_cut: usize,
+}
+
+/// Hits of a segment's voxels under the lenslets of a row.
+#[derive(Debug)]
+pub(super) struct Hits {
+    pub(super) all: List,
+    /// The hits that the stop may cut, which are also among all.
+    pub(super) cut: List,
+    /// In groups of the same voxel. Groups have at least one hit.
+    groups: [Group; ROOM],
+    group_count: usize,
+    /// For each hit the row of the table, and roughly the part of its light that passes the stop.
+    pub(super) lines: [i32; ROOM],
+    pub(super) inside: [f32; ROOM],
+}
+
+impl Hits {
+    pub(super) fn new() -> Self {
+        let (all, cut) = (List::new(), List::new());
+        let groups = [Group::default(); ROOM];
+        Self { all, cut, groups, group_count: 0, lines: [0; ROOM], inside: [0.0; ROOM] }
+    }
+
+    /// Whether it is time to use them.
+    #[inline(always)]
+    pub(super) fn are_full(&self) -> bool {
+        self.all.count > FULL
+    }
+
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        (self.all.count, self.cut.count, self.group_count) = (0, 0, 0);
+    }
+
+    /// The groups, one after the other.
+    #[inline(always)]
+    pub(super) fn groups(&self) -> &[Group] {
+        &self.groups[..self.group_count]
+    }
+
+    /// For each hit, roughly the sum of its weights times the stop's area in pixels.
+    #[inline(always)]
+    pub(super) fn weights<'a>(&'a self, patches: &'a Patches) -> impl Iterator<Item = f32> + 'a {
+        let all = self.lines.iter().zip(&self.inside).take(self.all.count);
+        all.map(|(line, inside)| inside * patches.row_sums[*line as usize])
+    }
+
+    /// Ends the group of a voxel, if it has hits.
+    #[inline(always)]
+    pub(super) fn end_group(&mut self, voxel: usize) {
+        let before = self.group_count.checked_sub(1).map_or(0, |last| self.groups[last].end);
+        self.groups[self.group_count] = Group { voxel, end: self.all.count, end_cut: self.cut.count };
+        self.group_count += usize::from(self.all.count > before);
+    }
+}

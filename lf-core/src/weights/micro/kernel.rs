@@ -1,0 +1,272 @@
+//! The inner loops: spread a voxel's strength over rows of micro-images, gather a voxel's share of them.
+
+use super::hits::{Group, Hit, Hits, List, ROOM};
+use super::images::Layout;
+use super::patches::{FOUR, Patches};
+use super::walk::Taker;
+use super::wide::WideRow;
+use glam::Vec4;
+use std::ops::Range;
+
+/// Adds light to micro-images.
+pub(super) struct Spread<'a> {
+    pub(super) layout: Layout,
+    pub(super) patches: Option<&'a Patches>,
+    pub(super) strengths: &'a [f32],
+    pub(super) values: &'a mut [f32],
+}
+
+/// Sums what voxels see in micro-images.
+pub(super) struct Gather<'a> {
+    pub(super) layout: Layout,
+    pub(super) patches: Option<&'a Patches>,
+    pub(super) values: &'a [f32],
+    /// Four parts of the sum of each voxel.
+    pub(super) sums: &'a mut [Vec4],
+    /// Roughly the sum of its weights times the stop's area in pixels.
+    pub(super) weights: &'a mut [f32],
+    pub(super) running: &'a mut Running,
+}
+
+/// Sums that run on from hit to hit, all and cut ones, and their weights; the first is 0.
+#[derive(Debug)]
+pub(super) struct Running {
+    all: [Vec4; ROOM + 1],
+    cut: [Vec4; ROOM + 1],
+    weights: [f32; ROOM + 1],
+}
+
+impl Running {
+    pub(super) fn new() -> Self {
+        Self { all: [Vec4::ZERO; ROOM + 1], cut: [Vec4::ZERO; ROOM + 1], weights: [0.0; ROOM + 1] }
+    }
+}
+
+/// Counts weights.
+pub(super) struct Count {
+    /// Columns of a patch.
+    pub(super) columns: usize,
+    pub(super) weights: usize,
+}
+
+impl Taker for Count {
+    #[inline(always)]
+    fn take(&mut self, hits: &Hits) {
+        self.weights += self.columns * hits.all.count;
+    }
+
+    fn wide(&mut self, _: usize, _: &WideRow, _: usize, _: usize) {
+        self.weights += self.columns;
+    }
+}
+
+/// Four values.
+///
+/// # Safety
+/// `place + 4` values there are.
+#[inline(always)]
+unsafe fn four(values: &[f32], place: usize) -> Vec4 {
+    debug_assert!(place + FOUR <= values.len());
+    // SAFETY: as the caller says.
+    Vec4::from_array(unsafe { values.as_ptr().add(place).cast::<[f32; FOUR]>().read() })
+}
+
+/// Four shares, `part` of the way from one phase to the next, which stands `columns` behind.
+///
+/// # Safety
+/// `place + columns + 4` shares there are.
+#[inline(always)]
+unsafe fn between(shares: &[f32], place: usize, columns: usize, part: f32) -> Vec4 {
+    // SAFETY: as the caller says.
+    unsafe {
+        let (a, b) = (four(shares, place), four(shares, place + columns));
+        a + part * (b - a)
+    }
+}
+
+/// Adds to four values.
+///
+/// # Safety
+/// `place + 4` values there are.
+#[inline(always)]
+unsafe fn add(values: &mut [f32], place: usize, light: Vec4) {
+    // SAFETY: as the caller says.
+    unsafe {
+        let sum = four(values, place) + light;
+        values.as_mut_ptr().add(place).cast::<[f32; FOUR]>().write(sum.to_array());
+    }
+}
+
+/// Fours of a large patch's row that touch the micro-image: first and end column.
+#[inline(always)]
+fn fours(column: i32, columns: usize, side: usize) -> (usize, usize) {
+    let first = (-column).max(0) as usize / FOUR * FOUR;
+    (first, ((side as i32 - column).max(0) as usize).next_multiple_of(FOUR).min(columns))
+}
+
+/// Shares of these columns of a row of `all` columns, `part` of the way to the next phase.
+#[inline(always)]
+fn large_row(shares: &[f32], all: usize, columns: Range<usize>, part: f32) -> impl Iterator<Item = f32> + '_ {
+    let (a, b) = (shares, &shares[all..]);
+    a[columns.clone()].iter().zip(&b[columns]).map(move |(a, b)| a + part * (b - a))
+}
+
+impl Spread<'_> {
+    /// For patches of N fours, which have room beside the micro-image.
+    #[inline(always)]
+    fn narrow<const N: usize>(&mut self, patches: &Patches, hits: &Hits) {
+        let width = self.layout.width;
+        // SAFETY: hits name rows of the table and places in the micro-images that have room for a row of 8.
+        unsafe {
+            for Hit { voxel, shares, values, part } in hits.all.iter() {
+                let strength = *self.strengths.get_unchecked(voxel);
+                for n in 0..N {
+                    let shares = between(&patches.shares, shares + n * FOUR, N * FOUR, part);
+                    add(self.values, values + n * FOUR, strength * shares);
+                }
+            }
+            for Hit { voxel, shares, values, part } in hits.cut.iter() {
+                let strength = *self.strengths.get_unchecked(voxel);
+                for n in 0..N {
+                    let (shares, values) = (shares + n * FOUR, values + n * FOUR);
+                    add(self.values, values + width, strength * between(&patches.moments[0], shares, N * FOUR, part));
+                    add(
+                        self.values,
+                        values + 2 * width,
+                        strength * between(&patches.moments[1], shares, N * FOUR, part),
+                    );
+                }
+            }
+        }
+    }
+}
+
+impl Spread<'_> {
+    /// For patches of more columns, one part of the light.
+    #[inline(always)]
+    fn large(&mut self, list: &List, table: &[f32], columns: usize, part_of_light: usize) {
+        for (Hit { voxel, shares, values, part }, column) in list.with_columns() {
+            let (from, to) = fours(column, columns, self.layout.side);
+            let (place, strength) = (values + from + part_of_light * self.layout.width, self.strengths[voxel]);
+            let shares = large_row(&table[shares..], columns, from..to.max(from), part);
+            self.values[place..].iter_mut().zip(shares).for_each(|(value, share)| *value += strength * share);
+        }
+    }
+}
+
+impl Taker for Spread<'_> {
+    #[inline(always)]
+    fn take(&mut self, hits: &Hits) {
+        let Some(patches) = self.patches else { return };
+        match patches.columns {
+            4 => self.narrow::<1>(patches, hits),
+            8 => self.narrow::<2>(patches, hits),
+            columns => {
+                self.large(&hits.all, &patches.shares, columns, 0);
+                self.large(&hits.cut, &patches.moments[0], columns, 1);
+                self.large(&hits.cut, &patches.moments[1], columns, 2);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn wide(&mut self, voxel: usize, row: &WideRow, parts: usize, values: usize) {
+        let strength = self.strengths[voxel];
+        for (n, part) in row.parts.iter().take(parts).enumerate() {
+            let values = &mut self.values[values + n * self.layout.width..];
+            values.iter_mut().zip(part).for_each(|(value, share)| *value += strength * share);
+        }
+    }
+}
+
+impl Gather<'_> {
+    /// For patches of N fours, which have room beside the micro-image.
+    ///
+    /// Sums run on from hit to hit, and a voxel's sum is the difference between the ends of its group: sums that each
+    /// wait for the one before to be written would take twice the time.
+    #[inline(always)]
+    fn narrow<const N: usize>(&mut self, patches: &Patches, hits: &Hits) {
+        let width = self.layout.width;
+        let Running { all: sums, cut: cut_sums, .. } = &mut *self.running;
+        // SAFETY: hits name rows of the table, and places in the micro-images that have room for a row of 8.
+        unsafe {
+            let mut sum = Vec4::ZERO;
+            for (Hit { shares, values, part, .. }, out) in hits.all.iter().zip(&mut sums[1..]) {
+                for n in 0..N {
+                    let shares = between(&patches.shares, shares + n * FOUR, N * FOUR, part);
+                    sum += shares * four(self.values, values + n * FOUR);
+                }
+                *out = sum;
+            }
+            let mut sum = Vec4::ZERO;
+            for (Hit { shares, values, part, .. }, out) in hits.cut.iter().zip(&mut cut_sums[1..]) {
+                for n in 0..N {
+                    let (shares, values) = (shares + n * FOUR, values + n * FOUR);
+                    let by_x = between(&patches.moments[0], shares, N * FOUR, part);
+                    let by_y = between(&patches.moments[1], shares, N * FOUR, part);
+                    sum += by_x * four(self.values, values + width) + by_y * four(self.values, values + 2 * width);
+                }
+                *out = sum;
+            }
+        }
+        let (mut from, mut from_cut) = (0, 0);
+        for Group { voxel, end, end_cut } in hits.groups() {
+            self.sums[*voxel] += sums[*end] - sums[from] + cut_sums[*end_cut] - cut_sums[from_cut];
+            (from, from_cut) = (*end, *end_cut);
+        }
+    }
+
+    /// Adds the weights.
+    #[inline(always)]
+    fn weigh(&mut self, patches: &Patches, hits: &Hits) {
+        let (sums, mut sum) = (&mut self.running.weights, 0.0);
+        for (weight, out) in hits.weights(patches).zip(&mut sums[1..]) {
+            sum += weight;
+            *out = sum;
+        }
+        let mut from = 0;
+        for Group { voxel, end, .. } in hits.groups() {
+            self.weights[*voxel] += sums[*end] - sums[from];
+            from = *end;
+        }
+    }
+}
+
+impl Gather<'_> {
+    /// For patches of more columns, one part of the light.
+    #[inline(always)]
+    fn large(&mut self, list: &List, table: &[f32], columns: usize, part_of_light: usize) {
+        for (Hit { voxel, shares, values, part }, column) in list.with_columns() {
+            let (from, to) = fours(column, columns, self.layout.side);
+            let values = &self.values[values + from + part_of_light * self.layout.width..];
+            let shares = large_row(&table[shares..], columns, from..to.max(from), part);
+            self.sums[voxel].x += values.iter().zip(shares).map(|(value, share)| value * share).sum::<f32>();
+        }
+    }
+}
+
+impl Taker for Gather<'_> {
+    #[inline(always)]
+    fn take(&mut self, hits: &Hits) {
+        let Some(patches) = self.patches else { return };
+        match patches.columns {
+            4 => self.narrow::<1>(patches, hits),
+            8 => self.narrow::<2>(patches, hits),
+            columns => {
+                self.large(&hits.all, &patches.shares, columns, 0);
+                self.large(&hits.cut, &patches.moments[0], columns, 1);
+                self.large(&hits.cut, &patches.moments[1], columns, 2);
+            }
+        }
+        self.weigh(patches, hits);
+    }
+
+    #[inline(always)]
+    fn wide(&mut self, voxel: usize, row: &WideRow, parts: usize, values: usize) {
+        for (n, part) in row.parts.iter().take(parts).enumerate() {
+            let values = &self.values[values + n * self.layout.width..];
+            self.sums[voxel].x += values.iter().zip(part).map(|(value, share)| value * share).sum::<f32>();
+        }
+        self.weights[voxel] += row.weight;
+    }
+}

@@ -1,0 +1,273 @@
+//! The lenslets that a segment of voxels lights, and the rows of their patches that fall on wanted image rows.
+
+use super::array::{Array, LANES};
+use super::bend::{Node, value};
+use super::hits::Hits;
+use super::narrow::{Narrow, floor};
+use super::slices::{Light, SliceLight};
+use super::stop::Stop;
+use super::wanted::Wanted;
+use super::wide::{View, WideRow};
+use crate::simd::Level;
+use crate::weights::model::RowSet;
+
+/// Voxels of one line, near to each other: where their chief rays meet the array, mm.
+#[derive(Debug, Default)]
+pub(super) struct Segment {
+    pub(super) x: Vec<f32>,
+    pub(super) y: Vec<f32>,
+}
+
+/// Takes the light of voxels.
+pub(super) trait Taker {
+    /// Light of the segment's voxels.
+    fn take(&mut self, hits: &Hits);
+    /// The light of a voxel on a row of a micro-image that begins at `values`; each pixel has so many parts.
+    fn wide(&mut self, voxel: usize, row: &WideRow, parts: usize, values: usize);
+}
+
+/// Where the patches of a segment begin under each row of lenslets: image rows, linear in the row of lenslets.
+struct Tops {
+    first_row: usize,
+    /// The place at the first row of lenslets and the step to the next, at either end of the segment.
+    first: [f32; 2],
+    step: [f32; 2],
+    /// Patches under other lenslets of the row begin no farther away.
+    slack: f32,
+}
+
+impl Tops {
+    #[inline(always)]
+    fn new(beam: &Beam, segment: &Segment, first_row: usize, last_row: usize, reach: f32) -> Self {
+        let Beam { array, slice, node, .. } = *beam;
+        let half_px = if let Light::Narrow(patches) = &slice.light { patches.half_px } else { 0.0 };
+        let [along_x, along_y] = array.per_along;
+        let slant = (along_y / along_x).abs();
+        let at = |row: usize, n: usize| {
+            let start_x = array.starts[row][0];
+            let number = (((segment.x[n] - start_x) * along_x).max(0.0) as usize).min(array.length - LANES - 1);
+            let lenslet = row * array.length + number;
+            let down = array.y[lenslet] - segment.y[n];
+            let v = match node {
+                None => down * slice.per_alpha,
+                Some(node) => value(&node.inverse[1], array.x[lenslet] - segment.x[n], down),
+            };
+            array.row[lenslet] as f32 + array.middle_y[lenslet] - array.per_mm[lenslet] * v - half_px
+        };
+        let last = segment.x.len() - 1;
+        let first = [at(first_row, 0), if last > 0 { at(first_row, last) } else { at(first_row, 0) }];
+        let end = [at(last_row, 0), if last > 0 { at(last_row, last) } else { at(last_row, 0) }];
+        let per_row = 1.0 / (last_row - first_row).max(1) as f32;
+        let bend = (array.per_pixel - array.per_mm[first_row * array.length] * slice.per_alpha).abs();
+        Self {
+            first_row,
+            first,
+            step: [(end[0] - first[0]) * per_row, (end[1] - first[1]) * per_row],
+            slack: 0.02 + slice.slack + slant * reach * bend + array.slack * (1.0 + bend / array.per_pixel),
+        }
+    }
+
+    /// Whether patches under a row of lenslets can have a row of the set.
+    #[inline(always)]
+    fn have_wanted(&self, row: usize, patch_rows: usize, rows: RowSet) -> bool {
+        let away = (row - self.first_row) as f32;
+        let [a, b] = [self.first[0] + away * self.step[0], self.first[1] + away * self.step[1]];
+        let (low, high) = if a < b { (a, b) } else { (b, a) };
+        let (low, high) = (floor(low - self.slack), floor(high + self.slack) + patch_rows as i32);
+        // The first row of the set from `low` on, by floats, which divide faster.
+        let (step, ahead) = (rows.step as f32, (rows.first as i32 - low) as f32);
+        let ahead = ahead - step * (floor(ahead / step + 1e-3) as f32);
+        ((ahead + 0.5) as i32) + low < high
+    }
+}
+
+/// Calls `found(voxel, row of lenslets, first, end)` for the lenslets of each row that a voxel can light.
+#[inline(always)]
+fn rows(beam: &Beam, segment: &Segment, wanted: &Wanted, mut found: impl FnMut(usize, usize, usize, usize)) {
+    let count = segment.x.len();
+    let Beam { array, slice, stop: Stop { is_round, .. }, .. } = *beam;
+    let reach = slice.reach_mm as f32 + array.departure as f32;
+    let reach = if is_round { reach } else { std::f32::consts::SQRT_2 * reach };
+    let reach2 = reach * reach;
+    let reach_rows = reach / array.apart;
+    let [along_x, along_y] = array.per_along;
+    let length = 1.0 / (along_x * along_x + along_y * along_y).sqrt();
+    let (origin_x, origin_y) = (array.origin.x as f32, array.origin.y as f32);
+    let row_at = |n: usize| {
+        (segment.x[n] - origin_x) * array.per_across[0] + (segment.y[n] - origin_y) * array.per_across[1]
+            - array.first_row as f32
+    };
+    let ends = [0, count - 1];
+    let at = [row_at(ends[0]), row_at(ends[1])];
+    let first_row = ((at[0].min(at[1]) - reach_rows).max(0.0) as usize).max(wanted.lenslets.start);
+    let end_row = ((at[0].max(at[1]) + reach_rows + 1.0).max(0.0) as usize).min(wanted.lenslets.end);
+    if first_row >= end_row {
+        return;
+    }
+    let tops = Tops::new(beam, segment, first_row, end_row - 1, reach);
+    for row in first_row..end_row {
+        if let Light::Narrow(patches) = &slice.light
+            && !tops.have_wanted(row, patches.rows, wanted.rows)
+        {
+            continue;
+        }
+        let [start_x, start_y] = array.starts[row];
+        for voxel in 0..count {
+            let (dx, dy) = (segment.x[voxel] - start_x, segment.y[voxel] - start_y);
+            let middle = dx * along_x + dy * along_y;
+            let away = (dy * along_x - dx * along_y) * length;
+            let width2 = reach2 - away * away;
+            if width2 <= 0.0 {
+                continue;
+            }
+            let width = width2.sqrt() / length;
+            let first = (middle - width + 1.0).max(0.0) as usize;
+            let end = ((middle + width + 1.0).max(0.0) as usize).min(array.length - LANES);
+            if first < end {
+                found(voxel, row, first, end);
+            }
+        }
+    }
+}
+
+/// Light of a slice's voxels in one part of the field.
+#[derive(Clone, Copy)]
+pub(super) struct Beam<'a> {
+    pub(super) array: &'a Array,
+    pub(super) slice: &'a SliceLight,
+    /// How rays bend there; None if they are straight.
+    pub(super) node: Option<&'a Node>,
+    pub(super) stop: Stop,
+}
+
+/// Buffers of a walk.
+pub(super) struct Found {
+    hits: Hits,
+    row: WideRow,
+}
+
+impl Found {
+    /// For micro-images of `side` pixels.
+    pub(super) fn new(side: usize) -> Self {
+        Self { hits: Hits::new(), row: WideRow::new(side) }
+    }
+}
+
+/// Finds the light of a segment's voxels.
+#[inline(always)]
+pub(super) fn walk<const WEIGHS: bool>(
+    beam: &Beam,
+    segment: &Segment,
+    wanted: &Wanted,
+    found: &mut Found,
+    taker: &mut impl Taker,
+) {
+    if segment.x.is_empty() {
+        return;
+    }
+    match &beam.slice.light {
+        Light::Narrow(_) => walk_narrow::<WEIGHS>(beam, segment, wanted, &mut found.hits, taker),
+        Light::Wide(_) => walk_wide::<WEIGHS>(beam, segment, wanted, &mut found.row, taker),
+    }
+}
+
+impl<'a> Beam<'a> {
+    /// The slice's table of patches, as a walk reads it; None where there is none.
+    #[inline(always)]
+    pub(super) fn narrow(&self, wanted: &'a Wanted<'a>) -> Option<Narrow<'a>> {
+        let Beam { array, slice, node, stop } = *self;
+        let Light::Narrow(patches) = &slice.light else { return None };
+        let whole = (stop.half_mm - slice.reach_stop - slice.margin).max(0.0);
+        Some(Narrow {
+            array,
+            slice,
+            patches,
+            stop,
+            per_reach: 0.25 / (stop.half_mm * slice.reach_stop),
+            whole2: if patches.moments[0].is_empty() { f32::INFINITY } else { whole * whole },
+            farthest2: (stop.half_mm + slice.reach_stop).powi(2),
+            wanted,
+            node,
+            per_slope: (1.0 / array.usual_slope(f64::from(slice.alpha))) as f32,
+            is_avx2: Level::detect() >= Level::Avx2,
+        })
+    }
+}
+
+#[inline(always)]
+fn walk_narrow<const WEIGHS: bool>(
+    beam: &Beam,
+    segment: &Segment,
+    wanted: &Wanted,
+    hits: &mut Hits,
+    taker: &mut impl Taker,
+) {
+    let Some(narrow) = beam.narrow(wanted) else { return };
+    // Then a patch has one wanted row at most.
+    let is_single = wanted.layout.slots <= 2 && narrow.patches.rows <= wanted.rows.step as usize;
+    rows(
+        beam,
+        segment,
+        wanted,
+        #[inline(always)]
+        |voxel, row, first, end| {
+            let voxel = (voxel, segment.x[voxel], segment.y[voxel]);
+            let slots = if is_single { 1 } else { wanted.layout.slots };
+            for number in (first..end).step_by(LANES) {
+                for slot in 0..slots {
+                    narrow.eight::<WEIGHS>(row, number, end, (!is_single).then_some(slot), voxel, hits);
+                    if hits.are_full() {
+                        taker.take(hits);
+                        hits.clear();
+                    }
+                }
+            }
+        },
+    );
+    taker.take(hits);
+    hits.clear();
+}
+
+#[inline(always)]
+fn walk_wide<const WEIGHS: bool>(
+    beam: &Beam,
+    segment: &Segment,
+    wanted: &Wanted,
+    out: &mut WideRow,
+    taker: &mut impl Taker,
+) {
+    let Beam { array, slice, node, .. } = *beam;
+    let Light::Wide(wide) = &slice.light else { return };
+    let step = wanted.rows.step as i32;
+    let reach2 = (slice.reach_mm * slice.reach_mm) as f32;
+    rows(
+        beam,
+        segment,
+        wanted,
+        #[inline(always)]
+        |voxel, row, first, end| {
+            for number in first..end {
+                let lenslet = row * array.length + number;
+                let offset = [segment.x[voxel] - array.x[lenslet], segment.y[voxel] - array.y[lenslet]];
+                if beam.stop.is_round && offset[0] * offset[0] + offset[1] * offset[1] > reach2 {
+                    continue;
+                }
+                let view = View {
+                    middle: [array.middle_x[lenslet], array.middle_y[lenslet]],
+                    offset,
+                    per_mm: array.per_mm[lenslet],
+                    refocus: array.refocus[lenslet],
+                };
+                let ahead = wanted.rows.first as i32 - wanted.remainders[lenslet];
+                let ahead = if ahead < 0 { ahead + step } else { ahead } as usize;
+                for slot in 0..wanted.layout.slots {
+                    let line = ahead + slot * step as usize;
+                    if line < array.side && wide.may_light(&view, line) && wide.row::<WEIGHS>(&view, node, line, out) {
+                        let place = wanted.layout.place(row - wanted.lenslets.start, number, slot);
+                        taker.wide(voxel, out, wide.parts(), place);
+                    }
+                }
+            }
+        },
+    );
+}

@@ -1,0 +1,15 @@
+//! The image rows and the lenslets that a walk is asked for.
+
+use super::images::Layout;
+use crate::weights::model::RowSet;
+use std::ops::Range;
+
+/// The rows asked for.
+pub(super) struct Wanted<'a> {
+    pub(super) rows: RowSet,
+    /// Rows of lenslets.
+    pub(super) lenslets: Range<usize>,
+    pub(super) layout: Layout,
+    /// Each micro-image's first row on the sensor, modulo the set's step.
+    pub(super) remainders: &'a [i32],
+}
