@@ -188,9 +188,9 @@ impl Optics {
         })
     }
 
-    /// Whether a medium bends the rays.
+    /// Whether the camera looks into a medium, which bends the rays.
     #[inline]
-    pub(crate) fn bends(&self) -> bool {
+    pub(crate) fn has_medium(&self) -> bool {
         self.medium.is_some()
     }
 

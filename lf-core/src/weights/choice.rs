@@ -1,9 +1,14 @@
 //! The one choice of how weights are made, and its reason.
 
-use super::lenslets;
+use super::lenslets::{self, Lenslets};
 use super::model::{Basis, Model, RowSet, check_depth, sections};
 use super::pieces::{self, Pieces};
-use super::{aligned::Aligned, geometry::Geometry, micro::Micro, sphere::Sphere};
+use super::{
+    aligned::Aligned,
+    geometry::Geometry,
+    micro::{Micro, OneByOne},
+    sphere::Sphere,
+};
 use crate::{Camera, Grid, Refusal};
 
 /// The weights of every voxel of a grid, made when asked for.
@@ -108,22 +113,24 @@ impl Weights {
     ) {
         match &self.path {
             Path::Sphere(sphere) => sphere.visit(voxel, wanted, found),
-            Path::Micro(micro) => match &micro.slow {
-                Some(bent) => bent.visit(voxel, wanted, found),
-                None => self.geometry().visit(voxel, &mut scratch.pieces, wanted, found),
+            Path::Micro(micro) => match &micro.one_by_one {
+                OneByOne::Bent(bent) => bent.visit(voxel, wanted, found),
+                OneByOne::Lenslets(_) => self.geometry().visit(voxel, &mut scratch.pieces, wanted, found),
             },
             _ => self.geometry().visit(voxel, &mut scratch.pieces, wanted, found),
         }
     }
-}
 
-impl Weights {
+    /// The tables of a lenslet's image of a voxel, where the path looks weights up.
+    #[inline(always)]
+    fn lenslets(&self) -> Option<&Lenslets> {
+        let Path::Micro(micro) = &self.path else { return None };
+        if let OneByOne::Lenslets(lenslets) = &micro.one_by_one { Some(lenslets) } else { None }
+    }
+
     /// Bytes of the tables that are made when first used, in all slices except those nearest focus.
     pub fn table_bytes(&self) -> u64 {
-        match &self.path {
-            Path::Micro(micro) => micro.lenslets.as_ref().map_or(0, |lenslets| lenslets.table_bytes()),
-            _ => 0,
-        }
+        self.lenslets().map_or(0, Lenslets::table_bytes)
     }
 
     /// Calls `found(row, first column, share, columns)` for the weights of a voxel on the wanted rows: `share *
@@ -137,9 +144,7 @@ impl Weights {
         wanted: RowSet,
         mut found: impl FnMut(u32, u32, f32, &[f32]),
     ) {
-        if let Path::Micro(micro) = &self.path
-            && let Some(lenslets) = &micro.lenslets
-        {
+        if let Some(lenslets) = self.lenslets() {
             lenslets.runs(voxel, &mut scratch.lenslets, wanted, found);
         } else {
             let in_set = |row| wanted.holds(row);

@@ -247,6 +247,37 @@ fn spheres_are_rough_but_near_the_exact_weights() {
     }
 }
 
+/// Tables against integrals. Tables round a place to 1/128 px, or to as little on the array.
+#[test]
+fn lenslets_looked_up_are_the_same_weights() {
+    // The grid is twice as wide as the sensor: some voxels are seen in part, some by no pixel.
+    let grid = grid([4.0, 4.0, 90.0]);
+    for (name, camera) in cameras(6, [(Layout::Square, 0.003), (Layout::Square, 0.3), (Layout::Hexagonal, 0.003)]) {
+        for basis in BASES {
+            let weights = Weights::choose(&camera, &grid, Model::Exact, basis).unwrap();
+            assert!(matches!(weights.path, Path::Micro(_)));
+            let mut scratch = Scratch::default();
+            for voxel in [[0, 0, 0], [20, 22, 3], [19, 21, 10], [9, 33, 18], [31, 11, 20], [40, 20, 2]] {
+                let all: f64 = pixels_of(&weights, voxel).values().sum();
+                for wanted in [RowSet::ALL, RowSet { first: 3, step: 14 }] {
+                    let mut quick = BTreeMap::new();
+                    weights.runs(voxel, &mut scratch, wanted, |row, first, share, columns| {
+                        assert!(!columns.is_empty() && columns.len() % 4 == 0 && wanted.holds(row) && row < 84);
+                        for (n, column) in columns.iter().enumerate().filter(|(_, column)| **column > 0.0) {
+                            assert!(first as usize + n < 84);
+                            *quick.entry((first + n as u32, row)).or_insert(0.0) += f64::from(share * column);
+                        }
+                    });
+                    let slow = pixels_on(&weights, voxel, |row| row % wanted.step == wanted.first);
+                    let off = difference(&slow, &quick);
+                    // Without slow weights there may be no quick ones.
+                    assert!(off <= 0.05 * all, "{name} {basis:?} {voxel:?} {wanted:?}: {off}");
+                }
+            }
+        }
+    }
+}
+
 /// With 14 pixels under a lenslet, 14 sections asked for are the paper's number, to the bit.
 #[test]
 fn sections_of_the_paper_may_be_typed_out() {

@@ -82,7 +82,7 @@ impl<'a> State<'a> {
     fn new(problem: &'a Problem<'a>, subsets: usize) -> Self {
         let Problem { weights, options, indices, .. } = *problem;
         let (height, width) = problem.image.dim();
-        let mut operator = Operator::new(weights, indices, subsets, options.max_bytes);
+        let operator = Operator::new(weights, indices, subsets, options.max_bytes);
         let mut share = operator.shares();
         let unseen = share.iter().filter(|share| **share <= 0.0).count();
         let mut strengths = problem.first_strengths();

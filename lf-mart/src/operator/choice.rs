@@ -132,7 +132,7 @@ impl<'a> Operator<'a> {
     }
 
     /// The sum of each voxel's weights.
-    pub(crate) fn shares(&mut self) -> Vec<f32> {
+    pub(crate) fn shares(&self) -> Vec<f32> {
         match self {
             Self::Micro(weights, _) => weights.shares(),
             Self::Profiles(weights) => weights.shares(),

@@ -49,13 +49,23 @@ pub(crate) fn hash(n: usize) -> f32 {
     (((n as u32).wrapping_add(1).wrapping_mul(2_654_435_761) >> 9) % 1000) as f32 / 1000.0
 }
 
-/// W, pixels by voxels, the slow way, or looked up; or by the engine, one voxel at a time, where the path has it.
-fn matrix(weights: &Weights, indices: &[u64], by_engine: bool, are_looked_up: bool) -> Array2<f64> {
+/// How a test makes weights: slowly, looked up where the path does so, or by the engine, one voxel at a time.
+#[derive(PartialEq)]
+enum Way {
+    Slow,
+    LookedUp,
+    Engine,
+}
+
+/// W, pixels by voxels.
+fn matrix(weights: &Weights, indices: &[u64], way: Way) -> Array2<f64> {
     let [width, height] = weights.sensor_px();
     let mut matrix = Array2::zeros((width * height, indices.len()));
     let mut scratch = Scratch::default();
     for (n, index) in indices.iter().enumerate() {
-        if by_engine && let Path::Micro(micro) = &weights.path {
+        if way == Way::Engine
+            && let Path::Micro(micro) = &weights.path
+        {
             let (lines, mut images) = (micro.lines(&[*index]), micro.images(SUBSETS));
             let mut image = vec![0f32; width * height];
             (0..SUBSETS).for_each(|subset| {
@@ -66,9 +76,9 @@ fn matrix(weights: &Weights, indices: &[u64], by_engine: bool, are_looked_up: bo
         }
         let voxel = weights.grid().voxel(*index);
         let mut add = |column, row, weight| matrix[[row as usize * width + column as usize, n]] += weight;
-        if are_looked_up {
+        if way == Way::LookedUp {
             weights.runs(voxel, &mut scratch, RowSet::ALL, |row, first, share, columns| {
-                for (column, weight) in (first..).zip(columns).filter(|(_, weight)| **weight > 0.0) {
+                for (column, weight) in (first..).zip(columns) {
                     add(column, row, f64::from(share) * f64::from(*weight));
                 }
             });
@@ -104,8 +114,8 @@ impl Scene {
     ) -> Self {
         let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
         // The row action stores the weights as the slow way makes them.
-        let are_looked_up = method != Method::Mart && matches!(weights.path, Path::Micro(_));
-        let matrix = matrix(&weights, &indices, false, are_looked_up);
+        let way = if method == Method::Mart { Way::Slow } else { Way::LookedUp };
+        let matrix = matrix(&weights, &indices, way);
         let strengths: Vec<f32> = (0..indices.len()).map(strength).collect();
         let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
         let [width, height] = weights.sensor_px();
@@ -144,12 +154,12 @@ fn projections_are_the_matrix_and_its_transpose() {
                 operators.push(Operator::Micro(Box::new(engine), Haze::forever(&weights, SUBSETS)));
             }
             for operator in &mut operators {
-                let matrix = matrix(
-                    &weights,
-                    &indices,
-                    matches!(operator, Operator::Micro(..)),
-                    matches!(operator, Operator::Voxels(_)),
-                );
+                let way = match operator {
+                    Operator::Profiles(_) => Way::Slow,
+                    Operator::Voxels(_) => Way::LookedUp,
+                    Operator::Micro(..) => Way::Engine,
+                };
+                let matrix = matrix(&weights, &indices, way);
                 let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
                 let mut plane = Plane::new(width, height);
                 // Buffers start dirty: old values of a row may not show.

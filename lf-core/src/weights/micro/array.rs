@@ -16,8 +16,6 @@ pub(super) struct Array {
     pub(super) along: DVec2,
     pub(super) across: DVec2,
     pub(super) first_row: i64,
-    /// First lenslet of each row.
-    pub(super) first: Vec<i64>,
     /// Lenslets of a row, with those that no light reaches.
     pub(super) length: usize,
     /// Centres, mm.
@@ -85,7 +83,7 @@ impl Array {
             middle_y: Vec::new(),
             per_mm: Vec::new(),
             refocus: Vec::new(),
-            extremes: [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]],
+            extremes: [[0.0; 2]; 2],
             column: Vec::new(),
             row: Vec::new(),
             side: 0,
@@ -97,13 +95,12 @@ impl Array {
             per_pixel: (1.0 / optics.pixel_pitch_mm) as f32,
             slack: (2.0 * departure / optics.pixel_pitch_mm) as f32,
             apart: (along.perp_dot(across) / along.length()).abs() as f32,
-            first,
         };
-        this.fill(optics, seen);
+        this.fill(optics, &first, seen);
         this
     }
 
-    fn fill(&mut self, optics: &Optics, seen: usize) {
+    fn fill(&mut self, optics: &Optics, first: &[i64], seen: usize) {
         let middle = |centre: DVec2| optics.place_px(optics.sensor_through(centre, centre, DVec2::ZERO));
         let per_mm = |centre: DVec2| {
             let away = DVec2::new(0.5 * optics.half_aperture_mm, 0.0);
@@ -118,8 +115,8 @@ impl Array {
         };
         let mut largest = 0f64;
         let (mut per_mms, mut refocuses) = (Vec::new(), Vec::new());
-        let mut places = Vec::with_capacity(self.rows() * self.length);
-        for (row, first) in (self.first_row..).zip(&self.first) {
+        let mut places = Vec::with_capacity(first.len() * self.length);
+        for (row, first) in (self.first_row..).zip(first) {
             let start = self.origin + *first as f64 * self.along + row as f64 * self.across;
             self.starts.push(start.as_vec2().to_array());
             for number in 0..self.length {
@@ -174,6 +171,6 @@ impl Array {
     }
 
     pub(super) fn rows(&self) -> usize {
-        self.first.len()
+        self.starts.len()
     }
 }

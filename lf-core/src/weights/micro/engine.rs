@@ -1,6 +1,7 @@
 //! Projection and back-projection of voxels by exact weights.
 
 use super::array::Array;
+use super::bend::Bend;
 use super::images::{self, Layout, MicroImages};
 use super::kernel::{Count, Gather, Running, Spread};
 use super::patches::Patches;
@@ -12,7 +13,10 @@ use crate::simd::fastest;
 use crate::weights::{bent::Bent, geometry::Geometry, lenslets::Lenslets, model::RowSet};
 use glam::{DVec2, Vec4};
 use rayon::prelude::*;
-use std::{ops::Range, sync::OnceLock};
+use std::{
+    ops::Range,
+    sync::{Arc, OnceLock},
+};
 
 /// Fewest bands of lenslet rows, so that there is work for all threads; and the fewest rows of one.
 const BANDS: usize = 16;
@@ -33,10 +37,18 @@ pub struct Micro {
     /// Voxels of a block of a line, within which the chief rays' places are linear in x.
     block: usize,
     slices: Vec<OnceLock<SliceLight>>,
-    /// The slow way, if rays bend or the sensor is tilted.
-    pub(crate) slow: Option<Bent>,
-    /// Weights one by one, if rays are straight.
-    pub(crate) lenslets: Option<Lenslets>,
+    /// How rays bend in each slice, found when first used.
+    bends: Vec<OnceLock<Arc<Bend>>>,
+    pub(crate) one_by_one: OneByOne,
+}
+
+/// The way to make a voxel's weights one by one, to keep them.
+#[derive(Debug, Clone)]
+pub(crate) enum OneByOne {
+    /// If rays are straight.
+    Lenslets(Lenslets),
+    /// If rays bend, or the sensor is tilted.
+    Bent(Bent),
 }
 
 /// The voxels of a support, line after line.
@@ -83,15 +95,18 @@ impl Buffers {
 impl Micro {
     pub(crate) fn new(geometry: Geometry) -> Self {
         let stop = Stop { half_mm: geometry.optics.half_aperture_mm as f32, is_round: geometry.has_round_stop };
-        let slices = (0..geometry.grid.shape[2]).map(|_| OnceLock::new()).collect();
+        let slices = vec![OnceLock::new(); geometry.grid.shape[2]];
         let array = Array::new(&geometry.optics);
-        let is_straight = !geometry.optics.bends()
+        let is_straight = !geometry.optics.has_medium()
             && array.along.y.abs() < 1e-6 * array.along.x
             && geometry.optics.distortion_mm(DVec2::ONE, 0.0) == DVec2::ZERO;
         let block = if is_straight { 4096 } else { 96 };
-        let slow = (geometry.optics.bends() || array.is_tilted()).then(|| Bent::new(geometry.clone()));
-        let lenslets = slow.is_none().then(|| Lenslets::new(geometry.clone()));
-        Self { array, stop, block, slices, slow, lenslets, geometry }
+        let one_by_one = match geometry.optics.has_medium() || array.is_tilted() {
+            true => OneByOne::Bent(Bent::new(geometry.clone())),
+            false => OneByOne::Lenslets(Lenslets::new(geometry.clone())),
+        };
+        let bends = vec![OnceLock::new(); slices.len()];
+        Self { array, stop, block, slices, bends, one_by_one, geometry }
     }
 
     /// Columns and rows of the sensor.
@@ -117,8 +132,14 @@ impl Micro {
         Lines { y_mm: rows.collect(), starts, x: indices.iter().map(|index| (index % nx as u64) as u32).collect() }
     }
 
+    /// How rays bend in a slice; None if they are straight.
+    fn bend(&self, z: usize) -> Option<Arc<Bend>> {
+        let bend = || Arc::new(Bend::new(&self.geometry, z));
+        self.geometry.optics.has_medium().then(|| self.bends[z].get_or_init(bend).clone())
+    }
+
     pub(super) fn slice(&self, z: usize) -> &SliceLight {
-        self.slices[z].get_or_init(|| SliceLight::new(&self.geometry, &self.array, self.stop, z))
+        self.slices[z].get_or_init(|| SliceLight::new(&self.geometry, &self.array, self.stop, z, self.bend(z)))
     }
 
     /// Where a voxel's ray through the middle of the stop meets the array, mm.
@@ -326,8 +347,10 @@ impl Micro {
     /// Foretells the bytes of the tables, the lenslets, and buffers for sets of every `step`-th image row.
     pub fn foretold_bytes(&self, step: usize) -> u64 {
         let slices = self.geometry.grid.shape[2];
-        let tables: usize =
-            (0..slices).into_par_iter().map(|z| SliceLight::foretold_bytes(&self.geometry, &self.array, z)).sum();
+        let tables: usize = (0..slices)
+            .into_par_iter()
+            .map(|z| SliceLight::foretold_bytes(&self.geometry, &self.array, z, self.bend(z).as_deref()))
+            .sum();
         let lines = LINE_BYTES * self.geometry.grid.shape[1] * slices;
         (tables + lines + self.array.bytes() + MicroImages::foretold_bytes(&self.array, step)) as u64
     }

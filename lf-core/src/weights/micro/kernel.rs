@@ -111,6 +111,13 @@ fn large_row(shares: &[f32], all: usize, columns: Range<usize>, part: f32) -> im
     a[columns.clone()].iter().zip(&b[columns]).map(move |(a, b)| a + part * (b - a))
 }
 
+/// The parts of the light: the shares of all hits, and the two moments of those that the stop may cut.
+#[inline(always)]
+fn large_parts<'a>(patches: &'a Patches, hits: &'a Hits) -> [(&'a List, &'a [f32]); 3] {
+    let [by_x, by_y] = &patches.moments;
+    [(&hits.all, &patches.shares), (&hits.cut, by_x), (&hits.cut, by_y)]
+}
+
 impl Spread<'_> {
     /// For patches of N fours, which have room beside the micro-image.
     #[inline(always)]
@@ -139,15 +146,14 @@ impl Spread<'_> {
             }
         }
     }
-}
 
-impl Spread<'_> {
-    /// For patches of more columns, one part of the light.
+    /// For patches of more columns, part `number` of the light.
     #[inline(always)]
-    fn large(&mut self, list: &List, table: &[f32], columns: usize, part_of_light: usize) {
+    fn large(&mut self, patches: &Patches, (list, table): (&List, &[f32]), number: usize) {
+        let columns = patches.columns;
         for (Hit { voxel, shares, values, part }, column) in list.with_columns() {
             let (from, to) = fours(column, columns, self.layout.side);
-            let (place, strength) = (values + from + part_of_light * self.layout.width, self.strengths[voxel]);
+            let (place, strength) = (values + from + number * self.layout.width, self.strengths[voxel]);
             let shares = large_row(&table[shares..], columns, from..to.max(from), part);
             self.values[place..].iter_mut().zip(shares).for_each(|(value, share)| *value += strength * share);
         }
@@ -161,11 +167,7 @@ impl Taker for Spread<'_> {
         match patches.columns {
             4 => self.narrow::<1>(patches, hits),
             8 => self.narrow::<2>(patches, hits),
-            columns => {
-                self.large(&hits.all, &patches.shares, columns, 0);
-                self.large(&hits.cut, &patches.moments[0], columns, 1);
-                self.large(&hits.cut, &patches.moments[1], columns, 2);
-            }
+            _ => large_parts(patches, hits).into_iter().enumerate().for_each(|(n, part)| self.large(patches, part, n)),
         }
     }
 
@@ -230,15 +232,14 @@ impl Gather<'_> {
             from = *end;
         }
     }
-}
 
-impl Gather<'_> {
-    /// For patches of more columns, one part of the light.
+    /// For patches of more columns, part `number` of the light.
     #[inline(always)]
-    fn large(&mut self, list: &List, table: &[f32], columns: usize, part_of_light: usize) {
+    fn large(&mut self, patches: &Patches, (list, table): (&List, &[f32]), number: usize) {
+        let columns = patches.columns;
         for (Hit { voxel, shares, values, part }, column) in list.with_columns() {
             let (from, to) = fours(column, columns, self.layout.side);
-            let values = &self.values[values + from + part_of_light * self.layout.width..];
+            let values = &self.values[values + from + number * self.layout.width..];
             let shares = large_row(&table[shares..], columns, from..to.max(from), part);
             self.sums[voxel].x += values.iter().zip(shares).map(|(value, share)| value * share).sum::<f32>();
         }
@@ -252,11 +253,7 @@ impl Taker for Gather<'_> {
         match patches.columns {
             4 => self.narrow::<1>(patches, hits),
             8 => self.narrow::<2>(patches, hits),
-            columns => {
-                self.large(&hits.all, &patches.shares, columns, 0);
-                self.large(&hits.cut, &patches.moments[0], columns, 1);
-                self.large(&hits.cut, &patches.moments[1], columns, 2);
-            }
+            _ => large_parts(patches, hits).into_iter().enumerate().for_each(|(n, part)| self.large(patches, part, n)),
         }
         self.weigh(patches, hits);
     }

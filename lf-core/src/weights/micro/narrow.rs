@@ -29,8 +29,6 @@ pub(super) struct Narrow<'a> {
     pub(super) wanted: &'a Wanted<'a>,
     /// How rays bend near the segment; None if they are straight.
     pub(super) node: Option<&'a Node>,
-    /// 1 over the usual slope; see [`super::array::Array::usual_slope`].
-    pub(super) per_slope: f32,
     /// Whether the machine has AVX2.
     pub(super) is_avx2: bool,
 }
@@ -126,7 +124,7 @@ impl Narrow<'_> {
             let [constant, by_x, by_y, by_square] = node.width;
             constant + by_x * u + by_y * v + by_square * (u * u + v * v)
         });
-        let class = (slope * self.per_slope * by_bend - patches.least_width) * patches.per_width;
+        let class = (slope * slice.per_slope * by_bend - patches.least_width) * patches.per_width;
         (class + 0.5).clamp(0.0, (patches.classes - 1) as f32) as i32
     }
 }

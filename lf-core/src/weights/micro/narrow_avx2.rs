@@ -219,7 +219,7 @@ impl Narrow<'_> {
         let Self { array, slice, patches, .. } = *self;
         let all = |value: f32| _mm256_set1_ps(value);
         let refocus = _mm256_mul_ps(load(&array.refocus, first), all(slice.alpha));
-        let mut width = _mm256_mul_ps(_mm256_sub_ps(load(&array.per_mm, first), refocus), all(self.per_slope));
+        let mut width = _mm256_mul_ps(_mm256_sub_ps(load(&array.per_mm, first), refocus), all(slice.per_slope));
         if let Some(node) = self.node {
             let [constant, by_x, by_y, by_square] = node.width.map(all);
             let square = _mm256_add_ps(_mm256_mul_ps(*u, *u), _mm256_mul_ps(*v, *v));

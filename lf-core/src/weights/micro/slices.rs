@@ -7,6 +7,7 @@ use super::stop::Stop;
 use super::wide::{Wide, round_blur};
 use crate::weights::{blur::Blur, geometry::Geometry};
 use glam::DVec2;
+use std::sync::Arc;
 
 /// A patch is no wider than this, px; nearer focus counts as so far from it.
 const WIDEST_PX: f64 = 2000.0;
@@ -28,11 +29,13 @@ const MOST_CLASSES: usize = 24;
 #[derive(Debug, Clone)]
 pub(super) struct SliceLight {
     /// None if rays run straight.
-    pub(super) bend: Option<Bend>,
+    pub(super) bend: Option<Arc<Bend>>,
     /// Spread on the array per length of the aperture; not 0.
     pub(super) alpha: f32,
     /// mm of the stop for a mm on the array.
     pub(super) per_alpha: f32,
+    /// 1 over the usual slope; see [`Array::usual_slope`].
+    pub(super) per_slope: f32,
     /// Beyond this distance from the chief ray a lenslet's centre is not lit, mm of the array.
     pub(super) reach_mm: f64,
     /// The farthest that light through a lenslet passes the stop from the ray through the lenslet's centre, mm.
@@ -140,9 +143,8 @@ impl<'a> Outline<'a> {
 }
 
 impl SliceLight {
-    pub(super) fn new(geometry: &Geometry, array: &Array, stop: Stop, z: usize) -> Self {
-        let bend = geometry.optics.bends().then(|| Bend::new(geometry, z));
-        let outline = Outline::new(geometry, array, z, bend.as_ref());
+    pub(super) fn new(geometry: &Geometry, array: &Array, stop: Stop, z: usize, bend: Option<Arc<Bend>>) -> Self {
+        let outline = Outline::new(geometry, array, z, bend.as_deref());
         let half = geometry.optics.half_aperture_mm;
         let corner = geometry.corner();
         let cell = if geometry.has_round_stop { corner.length() } else { corner.max_element() };
@@ -160,6 +162,7 @@ impl SliceLight {
         Self {
             alpha: alpha as f32,
             per_alpha: (1.0 / alpha) as f32,
+            per_slope: (1.0 / array.usual_slope(f64::from(alpha as f32))) as f32,
             reach_mm: cell + bend.as_ref().map_or(alpha.abs() * half, |bend| bend.reach),
             reach_stop: (cell / alpha.abs() * outline.by_bend[1]) as f32,
             slack: (2.0 * departs * usual.abs()) as f32,
@@ -170,10 +173,9 @@ impl SliceLight {
     }
 
     /// Foretells the bytes of a slice.
-    pub(super) fn foretold_bytes(geometry: &Geometry, array: &Array, z: usize) -> usize {
-        let bend = geometry.optics.bends().then(|| Bend::new(geometry, z));
-        let outline = Outline::new(geometry, array, z, bend.as_ref());
-        let nodes = bend.as_ref().map_or(0, Bend::bytes);
+    pub(super) fn foretold_bytes(geometry: &Geometry, array: &Array, z: usize, bend: Option<&Bend>) -> usize {
+        let outline = Outline::new(geometry, array, z, bend);
+        let nodes = bend.map_or(0, Bend::bytes);
         if outline.is_wide {
             return nodes;
         }

@@ -188,7 +188,6 @@ impl<'a> Beam<'a> {
             farthest2: (stop.half_mm + slice.reach_stop).powi(2),
             wanted,
             node,
-            per_slope: (1.0 / array.usual_slope(f64::from(slice.alpha))) as f32,
             is_avx2: Level::detect() >= Level::Avx2,
         })
     }
