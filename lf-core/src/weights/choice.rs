@@ -128,6 +128,11 @@ impl Weights {
         if let OneByOne::Lenslets(lenslets) = &micro.one_by_one { Some(lenslets) } else { None }
     }
 
+    /// Whether [`Weights::runs`] finds the rows of each lenslet's image of a voxel, so that few pixels come twice.
+    pub fn finds_runs(&self) -> bool {
+        self.lenslets().is_some()
+    }
+
     /// Bytes of the tables that are made when first used, in all slices except those nearest focus.
     pub fn table_bytes(&self) -> u64 {
         self.lenslets().map_or(0, Lenslets::table_bytes)

@@ -5,7 +5,7 @@ use super::{
     micro::MicroWeights,
     plane::{Plane, keep},
     profiles::ProfileWeights,
-    stored,
+    stored::Stored,
 };
 use lf_core::Weights;
 use lf_core::weights::{Path, RowSet};
@@ -41,16 +41,16 @@ impl Storage {
         }
         if let Path::Micro(micro) = &weights.path {
             let most_bytes = haze_bytes(max_bytes);
-            let count = stored::count_weights(weights, indices);
-            let kept = VoxelWeights::foretold_bytes(weights, indices, count, most_bytes);
-            if stored::fits(count, most_bytes) {
+            let bytes = Stored::foretold_bytes(weights, indices, subsets);
+            let kept = VoxelWeights::foretold_bytes(weights, indices.len(), bytes, most_bytes);
+            if bytes <= most_bytes {
                 return (Self::Kept, kept);
             }
             return (Self::Tables, MicroWeights::foretold_bytes(micro, subsets) + kept);
         }
-        let count = stored::count_weights(weights, indices);
-        let storage = if stored::fits(count, kept_bytes(max_bytes)) { Self::Kept } else { Self::Remade };
-        (storage, VoxelWeights::foretold_bytes(weights, indices, count, kept_bytes(max_bytes)))
+        let (bytes, most_bytes) = (Stored::foretold_bytes(weights, indices, subsets), kept_bytes(max_bytes));
+        let storage = if bytes <= most_bytes { Self::Kept } else { Self::Remade };
+        (storage, VoxelWeights::foretold_bytes(weights, indices.len(), bytes, most_bytes))
     }
 }
 
@@ -82,8 +82,8 @@ impl<'a> Haze<'a> {
     /// The weights of all voxels that are left, if they fit.
     fn kept(&self) -> Option<VoxelWeights<'a>> {
         let Self { weights, indices, subsets, most_bytes } = self;
-        let count = stored::count_weights(weights, indices);
-        stored::fits(count, *most_bytes).then(|| VoxelWeights::new(weights, indices, *subsets, *most_bytes))
+        let bytes = Stored::foretold_bytes(weights, indices, *subsets);
+        (bytes <= *most_bytes).then(|| VoxelWeights::new(weights, indices, *subsets, *most_bytes))
     }
 }
 

@@ -6,6 +6,7 @@ mod kernel;
 #[cfg(target_arch = "x86_64")]
 mod kernel_avx2;
 mod kernel_portable;
+mod lister;
 mod micro;
 mod plane;
 mod profile_sums;
