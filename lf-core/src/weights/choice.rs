@@ -62,7 +62,10 @@ impl Weights {
         };
         let path = match model {
             Model::Sphere => Path::Sphere(Sphere::new(camera, geometry)),
-            _ if aligned.is_some() => Path::Aligned(Aligned { geometry }),
+            _ if aligned.is_some() => {
+                let lenslets = (model == Model::Exact).then(|| Lenslets::new(geometry.clone()));
+                Path::Aligned(Aligned { geometry, lenslets })
+            }
             Model::Drt { .. } => Path::Pieces(Pieces { geometry }),
             Model::Exact => Path::Micro(Box::new(Micro::new(geometry))),
         };
@@ -124,8 +127,14 @@ impl Weights {
     /// The tables of a lenslet's image of a voxel, where the path looks weights up.
     #[inline(always)]
     fn lenslets(&self) -> Option<&Lenslets> {
-        let Path::Micro(micro) = &self.path else { return None };
-        if let OneByOne::Lenslets(lenslets) = &micro.one_by_one { Some(lenslets) } else { None }
+        match &self.path {
+            Path::Aligned(aligned) => aligned.lenslets.as_ref(),
+            Path::Micro(micro) => match &micro.one_by_one {
+                OneByOne::Lenslets(lenslets) => Some(lenslets),
+                OneByOne::Bent(_) => None,
+            },
+            _ => None,
+        }
     }
 
     /// Whether [`Weights::runs`] finds the rows of each lenslet's image of a voxel, so that few pixels come twice.

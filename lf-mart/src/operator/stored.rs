@@ -22,7 +22,7 @@ const VOXELS: usize = 1 << 8;
 const BATCH: usize = 32;
 
 /// Pixels of a run.
-pub(super) const LANES: usize = 8;
+pub(super) const LANES: usize = 4;
 
 /// Pixels of a row side by side, and the shares of a voxel's light on them.
 #[derive(Debug, Clone, Copy)]
@@ -246,8 +246,8 @@ impl Stored {
             let shares = run.shares.map(f32::from);
             (0..LANES).for_each(|n| sums[n] += shares[n] * values[n]);
         }
-        let [a, b, c, d, e, f, g, h] = sums;
-        let sum = ((a + b) + (c + d)) + ((e + f) + (g + h));
+        let [a, b, c, d] = sums;
+        let sum = (a + b) + (c + d);
         (self.0.units[voxel] * sum, subset.sums[voxel])
     }
 }
