@@ -22,6 +22,8 @@ pub(crate) use choice::{Operator, Storage};
 #[cfg(test)]
 pub(crate) use micro::MicroWeights;
 pub(crate) use plane::{Plane, keep};
+#[cfg(test)]
+pub(crate) use profiles::ProfileWeights;
 pub(crate) use stored::count_weights;
 #[cfg(test)]
 pub(crate) use voxels::VoxelWeights;
