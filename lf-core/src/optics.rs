@@ -320,6 +320,23 @@ impl Optics {
         self.sensor_from_array(self.array_from_object(object_mm, z_mm, aperture_mm), aperture_mm)
     }
 
+    /// Half sides of the part of the array that the sensor sees, mm: the image of the stop under a lenslet farther from
+    /// the axis lies beside the sensor.
+    pub(crate) fn seen_mm(&self) -> DVec2 {
+        self.pixel_pitch_mm * self.middle_px() + self.demagnification * self.half_aperture_mm
+    }
+
+    /// The centres, mm, of the lenslets within `reach_mm` of a point of the array, without those that the sensor does not
+    /// see; a few more of both.
+    pub(crate) fn lenslets_seen(&self, point_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = DVec2> + '_ {
+        let seen = self.seen_mm() + self.lattice.period_y_mm();
+        let (low, high) = ((point_mm - reach_mm).max(-seen), (point_mm + reach_mm).min(seen));
+        let is_clipped = low != point_mm - reach_mm || high != point_mm + reach_mm;
+        let (point_mm, reach_mm) =
+            if is_clipped { (0.5 * (low + high), 0.5 * (high - low)) } else { (point_mm, reach_mm) };
+        self.lattice.lenslets_within(point_mm, reach_mm).map(|(_, _, centre)| centre)
+    }
+
     /// Where the axis meets the sensor, px.
     #[inline]
     pub(crate) fn middle_px(&self) -> DVec2 {

@@ -116,6 +116,9 @@ impl CellShares {
 }
 
 impl Bent {
+    /// Bytes of a slice before its table is made.
+    pub(super) const LIST_BYTES: usize = size_of::<OnceLock<CellShares>>();
+
     pub(super) fn new(geometry: Geometry) -> Self {
         let count = SECTIONS_PER_PIXEL * geometry.sections;
         let side = 2.0 * geometry.optics.half_aperture_mm / count as f64;

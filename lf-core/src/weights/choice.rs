@@ -69,6 +69,11 @@ impl Weights {
         Ok(Self { path, reason })
     }
 
+    /// Bytes of the lists of slices that [`Weights::choose`] makes before any weight, at most.
+    pub fn list_bytes(grid: &Grid) -> u64 {
+        (Micro::LIST_BYTES as u64).saturating_mul(grid.shape[2] as u64)
+    }
+
     /// The grid.
     #[inline]
     pub fn grid(&self) -> &Grid {

@@ -37,7 +37,7 @@ impl Storage {
     /// Foretells [`Operator::new`]: the storage, and the bytes of the weights from a sample of voxels and slices.
     pub(crate) fn choose(weights: &Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> (Self, u64) {
         if let Path::Aligned(aligned) = &weights.path {
-            return (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices));
+            return (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices, subsets));
         }
         if let Path::Micro(micro) = &weights.path {
             let most_bytes = haze_bytes(max_bytes);
