@@ -52,7 +52,7 @@ impl<'a> Plan<'a> {
         let is_inside = indices.last().is_none_or(|last| *last < grid.len()) && u32::try_from(indices.len()).is_ok();
         let found = || format!("{} voxels, or one outside the grid", indices.len());
         Refusal::unless(is_inside, found, "wanted less than 2^32 voxels of the grid")?;
-        let lists = Weights::list_bytes(grid);
+        let lists = Weights::list_bytes(camera, grid, options.weights);
         Self::allow(lists, options, || format!("the lists of a {grid}"))?;
         let weights = Weights::choose(camera, grid, options.weights, options.basis)?;
         let (storage, weight_bytes) = match options.method {

@@ -277,50 +277,30 @@ fn every_shape_of_field_can_be_drawn() {
     }
 }
 
-/// Scar: windows with only the flanks of particle images had vectors of up to 2 voxels, taken as measured.
+/// Scar: windows with only the flanks of particle images had vectors of up to 2 voxels, taken as measured: flanks have
+/// one shape at many shifts, and rounding broke the tie. Their neighbours followed by half a voxel.
 #[test]
 fn a_volume_has_not_moved_against_itself() {
     for (seed, density) in [(1, 2.0), (2, 0.5), (3, 6.0)] {
         let [a, _] = scene::pair(&scene::grid([64; 3]), density / 16f64.powi(3), [0.9; 3], seed, |_| [0.0; 3]);
         for route in [Route::Auto, Route::Transform] {
             let options = Options::coarse_to_fine([32; 3], [16; 3], 0.75, [6; 3], Options::REFINE);
-            let mut bytes = Vec::new();
-            lf_core::volume::write(&mut bytes, &a.grid, &a.indices, &[("intensity", &a.intensity)], &Vec::new())
-                .unwrap();
-            std::fs::write(format!("/tmp/net/self-{seed}.lfv"), bytes).unwrap();
-            for repeats in [1, 2] {
-                let options = Options { route, repeats, ..options.clone() };
-                let field = correlate(&a.sparse(), &a.sparse(), &options).unwrap().field;
-                for n in 0..field.len() {
-                    let moved = [field.u[n], field.v[n], field.w[n]];
-                    if moved.iter().any(|m| m.abs() >= 0.02) {
-                        println!(
-                            "  r{repeats} {n} {:?} {moved:?} flag {} count {} ratio {} peak {}",
-                            field.place_mm(n),
-                            field.flag[n],
-                            field.count[n],
-                            field.ratio[n],
-                            field.peak[n]
-                        );
-                    }
-                }
-            }
             let field = correlate(&a.sparse(), &a.sparse(), &Options { route, ..options }).unwrap().field;
             let measured: Vec<usize> = (0..field.len()).filter(|n| field.flag[*n] == MEASURED).collect();
             assert!(measured.len() > field.len() / 4, "{seed}: {} of {}", measured.len(), field.len());
-            println!("{seed} {route:?}: {} measured of {}", measured.len(), field.len());
             for n in measured {
+                assert!(
+                    field.count[n] > 0.0 && field.ratio[n] > 1.0,
+                    "{seed} {n}: {} {}",
+                    field.count[n],
+                    field.ratio[n]
+                );
                 let moved = [field.u[n], field.v[n], field.w[n]];
-                if moved.iter().any(|m| m.abs() >= 0.02) || field.ratio[n] <= 1.0 || field.count[n] <= 0.0 {
-                    println!(
-                        "  {n} {:?} {moved:?} count {} ratio {} peak {} su {}",
-                        field.place_mm(n),
-                        field.count[n],
-                        field.ratio[n],
-                        field.peak[n],
-                        field.su[n]
-                    );
-                }
+                assert!(
+                    moved.iter().all(|moved| moved.abs() < 0.02),
+                    "{seed} {n}: {moved:?}, {} images",
+                    field.count[n]
+                );
             }
         }
     }

@@ -180,8 +180,11 @@ def chain(name, *keys, px=196, more="", prune=""):
 
 
 def sizes():
+    with open("middle.csv", "w") as file:
+        file.write("# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n0,0,0,0,0.3,20000\n")
     for px, what in [(1, "one pixel"), (14, "one lenslet"), (28, "2 x 2 lenslets"), (43, "3 lenslets and a pixel")]:
-        row("sensor", what, lambda: chain("small", "particles.count=1", "particles.per_lenslet=null", px=px))
+        row("sensor", what, lambda: chain("small", 'particles={"csv": "middle.csv", "sigma_px": 1.0, "rays": 20000}', "flow=null", px=px,
+                                           prune="--keep-all"))
     one = ['camera.sensor.pixel_pitch_mm=0.077', "particles.count=3", "particles.per_lenslet=null"]
     row("pixels under a lenslet", "1", lambda: chain("coarse", *one, px=14))
 
@@ -198,17 +201,17 @@ def optics():
             f"volume.z_mm=[-{deep},{deep}]", "particles.per_lenslet=0.2"))
 
 
-def single(name, place, more=""):
-    """One particle: the centre of the light found, against its place, in px of the focal plane and px of depth."""
+def single(name, place, rays=200000):
+    """One particle: the centre of the light found, against its place, px of the focal plane."""
     with open("one.csv", "w") as file:
         file.write("# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n")
         file.write(f"0,0,{place[0]},{place[1]},{place[2]},100000\n")
     x, y, z = place
-    keys = ['particles={"csv": "one.csv", "sigma_px": 1.0, "rays": 200000}', "flow=null", "frames=1",
+    keys = ['particles={"csv": "one.csv", "sigma_px": 1.0, "rays": RAYS}'.replace("RAYS", str(rays)), "flow=null", "frames=1",
             f"volume.x_mm=[{x - 0.1},{x + 0.1}]", f"volume.y_mm=[{y - 0.1},{y + 0.1}]",
             f"volume.z_mm=[{z - 0.5},{z + 0.5}]"]
     scene(name, *keys, px=392)
-    volume = lf.read_volume(reconstruct(name, more)[0])
+    volume = lf.read_volume(reconstruct(name)[0])
     assert finite(volume)
     values = volume.columns["intensity"].astype(float)
     nx, ny, _ = volume.grid.shape
@@ -228,9 +231,10 @@ def places():
     pitch = 0.077
     for lenslets in [1, 5, 20, 100, 300, 500, 600]:
         # The beam is alpha D wide: lenslets x pitch = |z| / f-number for m = 1 near focus.
-        z = lenslets * pitch * 4 * 2
-        z = -z / 2
-        row("one particle, lenslets that it lights along x, about", f"{lenslets}", lambda: single("at", (0.02, 0.01, z)))
+        z = -4 * lenslets * pitch
+        rays = min(200000 * lenslets, 40000000)
+        row("one particle, lenslets that it lights along x, about; the sensor has 28", f"{lenslets}",
+            lambda: single("at", (0.02, 0.01, z), rays))
 
 
 def crowds():

@@ -133,11 +133,11 @@ def fit():
 
 def xcorr():
     for camera in ["square", "hexagonal"]:
-        for side in [700, 1400]:
+        for side in [420, 840]:
             name = volumes(side, camera)
             pair = f"{name}/volume-0.lfv {name}/volume-1.lfv"
-            for words in ["", "--window 32,32,16 --initial 64,64,32", "--deform never", "--window 160,160,32 --overlap 0.9"]:
-                for threads in THREADS if side < 1400 else [2]:
+            for words in ["", "--window 64,64,16 --overlap 0.5", "--deform never", "--window 160,160,32 --overlap 0.9"]:
+                for threads in THREADS if side < 840 else [2]:
                     check(f"{camera}, {side} px {words}", f"lf-xcorr {pair} -o f.exr {words}", threads, True)
 
 

@@ -69,9 +69,10 @@ impl Weights {
         Ok(Self { path, reason })
     }
 
-    /// Bytes of the lists of slices that [`Weights::choose`] makes before any weight, at most.
-    pub fn list_bytes(grid: &Grid) -> u64 {
-        (Micro::LIST_BYTES as u64).saturating_mul(grid.shape[2] as u64)
+    /// Most bytes of the lists of slices that [`Weights::choose`] makes before any weight.
+    pub fn list_bytes(camera: &Camera, grid: &Grid, model: Model) -> u64 {
+        let has_lists = model == Model::Exact && camera.aligned().is_none();
+        if has_lists { (Micro::LIST_BYTES as u64).saturating_mul(grid.shape[2] as u64) } else { 0 }
     }
 
     /// The grid.

@@ -37,9 +37,9 @@ pub fn begin_folder(folder: &Path, names: &[String], session: &mut Session) -> R
     let mut old: Vec<String> = found.filter(|name| is_ours(name) && !names.contains(name)).collect();
     old.sort();
     if let Some(first) = old.first() {
-        let (name, count) = (io::output_name(&folder.join(first)), old.len());
-        session
-            .warn(format!("{name}: {count} files of another run stay in the folder; remove them or take a new folder"));
+        let others = if old.len() > 1 { format!(" and {} more", old.len() - 1) } else { String::new() };
+        let name = io::output_name(&folder.join(first));
+        session.warn(format!("{name}{others}: of another run; remove it or take a new folder"));
     }
     Ok(())
 }
