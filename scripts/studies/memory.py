@@ -107,7 +107,7 @@ def mart():
     for camera in CAMERAS:
         for side in [700, 1400]:
             name = volumes(side, camera)
-            for words in ["", "--basis blob", "--max-memory 0.4"]:
+            for words in ["", "--basis blob", "--max-memory 0.7"]:
                 for threads in THREADS if side < 1400 else [2]:
                     line = (f"lf-mart {name}/support-0.lfv -i {name}/frame-0000.exr -c {name}/camera.json "
                             f"--iterations 3 -o v.lfv {words}")

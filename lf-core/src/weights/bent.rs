@@ -134,7 +134,7 @@ impl Bent {
         let corner = self.geometry.corner();
         for section in &self.sections {
             let beam = beam(optics, place, z_mm, section.middle);
-            for (_, _, centre) in optics.lattice().lenslets_within(beam.array, shares.half) {
+            for centre in optics.lenslets_seen(beam.array, shares.half) {
                 let light = section.share * shares.at(beam.array - centre);
                 if light >= LEAST {
                     self.share_out(light, self.image_px(&beam, centre, corner), &wanted, &mut found);
