@@ -89,7 +89,18 @@ def row(topic, value, work):
     except Refused as refused:
         answer = "refused: " + re.sub(r"(?<=[0-9]{5})[0-9]+", "", str(refused))[:150]
     rows.append((topic, value, answer))
-    print(f"| {topic} | {value} | {answer} |", flush=True)
+    print(f"{topic}: {value}: {answer}", file=sys.stderr, flush=True)
+
+
+def table():
+    """One row a topic: each value with its answer; finite answers do not say so."""
+    print("| what | value: answer, `-` if refused with a line |\n| --- | --- |")
+    for topic in dict.fromkeys(topic for topic, _, _ in rows):
+        answers = []
+        for _, value, answer in (row for row in rows if row[0] == topic):
+            short = "-" if answer.startswith("refused") else answer.removeprefix("finite; ")
+            answers.append(f"{value}: {short}")
+        print(f"| {topic} | {'; '.join(answers)} |")
 
 
 def intensities():
@@ -109,8 +120,8 @@ def intensities():
             peak = max(wanted.values())
             off = max(abs(found.get(k, 0) - wanted.get(k, 0)) for k in {*found, *wanted}) / peak
             assert finite(volume)
-            return f"finite; off by {off:.1e} of the brightest voxel at most"
-        row("brightest pixel of a frame, counts", f"{brightest:g}", work)
+            return f"finite; {off:.0e}"
+        row("brightest pixel of a frame, counts: largest error of a voxel over the brightest", f"{brightest:g}", work)
 
 
 def gains():
@@ -130,8 +141,8 @@ def gains():
             good = (found[1] == 0) & (fields["first"][1] == 0)
             off = np.abs(found[0] - fields["first"][0])[:, good].max()
             error = np.sqrt(((found[0] - move[:, None])[:, good] ** 2).mean())
-            return f"finite; RMS {error:.3f} voxels against the truth, {off:.1e} against gain 1"
-        row("gain of the second volume", f"{gain:g}", work)
+            return f"finite; {error:.3f}, {off:.0e}"
+        row("gain of the second volume: RMS of the field, voxels; most against gain 1", f"{gain:g}", work)
 
 
 def sums():
@@ -147,9 +158,9 @@ def sums():
             found = json.loads(run("lf-validate quality many.lfv many.lfv"))
             exact = values.astype(np.float64).sum()
             plain = float(np.cumsum(values, dtype=np.float32)[-1])
-            return (f"sum off by {abs(found['volume_sum'] / exact - 1):.0e} (running f32 sum: "
-                    f"{abs(plain / exact - 1):.0e}); Q off by {abs(found['q'] - 1):.0e}")
-        row("sum over voxels", f"{count:.0e}", work)
+            return (f"finite; {abs(found['volume_sum'] / exact - 1):.0e}, {abs(found['q'] - 1):.0e} "
+                    f"({abs(plain / exact - 1):.0e})")
+        row("voxels of a volume: error of its sum and of Q, both 64 bits (of a sum in 32 bits)", f"{count:.0e}", work)
 
 
 def solver():
@@ -161,42 +172,43 @@ def solver():
                 prune = "--threshold 0.05" if method == "mart" else ""
                 volume, counts = reconstruct("solve", f"--method {method} --relaxation {mu} --iterations 20", prune=prune)
                 assert finite(lf.read_volume(volume))
-                return f"finite; Q {quality('solve', volume)['q']:.3f}, misfit {counts['misfit']:.3f}"
-            row(f"relaxation, --method {method}", f"{mu:g}", work)
+                return f"finite; {quality('solve', volume)['q']:.3f}, {counts['misfit']:.3f}"
+            row(f"relaxation with --method {method}: Q, misfit", f"{mu:g}", work)
     for sweeps in [1, 10, 100, 1000, 100000]:
         def work():
             scene("tiny", "particles.count=2", "particles.per_lenslet=null", px=56)
             volume, counts = reconstruct("tiny", f"--iterations {sweeps} --until never")
             assert finite(lf.read_volume(volume))
-            return f"finite; Q {quality('tiny', volume)['q']:.3f}, misfit {counts['misfit']:.3f}"
-        row("sweeps of the default method", f"{sweeps}", work)
+            return f"finite; {quality('tiny', volume)['q']:.3f}, {counts['misfit']:.3f}"
+        row("sweeps, two particles: Q, misfit", f"{sweeps}", work)
 
 
 def chain(name, *keys, px=196, more="", prune=""):
     scene(name, *keys, px=px)
     volume, counts = reconstruct(name, more, prune=prune)
     assert finite(lf.read_volume(volume))
-    return f"finite; Q {quality(name, volume)['q']:.3f}, misfit {counts['misfit']:.3f}"
+    return f"finite; {quality(name, volume)['q']:.3f}, {counts['misfit']:.3f}"
 
 
 def sizes():
     with open("middle.csv", "w") as file:
         file.write("# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n0,0,0,0,0.3,20000\n")
     for px, what in [(1, "one pixel"), (14, "one lenslet"), (28, "2 x 2 lenslets"), (43, "3 lenslets and a pixel")]:
-        row("sensor", what, lambda: chain("small", 'particles={"csv": "middle.csv", "sigma_px": 1.0, "rays": 20000}', "flow=null", px=px,
+        one = 'particles={"csv": "middle.csv", "sigma_px": 1.0, "rays": 20000}'
+        row("sensor, one particle: Q, misfit", what, lambda: chain("small", one, "flow=null", px=px,
                                            prune="--keep-all"))
     one = ['camera.sensor.pixel_pitch_mm=0.077', "particles.count=3", "particles.per_lenslet=null"]
-    row("pixels under a lenslet", "1", lambda: chain("coarse", *one, px=14))
+    row("pixels under a lenslet: Q, misfit", "1", lambda: chain("coarse", *one, px=14))
 
 
 def optics():
     for number in [0.5, 1, 1.4, 2, 4, 8, 16, 32, 100, 1000]:
-        row("f-number, lenslets to match", f"{number:g}", lambda: chain(
+        row("f-number of lens and lenslets: Q, misfit", f"{number:g}", lambda: chain(
             "stop", f"{OPTICS}working_f_number={number}", f"camera.microlenses.focal_length_mm={0.077 * number}",
             "particles.per_lenslet=0.2"))
     for m in [0.01, 0.05, 0.1, 0.5, 1, 2, 10, 50, 100]:
         half, deep = 0.539 / m, 2 / m ** 1.5 if m < 1 else 2 / m
-        row("magnification", f"{m:g}", lambda: chain(
+        row("magnification: Q, misfit", f"{m:g}", lambda: chain(
             "lens", f"{OPTICS}magnification={m}", f"volume.x_mm=[-{half},{half}]", f"volume.y_mm=[-{half},{half}]",
             f"volume.z_mm=[-{deep},{deep}]", "particles.per_lenslet=0.2"))
 
@@ -220,34 +232,35 @@ def single(name, place, rays=200000):
     centre = [volume.grid.origin_mm[a] + volume.grid.spacing_mm[a] * (values * voxel[a]).sum() / values.sum()
               for a in range(3)]
     off = [(c - p) / 0.0055 for c, p in zip(centre, place)]
-    return "finite; centre of its light off by " + ", ".join(f"{o:.2f}" for o in off) + " px in x, y, z"
+    return "finite; " + ", ".join(f"{o:.2f}" for o in off)
 
 
 def places():
-    row("one particle", "in the focal plane", lambda: single("at", (0, 0, 0)))
-    row("one particle", "0.01 px of depth from it", lambda: single("at", (0.01, -0.02, 0.00005)))
+    row("one particle: error of x, y, z, px", "in the focal plane", lambda: single("at", (0, 0, 0)))
+    row("one particle: error of x, y, z, px", "0.01 px of depth from it", lambda: single("at", (0.01, -0.02, 0.00005)))
     for x in [1.0, 1.07, 1.078, 1.1]:
-        row("one particle, sensor ends at 1.078 mm", f"x {x} mm, in focus", lambda: single("at", (x, 0, 0)))
+        row("one particle near the sensor's end at 1.078 mm: error of x, y, z, px", f"x {x} mm, in focus",
+            lambda: single("at", (x, 0, 0)))
     pitch = 0.077
     for lenslets in [1, 5, 20, 100, 300, 500, 600]:
         # The beam is alpha D wide: lenslets x pitch = |z| / f-number for m = 1 near focus.
         z = -4 * lenslets * pitch
         rays = min(200000 * lenslets, 40000000)
-        row("one particle, lenslets that it lights along x, about; the sensor has 28", f"{lenslets}",
+        row("one particle that lights so many lenslets along x, on a sensor of 28: error of x, y, z, px", f"{lenslets}",
             lambda: single("at", (0.02, 0.01, z), rays))
 
 
 def crowds():
-    row("particles a lenslet", "0", lambda: chain("crowd", "particles.count=0", "particles.per_lenslet=null"))
+    row("particles a lenslet: Q, misfit", "0", lambda: chain("crowd", "particles.count=0", "particles.per_lenslet=null"))
     for density in [0.01, 0.1, 0.5, 1, 2, 5, 10]:
-        row("particles a lenslet", f"{density}", lambda: chain("crowd", f"particles.per_lenslet={density}"))
+        row("particles a lenslet: Q, misfit", f"{density}", lambda: chain("crowd", f"particles.per_lenslet={density}"))
     for noise in [0, 1, 10, 100, 1000, 10000]:
         key = f'sensor_noise={{"dark_counts": 0, "read_noise_electrons": {noise}}}'
-        row("read noise, electrons; brightest pixel of some hundred", f"{noise}", lambda: chain(
+        row("read noise, electrons; brightest pixel of some hundred: Q, misfit", f"{noise}", lambda: chain(
             "noisy", "particles.per_lenslet=0.1", "particles.intensity=20000", "frames=1", key))
     for well in [1e9, 1000, 100, 10, 1]:
         key = f'sensor_noise={{"dark_counts": 0, "read_noise_electrons": 1, "full_well_electrons": {well}}}'
-        row("full well, electrons; brightest pixel of some hundred", f"{well:g}", lambda: chain(
+        row("full well, electrons; brightest pixel of some hundred: Q, misfit", f"{well:g}", lambda: chain(
             "full", "particles.per_lenslet=0.1", "particles.intensity=20000", "frames=1", key))
 
 
@@ -265,15 +278,15 @@ def windows():
         good = flag == 0
         assert np.isfinite(found[:, flag != 2]).all()
         if not good.any():
-            return f"finite; none of {flag.size} vectors measured"
+            return "finite; none"
         error = np.sqrt(((found - move[:, None])[:, good] ** 2).mean())
-        return f"finite; {good.mean():.0%} of {flag.size} measured, RMS {error:.3f} voxels"
+        return f"finite; {good.mean():.0%}, {error:.3f}"
 
     for side in [1, 2, 3, 5, 8, 12, 16, 24, 32, 48, 64, 65]:
-        row("side of a window, voxels; volume of 64", f"{side}", lambda: field(
+        row("side of a window, voxels, in a volume of 64: measured, RMS in voxels", f"{side}", lambda: field(
             [0.6, -0.4, 0.3], f"--window {side},{side},{side} --overlap 0.5"))
     for move in [0, 0.01, 0.5, 2, 6, 12, 18, 24, 31]:
-        row("displacement, voxels; window of 32", f"{move}", lambda: field(
+        row("displacement, voxels, window of 32: measured, RMS in voxels", f"{move}", lambda: field(
             [move, 0, 0], "--window 32,32,32 --initial 32,32,32 --search 32,8,8 --overlap 0.5"))
 
 
@@ -281,6 +294,6 @@ TOPICS = {"intensities": intensities, "gains": gains, "sums": sums, "solver": so
           "places": places, "crowds": crowds, "windows": windows}
 
 if __name__ == "__main__":
-    print("| what | value | answer |\n| --- | ---: | --- |")
     for topic in sys.argv[1:] or TOPICS:
         TOPICS[topic]()
+    table()

@@ -105,10 +105,10 @@ def prune():
 
 def mart():
     for camera in CAMERAS:
-        for side in [700, 1400]:
+        for side in [420, 840]:
             name = volumes(side, camera)
             for words in ["", "--basis blob", "--max-memory 0.7"]:
-                for threads in THREADS if side < 1400 else [2]:
+                for threads in THREADS if side < 840 else [2]:
                     line = (f"lf-mart {name}/support-0.lfv -i {name}/frame-0000.exr -c {name}/camera.json "
                             f"--iterations 3 -o v.lfv {words}")
                     check(f"{camera}, {side} px {words}", line, threads, True)
@@ -122,10 +122,10 @@ def mart():
 
 
 def fit():
-    for camera in CAMERAS:
-        for side in [700, 1400]:
+    for camera in ["square", "turned", "hexagonal"]:
+        for side in [280, 420]:
             name = volumes(side, camera)
-            for threads in THREADS if side < 1400 else [2]:
+            for threads in THREADS if side < 420 else [2]:
                 line = (f"lf-fit {name}/volume-0.lfv -i {name}/frame-0000.exr -c {name}/camera.json --rounds 1 "
                         f"--particles p.csv")
                 check(f"{camera}, {side} px", line, threads, True)
