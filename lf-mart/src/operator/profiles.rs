@@ -187,7 +187,7 @@ impl ProfileWeights {
         let profiles = (nx as f64 * nz as f64).min(indices.len() as f64);
         let lines = (ny as f64 * nz as f64).min(indices.len() as f64);
         let bytes = profiles * (columns * tap as f64 + 12.0) + lines * rows * row as f64;
-        // Of every line, lit or not: its first voxel, the starts of its subsets, and its sum.
+        // Every line, lit or not, has its first voxel, the starts of its subsets, and its sum.
         let all_lines = (4 + 2 * (4 * (subsets + 1) + 4)) as f64 * ny as f64 * nz as f64;
         let bands = aligned.sensor_px()[1].min(2 * LEAST_BANDS);
         let lists = (size_of::<ColumnProfiles>() + size_of::<SliceRows>() + bands * size_of::<Range<u32>>()) as f64;
