@@ -277,7 +277,8 @@ fn every_shape_of_field_can_be_drawn() {
     }
 }
 
-/// Scar: windows with only the flanks of particle images had vectors of up to 2 voxels, taken as measured.
+/// Scar: windows with only the flanks of particle images had vectors of up to 2 voxels, taken as measured: flanks have
+/// one shape at many shifts, and rounding broke the tie. Their neighbours followed by half a voxel.
 #[test]
 fn a_volume_has_not_moved_against_itself() {
     for (seed, density) in [(1, 2.0), (2, 0.5), (3, 6.0)] {
@@ -295,10 +296,8 @@ fn a_volume_has_not_moved_against_itself() {
                     field.ratio[n]
                 );
                 let moved = [field.u[n], field.v[n], field.w[n]];
-                // Flanks of other images, cut by the window's side, weigh less among several images.
-                let most = if field.count[n] > 1.0 { 0.1 } else { 1.0 };
                 assert!(
-                    moved.iter().all(|moved| moved.abs() < most),
+                    moved.iter().all(|moved| moved.abs() < 0.02),
                     "{seed} {n}: {moved:?}, {} images",
                     field.count[n]
                 );

@@ -72,6 +72,12 @@ impl Weights {
         Ok(Self { path, reason })
     }
 
+    /// Most bytes of the lists of slices that [`Weights::choose`] makes before any weight.
+    pub fn list_bytes(camera: &Camera, grid: &Grid, model: Model) -> u64 {
+        let has_lists = model == Model::Exact && camera.aligned().is_none();
+        if has_lists { (Micro::LIST_BYTES as u64).saturating_mul(grid.shape[2] as u64) } else { 0 }
+    }
+
     /// The grid.
     #[inline]
     pub fn grid(&self) -> &Grid {

@@ -37,7 +37,7 @@ impl Storage {
         let bytes = Stored::foretold_bytes(weights, indices, subsets);
         let kept = |most_bytes| VoxelWeights::foretold_bytes(weights, indices.len(), bytes, most_bytes);
         let haze = match &weights.path {
-            Path::Aligned(aligned) => (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices)),
+            Path::Aligned(aligned) => (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices, subsets)),
             Path::Micro(micro) => (Self::Tables, MicroWeights::foretold_bytes(micro, subsets)),
             _ => {
                 let most_bytes = kept_bytes(max_bytes);

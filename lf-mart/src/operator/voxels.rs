@@ -13,9 +13,9 @@ const BLOCKS: usize = 8;
 /// Voxels that a thread takes at once.
 const RUN: usize = 1 << 12;
 
-/// Weights are kept once they take no more than this part of the memory allowed. Making them anew takes ten to a
-/// hundred times as long.
-const KEPT_PART: f64 = 0.8;
+/// Weights are kept once they take no more than this part of the memory allowed: the rest is for voxels and images, and
+/// for a sample that errs by a quarter. Making them anew takes ten to a hundred times as long.
+const KEPT_PART: f64 = 0.6;
 
 pub(super) fn kept_bytes(max_bytes: u64) -> u64 {
     (KEPT_PART * max_bytes as f64) as u64

@@ -88,7 +88,8 @@ fn matrix(weights: &Weights, indices: &[u64], way: Way) -> Array2<f64> {
         let mut add = |column, row, weight| matrix[[row as usize * width + column as usize, n]] += weight;
         if way == Way::LookedUp {
             weights.runs(voxel, &mut scratch, RowSet::ALL, |row, first, share, columns| {
-                for (column, weight) in (first..).zip(columns) {
+                // Columns behind the sensor's last have no weight.
+                for (column, weight) in (first..).zip(columns).filter(|(_, weight)| **weight > 0.0) {
                     add(column, row, f64::from(share) * f64::from(*weight));
                 }
             });
