@@ -20,7 +20,7 @@ struct Block {
 }
 
 /// The image of a particle.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct SpotImage {
     /// The particle when it was rendered.
     pub(super) rendered: Spot,
@@ -54,6 +54,30 @@ impl SpotImage {
             #[inline(always)]
             || {
                 model.visit_places(spot.place_mm, scratch, |patch, pixels| image.take(window, patch, pixels, scale));
+            },
+        );
+        image
+    }
+
+    /// The same, with all quantities of the model shown to `each`, patch by patch.
+    pub(super) fn with_all(
+        model: &ParticleModel,
+        spot: &Spot,
+        pixel_mm: f64,
+        window: &Window,
+        scratch: &mut Scratch,
+        mut each: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+    ) -> Self {
+        let (blocks, pixels) = (Vec::with_capacity(BLOCKS), Vec::with_capacity(PIXELS));
+        let mut image = Self { rendered: *spot, step: [0.0; 3], factor: 1.0, blocks, pixels };
+        let scale = [spot.light, spot.light * pixel_mm];
+        fastest(
+            #[inline(always)]
+            || {
+                model.visit(spot.place_mm, scratch, |patch, pixels| {
+                    image.take(window, patch, pixels, scale);
+                    each(patch, pixels);
+                });
             },
         );
         image
