@@ -1,11 +1,13 @@
 //! A lenslet's image of a particle: the integral of the light on each pixel, and its derivatives.
 
 use super::beam::Beam;
-use super::cell_surface::{CellSurface, REACH_SIGMA};
+use super::cell_surface::{REACH_SIGMA, Tables};
+use super::cross::{Cross, Read};
 use super::lenslet_lines::LensletLine;
 use super::place::{Place, width};
 use super::rim::{self, Side};
 use super::spline::{Spline, Taps};
+use super::table::Table;
 use super::view::View;
 use glam::DVec2;
 
@@ -28,12 +30,35 @@ pub struct Patch {
     pub rows: u32,
 }
 
+/// What is known of places along both axes, with the derivatives of the places by m, alpha and the lattice's shift.
+type Lists<T> = [Vec<(T, [f64; 3])>; 2];
+
+/// A table with lists of its own among the buffers.
+pub(super) trait Listed: Table {
+    fn lists(scratch: &mut Scratch) -> &mut Lists<Self::Taps>;
+}
+
+impl Listed for Spline {
+    #[inline(always)]
+    fn lists(scratch: &mut Scratch) -> &mut Lists<Taps> {
+        &mut scratch.taps
+    }
+}
+
+impl Listed for Cross {
+    #[inline(always)]
+    fn lists(scratch: &mut Scratch) -> &mut Lists<Read> {
+        &mut scratch.reads
+    }
+}
+
 /// Buffers of a thread.
 #[derive(Debug, Default)]
 pub struct Scratch {
     edges: [Vec<Place>; 2],
     points: [Vec<Place>; 2],
-    taps: [Vec<(Taps, [f64; 3])>; 2],
+    taps: Lists<Taps>,
+    reads: Lists<Read>,
     lines: [Vec<[f64; QUANTITIES]>; 2],
     pixels: Vec<[f64; QUANTITIES]>,
 }
@@ -62,11 +87,12 @@ impl Scratch {
 }
 
 /// A particle, as lenslets see it.
-pub(super) struct LensletImage<'a> {
+pub(super) struct LensletImage<'a, T> {
     pub(super) view: &'a View,
     pub(super) beam: &'a Beam,
-    pub(super) surface: &'a CellSurface,
-    /// Size of the spot beyond the table's, mm.
+    pub(super) tables: &'a Tables<T>,
+    /// Size of the spot, and what it is beyond the tables', mm.
+    pub(super) spot_mm: f64,
     pub(super) more_mm: f64,
 }
 
@@ -117,7 +143,7 @@ impl Axis {
     }
 }
 
-impl LensletImage<'_> {
+impl<T: Listed> LensletImage<'_, T> {
     /// Fills the scratch's pixels with light and derivatives by m, alpha, the spot's size and the lattice's shift.
     #[inline(always)]
     pub(super) fn integrate<const N: usize>(
@@ -126,9 +152,8 @@ impl LensletImage<'_> {
         by_shift: f64,
         scratch: &mut Scratch,
     ) -> Option<Patch> {
-        let Self { view, beam, surface, .. } = *self;
+        let Self { view, beam, spot_mm: spot, .. } = *self;
         let half = view.optics.half_aperture_mm;
-        let spot = surface.sigma_mm + self.more_mm;
         let (chief, alpha) = beam.towards(line.centre, spot, half);
         let chief = chief - line.centre;
         let zero = line.zero + line.gamma * chief;
@@ -194,9 +219,9 @@ impl LensletImage<'_> {
     #[inline(always)]
     fn read<const N: usize>(
         &self,
-        table: &Spline,
-        x: &(Taps, [f64; 3]),
-        y: &(Taps, [f64; 3]),
+        table: &T,
+        x: &(T::Taps, [f64; 3]),
+        y: &(T::Taps, [f64; 3]),
         read: &mut [f64; QUANTITIES],
     ) -> [f64; 2] {
         let [value, by_x, by_y, by_size] = table.at::<N>(&x.0, &y.0, self.more_mm);
@@ -211,12 +236,13 @@ impl LensletImage<'_> {
     /// From the integral at the pixels' corners.
     #[inline(always)]
     fn by_corners<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2) {
-        let Scratch { edges, taps, lines, pixels, .. } = scratch;
-        let table = &self.surface.integral;
+        let mut taps = std::mem::take(T::lists(scratch));
+        let Scratch { edges, lines, pixels, .. } = scratch;
+        let table = &self.tables.integral;
         for axis in 0..2 {
             taps[axis].clear();
             for edge in &edges[axis] {
-                taps[axis].push((table.taps(axis, edge.x), edge.x_by));
+                taps[axis].push((table.taps(axis, edge.x, self.more_mm), edge.x_by));
             }
         }
         let turned = (edges[0][0].u < edges[0][1].u) != (edges[1][0].u < edges[1][1].u);
@@ -232,7 +258,7 @@ impl LensletImage<'_> {
             let y = &taps[1][row];
             for (x, corner) in taps[0].iter().zip(below.iter_mut()) {
                 // The integral is 0 up to the lower left of the cell.
-                if x.0.is_below || y.0.is_below {
+                if T::is_below(&x.0) || T::is_below(&y.0) {
                     *corner = [0.0; QUANTITIES];
                 } else {
                     self.read::<N>(table, x, y, corner);
@@ -270,19 +296,21 @@ impl LensletImage<'_> {
                 self.add::<N>(light, [column - 1, row - 1], cut, pixels);
             }
         }
+        *T::lists(scratch) = taps;
     }
 
     /// The integral over a pixel that the rim of a round stop crosses, strip by strip.
     #[inline(always)]
     fn by_strips<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], alpha: DVec2) {
-        let table = &self.surface.integral;
+        let table = &self.tables.integral;
         let (across, other) = rim::axes(x, y);
         rim::strips(self.view.optics.half_aperture_mm, x, y, alpha[across], |strip| {
             for (place, sign) in strip.along.iter().zip([1.0, -1.0]) {
                 for ((end, turn), side) in strip.ends.iter().zip(&strip.turn).zip([1.0, -1.0]) {
                     let (x, y) = if across == 0 { (end, place) } else { (place, end) };
-                    let taps = [(table.taps(0, x.x), x.x_by), (table.taps(1, y.x), y.x_by)];
-                    if taps.iter().any(|(taps, _)| taps.is_below) {
+                    let at = |axis: usize, place: &Place| (table.taps(axis, place.x, self.more_mm), place.x_by);
+                    let taps = [at(0, x), at(1, y)];
+                    if taps.iter().any(|(taps, _)| T::is_below(taps)) {
                         continue;
                     }
                     let mut corner = [0.0; QUANTITIES];
@@ -344,8 +372,9 @@ impl LensletImage<'_> {
     /// From the mean over the pixel at two by two points.
     #[inline(always)]
     fn by_points<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2, centre: DVec2) {
-        let Scratch { edges, points, taps, lines, pixels } = scratch;
-        let table = &self.surface.share;
+        let mut taps = std::mem::take(T::lists(scratch));
+        let Scratch { edges, points, lines, pixels, .. } = scratch;
+        let table = &self.tables.share;
         for axis in 0..2 {
             points[axis].clear();
             taps[axis].clear();
@@ -353,7 +382,7 @@ impl LensletImage<'_> {
                 for part in NODES {
                     let point = Place::between(&pair[0], &pair[1], part);
                     points[axis].push(point);
-                    taps[axis].push((table.taps(axis, point.x), point.x_by));
+                    taps[axis].push((table.taps(axis, point.x, self.more_mm), point.x_by));
                 }
             }
         }
@@ -403,6 +432,7 @@ impl LensletImage<'_> {
                 self.add::<N>(light, [column, row], cut, pixels);
             }
         }
+        *T::lists(scratch) = taps;
     }
 
     /// The cell's share along a ray, bent or straight, with derivatives by m, alpha, size and shift. Gives the growth of
@@ -416,7 +446,7 @@ impl LensletImage<'_> {
         centre: DVec2,
         read: &mut [f64; QUANTITIES],
     ) -> [f64; 2] {
-        let table = &self.surface.share;
+        let table = &self.tables.share;
         let half = self.view.optics.half_aperture_mm;
         let (mut hit, mut bend) = (DVec2::new(x.x, y.x), DVec2::ZERO);
         let mut growth = alpha;
@@ -428,7 +458,7 @@ impl LensletImage<'_> {
         }
         let taps = |axis: usize, place: &Place| {
             let by = std::array::from_fn(|n| place.x_by[n] + bend[axis] * place.u_by[n]);
-            (table.taps(axis, hit[axis]), by)
+            (table.taps(axis, hit[axis], self.more_mm), by)
         };
         let [by_x, by_y] = self.read::<N>(table, &taps(0, x), &taps(1, y), read);
         [by_x * growth.x, by_y * growth.y]

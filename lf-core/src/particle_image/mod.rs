@@ -25,6 +25,7 @@
 
 mod beam;
 mod cell_surface;
+mod cross;
 mod lenslet_image;
 mod lenslet_lines;
 mod model;
@@ -32,6 +33,7 @@ mod normal;
 mod place;
 mod rim;
 mod spline;
+mod table;
 #[cfg(test)]
 mod tests;
 mod view;
