@@ -101,6 +101,7 @@ pub(super) struct LensletImage<'a, T> {
 struct Axis {
     zero: f64,
     slope: f64,
+    per_slope: f64,
     kappa: f64,
     gamma: f64,
     /// m from the lenslet's centre, mm.
@@ -131,12 +132,12 @@ impl Axis {
     /// The place of pixel edge `edge`. A square stop ends at `half`.
     #[inline(always)]
     fn place(&self, edge: f64, alpha: f64, by_shift: f64, half: f64) -> Place {
-        let u = (self.zero - edge) / self.slope;
+        let per_slope = self.per_slope;
+        let u = (self.zero - edge) * per_slope;
         if u.abs() > half {
             let u = half.copysign(u);
             return Place { u, u_by: [0.0; 3], x: self.chief + alpha * u, x_by: [1.0, u, -1.0] };
         }
-        let per_slope = 1.0 / self.slope;
         let u_by = [self.gamma * per_slope, self.gamma * u * per_slope, (by_shift - self.gamma) * per_slope];
         let along = self.kappa * per_slope;
         Place { u, u_by, x: self.chief + alpha * u, x_by: [along, u * along, alpha * u_by[2] - 1.0] }
@@ -158,9 +159,11 @@ impl<T: Listed> LensletImage<'_, T> {
         let chief = chief - line.centre;
         let zero = line.zero + line.gamma * chief;
         let slope = line.kappa - line.gamma * alpha;
+        let slope = slope.map(|slope| if slope.abs() < 1e-9 { 1e-9 } else { slope });
         let axes = [0, 1].map(|n| Axis {
             zero: zero[n],
-            slope: if slope[n].abs() < 1e-9 { 1e-9 } else { slope[n] },
+            slope: slope[n],
+            per_slope: 1.0 / slope[n],
             kappa: line.kappa[n],
             gamma: line.gamma[n],
             chief: chief[n],
@@ -473,7 +476,9 @@ impl<T: Listed> LensletImage<'_, T> {
         cut: Cut,
         pixels: &mut [[f64; QUANTITIES]],
     ) {
-        let pixel = &mut pixels[row / cut.parts * cut.columns + column / cut.parts];
+        // Most lenslets have whole pixels; divisions take long.
+        let [column, row] = if cut.parts == 1 { [column, row] } else { [column, row].map(|n| n / cut.parts) };
+        let pixel = &mut pixels[row * cut.columns + column];
         for n in 0..N {
             pixel[n] += light[n];
         }

@@ -159,7 +159,7 @@ impl ParticleModel {
                 }
             }
             if let Some(patch) = image.integrate::<N>(line, self.lines.by_shift, scratch) {
-                to_place(beam, self.sigma_mm, scratch.pixels_mut());
+                to_place::<N>(beam, self.sigma_mm, scratch.pixels_mut());
                 found(patch, scratch.pixels());
             }
         }
@@ -174,10 +174,14 @@ impl ParticleModel {
 
 /// From derivatives by the beam (m, alpha, spot) to derivatives by the place and the size of the particle.
 #[inline(always)]
-fn to_place(beam: &Beam, sigma_mm: f64, pixels: &mut [[f64; QUANTITIES]]) {
+fn to_place<const N: usize>(beam: &Beam, sigma_mm: f64, pixels: &mut [[f64; QUANTITIES]]) {
     for pixel in pixels {
         let [light, mx, my, alpha, spot, shift_x, shift_y, _] = *pixel;
         let by = |axis: usize| beam.chief_by[axis].x * mx + beam.chief_by[axis].y * my + beam.alpha_by[axis] * alpha;
+        if N <= PLACES {
+            [pixel[1], pixel[2], pixel[3]] = [by(0), by(1), by(2)];
+            continue;
+        }
         let z = by(2) + sigma_mm * beam.beta_by_z * spot;
         *pixel = [light, by(0), by(1), z, beam.beta * spot, shift_x, shift_y, 0.0];
     }

@@ -83,6 +83,15 @@ impl SpotImage {
         image
     }
 
+    /// An image of single lines: first pixel and numbers.
+    #[cfg(test)]
+    pub(super) fn by_hand(lines: &[(usize, Vec<[f32; UNKNOWNS]>)]) -> Self {
+        let block =
+            |(start, pixels): &(usize, Vec<_>)| Block { start: *start as u32, columns: pixels.len() as u16, rows: 1 };
+        let pixels = lines.iter().flat_map(|(_, pixels)| pixels.iter().copied()).collect();
+        Self { factor: 1.0, blocks: lines.iter().map(block).collect(), pixels, ..Self::default() }
+    }
+
     /// The image after a small step from where it was rendered, by its derivatives, with another light.
     pub(super) fn moved(&self, spot: &Spot, step: [f64; 3]) -> Self {
         let factor = spot.light / self.rendered.light;

@@ -152,10 +152,13 @@ impl Normal {
         let size = UNKNOWNS * chosen.len();
         let mut matrix = vec![0.0; size * size];
         for (i, &a) in chosen.iter().enumerate() {
-            for (j, &b) in chosen.iter().enumerate() {
-                for row in 0..UNKNOWNS {
-                    for column in 0..UNKNOWNS {
-                        matrix[(i * UNKNOWNS + row) * size + j * UNKNOWNS + column] = self.at([a, b], [row, column]);
+            for (j, &b) in chosen.iter().enumerate().skip(i) {
+                let block = self.block(a, b);
+                for (row, line) in block.iter().enumerate() {
+                    for (column, value) in line.iter().enumerate() {
+                        let (row, column) = (i * UNKNOWNS + row, j * UNKNOWNS + column);
+                        matrix[row * size + column] = *value;
+                        matrix[column * size + row] = *value;
                     }
                 }
             }
@@ -163,14 +166,16 @@ impl Normal {
         matrix
     }
 
-    fn at(&self, [a, b]: [usize; 2], [row, column]: [usize; 2]) -> f64 {
+    /// The block in the rows of one particle and the columns of another.
+    fn block(&self, a: usize, b: usize) -> Matrix {
         let find = |a: usize, b: usize| self.beside[a].iter().find(|(other, _)| *other as usize == b);
         if a == b {
-            self.diagonal[a][row][column]
+            self.diagonal[a]
         } else if a < b {
-            find(a, b).map_or(0.0, |(_, block)| f64::from(block[row][column]))
+            find(a, b).map_or(Matrix::default(), |(_, block)| block.map(|row| row.map(f64::from)))
         } else {
-            find(b, a).map_or(0.0, |(_, block)| f64::from(block[column][row]))
+            let turned = self.block(b, a);
+            std::array::from_fn(|row| std::array::from_fn(|column| turned[column][row]))
         }
     }
 
@@ -312,6 +317,42 @@ pub(super) fn conjugate_gradients(normal: &Normal, right: &[Vector], damping: f6
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Three particles, one of which lights a pixel through two lenslets: the blocks are `J' W J`.
+    #[test]
+    fn blocks_are_the_products_of_the_derivatives() {
+        let pixel = |seed: usize| std::array::from_fn(|k| ((seed * 7 + k * 5) % 11) as f32 - 5.0);
+        let line = |start: usize, count: usize, seed: usize| (start, (0..count).map(|n| pixel(seed + n)).collect());
+        let images = [
+            SpotImage::by_hand(&[line(0, 3, 1), line(2, 2, 9)]),
+            SpotImage::by_hand(&[line(1, 3, 4)]),
+            SpotImage::by_hand(&[line(3, 1, 20), line(6, 2, 30)]),
+        ];
+        let mut buffers = Buffers::default();
+        buffers.fit(8);
+        buffers.paint(images.iter(), 8);
+        let weight = |n: usize| 0.5 + n as f32;
+        for n in 0..8 {
+            (buffers.weight[n], buffers.pull[n]) = (weight(n), n as f32 - 2.0);
+        }
+        let normal = Normal::new(images.iter(), 8, &mut buffers);
+        let mut jacobian = vec![[0f64; 12]; 8];
+        for (owner, image) in images.iter().enumerate() {
+            let mut add = |n: usize, by: &[f32; UNKNOWNS]| {
+                (0..UNKNOWNS).for_each(|k| jacobian[n][owner * UNKNOWNS + k] += f64::from(by[k]));
+            };
+            image.pixels(8, &mut add);
+        }
+        let dense = normal.dense(&[0, 1, 2]);
+        for a in 0..12 {
+            let pulled: f64 = (0..8).map(|n| jacobian[n][a] * (n as f64 - 2.0)).sum();
+            assert!((normal.gradient[a / UNKNOWNS][a % UNKNOWNS] - pulled).abs() < 1e-4);
+            for b in 0..12 {
+                let sum: f64 = (0..8).map(|n| jacobian[n][a] * jacobian[n][b] * f64::from(weight(n))).sum();
+                assert!((dense[a * 12 + b] - sum).abs() < 1e-3, "{a} {b}: {} for {sum}", dense[a * 12 + b]);
+            }
+        }
+    }
 
     /// By hand: two particles and their common block; conjugate gradients give the exact answer.
     #[test]

@@ -156,9 +156,9 @@ pub fn fit(
     work.shape(&mut told)?;
     let mut stirred = vec![true; work.cloud.tiles().len()];
     for round in 0..options.rounds {
-        let changes = work.round(round, &mut stirred);
+        let (changes, gain) = work.round(round, &mut stirred);
         work.find_noise();
-        work.tell("round", changes, 0.0, &mut told);
+        work.tell("round", changes, gain, &mut told);
         if round < SHAPE_ROUNDS {
             work.shape(&mut told)?;
             stirred.fill(true);
@@ -220,11 +220,9 @@ impl Work<'_> {
         let Some(mut sample) = self.sample() else { return Ok(()) };
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
         let (shape, std_px) = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
-        if std_px.iter().all(|std| std.is_finite()) {
-            self.shape_std_px = std_px;
-            self.cloud.is_whole.fill(false);
-            self.take_shape(shape)?;
-        }
+        self.shape_std_px = std_px;
+        self.cloud.is_whole.fill(false);
+        self.take_shape(shape)?;
         self.tell("size and drift", [0; 3], 0.0, told);
         Ok(())
     }
@@ -304,46 +302,52 @@ impl Work<'_> {
     }
 
     /// Runs a change in the tiles that are stirred, and notes which of them changed. Gives the changes of each kind that
-    /// were kept.
-    fn change(&mut self, stirred: &mut [bool], work: impl Fn(&mut Local) -> [usize; 3] + Sync) -> [usize; 3] {
+    /// were kept, and the fall of -2 log L that `work` tells.
+    fn change(
+        &mut self,
+        stirred: &mut [bool],
+        work: impl Fn(&mut Local) -> ([usize; 3], f64) + Sync,
+    ) -> ([usize; 3], f64) {
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
-        let mut sum = [0; 3];
+        let (mut sum, mut gain) = ([0; 3], 0.0);
         let task = |cloud: &Cloud, window: &mut Window, tile: &Tile, own: &[usize], buffers: &mut Buffers| {
             let mut local = Local::new(cloud, &setting, window, tile, own, buffers);
-            let counts = work(&mut local);
-            (counts, local.changed())
+            let done = work(&mut local);
+            (done, local.changed())
         };
         let mut has_changed = vec![false; stirred.len()];
+        type Done = (([usize; 3], f64), Changed);
         self.cloud.each_tile(
             &setting,
             |n| stirred[n],
             task,
-            |cloud, n, (counts, changed): ([usize; 3], Changed)| {
+            |cloud, n, ((counts, fall), changed): Done| {
                 has_changed[n] = counts != [0; 3];
                 sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+                gain += fall;
                 cloud.take(&changed);
             },
         );
         self.cloud.forget();
         stirred.copy_from_slice(&Cloud::stirred(&self.cloud.tiles(), &has_changed));
-        sum
+        (sum, gain)
     }
 
     /// Drop, split, add.
-    fn round(&mut self, round: usize, stirred: &mut [bool]) -> [usize; 3] {
+    fn round(&mut self, round: usize, stirred: &mut [bool]) -> ([usize; 3], f64) {
         let judge = self.judge();
         let candidates = std::mem::take(&mut self.candidates);
         let changes = self.change(stirred, |local| {
             let dropped = local.drop_weak(&judge, false);
-            local.fit(Ends { steps: 3, gain: SWEEP_GAIN });
+            let gain = local.fit(Ends { steps: 3, gain: SWEEP_GAIN });
             let split = local.split(&judge);
             let mut added = 0;
             if round < ADD_ROUNDS {
                 let mine: Vec<Spot> = candidates.iter().filter(|spot| local.holds(spot)).copied().collect();
                 added = local.add(&mine, &judge);
             }
-            local.fit(Ends { steps: 4, gain: SWEEP_GAIN });
-            [dropped, split, added]
+            let gain = gain + local.fit(Ends { steps: 4, gain: SWEEP_GAIN });
+            ([dropped, split, added], gain)
         });
         self.candidates = candidates;
         changes
@@ -362,13 +366,12 @@ impl Work<'_> {
         self.sweeps("fit", 1, 6, told);
         let judge = self.judge();
         let mut all = vec![true; self.cloud.tiles().len()];
-        let changes = self.change(&mut all, |local| {
+        let (changes, gain) = self.change(&mut all, |local| {
             let moved = local.scan(&judge);
             let dropped = local.drop_weak(&judge, true);
-            local.fit(Ends { steps: 8, gain: SWEEP_GAIN });
-            [dropped, 0, moved]
+            ([dropped, 0, moved], local.fit(Ends { steps: 8, gain: SWEEP_GAIN }))
         });
-        self.tell("scan", changes, 0.0, told);
+        self.tell("scan", changes, gain, told);
         self.find_noise();
         let gain = self.sweep(1, 8);
         self.tell("last fit", [0; 3], gain, told);

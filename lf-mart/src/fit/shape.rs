@@ -88,9 +88,8 @@ impl Sample<'_> {
         let mut model = shape.model(self.camera, setting.depth_mm)?;
         let mut state = self.state(&Setting { model: &model, ..*setting }, &mut buffers);
         let mut damping = DAMPING;
-        let mut known = [f64::INFINITY; SHAPES];
         for _ in 0..steps {
-            let Step { shape: step, moves, std } =
+            let Step { shape: step, moves, .. } =
                 self.step(&Setting { model: &model, ..*setting }, &state, damping, &mut buffers);
             if !step.iter().all(|step| step.is_finite()) {
                 damping *= MORE;
@@ -104,7 +103,7 @@ impl Sample<'_> {
             let next = self.state(&next_setting, &mut buffers);
             let gain = state.deviance - next.deviance;
             if gain > 0.0 {
-                (shape, model, state, known) = (next_shape, next_model, next, std);
+                (shape, model, state) = (next_shape, next_model, next);
                 damping = (damping * LESS).max(LEAST_DAMPING);
                 if gain < ENOUGH {
                     break;
@@ -117,7 +116,8 @@ impl Sample<'_> {
                 damping *= MORE;
             }
         }
-        Ok((shape, known))
+        let last = self.step(&Setting { model: &model, ..*setting }, &state, LEAST_DAMPING, &mut buffers);
+        Ok((shape, last.std))
     }
 
     /// Renders the particles.
