@@ -154,12 +154,23 @@ impl Local<'_, '_> {
         for (_, spot) in todo {
             // An earlier change may have moved it or cured it.
             let Some(n) = self.members.iter().position(|member| member.spot == spot) else { continue };
-            if bad(self, n).is_some() {
-                if self.split_one(n, judge) {
-                    count += 1;
-                } else {
-                    self.members[n].is_whole = true;
-                }
+            if bad(self, n).is_none() {
+                continue;
+            }
+            // What a fit of the whole particles gains is no reason to split.
+            let near = self.near(spot.place_mm, judge.lenslet_px);
+            let spots: Vec<Spot> = near.iter().map(|n| self.members[*n].spot).collect();
+            let (fitted, gain) = self.attempt(&near, &spots, TRIAL);
+            if gain > TRIAL.gain {
+                self.keep(&near, fitted);
+            }
+            if bad(self, n).is_none() {
+                continue;
+            }
+            if self.split_one(n, judge) {
+                count += 1;
+            } else {
+                self.members[n].is_whole = true;
             }
         }
         count

@@ -83,17 +83,16 @@ const GAIN: f64 = 25.0;
 /// Particles may leave the volume's depths by this many pixels of the focal plane.
 const BEYOND_PX: f64 = 40.0;
 /// Particles that a part of the sensor sees from which size and drift are found, and its least side, pixels.
-const SAMPLE: f64 = 500.0;
+const SAMPLE: f64 = 400.0;
 const SAMPLE_PX: f64 = 200.0;
 /// Pixels do not tell the shape where the light of particles near focus passes this share of the noise, nor where the
 /// image differs by more than these standard deviations: particles may be missing there.
 const STRAY: f32 = 0.5;
-const OUTLIER: f32 = 4.0;
+const OUTLIER: f32 = 8.0;
 /// Particles nearer to focus than this share of the scan's depths are left out of the shape's fit.
 const TOO_NEAR: f64 = 0.6;
-/// Most steps of a fit of size and drift, and rounds after which they are fitted again.
-const SHAPE_STEPS: usize = 8;
-const SHAPE_ROUNDS: usize = 1;
+/// Most steps of a fit of size and drift.
+const SHAPE_STEPS: usize = 6;
 /// Rounds in which candidates that were not kept are tried again.
 const ADD_ROUNDS: usize = 2;
 /// Rounds end when they change less than this share of the particles.
@@ -159,10 +158,7 @@ pub fn fit(
         let (changes, gain) = work.round(round, &mut stirred);
         work.find_noise();
         work.tell("round", changes, gain, &mut told);
-        if round < SHAPE_ROUNDS {
-            work.shape(&mut told)?;
-            stirred.fill(true);
-        } else if (changes.iter().sum::<usize>() as f64) < QUIET * work.cloud.spots.len() as f64 {
+        if round > 0 && (changes.iter().sum::<usize>() as f64) < QUIET * work.cloud.spots.len() as f64 {
             break;
         }
     }
@@ -338,15 +334,16 @@ impl Work<'_> {
         let judge = self.judge();
         let candidates = std::mem::take(&mut self.candidates);
         let changes = self.change(stirred, |local| {
+            let mut gain = local.fit(Ends { steps: 6, gain: SWEEP_GAIN });
             let dropped = local.drop_weak(&judge, false);
-            let gain = local.fit(Ends { steps: 3, gain: SWEEP_GAIN });
+            gain += local.fit(Ends { steps: 8, gain: SWEEP_GAIN });
             let split = local.split(&judge);
             let mut added = 0;
             if round < ADD_ROUNDS {
                 let mine: Vec<Spot> = candidates.iter().filter(|spot| local.holds(spot)).copied().collect();
                 added = local.add(&mine, &judge);
             }
-            let gain = gain + local.fit(Ends { steps: 4, gain: SWEEP_GAIN });
+            gain += local.fit(Ends { steps: 4, gain: SWEEP_GAIN });
             ([dropped, split, added], gain)
         });
         self.candidates = candidates;

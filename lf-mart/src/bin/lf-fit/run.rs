@@ -22,7 +22,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let (camera, image, volume) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
         let (background, channel) = (arguments.background.as_deref(), arguments.reading.channel);
-        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
+        let image = image::open_signed_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
         Ok((camera, image, Volume::open(&arguments.volume)?))
     })?;
     volume.require("intensity")?;
