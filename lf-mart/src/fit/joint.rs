@@ -41,6 +41,8 @@ const LESS: f64 = 0.2;
 const MORE: f64 = 8.0;
 const LEAST_DAMPING: f64 = 1e-6;
 const MOST_DAMPING: f64 = 1e4;
+/// Blocks serve another step after one that lowered -2 log L by less than this for each particle.
+const STALE: f64 = 0.3;
 /// Longest step: sideways and along z, pixels of the focal plane. Light falls at most to this share.
 const SIDEWAYS: f64 = 1.0;
 const ALONG_Z: f64 = 20.0;
@@ -128,10 +130,15 @@ impl Setting<'_> {
         let mut damping = DAMPING;
         let mut is_weighed = false;
         let mut normal = Normal::default();
+        let mut is_stale = true;
         for _ in 0..ends.steps {
             if !is_weighed {
                 self.weigh(window, buffers);
-                normal = Normal::new(images.iter(), window.columns, buffers);
+                if is_stale {
+                    normal = Normal::new(images.iter(), window.columns, buffers);
+                } else {
+                    normal.pull(images.iter(), window.columns, buffers);
+                }
                 is_weighed = true;
             }
             let step = conjugate_gradients(&normal, &normal.gradient, damping, FINE);
@@ -146,6 +153,7 @@ impl Setting<'_> {
                 (spots, images, deviance) = (next, next_images, reached);
                 damping = (damping * LESS).max(LEAST_DAMPING);
                 is_weighed = false;
+                is_stale = gain > STALE * spots.len() as f64;
                 if gain < ends.gain {
                     break;
                 }

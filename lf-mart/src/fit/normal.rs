@@ -30,6 +30,8 @@ pub(super) const FINE: Effort = Effort { steps: 10, enough: 1e-4 };
 pub(super) const DEEP: Effort = Effort { steps: 30, enough: 1e-8 };
 /// Least diagonal, as a share of the largest of its block: an unknown that no pixel tells stays.
 const LEAST: f64 = 1e-12;
+/// Room for the neighbours of a particle at first.
+const NEIGHBOURS: usize = 32;
 /// No block yet.
 const NONE: u32 = u32::MAX;
 
@@ -91,6 +93,24 @@ impl Entries {
     }
 }
 
+/// Adds the product of a column and a row.
+#[inline(always)]
+fn add_product(sum: &mut Beside, column: &[f32; UNKNOWNS], row: &[f32; UNKNOWNS]) {
+    for (sum, factor) in sum.iter_mut().zip(column) {
+        (0..UNKNOWNS).for_each(|k| sum[k] += factor * row[k]);
+    }
+}
+
+fn gradient(image: &SpotImage, columns: usize, pull: &[f32]) -> Vector {
+    let mut sum = [0f64; UNKNOWNS];
+    image.lines(columns, |start, line| {
+        for (pixel, pull) in line.iter().zip(&pull[start..start + line.len()]) {
+            (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(pull * pixel[k]));
+        }
+    });
+    sum
+}
+
 impl Normal {
     /// From painted and weighed buffers.
     pub(super) fn new<'i>(
@@ -106,8 +126,8 @@ impl Normal {
         let mut normal = Self::default();
         for (owner, image) in images.enumerate() {
             let owner = owner as u32;
-            let (mut along, mut block) = ([0f64; UNKNOWNS], [[0f64; UNKNOWNS]; UNKNOWNS]);
-            let mut beside: Vec<(u32, Beside)> = Vec::new();
+            let mut block = Beside::default();
+            let mut beside: Vec<(u32, Beside)> = Vec::with_capacity(NEIGHBOURS);
             image.pixels(columns, |n, _| {
                 let run = &mut entries.runs[n];
                 if run[2] == owner + 1 {
@@ -118,33 +138,28 @@ impl Normal {
                 let Some(at) = list.iter().position(|entry| entry.owner == owner) else { return };
                 let by = list[at].by;
                 let weighed = by.map(|value| weight[n] * value);
-                for a in 0..UNKNOWNS {
-                    along[a] += f64::from(pull[n]) * f64::from(by[a]);
-                    for b in 0..UNKNOWNS {
-                        block[a][b] += f64::from(weighed[a]) * f64::from(by[b]);
-                    }
-                }
+                add_product(&mut block, &weighed, &by);
                 for other in &list[at + 1..] {
                     let slot = &mut slots[other.owner as usize];
                     if *slot == NONE {
                         *slot = beside.len() as u32;
                         beside.push((other.owner, Beside::default()));
                     }
-                    let (_, sum) = &mut beside[*slot as usize];
-                    for a in 0..UNKNOWNS {
-                        for b in 0..UNKNOWNS {
-                            sum[a][b] += weighed[a] * other.by[b];
-                        }
-                    }
+                    add_product(&mut beside[*slot as usize].1, &weighed, &other.by);
                 }
             });
             beside.iter().for_each(|(other, _)| slots[*other as usize] = NONE);
-            normal.gradient.push(along);
-            normal.diagonal.push(block);
+            normal.gradient.push(gradient(image, columns, pull));
+            normal.diagonal.push(block.map(|row| row.map(f64::from)));
             normal.beside.push(beside);
         }
         entries.wipe(touched);
         normal
+    }
+
+    /// Takes another gradient; the blocks stay.
+    pub(super) fn pull<'i>(&mut self, images: impl Iterator<Item = &'i SpotImage>, columns: usize, buffers: &Buffers) {
+        self.gradient = images.map(|image| gradient(image, columns, &buffers.pull)).collect();
     }
 
     /// The rows and columns of some particles, dense, in their order.

@@ -98,7 +98,7 @@ const ADD_ROUNDS: usize = 2;
 /// Rounds end when they change less than this share of the particles.
 const QUIET: f64 = 0.005;
 /// A step of a tile that lowers -2 log L by less than this for each particle is the last of its sweep.
-const SWEEP_GAIN: f64 = 0.01;
+const SWEEP_GAIN: f64 = 0.03;
 /// Neighbours within these pixels of the focal plane are free when the covariance is found: 0.995 of the full.
 const NEIGHBOURS_PX: f64 = 28.0;
 /// Noise before any is found, as a share of the brightest pixels.
