@@ -2,6 +2,7 @@
 
 mod cli;
 mod curves;
+mod export;
 mod trade;
 mod volumes;
 mod workbench;

@@ -1,7 +1,8 @@
 //! The subcommands, and the options that all of them share.
 
 use super::{
-    curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, precision, quality, trade,
+    curves, depth, displacement, divergence, elongation, ensemble, export, info, line, particles, precision, quality,
+    report, trade,
 };
 use clap::{Parser, Subcommand};
 use lf_core::cli::{Common, MemoryLimit};
@@ -42,6 +43,8 @@ pub enum Command {
     Ensemble(ensemble::Arguments),
     Precision(precision::Arguments),
     Info(info::Arguments),
+    Export(export::Arguments),
+    Report(report::Arguments),
     Line(line::Arguments),
     Curves(curves::Arguments),
     Trade(trade::Arguments),
