@@ -5,7 +5,7 @@ use super::html::{Section, base64, escape};
 use glam::DVec2;
 use lf_core::image::{open_counts, picture};
 use lf_core::statistics::quantile;
-use lf_core::{Camera, History, Optics, Result};
+use lf_core::{Camera, History, Optics, Result, io};
 use ndarray::{Array2, ArrayView2, s};
 use std::path::{Path, PathBuf};
 
@@ -39,7 +39,10 @@ pub(super) fn of_history(history: &History, tool: &str, folder: &Path) -> Option
     let option = step.arguments.iter().position(|word| word == "-i" || word == "--image");
     let typed = step.arguments.get(option? + 1)?;
     let parent = folder.parent().map(|parent| parent.join(typed));
-    [Some(PathBuf::from(typed)), Some(folder.join(typed)), parent].into_iter().flatten().find(|path| path.is_file())
+    [Some(PathBuf::from(typed)), Some(folder.join(typed)), parent]
+        .into_iter()
+        .flatten()
+        .find(|path| io::split_page(path).0.is_file())
 }
 
 fn pictures(what: &str, file: &Path, camera: Option<&Camera>) -> Result<String> {
