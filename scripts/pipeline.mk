@@ -1,4 +1,5 @@
-# From a folder of raw light-field frames to velocity fields, their mean, and a page that shows the run. Copy this file, set the first part, and run
+# From a folder of raw light-field frames to velocity fields, their mean, and a page that shows the run. Copy this file,
+# set the first part, and run
 #
 #     make -f pipeline.mk               make all that is missing or older than its input
 #     make -f pipeline.mk -n            print what would be run

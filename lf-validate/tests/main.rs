@@ -3,6 +3,7 @@
 mod cli;
 mod curves;
 mod export;
+mod report;
 mod trade;
 mod volumes;
 mod workbench;

@@ -55,7 +55,8 @@ pub(super) fn sections(files: &[PathBuf], mean: Option<&Path>, notes: &mut Vec<S
     statistics.table(&["of measured vectors, mm", "mean", "standard deviation", "stated, RMS"], &motion.rows(), 1);
     statistics.chart(
         &motion.histograms(),
-        "Measured vectors only. Fractions of a voxel that are not even show peak locking, if the motion is not uniform.",
+        "Measured vectors only. Fractions of a voxel are shown where displacements spread over voxels; peaks at whole \
+         voxels are peak locking.",
     );
     match motion.convergence() {
         Some(chart) => statistics.chart(

@@ -8,6 +8,8 @@ use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
 /// Bins of a voxel, and of a histogram of displacements.
 const FRACTIONS: usize = 20;
 const BINS: usize = 60;
+/// Least standard deviation of displacements whose fractions are shown, voxels.
+const LEAST_SPREAD_VOX: f64 = 0.5;
 /// A histogram reaches as far as this many standard deviations of the first field.
 const REACH: f64 = 4.0;
 
@@ -146,7 +148,7 @@ impl Motion {
                 panel
             })
             .collect();
-        for c in (0..3).filter(|c| self.voxel_mm[*c] > 0.0) {
+        for c in (0..3).filter(|c| self.spans_voxels(*c)) {
             let x = Axis::new(format!("{} in voxels, fraction", COMPONENTS[c])).over([0.0, 1.0]);
             let mut panel = Panel::new("", x, Axis::new("share of the vectors"));
             let edges = (0..=FRACTIONS).map(|n| n as f64 / FRACTIONS as f64).collect();
@@ -157,6 +159,14 @@ impl Motion {
         }
         let title = "Displacements, and their fractions of a voxel".into();
         Chart { title, notes: Vec::new(), columns: 3, panels }
+    }
+
+    /// Whether displacements spread over voxels, so that their fractions can tell of peak locking.
+    fn spans_voxels(&self, c: usize) -> bool {
+        let count = self.kinds[0].max(1) as f64;
+        let [sum, squares] = self.totals[c];
+        let spread = (squares / count - (sum / count).powi(2)).max(0.0).sqrt();
+        self.voxel_mm[c] > 0.0 && spread > LEAST_SPREAD_VOX * self.voxel_mm[c]
     }
 
     /// Standard uncertainty of the mean against the number of fields. None for fewer than three fields.

@@ -15,6 +15,9 @@ const WINDOW_PX: f64 = 160.0;
 /// Standard deviation of a particle, pixels of the focal plane: that of the bound.
 const SIGMA_PX: f64 = 0.75;
 
+/// Least noise of a frame for a bound, as a share of the brightest pixel: that of rounding to 12 bits.
+const LEAST_NOISE: f64 = 7e-5;
+
 /// The section. `noise`: standard deviation of a pixel's noise as a share of the brightest pixel, if a frame is known.
 /// None without tables.
 pub(super) fn section(
@@ -96,7 +99,7 @@ fn density(camera: &Camera, particles: f64) -> f64 {
 fn bound(camera: &Camera, per_lenslet: f64, noise: f64, depth_mm: [f64; 2]) -> Option<Precision> {
     let experiment = Experiment {
         per_lenslet: per_lenslet.clamp(1e-3, 10.0),
-        noise: noise.clamp(1e-6, 1.0),
+        noise: noise.min(1.0),
         sigma_px: SIGMA_PX,
         depth_mm,
         window_mm: WINDOW_PX * camera.pixel_in_focus_mm(),
@@ -106,13 +109,13 @@ fn bound(camera: &Camera, per_lenslet: f64, noise: f64, depth_mm: [f64; 2]) -> O
 }
 
 fn caption(has_bound: bool, per_lenslet: Option<f64>, noise: Option<f64>) -> String {
-    let stated = "Uncertainties are those that lf-fit states; they are largest in the focal plane, where depth hides.";
+    let stated = "Uncertainties are those that the tables state.";
     match (has_bound, per_lenslet, noise) {
         (true, Some(density), Some(noise)) => format!(
             "{stated} The bound is that of lf-validate precision for {density:.2} particles a lenslet and a noise of \
              {:.2} % of the brightest pixel.",
             100.0 * noise
         ),
-        _ => format!("{stated} The bound needs a frame and its camera."),
+        _ => format!("{stated} Their bound needs a camera and a frame with noise."),
     }
 }

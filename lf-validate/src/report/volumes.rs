@@ -21,7 +21,7 @@ pub(super) fn pruning(supports: &[PathBuf], notes: &mut Vec<String>) -> Option<S
     let axis = Axis::from_zero("voxels kept, %", 1.05 * highest(&curves));
     section.chart(
         &one_panel("Voxels kept by lf-prune, by depth", Axis::new("z, mm"), axis, &curves),
-        "Only these voxels are reconstructed. More are kept near the focal plane, where a voxel is seen by few lenslets.",
+        "Only these voxels are reconstructed.",
     );
     section.text(&format!("Kept of all voxels: {}.", shares.join(", ")));
     (!curves.is_empty()).then_some(section)
@@ -42,7 +42,7 @@ pub(super) fn reconstruction(volumes: &[PathBuf], records: &[PathBuf], notes: &m
         let axis = Axis::from_zero("light of a slice, counts", 1.05 * highest(&curves));
         section.chart(
             &one_panel("Light of the volumes, by depth", Axis::new("z, mm"), axis, &curves),
-            "A slab that is lit evenly gives a flat curve. A narrow peak in the focal plane is light that was not placed.",
+            "A slab that is lit evenly, with many particles, gives a flat curve.",
         );
     }
     (!section.content.is_empty()).then_some(section)
