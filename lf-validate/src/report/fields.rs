@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn a_thinned_field_keeps_every_second_vector_in_place() {
-        let field = fixtures::field([5, 4, 3], |place| place.map(|mm| mm as f32));
+        let field = fixtures::field([5, 4, 3], |place| place);
         let thin = thinned(&field, 2);
         assert_eq!(thin.layout.shape, [3, 2, 3]);
         assert!((0..thin.len()).all(|n| thin.place_mm(n)[0] as f32 == thin.u[n]));

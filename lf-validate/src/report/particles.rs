@@ -51,6 +51,7 @@ pub(super) fn section(
         all.len() as f64 / tables as f64
     ));
     let per_lenslet = camera.map(|camera| density(camera, all.len() as f64 / tables as f64));
+    let noise = noise.filter(|noise| *noise >= LEAST_NOISE);
     let bound = camera
         .zip(per_lenslet)
         .zip(noise)
