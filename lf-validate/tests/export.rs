@@ -121,6 +121,22 @@ fn tracks_join_particles_of_one_number() {
 }
 
 #[test]
+fn pictures_have_the_format_of_their_name() {
+    let bench = workbench();
+    save_field(&bench, "a.exr", &field([6, 5, 3], |[x, y, z]| [(0.1 * y) as f32, (-0.1 * x) as f32, z as f32]));
+    bench.done(&["export", "a.exr", "-o", "a.svg", "--slice", "z=0.5", "--scalar", "vorticity", "--range", "-0.3,0.3"]);
+    assert!(bench.text("a.svg").contains("vorticity about z, 1"));
+    bench.done(&["export", "a.exr", "-o", "a.pdf"]);
+    assert!(bench.bytes("a.pdf").starts_with(b"%PDF-1.4"));
+    bench.done(&["export", "a.exr", "-o", "a.png"]);
+    let grey = Stack::from_bytes(Bytes::from(bench.bytes("a.png")), "a.png").unwrap();
+    let pixels = grey.decode(0, Some(lf_core::image::Channel::Luma)).unwrap().pixels;
+    let dark = pixels.iter().filter(|value| **value < 100.0).count();
+    assert!(pixels.len() > 1_000_000 && dark > 3000, "{dark} dark pixels of {}", pixels.len());
+    bench.refused(&["export", "a.exr", "-o", "a.nc", "--scalar", "u"], &["--scalar: changes nothing here"]);
+}
+
+#[test]
 fn options_that_change_nothing_and_unknown_forms_are_refused() {
     let bench = workbench();
     volume(&bench);

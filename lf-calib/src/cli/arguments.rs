@@ -169,7 +169,7 @@ pub struct LatticeArguments {
     #[arg(long)]
     pub keep_pitch: bool,
     /// Picture: the lattice over pieces of the image, departures and residuals over the frame
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|.png|.pdf")]
     pub plot: Option<PathBuf>,
     #[command(flatten)]
     pub reading: ImageOptions,

@@ -52,6 +52,13 @@ pub fn picture(grey: &Array2<u8>) -> Result<Vec<u8>, Refusal> {
     Ok(bytes)
 }
 
+/// A picture in colour as the bytes of a PNG: `size` px wide and high, red, green and blue of each pixel, row 0 at the top.
+pub fn picture_colour([width, height]: [u32; 2], rgb: &[u8]) -> Result<Vec<u8>, Refusal> {
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes).write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(damaged)?;
+    Ok(bytes)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,8 @@
 //! `export`: volumes, fields and particles for other programs.
 
 use lf_core::cli::numbers;
-use lf_core::field::{Time, save_series};
+use lf_core::field::{Cut, Time, save_series};
+use lf_core::plot::{self, FieldPicture, Scalar};
 use lf_core::volume::together;
 use lf_core::{Error, Field, JoinedVolume, Refusal, Result, Session, Verdict, io, particles};
 use lf_validate::export::{self, Cutout, Samples};
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 ///   volume     .vti (ParaView), .tif (a stack: ImageJ), .npz (numpy), .csv (the voxels that are
 ///              stored); one slice is in memory at a time. All tiles of a volume are one volume
 ///   field      .nc (NetCDF, CF conventions: xarray, Matlab), .vti, .dat (Tecplot), .csv
+///              .svg, .png, .pdf: a picture of one layer
 ///   fields     .nc with the dimension t; .vti.series with a .vti each, for ParaView's time slider
 ///   particles  .vtp (ParaView); particles of one number in several frames are a track
 ///
@@ -24,6 +26,7 @@ use std::path::{Path, PathBuf};
     after_help = "Examples, in out/ after scripts/demo:
   lf-validate export volume-0000.lfv -o volume.tif --bits 16 --slab -2,2
   lf-validate export field-0000-0001.exr -o field.nc
+  lf-validate export field-0000-0001.exr -o field.png --slice y --scalar u
   lf-validate export scene/particles.csv -o tracks.vtp"
 )]
 pub struct Arguments {
@@ -31,7 +34,7 @@ pub struct Arguments {
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Where the result goes
-    #[arg(short, long, value_name = "FILE.vti|.tif|.npz|.csv|.nc|.vti.series|.dat|.vtp")]
+    #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Volumes: the column to write, such as `score` of a support
     #[arg(long, value_name = "NAME", default_value = "intensity")]
@@ -49,6 +52,16 @@ pub struct Arguments {
     /// Fields: seconds from one field to the next; otherwise fields are numbered
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     every: Option<f64>,
+    /// Pictures: the axis across the layer and its place in mm, as in z=0.5. Without a place, the layer that shows most
+    /// for its uncertainty is drawn [default: z]
+    #[arg(long, value_name = "AXIS[=MM]")]
+    slice: Option<Cut>,
+    /// Pictures: what the colours show: u, v, w, speed, vorticity or uncertainty [default: the component across the layer]
+    #[arg(long, value_name = "NAME")]
+    scalar: Option<Scalar>,
+    /// Pictures: the ends of the colours, in the unit drawn [default: the range of the field]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
     /// Particles: seconds from one frame to the next
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     dt: Option<f64>,
@@ -93,7 +106,13 @@ fn refuse_ignored(kind: FileKind, arguments: &Arguments) -> Result<()> {
         ("--every", arguments.every.is_some() && kind != FileKind::Field, "fields"),
         ("--dt", arguments.dt.is_some() && kind != FileKind::Particles, "particles"),
     ];
-    if let Some((option, _, what)) = ignored.into_iter().find(|(_, is_ignored, _)| *is_ignored) {
+    let is_picture = kind == FileKind::Field && ["svg", "png", "pdf"].contains(&extension(&arguments.output).as_str());
+    let shown = [
+        ("--slice", arguments.slice.is_some() && !is_picture, "a picture of a field"),
+        ("--scalar", arguments.scalar.is_some() && !is_picture, "a picture of a field"),
+        ("--range", arguments.range.is_some() && !is_picture, "a picture of a field"),
+    ];
+    if let Some((option, _, what)) = ignored.into_iter().chain(shown).find(|(_, is_ignored, _)| *is_ignored) {
         return Err(Error::new(option, "changes nothing here", format!("wanted it for {what} only")));
     }
     Ok(())
@@ -169,8 +188,22 @@ fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
             session.count("vectors", field.len());
             session.phase("write", |_| field.save(output))
         }
-        ("nc" | "vti" | "dat" | "csv", _) => Err(unknown(output, "a .nc or a .vti.series for several fields")),
-        _ => Err(unknown(output, "the name of a .nc, .vti, .dat, .csv or .vti.series for a field")),
+        ("svg" | "png" | "pdf", [one]) => {
+            let field = read(one, session)?;
+            let picture = FieldPicture {
+                cut: arguments.slice.unwrap_or_default(),
+                scalar: arguments.scalar,
+                range: arguments.range,
+            };
+            let svg = session.phase("plot", |_| {
+                plot::field(&field, &picture).map_err(|refusal| refusal.about(io::output_name(output)))
+            })?;
+            plot::save(output, &svg)
+        }
+        ("nc" | "vti" | "dat" | "csv" | "svg" | "png" | "pdf", _) => {
+            Err(unknown(output, "a .nc or a .vti.series for several fields"))
+        }
+        _ => Err(unknown(output, "the name of a .nc, .vti, .dat, .csv, .vti.series, .svg, .png or .pdf for a field")),
     }
 }
 

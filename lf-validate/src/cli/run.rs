@@ -2,8 +2,8 @@
 
 use super::arguments::{Arguments, Command};
 use super::{
-    curves, depth, displacement, divergence, elongation, ensemble, export, info, line, particles, precision, quality,
-    report, trade,
+    curves, depth, displacement, divergence, elongation, ensemble, export, info, line, output, particles, precision,
+    quality, report, trade,
 };
 use lf_core::cli;
 use std::process::ExitCode;
@@ -14,6 +14,7 @@ pub fn run() -> ExitCode {
         "lf-validate",
         |arguments: &Arguments| &arguments.common,
         |arguments, session| {
+            output::show_all(arguments.full);
             let limit = arguments.memory;
             match &arguments.command {
                 Command::Quality(arguments) => quality::judge(arguments, limit, session),

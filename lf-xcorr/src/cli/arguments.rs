@@ -65,7 +65,7 @@ pub struct Arguments {
     #[arg(long, value_parser = Preset::parser(preset::help))]
     pub preset: Option<Preset>,
     /// Draw a slice of the field: colours show the component through the plane, arrows those in it
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|.png|.pdf")]
     pub plot: Option<PathBuf>,
     /// Which slice: the axis across the plane, and the place on it in mm (the nearest layer is drawn), as z=0.5. Without
     /// a place, the layer that shows most for its uncertainty is drawn [default: z]

@@ -198,7 +198,7 @@ fn save(outcome: &Outcome, arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.plot {
         let svg = plot::field(&outcome.field, &arguments.picture())
             .map_err(|refusal| refusal.about(io::output_name(path)))?;
-        io::save_text(path, |out| out.write_all(svg.as_bytes()))?;
+        plot::save(path, &svg)?;
     }
     Ok(())
 }
