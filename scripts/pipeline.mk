@@ -270,11 +270,12 @@ $(OUT)/mean.exr: $(OUT)/fields.txt $(there)
 page = $(RUN) $(BIN)lf-validate report $(OUT) -o $(OUT)/report.html --frame $(call frame-of,$(firstword $(names))) \
     $(addprefix --white ,$(firstword $(WHITE)))
 
-# For each pair without a field, print the last line that its first failed stage printed. The page comes last.
+# For each pair without a field, print the last line that its first failed stage printed.
 report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	$(if $(there),,@rm -f $(means) $(OUT)/fields.txt)
 	$(file >$(LOG)/missing.txt,$(patsubst $(OUT)/field-%.exr,%,$(missing)))
-	@last() { tail -n 1 $(LOG)/$$1.txt 2> /dev/null; }; \
+	@page=; $(page) && page="; $(OUT)/report.html shows the run"; \
+	last() { tail -n 1 $(LOG)/$$1.txt 2> /dev/null; }; \
 	for pair in $$(cat $(LOG)/missing.txt); do why=; \
 	    [ -e $(CAMERA) ] || why="no $(CAMERA); see above"; \
 	    for n in $${pair%-*} $${pair#*-}; do \
@@ -289,5 +290,4 @@ report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	    done;) \
 	    [ -n "$$why" ] || why=$$(last field-$$pair); \
 	    echo "no field $$pair: $${why:-not started; see above}" >&2; \
-	done; echo "$(words $(there)) of $(words $(fields)) fields are in $(OUT)" >&2
-	@$(page) && echo "the page that shows the run: $(OUT)/report.html" >&2
+	done; echo "$(words $(there)) of $(words $(fields)) fields are in $(OUT)$$page" >&2

@@ -87,7 +87,7 @@ pub enum Task {
     /// after. Make backgrounds from the corrected frames. The uneven light behind the lenslets is no matter of this
     /// command: `lattice --vignetting` makes the flat field of a camera.
     #[command(after_help = "Examples, in out/ after scripts/demo:
-  mkdir -p corrected && lf-calib frame scene/frame-0000.exr --flat white.exr -o corrected
+  lf-calib frame scene/frame-000?.exr --flat white.exr -o scene/
   lf-calib frame raw/*a.tif --second raw/*b.tif --hot 12 --equalise -o corrected")]
     Frame(FrameArguments),
 }

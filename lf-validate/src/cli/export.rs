@@ -25,9 +25,7 @@ use std::path::{Path, PathBuf};
     verbatim_doc_comment,
     after_help = "Examples, in out/ after scripts/demo:
   lf-validate export volume-0000.lfv -o volume.tif --bits 16 --slab -2,2
-  lf-validate export field-0000-0001.exr -o field.nc
-  lf-validate export field-0000-0001.exr -o field.png --slice y --scalar u
-  lf-validate export scene/particles.csv -o tracks.vtp"
+  lf-validate export field-0000-0001.exr -o field.nc"
 )]
 pub struct Arguments {
     /// A volume or all its tiles, fields in the order of time, or tables of particles

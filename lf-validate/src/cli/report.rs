@@ -17,8 +17,9 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
-    after_help = "Examples, in the folder above out/ after scripts/demo:
-  lf-validate report out -o report.html --white out/white.exr"
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-validate report . -o report.html
+  lf-validate report . -o report.html --white white.exr --title 'A first run'"
 )]
 pub struct Arguments {
     /// The folder of the run

@@ -264,12 +264,13 @@
     told.textContent = where + " mm: " + (known(data, n) ? values.join(", ") + " " + field.unit + " (" + kind + ")" : kind);
   }
 
-  // The layer with the most motion in its plane among those with the most measured vectors: not simply the middle.
+  // The layer that shows most: the largest vectors for their uncertainty, among the layers with nearly as many measured
+  // vectors as the fullest. Of equal layers, the one nearest to the middle.
   function best(field, through) {
     const data = open(field), across = [0, 1, 2].filter((axis) => axis !== through);
     const scores = [];
     for (let layer = 0; layer < field.shape[through]; layer++) {
-      let [count, motion] = [0, 0];
+      let [count, motion, doubt] = [0, 0, 0];
       for (let j = 0; j < field.shape[across[1]]; j++)
         for (let i = 0; i < field.shape[across[0]]; i++) {
           const at = [0, 0, 0];
@@ -277,13 +278,15 @@
           const n = index(field, at);
           if (data.flag[n] !== MEASURED) continue;
           count++;
-          motion += Math.hypot(...across.map((axis) => data.vector[axis][n]));
+          motion += [0, 1, 2].reduce((sum, c) => sum + data.vector[c][n] ** 2, 0);
+          const stated = [0, 1, 2].reduce((sum, c) => sum + data.uncertainty[c][n] ** 2, 0);
+          doubt += isFinite(stated) ? stated : 0;
         }
-      scores.push([count, count ? motion / count : 0]);
+      scores.push([count, doubt > 0 ? motion / doubt : motion]);
     }
     const most = Math.max(...scores.map((score) => score[0]));
     const value = (score) => (score[0] >= 0.8 * most ? score[1] : -1);
-    return scores.reduce((found, score, n) => (value(score) > value(scores[found]) ? n : found), 0);
+    return scores.reduce((found, score, n) => (value(score) > value(scores[found]) ? n : found), Math.floor(scores.length / 2));
   }
   function settle() {
     const field = fields[+get("which").value], through = AXES.indexOf(get("axis").value), layer = get("layer");
