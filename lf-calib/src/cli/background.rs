@@ -75,9 +75,7 @@ fn sliding_minimum(arguments: &BackgroundArguments, window: usize, session: &mut
         found.map_or(Ok(()), |pixels| save(pixels, &history, session))?;
         progress.add(1);
     }
-    while let Some(pixels) = sliding.rest() {
-        save(pixels, &history, session)?;
-    }
+    std::iter::from_fn(|| sliding.rest()).try_for_each(|pixels| save(pixels, &history, session))?;
     session.count("frames", frames.len());
     Ok(Verdict::Done)
 }

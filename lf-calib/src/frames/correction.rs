@@ -1,4 +1,4 @@
-//! What is done to every frame.
+//! The corrections of a frame.
 
 use super::hot::repair;
 use lf_core::image::noise;

@@ -51,7 +51,7 @@ impl FromStr for Scalar {
     }
 }
 
-/// What a picture shows of a field.
+/// The choices of a picture of a field.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FieldPicture {
     /// The plane. Without a place, the layer is chosen: see [`layer`].
@@ -74,7 +74,7 @@ pub fn layer(field: &Field, cut: Cut) -> Result<usize, Refusal> {
     let fullest = layers.iter().map(|(count, _)| *count).max().unwrap_or(0);
     let is_full = |count: usize| count as f64 >= FULL * fullest as f64;
     let full = layers.iter().enumerate().filter(|(_, (count, _))| fullest > 0 && is_full(*count));
-    // Of equal layers, the one nearest to the middle: noise must not send the choice to an end.
+    // Among equal layers, take the one nearest to the middle: noise must not send the choice to an end.
     let middle = layers.len() / 2;
     let best = full.max_by(|(a, (_, one)), (b, (_, other))| {
         one.total_cmp(other).then(b.abs_diff(middle).cmp(&a.abs_diff(middle)))
@@ -201,7 +201,7 @@ impl Values<'_> {
         }
     }
 
-    /// What the colours show, for the notes.
+    /// The meaning of the colours, for the notes.
     fn meaning(&self, scalar: Scalar, through: usize) -> String {
         match scalar {
             Scalar::Component(axis) if axis == through => format!("{}, through the plane", COMPONENTS[axis]),

@@ -1,4 +1,4 @@
-//! Pictures: SVG, and from it PNG and PDF.
+//! Pictures as SVG.
 //!
 //! In: a [`Chart`], which says what is drawn, or strokes on a [`Canvas`]. Out: the text of an SVG; the same input gives
 //! the same bytes. Open `chart.rs` first, then `page.rs`; `slice.rs` draws a layer of a grid of vectors, `field.rs` one of a field.
@@ -11,7 +11,6 @@
 mod arrow;
 mod canvas;
 mod chart;
-mod export;
 mod field;
 mod key;
 mod labels;
@@ -30,7 +29,6 @@ mod view;
 pub use arrow::arrow;
 pub use canvas::{At, Canvas, Pixel, rounded, svg};
 pub use chart::{Arrows, Axis, Chart, Mark, Panel, Place, Style};
-pub use export::save;
 pub use field::{FieldPicture, Scalar, field, field_chart, layer};
 pub use page::draw;
 pub use palette::{COLOURS, Colour, INK, grey};

@@ -4,7 +4,7 @@ use lf_core::cli::numbers;
 use lf_core::field::{Cut, Time, save_series};
 use lf_core::plot::{self, FieldPicture, Scalar};
 use lf_core::volume::together;
-use lf_core::{Error, Field, JoinedVolume, Refusal, Result, Session, Verdict, io, particles};
+use lf_core::{Error, Field, JoinedVolume, Refusal, Result, Session, Verdict, io, particles, picture};
 use lf_validate::export::{self, Cutout, Samples};
 use lf_validate::info::FileKind;
 use std::path::{Path, PathBuf};
@@ -188,15 +188,15 @@ fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
         }
         ("svg" | "png" | "pdf", [one]) => {
             let field = read(one, session)?;
-            let picture = FieldPicture {
+            let shown = FieldPicture {
                 cut: arguments.slice.unwrap_or_default(),
                 scalar: arguments.scalar,
                 range: arguments.range,
             };
             let svg = session.phase("plot", |_| {
-                plot::field(&field, &picture).map_err(|refusal| refusal.about(io::output_name(output)))
+                plot::field(&field, &shown).map_err(|refusal| refusal.about(io::output_name(output)))
             })?;
-            plot::save(output, &svg)
+            picture::save(output, &svg)
         }
         ("nc" | "vti" | "dat" | "csv" | "svg" | "png" | "pdf", _) => {
             Err(unknown(output, "a .nc or a .vti.series for several fields"))

@@ -1,7 +1,7 @@
 //! Where a score goes: to standard output as JSON that people read, and into a picture.
 
 use lf_core::plot::{self, Chart};
-use lf_core::{Error, Result, Session, io};
+use lf_core::{Error, Result, Session, io, picture};
 use serde::Serialize;
 use serde_json::Value;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
@@ -45,7 +45,7 @@ impl Picture {
     /// Saves a chart that was drawn.
     pub fn save(&self, svg: &str) -> Result<()> {
         let Some(file) = &self.plot else { return Ok(()) };
-        plot::save(file, svg)
+        picture::save(file, svg)
     }
 }
 

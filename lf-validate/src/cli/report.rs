@@ -1,7 +1,10 @@
 //! `report`: a page that shows a run.
 
-use lf_core::{Result, Session, Verdict, io};
-use lf_validate::report::{self, Options};
+use lf_core::{Error, Field, Result, Session, Verdict, Volume, image, io};
+use lf_validate::report::{self, Options, Source};
+use ndarray::Array2;
+use std::collections::BTreeSet;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A page that shows a run, in one file for any browser
@@ -43,11 +46,15 @@ pub fn write(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let images: Vec<&Path> = [&arguments.frame, &arguments.white].into_iter().flatten().map(PathBuf::as_path).collect();
     session.keep_apart(&arguments.output, &images)?;
     io::check_place(&arguments.output)?;
-    let options =
-        Options { frame: arguments.frame.clone(), white: arguments.white.clone(), title: arguments.title.clone() };
+    let folder = Folder::open(&arguments.folder)?;
+    let typed = |file: &PathBuf| file.display().to_string();
+    let options = Options {
+        frame: arguments.frame.as_ref().map(typed).or_else(|| folder.frame()),
+        white: arguments.white.as_ref().map(typed),
+        title: arguments.title.clone().unwrap_or_else(|| folder.heading()),
+    };
     let made = session.phase("read", |_| {
-        let refused = |refusal: lf_core::Refusal| refusal.about(arguments.folder.display().to_string());
-        report::report(&arguments.folder, &options).map_err(refused)
+        report::report(&folder, &options).map_err(|refusal| refusal.about(io::name(&arguments.folder)))
     })?;
     made.unread.iter().for_each(|line| session.warn(format!("left out: {line}")));
     session.count("bytes", made.html.len());
@@ -55,4 +62,67 @@ pub fn write(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.count("warnings", made.warnings);
     io::save_text(&arguments.output, |out| out.write_all(made.html.as_bytes()))?;
     Ok(Verdict::Done)
+}
+
+/// The folder of a run.
+struct Folder {
+    path: PathBuf,
+    names: BTreeSet<String>,
+}
+
+impl Folder {
+    /// Lists the files of a folder, and those of `log` in it.
+    fn open(path: &Path) -> Result<Self> {
+        let wanted = "wanted the folder of a run";
+        let entries = fs::read_dir(path).map_err(|_| Error::new(io::name(path), "no such folder", wanted))?;
+        let logs = fs::read_dir(path.join("log")).into_iter().flatten();
+        let file = |entry: fs::DirEntry, folder: &str| {
+            let name = entry.path().is_file().then(|| entry.file_name().to_string_lossy().into_owned());
+            name.map(|name| format!("{folder}{name}"))
+        };
+        let own = entries.flatten().filter_map(|entry| file(entry, ""));
+        let names = own.chain(logs.flatten().filter_map(|entry| file(entry, "log/"))).collect();
+        Ok(Self { path: path.to_owned(), names })
+    }
+
+    fn heading(&self) -> String {
+        let whole = self.path.canonicalize().unwrap_or_else(|_| self.path.clone());
+        let name = whole.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        format!("Light-field PIV: {name}")
+    }
+
+    /// The image that the first volume was made from, by its history: as it was typed, or beside the folder.
+    fn frame(&self) -> Option<String> {
+        let first = self.names.iter().find(|name| name.starts_with("volume-") && name.ends_with(".lfv"))?;
+        let volume = self.volume(first).ok()?;
+        let step = volume.history().iter().rev().find(|step| step.tool == "lf-mart")?;
+        let option = step.arguments.iter().position(|word| word == "-i" || word == "--image")?;
+        let typed = step.arguments.get(option + 1)?;
+        let beside = [None, Some(self.path.as_path()), self.path.parent()];
+        let mut places =
+            beside.into_iter().map(|folder| folder.map_or(PathBuf::from(typed), |folder| folder.join(typed)));
+        places.find(|place| io::split_page(place).0.is_file()).map(|place| place.display().to_string())
+    }
+}
+
+impl Source for Folder {
+    fn names(&self) -> &BTreeSet<String> {
+        &self.names
+    }
+
+    fn text(&self, name: &str) -> Result<String> {
+        io::open_text(&self.path.join(name))
+    }
+
+    fn field(&self, name: &str) -> Result<Field> {
+        Field::open(&self.path.join(name))
+    }
+
+    fn volume(&self, name: &str) -> Result<Volume> {
+        Volume::open(&self.path.join(name))
+    }
+
+    fn image(&self, name: &str) -> Result<Array2<f32>> {
+        Ok(image::open_counts(Path::new(name), None)?.pixels)
+    }
 }

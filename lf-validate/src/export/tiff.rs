@@ -11,7 +11,7 @@ use std::io::{Error, Result, Write};
 /// How a value is stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Samples {
-    /// As it is, 32 bits.
+    /// The value itself, 32 bits.
     Float,
     /// In 16 bits: a whole number, the value times this factor.
     Whole(f32),

@@ -1,11 +1,11 @@
 //! The fields: a view of their layers, histograms and statistics.
 
-use super::folder::{name, spread};
+use super::folder::spread;
 use super::html::Section;
 use super::motion::Motion;
 use super::packed::{PackedField, bytes};
+use super::source::Source;
 use lf_core::Field;
-use std::path::{Path, PathBuf};
 
 /// Bytes of the page that fields may take, and the least number of fields that are read for statistics.
 const MOST_BYTES: usize = 3_600_000;
@@ -16,7 +16,7 @@ const MOST_CHOICES: usize = 12;
 /// The controls and the canvas of the view. The script fills them.
 const VIEW: &str = include_str!("page/view.html");
 
-/// What the fields give to the page.
+/// The parts of the page that come from the fields.
 pub(super) struct Found {
     pub view: Section,
     pub statistics: Section,
@@ -27,10 +27,15 @@ pub(super) struct Found {
 }
 
 /// The sections. None without a field that can be read.
-pub(super) fn sections(files: &[PathBuf], mean: Option<&Path>, notes: &mut Vec<String>) -> Option<Found> {
+pub(super) fn sections(
+    source: &dyn Source,
+    files: &[String],
+    mean: Option<&str>,
+    notes: &mut Vec<String>,
+) -> Option<Found> {
     let mut view = View { choices: Vec::new(), bytes: 0, is_full: false };
     let many = mean.filter(|_| files.len() > 1 || files.is_empty());
-    if let Some(field) = many.and_then(|file| open(file, notes)) {
+    if let Some(field) = many.and_then(|file| open(source, file, notes)) {
         view.add("mean of all fields".into(), &field);
     }
     let mut motion: Option<Motion> = None;
@@ -38,12 +43,12 @@ pub(super) fn sections(files: &[PathBuf], mean: Option<&Path>, notes: &mut Vec<S
     let chosen = spread(files, MOST_FIELDS);
     let mut only = None;
     for file in &chosen {
-        let Some(field) = open(file, notes) else { continue };
-        view.add(name(file), &field);
+        let Some(field) = open(source, file, notes) else { continue };
+        view.add((*file).to_owned(), &field);
         history = lf_core::history::lines(&field.layout.history);
         let motion = motion.get_or_insert_with(|| Motion::new(&field));
         if !motion.add(&field) {
-            notes.push(format!("{} has another number of vectors than the first; statistics leave it out", name(file)));
+            notes.push(format!("{file} has another number of vectors than the first; statistics leave it out"));
         }
         only = Some(field.layout.clone());
     }
@@ -95,8 +100,8 @@ impl Found {
     }
 }
 
-fn open(file: &Path, notes: &mut Vec<String>) -> Option<Field> {
-    Field::open(file).map_err(|error| notes.push(error.to_string())).ok()
+fn open(source: &dyn Source, file: &str, notes: &mut Vec<String>) -> Option<Field> {
+    source.field(file).map_err(|error| notes.push(error.to_string())).ok()
 }
 
 /// The fields that the page holds.

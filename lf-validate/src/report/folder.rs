@@ -1,41 +1,39 @@
 //! The files of a run, by their names.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
 
 /// The files that the page looks for. Lists are in the order of the names.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Folder {
     /// `camera.json`, or else the last of the cameras of calibration.
-    pub camera: Option<PathBuf>,
+    pub camera: Option<String>,
     /// `support-*.lfv`.
-    pub supports: Vec<PathBuf>,
+    pub supports: Vec<String>,
     /// `volume-*.lfv`.
-    pub volumes: Vec<PathBuf>,
+    pub volumes: Vec<String>,
     /// `particles-*.csv`, `fitted-*.csv`.
-    pub particles: Vec<PathBuf>,
+    pub particles: Vec<String>,
     /// `field-*.exr`.
-    pub fields: Vec<PathBuf>,
+    pub fields: Vec<String>,
     /// `mean.exr`.
-    pub mean: Option<PathBuf>,
+    pub mean: Option<String>,
     /// `*.jsonl`, such as the sweeps of lf-mart.
-    pub records: Vec<PathBuf>,
+    pub records: Vec<String>,
     /// `*.stats.json`.
-    pub stats: Vec<PathBuf>,
+    pub stats: Vec<String>,
     /// `log/*.txt`.
-    pub logs: Vec<PathBuf>,
+    pub logs: Vec<String>,
 }
 
 impl Folder {
-    /// Sorts the files of a folder. A folder that cannot be read is empty.
-    pub fn read(folder: &Path) -> Self {
-        let names = files(folder);
-        let matching = |starts: &[&str], end: &str| -> Vec<PathBuf> {
-            let matches = |name: &&String| starts.iter().any(|start| name.starts_with(start)) && name.ends_with(end);
-            names.iter().filter(matches).map(|name| folder.join(name)).collect()
+    /// Sorts the files of a folder.
+    pub fn of(names: &BTreeSet<String>) -> Self {
+        let matching = |starts: &[&str], end: &str| -> Vec<String> {
+            let starts_so = |name: &str| starts.iter().any(|start| name.starts_with(start));
+            let matches = |name: &&String| starts_so(name) && name.ends_with(end) && !name.contains('/');
+            names.iter().filter(matches).cloned().collect()
         };
-        let one = |name: &str| names.contains(name).then(|| folder.join(name));
-        let logs = folder.join("log");
+        let one = |name: &str| names.contains(name).then(|| name.to_owned());
         Self {
             camera: one("camera.json").or_else(|| matching(&["camera"], ".json").pop()),
             supports: matching(&["support-"], ".lfv"),
@@ -45,27 +43,15 @@ impl Folder {
             mean: one("mean.exr"),
             records: matching(&[""], ".jsonl"),
             stats: matching(&[""], ".stats.json"),
-            logs: files(&logs).iter().filter(|name| name.ends_with(".txt")).map(|name| logs.join(name)).collect(),
+            logs: names.iter().filter(|name| name.starts_with("log/") && name.ends_with(".txt")).cloned().collect(),
         }
     }
 }
 
-/// Names of the files of a folder.
-fn files(folder: &Path) -> BTreeSet<String> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let files = entries.filter(|entry| entry.path().is_file());
-    files.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect()
-}
-
-/// The name of a file without its folder.
-pub(super) fn name(path: &Path) -> String {
-    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
-}
-
 /// At most `most` files, evenly spread over the list.
-pub(super) fn spread(files: &[PathBuf], most: usize) -> Vec<&Path> {
+pub(super) fn spread(files: &[String], most: usize) -> Vec<&str> {
     let count = files.len().min(most);
-    (0..count).map(|n| files[n * files.len() / count].as_path()).collect()
+    (0..count).map(|n| files[n * files.len() / count].as_str()).collect()
 }
 
 #[cfg(test)]
@@ -74,9 +60,18 @@ mod tests {
 
     #[test]
     fn few_of_many_files_are_spread() {
-        let files: Vec<PathBuf> = (0..10).map(|n| PathBuf::from(n.to_string())).collect();
-        assert_eq!(spread(&files, 4), ["0", "2", "5", "7"].map(Path::new));
+        let files: Vec<String> = (0..10).map(|n| n.to_string()).collect();
+        assert_eq!(spread(&files, 4), ["0", "2", "5", "7"]);
         assert_eq!(spread(&files[..2], 4).len(), 2);
         assert!(spread(&[], 4).is_empty());
+    }
+
+    #[test]
+    fn names_tell_what_files_are() {
+        let names = ["camera-lattice.json", "field-a-b.exr", "field-a-b.stats.json", "log/field-a-b.txt", "mean.exr"];
+        let folder = Folder::of(&names.map(str::to_owned).into());
+        assert_eq!((folder.camera.as_deref(), folder.mean.as_deref()), (Some(names[0]), Some(names[4])));
+        assert_eq!([&folder.fields[0], &folder.stats[0], &folder.logs[0]], [names[1], names[2], names[3]]);
+        assert!(folder.volumes.is_empty() && folder.supports.is_empty());
     }
 }

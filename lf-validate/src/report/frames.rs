@@ -1,13 +1,12 @@
 //! The raw frame and the white image, whole and near the middle with the camera's lattice over them.
 
-use super::folder::name;
 use super::html::{Section, base64, escape};
+use super::source::Source;
 use glam::DVec2;
-use lf_core::image::{open_counts, picture};
+use lf_core::image::picture;
 use lf_core::statistics::quantile;
-use lf_core::{Camera, History, Optics, Result, io};
+use lf_core::{Camera, Optics, Result};
 use ndarray::{Array2, ArrayView2, s};
-use std::path::{Path, PathBuf};
 
 /// Longer side of a whole picture, px.
 const WHOLE_PX: usize = 560;
@@ -18,13 +17,14 @@ const USUAL: f64 = 0.999;
 
 /// The section: an image that cannot be read is named in `notes`. None without an image.
 pub(super) fn section(
-    images: [(&str, Option<&Path>); 2],
+    source: &dyn Source,
+    images: [(&str, Option<&str>); 2],
     camera: Option<&Camera>,
     notes: &mut Vec<String>,
 ) -> Option<Section> {
     let mut section = Section::new("frames", "Images");
     for (what, file) in images.into_iter().filter_map(|(what, file)| Some((what, file?))) {
-        match pictures(what, file, camera) {
+        match pictures(source, what, file, camera) {
             Ok(html) => section.content += &html,
             Err(error) => notes.push(error.to_string()),
         }
@@ -32,23 +32,10 @@ pub(super) fn section(
     (!section.content.is_empty()).then_some(section)
 }
 
-/// The image that the step `tool` of a history read by -i, or else by its first word: tried as it was typed, and beside
-/// `folder`.
-pub(super) fn of_history(history: &History, tool: &str, folder: &Path) -> Option<PathBuf> {
-    let step = history.iter().rev().find(|step| step.tool == tool)?;
-    let option = step.arguments.iter().position(|word| word == "-i" || word == "--image");
-    let typed = step.arguments.get(option? + 1)?;
-    let parent = folder.parent().map(|parent| parent.join(typed));
-    [Some(PathBuf::from(typed)), Some(folder.join(typed)), parent]
-        .into_iter()
-        .flatten()
-        .find(|path| io::split_page(path).0.is_file())
-}
-
-fn pictures(what: &str, file: &Path, camera: Option<&Camera>) -> Result<String> {
-    let pixels = open_counts(file, None)?.pixels;
+fn pictures(source: &dyn Source, what: &str, file: &str, camera: Option<&Camera>) -> Result<String> {
+    let pixels = source.image(file)?;
     let (height, width) = pixels.dim();
-    let caption = format!("{what}: {}, {width} x {height} px", name(file));
+    let caption = format!("{what}: {file}, {width} x {height} px");
     let block = width.max(height).div_ceil(WHOLE_PX);
     // A block shows its brightest pixel, so that particles do not vanish.
     let whole = Array2::from_shape_fn((height.div_ceil(block), width.div_ceil(block)), |(y, x)| {

@@ -1,25 +1,25 @@
 //! The page: its sections in the order of the chain.
 
-use super::folder::{Folder, name};
+use super::folder::Folder;
 use super::html::{Section, escape};
+use super::source::Source;
 use super::{camera, fields, frames, particles, stages, volumes, warnings};
-use lf_core::image::{noise, open_counts};
-use lf_core::{Camera, Refusal, Volume};
-use std::path::{Path, PathBuf};
+use lf_core::image::noise;
+use lf_core::{Camera, Refusal};
 
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 const SCRIPT: &str = include_str!("page/page.js");
 
-/// What the folder does not tell.
+/// Wishes that the names of the files do not tell.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// A raw frame; without one, the image that the first volume names in its history.
-    pub frame: Option<PathBuf>,
+    /// A raw frame.
+    pub frame: Option<String>,
     /// A white image.
-    pub white: Option<PathBuf>,
-    /// Heading of the page; without one, the name of the folder.
-    pub title: Option<String>,
+    pub white: Option<String>,
+    /// Heading of the page.
+    pub title: String,
 }
 
 /// A page, and what was said on it.
@@ -34,26 +34,20 @@ pub struct Report {
     pub unread: Vec<String>,
 }
 
-/// The page of a folder. Refuses a folder without any file of a run.
-pub fn report(path: &Path, options: &Options) -> Result<Report, Refusal> {
-    let folder = Folder::read(path);
+/// The page of a run. Refuses a folder without any file of one.
+pub fn report(source: &dyn Source, options: &Options) -> Result<Report, Refusal> {
+    let folder = Folder::of(source.names());
     let wanted = "wanted the folder of a run, with fields, volumes, particles or a camera";
-    Refusal::unless(path.is_dir(), || "no such folder", wanted)?;
     Refusal::unless(folder != Folder::default(), || "no file of a run", wanted)?;
     let mut unread = Vec::new();
-    let camera = folder.camera.as_deref().and_then(|file| match Camera::open(file) {
-        Ok(camera) => Some(camera),
-        Err(error) => {
-            unread.push(error.to_string());
-            None
-        }
+    let camera = folder.camera.as_deref().and_then(|file| {
+        let read = source.text(file).and_then(|text| Camera::from_json(&text).map_err(|refusal| refusal.about(file)));
+        read.map_err(|error| unread.push(error.to_string())).ok()
     });
-    let history = folder.volumes.first().and_then(|file| Some(Volume::open(file).ok()?.history().clone()));
-    let frame = options.frame.clone().or_else(|| frames::of_history(history.as_ref()?, "lf-mart", path));
-    let noise = frame.as_deref().and_then(noise_share);
-    let found = fields::sections(&folder.fields, folder.mean.as_deref(), &mut unread);
-    let stages = stages::section(&folder.stats, &mut unread);
-    let images = [("Raw frame", frame.as_deref()), ("White image", options.white.as_deref())];
+    let noise = options.frame.as_deref().and_then(|frame| noise_share(source, frame));
+    let found = fields::sections(source, &folder.fields, folder.mean.as_deref(), &mut unread);
+    let stages = stages::section(source, &folder.stats, &mut unread);
+    let images = [("Raw frame", options.frame.as_deref()), ("White image", options.white.as_deref())];
     let (mut summary, mut commands, mut view, mut statistics) = (Vec::new(), Vec::new(), None, None);
     if let Some(found) = found {
         (summary, commands) = (found.summary, found.history);
@@ -65,14 +59,14 @@ pub fn report(path: &Path, options: &Options) -> Result<Report, Refusal> {
         summary.push(("time and memory".into(), format!("{seconds:.1} s in all stages, {:.0} MB", 1e-6 * peak_bytes)));
         timing = Some(section);
     }
-    let particles = particles::section(&folder.particles, camera.as_ref(), noise, &mut unread);
+    let particles = particles::section(source, &folder.particles, camera.as_ref(), noise, &mut unread);
     let sections: Vec<Section> = [
         view,
         statistics.filter(|section| !section.content.is_empty()),
         particles,
-        volumes::reconstruction(&folder.volumes, &folder.records, &mut unread),
-        volumes::pruning(&folder.supports, &mut unread),
-        frames::section(images, camera.as_ref(), &mut unread),
+        volumes::reconstruction(source, &folder.volumes, &folder.records, &mut unread),
+        volumes::pruning(source, &folder.supports, &mut unread),
+        frames::section(source, images, camera.as_ref(), &mut unread),
         camera.as_ref().map(camera::section),
         timing,
         commands_section(&commands),
@@ -80,22 +74,16 @@ pub fn report(path: &Path, options: &Options) -> Result<Report, Refusal> {
     .into_iter()
     .flatten()
     .collect();
-    let lines = warnings::lines(&folder.logs);
-    let title = options.title.clone().unwrap_or_else(|| heading(path));
-    let html = assemble(&title, &warnings::list(&lines, &unread), &summary, &sections);
+    let lines = warnings::lines(source, &folder.logs);
+    let html = assemble(&options.title, &warnings::list(&lines, &unread), &summary, &sections);
     Ok(Report { html, sections: sections.len(), warnings: lines.len() + unread.len(), unread })
 }
 
 /// Noise of a frame as a share of its brightest pixel.
-fn noise_share(frame: &Path) -> Option<f64> {
-    let pixels = open_counts(frame, None).ok()?.pixels;
+fn noise_share(source: &dyn Source, frame: &str) -> Option<f64> {
+    let pixels = source.image(frame).ok()?;
     let brightest = pixels.iter().fold(0f32, |most, value| most.max(*value));
     (brightest > 0.0).then(|| noise(pixels.view()) / f64::from(brightest))
-}
-
-fn heading(path: &Path) -> String {
-    let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    format!("Light-field PIV: {}", name(&whole))
 }
 
 /// Lines of the summary that the names alone tell.

@@ -1,12 +1,12 @@
 //! Particles by depth, and their stated uncertainty against the bound.
 
-use super::folder::{name, spread};
+use super::folder::spread;
 use super::html::Section;
+use super::source::Source;
 use crate::scores::precision::{Experiment, Precision, precision};
 use lf_core::plot::{Axis, Chart, Mark, Panel};
 use lf_core::statistics::median;
-use lf_core::{Camera, Particle, io, particles};
-use std::path::PathBuf;
+use lf_core::{Camera, Particle, particles};
 
 const MOST_FILES: usize = 8;
 const SLABS: usize = 12;
@@ -21,7 +21,8 @@ const LEAST_NOISE: f64 = 7e-5;
 /// The section. `noise`: standard deviation of a pixel's noise as a share of the brightest pixel, if a frame is known.
 /// None without tables.
 pub(super) fn section(
-    files: &[PathBuf],
+    source: &dyn Source,
+    files: &[String],
     camera: Option<&Camera>,
     noise: Option<f64>,
     notes: &mut Vec<String>,
@@ -30,7 +31,7 @@ pub(super) fn section(
     let chosen = spread(files, MOST_FILES);
     let mut tables = 0;
     for file in chosen {
-        let read = io::open_text(file).and_then(|text| particles::read(&text).map_err(|fault| fault.about(name(file))));
+        let read = source.text(file).and_then(|text| particles::read(&text).map_err(|fault| fault.about(file)));
         match read {
             Ok(found) => {
                 all.extend(found);

@@ -1,15 +1,14 @@
 //! Time and memory of every stage.
 
-use super::folder::name;
 use super::html::Section;
+use super::source::Source;
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 /// Runs up to this number are listed one by one.
 const MOST_RUNS: usize = 60;
 
-/// What one `--stats` file tells.
+/// One `--stats` file.
 struct Run {
     stage: String,
     name: String,
@@ -20,12 +19,12 @@ struct Run {
 }
 
 /// The section, seconds of all stages, and their largest memory in bytes. None without stats.
-pub(super) fn section(stats: &[PathBuf], notes: &mut Vec<String>) -> Option<(Section, f64, f64)> {
+pub(super) fn section(source: &dyn Source, stats: &[String], notes: &mut Vec<String>) -> Option<(Section, f64, f64)> {
     let mut runs = Vec::new();
     for file in stats {
-        match read(file) {
+        match read(source, file) {
             Some(run) => runs.push(run),
-            None => notes.push(format!("{} is not what --stats writes; it is left out", name(file))),
+            None => notes.push(format!("{file} is not what --stats writes; it is left out")),
         }
     }
     if runs.is_empty() {
@@ -59,9 +58,9 @@ pub(super) fn section(stats: &[PathBuf], notes: &mut Vec<String>) -> Option<(Sec
     Some((section, seconds, peak(&runs.iter().collect::<Vec<_>>()).unwrap_or(0.0)))
 }
 
-fn read(file: &PathBuf) -> Option<Run> {
-    let value: Value = serde_json::from_slice(&std::fs::read(file).ok()?).ok()?;
-    let name = name(file).trim_end_matches(".stats.json").to_owned();
+fn read(source: &dyn Source, file: &str) -> Option<Run> {
+    let value: Value = serde_json::from_str(&source.text(file).ok()?).ok()?;
+    let name = file.trim_end_matches(".stats.json").to_owned();
     let mut phases: Vec<(&String, f64)> =
         value["phases"].as_object()?.iter().filter_map(|(phase, seconds)| Some((phase, seconds.as_f64()?))).collect();
     phases.sort_by(|one, other| other.1.total_cmp(&one.1));

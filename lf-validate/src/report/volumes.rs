@@ -1,17 +1,17 @@
 //! Pruning by depth, misfit by sweep, light by depth.
 
-use super::folder::{name, spread};
+use super::folder::spread;
 use super::html::Section;
+use super::source::Source;
 use lf_core::plot::{Axis, Chart, Mark, Panel};
 use lf_core::{Result, Volume};
-use std::path::{Path, PathBuf};
 
 /// Most files that are read, spread over the run.
 const MOST_FILES: usize = 4;
 
 /// Voxels that pruning kept, by depth. None without supports.
-pub(super) fn pruning(supports: &[PathBuf], notes: &mut Vec<String>) -> Option<Section> {
-    let curves = curves(supports, notes, |volume| {
+pub(super) fn pruning(source: &dyn Source, supports: &[String], notes: &mut Vec<String>) -> Option<Section> {
+    let curves = curves(source, supports, notes, |volume| {
         let [nx, ny, _] = volume.grid().shape;
         let kept = by_slice(volume, &vec![1.0; volume.count()]);
         Ok(kept.into_iter().map(|count| 100.0 * count / (nx * ny) as f64).collect())
@@ -28,16 +28,21 @@ pub(super) fn pruning(supports: &[PathBuf], notes: &mut Vec<String>) -> Option<S
 }
 
 /// Light of the reconstructed volumes by depth, and the misfit by sweep. None without either.
-pub(super) fn reconstruction(volumes: &[PathBuf], records: &[PathBuf], notes: &mut Vec<String>) -> Option<Section> {
+pub(super) fn reconstruction(
+    source: &dyn Source,
+    volumes: &[String],
+    records: &[String],
+    notes: &mut Vec<String>,
+) -> Option<Section> {
     let mut section = Section::new("reconstruction", "Reconstruction");
-    let sweeps = sweeps(records);
+    let sweeps = sweeps(source, records);
     if !sweeps.is_empty() {
         section.chart(
             &one_panel("Misfit of the image, by sweep", Axis::new("sweep"), Axis::log("misfit"), &sweeps),
             "The difference between the image and the light that the volume would send, as a share of the image.",
         );
     }
-    let curves = curves(volumes, notes, |volume| Ok(by_slice(volume, volume.require("intensity")?)));
+    let curves = curves(source, volumes, notes, |volume| Ok(by_slice(volume, volume.require("intensity")?)));
     if !curves.is_empty() {
         let axis = Axis::from_zero("light of a slice, counts", 1.05 * highest(&curves));
         section.chart(
@@ -55,12 +60,17 @@ struct Curve {
 }
 
 /// A curve of each of a few files: values by slice.
-fn curves(files: &[PathBuf], notes: &mut Vec<String>, values: impl Fn(&Volume) -> Result<Vec<f64>>) -> Vec<Curve> {
-    let curve = |file: &Path| -> Result<Curve> {
-        let volume = Volume::open(file)?;
+fn curves(
+    source: &dyn Source,
+    files: &[String],
+    notes: &mut Vec<String>,
+    values: impl Fn(&Volume) -> Result<Vec<f64>>,
+) -> Vec<Curve> {
+    let curve = |file: &str| -> Result<Curve> {
+        let volume = source.volume(file)?;
         let grid = volume.grid();
         let points = values(&volume)?.into_iter().enumerate().map(|(n, value)| [grid.centre_mm(2, n), value]).collect();
-        Ok(Curve { name: name(file).trim_end_matches(".lfv").to_owned(), points })
+        Ok(Curve { name: file.trim_end_matches(".lfv").to_owned(), points })
     };
     let mut curves = Vec::new();
     for file in spread(files, MOST_FILES) {
@@ -83,12 +93,12 @@ fn by_slice(volume: &Volume, values: &[f32]) -> Vec<f64> {
 }
 
 /// The misfits that lf-mart wrote by --log.
-fn sweeps(files: &[PathBuf]) -> Vec<Curve> {
-    let read = |file: &Path| -> Curve {
-        let text = std::fs::read_to_string(file).unwrap_or_default();
+fn sweeps(source: &dyn Source, files: &[String]) -> Vec<Curve> {
+    let read = |file: &str| -> Curve {
+        let text = source.text(file).unwrap_or_default();
         let number = |line: &str, key: &str| serde_json::from_str::<serde_json::Value>(line).ok()?[key].as_f64();
         let points = text.lines().filter_map(|line| Some([number(line, "iteration")?, number(line, "misfit")?]));
-        Curve { name: name(file).trim_end_matches(".jsonl").to_owned(), points: points.collect() }
+        Curve { name: file.trim_end_matches(".jsonl").to_owned(), points: points.collect() }
     };
     spread(files, MOST_FILES).into_iter().map(read).filter(|curve| !curve.points.is_empty()).collect()
 }

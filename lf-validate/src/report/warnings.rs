@@ -1,25 +1,23 @@
 //! The warnings and failures of all logs.
 
-use super::folder::name;
 use super::html::escape;
+use super::source::Source;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 /// Most different lines that are shown.
 const MOST_LINES: usize = 30;
 
 /// Lines of the logs that warn or tell of a failure, each with the logs that have it.
-pub(super) fn lines(logs: &[PathBuf]) -> Vec<(String, Vec<String>)> {
+pub(super) fn lines(source: &dyn Source, logs: &[String]) -> Vec<(String, Vec<String>)> {
     let mut found = BTreeMap::<String, Vec<String>>::new();
     let mut order = Vec::new();
-    for log in logs.iter().filter(|log| !["done.txt", "missing.txt"].contains(&name(log).as_str())) {
-        let text = std::fs::read(log).unwrap_or_default();
-        for line in String::from_utf8_lossy(&text).lines().filter(|line| speaks_up(line)) {
+    for log in logs.iter().filter(|log| !["log/done.txt", "log/missing.txt"].contains(&log.as_str())) {
+        for line in source.text(log).unwrap_or_default().lines().filter(|line| speaks_up(line)) {
             let files = found.entry(line.to_owned()).or_insert_with(|| {
                 order.push(line.to_owned());
                 Vec::new()
             });
-            files.push(name(log).trim_end_matches(".txt").to_owned());
+            files.push(log.trim_start_matches("log/").trim_end_matches(".txt").to_owned());
         }
     }
     order.into_iter().map(|line| (line.clone(), found.remove(&line).unwrap_or_default())).collect()
@@ -56,18 +54,42 @@ pub(super) fn list(lines: &[(String, Vec<String>)], own: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lf_core::{Error, Field, Result, Volume};
+    use ndarray::Array2;
+    use std::collections::BTreeSet;
+
+    /// Logs by their names; nothing else.
+    struct Logs(Vec<(&'static str, String)>);
+
+    impl Source for Logs {
+        fn names(&self) -> &BTreeSet<String> {
+            unreachable!("names are given")
+        }
+        fn text(&self, name: &str) -> Result<String> {
+            let log = self.0.iter().find(|(known, _)| *known == name);
+            log.map(|(_, text)| text.clone()).ok_or_else(|| Error::new(name, "no such file", "wanted a log"))
+        }
+        fn field(&self, _: &str) -> Result<Field> {
+            unreachable!("a log")
+        }
+        fn volume(&self, _: &str) -> Result<Volume> {
+            unreachable!("a log")
+        }
+        fn image(&self, _: &str) -> Result<Array2<f32>> {
+            unreachable!("a log")
+        }
+    }
 
     #[test]
     fn equal_lines_are_told_once_with_their_logs() {
-        let folder = std::env::temp_dir().join(format!("lf-warnings-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let logs = ["a.txt", "b.txt", "done.txt"].map(|name| folder.join(name));
         let warning = "lf-mart: warning: <dark>";
-        std::fs::write(&logs[0], format!("lf-mart: kept 5\n{warning}\n")).unwrap();
-        std::fs::write(&logs[1], format!("{warning}\nlf-mart: a.lfv: empty; wanted a .lfv file\n")).unwrap();
-        std::fs::write(&logs[2], warning).unwrap();
-        let found = lines(&logs);
-        std::fs::remove_dir_all(&folder).unwrap();
+        let logs = Logs(vec![
+            ("log/a.txt", format!("lf-mart: kept 5\n{warning}\n")),
+            ("log/b.txt", format!("{warning}\nlf-mart: a.lfv: empty; wanted a .lfv file\n")),
+            ("log/done.txt", warning.to_owned()),
+        ]);
+        let names: Vec<String> = logs.0.iter().map(|(name, _)| (*name).to_owned()).collect();
+        let found = lines(&logs, &names);
         assert_eq!(found[0], (warning.to_owned(), vec!["a".to_owned(), "b".to_owned()]));
         assert_eq!(found.len(), 2);
         let html = list(&found, &[]);

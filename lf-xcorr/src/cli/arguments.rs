@@ -71,7 +71,7 @@ pub struct Arguments {
     /// a place, the layer that shows most for its uncertainty is drawn [default: z]
     #[arg(long, value_name = "AXIS[=MM]", requires = "plot")]
     pub slice: Option<Cut>,
-    /// What the colours show: u, v, w, speed, vorticity or uncertainty [default: the component through the plane]
+    /// The scalar behind the colours: u, v, w, speed, vorticity or uncertainty [default: the component through the plane]
     #[arg(long, value_name = "NAME", requires = "plot")]
     pub scalar: Option<Scalar>,
     /// Ends of the colours, in the unit drawn [default: the range of the field]

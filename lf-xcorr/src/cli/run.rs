@@ -2,7 +2,7 @@
 
 use super::{arguments::Arguments, particles, particles::Tables, report, warnings, words::MaskSource};
 use lf_core::{
-    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, plot, simd::Level,
+    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, picture, plot, simd::Level,
     volume::together,
 };
 use lf_xcorr::{Mask, Outcome, Plan, Refused, Seeding, Side, Sparse};
@@ -198,7 +198,7 @@ fn save(outcome: &Outcome, arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.plot {
         let svg = plot::field(&outcome.field, &arguments.picture())
             .map_err(|refusal| refusal.about(io::output_name(path)))?;
-        plot::save(path, &svg)?;
+        picture::save(path, &svg)?;
     }
     Ok(())
 }

@@ -1,16 +1,8 @@
 //! The shapes of an SVG that this program drew: rectangles, lines, polygons, circles and lines of text.
 
 use super::font::Font;
+use super::outline::Piece;
 use crate::Refusal;
-
-/// A piece of an outline, px.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Piece {
-    Move([f32; 2]),
-    Line([f32; 2]),
-    Curve([[f32; 2]; 3]),
-    Close,
-}
 
 /// How a shape is painted.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,7 +3,8 @@
 //! Source: ISO 32000-1. The file has a catalogue, a list of pages, one page, its content and the opacities that it uses,
 //! then a table of where each object begins.
 
-use super::shapes::{Drawing, Paint, Piece};
+use super::outline::Piece;
+use super::shapes::{Drawing, Paint};
 use std::fmt::Write;
 
 /// Points of the page to a pixel of the picture.

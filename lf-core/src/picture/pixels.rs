@@ -1,6 +1,7 @@
 //! A picture as pixels.
 
-use super::shapes::{Drawing, Paint, Piece, Shape};
+use super::outline::Piece;
+use super::shapes::{Drawing, Paint, Shape};
 use crate::Refusal;
 use crate::image::picture_colour;
 use tiny_skia::{Color, FillRule, Path, PathBuilder, Pixmap, Stroke, Transform};

@@ -1,6 +1,6 @@
 //! The letters of pictures that are not SVG: DejaVu Sans, the font whose widths lay out all pictures.
 
-use super::shapes::Piece;
+use super::outline::Piece;
 use crate::Refusal;
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
