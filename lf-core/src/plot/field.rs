@@ -235,7 +235,7 @@ fn round_above(value: f64) -> f64 {
         return 0.0;
     }
     let power = 10f64.powi(value.log10().floor() as i32);
-    ROUND.iter().map(|digits| digits * power).find(|round| *round >= value * (1.0 - 1e-9)).unwrap_or(value)
+    ROUND.iter().map(|digits| digits * power).find(|round| *round >= value * (1.0 - 1e-6)).unwrap_or(value)
 }
 
 /// The lines under the title. `counts` are the vectors that are measured, replaced and without data.
