@@ -2,6 +2,8 @@
 
 mod cli;
 mod curves;
+mod export;
+mod report;
 mod trade;
 mod volumes;
 mod workbench;

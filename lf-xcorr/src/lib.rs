@@ -48,7 +48,6 @@ mod correlate;
 mod error;
 mod passes;
 mod plan;
-pub mod plot;
 mod seeding;
 mod tracks;
 mod vectors;
