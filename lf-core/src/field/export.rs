@@ -32,6 +32,32 @@ impl Array {
     }
 }
 
+impl Array {
+    /// The components as lists of their own. Three are named `_x`, `_y`, `_z`, or as the name itself lists them:
+    /// `strain_xy_xz_yz` has `strain_xy`, `strain_xz`, `strain_yz`, with the unit behind.
+    pub(super) fn parts(&self) -> Vec<(String, Vec<f32>)> {
+        if self.components == 1 {
+            return vec![(self.name.to_owned(), self.values.clone())];
+        }
+        let part = |c: usize| self.values.iter().skip(c).step_by(self.components).copied().collect();
+        (0..self.components).map(|c| (self.part_name(c), part(c))).collect()
+    }
+
+    fn part_name(&self, component: usize) -> String {
+        for list in ["_xx_yy_zz", "_xy_xz_yz"] {
+            if let Some((before, after)) = self.name.split_once(list) {
+                let letters: Vec<&str> = list[1..].split('_').collect();
+                return format!("{before}_{}{after}", letters[component]);
+            }
+        }
+        let letter = ["x", "y", "z"][component];
+        match self.name.split_once("_1_s") {
+            Some((before, after)) => format!("{before}_{letter}_1_s{after}"),
+            None => format!("{}_{letter}", self.name),
+        }
+    }
+}
+
 /// Writes arrays on the points of a layout as `.vti`, for results that a [`super::Field`] has no component for.
 /// ParaView shows the first array with three components first. Panics if an array is not as long as the layout asks.
 pub fn save_arrays(path: &Path, layout: &VectorGrid, arrays: &[Array]) -> Result<()> {
@@ -76,9 +102,12 @@ pub(super) fn write_vti(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Wri
 }
 
 /// A header line with units, then one vector a line, x fastest. Every number reads back to the same bits.
-pub(super) fn write_csv(field: &Field, out: &mut dyn Write) -> std::io::Result<()> {
+pub(super) fn write_csv(field: &Field, more: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
     write!(out, "x_mm,y_mm,z_mm,u_mm,v_mm,w_mm,peak,ratio,su_mm,sv_mm,sw_mm,flag,count")?;
-    writeln!(out, "{}", if field.layout.dt_s.is_some() { ",u_mm_s,v_mm_s,w_mm_s" } else { "" })?;
+    write!(out, "{}", if field.layout.dt_s.is_some() { ",u_mm_s,v_mm_s,w_mm_s" } else { "" })?;
+    let more: Vec<(String, Vec<f32>)> = more.iter().flat_map(Array::parts).collect();
+    more.iter().try_for_each(|(name, _)| write!(out, ",{name}"))?;
+    writeln!(out)?;
     let components = field.components();
     for i in 0..field.len() {
         let [x, y, z] = field.place_mm(i);
@@ -87,6 +116,7 @@ pub(super) fn write_csv(field: &Field, out: &mut dyn Write) -> std::io::Result<(
         for value in components.iter().map(|component| component[i]).chain(velocity.into_iter().flatten()) {
             write!(out, ",{value}")?;
         }
+        more.iter().try_for_each(|(_, values)| write!(out, ",{}", values[i]))?;
         writeln!(out)?;
     }
     Ok(())

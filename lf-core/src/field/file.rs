@@ -27,6 +27,16 @@ impl Field {
     /// Writes EXR, `.vti` or `.csv` by extension; `-` and a name without extension are EXR. Refuses what
     /// [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
+        self.save_with(path, &[])
+    }
+
+    /// Writes the field as [`Field::save`] does, with more numbers at every vector: channels of the EXR, arrays of the
+    /// `.vti`, columns of the `.csv`. [`Field::open`] reads such a file as the field alone. Panics if an array is not as
+    /// long as the layout asks.
+    pub fn save_with(&self, path: &Path, more: &[Array]) -> Result<()> {
+        for array in more {
+            assert_eq!(array.values.len(), array.components * self.len(), "length of {}", array.name);
+        }
         let refused = |refusal: Refusal| refusal.about(io::output_name(path));
         self.layout.check().map_err(refused)?;
         for ((name, _), values) in CHANNELS.iter().zip(self.components()) {
@@ -36,11 +46,14 @@ impl Field {
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
         match extension.as_deref() {
             None | Some("exr") => {
-                let bytes = guarded(|| self.to_exr()).map_err(refused)?;
+                let bytes = guarded(|| self.to_exr(more)).map_err(refused)?;
                 io::save(path, |out| out.write_all(&bytes))
             }
-            Some("vti") => io::save(path, |out| write_vti(&self.layout, &self.to_arrays(), out)),
-            Some("csv") => io::save_text(path, |out| write_csv(self, out)),
+            Some("vti") => {
+                let arrays: Vec<Array> = self.to_arrays().into_iter().chain(more.iter().cloned()).collect();
+                io::save(path, |out| write_vti(&self.layout, &arrays, out))
+            }
+            Some("csv") => io::save_text(path, |out| write_csv(self, more, out)),
             Some(other) => Err(refused(Refusal::new(format!("the extension .{other}"), "wanted .exr, .vti or .csv"))),
         }
     }
@@ -62,10 +75,12 @@ impl Field {
         arrays
     }
 
-    fn to_exr(&self) -> std::result::Result<Vec<u8>, Refusal> {
+    fn to_exr(&self, more: &[Array]) -> std::result::Result<Vec<u8>, Refusal> {
         let [nx, ny, nz] = self.layout.shape;
         let names = CHANNELS.into_iter().map(|(name, _)| name);
-        let channels = names.zip(self.components().map(<[f32]>::to_vec)).collect();
+        let more: Vec<(String, Vec<f32>)> = more.iter().flat_map(Array::parts).collect();
+        let more = more.iter().map(|(name, values)| (name.as_str(), values.clone()));
+        let channels = names.zip(self.components().map(<[f32]>::to_vec)).chain(more).collect();
         exr::write(nx, ny * nz, channels, Some((LAYOUT, self.layout.to_json())))
     }
 }

@@ -34,7 +34,8 @@ impl Correlated {
     pub fn draw(&self, number: u64) -> Vec<f64> {
         let mut random = Pcg64Mcg::seed_from_u64(number);
         let mut shape = [0, 1, 2].map(|axis| self.shape[axis] + self.width[axis] - 1);
-        let mut values: Vec<f64> = (0..shape.iter().product::<usize>()).map(|_| StandardNormal.sample(&mut random)).collect();
+        let mut values: Vec<f64> =
+            (0..shape.iter().product::<usize>()).map(|_| StandardNormal.sample(&mut random)).collect();
         for axis in 0..3 {
             values = moving_sum(&values, shape, axis, self.width[axis]);
             shape[axis] = self.shape[axis];
@@ -76,9 +77,8 @@ mod tests {
         let found = errors.draw(3);
         assert_eq!((found.len(), found == errors.draw(3), found == errors.draw(4)), (40 * 36 * 30, true, false));
         let mean = |steps: usize, axis: usize| {
-            let products = (0..found.len()).filter_map(|i| {
-                Some(found[i] * found[layout.neighbour(i, axis, steps as isize)?])
-            });
+            let products =
+                (0..found.len()).filter_map(|i| Some(found[i] * found[layout.neighbour(i, axis, steps as isize)?]));
             let all: Vec<f64> = products.collect();
             all.iter().sum::<f64>() / all.len() as f64
         };

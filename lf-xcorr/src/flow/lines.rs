@@ -34,7 +34,7 @@ impl Lines {
             let mut d = vec![0.0; count];
             for i in 0..count {
                 let at = first + i * stride;
-                                let l2 = if i >= 2 { entry(first, i, i - 2) / d[i - 2] } else { 0.0 };
+                let l2 = if i >= 2 { entry(first, i, i - 2) / d[i - 2] } else { 0.0 };
                 let cross = if i >= 2 { l2 * d[i - 2] * lines.below[0][at - stride] } else { 0.0 };
                 let l1 = if i >= 1 { (entry(first, i, i - 1) - cross) / d[i - 1] } else { 0.0 };
                 let own = entry(first, i, i) + diagonal[at];

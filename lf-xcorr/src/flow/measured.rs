@@ -77,7 +77,8 @@ fn sigma(stated: &[f32], typed: Option<f64>, is_known: &[bool]) -> Result<Vec<f6
     let usual = if usual > 0.0 { usual } else { typed.unwrap_or(f64::NAN) };
     let wanted = "wanted su, sv and sw, or --sigma with the uncertainties of u, v and w in mm";
     Refusal::unless(usual > 0.0, || "measured vectors without uncertainties", wanted)?;
-    let one = |value: &f32| if is_stated(value) { f64::from(*value).max(LEAST * usual) } else { typed.unwrap_or(usual) };
+    let one =
+        |value: &f32| if is_stated(value) { f64::from(*value).max(LEAST * usual) } else { typed.unwrap_or(usual) };
     Ok(stated.iter().map(one).collect())
 }
 

@@ -8,17 +8,26 @@
 //! that `solenoidal` has made is free of the divergence that `derive` prints.
 
 mod conjugate;
+mod derive;
 mod errors;
 mod fill;
 mod gcv;
 mod lines;
 mod measured;
+mod memory;
+mod pressure;
+mod profile;
 mod roughness;
+mod scalars;
 mod slopes;
 mod smooth;
 mod solenoidal;
 mod spread;
 
+pub use derive::{Derived, derive};
 pub use measured::{Measured, TypedSigma};
+pub use memory::Task;
+pub use pressure::{Pressure, PressureOptions, pressure};
+pub use profile::{Flux, Profile, flux, profile};
 pub use smooth::{Smoothed, smooth};
 pub use solenoidal::{Solenoidal, solenoidal};

@@ -92,8 +92,8 @@ pub fn smooth(field: &Field, measured: &Measured, typed: Option<[f64; 3]>) -> Sm
         let changes = found[c].values.iter().zip(&measured.values[c]).map(|(after, before)| (after - before).powi(2));
         (changes.sum::<f64>() / found[c].values.len() as f64).sqrt()
     };
-    let [values, sigma] =
-        [|found: &Found| found.values.clone(), |found: &Found| found.sigma.clone()].map(|of| [0, 1, 2].map(|c| of(&found[c])));
+    let [values, sigma] = [|found: &Found| found.values.clone(), |found: &Found| found.sigma.clone()]
+        .map(|of| [0, 1, 2].map(|c| of(&found[c])));
     Smoothed {
         field: measured.field(field, &values, &sigma),
         strength: [0, 1, 2].map(|c| found[c].strength),
@@ -107,7 +107,8 @@ impl Component<'_> {
     fn smooth(&self, field: &Field, measured: &Measured, c: usize, typed: Option<f64>) -> Found {
         let (values, sigma) = (&measured.values[c], &measured.sigma[c]);
         let errors = Correlated::new(&field.layout);
-        let noise: Vec<f64> = errors.draw(1000 + c as u64).iter().zip(sigma).map(|(error, sigma)| error * sigma).collect();
+        let noise: Vec<f64> =
+            errors.draw(1000 + c as u64).iter().zip(sigma).map(|(error, sigma)| error * sigma).collect();
         let (mut of_values, mut of_noise) = (values.clone(), noise.clone());
         let mut score = |strength: f64| {
             of_values = self.solve(strength, values, std::mem::take(&mut of_values), TOLERANCE_OF_SCORES);

@@ -3,6 +3,9 @@
 use super::errors::Correlated;
 use rayon::prelude::*;
 
+/// Constant: draws that are treated at the same time.
+const BATCH: u64 = 4;
+
 /// Sums of squares of drawn errors before and after the treatment, place by place.
 pub(super) struct Spread {
     before: Vec<f64>,
@@ -24,18 +27,24 @@ impl Spread {
             let (left, number) = treat(scaled);
             (drawn, left, number)
         };
-        let all: Vec<_> = (0..draws).into_par_iter().map(draw).collect();
-        let number = all.iter().map(|(_, _, number)| number).sum::<f64>() / draws as f64;
-        let spreads = std::array::from_fn(|c| {
-            let mut sums = Self { before: vec![0.0; sigma[c].len()], after: vec![0.0; sigma[c].len()] };
-            for (drawn, left, _) in &all {
-                sums.before.iter_mut().zip(&drawn[c]).for_each(|(sum, error)| *sum += error * error);
-                let scaled = left[c].iter().zip(sigma[c]).map(|(left, sigma)| left / sigma);
-                sums.after.iter_mut().zip(scaled).for_each(|(sum, error)| *sum += error * error);
+        let mut sums: [Self; N] =
+            sigma.map(|sigma| Self { before: vec![0.0; sigma.len()], after: vec![0.0; sigma.len()] });
+        let mut number = 0.0;
+        // A batch at a time bounds the memory.
+        for first in (0..draws).step_by(BATCH as usize) {
+            let batch: Vec<_> = (first..draws.min(first + BATCH)).into_par_iter().map(draw).collect();
+            for (drawn, left, one) in &batch {
+                number += one / draws as f64;
+                sums.iter_mut().enumerate().for_each(|(c, sums)| sums.add(&drawn[c], &left[c], sigma[c]));
             }
-            sums
-        });
-        (spreads, number)
+        }
+        (sums, number)
+    }
+
+    fn add(&mut self, drawn: &[f64], left: &[f64], sigma: &[f64]) {
+        self.before.iter_mut().zip(drawn).for_each(|(sum, error)| *sum += error * error);
+        let scaled = left.iter().zip(sigma).map(|(left, sigma)| left / sigma);
+        self.after.iter_mut().zip(scaled).for_each(|(sum, error)| *sum += error * error);
     }
 
     /// The share of the variance that is left, place by place: means over a box of `reach` vectors to every side.
