@@ -31,3 +31,6 @@ pub use pressure::{Pressure, PressureOptions, pressure};
 pub use profile::{Flux, Profile, flux, profile};
 pub use smooth::{Smoothed, smooth};
 pub use solenoidal::{Solenoidal, solenoidal};
+
+#[cfg(test)]
+mod tests;
