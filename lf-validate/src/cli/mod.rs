@@ -9,6 +9,7 @@ mod displacement;
 mod divergence;
 mod elongation;
 mod ensemble;
+mod ensemble_more;
 mod info;
 mod inputs;
 mod limits;
