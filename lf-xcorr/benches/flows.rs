@@ -168,73 +168,69 @@ fn compare(name: &str, text: &str, shape: [usize; 3], noise: &Noise, seeds: std:
     );
 }
 
+/// Flows by name.
+type Named = (&'static str, &'static str);
+
+/// Flows, noises and seeds on which constants were chosen.
+const CHOICE: [Named; 4] = [
+    ("taylor-green 7", r#"{"kind": "taylor-green", "wavelength_mm": 7, "displacement_mm": 0.02}"#),
+    ("abc 9", r#"{"kind": "abc", "wavelength_mm": 9, "displacement_mm": [0.01, 0.02, 0.015]}"#),
+    (
+        "jet 2.4",
+        r#"{"kind": "jet", "axis": [0.2, 0.1, 1], "diameter_mm": 2.4, "shear_layer_mm": 0.35,
+            "displacement_mm": 0.022}"#,
+    ),
+    ("ring 1.5", r#"{"kind": "ring", "axis": [0, 1, 0.3], "radius_mm": 1.5, "core_mm": 0.7, "displacement_mm": 0.02}"#),
+];
+
+/// Flows that are reported.
+const REPORT: [Named; 4] = [
+    ("taylor-green 6", r#"{"kind": "taylor-green", "wavelength_mm": 6, "displacement_mm": 0.025}"#),
+    ("abc 6", r#"{"kind": "abc", "wavelength_mm": 6, "displacement_mm": [0.02, 0.01, 0.015]}"#),
+    (
+        "jet 2",
+        r#"{"kind": "jet", "axis": [0.1, 1, 0.4], "diameter_mm": 2, "shear_layer_mm": 0.3,
+            "displacement_mm": 0.025}"#,
+    ),
+    (
+        "ring 1.2",
+        r#"{"kind": "ring", "axis": [0.2, 0.3, 1], "radius_mm": 1.2, "core_mm": 0.6, "displacement_mm": 0.025}"#,
+    ),
+];
+
+/// The time that a full field takes, 42 x 42 x 42 vectors.
+fn time() {
+    let noise = Noise { name: "", across_px: 0.1, depth: 10.0, focus: (3.0, 0.8), gaps: 0.03 };
+    let (_, field) = measure(&flow(CHOICE[1].1), [42; 3], &noise, 1);
+    let begun = Instant::now();
+    let measured = Measured::new(&field, None).expect("a field");
+    println!("{} vectors: fill {:.2} s", field.len(), begun.elapsed().as_secs_f64());
+    let begun = Instant::now();
+    let found = solenoidal(&field, &measured);
+    println!("solenoidal {:.2} s, {} steps", begun.elapsed().as_secs_f64(), found.steps);
+    let begun = Instant::now();
+    let found = smooth(&field, &measured, None);
+    println!("smooth {:.2} s, strengths {:?}", begun.elapsed().as_secs_f64(), found.strength);
+    let begun = Instant::now();
+    derive(&field);
+    println!("derive {:.2} s", begun.elapsed().as_secs_f64());
+}
+
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let is = |word: &str| words.iter().any(|w| w == word);
-    let noise = |name, across_px, depth, focus, gaps| Noise { name, across_px, depth, focus, gaps };
     if is("full") {
-        let (_, field) = measure(
-            &flow(r#"{"kind": "abc", "wavelength_mm": 9, "displacement_mm": [0.01, 0.02, 0.015]}"#),
-            [42; 3],
-            &noise("w 10", 0.1, 10.0, (3.0, 0.8), 0.03),
-            1,
-        );
-        let begun = Instant::now();
-        let measured = Measured::new(&field, None).expect("a field");
-        println!("{} vectors: fill {:.2} s", field.len(), begun.elapsed().as_secs_f64());
-        let begun = Instant::now();
-        let found = solenoidal(&field, &measured);
-        println!("solenoidal {:.2} s, {} steps", begun.elapsed().as_secs_f64(), found.steps);
-        let begun = Instant::now();
-        let found = smooth(&field, &measured, None);
-        println!("smooth {:.2} s, strengths {:?}", begun.elapsed().as_secs_f64(), found.strength);
-        let begun = Instant::now();
-        derive(&field);
-        println!("derive {:.2} s", begun.elapsed().as_secs_f64());
-        return;
+        return time();
     }
+    let noise = |name, across_px, depth, focus, gaps| Noise { name, across_px, depth, focus, gaps };
     println!("flow           noise    way                   RMS u, v, w, px     change, %          covered, %");
     let (flows, noises, shape, seeds) = if is("choose") {
-        (
-            [
-                ("taylor-green 7", r#"{"kind": "taylor-green", "wavelength_mm": 7, "displacement_mm": 0.02}"#),
-                ("abc 9", r#"{"kind": "abc", "wavelength_mm": 9, "displacement_mm": [0.01, 0.02, 0.015]}"#),
-                (
-                    "jet z 2.4",
-                    r#"{"kind": "jet", "axis": [0.2, 0.1, 1], "diameter_mm": 2.4, "shear_layer_mm": 0.35, "displacement_mm": 0.022}"#,
-                ),
-                (
-                    "ring 1.5",
-                    r#"{"kind": "ring", "axis": [0, 1, 0.3], "radius_mm": 1.5, "core_mm": 0.7, "displacement_mm": 0.02}"#,
-                ),
-            ],
-            [noise("w 8", 0.15, 8.0, (2.5, 0.6), 0.02), noise("w 16", 0.08, 16.0, (1.5, 1.0), 0.05)].to_vec(),
-            [25, 25, 17],
-            0..2,
-        )
+        let noises = vec![noise("w 8", 0.15, 8.0, (2.5, 0.6), 0.02), noise("w 16", 0.08, 16.0, (1.5, 1.0), 0.05)];
+        (CHOICE, noises, [25, 25, 17], 0..2)
     } else {
-        (
-            [
-                ("taylor-green 6", r#"{"kind": "taylor-green", "wavelength_mm": 6, "displacement_mm": 0.025}"#),
-                ("abc 6", r#"{"kind": "abc", "wavelength_mm": 6, "displacement_mm": [0.02, 0.01, 0.015]}"#),
-                (
-                    "jet 2",
-                    r#"{"kind": "jet", "axis": [0.1, 1, 0.4], "diameter_mm": 2, "shear_layer_mm": 0.3, "displacement_mm": 0.025}"#,
-                ),
-                (
-                    "ring 1.2",
-                    r#"{"kind": "ring", "axis": [0.2, 0.3, 1], "radius_mm": 1.2, "core_mm": 0.6, "displacement_mm": 0.025}"#,
-                ),
-            ],
-            [
-                noise("w 5", 0.1, 5.0, (2.0, 0.7), 0.03),
-                noise("w 10", 0.1, 10.0, (3.0, 0.5), 0.03),
-                noise("w 20", 0.1, 20.0, (2.0, 1.0), 0.03),
-            ]
-            .to_vec(),
-            [28, 24, 16],
-            10..13,
-        )
+        let [five, ten, twenty] = [("w 5", 5.0, (2.0, 0.7)), ("w 10", 10.0, (3.0, 0.5)), ("w 20", 20.0, (2.0, 1.0))]
+            .map(|(name, depth, focus)| noise(name, 0.1, depth, focus, 0.03));
+        (REPORT, vec![five, ten, twenty], [28, 24, 16], 10..13)
     };
     for (name, text) in flows {
         noises.iter().for_each(|noise| compare(name, text, shape, noise, seeds.clone()));

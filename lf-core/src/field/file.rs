@@ -31,7 +31,8 @@ impl Field {
     }
 
     /// Writes the field as [`Field::save`] does, with more numbers at every vector: channels of the EXR, arrays of the
-    /// `.vti`, columns of the `.csv`. [`Field::open`] reads such a file as the field alone. Panics if an array is not as
+    /// `.vti`, columns of the `.csv`. [`Field::open`] reads such a file as the field alone. Panics if an array is not
+    /// as
     /// long as the layout asks.
     pub fn save_with(&self, path: &Path, more: &[Array]) -> Result<()> {
         for array in more {

@@ -9,7 +9,7 @@ use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What is asked for beside the mean.
+/// Statistics asked for beside the mean.
 #[derive(clap::Args)]
 pub struct Options {
     /// Average by phase: field n has phase n modulo N, in the order typed

@@ -1,4 +1,4 @@
-//! What follows from a field's gradients, each with its uncertainty.
+//! Quantities that follow from a field's gradients, each with its uncertainty.
 //!
 //! A slope is the difference of two vectors, whose errors are shared as far as their windows overlap. Uncertainties of
 //! numbers that are not linear are the changes that each gradient's standard uncertainty makes, added in squares.
@@ -32,8 +32,8 @@ pub(super) struct Gradient {
     pub sigma: DMat3,
 }
 
-/// The gradient of the displacement at a vector: slopes between its neighbours, or from one neighbour and itself at an end
-/// and beside a gap. NaN along an axis without a neighbour.
+/// The gradient of the displacement at a vector: slopes between its neighbours, or from one neighbour and itself at an
+/// end and beside a gap. NaN along an axis without a neighbour.
 pub(super) fn gradient(field: &Field, errors: &Correlated, at: usize) -> Gradient {
     let has_data = |n: &usize| field.flag[*n] != NO_DATA;
     let mut found = Gradient { value: DMat3::NAN, sigma: DMat3::NAN };

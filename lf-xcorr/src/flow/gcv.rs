@@ -1,13 +1,13 @@
 //! The strength of a smoothing, by generalised cross-validation that allows for errors which neighbours share.
 //!
-//! Equation: the score of a strength is `R / Q^2`. R is the mean square residual of the data, in their uncertainties, and
-//! Q the mean square residual of errors alone, drawn with the correlation of overlapping windows and smoothed alike. For
-//! independent errors Q^2 is the `(1 - tr S / n)^2` of Craven & Wahba (Numer. Math. 31, 1979) up to its first order; for
-//! shared ones the plain trace would take them for flow and not smooth at all (Carmack, Spence & Schucany, J. Nonparam.
-//! Stat. 24, 2012).
+//! Equation: the score of a strength is `R / Q^2`. R is the mean square residual of the data, in their uncertainties,
+//! and Q the mean square residual of errors alone, drawn with the correlation of overlapping windows and smoothed
+//! alike. For independent errors Q^2 is the `(1 - tr S / n)^2` of Craven & Wahba (Numer. Math. 31, 1979) up to its
+//! first order; for shared ones the plain trace would take them for flow and not smooth at all (Carmack, Spence &
+//! Schucany, J. Nonparam. Stat. 24, 2012).
 
-/// Constant: the least strength tried, the factor from one to the next, and how many at most. A strength s smooths waves
-/// of less than `2 pi s^(1/4)` vectors.
+/// Constant: the least strength tried, the factor from one to the next, and how many at most. A strength s smooths
+/// waves of less than `2 pi s^(1/4)` vectors.
 const FIRST: f64 = 0.03;
 const FACTOR: f64 = 4.0;
 const MOST: usize = 14;

@@ -1,8 +1,8 @@
 //! A preconditioner for the divergence's normal matrix: exact along one axis, diagonal along the others.
 //!
-//! Equation: the matrix is `D S D'`, with the divergence D and the variances S. Along the axis whose component is by far
-//! the least certain, its part outweighs the rest, and it couples places of one line only, two apart. So the lines of
-//! that part, with the diagonal of the rest, are solved exactly: `L d L'` with two bands.
+//! Equation: the matrix is `D S D'`, with the divergence D and the variances S. Along the axis whose component is by
+//! far the least certain, its part outweighs the rest, and it couples places of one line only, two apart. So the lines
+//! of that part, with the diagonal of the rest, are solved exactly: `L d L'` with two bands.
 
 use super::slopes::{Slopes, ends};
 

@@ -24,8 +24,8 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// The measured vectors of a field; replaced and missing ones are filled. Refuses a field with fewer than two vectors
-    /// along an axis, without a measured vector, or without uncertainties if none are typed.
+    /// The measured vectors of a field; replaced and missing ones are filled. Refuses a field with fewer than two
+    /// vectors along an axis, without a measured vector, or without uncertainties if none are typed.
     pub fn new(field: &Field, typed: TypedSigma) -> Result<Self, Refusal> {
         let [nx, ny, nz] = field.layout.shape;
         let found = || format!("{nx} x {ny} x {nz} vectors");

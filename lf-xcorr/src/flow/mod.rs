@@ -4,8 +4,8 @@
 //! pressure, values along a line and through a plane, each with its uncertainty.
 //! Open first: `measured.rs`, the vectors and their uncertainties; then `solenoidal.rs`.
 //!
-//! One discrete derivative serves all tasks (`slopes.rs`): central differences, one-sided at the ends of an axis. A field
-//! that `solenoidal` has made is free of the divergence that `derive` prints.
+//! One discrete derivative serves all tasks (`slopes.rs`): central differences, one-sided at the ends of an axis. A
+//! field that `solenoidal` has made is free of the divergence that `derive` prints.
 
 mod conjugate;
 mod derive;

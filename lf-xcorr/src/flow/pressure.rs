@@ -2,8 +2,8 @@
 //!
 //! Equation: `grad p = -density * a` without friction, with the acceleration of a particle of fluid
 //! `a = du/dt + (u . grad) u`. The pressure is the one whose differences between neighbours are nearest to the mean of
-//! their gradients (least squares; its normal equations are a Poisson equation with `a` at the walls). It is known up to
-//! a constant: its mean is 0.
+//! their gradients (least squares; its normal equations are a Poisson equation with `a` at the walls). It is known up
+//! to a constant: its mean is 0.
 
 use super::conjugate::solve;
 use super::derive::gradient;
@@ -22,7 +22,7 @@ const DRAWS: u64 = 16;
 /// Pascal a millimetre from kg/m^3 times mm/s^2.
 const PASCAL: f64 = 1e-6;
 
-/// What pressure is computed from beside the fields.
+/// Numbers that pressure needs beside the fields.
 #[derive(Debug, Clone, Copy)]
 pub struct PressureOptions {
     /// Density of the fluid, kg/m^3.
@@ -44,8 +44,8 @@ pub struct Pressure {
     pub misfit: f64,
 }
 
-/// The pressure of a steady flow from one field, or in the middle between two. Refuses a second field with its vectors at
-/// other places.
+/// The pressure of a steady flow from one field, or in the middle between two. Refuses a second field with its vectors
+/// at other places.
 pub fn pressure(first: &Field, second: Option<&Field>, options: &PressureOptions) -> Result<Pressure, Refusal> {
     if let Some(second) = second {
         let (a, b) = (&first.layout, &second.layout);

@@ -19,8 +19,8 @@ pub struct Profile {
     pub uncertainty_mm: DVec3,
 }
 
-/// The field at `points` places from `from` to `to`, both included: trilinear between the vectors. Neighbours share their
-/// errors, so the uncertainty is interpolated like the vectors.
+/// The field at `points` places from `from` to `to`, both included: trilinear between the vectors. Neighbours share
+/// their errors, so the uncertainty is interpolated like the vectors.
 pub fn profile(field: &Field, from: DVec3, to: DVec3, points: usize) -> Vec<Profile> {
     let at = |n: usize| {
         let share = if points > 1 { n as f64 / (points - 1) as f64 } else { 0.0 };

@@ -37,8 +37,8 @@ impl Slopes {
         1.0 / ((high - low) as f64 * self.spacing[axis])
     }
 
-    /// Calls `row(base, low, high, factor)` for every row of neighbours across an axis: first indices of a row of slopes
-    /// and of the two rows of values that they are made of.
+    /// Calls `row(base, low, high, factor)` for every row of neighbours across an axis: first indices of a row of
+    /// slopes and of the two rows of values that they are made of.
     fn rows(&self, axis: usize, mut row: impl FnMut(usize, usize, usize, f64)) {
         let (count, stride) = (self.shape[axis], self.stride(axis));
         let blocks = self.shape[axis + 1..].iter().product::<usize>();

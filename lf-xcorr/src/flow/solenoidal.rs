@@ -1,9 +1,9 @@
 //! The divergence-free field that is nearest to a measured one, by its uncertainties.
 //!
-//! Equation: the field u' without divergence, `D u' = 0`, whose `sum ((u' - u) / sigma)^2` over all vectors and components
-//! is least. With the variances S that is `u' = u - S D' lambda` and `D S D' lambda = D u` (after de Silva, Philip &
-//! Marusic, Exp. Fluids 54, 2013, with the weights of Azijli & Dwight, Exp. Fluids 56, 2015). w, which is the least
-//! certain by far, moves most: continuity tells it from u and v.
+//! Equation: the field u' without divergence, `D u' = 0`, whose `sum ((u' - u) / sigma)^2` over all vectors and
+//! components is least. With the variances S that is `u' = u - S D' lambda` and `D S D' lambda = D u` (after de Silva,
+//! Philip & Marusic, Exp. Fluids 54, 2013, with the weights of Azijli & Dwight, Exp. Fluids 56, 2015). w, which is the
+//! least certain by far, moves most: continuity tells it from u and v.
 //!
 //! D is the divergence of `slopes.rs`, at every vector. The normal matrix is applied, never stored.
 

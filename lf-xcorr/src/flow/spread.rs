@@ -13,8 +13,8 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    /// Draws `draws` sets of errors. `treat` turns errors, mm, into those that are left and a number, whose mean over the
-    /// draws is given too. Draws run in parallel and are added in order.
+    /// Draws `draws` sets of errors. `treat` turns errors, mm, into those that are left and a number, whose mean over
+    /// the draws is given too. Draws run in parallel and are added in order.
     pub fn new<const N: usize>(
         errors: &Correlated,
         sigma: [&[f64]; N],

@@ -65,8 +65,8 @@ impl ConvergenceLog {
     }
 }
 
-/// Number of fields after which the uncertainty of the mean is 1 % of the mean displacement, both RMS over the places, if
-/// fields are independent. NaN without a displacement or without an uncertainty.
+/// Number of fields after which the uncertainty of the mean is 1 % of the mean displacement, both RMS over the places,
+/// if fields are independent. NaN without a displacement or without an uncertainty.
 pub fn enough(all: &Ensemble) -> [f64; 3] {
     let [displacement, uncertainty] = [all.displacement_mm(), all.uncertainty_mm()];
     let one = |c: usize| {

@@ -1,7 +1,7 @@
 //! Spectra and correlations of the fluctuations along the lines of an axis.
 //!
-//! Convention: wavenumbers are cycles a millimetre. A spectrum is one-sided and its sum times the step of the wavenumber
-//! is the variance along a line. Lines are weighted by a Hann window, since they do not close.
+//! Convention: wavenumbers are cycles a millimetre. A spectrum is one-sided and its sum times the step of the
+//! wavenumber is the variance along a line. Lines are weighted by a Hann window, since they do not close.
 
 use lf_core::{Field, VectorGrid, field::NO_DATA};
 use serde::Serialize;

@@ -1,7 +1,6 @@
-//! In: many measured vector fields of one flow, one after another.
-//! Out: their mean with its uncertainty, fluctuations, and the vorticity of the mean; how these settle with the number of
-//! fields, averages by phase, spectra and correlations along an axis, proper orthogonal modes.
-//! Open first: `sums.rs`.
+//! In: many measured vector fields of one flow, one after another. Out: their mean with its uncertainty, fluctuations,
+//! and the vorticity of the mean; how these settle with the number of fields, averages by phase, spectra and
+//! correlations along an axis, proper orthogonal modes. Open first: `sums.rs`.
 
 mod convergence;
 mod lines;

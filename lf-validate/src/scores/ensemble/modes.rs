@@ -1,8 +1,8 @@
 //! Proper orthogonal modes of a set of fields, by the method of snapshots (Sirovich, Q. Appl. Math. 45, 1987).
 //!
 //! Equation: the matrix of mean products of two fields' fluctuations, `C = <u_i, u_j> / n`, has the eigenvalues lambda,
-//! the mean square that each mode carries, and the eigenvectors a. A mode is `sum a_i u_i / sqrt(n)`: its mean square is
-//! lambda, and field i holds it `sqrt(n) a_i` times.
+//! the mean square that each mode carries, and the eigenvectors a. A mode is `sum a_i u_i / sqrt(n)`: its mean square
+//! is lambda, and field i holds it `sqrt(n) a_i` times.
 
 use lf_core::Field;
 use lf_core::field::{MEASURED, NO_DATA};

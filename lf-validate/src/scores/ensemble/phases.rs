@@ -13,7 +13,7 @@ pub struct PhaseSums {
     next: usize,
 }
 
-/// What the phases tell; RMS over places and phases, for u, v and w.
+/// Numbers that the phases tell; RMS over places and phases, for u, v and w.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PhaseSummary {
     /// Fields of each phase.

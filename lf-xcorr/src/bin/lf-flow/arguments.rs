@@ -8,8 +8,8 @@ use std::path::PathBuf;
 
 /// Measured fields to flows and what follows from them
 ///
-/// A stage between correlation and statistics. Its fields are read and written like those of lf-xcorr. The uncertainties
-/// that vectors state are the weights of every task, and every result has uncertainties of its own.
+/// A stage between correlation and statistics. Its fields are read and written like those of lf-xcorr. The
+/// uncertainties that vectors state are the weights of every task, and every result has uncertainties of its own.
 #[derive(Parser)]
 #[command(
     name = "lf-flow",
@@ -51,7 +51,8 @@ pub enum Command {
 pub struct Smooth {
     #[command(flatten)]
     pub files: Files,
-    /// Strengths for u, v and w in place of those by cross-validation; s smooths waves shorter than 2 pi s^(1/4) vectors
+    /// Strengths for u, v and w in place of those by cross-validation; s smooths waves shorter than 2 pi s^(1/4)
+    /// vectors
     #[arg(long, value_name = "U,V,W", value_parser = positive)]
     pub strength: Option<[f64; 3]>,
     #[command(flatten)]
@@ -77,10 +78,10 @@ pub struct Solenoidal {
 
 /// Write vorticity, strain, divergence, Q, lambda-2, swirl and kinetic energy
 ///
-/// The result is the field with further channels: vorticity, divergence, strain rates, shear (sqrt(2 S:S)), q_criterion,
-/// lambda_2, swirl, energy (half the square, mm2), and the standard uncertainty of each, whose name begins with s_. They
-/// are per frame, or per second if the time between the volumes is known (lf-xcorr --dt). Slopes are central differences,
-/// one-sided at the ends of an axis and beside vectors without data.
+/// The result is the field with further channels: vorticity, divergence, strain rates, shear (sqrt(2 S:S)),
+/// q_criterion, lambda_2, swirl, energy (half the square, mm2), and the standard uncertainty of each, whose name begins
+/// with s_. They are per frame, or per second if the time between the volumes is known (lf-xcorr --dt). Slopes are
+/// central differences, one-sided at the ends of an axis and beside vectors without data.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow derive field-0000-0001.exr -o vortices.vti
@@ -92,8 +93,8 @@ pub struct Derive {
 
 /// Pressure from the acceleration of the fluid
 ///
-/// Adds the channels pressure_pa and s_pressure_pa, its standard uncertainty. The mean pressure is 0. With one field the
-/// flow counts as steady; with two the pressure is that in the middle between them. Friction is left out.
+/// Adds the channels pressure_pa and s_pressure_pa, its standard uncertainty. The mean pressure is 0. With one field
+/// the flow counts as steady; with two the pressure is that in the middle between them. Friction is left out.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow pressure field-0000-0001.exr --density 998 --dt 0.001 -o pressure.vti
@@ -122,8 +123,9 @@ pub struct Pressure {
 /// Values along a line, or the flux through a plane
 ///
 /// A line gives a table (.csv): field, distance and place in mm, u, v, w and their uncertainties; values are trilinear
-/// between the vectors, and NaN outside the field and beside vectors without data. A plane gives JSON on standard output:
-/// area, mean displacement through the plane and flux, with its uncertainty, of the layer of vectors nearest to it.
+/// between the vectors, and NaN outside the field and beside vectors without data. A plane gives JSON on standard
+/// output: area, mean displacement through the plane and flux, with its uncertainty, of the layer of vectors nearest to
+/// it.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow profile field-0000-0001.exr --from -0.5,0,0 --to 0.5,0,0 -o line.csv

@@ -19,8 +19,8 @@ pub struct Files {
     /// Fields (.exr); `-` is standard input
     #[arg(default_value = "-")]
     fields: Vec<PathBuf>,
-    /// Where the result goes: .exr, .vti or .csv; `-` is EXR on standard output. For several fields a folder, which gets a
-    /// file of each field's name
+    /// Where the result goes: .exr, .vti or .csv; `-` is EXR on standard output. For several fields a folder, which
+    /// gets a file of each field's name
     #[arg(short, long, value_name = "FILE|FOLDER", default_value = "-")]
     output: PathBuf,
     /// Form of the files in a folder

@@ -55,8 +55,9 @@ pub fn smooth(arguments: &Smooth, limit: MemoryLimit, session: &mut Session) -> 
             session.count(&format!("misfit_{component}"), misfit);
             if misfit > MISFIT {
                 session.warn(format!(
-                    "{name}: {component} departs from the smooth field {misfit:.1} times as much as its uncertainty says; the \
-                     flow is finer than the windows or the uncertainty too small; take smaller windows or a lesser --strength"
+                    "{name}: {component} departs from the smooth field {misfit:.1} times as much as its uncertainty \
+                     says; the flow is finer than the windows or the uncertainty too small; take smaller windows or a \
+                     lesser --strength"
                 ));
             }
         }
@@ -83,8 +84,9 @@ pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Sess
         session.count("divergence_after", after);
         if found.misfit > MISFIT {
             session.warn(format!(
-                "{name}: the divergence is {:.1} times what the uncertainties explain; the flow is compressible, finer than \
-                 the windows, or less certain than stated; compare lf-validate divergence, or take smaller windows",
+                "{name}: the divergence is {:.1} times what the uncertainties explain; the flow is compressible, \
+                 finer than the windows, or less certain than stated; compare lf-validate divergence, or take \
+                 smaller windows",
                 found.misfit
             ));
         }
@@ -104,7 +106,8 @@ pub fn derive(arguments: &Derive, limit: MemoryLimit, session: &mut Session) -> 
         if found.places == 0 {
             let [x, y, z] = field.layout.shape;
             session.warn(format!(
-                "{name}: no vector has neighbours along x, y and z ({x} x {y} x {z} vectors); take more vectors along every axis"
+                "{name}: no vector has neighbours along x, y and z ({x} x {y} x {z} vectors); take more \
+                 vectors along every axis"
             ));
         }
         Ok((field.clone(), found.arrays))
@@ -147,8 +150,8 @@ fn measured(field: &Field, name: &str, sigma: Option<[f64; 3]>, session: &mut Se
     let share = measured.filled() as f64 / field.len() as f64;
     if share > FILLED {
         session.warn(format!(
-            "{name}: {:.0} % of the vectors were not measured and are filled from the others; take larger windows, or a \
-             smaller volume",
+            "{name}: {:.0} % of the vectors were not measured and are filled from the others; take larger \
+             windows, or a smaller volume",
             100.0 * share
         ));
     }
