@@ -64,6 +64,11 @@ MART_FLAGS =
 FIT =
 FIT_FLAGS =
 
+# FLOW: if set, lf-flow treats every field before the mean: solenoidal (the flow is incompressible: continuity corrects w),
+# or smooth. The fields as measured stay beside them.
+FLOW =
+FLOW_FLAGS =
+
 # Interrogation windows of the first and the last pass, mm. Without WINDOW_MM, windows hold about ten of the particles
 # found in the first pair that can be reconstructed; OUT/windows.txt keeps them for all pairs. DT: seconds between the
 # frames of a pair, if known.
@@ -89,6 +94,7 @@ PRUNE = $(BIN)lf-prune
 MART = $(BIN)lf-mart
 FITTER = $(BIN)lf-fit
 XCORR = $(BIN)lf-xcorr
+TREAT = $(BIN)lf-flow
 
 # RUN: what every recipe line begins with, which sends it to a machine. TRIES: how often one call of make tries a stage.
 RUN =
@@ -132,8 +138,10 @@ supports := $(names:%=$(OUT)/support-%.lfv)
 volumes := $(names:%=$(OUT)/volume-%.lfv)
 fitted := $(if $(FIT),$(names:%=$(OUT)/particles-%.csv))
 fields := $(pairs:%=$(OUT)/field-%.exr)
+flows := $(if $(FLOW),$(pairs:%=$(OUT)/flow-%.exr))
+results := $(or $(flows),$(fields))
 
-.PHONY: all calibrate prune reconstruct fit windows correlate fields report
+.PHONY: all calibrate prune reconstruct fit windows correlate fields flows report
 .SECONDARY: $(supports) $(volumes) $(fitted)
 
 # The file of the windows, unless they are set.
@@ -152,11 +160,12 @@ prune: $(supports)
 reconstruct: $(volumes)
 fit: $(fitted)
 fields: $(fields)
+flows: $(results)
 ifeq ($(WINDOWS),)
-correlate: fields
+correlate: flows
 else
 correlate:
-	+@$(again) windows; $(again) fields
+	+@$(again) windows; $(again) flows
 endif
 
 $(LOG):
@@ -213,7 +222,8 @@ $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 
 # One line per stage. Only our own tools know presets and write a log of their sweeps; a swapped stage does not get the
 # options.
-fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr))
+flow-of = $(if $(FLOW),$(OUT)/flow-$1.exr)
+fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr $(call flow-of,$(pair))))
 preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 sweeps = $(if $(filter lf-mart,$(notdir $(firstword $(MART)))),--log $(OUT)/volume-$1.sweeps.jsonl)
 
@@ -248,13 +258,16 @@ windows:
 $(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) $$(call fitted-of,$$*) | $(LOG)
 	$(call step,$(XCORR) $(call volumes-of,$*) $(if $(FIT),--particles $(call fitted-of,$*)) $(addprefix --initial-mm ,$(INITIAL_MM)) \
 	    $(if $(WINDOWS),$$(cat $(WINDOWS)),$(addprefix --window-mm ,$(WINDOW_MM))) $(addprefix --dt ,$(DT)) \
-	    $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg))
+	    $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg),$(call flow-of,$*))
+
+$(flows): $(OUT)/flow-%.exr: $(OUT)/field-%.exr | $(LOG)
+	$(call step,$(TREAT) $(FLOW) $< $(FLOW_FLAGS))
 
 endif
 
 # The list of the fields changes only when the set of fields does.
-there := $(wildcard $(fields))
-missing := $(filter-out $(there),$(fields))
+there := $(wildcard $(results))
+missing := $(filter-out $(there),$(results))
 
 $(OUT)/fields.txt: FORCE | $(LOG)
 	@printf '%s\n' $(there) > $@.$$$$; cmp -s $@.$$$$ $@ && rm $@.$$$$ || mv $@.$$$$ $@
@@ -273,7 +286,7 @@ page = $(RUN) $(BIN)lf-validate report $(OUT) -o $(OUT)/report.html --frame $(ca
 # For each pair without a field, print the last line that its first failed stage printed.
 report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	$(if $(there),,@rm -f $(means) $(OUT)/fields.txt)
-	$(file >$(LOG)/missing.txt,$(patsubst $(OUT)/field-%.exr,%,$(missing)))
+	$(file >$(LOG)/missing.txt,$(patsubst $(OUT)/field-%.exr,%,$(missing:$(OUT)/flow-%=$(OUT)/field-%)))
 	@page=; $(page) && page="; $(OUT)/report.html shows the run"; \
 	last() { tail -n 1 $(LOG)/$$1.txt 2> /dev/null; }; \
 	for pair in $$(cat $(LOG)/missing.txt); do why=; \
@@ -288,6 +301,7 @@ report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	    $(if $(FIT),for n in $${pair%-*} $${pair#*-}; do \
 	        [ -n "$$why" ] || [ -e $(OUT)/particles-$$n.csv ] || why=$$(last particles-$$n); \
 	    done;) \
-	    [ -n "$$why" ] || why=$$(last field-$$pair); \
+	    [ -n "$$why" ] || [ -e $(OUT)/field-$$pair.exr ] || why=$$(last field-$$pair); \
+	    $(if $(FLOW),[ -n "$$why" ] || why=$$(last flow-$$pair);) \
 	    echo "no field $$pair: $${why:-not started; see above}" >&2; \
-	done; echo "$(words $(there)) of $(words $(fields)) fields are in $(OUT)$$page" >&2
+	done; echo "$(words $(there)) of $(words $(results)) fields are in $(OUT)$$page" >&2

@@ -4,6 +4,7 @@ mod accuracy;
 mod cli;
 mod coverage;
 mod extremes;
+mod flow;
 mod laws;
 mod options;
 mod pairs;

@@ -190,6 +190,23 @@ const USES: &[Use] = &[
         ],
         pipes: true,
     },
+    Use {
+        tool: "lf-flow",
+        words: &[
+            Plain("solenoidal"),
+            Input(Kind::Field),
+            Plain("--sigma"),
+            Plain("0.001,0.001,0.01"),
+            Plain("-o"),
+            Output("solenoidal.exr"),
+        ],
+        pipes: true,
+    },
+    Use {
+        tool: "lf-flow",
+        words: &[Plain("derive"), Input(Kind::Field), Plain("-o"), Output("derived.exr")],
+        pipes: true,
+    },
     Use { tool: "lf-validate", words: &[Plain("quality"), Input(Kind::Volume), Input(Kind::Moved)], pipes: false },
     Use {
         tool: "lf-validate",

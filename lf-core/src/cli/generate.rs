@@ -12,7 +12,8 @@ pub(super) const OPTION: &str = "--generate";
 const WANTED: &str = "wanted man, bash, zsh, fish or tasks; man TASK for the page of a subcommand";
 
 /// All tools, listed at the end of every page.
-const TOOLS: [&str; 7] = ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-fit", "lf-xcorr", "lf-validate"];
+const TOOLS: [&str; 8] =
+    ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-fit", "lf-xcorr", "lf-flow", "lf-validate"];
 
 /// The text of `--generate WORDS`: a man page for `man` or `man TASK`, completions for `bash`, `zsh` or `fish`, and the
 /// names of the subcommands, one a line, for `tasks`.

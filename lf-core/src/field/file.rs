@@ -1,6 +1,6 @@
 //! A field from and to a file.
 
-use super::export::{write_cf, write_csv, write_tecplot, write_vti};
+use super::export::{Array, write_cf, write_csv, write_tecplot, write_vti};
 use super::vector_grid::{CHANNELS, COUNT, REQUIRED, VectorGrid};
 use super::vectors::Field;
 use crate::image::{exr, guarded};
@@ -27,6 +27,16 @@ impl Field {
     /// Writes EXR, `.vti`, `.nc` (NetCDF), `.csv` or `.dat` (Tecplot) by extension; `-` and a name without extension are
     /// EXR. Refuses what [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
+        self.save_with(path, &[])
+    }
+
+    /// Writes the field as [`Field::save`] does, with more numbers at every vector: channels of the EXR, arrays of the
+    /// `.vti`, variables of the `.nc`, columns of the `.csv` and the `.dat`. [`Field::open`] reads such a file as the
+    /// field alone. Panics if an array is not as long as the layout asks.
+    pub fn save_with(&self, path: &Path, more: &[Array]) -> Result<()> {
+        for array in more {
+            assert_eq!(array.values.len(), array.components * self.len(), "length of {}", array.name);
+        }
         let refused = |refusal: Refusal| refusal.about(io::output_name(path));
         self.layout.check().map_err(refused)?;
         for ((name, _), values) in CHANNELS.iter().zip(self.components()) {
@@ -36,13 +46,13 @@ impl Field {
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
         match extension.as_deref() {
             None | Some("exr") => {
-                let bytes = guarded(|| self.to_exr()).map_err(refused)?;
+                let bytes = guarded(|| self.to_exr(more)).map_err(refused)?;
                 io::save(path, |out| out.write_all(&bytes))
             }
-            Some("vti") => io::save(path, |out| write_vti(self, out)),
-            Some("nc") => io::save(path, |out| write_cf(self, out)),
-            Some("csv") => io::save_text(path, |out| write_csv(self, out)),
-            Some("dat") => io::save_text(path, |out| write_tecplot(self, out)),
+            Some("vti") => io::save(path, |out| write_vti(self, more, out)),
+            Some("nc") => io::save(path, |out| write_cf(self, more, out)),
+            Some("csv") => io::save_text(path, |out| write_csv(self, more, out)),
+            Some("dat") => io::save_text(path, |out| write_tecplot(self, more, out)),
             Some(other) => {
                 let wanted = "wanted .exr, .vti, .nc, .csv or .dat";
                 Err(refused(Refusal::new(format!("the extension .{other}"), wanted)))
@@ -50,10 +60,12 @@ impl Field {
         }
     }
 
-    fn to_exr(&self) -> std::result::Result<Vec<u8>, Refusal> {
+    fn to_exr(&self, more: &[Array]) -> std::result::Result<Vec<u8>, Refusal> {
         let [nx, ny, nz] = self.layout.shape;
         let names = CHANNELS.into_iter().map(|(name, _)| name);
-        let channels = names.zip(self.components().map(<[f32]>::to_vec)).collect();
+        let more: Vec<(String, Vec<f32>)> = more.iter().flat_map(Array::parts).collect();
+        let more = more.iter().map(|(name, values)| (name.as_str(), values.clone()));
+        let channels = names.zip(self.components().map(<[f32]>::to_vec)).chain(more).collect();
         exr::write(nx, ny * nz, channels, Some((LAYOUT, self.layout.to_json())))
     }
 }

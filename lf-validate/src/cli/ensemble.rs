@@ -1,10 +1,11 @@
 //! `ensemble`: many fields of one flow.
 
+use super::ensemble_more as more;
 use super::output::{Picture, print};
 use lf_core::field::{self, Cut};
 use lf_core::{Error, Field, Result, Session, Verdict, cli::MemoryLimit, io, plot};
 use lf_validate::pictures;
-use lf_validate::scores::ensemble::{Ensemble, EnsembleSums};
+use lf_validate::scores::ensemble::{ConvergenceLog, Ensemble, EnsembleSums};
 use std::path::{Path, PathBuf};
 
 /// Mean, fluctuations and vorticity of many fields of one flow
@@ -28,12 +29,25 @@ use std::path::{Path, PathBuf};
 ///   fields, places, no_data, measured_share
 ///                    number of fields and of places, places with too few measured vectors, and
 ///                    share of measured vectors in all fields
+///   convergence      after 2, 4, 8 ... fields: change_mm, the difference of their mean from the
+///                    mean of all, and fluctuation_mm
+///   fields_for_1_percent
+///                    number of independent fields after which the uncertainty of the mean is 1 %
+///                    of the mean displacement
+///
+/// Printed if asked for
+///   phases           fields a phase, coherent_mm (the means of the phases about the mean) and
+///                    incoherent_mm (fluctuations about the mean of the phase)
+///   lines            of fluctuations along an axis: correlation by distance, its integral length_mm,
+///                    and spectrum_mm3 by wavenumber (cycles a mm); whole lines only
+///   modes            proper orthogonal modes: share of the mean square fluctuation, rms_mm, and the
+///                    amount of the mode in every field
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "Examples, in out/ after scripts/demo:
   lf-validate ensemble field-0000-0001.exr -o mean.vti -o mean.exr
-  lf-validate ensemble field-*.exr --slice y=0 --plot mean.svg"
+  lf-validate ensemble field-*.exr --slice y=0 --plot mean.svg --along x"
 )]
 pub struct Arguments {
     /// Fields with their vectors at the same places
@@ -46,6 +60,8 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     least: u32,
     #[command(flatten)]
+    more: more::Options,
+    #[command(flatten)]
     picture: Picture,
     /// Slice to draw: the axis across it and its place in mm, as in z=0.5; the nearest layer is drawn. Without
     /// a place, the layer that shows most for its uncertainty is drawn [default: z]
@@ -56,32 +72,28 @@ pub struct Arguments {
 /// Averages fields, read one after another, and writes the statistics.
 pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
-    arguments.picture.check(&arguments.fields, session)?;
-    for (n, output) in arguments.output.iter().enumerate() {
-        if io::is_standard(output) {
-            return Err(Error::new("--output", "-", "wanted a file: the summary goes to standard output"));
-        }
-        if arguments.output[..n].contains(output) {
-            return Err(Error::new(io::output_name(output), "is asked for twice", "wanted another name for each"));
-        }
-        session.keep_apart(output, &inputs)?;
-        io::check_place(output)?;
-    }
+    check_outputs(arguments, &inputs, session)?;
+    arguments.more.check(&inputs)?;
     let cut = arguments.slice.unwrap_or_default();
     let refused = |refusal: lf_core::Refusal| refusal.about("--slice");
     let progress = session.progress("fields", inputs.len() as u64);
     let mut sums: Option<EnsembleSums> = None;
-    let mut history = Vec::new();
-    for path in inputs {
+    let (mut history, mut log, mut phases) = (Vec::new(), ConvergenceLog::default(), None);
+    for path in &inputs {
         let field = session.phase("read", |_| Field::open(path))?;
         if sums.is_none() {
             cut.layer(&field.layout).map_err(refused)?;
             history = session.history(&field.layout.history);
-            let bytes = EnsembleSums::bytes(&field.layout);
+            let bytes = EnsembleSums::bytes(&field.layout)
+                + ConvergenceLog::bytes(field.len(), inputs.len())
+                + arguments.more.bytes(&field.layout, inputs.len());
+            phases = arguments.more.phases(&field.layout);
             session.allow_memory(limit, bytes, io::name(path), || format!("{} places", field.len()))?;
         }
         let sums = sums.get_or_insert_with(|| EnsembleSums::new(&field.layout));
         session.phase("sum", |_| sums.add(&field).map_err(|refusal| refusal.about(io::name(path))))?;
+        log.look(sums);
+        phases.iter_mut().try_for_each(|phases| phases.add(&field)).map_err(|refusal| refusal.about(io::name(path)))?;
         progress.add(1);
     }
     drop(progress);
@@ -95,8 +107,26 @@ pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session)
     let picture = arguments.picture.drawn(session, || pictures::ensemble(&found, cut.axis, layer))?;
     session.phase("write", |_| arguments.output.iter().try_for_each(|path| save(&found, path)))?;
     arguments.picture.save(&picture)?;
-    print(&found.summary())?;
+    let told =
+        session.phase("more", |session| arguments.more.told(&inputs, &found, log, phases, arguments.least, session))?;
+    print(&told)?;
     Ok(Verdict::Done)
+}
+
+/// Refuses outputs that are inputs, that are named twice, or that cannot be written.
+fn check_outputs(arguments: &Arguments, inputs: &[&Path], session: &Session) -> Result<()> {
+    arguments.picture.check(&arguments.fields, session)?;
+    for (n, output) in arguments.output.iter().enumerate() {
+        if io::is_standard(output) {
+            return Err(Error::new("--output", "-", "wanted a file: the summary goes to standard output"));
+        }
+        if arguments.output[..n].contains(output) {
+            return Err(Error::new(io::output_name(output), "is asked for twice", "wanted another name for each"));
+        }
+        session.keep_apart(output, inputs)?;
+        io::check_place(output)?;
+    }
+    Ok(())
 }
 
 fn save(found: &Ensemble, path: &Path) -> Result<()> {

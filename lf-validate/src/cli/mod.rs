@@ -9,6 +9,7 @@ mod displacement;
 mod divergence;
 mod elongation;
 mod ensemble;
+mod ensemble_more;
 mod export;
 mod info;
 mod inputs;

@@ -5,6 +5,7 @@
 //! attribute `lf_field` holds the JSON of the EXR's attribute, so that nothing is lost.
 
 use super::netcdf::{Attributes, Header, Kind, Value, Variable, write_bytes, write_doubles, write_floats};
+use super::{parts, vti::Array};
 use crate::field::{vector_grid::VectorGrid, vectors::Field, vectors::NO_DATA};
 use crate::{Refusal, Result, frame::MARK, history, io};
 use std::io::{Error, Write};
@@ -63,10 +64,14 @@ const FLAG: usize = 8;
 const ANCILLARY: [&str; 3] = ["su flag peak ratio count", "sv flag peak ratio count", "sw flag peak ratio count"];
 
 /// Writes one field, without the dimension t.
-pub(in crate::field) fn write_cf(field: &Field, out: &mut dyn Write) -> std::io::Result<()> {
-    out.write_all(&header(&field.layout, None).bytes().map_err(Error::other)?)?;
+pub(in crate::field) fn write_cf(field: &Field, more: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
+    let (mut header, more) = (header(&field.layout, None), parts::all(more));
+    let dimensions = header.dimensions.len();
+    header.variables.extend(more.iter().map(|(name, _)| further(name, dimensions)));
+    out.write_all(&header.bytes().map_err(Error::other)?)?;
     write_places(&field.layout, out)?;
-    write_components(field, out)
+    write_components(field, out)?;
+    more.iter().try_for_each(|(_, values)| write_floats(out, values.iter().copied()))
 }
 
 /// Writes a series of fields as one NetCDF with the dimension t. `next` gives field `n`; one is in memory at a time.
@@ -119,7 +124,7 @@ fn header(layout: &VectorGrid, time: Option<&Time>) -> Header {
     let records = time.map(|time| ("t", time.count()));
     let dimensions: Vec<_> = records.into_iter().chain([("z", nz), ("y", ny), ("x", nx)]).collect();
     let place = |name: &'static str, dimension: usize, axis: &str, meaning: &str| Variable {
-        name,
+        name: name.to_owned(),
         dimensions: vec![dimension],
         kind: Kind::Double,
         attributes: vec![("long_name", meaning.into()), ("units", "mm".into()), ("axis", axis.into())],
@@ -131,7 +136,12 @@ fn header(layout: &VectorGrid, time: Option<&Time>) -> Header {
         place("z", last - 2, "Z", "towards the camera, 0 in the focal plane"),
     ];
     if let Some(time) = time {
-        variables.push(Variable { name: "t", dimensions: vec![0], kind: Kind::Double, attributes: time.attributes() });
+        variables.push(Variable {
+            name: "t".to_owned(),
+            dimensions: vec![0],
+            kind: Kind::Double,
+            attributes: time.attributes(),
+        });
     }
     variables.extend((0..COMPONENTS.len()).map(|n| component(n, dimensions.len())));
     Header { dimensions, has_records: time.is_some(), attributes: about(layout), variables }
@@ -152,7 +162,13 @@ fn component(n: usize, dimensions: usize) -> Variable {
         attributes.push(("ancillary_variables", (*others).into()));
     }
     let kind = if n == FLAG { Kind::Byte } else { Kind::Float };
-    Variable { name, dimensions: (0..dimensions).collect(), kind, attributes }
+    Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind, attributes }
+}
+
+/// The variable of further numbers at every vector. The end of its name is its unit.
+fn further(name: &str, dimensions: usize) -> Variable {
+    let attributes = vec![("long_name", Value::Text(name.to_owned())), ("_FillValue", Value::Floats(vec![f32::NAN]))];
+    Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind: Kind::Float, attributes }
 }
 
 /// The attributes of the whole file.

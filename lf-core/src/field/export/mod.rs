@@ -5,6 +5,7 @@
 mod cf;
 mod csv;
 mod netcdf;
+mod parts;
 mod tecplot;
 mod vti;
 

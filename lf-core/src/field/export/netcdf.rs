@@ -45,7 +45,7 @@ pub(super) type Attributes = Vec<(&'static str, Value)>;
 
 /// A variable: its dimensions by number, the slowest first.
 pub(super) struct Variable {
-    pub name: &'static str,
+    pub name: String,
     pub dimensions: Vec<usize>,
     pub kind: Kind,
     pub attributes: Attributes,
@@ -104,7 +104,7 @@ impl Header {
         list(&mut bytes, VARIABLES, self.variables.len());
         let mut place = start;
         for (variable, size) in self.variables.iter().zip(sizes) {
-            text(&mut bytes, variable.name);
+            text(&mut bytes, &variable.name);
             number(&mut bytes, variable.dimensions.len() as u32);
             variable.dimensions.iter().for_each(|n| number(&mut bytes, *n as u32));
             attributes(&mut bytes, &variable.attributes);
@@ -187,7 +187,12 @@ mod tests {
             dimensions: vec![("x", 3)],
             has_records: false,
             attributes: vec![("a", Value::Floats(vec![1.0]))],
-            variables: vec![Variable { name: "vx", dimensions: vec![0], kind: Kind::Byte, attributes: Vec::new() }],
+            variables: vec![Variable {
+                name: "vx".to_owned(),
+                dimensions: vec![0],
+                kind: Kind::Byte,
+                attributes: Vec::new(),
+            }],
         };
         let mut wanted = b"CDF\x02\0\0\0\0".to_vec();
         wanted.extend(b"\0\0\0\x0a\0\0\0\x01\0\0\0\x01x\0\0\0\0\0\0\x03");
@@ -205,7 +210,12 @@ mod tests {
             dimensions: vec![("x", 1 << 30)],
             has_records: false,
             attributes: Vec::new(),
-            variables: vec![Variable { name: "u", dimensions: vec![0], kind: Kind::Float, attributes: Vec::new() }],
+            variables: vec![Variable {
+                name: "u".to_owned(),
+                dimensions: vec![0],
+                kind: Kind::Float,
+                attributes: Vec::new(),
+            }],
         };
         assert!(long.bytes().unwrap_err().found.starts_with("4294967296 bytes of u"));
     }

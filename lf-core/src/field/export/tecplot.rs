@@ -3,6 +3,7 @@
 //! The format has no NaN. A number that does not exist is -1 where no other number can be negative (uncertainties,
 //! count), and 0 for a displacement without data; `flag` tells which vectors these are.
 
+use super::{parts, vti::Array};
 use crate::field::vectors::{Field, NO_DATA};
 use crate::{frame::MARK, history};
 use std::io::{Result, Write};
@@ -12,11 +13,13 @@ const COLUMNS: [&str; 10] =
     ["u [mm]", "v [mm]", "w [mm]", "peak", "ratio", "su [mm]", "sv [mm]", "sw [mm]", "flag", "count"];
 const VELOCITIES: [&str; 3] = ["u [mm/s]", "v [mm/s]", "w [mm/s]"];
 
-pub(in crate::field) fn write_tecplot(field: &Field, out: &mut dyn Write) -> Result<()> {
+pub(in crate::field) fn write_tecplot(field: &Field, more: &[Array], out: &mut dyn Write) -> Result<()> {
     let layout = &field.layout;
     writeln!(out, "TITLE = \"displacement, light-field PIV\"")?;
     let velocities = VELOCITIES.iter().filter(|_| layout.dt_s.is_some());
-    let names = ["x [mm]", "y [mm]", "z [mm]"].iter().chain(&COLUMNS).chain(velocities);
+    let more = parts::all(more);
+    let names = ["x [mm]", "y [mm]", "z [mm]"].iter().chain(&COLUMNS).chain(velocities).copied();
+    let names = names.chain(more.iter().map(|(name, _)| name.as_str()));
     let names: Vec<String> = names.map(|name| format!("\"{name}\"")).collect();
     writeln!(out, "VARIABLES = {}", names.join(", "))?;
     writeln!(out, "DATASETAUXDATA frame = \"{MARK}\"")?;
@@ -41,6 +44,8 @@ pub(in crate::field) fn write_tecplot(field: &Field, out: &mut dyn Write) -> Res
         }
         let velocity = field.velocity_mm_s(i).into_iter().flatten();
         velocity.map(|value| if is_known { value } else { 0.0 }).try_for_each(|value| write!(out, " {value}"))?;
+        let finite = |value: f32| if value.is_finite() { value } else { 0.0 };
+        more.iter().try_for_each(|(_, values)| write!(out, " {}", finite(values[i])))?;
         writeln!(out)?;
     }
     Ok(())

@@ -128,8 +128,9 @@ pub fn save_arrays(path: &Path, layout: &VectorGrid, arrays: &[Array]) -> Result
 }
 
 /// Writes a field.
-pub(in crate::field) fn write_vti(field: &Field, out: &mut dyn Write) -> std::io::Result<()> {
-    write_arrays(&field.layout, &arrays(field), out)
+pub(in crate::field) fn write_vti(field: &Field, more: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
+    let arrays: Vec<Array> = arrays(field).into_iter().chain(more.iter().cloned()).collect();
+    write_arrays(&field.layout, &arrays, out)
 }
 
 fn write_arrays(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Write) -> std::io::Result<()> {

@@ -47,18 +47,31 @@ impl Ensemble {
     pub fn summary(&self) -> EnsembleSummary {
         let mean = &self.mean;
         let measured: f64 = self.count.iter().map(|count| f64::from(*count)).sum();
-        let rms = |components: [&Vec<f32>; 3]| components.map(|values| root_mean_square(values, &mean.flag));
         EnsembleSummary {
             fields: self.fields,
             places: mean.len(),
             no_data: mean.flag.iter().filter(|flag| **flag == NO_DATA).count(),
             measured_share: measured / (mean.len() * self.fields) as f64,
-            displacement_mm: rms([&mean.u, &mean.v, &mean.w]),
-            fluctuation_mm: rms(self.rms_mm.each_ref()),
-            uncertainty_mm: rms([&mean.su, &mean.sv, &mean.sw]),
-            vorticity: rms(self.vorticity.each_ref()),
+            displacement_mm: self.displacement_mm(),
+            fluctuation_mm: self.rms(self.rms_mm.each_ref()),
+            uncertainty_mm: self.uncertainty_mm(),
+            vorticity: self.rms(self.vorticity.each_ref()),
             vorticity_unit: self.vorticity_unit(),
         }
+    }
+
+    /// RMS of the mean displacement over the places, mm.
+    pub(super) fn displacement_mm(&self) -> [f64; 3] {
+        self.rms([&self.mean.u, &self.mean.v, &self.mean.w])
+    }
+
+    /// RMS of the mean's uncertainty over the places, mm.
+    pub(super) fn uncertainty_mm(&self) -> [f64; 3] {
+        self.rms([&self.mean.su, &self.mean.sv, &self.mean.sw])
+    }
+
+    fn rms(&self, components: [&Vec<f32>; 3]) -> [f64; 3] {
+        components.map(|values| root_mean_square(values, &self.mean.flag))
     }
 
     pub(crate) fn vorticity_unit(&self) -> &'static str {

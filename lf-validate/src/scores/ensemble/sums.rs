@@ -74,6 +74,28 @@ impl EnsembleSums {
         Ok(())
     }
 
+    /// Number of fields added.
+    pub(super) fn fields(&self) -> usize {
+        self.fields
+    }
+
+    /// The mean so far, mm; NaN where nothing was measured.
+    pub(super) fn mean_mm(&self) -> [Vec<f32>; 3] {
+        let known = |(mean, count): (&f64, &u32)| if *count > 0 { *mean as f32 } else { f32::NAN };
+        self.mean.each_ref().map(|mean| mean.iter().zip(&self.count).map(known).collect())
+    }
+
+    /// RMS fluctuations so far, over the places with two vectors or more, mm.
+    pub(super) fn fluctuation_mm(&self) -> [f64; 3] {
+        let variance = |c: usize| {
+            let known = self.moments[c].iter().zip(&self.count).filter(|(_, count)| **count > 1);
+            let each = known.map(|(moment, count)| moment / f64::from(count - 1));
+            let (sum, places) = each.fold((0.0, 0.0), |(sum, n), variance| (sum + variance, n + 1.0));
+            sum / places as f64
+        };
+        [0, 1, 2].map(|c| variance(c).sqrt())
+    }
+
     /// The statistics of places with at least `least` measured vectors. Other places have no data.
     pub fn finish(self, least: u32) -> Ensemble {
         let Self { layout, fields, count, mean: means, moments, quality } = self;

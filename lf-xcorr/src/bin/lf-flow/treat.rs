@@ -1,0 +1,168 @@
+//! Tasks that turn a field into a field: read, work, tell, write.
+
+use super::arguments::{Derive, Pressure, Smooth, Solenoidal};
+use super::files::Files;
+use lf_core::cli::MemoryLimit;
+use lf_core::field::Array;
+use lf_core::{Error, Field, Refusal, Result, Session, io};
+use lf_xcorr::flow::{self, Measured, PressureOptions, Task};
+use std::path::Path;
+
+/// Constant: a misfit to the stated uncertainties that is told. Errors of the shape of windows alone stay below it.
+const MISFIT: f64 = 1.5;
+/// Constant: a share of filled vectors that is told.
+const FILLED: f64 = 0.2;
+
+/// A field, and what is written beside its vectors.
+type Treated = (Field, Vec<Array>);
+
+/// Treats every field, one after another.
+fn each(
+    files: &Files,
+    task: Task,
+    limit: MemoryLimit,
+    session: &mut Session,
+    mut treat: impl FnMut(&Field, &str, &mut Session) -> Result<Treated>,
+) -> Result<()> {
+    let jobs = files.jobs(session)?;
+    let progress = session.progress("fields", jobs.len() as u64);
+    for (input, output) in &jobs {
+        let name = io::name(input);
+        let field = open(input, task, limit, session)?;
+        let (mut found, more) = session.phase("work", |session| treat(&field, &name, session))?;
+        found.layout.history = session.history(&field.layout.history);
+        session.phase("write", |_| found.save_with(output, &more))?;
+        progress.add(1);
+    }
+    session.count("fields", jobs.len());
+    Ok(())
+}
+
+fn open(path: &Path, task: Task, limit: MemoryLimit, session: &mut Session) -> Result<Field> {
+    let field = session.phase("read", |_| Field::open(path))?;
+    session.count("vectors", field.len());
+    session.allow_memory(limit, task.bytes(&field), io::name(path), || format!("{} vectors", field.len()))?;
+    Ok(field)
+}
+
+pub fn smooth(arguments: &Smooth, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+    each(&arguments.files, Task::Smooth, limit, session, |field, name, session| {
+        let measured = measured(field, name, arguments.sigma.sigma, session)?;
+        let found = flow::smooth(field, &measured, arguments.strength);
+        let [u, v, w] = found.strength.map(short);
+        session.say(format!("{name}: strength {u}, {v}, {w}; u, v, w moved by {}", lengths(found.change_mm)));
+        for (component, misfit) in ["u", "v", "w"].into_iter().zip(found.misfit) {
+            session.count(&format!("misfit_{component}"), misfit);
+            if misfit > MISFIT {
+                session.warn(format!(
+                    "{name}: {component} departs from the smooth field {misfit:.1} times as much as its uncertainty \
+                     says; the flow is finer than the windows or the uncertainty too small; take smaller windows or a \
+                     lesser --strength"
+                ));
+            }
+        }
+        Ok((found.field, Vec::new()))
+    })
+}
+
+pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+    each(&arguments.files, Task::Solenoidal, limit, session, |field, name, session| {
+        let measured = measured(field, name, arguments.sigma.sigma, session)?;
+        let found = flow::solenoidal(field, &measured);
+        let [before, after] = found.divergence;
+        session.say(format!(
+            "{name}: divergence RMS {before:.1e} before, {after:.1e} after; u, v, w moved by {}",
+            lengths(found.change_mm)
+        ));
+        let [u, v, w] = found.left.map(|left| 100.0 * left.sqrt());
+        session.explain(format!(
+            "{name}: {} steps; misfit {:.2}; {u:.0}, {v:.0} and {w:.0} % of the uncertainty of u, v, w is left",
+            found.steps, found.misfit
+        ));
+        session.count("misfit", found.misfit);
+        session.count("divergence_before", before);
+        session.count("divergence_after", after);
+        if found.misfit > MISFIT {
+            session.warn(format!(
+                "{name}: the divergence is {:.1} times what the uncertainties explain; the flow is compressible, \
+                 finer than the windows, or less certain than stated; compare lf-validate divergence, or take \
+                 smaller windows",
+                found.misfit
+            ));
+        }
+        Ok((found.field, Vec::new()))
+    })
+}
+
+pub fn derive(arguments: &Derive, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+    each(&arguments.files, Task::Derive, limit, session, |field, name, session| {
+        let found = flow::derive(field);
+        let [rms, sigma] = found.divergence;
+        let unit = if field.layout.dt_s.is_some() { "1/s" } else { "a frame" };
+        let stated = if sigma.is_finite() { format!(", uncertain by {sigma:.1e}") } else { String::new() };
+        session
+            .say(format!("{name}: divergence RMS {rms:.1e} {unit}{stated}; {} vectors with gradients", found.places));
+        session.count("places", found.places);
+        if found.places == 0 {
+            let [x, y, z] = field.layout.shape;
+            session.warn(format!(
+                "{name}: no vector has neighbours along x, y and z ({x} x {y} x {z} vectors); take more \
+                 vectors along every axis"
+            ));
+        }
+        Ok((field.clone(), found.arrays))
+    })
+}
+
+pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+    let inputs: Vec<&Path> =
+        [Some(&arguments.field), arguments.next.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
+    session.keep_apart(&arguments.output, &inputs)?;
+    io::check_place(&arguments.output)?;
+    let name = io::name(&arguments.field);
+    let field = open(&arguments.field, Task::Pressure, limit, session)?;
+    let next = session.phase("read", |_| arguments.next.as_deref().map(Field::open).transpose())?;
+    let wanted = "wanted --dt with the seconds between its volumes";
+    let dt_s = arguments.dt.or(field.layout.dt_s).ok_or_else(|| Error::new(&name, "knows no time", wanted))?;
+    let options = PressureOptions { density: arguments.density, dt_s, interval_s: arguments.interval };
+    let refused = |refusal: Refusal| refusal.about(arguments.next.as_deref().map_or(name.clone(), io::name));
+    let found = session.phase("work", |_| flow::pressure(&field, next.as_ref(), &options).map_err(refused))?;
+    let [rms, sigma] = found.rms_pa;
+    let stated = if sigma > 0.0 { format!(", uncertain by {sigma:.1e} Pa") } else { String::new() };
+    session.say(format!("{name}: pressure RMS {rms:.3e} Pa{stated}; misfit {:.2} of its gradient", found.misfit));
+    session.count("misfit", found.misfit);
+    if found.misfit > 0.5 {
+        session.warn(format!(
+            "{name}: {:.0} % of the accelerations have no pressure; the field is too noisy or the flow not steady; try \
+             lf-flow solenoidal before, or a second field with --interval",
+            100.0 * found.misfit
+        ));
+    }
+    let mut written = field.clone();
+    written.layout.dt_s = Some(dt_s);
+    written.layout.history = session.history(&field.layout.history);
+    session.phase("write", |_| written.save_with(&arguments.output, &found.arrays))
+}
+
+fn measured(field: &Field, name: &str, sigma: Option<[f64; 3]>, session: &mut Session) -> Result<Measured> {
+    let measured = Measured::new(field, sigma).map_err(|refusal| refusal.about(name))?;
+    session.count("filled", measured.filled());
+    let share = measured.filled() as f64 / field.len() as f64;
+    if share > FILLED {
+        session.warn(format!(
+            "{name}: {:.0} % of the vectors were not measured and are filled from the others; take larger \
+             windows, or a smaller volume",
+            100.0 * share
+        ));
+    }
+    Ok(measured)
+}
+
+fn lengths([u, v, w]: [f64; 3]) -> String {
+    format!("{u:.2e}, {v:.2e}, {w:.2e} mm")
+}
+
+/// A number with three digits.
+fn short(number: f64) -> f64 {
+    format!("{number:.2e}").parse().unwrap_or(number)
+}

@@ -1,0 +1,57 @@
+//! Gaps filled with the least rough continuation of the measured values.
+
+use super::conjugate::solve;
+use super::roughness::Roughness;
+use lf_core::VectorGrid;
+
+/// Constant: residual at which the solver stops, and its most steps.
+const TOLERANCE: f64 = 1e-6;
+const MOST: usize = 2000;
+
+/// `values` with those that are not known replaced. Panics if none is known.
+pub(super) fn fill(layout: &VectorGrid, values: &[f64], is_known: &[bool]) -> Vec<f64> {
+    let known = |i: usize| if is_known[i] { values[i] } else { 0.0 };
+    let start: Vec<f64> = (0..values.len()).map(known).collect();
+    let count = is_known.iter().filter(|known| **known).count();
+    assert!(count > 0, "a measured value");
+    if count == values.len() {
+        return start;
+    }
+    // About their mean, so that a value far from all others tends to it.
+    let mean = start.iter().sum::<f64>() / count as f64;
+    let roughness = Roughness::new(layout.shape);
+    let masked = |out: &mut [f64]| {
+        out.iter_mut().zip(is_known).filter(|(_, known)| **known).for_each(|(value, _)| *value = 0.0);
+    };
+    let about: Vec<f64> = (0..values.len()).map(|i| if is_known[i] { values[i] - mean } else { 0.0 }).collect();
+    let mut right = vec![0.0; values.len()];
+    roughness.add(-1.0, &about, &mut right);
+    masked(&mut right);
+    let diagonal = roughness.diagonal();
+    let apply = |x: &[f64], out: &mut [f64]| {
+        out.fill(0.0);
+        roughness.add(1.0, x, out);
+        masked(out);
+    };
+    let precondition = |x: &[f64], out: &mut [f64]| {
+        out.iter_mut().zip(x.iter().zip(&diagonal)).for_each(|(out, (x, diagonal))| *out = x / diagonal);
+    };
+    let found = solve(apply, precondition, &right, vec![0.0; values.len()], TOLERANCE, MOST);
+    (0..values.len()).map(|i| if is_known[i] { values[i] } else { mean + found.values[i] }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hole_in_a_plane_is_filled_with_the_plane() {
+        let layout = VectorGrid { shape: [8, 7, 6], spacing_mm: [1.0; 3], ..VectorGrid::default() };
+        let plane: Vec<f64> = (0..336).map(|i| 0.1 * f64::from(i % 8) - 0.2 * f64::from(i / 56)).collect();
+        let is_known: Vec<bool> = (0..336).map(|i| !(150..160).contains(&i) && i != 0).collect();
+        let torn: Vec<f64> = plane.iter().zip(&is_known).map(|(v, known)| if *known { *v } else { f64::NAN }).collect();
+        let found = fill(&layout, &torn, &is_known);
+        let worst = found.iter().zip(&plane).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-3, "{worst}");
+    }
+}

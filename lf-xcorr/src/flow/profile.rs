@@ -1,0 +1,114 @@
+//! A field along a line, and its flux through a plane.
+
+use super::errors::Correlated;
+use glam::DVec3;
+use lf_core::field::{Cut, NO_DATA};
+use lf_core::{Field, Refusal};
+use serde::Serialize;
+
+/// Values at one place of a line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Profile {
+    /// Distance from the line's start, mm.
+    pub distance_mm: f64,
+    /// The place, mm.
+    pub place_mm: DVec3,
+    /// Displacement, mm; NaN outside the field and beside vectors without data.
+    pub displacement_mm: DVec3,
+    /// Its standard uncertainty, mm.
+    pub uncertainty_mm: DVec3,
+}
+
+/// The field at `points` places from `from` to `to`, both included: trilinear between the vectors. Neighbours share
+/// their errors, so the uncertainty is interpolated like the vectors.
+pub fn profile(field: &Field, from: DVec3, to: DVec3, points: usize) -> Vec<Profile> {
+    let at = |n: usize| {
+        let share = if points > 1 { n as f64 / (points - 1) as f64 } else { 0.0 };
+        let place_mm = from + share * (to - from);
+        let (displacement_mm, uncertainty_mm) = interpolated(field, place_mm).unwrap_or((DVec3::NAN, DVec3::NAN));
+        Profile { distance_mm: share * (to - from).length(), place_mm, displacement_mm, uncertainty_mm }
+    };
+    (0..points).map(at).collect()
+}
+
+/// Displacement and uncertainty at a place; none outside the outermost vectors and beside vectors without data.
+fn interpolated(field: &Field, place_mm: DVec3) -> Option<(DVec3, DVec3)> {
+    /// Rounding may put an end of a line this many spacings outside.
+    const ROUNDING: f64 = 1e-6;
+    let layout = &field.layout;
+    let steps = (place_mm - DVec3::from(layout.origin_mm)) / DVec3::from(layout.spacing_mm);
+    let mut low = [0; 3];
+    let mut share = [0.0; 3];
+    for axis in 0..3 {
+        let last = (layout.shape[axis] - 1) as f64;
+        if !(-ROUNDING..=last + ROUNDING).contains(&steps[axis]) {
+            return None;
+        }
+        let step = steps[axis].clamp(0.0, last);
+        let floor = step.floor().min((last - 1.0).max(0.0));
+        (low[axis], share[axis]) = (floor as usize, step - floor);
+    }
+    let (mut sum, mut sigma) = (DVec3::ZERO, DVec3::ZERO);
+    for corner in 0..8usize {
+        let upper = [corner & 1, corner >> 1 & 1, corner >> 2];
+        let weight: f64 = (0..3).map(|a| if upper[a] == 1 { share[a] } else { 1.0 - share[a] }).product();
+        if weight > 0.0 {
+            let i = layout.index(std::array::from_fn(|a| low[a] + upper[a]));
+            if field.flag[i] == NO_DATA {
+                return None;
+            }
+            sum += weight * field.displacement_mm(i);
+            sigma += weight * field.uncertainty_mm(i);
+        }
+    }
+    Some((sum, sigma))
+}
+
+/// Flux through a plane of vectors.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Flux {
+    /// Place of the plane on its axis, mm.
+    pub place_mm: f64,
+    /// Area of the vectors with data, mm^2.
+    pub area_mm2: f64,
+    /// Share of the vectors with data.
+    pub share: f64,
+    /// Mean displacement through the plane, mm.
+    pub mean_mm: f64,
+    /// Volume through the plane, mm^3 between the two volumes.
+    pub flux_mm3: f64,
+    /// Its standard uncertainty, mm^3.
+    pub s_flux_mm3: f64,
+    /// Volume a second, mm^3/s, and its uncertainty; none if the time between the volumes is unknown.
+    pub flux_mm3_s: Option<f64>,
+    /// See `flux_mm3_s`.
+    pub s_flux_mm3_s: Option<f64>,
+}
+
+/// The flux through the layer of vectors nearest to a plane. Refuses a plane outside the field.
+pub fn flux(field: &Field, cut: Cut) -> Result<Flux, Refusal> {
+    let layout = &field.layout;
+    let layer = cut.layer(layout)?;
+    let stride: usize = layout.shape[..cut.axis].iter().product();
+    let in_layer = |i: &usize| i / stride % layout.shape[cut.axis] == layer;
+    let all: Vec<usize> = (0..field.len()).filter(in_layer).collect();
+    let known: Vec<usize> = all.iter().copied().filter(|i| field.flag[*i] != NO_DATA).collect();
+    let across: Vec<usize> = (0..3).filter(|axis| *axis != cut.axis).collect();
+    let cell_mm2: f64 = across.iter().map(|axis| layout.spacing_mm[*axis]).product();
+    let sum: f64 = known.iter().map(|i| field.displacement_mm(*i)[cut.axis]).sum();
+    // Errors that windows share add up: the correlations of a vector with all others sum to the windows' width.
+    let errors = Correlated::new(layout);
+    let together: f64 = across.iter().map(|axis| errors.width[*axis] as f64).product();
+    let squares: f64 = known.iter().map(|i| field.uncertainty_mm(*i)[cut.axis].powi(2)).filter(|s| s.is_finite()).sum();
+    let (flux_mm3, s_flux_mm3) = (cell_mm2 * sum, cell_mm2 * (together * squares).sqrt());
+    Ok(Flux {
+        place_mm: layout.origin_mm[cut.axis] + layer as f64 * layout.spacing_mm[cut.axis],
+        area_mm2: cell_mm2 * known.len() as f64,
+        share: known.len() as f64 / all.len() as f64,
+        mean_mm: sum / known.len() as f64,
+        flux_mm3,
+        s_flux_mm3,
+        flux_mm3_s: layout.dt_s.map(|dt_s| flux_mm3 / dt_s),
+        s_flux_mm3_s: layout.dt_s.map(|dt_s| s_flux_mm3 / dt_s),
+    })
+}

@@ -1,0 +1,92 @@
+//! How much of the error is left after a treatment that is linear: errors drawn at random go through it too.
+
+use super::errors::Correlated;
+use rayon::prelude::*;
+
+/// Constant: draws that are treated at the same time.
+const BATCH: u64 = 4;
+
+/// Sums of squares of drawn errors before and after the treatment, place by place.
+pub(super) struct Spread {
+    before: Vec<f64>,
+    after: Vec<f64>,
+}
+
+impl Spread {
+    /// Draws `draws` sets of errors. `treat` turns errors, mm, into those that are left and a number, whose mean over
+    /// the draws is given too. Draws run in parallel and are added in order.
+    pub fn new<const N: usize>(
+        errors: &Correlated,
+        sigma: [&[f64]; N],
+        draws: u64,
+        treat: impl Fn([Vec<f64>; N]) -> ([Vec<f64>; N], f64) + Sync,
+    ) -> ([Self; N], f64) {
+        let draw = |n: u64| {
+            let drawn: [Vec<f64>; N] = std::array::from_fn(|c| errors.draw(3 * n + c as u64));
+            let scaled = std::array::from_fn(|c| drawn[c].iter().zip(sigma[c]).map(|(e, s)| e * s).collect());
+            let (left, number) = treat(scaled);
+            (drawn, left, number)
+        };
+        let mut sums: [Self; N] =
+            sigma.map(|sigma| Self { before: vec![0.0; sigma.len()], after: vec![0.0; sigma.len()] });
+        let mut number = 0.0;
+        // A batch at a time bounds the memory.
+        for first in (0..draws).step_by(BATCH as usize) {
+            let batch: Vec<_> = (first..draws.min(first + BATCH)).into_par_iter().map(draw).collect();
+            for (drawn, left, one) in &batch {
+                number += one / draws as f64;
+                sums.iter_mut().enumerate().for_each(|(c, sums)| sums.add(&drawn[c], &left[c], sigma[c]));
+            }
+        }
+        (sums, number)
+    }
+
+    fn add(&mut self, drawn: &[f64], left: &[f64], sigma: &[f64]) {
+        self.before.iter_mut().zip(drawn).for_each(|(sum, error)| *sum += error * error);
+        let scaled = left.iter().zip(sigma).map(|(left, sigma)| left / sigma);
+        self.after.iter_mut().zip(scaled).for_each(|(sum, error)| *sum += error * error);
+    }
+
+    /// The share of the variance that is left, place by place: means over a box of `reach` vectors to every side.
+    pub fn shares(&self, shape: [usize; 3], reach: usize) -> Vec<f64> {
+        let [before, after] = [&self.before, &self.after].map(|sums| box_mean(sums, shape, reach));
+        after.iter().zip(before).map(|(after, before)| after / before).collect()
+    }
+}
+
+/// Means over a box of `reach` values to every side, cut at the ends of the grid.
+pub(super) fn box_mean(values: &[f64], shape: [usize; 3], reach: usize) -> Vec<f64> {
+    let mut values = values.to_vec();
+    for axis in 0..3 {
+        let (count, stride): (usize, usize) = (shape[axis], shape[..axis].iter().product());
+        let line = |i: usize| {
+            let at = i / stride % count;
+            let (low, high) = (at.saturating_sub(reach), (at + reach).min(count - 1));
+            let first = i - at * stride;
+            (low..=high).map(|n| values[first + n * stride]).sum::<f64>() / (high + 1 - low) as f64
+        };
+        values = (0..values.len()).map(line).collect();
+    }
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lf_core::VectorGrid;
+
+    #[test]
+    fn halved_errors_leave_a_quarter_of_the_variance() {
+        let layout = VectorGrid { shape: [6, 5, 4], spacing_mm: [1.0; 3], ..VectorGrid::default() };
+        let sigma: Vec<f64> = (0..120).map(|i| 1.0 + f64::from(i)).collect();
+        let halved = |[errors]: [Vec<f64>; 1]| ([errors.into_iter().map(|error| 0.5 * error).collect()], 7.0);
+        let ([spread], number) = Spread::new(&Correlated::new(&layout), [&sigma], 3, halved);
+        assert_eq!(number, 7.0);
+        assert!(spread.shares(layout.shape, 1).iter().all(|share| (share - 0.25).abs() < 1e-12));
+    }
+
+    #[test]
+    fn means_over_a_box_by_hand() {
+        assert_eq!(box_mean(&[1.0, 2.0, 6.0, 7.0], [4, 1, 1], 1), [1.5, 3.0, 5.0, 6.5]);
+    }
+}
