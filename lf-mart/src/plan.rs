@@ -2,7 +2,7 @@
 
 use crate::blob;
 use crate::method::{Problem, row_action, simultaneous};
-use crate::operator::{Plane, Storage};
+use crate::operator::{BLOCKS, Plane, Storage};
 use crate::options::{Method, Options};
 use crate::reconstruction::{Reconstruction, Start, Sweep};
 use lf_core::{Camera, Grid, Refusal, Weights, simd::Level, weights::Basis};
@@ -27,7 +27,7 @@ const LEAST_SHARE_OF_TILE: f32 = 0.5 * LEAST_SHARE;
 /// share, and one byte to drop it.
 const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
 
-/// Bytes per voxel that weights from tables take beside the profile: the index that keeps weights later, its share, and
+/// Bytes per voxel that weights take which are kept later: the index that keeps weights later, its share, and
 /// two sums.
 const TABLE_VOXEL_BYTES: u64 = 8 + 4 + 8;
 
@@ -55,18 +55,18 @@ impl<'a> Plan<'a> {
         let lists = Weights::list_bytes(camera, grid, options.weights);
         Self::allow(lists, options, || format!("the lists of a {grid}"))?;
         let weights = Weights::choose(camera, grid, options.weights, options.basis)?;
+        let subsets = simultaneous::subsets(&weights, options.method);
         let (storage, weight_bytes) = match options.method {
             Method::Mart => (Storage::ByPixel, row_action::weight_bytes(&weights, indices)),
-            method => {
-                let subsets = simultaneous::subsets(&weights, method);
-                Storage::choose(&weights, indices, subsets, options.max_bytes)
-            }
+            _ => Storage::choose(&weights, indices, subsets, options.max_bytes),
         };
+        // Kept weights are projected in blocks, onto the rows of a subset.
+        let planes_of_kept = 3 + BLOCKS.div_ceil(subsets) as u64;
         let (voxel_bytes, planes) = match storage {
             Storage::ByPixel => (8, 4),
-            Storage::Profiles => (VOXEL_BYTES, 2),
-            Storage::Tables => (VOXEL_BYTES + TABLE_VOXEL_BYTES, 3),
-            Storage::Kept | Storage::Remade => (VOXEL_BYTES, 10),
+            Storage::Profiles | Storage::Tables => (VOXEL_BYTES + TABLE_VOXEL_BYTES, planes_of_kept),
+            Storage::Kept => (VOXEL_BYTES, planes_of_kept),
+            Storage::Remade => (VOXEL_BYTES, 2 + BLOCKS as u64),
         };
         let [width, height] = weights.sensor_px();
         let plane_bytes = 4 * Plane::stride(width) as u64 * height as u64;

@@ -25,5 +25,6 @@ pub(crate) use plane::{Plane, keep};
 #[cfg(test)]
 pub(crate) use profiles::ProfileWeights;
 pub(crate) use stored::count_weights;
+pub(crate) use voxels::BLOCKS;
 #[cfg(test)]
 pub(crate) use voxels::VoxelWeights;

@@ -27,7 +27,7 @@ pub(super) const LANES: usize = 4;
 /// Pixels of a row side by side, and the shares of a voxel's light on them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Run {
-    /// The first pixel in a [`Plane`].
+    /// The first pixel in [`pack`]ed rows.
     pub(super) place: u32,
     /// In units of the voxel.
     pub(super) shares: [u8; LANES],
@@ -136,16 +136,17 @@ impl Part {
         // Sums stand here as multiples of the unit, which is not known before the end.
         self.subsets.iter_mut().for_each(|subset| subset.sums.push(0.0));
         let voxel = self.units.len();
-        let (mut row, mut subset) = (0, 0);
+        let (mut start, mut packed, mut subset) = (0, 0, 0);
         for Eight { place, shares } in listed {
-            if !(row..row + stride).contains(place) {
-                (row, subset) = (place / stride * stride, (place / stride % count) as usize);
+            if !(start..start + stride).contains(place) {
+                let row = place / stride;
+                (start, packed, subset) = (row * stride, row / count * stride, (row % count) as usize);
             }
             // Adding a whole number of this size leaves the rounded value in the lowest bits.
             let whole = shares.map(|share| (share * per_unit + WHOLE).to_bits() & 255);
             let subset = &mut self.subsets[subset];
             subset.sums[voxel] += whole.iter().sum::<u32>() as f32;
-            subset.runs.push(Run { place: *place, shares: whole.map(|share| share as u8) });
+            subset.runs.push(Run { place: packed + place - start, shares: whole.map(|share| share as u8) });
         }
         let all: f32 = self.subsets.iter().map(|subset| subset.sums[voxel]).sum();
         let unit = light / all.max(1.0);
@@ -155,6 +156,16 @@ impl Part {
         }
         self.units.push(unit);
     }
+}
+
+/// The rows of a subset, one after the other.
+pub(super) fn pack(plane: &Plane, rows: RowSet) -> Vec<f32> {
+    rows_of(&plane.values, plane.stride, rows).flatten().copied().collect()
+}
+
+/// Each row of a subset.
+fn rows_of(values: &[f32], stride: usize, rows: RowSet) -> impl Iterator<Item = &[f32]> {
+    values.chunks(stride).skip(rows.first as usize).step_by(rows.step as usize)
 }
 
 /// The weights of voxels on the rows of each subset of an image's.
@@ -222,7 +233,7 @@ impl Stored {
         self.0.subsets.iter().map(|subset| subset.sums[voxel]).sum()
     }
 
-    /// Adds the light of voxels of these strengths to the pixels of a subset's rows.
+    /// Adds the light of voxels of these strengths to the pixels of a subset's rows, which stand [`pack`]ed.
     #[inline(always)]
     pub(super) fn add(&self, voxels: Range<usize>, rows: RowSet, strengths: &[f32], values: &mut [f32]) {
         let subset = &self.0.subsets[rows.first as usize];
@@ -236,7 +247,7 @@ impl Stored {
         }
     }
 
-    /// The sums, over the pixels of a subset's rows, of a voxel's weights times the values and of the weights.
+    /// The sums, over the pixels of a subset's [`pack`]ed rows, of a voxel's weights times the values and of the weights.
     #[inline(always)]
     pub(super) fn seen(&self, voxel: usize, rows: RowSet, values: &[f32]) -> (f32, f32) {
         let subset = &self.0.subsets[rows.first as usize];

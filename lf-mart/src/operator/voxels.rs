@@ -1,14 +1,14 @@
 //! Weights voxel by voxel, for cameras that are not aligned: kept in memory if they fit, otherwise made at every use.
 
 use super::plane::{Plane, keep};
-use super::stored::{Stored, count_weights};
+use super::stored::{Stored, count_weights, pack};
 use glam::Vec4;
 use lf_core::weights::{RowSet, Scratch};
 use lf_core::{Weights, simd::fastest};
 use rayon::prelude::*;
 
 /// Blocks of the support. They are projected apart and added in order: any number of threads gives the same sum.
-const BLOCKS: usize = 8;
+pub(crate) const BLOCKS: usize = 8;
 
 /// Voxels that a thread takes at once.
 const RUN: usize = 1 << 12;
@@ -27,8 +27,8 @@ pub(crate) struct VoxelWeights<'a> {
     /// Bytes that kept weights may take.
     most_bytes: u64,
     indices: Vec<u64>,
-    /// The projection of each block.
-    planes: Vec<Plane>,
+    /// The projection of each block, in the rows of a subset if weights are kept, otherwise in all.
+    planes: Vec<Vec<f32>>,
     /// Weights of all voxels: the number kept, or an estimate from a sample.
     pub(super) count: u64,
     /// None while weights are made at every use.
@@ -37,8 +37,7 @@ pub(crate) struct VoxelWeights<'a> {
 
 impl<'a> VoxelWeights<'a> {
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, most_bytes: u64) -> Self {
-        let [width, height] = weights.sensor_px();
-        let planes = (0..BLOCKS).map(|_| Plane::new(width, height)).collect();
+        let planes = vec![Vec::new(); BLOCKS];
         let mut this = Self { weights, subsets, most_bytes, indices: indices.to_vec(), planes, count: 0, kept: None };
         this.keep_if_it_fits();
         this
@@ -90,27 +89,28 @@ impl<'a> VoxelWeights<'a> {
 
     pub(super) fn project(&mut self, rows: RowSet, strengths: &[f32], plane: &mut Plane) {
         let block = self.indices.len().div_ceil(BLOCKS).max(1);
-        let (weights, indices, kept) = (self.weights, &self.indices, &self.kept);
-        self.planes.par_iter_mut().enumerate().for_each(|(n, plane)| {
-            for row in plane.values.chunks_mut(plane.stride).skip(rows.first as usize).step_by(rows.step as usize) {
-                row.fill(0.0);
-            }
+        let (weights, indices, kept, stride) = (self.weights, &self.indices, &self.kept, plane.stride);
+        let first = |row: usize| if kept.is_some() { row / rows.step as usize * stride } else { row * stride };
+        let length = first(plane.values.len() / stride - 1) + stride;
+        self.planes.par_iter_mut().enumerate().for_each(|(n, values)| {
+            values.resize(length, 0.0);
+            let (from, step) = if kept.is_some() { (0, 1) } else { (rows.first as usize, rows.step as usize) };
+            values.chunks_mut(stride).skip(from).step_by(step).for_each(|row| row.fill(0.0));
             let voxels = (n * block).min(indices.len())..((n + 1) * block).min(indices.len());
-            if let Some(kept) = kept {
-                fastest(
+            match kept {
+                Some(kept) => fastest(
                     #[inline(always)]
-                    || kept.add(voxels, rows, strengths, &mut plane.values),
-                );
-            } else {
-                spread(weights, &indices[voxels.clone()], rows, &strengths[voxels], plane);
+                    || kept.add(voxels, rows, strengths, values),
+                ),
+                None => spread(weights, &indices[voxels.clone()], rows, &strengths[voxels], values, stride),
             }
         });
-        let (planes, stride) = (&self.planes, plane.stride);
+        let planes = &self.planes;
         let image_rows = plane.values.par_chunks_mut(stride).enumerate();
         image_rows.filter(|(row, _)| rows.holds(*row as u32)).for_each(|(row, out)| {
             out.fill(0.0);
             for block in planes {
-                let values = &block.values[row * stride..(row + 1) * stride];
+                let values = &block[first(row)..][..stride];
                 out.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
             }
         });
@@ -123,15 +123,16 @@ impl<'a> VoxelWeights<'a> {
         strengths: &mut [f32],
         update: impl Fn(usize, &mut f32, f32, f32) + Sync,
     ) {
+        let kept = self.kept.as_ref().map(|kept| (kept, pack(plane, rows)));
         strengths.par_chunks_mut(RUN).enumerate().for_each(|(run, strengths)| {
             let first = run * RUN;
             let indices = &self.indices[first..first + strengths.len()];
-            if let Some(kept) = &self.kept {
+            if let Some((kept, values)) = &kept {
                 fastest(
                     #[inline(always)]
                     || {
                         for (voxel, strength) in (first..).zip(strengths) {
-                            let (sum, all) = kept.seen(voxel, rows, &plane.values);
+                            let (sum, all) = kept.seen(voxel, rows, values);
                             update(voxel, strength, sum, all);
                         }
                     },
@@ -148,10 +149,17 @@ impl<'a> VoxelWeights<'a> {
 }
 
 /// Adds the light of voxels to a plane.
-pub(super) fn spread(weights: &Weights, indices: &[u64], rows: RowSet, strengths: &[f32], plane: &mut Plane) {
+pub(super) fn spread(
+    weights: &Weights,
+    indices: &[u64],
+    rows: RowSet,
+    strengths: &[f32],
+    values: &mut [f32],
+    stride: usize,
+) {
     fastest(
         #[inline(always)]
-        || spread_inlined(weights, indices, rows, strengths, plane),
+        || spread_inlined(weights, indices, rows, strengths, values, stride),
     );
 }
 
@@ -164,13 +172,20 @@ pub(super) fn gather(weights: &Weights, indices: &[u64], rows: RowSet, plane: &P
 }
 
 #[inline(always)]
-fn spread_inlined(weights: &Weights, indices: &[u64], rows: RowSet, strengths: &[f32], plane: &mut Plane) {
+fn spread_inlined(
+    weights: &Weights,
+    indices: &[u64],
+    rows: RowSet,
+    strengths: &[f32],
+    values: &mut [f32],
+    stride: usize,
+) {
     let mut scratch = Scratch::default();
     for (index, strength) in indices.iter().zip(strengths) {
         weights.runs(weights.grid().voxel(*index), &mut scratch, rows, |row, first, share, columns| {
             let light = share * strength;
-            let start = row as usize * plane.stride + first as usize;
-            let values = &mut plane.values[start..start + columns.len()];
+            let start = row as usize * stride + first as usize;
+            let values = &mut values[start..start + columns.len()];
             for (values, columns) in values.chunks_exact_mut(4).zip(columns.chunks_exact(4)) {
                 (Vec4::from_slice(values) + light * Vec4::from_slice(columns)).write_to_slice(values);
             }
