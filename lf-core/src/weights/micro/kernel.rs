@@ -174,8 +174,9 @@ impl Taker for Spread<'_> {
     #[inline(always)]
     fn wide(&mut self, voxel: usize, row: &WideRow, parts: usize, values: usize) {
         let strength = self.strengths[voxel];
-        for (n, part) in row.parts.iter().take(parts).enumerate() {
-            let values = &mut self.values[values + n * self.layout.width..];
+        let (from, parts) = row.parts(parts);
+        for (n, part) in parts.enumerate() {
+            let values = &mut self.values[values + from + n * self.layout.width..];
             values.iter_mut().zip(part).for_each(|(value, share)| *value += strength * share);
         }
     }
@@ -260,8 +261,9 @@ impl Taker for Gather<'_> {
 
     #[inline(always)]
     fn wide(&mut self, voxel: usize, row: &WideRow, parts: usize, values: usize) {
-        for (n, part) in row.parts.iter().take(parts).enumerate() {
-            let values = &self.values[values + n * self.layout.width..];
+        let (from, parts) = row.parts(parts);
+        for (n, part) in parts.enumerate() {
+            let values = &self.values[values + from + n * self.layout.width..];
             self.sums[voxel].x += values.iter().zip(part).map(|(value, share)| value * share).sum::<f32>();
         }
         self.weights[voxel] += row.weight;

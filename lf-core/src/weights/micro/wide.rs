@@ -7,7 +7,10 @@ use super::bend::{Node, value};
 use super::stop::Stop;
 use crate::weights::{blur::Blur, geometry::Geometry};
 use glam::DVec2;
+use std::ops::Range;
 
+/// Pixels beside those whose middles can have light: their footprints reach farther, and more so where rays bend.
+const BESIDE_PX: f32 = 1.0;
 /// A footprint is no narrower than this part of a cell.
 const LEAST_WIDTH: f64 = 1e-4;
 /// Neither is it narrower than this part of its own length, for the sake of rounding.
@@ -60,7 +63,9 @@ pub(super) struct View {
 /// A row of a micro-image: the light of each pixel, and its moments along x and y.
 #[derive(Debug, Default)]
 pub(super) struct WideRow {
-    pub(super) parts: [Vec<f32>; 3],
+    /// Pixels that may have light.
+    columns: Range<usize>,
+    parts: [Vec<f32>; 3],
     /// Roughly the sum of the weights times the stop's area in pixels.
     pub(super) weight: f32,
     /// Places on the array of the upper and the lower corners of the pixels, x and y, mm from the lenslet's centre.
@@ -70,10 +75,20 @@ pub(super) struct WideRow {
 impl WideRow {
     pub(super) fn new(side: usize) -> Self {
         Self {
+            columns: 0..0,
             parts: std::array::from_fn(|_| vec![0.0; side]),
             weight: 0.0,
             corners: std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; side + 1])),
         }
+    }
+}
+
+impl WideRow {
+    /// The first pixel that may have light, and the light or the moments from there on.
+    #[inline(always)]
+    pub(super) fn parts(&self, count: usize) -> (usize, impl Iterator<Item = &[f32]>) {
+        let columns = self.columns.clone();
+        (columns.start, self.parts.iter().take(count).map(move |part| &part[columns.clone()]))
     }
 }
 
@@ -135,27 +150,35 @@ impl Wide {
     ) -> bool {
         let slope = view.per_mm - view.refocus * self.alpha;
         let per_slope = if slope.abs() < 1e-12 { 0.0 } else { 1.0 / slope };
-        let WideRow { parts, corners, weight } = out;
-        let [upper, lower] = corners;
-        self.corners(view, node, row as f32, per_slope, upper);
-        self.corners(view, node, (row + 1) as f32, per_slope, lower);
+        let WideRow { columns, parts, corners, weight } = out;
+        *columns = self.columns(view, slope, parts[0].len());
+        if columns.start >= columns.end {
+            return false;
+        }
+        let [upper, lower] =
+            corners.each_mut().map(|[x, y]| [x, y].map(|places| &mut places[columns.start..=columns.end]));
+        let mut parts = parts.each_mut().map(|part| &mut part[columns.clone()]);
+        let [upper, lower] = [(row as f32, upper), ((row + 1) as f32, lower)].map(|(height, mut places)| {
+            self.corners(view, node, [columns.start as f32, height], per_slope, &mut places);
+            places.map(|places| &*places)
+        });
         let density = (view.per_mm * per_slope) * (view.per_mm * per_slope);
         parts[0].fill(density);
         // First where the light of a pixel lies: from its middle, and from there to the place on the stop's image.
         let quarter = if self.has_moments { -0.25 * view.refocus } else { 0.0 };
         for axis in 0..2 {
-            let (above, below) = (&upper[axis], &lower[axis]);
+            let (above, below) = (upper[axis], lower[axis]);
             let middle = |n: usize| above[n] + above[n + 1] + below[n] + below[n + 1];
             parts[axis + 1].iter_mut().enumerate().for_each(|(n, place)| *place = quarter * middle(n));
         }
         for strip in &self.strips {
-            if !self.narrow_to(strip, upper, lower, parts) {
+            if !self.narrow_to(strip, upper, lower, &mut parts) {
                 return false;
             }
         }
         let [light, by_x, by_y] = parts;
         if WEIGHS {
-            *weight = self.weight(view, row, light);
+            *weight = self.weight(view, row, columns.start, light);
         }
         for places in [by_x, by_y] {
             places.iter_mut().zip(&*light).for_each(|(place, light)| *place *= light);
@@ -163,26 +186,47 @@ impl Wide {
         true
     }
 
-    /// The light of a row that passes the stop, by its chord through the middles of the pixels.
+    /// The pixels of a row that can have light.
     #[inline(always)]
-    fn weight(&self, view: &View, row: usize, light: &[f32]) -> f32 {
+    fn columns(&self, view: &View, slope: f32, count: usize) -> Range<usize> {
+        let [x0, _] = view.offset;
+        let ahead = view.middle[0] + view.refocus * x0 - 0.5;
+        // A pixel's place in the stop changes by 1 / slope, and on the array by alpha as much.
+        let pixels_per_mm = slope / self.alpha;
+        let ends = [-self.reach - x0, self.reach - x0].map(|place| ahead - place * pixels_per_mm);
+        let [low, high] = [ends[0].min(ends[1]) - BESIDE_PX, ends[0].max(ends[1]) + BESIDE_PX];
+        if !(high - low).is_finite() {
+            return 0..count;
+        }
+        (low.ceil().max(0.0) as usize).min(count)..((high.floor() + 1.0).max(0.0) as usize).min(count)
+    }
+
+    /// The light of a row that passes the stop, by its chord through the middles of the pixels from column `from` on.
+    #[inline(always)]
+    fn weight(&self, view: &View, row: usize, from: usize, light: &[f32]) -> f32 {
         let half = view.per_mm * self.stop.half_mm;
         let away = row as f32 + 0.5 - view.middle[1];
         let chord = match self.stop.is_round {
             true => (half * half - away * away).max(0.0).sqrt(),
             false => half * (half + 0.5 - away.abs()).clamp(0.0, 1.0),
         };
-        let inside = |n: usize| (chord + 0.5 - (n as f32 + 0.5 - view.middle[0]).abs()).clamp(0.0, 1.0);
+        let inside = |n: usize| (chord + 0.5 - ((from + n) as f32 + 0.5 - view.middle[0]).abs()).clamp(0.0, 1.0);
         light.iter().enumerate().map(|(n, light)| light * inside(n)).sum()
     }
 
-    /// Sets the places on the array that the pixels' corners of one height show.
+    /// Sets the places on the array that the pixels' corners show, from the corner at this column and height on.
     #[inline(always)]
-    fn corners(&self, view: &View, node: Option<&Node>, height: f32, per_slope: f32, out: &mut [Vec<f32>; 2]) {
+    fn corners(
+        &self,
+        view: &View,
+        node: Option<&Node>,
+        [column, height]: [f32; 2],
+        per_slope: f32,
+        [along_x, along_y]: &mut [&mut [f32]; 2],
+    ) {
         let [x0, y0] = view.offset;
         let v = (view.middle[1] - height + view.refocus * y0) * per_slope;
-        let first = (view.middle[0] + view.refocus * x0) * per_slope;
-        let [along_x, along_y] = out;
+        let first = (view.middle[0] - column + view.refocus * x0) * per_slope;
         let count = along_x.len().min(along_y.len());
         match node {
             None => {
@@ -203,14 +247,8 @@ impl Wide {
     /// Multiplies each pixel's light by its share in a strip, and moves its place to the middle of this share. False if
     /// the strip leaves nothing.
     #[inline(always)]
-    fn narrow_to(
-        &self,
-        strip: &Strip,
-        upper: &[Vec<f32>; 2],
-        lower: &[Vec<f32>; 2],
-        parts: &mut [Vec<f32>; 3],
-    ) -> bool {
-        let [light, by_x, by_y] = parts.each_mut().map(Vec::as_mut_slice);
+    fn narrow_to(&self, strip: &Strip, upper: [&[f32]; 2], lower: [&[f32]; 2], parts: &mut [&mut [f32]; 3]) -> bool {
+        let [light, by_x, by_y] = parts.each_mut().map(|part| &mut **part);
         let count = light.len();
         let [upper_x, upper_y] = [&upper[0][..=count], &upper[1][..=count]];
         let [lower_x, lower_y] = [&lower[0][..=count], &lower[1][..=count]];
