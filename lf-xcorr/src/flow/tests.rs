@@ -111,7 +111,7 @@ fn gaps_are_filled_from_continuity_and_flagged() {
 }
 
 #[test]
-fn cross_validation_smooths_noise_and_keeps_the_flow() {
+fn smoothing_takes_noise_and_keeps_the_flow() {
     let truth = field([22, 20, 16], abc(0.02, 6.0));
     let mut noisy = truth.clone();
     disturb(&mut noisy);
