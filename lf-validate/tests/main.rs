@@ -2,6 +2,7 @@
 
 mod cli;
 mod curves;
+mod ensemble;
 mod trade;
 mod volumes;
 mod workbench;
