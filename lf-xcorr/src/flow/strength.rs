@@ -7,9 +7,7 @@
 //!
 //! Departure: generalised cross-validation, which divides R by `(1 - P)^2`, does without the size of the errors, but
 //! only where P is small. Windows that overlap share their errors, so nearly all of an error passes a smoother that
-//! keeps the flow, and P is near 1. There cross-validation smoothed the flow away: u of a vortex ring erred by 8 % more
-//! than before with the correlation of the errors in it, and by 36 % more on windows that do not overlap; this score
-//! gives 15 % less.
+//! keeps the flow, and P is near 1. There cross-validation smooths the flow away.
 
 /// Constant: the least strength tried, the factor from one to the next, and how many at most. A strength s smooths
 /// waves of less than `2 pi s^(1/4)` vectors: the last, 2000, flattens 42.
