@@ -37,6 +37,10 @@ pub struct Smoothed {
     pub filled: usize,
 }
 
+/// Constant: the flow that is smoothed away, as a variance, over the part that a second smoothing shows. The smooth field
+/// has lost some of it already.
+const LOST: f64 = 2.0;
+
 /// One component.
 struct Component<'a> {
     roughness: Roughness,
@@ -144,7 +148,7 @@ impl Component<'_> {
         let of_errors =
             self.lost(&self.solve(strength, &noise, of_noise, TOLERANCE_OF_SCORES), strength, field.layout.shape);
         let shares = spread.shares(field.layout.shape, [REACH; 3]);
-        let lost = lost.iter().zip(&of_errors).map(|(lost, of_errors)| (lost - of_errors).max(0.0));
+        let lost = lost.iter().zip(&of_errors).map(|(lost, of_errors)| LOST * (lost - of_errors).max(0.0));
         let left = sigma.iter().zip(shares.iter().zip(lost));
         let misfit = (self.residual(values, &smooth) / expected).sqrt();
         let sigma = left.map(|(sigma, (share, lost))| (sigma * sigma * share + lost).sqrt()).collect();
