@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// Constant: residual at which the solver stops, and its most steps.
 const TOLERANCE: f64 = 1e-5;
-const TOLERANCE_OF_SCORES: f64 = 1e-4;
+const TOLERANCE_OF_SCORES: f64 = 1e-3;
 const MOST: usize = 3000;
 /// Constant: sets of errors that are drawn, and reach of means of squares, in vectors.
 const DRAWS: u64 = 4;
@@ -37,8 +37,8 @@ pub struct Smoothed {
     pub filled: usize,
 }
 
-/// Constant: the flow that is smoothed away, as a variance, over the part that a second smoothing shows. The smooth field
-/// has lost some of it already.
+/// Constant: the flow that is smoothed away, as a variance, over the part that a second smoothing shows. The smooth
+/// field has lost some of it already.
 const LOST: f64 = 2.0;
 
 /// One component.
