@@ -10,8 +10,8 @@
 //! keeps the flow, and P is near 1. There cross-validation smooths the flow away.
 
 /// Constant: the least strength tried, the factor from one to the next, and how many at most. A strength s smooths
-/// waves of less than `2 pi s^(1/4)` vectors: the last, 123,
-/// those of 21, some five windows.
+/// waves of less than `2 pi s^(1/4)` vectors: the last, 123, those of 21,
+/// some five windows.
 const FIRST: f64 = 0.03;
 const FACTOR: f64 = 4.0;
 const MOST: usize = 7;
