@@ -1,4 +1,5 @@
-# From a folder of raw light-field frames to velocity fields and their mean. Copy this file, set the first part, and run
+# From a folder of raw light-field frames to velocity fields, their mean, and a page that shows the run. Copy this file,
+# set the first part, and run
 #
 #     make -f pipeline.mk               make all that is missing or older than its input
 #     make -f pipeline.mk -n            print what would be run
@@ -219,10 +220,12 @@ subtract = $(addprefix -b ,$(call background-of,$1))
 $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 	$(call step,$(CALIB) background $(call frames-of,$*) -c $< --quantile $(QUANTILE) $(colour))
 
-# One line per stage. Only our own tools know presets; a swapped stage does not get the option.
+# One line per stage. Only our own tools know presets and write a log of their sweeps; a swapped stage does not get the
+# options.
 flow-of = $(if $(FLOW),$(OUT)/flow-$1.exr)
 fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr $(call flow-of,$(pair))))
 preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
+sweeps = $(if $(filter lf-mart,$(notdir $(firstword $(MART)))),--log $(OUT)/volume-$1.sweeps.jsonl)
 
 $(supports): $(OUT)/support-%.lfv: $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
 	$(call step,$(PRUNE) $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(addprefix --pvr ,$(PVR)) --depth $(DEPTH) \
@@ -231,7 +234,7 @@ $(supports): $(OUT)/support-%.lfv: $$(call file-of,$$*) $(CAMERA) $$(call backgr
 
 $(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
 	$(call step,$(MART) $< -i $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(call preset,$(MART)) \
-	    $(addprefix --iterations ,$(ITERATIONS)) $(MART_FLAGS),$(call fields-of,$*))
+	    $(addprefix --iterations ,$(ITERATIONS)) $(call sweeps,$*) $(MART_FLAGS),$(call fields-of,$*))
 	$(if $(TIDY),@rm -f $<)
 
 volumes-of = $(foreach name,$(call split,$1),$(OUT)/volume-$(name).lfv)
@@ -276,11 +279,16 @@ $(OUT)/mean.exr: $(OUT)/fields.txt $(there)
 	@printf '%s\n' '$(strip $(RUN) $(BIN)lf-validate ensemble) ($(words $(there)) fields) -o $@'
 	@part=$(OUT)/mean.json.$$$$; $(RUN) $(mean) > $$part && mv $$part $(OUT)/mean.json || { rm -f $$part $(means); exit 2; }
 
+# The page that shows the run: everything that exists by now, and the warnings of all logs.
+page = $(RUN) $(BIN)lf-validate report $(OUT) -o $(OUT)/report.html --frame $(call frame-of,$(firstword $(names))) \
+    $(addprefix --white ,$(firstword $(WHITE)))
+
 # For each pair without a field, print the last line that its first failed stage printed.
 report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	$(if $(there),,@rm -f $(means) $(OUT)/fields.txt)
 	$(file >$(LOG)/missing.txt,$(patsubst $(OUT)/field-%.exr,%,$(missing:$(OUT)/flow-%=$(OUT)/field-%)))
-	@last() { tail -n 1 $(LOG)/$$1.txt 2> /dev/null; }; \
+	@page=; $(page) && page="; $(OUT)/report.html shows the run"; \
+	last() { tail -n 1 $(LOG)/$$1.txt 2> /dev/null; }; \
 	for pair in $$(cat $(LOG)/missing.txt); do why=; \
 	    [ -e $(CAMERA) ] || why="no $(CAMERA); see above"; \
 	    for n in $${pair%-*} $${pair#*-}; do \
@@ -296,4 +304,4 @@ report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	    [ -n "$$why" ] || [ -e $(OUT)/field-$$pair.exr ] || why=$$(last field-$$pair); \
 	    $(if $(FLOW),[ -n "$$why" ] || why=$$(last flow-$$pair);) \
 	    echo "no field $$pair: $${why:-not started; see above}" >&2; \
-	done; echo "$(words $(there)) of $(words $(results)) fields are in $(OUT)" >&2
+	done; echo "$(words $(there)) of $(words $(results)) fields are in $(OUT)$$page" >&2

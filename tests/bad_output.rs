@@ -146,3 +146,31 @@ fn an_output_folder_may_not_overwrite_the_files_of_its_scene() {
     call(samples.root()).run().refused("particles.csv");
     assert_eq!(fs::read_to_string(samples.path("particles.csv")).unwrap(), particles);
 }
+
+/// Scar: a killed run left new frames beside the camera, the table and the later frames of the run before.
+#[test]
+fn a_series_that_ends_half_way_does_not_look_whole() {
+    if !uses().any(|this| this.tool == "lf-synth") {
+        return;
+    }
+    let samples = Samples::new();
+    let mut scene = samples.json("scene.json");
+    for (name, frames) in [("two.json", 2), ("three.json", 3)] {
+        scene["frames"] = frames.into();
+        samples.write(name, scene.to_string());
+    }
+    let marks = || ["camera.json", "scene-used.json"].map(|name| samples.path("series").join(name).exists());
+    samples.run("lf-synth frames three.json -o series");
+    assert_eq!(marks(), [true; 2]);
+    let shorter = samples.run("lf-synth frames two.json -o series --seed 8").stderr;
+    assert!(shorter.contains("warning: series/frame-0002.exr: of another run"), "{shorter}");
+    // A folder in the place of the second frame ends the run after the first.
+    let second = samples.path("series/frame-0001.exr");
+    fs::remove_file(&second).unwrap();
+    fs::create_dir(&second).unwrap();
+    samples.call("lf-synth frames two.json -o series --seed 9").run().refused("frame-0001.exr");
+    assert_eq!(marks(), [false; 2]);
+    fs::remove_dir(&second).unwrap();
+    samples.run("lf-synth frames two.json -o series --seed 9");
+    assert_eq!(marks(), [true; 2]);
+}

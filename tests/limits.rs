@@ -49,51 +49,85 @@ fn huge_grids_are_refused_before_they_take_memory() {
     prune(&samples, "--depth -0.2,0.2 --max-memory 0").run().refused("wanted 0.001 to 1000000 GB");
 }
 
-/// The real peak stays below the estimate, and the estimate below 1.3 times the peak, where the work takes more than the
-/// program.
+/// Bytes by which a small run may be foretold too high.
+const SMALL: f64 = 5e6;
+
+/// Most memory foretold over the memory taken. lf-xcorr foretells the sums of windows whose predictions differ by a voxel
+/// from one to the next, as they do in noise and gradients. In volumes that do not move, such as here, they do not.
+fn most_foretold(line: &str) -> f64 {
+    if line.starts_with("lf-xcorr") { 2.5 } else { 1.3 }
+}
+
+/// Runs lines that write `stats.json` with each number of threads. The memory foretold must be at least the memory taken,
+/// and at most [`most_foretold`] times as much; small runs may take [`SMALL`] less.
+fn check_memory(folder: &Folder, has_estimate: bool, threads: &[usize], lines: &[&str]) {
+    for line in lines {
+        for threads in threads {
+            let line = format!("{line} -q --threads {threads}");
+            let told = has_estimate.then(|| folder.run(&format!("{line} --estimate")).json()["memory_bytes"].clone());
+            folder.run(&format!("{line} --stats stats.json"));
+            let stats = folder.json("stats.json");
+            let told = told.unwrap_or_else(|| stats["counts"]["estimated_bytes"].clone()).as_f64().unwrap();
+            let taken = stats["peak_bytes"].as_f64().unwrap();
+            assert!(
+                taken <= told && told <= most_foretold(&line) * taken + SMALL,
+                "{line}: {told} bytes foretold, {taken} taken"
+            );
+        }
+    }
+}
+
 #[test]
 fn the_memory_foretold_is_the_memory_taken() {
     let folder = Folder::new();
-    let check = |line: &str, recorded: Option<f64>| {
-        let stats = folder.json("stats.json");
-        let estimate = recorded.or(stats["counts"]["estimated_bytes"].as_f64()).unwrap();
-        let ratio = estimate / stats["peak_bytes"].as_f64().unwrap();
-        assert!((1.0..=1.3).contains(&ratio), "{line}: {ratio:.2}, {} bytes", stats["peak_bytes"]);
-    };
     let noise = r#"sensor_noise={"dark_counts": 100, "read_noise_electrons": 3}"#;
     for side in [1400, 2800] {
         let sides = [format!("camera.sensor.width={side}"), format!("camera.sensor.height={side}")];
-        let keys = [&sides[0], &sides[1], noise, "white.rays_per_lenslet=100", "truth=null"];
-        for threads in [1, 2, 8] {
-            folder.scene("demo", &keys);
-            for (task, output) in [("white", "white.exr"), ("dark", "dark.exr")] {
-                let line = format!("lf-synth {task} scene.json -o {output} -q --threads {threads} --stats stats.json");
-                folder.run(&line);
-                check(&line, None);
-            }
-        }
+        folder.scene("demo", &[&sides[0], &sides[1], noise, "white.rays_per_lenslet=100", "truth=null"]);
+        let lines = ["lf-synth white scene.json -o white.exr", "lf-synth dark scene.json -o dark.exr"];
+        check_memory(&folder, false, &[1, 2, 8], &lines);
     }
-    for keys in [&["truth=null"][..], &["truth=null", "camera.microlenses.layout=hexagonal"]] {
-        folder.scene("demo", &[keys, &["frames=1", "particles.rays=3000", "particles.per_lenslet=2"]].concat());
+    for layout in ["square", "hexagonal"] {
+        let layout = format!("camera.microlenses.layout={layout}");
+        let sides = ["camera.sensor.width=700", "camera.sensor.height=700"];
+        let keys =
+            [&layout, "truth=null", "frames=1", "particles.rays=3000", "particles.per_lenslet=2", sides[0], sides[1]];
+        folder.scene("demo", &keys);
         folder.run("lf-synth frames scene.json -o . -q");
-        for threads in [1, 2] {
-            let line =
-                format!("lf-prune frame-0000.exr -c camera.json --depth -5,5 --pvr 2,2,20 -q --threads {threads}");
-            let told = folder.run(&format!("{line} --estimate")).json()["memory_bytes"].as_f64();
-            folder.run(&format!("{line} -o support.lfv --stats stats.json"));
-            check(&line, told);
-        }
+        let on_frame = "-i frame-0000.exr -c camera.json";
+        let prune = "lf-prune frame-0000.exr -c camera.json --depth -5,5 --pvr 2,2,20 -o support.lfv";
+        check_memory(&folder, true, &[1, 2], &[prune]);
+        let mart = format!("lf-mart support.lfv {on_frame} --iterations 2 -o volume.lfv");
+        check_memory(&folder, true, &[1, 2], &[&format!("{mart} --basis blob"), &mart]);
+        let xcorr = "lf-xcorr volume.lfv volume.lfv -o field.exr --window 48,48,16";
+        check_memory(&folder, true, &[1, 2], &[xcorr]);
     }
     // A voxel in every other slice of a deep grid: the score by depth is most of the memory.
     let grid = Grid { shape: [4, 4, 400_000], spacing_mm: [0.01; 3], origin_mm: [0.0; 3] };
     let indices: Vec<u64> = (0..200_000).map(|n| 32 * n).collect();
     folder.volume("deep.lfv", &grid, &indices, &[("intensity", &vec![1.5; indices.len()])]);
-    for line in
-        ["lf-validate quality deep.lfv deep.lfv --stats stats.json", "lf-validate depth deep.lfv --stats stats.json"]
-    {
-        folder.run(line);
-        check(line, None);
+    check_memory(&folder, false, &[1], &["lf-validate quality deep.lfv deep.lfv", "lf-validate depth deep.lfv"]);
+}
+
+/// Scar: a voxel here and there in a huge grid. Workers of lf-mart held whole slices, and lists of lines and slices
+/// counted nowhere.
+#[test]
+fn lists_of_lines_and_slices_count() {
+    let samples = Samples::new();
+    let spacing_mm = [0.0055, 0.0055, 1e-6];
+    let grid = Grid { shape: [36, 36, 1 << 24], spacing_mm, origin_mm: [-0.096, -0.096, -0.19] };
+    samples.volume("deep.lfv", &grid, &[0, 5, 1 << 28], &[("score", &[1.0, 2.0, 3.0])]);
+    let mut camera = samples.json("camera.json");
+    camera["microlenses"]["layout"] = json!("hexagonal");
+    samples.write("hexagonal.json", camera.to_string());
+    for camera in ["camera.json", "hexagonal.json"] {
+        for words in ["", " --basis blob", " --method smart"] {
+            let line = format!("lf-mart deep.lfv -i image.exr -c {camera} -o out.lfv --max-memory 0.1{words}");
+            samples.call(&line).run().refused("wanted 0.1 GB at most, as --max-memory allows");
+        }
     }
+    let told = samples.run("lf-mart deep.lfv -i image.exr -c camera.json --estimate").json()["memory_bytes"].as_f64();
+    assert!(told.unwrap() > 1e9);
 }
 
 #[test]

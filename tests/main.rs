@@ -4,6 +4,7 @@ mod bad_input;
 mod bad_output;
 mod bench;
 mod blunders;
+mod exports;
 mod flowing;
 mod frame;
 mod front_door;

@@ -6,13 +6,14 @@
 //!    field.
 //! 4. [`main_lens()`] finds the main lens, its distortion and the misalignment from images of a dot target.
 //! 5. [`refine()`] corrects a later drift from frames of particles.
-//! 6. [`Background`] is what stays the same in every frame.
+//! 6. [`Background`] is what stays the same in every frame, [`Correction`] what is done to each.
 //!
 //! Image positions are pixels from the left and top edge; a pixel's centre is at a half.
 
 mod background;
 mod drift;
 mod fit;
+mod frames;
 mod nominal;
 pub mod plot;
 mod points;
@@ -21,8 +22,9 @@ mod random;
 mod target;
 mod white;
 
-pub use background::Background;
+pub use background::{Background, MeanBackground, SlidingMinimum};
 pub use drift::{Refined, refine, refine_steps};
+pub use frames::{Change, Correction, HotPixels, Lasers};
 pub use nominal::{Advice, DataSheet, Liquid, advice, doubts, in_air};
 pub use target::{
     Dot, Exposure, MainLensFit, blunder, closer_dots_mm, depths_of_names, depths_of_table, fit_doubts, grid, main_lens,

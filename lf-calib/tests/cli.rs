@@ -378,8 +378,8 @@ fn outputs_that_cannot_be_written_are_refused() {
     let line = "lattice white.exr -c nominal.json -o out";
     refused(
         &bench,
-        &format!("{line} --plot p.png"),
-        "p.png: the name of a .png file; wanted FILE.svg, the format drawn",
+        &format!("{line} --plot p.jpg"),
+        "p.jpg: the name of a .jpg file; wanted FILE.svg, FILE.png or FILE.pdf, the formats drawn",
     );
     let wanted = "wanted FILE.exr, which the camera can name";
     refused(&bench, &format!("{line} --vignetting v.tif"), &format!("v.tif: not the name of an EXR; {wanted}"));

@@ -4,6 +4,7 @@ mod blunders;
 mod cli;
 mod cli_nominal;
 mod cli_target;
+mod frames;
 mod hard;
 mod known;
 mod metamorphic;

@@ -15,3 +15,23 @@ pub struct Step {
 
 /// The steps of a file, oldest first.
 pub type History = Vec<Step>;
+
+/// A line for each step, oldest first, for formats that keep a history as text: `lf-mart 0.1.0: a.lfv -i a.exr`. Control
+/// letters become spaces.
+pub fn lines(history: &History) -> Vec<String> {
+    let plain = |letter: char| if letter.is_control() { ' ' } else { letter };
+    let line = |step: &Step| format!("{} {}: {}", step.tool, step.version, step.arguments.join(" "));
+    history.iter().map(|step| line(step).chars().map(plain).collect()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_is_one_line() {
+        let step =
+            Step { tool: "lf-mart".into(), version: "0.1.0".into(), arguments: vec!["a\nb".into(), "-q".into()] };
+        assert_eq!(lines(&vec![step]), ["lf-mart 0.1.0: a b -q"]);
+    }
+}

@@ -62,6 +62,7 @@ pub mod light;
 pub mod optics;
 pub mod particle_image;
 pub mod particles;
+pub mod picture;
 pub mod plot;
 pub mod scene;
 pub mod simd;

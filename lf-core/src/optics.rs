@@ -320,6 +320,24 @@ impl Optics {
         self.sensor_from_array(self.array_from_object(object_mm, z_mm, aperture_mm), aperture_mm)
     }
 
+    /// Half sides of the part of the array that the sensor sees, mm: the image of the stop under a lenslet farther from
+    /// the axis lies beside the sensor.
+    pub(crate) fn seen_mm(&self) -> DVec2 {
+        self.pixel_pitch_mm * self.middle_px() + self.demagnification * self.half_aperture_mm
+    }
+
+    /// The centres, mm, of the lenslets within `reach_mm` of a point of the array, without those that the sensor does not
+    /// see; a few more of both.
+    pub(crate) fn lenslets_seen(&self, point_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = DVec2> + '_ {
+        // A gap that grows across the sensor makes the images of the stop up to twice as wide.
+        let seen = self.seen_mm() + self.demagnification * self.half_aperture_mm + self.lattice.period_y_mm();
+        let (low, high) = ((point_mm - reach_mm).max(-seen), (point_mm + reach_mm).min(seen));
+        let is_clipped = low != point_mm - reach_mm || high != point_mm + reach_mm;
+        let (point_mm, reach_mm) =
+            if is_clipped { (0.5 * (low + high), 0.5 * (high - low)) } else { (point_mm, reach_mm) };
+        self.lattice.lenslets_within(point_mm, reach_mm).map(|(_, _, centre)| centre)
+    }
+
     /// Where the axis meets the sensor, px.
     #[inline]
     pub(crate) fn middle_px(&self) -> DVec2 {
@@ -564,5 +582,26 @@ mod tests {
         let gap = 0.308 + 0.01f64.tan() * hit.x;
         let there = with(|camera| camera.microlenses.gap_mm = Some(gap)).sensor_from_array(array, aperture);
         assert!(hit.distance(there) < 1e-12);
+    }
+
+    /// Scar: far out of focus, and far beside the sensor, all lenslets of the beam were walked.
+    #[test]
+    fn lenslets_beside_the_sensor_are_left_out_and_no_other() {
+        for (layout, turn) in [(Layout::Square, 0.0), (Layout::Hexagonal, 0.2)] {
+            let optics = Optics::new(&seed(20, Aperture::Circle, layout, turn));
+            let half = optics.pixel_pitch_mm * optics.middle_px();
+            for (point, reach) in [(DVec2::new(0.3, -0.2), 40.0), (DVec2::new(-30.0, 0.1), 31.0), (half, 0.2)] {
+                let seen: Vec<DVec2> = optics.lenslets_seen(point, DVec2::splat(reach)).collect();
+                assert!(!seen.is_empty() && seen.len() < 1000, "{}", seen.len());
+                let within = |centre: DVec2| (centre - point).abs().max_element() <= reach;
+                let near = optics.lattice().lenslets_within(DVec2::ZERO, 2.0 * half).map(|(_, _, centre)| centre);
+                for centre in near.filter(|centre| within(*centre)) {
+                    let ends = [-1.0, 1.0].map(|side| side * DVec2::splat(optics.half_aperture_mm));
+                    let [a, b] = ends.map(|aperture| optics.sensor_through(centre, centre, aperture));
+                    let is_lit = a.max(b).cmpgt(-half).all() && a.min(b).cmplt(half).all();
+                    assert!(!is_lit || seen.contains(&centre), "{point} {centre}");
+                }
+            }
+        }
     }
 }

@@ -27,8 +27,12 @@ const LEAST_SHARE_OF_TILE: f32 = 0.5 * LEAST_SHARE;
 /// share, and one byte to drop it.
 const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
 
-/// Bytes per voxel of the support that the volume of blobs takes while the solution is still held.
-const BLOB_BYTES: u64 = 12;
+/// Bytes per voxel that weights from tables take beside the profile: the index that keeps weights later, its share, and
+/// two sums.
+const TABLE_VOXEL_BYTES: u64 = 8 + 4 + 8;
+
+/// Bytes per voxel of the solution: index and strength.
+const SOLVED_BYTES: u64 = 12;
 
 /// A reconstruction that is ready to run.
 pub struct Plan<'a> {
@@ -48,6 +52,8 @@ impl<'a> Plan<'a> {
         let is_inside = indices.last().is_none_or(|last| *last < grid.len()) && u32::try_from(indices.len()).is_ok();
         let found = || format!("{} voxels, or one outside the grid", indices.len());
         Refusal::unless(is_inside, found, "wanted less than 2^32 voxels of the grid")?;
+        let lists = Weights::list_bytes(camera, grid, options.weights);
+        Self::allow(lists, options, || format!("the lists of a {grid}"))?;
         let weights = Weights::choose(camera, grid, options.weights, options.basis)?;
         let (storage, weight_bytes) = match options.method {
             Method::Mart => (Storage::ByPixel, row_action::weight_bytes(&weights, indices)),
@@ -59,7 +65,7 @@ impl<'a> Plan<'a> {
         let (voxel_bytes, planes) = match storage {
             Storage::ByPixel => (8, 4),
             Storage::Profiles => (VOXEL_BYTES, 2),
-            Storage::Tables => (VOXEL_BYTES, 3),
+            Storage::Tables => (VOXEL_BYTES + TABLE_VOXEL_BYTES, 3),
             Storage::Kept | Storage::Remade => (VOXEL_BYTES, 10),
         };
         let [width, height] = weights.sensor_px();
@@ -83,8 +89,22 @@ impl<'a> Plan<'a> {
         // The sample errs by a few per cent in the number of weights, and growing lists take more than they hold.
         let is_listed = matches!(self.storage, Storage::Kept | Storage::ByPixel);
         let sweeps = if is_listed { self.bytes / 4 * 5 } else { self.bytes };
-        let written = if matches!(self.options.basis, Basis::Blob { .. }) { BLOB_BYTES } else { 0 };
-        sweeps + 4 * pixels as u64 + written * self.indices.len() as u64
+        // The solution and what is written.
+        let voxels = self.indices.len() as u64;
+        let written = match self.options.basis {
+            Basis::Blob { sigma_px } => {
+                blob::foretold_bytes(self.weights.grid(), self.indices, self.weights.blob_vox(sigma_px)) as u64
+            }
+            Basis::Point | Basis::Box => SOLVED_BYTES * voxels,
+        };
+        sweeps.max(SOLVED_BYTES * voxels + written) + 4 * pixels as u64
+    }
+
+    /// Refuses more bytes than the options allow.
+    fn allow(bytes: u64, options: &Options, what: impl FnOnce() -> String) -> Result<(), Refusal> {
+        let [needed, most] = [bytes, options.max_bytes].map(|bytes| bytes as f64 * 1e-9);
+        let found = || format!("{} would take about {needed:.2} GB", what());
+        Refusal::unless(bytes <= options.max_bytes, found, format!("wanted {most} GB at most, as --max-memory allows"))
     }
 
     /// How the weights are made and kept, and why.
@@ -107,10 +127,7 @@ impl<'a> Plan<'a> {
         start: Option<Start>,
         done: impl FnMut(&Sweep),
     ) -> Result<Reconstruction, Refusal> {
-        let [bytes, most] = [self.bytes, self.options.max_bytes].map(|bytes| bytes as f64 * 1e-9);
-        let found = || format!("{} voxels would take about {bytes:.2} GB", self.indices.len());
-        let wanted = format!("wanted {most} GB at most, as --max-memory allows");
-        Refusal::unless(self.bytes <= self.options.max_bytes, found, wanted)?;
+        Self::allow(self.peak_bytes(image.len()), self.options, || format!("{} voxels", self.indices.len()))?;
         let problem = self.problem(image, start);
         let solved = match self.options.method {
             Method::Mart => row_action::solve(&problem, done)?,
@@ -127,9 +144,13 @@ impl<'a> Plan<'a> {
             }
             Basis::Point | Basis::Box => blob::lit(grid, &solved.indices, &solved.strengths, least_share, core_vox),
         };
-        let in_counts = |value: f32| (f64::from(value) * problem.unit).min(f64::from(f32::MAX)) as f32;
-        intensity.iter_mut().for_each(|value| *value = in_counts(*value));
-        Ok(Reconstruction { indices, intensity, sweeps: solved.sweeps, unseen: solved.unseen })
+        let mut clipped = 0;
+        for value in &mut intensity {
+            let counts = f64::from(*value) * problem.unit;
+            clipped += usize::from(counts > f64::from(f32::MAX));
+            *value = counts.min(f64::from(f32::MAX)) as f32;
+        }
+        Ok(Reconstruction { indices, intensity, sweeps: solved.sweeps, unseen: solved.unseen, clipped })
     }
 
     /// The image in units of its brightest pixel, in which no sum is too large or too small for f32.

@@ -35,6 +35,8 @@ pub struct Reconstruction {
     pub sweeps: Vec<Sweep>,
     /// Support voxels that no pixel sees; they are left out.
     pub unseen: usize,
+    /// Voxels brighter than the greatest `f32`, which they have instead.
+    pub clipped: usize,
 }
 
 /// Why no sweep followed the last.

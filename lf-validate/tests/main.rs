@@ -3,6 +3,8 @@
 mod cli;
 mod curves;
 mod ensemble;
+mod export;
+mod report;
 mod trade;
 mod volumes;
 mod workbench;

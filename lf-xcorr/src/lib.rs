@@ -50,7 +50,6 @@ mod error;
 pub mod flow;
 mod passes;
 mod plan;
-pub mod plot;
 mod seeding;
 mod tracks;
 mod vectors;

@@ -53,8 +53,9 @@ fn other_formats_and_the_picture() {
 fn the_picture_is_of_the_slice_that_was_asked_for() {
     let bench = workbench();
     for (slice, title) in [
-        (&[][..], "z = 5.75 mm (layer 3 of 5)"),
-        (&["--slice", "z"], "z = 5.75 mm (layer 3 of 5)"),
+        // Without a place, the layer that shows most.
+        (&[][..], "z = "),
+        (&["--slice", "z"], "z = "),
         (&["--slice", "z=4"], "z = 4.25 mm (layer 2 of 5)"),
         (&["--slice", "y=1.2"], "y = 1.35 mm (layer 1 of 3)"),
         (&["--slice=x=2.6"], "x = 2.35 mm (layer 3 of 5)"),
@@ -63,6 +64,22 @@ fn the_picture_is_of_the_slice_that_was_asked_for() {
         let svg = bench.text("f.svg");
         assert!(svg.contains(&format!("Displacement at {title}")), "{slice:?}: {svg:.3000}");
     }
+}
+
+#[test]
+fn the_colours_show_what_was_asked_for() {
+    let bench = workbench();
+    let with = |words: &[&'static str]| {
+        [&["a.lfv", "b.lfv", "-o", "f.exr", "--plot", "f.svg", "-q", "--slice", "z=4"], words, &SMALL[..]].concat()
+    };
+    for (scalar, name) in [("u", "u, mm"), ("speed", "length, mm"), ("vorticity", "vorticity about z, 1")] {
+        bench.done(&with(&["--scalar", scalar]));
+        assert!(bench.text("f.svg").contains(name), "{scalar}");
+    }
+    bench.done(&with(&["--range", "-0.5,1.5"]));
+    assert!(bench.text("f.svg").contains("1.5"));
+    bench.refused(&with(&["--scalar", "curl"]), &["wanted u, v, w, speed, vorticity or uncertainty"]);
+    bench.refused(&with(&["--range", "2,1"]), &["wanted LOW,HIGH"]);
 }
 
 #[test]

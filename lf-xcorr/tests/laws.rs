@@ -1,9 +1,9 @@
 //! Laws that hold for any particles.
 
 use crate::scene::{self, Volume};
-use lf_core::field::{Cut, MEASURED, NO_DATA, REPLACED};
+use lf_core::field::{MEASURED, NO_DATA, REPLACED};
+use lf_core::plot::FieldPicture;
 use lf_core::{Field, Grid, VectorGrid};
-use lf_xcorr::plot;
 use lf_xcorr::{Options, Refused, Route, Side, Sparse, correlate};
 
 const SHAPE: [usize; 3] = [72, 64, 48];
@@ -216,22 +216,31 @@ fn one_window_and_thin_volumes_work() {
     }
 }
 
+/// The picture of one layer.
+fn picture(field: &Field, cut: &str) -> Result<String, lf_core::Refusal> {
+    lf_core::plot::field(field, &FieldPicture { cut: cut.parse().unwrap(), ..FieldPicture::default() })
+}
+
 #[test]
 fn the_picture_has_its_labels_and_counts() {
     let [a, b] = particles(8);
     let mut field = field(&a, &b);
     let layer = 6 * 5 * 4;
     (field.flag[layer], field.flag[layer + 1]) = (NO_DATA, REPLACED);
-    let drawn = |field: &Field, cut: &str| plot::slice(field, cut.parse().unwrap()).unwrap();
+    let drawn = |field: &Field, cut: &str| picture(field, cut).unwrap();
     let holds = |svg: &str, words: &[&str]| words.iter().for_each(|words| assert!(svg.contains(words), "{words}"));
     let counts = "this layer: 28 measured, 1 replaced, 1 no data";
-    holds(&drawn(&field, "z"), &["x, mm", "y, mm", "w, mm", "layer 5 of 9", "colour: w", "arrows: u and v", counts]);
+    let place = field.place_mm(layer)[2];
+    holds(
+        &drawn(&field, &format!("z={place}")),
+        &["x, mm", "y, mm", "w, mm", "layer 5 of 9", "colour: w", "arrows: u and v", counts],
+    );
     holds(&drawn(&field, "x=30"), &["y, mm", "z, mm", "u, mm", "layer 3 of 6", "colour: u", "arrows: v and w"]);
     field.layout.dt_s = Some(0.01);
-    holds(&drawn(&field, "y"), &["Velocity at y", "x, mm", "z, mm", "v, mm/s", "layer 3 of 5", "colour: v"]);
+    holds(&drawn(&field, "y=31.5"), &["Velocity at y", "x, mm", "z, mm", "v, mm/s", "layer 3 of 5", "colour: v"]);
     let nothing = Field::empty(field.layout.clone());
     holds(&drawn(&nothing, "z"), &["30 no data"]);
-    let lf_core::Refusal { found, wanted } = plot::slice(&field, "y=60".parse().unwrap()).unwrap_err();
+    let lf_core::Refusal { found, wanted } = picture(&field, "y=60").unwrap_err();
     assert_eq!((&*found, &*wanted), ("slice y = 60 mm is outside the field", "wanted 11.5 to 51.5 mm"));
 }
 
@@ -243,7 +252,7 @@ fn a_wild_vector_does_not_shrink_the_rest_of_the_picture() {
     let mut wild = field.clone();
     let node = 6 * (2 + 5 * 4) + 3;
     (wild.u[node], wild.w[node]) = (1e3, -1e4);
-    let [tame, svg] = [&field, &wild].map(|field| plot::slice(field, Cut::default()).unwrap());
+    let [tame, svg] = [&field, &wild].map(|field| picture(field, &format!("z={}", field.place_mm(node)[2])).unwrap());
     assert!(svg.contains("one arrow cut short") && !tame.contains("cut short"));
     assert!(svg.len() < tame.len() + 500);
     let bar = |svg: &str| svg[svg.find(">\nw, mm").unwrap()..].to_owned();
@@ -269,7 +278,7 @@ fn every_shape_of_field_can_be_drawn() {
             for value in [0.0, 1e-9, -3e7] {
                 field.v.fill(value);
                 for cut in ["x", "y", "z"] {
-                    let svg = plot::slice(&field, cut.parse().unwrap()).unwrap();
+                    let svg = picture(&field, cut).unwrap();
                     assert!(svg.starts_with("<svg") && !svg.contains("NaN") && !svg.contains("inf"), "{shape:?} {cut}");
                 }
             }
@@ -277,7 +286,8 @@ fn every_shape_of_field_can_be_drawn() {
     }
 }
 
-/// Scar: windows with only the flanks of particle images had vectors of up to 2 voxels, taken as measured.
+/// Scar: windows with only the flanks of particle images had vectors of up to 2 voxels, taken as measured: flanks have
+/// one shape at many shifts, and rounding broke the tie. Their neighbours followed by half a voxel.
 #[test]
 fn a_volume_has_not_moved_against_itself() {
     for (seed, density) in [(1, 2.0), (2, 0.5), (3, 6.0)] {
@@ -295,10 +305,8 @@ fn a_volume_has_not_moved_against_itself() {
                     field.ratio[n]
                 );
                 let moved = [field.u[n], field.v[n], field.w[n]];
-                // Flanks of other images, cut by the window's side, weigh less among several images.
-                let most = if field.count[n] > 1.0 { 0.1 } else { 1.0 };
                 assert!(
-                    moved.iter().all(|moved| moved.abs() < most),
+                    moved.iter().all(|moved| moved.abs() < 0.02),
                     "{seed} {n}: {moved:?}, {} images",
                     field.count[n]
                 );

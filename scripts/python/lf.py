@@ -21,6 +21,9 @@ import numpy as np
 
 FRAME = "right-handed"  # X right and Y up in the picture, Z towards the camera.
 SIGNATURE = b"\x89LFV\r\n\x1a\n"
+# The components of a field and their units.
+FIELD_UNITS = {"u": "mm", "v": "mm", "w": "mm", "peak": "1", "ratio": "1", "su": "mm", "sv": "mm", "sw": "mm"}
+FIELD_UNITS |= {"flag": "1", "count": "1"}
 
 
 class Refused(Exception):
@@ -303,6 +306,69 @@ def read_field(path):
     layout = json.loads(header["lf:field"])
     _check_frame(path, layout)
     return layout, {name: pixels.reshape(layout["shape"][::-1]) for name, pixels in channels.items()}
+
+
+def write_field(path, layout, components):
+    """Writes a field that the tools read: `layout` as `read_field` gives it, and every component, (nz, ny, nx). Components
+    that are left out are those of measured vectors without uncertainty. The file appears whole or not at all."""
+    exr = module("OpenEXR", "to write fields")
+    shape = tuple(layout["shape"][::-1])
+    given = {"peak": 0, "ratio": 0, "su": np.nan, "sv": np.nan, "sw": np.nan, "flag": 0, "count": np.nan, **components}
+    if set(given) != set(FIELD_UNITS):
+        raise ValueError(f"components {', '.join(given)}; wanted {', '.join(FIELD_UNITS)}")
+    channels = {}
+    for name, values in given.items():
+        values = np.broadcast_to(np.asarray(values, np.float32), shape)
+        channels[name] = np.ascontiguousarray(values.reshape(shape[0] * shape[1], shape[2]))
+    moved = np.stack([channels[name] for name in "uvw"])
+    if not (np.isfinite(moved).all(0) | (channels["flag"] == 2)).all():
+        raise ValueError("a displacement that is not finite; wanted finite values or flag 2")
+    text = json.dumps({"units": FIELD_UNITS, "frame": FRAME, **layout})
+    header = {"compression": exr.ZIPS_COMPRESSION, "type": exr.scanlineimage, "lf:field": text}
+    with tempfile.TemporaryDirectory(dir=os.path.dirname(path) or ".") as folder:
+        part = os.path.join(folder, "field.exr")
+        exr.File(header, channels).write(part)
+        os.replace(part, path)
+
+
+# Files of `lf-validate export`. Each reader needs one library and gives plain arrays.
+
+
+def read_netcdf(path):
+    """A `.nc` as `read_field` gives a field; components of a series are (t, nz, ny, nx). Needs scipy."""
+    module("scipy", "to read NetCDF")
+    from scipy.io import netcdf_file
+
+    with netcdf_file(path, mmap=False) as file:
+        values = {name: np.array(file.variables[name].data) for name in FIELD_UNITS}
+        return json.loads(file.lf_field), {name: array.astype(np.float32) for name, array in values.items()}
+
+
+def read_npz(path, column="intensity"):
+    """A `.npz`: values (nz, ny, nx), and the places of the voxels along x, y and z, mm."""
+    with np.load(path) as file:
+        return file[column], [file[name] for name in ("x_mm", "y_mm", "z_mm")]
+
+
+def read_stack(path):
+    """A `.tif` as values (nz, ny, nx), y upwards as everywhere here. Needs tifffile."""
+    stack = module("tifffile", "to read stacks").imread(path)
+    return stack.reshape(-1, *stack.shape[-2:])[:, ::-1]
+
+
+def read_vtk(path):
+    """A `.vti` or `.vtp`: the places of its points (n, 3), and its arrays by name, (n,) or (n, components). Needs vtk."""
+    module("vtk", "to read the files of VTK")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLPolyDataReader
+
+    reader = vtkXMLPolyDataReader() if str(path).endswith(".vtp") else vtkXMLImageDataReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    data = reader.GetOutput()
+    places = np.array([data.GetPoint(n) for n in range(data.GetNumberOfPoints())])
+    arrays = data.GetPointData()
+    return places, {arrays.GetArrayName(n): vtk_to_numpy(arrays.GetArray(n)) for n in range(arrays.GetNumberOfArrays())}
 
 
 # The camera and its rays

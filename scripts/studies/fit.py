@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Scores a table of lf-fit against the true particles, for scripts/studies/fit: TRUTH FOUND LABEL."""
+"""Scores what scripts/studies/fit makes: DIR FRAME, or --vectors SCENE WAY SCORES."""
+import json
 import sys
 
 PIXEL = 0.0055  # mm at the focal plane
@@ -40,10 +41,20 @@ def rms(values):
     return (sum(value * value for value in values) / len(values)) ** 0.5 if values else float("nan")
 
 
-def main():
-    truth, found = table(sys.argv[1]), table(sys.argv[2])
+def vectors(scene, way, scores):
+    """One line of the errors of vectors."""
+    score = json.load(open(scores))
+    rms = [score["px"][axis]["rms"] for axis in "uvw"]
+    print(f"{scene:<10} {way:<12} {rms[0]:8.3f} {rms[1]:8.3f} {rms[2]:8.3f} {score['outliers']:9}")
+
+
+def particles(folder, frame):
+    """One line of recall, ghosts, errors and seconds."""
+    truth, found = table(f"{folder}/particles.csv"), table(f"{folder}/found-{frame}.csv")
+    stats = json.load(open(f"{folder}/fit-{frame}.json"))
     matched = match(truth, found)
-    print(f"{sys.argv[3]:<28} recall {len(matched) / len(truth):.4f} ghosts {1 - len(matched) / len(found):.4f}", end="")
+    size, drift = stats["counts"]["size_px"], stats["counts"]["drift_px"]
+    print(f"{folder:<28} recall {len(matched) / len(truth):.4f} ghosts {1 - len(matched) / len(found):.4f}", end="")
     for low, high in SLABS:
         pairs = [(truth[i], found[j]) for i, j in matched if low <= abs(truth[i][2]) < high]
         off = [p[2] - t[2] for t, p in pairs]
@@ -52,7 +63,10 @@ def main():
         cover = sum(abs(r) < 1 for r in ratio) / max(len(ratio), 1)
         print(f" | {low}-{high:.0f} mm: recall {len(pairs) / max(count, 1):.4f} z rms {rms(off) / PIXEL:.3f} px,"
               f" over stated {rms(ratio):.2f}, covers {cover:.2f}", end="")
-    print()
+    print(f" | size {size:.4f} px, drift {max(map(abs, drift)):.4f} px")
 
 
-main()
+if sys.argv[1] == "--vectors":
+    vectors(*sys.argv[2:])
+else:
+    particles(*sys.argv[1:])

@@ -13,8 +13,9 @@ const MOST_TIMES: usize = 1100;
 /// Longest time of one input, and how often a longer one is tried again.
 const LONGEST: Duration = Duration::from_secs(10);
 const TRIES: usize = 3;
-/// Time after which an input counts as one without end.
-const ENDLESS: Duration = Duration::from_secs(30);
+/// Seconds after which an input counts as one without end, unless `LF_FUZZ_PATIENCE` says more, as for a run that gives
+/// way to all others.
+const ENDLESS: f64 = 30.0;
 
 static QUIET: Once = Once::new();
 
@@ -27,11 +28,12 @@ fn reading() -> MutexGuard<'static, BTreeMap<String, (Instant, Vec<u8>)>> {
 
 /// Ends the process if an input is read without end, and keeps the input.
 fn watch() {
+    let endless = Duration::from_secs_f64(setting("LF_FUZZ_PATIENCE", ENDLESS));
     loop {
         std::thread::sleep(Duration::from_secs(1));
         for (name, (start, bytes)) in reading().iter() {
-            if start.elapsed() > ENDLESS {
-                eprintln!("{name}: no end after {} s; input kept in {}", ENDLESS.as_secs(), keep(name, bytes));
+            if start.elapsed() > endless {
+                eprintln!("{name}: no end after {} s; input kept in {}", endless.as_secs(), keep(name, bytes));
                 std::process::exit(1);
             }
         }

@@ -69,15 +69,27 @@ pub enum Task {
   lf-synth scene demo --set particles.per_lenslet=0.015 | lf-synth frames -o sparse
   lf-calib refine sparse/frame-*.exr -c sparse/camera.json --depth -5,5 -v -o refined.json")]
     Refine(RefineArguments),
-    /// Per-pixel minimum, or a low quantile, of many frames
+    /// Per-pixel minimum, a low quantile or the mean of many frames, or a minimum about each frame
     ///
     /// Every page of a TIFF is a frame. Frames are read one at a time. Memory holds this frame, files that come through
     /// a pipe, and one image for the minimum (whatever the number of frames) or Q (N - 1) + 2 images for the quantile Q
-    /// of N frames.
+    /// of N frames. With --sliding every frame gets a background of its own name, for light that changes slowly. Memory
+    /// then holds as many frames as the window.
     #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-calib background scene/frame-*.exr -o background.exr
+  mkdir -p sliding && lf-calib background scene/frame-*.exr --sliding 5 -o sliding
   lf-calib background scene/frame-*.exr white.exr --quantile 0.5 -o median.exr")]
     Background(BackgroundArguments),
+    /// Correct raw frames: sensitivity of the pixels, hot pixels, lasers of different light
+    ///
+    /// Nothing is done unless it is asked for. Corrected frames are EXR of the same names in a folder; the table on
+    /// standard output has the mean, the noise where a frame is darkest and the brightest pixel of each, before and
+    /// after. Make backgrounds from the corrected frames. The uneven light behind the lenslets is no matter of this
+    /// command: `lattice --vignetting` makes the flat field of a camera.
+    #[command(after_help = "Examples, in out/ after scripts/demo:
+  lf-calib frame scene/frame-000?.exr --flat white.exr -o scene/
+  lf-calib frame raw/*a.tif --second raw/*b.tif --hot 12 --equalise -o corrected")]
+    Frame(FrameArguments),
 }
 
 #[derive(Args)]
@@ -157,7 +169,7 @@ pub struct LatticeArguments {
     #[arg(long)]
     pub keep_pitch: bool,
     /// Picture: the lattice over pieces of the image, departures and residuals over the frame
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|.png|.pdf")]
     pub plot: Option<PathBuf>,
     #[command(flatten)]
     pub reading: ImageOptions,
@@ -222,13 +234,56 @@ pub struct BackgroundArguments {
     /// Quantile from 0, the minimum, to 0.5
     #[arg(long, value_name = "Q", default_value_t = 0.0)]
     pub quantile: f64,
+    /// The mean of all frames: for a background that is taken without particles
+    #[arg(long, conflicts_with = "quantile")]
+    pub mean: bool,
+    /// The minimum over each frame and those about it, N in all, N odd. The output is a folder
+    #[arg(long, value_name = "N", conflicts_with_all = ["quantile", "mean"], value_parser = odd)]
+    pub sliding: Option<usize>,
     /// Leave out, with a warning, frames that cannot be read or do not have the size of this camera's sensor. Without
     /// it they are an error
     #[arg(short, long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
     #[command(flatten)]
     pub reading: ImageOptions,
-    /// Background image (EXR), - for standard output
+    /// Background image (EXR), - for standard output; with --sliding an existing folder
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
+}
+
+#[derive(Args)]
+pub struct FrameArguments {
+    /// Frames of one size, also pages of a TIFF: those of the first laser, if there are two
+    #[arg(required = true)]
+    pub frames: Vec<PathBuf>,
+    /// Frames of the second laser
+    #[arg(long, value_name = "FRAME", num_args = 1..)]
+    pub second: Vec<PathBuf>,
+    /// Divide by the sensitivity of the pixels: an image of even light, taken without the microlenses
+    #[arg(long, value_name = "IMAGE")]
+    pub flat: Option<PathBuf>,
+    /// Replace pixels that stand above their neighbours in every frame, by more than K robust standard deviations of all
+    /// pixels, by the median of their neighbours. Needs five frames or more; 12 is a good K
+    #[arg(long, value_name = "K", value_parser = limit)]
+    pub hot: Option<f64>,
+    /// Multiply the frames of the second laser, so that both have the same light above what stays in all frames
+    #[arg(long)]
+    pub equalise: bool,
+    #[command(flatten)]
+    pub reading: ImageOptions,
+    /// Folder for the corrected frames
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: PathBuf,
+}
+
+/// Parses a limit in standard deviations.
+fn limit(text: &str) -> Result<f64, String> {
+    let typed = text.parse().ok().filter(|limit: &f64| (1.0..=1e6).contains(limit));
+    typed.ok_or_else(|| "wanted 1 to 1000000".to_owned())
+}
+
+/// Parses the length of a window, frames.
+fn odd(text: &str) -> Result<usize, String> {
+    let typed = text.parse().ok().filter(|frames: &usize| frames % 2 == 1 && (3..=1001).contains(frames));
+    typed.ok_or_else(|| "wanted an odd number from 3 to 1001".to_owned())
 }

@@ -1,28 +1,42 @@
 //! `lf-calib background`: frames in, what stays the same in all of them out.
 
-use super::arguments::BackgroundArguments;
-use lf_calib::Background;
+use super::{arguments::BackgroundArguments, files::named_in};
+use lf_calib::{Background, MeanBackground, SlidingMinimum};
 use lf_core::image::{self, Channel, Image, Stack};
 use lf_core::{Camera, Error, History, Refusal, Result, Session, Verdict, camera::Sensor, io};
+use ndarray::Array2;
 use std::path::{Path, PathBuf};
 
 pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Result<Verdict> {
-    let BackgroundArguments { frames, quantile, camera, reading, output } = arguments;
+    let BackgroundArguments { frames, quantile, mean, sliding, camera, reading, output } = arguments;
     if !(0.0..=0.5).contains(quantile) {
         return Err(Error::new("--quantile", quantile.to_string(), "wanted 0 to 0.5"));
     }
     let inputs: Vec<&Path> = frames.iter().chain(camera).map(PathBuf::as_path).collect();
     session.keep_apart(output, &inputs)?;
+    if let Some(window) = sliding {
+        return sliding_minimum(arguments, *window, session);
+    }
     io::check_place(output)?;
     let sensor = camera.as_deref().map(Camera::open).transpose()?.map(|camera| camera.sensor);
     let mut frames = FrameFiles::open(frames, sensor, reading.channel)?;
     let count = frames.count;
-    let statistic = if *quantile > 0.0 { format!("quantile {quantile}") } else { "minimum".to_string() };
+    let statistic = match (mean, *quantile > 0.0) {
+        (true, _) => "mean".to_string(),
+        (_, true) => format!("quantile {quantile}"),
+        _ => "minimum".to_string(),
+    };
     session.explain(format!("{statistic} of {count} frames, pixel by pixel"));
-
-    let mut background = Background::new(count, *quantile);
-    let (used, history) = frames.add_to(&mut background, session)?;
-    let Some(pixels) = background.finish() else {
+    let (used, history, pixels) = if *mean {
+        let mut background = MeanBackground::default();
+        let (used, history) = frames.each(session, |frame| background.add(frame))?;
+        (used, history, background.finish())
+    } else {
+        let mut background = Background::new(count, *quantile);
+        let (used, history) = frames.each(session, |frame| background.add(frame))?;
+        (used, history, background.finish())
+    };
+    let Some(pixels) = pixels else {
         let none = || Error::new(format!("the {count} frames"), "none was read", "wanted at least one");
         return Err(frames.left_out.pop().unwrap_or_else(none));
     };
@@ -33,6 +47,36 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
     for error in frames.left_out {
         session.warn(format!("left out: {error}"));
     }
+    Ok(Verdict::Done)
+}
+
+/// Writes a background for every frame. A frame that cannot be read ends the work: its neighbours need it.
+fn sliding_minimum(arguments: &BackgroundArguments, window: usize, session: &mut Session) -> Result<Verdict> {
+    let frames = image::frames(&arguments.frames);
+    let places = named_in(&arguments.output, &frames)?;
+    let inputs: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
+    for place in &places {
+        session.keep_apart(place, &inputs)?;
+        io::check_place(place)?;
+    }
+    let mut sliding = SlidingMinimum::new(window / 2);
+    let mut history = History::new();
+    let mut written = places.iter();
+    let mut save = |pixels: Array2<f32>, history: &History, session: &mut Session| {
+        let Some(place) = written.next() else { return Ok(()) };
+        let history = session.history(history);
+        session.phase("write", |_| image::save(place, &pixels, &history))
+    };
+    let progress = session.progress("frames", frames.len() as u64);
+    for file in &frames {
+        let frame = session.phase("read", |_| image::open_counts(file, arguments.reading.channel))?;
+        history = frame.history;
+        let found = sliding.add(frame.pixels).map_err(|refusal| refusal.about(io::name(file)))?;
+        found.map_or(Ok(()), |pixels| save(pixels, &history, session))?;
+        progress.add(1);
+    }
+    std::iter::from_fn(|| sliding.rest()).try_for_each(|pixels| save(pixels, &history, session))?;
+    session.count("frames", frames.len());
     Ok(Verdict::Done)
 }
 
@@ -65,8 +109,12 @@ impl FrameFiles {
         Ok(frames)
     }
 
-    /// Adds every frame to a background. Returns the number of frames used, and the history of the first.
-    fn add_to(&mut self, background: &mut Background, session: &mut Session) -> Result<(usize, History)> {
+    /// Takes every frame into a background. Returns the number of frames used, and the history of the first.
+    fn each(
+        &mut self,
+        session: &mut Session,
+        mut take: impl FnMut(&Array2<f32>) -> std::result::Result<(), Refusal>,
+    ) -> Result<(usize, History)> {
         let mut history = None;
         let mut used = 0;
         let progress = session.progress("frames", self.count as u64);
@@ -78,7 +126,7 @@ impl FrameFiles {
                 match frame {
                     Ok(frame) => {
                         let refused = |refusal: Refusal| refusal.about(stack.name(number));
-                        session.phase("sort", |_| background.add(&frame.pixels).map_err(refused))?;
+                        session.phase("sort", |_| take(&frame.pixels).map_err(refused))?;
                         used += 1;
                         history.get_or_insert(frame.history);
                     }

@@ -4,6 +4,7 @@ use lf_core::image::{self, Channel};
 use lf_core::{Camera, Error, History, Result, Session, io};
 use ndarray::Array2;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Adds this run to the steps that led to the nominal camera.
@@ -53,4 +54,23 @@ pub fn frames<'a>(
 ) -> Result<Vec<Array2<f32>>> {
     let frame = |path| image::open_frame(path, background, camera, camera_file, channel);
     paths.into_iter().map(|path| Ok(frame(path)?.pixels)).collect()
+}
+
+/// A file in `folder` for each frame: its name, and its page if it is one of several, as EXR. Refuses two of one name.
+pub fn named_in<'a>(folder: &Path, frames: impl IntoIterator<Item = &'a PathBuf>) -> Result<Vec<PathBuf>> {
+    if !folder.is_dir() {
+        return Err(Error::new(io::output_name(folder), "no such folder", "wanted an existing folder for the frames"));
+    }
+    let mut known = BTreeSet::new();
+    let unique = |file: &PathBuf| {
+        let (path, page) = io::split_page(file);
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let page = page.map(|page| format!("-{page}")).unwrap_or_default();
+        let place = folder.join(format!("{stem}{page}.exr"));
+        if known.insert(place.clone()) {
+            return Ok(place);
+        }
+        Err(Error::new(io::name(file), format!("a second frame for {}", place.display()), "wanted different names"))
+    };
+    frames.into_iter().map(unique).collect()
 }

@@ -6,6 +6,7 @@ mod arguments;
 mod background;
 mod files;
 mod fill;
+mod frame;
 mod lattice;
 mod main_lens;
 mod nominal;

@@ -1,7 +1,9 @@
 //! Runs the task that was asked for.
 
 use super::arguments::{Arguments, Task};
-use super::{background::background, lattice::lattice, main_lens::main_lens, nominal::nominal, refine::refine};
+use super::{
+    background::background, frame::frame, lattice::lattice, main_lens::main_lens, nominal::nominal, refine::refine,
+};
 use lf_core::cli;
 use std::process::ExitCode;
 
@@ -15,6 +17,7 @@ pub fn run() -> ExitCode {
             Task::Volume(arguments) => main_lens(arguments, session),
             Task::Refine(arguments) => refine(arguments, session),
             Task::Background(arguments) => background(arguments, session),
+            Task::Frame(arguments) => frame(arguments, session),
         },
     )
 }

@@ -1,6 +1,6 @@
 //! A field from and to a file.
 
-use super::export::{Array, write_csv, write_vti};
+use super::export::{Array, write_cf, write_csv, write_tecplot, write_vti};
 use super::vector_grid::{CHANNELS, COUNT, REQUIRED, VectorGrid};
 use super::vectors::Field;
 use crate::image::{exr, guarded};
@@ -24,16 +24,15 @@ impl Field {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
-    /// Writes EXR, `.vti` or `.csv` by extension; `-` and a name without extension are EXR. Refuses what
-    /// [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
+    /// Writes EXR, `.vti`, `.nc` (NetCDF), `.csv` or `.dat` (Tecplot) by extension; `-` and a name without extension are
+    /// EXR. Refuses what [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
         self.save_with(path, &[])
     }
 
     /// Writes the field as [`Field::save`] does, with more numbers at every vector: channels of the EXR, arrays of the
-    /// `.vti`, columns of the `.csv`. [`Field::open`] reads such a file as the field alone. Panics if an array is not
-    /// as
-    /// long as the layout asks.
+    /// `.vti`, variables of the `.nc`, columns of the `.csv` and the `.dat`. [`Field::open`] reads such a file as the
+    /// field alone. Panics if an array is not as long as the layout asks.
     pub fn save_with(&self, path: &Path, more: &[Array]) -> Result<()> {
         for array in more {
             assert_eq!(array.values.len(), array.components * self.len(), "length of {}", array.name);
@@ -50,30 +49,15 @@ impl Field {
                 let bytes = guarded(|| self.to_exr(more)).map_err(refused)?;
                 io::save(path, |out| out.write_all(&bytes))
             }
-            Some("vti") => {
-                let arrays: Vec<Array> = self.to_arrays().into_iter().chain(more.iter().cloned()).collect();
-                io::save(path, |out| write_vti(&self.layout, &arrays, out))
-            }
+            Some("vti") => io::save(path, |out| write_vti(self, more, out)),
+            Some("nc") => io::save(path, |out| write_cf(self, more, out)),
             Some("csv") => io::save_text(path, |out| write_csv(self, more, out)),
-            Some(other) => Err(refused(Refusal::new(format!("the extension .{other}"), "wanted .exr, .vti or .csv"))),
+            Some("dat") => io::save_text(path, |out| write_tecplot(self, more, out)),
+            Some(other) => {
+                let wanted = "wanted .exr, .vti, .nc, .csv or .dat";
+                Err(refused(Refusal::new(format!("the extension .{other}"), wanted)))
+            }
         }
-    }
-
-    fn to_arrays(&self) -> Vec<Array> {
-        let [u, v, w, peak, ratio, su, sv, sw, flag, count] = self.components();
-        let mut arrays = vec![
-            Array::vectors("displacement_mm", [u, v, w]),
-            Array::vectors("uncertainty_mm", [su, sv, sw]),
-            Array::scalars("peak", peak),
-            Array::scalars("ratio", ratio),
-            Array::scalars("flag", flag),
-            Array::scalars("count", count),
-        ];
-        if self.layout.dt_s.is_some() {
-            let velocities = (0..self.len()).filter_map(|i| self.velocity_mm_s(i)).flatten().collect();
-            arrays.push(Array { name: "velocity_mm_s", components: 3, values: velocities });
-        }
-        arrays
     }
 
     fn to_exr(&self, more: &[Array]) -> std::result::Result<Vec<u8>, Refusal> {

@@ -1,6 +1,6 @@
-//! Vector fields: EXR, `.vti`, `.csv`.
+//! Vector fields: EXR, `.vti`, NetCDF, `.csv`, Tecplot.
 //!
-//! In: the bytes of an EXR field. Out: a [`Field`], and files in any of the three formats.
+//! In: the bytes of an EXR field. Out: a [`Field`], and files in any of these formats.
 //! Open first: `vectors.rs`, then `vector_grid.rs` for what else the EXR holds.
 //!
 //! **EXR** is the format that stages exchange. It has one part with the `f32` channels
@@ -21,8 +21,9 @@
 //!
 //! A file may hold further channels, such as the vorticity: [`Field::save_with`] writes them and readers ignore them.
 //!
-//! **`.vti`** is VTK image data for ParaView, **`.csv`** is text for a spreadsheet; both are only written. They also
-//! hold the velocity, mm/s, if the time between the volumes is known.
+//! The others are only written: **`.vti`** is VTK image data for ParaView, **`.nc`** is NetCDF for xarray and all that
+//! know the CF conventions, **`.csv`** is text for a spreadsheet, **`.dat`** is Tecplot ASCII. Except for `.nc`, they
+//! also hold the velocity, mm/s, if the time between the volumes is known.
 
 mod cut;
 mod export;
@@ -31,6 +32,6 @@ mod vector_grid;
 mod vectors;
 
 pub use cut::Cut;
-pub use export::{Array, save_arrays};
+pub use export::{Array, ImageData, Time, save_arrays, save_series, write_field_data};
 pub use vector_grid::VectorGrid;
 pub use vectors::{Field, MEASURED, NO_DATA, REPLACED};

@@ -71,13 +71,35 @@ pub fn open_frame(
     camera_file: &Path,
     channel: Option<Channel>,
 ) -> Result<Frame> {
+    read_frame(path, background, (camera, camera_file), channel, |pixel| pixel.max(0.0))
+}
+
+/// The same, but pixels darker than the background stay below zero: their mean is that of the light, which a fit needs.
+pub fn open_signed_frame(
+    path: &Path,
+    background: Option<&Path>,
+    camera: &Camera,
+    camera_file: &Path,
+    channel: Option<Channel>,
+) -> Result<Frame> {
+    read_frame(path, background, (camera, camera_file), channel, |pixel| pixel)
+}
+
+/// `held` makes a pixel of the difference from the background.
+fn read_frame(
+    path: &Path,
+    background: Option<&Path>,
+    (camera, camera_file): (&Camera, &Path),
+    channel: Option<Channel>,
+    held: impl Fn(f32) -> f32,
+) -> Result<Frame> {
     let mut image = open_counts(path, channel)?;
     let (height, width) = image.pixels.dim();
     camera.check_image(&io::name(path), width, height)?;
     let clipped = clipped_share(image.pixels.view());
     if let Some(file) = background {
         let dark = like("background", file, path, &image, channel)?;
-        image.pixels.zip_mut_with(&dark, |pixel, dark| *pixel = (*pixel - dark).max(0.0));
+        image.pixels.zip_mut_with(&dark, |pixel, dark| *pixel = held(*pixel - dark));
     }
     if let Some(file) = camera.flat_field(camera_file) {
         let flat = like("flat field", &file, path, &image, channel)?;

@@ -1,10 +1,10 @@
-//! Reads PNG with 8-bit or 16-bit samples: grey, RGB or a palette, with or without alpha.
+//! Reads PNG with 8-bit or 16-bit samples: grey, RGB or a palette, with or without alpha. Writes 8-bit grey for pages.
 
 use super::channel::{Channel, Meaning, grey};
 use super::decode::{RATIO, believable, damaged};
 use crate::Refusal;
-use ::image::codecs::png::PngDecoder;
-use ::image::{ColorType, ImageDecoder, Limits};
+use ::image::codecs::png::{PngDecoder, PngEncoder};
+use ::image::{ColorType, ExtendedColorType, ImageDecoder, ImageEncoder, Limits};
 use ndarray::Array2;
 use std::io::Cursor;
 
@@ -39,5 +39,33 @@ pub(super) fn read(bytes: &[u8], channel: Option<Channel>) -> Result<Array2<f32>
     match is_wide {
         true => grey(size, meaning, channel, |p, s| wide(p * samples + s)),
         false => grey(size, meaning, channel, |p, s| values[p * samples + s].into()),
+    }
+}
+
+/// A picture in grey as the bytes of a PNG, row 0 at the top. Refuses a picture without pixels.
+pub fn picture(grey: &Array2<u8>) -> Result<Vec<u8>, Refusal> {
+    let (height, width) = grey.dim();
+    let values: Vec<u8> = grey.iter().copied().collect();
+    let mut bytes = Vec::new();
+    let encoder = PngEncoder::new(&mut bytes);
+    encoder.write_image(&values, width as u32, height as u32, ExtendedColorType::L8).map_err(damaged)?;
+    Ok(bytes)
+}
+
+/// A picture in colour as the bytes of a PNG: `size` px wide and high, red, green and blue of each pixel, row 0 at the top.
+pub fn picture_colour([width, height]: [u32; 2], rgb: &[u8]) -> Result<Vec<u8>, Refusal> {
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes).write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(damaged)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_written_and_read_is_the_same() {
+        let grey = Array2::from_shape_fn((3, 5), |(y, x)| (50 * y + x) as u8);
+        assert_eq!(read(&picture(&grey).unwrap(), None).unwrap(), grey.mapv(f32::from));
     }
 }

@@ -25,13 +25,13 @@ pub fn check_place(path: &Path) -> Result<()> {
     }
 }
 
-/// Checks the place of a picture, and that its name does not promise another format than SVG.
+/// Checks the place of a picture, and that its name does not promise another format than SVG, PNG and PDF.
 pub fn check_picture(path: &Path) -> Result<()> {
-    const OTHERS: [&str; 8] = ["png", "jpg", "jpeg", "pdf", "eps", "tif", "tiff", "gif"];
+    const OTHERS: [&str; 6] = ["jpg", "jpeg", "eps", "tif", "tiff", "gif"];
     let other = path.extension().filter(|end| OTHERS.iter().any(|other| end.eq_ignore_ascii_case(other)));
     let Some(end) = other else { return check_place(path) };
     let found = format!("the name of a .{} file", end.to_string_lossy());
-    Err(Error::new(output_name(path), found, "wanted FILE.svg, the format drawn"))
+    Err(Error::new(output_name(path), found, "wanted FILE.svg, FILE.png or FILE.pdf, the formats drawn"))
 }
 
 /// Writes `path` whole or not at all; `-` is standard output. Refuses a terminal, which cannot show binary output.

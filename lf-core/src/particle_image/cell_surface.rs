@@ -1,5 +1,6 @@
 //! A lenslet's cell blurred by a particle's spot, and its double integral, as tables.
 
+use super::cross::{Cross, Line};
 use super::normal::{density, distribution, ramp};
 use super::spline::Spline;
 use glam::DVec2;
@@ -10,16 +11,31 @@ use std::cmp::Ordering;
 pub(super) struct CellSurface {
     /// Standard deviation of the spot on the array, mm.
     pub(super) sigma_mm: f64,
+    pub(super) kind: Kind,
+}
+
+/// Tables of a cell of any shape, or of a rectangle along the axes, whose light is a product.
+#[derive(Debug, Clone)]
+pub(super) enum Kind {
+    Any(Tables<Spline>),
+    Rectangle(Tables<Cross>),
+}
+
+/// Both functions of a cell.
+#[derive(Debug, Clone)]
+pub(super) struct Tables<T> {
     /// H: share of the spot's light that the cell takes, by the place of the spot's middle from the lenslet's centre.
-    pub(super) share: Spline,
+    pub(super) share: T,
     /// G: the integral of H from the lower left up to a place, mm^2.
-    pub(super) integral: Spline,
+    pub(super) integral: T,
 }
 
 /// Reach of the blur, in standard deviations; the light left out is 3e-5 on a side.
 pub(super) const REACH_SIGMA: f64 = 4.0;
 /// Nodes of the tables for each standard deviation. The tables err by 1e-6 of the light.
 const NODES_PER_SIGMA: f64 = 4.0;
+/// The same along a line.
+const NODES_PER_SIGMA_OF_LINES: f64 = 8.0;
 /// Nodes beyond the reach, so that the ends of the spline do not matter.
 const MARGIN: f64 = 8.0;
 /// Steps of the integral over the cell's height for each standard deviation, of five Gauss-Legendre nodes each.
@@ -45,6 +61,9 @@ impl CellSurface {
     pub(super) fn new(corners: &[DVec2], sigma_mm: f64) -> Self {
         let step = sigma_mm / NODES_PER_SIGMA;
         let half = corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs()));
+        if corners.len() == 4 && corners.iter().all(|corner| (corner.abs() - half).length() < 1e-9 * half.x) {
+            return Self { sigma_mm, kind: Kind::Rectangle(rectangle(half, sigma_mm)) };
+        }
         let reach = half + REACH_SIGMA * sigma_mm + MARGIN * step;
         let nodes = [reach.x, reach.y].map(|reach| (2.0 * reach / step).ceil() as usize + 1);
         let low = [-reach.x, -reach.y];
@@ -78,11 +97,30 @@ impl CellSurface {
                 }
             }
         }
-        Self {
-            sigma_mm,
-            share: Spline::new(low, step, nodes, share, share_by_s),
-            integral: Spline::new(low, step, nodes, integral, integral_by_s),
-        }
+        let share = Spline::new(low, step, nodes, share, share_by_s);
+        let integral = Spline::new(low, step, nodes, integral, integral_by_s);
+        Self { sigma_mm, kind: Kind::Any(Tables { share, integral }) }
+    }
+}
+
+/// The tables of a rectangle of these half sides.
+fn rectangle(half: DVec2, sigma_mm: f64) -> Tables<Cross> {
+    let step = sigma_mm / NODES_PER_SIGMA_OF_LINES;
+    let line = |half: f64, of: &dyn Fn(f64, f64) -> [f64; 2]| {
+        let reach = half + REACH_SIGMA * sigma_mm + MARGIN * step;
+        let count = (2.0 * reach / step).ceil() as usize + 1;
+        let at = |n: usize| {
+            let x = -reach + n as f64 * step;
+            of((x + half) / sigma_mm, (x - half) / sigma_mm)
+        };
+        let (values, by_size) = (0..count).map(at).map(|[value, by_size]| (value, by_size)).unzip();
+        Line::new(-reach, step, values, by_size)
+    };
+    let share = |a: f64, b: f64| [distribution(a) - distribution(b), -(a * density(a) - b * density(b)) / sigma_mm];
+    let integral = |a: f64, b: f64| [sigma_mm * (ramp(a) - ramp(b)), density(a) - density(b)];
+    Tables {
+        share: Cross::new([line(half.x, &share), line(half.y, &share)]),
+        integral: Cross::new([line(half.x, &integral), line(half.y, &integral)]),
     }
 }
 
@@ -121,35 +159,52 @@ fn chord(corners: &[DVec2], y: f64) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::table::Table;
     use super::*;
 
-    /// By hand: a square of side 2 with a spot of 0.1. In the middle it takes all; on an edge a half; at a corner a
-    /// quarter. Its integral up to beyond the far corner is its area.
+    /// H and G at a place, each with slopes and derivative by the size.
+    fn read(surface: &CellSurface, [x, y]: [f64; 2]) -> [[f64; 4]; 2] {
+        fn both<T: Table>(tables: &Tables<T>, x: f64, y: f64) -> [[f64; 4]; 2] {
+            [&tables.share, &tables.integral].map(|t| t.at::<8>(&t.taps(0, x, 0.0), &t.taps(1, y, 0.0), 0.0))
+        }
+        match &surface.kind {
+            Kind::Any(tables) => both(tables, x, y),
+            Kind::Rectangle(tables) => both(tables, x, y),
+        }
+    }
+
+    /// By hand: a square of side 2 with a spot of 0.1, and the same with a corner cut off by next to nothing. In the
+    /// middle it takes all; on an edge a half; at a corner a quarter. Its integral up to beyond the far corner is its
+    /// area.
     #[test]
     fn a_square_cell_by_hand() {
         let corners = [DVec2::new(-1.0, -1.0), DVec2::new(1.0, -1.0), DVec2::new(1.0, 1.0), DVec2::new(-1.0, 1.0)];
-        let surface = CellSurface::new(&corners, 0.1);
-        let at = |spline: &Spline, x: f64, y: f64| spline.at::<8>(&spline.taps(0, x), &spline.taps(1, y), 0.0)[0];
-        for (x, y, share) in [(0.0, 0.0, 1.0), (1.0, 0.2, 0.5), (-1.0, 1.0, 0.25), (1.6, 0.0, 0.0)] {
-            assert!((at(&surface.share, x, y) - share).abs() < 1e-4, "{x} {y}: {}", at(&surface.share, x, y));
-        }
-        for (x, y, area) in [(3.0, 3.0, 4.0), (0.0, 3.0, 2.0), (0.5, -0.25, 1.5 * 0.75), (-2.0, 3.0, 0.0)] {
-            assert!((at(&surface.integral, x, y) - area).abs() < 1e-6);
+        let five = [&corners[..3], &[DVec2::new(-0.999_999, 1.0), DVec2::new(-1.0, 0.999_999)]].concat();
+        for surface in [CellSurface::new(&corners, 0.1), CellSurface::new(&five, 0.1)] {
+            for (x, y, share) in [(0.0, 0.0, 1.0), (1.0, 0.2, 0.5), (-1.0, 1.0, 0.25), (1.6, 0.0, 0.0)] {
+                let got = read(&surface, [x, y])[0][0];
+                assert!((got - share).abs() < 1e-4, "{x} {y}: {got}");
+            }
+            for (x, y, area) in [(3.0, 3.0, 4.0), (0.0, 3.0, 2.0), (0.5, -0.25, 1.5 * 0.75), (-2.0, 3.0, 0.0)] {
+                assert!((read(&surface, [x, y])[1][0] - area).abs() < 1e-5);
+            }
         }
     }
 
     #[test]
     fn tables_grow_with_the_size_as_their_derivative_says() {
-        let corners: Vec<DVec2> =
-            (0..6).map(|n| DVec2::from_angle(0.003 + n as f64 * std::f64::consts::FRAC_PI_3) * 0.045).collect();
-        let [less, mid, more] = [0.00398, 0.004, 0.00402].map(|sigma| CellSurface::new(&corners, sigma));
-        for (x, y) in [(0.0, 0.0), (0.04, 0.01), (0.03, -0.02), (-0.038, 0.0)] {
-            let place = DVec2::new(x, y);
-            let at = |spline: &Spline| spline.at::<8>(&spline.taps(0, place.x), &spline.taps(1, place.y), 0.0);
-            for pick in [|s: &CellSurface| s.share.clone(), |s: &CellSurface| s.integral.clone()] {
-                let slope = (at(&pick(&more))[0] - at(&pick(&less))[0]) / 4e-5;
-                let (said, level) = (at(&pick(&mid))[3], at(&pick(&mid))[0]);
-                assert!((slope - said).abs() < 2e-3 * (level / 0.004), "{place}: {slope} for {said}");
+        let ring = |count: usize, turn: f64| -> Vec<DVec2> {
+            let angle = |n: usize| turn + n as f64 * std::f64::consts::TAU / count as f64;
+            (0..count).map(|n| DVec2::from_angle(angle(n)) * 0.045).collect()
+        };
+        for corners in [ring(6, 0.003), ring(4, std::f64::consts::FRAC_PI_4)] {
+            let [less, mid, more] = [0.00398, 0.004, 0.00402].map(|sigma| CellSurface::new(&corners, sigma));
+            for place in [[0.0, 0.0], [0.04, 0.01], [0.03, -0.02], [-0.038, 0.0]] {
+                for table in 0..2 {
+                    let slope = (read(&more, place)[table][0] - read(&less, place)[table][0]) / 4e-5;
+                    let [level, .., said] = read(&mid, place)[table];
+                    assert!((slope - said).abs() < 2e-3 * (level / 0.004), "{place:?}: {slope} for {said}");
+                }
             }
         }
     }

@@ -1,10 +1,13 @@
 //! A lenslet's image of a particle: the integral of the light on each pixel, and its derivatives.
 
 use super::beam::Beam;
-use super::cell_surface::{CellSurface, REACH_SIGMA};
+use super::cell_surface::{REACH_SIGMA, Tables};
+use super::cross::{Cross, Read};
 use super::lenslet_lines::LensletLine;
+use super::place::{Place, width};
 use super::rim::{self, Side};
 use super::spline::{Spline, Taps};
+use super::table::Table;
 use super::view::View;
 use glam::DVec2;
 
@@ -27,15 +30,26 @@ pub struct Patch {
     pub rows: u32,
 }
 
-/// A place along one axis where the tables are read: an edge of a pixel, or a point within it.
-#[derive(Debug, Clone, Copy, Default)]
-struct Place {
-    /// Place in the stop, mm, and its derivatives by m, alpha and the lattice's shift.
-    u: f64,
-    u_by: [f64; 3],
-    /// Place on the array from the lenslet's centre, mm, and its derivatives by the same.
-    x: f64,
-    x_by: [f64; 3],
+/// What is known of places along both axes, with the derivatives of the places by m, alpha and the lattice's shift.
+type Lists<T> = [Vec<(T, [f64; 3])>; 2];
+
+/// A table with lists of its own among the buffers.
+pub(super) trait Listed: Table {
+    fn lists(scratch: &mut Scratch) -> &mut Lists<Self::Taps>;
+}
+
+impl Listed for Spline {
+    #[inline(always)]
+    fn lists(scratch: &mut Scratch) -> &mut Lists<Taps> {
+        &mut scratch.taps
+    }
+}
+
+impl Listed for Cross {
+    #[inline(always)]
+    fn lists(scratch: &mut Scratch) -> &mut Lists<Read> {
+        &mut scratch.reads
+    }
 }
 
 /// Buffers of a thread.
@@ -43,7 +57,8 @@ struct Place {
 pub struct Scratch {
     edges: [Vec<Place>; 2],
     points: [Vec<Place>; 2],
-    taps: [Vec<(Taps, [f64; 3])>; 2],
+    taps: Lists<Taps>,
+    reads: Lists<Read>,
     lines: [Vec<[f64; QUANTITIES]>; 2],
     pixels: Vec<[f64; QUANTITIES]>,
 }
@@ -54,8 +69,6 @@ const BY_POINTS: f64 = 0.5;
 const BY_POINTS_BENT: f64 = 0.75;
 /// Gauss-Legendre with two nodes: their places in the interval.
 const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
-/// Strips of a pixel at the rim of a round stop.
-const STRIPS: usize = 3;
 /// Where the mean over a pixel is taken, pixels at the rim are cut until they are no wider than this share of the
 /// stop's half side.
 const FINE_IN_STOP: f64 = 0.16;
@@ -74,11 +87,12 @@ impl Scratch {
 }
 
 /// A particle, as lenslets see it.
-pub(super) struct LensletImage<'a> {
+pub(super) struct LensletImage<'a, T> {
     pub(super) view: &'a View,
     pub(super) beam: &'a Beam,
-    pub(super) surface: &'a CellSurface,
-    /// Size of the spot beyond the table's, mm.
+    pub(super) tables: &'a Tables<T>,
+    /// Size of the spot, and what it is beyond the tables', mm.
+    pub(super) spot_mm: f64,
     pub(super) more_mm: f64,
 }
 
@@ -87,6 +101,7 @@ pub(super) struct LensletImage<'a> {
 struct Axis {
     zero: f64,
     slope: f64,
+    per_slope: f64,
     kappa: f64,
     gamma: f64,
     /// m from the lenslet's centre, mm.
@@ -117,29 +132,19 @@ impl Axis {
     /// The place of pixel edge `edge`. A square stop ends at `half`.
     #[inline(always)]
     fn place(&self, edge: f64, alpha: f64, by_shift: f64, half: f64) -> Place {
-        let u = (self.zero - edge) / self.slope;
+        let per_slope = self.per_slope;
+        let u = (self.zero - edge) * per_slope;
         if u.abs() > half {
             let u = half.copysign(u);
             return Place { u, u_by: [0.0; 3], x: self.chief + alpha * u, x_by: [1.0, u, -1.0] };
         }
-        let per_slope = 1.0 / self.slope;
         let u_by = [self.gamma * per_slope, self.gamma * u * per_slope, (by_shift - self.gamma) * per_slope];
         let along = self.kappa * per_slope;
         Place { u, u_by, x: self.chief + alpha * u, x_by: [along, u * along, alpha * u_by[2] - 1.0] }
     }
 }
 
-impl Place {
-    /// Between two places.
-    #[inline(always)]
-    fn between(a: &Self, b: &Self, part: f64) -> Self {
-        let mix = |a: f64, b: f64| a + part * (b - a);
-        let mixed = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|n| mix(a[n], b[n]));
-        Self { u: mix(a.u, b.u), u_by: mixed(a.u_by, b.u_by), x: mix(a.x, b.x), x_by: mixed(a.x_by, b.x_by) }
-    }
-}
-
-impl LensletImage<'_> {
+impl<T: Listed> LensletImage<'_, T> {
     /// Fills the scratch's pixels with light and derivatives by m, alpha, the spot's size and the lattice's shift.
     #[inline(always)]
     pub(super) fn integrate<const N: usize>(
@@ -148,16 +153,17 @@ impl LensletImage<'_> {
         by_shift: f64,
         scratch: &mut Scratch,
     ) -> Option<Patch> {
-        let Self { view, beam, surface, .. } = *self;
+        let Self { view, beam, spot_mm: spot, .. } = *self;
         let half = view.optics.half_aperture_mm;
-        let spot = surface.sigma_mm + self.more_mm;
         let (chief, alpha) = beam.towards(line.centre, spot, half);
         let chief = chief - line.centre;
         let zero = line.zero + line.gamma * chief;
         let slope = line.kappa - line.gamma * alpha;
+        let slope = slope.map(|slope| if slope.abs() < 1e-9 { 1e-9 } else { slope });
         let axes = [0, 1].map(|n| Axis {
             zero: zero[n],
-            slope: if slope[n].abs() < 1e-9 { 1e-9 } else { slope[n] },
+            slope: slope[n],
+            per_slope: 1.0 / slope[n],
             kappa: line.kappa[n],
             gamma: line.gamma[n],
             chief: chief[n],
@@ -203,7 +209,7 @@ impl LensletImage<'_> {
         scratch.pixels.resize(((right - left) * (bottom - top)) as usize, [0.0; QUANTITIES]);
         let cut = Cut { parts, columns: (right - left) as usize, is_cut };
         if by_points {
-            self.by_points::<N>(scratch, cut, line.centre);
+            self.by_points::<N>(scratch, cut, alpha, line.centre);
         } else {
             self.by_corners::<N>(scratch, cut, alpha);
         }
@@ -211,32 +217,35 @@ impl LensletImage<'_> {
         Some(Patch { column, row, columns: (right - left) as u32, rows: (bottom - top) as u32 })
     }
 
-    /// The tables' value and derivatives by m, alpha, size and shift, for one place along each axis.
+    /// The tables' value and derivatives by m, alpha, size and shift, for one place along each axis. Gives the slopes
+    /// along both.
     #[inline(always)]
     fn read<const N: usize>(
         &self,
-        table: &Spline,
-        x: &(Taps, [f64; 3]),
-        y: &(Taps, [f64; 3]),
+        table: &T,
+        x: &(T::Taps, [f64; 3]),
+        y: &(T::Taps, [f64; 3]),
         read: &mut [f64; QUANTITIES],
-    ) {
+    ) -> [f64; 2] {
         let [value, by_x, by_y, by_size] = table.at::<N>(&x.0, &y.0, self.more_mm);
         let (x, y) = (x.1, y.1);
         [read[0], read[1], read[2], read[3]] = [value, by_x * x[0], by_y * y[0], by_x * x[1] + by_y * y[1]];
         if N > PLACES {
             [read[4], read[5], read[6]] = [by_size, by_x * x[2], by_y * y[2]];
         }
+        [by_x, by_y]
     }
 
     /// From the integral at the pixels' corners.
     #[inline(always)]
     fn by_corners<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2) {
-        let Scratch { edges, taps, lines, pixels, .. } = scratch;
-        let table = &self.surface.integral;
+        let mut taps = std::mem::take(T::lists(scratch));
+        let Scratch { edges, lines, pixels, .. } = scratch;
+        let table = &self.tables.integral;
         for axis in 0..2 {
             taps[axis].clear();
             for edge in &edges[axis] {
-                taps[axis].push((table.taps(axis, edge.x), edge.x_by));
+                taps[axis].push((table.taps(axis, edge.x, self.more_mm), edge.x_by));
             }
         }
         let turned = (edges[0][0].u < edges[0][1].u) != (edges[1][0].u < edges[1][1].u);
@@ -252,7 +261,7 @@ impl LensletImage<'_> {
             let y = &taps[1][row];
             for (x, corner) in taps[0].iter().zip(below.iter_mut()) {
                 // The integral is 0 up to the lower left of the cell.
-                if x.0.is_below || y.0.is_below {
+                if T::is_below(&x.0) || T::is_below(&y.0) {
                     *corner = [0.0; QUANTITIES];
                 } else {
                     self.read::<N>(table, x, y, corner);
@@ -290,64 +299,99 @@ impl LensletImage<'_> {
                 self.add::<N>(light, [column - 1, row - 1], cut, pixels);
             }
         }
+        *T::lists(scratch) = taps;
     }
 
-    /// The integral over a pixel that the rim of a round stop crosses: the pixel is cut into strips across the rim, and
-    /// a strip ends where the rim crosses it in the mean.
+    /// The integral over a pixel that the rim of a round stop crosses, strip by strip.
     #[inline(always)]
     fn by_strips<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], alpha: DVec2) {
-        let radius = self.view.optics.half_aperture_mm;
-        let chord = |v: f64| (radius * radius - v * v).max(0.0).sqrt();
-        let lies_across = (x[0].u + x[1].u).abs() >= (y[0].u + y[1].u).abs();
-        let (across, along, alpha) = if lies_across { (x, y, alpha.x) } else { (y, x, alpha.y) };
-        for n in 0..STRIPS {
-            let edge = |n: usize| Place::between(&along[0], &along[1], n as f64 / STRIPS as f64);
-            let (first, last) = (edge(n), edge(n + 1));
-            let middle = 0.5 * (first.u + last.u);
-            let end = (chord(first.u) + 4.0 * chord(middle) + chord(last.u)) / 6.0;
-            let turn = if end > 1e-3 * radius { -middle / end } else { 0.0 };
-            let turn_by: [f64; 3] = std::array::from_fn(|k| 0.5 * turn * (first.u_by[k] + last.u_by[k]));
-            let cut = |place: &Place| {
-                if place.u.abs() <= end {
-                    return (*place, [0.0; 3]);
-                }
-                let u = end.copysign(place.u);
-                let x = place.x + alpha * (u - place.u);
-                (Place { u, u_by: [0.0; 3], x, x_by: [1.0, u, -1.0] }, turn_by.map(|by| alpha * by * place.u.signum()))
-            };
-            let ends = [cut(&across[0]), cut(&across[1])];
-            if ends[0].0.u == ends[1].0.u {
-                continue;
-            }
-            for (place, sign) in [(&first, 1.0), (&last, -1.0)] {
-                for ((end, end_by), side) in ends.iter().zip([1.0, -1.0]) {
-                    let (x, y) = if lies_across { (end, place) } else { (place, end) };
-                    let table = &self.surface.integral;
-                    let (taps_x, taps_y) = (table.taps(0, x.x), table.taps(1, y.x));
-                    if taps_x.is_below || taps_y.is_below {
-                        continue;
-                    }
-                    let mut corner = [0.0; QUANTITIES];
-                    self.read::<N>(table, &(taps_x, x.x_by), &(taps_y, y.x_by), &mut corner);
-                    // The end of the strip moves as the strip does along the rim.
-                    let [_, by_x, by_y, _] = table.at::<PLACES>(&taps_x, &taps_y, self.more_mm);
-                    let (by_end, other) = if lies_across { (by_x, 1) } else { (by_y, 0) };
-                    corner[1 + other] += by_end * end_by[0];
-                    corner[3] += by_end * end_by[1];
-                    corner[5 + other] += by_end * end_by[2];
-                    for k in 0..QUANTITIES {
-                        light[k] += sign * side * corner[k];
+        let table = &self.tables.integral;
+        let (across, other) = rim::axes(x, y);
+        rim::strips(
+            self.view.optics.half_aperture_mm,
+            x,
+            y,
+            alpha[across],
+            #[inline(always)]
+            |strip| {
+                for (place, sign) in strip.along.iter().zip([1.0, -1.0]) {
+                    for ((end, turn), side) in strip.ends.iter().zip(&strip.turn).zip([1.0, -1.0]) {
+                        let (x, y) = if across == 0 { (end, place) } else { (place, end) };
+                        let at = |axis: usize, place: &Place| (table.taps(axis, place.x, self.more_mm), place.x_by);
+                        let taps = [at(0, x), at(1, y)];
+                        if taps.iter().any(|(taps, _)| T::is_below(taps)) {
+                            continue;
+                        }
+                        let mut corner = [0.0; QUANTITIES];
+                        let slope = self.read::<N>(table, &taps[0], &taps[1], &mut corner)[across] * alpha[across];
+                        // The end of the strip moves as the strip does along the rim.
+                        corner[1 + other] += slope * turn[0];
+                        corner[3] += slope * turn[1];
+                        corner[5 + other] += slope * turn[2];
+                        for k in 0..QUANTITIES {
+                            light[k] += sign * side * corner[k];
+                        }
                     }
                 }
-            }
-        }
+            },
+        );
+    }
+
+    /// The same by two by two points of each strip.
+    #[inline(always)]
+    fn by_strip_points<const N: usize>(
+        &self,
+        light: &mut [f64; QUANTITIES],
+        x: &[Place],
+        y: &[Place],
+        alpha: DVec2,
+        centre: DVec2,
+    ) {
+        let (across, other) = rim::axes(x, y);
+        rim::strips(
+            self.view.optics.half_aperture_mm,
+            x,
+            y,
+            alpha[across],
+            #[inline(always)]
+            |strip| {
+                let (wide, wide_by) = width(&strip.ends);
+                let (high, high_by) = width(&strip.along);
+                let sign = 1f64.copysign(strip.ends[0].u - strip.ends[1].u);
+                let mut mean = [0.0; QUANTITIES];
+                for along in NODES {
+                    let place = Place::between(&strip.along[0], &strip.along[1], along);
+                    for part in NODES {
+                        let end = Place::between(&strip.ends[0], &strip.ends[1], part);
+                        let (x, y) = if across == 0 { (&end, &place) } else { (&place, &end) };
+                        let mut point = [0.0; QUANTITIES];
+                        let slope = self.read_ray::<N>(x, y, alpha, centre, &mut point)[across];
+                        let turn = |k: usize| slope * (strip.turn[0][k] + part * (strip.turn[1][k] - strip.turn[0][k]));
+                        point[1 + other] += turn(0);
+                        point[3] += turn(1);
+                        point[5 + other] += turn(2);
+                        (0..QUANTITIES).for_each(|k| mean[k] += 0.25 * point[k]);
+                    }
+                }
+                let turn: [f64; 3] = std::array::from_fn(|k| sign * (strip.turn[0][k] - strip.turn[1][k]));
+                for k in 0..QUANTITIES {
+                    light[k] += wide * high * mean[k];
+                }
+                light[1 + across] += high * wide_by[0] * mean[0];
+                light[1 + other] += (wide * high_by[0] + high * turn[0]) * mean[0];
+                light[3] += (high * (wide_by[1] + turn[1]) + wide * high_by[1]) * mean[0];
+                light[5 + across] += high * wide_by[2] * mean[0];
+                light[5 + other] += (wide * high_by[2] + high * turn[2]) * mean[0];
+            },
+        );
     }
 
     /// From the mean over the pixel at two by two points.
     #[inline(always)]
-    fn by_points<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, centre: DVec2) {
-        let Scratch { edges, points, taps, lines, pixels } = scratch;
-        let table = &self.surface.share;
+    fn by_points<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2, centre: DVec2) {
+        let mut taps = std::mem::take(T::lists(scratch));
+        let Scratch { edges, points, lines, pixels, .. } = scratch;
+        let table = &self.tables.share;
         for axis in 0..2 {
             points[axis].clear();
             taps[axis].clear();
@@ -355,10 +399,11 @@ impl LensletImage<'_> {
                 for part in NODES {
                     let point = Place::between(&pair[0], &pair[1], part);
                     points[axis].push(point);
-                    taps[axis].push((table.taps(axis, point.x), point.x_by));
+                    taps[axis].push((table.taps(axis, point.x, self.more_mm), point.x_by));
                 }
             }
         }
+        let radius = self.view.optics.half_aperture_mm;
         let [above, below] = lines;
         let count = points[0].len();
         above.resize(above.len().max(count), [0.0; QUANTITIES]);
@@ -367,7 +412,7 @@ impl LensletImage<'_> {
             for (line, n) in [(&mut *above, 2 * row), (&mut *below, 2 * row + 1)] {
                 for ((point, x), read) in points[0].iter().zip(&taps[0]).zip(line.iter_mut()) {
                     if self.beam.is_bent() {
-                        self.read_bent::<N>(point, &points[1][n], centre, read);
+                        self.read_ray::<N>(point, &points[1][n], alpha, centre, read);
                     } else {
                         self.read::<N>(table, x, &taps[1][n], read);
                     }
@@ -375,11 +420,23 @@ impl LensletImage<'_> {
             }
             let (height, height_by) = width(&edges[1][row..row + 2]);
             for column in 0..edges[0].len() - 1 {
-                let (width, width_by) = width(&edges[0][column..column + 2]);
+                let mut light = [0.0; QUANTITIES];
+                let (x, y) = (&edges[0][column..column + 2], &edges[1][row..row + 2]);
+                let side = if cut.is_cut { side_of(radius, x, y) } else { Side::Inside };
+                match side {
+                    Side::Outside => continue,
+                    Side::Across => {
+                        self.by_strip_points::<N>(&mut light, x, y, alpha, centre);
+                        light.iter_mut().for_each(|value| *value /= self.view.stop_mm2);
+                        self.add::<N>(light, [column, row], cut, pixels);
+                        continue;
+                    }
+                    Side::Inside => {}
+                }
+                let (width, width_by) = width(x);
                 let scale = 0.25 / self.view.stop_mm2;
                 let at = 2 * column;
                 let (a, b, c, d) = (&above[at], &above[at + 1], &below[at], &below[at + 1]);
-                let mut light = [0.0; QUANTITIES];
                 for n in 0..N {
                     light[n] = scale * width * height * ((a[n] + b[n]) + (c[n] + d[n]));
                 }
@@ -389,25 +446,39 @@ impl LensletImage<'_> {
                 light[3] += wide * width_by[1] + high * height_by[1];
                 light[5] += wide * width_by[2];
                 light[6] += high * height_by[2];
-                if cut.is_cut {
-                    self.hold_back(&mut light, &edges[0][column..column + 2], &edges[1][row..row + 2]);
-                }
                 self.add::<N>(light, [column, row], cut, pixels);
             }
         }
+        *T::lists(scratch) = taps;
     }
 
-    /// [`LensletImage::read`] for a bent ray.
+    /// The cell's share along a ray, bent or straight, with derivatives by m, alpha, size and shift. Gives the growth of
+    /// the share with the place of the ray in the stop, the array's hit moving along.
     #[inline(always)]
-    fn read_bent<const N: usize>(&self, x: &Place, y: &Place, centre: DVec2, read: &mut [f64; QUANTITIES]) {
-        let aperture = DVec2::new(x.u, y.u);
-        let hit = self.beam.hit(aperture, self.view.optics.half_aperture_mm) - centre;
-        let slope = self.beam.bend_slope(aperture, self.view.optics.half_aperture_mm);
+    fn read_ray<const N: usize>(
+        &self,
+        x: &Place,
+        y: &Place,
+        alpha: DVec2,
+        centre: DVec2,
+        read: &mut [f64; QUANTITIES],
+    ) -> [f64; 2] {
+        let table = &self.tables.share;
+        let half = self.view.optics.half_aperture_mm;
+        let (mut hit, mut bend) = (DVec2::new(x.x, y.x), DVec2::ZERO);
+        let mut growth = alpha;
+        if self.beam.is_bent() {
+            let aperture = DVec2::new(x.u, y.u);
+            hit = self.beam.hit(aperture, half) - centre;
+            bend = self.beam.bend_slope(aperture, half);
+            growth = self.beam.alpha + bend;
+        }
         let taps = |axis: usize, place: &Place| {
-            let by = std::array::from_fn(|n| place.x_by[n] + slope[axis] * place.u_by[n]);
-            (self.surface.share.taps(axis, hit[axis]), by)
+            let by = std::array::from_fn(|n| place.x_by[n] + bend[axis] * place.u_by[n]);
+            (table.taps(axis, hit[axis], self.more_mm), by)
         };
-        self.read::<N>(&self.surface.share, &taps(0, x), &taps(1, y), read);
+        let [by_x, by_y] = self.read::<N>(table, &taps(0, x), &taps(1, y), read);
+        [by_x * growth.x, by_y * growth.y]
     }
 
     /// Adds the light of a part of a pixel.
@@ -419,7 +490,9 @@ impl LensletImage<'_> {
         cut: Cut,
         pixels: &mut [[f64; QUANTITIES]],
     ) {
-        let pixel = &mut pixels[row / cut.parts * cut.columns + column / cut.parts];
+        // Most lenslets have whole pixels; divisions take long.
+        let [column, row] = if cut.parts == 1 { [column, row] } else { [column, row].map(|n| n / cut.parts) };
+        let pixel = &mut pixels[row * cut.columns + column];
         for n in 0..N {
             pixel[n] += light[n];
         }
@@ -433,54 +506,6 @@ fn side_of(radius: f64, x: &[Place], y: &[Place]) -> Side {
     rim::side(radius, a.min(b), a.max(b))
 }
 
-impl LensletImage<'_> {
-    /// Takes from the light of a part of a pixel what a round stop holds back.
-    #[inline(always)]
-    fn hold_back(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place]) {
-        let radius = self.view.optics.half_aperture_mm;
-        if side_of(radius, x, y) == Side::Inside {
-            return;
-        }
-        let (across, down) = (Span::of(x), Span::of(y));
-        let middle = DVec2::new(across.middle, down.middle);
-        let rim = rim::share(radius, middle, DVec2::new(across.half, down.half));
-        let whole = light[0];
-        light.iter_mut().for_each(|value| *value *= rim.share);
-        if rim.share < 1.0 && rim.share > 0.0 {
-            let by = |span: &Span, axis: usize, n: usize| {
-                whole * (rim.by_centre[axis] * span.middle_by[n] + rim.by_half[axis] * span.half_by[n])
-            };
-            light[1] += by(&across, 0, 0);
-            light[2] += by(&down, 1, 0);
-            light[3] += by(&across, 0, 1) + by(&down, 1, 1);
-            light[5] += by(&across, 0, 2);
-            light[6] += by(&down, 1, 2);
-        }
-    }
-}
-
-/// A part of a pixel in the stop along one axis, with derivatives by m, alpha and shift.
-struct Span {
-    middle: f64,
-    half: f64,
-    middle_by: [f64; 3],
-    half_by: [f64; 3],
-}
-
-impl Span {
-    /// Between two edges.
-    #[inline(always)]
-    fn of(edges: &[Place]) -> Self {
-        let (low, high) = if edges[0].u <= edges[1].u { (&edges[0], &edges[1]) } else { (&edges[1], &edges[0]) };
-        let (mut middle_by, mut half_by) = ([0.0; 3], [0.0; 3]);
-        for n in 0..3 {
-            middle_by[n] = 0.5 * (high.u_by[n] + low.u_by[n]);
-            half_by[n] = 0.5 * (high.u_by[n] - low.u_by[n]);
-        }
-        Self { middle: 0.5 * (low.u + high.u), half: 0.5 * (high.u - low.u), middle_by, half_by }
-    }
-}
-
 /// How pixels are cut.
 #[derive(Clone, Copy)]
 struct Cut {
@@ -490,12 +515,4 @@ struct Cut {
     columns: usize,
     /// Whether the rim of a round stop crosses the patch.
     is_cut: bool,
-}
-
-/// The width in the stop between two edges, mm, and its derivatives by m, alpha and the lattice's shift.
-#[inline(always)]
-fn width(edges: &[Place]) -> (f64, [f64; 3]) {
-    let width = edges[0].u - edges[1].u;
-    let sign = 1f64.copysign(width);
-    (width.abs().max(f64::MIN_POSITIVE), std::array::from_fn(|n| sign * (edges[0].u_by[n] - edges[1].u_by[n])))
 }

@@ -17,20 +17,23 @@
 //! with it all derivatives. Near focus alpha tends to 0; there the mean of H over the pixel is taken at four points.
 //! Both forms agree where one takes over from the other, so the light has no step.
 //!
-//! The rim of a round stop leaves a share of a pixel's rectangle. Where a lenslet sees only a part of a pixel, pixels
-//! at the rim are cut into finer ones.
+//! The rim of a round stop leaves a part of a pixel's rectangle: strips across the rim, each a rectangle again, in both
+//! forms. Where a lenslet sees only a part of a pixel, pixels at the rim are cut into finer ones.
 //!
 //! Simplifications: a spot's own width does not move the pixels' edges on the stop (it does by 0.001 px in focus, by
 //! 0.02 px with a gap that is a fortieth too long), and distortion does not stretch the spot into an ellipse.
 
 mod beam;
 mod cell_surface;
+mod cross;
 mod lenslet_image;
 mod lenslet_lines;
 mod model;
 mod normal;
+mod place;
 mod rim;
 mod spline;
+mod table;
 #[cfg(test)]
 mod tests;
 mod view;

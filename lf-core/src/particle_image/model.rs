@@ -1,8 +1,8 @@
 //! The image of a particle, lenslet by lenslet.
 
 use super::beam::{Beam, Tracer};
-use super::cell_surface::{CellSurface, REACH_SIGMA};
-use super::lenslet_image::{LensletImage, PLACES, Patch, QUANTITIES, Scratch};
+use super::cell_surface::{CellSurface, Kind, REACH_SIGMA, Tables};
+use super::lenslet_image::{LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLines;
 use super::view::View;
 use crate::{Camera, Optics, Refusal, camera::Aperture, weights::check_depth_mm};
@@ -125,12 +125,29 @@ impl ParticleModel {
         &self,
         place_mm: [f64; 3],
         scratch: &mut Scratch,
-        mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+        found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
         let beam = self.tracer.beam(&self.view.optics, place_mm);
         let spot_mm = (self.sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
         let surface = self.surface(spot_mm);
-        let image = LensletImage { view: &self.view, beam: &beam, surface, more_mm: spot_mm - surface.sigma_mm };
+        let spots = [spot_mm, spot_mm - surface.sigma_mm];
+        match &surface.kind {
+            Kind::Any(tables) => self.visit_lenslets::<_, N>(&beam, tables, spots, scratch, found),
+            Kind::Rectangle(tables) => self.visit_lenslets::<_, N>(&beam, tables, spots, scratch, found),
+        }
+    }
+
+    /// `spots` is the size of the spot, and what it is beyond the tables', mm.
+    #[inline(always)]
+    fn visit_lenslets<T: Listed, const N: usize>(
+        &self,
+        beam: &Beam,
+        tables: &Tables<T>,
+        [spot_mm, more_mm]: [f64; 2],
+        scratch: &mut Scratch,
+        mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+    ) {
+        let image = LensletImage { view: &self.view, beam, tables, spot_mm, more_mm };
         let margin = self.view.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
         let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
         for line in self.lines.within(beam.chief, margin + spread) {
@@ -142,7 +159,7 @@ impl ParticleModel {
                 }
             }
             if let Some(patch) = image.integrate::<N>(line, self.lines.by_shift, scratch) {
-                to_place(&beam, self.sigma_mm, scratch.pixels_mut());
+                to_place::<N>(beam, self.sigma_mm, scratch.pixels_mut());
                 found(patch, scratch.pixels());
             }
         }
@@ -157,10 +174,14 @@ impl ParticleModel {
 
 /// From derivatives by the beam (m, alpha, spot) to derivatives by the place and the size of the particle.
 #[inline(always)]
-fn to_place(beam: &Beam, sigma_mm: f64, pixels: &mut [[f64; QUANTITIES]]) {
+fn to_place<const N: usize>(beam: &Beam, sigma_mm: f64, pixels: &mut [[f64; QUANTITIES]]) {
     for pixel in pixels {
         let [light, mx, my, alpha, spot, shift_x, shift_y, _] = *pixel;
         let by = |axis: usize| beam.chief_by[axis].x * mx + beam.chief_by[axis].y * my + beam.alpha_by[axis] * alpha;
+        if N <= PLACES {
+            [pixel[1], pixel[2], pixel[3]] = [by(0), by(1), by(2)];
+            continue;
+        }
         let z = by(2) + sigma_mm * beam.beta_by_z * spot;
         *pixel = [light, by(0), by(1), z, beam.beta * spot, shift_x, shift_y, 0.0];
     }

@@ -1,18 +1,10 @@
-//! The round stop: the share of a small rectangle of the stop that lies inside the disc.
+//! The rim of a round stop: on which side of it a pixel lies, and the strips of a pixel that it crosses.
 //!
-//! Across a small rectangle the rim is a straight line that bulges by a known mean. The share that a line cuts off a
-//! rectangle is the distribution of the sum of two even variables, a trapezium.
+//! A strip lies across the rim and ends where the rim crosses it in the mean. Its integral is that of a rectangle. The
+//! mean takes in where the rim leaves the pixel, so it has no kink as pixels move across the rim.
 
-use glam::{DVec2, Vec2Swizzles};
-
-/// The share inside, and how it changes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct RimShare {
-    pub(super) share: f64,
-    /// Slopes with the centre of the rectangle and with its half sides, 1/mm.
-    pub(super) by_centre: DVec2,
-    pub(super) by_half: DVec2,
-}
+use super::place::Place;
+use glam::DVec2;
 
 /// Where a rectangle lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,83 +27,171 @@ pub(super) fn side(radius: f64, low: DVec2, high: DVec2) -> Side {
     }
 }
 
-/// The share of the rectangle with this centre and these half sides inside the disc of `radius` about 0.
+/// Strips of a pixel at the rim.
+const STRIPS: usize = 2;
+/// A chord below this share of the radius has no slope: there the rim runs along the strip.
+const SHORT: f64 = 1e-3;
+/// The rim runs along a strip if its distance from the middle changes by less than this share.
+const FLAT: f64 = 1e-6;
+
+/// A strip inside the rim.
+pub(super) struct Strip {
+    /// Its ends across the rim.
+    pub(super) ends: [Place; 2],
+    /// How far the ends move in the stop with m, alpha and the lattice's shift of the other axis.
+    pub(super) turn: [[f64; 3]; 2],
+    /// Its sides along the rim.
+    pub(super) along: [Place; 2],
+}
+
+/// The axis along which strips of the pixel between these edges run, and the other.
 #[inline(always)]
-pub(super) fn share(radius: f64, centre: DVec2, half: DVec2) -> RimShare {
-    let distance = centre.length();
-    let whole = RimShare { share: 1.0, by_centre: DVec2::ZERO, by_half: DVec2::ZERO };
-    if distance < 1e-9 * radius {
-        return whole;
+pub(super) fn axes(x: &[Place], y: &[Place]) -> (usize, usize) {
+    if (x[0].u + x[1].u).abs() >= (y[0].u + y[1].u).abs() { (0, 1) } else { (1, 0) }
+}
+
+/// Calls `each` for the strips of the pixel between these edges, as far as they lie inside the rim. `alpha` is that of
+/// the axis across the rim.
+#[inline(always)]
+pub(super) fn strips(radius: f64, x: &[Place], y: &[Place], alpha: f64, mut each: impl FnMut(&Strip)) {
+    let (across, along) = if axes(x, y).0 == 0 { (x, y) } else { (y, x) };
+    let mut first = along[0];
+    for n in 1..=STRIPS {
+        let last = Place::between(&along[0], &along[1], n as f64 / STRIPS as f64);
+        let rim = Rim::new(radius, &first, &last);
+        let is_beside = across[0].u * across[1].u > 0.0;
+        // The end nearer to the middle of the stop is inside or the strip is empty.
+        let cut = |n: usize| {
+            let other = &across[1 - n];
+            let inner = if is_beside { *other } else { Place::default() };
+            if is_beside && across[n].u.abs() < other.u.abs() {
+                (across[n], [0.0; 3])
+            } else {
+                rim.cut(&across[n], &inner, alpha)
+            }
+        };
+        let [(left, left_turn), (right, right_turn)] = [cut(0), cut(1)];
+        if left.u != right.u {
+            each(&Strip { ends: [left, right], turn: [left_turn, right_turn], along: [first, last] });
+        }
+        first = last;
     }
-    let normal = centre / distance;
-    let half = half.max(DVec2::splat(1e-6 * radius));
-    // Half lengths across the rim, and the mean square along it, which makes the rim bulge.
-    let across = (half * normal).abs();
-    let along = DVec2::new(half.x * normal.y, half.y * normal.x);
-    let inside = radius - distance - along.length_squared() / (6.0 * radius);
-    let reach = across.x + across.y;
-    if inside >= reach {
-        return whole;
-    } else if inside <= -reach {
-        return RimShare { share: 0.0, ..whole };
+}
+
+/// The rim along a strip: a straight line with the mean of the arc.
+struct Rim {
+    /// Its distance from the middle of the stop at both sides of the strip, and the derivatives by m, alpha and shift.
+    ends: [f64; 2],
+    ends_by: [[f64; 3]; 2],
+}
+
+impl Rim {
+    #[inline(always)]
+    fn new(radius: f64, first: &Place, last: &Place) -> Self {
+        let middle = 0.5 * (first.u + last.u);
+        let [a, m, b] = [first.u, middle, last.u].map(|v| (radius * radius - v * v).max(0.0).sqrt());
+        let slope = |v: f64, chord: f64| if chord > SHORT * radius { -v / chord } else { 0.0 };
+        let [by_a, by_m, by_b] = [slope(first.u, a), slope(middle, m), slope(last.u, b)];
+        // Simpson's mean of the arc less that of the straight line.
+        let bulge = (2.0 * m - a - b) / 3.0;
+        let mut ends_by = [[0.0; 3]; 2];
+        for k in 0..3 {
+            let [by_first, by_last] = [by_a * first.u_by[k], by_b * last.u_by[k]];
+            let bulge_by = (by_m * (first.u_by[k] + last.u_by[k]) - by_first - by_last) / 3.0;
+            [ends_by[0][k], ends_by[1][k]] = [by_first + bulge_by, by_last + bulge_by];
+        }
+        Self { ends: [a + bulge, b + bulge], ends_by }
     }
-    let is_wide_x = across.x >= across.y;
-    let (wide, narrow) = if is_wide_x { (across.x, across.y) } else { (across.y, across.x) };
-    // The share and its derivatives by `inside`, `wide` and `narrow`.
-    let (share, density, by_wide, by_narrow) = if inside.abs() <= wide - narrow {
-        (0.5 + inside / (2.0 * wide), 1.0 / (2.0 * wide), -inside / (2.0 * wide * wide), 0.0)
-    } else {
-        let density = (reach - inside.abs()) / (4.0 * wide * narrow);
-        let cut = 0.5 * (reach - inside.abs()) * density;
-        let sign = -inside.signum();
-        let share = if inside > 0.0 { 1.0 - cut } else { cut };
-        (share, density, sign * (density - cut / wide), sign * (density - cut / narrow))
-    };
-    let by_across = if is_wide_x { DVec2::new(by_wide, by_narrow) } else { DVec2::new(by_narrow, by_wide) };
-    let bulge = density / (3.0 * radius);
-    let by_half = by_across * normal.abs() - bulge * along * DVec2::new(normal.y, normal.x);
-    let by_normal = by_across * half * normal.signum() - bulge * along.yx() * half.yx();
-    // A step of the centre moves the rim away and turns the normal.
-    let turn = (by_normal - by_normal.dot(normal) * normal) / distance;
-    RimShare { share, by_centre: turn - density * normal, by_half }
+
+    /// Where the rim ends a strip that would end at `outer`, in the mean, with the move by the strip's sides. The strip
+    /// begins at `inner`.
+    #[inline(always)]
+    fn cut(&self, outer: &Place, inner: &Place, alpha: f64) -> (Place, [f64; 3]) {
+        let (low, high) = (inner.u.abs(), outer.u.abs());
+        let held = |end: f64| end.clamp(low, high);
+        // The integral of what is held.
+        let sum = |end: f64| {
+            let held = held(end);
+            held * end - 0.5 * held * held
+        };
+        let [a, b] = self.ends;
+        let way = b - a;
+        let (mean, by_ends, above, below) = if way.abs() > FLAT * high {
+            let mean = (sum(b) - sum(a)) / way;
+            let part = |from: f64, to: f64| ((to - from) / way.abs()).clamp(0.0, 1.0);
+            let (least, most) = (a.min(b), a.max(b));
+            let by_ends = [(mean - held(a)) / way, (held(b) - mean) / way];
+            (mean, by_ends, part(high.max(least), most), part(least, low.min(most)))
+        } else {
+            let middle = 0.5 * (a + b);
+            let is = |yes: bool| if yes { 1.0 } else { 0.0 };
+            let between = 0.5 * is(middle > low && middle < high);
+            (held(middle), [between; 2], is(middle >= high), is(middle <= low))
+        };
+        let u = mean.copysign(outer.u);
+        let u_by: [f64; 3] = std::array::from_fn(|k| above * outer.u_by[k] + below * inner.u_by[k]);
+        let x_by = [1.0 + alpha * u_by[0], u + alpha * u_by[1], alpha * u_by[2] - 1.0];
+        let place = Place { u, u_by, x: outer.x + alpha * (u - outer.u), x_by };
+        let turn = std::array::from_fn(|k| {
+            outer.u.signum() * (by_ends[0] * self.ends_by[0][k] + by_ends[1] * self.ends_by[1][k])
+        });
+        (place, turn)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn place(u: f64) -> Place {
+        Place { u, u_by: [0.0, 0.0, 1.0], x: 0.0, x_by: [0.0; 3] }
+    }
+
+    /// Area of the part of a rectangle inside the rim, and its growth as the rectangle moves along y.
+    fn area(radius: f64, centre: DVec2, half: DVec2) -> (f64, f64) {
+        let (low, high) = (centre - half, centre + half);
+        match side(radius, low, high) {
+            Side::Inside => return (4.0 * half.x * half.y, 0.0),
+            Side::Outside => return (0.0, 0.0),
+            Side::Across => {}
+        }
+        let (x, y) = ([place(low.x), place(high.x)], [place(low.y), place(high.y)]);
+        let (mut sum, mut growth) = (0.0, 0.0);
+        let across = axes(&x, &y).0;
+        strips(radius, &x, &y, 0.0, |strip| {
+            let height = strip.along[1].u - strip.along[0].u;
+            sum += height * (strip.ends[1].u - strip.ends[0].u);
+            let by = if across == 0 { 0 } else { 1 };
+            let own = strip.ends[1].u_by[2] - strip.ends[0].u_by[2];
+            growth += height * if by == 0 { strip.turn[1][2] - strip.turn[0][2] } else { own };
+        });
+        (sum, growth)
+    }
+
     #[test]
     fn rectangles_add_up_to_the_disc() {
         let (radius, n) = (50.0, 14);
         let side = 2.0 * radius / n as f64;
-        let area: f64 = (0..n * n)
-            .map(|i| DVec2::new((i % n) as f64 + 0.5, (i / n) as f64 + 0.5) * side - radius)
-            .map(|centre| share(radius, centre, DVec2::splat(0.5 * side)).share * side * side)
-            .sum();
+        let centre = |i: usize| DVec2::new((i % n) as f64 + 0.5, (i / n) as f64 + 0.5) * side - radius;
+        let sum: f64 = (0..n * n).map(|i| area(radius, centre(i), DVec2::splat(0.5 * side)).0).sum();
         let exact = std::f64::consts::PI * radius * radius;
-        assert!((area / exact - 1.0).abs() < 1e-3, "{area} against {exact}");
+        assert!((sum / exact - 1.0).abs() < 1e-3, "{sum} against {exact}");
     }
 
     #[test]
-    fn a_share_is_the_share_of_many_points() {
+    fn a_part_is_that_of_many_points_and_grows_as_said() {
         let (radius, half) = (50.0, DVec2::new(3.5, 2.5));
         for angle in 0..20 {
             for off in [-4.0, -1.0, 0.0, 2.0, 3.5] {
-                let centre = DVec2::from_angle(0.31 * angle as f64) * (radius + off);
+                let centre = DVec2::from_angle(0.31 * angle as f64 + 0.01) * (radius + off);
                 let point = |n: usize| DVec2::new((n % 99) as f64 - 49.0, (n / 99) as f64 - 49.0) / 49.5 * half;
                 let inside = (0..99 * 99).filter(|n| (centre + point(*n)).length() < radius).count();
-                let got = share(radius, centre, half);
+                let (part, growth) = area(radius, centre, half);
                 let exact = inside as f64 / 9801.0;
-                assert!((got.share - exact).abs() < 0.01, "{centre}: {got:?} for {exact}");
-                let moved = |centre: DVec2, half: DVec2| share(radius, centre, half).share;
-                for (step, to_centre, to_half) in
-                    [(DVec2::X, 1.0, 0.0), (DVec2::Y, 1.0, 0.0), (DVec2::X, 0.0, 1.0), (DVec2::Y, 0.0, 1.0)]
-                {
-                    let by = |h: f64| moved(centre + h * to_centre * step, half + h * to_half * step);
-                    let slope = (by(1e-5) - by(-1e-5)) / 2e-5;
-                    let said = step.dot(to_centre * got.by_centre + to_half * got.by_half);
-                    assert!((slope - said).abs() < 1e-6, "{centre} {half}: {slope} {got:?}");
-                }
+                assert!((part / (4.0 * half.x * half.y) - exact).abs() < 0.01, "{centre}: {part} for {exact}");
+                let moved = |by: f64| area(radius, centre + DVec2::Y * by, half).0;
+                let slope = (moved(1e-6) - moved(-1e-6)) / 2e-6;
+                assert!((slope - growth).abs() < 1e-3 * half.x, "{centre}: {slope}, said {growth}");
             }
         }
     }

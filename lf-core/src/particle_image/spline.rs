@@ -1,5 +1,7 @@
 //! A function of the plane and of a size, as a cubic B-spline: smooth, with exact derivatives of what it gives.
 
+use super::table::Table;
+
 /// The function on a square lattice of nodes, linear in the size.
 #[derive(Debug, Clone)]
 pub(super) struct Spline {
@@ -15,7 +17,7 @@ pub(super) struct Spline {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Taps {
     /// Whether the coordinate lies before the first node.
-    pub(super) is_below: bool,
+    is_below: bool,
     first: usize,
     weights: [f64; 4],
     slopes: [f64; 4],
@@ -33,31 +35,45 @@ impl Spline {
         [&mut values, &mut by_size].into_iter().for_each(|table| to_coefficients(table, nodes));
         Self { low, per_step: 1.0 / step, nodes, values, by_size }
     }
+}
 
-    /// The taps at `x` along an axis. Beyond the nodes the function is constant.
+/// Where a coordinate lies among `count` nodes of a cubic B-spline: whether before the first, the first of four nodes
+/// about it, and their weights for the value and for the slope. `place` counts nodes. Beyond the nodes the function is
+/// constant.
+#[inline(always)]
+pub(super) fn cubic(place: f64, per_step: f64, count: usize) -> (bool, usize, [f64; 4], [f64; 4]) {
+    let held = place.clamp(1.0, (count - 2) as f64 - 1e-9);
+    let inside = if held == place { per_step } else { 0.0 };
+    let whole = held as usize;
+    let t = held - whole as f64;
+    let s = 1.0 - t;
+    let weights = [
+        s * s * s / 6.0,
+        (3.0 * t * t * (t - 2.0) + 4.0) / 6.0,
+        (3.0 * s * s * (s - 2.0) + 4.0) / 6.0,
+        t * t * t / 6.0,
+    ];
+    let slopes = [-0.5 * s * s, t * (1.5 * t - 2.0), s * (2.0 - 1.5 * s), 0.5 * t * t];
+    (place < 1.0, whole - 1, weights, slopes.map(|slope| slope * inside))
+}
+
+impl Table for Spline {
+    type Taps = Taps;
+
     #[inline(always)]
-    pub(super) fn taps(&self, axis: usize, x: f64) -> Taps {
+    fn taps(&self, axis: usize, x: f64, _: f64) -> Taps {
         let place = (x - self.low[axis]) * self.per_step;
-        let most = (self.nodes[axis] - 2) as f64 - 1e-9;
-        let held = place.clamp(1.0, most);
-        let inside = if held == place { self.per_step } else { 0.0 };
-        let whole = held as usize;
-        let t = held - whole as f64;
-        let s = 1.0 - t;
-        let weights = [
-            s * s * s / 6.0,
-            (3.0 * t * t * (t - 2.0) + 4.0) / 6.0,
-            (3.0 * s * s * (s - 2.0) + 4.0) / 6.0,
-            t * t * t / 6.0,
-        ];
-        let slopes = [-0.5 * s * s, t * (1.5 * t - 2.0), s * (2.0 - 1.5 * s), 0.5 * t * t];
-        Taps { is_below: place < 1.0, first: whole - 1, weights, slopes: slopes.map(|slope| slope * inside) }
+        let (is_below, first, weights, slopes) = cubic(place, self.per_step, self.nodes[axis]);
+        Taps { is_below, first, weights, slopes }
     }
 
-    /// Value, slopes along x and y, and, if N is more than 4, derivative by the size, for a size that is `more` than the
-    /// table's.
     #[inline(always)]
-    pub(super) fn at<const N: usize>(&self, x: &Taps, y: &Taps, more: f64) -> [f64; 4] {
+    fn is_below(taps: &Taps) -> bool {
+        taps.is_below
+    }
+
+    #[inline(always)]
+    fn at<const N: usize>(&self, x: &Taps, y: &Taps, more: f64) -> [f64; 4] {
         let (mut level, mut slope, mut size) = ([0.0; 4], [0.0; 4], [0.0; 4]);
         for n in 0..4 {
             let start = y.first * self.nodes[0] + x.first + n * self.nodes[0];
@@ -84,7 +100,7 @@ fn to_coefficients(table: &mut [f64], [columns, rows]: [usize; 2]) {
 }
 
 /// Solves `c[i-1] + 4 c[i] + c[i+1] = 6 f[i]`, with `c = f` at both ends, in place.
-fn solve(line: &mut [f64], stride: usize, count: usize) {
+pub(super) fn solve(line: &mut [f64], stride: usize, count: usize) {
     let mut factors = vec![0.0; count];
     for n in 1..count - 1 {
         let pivot = 1.0 / (4.0 - factors[n - 1]);
@@ -108,7 +124,7 @@ mod tests {
         let table = |scale: f64| (0..3000).map(|n| scale * f(at(n).0, at(n).1)).collect();
         let spline = Spline::new([-3.0, -2.5], step, nodes, table(1.0), table(0.5));
         for (x, y, more) in [(0.33, 0.71, 0.0), (-1.04, 1.2, 0.1), (1.5, -1.57, -0.2)] {
-            let got = spline.at::<8>(&spline.taps(0, x), &spline.taps(1, y), more);
+            let got = spline.at::<8>(&spline.taps(0, x, more), &spline.taps(1, y, more), more);
             let scale = 1.0 + 0.5 * more;
             let by_x = 0.9 * (x * 0.9).cos() * (y * 1.1).cos() * scale;
             let by_y = -1.1 * (x * 0.9).sin() * (y * 1.1).sin() * scale;
@@ -118,7 +134,7 @@ mod tests {
             }
         }
         // Constant beyond the nodes.
-        let [value, by_x, ..] = spline.at::<8>(&spline.taps(0, 40.0), &spline.taps(1, 0.3), 0.0);
+        let [value, by_x, ..] = spline.at::<8>(&spline.taps(0, 40.0, 0.0), &spline.taps(1, 0.3, 0.0), 0.0);
         assert!(value.is_finite() && by_x == 0.0);
     }
 }

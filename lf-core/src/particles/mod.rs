@@ -35,5 +35,5 @@ mod reader;
 mod writer;
 
 pub use particle::{Particle, Uncertainty};
-pub use reader::{FITTED_HEADER, FRAME_LINE, HEADER, frame, open, read, warn_unmarked};
+pub use reader::{FITTED_HEADER, FRAME_LINE, HEADER, frame, history, open, read, warn_unmarked};
 pub use writer::write;

@@ -2,7 +2,7 @@
 
 use super::covariance::{fault, matrix};
 use super::particle::{Particle, Uncertainty};
-use crate::{Refusal, Result, Session, frame::MARK, io};
+use crate::{History, Refusal, Result, Session, frame::MARK, io};
 use glam::DVec3;
 use std::path::Path;
 
@@ -25,6 +25,11 @@ fn comments(text: &str) -> impl Iterator<Item = &str> {
 /// The frame that a table names; None if it names none.
 pub fn frame(text: &str) -> Option<&str> {
     comments(text).find_map(|line| line.trim().strip_prefix("frame:")).map(str::trim)
+}
+
+/// The steps that a table names in its lines with `#`: a JSON object each, among other lines.
+pub fn history(text: &str) -> History {
+    comments(text).filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
 /// Warns of a table that does not name its frame. `name` stands for it.
@@ -133,6 +138,9 @@ mod tests {
         let marked = format!("{FRAME_LINE}\n# particles of a jet\n{rows}");
         assert_eq!(read(&marked).unwrap(), read(&rows).unwrap());
         assert_eq!([frame(&marked), frame(&rows)], [Some(MARK), None]);
+        let step = "# {\"tool\": \"lf-fit\", \"version\": \"1\", \"arguments\": [\"-q\"]}";
+        assert_eq!(history(&format!("{FRAME_LINE}\n{step}\n{rows}"))[0].arguments, ["-q"]);
+        assert!(history(&marked).is_empty());
         assert_eq!(read(&format!("# frame: left\n{rows}")).unwrap_err().found, "its frame is 'left'");
         let wrong = read(&format!("{marked}0,1\n")).unwrap_err().found;
         assert!(wrong.starts_with("line 5 is not six numbers"), "{wrong}");

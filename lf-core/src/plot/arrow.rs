@@ -8,8 +8,9 @@ use super::text::{figures, round_below};
 /// A shorter arrow is a dot, and a shorter hollow one a ring, px.
 const DOT_PX: f64 = 2.0;
 const RING_PX: f64 = 5.0;
-/// Length of an arrow of the usual length, in distances between arrows; and its largest length, px.
-const USUAL_STEPS: f64 = 0.9;
+/// Length of an arrow of the usual length, in distances between arrows; and its largest length, px. The longest arrow then
+/// is as long as that distance, so that no two of one grid meet.
+const USUAL_STEPS: f64 = 0.62;
 const USUAL_PX: f64 = 80.0;
 /// Longest arrow, in usual lengths.
 const LONGEST: f64 = 1.6;

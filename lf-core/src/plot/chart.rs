@@ -136,9 +136,9 @@ pub enum Mark {
 
 /// Vectors, drawn as arrows centred on their points; a vector that is not finite is left out. They need linear axes.
 ///
-/// An arrow of the usual length nearly reaches its neighbours, or is 80 px long. Longer arrows are cut to 1.6 times
-/// that, keep their direction, and a note under the title counts them. Arrows keep their direction in a stretched
-/// panel, too.
+/// An arrow of the usual length has six tenths of the distance between arrows, or 80 px. Longer arrows are cut to 1.6
+/// times that, so that no two of one grid meet; they keep their direction, and a note under the title counts them. Arrows
+/// keep their direction in a stretched panel, too.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arrows {
     /// Name in the key. If it is empty, the key shows an arrow of a round length with its value and unit.

@@ -1,7 +1,7 @@
 //! Pictures as SVG.
 //!
 //! In: a [`Chart`], which says what is drawn, or strokes on a [`Canvas`]. Out: the text of an SVG; the same input gives
-//! the same bytes. Open `chart.rs` first, then `page.rs`; `slice.rs` draws a layer of a vector field.
+//! the same bytes. Open `chart.rs` first, then `page.rs`; `slice.rs` draws a layer of a grid of vectors, `field.rs` one of a field.
 //!
 //! [`draw`] finds ranges, ticks, keys and margins of a chart. Series differ in colour and in marker, so that they can
 //! be told apart in grey print. A point that is not finite is left out.
@@ -11,6 +11,7 @@
 mod arrow;
 mod canvas;
 mod chart;
+mod field;
 mod key;
 mod labels;
 mod map;
@@ -28,6 +29,7 @@ mod view;
 pub use arrow::arrow;
 pub use canvas::{At, Canvas, Pixel, rounded, svg};
 pub use chart::{Arrows, Axis, Chart, Mark, Panel, Place, Style};
+pub use field::{FieldPicture, Scalar, field, field_chart, layer};
 pub use page::draw;
 pub use palette::{COLOURS, Colour, INK, grey};
 pub use slice::{Slice, usual};

@@ -12,14 +12,14 @@ pub struct JoinedVolume {
 }
 
 enum Source {
-    File(Box<Volume>, &'static str),
+    File(Box<Volume>, String),
     Joined(Vec<u64>, Vec<f32>),
 }
 
 impl JoinedVolume {
     /// Opens files as volumes, in their order; all tiles of a volume stand together, in any order. Only those of one
     /// are open at a time. Refuses tiles that are missing, given twice, or of different grids.
-    pub fn open_all<'a>(paths: impl IntoIterator<Item = &'a Path>, column: &'static str) -> Result<Vec<Self>> {
+    pub fn open_all<'a>(paths: impl IntoIterator<Item = &'a Path>, column: &str) -> Result<Vec<Self>> {
         let mut paths = paths.into_iter();
         let mut wholes = Vec::new();
         while let Some(path) = paths.next() {
@@ -43,10 +43,10 @@ impl JoinedVolume {
         Ok(wholes)
     }
 
-    fn of_file(volume: Volume, column: &'static str) -> Result<Self> {
+    fn of_file(volume: Volume, column: &str) -> Result<Self> {
         volume.require(column)?;
         let (name, grid, history) = (volume.name().to_owned(), volume.grid().clone(), volume.history().clone());
-        Ok(Self { name, grid, history, source: Source::File(Box::new(volume), column) })
+        Ok(Self { name, grid, history, source: Source::File(Box::new(volume), column.to_owned()) })
     }
 
     /// A volume from all its tiles. Lines along x are copied core by core, so that the indices rise.

@@ -4,13 +4,15 @@
 //! give the thousand weights of a voxel. This is the fastest path.
 
 use super::axis::{Piece, Span};
-use super::{chords::Chords, geometry::Geometry};
+use super::{chords::Chords, geometry::Geometry, lenslets::Lenslets};
 use crate::Grid;
 
 /// Column and row profiles of an aligned camera.
 #[derive(Debug, Clone)]
 pub struct Aligned {
     pub(super) geometry: Geometry,
+    /// To look weights up one by one, if they are exact.
+    pub(super) lenslets: Option<Lenslets>,
 }
 
 impl Aligned {

@@ -116,6 +116,9 @@ impl CellShares {
 }
 
 impl Bent {
+    /// Bytes of a slice before its table is made.
+    pub(super) const LIST_BYTES: usize = size_of::<OnceLock<CellShares>>();
+
     pub(super) fn new(geometry: Geometry) -> Self {
         let count = SECTIONS_PER_PIXEL * geometry.sections;
         let side = 2.0 * geometry.optics.half_aperture_mm / count as f64;
@@ -131,7 +134,7 @@ impl Bent {
         let corner = self.geometry.corner();
         for section in &self.sections {
             let beam = beam(optics, place, z_mm, section.middle);
-            for (_, _, centre) in optics.lattice().lenslets_within(beam.array, shares.half) {
+            for centre in optics.lenslets_seen(beam.array, shares.half) {
                 let light = section.share * shares.at(beam.array - centre);
                 if light >= LEAST {
                     self.share_out(light, self.image_px(&beam, centre, corner), &wanted, &mut found);

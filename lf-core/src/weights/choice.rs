@@ -62,11 +62,20 @@ impl Weights {
         };
         let path = match model {
             Model::Sphere => Path::Sphere(Sphere::new(camera, geometry)),
-            _ if aligned.is_some() => Path::Aligned(Aligned { geometry }),
+            _ if aligned.is_some() => {
+                let lenslets = (model == Model::Exact).then(|| Lenslets::new(geometry.clone()));
+                Path::Aligned(Aligned { geometry, lenslets })
+            }
             Model::Drt { .. } => Path::Pieces(Pieces { geometry }),
             Model::Exact => Path::Micro(Box::new(Micro::new(geometry))),
         };
         Ok(Self { path, reason })
+    }
+
+    /// Most bytes of the lists of slices that [`Weights::choose`] makes before any weight.
+    pub fn list_bytes(camera: &Camera, grid: &Grid, model: Model) -> u64 {
+        let has_lists = model == Model::Exact && camera.aligned().is_none();
+        if has_lists { (Micro::LIST_BYTES as u64).saturating_mul(grid.shape[2] as u64) } else { 0 }
     }
 
     /// The grid.
@@ -124,8 +133,19 @@ impl Weights {
     /// The tables of a lenslet's image of a voxel, where the path looks weights up.
     #[inline(always)]
     fn lenslets(&self) -> Option<&Lenslets> {
-        let Path::Micro(micro) = &self.path else { return None };
-        if let OneByOne::Lenslets(lenslets) = &micro.one_by_one { Some(lenslets) } else { None }
+        match &self.path {
+            Path::Aligned(aligned) => aligned.lenslets.as_ref(),
+            Path::Micro(micro) => match &micro.one_by_one {
+                OneByOne::Lenslets(lenslets) => Some(lenslets),
+                OneByOne::Bent(_) => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// Whether [`Weights::runs`] finds the rows of each lenslet's image of a voxel, so that few pixels come twice.
+    pub fn finds_runs(&self) -> bool {
+        self.lenslets().is_some()
     }
 
     /// Bytes of the tables that are made when first used, in all slices except those nearest focus.

@@ -42,7 +42,7 @@ impl Geometry {
         let margin = corner + DVec2::from(blurs.map(Blur::reach));
         let spread = across.alpha.abs() * across.half_aperture;
         let whole = Span { low: -corner.y, high: corner.y, blur: blurs[1] };
-        for (_, _, centre) in self.optics.lattice().lenslets_within(chief, margin + DVec2::splat(spread)) {
+        for centre in self.optics.lenslets_seen(chief, margin + DVec2::splat(spread)) {
             // Skip a lenslet that the light of a round stop cannot reach. A section's beam is wider than its chief ray.
             let beyond = ((centre - chief).abs() - margin).max(DVec2::ZERO);
             if self.has_round_stop && beyond.length() > spread * (1.0 + 2.0 / self.sections as f64) {

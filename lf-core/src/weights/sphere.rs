@@ -55,7 +55,7 @@ impl Sphere {
         let (alpha, k) = (optics.alpha(z), optics.demagnification);
         let chief = optics.straight_rays(z).chief_mm(DVec2::new(x, y));
         let spread = alpha.abs() * optics.half_aperture_mm + self.reach_mm;
-        for (_, _, centre) in optics.lattice().lenslets_within(chief, DVec2::splat(spread)) {
+        for centre in optics.lenslets_seen(chief, DVec2::splat(spread)) {
             let [columns, rows] = self.pixels(alpha, chief, centre);
             for row in rows.filter(|row| wanted(*row)) {
                 for column in columns.clone() {

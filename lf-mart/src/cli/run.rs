@@ -1,6 +1,7 @@
 //! Reads image, camera and voxels, reconstructs, and writes the volume.
 
 use super::{arguments::Arguments, misfit, preset::WeightsName};
+use lf_core::cli::MemoryLimit;
 use lf_core::image::{self, Frame};
 use lf_core::{
     Camera, Error, Grid, Result, Session, Tile, Verdict, Volume, cli, io, volume, weights::aperture_sections,
@@ -49,7 +50,11 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     session.warn_of_frame(&image, &camera, arguments.background.is_some());
-    explain_plan(arguments, &plan, &camera, &support, session);
+    session.explain(format!("camera: {}", camera.about()));
+    session.explain(plan.about());
+    let limit = MemoryLimit { max_memory: Some(arguments.max_memory) };
+    let what = || format!("{} voxels", support.count());
+    session.allow_memory(limit, plan.peak_bytes(image.pixels.len()) as f64, name.as_str(), what)?;
 
     let (solved, log) = solve(&plan, &image, start.as_ref(), &options, &name, session)?;
     if solved.indices.is_empty() {
@@ -120,18 +125,6 @@ fn options(arguments: &Arguments, support: &Volume, image: &Frame, session: &mut
     Ok(options)
 }
 
-fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, support: &Volume, session: &mut Session) {
-    session.explain(format!("camera: {}", camera.about()));
-    session.explain(plan.about());
-    session.count("estimated_bytes", plan.bytes());
-    session.explain(format!(
-        "about {:.2} GB of memory for {} voxels, of {} GB allowed",
-        plan.bytes() as f64 * 1e-9,
-        support.count(),
-        arguments.max_memory
-    ));
-}
-
 /// Gives the reconstruction, and the log of its sweeps.
 fn solve(
     plan: &Plan,
@@ -164,6 +157,13 @@ fn solve(
 }
 
 fn report(solved: &Reconstruction, options: &Options, support: &Volume, session: &mut Session) {
+    if solved.clipped > 0 {
+        session.warn(format!(
+            "{} voxels are brighter than {:.1e} counts, the most that a volume can hold, and get that; scale the image down",
+            solved.clipped,
+            f32::MAX
+        ));
+    }
     let (sweeps, misfit) = solved.sweeps.last().map_or((0, 0.0), |sweep| (sweep.number, sweep.misfit));
     session.explain(match options.ended(&solved.sweeps) {
         Ended::Most => format!("ended after {sweeps} sweeps, the number of --iterations"),

@@ -1,25 +1,26 @@
 //! Buffers of a thread that fits particles in a window.
 
-use super::image::{COUNTS, SpotImage, UNKNOWNS};
+use super::image::{COUNTS, SpotImage};
+use super::normal::Entries;
 use lf_core::particle_image;
 
-/// Buffers of a thread. `own` and `lane` are 0 and `stamp` is unset between uses.
+/// Buffers of a thread. `own` is 0 and no pixel is touched between uses.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     pub(super) scratch: particle_image::Scratch,
     pub(super) own: Vec<f32>,
     pub(super) weight: Vec<f32>,
     pub(super) pull: Vec<f32>,
-    pub(super) lane: Vec<f32>,
-    /// Weighed derivatives of one particle; 0 between uses.
-    pub(super) field: Vec<[f32; UNKNOWNS]>,
+    /// Particles by pixel, and places of blocks, of normal equations.
+    pub(super) entries: Entries,
+    pub(super) slots: Vec<u32>,
     is_touched: Vec<bool>,
     pub(super) touched: Vec<u32>,
 }
 
 impl Buffers {
     pub(super) fn fit(&mut self, pixels: usize) {
-        for lane in [&mut self.own, &mut self.weight, &mut self.pull, &mut self.lane] {
+        for lane in [&mut self.own, &mut self.weight, &mut self.pull] {
             if lane.len() < pixels {
                 lane.resize(pixels, 0.0);
             }
@@ -30,7 +31,7 @@ impl Buffers {
     }
 
     /// Lists the pixels of the images and adds their light up in `own`.
-    pub(super) fn paint(&mut self, images: &[SpotImage], columns: usize) {
+    pub(super) fn paint<'i>(&mut self, images: impl Iterator<Item = &'i SpotImage>, columns: usize) {
         let Self { own, is_touched, touched, .. } = self;
         for image in images {
             image.lines(columns, |start, line| {

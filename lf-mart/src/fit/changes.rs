@@ -3,7 +3,7 @@
 
 use super::covariance::Prior;
 use super::joint::Ends;
-use super::local::Local;
+use super::local::{Local, Member};
 use super::spot::Spot;
 
 /// The measures by which changes are judged.
@@ -15,6 +15,8 @@ pub(super) struct Judge {
     pub(super) usual_light: f64,
     /// Pixels of the focal plane in a lenslet.
     pub(super) lenslet_px: f64,
+    /// Depth from focus within which places have several minima, mm.
+    pub(super) near_mm: f64,
     pub(super) prior: Prior,
 }
 
@@ -49,10 +51,11 @@ const SCAN_MISFIT: f64 = 0.5;
 
 impl Local<'_, '_> {
     /// Drops own particles whose light the image does not support, until all do or none can be spared. Gives how many.
-    pub(super) fn drop_weak(&mut self, judge: &Judge) -> usize {
+    /// With `pairs`, one of two near focus within a lenslet is tried too, as strong as both may be.
+    pub(super) fn drop_weak(&mut self, judge: &Judge, pairs: bool) -> usize {
         let mut dropped = 0;
-        for _ in 0..DROPS {
-            let count = self.drop_apart(judge);
+        for round in 0..DROPS {
+            let count = self.drop_apart(judge, pairs && round == 0);
             dropped += count;
             if count == 0 {
                 break;
@@ -62,8 +65,9 @@ impl Local<'_, '_> {
     }
 
     /// Drops weak particles that lie more than a lenslet apart.
-    fn drop_apart(&mut self, judge: &Judge) -> usize {
+    fn drop_apart(&mut self, judge: &Judge, pairs: bool) -> usize {
         let mut weak = Vec::new();
+        let normal = self.normal();
         for n in 0..self.members.len() {
             if !self.members[n].is_own {
                 continue;
@@ -73,8 +77,8 @@ impl Local<'_, '_> {
                 weak.push((0.0, spot));
                 continue;
             }
-            let variance = self.covariance(n, judge.lenslet_px, judge.prior)[3][3];
-            if 1.0 / variance < judge.gain {
+            let variance = self.covariance(&normal, n, judge.lenslet_px, judge.prior)[3][3];
+            if 1.0 / variance < judge.gain || (pairs && self.is_paired(n, judge)) {
                 weak.push((1.0 / variance, spot));
             }
         }
@@ -104,6 +108,18 @@ impl Local<'_, '_> {
         dropped
     }
 
+    /// Whether a particle near focus has another beside it with which it may be one.
+    fn is_paired(&self, n: usize, judge: &Judge) -> bool {
+        let [x, y, z] = self.members[n].spot.place_mm;
+        let px = self.setting.pixel_mm;
+        let is_beside = |member: &Member| {
+            let [a, b, c] = member.spot.place_mm;
+            (a - x).hypot(b - y) < judge.lenslet_px * px && (c - z).abs() < HEIR * px
+        };
+        z.abs() < judge.near_mm
+            && self.members.iter().enumerate().any(|(other, member)| other != n && is_beside(member))
+    }
+
     /// Gives the light of a dropped particle to the nearest of the rest, and moves that towards it.
     fn inherit(&self, spot: &Spot, rest: &mut [Spot], judge: &Judge) {
         let px = self.setting.pixel_mm;
@@ -127,7 +143,8 @@ impl Local<'_, '_> {
             let member = &local.members[n];
             let is_bright = member.spot.light > BRIGHT * judge.usual_light;
             let excess = local.excess(n);
-            (member.is_own && (excess > MISFIT || is_bright)).then_some(excess + if is_bright { 20.0 } else { 0.0 })
+            let is_asked = member.is_own && !member.is_whole && (excess > MISFIT || is_bright);
+            is_asked.then_some(excess + if is_bright { 20.0 } else { 0.0 })
         };
         let mut todo: Vec<(f64, Spot)> = (0..self.members.len())
             .filter_map(|n| bad(self, n).map(|badness| (badness, self.members[n].spot)))
@@ -137,8 +154,23 @@ impl Local<'_, '_> {
         for (_, spot) in todo {
             // An earlier change may have moved it or cured it.
             let Some(n) = self.members.iter().position(|member| member.spot == spot) else { continue };
-            if bad(self, n).is_some() && self.split_one(n, judge) {
+            if bad(self, n).is_none() {
+                continue;
+            }
+            // What a fit of the whole particles gains is no reason to split.
+            let near = self.near(spot.place_mm, judge.lenslet_px);
+            let spots: Vec<Spot> = near.iter().map(|n| self.members[*n].spot).collect();
+            let (fitted, gain) = self.attempt(&near, &spots, TRIAL);
+            if gain > TRIAL.gain {
+                self.keep(&near, fitted);
+            }
+            if bad(self, n).is_none() {
+                continue;
+            }
+            if self.split_one(n, judge) {
                 count += 1;
+            } else {
+                self.members[n].is_whole = true;
             }
         }
         count
@@ -219,14 +251,14 @@ impl Local<'_, '_> {
         if along > 0.0 && square > 0.0 { (along * along / square, along / square) } else { (0.0, 0.0) }
     }
 
-    /// Near focus -2 log L has several minima: own particles within `near_mm` of it are scanned sideways and in depth,
+    /// Near focus -2 log L has several minima: own particles near it are scanned sideways and in depth,
     /// their light held. Local fits start from the best places; the best fit stays. Gives how many moved.
-    pub(super) fn scan(&mut self, near_mm: f64, judge: &Judge) -> usize {
+    pub(super) fn scan(&mut self, judge: &Judge) -> usize {
         let mut count = 0;
         let todo: Vec<Spot> = self
             .members
             .iter()
-            .filter(|member| member.is_own && member.spot.place_mm[2].abs() < near_mm)
+            .filter(|member| member.is_own && member.spot.place_mm[2].abs() < judge.near_mm)
             .map(|member| member.spot)
             .collect();
         for spot in todo {
@@ -267,7 +299,7 @@ impl Local<'_, '_> {
                     let [x0, y0, z0] = spot.place_mm;
                     let there = Spot { place_mm: [x0 + px * x, y0 + px * y, z0 + px * z], ..spot };
                     let image = self.setting.image(&there, self.window, self.buffers);
-                    let level = self.setting.deviance(self.window, &[image], self.buffers);
+                    let level = self.setting.deviance(self.window, std::iter::once(&image), self.buffers);
                     tried.push((level, [x, y, z], there));
                 }
             }

@@ -26,6 +26,8 @@ pub(super) struct Cloud<'a> {
     /// Expected counts of each pixel.
     pub(super) light: Vec<f32>,
     pub(super) spots: Vec<Spot>,
+    /// Whether a particle stayed whole when it was tried to be two.
+    pub(super) is_whole: Vec<bool>,
     /// Most pixels from a particle's chief ray to a pixel that it lights.
     pub(super) reach_px: usize,
 }
@@ -39,7 +41,8 @@ const COLOURS: usize = 4;
 impl<'a> Cloud<'a> {
     /// Particles without light on the sensor yet: see [`Cloud::render`].
     pub(super) fn new(image: ArrayView2<'a, f32>, spots: Vec<Spot>, reach_px: usize) -> Self {
-        Self { light: vec![0.0; image.len()], image, spots, reach_px }
+        let is_whole = vec![false; spots.len()];
+        Self { light: vec![0.0; image.len()], image, spots, is_whole, reach_px }
     }
 
     fn size(&self) -> [usize; 2] {
@@ -109,19 +112,27 @@ impl<'a> Cloud<'a> {
         }
     }
 
-    /// Runs `work` on all tiles, colour by colour, and takes the light that it leaves in the windows. `work` gets a
-    /// window, its tile and the numbers of its particles.
+    /// Whether tiles have changed, or a neighbour of theirs has.
+    pub(super) fn stirred(tiles: &[Tile], changed: &[bool]) -> Vec<bool> {
+        let meets = |a: &Tile, b: &Tile| (0..2).all(|axis| a.low[axis] <= b.high[axis] && b.low[axis] <= a.high[axis]);
+        let is_stirred = |tile: &Tile| tiles.iter().zip(changed).any(|(other, changed)| *changed && meets(tile, other));
+        tiles.iter().map(is_stirred).collect()
+    }
+
+    /// Runs `work` on the tiles that `wanted` names, colour by colour, and takes the light that it leaves in the
+    /// windows. `work` gets a window, its tile and the numbers of its particles; `done` the number of the tile.
     pub(super) fn each_tile<T: Send>(
         &mut self,
         setting: &Setting,
+        wanted: impl Fn(usize) -> bool,
         work: impl Fn(&Self, &mut Window, &Tile, &[usize], &mut Buffers) -> T + Sync,
-        mut done: impl FnMut(&mut Self, T),
+        mut done: impl FnMut(&mut Self, usize, T),
     ) {
         let width = self.image.ncols();
         let tiles = self.tiles();
         for colour in 0..COLOURS {
             let members = self.members(setting, &tiles);
-            let mine = |n: &usize| tiles[*n].colour == colour && !members[*n].is_empty();
+            let mine = |n: &usize| tiles[*n].colour == colour && !members[*n].is_empty() && wanted(*n);
             let tasks: Vec<usize> = (0..tiles.len()).filter(mine).collect();
             for tasks in tasks.chunks(AT_ONCE) {
                 let results: Vec<(Window, T)> = tasks
@@ -132,9 +143,9 @@ impl<'a> Cloud<'a> {
                         (window, result)
                     })
                     .collect();
-                for (window, result) in results {
+                for (n, (window, result)) in tasks.iter().zip(results) {
                     window.paste(&mut self.light, width);
-                    done(self, result);
+                    done(self, *n, result);
                 }
             }
         }
@@ -147,16 +158,21 @@ impl<'a> Cloud<'a> {
             let spots: Vec<Spot> = members.iter().map(|n| cloud.spots[*n]).collect();
             let images: Vec<SpotImage> = spots.iter().map(|spot| setting.image(spot, window, buffers)).collect();
             images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, -1.0));
-            let before = setting.deviance(window, &images, buffers);
+            let before = setting.deviance(window, images.iter(), buffers);
             let ends = Ends { gain: ends.gain * spots.len() as f64, ..ends };
             let fitted = setting.joint(window, &spots, images, ends, buffers);
             fitted.images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, 1.0));
             (before - fitted.deviance, members.to_vec(), fitted.spots)
         };
-        self.each_tile(setting, work, |cloud, (gain, members, spots)| {
-            total += gain;
-            members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
-        });
+        self.each_tile(
+            setting,
+            |_| true,
+            work,
+            |cloud, _, (gain, members, spots)| {
+                total += gain;
+                members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
+            },
+        );
         total
     }
 
@@ -184,21 +200,20 @@ impl<'a> Cloud<'a> {
             }
             (members.to_vec(), spots)
         };
-        self.each_tile(setting, work, |cloud, (members, spots)| {
-            members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
-        });
+        self.each_tile(
+            setting,
+            |_| true,
+            work,
+            |cloud, _, (members, spots)| {
+                members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
+            },
+        );
     }
 
     /// Expected counts and difference of every lit pixel.
     pub(super) fn pairs(&self) -> Vec<(f32, f32)> {
         let [width, height] = self.size();
         noise::pairs(&Window::cut(self.image, &self.light, [0, 0], [width, height]))
-    }
-
-    /// -2 log L of the whole image, but for a constant.
-    pub(super) fn deviance(&self, setting: &Setting) -> f64 {
-        let seen = self.image.iter().zip(&self.light).filter(|(seen, _)| !seen.is_nan());
-        seen.map(|(seen, light)| setting.noise.deviance(*seen, 0.0, *light)).sum()
     }
 
     /// Mean of squared differences over variances where light is expected, each held below 25.

@@ -20,7 +20,7 @@ struct Block {
 }
 
 /// The image of a particle.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct SpotImage {
     /// The particle when it was rendered.
     pub(super) rendered: Spot,
@@ -57,6 +57,39 @@ impl SpotImage {
             },
         );
         image
+    }
+
+    /// The same, with all quantities of the model shown to `each`, patch by patch.
+    pub(super) fn with_all(
+        model: &ParticleModel,
+        spot: &Spot,
+        pixel_mm: f64,
+        window: &Window,
+        scratch: &mut Scratch,
+        mut each: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+    ) -> Self {
+        let (blocks, pixels) = (Vec::with_capacity(BLOCKS), Vec::with_capacity(PIXELS));
+        let mut image = Self { rendered: *spot, step: [0.0; 3], factor: 1.0, blocks, pixels };
+        let scale = [spot.light, spot.light * pixel_mm];
+        fastest(
+            #[inline(always)]
+            || {
+                model.visit(spot.place_mm, scratch, |patch, pixels| {
+                    image.take(window, patch, pixels, scale);
+                    each(patch, pixels);
+                });
+            },
+        );
+        image
+    }
+
+    /// An image of single lines: first pixel and numbers.
+    #[cfg(test)]
+    pub(super) fn by_hand(lines: &[(usize, Vec<[f32; UNKNOWNS]>)]) -> Self {
+        let block =
+            |(start, pixels): &(usize, Vec<_>)| Block { start: *start as u32, columns: pixels.len() as u16, rows: 1 };
+        let pixels = lines.iter().flat_map(|(_, pixels)| pixels.iter().copied()).collect();
+        Self { factor: 1.0, blocks: lines.iter().map(block).collect(), pixels, ..Self::default() }
     }
 
     /// The image after a small step from where it was rendered, by its derivatives, with another light.

@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::image::{SpotImage, UNKNOWNS};
-use super::normal::{Blocks, FINE, conjugate_gradients};
+use super::normal::{FINE, Normal, conjugate_gradients};
 use super::{noise::Noise, spot::Spot, window::Window};
 use lf_core::particle_image::ParticleModel;
 
@@ -41,6 +41,8 @@ const LESS: f64 = 0.2;
 const MORE: f64 = 8.0;
 const LEAST_DAMPING: f64 = 1e-6;
 const MOST_DAMPING: f64 = 1e4;
+/// Blocks serve another step after one that lowered -2 log L by less than this for each particle.
+const STALE: f64 = 0.3;
 /// Longest step: sideways and along z, pixels of the focal plane. Light falls at most to this share.
 const SIDEWAYS: f64 = 1.0;
 const ALONG_Z: f64 = 20.0;
@@ -69,7 +71,12 @@ impl Setting<'_> {
     }
 
     /// -2 log L of a window with the images beyond that without them.
-    pub(super) fn deviance(&self, window: &Window, images: &[SpotImage], buffers: &mut Buffers) -> f64 {
+    pub(super) fn deviance<'i>(
+        &self,
+        window: &Window,
+        images: impl Iterator<Item = &'i SpotImage>,
+        buffers: &mut Buffers,
+    ) -> f64 {
         buffers.fit(window.seen.len());
         buffers.paint(images, window.columns);
         let sum = self.painted_deviance(window, buffers);
@@ -98,6 +105,15 @@ impl Setting<'_> {
         }
     }
 
+    /// Fills `weight` at the painted pixels of a window that holds all light.
+    pub(super) fn weigh_whole(&self, window: &Window, buffers: &mut Buffers) {
+        for n in &buffers.touched {
+            let n = *n as usize;
+            buffers.weight[n] = if window.seen[n].is_nan() { 0.0 } else { 1.0 / self.noise.variance(window.light[n]) };
+            buffers.pull[n] = 0.0;
+        }
+    }
+
     /// Fits a group whose images are known. The window holds the light of all others.
     pub(super) fn joint(
         &self,
@@ -109,29 +125,35 @@ impl Setting<'_> {
     ) -> Fitted {
         buffers.fit(window.seen.len());
         let mut spots = spots.to_vec();
-        buffers.paint(&images, window.columns);
+        buffers.paint(images.iter(), window.columns);
         let mut deviance = self.painted_deviance(window, buffers);
         let mut damping = DAMPING;
         let mut is_weighed = false;
-        let mut normal = Blocks::default();
+        let mut normal = Normal::default();
+        let mut is_stale = true;
         for _ in 0..ends.steps {
             if !is_weighed {
                 self.weigh(window, buffers);
-                normal = Blocks::new(&images, window.columns, buffers);
+                if is_stale {
+                    normal = Normal::new(images.iter(), window.columns, buffers);
+                } else {
+                    normal.pull(images.iter(), window.columns, buffers);
+                }
                 is_weighed = true;
             }
-            let step = conjugate_gradients(&normal, &images, window.columns, damping, FINE, buffers);
+            let step = conjugate_gradients(&normal, &normal.gradient, damping, FINE);
             buffers.wipe();
             let next: Vec<Spot> = spots.iter().zip(&step).map(|(spot, step)| self.moved(spot, step)).collect();
             let next_images: Vec<SpotImage> =
                 next.iter().zip(&images).map(|(spot, image)| self.image_after(spot, image, window, buffers)).collect();
-            buffers.paint(&next_images, window.columns);
+            buffers.paint(next_images.iter(), window.columns);
             let reached = self.painted_deviance(window, buffers);
             if reached < deviance {
                 let gain = deviance - reached;
                 (spots, images, deviance) = (next, next_images, reached);
                 damping = (damping * LESS).max(LEAST_DAMPING);
                 is_weighed = false;
+                is_stale = gain > STALE * spots.len() as f64;
                 if gain < ends.gain {
                     break;
                 }
@@ -141,7 +163,7 @@ impl Setting<'_> {
                     break;
                 }
                 buffers.wipe();
-                buffers.paint(&images, window.columns);
+                buffers.paint(images.iter(), window.columns);
             }
         }
         buffers.wipe();

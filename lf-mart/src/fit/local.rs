@@ -2,9 +2,10 @@
 
 use super::buffers::Buffers;
 use super::cloud::{Cloud, SEAM, Tile};
-use super::covariance::Prior;
+use super::covariance::{Prior, covariance};
 use super::image::{COUNTS, SpotImage, UNKNOWNS};
 use super::joint::{Ends, Fitted, Setting};
+use super::normal::Normal;
 use super::{spot::Spot, window::Window};
 
 /// A particle in hand.
@@ -16,6 +17,8 @@ pub(super) struct Member {
     pub(super) is_own: bool,
     pub(super) spot: Spot,
     pub(super) image: SpotImage,
+    /// Whether it stayed whole when it was tried to be two, and nothing changed near it since.
+    pub(super) is_whole: bool,
 }
 
 /// A tile at work.
@@ -32,11 +35,9 @@ pub(super) struct Local<'a, 'b> {
 /// The changes by a tile's work.
 #[derive(Debug, Default)]
 pub(super) struct Changed {
-    pub(super) spots: Vec<(usize, Spot)>,
+    pub(super) spots: Vec<(usize, Spot, bool)>,
     pub(super) gone: Vec<usize>,
     pub(super) new: Vec<Spot>,
-    /// Changes that were kept.
-    pub(super) count: usize,
 }
 
 impl<'a, 'b> Local<'a, 'b> {
@@ -55,7 +56,13 @@ impl<'a, 'b> Local<'a, 'b> {
         for (n, spot) in cloud.spots.iter().enumerate() {
             if is_own[n] || (spot.light > 0.0 && local.is_in_seam(spot)) {
                 let image = setting.image(spot, local.window, local.buffers);
-                local.members.push(Member { number: Some(n), is_own: is_own[n], spot: *spot, image });
+                local.members.push(Member {
+                    number: Some(n),
+                    is_own: is_own[n],
+                    spot: *spot,
+                    image,
+                    is_whole: cloud.is_whole[n],
+                });
             }
         }
         local
@@ -103,9 +110,9 @@ impl<'a, 'b> Local<'a, 'b> {
 
     /// Takes the light of members out of the window; gives their -2 log L beyond that of the window without them.
     pub(super) fn lift(&mut self, near: &[usize]) -> f64 {
-        let images: Vec<SpotImage> = near.iter().map(|n| self.members[*n].image.clone()).collect();
-        images.iter().for_each(|image| image.add_to(&mut self.window.light, self.window.columns, -1.0));
-        self.setting.deviance(self.window, &images, self.buffers)
+        let images = near.iter().map(|n| &self.members[*n].image);
+        images.clone().for_each(|image| image.add_to(&mut self.window.light, self.window.columns, -1.0));
+        self.setting.deviance(self.window, images, self.buffers)
     }
 
     /// Puts it back.
@@ -126,9 +133,9 @@ impl<'a, 'b> Local<'a, 'b> {
             image.add_to(&mut self.window.light, self.window.columns, 1.0);
             if k < old {
                 let member = &mut self.members[near[k]];
-                (member.spot, member.image) = (spot, image);
+                (member.spot, member.image, member.is_whole) = (spot, image, false);
             } else {
-                self.members.push(Member { number: None, is_own: true, spot, image });
+                self.members.push(Member { number: None, is_own: true, spot, image, is_whole: false });
             }
         }
         let mut spare: Vec<usize> = near.iter().skip(count).copied().collect();
@@ -138,12 +145,43 @@ impl<'a, 'b> Local<'a, 'b> {
         }
     }
 
+    /// Fits all own members together. Gives the fall of -2 log L.
+    pub(super) fn fit(&mut self, ends: Ends) -> f64 {
+        let own: Vec<usize> = (0..self.members.len()).filter(|n| self.members[*n].is_own).collect();
+        let before = self.lift(&own);
+        let spots: Vec<Spot> = own.iter().map(|n| self.members[*n].spot).collect();
+        let images = own.iter().map(|n| std::mem::take(&mut self.members[*n].image)).collect();
+        let ends = Ends { gain: ends.gain * own.len() as f64, ..ends };
+        let fitted = self.setting.joint(self.window, &spots, images, ends, self.buffers);
+        for (n, (spot, image)) in own.iter().zip(fitted.spots.into_iter().zip(fitted.images)) {
+            (self.members[*n].spot, self.members[*n].image) = (spot, image);
+        }
+        self.lay(&own);
+        before - fitted.deviance
+    }
+
+    /// The normal equations of all members, for their covariances.
+    pub(super) fn normal(&mut self) -> Normal {
+        let images = self.members.iter().map(|member| &member.image);
+        self.buffers.paint(images.clone(), self.window.columns);
+        self.setting.weigh_whole(self.window, self.buffers);
+        let normal = Normal::new(images, self.window.columns, self.buffers);
+        self.buffers.wipe();
+        normal
+    }
+
     /// The covariance of a member, its neighbours within `aside` pixels free too.
-    pub(super) fn covariance(&mut self, n: usize, aside: f64, prior: Prior) -> [[f64; UNKNOWNS]; UNKNOWNS] {
-        let near = self.near(self.members[n].spot.place_mm, aside);
-        let others = near.iter().filter(|other| **other != n).map(|other| &self.members[*other].image);
-        let images: Vec<&SpotImage> = std::iter::once(&self.members[n].image).chain(others).collect();
-        self.setting.covariance(self.window, &images, prior, self.buffers)
+    pub(super) fn covariance(
+        &self,
+        normal: &Normal,
+        n: usize,
+        aside: f64,
+        prior: Prior,
+    ) -> [[f64; UNKNOWNS]; UNKNOWNS] {
+        let mut chosen = self.near(self.members[n].spot.place_mm, aside);
+        chosen.retain(|other| *other != n);
+        chosen.insert(0, n);
+        covariance(normal, &chosen, prior)
     }
 
     /// Misfit on a member's light, in standard deviations of chi squared.
@@ -161,12 +199,12 @@ impl<'a, 'b> Local<'a, 'b> {
         sum / f64::sqrt(2.0 * f64::max(count, 1.0))
     }
 
-    /// The changes by the work, after `count` changes.
-    pub(super) fn changed(self, count: usize) -> Changed {
-        let mut changed = Changed { gone: self.gone, count, ..Changed::default() };
+    /// The changes by the work.
+    pub(super) fn changed(self) -> Changed {
+        let mut changed = Changed { gone: self.gone, ..Changed::default() };
         for member in self.members {
             match member.number {
-                Some(number) => changed.spots.push((number, member.spot)),
+                Some(number) => changed.spots.push((number, member.spot, member.is_whole)),
                 None => changed.new.push(member.spot),
             }
         }
@@ -177,13 +215,18 @@ impl<'a, 'b> Local<'a, 'b> {
 impl Cloud<'_> {
     /// Takes changes in. Numbers of particles hold until [`Cloud::forget`].
     pub(super) fn take(&mut self, changed: &Changed) {
-        changed.spots.iter().for_each(|(n, spot)| self.spots[*n] = *spot);
+        for (n, spot, is_whole) in &changed.spots {
+            (self.spots[*n], self.is_whole[*n]) = (*spot, *is_whole);
+        }
         self.spots.extend(&changed.new);
+        self.is_whole.resize(self.spots.len(), false);
         changed.gone.iter().for_each(|n| self.spots[*n].light = 0.0);
     }
 
     /// Forgets particles without light.
     pub(super) fn forget(&mut self) {
+        let mut kept = self.spots.iter().map(|spot| spot.light > 0.0);
+        self.is_whole.retain(|_| kept.next().unwrap_or(false));
         self.spots.retain(|spot| spot.light > 0.0);
     }
 }

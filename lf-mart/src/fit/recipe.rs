@@ -8,6 +8,7 @@ use super::image::UNKNOWNS;
 use super::joint::{Ends, Setting};
 use super::local::{Changed, Local};
 use super::noise::{Given, Noise};
+use super::normal::Normal;
 use super::shape::{Free, Sample, Shape};
 use super::{candidates, spot::Spot, window::Window};
 use lf_core::particle_image::ParticleModel;
@@ -65,6 +66,8 @@ pub struct Fit {
     pub particles: Vec<Found>,
     /// Size and drift.
     pub shape: Shape,
+    /// Standard uncertainties of the size and of both drifts, pixels; 0 for what is held, infinite if none was found.
+    pub shape_std_px: [f64; 3],
     /// The noise.
     pub noise: Noise,
     /// Mean squared difference over variance where light is expected.
@@ -72,24 +75,30 @@ pub struct Fit {
 }
 
 /// Sweeps of expectation maximisation on light, and the faintest candidate that is kept, in medians.
-const LIGHT_SWEEPS: usize = 3;
-const LIGHT_ROUNDS: usize = 10;
+const LIGHT_SWEEPS: usize = 2;
+const LIGHT_ROUNDS: usize = 15;
 const FAINTEST: f64 = 0.02;
 /// Fall of -2 log L that another particle must bring: five standard deviations.
 const GAIN: f64 = 25.0;
 /// Particles may leave the volume's depths by this many pixels of the focal plane.
 const BEYOND_PX: f64 = 40.0;
-/// Side of the part of the sensor from which size and drift are found, pixels.
-const SAMPLE_PX: usize = 420;
-/// Most steps of a fit of size and drift, and rounds after which they are fitted again.
-const SHAPE_STEPS: usize = 8;
-const SHAPE_ROUNDS: usize = 2;
-/// Steps of the sweep by which a shape is judged.
-const SHAPE_SWEEP: usize = 4;
+/// Particles that a part of the sensor sees from which size and drift are found, and its least side, pixels.
+const SAMPLE: f64 = 400.0;
+const SAMPLE_PX: f64 = 200.0;
+/// Pixels do not tell the shape where the light of particles near focus passes this share of the noise, nor where the
+/// image differs by more than these standard deviations: particles may be missing there.
+const STRAY: f32 = 0.5;
+const OUTLIER: f32 = 8.0;
+/// Particles nearer to focus than this share of the scan's depths are left out of the shape's fit.
+const TOO_NEAR: f64 = 0.6;
+/// Most steps of a fit of size and drift.
+const SHAPE_STEPS: usize = 6;
+/// Rounds in which candidates that were not kept are tried again.
+const ADD_ROUNDS: usize = 2;
 /// Rounds end when they change less than this share of the particles.
 const QUIET: f64 = 0.005;
 /// A step of a tile that lowers -2 log L by less than this for each particle is the last of its sweep.
-const SWEEP_GAIN: f64 = 0.01;
+const SWEEP_GAIN: f64 = 0.03;
 /// Neighbours within these pixels of the focal plane are free when the covariance is found: 0.995 of the full.
 const NEIGHBOURS_PX: f64 = 28.0;
 /// Noise before any is found, as a share of the brightest pixels.
@@ -130,6 +139,7 @@ pub fn fit(
         cloud: Cloud::new(image.view(), spots, reach.ceil() as usize),
         model,
         shape: options.shape,
+        shape_std_px: [f64::INFINITY; 3],
         noise,
         pixel_mm,
         depth_mm,
@@ -138,19 +148,17 @@ pub fn fit(
     };
     work.begin();
     work.sweeps("first fit", 1, 3, &mut told);
-    work.shape(&mut told)?;
-    work.sweeps("fit", 2, 3, &mut told);
     work.find_noise();
+    work.shape(&mut told)?;
+    work.sweeps("fit", 1, 3, &mut told);
+    work.find_noise();
+    work.shape(&mut told)?;
+    let mut stirred = vec![true; work.cloud.tiles().len()];
     for round in 0..options.rounds {
-        let changes = work.round(round)?;
+        let (changes, gain) = work.round(round, &mut stirred);
         work.find_noise();
-        if round < SHAPE_ROUNDS {
-            work.shape(&mut told)?;
-        }
-        let gain = work.sweep(1, 4);
         work.tell("round", changes, gain, &mut told);
-        let quiet = QUIET * work.cloud.spots.len() as f64;
-        if round > 0 && (changes.iter().sum::<usize>() as f64) < quiet {
+        if round > 0 && (changes.iter().sum::<usize>() as f64) < QUIET * work.cloud.spots.len() as f64 {
             break;
         }
     }
@@ -169,6 +177,7 @@ struct Work<'a> {
     cloud: Cloud<'a>,
     model: ParticleModel,
     shape: Shape,
+    shape_std_px: [f64; 3],
     noise: Noise,
     pixel_mm: f64,
     depth_mm: [f64; 2],
@@ -199,57 +208,58 @@ impl Work<'_> {
         self.cloud.render(&setting);
     }
 
-    /// Fits size and drift in a part of the sensor.
+    /// Fits size and drift in a part of the sensor, without the light near focus.
     fn shape(&mut self, told: &mut impl FnMut(&Progress)) -> Result<(), Refusal> {
         if !self.options.free.size && !self.options.free.drift {
             return Ok(());
         }
+        let Some(mut sample) = self.sample() else { return Ok(()) };
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let (shape, std_px) = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
+        self.shape_std_px = std_px;
+        self.cloud.is_whole.fill(false);
+        self.take_shape(shape)?;
+        self.tell("size and drift", [0; 3], 0.0, told);
+        Ok(())
+    }
+
+    /// A part of the sensor that sees enough particles; None if no particle is there.
+    fn sample(&self) -> Option<Sample<'_>> {
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
         let size = [self.cloud.image.ncols(), self.cloud.image.nrows()];
-        let part = size.map(|side| {
-            let width = side.min(SAMPLE_PX);
-            [(side - width) / 2, (side + width) / 2]
-        });
         let margin = self.cloud.reach_px;
+        let area = (size[0] * size[1]) as f64 / self.cloud.spots.len().max(1) as f64;
+        let side = ((SAMPLE * area).sqrt() - 2.0 * margin as f64).max(SAMPLE_PX) as usize;
+        let part = size.map(|whole| [whole.saturating_sub(side) / 2, (whole + side.min(whole)).div_ceil(2)]);
         let low = part.map(|[low, _]| low.saturating_sub(margin));
         let high = [0, 1].map(|axis| (part[axis][1] + margin).min(size[axis]));
         let mut window = Window::cut(self.cloud.image, &self.cloud.light, low, high);
-        for (n, seen) in window.seen.iter_mut().enumerate() {
-            let place = [low[0] + n % window.columns, low[1] + n / window.columns];
-            if (0..2).any(|axis| !(part[axis][0]..part[axis][1]).contains(&place[axis])) {
-                *seen = f32::NAN;
-            }
-        }
         let sees = |spot: &&Spot| {
             let place = self.model.chief_px(spot.place_mm);
             let reach = self.model.reach_px(spot.place_mm[2]);
             (0..2).all(|axis| place[axis] > part[axis][0] as f64 - reach && place[axis] < part[axis][1] as f64 + reach)
         };
-        let spots: Vec<Spot> = self.cloud.spots.iter().filter(sees).copied().collect();
-        if spots.is_empty() {
-            return Ok(());
+        let too_near = TOO_NEAR * self.near_focus_mm();
+        let seen: Vec<Spot> = self.cloud.spots.iter().filter(sees).copied().collect();
+        let (near, far): (Vec<Spot>, Vec<Spot>) = seen.iter().partition(|spot| spot.place_mm[2].abs() < too_near);
+        let (held, spots) = if far.len() > near.len() { (near, far) } else { (Vec::new(), seen) };
+        let mut stray = vec![0f32; window.seen.len()];
+        let mut buffers = Buffers::default();
+        for spot in &held {
+            setting.image(spot, &window, &mut buffers).add_to(&mut stray, window.columns, 1.0);
         }
-        let mut sample = Sample { camera: self.camera, window, spots, free: self.options.free };
-        let shape = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
-        self.judge_shape(shape)?;
-        self.tell("size and drift", [0; 3], 0.0, told);
-        Ok(())
-    }
-
-    /// Takes a shape that a part of the sensor proposes if all of it agrees: both are tried with particles fitted.
-    fn judge_shape(&mut self, shape: Shape) -> Result<(), Refusal> {
-        let (start, old_shape) = (self.cloud.spots.clone(), self.shape);
-        let kept = self.sweep(1, SHAPE_SWEEP);
-        let old = self.cloud.deviance(&Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm));
-        let old_spots = std::mem::replace(&mut self.cloud.spots, start);
-        self.take_shape(shape)?;
-        let gained = self.sweep(1, SHAPE_SWEEP);
-        let new = self.cloud.deviance(&Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm));
-        if new > old || !(kept + gained).is_finite() {
-            self.cloud.spots = old_spots;
-            self.take_shape(old_shape)?;
+        for (n, (light, stray)) in window.light.iter_mut().zip(&stray).enumerate() {
+            let place = [low[0] + n % window.columns, low[1] + n / window.columns];
+            let is_beyond = (0..2).any(|axis| !(part[axis][0]..part[axis][1]).contains(&place[axis]));
+            let noise = self.noise.variance(*light).sqrt();
+            let seen = &mut window.seen[n];
+            if is_beyond || *stray > STRAY * noise || (*seen - *light).abs() > OUTLIER * noise {
+                *seen = f32::NAN;
+            }
+            *light = *stray;
         }
-        Ok(())
+        let free = self.options.free;
+        (!spots.is_empty()).then_some(Sample { camera: self.camera, window, spots, free })
     }
 
     fn take_shape(&mut self, shape: Shape) -> Result<(), Refusal> {
@@ -282,46 +292,62 @@ impl Work<'_> {
             gain: GAIN * self.cloud.misfit(&setting).max(1.0),
             usual_light: median(self.cloud.spots.iter().map(|spot| spot.light).collect()),
             lenslet_px: self.camera.pitch_px(),
+            near_mm: self.near_focus_mm(),
             prior: self.prior,
         }
     }
 
-    /// Runs a change in every tile. Gives how many changes were kept.
-    fn change(&mut self, work: impl Fn(&mut Local) -> usize + Sync) -> usize {
+    /// Runs a change in the tiles that are stirred, and notes which of them changed. Gives the changes of each kind that
+    /// were kept, and the fall of -2 log L that `work` tells.
+    fn change(
+        &mut self,
+        stirred: &mut [bool],
+        work: impl Fn(&mut Local) -> ([usize; 3], f64) + Sync,
+    ) -> ([usize; 3], f64) {
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
-        let mut count = 0;
+        let (mut sum, mut gain) = ([0; 3], 0.0);
         let task = |cloud: &Cloud, window: &mut Window, tile: &Tile, own: &[usize], buffers: &mut Buffers| {
             let mut local = Local::new(cloud, &setting, window, tile, own, buffers);
-            let count = work(&mut local);
-            local.changed(count)
+            let done = work(&mut local);
+            (done, local.changed())
         };
-        self.cloud.each_tile(&setting, task, |cloud, changed: Changed| {
-            count += changed.count;
-            cloud.take(&changed);
-        });
+        let mut has_changed = vec![false; stirred.len()];
+        type Done = (([usize; 3], f64), Changed);
+        self.cloud.each_tile(
+            &setting,
+            |n| stirred[n],
+            task,
+            |cloud, n, ((counts, fall), changed): Done| {
+                has_changed[n] = counts != [0; 3];
+                sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+                gain += fall;
+                cloud.take(&changed);
+            },
+        );
         self.cloud.forget();
-        count
+        stirred.copy_from_slice(&Cloud::stirred(&self.cloud.tiles(), &has_changed));
+        (sum, gain)
     }
 
     /// Drop, split, add.
-    fn round(&mut self, round: usize) -> Result<[usize; 3], Refusal> {
+    fn round(&mut self, round: usize, stirred: &mut [bool]) -> ([usize; 3], f64) {
         let judge = self.judge();
-        let dropped = self.change(|local| local.drop_weak(&judge));
-        self.sweep(1, 3);
-        let judge = self.judge();
-        let split = self.change(|local| local.split(&judge));
-        let added = if round < 3 {
-            let candidates = std::mem::take(&mut self.candidates);
-            let added = self.change(|local| {
+        let candidates = std::mem::take(&mut self.candidates);
+        let changes = self.change(stirred, |local| {
+            let mut gain = local.fit(Ends { steps: 6, gain: SWEEP_GAIN });
+            let dropped = local.drop_weak(&judge, false);
+            gain += local.fit(Ends { steps: 8, gain: SWEEP_GAIN });
+            let split = local.split(&judge);
+            let mut added = 0;
+            if round < ADD_ROUNDS {
                 let mine: Vec<Spot> = candidates.iter().filter(|spot| local.holds(spot)).copied().collect();
-                local.add(&mine, &judge)
-            });
-            self.candidates = candidates;
-            added
-        } else {
-            0
-        };
-        Ok([dropped, split, added])
+                added = local.add(&mine, &judge);
+            }
+            gain += local.fit(Ends { steps: 4, gain: SWEEP_GAIN });
+            ([dropped, split, added], gain)
+        });
+        self.candidates = candidates;
+        changes
     }
 
     fn tell(&self, what: &'static str, changes: [usize; 3], gain: f64, told: &mut impl FnMut(&Progress)) {
@@ -336,19 +362,21 @@ impl Work<'_> {
         self.shape(told)?;
         self.sweeps("fit", 1, 6, told);
         let judge = self.judge();
-        let near_mm = self.near_focus_mm();
-        let moved = self.change(|local| local.scan(near_mm, &judge));
-        let judge = self.judge();
-        let dropped = self.change(|local| local.drop_weak(&judge));
-        let gain = self.sweep(1, 8);
-        self.tell("scan", [dropped, 0, moved], gain, told);
+        let mut all = vec![true; self.cloud.tiles().len()];
+        let (changes, gain) = self.change(&mut all, |local| {
+            let moved = local.scan(&judge);
+            let dropped = local.drop_weak(&judge, true);
+            ([dropped, 0, moved], local.fit(Ends { steps: 8, gain: SWEEP_GAIN }))
+        });
+        self.tell("scan", changes, gain, told);
         self.find_noise();
         let gain = self.sweep(1, 8);
         self.tell("last fit", [0; 3], gain, told);
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
         let misfit = self.cloud.misfit(&setting);
         let particles = self.uncertainties(&setting);
-        Ok(Fit { particles, shape: self.shape, noise: self.noise, misfit })
+        let Self { shape, shape_std_px, noise, .. } = self;
+        Ok(Fit { particles, shape, shape_std_px, noise, misfit })
     }
 
     /// Depth from focus over which a scan is worth its time, mm.
@@ -368,15 +396,16 @@ impl Work<'_> {
             .map_init(Buffers::default, |buffers, (tile, own)| {
                 let mut window = self.cloud.window(tile);
                 let mut local = Local::new(&self.cloud, setting, &mut window, tile, own, buffers);
-                let numbers: Vec<usize> = (0..local.members.len()).filter(|n| local.members[*n].is_own).collect();
-                numbers.iter().map(|n| self.uncertain(&mut local, *n)).collect()
+                let normal = local.normal();
+                let own = (0..local.members.len()).filter(|n| local.members[*n].is_own);
+                own.map(|n| self.uncertain(&local, &normal, n)).collect()
             })
             .collect();
         found.concat()
     }
 
-    fn uncertain(&self, local: &mut Local, n: usize) -> Found {
-        let covariance: [[f64; UNKNOWNS]; UNKNOWNS] = local.covariance(n, NEIGHBOURS_PX, self.prior);
+    fn uncertain(&self, local: &Local, normal: &Normal, n: usize) -> Found {
+        let covariance: [[f64; UNKNOWNS]; UNKNOWNS] = local.covariance(normal, n, NEIGHBOURS_PX, self.prior);
         let spot = local.members[n].spot;
         let square = self.pixel_mm * self.pixel_mm;
         let at = |a: usize, b: usize| square * 0.5 * (covariance[a][b] + covariance[b][a]);

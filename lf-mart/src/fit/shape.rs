@@ -4,10 +4,9 @@
 use super::buffers::Buffers;
 use super::image::{SpotImage, UNKNOWNS};
 use super::joint::Setting;
-use super::normal::{Blocks, DEEP, cholesky, conjugate_gradients, solve};
+use super::normal::{DEEP, Normal, cholesky, conjugate_gradients, solve};
 use super::{spot::Spot, window::Window};
 use lf_core::particle_image::{ParticleModel, Patch, QUANTITIES, Scratch};
-use lf_core::simd::fastest;
 use lf_core::{Camera, Refusal};
 use rayon::prelude::*;
 
@@ -40,8 +39,10 @@ const DAMPING: f64 = 0.01;
 const LESS: f64 = 0.2;
 const MORE: f64 = 8.0;
 const LEAST_DAMPING: f64 = 1e-6;
-/// A step below this ends the fit, pixels.
-const ENOUGH_PX: f64 = 1e-4;
+/// A step that does not help at this damping is the last.
+const MOST_DAMPING: f64 = 1.0;
+/// A step that lowers -2 log L by less ends the fit.
+const ENOUGH: f64 = 0.5;
 
 impl Shape {
     /// The model of particles of this shape.
@@ -65,7 +66,8 @@ impl Shape {
     }
 }
 
-/// A part of the sensor and the particles that it sees. Pixels of the window outside the part are blind.
+/// A part of the sensor and the particles that it sees. Pixels of the window that are not to tell the shape are blind;
+/// its light is that of particles that are held.
 pub(super) struct Sample<'a> {
     pub(super) camera: &'a Camera,
     pub(super) window: Window,
@@ -74,15 +76,21 @@ pub(super) struct Sample<'a> {
 }
 
 impl Sample<'_> {
-    /// Fits shape and particles. Gives the shape; the particles stay in the sample.
-    pub(super) fn fit(&mut self, setting: &Setting, mut shape: Shape, steps: usize) -> Result<Shape, Refusal> {
-        self.window.light.fill(0.0);
+    /// Fits shape and particles. Gives the shape and its standard uncertainties: those of the size and of both drifts,
+    /// pixels.
+    pub(super) fn fit(
+        &mut self,
+        setting: &Setting,
+        mut shape: Shape,
+        steps: usize,
+    ) -> Result<(Shape, [f64; SHAPES]), Refusal> {
         let mut buffers = Buffers::default();
         let mut model = shape.model(self.camera, setting.depth_mm)?;
         let mut state = self.state(&Setting { model: &model, ..*setting }, &mut buffers);
         let mut damping = DAMPING;
         for _ in 0..steps {
-            let (step, moves) = self.step(&Setting { model: &model, ..*setting }, &state, damping, &mut buffers);
+            let Step { shape: step, moves, .. } =
+                self.step(&Setting { model: &model, ..*setting }, &state, damping, &mut buffers);
             if !step.iter().all(|step| step.is_finite()) {
                 damping *= MORE;
                 continue;
@@ -93,30 +101,31 @@ impl Sample<'_> {
             let old = self.spots.clone();
             self.spots = old.iter().zip(&moves).map(|(spot, step)| next_setting.moved(spot, step)).collect();
             let next = self.state(&next_setting, &mut buffers);
-            if next.deviance < state.deviance {
+            let gain = state.deviance - next.deviance;
+            if gain > 0.0 {
                 (shape, model, state) = (next_shape, next_model, next);
                 damping = (damping * LESS).max(LEAST_DAMPING);
-                if step.iter().all(|step| step.abs() < ENOUGH_PX) {
+                if gain < ENOUGH {
                     break;
                 }
             } else {
                 self.spots = old;
+                if damping > MOST_DAMPING {
+                    break;
+                }
                 damping *= MORE;
             }
         }
-        Ok(shape)
+        let last = self.step(&Setting { model: &model, ..*setting }, &state, LEAST_DAMPING, &mut buffers);
+        Ok((shape, last.std))
     }
 
     /// Renders the particles.
     fn state(&self, setting: &Setting, buffers: &mut Buffers) -> State {
-        let columns = self.window.columns;
         let rendered: Vec<(SpotImage, Vec<Slopes>)> = self
             .spots
             .par_iter()
-            .map_init(Scratch::default, |scratch, spot| {
-                let image = SpotImage::of(setting.model, spot, setting.pixel_mm, &self.window, scratch);
-                (image, self.by_shape(setting, spot, scratch))
-            })
+            .map_init(Scratch::default, |scratch, spot| self.render(setting, spot, scratch))
             .collect();
         let mut by_shape = vec![[0f32; SHAPES]; self.window.seen.len()];
         let mut images = Vec::with_capacity(rendered.len());
@@ -126,18 +135,17 @@ impl Sample<'_> {
             }
             images.push(image);
         }
-        let deviance = setting.deviance(&self.window, &images, buffers);
-        debug_assert_eq!(by_shape.len() % columns, 0);
+        let deviance = setting.deviance(&self.window, images.iter(), buffers);
         State { images, by_shape, deviance }
     }
 
-    /// The derivatives of a particle's counts by the shape, by pixel of the window.
-    fn by_shape(&self, setting: &Setting, spot: &Spot, scratch: &mut Scratch) -> Vec<Slopes> {
+    /// The image of a particle, and the derivatives of its counts by the shape, by pixel of the window.
+    fn render(&self, setting: &Setting, spot: &Spot, scratch: &mut Scratch) -> (SpotImage, Vec<Slopes>) {
         let Window { left, top, columns, rows, .. } = self.window;
         let sensor_px = spot.light * self.camera.sensor.pixel_pitch_mm;
         let scale = [spot.light * setting.pixel_mm, sensor_px, sensor_px];
         let mut slopes = Vec::new();
-        let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
+        let take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
             for (n, pixel) in pixels.iter().enumerate() {
                 let column = patch.column as usize + n % patch.columns as usize;
                 let row = patch.row as usize + n / patch.columns as usize;
@@ -147,25 +155,16 @@ impl Sample<'_> {
                 }
             }
         };
-        fastest(
-            #[inline(always)]
-            || setting.model.visit(spot.place_mm, scratch, &mut take),
-        );
-        slopes
+        let image = SpotImage::with_all(setting.model, spot, setting.pixel_mm, &self.window, scratch, take);
+        (image, slopes)
     }
 
     /// The step of the shape and those of the particles: the equations of the shape are bordered by the particles'.
-    fn step(
-        &self,
-        setting: &Setting,
-        state: &State,
-        damping: f64,
-        buffers: &mut Buffers,
-    ) -> ([f64; SHAPES], Vec<[f64; UNKNOWNS]>) {
+    fn step(&self, setting: &Setting, state: &State, damping: f64, buffers: &mut Buffers) -> Step {
         let columns = self.window.columns;
-        buffers.paint(&state.images, columns);
+        buffers.paint(state.images.iter(), columns);
         setting.weigh(&self.window, buffers);
-        let normal = Blocks::new(&state.images, columns, buffers);
+        let normal = Normal::new(state.images.iter(), columns, buffers);
         let mut matrix = [[0f64; SHAPES]; SHAPES];
         let mut gradient = [0f64; SHAPES];
         for n in &buffers.touched {
@@ -177,12 +176,10 @@ impl Sample<'_> {
             }
         }
         let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| self.mixed(state, a, buffers));
-        let own = conjugate_gradients(&normal, &state.images, columns, damping, DEEP, buffers);
+        let own = conjugate_gradients(&normal, &normal.gradient, damping, DEEP);
         // Unfinished solutions make the shape's steps shorter, never longer.
-        let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| {
-            let normal = Blocks { gradient: mixed[a].clone(), diagonal: normal.diagonal.clone() };
-            conjugate_gradients(&normal, &state.images, columns, damping, DEEP, buffers)
-        });
+        let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] =
+            std::array::from_fn(|a| conjugate_gradients(&normal, &mixed[a], damping, DEEP));
         buffers.wipe();
         let dot = |a: &[[f64; UNKNOWNS]], b: &[[f64; UNKNOWNS]]| -> f64 {
             a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
@@ -202,10 +199,16 @@ impl Sample<'_> {
         }
         cholesky(&mut system, SHAPES);
         solve(&system, SHAPES, &mut step);
+        let std = std::array::from_fn(|a| {
+            let mut unit = [0.0; SHAPES];
+            unit[a] = 1.0;
+            solve(&system, SHAPES, &mut unit);
+            if is_free[a] { unit[a].sqrt() } else { 0.0 }
+        });
         let moves = (0..own.len())
             .map(|n| std::array::from_fn(|k| own[n][k] - (0..SHAPES).map(|a| solved[a][n][k] * step[a]).sum::<f64>()))
             .collect();
-        (step, moves)
+        Step { shape: step, moves, std }
     }
 
     /// Products of the derivatives by one part of the shape with those of each particle.
@@ -224,6 +227,13 @@ impl Sample<'_> {
 
 /// A pixel of the window, and the derivatives of its counts by the shape.
 type Slopes = (u32, [f32; SHAPES]);
+
+/// A step of the shape, those of the particles, and the standard uncertainties of the shape.
+struct Step {
+    shape: [f64; SHAPES],
+    moves: Vec<[f64; UNKNOWNS]>,
+    std: [f64; SHAPES],
+}
 
 /// A rendered sample.
 struct State {

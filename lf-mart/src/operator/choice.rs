@@ -5,18 +5,16 @@ use super::{
     micro::MicroWeights,
     plane::{Plane, keep},
     profiles::ProfileWeights,
-    stored,
+    stored::Stored,
 };
 use lf_core::Weights;
 use lf_core::weights::{Path, RowSet};
 
-/// Exact weights are kept once they take no more than this part of the memory allowed, and made from tables before. Kept
-/// weights are ten times as fast and a little more exact, but a camera of many pixels has weights of many GB.
+/// Exact weights are kept once they take no more than this part of the memory allowed, and no more than a part of the
+/// support's voxels is left: making them for many costs more than the sweeps that clear the haze. Few are kept at once.
 const KEPT_PART: f64 = 0.2;
-
-fn haze_bytes(max_bytes: u64) -> u64 {
-    (KEPT_PART * max_bytes as f64) as u64
-}
+const KEPT_VOXELS: f64 = 0.125;
+const FEW_BYTES: u64 = 1 << 25;
 
 /// Where weights are during the sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,28 +34,55 @@ pub(crate) enum Storage {
 impl Storage {
     /// Foretells [`Operator::new`]: the storage, and the bytes of the weights from a sample of voxels and slices.
     pub(crate) fn choose(weights: &Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> (Self, u64) {
-        if let Path::Aligned(aligned) = &weights.path {
-            return (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices));
-        }
-        if let Path::Micro(micro) = &weights.path {
-            let most_bytes = haze_bytes(max_bytes);
-            let count = stored::count_weights(weights, indices);
-            let kept = VoxelWeights::foretold_bytes(weights, indices, count, most_bytes);
-            if stored::fits(count, most_bytes) {
-                return (Self::Kept, kept);
+        let bytes = Stored::foretold_bytes(weights, indices, subsets);
+        let kept = |most_bytes| VoxelWeights::foretold_bytes(weights, indices.len(), bytes, most_bytes);
+        let haze = match &weights.path {
+            Path::Aligned(aligned) => (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices, subsets)),
+            Path::Micro(micro) => (Self::Tables, MicroWeights::foretold_bytes(micro, subsets)),
+            _ => {
+                let most_bytes = kept_bytes(max_bytes);
+                return (if bytes <= most_bytes { Self::Kept } else { Self::Remade }, kept(most_bytes));
             }
-            return (Self::Tables, MicroWeights::foretold_bytes(micro, subsets) + kept);
+        };
+        let limits = Limits::new(weights, indices, max_bytes);
+        match limits.allow(indices.len(), bytes) {
+            true => (Self::Kept, kept(bytes)),
+            false => (haze.0, haze.1 + kept(limits.bytes.min((KEPT_VOXELS * bytes as f64) as u64))),
         }
-        let count = stored::count_weights(weights, indices);
-        let storage = if stored::fits(count, kept_bytes(max_bytes)) { Self::Kept } else { Self::Remade };
-        (storage, VoxelWeights::foretold_bytes(weights, indices, count, kept_bytes(max_bytes)))
+    }
+}
+
+/// When weights are kept.
+#[derive(Clone, Copy)]
+struct Limits {
+    bytes: u64,
+    voxels: usize,
+}
+
+impl Limits {
+    fn new(weights: &Weights, indices: &[u64], max_bytes: u64) -> Self {
+        let is_kept = match &weights.path {
+            Path::Aligned(_) => weights.finds_runs(),
+            Path::Micro(_) => true,
+            _ => false,
+        };
+        if !is_kept {
+            return Self { bytes: 0, voxels: 0 };
+        }
+        let [bytes, voxels] = [KEPT_PART * max_bytes as f64, KEPT_VOXELS * indices.len() as f64];
+        Self { bytes: bytes as u64, voxels: voxels as usize }
+    }
+
+    /// Whether weights of so many voxels, which take so many bytes, are kept.
+    fn allow(&self, voxels: usize, bytes: u64) -> bool {
+        bytes <= self.bytes && (voxels <= self.voxels || bytes <= FEW_BYTES)
     }
 }
 
 /// The weights of a support's voxels.
 pub(crate) enum Operator<'a> {
     /// For an aligned camera.
-    Profiles(Box<ProfileWeights>),
+    Profiles(Box<ProfileWeights>, Haze<'a>),
     /// For exact weights, until those of the voxels still held fit into memory.
     Micro(Box<MicroWeights<'a>>, Haze<'a>),
     /// For any other.
@@ -69,36 +94,36 @@ pub(crate) struct Haze<'a> {
     weights: &'a Weights,
     indices: Vec<u64>,
     subsets: usize,
-    most_bytes: u64,
+    limits: Limits,
 }
 
 impl<'a> Haze<'a> {
     /// Weights that are never kept.
     #[cfg(test)]
     pub(crate) fn forever(weights: &'a Weights, subsets: usize) -> Self {
-        Self { weights, indices: Vec::new(), subsets, most_bytes: 0 }
+        Self { weights, indices: Vec::new(), subsets, limits: Limits { bytes: 0, voxels: 0 } }
     }
 
-    /// The weights of all voxels that are left, if they fit.
+    /// The weights of all voxels that are left, if they are to be kept.
     fn kept(&self) -> Option<VoxelWeights<'a>> {
-        let Self { weights, indices, subsets, most_bytes } = self;
-        let count = stored::count_weights(weights, indices);
-        stored::fits(count, *most_bytes).then(|| VoxelWeights::new(weights, indices, *subsets, *most_bytes))
+        let Self { weights, indices, subsets, limits } = self;
+        let bytes = Stored::foretold_bytes(weights, indices, *subsets);
+        let is_allowed = limits.allow(indices.len(), bytes);
+        is_allowed.then(|| VoxelWeights::new(weights, indices, *subsets, u64::MAX))
     }
 }
 
 impl<'a> Operator<'a> {
     /// For `subsets` interleaved subsets of image rows. Weights are kept if they fit in a part of `max_bytes`.
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
-        match &weights.path {
-            Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets))),
-            Path::Micro(micro) => {
-                let haze = Haze { weights, indices: indices.to_vec(), subsets, most_bytes: haze_bytes(max_bytes) };
-                match haze.kept() {
-                    Some(kept) => Self::Voxels(kept),
-                    None => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), haze),
-                }
+        let haze =
+            Haze { weights, indices: indices.to_vec(), subsets, limits: Limits::new(weights, indices, max_bytes) };
+        match (&weights.path, haze.kept()) {
+            (Path::Aligned(_) | Path::Micro(_), Some(kept)) => Self::Voxels(kept),
+            (Path::Aligned(aligned), None) => {
+                Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets)), haze)
             }
+            (Path::Micro(micro), None) => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), haze),
             _ => Self::Voxels(VoxelWeights::new(weights, indices, subsets, kept_bytes(max_bytes))),
         }
     }
@@ -112,7 +137,13 @@ impl<'a> Operator<'a> {
                     *self = Self::Voxels(kept);
                 }
             }
-            Self::Profiles(weights) => weights.retain(held),
+            Self::Profiles(weights, haze) => {
+                weights.retain(held);
+                keep(&mut haze.indices, held);
+                if let Some(kept) = haze.kept() {
+                    *self = Self::Voxels(kept);
+                }
+            }
             Self::Voxels(weights) => weights.retain(held),
         }
     }
@@ -126,7 +157,7 @@ impl<'a> Operator<'a> {
     pub(crate) fn weights(&self) -> u64 {
         match self {
             Self::Micro(weights, _) => weights.weights(),
-            Self::Profiles(weights) => weights.weights(),
+            Self::Profiles(weights, _) => weights.weights(),
             Self::Voxels(weights) => weights.count,
         }
     }
@@ -135,7 +166,7 @@ impl<'a> Operator<'a> {
     pub(crate) fn shares(&self) -> Vec<f32> {
         match self {
             Self::Micro(weights, _) => weights.shares(),
-            Self::Profiles(weights) => weights.shares(),
+            Self::Profiles(weights, _) => weights.shares(),
             Self::Voxels(weights) => weights.shares(),
         }
     }
@@ -144,7 +175,7 @@ impl<'a> Operator<'a> {
     pub(crate) fn project(&mut self, rows: RowSet, strengths: &[f32], plane: &mut Plane) {
         match self {
             Self::Micro(weights, _) => weights.project(rows, strengths, plane),
-            Self::Profiles(weights) => weights.project(rows, strengths, plane),
+            Self::Profiles(weights, _) => weights.project(rows, strengths, plane),
             Self::Voxels(weights) => weights.project(rows, strengths, plane),
         }
     }
@@ -160,7 +191,7 @@ impl<'a> Operator<'a> {
     ) {
         match self {
             Self::Micro(weights, _) => weights.back_project(rows, plane, strengths, update),
-            Self::Profiles(weights) => weights.back_project(rows, plane, strengths, update),
+            Self::Profiles(weights, _) => weights.back_project(rows, plane, strengths, update),
             Self::Voxels(weights) => weights.back_project(rows, plane, strengths, update),
         }
     }

@@ -156,4 +156,51 @@ mod tests {
             assert!(sum > 1.0 && four.iter().any(|value| *value > 1.1), "{has_round_stop}: {sum}");
         }
     }
+
+    /// A number from 0 to 1 that looks random.
+    fn part(n: &mut u64) -> f32 {
+        *n = n.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (*n >> 40) as f32 / (1u64 << 24) as f32
+    }
+
+    /// Any width, any pieces in any order, any rows that end with the plane: eight lanes give what four give.
+    #[test]
+    fn vectors_equal_their_scalar_twins_for_any_pieces_and_rows() {
+        let mut random = 7u64;
+        for case in 0..400 {
+            let width = 1 + (part(&mut random) * 70.0) as usize;
+            let count = (part(&mut random) * 40.0) as usize;
+            let mut column = 0u32;
+            let pieces: Vec<Piece> = (0..count)
+                .map(|_| {
+                    let is_next = part(&mut random) < 0.7;
+                    column = if is_next { column + 1 } else { (part(&mut random) * 70.0) as u32 } % width as u32;
+                    let u0 = 120.0 * part(&mut random) - 60.0;
+                    let span = if part(&mut random) < 0.1 { 0.0 } else { 8.0 * part(&mut random) };
+                    Piece { pixel: column, weight: part(&mut random), u0, u1: u0 + span }
+                })
+                .collect();
+            let height = 1 + (part(&mut random) * 6.0) as usize;
+            let mut rows = LitRows::default();
+            for row in 0..height {
+                let v0 = 110.0 * part(&mut random) - 55.0;
+                let chords = Chords::of_disc(50.0, f64::from(v0), f64::from(v0) + 3.5);
+                rows.push(LitRow { start: row * (width + PADDING), share: part(&mut random), chords });
+            }
+            let image: Vec<f32> = (0..height * (width + PADDING)).map(|_| part(&mut random)).collect();
+            for has_round_stop in [false, true] {
+                let mut profiles = ColumnProfiles::new(width, has_round_stop);
+                profiles.push(&pieces);
+                let [(four, sums), (eight, wide)] = [Level::Portable, Level::detect()].map(|level| {
+                    profiles.level = level;
+                    let mut plane = vec![1.0; image.len()];
+                    profiles.spread(0, 2.0, &rows, &mut plane);
+                    (plane, profiles.gather(0, &rows, &image))
+                });
+                let close = |a: f32, b: f32| (a - b).abs() <= 2e-5 * a.abs().max(1e-3);
+                assert!(four.iter().zip(&eight).all(|(a, b)| close(*a, *b)), "{case} {has_round_stop}");
+                assert!(close(sums.0, wide.0) && close(sums.1, wide.1), "{case}: {sums:?} {wide:?}");
+            }
+        }
+    }
 }

@@ -6,6 +6,7 @@ mod kernel;
 #[cfg(target_arch = "x86_64")]
 mod kernel_avx2;
 mod kernel_portable;
+mod lister;
 mod micro;
 mod plane;
 mod profile_sums;
@@ -21,6 +22,8 @@ pub(crate) use choice::{Operator, Storage};
 #[cfg(test)]
 pub(crate) use micro::MicroWeights;
 pub(crate) use plane::{Plane, keep};
+#[cfg(test)]
+pub(crate) use profiles::ProfileWeights;
 pub(crate) use stored::count_weights;
 #[cfg(test)]
 pub(crate) use voxels::VoxelWeights;

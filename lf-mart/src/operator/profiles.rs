@@ -97,7 +97,7 @@ fn slice_columns(aligned: &Aligned, z: usize, voxels: impl Iterator<Item = usize
 }
 
 impl ProfileWeights {
-    pub(super) fn new(aligned: &Aligned, indices: &[u64], subsets: usize) -> Self {
+    pub(crate) fn new(aligned: &Aligned, indices: &[u64], subsets: usize) -> Self {
         let [nx, ny, nz] = aligned.grid().shape;
         let has_round_stop = aligned.has_round_stop();
         let start = |line: u64| indices.partition_point(|index| *index < line * nx as u64) as u32;
@@ -165,8 +165,9 @@ impl ProfileWeights {
         }
     }
 
-    /// Bytes of the profiles, twice, as while they are brought together: an estimate from a sample of the slices.
-    pub(super) fn foretold_bytes(aligned: &Aligned, indices: &[u64]) -> u64 {
+    /// Bytes of the profiles, twice, as while they are brought together, and of the lists of lines and slices: an estimate
+    /// from a sample of the slices.
+    pub(super) fn foretold_bytes(aligned: &Aligned, indices: &[u64], subsets: usize) -> u64 {
         let [nx, ny, nz] = aligned.grid().shape;
         let has_round_stop = aligned.has_round_stop();
         let tap = if has_round_stop { size_of::<CutTap>() } else { size_of::<Tap>() };
@@ -185,8 +186,12 @@ impl ProfileWeights {
         let (columns, rows) = (columns / slices.len() as f64, rows / slices.len() as f64);
         let profiles = (nx as f64 * nz as f64).min(indices.len() as f64);
         let lines = (ny as f64 * nz as f64).min(indices.len() as f64);
-        let bytes = profiles * (columns * tap as f64 + 12.0) + lines * (rows * row as f64 + 72.0);
-        (2.0 * bytes) as u64
+        let bytes = profiles * (columns * tap as f64 + 12.0) + lines * rows * row as f64;
+        // Every line, lit or not, has its first voxel, the starts of its subsets, and its sum.
+        let all_lines = (4 + 2 * (4 * (subsets + 1) + 4)) as f64 * ny as f64 * nz as f64;
+        let bands = aligned.sensor_px()[1].min(2 * LEAST_BANDS);
+        let lists = (size_of::<ColumnProfiles>() + size_of::<SliceRows>() + bands * size_of::<Range<u32>>()) as f64;
+        (2.0 * bytes + all_lines + lists * nz as f64) as u64
     }
 
     pub(super) fn retain(&mut self, held: &[bool]) {

@@ -14,7 +14,7 @@ pub struct Projector<'a> {
 
 impl<'a> Projector<'a> {
     /// For the voxels `indices` (rising) of the weights' grid. If the camera is not aligned, weights are kept if they
-    /// take no more than four fifths of `max_bytes`.
+    /// take no more than three fifths of `max_bytes`.
     pub fn new(weights: &'a Weights, indices: &[u64], max_bytes: u64) -> Self {
         let [width, height] = weights.sensor_px();
         let operator = Operator::new(weights, indices, 1, max_bytes);

@@ -1,35 +1,55 @@
-//! The weights of voxels in memory, and how many they will be.
+//! The weights of voxels in memory, a byte each.
+//!
+//! A voxel's weights are kept as multiples of a 255th of its greatest weight, eight pixels of a row together. What is
+//! rounded off changes a voxel's light by some 0.1 % in total variation; the sum of its weights stays exact.
 
-use super::plane::Plane;
+use super::lister::{Eight, Lister};
+use super::plane::{Plane, keep};
 use lf_core::Weights;
+use lf_core::simd::fastest;
 use lf_core::weights::{RowSet, Scratch};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Voxels whose weights are counted to foretell the number of all.
 const SAMPLE: usize = 256;
 
-/// Limit of the number of stored weights: they are counted in 32 bits, and the sample errs by a few per cent.
-const MOST_WEIGHTS: u64 = u32::MAX as u64 / 10 * 9;
+/// Most runs that are kept: they are counted in 32 bits, and the sample errs by a few per cent.
+const MOST_RUNS: u64 = u32::MAX as u64 / 10 * 9;
 
-/// Voxels that a thread takes at once.
-pub(super) const RUN: usize = 1 << 12;
+/// Voxels that a thread takes at once, and how often all threads together do so before their lists are joined.
+const VOXELS: usize = 1 << 8;
+const BATCH: usize = 32;
 
-/// A place in a [`Plane`] and the weight on it.
-#[derive(Clone, Copy)]
-pub(super) struct Weight {
+/// Pixels of a run.
+pub(super) const LANES: usize = 4;
+
+/// Pixels of a row side by side, and the shares of a voxel's light on them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Run {
+    /// The first pixel in a [`Plane`].
     pub(super) place: u32,
-    pub(super) weight: f32,
+    /// In units of the voxel.
+    pub(super) shares: [u8; LANES],
 }
 
-pub(super) const WEIGHT_BYTES: u64 = size_of::<Weight>() as u64;
+const RUN_BYTES: u64 = size_of::<Run>() as u64;
 
-pub(super) fn fits(count: u64, most_bytes: u64) -> bool {
-    count <= MOST_WEIGHTS.min(most_bytes / WEIGHT_BYTES)
+/// 2^23, a float whose neighbours are 1 apart.
+const WHOLE: f32 = 8_388_608.0;
+
+/// Every so many voxels, so that the sample has [`SAMPLE`] at most.
+fn sample(indices: &[u64]) -> Vec<u64> {
+    indices.iter().step_by(indices.len().div_ceil(SAMPLE).max(1)).copied().collect()
+}
+
+fn of_all(count: usize, sample: &[u64], indices: &[u64]) -> u64 {
+    (count as f64 / sample.len().max(1) as f64 * indices.len() as f64) as u64
 }
 
 /// The number of weights of all voxels, each pixel once, from a sample.
 pub(crate) fn count_weights(weights: &Weights, indices: &[u64]) -> u64 {
-    let sample: Vec<u64> = indices.iter().step_by(indices.len().div_ceil(SAMPLE).max(1)).copied().collect();
+    let sample = sample(indices);
     let count = |scratch: &mut Scratch, index: &u64| {
         let mut pixels: Vec<(u32, u32)> = Vec::new();
         weights.runs(weights.grid().voxel(*index), scratch, RowSet::ALL, |row, first, _, columns| {
@@ -40,114 +60,194 @@ pub(crate) fn count_weights(weights: &Weights, indices: &[u64]) -> u64 {
         pixels.len()
     };
     let count: usize = sample.par_iter().map_init(Scratch::default, count).sum();
-    (count as f64 / sample.len().max(1) as f64 * indices.len() as f64) as u64
+    of_all(count, &sample, indices)
 }
 
-/// All weights, voxel by voxel, and subset by subset of the image's rows.
-pub(super) struct Stored {
-    /// Weights of voxel j in subset s are `starts[j * subsets + s] ..` the next.
-    starts: Vec<u32>,
-    weights: Vec<Weight>,
-    subsets: usize,
+/// The weights of some voxels on the rows of one subset, voxel after voxel: they are read in this order.
+#[derive(Debug, Clone, Default)]
+struct Subset {
+    /// Runs of each voxel end here.
+    ends: Vec<u32>,
+    /// The sum of each voxel's weights.
+    sums: Vec<f32>,
+    runs: Vec<Run>,
 }
 
-impl Stored {
-    pub(super) fn new(weights: &Weights, indices: &[u64], subsets: usize) -> Self {
-        let made = |indices: &[u64]| -> Vec<(Vec<u32>, Vec<Weight>)> {
-            let one = |merger: &mut Merger, index: &u64| {
-                let mut ends = vec![0; subsets];
-                let weights = merger.merged(weights, *index, &mut ends);
-                (ends, weights)
-            };
-            indices.par_iter().with_min_len(64).map_init(|| Merger::new(weights), one).collect()
-        };
-        let mut stored = Self { starts: vec![0], weights: Vec::new(), subsets };
-        for run in indices.chunks(RUN) {
-            for (ends, weights) in made(run) {
-                let base = stored.weights.len() as u32;
-                stored.starts.extend(ends.iter().map(|end| base + end));
-                stored.weights.extend(weights);
+impl Subset {
+    /// The runs of a voxel.
+    #[inline(always)]
+    fn of(&self, voxel: usize) -> &[Run] {
+        let start = if voxel > 0 { self.ends[voxel - 1] } else { 0 };
+        &self.runs[start as usize..self.ends[voxel] as usize]
+    }
+
+    /// Adds the voxels of `other` behind its own.
+    fn extend(&mut self, other: &Self) {
+        let base = self.runs.len() as u32;
+        self.ends.extend(other.ends.iter().map(|end| base + end));
+        self.sums.extend(&other.sums);
+        self.runs.extend(&other.runs);
+    }
+
+    fn retain(&mut self, held: &[bool]) {
+        let (mut start, mut voxels, mut end) = (0, 0, 0);
+        for (voxel, held) in held.iter().enumerate() {
+            let runs = start..self.ends[voxel] as usize;
+            start = runs.end;
+            if *held {
+                let count = runs.len();
+                self.runs.copy_within(runs, end);
+                end += count;
+                (self.ends[voxels], self.sums[voxels]) = (end as u32, self.sums[voxel]);
+                voxels += 1;
             }
         }
-        stored
+        self.runs.truncate(end);
+        self.ends.truncate(voxels);
+        self.sums.truncate(voxels);
+    }
+}
+
+/// The weights of some voxels.
+struct Part {
+    subsets: Vec<Subset>,
+    /// Each voxel's unit of light.
+    units: Vec<f32>,
+}
+
+impl Part {
+    fn new(subsets: usize) -> Self {
+        Self { subsets: vec![Subset::default(); subsets], units: Vec::new() }
+    }
+
+    /// Adds a voxel.
+    #[inline(always)]
+    fn add(&mut self, listed: &[Eight], stride: u32) {
+        let (mut light, mut most) = ([0f32; LANES], [0f32; LANES]);
+        for eight in listed {
+            for n in 0..LANES {
+                light[n] += eight.shares[n];
+                most[n] = most[n].max(eight.shares[n]);
+            }
+        }
+        let light: f32 = light.iter().sum();
+        let per_unit = 255.0 / most.iter().fold(f32::MIN_POSITIVE, |most, share| most.max(*share));
+        let count = self.subsets.len() as u32;
+        // Sums stand here as multiples of the unit, which is not known before the end.
+        self.subsets.iter_mut().for_each(|subset| subset.sums.push(0.0));
+        let voxel = self.units.len();
+        let (mut row, mut subset) = (0, 0);
+        for Eight { place, shares } in listed {
+            if !(row..row + stride).contains(place) {
+                (row, subset) = (place / stride * stride, (place / stride % count) as usize);
+            }
+            // Adding a whole number of this size leaves the rounded value in the lowest bits.
+            let whole = shares.map(|share| (share * per_unit + WHOLE).to_bits() & 255);
+            let subset = &mut self.subsets[subset];
+            subset.sums[voxel] += whole.iter().sum::<u32>() as f32;
+            subset.runs.push(Run { place: *place, shares: whole.map(|share| share as u8) });
+        }
+        let all: f32 = self.subsets.iter().map(|subset| subset.sums[voxel]).sum();
+        let unit = light / all.max(1.0);
+        for subset in &mut self.subsets {
+            subset.sums[voxel] *= unit;
+            subset.ends.push(subset.runs.len() as u32);
+        }
+        self.units.push(unit);
+    }
+}
+
+/// The weights of voxels on the rows of each subset of an image's.
+pub(super) struct Stored(Part);
+
+impl Stored {
+    /// Foretells the bytes of [`Stored::new`] from a sample of the voxels.
+    pub(super) fn foretold_bytes(weights: &Weights, indices: &[u64], subsets: usize) -> u64 {
+        let sample = sample(indices);
+        let count = |lister: &mut Lister, index: &u64| lister.list(weights, *index).len();
+        let count: usize = sample.par_iter().map_init(|| Lister::new(weights), count).sum();
+        let runs = of_all(count, &sample, indices);
+        if runs > MOST_RUNS {
+            return u64::MAX;
+        }
+        runs * RUN_BYTES + indices.len() as u64 * (4 + 8 * subsets as u64)
+    }
+
+    /// Most bytes of the lists that [`Stored::new`] joins.
+    pub(super) fn lists_bytes(bytes: u64, voxels: usize) -> u64 {
+        bytes / (voxels as u64).max(1) * (voxels.min(VOXELS * BATCH) as u64)
+    }
+
+    pub(super) fn new(weights: &Weights, indices: &[u64], subsets: usize) -> Self {
+        let stride = Plane::stride(weights.sensor_px()[0]) as u32;
+        let made = |lister: &mut Lister, indices: &[u64]| {
+            let mut part = Part::new(subsets);
+            fastest(
+                #[inline(always)]
+                || {
+                    for index in indices {
+                        part.add(lister.list(weights, *index), stride);
+                    }
+                },
+            );
+            part
+        };
+        let mut all = Part::new(subsets);
+        let runs = (Self::foretold_bytes(weights, indices, subsets) / RUN_BYTES) as usize;
+        all.subsets.iter_mut().for_each(|subset| subset.runs.reserve(runs / subsets));
+        for batch in indices.chunks(VOXELS * BATCH) {
+            let parts: Vec<Part> = batch
+                .par_chunks(VOXELS)
+                .map_init(|| Lister::new(weights), |lister, indices| made(lister, indices))
+                .collect();
+            let joined = all.subsets.par_iter_mut().enumerate();
+            joined.for_each(|(n, subset)| parts.iter().for_each(|part| subset.extend(&part.subsets[n])));
+            parts.iter().for_each(|part| all.units.extend(&part.units));
+        }
+        Self(all)
     }
 
     pub(super) fn retain(&mut self, held: &[bool]) {
-        let (mut end, mut starts) = (0, vec![0]);
-        for (voxel, _) in held.iter().enumerate().filter(|(_, held)| **held) {
-            for n in voxel * self.subsets..(voxel + 1) * self.subsets {
-                let weights = self.starts[n] as usize..self.starts[n + 1] as usize;
-                let count = weights.len();
-                self.weights.copy_within(weights, end);
-                end += count;
-                starts.push(end as u32);
-            }
-        }
-        self.weights.truncate(end);
-        self.starts = starts;
+        self.0.subsets.par_iter_mut().for_each(|subset| subset.retain(held));
+        keep(&mut self.0.units, held);
     }
 
+    /// The number of weights, those of 0 beside others too.
     pub(super) fn count(&self) -> u64 {
-        self.weights.len() as u64
+        self.0.subsets.iter().map(|subset| LANES * subset.runs.len()).sum::<usize>() as u64
     }
 
-    /// The weights of a voxel.
-    pub(super) fn of_voxel(&self, voxel: usize) -> &[Weight] {
-        let n = voxel * self.subsets;
-        &self.weights[self.starts[n] as usize..self.starts[n + self.subsets] as usize]
+    /// The sum of a voxel's weights.
+    pub(super) fn share(&self, voxel: usize) -> f32 {
+        self.0.subsets.iter().map(|subset| subset.sums[voxel]).sum()
     }
 
-    /// The weights of a voxel on a subset's rows.
-    #[inline]
-    pub(super) fn on_rows(&self, voxel: usize, rows: RowSet) -> &[Weight] {
-        let n = voxel * self.subsets + rows.first as usize;
-        &self.weights[self.starts[n] as usize..self.starts[n + 1] as usize]
-    }
-}
-
-/// Adds up the weights of one voxel on each pixel, in a thread's buffers.
-struct Merger {
-    scratch: Scratch,
-    /// Weight on each place; zero between voxels.
-    sums: Vec<f32>,
-    places: Vec<u32>,
-}
-
-impl Merger {
-    fn new(weights: &Weights) -> Self {
-        let [width, height] = weights.sensor_px();
-        Self { scratch: Scratch::default(), sums: Plane::new(width, height).values, places: Vec::new() }
-    }
-
-    /// The weights of a voxel, each pixel once, by rising subset. `ends` becomes the end of each subset.
-    fn merged(&mut self, weights: &Weights, index: u64, ends: &mut [u32]) -> Vec<Weight> {
-        let stride = Plane::stride(weights.sensor_px()[0]);
-        let subsets = ends.len();
-        let subset = |place: u32| place as usize / stride % subsets;
-        let (sums, places) = (&mut self.sums, &mut self.places);
-        weights.runs(weights.grid().voxel(index), &mut self.scratch, RowSet::ALL, |row, first, share, columns| {
-            let place = row * stride as u32 + first;
-            for (place, weight) in (place..).zip(columns).filter(|(_, weight)| **weight > 0.0) {
-                let sum = &mut sums[place as usize];
-                if *sum == 0.0 {
-                    places.push(place);
-                }
-                *sum += share * weight;
+    /// Adds the light of voxels of these strengths to the pixels of a subset's rows.
+    #[inline(always)]
+    pub(super) fn add(&self, voxels: Range<usize>, rows: RowSet, strengths: &[f32], values: &mut [f32]) {
+        let subset = &self.0.subsets[rows.first as usize];
+        for voxel in voxels {
+            let light = strengths[voxel] * self.0.units[voxel];
+            for run in subset.of(voxel) {
+                let values = &mut values[run.place as usize..][..LANES];
+                let shares = run.shares.map(f32::from);
+                (0..LANES).for_each(|n| values[n] += light * shares[n]);
             }
-        });
-        // Sort by subset: count, then place.
-        let mut next = vec![0u32; ends.len() + 1];
-        places.iter().for_each(|place| next[subset(*place) + 1] += 1);
-        for n in 1..next.len() {
-            next[n] += next[n - 1];
         }
-        ends.copy_from_slice(&next[1..]);
-        let mut merged = vec![Weight { place: 0, weight: 0.0 }; places.len()];
-        for place in places.drain(..) {
-            let at = &mut next[subset(place)];
-            merged[*at as usize] = Weight { place, weight: std::mem::take(&mut sums[place as usize]) };
-            *at += 1;
+    }
+
+    /// The sums, over the pixels of a subset's rows, of a voxel's weights times the values and of the weights.
+    #[inline(always)]
+    pub(super) fn seen(&self, voxel: usize, rows: RowSet, values: &[f32]) -> (f32, f32) {
+        let subset = &self.0.subsets[rows.first as usize];
+        let mut sums = [0f32; LANES];
+        for run in subset.of(voxel) {
+            let values = &values[run.place as usize..][..LANES];
+            let shares = run.shares.map(f32::from);
+            (0..LANES).for_each(|n| sums[n] += shares[n] * values[n]);
         }
-        merged
+        let [a, b, c, d] = sums;
+        let sum = (a + b) + (c + d);
+        (self.0.units[voxel] * sum, subset.sums[voxel])
     }
 }

@@ -1,7 +1,7 @@
 //! Weights voxel by voxel, for cameras that are not aligned: kept in memory if they fit, otherwise made at every use.
 
 use super::plane::{Plane, keep};
-use super::stored::{RUN, Stored, WEIGHT_BYTES, count_weights, fits};
+use super::stored::{Stored, count_weights};
 use glam::Vec4;
 use lf_core::weights::{RowSet, Scratch};
 use lf_core::{Weights, simd::fastest};
@@ -10,9 +10,12 @@ use rayon::prelude::*;
 /// Blocks of the support. They are projected apart and added in order: any number of threads gives the same sum.
 const BLOCKS: usize = 8;
 
-/// Weights are kept once they take no more than this part of the memory allowed. Making them anew takes ten to a
-/// hundred times as long.
-const KEPT_PART: f64 = 0.8;
+/// Voxels that a thread takes at once.
+const RUN: usize = 1 << 12;
+
+/// Weights are kept once they take no more than this part of the memory allowed: the rest is for voxels and images, and
+/// for a sample that errs by a quarter. Making them anew takes ten to a hundred times as long.
+const KEPT_PART: f64 = 0.6;
 
 pub(super) fn kept_bytes(max_bytes: u64) -> u64 {
     (KEPT_PART * max_bytes as f64) as u64
@@ -41,21 +44,20 @@ impl<'a> VoxelWeights<'a> {
         this
     }
 
-    /// Bytes of `count` weights and of the tables that make them.
-    pub(super) fn foretold_bytes(weights: &Weights, indices: &[u64], count: u64, most_bytes: u64) -> u64 {
-        let (voxels, all) = (indices.len() as u64, count * WEIGHT_BYTES);
-        // Weights that are being made stand in lists that may have grown to twice their length.
-        let run = (all / voxels.max(1)) * voxels.min(RUN as u64);
+    /// Bytes of kept weights, while they are made, and of the tables that make them.
+    pub(super) fn foretold_bytes(weights: &Weights, voxels: usize, stored_bytes: u64, most_bytes: u64) -> u64 {
         // Sooner or later they are kept, when they fit.
-        all.min(most_bytes) + 2 * run + weights.table_bytes()
+        let lists = Stored::lists_bytes(stored_bytes, voxels);
+        stored_bytes.min(most_bytes).saturating_add(lists).saturating_add(weights.table_bytes())
     }
 
     fn keep_if_it_fits(&mut self) {
-        self.count = count_weights(self.weights, &self.indices);
-        if fits(self.count, self.most_bytes) {
+        if Stored::foretold_bytes(self.weights, &self.indices, self.subsets) <= self.most_bytes {
             let kept = Stored::new(self.weights, &self.indices, self.subsets);
             self.count = kept.count();
             self.kept = Some(kept);
+        } else {
+            self.count = count_weights(self.weights, &self.indices);
         }
     }
 
@@ -73,8 +75,7 @@ impl<'a> VoxelWeights<'a> {
 
     pub(super) fn shares(&self) -> Vec<f32> {
         if let Some(kept) = &self.kept {
-            let share = |voxel| kept.of_voxel(voxel).iter().map(|w| w.weight).sum();
-            return (0..self.indices.len()).into_par_iter().map(share).collect();
+            return (0..self.indices.len()).into_par_iter().map(|voxel| kept.share(voxel)).collect();
         }
         let share = |scratch: &mut Scratch, index: &u64| {
             let mut all = 0.0;
@@ -96,11 +97,10 @@ impl<'a> VoxelWeights<'a> {
             }
             let voxels = (n * block).min(indices.len())..((n + 1) * block).min(indices.len());
             if let Some(kept) = kept {
-                for voxel in voxels {
-                    for w in kept.on_rows(voxel, rows) {
-                        plane.values[w.place as usize] += w.weight * strengths[voxel];
-                    }
-                }
+                fastest(
+                    #[inline(always)]
+                    || kept.add(voxels, rows, strengths, &mut plane.values),
+                );
             } else {
                 spread(weights, &indices[voxels.clone()], rows, &strengths[voxels], plane);
             }
@@ -127,14 +127,15 @@ impl<'a> VoxelWeights<'a> {
             let first = run * RUN;
             let indices = &self.indices[first..first + strengths.len()];
             if let Some(kept) = &self.kept {
-                for (voxel, strength) in (first..).zip(strengths) {
-                    let (mut sum, mut all) = (0.0, 0.0);
-                    for w in kept.on_rows(voxel, rows) {
-                        sum += w.weight * plane.values[w.place as usize];
-                        all += w.weight;
-                    }
-                    update(voxel, strength, sum, all);
-                }
+                fastest(
+                    #[inline(always)]
+                    || {
+                        for (voxel, strength) in (first..).zip(strengths) {
+                            let (sum, all) = kept.seen(voxel, rows, &plane.values);
+                            update(voxel, strength, sum, all);
+                        }
+                    },
+                );
             } else {
                 let mut sums = vec![(0.0, 0.0); strengths.len()];
                 gather(self.weights, indices, rows, plane, &mut sums);

@@ -45,6 +45,19 @@ fn extremes_stay_finite() {
     }
 }
 
+/// Scar: voxels beyond the greatest number were cut in silence.
+#[test]
+fn voxels_beyond_the_greatest_number_are_counted() {
+    let scene = plain(Method::Subsets, |n| if n == 0 { 1.0 } else { 0.1 });
+    let peak = scene.image.iter().fold(0f32, |peak, value| peak.max(*value));
+    let clipped = |brightest: f32| {
+        let image = scene.image.mapv(|value| (f64::from(value) / f64::from(peak) * f64::from(brightest)) as f32);
+        scene.solve(&image, None, &options(Method::Subsets, 5)).unwrap().clipped
+    };
+    assert!(clipped(f32::MAX) > 0);
+    assert_eq!((clipped(1e30), clipped(1.0)), (0, 0));
+}
+
 #[test]
 fn voxels_that_no_pixel_sees_are_counted_and_left_out() {
     let grid = Grid::in_bounds([[-2.0, 2.0], [-0.1, 0.1], [-0.1, 0.1]], [0.0055, 0.0055, 0.055]).unwrap();

@@ -3,7 +3,7 @@
 mod extremes;
 mod slow;
 
-use crate::operator::{Haze, MicroWeights, Operator, Plane, VoxelWeights};
+use crate::operator::{Haze, MicroWeights, Operator, Plane, ProfileWeights, VoxelWeights};
 use crate::{Method, Options, Plan, Reconstruction, Start, Until};
 use lf_core::lattice::Layout;
 use lf_core::weights::{Basis, Model, Path, RowSet, Scratch};
@@ -49,11 +49,13 @@ pub(crate) fn hash(n: usize) -> f32 {
     (((n as u32).wrapping_add(1).wrapping_mul(2_654_435_761) >> 9) % 1000) as f32 / 1000.0
 }
 
-/// How a test makes weights: slowly, looked up where the path does so, or by the engine, one voxel at a time.
-#[derive(PartialEq)]
+/// How a test makes weights, one voxel at a time: slowly, looked up where the path does so, as they are kept in memory,
+/// or by the engine.
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Way {
     Slow,
     LookedUp,
+    Kept,
     Engine,
 }
 
@@ -74,11 +76,20 @@ fn matrix(weights: &Weights, indices: &[u64], way: Way) -> Array2<f64> {
             matrix.column_mut(n).iter_mut().zip(image).for_each(|(weight, value)| *weight = f64::from(value));
             continue;
         }
+        if way == Way::Kept {
+            let mut kept = Operator::Voxels(VoxelWeights::new(weights, &[*index], 1, u64::MAX));
+            let mut plane = Plane::new(width, height);
+            kept.project(RowSet::ALL, &[1.0], &mut plane);
+            let pixels = plane.values.chunks(plane.stride).flat_map(|row| &row[..width]);
+            matrix.column_mut(n).iter_mut().zip(pixels).for_each(|(weight, value)| *weight = f64::from(*value));
+            continue;
+        }
         let voxel = weights.grid().voxel(*index);
         let mut add = |column, row, weight| matrix[[row as usize * width + column as usize, n]] += weight;
         if way == Way::LookedUp {
             weights.runs(voxel, &mut scratch, RowSet::ALL, |row, first, share, columns| {
-                for (column, weight) in (first..).zip(columns) {
+                // Columns behind the sensor's last have no weight.
+                for (column, weight) in (first..).zip(columns).filter(|(_, weight)| **weight > 0.0) {
                     add(column, row, f64::from(share) * f64::from(*weight));
                 }
             });
@@ -114,7 +125,7 @@ impl Scene {
     ) -> Self {
         let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Point).unwrap();
         // The row action stores the weights as the slow way makes them.
-        let way = if method == Method::Mart { Way::Slow } else { Way::LookedUp };
+        let way = if method == Method::Mart { Way::Slow } else { Way::Kept };
         let matrix = matrix(&weights, &indices, way);
         let strengths: Vec<f32> = (0..indices.len()).map(strength).collect();
         let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
@@ -148,18 +159,21 @@ fn projections_are_the_matrix_and_its_transpose() {
             let weights = Weights::choose(&camera, &grid, model, basis).unwrap();
             let [width, height] = weights.sensor_px();
             let voxels = |bytes| Operator::Voxels(VoxelWeights::new(&weights, &indices, SUBSETS, bytes));
-            let mut operators = vec![Operator::new(&weights, &indices, SUBSETS, 1 << 30), voxels(0), voxels(u64::MAX)];
-            if let Path::Micro(micro) = &weights.path {
-                let engine = MicroWeights::new(micro, &indices, SUBSETS);
-                operators.push(Operator::Micro(Box::new(engine), Haze::forever(&weights, SUBSETS)));
+            let mut operators = vec![(Way::LookedUp, voxels(0)), (Way::Kept, voxels(u64::MAX))];
+            let haze = Haze::forever(&weights, SUBSETS);
+            match &weights.path {
+                Path::Aligned(aligned) => {
+                    let profiles = ProfileWeights::new(aligned, &indices, SUBSETS);
+                    operators.push((Way::Slow, Operator::Profiles(Box::new(profiles), haze)));
+                }
+                Path::Micro(micro) => {
+                    let engine = MicroWeights::new(micro, &indices, SUBSETS);
+                    operators.push((Way::Engine, Operator::Micro(Box::new(engine), haze)));
+                }
+                _ => {}
             }
-            for operator in &mut operators {
-                let way = match operator {
-                    Operator::Profiles(_) => Way::Slow,
-                    Operator::Voxels(_) => Way::LookedUp,
-                    Operator::Micro(..) => Way::Engine,
-                };
-                let matrix = matrix(&weights, &indices, way);
+            for (way, operator) in &mut operators {
+                let matrix = matrix(&weights, &indices, *way);
                 let pixels = matrix.dot(&Array1::from_iter(strengths.iter().map(|e| f64::from(*e))));
                 let mut plane = Plane::new(width, height);
                 // Buffers start dirty: old values of a row may not show.
@@ -195,6 +209,24 @@ fn projections_are_the_matrix_and_its_transpose() {
                 let most = if matches!(operator, Operator::Micro(..)) { 0.1 * matrix.sum() } else { 1e-3 };
                 assert!((f64::from(seen) - matrix.sum()).abs() < most, "{seen} against {}", matrix.sum());
             }
+        }
+    }
+}
+
+/// Weights that are kept are the exact ones, rounded to a 255th of the voxel's greatest; their sum is exact. A pixel that
+/// several lenslets light is rounded as often.
+#[test]
+fn weights_are_kept_to_a_byte() {
+    let indices = voxels(&grid());
+    for camera in cameras() {
+        let weights = Weights::choose(&camera, &grid(), Model::Exact, Basis::Point).unwrap();
+        let [exact, kept] = [Way::LookedUp, Way::Kept].map(|way| matrix(&weights, &indices, way));
+        for (exact, kept) in exact.columns().into_iter().zip(kept.columns()) {
+            let greatest = exact.fold(0.0, |most: f64, weight| most.max(*weight));
+            let off = exact.iter().zip(kept).map(|(a, b)| (a - b).abs());
+            assert!(off.clone().fold(0.0, f64::max) < 4.0 * 0.6 / 255.0 * greatest);
+            assert!(0.5 * off.sum::<f64>() < 0.004 * exact.sum(), "{:?}", camera.microlenses.layout);
+            assert!((kept.sum() / exact.sum() - 1.0).abs() < 1e-5);
         }
     }
 }

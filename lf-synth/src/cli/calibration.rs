@@ -1,7 +1,7 @@
 //! `white`, `dark` and `dots`: the images of a calibration.
 
 use super::arguments::{ImageArguments, ImageFormat, SceneSource};
-use super::images::{check_folder, create_folder, rendered, save_image, save_text};
+use super::images::{LAST_FILE, begin_folder, check_folder, rendered, save_image, save_text};
 use super::setup::Setup;
 use lf_core::{Error, Result, Session, io};
 use lf_synth::rays::{self, WhiteCells};
@@ -60,7 +60,7 @@ pub fn dots(source: &SceneSource, folder: &Path, format: ImageFormat, session: &
         return Err(Error::new(&setup.name, found, "wanted one, as `lf-synth scene target` has it"));
     };
     let names: Vec<String> = (0..dots.depths_mm.len()).map(|n| format!("dots-{n:04}.{}", format.extension())).collect();
-    for name in names.iter().map(String::as_str).chain(["dots.csv", "camera.json", "scene-used.json"]) {
+    for name in names.iter().map(String::as_str).chain(["dots.csv", "camera.json", LAST_FILE]) {
         setup.keep_apart(&folder.join(name), session)?;
     }
     let half_view = setup.camera.half_view_mm();
@@ -70,7 +70,7 @@ pub fn dots(source: &SceneSource, folder: &Path, format: ImageFormat, session: &
     let most = targets.iter().max_by_key(|target| target.len()).map_or(&[][..], Vec::as_slice);
     let bytes = memory::frames(&instrument, most, &glow, targets.len(), setup.scene.sensor_noise.as_ref(), None);
     setup.allow_memory(bytes, || format!("{} and {} dots", setup.sensor(), most.len()), session)?;
-    create_folder(folder)?;
+    begin_folder(folder, &names, session)?;
     for (n, (target, name)) in targets.iter().zip(&names).enumerate() {
         let seed = setup.scene.seed ^ ((n as u64) << 32);
         let mut image = rendered(&format!("depth {n}"), ("dots", target.len() as u64), session, |done| {

@@ -1,6 +1,6 @@
 //! `frames`: frames, particles and truth.
 
-use super::images::{check_folder, create_folder, rendered, save_image, save_text};
+use super::images::{LAST_FILE, begin_folder, check_folder, rendered, save_image, save_text};
 use super::{arguments::FramesArguments, setup::Setup};
 use lf_core::flow::{Flows, Velocity};
 use lf_core::{Refusal, Result, Session, cli, io, particles, volume};
@@ -25,9 +25,10 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
     let file_of_frame = |n| format!("frame-{n:04}.{}", format.extension());
     let file_of_truth = |n| format!("truth-{n:04}.lfv");
     let files = (0..times.len()).flat_map(|n| [file_of_frame(n), file_of_truth(n)]);
-    for file in files.chain(["flow.exr", "particles.csv", "camera.json", "scene-used.json"].map(String::from)) {
-        setup.keep_apart(&folder.join(file), session)?;
-    }
+    let names = files.chain(["flow.exr", "particles.csv", "camera.json", LAST_FILE].map(String::from));
+    let is_written = |name: &String| truth.is_some() || !(name.starts_with("truth-") || name == "flow.exr");
+    let names: Vec<String> = names.filter(is_written).collect();
+    names.iter().try_for_each(|name| setup.keep_apart(&folder.join(name), session))?;
     let seeded = scene.particle_count(camera) * size_of::<Particle>() as f64;
     let count = || format!("{:.0} particles", scene.particle_count(camera));
     cli::check_memory(source.memory, seeded, &setup.name, count)?;
@@ -38,7 +39,7 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
     let bytes = if *measure_noise { bytes.max(memory::measured_noise(&instrument)) } else { bytes };
     let frames = || format!("{} frames of at most {} particles each", times.len(), most.len());
     setup.allow_memory(bytes, || format!("{}, {}", setup.sensor(), frames()), session)?;
-    create_folder(folder)?;
+    begin_folder(folder, &names, session)?;
     let history = session.history(&Vec::new());
     let (mut rays, mut shown) = (0, Vec::new());
     for (frame, &time) in times.iter().enumerate() {

@@ -14,8 +14,34 @@ pub fn check_folder(folder: &Path) -> Result<()> {
     Err(Error::new(io::output_name(folder), "a file", "wanted a folder to write into"))
 }
 
-pub fn create_folder(folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|error| io::writing(&io::output_name(folder), &error))
+/// The file that is written last: a folder that holds it is whole.
+pub const LAST_FILE: &str = "scene-used.json";
+
+/// Creates the folder of a series. In an old one, removes the camera and the [`LAST_FILE`] of the run before, so that a
+/// run that ends half-way leaves no folder that looks whole, and warns of images of a run before that `names`, those of
+/// this run, do not replace.
+pub fn begin_folder(folder: &Path, names: &[String], session: &mut Session) -> Result<()> {
+    let failed = |path: &Path, error: &std::io::Error| io::writing(&io::output_name(path), error);
+    std::fs::create_dir_all(folder).map_err(|error| failed(folder, &error))?;
+    for path in [LAST_FILE, "camera.json"].map(|name| folder.join(name)) {
+        if path.symlink_metadata().is_ok_and(|found| found.is_file()) {
+            std::fs::remove_file(&path).map_err(|error| failed(&path, &error))?;
+        }
+    }
+    let entries = std::fs::read_dir(folder).map_err(|error| failed(folder, &error))?;
+    let found = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let is_ours = |name: &String| {
+        let number = ["frame-", "truth-", "dots-"].iter().find_map(|start| name.strip_prefix(start));
+        name == "flow.exr" || number.is_some_and(|rest| rest.starts_with(|first: char| first.is_ascii_digit()))
+    };
+    let mut old: Vec<String> = found.filter(|name| is_ours(name) && !names.contains(name)).collect();
+    old.sort();
+    if let Some(first) = old.first() {
+        let others = if old.len() > 1 { format!(" and {} more", old.len() - 1) } else { String::new() };
+        let name = io::output_name(&folder.join(first));
+        session.warn(format!("{name}{others}: of another run; remove it or take a new folder"));
+    }
+    Ok(())
 }
 
 pub fn save_text(path: &Path, text: &str) -> Result<()> {

@@ -1,7 +1,7 @@
 //! A scene as read from its files.
 
 use super::arguments::SceneSource;
-use super::images::save_text;
+use super::images::{LAST_FILE, save_text};
 use lf_core::image::{self, Channel};
 use lf_core::scene::{CameraSource, WANTED};
 use lf_core::{Camera, Error, Result, Session, cli::MemoryLimit, io, json};
@@ -83,7 +83,7 @@ impl Setup {
         let camera = serde_json::to_value(&self.camera).expect("a camera is plain data");
         let used = Scene { camera: CameraSource::Camera(camera), ..self.scene.clone() };
         let text = serde_json::to_string_pretty(&used).expect("a scene is plain data");
-        save_text(&folder.join("scene-used.json"), &format!("{text}\n"))
+        save_text(&folder.join(LAST_FILE), &format!("{text}\n"))
     }
 }
 

@@ -1,14 +1,15 @@
 //! The subcommands, and the options that all of them share.
 
 use super::{
-    curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, precision, quality, trade,
+    curves, depth, displacement, divergence, elongation, ensemble, export, info, line, particles, precision, quality,
+    report, trade,
 };
 use clap::{Parser, Subcommand};
 use lf_core::cli::{Common, MemoryLimit};
 
 /// Results and truths to scores
 ///
-/// A score is one JSON object on standard output. A number that does not exist, such as an error without vectors, is
+/// A score is one JSON object on standard output; a terminal gets ten lines of it, or all with --full. A number that does not exist, such as an error without vectors, is
 /// null. The help of each subcommand defines its numbers. Exit codes: 0 done, 1 judged and a limit is not kept, 2 could
 /// not do the work.
 #[derive(Parser)]
@@ -24,6 +25,9 @@ use lf_core::cli::{Common, MemoryLimit};
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
+    /// Print the whole score on a terminal, too; without it a terminal gets ten lines
+    #[arg(long, global = true)]
+    pub full: bool,
     #[command(flatten)]
     pub memory: MemoryLimit,
     #[command(flatten)]
@@ -42,6 +46,8 @@ pub enum Command {
     Ensemble(ensemble::Arguments),
     Precision(precision::Arguments),
     Info(info::Arguments),
+    Export(export::Arguments),
+    Report(report::Arguments),
     Line(line::Arguments),
     Curves(curves::Arguments),
     Trade(trade::Arguments),

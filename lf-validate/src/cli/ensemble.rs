@@ -3,7 +3,7 @@
 use super::ensemble_more as more;
 use super::output::{Picture, print};
 use lf_core::field::{self, Cut};
-use lf_core::{Error, Field, Result, Session, Verdict, cli::MemoryLimit, io};
+use lf_core::{Error, Field, Result, Session, Verdict, cli::MemoryLimit, io, plot};
 use lf_validate::pictures;
 use lf_validate::scores::ensemble::{ConvergenceLog, Ensemble, EnsembleSums};
 use std::path::{Path, PathBuf};
@@ -63,8 +63,8 @@ pub struct Arguments {
     more: more::Options,
     #[command(flatten)]
     picture: Picture,
-    /// Slice to draw: the axis across it and its place in mm, as in z=0.5; the nearest layer is drawn [default: z, in
-    /// the middle]
+    /// Slice to draw: the axis across it and its place in mm, as in z=0.5; the nearest layer is drawn. Without
+    /// a place, the layer that shows most for its uncertainty is drawn [default: z]
     #[arg(long, value_name = "AXIS[=MM]")]
     slice: Option<Cut>,
 }
@@ -102,7 +102,7 @@ pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session)
     found.mean.layout.history = history;
     session.count("fields", found.fields);
     session.count("places", found.mean.len());
-    let layer = cut.layer(&found.mean.layout).map_err(refused)?;
+    let layer = plot::layer(&found.mean, cut).map_err(refused)?;
     // A picture that is refused leaves no file behind.
     let picture = arguments.picture.drawn(session, || pictures::ensemble(&found, cut.axis, layer))?;
     session.phase("write", |_| arguments.output.iter().try_for_each(|path| save(&found, path)))?;

@@ -1,17 +1,19 @@
 //! Where a score goes: to standard output as JSON that people read, and into a picture.
 
 use lf_core::plot::{self, Chart};
-use lf_core::{Error, Result, Session, io};
+use lf_core::{Error, Result, Session, io, picture};
 use serde::Serialize;
+use serde_json::Value;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
-use std::io::Write;
+use std::io::{IsTerminal, Write, stdout};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Where the picture goes.
 #[derive(Default, clap::Args)]
 pub struct Picture {
     /// Draw the result
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|.png|.pdf")]
     plot: Option<PathBuf>,
 }
 
@@ -43,14 +45,59 @@ impl Picture {
     /// Saves a chart that was drawn.
     pub fn save(&self, svg: &str) -> Result<()> {
         let Some(file) = &self.plot else { return Ok(()) };
-        io::save_text(file, |out| out.write_all(svg.as_bytes()))
+        picture::save(file, svg)
     }
 }
 
-/// Prints one score on standard output.
+/// Whether `--full` is given.
+static IS_FULL: OnceLock<bool> = OnceLock::new();
+
+/// Says, once, whether a terminal gets the whole score.
+pub fn show_all(is_full: bool) {
+    IS_FULL.get_or_init(|| is_full);
+}
+
+/// Prints one score on standard output: whole, or ten lines of it on a terminal without `--full`.
 pub fn print(score: &impl Serialize) -> Result<()> {
-    let text = text(score).map_err(|error| Error::new("-", error.to_string(), "wanted a score"))?;
+    let wrong = |error: serde_json::Error| Error::new("-", error.to_string(), "wanted a score");
+    let is_brief = stdout().is_terminal() && !IS_FULL.get().is_some_and(|is_full| *is_full);
+    let text =
+        if is_brief { brief(&serde_json::to_value(score).map_err(wrong)?) } else { text(score).map_err(wrong)? };
     io::save_text(Path::new("-"), |out| out.write_all(text.as_bytes()))
+}
+
+/// Lines of a score on a terminal.
+const LINES: usize = 10;
+/// A longer list is left out of them.
+const SHORT_LIST: usize = 3;
+
+/// The first numbers of a score, those of the whole before those of its parts, and how many are left out.
+fn brief(score: &Value) -> String {
+    let (mut lines, mut lists) = (Vec::new(), 0);
+    collect("", 0, score, &mut lines, &mut lists);
+    lines.sort_by_key(|(depth, ..)| *depth);
+    if lines.len() <= LINES && lists == 0 {
+        return lines.iter().map(|(_, key, value)| format!("{key}: {value}\n")).collect();
+    }
+    let left_out = lines.len().saturating_sub(LINES - 1);
+    lines.truncate(LINES - 1);
+    let width = lines.iter().map(|(_, key, _)| key.len()).max().unwrap_or(0);
+    let shown: String = lines.iter().map(|(_, key, value)| format!("{key:width$}  {value}\n")).collect();
+    format!("{shown}and {left_out} numbers and {lists} lists more: --full, or a pipe, for all as JSON\n")
+}
+
+/// Depth, key and text of every number of a score; counts the lists that are left out.
+fn collect(key: &str, depth: usize, value: &Value, lines: &mut Vec<(usize, String, String)>, lists: &mut usize) {
+    match value {
+        Value::Object(map) => {
+            for (name, value) in map {
+                let key = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+                collect(&key, depth + 1, value, lines, lists);
+            }
+        }
+        Value::Array(list) if list.len() > SHORT_LIST || list.iter().any(|item| item.is_object()) => *lists += 1,
+        value => lines.push((depth, key.to_owned(), value.to_string().trim_matches('"').to_owned())),
+    }
 }
 
 /// `score` as text that ends in a line break. Fails only if a key is not text.
@@ -106,6 +153,22 @@ impl Formatter for JsonLayout {
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn a_terminal_gets_ten_lines_the_whole_first() {
+        let parts: serde_json::Map<String, Value> = (0..20).map(|n| (format!("part_{n}"), json!(n))).collect();
+        let score = json!({"deep": parts, "profile": [1, 2, 3, 4], "q": 0.93, "shape": [1, 2, 3], "unit": "px"});
+        let text = brief(&score);
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 10, "{text}");
+        assert_eq!(lines[0].split_whitespace().collect::<Vec<_>>(), ["q", "0.93"]);
+        assert!(
+            lines[1].ends_with("[1,2,3]") && lines[2].ends_with("px") && lines[3].starts_with("deep.part_0"),
+            "{text}"
+        );
+        assert_eq!(lines[9], "and 14 numbers and 1 lists more: --full, or a pipe, for all as JSON");
+        assert_eq!(brief(&json!({"q": null})), "q: null\n");
+    }
 
     #[test]
     fn objects_take_lines_and_lists_do_not() {

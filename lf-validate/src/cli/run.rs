@@ -2,7 +2,8 @@
 
 use super::arguments::{Arguments, Command};
 use super::{
-    curves, depth, displacement, divergence, elongation, ensemble, info, line, particles, precision, quality, trade,
+    curves, depth, displacement, divergence, elongation, ensemble, export, info, line, output, particles, precision,
+    quality, report, trade,
 };
 use lf_core::cli;
 use std::process::ExitCode;
@@ -13,6 +14,7 @@ pub fn run() -> ExitCode {
         "lf-validate",
         |arguments: &Arguments| &arguments.common,
         |arguments, session| {
+            output::show_all(arguments.full);
             let limit = arguments.memory;
             match &arguments.command {
                 Command::Quality(arguments) => quality::judge(arguments, limit, session),
@@ -24,6 +26,8 @@ pub fn run() -> ExitCode {
                 Command::Ensemble(arguments) => ensemble::average(arguments, limit, session),
                 Command::Precision(arguments) => precision::judge(arguments, session),
                 Command::Info(arguments) => info::describe(arguments, session),
+                Command::Export(arguments) => export::write(arguments, session),
+                Command::Report(arguments) => report::write(arguments, session),
                 Command::Line(arguments) => line::join(arguments, session),
                 Command::Curves(arguments) => curves::plot(arguments, session),
                 Command::Trade(arguments) => trade::judge(arguments, session),

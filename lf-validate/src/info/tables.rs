@@ -92,7 +92,7 @@ pub fn centres(text: &str) -> Result<Description, Refusal> {
 
 /// Describes a vector field for ParaView by the start of its header.
 pub fn vti(bytes: &[u8]) -> Description {
-    const HEADER: usize = 4096;
+    const HEADER: usize = 1 << 16;
     let mut about = Description::new("image data of VTK (.vti)");
     let header = String::from_utf8_lossy(&bytes[..bytes.len().min(HEADER)]);
     let quoted = |after: &str| Some(header.split_once(after)?.1.split('"').next().unwrap_or_default().to_owned());

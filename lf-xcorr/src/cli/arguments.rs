@@ -2,9 +2,10 @@
 
 use super::preset::{self, Values};
 use super::windows::Windows;
-use super::words::{By, MaskSource, When, mask, seconds};
+use super::words::{By, MaskSource, When, mask, range, seconds};
 use clap::Parser;
 use lf_core::cli::{Common, MemoryLimit, Preset};
+use lf_core::plot::{FieldPicture, Scalar};
 use lf_core::{Grid, Session, field::Cut};
 use lf_xcorr::{Deform, Options, Route};
 use std::path::{Path, PathBuf};
@@ -49,10 +50,10 @@ pub struct Arguments {
     /// lf-validate displacement as a truth
     #[arg(long, value_name = "FILE.csv", requires = "particles")]
     pub tracks: Option<PathBuf>,
-    /// Where the field goes: .exr, .vti or .csv; `-` is EXR on standard output
+    /// Where the field goes: .exr, .vti, .nc, .csv or .dat; `-` is EXR on standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
-    /// Time between the volumes, seconds: adds velocities to .vti, .csv and the picture
+    /// Time between the volumes, seconds: adds velocities to .vti, .csv, .dat and the picture
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub dt: Option<f64>,
     /// Correlate a part of the volume: a box in mm (x0,x1,y0,y1,z0,z1) that windows lie in, or the voxels of a .lfv of
@@ -64,12 +65,18 @@ pub struct Arguments {
     #[arg(long, value_parser = Preset::parser(preset::help))]
     pub preset: Option<Preset>,
     /// Draw a slice of the field: colours show the component through the plane, arrows those in it
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|.png|.pdf")]
     pub plot: Option<PathBuf>,
-    /// Which slice: the axis across the plane, and the place on it in mm (the nearest layer is drawn), as z=0.5
-    /// [default: z, its middle]
+    /// Which slice: the axis across the plane, and the place on it in mm (the nearest layer is drawn), as z=0.5. Without
+    /// a place, the layer that shows most for its uncertainty is drawn [default: z]
     #[arg(long, value_name = "AXIS[=MM]", requires = "plot")]
     pub slice: Option<Cut>,
+    /// The scalar behind the colours: u, v, w, speed, vorticity or uncertainty [default: the component through the plane]
+    #[arg(long, value_name = "NAME", requires = "plot")]
+    pub scalar: Option<Scalar>,
+    /// Ends of the colours, in the unit drawn [default: the range of the field]
+    #[arg(long, value_name = "LOW,HIGH", requires = "plot", allow_hyphen_values = true, value_parser = range)]
+    pub range: Option<[f64; 2]>,
     /// Only estimate the memory and choose the windows: {"memory_bytes", "voxels", "initial_mm", "window_mm"} as JSON
     /// on standard output
     #[arg(long)]
@@ -125,6 +132,11 @@ impl Arguments {
             inputs.push(path);
         }
         inputs
+    }
+
+    /// The picture of --plot.
+    pub fn picture(&self) -> FieldPicture {
+        FieldPicture { cut: self.slice.unwrap_or_default(), scalar: self.scalar, range: self.range }
     }
 
     /// A typed option that would change nothing, and the reason.

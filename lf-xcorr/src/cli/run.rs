@@ -2,9 +2,10 @@
 
 use super::{arguments::Arguments, particles, particles::Tables, report, warnings, words::MaskSource};
 use lf_core::{
-    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, simd::Level, volume::together,
+    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, picture, plot, simd::Level,
+    volume::together,
 };
-use lf_xcorr::{Mask, Outcome, Plan, Refused, Seeding, Side, Sparse, plot};
+use lf_xcorr::{Mask, Outcome, Plan, Refused, Seeding, Side, Sparse};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -64,7 +65,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     report::tell(&outcome, &options, session);
     warnings::about(&outcome, &options, &part).into_iter().for_each(|line| session.warn(line));
     session.phase("write", |_| {
-        save(&outcome, arguments, cut)?;
+        save(&outcome, arguments)?;
         match (&arguments.tracks, &tables) {
             (Some(file), Some(tables)) => particles::save(file, &pairs, tables),
             _ => Ok(()),
@@ -192,11 +193,12 @@ fn named(refused: Refused, volumes: &[JoinedVolume]) -> Error {
 }
 
 /// Writes the field and its picture. The field is kept if the slice is inside the volume but outside the smaller field.
-fn save(outcome: &Outcome, arguments: &Arguments, cut: Cut) -> Result<()> {
+fn save(outcome: &Outcome, arguments: &Arguments) -> Result<()> {
     outcome.field.save(&arguments.output)?;
     if let Some(path) = &arguments.plot {
-        let svg = plot::slice(&outcome.field, cut).map_err(|refusal| refusal.about(io::output_name(path)))?;
-        io::save_text(path, |out| out.write_all(svg.as_bytes()))?;
+        let svg = plot::field(&outcome.field, &arguments.picture())
+            .map_err(|refusal| refusal.about(io::output_name(path)))?;
+        picture::save(path, &svg)?;
     }
     Ok(())
 }

@@ -80,3 +80,9 @@ pub fn mask(text: &str) -> Result<MaskSource, String> {
     }
     Ok(MaskSource::Support(text.into()))
 }
+
+/// Parses `LOW,HIGH`, two numbers in rising order.
+pub fn range(text: &str) -> Result<[f64; 2], String> {
+    let ends = text.split_once(',').and_then(|(low, high)| Some([low.trim().parse().ok()?, high.trim().parse().ok()?]));
+    ends.filter(|[low, high]: &[f64; 2]| low < high && high - low < f64::MAX).ok_or_else(|| "wanted LOW,HIGH".into())
+}

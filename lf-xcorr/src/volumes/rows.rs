@@ -70,14 +70,18 @@ impl<T: Copy> Rows<T> {
 }
 
 impl Rows {
-    /// The voxels of `volume` inside `mask` of at least `floor` times its peak, counted from the mask's corner.
+    /// The voxels of `volume` inside `mask` of at least `floor` times its peak, counted from the mask's corner. Intensities
+    /// are scaled by a power of two, which changes no digit, so that the peak is 1 to 2 and no sum leaves the range of f32.
     pub fn new(volume: &Sparse, mask: &Mask, floor: f32) -> Self {
         let grid = volume.grid;
         let sides = mask.sides(grid.shape);
         let shape = sides.each_ref().map(Range::len);
-        let least = (floor * volume.peak()).max(f32::MIN_POSITIVE);
+        let gain = f64::from(volume.peak()).log2().floor().max(-200.0).exp2().recip();
+        let scaled = |value: f32| (f64::from(value) * gain) as f32;
+        let least = (floor * scaled(volume.peak())).max(f32::MIN_POSITIVE);
         let mut rows = Self { least, ..Self::with_capacity(shape, volume.indices.len()) };
-        for (&index, &value) in volume.indices.iter().zip(volume.intensity).filter(|(_, value)| **value >= least) {
+        let lit = volume.indices.iter().zip(volume.intensity.iter().map(|value| scaled(*value)));
+        for (&index, value) in lit.filter(|(_, value)| *value >= least) {
             let voxel = grid.voxel(index);
             if mask.holds(index, voxel) {
                 let [x, y, z]: [usize; 3] = std::array::from_fn(|a| voxel[a] - sides[a].start);

@@ -53,11 +53,12 @@ struct Request<'a> {
 }
 
 impl Lenslets {
+    /// Bytes of a slice before its tables are made.
+    pub(crate) const LIST_BYTES: usize = 2 * size_of::<OnceLock<Patches>>();
+
     pub(crate) fn new(geometry: Geometry) -> Self {
-        // The image of a lenslet farther out lies beside the sensor.
         let optics = &geometry.optics;
-        let image = optics.demagnification * optics.half_aperture_mm;
-        let reach_mm = optics.pixel_pitch_mm * optics.middle_px() + DVec2::splat(image + geometry.pitch_mm);
+        let reach_mm = optics.seen_mm() + geometry.pitch_mm;
         let lattice = optics.lattice();
         let seen = || lattice.rows_within(DVec2::ZERO, reach_mm);
         let rows = seen().map(|(j, row)| (*row.start(), row.map(|i| lattice.centre_mm(i, j)).collect())).collect();

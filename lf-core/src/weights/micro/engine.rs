@@ -93,6 +93,11 @@ impl Buffers {
 }
 
 impl Micro {
+    /// Most bytes of a slice before its tables are made.
+    pub(crate) const LIST_BYTES: usize = size_of::<OnceLock<SliceLight>>()
+        + size_of::<OnceLock<Arc<Bend>>>()
+        + if Lenslets::LIST_BYTES > Bent::LIST_BYTES { Lenslets::LIST_BYTES } else { Bent::LIST_BYTES };
+
     pub(crate) fn new(geometry: Geometry) -> Self {
         let stop = Stop { half_mm: geometry.optics.half_aperture_mm as f32, is_round: geometry.has_round_stop };
         let slices = vec![OnceLock::new(); geometry.grid.shape[2]];

@@ -27,7 +27,7 @@ pub struct Arguments {
     /// Camera (camera.json), as lf-calib writes it
     #[arg(short, long, value_name = "FILE")]
     pub camera: PathBuf,
-    /// Image to subtract first; values below zero become zero
+    /// Image to subtract first; values below zero stay, so that dark pixels keep their mean
     #[arg(short, long, value_name = "FILE")]
     pub background: Option<PathBuf>,
     #[command(flatten)]

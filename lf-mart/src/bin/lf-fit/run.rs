@@ -22,7 +22,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let (camera, image, volume) = session.phase("read", |_| {
         let camera = Camera::open(&arguments.camera)?;
         let (background, channel) = (arguments.background.as_deref(), arguments.reading.channel);
-        let image = image::open_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
+        let image = image::open_signed_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
         Ok((camera, image, Volume::open(&arguments.volume)?))
     })?;
     volume.require("intensity")?;
@@ -107,6 +107,9 @@ fn report(found: &Fit, options: &FitOptions, session: &mut Session) {
     session.count("particles", found.particles.len());
     session.count("size_px", found.shape.sigma_px);
     session.count("drift_px", json!([x, y]));
+    let [size, dx, dy] = found.shape_std_px.map(|std| if std.is_finite() { std } else { 0.0 });
+    session.count("size_std_px", size);
+    session.count("drift_std_px", json!([dx, dy]));
     session.count("chi2", found.misfit);
     session.count("gain_counts", found.noise.gain);
     session.count("read_noise_counts", found.noise.read_variance.sqrt());

@@ -1,0 +1,93 @@
+//! The corrections of a frame.
+
+use super::hot::repair;
+use lf_core::image::noise;
+use lf_core::statistics::median;
+use ndarray::Array2;
+
+/// Sensitivity below this share of the usual one is not corrected: the noise would be multiplied.
+const LEAST_SENSITIVITY: f32 = 0.2;
+
+/// The corrections that were asked for.
+#[derive(Debug, Clone, Default)]
+pub struct Correction {
+    /// Pixels that are replaced by their neighbours, in rising order.
+    pub hot: Vec<(usize, usize)>,
+    /// Sensitivity of each pixel, 1 where it is usual: see [`Correction::sensitivity`].
+    pub sensitivity: Option<Array2<f32>>,
+    /// Factor of the frames of each laser.
+    pub factors: Option<[f64; 2]>,
+}
+
+/// A frame before and after.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Change {
+    /// Mean of all pixels, counts.
+    pub mean: [f64; 2],
+    /// Standard deviation where the frame is darkest, counts.
+    pub noise: [f64; 2],
+    /// Brightest pixel, counts.
+    pub brightest: [f32; 2],
+}
+
+impl Correction {
+    /// The sensitivity of pixels by an image of even light: its counts over their median. Pixels with less than a fifth
+    /// of that are left as they are, with a sensitivity of 1.
+    pub fn sensitivity(flat: &Array2<f32>) -> Array2<f32> {
+        let mut counts: Vec<f64> = flat.iter().map(|count| f64::from(*count)).collect();
+        let usual = median(&mut counts) as f32;
+        flat.mapv(|count| if count > LEAST_SENSITIVITY * usual { count / usual } else { 1.0 })
+    }
+
+    /// Corrects a frame of laser 0 or 1: hot pixels first, then the sensitivity, then the light.
+    pub fn apply(&self, frame: &mut Array2<f32>, laser: usize) -> Change {
+        let before = Self::figures(frame);
+        repair(frame, &self.hot);
+        if let Some(sensitivity) = &self.sensitivity {
+            frame.zip_mut_with(sensitivity, |count, sensitivity| *count /= sensitivity);
+        }
+        if let Some(factors) = self.factors {
+            frame.mapv_inplace(|count| count * factors[laser] as f32);
+        }
+        let after = Self::figures(frame);
+        let [mean, noise] = [0, 1].map(|n| [before.0[n], after.0[n]]);
+        Change { mean, noise, brightest: [before.1, after.1] }
+    }
+
+    /// Mean and noise, and the brightest pixel.
+    fn figures(frame: &Array2<f32>) -> ([f64; 2], f32) {
+        let mean = frame.iter().map(|count| f64::from(*count)).sum::<f64>() / frame.len() as f64;
+        ([mean, noise(frame.view())], frame.iter().fold(0f32, |most, count| most.max(*count)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_of_even_light_makes_itself_even() {
+        let flat = Array2::from_shape_fn((8, 8), |(y, x)| 100.0 + 10.0 * ((y + x) % 3) as f32);
+        let mut frame = flat.mapv(|count| 0.5 * count);
+        let correction = Correction { sensitivity: Some(Correction::sensitivity(&flat)), ..Correction::default() };
+        let change = correction.apply(&mut frame, 0);
+        assert!(frame.iter().all(|count| (count - 55.0).abs() < 1e-4), "{frame}");
+        assert!(change.noise[0] > 1.0 && change.noise[1] < 1e-3, "{change:?}");
+    }
+
+    #[test]
+    fn a_pixel_without_light_is_left_as_it_is() {
+        let mut flat = Array2::from_elem((4, 4), 100.0);
+        flat[(1, 1)] = 3.0;
+        assert_eq!(Correction::sensitivity(&flat)[(1, 1)], 1.0);
+    }
+
+    #[test]
+    fn only_the_second_laser_is_scaled() {
+        let correction = Correction { factors: Some([1.0, 1.5]), ..Correction::default() };
+        let mut frames = [Array2::from_elem((2, 2), 4.0), Array2::from_elem((2, 2), 4.0)];
+        let [first, second] = &mut frames;
+        assert_eq!(correction.apply(first, 0).mean, [4.0, 4.0]);
+        assert_eq!(correction.apply(second, 1).mean, [4.0, 6.0]);
+    }
+}

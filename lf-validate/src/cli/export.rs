@@ -1,0 +1,246 @@
+//! `export`: volumes, fields and particles for other programs.
+
+use lf_core::cli::numbers;
+use lf_core::field::{Cut, Time, save_series};
+use lf_core::plot::{self, FieldPicture, Scalar};
+use lf_core::volume::together;
+use lf_core::{Error, Field, JoinedVolume, Refusal, Result, Session, Verdict, io, particles, picture};
+use lf_validate::export::{self, Cutout, Samples};
+use lf_validate::info::FileKind;
+use std::path::{Path, PathBuf};
+
+/// Volumes, fields and particles in the forms of other programs
+///
+/// The name of the output chooses the form
+///   volume     .vti (ParaView), .tif (a stack: ImageJ), .npz (numpy), .csv (the voxels that are
+///              stored); one slice is in memory at a time. All tiles of a volume are one volume
+///   field      .nc (NetCDF, CF conventions: xarray, Matlab), .vti, .dat (Tecplot), .csv
+///              .svg, .png, .pdf: a picture of one layer
+///   fields     .nc with the dimension t; .vti.series with a .vti each, for ParaView's time slider
+///   particles  .vtp (ParaView); particles of one number in several frames are a track
+///
+/// Every form but the .csv of a field names the commands that made the data.
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-validate export volume-0000.lfv -o volume.tif --bits 16 --slab -2,2
+  lf-validate export field-0000-0001.exr -o field.nc"
+)]
+pub struct Arguments {
+    /// A volume or all its tiles, fields in the order of time, or tables of particles
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Where the result goes
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Volumes: the column to write, such as `score` of a support
+    #[arg(long, value_name = "NAME", default_value = "intensity")]
+    column: String,
+    /// Volumes: only voxels between these depths, mm
+    #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    slab: Option<[f64; 2]>,
+    /// Volumes: only voxels in this box, mm
+    #[arg(long = "box", value_name = "X0,X1,Y0,Y1,Z0,Z1", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    #[arg(conflicts_with = "slab")]
+    part: Option<[f64; 6]>,
+    /// .tif: 32 stores values as they are, 16 as whole numbers, the largest as 65535
+    #[arg(long, value_name = "16|32", value_parser = ["16", "32"])]
+    bits: Option<String>,
+    /// Fields: seconds from one field to the next; otherwise fields are numbered
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    every: Option<f64>,
+    /// Pictures: the axis across the layer and its place in mm, as in z=0.5. Without a place, the layer that shows most
+    /// for its uncertainty is drawn [default: z]
+    #[arg(long, value_name = "AXIS[=MM]")]
+    slice: Option<Cut>,
+    /// Pictures: what the colours show: u, v, w, speed, vorticity or uncertainty [default: the component across the layer]
+    #[arg(long, value_name = "NAME")]
+    scalar: Option<Scalar>,
+    /// Pictures: the ends of the colours, in the unit drawn [default: the range of the field]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
+    /// Particles: seconds from one frame to the next
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    dt: Option<f64>,
+}
+
+fn seconds(text: &str) -> std::result::Result<f64, String> {
+    let typed = text.parse().ok().filter(|time: &f64| time.is_finite() && *time > 0.0);
+    typed.ok_or_else(|| "wanted a positive number".to_owned())
+}
+
+/// Writes a file for other programs.
+pub fn write(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+    let files: Vec<&Path> = arguments.files.iter().map(PathBuf::as_path).collect();
+    session.keep_apart(&arguments.output, &files)?;
+    io::check_place(&arguments.output)?;
+    let name = io::name(files[0]);
+    if io::is_standard(files[0]) {
+        return Err(Error::new(name, "a stream", "wanted the name of a file: its kind decides what is read"));
+    }
+    let kind = FileKind::of(&io::open(files[0])?).map_err(|refusal| refusal.about(&name))?;
+    refuse_ignored(kind, arguments)?;
+    match kind {
+        FileKind::Volume => volume(arguments, &files, session),
+        FileKind::Field => fields(arguments, &files, session),
+        FileKind::Particles => table(arguments, &files, session),
+        _ => Err(Error::new(name, "another kind of file", "wanted a volume, a field or particles")),
+    }?;
+    Ok(Verdict::Done)
+}
+
+/// Refuses options that would change nothing.
+fn refuse_ignored(kind: FileKind, arguments: &Arguments) -> Result<()> {
+    let is_volume = kind == FileKind::Volume;
+    let ignored = [
+        ("--slab", arguments.slab.is_some() && !is_volume, "a volume"),
+        ("--box", arguments.part.is_some() && !is_volume, "a volume"),
+        (
+            "--bits",
+            arguments.bits.is_some() && !(is_volume && extension(&arguments.output).starts_with("tif")),
+            "a .tif",
+        ),
+        ("--every", arguments.every.is_some() && kind != FileKind::Field, "fields"),
+        ("--dt", arguments.dt.is_some() && kind != FileKind::Particles, "particles"),
+    ];
+    let is_picture = kind == FileKind::Field && ["svg", "png", "pdf"].contains(&extension(&arguments.output).as_str());
+    let shown = [
+        ("--slice", arguments.slice.is_some() && !is_picture, "a picture of a field"),
+        ("--scalar", arguments.scalar.is_some() && !is_picture, "a picture of a field"),
+        ("--range", arguments.range.is_some() && !is_picture, "a picture of a field"),
+    ];
+    if let Some((option, _, what)) = ignored.into_iter().chain(shown).find(|(_, is_ignored, _)| *is_ignored) {
+        return Err(Error::new(option, "changes nothing here", format!("wanted it for {what} only")));
+    }
+    Ok(())
+}
+
+/// The extension of a name, in small letters.
+fn extension(path: &Path) -> String {
+    path.extension().map(|end| end.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// The refusal of an extension.
+fn unknown(output: &Path, wanted: &str) -> Error {
+    let end = extension(output);
+    let found = if end.is_empty() { "a name without extension".to_owned() } else { format!("the extension .{end}") };
+    Error::new(io::output_name(output), found, format!("wanted {wanted}"))
+}
+
+fn volume(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+    const WANTED: &str = "the name of a .vti, .tif, .npz or .csv for a volume";
+    let (output, column) = (&arguments.output, arguments.column.as_str());
+    let end = extension(output);
+    if !["vti", "tif", "tiff", "npz", "csv"].contains(&end.as_str()) {
+        return Err(unknown(output, WANTED));
+    }
+    let mut volumes = session.phase("read", |_| JoinedVolume::open_all(files.iter().copied(), column))?;
+    let whole = volumes.remove(0);
+    if let Some(other) = volumes.first() {
+        return Err(Error::new(other.name(), "another volume", "wanted one volume at a time, or its tiles"));
+    }
+    let [z0, z1] = arguments.slab.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
+    let part = Cutout::new(&whole, arguments.part.unwrap_or([low, high, low, high, z0, z1]));
+    let part = part.map_err(|refusal| refusal.about(whole.name()))?;
+    session.count("voxels", part.grid().len());
+    session.phase("write", |session| match end.as_str() {
+        "vti" => io::save(output, |out| export::write_vti(&part, column, out)),
+        "npz" => io::save(output, |out| export::write_npz(&part, column, out)),
+        "csv" => io::save_text(output, |out| export::write_csv(&part, column, out)),
+        _ => {
+            let samples = samples(arguments, &part, session);
+            io::save(output, |out| export::write_tiff(&part, samples, out))
+        }
+    })
+}
+
+/// How a stack stores its values. Tells the factor of whole numbers.
+fn samples(arguments: &Arguments, part: &Cutout, session: &Session) -> Samples {
+    if arguments.bits.as_deref() != Some("16") {
+        return Samples::Float;
+    }
+    let largest = part.largest();
+    let factor = if largest > 0.0 { f32::from(u16::MAX) / largest } else { 1.0 };
+    session.say(format!("a value is the stored number divided by {factor}"));
+    Samples::Whole(factor)
+}
+
+fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+    let output = &arguments.output;
+    let end = extension(output);
+    let read = |path: &Path, session: &mut Session| session.phase("read", |_| Field::open(path));
+    match (end.as_str(), files) {
+        ("series", files) => series(arguments, files, session),
+        ("nc", files) if files.len() > 1 || arguments.every.is_some() => {
+            let time = match arguments.every {
+                Some(every) => Time::Seconds(files.iter().zip(0..).map(|(_, n)| f64::from(n) * every).collect()),
+                None => Time::Numbers(files.len()),
+            };
+            session.count("fields", files.len());
+            save_series(output, &time, |n| Field::open(files[n]))
+        }
+        ("nc" | "vti" | "dat" | "csv", [one]) => {
+            let field = read(one, session)?;
+            session.count("vectors", field.len());
+            session.phase("write", |_| field.save(output))
+        }
+        ("svg" | "png" | "pdf", [one]) => {
+            let field = read(one, session)?;
+            let shown = FieldPicture {
+                cut: arguments.slice.unwrap_or_default(),
+                scalar: arguments.scalar,
+                range: arguments.range,
+            };
+            let svg = session.phase("plot", |_| {
+                plot::field(&field, &shown).map_err(|refusal| refusal.about(io::output_name(output)))
+            })?;
+            picture::save(output, &svg)
+        }
+        ("nc" | "vti" | "dat" | "csv" | "svg" | "png" | "pdf", _) => {
+            Err(unknown(output, "a .nc or a .vti.series for several fields"))
+        }
+        _ => Err(unknown(output, "the name of a .nc, .vti, .dat, .csv, .vti.series, .svg, .png or .pdf for a field")),
+    }
+}
+
+/// Writes a `.vti` for every field, NAME-0000.vti and so on, and NAME.vti.series, which lists them with their times.
+fn series(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+    let output = &arguments.output;
+    let name = output.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let Some(stem) = name.strip_suffix(".vti.series") else {
+        return Err(unknown(output, "NAME.vti.series, a list of .vti"));
+    };
+    let mut list = Vec::new();
+    for (n, file) in files.iter().enumerate() {
+        let name = format!("{stem}-{n:04}.vti");
+        let place = output.with_file_name(&name);
+        session.keep_apart(&place, files)?;
+        Field::open(file)?.save(&place)?;
+        list.push(serde_json::json!({"name": name, "time": arguments.every.unwrap_or(1.0) * n as f64}));
+    }
+    session.count("fields", files.len());
+    let text = serde_json::json!({"file-series-version": "1.0", "files": list});
+    io::save_text(output, |out| writeln!(out, "{text:#}"))
+}
+
+fn table(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+    let output = &arguments.output;
+    if extension(output) != "vtp" {
+        return Err(unknown(output, "the name of a .vtp for particles"));
+    }
+    let mut all = Vec::new();
+    let mut histories = Vec::new();
+    for file in files {
+        let (text, name) = (io::open_text(file)?, io::name(file));
+        all.extend(session.phase("read", |_| particles::read(&text).map_err(|refusal| refusal.about(&name)))?);
+        particles::warn_unmarked(&text, &name, session);
+        histories.push(particles::history(&text));
+    }
+    let empty = || Refusal::new("no particle", "wanted one or more");
+    (!all.is_empty()).then_some(()).ok_or_else(|| empty().about(io::name(files[0])))?;
+    session.count("particles", all.len());
+    let history = session.history(&together(&histories));
+    session.phase("write", |_| io::save(output, |out| export::write_polydata(&all, &history, arguments.dt, out)))
+}

@@ -1,0 +1,183 @@
+//! The fields: a view of their layers, histograms and statistics.
+
+use super::folder::spread;
+use super::html::Section;
+use super::motion::Motion;
+use super::packed::{PackedField, bytes};
+use super::source::Source;
+use lf_core::Field;
+
+/// Bytes of the page that fields may take, and the least number of fields that are read for statistics.
+const MOST_BYTES: usize = 3_600_000;
+const MOST_FIELDS: usize = 200;
+/// Most fields to choose from.
+const MOST_CHOICES: usize = 12;
+
+/// The controls and the canvas of the view. The script fills them.
+const VIEW: &str = include_str!("page/view.html");
+
+/// The parts of the page that come from the fields.
+pub(super) struct Found {
+    pub view: Section,
+    pub statistics: Section,
+    /// Lines of the summary at the top.
+    pub summary: Vec<(String, String)>,
+    /// The steps that led to the last field.
+    pub history: Vec<String>,
+}
+
+/// The sections. None without a field that can be read.
+pub(super) fn sections(
+    source: &dyn Source,
+    files: &[String],
+    mean: Option<&str>,
+    notes: &mut Vec<String>,
+) -> Option<Found> {
+    let mut view = View { choices: Vec::new(), bytes: 0, is_full: false };
+    let many = mean.filter(|_| files.len() > 1 || files.is_empty());
+    if let Some(field) = many.and_then(|file| open(source, file, notes)) {
+        view.add("mean of all fields".into(), &field);
+    }
+    let mut motion: Option<Motion> = None;
+    let mut history = Vec::new();
+    let chosen = spread(files, MOST_FIELDS);
+    let mut only = None;
+    for file in &chosen {
+        let Some(field) = open(source, file, notes) else { continue };
+        view.add((*file).to_owned(), &field);
+        history = lf_core::history::lines(&field.layout.history);
+        let motion = motion.get_or_insert_with(|| Motion::new(&field));
+        if !motion.add(&field) {
+            notes.push(format!("{file} has another number of vectors than the first; statistics leave it out"));
+        }
+        only = Some(field.layout.clone());
+    }
+    let (Some(motion), Some(layout)) = (motion, only) else { return view.section().map(Found::of_mean) };
+    let mut statistics = Section::new("statistics", "Statistics");
+    let [measured, replaced, no_data] = motion.kinds;
+    let total = (measured + replaced + no_data).max(1) as f64;
+    let percent = |count: usize| format!("{:.1} %", 100.0 * count as f64 / total);
+    statistics.table(&["of measured vectors, mm", "mean", "standard deviation", "stated, RMS"], &motion.rows(), 1);
+    statistics.chart(
+        &motion.histograms(),
+        "Measured vectors only. Fractions of a voxel are shown where displacements spread over voxels; peaks at whole \
+         voxels are peak locking.",
+    );
+    match motion.convergence() {
+        Some(chart) => statistics.chart(
+            &chart,
+            "By the scatter of the fields at each place: it falls with the root of their number once they are enough.",
+        ),
+        None => statistics.text("The convergence of the mean is shown for three fields or more."),
+    }
+    if files.len() > chosen.len() {
+        statistics.text(&format!("Statistics of {} fields, spread over all {}.", chosen.len(), files.len()));
+    }
+    let [nx, ny, nz] = layout.shape;
+    let window: Vec<String> =
+        (0..3).map(|axis| format!("{:.3}", layout.window[axis] as f64 * layout.voxel_mm[axis])).collect();
+    let summary = vec![
+        ("fields".to_owned(), format!("{}, of {nx} x {ny} x {nz} vectors", files.len())),
+        ("window".to_owned(), format!("{} mm, overlap {:.0} %", window.join(" x "), 100.0 * layout.overlap)),
+        (
+            "vectors".to_owned(),
+            format!(
+                "{} measured, {} replaced, {} without data",
+                percent(measured),
+                percent(replaced),
+                percent(no_data)
+            ),
+        ),
+        ("time between volumes".to_owned(), layout.dt_s.map_or("not known".into(), |dt_s| format!("{dt_s} s"))),
+    ];
+    Some(Found { view: view.section()?, statistics, summary, history })
+}
+
+impl Found {
+    fn of_mean(view: Section) -> Self {
+        let statistics = Section::new("statistics", "Statistics");
+        Self { view, statistics, summary: Vec::new(), history: Vec::new() }
+    }
+}
+
+fn open(source: &dyn Source, file: &str, notes: &mut Vec<String>) -> Option<Field> {
+    source.field(file).map_err(|error| notes.push(error.to_string())).ok()
+}
+
+/// The fields that the page holds.
+struct View {
+    choices: Vec<PackedField>,
+    bytes: usize,
+    is_full: bool,
+}
+
+impl View {
+    /// Adds a field if there is room; the first is thinned until it fits.
+    fn add(&mut self, name: String, field: &Field) {
+        let is_first = self.choices.is_empty();
+        if self.choices.len() == MOST_CHOICES || !is_first && self.bytes + bytes(field) > MOST_BYTES {
+            self.is_full = true;
+            return;
+        }
+        let mut thin = None;
+        let mut stride = 1;
+        while thin.as_ref().map_or(bytes(field), bytes) > MOST_BYTES {
+            stride += 1;
+            thin = Some(thinned(field, stride));
+        }
+        let name = if stride > 1 { format!("{name}, every {stride}th vector along x and y") } else { name };
+        let shown = thin.as_ref().unwrap_or(field);
+        self.bytes += bytes(shown);
+        self.choices.push(PackedField::new(name, shown));
+    }
+
+    fn section(self) -> Option<Section> {
+        let data = serde_json::to_string(&self.choices).ok().filter(|_| !self.choices.is_empty())?;
+        let mut section = Section::new("field", "Field");
+        let options = (0..self.choices.len()).map(|n| {
+            let name = super::html::escape(self.choices[n].name());
+            format!("<option value=\"{n}\">{name}</option>")
+        });
+        section.content += &VIEW.replace("{{options}}", &options.collect::<String>());
+        // `<` could end the element early.
+        let data = data.replace('<', "\\u003c");
+        section.content += &format!("<script type=\"application/json\" id=\"fields-data\">{data}</script>\n");
+        if self.is_full {
+            section.text("The page has room for these fields; the others are in the folder.");
+        }
+        Some(section)
+    }
+}
+
+/// Every `stride`th vector along x and y.
+fn thinned(field: &Field, stride: usize) -> Field {
+    let mut layout = field.layout.clone();
+    for axis in [0, 1] {
+        layout.shape[axis] = layout.shape[axis].div_ceil(stride);
+        layout.spacing_mm[axis] *= stride as f64;
+    }
+    let mut thin = Field::empty(layout);
+    let [nx, ny, _] = thin.layout.shape;
+    for n in 0..thin.len() {
+        let from = field.layout.index([n % nx * stride, n / nx % ny * stride, n / nx / ny]);
+        (thin.u[n], thin.v[n], thin.w[n]) = (field.u[from], field.v[from], field.w[from]);
+        (thin.su[n], thin.sv[n], thin.sw[n]) = (field.su[from], field.sv[from], field.sw[from]);
+        thin.flag[n] = field.flag[from];
+    }
+    thin
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scores::fixtures;
+
+    #[test]
+    fn a_thinned_field_keeps_every_second_vector_in_place() {
+        let field = fixtures::field([5, 4, 3], |place| place);
+        let thin = thinned(&field, 2);
+        assert_eq!(thin.layout.shape, [3, 2, 3]);
+        assert!((0..thin.len()).all(|n| thin.place_mm(n)[0] as f32 == thin.u[n]));
+        assert!((0..thin.len()).all(|n| thin.place_mm(n)[1] as f32 == thin.v[n]));
+    }
+}

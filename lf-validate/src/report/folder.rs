@@ -1,0 +1,77 @@
+//! The files of a run, by their names.
+
+use std::collections::BTreeSet;
+
+/// The files that the page looks for. Lists are in the order of the names.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Folder {
+    /// `camera.json`, or else the last of the cameras of calibration.
+    pub camera: Option<String>,
+    /// `support-*.lfv`.
+    pub supports: Vec<String>,
+    /// `volume-*.lfv`.
+    pub volumes: Vec<String>,
+    /// `particles-*.csv`, `fitted-*.csv`.
+    pub particles: Vec<String>,
+    /// `field-*.exr`.
+    pub fields: Vec<String>,
+    /// `mean.exr`.
+    pub mean: Option<String>,
+    /// `*.jsonl`, such as the sweeps of lf-mart.
+    pub records: Vec<String>,
+    /// `*.stats.json`.
+    pub stats: Vec<String>,
+    /// `log/*.txt`.
+    pub logs: Vec<String>,
+}
+
+impl Folder {
+    /// Sorts the files of a folder.
+    pub fn of(names: &BTreeSet<String>) -> Self {
+        let matching = |starts: &[&str], end: &str| -> Vec<String> {
+            let starts_so = |name: &str| starts.iter().any(|start| name.starts_with(start));
+            let matches = |name: &&String| starts_so(name) && name.ends_with(end) && !name.contains('/');
+            names.iter().filter(matches).cloned().collect()
+        };
+        let one = |name: &str| names.contains(name).then(|| name.to_owned());
+        Self {
+            camera: one("camera.json").or_else(|| matching(&["camera"], ".json").pop()),
+            supports: matching(&["support-"], ".lfv"),
+            volumes: matching(&["volume-"], ".lfv"),
+            particles: matching(&["particles-", "fitted-"], ".csv"),
+            fields: matching(&["field-"], ".exr"),
+            mean: one("mean.exr"),
+            records: matching(&[""], ".jsonl"),
+            stats: matching(&[""], ".stats.json"),
+            logs: names.iter().filter(|name| name.starts_with("log/") && name.ends_with(".txt")).cloned().collect(),
+        }
+    }
+}
+
+/// At most `most` files, evenly spread over the list.
+pub(super) fn spread(files: &[String], most: usize) -> Vec<&str> {
+    let count = files.len().min(most);
+    (0..count).map(|n| files[n * files.len() / count].as_str()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_of_many_files_are_spread() {
+        let files: Vec<String> = (0..10).map(|n| n.to_string()).collect();
+        assert_eq!(spread(&files, 4), ["0", "2", "5", "7"]);
+        assert_eq!(spread(&files[..2], 4).len(), 2);
+        assert!(spread(&[], 4).is_empty());
+    }
+
+    #[test]
+    fn names_tell_what_files_are() {
+        let names = ["camera-lattice.json", "field-a-b.exr", "field-a-b.stats.json", "log/field-a-b.txt", "mean.exr"];
+        let folder = Folder::of(&names.map(str::to_owned).into());
+        assert_eq!((folder.camera.as_deref(), folder.mean.as_deref()), (Some(names[0]), Some(names[4])));
+        assert_eq!([&folder.fields[0], &folder.stats[0], &folder.logs[0]], [names[1], names[2], names[3]]);
+        assert!(folder.volumes.is_empty() && folder.supports.is_empty());
+    }
+}

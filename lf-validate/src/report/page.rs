@@ -1,0 +1,126 @@
+//! The page: its sections in the order of the chain.
+
+use super::folder::Folder;
+use super::html::{Section, escape};
+use super::source::Source;
+use super::{camera, fields, frames, particles, stages, volumes, warnings};
+use lf_core::image::noise;
+use lf_core::{Camera, Refusal};
+
+const PAGE: &str = include_str!("page/page.html");
+const STYLE: &str = include_str!("page/page.css");
+const SCRIPT: &str = include_str!("page/page.js");
+
+/// Wishes that the names of the files do not tell.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// A raw frame.
+    pub frame: Option<String>,
+    /// A white image.
+    pub white: Option<String>,
+    /// Heading of the page.
+    pub title: String,
+}
+
+/// A page, and what was said on it.
+pub struct Report {
+    /// The text of the file.
+    pub html: String,
+    /// Sections on the page.
+    pub sections: usize,
+    /// Warnings on the page: lines of the logs, and files that could not be read.
+    pub warnings: usize,
+    /// Files that could not be read, and why.
+    pub unread: Vec<String>,
+}
+
+/// The page of a run. Refuses a folder without any file of one.
+pub fn report(source: &dyn Source, options: &Options) -> Result<Report, Refusal> {
+    let folder = Folder::of(source.names());
+    let wanted = "wanted the folder of a run, with fields, volumes, particles or a camera";
+    Refusal::unless(folder != Folder::default(), || "no file of a run", wanted)?;
+    let mut unread = Vec::new();
+    let camera = folder.camera.as_deref().and_then(|file| {
+        let read = source.text(file).and_then(|text| Camera::from_json(&text).map_err(|refusal| refusal.about(file)));
+        read.map_err(|error| unread.push(error.to_string())).ok()
+    });
+    let noise = options.frame.as_deref().and_then(|frame| noise_share(source, frame));
+    let found = fields::sections(source, &folder.fields, folder.mean.as_deref(), &mut unread);
+    let stages = stages::section(source, &folder.stats, &mut unread);
+    let images = [("Raw frame", options.frame.as_deref()), ("White image", options.white.as_deref())];
+    let (mut summary, mut commands, mut view, mut statistics) = (Vec::new(), Vec::new(), None, None);
+    if let Some(found) = found {
+        (summary, commands) = (found.summary, found.history);
+        (view, statistics) = (Some(found.view), Some(found.statistics));
+    }
+    summary.extend(counts(&folder));
+    let mut timing = None;
+    if let Some((section, seconds, peak_bytes)) = stages {
+        summary.push(("time and memory".into(), format!("{seconds:.1} s in all stages, {:.0} MB", 1e-6 * peak_bytes)));
+        timing = Some(section);
+    }
+    let particles = particles::section(source, &folder.particles, camera.as_ref(), noise, &mut unread);
+    let sections: Vec<Section> = [
+        view,
+        statistics.filter(|section| !section.content.is_empty()),
+        particles,
+        volumes::reconstruction(source, &folder.volumes, &folder.records, &mut unread),
+        volumes::pruning(source, &folder.supports, &mut unread),
+        frames::section(source, images, camera.as_ref(), &mut unread),
+        camera.as_ref().map(camera::section),
+        timing,
+        commands_section(&commands),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    let lines = warnings::lines(source, &folder.logs);
+    let html = assemble(&options.title, &warnings::list(&lines, &unread), &summary, &sections);
+    Ok(Report { html, sections: sections.len(), warnings: lines.len() + unread.len(), unread })
+}
+
+/// Noise of a frame as a share of its brightest pixel.
+fn noise_share(source: &dyn Source, frame: &str) -> Option<f64> {
+    let pixels = source.image(frame).ok()?;
+    let brightest = pixels.iter().fold(0f32, |most, value| most.max(*value));
+    (brightest > 0.0).then(|| noise(pixels.view()) / f64::from(brightest))
+}
+
+/// Lines of the summary that the names alone tell.
+fn counts(folder: &Folder) -> Vec<(String, String)> {
+    let lists = [("volumes", &folder.volumes), ("tables of particles", &folder.particles)];
+    let known = lists.into_iter().filter(|(_, files)| !files.is_empty());
+    known.map(|(label, files)| (label.to_owned(), files.len().to_string())).collect()
+}
+
+fn commands_section(commands: &[String]) -> Option<Section> {
+    let mut section = Section::new("commands", "Commands");
+    section.details("The commands that made the last field, oldest first", commands);
+    (!commands.is_empty()).then_some(section)
+}
+
+fn assemble(title: &str, warnings: &str, summary: &[(String, String)], sections: &[Section]) -> String {
+    let links: String =
+        sections.iter().map(|part| format!("<li><a href=\"#{}\">{}</a></li>", part.anchor, part.heading)).collect();
+    let content: String = sections
+        .iter()
+        .map(|part| {
+            format!("<section id=\"{0}\"><h2>{1}</h2>\n{2}</section>\n", part.anchor, part.heading, part.content)
+        })
+        .collect();
+    let mut table = Section::new("summary", "Summary");
+    if !summary.is_empty() {
+        let rows: Vec<_> = summary.iter().map(|(label, text)| vec![label.clone(), text.clone()]).collect();
+        table.table(&[], &rows, 2);
+    }
+    let about = format!("Made by lf-validate {} from the files of the run.", env!("CARGO_PKG_VERSION"));
+    // The content comes last: it may hold any text, also that of a placeholder.
+    PAGE.replace("{{style}}", STYLE)
+        .replace("{{script}}", SCRIPT)
+        .replace("{{title}}", &escape(title))
+        .replace("{{about}}", &about)
+        .replace("{{links}}", &links)
+        .replace("{{warnings}}", warnings)
+        .replace("{{summary}}", &table.content)
+        .replace("{{sections}}", &content)
+}

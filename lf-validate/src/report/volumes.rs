@@ -1,0 +1,118 @@
+//! Pruning by depth, misfit by sweep, light by depth.
+
+use super::folder::spread;
+use super::html::Section;
+use super::source::Source;
+use lf_core::plot::{Axis, Chart, Mark, Panel};
+use lf_core::{Result, Volume};
+
+/// Most files that are read, spread over the run.
+const MOST_FILES: usize = 4;
+
+/// Voxels that pruning kept, by depth. None without supports.
+pub(super) fn pruning(source: &dyn Source, supports: &[String], notes: &mut Vec<String>) -> Option<Section> {
+    let curves = curves(source, supports, notes, |volume| {
+        let [nx, ny, _] = volume.grid().shape;
+        let kept = by_slice(volume, &vec![1.0; volume.count()]);
+        Ok(kept.into_iter().map(|count| 100.0 * count / (nx * ny) as f64).collect())
+    });
+    let shares: Vec<String> = curves.iter().map(|curve| format!("{:.2} %", mean(&curve.points))).collect();
+    let mut section = Section::new("pruning", "Pruning");
+    let axis = Axis::from_zero("voxels kept, %", 1.05 * highest(&curves));
+    section.chart(
+        &one_panel("Voxels kept by lf-prune, by depth", Axis::new("z, mm"), axis, &curves),
+        "Only these voxels are reconstructed.",
+    );
+    section.text(&format!("Kept of all voxels: {}.", shares.join(", ")));
+    (!curves.is_empty()).then_some(section)
+}
+
+/// Light of the reconstructed volumes by depth, and the misfit by sweep. None without either.
+pub(super) fn reconstruction(
+    source: &dyn Source,
+    volumes: &[String],
+    records: &[String],
+    notes: &mut Vec<String>,
+) -> Option<Section> {
+    let mut section = Section::new("reconstruction", "Reconstruction");
+    let sweeps = sweeps(source, records);
+    if !sweeps.is_empty() {
+        section.chart(
+            &one_panel("Misfit of the image, by sweep", Axis::new("sweep"), Axis::log("misfit"), &sweeps),
+            "The difference between the image and the light that the volume would send, as a share of the image.",
+        );
+    }
+    let curves = curves(source, volumes, notes, |volume| Ok(by_slice(volume, volume.require("intensity")?)));
+    if !curves.is_empty() {
+        let axis = Axis::from_zero("light of a slice, counts", 1.05 * highest(&curves));
+        section.chart(
+            &one_panel("Light of the volumes, by depth", Axis::new("z, mm"), axis, &curves),
+            "A slab that is lit evenly, with many particles, gives a flat curve.",
+        );
+    }
+    (!section.content.is_empty()).then_some(section)
+}
+
+/// A named curve over depth or sweeps.
+struct Curve {
+    name: String,
+    points: Vec<[f64; 2]>,
+}
+
+/// A curve of each of a few files: values by slice.
+fn curves(
+    source: &dyn Source,
+    files: &[String],
+    notes: &mut Vec<String>,
+    values: impl Fn(&Volume) -> Result<Vec<f64>>,
+) -> Vec<Curve> {
+    let curve = |file: &str| -> Result<Curve> {
+        let volume = source.volume(file)?;
+        let grid = volume.grid();
+        let points = values(&volume)?.into_iter().enumerate().map(|(n, value)| [grid.centre_mm(2, n), value]).collect();
+        Ok(Curve { name: file.trim_end_matches(".lfv").to_owned(), points })
+    };
+    let mut curves = Vec::new();
+    for file in spread(files, MOST_FILES) {
+        match curve(file) {
+            Ok(curve) => curves.push(curve),
+            Err(error) => notes.push(error.to_string()),
+        }
+    }
+    curves
+}
+
+/// Sums of a value of every voxel over the slices across z.
+fn by_slice(volume: &Volume, values: &[f32]) -> Vec<f64> {
+    let grid = volume.grid();
+    let mut sums = vec![0.0; grid.shape[2]];
+    for (index, value) in volume.indices().iter().zip(values) {
+        sums[grid.voxel(*index)[2]] += f64::from(*value);
+    }
+    sums
+}
+
+/// The misfits that lf-mart wrote by --log.
+fn sweeps(source: &dyn Source, files: &[String]) -> Vec<Curve> {
+    let read = |file: &str| -> Curve {
+        let text = source.text(file).unwrap_or_default();
+        let number = |line: &str, key: &str| serde_json::from_str::<serde_json::Value>(line).ok()?[key].as_f64();
+        let points = text.lines().filter_map(|line| Some([number(line, "iteration")?, number(line, "misfit")?]));
+        Curve { name: file.trim_end_matches(".jsonl").to_owned(), points: points.collect() }
+    };
+    spread(files, MOST_FILES).into_iter().map(read).filter(|curve| !curve.points.is_empty()).collect()
+}
+
+fn one_panel(title: &str, x: Axis, y: Axis, curves: &[Curve]) -> Chart {
+    let mut panel = Panel::new("", x, y);
+    panel.marks = curves.iter().map(|curve| Mark::line(&curve.name, curve.points.clone())).collect();
+    Chart { title: title.into(), notes: Vec::new(), columns: 1, panels: vec![panel] }
+}
+
+fn highest(curves: &[Curve]) -> f64 {
+    curves.iter().flat_map(|curve| &curve.points).map(|point| point[1]).fold(0.0, f64::max)
+}
+
+fn mean(points: &[[f64; 2]]) -> f64 {
+    points.iter().map(|point| point[1]).sum::<f64>() / points.len().max(1) as f64
+}

@@ -1,0 +1,106 @@
+//! `lf-validate report`: what the page holds; its look is checked in a browser.
+
+use crate::workbench::{CAMERA, field, save_field, workbench};
+use lf_core::Grid;
+use lf_core::field::{NO_DATA, REPLACED};
+use lf_core::history::Step;
+use lf_tests::Workbench;
+use serde_json::Value;
+use std::fs;
+
+/// A folder of a run with two fields, a volume, its sweeps, a camera, stats and logs.
+fn run(bench: &Workbench) {
+    fs::create_dir_all(bench.path("out/log")).unwrap();
+    fs::write(bench.path("out/camera.json"), CAMERA).unwrap();
+    for (n, name) in ["out/field-a-b.exr", "out/field-c-d.exr", "out/mean.exr"].into_iter().enumerate() {
+        let mut field =
+            field([6, 5, 4], |[x, y, z]| [(0.01 * x + 0.001 * n as f64) as f32, (0.01 * y) as f32, -z as f32]);
+        (field.flag[3], field.flag[4]) = (REPLACED, NO_DATA);
+        field.su.fill(0.002);
+        field.layout.history =
+            vec![Step { tool: "lf-xcorr".into(), version: "1".into(), arguments: vec!["</script><b>".into()] }];
+        save_field(bench, name, &field);
+    }
+    let grid = Grid { shape: [4, 3, 2], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [-0.15, -0.1, -0.5] };
+    bench.volume("out/volume-a.lfv", &grid, &[0, 7, 17], &[("intensity", &[1.0, 2.5, 4.0])]);
+    bench.volume("out/support-a.lfv", &grid, &[0, 7, 17], &[("score", &[1.0, 2.5, 4.0])]);
+    let sweeps = "{\"iteration\":1,\"misfit\":0.3}\n{\"iteration\":2,\"misfit\":0.1}\n";
+    fs::write(bench.path("out/volume-a.sweeps.jsonl"), sweeps).unwrap();
+    let stats = r#"{"tool": "lf-mart", "version": "1", "threads": 2, "seconds": 12.5, "phases": {"read": 1.5},
+        "peak_bytes": 250000000, "counts": {}}"#;
+    fs::write(bench.path("out/volume-a.stats.json"), stats).unwrap();
+    let log = "lf-mart: kept 3\nlf-mart: warning: <dark> frame\n";
+    fs::write(bench.path("out/log/volume-a.txt"), log).unwrap();
+}
+
+#[test]
+fn a_page_holds_the_run_and_nothing_from_elsewhere() {
+    let bench = workbench();
+    run(&bench);
+    bench.done(&["report", "out", "-o", "page.html"]);
+    let page = bench.text("page.html");
+    for anchor in ["field", "statistics", "reconstruction", "pruning", "camera", "stages", "commands"] {
+        assert!(page.contains(&format!("<section id=\"{anchor}\">")), "no section {anchor}");
+    }
+    assert!(page.contains("1 warning<") && page.contains("lf-mart: &lt;dark&gt; frame"), "the warning");
+    assert!(page.contains("12.5 s in all stages, 250 MB"), "the summary");
+    assert!(page.contains("lf-xcorr 1: &lt;/script&gt;&lt;b&gt;"), "the commands");
+    let outside = page.replace("http://www.w3.org/2000/svg", "");
+    assert!(!outside.contains("http:") && !outside.contains("https:") && !outside.contains("{{"), "links to elsewhere");
+    assert_eq!(page.matches("</script>").count(), 2, "nothing ends a script early");
+    // Two of three hundred and sixty vectors each: 240 places in two fields, two of each kind.
+    assert!(page.contains("98.3 % measured, 0.8 % replaced, 0.8 % without data"), "the kinds of vectors");
+}
+
+#[test]
+fn the_script_gets_every_vector() {
+    let bench = workbench();
+    run(&bench);
+    bench.done(&["report", "out", "-o", "page.html"]);
+    let page = bench.text("page.html");
+    let start = "id=\"fields-data\">";
+    let data = page.split_once(start).unwrap().1.split_once("</script>").unwrap().0;
+    let fields: Value = serde_json::from_str(data).unwrap();
+    let names: Vec<&str> = fields.as_array().unwrap().iter().map(|field| field["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["mean of all fields", "field-a-b.exr", "field-c-d.exr"]);
+    assert_eq!(fields[0]["shape"], serde_json::json!([6, 5, 4]));
+    // 120 numbers of two bytes as base64.
+    assert_eq!(fields[1]["vector"][2]["data"].as_str().unwrap().len(), 320);
+    assert_eq!(fields[1]["flags"].as_str().unwrap().len(), 160);
+}
+
+#[test]
+fn a_damaged_file_is_named_and_the_page_is_made() {
+    let bench = workbench();
+    run(&bench);
+    fs::write(bench.path("out/field-c-d.exr"), "cut").unwrap();
+    fs::write(bench.path("out/volume-b.lfv"), "cut").unwrap();
+    let ended = bench.done(&["report", "out", "-o", "page.html"]);
+    let lines = ended.stderr;
+    assert!(lines.contains("warning: left out: ") && lines.contains("volume-b.lfv"), "{lines}");
+    let page = bench.text("page.html");
+    assert!(page.contains("3 warnings<") && page.contains("field-c-d.exr: "), "the page names both");
+}
+
+#[test]
+fn a_folder_without_a_run_is_refused() {
+    let bench = workbench();
+    fs::create_dir(bench.path("empty")).unwrap();
+    bench.refused(&["report", "empty", "-o", "page.html"], &["empty: no file of a run; wanted the folder of a run"]);
+    bench.refused(&["report", "none", "-o", "page.html"], &["none: no such folder; wanted"]);
+    assert!(!bench.path("page.html").exists());
+}
+
+#[test]
+fn many_large_fields_stay_below_five_megabytes() {
+    let bench = workbench();
+    fs::create_dir(bench.path("out")).unwrap();
+    for n in 0..4 {
+        let name = format!("out/field-{n}.exr");
+        save_field(&bench, &name, &field([60, 60, 42], |[x, y, z]| [x.sin() as f32, y.cos() as f32, z as f32]));
+    }
+    bench.done(&["report", "out", "-o", "page.html"]);
+    let page = bench.text("page.html");
+    assert!((2_000_000..5_000_000).contains(&page.len()), "{} bytes", page.len());
+    assert!(page.contains("the others are in the folder"));
+}
