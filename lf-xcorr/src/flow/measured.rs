@@ -113,7 +113,7 @@ fn distance(field: &Field, values: &[f64], is_known: &[bool], errors: &Correlate
         }
     }
     if count > 0.0 {
-        return (sum / count as f64).sqrt();
+        return (sum / count).sqrt();
     }
     let all = known(values, is_known);
     let mean = all.iter().sum::<f64>() / all.len() as f64;
