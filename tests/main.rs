@@ -5,6 +5,7 @@ mod bad_output;
 mod bench;
 mod blunders;
 mod exports;
+mod flowing;
 mod frame;
 mod front_door;
 mod limits;

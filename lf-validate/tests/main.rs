@@ -2,6 +2,7 @@
 
 mod cli;
 mod curves;
+mod ensemble;
 mod export;
 mod report;
 mod trade;

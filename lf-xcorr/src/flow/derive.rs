@@ -82,7 +82,7 @@ pub fn derive(field: &Field) -> Derived {
     let rms = |numbers: &dyn Fn(usize) -> f64| {
         let finite = (0..all.len()).map(numbers).filter(|number| number.is_finite());
         let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), number| (sum + number * number, count + 1.0));
-        (sum / count as f64).sqrt()
+        (sum / count).sqrt()
     };
     Derived {
         divergence: [rms(&|i| all[i].0[3]), rms(&|i| all[i].1[3])],

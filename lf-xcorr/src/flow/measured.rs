@@ -2,9 +2,10 @@
 
 use super::errors::Correlated;
 use super::fill::fill;
+use super::spread::box_mean;
 use lf_core::field::{MEASURED, REPLACED};
 use lf_core::statistics::median;
-use lf_core::{Field, Refusal};
+use lf_core::{Field, Refusal, VectorGrid};
 
 /// Standard uncertainties of u, v and w, mm, for fields that state none.
 pub type TypedSigma = Option<[f64; 3]>;
@@ -17,7 +18,8 @@ const LEAST: f64 = 0.05;
 pub struct Measured {
     /// u, v, w, mm. Gaps hold a smooth continuation of the measured vectors.
     pub(super) values: [Vec<f64>; 3],
-    /// Standard uncertainties, mm. Those of filled vectors are how far a vector is from its neighbours a window away.
+    /// Standard uncertainties, mm: usual ones of a window. Those of filled vectors are how far a vector is from its
+    /// neighbours a window away.
     pub(super) sigma: [Vec<f64>; 3],
     /// Whether a vector is measured.
     pub(super) is_known: Vec<bool>,
@@ -38,6 +40,7 @@ impl Measured {
             let values: Vec<f64> = values.iter().map(|value| f64::from(*value)).collect();
             let values = fill(&field.layout, &values, &is_known);
             let sigma = sigma(stated[c], typed.map(|typed| typed[c]), &is_known)?;
+            let sigma = usual(&sigma, &is_known, &field.layout, &errors);
             let of_gaps = distance(field, &values, &is_known, &errors).max(2.0 * median(&mut known(&sigma, &is_known)));
             let sigma = sigma.iter().zip(&is_known).map(|(sigma, known)| if *known { *sigma } else { of_gaps });
             Ok((values, sigma.collect()))
@@ -82,6 +85,19 @@ fn sigma(stated: &[f32], typed: Option<f64>, is_known: &[bool]) -> Result<Vec<f6
     Ok(stated.iter().map(one).collect())
 }
 
+/// Uncertainties by the mean variance of the measured vectors over a window. A single one, from the scatter of some ten
+/// particles, is itself uncertain by a quarter, and as a weight it favours vectors whose particles agree by chance.
+fn usual(sigma: &[f64], is_known: &[bool], layout: &VectorGrid, errors: &Correlated) -> Vec<f64> {
+    let reach = errors.width.map(|width| (width / 2).max(1));
+    let mean = |value: &dyn Fn(usize) -> f64| {
+        let values: Vec<f64> = (0..sigma.len()).map(|i| if is_known[i] { value(i) } else { 0.0 }).collect();
+        box_mean(&values, layout.shape, reach)
+    };
+    let (variance, share) = (mean(&|i| sigma[i] * sigma[i]), mean(&|_| 1.0));
+    let one = |i: usize| if is_known[i] { (variance[i] / share[i]).sqrt() } else { sigma[i] };
+    (0..sigma.len()).map(one).collect()
+}
+
 /// RMS distance of measured values from the middle of their two neighbours that share no data with them. Without such
 /// neighbours, their RMS about the mean.
 fn distance(field: &Field, values: &[f64], is_known: &[bool], errors: &Correlated) -> f64 {
@@ -97,7 +113,7 @@ fn distance(field: &Field, values: &[f64], is_known: &[bool], errors: &Correlate
         }
     }
     if count > 0.0 {
-        return (sum / count as f64).sqrt();
+        return (sum / count).sqrt();
     }
     let all = known(values, is_known);
     let mean = all.iter().sum::<f64>() / all.len() as f64;

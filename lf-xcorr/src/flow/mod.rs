@@ -11,7 +11,6 @@ mod conjugate;
 mod derive;
 mod errors;
 mod fill;
-mod gcv;
 mod lines;
 mod measured;
 mod memory;
@@ -23,6 +22,7 @@ mod slopes;
 mod smooth;
 mod solenoidal;
 mod spread;
+mod strength;
 
 pub use derive::{Derived, derive};
 pub use measured::{Measured, TypedSigma};

@@ -71,7 +71,7 @@ pub fn pressure(first: &Field, second: Option<&Field>, options: &PressureOptions
     let rms = |values: &[f64]| {
         let known = values.iter().enumerate().filter(|(i, value)| has_data(*i) && value.is_finite());
         let (sum, count) = known.fold((0.0, 0.0), |(sum, n), (_, value)| (sum + value * value, n + 1.0));
-        (sum / count as f64).sqrt()
+        (sum / count).sqrt()
     };
     let stored = |values: &[f64]| -> Vec<f32> {
         values.iter().enumerate().map(|(i, value)| if has_data(i) { *value as f32 } else { f32::NAN }).collect()

@@ -6,20 +6,20 @@
 
 use super::conjugate::solve;
 use super::errors::Correlated;
-use super::gcv;
 use super::measured::Measured;
 use super::roughness::Roughness;
 use super::spread::{Spread, box_mean};
+use super::strength;
 use lf_core::Field;
 use lf_core::statistics::median;
 use rayon::prelude::*;
 
 /// Constant: residual at which the solver stops, and its most steps.
 const TOLERANCE: f64 = 1e-5;
-const TOLERANCE_OF_SCORES: f64 = 1e-4;
+const TOLERANCE_OF_SCORES: f64 = 1e-3;
 const MOST: usize = 3000;
 /// Constant: sets of errors that are drawn, and reach of means of squares, in vectors.
-const DRAWS: u64 = 8;
+const DRAWS: u64 = 4;
 const REACH: usize = 2;
 
 /// A smooth field.
@@ -36,6 +36,10 @@ pub struct Smoothed {
     /// Vectors that were filled.
     pub filled: usize,
 }
+
+/// Constant: the flow that is smoothed away, as a variance, over the part that a second smoothing shows. The smooth
+/// field has lost some of it already.
+const LOST: f64 = 2.0;
 
 /// One component.
 struct Component<'a> {
@@ -59,6 +63,21 @@ impl Component<'_> {
         solve(apply, precondition, &right, start, tolerance, MOST).values
     }
 
+    /// Mean product of errors before and after the smoothing, as [`Component::residual`] counts.
+    fn product(&self, before: &[f64], after: &[f64]) -> f64 {
+        let weighed = before.iter().zip(after).zip(&self.weights);
+        let sum: f64 = weighed.map(|((before, after), weight)| weight * before * after).sum();
+        sum / self.weights.iter().filter(|weight| **weight > 0.0).count() as f64
+    }
+
+    /// The square of the flow that the smoothing takes away, a mean over neighbours: the smooth field stands for the
+    /// flow.
+    fn lost(&self, smooth: &[f64], strength: f64, shape: [usize; 3]) -> Vec<f64> {
+        let again = self.solve(strength, smooth, smooth.to_vec(), TOLERANCE_OF_SCORES);
+        let squares: Vec<f64> = smooth.iter().zip(&again).map(|(smooth, again)| (smooth - again).powi(2)).collect();
+        box_mean(&squares, shape, [REACH; 3])
+    }
+
     /// Mean square residual of measured values, in usual uncertainties.
     fn residual(&self, values: &[f64], smooth: &[f64]) -> f64 {
         let weighed = values.iter().zip(smooth).zip(&self.weights);
@@ -75,7 +94,7 @@ struct Found {
     misfit: f64,
 }
 
-/// Smooths a field; `typed` strengths for u, v and w take the place of those by cross-validation.
+/// Smooths a field; `typed` strengths for u, v and w take the place of those with the least expected error.
 pub fn smooth(field: &Field, measured: &Measured, typed: Option<[f64; 3]>) -> Smoothed {
     let roughness = Roughness::new(field.layout.shape);
     let diagonal = roughness.diagonal();
@@ -113,9 +132,9 @@ impl Component<'_> {
         let mut score = |strength: f64| {
             of_values = self.solve(strength, values, std::mem::take(&mut of_values), TOLERANCE_OF_SCORES);
             of_noise = self.solve(strength, &noise, std::mem::take(&mut of_noise), TOLERANCE_OF_SCORES);
-            self.residual(values, &of_values) / self.residual(&noise, &of_noise).powi(2)
+            self.residual(values, &of_values) + 2.0 * self.product(&noise, &of_noise)
         };
-        let strength = typed.unwrap_or_else(|| gcv::best(&mut score));
+        let strength = typed.unwrap_or_else(|| strength::best(&mut score));
         let smooth = self.solve(strength, values, of_values, TOLERANCE);
 
         let treat = |[drawn]: [Vec<f64>; 1]| {
@@ -124,12 +143,13 @@ impl Component<'_> {
             ([left], residual)
         };
         let ([spread], expected) = Spread::new(&errors, [sigma], DRAWS, treat);
-        // The flow that is smoothed away: the smooth field stands for the flow.
-        let again = self.solve(strength, &smooth, smooth.clone(), TOLERANCE_OF_SCORES);
-        let lost: Vec<f64> = smooth.iter().zip(&again).map(|(smooth, again)| (smooth - again).powi(2)).collect();
-        let lost = box_mean(&lost, field.layout.shape, REACH);
-        let shares = spread.shares(field.layout.shape, REACH);
-        let left = sigma.iter().zip(shares.iter().zip(&lost));
+        let lost = self.lost(&smooth, strength, field.layout.shape);
+        // Errors that are left are smoothed away a second time too; they are no flow.
+        let of_errors =
+            self.lost(&self.solve(strength, &noise, of_noise, TOLERANCE_OF_SCORES), strength, field.layout.shape);
+        let shares = spread.shares(field.layout.shape, [REACH; 3]);
+        let lost = lost.iter().zip(&of_errors).map(|(lost, of_errors)| LOST * (lost - of_errors).max(0.0));
+        let left = sigma.iter().zip(shares.iter().zip(lost));
         let misfit = (self.residual(values, &smooth) / expected).sqrt();
         let sigma = left.map(|(sigma, (share, lost))| (sigma * sigma * share + lost).sqrt()).collect();
         Found { values: smooth, sigma, strength, misfit }

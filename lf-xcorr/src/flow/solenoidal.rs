@@ -114,7 +114,7 @@ pub fn solenoidal(field: &Field, measured: &Measured) -> Solenoidal {
     let project = || problem.project(measured.values.clone(), TOLERANCE);
     let ((values, solution, misfit), (spreads, expected)) = rayon::join(project, drawn);
 
-    let shares = [0, 1, 2].map(|c| spreads[c].shares(field.layout.shape, REACH));
+    let shares = [0, 1, 2].map(|c| spreads[c].shares(field.layout.shape, [REACH; 3]));
     let left = |c: usize| -> Vec<f64> {
         measured.sigma[c].iter().zip(&shares[c]).map(|(sigma, share)| sigma * share.sqrt()).collect()
     };

@@ -47,21 +47,22 @@ impl Spread {
         self.after.iter_mut().zip(scaled).for_each(|(sum, error)| *sum += error * error);
     }
 
-    /// The share of the variance that is left, place by place: means over a box of `reach` vectors to every side.
-    pub fn shares(&self, shape: [usize; 3], reach: usize) -> Vec<f64> {
+    /// The share of the variance that is left, place by place: means over a box of `reach` vectors to either side along
+    /// x, y, z.
+    pub fn shares(&self, shape: [usize; 3], reach: [usize; 3]) -> Vec<f64> {
         let [before, after] = [&self.before, &self.after].map(|sums| box_mean(sums, shape, reach));
         after.iter().zip(before).map(|(after, before)| after / before).collect()
     }
 }
 
-/// Means over a box of `reach` values to every side, cut at the ends of the grid.
-pub(super) fn box_mean(values: &[f64], shape: [usize; 3], reach: usize) -> Vec<f64> {
+/// Means over a box of `reach` values to either side along x, y, z, cut at the ends of the grid.
+pub(super) fn box_mean(values: &[f64], shape: [usize; 3], reach: [usize; 3]) -> Vec<f64> {
     let mut values = values.to_vec();
     for axis in 0..3 {
         let (count, stride): (usize, usize) = (shape[axis], shape[..axis].iter().product());
         let line = |i: usize| {
             let at = i / stride % count;
-            let (low, high) = (at.saturating_sub(reach), (at + reach).min(count - 1));
+            let (low, high) = (at.saturating_sub(reach[axis]), (at + reach[axis]).min(count - 1));
             let first = i - at * stride;
             (low..=high).map(|n| values[first + n * stride]).sum::<f64>() / (high + 1 - low) as f64
         };
@@ -82,11 +83,11 @@ mod tests {
         let halved = |[errors]: [Vec<f64>; 1]| ([errors.into_iter().map(|error| 0.5 * error).collect()], 7.0);
         let ([spread], number) = Spread::new(&Correlated::new(&layout), [&sigma], 3, halved);
         assert_eq!(number, 7.0);
-        assert!(spread.shares(layout.shape, 1).iter().all(|share| (share - 0.25).abs() < 1e-12));
+        assert!(spread.shares(layout.shape, [1; 3]).iter().all(|share| (share - 0.25).abs() < 1e-12));
     }
 
     #[test]
     fn means_over_a_box_by_hand() {
-        assert_eq!(box_mean(&[1.0, 2.0, 6.0, 7.0], [4, 1, 1], 1), [1.5, 3.0, 5.0, 6.5]);
+        assert_eq!(box_mean(&[1.0, 2.0, 6.0, 7.0], [4, 1, 1], [1; 3]), [1.5, 3.0, 5.0, 6.5]);
     }
 }

@@ -54,7 +54,7 @@ impl ConvergenceLog {
             let differences = snapshot.mean_mm[c].iter().zip(last[c]).map(|(first, all)| f64::from(first - all));
             let known = differences.zip(&all.count).filter(|(d, count)| **count > 0.0 && d.is_finite());
             let (sum, count) = known.fold((0.0, 0.0), |(sum, n), (d, _)| (sum + d * d, n + 1.0));
-            (sum / count as f64).sqrt()
+            (sum / count).sqrt()
         };
         let step = |snapshot: &Snapshot| ConvergenceStep {
             fields: snapshot.fields,

@@ -13,9 +13,8 @@ pub struct LineSums {
     axis: usize,
     count: usize,
     spacing_mm: f64,
-    /// Sums of products of fluctuations, and numbers of products, by distance in vectors.
-    products: [Vec<f64>; 3],
-    pairs: Vec<f64>,
+    /// Sums of products of two fluctuations, and of the squares of the first and of the second, by distance in vectors.
+    products: [Vec<[f64; 3]>; 3],
     /// Sums of squared amplitudes by wave, and number of lines.
     energy: [Vec<f64>; 3],
     lines: f64,
@@ -29,7 +28,7 @@ pub struct LineStatistics {
     pub axis: &'static str,
     /// Distances of the correlations.
     pub distance_mm: Vec<f64>,
-    /// Correlation of u, v and w by distance; 1 at distance 0.
+    /// Correlation of u, v and w by distance, over the RMS at both ends; 1 at distance 0.
     pub correlation: [Vec<f64>; 3],
     /// Integral of each correlation up to its first zero; the whole line if it has none.
     pub length_mm: [f64; 3],
@@ -51,8 +50,7 @@ impl LineSums {
             axis,
             count,
             spacing_mm: layout.spacing_mm[axis],
-            products: zeros(count),
-            pairs: vec![0.0; count],
+            products: std::array::from_fn(|_| vec![[0.0; 3]; count]),
             energy: zeros(count / 2),
             lines: 0.0,
             window: (0..count).map(hann).collect(),
@@ -71,15 +69,15 @@ impl LineSums {
             for c in 0..3 {
                 let one = |n: usize| (field.displacement_mm(at(n)) - mean.displacement_mm(at(n)))[c];
                 let line: Vec<f64> = (0..count).map(|n| if known[n] { one(n) } else { 0.0 }).collect();
-                for (distance, sum) in self.products[c].iter_mut().enumerate() {
-                    *sum += line.iter().zip(&line[distance..]).map(|(a, b)| a * b).sum::<f64>();
+                for (distance, sums) in self.products[c].iter_mut().enumerate() {
+                    for n in (0..count - distance).filter(|n| known[*n] && known[n + distance]) {
+                        let (a, b) = (line[n], line[n + distance]);
+                        sums.iter_mut().zip([a * b, a * a, b * b]).for_each(|(sum, product)| *sum += product);
+                    }
                 }
                 if is_whole {
                     self.add_waves(c, &line);
                 }
-            }
-            for (distance, pairs) in self.pairs.iter_mut().enumerate() {
-                *pairs += known.iter().zip(&known[distance..]).filter(|(a, b)| **a && **b).count() as f64;
             }
             self.lines += f64::from(u8::from(is_whole));
         }
@@ -102,12 +100,9 @@ impl LineSums {
 
     /// The statistics of the fields added.
     pub fn finish(self) -> LineStatistics {
-        let Self { axis, count, spacing_mm, products, pairs, energy, lines, window } = self;
-        let covariance = |c: usize| -> Vec<f64> { products[c].iter().zip(&pairs).map(|(p, n)| p / n).collect() };
-        let correlation = [0, 1, 2].map(|c| {
-            let covariance = covariance(c);
-            covariance.iter().map(|value| value / covariance[0]).collect::<Vec<f64>>()
-        });
+        let Self { axis, count, spacing_mm, products, energy, lines, window } = self;
+        let one = |[product, first, second]: &[f64; 3]| product / (first * second).sqrt();
+        let correlation = products.map(|sums| sums.iter().map(one).collect::<Vec<f64>>());
         let squares: f64 = window.iter().map(|w| w * w).sum();
         // The highest wave of an even number of places is its own mirror image.
         let fold = |n: usize| if 2 * (n + 1) == count { 1.0 } else { 2.0 };

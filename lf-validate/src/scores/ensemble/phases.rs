@@ -57,8 +57,8 @@ impl PhaseSums {
         }
         let summary = PhaseSummary {
             fields: phases.iter().map(|phase| phase.fields).collect(),
-            coherent_mm: coherent.map(|sum| (sum / places[0] as f64).sqrt()),
-            incoherent_mm: incoherent.map(|sum| (sum / places[1] as f64).sqrt()),
+            coherent_mm: coherent.map(|sum| (sum / places[0]).sqrt()),
+            incoherent_mm: incoherent.map(|sum| (sum / places[1]).sqrt()),
         };
         (phases, summary)
     }

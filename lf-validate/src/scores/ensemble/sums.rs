@@ -91,7 +91,7 @@ impl EnsembleSums {
             let known = self.moments[c].iter().zip(&self.count).filter(|(_, count)| **count > 1);
             let each = known.map(|(moment, count)| moment / f64::from(count - 1));
             let (sum, places) = each.fold((0.0, 0.0), |(sum, n), variance| (sum + variance, n + 1.0));
-            sum / places as f64
+            sum / places
         };
         [0, 1, 2].map(|c| variance(c).sqrt())
     }

@@ -41,9 +41,9 @@ pub enum Command {
 
 /// Smooth a field by its uncertainties
 ///
-/// Penalised least squares: vectors that are sure stay, uncertain ones follow their neighbours. The strength of each
-/// component is found by generalised cross-validation, which allows for errors that overlapping windows share. Replaced
-/// and missing vectors are filled and flagged as replaced.
+/// Penalised least squares: vectors that are sure stay, uncertain ones follow their neighbours. Each component has the
+/// strength with the least expected error, by its uncertainties and by the errors that overlapping windows share.
+/// Replaced and missing vectors are filled and flagged as replaced.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow smooth field-0000-0001.exr -o smooth.exr
@@ -51,8 +51,8 @@ pub enum Command {
 pub struct Smooth {
     #[command(flatten)]
     pub files: Files,
-    /// Strengths for u, v and w in place of those by cross-validation; s smooths waves shorter than 2 pi s^(1/4)
-    /// vectors
+    /// Strengths for u, v and w in place of those with the least expected error; s smooths waves shorter than 2 pi
+    /// s^(1/4) vectors
     #[arg(long, value_name = "U,V,W", value_parser = positive)]
     pub strength: Option<[f64; 3]>,
     #[command(flatten)]
@@ -106,7 +106,7 @@ pub struct Pressure {
     /// A later field of the same flow, for its acceleration in place
     #[arg(requires = "interval")]
     pub next: Option<PathBuf>,
-    /// Where the field with its pressure goes: .exr, .vti or .csv; `-` is EXR on standard output
+    /// Where the field with its pressure goes: .exr, .vti, .nc, .csv or .dat; `-` is EXR on standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
     /// Density of the fluid, kg/m3

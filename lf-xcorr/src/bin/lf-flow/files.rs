@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 pub enum Form {
     Exr,
     Vti,
+    Nc,
     Csv,
+    Dat,
 }
 
 /// Fields, and where their results go.
@@ -19,8 +21,8 @@ pub struct Files {
     /// Fields (.exr); `-` is standard input
     #[arg(default_value = "-")]
     fields: Vec<PathBuf>,
-    /// Where the result goes: .exr, .vti or .csv; `-` is EXR on standard output. For several fields a folder, which
-    /// gets a file of each field's name
+    /// Where the result goes: .exr, .vti, .nc, .csv or .dat; `-` is EXR on standard output. For several fields a
+    /// folder, which gets a file of each field's name
     #[arg(short, long, value_name = "FILE|FOLDER", default_value = "-")]
     output: PathBuf,
     /// Form of the files in a folder
