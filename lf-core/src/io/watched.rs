@@ -9,7 +9,7 @@ use std::os::{fd::AsFd, unix::fs::MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What identifies the content of a file: device, inode, length, and time of the last change in seconds and nanoseconds.
+/// Identity of a file's content: device, inode, length, and time of the last change in seconds and nanoseconds.
 type Mark = (u64, u64, u64, i64, i64);
 
 /// The inputs in use, and the first one that changed before it was out of use.
