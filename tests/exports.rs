@@ -47,7 +47,7 @@ fn folder() -> TempDir {
     let text = format!("# frame: right-handed\n# {step}\nframe,id,x_mm,y_mm,z_mm,intensity\n{rows}");
     std::fs::write(path("p.csv"), text).unwrap();
     let export = |words: &[&str]| {
-        Call::new("lf-validate").words(["export"]).words(words).within(folder.path()).run().done();
+        Call::new("lf-validate").words(["export"]).words(words).within(folder.path()).with_history().run().done();
     };
     for name in ["a.nc", "a.vti", "a.dat"] {
         export(&["a.exr", "-o", name]);

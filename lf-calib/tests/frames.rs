@@ -15,7 +15,7 @@ fn bench() -> Workbench {
             let mut frame = Array2::from_elem((12, 16), 10.0f32);
             frame[(8, 2 * n)] += light;
             frame[(8, 2 * n + 1)] += light;
-            frame = frame * &sensitivity;
+            frame *= &sensitivity;
             frame[(3, 4)] += 500.0;
             bench.image(&format!("{n}{laser}.exr"), &frame);
         }

@@ -21,6 +21,8 @@ const MOST_ARROWS: usize = 47;
 const LEAST_USUAL: f64 = 0.2;
 /// A layer with fewer measured vectors than this share of the fullest layer's is not chosen.
 const FULL: f64 = 0.8;
+/// A layer with this share of the best layer's worth is as good.
+const GOOD: f64 = 0.8;
 
 /// The scalar behind the colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +66,7 @@ pub struct FieldPicture {
 
 /// The layer that a cut draws: the nearest to its place, or the one that shows most. That is the layer with the largest
 /// RMS of its vectors over that of their uncertainties, among the layers with nearly as many measured vectors as the
-/// fullest. So it is seldom the focal plane, where w is least certain. Refuses a place outside the field.
+/// fullest; of layers that are nearly as good, the one nearest to the middle. So it is seldom the focal plane, where w is least certain. Refuses a place outside the field.
 pub fn layer(field: &Field, cut: Cut) -> Result<usize, Refusal> {
     if cut.place_mm.is_some() {
         return cut.layer(&field.layout);
@@ -73,13 +75,13 @@ pub fn layer(field: &Field, cut: Cut) -> Result<usize, Refusal> {
         (0..field.layout.shape[cut.axis]).map(|layer| worth(field, cut.axis, layer)).collect();
     let fullest = layers.iter().map(|(count, _)| *count).max().unwrap_or(0);
     let is_full = |count: usize| count as f64 >= FULL * fullest as f64;
-    let full = layers.iter().enumerate().filter(|(_, (count, _))| fullest > 0 && is_full(*count));
-    // Among equal layers, take the one nearest to the middle: noise must not send the choice to an end.
+    let full = |&layer: &usize| fullest > 0 && is_full(layers[layer].0);
+    let most = (0..layers.len()).filter(full).map(|layer| layers[layer].1).fold(0.0, f64::max);
+    // Among layers that are nearly as good, take the one nearest to the middle: noise must not send the choice to an end.
     let middle = layers.len() / 2;
-    let best = full.max_by(|(a, (_, one)), (b, (_, other))| {
-        one.total_cmp(other).then(b.abs_diff(middle).cmp(&a.abs_diff(middle)))
-    });
-    Ok(best.map_or(middle, |(layer, _)| layer))
+    let good = (0..layers.len()).filter(full).filter(|layer| layers[*layer].1 >= GOOD * most);
+    let best = good.min_by_key(|layer| layer.abs_diff(middle));
+    Ok(best.unwrap_or(middle))
 }
 
 /// Number of measured vectors of a layer, and their worth.

@@ -71,11 +71,13 @@ const LINES: usize = 10;
 /// A longer list is left out of them.
 const SHORT_LIST: usize = 3;
 
-/// The first numbers of a score, those of the whole before those of its parts, and how many are left out.
+/// The first numbers of a score, those of the whole before those of its parts and before counts, and how many are left out.
 fn brief(score: &Value) -> String {
     let (mut lines, mut lists) = (Vec::new(), 0);
     collect("", 0, score, &mut lines, &mut lists);
-    lines.sort_by_key(|(depth, ..)| *depth);
+    // Counts come after the numbers of a score.
+    let is_count = |text: &str| !text.contains('.') && text != "null";
+    lines.sort_by_key(|(depth, _, text)| (*depth, is_count(text)));
     if lines.len() <= LINES && lists == 0 {
         return lines.iter().map(|(_, key, value)| format!("{key}: {value}\n")).collect();
     }
@@ -157,7 +159,7 @@ mod tests {
     #[test]
     fn a_terminal_gets_ten_lines_the_whole_first() {
         let parts: serde_json::Map<String, Value> = (0..20).map(|n| (format!("part_{n}"), json!(n))).collect();
-        let score = json!({"deep": parts, "profile": [1, 2, 3, 4], "q": 0.93, "shape": [1, 2, 3], "unit": "px"});
+        let score = json!({"deep": &parts, "profile": [1, 2, 3, 4], "q": 0.93, "shape": [1, 2, 3], "unit": "px"});
         let text = brief(&score);
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 10, "{text}");

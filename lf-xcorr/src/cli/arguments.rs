@@ -24,8 +24,6 @@ use std::path::{Path, PathBuf};
     max_term_width = 100,
     after_help = "Examples, in out/ after scripts/demo:
   lf-xcorr volume-0000.lfv volume-0001.lfv -o field.exr --plot field.svg
-  lf-xcorr volume-0000.lfv volume-0001.lfv --preset fast --window-mm 0.88,0.88,0.88 --dt 0.001 \\
-      -o field.vti
   lf-xcorr volume-0000.lfv volume-0001.lfv --particles fitted-0000.csv fitted-0001.csv -o field.exr"
 )]
 pub struct Arguments {

@@ -119,8 +119,9 @@
     const width = canvas.clientWidth, ratio = window.devicePixelRatio || 1;
     const left = 58, right = 92, top = 12, bottom = 46;
     const sides = across.map((axis) => field.shape[axis] * field.spacing[axis]);
-    const inner = Math.max(width - left - right, 60);
-    const stretch = Math.min(Math.max(sides[1] / sides[0], 0.25), 1.6), height = inner * stretch;
+    const stretch = Math.min(Math.max(sides[1] / sides[0], 0.25), 1.6);
+    const highest = Math.max(260, 0.75 * window.innerHeight);
+    const inner = Math.min(Math.max(width - left - right, 60), highest / stretch), height = inner * stretch;
     canvas.style.height = height + top + bottom + "px";
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round((height + top + bottom) * ratio);
@@ -206,7 +207,7 @@
       pen.fillText(short(tick), left + inner + 35, y);
     }
     const name = kind === "uncertainty" ? "standard uncertainty" : kind;
-    upright(pen, name + (unit(field, kind) ? ", " + unit(field, kind) : ""), width - 8, top + height / 2);
+    upright(pen, name + (unit(field, kind) ? ", " + unit(field, kind) : ""), left + inner + 84, top + height / 2);
 
     const mm = field.origin[through] + layer * field.spacing[through];
     place.textContent = "layer " + (layer + 1) + " of " + field.shape[through] + ", " + AXES[through] + " = " + short(mm) + " mm";
@@ -265,7 +266,7 @@
   }
 
   // The layer that shows most: the largest vectors for their uncertainty, among the layers with nearly as many measured
-  // vectors as the fullest. Of equal layers, the one nearest to the middle.
+  // vectors as the fullest. Of layers that are nearly as good, the one nearest to the middle.
   function best(field, through) {
     const data = open(field), across = [0, 1, 2].filter((axis) => axis !== through);
     const scores = [];
@@ -286,7 +287,10 @@
     }
     const most = Math.max(...scores.map((score) => score[0]));
     const value = (score) => (score[0] >= 0.8 * most ? score[1] : -1);
-    return scores.reduce((found, score, n) => (value(score) > value(scores[found]) ? n : found), Math.floor(scores.length / 2));
+    const good = 0.8 * Math.max(0, ...scores.map(value)), middle = Math.floor(scores.length / 2);
+    const far = (n) => Math.abs(n - middle);
+    const fit = scores.map((_, n) => n).filter((n) => value(scores[n]) >= good);
+    return fit.length ? fit.reduce((found, n) => (far(n) < far(found) ? n : found)) : middle;
   }
   function settle() {
     const field = fields[+get("which").value], through = AXES.indexOf(get("axis").value), layer = get("layer");
