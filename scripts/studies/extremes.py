@@ -265,10 +265,10 @@ def crowds():
         return reconstructed("noisy", "-b dark.exr", "-b dark.exr")
 
     for noise in [0, 1, 10, 100, 1000, 10000]:
-        row("read noise, electrons; brightest pixel of some hundred: Q, misfit", f"{noise}",
+        row("read noise, electrons; brightest pixel 208: Q, misfit", f"{noise}",
             lambda: recorded(100 + 8 * noise, noise, 1e9))
     for well in [1e9, 1000, 200, 120, 110, 101]:
-        row("full well, electrons, with 100 of dark; brightest pixel of some hundred: Q, misfit", f"{well:g}",
+        row("full well, electrons, with 100 of dark; brightest pixel 208: Q, misfit", f"{well:g}",
             lambda: recorded(100, 1, well))
 
 
