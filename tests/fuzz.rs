@@ -2,6 +2,7 @@
 //! the first computation. A reader may refuse a file; it may not panic, take memory beyond measure, or take long.
 //!
 //! `LF_FUZZ_SECONDS` is the time of each target (default 1), `LF_FUZZ_SEED` the first state of the changes (default 1).
+//! `LF_FUZZ_PATIENCE` is the time after which an input counts as one without end (default 30 s).
 //! Files that a reader fell over are kept in `tests/fuzz/found` and read first, by every target.
 //! `scripts/studies/fuzz` runs for as long as one likes.
 

@@ -87,7 +87,7 @@ def row(topic, value, work):
     try:
         answer = work()
     except Refused as refused:
-        answer = "refused: " + re.sub(r"(?<=[0-9]{5})[0-9]+", "", str(refused))[:150]
+        answer = "refused: " + re.sub(r"(?<=\.[0-9]{5})[0-9]+", "", str(refused))[:150]
     rows.append((topic, value, answer))
     print(f"{topic}: {value}: {answer}", file=sys.stderr, flush=True)
 
@@ -185,6 +185,10 @@ def solver():
 
 def chain(name, *keys, px=196, more="", prune=""):
     scene(name, *keys, px=px)
+    return reconstructed(name, more, prune)
+
+
+def reconstructed(name, more="", prune=""):
     volume, counts = reconstruct(name, more, prune=prune)
     assert finite(lf.read_volume(volume))
     return f"finite; {quality(name, volume)['q']:.3f}, {counts['misfit']:.3f}"
@@ -213,7 +217,7 @@ def optics():
             f"volume.z_mm=[-{deep},{deep}]", "particles.per_lenslet=0.2"))
 
 
-def single(name, place, rays=200000):
+def single(name, place, rays=200000, px=392, *more):
     """One particle: the centre of the light found, against its place, px of the focal plane."""
     with open("one.csv", "w") as file:
         file.write("# frame: right-handed\nframe,id,x_mm,y_mm,z_mm,intensity\n")
@@ -221,8 +225,8 @@ def single(name, place, rays=200000):
     x, y, z = place
     keys = ['particles={"csv": "one.csv", "sigma_px": 1.0, "rays": RAYS}'.replace("RAYS", str(rays)), "flow=null", "frames=1",
             f"volume.x_mm=[{x - 0.1},{x + 0.1}]", f"volume.y_mm=[{y - 0.1},{y + 0.1}]",
-            f"volume.z_mm=[{z - 0.5},{z + 0.5}]"]
-    scene(name, *keys, px=392)
+            f"volume.z_mm=[{z - 0.5},{z + 0.5}]", *more]
+    scene(name, *keys, px=px)
     volume = lf.read_volume(reconstruct(name)[0])
     assert finite(volume)
     values = volume.columns["intensity"].astype(float)
@@ -241,27 +245,31 @@ def places():
     for x in [1.0, 1.07, 1.078, 1.1]:
         row("one particle near the sensor's end at 1.078 mm: error of x, y, z, px", f"x {x} mm, in focus",
             lambda: single("at", (x, 0, 0)))
-    pitch = 0.077
     for lenslets in [1, 5, 20, 100, 300, 500, 600]:
-        # The beam is alpha D wide: lenslets x pitch = |z| / f-number for m = 1 near focus.
-        z = -4 * lenslets * pitch
-        rays = min(200000 * lenslets, 40000000)
-        row("one particle that lights so many lenslets along x, on a sensor of 28: error of x, y, z, px", f"{lenslets}",
-            lambda: single("at", (0.02, 0.01, z), rays))
+        keys = ["camera.microlenses.pitch_mm=0.0275", "camera.microlenses.focal_length_mm=0.11"]
+        place = (0.02, 0.01, -4 * 0.0275 * lenslets)
+        row("one particle that lights so many lenslets of 5 px along x: error of x, y, z, px", f"{lenslets}",
+            lambda: single("at", place, min(200000 * lenslets, 20000000), max(300, 5 * lenslets + 100), *keys))
 
 
 def crowds():
     row("particles a lenslet: Q, misfit", "0", lambda: chain("crowd", "particles.count=0", "particles.per_lenslet=null"))
     for density in [0.01, 0.1, 0.5, 1, 2, 5, 10]:
         row("particles a lenslet: Q, misfit", f"{density}", lambda: chain("crowd", f"particles.per_lenslet={density}"))
+    def recorded(dark, noise, well):
+        """A frame with noise about a dark level, which is taken off as a background."""
+        write_image("dark.exr", np.full((196, 196), dark))
+        key = (f'sensor_noise={{"dark_counts": {dark}, "read_noise_electrons": {noise}, '
+               f'"full_well_electrons": {well}}}')
+        scene("noisy", "particles.per_lenslet=0.1", "particles.intensity=20000", "frames=1", key)
+        return reconstructed("noisy", "-b dark.exr", "-b dark.exr")
+
     for noise in [0, 1, 10, 100, 1000, 10000]:
-        key = f'sensor_noise={{"dark_counts": 0, "read_noise_electrons": {noise}}}'
-        row("read noise, electrons; brightest pixel of some hundred: Q, misfit", f"{noise}", lambda: chain(
-            "noisy", "particles.per_lenslet=0.1", "particles.intensity=20000", "frames=1", key))
-    for well in [1e9, 1000, 100, 10, 1]:
-        key = f'sensor_noise={{"dark_counts": 0, "read_noise_electrons": 1, "full_well_electrons": {well}}}'
-        row("full well, electrons; brightest pixel of some hundred: Q, misfit", f"{well:g}", lambda: chain(
-            "full", "particles.per_lenslet=0.1", "particles.intensity=20000", "frames=1", key))
+        row("read noise, electrons; brightest pixel 208: Q, misfit", f"{noise}",
+            lambda: recorded(100 + 8 * noise, noise, 1e9))
+    for well in [1e9, 1000, 200, 120, 110, 101]:
+        row("full well, electrons, with 100 of dark; brightest pixel 208: Q, misfit", f"{well:g}",
+            lambda: recorded(100, 1, well))
 
 
 def windows():

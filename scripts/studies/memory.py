@@ -105,10 +105,10 @@ def prune():
 
 def mart():
     for camera in CAMERAS:
-        for side in [420, 840]:
+        for side in [280, 560]:
             name = volumes(side, camera)
-            for words in ["", "--basis blob", "--max-memory 0.7"]:
-                for threads in THREADS if side < 840 else [2]:
+            for words in ["", "--basis blob", "--max-memory 0.3"]:
+                for threads in THREADS if side < 560 else [2]:
                     line = (f"lf-mart {name}/support-0.lfv -i {name}/frame-0000.exr -c {name}/camera.json "
                             f"--iterations 3 -o v.lfv {words}")
                     check(f"{camera}, {side} px {words}", line, threads, True)

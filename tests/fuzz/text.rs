@@ -31,8 +31,7 @@ fn with_number(line: &str, random: &mut Random) -> String {
         _ => (*random.one_of(&["", "-", "word", "1e999", "0x10", "1;2", "\u{0}"])).to_owned(),
     };
     let mut out = String::new();
-    let mut number = 0;
-    for piece in line.split_inclusive(is_end) {
+    for (number, piece) in line.split_inclusive(is_end).enumerate() {
         let end = piece.chars().last().filter(|letter| is_end(*letter));
         if number == chosen {
             out.push_str(&new);
@@ -40,7 +39,6 @@ fn with_number(line: &str, random: &mut Random) -> String {
         } else {
             out.push_str(piece);
         }
-        number += 1;
     }
     out
 }

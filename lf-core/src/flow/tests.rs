@@ -37,6 +37,24 @@ fn quarter_cycle_by_hand() {
     assert_eq!(field.at(DVec3::new(1.0, 0.0, 0.0)).z, 0.0);
 }
 
+/// Scar: the change of a wave shorter than the distance over which it was sampled came out a thousandth of what it is,
+/// and its paths took minutes to be wrong.
+#[test]
+fn waves_too_short_to_follow_are_refused() {
+    let open = |omega: f64| {
+        let text = format!(r#"{{"kind": "wave", "case": "A1", "omega": {omega}, "amplitude_px": 25.0}}"#);
+        serde_json::from_str::<Flows>(&text).unwrap().open(BOUNDS, 0.0055, "scene.json")
+    };
+    for omega in [1e6, 65535.0 * 4.0, 1e9] {
+        let refused = open(omega).map(|_| ()).unwrap_err().to_string();
+        assert!(refused.contains("flow needs ") && refused.contains("a gentler flow"), "{refused}");
+    }
+    // By hand: the wavenumber is 2 pi 100 / 4 mm, the amplitude 0.1375 mm, and 8 steps follow each unit of the rate.
+    let steps = open(100.0).unwrap().steps() / 8.0;
+    let wanted = 0.1375 * std::f64::consts::TAU * 25.0;
+    assert!(steps <= 1.01 * wanted && steps > 0.3 * wanted, "{steps} {wanted}");
+}
+
 /// The same wave over the paper's length of 1820 px = 10.01 mm, in a smaller volume of 4 mm along x.
 #[test]
 fn a_part_of_a_longer_wave() {

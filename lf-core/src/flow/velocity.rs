@@ -31,12 +31,22 @@ impl Velocity {
         Self { steps, ..velocity }
     }
 
-    /// Largest change of velocity per distance in a volume, per unit of time, sampled on a regular grid of places.
+    /// Largest change of velocity per distance in a volume, per unit of time, sampled on a regular grid of places. Waves
+    /// shorter than the usual distance show at a finer one.
     fn rate(&self, bounds_mm: [[f64; 2]; 3]) -> f64 {
+        // Distance and places of the finer look fit no wave, so that none has all places at its crests.
+        let [usual, fine] =
+            [(1e-4, 0.0), (1.618e-8, 0.3819660113)].map(|(share, off)| self.rate_over(share, off, bounds_mm));
+        if fine > 2.0 * usual { fine } else { usual }
+    }
+
+    /// The same over a share of the volume's least extent, at places `off` of their distance beside the regular ones.
+    fn rate_over(&self, share: f64, off: f64, bounds_mm: [[f64; 2]; 3]) -> f64 {
         let extent = DVec3::from(bounds_mm.map(|[low, high]| high - low));
-        let step = 1e-4 * extent.min_element();
+        let (step, beside) = (share * extent.min_element(), off / (PLACES - 1) as f64 * extent);
         let change = |place: DVec3, half: DVec3| (self.at(place + half) - self.at(place - half)).length() / step;
-        let pairs = places(bounds_mm, PLACES).flat_map(|place| DVec3::AXES.map(|axis| (place, 0.5 * step * axis)));
+        let pairs =
+            places(bounds_mm, PLACES).flat_map(|place| DVec3::AXES.map(|axis| (place + beside, 0.5 * step * axis)));
         pairs.map(|(place, half)| change(place, half)).fold(0.0, f64::max)
     }
 
