@@ -44,8 +44,8 @@ pub(super) struct Strip {
     pub(super) along: [Place; 2],
 }
 
-/// Strips run along x where the pixel lies this much farther out along it than along y. The choice does not change on the
-/// diagonal, where pixels of an aligned lattice lie: both ways differ by a ten-thousandth of a pixel.
+/// Strips run along x where the pixel lies this much farther out along it than along y. The choice does not change on
+/// the diagonal, where pixels of an aligned lattice lie: both ways differ by a ten-thousandth of a pixel.
 const FARTHER: f64 = 1.07;
 
 /// The axis along which strips of the pixel between these edges run, and the other.
