@@ -14,6 +14,7 @@ mod changes;
 mod cloud;
 mod covariance;
 mod draw;
+mod entries;
 mod image;
 mod joint;
 mod local;
