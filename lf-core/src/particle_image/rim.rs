@@ -28,7 +28,7 @@ pub(super) fn side(radius: f64, low: DVec2, high: DVec2) -> Side {
 }
 
 /// Strips of a pixel at the rim.
-const STRIPS: usize = 2;
+const STRIPS: usize = 3;
 /// A chord below this share of the radius has no slope: there the rim runs along the strip.
 const SHORT: f64 = 1e-3;
 /// The rim runs along a strip if its distance from the middle changes by less than this share.
