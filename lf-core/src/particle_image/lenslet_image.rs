@@ -452,8 +452,8 @@ impl<T: Listed> LensletImage<'_, T> {
         *T::lists(scratch) = taps;
     }
 
-    /// The cell's share along a ray, bent or straight, with derivatives by m, alpha, size and shift. Gives the growth of
-    /// the share with the place of the ray in the stop, the array's hit moving along.
+    /// The cell's share along a ray, bent or straight, with derivatives by m, alpha, size and shift. Gives the growth
+    /// of the share with the place of the ray in the stop, the array's hit moving along.
     #[inline(always)]
     fn read_ray<const N: usize>(
         &self,

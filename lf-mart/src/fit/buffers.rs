@@ -1,7 +1,7 @@
 //! Buffers of a thread that fits particles in a window.
 
+use super::entries::Entries;
 use super::image::{COUNTS, SpotImage};
-use super::normal::Entries;
 use lf_core::particle_image;
 
 /// Buffers of a thread. `own` is 0 and no pixel is touched between uses.

@@ -39,6 +39,10 @@ const HALVES: [[f64; 3]; 7] = [
 const DROPS: usize = 6;
 /// Farthest in depth of a neighbour that takes a dropped particle's light, pixels of the focal plane.
 const HEIR: f64 = 150.0;
+/// Two particles within these pixels, sideways and in depth, are one that the model does not draw quite right, and so
+/// are a faint one and its neighbour. They go for this many times the loss that another may bring.
+const TWIN: [f64; 2] = [2.0, 20.0];
+const SPARE: f64 = 10.0;
 /// Faintest new particle, in the usual light.
 const FAINT: f64 = 0.2;
 /// Scan near focus: depths within which particles are scanned, mm at an f-number of 4 and m = 1; steps in pixels.
@@ -99,7 +103,8 @@ impl Local<'_, '_> {
             self.inherit(&spot, &mut rest, judge);
             order.push(n);
             let (fitted, gain) = self.attempt(&order, &rest, Ends { steps: 8, gain: 0.5 });
-            if -gain < judge.gain {
+            let is_spare = spot.light < FAINT * judge.usual_light || self.is_beside(n, TWIN);
+            if -gain < judge.gain * if is_spare { SPARE } else { 1.0 } {
                 self.keep(&order, fitted);
                 hit.push(spot.place_mm);
                 dropped += 1;
@@ -110,14 +115,18 @@ impl Local<'_, '_> {
 
     /// Whether a particle near focus has another beside it with which it may be one.
     fn is_paired(&self, n: usize, judge: &Judge) -> bool {
+        self.members[n].spot.place_mm[2].abs() < judge.near_mm && self.is_beside(n, [judge.lenslet_px, HEIR])
+    }
+
+    /// Whether a particle has another within these pixels, sideways and in depth.
+    fn is_beside(&self, n: usize, [aside, deep]: [f64; 2]) -> bool {
         let [x, y, z] = self.members[n].spot.place_mm;
         let px = self.setting.pixel_mm;
-        let is_beside = |member: &Member| {
+        let is_near = |member: &Member| {
             let [a, b, c] = member.spot.place_mm;
-            (a - x).hypot(b - y) < judge.lenslet_px * px && (c - z).abs() < HEIR * px
+            (a - x).hypot(b - y) < aside * px && (c - z).abs() < deep * px
         };
-        z.abs() < judge.near_mm
-            && self.members.iter().enumerate().any(|(other, member)| other != n && is_beside(member))
+        self.members.iter().enumerate().any(|(other, member)| other != n && is_near(member))
     }
 
     /// Gives the light of a dropped particle to the nearest of the rest, and moves that towards it.

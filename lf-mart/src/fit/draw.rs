@@ -7,8 +7,8 @@ use rayon::prelude::*;
 /// A Gaussian ends after this many standard deviations; the light left out is 2e-4.
 const REACH_SIGMA: f64 = 4.0;
 
-/// Draws particles as Gaussians of `sigma_vox` voxels, sampled at the voxels' centres. Each sums to its particle's light
-/// unless the grid's edge cuts it. Gives rising indices and intensities.
+/// Draws particles as Gaussians of `sigma_vox` voxels, sampled at the voxels' centres. Each sums to its particle's
+/// light unless the grid's edge cuts it. Gives rising indices and intensities.
 pub fn draw(grid: &Grid, spots: &[Spot], sigma_vox: [f64; 3]) -> (Vec<u64>, Vec<f32>) {
     let shares = |axis: usize, spot: &Spot| {
         let place = grid.place_vox(axis, spot.place_mm[axis]);

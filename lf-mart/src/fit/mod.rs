@@ -1,5 +1,5 @@
-//! In: an image, its camera, and a volume. Out: particles with uncertainties, the size of particles, the camera's drift.
-//! First file to open: `recipe.rs`; then `joint.rs`, the fit of a group, and `changes.rs`.
+//! In: an image, its camera, and a volume. Out: particles with uncertainties, the size of particles, the camera's
+//! drift. First file to open: `recipe.rs`; then `joint.rs`, the fit of a group, and `changes.rs`.
 //!
 //! The local maxima of the volume are the first particles. All are fitted together to the raw pixels by
 //! Levenberg-Marquardt ([`lf_core::particle_image`] has the model), weighed by the noise. Then particles are dropped,
@@ -14,6 +14,7 @@ mod changes;
 mod cloud;
 mod covariance;
 mod draw;
+mod entries;
 mod image;
 mod joint;
 mod local;

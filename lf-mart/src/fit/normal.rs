@@ -35,64 +35,6 @@ const NEIGHBOURS: usize = 32;
 /// No block yet.
 const NONE: u32 = u32::MAX;
 
-/// The derivatives of one particle on one pixel.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Entry {
-    owner: u32,
-    by: [f32; UNKNOWNS],
-}
-
-/// The particles of each pixel, in the order of the particles.
-#[derive(Debug, Default)]
-pub(super) struct Entries {
-    /// By pixel: the first entry, the entries so far, and the last particle that was taken, plus one.
-    runs: Vec<[u32; 3]>,
-    list: Vec<Entry>,
-}
-
-impl Entries {
-    /// Lists the images. `touched` are their pixels.
-    fn fill<'i>(
-        &mut self,
-        images: impl Iterator<Item = &'i SpotImage> + Clone,
-        columns: usize,
-        pixels: usize,
-        touched: &[u32],
-    ) {
-        if self.runs.len() < pixels {
-            self.runs.resize(pixels, [0; 3]);
-        }
-        images.clone().for_each(|image| image.pixels(columns, |n, _| self.runs[n][1] += 1));
-        let mut first = 0;
-        for n in touched {
-            let run = &mut self.runs[*n as usize];
-            let count = run[1];
-            *run = [first, 0, 0];
-            first += count;
-        }
-        self.list.clear();
-        self.list.resize(first as usize, Entry::default());
-        for (owner, image) in images.enumerate() {
-            let owner = owner as u32;
-            image.pixels(columns, |n, pixel| {
-                let run = &mut self.runs[n];
-                let end = (run[0] + run[1]) as usize;
-                // A pixel may come in several lenslets of one image.
-                if run[1] > 0 && self.list[end - 1].owner == owner {
-                    (0..UNKNOWNS).for_each(|k| self.list[end - 1].by[k] += pixel[k]);
-                } else {
-                    self.list[end] = Entry { owner, by: *pixel };
-                    run[1] += 1;
-                }
-            });
-        }
-    }
-
-    fn wipe(&mut self, touched: &[u32]) {
-        touched.iter().for_each(|n| self.runs[*n as usize] = [0; 3]);
-    }
-}
-
 /// Adds the product of a column and a row.
 #[inline(always)]
 fn add_product(sum: &mut Beside, column: &[f32; UNKNOWNS], row: &[f32; UNKNOWNS]) {

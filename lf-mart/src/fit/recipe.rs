@@ -111,8 +111,8 @@ const SCAN_DEPTHS: f64 = 22.0;
 
 /// Fits particles to an image.
 ///
-/// `indices` and `intensity` are the voxels of a volume on `grid`, indices rising. Pixels that are NaN are blind. `told`
-/// is called after each step. Refuses a volume without maxima, an image without light and what
+/// `indices` and `intensity` are the voxels of a volume on `grid`, indices rising. Pixels that are NaN are blind.
+/// `told` is called after each step. Refuses a volume without maxima, an image without light and what
 /// [`ParticleModel::new`] refuses.
 pub fn fit(
     camera: &Camera,
@@ -297,8 +297,8 @@ impl Work<'_> {
         }
     }
 
-    /// Runs a change in the tiles that are stirred, and notes which of them changed. Gives the changes of each kind that
-    /// were kept, and the fall of -2 log L that `work` tells.
+    /// Runs a change in the tiles that are stirred, and notes which of them changed. Gives the changes of each kind
+    /// that were kept, and the fall of -2 log L that `work` tells.
     fn change(
         &mut self,
         stirred: &mut [bool],

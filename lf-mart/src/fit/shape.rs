@@ -1,5 +1,5 @@
-//! The unknowns that all particles share: their size, and the drift of the camera's lattice. Both are fitted together with the
-//! particles of a part of the sensor.
+//! The unknowns that all particles share: their size, and the drift of the camera's lattice. Both are fitted together
+//! with the particles of a part of the sensor.
 
 use super::buffers::Buffers;
 use super::image::{SpotImage, UNKNOWNS};
