@@ -12,7 +12,7 @@ use crate::Grid;
 pub struct Aligned {
     pub(super) geometry: Geometry,
     /// To look weights up one by one, if they are exact.
-    pub(super) lenslets: Option<Lenslets>,
+    pub(super) lenslets: Option<Box<Lenslets>>,
 }
 
 impl Aligned {

@@ -63,7 +63,7 @@ impl Weights {
         let path = match model {
             Model::Sphere => Path::Sphere(Sphere::new(camera, geometry)),
             _ if aligned.is_some() => {
-                let lenslets = (model == Model::Exact).then(|| Lenslets::new(geometry.clone()));
+                let lenslets = (model == Model::Exact).then(|| Box::new(Lenslets::new(geometry.clone())));
                 Path::Aligned(Aligned { geometry, lenslets })
             }
             Model::Drt { .. } => Path::Pieces(Pieces { geometry }),
@@ -134,7 +134,7 @@ impl Weights {
     #[inline(always)]
     fn lenslets(&self) -> Option<&Lenslets> {
         match &self.path {
-            Path::Aligned(aligned) => aligned.lenslets.as_ref(),
+            Path::Aligned(aligned) => aligned.lenslets.as_deref(),
             Path::Micro(micro) => match &micro.one_by_one {
                 OneByOne::Lenslets(lenslets) => Some(lenslets),
                 OneByOne::Bent(_) => None,
