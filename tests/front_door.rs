@@ -1,8 +1,8 @@
-//! Rules that all six command lines share.
+//! Rules that all command lines share.
 
 use lf_tests::Call;
 use lf_tests::samples::Samples;
-use lf_tests::tools::TOOLS;
+use lf_tests::tools::{SECOND, TOOLS};
 use lf_tests::uses::uses;
 use serde_json::Value;
 use std::fs;
@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 fn tools() -> impl Iterator<Item = &'static str> {
-    TOOLS.into_iter().filter(|tool| uses().any(|this| this.tool == *tool))
+    TOOLS.into_iter().chain(SECOND).filter(|tool| uses().any(|this| this.tool == *tool))
 }
 
 #[test]

@@ -58,6 +58,13 @@ fn most_foretold(line: &str) -> f64 {
     if line.starts_with("lf-xcorr") { 2.5 } else { 1.3 }
 }
 
+/// Bytes that lf-mart foretells for weights that it keeps once the haze is gone: a fifth of `--max-memory` at most. In the
+/// few sweeps of a test the haze does not go.
+fn later(line: &str) -> f64 {
+    if line.starts_with("lf-mart") { 0.2 * MART_GB * 1e9 } else { 0.0 }
+}
+const MART_GB: f64 = 2.0;
+
 /// Runs lines that write `stats.json` with each number of threads. The memory foretold must be at least the memory taken,
 /// and at most [`most_foretold`] times as much; small runs may take [`SMALL`] less.
 fn check_memory(folder: &Folder, has_estimate: bool, threads: &[usize], lines: &[&str]) {
@@ -70,7 +77,7 @@ fn check_memory(folder: &Folder, has_estimate: bool, threads: &[usize], lines: &
             let told = told.unwrap_or_else(|| stats["counts"]["estimated_bytes"].clone()).as_f64().unwrap();
             let taken = stats["peak_bytes"].as_f64().unwrap();
             assert!(
-                taken <= told && told <= most_foretold(&line) * taken + SMALL,
+                taken <= told && told <= most_foretold(&line) * taken + SMALL + later(&line),
                 "{line}: {told} bytes foretold, {taken} taken"
             );
         }
@@ -95,7 +102,7 @@ fn the_memory_foretold_is_the_memory_taken() {
         let on_frame = "-i frame-0000.exr -c camera.json";
         let prune = "lf-prune frame-0000.exr -c camera.json --depth -5,5 --pvr 2,2,20 -o support.lfv";
         check_memory(&folder, true, &[1, 2], &[prune]);
-        let mart = format!("lf-mart support.lfv {on_frame} --iterations 2 -o volume.lfv");
+        let mart = format!("lf-mart support.lfv {on_frame} --iterations 2 -o volume.lfv --max-memory {MART_GB}");
         check_memory(&folder, true, &[2], &[&format!("{mart} --basis blob"), &mart]);
         let xcorr = "lf-xcorr volume.lfv volume.lfv -o field.exr --window 48,48,16";
         check_memory(&folder, true, &[2], &[xcorr]);

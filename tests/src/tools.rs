@@ -9,8 +9,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The six tools.
+/// The tools that are the first of their crates.
 pub const TOOLS: [&str; 6] = ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-xcorr", "lf-validate"];
+
+/// The second tools of two crates.
+pub const SECOND: [&str; 2] = ["lf-fit", "lf-flow"];
 
 /// The folder of the workspace.
 pub fn workspace() -> &'static Path {

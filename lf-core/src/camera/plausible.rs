@@ -198,7 +198,8 @@ mod tests {
             (camera.main_lens.magnification, camera.main_lens.working_f_number) = (64.0, 30.0);
             camera.main_lens.pupil_distance_mm = Some(350.0);
         });
-        assert!(text.starts_with("main_lens.pupil_distance_mm is 350; wanted an exit pupil at 0.1 to 10000"), "{text}");
+        let wanted = "main_lens.pupil_distance_mm is 350 (350 m are 350000 mm); wanted an exit pupil at 0.1 to 10000";
+        assert!(text.starts_with(wanted), "{text}");
     }
 
     #[test]

@@ -50,7 +50,8 @@ fn an_exit_pupil_sets_the_cone_of_light_and_the_demagnification() {
     assert_eq!(camera.blocks(), ["main_lens.pupil_distance_mm"]);
     assert!(camera.misalignment().is_none(), "rays stay straight");
     assert_eq!(Camera::from_json(&camera.to_json()).unwrap(), camera);
-    for (wrong, found) in [(-3.0, "main_lens.pupil_distance_mm is -3"), (0.5, "microlens focal length 0.308 mm")] {
+    let slip = "main_lens.pupil_distance_mm is 0.5 (0.5 m are 500 mm)";
+    for (wrong, found) in [(-3.0, "main_lens.pupil_distance_mm is -3"), (0.5, slip)] {
         camera.main_lens.pupil_distance_mm = Some(wrong);
         let refusal = camera.check().unwrap_err();
         assert_eq!(refusal.found, found, "{refusal:?}");

@@ -37,7 +37,7 @@ impl Line {
 }
 
 impl Cross {
-    /// Of a function along x and one along y.
+    /// The product of a function along x and one along y.
     pub(super) fn new(lines: [Line; 2]) -> Self {
         Self(lines)
     }

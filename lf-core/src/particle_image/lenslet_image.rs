@@ -5,7 +5,7 @@ use super::cell_surface::{REACH_SIGMA, Tables};
 use super::cross::{Cross, Read};
 use super::lenslet_lines::LensletLine;
 use super::place::{Place, width};
-use super::rim::{self, Side};
+use super::rim::{self, Side, Way};
 use super::spline::{Spline, Taps};
 use super::table::Table;
 use super::view::View;
@@ -30,7 +30,7 @@ pub struct Patch {
     pub rows: u32,
 }
 
-/// What is known of places along both axes, with the derivatives of the places by m, alpha and the lattice's shift.
+/// Taps of places along both axes, with the derivatives of the places by m, alpha and the lattice's shift.
 type Lists<T> = [Vec<(T, [f64; 3])>; 2];
 
 /// A table with lists of its own among the buffers.
@@ -306,35 +306,42 @@ impl<T: Listed> LensletImage<'_, T> {
     #[inline(always)]
     fn by_strips<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], alpha: DVec2) {
         let table = &self.tables.integral;
-        let (across, other) = rim::axes(x, y);
-        rim::strips(
-            self.view.optics.half_aperture_mm,
-            x,
-            y,
-            alpha[across],
-            #[inline(always)]
-            |strip| {
-                for (place, sign) in strip.along.iter().zip([1.0, -1.0]) {
-                    for ((end, turn), side) in strip.ends.iter().zip(&strip.turn).zip([1.0, -1.0]) {
-                        let (x, y) = if across == 0 { (end, place) } else { (place, end) };
-                        let at = |axis: usize, place: &Place| (table.taps(axis, place.x, self.more_mm), place.x_by);
-                        let taps = [at(0, x), at(1, y)];
-                        if taps.iter().any(|(taps, _)| T::is_below(taps)) {
-                            continue;
-                        }
-                        let mut corner = [0.0; QUANTITIES];
-                        let slope = self.read::<N>(table, &taps[0], &taps[1], &mut corner)[across] * alpha[across];
-                        // The end of the strip moves as the strip does along the rim.
-                        corner[1 + other] += slope * turn[0];
-                        corner[3] += slope * turn[1];
-                        corner[5 + other] += slope * turn[2];
-                        for k in 0..QUANTITIES {
-                            light[k] += sign * side * corner[k];
+        for way in rim::ways(x, y).into_iter().filter(|way| way.share > 0.0) {
+            let Way { across, share, .. } = way;
+            let mut whole = 0.0;
+            let other = 1 - across;
+            rim::strips(
+                self.view.optics.half_aperture_mm,
+                x,
+                y,
+                across,
+                alpha[across],
+                #[inline(always)]
+                |strip| {
+                    for (place, sign) in strip.along.iter().zip([1.0, -1.0]) {
+                        for ((end, turn), side) in strip.ends.iter().zip(&strip.turn).zip([1.0, -1.0]) {
+                            let (x, y) = if across == 0 { (end, place) } else { (place, end) };
+                            let at = |axis: usize, place: &Place| (table.taps(axis, place.x, self.more_mm), place.x_by);
+                            let taps = [at(0, x), at(1, y)];
+                            if taps.iter().any(|(taps, _)| T::is_below(taps)) {
+                                continue;
+                            }
+                            let mut corner = [0.0; QUANTITIES];
+                            let slope = self.read::<N>(table, &taps[0], &taps[1], &mut corner)[across] * alpha[across];
+                            // The end of the strip moves as the strip does along the rim.
+                            corner[1 + other] += slope * turn[0];
+                            corner[3] += slope * turn[1];
+                            corner[5 + other] += slope * turn[2];
+                            for k in 0..QUANTITIES {
+                                light[k] += share * sign * side * corner[k];
+                            }
+                            whole += sign * side * corner[0];
                         }
                     }
-                }
-            },
-        );
+                },
+            );
+            turn_between(light, whole, &way);
+        }
     }
 
     /// The same by two by two points of each strip.
@@ -347,43 +354,52 @@ impl<T: Listed> LensletImage<'_, T> {
         alpha: DVec2,
         centre: DVec2,
     ) {
-        let (across, other) = rim::axes(x, y);
-        rim::strips(
-            self.view.optics.half_aperture_mm,
-            x,
-            y,
-            alpha[across],
-            #[inline(always)]
-            |strip| {
-                let (wide, wide_by) = width(&strip.ends);
-                let (high, high_by) = width(&strip.along);
-                let sign = 1f64.copysign(strip.ends[0].u - strip.ends[1].u);
-                let mut mean = [0.0; QUANTITIES];
-                for along in NODES {
-                    let place = Place::between(&strip.along[0], &strip.along[1], along);
-                    for part in NODES {
-                        let end = Place::between(&strip.ends[0], &strip.ends[1], part);
-                        let (x, y) = if across == 0 { (&end, &place) } else { (&place, &end) };
-                        let mut point = [0.0; QUANTITIES];
-                        let slope = self.read_ray::<N>(x, y, alpha, centre, &mut point)[across];
-                        let turn = |k: usize| slope * (strip.turn[0][k] + part * (strip.turn[1][k] - strip.turn[0][k]));
-                        point[1 + other] += turn(0);
-                        point[3] += turn(1);
-                        point[5 + other] += turn(2);
-                        (0..QUANTITIES).for_each(|k| mean[k] += 0.25 * point[k]);
+        for way in rim::ways(x, y).into_iter().filter(|way| way.share > 0.0) {
+            let Way { across, share, .. } = way;
+            let mut whole = 0.0;
+            let other = 1 - across;
+            rim::strips(
+                self.view.optics.half_aperture_mm,
+                x,
+                y,
+                across,
+                alpha[across],
+                #[inline(always)]
+                |strip| {
+                    let (wide, wide_by) = width(&strip.ends);
+                    let (high, high_by) = width(&strip.along);
+                    let (own_high, high, high_by) = (high, share * high, high_by.map(|by| share * by));
+                    let sign = 1f64.copysign(strip.ends[0].u - strip.ends[1].u);
+                    let mut mean = [0.0; QUANTITIES];
+                    for along in NODES {
+                        let place = Place::between(&strip.along[0], &strip.along[1], along);
+                        for part in NODES {
+                            let end = Place::between(&strip.ends[0], &strip.ends[1], part);
+                            let (x, y) = if across == 0 { (&end, &place) } else { (&place, &end) };
+                            let mut point = [0.0; QUANTITIES];
+                            let slope = self.read_ray::<N>(x, y, alpha, centre, &mut point)[across];
+                            let turn =
+                                |k: usize| slope * (strip.turn[0][k] + part * (strip.turn[1][k] - strip.turn[0][k]));
+                            point[1 + other] += turn(0);
+                            point[3] += turn(1);
+                            point[5 + other] += turn(2);
+                            (0..QUANTITIES).for_each(|k| mean[k] += 0.25 * point[k]);
+                        }
                     }
-                }
-                let turn: [f64; 3] = std::array::from_fn(|k| sign * (strip.turn[0][k] - strip.turn[1][k]));
-                for k in 0..QUANTITIES {
-                    light[k] += wide * high * mean[k];
-                }
-                light[1 + across] += high * wide_by[0] * mean[0];
-                light[1 + other] += (wide * high_by[0] + high * turn[0]) * mean[0];
-                light[3] += (high * (wide_by[1] + turn[1]) + wide * high_by[1]) * mean[0];
-                light[5 + across] += high * wide_by[2] * mean[0];
-                light[5 + other] += (wide * high_by[2] + high * turn[2]) * mean[0];
-            },
-        );
+                    let turn: [f64; 3] = std::array::from_fn(|k| sign * (strip.turn[0][k] - strip.turn[1][k]));
+                    for k in 0..QUANTITIES {
+                        light[k] += wide * high * mean[k];
+                    }
+                    whole += wide * own_high * mean[0];
+                    light[1 + across] += high * wide_by[0] * mean[0];
+                    light[1 + other] += (wide * high_by[0] + high * turn[0]) * mean[0];
+                    light[3] += (high * (wide_by[1] + turn[1]) + wide * high_by[1]) * mean[0];
+                    light[5 + across] += high * wide_by[2] * mean[0];
+                    light[5 + other] += (wide * high_by[2] + high * turn[2]) * mean[0];
+                },
+            );
+            turn_between(light, whole, &way);
+        }
     }
 
     /// From the mean over the pixel at two by two points.
@@ -515,4 +531,14 @@ struct Cut {
     columns: usize,
     /// Whether the rim of a round stop crosses the patch.
     is_cut: bool,
+}
+
+/// Adds the change of light that comes of the change of a way's share, where the way alone gives the light `whole`.
+#[inline(always)]
+fn turn_between(light: &mut [f64; QUANTITIES], whole: f64, way: &Way) {
+    for (axis, [by_m, by_alpha, by_shift]) in way.share_by.into_iter().enumerate() {
+        light[1 + axis] += whole * by_m;
+        light[3] += whole * by_alpha;
+        light[5 + axis] += whole * by_shift;
+    }
 }

@@ -44,21 +44,44 @@ pub(super) struct Strip {
     pub(super) along: [Place; 2],
 }
 
-/// Strips run along x where the pixel lies this much farther out along it than along y. The choice does not change on
-/// the diagonal, where pixels of an aligned lattice lie: both ways differ by a ten-thousandth of a pixel.
-const FARTHER: f64 = 1.07;
+/// Near the diagonal of the stop strips run along both axes, and their shares change over this part of the distance from
+/// the middle.
+const TURNING: f64 = 0.05;
 
-/// The axis along which strips of the pixel between these edges run, and the other.
-#[inline(always)]
-pub(super) fn axes(x: &[Place], y: &[Place]) -> (usize, usize) {
-    if (x[0].u + x[1].u).abs() >= FARTHER * (y[0].u + y[1].u).abs() { (0, 1) } else { (1, 0) }
+/// One of the two ways to cut a pixel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Way {
+    /// The axis along which strips run.
+    pub(super) across: usize,
+    /// The part that this way has in the pixel's integral.
+    pub(super) share: f64,
+    /// How the part changes with m, alpha and the lattice's shift of either axis.
+    pub(super) share_by: [[f64; 3]; 2],
 }
 
-/// Calls `each` for the strips of the pixel between these edges, as far as they lie inside the rim. `alpha` is that of
-/// the axis across the rim.
+/// The ways to cut the pixel between these edges.
 #[inline(always)]
-pub(super) fn strips(radius: f64, x: &[Place], y: &[Place], alpha: f64, mut each: impl FnMut(&Strip)) {
-    let (across, along) = if axes(x, y).0 == 0 { (x, y) } else { (y, x) };
+pub(super) fn ways(x: &[Place], y: &[Place]) -> [Way; 2] {
+    let sums = [x, y].map(|edges| edges[0].u + edges[1].u);
+    let [far_x, far_y] = sums.map(f64::abs);
+    let all = (far_x + far_y).max(f64::MIN_POSITIVE);
+    let part = (0.5 + 0.5 * (far_x - far_y) / (all * TURNING)).clamp(0.0, 1.0);
+    let share = part * part * (3.0 - 2.0 * part);
+    let slope = 6.0 * part * (1.0 - part) / (TURNING * all * all);
+    let by = [sums[0].signum() * far_y * slope, -sums[1].signum() * far_x * slope];
+    let edges = [x, y];
+    let share_by = std::array::from_fn(|axis| {
+        std::array::from_fn(|k| by[axis] * (edges[axis][0].u_by[k] + edges[axis][1].u_by[k]))
+    });
+    let other_by = share_by.map(|by: [f64; 3]| by.map(|by| -by));
+    [Way { across: 0, share, share_by }, Way { across: 1, share: 1.0 - share, share_by: other_by }]
+}
+
+/// Calls `each` for the strips along axis `across` of the pixel between these edges, as far as they lie inside the rim.
+/// `alpha` is that of the axis.
+#[inline(always)]
+pub(super) fn strips(radius: f64, x: &[Place], y: &[Place], across: usize, alpha: f64, mut each: impl FnMut(&Strip)) {
+    let (across, along) = if across == 0 { (x, y) } else { (y, x) };
     let mut first = along[0];
     for n in 1..=STRIPS {
         let last = Place::between(&along[0], &along[1], n as f64 / STRIPS as f64);
@@ -161,14 +184,18 @@ mod tests {
         }
         let (x, y) = ([place(low.x), place(high.x)], [place(low.y), place(high.y)]);
         let (mut sum, mut growth) = (0.0, 0.0);
-        let across = axes(&x, &y).0;
-        strips(radius, &x, &y, 0.0, |strip| {
-            let height = strip.along[1].u - strip.along[0].u;
-            sum += height * (strip.ends[1].u - strip.ends[0].u);
-            let by = if across == 0 { 0 } else { 1 };
-            let own = strip.ends[1].u_by[2] - strip.ends[0].u_by[2];
-            growth += height * if by == 0 { strip.turn[1][2] - strip.turn[0][2] } else { own };
-        });
+        for Way { across, share, share_by } in ways(&x, &y) {
+            let mut whole = 0.0;
+            strips(radius, &x, &y, across, 0.0, |strip| {
+                let height = strip.along[1].u - strip.along[0].u;
+                whole += height * (strip.ends[1].u - strip.ends[0].u);
+                let own = strip.ends[1].u_by[2] - strip.ends[0].u_by[2];
+                let moves = if across == 0 { strip.turn[1][2] - strip.turn[0][2] } else { own };
+                growth += share * height * moves;
+            });
+            sum += share * whole;
+            growth += share_by[1][2] * whole;
+        }
         (sum, growth)
     }
 

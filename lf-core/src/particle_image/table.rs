@@ -2,10 +2,10 @@
 
 /// A function that is read at a place along each axis.
 pub(super) trait Table {
-    /// What is known of a place along one axis.
+    /// A place along one axis, as the table reads it.
     type Taps: Copy;
 
-    /// What is known of `x` along an axis, for a size that is `more` than the table's.
+    /// The taps of `x` along an axis, for a size that is `more` than the table's.
     fn taps(&self, axis: usize, x: f64, more: f64) -> Self::Taps;
 
     /// Whether the place lies before the first node.

@@ -166,7 +166,7 @@ impl Local<'_, '_> {
             if bad(self, n).is_none() {
                 continue;
             }
-            // What a fit of the whole particles gains is no reason to split.
+            // A gain that a fit of the whole particles has as well is no reason to split.
             let near = self.near(spot.place_mm, judge.lenslet_px);
             let spots: Vec<Spot> = near.iter().map(|n| self.members[*n].spot).collect();
             let (fitted, gain) = self.attempt(&near, &spots, TRIAL);

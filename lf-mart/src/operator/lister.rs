@@ -1,13 +1,15 @@
-//! The weights of one voxel, eight pixels of a row together.
+//! The weights of one voxel, four pixels of a row together.
 
 use super::plane::Plane;
-use super::stored::LANES;
 use lf_core::Weights;
 use lf_core::weights::{RowSet, Scratch};
 
+/// Pixels of a row that stand together.
+pub(super) const LANES: usize = 4;
+
 /// Pixels of a row side by side, and a voxel's weights on them.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Eight {
+pub(super) struct Four {
     /// The first pixel in a [`Plane`].
     pub(super) place: u32,
     pub(super) shares: [f32; LANES],
@@ -16,7 +18,7 @@ pub(super) struct Eight {
 /// Buffers of a thread.
 pub(super) struct Lister {
     scratch: Scratch,
-    listed: Vec<Eight>,
+    listed: Vec<Four>,
     /// The weight on each place; 0 between voxels. Empty if a path finds no pixel often.
     sums: Vec<f32>,
     places: Vec<u32>,
@@ -32,14 +34,14 @@ impl Lister {
 
     /// The weights of a voxel. A pixel may come twice.
     #[inline(always)]
-    pub(super) fn list(&mut self, weights: &Weights, index: u64) -> &[Eight] {
+    pub(super) fn list(&mut self, weights: &Weights, index: u64) -> &[Four] {
         self.listed.clear();
         let voxel = weights.grid().voxel(index);
         let stride = Plane::stride(weights.sensor_px()[0]) as u32;
         let Self { scratch, listed, sums, places } = self;
         if sums.is_empty() {
             weights.runs(voxel, scratch, RowSet::ALL, |row, first, share, columns| {
-                eights(row * stride + first, share, columns, listed);
+                fours(row * stride + first, share, columns, listed);
             });
             return listed;
         }
@@ -55,10 +57,10 @@ impl Lister {
         });
         places.sort_unstable();
         for place in places.drain(..) {
-            // An eight ends within the padding of its row, where nothing is.
+            // A four ends within the padding of its row, where nothing is.
             let sums = &mut sums[place as usize..][..LANES];
             if sums[0] != 0.0 {
-                listed.push(Eight { place, shares: std::array::from_fn(|n| sums[n]) });
+                listed.push(Four { place, shares: std::array::from_fn(|n| sums[n]) });
                 sums.fill(0.0);
             }
         }
@@ -66,16 +68,16 @@ impl Lister {
     }
 }
 
-/// Adds the eights of a row of weights, without the zeros before the first.
+/// Adds the fours of a row of weights, without the zeros before the first.
 #[inline(always)]
-fn eights(place: u32, share: f32, columns: &[f32], listed: &mut Vec<Eight>) {
+fn fours(place: u32, share: f32, columns: &[f32], listed: &mut Vec<Four>) {
     let mut from = 0;
     while let Some(zeros) = columns[from..].iter().position(|weight| *weight > 0.0) {
         from += zeros;
-        let eight = &columns[from..columns.len().min(from + LANES)];
+        let four = &columns[from..columns.len().min(from + LANES)];
         let mut shares = [0.0; LANES];
-        shares.iter_mut().zip(eight).for_each(|(out, weight)| *out = share * weight);
-        listed.push(Eight { place: place + from as u32, shares });
-        from += eight.len();
+        shares.iter_mut().zip(four).for_each(|(out, weight)| *out = share * weight);
+        listed.push(Four { place: place + from as u32, shares });
+        from += four.len();
     }
 }

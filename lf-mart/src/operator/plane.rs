@@ -1,9 +1,9 @@
 //! Values of pixels and values of voxels, as the sweeps hold them.
 
 /// Values at the end of a row of a plane, behind the image's columns.
-pub(super) const PADDING: usize = 8;
+pub(super) const PADDING: usize = 4;
 
-/// An image whose rows are long enough to read and write eight values at any column.
+/// An image whose rows are long enough to read and write four values at any column.
 pub(crate) struct Plane {
     /// Values of a row.
     pub(crate) stride: usize,

@@ -1,9 +1,9 @@
 //! The weights of voxels in memory, a byte each.
 //!
-//! A voxel's weights are kept as multiples of a 255th of its greatest weight, eight pixels of a row together. What is
+//! A voxel's weights are kept as multiples of a 255th of its greatest weight, four pixels of a row together. What is
 //! rounded off changes a voxel's light by some 0.1 % in total variation; the sum of its weights stays exact.
 
-use super::lister::{Eight, Lister};
+use super::lister::{Four, LANES, Lister};
 use super::plane::{Plane, keep};
 use lf_core::Weights;
 use lf_core::simd::fastest;
@@ -20,9 +20,6 @@ const MOST_RUNS: u64 = u32::MAX as u64 / 10 * 9;
 /// Voxels that a thread takes at once, and how often all threads together do so before their lists are joined.
 const VOXELS: usize = 1 << 8;
 const BATCH: usize = 32;
-
-/// Pixels of a run.
-pub(super) const LANES: usize = 4;
 
 /// Pixels of a row side by side, and the shares of a voxel's light on them.
 #[derive(Debug, Clone, Copy)]
@@ -122,12 +119,12 @@ impl Part {
 
     /// Adds a voxel.
     #[inline(always)]
-    fn add(&mut self, listed: &[Eight], stride: u32) {
+    fn add(&mut self, listed: &[Four], stride: u32) {
         let (mut light, mut most) = ([0f32; LANES], [0f32; LANES]);
-        for eight in listed {
+        for four in listed {
             for n in 0..LANES {
-                light[n] += eight.shares[n];
-                most[n] = most[n].max(eight.shares[n]);
+                light[n] += four.shares[n];
+                most[n] = most[n].max(four.shares[n]);
             }
         }
         let light: f32 = light.iter().sum();
@@ -137,7 +134,7 @@ impl Part {
         self.subsets.iter_mut().for_each(|subset| subset.sums.push(0.0));
         let voxel = self.units.len();
         let (mut start, mut packed, mut subset) = (0, 0, 0);
-        for Eight { place, shares } in listed {
+        for Four { place, shares } in listed {
             if !(start..start + stride).contains(place) {
                 let row = place / stride;
                 (start, packed, subset) = (row * stride, row / count * stride, (row % count) as usize);

@@ -13,8 +13,8 @@ const MISFIT: f64 = 1.5;
 /// Constant: a share of filled vectors that is told.
 const FILLED: f64 = 0.2;
 
-/// A field, and what is written beside its vectors.
-type Treated = (Field, Vec<Array>);
+/// A field, what is written beside its vectors, and the line that tells what was done once it is written.
+type Treated = (Field, Vec<Array>, String);
 
 /// Treats every field, one after another.
 fn each(
@@ -29,9 +29,10 @@ fn each(
     for (input, output) in &jobs {
         let name = io::name(input);
         let field = open(input, task, limit, session)?;
-        let (mut found, more) = session.phase("work", |session| treat(&field, &name, session))?;
+        let (mut found, more, told) = session.phase("work", |session| treat(&field, &name, session))?;
         found.layout.history = session.history(&field.layout.history);
         session.phase("write", |_| found.save_with(output, &more))?;
+        session.say(format!("{name}: {told}"));
         progress.add(1);
     }
     session.count("fields", jobs.len());
@@ -50,7 +51,7 @@ pub fn smooth(arguments: &Smooth, limit: MemoryLimit, session: &mut Session) -> 
         let measured = measured(field, name, arguments.sigma.sigma, session)?;
         let found = flow::smooth(field, &measured, arguments.strength);
         let [u, v, w] = found.strength.map(short);
-        session.say(format!("{name}: strength {u}, {v}, {w}; u, v, w moved by {}", lengths(found.change_mm)));
+        let told = format!("strength {u}, {v}, {w}; u, v, w moved by {}", lengths(found.change_mm));
         for (component, misfit) in ["u", "v", "w"].into_iter().zip(found.misfit) {
             session.count(&format!("misfit_{component}"), misfit);
             if misfit > MISFIT {
@@ -61,7 +62,7 @@ pub fn smooth(arguments: &Smooth, limit: MemoryLimit, session: &mut Session) -> 
                 ));
             }
         }
-        Ok((found.field, Vec::new()))
+        Ok((found.field, Vec::new(), told))
     })
 }
 
@@ -70,10 +71,8 @@ pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Sess
         let measured = measured(field, name, arguments.sigma.sigma, session)?;
         let found = flow::solenoidal(field, &measured);
         let [before, after] = found.divergence;
-        session.say(format!(
-            "{name}: divergence RMS {before:.1e} before, {after:.1e} after; u, v, w moved by {}",
-            lengths(found.change_mm)
-        ));
+        let moved = lengths(found.change_mm);
+        let told = format!("divergence RMS {before:.1e} before, {after:.1e} after; u, v, w moved by {moved}");
         let [u, v, w] = found.left.map(|left| 100.0 * left.sqrt());
         session.explain(format!(
             "{name}: {} steps; misfit {:.2}; {u:.0}, {v:.0} and {w:.0} % of the uncertainty of u, v, w is left",
@@ -90,7 +89,7 @@ pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Sess
                 found.misfit
             ));
         }
-        Ok((found.field, Vec::new()))
+        Ok((found.field, Vec::new(), told))
     })
 }
 
@@ -100,8 +99,7 @@ pub fn derive(arguments: &Derive, limit: MemoryLimit, session: &mut Session) -> 
         let [rms, sigma] = found.divergence;
         let unit = if field.layout.dt_s.is_some() { "1/s" } else { "a frame" };
         let stated = if sigma.is_finite() { format!(", uncertain by {sigma:.1e}") } else { String::new() };
-        session
-            .say(format!("{name}: divergence RMS {rms:.1e} {unit}{stated}; {} vectors with gradients", found.places));
+        let told = format!("divergence RMS {rms:.1e} {unit}{stated}; {} vectors with gradients", found.places);
         session.count("places", found.places);
         if found.places == 0 {
             let [x, y, z] = field.layout.shape;
@@ -110,7 +108,7 @@ pub fn derive(arguments: &Derive, limit: MemoryLimit, session: &mut Session) -> 
                  vectors along every axis"
             ));
         }
-        Ok((field.clone(), found.arrays))
+        Ok((field.clone(), found.arrays, told))
     })
 }
 
@@ -129,7 +127,7 @@ pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session)
     let found = session.phase("work", |_| flow::pressure(&field, next.as_ref(), &options).map_err(refused))?;
     let [rms, sigma] = found.rms_pa;
     let stated = if sigma > 0.0 { format!(", uncertain by {sigma:.1e} Pa") } else { String::new() };
-    session.say(format!("{name}: pressure RMS {rms:.3e} Pa{stated}; misfit {:.2} of its gradient", found.misfit));
+    let told = format!("{name}: pressure RMS {rms:.3e} Pa{stated}; misfit {:.2} of its gradient", found.misfit);
     session.count("misfit", found.misfit);
     if found.misfit > 0.5 {
         session.warn(format!(
@@ -141,7 +139,9 @@ pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session)
     let mut written = field.clone();
     written.layout.dt_s = Some(dt_s);
     written.layout.history = session.history(&field.layout.history);
-    session.phase("write", |_| written.save_with(&arguments.output, &found.arrays))
+    session.phase("write", |_| written.save_with(&arguments.output, &found.arrays))?;
+    session.say(told);
+    Ok(())
 }
 
 fn measured(field: &Field, name: &str, sigma: Option<[f64; 3]>, session: &mut Session) -> Result<Measured> {
