@@ -54,8 +54,9 @@ const SMALL: f64 = 5e6;
 
 /// Most memory foretold over the memory taken. lf-xcorr foretells the sums of windows whose predictions differ by a voxel
 /// from one to the next, as they do in noise and gradients. In volumes that do not move, such as here, they do not.
+/// lf-validate counts the lists of two volumes as if both were scored at once.
 fn most_foretold(line: &str) -> f64 {
-    if line.starts_with("lf-xcorr") { 2.5 } else { 1.3 }
+    if line.starts_with("lf-xcorr") || line.starts_with("lf-validate") { 2.5 } else { 1.3 }
 }
 
 /// Bytes that lf-mart foretells for weights that it keeps once the haze is gone: a fifth of `--max-memory` at most. In the
@@ -63,7 +64,7 @@ fn most_foretold(line: &str) -> f64 {
 fn later(line: &str) -> f64 {
     if line.starts_with("lf-mart") { 0.2 * MART_GB * 1e9 } else { 0.0 }
 }
-const MART_GB: f64 = 2.0;
+const MART_GB: f64 = 3.0;
 
 /// Runs lines that write `stats.json` with each number of threads. The memory foretold must be at least the memory taken,
 /// and at most [`most_foretold`] times as much; small runs may take [`SMALL`] less.
@@ -103,7 +104,11 @@ fn the_memory_foretold_is_the_memory_taken() {
         let prune = "lf-prune frame-0000.exr -c camera.json --depth -5,5 --pvr 2,2,20 -o support.lfv";
         check_memory(&folder, true, &[1, 2], &[prune]);
         let mart = format!("lf-mart support.lfv {on_frame} --iterations 2 -o volume.lfv --max-memory {MART_GB}");
-        check_memory(&folder, true, &[2], &[&format!("{mart} --basis blob"), &mart]);
+        // Blobs take twice as long, and the same paths, on a lattice of any layout.
+        if layout.ends_with("square") {
+            check_memory(&folder, true, &[2], &[&format!("{mart} --basis blob")]);
+        }
+        check_memory(&folder, true, &[2], &[&mart]);
         let xcorr = "lf-xcorr volume.lfv volume.lfv -o field.exr --window 48,48,16";
         check_memory(&folder, true, &[2], &[xcorr]);
     }

@@ -27,9 +27,9 @@ const LEAST_SHARE_OF_TILE: f32 = 0.5 * LEAST_SHARE;
 /// share, and one byte to drop it.
 const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
 
-/// Bytes per voxel that weights take which are kept later: the index that keeps weights later, its share, and
-/// two sums.
-const TABLE_VOXEL_BYTES: u64 = 8 + 4 + 8;
+/// Bytes per voxel that weights take which are kept later: its index; and if they come from tables, its share and two sums.
+const LATER_BYTES: u64 = 8;
+const TABLE_VOXEL_BYTES: u64 = LATER_BYTES + 4 + 8;
 
 /// Bytes per voxel of the solution: index and strength.
 const SOLVED_BYTES: u64 = 12;
@@ -64,7 +64,8 @@ impl<'a> Plan<'a> {
         let planes_of_kept = 3 + BLOCKS.div_ceil(subsets) as u64;
         let (voxel_bytes, planes) = match storage {
             Storage::ByPixel => (8, 4),
-            Storage::Profiles | Storage::Tables => (VOXEL_BYTES + TABLE_VOXEL_BYTES, planes_of_kept),
+            Storage::Profiles => (VOXEL_BYTES + LATER_BYTES, planes_of_kept),
+            Storage::Tables => (VOXEL_BYTES + TABLE_VOXEL_BYTES, planes_of_kept),
             Storage::Kept => (VOXEL_BYTES, planes_of_kept),
             Storage::Remade => (VOXEL_BYTES, 2 + BLOCKS as u64),
         };

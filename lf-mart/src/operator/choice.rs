@@ -41,7 +41,7 @@ impl Storage {
             Path::Micro(micro) => (Self::Tables, MicroWeights::foretold_bytes(micro, subsets)),
             _ => {
                 let most_bytes = kept_bytes(max_bytes);
-                return (if bytes <= most_bytes { Self::Kept } else { Self::Remade }, kept(most_bytes));
+                return (if Stored::fits(bytes, most_bytes) { Self::Kept } else { Self::Remade }, kept(most_bytes));
             }
         };
         let limits = Limits::new(weights, indices, max_bytes);
@@ -75,7 +75,7 @@ impl Limits {
 
     /// Whether weights of so many voxels, which take so many bytes, are kept.
     fn allow(&self, voxels: usize, bytes: u64) -> bool {
-        bytes <= self.bytes && (voxels <= self.voxels || bytes <= FEW_BYTES)
+        Stored::fits(bytes, self.bytes) && (voxels <= self.voxels || bytes <= FEW_BYTES)
     }
 }
 

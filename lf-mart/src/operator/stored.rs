@@ -175,10 +175,12 @@ impl Stored {
         let count = |lister: &mut Lister, index: &u64| lister.list(weights, *index).len();
         let count: usize = sample.par_iter().map_init(|| Lister::new(weights), count).sum();
         let runs = of_all(count, &sample, indices);
-        if runs > MOST_RUNS {
-            return u64::MAX;
-        }
         runs * RUN_BYTES + indices.len() as u64 * (4 + 8 * subsets as u64)
+    }
+
+    /// Whether weights of so many bytes may be kept.
+    pub(super) fn fits(bytes: u64, most_bytes: u64) -> bool {
+        bytes <= most_bytes.min(MOST_RUNS * RUN_BYTES)
     }
 
     /// Most bytes of the lists that [`Stored::new`] joins.

@@ -51,7 +51,8 @@ impl<'a> VoxelWeights<'a> {
     }
 
     fn keep_if_it_fits(&mut self) {
-        if Stored::foretold_bytes(self.weights, &self.indices, self.subsets) <= self.most_bytes {
+        let bytes = Stored::foretold_bytes(self.weights, &self.indices, self.subsets);
+        if Stored::fits(bytes, self.most_bytes) {
             let kept = Stored::new(self.weights, &self.indices, self.subsets);
             self.count = kept.count();
             self.kept = Some(kept);
