@@ -54,7 +54,7 @@ const SMALL: f64 = 5e6;
 
 /// Most memory foretold over the memory taken. lf-xcorr foretells the sums of windows whose predictions differ by a voxel
 /// from one to the next, as they do in noise and gradients. In volumes that do not move, such as here, they do not.
-/// lf-validate counts the lists of two volumes as if both were scored at once.
+/// lf-validate takes 0.4 of what it foretells for the deep grid below.
 fn most_foretold(line: &str) -> f64 {
     if line.starts_with("lf-xcorr") || line.starts_with("lf-validate") { 2.5 } else { 1.3 }
 }
@@ -104,11 +104,10 @@ fn the_memory_foretold_is_the_memory_taken() {
         let prune = "lf-prune frame-0000.exr -c camera.json --depth -5,5 --pvr 2,2,20 -o support.lfv";
         check_memory(&folder, true, &[1, 2], &[prune]);
         let mart = format!("lf-mart support.lfv {on_frame} --iterations 2 -o volume.lfv --max-memory {MART_GB}");
-        // Blobs take twice as long, and the same paths, on a lattice of any layout.
+        // On a hexagonal lattice so many voxels take minutes; scripts/studies/memory has them.
         if layout.ends_with("square") {
-            check_memory(&folder, true, &[2], &[&format!("{mart} --basis blob")]);
+            check_memory(&folder, true, &[2], &[&format!("{mart} --basis blob"), &mart]);
         }
-        check_memory(&folder, true, &[2], &[&mart]);
         let xcorr = "lf-xcorr volume.lfv volume.lfv -o field.exr --window 48,48,16";
         check_memory(&folder, true, &[2], &[xcorr]);
     }
