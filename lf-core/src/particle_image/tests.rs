@@ -177,38 +177,3 @@ fn light_is_smooth_through_the_focus() {
         }
     }
 }
-
-#[test]
-#[ignore = "prints seconds"]
-fn time_of_an_image() {
-    for (name, camera) in cameras().into_iter().filter(|(name, _)| name.ends_with("plain")) {
-        let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
-        let mut scratch = Scratch::default();
-        let (mut pixels, mut patches) = (0, 0);
-        let cpu = || -> f64 {
-            std::fs::read_to_string("/proc/thread-self/schedstat")
-                .unwrap()
-                .split(' ')
-                .next()
-                .unwrap()
-                .parse::<f64>()
-                .unwrap()
-                * 1e-9
-        };
-        let began = cpu();
-        for n in 0..2000 {
-            let z = -5.0 + 10.0 * (n as f64 * 0.618).fract();
-            crate::simd::fastest(
-                #[inline(always)]
-                || {
-                    model.visit_places([0.1 * (n as f64 * 0.414).fract(), 0.05, z], &mut scratch, |_, found| {
-                        pixels += found.len();
-                        patches += 1;
-                    });
-                },
-            );
-        }
-        let us = (cpu() - began) / 2000.0 * 1e6;
-        println!("TIME {name}: {us:.1} us, {} pixels, {} patches", pixels / 2000, patches / 2000);
-    }
-}
