@@ -6,8 +6,10 @@
 //! Files that a reader fell over are kept in `tests/fuzz/found` and read first, by every target.
 //! `scripts/studies/fuzz` runs for as long as one likes.
 
+#[path = "../lf-core/tests/allocation/mod.rs"]
+mod allocation;
+
 mod fuzz {
-    pub mod allocation;
     pub mod bytes;
     pub mod files;
     pub mod json;
@@ -16,9 +18,6 @@ mod fuzz {
     pub mod targets;
     pub mod text;
 }
-
-#[global_allocator]
-static ALLOCATOR: fuzz::allocation::Watched = fuzz::allocation::Watched;
 
 use fuzz::{files, run::run, targets};
 

@@ -1,6 +1,7 @@
 //! A fuzzing run: for its time, or until a reader falls.
 
-use super::{allocation, random::Random};
+use super::random::Random;
+use crate::allocation;
 use std::collections::BTreeMap;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
@@ -95,12 +96,11 @@ pub fn run(name: &str, sound: &[Vec<u8>], change: Change, target: fn(&[u8]) -> b
 
 /// Whether the target accepts the input. Panics if it does not survive it.
 fn check(name: &str, bytes: &[u8], target: fn(&[u8]) -> bool) -> bool {
-    allocation::take_largest();
     reading().insert(name.to_owned(), (Instant::now(), bytes.to_vec()));
     let read = || panic::catch_unwind(AssertUnwindSafe(|| target(bytes)));
     let start = Instant::now();
-    let outcome = read();
-    let (largest, mut took) = (allocation::take_largest(), start.elapsed());
+    let (outcome, largest) = allocation::largest(read);
+    let mut took = start.elapsed();
     // A machine with other work may stand still: the least of a few times counts.
     for _ in 0..TRIES {
         if took > LONGEST {
