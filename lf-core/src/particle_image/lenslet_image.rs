@@ -5,7 +5,7 @@ use super::cell_surface::{REACH_SIGMA, Tables};
 use super::cross::{Cross, Read};
 use super::lenslet_lines::LensletLine;
 use super::place::{Place, width};
-use super::rim::{self, Side, Way};
+use super::rim::{self, Side, Strip, Way};
 use super::spline::{Spline, Taps};
 use super::table::Table;
 use super::view::View;
@@ -302,46 +302,72 @@ impl<T: Listed> LensletImage<'_, T> {
         *T::lists(scratch) = taps;
     }
 
-    /// The integral over a pixel that the rim of a round stop crosses, strip by strip.
+    /// Adds up a pixel that the rim of a round stop crosses, strip by strip in both ways. `each(light, strip, way)` adds a
+    /// strip's part to the light and returns the strip's whole light.
     #[inline(always)]
-    fn by_strips<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], alpha: DVec2) {
-        let table = &self.tables.integral;
+    fn add_strips(
+        &self,
+        light: &mut [f64; QUANTITIES],
+        x: &[Place],
+        y: &[Place],
+        alpha: DVec2,
+        each: impl Fn(&mut [f64; QUANTITIES], &Strip, &Way) -> f64,
+    ) {
         for way in rim::ways(x, y).into_iter().filter(|way| way.share > 0.0) {
-            let Way { across, share, .. } = way;
             let mut whole = 0.0;
-            let other = 1 - across;
             rim::strips(
                 self.view.optics.half_aperture_mm,
                 x,
                 y,
-                across,
-                alpha[across],
+                way.across,
+                alpha[way.across],
                 #[inline(always)]
-                |strip| {
-                    for (place, sign) in strip.along.iter().zip([1.0, -1.0]) {
-                        for ((end, turn), side) in strip.ends.iter().zip(&strip.turn).zip([1.0, -1.0]) {
-                            let (x, y) = if across == 0 { (end, place) } else { (place, end) };
-                            let at = |axis: usize, place: &Place| (table.taps(axis, place.x, self.more_mm), place.x_by);
-                            let taps = [at(0, x), at(1, y)];
-                            if taps.iter().any(|(taps, _)| T::is_below(taps)) {
-                                continue;
-                            }
-                            let mut corner = [0.0; QUANTITIES];
-                            let slope = self.read::<N>(table, &taps[0], &taps[1], &mut corner)[across] * alpha[across];
-                            // The end of the strip moves as the strip does along the rim.
-                            corner[1 + other] += slope * turn[0];
-                            corner[3] += slope * turn[1];
-                            corner[5 + other] += slope * turn[2];
-                            for k in 0..QUANTITIES {
-                                light[k] += share * sign * side * corner[k];
-                            }
-                            whole += sign * side * corner[0];
-                        }
-                    }
-                },
+                |strip| whole += each(light, strip, &way),
             );
-            turn_between(light, whole, &way);
+            // The share of the way changes too.
+            for (axis, [by_m, by_alpha, by_shift]) in way.share_by.into_iter().enumerate() {
+                light[1 + axis] += whole * by_m;
+                light[3] += whole * by_alpha;
+                light[5 + axis] += whole * by_shift;
+            }
         }
+    }
+
+    /// The integral over a pixel that the rim of a round stop crosses.
+    #[inline(always)]
+    fn by_strips<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], alpha: DVec2) {
+        let table = &self.tables.integral;
+        self.add_strips(
+            light,
+            x,
+            y,
+            alpha,
+            #[inline(always)]
+            |light, strip, Way { across, share, .. }| {
+                let (across, other, mut whole) = (*across, 1 - across, 0.0);
+                for (place, sign) in strip.along.iter().zip([1.0, -1.0]) {
+                    for ((end, turn), side) in strip.ends.iter().zip(&strip.turn).zip([1.0, -1.0]) {
+                        let (x, y) = if across == 0 { (end, place) } else { (place, end) };
+                        let at = |axis: usize, place: &Place| (table.taps(axis, place.x, self.more_mm), place.x_by);
+                        let taps = [at(0, x), at(1, y)];
+                        if taps.iter().any(|(taps, _)| T::is_below(taps)) {
+                            continue;
+                        }
+                        let mut corner = [0.0; QUANTITIES];
+                        let slope = self.read::<N>(table, &taps[0], &taps[1], &mut corner)[across] * alpha[across];
+                        // The end of the strip moves as the strip does along the rim.
+                        corner[1 + other] += slope * turn[0];
+                        corner[3] += slope * turn[1];
+                        corner[5 + other] += slope * turn[2];
+                        for k in 0..QUANTITIES {
+                            light[k] += share * sign * side * corner[k];
+                        }
+                        whole += sign * side * corner[0];
+                    }
+                }
+                whole
+            },
+        );
     }
 
     /// The same by two by two points of each strip.
@@ -354,52 +380,45 @@ impl<T: Listed> LensletImage<'_, T> {
         alpha: DVec2,
         centre: DVec2,
     ) {
-        for way in rim::ways(x, y).into_iter().filter(|way| way.share > 0.0) {
-            let Way { across, share, .. } = way;
-            let mut whole = 0.0;
-            let other = 1 - across;
-            rim::strips(
-                self.view.optics.half_aperture_mm,
-                x,
-                y,
-                across,
-                alpha[across],
-                #[inline(always)]
-                |strip| {
-                    let (wide, wide_by) = width(&strip.ends);
-                    let (high, high_by) = width(&strip.along);
-                    let (own_high, high, high_by) = (high, share * high, high_by.map(|by| share * by));
-                    let sign = 1f64.copysign(strip.ends[0].u - strip.ends[1].u);
-                    let mut mean = [0.0; QUANTITIES];
-                    for along in NODES {
-                        let place = Place::between(&strip.along[0], &strip.along[1], along);
-                        for part in NODES {
-                            let end = Place::between(&strip.ends[0], &strip.ends[1], part);
-                            let (x, y) = if across == 0 { (&end, &place) } else { (&place, &end) };
-                            let mut point = [0.0; QUANTITIES];
-                            let slope = self.read_ray::<N>(x, y, alpha, centre, &mut point)[across];
-                            let turn =
-                                |k: usize| slope * (strip.turn[0][k] + part * (strip.turn[1][k] - strip.turn[0][k]));
-                            point[1 + other] += turn(0);
-                            point[3] += turn(1);
-                            point[5 + other] += turn(2);
-                            (0..QUANTITIES).for_each(|k| mean[k] += 0.25 * point[k]);
-                        }
+        self.add_strips(
+            light,
+            x,
+            y,
+            alpha,
+            #[inline(always)]
+            |light, strip, Way { across, share, .. }| {
+                let (across, other) = (*across, 1 - across);
+                let (wide, wide_by) = width(&strip.ends);
+                let (own_high, high_by) = width(&strip.along);
+                let (high, high_by) = (share * own_high, high_by.map(|by| share * by));
+                let sign = 1f64.copysign(strip.ends[0].u - strip.ends[1].u);
+                let mut mean = [0.0; QUANTITIES];
+                for along in NODES {
+                    let place = Place::between(&strip.along[0], &strip.along[1], along);
+                    for part in NODES {
+                        let end = Place::between(&strip.ends[0], &strip.ends[1], part);
+                        let (x, y) = if across == 0 { (&end, &place) } else { (&place, &end) };
+                        let mut point = [0.0; QUANTITIES];
+                        let slope = self.read_ray::<N>(x, y, alpha, centre, &mut point)[across];
+                        let turn = |k: usize| slope * (strip.turn[0][k] + part * (strip.turn[1][k] - strip.turn[0][k]));
+                        point[1 + other] += turn(0);
+                        point[3] += turn(1);
+                        point[5 + other] += turn(2);
+                        (0..QUANTITIES).for_each(|k| mean[k] += 0.25 * point[k]);
                     }
-                    let turn: [f64; 3] = std::array::from_fn(|k| sign * (strip.turn[0][k] - strip.turn[1][k]));
-                    for k in 0..QUANTITIES {
-                        light[k] += wide * high * mean[k];
-                    }
-                    whole += wide * own_high * mean[0];
-                    light[1 + across] += high * wide_by[0] * mean[0];
-                    light[1 + other] += (wide * high_by[0] + high * turn[0]) * mean[0];
-                    light[3] += (high * (wide_by[1] + turn[1]) + wide * high_by[1]) * mean[0];
-                    light[5 + across] += high * wide_by[2] * mean[0];
-                    light[5 + other] += (wide * high_by[2] + high * turn[2]) * mean[0];
-                },
-            );
-            turn_between(light, whole, &way);
-        }
+                }
+                let turn: [f64; 3] = std::array::from_fn(|k| sign * (strip.turn[0][k] - strip.turn[1][k]));
+                for k in 0..QUANTITIES {
+                    light[k] += wide * high * mean[k];
+                }
+                light[1 + across] += high * wide_by[0] * mean[0];
+                light[1 + other] += (wide * high_by[0] + high * turn[0]) * mean[0];
+                light[3] += (high * (wide_by[1] + turn[1]) + wide * high_by[1]) * mean[0];
+                light[5 + across] += high * wide_by[2] * mean[0];
+                light[5 + other] += (wide * high_by[2] + high * turn[2]) * mean[0];
+                wide * own_high * mean[0]
+            },
+        );
     }
 
     /// From the mean over the pixel at two by two points.
@@ -531,14 +550,4 @@ struct Cut {
     columns: usize,
     /// Whether the rim of a round stop crosses the patch.
     is_cut: bool,
-}
-
-/// Adds the change of light that comes of the change of a way's share, where the way alone gives the light `whole`.
-#[inline(always)]
-fn turn_between(light: &mut [f64; QUANTITIES], whole: f64, way: &Way) {
-    for (axis, [by_m, by_alpha, by_shift]) in way.share_by.into_iter().enumerate() {
-        light[1 + axis] += whole * by_m;
-        light[3] += whole * by_alpha;
-        light[5 + axis] += whole * by_shift;
-    }
 }
