@@ -107,9 +107,17 @@ impl<'a> Haze<'a> {
     /// The weights of all voxels that are left, if they are to be kept.
     fn kept(&self) -> Option<VoxelWeights<'a>> {
         let Self { weights, indices, subsets, limits } = self;
+        if limits.bytes == 0 {
+            return None;
+        }
         let bytes = Stored::foretold_bytes(weights, indices, *subsets);
-        let is_allowed = limits.allow(indices.len(), bytes);
-        is_allowed.then(|| VoxelWeights::new(weights, indices, *subsets, u64::MAX))
+        limits.allow(indices.len(), bytes).then(|| VoxelWeights::kept(weights, indices, *subsets, bytes))
+    }
+
+    /// Drops voxels, and returns the weights of those left if they are to be kept now.
+    fn retain(&mut self, held: &[bool]) -> Option<VoxelWeights<'a>> {
+        keep(&mut self.indices, held);
+        self.kept()
     }
 }
 
@@ -129,22 +137,22 @@ impl<'a> Operator<'a> {
     }
 
     pub(crate) fn retain(&mut self, held: &[bool]) {
-        match self {
+        let kept = match self {
             Self::Micro(weights, haze) => {
                 weights.retain(held);
-                keep(&mut haze.indices, held);
-                if let Some(kept) = haze.kept() {
-                    *self = Self::Voxels(kept);
-                }
+                haze.retain(held)
             }
             Self::Profiles(weights, haze) => {
                 weights.retain(held);
-                keep(&mut haze.indices, held);
-                if let Some(kept) = haze.kept() {
-                    *self = Self::Voxels(kept);
-                }
+                haze.retain(held)
             }
-            Self::Voxels(weights) => weights.retain(held),
+            Self::Voxels(weights) => {
+                weights.retain(held);
+                None
+            }
+        };
+        if let Some(kept) = kept {
+            *self = Self::Voxels(kept);
         }
     }
 

@@ -188,7 +188,8 @@ impl Stored {
         bytes / (voxels as u64).max(1) * (voxels.min(VOXELS * BATCH) as u64)
     }
 
-    pub(super) fn new(weights: &Weights, indices: &[u64], subsets: usize) -> Self {
+    /// For weights that are foretold to take so many bytes.
+    pub(super) fn new(weights: &Weights, indices: &[u64], subsets: usize, foretold: u64) -> Self {
         let stride = Plane::stride(weights.sensor_px()[0]) as u32;
         let made = |lister: &mut Lister, indices: &[u64]| {
             let mut part = Part::new(subsets);
@@ -203,7 +204,7 @@ impl Stored {
             part
         };
         let mut all = Part::new(subsets);
-        let runs = (Self::foretold_bytes(weights, indices, subsets) / RUN_BYTES) as usize;
+        let runs = (foretold / RUN_BYTES) as usize;
         all.subsets.iter_mut().for_each(|subset| subset.runs.reserve(runs / subsets));
         for batch in indices.chunks(VOXELS * BATCH) {
             let parts: Vec<Part> = batch

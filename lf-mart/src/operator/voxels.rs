@@ -37,10 +37,27 @@ pub(crate) struct VoxelWeights<'a> {
 
 impl<'a> VoxelWeights<'a> {
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, most_bytes: u64) -> Self {
-        let planes = vec![Vec::new(); BLOCKS];
-        let mut this = Self { weights, subsets, most_bytes, indices: indices.to_vec(), planes, count: 0, kept: None };
+        let mut this = Self::empty(weights, indices, subsets, most_bytes);
         this.keep_if_it_fits();
         this
+    }
+
+    /// Weights that are kept, and take so many bytes as [`Stored::foretold_bytes`] tells.
+    pub(super) fn kept(weights: &'a Weights, indices: &[u64], subsets: usize, bytes: u64) -> Self {
+        let mut this = Self::empty(weights, indices, subsets, bytes);
+        this.keep(bytes);
+        this
+    }
+
+    fn empty(weights: &'a Weights, indices: &[u64], subsets: usize, most_bytes: u64) -> Self {
+        let planes = vec![Vec::new(); BLOCKS];
+        Self { weights, subsets, most_bytes, indices: indices.to_vec(), planes, count: 0, kept: None }
+    }
+
+    fn keep(&mut self, bytes: u64) {
+        let kept = Stored::new(self.weights, &self.indices, self.subsets, bytes);
+        self.count = kept.count();
+        self.kept = Some(kept);
     }
 
     /// Bytes of kept weights, while they are made, and of the tables that make them.
@@ -53,9 +70,7 @@ impl<'a> VoxelWeights<'a> {
     fn keep_if_it_fits(&mut self) {
         let bytes = Stored::foretold_bytes(self.weights, &self.indices, self.subsets);
         if Stored::fits(bytes, self.most_bytes) {
-            let kept = Stored::new(self.weights, &self.indices, self.subsets);
-            self.count = kept.count();
-            self.kept = Some(kept);
+            self.keep(bytes);
         } else {
             self.count = count_weights(self.weights, &self.indices);
         }
