@@ -188,6 +188,16 @@ impl Optics {
         })
     }
 
+    /// The factors of h and q in `y_m = (1 - s_i / f) h + s_i q`, where a ray of slope q before the lens meets it at h.
+    pub(crate) fn lens_gains(&self) -> (f64, f64) {
+        (1.0 - self.image_distance_mm / self.focal_length_mm, self.image_distance_mm)
+    }
+
+    /// r = s_i / l; None without an exit pupil.
+    pub(crate) fn pupil_ratio(&self) -> Option<f64> {
+        self.pupil_ratio
+    }
+
     /// Whether the camera looks into a medium, which bends the rays.
     #[inline]
     pub(crate) fn has_medium(&self) -> bool {

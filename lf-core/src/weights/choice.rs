@@ -123,7 +123,7 @@ impl Weights {
         match &self.path {
             Path::Sphere(sphere) => sphere.visit(voxel, wanted, found),
             Path::Micro(micro) => match &micro.one_by_one {
-                OneByOne::Bent(bent) => bent.visit(voxel, wanted, found),
+                OneByOne::Bent(bent) => bent.visit(&micro.array, voxel, wanted, found),
                 OneByOne::Lenslets(_) => self.geometry().visit(voxel, &mut scratch.pieces, wanted, found),
             },
             _ => self.geometry().visit(voxel, &mut scratch.pieces, wanted, found),

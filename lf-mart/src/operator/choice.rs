@@ -47,7 +47,10 @@ impl Storage {
         let limits = Limits::new(weights, indices, max_bytes);
         match limits.allow(indices.len(), bytes) {
             true => (Self::Kept, kept(bytes)),
-            false => (haze.0, haze.1 + kept(limits.bytes.min((KEPT_VOXELS * bytes as f64) as u64))),
+            false => {
+                let later = ((KEPT_VOXELS * bytes as f64) as u64).max(bytes.min(FEW_BYTES));
+                (haze.0, haze.1 + kept(limits.bytes.min(later)))
+            }
         }
     }
 }
@@ -83,9 +86,9 @@ impl Limits {
 pub(crate) enum Operator<'a> {
     /// For an aligned camera.
     Profiles(Box<ProfileWeights>, Haze<'a>),
-    /// For exact weights, until those of the voxels still held fit into memory.
+    /// For any other camera: made micro-image by micro-image, until the weights of the voxels still held are kept.
     Micro(Box<MicroWeights<'a>>, Haze<'a>),
-    /// For any other.
+    /// Kept voxel by voxel, or made so for the paper's weights and spheres.
     Voxels(VoxelWeights<'a>),
 }
 

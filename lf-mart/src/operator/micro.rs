@@ -1,4 +1,4 @@
-//! Exact weights of any camera, made where they are used.
+//! Weights of any camera by the engine of `lf_core::weights::Micro`, made where they are used.
 
 use super::plane::{Plane, keep};
 use lf_core::weights::{Lines, Micro, MicroImages, RowSet};

@@ -1,7 +1,8 @@
 //! The lenslets that the sensor sees, as the kernels read them: row after row, eight at a time.
 
 use crate::Optics;
-use glam::DVec2;
+use glam::{DVec2, Vec2};
+use std::ops::Range;
 
 /// Lenslets that a kernel reads at once. A row has so many more at its end, which no light reaches.
 pub(super) const LANES: usize = 8;
@@ -10,7 +11,7 @@ pub(super) const LANES: usize = 8;
 const NOWHERE: f32 = 1e6;
 
 #[derive(Debug, Clone)]
-pub(super) struct Array {
+pub(crate) struct Array {
     /// The centre of lenslet 0 of row 0, and the steps along a row and from row to row in the perfect lattice, mm.
     pub(super) origin: DVec2,
     pub(super) along: DVec2,
@@ -165,6 +166,37 @@ impl Array {
         0.5 * (a + b)
     }
 
+    /// Calls `found(lenslet)` for the lenslets whose centres lie within a box of these half sides about a point of the
+    /// array, and a few more; all mm.
+    #[inline(always)]
+    pub(crate) fn near(&self, point: Vec2, half: Vec2, mut found: impl FnMut(usize)) {
+        let half = half + self.departure as f32;
+        let reach_along = self.per_along[0].abs() * half.x + self.per_along[1].abs() * half.y;
+        let reach_across = self.per_across[0].abs() * half.x + self.per_across[1].abs() * half.y;
+        let away = point - self.origin.as_vec2();
+        let middle = self.per_across[0] * away.x + self.per_across[1] * away.y - self.first_row as f32;
+        for row in whole(middle, reach_across, self.rows()) {
+            let [x, y] = self.starts[row];
+            let middle = self.per_along[0] * (point.x - x) + self.per_along[1] * (point.y - y);
+            for number in whole(middle, reach_along, self.length - LANES) {
+                found(row * self.length + number);
+            }
+        }
+    }
+
+    /// A lenslet's centre, mm.
+    #[inline(always)]
+    pub(crate) fn centre(&self, lenslet: usize) -> DVec2 {
+        DVec2::new(f64::from(self.x[lenslet]), f64::from(self.y[lenslet]))
+    }
+
+    /// Change of the place on the sensor with the place in the aperture, px for a mm, of rays through a lenslet that
+    /// spread by `alpha` on the array.
+    #[inline(always)]
+    pub(crate) fn slope(&self, lenslet: usize, alpha: Vec2) -> Vec2 {
+        self.refocus[lenslet] * alpha - self.per_mm[lenslet]
+    }
+
     /// Bytes of the lenslets.
     pub(super) fn bytes(&self) -> usize {
         8 * size_of::<f32>() * self.x.len()
@@ -173,4 +205,11 @@ impl Array {
     pub(super) fn rows(&self) -> usize {
         self.starts.len()
     }
+}
+
+/// The whole numbers from 0 up to `count` within `reach` of `middle`, and perhaps one more.
+#[inline(always)]
+fn whole(middle: f32, reach: f32, count: usize) -> Range<usize> {
+    // A cast rounds down, and stops at 0.
+    (middle - reach + 0.999) as usize..((middle + reach + 1.001) as usize).min(count)
 }

@@ -32,7 +32,7 @@ const LINE_BYTES: usize = 12;
 #[derive(Debug, Clone)]
 pub struct Micro {
     pub(crate) geometry: Geometry,
-    pub(super) array: Array,
+    pub(crate) array: Array,
     pub(super) stop: Stop,
     /// Voxels of a block of a line, within which the chief rays' places are linear in x.
     block: usize,
