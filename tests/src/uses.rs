@@ -181,7 +181,7 @@ const USES: &[Use] = &[
     Use {
         tool: "lf-fit",
         words: &[
-            Input(Kind::Volume),
+            Input(Kind::Few),
             Plain("-i"),
             Input(Kind::Image),
             Plain("-c"),
