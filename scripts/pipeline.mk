@@ -131,6 +131,7 @@ pairs := $(PAIRS)
 $(if $(pairs),,$(error PAIRS: no pair of $(none)))
 $(foreach pair,$(pairs),$(if $(filter 2,$(words $(call split,$(pair)))),,$(error PAIRS: '$(pair)' is not A-B)))
 names := $(sort $(call split,$(pairs)))
+$(if $(filter-out 0 1,$(words $(FLOW)))$(filter-out solenoidal smooth,$(FLOW)),$(error FLOW: '$(FLOW)'; wanted solenoidal or smooth))
 
 CAMERA = $(OUT)/camera.json
 LOG = $(OUT)/log
@@ -287,7 +288,8 @@ page = $(RUN) $(BIN)lf-validate report $(OUT) -o $(OUT)/report.html --frame $(ca
 report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	$(if $(there),,@rm -f $(means) $(OUT)/fields.txt)
 	$(file >$(LOG)/missing.txt,$(patsubst $(OUT)/field-%.exr,%,$(missing:$(OUT)/flow-%=$(OUT)/field-%)))
-	@page=; $(page) && page="; $(OUT)/report.html shows the run"; \
+	@rm -f $(OUT)/report.html; page=; status=0; \
+	$(page) && page="; $(OUT)/report.html shows the run" || status=2; \
 	last() { tail -n 1 $(LOG)/$$1.txt 2> /dev/null; }; \
 	for pair in $$(cat $(LOG)/missing.txt); do why=; \
 	    [ -e $(CAMERA) ] || why="no $(CAMERA); see above"; \
@@ -304,4 +306,4 @@ report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	    [ -n "$$why" ] || [ -e $(OUT)/field-$$pair.exr ] || why=$$(last field-$$pair); \
 	    $(if $(FLOW),[ -n "$$why" ] || why=$$(last flow-$$pair);) \
 	    echo "no field $$pair: $${why:-not started; see above}" >&2; \
-	done; echo "$(words $(there)) of $(words $(results)) fields are in $(OUT)$$page" >&2
+	done; echo "$(words $(there)) of $(words $(results)) fields are in $(OUT)$$page" >&2; exit $$status

@@ -110,6 +110,7 @@ fn the_memory_foretold_is_the_memory_taken() {
         }
         let xcorr = "lf-xcorr volume.lfv volume.lfv -o field.exr --window 48,48,16";
         check_memory(&folder, true, &[2], &[xcorr]);
+        check_memory(&folder, false, &[1, 2], &["lf-flow derive field.exr -o derived.exr"]);
     }
     // A voxel in every other slice of a deep grid: the score by depth is most of the memory.
     let grid = Grid { shape: [4, 4, 400_000], spacing_mm: [0.01; 3], origin_mm: [0.0; 3] };

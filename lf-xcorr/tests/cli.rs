@@ -53,9 +53,9 @@ fn other_formats_and_the_picture() {
 fn the_picture_is_of_the_slice_that_was_asked_for() {
     let bench = workbench();
     for (slice, title) in [
-        // Without a place, the layer that shows most.
-        (&[][..], "z = "),
-        (&["--slice", "z"], "z = "),
+        // Without a place, the layer that shows most: all do alike, so the one in the middle.
+        (&[][..], "z = 5.75 mm (layer 3 of 5)"),
+        (&["--slice", "z"], "z = 5.75 mm (layer 3 of 5)"),
         (&["--slice", "z=4"], "z = 4.25 mm (layer 2 of 5)"),
         (&["--slice", "y=1.2"], "y = 1.35 mm (layer 1 of 3)"),
         (&["--slice=x=2.6"], "x = 2.35 mm (layer 3 of 5)"),

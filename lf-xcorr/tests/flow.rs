@@ -92,6 +92,12 @@ fn every_form_of_derived_numbers_can_be_written() {
         table.lines().nth(1 + 4 + 9 * (4 + 8 * 3)).unwrap().split(',').nth(column).unwrap().parse().unwrap();
     assert!((middle - 20.0).abs() < 1e-3, "{middle}");
     assert!(text("derived.vti", &["derive"]).contains(r#"Name="lambda_2_1_s2""#));
+    let netcdf = text("derived.nc", &["derive"]);
+    assert!(netcdf.starts_with("CDF") && netcdf.contains("lambda_2_1_s2"));
+    let tecplot = text("derived.dat", &["derive"]);
+    assert!(tecplot.lines().any(|line| line.contains("VARIABLES") && line.contains("lambda_2_1_s2")));
+    flow(&["derive", "--form", "vti", "-o"], &field).word(folder.path().join("d.csv")).run().refused("--form: given");
+    assert!(!folder.path().join("d.csv").exists());
     let pressure = text("p.csv", &["pressure", "--density", "1000"]);
     assert!(pressure.lines().next().unwrap().ends_with("pressure_pa,s_pressure_pa"));
 }
@@ -102,7 +108,12 @@ fn many_fields_fill_a_folder() {
     let second = folder.path().join("second.exr");
     fs::copy(&field, &second).unwrap();
     let out = folder.path().join("out");
-    flow(&["solenoidal"], &field).word(&second).word("-o").word(&out).run().done();
+    let stats = folder.path().join("stats.json");
+    flow(&["solenoidal"], &field).word(&second).word("-o").word(&out).word("--stats").word(&stats).run().done();
+    let counts: Value = serde_json::from_slice(&fs::read(&stats).unwrap()).unwrap();
+    let count = |key: &str| counts["counts"][key].as_u64();
+    assert_eq!([count("fields"), count("vectors"), count("filled")], [Some(2), Some(2 * 504), Some(4)], "{counts}");
+    assert!(counts["counts"]["misfit"].as_f64().is_some_and(|misfit| misfit > 0.0), "{counts}");
     assert!(fs::read(out.join("field.exr")).unwrap() == fs::read(out.join("second.exr")).unwrap());
     flow(&["derive", "--form", "vti"], &field).word(&second).word("-o").word(&out).run().done();
     assert!(out.join("second.vti").is_file());
@@ -125,6 +136,11 @@ fn lines_and_planes() {
     let flux = &plane["planes"][0];
     assert!(flux["flux_mm3_s"].is_number() && flux["share"].as_f64().unwrap() > 0.9, "{plane}");
     flow(&["profile"], &field).run().refused("--plane");
+    flow(&["profile", "--plane", "x=0", "--points", "9"], &field).run().refused("--points");
+    for words in [&["--plane", "x=0"][..], &["--from", "-0.8,0,0", "--to", "0.8,0,0", "--points", "1000000"]] {
+        let most = ["--max-memory", if words.len() > 2 { "0.1" } else { "0.001" }];
+        flow(&[&["profile"], words, &most].concat(), &field).run().refused("as --max-memory allows");
+    }
     flow(&["profile", "--plane", "x=7"], &field).run().refused("outside the field");
     flow(&["profile", "--from", "7,7,7", "--to", "8,8,8"], &field).run().refused("no vectors along the line");
 }
@@ -142,9 +158,24 @@ fn fields_that_lack_what_a_task_needs_are_refused_with_a_remedy() {
     flow(&["solenoidal", "--sigma", "0,1,1"], &path).run().refused("--sigma");
     flow(&["pressure", "--density", "1000", "-o"], &path).word(&out).run().refused("--dt");
     flow(&["pressure", "--dt", "1"], &path).run().refused("--density");
+    let mut slower = Field::open(&field).unwrap();
+    slower.layout.dt_s = Some(2e-3);
+    let next = folder.path().join("next.exr");
+    slower.save(&next).unwrap();
+    let pair = |words: &[&str]| {
+        let call = flow(&["pressure", "--density", "1000", "--interval", "0.01", "-o"], &field).word(&out);
+        call.word(&next).words(words.iter().copied()).run()
+    };
+    pair(&[]).refused("next.exr: 0.002 s between its volumes; wanted 0.001 s, as in");
+    assert!(!out.exists());
+    pair(&["--dt", "0.001"]).done();
+    fs::remove_file(&out).unwrap();
     flow(&["smooth", "--max-memory", "0.001"], &field).run().refused("--max-memory");
     assert!(!out.exists());
-    flow(&["solenoidal", "--sigma", "1e-4,1e-4,1e-3", "-o"], &path).word(&out).run().done();
+    let said = flow(&["solenoidal", "--sigma", "1e-4,1e-4,1e-3", "-o"], &path).word(&out).run().done().stderr;
+    assert!(!said.contains("--sigma"), "{said}");
+    let said = flow(&["solenoidal", "--sigma", "1e-4,1e-4,1e-3", "-o"], &field).word(&out).run().done().stderr;
+    assert!(said.contains("warning") && said.contains("--sigma changes nothing"), "{said}");
     bare.u.iter_mut().zip(&bare.v).for_each(|(u, v)| *u = 10.0 * v);
     bare.save(&path).unwrap();
     let said = flow(&["solenoidal", "--sigma", "1e-5,1e-5,1e-5", "-o"], &path).word(&out).run().done().stderr;

@@ -12,7 +12,7 @@ CAMERAS = {
     "water": {"medium": '{"index": 1.333, "window_z_mm": 180.0, "window_thickness_mm": 20.0, "window_index": 1.49}'},
 }
 THREADS = [1, 2, 8]
-# Bytes by which a small run may be foretold too high.
+# Bytes by which a small run may be estimated too high.
 SMALL = 5e6
 WHITE = 'white={"counts": 1000, "rays_per_lenslet": 100}'
 
@@ -40,7 +40,7 @@ worst = {}
 
 
 def check(what, line, threads, told_by_estimate=False):
-    """Runs a line and prints the memory foretold over the memory taken."""
+    """Runs a line and prints the memory estimated over the memory taken."""
     line = f"{line} -q --threads {threads}"
     told = json.loads(shell(f"{line} --estimate"))["memory_bytes"] if told_by_estimate else None
     shell(f"{line} --stats stats.json")
@@ -70,9 +70,8 @@ def synth():
                 check(f"{task}, {side} px, noise", f"lf-synth {task} noisy.json -o {output}", threads)
             scene("plain", side, "hexagonal", WHITE, "frames=2", "particles.rays=2000",
                   "particles.per_lenslet=0.2")
-            for task, output in [("white", "white.exr"), ("dots", "dots"), ("frames", "plain")]:
-                if task != "dots":
-                    check(f"{task}, {side} px, with truth", f"lf-synth {task} plain.json -o {output}", threads)
+            for task, output in [("white", "white.exr"), ("frames", "plain")]:
+                check(f"{task}, {side} px, with truth", f"lf-synth {task} plain.json -o {output}", threads)
 
 
 def frames(side, camera, density=0.5):
@@ -153,12 +152,24 @@ def validate():
                 check(f"{line.split()[0]}, {side} px", f"lf-validate {line}", threads)
 
 
+def flow():
+    for side in [420, 840]:
+        name = volumes(side, "square")
+        shell(f"lf-xcorr {name}/volume-0.lfv {name}/volume-1.lfv --window 48,48,16 --overlap 0.9 -o f.exr -q --dt 0.001")
+        tasks = ["smooth f.exr -o s.exr", "solenoidal f.exr -o s.exr", "derive f.exr -o d.exr", "derive f.exr -o d.vti",
+                 "pressure f.exr --density 998 -o p.exr", "pressure f.exr f.exr --interval 0.01 --density 998 -o p.exr",
+                 "profile f.exr --plane z", "profile f.exr --from -0.2,0,0 --to 0.2,0,0 --points 200000 -o l.csv"]
+        for task in tasks:
+            for threads in THREADS:
+                check(f"{' '.join(task.split()[:2])}, {side} px", f"lf-flow {task}", threads)
+
+
 STUDIES = {"lf-synth": synth, "lf-prune": prune, "lf-mart": mart, "lf-fit": fit, "lf-xcorr": xcorr,
-           "lf-validate": validate}
+           "lf-flow": flow, "lf-validate": validate}
 
 
 if __name__ == "__main__":
-    print(f"{'run':<58} {'threads'}  foretold over taken, peak")
+    print(f"{'run':<58} {'threads'}  estimated over taken, peak")
     for tool in sys.argv[1:] or STUDIES:
         print(tool)
         STUDIES[tool]()

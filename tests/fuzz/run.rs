@@ -2,6 +2,7 @@
 
 use super::random::Random;
 use crate::allocation;
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
@@ -23,8 +24,19 @@ static QUIET: Once = Once::new();
 /// The input that each target reads now, and since when.
 static READ: Mutex<BTreeMap<String, (Instant, Vec<u8>)>> = Mutex::new(BTreeMap::new());
 
+thread_local! {
+    /// Whether this thread reads an input now.
+    static IS_READING: Cell<bool> = const { Cell::new(false) };
+}
+
 fn reading() -> MutexGuard<'static, BTreeMap<String, (Instant, Vec<u8>)>> {
     READ.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Whether a panic of this thread is one of a reader. Readers of images catch panics of their libraries, which are not
+/// worth a line each. Tests run in threads with names, the workers of readers have none.
+fn is_of_a_reader() -> bool {
+    IS_READING.get() || std::thread::current().name().is_none()
 }
 
 /// Ends the process if an input is read without end, and keeps the input.
@@ -68,9 +80,13 @@ pub fn run(name: &str, sound: &[Vec<u8>], change: Change, target: fn(&[u8]) -> b
     let mut known: Vec<PathBuf> =
         std::fs::read_dir(found()).into_iter().flatten().map(|entry| entry.expect("an entry").path()).collect();
     known.sort();
-    // Readers of images catch panics of their libraries; these are not worth a line each.
     QUIET.call_once(|| {
-        panic::set_hook(Box::new(|_| ()));
+        let usual = panic::take_hook();
+        panic::set_hook(Box::new(move |told| {
+            if !is_of_a_reader() {
+                usual(told);
+            }
+        }));
         std::thread::spawn(watch);
     });
     for file in &known {
@@ -97,7 +113,12 @@ pub fn run(name: &str, sound: &[Vec<u8>], change: Change, target: fn(&[u8]) -> b
 /// Whether the target accepts the input. Panics if it does not survive it.
 fn check(name: &str, bytes: &[u8], target: fn(&[u8]) -> bool) -> bool {
     reading().insert(name.to_owned(), (Instant::now(), bytes.to_vec()));
-    let read = || panic::catch_unwind(AssertUnwindSafe(|| target(bytes)));
+    let read = || {
+        IS_READING.set(true);
+        let outcome = panic::catch_unwind(AssertUnwindSafe(|| target(bytes)));
+        IS_READING.set(false);
+        outcome
+    };
     let start = Instant::now();
     let (outcome, largest) = allocation::largest(read);
     let mut took = start.elapsed();

@@ -29,6 +29,8 @@ pub enum Kind {
     Volume,
     /// The same light, moved by one voxel.
     Moved,
+    /// A `.lfv` of the light of six particles.
+    Few,
     /// A vector field.
     Field,
 }
@@ -44,6 +46,7 @@ impl Kind {
             Self::Support => "support.lfv",
             Self::Volume => "volume.lfv",
             Self::Moved => "moved.lfv",
+            Self::Few => "few.lfv",
             Self::Field => "field.exr",
         }
     }
@@ -52,7 +55,7 @@ impl Kind {
     pub fn stranger(self) -> Self {
         match self {
             Self::Image | Self::White | Self::Field | Self::Camera | Self::Scene => Self::Volume,
-            Self::Support | Self::Volume | Self::Moved => Self::Image,
+            Self::Support | Self::Volume | Self::Moved | Self::Few => Self::Image,
         }
     }
 }
@@ -117,6 +120,7 @@ impl Samples {
         samples.write(Kind::Support.file(), support());
         samples.write(Kind::Volume.file(), light(0));
         samples.write(Kind::Moved.file(), light(1));
+        samples.write(Kind::Few.file(), few());
         field().save(&samples.path(Kind::Field.file())).expect("a sample is written");
         samples
     }
@@ -230,6 +234,12 @@ fn light(shift_vox: u64) -> Vec<u8> {
     let indices: Vec<u64> = (shift_vox..grid.len()).filter(|index| is_lit(index - shift_vox)).collect();
     let values: Vec<f32> = indices.iter().map(|index| ((index - shift_vox) % 13) as f32 + 1.0).collect();
     lfv(&grid, &indices, "intensity", &values)
+}
+
+fn few() -> Vec<u8> {
+    let grid = Grid { shape: [48, 48, 24], spacing_mm: [0.0055, 0.0055, 0.055], origin_mm: [-0.13, -0.13, -0.63] };
+    let indices: Vec<u64> = (0..grid.len()).filter(|index| index % 9973 == 4000).collect();
+    lfv(&grid, &indices, "intensity", &vec![1.0; indices.len()])
 }
 
 fn field() -> Field {

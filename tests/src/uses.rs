@@ -28,10 +28,14 @@ pub struct Use {
     pub pipes: bool,
 }
 
-/// The uses to test: all, or those of the tools that `LF_ONLY` names, with commas between.
+/// The uses to test: those of the tools that [`is_tested`].
 pub fn uses() -> impl Iterator<Item = &'static Use> {
-    let only = std::env::var("LF_ONLY").ok();
-    USES.iter().filter(move |this| only.as_ref().is_none_or(|only| only.split(',').any(|tool| tool == this.tool)))
+    USES.iter().filter(|this| is_tested(this.tool))
+}
+
+/// Whether a tool is to be tested: all are, or those that `LF_ONLY` names, with commas between.
+pub fn is_tested(tool: &str) -> bool {
+    std::env::var("LF_ONLY").map_or(true, |only| only.split(',').any(|named| named == tool))
 }
 
 /// Every job of every tool, on inputs that take a moment.
@@ -175,6 +179,25 @@ const USES: &[Use] = &[
         pipes: true,
     },
     Use {
+        tool: "lf-fit",
+        words: &[
+            Input(Kind::Few),
+            Plain("-i"),
+            Input(Kind::Image),
+            Plain("-c"),
+            Input(Kind::Camera),
+            Plain("--gain"),
+            Plain("1"),
+            Plain("--read-noise"),
+            Plain("5"),
+            Plain("--rounds"),
+            Plain("0"),
+            Plain("--particles"),
+            Output("fitted.csv"),
+        ],
+        pipes: true,
+    },
+    Use {
         tool: "lf-xcorr",
         words: &[
             Input(Kind::Volume),
@@ -201,6 +224,53 @@ const USES: &[Use] = &[
             Output("solenoidal.exr"),
         ],
         pipes: true,
+    },
+    Use {
+        tool: "lf-flow",
+        words: &[
+            Plain("smooth"),
+            Input(Kind::Field),
+            Plain("--sigma"),
+            Plain("0.001,0.001,0.01"),
+            Plain("-o"),
+            Output("smooth.exr"),
+        ],
+        pipes: true,
+    },
+    Use {
+        tool: "lf-flow",
+        words: &[
+            Plain("pressure"),
+            Input(Kind::Field),
+            Input(Kind::Field),
+            Plain("--interval"),
+            Plain("0.01"),
+            Plain("--density"),
+            Plain("998"),
+            Plain("--dt"),
+            Plain("0.001"),
+            Plain("-o"),
+            Output("pressure.exr"),
+        ],
+        pipes: true,
+    },
+    // Tables and JSON name the field.
+    Use {
+        tool: "lf-flow",
+        words: &[
+            Plain("profile"),
+            Input(Kind::Field),
+            Plain("--from=-0.15,0,0"),
+            Plain("--to=0.15,0,0"),
+            Plain("-o"),
+            Output("line.csv"),
+        ],
+        pipes: false,
+    },
+    Use {
+        tool: "lf-flow",
+        words: &[Plain("profile"), Input(Kind::Field), Plain("--plane"), Plain("z"), Plain("-o"), Output("flux.json")],
+        pipes: false,
     },
     Use {
         tool: "lf-flow",

@@ -70,6 +70,18 @@ impl Session {
         self.counts.insert(name.to_owned(), value.into());
     }
 
+    /// Adds to a number for `--stats`, which begins at 0.
+    pub fn add(&mut self, name: &str, value: usize) {
+        let before = self.counts.get(name).and_then(Value::as_u64).unwrap_or(0);
+        self.count(name, before + value as u64);
+    }
+
+    /// Records a number for `--stats`, unless a greater one of the same name is recorded.
+    pub fn keep_greatest(&mut self, name: &str, value: f64) {
+        let before = self.counts.get(name).and_then(Value::as_f64).unwrap_or(f64::NEG_INFINITY);
+        self.count(name, value.max(before));
+    }
+
     /// Prints a line on standard error, unless `--quiet`.
     pub fn say(&self, line: impl AsRef<str>) {
         if !self.common.quiet {

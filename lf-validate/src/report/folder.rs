@@ -1,6 +1,6 @@
 //! The files of a run, by their names.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The files that the page looks for. Lists are in the order of the names.
 #[derive(Debug, Default, PartialEq)]
@@ -13,7 +13,7 @@ pub(super) struct Folder {
     pub volumes: Vec<String>,
     /// `particles-*.csv`, `fitted-*.csv`.
     pub particles: Vec<String>,
-    /// `field-*.exr`.
+    /// `flow-*.exr`, and each `field-*.exr` without a flow made of it.
     pub fields: Vec<String>,
     /// `mean.exr`.
     pub mean: Option<String>,
@@ -39,13 +39,20 @@ impl Folder {
             supports: matching(&["support-"], ".lfv"),
             volumes: matching(&["volume-"], ".lfv"),
             particles: matching(&["particles-", "fitted-"], ".csv"),
-            fields: matching(&["field-"], ".exr"),
+            fields: treated(matching(&["field-"], ".exr"), matching(&["flow-"], ".exr")),
             mean: one("mean.exr"),
             records: matching(&[""], ".jsonl"),
             stats: matching(&[""], ".stats.json"),
             logs: names.iter().filter(|name| name.starts_with("log/") && name.ends_with(".txt")).cloned().collect(),
         }
     }
+}
+
+/// Fields with the flows that were made of them in their place, in the order of the pairs.
+fn treated(fields: Vec<String>, flows: Vec<String>) -> Vec<String> {
+    let pair = |name: &str| name.split_once('-').map_or_else(String::new, |(_, pair)| pair.to_owned());
+    let all: BTreeMap<String, String> = fields.into_iter().chain(flows).map(|name| (pair(&name), name)).collect();
+    all.into_values().collect()
 }
 
 /// At most `most` files, evenly spread over the list.
@@ -73,5 +80,12 @@ mod tests {
         assert_eq!((folder.camera.as_deref(), folder.mean.as_deref()), (Some(names[0]), Some(names[4])));
         assert_eq!([&folder.fields[0], &folder.stats[0], &folder.logs[0]], [names[1], names[2], names[3]]);
         assert!(folder.volumes.is_empty() && folder.supports.is_empty());
+    }
+
+    #[test]
+    fn flows_stand_in_the_place_of_their_fields() {
+        let names = ["field-0001.exr", "field-0002.exr", "field-0003.exr", "flow-0002.exr", "flow-0004.exr"];
+        let folder = Folder::of(&names.map(str::to_owned).into());
+        assert_eq!(folder.fields, ["field-0001.exr", "flow-0002.exr", "field-0003.exr", "flow-0004.exr"]);
     }
 }

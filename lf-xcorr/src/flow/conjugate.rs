@@ -12,6 +12,15 @@ pub(super) struct Solution {
     pub residual: f64,
 }
 
+impl Solution {
+    /// The residual, if the solver stopped above the tolerance that was asked for.
+    pub fn unsolved(&self, tolerance: f64) -> Option<f64> {
+        // The root may round upwards.
+        let is_solved = self.residual <= (1.0 + 1e-9) * tolerance;
+        (!is_solved).then_some(self.residual)
+    }
+}
+
 /// Solves `apply(x) = right` for a symmetric matrix without negative eigenvalues. `apply` and `precondition` write into
 /// their second argument. Ends when the residual is `tolerance` of the right side, or after `most` steps.
 pub(super) fn solve(
@@ -87,6 +96,9 @@ mod tests {
         for found in [plain, better] {
             assert!(found.steps <= 4 && found.residual < 1e-11, "{found:?}");
             assert!(found.values.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+            assert_eq!(found.unsolved(1e-12), None);
         }
+        let stopped = solve(apply, |x, out| out.copy_from_slice(x), &right, vec![0.0; 3], 1e-12, 1);
+        assert!(stopped.unsolved(1e-12).is_some_and(|residual| residual > 1e-3), "{stopped:?}");
     }
 }

@@ -6,8 +6,8 @@
 use super::errors::Correlated;
 use super::scalars::{divergence, lambda_2, q_criterion, shear, strain, swirl, vorticity};
 use glam::{DMat3, DVec3};
-use lf_core::Field;
 use lf_core::field::{Array, NO_DATA};
+use lf_core::{Field, VectorGrid};
 use rayon::prelude::*;
 
 /// Numbers at every vector: quantities, then their uncertainties.
@@ -27,27 +27,33 @@ pub struct Derived {
 
 /// A gradient and the standard uncertainties of its entries.
 #[derive(Clone, Copy)]
-pub(super) struct Gradient {
-    pub value: DMat3,
-    pub sigma: DMat3,
+struct Gradient {
+    value: DMat3,
+    sigma: DMat3,
+}
+
+/// The two vectors whose difference is the slope at a vector along an axis, and 1 / their distance, 1/mm. They are its
+/// neighbours, or a neighbour and itself at an end and beside a gap. None without data there or in a neighbour.
+pub(super) fn slope(
+    layout: &VectorGrid,
+    has_data: impl Fn(usize) -> bool,
+    at: usize,
+    axis: usize,
+) -> Option<(usize, usize, f64)> {
+    let [before, after] = [-1, 1].map(|step| layout.neighbour(at, axis, step).filter(|near| has_data(*near)));
+    let steps = [before, after].into_iter().flatten().count();
+    let factor = 1.0 / (steps as f64 * layout.spacing_mm[axis]);
+    (steps > 0 && has_data(at)).then(|| (before.unwrap_or(at), after.unwrap_or(at), factor))
 }
 
 /// The gradient of the displacement at a vector: slopes between its neighbours, or from one neighbour and itself at an
 /// end and beside a gap. NaN along an axis without a neighbour.
-pub(super) fn gradient(field: &Field, errors: &Correlated, at: usize) -> Gradient {
-    let has_data = |n: &usize| field.flag[*n] != NO_DATA;
+fn gradient(field: &Field, errors: &Correlated, at: usize) -> Gradient {
+    let has_data = |n: usize| field.flag[n] != NO_DATA;
     let mut found = Gradient { value: DMat3::NAN, sigma: DMat3::NAN };
-    if !has_data(&at) {
-        return found;
-    }
     for axis in 0..3 {
-        let [before, after] = [-1, 1].map(|step| field.layout.neighbour(at, axis, step).filter(has_data));
-        let steps = [before, after].into_iter().flatten().count();
-        if steps == 0 {
-            continue;
-        }
-        let (low, high) = (before.unwrap_or(at), after.unwrap_or(at));
-        let factor = 1.0 / (steps as f64 * field.layout.spacing_mm[axis]);
+        let Some((low, high, factor)) = slope(&field.layout, has_data, at, axis) else { continue };
+        let steps = if low == at || high == at { 1 } else { 2 };
         let [s, t] = [low, high].map(|n| field.uncertainty_mm(n));
         let variance = s * s + t * t - 2.0 * errors.between(axis, steps) * s * t;
         *found.value.col_mut(axis) = factor * (field.displacement_mm(high) - field.displacement_mm(low));

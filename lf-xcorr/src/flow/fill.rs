@@ -8,14 +8,15 @@ use lf_core::VectorGrid;
 const TOLERANCE: f64 = 1e-6;
 const MOST: usize = 2000;
 
-/// `values` with those that are not known replaced. Panics if none is known.
-pub(super) fn fill(layout: &VectorGrid, values: &[f64], is_known: &[bool]) -> Vec<f64> {
+/// `values` with those that are not known replaced, and the residual if the solver stopped before its goal. Panics if
+/// no value is known.
+pub(super) fn fill(layout: &VectorGrid, values: &[f64], is_known: &[bool]) -> (Vec<f64>, Option<f64>) {
     let known = |i: usize| if is_known[i] { values[i] } else { 0.0 };
     let start: Vec<f64> = (0..values.len()).map(known).collect();
     let count = is_known.iter().filter(|known| **known).count();
     assert!(count > 0, "a measured value");
     if count == values.len() {
-        return start;
+        return (start, None);
     }
     // About their mean, so that a value far from all others tends to it.
     let mean = start.iter().sum::<f64>() / count as f64;
@@ -37,7 +38,8 @@ pub(super) fn fill(layout: &VectorGrid, values: &[f64], is_known: &[bool]) -> Ve
         out.iter_mut().zip(x.iter().zip(&diagonal)).for_each(|(out, (x, diagonal))| *out = x / diagonal);
     };
     let found = solve(apply, precondition, &right, vec![0.0; values.len()], TOLERANCE, MOST);
-    (0..values.len()).map(|i| if is_known[i] { values[i] } else { mean + found.values[i] }).collect()
+    let filled = (0..values.len()).map(|i| if is_known[i] { values[i] } else { mean + found.values[i] }).collect();
+    (filled, found.unsolved(TOLERANCE))
 }
 
 #[cfg(test)]
@@ -50,8 +52,18 @@ mod tests {
         let plane: Vec<f64> = (0..336).map(|i| 0.1 * f64::from(i % 8) - 0.2 * f64::from(i / 56)).collect();
         let is_known: Vec<bool> = (0..336).map(|i| !(150..160).contains(&i) && i != 0).collect();
         let torn: Vec<f64> = plane.iter().zip(&is_known).map(|(v, known)| if *known { *v } else { f64::NAN }).collect();
-        let found = fill(&layout, &torn, &is_known);
+        let (found, unsolved) = fill(&layout, &torn, &is_known);
+        assert_eq!(unsolved, None);
         let worst = found.iter().zip(&plane).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-3, "{worst}");
+    }
+
+    #[test]
+    fn a_gap_too_long_for_the_solver_is_told() {
+        let layout = VectorGrid { shape: [6000, 2, 2], spacing_mm: [1.0; 3], ..VectorGrid::default() };
+        let is_known: Vec<bool> = (0..24_000).map(|i| [0, 1, 5999].contains(&(i % 6000))).collect();
+        let values: Vec<f64> = (0..24_000).map(|i| f64::from(i % 7)).collect();
+        let (_, unsolved) = fill(&layout, &values, &is_known);
+        assert!(unsolved.is_some_and(|residual| residual > TOLERANCE), "{unsolved:?}");
     }
 }

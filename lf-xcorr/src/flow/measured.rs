@@ -3,7 +3,7 @@
 use super::errors::Correlated;
 use super::fill::fill;
 use super::spread::box_mean;
-use lf_core::field::{MEASURED, REPLACED};
+use lf_core::field::{MEASURED, NO_DATA, REPLACED};
 use lf_core::statistics::median;
 use lf_core::{Field, Refusal, VectorGrid};
 
@@ -23,32 +23,34 @@ pub struct Measured {
     pub(super) sigma: [Vec<f64>; 3],
     /// Whether a vector is measured.
     pub(super) is_known: Vec<bool>,
+    /// Residual of the solver that fills gaps over its right side, if it stopped before its goal: the greatest of u, v,
+    /// w.
+    pub unsolved: Option<f64>,
 }
 
 impl Measured {
     /// The measured vectors of a field; replaced and missing ones are filled. Refuses a field with fewer than two
     /// vectors along an axis, without a measured vector, or without uncertainties if none are typed.
     pub fn new(field: &Field, typed: TypedSigma) -> Result<Self, Refusal> {
-        let [nx, ny, nz] = field.layout.shape;
-        let found = || format!("{nx} x {ny} x {nz} vectors");
-        Refusal::unless(nx.min(ny).min(nz) > 1, found, "wanted at least two vectors along every axis")?;
+        check_shape(&field.layout)?;
         let is_known: Vec<bool> = field.flag.iter().map(|flag| *flag == MEASURED).collect();
         Refusal::unless(is_known.contains(&true), || "no measured vector", "wanted vectors with flag 0")?;
         let errors = Correlated::new(&field.layout);
         let stated = [&field.su, &field.sv, &field.sw];
-        let component = |c: usize, values: &Vec<f32>| -> Result<(Vec<f64>, Vec<f64>), Refusal> {
+        let component = |c: usize, values: &Vec<f32>| -> Result<(Vec<f64>, Vec<f64>, Option<f64>), Refusal> {
             let values: Vec<f64> = values.iter().map(|value| f64::from(*value)).collect();
-            let values = fill(&field.layout, &values, &is_known);
+            let (values, unsolved) = fill(&field.layout, &values, &is_known);
             let sigma = sigma(stated[c], typed.map(|typed| typed[c]), &is_known)?;
             let sigma = usual(&sigma, &is_known, &field.layout, &errors);
             let of_gaps = distance(field, &values, &is_known, &errors).max(2.0 * median(&mut known(&sigma, &is_known)));
             let sigma = sigma.iter().zip(&is_known).map(|(sigma, known)| if *known { *sigma } else { of_gaps });
-            Ok((values, sigma.collect()))
+            Ok((values, sigma.collect(), unsolved))
         };
-        let (u, su) = component(0, &field.u)?;
-        let (v, sv) = component(1, &field.v)?;
-        let (w, sw) = component(2, &field.w)?;
-        Ok(Self { values: [u, v, w], sigma: [su, sv, sw], is_known })
+        let (u, su, of_u) = component(0, &field.u)?;
+        let (v, sv, of_v) = component(1, &field.v)?;
+        let (w, sw, of_w) = component(2, &field.w)?;
+        let unsolved = [of_u, of_v, of_w].into_iter().flatten().reduce(f64::max);
+        Ok(Self { values: [u, v, w], sigma: [su, sv, sw], is_known, unsolved })
     }
 
     /// Vectors that are not measured.
@@ -65,6 +67,23 @@ impl Measured {
         field.flag = self.is_known.iter().map(|known| if *known { MEASURED } else { REPLACED }).collect();
         field
     }
+}
+
+/// Refuses a grid with fewer than two vectors along an axis: it has no slopes along it.
+pub(super) fn check_shape(layout: &VectorGrid) -> Result<(), Refusal> {
+    let [nx, ny, nz] = layout.shape;
+    let found = || format!("{nx} x {ny} x {nz} vectors");
+    Refusal::unless(nx.min(ny).min(nz) > 1, found, "wanted at least two vectors along every axis")
+}
+
+/// Uncertainties of a component wherever there is data, mm: the stated one, or the median of all where a vector states
+/// none, as a replaced one. None if no vector states one.
+pub(super) fn stated_mm(field: &Field, c: usize) -> Option<Vec<f64>> {
+    let stated = |i: usize| Some(field.uncertainty_mm(i)[c]).filter(|sigma| sigma.is_finite() && *sigma >= 0.0);
+    let has_data = |i: &usize| field.flag[*i] != NO_DATA;
+    let mut all: Vec<f64> = (0..field.len()).filter(has_data).filter_map(stated).collect();
+    let usual = if all.is_empty() { return None } else { median(&mut all) };
+    Some((0..field.len()).map(|i| stated(i).unwrap_or(usual)).collect())
 }
 
 fn known(values: &[f64], is_known: &[bool]) -> Vec<f64> {

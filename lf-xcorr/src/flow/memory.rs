@@ -1,5 +1,6 @@
 //! Memory of the tasks, for limits that are checked before the work.
 
+use super::spread::BATCH;
 use lf_core::Field;
 
 /// A task on a field.
@@ -11,22 +12,38 @@ pub enum Task {
     Solenoidal,
     /// [`super::derive`].
     Derive,
-    /// [`super::pressure`].
-    Pressure,
-    /// [`super::profile`] and [`super::flux`].
-    Profile,
+    /// [`super::pressure`] from one field, or from two, of which the second is not read yet.
+    Pressure {
+        /// Whether there is a second field.
+        has_next: bool,
+    },
+    /// [`super::profile`] at so many places, and their table.
+    Profile {
+        /// Places along the line.
+        points: usize,
+    },
+    /// [`super::flux`].
+    Flux,
 }
 
 impl Task {
-    /// Most bytes that the task takes for a field beside the field itself, its result's file included.
+    /// Most bytes that the task takes for a field beside the field itself, its result as an EXR included. Other forms
+    /// take less. Measured by `scripts/studies/memory lf-flow`.
     pub fn bytes(self, field: &Field) -> f64 {
-        let of_vector = match self {
-            Self::Smooth => 1600.0,
-            Self::Solenoidal => 1600.0,
-            Self::Derive => 1000.0,
-            Self::Pressure => 1600.0,
-            Self::Profile => 50.0,
-        };
-        of_vector * field.len() as f64
+        let threads = rayon::current_num_threads();
+        let at_once = |most: usize| threads.min(most) as f64;
+        let batch = BATCH as usize;
+        let vectors = field.len() as f64;
+        match self {
+            // Three components, and for each of them draws.
+            Self::Smooth => (130.0 + 155.0 * at_once(3) + 75.0 * (at_once(3 * batch) - at_once(3))) * vectors,
+            // The field, and draws.
+            Self::Solenoidal => (370.0 + 70.0 * at_once(batch + 1)) * vectors,
+            Self::Derive => 540.0 * vectors,
+            Self::Pressure { has_next: false } => (300.0 + 250.0 * at_once(batch)) * vectors,
+            Self::Pressure { has_next: true } => (450.0 + 300.0 * at_once(batch)) * vectors,
+            Self::Profile { points } => 400.0 * points as f64,
+            Self::Flux => 30.0 * vectors,
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! A field along a line, and its flux through a plane.
 
 use super::errors::Correlated;
+use super::measured::stated_mm;
 use glam::DVec3;
 use lf_core::field::{Cut, NO_DATA};
 use lf_core::{Field, Refusal};
@@ -15,7 +16,7 @@ pub struct Profile {
     pub place_mm: DVec3,
     /// Displacement, mm; NaN outside the field and beside vectors without data.
     pub displacement_mm: DVec3,
-    /// Its standard uncertainty, mm.
+    /// Its standard uncertainty, mm; NaN also beside vectors that state none.
     pub uncertainty_mm: DVec3,
 }
 
@@ -77,11 +78,11 @@ pub struct Flux {
     pub mean_mm: f64,
     /// Volume through the plane, mm^3 between the two volumes.
     pub flux_mm3: f64,
-    /// Its standard uncertainty, mm^3.
-    pub s_flux_mm3: f64,
-    /// Volume a second, mm^3/s, and its uncertainty; none if the time between the volumes is unknown.
+    /// Its standard uncertainty, mm^3; none if no vector states one. Vectors that state none count with the usual one.
+    pub s_flux_mm3: Option<f64>,
+    /// Volume a second, mm^3/s; none if the time between the volumes is unknown.
     pub flux_mm3_s: Option<f64>,
-    /// See `flux_mm3_s`.
+    /// Its standard uncertainty, mm^3/s.
     pub s_flux_mm3_s: Option<f64>,
 }
 
@@ -99,8 +100,9 @@ pub fn flux(field: &Field, cut: Cut) -> Result<Flux, Refusal> {
     // Errors that windows share add up: the correlations of a vector with all others sum to the windows' width.
     let errors = Correlated::new(layout);
     let together: f64 = across.iter().map(|axis| errors.width[*axis] as f64).product();
-    let squares: f64 = known.iter().map(|i| field.uncertainty_mm(*i)[cut.axis].powi(2)).filter(|s| s.is_finite()).sum();
-    let (flux_mm3, s_flux_mm3) = (cell_mm2 * sum, cell_mm2 * (together * squares).sqrt());
+    let sum_of_squares = |sigma: Vec<f64>| known.iter().map(|i| sigma[*i].powi(2)).sum::<f64>();
+    let squares = stated_mm(field, cut.axis).map(sum_of_squares);
+    let (flux_mm3, s_flux_mm3) = (cell_mm2 * sum, squares.map(|squares| cell_mm2 * (together * squares).sqrt()));
     Ok(Flux {
         place_mm: layout.origin_mm[cut.axis] + layer as f64 * layout.spacing_mm[cut.axis],
         area_mm2: cell_mm2 * known.len() as f64,
@@ -109,6 +111,6 @@ pub fn flux(field: &Field, cut: Cut) -> Result<Flux, Refusal> {
         flux_mm3,
         s_flux_mm3,
         flux_mm3_s: layout.dt_s.map(|dt_s| flux_mm3 / dt_s),
-        s_flux_mm3_s: layout.dt_s.map(|dt_s| s_flux_mm3 / dt_s),
+        s_flux_mm3_s: layout.dt_s.and_then(|dt_s| Some(s_flux_mm3? / dt_s)),
     })
 }

@@ -3,7 +3,7 @@
 //! A small share of the squares of first differences holds values near each other where nothing is measured for long.
 //! Differences are taken in steps, since windows cover about as many steps along every axis.
 
-/// Constant: share of first differences. It tells beyond some ten steps from the nearest measured vector.
+/// Constant: share of first differences. It matters only beyond some ten steps from the nearest measured vector.
 const SLOPE_SHARE: f64 = 1e-4;
 
 /// Roughness of values on a grid of this shape.

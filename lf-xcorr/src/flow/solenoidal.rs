@@ -39,10 +39,10 @@ pub struct Solenoidal {
     pub misfit: f64,
     /// Share of the variance of u, v and w that is left: means over the field.
     pub left: [f64; 3],
-    /// Vectors that were filled.
-    pub filled: usize,
     /// Steps that the solver took.
     pub steps: usize,
+    /// Residual of the solver over its right side, if it stopped before its goal.
+    pub unsolved: Option<f64>,
 }
 
 /// The problem: differences, variances, and the factors of their lines.
@@ -125,8 +125,8 @@ pub fn solenoidal(field: &Field, measured: &Measured) -> Solenoidal {
         change_mm: [0, 1, 2].map(change),
         misfit: (misfit / expected).sqrt(),
         left: [0, 1, 2].map(|c| shares[c].iter().sum::<f64>() / shares[c].len() as f64),
-        filled: measured.filled(),
         steps: solution.steps,
+        unsolved: solution.unsolved(TOLERANCE),
         field: found,
     }
 }

@@ -4,7 +4,7 @@ use super::errors::Correlated;
 use rayon::prelude::*;
 
 /// Constant: draws that are treated at the same time.
-const BATCH: u64 = 4;
+pub(super) const BATCH: u64 = 4;
 
 /// Sums of squares of drawn errors before and after the treatment, place by place.
 pub(super) struct Spread {

@@ -201,8 +201,7 @@ fn a_beltrami_flow_has_the_pressure_of_bernoulli() {
     let wavelength = 6.0;
     let flow = abc(0.02, wavelength);
     let moving = field([28, 24, 20], &flow);
-    let options = PressureOptions { density: 1000.0, dt_s: 1e-3, interval_s: None };
-    let found = pressure(&moving, None, &options).unwrap();
+    let found = pressure(&moving, None, &WATER).unwrap();
     // Velocities in m/s.
     let bernoulli = |i: usize| -0.5 * 1000.0 * flow(DVec3::from(moving.place_mm(i))).length_squared();
     let all: Vec<f64> = (0..moving.len()).map(bernoulli).collect();
@@ -229,6 +228,73 @@ fn fluid_that_gains_speed_is_pushed() {
     assert!(pressure(&before, Some(&elsewhere), &options).is_err());
 }
 
+const WATER: PressureOptions = PressureOptions { density: 1000.0, dt_s: 1e-3, interval_s: None };
+
+/// Scar: accelerations beside a gap, which are not known, counted as 0, and a layer had no pressure at all.
+#[test]
+fn pressure_beside_gaps_and_through_a_neck_is_that_of_the_whole_field() {
+    let flow = |place: DVec3| DVec3::new(0.01 * place.x, -0.01 * place.y, 0.0);
+    // Velocities in m/s.
+    let bernoulli = |place: DVec3| -0.5 * 1000.0 * flow(place).length_squared();
+    let whole = field([9, 7, 5], flow);
+    // A wall at x = 4 with a hole of one vector, which has no neighbours along y and z.
+    let mut torn = whole.clone();
+    let hole = whole.layout.index([4, 3, 2]);
+    for i in (0..torn.len()).filter(|i| i % 9 == 4 && *i != hole) {
+        (torn.flag[i], torn.u[i], torn.v[i]) = (NO_DATA, 50.0, -50.0);
+    }
+    let found = pressure(&torn, None, &WATER).unwrap();
+    assert_eq!((found.parts, found.places), (1, 8 * 35 + 1));
+    let values = array(&found.arrays, "pressure_pa");
+    let difference = |i: usize, j: usize| {
+        let wanted = bernoulli(DVec3::from(torn.place_mm(i))) - bernoulli(DVec3::from(torn.place_mm(j)));
+        (f64::from(values[i] - values[j]), wanted)
+    };
+    // The flow is a quadratic one: central differences are exact, one-sided ones nearly.
+    let scale = 0.5 * 1000.0 * flow(DVec3::new(-2.0, -1.5, 0.0)).length_squared();
+    for (i, j) in [([0, 3, 2], [8, 3, 2]), ([0, 0, 0], [8, 6, 4]), ([3, 1, 1], [5, 5, 3]), ([3, 0, 2], [0, 6, 2])] {
+        let (found, wanted) = difference(torn.layout.index(i), torn.layout.index(j));
+        assert!((found - wanted).abs() < 0.02 * scale, "{i:?} {j:?}: {found} for {wanted} of {scale}");
+    }
+    assert!(values[whole.layout.index([4, 0, 0])].is_nan() && found.misfit < 0.1, "{}", found.misfit);
+
+    // Without the hole there are two parts, each with a mean of 0.
+    torn.flag[hole] = NO_DATA;
+    let found = pressure(&torn, None, &WATER).unwrap();
+    let values = array(&found.arrays, "pressure_pa");
+    let left: f64 = (0..torn.len()).filter(|i| i % 9 < 4).map(|i| f64::from(values[i])).sum();
+    assert!(found.parts == 2 && left.abs() < 1e-3 * scale && found.unsolved.is_none(), "{left}");
+
+    let layer = field([9, 7, 1], flow);
+    assert!(pressure(&layer, None, &WATER).unwrap_err().wanted.contains("two vectors along every axis"));
+    let mut alone = whole.clone();
+    (0..alone.len()).filter(|i| i % 2 == 1).for_each(|i| alone.flag[i] = NO_DATA);
+    assert!(pressure(&alone, None, &WATER).unwrap_err().found.contains("no vector with neighbours"));
+}
+
+/// Scar: a field without uncertainties had a pressure of no uncertainty, and the errors of a second field were drawn by
+/// those of the first.
+#[test]
+fn pressure_is_as_uncertain_as_both_fields() {
+    let still = field([8, 7, 6], |_| DVec3::new(0.01, 0.0, 0.0));
+    let options = PressureOptions { interval_s: Some(0.01), ..WATER };
+    let sigma = |first: &Field, second: Option<&Field>| pressure(first, second, &options).unwrap().rms_pa[1];
+    let usual = sigma(&still, Some(&still));
+    let mut worse = still.clone();
+    [&mut worse.su, &mut worse.sv, &mut worse.sw].into_iter().flatten().for_each(|sigma| *sigma *= 7.0);
+    let [one, other] = [sigma(&still, Some(&worse)), sigma(&worse, Some(&still))];
+    assert!(one > 4.0 * usual && other > 4.0 * usual, "{usual} {one} {other}");
+    // A replaced vector counts with the usual uncertainty.
+    let mut replaced = still.clone();
+    (replaced.flag[100], replaced.su[100], replaced.sv[100], replaced.sw[100]) =
+        (REPLACED, f32::NAN, f32::NAN, f32::NAN);
+    assert_eq!(sigma(&replaced, None), sigma(&still, None));
+    let mut bare = still.clone();
+    bare.sw.fill(f32::NAN);
+    let found = pressure(&still, Some(&bare), &options).unwrap();
+    assert!(found.rms_pa[0].is_finite() && array(&found.arrays, "s_pressure_pa").iter().all(|sigma| sigma.is_nan()));
+}
+
 #[test]
 fn a_line_through_a_plane_flow_and_the_flux_of_a_jet() {
     let sheared = field([11, 9, 7], |place| DVec3::new(0.1 * place.z, 0.2 * place.x, 0.03));
@@ -245,7 +311,15 @@ fn a_line_through_a_plane_flow_and_the_flux_of_a_jet() {
     let mut through = flux(&sheared, Cut { axis: 2, place_mm: Some(0.0) }).unwrap();
     assert!((through.flux_mm3 / (99.0 * 0.05 * 0.03) - 1.0).abs() < 1e-5 && through.flux_mm3_s.is_none());
     // Windows two vectors wide along x and y: 4 vectors err together.
-    assert!((through.s_flux_mm3 / (0.05 * 10.0 * SIGMA * (4.0 * 99.0f64).sqrt()) - 1.0).abs() < 1e-5);
+    let wanted = 0.05 * 10.0 * SIGMA * (4.0 * 99.0f64).sqrt();
+    assert!((through.s_flux_mm3.unwrap() / wanted - 1.0).abs() < 1e-5);
+    // Replaced vectors count with the usual uncertainty; without any, the flux has none.
+    let mut replaced = sheared.clone();
+    (3 * 99..4 * 99).step_by(2).for_each(|i| (replaced.flag[i], replaced.sw[i]) = (REPLACED, f32::NAN));
+    let flux_of = |field: &Field| flux(field, Cut { axis: 2, place_mm: Some(0.0) }).unwrap();
+    assert!((flux_of(&replaced).s_flux_mm3.unwrap() / wanted - 1.0).abs() < 1e-5);
+    replaced.sw.fill(f32::NAN);
+    assert_eq!((flux_of(&replaced).s_flux_mm3, flux_of(&replaced).s_flux_mm3_s), (None, None));
     let mut torn = sheared.clone();
     torn.flag[3 * 99] = NO_DATA;
     torn.layout.dt_s = Some(0.5);

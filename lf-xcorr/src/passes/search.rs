@@ -3,7 +3,7 @@
 use super::choice::{CLOSE, Choice};
 use super::prepared::{PreparedPass, Volumes};
 use super::{options::Route, outcome::Counts, pass::Pass, predictor::Predictor};
-use crate::correlate::{Estimate, Peak, PeakFit, Shifts, Summation, Transforms, Watch, measure};
+use crate::correlate::{Estimate, Peak, PeakFit, Shifts, Summation, Transforms, Watch, measure, shared_sums};
 use crate::vectors::{MedianTest, Vector, fill};
 use crate::volumes::{Mask, Rows, Sparse};
 use glam::DVec3;
@@ -27,8 +27,15 @@ pub(crate) fn search(
     watch: Watch,
 ) -> (Vec<Vector>, Counts, Choice) {
     let shape = pass.windows.shape();
-    let choice = Choice::new(pass, volumes, guide.route, guide.known.is_some());
+    let mut choice = Choice::new(pass, volumes, guide.route, guide.known.is_some());
     let search = Search::new(pass, volumes);
+    let is_free = guide.route == Route::Auto && guide.known.is_none() && !choice.is_transform;
+    if is_free {
+        // Where neighbours are searched far apart, direct sums take longer.
+        let work = shared_sums::work(&pass.windows, &search.boxes(guide, false), volumes.pairs.len());
+        let direct_s = work * choice.direct_s;
+        choice = Choice { direct_s, is_transform: choice.transform_s < direct_s, ..choice };
+    }
     let peaks = search.peaks(guide, choice.is_transform, watch);
 
     // Test the peaks against their neighbours, in voxels.
@@ -95,6 +102,11 @@ fn shift_at(field: Option<&Predictor>, pass: &PreparedPass, node: usize) -> DVec
     field.map_or(DVec3::ZERO, |field| field.at(pass.centre_vox(node)))
 }
 
+/// The peak that a window had before. Transforms search equally far everywhere, so they cannot look close about it.
+fn known<'a>(guide: &Guide<'a>, is_transform: bool, node: usize) -> Option<&'a PeakFit> {
+    guide.known.filter(|_| !is_transform).and_then(|vectors| vectors[node].fit())
+}
+
 /// A search over the windows of a pass.
 struct Search<'a> {
     pass: &'a PreparedPass<'a>,
@@ -115,25 +127,27 @@ impl<'a> Search<'a> {
         Shifts::around(centre.to_array().map(|d| d as i32), radius)
     }
 
-    /// The peaks of all windows: close to known vectors, elsewhere as far from the prediction as the pass searches.
-    fn peaks(&self, guide: &Guide, is_transform: bool, watch: Watch) -> Vec<Peak> {
-        let pass = &self.pass.binned.pass;
-        // Transforms search equally far everywhere, so they cannot look close about known vectors.
-        let known = |node: usize| guide.known.filter(|_| !is_transform).and_then(|vectors| vectors[node].fit());
+    /// The boxes of all windows: close to known vectors, elsewhere as far from the prediction as the pass searches.
+    fn boxes(&self, guide: &Guide, is_transform: bool) -> Vec<Option<Shifts>> {
         let predicted = |node: usize| shift_at(guide.predictor, self.pass, node);
-        let box_of = |node: usize| match known(node) {
+        let box_of = |node: usize| match known(guide, is_transform, node) {
             Some(before) => self.shifts(node, before.shift_vox, CLOSE),
-            None => self.shifts(node, predicted(node), pass.search),
+            None => self.shifts(node, predicted(node), self.pass.binned.pass.search),
         };
-        let boxes: Vec<Option<Shifts>> = (0..self.pass.windows.count()).map(|node| Some(box_of(node))).collect();
-        let peaks = self.measure(&boxes, &summation(pass, is_transform), watch);
+        (0..self.pass.windows.count()).map(|node| Some(box_of(node))).collect()
+    }
+
+    /// The peaks of all windows in their boxes.
+    fn peaks(&self, guide: &Guide, is_transform: bool, watch: Watch) -> Vec<Peak> {
+        let summation = summation(&self.pass.binned.pass, is_transform);
+        let peaks = self.measure(&self.boxes(guide, is_transform), &summation, watch);
         let mut peaks: Vec<Peak> = peaks.into_iter().map(|peak| peak.expect("every window has a box")).collect();
         if is_transform {
             self.read_off_direct_sums(&mut peaks);
         }
         for (node, peak) in peaks.iter_mut().enumerate() {
             // A close search sees no second peak: keep the ratio of the time before.
-            if let (Peak::Inside(fit), Some(before)) = (peak, known(node)) {
+            if let (Peak::Inside(fit), Some(before)) = (peak, known(guide, is_transform, node)) {
                 fit.ratio = before.ratio;
             }
         }

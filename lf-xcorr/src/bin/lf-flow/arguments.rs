@@ -94,7 +94,8 @@ pub struct Derive {
 /// Pressure from the acceleration of the fluid
 ///
 /// Adds the channels pressure_pa and s_pressure_pa, its standard uncertainty. The mean pressure is 0. With one field
-/// the flow counts as steady; with two the pressure is that in the middle between them. Friction is left out.
+/// the flow counts as steady. With two, the result holds the vectors of the first field and the pressure half way in
+/// time, NaN where either has no data. Friction is left out.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow pressure field-0000-0001.exr --density 998 --dt 0.001 -o pressure.vti
@@ -144,7 +145,7 @@ pub struct Profile {
     #[arg(long, value_name = "N", default_value_t = 101, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     pub points: u32,
     /// Plane across an axis, at a place in mm: z=0.5; without a place in the middle
-    #[arg(long, value_name = "AXIS[=MM]", conflicts_with = "from")]
+    #[arg(long, value_name = "AXIS[=MM]", conflicts_with_all = ["from", "points"])]
     pub plane: Option<Cut>,
     /// Where the table or the JSON goes; `-` is standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]

@@ -25,9 +25,9 @@ pub struct Files {
     /// folder, which gets a file of each field's name
     #[arg(short, long, value_name = "FILE|FOLDER", default_value = "-")]
     output: PathBuf,
-    /// Form of the files in a folder
-    #[arg(long, value_enum, default_value_t = Form::Exr)]
-    form: Form,
+    /// Form of the files in a folder [default: exr]; a single file has the form of its name
+    #[arg(long, value_enum)]
+    form: Option<Form>,
 }
 
 impl Files {
@@ -36,6 +36,14 @@ impl Files {
         let inputs: Vec<&Path> = self.fields.iter().map(PathBuf::as_path).collect();
         let is_folder = self.output.is_dir() && !io::is_standard(&self.output);
         if let ([field], false) = (self.fields.as_slice(), is_folder) {
+            if self.form.is_some() {
+                let found = format!("given for one file, {}", io::output_name(&self.output));
+                return Err(Error::new(
+                    "--form",
+                    found,
+                    "wanted a folder, or the form by the ending of the file's name",
+                ));
+            }
             session.keep_apart(&self.output, &inputs)?;
             io::check_place(&self.output)?;
             return Ok(vec![(field.clone(), self.output.clone())]);
@@ -66,7 +74,8 @@ impl Files {
     fn place(&self, field: &Path) -> Result<PathBuf> {
         let stem = field.file_stem().filter(|_| !io::is_standard(field));
         let stem = stem.ok_or_else(|| Error::new(io::name(field), "has no name for its result", "wanted a file"))?;
-        let ending = self.form.to_possible_value().map_or_else(String::new, |form| form.get_name().to_owned());
+        let form = self.form.unwrap_or(Form::Exr);
+        let ending = form.to_possible_value().map_or_else(String::new, |form| form.get_name().to_owned());
         let mut name = stem.to_owned();
         name.push(format!(".{ending}"));
         Ok(self.output.join(name))

@@ -1,32 +1,41 @@
 //! `profile`: lines and planes, written as a table or as JSON.
 
 use super::arguments::Profile;
+use super::treat::open;
 use glam::DVec3;
+use lf_core::cli::MemoryLimit;
 use lf_core::field::Cut;
-use lf_core::{Error, Field, Result, Session, io};
-use lf_xcorr::flow;
+use lf_core::{Error, Result, Session, io};
+use lf_xcorr::flow::{self, Task};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Writes the line or the plane that is asked for.
-pub fn run(arguments: &Profile, session: &mut Session) -> Result<()> {
+pub fn run(arguments: &Profile, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
     session.keep_apart(&arguments.output, &inputs)?;
     io::check_place(&arguments.output)?;
     session.count("fields", inputs.len());
     let text = match (arguments.from, arguments.to, arguments.plane) {
-        (Some(from), Some(to), None) => line(&inputs, from, to, arguments.points as usize, session)?,
-        (_, _, Some(plane)) => planes(&inputs, plane, session)?,
+        (Some(from), Some(to), None) => line(&inputs, [from, to], arguments.points as usize, limit, session)?,
+        (_, _, Some(plane)) => planes(&inputs, plane, limit, session)?,
         _ => return Err(Error::new("profile", "no line and no plane", "wanted --from and --to, or --plane")),
     };
     session.phase("write", |_| io::save_text(&arguments.output, |out| out.write_all(text.as_bytes())))
 }
 
-fn line(inputs: &[&Path], from: [f64; 3], to: [f64; 3], points: usize, session: &mut Session) -> Result<String> {
+fn line(
+    inputs: &[&Path],
+    ends: [[f64; 3]; 2],
+    points: usize,
+    limit: MemoryLimit,
+    session: &mut Session,
+) -> Result<String> {
+    let [from, to] = ends.map(DVec3::from);
     let mut text = String::from("field,distance_mm,x_mm,y_mm,z_mm,u_mm,v_mm,w_mm,su_mm,sv_mm,sw_mm\n");
     for path in inputs {
-        let (field, name) = (session.phase("read", |_| Field::open(path))?, io::name(path));
-        let places = flow::profile(&field, DVec3::from(from), DVec3::from(to), points);
+        let (field, name) = (open(path, Task::Profile { points }, limit, session)?, io::name(path));
+        let places = flow::profile(&field, from, to, points);
         if places.iter().all(|place| !place.displacement_mm.is_finite()) {
             let found = "no vectors along the line";
             return Err(Error::new(
@@ -45,9 +54,9 @@ fn line(inputs: &[&Path], from: [f64; 3], to: [f64; 3], points: usize, session: 
     Ok(text)
 }
 
-fn planes(inputs: &[&Path], plane: Cut, session: &mut Session) -> Result<String> {
+fn planes(inputs: &[&Path], plane: Cut, limit: MemoryLimit, session: &mut Session) -> Result<String> {
     let one = |path: &Path, session: &mut Session| {
-        let field = session.phase("read", |_| Field::open(path))?;
+        let field = open(path, Task::Flux, limit, session)?;
         let flux = flow::flux(&field, plane).map_err(|refusal| refusal.about(io::name(path)))?;
         let mut told = json!({"field": io::name(path)});
         for (key, value) in json!(flux).as_object().into_iter().flatten() {

@@ -11,7 +11,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         Command::Solenoidal(arguments) => treat::solenoidal(arguments, limit, session),
         Command::Derive(arguments) => treat::derive(arguments, limit, session),
         Command::Pressure(arguments) => treat::pressure(arguments, limit, session),
-        Command::Profile(arguments) => profile::run(arguments, session),
+        Command::Profile(arguments) => profile::run(arguments, limit, session),
     }?;
     Ok(Verdict::Done)
 }

@@ -3,15 +3,17 @@
 use super::arguments::{Derive, Pressure, Smooth, Solenoidal};
 use super::files::Files;
 use lf_core::cli::MemoryLimit;
-use lf_core::field::Array;
-use lf_core::{Error, Field, Refusal, Result, Session, io};
+use lf_core::field::{Array, MEASURED};
+use lf_core::{Error, Field, Result, Session, io};
 use lf_xcorr::flow::{self, Measured, PressureOptions, Task};
 use std::path::Path;
 
-/// Constant: a misfit to the stated uncertainties that is told. Errors of the shape of windows alone stay below it.
+/// Constant: above this misfit to the stated uncertainties, warn. Errors of the shape of windows alone stay below it.
 const MISFIT: f64 = 1.5;
-/// Constant: a share of filled vectors that is told.
+/// Constant: above this share of filled vectors, warn.
 const FILLED: f64 = 0.2;
+/// Constant: above this share of accelerations without a pressure, warn.
+const UNEXPLAINED: f64 = 0.5;
 
 /// A field, what is written beside its vectors, and the line that tells what was done once it is written.
 type Treated = (Field, Vec<Array>, String);
@@ -39,9 +41,10 @@ fn each(
     Ok(())
 }
 
-fn open(path: &Path, task: Task, limit: MemoryLimit, session: &mut Session) -> Result<Field> {
+/// Reads a field and refuses a task that takes too much memory.
+pub fn open(path: &Path, task: Task, limit: MemoryLimit, session: &mut Session) -> Result<Field> {
     let field = session.phase("read", |_| Field::open(path))?;
-    session.count("vectors", field.len());
+    session.add("vectors", field.len());
     session.allow_memory(limit, task.bytes(&field), io::name(path), || format!("{} vectors", field.len()))?;
     Ok(field)
 }
@@ -53,7 +56,7 @@ pub fn smooth(arguments: &Smooth, limit: MemoryLimit, session: &mut Session) -> 
         let [u, v, w] = found.strength.map(short);
         let told = format!("strength {u}, {v}, {w}; u, v, w moved by {}", lengths(found.change_mm));
         for (component, misfit) in ["u", "v", "w"].into_iter().zip(found.misfit) {
-            session.count(&format!("misfit_{component}"), misfit);
+            session.keep_greatest(&format!("misfit_{component}"), misfit);
             if misfit > MISFIT {
                 session.warn(format!(
                     "{name}: {component} departs from the smooth field {misfit:.1} times as much as its uncertainty \
@@ -78,9 +81,10 @@ pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Sess
             "{name}: {} steps; misfit {:.2}; {u:.0}, {v:.0} and {w:.0} % of the uncertainty of u, v, w is left",
             found.steps, found.misfit
         ));
-        session.count("misfit", found.misfit);
-        session.count("divergence_before", before);
-        session.count("divergence_after", after);
+        warn_unsolved(found.unsolved, "the divergence", name, session);
+        session.keep_greatest("misfit", found.misfit);
+        session.keep_greatest("divergence_before", before);
+        session.keep_greatest("divergence_after", after);
         if found.misfit > MISFIT {
             session.warn(format!(
                 "{name}: the divergence is {:.1} times what the uncertainties explain; the flow is compressible, \
@@ -100,7 +104,7 @@ pub fn derive(arguments: &Derive, limit: MemoryLimit, session: &mut Session) -> 
         let unit = if field.layout.dt_s.is_some() { "1/s" } else { "a frame" };
         let stated = if sigma.is_finite() { format!(", uncertain by {sigma:.1e}") } else { String::new() };
         let told = format!("divergence RMS {rms:.1e} {unit}{stated}; {} vectors with gradients", found.places);
-        session.count("places", found.places);
+        session.add("places", found.places);
         if found.places == 0 {
             let [x, y, z] = field.layout.shape;
             session.warn(format!(
@@ -118,18 +122,35 @@ pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session)
     session.keep_apart(&arguments.output, &inputs)?;
     io::check_place(&arguments.output)?;
     let name = io::name(&arguments.field);
-    let field = open(&arguments.field, Task::Pressure, limit, session)?;
+    let task = Task::Pressure { has_next: arguments.next.is_some() };
+    let field = open(&arguments.field, task, limit, session)?;
     let next = session.phase("read", |_| arguments.next.as_deref().map(Field::open).transpose())?;
+    let last = arguments.next.as_deref().map_or(name.clone(), io::name);
     let wanted = "wanted --dt with the seconds between its volumes";
     let dt_s = arguments.dt.or(field.layout.dt_s).ok_or_else(|| Error::new(&name, "knows no time", wanted))?;
+    let other = next.as_ref().and_then(|next| next.layout.dt_s).filter(|_| arguments.dt.is_none());
+    if let Some(other) = other.filter(|other| *other != dt_s) {
+        let found = format!("{other} s between its volumes");
+        return Err(Error::new(last, found, format!("wanted {dt_s} s, as in {name}, or --dt for both")));
+    }
     let options = PressureOptions { density: arguments.density, dt_s, interval_s: arguments.interval };
-    let refused = |refusal: Refusal| refusal.about(arguments.next.as_deref().map_or(name.clone(), io::name));
-    let found = session.phase("work", |_| flow::pressure(&field, next.as_ref(), &options).map_err(refused))?;
+    let pressure =
+        |_: &mut Session| flow::pressure(&field, next.as_ref(), &options).map_err(|refusal| refusal.about(last));
+    let found = session.phase("work", pressure)?;
     let [rms, sigma] = found.rms_pa;
     let stated = if sigma > 0.0 { format!(", uncertain by {sigma:.1e} Pa") } else { String::new() };
     let told = format!("{name}: pressure RMS {rms:.3e} Pa{stated}; misfit {:.2} of its gradient", found.misfit);
     session.count("misfit", found.misfit);
-    if found.misfit > 0.5 {
+    session.count("places", found.places);
+    warn_unsolved(found.unsolved, "the pressure", &name, session);
+    if found.parts > 1 {
+        session.warn(format!(
+            "{name}: gaps cut the field into {} parts, and the pressure of each has a mean of 0; fill the gaps by \
+             lf-flow solenoidal or smooth before",
+            found.parts
+        ));
+    }
+    if found.misfit > UNEXPLAINED {
         session.warn(format!(
             "{name}: {:.0} % of the accelerations have no pressure; the field is too noisy or the flow not steady; try \
              lf-flow solenoidal before, or a second field with --interval",
@@ -146,7 +167,14 @@ pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session)
 
 fn measured(field: &Field, name: &str, sigma: Option<[f64; 3]>, session: &mut Session) -> Result<Measured> {
     let measured = Measured::new(field, sigma).map_err(|refusal| refusal.about(name))?;
-    session.count("filled", measured.filled());
+    let is_measured = |i: &usize| field.flag[*i] == MEASURED;
+    if sigma.is_some() && (0..field.len()).filter(is_measured).all(|i| field.uncertainty_mm(i).min_element() > 0.0) {
+        session.warn(format!(
+            "{name}: --sigma changes nothing, since every vector states its uncertainties; leave it out"
+        ));
+    }
+    warn_unsolved(measured.unsolved, "the values in gaps", name, session);
+    session.add("filled", measured.filled());
     let share = measured.filled() as f64 / field.len() as f64;
     if share > FILLED {
         session.warn(format!(
@@ -156,6 +184,16 @@ fn measured(field: &Field, name: &str, sigma: Option<[f64; 3]>, session: &mut Se
         ));
     }
     Ok(measured)
+}
+
+/// Warns of a solver that stopped with this residual before its goal.
+fn warn_unsolved(unsolved: Option<f64>, what: &str, name: &str, session: &Session) {
+    if let Some(residual) = unsolved {
+        session.warn(format!(
+            "{name}: the solver of {what} stopped before its goal, at a residual of {residual:.0e}; vectors far from \
+             measured ones are not settled; take larger windows, which leave fewer gaps, or a smaller volume"
+        ));
+    }
 }
 
 fn lengths([u, v, w]: [f64; 3]) -> String {
