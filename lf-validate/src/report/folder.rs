@@ -48,10 +48,17 @@ impl Folder {
     }
 }
 
-/// At most `most` files, evenly spread over the list.
-pub(super) fn spread(files: &[String], most: usize) -> Vec<&str> {
-    let count = files.len().min(most);
-    (0..count).map(|n| files[n * files.len() / count].as_str()).collect()
+/// The files that the page is made from, of all names of a folder.
+pub fn inputs(names: &BTreeSet<String>) -> impl Iterator<Item = String> {
+    let Folder { camera, supports, volumes, particles, fields, mean, records, stats, logs } = Folder::of(names);
+    let lists = [supports, volumes, particles, fields, records, stats, logs];
+    camera.into_iter().chain(mean).chain(lists.into_iter().flatten())
+}
+
+/// At most `most` of a list, evenly spread over it.
+pub(super) fn spread<T>(list: &[T], most: usize) -> Vec<&T> {
+    let count = list.len().min(most);
+    (0..count).map(|n| &list[n * list.len() / count]).collect()
 }
 
 #[cfg(test)]
@@ -63,7 +70,7 @@ mod tests {
         let files: Vec<String> = (0..10).map(|n| n.to_string()).collect();
         assert_eq!(spread(&files, 4), ["0", "2", "5", "7"]);
         assert_eq!(spread(&files[..2], 4).len(), 2);
-        assert!(spread(&[], 4).is_empty());
+        assert!(spread::<String>(&[], 4).is_empty());
     }
 
     #[test]
