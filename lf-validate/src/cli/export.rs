@@ -217,7 +217,7 @@ fn series(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
         return Err(unknown(output, "NAME.vti.series, a list of .vti"));
     };
     let names: Vec<String> = (0..files.len()).map(|n| format!("{stem}-{n:04}.vti")).collect();
-    // What is refused is refused before the first file is written. A pipe can be read only once.
+    // Refusals come before the first file is written. A pipe can be read only once.
     for (name, file) in names.iter().zip(files) {
         let place = output.with_file_name(name);
         session.keep_apart(&place, files)?;
