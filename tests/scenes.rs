@@ -115,6 +115,10 @@ fn tracks_are_followed() {
     let lines: Vec<&str> = shown.lines().collect();
     assert_eq!(lines.len(), 5, "{shown}");
     assert!(lines[4].starts_with("1,4,0.3"), "{shown}");
+    // Nothing replaces the flow of a run before.
+    folder.write("made/flow.exr", "old");
+    let told = folder.run("lf-synth frames scene.json -o made").stderr;
+    assert!(told.contains("warning: made/flow.exr: of another run"), "{told}");
 }
 
 /// A flow.exr written by lf-synth moves particles like the flow itself, within the interpolation between its vectors.

@@ -24,7 +24,7 @@ mod white;
 
 pub use background::{Background, MeanBackground, SlidingMinimum};
 pub use drift::{Refined, refine, refine_steps};
-pub use frames::{Change, Correction, HotPixels, Lasers};
+pub use frames::{Change, Correction, Factor, HotPixels, Lasers, Sensitivity};
 pub use nominal::{Advice, DataSheet, Liquid, advice, doubts, in_air};
 pub use target::{
     Dot, Exposure, MainLensFit, blunder, closer_dots_mm, depths_of_names, depths_of_table, fit_doubts, grid, main_lens,

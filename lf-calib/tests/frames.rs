@@ -1,9 +1,11 @@
 //! `lf-calib frame`, and the backgrounds beside the quantile.
 
 use crate::workbench::workbench;
+use lf_core::history::Step;
 use lf_core::image;
 use lf_tests::Workbench;
-use ndarray::Array2;
+use ndarray::{Array2, s};
+use std::fs::File;
 
 /// Five pairs of frames: a particle that moves, a hot pixel, a second laser with half the light, pixels of two
 /// sensitivities.
@@ -13,8 +15,7 @@ fn bench() -> Workbench {
     for n in 0..5 {
         for (laser, light) in [("a", 100.0), ("b", 50.0)] {
             let mut frame = Array2::from_elem((12, 16), 10.0f32);
-            frame[(8, 2 * n)] += light;
-            frame[(8, 2 * n + 1)] += light;
+            frame.slice_mut(s![6..11, 2 * n..2 * n + 2]).mapv_inplace(|count| count + light);
             frame *= &sensitivity;
             frame[(3, 4)] += 500.0;
             bench.image(&format!("{n}{laser}.exr"), &frame);
@@ -54,6 +55,19 @@ fn nothing_is_done_unless_asked_for() {
         &["--equalise: frames of one laser only; wanted the frames of the second"],
     );
     bench.refused("frame 0a.exr --flat flat.exr -o none", &["none: no such folder; wanted an existing folder"]);
+    bench.image("dark.exr", &Array2::zeros((12, 16)));
+    bench.refused("frame 0a.exr --flat dark.exr -o out", &["dark.exr: half of its pixels have 0 counts or less"]);
+    let pipe = "-: a stream, which can be read only once; wanted a file: --hot and --equalise read every frame twice";
+    bench.refused("frame 0a.exr 1a.exr 2a.exr 3a.exr - --hot 12 -o out", &[&pipe.replace("-: ", "standard input: ")]);
+    bench.image("small.exr", &Array2::ones((8, 16)));
+    let other = "small.exr: image of 16 x 8 px; wanted 16 x 12 px like the first";
+    bench.refused("frame 0a.exr small.exr --flat flat.exr -o out", &[other]);
+    bench.refused("background 0a.exr small.exr --sliding 3 -o out", &[other]);
+    let memory = "--sliding: 2 frames of 16 x 12 px would take about";
+    bench.refused("background 0a.exr 1a.exr --sliding 3 --max-memory 0.001 -o out", &[memory]);
+    bench.refused("background 0a.exr 1a.exr --max-memory 0.001 -o out.exr", &["background: the minimum of 2 frames"]);
+    bench.write("camera.json", "{}");
+    bench.refused("background 0a.exr 1a.exr --sliding 3 -c camera.json -o out", &["--sliding", "--camera"]);
     assert_eq!(std::fs::read_dir(bench.path("out")).unwrap().count(), 0);
 }
 
@@ -69,4 +83,58 @@ fn a_mean_and_a_sliding_minimum() {
     assert_eq!(sliding("out/1a.exr")[(8, 2)], 10.0);
     assert_eq!(std::fs::read_dir(bench.path("out")).unwrap().count(), 4);
     bench.refused("background 0a.exr --sliding 4 -o out", &["wanted an odd number from 3 to 1001"]);
+}
+
+/// A stream of one frame is read once. Pixels that the image of even light does not show are counted.
+#[test]
+fn a_stream_is_corrected_by_an_image_of_even_light() {
+    let bench = bench();
+    let mut flat = Array2::from_elem((12, 16), 100.0);
+    flat[(0, 0)] = 1.0;
+    bench.image("flat.exr", &flat);
+    let words = ["frame", "-", "--flat", "flat.exr", "-o", "out"];
+    let ended = bench.feed(&words, bench.bytes("0a.exr")).done();
+    assert!(ended.stderr.contains("1 pixels (0.52 %) are left as they are"), "{}", ended.stderr);
+}
+
+/// Counts that fill a range and end in a pile, as a saturated sensor gives them.
+#[test]
+fn clipped_frames_are_warned_of_before_they_are_corrected() {
+    let bench = bench();
+    let clipped = Array2::from_shape_fn((60, 60), |(y, x)| ((y * 60 + x) as f32 % 400.0).min(300.0) + 700.0);
+    bench.image("clipped.exr", &clipped);
+    bench.image("even.exr", &Array2::from_elem((60, 60), 1000.0));
+    let told = bench.done("frame clipped.exr --flat even.exr -o out").stderr;
+    assert!(
+        told.contains("warning: clipped.exr: 25.0 % of the pixels are clipped, at 1000 counts; 1 frames"),
+        "{told}"
+    );
+}
+
+#[test]
+fn pages_of_a_series_are_named_in_their_order() {
+    let bench = bench();
+    let mut file = tiff::encoder::TiffEncoder::new(File::create(bench.path("run.tif")).unwrap()).unwrap();
+    for _ in 0..11 {
+        file.write_image::<tiff::encoder::colortype::Gray8>(16, 12, &[10; 12 * 16]).unwrap();
+    }
+    bench.done("background run.tif --sliding 3 -o out");
+    let names: Vec<String> = bench.files("out").into_keys().collect();
+    assert_eq!((names.len(), names[2].as_str(), names[10].as_str()), (11, "run-02.exr", "run-10.exr"));
+}
+
+/// A background names the steps of its own frame.
+#[test]
+fn a_sliding_background_has_the_history_of_its_frame() {
+    let bench = bench();
+    let step = |n: usize| Step { tool: format!("camera-{n}"), version: "1".into(), arguments: Vec::new() };
+    for n in 0..4 {
+        let frame = Array2::from_elem((12, 16), 10.0f32);
+        image::save(&bench.path(&format!("h{n}.exr")), &frame, &vec![step(n)]).unwrap();
+    }
+    bench.call("background h0.exr h1.exr h2.exr h3.exr --sliding 3 -o out").with_history().run().done();
+    for n in 0..4 {
+        let history = image::open(&bench.path(&format!("out/h{n}.exr"))).unwrap().history;
+        assert_eq!(history[0].tool, format!("camera-{n}"));
+    }
 }

@@ -68,5 +68,31 @@ fn options_that_cannot_be_kept_are_refused() {
     call(&["--parts", "parts"]).within(folder.path()).run().refused("--parts");
     call(&["-", "--modes", "2"]).run().refused("--modes");
     call(&["--phases", "1"]).run().refused("--phases");
+    call(&["--phases", "2"]).run().refused("--phases: 2 phases of 1 fields; wanted a field or more for each phase");
     call(&["--phases", "2", "--parts", "field-00.exr"]).within(folder.path()).run().refused("wanted a folder");
+}
+
+#[test]
+fn parts_replace_no_input_and_no_other_output() {
+    let (folder, paths) = fields();
+    for (n, path) in paths.iter().enumerate() {
+        std::fs::rename(path, folder.path().join(format!("phase-{n:02}.exr"))).unwrap();
+    }
+    let before = std::fs::read(folder.path().join("phase-01.exr")).unwrap();
+    let refused = |words: &[&str], wanted: &str| {
+        let inputs = ["phase-00.exr", "phase-01.exr", "phase-02.exr"];
+        Call::new("lf-validate")
+            .word("ensemble")
+            .words(inputs)
+            .words(words)
+            .within(folder.path())
+            .run()
+            .refused(wanted);
+    };
+    refused(&["--phases", "2", "--parts", "."], "phase-00.exr: is also an input; wanted another file to write to");
+    let twice = "mode-00.exr: is asked for twice; wanted another name for each";
+    refused(&["--modes", "1", "--parts", ".", "-o", "mode-00.exr"], twice);
+    refused(&["-o", "a.svg", "--plot", "./a.svg"], "a.svg: is asked for twice");
+    assert_eq!(std::fs::read(folder.path().join("phase-01.exr")).unwrap(), before);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 12);
 }

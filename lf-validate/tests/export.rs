@@ -86,7 +86,44 @@ fn a_series_is_listed_with_its_times() {
         &["export", "a.exr", "c.exr", "-o", "no.nc"],
         &["field 2 of the series has its vectors at other places"],
     );
+    let mut timed = field([3, 2, 2], |_| [0.0; 3]);
+    timed.layout.dt_s = Some(0.1);
+    save_field(&bench, "d.exr", &timed);
+    let wanted = "field 2 of the series has 0.1 s between its volumes; wanted no time like the first";
+    bench.refused(&["export", "a.exr", "d.exr", "-o", "no.nc"], &[wanted]);
     assert!(!bench.path("no.nc").exists());
+}
+
+#[test]
+fn a_series_with_a_wrong_field_writes_nothing() {
+    let bench = workbench();
+    save_field(&bench, "a.exr", &field([3, 2, 2], |_| [0.0; 3]));
+    std::fs::write(bench.path("b.exr"), "cut").unwrap();
+    bench.refused(&["export", "a.exr", "b.exr", "-o", "run.vti.series"], &["b.exr: not an EXR by its first bytes"]);
+    std::fs::create_dir(bench.path("run-0001.vti")).unwrap();
+    bench.refused(&["export", "a.exr", "a.exr", "-o", "run.vti.series"], &["run-0001.vti: is a folder"]);
+    assert!(!bench.path("run-0000.vti").exists());
+}
+
+#[test]
+fn a_huge_sparse_volume_is_written_by_its_voxels_or_refused() {
+    let bench = workbench();
+    let grid = Grid { shape: [2, 2, 1 << 40], ..GRID };
+    bench.volume("deep.lfv", &grid, &[1, 4 << 30, (4 << 40) - 1], &[("intensity", &[1.0, 2.0, 3.0])]);
+    bench.done(&["export", "deep.lfv", "-o", "deep.csv"]);
+    let text = bench.text("deep.csv");
+    let rows: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).skip(1).collect();
+    assert_eq!((rows.len(), rows[0], rows[1].ends_with(",2")), (3, "-0.0500000,-0.1000000,-0.5000000,1", true));
+    let limit = ["--max-memory", "0.5"];
+    let wanted = |name: &str| format!("{name}: slices of a grid of");
+    bench.refused(&[&["export", "deep.lfv", "-o", "deep.tif"], &limit[..]].concat(), &[&wanted("deep.lfv")]);
+    let grid = Grid { shape: [1 << 20, 1 << 20, 2], ..GRID };
+    bench.volume("wide.lfv", &grid, &[1], &[("intensity", &[1.0])]);
+    for end in ["vti", "tif", "npz"] {
+        let output = format!("wide.{end}");
+        let words = [&["export", "wide.lfv", "-o", &output], &limit[..]].concat();
+        bench.refused(&words, &[&wanted("wide.lfv"), "wanted 0.5 GB at most, as --max-memory allows"]);
+    }
 }
 
 #[test]
@@ -150,4 +187,10 @@ fn options_that_change_nothing_and_unknown_forms_are_refused() {
     refused(&["export", "a.exr", "-o", "a.tif"], &["a.tif: the extension .tif; wanted the name of a .nc"]);
     refused(&["export", "a.lfv", "-o", "a.vti", "--column", "score"], &["only the column `intensity`"]);
     refused(&["export", "a.lfv", "-o", "a.vti", "--bits", "16"], &["--bits: changes nothing here"]);
+    refused(&["export", "a.exr", "-o", "a.nc", "--column", "score"], &["--column: changes nothing here"]);
+    for end in ["vti", "dat", "csv", "svg"] {
+        let output = format!("a.{end}");
+        let wanted = "--every: changes nothing here; wanted it for fields in a .nc or a .vti.series only";
+        refused(&["export", "a.exr", "-o", &output, "--every", "1"], &[wanted]);
+    }
 }

@@ -83,6 +83,38 @@ fn a_damaged_file_is_named_and_the_page_is_made() {
 }
 
 #[test]
+fn files_that_are_too_much_are_named_and_the_page_is_made() {
+    let bench = workbench();
+    run(&bench);
+    let grid = Grid { shape: [2, 2, 1 << 40], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [0.0; 3] };
+    bench.volume("out/volume-b.lfv", &grid, &[1, 4 << 39], &[("intensity", &[1.0, 2.0])]);
+    let mut aside = field([6, 5, 4], |_| [0.0; 3]);
+    aside.layout.origin_mm[0] = 9.0;
+    save_field(&bench, "out/field-e-f.exr", &aside);
+    // Records of other tools hide no sweeps.
+    for name in ["a", "b", "c", "d"] {
+        fs::write(bench.path(format!("out/{name}.jsonl")), "{}\n").unwrap();
+    }
+    bench.done(&["report", "out", "-o", "page.html"]);
+    let page = bench.text("page.html");
+    assert!(page.contains("volume-b.lfv: 1099511627776 slices, too many for a curve by depth"), "the deep volume");
+    assert!(page.contains("field-e-f.exr: x from ") && page.contains("statistics leave it out"), "the field aside");
+    assert!(page.contains("Misfit of the image, by sweep"), "the sweeps");
+}
+
+#[test]
+fn a_page_replaces_none_of_its_files() {
+    let bench = workbench();
+    run(&bench);
+    for name in ["camera.json", "field-a-b.exr", "log/volume-a.txt"] {
+        let output = format!("out/{name}");
+        bench.refused(&["report", "out", "-o", &output], &[&output, "is also an input"]);
+    }
+    bench.done(&["report", "out", "-o", "out/report.html"]);
+    bench.done(&["report", "out", "-o", "out/report.html"]);
+}
+
+#[test]
 fn a_folder_without_a_run_is_refused() {
     let bench = workbench();
     fs::create_dir(bench.path("empty")).unwrap();

@@ -21,12 +21,19 @@ pub struct Background {
 }
 
 impl Background {
+    /// Bytes of a background of at most this many frames of so many pixels.
+    pub fn bytes(frames: usize, quantile: f64, pixels: f64) -> f64 {
+        size_of::<f32>() as f64 * Self::planes(frames, quantile) as f64 * pixels
+    }
+
+    fn planes(frames: usize, quantile: f64) -> usize {
+        (quantile * (frames - 1) as f64).ceil() as usize + 1
+    }
+
     /// A background of at most this many frames. Panics without frames, or with a quantile outside 0 to 1.
     pub fn new(frames: usize, quantile: f64) -> Self {
         assert!(frames > 0 && (0.0..=1.0).contains(&quantile));
-        let position = quantile * (frames - 1) as f64;
-        let planes = position.ceil() as usize + 1;
-        Self { quantile, planes, frames: 0, shape: None, lowest: Vec::new() }
+        Self { quantile, planes: Self::planes(frames, quantile), frames: 0, shape: None, lowest: Vec::new() }
     }
 
     /// Adds a frame. Refuses another size than that of the first one.

@@ -3,7 +3,7 @@
 use super::words::{aperture, layout, sensor_px, window};
 use clap::{Args, Parser, Subcommand};
 use lf_core::camera::{Aperture, Layout};
-use lf_core::cli::{self, Common, ImageOptions, length_mm};
+use lf_core::cli::{self, Common, ImageOptions, MemoryLimit, length_mm};
 use std::path::PathBuf;
 
 /// White images and particle frames to a camera that can be trusted
@@ -84,11 +84,13 @@ pub enum Task {
     ///
     /// Nothing is done unless it is asked for. Corrected frames are EXR of the same names in a folder; the table on
     /// standard output has the mean, the noise where a frame is darkest and the brightest pixel of each, before and
-    /// after. Make backgrounds from the corrected frames. The uneven light behind the lenslets is no matter of this
-    /// command: `lattice --vignetting` makes the flat field of a camera.
-    #[command(after_help = "Examples, in out/ after scripts/demo:
-  lf-calib frame scene/frame-000?.exr --flat white.exr -o scene/
-  lf-calib frame raw/*a.tif --second raw/*b.tif --hot 12 --equalise -o corrected")]
+    /// after. Make backgrounds from the corrected frames, with --equalise one for each laser. The uneven light behind the
+    /// lenslets is not corrected here: `lattice --vignetting` makes the flat field of a camera.
+    #[command(after_help = "Examples; the first makes the frames of the others:
+  lf-synth scene demo --set frames=6 | lf-synth frames -o raw
+  mkdir -p corrected && lf-calib frame raw/frame-*.exr --hot 12 -o corrected
+  lf-calib frame raw/frame-000[024].exr --second raw/frame-000[135].exr --hot 12 --equalise \\
+      -o corrected")]
     Frame(FrameArguments),
 }
 
@@ -237,8 +239,9 @@ pub struct BackgroundArguments {
     /// The mean of all frames: for a background that is taken without particles
     #[arg(long, conflicts_with = "quantile")]
     pub mean: bool,
-    /// The minimum over each frame and those about it, N in all, N odd. The output is a folder
-    #[arg(long, value_name = "N", conflicts_with_all = ["quantile", "mean"], value_parser = odd)]
+    /// The minimum over each frame and the frames before and after it, N in all, N odd. The output is a folder. Every
+    /// frame must be readable: its neighbours need it
+    #[arg(long, value_name = "N", conflicts_with_all = ["quantile", "mean", "camera"], value_parser = odd)]
     pub sliding: Option<usize>,
     /// Leave out, with a warning, frames that cannot be read or do not have the size of this camera's sensor. Without
     /// it they are an error
@@ -249,6 +252,8 @@ pub struct BackgroundArguments {
     /// Background image (EXR), - for standard output; with --sliding an existing folder
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
+    #[command(flatten)]
+    pub memory: MemoryLimit,
 }
 
 #[derive(Args)]
@@ -259,14 +264,16 @@ pub struct FrameArguments {
     /// Frames of the second laser
     #[arg(long, value_name = "FRAME", num_args = 1..)]
     pub second: Vec<PathBuf>,
-    /// Divide by the sensitivity of the pixels: an image of even light, taken without the microlenses
+    /// Divide by the sensitivity of the pixels: an image of even light, taken without the microlenses. Pixels with less
+    /// than a fifth of its usual light are left as they are
     #[arg(long, value_name = "IMAGE")]
     pub flat: Option<PathBuf>,
     /// Replace pixels that stand above their neighbours in every frame, by more than K robust standard deviations of all
     /// pixels, by the median of their neighbours. Needs five frames or more; 12 is a good K
     #[arg(long, value_name = "K", value_parser = limit)]
     pub hot: Option<f64>,
-    /// Multiply the frames of the second laser, so that both have the same light above what stays in all frames
+    /// Multiply the frames of the second laser, dark level included, so that both have the same light of particles. Needs
+    /// two frames or more of each
     #[arg(long)]
     pub equalise: bool,
     #[command(flatten)]

@@ -1,14 +1,19 @@
 //! `lf-calib background`: frames in, what stays the same in all of them out.
 
-use super::{arguments::BackgroundArguments, files::named_in};
+use super::arguments::BackgroundArguments;
+use super::files::{Sizes, named_in};
 use lf_calib::{Background, MeanBackground, SlidingMinimum};
 use lf_core::image::{self, Channel, Image, Stack};
 use lf_core::{Camera, Error, History, Refusal, Result, Session, Verdict, camera::Sensor, io};
 use ndarray::Array2;
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
+/// Bytes of a pixel that a frame takes while it is read.
+const READ_BYTES: f64 = 12.0;
+
 pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Result<Verdict> {
-    let BackgroundArguments { frames, quantile, mean, sliding, camera, reading, output } = arguments;
+    let BackgroundArguments { frames, quantile, mean, sliding, camera, reading, output, memory } = arguments;
     if !(0.0..=0.5).contains(quantile) {
         return Err(Error::new("--quantile", quantile.to_string(), "wanted 0 to 0.5"));
     }
@@ -27,6 +32,10 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
         _ => "minimum".to_string(),
     };
     session.explain(format!("{statistic} of {count} frames, pixel by pixel"));
+    let pixels = frames.pixels();
+    let bytes = if *mean { 2.0 * READ_BYTES * pixels } else { Background::bytes(count, *quantile, pixels) };
+    let what = || format!("the {statistic} of {count} frames of {pixels} pixels");
+    session.allow_memory(*memory, bytes + READ_BYTES * pixels, "background", what)?;
     let (used, history, pixels) = if *mean {
         let mut background = MeanBackground::default();
         let (used, history) = frames.each(session, |frame| background.add(frame))?;
@@ -59,23 +68,30 @@ fn sliding_minimum(arguments: &BackgroundArguments, window: usize, session: &mut
         session.keep_apart(place, &inputs)?;
         io::check_place(place)?;
     }
+    if let Some(size) = Sizes::of(&frames)?.first() {
+        let (held, [width, height]) = (window.min(frames.len()), size);
+        let bytes = (4.0 * (held + 1) as f64 + READ_BYTES) * width as f64 * height as f64;
+        let what = || format!("{held} frames of {width} x {height} px");
+        session.allow_memory(arguments.memory, bytes, "--sliding", what)?;
+    }
     let mut sliding = SlidingMinimum::new(window / 2);
-    let mut history = History::new();
+    // A background comes later than its frame, whose history waits for it.
+    let mut histories = VecDeque::new();
     let mut written = places.iter();
-    let mut save = |pixels: Array2<f32>, history: &History, session: &mut Session| {
-        let Some(place) = written.next() else { return Ok(()) };
-        let history = session.history(history);
+    let mut save = |pixels: Array2<f32>, histories: &mut VecDeque<History>, session: &mut Session| {
+        let (Some(place), Some(history)) = (written.next(), histories.pop_front()) else { return Ok(()) };
+        let history = session.history(&history);
         session.phase("write", |_| image::save(place, &pixels, &history))
     };
     let progress = session.progress("frames", frames.len() as u64);
     for file in &frames {
         let frame = session.phase("read", |_| image::open_counts(file, arguments.reading.channel))?;
-        history = frame.history;
+        histories.push_back(frame.history);
         let found = sliding.add(frame.pixels).map_err(|refusal| refusal.about(io::name(file)))?;
-        found.map_or(Ok(()), |pixels| save(pixels, &history, session))?;
+        found.map_or(Ok(()), |pixels| save(pixels, &mut histories, session))?;
         progress.add(1);
     }
-    std::iter::from_fn(|| sliding.rest()).try_for_each(|pixels| save(pixels, &history, session))?;
+    std::iter::from_fn(|| sliding.rest()).try_for_each(|pixels| save(pixels, &mut histories, session))?;
     session.count("frames", frames.len());
     Ok(Verdict::Done)
 }
@@ -84,6 +100,8 @@ struct FrameFiles {
     /// Files; those through a pipe are held in memory. Others are opened again: the number of mapped files is limited.
     files: Vec<(PathBuf, Option<Stack>)>,
     count: usize,
+    /// Width and height of the first frame, px, if its header tells them.
+    size: Option<[usize; 2]>,
     sensor: Option<Sensor>,
     channel: Option<Channel>,
     left_out: Vec<Error>,
@@ -92,11 +110,12 @@ struct FrameFiles {
 impl FrameFiles {
     /// Counts the frames, which a quantile needs to know before the first one.
     fn open(paths: &[PathBuf], sensor: Option<Sensor>, channel: Option<Channel>) -> Result<Self> {
-        let mut frames = Self { files: Vec::new(), count: 0, sensor, channel, left_out: Vec::new() };
+        let mut frames = Self { files: Vec::new(), count: 0, size: None, sensor, channel, left_out: Vec::new() };
         for path in paths {
             match Stack::open(path) {
                 Ok(stack) => {
                     frames.count += stack.images();
+                    frames.size = frames.size.or_else(|| stack.size_px(0).ok());
                     frames.files.push((path.clone(), Some(stack).filter(|stack| !stack.is_mapped())));
                 }
                 Err(error) => frames.leave_out(error)?,
@@ -107,6 +126,12 @@ impl FrameFiles {
             return Err(frames.left_out.pop().unwrap_or_else(none));
         }
         Ok(frames)
+    }
+
+    /// Pixels of a frame: those of the camera, or of the first frame.
+    fn pixels(&self) -> f64 {
+        let size = self.sensor.as_ref().map(|sensor| [sensor.width, sensor.height]).or(self.size);
+        size.map_or(0.0, |[width, height]| width as f64 * height as f64)
     }
 
     /// Takes every frame into a background. Returns the number of frames used, and the history of the first.

@@ -1,6 +1,6 @@
 //! Files that several tasks read and write: frames, and a camera with its history and its flat field.
 
-use lf_core::image::{self, Channel};
+use lf_core::image::{self, Channel, Stack};
 use lf_core::{Camera, Error, History, Result, Session, io};
 use ndarray::Array2;
 use serde_json::{Value, json};
@@ -56,16 +56,52 @@ pub fn frames<'a>(
     paths.into_iter().map(|path| Ok(frame(path)?.pixels)).collect()
 }
 
+/// The size that all images of a run have: that of the first.
+#[derive(Default)]
+pub struct Sizes {
+    first: Option<[usize; 2]>,
+}
+
+impl Sizes {
+    /// Checks the sizes by the headers, before a pixel is decoded. Leaves out pipes, which can be read only once.
+    pub fn of<'a>(files: impl IntoIterator<Item = &'a PathBuf>) -> Result<Self> {
+        let mut sizes = Self::default();
+        for file in files.into_iter().filter(|file| io::split_page(file).0.is_file()) {
+            sizes.check(file, Stack::open(file)?.size_px(0)?)?;
+        }
+        Ok(sizes)
+    }
+
+    /// Refuses another size than that of the first image.
+    pub fn check(&mut self, file: &Path, size: [usize; 2]) -> Result<()> {
+        let first = *self.first.get_or_insert(size);
+        if size == first {
+            return Ok(());
+        }
+        let [found, wanted] = [size, first].map(|[width, height]| format!("{width} x {height} px"));
+        Err(Error::new(io::name(file), format!("image of {found}"), format!("wanted {wanted} like the first")))
+    }
+
+    /// Width and height, px, if an image has told them.
+    pub fn first(&self) -> Option<[usize; 2]> {
+        self.first
+    }
+}
+
 /// A file in `folder` for each frame: its name, and its page if it is one of several, as EXR. Refuses two of one name.
+/// Page numbers have as many digits as the largest, so that names sort as the pages do.
 pub fn named_in<'a>(folder: &Path, frames: impl IntoIterator<Item = &'a PathBuf>) -> Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         return Err(Error::new(io::output_name(folder), "no such folder", "wanted an existing folder for the frames"));
     }
+    let frames: Vec<&PathBuf> = frames.into_iter().collect();
+    let largest = frames.iter().filter_map(|file| io::split_page(file).1).max().unwrap_or(0);
+    let digits = largest.to_string().len();
     let mut known = BTreeSet::new();
     let unique = |file: &PathBuf| {
         let (path, page) = io::split_page(file);
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let page = page.map(|page| format!("-{page}")).unwrap_or_default();
+        let page = page.map(|page| format!("-{page:0digits$}")).unwrap_or_default();
         let place = folder.join(format!("{stem}{page}.exr"));
         if known.insert(place.clone()) {
             return Ok(place);

@@ -1,10 +1,15 @@
 //! `lf-calib frame`: frames in, corrected frames and a table of what changed out.
 
-use super::{arguments::FrameArguments, files::named_in};
-use lf_calib::{Change, Correction, HotPixels, Lasers};
+use super::arguments::FrameArguments;
+use super::files::{Sizes, named_in};
+use lf_calib::{Change, Correction, Factor, HotPixels, Lasers, Sensitivity};
 use lf_core::image::{self, Image};
 use lf_core::{Error, Result, Session, Verdict, io};
+use ndarray::Array2;
 use std::path::{Path, PathBuf};
+
+/// Share of clipped pixels from which a frame is warned of, as lf-prune and lf-mart do.
+const CLIPPED: f64 = 1e-3;
 
 pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdict> {
     let FrameArguments { frames, second, flat, hot, equalise, output, .. } = arguments;
@@ -24,11 +29,14 @@ pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdic
         session.keep_apart(place, &inputs)?;
         io::check_place(place)?;
     }
-    let correction = correction(arguments, &all, session)?;
+    let mut sizes = Sizes::of(all.iter().map(|(_, file)| *file).chain(flat))?;
+    let correction = correction(arguments, &all, &mut sizes, session)?;
     let progress = session.progress("frames", all.len() as u64);
     let mut rows = vec![row(["frame", "mean", "", "noise", "", "brightest", ""].map(str::to_owned))];
+    let mut clipped = Clipped::default();
     for ((laser, file), place) in all.iter().zip(&places) {
-        let mut frame = read(arguments, file)?;
+        let mut frame = session.phase("read", |_| read(arguments, file, &mut sizes))?;
+        clipped.look(file, &frame.pixels);
         let change = session.phase("correct", |_| Ok(correction.apply(&mut frame.pixels, *laser)))?;
         let history = session.history(&frame.history);
         session.phase("write", |_| image::save(place, &frame.pixels, &history))?;
@@ -36,48 +44,72 @@ pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdic
         progress.add(1);
     }
     drop(progress);
+    clipped.warn(session);
     session.count("frames", all.len());
     session.count("hot_pixels", correction.hot.len());
     io::save_text(Path::new("-"), |out| rows.iter().try_for_each(|row| writeln!(out, "{row}")))?;
     Ok(Verdict::Done)
 }
 
-fn read(arguments: &FrameArguments, file: &Path) -> Result<Image> {
-    image::open_counts(file, arguments.reading.channel)
+fn read(arguments: &FrameArguments, file: &Path, sizes: &mut Sizes) -> Result<Image> {
+    let image = image::open_counts(file, arguments.reading.channel)?;
+    sizes.check(file, [image.pixels.ncols(), image.pixels.nrows()])?;
+    Ok(image)
 }
 
-/// Finds what is to be corrected, by a first look at all frames. Tells what it found.
-fn correction(arguments: &FrameArguments, all: &[(usize, &PathBuf)], session: &mut Session) -> Result<Correction> {
-    let mut correction = Correction::default();
-    let (mut hot, mut lasers, mut shape) = (HotPixels::default(), Lasers::default(), None);
-    let progress = session.progress("looks", all.len() as u64);
-    let mut sized = |file: &Path| -> Result<Image> {
-        let image = read(arguments, file)?;
-        let (height, width) = image.pixels.dim();
-        let (wanted_height, wanted_width) = *shape.get_or_insert((height, width));
-        if (height, width) != (wanted_height, wanted_width) {
-            let wanted = format!("wanted {wanted_width} x {wanted_height} px like the first frame");
-            return Err(Error::new(io::name(file), format!("{width} x {height} px"), wanted));
+/// Frames that are clipped. Corrected counts no longer show it to the tools that follow.
+#[derive(Default)]
+struct Clipped {
+    frames: usize,
+    /// Name of the worst, its level in counts, and the share of its pixels.
+    worst: Option<(String, f32, f64)>,
+}
+
+impl Clipped {
+    fn look(&mut self, file: &Path, frame: &Array2<f32>) {
+        let Some((level, share)) = image::clipped_share(frame.view()).filter(|(_, share)| *share >= CLIPPED) else {
+            return;
+        };
+        self.frames += 1;
+        if self.worst.as_ref().is_none_or(|(.., worst)| share > *worst) {
+            self.worst = Some((io::name(file), level, share));
         }
-        Ok(image)
-    };
-    for (laser, file) in all {
-        let frame = session.phase("read", |_| sized(file))?;
-        session.phase("look", |_| {
-            if arguments.hot.is_some() {
-                hot.add(&frame.pixels);
-            }
-            if arguments.equalise {
-                lasers.add(*laser, &frame.pixels);
-            }
-            Ok(())
-        })?;
-        progress.add(1);
     }
-    drop(progress);
+
+    fn warn(&self, session: &mut Session) {
+        let Some((name, level, share)) = &self.worst else { return };
+        session.count("clipped_frames", self.frames);
+        session.warn(format!(
+            "{name}: {:.1} % of the pixels are clipped, at {level} counts; {} frames in all: the brightest light is lost, \
+             and corrected frames do not show it; expose less or lower the gain",
+            100.0 * share,
+            self.frames
+        ));
+    }
+}
+
+/// Finds what is to be corrected. Looks at all frames first if they tell it. Says what it found.
+fn correction(
+    arguments: &FrameArguments,
+    all: &[(usize, &PathBuf)],
+    sizes: &mut Sizes,
+    session: &mut Session,
+) -> Result<Correction> {
+    let mut correction = Correction::default();
     if let Some(flat) = &arguments.flat {
-        correction.sensitivity = Some(Correction::sensitivity(&sized(flat)?.pixels));
+        let pixels = read(arguments, flat, sizes)?.pixels;
+        let sensitivity = Sensitivity::new(&pixels).map_err(|refusal| refusal.about(io::name(flat)))?;
+        if sensitivity.left > 0 {
+            let share = 100.0 * sensitivity.left as f64 / pixels.len() as f64;
+            let what = format!("{} pixels ({share:.2} %) are left as they are", sensitivity.left);
+            session.say(format!("{what}: --flat has less than a fifth of its usual light there"));
+        }
+        correction.sensitivity = Some(sensitivity);
     }
+    if arguments.hot.is_none() && !arguments.equalise {
+        return Ok(correction);
+    }
+    let (hot, lasers) = look(arguments, all, sizes, session)?;
     if let Some(limit) = arguments.hot {
         let few = || {
             let wanted =
@@ -89,12 +121,47 @@ fn correction(arguments: &FrameArguments, all: &[(usize, &PathBuf)], session: &m
     }
     if arguments.equalise {
         let wanted = "wanted two or more of each laser with particles that move";
-        let factor =
-            lasers.factor().ok_or_else(|| Error::new("--equalise", "frames without light to compare", wanted))?;
-        session.say(format!("frames of the second laser are multiplied by {factor:.4}"));
-        correction.factors = Some([1.0, factor]);
+        let none = || Error::new("--equalise", "frames without light to compare", wanted);
+        let Factor { value, uncertainty } = lasers.factor().ok_or_else(none)?;
+        session.say(format!(
+            "frames of the second laser are multiplied by {value:.4}, standard uncertainty {uncertainty:.4}; so is their \
+             dark level: make a background for each laser"
+        ));
+        session.count("factor", value);
+        session.count("factor_uncertainty", uncertainty);
+        correction.factors = Some([1.0, value]);
     }
     Ok(correction)
+}
+
+/// A first look at all frames. Refuses pipes, which can be read only once.
+fn look(
+    arguments: &FrameArguments,
+    all: &[(usize, &PathBuf)],
+    sizes: &mut Sizes,
+    session: &mut Session,
+) -> Result<(HotPixels, Lasers)> {
+    let is_pipe = |file: &Path| io::is_standard(file) || file.exists() && !file.is_file();
+    if let Some((_, file)) = all.iter().find(|(_, file)| is_pipe(file)) {
+        let wanted = "wanted a file: --hot and --equalise read every frame twice";
+        return Err(Error::new(io::name(file), "a stream, which can be read only once", wanted));
+    }
+    let (mut hot, mut lasers) = (HotPixels::default(), Lasers::default());
+    let progress = session.progress("looks", all.len() as u64);
+    for (laser, file) in all {
+        let frame = session.phase("read", |_| read(arguments, file, sizes))?;
+        session.phase("look", |_| {
+            if arguments.hot.is_some() {
+                hot.add(&frame.pixels);
+            }
+            if arguments.equalise {
+                lasers.add(*laser, &frame.pixels);
+            }
+            Ok(())
+        })?;
+        progress.add(1);
+    }
+    Ok((hot, lasers))
 }
 
 /// Cells of the table, before and after.

@@ -1,6 +1,8 @@
 //! The corrections of a frame.
 
 use super::hot::repair;
+use crate::white::mean::check_saturation;
+use lf_core::Refusal;
 use lf_core::image::noise;
 use lf_core::statistics::median;
 use ndarray::Array2;
@@ -13,10 +15,33 @@ const LEAST_SENSITIVITY: f32 = 0.2;
 pub struct Correction {
     /// Pixels that are replaced by their neighbours, in rising order.
     pub hot: Vec<(usize, usize)>,
-    /// Sensitivity of each pixel, 1 where it is usual: see [`Correction::sensitivity`].
-    pub sensitivity: Option<Array2<f32>>,
+    /// Sensitivity of the pixels.
+    pub sensitivity: Option<Sensitivity>,
     /// Factor of the frames of each laser.
     pub factors: Option<[f64; 2]>,
+}
+
+/// Sensitivity of each pixel, 1 where it is usual.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sensitivity {
+    pixels: Array2<f32>,
+    /// Pixels that are left as they are: they have less than a fifth of the usual sensitivity.
+    pub left: usize,
+}
+
+impl Sensitivity {
+    /// By an image of even light: its counts over their median. Refuses a saturated image, and one that is dark in half
+    /// of its pixels.
+    pub fn new(flat: &Array2<f32>) -> Result<Self, Refusal> {
+        let mut counts: Vec<f64> = flat.iter().map(|count| f64::from(*count)).collect();
+        let usual = median(&mut counts) as f32;
+        let found = || format!("half of its pixels have {usual} counts or less");
+        Refusal::unless(usual > 0.0, found, "wanted an image of even light on the sensor")?;
+        check_saturation(flat)?;
+        let is_seen = |count: f32| count > LEAST_SENSITIVITY * usual;
+        let left = flat.iter().filter(|count| !is_seen(**count)).count();
+        Ok(Self { pixels: flat.mapv(|count| if is_seen(count) { count / usual } else { 1.0 }), left })
+    }
 }
 
 /// A frame before and after.
@@ -31,20 +56,12 @@ pub struct Change {
 }
 
 impl Correction {
-    /// The sensitivity of pixels by an image of even light: its counts over their median. Pixels with less than a fifth
-    /// of that are left as they are, with a sensitivity of 1.
-    pub fn sensitivity(flat: &Array2<f32>) -> Array2<f32> {
-        let mut counts: Vec<f64> = flat.iter().map(|count| f64::from(*count)).collect();
-        let usual = median(&mut counts) as f32;
-        flat.mapv(|count| if count > LEAST_SENSITIVITY * usual { count / usual } else { 1.0 })
-    }
-
     /// Corrects a frame of laser 0 or 1: hot pixels first, then the sensitivity, then the light.
     pub fn apply(&self, frame: &mut Array2<f32>, laser: usize) -> Change {
         let before = Self::figures(frame);
         repair(frame, &self.hot);
         if let Some(sensitivity) = &self.sensitivity {
-            frame.zip_mut_with(sensitivity, |count, sensitivity| *count /= sensitivity);
+            frame.zip_mut_with(&sensitivity.pixels, |count, sensitivity| *count /= sensitivity);
         }
         if let Some(factors) = self.factors {
             frame.mapv_inplace(|count| count * factors[laser] as f32);
@@ -69,7 +86,7 @@ mod tests {
     fn an_image_of_even_light_makes_itself_even() {
         let flat = Array2::from_shape_fn((8, 8), |(y, x)| 100.0 + 10.0 * ((y + x) % 3) as f32);
         let mut frame = flat.mapv(|count| 0.5 * count);
-        let correction = Correction { sensitivity: Some(Correction::sensitivity(&flat)), ..Correction::default() };
+        let correction = Correction { sensitivity: Some(Sensitivity::new(&flat).unwrap()), ..Correction::default() };
         let change = correction.apply(&mut frame, 0);
         assert!(frame.iter().all(|count| (count - 55.0).abs() < 1e-4), "{frame}");
         assert!(change.noise[0] > 1.0 && change.noise[1] < 1e-3, "{change:?}");
@@ -79,7 +96,16 @@ mod tests {
     fn a_pixel_without_light_is_left_as_it_is() {
         let mut flat = Array2::from_elem((4, 4), 100.0);
         flat[(1, 1)] = 3.0;
-        assert_eq!(Correction::sensitivity(&flat)[(1, 1)], 1.0);
+        let sensitivity = Sensitivity::new(&flat).unwrap();
+        assert_eq!((sensitivity.pixels[(1, 1)], sensitivity.left), (1.0, 1));
+    }
+
+    #[test]
+    fn dark_and_saturated_images_tell_no_sensitivity() {
+        let half_dark = Array2::from_shape_fn((8, 8), |(_, x)| if x < 5 { 0.0 } else { 100.0 });
+        assert_eq!(Sensitivity::new(&half_dark).unwrap_err().found, "half of its pixels have 0 counts or less");
+        let saturated = Array2::from_shape_fn((60, 60), |(y, x)| ((y * 60 + x) as f32 % 400.0).min(300.0) + 700.0);
+        assert!(Sensitivity::new(&saturated).unwrap_err().found.starts_with("saturated: "));
     }
 
     #[test]

@@ -8,6 +8,8 @@ use rayon::prelude::*;
 const LEAST_FRAMES: usize = 5;
 /// Pixels from which the scatter is taken, at most.
 const SAMPLE: usize = 200_000;
+/// Neighbours of a pixel, at most.
+const NEIGHBOURS: usize = 8;
 /// Least height that counts, counts: whole numbers without noise have no scatter.
 const LEAST_COUNTS: f64 = 1.0;
 
@@ -63,8 +65,12 @@ fn around(frame: &Array2<f32>, (row, column): (usize, usize), counts: impl Fn((u
     let columns = column.saturating_sub(1)..(column + 2).min(width);
     let places = rows.flat_map(|row| columns.clone().map(move |column| (row, column)));
     let places = places.filter(|place| *place != (row, column) && counts(*place));
-    let mut values: Vec<f64> = places.map(|place| f64::from(frame[place])).collect();
-    (!values.is_empty()).then(|| median(&mut values) as f32)
+    let (mut values, mut count) = ([0.0; NEIGHBOURS], 0);
+    for place in places {
+        values[count] = f64::from(frame[place]);
+        count += 1;
+    }
+    (count > 0).then(|| median(&mut values[..count]) as f32)
 }
 
 /// Replaces hot pixels by the median of their neighbours that are not hot; without such neighbours by 0.

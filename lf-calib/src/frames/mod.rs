@@ -7,6 +7,6 @@ mod correction;
 mod hot;
 mod lasers;
 
-pub use correction::{Change, Correction};
+pub use correction::{Change, Correction, Sensitivity};
 pub use hot::HotPixels;
-pub use lasers::Lasers;
+pub use lasers::{Factor, Lasers};

@@ -42,7 +42,7 @@ pub(crate) fn other_size(image: &Array2<f32>, (height, width): (usize, usize)) -
 }
 
 /// Refuses too many clipped pixels if every count is a whole number: an image that was drawn may have flat tops.
-fn check_saturation(image: &Array2<f32>) -> Result<(), Refusal> {
+pub(crate) fn check_saturation(image: &Array2<f32>) -> Result<(), Refusal> {
     let clipped = clipped_share(image.view()).filter(|(_, share)| *share > MOST_SATURATED);
     match clipped {
         Some((level, share)) if image.iter().all(|value| value.fract() == 0.0) => Err(Refusal::new(

@@ -122,14 +122,29 @@ fn gigabytes_of(bytes: u64) -> f64 {
 fn machine_bytes() -> Option<u64> {
     let read = |file: &str| std::fs::read_to_string(file).ok();
     let own = read("/proc/self/cgroup").unwrap_or_default();
-    let own = own.lines().find_map(|line| line.strip_prefix("0::/")).unwrap_or_default();
-    let groups = [
-        format!("/sys/fs/cgroup/{own}/memory.max"),
-        "/sys/fs/cgroup/memory.max".to_owned(),
-        "/sys/fs/cgroup/memory/memory.limit_in_bytes".to_owned(),
-    ];
-    let limits = groups.iter().filter_map(|file| read(file)?.trim().parse().ok());
-    limits.chain(table_bytes("/proc/meminfo", "MemTotal:")).min()
+    group_bytes(&own, read).into_iter().chain(table_bytes("/proc/meminfo", "MemTotal:")).min()
+}
+
+/// The least limit of the control groups that a process is in, and of the groups around them, bytes: the limit of a job
+/// stands some levels above its processes. `own` is `/proc/self/cgroup`; `read` gives the text of a file.
+fn group_bytes(own: &str, read: impl Fn(&str) -> Option<String>) -> Option<u64> {
+    const ROOTS_OF_ALL: &str = "0::/\n0:memory:/";
+    let limit = |file: String| read(&file)?.trim().parse::<u64>().ok();
+    let limits = own.lines().chain(ROOTS_OF_ALL.lines()).filter_map(|line| {
+        let [_, kinds, group] = line.splitn(3, ':').collect::<Vec<_>>().try_into().ok()?;
+        let (roots, name): (&[&str], _) = match kinds {
+            "" => (&["/sys/fs/cgroup", "/sys/fs/cgroup/unified"], "memory.max"),
+            _ if kinds.split(',').any(|kind| kind == "memory") => (&["/sys/fs/cgroup/memory"], "memory.limit_in_bytes"),
+            _ => return None,
+        };
+        let around = Path::new(group).ancestors().map(|group| group.display().to_string());
+        let files = around.flat_map(|group| {
+            let group = group.trim_end_matches('/').to_owned();
+            roots.iter().map(move |root| format!("{root}{group}/{name}"))
+        });
+        files.filter_map(limit).min()
+    });
+    limits.min()
 }
 
 /// Peak resident memory of this process, bytes; None if the system does not tell.
@@ -160,6 +175,27 @@ mod tests {
         let usual = MemoryLimit { max_memory: None }.bytes();
         assert!((usual as f64 / machine as f64 - SHARE_OF_MACHINE).abs() < 1e-6);
         assert_eq!(MemoryLimit { max_memory: Some(0.5) }.bytes(), 500_000_000);
+    }
+
+    #[test]
+    fn the_limit_of_a_job_stands_above_its_processes() {
+        let limit = |own: &str, known: &[(&str, &str)]| {
+            group_bytes(own, |file| known.iter().find(|(name, _)| *name == file).map(|(_, text)| format!("{text}\n")))
+        };
+        let job = "/system.slice/slurmstepd.scope/job_7";
+        let own = format!("0::{job}/step_0/user/task_0");
+        let second = [
+            (format!("/sys/fs/cgroup{job}/step_0/memory.max"), "max"),
+            (format!("/sys/fs/cgroup{job}/memory.max"), "4000000000"),
+            ("/sys/fs/cgroup/memory.max".to_owned(), "9000000000"),
+        ];
+        let second = second.each_ref().map(|(file, text)| (file.as_str(), *text));
+        assert_eq!(limit(&own, &second), Some(4_000_000_000));
+        let first = [("/sys/fs/cgroup/memory/slurm/uid_1/job_7/memory.limit_in_bytes", "3000000000")];
+        let own = "5:cpu,cpuacct:/slurm\n4:hugetlb,memory:/slurm/uid_1/job_7/step_0\n0::/\n";
+        assert_eq!(limit(own, &first), Some(3_000_000_000));
+        assert_eq!(limit("", &[("/sys/fs/cgroup/memory/memory.limit_in_bytes", "2000000000")]), Some(2_000_000_000));
+        assert_eq!(limit("4:memory\n\n", &[]), None);
     }
 
     #[test]

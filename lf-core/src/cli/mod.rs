@@ -1,4 +1,4 @@
-//! Shared by the command lines of the six tools: exit codes, errors, progress, `--stats`, `--threads`, `--preset`,
+//! Shared by the command lines of the tools: exit codes, errors, progress, `--stats`, `--threads`, `--preset`,
 //! `--max-memory`.
 //!
 //! In: a tool's `clap` arguments and its body. Out: an exit code, and one line on standard error for every failure.

@@ -46,8 +46,8 @@ pub fn run<A: clap::Parser>(
         Err(error) => return answer(tool, &error, &A::command(), &words),
     };
     let common = common(&arguments);
-    if let Err((name, found)) = start_threads(common.threads) {
-        return usage(tool, &format!("{name}: {found}; wanted at most {MOST_THREADS}"));
+    if let Err(message) = start_threads(common.threads) {
+        return usage(tool, &message);
     }
     let mut session = Session::new(step::<A>(tool, &words), common);
     report(tool, || {
@@ -62,7 +62,7 @@ pub fn run<A: clap::Parser>(
 
 /// Starts the workers: as many as asked for, or for 0 as many as a variable of the environment or the machine says. The
 /// error names the number that is too large.
-fn start_threads(typed: usize) -> std::result::Result<(), (&'static str, String)> {
+fn start_threads(typed: usize) -> std::result::Result<(), String> {
     let variable = std::env::var(THREADS_VARIABLE).ok().and_then(|value| value.parse::<u64>().ok());
     let (name, count) = match (typed, variable) {
         (0, Some(count)) => (THREADS_VARIABLE, count),
@@ -70,10 +70,10 @@ fn start_threads(typed: usize) -> std::result::Result<(), (&'static str, String)
         (typed, _) => ("--threads", typed as u64),
     };
     if count > MOST_THREADS as u64 {
-        return Err((name, count.to_string()));
+        return Err(format!("{name}: {count}; wanted at most {MOST_THREADS}"));
     }
     let built = rayon::ThreadPoolBuilder::new().num_threads(typed).build_global();
-    built.map_err(|error| (name, error.to_string()))
+    built.map_err(|error| format!("{name}: {error}; wanted threads that the system can start"))
 }
 
 fn step<A: clap::Parser>(tool: &str, words: &[OsString]) -> Step {

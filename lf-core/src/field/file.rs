@@ -13,6 +13,14 @@ use std::path::Path;
 /// The attribute that holds the layout.
 const LAYOUT: &str = "lf:field";
 
+impl VectorGrid {
+    /// Reads the layout of an EXR field and no vector.
+    pub fn open(path: &Path) -> Result<Self> {
+        let bytes = io::open(path)?;
+        guarded(|| head(&bytes)).map(|(_, layout)| layout).map_err(|refusal| refusal.about(io::name(path)))
+    }
+}
+
 impl Field {
     /// Reads an EXR field; `-` is standard input.
     pub fn open(path: &Path) -> Result<Self> {
@@ -63,14 +71,16 @@ impl Field {
     fn to_exr(&self, more: &[Array]) -> std::result::Result<Vec<u8>, Refusal> {
         let [nx, ny, nz] = self.layout.shape;
         let names = CHANNELS.into_iter().map(|(name, _)| name);
-        let more: Vec<(String, Vec<f32>)> = more.iter().flat_map(Array::parts).collect();
-        let more = more.iter().map(|(name, values)| (name.as_str(), values.clone()));
+        let (more_names, more): (Vec<String>, Vec<Vec<f32>>) = more.iter().flat_map(Array::parts).unzip();
+        let more = more_names.iter().map(String::as_str).zip(more);
+        // The library wants values of its own.
         let channels = names.zip(self.components().map(<[f32]>::to_vec)).chain(more).collect();
         exr::write(nx, ny * nz, channels, Some((LAYOUT, self.layout.to_json())))
     }
 }
 
-fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
+/// The header of an EXR field and its layout, which fit each other.
+fn head(bytes: &[u8]) -> std::result::Result<(exr::Header, VectorGrid), Refusal> {
     const WANTED: &str = "wanted a vector field in EXR";
     let found = || if bytes.is_empty() { "empty" } else { "not an EXR by its first bytes" };
     Refusal::unless(Signature::of(bytes) == Some(Signature::Exr), found, WANTED)?;
@@ -88,6 +98,11 @@ fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
     let found = || format!("{} x {} pixels for a shape of {nx} x {ny} x {nz}", header.width, header.height);
     let fits = (header.width, Some(header.height)) == (nx, ny.checked_mul(nz));
     Refusal::unless(fits, found, "wanted nx x (ny nz) pixels")?;
+    Ok((header, layout))
+}
+
+fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
+    let (header, layout) = head(bytes)?;
     let [u, v, w, peak, ratio, su, sv, sw, flag, count] = if header.channels.iter().any(|name| name == COUNT) {
         exr::read(bytes, header, CHANNELS.map(|(name, _)| name))?
     } else {

@@ -16,6 +16,12 @@ const DEPTH: usize = 24;
 const KIND: usize = 25;
 const GREY: u8 = 0;
 
+/// Width and height.
+pub(super) fn size(bytes: &[u8]) -> Result<[usize; 2], Refusal> {
+    let (width, height) = PngDecoder::new(Cursor::new(bytes)).map_err(damaged)?.dimensions();
+    Ok([width as usize, height as usize])
+}
+
 pub(super) fn read(bytes: &[u8], channel: Option<Channel>) -> Result<Array2<f32>, Refusal> {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(RATIO * bytes.len() as u64 + CHUNKS);

@@ -2,7 +2,7 @@
 
 use super::channel::Channel;
 use super::decode::{Image, counts, guarded};
-use super::{light_field, png, tiff};
+use super::{exr, light_field, png, tiff};
 use crate::io::{self, Bytes, Signature};
 use crate::{Error, Refusal, Result, history::History};
 use std::path::Path;
@@ -79,6 +79,12 @@ impl Stack {
         image.map_err(|refusal| refusal.about(self.name(number)))
     }
 
+    /// Width and height of image `number`, from 0, by its header; nothing is decoded. Panics if there is no such image.
+    pub fn size_px(&self, number: usize) -> Result<[usize; 2]> {
+        let size = guarded(|| size(&self.bytes, self.pages[number]));
+        size.map_err(|refusal| refusal.about(self.name(number)))
+    }
+
     /// Size and samples of every page of a TIFF in words, or why it cannot be read; nothing is decoded. Empty for other
     /// formats.
     pub fn about(&self) -> Vec<String> {
@@ -102,13 +108,51 @@ pub(super) fn pages(bytes: &[u8]) -> std::result::Result<Vec<usize>, Refusal> {
     if Signature::of(bytes) == Some(Signature::Tiff) { tiff::pages(bytes) } else { Ok(vec![0]) }
 }
 
+/// Width and height of the image at one of the places that [`pages`] gives.
+fn size(bytes: &[u8], page: usize) -> std::result::Result<[usize; 2], Refusal> {
+    match Signature::of(bytes) {
+        Some(Signature::Exr) => exr::Header::read(bytes).map(|header| [header.width, header.height]),
+        Some(Signature::Tiff) => tiff::size(bytes, page),
+        Some(Signature::Png) => png::size(bytes),
+        _ => Err(no_image(bytes)),
+    }
+}
+
+fn no_image(bytes: &[u8]) -> Refusal {
+    match bytes {
+        [] => Refusal::new("empty", "wanted an EXR, TIFF or PNG image"),
+        _ => Refusal::new("not an image by its first bytes", "wanted EXR, TIFF or PNG"),
+    }
+}
+
 /// Decodes the image at one of the places that [`pages`] gives. The first bytes tell the format.
 pub(super) fn decode(bytes: &[u8], page: usize, channel: Option<Channel>) -> std::result::Result<Image, Refusal> {
     match Signature::of(bytes) {
         Some(Signature::Exr) => light_field::read(bytes, channel),
         Some(Signature::Tiff) => tiff::page(bytes, page, channel),
         Some(Signature::Png) => png::read(bytes, channel).map(|pixels| Image { pixels, history: History::new() }),
-        _ if bytes.is_empty() => Err(Refusal::new("empty", "wanted an EXR, TIFF or PNG image")),
-        _ => Err(Refusal::new("not an image by its first bytes", "wanted EXR, TIFF or PNG")),
+        _ => Err(no_image(bytes)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{picture, tiff};
+    use ndarray::Array2;
+
+    #[test]
+    fn the_header_tells_the_size_that_the_pixels_have() {
+        let pixels = Array2::from_elem((3, 5), 7.0);
+        let files =
+            [light_field::write(&pixels, None), tiff::write(&pixels, None), picture(&Array2::from_elem((3, 5), 7))];
+        for bytes in files {
+            let stack = Stack::from_bytes(Bytes::from(bytes.unwrap()), "file").unwrap();
+            assert_eq!(stack.size_px(0).unwrap(), [5, 3]);
+            assert_eq!(stack.decode(0, None).unwrap().pixels.dim(), (3, 5));
+        }
+        let text = Stack::from_bytes(Bytes::from(b"text".to_vec()), "text").unwrap();
+        let refusals = [text.size_px(0).err(), text.decode(0, None).err()].map(|error| error.unwrap().to_string());
+        assert_eq!(refusals[0], refusals[1]);
     }
 }

@@ -29,14 +29,19 @@ fn paint(pixmap: &mut Pixmap, shape: &Shape) {
     match shape.paint {
         Paint::Fill => {
             // Neighbouring cells of a map must not show seams.
-            paint.anti_alias = shape.outline.len() != 5;
+            paint.anti_alias = !is_upright_rectangle(&shape.outline);
             pixmap.fill_path(&path, &paint, FillRule::Winding, finer, None);
         }
         Paint::Stroke(width) => {
-            // The middle of a line of odd width lies in the middle of pixels, as browsers draw it.
             pixmap.stroke_path(&path, &paint, &Stroke { width, ..Stroke::default() }, finer, None);
         }
     }
+}
+
+/// Whether an outline is a rectangle with sides along x and y.
+fn is_upright_rectangle(outline: &[Piece]) -> bool {
+    let [Piece::Move(a), Piece::Line(b), Piece::Line(c), Piece::Line(d), Piece::Close] = outline else { return false };
+    [(a, b), (b, c), (c, d), (d, a)].into_iter().all(|(from, to)| from[0] == to[0] || from[1] == to[1])
 }
 
 fn path(outline: &[Piece]) -> Option<Path> {
@@ -50,4 +55,24 @@ fn path(outline: &[Piece]) -> Option<Path> {
         }
     }
     path.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn colours(corners: [[f32; 2]; 4]) -> usize {
+        let [first, rest @ ..] = corners;
+        let lines = rest.map(Piece::Line);
+        let outline = [Piece::Move(first)].into_iter().chain(lines).chain([Piece::Close]).collect();
+        let mut pixmap = Pixmap::new(40, 40).unwrap();
+        paint(&mut pixmap, &Shape { outline, paint: Paint::Fill, colour: [0, 0, 0], opacity: 1.0 });
+        pixmap.pixels().iter().map(|pixel| pixel.alpha()).collect::<std::collections::BTreeSet<_>>().len()
+    }
+
+    #[test]
+    fn only_upright_rectangles_have_hard_edges() {
+        assert_eq!(colours([[2.3, 2.3], [9.7, 2.3], [9.7, 8.2], [2.3, 8.2]]), 2);
+        assert!(colours([[2.0, 9.0], [9.0, 2.0], [16.0, 9.0], [9.0, 16.0]]) > 2);
+    }
 }

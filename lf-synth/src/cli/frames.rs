@@ -26,7 +26,12 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
     let file_of_truth = |n| format!("truth-{n:04}.lfv");
     let files = (0..times.len()).flat_map(|n| [file_of_frame(n), file_of_truth(n)]);
     let names = files.chain(["flow.exr", "particles.csv", "camera.json", LAST_FILE].map(String::from));
-    let is_written = |name: &String| truth.is_some() || !(name.starts_with("truth-") || name == "flow.exr");
+    // A table of tracks has no field of displacements.
+    let has_flow = truth.is_some() && scene.flow.as_ref().and_then(Flows::tracks).is_none();
+    let is_written = |name: &String| match name.as_str() {
+        "flow.exr" => has_flow,
+        name => truth.is_some() || !name.starts_with("truth-"),
+    };
     let names: Vec<String> = names.filter(is_written).collect();
     names.iter().try_for_each(|name| setup.keep_apart(&folder.join(name), session))?;
     let seeded = scene.particle_count(camera) * size_of::<Particle>() as f64;

@@ -6,6 +6,7 @@ use lf_core::field::{self, Cut};
 use lf_core::{Error, Field, Result, Session, Verdict, cli::MemoryLimit, io, plot};
 use lf_validate::pictures;
 use lf_validate::scores::ensemble::{ConvergenceLog, Ensemble, EnsembleSums};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Mean, fluctuations and vorticity of many fields of one flow
@@ -72,8 +73,8 @@ pub struct Arguments {
 /// Averages fields, read one after another, and writes the statistics.
 pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
-    check_outputs(arguments, &inputs, session)?;
     arguments.more.check(&inputs)?;
+    check_outputs(arguments, &inputs, session)?;
     let cut = arguments.slice.unwrap_or_default();
     let refused = |refusal: lf_core::Refusal| refusal.about("--slice");
     let progress = session.progress("fields", inputs.len() as u64);
@@ -105,10 +106,14 @@ pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session)
     let layer = plot::layer(&found.mean, cut).map_err(refused)?;
     // A picture that is refused leaves no file behind.
     let picture = arguments.picture.drawn(session, || pictures::ensemble(&found, cut.axis, layer))?;
-    session.phase("write", |_| arguments.output.iter().try_for_each(|path| save(&found, path)))?;
-    arguments.picture.save(&picture)?;
-    let told =
+    // The second look at the fields may fail as well.
+    let (told, parts) =
         session.phase("more", |session| arguments.more.told(&inputs, &found, log, phases, arguments.least, session))?;
+    session.phase("write", |_| {
+        arguments.output.iter().try_for_each(|path| save(&found, path))?;
+        arguments.more.save(parts, &found)
+    })?;
+    arguments.picture.save(&picture)?;
     print(&told)?;
     Ok(Verdict::Done)
 }
@@ -116,17 +121,33 @@ pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session)
 /// Refuses outputs that are inputs, that are named twice, or that cannot be written.
 fn check_outputs(arguments: &Arguments, inputs: &[&Path], session: &Session) -> Result<()> {
     arguments.picture.check(&arguments.fields, session)?;
-    for (n, output) in arguments.output.iter().enumerate() {
+    for output in &arguments.output {
         if io::is_standard(output) {
             return Err(Error::new("--output", "-", "wanted a file: the summary goes to standard output"));
-        }
-        if arguments.output[..n].contains(output) {
-            return Err(Error::new(io::output_name(output), "is asked for twice", "wanted another name for each"));
         }
         session.keep_apart(output, inputs)?;
         io::check_place(output)?;
     }
+    let parts = arguments.more.files(inputs.len());
+    for part in &parts {
+        // A file that does not exist is no input.
+        session.keep_apart(part, if part.exists() { inputs } else { &[] })?;
+    }
+    let picture = arguments.picture.file();
+    let mut known = BTreeSet::new();
+    for output in arguments.output.iter().chain(&parts).map(PathBuf::as_path).chain(picture) {
+        if !known.insert(place(output)) {
+            return Err(Error::new(io::output_name(output), "is asked for twice", "wanted another name for each"));
+        }
+    }
     Ok(())
+}
+
+/// The same path for all names of a file that may not exist yet.
+fn place(path: &Path) -> PathBuf {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = parent.canonicalize().or_else(|_| std::path::absolute(parent)).unwrap_or_else(|_| parent.to_owned());
+    folder.join(path.file_name().unwrap_or_default())
 }
 
 fn save(found: &Ensemble, path: &Path) -> Result<()> {

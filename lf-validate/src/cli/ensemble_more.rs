@@ -26,6 +26,9 @@ pub struct Options {
     parts: Option<PathBuf>,
 }
 
+/// Fields for the folder of parts, with their names in it.
+pub type Parts = Vec<(String, Field)>;
+
 /// All that is printed.
 #[derive(Serialize)]
 pub struct Told {
@@ -54,14 +57,29 @@ impl Options {
                 return Err(Error::new(option, "one field, which has no fluctuations", "wanted two or more"));
             }
         }
-        let Some(folder) = &self.parts else { return Ok(()) };
-        if self.phases.is_none() && self.modes.is_none() {
-            return Err(Error::new("--parts", "changes nothing", "wanted --phases or --modes with it"));
+        if let Some(folder) = &self.parts {
+            if self.phases.is_none() && self.modes.is_none() {
+                return Err(Error::new("--parts", "changes nothing", "wanted --phases or --modes with it"));
+            }
+            if folder.exists() && !folder.is_dir() {
+                return Err(Error::new(io::output_name(folder), "is a file", "wanted a folder"));
+            }
         }
-        if folder.exists() && !folder.is_dir() {
-            return Err(Error::new(io::output_name(folder), "is a file", "wanted a folder"));
+        match self.phases {
+            Some(phases) if phases as usize > inputs.len() => {
+                let found = format!("{phases} phases of {} fields", inputs.len());
+                Err(Error::new("--phases", found, "wanted a field or more for each phase"))
+            }
+            _ => Ok(()),
         }
-        Ok(())
+    }
+
+    /// Files that the parts of so many fields are written to.
+    pub fn files(&self, fields: usize) -> Vec<PathBuf> {
+        let Some(folder) = &self.parts else { return Vec::new() };
+        let phases = (0..self.phases.unwrap_or(0) as usize).map(phase_name);
+        let modes = (0..fields.min(self.modes.unwrap_or(0) as usize)).map(mode_name);
+        phases.chain(modes).map(|name| folder.join(name)).collect()
     }
 
     /// Most bytes that the statistics take for so many fields.
@@ -76,7 +94,7 @@ impl Options {
         self.phases.map(|phases| PhaseSums::new(layout, phases as usize))
     }
 
-    /// All numbers. Writes the parts.
+    /// All numbers, and the parts to write.
     pub fn told(
         &self,
         inputs: &[&Path],
@@ -85,7 +103,7 @@ impl Options {
         phases: Option<PhaseSums>,
         least: u32,
         session: &mut Session,
-    ) -> Result<Told> {
+    ) -> Result<(Told, Parts)> {
         let phases = phases.map(|sums| sums.finish(least, found));
         let axis = self.along.as_ref().and_then(|axis| ["x", "y", "z"].iter().position(|name| name == axis));
         let mut lines = axis.map(|axis| LineSums::new(&found.mean.layout, axis));
@@ -101,29 +119,37 @@ impl Options {
             }
         }
         let modes = modes.map(|sums| sums.finish(&found.mean, self.modes.unwrap_or_default() as usize));
-        if let Some(folder) = &self.parts {
-            let means = phases.iter().flat_map(|(phases, _)| phases).map(|phase| &phase.mean);
-            save(folder, "phase", means, found)?;
-            save(folder, "mode", modes.iter().flat_map(|(_, fields)| fields), found)?;
-        }
-        Ok(Told {
+        let (phases, phase_summary) = phases.unzip();
+        let (mode_statistics, modes) = modes.unzip();
+        let means = phases.into_iter().flatten().enumerate().map(|(n, phase)| (phase_name(n), phase.mean));
+        let modes = modes.into_iter().flatten().enumerate().map(|(n, mode)| (mode_name(n), mode));
+        let told = Told {
             summary: found.summary(),
             convergence: log.finish(found),
             fields_for_1_percent: enough(found),
-            phases: phases.map(|(_, summary)| summary),
+            phases: phase_summary,
             lines: lines.map(LineSums::finish),
-            modes: modes.map(|(statistics, _)| statistics),
-        })
+            modes: mode_statistics,
+        };
+        Ok((told, means.chain(modes).collect()))
+    }
+
+    /// Writes the parts into their folder, with the history of the mean.
+    pub fn save(&self, parts: Parts, found: &Ensemble) -> Result<()> {
+        let Some(folder) = &self.parts else { return Ok(()) };
+        fs::create_dir_all(folder).map_err(|error| io::writing(&io::output_name(folder), &error))?;
+        for (name, mut field) in parts {
+            field.layout.history = found.mean.layout.history.clone();
+            field.save(&folder.join(name))?;
+        }
+        Ok(())
     }
 }
 
-/// Writes fields into a folder, with the history of the mean.
-fn save<'a>(folder: &Path, name: &str, fields: impl Iterator<Item = &'a Field>, found: &Ensemble) -> Result<()> {
-    fs::create_dir_all(folder).map_err(|error| io::writing(&io::output_name(folder), &error))?;
-    for (n, field) in fields.enumerate() {
-        let mut field = field.clone();
-        field.layout.history = found.mean.layout.history.clone();
-        field.save(&folder.join(format!("{name}-{n:02}.exr")))?;
-    }
-    Ok(())
+fn phase_name(n: usize) -> String {
+    format!("phase-{n:02}.exr")
+}
+
+fn mode_name(n: usize) -> String {
+    format!("mode-{n:02}.exr")
 }

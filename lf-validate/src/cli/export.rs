@@ -1,7 +1,7 @@
 //! `export`: volumes, fields and particles for other programs.
 
-use lf_core::cli::numbers;
-use lf_core::field::{Cut, Time, save_series};
+use lf_core::cli::{MemoryLimit, numbers};
+use lf_core::field::{Cut, Time, VectorGrid, save_series};
 use lf_core::plot::{self, FieldPicture, Scalar};
 use lf_core::volume::together;
 use lf_core::{Error, Field, JoinedVolume, Refusal, Result, Session, Verdict, io, particles, picture};
@@ -34,9 +34,9 @@ pub struct Arguments {
     /// Where the result goes
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Volumes: the column to write, such as `score` of a support
-    #[arg(long, value_name = "NAME", default_value = "intensity")]
-    column: String,
+    /// Volumes: the column to write, such as `score` of a support [default: intensity]
+    #[arg(long, value_name = "NAME")]
+    column: Option<String>,
     /// Volumes: only voxels between these depths, mm
     #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true)]
     slab: Option<[f64; 2]>,
@@ -47,7 +47,7 @@ pub struct Arguments {
     /// .tif: 32 stores values as they are, 16 as whole numbers, the largest as 65535
     #[arg(long, value_name = "16|32", value_parser = ["16", "32"])]
     bits: Option<String>,
-    /// Fields: seconds from one field to the next; otherwise fields are numbered
+    /// .nc and .vti.series: seconds from one field to the next; otherwise fields are numbered
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     every: Option<f64>,
     /// Pictures: the axis across the layer and its place in mm, as in z=0.5. Without a place, the layer that shows most
@@ -71,7 +71,7 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Writes a file for other programs.
-pub fn write(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn write(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&Path> = arguments.files.iter().map(PathBuf::as_path).collect();
     session.keep_apart(&arguments.output, &files)?;
     io::check_place(&arguments.output)?;
@@ -82,7 +82,7 @@ pub fn write(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let kind = FileKind::of(&io::open(files[0])?).map_err(|refusal| refusal.about(&name))?;
     refuse_ignored(kind, arguments)?;
     match kind {
-        FileKind::Volume => volume(arguments, &files, session),
+        FileKind::Volume => volume(arguments, &files, limit, session),
         FileKind::Field => fields(arguments, &files, session),
         FileKind::Particles => table(arguments, &files, session),
         _ => Err(Error::new(name, "another kind of file", "wanted a volume, a field or particles")),
@@ -93,7 +93,9 @@ pub fn write(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 /// Refuses options that would change nothing.
 fn refuse_ignored(kind: FileKind, arguments: &Arguments) -> Result<()> {
     let is_volume = kind == FileKind::Volume;
+    let is_series = kind == FileKind::Field && ["nc", "series"].contains(&extension(&arguments.output).as_str());
     let ignored = [
+        ("--column", arguments.column.is_some() && !is_volume, "a volume"),
         ("--slab", arguments.slab.is_some() && !is_volume, "a volume"),
         ("--box", arguments.part.is_some() && !is_volume, "a volume"),
         (
@@ -101,7 +103,7 @@ fn refuse_ignored(kind: FileKind, arguments: &Arguments) -> Result<()> {
             arguments.bits.is_some() && !(is_volume && extension(&arguments.output).starts_with("tif")),
             "a .tif",
         ),
-        ("--every", arguments.every.is_some() && kind != FileKind::Field, "fields"),
+        ("--every", arguments.every.is_some() && !is_series, "fields in a .nc or a .vti.series"),
         ("--dt", arguments.dt.is_some() && kind != FileKind::Particles, "particles"),
     ];
     let is_picture = kind == FileKind::Field && ["svg", "png", "pdf"].contains(&extension(&arguments.output).as_str());
@@ -128,9 +130,9 @@ fn unknown(output: &Path, wanted: &str) -> Error {
     Error::new(io::output_name(output), found, format!("wanted {wanted}"))
 }
 
-fn volume(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+fn volume(arguments: &Arguments, files: &[&Path], limit: MemoryLimit, session: &mut Session) -> Result<()> {
     const WANTED: &str = "the name of a .vti, .tif, .npz or .csv for a volume";
-    let (output, column) = (&arguments.output, arguments.column.as_str());
+    let (output, column) = (&arguments.output, arguments.column.as_deref().unwrap_or("intensity"));
     let end = extension(output);
     if !["vti", "tif", "tiff", "npz", "csv"].contains(&end.as_str()) {
         return Err(unknown(output, WANTED));
@@ -145,6 +147,8 @@ fn volume(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
     let part = Cutout::new(&whole, arguments.part.unwrap_or([low, high, low, high, z0, z1]));
     let part = part.map_err(|refusal| refusal.about(whole.name()))?;
     session.count("voxels", part.grid().len());
+    let bytes = if end == "csv" { 0.0 } else { part.bytes() };
+    session.allow_memory(limit, bytes, whole.name(), || format!("slices of a {}", part.grid()))?;
     session.phase("write", |session| match end.as_str() {
         "vti" => io::save(output, |out| export::write_vti(&part, column, out)),
         "npz" => io::save(output, |out| export::write_npz(&part, column, out)),
@@ -212,12 +216,19 @@ fn series(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
     let Some(stem) = name.strip_suffix(".vti.series") else {
         return Err(unknown(output, "NAME.vti.series, a list of .vti"));
     };
-    let mut list = Vec::new();
-    for (n, file) in files.iter().enumerate() {
-        let name = format!("{stem}-{n:04}.vti");
-        let place = output.with_file_name(&name);
+    let names: Vec<String> = (0..files.len()).map(|n| format!("{stem}-{n:04}.vti")).collect();
+    // Refusals come before the first file is written. A pipe can be read only once.
+    for (name, file) in names.iter().zip(files) {
+        let place = output.with_file_name(name);
         session.keep_apart(&place, files)?;
-        Field::open(file)?.save(&place)?;
+        io::check_place(&place)?;
+        if file.is_file() {
+            VectorGrid::open(file)?;
+        }
+    }
+    let mut list = Vec::new();
+    for (n, (name, file)) in names.iter().zip(files).enumerate() {
+        Field::open(file)?.save(&output.with_file_name(name))?;
         list.push(serde_json::json!({"name": name, "time": arguments.every.unwrap_or(1.0) * n as f64}));
     }
     session.count("fields", files.len());

@@ -18,6 +18,11 @@ pub struct Picture {
 }
 
 impl Picture {
+    /// The file of the picture.
+    pub fn file(&self) -> Option<&Path> {
+        self.plot.as_deref()
+    }
+
     /// Refuses standard input named twice, and any output that is also an input: standard output, `--stats` or the
     /// picture. Refuses a picture on standard output, which is the score's.
     pub fn check<'a>(&self, inputs: impl IntoIterator<Item = &'a PathBuf>, session: &Session) -> Result<()> {

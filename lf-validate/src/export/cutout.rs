@@ -4,6 +4,11 @@ use lf_core::{Grid, History, JoinedVolume, Refusal};
 use std::io::Result;
 use std::ops::Range;
 
+/// Bytes of a voxel of a slice: its value, and the same as a file holds it.
+const SLICE_BYTES: f64 = 8.0;
+/// Bytes of a slice in the head of a stack, or of a place in an axis.
+const PLANE_BYTES: f64 = 300.0;
+
 /// Tolerance in voxels; millimetres are rarely whole in binary.
 const TOLERANCE_VOX: f64 = 1e-6;
 
@@ -52,6 +57,12 @@ impl<'a> Cutout<'a> {
         self.grid.shape[0] * self.grid.shape[1]
     }
 
+    /// Most bytes that writing the part slice by slice takes.
+    pub fn bytes(&self) -> f64 {
+        let [nx, ny, nz] = self.grid.shape.map(|n| n as f64);
+        SLICE_BYTES * nx * ny + PLANE_BYTES * nx.max(ny).max(nz)
+    }
+
     /// The largest value, 0 without any above.
     pub fn largest(&self) -> f32 {
         let mut largest = 0f32;
@@ -67,7 +78,9 @@ impl<'a> Cutout<'a> {
         let (whole, indices, values) = (self.volume.grid(), self.volume.indices(), self.volume.values());
         let [columns, rows, planes] = &self.voxels;
         let mut next = 0;
-        for plane in planes.clone() {
+        let mut plane = planes.start;
+        // Planes without a stored voxel are not visited: there may be 2^40 of them.
+        while planes.contains(&plane) {
             let first = whole.index([columns.start, rows.start, plane]);
             let last = whole.index([columns.end - 1, rows.end - 1, plane]);
             next += indices[next..].partition_point(|index| *index < first);
@@ -78,6 +91,8 @@ impl<'a> Cutout<'a> {
                 }
                 next += 1;
             }
+            let Some(index) = indices.get(next) else { break };
+            plane = whole.voxel(*index)[2].max(plane + 1);
         }
         Ok(())
     }

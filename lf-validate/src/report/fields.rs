@@ -5,7 +5,7 @@ use super::html::Section;
 use super::motion::Motion;
 use super::packed::{PackedField, bytes};
 use super::source::Source;
-use lf_core::Field;
+use lf_core::{Field, Refusal};
 
 /// Bytes of the page that fields may take, and the least number of fields that are read for statistics.
 const MOST_BYTES: usize = 3_600_000;
@@ -18,7 +18,7 @@ const VIEW: &str = include_str!("page/view.html");
 
 /// The parts of the page that come from the fields.
 pub(super) struct Found {
-    pub view: Section,
+    pub view: Option<Section>,
     pub statistics: Section,
     /// Lines of the summary at the top.
     pub summary: Vec<(String, String)>,
@@ -35,8 +35,9 @@ pub(super) fn sections(
 ) -> Option<Found> {
     let mut view = View { choices: Vec::new(), bytes: 0, is_full: false };
     let many = mean.filter(|_| files.len() > 1 || files.is_empty());
-    if let Some(field) = many.and_then(|file| open(source, file, notes)) {
-        view.add("mean of all fields".into(), &field);
+    if let Some((file, field)) = many.and_then(|file| Some((file, open(source, file, notes)?))) {
+        view.add("mean of all fields".into(), &field)
+            .unwrap_or_else(|refusal| notes.push(refusal.about(file).to_string()));
     }
     let mut motion: Option<Motion> = None;
     let mut history = Vec::new();
@@ -44,15 +45,21 @@ pub(super) fn sections(
     let mut only = None;
     for file in &chosen {
         let Some(field) = open(source, file, notes) else { continue };
-        view.add((*file).to_owned(), &field);
+        view.add((*file).to_owned(), &field).unwrap_or_else(|refusal| notes.push(refusal.about(*file).to_string()));
         history = lf_core::history::lines(&field.layout.history);
+        let what = format!("statistics of {} vectors", field.len());
+        if let Err(error) = source.allow(Motion::bytes(&field), file, &what) {
+            notes.push(error.to_string());
+            continue;
+        }
         let motion = motion.get_or_insert_with(|| Motion::new(&field));
-        if !motion.add(&field) {
-            notes.push(format!("{file} has another number of vectors than the first; statistics leave it out"));
+        if let Err(refusal) = motion.add(&field) {
+            notes.push(format!("{}; statistics leave it out", refusal.about(*file)));
+            continue;
         }
         only = Some(field.layout.clone());
     }
-    let (Some(motion), Some(layout)) = (motion, only) else { return view.section().map(Found::of_mean) };
+    let (Some(motion), Some(layout)) = (motion, only) else { return Some(Found::of_view(view.section()?)) };
     let mut statistics = Section::new("statistics", "Statistics");
     let [measured, replaced, no_data] = motion.kinds;
     let total = (measured + replaced + no_data).max(1) as f64;
@@ -90,13 +97,13 @@ pub(super) fn sections(
         ),
         ("time between volumes".to_owned(), layout.dt_s.map_or("not known".into(), |dt_s| format!("{dt_s} s"))),
     ];
-    Some(Found { view: view.section()?, statistics, summary, history })
+    Some(Found { view: view.section(), statistics, summary, history })
 }
 
 impl Found {
-    fn of_mean(view: Section) -> Self {
+    fn of_view(view: Section) -> Self {
         let statistics = Section::new("statistics", "Statistics");
-        Self { view, statistics, summary: Vec::new(), history: Vec::new() }
+        Self { view: Some(view), statistics, summary: Vec::new(), history: Vec::new() }
     }
 }
 
@@ -112,23 +119,24 @@ struct View {
 }
 
 impl View {
-    /// Adds a field if there is room; the first is thinned until it fits.
-    fn add(&mut self, name: String, field: &Field) {
+    /// Adds a field if there is room; the first is thinned until it fits. Refuses layers that are too many even with one
+    /// vector each.
+    fn add(&mut self, name: String, field: &Field) -> Result<(), Refusal> {
         let is_first = self.choices.is_empty();
-        if self.choices.len() == MOST_CHOICES || !is_first && self.bytes + bytes(field) > MOST_BYTES {
+        if self.choices.len() == MOST_CHOICES || !is_first && self.bytes + bytes(field.len()) > MOST_BYTES {
             self.is_full = true;
-            return;
+            return Ok(());
         }
-        let mut thin = None;
-        let mut stride = 1;
-        while thin.as_ref().map_or(bytes(field), bytes) > MOST_BYTES {
-            stride += 1;
-            thin = Some(thinned(field, stride));
-        }
-        let name = if stride > 1 { format!("{name}, every {stride}th vector along x and y") } else { name };
+        let [nx, ny, nz] = field.layout.shape;
+        let fits = |stride: &usize| bytes(nx.div_ceil(*stride) * ny.div_ceil(*stride) * nz) <= MOST_BYTES;
+        let found = || format!("{nz} layers, too many for the page");
+        let stride = (1..=nx.max(ny)).find(fits).ok_or_else(|| Refusal::new(found(), "wanted fewer to show them"))?;
+        let thin = (stride > 1).then(|| thinned(field, stride));
+        let name = if stride > 1 { format!("{name}, one of {stride} vectors along x and y") } else { name };
         let shown = thin.as_ref().unwrap_or(field);
-        self.bytes += bytes(shown);
+        self.bytes += bytes(shown.len());
         self.choices.push(PackedField::new(name, shown));
+        Ok(())
     }
 
     fn section(self) -> Option<Section> {
@@ -171,6 +179,15 @@ fn thinned(field: &Field, stride: usize) -> Field {
 mod tests {
     use super::*;
     use crate::scores::fixtures;
+
+    #[test]
+    fn layers_that_never_fit_are_refused_and_others_are_thinned() {
+        let mut view = View { choices: Vec::new(), bytes: 0, is_full: false };
+        let refusal = view.add("deep".into(), &fixtures::field([2, 2, 300_000], |_| [0.0; 3])).unwrap_err();
+        assert_eq!(refusal.found, "300000 layers, too many for the page");
+        view.add("thin".into(), &fixtures::field([3, 3, 100_000], |_| [0.0; 3])).unwrap();
+        assert_eq!(view.choices[0].name(), "thin, one of 3 vectors along x and y");
+    }
 
     #[test]
     fn a_thinned_field_keeps_every_second_vector_in_place() {

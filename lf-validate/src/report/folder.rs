@@ -55,10 +55,15 @@ fn treated(fields: Vec<String>, flows: Vec<String>) -> Vec<String> {
     all.into_values().collect()
 }
 
-/// At most `most` files, evenly spread over the list.
-pub(super) fn spread(files: &[String], most: usize) -> Vec<&str> {
-    let count = files.len().min(most);
-    (0..count).map(|n| files[n * files.len() / count].as_str()).collect()
+/// The files of a folder that a page must not replace: all but pages.
+pub fn inputs(names: &BTreeSet<String>) -> impl Iterator<Item = &String> {
+    names.iter().filter(|name| ![".html", ".htm"].iter().any(|ending| name.ends_with(ending)))
+}
+
+/// At most `most` of a list, evenly spread over it.
+pub(super) fn spread<T>(list: &[T], most: usize) -> Vec<&T> {
+    let count = list.len().min(most);
+    (0..count).map(|n| &list[n * list.len() / count]).collect()
 }
 
 #[cfg(test)]
@@ -70,7 +75,7 @@ mod tests {
         let files: Vec<String> = (0..10).map(|n| n.to_string()).collect();
         assert_eq!(spread(&files, 4), ["0", "2", "5", "7"]);
         assert_eq!(spread(&files[..2], 4).len(), 2);
-        assert!(spread(&[], 4).is_empty());
+        assert!(spread::<String>(&[], 4).is_empty());
     }
 
     #[test]

@@ -18,5 +18,6 @@ mod stages;
 mod volumes;
 mod warnings;
 
+pub use folder::inputs;
 pub use page::{Options, Report, report};
 pub use source::Source;

@@ -1,9 +1,10 @@
 //! Numbers over all fields: kinds of vectors, histograms, and how the mean settles.
 
+use crate::scores::ensemble::check_layout;
 use crate::scores::units::COMPONENTS;
-use lf_core::Field;
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
 use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
+use lf_core::{Field, Refusal, VectorGrid};
 
 /// Bins of a voxel, and of a histogram of displacements.
 const FRACTIONS: usize = 20;
@@ -15,9 +16,9 @@ const REACH: f64 = 4.0;
 
 /// Sums over fields of one layout; others are refused.
 pub(super) struct Motion {
-    /// Places and voxel of the first field.
+    /// Layout of the first field, and its places.
+    layout: VectorGrid,
     places: usize,
-    voxel_mm: [f64; 3],
     pub fields: usize,
     /// Vectors measured, replaced and without data.
     pub kinds: [usize; 3],
@@ -51,8 +52,8 @@ impl Motion {
         });
         let zeros = |count: usize| [(); 3].map(|()| vec![0.0; count]);
         Self {
+            layout: first.layout.clone(),
             places,
-            voxel_mm: first.layout.voxel_mm,
             fields: 0,
             kinds: [0; 3],
             fractions: zeros(FRACTIONS),
@@ -67,11 +68,15 @@ impl Motion {
         }
     }
 
-    /// Adds a field. False if its vectors are not as many as those of the first.
-    pub fn add(&mut self, field: &Field) -> bool {
-        if field.len() != self.places {
-            return false;
-        }
+    /// Bytes of the sums over fields like this one.
+    pub fn bytes(field: &Field) -> f64 {
+        const SUMS: usize = 7;
+        (SUMS * size_of::<f64>() * field.len()) as f64
+    }
+
+    /// Adds a field. Refuses a layout other than that of the first.
+    pub fn add(&mut self, field: &Field) -> Result<(), Refusal> {
+        check_layout(&self.layout, &field.layout)?;
         self.fields += 1;
         let all = [(&field.u, &field.su), (&field.v, &field.sv), (&field.w, &field.sw)];
         for n in 0..self.places {
@@ -88,7 +93,7 @@ impl Motion {
         if self.fields > 1 {
             self.settling_mm.push([0, 1, 2].map(|c| self.uncertainty_mm(c)));
         }
-        true
+        Ok(())
     }
 
     fn count(&mut self, c: usize, place: usize, value: f64, stated: f64) {
@@ -98,8 +103,8 @@ impl Motion {
         if (0.0..=1.0).contains(&share) {
             self.bins[c][bin(share, BINS)] += 1.0;
         }
-        if self.voxel_mm[c] > 0.0 {
-            self.fractions[c][bin((value / self.voxel_mm[c]).rem_euclid(1.0), FRACTIONS)] += 1.0;
+        if self.layout.voxel_mm[c] > 0.0 {
+            self.fractions[c][bin((value / self.layout.voxel_mm[c]).rem_euclid(1.0), FRACTIONS)] += 1.0;
         }
         self.totals[c] = [self.totals[c][0] + value, self.totals[c][1] + value * value];
         if stated.is_finite() {
@@ -166,7 +171,7 @@ impl Motion {
         let count = self.kinds[0].max(1) as f64;
         let [sum, squares] = self.totals[c];
         let spread = (squares / count - (sum / count).powi(2)).max(0.0).sqrt();
-        self.voxel_mm[c] > 0.0 && spread > LEAST_SPREAD_VOX * self.voxel_mm[c]
+        self.layout.voxel_mm[c] > 0.0 && spread > LEAST_SPREAD_VOX * self.layout.voxel_mm[c]
     }
 
     /// Standard uncertainty of the mean against the number of fields. None for fewer than three fields.

@@ -31,9 +31,9 @@ pub(super) struct PackedField {
     flags: String,
 }
 
-/// Bytes that a field takes on the page.
-pub(super) fn bytes(field: &Field) -> usize {
-    (BYTES * field.len() as f64) as usize + 500
+/// Bytes that a field of so many vectors takes on the page.
+pub(super) fn bytes(vectors: usize) -> usize {
+    (BYTES * vectors as f64) as usize + 500
 }
 
 impl PackedField {

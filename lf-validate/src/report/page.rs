@@ -51,7 +51,7 @@ pub fn report(source: &dyn Source, options: &Options) -> Result<Report, Refusal>
     let (mut summary, mut commands, mut view, mut statistics) = (Vec::new(), Vec::new(), None, None);
     if let Some(found) = found {
         (summary, commands) = (found.summary, found.history);
-        (view, statistics) = (Some(found.view), Some(found.statistics));
+        (view, statistics) = (found.view, Some(found.statistics));
     }
     summary.extend(counts(&folder));
     let mut timing = None;

@@ -14,6 +14,8 @@ pub trait Source {
     fn field(&self, name: &str) -> Result<Field>;
     /// A volume or a support.
     fn volume(&self, name: &str) -> Result<Volume>;
+    /// Refuses work on a file that would take more memory than is allowed; `what` takes the bytes.
+    fn allow(&self, bytes: f64, name: &str, what: &str) -> Result<()>;
     /// Counts of an image, which may stand elsewhere: its name is the one typed.
     fn image(&self, name: &str) -> Result<Array2<f32>>;
 }

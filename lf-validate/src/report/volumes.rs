@@ -4,16 +4,18 @@ use super::folder::spread;
 use super::html::Section;
 use super::source::Source;
 use lf_core::plot::{Axis, Chart, Mark, Panel};
-use lf_core::{Result, Volume};
+use lf_core::{Refusal, Result, Volume};
 
 /// Most files that are read, spread over the run.
 const MOST_FILES: usize = 4;
+/// Most slices that a curve over depth shows.
+const MOST_SLICES: usize = 10_000;
 
 /// Voxels that pruning kept, by depth. None without supports.
 pub(super) fn pruning(source: &dyn Source, supports: &[String], notes: &mut Vec<String>) -> Option<Section> {
     let curves = curves(source, supports, notes, |volume| {
         let [nx, ny, _] = volume.grid().shape;
-        let kept = by_slice(volume, &vec![1.0; volume.count()]);
+        let kept = by_slice(volume, std::iter::repeat(&1.0))?;
         Ok(kept.into_iter().map(|count| 100.0 * count / (nx * ny) as f64).collect())
     });
     let shares: Vec<String> = curves.iter().map(|curve| format!("{:.2} %", mean(&curve.points))).collect();
@@ -42,7 +44,7 @@ pub(super) fn reconstruction(
             "The difference between the image and the light that the volume would send, as a share of the image.",
         );
     }
-    let curves = curves(source, volumes, notes, |volume| Ok(by_slice(volume, volume.require("intensity")?)));
+    let curves = curves(source, volumes, notes, |volume| by_slice(volume, volume.require("intensity")?));
     if !curves.is_empty() {
         let axis = Axis::from_zero("light of a slice, counts", 1.05 * highest(&curves));
         section.chart(
@@ -54,6 +56,7 @@ pub(super) fn reconstruction(
 }
 
 /// A named curve over depth or sweeps.
+#[derive(Clone)]
 struct Curve {
     name: String,
     points: Vec<[f64; 2]>,
@@ -82,14 +85,18 @@ fn curves(
     curves
 }
 
-/// Sums of a value of every voxel over the slices across z.
-fn by_slice(volume: &Volume, values: &[f32]) -> Vec<f64> {
+/// Sums of a value of every voxel over the slices across z. Refuses a volume with more than [`MOST_SLICES`].
+fn by_slice<'a>(volume: &Volume, values: impl IntoIterator<Item = &'a f32>) -> Result<Vec<f64>> {
     let grid = volume.grid();
+    let slices = grid.shape[2];
+    let found = || format!("{slices} slices, too many for a curve by depth");
+    Refusal::unless(slices <= MOST_SLICES, found, format!("wanted {MOST_SLICES} at most"))
+        .map_err(|refusal| refusal.about(volume.name()))?;
     let mut sums = vec![0.0; grid.shape[2]];
     for (index, value) in volume.indices().iter().zip(values) {
         sums[grid.voxel(*index)[2]] += f64::from(*value);
     }
-    sums
+    Ok(sums)
 }
 
 /// The misfits that lf-mart wrote by --log.
@@ -100,7 +107,9 @@ fn sweeps(source: &dyn Source, files: &[String]) -> Vec<Curve> {
         let points = text.lines().filter_map(|line| Some([number(line, "iteration")?, number(line, "misfit")?]));
         Curve { name: file.trim_end_matches(".jsonl").to_owned(), points: points.collect() }
     };
-    spread(files, MOST_FILES).into_iter().map(read).filter(|curve| !curve.points.is_empty()).collect()
+    // Other tools write records of other kinds.
+    let curves: Vec<Curve> = files.iter().map(|file| read(file)).filter(|curve| !curve.points.is_empty()).collect();
+    spread(&curves, MOST_FILES).into_iter().cloned().collect()
 }
 
 fn one_panel(title: &str, x: Axis, y: Axis, curves: &[Curve]) -> Chart {

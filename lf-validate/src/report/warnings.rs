@@ -75,6 +75,9 @@ mod tests {
         fn volume(&self, _: &str) -> Result<Volume> {
             unreachable!("a log")
         }
+        fn allow(&self, _: f64, _: &str, _: &str) -> Result<()> {
+            unreachable!("a log")
+        }
         fn image(&self, _: &str) -> Result<Array2<f32>> {
             unreachable!("a log")
         }

@@ -75,26 +75,35 @@ pub(in crate::field) fn write_cf(field: &Field, more: &[Array], out: &mut dyn Wr
 }
 
 /// Writes a series of fields as one NetCDF with the dimension t. `next` gives field `n`; one is in memory at a time.
-/// Refuses a field whose vectors stand at other places than those of the first.
+/// Refuses a field whose vectors stand at other places, or have another time between their volumes, than the first.
 pub fn save_series(path: &Path, time: &Time, mut next: impl FnMut(usize) -> Result<Field>) -> Result<()> {
-    let first = next(0)?;
-    let bytes = header(&first.layout, Some(time)).bytes();
+    let mut first = Some(next(0)?);
+    let layout = first.as_ref().map(|field| field.layout.clone()).unwrap_or_default();
+    let bytes = header(&layout, Some(time)).bytes();
     let bytes = bytes.map_err(|refusal| refusal.about(io::output_name(path)))?;
     io::save(path, |out| {
         out.write_all(&bytes)?;
-        write_places(&first.layout, out)?;
+        write_places(&layout, out)?;
         for n in 0..time.count() {
-            let field = next(n).map_err(Error::other)?;
-            let is_alike = field.layout.shape == first.layout.shape
-                && field.layout.origin_mm == first.layout.origin_mm
-                && field.layout.spacing_mm == first.layout.spacing_mm;
-            let found = || format!("field {} of the series has its vectors at other places", n + 1);
-            Refusal::unless(is_alike, found, "wanted the places of the first").map_err(Error::other)?;
+            let field = first.take().map_or_else(|| next(n), Ok).map_err(Error::other)?;
+            check_alike(&layout, &field.layout, n).map_err(Error::other)?;
             write_doubles(out, [time.at(n)].into_iter())?;
             write_components(&field, out)?;
         }
         Ok(())
     })
+}
+
+/// Refuses field `n` of a series if its layout is not that of the first.
+fn check_alike(first: &VectorGrid, other: &VectorGrid, n: usize) -> std::result::Result<(), Refusal> {
+    let field = format!("field {} of the series has", n + 1);
+    let is_alike =
+        other.shape == first.shape && other.origin_mm == first.origin_mm && other.spacing_mm == first.spacing_mm;
+    let found = || format!("{field} its vectors at other places");
+    Refusal::unless(is_alike, found, "wanted the places of the first")?;
+    let told = |layout: &VectorGrid| layout.dt_s.map_or_else(|| "no time".to_owned(), |dt_s| format!("{dt_s} s"));
+    let found = || format!("{field} {} between its volumes", told(other));
+    Refusal::unless(other.dt_s == first.dt_s, found, format!("wanted {} like the first", told(first)))
 }
 
 fn write_places(layout: &VectorGrid, out: &mut dyn Write) -> std::io::Result<()> {

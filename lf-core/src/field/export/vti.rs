@@ -124,16 +124,16 @@ pub fn save_arrays(path: &Path, layout: &VectorGrid, arrays: &[Array]) -> Result
     for array in arrays {
         assert_eq!(Some(array.values.len() / array.components), layout.checked_len(), "length of {}", array.name);
     }
-    io::save(path, |out| write_arrays(layout, arrays, out))
+    io::save(path, |out| write_arrays(layout, &arrays.iter().collect::<Vec<_>>(), out))
 }
 
 /// Writes a field.
 pub(in crate::field) fn write_vti(field: &Field, more: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
-    let arrays: Vec<Array> = arrays(field).into_iter().chain(more.iter().cloned()).collect();
-    write_arrays(&field.layout, &arrays, out)
+    let own = arrays(field);
+    write_arrays(&field.layout, &own.iter().chain(more).collect::<Vec<_>>(), out)
 }
 
-fn write_arrays(layout: &VectorGrid, arrays: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
+fn write_arrays(layout: &VectorGrid, arrays: &[&Array], out: &mut dyn Write) -> std::io::Result<()> {
     let image = ImageData {
         shape: layout.shape,
         spacing_mm: layout.spacing_mm,

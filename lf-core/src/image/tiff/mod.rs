@@ -10,5 +10,5 @@ mod patched;
 mod read;
 mod write;
 
-pub(super) use read::{about, page, pages};
+pub(super) use read::{about, page, pages, size};
 pub(super) use write::write;

@@ -37,6 +37,12 @@ pub(in crate::image) fn about(bytes: &[u8], directory: usize) -> String {
     layout.map_or_else(|refusal| refusal.found, |layout| layout.about())
 }
 
+/// Width and height of a page.
+pub(in crate::image) fn size(bytes: &[u8], directory: usize) -> Result<[usize; 2], Refusal> {
+    let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
+    Layout::read(tiff, directory, bytes.len()).map(|layout| [layout.width, layout.height])
+}
+
 /// Decodes the page whose directory stands at `directory`, and no other.
 pub(in crate::image) fn page(bytes: &[u8], directory: usize, channel: Option<Channel>) -> Result<Image, Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;

@@ -15,3 +15,4 @@ pub use modes::{ModeStatistics, ModeSums};
 pub use phases::{PhaseSummary, PhaseSums};
 pub use statistics::{Ensemble, EnsembleSummary};
 pub use sums::EnsembleSums;
+pub(crate) use sums::check_layout;

@@ -124,7 +124,7 @@ impl EnsembleSums {
 }
 
 /// Refuses a layout with vectors at other places, or with another time between the volumes.
-fn check_layout(first: &VectorGrid, other: &VectorGrid) -> Result<(), Refusal> {
+pub(crate) fn check_layout(first: &VectorGrid, other: &VectorGrid) -> Result<(), Refusal> {
     let refused = |found: String, wanted: String| Err(Refusal::new(found, format!("wanted {wanted} like the first")));
     if first.shape != other.shape {
         let text = |layout: &VectorGrid| layout.shape.map(|n| n.to_string()).join(" x ");
