@@ -130,11 +130,11 @@ fn a_sliding_background_has_the_history_of_its_frame() {
     let step = |n: usize| Step { tool: format!("camera-{n}"), version: "1".into(), arguments: Vec::new() };
     for n in 0..4 {
         let frame = Array2::from_elem((12, 16), 10.0f32);
-        image::save(&bench.path(&format!("h{n}.exr")), &frame, &vec![step(n)]).unwrap();
+        image::save(&bench.path(format!("h{n}.exr")), &frame, &vec![step(n)]).unwrap();
     }
     bench.call("background h0.exr h1.exr h2.exr h3.exr --sliding 3 -o out").with_history().run().done();
     for n in 0..4 {
-        let history = image::open(&bench.path(&format!("out/h{n}.exr"))).unwrap().history;
+        let history = image::open(&bench.path(format!("out/h{n}.exr"))).unwrap().history;
         assert_eq!(history[0].tool, format!("camera-{n}"));
     }
 }

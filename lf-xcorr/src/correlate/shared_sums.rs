@@ -363,7 +363,7 @@ mod tests {
         let [a, b] = [0, 1].map(|_| oracle::volume(&mut random, shape, 0.4));
         let (a_rows, b_rows) = (Rows::of_dense(shape, &a), Rows::of_dense(shape, &b));
         let windows = WindowGrid::new(shape, [40, 8, 8], [2, 2, 2]);
-        let centre = |k: usize| [if k % 2 == 0 { -12 } else { 12 }, 0, 0];
+        let centre = |k: usize| [if k.is_multiple_of(2) { -12 } else { 12 }, 0, 0];
         let search: Vec<Option<Shifts>> =
             (0..windows.count()).map(|k| Some(Shifts::around(centre(k), radius))).collect();
         assert_eq!(windows.shape(), [1, 1, 17]);

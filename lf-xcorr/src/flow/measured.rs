@@ -37,14 +37,14 @@ impl Measured {
         Refusal::unless(is_known.contains(&true), || "no measured vector", "wanted vectors with flag 0")?;
         let errors = Correlated::new(&field.layout);
         let stated = [&field.su, &field.sv, &field.sw];
-        let component = |c: usize, values: &Vec<f32>| -> Result<(Vec<f64>, Vec<f64>, Option<f64>), Refusal> {
+        let component = |c: usize, values: &Vec<f32>| {
             let values: Vec<f64> = values.iter().map(|value| f64::from(*value)).collect();
             let (values, unsolved) = fill(&field.layout, &values, &is_known);
             let sigma = sigma(stated[c], typed.map(|typed| typed[c]), &is_known)?;
             let sigma = usual(&sigma, &is_known, &field.layout, &errors);
             let of_gaps = distance(field, &values, &is_known, &errors).max(2.0 * median(&mut known(&sigma, &is_known)));
             let sigma = sigma.iter().zip(&is_known).map(|(sigma, known)| if *known { *sigma } else { of_gaps });
-            Ok((values, sigma.collect(), unsolved))
+            Ok::<_, Refusal>((values, sigma.collect::<Vec<f64>>(), unsolved))
         };
         let (u, su, of_u) = component(0, &field.u)?;
         let (v, sv, of_v) = component(1, &field.v)?;
