@@ -34,8 +34,8 @@ impl PriorField {
         for _ in 0..ROUNDS {
             let of_window = |node: usize| {
                 let samples = fitter.samples(nodes.place(node));
-                let fit = WindowFit::new(&samples, &priors[node], fitter.order);
-                fit.map(|fit| Evidence::new(&samples, &fit, &priors[node], fitter.order)).unwrap_or_default()
+                let fit = WindowFit::new(&samples, &priors[node]);
+                fit.map(|fit| Evidence::new(&samples, &fit, &priors[node])).unwrap_or_default()
             };
             let evidence: Vec<Evidence> = (0..nodes.count()).into_par_iter().map(of_window).collect();
             priors = local(&nodes, &evidence, &start, fitter.least_mm2());
