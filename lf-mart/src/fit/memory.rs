@@ -9,8 +9,8 @@ use lf_core::{Camera, Grid, Refusal};
 const FRAME_PIXEL: usize = 12;
 /// Bytes of a pixel of a window: what is seen and expected.
 const WINDOW_PIXEL: usize = 8;
-/// Bytes of a window's pixel in the buffers of a thread, and of a particle there: its image before and after a step, the
-/// entries of its pixels, and its blocks.
+/// Bytes of a window's pixel in the buffers of a thread, and of a particle there: its image before and after a step,
+/// the entries of its pixels, and its blocks.
 const THREAD_PIXEL: usize = 32;
 const THREAD_PARTICLE: usize = 120_000;
 /// Particles of the part of the frame that tells size and drift, and bytes of one.

@@ -5,8 +5,8 @@ use crate::vectors::Nodes;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Constant: distance over which a flow is expected to change, in mean distances of pairs, and the spread of its natural
-/// logarithm. It matters where a few pairs tell little.
+/// Constant: distance over which a flow is expected to change, in mean distances of pairs, and the spread of its
+/// natural logarithm. It matters where a few pairs tell little.
 const LENGTH: f64 = 2.5;
 const SPREAD: f64 = 1.0;
 /// Constant: least and most length, in mean distances of pairs.
