@@ -106,10 +106,9 @@ pub fn decide(
     let (guess, _) = run.next_guess(&found.all, &first);
     let found = run.matched(&[&first, &guess], Some(&found.all));
     let (guess, misfits) = run.next_guess(&found.all, &guess);
-    let (fits, wrong) = run.fits(&found.all, &guess, &misfits);
+    let (fits, wrong, misfit) = run.fits(&found.all, &guess, &misfits);
     let Assembled { field, measured, blind, empty } = assemble(field, &run.nodes, &fits, &guess);
-    let report =
-        TracksReport { particles, pairs: found.all.len(), wrong, measured, blind, empty, misfit: misfits.usual() };
+    let report = TracksReport { particles, pairs: found.all.len(), wrong, measured, blind, empty, misfit };
     Ok(Tracks { field, pairs: found.pairs(), report })
 }
 
@@ -222,14 +221,12 @@ impl<'a> Run<'a> {
         found
     }
 
-    /// The vector of every window by the pairs nearest to it, and how many pairs are wrong. `misfits` are of fits in
-    /// longer windows and tell how far covariances can be trusted. None far from all pairs.
-    fn fits(&self, pairs: &[Match], guess: &Guess, misfits: &PriorField) -> (Vec<Option<Fitted>>, usize) {
-        let scaled = |pair: &Match| misfits.at(pair.middle_mm).misfit * pair.covariance_mm2;
-        let trusted: Vec<Match> = pairs.iter().map(|pair| Match { covariance_mm2: scaled(pair), ..*pair }).collect();
+    /// The vector of every window by the pairs nearest to it, None far from all pairs; how many pairs are wrong; and
+    /// the misfit. `misfits`, of longer windows, are for windows with very many pairs.
+    fn fits(&self, pairs: &[Match], guess: &Guess, misfits: &PriorField) -> (Vec<Option<Fitted>>, usize, f64) {
         let windows = (2.0 * self.half_mm / self.nodes.step).round().to_array();
         let nodes = self.nodes.every(windows.map(|steps| (steps as usize).max(1)));
-        let near = Near::new(&trusted);
+        let near = Near::new(pairs);
         let scales = near.scales(nodes);
         let near = near.without_wrong(&scales);
         let scales = near.scales(nodes);
@@ -252,6 +249,6 @@ impl<'a> Run<'a> {
             let (shift_mm, covariance_mm2) = near.vector(place, &scales)?;
             Some(Fitted { shift_mm, covariance_mm2, pairs })
         };
-        ((0..self.nodes.count()).into_par_iter().map(fit).collect(), near.wrong())
+        ((0..self.nodes.count()).into_par_iter().map(fit).collect(), near.wrong(), scales.misfit())
     }
 }

@@ -81,10 +81,11 @@ impl<'a> Near<'a> {
             let mut near = self.nearest(pair.middle_mm, PAIRS + 1);
             near.retain(|other| other != n);
             let sites = self.sites(&near);
-            let Some(process) = Process::new(&sites, scales.at(pair.middle_mm)) else { return true };
+            let known = scales.at(pair.middle_mm);
+            let Some(process) = Process::new(&sites, known) else { return true };
             let (shift, covariance) = process.at(pair.middle_mm);
             let rest = pair.shift_mm - shift;
-            let total = covariance + pair.covariance_mm2;
+            let total = covariance + known.misfit * known.misfit * pair.covariance_mm2;
             rest.dot(total.inverse() * rest) < WRONG
         };
         let trusted: Vec<usize> = self.trusted.par_iter().filter(|n| is_right(n)).copied().collect();

@@ -6,7 +6,7 @@ use super::normal::MOST;
 use super::window_fit::{Priors, TERMS, WindowFit};
 use crate::vectors::Nodes;
 use glam::DVec3;
-use lf_core::statistics::{median, robust};
+use lf_core::statistics::robust;
 use rayon::prelude::*;
 
 /// Constant: rounds of better variances. Ten do for most flows; few particles in a vortex ring need twenty.
@@ -42,11 +42,6 @@ impl PriorField {
         }
         let logs = priors.into_iter().map(|priors| priors.to_numbers().map(f64::ln)).collect();
         Self { nodes, logs }
-    }
-
-    /// Standard deviation of the residuals over the one expected: the median of all windows.
-    pub fn usual(&self) -> f64 {
-        median(&mut self.logs.iter().map(|logs| logs[NUMBERS - 1].exp()).collect::<Vec<f64>>()).sqrt()
     }
 
     /// The priors at a place: linear between windows in the logarithm.

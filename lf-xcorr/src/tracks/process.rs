@@ -1,10 +1,11 @@
 //! A displacement between pairs: Gaussian process regression, which other fields call kriging or optimal interpolation.
 //!
 //! Model (Rasmussen & Williams 2006, chapter 2): the displacement is a constant plus a random field whose values at two
-//! places correlate by Matern's function of order 5/2 of their distance. Each component has a strength of its own, and
-//! all share a length. A pair measures the displacement at its midpoint with the full covariance of both its places:
-//! near the focal plane a particle is sure across a line and blind along it, and only the covariance knows the line.
-//! The vector at a place is the mean of the field given the pairs, and its covariance follows.
+//! places correlate by Matern's function of order 9/2 of their distance. Order 5/2 takes smooth flows for rough ones
+//! and states too much; a Gaussian takes rough ones for smooth ones and states too little. Each component has a strength
+//! of its own, and all share a length. A pair measures the displacement at its midpoint with the full covariance of both
+//! its places: near the focal plane a particle is sure across a line and blind along it, and only the covariance knows
+//! the line. The vector at a place is the mean of the field given the pairs, and its covariance follows.
 
 use glam::{DMat3, DVec3};
 
@@ -23,6 +24,8 @@ pub(crate) struct Scales {
     pub length: f64,
     /// Standard deviation of each component about the constant.
     pub strength: DVec3,
+    /// Standard deviation of the pairs over the one that their covariances say.
+    pub misfit: f64,
 }
 
 /// The field given some pairs.
@@ -41,10 +44,10 @@ pub(crate) struct Process<'a> {
     uncertain: DMat3,
 }
 
-/// Matern's function of order 5/2.
+/// Matern's function of order 9/2.
 fn matern(distance: f64, length: f64) -> f64 {
-    let s = 5f64.sqrt() * distance / length;
-    (1.0 + s + s * s / 3.0) * (-s).exp()
+    let s = 3.0 * distance / length;
+    (1.0 + s * (1.0 + s * (3.0 / 7.0 + s * (2.0 / 21.0 + s / 105.0)))) * (-s).exp()
 }
 
 /// The sum of products, in lanes.
@@ -91,7 +94,7 @@ impl<'a> Process<'a> {
         let variance = scales.strength * scales.strength;
         let mut lower = vec![0.0; count * count];
         for (i, (place, own)) in sites.places.iter().zip(&sites.covariances).enumerate() {
-            let own = own.to_cols_array_2d();
+            let own = (scales.misfit * scales.misfit * *own).to_cols_array_2d();
             for (j, other) in sites.places[..=i].iter().enumerate() {
                 let alike = matern(place.distance(*other), scales.length);
                 for c in 0..3 {
@@ -169,7 +172,7 @@ mod tests {
     #[test]
     fn two_pairs_by_hand() {
         let sites = sites(&[(DVec3::ZERO, DVec3::ZERO, 1e-6), (DVec3::X, 6e-3 * DVec3::X, 2e-6)]);
-        let process = Process::new(&sites, Scales { length: 1.0, strength: DVec3::splat(1e-12) }).unwrap();
+        let process = Process::new(&sites, Scales { length: 1.0, strength: DVec3::splat(1e-12), misfit: 1.0 }).unwrap();
         let (shift, covariance) = process.at(DVec3::new(0.3, 0.2, 0.1));
         assert!((shift - 2e-3 * DVec3::X).abs().max_element() < 1e-9, "{shift}");
         assert!((covariance.diagonal() - 2e-6 / 3.0).abs().max_element() < 1e-12, "{covariance}");
@@ -182,7 +185,7 @@ mod tests {
         let places: Vec<DVec3> =
             (0..27).map(|n| 0.4 * DVec3::new((n % 3) as f64, (n / 3 % 3) as f64, (n / 9) as f64)).collect();
         let sites = sites(&places.iter().map(|place| (*place, wave(*place), 1e-10)).collect::<Vec<_>>());
-        let process = Process::new(&sites, Scales { length: 1.0, strength: DVec3::ONE }).unwrap();
+        let process = Process::new(&sites, Scales { length: 1.0, strength: DVec3::ONE, misfit: 1.0 }).unwrap();
         assert!((process.at(places[13]).0 - wave(places[13])).abs().max_element() < 1e-4);
         let between = DVec3::new(0.55, 0.3, 0.2);
         assert!((process.at(between).0 - wave(between)).abs().max_element() < 0.02, "{}", process.at(between).0);
@@ -201,7 +204,7 @@ mod tests {
             all.shifts.push(wanted + 0.08 * along);
             all.covariances.push(DMat3::from_diagonal(DVec3::splat(1e-10)) + 0.01 * outer);
         }
-        let process = Process::new(&all, Scales { length: 1.0, strength: DVec3::splat(1e-9) }).unwrap();
+        let process = Process::new(&all, Scales { length: 1.0, strength: DVec3::splat(1e-9), misfit: 1.0 }).unwrap();
         let (shift, covariance) = process.at(DVec3::ZERO);
         assert!((shift - wanted).length() < 3e-4, "{shift}");
         assert!(covariance.diagonal().max_element() < 1e-8);
@@ -214,7 +217,7 @@ mod tests {
         let pairs: Vec<_> = places.iter().enumerate().map(|(n, place)| (*place, turn(n), 1e-10)).collect();
         let sites = sites(&pairs);
         let of = |strength: f64| {
-            let scales = Scales { length: 0.5, strength: DVec3::new(strength, strength, 1e-9) };
+            let scales = Scales { length: 0.5, strength: DVec3::new(strength, strength, 1e-9), misfit: 1.0 };
             Process::new(&sites, scales).unwrap().log_likelihood()
         };
         assert!(of(7e-3) > of(7e-4) && of(7e-3) > of(7e-2));
