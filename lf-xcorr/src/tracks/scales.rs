@@ -94,8 +94,20 @@ fn likeliest(sites: &Sites, usual: Usual) -> [f64; NUMBERS] {
             .map_or(f64::NEG_INFINITY, |process| process.log_likelihood() - 0.5 * far * far)
     };
     let start = spread.to_array().map(|spread| spread.ln().clamp(least, most));
-    let mut logs = [(LENGTH * usual.apart).ln(), start[0], start[1], start[2], 0.0];
+    let length = (LENGTH * usual.apart).ln();
     let bounds = [lengths, [least, most], [least, most], [least, most], MISFITS.map(f64::ln)];
+    // A flow that changes much, and one that stands still while its pairs scatter more than they say.
+    let starts = [[length, start[0], start[1], start[2], 0.0], [length, least, least, least, std::f64::consts::LN_2]];
+    let [(changing, one), (still, other)] = starts.map(|start| climbed(start, bounds, &score));
+    if other > one { still } else { changing }
+}
+
+/// The likeliest scales that can be reached from a start, and their score.
+fn climbed(
+    mut logs: [f64; NUMBERS],
+    bounds: [[f64; 2]; NUMBERS],
+    score: &dyn Fn(&[f64; NUMBERS]) -> f64,
+) -> ([f64; NUMBERS], f64) {
     let mut best = score(&logs);
     for _ in 0..PASSES {
         let before = best;
@@ -115,7 +127,7 @@ fn likeliest(sites: &Sites, usual: Usual) -> [f64; NUMBERS] {
             break;
         }
     }
-    logs
+    (logs, best)
 }
 
 #[cfg(test)]
