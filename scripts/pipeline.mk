@@ -60,8 +60,9 @@ ITERATIONS =
 PRUNE_FLAGS =
 MART_FLAGS =
 
-# FIT: if set, lf-fit finds the particles of every volume, and those found in both frames of a pair decide the vectors.
-FIT =
+# FIT: lf-fit finds the particles of every volume, and those found in both frames of a pair decide the vectors. 0: the
+# correlation alone decides.
+FIT = 1
 FIT_FLAGS =
 
 # FLOW: if set, lf-flow treats every field before the mean: solenoidal (the flow is incompressible: continuity corrects w),
@@ -137,7 +138,8 @@ CAMERA = $(OUT)/camera.json
 LOG = $(OUT)/log
 supports := $(names:%=$(OUT)/support-%.lfv)
 volumes := $(names:%=$(OUT)/volume-%.lfv)
-fitted := $(if $(FIT),$(names:%=$(OUT)/particles-%.csv))
+fits := $(filter-out 0,$(FIT))
+fitted := $(if $(fits),$(names:%=$(OUT)/particles-%.csv))
 fields := $(pairs:%=$(OUT)/field-%.exr)
 flows := $(if $(FLOW),$(pairs:%=$(OUT)/flow-%.exr))
 results := $(or $(flows),$(fields))
@@ -239,7 +241,7 @@ $(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $$(call file-of,$$*) $(CAM
 	$(if $(TIDY),@rm -f $<)
 
 volumes-of = $(foreach name,$(call split,$1),$(OUT)/volume-$(name).lfv)
-fitted-of = $(if $(FIT),$(foreach name,$(call split,$1),$(OUT)/particles-$(name).csv))
+fitted-of = $(if $(fits),$(foreach name,$(call split,$1),$(OUT)/particles-$(name).csv))
 
 # lf-fit names its table --particles; -o is a volume that is drawn from it.
 $(fitted): $(OUT)/particles-%.csv: $(OUT)/volume-%.lfv $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
@@ -257,7 +259,7 @@ windows:
 	done; [ -e $(WINDOWS) ])
 
 $(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) $$(call fitted-of,$$*) | $(LOG)
-	$(call step,$(XCORR) $(call volumes-of,$*) $(if $(FIT),--particles $(call fitted-of,$*)) $(addprefix --initial-mm ,$(INITIAL_MM)) \
+	$(call step,$(XCORR) $(call volumes-of,$*) $(if $(fits),--particles $(call fitted-of,$*)) $(addprefix --initial-mm ,$(INITIAL_MM)) \
 	    $(if $(WINDOWS),$$(cat $(WINDOWS)),$(addprefix --window-mm ,$(WINDOW_MM))) $(addprefix --dt ,$(DT)) \
 	    $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg),$(call flow-of,$*))
 
@@ -300,7 +302,7 @@ report: $(if $(there),$(OUT)/mean.exr) | $(LOG)
 	        elif [ ! -e $(OUT)/support-$$n.lfv ]; then why=$$(last support-$$n); \
 	        else why=$$(last volume-$$n); fi; \
 	    done; \
-	    $(if $(FIT),for n in $${pair%-*} $${pair#*-}; do \
+	    $(if $(fits),for n in $${pair%-*} $${pair#*-}; do \
 	        [ -n "$$why" ] || [ -e $(OUT)/particles-$$n.csv ] || why=$$(last particles-$$n); \
 	    done;) \
 	    [ -n "$$why" ] || [ -e $(OUT)/field-$$pair.exr ] || why=$$(last field-$$pair); \

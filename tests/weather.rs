@@ -52,7 +52,7 @@ fn copy() -> TempDir {
     place
 }
 
-/// The pipeline on the frames in `folder`, results to `out`.
+/// The pipeline on the frames in `folder`, results to `out`. The correlation alone decides.
 pub fn pipeline(folder: &Path, out: &Path, more: &[&str]) -> Command {
     let from = campaign();
     let mut command = Command::new("make");
@@ -62,7 +62,7 @@ pub fn pipeline(folder: &Path, out: &Path, more: &[&str]) -> Command {
     command.args([name("BIN", from.join("tools")) + "/", name("WHITE", from.join("white.exr"))]);
     command.args([name("NOMINAL", from.join("taken/camera.json")), name("OUT", out.to_owned())]);
     command.args(["PVR=1,1,10", "DEPTH=-1,1", "BOUNDS=-0.231,0.231,-0.231,0.231", "INITIAL_MM=0.3,0.3,1"]);
-    command.args(["WINDOW_MM=0.15,0.15,0.5", "THREADS=1"]).args(more);
+    command.args(["WINDOW_MM=0.15,0.15,0.5", "THREADS=1", "FIT=0"]).args(more);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
@@ -125,6 +125,25 @@ fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
         assert!(begun.elapsed() < PATIENCE, "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
+}
+
+#[test]
+fn particles_decide_unless_they_are_turned_off() {
+    if !has_programs(&["make"]) {
+        return;
+    }
+    let place = tempfile::tempdir().unwrap();
+    let one = "PAIRS=0001a-0001b";
+    let usual = pipeline(campaign(), place.path(), &["-n", one]);
+    let mut command = Command::new("make");
+    command.args(usual.get_args().filter(|word| *word != "FIT=0")).current_dir(campaign()).env_remove("MAKEFLAGS");
+    let planned = String::from_utf8(command.output().unwrap().stdout).unwrap();
+    assert!(planned.contains("lf-fit") && planned.contains("--particles"), "{planned}");
+    let ended = pipeline(campaign(), place.path(), &[one, "FIT=1"]).output().unwrap();
+    assert!(ended.status.success(), "{}", said(&ended));
+    let tables = done(place.path()).iter().filter(|line| line.contains("particles-0001")).count();
+    let field = fs::read(place.path().join("field-0001a-0001b.exr")).unwrap();
+    assert!(tables == 2 && field != undisturbed()["field-0001a-0001b.exr"], "{}", said(&ended));
 }
 
 #[test]

@@ -133,6 +133,17 @@ fn bad_input_is_refused_in_one_line() {
     // Without light there is nothing to fit.
     bench.image("dark.exr", &ndarray::Array2::zeros((420, 476)));
     refused("scene/truth-0000.lfv -i dark.exr -c scene/camera.json --particles p.csv", &["no pixel has light"]);
+    let limited = ["truth-0000.lfv: a fit to ", " would take about ", "wanted 0.01 GB at most, as --max-memory allows"];
+    refused(&call("--max-memory 0.01"), &limited);
+}
+
+#[test]
+fn memory_is_foretold() {
+    let bench = bench(&[]);
     let estimate = bench.done(&format!("{CALL} --estimate")).stdout;
-    assert!(String::from_utf8(estimate).unwrap().contains("memory_bytes"));
+    let told: serde_json::Value = serde_json::from_slice(&estimate).unwrap();
+    bench.done(&format!("{CALL} --particles found.csv --stats stats.json"));
+    let peak = bench.json("stats.json")["peak_bytes"].as_f64().unwrap();
+    let ratio = told["memory_bytes"].as_f64().unwrap() / peak;
+    assert!((0.95..2.0).contains(&ratio), "{told} for {peak}");
 }

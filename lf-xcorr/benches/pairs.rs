@@ -15,7 +15,7 @@ use coverage::Flow;
 use glam::{DMat3, DVec3};
 use lf_core::field::{MEASURED, REPLACED};
 use lf_core::{Field, Particle, VectorGrid};
-use lf_xcorr::{Order, Pair, Tracks, decide, decide_with};
+use lf_xcorr::{Pair, Tracks, decide};
 use std::ops::Range;
 use std::time::Instant;
 use tracked::{Errors, Lab, errors};
@@ -60,30 +60,19 @@ fn line(flow: &str, density: f64, way: &str, all: &[Errors]) {
 }
 
 fn compare(flow: Flow, density: f64, seeds: Range<u64>) {
-    const WAYS: [&str; 7] = [
-        "correlation",
-        "mean",
-        "1 / variance",
-        "full covariance",
-        "decided, constant",
-        "decided, gradient",
-        "decided, curvature",
-    ];
-    let mut found: [Vec<Errors>; 7] = Default::default();
+    const WAYS: [&str; 5] = ["correlation", "mean", "1 / variance", "full covariance", "decided"];
+    let mut found: [Vec<Errors>; 5] = Default::default();
     for seed in seeds {
         let lab = Lab::new(flow, density, seed);
         let (field, [a, b]) = (lab.field(), lab.tables());
         let tables: [[&[Particle]; 2]; 1] = [[&a, &b]];
-        let decided = |order: Order| decide_with(&field, &tables, &|_| true, order).expect("pairs are there");
-        let Tracks { field: best, pairs, .. } = decided(Order::Curvature);
+        let Tracks { field: best, pairs, .. } = decide(&field, &tables, &|_| true).expect("pairs are there");
         let variances = |pair: &Pair| DMat3::from_diagonal(pair.covariance_mm2.diagonal().map(f64::recip));
         let fields = [
             field.clone(),
             means(&field, &pairs, |_| DMat3::IDENTITY),
             means(&field, &pairs, variances),
             means(&field, &pairs, |pair| pair.covariance_mm2.inverse()),
-            decided(Order::Constant).field,
-            decided(Order::Gradient).field,
             best,
         ];
         fields.iter().zip(&mut found).for_each(|(field, found)| found.push(errors(&lab, field)));

@@ -61,8 +61,6 @@ pub use passes::one_pass;
 pub use passes::{Choice, Counts, Deform, Options, Outcome, Pass, PassReport, Reason, Repeat, Route, triple};
 pub use plan::{Plan, correlate};
 pub use seeding::{Seeding, WANTED_PARTICLES, near_cube, sides_mm};
-#[doc(hidden)]
-pub use tracks::{Order, decide_with};
 pub use tracks::{Pair, Tracks, TracksReport, decide};
 pub use vectors::MedianTest;
 pub use volumes::{Mask, Sparse};

@@ -345,16 +345,17 @@ impl<T: Listed> LensletImage<'_, T> {
             #[inline(always)]
             |light, strip, Way { across, share, .. }| {
                 let (across, other, mut whole) = (*across, 1 - across, 0.0);
-                for (place, sign) in strip.along.iter().zip([1.0, -1.0]) {
-                    for ((end, turn), side) in strip.ends.iter().zip(&strip.turn).zip([1.0, -1.0]) {
-                        let (x, y) = if across == 0 { (end, place) } else { (place, end) };
-                        let at = |axis: usize, place: &Place| (table.taps(axis, place.x, self.more_mm), place.x_by);
-                        let taps = [at(0, x), at(1, y)];
-                        if taps.iter().any(|(taps, _)| T::is_below(taps)) {
+                let at = |axis: usize, place: &Place| (table.taps(axis, place.x, self.more_mm), place.x_by);
+                let along = strip.along.each_ref().map(|place| at(other, place));
+                let ends = strip.ends.each_ref().map(|end| at(across, end));
+                for (along, sign) in along.iter().zip([1.0, -1.0]) {
+                    for ((end, turn), side) in ends.iter().zip(&strip.turn).zip([1.0, -1.0]) {
+                        if T::is_below(&along.0) || T::is_below(&end.0) {
                             continue;
                         }
+                        let (x, y) = if across == 0 { (end, along) } else { (along, end) };
                         let mut corner = [0.0; QUANTITIES];
-                        let slope = self.read::<N>(table, &taps[0], &taps[1], &mut corner)[across] * alpha[across];
+                        let slope = self.read::<N>(table, x, y, &mut corner)[across] * alpha[across];
                         // The end of the strip moves as the strip does along the rim.
                         corner[1 + other] += slope * turn[0];
                         corner[3] += slope * turn[1];

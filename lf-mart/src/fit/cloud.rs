@@ -35,8 +35,13 @@ pub(super) struct Cloud<'a> {
 /// Pixels beyond a tile within which a task may move particles of its neighbours.
 pub(super) const SEAM: usize = 32;
 /// Tiles that are rendered before their light is added up; bounds the memory.
-const AT_ONCE: usize = 32;
+pub(super) const AT_ONCE: usize = 32;
 const COLOURS: usize = 4;
+
+/// Columns and rows of tiles. No pixel has light of the particles of two tiles of one colour.
+pub(super) fn tile_counts(size: [usize; 2], reach_px: usize) -> [usize; 2] {
+    size.map(|side| (side / (2 * (reach_px + SEAM))).max(1))
+}
 
 impl<'a> Cloud<'a> {
     /// Particles without light on the sensor yet: see [`Cloud::render`].
@@ -50,8 +55,7 @@ impl<'a> Cloud<'a> {
     }
 
     pub(super) fn tiles(&self) -> Vec<Tile> {
-        let least = 2 * (self.reach_px + SEAM);
-        let count = self.size().map(|side| (side / least).max(1));
+        let count = tile_counts(self.size(), self.reach_px);
         let edge = |axis: usize, n: usize| self.size()[axis] * n / count[axis];
         let tile = |n: usize| {
             let at = [n % count[0], n / count[0]];

@@ -35,6 +35,23 @@ pub(super) struct Fitted {
     pub(super) deviance: f64,
 }
 
+/// Where a fit begins.
+struct Start {
+    spots: Vec<Spot>,
+    images: Vec<SpotImage>,
+    damping: f64,
+}
+
+/// A particle is busy if its part in a step lowers -2 log L by more than this: less is a tenth of its uncertainty.
+const BUSY: f64 = 0.01;
+/// Busy particles go on without the others if they are less than this share.
+const FEW: f64 = 0.6;
+
+/// Fall of -2 log L by a particle's part in a step.
+fn fall(gradient: &[f64; UNKNOWNS], step: &[f64; UNKNOWNS]) -> f64 {
+    gradient.iter().zip(step).map(|(gradient, step)| gradient * step).sum()
+}
+
 /// Damping: its start, its change after a good and after a bad step, and where it ends.
 const DAMPING: f64 = 0.01;
 const LESS: f64 = 0.2;
@@ -109,29 +126,36 @@ impl Setting<'_> {
     pub(super) fn weigh_whole(&self, window: &Window, buffers: &mut Buffers) {
         for n in &buffers.touched {
             let n = *n as usize;
-            buffers.weight[n] = if window.seen[n].is_nan() { 0.0 } else { 1.0 / self.noise.variance(window.light[n]) };
+            let seen = window.seen[n];
+            buffers.weight[n] = if seen.is_nan() { 0.0 } else { 1.0 / self.noise.variance(window.light[n]) };
             buffers.pull[n] = 0.0;
         }
     }
 
     /// Fits a group whose images are known. The window holds the light of all others.
+    ///
+    /// Particles that a step hardly moves are left alone from then on, as long as the others are few: a fit of a tile
+    /// ends with the few that are slow.
     pub(super) fn joint(
         &self,
-        window: &Window,
+        window: &mut Window,
         spots: &[Spot],
-        mut images: Vec<SpotImage>,
+        images: Vec<SpotImage>,
         ends: Ends,
         buffers: &mut Buffers,
     ) -> Fitted {
+        self.joint_from(window, Start { spots: spots.to_vec(), images, damping: DAMPING }, ends, buffers)
+    }
+
+    fn joint_from(&self, window: &mut Window, start: Start, ends: Ends, buffers: &mut Buffers) -> Fitted {
+        let Start { mut spots, mut images, mut damping } = start;
         buffers.fit(window.seen.len());
-        let mut spots = spots.to_vec();
         buffers.paint(images.iter(), window.columns);
         let mut deviance = self.painted_deviance(window, buffers);
-        let mut damping = DAMPING;
         let mut is_weighed = false;
         let mut normal = Normal::default();
         let mut is_stale = true;
-        for _ in 0..ends.steps {
+        for n in 0..ends.steps {
             if !is_weighed {
                 self.weigh(window, buffers);
                 if is_stale {
@@ -157,6 +181,14 @@ impl Setting<'_> {
                 if gain < ends.gain {
                     break;
                 }
+                let is_busy: Vec<bool> = normal.gradient.iter().zip(&step).map(|(g, s)| fall(g, s) > BUSY).collect();
+                let busy = is_busy.iter().filter(|is_busy| **is_busy).count();
+                if (busy as f64) < FEW * spots.len() as f64 {
+                    buffers.wipe();
+                    let left = Ends { steps: ends.steps - n - 1, gain: ends.gain * busy as f64 / spots.len() as f64 };
+                    let fitted = Fitted { spots, images, deviance };
+                    return self.joint_of_few(window, fitted, &is_busy, (left, damping), buffers);
+                }
             } else {
                 damping *= MORE;
                 if damping > MOST_DAMPING {
@@ -168,6 +200,36 @@ impl Setting<'_> {
         }
         buffers.wipe();
         Fitted { spots, images, deviance }
+    }
+
+    /// Goes on with a fit of the busy particles, the others held.
+    fn joint_of_few(
+        &self,
+        window: &mut Window,
+        mut fitted: Fitted,
+        is_busy: &[bool],
+        (left, damping): (Ends, f64),
+        buffers: &mut Buffers,
+    ) -> Fitted {
+        if left.steps == 0 || !is_busy.contains(&true) {
+            return fitted;
+        }
+        let hold = |images: &[SpotImage], window: &mut Window, sign: f32| {
+            let quiet = images.iter().zip(is_busy).filter(|(_, is_busy)| !**is_busy);
+            quiet.for_each(|(image, _)| image.add_to(&mut window.light, window.columns, sign));
+        };
+        let busy: Vec<usize> = (0..is_busy.len()).filter(|n| is_busy[*n]).collect();
+        hold(&fitted.images, window, 1.0);
+        let spots = busy.iter().map(|n| fitted.spots[*n]).collect();
+        let images: Vec<SpotImage> = busy.iter().map(|n| std::mem::take(&mut fitted.images[*n])).collect();
+        let before = self.deviance(window, images.iter(), buffers);
+        let few = self.joint_from(window, Start { spots, images, damping }, left, buffers);
+        fitted.deviance -= before - few.deviance;
+        for (n, (spot, image)) in busy.into_iter().zip(few.spots.into_iter().zip(few.images)) {
+            (fitted.spots[n], fitted.images[n]) = (spot, image);
+        }
+        hold(&fitted.images, window, -1.0);
+        fitted
     }
 
     /// A spot after a step, which is held within bounds.

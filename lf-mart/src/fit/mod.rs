@@ -18,6 +18,7 @@ mod entries;
 mod image;
 mod joint;
 mod local;
+mod memory;
 mod noise;
 mod normal;
 mod recipe;
@@ -26,7 +27,8 @@ mod spot;
 mod window;
 
 pub use draw::draw;
+pub use memory::peak_bytes;
 pub use noise::{Given, Noise};
-pub use recipe::{Fit, FitOptions, Found, Progress, fit, peak_bytes};
+pub use recipe::{Fit, FitOptions, Found, Progress, fit};
 pub use shape::{Free, Shape};
 pub use spot::Spot;

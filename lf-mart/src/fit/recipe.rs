@@ -83,7 +83,7 @@ const GAIN: f64 = 25.0;
 /// Particles may leave the volume's depths by this many pixels of the focal plane.
 const BEYOND_PX: f64 = 40.0;
 /// Particles that a part of the sensor sees from which size and drift are found, and its least side, pixels.
-const SAMPLE: f64 = 400.0;
+const SAMPLE: f64 = 200.0;
 const SAMPLE_PX: f64 = 200.0;
 /// Pixels do not tell the shape where the light of particles near focus passes this share of the noise, nor where the
 /// image differs by more than these standard deviations: particles may be missing there.
@@ -125,18 +125,15 @@ pub fn fit(
     Refusal::unless(!spots.is_empty(), || "no voxel is brighter than its neighbours", "wanted a volume of particles")?;
     let image = image.as_standard_layout();
     let pixel_mm = camera.pixel_in_focus_mm();
-    let beyond = BEYOND_PX * pixel_mm;
-    let depth_mm = [grid.centre_mm(2, 0) - beyond, grid.centre_mm(2, grid.shape[2] - 1) + beyond];
+    let depth_mm = depths_mm(camera, grid);
     let model = options.shape.model(camera, depth_mm)?;
     let noise = first_noise(image.view(), options.noise)?;
-    let reach = depth_mm.into_iter().fold(0f64, |reach, z| reach.max(model.reach_px(z)));
-    let wide = ParticleModel::new(camera, 2.0 * options.shape.sigma_px * pixel_mm, depth_mm)?;
-    let reach = depth_mm.into_iter().fold(reach, |reach, z| reach.max(wide.reach_px(z)));
+    let reach_px = reach_px(camera, grid, options)?;
     let prior = Prior([camera.pitch_px(), camera.pitch_px(), (depth_mm[1] - depth_mm[0]) / pixel_mm, 1.0]);
     let mut work = Work {
         camera,
         options,
-        cloud: Cloud::new(image.view(), spots, reach.ceil() as usize),
+        cloud: Cloud::new(image.view(), spots, reach_px),
         model,
         shape: options.shape,
         shape_std_px: [f64::INFINITY; 3],
@@ -165,9 +162,17 @@ pub fn fit(
     work.finish(&mut told)
 }
 
-/// Most bytes that a fit needs beside the image and the volume: light, and what the windows at work hold.
-pub fn peak_bytes(pixels: usize, voxels: usize) -> u64 {
-    24 * pixels as u64 + 4 * voxels as u64 + (256 << 20)
+/// Depths between which particles are held, mm.
+fn depths_mm(camera: &Camera, grid: &Grid) -> [f64; 2] {
+    let beyond = BEYOND_PX * camera.pixel_in_focus_mm();
+    [grid.centre_mm(2, 0) - beyond, grid.centre_mm(2, grid.shape[2] - 1) + beyond]
+}
+
+/// Most pixels from a particle's chief ray to a pixel that it lights, for particles of up to twice the first size.
+pub(super) fn reach_px(camera: &Camera, grid: &Grid, options: &FitOptions) -> Result<usize, Refusal> {
+    let depth_mm = depths_mm(camera, grid);
+    let wide = ParticleModel::new(camera, 2.0 * options.shape.sigma_px * camera.pixel_in_focus_mm(), depth_mm)?;
+    Ok(depth_mm.into_iter().fold(0f64, |reach, z| reach.max(wide.reach_px(z))).ceil() as usize)
 }
 
 /// A fit at work.
@@ -336,14 +341,18 @@ impl Work<'_> {
         let changes = self.change(stirred, |local| {
             let mut gain = local.fit(Ends { steps: 6, gain: SWEEP_GAIN });
             let dropped = local.drop_weak(&judge, false);
-            gain += local.fit(Ends { steps: 8, gain: SWEEP_GAIN });
+            if dropped > 0 {
+                gain += local.fit(Ends { steps: 8, gain: SWEEP_GAIN });
+            }
             let split = local.split(&judge);
             let mut added = 0;
             if round < ADD_ROUNDS {
                 let mine: Vec<Spot> = candidates.iter().filter(|spot| local.holds(spot)).copied().collect();
                 added = local.add(&mine, &judge);
             }
-            gain += local.fit(Ends { steps: 4, gain: SWEEP_GAIN });
+            if split + added > 0 {
+                gain += local.fit(Ends { steps: 4, gain: SWEEP_GAIN });
+            }
             ([dropped, split, added], gain)
         });
         self.candidates = candidates;

@@ -41,8 +41,8 @@ const MORE: f64 = 8.0;
 const LEAST_DAMPING: f64 = 1e-6;
 /// A step that does not help at this damping is the last.
 const MOST_DAMPING: f64 = 1.0;
-/// A step that lowers -2 log L by less ends the fit.
-const ENOUGH: f64 = 0.5;
+/// A step of every unknown by less than this share of its uncertainty ends the fit.
+const ENOUGH: f64 = 0.2;
 
 impl Shape {
     /// The model of particles of this shape.
@@ -88,13 +88,15 @@ impl Sample<'_> {
         let mut model = shape.model(self.camera, setting.depth_mm)?;
         let mut state = self.state(&Setting { model: &model, ..*setting }, &mut buffers);
         let mut damping = DAMPING;
+        let mut std = [f64::INFINITY; SHAPES];
         for _ in 0..steps {
-            let Step { shape: step, moves, .. } =
+            let Step { shape: step, moves, std: found } =
                 self.step(&Setting { model: &model, ..*setting }, &state, damping, &mut buffers);
             if !step.iter().all(|step| step.is_finite()) {
                 damping *= MORE;
                 continue;
             }
+            std = found;
             let next_shape = shape.moved(step);
             let next_model = next_shape.model(self.camera, setting.depth_mm)?;
             let next_setting = Setting { model: &next_model, ..*setting };
@@ -105,7 +107,7 @@ impl Sample<'_> {
             if gain > 0.0 {
                 (shape, model, state) = (next_shape, next_model, next);
                 damping = (damping * LESS).max(LEAST_DAMPING);
-                if gain < ENOUGH {
+                if step.iter().zip(&std).all(|(step, std)| step.abs() <= ENOUGH * std) {
                     break;
                 }
             } else {
@@ -116,8 +118,7 @@ impl Sample<'_> {
                 damping *= MORE;
             }
         }
-        let last = self.step(&Setting { model: &model, ..*setting }, &state, LEAST_DAMPING, &mut buffers);
-        Ok((shape, last.std))
+        Ok((shape, std))
     }
 
     /// Renders the particles.

@@ -11,7 +11,7 @@ use std::path::Path;
 const FEW: f64 = 0.7;
 /// Constant: residuals this many times as large as the covariances say are large.
 const LARGE: f64 = 1.5;
-/// Constant: share of the windows that may be blind, empty or outliers without a warning.
+/// Constant: share of the windows that may be blind or empty without a warning.
 const MANY: f64 = 0.2;
 
 /// The particles of the first and of the second volume of every pair.
@@ -59,12 +59,13 @@ impl Tables {
 
     fn warnings(&self, report: &TracksReport) -> Vec<String> {
         let mut lines = Vec::new();
-        let TracksReport { particles: [first, second], pairs, measured, blind, outliers, empty, misfit } = *report;
+        let TracksReport { particles: [first, second], pairs, wrong, measured, blind, empty, misfit } = *report;
         let fewer = first.min(second);
-        if (pairs as f64) < FEW * fewer as f64 {
-            let share = 100.0 * pairs as f64 / fewer as f64;
+        let right = pairs - wrong;
+        if (right as f64) < FEW * fewer as f64 {
+            let share = 100.0 * right as f64 / fewer as f64;
             lines.push(format!(
-                "{pairs} of {fewer} particles ({share:.0} %) found their partner; many may be false or leave the volume: \
+                "{right} of {fewer} particles ({share:.0} %) found their partner; many may be false or leave the volume: \
                  check that both tables belong to these volumes, or fit them again with fewer false ones"
             ));
         }
@@ -74,11 +75,11 @@ impl Tables {
                  larger; check the camera and the noise that the particles were fitted with"
             ));
         }
-        let (lost, all) = (blind + outliers + empty, measured + blind + outliers + empty);
+        let (lost, all) = (blind + empty, measured + blind + empty);
         if lost as f64 > MANY * all as f64 {
             lines.push(format!(
                 "{lost} of {all} windows are replaced from their neighbours or by the correlation: {empty} without a \
-                 pair, {blind} blind, {outliers} against their neighbours; enlarge the windows"
+                 pair, {blind} blind; enlarge the windows"
             ));
         }
         if self.tables.iter().flatten().any(|particle| particle.uncertainty.is_none()) {
@@ -113,13 +114,13 @@ fn keeps(mask: &Mask, grid: &Grid, place_mm: DVec3) -> bool {
 
 /// Tells counts for `--stats` and a line for `--verbose`.
 pub fn tell(report: &TracksReport, session: &mut Session) {
-    let TracksReport { particles: [first, second], pairs, measured, blind, outliers, empty, misfit } = *report;
+    let TracksReport { particles: [first, second], pairs, wrong, measured, blind, empty, misfit } = *report;
     let counts = [("particles_a", first), ("particles_b", second), ("particle_pairs", pairs)];
-    let windows = [("windows_blind", blind), ("windows_outliers", outliers), ("windows_without_pairs", empty)];
+    let windows = [("pairs_wrong", wrong), ("windows_blind", blind), ("windows_without_pairs", empty)];
     counts.into_iter().chain(windows).for_each(|(name, count)| session.count(name, count));
     session.explain(format!(
-        "{pairs} pairs of {first} and {second} particles decide {measured} windows; {blind} are blind, {outliers} \
-         contradict their neighbours, {empty} have no pair; residuals are {misfit:.2} of the uncertainties"
+        "{pairs} pairs of {first} and {second} particles, of which {wrong} contradict their neighbours, decide {measured} \
+         windows; {blind} are blind, {empty} have no pair; residuals are {misfit:.2} of the uncertainties"
     ));
 }
 

@@ -3,7 +3,7 @@
 use super::fitter::Fitted;
 use super::guess::Guess;
 use crate::vectors::Nodes;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use lf_core::Field;
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
 use lf_core::statistics::{NORMAL_PER_MAD, median};
@@ -14,24 +14,21 @@ use rayon::prelude::*;
 const BLIND: f64 = 3.0;
 /// Constant: nodes on each side whose vectors are usual for a node.
 const NEAR: usize = 3;
-/// Constant: a vector contradicts its neighbours from this many standard deviations on.
-const OUTLIER: f64 = 5.0;
 
 /// A field, and how many of its windows are what.
 pub(crate) struct Assembled {
     pub field: Field,
     pub measured: usize,
     pub blind: usize,
-    pub outliers: usize,
     pub empty: usize,
 }
 
 enum Verdict {
     Measured(Fitted),
-    /// The vector that its pairs and its neighbours know together, mm.
+    /// Its own pairs know little; the vector, mm, is mostly that of its neighbours.
     Blind(DVec3),
-    Outlier,
-    Empty,
+    /// The vector of the pairs around, mm; None far from all pairs.
+    Empty(Option<DVec3>),
 }
 
 /// Puts the fits, at the nodes of the field, into the field of the correlation.
@@ -40,12 +37,12 @@ pub(crate) fn assemble(correlation: &Field, nodes: &Nodes, fits: &[Option<Fitted
     let differences: Vec<Option<(DVec3, DVec3)>> =
         fits.iter().zip(&smooth).map(|(fit, smooth)| fit.map(|fit| difference(&fit, *smooth))).collect();
     let verdict = |node: usize| {
-        let Some(fit) = fits[node] else { return Verdict::Empty };
-        verdict(&fit, smooth[node], usual(nodes, node, &differences))
+        let Some(fit) = fits[node] else { return Verdict::Empty(None) };
+        verdict(&fit, usual(nodes, node, &differences))
     };
     let verdicts: Vec<Verdict> = (0..fits.len()).into_par_iter().map(verdict).collect();
 
-    let mut found = Assembled { field: correlation.clone(), measured: 0, blind: 0, outliers: 0, empty: 0 };
+    let mut found = Assembled { field: correlation.clone(), measured: 0, blind: 0, empty: 0 };
     let field = &mut found.field;
     for (node, verdict) in verdicts.iter().enumerate() {
         let pairs = fits[node].map_or(0, |fit| fit.pairs);
@@ -60,14 +57,10 @@ pub(crate) fn assemble(correlation: &Field, nodes: &Nodes, fits: &[Option<Fitted
                 set(field, node, *shift_mm, DVec3::NAN, REPLACED);
                 found.blind += 1;
             }
-            Verdict::Outlier => {
-                set(field, node, smooth[node], DVec3::NAN, REPLACED);
-                found.outliers += 1;
-            }
-            Verdict::Empty => {
+            Verdict::Empty(shift_mm) => {
                 // Far from all pairs the vector stays the correlation's, and without light there is no data.
-                if field.flag[node] != NO_DATA && guess.is_decided(nodes.place(node)) {
-                    set(field, node, smooth[node], DVec3::NAN, REPLACED);
+                if let Some(shift_mm) = shift_mm.filter(|_| field.flag[node] != NO_DATA) {
+                    set(field, node, shift_mm, DVec3::NAN, REPLACED);
                 }
                 found.empty += 1;
             }
@@ -94,18 +87,16 @@ fn usual(nodes: &Nodes, node: usize, differences: &[Option<(DVec3, DVec3)>]) -> 
     (DVec3::from_array(std).powf(2.0), variance.into())
 }
 
-/// The verdict about a window, by the smooth field there and the usual departures from it and variances.
-fn verdict(fit: &Fitted, smooth: DVec3, (departure, variance): (DVec3, DVec3)) -> Verdict {
-    let (far, own) = difference(fit, smooth);
-    if (far * far).cmpgt(OUTLIER * OUTLIER * (own + departure)).any() {
-        return Verdict::Outlier;
+/// The verdict about a window, by the usual departures from the smooth field and the usual variances.
+fn verdict(fit: &Fitted, (departure, variance): (DVec3, DVec3)) -> Verdict {
+    let own = fit.covariance_mm2.diagonal();
+    if fit.pairs == 0 {
+        Verdict::Empty(Some(fit.shift_mm))
+    } else if own.cmpgt(BLIND * BLIND * (departure + variance)).any() {
+        Verdict::Blind(fit.shift_mm)
+    } else {
+        Verdict::Measured(*fit)
     }
-    if own.cmpgt(BLIND * BLIND * (departure + variance)).any() {
-        // A window is rarely blind along all directions: it keeps what it knows.
-        let total = fit.covariance_mm2 + DMat3::from_diagonal(departure);
-        return Verdict::Blind(smooth + departure * (total.inverse() * far));
-    }
-    Verdict::Measured(*fit)
 }
 
 /// Writes a vector. Correlation's own numbers stay beside vectors that are measured.

@@ -4,16 +4,19 @@
 //! 2. Windows twice as long are fitted to their pairs ([`super::window_fit`]), under priors found in all of them
 //!    ([`super::priors`]). This is the next guess: sharper than the correlation's where that is blind.
 //! 3. Particles are matched about it too, and it is made again from the better pairs.
-//! 4. Every window is fitted to its own pairs, about the guess, which takes most of the flow's shape out of the fit.
-//! 5. Windows that know less than their neighbours are replaced ([`super::assemble`]).
+//! 4. The pairs themselves tell over what distance and how much the flow changes, place by place ([`super::scales`]).
+//!    Pairs that their neighbours contradict are left out ([`super::near`]).
+//! 5. The vector of a window is the likeliest displacement at its centre, given the nearest pairs
+//!    ([`super::process`]). Windows with very many pairs are fitted to these alone, as in step 2.
+//! 6. Windows that know less than their neighbours are replaced ([`super::assemble`]).
 
 use super::assemble::{Assembled, assemble};
 use super::fitter::{Fitted, Fitter};
 use super::guess::Guess;
 use super::matching::{Light, Match, Matcher};
+use super::near::Near;
 use super::points::Point;
 use super::priors::PriorField;
-use super::window_fit::Order;
 use crate::vectors::{Nodes, filled};
 use glam::{DMat3, DVec3};
 use lf_core::statistics::quantile;
@@ -28,6 +31,8 @@ const LEAST_VOX: f64 = 0.25;
 /// Constant: the windows of the guess over the windows of the field. Half as long again leaves noise of the same pairs
 /// in the guess, and longer ones flatten the flow.
 const LONGER: f64 = 2.0;
+/// Constant: windows with more pairs are fitted by polynomials; the nearest pairs alone would waste most of them.
+const MANY: usize = 40;
 
 /// Constant: the scatter of single particles over the usual one around them, as a variance. It is greatest in shear
 /// layers and vortex cores, narrower than the windows that tell the usual one.
@@ -57,12 +62,12 @@ pub struct TracksReport {
     pub particles: [usize; 2],
     /// Particles found in both.
     pub pairs: usize,
-    /// Windows that their pairs decide.
+    /// Pairs that their neighbours contradict, and that decide nothing.
+    pub wrong: usize,
+    /// Windows that pairs decide.
     pub measured: usize,
     /// Windows with pairs that know too little, and were replaced.
     pub blind: usize,
-    /// Windows whose pairs contradict the neighbours, and were replaced.
-    pub outliers: usize,
     /// Windows without a pair.
     pub empty: usize,
     /// Standard deviation of the pairs' residuals over the one that their covariances say: median over the field.
@@ -72,8 +77,8 @@ pub struct TracksReport {
 /// A field decided by particles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracks {
-    /// Measured vectors are those of the pairs in their window: `count` says how many, `su`, `sv`, `sw` follow from
-    /// their covariances and residuals. Replaced vectors follow their neighbours and have no uncertainty.
+    /// Measured vectors have pairs in their window: `count` says how many. `su`, `sv`, `sw` follow from the covariances
+    /// and residuals of the nearest pairs. Replaced vectors follow their neighbours and have no uncertainty.
     pub field: Field,
     /// All pairs, table by table, by rising line of the first.
     pub pairs: Vec<Pair>,
@@ -88,18 +93,7 @@ pub fn decide(
     tables: &[[&[Particle]; 2]],
     keeps: &(dyn Fn(DVec3) -> bool + Sync),
 ) -> Result<Tracks, Refusal> {
-    decide_with(field, tables, keeps, Order::Curvature)
-}
-
-/// [`decide`] with fewer terms, for comparisons.
-#[doc(hidden)]
-pub fn decide_with(
-    field: &Field,
-    tables: &[[&[Particle]; 2]],
-    keeps: &(dyn Fn(DVec3) -> bool + Sync),
-    order: Order,
-) -> Result<Tracks, Refusal> {
-    let run = Run::new(field, tables, keeps, order);
+    let run = Run::new(field, tables, keeps);
     let first = run.first_guess();
     let found = run.matched(&[&first], None);
     let count = |side: usize| tables.iter().map(|pair| pair[side].len()).sum::<usize>();
@@ -112,10 +106,9 @@ pub fn decide_with(
     let (guess, _) = run.next_guess(&found.all, &first);
     let found = run.matched(&[&first, &guess], Some(&found.all));
     let (guess, misfits) = run.next_guess(&found.all, &guess);
-    let fits = run.fits(&found.all, &guess, &misfits);
-    let Assembled { field, measured, blind, outliers, empty } = assemble(field, &run.nodes, &fits, &guess);
-    let report =
-        TracksReport { particles, pairs: found.all.len(), measured, blind, outliers, empty, misfit: misfits.usual() };
+    let (fits, wrong, misfit) = run.fits(&found.all, &guess, &misfits);
+    let Assembled { field, measured, blind, empty } = assemble(field, &run.nodes, &fits, &guess);
+    let report = TracksReport { particles, pairs: found.all.len(), wrong, measured, blind, empty, misfit };
     Ok(Tracks { field, pairs: found.pairs(), report })
 }
 
@@ -145,25 +138,19 @@ struct Run<'a> {
     field: &'a Field,
     tables: Vec<[Vec<Point>; 2]>,
     keeps: &'a (dyn Fn(DVec3) -> bool + Sync),
-    order: Order,
     nodes: Nodes,
     half_mm: DVec3,
 }
 
 impl<'a> Run<'a> {
-    fn new(
-        field: &'a Field,
-        tables: &[[&[Particle]; 2]],
-        keeps: &'a (dyn Fn(DVec3) -> bool + Sync),
-        order: Order,
-    ) -> Self {
+    fn new(field: &'a Field, tables: &[[&[Particle]; 2]], keeps: &'a (dyn Fn(DVec3) -> bool + Sync)) -> Self {
         let layout = &field.layout;
         let voxel_mm = DVec3::from(layout.voxel_mm);
         let points = |table: &&[Particle]| table.iter().map(|particle| Point::new(particle, voxel_mm)).collect();
         let nodes = Nodes { shape: layout.shape, first: layout.origin_mm.into(), step: layout.spacing_mm.into() };
         let half_mm = 0.5 * voxel_mm * DVec3::from_array(layout.window.map(|side| side as f64));
         let tables = tables.iter().map(|pair| pair.each_ref().map(points)).collect();
-        Self { field, tables, keeps, order, nodes, half_mm }
+        Self { field, tables, keeps, nodes, half_mm }
     }
 
     /// The correlation's field, with holes filled. Vectors without an uncertainty have that of the worst.
@@ -195,7 +182,7 @@ impl<'a> Run<'a> {
     fn next_guess(&self, pairs: &[Match], before: &Guess) -> (Guess, PriorField) {
         let apart = (self.half_mm / self.nodes.step).round().to_array();
         let nodes = self.nodes.every(apart.map(|steps| (steps as usize).max(1)));
-        let fitter = Fitter::new(pairs, nodes, LONGER * self.half_mm, self.order, None);
+        let fitter = Fitter::new(pairs, nodes, LONGER * self.half_mm, None);
         let priors = PriorField::new(&fitter);
         let fit = |node: usize| {
             let place = nodes.place(node);
@@ -234,16 +221,34 @@ impl<'a> Run<'a> {
         found
     }
 
-    /// The vector of every window by its pairs. `misfits` are of fits in longer windows: about a guess by the same pairs,
-    /// residuals are too small to tell how far covariances can be trusted.
-    fn fits(&self, pairs: &[Match], guess: &Guess, misfits: &PriorField) -> Vec<Option<Fitted>> {
-        let fitter = Fitter::new(pairs, self.nodes, self.half_mm, self.order, Some(guess));
-        let priors = PriorField::new(&fitter);
+    /// The vector of every window by the pairs nearest to it, None far from all pairs; how many pairs are wrong; and
+    /// the misfit. `misfits`, of longer windows, are for windows with very many pairs.
+    fn fits(&self, pairs: &[Match], guess: &Guess, misfits: &PriorField) -> (Vec<Option<Fitted>>, usize, f64) {
+        let windows = (2.0 * self.half_mm / self.nodes.step).round().to_array();
+        let nodes = self.nodes.every(windows.map(|steps| (steps as usize).max(1)));
+        let near = Near::new(pairs);
+        let scales = near.scales(nodes);
+        let near = near.without_wrong(&scales);
+        let scales = near.scales(nodes);
+        let inside: Vec<usize> =
+            (0..self.nodes.count()).map(|node| near.inside(self.nodes.place(node), self.half_mm)).collect();
+        let dense = inside.iter().any(|pairs| *pairs > MANY).then(|| {
+            let fitter = Fitter::new(pairs, self.nodes, self.half_mm, Some(guess));
+            let priors = PriorField::new(&fitter);
+            (fitter, priors)
+        });
         let fit = |node: usize| {
-            let place = self.nodes.place(node);
-            let fit = fitter.fit(place, &priors.at(place), misfits.at(place).misfit)?;
-            Some(Fitted { shift_mm: fit.shift_mm + guess.shift_mm(place), ..fit })
+            let (place, pairs) = (self.nodes.place(node), inside[node]);
+            if let Some((fitter, priors)) = dense.as_ref().filter(|_| pairs > MANY) {
+                let fit = fitter.fit(place, &priors.at(place), misfits.at(place).misfit)?;
+                return Some(Fitted { shift_mm: fit.shift_mm + guess.shift_mm(place), ..fit });
+            }
+            if pairs == 0 && !guess.is_decided(place) {
+                return None;
+            }
+            let (shift_mm, covariance_mm2) = near.vector(place, &scales)?;
+            Some(Fitted { shift_mm, covariance_mm2, pairs })
         };
-        (0..self.nodes.count()).into_par_iter().map(fit).collect()
+        ((0..self.nodes.count()).into_par_iter().map(fit).collect(), near.wrong(), scales.misfit())
     }
 }

@@ -6,7 +6,7 @@
 //! likely.
 
 use super::normal::MOST;
-use super::window_fit::{Order, Priors, Sample, TERMS, WindowFit, distance2, residual_mm};
+use super::window_fit::{Priors, Sample, TERMS, WindowFit, distance2, residual_mm};
 use glam::{DMat3, DVec3};
 
 /// Numbers in a set of priors: a variance for each coefficient, then the scatter's three, then the misfit.
@@ -42,10 +42,10 @@ impl Default for Evidence {
 
 impl Evidence {
     /// The evidence of one window.
-    pub fn new(samples: &[Sample], fit: &WindowFit, priors: &Priors, order: Order) -> Self {
+    pub fn new(samples: &[Sample], fit: &WindowFit, priors: &Priors) -> Self {
         let mut evidence = Self::default();
-        let inverse = fit.covariances(order);
-        for t in 1..order.terms() {
+        let inverse = fit.covariances();
+        for t in 1..TERMS {
             for c in 0..3 {
                 let n = 3 * t + c;
                 evidence.above[n] = fit.terms[t][c].powi(2);
@@ -54,7 +54,7 @@ impl Evidence {
         }
         for ((sample, precision), weight) in samples.iter().zip(&fit.precisions).zip(&fit.weights) {
             let rest = *precision * residual_mm(sample, &fit.terms);
-            let uncertain = of_prediction(sample, &inverse, order);
+            let uncertain = of_prediction(sample, &inverse);
             let inner = *precision * uncertain * *precision;
             for c in 0..3 {
                 let (variance, n) = (priors.scatter[c], MOST + c);
@@ -78,13 +78,12 @@ impl Evidence {
 }
 
 /// Covariance of the polynomial at a sample, mm².
-fn of_prediction(sample: &Sample, inverse: &[[f64; MOST]], order: Order) -> DMat3 {
-    let count = order.terms();
+fn of_prediction(sample: &Sample, inverse: &[[f64; MOST]]) -> DMat3 {
     let mut sum = [[0.0; 3]; 3];
-    for (t, value) in sample.basis[..count].iter().enumerate() {
+    for (t, value) in sample.basis.iter().enumerate() {
         for (c, row) in sum.iter_mut().enumerate() {
             let column = &inverse[3 * t + c];
-            for (s, other) in sample.basis[..count].iter().enumerate() {
+            for (s, other) in sample.basis.iter().enumerate() {
                 (0..3).for_each(|d| row[d] += value * other * column[3 * s + d]);
             }
         }

@@ -10,7 +10,6 @@ pub(crate) struct Fitter<'a> {
     pub nodes: Nodes,
     /// Half a window, mm.
     pub half_mm: DVec3,
-    pub order: Order,
     /// Displacement of each pair less the guess, mm.
     pub rest_mm: Vec<DVec3>,
     buckets: Buckets,
@@ -18,10 +17,10 @@ pub(crate) struct Fitter<'a> {
 
 impl<'a> Fitter<'a> {
     /// Without a guess the fits start from no motion.
-    pub fn new(pairs: &'a [Match], nodes: Nodes, half_mm: DVec3, order: Order, guess: Option<&Guess>) -> Self {
+    pub fn new(pairs: &'a [Match], nodes: Nodes, half_mm: DVec3, guess: Option<&Guess>) -> Self {
         let rest = |pair: &Match| pair.shift_mm - guess.map_or(DVec3::ZERO, |guess| guess.shift_mm(pair.middle_mm));
         let buckets = Buckets::new(pairs.iter().map(|pair| pair.middle_mm).collect());
-        Self { rest_mm: pairs.iter().map(rest).collect(), pairs, nodes, half_mm, order, buckets }
+        Self { rest_mm: pairs.iter().map(rest).collect(), pairs, nodes, half_mm, buckets }
     }
 
     /// The pairs in the window about a place.
@@ -37,7 +36,7 @@ impl<'a> Fitter<'a> {
     /// The vector of the window about a place, less the guess; None without a pair that counts. `misfit` scales its
     /// covariance.
     pub fn fit(&self, centre_mm: DVec3, priors: &Priors, misfit: f64) -> Option<Fitted> {
-        let fit = WindowFit::new(&self.samples(centre_mm), priors, self.order)?;
+        let fit = WindowFit::new(&self.samples(centre_mm), priors)?;
         let pairs = fit.weights.iter().filter(|weight| **weight > 0.5).count();
         let covariance_mm2 = misfit * fit.covariance_mm2();
         (pairs > 0).then(|| Fitted { shift_mm: fit.terms[0], covariance_mm2, pairs })

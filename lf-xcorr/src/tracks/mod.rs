@@ -11,13 +11,12 @@ mod evidence;
 mod fitter;
 mod guess;
 mod matching;
+mod near;
 mod normal;
 mod points;
 mod priors;
+mod process;
+mod scales;
 mod window_fit;
 
-#[doc(hidden)]
-pub use decide::decide_with;
 pub use decide::{Pair, Tracks, TracksReport, decide};
-#[doc(hidden)]
-pub use window_fit::Order;

@@ -6,7 +6,7 @@ use super::normal::MOST;
 use super::window_fit::{Priors, TERMS, WindowFit};
 use crate::vectors::Nodes;
 use glam::DVec3;
-use lf_core::statistics::{median, robust};
+use lf_core::statistics::robust;
 use rayon::prelude::*;
 
 /// Constant: rounds of better variances. Ten do for most flows; few particles in a vortex ring need twenty.
@@ -34,19 +34,14 @@ impl PriorField {
         for _ in 0..ROUNDS {
             let of_window = |node: usize| {
                 let samples = fitter.samples(nodes.place(node));
-                let fit = WindowFit::new(&samples, &priors[node], fitter.order);
-                fit.map(|fit| Evidence::new(&samples, &fit, &priors[node], fitter.order)).unwrap_or_default()
+                let fit = WindowFit::new(&samples, &priors[node]);
+                fit.map(|fit| Evidence::new(&samples, &fit, &priors[node])).unwrap_or_default()
             };
             let evidence: Vec<Evidence> = (0..nodes.count()).into_par_iter().map(of_window).collect();
             priors = local(&nodes, &evidence, &start, fitter.least_mm2());
         }
         let logs = priors.into_iter().map(|priors| priors.to_numbers().map(f64::ln)).collect();
         Self { nodes, logs }
-    }
-
-    /// Standard deviation of the residuals over the one expected: the median of all windows.
-    pub fn usual(&self) -> f64 {
-        median(&mut self.logs.iter().map(|logs| logs[NUMBERS - 1].exp()).collect::<Vec<f64>>()).sqrt()
     }
 
     /// The priors at a place: linear between windows in the logarithm.

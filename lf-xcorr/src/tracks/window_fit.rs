@@ -20,28 +20,6 @@ pub(crate) const TERMS: usize = MOST / 3;
 /// lies anywhere in a gate of five standard deviations, 2 ln(49 x 33).
 const EVEN_ODDS: f64 = 15.0;
 
-/// The terms of the polynomial. Curvature is the best on flows that bend and costs nothing on others; the rest is for
-/// comparisons.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
-    /// The mean alone.
-    Constant,
-    /// And the gradient.
-    Gradient,
-    /// And the second derivatives.
-    Curvature,
-}
-
-impl Order {
-    pub(crate) fn terms(self) -> usize {
-        match self {
-            Self::Constant => 1,
-            Self::Gradient => 4,
-            Self::Curvature => TERMS,
-        }
-    }
-}
-
 /// The terms at a place in half windows from the centre.
 pub(crate) fn basis(place: DVec3) -> [f64; TERMS] {
     let [x, y, z] = place.to_array();
@@ -82,7 +60,7 @@ pub(crate) struct WindowFit {
 
 impl WindowFit {
     /// None without samples.
-    pub fn new(samples: &[Sample], priors: &Priors, order: Order) -> Option<Self> {
+    pub fn new(samples: &[Sample], priors: &Priors) -> Option<Self> {
         // Constants: weights that change by less than this stand still, and most rounds.
         const STILL: f64 = 0.05;
         const ROUNDS: usize = 8;
@@ -92,7 +70,7 @@ impl WindowFit {
         let scatter = DMat3::from_diagonal(priors.scatter);
         let precisions: Vec<DMat3> = samples.iter().map(|sample| (sample.covariance_mm2 + scatter).inverse()).collect();
         let mut weights: Vec<f64> = samples.iter().map(|sample| sample.chance).collect();
-        let (mut terms, mut factor) = solve(samples, &precisions, &weights, priors, order)?;
+        let (mut terms, mut factor) = solve(samples, &precisions, &weights, priors)?;
         for _ in 1..ROUNDS {
             let weight = |(sample, precision): (&Sample, &DMat3)| {
                 let distance2 = distance2(sample, precision, &terms) / priors.misfit;
@@ -104,7 +82,7 @@ impl WindowFit {
             if change < STILL {
                 break;
             }
-            (terms, factor) = solve(samples, &precisions, &weights, priors, order)?;
+            (terms, factor) = solve(samples, &precisions, &weights, priors)?;
         }
         Some(Self { terms, weights, precisions, factor })
     }
@@ -118,8 +96,8 @@ impl WindowFit {
     }
 
     /// Covariance of all coefficients, by columns.
-    pub fn covariances(&self, order: Order) -> Vec<[f64; MOST]> {
-        (0..3 * order.terms()).map(|n| self.factor.inverse_column(n)).collect()
+    pub fn covariances(&self) -> Vec<[f64; MOST]> {
+        (0..MOST).map(|n| self.factor.inverse_column(n)).collect()
     }
 }
 
@@ -140,16 +118,14 @@ fn solve(
     precisions: &[DMat3],
     weights: &[f64],
     priors: &Priors,
-    order: Order,
 ) -> Option<([DVec3; TERMS], Factor)> {
-    let count = order.terms();
-    let mut normal = Normal { count: 3 * count, matrix: [[0.0; MOST]; MOST] };
+    let mut normal = Normal { count: MOST, matrix: [[0.0; MOST]; MOST] };
     let mut right = [0.0; MOST];
     for ((sample, precision), weight) in samples.iter().zip(precisions).zip(weights) {
         let precision = *weight * *precision;
         let pull = (precision * sample.rest_mm).to_array();
         let rows = precision.to_cols_array_2d();
-        for (t, value) in sample.basis[..count].iter().enumerate() {
+        for (t, value) in sample.basis.iter().enumerate() {
             (0..3).for_each(|c| right[3 * t + c] += value * pull[c]);
             for (c, row) in rows.iter().enumerate() {
                 let line = &mut normal.matrix[3 * t + c];
@@ -160,13 +136,12 @@ fn solve(
             }
         }
     }
-    for (t, variance) in priors.terms[..count].iter().enumerate() {
+    for (t, variance) in priors.terms.iter().enumerate() {
         (0..3).for_each(|c| normal.matrix[3 * t + c][3 * t + c] += variance[c].recip());
     }
     let factor = normal.factor()?;
     factor.solve(&mut right);
-    let term = |t: usize| if t < count { DVec3::from_slice(&right[3 * t..]) } else { DVec3::ZERO };
-    Some((std::array::from_fn(term), factor))
+    Some((std::array::from_fn(|t| DVec3::from_slice(&right[3 * t..])), factor))
 }
 
 #[cfg(test)]
@@ -188,10 +163,10 @@ mod tests {
     fn two_pairs_by_hand() {
         let pairs = [(0.0, 1e-6), (6e-3, 2e-6)]
             .map(|(shift, variance)| sample(DVec3::ZERO, shift * DVec3::X, variance * DVec3::ONE));
-        let fit = WindowFit::new(&pairs, &priors(1e-14), Order::Constant).unwrap();
+        let fit = WindowFit::new(&pairs, &priors(1e-14)).unwrap();
         assert!((fit.terms[0] - 2e-3 * DVec3::X).abs().max_element() < 1e-5, "{:?}", fit.terms[0]);
         assert!((fit.covariance_mm2().diagonal() - 2e-6 / 3.0).abs().max_element() < 1e-10);
-        assert!(WindowFit::new(&[], &priors(1e-14), Order::Constant).is_none());
+        assert!(WindowFit::new(&[], &priors(1e-14)).is_none());
     }
 
     /// Two particles are each sure across a line only, one along x and one along z. Together they know both.
@@ -207,7 +182,7 @@ mod tests {
             }
         };
         let lines = [line(DVec3::new(0.3, 0.0, 1.0)), line(DVec3::new(-0.2, 0.0, 1.0))];
-        let fit = WindowFit::new(&lines, &priors(1e-14), Order::Constant).unwrap();
+        let fit = WindowFit::new(&lines, &priors(1e-14)).unwrap();
         assert!((fit.terms[0] - wanted).length() < 3e-4, "{:?}", fit.terms[0]);
         assert!(fit.covariance_mm2().diagonal().max_element() < 1e-8);
     }
@@ -217,7 +192,7 @@ mod tests {
         let places = [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z];
         let mut pairs: Vec<Sample> = places.map(|place| sample(place, DVec3::Y * 1e-3, DVec3::splat(1e-8))).to_vec();
         pairs.push(sample(DVec3::ZERO, DVec3::new(8e-4, 1e-3, 0.0), DVec3::splat(1e-8)));
-        let fit = WindowFit::new(&pairs, &priors(1e-14), Order::Gradient).unwrap();
+        let fit = WindowFit::new(&pairs, &priors(1e-14)).unwrap();
         assert!((fit.terms[0] - DVec3::Y * 1e-3).length() < 1e-6, "{:?}", fit.terms[0]);
         assert!(fit.weights[5] < 1e-3 && fit.weights[..5].iter().all(|weight| *weight > 0.9), "{:?}", fit.weights);
     }
@@ -226,7 +201,7 @@ mod tests {
     fn a_prior_decides_whether_a_gradient_is_followed() {
         let places = [0.9, 0.5, 0.8, 0.2].map(|x| x * DVec3::X);
         let pairs = places.map(|place| sample(place, 2e-3 * place, DVec3::splat(1e-6)));
-        let centre = |gradient: f64| WindowFit::new(&pairs, &priors(gradient), Order::Curvature).unwrap().terms[0].x;
+        let centre = |gradient: f64| WindowFit::new(&pairs, &priors(gradient)).unwrap().terms[0].x;
         // The mean of the places is 0.6.
         assert!((centre(1e-14) - 1.2e-3).abs() < 1e-6 && centre(1.0).abs() < 1e-5, "{} {}", centre(1e-14), centre(1.0));
     }

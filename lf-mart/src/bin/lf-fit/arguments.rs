@@ -1,7 +1,7 @@
 //! The options of lf-fit, their defaults and their checks.
 
 use clap::{Parser, ValueEnum};
-use lf_core::cli::{Common, ImageOptions};
+use lf_core::cli::{Common, ImageOptions, MemoryLimit};
 use lf_core::{Error, Result};
 use lf_mart::fit::{FitOptions, Free, Given, Shape};
 use std::path::PathBuf;
@@ -65,6 +65,8 @@ pub struct Arguments {
     /// Volume (.lfv) on the same grid in which each particle is drawn as a Gaussian, - for standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub memory: MemoryLimit,
     #[command(flatten)]
     pub common: Common,
 }

@@ -29,11 +29,13 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if volume.count() == 0 {
         return Err(Error::new(name, "holds no voxel", "wanted a volume with light"));
     }
+    let voxels = (volume.grid(), volume.indices(), volume.column("intensity").unwrap_or_default());
+    let work = fit::peak_bytes(&camera, voxels, &options).map_err(|refusal| refusal.about(&name))?;
     if arguments.estimate {
-        let work = fit::peak_bytes(image.pixels.len(), volume.count());
         session.tell_estimate(work, &[("voxels", volume.count() as u64)])?;
         return Ok(Verdict::Done);
     }
+    session.allow_memory(arguments.memory, work as f64, &name, || format!("a fit to {} voxels", volume.count()))?;
     session.warn_of_frame(&image, &camera, arguments.background.is_some());
     session.explain(format!("camera: {}", camera.about()));
     let (found, log) = solve(&camera, &image, &volume, &options, &name, session)?;
