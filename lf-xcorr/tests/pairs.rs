@@ -130,6 +130,24 @@ fn tables_decide_the_field_and_leave_tracks() {
 }
 
 #[test]
+fn tables_of_which_no_two_particles_are_one_leave_the_correlation() {
+    let bench = workbench();
+    save_tables(&bench);
+    std::fs::write(bench.path("far.csv"), format!("{FRAME_LINE}\n{HEADER}\n1,0,500,500,500,1\n")).unwrap();
+    bench.run(&[&["a.lfv", "b.lfv", "-o", "plain.exr", "-q"], &SMALL[..]].concat());
+    let far = ["a.lfv", "b.lfv", "-o", "far.exr", "--particles", "a.csv", "far.csv", "--tracks", "t.csv"];
+    let told = bench.run(&[&far[..], &SMALL[..]].concat());
+    let line = "a.csv, far.csv: no particle of 600 is one of 1 by its place";
+    assert!(told.stderr.contains(line) && told.stderr.contains("by correlation alone"), "{}", told.stderr);
+    let [plain, far] = ["plain.exr", "far.exr"].map(|file| Field::open(&bench.path(file)).unwrap());
+    assert_eq!([&plain.u, &plain.v, &plain.w], [&far.u, &far.v, &far.w]);
+    assert_eq!(
+        std::fs::read_to_string(bench.path("t.csv")).unwrap().lines().filter(|l| !l.starts_with('#')).count(),
+        1
+    );
+}
+
+#[test]
 fn bad_tables_get_one_line() {
     let bench = workbench();
     save_tables(&bench);
@@ -137,13 +155,11 @@ fn bad_tables_get_one_line() {
         |name: &str, rows: &str| std::fs::write(bench.path(name), format!("{FRAME_LINE}\n{HEADER}\n{rows}")).unwrap();
     write("empty.csv", "");
     write("two.csv", "0,0,1,1,1,1\n1,0,1,1,1,1\n");
-    write("far.csv", "1,0,500,500,500,1\n");
     write("bad.csv", "0,0,1,1,x,1\n");
     let small = |more: &[&'static str]| [&["a.lfv", "b.lfv", "-o", "f.exr", "-q"], more, &SMALL[..]].concat();
     bench.refused(&small(&["--particles", "a.csv", "empty.csv"]), &["empty.csv: no particle; wanted"]);
     bench.refused(&small(&["--particles", "two.csv", "b.csv"]), &["two.csv: particles of frames 0 and 1"]);
     bench.refused(&small(&["--particles", "a.csv", "bad.csv"]), &["bad.csv: line 3 is not six numbers"]);
-    bench.refused(&small(&["--particles", "a.csv", "far.csv"]), &["a.csv, far.csv: no particle of 600 is one of 1"]);
     bench
         .refused(&small(&["--particles", "a.csv", "b.csv", "--particles", "a.csv", "b.csv"]), &["4 tables for 1 pair"]);
     bench.refused(&small(&["--particles", "a.csv", "b.csv", "--tracks", "b.csv"]), &["b.csv", "input"]);

@@ -46,15 +46,23 @@ impl Tables {
         Ok(Some(Self { names, tables }))
     }
 
-    /// Decides the vectors of a field, and warns of particles that cannot do it well. Pairs count whose midpoint is in
-    /// the mask of a volume of `grid`.
-    pub fn decide(&self, field: &Field, mask: &Mask, grid: &Grid, session: &Session) -> Result<Tracks> {
+    /// Decides the vectors of a field, and warns of particles that cannot do it well; None, with a warning, if no two
+    /// particles are one. Pairs count whose midpoint is in the mask of a volume of `grid`.
+    pub fn decide(&self, field: &Field, mask: &Mask, grid: &Grid, session: &Session) -> Result<Option<Tracks>> {
         let tables: Vec<[&[Particle]; 2]> =
             self.tables.chunks_exact(2).map(|pair| [pair[0].as_slice(), pair[1].as_slice()]).collect();
         let keeps = |middle_mm: DVec3| keeps(mask, grid, middle_mm);
-        let tracks = decide(field, &tables, &keeps).map_err(|refusal| refusal.about(self.names.join(", ")))?;
-        self.warnings(&tracks.report).into_iter().for_each(|line| session.warn(line));
-        Ok(tracks)
+        match decide(field, &tables, &keeps) {
+            Ok(tracks) => {
+                self.warnings(&tracks.report).into_iter().for_each(|line| session.warn(line));
+                Ok(Some(tracks))
+            }
+            Err(refusal) => {
+                let names = self.names.join(", ");
+                session.warn(format!("{}; the field is by correlation alone", refusal.about(names)));
+                Ok(None)
+            }
+        }
     }
 
     fn warnings(&self, report: &TracksReport) -> Vec<String> {

@@ -55,9 +55,10 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let mut pairs = Vec::new();
     if let Some(tables) = &tables {
         let decide = |session: &mut Session| tables.decide(&outcome.field, &mask, volumes[0].grid(), session);
-        let tracks = session.phase("particles", decide)?;
-        particles::tell(&tracks.report, session);
-        (outcome.field, pairs) = (tracks.field, tracks.pairs);
+        if let Some(tracks) = session.phase("particles", decide)? {
+            particles::tell(&tracks.report, session);
+            (outcome.field, pairs) = (tracks.field, tracks.pairs);
+        }
     }
     let histories = volumes.iter().map(JoinedVolume::history).chain(support.as_ref().map(Volume::history));
     outcome.field.layout.history = session.history(&together(histories));
