@@ -108,7 +108,7 @@ pub fn divergence(score: &Divergence) -> Chart {
 const MOST_ARROWS: usize = 24;
 
 /// Layer `layer` across axis `through`: the mean in the layer with arrows, the mean across it, the RMS fluctuation of
-/// each component, and the vorticity across the layer.
+/// each component, and the vorticity across the layer. One field has no fluctuations.
 pub fn ensemble(found: &Ensemble, through: usize, layer: usize) -> Chart {
     let grid = &found.mean.layout;
     let (factor, unit) = grid.dt_s.map_or((1.0, "mm"), |dt_s| (1.0 / dt_s, "mm/s"));
@@ -137,7 +137,8 @@ pub fn ensemble(found: &Ensemble, through: usize, layer: usize) -> Chart {
     first.marks.push(Mark::Arrows(Arrows { unit: unit.into(), ..slice.arrows(MOST_ARROWS, in_layer) }));
     let title = format!("Mean {normal}, through the slice");
     let mut panels = vec![first, signed(title, format!("{normal}, {unit}"), mean[through], factor)];
-    for (component, rms) in COMPONENTS.iter().zip(&found.rms_mm) {
+    let is_one = found.fields < 2;
+    for (component, rms) in COMPONENTS.iter().zip(&found.rms_mm).filter(|_| !is_one) {
         let values = slice.nodes().map(|node| scaled(rms, factor, node)).collect();
         panels.push(from_zero(format!("RMS fluctuation of {component}"), format!("{component}', {unit}"), values));
     }
@@ -145,12 +146,14 @@ pub fn ensemble(found: &Ensemble, through: usize, layer: usize) -> Chart {
     panels.push(signed(title, format!("vorticity, {}", found.vorticity_unit()), &found.vorticity[through], 1.0));
 
     let note = format!(
-        "{} fields; slice at {} = {} mm; colours end where 98 % of the values do",
+        "{} field{}; slice at {} = {} mm; colours end where 98 % of the values do",
         found.fields,
+        if is_one { "" } else { "s" },
         AXES[through],
         three_figures(Some(slice.place_mm()))
     );
-    Chart { title: format!("Mean {name} and fluctuations"), notes: vec![note], columns: 3, panels }
+    let title = if is_one { format!("Mean {name}") } else { format!("Mean {name} and fluctuations") };
+    Chart { title, notes: vec![note], columns: 3, panels }
 }
 
 #[cfg(test)]

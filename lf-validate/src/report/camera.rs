@@ -25,6 +25,7 @@ pub(super) fn section(camera: &Camera) -> Section {
         flatten("", value, &mut rows);
         section.content += &format!("<h3>lf-calib {}</h3>\n", super::html::escape(step));
         rows.truncate(MOST_LINES);
+        rows.iter_mut().for_each(|row| row[0] = label(&row[0]));
         section.table(&[], &rows, 1);
     }
     section
@@ -50,12 +51,35 @@ fn flatten(prefix: &str, value: &Value, rows: &mut Vec<Vec<String>>) {
     }
 }
 
+/// A key in words, its unit behind a comma: `standard_uncertainty.pitch_mm` is "standard uncertainty: pitch, mm".
+fn label(key: &str) -> String {
+    let words = |part: &str| match part.rsplit_once('_') {
+        Some((name, unit @ ("mm" | "px" | "rad" | "mrad"))) => format!("{}, {unit}", name.replace('_', " ")),
+        _ => part.replace('_', " "),
+    };
+    key.split('.').map(words).collect::<Vec<_>>().join(": ")
+}
+
 /// A number with at most five figures; other values as JSON, texts without quotes.
 fn shown(value: &Value) -> String {
     match (value.as_i64(), value.as_f64(), value.as_str()) {
         (Some(whole), ..) => whole.to_string(),
+        (None, Some(number), _) if number != 0.0 && number.abs() < 1e-3 => format!("{number:.2e}"),
         (None, Some(number), _) => format!("{:.4e}", number).parse::<f64>().map_or(String::new(), |n| n.to_string()),
         (_, _, Some(text)) => text.to_owned(),
         _ => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_become_words_and_small_numbers_stay_short() {
+        assert_eq!(label("standard_uncertainty.pitch_mm"), "standard uncertainty: pitch, mm");
+        assert_eq!(label("working_f_number"), "working f number");
+        let shown = |number: f64| shown(&number.into());
+        assert_eq!([shown(2.8281e-7), shown(0.0), shown(14.02912)], ["2.83e-7", "0", "14.029"]);
     }
 }

@@ -3,6 +3,10 @@
 use base64::prelude::{BASE64_STANDARD, Engine};
 use lf_core::plot::{Chart, draw};
 
+/// Constant: least width of a panel beside others and of one alone on the screen, px.
+const COLUMN_PX: usize = 340;
+const ALONE_PX: usize = 480;
+
 /// A section of the page: its anchor, its heading and its content.
 pub(super) struct Section {
     pub anchor: &'static str,
@@ -38,7 +42,12 @@ impl Section {
     /// Adds a chart with a line that explains it. A chart that cannot be drawn is left out.
     pub fn chart(&mut self, chart: &Chart, caption: &str) {
         if let Ok(svg) = draw(chart) {
-            let svg = svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{}\" ", escape(&chart.title)), 1);
+            // Text stays readable on a narrow screen: there the chart is wider than the screen and scrolls.
+            let columns = chart.columns.clamp(1, chart.panels.len().max(1));
+            let least_px = if columns > 1 { COLUMN_PX * columns } else { ALONE_PX };
+            let label = escape(&chart.title);
+            let begin = format!("<svg role=\"img\" aria-label=\"{label}\" style=\"min-width:{least_px}px\" ");
+            let svg = svg.replacen("<svg ", &begin, 1);
             let caption = escape(caption);
             self.content += &format!(
                 "<figure><div class=\"wide\" tabindex=\"0\">{svg}</div><figcaption>{caption}</figcaption></figure>\n"

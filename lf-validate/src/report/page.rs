@@ -75,7 +75,7 @@ pub fn report(source: &dyn Source, options: &Options) -> Result<Report, Refusal>
     .flatten()
     .collect();
     let lines = warnings::lines(source, &folder.logs);
-    let html = assemble(&options.title, &warnings::list(&lines, &unread), &summary, &sections);
+    let html = assemble(&options.title, &warnings::list(&lines, &unread, !folder.logs.is_empty()), &summary, &sections);
     Ok(Report { html, sections: sections.len(), warnings: lines.len() + unread.len(), unread })
 }
 

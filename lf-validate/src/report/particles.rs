@@ -72,21 +72,22 @@ pub(super) fn section(
             let mut stds: Vec<f64> = slab.iter().filter_map(|p| Some(p.uncertainty?.std_mm()[axis])).collect();
             if stds.is_empty() { f64::NAN } else { median(&mut stds) }
         };
-        let points: Vec<[f64; 2]> = slabs.iter().enumerate().map(|(n, slab)| [middle(n), stated(slab)]).collect();
+        let points: Vec<[f64; 2]> = slabs.iter().enumerate().map(|(n, slab)| [middle(n), 1e3 * stated(slab)]).collect();
         if points.iter().all(|point| point[1].is_nan()) {
             continue;
         }
         let letter = ["x", "y", "z"][axis];
-        let mut panel = Panel::new("", Axis::new("z, mm"), Axis::log(format!("uncertainty of {letter}, mm")));
+        let mut panel = Panel::new("", Axis::new("z, mm"), Axis::log(format!("uncertainty of {letter}, \u{b5}m")));
         panel.marks.push(Mark::line("stated, median", points));
         if let Some(bound) = &bound {
             let values = if axis == 0 { &bound.by_depth.sx_mm } else { &bound.by_depth.sz_mm };
-            let curve = bound.by_depth.z_mm.iter().zip(values).map(|(z, value)| [*z, value.unwrap_or(f64::NAN)]);
+            let places = bound.by_depth.z_mm.iter().zip(values);
+            let curve = places.map(|(z, value)| [*z, 1e3 * value.unwrap_or(f64::NAN)]);
             panel.marks.push(Mark::dashed("bound of any method", curve.collect()));
         }
         panels.push(panel);
     }
-    let chart = Chart { title: "Particles by depth".into(), notes: Vec::new(), columns: 1, panels };
+    let chart = Chart { title: "Particles by depth".into(), notes: Vec::new(), columns: 3, panels };
     section.chart(&chart, &caption(bound.is_some(), per_lenslet, noise));
     Some(section)
 }

@@ -28,10 +28,12 @@ fn speaks_up(line: &str) -> bool {
     line.contains(": warning: ") || (line.starts_with("lf-") && line.contains("; wanted "))
 }
 
-/// The box at the top of the page. `own` are lines about this page: files that could not be read.
-pub(super) fn list(lines: &[(String, Vec<String>)], own: &[String]) -> String {
+/// The box at the top of the page. `own` are lines about this page: files that could not be read. Without logs it is not
+/// known whether a stage warned.
+pub(super) fn list(lines: &[(String, Vec<String>)], own: &[String], has_logs: bool) -> String {
     if lines.is_empty() && own.is_empty() {
-        return "<p class=\"soft\">No stage warned.</p>\n".into();
+        let text = if has_logs { "No stage warned." } else { "No logs: whether a stage warned is not known." };
+        return format!("<p class=\"soft\">{text}</p>\n");
     }
     let count = lines.len() + own.len();
     let heading = if count == 1 { "1 warning".to_owned() } else { format!("{count} warnings") };
@@ -95,7 +97,8 @@ mod tests {
         let found = lines(&logs, &names);
         assert_eq!(found[0], (warning.to_owned(), vec!["a".to_owned(), "b".to_owned()]));
         assert_eq!(found.len(), 2);
-        let html = list(&found, &[]);
+        let html = list(&found, &[], true);
         assert!(html.contains("2 warnings") && html.contains("&lt;dark&gt;") && html.contains("(a, b)"), "{html}");
+        assert!(list(&[], &[], true).contains("No stage warned") && list(&[], &[], false).contains("not known"));
     }
 }
