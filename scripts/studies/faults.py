@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -51,11 +52,13 @@ def shell(line):
 
 
 def files(folder):
-    """The files of a folder, with their bytes."""
+    """The files of a folder, with their bytes; logs of sweeps without their seconds."""
     found = {}
     for name in os.listdir(folder):
         with open(os.path.join(folder, name), "rb") as file:
             found[name] = file.read()
+        if name.endswith(".jsonl"):
+            found[name] = re.sub(rb'"seconds":[^,}]*', b"", found[name])
     return found
 
 
@@ -277,6 +280,6 @@ if __name__ == "__main__":
     full_disk(whole, series)
     changed(whole, usual)
     print(f"\n{len(faults)} faults")
-    for fault in faults[:40]:
+    for fault in faults:
         print(fault)
     sys.exit(1 if faults else 0)
