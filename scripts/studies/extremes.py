@@ -1,6 +1,7 @@
 """Every stage at the ends of its ranges; see scripts/studies/extremes. Needs numpy, OpenEXR and xxhash."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -147,20 +148,39 @@ def gains():
 
 def sums():
     """Sums of many voxels in 32 bits: against 64 bits by numpy, and against a plain 32-bit sum."""
+    def many(count):
+        rng = np.random.default_rng(3)
+        values = np.concatenate([rng.uniform(0.5, 1.5, count // 10).astype(np.float32) for _ in range(10)])
+        values[::1000] *= 1e4
+        side = int(np.ceil(np.sqrt(count / 16)))
+        grid = lf.Grid(shape=[side, side, 16], spacing_mm=[1.0] * 3, origin_mm=[0.0] * 3)
+        lf.write_volume("many.lfv", lf.Volume(grid, np.arange(count, dtype=np.uint64), {"intensity": values}))
+        return values
+
+    def plain(values, times=1):
+        """The sum in 32 bits, one voxel after the other."""
+        total = np.float32(0)
+        for _ in range(times):
+            for part in np.array_split(values, max(1, len(values) // 10**7)):
+                total = np.cumsum(np.concatenate([[total], part]), dtype=np.float32)[-1]
+        return float(total)
+
     for count in [10**5, 10**6, 10**7, 5 * 10**7]:
         def work():
-            rng = np.random.default_rng(3)
-            values = rng.uniform(0.5, 1.5, count).astype(np.float32)
-            values[::1000] *= 1e4
-            side = int(np.ceil(np.sqrt(count / 16)))
-            grid = lf.Grid(shape=[side, side, 16], spacing_mm=[1.0] * 3, origin_mm=[0.0] * 3)
-            lf.write_volume("many.lfv", lf.Volume(grid, np.arange(count, dtype=np.uint64), {"intensity": values}))
+            values = many(count)
             found = json.loads(run("lf-validate quality many.lfv many.lfv"))
-            exact = values.astype(np.float64).sum()
-            plain = float(np.cumsum(values, dtype=np.float32)[-1])
+            exact = values.sum(dtype=np.float64)
             return (f"finite; {abs(found['volume_sum'] / exact - 1):.0e}, {abs(found['q'] - 1):.0e} "
-                    f"({abs(plain / exact - 1):.0e})")
+                    f"({abs(plain(values) / exact - 1):.0e})")
         row("voxels of a volume: error of its sum and of Q, both 64 bits (of a sum in 32 bits)", f"{count:.0e}", work)
+
+    def billion():
+        values, times = many(10**8), 10
+        found = json.loads(run(f"lf-validate depth {' '.join(['many.lfv'] * times)}"))
+        exact = values.sum(dtype=np.float64)
+        return f"finite; {abs(found['light'] / exact - 1):.0e} ({abs(plain(values, times) / (times * exact) - 1):.0e})"
+    row("voxels of ten volumes: error of their light, 64 bits (of a sum in 32 bits)", "1e+09", billion)
+    os.remove("many.lfv")
 
 
 def solver():
