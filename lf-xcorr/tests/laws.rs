@@ -288,26 +288,6 @@ fn every_shape_of_field_can_be_drawn() {
     }
 }
 
-/// Two layers slide past each other, so that windows between them are searched about shifts far apart. Direct sums go
-/// in blocks that share less, and count as slower.
-#[test]
-fn windows_that_share_nothing_count_as_more_work() {
-    let grid = scene::grid([48, 64, 32]);
-    let slide = |p: [f64; 3]| [if p[1] < 32.0 { -9.0 } else { 9.0 }, 0.0, 0.0];
-    let [a, b] = scene::pair(&grid, 12.0 / 16f64.powi(3), [0.8; 3], 11, slide);
-    let [c, d] = scene::pair(&grid, 12.0 / 16f64.powi(3), [0.8; 3], 11, |_| [9.0, 0.0, 0.0]);
-    let options = Options::coarse_to_fine([16; 3], [16; 3], 0.75, [12, 4, 4], [2, 2, 2]);
-    let done = |route| correlate(&a.sparse(), &b.sparse(), &Options { route, repeats: 1, ..options.clone() }).unwrap();
-    let [auto, direct] = [Route::Auto, Route::Direct].map(done);
-    let still = correlate(&c.sparse(), &d.sparse(), &Options { repeats: 1, ..options.clone() }).unwrap();
-    let [choice, alike] = [&auto, &still].map(|outcome| outcome.passes[1].repeats[0].choice);
-    assert!(choice.direct_s > 1.5 * alike.direct_s, "{choice:?} {alike:?}");
-    assert_eq!(choice.is_transform, choice.transform_s < choice.direct_s);
-    let near = |i: &usize| (auto.field.u[*i] - direct.field.u[*i]).abs() < 0.05;
-    let alike = (0..auto.field.len()).filter(near).count();
-    assert!(alike > auto.field.len() * 9 / 10, "{alike} of {}", auto.field.len());
-}
-
 /// Scar: windows with only the flanks of particle images had vectors of up to 2 voxels, taken as measured: flanks have
 /// one shape at many shifts, and rounding broke the tie. Their neighbours followed by half a voxel.
 #[test]

@@ -25,6 +25,13 @@ pub(super) struct Folder {
     pub logs: Vec<String>,
 }
 
+/// Fields with the flows that were made of them in their place, in the order of the pairs.
+fn treated(fields: Vec<String>, flows: Vec<String>) -> Vec<String> {
+    let pair = |name: &str| name.split_once('-').map_or_else(String::new, |(_, pair)| pair.to_owned());
+    let all: BTreeMap<String, String> = fields.into_iter().chain(flows).map(|name| (pair(&name), name)).collect();
+    all.into_values().collect()
+}
+
 impl Folder {
     /// Sorts the files of a folder.
     pub fn of(names: &BTreeSet<String>) -> Self {
@@ -46,13 +53,6 @@ impl Folder {
             logs: names.iter().filter(|name| name.starts_with("log/") && name.ends_with(".txt")).cloned().collect(),
         }
     }
-}
-
-/// Fields with the flows that were made of them in their place, in the order of the pairs.
-fn treated(fields: Vec<String>, flows: Vec<String>) -> Vec<String> {
-    let pair = |name: &str| name.split_once('-').map_or_else(String::new, |(_, pair)| pair.to_owned());
-    let all: BTreeMap<String, String> = fields.into_iter().chain(flows).map(|name| (pair(&name), name)).collect();
-    all.into_values().collect()
 }
 
 /// The files of a folder that a page must not replace: all but pages.

@@ -40,9 +40,9 @@ impl Task {
             // The field, and draws.
             Self::Solenoidal => (370.0 + 70.0 * at_once(batch + 1)) * vectors,
             Self::Derive => 540.0 * vectors,
-            Self::Pressure { has_next: false } => (300.0 + 250.0 * at_once(batch)) * vectors,
-            Self::Pressure { has_next: true } => (450.0 + 300.0 * at_once(batch)) * vectors,
-            Self::Profile { points } => 400.0 * points as f64,
+            Self::Pressure { has_next: false } => (135.0 + 92.0 * at_once(batch)) * vectors,
+            Self::Pressure { has_next: true } => (150.0 + 105.0 * at_once(batch)) * vectors,
+            Self::Profile { points } => 280.0 * points as f64,
             Self::Flux => 30.0 * vectors,
         }
     }
