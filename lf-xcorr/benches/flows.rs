@@ -17,6 +17,8 @@ use std::time::Instant;
 const PIXEL_MM: f64 = 0.0055;
 /// Vectors a window covers along an axis: 75 % overlap.
 const COVERED: usize = 4;
+/// From one vector to the next, mm.
+const SPACING: f64 = 0.22;
 
 /// Errors of a particle's displacement.
 #[derive(Clone, Copy)]
@@ -32,72 +34,118 @@ struct Noise {
     gaps: f64,
 }
 
-/// A field whose vectors are means of particles in their windows, with uncertainties from the particles' scatter.
-fn measure(flow: &Velocity, shape: [usize; 3], noise: &Noise, seed: u64) -> (Field, Field) {
-    let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let spacing = 0.22;
-    let layout = VectorGrid {
-        shape,
-        spacing_mm: [spacing; 3],
-        origin_mm: shape.map(|n| -0.5 * (n - 1) as f64 * spacing),
-        voxel_mm: [PIXEL_MM; 3],
-        window: [(COVERED as f64 * spacing / PIXEL_MM) as usize; 3],
-        overlap: 0.75,
-        dt_s: None,
-        history: Vec::new(),
-    };
-    let mut truth = Field::empty(layout.clone());
-    truth.flag.fill(MEASURED);
-    let mut field = truth.clone();
-    for i in 0..field.len() {
-        let vector = flow.displacement_mm(DVec3::from(truth.place_mm(i)), 1.0);
-        [truth.u[i], truth.v[i], truth.w[i]] = vector.as_vec3().to_array();
-    }
-    // Ten particles in a window: their errors, in px, sorted into cells of a vector's spacing.
-    let cells = shape.map(|n| n + COVERED);
+/// A particle in a window: its place from the window's centre, from -1 to 1 across, and what it says of the vector, px.
+struct Particle {
+    place: DVec3,
+    /// Standard deviation of its displacement, px.
+    scale: DVec3,
+    displacement: DVec3,
+}
+
+/// The vector of a window by its particles, the square of its uncertainty by their scatter, and the square of the
+/// flow's bend, less the part that scatter makes of it, as lf-xcorr takes it (`vectors/bend.rs`). px.
+fn window(particles: &[Particle]) -> [DVec3; 3] {
+    let weights: DVec3 = particles.iter().map(|p| (p.scale * p.scale).recip()).sum();
+    let share = |p: &Particle| (p.scale * p.scale).recip() / weights;
+    let mean: DVec3 = particles.iter().map(|p| share(p) * p.displacement).sum();
+    let n = particles.len() as f64;
+    let chi: DVec3 = particles.iter().map(|p| ((p.displacement - mean) / p.scale).powf(2.0)).sum();
+    let bent = |p: &Particle| 3.75 * (1.0 - p.place.length_squared());
+    let usual: DVec3 = particles.iter().map(|p| share(p) * bent(p)).sum();
+    let parts = particles.iter().map(|p| (bent(p) - usual) * share(p) * (p.displacement - mean));
+    let (bend, noise) =
+        parts.fold((DVec3::ZERO, DVec3::ZERO), |(sum, square), part| (sum + part, square + part * part));
+    [mean, chi / (n - 1.0) / weights, bend * bend - n / (n - 1.0) * noise]
+}
+
+/// Errors of the particles of a field, in the cells between its vectors: place in the cell, standard deviation, px, and
+/// error in it. Ten are in a window.
+fn seeded(layout: &VectorGrid, noise: &Noise, random: &mut Pcg64Mcg) -> (Vec<Vec<[DVec3; 3]>>, [usize; 3]) {
+    let cells = layout.shape.map(|n| n + COVERED);
     let count = 10 * cells.iter().product::<usize>() / COVERED.pow(3);
     let mut held = vec![Vec::new(); cells.iter().product()];
     for _ in 0..count {
         let cell = cells.map(|n| random.random_range(0..n));
-        let depth = layout.origin_mm[2] + (cell[2] as f64 - 1.5) * spacing;
+        let inside = DVec3::from(std::array::from_fn::<f64, 3, _>(|_| random.random()));
+        let depth = layout.origin_mm[2] + (cell[2] as f64 + inside.z - 2.0) * layout.spacing_mm[2];
         let near = 1.0 + (noise.focus.0 - 1.0) * (-(depth / noise.focus.1).powi(2)).exp();
-        let error: [f64; 3] = std::array::from_fn(|_| StandardNormal.sample(&mut random));
+        let error = DVec3::from(std::array::from_fn::<f64, 3, _>(|_| StandardNormal.sample(random)));
         let scale = DVec3::new(1.0, 1.0, noise.depth * near) * noise.across_px * 10f64.sqrt();
-        held[cell[0] + cells[0] * (cell[1] + cells[1] * cell[2])].push((scale, DVec3::from(error)));
+        held[cell[0] + cells[0] * (cell[1] + cells[1] * cell[2])].push([inside, scale, error]);
     }
-    let windowed = |i: usize| {
-        let place = DVec3::from(truth.place_mm(i));
-        let reach = spacing * COVERED as f64 / 3.0;
-        let steps = (0..27).map(|n| DVec3::new((n % 3) as f64 - 1.0, (n / 3 % 3) as f64 - 1.0, (n / 9) as f64 - 1.0));
-        steps.map(|step| flow.displacement_mm(place + reach * step, 1.0)).sum::<DVec3>() / 27.0
+    (held, cells)
+}
+
+/// The true field, and one whose vectors are means of the particles in their windows, laid on each other by the flow's
+/// gradient. Uncertainties are stated as lf-xcorr states them: scatter, and the bend of the flow inside a window.
+fn measure(flow: &Velocity, shape: [usize; 3], noise: &Noise, seed: u64) -> (Field, Field) {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let layout = VectorGrid {
+        shape,
+        spacing_mm: [SPACING; 3],
+        origin_mm: shape.map(|n| -0.5 * (n - 1) as f64 * SPACING),
+        voxel_mm: [PIXEL_MM; 3],
+        window: [(COVERED as f64 * SPACING / PIXEL_MM) as usize; 3],
+        overlap: 0.75,
+        dt_s: None,
+        history: Vec::new(),
     };
-    for i in 0..field.len() {
-        let [x, y, z] = [i % shape[0], i / shape[0] % shape[1], i / shape[0] / shape[1]];
-        let mut inside = Vec::new();
-        for n in 0..COVERED.pow(3) {
-            let [a, b, c] = [n % COVERED, n / COVERED % COVERED, n / COVERED / COVERED];
-            inside.extend(&held[x + a + cells[0] * (y + b + cells[1] * (z + c))]);
-        }
-        let weight: DVec3 = inside.iter().map(|(scale, _)| (*scale * *scale).recip()).sum();
-        let error = inside.iter().map(|(scale, error)| *error / *scale).sum::<DVec3>() / weight;
-        // The scatter of n particles states the uncertainty, itself uncertain by 1 / sqrt(2 n).
-        let n = inside.len() as f64;
-        let chi: DVec3 = inside.iter().map(|(scale, e)| (*e - error / *scale).powf(2.0)).sum::<DVec3>() / (n - 1.0);
-        let sigma = (chi / weight).powf(0.5) * PIXEL_MM;
-        let vector = windowed(i) + PIXEL_MM * error;
-        [field.u[i], field.v[i], field.w[i]] = vector.as_vec3().to_array();
+    let at = |place: DVec3| flow.displacement_mm(place, 1.0) / PIXEL_MM;
+    let mut truth = Field::empty(layout.clone());
+    truth.flag.fill(MEASURED);
+    let mut field = truth.clone();
+    let (held, cells) = seeded(&layout, noise, &mut random);
+    let half = 0.5 * COVERED as f64 * SPACING;
+    let found: Vec<[DVec3; 3]> = (0..field.len())
+        .map(|i| {
+            let centre = DVec3::from(truth.place_mm(i));
+            let slopes = [DVec3::X, DVec3::Y, DVec3::Z]
+                .map(|axis| (at(centre + SPACING * axis) - at(centre - SPACING * axis)) / (2.0 * SPACING) * half);
+            let [x, y, z] = [i % shape[0], i / shape[0] % shape[1], i / shape[0] / shape[1]];
+            let mut particles = Vec::new();
+            for n in 0..COVERED.pow(3) {
+                let [a, b, c] = [n % COVERED, n / COVERED % COVERED, n / COVERED / COVERED];
+                let cell = DVec3::new(a as f64, b as f64, c as f64);
+                for [inside, scale, error] in &held[x + a + cells[0] * (y + b + cells[1] * (z + c))] {
+                    let place = (cell + *inside) / (0.5 * COVERED as f64) - 1.0;
+                    let linear = slopes[0] * place.x + slopes[1] * place.y + slopes[2] * place.z;
+                    let displacement = at(centre + half * place) - linear + *error * *scale;
+                    particles.push(Particle { place, scale: *scale, displacement });
+                }
+            }
+            field.count[i] = particles.len() as f32;
+            [truth.u[i], truth.v[i], truth.w[i]] = (PIXEL_MM * at(centre)).as_vec3().to_array();
+            if particles.len() < 3 { [DVec3::NAN; 3] } else { window(&particles) }
+        })
+        .collect();
+    let bends = neighbours(&found.iter().map(|[.., bend]| *bend).collect::<Vec<_>>(), shape);
+    for (i, [mean, variance, _]) in found.into_iter().enumerate() {
+        [field.u[i], field.v[i], field.w[i]] = (PIXEL_MM * mean).as_vec3().to_array();
+        let sigma = PIXEL_MM * (variance + 1.5 * bends[i].max(DVec3::ZERO)).powf(0.5);
         [field.su[i], field.sv[i], field.sw[i]] = sigma.as_vec3().to_array();
-        field.count[i] = n as f32;
-        if inside.len() < 3 || random.random::<f64>() < noise.gaps {
+        if mean.is_nan() || random.random::<f64>() < noise.gaps {
             let is_dark = random.random::<bool>();
             field.flag[i] = if is_dark { NO_DATA } else { REPLACED };
             [field.su[i], field.sv[i], field.sw[i]] = [f32::NAN; 3];
-            if is_dark {
+            if is_dark || mean.is_nan() {
                 [field.u[i], field.v[i], field.w[i]] = [0.0; 3];
             }
         }
     }
     (truth, field)
+}
+
+/// Means of the known values within two vectors of each along x, y, z.
+fn neighbours(values: &[DVec3], [nx, ny, nz]: [usize; 3]) -> Vec<DVec3> {
+    let near = |at: usize, count: usize| at.saturating_sub(2)..(at + 3).min(count);
+    let mean = |i: usize| {
+        let [x, y, z] = [i % nx, i / nx % ny, i / nx / ny];
+        let rows = near(z, nz).flat_map(|z| near(y, ny).map(move |y| nx * (y + ny * z)));
+        let all = rows.flat_map(|row| values[row + near(x, nx).start..row + near(x, nx).end].iter());
+        let (sum, count) = all.filter(|value| !value.is_nan()).fold((DVec3::ZERO, 0.0), |(s, n), v| (s + *v, n + 1.0));
+        sum / f64::max(count, 1.0)
+    };
+    (0..values.len()).map(mean).collect()
 }
 
 /// RMS errors of u, v, w in px, and the share that the uncertainties cover, over the vectors that were measured.

@@ -7,6 +7,8 @@
 //! One discrete derivative serves all tasks (`slopes.rs`): central differences, one-sided at the ends of an axis. A
 //! field that `solenoidal` has made is free of the divergence that `derive` prints.
 
+mod bands;
+mod bend;
 mod conjugate;
 mod derive;
 mod errors;
@@ -14,6 +16,7 @@ mod fill;
 mod lines;
 mod measured;
 mod memory;
+mod planes;
 mod pressure;
 mod profile;
 mod roughness;
@@ -30,7 +33,7 @@ pub use memory::Task;
 pub use pressure::{Pressure, PressureOptions, pressure};
 pub use profile::{Flux, Profile, flux, profile};
 pub use smooth::{Smoothed, smooth};
-pub use solenoidal::{Solenoidal, solenoidal};
+pub use solenoidal::{SMOOTHED, Solenoidal, solenoidal};
 
 #[cfg(test)]
 mod tests;

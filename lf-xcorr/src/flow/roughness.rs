@@ -17,26 +17,35 @@ impl Roughness {
         Self { shape }
     }
 
+    /// Entries (i, i), (i, i + 1) and (i, i + 2) of the matrix along an axis of `count` values.
+    pub fn bands(count: usize) -> Vec<[f64; 3]> {
+        let mut bands = vec![[0.0; 3]; count];
+        for i in 1..count {
+            bands[i - 1][1] -= SLOPE_SHARE;
+            (bands[i - 1][0], bands[i][0]) = (bands[i - 1][0] + SLOPE_SHARE, bands[i][0] + SLOPE_SHARE);
+        }
+        for i in 2..count {
+            bands[i - 2][2] += 1.0;
+            (bands[i - 2][1], bands[i - 1][1]) = (bands[i - 2][1] - 2.0, bands[i - 1][1] - 2.0);
+            [(i - 2, 1.0), (i - 1, 4.0), (i, 1.0)].iter().for_each(|(at, square)| bands[*at][0] += square);
+        }
+        bands
+    }
+
     /// Adds `factor` times the gradient of half the roughness to `out`.
     pub fn add(&self, factor: f64, values: &[f64], out: &mut [f64]) {
         for axis in 0..3 {
             let (count, stride): (usize, usize) = (self.shape[axis], self.shape[..axis].iter().product());
-            for first in (0..values.len()).step_by(count * stride) {
-                for at in 0..count.saturating_sub(1) {
-                    let row = first + at * stride;
-                    for i in row..row + stride {
-                        let slope = factor * SLOPE_SHARE * (values[i + stride] - values[i]);
-                        out[i + stride] += slope;
-                        out[i] -= slope;
-                    }
-                    if at + 2 < count {
-                        for i in row..row + stride {
-                            let bend = values[i] - 2.0 * values[i + stride] + values[i + 2 * stride];
-                            let bend = factor * bend;
-                            out[i] += bend;
-                            out[i + stride] -= 2.0 * bend;
-                            out[i + 2 * stride] += bend;
-                        }
+            let bands = Self::bands(count);
+            for shift in 0..count.min(3) {
+                // Each entry couples a place with the one `shift` further on, and back.
+                let ahead = shift * stride;
+                let entries: Vec<f64> = bands[..count - shift].iter().map(|band| factor * band[shift]).collect();
+                let lines = values.chunks_exact(count * stride).zip(out.chunks_exact_mut(count * stride));
+                for (values, out) in lines {
+                    couple(&entries, stride, &values[ahead..], out);
+                    if shift > 0 {
+                        couple(&entries, stride, values, &mut out[ahead..]);
                     }
                 }
             }
@@ -45,16 +54,22 @@ impl Roughness {
 
     /// Diagonal of the matrix that [`Roughness::add`] applies.
     pub fn diagonal(&self) -> Vec<f64> {
-        let along = |axis: usize, at: usize| {
-            let count = self.shape[axis];
-            let bends = [(0, 1.0), (1, 4.0), (2, 1.0)];
-            let of_bends = bends.iter().filter(|(back, _)| at >= *back && at - back + 2 < count);
-            let slopes = usize::from(at > 0) + usize::from(at + 1 < count);
-            of_bends.map(|(_, square)| square).sum::<f64>() + SLOPE_SHARE * slopes as f64
-        };
         let [nx, ny, nz] = self.shape;
-        let at = |i: usize| along(0, i % nx) + along(1, i / nx % ny) + along(2, i / nx / ny);
+        let bands = self.shape.map(Self::bands);
+        let at = |i: usize| bands[0][i % nx][0] + bands[1][i / nx % ny][0] + bands[2][i / nx / ny][0];
         (0..nx * ny * nz).map(at).collect()
+    }
+}
+
+/// Adds `values` times their entries to `out`; each entry is that of `stride` values.
+fn couple(entries: &[f64], stride: usize, values: &[f64], out: &mut [f64]) {
+    if stride == 1 {
+        out.iter_mut().zip(entries.iter().zip(values)).for_each(|(out, (entry, value))| *out += entry * value);
+        return;
+    }
+    let rows = values.chunks_exact(stride).zip(out.chunks_exact_mut(stride));
+    for (entry, (values, out)) in entries.iter().zip(rows) {
+        out.iter_mut().zip(values).for_each(|(out, value)| *out += entry * value);
     }
 }
 

@@ -4,14 +4,17 @@
 //! with s the usual sigma (Garcia, Comput. Stat. Data Anal. 54, 2010, with weights that are stated, and free ends).
 //! Each component has a strength of its own: w is far less certain than u and v.
 
+use super::bands::Bands;
+use super::bend::window_means;
 use super::conjugate::solve;
 use super::errors::Correlated;
 use super::measured::Measured;
+use super::planes::Planes;
 use super::roughness::Roughness;
 use super::spread::{Spread, box_mean};
 use super::strength;
-use lf_core::Field;
 use lf_core::statistics::median;
+use lf_core::{Field, VectorGrid};
 use rayon::prelude::*;
 
 /// Constant: residual at which the solver stops, and its most steps.
@@ -37,30 +40,88 @@ pub struct Smoothed {
     pub filled: usize,
 }
 
-/// Constant: the flow that is smoothed away, as a variance, over the part that a second smoothing shows. The smooth
-/// field has lost some of it already.
+/// Constant: the flow that windows and smoothing leave out, as a variance, over the part that the twice smoothed field
+/// shows, which has lost some of it too. Chosen for coverage (`cargo bench -p lf-xcorr --bench flows -- choose`).
 const LOST: f64 = 2.0;
+/// Constant: the least share of a stated variance that is scatter, where the flow bends as much as it states.
+const SCATTER: f64 = 0.25;
+/// Constant: a strength that smooths waves shorter than a window of four vectors.
+const LIGHT: f64 = 0.5;
 
 /// One component.
 struct Component<'a> {
+    layout: &'a VectorGrid,
     roughness: Roughness,
-    diagonal: &'a [f64],
+    planes: &'a Planes,
     /// 1 / variance over the usual one; 0 where nothing is measured.
     weights: Vec<f64>,
 }
 
-impl Component<'_> {
-    fn solve(&self, strength: f64, values: &[f64], start: Vec<f64>, tolerance: f64) -> Vec<f64> {
-        let right: Vec<f64> = values.iter().zip(&self.weights).map(|(value, weight)| value * weight).collect();
+/// A smoothing of one strength.
+struct Smoother<'a> {
+    component: &'a Component<'a>,
+    strength: f64,
+    bands: Bands,
+}
+
+impl Smoother<'_> {
+    fn apply(&self, values: &[f64], start: Vec<f64>, tolerance: f64) -> Vec<f64> {
+        let Component { roughness, planes, weights, .. } = self.component;
+        let right: Vec<f64> = values.iter().zip(weights).map(|(value, weight)| value * weight).collect();
         let apply = |x: &[f64], out: &mut [f64]| {
-            out.iter_mut().zip(x.iter().zip(&self.weights)).for_each(|(out, (x, weight))| *out = x * weight);
-            self.roughness.add(strength, x, out);
+            out.iter_mut().zip(x.iter().zip(weights)).for_each(|(out, (x, weight))| *out = x * weight);
+            roughness.add(self.strength, x, out);
         };
-        let precondition = |x: &[f64], out: &mut [f64]| {
-            let scale = self.diagonal.iter().zip(&self.weights).map(|(diagonal, weight)| weight + strength * diagonal);
-            out.iter_mut().zip(x.iter().zip(scale)).for_each(|(out, (x, scale))| *out = x / scale);
-        };
+        let mut work = vec![0.0; values.len()];
+        let precondition = |x: &[f64], out: &mut [f64]| planes.solve(&self.bands, x, out, &mut work);
         solve(apply, precondition, &right, start, tolerance, MOST).values
+    }
+
+    /// The part of the flow that windows and smoothing leave out, as a square, a mean over neighbours. The smooth field
+    /// stands for the flow, with the flow that a second smoothing finds in the residual (twicing, Tukey 1977).
+    fn lost(&self, values: &[f64], smooth: &[f64]) -> Vec<f64> {
+        let residual: Vec<f64> = values.iter().zip(smooth).map(|(value, smooth)| value - smooth).collect();
+        let more = self.apply(&residual, vec![0.0; values.len()], TOLERANCE_OF_SCORES);
+        let flow: Vec<f64> = smooth.iter().zip(&more).map(|(smooth, more)| smooth + more).collect();
+        let seen = window_means(self.component.layout, &flow);
+        let again = self.apply(&seen, smooth.to_vec(), TOLERANCE_OF_SCORES);
+        self.component.difference(&flow, &again)
+    }
+}
+
+impl<'a> Component<'a> {
+    fn new(layout: &'a VectorGrid, planes: &'a Planes, sigma: &[f64], is_known: &[bool]) -> Self {
+        let known = sigma.iter().zip(is_known).filter(|(_, known)| **known).map(|(sigma, _)| *sigma);
+        let usual = median(&mut known.collect::<Vec<f64>>());
+        let weight = |(sigma, known): (&f64, &bool)| if *known { (usual / sigma).powi(2) } else { 0.0 };
+        let weights = sigma.iter().zip(is_known).map(weight).collect();
+        Self { layout, roughness: Roughness::new(layout.shape), planes, weights }
+    }
+
+    /// Squares of differences, means over neighbours.
+    fn difference(&self, some: &[f64], others: &[f64]) -> Vec<f64> {
+        let squares: Vec<f64> = some.iter().zip(others).map(|(some, other)| (some - other).powi(2)).collect();
+        box_mean(&squares, self.layout.shape, [REACH; 3])
+    }
+
+    /// Uncertainties without the part for the flow that bends inside a window, which is no scatter: smoothing does not
+    /// take it away, and it must not pass for noise. The bend is that of the values, lightly smoothed, less the bend of
+    /// drawn errors.
+    fn scatter(&self, values: &[f64], sigma: &[f64], number: u64) -> Vec<f64> {
+        let smoother = self.smoother(LIGHT);
+        let drawn = drawn(&Correlated::new(self.layout), sigma, number);
+        let bend = |values: &[f64]| {
+            let smooth = smoother.apply(values, values.to_vec(), TOLERANCE_OF_SCORES);
+            self.difference(&smooth, &window_means(self.layout, &smooth))
+        };
+        let (of_values, of_errors) = rayon::join(|| bend(values), || bend(&drawn));
+        let bends = of_values.iter().zip(&of_errors).map(|(of_values, of_errors)| (of_values - of_errors).max(0.0));
+        let one = |(sigma, bend): (&f64, f64)| (sigma * sigma - bend).max(SCATTER * sigma * sigma).sqrt();
+        sigma.iter().zip(bends).map(one).collect()
+    }
+
+    fn smoother(&self, strength: f64) -> Smoother<'_> {
+        Smoother { component: self, strength, bands: self.planes.bands(&self.weights, strength) }
     }
 
     /// Mean product of errors before and after the smoothing, as [`Component::residual`] counts.
@@ -68,14 +129,6 @@ impl Component<'_> {
         let weighed = before.iter().zip(after).zip(&self.weights);
         let sum: f64 = weighed.map(|((before, after), weight)| weight * before * after).sum();
         sum / self.weights.iter().filter(|weight| **weight > 0.0).count() as f64
-    }
-
-    /// The square of the flow that the smoothing takes away, a mean over neighbours: the smooth field stands for the
-    /// flow.
-    fn lost(&self, smooth: &[f64], strength: f64, shape: [usize; 3]) -> Vec<f64> {
-        let again = self.solve(strength, smooth, smooth.to_vec(), TOLERANCE_OF_SCORES);
-        let squares: Vec<f64> = smooth.iter().zip(&again).map(|(smooth, again)| (smooth - again).powi(2)).collect();
-        box_mean(&squares, shape, [REACH; 3])
     }
 
     /// Mean square residual of measured values, in usual uncertainties.
@@ -96,15 +149,12 @@ struct Found {
 
 /// Smooths a field; `typed` strengths for u, v and w take the place of those with the least expected error.
 pub fn smooth(field: &Field, measured: &Measured, typed: Option<[f64; 3]>) -> Smoothed {
-    let roughness = Roughness::new(field.layout.shape);
-    let diagonal = roughness.diagonal();
+    let planes = Planes::new(field.layout.shape);
     let one = |c: usize| {
-        let known = measured.sigma[c].iter().zip(&measured.is_known).filter(|(_, known)| **known);
-        let usual = median(&mut known.map(|(sigma, _)| *sigma).collect::<Vec<f64>>());
-        let weight = |(sigma, known): (&f64, &bool)| if *known { (usual / sigma).powi(2) } else { 0.0 };
-        let weights = measured.sigma[c].iter().zip(&measured.is_known).map(weight).collect();
-        let component = Component { roughness, diagonal: &diagonal, weights };
-        component.smooth(field, measured, c, typed.map(|typed| typed[c]))
+        let component = |sigma: &[f64]| Component::new(&field.layout, &planes, sigma, &measured.is_known);
+        let sigma = &measured.sigma[c];
+        let scatter = component(sigma).scatter(&measured.values[c], sigma, 2000 + c as u64);
+        component(&scatter).smooth(&measured.values[c], &scatter, 1000 + c as u64, typed.map(|typed| typed[c]))
     };
     let found: Vec<Found> = (0..3usize).into_par_iter().map(one).collect();
     let change = |c: usize| {
@@ -122,36 +172,45 @@ pub fn smooth(field: &Field, measured: &Measured, typed: Option<[f64; 3]>) -> Sm
     }
 }
 
+/// Errors of these standard deviations.
+fn drawn(errors: &Correlated, sigma: &[f64], number: u64) -> Vec<f64> {
+    errors.draw(number).iter().zip(sigma).map(|(error, sigma)| error * sigma).collect()
+}
+
 impl Component<'_> {
-    fn smooth(&self, field: &Field, measured: &Measured, c: usize, typed: Option<f64>) -> Found {
-        let (values, sigma) = (&measured.values[c], &measured.sigma[c]);
-        let errors = Correlated::new(&field.layout);
-        let noise: Vec<f64> =
-            errors.draw(1000 + c as u64).iter().zip(sigma).map(|(error, sigma)| error * sigma).collect();
-        let (mut of_values, mut of_noise) = (values.clone(), noise.clone());
+    /// Smooths values of these standard uncertainties; `number` names the errors that are drawn.
+    fn smooth(&self, values: &[f64], sigma: &[f64], number: u64, typed: Option<f64>) -> Found {
+        let errors = Correlated::new(self.layout);
+        let noise = drawn(&errors, sigma, number);
+        let (mut of_values, mut of_noise) = (values.to_vec(), noise.clone());
         let mut score = |strength: f64| {
-            of_values = self.solve(strength, values, std::mem::take(&mut of_values), TOLERANCE_OF_SCORES);
-            of_noise = self.solve(strength, &noise, std::mem::take(&mut of_noise), TOLERANCE_OF_SCORES);
+            let smoother = self.smoother(strength);
+            let once = |values: &[f64], last: &mut Vec<f64>| {
+                *last = smoother.apply(values, std::mem::take(last), TOLERANCE_OF_SCORES);
+            };
+            rayon::join(|| once(values, &mut of_values), || once(&noise, &mut of_noise));
             self.residual(values, &of_values) + 2.0 * self.product(&noise, &of_noise)
         };
         let strength = typed.unwrap_or_else(|| strength::best(&mut score));
-        let smooth = self.solve(strength, values, of_values, TOLERANCE);
+        let smoother = self.smoother(strength);
+        let smooth = smoother.apply(values, of_values, TOLERANCE);
 
         let treat = |[drawn]: [Vec<f64>; 1]| {
-            let left = self.solve(strength, &drawn, drawn.clone(), TOLERANCE_OF_SCORES);
+            let left = smoother.apply(&drawn, drawn.clone(), TOLERANCE_OF_SCORES);
             let residual = self.residual(&drawn, &left);
             ([left], residual)
         };
         let ([spread], expected) = Spread::new(&errors, [sigma], DRAWS, treat);
-        let lost = self.lost(&smooth, strength, field.layout.shape);
-        // Errors that are left are smoothed away a second time too; they are no flow.
-        let of_errors =
-            self.lost(&self.solve(strength, &noise, of_noise, TOLERANCE_OF_SCORES), strength, field.layout.shape);
-        let shares = spread.shares(field.layout.shape, [REACH; 3]);
-        let lost = lost.iter().zip(&of_errors).map(|(lost, of_errors)| LOST * (lost - of_errors).max(0.0));
-        let left = sigma.iter().zip(shares.iter().zip(lost));
+        // Errors that are left bend and are smoothed away a second time too; they are no flow.
+        let of_errors = || smoother.lost(&noise, &smoother.apply(&noise, of_noise, TOLERANCE_OF_SCORES));
+        let (of_values, of_errors) = rayon::join(|| smoother.lost(values, &smooth), of_errors);
+        let shares = spread.shares(self.layout.shape, [REACH; 3]);
+        let left = |i: usize| {
+            let lost = (of_values[i] - of_errors[i]).max(0.0);
+            (sigma[i] * sigma[i] * shares[i] + LOST * lost).sqrt()
+        };
+        let sigma = (0..sigma.len()).map(left).collect();
         let misfit = (self.residual(values, &smooth) / expected).sqrt();
-        let sigma = left.map(|(sigma, (share, lost))| (sigma * sigma * share + lost).sqrt()).collect();
         Found { values: smooth, sigma, strength, misfit }
     }
 }

@@ -7,9 +7,10 @@
 //!
 //! D is the divergence of `slopes.rs`, at every vector. The normal matrix is applied, never stored.
 
+use super::bands::Bands;
 use super::conjugate::{Solution, dot, solve};
 use super::errors::Correlated;
-use super::lines::Lines;
+use super::lines::lines;
 use super::measured::Measured;
 use super::slopes::Slopes;
 use super::spread::Spread;
@@ -26,6 +27,10 @@ const MOST: usize = 5000;
 const DRAWS: u64 = 24;
 const REACH: usize = 1;
 
+/// Constant: a misfit below this tells that errors are smoother than those of windows, which make less divergence. They
+/// need not be smaller.
+pub const SMOOTHED: f64 = 0.8;
+
 /// A divergence-free field.
 #[derive(Debug, Clone)]
 pub struct Solenoidal {
@@ -35,7 +40,8 @@ pub struct Solenoidal {
     pub divergence: [f64; 2],
     /// RMS change of u, v and w, mm.
     pub change_mm: [f64; 3],
-    /// The field's misfit to continuity over the one that its uncertainties explain: 1 if they are right.
+    /// The field's misfit to continuity over the one that its uncertainties explain: 1 if they are right. Less than
+    /// [`SMOOTHED`] if the field was smoothed before.
     pub misfit: f64,
     /// Share of the variance of u, v and w that is left: means over the field.
     pub left: [f64; 3],
@@ -49,7 +55,9 @@ pub struct Solenoidal {
 struct Projection {
     slopes: Slopes,
     variances: [Vec<f64>; 3],
-    lines: Lines,
+    lines: Bands,
+    /// The axis whose component is the least certain.
+    axis: usize,
 }
 
 impl Projection {
@@ -58,8 +66,8 @@ impl Projection {
         let variances = [0, 1, 2].map(|c| measured.sigma[c].iter().map(|sigma| sigma * sigma).collect::<Vec<f64>>());
         let weight = |axis: usize| variances[axis].iter().sum::<f64>() / field.layout.spacing_mm[axis].powi(2);
         let axis = (0..3).max_by(|a, b| weight(*a).total_cmp(&weight(*b))).unwrap_or(2);
-        let lines = Lines::new(&slopes, &variances, axis);
-        Self { slopes, variances, lines }
+        let lines = lines(&slopes, &variances, axis);
+        Self { slopes, variances, lines, axis }
     }
 
     /// `S D' lambda`, component by component.
@@ -81,7 +89,10 @@ impl Projection {
             self.pull(lambda, &mut pulled);
             self.slopes.divergence(&pulled, out);
         };
-        let precondition = |rest: &[f64], out: &mut [f64]| self.lines.solve(rest, out);
+        let precondition = |rest: &[f64], out: &mut [f64]| {
+            out.copy_from_slice(rest);
+            self.lines.solve(out);
+        };
         let solution = solve(apply, precondition, &right, vec![0.0; count], tolerance, MOST);
         let misfit = dot(&solution.values, &right);
         let mut pulled: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; count]);
@@ -115,15 +126,18 @@ pub fn solenoidal(field: &Field, measured: &Measured) -> Solenoidal {
     let ((values, solution, misfit), (spreads, expected)) = rayon::join(project, drawn);
 
     let shares = [0, 1, 2].map(|c| spreads[c].shares(field.layout.shape, [REACH; 3]));
+    let misfit = (misfit / expected).sqrt();
+    // The misfit tells how right the uncertainty of the least certain component is, which nearly all divergence is of.
     let left = |c: usize| -> Vec<f64> {
-        measured.sigma[c].iter().zip(&shares[c]).map(|(sigma, share)| sigma * share.sqrt()).collect()
+        let factor = if c == problem.axis && misfit > SMOOTHED { misfit } else { 1.0 };
+        measured.sigma[c].iter().zip(&shares[c]).map(|(sigma, share)| factor * sigma * share.sqrt()).collect()
     };
     let change = |c: usize| rms(values[c].iter().zip(&measured.values[c]).map(|(after, before)| after - before));
     let found = measured.field(field, &values, &[0, 1, 2].map(left));
     Solenoidal {
         divergence: [before, problem.rms_divergence(&values)],
         change_mm: [0, 1, 2].map(change),
-        misfit: (misfit / expected).sqrt(),
+        misfit,
         left: [0, 1, 2].map(|c| shares[c].iter().sum::<f64>() / shares[c].len() as f64),
         filled: measured.filled(),
         steps: solution.steps,

@@ -1,7 +1,8 @@
 //! Tasks on flows whose answers are known.
 
+use super::bend::window_means;
 use super::errors::Correlated;
-use super::{Measured, PressureOptions, derive, flux, pressure, profile, smooth, solenoidal};
+use super::{Measured, PressureOptions, SMOOTHED, derive, flux, pressure, profile, smooth, solenoidal};
 use glam::DVec3;
 use lf_core::field::{Array, Cut, MEASURED, NO_DATA, REPLACED};
 use lf_core::{Field, VectorGrid};
@@ -55,6 +56,20 @@ fn disturb(field: &mut Field) {
     add(&mut field.w, &field.sw, 503);
 }
 
+/// The flow as windows see it: means over them. The uncertainties count what these leave out, as lf-xcorr's do.
+fn through_windows(flow: &Field) -> Field {
+    let mut seen = flow.clone();
+    for (values, sigma) in [(&mut seen.u, &mut seen.su), (&mut seen.v, &mut seen.sv), (&mut seen.w, &mut seen.sw)] {
+        let exact: Vec<f64> = values.iter().map(|value| f64::from(*value)).collect();
+        let means = window_means(&flow.layout, &exact);
+        let squares = means.iter().zip(&exact).map(|(mean, exact)| (mean - exact).powi(2)).sum::<f64>();
+        let bend = squares / exact.len() as f64;
+        sigma.iter_mut().for_each(|sigma| *sigma = (f64::from(*sigma).powi(2) + bend).sqrt() as f32);
+        *values = means.iter().map(|mean| *mean as f32).collect();
+    }
+    seen
+}
+
 fn rms(found: &Field, truth: &Field) -> [f64; 3] {
     let error = |c: usize, i: usize| (found.displacement_mm(i) - truth.displacement_mm(i))[c];
     let sum = |c: usize| (0..truth.len()).map(|i| error(c, i).powi(2)).sum::<f64>();
@@ -91,6 +106,29 @@ fn continuity_tells_w_from_u_and_v() {
     assert!(found.misfit > 3.0, "{}", found.misfit);
 }
 
+/// The divergence tells how right the uncertainty of w is, and says nothing of u and v.
+#[test]
+fn an_uncertainty_of_w_that_is_too_large_is_mended() {
+    let mut right = field([20, 18, 14], abc(0.02, 6.0));
+    disturb(&mut right);
+    let mut wide = right.clone();
+    let larger = |values: &mut Vec<f32>| values.iter_mut().for_each(|value| *value *= 1.15);
+    [&mut wide.su, &mut wide.sv, &mut wide.sw].into_iter().for_each(larger);
+    let [right, wide] = [right, wide].map(|field| solenoidal(&field, &Measured::new(&field, None).unwrap()));
+    let ratio = |values: [&[f32]; 2]| values[1].iter().sum::<f32>() / values[0].iter().sum::<f32>();
+    assert!((ratio([&right.field.sw, &wide.field.sw]) - 1.0).abs() < 0.01, "{} {}", right.misfit, wide.misfit);
+    assert!((ratio([&right.field.su, &wide.field.su]) - 1.15).abs() < 0.01);
+}
+
+#[test]
+fn a_field_smoothed_before_is_told_by_its_little_divergence() {
+    let mut noisy = field([20, 18, 14], abc(0.02, 6.0));
+    disturb(&mut noisy);
+    let before = smooth(&noisy, &Measured::new(&noisy, None).unwrap(), None).field;
+    let found = solenoidal(&before, &Measured::new(&before, None).unwrap());
+    assert!(found.misfit < SMOOTHED, "{}", found.misfit);
+}
+
 #[test]
 fn gaps_are_filled_from_continuity_and_flagged() {
     let truth = field([14, 12, 10], abc(0.02, 6.0));
@@ -113,17 +151,20 @@ fn gaps_are_filled_from_continuity_and_flagged() {
 #[test]
 fn smoothing_takes_noise_and_keeps_the_flow() {
     let truth = field([22, 20, 16], abc(0.02, 6.0));
-    let mut noisy = truth.clone();
+    let seen = through_windows(&truth);
+    // The drawn errors are scatter alone; the stated uncertainties count the bend too.
+    let mut noisy = Field { su: truth.su.clone(), sv: truth.sv.clone(), sw: truth.sw.clone(), ..seen.clone() };
     disturb(&mut noisy);
+    [noisy.su, noisy.sv, noisy.sw] = [&seen.su, &seen.sv, &seen.sw].map(Vec::clone);
     let measured = Measured::new(&noisy, None).unwrap();
     let found = smooth(&noisy, &measured, None);
-    let (before, after) = (rms(&noisy, &truth), rms(&found.field, &truth));
+    let (before, after) = (rms(&noisy, &seen), rms(&found.field, &seen));
     assert!((0..3).all(|c| after[c] < 0.85 * before[c]) && after[2] < 0.5 * before[2], "{after:?} of {before:?}");
     assert!(found.strength[2] > 5.0 * found.strength[0], "{:?}", found.strength);
     // Too much and too little are both worse.
     for factor in [0.02, 50.0] {
         let typed = found.strength.map(|strength| factor * strength);
-        let other = rms(&smooth(&noisy, &measured, Some(typed)).field, &truth);
+        let other = rms(&smooth(&noisy, &measured, Some(typed)).field, &seen);
         assert!(other[2] > after[2], "{factor}: {} against {}", other[2], after[2]);
     }
     let covered = covered(&found.field, &truth);

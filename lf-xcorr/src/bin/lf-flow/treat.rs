@@ -88,6 +88,12 @@ pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Sess
                  smaller windows",
                 found.misfit
             ));
+        } else if found.misfit < flow::SMOOTHED {
+            session.warn(format!(
+                "{name}: the divergence is {:.2} of what the uncertainties explain; the field was smoothed before, and \
+                 the uncertainties of the result are too small; take the field as lf-xcorr wrote it",
+                found.misfit
+            ));
         }
         Ok((found.field, Vec::new(), told))
     })
