@@ -42,8 +42,8 @@ struct Particle {
     displacement: DVec3,
 }
 
-/// What the particles of a window say: the vector, the square of its uncertainty by their scatter, and the square of
-/// the flow's bend, less what scatter makes of it, as lf-xcorr takes it (`vectors/bend.rs`). px.
+/// The vector of a window by its particles, the square of its uncertainty by their scatter, and the square of the
+/// flow's bend, less the part that scatter makes of it, as lf-xcorr takes it (`vectors/bend.rs`). px.
 fn window(particles: &[Particle]) -> [DVec3; 3] {
     let weights: DVec3 = particles.iter().map(|p| (p.scale * p.scale).recip()).sum();
     let share = |p: &Particle| (p.scale * p.scale).recip() / weights;

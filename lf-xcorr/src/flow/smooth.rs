@@ -77,8 +77,8 @@ impl Smoother<'_> {
         solve(apply, precondition, &right, start, tolerance, MOST).values
     }
 
-    /// What windows and smoothing leave out of the flow, as a square, a mean over neighbours. The smooth field stands
-    /// for the flow, with what a second smoothing finds of it in the residual (twicing, Tukey 1977).
+    /// The part of the flow that windows and smoothing leave out, as a square, a mean over neighbours. The smooth field
+    /// stands for the flow, with the flow that a second smoothing finds in the residual (twicing, Tukey 1977).
     fn lost(&self, values: &[f64], smooth: &[f64]) -> Vec<f64> {
         let residual: Vec<f64> = values.iter().zip(smooth).map(|(value, smooth)| value - smooth).collect();
         let more = self.apply(&residual, vec![0.0; values.len()], TOLERANCE_OF_SCORES);

@@ -56,7 +56,7 @@ fn disturb(field: &mut Field) {
     add(&mut field.w, &field.sw, 503);
 }
 
-/// What windows see of a flow: means over them. The uncertainties count what these leave out, as lf-xcorr's do.
+/// The flow as windows see it: means over them. The uncertainties count what these leave out, as lf-xcorr's do.
 fn through_windows(flow: &Field) -> Field {
     let mut seen = flow.clone();
     for (values, sigma) in [(&mut seen.u, &mut seen.su), (&mut seen.v, &mut seen.sv), (&mut seen.w, &mut seen.sw)] {
