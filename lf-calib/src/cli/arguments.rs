@@ -77,7 +77,7 @@ pub enum Task {
     /// then holds as many frames as the window.
     #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-calib background scene/frame-*.exr -o background.exr
-  mkdir -p sliding && lf-calib background scene/frame-*.exr --sliding 5 -o sliding
+  mkdir -p sliding && lf-calib background scene/frame-*.exr --sliding 31 -o sliding
   lf-calib background scene/frame-*.exr white.exr --quantile 0.5 -o median.exr")]
     Background(BackgroundArguments),
     /// Correct raw frames: sensitivity of the pixels, hot pixels, lasers of different light
@@ -265,7 +265,7 @@ pub struct FrameArguments {
     #[arg(long, value_name = "FRAME", num_args = 1..)]
     pub second: Vec<PathBuf>,
     /// Divide by the sensitivity of the pixels: an image of even light, taken without the microlenses. Pixels with less
-    /// than a fifth of its usual light are left as they are
+    /// than a fifth of its usual light are replaced like hot ones if they are alone, and otherwise left as they are
     #[arg(long, value_name = "IMAGE")]
     pub flat: Option<PathBuf>,
     /// Replace pixels that stand above their neighbours in every frame, by more than K robust standard deviations of all

@@ -46,7 +46,7 @@ pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdic
     drop(progress);
     clipped.warn(session);
     session.count("frames", all.len());
-    session.count("hot_pixels", correction.hot.len());
+    session.count("replaced_pixels", correction.replaced.len());
     io::save_text(Path::new("-"), |out| rows.iter().try_for_each(|row| writeln!(out, "{row}")))?;
     Ok(Verdict::Done)
 }
@@ -99,6 +99,8 @@ fn correction(
     if let Some(flat) = &arguments.flat {
         let pixels = read(arguments, flat, sizes)?.pixels;
         let sensitivity = Sensitivity::new(&pixels).map_err(|refusal| refusal.about(io::name(flat)))?;
+        session.say(format!("{} dead pixels", sensitivity.dead.len()));
+        correction.replaced = sensitivity.dead.clone();
         if sensitivity.left > 0 {
             let share = 100.0 * sensitivity.left as f64 / pixels.len() as f64;
             let what = format!("{} pixels ({share:.2} %) are left as they are", sensitivity.left);
@@ -116,8 +118,11 @@ fn correction(
                 format!("wanted {} or more, so that particles are told from hot pixels", HotPixels::LEAST_FRAMES);
             Error::new("--hot", format!("{} frames", all.len()), wanted)
         };
-        correction.hot = hot.find(limit).ok_or_else(few)?;
-        session.say(format!("{} hot pixels", correction.hot.len()));
+        let hot = hot.find(limit).ok_or_else(few)?;
+        session.say(format!("{} hot pixels", hot.len()));
+        correction.replaced.extend(hot);
+        correction.replaced.sort_unstable();
+        correction.replaced.dedup();
     }
     if arguments.equalise {
         let wanted = "wanted two or more of each laser with particles that move";

@@ -1,6 +1,6 @@
 //! The corrections of a frame.
 
-use super::hot::repair;
+use super::hot::{neighbours, repair};
 use crate::white::mean::check_saturation;
 use lf_core::Refusal;
 use lf_core::image::noise;
@@ -14,7 +14,7 @@ const LEAST_SENSITIVITY: f32 = 0.2;
 #[derive(Debug, Clone, Default)]
 pub struct Correction {
     /// Pixels that are replaced by their neighbours, in rising order.
-    pub hot: Vec<(usize, usize)>,
+    pub replaced: Vec<(usize, usize)>,
     /// Sensitivity of the pixels.
     pub sensitivity: Option<Sensitivity>,
     /// Factor of the frames of each laser.
@@ -25,7 +25,10 @@ pub struct Correction {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensitivity {
     pixels: Array2<f32>,
-    /// Pixels that are left as they are: they have less than a fifth of the usual sensitivity.
+    /// Dead pixels (row, column) in rising order: they have less than a fifth of the usual sensitivity, and so has at
+    /// most one of their neighbours.
+    pub dead: Vec<(usize, usize)>,
+    /// Other pixels with as little, such as those behind a mask. They are left as they are.
     pub left: usize,
 }
 
@@ -39,8 +42,11 @@ impl Sensitivity {
         Refusal::unless(usual > 0.0, found, "wanted an image of even light on the sensor")?;
         check_saturation(flat)?;
         let is_seen = |count: f32| count > LEAST_SENSITIVITY * usual;
-        let left = flat.iter().filter(|count| !is_seen(**count)).count();
-        Ok(Self { pixels: flat.mapv(|count| if is_seen(count) { count / usual } else { 1.0 }), left })
+        let is_alone = |place| neighbours(flat.dim(), place).filter(|near| !is_seen(flat[*near])).count() < 2;
+        let dark = flat.indexed_iter().filter(|(_, count)| !is_seen(**count)).map(|(place, _)| place);
+        let (dead, left): (Vec<_>, Vec<_>) = dark.partition(|place| is_alone(*place));
+        let pixels = flat.mapv(|count| if is_seen(count) { count / usual } else { 1.0 });
+        Ok(Self { pixels, dead, left: left.len() })
     }
 }
 
@@ -56,13 +62,13 @@ pub struct Change {
 }
 
 impl Correction {
-    /// Corrects a frame of laser 0 or 1: hot pixels first, then the sensitivity, then the light.
+    /// Corrects a frame of laser 0 or 1: first the sensitivity, then the pixels that are replaced, then the light.
     pub fn apply(&self, frame: &mut Array2<f32>, laser: usize) -> Change {
         let before = Self::figures(frame);
-        repair(frame, &self.hot);
         if let Some(sensitivity) = &self.sensitivity {
             frame.zip_mut_with(&sensitivity.pixels, |count, sensitivity| *count /= sensitivity);
         }
+        repair(frame, &self.replaced);
         if let Some(factors) = self.factors {
             frame.mapv_inplace(|count| count * factors[laser] as f32);
         }
@@ -92,12 +98,18 @@ mod tests {
         assert!(change.noise[0] > 1.0 && change.noise[1] < 1e-3, "{change:?}");
     }
 
+    /// Two dead pixels side by side, one at the edge, and a mask over a corner.
     #[test]
-    fn a_pixel_without_light_is_left_as_it_is() {
-        let mut flat = Array2::from_elem((4, 4), 100.0);
-        flat[(1, 1)] = 3.0;
+    fn dead_pixels_are_replaced_and_a_mask_is_left_as_it_is() {
+        let dead = [(0, 9), (5, 5), (5, 6)];
+        let is_dark = |place @ (row, column): (usize, usize)| dead.contains(&place) || row + column < 4;
+        let flat = Array2::from_shape_fn((12, 12), |place| if is_dark(place) { 0.0 } else { 100.0 });
         let sensitivity = Sensitivity::new(&flat).unwrap();
-        assert_eq!((sensitivity.pixels[(1, 1)], sensitivity.left), (1.0, 1));
+        assert_eq!((sensitivity.dead.as_slice(), sensitivity.left), (dead.as_slice(), 10));
+        let mut frame = flat.mapv(|count| 0.5 * count);
+        let replaced = sensitivity.dead.clone();
+        Correction { replaced, sensitivity: Some(sensitivity), ..Correction::default() }.apply(&mut frame, 0);
+        assert!(dead.iter().all(|place| frame[*place] == 50.0) && frame[(0, 0)] == 0.0, "{frame}");
     }
 
     #[test]

@@ -58,13 +58,20 @@ fn heights(frame: &Array2<f32>) -> Array2<f32> {
     Array2::from_shape_vec((height, width), values.collect()).expect("as many values as pixels")
 }
 
-/// The median of the neighbours of a pixel that count. None if none does.
-fn around(frame: &Array2<f32>, (row, column): (usize, usize), counts: impl Fn((usize, usize)) -> bool) -> Option<f32> {
-    let (height, width) = frame.dim();
+/// The pixels about one, up to eight.
+pub(super) fn neighbours(
+    (height, width): (usize, usize),
+    (row, column): (usize, usize),
+) -> impl Iterator<Item = (usize, usize)> {
     let rows = row.saturating_sub(1)..(row + 2).min(height);
     let columns = column.saturating_sub(1)..(column + 2).min(width);
-    let places = rows.flat_map(|row| columns.clone().map(move |column| (row, column)));
-    let places = places.filter(|place| *place != (row, column) && counts(*place));
+    let places = rows.flat_map(move |row| columns.clone().map(move |column| (row, column)));
+    places.filter(move |place| *place != (row, column))
+}
+
+/// The median of the neighbours of a pixel that count. None if none does.
+fn around(frame: &Array2<f32>, place: (usize, usize), counts: impl Fn((usize, usize)) -> bool) -> Option<f32> {
+    let places = neighbours(frame.dim(), place).filter(|near| counts(*near));
     let (mut values, mut count) = ([0.0; NEIGHBOURS], 0);
     for place in places {
         values[count] = f64::from(frame[place]);
@@ -73,7 +80,7 @@ fn around(frame: &Array2<f32>, (row, column): (usize, usize), counts: impl Fn((u
     (count > 0).then(|| median(&mut values[..count]) as f32)
 }
 
-/// Replaces hot pixels by the median of their neighbours that are not hot; without such neighbours by 0.
+/// Replaces hot and dead pixels by the median of their neighbours that are neither; without such neighbours by 0.
 pub(super) fn repair(frame: &mut Array2<f32>, hot: &[(usize, usize)]) {
     let is_hot = |place: (usize, usize)| hot.binary_search(&place).is_ok();
     let repaired: Vec<f32> =
