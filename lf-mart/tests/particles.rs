@@ -132,7 +132,17 @@ fn bad_input_is_refused_in_one_line() {
     refused("scene/frame-0000.exr -i scene/frame-0000.exr -c scene/camera.json --particles p.csv", &["frame-0000.exr"]);
     // Without light there is nothing to fit.
     bench.image("dark.exr", &ndarray::Array2::zeros((420, 476)));
-    refused("scene/truth-0000.lfv -i dark.exr -c scene/camera.json --particles p.csv", &["no pixel has light"]);
+    refused(
+        "scene/truth-0000.lfv -i dark.exr -c scene/camera.json --particles p.csv",
+        &["dark.exr: no pixel has light"],
+    );
+    let dull = std::fs::read_to_string(bench.path("scene/camera.json")).unwrap();
+    let dull: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&dull).unwrap();
+    let dull: serde_json::Value = dull.into_iter().chain([("vignetting".to_owned(), "flat.exr".into())]).collect();
+    std::fs::write(bench.path("flat.json"), dull.to_string()).unwrap();
+    bench.image("flat.exr", &ndarray::Array2::ones((420, 476)));
+    let over = "scene/truth-0000.lfv -i scene/frame-0000.exr -c flat.json --particles flat.exr";
+    refused(over, &["flat.exr", "input"]);
     let limited = ["truth-0000.lfv: a fit to ", " would take about ", "wanted 0.01 GB at most, as --max-memory allows"];
     refused(&call("--max-memory 0.01"), &limited);
 }

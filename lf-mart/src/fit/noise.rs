@@ -82,7 +82,8 @@ impl Noise {
                 read_variance = known;
                 gain = given.gain.unwrap_or(((xy - known * x) / xx.max(f64::MIN_POSITIVE)).max(0.0));
             }
-            noise = Self { gain, read_variance: read_variance.max(floor) };
+            let read_variance = given.read_variance.filter(|known| *known > 0.0).unwrap_or(read_variance.max(floor));
+            noise = Self { gain, read_variance };
         }
         Some(noise)
     }

@@ -4,6 +4,7 @@ use super::arguments::Arguments;
 use glam::DMat3;
 use lf_core::image::{self, Frame};
 use lf_core::particles::{self, Particle, Uncertainty};
+use lf_core::volume::Tile;
 use lf_core::{Camera, Error, Result, Session, Verdict, Volume, cli, io, volume};
 use lf_mart::fit::{self, Fit, FitOptions, Found, Progress, Spot};
 use serde_json::json;
@@ -25,9 +26,19 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let image = image::open_signed_frame(&arguments.image, background, &camera, &arguments.camera, channel)?;
         Ok((camera, image, Volume::open(&arguments.volume)?))
     })?;
+    let flat = camera.flat_field(&arguments.camera);
+    let flat: Vec<&Path> = flat.as_deref().into_iter().collect();
+    outputs(arguments).into_iter().try_for_each(|output| session.keep_apart(output, &flat))?;
     volume.require("intensity")?;
     if volume.count() == 0 {
         return Err(Error::new(name, "holds no voxel", "wanted a volume with light"));
+    }
+    if let Some(tile) = Tile::of(&volume)? {
+        let found = format!("tile {} of {}", tile.index, tile.of);
+        return Err(Error::new(name, found, "wanted a whole volume: the image also has the light of the other tiles"));
+    }
+    if image.pixels.iter().all(|value| *value <= 0.0) {
+        return Err(Error::new(io::name(&arguments.image), "no pixel has light", "wanted an image of particles"));
     }
     let voxels = (volume.grid(), volume.indices(), volume.column("intensity").unwrap_or_default());
     let work = fit::peak_bytes(&camera, voxels, &options).map_err(|refusal| refusal.about(&name))?;
@@ -109,8 +120,9 @@ fn report(found: &Fit, options: &FitOptions, session: &mut Session) {
     session.count("particles", found.particles.len());
     session.count("size_px", found.shape.sigma_px);
     session.count("drift_px", json!([x, y]));
-    let [size, dx, dy] = found.shape_std_px.map(|std| if std.is_finite() { std } else { 0.0 });
-    session.count("size_std_px", size);
+    // JSON has no infinity: null says that nothing is known.
+    let [size, dx, dy] = found.shape_std_px;
+    session.count("size_std_px", json!(size));
     session.count("drift_std_px", json!([dx, dy]));
     session.count("chi2", found.misfit);
     session.count("gain_counts", found.noise.gain);
