@@ -30,6 +30,8 @@ impl Draft {
     pub fn finish(self, file: &File, place: &Path, folder: &Path) -> io::Result<()> {
         let path = match self {
             Self::Named(path) => path,
+            // A new name is given in one step. A process killed between two steps would leave the name of the first.
+            Self::Nameless if link(file, place).is_ok() => return Ok(()),
             // A link cannot replace an existing name, a rename can: link the draft to a temporary name first.
             Self::Nameless => match names().make_in(folder, |path| link(file, path)) {
                 Ok(named) => named.into_temp_path(),
