@@ -105,8 +105,10 @@ pub fn check_memory(
     Err(Error::new(subject, found, format!("wanted {most} GB at most, as --max-memory allows")))
 }
 
-/// The peak memory of the process if work takes so many more bytes.
+/// The peak memory of the process if work takes so many more bytes. Memory that was freed does not count as held: the
+/// work takes it again.
 fn peak_with(work_bytes: f64) -> u64 {
+    io::release_memory();
     let held = status_bytes("VmRSS:").unwrap_or(HELD_BYTES);
     let code = CODE_BYTES + THREAD_BYTES * rayon::current_num_threads() as f64;
     // The cast saturates.

@@ -4,7 +4,7 @@ use super::inputs::{light, open_whole};
 use super::limits::{is_at_most, number, verdict};
 use super::output::{Picture, print};
 use lf_core::cli::{MemoryLimit, numbers};
-use lf_core::{Error, Result, Session, Verdict};
+use lf_core::{Error, Grid, Result, Session, Verdict};
 use lf_validate::pictures;
 use lf_validate::scores::depth::DepthSums;
 use std::path::PathBuf;
@@ -50,7 +50,8 @@ pub fn judge(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -
     }
     let sums = session.phase("score", |session| {
         let progress = session.progress("volumes", arguments.volumes.len() as u64);
-        add_up(&arguments.volumes, limit, session, &|| progress.add(1))
+        let bytes = |grid: &Grid| DepthSums::bytes(grid, arguments.picture.is_asked());
+        add_up(&arguments.volumes, &bytes, limit, session, &|| progress.add(1))
     })?;
     let score = sums.score(arguments.slab);
     session.count("volumes", score.volumes);
@@ -63,14 +64,20 @@ pub fn judge(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -
 }
 
 /// Sums over the volumes, with one in memory at a time.
-fn add_up(inputs: &[PathBuf], limit: MemoryLimit, session: &mut Session, added: &dyn Fn()) -> Result<DepthSums> {
+fn add_up(
+    inputs: &[PathBuf],
+    bytes: &dyn Fn(&Grid) -> f64,
+    limit: MemoryLimit,
+    session: &mut Session,
+    added: &dyn Fn(),
+) -> Result<DepthSums> {
     let add = |sums: Option<DepthSums>, input: &PathBuf| {
         let volume = open_whole(input)?;
         let grid = volume.grid();
         let mut sums = match sums {
             Some(sums) => sums,
             None => {
-                session.allow_memory(limit, DepthSums::bytes(grid), volume.name(), || format!("a {grid}"))?;
+                session.allow_memory(limit, bytes(grid), volume.name(), || format!("a {grid}"))?;
                 DepthSums::new(grid)
             }
         };

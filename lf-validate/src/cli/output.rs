@@ -36,6 +36,11 @@ impl Picture {
         session.keep_apart(file, &inputs)
     }
 
+    /// Whether `--plot` is given.
+    pub fn is_asked(&self) -> bool {
+        self.plot.is_some()
+    }
+
     /// Draws and saves the chart if `--plot` is given.
     pub fn draw(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<()> {
         self.drawn(session, chart).and_then(|svg| self.save(&svg))
@@ -64,10 +69,12 @@ pub fn show_all(is_full: bool) {
 
 /// Prints one score on standard output: whole, or ten lines of it on a terminal without `--full`.
 pub fn print(score: &impl Serialize) -> Result<()> {
-    let wrong = |error: serde_json::Error| Error::new("-", error.to_string(), "wanted a score");
     let is_brief = stdout().is_terminal() && !IS_FULL.get().is_some_and(|is_full| *is_full);
-    let text =
-        if is_brief { brief(&serde_json::to_value(score).map_err(wrong)?) } else { text(score).map_err(wrong)? };
+    if !is_brief {
+        return io::save_text(Path::new("-"), |out| write_text(score, out));
+    }
+    let wrong = |error: serde_json::Error| Error::new("-", error.to_string(), "wanted a score");
+    let text = brief(&serde_json::to_value(score).map_err(wrong)?);
     io::save_text(Path::new("-"), |out| out.write_all(text.as_bytes()))
 }
 
@@ -107,12 +114,11 @@ fn collect(key: &str, depth: usize, value: &Value, lines: &mut Vec<(usize, Strin
     }
 }
 
-/// `score` as text that ends in a line break. Fails only if a key is not text.
-fn text(score: &impl Serialize) -> serde_json::Result<String> {
-    let mut bytes = Vec::new();
-    score.serialize(&mut serde_json::Serializer::with_formatter(&mut bytes, JsonLayout::default()))?;
-    bytes.push(b'\n');
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+/// Writes `score` number by number, as text that ends in a line break. The text of a deep volume is longer than its
+/// score.
+fn write_text(score: &impl Serialize, mut out: &mut dyn Write) -> std::io::Result<()> {
+    score.serialize(&mut serde_json::Serializer::with_formatter(&mut out, JsonLayout::default()))?;
+    out.write_all(b"\n")
 }
 
 /// Puts each entry of an object on its own line, and a list with all that it holds on one line.
@@ -181,6 +187,8 @@ mod tests {
     fn objects_take_lines_and_lists_do_not() {
         let score = json!({"a": 1, "b": [1.5, null, {"c": [2]}], "d": {"e": []}});
         let wanted = "{\n  \"a\": 1,\n  \"b\": [1.5, null, {\"c\":[2]}],\n  \"d\": {\n    \"e\": []\n  }\n}\n";
-        assert_eq!(text(&score).unwrap(), wanted);
+        let mut written = Vec::new();
+        write_text(&score, &mut written).unwrap();
+        assert_eq!(String::from_utf8(written).unwrap(), wanted);
     }
 }

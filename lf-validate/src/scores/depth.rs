@@ -54,14 +54,17 @@ pub struct Depth {
     pub(crate) section: Vec<f64>,
 }
 
-/// Bytes of a slice: its sums and numbers, and its lines in the text of the score.
-const SLICE_BYTES: f64 = 10.0 * 8.0 + 6.0 * 20.0;
+/// Bytes of a slice: its brightest voxel, summed; its depth and its light; its light once more among the slices inside
+/// or outside the slab, in a list that may grow to twice its length; and a copy for the median.
+const SLICE_BYTES: f64 = 8.0 + 8.0 + 8.0 + 16.0 + 8.0;
 
 impl DepthSums {
     /// Most bytes that sums over volumes of a grid, and their score, take.
-    pub fn bytes(grid: &Grid) -> f64 {
+    /// A picture needs the section in another order.
+    pub fn bytes(grid: &Grid, is_drawn: bool) -> f64 {
         let [nx, _, nz] = grid.shape.map(|count| count as f64);
-        8.0 * nx * nz + SLICE_BYTES * nz + 8.0 * nx
+        let sections = if is_drawn { 2.0 } else { 1.0 };
+        8.0 * sections * nx * nz + SLICE_BYTES * nz + 8.0 * nx
     }
 
     /// Sums of no volume.

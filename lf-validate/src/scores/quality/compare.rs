@@ -49,13 +49,14 @@ pub fn quality(truth: VoxelLight, volume: VoxelLight, regions: [usize; 3]) -> Re
     Ok(Quality { whole: whole.score(), by_depth, by_region })
 }
 
-/// Bytes of a slice or a box: its sums, and its numbers in memory and in the text of the score.
-const PART_BYTES: f64 = size_of::<QualitySums>() as f64 + 7.0 * 16.0 + 2.0 * 7.0 * 20.0;
+/// Bytes of a slice or a box: its sums and its numbers.
+const PART_BYTES: usize = size_of::<QualitySums>() + PartScores::BYTES;
 
-/// Most bytes that [`quality`] takes beside the volumes, with the text of the score.
+/// Most bytes that [`quality`] takes beside the volumes.
 pub fn quality_bytes(grid: &Grid, regions: [usize; 3]) -> f64 {
     let boxes: f64 = regions.iter().map(|count| *count as f64).product();
-    PART_BYTES * (grid.shape[2] as f64 + boxes)
+    let [slice, region] = [size_of::<f64>(), size_of::<[f64; 3]>()].map(|place| (PART_BYTES + place) as f64);
+    slice * grid.shape[2] as f64 + region * boxes
 }
 
 /// Centre of a box: half way between the centres of its first and its last voxel.

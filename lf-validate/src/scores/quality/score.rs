@@ -68,19 +68,24 @@ pub(crate) struct PartScores {
 }
 
 impl PartScores {
-    pub(super) fn of<'a>(all: impl IntoIterator<Item = &'a QualitySums>) -> Self {
-        let mut scores = Self::default();
-        for sums in all {
-            let score = sums.score();
-            scores.q.push((sums.truth_square > 0.0).then_some(score.q));
-            scores.scale.push(score.scale);
-            scores.ghost_share.push(score.ghost_share);
-            scores.missed_share.push(score.missed_share);
-            scores.truth_sum.push(score.truth_sum);
-            scores.volume_sum.push(score.volume_sum);
+    /// Every list is made in its full length: one that grows may take twice its bytes.
+    pub(super) fn of<'a>(all: impl IntoIterator<Item = &'a QualitySums> + Copy) -> Self {
+        Self {
+            q: list(all, |sums| (sums.truth_square > 0.0).then(|| sums.score().q)),
+            scale: list(all, |sums| sums.score().scale),
+            ghost_share: list(all, |sums| sums.score().ghost_share),
+            missed_share: list(all, |sums| sums.score().missed_share),
+            truth_sum: list(all, |sums| sums.truth),
+            volume_sum: list(all, |sums| sums.volume),
         }
-        scores
     }
+
+    /// Bytes of the numbers of a part.
+    pub(super) const BYTES: usize = 4 * size_of::<Option<f64>>() + 2 * size_of::<f64>();
+}
+
+fn list<'a, T>(all: impl IntoIterator<Item = &'a QualitySums>, number: impl Fn(&QualitySums) -> T) -> Vec<T> {
+    all.into_iter().map(number).collect()
 }
 
 /// Sums over a set of voxels: the whole grid, a slice or a box.
