@@ -22,13 +22,13 @@ pub(crate) fn bytes(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f
     (x.cells.len() * y.cells.len() * layers * pairs) as f64 * shifts * (channel::COUNT * size_of::<f64>()) as f64
 }
 
-/// Shifts by which the boxes of windows that share a cell may differ on either side before they share less: each has
-/// its own prediction.
-const APART: usize = 1;
+/// Constant: most bytes of sums over those for equal boxes of shifts. Each window has its own prediction, and a cell is
+/// summed for the shifts of all its windows. In a smooth flow few boxes differ, by a voxel.
+const APART: f64 = 1.25;
 
 /// Most bytes that [`of_windows`] takes for boxes of `radius`.
 pub(crate) fn budget(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f64 {
-    bytes(windows, radius.map(|radius| radius + APART), pairs)
+    APART * bytes(windows, radius, pairs)
 }
 
 /// Constant: most memory for direct sums; a pass that needs more is done by transforms. The paper's windows take a

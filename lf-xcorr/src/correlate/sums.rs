@@ -77,8 +77,9 @@ pub(crate) struct SumsPool {
 
 impl SumsPool {
     pub fn zero(&self, shifts: Shifts) -> Sums {
-        let mut data = self.buffer();
-        data.resize(channel::COUNT * shifts.len(), 0.0);
+        let len = channel::COUNT * shifts.len();
+        let mut data = self.buffer(len);
+        data.resize(len, 0.0);
         Sums { shifts, data }
     }
 
@@ -88,7 +89,7 @@ impl SumsPool {
         let mut sums = match first {
             // At 75 % overlap a window has four cells along each axis: read each once and write the sum once.
             [Some(a), Some(b), Some(c), Some(d)] if [a, b, c, d].iter().all(|term| term.shifts == shifts) => {
-                let mut data = self.buffer();
+                let mut data = self.buffer(a.data.len());
                 let four = a.data.iter().zip(&b.data).zip(&c.data).zip(&d.data);
                 data.extend(four.map(|(((a, b), c), d)| a + b + c + d));
                 Sums { shifts, data }
@@ -108,8 +109,13 @@ impl SumsPool {
         self.free.lock().unwrap_or_else(PoisonError::into_inner).extend(free);
     }
 
-    fn buffer(&self) -> Vec<f64> {
-        let mut data = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+    /// An empty buffer for `len` numbers, and hardly more. Buffers that went from small boxes to large ones would all
+    /// grow to the largest.
+    fn buffer(&self, len: usize) -> Vec<f64> {
+        const SPARE: f64 = 1.1;
+        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let fits = |data: &Vec<f64>| (len..=(SPARE * len as f64) as usize).contains(&data.capacity());
+        let mut data = free.filter(fits).unwrap_or_else(|| Vec::with_capacity(len));
         data.clear();
         data
     }

@@ -32,26 +32,33 @@ pub(crate) fn bytes(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> u6
     let volumes = (2 * pairs.len()) as f64;
     let row_starts = 8.0 * (ny * nz) as f64;
     let all: f64 = pairs.iter().flatten().map(|volume| volume.indices.len() as f64).sum();
-    let plain = LIT * all + volumes * row_starts;
+    // A support masks a copy.
+    let copies = if let Mask::Support(_) = mask { 2.0 } else { 1.0 };
+    let plain = copies * (LIT * all + volumes * row_starts);
 
     // Lit voxels of all volumes, of one, and of one deformed over one.
     let lit = first.count() as f64 / pairs[0][0].indices.len().max(1) as f64 * all;
     let one = lit / volumes;
     let spread = spread_count(&first) / first.count().max(1) as f64;
-    // Each repeat is made while the last is still held. The uncertainties need one deformed copy in any case.
-    let held = if options.deform == Deform::Never { 1.0 } else { 2.0 };
     let deformed = spread * LIT * lit + volumes * row_starts;
     let moving = one * (spread * LISTED + MOVED) + 4.0 * (nx * ny * rayon::current_num_threads()) as f64;
     let overlaid = OVERLAID * EITHER * one * spread.max(1.0);
 
-    let passes = 0..options.passes.len();
-    let sums = passes.map(|number| pass_bytes(options, number, first.shape, pairs.len())).fold(0.0, f64::max);
-    (plain + held * deformed + moving.max(overlaid) + sums) as u64
+    // Volumes are moved, then correlated. At the end they lie on each other, and particle images are sought in cells.
+    let held = if options.deform == Deform::Never { 0.0 } else { deformed };
+    let most = |of_pass: &dyn Fn(usize) -> f64| (0..options.passes.len()).map(of_pass).fold(0.0, f64::max);
+    let grid = |number: usize| options.passes[number].binned(first.shape, options.is_last(number)).windows();
+    let sums = most(&|number| pass_bytes(options, number, first.shape, pairs.len(), lit));
+    let windows = most(&|number| WINDOW * grid(number).count() as f64);
+    let cells = most(&|number| CELL * grid(number).cell_count() as f64);
+    let phases = [deformed + moving, held + sums, deformed + overlaid + cells];
+    (plain + windows + phases.into_iter().fold(0.0, f64::max)) as u64
 }
 
-/// Bytes of the sums, transforms, windows and cells of a pass.
-fn pass_bytes(options: &Options, number: usize, shape: [usize; 3], pairs: usize) -> f64 {
+/// Bytes of the sums and the transforms of a pass, and of `lit` voxels in its bins.
+fn pass_bytes(options: &Options, number: usize, shape: [usize; 3], pairs: usize, lit: f64) -> f64 {
     let binned = options.passes[number].binned(shape, options.is_last(number));
+    let in_bins = if binned.bin == [1; 3] { 0.0 } else { LIT * lit };
     let windows = binned.windows();
     let direct = shared_sums::budget(&windows, binned.pass.search, pairs);
     // Vectors that transforms find are read off close direct sums.
@@ -61,7 +68,7 @@ fn pass_bytes(options: &Options, number: usize, shape: [usize; 3], pairs: usize)
         Route::Auto if shared_sums::fit(&windows, binned.pass.search, pairs) => direct.max(by_transform),
         Route::Auto | Route::Transform => by_transform,
     };
-    sums + WINDOW * windows.count() as f64 + CELL * windows.cell_count() as f64
+    sums + in_bins
 }
 
 /// Bytes of the transforms of one window, for all threads.

@@ -54,7 +54,7 @@ pub(crate) fn run(
 fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> (Field, Vec<Repeat>) {
     let times = repeats.done.len();
     // The peak of volumes that were not deformed is narrower by the variance that the spline adds to both.
-    let is_plain = repeats.deformed.is_none();
+    let is_plain = repeats.deformed_by.is_none();
     let widened_vox2 = if is_plain { 2.0 * SPLINE_VARIANCE_VOX2 } else { 0.0 };
     let matched = repeats.matched();
     let measured = Measured {

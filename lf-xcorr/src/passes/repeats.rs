@@ -9,6 +9,7 @@ use crate::error::{Refused, Side};
 use crate::volumes::{Mask, Rows};
 use crate::{correlate::Watch, vectors::Vector};
 use glam::DVec3;
+use lf_core::io;
 
 /// A pass, its vectors, and each time that it was done.
 pub(crate) struct Repeats<'a> {
@@ -19,9 +20,10 @@ pub(crate) struct Repeats<'a> {
     options: &'a Options,
     /// The known field: from the pass before, then from the last repeat.
     pub predictor: Option<Predictor>,
-    /// The volumes of the last repeat, if it deformed them, and the field that it deformed them by.
-    pub deformed: Option<Vec<[Rows; 2]>>,
-    deformed_by: Option<Predictor>,
+    /// The field that the last repeat deformed the volumes by, if it deformed them.
+    pub deformed_by: Option<Predictor>,
+    /// These volumes. They are missing if a later repeat found less.
+    deformed: Option<Vec<[Rows; 2]>>,
     pub vectors: Vec<Vector>,
     pub done: Vec<Repeat>,
 }
@@ -69,6 +71,8 @@ impl<'a> Repeats<'a> {
             Deform::Never => false,
         };
         let field = self.predictor.as_ref().filter(|_| is_asked);
+        // One copy is in memory at a time.
+        self.deformed = None;
         let deformed = field.map(|field| self.deform(field));
         let volumes = match &deformed {
             Some(pairs) => Volumes { pairs: pairs.iter().map(|pair| pair.each_ref()).collect(), deformed_by: field },
@@ -138,12 +142,15 @@ impl<'a> Repeats<'a> {
 
     fn deform(&self, field: &Predictor) -> Vec<[Rows; 2]> {
         let deform = |pair: &[Rows; 2]| matched(pair.each_ref(), field, self.mask).map(|rows| self.pass.in_bins(rows));
-        self.volumes.iter().map(deform).collect()
+        let deformed = self.volumes.iter().map(deform).collect();
+        // The lists that volumes were put together from are of no use to sums.
+        io::release_memory();
+        deformed
     }
 
     /// The volumes laid on each other by the measured field, or by the last repeat if it deformed them.
     pub fn matched(&mut self) -> Vec<[Rows; 2]> {
-        match (self.deformed.take(), &self.predictor) {
+        match (self.deformed.take(), self.deformed_by.as_ref().or(self.predictor.as_ref())) {
             (Some(pairs), _) => pairs,
             (None, Some(field)) => self.deform(field),
             (None, None) => unreachable!("a pass that was done leaves a predictor"),
