@@ -72,4 +72,39 @@ mod tests {
             assert!(wide == portable && wide.iter().any(|sum| *sum > 0), "{lanes:?}");
         }
     }
+
+    /// Any lanes, places and changes give the sums of a plain loop.
+    #[test]
+    fn sums_are_those_of_a_plain_loop() {
+        const PLACES: u32 = 5;
+        let mut random = 1u32;
+        let mut below = |most: u32| {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (random >> 8) % most
+        };
+        for case in 0..300 {
+            let views: Vec<u8> = (0..3000).map(|_| below(256) as u8).collect();
+            let (one, other) = (below(LANES as u32) as usize, below(LANES as u32) as usize);
+            let [least, most] = [one.min(other), one.max(other)];
+            let ends: Vec<u32> = (0..PLACES).map(|place| 6 * place + below(6)).collect();
+            let steps = (0..PLACES).zip(&ends).map(|(place, end)| Step { place, end: *end }).collect();
+            let start: Vec<i32> = (0..below(40)).map(|_| below(2500) as i32).collect();
+            let changes: Vec<[i32; 2]> = (0..ends[4]).map(|_| [below(2500) as i32, below(2500) as i32]).collect();
+            let walk = Walk { reach: 3, start, steps, changes };
+            let mut sums = vec![0; PLACES as usize * LANES];
+            add_up(&walk, &views, 100, [least, most], &mut sums);
+            for (step, lane) in walk.steps.iter().flat_map(|step| (least..=most).map(move |lane| (step, lane))) {
+                let view = |place: &i32| u16::from(views[100 + *place as usize + lane]);
+                let begun = walk.start.iter().fold(0u16, |sum, place| sum.wrapping_add(view(place)));
+                let changes = &walk.changes[..step.end as usize];
+                let wanted =
+                    changes.iter().fold(begun, |sum, [new, old]| sum.wrapping_add(view(new)).wrapping_sub(view(old)));
+                assert_eq!(
+                    sums[step.place as usize * LANES + lane],
+                    wanted,
+                    "{case}: lane {lane} of {least} to {most}"
+                );
+            }
+        }
+    }
 }
