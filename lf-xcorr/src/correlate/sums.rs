@@ -1,7 +1,8 @@
 //! The sums that a correlation is made of, for each trial shift.
 
 use super::shifts::Shifts;
-use std::sync::{Mutex, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The five sums of a cell or a window. The sums of one volume run over the voxels that the shift pairs with a voxel
 /// inside the other volume.
@@ -72,7 +73,8 @@ pub(crate) fn zeros<T: Clone + Default>(buffer: &mut Vec<T>, n: usize) {
 /// Buffers of finished sums, for reuse: asking the system for memory takes longer than summing.
 #[derive(Debug, Default)]
 pub(crate) struct SumsPool {
-    free: Mutex<Vec<Vec<f64>>>,
+    /// Free buffers by their capacity.
+    free: Mutex<BTreeMap<usize, Vec<Vec<f64>>>>,
 }
 
 impl SumsPool {
@@ -105,18 +107,56 @@ impl SumsPool {
     }
 
     pub fn take_back(&self, sums: impl IntoIterator<Item = Sums>) {
-        let free = sums.into_iter().map(|sums| sums.data);
-        self.free.lock().unwrap_or_else(PoisonError::into_inner).extend(free);
+        let mut free = self.free();
+        sums.into_iter().for_each(|Sums { data, .. }| free.entry(data.capacity()).or_default().push(data));
     }
 
     /// An empty buffer for `len` numbers, and hardly more. Buffers that went from small boxes to large ones would all
-    /// grow to the largest.
+    /// grow to the largest. A new buffer takes the place of one that does not fit.
     fn buffer(&self, len: usize) -> Vec<f64> {
         const SPARE: f64 = 1.1;
-        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let fits = |data: &Vec<f64>| (len..=(SPARE * len as f64) as usize).contains(&data.capacity());
-        let mut data = free.filter(fits).unwrap_or_else(|| Vec::with_capacity(len));
+        let mut free = self.free();
+        let fitting = free.range(len..=(SPARE * len as f64) as usize).next().map(|(capacity, _)| *capacity);
+        let other = || free.range(..len).next_back().or_else(|| free.iter().next_back()).map(|(capacity, _)| *capacity);
+        let taken = fitting.or_else(other).and_then(|capacity| {
+            let buffers = free.get_mut(&capacity)?;
+            let taken = buffers.pop();
+            if buffers.is_empty() {
+                free.remove(&capacity);
+            }
+            taken
+        });
+        drop(free);
+        let mut data = taken.filter(|_| fitting.is_some()).unwrap_or_else(|| Vec::with_capacity(len));
         data.clear();
         data
+    }
+
+    fn free(&self) -> MutexGuard<'_, BTreeMap<usize, Vec<Vec<f64>>>> {
+        self.free.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Scar: buffers that small boxes gave back grew with every larger box, and all were as large as the largest.
+    #[test]
+    fn buffers_go_to_boxes_of_their_size() {
+        let shifts = |radius: usize| Shifts::around([0; 3], [radius; 3]);
+        let pool = SumsPool::default();
+        let sums = [2, 3, 2].map(|radius| pool.zero(shifts(radius)));
+        let places = sums.each_ref().map(|sums| sums.data.as_ptr());
+        pool.take_back(sums);
+        let large = pool.zero(shifts(3));
+        let small = [pool.zero(shifts(2)), pool.zero(shifts(2))];
+        assert_eq!(large.data.as_ptr(), places[1]);
+        assert!(small.iter().all(|sums| places.contains(&sums.data.as_ptr())));
+        // A buffer that does not fit makes room for one that does.
+        pool.take_back(small);
+        let larger = pool.zero(shifts(4));
+        assert_eq!(larger.data.capacity(), channel::COUNT * 9 * 9 * 9);
+        assert_eq!(pool.free().values().map(Vec::len).sum::<usize>(), 1);
     }
 }

@@ -6,7 +6,7 @@ use crate::vectors::{Measured, Vector, fill};
 use crate::volumes::{Mask, Rows, Sparse};
 use crate::{correlate::Watch, error::Refused};
 use glam::DVec3;
-use lf_core::{Field, Grid};
+use lf_core::{Field, Grid, io};
 
 /// Constant: factor on the smoothing of every pass but the last. Large windows have less noise to smooth away, and more
 /// of the field to lose.
@@ -57,6 +57,7 @@ fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> (Field, Vec
     let is_plain = repeats.deformed_by.is_none();
     let widened_vox2 = if is_plain { 2.0 * SPLINE_VARIANCE_VOX2 } else { 0.0 };
     let matched = repeats.matched();
+    io::release_memory();
     let measured = Measured {
         windows: &pass.windows,
         vectors: &repeats.vectors,

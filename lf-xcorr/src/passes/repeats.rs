@@ -142,8 +142,9 @@ impl<'a> Repeats<'a> {
 
     fn deform(&self, field: &Predictor) -> Vec<[Rows; 2]> {
         let deform = |pair: &[Rows; 2]| matched(pair.each_ref(), field, self.mask).map(|rows| self.pass.in_bins(rows));
+        // Volumes have no use for the memory of sums, and sums have none for the lists that volumes are made from.
+        io::release_memory();
         let deformed = self.volumes.iter().map(deform).collect();
-        // The lists that volumes were put together from are of no use to sums.
         io::release_memory();
         deformed
     }
