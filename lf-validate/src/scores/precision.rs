@@ -3,9 +3,11 @@
 use glam::{DMat3, DVec3};
 use lf_core::particle_image::{ParticleModel, Scratch};
 use lf_core::{Camera, Refusal};
+use nalgebra::{Cholesky, DMatrix};
 use ndarray::Array2;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::HashMap;
 
@@ -37,7 +39,8 @@ pub struct Precision {
     pub windows: Windows,
 }
 
-/// Medians over the particles of slabs of equal depth; null where there is none.
+/// Medians over the particles of slabs of equal depth; null where there is none, and where the image does not tell the
+/// place of half of them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ByDepth {
     /// Middles of the slabs, mm.
@@ -96,11 +99,26 @@ const UNKNOWNS: usize = 4;
 
 type Pixels = Vec<(u32, [f64; UNKNOWNS])>;
 
-/// A particle of a cloud, and the covariance of its place, mm^2, if it is in the statistics.
+/// A particle of a cloud.
 struct Member {
     place: DVec3,
     pixels: Pixels,
+    /// Whether it is in the statistics.
+    counts: bool,
+    /// Covariance of its place, mm^2; None if the image does not tell it.
     covariance: Option<DMat3>,
+}
+
+/// Particles at random places, and how far from the axis they are in the statistics, mm.
+struct Cloud {
+    members: Vec<Member>,
+    inner_mm: f64,
+}
+
+impl Cloud {
+    fn counted(&self) -> impl Iterator<Item = &Member> {
+        self.members.iter().filter(|member| member.counts)
+    }
 }
 
 /// The bound. Refuses what [`ParticleModel::new`] refuses, and a sensor that sees less than a window.
@@ -108,8 +126,8 @@ pub fn precision(camera: &Camera, experiment: &Experiment) -> Result<Precision, 
     let px = camera.pixel_in_focus_mm();
     let model = ParticleModel::new(camera, experiment.sigma_px * px, experiment.depth_mm)?;
     let mut random = Pcg64Mcg::seed_from_u64(experiment.seed);
-    let mut clouds: Vec<Vec<Member>> = Vec::new();
-    let counted = |clouds: &[Vec<Member>]| clouds.iter().flatten().filter(|m| m.covariance.is_some()).count();
+    let mut clouds: Vec<Cloud> = Vec::new();
+    let counted = |clouds: &[Cloud]| clouds.iter().flat_map(Cloud::counted).count();
     while clouds.len() < CLOUDS && counted(&clouds) < WANTED {
         clouds.push(cloud(camera, &model, experiment, &mut random)?);
     }
@@ -126,7 +144,7 @@ fn cloud(
     model: &ParticleModel,
     experiment: &Experiment,
     random: &mut Pcg64Mcg,
-) -> Result<Vec<Member>, Refusal> {
+) -> Result<Cloud, Refusal> {
     let px = camera.pixel_in_focus_mm();
     let [low, high] = experiment.depth_mm;
     let view = camera.half_view_mm();
@@ -150,23 +168,24 @@ fn cloud(
             let place = DVec3::new(along(-outer, outer), along(-outer, outer), along(low, high));
             let pixels = image(model, place, width, &mut scratch);
             pixels.iter().for_each(|(n, value)| light[[*n as usize / width, *n as usize % width]] += value[3]);
-            Member { place, pixels, covariance: None }
+            let counts = place.truncate().abs().max_element() <= inner;
+            Member { place, pixels, counts, covariance: None }
         })
         .collect();
     let brightest = light.iter().fold(0f64, |most, value| most.max(*value));
     let variance = (experiment.noise * brightest).powi(2);
     let is_near = |a: DVec3, b: DVec3| (a - b).truncate().abs().max_element() < rim;
-    for n in 0..members.len() {
-        let place = members[n].place;
-        if place.truncate().abs().max_element() > inner {
-            continue;
+    let bound = |(n, member): (usize, &Member)| {
+        if !member.counts {
+            return None;
         }
-        let others = members.iter().enumerate().filter(|(m, other)| *m != n && is_near(place, other.place));
-        let group: Vec<&Pixels> =
-            std::iter::once(&members[n].pixels).chain(others.map(|(_, other)| &other.pixels)).collect();
-        members[n].covariance = covariance(&group, variance);
-    }
-    Ok(members)
+        let is_other = |(m, other): &(usize, &Member)| *m != n && is_near(member.place, other.place);
+        let others = members.iter().enumerate().filter(is_other).map(|(_, other)| &other.pixels);
+        covariance(&member.pixels, &others.collect::<Vec<_>>(), variance)
+    };
+    let covariances: Vec<Option<DMat3>> = members.par_iter().enumerate().map(bound).collect();
+    members.iter_mut().zip(covariances).for_each(|(member, covariance)| member.covariance = covariance);
+    Ok(Cloud { members, inner_mm: inner })
 }
 
 /// Light and its derivatives by place, 1/mm, by rising pixel.
@@ -185,48 +204,46 @@ fn image(model: &ParticleModel, place: DVec3, width: usize, scratch: &mut Scratc
     pixels
 }
 
-/// The covariance of the place of the first of a group, the places and lights of all being unknown. None if the image
+/// The covariance of the place of a particle, the places and lights of it and of others being unknown. None if the image
 /// does not tell them.
-fn covariance(group: &[&Pixels], variance: f64) -> Option<DMat3> {
+fn covariance(own: &Pixels, others: &[&Pixels], variance: f64) -> Option<DMat3> {
+    const LEAST_PIVOT: f64 = 1e-12;
+    // The place comes last, so that the end of the Cholesky factor alone tells it.
+    let group: Vec<&Pixels> = others.iter().copied().chain([own]).collect();
     let size = UNKNOWNS * group.len();
-    let mut fisher = Array2::<f64>::zeros((size, size));
+    let order = |n: usize| (n + 1) % UNKNOWNS;
+    let mut fisher = DMatrix::<f64>::zeros(size, size);
     for (a, first) in group.iter().enumerate() {
         for (b, second) in group.iter().enumerate().skip(a) {
             let block = shared(first, second);
             for i in 0..UNKNOWNS {
                 for k in 0..UNKNOWNS {
-                    fisher[[a * UNKNOWNS + i, b * UNKNOWNS + k]] = block[i][k] / variance;
-                    fisher[[b * UNKNOWNS + k, a * UNKNOWNS + i]] = block[i][k] / variance;
+                    // Below the diagonal: the factorisation reads no more.
+                    fisher[(b * UNKNOWNS + order(k), a * UNKNOWNS + order(i))] = block[i][k] / variance;
                 }
             }
         }
     }
-    // Scaled to a diagonal of 1, then Gauss-Jordan elimination for the first three columns of the inverse.
-    let scale: Vec<f64> = (0..size).map(|n| fisher[[n, n]].sqrt().recip()).collect();
+    // Scaled to a diagonal of 1.
+    let scale: Vec<f64> = (0..size).map(|n| fisher[(n, n)].sqrt().recip()).collect();
     if scale.iter().any(|scale| !scale.is_finite()) {
         return None;
     }
-    let mut system = Array2::<f64>::zeros((size, size + 3));
-    for row in 0..size {
-        for column in 0..size {
-            system[[row, column]] = fisher[[row, column]] * scale[row] * scale[column];
+    for column in 0..size {
+        for row in column..size {
+            fisher[(row, column)] *= scale[row] * scale[column];
         }
     }
-    (0..3).for_each(|n| system[[n, size + n]] = 1.0);
-    for n in (0..size).rev() {
-        let pivot = system[[n, n]];
-        if pivot < 1e-12 {
-            return None;
-        }
-        let row = system.row(n).mapv(|value| value / pivot);
-        for other in (0..size).filter(|other| *other != n) {
-            let factor = system[[other, n]];
-            system.row_mut(other).scaled_add(-factor, &row);
-        }
-        system.row_mut(n).assign(&row);
+    let factor = Cholesky::new(fisher)?.unpack();
+    if (0..size).any(|n| factor[(n, n)].powi(2) < LEAST_PIVOT) {
+        return None;
     }
-    let at = |a: usize, b: usize| 0.5 * (system[[a, size + b]] + system[[b, size + a]]) * scale[a] * scale[b];
-    Some(DMat3::from_cols_array(&std::array::from_fn(|n| at(n % 3, n / 3))))
+    let at = |n: usize| size - 3 + n;
+    let end = DMat3::from_cols_array(&std::array::from_fn(|n| factor[(at(n % 3), at(n / 3))]));
+    let inverse = end.inverse();
+    let covariance = inverse.transpose() * inverse;
+    let scaled = |n: usize| covariance.to_cols_array()[n] * scale[at(n % 3)] * scale[at(n / 3)];
+    Some(DMat3::from_cols_array(&std::array::from_fn(scaled)))
 }
 
 /// Sums over shared pixels of the products of derivatives.
@@ -250,18 +267,20 @@ fn middle(experiment: &Experiment, n: usize) -> f64 {
     low + (high - low) * (n as f64 + 0.5) / SLABS as f64
 }
 
-fn by_depth(clouds: &[Vec<Member>], experiment: &Experiment, px: f64) -> ByDepth {
+fn by_depth(clouds: &[Cloud], experiment: &Experiment, px: f64) -> ByDepth {
     let [low, high] = experiment.depth_mm;
     let mut slabs: Vec<[Vec<f64>; 3]> = (0..SLABS).map(|_| Default::default()).collect();
-    for member in clouds.iter().flatten() {
-        let Some(covariance) = member.covariance else { continue };
+    for member in clouds.iter().flat_map(Cloud::counted) {
         let n = ((member.place.z - low) / (high - low) * SLABS as f64) as usize;
         for axis in 0..3 {
-            slabs[n.min(SLABS - 1)][axis].push(covariance.col(axis)[axis].max(0.0).sqrt());
+            let deviation = |covariance: DMat3| covariance.col(axis)[axis].max(0.0).sqrt();
+            // A particle that the image does not tell is not known at all.
+            slabs[n.min(SLABS - 1)][axis].push(member.covariance.map_or(f64::INFINITY, deviation));
         }
     }
     let medians = |axis: usize| -> Vec<Option<f64>> {
-        slabs.iter().map(|slab| lf_core::statistics::upper_median(&mut slab[axis].clone())).collect()
+        let median = |slab: &[Vec<f64>; 3]| lf_core::statistics::upper_median(&mut slab[axis].clone());
+        slabs.iter().map(|slab| median(slab).filter(|median| median.is_finite())).collect()
     };
     let in_px = |axis: usize| medians(axis).into_iter().map(|median| median.map(|mm| mm / px)).collect();
     ByDepth {
@@ -277,16 +296,17 @@ fn by_depth(clouds: &[Vec<Member>], experiment: &Experiment, px: f64) -> ByDepth
 }
 
 /// A window's displacement is the weighted mean over its particles, each with twice its covariance.
-fn windows(clouds: &[Vec<Member>], experiment: &Experiment, px: f64, random: &mut Pcg64Mcg) -> Windows {
+fn windows(clouds: &[Cloud], experiment: &Experiment, px: f64, random: &mut Pcg64Mcg) -> Windows {
     let side = experiment.window_mm;
     let mut sums = vec![(0usize, 0usize, DVec3::ZERO); SLABS];
     for cloud in clouds {
         for (n, sum) in sums.iter_mut().enumerate() {
             for _ in 0..WINDOWS {
-                let mut aside = || 0.25 * side * (2.0 * random.random::<f64>() - 1.0);
+                // A window stays among the particles that are in the statistics.
+                let mut aside = || (cloud.inner_mm - 0.5 * side) * (2.0 * random.random::<f64>() - 1.0);
                 let centre = DVec3::new(aside(), aside(), middle(experiment, n));
                 let inside = |member: &&Member| (member.place - centre).abs().max_element() < 0.5 * side;
-                let covariances: Vec<DMat3> = cloud.iter().filter(inside).filter_map(|m| m.covariance).collect();
+                let covariances: Vec<DMat3> = cloud.counted().filter(inside).filter_map(|m| m.covariance).collect();
                 if covariances.len() < LEAST {
                     continue;
                 }
@@ -335,8 +355,54 @@ mod tests {
     fn a_covariance_by_hand() {
         let pixel = |n: usize, value: f64| (n as u32, std::array::from_fn(|k| if k == n { value } else { 0.0 }));
         let alone: Pixels = vec![pixel(0, 2.0), pixel(1, 4.0), pixel(2, 1.0), pixel(3, 1.0)];
-        let covariance = covariance(&[&alone], 4.0).unwrap();
+        let covariance = covariance(&alone, &[], 4.0).unwrap();
         assert!((covariance.diagonal() - DVec3::new(1.0, 0.25, 4.0)).length() < 1e-12);
-        assert!(super::covariance(&[&alone[..3].to_vec()], 4.0).is_none());
+        assert!(super::covariance(&alone[..3].to_vec(), &[], 4.0).is_none());
+    }
+
+    /// By hand: with a pixel of gradient (1, 0, 0) and light 1 and one of (-1, 0, 0) and light 1, x has the information
+    /// 2. A neighbour whose light alone is in both takes nothing from x, and one that has the gradient of the first takes
+    /// all but that of the second.
+    #[test]
+    fn neighbours_take_what_they_share() {
+        let own: Pixels = vec![
+            (0, [1.0, 0.0, 0.0, 1.0]),
+            (1, [-1.0, 0.0, 0.0, 1.0]),
+            (2, [0.0, 1.0, 0.0, 0.0]),
+            (3, [0.0, 0.0, 1.0, 0.0]),
+        ];
+        let far: Pixels =
+            (4..8).map(|n| (n, std::array::from_fn(|k| f64::from(u8::from(k as u32 + 4 == n))))).collect();
+        let x = |others: &[&Pixels]| covariance(&own, others, 1.0).map(|covariance| covariance.x_axis.x);
+        assert!((x(&[]).unwrap() - 0.5).abs() < 1e-12 && (x(&[&far]).unwrap() - 0.5).abs() < 1e-12);
+        let mut near = far.clone();
+        near.insert(0, (0, [1.0, 0.0, 0.0, 0.0]));
+        // The neighbour's x is known by its own pixel to 1: pixel 0 counts half.
+        let wanted = (1.5 - 0.5f64.powi(2) / 1.5).recip();
+        assert!((x(&[&near]).unwrap() - wanted).abs() < 1e-12, "{:?}, wanted {wanted}", x(&[&near]));
+    }
+
+    /// Half of the members of the only slab with particles are blind: no median is known.
+    #[test]
+    fn blind_particles_count() {
+        let member = |n: usize, is_blind: bool| Member {
+            place: DVec3::new(0.0, 0.0, 0.1 + 0.01 * n as f64),
+            pixels: Vec::new(),
+            counts: true,
+            covariance: (!is_blind).then_some(DMat3::IDENTITY),
+        };
+        let experiment = Experiment {
+            per_lenslet: 1.0,
+            noise: 0.01,
+            sigma_px: 0.75,
+            depth_mm: [0.0, 10.0],
+            window_mm: 1.0,
+            seed: 0,
+        };
+        for (blind, wanted) in [(1, Some(1.0)), (2, None)] {
+            let members = (0..4).map(|n| member(n, n < blind)).collect();
+            let found = by_depth(&[Cloud { members, inner_mm: 1.0 }], &experiment, 1.0);
+            assert_eq!((found.count[0], found.sx_mm[0]), (4, wanted));
+        }
     }
 }
