@@ -360,9 +360,8 @@ mod tests {
         assert!(super::covariance(&alone[..3].to_vec(), &[], 4.0).is_none());
     }
 
-    /// By hand: with a pixel of gradient (1, 0, 0) and light 1 and one of (-1, 0, 0) and light 1, x has the information
-    /// 2. A neighbour whose light alone is in both takes nothing from x, and one that has the gradient of the first takes
-    /// all but that of the second.
+    /// By hand: pixels 0 and 1 tell x, with the information 2. A neighbour that shares no pixel takes nothing from it. A
+    /// neighbour whose x changes pixel 0 as much makes that pixel count half.
     #[test]
     fn neighbours_take_what_they_share() {
         let own: Pixels = vec![
