@@ -70,6 +70,13 @@ pub(super) fn value(terms: &[f32; TERMS], x: f32, y: f32) -> f32 {
     x * (a + x * (c + x * f + y * g) + y * (d + y * h)) + y * (b + y * (e + y * i))
 }
 
+/// A polynomial at this y, as a cubic in x: its constant, and the factors of x, x^2 and x^3.
+#[inline(always)]
+pub(super) fn cubic_at(terms: &[f32; TERMS], y: f32) -> [f32; 4] {
+    let [a, b, c, d, e, f, g, h, i] = *terms;
+    [y * (b + y * (e + y * i)), a + y * (d + y * h), c + y * g, f]
+}
+
 /// Least squares of each of `values` by N terms.
 fn fit<const N: usize, const M: usize>(terms: &[[f64; N]], values: &[[f64; M]]) -> [[f64; N]; M] {
     let mut normal = [[0.0; N]; N];

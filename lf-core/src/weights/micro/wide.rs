@@ -3,7 +3,7 @@
 //! The corners of a pixel show places of the stop, and rays from there meet the array near the lenslet. A cell is what
 //! lies within two or three strips. So a pixel's share is the product of the shares of its footprint in each strip.
 
-use super::bend::{Node, value};
+use super::bend::{Node, cubic_at};
 use super::stop::Stop;
 use crate::weights::{blur::Blur, geometry::Geometry};
 use glam::DVec2;
@@ -60,36 +60,66 @@ pub(super) struct View {
     pub(super) refocus: f32,
 }
 
+/// Pixels that are worked on at once.
+const LANES: usize = 8;
+type Lanes = [f32; LANES];
+
 /// A row of a micro-image: the light of each pixel, and its moments along x and y.
 #[derive(Debug, Default)]
 pub(super) struct WideRow {
     /// Pixels that may have light.
     columns: Range<usize>,
+    /// With room for [`LANES`] beyond the last pixel.
     parts: [Vec<f32>; 3],
     /// Roughly the sum of the weights times the stop's area in pixels.
     pub(super) weight: f32,
-    /// Places on the array of the upper and the lower corners of the pixels, x and y, mm from the lenslet's centre.
-    corners: [[Vec<f32>; 2]; 2],
 }
 
 impl WideRow {
     pub(super) fn new(side: usize) -> Self {
-        Self {
-            columns: 0..0,
-            parts: std::array::from_fn(|_| vec![0.0; side]),
-            weight: 0.0,
-            corners: std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; side + 1])),
-        }
+        Self { columns: 0..0, parts: std::array::from_fn(|_| vec![0.0; side + LANES]), weight: 0.0 }
     }
-}
 
-impl WideRow {
     /// The first pixel that may have light, and the light or the moments from there on.
     #[inline(always)]
     pub(super) fn parts(&self, count: usize) -> (usize, impl Iterator<Item = &[f32]>) {
         let columns = self.columns.clone();
         (columns.start, self.parts.iter().take(count).map(move |part| &part[columns.clone()]))
     }
+}
+
+/// A height on a micro-image: the places on the array that it shows, x and y, mm from the lenslet's centre, as cubics in
+/// the place along x in the stop, mm.
+#[derive(Clone, Copy)]
+struct Height([[f32; 4]; 2]);
+
+impl Height {
+    /// The places along a strip's normal.
+    #[inline(always)]
+    fn along(&self, x: f32, y: f32) -> [f32; 4] {
+        let [by_x, by_y] = &self.0;
+        let at = |n: usize| x * by_x[n] + y * by_y[n];
+        [at(0), at(1), at(2), at(3)]
+    }
+}
+
+/// Eight values. The library's way to make an array is not compiled for the widest vectors.
+#[inline(always)]
+fn lanes(value: impl Fn(usize) -> f32) -> Lanes {
+    let mut all = [0.0; LANES];
+    for (n, out) in all.iter_mut().enumerate() {
+        *out = value(n);
+    }
+    all
+}
+
+/// The values of a cubic.
+#[inline(always)]
+fn cubic([a, b, c, d]: [f32; 4], places: &Lanes) -> Lanes {
+    lanes(
+        #[inline(always)]
+        |n| a + places[n] * (b + places[n] * (c + places[n] * d)),
+    )
 }
 
 /// The strips of a cell: one for each pair of opposite sides.
@@ -150,40 +180,84 @@ impl Wide {
     ) -> bool {
         let slope = view.per_mm - view.refocus * self.alpha;
         let per_slope = if slope.abs() < 1e-12 { 0.0 } else { 1.0 / slope };
-        let WideRow { columns, parts, corners, weight } = out;
-        *columns = self.columns(view, slope, parts[0].len());
-        if columns.start >= columns.end {
-            return false;
-        }
-        let [upper, lower] =
-            corners.each_mut().map(|[x, y]| [x, y].map(|places| &mut places[columns.start..=columns.end]));
-        let mut parts = parts.each_mut().map(|part| &mut part[columns.clone()]);
-        let [upper, lower] = [(row as f32, upper), ((row + 1) as f32, lower)].map(|(height, mut places)| {
-            self.corners(view, node, [columns.start as f32, height], per_slope, &mut places);
-            places.map(|places| &*places)
-        });
+        let WideRow { columns, parts, weight } = out;
+        *columns = self.columns(view, slope, parts[0].len() - LANES);
+        let height = row as f32;
+        let heights = [
+            self.height(view, node, height, per_slope),
+            self.height(view, node, height + 0.5, per_slope),
+            self.height(view, node, height + 1.0, per_slope),
+        ];
+        let first = (view.middle[0] + view.refocus * view.offset[0]) * per_slope;
         let density = (view.per_mm * per_slope) * (view.per_mm * per_slope);
-        parts[0].fill(density);
+        let edge = |at: f32| {
+            lanes(
+                #[inline(always)]
+                |n| first - (at + n as f32) * per_slope,
+            )
+        };
+        let mut brightest = 0f32;
+        for from in columns.clone().step_by(LANES) {
+            let at = from as f32;
+            let edges = [edge(at), edge(at + 0.5), edge(at + 1.0)];
+            let eight = self.eight(&heights, &edges, density, view.refocus);
+            for (part, values) in parts.iter_mut().zip(&eight) {
+                part[from..from + LANES].copy_from_slice(values);
+            }
+            brightest = eight[0].iter().fold(brightest, |most, light| most.max(*light));
+        }
+        if WEIGHS {
+            *weight = self.weight(view, row, columns.start, &parts[0][columns.clone()]);
+        }
+        brightest > 0.0
+    }
+
+    /// The light of eight pixels, and its moments. `heights` are those of the pixels' upper edge, middle and lower edge.
+    /// `edges` are the places along x in the stop of their left edges, middles and right edges.
+    #[inline(always)]
+    fn eight(
+        &self,
+        [upper, middle, lower]: &[Height; 3],
+        [left, centre, right]: &[Lanes; 3],
+        density: f32,
+        refocus: f32,
+    ) -> [Lanes; 3] {
+        let mut light = [density; LANES];
         // First where the light of a pixel lies: from its middle, and from there to the place on the stop's image.
-        let quarter = if self.has_moments { -0.25 * view.refocus } else { 0.0 };
-        for axis in 0..2 {
-            let (above, below) = (upper[axis], lower[axis]);
-            let middle = |n: usize| above[n] + above[n + 1] + below[n] + below[n + 1];
-            parts[axis + 1].iter_mut().enumerate().for_each(|(n, place)| *place = quarter * middle(n));
+        let [mut by_x, mut by_y] = [cubic(middle.0[0], centre), cubic(middle.0[1], centre)];
+        for n in 0..LANES {
+            by_x[n] *= -refocus;
+            by_y[n] *= -refocus;
         }
         for strip in &self.strips {
-            if !self.narrow_to(strip, upper, lower, &mut parts) {
-                return false;
+            let (above, below) = (upper.along(strip.x, strip.y), lower.along(strip.x, strip.y));
+            let (a, b) = (cubic(above, left), cubic(above, right));
+            let (c, d) = (cubic(below, left), cubic(below, right));
+            let (mut place, mut across, mut down) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            for n in 0..LANES {
+                place[n] = 0.25 * (a[n] + b[n] + c[n] + d[n]);
+                across[n] = 0.5 * (b[n] - a[n] + d[n] - c[n]);
+                down[n] = 0.5 * (c[n] - a[n] + d[n] - b[n]);
+            }
+            let share = self.shares(strip.half, &place, &across, &down);
+            for n in 0..LANES {
+                light[n] *= share[n];
+            }
+            if self.has_moments {
+                for n in 0..LANES {
+                    // An edge that leaves a share s of a pixel moves the middle of its light by (1 - s) / 2.
+                    let length2 = greater(across[n] * across[n] + down[n] * down[n], 1e-30);
+                    let moved = 0.5f32.copysign(-place[n]) * (1.0 - share[n]) / length2.sqrt();
+                    by_x[n] += moved * across[n];
+                    by_y[n] += moved * down[n];
+                }
             }
         }
-        let [light, by_x, by_y] = parts;
-        if WEIGHS {
-            *weight = self.weight(view, row, columns.start, light);
+        for n in 0..LANES {
+            by_x[n] *= light[n];
+            by_y[n] *= light[n];
         }
-        for places in [by_x, by_y] {
-            places.iter_mut().zip(&*light).for_each(|(place, light)| *place *= light);
-        }
-        true
+        [light, by_x, by_y]
     }
 
     /// The pixels of a row that can have light.
@@ -214,119 +288,79 @@ impl Wide {
         light.iter().enumerate().map(|(n, light)| light * inside(n)).sum()
     }
 
-    /// Sets the places on the array that the pixels' corners show, from the corner at this column and height on.
+    /// The places on the array that a height of a micro-image shows.
     #[inline(always)]
-    fn corners(
-        &self,
-        view: &View,
-        node: Option<&Node>,
-        [column, height]: [f32; 2],
-        per_slope: f32,
-        [along_x, along_y]: &mut [&mut [f32]; 2],
-    ) {
+    fn height(&self, view: &View, node: Option<&Node>, height: f32, per_slope: f32) -> Height {
         let [x0, y0] = view.offset;
         let v = (view.middle[1] - height + view.refocus * y0) * per_slope;
-        let first = (view.middle[0] - column + view.refocus * x0) * per_slope;
-        let count = along_x.len().min(along_y.len());
-        match node {
-            None => {
-                along_y.fill(y0 + self.alpha * v);
-                let (from, step) = (x0 + self.alpha * first, self.alpha * per_slope);
-                along_x.iter_mut().enumerate().for_each(|(n, x)| *x = from - n as f32 * step);
-            }
-            Some(node) => {
-                for n in 0..count {
-                    let u = first - n as f32 * per_slope;
-                    along_x[n] = x0 + self.alpha * u + value(&node.departure[0], u, v);
-                    along_y[n] = y0 + self.alpha * v + value(&node.departure[1], u, v);
-                }
-            }
-        }
-    }
-
-    /// Multiplies each pixel's light by its share in a strip, and moves its place to the middle of this share. False if
-    /// the strip leaves nothing.
-    #[inline(always)]
-    fn narrow_to(&self, strip: &Strip, upper: [&[f32]; 2], lower: [&[f32]; 2], parts: &mut [&mut [f32]; 3]) -> bool {
-        let [light, by_x, by_y] = parts.each_mut().map(|part| &mut **part);
-        let count = light.len();
-        let [upper_x, upper_y] = [&upper[0][..=count], &upper[1][..=count]];
-        let [lower_x, lower_y] = [&lower[0][..=count], &lower[1][..=count]];
-        let (mut least, mut most) = (f32::INFINITY, f32::NEG_INFINITY);
-        for n in 0..=count {
-            let (a, b) = (strip.x * upper_x[n] + strip.y * upper_y[n], strip.x * lower_x[n] + strip.y * lower_y[n]);
-            (least, most) = (least.min(a).min(b), most.max(a).max(b));
-        }
-        let beside = match self.spread {
-            Spread::None => self.least_width,
-            Spread::Box(width) => width,
-            Spread::Gauss(sigma) => 4.0 * sigma,
+        let straight = [[x0, self.alpha, 0.0, 0.0], [y0 + self.alpha * v, 0.0, 0.0, 0.0]];
+        let Some(node) = node else { return Height(straight) };
+        let add = |axis: usize| {
+            let ([a, b, c, d], [e, f, g, h]) = (straight[axis], cubic_at(&node.departure[axis], v));
+            [a + e, b + f, c + g, d + h]
         };
-        let beside = beside + 0.5 * (most - least) / count as f32;
-        if least > -strip.half + beside && most < strip.half - beside {
-            return true;
-        }
-        if least > strip.half + beside || most < -strip.half - beside {
-            return false;
-        }
-        let (by_x, by_y) = (&mut by_x[..count], &mut by_y[..count]);
-        for n in 0..count {
-            let at = |x: &[f32], y: &[f32], n: usize| strip.x * x[n] + strip.y * y[n];
-            let (a, b) = (at(upper_x, upper_y, n), at(upper_x, upper_y, n + 1));
-            let (c, d) = (at(lower_x, lower_y, n), at(lower_x, lower_y, n + 1));
-            let place = 0.25 * (a + b + c + d);
-            let (across, down) = (0.5 * (b - a + d - c), 0.5 * (c - a + d - b));
-            let share = self.share(place, strip.half, across.abs(), down.abs());
-            light[n] *= share;
-            // An edge that leaves a share s of a pixel moves the middle of its light by (1 - s) / 2.
-            let moved = 0.5f32.copysign(-place) * (1.0 - share) / (across * across + down * down).sqrt().max(1e-20);
-            by_x[n] += moved * across;
-            by_y[n] += moved * down;
-        }
-        true
+        Height([add(0), add(1)])
     }
 
-    /// The share within `half` of 0 of a footprint with its middle at `place` and these widths along its two sides.
+    /// The shares within `half` of 0 of footprints with their middles at `place` and these widths along their two sides.
     #[inline(always)]
-    fn share(&self, place: f32, half: f32, across: f32, down: f32) -> f32 {
-        let both = || (across * across + down * down).sqrt();
+    fn shares(&self, half: f32, place: &Lanes, across: &Lanes, down: &Lanes) -> Lanes {
+        let both = |n: usize| (across[n] * across[n] + down[n] * down[n]).sqrt();
         match self.spread {
-            Spread::None => {
-                let widths = self.widths(across, down);
-                within(half - place, widths) + within(half + place, widths) - 1.0
-            }
-            Spread::Box(width) => {
-                let widths = self.widths(both(), width);
-                within(half - place, widths) + within(half + place, widths) - 1.0
-            }
-            Spread::Gauss(sigma) => {
-                let width = 2.0 * (both() * both() / 12.0 + sigma * sigma).sqrt();
-                smooth((half - place) / width) + smooth((half + place) / width) - 1.0
-            }
+            Spread::None => lanes(
+                #[inline(always)]
+                |n| inside(place[n], half, self.widths(across[n].abs(), down[n].abs())),
+            ),
+            Spread::Box(width) => lanes(
+                #[inline(always)]
+                |n| inside(place[n], half, self.widths(both(n), width)),
+            ),
+            Spread::Gauss(sigma) => lanes(
+                #[inline(always)]
+                |n| {
+                    let width = 2.0 * (both(n) * both(n) / 12.0 + sigma * sigma).sqrt();
+                    smooth((half - place[n]) / width) + smooth((half + place[n]) / width) - 1.0
+                },
+            ),
         }
     }
 
     #[inline(always)]
     fn widths(&self, a: f32, b: f32) -> [f32; 2] {
-        let most = a.max(b).max(self.least_width);
-        [most, a.min(b).max(LEAST_ASPECT * most)]
+        let most = greater(greater(a, b), self.least_width);
+        [most, greater(lesser(a, b), LEAST_ASPECT * most)]
     }
 }
 
-/// The share below `place` of the sum of two even distributions of these widths about 0.
+/// The greater of two numbers in one instruction, for lack of a look at NaN.
 #[inline(always)]
-fn within(place: f32, [a, b]: [f32; 2]) -> f32 {
+fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The lesser of two numbers, see [`greater`].
+#[inline(always)]
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The share within `half` of 0 of the sum of two even distributions of these widths about `place`.
+#[inline(always)]
+fn inside(place: f32, half: f32, [a, b]: [f32; 2]) -> f32 {
     let (outer, inner) = (0.5 * (a + b), 0.5 * (a - b));
-    let place = place.clamp(-outer, outer);
-    let square = |value: f32| value.max(0.0) * value.max(0.0);
-    (square(place + outer) - square(place + inner) - square(place - inner)) / (2.0 * a * b)
+    let square = |value: f32| greater(value, 0.0) * greater(value, 0.0);
+    let below = |place: f32| {
+        let place = lesser(greater(place, -outer), outer);
+        square(place + outer) - square(place + inner) - square(place - inner)
+    };
+    (below(half - place) + below(half + place)) / (2.0 * a * b) - 1.0
 }
 
 /// The share below `place` of the sum of three even distributions of width 1 about 0: nearly a Gaussian.
 #[inline(always)]
 fn smooth(place: f32) -> f32 {
-    let place = place.clamp(-1.5, 1.5);
-    let cube = |value: f32| value.max(0.0) * value.max(0.0) * value.max(0.0);
+    let place = lesser(greater(place, -1.5), 1.5);
+    let cube = |value: f32| greater(value, 0.0) * greater(value, 0.0) * greater(value, 0.0);
     (cube(place + 1.5) - 3.0 * cube(place + 0.5) + 3.0 * cube(place - 0.5)) / 6.0
 }
 
