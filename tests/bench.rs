@@ -43,7 +43,7 @@ fn a_measurement_goes_on_record_and_a_tool_is_the_same_as_itself() {
     let lines = record(place.path());
     assert_eq!(lines.len(), 2);
     for line in &lines {
-        for key in ["date", "commit", "tool", "cpu", "stage", "size", "inputs", "unit"] {
+        for key in ["date", "commit", "tool", "cpu", "stage", "size", "camera", "inputs", "unit"] {
             assert!(line[key].as_str().is_some_and(|text| !text.is_empty()), "{key}: {line}");
         }
         for key in ["cores", "threads", "runs", "seconds", "seconds_min", "seconds_max", "work", "per_second"] {
@@ -78,6 +78,7 @@ fn unknown_words_are_refused_in_one_line() {
     for (words, wanted) in [
         (&["solve"][..], "synth, calib, prune, mart, xcorr, validate"),
         (&["mart", "huge"], "small, medium, large"),
+        (&["mart", "bent"], "plain, turned, hexagonal, distorted, gap, tilt, water"),
         (&["--fast"], "--against"),
         (&["--runs", "many"], "whole number"),
         (&["--runs"], "value"),
