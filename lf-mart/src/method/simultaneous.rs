@@ -173,6 +173,8 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
             };
             state.step(RowSet { first: subset as u32, step: subsets as u32 }, spent_share);
         }
+        state.operator.end_sweep();
+        state.weights = state.operator.weights();
         let misfit = state.misfit.value();
         let change = change(&state.momentum.before, &state.strengths);
         let sweep = Sweep { number, misfit, change, voxels: state.indices.len(), weights: state.touched as u64 };

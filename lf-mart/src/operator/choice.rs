@@ -11,9 +11,12 @@ use lf_core::Weights;
 use lf_core::weights::{Path, RowSet};
 
 /// Exact weights are kept once they take no more than this part of the memory allowed, and no more than a part of the
-/// support's voxels is left: making them for many costs more than the sweeps that clear the haze. Few are kept at once.
+/// support's voxels is left. In the first sweep this part is small, because most voxels soon go: making their weights
+/// costs more than to clear them. Later a larger part pays, because one more sweep costs as much as keeping. Few are kept
+/// at once.
 const KEPT_PART: f64 = 0.2;
-const KEPT_VOXELS: f64 = 0.125;
+const KEPT_AT_FIRST: f64 = 0.125;
+const KEPT_LATER: f64 = 0.4;
 const FEW_BYTES: u64 = 1 << 25;
 
 /// Where weights are during the sweeps.
@@ -48,7 +51,7 @@ impl Storage {
         match limits.allow(indices.len(), bytes) {
             true => (Self::Kept, kept(bytes)),
             false => {
-                let later = ((KEPT_VOXELS * bytes as f64) as u64).max(bytes.min(FEW_BYTES));
+                let later = ((KEPT_LATER * bytes as f64) as u64).max(bytes.min(FEW_BYTES));
                 (haze.0, haze.1 + kept(limits.bytes.min(later)))
             }
         }
@@ -59,7 +62,9 @@ impl Storage {
 #[derive(Clone, Copy)]
 struct Limits {
     bytes: u64,
-    voxels: usize,
+    /// In the first sweep, and later.
+    voxels: [usize; 2],
+    has_swept: bool,
 }
 
 impl Limits {
@@ -70,15 +75,21 @@ impl Limits {
             _ => false,
         };
         if !is_kept {
-            return Self { bytes: 0, voxels: 0 };
+            return Self::never();
         }
-        let [bytes, voxels] = [KEPT_PART * max_bytes as f64, KEPT_VOXELS * indices.len() as f64];
-        Self { bytes: bytes as u64, voxels: voxels as usize }
+        let voxels = [KEPT_AT_FIRST, KEPT_LATER].map(|part| (part * indices.len() as f64) as usize);
+        Self { bytes: (KEPT_PART * max_bytes as f64) as u64, voxels, has_swept: false }
+    }
+
+    /// Weights are not kept.
+    fn never() -> Self {
+        Self { bytes: 0, voxels: [0; 2], has_swept: false }
     }
 
     /// Whether weights of so many voxels, which take so many bytes, are kept.
     fn allow(&self, voxels: usize, bytes: u64) -> bool {
-        Stored::fits(bytes, self.bytes) && (voxels <= self.voxels || bytes <= FEW_BYTES)
+        let most = self.voxels[usize::from(self.has_swept)];
+        Stored::fits(bytes, self.bytes) && (voxels <= most || bytes <= FEW_BYTES)
     }
 }
 
@@ -104,7 +115,7 @@ impl<'a> Haze<'a> {
     /// Weights that are never kept.
     #[cfg(test)]
     pub(crate) fn forever(weights: &'a Weights, subsets: usize) -> Self {
-        Self { weights, indices: Vec::new(), subsets, limits: Limits { bytes: 0, voxels: 0 } }
+        Self { weights, indices: Vec::new(), subsets, limits: Limits::never() }
     }
 
     /// The weights of all voxels that are left, if they are to be kept.
@@ -115,6 +126,15 @@ impl<'a> Haze<'a> {
         }
         let bytes = Stored::foretold_bytes(weights, indices, *subsets);
         limits.allow(indices.len(), bytes).then(|| VoxelWeights::kept(weights, indices, *subsets, bytes))
+    }
+
+    /// Ends a sweep, and returns the weights of all voxels that are left if they are to be kept now.
+    fn end_sweep(&mut self) -> Option<VoxelWeights<'a>> {
+        if self.limits.has_swept {
+            return None;
+        }
+        self.limits.has_swept = true;
+        self.kept()
     }
 
     /// Drops voxels, and returns the weights of those left if they are to be kept now.
@@ -153,6 +173,17 @@ impl<'a> Operator<'a> {
                 weights.retain(held);
                 None
             }
+        };
+        if let Some(kept) = kept {
+            *self = Self::Voxels(kept);
+        }
+    }
+
+    /// Ends a sweep. After the first, the weights of more voxels may be kept.
+    pub(crate) fn end_sweep(&mut self) {
+        let kept = match self {
+            Self::Micro(_, haze) | Self::Profiles(_, haze) => haze.end_sweep(),
+            Self::Voxels(_) => None,
         };
         if let Some(kept) = kept {
             *self = Self::Voxels(kept);

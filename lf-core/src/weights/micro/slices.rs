@@ -15,7 +15,7 @@ const WIDEST_PX: f64 = 2000.0;
 const WIDE: f64 = 2.0;
 /// Neither have patches of rays that bend by more than this part of the beam's half width: they are distorted too. But
 /// a pixel must show a small part of a cell, so patches of square and of other cells must have so many px.
-const BENT: f64 = 0.1;
+const BENT: f64 = 0.2;
 const LEAST_WIDE_PX: [f64; 2] = [1.6, 2.6];
 /// Moments of patches wider than this part of the stop's image change less than half a per cent of the light.
 const MOMENTS: f64 = 0.45;

@@ -1,7 +1,7 @@
 //! The lenslets that a segment of voxels lights, and the rows of their patches that fall on wanted image rows.
 
 use super::array::{Array, LANES};
-use super::bend::{Node, value};
+use super::bend::Node;
 use super::hits::Hits;
 use super::narrow::{Narrow, floor};
 use super::slices::{Light, SliceLight};
@@ -39,7 +39,7 @@ struct Tops {
 impl Tops {
     #[inline(always)]
     fn new(beam: &Beam, segment: &Segment, first_row: usize, last_row: usize, reach: f32) -> Self {
-        let Beam { array, slice, node, .. } = *beam;
+        let Beam { array, slice, .. } = *beam;
         let half_px = if let Light::Narrow(patches) = &slice.light { patches.half_px } else { 0.0 };
         let [along_x, along_y] = array.per_along;
         let slant = (along_y / along_x).abs();
@@ -48,10 +48,8 @@ impl Tops {
             let number = (((segment.x[n] - start_x) * along_x).max(0.0) as usize).min(array.length - LANES - 1);
             let lenslet = row * array.length + number;
             let down = array.y[lenslet] - segment.y[n];
-            let v = match node {
-                None => down * slice.per_alpha,
-                Some(node) => value(&node.inverse[1], array.x[lenslet] - segment.x[n], down),
-            };
+            // Straight rays: the slack holds the bend. Polynomials say nothing of lenslets far beside the beam.
+            let v = down * slice.per_alpha;
             array.row[lenslet] as f32 + array.middle_y[lenslet] - array.per_mm[lenslet] * v - half_px
         };
         let last = segment.x.len() - 1;
