@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Scores what scripts/studies/fit makes: DIR FRAME, or --vectors SCENE WAY SCORES."""
+"""Scores what scripts/studies/fit makes: DIR FRAME NAME LOG, --vectors SCENE WAY SCORES, --table KIND LOG, --shift PX CAMERA."""
 import json
 import sys
 
@@ -48,25 +48,68 @@ def vectors(scene, way, scores):
     print(f"{scene:<10} {way:<12} {rms[0]:8.3f} {rms[1]:8.3f} {rms[2]:8.3f} {score['outliers']:9}")
 
 
-def particles(folder, frame):
-    """One line of recall, ghosts, errors and seconds."""
+def particles(folder, frame, name, log):
+    """One line of recall, ghosts and errors; the same as JSON at the end of a log."""
     truth, found = table(f"{folder}/particles.csv"), table(f"{folder}/found-{frame}.csv")
     stats = json.load(open(f"{folder}/fit-{frame}.json"))
     matched = match(truth, found)
     size, drift = stats["counts"]["size_px"], stats["counts"]["drift_px"]
+    scored = {"name": name, "truth": len(truth), "found": len(found), "matched": len(matched), "size": size,
+              "drift": max(map(abs, drift)), "slabs": []}
     print(f"{folder:<28} recall {len(matched) / len(truth):.4f} ghosts {1 - len(matched) / len(found):.4f}", end="")
     for low, high in SLABS:
         pairs = [(truth[i], found[j]) for i, j in matched if low <= abs(truth[i][2]) < high]
         off = [p[2] - t[2] for t, p in pairs]
         ratio = [(p[2] - t[2]) / p[6] for t, p in pairs]
         count = sum(low <= abs(t[2]) < high for t in truth)
-        cover = sum(abs(r) < 1 for r in ratio) / max(len(ratio), 1)
+        cover = sum(abs(r) < 1 for r in ratio)
         print(f" | {low}-{high:.0f} mm: recall {len(pairs) / max(count, 1):.4f} z rms {rms(off) / PIXEL:.3f} px,"
-              f" over stated {rms(ratio):.2f}, covers {cover:.2f}", end="")
-    print(f" | size {size:.4f} px, drift {max(map(abs, drift)):.4f} px")
+              f" over stated {rms(ratio):.2f}, covers {cover / max(len(ratio), 1):.2f}", end="")
+        scored["slabs"].append({"truth": count, "matched": len(pairs), "covered": cover,
+                                "off2": sum((o / PIXEL) ** 2 for o in off), "ratio2": sum(r * r for r in ratio)})
+    print(f" | size {size:.4f} px, drift {max(map(abs, drift)):.4f} px", flush=True)
+    with open(log, "a") as out:
+        print(json.dumps(scored), file=out)
+
+
+def tabled(kind, log):
+    """A table of the lines of a log, those of one name together."""
+    runs = {}
+    for line in open(log):
+        run = json.loads(line)
+        # A name of `wrong` comes once for each camera.
+        key = run["name"] if kind == "report" else (len(runs), run["name"])
+        runs.setdefault(key, []).append(run)
+    head = ["", "recall", "ghosts", "recall beyond 0.5 mm", "z RMS there, px", "over the bound", "1 sigma covers"]
+    more = ["size, px", "drift, px"] if kind == "wrong" else ["covers within 0.5 mm"]
+    print("| " + " | ".join(head + more) + " |\n|" + " --- |" * len(head + more))
+    for group in runs.values():
+        add = lambda key: sum(run[key] for run in group)
+        far = lambda key: sum(slab[key] for run in group for slab in run["slabs"][1:])
+        near = lambda key: sum(run["slabs"][0][key] for run in group)
+        count = max(far("matched"), 1)
+        cells = [group[0]["name"], f"{add('matched') / add('truth'):.3f}", f"{1 - add('matched') / add('found'):.3f}",
+                 f"{far('matched') / far('truth'):.3f}", f"{(far('off2') / count) ** 0.5:.2f}",
+                 f"{(far('ratio2') / count) ** 0.5:.2f}", f"{far('covered') / count:.2f}"]
+        if kind == "wrong":
+            cells += [f"{group[0]['size']:.3f}", f"{group[0]['drift']:.3f}"]
+        else:
+            cells += [f"{near('covered') / max(near('matched'), 1):.2f}"]
+        print("| " + " | ".join(cells) + " |")
+
+
+def shifted(px, path):
+    """A camera with its lattice off by so many pixels along x."""
+    camera = json.load(open(path))
+    camera["microlenses"]["offset_mm"][0] += float(px) * camera["sensor"]["pixel_pitch_mm"]
+    print(json.dumps(camera, indent=1))
 
 
 if sys.argv[1] == "--vectors":
     vectors(*sys.argv[2:])
+elif sys.argv[1] == "--table":
+    tabled(*sys.argv[2:])
+elif sys.argv[1] == "--shift":
+    shifted(*sys.argv[2:])
 else:
     particles(*sys.argv[1:])

@@ -20,9 +20,9 @@ pub(super) struct Cross([Line; 2]);
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Read {
     is_below: bool,
-    value: f64,
-    slope: f64,
-    by_size: f64,
+    pub(super) value: f64,
+    pub(super) slope: f64,
+    pub(super) by_size: f64,
 }
 
 impl Line {

@@ -3,6 +3,7 @@
 use super::beam::Beam;
 use super::cell_surface::{REACH_SIGMA, Tables};
 use super::cross::{Cross, Read};
+use super::factors::Factor;
 use super::lenslet_lines::LensletLine;
 use super::place::{Place, width};
 use super::rim::{self, Side, Strip, Way};
@@ -33,15 +34,25 @@ pub struct Patch {
 /// Taps of places along both axes, with the derivatives of the places by m, alpha and the lattice's shift.
 type Lists<T> = [Vec<(T, [f64; 3])>; 2];
 
-/// A table with lists of its own among the buffers.
+/// A table with lists of its own among the buffers, and the way from it to the pixels.
 pub(super) trait Listed: Table {
     fn lists(scratch: &mut Scratch) -> &mut Lists<Self::Taps>;
+
+    /// Adds the light up, pixel by pixel.
+    fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut)
+    where
+        Self: Sized;
 }
 
 impl Listed for Spline {
     #[inline(always)]
     fn lists(scratch: &mut Scratch) -> &mut Lists<Taps> {
         &mut scratch.taps
+    }
+
+    #[inline(always)]
+    fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut) {
+        image.by_table::<N>(scratch, cut);
     }
 }
 
@@ -50,17 +61,27 @@ impl Listed for Cross {
     fn lists(scratch: &mut Scratch) -> &mut Lists<Read> {
         &mut scratch.reads
     }
+
+    #[inline(always)]
+    fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut) {
+        if image.beam.is_bent() {
+            image.by_table::<N>(scratch, cut);
+        } else {
+            image.by_factors::<N>(scratch, cut);
+        }
+    }
 }
 
 /// Buffers of a thread.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    edges: [Vec<Place>; 2],
+    pub(super) edges: [Vec<Place>; 2],
     points: [Vec<Place>; 2],
+    pub(super) factors: [Vec<Factor>; 2],
     taps: Lists<Taps>,
     reads: Lists<Read>,
     lines: [Vec<[f64; QUANTITIES]>; 2],
-    pixels: Vec<[f64; QUANTITIES]>,
+    pub(super) pixels: Vec<[f64; QUANTITIES]>,
 }
 
 /// Pixels whose width on the array is below this many standard deviations of the spot are integrated by points.
@@ -68,7 +89,7 @@ const BY_POINTS: f64 = 0.5;
 /// The same if the rays bend.
 const BY_POINTS_BENT: f64 = 0.75;
 /// Gauss-Legendre with two nodes: their places in the interval.
-const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+pub(super) const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 /// Where the mean over a pixel is taken, pixels at the rim are cut until they are no wider than this share of the
 /// stop's half side.
 const FINE_IN_STOP: f64 = 0.16;
@@ -207,14 +228,42 @@ impl<T: Listed> LensletImage<'_, T> {
         }
         scratch.pixels.clear();
         scratch.pixels.resize(((right - left) * (bottom - top)) as usize, [0.0; QUANTITIES]);
-        let cut = Cut { parts, columns: (right - left) as usize, is_cut };
-        if by_points {
-            self.by_points::<N>(scratch, cut, alpha, line.centre);
-        } else {
-            self.by_corners::<N>(scratch, cut, alpha);
-        }
+        let columns = (right - left) as usize;
+        T::integrate::<N>(self, scratch, Cut { parts, columns, is_cut, by_points, alpha, centre: line.centre });
         let [column, row] = [left, top].map(|first| first as u32);
         Some(Patch { column, row, columns: (right - left) as u32, rows: (bottom - top) as u32 })
+    }
+
+    /// From the tables.
+    #[inline(always)]
+    fn by_table<const N: usize>(&self, scratch: &mut Scratch, cut: Cut) {
+        if cut.by_points {
+            self.by_points::<N>(scratch, cut);
+        } else {
+            self.by_corners::<N>(scratch, cut);
+        }
+    }
+
+    /// Where a table is read for a place.
+    #[inline(always)]
+    fn taps(&self, table: &T, axis: usize, place: &Place) -> (T::Taps, [f64; 3]) {
+        (table.taps(axis, place.x, self.more_mm), place.x_by)
+    }
+
+    /// The light of a pixel that the rim of a round stop crosses.
+    #[inline(always)]
+    pub(super) fn at_rim<const N: usize>(&self, x: &[Place], y: &[Place], cut: Cut) -> [f64; QUANTITIES] {
+        let mut light = [0.0; QUANTITIES];
+        if cut.by_points {
+            self.by_strip_points::<N>(&mut light, x, y, cut);
+            light.iter_mut().for_each(|value| *value /= self.view.stop_mm2);
+        } else {
+            self.by_strips::<N>(&mut light, x, y, cut.alpha);
+            let scale = cut.scale(x, y, self.view.stop_mm2);
+            light.iter_mut().for_each(|value| *value *= scale);
+            light[3] -= light[0] * (1.0 / cut.alpha.x + 1.0 / cut.alpha.y);
+        }
+        light
     }
 
     /// The tables' value and derivatives by m, alpha, size and shift, for one place along each axis. Gives the slopes
@@ -238,7 +287,8 @@ impl<T: Listed> LensletImage<'_, T> {
 
     /// From the integral at the pixels' corners.
     #[inline(always)]
-    fn by_corners<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2) {
+    fn by_corners<const N: usize>(&self, scratch: &mut Scratch, cut: Cut) {
+        let alpha = cut.alpha;
         let mut taps = std::mem::take(T::lists(scratch));
         let Scratch { edges, lines, pixels, .. } = scratch;
         let table = &self.tables.integral;
@@ -248,8 +298,7 @@ impl<T: Listed> LensletImage<'_, T> {
                 taps[axis].push((table.taps(axis, edge.x, self.more_mm), edge.x_by));
             }
         }
-        let turned = (edges[0][0].u < edges[0][1].u) != (edges[1][0].u < edges[1][1].u);
-        let scale = if turned { -1.0 } else { 1.0 } / (self.view.stop_mm2 * alpha.x * alpha.y);
+        let scale = cut.scale(&edges[0], &edges[1], self.view.stop_mm2);
         let shrink = 1.0 / alpha.x + 1.0 / alpha.y;
         let count = edges[0].len();
         let radius = self.view.optics.half_aperture_mm;
@@ -273,30 +322,18 @@ impl<T: Listed> LensletImage<'_, T> {
             for column in 1..count {
                 let (a, b, c, d) = (&above[column - 1], &above[column], &below[column - 1], &below[column]);
                 let mut light = [0.0; QUANTITIES];
-                let side = if cut.is_cut {
-                    side_of(radius, &edges[0][column - 1..=column], &edges[1][row - 1..=row])
-                } else {
-                    Side::Inside
-                };
-                match side {
+                let (x, y) = (&edges[0][column - 1..=column], &edges[1][row - 1..=row]);
+                match cut.side(radius, x, y) {
                     Side::Outside => continue,
+                    Side::Across => light = self.at_rim::<N>(x, y, cut),
                     Side::Inside => {
                         for n in 0..N {
-                            light[n] = (a[n] - b[n]) - (c[n] - d[n]);
+                            light[n] = scale * ((a[n] - b[n]) - (c[n] - d[n]));
                         }
-                    }
-                    Side::Across => {
-                        self.by_strips::<N>(
-                            &mut light,
-                            &edges[0][column - 1..=column],
-                            &edges[1][row - 1..=row],
-                            alpha,
-                        );
+                        light[3] -= light[0] * shrink;
                     }
                 }
-                light.iter_mut().for_each(|value| *value *= scale);
-                light[3] -= light[0] * shrink;
-                self.add::<N>(light, [column - 1, row - 1], cut, pixels);
+                cut.add::<N>(light, [column - 1, row - 1], pixels);
             }
         }
         *T::lists(scratch) = taps;
@@ -345,9 +382,8 @@ impl<T: Listed> LensletImage<'_, T> {
             #[inline(always)]
             |light, strip, Way { across, share, .. }| {
                 let (across, other, mut whole) = (*across, 1 - across, 0.0);
-                let at = |axis: usize, place: &Place| (table.taps(axis, place.x, self.more_mm), place.x_by);
-                let along = strip.along.each_ref().map(|place| at(other, place));
-                let ends = strip.ends.each_ref().map(|end| at(across, end));
+                let along = [self.taps(table, other, &strip.along[0]), self.taps(table, other, &strip.along[1])];
+                let ends = [self.taps(table, across, &strip.ends[0]), self.taps(table, across, &strip.ends[1])];
                 for (along, sign) in along.iter().zip([1.0, -1.0]) {
                     for ((end, turn), side) in ends.iter().zip(&strip.turn).zip([1.0, -1.0]) {
                         if T::is_below(&along.0) || T::is_below(&end.0) {
@@ -359,8 +395,10 @@ impl<T: Listed> LensletImage<'_, T> {
                         // The end of the strip moves as the strip does along the rim.
                         corner[1 + other] += slope * turn[0];
                         corner[3] += slope * turn[1];
-                        corner[5 + other] += slope * turn[2];
-                        for k in 0..QUANTITIES {
+                        if N > PLACES {
+                            corner[5 + other] += slope * turn[2];
+                        }
+                        for k in 0..N {
                             light[k] += share * sign * side * corner[k];
                         }
                         whole += sign * side * corner[0];
@@ -373,14 +411,8 @@ impl<T: Listed> LensletImage<'_, T> {
 
     /// The same by two by two points of each strip.
     #[inline(always)]
-    fn by_strip_points<const N: usize>(
-        &self,
-        light: &mut [f64; QUANTITIES],
-        x: &[Place],
-        y: &[Place],
-        alpha: DVec2,
-        centre: DVec2,
-    ) {
+    fn by_strip_points<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], cut: Cut) {
+        let Cut { alpha, centre, .. } = cut;
         self.add_strips(
             light,
             x,
@@ -394,7 +426,8 @@ impl<T: Listed> LensletImage<'_, T> {
                 let (high, high_by) = (share * own_high, high_by.map(|by| share * by));
                 let sign = 1f64.copysign(strip.ends[0].u - strip.ends[1].u);
                 let mut mean = [0.0; QUANTITIES];
-                for along in NODES {
+                // The spot is wider than a pixel here, so the middle stands for the strip's width.
+                for along in [0.5] {
                     let place = Place::between(&strip.along[0], &strip.along[1], along);
                     for part in NODES {
                         let end = Place::between(&strip.ends[0], &strip.ends[1], part);
@@ -404,12 +437,16 @@ impl<T: Listed> LensletImage<'_, T> {
                         let turn = |k: usize| slope * (strip.turn[0][k] + part * (strip.turn[1][k] - strip.turn[0][k]));
                         point[1 + other] += turn(0);
                         point[3] += turn(1);
-                        point[5 + other] += turn(2);
-                        (0..QUANTITIES).for_each(|k| mean[k] += 0.25 * point[k]);
+                        if N > PLACES {
+                            point[5 + other] += turn(2);
+                        }
+                        for k in 0..N {
+                            mean[k] += 0.5 * point[k];
+                        }
                     }
                 }
                 let turn: [f64; 3] = std::array::from_fn(|k| sign * (strip.turn[0][k] - strip.turn[1][k]));
-                for k in 0..QUANTITIES {
+                for k in 0..N {
                     light[k] += wide * high * mean[k];
                 }
                 light[1 + across] += high * wide_by[0] * mean[0];
@@ -424,7 +461,7 @@ impl<T: Listed> LensletImage<'_, T> {
 
     /// From the mean over the pixel at two by two points.
     #[inline(always)]
-    fn by_points<const N: usize>(&self, scratch: &mut Scratch, cut: Cut, alpha: DVec2, centre: DVec2) {
+    fn by_points<const N: usize>(&self, scratch: &mut Scratch, cut: Cut) {
         let mut taps = std::mem::take(T::lists(scratch));
         let Scratch { edges, points, lines, pixels, .. } = scratch;
         let table = &self.tables.share;
@@ -448,7 +485,7 @@ impl<T: Listed> LensletImage<'_, T> {
             for (line, n) in [(&mut *above, 2 * row), (&mut *below, 2 * row + 1)] {
                 for ((point, x), read) in points[0].iter().zip(&taps[0]).zip(line.iter_mut()) {
                     if self.beam.is_bent() {
-                        self.read_ray::<N>(point, &points[1][n], alpha, centre, read);
+                        self.read_ray::<N>(point, &points[1][n], cut.alpha, cut.centre, read);
                     } else {
                         self.read::<N>(table, x, &taps[1][n], read);
                     }
@@ -458,13 +495,10 @@ impl<T: Listed> LensletImage<'_, T> {
             for column in 0..edges[0].len() - 1 {
                 let mut light = [0.0; QUANTITIES];
                 let (x, y) = (&edges[0][column..column + 2], &edges[1][row..row + 2]);
-                let side = if cut.is_cut { side_of(radius, x, y) } else { Side::Inside };
-                match side {
+                match cut.side(radius, x, y) {
                     Side::Outside => continue,
                     Side::Across => {
-                        self.by_strip_points::<N>(&mut light, x, y, alpha, centre);
-                        light.iter_mut().for_each(|value| *value /= self.view.stop_mm2);
-                        self.add::<N>(light, [column, row], cut, pixels);
+                        cut.add::<N>(self.at_rim::<N>(x, y, cut), [column, row], pixels);
                         continue;
                     }
                     Side::Inside => {}
@@ -482,7 +516,7 @@ impl<T: Listed> LensletImage<'_, T> {
                 light[3] += wide * width_by[1] + high * height_by[1];
                 light[5] += wide * width_by[2];
                 light[6] += high * height_by[2];
-                self.add::<N>(light, [column, row], cut, pixels);
+                cut.add::<N>(light, [column, row], pixels);
             }
         }
         *T::lists(scratch) = taps;
@@ -509,46 +543,62 @@ impl<T: Listed> LensletImage<'_, T> {
             bend = self.beam.bend_slope(aperture, half);
             growth = self.beam.alpha + bend;
         }
-        let taps = |axis: usize, place: &Place| {
-            let by = std::array::from_fn(|n| place.x_by[n] + bend[axis] * place.u_by[n]);
-            (table.taps(axis, hit[axis], self.more_mm), by)
-        };
-        let [by_x, by_y] = self.read::<N>(table, &taps(0, x), &taps(1, y), read);
+        let x = (table.taps(0, hit.x, self.more_mm), x.x_by_of_ray(bend.x));
+        let y = (table.taps(1, hit.y, self.more_mm), y.x_by_of_ray(bend.y));
+        let [by_x, by_y] = self.read::<N>(table, &x, &y, read);
         [by_x * growth.x, by_y * growth.y]
     }
-
-    /// Adds the light of a part of a pixel.
-    #[inline(always)]
-    fn add<const N: usize>(
-        &self,
-        light: [f64; QUANTITIES],
-        [column, row]: [usize; 2],
-        cut: Cut,
-        pixels: &mut [[f64; QUANTITIES]],
-    ) {
-        // Most lenslets have whole pixels; divisions take long.
-        let [column, row] = if cut.parts == 1 { [column, row] } else { [column, row].map(|n| n / cut.parts) };
-        let pixel = &mut pixels[row * cut.columns + column];
-        for n in 0..N {
-            pixel[n] += light[n];
-        }
-    }
 }
 
-/// The side of the rim of a round stop on which a pixel between these edges lies.
-#[inline(always)]
-fn side_of(radius: f64, x: &[Place], y: &[Place]) -> Side {
-    let (a, b) = (DVec2::new(x[0].u, y[0].u), DVec2::new(x[1].u, y[1].u));
-    rim::side(radius, a.min(b), a.max(b))
-}
-
-/// How pixels are cut.
+/// How the pixels of a lenslet are cut and integrated.
 #[derive(Clone, Copy)]
-struct Cut {
+pub(super) struct Cut {
     /// Parts of a pixel a side.
     parts: usize,
     /// Pixels in a row of the patch.
     columns: usize,
     /// Whether the rim of a round stop crosses the patch.
     is_cut: bool,
+    /// Whether the mean over a pixel is taken at points, and not from the integral at its corners.
+    pub(super) by_points: bool,
+    /// Spread along both axes of the rays that meet the lenslet.
+    pub(super) alpha: DVec2,
+    /// The lenslet's centre, mm.
+    centre: DVec2,
+}
+
+impl Cut {
+    /// The side of the rim of a round stop on which a pixel between these edges lies.
+    #[inline(always)]
+    pub(super) fn side(&self, radius: f64, x: &[Place], y: &[Place]) -> Side {
+        if !self.is_cut {
+            return Side::Inside;
+        }
+        let (a, b) = (DVec2::new(x[0].u, y[0].u), DVec2::new(x[1].u, y[1].u));
+        rim::side(radius, a.min(b), a.max(b))
+    }
+
+    /// The factor from differences of the integral to a share of light.
+    #[inline(always)]
+    fn scale(&self, x: &[Place], y: &[Place], stop_mm2: f64) -> f64 {
+        let is_turned = (x[0].u < x[1].u) != (y[0].u < y[1].u);
+        let scale = 1.0 / (stop_mm2 * self.alpha.x * self.alpha.y);
+        if is_turned { -scale } else { scale }
+    }
+
+    /// Adds the light of a part of a pixel.
+    #[inline(always)]
+    pub(super) fn add<const N: usize>(
+        &self,
+        light: [f64; QUANTITIES],
+        [column, row]: [usize; 2],
+        pixels: &mut [[f64; QUANTITIES]],
+    ) {
+        // Most lenslets have whole pixels; divisions take long.
+        let [column, row] = if self.parts == 1 { [column, row] } else { [column / self.parts, row / self.parts] };
+        let pixel = &mut pixels[row * self.columns + column];
+        for n in 0..N {
+            pixel[n] += light[n];
+        }
+    }
 }

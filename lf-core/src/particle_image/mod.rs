@@ -26,6 +26,7 @@
 mod beam;
 mod cell_surface;
 mod cross;
+mod factors;
 mod lenslet_image;
 mod lenslet_lines;
 mod model;

@@ -12,6 +12,13 @@ pub(super) struct Place {
 }
 
 impl Place {
+    /// Derivatives of the place on the array of a ray whose hit moves by `bend` more for each length of the stop.
+    #[inline(always)]
+    pub(super) fn x_by_of_ray(&self, bend: f64) -> [f64; 3] {
+        let ([m, alpha, shift], [u_m, u_alpha, u_shift]) = (self.x_by, self.u_by);
+        [m + bend * u_m, alpha + bend * u_alpha, shift + bend * u_shift]
+    }
+
     /// Between two places.
     #[inline(always)]
     pub(super) fn between(a: &Self, b: &Self, part: f64) -> Self {

@@ -62,18 +62,21 @@ pub(super) struct Way {
 /// The ways to cut the pixel between these edges.
 #[inline(always)]
 pub(super) fn ways(x: &[Place], y: &[Place]) -> [Way; 2] {
-    let sums = [x, y].map(|edges| edges[0].u + edges[1].u);
-    let [far_x, far_y] = sums.map(f64::abs);
+    let sums = [x[0].u + x[1].u, y[0].u + y[1].u];
+    let [far_x, far_y] = [sums[0].abs(), sums[1].abs()];
     let all = (far_x + far_y).max(f64::MIN_POSITIVE);
     let part = (0.5 + 0.5 * (far_x - far_y) / (all * TURNING)).clamp(0.0, 1.0);
     let share = part * part * (3.0 - 2.0 * part);
     let slope = 6.0 * part * (1.0 - part) / (TURNING * all * all);
-    let by = [sums[0].signum() * far_y * slope, -sums[1].signum() * far_x * slope];
-    let edges = [x, y];
-    let share_by = std::array::from_fn(|axis| {
-        std::array::from_fn(|k| by[axis] * (edges[axis][0].u_by[k] + edges[axis][1].u_by[k]))
-    });
-    let other_by = share_by.map(|by: [f64; 3]| by.map(|by| -by));
+    let (by_x, by_y) = (sums[0].signum() * far_y * slope, -sums[1].signum() * far_x * slope);
+    let (mut share_by, mut other_by) = ([[0.0; 3]; 2], [[0.0; 3]; 2]);
+    if slope > 0.0 {
+        for k in 0..3 {
+            share_by[0][k] = by_x * (x[0].u_by[k] + x[1].u_by[k]);
+            share_by[1][k] = by_y * (y[0].u_by[k] + y[1].u_by[k]);
+            [other_by[0][k], other_by[1][k]] = [-share_by[0][k], -share_by[1][k]];
+        }
+    }
     [Way { across: 0, share, share_by }, Way { across: 1, share: 1.0 - share, share_by: other_by }]
 }
 
@@ -87,21 +90,24 @@ pub(super) fn strips(radius: f64, x: &[Place], y: &[Place], across: usize, alpha
         let last = Place::between(&along[0], &along[1], n as f64 / STRIPS as f64);
         let rim = Rim::new(radius, &first, &last);
         let is_beside = across[0].u * across[1].u > 0.0;
-        // The end nearer to the middle of the stop is inside or the strip is empty.
-        let cut = |n: usize| {
-            let other = &across[1 - n];
-            let inner = if is_beside { *other } else { Place::default() };
-            if is_beside && across[n].u.abs() < other.u.abs() {
-                (across[n], [0.0; 3])
-            } else {
-                rim.cut(&across[n], &inner, alpha)
-            }
-        };
-        let [(left, left_turn), (right, right_turn)] = [cut(0), cut(1)];
+        let (left, left_turn) = end(&rim, &across[0], &across[1], is_beside, alpha);
+        let (right, right_turn) = end(&rim, &across[1], &across[0], is_beside, alpha);
         if left.u != right.u {
             each(&Strip { ends: [left, right], turn: [left_turn, right_turn], along: [first, last] });
         }
         first = last;
+    }
+}
+
+/// An end of a strip. The end nearer to the middle of the stop is inside, or the strip is empty.
+#[inline(always)]
+fn end(rim: &Rim, own: &Place, other: &Place, is_beside: bool, alpha: f64) -> (Place, [f64; 3]) {
+    if !is_beside {
+        rim.cut(own, &Place::default(), alpha)
+    } else if own.u.abs() < other.u.abs() {
+        (*own, [0.0; 3])
+    } else {
+        rim.cut(own, other, alpha)
     }
 }
 

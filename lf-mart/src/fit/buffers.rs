@@ -14,7 +14,8 @@ pub(super) struct Buffers {
     /// Particles by pixel, and places of blocks, of normal equations.
     pub(super) entries: Entries,
     pub(super) slots: Vec<u32>,
-    is_touched: Vec<bool>,
+    /// Numbers of images by pixel, one for each lenslet; pixels that have any.
+    pub(super) counts: Vec<u32>,
     pub(super) touched: Vec<u32>,
 }
 
@@ -25,24 +26,24 @@ impl Buffers {
                 lane.resize(pixels, 0.0);
             }
         }
-        if self.is_touched.len() < pixels {
-            self.is_touched.resize(pixels, false);
+        if self.counts.len() < pixels {
+            self.counts.resize(pixels, 0);
         }
     }
 
     /// Lists the pixels of the images and adds their light up in `own`.
     pub(super) fn paint<'i>(&mut self, images: impl Iterator<Item = &'i SpotImage>, columns: usize) {
-        let Self { own, is_touched, touched, .. } = self;
+        let Self { own, counts, touched, .. } = self;
         for image in images {
             image.lines(columns, |start, line| {
                 let range = start..start + line.len();
-                let places = own[range.clone()].iter_mut().zip(&mut is_touched[range]);
-                for ((n, pixel), (own, is_touched)) in line.iter().enumerate().zip(places) {
+                let places = own[range.clone()].iter_mut().zip(&mut counts[range]);
+                for ((n, pixel), (own, count)) in line.iter().enumerate().zip(places) {
                     *own += pixel[COUNTS];
-                    if !*is_touched {
-                        *is_touched = true;
+                    if *count == 0 {
                         touched.push((start + n) as u32);
                     }
+                    *count += 1;
                 }
             });
         }
@@ -51,7 +52,7 @@ impl Buffers {
     pub(super) fn wipe(&mut self) {
         for n in self.touched.drain(..) {
             self.own[n as usize] = 0.0;
-            self.is_touched[n as usize] = false;
+            self.counts[n as usize] = 0;
         }
     }
 }

@@ -2,60 +2,77 @@
 
 use super::image::{SpotImage, UNKNOWNS};
 
-/// The derivatives of one particle on one pixel.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Entry {
-    pub(super) owner: u32,
-    pub(super) by: [f32; UNKNOWNS],
-}
-
-/// The particles of each pixel, in the order of the particles. Nothing is listed between uses.
+/// The particles of each pixel, in the order of the particles.
 #[derive(Debug, Default)]
 pub(super) struct Entries {
-    /// By pixel: the first entry, the entries so far, and the last particle that was taken, plus one.
-    pub(super) runs: Vec<[u32; 3]>,
-    pub(super) list: Vec<Entry>,
+    /// By pixel: its next entry to take, and the end of its entries.
+    runs: Vec<[u32; 2]>,
+    owners: Vec<u32>,
+    by: Vec<[f32; UNKNOWNS]>,
+}
+
+/// The entries of a pixel from that of one particle on.
+pub(super) struct Rest<'a> {
+    /// The derivatives of the one.
+    pub(super) by: [f32; UNKNOWNS],
+    /// The later particles and their derivatives.
+    pub(super) owners: &'a [u32],
+    pub(super) others: &'a [[f32; UNKNOWNS]],
 }
 
 impl Entries {
-    /// Lists the images. `touched` are their pixels.
+    /// Lists the images. `touched` are their pixels, `counts` tells how often each comes.
+    #[inline(always)]
     pub(super) fn fill<'i>(
         &mut self,
-        images: impl Iterator<Item = &'i SpotImage> + Clone,
+        images: impl Iterator<Item = &'i SpotImage>,
         columns: usize,
-        pixels: usize,
+        counts: &[u32],
         touched: &[u32],
     ) {
-        if self.runs.len() < pixels {
-            self.runs.resize(pixels, [0; 3]);
+        if self.runs.len() < counts.len() {
+            self.runs.resize(counts.len(), [0; 2]);
         }
-        images.clone().for_each(|image| image.pixels(columns, |n, _| self.runs[n][1] += 1));
         let mut first = 0;
-        for n in touched {
-            let run = &mut self.runs[*n as usize];
-            let count = run[1];
-            *run = [first, 0, 0];
-            first += count;
+        for &n in touched {
+            self.runs[n as usize] = [first; 2];
+            first += counts[n as usize];
         }
-        self.list.clear();
-        self.list.resize(first as usize, Entry::default());
+        if self.owners.len() < first as usize {
+            self.owners.resize(first as usize, 0);
+            self.by.resize(first as usize, [0.0; UNKNOWNS]);
+        }
+        let Self { runs, owners, by } = self;
         for (owner, image) in images.enumerate() {
             let owner = owner as u32;
-            image.pixels(columns, |n, pixel| {
-                let run = &mut self.runs[n];
-                let end = (run[0] + run[1]) as usize;
-                // A pixel may come in several lenslets of one image.
-                if run[1] > 0 && self.list[end - 1].owner == owner {
-                    (0..UNKNOWNS).for_each(|k| self.list[end - 1].by[k] += pixel[k]);
-                } else {
-                    self.list[end] = Entry { owner, by: *pixel };
-                    run[1] += 1;
-                }
-            });
+            image.pixels(
+                columns,
+                #[inline(always)]
+                |n, pixel| {
+                    let [first, end] = &mut runs[n];
+                    // A pixel may come in several lenslets of one image.
+                    if *end > *first && owners[*end as usize - 1] == owner {
+                        let by = &mut by[*end as usize - 1];
+                        (0..UNKNOWNS).for_each(|k| by[k] += pixel[k]);
+                    } else {
+                        (owners[*end as usize], by[*end as usize]) = (owner, *pixel);
+                        *end += 1;
+                    }
+                },
+            );
         }
     }
 
-    pub(super) fn wipe(&mut self, touched: &[u32]) {
-        touched.iter().for_each(|n| self.runs[*n as usize] = [0; 3]);
+    /// Takes the entry of a particle at a pixel; None if it was taken. Particles come in their order.
+    #[inline(always)]
+    pub(super) fn take(&mut self, n: usize, owner: u32) -> Option<Rest<'_>> {
+        let [next, end] = &mut self.runs[n];
+        let at = *next as usize;
+        if *next == *end || self.owners[at] != owner {
+            return None;
+        }
+        *next += 1;
+        let rest = at + 1..*end as usize;
+        Some(Rest { by: self.by[at], owners: &self.owners[rest.clone()], others: &self.by[rest] })
     }
 }

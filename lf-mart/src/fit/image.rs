@@ -134,7 +134,15 @@ impl SpotImage {
     /// Calls `each(place in the window, numbers)` for all pixels. A pixel may come more than once.
     #[inline(always)]
     pub(super) fn pixels(&self, columns: usize, mut each: impl FnMut(usize, &[f32; UNKNOWNS])) {
-        self.lines(columns, |start, line| line.iter().enumerate().for_each(|(n, pixel)| each(start + n, pixel)));
+        self.lines(
+            columns,
+            #[inline(always)]
+            |start, line| {
+                for (n, pixel) in line.iter().enumerate() {
+                    each(start + n, pixel);
+                }
+            },
+        );
     }
 
     /// The same line by line: `each(first place in the window, numbers of the pixels)`.

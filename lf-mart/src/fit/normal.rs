@@ -2,6 +2,7 @@
 
 use super::buffers::Buffers;
 use super::image::{SpotImage, UNKNOWNS};
+use lf_core::simd::fastest;
 
 type Vector = [f64; UNKNOWNS];
 type Matrix = [[f64; UNKNOWNS]; UNKNOWNS];
@@ -12,8 +13,11 @@ type Beside = [[f32; UNKNOWNS]; UNKNOWNS];
 pub(super) struct Normal {
     pub(super) gradient: Vec<Vector>,
     diagonal: Vec<Matrix>,
-    /// For each particle the later ones that share pixels with it, and their blocks.
-    beside: Vec<Vec<(u32, Beside)>>,
+    /// For each particle the later ones that share pixels with it, and their blocks: those of particle n are from
+    /// `firsts[n]` up to `firsts[n + 1]`.
+    firsts: Vec<usize>,
+    others: Vec<u32>,
+    blocks: Vec<Beside>,
 }
 
 /// Effort of conjugate gradients.
@@ -30,26 +34,31 @@ pub(super) const FINE: Effort = Effort { steps: 10, enough: 1e-4 };
 pub(super) const DEEP: Effort = Effort { steps: 30, enough: 1e-8 };
 /// Least diagonal, as a share of the largest of its block: an unknown that no pixel tells stays.
 const LEAST: f64 = 1e-12;
-/// Room for the neighbours of a particle at first.
-const NEIGHBOURS: usize = 32;
 /// No block yet.
 const NONE: u32 = u32::MAX;
 
 /// Adds the product of a column and a row.
 #[inline(always)]
 fn add_product(sum: &mut Beside, column: &[f32; UNKNOWNS], row: &[f32; UNKNOWNS]) {
-    for (sum, factor) in sum.iter_mut().zip(column) {
-        (0..UNKNOWNS).for_each(|k| sum[k] += factor * row[k]);
+    for n in 0..UNKNOWNS {
+        for k in 0..UNKNOWNS {
+            sum[n][k] += column[n] * row[k];
+        }
     }
 }
 
+#[inline(always)]
 fn gradient(image: &SpotImage, columns: usize, pull: &[f32]) -> Vector {
     let mut sum = [0f64; UNKNOWNS];
-    image.lines(columns, |start, line| {
-        for (pixel, pull) in line.iter().zip(&pull[start..start + line.len()]) {
-            (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(pull * pixel[k]));
-        }
-    });
+    image.lines(
+        columns,
+        #[inline(always)]
+        |start, line| {
+            for (pixel, pull) in line.iter().zip(&pull[start..start + line.len()]) {
+                (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(pull * pixel[k]));
+            }
+        },
+    );
     sum
 }
 
@@ -60,48 +69,60 @@ impl Normal {
         columns: usize,
         buffers: &mut Buffers,
     ) -> Self {
-        let Buffers { entries, weight, pull, touched, slots, .. } = buffers;
-        entries.fill(images.clone(), columns, weight.len(), touched);
-        let count = images.clone().count();
-        slots.clear();
-        slots.resize(count, NONE);
         let mut normal = Self::default();
+        fastest(
+            #[inline(always)]
+            || normal = Self::of(images, columns, buffers),
+        );
+        normal
+    }
+
+    #[inline(always)]
+    fn of<'i>(images: impl Iterator<Item = &'i SpotImage> + Clone, columns: usize, buffers: &mut Buffers) -> Self {
+        let Buffers { entries, weight, pull, touched, counts, slots, .. } = buffers;
+        entries.fill(images.clone(), columns, counts, touched);
+        slots.clear();
+        slots.resize(images.clone().count(), NONE);
+        let mut normal = Self { firsts: vec![0], ..Self::default() };
+        let Self { others, blocks, firsts, gradient: pulls, diagonal } = &mut normal;
         for (owner, image) in images.enumerate() {
             let owner = owner as u32;
             let mut block = Beside::default();
-            let mut beside: Vec<(u32, Beside)> = Vec::with_capacity(NEIGHBOURS);
-            image.pixels(columns, |n, _| {
-                let run = &mut entries.runs[n];
-                if run[2] == owner + 1 {
-                    return;
-                }
-                run[2] = owner + 1;
-                let list = &entries.list[run[0] as usize..(run[0] + run[1]) as usize];
-                let Some(at) = list.iter().position(|entry| entry.owner == owner) else { return };
-                let by = list[at].by;
-                let weighed = by.map(|value| weight[n] * value);
-                add_product(&mut block, &weighed, &by);
-                for other in &list[at + 1..] {
-                    let slot = &mut slots[other.owner as usize];
-                    if *slot == NONE {
-                        *slot = beside.len() as u32;
-                        beside.push((other.owner, Beside::default()));
+            image.pixels(
+                columns,
+                #[inline(always)]
+                |n, _| {
+                    let Some(rest) = entries.take(n, owner) else { return };
+                    let weight = weight[n];
+                    let [x, y, z, light] = rest.by;
+                    let weighed = [weight * x, weight * y, weight * z, weight * light];
+                    add_product(&mut block, &weighed, &rest.by);
+                    for (other, by) in rest.owners.iter().zip(rest.others) {
+                        let slot = &mut slots[*other as usize];
+                        if *slot == NONE {
+                            *slot = blocks.len() as u32;
+                            others.push(*other);
+                            blocks.push(Beside::default());
+                        }
+                        add_product(&mut blocks[*slot as usize], &weighed, by);
                     }
-                    add_product(&mut beside[*slot as usize].1, &weighed, &other.by);
-                }
-            });
-            beside.iter().for_each(|(other, _)| slots[*other as usize] = NONE);
-            normal.gradient.push(gradient(image, columns, pull));
-            normal.diagonal.push(block.map(|row| row.map(f64::from)));
-            normal.beside.push(beside);
+                },
+            );
+            let first = firsts[owner as usize];
+            others[first..].iter().for_each(|other| slots[*other as usize] = NONE);
+            firsts.push(others.len());
+            pulls.push(gradient(image, columns, pull));
+            diagonal.push(block.map(|row| row.map(f64::from)));
         }
-        entries.wipe(touched);
         normal
     }
 
     /// Takes another gradient; the blocks stay.
     pub(super) fn pull<'i>(&mut self, images: impl Iterator<Item = &'i SpotImage>, columns: usize, buffers: &Buffers) {
-        self.gradient = images.map(|image| gradient(image, columns, &buffers.pull)).collect();
+        fastest(
+            #[inline(always)]
+            || self.gradient = images.map(|image| gradient(image, columns, &buffers.pull)).collect(),
+        );
     }
 
     /// The rows and columns of some particles, dense, in their order.
@@ -125,11 +146,14 @@ impl Normal {
 
     /// The block in the rows of one particle and the columns of another.
     fn block(&self, a: usize, b: usize) -> Matrix {
-        let find = |a: usize, b: usize| self.beside[a].iter().find(|(other, _)| *other as usize == b);
+        let find = |a: usize, b: usize| {
+            let [first, end] = [self.firsts[a], self.firsts[a + 1]];
+            (first..end).find(|n| self.others[*n] as usize == b).map(|n| self.blocks[n])
+        };
         if a == b {
             self.diagonal[a]
         } else if a < b {
-            find(a, b).map_or(Matrix::default(), |(_, block)| block.map(|row| row.map(f64::from)))
+            find(a, b).map_or(Matrix::default(), |block| block.map(|row| row.map(f64::from)))
         } else {
             let turned = self.block(b, a);
             std::array::from_fn(|row| std::array::from_fn(|column| turned[column][row]))
@@ -137,24 +161,32 @@ impl Normal {
     }
 
     /// `J' W J direction`.
+    #[inline(always)]
     fn product(&self, direction: &[Vector]) -> Vec<Vector> {
         let mut turned = vec![[0f64; UNKNOWNS]; direction.len()];
-        for (a, (block, beside)) in self.diagonal.iter().zip(&self.beside).enumerate() {
+        for (a, block) in self.diagonal.iter().enumerate() {
+            let mut own = turned[a];
             for row in 0..UNKNOWNS {
                 for column in 0..UNKNOWNS {
-                    turned[a][row] += block[row][column] * direction[a][column];
+                    own[row] += block[column][row] * direction[a][column];
                 }
             }
-            for (b, block) in beside {
+            let beside = self.firsts[a]..self.firsts[a + 1];
+            for (b, block) in self.others[beside.clone()].iter().zip(&self.blocks[beside]) {
                 let b = *b as usize;
+                let mut across = turned[b];
                 for row in 0..UNKNOWNS {
+                    let line: Vector = [0, 1, 2, 3].map(|column| f64::from(block[row][column]));
+                    let ahead = direction[a][row];
                     for column in 0..UNKNOWNS {
-                        let value = f64::from(block[row][column]);
-                        turned[a][row] += value * direction[b][column];
-                        turned[b][column] += value * direction[a][row];
+                        across[column] += line[column] * ahead;
                     }
+                    own[row] += (line[0] * direction[b][0] + line[1] * direction[b][1])
+                        + (line[2] * direction[b][2] + line[3] * direction[b][3]);
                 }
+                turned[b] = across;
             }
+            turned[a] = own;
         }
         turned
     }
@@ -233,6 +265,16 @@ fn dot(a: &[Vector], b: &[Vector]) -> f64 {
 /// The step that solves `(F + damping diag F) step = right`, by conjugate gradients with the diagonal blocks as
 /// preconditioner.
 pub(super) fn conjugate_gradients(normal: &Normal, right: &[Vector], damping: f64, effort: Effort) -> Vec<Vector> {
+    let mut step = Vec::new();
+    fastest(
+        #[inline(always)]
+        || step = descend(normal, right, damping, effort),
+    );
+    step
+}
+
+#[inline(always)]
+fn descend(normal: &Normal, right: &[Vector], damping: f64, effort: Effort) -> Vec<Vector> {
     let damped = normal.damped(damping);
     let factors = normal.factors(&damped);
     let precondition = |residual: &[Vector]| solve_blocks(&factors, residual);
@@ -320,7 +362,9 @@ mod tests {
         let normal = Normal {
             gradient: vec![[1.0, 0.0, 0.0, 0.0], [0.0; UNKNOWNS]],
             diagonal: vec![unit; 2],
-            beside: vec![vec![(1, beside)], Vec::new()],
+            firsts: vec![0, 1, 1],
+            others: vec![1],
+            blocks: vec![beside],
         };
         let step = conjugate_gradients(&normal, &normal.gradient, 0.0, DEEP);
         // The diagonal is a little larger than the blocks say.

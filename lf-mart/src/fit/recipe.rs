@@ -339,19 +339,13 @@ impl Work<'_> {
         let judge = self.judge();
         let candidates = std::mem::take(&mut self.candidates);
         let changes = self.change(stirred, |local| {
-            let mut gain = local.fit(Ends { steps: 6, gain: SWEEP_GAIN });
+            let gain = local.fit(Ends { steps: 6, gain: SWEEP_GAIN });
             let dropped = local.drop_weak(&judge, false);
-            if dropped > 0 {
-                gain += local.fit(Ends { steps: 8, gain: SWEEP_GAIN });
-            }
             let split = local.split(&judge);
             let mut added = 0;
             if round < ADD_ROUNDS {
                 let mine: Vec<Spot> = candidates.iter().filter(|spot| local.holds(spot)).copied().collect();
                 added = local.add(&mine, &judge);
-            }
-            if split + added > 0 {
-                gain += local.fit(Ends { steps: 4, gain: SWEEP_GAIN });
             }
             ([dropped, split, added], gain)
         });

@@ -60,7 +60,7 @@ impl Shape {
     }
 
     fn moved(&self, step: [f64; SHAPES]) -> Self {
-        let [size, x, y] = step.map(|step| step.clamp(-STEP_PX, STEP_PX));
+        let [size, x, y] = step;
         let sigma_px = (self.sigma_px + size).clamp(LEAST_PX, MOST_PX);
         Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y] }
     }
@@ -200,6 +200,8 @@ impl Sample<'_> {
         }
         cholesky(&mut system, SHAPES);
         solve(&system, SHAPES, &mut step);
+        // The particles move along with the step that is taken.
+        step.iter_mut().for_each(|step| *step = step.clamp(-STEP_PX, STEP_PX));
         let std = std::array::from_fn(|a| {
             let mut unit = [0.0; SHAPES];
             unit[a] = 1.0;

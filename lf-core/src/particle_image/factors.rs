@@ -1,0 +1,121 @@
+//! The image of a cell that is a rectangle along the axes: light is a factor along x times one along y.
+
+use super::cross::Cross;
+use super::lenslet_image::{Cut, LensletImage, NODES, PLACES, QUANTITIES, Scratch};
+use super::place::{Place, width};
+use super::rim::Side;
+use super::table::Table;
+
+/// A pixel's light along one axis, and its derivatives by m, alpha, the spot's size and the lattice's shift.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Factor {
+    light: f64,
+    by_m: f64,
+    by_alpha: f64,
+    by_size: f64,
+    by_shift: f64,
+}
+
+impl Factor {
+    /// `a` of the one and `b` of the other.
+    #[inline(always)]
+    fn mix(&self, a: f64, other: &Self, b: f64) -> Self {
+        Self {
+            light: a * self.light + b * other.light,
+            by_m: a * self.by_m + b * other.by_m,
+            by_alpha: a * self.by_alpha + b * other.by_alpha,
+            by_size: a * self.by_size + b * other.by_size,
+            by_shift: a * self.by_shift + b * other.by_shift,
+        }
+    }
+}
+
+impl LensletImage<'_, Cross> {
+    /// From the factors along both axes; pixels that the rim crosses from the tables.
+    #[inline(always)]
+    pub(super) fn by_factors<const N: usize>(&self, scratch: &mut Scratch, cut: Cut) {
+        let Scratch { edges, factors, pixels, .. } = scratch;
+        for axis in 0..2 {
+            if cut.by_points {
+                self.means(axis, &edges[axis], &mut factors[axis]);
+            } else {
+                self.differences(axis, cut.alpha[axis], &edges[axis], &mut factors[axis]);
+            }
+        }
+        let radius = self.view.optics.half_aperture_mm;
+        let per_stop = 1.0 / self.view.stop_mm2;
+        for (row, b) in factors[1].iter().enumerate() {
+            let b = b.mix(per_stop, b, 0.0);
+            for (column, a) in factors[0].iter().enumerate() {
+                let (x, y) = (&edges[0][column..column + 2], &edges[1][row..row + 2]);
+                let light = match cut.side(radius, x, y) {
+                    Side::Outside => continue,
+                    Side::Across => self.at_rim::<N>(x, y, cut),
+                    Side::Inside => product::<N>(a, &b),
+                };
+                cut.add::<N>(light, [column, row], pixels);
+            }
+        }
+    }
+
+    /// What a table says at a place.
+    #[inline(always)]
+    fn at(&self, table: &Cross, axis: usize, place: &Place) -> Factor {
+        let read = table.taps(axis, place.x, self.more_mm);
+        let [m, alpha, shift] = place.x_by;
+        Factor {
+            light: read.value,
+            by_m: read.slope * m,
+            by_alpha: read.slope * alpha,
+            by_size: read.by_size,
+            by_shift: read.slope * shift,
+        }
+    }
+
+    /// Widths in the stop times means of the cell's share at two points.
+    #[inline(always)]
+    fn means(&self, axis: usize, edges: &[Place], factors: &mut Vec<Factor>) {
+        factors.clear();
+        for pair in edges.windows(2) {
+            let [first, second] =
+                [Place::between(&pair[0], &pair[1], NODES[0]), Place::between(&pair[0], &pair[1], NODES[1])];
+            let (width, width_by) = width(pair);
+            let table = &self.tables.share;
+            let mean = self.at(table, axis, &first).mix(0.5, &self.at(table, axis, &second), 0.5);
+            let mut factor = mean.mix(width, &mean, 0.0);
+            factor.by_m += mean.light * width_by[0];
+            factor.by_alpha += mean.light * width_by[1];
+            factor.by_shift += mean.light * width_by[2];
+            factors.push(factor);
+        }
+    }
+
+    /// Differences of the integral over alpha.
+    #[inline(always)]
+    fn differences(&self, axis: usize, alpha: f64, edges: &[Place], factors: &mut Vec<Factor>) {
+        factors.clear();
+        let per_alpha = 1.0 / alpha;
+        let scale = per_alpha.copysign(alpha * (edges[0].u - edges[1].u));
+        let mut before = self.at(&self.tables.integral, axis, &edges[0]);
+        for edge in &edges[1..] {
+            let after = self.at(&self.tables.integral, axis, edge);
+            let mut factor = before.mix(scale, &after, -scale);
+            factor.by_alpha -= factor.light * per_alpha;
+            factors.push(factor);
+            before = after;
+        }
+    }
+}
+
+/// The light of a pixel.
+#[inline(always)]
+fn product<const N: usize>(a: &Factor, b: &Factor) -> [f64; QUANTITIES] {
+    let mut light = [0.0; QUANTITIES];
+    [light[0], light[1], light[2]] = [a.light * b.light, a.by_m * b.light, a.light * b.by_m];
+    light[3] = a.by_alpha * b.light + a.light * b.by_alpha;
+    if N > PLACES {
+        light[4] = a.by_size * b.light + a.light * b.by_size;
+        [light[5], light[6]] = [a.by_shift * b.light, a.light * b.by_shift];
+    }
+    light
+}
