@@ -16,6 +16,7 @@
 
 mod blob;
 pub mod fit;
+mod forecast;
 mod method;
 mod operator;
 mod options;

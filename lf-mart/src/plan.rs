@@ -1,8 +1,9 @@
 //! A reconstruction before it runs: its weights, where they are kept, its memory; and then the run itself.
 
 use crate::blob;
+use crate::forecast::Rates;
 use crate::method::{Problem, row_action, simultaneous};
-use crate::operator::{BLOCKS, Plane, Storage};
+use crate::operator::{BLOCKS, Plane, Storage, are_kept};
 use crate::options::{Method, Options};
 use crate::reconstruction::{Reconstruction, Start, Sweep};
 use lf_core::{Camera, Grid, Refusal, Weights, simd::Level, weights::Basis};
@@ -99,6 +100,24 @@ impl<'a> Plan<'a> {
             Basis::Point | Basis::Box => SOLVED_BYTES * voxels,
         };
         sweeps.max(SOLVED_BYTES * voxels + written) + 4 * pixels as u64
+    }
+
+    /// Seconds that the sweeps will take on the threads of this process, from the rates of a few thousand voxels on one
+    /// thread. `clock` tells seconds. See `forecast.rs` for how far this errs.
+    pub fn seconds(&self, clock: impl Fn() -> f64 + Sync) -> f64 {
+        let Self { weights, indices, options, .. } = self;
+        let subsets = simultaneous::subsets(weights, options.method);
+        let rates = || Rates::measure(weights, indices, subsets, &|| clock());
+        let rates = match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+            Ok(pool) => pool.install(rates),
+            Err(_) => rates(),
+        };
+        let drops = options.method == Method::Subsets;
+        let is_kept = are_kept(weights, indices, subsets, options.max_bytes);
+        let all = rates.seconds(self.storage, indices.len(), (options.iterations, subsets), drops, is_kept);
+        // The row action goes pixel after pixel.
+        let threads = if options.method == Method::Mart { 1 } else { rayon::current_num_threads() };
+        all / threads as f64
     }
 
     /// Refuses more bytes than the options allow.

@@ -80,7 +80,8 @@ pub struct Arguments {
     /// Refuse a reconstruction that needs more memory than this, GB
     #[arg(long, value_name = "GB", default_value_t = 8.0)]
     pub max_memory: f64,
-    /// Only print the resources needed: {"memory_bytes", "voxels"} as JSON on standard output
+    /// Only print the resources needed, from a few thousand voxels: {"memory_bytes", "voxels", "seconds"} as JSON on
+    /// standard output
     #[arg(long)]
     pub estimate: bool,
     /// Volume (.lfv), - for standard output

@@ -46,7 +46,10 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let plan = Plan::new(&camera, support.grid(), support.indices(), &options)
         .map_err(|refusal| refusal.about(name.as_str()))?;
     if arguments.estimate {
-        session.tell_estimate(plan.peak_bytes(image.pixels.len()), &[("voxels", support.count() as u64)])?;
+        let bytes = plan.peak_bytes(image.pixels.len());
+        let start = Instant::now();
+        let seconds = session.phase("forecast", |_| Ok(plan.seconds(|| start.elapsed().as_secs_f64())))?;
+        session.tell_estimate(bytes, &[("voxels", support.count() as u64), ("seconds", seconds.ceil() as u64)])?;
         return Ok(Verdict::Done);
     }
     session.warn_of_frame(&image, &camera, arguments.background.is_some());

@@ -113,7 +113,6 @@ pub(crate) struct Haze<'a> {
 
 impl<'a> Haze<'a> {
     /// Weights that are never kept.
-    #[cfg(test)]
     pub(crate) fn forever(weights: &'a Weights, subsets: usize) -> Self {
         Self { weights, indices: Vec::new(), subsets, limits: Limits::never() }
     }
@@ -144,6 +143,24 @@ impl<'a> Haze<'a> {
     }
 }
 
+/// Whether the weights of a part of `indices` are kept after so many sweeps, as [`Operator`] does it; `bytes` are those
+/// of all.
+pub(crate) fn are_kept(
+    weights: &Weights,
+    indices: &[u64],
+    subsets: usize,
+    max_bytes: u64,
+) -> impl Fn(f64, usize) -> bool + use<> {
+    let bytes = Stored::foretold_bytes(weights, indices, subsets) as f64;
+    let mut limits = Limits::new(weights, indices, max_bytes);
+    if limits.bytes == 0 {
+        // The weights of all that are left are kept as soon as they fit.
+        limits = Limits { bytes: kept_bytes(max_bytes), voxels: [indices.len(); 2], has_swept: false };
+    }
+    let count = indices.len() as f64;
+    move |part, sweeps| Limits { has_swept: sweeps > 0, ..limits }.allow((part * count) as usize, (part * bytes) as u64)
+}
+
 impl<'a> Operator<'a> {
     /// For `subsets` interleaved subsets of image rows. Weights are kept if they fit in a part of `max_bytes`.
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
@@ -157,6 +174,22 @@ impl<'a> Operator<'a> {
             (Path::Micro(micro), None) => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), haze),
             _ => Self::Voxels(VoxelWeights::new(weights, indices, subsets, kept_bytes(max_bytes))),
         }
+    }
+
+    /// Weights that are made at every use.
+    pub(crate) fn remade(weights: &'a Weights, indices: &[u64], subsets: usize) -> Self {
+        let haze = Haze::forever(weights, subsets);
+        match &weights.path {
+            Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets)), haze),
+            Path::Micro(micro) => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), haze),
+            _ => Self::Voxels(VoxelWeights::new(weights, indices, subsets, 0)),
+        }
+    }
+
+    /// Weights that are kept.
+    pub(crate) fn kept(weights: &'a Weights, indices: &[u64], subsets: usize) -> Self {
+        let bytes = Stored::foretold_bytes(weights, indices, subsets);
+        Self::Voxels(VoxelWeights::kept(weights, indices, subsets, bytes))
     }
 
     pub(crate) fn retain(&mut self, held: &[bool]) {

@@ -18,7 +18,7 @@ mod voxels;
 
 #[cfg(test)]
 pub(crate) use choice::Haze;
-pub(crate) use choice::{Operator, Storage};
+pub(crate) use choice::{Operator, Storage, are_kept};
 #[cfg(test)]
 pub(crate) use micro::MicroWeights;
 pub(crate) use plane::{Plane, keep};
