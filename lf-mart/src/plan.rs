@@ -103,7 +103,7 @@ impl<'a> Plan<'a> {
     }
 
     /// Seconds that the sweeps will take on the threads of this process, from the rates of a few thousand voxels on one
-    /// thread. `clock` tells seconds. See `forecast.rs` for how far this errs.
+    /// thread. `clock` tells the seconds that its thread has worked. See `forecast.rs` for how far this errs.
     pub fn seconds(&self, clock: impl Fn() -> f64 + Sync) -> f64 {
         let Self { weights, indices, options, .. } = self;
         let subsets = simultaneous::subsets(weights, options.method);

@@ -47,8 +47,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         .map_err(|refusal| refusal.about(name.as_str()))?;
     if arguments.estimate {
         let bytes = plan.peak_bytes(image.pixels.len());
-        let start = Instant::now();
-        let seconds = session.phase("forecast", |_| Ok(plan.seconds(|| start.elapsed().as_secs_f64())))?;
+        let seconds = session.phase("forecast", |_| Ok(plan.seconds(cli::thread_seconds)))?;
         session.tell_estimate(bytes, &[("voxels", support.count() as u64), ("seconds", seconds.ceil() as u64)])?;
         return Ok(Verdict::Done);
     }
