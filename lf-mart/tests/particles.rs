@@ -102,9 +102,15 @@ fn a_drift_is_found_said_and_written() {
     assert!(held.stderr.is_empty(), "{}", held.stderr);
 }
 
+/// A thin volume is fitted in 4 x 2 tiles of 210 x 210 pixels. Particles at their borders are found once.
 #[test]
-fn bytes_do_not_depend_on_threads_or_pipes() {
-    let bench = bench(&["particles.per_lenslet=0.1"]);
+fn bytes_do_not_depend_on_threads_or_pipes_and_tiles_meet() {
+    let bench = bench(&[
+        "particles.per_lenslet=0.15",
+        "camera.sensor.width=840",
+        "volume.x_mm=[-1.6,1.6]",
+        "volume.z_mm=[-0.5,0.5]",
+    ]);
     bench.done(&format!("{CALL} --particles one.csv --threads 1"));
     let wanted = bench.bytes("one.csv");
     for threads in ["2", "4"] {
@@ -114,6 +120,18 @@ fn bytes_do_not_depend_on_threads_or_pipes() {
     let volume = bench.bytes("scene/truth-0000.lfv");
     let piped = bench.feed("-i scene/frame-0000.exr -c scene/camera.json", volume).done();
     assert!(piped.stdout == wanted);
+    let is_at_border = |particle: &Particle| {
+        let tile_mm = 210.0 * 0.0055;
+        let off = |mm: f64| (mm / tile_mm - (mm / tile_mm).round()).abs() * tile_mm;
+        off(particle.place_mm[0]).min(off(particle.place_mm[1])) < 0.08
+    };
+    let at_border = |name: &str| -> Vec<Particle> {
+        table(&bench, name).into_iter().filter(|particle| particle.frame == 0 && is_at_border(particle)).collect()
+    };
+    let (truth, found) = (at_border("scene/particles.csv"), at_border("one.csv"));
+    let share = matched(&truth, &table(&bench, "one.csv")).len() as f64 / truth.len() as f64;
+    assert!(truth.len() > 20 && share >= 0.9, "{share} of {}", truth.len());
+    assert!(found.len() <= truth.len() + truth.len() / 10, "{} for {}", found.len(), truth.len());
 }
 
 #[test]

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Scores what scripts/studies/fit makes: DIR FRAME NAME LOG, --vectors SCENE WAY SCORES, --table KIND LOG, --shift PX CAMERA."""
+"""Scores what scripts/studies/fit makes: DIR FRAME NAME LOG, --vectors SCENE WAY SCORES, --table KIND LOG,
+--shift PX CAMERA."""
 import json
 import sys
 

@@ -138,6 +138,11 @@ fn report(found: &Fit, options: &FitOptions, session: &mut Session) {
 /// Drift that spoils a reconstruction, px: 0.2 px leave ghosts, and vectors in depth twice as wrong.
 const DRIFT_PX: f64 = 0.1;
 
+/// Length of a drawn particle along z over its width: that of the truth of lf-synth.
+const LENGTH: f64 = 10.0;
+/// Least standard deviation of a drawn particle, voxels: a smaller one falls between them.
+const LEAST_DRAWN: f64 = 0.3;
+
 fn write(
     arguments: &Arguments,
     camera: &Camera,
@@ -151,8 +156,9 @@ fn write(
         let spots: Vec<Spot> = found.particles.iter().map(|found| found.spot).collect();
         let grid = volume.grid();
         let sigma_mm = found.shape.sigma_px * camera.pixel_in_focus_mm();
-        let [dx, dy, _] = grid.spacing_mm;
-        let (indices, intensity) = fit::draw(grid, &spots, [sigma_mm / dx, sigma_mm / dy, found.shape.sigma_px]);
+        let [dx, dy, dz] = grid.spacing_mm;
+        let sizes = [sigma_mm / dx, sigma_mm / dy, LENGTH * sigma_mm / dz].map(|size| size.max(LEAST_DRAWN));
+        let (indices, intensity) = fit::draw(grid, &spots, sizes);
         io::save(file, |out| {
             let column = ("intensity", intensity.as_slice());
             volume::write_with(out, grid, &indices, &[column], &history, volume.extra())
