@@ -50,7 +50,8 @@ pub struct Smoothed {
 /// (`cargo bench -p lf-xcorr --bench flows -- choose`).
 const SHOWN: f64 = 0.03;
 const LOST: f64 = 1.5;
-/// Constant: the least share of a stated variance that is scatter, where the flow bends as much as it states.
+/// Constant: the least share of a stated variance that is scatter, where the flow bends as much as it states, and the
+/// least to which a small residual lowers it.
 const SCATTER: f64 = 0.25;
 /// Constant: a strength that smooths waves shorter than a window of four vectors.
 const LIGHT: f64 = 0.5;
@@ -130,7 +131,7 @@ impl<'a> Component<'a> {
 
         let noise = drawn(&errors, &scatter, number);
         let level = self.residual(values, &smooth) / self.residual(&noise, &light(&noise));
-        let scale = level.sqrt().min(1.0);
+        let scale = level.clamp(SCATTER, 1.0).sqrt();
         scatter.iter().map(|sigma| scale * sigma).collect()
     }
 
