@@ -74,6 +74,19 @@ fn a_divergence_free_field_is_the_same_by_any_number_of_threads_and_remembers_it
 }
 
 #[test]
+fn a_smooth_field_that_is_not_solved_is_warned_of() {
+    let (folder, field) = folder();
+    let output = folder.path().join("stiff.exr");
+    let said = |strength: &str| {
+        let call = flow(&["smooth", "--strength", strength, "-o"], &field).word(&output);
+        call.run().done().stderr
+    };
+    assert!(!said("1,1,100").contains("stopped before its goal"));
+    let stiff = said("1e20,1,1");
+    assert!(stiff.contains("smooth field stopped before its goal") && stiff.contains("lesser --strength"), "{stiff}");
+}
+
+#[test]
 fn every_form_of_derived_numbers_can_be_written() {
     let (folder, field) = folder();
     let text = |name: &str, words: &[&str]| {

@@ -36,12 +36,12 @@ impl Task {
         let vectors = field.len() as f64;
         match self {
             // Three components, and for each of them draws.
-            Self::Smooth => (130.0 + 155.0 * at_once(3) + 75.0 * (at_once(3 * batch) - at_once(3))) * vectors,
+            Self::Smooth => (130.0 + 190.0 * at_once(3) + 75.0 * (at_once(3 * batch) - at_once(3))) * vectors,
             // The field, and draws.
             Self::Solenoidal => (370.0 + 70.0 * at_once(batch + 1)) * vectors,
-            Self::Derive => 540.0 * vectors,
-            Self::Pressure { has_next: false } => (135.0 + 92.0 * at_once(batch)) * vectors,
-            Self::Pressure { has_next: true } => (150.0 + 105.0 * at_once(batch)) * vectors,
+            Self::Derive => 500.0 * vectors,
+            Self::Pressure { has_next: false } => (135.0 + 114.0 * at_once(batch)) * vectors,
+            Self::Pressure { has_next: true } => (150.0 + 127.0 * at_once(batch)) * vectors,
             Self::Profile { points } => 280.0 * points as f64,
             Self::Flux => 30.0 * vectors,
         }

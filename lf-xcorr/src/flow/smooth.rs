@@ -6,7 +6,7 @@
 
 use super::bands::Bands;
 use super::bend::window_means;
-use super::conjugate::solve;
+use super::conjugate::{Solution, solve};
 use super::errors::Correlated;
 use super::measured::Measured;
 use super::planes::Planes;
@@ -21,8 +21,13 @@ use rayon::prelude::*;
 const TOLERANCE: f64 = 1e-5;
 const TOLERANCE_OF_SCORES: f64 = 1e-3;
 const MOST: usize = 3000;
-/// Constant: sets of errors that are drawn, and reach of means of squares, in vectors.
-const DRAWS: u64 = 4;
+/// Constant: vectors of drawn errors in all, and the fewest and most sets of them. What a smoothing leaves is alike over
+/// many vectors: small fields need many sets.
+const DRAWN: u64 = 200_000;
+const DRAWS: (u64, u64) = (4, 24);
+/// Constant: sets of errors of which the flow that is left out is told.
+const BENT_DRAWS: u64 = 2;
+/// Constant: reach of means of squares, in vectors.
 const REACH: usize = 2;
 
 /// A smooth field.
@@ -36,14 +41,17 @@ pub struct Smoothed {
     pub change_mm: [f64; 3],
     /// RMS residual of u, v and w in their uncertainties, over the one that these explain: 1 if they are right.
     pub misfit: [f64; 3],
-    /// Vectors that were filled.
-    pub filled: usize,
+    /// Residual of the solver over its right side, if it stopped before its goal: the greatest of u, v, w.
+    pub unsolved: Option<f64>,
 }
 
-/// Constant: the flow that windows and smoothing leave out, as a variance, over the part that the twice smoothed field
-/// shows, which has lost some of it too. Chosen for coverage (`cargo bench -p lf-xcorr --bench flows -- choose`).
-const LOST: f64 = 2.0;
-/// Constant: the least share of a stated variance that is scatter, where the flow bends as much as it states.
+/// Constant: the strength of the smoothing that shows the flow that is left out, over the one that leaves it out; and
+/// that flow, as a variance, over the part that shows, which has lost some of it too. Chosen for coverage
+/// (`cargo bench -p lf-xcorr --bench flows -- choose`).
+const SHOWN: f64 = 0.03;
+const LOST: f64 = 1.5;
+/// Constant: the least share of a stated variance that is scatter, where the flow bends as much as it states, and the
+/// least to which a small residual lowers it.
 const SCATTER: f64 = 0.25;
 /// Constant: a strength that smooths waves shorter than a window of four vectors.
 const LIGHT: f64 = 0.5;
@@ -65,7 +73,7 @@ struct Smoother<'a> {
 }
 
 impl Smoother<'_> {
-    fn apply(&self, values: &[f64], start: Vec<f64>, tolerance: f64) -> Vec<f64> {
+    fn apply(&self, values: &[f64], start: Vec<f64>, tolerance: f64) -> Solution {
         let Component { roughness, planes, weights, .. } = self.component;
         let right: Vec<f64> = values.iter().zip(weights).map(|(value, weight)| value * weight).collect();
         let apply = |x: &[f64], out: &mut [f64]| {
@@ -74,17 +82,15 @@ impl Smoother<'_> {
         };
         let mut work = vec![0.0; values.len()];
         let precondition = |x: &[f64], out: &mut [f64]| planes.solve(&self.bands, x, out, &mut work);
-        solve(apply, precondition, &right, start, tolerance, MOST).values
+        solve(apply, precondition, &right, start, tolerance, MOST)
     }
 
-    /// The part of the flow that windows and smoothing leave out, as a square, a mean over neighbours. The smooth field
-    /// stands for the flow, with the flow that a second smoothing finds in the residual (twicing, Tukey 1977).
-    fn lost(&self, values: &[f64], smooth: &[f64]) -> Vec<f64> {
-        let residual: Vec<f64> = values.iter().zip(smooth).map(|(value, smooth)| value - smooth).collect();
-        let more = self.apply(&residual, vec![0.0; values.len()], TOLERANCE_OF_SCORES);
-        let flow: Vec<f64> = smooth.iter().zip(&more).map(|(smooth, more)| smooth + more).collect();
+    /// The part of the flow that windows and smoothing leave out, as a square, a mean over neighbours. The values, far
+    /// less smoothed, stand for the flow.
+    fn lost(&self, values: &[f64], shown: &Smoother) -> Vec<f64> {
+        let flow = shown.apply(values, values.to_vec(), TOLERANCE_OF_SCORES).values;
         let seen = window_means(self.component.layout, &flow);
-        let again = self.apply(&seen, smooth.to_vec(), TOLERANCE_OF_SCORES);
+        let again = self.apply(&seen, seen.clone(), TOLERANCE_OF_SCORES).values;
         self.component.difference(&flow, &again)
     }
 }
@@ -106,18 +112,27 @@ impl<'a> Component<'a> {
 
     /// Uncertainties without the part for the flow that bends inside a window, which is no scatter: smoothing does not
     /// take it away, and it must not pass for noise. The bend is that of the values, lightly smoothed, less the bend of
-    /// drawn errors.
+    /// drawn errors. What is left is no larger than the residual of the light smoothing says: a stated bend that is
+    /// scatter itself makes uncertainties too large.
     fn scatter(&self, values: &[f64], sigma: &[f64], number: u64) -> Vec<f64> {
         let smoother = self.smoother(LIGHT);
-        let drawn = drawn(&Correlated::new(self.layout), sigma, number);
+        let errors = Correlated::new(self.layout);
+        let light = |values: &[f64]| smoother.apply(values, values.to_vec(), TOLERANCE_OF_SCORES).values;
         let bend = |values: &[f64]| {
-            let smooth = smoother.apply(values, values.to_vec(), TOLERANCE_OF_SCORES);
-            self.difference(&smooth, &window_means(self.layout, &smooth))
+            let smooth = light(values);
+            let bend = self.difference(&smooth, &window_means(self.layout, &smooth));
+            (bend, smooth)
         };
-        let (of_values, of_errors) = rayon::join(|| bend(values), || bend(&drawn));
+        let ((of_values, smooth), (of_errors, _)) =
+            rayon::join(|| bend(values), || bend(&drawn(&errors, sigma, number)));
         let bends = of_values.iter().zip(&of_errors).map(|(of_values, of_errors)| (of_values - of_errors).max(0.0));
         let one = |(sigma, bend): (&f64, f64)| (sigma * sigma - bend).max(SCATTER * sigma * sigma).sqrt();
-        sigma.iter().zip(bends).map(one).collect()
+        let scatter: Vec<f64> = sigma.iter().zip(bends).map(one).collect();
+
+        let noise = drawn(&errors, &scatter, number);
+        let level = self.residual(values, &smooth) / self.residual(&noise, &light(&noise));
+        let scale = level.clamp(SCATTER, 1.0).sqrt();
+        scatter.iter().map(|sigma| scale * sigma).collect()
     }
 
     fn smoother(&self, strength: f64) -> Smoother<'_> {
@@ -145,6 +160,7 @@ struct Found {
     sigma: Vec<f64>,
     strength: f64,
     misfit: f64,
+    unsolved: Option<f64>,
 }
 
 /// Smooths a field; `typed` strengths for u, v and w take the place of those with the least expected error.
@@ -168,7 +184,7 @@ pub fn smooth(field: &Field, measured: &Measured, typed: Option<[f64; 3]>) -> Sm
         strength: [0, 1, 2].map(|c| found[c].strength),
         change_mm: [0, 1, 2].map(change),
         misfit: [0, 1, 2].map(|c| found[c].misfit),
-        filled: measured.filled(),
+        unsolved: found.iter().filter_map(|found| found.unsolved).reduce(f64::max),
     }
 }
 
@@ -178,6 +194,18 @@ fn drawn(errors: &Correlated, sigma: &[f64], number: u64) -> Vec<f64> {
 }
 
 impl Component<'_> {
+    /// The flow that windows and smoothing leave out, as a square. Errors that pass the weaker smoothing are smoothed
+    /// away too; they are no flow.
+    fn left_out(&self, values: &[f64], sigma: &[f64], smoother: &Smoother, number: u64) -> Vec<f64> {
+        let shown = self.smoother(SHOWN * smoother.strength);
+        let errors = Correlated::new(self.layout);
+        let of_errors = |n: u64| smoother.lost(&drawn(&errors, sigma, number + 10_000 * n), &shown);
+        let many = || (1..=BENT_DRAWS).into_par_iter().map(of_errors).collect::<Vec<_>>();
+        let (of_values, of_errors) = rayon::join(|| smoother.lost(values, &shown), many);
+        let mean = |i: usize| of_errors.iter().map(|one| one[i]).sum::<f64>() / BENT_DRAWS as f64;
+        of_values.iter().enumerate().map(|(i, of_values)| (of_values - mean(i)).max(0.0)).collect()
+    }
+
     /// Smooths values of these standard uncertainties; `number` names the errors that are drawn.
     fn smooth(&self, values: &[f64], sigma: &[f64], number: u64, typed: Option<f64>) -> Found {
         let errors = Correlated::new(self.layout);
@@ -186,31 +214,29 @@ impl Component<'_> {
         let mut score = |strength: f64| {
             let smoother = self.smoother(strength);
             let once = |values: &[f64], last: &mut Vec<f64>| {
-                *last = smoother.apply(values, std::mem::take(last), TOLERANCE_OF_SCORES);
+                *last = smoother.apply(values, std::mem::take(last), TOLERANCE_OF_SCORES).values;
             };
             rayon::join(|| once(values, &mut of_values), || once(&noise, &mut of_noise));
             self.residual(values, &of_values) + 2.0 * self.product(&noise, &of_noise)
         };
         let strength = typed.unwrap_or_else(|| strength::best(&mut score));
         let smoother = self.smoother(strength);
-        let smooth = smoother.apply(values, of_values, TOLERANCE);
+        let solution = smoother.apply(values, of_values, TOLERANCE);
+        let unsolved = solution.unsolved(TOLERANCE);
+        let smooth = solution.values;
 
         let treat = |[drawn]: [Vec<f64>; 1]| {
-            let left = smoother.apply(&drawn, drawn.clone(), TOLERANCE_OF_SCORES);
+            let left = smoother.apply(&drawn, drawn.clone(), TOLERANCE_OF_SCORES).values;
             let residual = self.residual(&drawn, &left);
             ([left], residual)
         };
-        let ([spread], expected) = Spread::new(&errors, [sigma], DRAWS, treat);
-        // Errors that are left bend and are smoothed away a second time too; they are no flow.
-        let of_errors = || smoother.lost(&noise, &smoother.apply(&noise, of_noise, TOLERANCE_OF_SCORES));
-        let (of_values, of_errors) = rayon::join(|| smoother.lost(values, &smooth), of_errors);
+        let draws = (DRAWN / values.len() as u64).clamp(DRAWS.0, DRAWS.1);
+        let ([spread], expected) = Spread::new(&errors, [sigma], draws, treat);
         let shares = spread.shares(self.layout.shape, [REACH; 3]);
-        let left = |i: usize| {
-            let lost = (of_values[i] - of_errors[i]).max(0.0);
-            (sigma[i] * sigma[i] * shares[i] + LOST * lost).sqrt()
-        };
+        let lost = self.left_out(values, sigma, &smoother, number);
+        let left = |i: usize| (sigma[i] * sigma[i] * shares[i] + LOST * lost[i]).sqrt();
         let sigma = (0..sigma.len()).map(left).collect();
         let misfit = (self.residual(values, &smooth) / expected).sqrt();
-        Found { values: smooth, sigma, strength, misfit }
+        Found { values: smooth, sigma, strength, misfit, unsolved }
     }
 }

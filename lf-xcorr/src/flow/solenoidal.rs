@@ -29,7 +29,7 @@ const REACH: usize = 1;
 
 /// Constant: a misfit below this tells that errors are smoother than those of windows, which make less divergence. They
 /// need not be smaller.
-pub const SMOOTHED: f64 = 0.8;
+pub const SMOOTHED: f64 = 0.75;
 
 /// A divergence-free field.
 #[derive(Debug, Clone)]

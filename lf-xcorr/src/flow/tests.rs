@@ -171,6 +171,46 @@ fn smoothing_takes_noise_and_keeps_the_flow() {
     assert!(covered.iter().all(|share| (0.58..0.8).contains(share)), "{covered:?}");
 }
 
+/// The residual tells how large errors are: uncertainties that are too large do not smooth the flow away.
+#[test]
+fn an_uncertainty_that_is_too_large_smooths_no_more() {
+    let truth = field([22, 20, 16], abc(0.02, 6.0));
+    let mut right = through_windows(&truth);
+    disturb(&mut right);
+    let mut wide = right.clone();
+    let larger = |values: &mut Vec<f32>| values.iter_mut().for_each(|value| *value *= 1.5);
+    [&mut wide.su, &mut wide.sv, &mut wide.sw].into_iter().for_each(larger);
+    let [right, wide] = [right, wide].map(|field| smooth(&field, &Measured::new(&field, None).unwrap(), None));
+    // The stated uncertainty of w is scatter; those of u and v are mostly the bend inside windows.
+    let ratio = wide.strength[2] / right.strength[2];
+    assert!((0.8..1.25).contains(&ratio), "{:?} {:?}", right.strength, wide.strength);
+    let sum = |field: &Field| field.sw.iter().sum::<f32>();
+    let ratio = sum(&wide.field) / sum(&right.field);
+    assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+}
+
+/// Scar: a field without errors had uncertainties of 0, and then no weights.
+#[test]
+fn a_plane_without_errors_stays_and_is_uncertain() {
+    let plane = field([9, 8, 7], |place| DVec3::new(-0.01 * place.y, 0.01 * place.x, 0.004 * place.z));
+    let found = smooth(&plane, &Measured::new(&plane, None).unwrap(), None);
+    assert_eq!(found.unsolved, None);
+    assert!(rms(&found.field, &plane).iter().all(|error| *error < 1e-6), "{:?}", rms(&found.field, &plane));
+    let sigma = found.field.su.iter().chain(&found.field.sv);
+    assert!(sigma.into_iter().all(|sigma| (0.05..1.0).contains(&(f64::from(*sigma) / SIGMA))));
+}
+
+/// A strength beyond all digits leaves nothing solved, and that is told.
+#[test]
+fn a_smoothing_that_does_not_converge_is_told() {
+    let mut noisy = field([12, 11, 10], abc(0.02, 6.0));
+    disturb(&mut noisy);
+    let measured = Measured::new(&noisy, None).unwrap();
+    let unsolved = |strength: f64| smooth(&noisy, &measured, Some([1.0, 1.0, strength])).unsolved;
+    assert_eq!(unsolved(1e4), None);
+    assert!(unsolved(1e20).is_some_and(|residual| residual > 0.1), "{:?}", unsolved(1e20));
+}
+
 #[test]
 fn fields_that_cannot_be_weighed_are_refused() {
     let mut flat = field([5, 4, 1], |_| DVec3::ZERO);

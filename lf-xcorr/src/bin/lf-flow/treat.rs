@@ -15,6 +15,9 @@ const FILLED: f64 = 0.2;
 /// Constant: above this share of accelerations without a pressure, warn.
 const UNEXPLAINED: f64 = 0.5;
 
+/// Remedy for a solver that does not reach its goal.
+const FEWER_GAPS: &str = "larger windows, which leave fewer gaps, or a smaller volume";
+
 /// A field, what is written beside its vectors, and the line that tells what was done once it is written.
 type Treated = (Field, Vec<Array>, String);
 
@@ -55,6 +58,7 @@ pub fn smooth(arguments: &Smooth, limit: MemoryLimit, session: &mut Session) -> 
         let found = flow::smooth(field, &measured, arguments.strength);
         let [u, v, w] = found.strength.map(short);
         let told = format!("strength {u}, {v}, {w}; u, v, w moved by {}", lengths(found.change_mm));
+        warn_unsolved(found.unsolved, "the smooth field", "a lesser --strength, or larger windows", name, session);
         for (component, misfit) in ["u", "v", "w"].into_iter().zip(found.misfit) {
             session.keep_greatest(&format!("misfit_{component}"), misfit);
             if misfit > MISFIT {
@@ -81,7 +85,7 @@ pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Sess
             "{name}: {} steps; misfit {:.2}; {u:.0}, {v:.0} and {w:.0} % of the uncertainty of u, v, w is left",
             found.steps, found.misfit
         ));
-        warn_unsolved(found.unsolved, "the divergence", name, session);
+        warn_unsolved(found.unsolved, "the divergence", FEWER_GAPS, name, session);
         session.keep_greatest("misfit", found.misfit);
         session.keep_greatest("divergence_before", before);
         session.keep_greatest("divergence_after", after);
@@ -148,7 +152,7 @@ pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session)
     let told = format!("{name}: pressure RMS {rms:.3e} Pa{stated}; misfit {:.2} of its gradient", found.misfit);
     session.count("misfit", found.misfit);
     session.count("places", found.places);
-    warn_unsolved(found.unsolved, "the pressure", &name, session);
+    warn_unsolved(found.unsolved, "the pressure", FEWER_GAPS, &name, session);
     if found.parts > 1 {
         session.warn(format!(
             "{name}: gaps cut the field into {} parts, and the pressure of each has a mean of 0; fill the gaps by \
@@ -179,7 +183,7 @@ fn measured(field: &Field, name: &str, sigma: Option<[f64; 3]>, session: &mut Se
             "{name}: --sigma changes nothing, since every vector states its uncertainties; leave it out"
         ));
     }
-    warn_unsolved(measured.unsolved, "the values in gaps", name, session);
+    warn_unsolved(measured.unsolved, "the values in gaps", FEWER_GAPS, name, session);
     session.add("filled", measured.filled());
     let share = measured.filled() as f64 / field.len() as f64;
     if share > FILLED {
@@ -193,11 +197,11 @@ fn measured(field: &Field, name: &str, sigma: Option<[f64; 3]>, session: &mut Se
 }
 
 /// Warns of a solver that stopped with this residual before its goal.
-fn warn_unsolved(unsolved: Option<f64>, what: &str, name: &str, session: &Session) {
+fn warn_unsolved(unsolved: Option<f64>, what: &str, remedy: &str, name: &str, session: &Session) {
     if let Some(residual) = unsolved {
         session.warn(format!(
             "{name}: the solver of {what} stopped before its goal, at a residual of {residual:.0e}; vectors far from \
-             measured ones are not settled; take larger windows, which leave fewer gaps, or a smaller volume"
+             measured ones are not settled; take {remedy}"
         ));
     }
 }
