@@ -1,6 +1,6 @@
 //! Descriptions of images, volumes and vector fields.
 
-use super::numbers::{Summary, figures, percent, product, whole};
+use super::numbers::{Summary, figures, percent, product, short, whole};
 use super::{description::Description, objects::brief};
 use crate::scores::units::AXES;
 use lf_core::field::{MEASURED, REPLACED};
@@ -77,7 +77,7 @@ pub fn volume(
         about.line("tile", format!("{index} of {of}: {core}; halo {} mm", figures(*halo_mm)));
     }
     let percent = 100.0 * count as f64 / grid.len() as f64;
-    about.line("voxels held", format!("{}, {} % of the grid", whole(count as u64), figures(percent)));
+    about.line("voxels held", format!("{}, {} % of the grid", whole(count as u64), short(percent)));
     for (name, values) in columns {
         about.line(format!("column {name}"), Summary::of(*values).to_string());
     }

@@ -2,16 +2,26 @@
 
 use std::fmt;
 
-/// A number to six figures, without trailing zeros.
+/// A number that somebody set, to six figures.
 pub(super) fn figures(value: f64) -> String {
+    rounded(value, 6)
+}
+
+/// A number that was measured, to four figures.
+pub(super) fn short(value: f64) -> String {
+    rounded(value, 4)
+}
+
+/// A number to so many figures, without trailing zeros; whole numbers keep all of theirs.
+fn rounded(value: f64, count: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return if value == 0.0 { "0".into() } else { value.to_string() };
     }
     let size = value.abs().log10().floor();
     if !(-5.0..9.0).contains(&size) {
-        return format!("{value:.5e}");
+        return format!("{value:.*e}", count as usize - 1);
     }
-    let text = format!("{value:.*}", (5.0 - size).max(0.0) as usize);
+    let text = format!("{value:.*}", (f64::from(count) - 1.0 - size).max(0.0) as usize);
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
@@ -35,7 +45,7 @@ pub(super) fn whole(value: u64) -> String {
 
 /// `part` of `whole`, per cent.
 pub(super) fn percent(part: usize, whole: usize) -> String {
-    format!("{} %", figures(100.0 * part as f64 / whole.max(1) as f64))
+    format!("{} %", rounded(100.0 * part as f64 / whole.max(1) as f64, 3))
 }
 
 /// Extremes and sums of stored values; those that are not finite are only counted. Prints as one line.
@@ -79,7 +89,7 @@ impl fmt::Display for Summary {
         if self.count == self.not_finite {
             return f.write_str(if self.count == 0 { "no values" } else { "no finite value" });
         }
-        let [min, max, mean, sum] = [self.min, self.max, self.mean(), self.sum].map(figures);
+        let [min, max, mean, sum] = [self.min, self.max, self.mean(), self.sum].map(short);
         write!(f, "min {min}, max {max}, mean {mean}, sum {sum}")?;
         if self.not_finite > 0 { write!(f, ", {} not finite", self.not_finite) } else { Ok(()) }
     }
@@ -90,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_six_figures() {
+    fn numbers_have_six_figures_and_measured_ones_four() {
         for (value, text) in [
             (0.0, "0"),
             (0.0055, "0.0055"),
@@ -102,6 +112,12 @@ mod tests {
         ] {
             assert_eq!(figures(value), text);
         }
+        for (value, text) in
+            [(0.0000537023, "0.0000537"), (7956976.2, "7956976"), (-0.0253689, "-0.02537"), (2e-9, "2.000e-9")]
+        {
+            assert_eq!(short(value), text);
+        }
+        assert_eq!(percent(13_553, 13_608), "99.6 %");
         assert_eq!(whole(14268800), "14 268 800");
         assert_eq!(whole(7), "7");
     }

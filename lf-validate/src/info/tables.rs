@@ -1,6 +1,6 @@
 //! Descriptions of tables, and of exports that the tools write and do not read.
 
-use super::numbers::{Summary, figures, percent, whole};
+use super::numbers::{Summary, percent, short, whole};
 use super::{description::Description, kind::WANTED};
 use crate::scores::units::AXES;
 use lf_core::{Particle, Refusal, particles::frame, particles::read, statistics::median};
@@ -31,7 +31,7 @@ pub fn particles(text: &str) -> Result<Description, Refusal> {
     for (axis, name) in AXES.into_iter().enumerate() {
         let Summary { count, min, max, .. } = summary(&|particle| particle.place_mm[axis]);
         if count > 0 {
-            about.line(name, format!("{} to {} mm", figures(min), figures(max)));
+            about.line(name, format!("{} to {} mm", short(min), short(max)));
         }
     }
     about.line("intensity", summary(&|particle| particle.intensity).to_string());
@@ -53,7 +53,7 @@ fn uncertainties(particles: &[Particle], about: &mut Description) {
     if sx.is_empty() {
         return;
     }
-    let [sx, sy, sz, light] = [&mut sx, &mut sy, &mut sz, &mut light].map(|values| figures(median(values)));
+    let [sx, sy, sz, light] = [&mut sx, &mut sy, &mut sz, &mut light].map(|values| short(median(values)));
     about.line("uncertainty", format!("median of x {sx}, y {sy}, z {sz} mm, light {light} %"));
 }
 
@@ -85,7 +85,7 @@ pub fn centres(text: &str) -> Result<Description, Refusal> {
     about.line("lenslets", whole(count as u64));
     about.line("kept", format!("{}, {}", whole(kept as u64), percent(kept, count)));
     if kept > 0 {
-        about.line("residual", format!("{} px RMS of those", figures((squares / kept as f64).sqrt())));
+        about.line("residual", format!("{} px RMS of those", short((squares / kept as f64).sqrt())));
     }
     Ok(about)
 }

@@ -195,7 +195,7 @@ fn a_plane_without_errors_stays_and_is_uncertain() {
     let plane = field([9, 8, 7], |place| DVec3::new(-0.01 * place.y, 0.01 * place.x, 0.004 * place.z));
     let found = smooth(&plane, &Measured::new(&plane, None).unwrap(), None);
     assert_eq!(found.unsolved, None);
-    assert!(rms(&found.field, &plane).iter().all(|error| *error < 1e-6), "{:?}", rms(&found.field, &plane));
+    assert!(rms(&found.field, &plane).iter().all(|error| *error < 0.2 * SIGMA), "{:?}", rms(&found.field, &plane));
     let sigma = found.field.su.iter().chain(&found.field.sv);
     assert!(sigma.into_iter().all(|sigma| (0.05..1.0).contains(&(f64::from(*sigma) / SIGMA))));
 }
