@@ -52,8 +52,8 @@ fn huge_grids_are_refused_before_they_take_memory() {
 /// Bytes by which a small run may be foretold too high.
 const SMALL: f64 = 5e6;
 
-/// Most memory foretold over the memory taken.
-const MOST_FORETOLD: f64 = 1.3;
+/// Most memory foretold over the memory taken: by one thread, and by several, which need not reach their peaks together.
+const MOST_FORETOLD: [f64; 2] = [1.3, 1.5];
 
 /// Bytes that lf-mart foretells for weights that it keeps once the haze is gone: a fifth of `--max-memory` at most. In the
 /// few sweeps of a test the haze does not go.
@@ -73,8 +73,9 @@ fn check_memory(folder: &Folder, has_estimate: bool, threads: &[usize], lines: &
             let stats = folder.json("stats.json");
             let told = told.unwrap_or_else(|| stats["counts"]["estimated_bytes"].clone()).as_f64().unwrap();
             let taken = stats["peak_bytes"].as_f64().unwrap();
+            let most = MOST_FORETOLD[usize::from(*threads > 1)];
             assert!(
-                taken <= told && told <= MOST_FORETOLD * taken + SMALL + later(&line),
+                taken <= told && told <= most * taken + SMALL + later(&line),
                 "{line}: {told} bytes foretold, {taken} taken"
             );
         }
@@ -117,7 +118,7 @@ fn the_memory_foretold_is_the_memory_taken() {
         // Light that moves by an odd number of voxels is spread the most by the halves that deformation moves it.
         move_by_three(&folder, "volume.lfv", "moved.lfv");
         let xcorr = "lf-xcorr volume.lfv moved.lfv -o field.exr --window 48,48,16";
-        check_memory(&folder, true, &[2], &[xcorr]);
+        check_memory(&folder, true, &[1, 2], &[xcorr]);
         check_memory(&folder, false, &[1, 2], &["lf-flow derive field.exr -o derived.exr"]);
     }
     // A voxel in every other slice of a deep grid: the score by depth is most of the memory.

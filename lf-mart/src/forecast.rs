@@ -40,21 +40,18 @@ impl Rates {
     pub(crate) fn measure(weights: &Weights, indices: &[u64], subsets: usize, clock: &dyn Fn() -> f64) -> Self {
         let sample = sample(indices, weights.grid().shape[0]);
         let count = sample.len().max(1) as f64;
-        let timed = |work: &mut dyn FnMut()| {
+        // Seconds to make an operator, and of a step by it. One operator is in memory at a time.
+        let of = |is_kept: bool, voxels: &[u64]| {
             let start = clock();
-            work();
-            clock() - start
+            let operator = match is_kept {
+                true => Operator::kept(weights, voxels, subsets),
+                false => Operator::remade(weights, voxels, subsets),
+            };
+            let made = clock() - start;
+            [made, step(weights, operator, voxels.len(), subsets, clock)]
         };
-        let (mut none, mut made, mut kept) = (None, None, None);
-        let empty = timed(&mut || none = Some(Operator::remade(weights, &[], subsets)));
-        let prepare = timed(&mut || made = Some(Operator::remade(weights, &sample, subsets)));
-        let keep = timed(&mut || kept = Some(Operator::kept(weights, &sample, subsets)));
-        let steps = |operator: Option<Operator>, voxels: usize| {
-            operator.map_or(0.0, |operator| step(weights, operator, voxels, subsets, clock))
-        };
-        let (fixed, step) = (steps(none, 0), steps(made, sample.len()));
-        let none = Operator::kept(weights, &[], subsets);
-        let (kept_fixed, kept_step) = (steps(Some(none), 0), steps(kept, sample.len()));
+        let ([empty, fixed], [prepare, step]) = (of(false, &[]), of(false, &sample));
+        let ([_, kept_fixed], [keep, kept_step]) = (of(true, &[]), of(true, &sample));
         Self {
             step: [fixed, (step - fixed).max(0.0) / count],
             kept_step: [kept_fixed, (kept_step - kept_fixed).max(0.0) / count],

@@ -103,8 +103,11 @@ impl<'a> Plan<'a> {
     }
 
     /// Seconds that the sweeps will take on the threads of this process, from the rates of a few thousand voxels on one
-    /// thread. `clock` tells the seconds that its thread has worked. See `forecast.rs` for how far this errs.
-    pub fn seconds(&self, clock: impl Fn() -> f64 + Sync) -> f64 {
+    /// thread. None if a run is refused. `clock` tells the seconds that its thread has worked. See `forecast.rs` for how far this errs.
+    pub fn seconds(&self, clock: impl Fn() -> f64 + Sync) -> Option<f64> {
+        if self.bytes > self.options.max_bytes {
+            return None;
+        }
         let Self { weights, indices, options, .. } = self;
         let subsets = simultaneous::subsets(weights, options.method);
         let rates = || Rates::measure(weights, indices, subsets, &|| clock());
@@ -117,7 +120,7 @@ impl<'a> Plan<'a> {
         let all = rates.seconds(self.storage, indices.len(), (options.iterations, subsets), drops, is_kept);
         // The row action goes pixel after pixel.
         let threads = if options.method == Method::Mart { 1 } else { rayon::current_num_threads() };
-        all / threads as f64
+        Some(all / threads as f64)
     }
 
     /// Refuses more bytes than the options allow.

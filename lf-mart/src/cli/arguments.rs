@@ -81,7 +81,7 @@ pub struct Arguments {
     #[arg(long, value_name = "GB", default_value_t = 8.0)]
     pub max_memory: f64,
     /// Only print the resources needed, from a few thousand voxels: {"memory_bytes", "voxels", "seconds"} as JSON on
-    /// standard output
+    /// standard output; no seconds if the memory is more than allowed
     #[arg(long)]
     pub estimate: bool,
     /// Volume (.lfv), - for standard output
