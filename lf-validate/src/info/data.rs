@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn counts_of_a_small_image() {
         let text = image(&[], [3, 1], &[0.0, 4.0, 5.0], &Vec::new()).to_string();
-        assert!(text.contains("3 x 1 px") && text.contains("mean 3, sum 9") && text.contains("1, 33.3333 %"));
+        assert!(text.contains("3 x 1 px") && text.contains("mean 3, sum 9") && text.contains("1, 33.3 %"));
         assert!(!text.contains("negative"));
         assert!(!text.contains("pages"));
         assert!(image(&[], [1, 1], &[-1.0], &Vec::new()).to_string().contains("negative"));
@@ -179,7 +179,7 @@ mod tests {
         truth.u[7] = 1e6;
         truth.flag[7] = NO_DATA;
         let text = field(&truth).to_string();
-        assert_shows(&text, &["4 x 5 x 3 = 60", "-3 to 1 mm", "none: not correlated", "measured  59, 98.3333 %"]);
+        assert_shows(&text, &["4 x 5 x 3 = 60", "-3 to 1 mm", "none: not correlated", "measured  59, 98.3 %"]);
         assert_shows(&text, &["min 0.5, max 0.5", "no finite value", "count     no finite value"]);
         truth.layout.window = [32, 32, 16];
         truth.layout.overlap = 0.75;
