@@ -60,3 +60,18 @@ pub(super) fn counts(image: Image, name: &str) -> Outcome<Image> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{RATIO, believable};
+
+    /// By hand: a file of 3 bytes may hold 3 RATIO bytes, as rows of RATIO pixels of a byte.
+    #[test]
+    fn a_size_that_its_file_cannot_hold_is_refused() {
+        assert!(believable(RATIO, 3, 1, 3).is_ok());
+        assert!(believable(RATIO, 3, 2, 3).is_err());
+        assert!(believable(RATIO + 1, 3, 1, 3).is_err());
+        assert!(believable(RATIO, 4, 1, 3).is_err());
+        assert!(believable(u64::from(u32::MAX), u64::from(u32::MAX), 4, 1 << 20).is_err());
+    }
+}
