@@ -3,7 +3,7 @@
 use super::beam::Beam;
 use super::cell_surface::{REACH_SIGMA, Tables};
 use super::cross::{Cross, Read};
-use super::factors::Factor;
+use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
 use super::place::{Place, width};
 use super::rim::{self, Side, Strip, Way};

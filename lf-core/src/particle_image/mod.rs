@@ -18,7 +18,7 @@
 //! Both forms agree where one takes over from the other, so the light has no step.
 //!
 //! A rectangular cell along the axes has H and G that are products of a function of x and one of y. So is the light of a
-//! pixel (`factors.rs`).
+//! pixel (`rectangle.rs`).
 //!
 //! The rim of a round stop leaves a part of a pixel's rectangle: strips across the rim, each a rectangle again, in both
 //! forms. Where a lenslet sees only a part of a pixel, pixels at the rim are cut into finer ones.
@@ -29,12 +29,13 @@
 mod beam;
 mod cell_surface;
 mod cross;
-mod factors;
+mod factor;
 mod lenslet_image;
 mod lenslet_lines;
 mod model;
 mod normal;
 mod place;
+mod rectangle;
 mod rim;
 mod spline;
 mod table;

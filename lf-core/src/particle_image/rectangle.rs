@@ -1,34 +1,11 @@
 //! The image of a cell that is a rectangle along the axes: light is a factor along x times one along y.
 
 use super::cross::Cross;
+use super::factor::Factor;
 use super::lenslet_image::{Cut, LensletImage, NODES, PLACES, QUANTITIES, Scratch};
 use super::place::{Place, width};
 use super::rim::Side;
 use super::table::Table;
-
-/// A pixel's light along one axis, and its derivatives by m, alpha, the spot's size and the lattice's shift.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Factor {
-    light: f64,
-    by_m: f64,
-    by_alpha: f64,
-    by_size: f64,
-    by_shift: f64,
-}
-
-impl Factor {
-    /// `a` of the one and `b` of the other.
-    #[inline(always)]
-    fn mix(&self, a: f64, other: &Self, b: f64) -> Self {
-        Self {
-            light: a * self.light + b * other.light,
-            by_m: a * self.by_m + b * other.by_m,
-            by_alpha: a * self.by_alpha + b * other.by_alpha,
-            by_size: a * self.by_size + b * other.by_size,
-            by_shift: a * self.by_shift + b * other.by_shift,
-        }
-    }
-}
 
 impl LensletImage<'_, Cross> {
     /// From the factors along both axes; pixels that the rim crosses from the tables.
@@ -58,7 +35,7 @@ impl LensletImage<'_, Cross> {
         }
     }
 
-    /// What a table says at a place.
+    /// A table's value at a place.
     #[inline(always)]
     fn at(&self, table: &Cross, axis: usize, place: &Place) -> Factor {
         let read = table.taps(axis, place.x, self.more_mm);
