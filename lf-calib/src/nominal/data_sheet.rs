@@ -64,6 +64,7 @@ impl DataSheet {
             medium: None,
             centres: None,
             vignetting: None,
+            pose: None,
             calibration: None,
         };
         // Lengths are judged as typed; those of an equivalent camera are longer.

@@ -122,7 +122,8 @@ impl Camera {
             [] => "nothing beyond a thin lens is modelled".to_string(),
             blocks => format!("modelled beyond a thin lens: {}", blocks.join(", ")),
         };
-        format!("{layout} lattice of {:.2} px, {stop} stop; {blocks}", self.pitch_px())
+        let pose = if self.pose.is_some() { "; it has a pose" } else { "" };
+        format!("{layout} lattice of {:.2} px, {stop} stop; {blocks}{pose}", self.pitch_px())
     }
 }
 

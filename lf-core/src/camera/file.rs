@@ -89,6 +89,9 @@ impl Camera {
         if let Some(medium) = &self.medium {
             medium.check(self.object_distance_mm())?;
         }
+        if let Some(pose) = &self.pose {
+            pose.check()?;
+        }
         if let Some(centres) = &self.centres {
             centres.check()?;
         }

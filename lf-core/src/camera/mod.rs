@@ -12,6 +12,9 @@
 //! `frame` is `right-handed` in every file that the tools write. A camera without it is read too, so that a data sheet
 //! may be typed in without it and cameras of lf 0.1.0 keep their worth: no key depends on where X points.
 //!
+//! `pose` says where a camera stands among others: [`Pose`]. Every tool works in the frame of the camera that it is given,
+//! whatever its pose. Only lf-fit with several cameras, and lf-synth, which puts a posed camera into its scene, read it.
+//!
 //! | symbol | key | derived here |
 //! | --- | --- | --- |
 //! | `pp` | `sensor.pixel_pitch_mm` | |
@@ -43,10 +46,12 @@ mod derived;
 mod file;
 mod model;
 mod plausible;
+mod pose;
 
 pub use crate::lattice::{Layout, Microlenses};
 pub use derived::ALIGNED_PX;
 pub use model::{Aperture, Camera, Distortion, MainLens, Medium, Sensor, Tilt};
+pub use pose::Pose;
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -1,5 +1,6 @@
 //! The keys of `camera.json`.
 
+use super::pose::Pose;
 use crate::frame::Frame;
 use crate::lattice::{Centres, Microlenses};
 use serde::{Deserialize, Serialize};
@@ -35,6 +36,9 @@ pub struct Camera {
     /// is relative to the folder of the camera's file. See [`crate::image::open_frame`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vignetting: Option<PathBuf>,
+    /// Where the camera stands among others; absent, its own frame is the common one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<Pose>,
     /// Results of calibrations for people: residuals and their units under `lattice`, `volume` and `refine`, and
     /// `history`. Only lf-calib reads it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
