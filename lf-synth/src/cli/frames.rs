@@ -6,7 +6,7 @@ use lf_core::flow::{Flows, Velocity};
 use lf_core::{Refusal, Result, Session, cli, io, particles, volume};
 use lf_synth::particles::{Appearance, Particle, Tracers, inside, seed_evenly, table};
 use lf_synth::rays::{self, Glow, Instrument};
-use lf_synth::{memory, truth};
+use lf_synth::{memory, scene, truth};
 use std::path::Path;
 
 /// Renders the frames of a scene into a folder.
@@ -40,7 +40,8 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
     let mut tracers = tracers(&setup, &times, session)?;
     let (instrument, glow) = (setup.instrument(), scene.glow(camera));
     let (most, exact) = (tracers.most(), truth.as_ref().map(|(truth, grid)| (*truth, grid)));
-    let bytes = memory::frames(&instrument, most, &glow, times.len(), scene.sensor_noise.as_ref(), exact);
+    let bytes =
+        memory::frames(&instrument, &scene::seen(most, camera), &glow, times.len(), scene.sensor_noise.as_ref(), exact);
     let bytes = if *measure_noise { bytes.max(memory::measured_noise(&instrument)) } else { bytes };
     let frames = || format!("{} frames of at most {} particles each", times.len(), most.len());
     setup.allow_memory(bytes, || format!("{}, {}", setup.sensor(), frames()), session)?;
@@ -50,16 +51,16 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
     for (frame, &time) in times.iter().enumerate() {
         let lit =
             session.phase("carry", |_| Ok(tracers.lit(frame, time, scene.volume.bounds_mm(), scene.light.as_ref())))?;
-        let seed = scene.seed ^ ((frame as u64) << 32);
+        let (seed, seen) = (scene.seed_of(camera) ^ ((frame as u64) << 32), scene::seen(&lit, camera));
         let (about, total) = (format!("frame {frame}: {} particles", lit.len()), lit.len() as u64);
         let mut image =
-            rendered(&about, ("particles", total), session, |done| rays::frame(&instrument, &lit, &glow, seed, done))?;
+            rendered(&about, ("particles", total), session, |done| rays::frame(&instrument, &seen, &glow, seed, done))?;
         rays += image.rays;
         setup.record(&mut image.pixels, frame, session)?;
         save_image(&folder.join(file_of_frame(frame)), &image.pixels, session)?;
         drop(image);
         if *measure_noise && frame == 0 {
-            tell_noise(&instrument, &lit, &glow, seed, session)?;
+            tell_noise(&instrument, &seen, &glow, seed, session)?;
         }
         if let Some((truth, grid)) = &truth {
             let (indices, intensity) = session.phase("truth", |_| Ok(truth::volume(grid, &lit, truth.sigma_vox)))?;

@@ -69,8 +69,9 @@ impl Setup {
     /// Records the expected counts of image `number` with the scene's sensor, in place.
     pub fn record(&self, pixels: &mut Array2<f32>, number: usize, session: &mut Session) -> Result<()> {
         let Some(noise) = &self.scene.sensor_noise else { return Ok(()) };
-        let recorded =
-            session.phase("record", |_| Ok(noise.record(pixels, self.background.as_ref(), self.scene.seed, number)))?;
+        let recorded = session.phase("record", |_| {
+            Ok(noise.record(pixels, self.background.as_ref(), self.scene.seed_of(&self.camera), number))
+        })?;
         if recorded.clipped > 0 {
             session.warn(format!("image {number}: {} pixels are full", recorded.clipped));
         }

@@ -14,7 +14,9 @@ pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     }
     scene.volume.check()?;
     check_size(scene, camera)?;
-    check_depth(camera, scene.volume.z_mm[1]).map_err(|found| wrong(format!("volume.z_mm reaches {found}")))?;
+    let [.., [_, nearest_mm]] = scene.seen_bounds_mm(camera);
+    let key = if camera.pose.is_some() { "volume, from camera.pose," } else { "volume.z_mm" };
+    check_depth(camera, nearest_mm).map_err(|found| wrong(format!("{key} reaches {found}")))?;
     check_particles(scene, camera)?;
     scene.frames.check()?;
     if let Some(diffraction) = &scene.diffraction {

@@ -182,6 +182,7 @@ impl Scene {
     pub fn unseen_share(&self, camera: &Camera) -> f64 {
         let seen = |[low, high]: [f64; 2], half: f64| ((high.min(half) - low.max(-half)) / (high - low)).max(0.0);
         let [half_x, half_y] = camera.half_view_mm();
-        1.0 - seen(self.volume.x_mm, half_x) * seen(self.volume.y_mm, half_y)
+        let [x_mm, y_mm, _] = self.seen_bounds_mm(camera);
+        1.0 - seen(x_mm, half_x) * seen(y_mm, half_y)
     }
 }

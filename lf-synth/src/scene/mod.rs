@@ -5,8 +5,10 @@
 mod check;
 mod dots;
 mod keys;
+mod posed;
 pub mod ready;
 
 pub use check::check;
 pub use dots::Dots;
 pub use keys::{Particles, Scene, Truth, White};
+pub use posed::seen;
