@@ -252,7 +252,7 @@ impl Local<'_, '_> {
         image.pixels(self.window.columns, |n, pixel| {
             let (seen, light) = (self.window.seen[n], self.window.light[n]);
             if !seen.is_nan() {
-                let weight = f64::from(pixel[3] / self.setting.noise.variance(light));
+                let weight = f64::from(pixel[3] / self.setting.noise_at(self.window, n).variance(light));
                 along += weight * f64::from(seen - light);
                 square += weight * f64::from(pixel[3]);
             }

@@ -1,12 +1,15 @@
 //! All particles of a frame. The sensor is cut into tiles; a tile's particles are fitted together, the others held.
 //!
 //! Tiles have four colours. Tiles of one colour are so far apart that no pixel has light of the particles of two: they
-//! are fitted at the same time, and the result does not depend on the number of threads.
+//! are fitted at the same time, and the result does not depend on the number of threads. With further cameras there are
+//! more colours: no sensor may have light of the particles of two tiles of one.
 
 use super::buffers::Buffers;
+use super::further::{self, Exposure};
 use super::image::SpotImage;
 use super::joint::{Ends, Setting};
-use super::{noise, spot::Spot, window::Window};
+use super::window::{Rectangle, Sheet, Window};
+use super::{noise, noise::Noise, spot::Spot};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
@@ -25,6 +28,8 @@ pub(super) struct Cloud<'a> {
     pub(super) image: ArrayView2<'a, f32>,
     /// Expected counts of each pixel.
     pub(super) light: Vec<f32>,
+    /// Images and light of further cameras.
+    pub(super) further: Vec<Exposure<'a>>,
     pub(super) spots: Vec<Spot>,
     /// Whether a particle stayed whole when it was tried to be two.
     pub(super) is_whole: Vec<bool>,
@@ -32,11 +37,17 @@ pub(super) struct Cloud<'a> {
     pub(super) reach_px: usize,
 }
 
+/// Tiles, their rectangles of each sensor, and their colours.
+pub(super) struct Plan {
+    pub(super) tiles: Vec<Tile>,
+    pub(super) windows: Vec<Vec<Rectangle>>,
+    colours: Vec<usize>,
+}
+
 /// Pixels beyond a tile within which a task may move particles of its neighbours.
 pub(super) const SEAM: usize = 32;
 /// Tiles that are rendered before their light is added up; bounds the memory.
 pub(super) const AT_ONCE: usize = 32;
-const COLOURS: usize = 4;
 
 /// Columns and rows of tiles. No pixel has light of the particles of two tiles of one colour.
 pub(super) fn tile_counts(size: [usize; 2], reach_px: usize) -> [usize; 2] {
@@ -47,7 +58,7 @@ impl<'a> Cloud<'a> {
     /// Particles without light on the sensor yet: see [`Cloud::render`].
     pub(super) fn new(image: ArrayView2<'a, f32>, spots: Vec<Spot>, reach_px: usize) -> Self {
         let is_whole = vec![false; spots.len()];
-        Self { light: vec![0.0; image.len()], image, spots, is_whole, reach_px }
+        Self { light: vec![0.0; image.len()], image, further: Vec::new(), spots, is_whole, reach_px }
     }
 
     fn size(&self) -> [usize; 2] {
@@ -66,13 +77,58 @@ impl<'a> Cloud<'a> {
         (0..count[0] * count[1]).map(tile).collect()
     }
 
-    /// The window of a tile: all pixels that its particles can light.
-    pub(super) fn window(&self, tile: &Tile) -> Window {
+    /// The rectangle of the first sensor that holds all pixels that the particles of a tile can light.
+    fn first_rectangle(&self, tile: &Tile) -> Rectangle {
         let margin = self.reach_px + SEAM;
         let size = self.size();
         let low = tile.low.map(|low| low.saturating_sub(margin));
-        let high = [0, 1].map(|axis| (tile.high[axis] + margin).min(size[axis]));
-        Window::cut(self.image, &self.light, low, high)
+        [low, [0, 1].map(|axis| (tile.high[axis] + margin).min(size[axis]))]
+    }
+
+    /// The tiles, the windows in which their particles are fitted, and the order.
+    pub(super) fn plan(&self, setting: &Setting) -> Plan {
+        let tiles = self.tiles();
+        let mut windows: Vec<Vec<Rectangle>> = tiles.iter().map(|tile| vec![self.first_rectangle(tile)]).collect();
+        if self.further.is_empty() {
+            let colours = tiles.iter().map(|tile| tile.colour).collect();
+            return Plan { tiles, windows, colours };
+        }
+        let members = self.members(setting, &tiles);
+        for ((tile, members), windows) in tiles.iter().zip(&members).zip(&mut windows) {
+            let beside = SEAM as f64;
+            let low = tile.low.map(|low| low as f64 - beside);
+            let column = further::column(setting, low, tile.high.map(|high| high as f64 + beside));
+            // Particles that the first camera does not see count to the nearest tile.
+            let places: Vec<[f64; 3]> = members.iter().map(|n| self.spots[*n].place_mm).collect();
+            for (view, exposure) in setting.views.iter().zip(&self.further) {
+                let size = [exposure.image.ncols(), exposure.image.nrows()];
+                let strip = further::lit(view, &column, 0.0, size);
+                windows.push(match places.is_empty() {
+                    true => strip,
+                    false => further::around(strip, further::lit(view, &places, beside, size)),
+                });
+            }
+        }
+        Plan { colours: further::colours(&windows), tiles, windows }
+    }
+
+    /// The window of a tile: all pixels that its particles can light.
+    pub(super) fn window(&self, rectangles: &[Rectangle]) -> Window {
+        if self.further.is_empty() {
+            let [low, high] = rectangles[0];
+            return Window::cut(self.image, &self.light, low, high);
+        }
+        let sheets: Vec<(Sheet, Rectangle)> = self.sheets().zip(rectangles.iter().copied()).collect();
+        Window::cut_all(&sheets)
+    }
+
+    /// Puts the light of a window back onto the sensors.
+    fn paste(&mut self, window: &Window) {
+        let width = self.image.ncols();
+        window.paste(0, &mut self.light, width);
+        for (n, exposure) in self.further.iter_mut().enumerate() {
+            window.paste(n + 1, &mut exposure.light, exposure.image.ncols());
+        }
     }
 
     /// The particles of each tile, by their chief rays.
@@ -95,15 +151,16 @@ impl<'a> Cloud<'a> {
     /// Renders all particles anew.
     pub(super) fn render(&mut self, setting: &Setting) {
         self.light.fill(0.0);
-        let tiles = self.tiles();
-        let members = self.members(setting, &tiles);
-        let tasks: Vec<(&Tile, &Vec<usize>)> = tiles.iter().zip(&members).collect();
+        self.further.iter_mut().for_each(|exposure| exposure.light.fill(0.0));
+        let plan = self.plan(setting);
+        let members = self.members(setting, &plan.tiles);
+        let tasks: Vec<(&Vec<Rectangle>, &Vec<usize>)> = plan.windows.iter().zip(&members).collect();
         let width = self.image.ncols();
         for tasks in tasks.chunks(AT_ONCE) {
             let rendered: Vec<Window> = tasks
                 .par_iter()
-                .map_init(Buffers::default, |buffers, (tile, members)| {
-                    let mut window = self.window(tile);
+                .map_init(Buffers::default, |buffers, (rectangles, members)| {
+                    let mut window = self.window(rectangles);
                     window.light.fill(0.0);
                     for n in *members {
                         let image = setting.image(&self.spots[*n], &window, buffers);
@@ -112,7 +169,12 @@ impl<'a> Cloud<'a> {
                     window
                 })
                 .collect();
-            rendered.iter().for_each(|window| window.add_to(&mut self.light, width));
+            for window in &rendered {
+                window.add_to(0, &mut self.light, width);
+                for (n, exposure) in self.further.iter_mut().enumerate() {
+                    window.add_to(n + 1, &mut exposure.light, exposure.image.ncols());
+                }
+            }
         }
     }
 
@@ -132,23 +194,22 @@ impl<'a> Cloud<'a> {
         work: impl Fn(&Self, &mut Window, &Tile, &[usize], &mut Buffers) -> T + Sync,
         mut done: impl FnMut(&mut Self, usize, T),
     ) {
-        let width = self.image.ncols();
-        let tiles = self.tiles();
-        for colour in 0..COLOURS {
+        let Plan { tiles, windows, colours } = self.plan(setting);
+        for colour in 0..=colours.iter().copied().max().unwrap_or(0) {
             let members = self.members(setting, &tiles);
-            let mine = |n: &usize| tiles[*n].colour == colour && !members[*n].is_empty() && wanted(*n);
+            let mine = |n: &usize| colours[*n] == colour && !members[*n].is_empty() && wanted(*n);
             let tasks: Vec<usize> = (0..tiles.len()).filter(mine).collect();
             for tasks in tasks.chunks(AT_ONCE) {
                 let results: Vec<(Window, T)> = tasks
                     .par_iter()
                     .map_init(Buffers::default, |buffers, n| {
-                        let mut window = self.window(&tiles[*n]);
+                        let mut window = self.window(&windows[*n]);
                         let result = work(self, &mut window, &tiles[*n], &members[*n], buffers);
                         (window, result)
                     })
                     .collect();
                 for (n, (window, result)) in tasks.iter().zip(results) {
-                    window.paste(&mut self.light, width);
+                    self.paste(&window);
                     done(self, *n, result);
                 }
             }
@@ -182,14 +243,17 @@ impl<'a> Cloud<'a> {
 
     /// Finds light, places held: expectation maximisation, tile by tile.
     pub(super) fn share_light(&mut self, setting: &Setting, rounds: usize) {
+        let floor = |noise: &Noise| noise.read_variance.sqrt().max(noise.gain) as f32;
+        let floors: Vec<f32> = setting.noises().map(floor).collect();
         let work = |cloud: &Self, window: &mut Window, _: &Tile, members: &[usize], buffers: &mut Buffers| {
             let mut spots: Vec<Spot> = members.iter().map(|n| cloud.spots[*n]).collect();
             let mut images: Vec<SpotImage> = spots.iter().map(|spot| setting.image(spot, window, buffers)).collect();
-            let floor = setting.noise.read_variance.sqrt().max(setting.noise.gain) as f32;
             for _ in 0..rounds {
-                let ratio =
-                    |(seen, light): (&f32, &f32)| if seen.is_nan() { 1.0 } else { seen.max(0.0) / (light + floor) };
-                let ratios: Vec<f32> = window.seen.iter().zip(&window.light).map(ratio).collect();
+                let ratio = |(n, (seen, light)): (usize, (&f32, &f32))| {
+                    let floor = floors[window.camera_of(n)];
+                    if seen.is_nan() { 1.0 } else { seen.max(0.0) / (light + floor) }
+                };
+                let ratios: Vec<f32> = window.seen.iter().zip(&window.light).enumerate().map(ratio).collect();
                 for (spot, image) in spots.iter_mut().zip(&mut images) {
                     let (mut sum, mut whole) = (0.0, 0.0);
                     image.pixels(window.columns, |n, pixel| {
@@ -214,20 +278,28 @@ impl<'a> Cloud<'a> {
         );
     }
 
-    /// Expected counts and difference of every lit pixel.
-    pub(super) fn pairs(&self) -> Vec<(f32, f32)> {
-        let [width, height] = self.size();
-        noise::pairs(&Window::cut(self.image, &self.light, [0, 0], [width, height]))
+    /// Expected counts and difference of every lit pixel of a camera; 0 is the first.
+    pub(super) fn pairs(&self, camera: usize) -> Vec<(f32, f32)> {
+        let (image, light) = self.sheets().nth(camera).expect("the cloud has this camera");
+        noise::pairs(&Window::cut(image, light, [0, 0], [image.ncols(), image.nrows()]))
+    }
+
+    /// Image and light of each camera.
+    fn sheets(&self) -> impl Iterator<Item = Sheet<'_>> {
+        let further = self.further.iter().map(|exposure| (exposure.image, exposure.light.as_slice()));
+        std::iter::once((self.image, self.light.as_slice())).chain(further)
     }
 
     /// Mean of squared differences over variances where light is expected, each held below 25.
     pub(super) fn misfit(&self, setting: &Setting) -> f64 {
-        let least = 3.0 * setting.noise.gain.max(setting.noise.read_variance.sqrt()) as f32;
         let (mut sum, mut count) = (0.0, 0usize);
-        for (seen, light) in self.image.iter().zip(&self.light) {
-            if !seen.is_nan() && *light > least {
-                sum += f64::from(((seen - light).powi(2) / setting.noise.variance(*light)).min(25.0));
-                count += 1;
+        for ((image, light), noise) in self.sheets().zip(setting.noises()) {
+            let least = 3.0 * noise.gain.max(noise.read_variance.sqrt()) as f32;
+            for (seen, light) in image.iter().zip(light) {
+                if !seen.is_nan() && *light > least {
+                    sum += f64::from(((seen - light).powi(2) / noise.variance(*light)).min(25.0));
+                    count += 1;
+                }
             }
         }
         if count > 0 { sum / count as f64 } else { 1.0 }

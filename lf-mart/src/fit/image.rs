@@ -1,6 +1,7 @@
 //! The image of a particle within a window, with the derivatives that the fit needs.
 
-use super::{spot::Spot, window::Window};
+use super::window::{Part, Window};
+use super::{spot::Spot, view::View};
 use lf_core::particle_image::{ParticleModel, Patch, QUANTITIES, Scratch};
 use lf_core::simd::fastest;
 
@@ -50,13 +51,40 @@ impl SpotImage {
         let (blocks, pixels) = (Vec::with_capacity(BLOCKS), Vec::with_capacity(PIXELS));
         let mut image = Self { rendered: *spot, step: [0.0; 3], factor: 1.0, blocks, pixels };
         let scale = [spot.light, spot.light * pixel_mm];
+        let (part, row) = (window.part(0), window.columns);
         fastest(
             #[inline(always)]
             || {
-                model.visit_places(spot.place_mm, scratch, |patch, pixels| image.take(window, patch, pixels, scale));
+                model.visit_places(spot.place_mm, scratch, |patch, pixels| {
+                    image.take((&part, row), patch, pixels, scale, |by| by);
+                });
             },
         );
         image
+    }
+
+    /// Adds the pixels of a further camera, whose rectangle of the window is `part` and whose rows are `row` long.
+    pub(super) fn add_view(
+        &mut self,
+        view: &View,
+        spot: &Spot,
+        pixel_mm: f64,
+        (part, row): (&Part, usize),
+        scratch: &mut Scratch,
+    ) {
+        if part.rows == 0 || part.columns == 0 {
+            return;
+        }
+        let seen = view.seen(spot);
+        let scale = [seen.light, seen.light * pixel_mm];
+        fastest(
+            #[inline(always)]
+            || {
+                view.model.visit_places(seen.place_mm, scratch, |patch, pixels| {
+                    self.take((part, row), patch, pixels, scale, |by| view.turned(by));
+                });
+            },
+        );
     }
 
     /// The same, with all quantities of the model shown to `each`, patch by patch.
@@ -71,11 +99,12 @@ impl SpotImage {
         let (blocks, pixels) = (Vec::with_capacity(BLOCKS), Vec::with_capacity(PIXELS));
         let mut image = Self { rendered: *spot, step: [0.0; 3], factor: 1.0, blocks, pixels };
         let scale = [spot.light, spot.light * pixel_mm];
+        let (part, row) = (window.part(0), window.columns);
         fastest(
             #[inline(always)]
             || {
                 model.visit(spot.place_mm, scratch, |patch, pixels| {
-                    image.take(window, patch, pixels, scale);
+                    image.take((&part, row), patch, pixels, scale, |by| by);
                     each(patch, pixels);
                 });
             },
@@ -107,26 +136,35 @@ impl SpotImage {
         image
     }
 
+    /// Takes a patch; `turn` brings derivatives by the place into the first camera's frame.
     #[inline(always)]
-    fn take(&mut self, window: &Window, patch: Patch, pixels: &[[f64; QUANTITIES]], [light, length]: [f64; 2]) {
+    fn take(
+        &mut self,
+        (part, row_length): (&Part, usize),
+        patch: Patch,
+        pixels: &[[f64; QUANTITIES]],
+        [light, length]: [f64; 2],
+        turn: impl Fn([f64; 3]) -> [f64; 3],
+    ) {
         // The part of the patch that lies within the window.
         let within = |first: u32, count: u32, low: usize, size: usize| {
             let from = (first as usize).clamp(low, low + size);
             (from, ((first + count) as usize).clamp(from, low + size))
         };
-        let (left, right) = within(patch.column, patch.columns, window.left, window.columns);
-        let (top, bottom) = within(patch.row, patch.rows, window.top, window.rows);
+        let (left, right) = within(patch.column, patch.columns, part.left, part.columns);
+        let (top, bottom) = within(patch.row, patch.rows, part.top, part.rows);
         if left >= right || top >= bottom || pixels.iter().all(|pixel| pixel[0] < LEAST_SHARE) {
             return;
         }
-        let start = (top - window.top) * window.columns + left - window.left;
+        let start = part.start + (top - part.top) * row_length + left - part.left;
         let (columns, rows) = ((right - left) as u16, (bottom - top) as u16);
         self.blocks.push(Block { start: start as u32, columns, rows });
         for row in top..bottom {
             let first = (row - patch.row as usize) * patch.columns as usize + left - patch.column as usize;
             let line = &pixels[first..first + right - left];
             self.pixels.extend(line.iter().map(|pixel| {
-                [length * pixel[1], length * pixel[2], length * pixel[3], light * pixel[0]].map(|value| value as f32)
+                let [x, y, z] = turn([pixel[1], pixel[2], pixel[3]]);
+                [length * x, length * y, length * z, light * pixel[0]].map(|value| value as f32)
             }));
         }
     }

@@ -4,7 +4,7 @@ use super::buffers::Buffers;
 use super::image::{SpotImage, UNKNOWNS};
 use super::noise::{LANES, Lanes, Noise};
 use super::normal::{FINE, Normal, conjugate_gradients};
-use super::{spot::Spot, window::Window};
+use super::{spot::Spot, view::View, window::Window};
 use lf_core::particle_image::ParticleModel;
 use lf_core::simd::fastest;
 
@@ -12,6 +12,8 @@ use lf_core::simd::fastest;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setting<'a> {
     pub(super) model: &'a ParticleModel,
+    /// Further cameras; a window that shows no part of them has their light left out.
+    pub(super) views: &'a [View],
     pub(super) noise: Noise,
     /// A pixel at the focal plane, mm.
     pub(super) pixel_mm: f64,
@@ -74,7 +76,25 @@ const MOST_LIGHT: f64 = 3.0;
 
 impl Setting<'_> {
     pub(super) fn image(&self, spot: &Spot, window: &Window, buffers: &mut Buffers) -> SpotImage {
-        SpotImage::of(self.model, spot, self.pixel_mm, window, &mut buffers.scratch)
+        let mut image = SpotImage::of(self.model, spot, self.pixel_mm, window, &mut buffers.scratch);
+        for (view, part) in self.views.iter().zip(&window.further) {
+            image.add_view(view, spot, self.pixel_mm, (part, window.columns), &mut buffers.scratch);
+        }
+        image
+    }
+
+    /// The noise of each camera.
+    pub(super) fn noises(&self) -> impl Iterator<Item = &Noise> {
+        std::iter::once(&self.noise).chain(self.views.iter().map(|view| &view.noise))
+    }
+
+    /// The noise of the camera that a pixel of the window is of.
+    #[inline(always)]
+    pub(super) fn noise_at(&self, window: &Window, pixel: usize) -> &Noise {
+        match window.camera_of(pixel) {
+            0 => &self.noise,
+            n => &self.views[n - 1].noise,
+        }
     }
 
     /// The image of a particle near the place where `image` was rendered: what the derivatives say if that is near
@@ -83,7 +103,8 @@ impl Setting<'_> {
         let from = &image.rendered;
         let step: [f64; 3] = std::array::from_fn(|k| (spot.place_mm[k] - from.place_mm[k]) / self.pixel_mm);
         let spread = self.model.spread_px(step[2] * self.pixel_mm);
-        if step[0].abs().max(step[1].abs()).max(spread) > NEAR {
+        let far = |view: &View| view.moved_px(step.map(|step| step * self.pixel_mm)) > NEAR;
+        if step[0].abs().max(step[1].abs()).max(spread) > NEAR || self.views.iter().any(far) {
             return self.image(spot, window, buffers);
         }
         image.moved(spot, step)
@@ -104,11 +125,24 @@ impl Setting<'_> {
     }
 
     fn painted_deviance(&self, window: &Window, buffers: &Buffers) -> f64 {
+        if window.further.is_empty() {
+            return Self::deviance_of(&self.noise, &buffers.touched, window, buffers);
+        }
+        let of_camera = |(camera, noise): (usize, &Noise)| {
+            let is_mine = |n: &u32| window.camera_of(*n as usize) == camera;
+            let mine: Vec<u32> = buffers.touched.iter().copied().filter(is_mine).collect();
+            Self::deviance_of(noise, &mine, window, buffers)
+        };
+        self.noises().enumerate().map(of_camera).sum()
+    }
+
+    /// -2 log L of painted pixels of one camera.
+    fn deviance_of(noise: &Noise, touched: &[u32], window: &Window, buffers: &Buffers) -> f64 {
         let mut sum = 0.0;
         fastest(
             #[inline(always)]
             || {
-                for chunk in buffers.touched.chunks(LANES) {
+                for chunk in touched.chunks(LANES) {
                     let mut lanes = Lanes::default();
                     for (k, n) in chunk.iter().enumerate() {
                         let (n, seen) = (*n as usize, window.seen[*n as usize]);
@@ -120,7 +154,7 @@ impl Setting<'_> {
                             lanes.expected[k] = f64::from(others + buffers.own[n]);
                         }
                     }
-                    sum += self.noise.deviance(&lanes);
+                    sum += noise.deviance(&lanes);
                 }
             },
         );
@@ -133,7 +167,7 @@ impl Setting<'_> {
             let n = *n as usize;
             let expected = window.light[n] + buffers.own[n];
             let seen = window.seen[n];
-            let weight = if seen.is_nan() { 0.0 } else { 1.0 / self.noise.variance(expected) };
+            let weight = if seen.is_nan() { 0.0 } else { 1.0 / self.noise_at(window, n).variance(expected) };
             buffers.weight[n] = weight;
             buffers.pull[n] = if seen.is_nan() { 0.0 } else { weight * (seen - expected) };
         }
@@ -144,7 +178,8 @@ impl Setting<'_> {
         for n in &buffers.touched {
             let n = *n as usize;
             let seen = window.seen[n];
-            buffers.weight[n] = if seen.is_nan() { 0.0 } else { 1.0 / self.noise.variance(window.light[n]) };
+            buffers.weight[n] =
+                if seen.is_nan() { 0.0 } else { 1.0 / self.noise_at(window, n).variance(window.light[n]) };
             buffers.pull[n] = 0.0;
         }
     }

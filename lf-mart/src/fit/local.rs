@@ -84,10 +84,14 @@ impl<'a, 'b> Local<'a, 'b> {
         (0..2).all(|axis| place[axis] >= self.tile.low[axis] as f64 && place[axis] < self.tile.high[axis] as f64)
     }
 
-    /// Particles within `aside` pixels of the focal plane of a place, sideways.
+    /// Particles within `aside` pixels of the focal plane of a place, sideways for any of the cameras.
     pub(super) fn near(&self, place_mm: [f64; 3], aside: f64) -> Vec<usize> {
         let reach = aside * self.setting.pixel_mm;
-        let is_near = |spot: &Spot| (0..2).all(|axis| (spot.place_mm[axis] - place_mm[axis]).abs() < reach);
+        let is_near = |spot: &Spot| {
+            let between: [f64; 3] = std::array::from_fn(|axis| spot.place_mm[axis] - place_mm[axis]);
+            (0..2).all(|axis| between[axis].abs() < reach)
+                || self.setting.views.iter().any(|view| view.aside_px(between) < aside)
+        };
         (0..self.members.len()).filter(|n| is_near(&self.members[*n].spot)).collect()
     }
 
@@ -192,7 +196,7 @@ impl<'a, 'b> Local<'a, 'b> {
         member.image.pixels(self.window.columns, |n, pixel| {
             let (seen, light) = (self.window.seen[n], self.window.light[n]);
             if pixel[COUNTS] > least && !seen.is_nan() {
-                sum += f64::from((seen - light).powi(2) / self.setting.noise.variance(light)) - 1.0;
+                sum += f64::from((seen - light).powi(2) / self.setting.noise_at(self.window, n).variance(light)) - 1.0;
                 count += 1.0;
             }
         });

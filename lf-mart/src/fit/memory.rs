@@ -2,7 +2,12 @@
 
 use super::candidates;
 use super::cloud::{AT_ONCE, SEAM, tile_counts};
+use super::joint::Setting;
+use super::noise::Noise;
 use super::recipe::{FitOptions, reach_px};
+use super::together::{self, CameraFit, Sight};
+use super::window::Rectangle;
+use lf_core::camera::Pose;
 use lf_core::{Camera, Grid, Refusal};
 
 /// Bytes of a pixel of the frame: light, and expected counts with differences for the noise.
@@ -36,4 +41,42 @@ pub fn peak_bytes(
     let threads = threads * (THREAD_PIXEL * window + THREAD_PARTICLE * in_window);
     let sample = SAMPLE_PARTICLE * particles.min(SAMPLE) + (WINDOW_PIXEL + 12) * window;
     Ok((frame + at_once * WINDOW_PIXEL * window + threads.max(sample)) as u64)
+}
+
+/// Most bytes that a fit of several cameras takes beside images and volumes: that of a camera alone, or that of all.
+pub fn together_bytes<'a>(sights: &[Sight<'a>], options: &'a FitOptions) -> Result<u64, (usize, Refusal)> {
+    let (mut alone, mut particles, mut frames) = (0, 0, 0);
+    for (n, Sight { camera, image, volume }) in sights.iter().enumerate() {
+        alone = alone.max(peak_bytes(camera, *volume, options).map_err(|refusal| (n, refusal))?);
+        let (grid, indices, intensity) = *volume;
+        particles = particles.max(candidates::maxima(grid, indices, intensity).len());
+        frames += FRAME_PIXEL * image.len();
+    }
+    let noise = Noise { gain: 1.0, read_variance: 1.0 };
+    let camera = |sight: &Sight<'a>| CameraFit {
+        shape: options.shape,
+        shape_std_px: [0.0; 3],
+        noise,
+        light: 1.0,
+        pose: Pose::between(sights[0].camera.pose.as_ref(), sight.camera.pose.as_ref()),
+        particles: 0,
+        shared: 0,
+    };
+    let cameras: Vec<CameraFit> = sights.iter().map(camera).collect();
+    let work = together::begin(sights, options, &cameras, Vec::new())?;
+    let (model, views) = (&work.model, work.views.as_slice());
+    let setting = Setting { model, views, noise, pixel_mm: work.pixel_mm, depth_mm: work.depth_mm };
+    let pixels = |windows: &Vec<Rectangle>| {
+        let columns = windows.iter().map(|[low, high]| high[0] - low[0]).max().unwrap_or(0);
+        columns * windows.iter().map(|[low, high]| high[1] - low[1]).sum::<usize>()
+    };
+    let mut windows: Vec<usize> = work.cloud.plan(&setting).windows.iter().map(pixels).collect();
+    windows.sort_unstable_by(|a, b| b.cmp(a));
+    let (tiles, most) = (windows.len(), windows[0]);
+    let in_window = particles.min(2 * particles / tiles);
+    let thread = THREAD_PIXEL * most + sights.len() * THREAD_PARTICLE * in_window;
+    let at_once: usize = windows.iter().take(AT_ONCE).sum();
+    let threads = rayon::current_num_threads().min(tiles);
+    let all = frames + 500 * particles + WINDOW_PIXEL * at_once + threads * thread;
+    Ok(alone.max(all as u64))
 }

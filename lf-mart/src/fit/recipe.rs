@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::changes::Judge;
-use super::cloud::{Cloud, Tile};
+use super::cloud::{Cloud, Plan, Tile};
 use super::covariance::Prior;
 use super::image::UNKNOWNS;
 use super::joint::{Ends, Setting};
@@ -10,7 +10,8 @@ use super::local::{Changed, Local};
 use super::noise::{Given, Noise};
 use super::normal::Normal;
 use super::shape::{Free, Sample, Shape};
-use super::{candidates, spot::Spot, window::Window};
+use super::window::{Rectangle, Window};
+use super::{candidates, spot::Spot, view::View};
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Grid, Refusal};
 use ndarray::{Array2, ArrayView2};
@@ -27,6 +28,8 @@ pub struct FitOptions {
     pub noise: Given,
     /// Most rounds of drop, split and add.
     pub rounds: usize,
+    /// Whether the poses of further cameras are fitted.
+    pub fits_pose: bool,
 }
 
 /// A particle that was found.
@@ -96,9 +99,9 @@ const SHAPE_STEPS: usize = 6;
 /// Rounds in which candidates that were not kept are tried again.
 const ADD_ROUNDS: usize = 2;
 /// Rounds end when they change less than this share of the particles.
-const QUIET: f64 = 0.005;
+pub(super) const QUIET: f64 = 0.005;
 /// A step of a tile that lowers -2 log L by less than this for each particle is the last of its sweep.
-const SWEEP_GAIN: f64 = 0.03;
+pub(super) const SWEEP_GAIN: f64 = 0.03;
 /// Neighbours within these pixels of the focal plane are free when the covariance is found: 0.995 of the full.
 const NEIGHBOURS_PX: f64 = 28.0;
 /// Noise before any is found, as a share of the brightest pixels.
@@ -135,6 +138,7 @@ pub fn fit(
         options,
         cloud: Cloud::new(image.view(), spots, reach_px),
         model,
+        views: Vec::new(),
         shape: options.shape,
         shape_std_px: [f64::INFINITY; 3],
         noise,
@@ -163,42 +167,54 @@ pub fn fit(
 }
 
 /// Depths between which particles are held, mm.
-fn depths_mm(camera: &Camera, grid: &Grid) -> [f64; 2] {
+pub(super) fn depths_mm(camera: &Camera, grid: &Grid) -> [f64; 2] {
     let beyond = BEYOND_PX * camera.pixel_in_focus_mm();
     [grid.centre_mm(2, 0) - beyond, grid.centre_mm(2, grid.shape[2] - 1) + beyond]
 }
 
 /// Most pixels from a particle's chief ray to a pixel that it lights, for particles of up to twice the first size.
 pub(super) fn reach_px(camera: &Camera, grid: &Grid, options: &FitOptions) -> Result<usize, Refusal> {
-    let depth_mm = depths_mm(camera, grid);
-    let wide = ParticleModel::new(camera, 2.0 * options.shape.sigma_px * camera.pixel_in_focus_mm(), depth_mm)?;
+    reach_of(camera, depths_mm(camera, grid), options.shape.sigma_px)
+}
+
+/// The same for particles of this size within these depths.
+pub(super) fn reach_of(camera: &Camera, depth_mm: [f64; 2], sigma_px: f64) -> Result<usize, Refusal> {
+    let wide = ParticleModel::new(camera, 2.0 * sigma_px * camera.pixel_in_focus_mm(), depth_mm)?;
     Ok(depth_mm.into_iter().fold(0f64, |reach, z| reach.max(wide.reach_px(z))).ceil() as usize)
 }
 
 /// A fit at work.
-struct Work<'a> {
-    camera: &'a Camera,
-    options: &'a FitOptions,
-    cloud: Cloud<'a>,
-    model: ParticleModel,
-    shape: Shape,
-    shape_std_px: [f64; 3],
-    noise: Noise,
-    pixel_mm: f64,
-    depth_mm: [f64; 2],
-    prior: Prior,
+pub(super) struct Work<'a> {
+    pub(super) camera: &'a Camera,
+    pub(super) options: &'a FitOptions,
+    pub(super) cloud: Cloud<'a>,
+    pub(super) model: ParticleModel,
+    /// Further cameras.
+    pub(super) views: Vec<View>,
+    pub(super) shape: Shape,
+    pub(super) shape_std_px: [f64; 3],
+    pub(super) noise: Noise,
+    pub(super) pixel_mm: f64,
+    pub(super) depth_mm: [f64; 2],
+    pub(super) prior: Prior,
     /// Candidates that were not kept.
-    candidates: Vec<Spot>,
+    pub(super) candidates: Vec<Spot>,
 }
 
 impl Work<'_> {
-    fn setting(model: &ParticleModel, noise: Noise, pixel_mm: f64, depth_mm: [f64; 2]) -> Setting<'_> {
-        Setting { model, noise, pixel_mm, depth_mm }
+    pub(super) fn setting<'a>(
+        model: &'a ParticleModel,
+        views: &'a [View],
+        noise: Noise,
+        pixel_mm: f64,
+        depth_mm: [f64; 2],
+    ) -> Setting<'a> {
+        Setting { model, views, noise, pixel_mm, depth_mm }
     }
 
     /// Shares the light out among the candidates and drops the faint ones.
     fn begin(&mut self) {
-        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         // The volume's light has no fixed scale: begin with the image's.
         let seen: f64 = self.cloud.image.iter().filter(|v| !v.is_nan()).map(|v| f64::from(v.max(0.0))).sum();
         let sum: f64 = self.cloud.spots.iter().map(|spot| spot.light).sum();
@@ -219,7 +235,7 @@ impl Work<'_> {
             return Ok(());
         }
         let Some(mut sample) = self.sample() else { return Ok(()) };
-        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let (shape, std_px) = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
         self.shape_std_px = std_px;
         self.cloud.is_whole.fill(false);
@@ -230,7 +246,7 @@ impl Work<'_> {
 
     /// A part of the sensor that sees enough particles; None if no particle is there.
     fn sample(&self) -> Option<Sample<'_>> {
-        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let size = [self.cloud.image.ncols(), self.cloud.image.nrows()];
         let margin = self.cloud.reach_px;
         let area = (size[0] * size[1]) as f64 / self.cloud.spots.len().max(1) as f64;
@@ -270,29 +286,32 @@ impl Work<'_> {
     fn take_shape(&mut self, shape: Shape) -> Result<(), Refusal> {
         self.shape = shape;
         self.model = shape.model(self.camera, self.depth_mm)?;
-        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         self.cloud.render(&setting);
         Ok(())
     }
 
     fn sweep(&mut self, sweeps: usize, steps: usize) -> f64 {
-        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         (0..sweeps).map(|_| self.cloud.sweep(&setting, Ends { steps, gain: SWEEP_GAIN })).sum()
     }
 
-    fn sweeps(&mut self, what: &'static str, sweeps: usize, steps: usize, told: &mut impl FnMut(&Progress)) {
+    pub(super) fn sweeps(&mut self, what: &'static str, sweeps: usize, steps: usize, told: &mut impl FnMut(&Progress)) {
         let gain = self.sweep(sweeps, steps);
         self.tell(what, [0; 3], gain, told);
     }
 
-    fn find_noise(&mut self) {
-        if let Some(noise) = Noise::found(&mut self.cloud.pairs(), self.options.noise) {
-            self.noise = noise;
+    pub(super) fn find_noise(&mut self) {
+        let noises = std::iter::once(&mut self.noise).chain(self.views.iter_mut().map(|view| &mut view.noise));
+        for (camera, noise) in noises.enumerate() {
+            if let Some(found) = Noise::found(&mut self.cloud.pairs(camera), self.options.noise) {
+                *noise = found;
+            }
         }
     }
 
-    fn judge(&self) -> Judge {
-        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+    pub(super) fn judge(&self) -> Judge {
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         Judge {
             gain: GAIN * self.cloud.misfit(&setting).max(1.0),
             usual_light: median(self.cloud.spots.iter().map(|spot| spot.light).collect()),
@@ -304,12 +323,12 @@ impl Work<'_> {
 
     /// Runs a change in the tiles that are stirred, and notes which of them changed. Gives the changes of each kind
     /// that were kept, and the fall of -2 log L that `work` tells.
-    fn change(
+    pub(super) fn change(
         &mut self,
         stirred: &mut [bool],
         work: impl Fn(&mut Local) -> ([usize; 3], f64) + Sync,
     ) -> ([usize; 3], f64) {
-        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let (mut sum, mut gain) = ([0; 3], 0.0);
         let task = |cloud: &Cloud, window: &mut Window, tile: &Tile, own: &[usize], buffers: &mut Buffers| {
             let mut local = Local::new(cloud, &setting, window, tile, own, buffers);
@@ -331,11 +350,15 @@ impl Work<'_> {
         );
         self.cloud.forget();
         stirred.copy_from_slice(&Cloud::stirred(&self.cloud.tiles(), &has_changed));
+        if !self.views.is_empty() {
+            // Further cameras see tiles behind each other.
+            stirred.fill(has_changed.contains(&true));
+        }
         (sum, gain)
     }
 
     /// Drop, split, add.
-    fn round(&mut self, round: usize, stirred: &mut [bool]) -> ([usize; 3], f64) {
+    pub(super) fn round(&mut self, round: usize, stirred: &mut [bool]) -> ([usize; 3], f64) {
         let judge = self.judge();
         let candidates = std::mem::take(&mut self.candidates);
         let changes = self.change(stirred, |local| {
@@ -353,14 +376,14 @@ impl Work<'_> {
         changes
     }
 
-    fn tell(&self, what: &'static str, changes: [usize; 3], gain: f64, told: &mut impl FnMut(&Progress)) {
-        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+    pub(super) fn tell(&self, what: &'static str, changes: [usize; 3], gain: f64, told: &mut impl FnMut(&Progress)) {
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let misfit = self.cloud.misfit(&setting);
         let Self { shape, noise, .. } = *self;
         told(&Progress { what, particles: self.cloud.spots.len(), changes, gain, misfit, shape, noise });
     }
 
-    /// Scans near focus, drops once more, fits to the end, and finds the uncertainties.
+    /// Scans near focus, drops once more, and ends.
     fn finish(mut self, told: &mut impl FnMut(&Progress)) -> Result<Fit, Refusal> {
         self.shape(told)?;
         self.sweeps("fit", 1, 6, told);
@@ -373,13 +396,18 @@ impl Work<'_> {
         });
         self.tell("scan", changes, gain, told);
         self.find_noise();
+        Ok(self.end(told))
+    }
+
+    /// Fits to the end, and finds the uncertainties.
+    pub(super) fn end(mut self, told: &mut impl FnMut(&Progress)) -> Fit {
         let gain = self.sweep(1, 8);
         self.tell("last fit", [0; 3], gain, told);
-        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let misfit = self.cloud.misfit(&setting);
         let particles = self.uncertainties(&setting);
         let Self { shape, shape_std_px, noise, .. } = self;
-        Ok(Fit { particles, shape, shape_std_px, noise, misfit })
+        Fit { particles, shape, shape_std_px, noise, misfit }
     }
 
     /// Depth from focus over which a scan is worth its time, mm.
@@ -391,13 +419,13 @@ impl Work<'_> {
     }
 
     fn uncertainties(&self, setting: &Setting) -> Vec<Found> {
-        let tiles = self.cloud.tiles();
+        let Plan { tiles, windows, .. } = self.cloud.plan(setting);
         let members = self.cloud.members(setting, &tiles);
-        let tasks: Vec<(&Tile, &Vec<usize>)> = tiles.iter().zip(&members).collect();
+        let tasks: Vec<((&Tile, &Vec<Rectangle>), &Vec<usize>)> = tiles.iter().zip(&windows).zip(&members).collect();
         let found: Vec<Vec<Found>> = tasks
             .par_iter()
-            .map_init(Buffers::default, |buffers, (tile, own)| {
-                let mut window = self.cloud.window(tile);
+            .map_init(Buffers::default, |buffers, ((tile, rectangles), own)| {
+                let mut window = self.cloud.window(rectangles);
                 let mut local = Local::new(&self.cloud, setting, &mut window, tile, own, buffers);
                 let normal = local.normal();
                 let own = (0..local.members.len()).filter(|n| local.members[*n].is_own);
@@ -434,7 +462,7 @@ fn first_noise(image: ArrayView2<f32>, given: Given) -> Result<Noise, Refusal> {
     })
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return 0.0;
     }

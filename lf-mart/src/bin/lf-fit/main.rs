@@ -1,6 +1,7 @@
 //! lf-fit: image, camera and volume to particles.
 
 mod arguments;
+mod inputs;
 mod run;
 
 use std::process::ExitCode;
