@@ -175,3 +175,86 @@ fn memory_is_foretold() {
     let ratio = told["memory_bytes"].as_f64().unwrap() / peak;
     assert!((0.95..2.0).contains(&ratio), "{told} for {peak}");
 }
+
+/// The scene, and the same particles before a camera at 90 degrees; volumes of both by lf-prune and lf-mart.
+fn two_cameras() -> Workbench {
+    let keys = ["volume.z_mm=[-0.6,0.6]", "truth=null", "particles.per_lenslet=0.5"];
+    let bench = bench(&keys);
+    let scene = bench.text("scene.json");
+    let mut scene: serde_json::Value = serde_json::from_str(&scene).unwrap();
+    // Its focal plane stands beside the volume.
+    scene["camera"]["pose"] = serde_json::json!({"rotation": [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
+        "translation_mm": [0, 0, 1.0]});
+    bench.write("aside.json", scene.to_string());
+    bench.folder_run("lf-synth frames aside.json -o aside");
+    for (camera, depth) in [("scene", "-0.6,0.6"), ("aside", "0.4,1.6")] {
+        bench.folder_run(&format!(
+            "lf-prune {camera}/frame-0000.exr -c {camera}/camera.json --depth={depth} -o {camera}.support.lfv"
+        ));
+        bench.folder_run(&format!(
+            "lf-mart {camera}.support.lfv -i {camera}/frame-0000.exr -c {camera}/camera.json -o {camera}.lfv"
+        ));
+    }
+    bench
+}
+
+const BOTH: &str = "scene.lfv aside.lfv -i scene/frame-0000.exr -i aside/frame-0000.exr -c scene/camera.json \
+    -c aside/camera.json";
+
+/// Where one camera is nearly blind in depth, two at 90 degrees are not; the result is the same for any number of threads.
+#[test]
+fn two_cameras_at_right_angles_know_depth_as_well_as_the_rest() {
+    let bench = two_cameras();
+    assert_eq!(bench.text("scene/particles.csv"), bench.text("aside/particles.csv"));
+    bench.done("scene.lfv -i scene/frame-0000.exr -c scene/camera.json --particles one.csv");
+    bench.done(&format!("{BOTH} --hold pose --particles two.csv --stats stats.json --log log.jsonl --threads 1"));
+    bench.done(&format!("{BOTH} --hold pose --particles again.csv --threads 3"));
+    assert!(bench.bytes("two.csv") == bench.bytes("again.csv"));
+    let truth = table(&bench, "scene/particles.csv");
+    let [one, two] = ["one.csv", "two.csv"].map(|name| {
+        let found = table(&bench, name);
+        let pairs = matched(&truth, &found);
+        let rms = (pairs.iter().map(|(off, _)| off[2] * off[2]).sum::<f64>() / pairs.len() as f64).sqrt() / 0.0055;
+        (pairs.len() as f64 / truth.len() as f64, found.len() as f64 / truth.len() as f64, rms)
+    });
+    assert!(two.0 > 0.97 && two.0 >= one.0 && two.1 < 1.03, "{one:?} {two:?}");
+    assert!(two.2 < 0.15 && two.2 < 0.2 * one.2, "{one:?} {two:?}");
+    let cameras = &bench.json("stats.json")["counts"]["cameras"];
+    assert!((cameras[1]["light"].as_f64().unwrap() - 1.0).abs() < 0.02, "{cameras}");
+    assert!(bench.text("log.jsonl").contains("round together"));
+}
+
+/// A pose that is off by a tenth of a degree and some pixels is found and written.
+#[test]
+fn a_pose_is_found_and_lists_that_do_not_agree_are_refused() {
+    let bench = two_cameras();
+    let mut camera = Camera::open(&bench.path("aside/camera.json")).unwrap();
+    let true_pose = camera.pose.unwrap();
+    let (sin, cos) = 2e-3f64.sin_cos();
+    let pose = camera.pose.as_mut().unwrap();
+    (pose.rotation, pose.translation_mm) =
+        ([[0.0, -sin, -cos], [0.0, cos, -sin], [1.0, 0.0, 0.0]], [0.004, 0.0, 0.995]);
+    bench.write("near.json", camera.to_json());
+    let call = BOTH.replace("aside/camera.json", "near.json");
+    bench.done(&format!("{call} --particles two.csv --camera-out a.json --camera-out b.json"));
+    let found = Camera::open(&bench.path("b.json")).unwrap().pose.unwrap();
+    for place in [[0.5, 0.4, 0.6], [-0.5, 0.4, -0.6], [0.5, -0.4, -0.6]] {
+        let (is, wanted) = (found.to_camera(place), true_pose.to_camera(place));
+        (0..2).for_each(|k| assert!((is[k] - wanted[k]).abs() < 0.2 * 0.0055, "{is:?} for {wanted:?}"));
+        assert!((is[2] - wanted[2]).abs() < 0.0055, "{is:?} for {wanted:?}");
+    }
+    let refused = |words: &str, named: &[&str]| bench.refused(words, named);
+    refused(&BOTH.replace(" -c aside/camera.json", ""), &["--camera: given 1 times; wanted 2, as there are 2 images"]);
+    refused(&BOTH.replace(" aside.lfv", ""), &["volume: given 1 times; wanted 2, as there are 2 images"]);
+    refused(&format!("{BOTH} -b scene/frame-0000.exr"), &["--background: given 1 times; wanted 2"]);
+    let limited = format!("{BOTH} --max-memory 0.01 --particles p.csv");
+    refused(&limited, &["scene.lfv: a fit to ", "wanted 0.01 GB at most, as --max-memory allows"]);
+    let turned = bench.text("near.json").replace("1.0,\n", "0.9,\n");
+    bench.write("turned.json", turned);
+    refused(&BOTH.replace("aside/camera.json", "turned.json"), &["turned.json: pose.rotation"]);
+    let estimate = bench.done(&format!("{BOTH} --estimate")).stdout;
+    let told: serde_json::Value = serde_json::from_slice(&estimate).unwrap();
+    bench.done(&format!("{BOTH} --particles p.csv --stats stats.json"));
+    let ratio = told["memory_bytes"].as_f64().unwrap() / bench.json("stats.json")["peak_bytes"].as_f64().unwrap();
+    assert!((0.95..2.5).contains(&ratio), "{told}: {ratio}");
+}

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Scores what scripts/studies/fit makes: DIR FRAME NAME LOG, --vectors SCENE WAY SCORES, --table KIND LOG,
---shift PX CAMERA."""
+--shift PX CAMERA, --cameras DIR NAME LOG SECONDS."""
 import json
 import sys
 
@@ -99,6 +99,45 @@ def tabled(kind, log):
         print("| " + " | ".join(cells) + " |")
 
 
+def cameras(folder, name, log, seconds):
+    """One line of errors of all three axes within and beyond 0.5 mm, as JSON at the end of a log."""
+    truth, found = table(f"{folder}/particles.csv"), table(f"{folder}/found-0000.csv")
+    matched = match(truth, found)
+    scored = {"name": name, "truth": len(truth), "found": len(found), "matched": len(matched), "cpu": float(seconds),
+              "slabs": []}
+    for low, high in ((0, 0.5), (0.5, 5.01)):
+        pairs = [(truth[i], found[j]) for i, j in matched if low <= abs(truth[i][2]) < high]
+        off = [[(p[k] - t[k]) / PIXEL for t, p in pairs] for k in range(3)]
+        ratio = [(p[2] - t[2]) / p[6] for t, p in pairs]
+        scored["slabs"].append({"count": len(pairs), "off2": [sum(o * o for o in axis) for axis in off],
+                                "ratio2": sum(r * r for r in ratio), "covered": sum(abs(r) < 1 for r in ratio)})
+    print(json.dumps(scored), flush=True)
+    with open(log, "a") as out:
+        print(json.dumps(scored), file=out)
+
+
+def cameras_tabled(log):
+    """A table of one camera against two; runs of one name and one scene's density and lattice together."""
+    runs, scene = {}, ""
+    for line in open(log):
+        run = json.loads(line)
+        if run["name"].endswith("one camera"):
+            scene = run["name"]
+        runs.setdefault((scene, run["name"]), []).append(run)
+    head = ["", "recall", "ghosts", "x, y, z within 0.5 mm, px", "beyond", "z over the bound", "1 sigma covers", "s"]
+    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    for (_, name), group in runs.items():
+        add = lambda key: sum(run[key] for run in group)
+        slab = lambda n, key: sum(run["slabs"][n][key] for run in group)
+        errors = lambda n: ", ".join(f"{(sum(run['slabs'][n]['off2'][k] for run in group) / max(slab(n, 'count'), 1)) ** 0.5:.3f}"
+                                     for k in range(3))
+        count = max(slab(0, "count") + slab(1, "count"), 1)
+        print("| " + " | ".join([
+            name, f"{add('matched') / add('truth'):.3f}", f"{1 - add('matched') / add('found'):.3f}", errors(0), errors(1),
+            f"{((slab(0, 'ratio2') + slab(1, 'ratio2')) / count) ** 0.5:.2f}",
+            f"{(slab(0, 'covered') + slab(1, 'covered')) / count:.2f}", f"{add('cpu') / len(group):.1f}"]) + " |")
+
+
 def shifted(px, path):
     """A camera with its lattice off by so many pixels along x."""
     camera = json.load(open(path))
@@ -108,6 +147,10 @@ def shifted(px, path):
 
 if sys.argv[1] == "--vectors":
     vectors(*sys.argv[2:])
+elif sys.argv[1] == "--cameras":
+    cameras(*sys.argv[2:])
+elif sys.argv[1:3] == ["--table", "cameras"]:
+    cameras_tabled(sys.argv[3])
 elif sys.argv[1] == "--table":
     tabled(*sys.argv[2:])
 elif sys.argv[1] == "--shift":

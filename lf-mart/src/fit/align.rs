@@ -165,3 +165,47 @@ impl Step {
         view.pose.translation_mm = shift.to_array();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::spot::Spot;
+    use crate::fit::view::tests::{ASIDE, DEPTH_MM, NOISE, PIXEL_MM, model, view};
+    use crate::fit::{further::Exposure, view::View};
+    use ndarray::Array2;
+
+    /// Forty particles at their true places. The pose of the second camera is off by 0.3 mrad and some tenths of a pixel,
+    /// its light by a tenth: both come back.
+    #[test]
+    fn light_and_pose_of_a_camera_come_back() {
+        let first = model(30);
+        let mut truth = view(&first, ASIDE, 0.8);
+        Step([0.0, 2e-4, -3e-4, 1e-4, 0.2, -0.3, 0.4]).take(&mut truth, PIXEL_MM);
+        let place = |n: usize| {
+            let part = |by: f64| (n as f64 * by).fract() - 0.5;
+            [0.9 * part(0.618_034), 0.9 * part(0.754_878), 1.6 * part(0.569_840)]
+        };
+        let spots: Vec<Spot> = (0..40).map(|n| Spot { place_mm: place(n), light: 1e5 }).collect();
+        let dark = Array2::<f32>::zeros((420, 420));
+        let cloud = |views: &[View], images: [&Array2<f32>; 2]| {
+            let setting = Setting { model: &first, views, noise: NOISE, pixel_mm: PIXEL_MM, depth_mm: DEPTH_MM };
+            let mut cloud = Cloud::new(images[0].view(), spots.clone(), 120);
+            cloud.further = vec![Exposure { image: images[1].view(), light: vec![0.0; images[1].len()] }];
+            cloud.render(&setting);
+            let light = [cloud.light.clone(), cloud.further[0].light.clone()];
+            (light.map(|light| Array2::from_shape_vec((420, 420), light).unwrap()), pulls(&cloud, &setting))
+        };
+        let (images, _) = cloud(std::slice::from_ref(&truth), [&dark, &dark]);
+        let mut found = view(&first, ASIDE, 0.72);
+        for _ in 0..5 {
+            let (_, pulls) = cloud(std::slice::from_ref(&found), [&images[0], &images[1]]);
+            let prior = Prior([14.0, 14.0, 1000.0, 1.0]);
+            step(&pulls, (1, &found), PIXEL_MM, prior, true).unwrap().take(&mut found, PIXEL_MM);
+        }
+        assert!((found.light / 0.8 - 1.0).abs() < 1e-3, "{}", found.light);
+        for spot in &spots {
+            let off = |k: usize| (found.seen(spot).place_mm[k] - truth.seen(spot).place_mm[k]) / PIXEL_MM;
+            assert!((0..2).all(|k| off(k).abs() < 0.02) && off(2).abs() < 0.1, "{:?}", [off(0), off(1), off(2)]);
+        }
+    }
+}

@@ -209,3 +209,109 @@ fn align(work: &mut Work, moves: bool) {
         cloud.render(&setting);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::fit::buffers::Buffers;
+    use crate::fit::covariance::{Prior, covariance};
+    use crate::fit::image::{SpotImage, UNKNOWNS};
+    use crate::fit::joint::{Ends, Setting};
+    use crate::fit::normal::{Normal, cholesky, solve};
+    use crate::fit::spot::Spot;
+    use crate::fit::view::tests::{ASIDE, DEPTH_MM, NOISE, PIXEL_MM, model, numbers, view, whole};
+    use crate::fit::window::Window;
+
+    const SIZE: usize = 3 * UNKNOWNS;
+
+    fn light(setting: &Setting, spots: &[Spot], window: &Window) -> Vec<f64> {
+        let mut sum = vec![0.0; window.seen.len()];
+        for spot in spots {
+            numbers(setting, spot, window).iter().zip(&mut sum).for_each(|(pixel, sum)| *sum += pixel[3]);
+        }
+        sum
+    }
+
+    fn moved(spots: &[Spot], n: usize, by: f64) -> Vec<Spot> {
+        let mut spots = spots.to_vec();
+        match n % UNKNOWNS {
+            3 => spots[n / UNKNOWNS].light *= by.exp(),
+            axis => spots[n / UNKNOWNS].place_mm[axis] += by * PIXEL_MM,
+        }
+        spots
+    }
+
+    /// Derivatives by differences, and the dense normal equations: matrix and right side.
+    fn dense(setting: &Setting, spots: &[Spot], window: &Window) -> (Vec<f64>, Vec<f64>) {
+        let now = light(setting, spots, window);
+        let slopes: Vec<Vec<f64>> = (0..SIZE)
+            .map(|n| {
+                let step = if n % UNKNOWNS == 3 { 1e-3 } else { 0.02 };
+                let (before, after) =
+                    (light(setting, &moved(spots, n, -step), window), light(setting, &moved(spots, n, step), window));
+                after.iter().zip(&before).map(|(after, before)| (after - before) / (2.0 * step)).collect()
+            })
+            .collect();
+        let seen: Vec<usize> = (0..now.len()).filter(|n| !window.seen[*n].is_nan()).collect();
+        let weight = |n: usize| 1.0 / (NOISE.gain * now[n] + NOISE.read_variance);
+        let sum = |a: usize, with: &dyn Fn(usize) -> f64| -> f64 {
+            seen.iter().map(|n| weight(*n) * slopes[a][*n] * with(*n)).sum()
+        };
+        let matrix = (0..SIZE * SIZE).map(|n| sum(n / SIZE, &|pixel| slopes[n % SIZE][pixel])).collect();
+        let right = (0..SIZE).map(|a| sum(a, &|pixel| f64::from(window.seen[pixel]) - now[pixel])).collect();
+        (matrix, right)
+    }
+
+    /// Three particles that share pixels, before two cameras at 90 degrees: the fit and its covariances are those of slow
+    /// dense least squares.
+    #[test]
+    fn two_cameras_fit_as_dense_least_squares_do() {
+        let first = model(20);
+        let views = [view(&first, ASIDE, 0.8)];
+        let setting = Setting { model: &first, views: &views, noise: NOISE, pixel_mm: PIXEL_MM, depth_mm: DEPTH_MM };
+        let mut window = whole(&first, &first);
+        let truth = [[0.0, 0.0, 0.5], [0.05, 0.04, 0.45], [-0.06, 0.1, -0.4]];
+        let truth = truth.map(|place_mm| Spot { place_mm, light: 1e5 });
+        let clean = light(&setting, &truth, &window);
+        // Numbers of no pattern, about as large as the noise.
+        for (n, seen) in window.seen.iter_mut().enumerate() {
+            let even: f64 = (0..4).map(|k| ((n * 4 + k) as f64 * 0.618_033_988_75).fract() - 0.5).sum();
+            *seen += (clean[n] + even * 1.7 * (NOISE.gain * clean[n] + NOISE.read_variance).sqrt()) as f32;
+        }
+        let start: Vec<Spot> = (0..SIZE).fold(truth.to_vec(), |spots, n| {
+            moved(&spots, n, [0.3, -0.2, 0.9, 0.1][n % UNKNOWNS] * [1.0, -1.0, 0.7][n / UNKNOWNS])
+        });
+        let mut slow = start.clone();
+        for _ in 0..8 {
+            let (mut matrix, mut right) = dense(&setting, &slow, &window);
+            cholesky(&mut matrix, SIZE);
+            solve(&matrix, SIZE, &mut right);
+            slow = (0..SIZE).fold(slow, |spots, n| moved(&spots, n, right[n]));
+        }
+        let mut buffers = Buffers::default();
+        let images: Vec<SpotImage> = start.iter().map(|spot| setting.image(spot, &window, &mut buffers)).collect();
+        let ends = Ends { steps: 40, gain: 1e-9 };
+        let fitted = setting.joint(&mut window, &start, images, ends, &mut buffers);
+        for (fast, slow) in fitted.spots.iter().zip(&slow) {
+            for k in 0..3 {
+                let off = (fast.place_mm[k] - slow.place_mm[k]) / PIXEL_MM;
+                assert!(off.abs() < 4e-3, "axis {k}: {off:.1e} px");
+            }
+            assert!((fast.light / slow.light - 1.0).abs() < 1e-4);
+        }
+        // Covariances, without a prior worth the name.
+        fitted.images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, 1.0));
+        buffers.paint(fitted.images.iter(), window.columns);
+        setting.weigh_whole(&window, &mut buffers);
+        let normal = Normal::new(fitted.images.iter(), window.columns, &mut buffers);
+        let found = covariance(&normal, &[1, 0, 2], Prior([1e3; UNKNOWNS]));
+        let (mut matrix, _) = dense(&setting, &slow, &window);
+        cholesky(&mut matrix, SIZE);
+        for k in 0..UNKNOWNS {
+            let mut column = vec![0.0; SIZE];
+            column[UNKNOWNS + k] = 1.0;
+            solve(&matrix, SIZE, &mut column);
+            let wanted = column[UNKNOWNS + k];
+            assert!((found[k][k] / wanted - 1.0).abs() < 0.02, "unknown {k}: {} for {wanted}", found[k][k]);
+        }
+    }
+}

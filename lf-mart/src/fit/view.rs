@@ -48,3 +48,95 @@ impl View {
         self.pose.rotation.map(|[a, b, c]| a * x + b * y + c * z)
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::fit::buffers::Buffers;
+    use crate::fit::image::UNKNOWNS;
+    use crate::fit::joint::Setting;
+    use crate::fit::window::{Rectangle, Sheet, Window};
+    use lf_core::Camera;
+    use ndarray::Array2;
+
+    pub(in crate::fit) const PIXEL_MM: f64 = 0.0055;
+    pub(in crate::fit) const DEPTH_MM: [f64; 2] = [-3.0, 3.0];
+    pub(in crate::fit) const NOISE: Noise = Noise { gain: 1.0, read_variance: 9.0 };
+    /// At 90 degrees about y, its focal plane 1.2 mm beside the middle.
+    pub(in crate::fit) const ASIDE: Pose =
+        Pose { rotation: [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]], translation_mm: [0.0, 0.0, 1.2] };
+
+    pub(in crate::fit) fn model(lenslets: usize) -> ParticleModel {
+        let side = 14 * lenslets;
+        let camera = Camera::from_json(&format!(
+            r#"{{"sensor": {{"width": {side}, "height": {side}, "pixel_pitch_mm": 0.0055}},
+            "main_lens": {{"focal_length_mm": 200.0, "magnification": 1.0, "working_f_number": 4.0,
+                "aperture": "square"}},
+            "microlenses": {{"layout": "square", "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0.0,
+                "offset_mm": [0.0, 0.0]}}}}"#
+        ));
+        ParticleModel::new(&camera.unwrap(), 0.75 * PIXEL_MM, DEPTH_MM).unwrap()
+    }
+
+    pub(in crate::fit) fn view(model: &ParticleModel, pose: Pose, light: f64) -> View {
+        View { model: model.clone(), pose, light, noise: NOISE, pixel_mm: PIXEL_MM }
+    }
+
+    /// A window with all of both sensors.
+    pub(in crate::fit) fn whole(first: &ParticleModel, further: &ParticleModel) -> Window {
+        let images = [first, further].map(|model| {
+            let [width, height] = model.sensor_px();
+            Array2::<f32>::zeros((height, width))
+        });
+        let light: Vec<Vec<f32>> = images.iter().map(|image| vec![0.0; image.len()]).collect();
+        let sheet = |n: usize| -> (Sheet, Rectangle) {
+            ((images[n].view(), &light[n]), [[0, 0], [images[n].ncols(), images[n].nrows()]])
+        };
+        Window::cut_all(&[sheet(0), sheet(1)])
+    }
+
+    /// The numbers of a spot's image by pixel.
+    pub(in crate::fit) fn numbers(setting: &Setting, spot: &Spot, window: &Window) -> Vec<[f64; UNKNOWNS]> {
+        let mut sums = vec![[0.0; UNKNOWNS]; window.seen.len()];
+        setting.image(spot, window, &mut Buffers::default()).pixels(window.columns, |n, pixel| {
+            (0..UNKNOWNS).for_each(|k| sums[n][k] += f64::from(pixel[k]));
+        });
+        sums
+    }
+
+    /// A camera turned about no axis of the first, smaller and with half the light: derivatives by the place in the first
+    /// camera's frame against differences.
+    #[test]
+    fn derivatives_of_a_posed_camera_are_those_of_its_light() {
+        let turn = glam::DMat3::from_axis_angle(glam::DVec3::new(1.0, 2.0, 2.0) / 3.0, 0.6).transpose();
+        let rotation = [turn.x_axis, turn.y_axis, turn.z_axis].map(|row| row.to_array());
+        let (first, small) = (model(30), model(24));
+        let views = [view(&small, Pose { rotation, translation_mm: [0.1, -0.2, 0.3] }, 0.5)];
+        let setting = Setting { model: &first, views: &views, noise: NOISE, pixel_mm: PIXEL_MM, depth_mm: DEPTH_MM };
+        let window = whole(&first, &small);
+        let spot = Spot { place_mm: [0.21, -0.13, 0.9], light: 1e5 };
+        let said = numbers(&setting, &spot, &window);
+        let own = |lines: &[[f64; UNKNOWNS]], camera: usize| -> f64 {
+            (0..lines.len()).filter(|n| window.camera_of(*n) == camera).map(|n| lines[n][3]).sum()
+        };
+        assert!((own(&said, 0) / 1e5 - 1.0).abs() < 1e-3 && (own(&said, 1) / 5e4 - 1.0).abs() < 1e-3);
+        for axis in 0..3 {
+            let step = 0.02;
+            let there = |by: f64| {
+                let mut spot = spot;
+                spot.place_mm[axis] += by * PIXEL_MM;
+                numbers(&setting, &spot, &window)
+            };
+            let (before, after) = (there(-step), there(step));
+            for camera in 0..2 {
+                let (mut off, mut size) = (0.0, 0.0);
+                for n in (0..said.len()).filter(|n| window.camera_of(*n) == camera) {
+                    let slope = (after[n][3] - before[n][3]) / (2.0 * step);
+                    off += (slope - said[n][axis]).powi(2);
+                    size += slope * slope;
+                }
+                assert!(off < 1e-4 * size, "camera {camera}, axis {axis}: {:.1e}", (off / size).sqrt());
+            }
+        }
+    }
+}
