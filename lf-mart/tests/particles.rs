@@ -201,7 +201,8 @@ fn two_cameras() -> Workbench {
 const BOTH: &str = "scene.lfv aside.lfv -i scene/frame-0000.exr -i aside/frame-0000.exr -c scene/camera.json \
     -c aside/camera.json";
 
-/// Where one camera is nearly blind in depth, two at 90 degrees are not; the result is the same for any number of threads.
+/// Where one camera is nearly blind in depth, two at 90 degrees are not. The bytes are the same for any number of
+/// threads.
 #[test]
 fn two_cameras_at_right_angles_know_depth_as_well_as_the_rest() {
     let bench = two_cameras();

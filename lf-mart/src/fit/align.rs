@@ -66,8 +66,8 @@ pub(super) fn pulls(cloud: &Cloud, setting: &Setting) -> Vec<([f64; 3], Vec<Pull
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Step([f64; UNKNOWN]);
 
-/// The step of further camera number `camera` (1 is the first of them) that its pulls ask for; None if too few particles
-/// tell it.
+/// The step of further camera number `camera` (1 is the first of them) that its pulls ask for; None if too few
+/// particles tell it.
 pub(super) fn step(
     pulls: &[([f64; 3], Vec<Pull>)],
     (camera, view): (usize, &View),
@@ -174,8 +174,8 @@ mod tests {
     use crate::fit::{further::Exposure, view::View};
     use ndarray::Array2;
 
-    /// Forty particles at their true places. The pose of the second camera is off by 0.3 mrad and some tenths of a pixel,
-    /// its light by a tenth: both come back.
+    /// Forty particles at their true places. The pose of the second camera is off by 0.3 mrad and some tenths of a
+    /// pixel, its light by a tenth: both come back.
     #[test]
     fn light_and_pose_of_a_camera_come_back() {
         let first = model(30);

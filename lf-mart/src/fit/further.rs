@@ -46,7 +46,8 @@ fn under(setting: &Setting, px: [f64; 2], z_mm: f64) -> [f64; 3] {
     [x, y, z_mm]
 }
 
-/// The part of a sensor of `size` columns and rows that particles at places can light, when they move by `slack` pixels.
+/// The part of a sensor of `size` columns and rows that particles at places can light, when they move by `slack`
+/// pixels.
 pub(super) fn lit(view: &View, places: &[[f64; 3]], slack: f64, size: [usize; 2]) -> Rectangle {
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     let mut reach = 0f64;

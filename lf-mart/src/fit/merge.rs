@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 /// Two are one particle if they lie within this many standard deviations of each other.
 const GATE: f64 = 4.0;
-/// Uncertainty of the pose when particles are matched, and of a place when two are averaged, mm at most: these many pixels
-/// of the focal plane.
+/// Uncertainty of the pose when particles are matched, and the least of a place when two are averaged: pixels of the
+/// focal plane.
 const POSE_PX: f64 = 2.0;
 const MODEL_PX: f64 = 0.05;
 
@@ -27,7 +27,7 @@ impl Placed {
     }
 }
 
-/// What a camera found, in the frame from which `pose` leads to the camera's own.
+/// The particles that a camera found, in the frame from which `pose` leads to the camera's own.
 pub(super) fn placed(found: &[Found], pose: &Pose) -> Vec<Placed> {
     let back = pose.matrix().transpose();
     let one = |found: &Found| {

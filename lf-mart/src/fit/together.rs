@@ -31,7 +31,7 @@ pub struct Sight<'a> {
     pub volume: (&'a Grid, &'a [u64], &'a [f32]),
 }
 
-/// What was found of a camera.
+/// A camera as the fit finds it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraFit {
     /// Size and drift, by the camera alone.
@@ -261,8 +261,8 @@ mod tests {
         (matrix, right)
     }
 
-    /// Three particles that share pixels, before two cameras at 90 degrees: the fit and its covariances are those of slow
-    /// dense least squares.
+    /// Three particles that share pixels, before two cameras at 90 degrees: the fit and its covariances are those of
+    /// slow dense least squares.
     #[test]
     fn two_cameras_fit_as_dense_least_squares_do() {
         let first = model(20);

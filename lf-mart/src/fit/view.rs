@@ -104,8 +104,8 @@ pub(super) mod tests {
         sums
     }
 
-    /// A camera turned about no axis of the first, smaller and with half the light: derivatives by the place in the first
-    /// camera's frame against differences.
+    /// A camera turned about no axis of the first, smaller and with half the light: derivatives by the place in the
+    /// first camera's frame against differences.
     #[test]
     fn derivatives_of_a_posed_camera_are_those_of_its_light() {
         let turn = glam::DMat3::from_axis_angle(glam::DVec3::new(1.0, 2.0, 2.0) / 3.0, 0.6).transpose();

@@ -1,9 +1,9 @@
-//! A rectangle of the sensor: what is seen there, and the light of particles. With several cameras, a rectangle of each.
+//! A rectangle of the sensor: what is seen there, and the light of particles. With several cameras, one of each.
 
 use ndarray::ArrayView2;
 
-/// A rectangle of pixels, row by row. Rectangles of further cameras follow; all rows are equally long, and pixels beyond
-/// a rectangle's end are blind.
+/// A rectangle of pixels, row by row. Rectangles of further cameras follow; all rows are equally long, and pixels
+/// beyond a rectangle's end are blind.
 #[derive(Debug, Clone)]
 pub(super) struct Window {
     pub(super) left: usize,

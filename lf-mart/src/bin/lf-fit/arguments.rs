@@ -20,15 +20,15 @@ Two cameras, each with a volume of its own and a pose in its camera.json:
   lf-fit a.lfv b.lfv -i a.exr -i b.exr -c a.json -c b.json --particles particles.csv"
 )]
 pub struct Arguments {
-    /// Volume (.lfv), as lf-mart writes it: its local maxima are the first particles; - for standard input; one for each
-    /// camera
+    /// Volume (.lfv), as lf-mart writes it: its local maxima are the first particles; - for standard input; one for
+    /// each camera
     #[arg(default_value = "-")]
     pub volume: Vec<PathBuf>,
     /// Light-field image (EXR, TIFF, PNG); again for each further camera of the same moment
     #[arg(short, long, value_name = "FILE", required = true)]
     pub image: Vec<PathBuf>,
-    /// Camera (camera.json), as lf-calib writes it; again for each image, with a 'pose'. Particles are written in the frame
-    /// of the first
+    /// Camera (camera.json), as lf-calib writes it; again for each image, with a 'pose'. Particles are written in the
+    /// frame of the first
     #[arg(short, long, value_name = "FILE", required = true)]
     pub camera: Vec<PathBuf>,
     /// Image to subtract first; values below zero stay, so that dark pixels keep their mean; none, or one for each image
