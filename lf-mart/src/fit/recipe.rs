@@ -10,7 +10,7 @@ use super::local::{Changed, Local};
 use super::noise::{Given, Noise};
 use super::normal::Normal;
 use super::shape::{Free, Sample, Shape};
-use super::window::{Rectangle, Window};
+use super::window::Window;
 use super::{candidates, spot::Spot, view::View};
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Grid, Refusal};
@@ -421,12 +421,11 @@ impl Work<'_> {
     fn uncertainties(&self, setting: &Setting) -> Vec<Found> {
         let Plan { tiles, windows, .. } = self.cloud.plan(setting);
         let members = self.cloud.members(setting, &tiles);
-        let tasks: Vec<((&Tile, &Vec<Rectangle>), &Vec<usize>)> = tiles.iter().zip(&windows).zip(&members).collect();
-        let found: Vec<Vec<Found>> = tasks
-            .par_iter()
-            .map_init(Buffers::default, |buffers, ((tile, rectangles), own)| {
-                let mut window = self.cloud.window(rectangles);
-                let mut local = Local::new(&self.cloud, setting, &mut window, tile, own, buffers);
+        let found: Vec<Vec<Found>> = (0..tiles.len())
+            .into_par_iter()
+            .map_init(Buffers::default, |buffers, n| {
+                let mut window = self.cloud.window(&windows[n]);
+                let mut local = Local::new(&self.cloud, setting, &mut window, &tiles[n], &members[n], buffers);
                 let normal = local.normal();
                 let own = (0..local.members.len()).filter(|n| local.members[*n].is_own);
                 own.map(|n| self.uncertain(&local, &normal, n)).collect()
