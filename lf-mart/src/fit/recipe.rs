@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::changes::Judge;
-use super::cloud::{Cloud, Tile};
+use super::cloud::{Cloud, Members, Tile};
 use super::covariance::Prior;
 use super::image::UNKNOWNS;
 use super::joint::{Ends, Setting};
@@ -92,7 +92,7 @@ const OUTLIER: f32 = 8.0;
 /// Particles nearer to focus than this share of the scan's depths are left out of the shape's fit.
 const TOO_NEAR: f64 = 0.6;
 /// Most steps of a fit of size and drift.
-const SHAPE_STEPS: usize = 6;
+const SHAPE_STEPS: usize = 10;
 /// Rounds in which candidates that were not kept are tried again.
 const ADD_ROUNDS: usize = 2;
 /// Rounds end when they change less than this share of the particles.
@@ -142,14 +142,16 @@ pub fn fit(
         depth_mm,
         prior,
         candidates: Vec::new(),
+        is_stale: false,
     };
     work.begin();
-    work.sweeps("first fit", 1, 3, &mut told);
-    work.find_noise();
-    work.shape(&mut told)?;
-    work.sweeps("fit", 1, 3, &mut told);
-    work.find_noise();
-    work.shape(&mut told)?;
+    for what in ["first fit", "fit", "fit"] {
+        work.fit(what, 3, &mut told);
+        work.find_noise();
+        if work.shape(&mut told)? {
+            break;
+        }
+    }
     let mut stirred = vec![true; work.cloud.tiles().len()];
     for round in 0..options.rounds {
         let (changes, gain) = work.round(round, &mut stirred);
@@ -189,6 +191,8 @@ struct Work<'a> {
     prior: Prior,
     /// Candidates that were not kept.
     candidates: Vec<Spot>,
+    /// Whether the shape has moved since all particles were fitted.
+    is_stale: bool,
 }
 
 impl Work<'_> {
@@ -213,19 +217,23 @@ impl Work<'_> {
         self.cloud.render(&setting);
     }
 
-    /// Fits size and drift in a part of the sensor, without the light near focus.
-    fn shape(&mut self, told: &mut impl FnMut(&Progress)) -> Result<(), Refusal> {
+    /// Fits size and drift in a part of the sensor, without the light near focus. Gives whether the fit came to its
+    /// end.
+    fn shape(&mut self, told: &mut impl FnMut(&Progress)) -> Result<bool, Refusal> {
         if !self.options.free.size && !self.options.free.drift {
-            return Ok(());
+            return Ok(true);
         }
-        let Some(mut sample) = self.sample() else { return Ok(()) };
+        let Some(mut sample) = self.sample() else { return Ok(true) };
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
-        let (shape, std_px) = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
-        self.shape_std_px = std_px;
-        self.cloud.is_whole.fill(false);
-        self.take_shape(shape)?;
+        let found = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
+        self.shape_std_px = found.std_px;
+        if found.shape.is_beyond(&self.shape, found.std_px) {
+            self.cloud.is_whole.fill(false);
+            self.is_stale = true;
+        }
+        self.take_shape(found.shape)?;
         self.tell("size and drift", [0; 3], 0.0, told);
-        Ok(())
+        Ok(found.is_settled)
     }
 
     /// A part of the sensor that sees enough particles; None if no particle is there.
@@ -275,13 +283,16 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn sweep(&mut self, sweeps: usize, steps: usize) -> f64 {
+    /// Fits the particles of the tiles that `wanted` names.
+    fn sweep(&mut self, wanted: impl Fn(usize) -> bool, steps: usize) -> f64 {
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
-        (0..sweeps).map(|_| self.cloud.sweep(&setting, Ends { steps, gain: SWEEP_GAIN })).sum()
+        self.cloud.sweep(&setting, wanted, Ends { steps, gain: SWEEP_GAIN })
     }
 
-    fn sweeps(&mut self, what: &'static str, sweeps: usize, steps: usize, told: &mut impl FnMut(&Progress)) {
-        let gain = self.sweep(sweeps, steps);
+    /// Fits all particles.
+    fn fit(&mut self, what: &'static str, steps: usize, told: &mut impl FnMut(&Progress)) {
+        let gain = self.sweep(|_| true, steps);
+        self.is_stale = false;
         self.tell(what, [0; 3], gain, told);
     }
 
@@ -311,8 +322,8 @@ impl Work<'_> {
     ) -> ([usize; 3], f64) {
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
         let (mut sum, mut gain) = ([0; 3], 0.0);
-        let task = |cloud: &Cloud, window: &mut Window, tile: &Tile, own: &[usize], buffers: &mut Buffers| {
-            let mut local = Local::new(cloud, &setting, window, tile, own, buffers);
+        let task = |cloud: &Cloud, window: &mut Window, tile: &Tile, members: Members, buffers: &mut Buffers| {
+            let mut local = Local::new(cloud, &setting, window, tile, members, buffers);
             let done = work(&mut local);
             (done, local.changed())
         };
@@ -337,20 +348,26 @@ impl Work<'_> {
     /// Drop, split, add.
     fn round(&mut self, round: usize, stirred: &mut [bool]) -> ([usize; 3], f64) {
         let judge = self.judge();
-        let candidates = std::mem::take(&mut self.candidates);
-        let changes = self.change(stirred, |local| {
+        let candidates = self.candidates_by_tile(stirred.len(), round < ADD_ROUNDS);
+        // A round fits its tiles first.
+        self.is_stale &= !stirred.iter().all(|is_stirred| *is_stirred);
+        self.change(stirred, |local| {
             let gain = local.fit(Ends { steps: 6, gain: SWEEP_GAIN });
             let dropped = local.drop_weak(&judge, false);
             let split = local.split(&judge);
-            let mut added = 0;
-            if round < ADD_ROUNDS {
-                let mine: Vec<Spot> = candidates.iter().filter(|spot| local.holds(spot)).copied().collect();
-                added = local.add(&mine, &judge);
-            }
+            let added = local.add(&candidates[local.place], &judge);
             ([dropped, split, added], gain)
-        });
-        self.candidates = candidates;
-        changes
+        })
+    }
+
+    /// Candidates that were not kept, by tile; none unless they are `asked`.
+    fn candidates_by_tile(&self, tiles: usize, asked: bool) -> Vec<Vec<Spot>> {
+        let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
+        let mut by_tile = vec![Vec::new(); tiles];
+        for spot in self.candidates.iter().filter(|_| asked) {
+            by_tile[self.cloud.tile_of(&setting, spot)].push(*spot);
+        }
+        by_tile
     }
 
     fn tell(&self, what: &'static str, changes: [usize; 3], gain: f64, told: &mut impl FnMut(&Progress)) {
@@ -363,7 +380,9 @@ impl Work<'_> {
     /// Scans near focus, drops once more, fits to the end, and finds the uncertainties.
     fn finish(mut self, told: &mut impl FnMut(&Progress)) -> Result<Fit, Refusal> {
         self.shape(told)?;
-        self.sweeps("fit", 1, 6, told);
+        if self.is_stale {
+            self.fit("fit", 6, told);
+        }
         let judge = self.judge();
         let mut all = vec![true; self.cloud.tiles().len()];
         let (changes, gain) = self.change(&mut all, |local| {
@@ -373,7 +392,7 @@ impl Work<'_> {
         });
         self.tell("scan", changes, gain, told);
         self.find_noise();
-        let gain = self.sweep(1, 8);
+        let gain = self.sweep(|n| all[n], 8);
         self.tell("last fit", [0; 3], gain, told);
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
         let misfit = self.cloud.misfit(&setting);
@@ -393,21 +412,22 @@ impl Work<'_> {
     fn uncertainties(&self, setting: &Setting) -> Vec<Found> {
         let tiles = self.cloud.tiles();
         let members = self.cloud.members(setting, &tiles);
-        let tasks: Vec<(&Tile, &Vec<usize>)> = tiles.iter().zip(&members).collect();
-        let found: Vec<Vec<Found>> = tasks
-            .par_iter()
-            .map_init(Buffers::default, |buffers, (tile, own)| {
-                let mut window = self.cloud.window(tile);
-                let mut local = Local::new(&self.cloud, setting, &mut window, tile, own, buffers);
-                let normal = local.normal();
-                let own = (0..local.members.len()).filter(|n| local.members[*n].is_own);
-                own.map(|n| self.uncertain(&local, &normal, n)).collect()
+        let found: Vec<Vec<Found>> = (0..tiles.len())
+            .into_par_iter()
+            .map_init(Buffers::default, |buffers, tile| {
+                let mut window = self.cloud.window(&tiles[tile]);
+                let members = Members { tiles: &tiles, lists: &members, own: tile };
+                let mut local = Local::new(&self.cloud, setting, &mut window, &tiles[tile], members, buffers);
+                let all: Vec<usize> = (0..local.members.len()).collect();
+                let normal = local.normal(&all);
+                let own = all.iter().filter(|n| local.members[**n].is_own);
+                own.map(|n| self.uncertain(&local, (&normal, &all), *n)).collect()
             })
             .collect();
         found.concat()
     }
 
-    fn uncertain(&self, local: &Local, normal: &Normal, n: usize) -> Found {
+    fn uncertain(&self, local: &Local, normal: (&Normal, &[usize]), n: usize) -> Found {
         let covariance: [[f64; UNKNOWNS]; UNKNOWNS] = local.covariance(normal, n, NEIGHBOURS_PX, self.prior);
         let spot = local.members[n].spot;
         let square = self.pixel_mm * self.pixel_mm;
