@@ -70,14 +70,24 @@ pub(super) struct Cloud<'a> {
 /// Pixels beyond a tile within which a task may move particles of its neighbours.
 pub(super) const SEAM: usize = 32;
 /// Tiles that are rendered before their light is added up; bounds the memory.
-pub(super) const AT_ONCE: usize = 32;
+pub(super) const AT_ONCE: usize = 16;
 const COLOURS: usize = 4;
 /// Most pixels from which noise is found.
-const PAIRS: usize = 2_000_000;
+pub(super) const PAIRS: usize = 2_000_000;
 
 /// Columns and rows of tiles. No pixel has light of the particles of two tiles of one colour.
 pub(super) fn tile_counts(size: [usize; 2], reach_px: usize) -> [usize; 2] {
     size.map(|side| (side / (2 * (reach_px + SEAM))).max(1))
+}
+
+/// The number of the tile, of so many columns and rows, that holds a place of the sensor; the nearest for one beside it.
+pub(super) fn tile_at(size: [usize; 2], count: [usize; 2], place_px: [f64; 2]) -> usize {
+    let at = [0, 1].map(|axis| {
+        let held = place_px[axis].clamp(0.0, size[axis] as f64 - 1.0) as usize;
+        // Tile n begins at pixel size * n / count, rounded down.
+        ((held + 1) * count[axis] - 1) / size[axis]
+    });
+    at[0] + count[0] * at[1]
 }
 
 impl<'a> Cloud<'a> {
@@ -123,15 +133,7 @@ impl<'a> Cloud<'a> {
 
     /// The number of the tile that holds a particle; the nearest if its chief ray misses the sensor.
     pub(super) fn tile_of(&self, setting: &Setting, spot: &Spot) -> usize {
-        let size = self.size();
-        let count = tile_counts(size, self.reach_px);
-        let place = setting.model.chief_px(spot.place_mm);
-        let at = [0, 1].map(|axis| {
-            let held = place[axis].clamp(0.0, size[axis] as f64 - 1.0) as usize;
-            // Tile n begins at pixel size * n / count, rounded down.
-            ((held + 1) * count[axis] - 1) / size[axis]
-        });
-        at[0] + count[0] * at[1]
+        tile_at(self.size(), tile_counts(self.size(), self.reach_px), setting.model.chief_px(spot.place_mm))
     }
 
     /// Renders all particles anew.

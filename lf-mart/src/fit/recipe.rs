@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::changes::Judge;
-use super::cloud::{Cloud, Members, Tile};
+use super::cloud::{Cloud, Members, PAIRS, Tile};
 use super::covariance::Prior;
 use super::image::UNKNOWNS;
 use super::joint::{Ends, Setting};
@@ -13,7 +13,7 @@ use super::shape::{Free, Sample, Shape};
 use super::{candidates, spot::Spot, window::Window};
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Grid, Refusal};
-use ndarray::{Array2, ArrayView2};
+use ndarray::ArrayView2;
 use rayon::prelude::*;
 
 /// The options of a fit.
@@ -165,7 +165,7 @@ pub fn fit(
 }
 
 /// Depths between which particles are held, mm.
-fn depths_mm(camera: &Camera, grid: &Grid) -> [f64; 2] {
+pub(super) fn depths_mm(camera: &Camera, grid: &Grid) -> [f64; 2] {
     let beyond = BEYOND_PX * camera.pixel_in_focus_mm();
     [grid.centre_mm(2, 0) - beyond, grid.centre_mm(2, grid.shape[2] - 1) + beyond]
 }
@@ -175,6 +175,12 @@ pub(super) fn reach_px(camera: &Camera, grid: &Grid, options: &FitOptions) -> Re
     let depth_mm = depths_mm(camera, grid);
     let wide = ParticleModel::new(camera, 2.0 * options.shape.sigma_px * camera.pixel_in_focus_mm(), depth_mm)?;
     Ok(depth_mm.into_iter().fold(0f64, |reach, z| reach.max(wide.reach_px(z))).ceil() as usize)
+}
+
+/// Side of the part of a sensor of this size that sees [`SAMPLE`] of so many particles.
+pub(super) fn sample_side(size: [usize; 2], particles: usize, reach_px: usize) -> usize {
+    let area = (size[0] * size[1]) as f64 / particles.max(1) as f64;
+    ((SAMPLE * area).sqrt() - 2.0 * reach_px as f64).max(SAMPLE_PX) as usize
 }
 
 /// A fit at work.
@@ -241,8 +247,7 @@ impl Work<'_> {
         let setting = Self::setting(&self.model, self.noise, self.pixel_mm, self.depth_mm);
         let size = [self.cloud.image.ncols(), self.cloud.image.nrows()];
         let margin = self.cloud.reach_px;
-        let area = (size[0] * size[1]) as f64 / self.cloud.spots.len().max(1) as f64;
-        let side = ((SAMPLE * area).sqrt() - 2.0 * margin as f64).max(SAMPLE_PX) as usize;
+        let side = sample_side(size, self.cloud.spots.len(), margin);
         let part = size.map(|whole| [whole.saturating_sub(side) / 2, (whole + side.min(whole)).div_ceil(2)]);
         let low = part.map(|[low, _]| low.saturating_sub(margin));
         let high = [0, 1].map(|axis| (part[axis][1] + margin).min(size[axis]));
@@ -385,9 +390,12 @@ impl Work<'_> {
         }
         let judge = self.judge();
         let mut all = vec![true; self.cloud.tiles().len()];
+        let rounds = self.options.rounds;
         let (changes, gain) = self.change(&mut all, |local| {
+            // A scan takes long: without rounds, drop noise first.
+            let weak = if rounds == 0 { local.drop_weak(&judge, false) } else { 0 };
             let moved = local.scan(&judge);
-            let dropped = local.drop_weak(&judge, true);
+            let dropped = weak + local.drop_weak(&judge, true);
             ([dropped, 0, moved], local.fit(Ends { steps: 8, gain: SWEEP_GAIN }))
         });
         self.tell("scan", changes, gain, told);
@@ -442,12 +450,12 @@ impl Work<'_> {
 
 /// Noise for the first fits, of the size of the model's errors then.
 fn first_noise(image: ArrayView2<f32>, given: Given) -> Result<Noise, Refusal> {
-    let mut bright: Vec<f32> = image.iter().copied().filter(|value| *value > 0.0).collect();
+    let rows = image.rows().into_iter().step_by(image.len().div_ceil(PAIRS));
+    let mut bright: Vec<f32> = rows.flatten().copied().filter(|value| *value > 0.0).collect();
     Refusal::unless(!bright.is_empty(), || "no pixel has light", "wanted an image of particles")?;
     let at = ((bright.len() as f64 * BRIGHTEST) as usize).min(bright.len() - 1);
     let peak = f64::from(*bright.select_nth_unstable_by(at, f32::total_cmp).1);
-    let dark: Array2<f32> = image.to_owned();
-    let read = lf_core::image::noise(dark.view()).max(FIRST_NOISE * 0.1 * peak);
+    let read = lf_core::image::noise(image).max(FIRST_NOISE * 0.1 * peak);
     Ok(Noise {
         gain: given.gain.unwrap_or(FIRST_NOISE * peak * 0.1),
         read_variance: given.read_variance.unwrap_or(read * read),

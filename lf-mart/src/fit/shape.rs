@@ -28,6 +28,8 @@ pub struct Free {
     pub drift: bool,
 }
 
+/// Particles that are rendered before their derivatives are added up; bounds the memory.
+const AT_ONCE: usize = 64;
 /// Unknowns of a shape.
 const SHAPES: usize = 3;
 /// Longest step, pixels; the least size.
@@ -132,18 +134,19 @@ impl Sample<'_> {
 
     /// Renders the particles.
     fn state(&self, setting: &Setting, buffers: &mut Buffers) -> State {
-        let rendered: Vec<(SpotImage, Vec<Slopes>)> = self
-            .spots
-            .par_iter()
-            .map_init(Scratch::default, |scratch, spot| self.render(setting, spot, scratch))
-            .collect();
         let mut by_shape = vec![[0f32; SHAPES]; self.window.seen.len()];
-        let mut images = Vec::with_capacity(rendered.len());
-        for (image, pixels) in rendered {
-            for (n, slopes) in pixels {
-                (0..SHAPES).for_each(|k| by_shape[n as usize][k] += slopes[k]);
+        let mut images = Vec::with_capacity(self.spots.len());
+        for spots in self.spots.chunks(AT_ONCE) {
+            let rendered: Vec<(SpotImage, Vec<Slopes>)> = spots
+                .par_iter()
+                .map_init(Scratch::default, |scratch, spot| self.render(setting, spot, scratch))
+                .collect();
+            for (image, pixels) in rendered {
+                for (n, slopes) in pixels {
+                    (0..SHAPES).for_each(|k| by_shape[n as usize][k] += slopes[k]);
+                }
+                images.push(image);
             }
-            images.push(image);
         }
         let deviance = setting.deviance(&self.window, images.iter(), buffers);
         State { images, by_shape, deviance }
