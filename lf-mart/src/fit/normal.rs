@@ -195,7 +195,7 @@ impl Normal {
         turned
     }
 
-    /// What a step adds to the diagonal.
+    /// The damping and the hold, which a step adds to the diagonal.
     fn damped(&self, damping: f64) -> Vec<Vector> {
         let more = |block: &Matrix| {
             let most = (0..UNKNOWNS).fold(0f64, |most, n| most.max(block[n][n]));
