@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Scores what scripts/studies/fit makes: DIR FRAME NAME LOG, --vectors SCENE WAY SCORES, --table KIND LOG,
---shift PX CAMERA, --cameras DIR NAME LOG SECONDS."""
+--shift PX CAMERA, --alter BLOCK.KEY FACTOR MORE CAMERA, --cameras DIR NAME LOG SECONDS."""
 import json
 import sys
 
@@ -78,11 +78,11 @@ def tabled(kind, log):
     runs = {}
     for line in open(log):
         run = json.loads(line)
-        # A name of `wrong` comes once for each camera.
+        # A name of the others comes once for each camera.
         key = run["name"] if kind == "report" else (len(runs), run["name"])
         runs.setdefault(key, []).append(run)
     head = ["", "recall", "ghosts", "recall beyond 0.5 mm", "z RMS there, px", "over the bound", "1 sigma covers"]
-    more = ["size, px", "drift, px"] if kind == "wrong" else ["covers within 0.5 mm"]
+    more = ["size, px", "drift, px"] if kind in ("wrong", "camera") else ["covers within 0.5 mm"]
     print("| " + " | ".join(head + more) + " |\n|" + " --- |" * len(head + more))
     for group in runs.values():
         add = lambda key: sum(run[key] for run in group)
@@ -92,7 +92,7 @@ def tabled(kind, log):
         cells = [group[0]["name"], f"{add('matched') / add('truth'):.3f}", f"{1 - add('matched') / add('found'):.3f}",
                  f"{far('matched') / far('truth'):.3f}", f"{(far('off2') / count) ** 0.5:.2f}",
                  f"{(far('ratio2') / count) ** 0.5:.2f}", f"{far('covered') / count:.2f}"]
-        if kind == "wrong":
+        if kind in ("wrong", "camera"):
             cells += [f"{group[0]['size']:.3f}", f"{group[0]['drift']:.3f}"]
         else:
             cells += [f"{near('covered') / max(near('matched'), 1):.2f}"]
@@ -145,6 +145,14 @@ def shifted(px, path):
     print(json.dumps(camera, indent=1))
 
 
+def altered(key, factor, more, path):
+    """A camera with a parameter times a factor, and more."""
+    camera = json.load(open(path))
+    block, name = key.split(".")
+    camera[block][name] = camera[block][name] * float(factor) + float(more)
+    print(json.dumps(camera, indent=1))
+
+
 if sys.argv[1] == "--vectors":
     vectors(*sys.argv[2:])
 elif sys.argv[1] == "--cameras":
@@ -155,5 +163,7 @@ elif sys.argv[1] == "--table":
     tabled(*sys.argv[2:])
 elif sys.argv[1] == "--shift":
     shifted(*sys.argv[2:])
+elif sys.argv[1] == "--alter":
+    altered(*sys.argv[2:])
 else:
     particles(*sys.argv[1:])

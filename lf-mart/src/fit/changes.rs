@@ -57,37 +57,44 @@ impl Local<'_, '_> {
     /// Drops own particles whose light the image does not support, until all do or none can be spared. Gives how many.
     /// With `pairs`, one of two near focus within a lenslet is tried too, as strong as both may be.
     pub(super) fn drop_weak(&mut self, judge: &Judge, pairs: bool) -> usize {
+        let own = |local: &Self, n: usize| local.members[n].is_own;
+        let mut asked: Vec<usize> = (0..self.members.len()).filter(|n| own(self, *n)).collect();
         let mut dropped = 0;
         for round in 0..DROPS {
-            let count = self.drop_apart(judge, pairs && round == 0);
-            dropped += count;
-            if count == 0 {
+            let hit = self.drop_apart(&asked, judge, pairs && round == 0);
+            dropped += hit.len();
+            // Only the neighbours of what is gone may have become weak, or were spared for its sake.
+            asked = hit.iter().flat_map(|place| self.near(*place, 2.0 * judge.lenslet_px)).collect();
+            asked.sort_unstable();
+            asked.dedup();
+            asked.retain(|n| own(self, *n));
+            if asked.is_empty() {
                 break;
             }
         }
         dropped
     }
 
-    /// Drops weak particles that lie more than a lenslet apart.
-    fn drop_apart(&mut self, judge: &Judge, pairs: bool) -> usize {
+    /// Drops those of the members `asked` that are weak and lie more than a lenslet apart. Gives where they were.
+    fn drop_apart(&mut self, asked: &[usize], judge: &Judge, pairs: bool) -> Vec<[f64; 3]> {
         let mut weak = Vec::new();
-        let normal = self.normal();
-        for n in 0..self.members.len() {
-            if !self.members[n].is_own {
-                continue;
-            }
+        let about = |n: &usize| self.near(self.members[*n].spot.place_mm, judge.lenslet_px);
+        let mut listed: Vec<usize> = asked.iter().flat_map(about).collect();
+        listed.sort_unstable();
+        listed.dedup();
+        let normal = self.normal(&listed);
+        for &n in asked {
             let spot = self.members[n].spot;
             if self.members[n].image.is_dark() {
                 weak.push((0.0, spot));
                 continue;
             }
-            let variance = self.covariance(&normal, n, judge.lenslet_px, judge.prior)[3][3];
+            let variance = self.covariance((&normal, &listed), n, judge.lenslet_px, judge.prior)[3][3];
             if 1.0 / variance < judge.gain || (pairs && self.is_paired(n, judge)) {
                 weak.push((1.0 / variance, spot));
             }
         }
         weak.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut dropped = 0;
         let mut hit: Vec<[f64; 3]> = Vec::new();
         for (_, spot) in weak {
             let lenslet_mm = judge.lenslet_px * self.setting.pixel_mm;
@@ -107,10 +114,9 @@ impl Local<'_, '_> {
             if -gain < judge.gain * if is_spare { SPARE } else { 1.0 } {
                 self.keep(&order, fitted);
                 hit.push(spot.place_mm);
-                dropped += 1;
             }
         }
-        dropped
+        hit
     }
 
     /// Whether a particle near focus has another beside it with which it may be one.

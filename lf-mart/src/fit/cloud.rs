@@ -22,6 +22,41 @@ pub(super) struct Tile {
     colour: usize,
 }
 
+impl Tile {
+    /// Whether a tile is the same or a neighbour.
+    fn meets(&self, other: &Self) -> bool {
+        (0..2).all(|axis| self.low[axis] <= other.high[axis] && other.low[axis] <= self.high[axis])
+    }
+}
+
+/// The numbers of the particles of all tiles, as one tile sees them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Members<'a> {
+    pub(super) tiles: &'a [Tile],
+    pub(super) lists: &'a [Vec<usize>],
+    /// The number of the tile.
+    pub(super) own: usize,
+}
+
+impl<'a> Members<'a> {
+    /// The tile's own.
+    pub(super) fn own(&self) -> &'a [usize] {
+        &self.lists[self.own]
+    }
+
+    /// Its own and those of its neighbours, rising; the flag tells its own.
+    pub(super) fn about(&self) -> Vec<(usize, bool)> {
+        let mut about = Vec::new();
+        for (n, tile) in self.tiles.iter().enumerate() {
+            if tile.meets(&self.tiles[self.own]) {
+                about.extend(self.lists[n].iter().map(|member| (*member, n == self.own)));
+            }
+        }
+        about.sort_unstable();
+        about
+    }
+}
+
 /// The particles and their light.
 #[derive(Debug)]
 pub(super) struct Cloud<'a> {
@@ -47,11 +82,23 @@ pub(super) struct Plan {
 /// Pixels beyond a tile within which a task may move particles of its neighbours.
 pub(super) const SEAM: usize = 32;
 /// Tiles that are rendered before their light is added up; bounds the memory.
-pub(super) const AT_ONCE: usize = 32;
+pub(super) const AT_ONCE: usize = 16;
+/// Most pixels of a camera from which noise is found.
+pub(super) const PAIRS: usize = 2_000_000;
 
 /// Columns and rows of tiles. No pixel has light of the particles of two tiles of one colour.
 pub(super) fn tile_counts(size: [usize; 2], reach_px: usize) -> [usize; 2] {
     size.map(|side| (side / (2 * (reach_px + SEAM))).max(1))
+}
+
+/// The number of the tile, of so many columns and rows, that holds a place of the sensor; the nearest for one beside it.
+pub(super) fn tile_at(size: [usize; 2], count: [usize; 2], place_px: [f64; 2]) -> usize {
+    let at = [0, 1].map(|axis| {
+        let held = place_px[axis].clamp(0.0, size[axis] as f64 - 1.0) as usize;
+        // Tile n begins at pixel size * n / count, rounded down.
+        ((held + 1) * count[axis] - 1) / size[axis]
+    });
+    at[0] + count[0] * at[1]
 }
 
 impl<'a> Cloud<'a> {
@@ -133,19 +180,16 @@ impl<'a> Cloud<'a> {
 
     /// The particles of each tile, by their chief rays.
     pub(super) fn members(&self, setting: &Setting, tiles: &[Tile]) -> Vec<Vec<usize>> {
-        let places: Vec<usize> = self.spots.par_iter().map(|spot| self.tile_of(setting, spot, tiles)).collect();
+        let places: Vec<usize> = self.spots.par_iter().map(|spot| self.tile_of(setting, spot)).collect();
         let mut members = vec![Vec::new(); tiles.len()];
         let held = |n: &usize| self.spots[*n].light > 0.0;
         (0..places.len()).filter(held).for_each(|n| members[places[n]].push(n));
         members
     }
 
-    fn tile_of(&self, setting: &Setting, spot: &Spot, tiles: &[Tile]) -> usize {
-        let size = self.size();
-        let place = setting.model.chief_px(spot.place_mm);
-        let held = [0, 1].map(|axis| place[axis].clamp(0.0, size[axis] as f64 - 1.0) as usize);
-        let holds = |tile: &Tile| (0..2).all(|axis| (tile.low[axis]..tile.high[axis]).contains(&held[axis]));
-        tiles.iter().position(holds).unwrap_or(0)
+    /// The number of the tile that holds a particle; the nearest if its chief ray misses the sensor.
+    pub(super) fn tile_of(&self, setting: &Setting, spot: &Spot) -> usize {
+        tile_at(self.size(), tile_counts(self.size(), self.reach_px), setting.model.chief_px(spot.place_mm))
     }
 
     /// Renders all particles anew.
@@ -180,18 +224,17 @@ impl<'a> Cloud<'a> {
 
     /// Whether tiles have changed, or a neighbour of theirs has.
     pub(super) fn stirred(tiles: &[Tile], changed: &[bool]) -> Vec<bool> {
-        let meets = |a: &Tile, b: &Tile| (0..2).all(|axis| a.low[axis] <= b.high[axis] && b.low[axis] <= a.high[axis]);
-        let is_stirred = |tile: &Tile| tiles.iter().zip(changed).any(|(other, changed)| *changed && meets(tile, other));
+        let is_stirred = |tile: &Tile| tiles.iter().zip(changed).any(|(other, changed)| *changed && tile.meets(other));
         tiles.iter().map(is_stirred).collect()
     }
 
     /// Runs `work` on the tiles that `wanted` names, colour by colour, and takes the light that it leaves in the
-    /// windows. `work` gets a window, its tile and the numbers of its particles; `done` the number of the tile.
+    /// windows. `work` gets a window, its tile and the tile's particles; `done` the number of the tile.
     pub(super) fn each_tile<T: Send>(
         &mut self,
         setting: &Setting,
         wanted: impl Fn(usize) -> bool,
-        work: impl Fn(&Self, &mut Window, &Tile, &[usize], &mut Buffers) -> T + Sync,
+        work: impl Fn(&Self, &mut Window, &Tile, Members, &mut Buffers) -> T + Sync,
         mut done: impl FnMut(&mut Self, usize, T),
     ) {
         let Plan { tiles, windows, colours } = self.plan(setting);
@@ -204,7 +247,8 @@ impl<'a> Cloud<'a> {
                     .par_iter()
                     .map_init(Buffers::default, |buffers, n| {
                         let mut window = self.window(&windows[*n]);
-                        let result = work(self, &mut window, &tiles[*n], &members[*n], buffers);
+                        let members = Members { tiles: &tiles, lists: &members, own: *n };
+                        let result = work(self, &mut window, &tiles[*n], members, buffers);
                         (window, result)
                     })
                     .collect();
@@ -216,10 +260,11 @@ impl<'a> Cloud<'a> {
         }
     }
 
-    /// Fits the particles of every tile once. Returns the gain in -2 log L.
-    pub(super) fn sweep(&mut self, setting: &Setting, ends: Ends) -> f64 {
+    /// Fits the particles of the tiles that `wanted` names once. Returns the gain in -2 log L.
+    pub(super) fn sweep(&mut self, setting: &Setting, wanted: impl Fn(usize) -> bool, ends: Ends) -> f64 {
         let mut total = 0.0;
-        let work = |cloud: &Self, window: &mut Window, _: &Tile, members: &[usize], buffers: &mut Buffers| {
+        let work = |cloud: &Self, window: &mut Window, _: &Tile, members: Members, buffers: &mut Buffers| {
+            let members = members.own();
             let spots: Vec<Spot> = members.iter().map(|n| cloud.spots[*n]).collect();
             let images: Vec<SpotImage> = spots.iter().map(|spot| setting.image(spot, window, buffers)).collect();
             images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, -1.0));
@@ -229,15 +274,10 @@ impl<'a> Cloud<'a> {
             fitted.images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, 1.0));
             (before - fitted.deviance, members.to_vec(), fitted.spots)
         };
-        self.each_tile(
-            setting,
-            |_| true,
-            work,
-            |cloud, _, (gain, members, spots)| {
-                total += gain;
-                members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
-            },
-        );
+        self.each_tile(setting, wanted, work, |cloud, _, (gain, members, spots)| {
+            total += gain;
+            members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
+        });
         total
     }
 
@@ -245,7 +285,8 @@ impl<'a> Cloud<'a> {
     pub(super) fn share_light(&mut self, setting: &Setting, rounds: usize) {
         let floor = |noise: &Noise| noise.read_variance.sqrt().max(noise.gain) as f32;
         let floors: Vec<f32> = setting.noises().map(floor).collect();
-        let work = |cloud: &Self, window: &mut Window, _: &Tile, members: &[usize], buffers: &mut Buffers| {
+        let work = |cloud: &Self, window: &mut Window, _: &Tile, members: Members, buffers: &mut Buffers| {
+            let members = members.own();
             let mut spots: Vec<Spot> = members.iter().map(|n| cloud.spots[*n]).collect();
             let mut images: Vec<SpotImage> = spots.iter().map(|spot| setting.image(spot, window, buffers)).collect();
             for _ in 0..rounds {
@@ -278,10 +319,13 @@ impl<'a> Cloud<'a> {
         );
     }
 
-    /// Expected counts and difference of every lit pixel of a camera; 0 is the first.
+    /// Expected counts and difference of the lit pixels of a camera; 0 is the first. Rows are as far apart as [`PAIRS`]
+    /// asks.
     pub(super) fn pairs(&self, camera: usize) -> Vec<(f32, f32)> {
         let (image, light) = self.sheets().nth(camera).expect("the cloud has this camera");
-        noise::pairs(&Window::cut(image, light, [0, 0], [image.ncols(), image.nrows()]))
+        let apart = image.len().div_ceil(PAIRS);
+        let rows = image.rows().into_iter().zip(light.chunks(image.ncols())).step_by(apart);
+        rows.flat_map(|(seen, light)| noise::pairs(seen.into_iter().zip(light))).collect()
     }
 
     /// Image and light of each camera.
@@ -295,12 +339,23 @@ impl<'a> Cloud<'a> {
         let (mut sum, mut count) = (0.0, 0usize);
         for ((image, light), noise) in self.sheets().zip(setting.noises()) {
             let least = 3.0 * noise.gain.max(noise.read_variance.sqrt()) as f32;
-            for (seen, light) in image.iter().zip(light) {
-                if !seen.is_nan() && *light > least {
-                    sum += f64::from(((seen - light).powi(2) / noise.variance(*light)).min(25.0));
-                    count += 1;
+            let width = image.ncols();
+            let of_row = |row: usize| {
+                let (mut sum, mut count) = (0.0, 0usize);
+                for (seen, light) in image.row(row).iter().zip(&light[row * width..(row + 1) * width]) {
+                    if !seen.is_nan() && *light > least {
+                        sum += f64::from(((seen - light).powi(2) / noise.variance(*light)).min(25.0));
+                        count += 1;
+                    }
                 }
-            }
+                (sum, count)
+            };
+            // Rows are added up in their order, for the same sum by any number of threads.
+            let rows: Vec<(f64, usize)> = (0..image.nrows()).into_par_iter().map(of_row).collect();
+            rows.iter().for_each(|(more, pixels)| {
+                sum += more;
+                count += pixels;
+            });
         }
         if count > 0 { sum / count as f64 } else { 1.0 }
     }

@@ -60,6 +60,7 @@ impl SpotImage {
                 });
             },
         );
+        image.shrink();
         image
     }
 
@@ -109,7 +110,25 @@ impl SpotImage {
                 });
             },
         );
+        image.shrink();
         image
+    }
+
+    /// Whether the pixels of a lenslet have so little light that they are left out.
+    #[inline(always)]
+    pub(super) fn is_out(pixels: &[[f64; QUANTITIES]]) -> bool {
+        pixels.iter().all(|pixel| pixel[0] < LEAST_SHARE)
+    }
+
+    /// Gives back the room that it does not need: many images are held at once.
+    fn shrink(&mut self) {
+        self.blocks.shrink_to_fit();
+        self.pixels.shrink_to_fit();
+    }
+
+    /// Bytes of an image of so many lenslets and pixels.
+    pub(super) fn bytes(lenslets: usize, pixels: usize) -> usize {
+        lenslets * size_of::<Block>() + pixels * size_of::<[f32; UNKNOWNS]>()
     }
 
     /// An image of single lines: first pixel and numbers.
@@ -153,7 +172,7 @@ impl SpotImage {
         };
         let (left, right) = within(patch.column, patch.columns, part.left, part.columns);
         let (top, bottom) = within(patch.row, patch.rows, part.top, part.rows);
-        if left >= right || top >= bottom || pixels.iter().all(|pixel| pixel[0] < LEAST_SHARE) {
+        if left >= right || top >= bottom || Self::is_out(pixels) {
             return;
         }
         let start = part.start + (top - part.top) * row_length + left - part.left;

@@ -1,7 +1,7 @@
 //! The particles of a tile and of its seam, and trials of changes among them.
 
 use super::buffers::Buffers;
-use super::cloud::{Cloud, SEAM, Tile};
+use super::cloud::{Cloud, Members, SEAM, Tile};
 use super::covariance::{Prior, covariance};
 use super::image::{COUNTS, SpotImage, UNKNOWNS};
 use super::joint::{Ends, Fitted, Setting};
@@ -30,6 +30,8 @@ pub(super) struct Local<'a, 'b> {
     /// Numbers of particles that are gone.
     gone: Vec<usize>,
     tile: Tile,
+    /// The number of the tile.
+    pub(super) place: usize,
 }
 
 /// The changes by a tile's work.
@@ -46,23 +48,18 @@ impl<'a, 'b> Local<'a, 'b> {
         setting: &'a Setting<'a>,
         window: &'a mut Window,
         tile: &Tile,
-        own: &[usize],
+        members: Members,
         buffers: &'b mut Buffers,
     ) -> Self {
         buffers.fit(window.seen.len());
-        let mut local = Self { setting, window, members: Vec::new(), buffers, gone: Vec::new(), tile: *tile };
-        let mut is_own = vec![false; cloud.spots.len()];
-        own.iter().for_each(|n| is_own[*n] = true);
-        for (n, spot) in cloud.spots.iter().enumerate() {
-            if is_own[n] || (spot.light > 0.0 && local.is_in_seam(spot)) {
+        let mut local =
+            Self { setting, window, members: Vec::new(), buffers, gone: Vec::new(), tile: *tile, place: members.own };
+        for (n, is_own) in members.about() {
+            let spot = &cloud.spots[n];
+            if is_own || (spot.light > 0.0 && local.is_in_seam(spot)) {
                 let image = setting.image(spot, local.window, local.buffers);
-                local.members.push(Member {
-                    number: Some(n),
-                    is_own: is_own[n],
-                    spot: *spot,
-                    image,
-                    is_whole: cloud.is_whole[n],
-                });
+                let is_whole = cloud.is_whole[n];
+                local.members.push(Member { number: Some(n), is_own, spot: *spot, image, is_whole });
             }
         }
         local
@@ -76,12 +73,6 @@ impl<'a, 'b> Local<'a, 'b> {
             let (low, high) = (self.tile.low[axis] as f64, self.tile.high[axis] as f64);
             place[axis] > low - seam && place[axis] < high + seam
         })
-    }
-
-    /// Whether the tile holds a particle.
-    pub(super) fn holds(&self, spot: &Spot) -> bool {
-        let place = self.setting.model.chief_px(spot.place_mm);
-        (0..2).all(|axis| place[axis] >= self.tile.low[axis] as f64 && place[axis] < self.tile.high[axis] as f64)
     }
 
     /// Particles within `aside` pixels of the focal plane of a place, sideways for any of the cameras.
@@ -164,9 +155,9 @@ impl<'a, 'b> Local<'a, 'b> {
         before - fitted.deviance
     }
 
-    /// The normal equations of all members, for their covariances.
-    pub(super) fn normal(&mut self) -> Normal {
-        let images = self.members.iter().map(|member| &member.image);
+    /// The normal equations of some members, for their covariances.
+    pub(super) fn normal(&mut self, chosen: &[usize]) -> Normal {
+        let images = chosen.iter().map(|n| &self.members[*n].image);
         self.buffers.paint(images.clone(), self.window.columns);
         self.setting.weigh_whole(self.window, self.buffers);
         let normal = Normal::new(images, self.window.columns, self.buffers);
@@ -174,10 +165,11 @@ impl<'a, 'b> Local<'a, 'b> {
         normal
     }
 
-    /// The covariance of a member, its neighbours within `aside` pixels free too.
+    /// The covariance of a member, its neighbours within `aside` pixels free too. `listed` are the members of the
+    /// equations, rising.
     pub(super) fn covariance(
         &self,
-        normal: &Normal,
+        (normal, listed): (&Normal, &[usize]),
         n: usize,
         aside: f64,
         prior: Prior,
@@ -185,7 +177,8 @@ impl<'a, 'b> Local<'a, 'b> {
         let mut chosen = self.near(self.members[n].spot.place_mm, aside);
         chosen.retain(|other| *other != n);
         chosen.insert(0, n);
-        covariance(normal, &chosen, prior)
+        let places: Vec<usize> = chosen.iter().filter_map(|n| listed.binary_search(n).ok()).collect();
+        covariance(normal, &places, prior)
     }
 
     /// Misfit on a member's light, in standard deviations of chi squared.

@@ -1,7 +1,5 @@
 //! The noise of a pixel: `variance = gain * expected counts + read variance`.
 
-use crate::fit::window::Window;
-
 /// Noise of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
@@ -151,10 +149,9 @@ fn level(bin: &[(f32, f32)], floor: f64) -> [f64; 2] {
     [mean, (f64::from(*median) / MEDIAN_OF_SQUARE).max(floor)]
 }
 
-/// Expected counts and difference of the lit pixels of a window.
-pub(super) fn pairs(window: &Window) -> Vec<(f32, f32)> {
-    let all = window.seen.iter().zip(&window.light);
-    all.filter(|(seen, light)| !seen.is_nan() && **light > 0.0).map(|(seen, light)| (*light, seen - light)).collect()
+/// Expected counts and difference of the lit ones among pixels, each with what is seen and expected.
+pub(super) fn pairs<'a>(pixels: impl Iterator<Item = (&'a f32, &'a f32)>) -> impl Iterator<Item = (f32, f32)> {
+    pixels.filter(|(seen, light)| !seen.is_nan() && **light > 0.0).map(|(seen, light)| (*light, seen - light))
 }
 
 #[cfg(test)]

@@ -34,6 +34,10 @@ pub(super) const FINE: Effort = Effort { steps: 10, enough: 1e-4 };
 pub(super) const DEEP: Effort = Effort { steps: 30, enough: 1e-8 };
 /// Least diagonal, as a share of the largest of its block: an unknown that no pixel tells stays.
 const LEAST: f64 = 1e-12;
+/// Hold on a particle's step, px^-2, and on that of the logarithm of its light: the inverse square of the longest steps
+/// of a fit. A window shows only a sliver of some particles. Without a hold their steps have no bound, and one of them
+/// spoils the step of all. The pixels that tell a particle outweigh it a hundred times.
+const HOLD: [f64; UNKNOWNS] = [1.0, 1.0, 1.0 / 400.0, 1.0];
 /// No block yet.
 const NONE: u32 = u32::MAX;
 
@@ -191,11 +195,11 @@ impl Normal {
         turned
     }
 
-    /// The damping of the diagonal.
+    /// The damping and the hold, which a step adds to the diagonal.
     fn damped(&self, damping: f64) -> Vec<Vector> {
         let more = |block: &Matrix| {
             let most = (0..UNKNOWNS).fold(0f64, |most, n| most.max(block[n][n]));
-            std::array::from_fn(|n| damping * block[n][n] + LEAST * most + f64::MIN_POSITIVE)
+            std::array::from_fn(|n| damping * block[n][n] + LEAST * most + HOLD[n])
         };
         self.diagonal.iter().map(more).collect()
     }
@@ -262,7 +266,7 @@ fn dot(a: &[Vector], b: &[Vector]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()).sum()
 }
 
-/// The step that solves `(F + damping diag F) step = right`, by conjugate gradients with the diagonal blocks as
+/// The step that solves `(F + damping diag F + hold) step = right`, by conjugate gradients with the diagonal blocks as
 /// preconditioner.
 pub(super) fn conjugate_gradients(normal: &Normal, right: &[Vector], damping: f64, effort: Effort) -> Vec<Vector> {
     let mut step = Vec::new();
@@ -367,11 +371,27 @@ mod tests {
             blocks: vec![beside],
         };
         let step = conjugate_gradients(&normal, &normal.gradient, 0.0, DEEP);
-        // The diagonal is a little larger than the blocks say.
-        let on = 2.0 + 2.0 * LEAST;
+        // The hold is on the diagonal too.
+        let on = 2.0 + 2.0 * LEAST + HOLD[0];
         let [own, other] = [on, -1.0].map(|value| value / (on * on - 1.0));
         assert!((step[0][0] - own).abs() < 1e-14 && (step[1][1] - other).abs() < 1e-14, "{step:?}");
         let dense = normal.dense(&[1, 0]);
         assert_eq!([dense[0], dense[8 + 4], dense[4 * 8 + 1]], [2.0, 1.0, 1.0]);
+    }
+
+    /// The window shows a whole particle, and a sliver of another that is off by three standard deviations, which are
+    /// 1e4 px here. The one takes the step that its pixels ask for, the other hardly moves.
+    #[test]
+    fn a_sliver_does_not_run_away() {
+        let unit = |size: f64| std::array::from_fn(|a| std::array::from_fn(|b| if a == b { size } else { 0.0 }));
+        let normal = Normal {
+            gradient: vec![[2e3; UNKNOWNS], [3e-4; UNKNOWNS]],
+            diagonal: vec![unit(1e4), unit(1e-8)],
+            firsts: vec![0, 0, 0],
+            ..Normal::default()
+        };
+        let step = conjugate_gradients(&normal, &normal.gradient, 1e-6, FINE);
+        assert!(step[0].iter().all(|step| (step / 0.2 - 1.0).abs() < 1e-3), "{step:?}");
+        assert!(step[1].iter().zip([1.0, 1.0, 20.0, 1.0]).all(|(step, most)| step.abs() < most), "{step:?}");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::changes::Judge;
-use super::cloud::{Cloud, Plan, Tile};
+use super::cloud::{Cloud, Members, PAIRS, Plan, Tile};
 use super::covariance::Prior;
 use super::image::UNKNOWNS;
 use super::joint::{Ends, Setting};
@@ -14,7 +14,7 @@ use super::window::Window;
 use super::{candidates, spot::Spot, view::View};
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Grid, Refusal};
-use ndarray::{Array2, ArrayView2};
+use ndarray::ArrayView2;
 use rayon::prelude::*;
 
 /// The options of a fit.
@@ -95,7 +95,7 @@ const OUTLIER: f32 = 8.0;
 /// Particles nearer to focus than this share of the scan's depths are left out of the shape's fit.
 const TOO_NEAR: f64 = 0.6;
 /// Most steps of a fit of size and drift.
-const SHAPE_STEPS: usize = 6;
+const SHAPE_STEPS: usize = 10;
 /// Rounds in which candidates that were not kept are tried again.
 const ADD_ROUNDS: usize = 2;
 /// Rounds end when they change less than this share of the particles.
@@ -146,14 +146,16 @@ pub fn fit(
         depth_mm,
         prior,
         candidates: Vec::new(),
+        is_stale: false,
     };
     work.begin();
-    work.sweeps("first fit", 1, 3, &mut told);
-    work.find_noise();
-    work.shape(&mut told)?;
-    work.sweeps("fit", 1, 3, &mut told);
-    work.find_noise();
-    work.shape(&mut told)?;
+    for what in ["first fit", "fit", "fit"] {
+        work.fit(what, 3, &mut told);
+        work.find_noise();
+        if work.shape(&mut told)? {
+            break;
+        }
+    }
     let mut stirred = vec![true; work.cloud.tiles().len()];
     for round in 0..options.rounds {
         let (changes, gain) = work.round(round, &mut stirred);
@@ -183,6 +185,12 @@ pub(super) fn reach_of(camera: &Camera, depth_mm: [f64; 2], sigma_px: f64) -> Re
     Ok(depth_mm.into_iter().fold(0f64, |reach, z| reach.max(wide.reach_px(z))).ceil() as usize)
 }
 
+/// Side of the part of a sensor of this size that sees [`SAMPLE`] of so many particles.
+pub(super) fn sample_side(size: [usize; 2], particles: usize, reach_px: usize) -> usize {
+    let area = (size[0] * size[1]) as f64 / particles.max(1) as f64;
+    ((SAMPLE * area).sqrt() - 2.0 * reach_px as f64).max(SAMPLE_PX) as usize
+}
+
 /// A fit at work.
 pub(super) struct Work<'a> {
     pub(super) camera: &'a Camera,
@@ -199,6 +207,8 @@ pub(super) struct Work<'a> {
     pub(super) prior: Prior,
     /// Candidates that were not kept.
     pub(super) candidates: Vec<Spot>,
+    /// Whether the shape has moved since all particles were fitted.
+    pub(super) is_stale: bool,
 }
 
 impl Work<'_> {
@@ -229,19 +239,23 @@ impl Work<'_> {
         self.cloud.render(&setting);
     }
 
-    /// Fits size and drift in a part of the sensor, without the light near focus.
-    fn shape(&mut self, told: &mut impl FnMut(&Progress)) -> Result<(), Refusal> {
+    /// Fits size and drift in a part of the sensor, without the light near focus. Gives whether the fit came to its
+    /// end.
+    fn shape(&mut self, told: &mut impl FnMut(&Progress)) -> Result<bool, Refusal> {
         if !self.options.free.size && !self.options.free.drift {
-            return Ok(());
+            return Ok(true);
         }
-        let Some(mut sample) = self.sample() else { return Ok(()) };
+        let Some(mut sample) = self.sample() else { return Ok(true) };
         let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
-        let (shape, std_px) = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
-        self.shape_std_px = std_px;
-        self.cloud.is_whole.fill(false);
-        self.take_shape(shape)?;
+        let found = sample.fit(&setting, self.shape, SHAPE_STEPS)?;
+        self.shape_std_px = found.std_px;
+        if found.shape.is_beyond(&self.shape, found.std_px) {
+            self.cloud.is_whole.fill(false);
+            self.is_stale = true;
+        }
+        self.take_shape(found.shape)?;
         self.tell("size and drift", [0; 3], 0.0, told);
-        Ok(())
+        Ok(found.is_settled)
     }
 
     /// A part of the sensor that sees enough particles; None if no particle is there.
@@ -249,8 +263,7 @@ impl Work<'_> {
         let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let size = [self.cloud.image.ncols(), self.cloud.image.nrows()];
         let margin = self.cloud.reach_px;
-        let area = (size[0] * size[1]) as f64 / self.cloud.spots.len().max(1) as f64;
-        let side = ((SAMPLE * area).sqrt() - 2.0 * margin as f64).max(SAMPLE_PX) as usize;
+        let side = sample_side(size, self.cloud.spots.len(), margin);
         let part = size.map(|whole| [whole.saturating_sub(side) / 2, (whole + side.min(whole)).div_ceil(2)]);
         let low = part.map(|[low, _]| low.saturating_sub(margin));
         let high = [0, 1].map(|axis| (part[axis][1] + margin).min(size[axis]));
@@ -291,13 +304,16 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn sweep(&mut self, sweeps: usize, steps: usize) -> f64 {
+    /// Fits the particles of the tiles that `wanted` names.
+    fn sweep(&mut self, wanted: impl Fn(usize) -> bool, steps: usize) -> f64 {
         let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
-        (0..sweeps).map(|_| self.cloud.sweep(&setting, Ends { steps, gain: SWEEP_GAIN })).sum()
+        self.cloud.sweep(&setting, wanted, Ends { steps, gain: SWEEP_GAIN })
     }
 
-    pub(super) fn sweeps(&mut self, what: &'static str, sweeps: usize, steps: usize, told: &mut impl FnMut(&Progress)) {
-        let gain = self.sweep(sweeps, steps);
+    /// Fits all particles.
+    pub(super) fn fit(&mut self, what: &'static str, steps: usize, told: &mut impl FnMut(&Progress)) {
+        let gain = self.sweep(|_| true, steps);
+        self.is_stale = false;
         self.tell(what, [0; 3], gain, told);
     }
 
@@ -330,8 +346,8 @@ impl Work<'_> {
     ) -> ([usize; 3], f64) {
         let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let (mut sum, mut gain) = ([0; 3], 0.0);
-        let task = |cloud: &Cloud, window: &mut Window, tile: &Tile, own: &[usize], buffers: &mut Buffers| {
-            let mut local = Local::new(cloud, &setting, window, tile, own, buffers);
+        let task = |cloud: &Cloud, window: &mut Window, tile: &Tile, members: Members, buffers: &mut Buffers| {
+            let mut local = Local::new(cloud, &setting, window, tile, members, buffers);
             let done = work(&mut local);
             (done, local.changed())
         };
@@ -360,20 +376,26 @@ impl Work<'_> {
     /// Drop, split, add.
     pub(super) fn round(&mut self, round: usize, stirred: &mut [bool]) -> ([usize; 3], f64) {
         let judge = self.judge();
-        let candidates = std::mem::take(&mut self.candidates);
-        let changes = self.change(stirred, |local| {
+        let candidates = self.candidates_by_tile(stirred.len(), round < ADD_ROUNDS);
+        // A round fits its tiles first.
+        self.is_stale &= !stirred.iter().all(|is_stirred| *is_stirred);
+        self.change(stirred, |local| {
             let gain = local.fit(Ends { steps: 6, gain: SWEEP_GAIN });
             let dropped = local.drop_weak(&judge, false);
             let split = local.split(&judge);
-            let mut added = 0;
-            if round < ADD_ROUNDS {
-                let mine: Vec<Spot> = candidates.iter().filter(|spot| local.holds(spot)).copied().collect();
-                added = local.add(&mine, &judge);
-            }
+            let added = local.add(&candidates[local.place], &judge);
             ([dropped, split, added], gain)
-        });
-        self.candidates = candidates;
-        changes
+        })
+    }
+
+    /// Candidates that were not kept, by tile; none unless they are `asked`.
+    fn candidates_by_tile(&self, tiles: usize, asked: bool) -> Vec<Vec<Spot>> {
+        let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
+        let mut by_tile = vec![Vec::new(); tiles];
+        for spot in self.candidates.iter().filter(|_| asked) {
+            by_tile[self.cloud.tile_of(&setting, spot)].push(*spot);
+        }
+        by_tile
     }
 
     pub(super) fn tell(&self, what: &'static str, changes: [usize; 3], gain: f64, told: &mut impl FnMut(&Progress)) {
@@ -386,22 +408,27 @@ impl Work<'_> {
     /// Scans near focus, drops once more, and ends.
     fn finish(mut self, told: &mut impl FnMut(&Progress)) -> Result<Fit, Refusal> {
         self.shape(told)?;
-        self.sweeps("fit", 1, 6, told);
+        if self.is_stale {
+            self.fit("fit", 6, told);
+        }
         let judge = self.judge();
         let mut all = vec![true; self.cloud.tiles().len()];
+        let rounds = self.options.rounds;
         let (changes, gain) = self.change(&mut all, |local| {
+            // A scan takes long: without rounds, drop noise first.
+            let weak = if rounds == 0 { local.drop_weak(&judge, false) } else { 0 };
             let moved = local.scan(&judge);
-            let dropped = local.drop_weak(&judge, true);
+            let dropped = weak + local.drop_weak(&judge, true);
             ([dropped, 0, moved], local.fit(Ends { steps: 8, gain: SWEEP_GAIN }))
         });
         self.tell("scan", changes, gain, told);
         self.find_noise();
-        Ok(self.end(told))
+        Ok(self.end(|n| all[n], told))
     }
 
-    /// Fits to the end, and finds the uncertainties.
-    pub(super) fn end(mut self, told: &mut impl FnMut(&Progress)) -> Fit {
-        let gain = self.sweep(1, 8);
+    /// Fits the tiles that `wanted` names to the end, and finds all uncertainties.
+    pub(super) fn end(mut self, wanted: impl Fn(usize) -> bool, told: &mut impl FnMut(&Progress)) -> Fit {
+        let gain = self.sweep(wanted, 8);
         self.tell("last fit", [0; 3], gain, told);
         let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let misfit = self.cloud.misfit(&setting);
@@ -423,18 +450,20 @@ impl Work<'_> {
         let members = self.cloud.members(setting, &tiles);
         let found: Vec<Vec<Found>> = (0..tiles.len())
             .into_par_iter()
-            .map_init(Buffers::default, |buffers, n| {
-                let mut window = self.cloud.window(&windows[n]);
-                let mut local = Local::new(&self.cloud, setting, &mut window, &tiles[n], &members[n], buffers);
-                let normal = local.normal();
-                let own = (0..local.members.len()).filter(|n| local.members[*n].is_own);
-                own.map(|n| self.uncertain(&local, &normal, n)).collect()
+            .map_init(Buffers::default, |buffers, tile| {
+                let mut window = self.cloud.window(&windows[tile]);
+                let members = Members { tiles: &tiles, lists: &members, own: tile };
+                let mut local = Local::new(&self.cloud, setting, &mut window, &tiles[tile], members, buffers);
+                let all: Vec<usize> = (0..local.members.len()).collect();
+                let normal = local.normal(&all);
+                let own = all.iter().filter(|n| local.members[**n].is_own);
+                own.map(|n| self.uncertain(&local, (&normal, &all), *n)).collect()
             })
             .collect();
         found.concat()
     }
 
-    fn uncertain(&self, local: &Local, normal: &Normal, n: usize) -> Found {
+    fn uncertain(&self, local: &Local, normal: (&Normal, &[usize]), n: usize) -> Found {
         let covariance: [[f64; UNKNOWNS]; UNKNOWNS] = local.covariance(normal, n, NEIGHBOURS_PX, self.prior);
         let spot = local.members[n].spot;
         let square = self.pixel_mm * self.pixel_mm;
@@ -449,12 +478,12 @@ impl Work<'_> {
 
 /// Noise for the first fits, of the size of the model's errors then.
 fn first_noise(image: ArrayView2<f32>, given: Given) -> Result<Noise, Refusal> {
-    let mut bright: Vec<f32> = image.iter().copied().filter(|value| *value > 0.0).collect();
+    let rows = image.rows().into_iter().step_by(image.len().div_ceil(PAIRS));
+    let mut bright: Vec<f32> = rows.flatten().copied().filter(|value| *value > 0.0).collect();
     Refusal::unless(!bright.is_empty(), || "no pixel has light", "wanted an image of particles")?;
     let at = ((bright.len() as f64 * BRIGHTEST) as usize).min(bright.len() - 1);
     let peak = f64::from(*bright.select_nth_unstable_by(at, f32::total_cmp).1);
-    let dark: Array2<f32> = image.to_owned();
-    let read = lf_core::image::noise(dark.view()).max(FIRST_NOISE * 0.1 * peak);
+    let read = lf_core::image::noise(image).max(FIRST_NOISE * 0.1 * peak);
     Ok(Noise {
         gain: given.gain.unwrap_or(FIRST_NOISE * peak * 0.1),
         read_variance: given.read_variance.unwrap_or(read * read),

@@ -28,6 +28,8 @@ pub struct Free {
     pub drift: bool,
 }
 
+/// Particles that are rendered before their derivatives are added up; bounds the memory.
+const AT_ONCE: usize = 64;
 /// Unknowns of a shape.
 const SHAPES: usize = 3;
 /// Longest step, pixels; the least size.
@@ -39,8 +41,8 @@ const DAMPING: f64 = 0.01;
 const LESS: f64 = 0.2;
 const MORE: f64 = 8.0;
 const LEAST_DAMPING: f64 = 1e-6;
-/// A step that does not help at this damping is the last.
-const MOST_DAMPING: f64 = 1.0;
+/// Steps that ask for more damping do not help.
+const MOST_DAMPING: f64 = 10.0;
 /// A step of every unknown by less than this share of its uncertainty ends the fit.
 const ENOUGH: f64 = 0.2;
 
@@ -59,11 +61,27 @@ impl Shape {
         moved
     }
 
+    /// Whether a part differs from another shape's by more than its standard uncertainty.
+    pub(super) fn is_beyond(&self, other: &Self, [size, x, y]: [f64; SHAPES]) -> bool {
+        (self.sigma_px - other.sigma_px).abs() > size
+            || (self.drift_px[0] - other.drift_px[0]).abs() > x
+            || (self.drift_px[1] - other.drift_px[1]).abs() > y
+    }
+
     fn moved(&self, step: [f64; SHAPES]) -> Self {
         let [size, x, y] = step;
         let sigma_px = (self.sigma_px + size).clamp(LEAST_PX, MOST_PX);
         Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y] }
     }
+}
+
+/// The result of a fit of the shape.
+pub(super) struct FoundShape {
+    pub(super) shape: Shape,
+    /// Standard uncertainties of the size and of both drifts, pixels.
+    pub(super) std_px: [f64; SHAPES],
+    /// Whether the last step was below the uncertainty.
+    pub(super) is_settled: bool,
 }
 
 /// A part of the sensor and the particles that it sees. Pixels of the window that are not to tell the shape are blind;
@@ -76,19 +94,14 @@ pub(super) struct Sample<'a> {
 }
 
 impl Sample<'_> {
-    /// Fits shape and particles. Gives the shape and its standard uncertainties: those of the size and of both drifts,
-    /// pixels.
-    pub(super) fn fit(
-        &mut self,
-        setting: &Setting,
-        mut shape: Shape,
-        steps: usize,
-    ) -> Result<(Shape, [f64; SHAPES]), Refusal> {
+    /// Fits shape and particles.
+    pub(super) fn fit(&mut self, setting: &Setting, mut shape: Shape, steps: usize) -> Result<FoundShape, Refusal> {
         let mut buffers = Buffers::default();
         let mut model = shape.model(self.camera, setting.depth_mm)?;
         let mut state = self.state(&Setting { model: &model, ..*setting }, &mut buffers);
         let mut damping = DAMPING;
         let mut std = [f64::INFINITY; SHAPES];
+        let mut is_settled = false;
         for _ in 0..steps {
             let Step { shape: step, moves, std: found } =
                 self.step(&Setting { model: &model, ..*setting }, &state, damping, &mut buffers);
@@ -104,37 +117,36 @@ impl Sample<'_> {
             self.spots = old.iter().zip(&moves).map(|(spot, step)| next_setting.moved(spot, step)).collect();
             let next = self.state(&next_setting, &mut buffers);
             let gain = state.deviance - next.deviance;
+            is_settled = step.iter().zip(&std).all(|(step, std)| step.abs() <= ENOUGH * std);
             if gain > 0.0 {
                 (shape, model, state) = (next_shape, next_model, next);
                 damping = (damping * LESS).max(LEAST_DAMPING);
-                if step.iter().zip(&std).all(|(step, std)| step.abs() <= ENOUGH * std) {
-                    break;
-                }
             } else {
                 self.spots = old;
-                if damping > MOST_DAMPING {
-                    break;
-                }
                 damping *= MORE;
             }
+            if is_settled || damping > MOST_DAMPING {
+                break;
+            }
         }
-        Ok((shape, std))
+        Ok(FoundShape { shape, std_px: std, is_settled })
     }
 
     /// Renders the particles.
     fn state(&self, setting: &Setting, buffers: &mut Buffers) -> State {
-        let rendered: Vec<(SpotImage, Vec<Slopes>)> = self
-            .spots
-            .par_iter()
-            .map_init(Scratch::default, |scratch, spot| self.render(setting, spot, scratch))
-            .collect();
         let mut by_shape = vec![[0f32; SHAPES]; self.window.seen.len()];
-        let mut images = Vec::with_capacity(rendered.len());
-        for (image, pixels) in rendered {
-            for (n, slopes) in pixels {
-                (0..SHAPES).for_each(|k| by_shape[n as usize][k] += slopes[k]);
+        let mut images = Vec::with_capacity(self.spots.len());
+        for spots in self.spots.chunks(AT_ONCE) {
+            let rendered: Vec<(SpotImage, Vec<Slopes>)> = spots
+                .par_iter()
+                .map_init(Scratch::default, |scratch, spot| self.render(setting, spot, scratch))
+                .collect();
+            for (image, pixels) in rendered {
+                for (n, slopes) in pixels {
+                    (0..SHAPES).for_each(|k| by_shape[n as usize][k] += slopes[k]);
+                }
+                images.push(image);
             }
-            images.push(image);
         }
         let deviance = setting.deviance(&self.window, images.iter(), buffers);
         State { images, by_shape, deviance }

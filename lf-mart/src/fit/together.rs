@@ -145,6 +145,7 @@ pub(super) fn begin<'a>(
         depth_mm,
         prior,
         candidates,
+        is_stale: false,
     })
 }
 
@@ -153,7 +154,7 @@ fn solve(mut work: Work, told: &mut impl FnMut(&Progress), cameras: &mut [Camera
     share(&mut work);
     align(&mut work, false);
     for what in ["first fit together", "fit together"] {
-        work.sweeps(what, 1, 3, told);
+        work.fit(what, 3, told);
         work.find_noise();
         align(&mut work, moves);
     }
@@ -179,7 +180,7 @@ fn solve(mut work: Work, told: &mut impl FnMut(&Progress), cameras: &mut [Camera
     for (view, camera) in work.views.iter().zip(&mut cameras[1..]) {
         (camera.light, camera.pose, camera.noise) = (view.light, view.pose, view.noise);
     }
-    let fit = work.end(told);
+    let fit = work.end(|_| true, told);
     cameras[0].noise = fit.noise;
     fit
 }
