@@ -173,8 +173,6 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
             };
             state.step(RowSet { first: subset as u32, step: subsets as u32 }, spent_share);
         }
-        state.operator.end_sweep();
-        state.weights = state.operator.weights();
         let misfit = state.misfit.value();
         let change = change(&state.momentum.before, &state.strengths);
         let sweep = Sweep { number, misfit, change, voxels: state.indices.len(), weights: state.touched as u64 };
@@ -183,6 +181,8 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
         if number == options.iterations || problem.is_done(&sweeps, &state.misfit) {
             break;
         }
+        state.operator.end_sweep();
+        state.weights = state.operator.weights();
         if has_subsets {
             // Whether the misfit rises may differ from tile to tile, so a tile never resets its momentum.
             state.momentum.carry(&mut state.strengths, if is_tile { 0.0 } else { misfit });

@@ -166,24 +166,26 @@ impl<'a> Operator<'a> {
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
         let haze =
             Haze { weights, indices: indices.to_vec(), subsets, limits: Limits::new(weights, indices, max_bytes) };
-        match (&weights.path, haze.kept()) {
-            (Path::Aligned(_) | Path::Micro(_), Some(kept)) => Self::Voxels(kept),
-            (Path::Aligned(aligned), None) => {
-                Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets)), haze)
-            }
-            (Path::Micro(micro), None) => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), haze),
-            _ => Self::Voxels(VoxelWeights::new(weights, indices, subsets, kept_bytes(max_bytes))),
+        match haze.kept() {
+            Some(kept) => Self::Voxels(kept),
+            None => Self::in_haze(haze, indices, kept_bytes(max_bytes)),
+        }
+    }
+
+    /// Weights that are made at every use, until those of the voxels left are kept. Paths that keep them at once may take
+    /// `most_bytes`.
+    fn in_haze(haze: Haze<'a>, indices: &[u64], most_bytes: u64) -> Self {
+        let Haze { weights, subsets, .. } = haze;
+        match &weights.path {
+            Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets)), haze),
+            Path::Micro(micro) => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), haze),
+            _ => Self::Voxels(VoxelWeights::new(weights, indices, subsets, most_bytes)),
         }
     }
 
     /// Weights that are made at every use.
     pub(crate) fn remade(weights: &'a Weights, indices: &[u64], subsets: usize) -> Self {
-        let haze = Haze::forever(weights, subsets);
-        match &weights.path {
-            Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets)), haze),
-            Path::Micro(micro) => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), haze),
-            _ => Self::Voxels(VoxelWeights::new(weights, indices, subsets, 0)),
-        }
+        Self::in_haze(Haze::forever(weights, subsets), indices, 0)
     }
 
     /// Weights that are kept.

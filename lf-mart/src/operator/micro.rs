@@ -6,6 +6,9 @@ use lf_core::weights::{Lines, Micro, MicroImages, RowSet};
 /// Micro-images hold about one row in so many of the image at a time. More rows at a time take more memory.
 const ROWS_APART: usize = 14;
 
+/// The shares of voxels that the sensor may see in part come from one set of rows in so many.
+const SHARE_ROWS: usize = 3;
+
 pub(crate) struct MicroWeights<'a> {
     micro: &'a Micro,
     lines: Lines,
@@ -43,22 +46,37 @@ impl<'a> MicroWeights<'a> {
     }
 
     /// Measures the shares of all voxels, or of those that the sensor may see in part: the sum that a voxel sees of an even
-    /// image. The others have 1.
+    /// image. The others have 1. For a part of the voxels some of the rows are enough, unless a voxel sees nothing in them.
     fn measure_shares(&mut self, are_all: bool) {
         let whole = self.micro.are_whole(&self.lines);
-        let beside: Vec<bool> = whole.iter().map(|whole| are_all || !whole).collect();
+        let mut beside: Vec<bool> = whole.iter().map(|whole| are_all || !whole).collect();
+        if !are_all {
+            self.measure_shares_of(&beside, SHARE_ROWS);
+            beside.iter_mut().zip(&self.shares).for_each(|(beside, share)| *beside &= *share <= 0.0);
+        }
+        self.measure_shares_of(&beside, 1);
+    }
+
+    /// Measures the shares of some voxels from one set of rows in `apart`.
+    fn measure_shares_of(&mut self, voxels: &[bool], apart: usize) {
+        let count = voxels.iter().filter(|voxel| **voxel).count();
+        if count == 0 {
+            return;
+        }
         let mut lines = self.lines.clone();
-        lines.retain(&beside);
-        let mut shares = vec![0f32; beside.iter().filter(|beside| **beside).count()];
+        lines.retain(voxels);
+        let mut shares = vec![0f32; count];
         let [width, height] = self.micro.sensor_px();
         let even = vec![1.0; width * height];
-        for rows in split(RowSet::ALL, self.images.step()) {
+        let sets = self.images.step();
+        for rows in split(RowSet::ALL, sets).step_by(apart) {
             self.micro.back_project(&lines, &mut shares, rows, &mut self.images, (&even, width), |_, share, sum, _| {
                 *share += sum;
             });
         }
-        let places = self.shares.iter_mut().zip(beside).filter(|(_, beside)| *beside);
-        places.zip(shares).for_each(|((share, _), measured)| *share = measured.max(0.0));
+        let factor = sets as f32 / sets.div_ceil(apart) as f32;
+        let places = self.shares.iter_mut().zip(voxels).filter(|(_, voxel)| **voxel);
+        places.zip(shares).for_each(|((share, _), measured)| *share = (factor * measured).max(0.0));
     }
 
     pub(super) fn retain(&mut self, held: &[bool]) {

@@ -79,17 +79,58 @@ impl Tops {
     }
 }
 
+/// The lenslets of a row that each voxel of a segment can light: from `first` up to `end`.
+#[derive(Debug, Default)]
+pub(super) struct Reached {
+    first: Vec<i32>,
+    end: Vec<i32>,
+}
+
+impl Reached {
+    /// For a row of lenslets, and rays that reach so far from the chief ray, mm^2.
+    #[inline(always)]
+    fn set(&mut self, array: &Array, row: usize, segment: &Segment, reach2: f32) {
+        let [along_x, along_y] = array.per_along;
+        let length = 1.0 / (along_x * along_x + along_y * along_y).sqrt();
+        let per_length = 1.0 / length;
+        let [start_x, start_y] = array.starts[row];
+        let most = (array.length - LANES) as f32;
+        let count = segment.x.len();
+        self.first.resize(count, 0);
+        self.end.resize(count, 0);
+        let (x, y) = (&segment.x[..count], &segment.y[..count]);
+        let (first, end) = (&mut self.first[..count], &mut self.end[..count]);
+        for voxel in 0..count {
+            let (dx, dy) = (x[voxel] - start_x, y[voxel] - start_y);
+            let middle = dx * along_x + dy * along_y;
+            let away = (dy * along_x - dx * along_y) * length;
+            let width2 = reach2 - away * away;
+            let width = if width2 > 0.0 { width2 } else { 0.0 }.sqrt() * per_length;
+            let (low, high) = (middle - width + 1.0, middle + width + 1.0);
+            let low = if low > 0.0 { low } else { 0.0 };
+            let high = if high > 0.0 { high } else { 0.0 };
+            let high = if high < most { high } else { most };
+            let low = if low < most { low } else { most };
+            first[voxel] = low as i32;
+            end[voxel] = if width2 > 0.0 { high as i32 } else { 0 };
+        }
+    }
+}
+
 /// Calls `found(voxel, row of lenslets, first, end)` for the lenslets of each row that a voxel can light.
 #[inline(always)]
-fn rows(beam: &Beam, segment: &Segment, wanted: &Wanted, mut found: impl FnMut(usize, usize, usize, usize)) {
+fn rows(
+    beam: &Beam,
+    segment: &Segment,
+    wanted: &Wanted,
+    reached: &mut Reached,
+    mut found: impl FnMut(usize, usize, usize, usize),
+) {
     let count = segment.x.len();
     let Beam { array, slice, stop: Stop { is_round, .. }, .. } = *beam;
     let reach = slice.reach_mm as f32 + array.departure as f32;
     let reach = if is_round { reach } else { std::f32::consts::SQRT_2 * reach };
-    let reach2 = reach * reach;
     let reach_rows = reach / array.apart;
-    let [along_x, along_y] = array.per_along;
-    let length = 1.0 / (along_x * along_x + along_y * along_y).sqrt();
     let (origin_x, origin_y) = (array.origin.x as f32, array.origin.y as f32);
     let row_at = |n: usize| {
         (segment.x[n] - origin_x) * array.per_across[0] + (segment.y[n] - origin_y) * array.per_across[1]
@@ -109,18 +150,9 @@ fn rows(beam: &Beam, segment: &Segment, wanted: &Wanted, mut found: impl FnMut(u
         {
             continue;
         }
-        let [start_x, start_y] = array.starts[row];
+        reached.set(array, row, segment, reach * reach);
         for voxel in 0..count {
-            let (dx, dy) = (segment.x[voxel] - start_x, segment.y[voxel] - start_y);
-            let middle = dx * along_x + dy * along_y;
-            let away = (dy * along_x - dx * along_y) * length;
-            let width2 = reach2 - away * away;
-            if width2 <= 0.0 {
-                continue;
-            }
-            let width = width2.sqrt() / length;
-            let first = (middle - width + 1.0).max(0.0) as usize;
-            let end = ((middle + width + 1.0).max(0.0) as usize).min(array.length - LANES);
+            let (first, end) = (reached.first[voxel] as usize, reached.end[voxel] as usize);
             if first < end {
                 found(voxel, row, first, end);
             }
@@ -142,12 +174,13 @@ pub(super) struct Beam<'a> {
 pub(super) struct Found {
     hits: Hits,
     row: WideRow,
+    reached: Reached,
 }
 
 impl Found {
     /// For micro-images of `side` pixels.
     pub(super) fn new(side: usize) -> Self {
-        Self { hits: Hits::new(), row: WideRow::new(side) }
+        Self { hits: Hits::new(), row: WideRow::new(side), reached: Reached::default() }
     }
 }
 
@@ -164,8 +197,8 @@ pub(super) fn walk<const WEIGHS: bool>(
         return;
     }
     match &beam.slice.light {
-        Light::Narrow(_) => walk_narrow::<WEIGHS>(beam, segment, wanted, &mut found.hits, taker),
-        Light::Wide(_) => walk_wide::<WEIGHS>(beam, segment, wanted, &mut found.row, taker),
+        Light::Narrow(_) => walk_narrow::<WEIGHS>(beam, segment, wanted, found, taker),
+        Light::Wide(_) => walk_wide::<WEIGHS>(beam, segment, wanted, found, taker),
     }
 }
 
@@ -196,7 +229,7 @@ fn walk_narrow<const WEIGHS: bool>(
     beam: &Beam,
     segment: &Segment,
     wanted: &Wanted,
-    hits: &mut Hits,
+    Found { hits, reached, .. }: &mut Found,
     taker: &mut impl Taker,
 ) {
     let Some(narrow) = beam.narrow(wanted) else { return };
@@ -206,6 +239,7 @@ fn walk_narrow<const WEIGHS: bool>(
         beam,
         segment,
         wanted,
+        reached,
         #[inline(always)]
         |voxel, row, first, end| {
             let voxel = (voxel, segment.x[voxel], segment.y[voxel]);
@@ -230,7 +264,7 @@ fn walk_wide<const WEIGHS: bool>(
     beam: &Beam,
     segment: &Segment,
     wanted: &Wanted,
-    out: &mut WideRow,
+    Found { row: out, reached, .. }: &mut Found,
     taker: &mut impl Taker,
 ) {
     let Beam { array, slice, node, .. } = *beam;
@@ -241,6 +275,7 @@ fn walk_wide<const WEIGHS: bool>(
         beam,
         segment,
         wanted,
+        reached,
         #[inline(always)]
         |voxel, row, first, end| {
             for number in first..end {
