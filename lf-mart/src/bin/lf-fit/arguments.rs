@@ -15,9 +15,7 @@ use std::path::PathBuf;
     after_help = "Examples, in out/ after scripts/demo:
   lf-fit volume-0000.lfv -i scene/frame-0000.exr -c camera.json --particles particles-0000.csv
   lf-mart support-0000.lfv -i scene/frame-0000.exr -c camera.json |
-      lf-fit -i scene/frame-0000.exr -c camera.json --particles particles.csv -o drawn.lfv --log steps.jsonl
-Two cameras, each with a volume of its own and a pose in its camera.json:
-  lf-fit a.lfv b.lfv -i a.exr -i b.exr -c a.json -c b.json --particles particles.csv"
+      lf-fit -i scene/frame-0000.exr -c camera.json --particles particles.csv -o drawn.lfv --log steps.jsonl"
 )]
 pub struct Arguments {
     /// Volume (.lfv), as lf-mart writes it: its local maxima are the first particles; - for standard input; one for
