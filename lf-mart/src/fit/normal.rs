@@ -230,6 +230,12 @@ fn solve_blocks(factors: &[[f64; UNKNOWNS * UNKNOWNS]], right: &[Vector]) -> Vec
 
 /// The lower triangle L of `matrix = L L'`; pivots are held above `least` of the matrix's diagonal.
 pub(super) fn cholesky(matrix: &mut [f64], size: usize) {
+    cholesky_above(matrix, size, |_, own| (LEAST * own).max(f64::MIN_POSITIVE));
+}
+
+/// The same with pivots no less than `least(column, value on the diagonal)`. Rounding can push a pivot below the least
+/// that it can be; a pivot near 0 then makes the rows below it overflow.
+pub(super) fn cholesky_above(matrix: &mut [f64], size: usize, least: impl Fn(usize, f64) -> f64) {
     for column in 0..size {
         let own = matrix[column * size + column];
         for row in column..size {
@@ -237,11 +243,8 @@ pub(super) fn cholesky(matrix: &mut [f64], size: usize) {
             for k in 0..column {
                 sum -= matrix[row * size + k] * matrix[column * size + k];
             }
-            matrix[row * size + column] = if row == column {
-                sum.max(LEAST * own).max(f64::MIN_POSITIVE).sqrt()
-            } else {
-                sum / matrix[column * size + column]
-            };
+            matrix[row * size + column] =
+                if row == column { sum.max(least(column, own)).sqrt() } else { sum / matrix[column * size + column] };
         }
     }
 }
