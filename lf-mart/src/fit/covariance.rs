@@ -16,7 +16,7 @@ pub(super) fn covariance(normal: &Normal, chosen: &[usize], prior: Prior) -> [[f
     for n in 0..size {
         fisher[n * size + n] += prior.0[n % UNKNOWNS].powi(-2);
     }
-    // What the image tells can only add to the prior.
+    // The image can only add to the prior.
     cholesky_above(&mut fisher, size, |n, _| prior.0[n % UNKNOWNS].powi(-2));
     std::array::from_fn(|k| {
         let mut column = vec![0.0; size];
