@@ -79,12 +79,12 @@ pub struct Fit {
 
 /// Sweeps of expectation maximisation on light, and the faintest candidate that is kept, in medians.
 const LIGHT_SWEEPS: usize = 2;
-const LIGHT_ROUNDS: usize = 15;
-const FAINTEST: f64 = 0.02;
+pub(super) const LIGHT_ROUNDS: usize = 15;
+pub(super) const FAINTEST: f64 = 0.02;
 /// Fall of -2 log L that another particle must bring: five standard deviations.
 const GAIN: f64 = 25.0;
 /// Particles may leave the volume's depths by this many pixels of the focal plane.
-const BEYOND_PX: f64 = 40.0;
+pub(super) const BEYOND_PX: f64 = 40.0;
 /// Particles that a part of the sensor sees from which size and drift are found, and its least side, pixels.
 const SAMPLE: f64 = 200.0;
 const SAMPLE_PX: f64 = 200.0;

@@ -13,7 +13,8 @@ use super::further::Exposure;
 use super::joint::Ends;
 use super::merge;
 use super::noise::Noise;
-use super::recipe::{Fit, FitOptions, Progress, QUIET, SWEEP_GAIN, Work, depths_mm, fit, median, reach_of};
+use super::recipe::{BEYOND_PX, FAINTEST, Fit, FitOptions, LIGHT_ROUNDS, Progress, QUIET, SWEEP_GAIN, Work};
+use super::recipe::{depths_mm, fit, median, reach_of};
 use super::shape::Shape;
 use super::view::View;
 use lf_core::camera::Pose;
@@ -58,13 +59,6 @@ pub struct Together {
     /// The cameras, the first one first.
     pub cameras: Vec<CameraFit>,
 }
-
-/// Rounds of expectation maximisation on light.
-const LIGHT_ROUNDS: usize = 15;
-/// Faintest particle that is kept then, in medians.
-const FAINTEST: f64 = 0.02;
-/// Particles may leave the depths of those that the cameras found by this many pixels of the focal plane.
-const BEYOND_PX: f64 = 40.0;
 
 /// Fits particles to the images of several cameras. `told` is called after each step, with the camera's number from 0 on
 /// if one is fitted alone. A refusal comes with the number of its camera.
