@@ -39,6 +39,8 @@ pub struct Options {
     pub basis: Basis,
     /// The method.
     pub method: Method,
+    /// Passes over coarse voxels before the sweeps, [`crate::MOST_PASSES`] at most. With [`Method::Subsets`] and no start.
+    pub passes: usize,
     /// Most sweeps over all pixels.
     pub iterations: usize,
     /// When to end sooner.

@@ -1,6 +1,7 @@
 //! A reconstruction before it runs: its weights, where they are kept, its memory; and then the run itself.
 
 use crate::blob;
+use crate::coarse::{Cleared, Coarse};
 use crate::forecast::Rates;
 use crate::method::{Problem, row_action, simultaneous};
 use crate::operator::{BLOCKS, Plane, Storage, are_kept};
@@ -32,6 +33,10 @@ const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
 const LATER_BYTES: u64 = 8;
 const TABLE_VOXEL_BYTES: u64 = LATER_BYTES + 4 + 8;
 
+/// Bytes per voxel of the support while coarse passes drop voxels: index, strengths before and after, two places among the
+/// coarse voxels, and two bytes to drop it. The sweeps after them take as much for the half of the voxels that is left.
+const CLEARED_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 2;
+
 /// Bytes per voxel of the solution: index and strength.
 const SOLVED_BYTES: u64 = 12;
 
@@ -40,10 +45,12 @@ pub struct Plan<'a> {
     indices: &'a [u64],
     options: &'a Options,
     weights: Weights,
+    /// Done first.
+    passes: Vec<Coarse>,
     storage: Storage,
     bytes: u64,
-    /// See [`Problem::block_vox`].
-    block_vox: [usize; 2],
+    /// Side of the blocks of [`Problem::block_vox`], mm.
+    block_mm: f64,
 }
 
 impl<'a> Plan<'a> {
@@ -57,15 +64,18 @@ impl<'a> Plan<'a> {
         Self::allow(lists, options, || format!("the lists of a {grid}"))?;
         let weights = Weights::choose(camera, grid, options.weights, options.basis)?;
         let subsets = simultaneous::subsets(&weights, options.method);
+        let passes = if options.method == Method::Subsets { options.passes } else { 0 };
+        let passes = Coarse::plan(camera, grid, options, passes);
         let (storage, weight_bytes) = match options.method {
             Method::Mart => (Storage::ByPixel, row_action::weight_bytes(&weights, indices)),
-            _ => Storage::choose(&weights, indices, subsets, options.max_bytes),
+            _ => Storage::choose(&weights, indices, (subsets, !passes.is_empty()), options.max_bytes),
         };
         // Kept weights are projected in blocks, onto the rows of a subset.
         let planes_of_kept = 3 + BLOCKS.div_ceil(subsets) as u64;
         let (voxel_bytes, planes) = match storage {
             Storage::ByPixel => (8, 4),
             Storage::Profiles => (VOXEL_BYTES + LATER_BYTES, planes_of_kept),
+            Storage::Tables if !passes.is_empty() => (CLEARED_BYTES, planes_of_kept),
             Storage::Tables => (VOXEL_BYTES + TABLE_VOXEL_BYTES, planes_of_kept),
             Storage::Kept => (VOXEL_BYTES, planes_of_kept),
             Storage::Remade => (VOXEL_BYTES, 2 + BLOCKS as u64),
@@ -74,9 +84,7 @@ impl<'a> Plan<'a> {
         let plane_bytes = 4 * Plane::stride(width) as u64 * height as u64;
         let bytes = voxel_bytes * indices.len() as u64 + weight_bytes + planes * plane_bytes;
         let lenslet_mm = camera.microlenses.pitch_mm / camera.main_lens.magnification;
-        let block_vox =
-            [0, 1].map(|axis| (BLOCK_LENSLETS * lenslet_mm / grid.spacing_mm[axis]).round().max(1.0) as usize);
-        Ok(Self { indices, options, weights, storage, bytes, block_vox })
+        Ok(Self { indices, options, weights, passes, storage, bytes, block_mm: BLOCK_LENSLETS * lenslet_mm })
     }
 
     /// Most bytes in use during the sweeps, beside image and support: an estimate from a sample of the voxels and
@@ -151,7 +159,13 @@ impl<'a> Plan<'a> {
         done: impl FnMut(&Sweep),
     ) -> Result<Reconstruction, Refusal> {
         Self::allow(self.peak_bytes(image.len()), self.options, || format!("{} voxels", self.indices.len()))?;
-        let problem = self.problem(image, start);
+        let (image, unit) = self.scaled(image);
+        let cleared = if start.is_none() { self.clear(&image, unit) } else { Cleared::of(Vec::new()) };
+        let is_cleared = !cleared.passes.is_empty();
+        let indices = if is_cleared { &cleared.indices } else { self.indices };
+        let first = is_cleared.then_some(cleared.strengths);
+        let problem =
+            Problem { start, cleared: first, ..self.problem(&image, unit, &self.weights, indices, self.options) };
         let solved = match self.options.method {
             Method::Mart => row_action::solve(&problem, done)?,
             _ => simultaneous::solve(&problem, done),
@@ -169,26 +183,75 @@ impl<'a> Plan<'a> {
         };
         let mut clipped = 0;
         for value in &mut intensity {
-            let counts = f64::from(*value) * problem.unit;
+            let counts = f64::from(*value) * unit;
             clipped += usize::from(counts > f64::from(f32::MAX));
             *value = counts.min(f64::from(f32::MAX)) as f32;
         }
-        Ok(Reconstruction { indices, intensity, sweeps: solved.sweeps, unseen: solved.unseen, clipped })
+        Ok(Reconstruction {
+            indices,
+            intensity,
+            passes: cleared.passes,
+            sweeps: solved.sweeps,
+            unseen: cleared.unseen + solved.unseen.len(),
+            clipped,
+        })
     }
 
-    /// The image in units of its brightest pixel, in which no sum is too large or too small for f32.
-    fn problem<'p>(&'p self, image: ArrayView2<f32>, start: Option<Start<'p>>) -> Problem<'p> {
+    /// The image in units of its brightest pixel, in which no sum is too large or too small for f32; and the unit, counts.
+    fn scaled(&self, image: ArrayView2<f32>) -> (Array2<f32>, f64) {
         let peak = f64::from(image.iter().fold(0f32, |peak, value| peak.max(*value)));
         let unit = if peak > 0.0 { peak } else { 1.0 };
         let mut image = image.mapv(|value| (f64::from(value) / unit) as f32);
-        let light: f64 = image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
-        let mut even = light / self.indices.len().max(1) as f64;
         if let Some(tile) = &self.options.tile {
-            even = light / (KEPT_SHARE * self.weights.grid().len() as f64);
             blind_outside(&mut image, tile.pixels);
         }
-        let Self { indices, options, weights, block_vox, .. } = self;
-        Problem { image, unit, even: even as f32, block_vox: *block_vox, weights, indices, start, options }
+        (image, unit)
+    }
+
+    /// Does the coarse passes, if there are any.
+    fn clear(&self, image: &Array2<f32>, unit: f64) -> Cleared {
+        if self.passes.is_empty() {
+            return Cleared::of(Vec::new());
+        }
+        let mut cleared = Cleared::of(self.indices.to_vec());
+        let options = Coarse::options(self.options);
+        for pass in &self.passes {
+            let (voxels, first) = pass.begin(&cleared);
+            let problem = self.problem(image, unit, pass.weights(), &voxels, &options);
+            let solved = simultaneous::solve(&Problem { cleared: first, ..problem }, |_| ());
+            pass.end(&mut cleared, voxels.len(), &solved);
+        }
+        cleared
+    }
+
+    /// The problem of some voxels of the weights' grid.
+    fn problem<'p>(
+        &self,
+        image: &'p Array2<f32>,
+        unit: f64,
+        weights: &'p Weights,
+        indices: &'p [u64],
+        options: &'p Options,
+    ) -> Problem<'p> {
+        let light: f64 = image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
+        let voxels = match &self.options.tile {
+            Some(_) => KEPT_SHARE * weights.grid().len() as f64,
+            None => indices.len().max(1) as f64,
+        };
+        let even = (light / voxels) as f32;
+        let block_vox = [0, 1].map(|axis| (self.block_mm / weights.grid().spacing_mm[axis]).round().max(1.0) as usize);
+        Problem {
+            image,
+            unit,
+            even,
+            block_vox,
+            weights,
+            indices,
+            start: None,
+            cleared: None,
+            support: self.indices.len(),
+            options,
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use clap::Parser;
 use lf_core::cli::{self, Common, ImageOptions, Preset};
 use lf_core::weights::{Basis, Model, SECTIONS};
 use lf_core::{Error, Result, Tile};
-use lf_mart::{Method, Options, Until};
+use lf_mart::{MOST_PASSES, Method, Options, Until};
 use std::path::PathBuf;
 
 /// Image, camera and voxels to intensities, by multiplicative algebraic reconstruction
@@ -54,6 +54,10 @@ pub struct Arguments {
     /// How intensities are found
     #[arg(long, value_enum, default_value_t = MethodName::Subsets)]
     pub method: MethodName,
+    /// Passes over coarse voxels before the sweeps, 0 to 2: they drop many voxels without light. 2 take a sixth to a half of
+    /// the time away where the lattice is not in line with the pixels, and cost some accuracy near focus
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub coarse: usize,
     /// Most sweeps over all pixels [default: 60, for a tile 20; with smart and mlem 100, with mart 30]
     #[arg(long, value_name = "N")]
     pub iterations: Option<usize>,
@@ -130,6 +134,7 @@ impl Arguments {
             },
             basis,
             method,
+            passes: self.coarse,
             iterations: self.iterations.unwrap_or(iterations),
             until: until_from(self.until.as_deref().unwrap_or(until), sigma)?,
             relaxation: self.relaxation.unwrap_or(relaxation),
@@ -158,6 +163,16 @@ impl Arguments {
             let found = format!("{} with another --method", cli::word(&preset));
             return Err(Error::new("--preset", found, "wanted --method subsets, which is its default"));
         }
+        if self.coarse > 0 {
+            if self.method != MethodName::Subsets {
+                let found = format!("{} with another --method", self.coarse);
+                return Err(Error::new("--coarse", found, "wanted --method subsets, which is its default"));
+            }
+            if self.start.is_some() {
+                let found = format!("{} with --start, which tells where the light is", self.coarse);
+                return Err(Error::new("--coarse", found, "wanted one of the two"));
+            }
+        }
         Ok(())
     }
 
@@ -167,6 +182,7 @@ impl Arguments {
             ("--blob", self.blob.unwrap_or(BLOB), 0.05, 10.0),
             ("--sections", self.sections.unwrap_or(least) as f64, least as f64, most as f64),
             ("--relaxation", options.relaxation, 1e-6, 100.0),
+            ("--coarse", self.coarse as f64, 0.0, MOST_PASSES as f64),
             ("--iterations", options.iterations as f64, 1.0, 1e6),
             ("--floor", options.floor, 1e-12, 0.1),
             ("--clamp", options.clamp, 1.001, 1e6),
@@ -200,6 +216,21 @@ fn until_from(typed: &str, sigma: impl FnOnce() -> f64) -> Result<Until> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Coarse passes serve the default method from no start.
+    #[test]
+    fn coarse_passes_go_with_what_uses_them() {
+        let options = |words: &[&str]| {
+            let all = ["lf-mart", "-i", "frame.exr", "-c", "camera.json"].iter().chain(words);
+            Arguments::try_parse_from(all).expect("known words").options(None, || 0.0)
+        };
+        assert_eq!(options(&["--coarse", "2"]).unwrap().passes, 2);
+        assert_eq!(options(&[]).unwrap().passes, 0);
+        let refused = |words: &[&str]| options(words).unwrap_err().to_string();
+        assert_eq!(refused(&["--coarse", "3"]), "--coarse: 3; wanted 0 to 2");
+        assert!(refused(&["--coarse", "1", "--method", "smart"]).contains("wanted --method subsets"));
+        assert!(refused(&["--coarse", "1", "--start", "a.lfv"]).contains("wanted one of the two"));
+    }
 
     /// Exact weights do not sample the aperture, so sections would have no effect.
     #[test]

@@ -8,4 +8,4 @@ pub(crate) mod simultaneous;
 mod spent;
 pub(crate) mod subsets;
 
-pub(crate) use problem::Problem;
+pub(crate) use problem::{Problem, Solved};

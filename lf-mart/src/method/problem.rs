@@ -13,7 +13,7 @@ const DIM: f32 = 1e-3;
 
 pub(crate) struct Problem<'a> {
     /// The image in units of its brightest pixel; blind pixels are NaN.
-    pub(crate) image: Array2<f32>,
+    pub(crate) image: &'a Array2<f32>,
     /// Counts of the brightest pixel.
     pub(crate) unit: f64,
     /// The image's light shared out evenly: the first strength of a voxel.
@@ -23,12 +23,19 @@ pub(crate) struct Problem<'a> {
     pub(crate) weights: &'a Weights,
     pub(crate) indices: &'a [u64],
     pub(crate) start: Option<Start<'a>>,
+    /// First strengths of the voxels, as coarse passes found them.
+    pub(crate) cleared: Option<Vec<f32>>,
+    /// Voxels of the support, with those that coarse passes dropped.
+    pub(crate) support: usize,
     pub(crate) options: &'a Options,
 }
 
 impl Problem<'_> {
     /// The start's, or an even volume of the image's light.
     pub(super) fn first_strengths(&self) -> Vec<f32> {
+        if let Some(cleared) = &self.cleared {
+            return cleared.clone();
+        }
         let Some(start) = self.start else { return vec![self.even; self.indices.len()] };
         let in_units = |intensity: f32| ((f64::from(intensity) / self.unit) as f32).clamp(0.0, GREATEST_STRENGTH);
         let dim = DIM * start.intensity.iter().fold(0f32, |peak, value| peak.max(in_units(*value)));
@@ -61,8 +68,8 @@ pub(crate) struct Solved {
     /// Strength of each, in units of the brightest pixel.
     pub(crate) strengths: Vec<f32>,
     pub(crate) sweeps: Vec<Sweep>,
-    /// Support voxels that no pixel sees.
-    pub(crate) unseen: usize,
+    /// Rising indices of the voxels that no pixel sees.
+    pub(crate) unseen: Vec<u64>,
 }
 
 /// Squares of the residual and of the image, over the pixels that the support reaches.

@@ -199,7 +199,8 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<S
             break;
         }
     }
-    let unseen = stored.seen.iter().filter(|seen| !**seen).count();
+    let is_unseen = |(index, seen): (&u64, &bool)| (!seen).then_some(*index);
+    let unseen = problem.indices.iter().zip(&stored.seen).filter_map(is_unseen).collect();
     Ok(Solved { indices: problem.indices.to_vec(), strengths, sweeps, unseen })
 }
 

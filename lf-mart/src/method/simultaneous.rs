@@ -75,16 +75,17 @@ struct State<'a> {
     weights: u64,
     /// Weights touched in the current sweep.
     touched: f64,
-    unseen: usize,
+    unseen: Vec<u64>,
 }
 
 impl<'a> State<'a> {
     fn new(problem: &'a Problem<'a>, subsets: usize) -> Self {
         let Problem { weights, options, indices, .. } = *problem;
         let (height, width) = problem.image.dim();
-        let operator = Operator::new(weights, indices, subsets, options.max_bytes);
+        let operator = Operator::new(weights, indices, subsets, options.max_bytes, problem.support);
         let mut share = operator.shares();
-        let unseen = share.iter().filter(|share| **share <= 0.0).count();
+        let is_unseen = |(index, share): (&u64, &f32)| (*share <= 0.0).then_some(*index);
+        let unseen = indices.iter().zip(&share).filter_map(is_unseen).collect();
         let mut strengths = problem.first_strengths();
         // Extinguish the voxels that no pixel sees.
         strengths.iter_mut().zip(&share).filter(|(_, share)| **share <= 0.0).for_each(|(strength, _)| *strength = 0.0);

@@ -17,6 +17,8 @@ use lf_core::weights::{Path, RowSet};
 const KEPT_PART: f64 = 0.2;
 const KEPT_AT_FIRST: f64 = 0.125;
 const KEPT_LATER: f64 = 0.4;
+/// The same after coarse passes. One sweep later so few voxels are left.
+const KEPT_CLEARED: f64 = 0.16;
 const FEW_BYTES: u64 = 1 << 25;
 
 /// Where weights are during the sweeps.
@@ -36,7 +38,13 @@ pub(crate) enum Storage {
 
 impl Storage {
     /// Foretells [`Operator::new`]: the storage, and the bytes of the weights from a sample of voxels and slices.
-    pub(crate) fn choose(weights: &Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> (Self, u64) {
+    /// `is_cleared` tells whether coarse passes come first.
+    pub(crate) fn choose(
+        weights: &Weights,
+        indices: &[u64],
+        (subsets, is_cleared): (usize, bool),
+        max_bytes: u64,
+    ) -> (Self, u64) {
         let bytes = Stored::foretold_bytes(weights, indices, subsets);
         let kept = |most_bytes| VoxelWeights::foretold_bytes(weights, indices.len(), bytes, most_bytes);
         let haze = match &weights.path {
@@ -47,11 +55,12 @@ impl Storage {
                 return (if Stored::fits(bytes, most_bytes) { Self::Kept } else { Self::Remade }, kept(most_bytes));
             }
         };
-        let limits = Limits::new(weights, indices, max_bytes);
+        let limits = Limits::new(weights, indices.len(), indices.len(), max_bytes);
         match limits.allow(indices.len(), bytes) {
             true => (Self::Kept, kept(bytes)),
             false => {
-                let later = ((KEPT_LATER * bytes as f64) as u64).max(bytes.min(FEW_BYTES));
+                let later = if is_cleared { KEPT_CLEARED } else { KEPT_LATER };
+                let later = ((later * bytes as f64) as u64).max(bytes.min(FEW_BYTES));
                 (haze.0, haze.1 + kept(limits.bytes.min(later)))
             }
         }
@@ -68,7 +77,7 @@ struct Limits {
 }
 
 impl Limits {
-    fn new(weights: &Weights, indices: &[u64], max_bytes: u64) -> Self {
+    fn new(weights: &Weights, voxels: usize, support: usize, max_bytes: u64) -> Self {
         let is_kept = match &weights.path {
             Path::Aligned(_) => weights.finds_runs(),
             Path::Micro(_) => true,
@@ -77,7 +86,8 @@ impl Limits {
         if !is_kept {
             return Self::never();
         }
-        let voxels = [KEPT_AT_FIRST, KEPT_LATER].map(|part| (part * indices.len() as f64) as usize);
+        let later = if voxels < support { KEPT_CLEARED } else { KEPT_LATER };
+        let voxels = [(KEPT_AT_FIRST, voxels), (later, support)].map(|(part, all)| (part * all as f64) as usize);
         Self { bytes: (KEPT_PART * max_bytes as f64) as u64, voxels, has_swept: false }
     }
 
@@ -152,7 +162,7 @@ pub(crate) fn are_kept(
     max_bytes: u64,
 ) -> impl Fn(f64, usize) -> bool + use<> {
     let bytes = Stored::foretold_bytes(weights, indices, subsets) as f64;
-    let mut limits = Limits::new(weights, indices, max_bytes);
+    let mut limits = Limits::new(weights, indices.len(), indices.len(), max_bytes);
     if limits.bytes == 0 {
         // The weights of all that are left are kept as soon as they fit.
         limits = Limits { bytes: kept_bytes(max_bytes), voxels: [indices.len(); 2], has_swept: false };
@@ -163,9 +173,9 @@ pub(crate) fn are_kept(
 
 impl<'a> Operator<'a> {
     /// For `subsets` interleaved subsets of image rows. Weights are kept if they fit in a part of `max_bytes`.
-    pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
-        let haze =
-            Haze { weights, indices: indices.to_vec(), subsets, limits: Limits::new(weights, indices, max_bytes) };
+    pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64, support: usize) -> Self {
+        let limits = Limits::new(weights, indices.len(), support, max_bytes);
+        let haze = Haze { weights, indices: indices.to_vec(), subsets, limits };
         match haze.kept() {
             Some(kept) => Self::Voxels(kept),
             None => Self::in_haze(haze, indices, kept_bytes(max_bytes)),

@@ -17,7 +17,7 @@ impl<'a> Projector<'a> {
     /// take no more than three fifths of `max_bytes`.
     pub fn new(weights: &'a Weights, indices: &[u64], max_bytes: u64) -> Self {
         let [width, height] = weights.sensor_px();
-        let operator = Operator::new(weights, indices, 1, max_bytes);
+        let operator = Operator::new(weights, indices, 1, max_bytes, indices.len());
         Self { operator, plane: Plane::new(width, height), voxels: indices.len(), width }
     }
 

@@ -231,7 +231,7 @@ fn weights_are_kept_to_a_byte() {
     }
 }
 
-fn options(method: Method, iterations: usize) -> Options {
+pub(crate) fn options(method: Method, iterations: usize) -> Options {
     let (relaxation, clamp) = match method {
         Method::Subsets => (1.5, 20.0),
         Method::Smart | Method::Mlem => (1.0, 20.0),
@@ -241,6 +241,7 @@ fn options(method: Method, iterations: usize) -> Options {
         weights: Model::Exact,
         basis: Basis::Point,
         method,
+        passes: 0,
         iterations,
         until: Until::Never,
         relaxation,
