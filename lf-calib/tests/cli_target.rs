@@ -84,7 +84,8 @@ fn frames_that_cannot_be_used() {
     let bench = camera_and_images();
     let unusable =
         |rest: &str, message: &str| refused(&bench, &format!("refine -c camera.json -o out {rest}"), message);
-    let wanted = "wanted 20 or more, out of focus and with all their sub-images in the frame";
+    let wanted = "wanted 20 or more, out of focus and with all their sub-images in the frame; where particles overlap, \
+                  lf-fit --camera-out finds the drift";
     unusable("a.exr b.exr --depth -5,5", &format!("2 frames: 0 isolated bright particles in 2 frames; {wanted}"));
     unusable("a.exr --depth -5,5", &format!("a.exr: 0 isolated bright particles in 1 frames; {wanted}"));
     unusable("a.exr small.exr --depth -5,5", "small.exr: image of 30 x 20 px; wanted the camera's 280 x 280 px");

@@ -49,3 +49,14 @@ fn too_few_particles_are_refused() {
         "0 isolated bright particles in 1 frames"
     );
 }
+
+#[test]
+fn particles_that_overlap_place_the_lattice_less_well() {
+    let truth = points::camera(70);
+    let uncertainty =
+        |count| refine(&frames(&truth, count), &truth, [-4.5, 4.5], &|_| ()).unwrap().offset_uncertainty_px;
+    let (sparse, dense) = (uncertainty(24).unwrap(), uncertainty(1000).unwrap());
+    println!("{sparse:.4} px alone, {dense:.4} px overlapping");
+    // The bound from which lf-calib warns lies between them.
+    assert!(sparse < 0.02 && dense > 0.02, "{sparse} px, {dense} px");
+}

@@ -1,7 +1,10 @@
 #!/usr/bin/env python3
 """Scores what scripts/studies/fit makes: DIR FRAME NAME LOG, --vectors SCENE WAY SCORES, --table KIND LOG,
---shift PX CAMERA, --alter BLOCK.KEY FACTOR MORE CAMERA, --cameras DIR NAME LOG SECONDS."""
+--shift PX CAMERA, --alter BLOCK.KEY FACTOR MORE CAMERA, --cameras DIR NAME LOG SECONDS, --laboratory DIR NAME LOG,
+--chain DIR WAY NAME LOG, --drift DIR DENSITY OFF LOG."""
+import glob
 import json
+import os
 import sys
 
 PIXEL = 0.0055  # mm at the focal plane
@@ -138,6 +141,95 @@ def cameras_tabled(log):
             f"{(slab(0, 'covered') + slab(1, 'covered')) / count:.2f}", f"{add('cpu') / len(group):.1f}"]) + " |")
 
 
+def laboratory(folder, name, log):
+    """One line of the errors of vectors by correlation and by particles, as JSON at the end of a log."""
+    seconds = lambda part: sum(float(line) for line in open(f"{folder}/{part}.s"))
+    scored = {"name": name}
+    for way in ("correlation", "particles"):
+        score, far = (json.load(open(f"{folder}/{way}{part}.json")) for part in ("", "-far"))
+        scored[way] = {"rms": [score[f"rms_{axis}_px"] for axis in "uvw"], "median": score["median_abs_w_px"],
+                       "far": far["rms_w_px"], "covered": score["uncertainty"]["within_1_w"], "vectors": score["vectors"],
+                       "seconds": seconds("both") + seconds(way)}
+    print(json.dumps(scored), flush=True)
+    with open(log, "a") as out:
+        print(json.dumps(scored), file=out)
+
+
+def laboratory_tabled(log):
+    """A table of both ways and the ratio of their errors of w."""
+    head = ["", "vectors"] + 2 * ["u, v, w, px", "median of w", "w beyond 1.6 mm", "1 sigma covers w", "s"]
+    head[2], head[7] = "by correlation: " + head[2], "by particles: " + head[7]
+    head += ["w, ratio", "beyond 1.6 mm"]
+    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    for run in map(json.loads, open(log)):
+        cells = [run["name"], f"{run['particles']['vectors']}"]
+        for way in ("correlation", "particles"):
+            part = run[way]
+            cells += [", ".join(f"{rms:.2f}" for rms in part["rms"]), f"{part['median']:.2f}", f"{part['far']:.2f}", f"{part['covered']:.2f}",
+                      f"{part['seconds']:.0f}"]
+        cells.append(f"{run['correlation']['rms'][2] / run['particles']['rms'][2]:.1f}")
+        cells.append(f"{run['correlation']['far'] / run['particles']['far']:.1f}")
+        print("| " + " | ".join(cells) + " |")
+
+
+def chain(folder, way, name, log):
+    """One line of time, memory, Q and errors of vectors of a chain, as JSON at the end of a log."""
+    quality, score = (json.load(open(f"{folder}/{kind}.json")) for kind in ("quality", "displacement"))
+    peak = max(json.load(open(path))["peak_bytes"] for path in glob.glob(f"{folder}/{way}-*.json"))
+    scored = {"name": name, "q": quality["q"], "rms": [score[f"rms_{axis}_px"] for axis in "uvw"], "peak": peak,
+              "seconds": sum(float(line) for line in open(f"{folder}/{way}.s"))}
+    print(json.dumps(scored), flush=True)
+    with open(log, "a") as out:
+        print(json.dumps(scored), file=out)
+
+
+def chains_tabled(log):
+    """A table of chains, means over the seeds of one name; errors are RMS of their RMS."""
+    runs = {}
+    for run in map(json.loads, open(log)):
+        runs.setdefault(run["name"], []).append(run)
+    head = ["", "s", "GB", "Q", "u, px", "v, px", "w, px"]
+    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    for name, group in runs.items():
+        mean = lambda key: sum(run[key] for run in group) / len(group)
+        errors = [rms([run["rms"][axis] for run in group]) for axis in range(3)]
+        print("| " + " | ".join([name, f"{mean('seconds'):.1f}", f"{mean('peak') / 1e9:.2f}", f"{mean('q'):.3f}"]
+                                + [f"{error:.3f}" for error in errors]) + " |")
+
+
+def drift(folder, density, off, log):
+    """One line of how far two corrected cameras are from the true one, px, as JSON at the end of a log."""
+    lenslets = lambda name: json.load(open(f"{folder}/{name}.json"))["microlenses"]["offset_mm"]
+    pitch = json.load(open(f"{folder}/camera.json"))["sensor"]["pixel_pitch_mm"]
+    left = lambda name: sum((a - b) ** 2 for a, b in zip(lenslets(name), lenslets("camera"))) ** 0.5 / pitch
+    scored = {"density": density, "off": off, "refined": None}
+    if os.path.exists(f"{folder}/refined.json"):
+        counts = json.load(open(f"{folder}/refine.json"))["counts"]
+        scored.update(refined=left("refined"), stated=counts.get("offset_std_px"), alone=counts["particles"])
+    counts = json.load(open(f"{folder}/fit.json"))["counts"]
+    # Without a drift worth writing lf-fit leaves the camera.
+    name = "fitted" if os.path.exists(f"{folder}/fitted.json") else "shifted"
+    scored.update(fitted=left(name), fit_stated=max(counts["drift_std_px"]), particles=counts["particles"])
+    print(json.dumps(scored), flush=True)
+    with open(log, "a") as out:
+        print(json.dumps(scored), file=out)
+
+
+def drift_tabled(log):
+    """A table of what both ways leave of a drift."""
+    head = ["per lenslet", "off by, px", "refine: particles alone", "left, px", "stated, px", "lf-fit: particles",
+            "left, px", "stated, px"]
+    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    for run in map(json.loads, open(log)):
+        cells = [run["density"], run["off"]]
+        if run["refined"] is None:
+            cells += ["too few", "-", "-"]
+        else:
+            cells += [f"{run['alone']}", f"{run['refined']:.3f}", f"{run['stated']:.3f}"]
+        cells += [f"{run['particles']}", f"{run['fitted']:.4f}", f"{run['fit_stated']:.4f}"]
+        print("| " + " | ".join(cells) + " |")
+
+
 def shifted(px, path):
     """A camera with its lattice off by so many pixels along x."""
     camera = json.load(open(path))
@@ -159,6 +251,18 @@ elif sys.argv[1] == "--cameras":
     cameras(*sys.argv[2:])
 elif sys.argv[1:3] == ["--table", "cameras"]:
     cameras_tabled(sys.argv[3])
+elif sys.argv[1] == "--chain":
+    chain(*sys.argv[2:])
+elif sys.argv[1:3] == ["--table", "compare"]:
+    chains_tabled(sys.argv[3])
+elif sys.argv[1] == "--drift":
+    drift(*sys.argv[2:])
+elif sys.argv[1:3] == ["--table", "drift"]:
+    drift_tabled(sys.argv[3])
+elif sys.argv[1] == "--laboratory":
+    laboratory(*sys.argv[2:])
+elif sys.argv[1:3] == ["--table", "laboratory"]:
+    laboratory_tabled(sys.argv[3])
 elif sys.argv[1] == "--table":
     tabled(*sys.argv[2:])
 elif sys.argv[1] == "--shift":

@@ -44,6 +44,9 @@ fn check_depths([low, high]: [f64; 2], camera: &Camera) -> Result<()> {
     check_depth_mm(camera, high).map_err(|refusal| Error::new("--depth", refusal.found, wanted))
 }
 
+/// A lattice that is known less well than this, px, is warned of.
+const VAGUE_PX: f64 = 0.02;
+
 fn tell(found: &Refined, frames: usize, session: &mut Session) {
     session.count("frames", frames);
     session.count("particles", found.particles);
@@ -54,5 +57,15 @@ fn tell(found: &Refined, frames: usize, session: &mut Session) {
     }
     if found.changed.is_empty() {
         session.explain("the particles show no drift");
+    }
+    if let Some(offset_px) = found.offset_uncertainty_px {
+        session.count("offset_std_px", offset_px);
+        if offset_px > VAGUE_PX {
+            session.warn(format!(
+                "{} particles that overlap place the lattice to {offset_px:.2} px only; lf-fit --camera-out finds the drift \
+                 from all of them",
+                found.particles
+            ));
+        }
     }
 }

@@ -57,8 +57,11 @@ pub fn refine(
     let seen = look_at_all(frames, &camera, &particles, watch)?;
     let parameters = if free.is_empty() { GROUPS[0] } else { &free };
     let estimate = solve_with_stop(&equations(&seen, &camera), parameters).ok_or_else(unclear)?;
-    check_offset(&free, &estimate, &camera, seen.len())?;
-    Ok(report(nominal, &changes, &free, &seen, &estimate, depth_mm))
+    let offset_px = offset_uncertainty_px(parameters, &estimate, &camera);
+    check_offset(&free, offset_px, seen.len())?;
+    let mut refined = report(nominal, &changes, &free, &seen, &estimate, depth_mm);
+    refined.offset_uncertainty_px = offset_px;
+    Ok(refined)
 }
 
 fn particles(
@@ -98,22 +101,30 @@ fn look_at_all(
     watch(1);
     if seen.len() < FEWEST_PARTICLES {
         let found = format!("{} isolated bright particles in {} frames", seen.len(), frames.len());
-        let wanted =
-            format!("wanted {FEWEST_PARTICLES} or more, out of focus and with all their sub-images in the frame");
+        let wanted = format!(
+            "wanted {FEWEST_PARTICLES} or more, out of focus and with all their sub-images in the frame; where particles \
+             overlap, lf-fit --camera-out finds the drift"
+        );
         return Err(Refusal::new(found, wanted));
     }
     Ok(seen)
 }
 
-/// Refuses an offset that is not known well enough.
-fn check_offset(free: &[P], estimate: &ParameterEstimate, camera: &Camera, particles: usize) -> Result<(), Refusal> {
-    let offset = GROUPS[0].iter().filter_map(|p| free.iter().position(|known| known == p));
-    let worst = offset.map(|n| estimate.uncertainty(n)).fold(0.0, f64::max) / camera.sensor.pixel_pitch_mm;
+/// The larger standard uncertainty of the lattice's offset, px, if it was solved for.
+fn offset_uncertainty_px(solved: &[P], estimate: &ParameterEstimate, camera: &Camera) -> Option<f64> {
+    let offset = GROUPS[0].iter().filter_map(|p| solved.iter().position(|known| known == p));
+    let worst = offset.map(|n| estimate.uncertainty(n)).reduce(f64::max)?;
+    Some(worst / camera.sensor.pixel_pitch_mm)
+}
+
+/// Refuses a change of the offset that is not known well enough.
+fn check_offset(free: &[P], uncertainty_px: Option<f64>, particles: usize) -> Result<(), Refusal> {
+    let worst = uncertainty_px.filter(|_| free.contains(&GROUPS[0][0])).unwrap_or(0.0);
     if worst <= LARGEST_UNCERTAINTY_PX {
         return Ok(());
     }
     Err(Refusal::new(
         format!("{particles} particles locate the lattice to {worst:.2} px"),
-        format!("wanted {LARGEST_UNCERTAINTY_PX} px or better: more or brighter particles"),
+        format!("wanted {LARGEST_UNCERTAINTY_PX} px or better: more or brighter particles, or lf-fit --camera-out"),
     ))
 }

@@ -19,6 +19,8 @@ pub struct Refined {
     pub particles: usize,
     /// Root mean square disparity before and after, px: how far particles' light is from the stop's middle.
     pub disparity_px: [f64; 2],
+    /// Standard uncertainty of the lattice's offset, px, if it was solved for.
+    pub offset_uncertainty_px: Option<f64>,
     /// Name, change and standard uncertainty of each changed parameter. Empty if nothing has drifted.
     pub changed: Vec<(&'static str, f64, f64)>,
 }
@@ -57,7 +59,7 @@ pub(crate) fn report(
         "regions": regions(&places, &before, &after, bounds),
     });
     record(&mut camera, "refine", found);
-    Refined { camera, particles: seen.len(), disparity_px, changed }
+    Refined { camera, particles: seen.len(), disparity_px, offset_uncertainty_px: None, changed }
 }
 
 /// Mean disparities before and after in each region of the volume that holds particles.

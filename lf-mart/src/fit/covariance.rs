@@ -8,22 +8,43 @@ use super::normal::{Normal, cholesky_above, solve};
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Prior(pub(super) [f64; UNKNOWNS]);
 
+/// Largest variance over that of the prior: more is an error of rounding.
+const MOST: f64 = 1.001;
+/// By this share of itself the diagonal is raised first: rounding in 32 bits.
+const RAISE: f64 = 1e-7;
+
 /// The covariance of the unknowns of the first of `chosen`, the others of them free too, in pixels of the focal plane
 /// and in shares of the light.
 pub(super) fn covariance(normal: &Normal, chosen: &[usize], prior: Prior) -> [[f64; UNKNOWNS]; UNKNOWNS] {
-    let size = UNKNOWNS * chosen.len();
-    let mut fisher = normal.dense(chosen);
-    for n in 0..size {
-        fisher[n * size + n] += prior.0[n % UNKNOWNS].powi(-2);
+    first_of_inverse(&normal.dense(chosen), UNKNOWNS * chosen.len(), prior)
+}
+
+/// The block of the first particle in the inverse of a Fisher matrix and the prior. Sums in 32 bits of pixels that do not
+/// tell many particles apart can say more than is possible, so that an inverse is no covariance. Then the diagonal is
+/// raised until it is one: above rounding, and as little as that takes.
+fn first_of_inverse(fisher: &[f64], size: usize, prior: Prior) -> [[f64; UNKNOWNS]; UNKNOWNS] {
+    let least = |n: usize| prior.0[n % UNKNOWNS].powi(-2);
+    let mut raise = 0.0;
+    loop {
+        let mut lower = fisher.to_vec();
+        for n in 0..size {
+            lower[n * size + n] += least(n) + raise * fisher[n * size + n];
+        }
+        // The image can only add to the prior.
+        cholesky_above(&mut lower, size, |n, _| least(n));
+        let found: [[f64; UNKNOWNS]; UNKNOWNS] = std::array::from_fn(|k| {
+            let mut column = vec![0.0; size];
+            column[k] = 1.0;
+            solve(&lower, size, &mut column);
+            std::array::from_fn(|n| column[n])
+        });
+        let can_be =
+            |k: usize| found[k][k] > 0.0 && found[k][k] < MOST / least(k) && found[k].iter().all(|v| v.is_finite());
+        if raise >= 1.0 || (0..UNKNOWNS).all(can_be) {
+            return found;
+        }
+        raise = (10.0 * raise).max(RAISE);
     }
-    // The image can only add to the prior.
-    cholesky_above(&mut fisher, size, |n, _| prior.0[n % UNKNOWNS].powi(-2));
-    std::array::from_fn(|k| {
-        let mut column = vec![0.0; size];
-        column[k] = 1.0;
-        solve(&fisher, size, &mut column);
-        std::array::from_fn(|n| column[n])
-    })
 }
 
 #[cfg(test)]
@@ -40,6 +61,29 @@ mod tests {
             for column in 0..=row {
                 let product: f64 = (0..=column).map(|k| lower[3 * row + k] * lower[3 * column + k]).sum();
                 assert!((product - matrix[3 * row + column]).abs() < 0.3, "{row} {column}: {product}");
+            }
+        }
+    }
+
+    /// Twelve bright particles that three patterns of pixels tell, and sums in 32 bits.
+    #[test]
+    fn particles_that_no_pixel_tells_apart_have_finite_uncertainties() {
+        let (particles, prior) = (12, Prior([14.0, 14.0, 2000.0, 1.0]));
+        let size = UNKNOWNS * particles;
+        let mut fisher = vec![0.0; size * size];
+        for row in 0..size {
+            for column in 0..size {
+                let pattern = |n: usize, k: usize| 1e4 * (1.3 * (n + 1) as f64 * (k + 1) as f64).sin();
+                let sum: f64 = (0..3).map(|k| pattern(row.max(column), k) * pattern(row.min(column), k)).sum();
+                fisher[row * size + column] = f64::from(sum as f32);
+            }
+        }
+        let found = first_of_inverse(&fisher, size, prior);
+        for n in 0..UNKNOWNS {
+            assert!(found[n][n] > 0.0 && found[n][n] <= 1.001 * prior.0[n].powi(2), "{n}: {}", found[n][n]);
+            for k in 0..UNKNOWNS {
+                let bound = (found[n][n] * found[k][k]).sqrt();
+                assert!(found[n][k].abs() <= 1.001 * bound, "{n} {k}: {} of {bound}", found[n][k]);
             }
         }
     }
