@@ -6,6 +6,7 @@ use super::cross::{Cross, Read};
 use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
 use super::place::{Place, width};
+use super::rectangle::Shared;
 use super::rim::{self, Side, Strip, Way};
 use super::spline::{Spline, Taps};
 use super::table::Table;
@@ -17,6 +18,8 @@ use glam::DVec2;
 pub const QUANTITIES: usize = 8;
 /// The first of them: the share of light and its derivatives by place.
 pub const PLACES: usize = 4;
+/// The share of light alone.
+pub(super) const LIGHT: usize = 1;
 
 /// A rectangle of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,6 +40,20 @@ type Lists<T> = [Vec<(T, [f64; 3])>; 2];
 /// A table with lists of its own among the buffers, and the way from it to the pixels.
 pub(super) trait Listed: Table {
     fn lists(scratch: &mut Scratch) -> &mut Lists<Self::Taps>;
+
+    /// Fills the scratch's pixels from what the lenslets of a row and of a column share. None if they share nothing.
+    #[inline(always)]
+    fn by_axes<const N: usize>(
+        _: &LensletImage<'_, Self>,
+        _: &LensletLine,
+        _: f64,
+        _: &mut Scratch,
+    ) -> Option<Option<Patch>>
+    where
+        Self: Sized,
+    {
+        None
+    }
 
     /// Adds the light up, pixel by pixel.
     fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut)
@@ -63,6 +80,17 @@ impl Listed for Cross {
     }
 
     #[inline(always)]
+    fn by_axes<const N: usize>(
+        image: &LensletImage<'_, Self>,
+        line: &LensletLine,
+        by_shift: f64,
+        scratch: &mut Scratch,
+    ) -> Option<Option<Patch>> {
+        let is_product = !image.view.has_round_stop && !image.beam.is_bent();
+        is_product.then(|| image.by_shared_factors::<N>(line, by_shift, scratch))
+    }
+
+    #[inline(always)]
     fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut) {
         if image.beam.is_bent() {
             image.by_table::<N>(scratch, cut);
@@ -78,6 +106,7 @@ pub struct Scratch {
     pub(super) edges: [Vec<Place>; 2],
     points: [Vec<Place>; 2],
     pub(super) factors: [Vec<Factor>; 2],
+    pub(super) shared: Shared,
     taps: Lists<Taps>,
     reads: Lists<Read>,
     lines: [Vec<[f64; QUANTITIES]>; 2],
@@ -85,7 +114,7 @@ pub struct Scratch {
 }
 
 /// Pixels whose width on the array is below this many standard deviations of the spot are integrated by points.
-const BY_POINTS: f64 = 0.5;
+pub(super) const BY_POINTS: f64 = 0.5;
 /// The same if the rays bend.
 const BY_POINTS_BENT: f64 = 0.75;
 /// Gauss-Legendre with two nodes: their places in the interval.
@@ -118,10 +147,10 @@ pub(super) struct LensletImage<'a, T> {
 }
 
 /// A lenslet along one axis: pixels are at `zero - slope u`.
-#[derive(Debug, Clone, Copy)]
-struct Axis {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Axis {
     zero: f64,
-    slope: f64,
+    pub(super) slope: f64,
     per_slope: f64,
     kappa: f64,
     gamma: f64,
@@ -134,7 +163,7 @@ struct Axis {
 impl Axis {
     /// First and end pixel that can be lit, for light within `reach` of the lenslet's centre.
     #[inline(always)]
-    fn lit(&self, alpha: f64, half: f64, reach: f64) -> Option<(i64, i64)> {
+    pub(super) fn lit(&self, alpha: f64, half: f64, reach: f64) -> Option<(i64, i64)> {
         let (low, high) = if alpha.abs() * half < 1e-9 * reach {
             if self.chief.abs() > reach { (1.0, 0.0) } else { (-half, half) }
         } else {
@@ -152,7 +181,7 @@ impl Axis {
 
     /// The place of pixel edge `edge`. A square stop ends at `half`.
     #[inline(always)]
-    fn place(&self, edge: f64, alpha: f64, by_shift: f64, half: f64) -> Place {
+    pub(super) fn place(&self, edge: f64, alpha: f64, by_shift: f64, half: f64) -> Place {
         let per_slope = self.per_slope;
         let u = (self.zero - edge) * per_slope;
         if u.abs() > half {
@@ -166,17 +195,11 @@ impl Axis {
 }
 
 impl<T: Listed> LensletImage<'_, T> {
-    /// Fills the scratch's pixels with light and derivatives by m, alpha, the spot's size and the lattice's shift.
+    /// A lenslet along both axes, and the spread of the rays that meet it.
     #[inline(always)]
-    pub(super) fn integrate<const N: usize>(
-        &self,
-        line: &LensletLine,
-        by_shift: f64,
-        scratch: &mut Scratch,
-    ) -> Option<Patch> {
+    pub(super) fn axes(&self, line: &LensletLine) -> ([Axis; 2], DVec2) {
         let Self { view, beam, spot_mm: spot, .. } = *self;
-        let half = view.optics.half_aperture_mm;
-        let (chief, alpha) = beam.towards(line.centre, spot, half);
+        let (chief, alpha) = beam.towards(line.centre, spot, view.optics.half_aperture_mm);
         let chief = chief - line.centre;
         let zero = line.zero + line.gamma * chief;
         let slope = line.kappa - line.gamma * alpha;
@@ -190,6 +213,23 @@ impl<T: Listed> LensletImage<'_, T> {
             chief: chief[n],
             pixels: view.optics.sensor_px[n],
         });
+        (axes, alpha)
+    }
+
+    /// Fills the scratch's pixels with light and derivatives by m, alpha, the spot's size and the lattice's shift.
+    #[inline(always)]
+    pub(super) fn integrate<const N: usize>(
+        &self,
+        line: &LensletLine,
+        by_shift: f64,
+        scratch: &mut Scratch,
+    ) -> Option<Patch> {
+        if let Some(patch) = T::by_axes::<N>(self, line, by_shift, scratch) {
+            return patch;
+        }
+        let Self { view, beam, spot_mm: spot, .. } = *self;
+        let half = view.optics.half_aperture_mm;
+        let (axes, alpha) = self.axes(line);
         let reach = view.corner + REACH_SIGMA * spot + beam.most_bend_mm;
         let (left, right) = axes[0].lit(alpha.x, half, reach.x)?;
         let (top, bottom) = axes[1].lit(alpha.y, half, reach.y)?;
@@ -277,6 +317,10 @@ impl<T: Listed> LensletImage<'_, T> {
         read: &mut [f64; QUANTITIES],
     ) -> [f64; 2] {
         let [value, by_x, by_y, by_size] = table.at::<N>(&x.0, &y.0, self.more_mm);
+        if N <= LIGHT {
+            read[0] = value;
+            return [0.0; 2];
+        }
         let (x, y) = (x.1, y.1);
         [read[0], read[1], read[2], read[3]] = [value, by_x * x[0], by_y * y[0], by_x * x[1] + by_y * y[1]];
         if N > PLACES {

@@ -2,7 +2,7 @@
 
 use super::beam::{Beam, Tracer};
 use super::cell_surface::{CellSurface, Kind, REACH_SIGMA, Tables};
-use super::lenslet_image::{LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
+use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLines;
 use super::view::View;
 use crate::{Camera, Optics, Refusal, camera::Aperture, weights::check_depth_mm};
@@ -120,6 +120,17 @@ impl ParticleModel {
         self.visit_all::<PLACES>(place_mm, scratch, found);
     }
 
+    /// The same with the share of light only: the other quantities are 0.
+    #[inline(always)]
+    pub fn visit_light(
+        &self,
+        place_mm: [f64; 3],
+        scratch: &mut Scratch,
+        found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+    ) {
+        self.visit_all::<LIGHT>(place_mm, scratch, found);
+    }
+
     #[inline(always)]
     fn visit_all<const N: usize>(
         &self,
@@ -148,6 +159,7 @@ impl ParticleModel {
         mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
         let image = LensletImage { view: &self.view, beam, tables, spot_mm, more_mm };
+        scratch.shared.begin();
         let margin = self.view.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
         let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
         for line in self.lines.within(beam.chief, margin + spread) {
@@ -175,6 +187,9 @@ impl ParticleModel {
 /// From derivatives by the beam (m, alpha, spot) to derivatives by the place and the size of the particle.
 #[inline(always)]
 fn to_place<const N: usize>(beam: &Beam, sigma_mm: f64, pixels: &mut [[f64; QUANTITIES]]) {
+    if N <= LIGHT {
+        return;
+    }
     for pixel in pixels {
         let [light, mx, my, alpha, spot, shift_x, shift_y, _] = *pixel;
         let by = |axis: usize| beam.chief_by[axis].x * mx + beam.chief_by[axis].y * my + beam.alpha_by[axis] * alpha;

@@ -1,13 +1,114 @@
 //! The image of a cell that is a rectangle along the axes: light is a factor along x times one along y.
 
+use super::cell_surface::REACH_SIGMA;
 use super::cross::Cross;
 use super::factor::Factor;
-use super::lenslet_image::{Cut, LensletImage, NODES, PLACES, QUANTITIES, Scratch};
+use super::lenslet_image::{Axis, BY_POINTS, Cut, LIGHT, LensletImage, NODES, PLACES, Patch, QUANTITIES, Scratch};
+use super::lenslet_lines::LensletLine;
 use super::place::{Place, width};
 use super::rim::Side;
 use super::table::Table;
 
+/// A lenslet along one axis: the pixels that it lights, and the factors of their light. On a lattice in line with the
+/// pixels all lenslets of a column, or of a row, have the same.
+#[derive(Debug, Default)]
+struct Share {
+    axis: Option<Axis>,
+    by_points: bool,
+    /// First and end pixel; none if both are equal.
+    first: i64,
+    end: i64,
+    edges: Vec<Place>,
+    factors: Vec<Factor>,
+}
+
+/// The shares of the row in hand and of the columns that it has in common with the last one.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    row: Share,
+    columns: Vec<Share>,
+    /// The next column.
+    next: usize,
+}
+
+impl Shared {
+    /// Forgets the shares of another particle.
+    pub(super) fn begin(&mut self) {
+        self.row.axis = None;
+        self.columns.iter_mut().for_each(|column| column.axis = None);
+        self.next = 0;
+    }
+}
+
+impl Share {
+    /// Finds the share of a lenslet along axis `n`, unless it is the same as before. Gives whether it was not.
+    #[inline(always)]
+    fn find(
+        &mut self,
+        image: &LensletImage<'_, Cross>,
+        (n, axis): (usize, &Axis),
+        (alpha, by_shift): (f64, f64),
+        by_points: bool,
+    ) -> bool {
+        if self.axis.as_ref() == Some(axis) && self.by_points == by_points {
+            return false;
+        }
+        (self.axis, self.by_points) = (Some(*axis), by_points);
+        let half = image.view.optics.half_aperture_mm;
+        let reach = image.view.corner + REACH_SIGMA * image.spot_mm + image.beam.most_bend_mm;
+        (self.first, self.end) = axis.lit(alpha, half, reach[n]).unwrap_or((0, 0));
+        self.edges.clear();
+        self.factors.clear();
+        if self.first == self.end {
+            return true;
+        }
+        for edge in self.first..=self.end {
+            self.edges.push(axis.place(edge as f64, alpha, by_shift, half));
+        }
+        if by_points {
+            image.means(n, &self.edges, &mut self.factors);
+        } else {
+            image.differences(n, alpha, &self.edges, &mut self.factors);
+        }
+        true
+    }
+}
+
 impl LensletImage<'_, Cross> {
+    /// From the factors of a row and a column of lenslets, for straight rays and a square stop.
+    #[inline(always)]
+    pub(super) fn by_shared_factors<const N: usize>(
+        &self,
+        line: &LensletLine,
+        by_shift: f64,
+        scratch: &mut Scratch,
+    ) -> Option<Patch> {
+        let (axes, alpha) = self.axes(line);
+        let width_mm = 1.0 / axes[0].slope.abs().min(axes[1].slope.abs());
+        let by_points = alpha.abs().max_element() * width_mm < BY_POINTS * self.spot_mm;
+        let Scratch { shared: Shared { row, columns, next }, pixels, .. } = scratch;
+        if row.find(self, (1, &axes[1]), (alpha.y, by_shift), by_points) {
+            *next = 0;
+        }
+        if *next == columns.len() {
+            columns.push(Share::default());
+        }
+        let column = &mut columns[*next];
+        *next += 1;
+        column.find(self, (0, &axes[0]), (alpha.x, by_shift), by_points);
+        if row.first == row.end || column.first == column.end {
+            return None;
+        }
+        pixels.clear();
+        let per_stop = 1.0 / self.view.stop_mm2;
+        for b in &row.factors {
+            let b = b.mix(per_stop, b, 0.0);
+            pixels.extend(column.factors.iter().map(|a| product::<N>(a, &b)));
+        }
+        let [columns, rows] = [column.end - column.first, row.end - row.first].map(|count| count as u32);
+        Some(Patch { column: column.first as u32, row: row.first as u32, columns, rows })
+    }
+
     /// From the factors along both axes; pixels that the rim crosses from the tables.
     #[inline(always)]
     pub(super) fn by_factors<const N: usize>(&self, scratch: &mut Scratch, cut: Cut) {
@@ -88,7 +189,11 @@ impl LensletImage<'_, Cross> {
 #[inline(always)]
 fn product<const N: usize>(a: &Factor, b: &Factor) -> [f64; QUANTITIES] {
     let mut light = [0.0; QUANTITIES];
-    [light[0], light[1], light[2]] = [a.light * b.light, a.by_m * b.light, a.light * b.by_m];
+    light[0] = a.light * b.light;
+    if N <= LIGHT {
+        return light;
+    }
+    [light[1], light[2]] = [a.by_m * b.light, a.light * b.by_m];
     light[3] = a.by_alpha * b.light + a.light * b.by_alpha;
     if N > PLACES {
         light[4] = a.by_size * b.light + a.light * b.by_size;

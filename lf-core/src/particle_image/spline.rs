@@ -81,7 +81,9 @@ impl Table for Spline {
             for k in 0..4 {
                 let value = values[k] + more * by_size[k];
                 level[k] += y.weights[n] * value;
-                slope[k] += y.slopes[n] * value;
+                if N > 1 {
+                    slope[k] += y.slopes[n] * value;
+                }
                 if N > 4 {
                     size[k] += y.weights[n] * by_size[k];
                 }
@@ -89,6 +91,9 @@ impl Table for Spline {
         }
         let dot = |a: [f64; 4], b: [f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
         let by_size = if N > 4 { dot(size, x.weights) } else { 0.0 };
+        if N <= 1 {
+            return [dot(level, x.weights), 0.0, 0.0, 0.0];
+        }
         [dot(level, x.weights), dot(level, x.slopes), dot(slope, x.weights), by_size]
     }
 }

@@ -11,7 +11,7 @@ pub(super) trait Table {
     /// Whether the place lies before the first node.
     fn is_below(taps: &Self::Taps) -> bool;
 
-    /// Value, slopes along x and y, and, if N is more than 4, derivative by the size, for a size that is `more` than
-    /// the table's.
+    /// Value, slopes along x and y if N is more than 1, and derivative by the size if N is more than 4, for a size that
+    /// is `more` than the table's.
     fn at<const N: usize>(&self, x: &Self::Taps, y: &Self::Taps, more: f64) -> [f64; 4];
 }

@@ -157,6 +157,27 @@ fn derivatives_are_those_of_the_light() {
     }
 }
 
+/// The light alone is that which comes with derivatives, to the last bit.
+#[test]
+fn light_alone_is_the_same_light() {
+    for (name, camera) in cameras() {
+        let model = ParticleModel::new(&camera, SIGMA_MM, DEPTH_MM).unwrap();
+        for place in PLACES {
+            let mut alone = Pixels::new();
+            model.visit_light(place, &mut Scratch::default(), |patch, pixels| {
+                for (n, pixel) in pixels.iter().enumerate() {
+                    let n = n as u32;
+                    let at = (patch.column + n % patch.columns, patch.row + n / patch.columns);
+                    alone.entry(at).or_insert([0.0; QUANTITIES])[0] += pixel[0];
+                    assert_eq!(pixel[1..], [0.0; QUANTITIES - 1], "{name} {place:?}");
+                }
+            });
+            let light = |map: &Pixels| map.iter().map(|(at, pixel)| (*at, pixel[0].to_bits())).collect::<Vec<_>>();
+            assert_eq!(light(&alone), light(&image(&model, place)), "{name} {place:?}");
+        }
+    }
+}
+
 /// No step and no kink near focus: the light's change over a short way is what its slopes at both ends say.
 #[test]
 fn light_is_smooth_through_the_focus() {

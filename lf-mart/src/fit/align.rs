@@ -189,7 +189,7 @@ mod tests {
         let dark = Array2::<f32>::zeros((420, 420));
         let cloud = |views: &[View], images: [&Array2<f32>; 2]| {
             let setting = Setting { model: &first, views, noise: NOISE, pixel_mm: PIXEL_MM, depth_mm: DEPTH_MM };
-            let mut cloud = Cloud::new(images[0].view(), spots.clone(), 120);
+            let mut cloud = Cloud::new(images[0].view(), spots.clone(), 120, 28.0);
             cloud.further = vec![Exposure { image: images[1].view(), light: vec![0.0; images[1].len()] }];
             cloud.render(&setting);
             let light = [cloud.light.clone(), cloud.further[0].light.clone()];

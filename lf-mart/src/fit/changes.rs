@@ -112,7 +112,7 @@ impl Local<'_, '_> {
             let (fitted, gain) = self.attempt(&order, &rest, Ends { steps: 8, gain: 0.5 });
             let is_spare = spot.light < FAINT * judge.usual_light || self.is_beside(n, TWIN);
             if -gain < judge.gain * if is_spare { SPARE } else { 1.0 } {
-                self.keep(&order, fitted);
+                self.keep(&order, fitted, spot.place_mm);
                 hit.push(spot.place_mm);
             }
         }
@@ -177,7 +177,7 @@ impl Local<'_, '_> {
             let spots: Vec<Spot> = near.iter().map(|n| self.members[*n].spot).collect();
             let (fitted, gain) = self.attempt(&near, &spots, TRIAL);
             if gain > TRIAL.gain {
-                self.keep(&near, fitted);
+                self.keep(&near, fitted, spot.place_mm);
             }
             if bad(self, n).is_none() {
                 continue;
@@ -215,15 +215,19 @@ impl Local<'_, '_> {
         let (fitted, gain) = self.attempt(&order, &spots, TRIAL);
         let is_kept = gain > judge.gain;
         if is_kept {
-            self.keep(&order, fitted);
+            self.keep(&order, fitted, spot.place_mm);
         }
         is_kept
     }
 
-    /// Adds those of `candidates` that the residual asks for. Gives how many.
-    pub(super) fn add(&mut self, candidates: &[Spot], judge: &Judge) -> usize {
+    /// Adds those of `candidates` that the residual asks for, or only those of them that lie near own particles. Gives
+    /// how many.
+    pub(super) fn add(&mut self, candidates: &[Spot], all: bool, judge: &Judge) -> usize {
         let mut asked = Vec::new();
         for spot in candidates {
+            if !all && !self.near(spot.place_mm, judge.lenslet_px).iter().any(|n| self.members[*n].is_own) {
+                continue;
+            }
             let spot = Spot { light: judge.usual_light, ..*spot };
             let image = self.setting.image(&spot, self.window, self.buffers);
             let (score, factor) = self.filter(&image);
@@ -245,7 +249,7 @@ impl Local<'_, '_> {
             spots.push(spot);
             let (fitted, gain) = self.attempt(&near, &spots, TRIAL);
             if gain > judge.gain {
-                self.keep(&near, fitted);
+                self.keep(&near, fitted, spot.place_mm);
                 count += 1;
             }
         }
@@ -295,7 +299,7 @@ impl Local<'_, '_> {
                 }
             }
             if let Some((_, fitted)) = best {
-                self.keep(&near, fitted);
+                self.keep(&near, fitted, spot.place_mm);
                 count += 1;
             }
         }
@@ -313,7 +317,7 @@ impl Local<'_, '_> {
                 for x in SCAN_ASIDE {
                     let [x0, y0, z0] = spot.place_mm;
                     let there = Spot { place_mm: [x0 + px * x, y0 + px * y, z0 + px * z], ..spot };
-                    let image = self.setting.image(&there, self.window, self.buffers);
+                    let image = self.setting.light_image(&there, self.window, self.buffers);
                     let level = self.setting.deviance(self.window, std::iter::once(&image), self.buffers);
                     tried.push((level, [x, y, z], there));
                 }

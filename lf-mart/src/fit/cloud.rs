@@ -68,6 +68,10 @@ pub(super) struct Cloud<'a> {
     pub(super) spots: Vec<Spot>,
     /// Whether a particle stayed whole when it was tried to be two.
     pub(super) is_whole: Vec<bool>,
+    /// Whether a round works on a particle: the last one still moved it, or changed something near it.
+    pub(super) is_awake: Vec<bool>,
+    /// Pixels of the focal plane within which a change wakes particles.
+    pub(super) beside_px: f64,
     /// Most pixels from a particle's chief ray to a pixel that it lights.
     pub(super) reach_px: usize,
 }
@@ -103,9 +107,10 @@ pub(super) fn tile_at(size: [usize; 2], count: [usize; 2], place_px: [f64; 2]) -
 
 impl<'a> Cloud<'a> {
     /// Particles without light on the sensor yet: see [`Cloud::render`].
-    pub(super) fn new(image: ArrayView2<'a, f32>, spots: Vec<Spot>, reach_px: usize) -> Self {
-        let is_whole = vec![false; spots.len()];
-        Self { light: vec![0.0; image.len()], image, further: Vec::new(), spots, is_whole, reach_px }
+    pub(super) fn new(image: ArrayView2<'a, f32>, spots: Vec<Spot>, reach_px: usize, beside_px: f64) -> Self {
+        let (is_whole, is_awake) = (vec![false; spots.len()], vec![true; spots.len()]);
+        let light = vec![0.0; image.len()];
+        Self { light, image, further: Vec::new(), spots, is_whole, is_awake, beside_px, reach_px }
     }
 
     fn size(&self) -> [usize; 2] {
@@ -222,10 +227,32 @@ impl<'a> Cloud<'a> {
         }
     }
 
-    /// Whether tiles have changed, or a neighbour of theirs has.
-    pub(super) fn stirred(tiles: &[Tile], changed: &[bool]) -> Vec<bool> {
-        let is_stirred = |tile: &Tile| tiles.iter().zip(changed).any(|(other, changed)| *changed && tile.meets(other));
-        tiles.iter().map(is_stirred).collect()
+    /// Wakes the particles for which this holds, and lets the others sleep.
+    pub(super) fn wake_where(&mut self, is_wanted: impl Fn(&Spot) -> bool) {
+        self.is_awake = self.spots.iter().map(is_wanted).collect();
+    }
+
+    /// Wakes the particles near places, which are listed by tile.
+    pub(super) fn wake_near(&mut self, setting: &Setting, places: &[Vec<[f64; 3]>]) {
+        let tiles = self.tiles();
+        let members = self.members(setting, &tiles);
+        let near = |own: usize| -> Vec<usize> {
+            let about = tiles.iter().zip(places).filter(|(tile, _)| tile.meets(&tiles[own]));
+            let about: Vec<[f64; 3]> = about.flat_map(|(_, places)| places.iter().copied()).collect();
+            let is_near = |n: &usize| {
+                about.iter().any(|place| setting.is_beside(self.spots[*n].place_mm, *place, self.beside_px))
+            };
+            members[own].iter().copied().filter(is_near).collect()
+        };
+        let woken: Vec<Vec<usize>> = (0..tiles.len()).into_par_iter().map(near).collect();
+        woken.into_iter().flatten().for_each(|n| self.is_awake[n] = true);
+    }
+
+    /// The tiles in which a particle is awake.
+    pub(super) fn tiles_awake(&self, setting: &Setting) -> Vec<bool> {
+        let tiles = self.tiles();
+        let members = self.members(setting, &tiles);
+        members.iter().map(|members| members.iter().any(|n| self.is_awake[*n])).collect()
     }
 
     /// Runs `work` on the tiles that `wanted` names, colour by colour, and takes the light that it leaves in the
@@ -260,8 +287,8 @@ impl<'a> Cloud<'a> {
         }
     }
 
-    /// Fits the particles of the tiles that `wanted` names once. Returns the gain in -2 log L.
-    pub(super) fn sweep(&mut self, setting: &Setting, wanted: impl Fn(usize) -> bool, ends: Ends) -> f64 {
+    /// Fits all particles once. Returns the gain in -2 log L.
+    pub(super) fn sweep(&mut self, setting: &Setting, ends: Ends) -> f64 {
         let mut total = 0.0;
         let work = |cloud: &Self, window: &mut Window, _: &Tile, members: Members, buffers: &mut Buffers| {
             let members = members.own();
@@ -274,10 +301,15 @@ impl<'a> Cloud<'a> {
             fitted.images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, 1.0));
             (before - fitted.deviance, members.to_vec(), fitted.spots)
         };
-        self.each_tile(setting, wanted, work, |cloud, _, (gain, members, spots)| {
-            total += gain;
-            members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
-        });
+        self.each_tile(
+            setting,
+            |_| true,
+            work,
+            |cloud, _, (gain, members, spots)| {
+                total += gain;
+                members.iter().zip(spots).for_each(|(n, spot)| cloud.spots[*n] = spot);
+            },
+        );
         total
     }
 

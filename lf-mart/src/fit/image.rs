@@ -64,6 +64,21 @@ impl SpotImage {
         image
     }
 
+    /// Renders a particle's light for one camera; its derivatives are 0.
+    pub(super) fn light_of(model: &ParticleModel, spot: &Spot, window: &Window, scratch: &mut Scratch) -> Self {
+        let mut image = Self { rendered: *spot, factor: 1.0, ..Self::default() };
+        let (part, row) = (window.part(0), window.columns);
+        fastest(
+            #[inline(always)]
+            || {
+                model.visit_light(spot.place_mm, scratch, |patch, pixels| {
+                    image.take((&part, row), patch, pixels, [spot.light, 0.0], |by| by);
+                });
+            },
+        );
+        image
+    }
+
     /// Adds the pixels of a further camera, whose rectangle of the window is `part` and whose rows are `row` long.
     pub(super) fn add_view(
         &mut self,

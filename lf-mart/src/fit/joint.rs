@@ -37,6 +37,8 @@ pub(super) struct Fitted {
     pub(super) images: Vec<SpotImage>,
     /// -2 log L beyond that of the window without the group.
     pub(super) deviance: f64,
+    /// Whether the last step that was taken still moved a particle.
+    pub(super) is_busy: Vec<bool>,
 }
 
 /// Where a fit begins.
@@ -81,6 +83,21 @@ impl Setting<'_> {
             image.add_view(view, spot, self.pixel_mm, (part, window.columns), &mut buffers.scratch);
         }
         image
+    }
+
+    /// The image of a particle with its light alone, for trials of places.
+    pub(super) fn light_image(&self, spot: &Spot, window: &Window, buffers: &mut Buffers) -> SpotImage {
+        if self.views.is_empty() {
+            return SpotImage::light_of(self.model, spot, window, &mut buffers.scratch);
+        }
+        self.image(spot, window, buffers)
+    }
+
+    /// Whether two places lie within `aside` pixels of the focal plane, sideways for any of the cameras.
+    pub(super) fn is_beside(&self, one: [f64; 3], other: [f64; 3], aside: f64) -> bool {
+        let between: [f64; 3] = std::array::from_fn(|axis| one[axis] - other[axis]);
+        let reach = aside * self.pixel_mm;
+        (0..2).all(|axis| between[axis].abs() < reach) || self.views.iter().any(|view| view.aside_px(between) < aside)
     }
 
     /// The noise of each camera.
@@ -201,6 +218,7 @@ impl Setting<'_> {
 
     fn joint_from(&self, window: &mut Window, start: Start, ends: Ends, buffers: &mut Buffers) -> Fitted {
         let Start { mut spots, mut images, mut damping } = start;
+        let mut is_busy = vec![true; spots.len()];
         buffers.fit(window.seen.len());
         buffers.paint(images.iter(), window.columns);
         let mut deviance = self.painted_deviance(window, buffers);
@@ -230,16 +248,16 @@ impl Setting<'_> {
                 damping = (damping * LESS).max(LEAST_DAMPING);
                 is_weighed = false;
                 is_stale = gain > STALE * spots.len() as f64;
+                is_busy = normal.gradient.iter().zip(&step).map(|(g, s)| fall(g, s) > BUSY).collect();
                 if gain < ends.gain {
                     break;
                 }
-                let is_busy: Vec<bool> = normal.gradient.iter().zip(&step).map(|(g, s)| fall(g, s) > BUSY).collect();
                 let busy = is_busy.iter().filter(|is_busy| **is_busy).count();
                 if (busy as f64) < FEW * spots.len() as f64 {
                     buffers.wipe();
                     let left = Ends { steps: ends.steps - n - 1, gain: ends.gain * busy as f64 / spots.len() as f64 };
-                    let fitted = Fitted { spots, images, deviance };
-                    return self.joint_of_few(window, fitted, &is_busy, (left, damping), buffers);
+                    let fitted = Fitted { spots, images, deviance, is_busy };
+                    return self.joint_of_few(window, fitted, (left, damping), buffers);
                 }
             } else {
                 damping *= MORE;
@@ -251,7 +269,7 @@ impl Setting<'_> {
             }
         }
         buffers.wipe();
-        Fitted { spots, images, deviance }
+        Fitted { spots, images, deviance, is_busy }
     }
 
     /// Goes on with a fit of the busy particles, the others held.
@@ -259,15 +277,15 @@ impl Setting<'_> {
         &self,
         window: &mut Window,
         mut fitted: Fitted,
-        is_busy: &[bool],
         (left, damping): (Ends, f64),
         buffers: &mut Buffers,
     ) -> Fitted {
-        if left.steps == 0 || !is_busy.contains(&true) {
+        if left.steps == 0 || !fitted.is_busy.contains(&true) {
             return fitted;
         }
+        let is_busy = fitted.is_busy.clone();
         let hold = |images: &[SpotImage], window: &mut Window, sign: f32| {
-            let quiet = images.iter().zip(is_busy).filter(|(_, is_busy)| !**is_busy);
+            let quiet = images.iter().zip(&is_busy).filter(|(_, is_busy)| !**is_busy);
             quiet.for_each(|(image, _)| image.add_to(&mut window.light, window.columns, sign));
         };
         let busy: Vec<usize> = (0..is_busy.len()).filter(|n| is_busy[*n]).collect();
@@ -277,8 +295,9 @@ impl Setting<'_> {
         let before = self.deviance(window, images.iter(), buffers);
         let few = self.joint_from(window, Start { spots, images, damping }, left, buffers);
         fitted.deviance -= before - few.deviance;
-        for (n, (spot, image)) in busy.into_iter().zip(few.spots.into_iter().zip(few.images)) {
-            (fitted.spots[n], fitted.images[n]) = (spot, image);
+        for (k, (spot, image)) in few.spots.into_iter().zip(few.images).enumerate() {
+            let n = busy[k];
+            (fitted.spots[n], fitted.images[n], fitted.is_busy[n]) = (spot, image, few.is_busy[k]);
         }
         hold(&fitted.images, window, -1.0);
         fitted

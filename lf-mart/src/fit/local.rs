@@ -13,12 +13,14 @@ use super::{spot::Spot, window::Window};
 pub(super) struct Member {
     /// Its number in the cloud; None for a new one.
     pub(super) number: Option<usize>,
-    /// Whether the tile, and not its seam, holds it.
+    /// Whether the tile, and not its seam, holds it, and a round works on it.
     pub(super) is_own: bool,
     pub(super) spot: Spot,
     pub(super) image: SpotImage,
     /// Whether it stayed whole when it was tried to be two, and nothing changed near it since.
     pub(super) is_whole: bool,
+    /// Whether the next round works on it.
+    is_awake: bool,
 }
 
 /// A tile at work.
@@ -29,6 +31,8 @@ pub(super) struct Local<'a, 'b> {
     pub(super) buffers: &'b mut Buffers,
     /// Numbers of particles that are gone.
     gone: Vec<usize>,
+    /// Where something changed.
+    places: Vec<[f64; 3]>,
     tile: Tile,
     /// The number of the tile.
     pub(super) place: usize,
@@ -37,9 +41,18 @@ pub(super) struct Local<'a, 'b> {
 /// The changes by a tile's work.
 #[derive(Debug, Default)]
 pub(super) struct Changed {
-    pub(super) spots: Vec<(usize, Spot, bool)>,
+    pub(super) spots: Vec<(usize, Spot, State)>,
     pub(super) gone: Vec<usize>,
     pub(super) new: Vec<Spot>,
+    /// Where particles were dropped, split, added or moved into another minimum.
+    pub(super) places: Vec<[f64; 3]>,
+}
+
+/// The state of a particle between rounds: whether it stayed whole, and whether the next round works on it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct State {
+    is_whole: bool,
+    is_awake: bool,
 }
 
 impl<'a, 'b> Local<'a, 'b> {
@@ -52,14 +65,20 @@ impl<'a, 'b> Local<'a, 'b> {
         buffers: &'b mut Buffers,
     ) -> Self {
         buffers.fit(window.seen.len());
+        let (gone, places) = (Vec::new(), Vec::new());
         let mut local =
-            Self { setting, window, members: Vec::new(), buffers, gone: Vec::new(), tile: *tile, place: members.own };
-        for (n, is_own) in members.about() {
-            let spot = &cloud.spots[n];
-            if is_own || (spot.light > 0.0 && local.is_in_seam(spot)) {
+            Self { setting, window, members: Vec::new(), buffers, gone, places, tile: *tile, place: members.own };
+        let awake = members.own().iter().filter(|n| cloud.is_awake[**n]);
+        let awake: Vec<[f64; 3]> = awake.map(|n| cloud.spots[*n].place_mm).collect();
+        let is_near = |spot: &Spot| awake.iter().any(|at| setting.is_beside(spot.place_mm, *at, cloud.beside_px));
+        for (n, is_of_tile) in members.about() {
+            let (spot, is_awake) = (&cloud.spots[n], cloud.is_awake[n]);
+            let is_own = is_of_tile && is_awake;
+            let is_lit = spot.light > 0.0;
+            if is_own || (is_lit && (is_of_tile || local.is_in_seam(spot)) && is_near(spot)) {
                 let image = setting.image(spot, local.window, local.buffers);
                 let is_whole = cloud.is_whole[n];
-                local.members.push(Member { number: Some(n), is_own, spot: *spot, image, is_whole });
+                local.members.push(Member { number: Some(n), is_own, spot: *spot, image, is_whole, is_awake });
             }
         }
         local
@@ -77,13 +96,8 @@ impl<'a, 'b> Local<'a, 'b> {
 
     /// Particles within `aside` pixels of the focal plane of a place, sideways for any of the cameras.
     pub(super) fn near(&self, place_mm: [f64; 3], aside: f64) -> Vec<usize> {
-        let reach = aside * self.setting.pixel_mm;
-        let is_near = |spot: &Spot| {
-            let between: [f64; 3] = std::array::from_fn(|axis| spot.place_mm[axis] - place_mm[axis]);
-            (0..2).all(|axis| between[axis].abs() < reach)
-                || self.setting.views.iter().any(|view| view.aside_px(between) < aside)
-        };
-        (0..self.members.len()).filter(|n| is_near(&self.members[*n].spot)).collect()
+        let is_near = |n: &usize| self.setting.is_beside(self.members[*n].spot.place_mm, place_mm, aside);
+        (0..self.members.len()).filter(is_near).collect()
     }
 
     /// Fits `spots` in the place of the members `near`. Gives the fit and the fall of -2 log L. Nothing changes yet.
@@ -118,8 +132,9 @@ impl<'a, 'b> Local<'a, 'b> {
     }
 
     /// Makes a fit hold: the first of its spots take the numbers of `near`, further ones are new. Members of `near`
-    /// beyond its spots go.
-    pub(super) fn keep(&mut self, near: &[usize], fitted: Fitted) {
+    /// beyond its spots go. `about` is where the change was.
+    pub(super) fn keep(&mut self, near: &[usize], fitted: Fitted, about: [f64; 3]) {
+        self.places.push(about);
         for n in near {
             self.members[*n].image.add_to(&mut self.window.light, self.window.columns, -1.0);
         }
@@ -128,9 +143,10 @@ impl<'a, 'b> Local<'a, 'b> {
             image.add_to(&mut self.window.light, self.window.columns, 1.0);
             if k < old {
                 let member = &mut self.members[near[k]];
-                (member.spot, member.image, member.is_whole) = (spot, image, false);
+                (member.spot, member.image, member.is_whole, member.is_awake) = (spot, image, false, true);
             } else {
-                self.members.push(Member { number: None, is_own: true, spot, image, is_whole: false });
+                let (number, is_own, is_whole, is_awake) = (None, true, false, true);
+                self.members.push(Member { number, is_own, spot, image, is_whole, is_awake });
             }
         }
         let mut spare: Vec<usize> = near.iter().skip(count).copied().collect();
@@ -140,7 +156,7 @@ impl<'a, 'b> Local<'a, 'b> {
         }
     }
 
-    /// Fits all own members together. Gives the fall of -2 log L.
+    /// Fits all own members together, and notes which of them still move. Gives the fall of -2 log L.
     pub(super) fn fit(&mut self, ends: Ends) -> f64 {
         let own: Vec<usize> = (0..self.members.len()).filter(|n| self.members[*n].is_own).collect();
         let before = self.lift(&own);
@@ -148,8 +164,9 @@ impl<'a, 'b> Local<'a, 'b> {
         let images = own.iter().map(|n| std::mem::take(&mut self.members[*n].image)).collect();
         let ends = Ends { gain: ends.gain * own.len() as f64, ..ends };
         let fitted = self.setting.joint(self.window, &spots, images, ends, self.buffers);
-        for (n, (spot, image)) in own.iter().zip(fitted.spots.into_iter().zip(fitted.images)) {
-            (self.members[*n].spot, self.members[*n].image) = (spot, image);
+        for (k, (spot, image)) in fitted.spots.into_iter().zip(fitted.images).enumerate() {
+            let member = &mut self.members[own[k]];
+            (member.spot, member.image, member.is_awake) = (spot, image, fitted.is_busy[k]);
         }
         self.lay(&own);
         before - fitted.deviance
@@ -198,10 +215,11 @@ impl<'a, 'b> Local<'a, 'b> {
 
     /// The changes by the work.
     pub(super) fn changed(self) -> Changed {
-        let mut changed = Changed { gone: self.gone, ..Changed::default() };
+        let mut changed = Changed { gone: self.gone, places: self.places, ..Changed::default() };
         for member in self.members {
+            let state = State { is_whole: member.is_whole, is_awake: member.is_awake };
             match member.number {
-                Some(number) => changed.spots.push((number, member.spot, member.is_whole)),
+                Some(number) => changed.spots.push((number, member.spot, state)),
                 None => changed.new.push(member.spot),
             }
         }
@@ -212,18 +230,21 @@ impl<'a, 'b> Local<'a, 'b> {
 impl Cloud<'_> {
     /// Takes changes in. Numbers of particles hold until [`Cloud::forget`].
     pub(super) fn take(&mut self, changed: &Changed) {
-        for (n, spot, is_whole) in &changed.spots {
-            (self.spots[*n], self.is_whole[*n]) = (*spot, *is_whole);
+        for (n, spot, state) in &changed.spots {
+            (self.spots[*n], self.is_whole[*n], self.is_awake[*n]) = (*spot, state.is_whole, state.is_awake);
         }
         self.spots.extend(&changed.new);
         self.is_whole.resize(self.spots.len(), false);
+        self.is_awake.resize(self.spots.len(), true);
         changed.gone.iter().for_each(|n| self.spots[*n].light = 0.0);
     }
 
     /// Forgets particles without light.
     pub(super) fn forget(&mut self) {
-        let mut kept = self.spots.iter().map(|spot| spot.light > 0.0);
-        self.is_whole.retain(|_| kept.next().unwrap_or(false));
+        for states in [&mut self.is_whole, &mut self.is_awake] {
+            let mut kept = self.spots.iter().map(|spot| spot.light > 0.0);
+            states.retain(|_| kept.next().unwrap_or(false));
+        }
         self.spots.retain(|spot| spot.light > 0.0);
     }
 }

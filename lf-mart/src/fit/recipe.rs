@@ -96,6 +96,8 @@ const OUTLIER: f32 = 8.0;
 const TOO_NEAR: f64 = 0.6;
 /// Most steps of a fit of size and drift.
 const SHAPE_STEPS: usize = 10;
+/// A change wakes particles within so many lenslets.
+pub(super) const WAKES: f64 = 2.0;
 /// Rounds in which candidates that were not kept are tried again.
 const ADD_ROUNDS: usize = 2;
 /// Rounds end when they change less than this share of the particles.
@@ -136,7 +138,7 @@ pub fn fit(
     let mut work = Work {
         camera,
         options,
-        cloud: Cloud::new(image.view(), spots, reach_px),
+        cloud: Cloud::new(image.view(), spots, reach_px, WAKES * camera.pitch_px()),
         model,
         views: Vec::new(),
         shape: options.shape,
@@ -156,9 +158,9 @@ pub fn fit(
             break;
         }
     }
-    let mut stirred = vec![true; work.cloud.tiles().len()];
+    work.cloud.wake_where(|_| true);
     for round in 0..options.rounds {
-        let (changes, gain) = work.round(round, &mut stirred);
+        let (changes, gain) = work.round(round);
         work.find_noise();
         work.tell("round", changes, gain, &mut told);
         if round > 0 && (changes.iter().sum::<usize>() as f64) < QUIET * work.cloud.spots.len() as f64 {
@@ -304,15 +306,15 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// Fits the particles of the tiles that `wanted` names.
-    fn sweep(&mut self, wanted: impl Fn(usize) -> bool, steps: usize) -> f64 {
+    /// Fits all particles once.
+    fn sweep(&mut self, steps: usize) -> f64 {
         let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
-        self.cloud.sweep(&setting, wanted, Ends { steps, gain: SWEEP_GAIN })
+        self.cloud.sweep(&setting, Ends { steps, gain: SWEEP_GAIN })
     }
 
     /// Fits all particles.
     pub(super) fn fit(&mut self, what: &'static str, steps: usize, told: &mut impl FnMut(&Progress)) {
-        let gain = self.sweep(|_| true, steps);
+        let gain = self.sweep(steps);
         self.is_stale = false;
         self.tell(what, [0; 3], gain, told);
     }
@@ -337,13 +339,9 @@ impl Work<'_> {
         }
     }
 
-    /// Runs a change in the tiles that are stirred, and notes which of them changed. Gives the changes of each kind
-    /// that were kept, and the fall of -2 log L that `work` tells.
-    pub(super) fn change(
-        &mut self,
-        stirred: &mut [bool],
-        work: impl Fn(&mut Local) -> ([usize; 3], f64) + Sync,
-    ) -> ([usize; 3], f64) {
+    /// Runs a change of the particles that are awake; those stay awake that it changes, and those near them. Gives the
+    /// changes of each kind that were kept, and the fall of -2 log L that `work` tells.
+    pub(super) fn change(&mut self, work: impl Fn(&mut Local) -> ([usize; 3], f64) + Sync) -> ([usize; 3], f64) {
         let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let (mut sum, mut gain) = ([0; 3], 0.0);
         let task = |cloud: &Cloud, window: &mut Window, tile: &Tile, members: Members, buffers: &mut Buffers| {
@@ -351,47 +349,49 @@ impl Work<'_> {
             let done = work(&mut local);
             (done, local.changed())
         };
-        let mut has_changed = vec![false; stirred.len()];
+        let is_awake = self.cloud.tiles_awake(&setting);
+        let mut places = vec![Vec::new(); is_awake.len()];
         type Done = (([usize; 3], f64), Changed);
         self.cloud.each_tile(
             &setting,
-            |n| stirred[n],
+            |n| is_awake[n],
             task,
-            |cloud, n, ((counts, fall), changed): Done| {
-                has_changed[n] = counts != [0; 3];
+            |cloud, n, ((counts, fall), mut changed): Done| {
+                places[n] = std::mem::take(&mut changed.places);
                 sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
                 gain += fall;
                 cloud.take(&changed);
             },
         );
         self.cloud.forget();
-        stirred.copy_from_slice(&Cloud::stirred(&self.cloud.tiles(), &has_changed));
+        self.cloud.wake_near(&setting, &places);
         if !self.views.is_empty() {
-            // Further cameras see tiles behind each other.
-            stirred.fill(has_changed.contains(&true));
+            // Further cameras see tiles behind each other, and their poses move between rounds.
+            let has_changed = sum != [0; 3];
+            self.cloud.wake_where(|_| has_changed);
         }
         (sum, gain)
     }
 
     /// Drop, split, add.
-    pub(super) fn round(&mut self, round: usize, stirred: &mut [bool]) -> ([usize; 3], f64) {
+    pub(super) fn round(&mut self, round: usize) -> ([usize; 3], f64) {
         let judge = self.judge();
-        let candidates = self.candidates_by_tile(stirred.len(), round < ADD_ROUNDS);
-        // A round fits its tiles first.
-        self.is_stale &= !stirred.iter().all(|is_stirred| *is_stirred);
-        self.change(stirred, |local| {
+        let candidates = self.candidates_by_tile(round < ADD_ROUNDS);
+        // A round fits the particles that are awake first.
+        self.is_stale &= self.cloud.is_awake.contains(&false);
+        self.change(|local| {
             let gain = local.fit(Ends { steps: 6, gain: SWEEP_GAIN });
             let dropped = local.drop_weak(&judge, false);
             let split = local.split(&judge);
-            let added = local.add(&candidates[local.place], &judge);
+            let added = local.add(&candidates[local.place], round == 0, &judge);
             ([dropped, split, added], gain)
         })
     }
 
     /// Candidates that were not kept, by tile; none unless they are `asked`.
-    fn candidates_by_tile(&self, tiles: usize, asked: bool) -> Vec<Vec<Spot>> {
+    fn candidates_by_tile(&self, asked: bool) -> Vec<Vec<Spot>> {
         let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
-        let mut by_tile = vec![Vec::new(); tiles];
+        let mut by_tile = vec![Vec::new(); self.cloud.tiles().len()];
         for spot in self.candidates.iter().filter(|_| asked) {
             by_tile[self.cloud.tile_of(&setting, spot)].push(*spot);
         }
@@ -412,23 +412,24 @@ impl Work<'_> {
             self.fit("fit", 6, told);
         }
         let judge = self.judge();
-        let mut all = vec![true; self.cloud.tiles().len()];
         let rounds = self.options.rounds;
-        let (changes, gain) = self.change(&mut all, |local| {
+        self.cloud.wake_where(|spot| rounds == 0 || spot.place_mm[2].abs() < judge.near_mm);
+        let (changes, gain) = self.change(|local| {
             // A scan takes long: without rounds, drop noise first.
             let weak = if rounds == 0 { local.drop_weak(&judge, false) } else { 0 };
             let moved = local.scan(&judge);
             let dropped = weak + local.drop_weak(&judge, true);
-            ([dropped, 0, moved], local.fit(Ends { steps: 8, gain: SWEEP_GAIN }))
+            ([dropped, 0, moved], 0.0)
         });
         self.tell("scan", changes, gain, told);
         self.find_noise();
-        Ok(self.end(|n| all[n], told))
+        Ok(self.end(told))
     }
 
-    /// Fits the tiles that `wanted` names to the end, and finds all uncertainties.
-    pub(super) fn end(mut self, wanted: impl Fn(usize) -> bool, told: &mut impl FnMut(&Progress)) -> Fit {
-        let gain = self.sweep(wanted, 8);
+    /// Fits all particles to the end, and finds all uncertainties.
+    pub(super) fn end(mut self, told: &mut impl FnMut(&Progress)) -> Fit {
+        let gain = self.sweep(8);
+        self.cloud.wake_where(|_| true);
         self.tell("last fit", [0; 3], gain, told);
         let setting = Self::setting(&self.model, &self.views, self.noise, self.pixel_mm, self.depth_mm);
         let misfit = self.cloud.misfit(&setting);

@@ -13,7 +13,7 @@ use super::further::Exposure;
 use super::joint::Ends;
 use super::merge;
 use super::noise::Noise;
-use super::recipe::{BEYOND_PX, FAINTEST, Fit, FitOptions, LIGHT_ROUNDS, Progress, QUIET, SWEEP_GAIN, Work};
+use super::recipe::{BEYOND_PX, FAINTEST, Fit, FitOptions, LIGHT_ROUNDS, Progress, QUIET, SWEEP_GAIN, WAKES, Work};
 use super::recipe::{depths_mm, fit, median, reach_of};
 use super::shape::Shape;
 use super::view::View;
@@ -122,7 +122,7 @@ pub(super) fn begin<'a>(
     let model = shape.model(first, depth_mm).map_err(|refusal| (0, refusal))?;
     let reach_px = reach_of(first, depth_mm, shape.sigma_px).map_err(|refusal| (0, refusal))?;
     let prior = Prior([first.pitch_px(), first.pitch_px(), (depth_mm[1] - depth_mm[0]) / pixel_mm, 1.0]);
-    let mut cloud = Cloud::new(sights[0].image, spots, reach_px);
+    let mut cloud = Cloud::new(sights[0].image, spots, reach_px, WAKES * first.pitch_px());
     let dark = |sight: &Sight<'a>| Exposure { image: sight.image, light: vec![0.0; sight.image.len()] };
     cloud.further = sights[1..].iter().map(dark).collect();
     let candidates = Vec::new();
@@ -152,9 +152,9 @@ fn solve(mut work: Work, told: &mut impl FnMut(&Progress), cameras: &mut [Camera
         work.find_noise();
         align(&mut work, moves);
     }
-    let mut stirred = vec![true; work.cloud.tiles().len()];
+    work.cloud.wake_where(|_| true);
     for round in 0..work.options.rounds {
-        let (changes, gain) = work.round(round, &mut stirred);
+        let (changes, gain) = work.round(round);
         work.find_noise();
         align(&mut work, moves);
         work.tell("round together", changes, gain, told);
@@ -163,8 +163,8 @@ fn solve(mut work: Work, told: &mut impl FnMut(&Progress), cameras: &mut [Camera
         }
     }
     let judge: Judge = work.judge();
-    let mut all = vec![true; work.cloud.tiles().len()];
-    let (changes, gain) = work.change(&mut all, |local| {
+    work.cloud.wake_where(|_| true);
+    let (changes, gain) = work.change(|local| {
         let dropped = local.drop_weak(&judge, true);
         ([dropped, 0, 0], local.fit(Ends { steps: 8, gain: SWEEP_GAIN }))
     });
@@ -174,7 +174,7 @@ fn solve(mut work: Work, told: &mut impl FnMut(&Progress), cameras: &mut [Camera
     for (view, camera) in work.views.iter().zip(&mut cameras[1..]) {
         (camera.light, camera.pose, camera.noise) = (view.light, view.pose, view.noise);
     }
-    let fit = work.end(|_| true, told);
+    let fit = work.end(told);
     cameras[0].noise = fit.noise;
     fit
 }
@@ -188,6 +188,7 @@ fn share(work: &mut Work) {
     let least = FAINTEST * median(cloud.spots.iter().map(|spot| spot.light).collect());
     (cloud.spots, *candidates) = cloud.spots.iter().partition(|spot| spot.light > least);
     cloud.is_whole = vec![false; cloud.spots.len()];
+    cloud.wake_where(|_| true);
     cloud.render(&setting);
 }
 
