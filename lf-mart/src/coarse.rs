@@ -41,7 +41,7 @@ pub(crate) struct Coarse {
     is_near: Vec<bool>,
 }
 
-/// What passes have left of a support.
+/// The voxels that passes have left of a support.
 pub(crate) struct Cleared {
     /// Rising indices of the voxels that may hold light.
     pub(crate) indices: Vec<u64>,

@@ -1,13 +1,14 @@
 //! A lenslet's image of a particle: the integral of the light on each pixel, and its derivatives.
 
+use super::axis::Axis;
 use super::beam::Beam;
 use super::cell_surface::{REACH_SIGMA, Tables};
 use super::cross::{Cross, Read};
 use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
 use super::place::{Place, width};
-use super::rectangle::Shared;
 use super::rim::{self, Side, Strip, Way};
+use super::share::Shared;
 use super::spline::{Spline, Taps};
 use super::table::Table;
 use super::view::View;
@@ -144,54 +145,6 @@ pub(super) struct LensletImage<'a, T> {
     /// Size of the spot, and what it is beyond the tables', mm.
     pub(super) spot_mm: f64,
     pub(super) more_mm: f64,
-}
-
-/// A lenslet along one axis: pixels are at `zero - slope u`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Axis {
-    zero: f64,
-    pub(super) slope: f64,
-    per_slope: f64,
-    kappa: f64,
-    gamma: f64,
-    /// m from the lenslet's centre, mm.
-    chief: f64,
-    /// Pixels a side of the sensor.
-    pixels: usize,
-}
-
-impl Axis {
-    /// First and end pixel that can be lit, for light within `reach` of the lenslet's centre.
-    #[inline(always)]
-    pub(super) fn lit(&self, alpha: f64, half: f64, reach: f64) -> Option<(i64, i64)> {
-        let (low, high) = if alpha.abs() * half < 1e-9 * reach {
-            if self.chief.abs() > reach { (1.0, 0.0) } else { (-half, half) }
-        } else {
-            let (a, b) = ((-reach - self.chief) / alpha, (reach - self.chief) / alpha);
-            (a.min(b).max(-half), a.max(b).min(half))
-        };
-        if low >= high {
-            return None;
-        }
-        let (a, b) = (self.zero - self.slope * low, self.zero - self.slope * high);
-        let first = a.min(b).floor().max(0.0) as i64;
-        let end = a.max(b).ceil().clamp(0.0, self.pixels as f64) as i64;
-        (first < end).then_some((first, end))
-    }
-
-    /// The place of pixel edge `edge`. A square stop ends at `half`.
-    #[inline(always)]
-    pub(super) fn place(&self, edge: f64, alpha: f64, by_shift: f64, half: f64) -> Place {
-        let per_slope = self.per_slope;
-        let u = (self.zero - edge) * per_slope;
-        if u.abs() > half {
-            let u = half.copysign(u);
-            return Place { u, u_by: [0.0; 3], x: self.chief + alpha * u, x_by: [1.0, u, -1.0] };
-        }
-        let u_by = [self.gamma * per_slope, self.gamma * u * per_slope, (by_shift - self.gamma) * per_slope];
-        let along = self.kappa * per_slope;
-        Place { u, u_by, x: self.chief + alpha * u, x_by: [along, u * along, alpha * u_by[2] - 1.0] }
-    }
 }
 
 impl<T: Listed> LensletImage<'_, T> {

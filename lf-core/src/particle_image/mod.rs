@@ -26,6 +26,7 @@
 //! Simplifications: a spot's own width does not move the pixels' edges on the stop (it does by 0.001 px in focus, by
 //! 0.02 px with a gap that is a fortieth too long), and distortion does not stretch the spot into an ellipse.
 
+mod axis;
 mod beam;
 mod cell_surface;
 mod cross;
@@ -37,6 +38,7 @@ mod normal;
 mod place;
 mod rectangle;
 mod rim;
+mod share;
 mod spline;
 mod table;
 #[cfg(test)]

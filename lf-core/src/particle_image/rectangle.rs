@@ -1,44 +1,15 @@
 //! The image of a cell that is a rectangle along the axes: light is a factor along x times one along y.
 
+use super::axis::Axis;
 use super::cell_surface::REACH_SIGMA;
 use super::cross::Cross;
 use super::factor::Factor;
-use super::lenslet_image::{Axis, BY_POINTS, Cut, LIGHT, LensletImage, NODES, PLACES, Patch, QUANTITIES, Scratch};
+use super::lenslet_image::{BY_POINTS, Cut, LIGHT, LensletImage, NODES, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLine;
 use super::place::{Place, width};
 use super::rim::Side;
+use super::share::{Share, Shared};
 use super::table::Table;
-
-/// A lenslet along one axis: the pixels that it lights, and the factors of their light. On a lattice in line with the
-/// pixels all lenslets of a column, or of a row, have the same.
-#[derive(Debug, Default)]
-struct Share {
-    axis: Option<Axis>,
-    by_points: bool,
-    /// First and end pixel; none if both are equal.
-    first: i64,
-    end: i64,
-    edges: Vec<Place>,
-    factors: Vec<Factor>,
-}
-
-/// The shares of the row in hand and of the columns that it has in common with the last one.
-#[derive(Debug, Default)]
-pub(super) struct Shared {
-    row: Share,
-    columns: Vec<Share>,
-    /// The next column.
-    next: usize,
-}
-
-impl Shared {
-    /// Forgets the shares of another particle.
-    pub(super) fn begin(&mut self) {
-        self.row.axis = None;
-        self.columns.iter_mut().for_each(|column| column.axis = None);
-        self.next = 0;
-    }
-}
 
 impl Share {
     /// Finds the share of a lenslet along axis `n`, unless it is the same as before. Gives whether it was not.

@@ -413,7 +413,7 @@ impl Work<'_> {
         }
         let judge = self.judge();
         let rounds = self.options.rounds;
-        self.cloud.wake_where(|spot| rounds == 0 || spot.place_mm[2].abs() < judge.near_mm);
+        self.cloud.wake_where(|_| true);
         let (changes, gain) = self.change(|local| {
             // A scan takes long: without rounds, drop noise first.
             let weak = if rounds == 0 { local.drop_weak(&judge, false) } else { 0 };
