@@ -54,8 +54,8 @@ pub struct Arguments {
     /// How intensities are found
     #[arg(long, value_enum, default_value_t = MethodName::Subsets)]
     pub method: MethodName,
-    /// Passes over coarse voxels before the sweeps, 0 to 2: they drop many voxels without light. 2 take a sixth to a half of
-    /// the time away where the lattice is not in line with the pixels, and cost some accuracy near focus
+    /// Passes over coarse voxels before the sweeps, 0 to 2. They drop many voxels without light; two save up to a third of
+    /// the time where the lattice is not in line with the pixels, most with fine voxels
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub coarse: usize,
     /// Most sweeps over all pixels [default: 60, for a tile 20; with smart and mlem 100, with mart 30]
