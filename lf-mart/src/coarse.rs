@@ -98,7 +98,7 @@ impl Coarse {
     }
 
     /// The rising indices of the coarse voxels around voxels.
-    pub(crate) fn voxels(&self, indices: &[u64]) -> Vec<u64> {
+    fn voxels(&self, indices: &[u64]) -> Vec<u64> {
         let around = |indices: &[u64]| {
             let mut around: Vec<u64> = indices.iter().map(|index| self.around(*index)).collect();
             around.dedup();

@@ -160,7 +160,8 @@ impl<'a> Plan<'a> {
     ) -> Result<Reconstruction, Refusal> {
         Self::allow(self.peak_bytes(image.len()), self.options, || format!("{} voxels", self.indices.len()))?;
         let (image, unit) = self.scaled(image);
-        let cleared = if start.is_none() { self.clear(&image, unit) } else { Cleared::of(Vec::new()) };
+        let passes = if start.is_none() { &self.passes[..] } else { &[] };
+        let cleared = self.clear(passes, &image, unit);
         let is_cleared = !cleared.passes.is_empty();
         let indices = if is_cleared { &cleared.indices } else { self.indices };
         let first = is_cleared.then_some(cleared.strengths);
@@ -208,14 +209,11 @@ impl<'a> Plan<'a> {
         (image, unit)
     }
 
-    /// Does the coarse passes, if there are any.
-    fn clear(&self, image: &Array2<f32>, unit: f64) -> Cleared {
-        if self.passes.is_empty() {
-            return Cleared::of(Vec::new());
-        }
-        let mut cleared = Cleared::of(self.indices.to_vec());
+    /// Does coarse passes over the support. Without any it names no voxel.
+    fn clear(&self, passes: &[Coarse], image: &Array2<f32>, unit: f64) -> Cleared {
+        let mut cleared = Cleared::of(if passes.is_empty() { Vec::new() } else { self.indices.to_vec() });
         let options = Coarse::options(self.options);
-        for pass in &self.passes {
+        for pass in passes {
             let (voxels, first) = pass.begin(&cleared);
             let problem = self.problem(image, unit, pass.weights(), &voxels, &options);
             let solved = simultaneous::solve(&Problem { cleared: first, ..problem }, |_| ());

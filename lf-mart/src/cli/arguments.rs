@@ -217,13 +217,14 @@ fn until_from(typed: &str, sigma: impl FnOnce() -> f64) -> Result<Until> {
 mod tests {
     use super::*;
 
+    fn options(words: &[&str]) -> Result<Options> {
+        let all = ["lf-mart", "-i", "frame.exr", "-c", "camera.json"].iter().chain(words);
+        Arguments::try_parse_from(all).expect("known words").options(None, || 0.0)
+    }
+
     /// Coarse passes serve the default method from no start.
     #[test]
     fn coarse_passes_go_with_what_uses_them() {
-        let options = |words: &[&str]| {
-            let all = ["lf-mart", "-i", "frame.exr", "-c", "camera.json"].iter().chain(words);
-            Arguments::try_parse_from(all).expect("known words").options(None, || 0.0)
-        };
         assert_eq!(options(&["--coarse", "2"]).unwrap().passes, 2);
         assert_eq!(options(&[]).unwrap().passes, 0);
         let refused = |words: &[&str]| options(words).unwrap_err().to_string();
@@ -235,10 +236,6 @@ mod tests {
     /// Exact weights do not sample the aperture, so sections would have no effect.
     #[test]
     fn sections_are_for_sampled_weights_and_within_their_range() {
-        let options = |words: &[&str]| {
-            let all = ["lf-mart", "-i", "frame.exr", "-c", "camera.json"].iter().chain(words);
-            Arguments::try_parse_from(all).expect("known words").options(None, || 0.0)
-        };
         let drt = options(&["--weights", "drt", "--sections", "7"]).unwrap();
         assert_eq!(drt.weights, Model::Drt { sections: Some(7) });
         assert_eq!(options(&["--weights", "drt"]).unwrap().weights, Model::Drt { sections: None });
