@@ -23,11 +23,12 @@ const BATCH: usize = 32;
 
 /// Pixels of a row side by side, and the shares of a voxel's light on them.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Run {
-    /// The first pixel in [`pack`]ed rows.
-    pub(super) place: u32,
+struct Run {
+    /// From the first pixel of the run before to the first of this one, in [`pack`]ed rows. The first run of a voxel counts
+    /// from the voxel's base.
+    step: i16,
     /// In units of the voxel.
-    pub(super) shares: [u8; LANES],
+    shares: [u8; LANES],
 }
 
 const RUN_BYTES: u64 = size_of::<Run>() as u64;
@@ -110,11 +111,16 @@ struct Part {
     subsets: Vec<Subset>,
     /// Each voxel's unit of light.
     units: Vec<f32>,
+    /// A place in [`pack`]ed rows near the voxel's runs, for each voxel.
+    bases: Vec<u32>,
+    /// A buffer: the last place of the voxel in each subset.
+    last: Vec<u32>,
 }
 
 impl Part {
     fn new(subsets: usize) -> Self {
-        Self { subsets: vec![Subset::default(); subsets], units: Vec::new() }
+        let subsets = vec![Subset::default(); subsets];
+        Self { last: vec![0; subsets.len()], subsets, units: Vec::new(), bases: Vec::new() }
     }
 
     /// Adds a voxel.
@@ -133,6 +139,9 @@ impl Part {
         // Sums stand here as multiples of the unit, which is not known before the end.
         self.subsets.iter_mut().for_each(|subset| subset.sums.push(0.0));
         let voxel = self.units.len();
+        let base = listed.first().map_or(0, |four| four.place / stride / count * stride + four.place % stride);
+        self.bases.push(base);
+        self.last.fill(base);
         let (mut start, mut packed, mut subset) = (0, 0, 0);
         for Four { place, shares } in listed {
             if !(start..start + stride).contains(place) {
@@ -141,9 +150,12 @@ impl Part {
             }
             // Adding a whole number of this size leaves the rounded value in the lowest bits.
             let whole = shares.map(|share| (share * per_unit + WHOLE).to_bits() & 255);
+            let last = &mut self.last[subset];
             let subset = &mut self.subsets[subset];
             subset.sums[voxel] += whole.iter().sum::<u32>() as f32;
-            subset.runs.push(Run { place: packed + place - start, shares: whole.map(|share| share as u8) });
+            let place = packed + place - start;
+            let step = step_to(place, last, &mut subset.runs);
+            subset.runs.push(Run { step, shares: whole.map(|share| share as u8) });
         }
         let all: f32 = self.subsets.iter().map(|subset| subset.sums[voxel]).sum();
         let unit = light / all.max(1.0);
@@ -153,6 +165,19 @@ impl Part {
         }
         self.units.push(unit);
     }
+}
+
+/// The step from the last place to this one, which becomes the last. Runs without light make the way of a longer one.
+#[inline(always)]
+fn step_to(place: u32, last: &mut u32, runs: &mut Vec<Run>) -> i16 {
+    let mut way = i64::from(place) - i64::from(*last);
+    *last = place;
+    while i16::try_from(way).is_err() {
+        let step = if way > 0 { i16::MAX } else { i16::MIN };
+        runs.push(Run { step, shares: [0; LANES] });
+        way -= i64::from(step);
+    }
+    way as i16
 }
 
 /// The rows of a subset, one after the other.
@@ -175,7 +200,7 @@ impl Stored {
         let count = |lister: &mut Lister, index: &u64| lister.list(weights, *index).len();
         let count: usize = sample.par_iter().map_init(|| Lister::new(weights), count).sum();
         let runs = of_all(count, &sample, indices);
-        runs * RUN_BYTES + indices.len() as u64 * (4 + 8 * subsets as u64)
+        runs * RUN_BYTES + indices.len() as u64 * (8 + 8 * subsets as u64)
     }
 
     /// Whether weights of so many bytes may be kept.
@@ -213,7 +238,10 @@ impl Stored {
                 .collect();
             let joined = all.subsets.par_iter_mut().enumerate();
             joined.for_each(|(n, subset)| parts.iter().for_each(|part| subset.extend(&part.subsets[n])));
-            parts.iter().for_each(|part| all.units.extend(&part.units));
+            parts.iter().for_each(|part| {
+                all.units.extend(&part.units);
+                all.bases.extend(&part.bases);
+            });
         }
         Self(all)
     }
@@ -221,6 +249,7 @@ impl Stored {
     pub(super) fn retain(&mut self, held: &[bool]) {
         self.0.subsets.par_iter_mut().for_each(|subset| subset.retain(held));
         keep(&mut self.0.units, held);
+        keep(&mut self.0.bases, held);
     }
 
     /// The number of weights, those of 0 beside others too.
@@ -239,8 +268,10 @@ impl Stored {
         let subset = &self.0.subsets[rows.first as usize];
         for voxel in voxels {
             let light = strengths[voxel] * self.0.units[voxel];
+            let mut place = self.0.bases[voxel];
             for run in subset.of(voxel) {
-                let values = &mut values[run.place as usize..][..LANES];
+                place = place.wrapping_add_signed(run.step.into());
+                let values = &mut values[place as usize..][..LANES];
                 let shares = run.shares.map(f32::from);
                 (0..LANES).for_each(|n| values[n] += light * shares[n]);
             }
@@ -252,13 +283,43 @@ impl Stored {
     pub(super) fn seen(&self, voxel: usize, rows: RowSet, values: &[f32]) -> (f32, f32) {
         let subset = &self.0.subsets[rows.first as usize];
         let mut sums = [0f32; LANES];
+        let mut place = self.0.bases[voxel];
         for run in subset.of(voxel) {
-            let values = &values[run.place as usize..][..LANES];
+            place = place.wrapping_add_signed(run.step.into());
+            let values = &values[place as usize..][..LANES];
             let shares = run.shares.map(f32::from);
             (0..LANES).for_each(|n| sums[n] += shares[n] * values[n]);
         }
         let [a, b, c, d] = sums;
         let sum = (a + b) + (c + d);
         (self.0.units[voxel] * sum, subset.sums[voxel])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Steps forth and back, near ones and ones that no 16 bits hold, lead to every place.
+    #[test]
+    fn steps_lead_to_every_place() {
+        let places = [70_000, 70_004, 69_000, 102_767, 102_768, 135_536, 3, 200_000, 199_999, 0, u32::MAX - 4];
+        let (mut last, mut runs, mut ends) = (places[0], Vec::new(), Vec::new());
+        for place in places {
+            let step = step_to(place, &mut last, &mut runs);
+            runs.push(Run { step, shares: [1; LANES] });
+            ends.push(runs.len());
+        }
+        let mut place = places[0];
+        let mut found = Vec::new();
+        for run in &runs {
+            place = place.wrapping_add_signed(run.step.into());
+            if run.shares != [0; LANES] {
+                found.push(place);
+            }
+        }
+        assert_eq!(found, places);
+        assert!(runs.len() > places.len(), "some steps need more runs");
+        assert_eq!(ends[..4], [1, 2, 3, 5], "33,767 is a step too long");
     }
 }
