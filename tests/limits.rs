@@ -130,6 +130,26 @@ fn the_memory_foretold_is_the_memory_taken() {
     check_memory(&folder, false, &[1], &[quality, depth, &drawn[0], &drawn[1]]);
 }
 
+#[test]
+fn the_memory_of_lf_fit_is_foretold() {
+    let folder = Folder::new();
+    let noise = r#"sensor_noise={"photon_noise": true, "read_noise_electrons": 3, "dark_counts": 20}"#;
+    for layout in ["square", "hexagonal"] {
+        let layout = format!("camera.microlenses.layout={layout}");
+        let keys =
+            [layout.as_str(), noise, "truth=null", "frames=1", "particles.rays=20000", "particles.per_lenslet=0.3"];
+        let sides = ["camera.sensor.width=560", "camera.sensor.height=560", "volume.x_mm=[-1,1]", "volume.y_mm=[-1,1]"];
+        folder.scene("demo", &[&keys[..], &sides].concat());
+        folder.run("lf-synth frames scene.json -o . -q");
+        folder.run("lf-synth dark scene.json -o dark.exr -q");
+        let frame = "-c camera.json -b dark.exr -q";
+        folder.run(&format!("lf-prune frame-0000.exr {frame} --depth -5,5 --pvr 2,2,20 -o support.lfv"));
+        folder.run(&format!("lf-mart support.lfv -i frame-0000.exr {frame} --iterations 3 -o volume.lfv"));
+        let fit = "lf-fit volume.lfv -i frame-0000.exr -c camera.json -b dark.exr --particles found.csv";
+        check_memory(&folder, true, &[1, 2], &[fit]);
+    }
+}
+
 /// Scar: a voxel here and there in a huge grid. Workers of lf-mart held whole slices, and lists of lines and slices
 /// counted nowhere.
 #[test]

@@ -6,6 +6,7 @@ use super::image::{SpotImage, UNKNOWNS};
 use super::joint::Setting;
 use super::noise::Noise;
 use super::recipe::{FitOptions, depths_mm, reach_px, sample_side};
+use super::shape::Shape;
 use super::together::{self, CameraFit, Sight};
 use super::window::Rectangle;
 use super::{candidates, spot::Spot};
@@ -38,6 +39,8 @@ const HEAPS: f64 = 3.0;
 /// Bytes of a pixel of a frame, and of a particle in a thread, while several cameras are fitted together.
 const TOGETHER_PIXEL: usize = 12;
 const THREAD_PARTICLE: usize = 120_000;
+/// Size of a large particle, px: a fit of larger ones may take more than is foretold.
+const LARGE_PX: f64 = 1.0;
 /// Depths at which images are tried.
 const DEPTHS: usize = 16;
 
@@ -48,7 +51,9 @@ pub fn peak_bytes(
     options: &FitOptions,
 ) -> Result<u64, Refusal> {
     let spots = candidates::maxima(grid, indices, intensity);
-    let model = options.shape.model(camera, depths_mm(camera, grid))?;
+    // A size that is to be found is unknown yet.
+    let sigma_px = if options.free.size { options.shape.sigma_px.max(LARGE_PX) } else { options.shape.sigma_px };
+    let model = Shape { sigma_px, ..options.shape }.model(camera, depths_mm(camera, grid))?;
     let size = [camera.sensor.width, camera.sensor.height];
     let reach = reach_px(camera, grid, options)?;
     let count = tile_counts(size, reach);
