@@ -207,7 +207,7 @@ solve() {
     "$$bin"lf-mart "$$d/support-$$frame.lfv" -i "$$d/frame-$$frame.exr" -c "$$d/camera.json" "$${how[@]}" "$$@" "$${quiet[@]}" \
         -o "$$d/volume-$$frame.lfv" --stats "$$d/mart.json" --log "$$d/sweeps.jsonl"
     if [ "$$method" = fit ]; then
-        "$$bin"lf-fit "$$d/volume-$$frame.lfv" -i "$$d/frame-$$frame.exr" -c "$$d/camera.json" $${dark[@]+"$${dark[@]}"} \
+        "$$bin"lf-fit "$$d/volume-$$frame.lfv" -i "$$d/frame-$$frame.exr" -c "$$d/camera.json" \
             --frame "$$frame" "$${quiet[@]}" --particles "$$d/found-$$frame.csv" --stats "$$d/fit.json" -o "$$d/drawn.lfv"
         mv "$$d/drawn.lfv" "$$d/volume-$$frame.lfv"
     fi
@@ -608,23 +608,22 @@ $(OUT)/fig15.json: $(fig15) $(fig15_fit) $(filter $(OUT)/fig15/%,$(fig14_drt))
 # the experiment's lens, uneven particles, noise and background of the sensor, a sheet from -3 to 3 mm. The minimum of
 # each pixel over the frames is subtracted. Voxels lie within 5 mm.
 
-fig17 := $(OUT)/fig17/ours-60.jsonl $(OUT)/fig17/fit-3.jsonl
-fig17: $(fig17)
-$(fig17):
+fig17: $(OUT)/fig17/ours.jsonl
+$(OUT)/fig17/ours.jsonl:
 	$(begin)
-	sets=() dark=(-b "$$d/background.exr")
+	sets=()
 	render tank camera.medium=null 'volume.z_mm=[-5,5]' 'light={"profile":"top-hat","centre_mm":0,"thickness_mm":6}' \
 	    frames=$(FIG17_FRAMES) truth=null seed=1
 	$(BIN)lf-calib background "$$d"/frame-*.exr -o "$$d/background.exr" --quiet
 	for n in $$(seq -f %04g 0 $$(($(FIG17_FRAMES) - 1))); do
 	    box=(--depth -5,5 --bounds=-2.4,2.4,-2.4,2.4)
-	    prune $(call part,1) $$n --pvr 2,2,10 "$${dark[@]}"
-	    solve $(call part,1) $$n --iterations $(call part,2) $(if $(filter ours,$(call part,1)),--until stall) "$${dark[@]}"
+	    prune ours $$n --pvr 2,2,10 -b "$$d/background.exr"
+	    solve ours $$n --iterations 60 --until stall -b "$$d/background.exr"
 	done
 	$(BIN)lf-validate depth "$$d"/volume-*.lfv --slab=-3,3 --plot "$$d/depth.svg" > "$$d/depth.json"
 	$(BIN)lf-validate depth "$$d"/volume-*.lfv --slab=-3.2,3.2 > "$$d/beyond.json"
-	line figure=17 method=$(call part,1) "$$d/depth.json" beyond:"$$d/beyond.json"
-	mv "$$d/depth.svg" $(OUT)/fig17$(if $(filter fit,$(call part,1)),-fit).svg
+	line figure=17 method=ours "$$d/depth.json" beyond:"$$d/beyond.json"
+	mv "$$d/depth.svg" $(OUT)/fig17.svg
 	done_ line.jsonl
 
 # ---- The trade: time, memory and error of the whole chain
