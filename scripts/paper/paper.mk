@@ -151,6 +151,9 @@ SHELL = bash
 # $(call part,N): part N of a run's name, whose parts are separated by '-'.
 part = $(word $1,$(subst -, ,$(basename $(notdir $@))))
 
+# The paper's methods take its relaxation.
+relaxation = $(if $(filter ours fit,$(call part,1)),,--relaxation 2.5)
+
 define steps
 export LC_ALL=C LF_HISTORY=off
 d=$$target.part
@@ -180,11 +183,11 @@ render() {
     "$$bin"lf-synth frames "$$d/scene.json" -o "$$d" "$${quiet[@]}"
 }
 
-# Options of each method for lf-prune and lf-mart: the paper's DRT-MART behind our threshold, MART on all voxels, and
-# ours with blobs, which is best in Q.
-prune_drt=() prune_drtsmall=() prune_mart=(--keep-all) prune_ours=()
+# Options of each method for lf-prune and lf-mart: the paper's DRT-MART behind our threshold, MART on all voxels, ours
+# with blobs, which is best in Q, and three sweeps, from which lf-fit starts.
+prune_drt=() prune_drtsmall=() prune_mart=(--keep-all) prune_ours=() prune_fit=()
 solve_drt=(--weights drt --method mart --max-memory 20) solve_drtsmall=("$${solve_drt[@]}") solve_mart=("$${solve_drt[@]}")
-solve_ours=(--max-memory 20 --basis blob)
+solve_ours=(--max-memory 20 --basis blob) solve_fit=(--max-memory 20)
 
 # prune METHOD FRAME [OPTIONS]: makes $$d/support-FRAME.lfv, with statistics in $$d/prune.json.
 prune() {
@@ -196,12 +199,18 @@ prune() {
 }
 
 # solve METHOD FRAME [OPTIONS]: makes $$d/volume-FRAME.lfv; statistics go to $$d/mart.json, sweeps to $$d/sweeps.jsonl.
+# The method `fit` has lf-fit draw its particles in the volume's place; they stand in $$d/found-FRAME.csv.
 solve() {
     local -n how=solve_$$1
-    local frame=$$2
+    local method=$$1 frame=$$2
     shift 2
     "$$bin"lf-mart "$$d/support-$$frame.lfv" -i "$$d/frame-$$frame.exr" -c "$$d/camera.json" "$${how[@]}" "$$@" "$${quiet[@]}" \
         -o "$$d/volume-$$frame.lfv" --stats "$$d/mart.json" --log "$$d/sweeps.jsonl"
+    if [ "$$method" = fit ]; then
+        "$$bin"lf-fit "$$d/volume-$$frame.lfv" -i "$$d/frame-$$frame.exr" -c "$$d/camera.json" \
+            --frame "$$frame" "$${quiet[@]}" --particles "$$d/found-$$frame.csv" --stats "$$d/fit.json" -o "$$d/drawn.lfv"
+        mv "$$d/drawn.lfv" "$$d/volume-$$frame.lfv"
+    fi
 }
 
 # quality: scores the first volume, in $$d/quality.json. line ...: appends settings and scores to $$d/line.jsonl.
@@ -214,13 +223,16 @@ seconds_of() { sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$1"; }
 # after SWEEPS: prints the seconds that the last solve took for its first SWEEPS sweeps.
 after() { sed -n "s/.*\"iteration\":$$1,.*\"seconds\":\([0-9.e-]*\).*/\1/p" "$$d/sweeps.jsonl"; }
 
-# field VOLUMES [OPTIONS]: correlates $$d/VOLUMES-0000.lfv and -0001.lfv, and scores the field in $$d/error.json.
+# field VOLUMES [OPTIONS]: correlates $$d/VOLUMES-0000.lfv and -0001.lfv, with the particles of both frames where lf-fit
+# has found some, and scores the field in $$d/error.json.
 # Windows are the paper's, 320 x 320 x 32 and 160 x 160 x 16 voxels of 1 x 1 x 10 px, given in mm so that they suit any
 # voxels.
 field() {
-    local volumes=$$1
+    local volumes=$$1 found=()
     shift
-    "$$bin"lf-xcorr "$$d/$$volumes-0000.lfv" "$$d/$$volumes-0001.lfv" --initial-mm 1.76,1.76,1.76 --window-mm 0.88,0.88,0.88 \
+    [ ! -e "$$d/found-0000.csv" ] || found=(--particles "$$d/found-0000.csv" "$$d/found-0001.csv")
+    "$$bin"lf-xcorr "$$d/$$volumes-0000.lfv" "$$d/$$volumes-0001.lfv" $${found[@]+"$${found[@]}"} \
+        --initial-mm 1.76,1.76,1.76 --window-mm 0.88,0.88,0.88 \
         "$$@" "$${quiet[@]}" -o "$$d/field.exr" --stats "$$d/xcorr.json"
     "$$bin"lf-validate displacement "$$d/flow.exr" "$$d/field.exr" -c "$$d/camera.json" --quiet > "$$d/error.json"
 }
@@ -262,7 +274,7 @@ $(fig4):
 	cube 4 2.5025
 	render core particles.per_lenslet=null particles.count=1 particles.rays=null seed=5
 	prune $(call part,1) 0000
-	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	solve $(call part,1) 0000 --iterations $(call part,2) $(relaxation)
 	$(BIN)lf-validate depth "$$d/volume-0000.lfv" --slab=-2.5025,2.5025 --plot "$$d/depth.svg" > "$$d/depth.json"
 	done_ depth.svg
 
@@ -277,7 +289,7 @@ $(fig5):
 	cube $(FIG5_SIDE) 2.5025
 	render core particles.per_lenslet=0.2 particles.rays=null seed=$(call part,3)
 	prune $(call part,1) 0000
-	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	solve $(call part,1) 0000 --iterations $(call part,2) $(relaxation)
 	mv "$$d/particles.csv" $(basename $@).csv
 	mv "$$d/camera.json" $(basename $@).camera.json
 	done_ volume-0000.lfv
@@ -369,7 +381,7 @@ $(fig7):
 	render core particles.per_lenslet=$(call part,2) particles.rays=null seed=$(call part,3)
 	prune $(call part,1) 0000
 	for n in $(few-$(call part,1)) $(many-$(call part,1)); do
-	    solve $(call part,1) 0000 --iterations $$n $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	    solve $(call part,1) 0000 --iterations $$n $(relaxation)
 	    $(BIN)lf-validate depth "$$d/volume-0000.lfv" > "$$d/depth.json"
 	    line figure=7 method=$(call part,1) iterations=$$n set.seed=$(call part,3) "$$d/depth.json"
 	done
@@ -382,7 +394,7 @@ $(OUT)/fig7.json: $(fig7)
 # ---- Figure 8: quality by density
 # --------------------------------------------------------------------------------------
 
-fig8 := $(foreach s,$(SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(DRT_SWEEPS) ours-60,$(OUT)/fig8/$m-$n-$s.jsonl)))
+fig8 := $(foreach s,$(SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(DRT_SWEEPS) ours-60 fit-3,$(OUT)/fig8/$m-$n-$s.jsonl)))
 # MART, and DRT-MART on the same small volume for comparison.
 fig8 += $(foreach s,$(FIG8_MART_SEEDS),$(foreach n,$(FIG8_MART_DENSITIES),$(OUT)/fig8/mart-23-$n-$s.jsonl $(OUT)/fig8/drtsmall-$(DRT_SWEEPS)-$n-$s.jsonl))
 fig8: $(OUT)/fig8.json
@@ -392,7 +404,7 @@ $(fig8):
 	cube $(if $(filter mart drtsmall,$(call part,1)),4,$(FIG8_SIDE)) 2.5025
 	render core particles.per_lenslet=$(call part,3) particles.rays=null seed=$(call part,4)
 	prune $(call part,1) 0000 --truth "$$d/particles.csv"
-	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	solve $(call part,1) 0000 --iterations $(call part,2) $(relaxation)
 	quality
 	$(BIN)lf-validate elongation "$$d/particles.csv" "$$d/volume-0000.lfv" -c "$$d/camera.json" --quiet > "$$d/size.json"
 	line figure=8 method=$(call part,1) iterations=$(call part,2) per_lenslet=$(call part,3) set.seed=$(call part,4) \
@@ -407,18 +419,19 @@ $(OUT)/fig8.json: $(fig8)
 # --------------------------------------------------------------------------- Particles lie within 2.5 mm, voxels within
 # 4 mm. `beyond` is light more than 0.2 mm outside, about a particle's depth.
 
-fig9 := $(foreach s,$(FIG9_SEEDS),$(foreach m,drt-50 ours-60,$(OUT)/fig9/$m-$s.lfv))
-fig9: $(OUT)/fig9/drt-50.jsonl $(OUT)/fig9/ours-60.jsonl
+fig9 := $(foreach s,$(FIG9_SEEDS),$(foreach m,drt-50 ours-60 fit-3,$(OUT)/fig9/$m-$s.lfv))
+fig9_lines := $(foreach m,drt-50 ours-60 fit-3,$(OUT)/fig9/$m.jsonl)
+fig9: $(fig9_lines)
 
 $(fig9):
 	$(begin)
 	cube $(FIG9_SIDE) 4.015
 	render core particles.per_lenslet=0.5 particles.rays=null seed=$(call part,3) 'volume.z_mm=[-2.5,2.5]'
 	prune $(call part,1) 0000
-	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	solve $(call part,1) 0000 --iterations $(call part,2) $(relaxation)
 	done_ volume-0000.lfv
 
-$(OUT)/fig9/drt-50.jsonl $(OUT)/fig9/ours-60.jsonl: $(fig9)
+$(fig9_lines): $(fig9)
 	$(begin)
 	$(BIN)lf-validate depth $(filter $(basename $@)-%,$(fig9)) --slab=-2.5,2.5 --plot "$$d/depth.svg" > "$$d/depth.json"
 	$(BIN)lf-validate depth $(filter $(basename $@)-%,$(fig9)) --slab=-2.7,2.7 > "$$d/beyond.json"
@@ -430,7 +443,7 @@ $(OUT)/fig9/drt-50.jsonl $(OUT)/fig9/ours-60.jsonl: $(fig9)
 # ---------------------------------------------------------------------------------------- All methods run on 4 x 4
 # lenslets and one thread. MART's time does not depend on the density.
 
-fig10 := $(foreach s,$(FIG10_SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(FIG10_DRT) ours-60,$(OUT)/fig10/$m-$n-$s.jsonl)))
+fig10 := $(foreach s,$(FIG10_SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(FIG10_DRT) ours-60 fit-3,$(OUT)/fig10/$m-$n-$s.jsonl)))
 fig10 += $(foreach s,$(FIG10_SEEDS),$(foreach n,$(FIG10_MART_DENSITIES),$(OUT)/fig10/mart-$(FIG10_MART)-$n-$s.jsonl))
 fig10: $(OUT)/fig10.json
 
@@ -439,16 +452,19 @@ $(fig10):
 	cube 4 2.5025
 	render core particles.per_lenslet=$(call part,3) particles.rays=null seed=$(call part,4)
 	prune $(call part,1) 0000
-	solve $(call part,1) 0000 --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	solve $(call part,1) 0000 --iterations $(call part,2) $(relaxation)
 	quality
-	seconds=$$(awk -v a="$$(seconds_of "$$d/prune.json")" -v b="$$(seconds_of "$$d/mart.json")" 'BEGIN { print a + b }')
+	fit=0
+	if [ -e "$$d/fit.json" ]; then fit=$$(seconds_of "$$d/fit.json"); fi
+	seconds=$$(awk -v a="$$(seconds_of "$$d/prune.json")" -v b="$$(seconds_of "$$d/mart.json")" -v c="$$fit" \
+	    'BEGIN { print a + b + c }')
 	line figure=10 method=$(call part,1) iterations=$(call part,2) per_lenslet=$(call part,3) set.seed=$(call part,4) \
-	    seconds=$$seconds $(if $(filter ours,$(call part,1)),,seconds_after_23=$$(after 23) seconds_after_all=$$(after $(call part,2))) "$$d/quality.json" mart:"$$d/mart.json"
+	    seconds=$$seconds $(if $(filter ours fit,$(call part,1)),,seconds_after_23=$$(after 23) seconds_after_all=$$(after $(call part,2))) "$$d/quality.json" mart:"$$d/mart.json"
 	done_ line.jsonl
 
 $(OUT)/fig10.json: $(fig10)
 	$(call curves,$^,-x per_lenslet -y seconds --by method --log-y --x-name "particles a lenslet" --y-name "seconds$(comma) one thread" \
-	    --title "Fig. 10: time of DRT-MART ($(FIG10_DRT) sweeps)$(comma) MART ($(FIG10_MART)) and ours$(comma) 4 x 4 lenslets")
+	    --title "Fig. 10: time of DRT-MART ($(FIG10_DRT) sweeps)$(comma) MART ($(FIG10_MART))$(comma) ours and lf-fit$(comma) 4 x 4 lenslets")
 
 # ---- Figures 11 and 12: displacement errors by pixels per voxel
 # -------------------------------------------------------- MART is left out: the weights of the smallest volume that
@@ -456,7 +472,7 @@ $(OUT)/fig10.json: $(fig10)
 
 pvr11 = 1,1,10 2,2,10 3,3,10
 pvr12 = 1,1,5 1,1,10 1,1,20
-wave_runs = $(foreach s,$(WAVE_SEEDS),$(foreach p,$(pvr$1),$(OUT)/fig$1/truth-0-$p-$s.jsonl $(OUT)/fig$1/ours-60-$p-$s.jsonl)) \
+wave_runs = $(foreach s,$(WAVE_SEEDS),$(foreach p,$(pvr$1),$(foreach m,truth-0 ours-60 fit-3,$(OUT)/fig$1/$m-$p-$s.jsonl))) \
     $(foreach s,$(WAVE_DRT_SEEDS),$(foreach p,$(pvr$1),$(OUT)/fig$1/drt-$(WAVE_DRT_SWEEPS)-$p-$s.jsonl))
 fig11 := $(call wave_runs,11)
 fig12 := $(call wave_runs,12)
@@ -473,7 +489,7 @@ $(fig11) $(fig12):
 	    volumes=volume
 	    for n in 0000 0001; do
 	        prune $(call part,1) $$n --pvr $(call part,3)
-	        solve $(call part,1) $$n --iterations $(call part,2) $(if $(filter ours,$(call part,1)),,--relaxation 2.5)
+	        solve $(call part,1) $$n --iterations $(call part,2) $(relaxation)
 	    done
 	fi
 	field $$volumes
@@ -535,6 +551,9 @@ $(OUT)/fig13-u.json $(OUT)/fig13-w.json: $(OUT)/fig13-%.json: $(fig13)
 omegas = 0.25 0.5 1 2
 fig14 := $(foreach s,$(WAVE_SEEDS),$(foreach o,$(omegas),$(foreach c,A1 A2 A3 A4,$(OUT)/fig14/$c-$o-$s.jsonl)))
 fig15 := $(foreach s,$(WAVE_SEEDS),$(foreach o,$(omegas),$(foreach c,B1 B2 B3 B4,$(OUT)/fig15/$c-$o-$s.jsonl)))
+# lf-fit at the gradients of which the claims speak.
+fig14_fit := $(foreach s,$(WAVE_SEEDS),$(foreach c,A1 A2 A3 A4,$(OUT)/fig14/$c-0.5-$s-fit.jsonl))
+fig15_fit := $(foreach s,$(WAVE_SEEDS),$(foreach o,0.5 2,$(foreach c,B1 B2 B3 B4,$(OUT)/fig15/$c-$o-$s-fit.jsonl)))
 fig14_drt := $(foreach o,0.25 1,$(foreach c,$(FIG14_DRT),$(OUT)/$(if $(findstring A,$c),fig14,fig15)/$c-$o-1-drt.jsonl))
 fig14: $(OUT)/fig14.json
 fig15: $(OUT)/fig15.json
@@ -553,6 +572,18 @@ $(fig14) $(fig15):
 	line figure=$(figure) method=ours case=$(call part,1) omega=$(call part,2) set.seed=$(call part,3) "$$d/error.json"
 	done_ line.jsonl
 
+$(fig14_fit) $(fig15_fit):
+	$(begin)
+	cube $(WAVE_SIDE) 5.005
+	render core $(call wave,$(call part,1),$(call part,2)) particles.rays=null seed=$(call part,3)
+	for n in 0000 0001; do
+	    prune fit $$n
+	    solve fit $$n --iterations 3
+	done
+	field volume
+	line figure=$(figure) method=fit case=$(call part,1) omega=$(call part,2) set.seed=$(call part,3) "$$d/error.json"
+	done_ line.jsonl
+
 $(fig14_drt):
 	$(begin)
 	cube $(WAVE_DRT_SIDE) $(WAVE_DRT_DEPTH)
@@ -565,10 +596,10 @@ $(fig14_drt):
 	line figure=$(figure) method=drt case=$(call part,1) omega=$(call part,2) set.seed=$(call part,3) "$$d/error.json"
 	done_ line.jsonl
 
-$(OUT)/fig14.json: $(fig14) $(filter $(OUT)/fig14/%,$(fig14_drt))
+$(OUT)/fig14.json: $(fig14) $(fig14_fit) $(filter $(OUT)/fig14/%,$(fig14_drt))
 	$(call curves,$^,-x omega -y rms_u_px --by method --panel case --log-x --log-y --x-name "omega$(comma) cycles over 1820 px" \
 	    --y-name "RMS error of u$(comma) px" --title "Fig. 14: errors of u by gradient$(comma) Cases A1 to A4")
-$(OUT)/fig15.json: $(fig15) $(filter $(OUT)/fig15/%,$(fig14_drt))
+$(OUT)/fig15.json: $(fig15) $(fig15_fit) $(filter $(OUT)/fig15/%,$(fig14_drt))
 	$(call curves,$^,-x omega -y rms_w_px --by method --panel case --log-x --log-y --x-name "omega$(comma) cycles over 1820 px" \
 	    --y-name "RMS error of w$(comma) px" --title "Fig. 15: errors of w by gradient$(comma) Cases B1 to B4")
 
@@ -725,12 +756,13 @@ view:
 	ls $(OUT)/*.svg $(OUT)/fig4/*.svg
 	BIN=$(BIN) scripts/paper/claims $(OUT) table
 
-# Replaces what stands between the marks of scripts/paper/README.md by what `burn` has measured.
+# Replaces what stands between the marks of scripts/paper/README.md by what `burn` has measured; without runs of the trade
+# its tables stay.
 page = scripts/paper/README.md
 readme:
 	target=$(OUT)/readme bin=$(BIN) threads=$(THREADS); eval "$$steps"
 	cp $(page) "$$d/README.md"
-	for part in claims trade; do
+	for part in claims $(if $(wildcard $(OUT)/trade),trade); do
 	    BIN=$(BIN) scripts/paper/$$part $(OUT) table > "$$d/$$part.md"
 	    awk -v part="$$part" -v file="$$d/$$part.md" '
 	        $$0 == "<!-- end of " part " -->" { inside = 0 }

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Scores what scripts/studies/fit makes: DIR FRAME NAME LOG, --vectors SCENE WAY SCORES, --table KIND LOG,
 --shift PX CAMERA, --alter BLOCK.KEY FACTOR MORE CAMERA, --cameras DIR NAME LOG SECONDS, --laboratory DIR NAME LOG,
---chain DIR WAY NAME LOG, --drift DIR DENSITY OFF LOG."""
+--chain DIR WAY NAME LOG, --drift DIR DENSITY OFF LOG, --growth DIR NAME LOG SECONDS,
+--full DIR NAME LOG."""
 import glob
 import json
 import os
@@ -216,17 +217,65 @@ def drift(folder, density, off, log):
 
 
 def drift_tabled(log):
-    """A table of what both ways leave of a drift."""
+    """A table of what both ways leave of a drift: numbers of each seed behind one another."""
     head = ["per lenslet", "off by, px", "refine: particles alone", "left, px", "stated, px", "lf-fit: particles",
             "left, px", "stated, px"]
     print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    runs = {}
     for run in map(json.loads, open(log)):
-        cells = [run["density"], run["off"]]
-        if run["refined"] is None:
-            cells += ["too few", "-", "-"]
-        else:
-            cells += [f"{run['alone']}", f"{run['refined']:.3f}", f"{run['stated']:.3f}"]
-        cells += [f"{run['particles']}", f"{run['fitted']:.4f}", f"{run['fit_stated']:.4f}"]
+        runs.setdefault((run["density"], run["off"]), []).append(run)
+    for name, group in runs.items():
+        refined = lambda key, form: ", ".join("-" if run["refined"] is None else format(run[key], form) for run in group)
+        each = lambda key, form="": ", ".join(format(run[key], form) for run in group)
+        alone = ", ".join("too few" if run["refined"] is None else str(run["alone"]) for run in group)
+        cells = [*name, alone, refined("refined", ".3f"), refined("stated", ".3f"), each("particles"),
+                 each("fitted", ".4f"), each("fit_stated", ".4f")]
+        print("| " + " | ".join(cells) + " |")
+
+
+def growth(folder, name, log, seconds):
+    """One line of time and memory, as JSON at the end of a log."""
+    truth, found = table(f"{folder}/particles.csv"), table(f"{folder}/found-0000.csv")
+    stats = json.load(open(f"{folder}/fit-0000.json"))
+    scored = {"name": name, "truth": len(truth), "found": len(found), "matched": len(match(truth, found)),
+              "cpu": float(seconds), "peak": stats["peak_bytes"], "told": stats["counts"].get("estimated_bytes")}
+    print(json.dumps(scored), flush=True)
+    with open(log, "a") as out:
+        print(json.dumps(scored), file=out)
+
+
+def growth_tabled(log):
+    """A table of them."""
+    head = ["", "particles", "recall", "ghosts", "s", "ms a particle", "peak, MB"]
+    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    for run in map(json.loads, open(log)):
+        cells = [run["name"], str(run["truth"]), f"{run['matched'] / run['truth']:.3f}",
+                 f"{1 - run['matched'] / run['found']:.3f}", f"{run['cpu']:.1f}",
+                 f"{1e3 * run['cpu'] / run['truth']:.1f}", f"{run['peak'] / 1e6:.0f}"]
+        print("| " + " | ".join(cells) + " |")
+
+
+def full(folder, name, log):
+    """One line of time and memory of the chain on a large frame, as JSON at the end of a log."""
+    truth, found = table(f"{folder}/particles.csv"), table(f"{folder}/found-0000.csv")
+    stats = json.load(open(f"{folder}/fit-0000.json"))
+    peaks = [json.load(open(f"{folder}/{part}.json"))["peak_bytes"] for part in ("prune", "mart")]
+    seconds = lambda part: sum(float(line) for line in open(f"{folder}/{part}.s"))
+    scored = {"name": name, "truth": len(truth), "found": len(found), "matched": len(match(truth, found)),
+              "mart": seconds("mart"), "mart_peak": max(peaks), "cpu": seconds("fit"), "peak": stats["peak_bytes"]}
+    print(json.dumps(scored), flush=True)
+    with open(log, "a") as out:
+        print(json.dumps(scored), file=out)
+
+
+def full_tabled(log):
+    """A table of them."""
+    head = ["", "particles", "recall", "ghosts", "lf-prune, lf-mart: s", "GB", "lf-fit: s", "ms a particle", "GB"]
+    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    for run in map(json.loads, open(log)):
+        cells = [run["name"], str(run["truth"]), f"{run['matched'] / run['truth']:.3f}",
+                 f"{1 - run['matched'] / run['found']:.3f}", f"{run['mart']:.0f}", f"{run['mart_peak'] / 1e9:.2f}",
+                 f"{run['cpu']:.0f}", f"{1e3 * run['cpu'] / run['truth']:.1f}", f"{run['peak'] / 1e9:.2f}"]
         print("| " + " | ".join(cells) + " |")
 
 
@@ -245,29 +294,23 @@ def altered(key, factor, more, path):
     print(json.dumps(camera, indent=1))
 
 
-if sys.argv[1] == "--vectors":
-    vectors(*sys.argv[2:])
-elif sys.argv[1] == "--cameras":
-    cameras(*sys.argv[2:])
-elif sys.argv[1:3] == ["--table", "cameras"]:
-    cameras_tabled(sys.argv[3])
-elif sys.argv[1] == "--chain":
-    chain(*sys.argv[2:])
-elif sys.argv[1:3] == ["--table", "compare"]:
-    chains_tabled(sys.argv[3])
-elif sys.argv[1] == "--drift":
-    drift(*sys.argv[2:])
-elif sys.argv[1:3] == ["--table", "drift"]:
-    drift_tabled(sys.argv[3])
-elif sys.argv[1] == "--laboratory":
-    laboratory(*sys.argv[2:])
-elif sys.argv[1:3] == ["--table", "laboratory"]:
-    laboratory_tabled(sys.argv[3])
-elif sys.argv[1] == "--table":
-    tabled(*sys.argv[2:])
-elif sys.argv[1] == "--shift":
-    shifted(*sys.argv[2:])
-elif sys.argv[1] == "--alter":
-    altered(*sys.argv[2:])
+# A table of its own; other kinds share one.
+TABLES = {"cameras": cameras_tabled, "compare": chains_tabled, "drift": drift_tabled, "full": full_tabled,
+          "growth": growth_tabled, "laboratory": laboratory_tabled}
+
+
+def print_table(kind, log):
+    """The table of a log."""
+    if kind in TABLES:
+        TABLES[kind](log)
+    else:
+        tabled(kind, log)
+
+
+WORDS = {"--alter": altered, "--cameras": cameras, "--chain": chain, "--drift": drift, "--full": full,
+         "--growth": growth, "--laboratory": laboratory, "--shift": shifted, "--table": print_table, "--vectors": vectors}
+
+if sys.argv[1] in WORDS:
+    WORDS[sys.argv[1]](*sys.argv[2:])
 else:
     particles(*sys.argv[1:])
