@@ -2,21 +2,22 @@
 """Scores what scripts/studies/fit makes: DIR FRAME NAME LOG, --vectors SCENE WAY SCORES, --table KIND LOG,
 --shift PX CAMERA, --alter BLOCK.KEY FACTOR MORE CAMERA, --cameras DIR NAME LOG SECONDS, --laboratory DIR NAME LOG,
 --chain DIR WAY NAME LOG, --drift DIR DENSITY OFF LOG, --growth DIR NAME LOG SECONDS,
---full DIR NAME LOG."""
+--full DIR NAME LOG, --uniform DIR NAME LOG."""
 import glob
 import json
 import os
 import sys
 
 PIXEL = 0.0055  # mm at the focal plane
+FOCUS = 0.9  # mm; nearer to focus vectors by correlation are poor
 SLABS = ((0, 0.5), (0.5, 2), (2, 5.01))
 
 
-def table(path):
-    """The particles of frame 0: lists of numbers behind frame and id."""
+def table(path, frame=0):
+    """The particles of a frame: lists of numbers behind frame and id."""
     lines = [line for line in open(path) if not line.startswith("#")][1:]
     rows = [[float(field) for field in line.split(",")] for line in lines]
-    return [row[2:] for row in rows if row[0] == 0]
+    return [row[2:] for row in rows if row[0] == frame]
 
 
 def match(truth, found):
@@ -55,7 +56,7 @@ def vectors(scene, way, scores):
 
 def particles(folder, frame, name, log):
     """One line of recall, ghosts and errors; the same as JSON at the end of a log."""
-    truth, found = table(f"{folder}/particles.csv"), table(f"{folder}/found-{frame}.csv")
+    truth, found = (table(f"{folder}/{file}.csv", int(frame)) for file in ("particles", f"found-{frame}"))
     stats = json.load(open(f"{folder}/fit-{frame}.json"))
     matched = match(truth, found)
     size, drift = stats["counts"]["size_px"], stats["counts"]["drift_px"]
@@ -83,7 +84,7 @@ def tabled(kind, log):
     for line in open(log):
         run = json.loads(line)
         # A name of the others comes once for each camera.
-        key = run["name"] if kind == "report" else (len(runs), run["name"])
+        key = run["name"] if kind in ("report", "independent") else (len(runs), run["name"])
         runs.setdefault(key, []).append(run)
     head = ["", "recall", "ghosts", "recall beyond 0.5 mm", "z RMS there, px", "over the bound", "1 sigma covers"]
     more = ["size, px", "drift, px"] if kind in ("wrong", "camera") else ["covers within 0.5 mm"]
@@ -101,6 +102,47 @@ def tabled(kind, log):
         else:
             cells += [f"{near('covered') / max(near('matched'), 1):.2f}"]
         print("| " + " | ".join(cells) + " |")
+
+
+def uniform(folder, name, log):
+    """One line of the errors of vectors where all particles move alike, near focus and beyond, as JSON at the end of a
+    log. Replaced vectors count, places without data do not. Needs numpy and OpenEXR."""
+    sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "../python"))
+    import lf
+    import numpy as np
+
+    lines = [line.split(",") for line in open(f"{folder}/particles.csv")][1:]
+    first, second = ({row[1]: np.array(row[2:5], float) for row in lines if row[0] == frame} for frame in "01")
+    moved = np.mean([second[particle] - first[particle] for particle in first.keys() & second.keys()], 0)
+    layout, field = lf.read_field(f"{folder}/field.exr")
+    depth = layout["origin_mm"][2] + layout["spacing_mm"][2] * np.arange(layout["shape"][2])
+    near = np.broadcast_to(np.abs(depth)[:, None, None] <= FOCUS, field["w"].shape)
+    seen = field["flag"] != 2
+    off2 = {axis: ((field[axis] - move) / PIXEL) ** 2 for axis, move in zip("uvw", moved.tolist())}
+    total = lambda values, where: [float(values[where & seen].sum(dtype=float)), int((where & seen).sum())]
+    scored = {"name": name, "blind": int((~seen).sum()), "near": total(off2["w"], near), "far": total(off2["w"], ~near)}
+    scored |= {axis: total(off2[axis], seen) for axis in "uvw"}
+    stated = field["flag"] == 0
+    scored["covered"] = total(off2["w"] < (field["sw"] / PIXEL) ** 2, stated)
+    print(json.dumps(scored), flush=True)
+    with open(log, "a") as out:
+        print(json.dumps(scored), file=out)
+
+
+def uniforms_tabled(log):
+    """A table of them, runs of one name together."""
+    runs = {}
+    for run in map(json.loads, open(log)):
+        runs.setdefault(run["name"], []).append(run)
+    head = ["", "vectors", "without data", "u, px", "v, px", "w, px", f"w within {FOCUS} mm of focus", "w beyond",
+            "ratio", "1 sigma covers w"]
+    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    for name, group in runs.items():
+        mean = lambda key: sum(run[key][0] for run in group) / max(sum(run[key][1] for run in group), 1)
+        errors = [mean(key) ** 0.5 for key in ("u", "v", "w", "near", "far")]
+        print("| " + " | ".join([name, str(sum(run["w"][1] for run in group)), str(sum(run["blind"] for run in group))]
+                                + [f"{error:.3f}" for error in errors]
+                                + [f"{errors[3] / errors[4]:.2f}", f"{mean('covered'):.2f}"]) + " |")
 
 
 def cameras(folder, name, log, seconds):
@@ -296,7 +338,7 @@ def altered(key, factor, more, path):
 
 # A table of its own; other kinds share one.
 TABLES = {"cameras": cameras_tabled, "compare": chains_tabled, "drift": drift_tabled, "full": full_tabled,
-          "growth": growth_tabled, "laboratory": laboratory_tabled}
+          "growth": growth_tabled, "independent-vectors": uniforms_tabled, "laboratory": laboratory_tabled}
 
 
 def print_table(kind, log):
@@ -308,7 +350,8 @@ def print_table(kind, log):
 
 
 WORDS = {"--alter": altered, "--cameras": cameras, "--chain": chain, "--drift": drift, "--full": full,
-         "--growth": growth, "--laboratory": laboratory, "--shift": shifted, "--table": print_table, "--vectors": vectors}
+         "--growth": growth, "--laboratory": laboratory, "--shift": shifted, "--table": print_table,
+         "--uniform": uniform, "--vectors": vectors}
 
 if sys.argv[1] in WORDS:
     WORDS[sys.argv[1]](*sys.argv[2:])
