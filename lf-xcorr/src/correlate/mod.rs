@@ -17,6 +17,7 @@ mod score;
 pub(crate) mod shared_sums;
 mod shifts;
 mod sums;
+mod table;
 mod transform;
 mod window_grid;
 

@@ -3,10 +3,12 @@
 
 use super::kernel::{self, Cell};
 use super::shifts::{Shifts, back, on, paired_voxels};
-use super::sums::{Sums, SumsPool, channel};
+use super::sums::{Sums, channel};
+use super::table::{Table, total, total_in};
 use super::{energy, window_grid::WindowGrid};
 use crate::volumes::Rows;
 use rayon::prelude::*;
+use std::collections::VecDeque;
 use std::ops::Range;
 
 /// Whether direct sums fit into [`MOST_BYTES`].
@@ -34,9 +36,6 @@ pub(crate) fn budget(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> 
 /// Constant: most memory for direct sums; a pass that needs more is done by transforms. The paper's windows take a
 /// fiftieth of it; a machine that holds the paper's volumes has it.
 pub(crate) const MOST_BYTES: f64 = 4e9;
-
-/// Sums of cells, columns or rows in a table, x fastest; `None` if no window needs them.
-type Table = Vec<Option<Sums>>;
 
 /// Windows along x, y, z.
 type Block = [Range<usize>; 3];
@@ -115,14 +114,13 @@ fn halves(block: Block) -> [Block; 2] {
     [low, high]
 }
 
-/// The windows of a block, the box of shifts of each, and buffers of sums.
+/// The windows of a block, and the box of shifts of each.
 struct Sharing<'a> {
     windows: &'a WindowGrid,
     search: &'a [Option<Shifts>],
     block: Block,
     /// Cells of the block along x, y, z.
     cells: Block,
-    pool: SumsPool,
 }
 
 impl<'a> Sharing<'a> {
@@ -135,7 +133,7 @@ impl<'a> Sharing<'a> {
             let spans: &[Range<usize>] = &windows.axes[axis].spans[block[axis].clone()];
             spans.first().map_or(0, |span| span.start)..spans.last().map_or(0, |span| span.end)
         };
-        Self { windows, search, cells: [0, 1, 2].map(cells), block, pool: SumsPool::default() }
+        Self { windows, search, cells: [0, 1, 2].map(cells), block }
     }
 
     /// Nodes of the block, x fastest.
@@ -185,79 +183,97 @@ impl<'a> Sharing<'a> {
 
     /// `each(node, sums)` for the nodes of the block, in the order of [`Sharing::nodes`].
     fn sums<T: Send>(&self, pairs: &[[&Rows; 2]], each: &(impl Fn(usize, &[Sums]) -> T + Sync)) -> Vec<Option<T>> {
-        let [across, _, deep] = self.cells.clone();
-        let [x, _, z] = &self.windows.axes;
-        let mut cells: Vec<Vec<Table>> = vec![vec![Vec::new(); deep.len()]; pairs.len()];
+        let deep = &self.cells[2];
+        let mut spare = Vec::new();
+        let mut cells: Vec<VecDeque<Table>> = pairs.iter().map(|_| VecDeque::new()).collect();
         let mut answers = Vec::with_capacity(self.block.iter().map(Range::len).product());
-        let mut ready = deep.start;
+        // Layers of cells that are summed.
+        let mut held = deep.start..deep.start;
         for k in self.block[2].clone() {
-            let span = z.spans[k].clone();
-            let inside = span.start - deep.start..span.end - deep.start;
-            let rows_of = |(cells, pair): (&mut Vec<Table>, &[&Rows; 2])| {
+            let span = self.windows.axes[2].spans[k].clone();
+            let mut rows_of = |(cells, pair): (&mut VecDeque<Table>, &[&Rows; 2])| {
                 // Release the layers of cells behind this layer of windows, and sum the new ones.
-                for layer in &mut cells[..inside.start] {
-                    self.pool.take_back(std::mem::take(layer).into_iter().flatten());
+                let behind = cells.len().min(span.start - held.start);
+                spare.extend(cells.drain(..behind).map(Table::into_room));
+                for layer in held.end.max(span.start)..span.end {
+                    cells.push_back(self.cell_layer(*pair, layer, spare.pop().unwrap_or_default()));
                 }
-                for layer in ready.max(span.start)..span.end {
-                    cells[layer - deep.start] = self.cell_layer(*pair, layer);
-                }
-                self.rows(k, &cells[inside.clone()])
+                self.rows(k, cells, &mut spare)
             };
-            let rows: Vec<Table> = cells.iter_mut().zip(pairs).map(rows_of).collect();
-            ready = ready.max(span.end);
-
-            // Add rows into windows.
-            answers.extend(gather(&self.block[0], &self.block[1], |i, j| {
-                let window = |rows: &Table| {
-                    let row = across.len() * (j - self.block[1].start);
-                    let cells = x.spans[i].clone().filter_map(|cx| rows[cx - across.start + row].as_ref());
-                    Some(self.pool.total(self.hull([i..i + 1, j..j + 1, k..k + 1])?, cells))
-                };
-                let sums = rows.iter().map(window).collect::<Option<Vec<Sums>>>()?;
-                let answer = each(self.windows.index([i, j, k]), &sums);
-                self.pool.take_back(sums);
-                Some(answer)
-            }));
-            rows.into_iter().for_each(|rows| self.pool.take_back(rows.into_iter().flatten()));
+            let rows: Vec<Table> = cells.iter_mut().zip(pairs).map(&mut rows_of).collect();
+            held = span.start..held.end.max(span.end);
+            answers.extend(self.windows_of(k, &rows, each));
+            spare.extend(rows.into_iter().map(Table::into_room));
         }
         answers
     }
 
+    /// Adds the rows of window layer `k`, those of each pair, into windows.
+    fn windows_of<T: Send>(
+        &self,
+        k: usize,
+        rows: &[Table],
+        each: &(impl Fn(usize, &[Sums]) -> T + Sync),
+    ) -> Vec<Option<T>> {
+        let [across, _, _] = &self.cells;
+        let [wide, high, _] = &self.block;
+        let answer = |spare: &mut Vec<Vec<f64>>, place: usize| {
+            let (i, j) = (wide.start + place % wide.len(), high.start + place / wide.len());
+            let shifts = self.search[self.windows.index([i, j, k])]?;
+            let row = across.len() * (j - high.start);
+            let window = |rows: &Table| {
+                let cells = self.windows.axes[0].spans[i].clone();
+                let terms = cells.filter_map(|cx| rows.get(cx - across.start + row));
+                total_in(spare.pop().unwrap_or_default(), shifts, terms)
+            };
+            let sums: Vec<Sums> = rows.iter().map(window).collect();
+            let answer = each(self.windows.index([i, j, k]), &sums);
+            spare.extend(sums.into_iter().map(|sums| sums.data));
+            Some(answer)
+        };
+        (0..wide.len() * high.len()).into_par_iter().map_init(Vec::new, answer).collect()
+    }
+
     /// The sums of every cell of one layer.
-    fn cell_layer(&self, [first, second]: [&Rows; 2], layer: usize) -> Table {
+    fn cell_layer(&self, [first, second]: [&Rows; 2], layer: usize, room: Vec<f64>) -> Table {
         let [x, y, z] = &self.windows.axes;
         let [across, down, _] = &self.cells;
-        let sums_of = |scratch: &mut (kernel::Scratch, energy::Scratch), place: usize| {
+        let boxes = gather(across, down, |cx, cy| {
+            self.hull([x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()])
+        });
+        let fill = |scratch: &mut (kernel::Scratch, energy::Scratch), place: usize, shifts: Shifts, out: &mut [f64]| {
             let (cx, cy) = (across.start + place % across.len(), down.start + place / across.len());
-            let shifts = self.hull([x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()])?;
             let midpoints = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
-            let mut sums = self.pool.zero(shifts);
-            let cell = Cell { first, second, midpoints: &midpoints, shifts: &shifts };
-            kernel::products(cell, sums.channel_mut(channel::PRODUCT), &mut scratch.0);
+            let mut channels = out.chunks_exact_mut(shifts.len());
+            let mut next = || channels.next().expect("a number for each shift in each channel");
+            let products = next();
+            products.fill(0.0);
+            kernel::products(Cell { first, second, midpoints: &midpoints, shifts: &shifts }, products, &mut scratch.0);
             let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
             let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
-            for (rows, ranges, channel) in [(first, of_first, channel::FIRST), (second, of_second, channel::SECOND)] {
-                energy::sums(rows, &ranges, sums.pair_mut(channel), &mut scratch.1);
+            for (rows, ranges) in [(first, of_first), (second, of_second)] {
+                energy::sums(rows, &ranges, [next(), next()], &mut scratch.1);
             }
-            Some(sums)
         };
-        (0..across.len() * down.len()).into_par_iter().map_init(Default::default, sums_of).collect()
+        Table::new(boxes, room, fill)
     }
 
     /// Adds the cells of window layer `k` into columns of its depth, and the columns into rows of cells along x.
-    fn rows(&self, k: usize, layers: &[Table]) -> Table {
+    fn rows(&self, k: usize, layers: &VecDeque<Table>, spare: &mut Vec<Vec<f64>>) -> Table {
         let [x, y, _] = &self.windows.axes;
         let [across, down, _] = &self.cells;
-        let place = |cx: usize, cy: usize| cx - across.start + across.len() * (cy - down.start);
-        let columns = gather(across, down, |cx, cy| {
-            let cells = layers.iter().filter_map(|layer| layer[place(cx, cy)].as_ref());
-            Some(self.pool.total(self.hull([x.users[cx].clone(), y.users[cy].clone(), k..k + 1])?, cells))
+        let high = &self.block[1];
+        let boxes = gather(across, down, |cx, cy| self.hull([x.users[cx].clone(), y.users[cy].clone(), k..k + 1]));
+        let columns = Table::new(boxes, spare.pop().unwrap_or_default(), |(), place, shifts, out| {
+            total(out, shifts, layers.iter().filter_map(|layer| layer.get(place)));
         });
-        let rows = gather(across, &self.block[1], |cx, j| {
-            let cells = y.spans[j].clone().filter_map(|cy| columns[place(cx, cy)].as_ref());
-            Some(self.pool.total(self.hull([x.users[cx].clone(), j..j + 1, k..k + 1])?, cells))
+        let boxes = gather(across, high, |cx, j| self.hull([x.users[cx].clone(), j..j + 1, k..k + 1]));
+        let rows = Table::new(boxes, spare.pop().unwrap_or_default(), |(), place, shifts, out| {
+            let (cx, j) = (place % across.len(), high.start + place / across.len());
+            let cells = y.spans[j].clone();
+            total(out, shifts, cells.filter_map(|cy| columns.get(cx + across.len() * (cy - down.start))));
         });
-        self.pool.take_back(columns.into_iter().flatten());
+        spare.push(columns.into_room());
         rows
     }
 }
