@@ -28,9 +28,10 @@ pub(crate) fn bytes(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f
 /// summed for the shifts of all its windows. In a smooth flow few boxes differ, by a voxel.
 const APART: f64 = 1.25;
 
-/// Most bytes that [`of_windows`] takes for boxes of `radius`.
+/// Most bytes that [`of_windows`] takes for boxes of `radius` at most. Where the boxes of all windows would take more
+/// than [`MOST_BYTES`], the windows are done in blocks.
 pub(crate) fn budget(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f64 {
-    APART * bytes(windows, radius, pairs)
+    (APART * bytes(windows, radius, pairs)).min(MOST_BYTES)
 }
 
 /// Constant: most memory for direct sums; a pass that needs more is done by transforms. The paper's windows take a

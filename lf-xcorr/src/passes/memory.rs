@@ -65,8 +65,9 @@ fn pass_bytes(options: &Options, number: usize, shape: [usize; 3], pairs: usize,
     let by_transform = transform_bytes(&binned.pass).max(shared_sums::budget(&windows, CLOSE, pairs));
     let sums = match options.route {
         Route::Direct => direct,
-        Route::Auto if shared_sums::fit(&windows, binned.pass.search, pairs) => direct.max(by_transform),
-        Route::Auto | Route::Transform => by_transform,
+        // A repeat close to known vectors takes direct sums, as wide as the pass for windows without a vector.
+        Route::Auto => direct.max(by_transform),
+        Route::Transform => by_transform,
     };
     sums + in_bins
 }
