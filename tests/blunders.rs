@@ -102,6 +102,17 @@ fn a_forgotten_background_is_named() {
 }
 
 #[test]
+fn a_few_dark_counts_are_named() {
+    let noise = r#"sensor_noise={"dark_counts": 5}"#;
+    let folder = rendered(CAMERAS[1], &["particles.per_lenslet=0.5", noise]);
+    for ended in [prune(&folder, ""), mart(&folder, "--iterations 2")] {
+        assert_warned(&ended, &["the darkest hundredth of the pixels has 5.0 counts", "no background is subtracted", "-b"]);
+    }
+    folder.run("lf-synth dark scene.json -o dark.exr --quiet");
+    prune(&folder, "-b dark.exr").silent();
+}
+
+#[test]
 fn a_clipped_frame_is_named_with_its_share() {
     let noise = r#"sensor_noise={"gain_counts_per_electron": 0.2, "photon_noise": true, "full_well_electrons": 1500}"#;
     let folder = rendered(CAMERAS[1], &["particles.per_lenslet=0.5", noise]);

@@ -64,7 +64,7 @@ mod tests {
             image[[140, 140]] = 5e6;
             image[[3, 3]] = f32::NAN;
             let light = 50.0;
-            let tones = Tones { light, dark: 0.0, peak: 5e6 };
+            let tones = Tones { light, dark: 0.0, darkest: 0.0, peak: 5e6 };
             let places = [(0.0, -30.0), (30.0, -15.0), (0.0, 30.0), (30.0, 15.0)].map(DVec2::from);
             let found = light_through(image.view(), &camera, &tones, &places);
             assert!(found[..2].iter().all(|found| (found - light).abs() < 0.01 * light), "{layout:?}: {found:?}");

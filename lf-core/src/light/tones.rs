@@ -2,7 +2,7 @@ use crate::statistics::ranked;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-/// Most pixels that the darkest tenth is found from; they are spread evenly over the image.
+/// Most pixels that the darkest tenth and hundredth are found from; they are spread evenly over the image.
 const SAMPLE: usize = 1 << 20;
 
 /// Pixels below this share of the light's brightness count as dark: they may be noise.
@@ -16,6 +16,8 @@ pub struct Tones {
     pub light: f64,
     /// A tenth of the pixels are darker.
     pub dark: f64,
+    /// A hundredth of the pixels are darker.
+    pub darkest: f64,
     /// The brightest pixel.
     pub peak: f64,
 }
@@ -28,9 +30,11 @@ impl Tones {
         let [light, squares, peak] = rows.into_iter().fold([0.0; 3], add);
         let step = image.len() / SAMPLE + 1;
         let mut sample: Vec<f32> = image.iter().step_by(step).copied().filter(|value| !value.is_nan()).collect();
-        let tenth = sample.len() / 10;
-        let dark = ranked(&mut sample, tenth).map_or(0.0, f64::from);
-        Self { light: if light > 0.0 { squares / light } else { 0.0 }, dark, peak }
+        let [dark, darkest] = [10, 100].map(|part| {
+            let rank = sample.len() / part;
+            ranked(&mut sample, rank).map_or(0.0, f64::from)
+        });
+        Self { light: if light > 0.0 { squares / light } else { 0.0 }, dark, darkest, peak }
     }
 }
 
@@ -47,15 +51,17 @@ mod tests {
     use super::*;
     use ndarray::Array2;
 
-    /// By hand: 80 pixels of 1, 19 of 10, one of 100, and a blind one.
+    /// By hand: a pixel of 0, 79 of 1, 19 of 10, one of 100, and a blind one.
     #[test]
     fn tones_by_hand() {
         let mut image = Array2::from_elem((1, 101), 1.0f32);
         (0..19).for_each(|n| image[[0, n]] = 10.0);
-        (image[[0, 50]], image[[0, 60]]) = (100.0, f32::NAN);
-        let light = (80.0 + 1900.0 + 10000.0) / (80.0 + 190.0 + 100.0);
-        assert_eq!(Tones::new(image.view()), Tones { light, dark: 1.0, peak: 100.0 });
-        let black = Tones { light: 0.0, dark: 0.0, peak: 0.0 };
+        (image[[0, 50]], image[[0, 60]], image[[0, 70]]) = (100.0, f32::NAN, 0.0);
+        let light = (79.0 + 1900.0 + 10000.0) / (79.0 + 190.0 + 100.0);
+        assert_eq!(Tones::new(image.view()), Tones { light, dark: 1.0, darkest: 1.0, peak: 100.0 });
+        image[[0, 71]] = 0.0;
+        assert_eq!(Tones::new(image.view()).darkest, 0.0);
+        let black = Tones { light: 0.0, dark: 0.0, darkest: 0.0, peak: 0.0 };
         assert_eq!(Tones::new(Array2::zeros((5, 5)).view()), black);
         assert_eq!(Tones::new(Array2::from_elem((2, 2), f32::NAN).view()), black);
     }
