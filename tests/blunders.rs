@@ -106,7 +106,10 @@ fn a_few_dark_counts_are_named() {
     let noise = r#"sensor_noise={"dark_counts": 5}"#;
     let folder = rendered(CAMERAS[1], &["particles.per_lenslet=0.5", noise]);
     for ended in [prune(&folder, ""), mart(&folder, "--iterations 2")] {
-        assert_warned(&ended, &["the darkest hundredth of the pixels has 5.0 counts", "no background is subtracted", "-b"]);
+        assert_warned(
+            &ended,
+            &["the darkest hundredth of the pixels has 5.0 counts", "no background is subtracted", "-b"],
+        );
     }
     folder.run("lf-synth dark scene.json -o dark.exr --quiet");
     prune(&folder, "-b dark.exr").silent();

@@ -83,6 +83,14 @@ pub(super) struct Plan {
     colours: Vec<usize>,
 }
 
+impl Plan {
+    /// Most tiles that are fitted at the same time.
+    pub(super) fn most_of_a_colour(&self) -> usize {
+        let count = |colour: &usize| self.colours.iter().filter(|other| *other == colour).count();
+        self.colours.iter().map(count).max().unwrap_or(0)
+    }
+}
+
 /// Pixels beyond a tile within which a task may move particles of its neighbours.
 pub(super) const SEAM: usize = 32;
 /// Tiles that are rendered before their light is added up; bounds the memory.

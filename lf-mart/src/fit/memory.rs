@@ -36,9 +36,8 @@ const SAMPLE_PIXEL: usize = 24;
 const HEAP: f64 = 2.4;
 /// The same with several threads, each of which has a heap of its own.
 const HEAPS: f64 = 3.0;
-/// Bytes of a pixel of a frame, and of a particle in a thread, while several cameras are fitted together.
+/// Bytes of a pixel of a frame while several cameras are fitted together.
 const TOGETHER_PIXEL: usize = 12;
-const THREAD_PARTICLE: usize = 120_000;
 /// Size of a large particle, px: a fit of larger ones may take more than is foretold.
 const LARGE_PX: f64 = 1.0;
 /// Depths at which images are tried.
@@ -63,9 +62,7 @@ pub fn peak_bytes(
     let of_colour = count[0].div_ceil(2) * count[1].div_ceil(2);
     let threads = rayon::current_num_threads();
     let (image, pixels) = image_bytes(&model, grid);
-    let heap = if threads > 1 { HEAPS } else { HEAP };
-    // A particle has two images, its entries and its blocks while it is fitted.
-    let fitted = (heap * (2 * image + ENTRY * pixels + NEIGHBOURS * BLOCK) as f64) as usize;
+    let fitted = fitted_bytes(image, pixels);
     let in_tile = most_in_a_tile(&model, &spots, size, count);
     // All tiles are rendered at once, so every thread has buffers. It fits tiles of one colour at once.
     let buffers = threads.min(tiles) * THREAD_PIXEL * window;
@@ -78,6 +75,13 @@ pub fn peak_bytes(
     let noise = NOISE_PIXEL * PAIRS.min(size[0] * size[1]);
     let frame = FRAME_PIXEL * size[0] * size[1] + PARTICLE * spots.len();
     Ok((frame + buffers + tasks.max(renders).max(sample).max(noise)) as u64)
+}
+
+/// Bytes of a particle while it is fitted, from those of its image and its pixels: it has two images, its entries and
+/// its blocks.
+fn fitted_bytes(image: usize, pixels: usize) -> usize {
+    let heap = if rayon::current_num_threads() > 1 { HEAPS } else { HEAP };
+    (heap * (2 * image + ENTRY * pixels + NEIGHBOURS * BLOCK) as f64) as usize
 }
 
 /// Bytes of the image of a particle, and its pixels, in the mean over the depths of a grid.
@@ -116,11 +120,11 @@ fn in_sample(model: &ParticleModel, spots: &[Spot], size: [usize; 2], side: usiz
 /// Most bytes that a fit of several cameras takes beside images and volumes: that of a camera alone, or that of all.
 pub fn together_bytes<'a>(sights: &[Sight<'a>], options: &'a FitOptions) -> Result<u64, (usize, Refusal)> {
     let (mut alone, mut particles, mut frames) = (0, 0, 0);
-    for (n, Sight { camera, image, volume }) in sights.iter().enumerate() {
+    for (n, Sight { camera, image: frame, volume }) in sights.iter().enumerate() {
         alone = alone.max(peak_bytes(camera, *volume, options).map_err(|refusal| (n, refusal))?);
         let (grid, indices, intensity) = *volume;
         particles = particles.max(candidates::maxima(grid, indices, intensity).len());
-        frames += TOGETHER_PIXEL * image.len();
+        frames += TOGETHER_PIXEL * frame.len();
     }
     let noise = Noise { gain: 1.0, read_variance: 1.0 };
     let camera = |sight: &Sight<'a>| CameraFit {
@@ -135,18 +139,28 @@ pub fn together_bytes<'a>(sights: &[Sight<'a>], options: &'a FitOptions) -> Resu
     let cameras: Vec<CameraFit> = sights.iter().map(camera).collect();
     let work = together::begin(sights, options, &cameras, Vec::new())?;
     let (model, views) = (&work.model, work.views.as_slice());
+    // A particle has an image on each sensor.
+    let models = std::iter::once(model).chain(views.iter().map(|view| &view.model));
+    let (mut image, mut pixels) = (0, 0);
+    for (model, sight) in models.zip(sights) {
+        let (bytes, seen) = image_bytes(model, sight.volume.0);
+        (image, pixels) = (image + bytes, pixels + seen);
+    }
     let setting = Setting { model, views, noise, pixel_mm: work.pixel_mm, depth_mm: work.depth_mm };
-    let pixels = |windows: &Vec<Rectangle>| {
+    let area = |windows: &Vec<Rectangle>| {
         let columns = windows.iter().map(|[low, high]| high[0] - low[0]).max().unwrap_or(0);
         columns * windows.iter().map(|[low, high]| high[1] - low[1]).sum::<usize>()
     };
-    let mut windows: Vec<usize> = work.cloud.plan(&setting).windows.iter().map(pixels).collect();
+    let plan = work.cloud.plan(&setting);
+    let mut windows: Vec<usize> = plan.windows.iter().map(area).collect();
     windows.sort_unstable_by(|a, b| b.cmp(a));
     let (tiles, most) = (windows.len(), windows[0]);
     let in_window = particles.min(2 * particles / tiles);
-    let thread = THREAD_PIXEL * most + sights.len() * THREAD_PARTICLE * in_window;
-    let at_once: usize = windows.iter().take(AT_ONCE).sum();
+    // Every thread has buffers, as all tiles are rendered at once. It fits tiles of one colour at once.
     let threads = rayon::current_num_threads().min(tiles);
-    let all = frames + 500 * particles + WINDOW_PIXEL * at_once + threads * thread;
+    let fitting = threads.min(plan.most_of_a_colour());
+    let at_once: usize = windows.iter().take(AT_ONCE).sum();
+    let threads = threads * THREAD_PIXEL * most + fitting * in_window * fitted_bytes(image, pixels);
+    let all = frames + 500 * particles + WINDOW_PIXEL * at_once + threads;
     Ok(alone.max(all as u64))
 }
