@@ -1,9 +1,11 @@
-//! Rates of projection and back-projection, in weights a second: `cargo bench -p lf-mart`.
+//! Rates of projection and back-projection, in weights a second: `cargo bench -p lf-mart`. `-- WORDS` takes only the
+//! rows that have these words.
 //!
 //! Compared with a stored matrix (compressed sparse rows, one by pixel to project, one by voxel to project back) and
 //! with the machine's memory. 60 x 60 lenslets, 8000 particles of 3 x 3 x 9 voxels of 1 x 1 x 10 px. Medians of seven
 //! runs.
 
+use lf_core::simd::Level;
 use lf_core::weights::{Basis, Model, Scratch};
 use lf_core::{Camera, Grid, Weights};
 use lf_mart::projector::Projector;
@@ -93,42 +95,73 @@ fn main() {
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
+    let words = std::env::args().skip(1).find(|word| !word.starts_with("--")).unwrap_or_default();
     let grid = Grid::in_bounds([[-2.0, 2.0], [-2.0, 2.0], [-5.0, 5.0]], [0.0055, 0.0055, 0.055]).expect("a grid");
     let all = voxels(&grid);
-    let basis = Basis::Blob { sigma_px: 0.65 };
-    println!("{:<40} {:>10} {:>14} {:>10} {:>10}", "", "voxels", "weights/voxel", "forward", "back");
-    println!("{:<40} {:>10} {:>14} {:>21}", "", "", "", "million weights/s");
-    let row = |name: &str, voxels: usize, weights: f64, forward: f64, back: f64| {
-        let rate = |seconds: f64| 1e-6 * weights / seconds;
-        let each = weights / voxels as f64;
-        println!("{name:<40} {voxels:>10} {each:>14.0} {:>10.0} {:>10.0}", rate(forward), rate(back));
-    };
-    for (name, aperture, layout, rotation, share) in [
-        ("square stop, aligned", "square", "square", 0.0, 1),
-        ("round stop, aligned", "circle", "square", 0.0, 1),
-        ("square stop, turned, weights remade", "square", "square", 0.003, 10),
-        ("hexagonal, turned, weights remade", "circle", "hexagonal", 0.003, 10),
+    let basis = Basis::Point;
+    println!(
+        "{:<44} {:>8} {:>14} {:>21} {:>21}",
+        "million weights a second", "", "", "widest instructions", "portable"
+    );
+    println!(
+        "{:<44} {:>8} {:>14} {:>10} {:>10} {:>10} {:>10}",
+        "", "voxels", "weights/voxel", "forward", "back", "forward", "back"
+    );
+    // Particles are few voxels here and there. Haze is all voxels of a block, as in a first sweep.
+    let haze = Grid::in_bounds([[-0.25, 0.25], [-0.25, 0.25], [-5.0, 5.0]], [0.011, 0.011, 0.055]).expect("a grid");
+    let block: Vec<u64> = (0..haze.len()).collect();
+    for (name, aperture, layout, rotation) in [
+        ("square stop, aligned", "square", "square", 0.0),
+        ("round stop, aligned", "circle", "square", 0.0),
+        ("square stop, square lattice turned", "square", "square", 0.003),
+        ("round stop, hexagonal lattice turned", "circle", "hexagonal", 0.003),
     ] {
         let camera = camera(aperture, layout, rotation);
-        let choice = Weights::choose(&camera, &grid, Model::Exact, basis).expect("weights");
-        let some: Vec<u64> = all.iter().step_by(share).copied().collect();
-        let mut projector = Projector::new(&choice, &some, 0);
-        let strengths = vec![1.0; some.len()];
-        let weights = projector.weights() as f64;
-        let forward = seconds(|| {
-            black_box(projector.project(&strengths));
-        });
-        let image = Array2::from_elem((840, 840), 1.0);
-        // Two passes: one for the sums, one for the weights.
-        let back = 0.5
-            * seconds(|| {
-                black_box(projector.back_project(image.view()));
+        for (kind, grid, voxels, most_bytes) in
+            [("haze", &haze, &block, 0), ("particles", &grid, &all, 0), ("kept", &grid, &all, u64::MAX)]
+        {
+            let name = format!("{name}, {kind}");
+            if !name.contains(&words) {
+                continue;
+            }
+            let some: Vec<u64> = voxels.iter().step_by(if kind == "haze" { 1 } else { 10 }).copied().collect();
+            let rates = [Level::detect(), Level::Portable].map(|level| {
+                Level::at_most(level);
+                let choice = Weights::choose(&camera, grid, Model::Exact, basis).expect("weights");
+                rates(&mut Projector::new(&choice, &some, most_bytes), some.len())
             });
-        row(name, some.len(), weights, forward, back);
+            Level::at_most(Level::Avx2Fma);
+            row(&name, some.len(), rates[0].0, rates.map(|(_, rates)| rates).concat());
+        }
     }
+    stored(&grid, &all);
+    memory();
+}
 
-    let choice = Weights::choose(&camera("square", "square", 0.0), &grid, Model::Exact, basis).expect("weights");
-    let some: Vec<u64> = all.iter().step_by(5).copied().collect();
+fn row(name: &str, voxels: usize, weights: f64, rates: Vec<f64>) {
+    let rates: String = rates.iter().map(|rate| format!(" {rate:>10.0}")).collect();
+    println!("{name:<44} {voxels:>8} {:>14.0}{rates}", weights / voxels as f64);
+}
+
+/// The number of weights, and how many of them a second go forward and back, in millions.
+fn rates(projector: &mut Projector, voxels: usize) -> (f64, [f64; 2]) {
+    let (strengths, image) = (vec![1.0; voxels], Array2::from_elem((840, 840), 1.0));
+    let weights = projector.weights() as f64;
+    let forward = seconds(|| {
+        black_box(projector.project(&strengths));
+    });
+    // Two passes: one for the sums, one for the weights.
+    let back = 0.5
+        * seconds(|| {
+            black_box(projector.back_project(image.view()));
+        });
+    (weights, [forward, back].map(|seconds| 1e-6 * weights / seconds))
+}
+
+/// The same by a matrix of columns and weights, 8 bytes each.
+fn stored(grid: &Grid, all: &[u64]) {
+    let choice = Weights::choose(&camera("square", "square", 0.0), grid, Model::Exact, Basis::Point).expect("weights");
+    let some: Vec<u64> = all.iter().step_by(10).copied().collect();
     let mut entries: Vec<(u32, u32, f32)> = Vec::new();
     let mut scratch = Scratch::default();
     for (n, index) in some.iter().enumerate() {
@@ -144,8 +177,13 @@ fn main() {
     let back = seconds(|| {
         black_box(by_voxel.times(&image));
     });
-    row("square stop, stored, 8 bytes a weight", some.len(), entries.len() as f64, forward, back);
+    let weights = entries.len() as f64;
+    let rates = [forward, back].map(|seconds| 1e-6 * weights / seconds);
+    row("square stop, aligned, matrix of 8 bytes each", some.len(), weights, rates.to_vec());
+}
 
+/// What the memory allows a stored matrix.
+fn memory() {
     let big = vec![1u64; 1 << 26];
     let read = seconds(|| {
         black_box(

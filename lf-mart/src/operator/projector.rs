@@ -1,6 +1,6 @@
 //! Projection and back-projection without a matrix, for solvers of your own.
 
-use super::{choice::Operator, plane::Plane};
+use super::{choice::Operator, plane::Plane, stored::Stored};
 use lf_core::{Weights, weights::RowSet};
 use ndarray::{Array2, ArrayView2};
 
@@ -13,11 +13,13 @@ pub struct Projector<'a> {
 }
 
 impl<'a> Projector<'a> {
-    /// For the voxels `indices` (rising) of the weights' grid. If the camera is not aligned, weights are kept if they
-    /// take no more than three fifths of `max_bytes`.
-    pub fn new(weights: &'a Weights, indices: &[u64], max_bytes: u64) -> Self {
+    /// For the voxels `indices` (rising) of the weights' grid. Weights are kept if they take no more than `most_bytes`,
+    /// and made at every use otherwise.
+    pub fn new(weights: &'a Weights, indices: &[u64], most_bytes: u64) -> Self {
         let [width, height] = weights.sensor_px();
-        let operator = Operator::new(weights, indices, 1, max_bytes, indices.len());
+        let is_kept = Stored::fits(Stored::foretold_bytes(weights, indices, 1), most_bytes);
+        let make = if is_kept { Operator::kept } else { Operator::remade };
+        let operator = make(weights, indices, 1);
         Self { operator, plane: Plane::new(width, height), voxels: indices.len(), width }
     }
 
@@ -66,13 +68,15 @@ mod tests {
             let weights = Weights::choose(&camera, &grid, Model::Exact, Basis::Blob { sigma_px: 0.65 }).unwrap();
             let [width, height] = weights.sensor_px();
             let image = Array2::from_shape_fn((height, width), |(row, column)| hash(1000 + row * width + column));
-            let mut projector = Projector::new(&weights, &indices, 1 << 30);
-            let product = |(a, b): (&f32, &f32)| f64::from(*a) * f64::from(*b);
-            let left: f64 = projector.project(&strengths).iter().zip(&image).map(product).sum();
-            let back = projector.back_project(image.view());
-            let right: f64 = strengths.iter().zip(back.iter().map(|(sum, _)| sum)).map(product).sum();
-            assert!(left > 1.0 && (left / right - 1.0).abs() < 1e-5, "{camera:?}: {left} {right}");
-            assert!(projector.weights() > 10_000);
+            for most_bytes in [0, 1 << 30] {
+                let mut projector = Projector::new(&weights, &indices, most_bytes);
+                let product = |(a, b): (&f32, &f32)| f64::from(*a) * f64::from(*b);
+                let left: f64 = projector.project(&strengths).iter().zip(&image).map(product).sum();
+                let back = projector.back_project(image.view());
+                let right: f64 = strengths.iter().zip(back.iter().map(|(sum, _)| sum)).map(product).sum();
+                assert!(left > 1.0 && (left / right - 1.0).abs() < 1e-5, "{most_bytes}, {camera:?}: {left} {right}");
+                assert!(projector.weights() > 10_000);
+            }
         }
     }
 }
