@@ -182,7 +182,7 @@ fn stored(grid: &Grid, all: &[u64]) {
     row("square stop, aligned, matrix of 8 bytes each", some.len(), weights, rates.to_vec());
 }
 
-/// What the memory allows a stored matrix.
+/// The most that memory allows a stored matrix.
 fn memory() {
     let big = vec![1u64; 1 << 26];
     let read = seconds(|| {
