@@ -630,7 +630,8 @@ $(OUT)/fig17/ours.jsonl:
 # -------------------------------------------------------------- Errors are those of the field, interpolated to the true
 # particles that fields of every setting reach: more than 0.57 mm from the volume's sides and 0.55 mm from its ends. The
 # flow is an ABC flow of 8 px and 3640 px of wavelength, whose components all vary along all axes. Windows of the last
-# pass are 0.88 mm a side at any voxel size. The base is the default, which is the preset `balanced` too. Each setting changes something of it.
+# pass are 0.88 mm a side at any voxel size. The base is the default, which is the preset `balanced` too. Each setting
+# changes something of it.
 # Those below `front` change more at once; among them are the presets `fast` and `accurate` and the paper's DRT-MART.
 
 base = pvr=1,1,10 weights=exact basis=point blob=0.65 method=subsets iterations=20 threshold=auto score=geometric sections=14 \
@@ -736,7 +737,7 @@ $(trade_runs):
 $(OUT)/trade-w.json: $(trade_runs)
 	$(begin)
 	for axis in u w; do
-	    $(BIN)lf-validate trade $^ --base balanced --error rms_$${axis}_px --plot "$$d/trade-$$axis.svg" \
+	    $(BIN)lf-validate trade $^ --base default --error rms_$${axis}_px --plot "$$d/trade-$$axis.svg" \
 	        --title "Time and error of the chain: $$axis" --cost-name "seconds of a pair, one thread" \
 	        --error-name "RMS error of $$axis, px" > "$$d/trade-$$axis.json"
 	done
