@@ -639,11 +639,9 @@ base = pvr=1,1,10 weights=exact basis=point blob=0.65 method=subsets iterations=
 set.default =
 set.iterations3 = iterations=3
 set.iterations5 = iterations=5
-set.iterations10 = iterations=10
 set.iterations60 = iterations=60
 set.pvr2x10 = pvr=2,2,10
 set.pvr3x10 = pvr=3,3,10
-set.pvr1x5 = pvr=1,1,5
 set.pvr1x20 = pvr=1,1,20
 set.pvr2x20 = pvr=2,2,20
 set.weightsDrt = weights=drt

@@ -55,32 +55,28 @@ pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], 
 pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap]) -> (f32, f32) {
     let (mut all, mut weight) = ([0f32; 8], [0f32; 8]);
     for row in rows {
-        let (mut lanes, mut cut) = ([0f32; 8], [0f32; 8]);
-        for tap in taps {
-            let [left, right] = tap.columns;
-            // SAFETY: as the caller says.
-            let values = unsafe { [four(plane, row.start + left as usize), four(plane, row.start + right as usize)] };
-            add_inside(tap, row.chords.nodes, &values, &mut lanes, &mut cut);
-        }
-        for lane in 0..8 {
-            all[lane] += row.share * lanes[lane];
-            weight[lane] += row.share * cut[lane];
-        }
+        // SAFETY: as the caller says.
+        unsafe { gather_row(plane, row, taps, &mut all, &mut weight) };
     }
     (all.iter().sum(), weight.iter().sum())
 }
 
-/// Adds a tap's shares inside the stop to `cut`, and values times these shares to `lanes`. Compiled on its own: with the
-/// sums in memory all lanes work at once. Inlined, with the sums in registers, most of the work is done lane by lane and
-/// takes two to three times as long.
+/// Adds a row's shares inside the stop to `weight`, and the plane's values times these shares to `all`. Compiled on its
+/// own: with the sums in memory all lanes work at once. Inlined, with the sums in registers, most of the work is done
+/// lane by lane and takes three times as long.
 #[inline(never)]
-fn add_inside(tap: &CutTap, nodes: [f32; 3], values: &[[f32; 4]; 2], lanes: &mut [f32; 8], cut: &mut [f32; 8]) {
-    let shares = tap.inside(nodes);
-    for (lane, value) in values.as_flattened().iter().enumerate() {
-        lanes[lane] += value * shares[lane];
-    }
-    for lane in 0..8 {
-        cut[lane] += shares[lane];
+unsafe fn gather_row(plane: &[f32], row: &LitRow, taps: &[CutTap], all: &mut [f32; 8], weight: &mut [f32; 8]) {
+    for tap in taps {
+        let shares = tap.inside(row.chords.nodes).map(|share| share * row.share);
+        let [left, right] = tap.columns;
+        // SAFETY: as the caller says.
+        let values = unsafe { [four(plane, row.start + left as usize), four(plane, row.start + right as usize)] };
+        for (lane, value) in values.as_flattened().iter().enumerate() {
+            all[lane] += value * shares[lane];
+        }
+        for lane in 0..8 {
+            weight[lane] += shares[lane];
+        }
     }
 }
 
