@@ -27,6 +27,7 @@ fn camera(aperture: &str, layout: &str, rotation: f64) -> Camera {
     Camera::from_json(&text).expect("a camera")
 }
 
+/// Every tenth voxel of the particles.
 fn voxels(grid: &Grid) -> Vec<u64> {
     let mut state = 1u64;
     let mut random = |below: usize| {
@@ -41,7 +42,7 @@ fn voxels(grid: &Grid) -> Vec<u64> {
     }
     all.sort_unstable();
     all.dedup();
-    all
+    all.into_iter().step_by(10).collect()
 }
 
 /// Median seconds of a piece of work.
@@ -97,7 +98,7 @@ fn main() {
     }
     let words = std::env::args().skip(1).find(|word| !word.starts_with("--")).unwrap_or_default();
     let grid = Grid::in_bounds([[-2.0, 2.0], [-2.0, 2.0], [-5.0, 5.0]], [0.0055, 0.0055, 0.055]).expect("a grid");
-    let all = voxels(&grid);
+    let particles = voxels(&grid);
     let basis = Basis::Point;
     println!(
         "{:<44} {:>8} {:>14} {:>21} {:>21}",
@@ -118,23 +119,22 @@ fn main() {
     ] {
         let camera = camera(aperture, layout, rotation);
         for (kind, grid, voxels, most_bytes) in
-            [("haze", &haze, &block, 0), ("particles", &grid, &all, 0), ("kept", &grid, &all, u64::MAX)]
+            [("haze", &haze, &block, 0), ("particles", &grid, &particles, 0), ("kept", &grid, &particles, u64::MAX)]
         {
             let name = format!("{name}, {kind}");
             if !name.contains(&words) {
                 continue;
             }
-            let some: Vec<u64> = voxels.iter().step_by(if kind == "haze" { 1 } else { 10 }).copied().collect();
             let rates = [Level::detect(), Level::Portable].map(|level| {
                 Level::at_most(level);
                 let choice = Weights::choose(&camera, grid, Model::Exact, basis).expect("weights");
-                rates(&mut Projector::new(&choice, &some, most_bytes), some.len())
+                rates(&mut Projector::new(&choice, voxels, most_bytes), voxels.len())
             });
             Level::at_most(Level::Avx2Fma);
-            row(&name, some.len(), rates[0].0, rates.map(|(_, rates)| rates).concat());
+            row(&name, voxels.len(), rates[0].0, rates.map(|(_, rates)| rates).concat());
         }
     }
-    stored(&grid, &all);
+    stored(&grid, &particles);
     memory();
 }
 
@@ -159,18 +159,17 @@ fn rates(projector: &mut Projector, voxels: usize) -> (f64, [f64; 2]) {
 }
 
 /// The same by a matrix of columns and weights, 8 bytes each.
-fn stored(grid: &Grid, all: &[u64]) {
+fn stored(grid: &Grid, voxels: &[u64]) {
     let choice = Weights::choose(&camera("square", "square", 0.0), grid, Model::Exact, Basis::Point).expect("weights");
-    let some: Vec<u64> = all.iter().step_by(10).copied().collect();
     let mut entries: Vec<(u32, u32, f32)> = Vec::new();
     let mut scratch = Scratch::default();
-    for (n, index) in some.iter().enumerate() {
+    for (n, index) in voxels.iter().enumerate() {
         let add = |column, row, weight| entries.push((row * 840 + column, n as u32, weight));
         choice.visit(grid.voxel(*index), &mut scratch, |_| true, add);
     }
     let by_pixel = Stored::new(840 * 840, entries.iter().copied());
-    let by_voxel = Stored::new(some.len(), entries.iter().map(|(pixel, voxel, weight)| (*voxel, *pixel, *weight)));
-    let (strengths, image) = (vec![1f32; some.len()], vec![1f32; 840 * 840]);
+    let by_voxel = Stored::new(voxels.len(), entries.iter().map(|(pixel, voxel, weight)| (*voxel, *pixel, *weight)));
+    let (strengths, image) = (vec![1f32; voxels.len()], vec![1f32; 840 * 840]);
     let forward = seconds(|| {
         black_box(by_pixel.times(&strengths));
     });
@@ -179,7 +178,7 @@ fn stored(grid: &Grid, all: &[u64]) {
     });
     let weights = entries.len() as f64;
     let rates = [forward, back].map(|seconds| 1e-6 * weights / seconds);
-    row("square stop, aligned, matrix of 8 bytes each", some.len(), weights, rates.to_vec());
+    row("square stop, aligned, matrix of 8 bytes each", voxels.len(), weights, rates.to_vec());
 }
 
 /// The most that memory allows a stored matrix.

@@ -160,7 +160,7 @@ pub fn together_bytes<'a>(sights: &[Sight<'a>], options: &'a FitOptions) -> Resu
     let threads = rayon::current_num_threads().min(tiles);
     let fitting = threads.min(plan.most_of_a_colour());
     let at_once: usize = windows.iter().take(AT_ONCE).sum();
-    let threads = threads * THREAD_PIXEL * most + fitting * in_window * fitted_bytes(image, pixels);
-    let all = frames + 500 * particles + WINDOW_PIXEL * at_once + threads;
+    let in_threads = threads * THREAD_PIXEL * most + fitting * in_window * fitted_bytes(image, pixels);
+    let all = frames + 500 * particles + WINDOW_PIXEL * at_once + in_threads;
     Ok(alone.max(all as u64))
 }
