@@ -2,7 +2,7 @@
 
 use lf_tests::Call;
 use lf_tests::samples::Samples;
-use lf_tests::tools::{SECOND, TOOLS};
+use lf_tests::tools::TOOLS;
 use lf_tests::uses::{is_tested, uses};
 use serde_json::Value;
 use std::fs;
@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 fn tools() -> impl Iterator<Item = &'static str> {
-    TOOLS.into_iter().chain(SECOND).filter(|tool| is_tested(tool))
+    TOOLS.into_iter().filter(|tool| is_tested(tool))
 }
 
 /// Scar: the rules for every tool left out lf-fit, which had no use.

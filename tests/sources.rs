@@ -7,9 +7,28 @@ use std::path::{Path, PathBuf};
 /// Package and folder of the example of a stage of one's own. It keeps the same rules as a tool.
 pub const EXAMPLE: (&str, &str) = ("lf-refocus", "scripts/examples/refocus");
 
+/// The libraries that tools share.
+pub const LIBRARIES: [&str; 2] = ["lf-core", "lf-plot"];
+
+/// The folder of a package. A tool that was added later stands in the folder of its nearest one.
+pub fn folder(package: &str) -> &str {
+    match package {
+        "lf-plot" => "lf-core/lf-plot",
+        "lf-fit" => "lf-mart/lf-fit",
+        "lf-flow" => "lf-xcorr/lf-flow",
+        name if name == EXAMPLE.0 => EXAMPLE.1,
+        name => name,
+    }
+}
+
 /// Folders of the crates with a library.
 pub fn crates() -> impl Iterator<Item = &'static str> {
-    TOOLS.into_iter().chain(["lf-core", EXAMPLE.1])
+    TOOLS.into_iter().chain(LIBRARIES).chain([EXAMPLE.0]).map(folder)
+}
+
+/// Folders of the crates with a command line.
+pub fn tools() -> impl Iterator<Item = &'static str> {
+    TOOLS.into_iter().chain([EXAMPLE.0]).map(folder)
 }
 
 /// A Rust source.

@@ -1,10 +1,10 @@
-//! The library of the light-field tools: files, camera, rays, weights, fields, plots. Data flows one way:
+//! The library of the light-field tools: files, camera, rays, weights, fields. Data flows one way:
 //!
 //! 1. [`io`] reads an input; [`camera`], [`image`], [`volume`], [`field`], [`particles`] and [`scene`] check it.
 //! 2. [`camera`] and its [`lattice`] of lenslets give the rays ([`optics`]); a [`grid`] places voxels in space.
 //! 3. [`light`] tells whether a frame suits its camera. [`weights`] tell which pixels a voxel lights, [`flow`] moves
 //!    particles; [`statistics`] and [`simd`] serve both.
-//! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`plot`] draws them, [`io`] writes.
+//! 4. [`volume`], [`image`] and [`field`] encode results with their [`history`], [`io`] writes them.
 //! 5. [`cli`] is what the command lines of all tools share; [`json`] names the mistakes in files that people write.
 //!
 //! The file formats are specified in [`volume::format`] (`.lfv`), [`field`], [`image`], [`camera`], [`particles`] and
@@ -62,8 +62,6 @@ pub mod light;
 pub mod optics;
 pub mod particle_image;
 pub mod particles;
-pub mod picture;
-pub mod plot;
 pub mod scene;
 pub mod simd;
 pub mod statistics;

@@ -1,10 +1,9 @@
-//! Tests of lf-core's files: formats, streams, tiles and charts.
+//! Tests of lf-core's files: formats, streams and tiles.
 
 mod allocation;
 mod field;
 mod image;
 mod image_kinds;
 mod io;
-mod plot;
 mod tile;
 mod volume;

@@ -18,7 +18,6 @@
 
 mod blob;
 mod coarse;
-pub mod fit;
 mod forecast;
 mod method;
 mod operator;

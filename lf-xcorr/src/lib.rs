@@ -7,7 +7,6 @@
 //! vectors/    peaks  ->  outliers replaced, a smooth field, uncertainties
 //! passes/     coarse to fine: correlate, predict, deform the volumes, correlate again  ->  the field
 //! tracks/     the field, particles of both frames  ->  pairs, and the field that they decide
-//! flow/       a field  ->  a smooth or divergence-free one, gradients, pressure, lines and planes (lf-flow)
 //! plan.rs     checks the input, estimates memory, runs the passes: open it first
 //! ```
 //!
@@ -47,7 +46,6 @@
 
 mod correlate;
 mod error;
-pub mod flow;
 mod passes;
 mod plan;
 mod seeding;

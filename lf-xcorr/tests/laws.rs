@@ -2,8 +2,8 @@
 
 use crate::scene::{self, Volume};
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
-use lf_core::plot::FieldPicture;
 use lf_core::{Field, Grid, VectorGrid};
+use lf_plot::FieldPicture;
 use lf_xcorr::{Options, Refused, Route, Side, Sparse, correlate};
 
 const SHAPE: [usize; 3] = [72, 64, 48];
@@ -220,7 +220,7 @@ fn one_window_and_thin_volumes_work() {
 
 /// The picture of one layer.
 fn picture(field: &Field, cut: &str) -> Result<String, lf_core::Refusal> {
-    lf_core::plot::field(field, &FieldPicture { cut: cut.parse().unwrap(), ..FieldPicture::default() })
+    lf_plot::field(field, &FieldPicture { cut: cut.parse().unwrap(), ..FieldPicture::default() })
 }
 
 #[test]

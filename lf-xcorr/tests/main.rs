@@ -4,7 +4,6 @@ mod accuracy;
 mod cli;
 mod coverage;
 mod extremes;
-mod flow;
 mod laws;
 mod options;
 mod pairs;

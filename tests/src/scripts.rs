@@ -1,6 +1,6 @@
 //! Helpers for tests of scripts.
 
-use crate::tools::{SECOND, TOOLS, path};
+use crate::tools::{TOOLS, path};
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -20,8 +20,7 @@ pub fn has_programs(programs: &[&str]) -> bool {
 /// Links all tools into a new folder.
 pub fn link_tools(folder: &Path) {
     fs::create_dir(folder).expect("a folder of the test");
-    let all = TOOLS.iter().chain(&SECOND);
-    all.for_each(|tool| symlink(path(tool), folder.join(tool)).expect("a link of the test"));
+    TOOLS.iter().for_each(|tool| symlink(path(tool), folder.join(tool)).expect("a link of the test"));
 }
 
 /// Standard output and standard error as text.

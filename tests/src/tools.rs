@@ -9,11 +9,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The tools that are the first of their crates.
-pub const TOOLS: [&str; 6] = ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-xcorr", "lf-validate"];
-
-/// The second tools of two crates.
-pub const SECOND: [&str; 2] = ["lf-fit", "lf-flow"];
+/// The tools. Each is a crate of this name.
+pub const TOOLS: [&str; 8] =
+    ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-fit", "lf-xcorr", "lf-flow", "lf-validate"];
 
 /// The folder of the workspace.
 pub fn workspace() -> &'static Path {

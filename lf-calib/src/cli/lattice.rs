@@ -113,7 +113,7 @@ fn save(
         image::save(file, flat, &session.history(&Vec::new()))?;
     }
     if let Some((file, svg)) = arguments.plot.as_deref().zip(svg) {
-        lf_core::picture::save(file, svg)?;
+        lf_plot::save(file, svg)?;
     }
     if let Some(file) = &arguments.centres {
         io::save_text(file, |out| out.write_all(table(calibrated).as_bytes()))?;

@@ -1,7 +1,7 @@
 //! Magnified pieces of the white image: the four corners and the middle.
 
 use crate::Calibrated;
-use lf_core::plot::{Anchor, COLOURS, Canvas, Colour, INK, TEXT_PX, grey, rounded};
+use lf_plot::{Anchor, COLOURS, Canvas, Colour, INK, TEXT_PX, grey, rounded};
 use ndarray::{Array2, s};
 
 /// Colours of the centres of lenslets that were kept, and of those that were left out.

@@ -2,8 +2,8 @@
 
 use crate::{Calibrated, ImageLattice};
 use glam::DVec2;
-use lf_core::plot::{Anchor, Arrows, Canvas, INK, NAME_PX, TEXT_PX, arrow};
 use lf_core::statistics::ranked;
+use lf_plot::{Anchor, Arrows, Canvas, INK, NAME_PX, TEXT_PX, arrow};
 
 /// Distance between the two charts, their total width, and the longer side of one, px.
 const GAP: i32 = 40;

@@ -2,7 +2,8 @@
 
 use super::{crops::Crops, crops::KEPT, crops::LEFT_OUT, fields};
 use crate::{Calibrated, ImageLattice};
-use lf_core::{Refusal, plot::Anchor, plot::Canvas, plot::TEXT_PX, plot::svg};
+use lf_core::Refusal;
+use lf_plot::{Anchor, Canvas, TEXT_PX, svg};
 use ndarray::Array2;
 
 const TITLE_PX: i32 = 20;

@@ -1,8 +1,8 @@
 //! `curves`: runs as curves.
 
 use super::{limits::number, output::print, source::RunSource};
-use lf_core::plot::{Axis, Mark, Place};
 use lf_core::{Error, Result, Session, Verdict};
+use lf_plot::{Axis, Mark, Place};
 use lf_validate::runs::curves::{ChartOptions, CurveKeys, curves};
 
 /// Runs as curves: medians over seeds, with their range

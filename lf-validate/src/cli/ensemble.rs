@@ -3,7 +3,7 @@
 use super::ensemble_more as more;
 use super::output::{Picture, print};
 use lf_core::field::{self, Cut};
-use lf_core::{Error, Field, Result, Session, Verdict, cli::MemoryLimit, io, plot};
+use lf_core::{Error, Field, Result, Session, Verdict, cli::MemoryLimit, io};
 use lf_validate::pictures;
 use lf_validate::scores::ensemble::{ConvergenceLog, Ensemble, EnsembleSums};
 use std::collections::BTreeSet;
@@ -103,7 +103,7 @@ pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session)
     found.mean.layout.history = history;
     session.count("fields", found.fields);
     session.count("places", found.mean.len());
-    let layer = plot::layer(&found.mean, cut).map_err(refused)?;
+    let layer = lf_plot::layer(&found.mean, cut).map_err(refused)?;
     // A picture that is refused leaves no file behind.
     let picture = arguments.picture.drawn(session, || pictures::ensemble(&found, cut.axis, layer))?;
     // The second look at the fields may fail as well.

@@ -2,9 +2,9 @@
 
 use lf_core::cli::{MemoryLimit, numbers};
 use lf_core::field::{Cut, Time, VectorGrid, save_series};
-use lf_core::plot::{self, FieldPicture, Scalar};
 use lf_core::volume::together;
-use lf_core::{Error, Field, JoinedVolume, Refusal, Result, Session, Verdict, io, particles, picture};
+use lf_core::{Error, Field, JoinedVolume, Refusal, Result, Session, Verdict, io, particles};
+use lf_plot::{FieldPicture, Scalar};
 use lf_validate::export::{self, Cutout, Samples};
 use lf_validate::info::FileKind;
 use std::path::{Path, PathBuf};
@@ -198,9 +198,9 @@ fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
                 range: arguments.range,
             };
             let svg = session.phase("plot", |_| {
-                plot::field(&field, &shown).map_err(|refusal| refusal.about(io::output_name(output)))
+                lf_plot::field(&field, &shown).map_err(|refusal| refusal.about(io::output_name(output)))
             })?;
-            picture::save(output, &svg)
+            lf_plot::save(output, &svg)
         }
         ("nc" | "vti" | "dat" | "csv" | "svg" | "png" | "pdf", _) => {
             Err(unknown(output, "a .nc or a .vti.series for several fields"))

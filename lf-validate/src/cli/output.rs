@@ -1,7 +1,7 @@
 //! Where a score goes: to standard output as JSON that people read, and into a picture.
 
-use lf_core::plot::{self, Chart};
-use lf_core::{Error, Result, Session, io, picture};
+use lf_core::{Error, Result, Session, io};
+use lf_plot::Chart;
 use serde::Serialize;
 use serde_json::Value;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
@@ -49,13 +49,13 @@ impl Picture {
     /// The chart as SVG; empty without `--plot`.
     pub fn drawn(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<String> {
         let Some(file) = &self.plot else { return Ok(String::new()) };
-        session.phase("plot", |_| plot::draw(&chart()).map_err(|refusal| refusal.about(io::output_name(file))))
+        session.phase("plot", |_| lf_plot::draw(&chart()).map_err(|refusal| refusal.about(io::output_name(file))))
     }
 
     /// Saves a chart that was drawn.
     pub fn save(&self, svg: &str) -> Result<()> {
         let Some(file) = &self.plot else { return Ok(()) };
-        picture::save(file, svg)
+        lf_plot::save(file, svg)
     }
 }
 

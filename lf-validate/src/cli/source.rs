@@ -1,7 +1,8 @@
 //! Runs that `curves` and `trade` read, and the options of their pictures.
 
 use super::output::Picture;
-use lf_core::{Error, Refusal, Result, Session, io, plot::Chart};
+use lf_core::{Error, Refusal, Result, Session, io};
+use lf_plot::Chart;
 use lf_validate::runs::{self, Condition, RunRecord, parse_value};
 use std::path::PathBuf;
 

@@ -4,7 +4,7 @@ use super::series::{edges, normal_density};
 use crate::scores::units::{AXES, COMPONENTS};
 use crate::scores::{displacement::Displacement, divergence::Divergence, ensemble::Ensemble};
 use lf_core::field::NO_DATA;
-use lf_core::plot::{Arrows, Axis, Chart, Mark, Panel, Place, Slice, three_figures, usual};
+use lf_plot::{Arrows, Axis, Chart, Mark, Panel, Place, Slice, three_figures, usual};
 
 /// The density of the errors of each component, beside the normal density with the uncertainty that the vectors state.
 pub fn displacement(score: &Displacement) -> Chart {

@@ -1,6 +1,6 @@
 //! The charts behind `--plot`: each score beside a reference to compare it with.
 //!
-//! In: a score, as `scores` computes it. Out: a [`lf_core::plot::Chart`]. Open `volumes.rs` first.
+//! In: a score, as `scores` computes it. Out: a [`lf_plot::Chart`]. Open `volumes.rs` first.
 
 mod fields;
 mod series;

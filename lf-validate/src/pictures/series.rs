@@ -1,6 +1,6 @@
 //! Scores as the points, edges and axes of a chart.
 
-use lf_core::plot::Axis;
+use lf_plot::Axis;
 
 /// Most points of a curve: a few for each pixel across a picture. Of more, the highest and the lowest of each run are
 /// drawn, which look the same. A volume may have a million slices.

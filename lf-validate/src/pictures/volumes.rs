@@ -3,7 +3,7 @@
 use super::series::{curve, from_zero, whole_curve};
 use crate::scores::elongation::{BIN_VOX, BINS, Elongation, IDEAL_VOX};
 use crate::scores::{depth::Depth, quality::Quality};
-use lf_core::plot::{Axis, Chart, Mark, Panel, Place, three_figures};
+use lf_plot::{Axis, Chart, Mark, Panel, Place, three_figures};
 
 /// Q, ghost and missed light, and the sum of the light, for each slice across z.
 pub fn quality(score: &Quality) -> Chart {

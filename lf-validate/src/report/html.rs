@@ -1,7 +1,7 @@
 //! Pieces of HTML.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use lf_core::plot::{Chart, draw};
+use lf_plot::{Chart, draw};
 
 /// Constant: least width of a panel beside others and of one alone on the screen, px.
 const COLUMN_PX: usize = 340;

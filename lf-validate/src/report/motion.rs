@@ -3,8 +3,8 @@
 use crate::scores::ensemble::check_layout;
 use crate::scores::units::COMPONENTS;
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
-use lf_core::plot::{Axis, Chart, Mark, Panel, Place};
 use lf_core::{Field, Refusal, VectorGrid};
+use lf_plot::{Axis, Chart, Mark, Panel, Place};
 
 /// Bins of a voxel, and of a histogram of displacements.
 const FRACTIONS: usize = 20;

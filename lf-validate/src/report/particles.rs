@@ -4,9 +4,9 @@ use super::folder::spread;
 use super::html::Section;
 use super::source::Source;
 use crate::scores::precision::{Experiment, Precision, precision};
-use lf_core::plot::{Axis, Chart, Mark, Panel};
 use lf_core::statistics::median;
 use lf_core::{Camera, Particle, particles};
+use lf_plot::{Axis, Chart, Mark, Panel};
 
 const MOST_FILES: usize = 8;
 const SLABS: usize = 12;

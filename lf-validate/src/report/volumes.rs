@@ -3,8 +3,8 @@
 use super::folder::spread;
 use super::html::Section;
 use super::source::Source;
-use lf_core::plot::{Axis, Chart, Mark, Panel};
 use lf_core::{Refusal, Result, Volume};
+use lf_plot::{Axis, Chart, Mark, Panel};
 
 /// Most files that are read, spread over the run.
 const MOST_FILES: usize = 4;

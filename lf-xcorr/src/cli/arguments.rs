@@ -5,8 +5,8 @@ use super::windows::Windows;
 use super::words::{By, MaskSource, When, mask, range, seconds};
 use clap::Parser;
 use lf_core::cli::{Common, MemoryLimit, Preset};
-use lf_core::plot::{FieldPicture, Scalar};
 use lf_core::{Grid, Session, field::Cut};
+use lf_plot::{FieldPicture, Scalar};
 use lf_xcorr::{Deform, Options, Route};
 use std::path::{Path, PathBuf};
 

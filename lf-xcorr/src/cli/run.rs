@@ -2,8 +2,7 @@
 
 use super::{arguments::Arguments, particles, particles::Tables, report, warnings, words::MaskSource};
 use lf_core::{
-    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, picture, plot, simd::Level,
-    volume::together,
+    Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, simd::Level, volume::together,
 };
 use lf_xcorr::{Mask, Outcome, Plan, Refused, Seeding, Side, Sparse};
 use std::ops::Range;
@@ -197,9 +196,9 @@ fn named(refused: Refused, volumes: &[JoinedVolume]) -> Error {
 fn save(outcome: &Outcome, arguments: &Arguments) -> Result<()> {
     outcome.field.save(&arguments.output)?;
     if let Some(path) = &arguments.plot {
-        let svg = plot::field(&outcome.field, &arguments.picture())
+        let svg = lf_plot::field(&outcome.field, &arguments.picture())
             .map_err(|refusal| refusal.about(io::output_name(path)))?;
-        picture::save(path, &svg)?;
+        lf_plot::save(path, &svg)?;
     }
     Ok(())
 }

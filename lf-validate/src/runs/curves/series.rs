@@ -1,7 +1,7 @@
 //! Curves over runs: as they are printed, and as they are drawn.
 
 use crate::runs::record::MissingKeys;
-use lf_core::plot::{Axis, Chart, Mark, Panel, Style};
+use lf_plot::{Axis, Chart, Mark, Panel, Style};
 use serde::{Serialize, Serializer};
 
 /// The keys that make the curves.

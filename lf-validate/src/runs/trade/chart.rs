@@ -2,7 +2,7 @@
 
 use super::settings::{Factor, Setting, Trade};
 use crate::runs::values::{order, plain};
-use lf_core::plot::{Axis, Chart, Mark, Panel, Place, Style};
+use lf_plot::{Axis, Chart, Mark, Panel, Place, Style};
 use serde_json::Value;
 
 /// With more settings than this, only the base and the settings on the Pareto front are named.

@@ -1,0 +1,3 @@
+//! Tests of the charts.
+
+mod charts;

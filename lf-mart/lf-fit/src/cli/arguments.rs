@@ -1,0 +1,131 @@
+//! The options of lf-fit, their defaults and their checks.
+
+use clap::{Parser, ValueEnum};
+use lf_core::cli::{Common, ImageOptions, MemoryLimit};
+use lf_core::{Error, Result};
+use lf_fit::{FitOptions, Free, Given, Shape};
+use std::path::PathBuf;
+
+/// Image, camera and volume to particles, by a joint fit to the raw pixels
+#[derive(Parser)]
+#[command(
+    name = "lf-fit",
+    version,
+    max_term_width = 100,
+    after_help = "Examples, in out/ after scripts/demo:
+  lf-fit volume-0000.lfv -i scene/frame-0000.exr -c camera.json --particles particles-0000.csv
+  lf-mart support-0000.lfv -i scene/frame-0000.exr -c camera.json |
+      lf-fit -i scene/frame-0000.exr -c camera.json --particles particles.csv -o drawn.lfv --log steps.jsonl"
+)]
+pub struct Arguments {
+    /// Volume (.lfv), as lf-mart writes it: its local maxima are the first particles; - for standard input; one for
+    /// each camera
+    #[arg(default_value = "-")]
+    pub volume: Vec<PathBuf>,
+    /// Light-field image (EXR, TIFF, PNG); again for each further camera of the same moment
+    #[arg(short, long, value_name = "FILE", required = true)]
+    pub image: Vec<PathBuf>,
+    /// Camera (camera.json), as lf-calib writes it; again for each image, with a 'pose'. Particles are written in the
+    /// frame of the first
+    #[arg(short, long, value_name = "FILE", required = true)]
+    pub camera: Vec<PathBuf>,
+    /// Image to subtract first; values below zero stay, so that dark pixels keep their mean; none, or one for each image
+    #[arg(short, long, value_name = "FILE")]
+    pub background: Vec<PathBuf>,
+    #[command(flatten)]
+    pub reading: ImageOptions,
+    /// Standard deviation of a particle, pixels at the focal plane (pixel pitch over magnification): where its fit begins
+    #[arg(long, value_name = "PX", default_value_t = 0.65)]
+    pub size: f64,
+    /// Shared by all particles and not fitted: their size, the drift of the camera's lattice, or the poses of further
+    /// cameras
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "size,drift,pose")]
+    pub hold: Vec<Hold>,
+    /// Counts of an electron: a pixel's variance rises by this with each count [default: found from the image]
+    #[arg(long, value_name = "COUNTS")]
+    pub gain: Option<f64>,
+    /// Standard deviation of a pixel without light, counts [default: found from the image]
+    #[arg(long, value_name = "COUNTS")]
+    pub read_noise: Option<f64>,
+    /// Most rounds of dropping, splitting and adding particles
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub rounds: usize,
+    /// Number of the frame in the table
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub frame: usize,
+    /// Camera (camera.json) with the lattice, and the pose of a further camera, where the fit finds them; none, or one for
+    /// each camera
+    #[arg(long, value_name = "FILE")]
+    pub camera_out: Vec<PathBuf>,
+    /// Write one line of JSON for each step: particles, changes, misfit, size, drift, noise, seconds since the beginning
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+    /// Only print the resources needed: {"memory_bytes", "voxels"} as JSON on standard output
+    #[arg(long)]
+    pub estimate: bool,
+    /// Particles (.csv) with their uncertainties, - for standard output
+    #[arg(long, value_name = "FILE", default_value = "-")]
+    pub particles: PathBuf,
+    /// Volume (.lfv) on the same grid in which each particle is drawn as a Gaussian, - for standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub memory: MemoryLimit,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// A part of the shape that is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Hold {
+    /// The size of particles
+    Size,
+    /// The drift of the lattice
+    Drift,
+    /// The poses of further cameras
+    Pose,
+}
+
+impl Arguments {
+    /// Refuses lists of files that do not go together: a camera and a volume for each image.
+    pub fn check_counts(&self) -> Result<()> {
+        let images = self.image.len();
+        let optional = |files: &[PathBuf]| files.is_empty() || files.len() == images;
+        let wanted = |what: &str| match images {
+            1 => format!("wanted one {what}, as there is one image"),
+            _ => format!("wanted {images}, as there are {images} images"),
+        };
+        for (option, what, files, fits) in [
+            ("--camera", "camera", &self.camera, self.camera.len() == images),
+            ("volume", "volume", &self.volume, self.volume.len() == images),
+            ("--background", "background", &self.background, optional(&self.background)),
+            ("--camera-out", "camera", &self.camera_out, optional(&self.camera_out)),
+        ] {
+            if !fits {
+                return Err(Error::new(option, format!("given {} times", files.len()), wanted(what)));
+            }
+        }
+        Ok(())
+    }
+
+    /// The options of the fit. Refuses numbers outside their ranges.
+    pub fn options(&self) -> Result<FitOptions> {
+        for (option, value, least, most) in [
+            ("--size", self.size, 0.15, 5.0),
+            ("--gain", self.gain.unwrap_or(1.0), 1e-9, 1e9),
+            ("--read-noise", self.read_noise.unwrap_or(1.0), 1e-9, 1e9),
+            ("--rounds", self.rounds as f64, 0.0, 100.0),
+        ] {
+            if !(least..=most).contains(&value) {
+                return Err(Error::new(option, format!("{value}"), format!("wanted {least} to {most}")));
+            }
+        }
+        Ok(FitOptions {
+            shape: Shape { sigma_px: self.size, drift_px: [0.0; 2] },
+            free: Free { size: !self.hold.contains(&Hold::Size), drift: !self.hold.contains(&Hold::Drift) },
+            noise: Given { gain: self.gain, read_variance: self.read_noise.map(|sigma| sigma * sigma) },
+            rounds: self.rounds,
+            fits_pose: !self.hold.contains(&Hold::Pose),
+        })
+    }
+}

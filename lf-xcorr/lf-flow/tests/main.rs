@@ -1,0 +1,3 @@
+//! Black-box tests of lf-flow: files in, files out.
+
+mod fields;
