@@ -53,6 +53,7 @@ pub mod field;
 pub mod flow;
 pub mod frame;
 pub mod grid;
+pub mod halo;
 pub mod history;
 pub mod image;
 pub mod io;

@@ -64,6 +64,7 @@ impl DataSheet {
             medium: None,
             centres: None,
             vignetting: None,
+            blur: None,
             pose: None,
             calibration: None,
         };

@@ -33,6 +33,7 @@ pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2
         medium: None,
         centres: None,
         vignetting: None,
+        blur: None,
         pose: None,
         calibration: None,
     }

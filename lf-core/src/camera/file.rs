@@ -1,5 +1,6 @@
 //! `camera.json` from and to text, and which of its values are refused.
 
+use super::blur::Blur;
 use super::model::{Camera, Distortion, Medium, Tilt};
 use crate::{Error, Refusal, io, json};
 use std::path::{Path, PathBuf};
@@ -92,6 +93,9 @@ impl Camera {
         if let Some(pose) = &self.pose {
             pose.check()?;
         }
+        if let Some(blur) = &self.blur {
+            self.check_blur(blur)?;
+        }
         if let Some(centres) = &self.centres {
             centres.check()?;
         }
@@ -100,6 +104,17 @@ impl Camera {
             if self.main_lens.pupil_distance_mm.is_some() { "distance of the exit pupil" } else { "image distance" };
         let wanted = format!("wanted less than half the {from} of {} mm", self.pupil_distance_mm());
         Refusal::unless(self.demagnification() < MOST_DEMAGNIFICATION, found, wanted)
+    }
+
+    /// Refuses a blur that is not finite, and one that is wider than a quarter of a lenslet.
+    fn check_blur(&self, blur: &Blur) -> Result<(), Refusal> {
+        let Blur { sigma_px, wavelength_nm } = *blur;
+        let is_length = sigma_px.is_finite() && sigma_px >= 0.0;
+        Refusal::unless(is_length, || format!("blur.sigma_px is {sigma_px}"), "wanted 0 or more")?;
+        wavelength_nm.map_or(Ok(()), |nm| positive("blur.wavelength_nm", nm))?;
+        let (core_px, most_px) = (self.blur_core_px(), 0.25 * self.pitch_px());
+        let found = || format!("the blur has a standard deviation of {core_px:.2} px");
+        Refusal::unless(core_px <= most_px, found, format!("wanted at most a quarter of a lenslet, {most_px:.2} px"))
     }
 
     fn check_microlenses(&self) -> Result<(), Refusal> {

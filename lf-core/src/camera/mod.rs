@@ -41,6 +41,7 @@
 //! # }
 //! ```
 
+mod blur;
 mod depths;
 mod derived;
 mod file;
@@ -49,6 +50,7 @@ mod plausible;
 mod pose;
 
 pub use crate::lattice::{Layout, Microlenses};
+pub use blur::{Blur, Diffraction};
 pub use derived::ALIGNED_PX;
 pub use model::{Aperture, Camera, Distortion, MainLens, Medium, Sensor, Tilt};
 pub use pose::Pose;

@@ -1,5 +1,6 @@
 //! The keys of `camera.json`.
 
+use super::blur::Blur;
 use super::pose::Pose;
 use crate::frame::Frame;
 use crate::lattice::{Centres, Microlenses};
@@ -29,6 +30,9 @@ pub struct Camera {
     /// The medium that the camera looks into; air if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub medium: Option<Medium>,
+    /// Blur of the image on the sensor; sharp if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blur: Option<Blur>,
     /// Measured departure of the lenslets from the perfect lattice; none if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centres: Option<Centres>,

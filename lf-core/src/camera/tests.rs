@@ -25,6 +25,7 @@ pub(crate) fn seed(lenslets: usize, aperture: Aperture, layout: Layout, rotation
         medium: None,
         centres: None,
         vignetting: None,
+        blur: None,
         pose: None,
         calibration: None,
     }

@@ -4,26 +4,22 @@ use super::cross::{Cross, Line};
 use super::normal::{density, distribution, ramp};
 use super::spline::Spline;
 use glam::DVec2;
+use rayon::prelude::*;
 use std::cmp::Ordering;
 
-/// Tables for a cell and a spot.
+/// Tables of a cell for spots of several sizes, the smallest first: of a cell of any shape, or of a rectangle along the
+/// axes, whose light is a product.
 #[derive(Debug, Clone)]
-pub(super) struct CellSurface {
-    /// Standard deviation of the spot on the array, mm.
-    pub(super) sigma_mm: f64,
-    pub(super) kind: Kind,
-}
-
-/// Tables of a cell of any shape, or of a rectangle along the axes, whose light is a product.
-#[derive(Debug, Clone)]
-pub(super) enum Kind {
-    Any(Tables<Spline>),
-    Rectangle(Tables<Cross>),
+pub(super) enum Surfaces {
+    Any(Vec<Tables<Spline>>),
+    Rectangle(Vec<Tables<Cross>>),
 }
 
 /// Both functions of a cell.
 #[derive(Debug, Clone)]
 pub(super) struct Tables<T> {
+    /// Standard deviation of the spot on the array, mm.
+    pub(super) sigma_mm: f64,
     /// H: share of the spot's light that the cell takes, by the place of the spot's middle from the lenslet's centre.
     pub(super) share: T,
     /// G: the integral of H from the lower left up to a place, mm^2.
@@ -56,14 +52,29 @@ struct Strip {
     right: f64,
 }
 
-impl CellSurface {
-    /// For the convex cell with these corners about the lenslet's centre, mm.
-    pub(super) fn new(corners: &[DVec2], sigma_mm: f64) -> Self {
-        let step = sigma_mm / NODES_PER_SIGMA;
+impl Surfaces {
+    /// For the convex cell with these corners about the lenslet's centre, mm, and spots of these standard deviations.
+    pub(super) fn new(corners: &[DVec2], sigmas_mm: &[f64]) -> Self {
         let half = corners.iter().fold(DVec2::ZERO, |half, corner| half.max(corner.abs()));
         if corners.len() == 4 && corners.iter().all(|corner| (corner.abs() - half).length() < 1e-9 * half.x) {
-            return Self { sigma_mm, kind: Kind::Rectangle(rectangle(half, sigma_mm)) };
+            return Self::Rectangle(sigmas_mm.iter().map(|sigma_mm| rectangle(half, *sigma_mm)).collect());
         }
+        Self::Any(sigmas_mm.par_iter().map(|sigma_mm| Tables::of_cell(corners, half, *sigma_mm)).collect())
+    }
+}
+
+/// The tables of the size that is nearest to a spot's, in the logarithm.
+#[inline(always)]
+pub(super) fn nearest<T>(tables: &[Tables<T>], spot_mm: f64) -> &Tables<T> {
+    let above = tables.partition_point(|tables| tables.sigma_mm < spot_mm).min(tables.len() - 1);
+    let below = above.saturating_sub(1);
+    let is_below = spot_mm * spot_mm < tables[below].sigma_mm * tables[above].sigma_mm;
+    &tables[if is_below { below } else { above }]
+}
+
+impl Tables<Spline> {
+    fn of_cell(corners: &[DVec2], half: DVec2, sigma_mm: f64) -> Self {
+        let step = sigma_mm / NODES_PER_SIGMA;
         let reach = half + REACH_SIGMA * sigma_mm + MARGIN * step;
         let nodes = [reach.x, reach.y].map(|reach| (2.0 * reach / step).ceil() as usize + 1);
         let low = [-reach.x, -reach.y];
@@ -99,7 +110,7 @@ impl CellSurface {
         }
         let share = Spline::new(low, step, nodes, share, share_by_s);
         let integral = Spline::new(low, step, nodes, integral, integral_by_s);
-        Self { sigma_mm, kind: Kind::Any(Tables { share, integral }) }
+        Self { sigma_mm, share, integral }
     }
 }
 
@@ -119,6 +130,7 @@ fn rectangle(half: DVec2, sigma_mm: f64) -> Tables<Cross> {
     let share = |a: f64, b: f64| [distribution(a) - distribution(b), -(a * density(a) - b * density(b)) / sigma_mm];
     let integral = |a: f64, b: f64| [sigma_mm * (ramp(a) - ramp(b)), density(a) - density(b)];
     Tables {
+        sigma_mm,
         share: Cross::new([line(half.x, &share), line(half.y, &share)]),
         integral: Cross::new([line(half.x, &integral), line(half.y, &integral)]),
     }
@@ -163,13 +175,13 @@ mod tests {
     use super::*;
 
     /// H and G at a place, each with slopes and derivative by the size.
-    fn read(surface: &CellSurface, [x, y]: [f64; 2]) -> [[f64; 4]; 2] {
+    fn read(surface: &Surfaces, [x, y]: [f64; 2]) -> [[f64; 4]; 2] {
         fn both<T: Table>(tables: &Tables<T>, x: f64, y: f64) -> [[f64; 4]; 2] {
             [&tables.share, &tables.integral].map(|t| t.at::<8>(&t.taps(0, x, 0.0), &t.taps(1, y, 0.0), 0.0))
         }
-        match &surface.kind {
-            Kind::Any(tables) => both(tables, x, y),
-            Kind::Rectangle(tables) => both(tables, x, y),
+        match surface {
+            Surfaces::Any(tables) => both(&tables[0], x, y),
+            Surfaces::Rectangle(tables) => both(&tables[0], x, y),
         }
     }
 
@@ -180,7 +192,7 @@ mod tests {
     fn a_square_cell_by_hand() {
         let corners = [DVec2::new(-1.0, -1.0), DVec2::new(1.0, -1.0), DVec2::new(1.0, 1.0), DVec2::new(-1.0, 1.0)];
         let five = [&corners[..3], &[DVec2::new(-0.999_999, 1.0), DVec2::new(-1.0, 0.999_999)]].concat();
-        for surface in [CellSurface::new(&corners, 0.1), CellSurface::new(&five, 0.1)] {
+        for surface in [Surfaces::new(&corners, &[0.1]), Surfaces::new(&five, &[0.1])] {
             for (x, y, share) in [(0.0, 0.0, 1.0), (1.0, 0.2, 0.5), (-1.0, 1.0, 0.25), (1.6, 0.0, 0.0)] {
                 let got = read(&surface, [x, y])[0][0];
                 assert!((got - share).abs() < 1e-4, "{x} {y}: {got}");
@@ -198,7 +210,7 @@ mod tests {
             (0..count).map(|n| DVec2::from_angle(angle(n)) * 0.045).collect()
         };
         for corners in [ring(6, 0.003), ring(4, std::f64::consts::FRAC_PI_4)] {
-            let [less, mid, more] = [0.00398, 0.004, 0.00402].map(|sigma| CellSurface::new(&corners, sigma));
+            let [less, mid, more] = [0.00398, 0.004, 0.00402].map(|sigma| Surfaces::new(&corners, &[sigma]));
             for place in [[0.0, 0.0], [0.04, 0.01], [0.03, -0.02], [-0.038, 0.0]] {
                 for table in 0..2 {
                     let slope = (read(&more, place)[table][0] - read(&less, place)[table][0]) / 4e-5;

@@ -2,20 +2,22 @@
 
 use super::axis::Axis;
 use super::beam::Beam;
+use super::blurred::Mean;
 use super::cell_surface::{REACH_SIGMA, Tables};
 use super::cross::{Cross, Read};
 use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
+use super::means;
 use super::place::{Place, width};
 use super::rim::{self, Side, Strip, Way};
 use super::share::Shared;
-use super::spline::{Spline, Taps};
+use super::spline::{Spline, Stencil, Taps};
 use super::table::Table;
 use super::view::View;
 use glam::DVec2;
 
 /// Numbers of a pixel: share of the particle's light; its derivatives by x, y, z and by the standard deviation of the
-/// particle, all 1/mm; by the lattice's shift along the sensor's columns and rows, 1/mm; and one that is 0.
+/// particle, all 1/mm; by the lattice's shift along the sensor's columns and rows, 1/mm; by the blur, 1/px.
 pub const QUANTITIES: usize = 8;
 /// The first of them: the share of light and its derivatives by place.
 pub const PLACES: usize = 4;
@@ -56,6 +58,15 @@ pub(super) trait Listed: Table {
         None
     }
 
+    /// Fills the scratch's means: the cell's share over each pixel between the scratch's edges, or at its middle if the
+    /// tables have the pixel's width already.
+    fn means(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch)
+    where
+        Self: Sized;
+
+    /// The same at the scratch's hits on the array.
+    fn means_at(share: &Self, more_mm: f64, scratch: &mut Scratch);
+
     /// Adds the light up, pixel by pixel.
     fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut)
     where
@@ -66,6 +77,16 @@ impl Listed for Spline {
     #[inline(always)]
     fn lists(scratch: &mut Scratch) -> &mut Lists<Taps> {
         &mut scratch.taps
+    }
+
+    #[inline(always)]
+    fn means(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+        means::by_surface(tables, more_mm, has_pixel, scratch);
+    }
+
+    #[inline(always)]
+    fn means_at(share: &Self, more_mm: f64, scratch: &mut Scratch) {
+        means::by_surface_at(share, more_mm, scratch);
     }
 
     #[inline(always)]
@@ -92,6 +113,16 @@ impl Listed for Cross {
     }
 
     #[inline(always)]
+    fn means(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+        means::by_lines(tables, more_mm, has_pixel, scratch);
+    }
+
+    #[inline(always)]
+    fn means_at(share: &Self, more_mm: f64, scratch: &mut Scratch) {
+        means::by_lines_at(share, more_mm, scratch);
+    }
+
+    #[inline(always)]
     fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut) {
         if image.beam.is_bent() {
             image.by_table::<N>(scratch, cut);
@@ -105,7 +136,12 @@ impl Listed for Cross {
 #[derive(Debug, Default)]
 pub struct Scratch {
     pub(super) edges: [Vec<Place>; 2],
-    points: [Vec<Place>; 2],
+    pub(super) points: [Vec<Place>; 2],
+    pub(super) means: Vec<Mean>,
+    pub(super) hits: Vec<DVec2>,
+    pub(super) jets: [Vec<[f64; 4]>; 2],
+    pub(super) stencils: Vec<Stencil>,
+    pub(super) corners: [Vec<[f64; 7]>; 2],
     pub(super) factors: [Vec<Factor>; 2],
     pub(super) shared: Shared,
     taps: Lists<Taps>,
@@ -145,6 +181,8 @@ pub(super) struct LensletImage<'a, T> {
     /// Size of the spot, and what it is beyond the tables', mm.
     pub(super) spot_mm: f64,
     pub(super) more_mm: f64,
+    /// How far light reaches from the centre of the lenslet that takes it, mm.
+    pub(super) reach_mm: DVec2,
 }
 
 impl<T: Listed> LensletImage<'_, T> {

@@ -23,16 +23,21 @@
 //! The rim of a round stop leaves a part of a pixel's rectangle: strips across the rim, each a rectangle again, in both
 //! forms. Where a lenslet sees only a part of a pixel, pixels at the rim are cut into finer ones.
 //!
+//! A blurred sensor has an integral of its own (`blurred.rs`). The light that diffraction sends far is not in a
+//! particle's image: see [`crate::halo`].
+//!
 //! Simplifications: a spot's own width does not move the pixels' edges on the stop (it does by 0.001 px in focus, by
 //! 0.02 px with a gap that is a fortieth too long), and distortion does not stretch the spot into an ellipse.
 
 mod axis;
 mod beam;
+mod blurred;
 mod cell_surface;
 mod cross;
 mod factor;
 mod lenslet_image;
 mod lenslet_lines;
+mod means;
 mod model;
 mod normal;
 mod place;

@@ -1,7 +1,8 @@
 //! The image of a particle, lenslet by lenslet.
 
 use super::beam::{Beam, Tracer};
-use super::cell_surface::{CellSurface, Kind, REACH_SIGMA, Tables};
+use super::blurred::SensorBlur;
+use super::cell_surface::{REACH_SIGMA, Surfaces, Tables, nearest};
 use super::lenslet_image::{LIGHT, LensletImage, Listed, PLACES, Patch, QUANTITIES, Scratch};
 use super::lenslet_lines::LensletLines;
 use super::view::View;
@@ -16,7 +17,7 @@ pub struct ParticleModel {
     tracer: Tracer,
     lines: LensletLines,
     /// Tables for spots on the array, the smallest first.
-    surfaces: Vec<CellSurface>,
+    surfaces: Surfaces,
     /// Standard deviation of a particle, mm.
     sigma_mm: f64,
     /// Growth of alpha with depth in focus, 1/mm.
@@ -25,6 +26,10 @@ pub struct ParticleModel {
 
 /// Ratio of the sizes of neighbouring tables. Between two tables the model is linear in the size; it errs by 2e-4.
 const TABLE_RATIO: f64 = 1.04;
+/// The same for a blurred camera, whose spots grow much with the distance from focus.
+const BLURRED_TABLE_RATIO: f64 = 1.08;
+/// A blurred spot is never wider than that through a stop of so many pixels under a lenslet.
+const LEAST_PX_BY_STOP: f64 = 2.0;
 /// Spots smaller than this are drawn at this size, pixel pitches on the array.
 const LEAST_SPOT_PX: f64 = 0.05;
 /// Depths tried for the range of sizes.
@@ -43,19 +48,31 @@ impl ParticleModel {
         Refusal::unless(is_fit, found, "wanted more than 0, less than two lenslets at the focal plane")?;
         let [low, high] = depth_mm;
         let depths = (0..DEPTHS).map(|n| low + (high - low) * n as f64 / (DEPTHS - 1) as f64);
-        let betas: Vec<f64> = depths.map(|z| tracer.beam(&optics, [0.0, 0.0, z]).beta).collect();
-        let least = betas.iter().fold(f64::INFINITY, |least, beta| least.min(*beta));
-        let most = betas.iter().fold(0f64, |most, beta| most.max(*beta));
-        let count = ((most / least).ln() / TABLE_RATIO.ln()).ceil().max(1.0) as usize;
+        let beams: Vec<Beam> = depths.map(|z| tracer.beam(&optics, [0.0, 0.0, z])).collect();
+        let lines = LensletLines::new(&optics, pitch_mm);
+        let least_mm = LEAST_SPOT_PX * optics.pixel_pitch_mm;
+        let blur = SensorBlur::new(camera);
+        let least = beams.iter().fold(f64::INFINITY, |least, beam| least.min(beam.beta));
+        let size = |beam: &Beam| match &blur {
+            None => beam.beta,
+            Some(blur) => {
+                let spot_mm = (sigma_mm * beam.beta).max(least_mm);
+                let px_by_stop = lines.fewest_px_by_stop(beam.alpha).max(LEAST_PX_BY_STOP / optics.half_aperture_mm);
+                blur.widened(spot_mm, beam.alpha, px_by_stop, beam.is_bent()).sigma_mm / sigma_mm
+            }
+        };
+        let most = beams.iter().fold(0f64, |most, beam| most.max(size(beam)));
+        let ratio = if blur.is_some() { BLURRED_TABLE_RATIO } else { TABLE_RATIO };
+        let count = ((most / least).ln() / ratio.ln()).ceil().max(1.0) as usize;
         let step = (most / least).powf(1.0 / count as f64);
         let corners = optics.lattice().cell_mm();
         let spot = |n: usize| sigma_mm * least * step.powf(n as f64 + 0.5);
-        let least_mm = LEAST_SPOT_PX * optics.pixel_pitch_mm;
+        let sizes: Vec<f64> = (0..count).map(|n| spot(n).max(least_mm)).collect();
         let has_round_stop = camera.main_lens.aperture == Aperture::Circle;
         let half = optics.half_aperture_mm;
         Ok(Self {
-            lines: LensletLines::new(&optics, pitch_mm),
-            surfaces: (0..count).map(|n| CellSurface::new(&corners, spot(n).max(least_mm))).collect(),
+            lines,
+            surfaces: Surfaces::new(&corners, &sizes),
             sigma_mm,
             alpha_by_z: tracer.beam(&optics, [0.0; 3]).alpha_by[2],
             view: View {
@@ -64,6 +81,7 @@ impl ParticleModel {
                 has_round_stop,
                 stop_mm2: if has_round_stop { PI * half * half } else { 4.0 * half * half },
                 optics,
+                blur,
             },
             tracer,
         })
@@ -140,27 +158,32 @@ impl ParticleModel {
     ) {
         let beam = self.tracer.beam(&self.view.optics, place_mm);
         let spot_mm = (self.sigma_mm * beam.beta).max(LEAST_SPOT_PX * self.view.optics.pixel_pitch_mm);
-        let surface = self.surface(spot_mm);
-        let spots = [spot_mm, spot_mm - surface.sigma_mm];
-        match &surface.kind {
-            Kind::Any(tables) => self.visit_lenslets::<_, N>(&beam, tables, spots, scratch, found),
-            Kind::Rectangle(tables) => self.visit_lenslets::<_, N>(&beam, tables, spots, scratch, found),
+        match &self.surfaces {
+            Surfaces::Any(surfaces) => self.visit_lenslets::<_, N>(&beam, surfaces, spot_mm, scratch, found),
+            Surfaces::Rectangle(surfaces) => self.visit_lenslets::<_, N>(&beam, surfaces, spot_mm, scratch, found),
         }
     }
 
-    /// `spots` is the size of the spot, and what it is beyond the tables', mm.
     #[inline(always)]
     fn visit_lenslets<T: Listed, const N: usize>(
         &self,
         beam: &Beam,
-        tables: &Tables<T>,
-        [spot_mm, more_mm]: [f64; 2],
+        surfaces: &[Tables<T>],
+        spot_mm: f64,
         scratch: &mut Scratch,
         mut found: impl FnMut(Patch, &[[f64; QUANTITIES]]),
     ) {
-        let image = LensletImage { view: &self.view, beam, tables, spot_mm, more_mm };
-        scratch.shared.begin();
+        let tables = nearest(surfaces, spot_mm);
         let margin = self.view.corner + REACH_SIGMA * spot_mm + beam.most_bend_mm;
+        let image = LensletImage {
+            view: &self.view,
+            beam,
+            tables,
+            spot_mm,
+            more_mm: spot_mm - tables.sigma_mm,
+            reach_mm: margin,
+        };
+        scratch.shared.begin();
         let spread = beam.alpha.abs() * self.view.optics.half_aperture_mm;
         for line in self.lines.within(beam.chief, margin + spread) {
             if self.view.has_round_stop {
@@ -170,17 +193,15 @@ impl ParticleModel {
                     continue;
                 }
             }
-            if let Some(patch) = image.integrate::<N>(line, self.lines.by_shift, scratch) {
+            let patch = match &self.view.blur {
+                Some(blur) => image.blurred::<N>((blur, surfaces), line, self.lines.by_shift, scratch),
+                None => image.integrate::<N>(line, self.lines.by_shift, scratch),
+            };
+            if let Some(patch) = patch {
                 to_place::<N>(beam, self.sigma_mm, scratch.pixels_mut());
                 found(patch, scratch.pixels());
             }
         }
-    }
-
-    fn surface(&self, spot_mm: f64) -> &CellSurface {
-        let far = |surface: &CellSurface| (surface.sigma_mm / spot_mm).ln().abs();
-        let nearest = self.surfaces.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
-        nearest.expect("there is a table")
     }
 }
 
@@ -191,13 +212,13 @@ fn to_place<const N: usize>(beam: &Beam, sigma_mm: f64, pixels: &mut [[f64; QUAN
         return;
     }
     for pixel in pixels {
-        let [light, mx, my, alpha, spot, shift_x, shift_y, _] = *pixel;
+        let [light, mx, my, alpha, spot, shift_x, shift_y, blur] = *pixel;
         let by = |axis: usize| beam.chief_by[axis].x * mx + beam.chief_by[axis].y * my + beam.alpha_by[axis] * alpha;
         if N <= PLACES {
             [pixel[1], pixel[2], pixel[3]] = [by(0), by(1), by(2)];
             continue;
         }
         let z = by(2) + sigma_mm * beam.beta_by_z * spot;
-        *pixel = [light, by(0), by(1), z, beam.beta * spot, shift_x, shift_y, 0.0];
+        *pixel = [light, by(0), by(1), z, beam.beta * spot, shift_x, shift_y, blur];
     }
 }

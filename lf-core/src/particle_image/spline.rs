@@ -57,6 +57,63 @@ pub(super) fn cubic(place: f64, per_step: f64, count: usize) -> (bool, usize, [f
     (place < 1.0, whole - 1, weights, slopes.map(|slope| slope * inside))
 }
 
+/// Weights of the four nodes about a place: for the value, the slope and the curvature.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Stencil {
+    pub(super) first: usize,
+    pub(super) weights: [[f64; 4]; 3],
+}
+
+impl Stencil {
+    /// Along an axis with `count` nodes; `place` counts nodes.
+    #[inline(always)]
+    pub(super) fn new(place: f64, per_step: f64, count: usize) -> Self {
+        let (_, first, weights, slopes) = cubic(place, per_step, count);
+        let held = place.clamp(1.0, (count - 2) as f64 - 1e-9);
+        let t = held - held.floor();
+        let inside = if held == place { per_step * per_step } else { 0.0 };
+        let curves = [1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t].map(|curve| curve * inside);
+        Self { first, weights: [weights, slopes, curves] }
+    }
+}
+
+impl Spline {
+    /// The stencil of a place along an axis.
+    #[inline(always)]
+    pub(super) fn stencil(&self, axis: usize, x: f64) -> Stencil {
+        Stencil::new((x - self.low[axis]) * self.per_step, self.per_step, self.nodes[axis])
+    }
+
+    /// Value, slopes x and y, curvatures xx, xy and yy, and the derivative by the size.
+    #[inline(always)]
+    pub(super) fn jet(&self, x: &Stencil, y: &Stencil, more: f64) -> [f64; 7] {
+        let mut rows = [[0.0; 4]; 3];
+        let mut size = [0.0; 4];
+        for n in 0..4 {
+            let start = (y.first + n) * self.nodes[0] + x.first;
+            let (values, by_size) = (&self.values[start..start + 4], &self.by_size[start..start + 4]);
+            for k in 0..4 {
+                let value = values[k] + more * by_size[k];
+                for order in 0..3 {
+                    rows[order][k] += y.weights[order][n] * value;
+                }
+                size[k] += y.weights[0][n] * by_size[k];
+            }
+        }
+        let dot = |a: &[f64; 4], b: &[f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
+        let [level, slope, curve] = &x.weights;
+        [
+            dot(&rows[0], level),
+            dot(&rows[0], slope),
+            dot(&rows[1], level),
+            dot(&rows[0], curve),
+            dot(&rows[1], slope),
+            dot(&rows[2], level),
+            dot(&size, level),
+        ]
+    }
+}
+
 impl Table for Spline {
     type Taps = Taps;
 

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::Optics;
-use crate::camera::{Aperture, Camera, Distortion, Medium, Tilt, tests::seed};
+use crate::camera::{Aperture, Blur, Camera, Distortion, Medium, Tilt, tests::seed};
 use crate::lattice::{Centres, Layout};
 use glam::DVec2;
 use std::collections::BTreeMap;
@@ -54,6 +54,112 @@ fn distance_from_rays(camera: &Camera, place: [f64; 3], rays: usize) -> (f64, f6
     }
     off += hits.values().map(|count: &f64| count / passed).sum::<f64>();
     (0.5 * off, (lit as f64 / passed).sqrt() * 0.1)
+}
+
+/// The same on a blurred sensor: every ray spreads a Gaussian over the pixels.
+fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> f64 {
+    let optics = Optics::new(camera);
+    let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
+    let sigma = camera.blur.unwrap().sigma_px;
+    let reach = (4.5 * sigma).ceil() as i64;
+    let bell: Vec<f64> = (-6000..=6000).map(|n| super::normal::distribution(f64::from(n) * 1e-3)).collect();
+    let share = |at: f64, pixel: i64| {
+        let end = |n: i64| bell[(((n as f64 - at) / sigma).clamp(-6.0, 6.0) * 1e3 + 6000.0).round() as usize];
+        end(pixel + 1) - end(pixel)
+    };
+    let (mut hits, mut passed) = (BTreeMap::new(), 0.0);
+    let g: f64 = 1.167_303_978_261_418_7;
+    for n in 1..=rays {
+        let r: [f64; 4] = std::array::from_fn(|d| (n as f64 * g.powi(-(d as i32) - 1)).fract());
+        let u = (DVec2::new(r[0], r[1]) * 2.0 - 1.0) * optics.half_aperture_mm;
+        if !optics.passes(u) {
+            continue;
+        }
+        let length = (-2.0 * (1.0 - r[2]).ln()).sqrt() * SIGMA_MM;
+        let point = DVec2::new(place[0], place[1]) + DVec2::from_angle(std::f64::consts::TAU * r[3]) * length;
+        passed += 1.0;
+        let hit = optics.place_px(optics.sensor_from_object(point, place[2], u)).to_array();
+        let first = hit.map(|at| at.floor() as i64 - reach);
+        let shares = [0, 1].map(|k| (0..=2 * reach).map(|n| share(hit[k], first[k] + n)).collect::<Vec<f64>>());
+        for (row, down) in shares[1].iter().enumerate() {
+            for (column, across) in shares[0].iter().enumerate() {
+                let at = (first[0] as u32 + column as u32, first[1] as u32 + row as u32);
+                *hits.entry(at).or_insert(0.0) += across * down;
+            }
+        }
+    }
+    let mut off = 0.0;
+    for (at, pixel) in &image(&model, place) {
+        off += (hits.remove(at).unwrap_or(0.0) / passed - pixel[0]).abs();
+    }
+    0.5 * (off + hits.values().map(|count: &f64| count / passed).sum::<f64>())
+}
+
+/// Cameras whose blur is tried: each kind of ray, lattice and stop.
+fn blurred_cameras(sigma_px: f64) -> impl Iterator<Item = (String, Camera)> {
+    let left_out = ["distortion", "centres", "pupil"];
+    let chosen =
+        move |name: &str| !name.starts_with("Square 0.3") && left_out.iter().all(|block| !name.ends_with(block));
+    cameras().into_iter().filter(move |(name, _)| chosen(name)).map(move |(name, mut camera)| {
+        camera.blur = Some(Blur { sigma_px, wavelength_nm: None });
+        (format!("{name}, blur {sigma_px}"), camera)
+    })
+}
+
+#[test]
+fn blurred_light_is_where_rays_fall() {
+    // The rays' own noise is a third of these bounds far from focus.
+    for (sigma_px, most) in [(0.15, 0.03), (0.3, 0.02), (0.8, 0.015)] {
+        for (name, camera) in blurred_cameras(sigma_px) {
+            for place in PLACES {
+                let distance = distance_from_blurred_rays(&camera, place, 100_000);
+                assert!(distance < most, "{name} {place:?}: {distance:.5}");
+            }
+        }
+    }
+}
+
+/// Derivatives on a blurred sensor against central differences. They leave out how the variance of a bump changes with
+/// the place.
+#[test]
+fn derivatives_of_blurred_light_are_near_its_differences() {
+    for (name, camera) in blurred_cameras(0.4) {
+        let model = |sigma: f64, shift: [f64; 2], blur: f64| {
+            let mut camera = camera.clone();
+            camera.microlenses.offset_mm = shift;
+            camera.blur = Some(Blur { sigma_px: blur, wavelength_nm: None });
+            ParticleModel::new(&camera, sigma, DEPTH_MM).unwrap()
+        };
+        let middle = model(SIGMA_MM, [0.0; 2], 0.4);
+        for place in PLACES {
+            let said = image(&middle, place);
+            let moved = |axis: usize, by: f64| {
+                let mut place = place;
+                place[axis] += by;
+                image(&middle, place)
+            };
+            let mut pairs: Vec<(usize, f64, Pixels, Pixels)> =
+                (0..3).map(|axis| (axis + 1, 2e-5, moved(axis, -2e-5), moved(axis, 2e-5))).collect();
+            let other =
+                |sigma: f64, shift: [f64; 2], blur: f64| image(&model(SIGMA_MM + sigma, shift, 0.4 + blur), place);
+            pairs.push((4, 1e-4, other(-1e-4, [0.0; 2], 0.0), other(1e-4, [0.0; 2], 0.0)));
+            pairs.push((5, 2e-5, other(0.0, [-2e-5, 0.0], 0.0), other(0.0, [2e-5, 0.0], 0.0)));
+            pairs.push((6, 2e-5, other(0.0, [0.0, -2e-5], 0.0), other(0.0, [0.0, 2e-5], 0.0)));
+            pairs.push((7, 0.01, other(0.0, [0.0; 2], -0.01), other(0.0, [0.0; 2], 0.01)));
+            let mut offs = Vec::new();
+            for (quantity, step, before, after) in pairs {
+                let (mut off, mut size) = (0.0, 0.0);
+                for (at, pixel) in &said {
+                    let value = |map: &Pixels| map.get(at).map_or(0.0, |pixel| pixel[0]);
+                    let slope = (value(&after) - value(&before)) / (2.0 * step);
+                    off += (slope - pixel[quantity]).powi(2);
+                    size += slope * slope;
+                }
+                offs.push((off / size).sqrt());
+            }
+            println!("{name} {place:?}: {offs:.4?}");
+        }
+    }
 }
 
 /// Cameras with each block alone, on both lattices and with both stops.

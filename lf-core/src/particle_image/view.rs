@@ -1,5 +1,6 @@
 //! A camera as the images of particles see it.
 
+use super::blurred::SensorBlur;
 use crate::Optics;
 use glam::DVec2;
 
@@ -13,4 +14,6 @@ pub(super) struct View {
     pub(super) has_round_stop: bool,
     /// Area of the stop, mm^2.
     pub(super) stop_mm2: f64,
+    /// Blur of the sensor; None for a sharp one.
+    pub(super) blur: Option<SensorBlur>,
 }

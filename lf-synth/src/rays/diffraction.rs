@@ -1,4 +1,5 @@
-//! Diffraction by a lenslet's rim. A sensor at the focal length sees the far field of the lenslet's cell.
+//! Blur on the sensor: diffraction by a lenslet's rim, and a Gaussian. A sensor at the focal length sees the far field of
+//! the lenslet's cell.
 
 use glam::DVec2;
 use lf_core::{Camera, camera::Layout};
@@ -15,12 +16,12 @@ pub struct Diffraction {
     pub wavelength_mm: f64,
 }
 
-/// A table of ray deflections that add up to a diffraction pattern: sinc^2 along both axes of the lattice for a square
-/// cell; the Airy pattern of the disc of equal area for a hexagonal one.
+/// A table of ray deflections that add up to the blur. Diffraction: sinc^2 along both axes of the lattice for a square
+/// cell; the Airy pattern of the disc of equal area for a hexagonal one. Then a Gaussian.
 #[derive(Debug)]
 pub(super) struct Pattern {
-    /// lambda g / p, mm: the distance from the middle to the first dark line of a square lenslet.
-    pub(super) unit_mm: f64,
+    /// How far most of the light goes, mm.
+    pub(super) reach_mm: f64,
     deflections_mm: [Vec<f32>; 2],
 }
 
@@ -36,12 +37,49 @@ const LENGTH: usize = 1 << 16;
 /// Steps of a low-discrepancy sequence in the plane (Roberts 2018): powers of 1/g, where g^3 = g + 1.
 const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
+/// The reach of most of the light: times lambda g / p of diffraction, and times the standard deviation of the Gaussian.
+const MOST_OF_DIFFRACTION: f64 = 4.0;
+const MOST_OF_GAUSSIAN: f64 = 4.0;
+
+/// Steps of another sequence, which shares no rational multiple with the first: roots of 2 and 3, less their whole parts.
+const GAUSSIAN_STEP: [f64; 2] = [0.414_213_562_373_095_1, 0.732_050_807_568_877_2];
+
 /// Maps the unit square to the pattern.
 type Place = Box<dyn Fn([f64; 2]) -> DVec2>;
 
 impl Pattern {
-    pub(super) fn new(diffraction: &Diffraction, camera: &Camera) -> Self {
-        let per_aperture = diffraction.wavelength_mm * camera.gap_mm();
+    /// The blur of a scene's diffraction and of its camera's blur; None if both are absent.
+    pub(super) fn new(diffraction: Option<&Diffraction>, camera: &Camera) -> Option<Self> {
+        let blur = camera.blur.unwrap_or_default();
+        let wavelength_mm = diffraction.map(|d| d.wavelength_mm).or(blur.wavelength_nm.map(|nm| 1e-6 * nm));
+        let sigma_mm = blur.sigma_px * camera.sensor.pixel_pitch_mm;
+        if wavelength_mm.is_none() && sigma_mm == 0.0 {
+            return None;
+        }
+        let mut pattern = wavelength_mm.map_or_else(Self::none, |wavelength_mm| Self::of_cell(wavelength_mm, camera));
+        if sigma_mm > 0.0 {
+            pattern.add_gaussian(sigma_mm);
+        }
+        Some(pattern)
+    }
+
+    fn none() -> Self {
+        Self { reach_mm: 0.0, deflections_mm: [vec![0.0; LENGTH], vec![0.0; LENGTH]] }
+    }
+
+    /// Moves every deflection by a sample of a Gaussian.
+    fn add_gaussian(&mut self, sigma_mm: f64) {
+        let [x, y] = &mut self.deflections_mm;
+        for (n, (x, y)) in x.iter_mut().zip(y).enumerate() {
+            let [a, b] = GAUSSIAN_STEP.map(|step| ((n + 1) as f64 * step).fract());
+            let more = DVec2::from_angle(2.0 * PI * b) * sigma_mm * (-2.0 * (1.0 - a).ln()).sqrt();
+            (*x, *y) = (*x + more.x as f32, *y + more.y as f32);
+        }
+        self.reach_mm += MOST_OF_GAUSSIAN * sigma_mm;
+    }
+
+    fn of_cell(wavelength_mm: f64, camera: &Camera) -> Self {
+        let per_aperture = wavelength_mm * camera.gap_mm();
         let turn = DVec2::from_angle(camera.microlenses.rotation_rad);
         // `place` maps the unit square to the pattern.
         let (unit_mm, place): (f64, Place) = match camera.microlenses.layout {
@@ -67,7 +105,7 @@ impl Pattern {
             (deflection_mm.x as f32, deflection_mm.y as f32)
         };
         let (x, y) = (1..=LENGTH).map(deflection).unzip();
-        Self { unit_mm, deflections_mm: [x, y] }
+        Self { reach_mm: MOST_OF_DIFFRACTION * unit_mm, deflections_mm: [x, y] }
     }
 
     /// Random place in the table, for a particle's first ray.
@@ -142,5 +180,21 @@ mod tests {
         assert!((cut - 0.25).abs() < 2e-3, "{cut}");
         let median = Quantiles::new(|r| airy(r) * r).at(0.5);
         assert!((median - 0.535).abs() < 0.012, "{median}");
+    }
+
+    /// A Gaussian alone: its mean, its standard deviation along both axes, and no correlation of the two.
+    #[test]
+    fn a_gaussian_has_its_width() {
+        let mut pattern = Pattern::none();
+        pattern.add_gaussian(0.002);
+        let [x, y] = &pattern.deflections_mm;
+        let mean = |f: &dyn Fn(f64, f64) -> f64| {
+            x.iter().zip(y).map(|(x, y)| f(f64::from(*x), f64::from(*y))).sum::<f64>() / LENGTH as f64
+        };
+        assert!(mean(&|x, _| x).abs() < 2e-6 && mean(&|_, y| y).abs() < 2e-6);
+        for square in [mean(&|x, _| x * x), mean(&|_, y| y * y)] {
+            assert!((square.sqrt() - 0.002).abs() < 2e-6, "{square}");
+        }
+        assert!(mean(&|x, y| x * y).abs() < 1e-8);
     }
 }

@@ -1,4 +1,4 @@
-//! The way of rays through a camera: aperture, lenslets, stops, diffraction, pixels.
+//! The way of rays through a camera: aperture, lenslets, stops, blur, pixels.
 //!
 //! Each step is a loop over a few hundred rays in flight. A step that the scene does not ask for is not run.
 
@@ -16,11 +16,11 @@ pub struct Instrument {
     optics: Optics,
     pub(super) aperture: Shape,
     second_stop: Option<SecondStop>,
-    diffraction: Option<Pattern>,
+    blur: Option<Pattern>,
     /// Width and height of the sensor, px.
     pub(super) size: [usize; 2],
     pixel_pitch_mm: f64,
-    /// Width of a lenslet and reach of diffraction, px.
+    /// Width of a lenslet and reach of the blur, px.
     margin_px: f64,
 }
 
@@ -56,13 +56,13 @@ const WHITE: u64 = 0x7768_6974;
 impl Instrument {
     /// The instrument of a checked camera.
     pub fn new(camera: &Camera, second_stop: Option<SecondStop>, diffraction: Option<&Diffraction>) -> Self {
-        let diffraction = diffraction.map(|diffraction| Pattern::new(diffraction, camera));
-        let reach_mm = diffraction.as_ref().map_or(0.0, |pattern| 4.0 * pattern.unit_mm);
+        let blur = Pattern::new(diffraction, camera);
+        let reach_mm = blur.as_ref().map_or(0.0, |pattern| pattern.reach_mm);
         Self {
             optics: Optics::new(camera),
             aperture: camera.main_lens.aperture.into(),
             second_stop,
-            diffraction,
+            blur,
             size: [camera.sensor.width, camera.sensor.height],
             pixel_pitch_mm: camera.sensor.pixel_pitch_mm,
             margin_px: camera.pitch_px() + reach_mm / camera.sensor.pixel_pitch_mm + 2.0,
@@ -102,7 +102,7 @@ impl Instrument {
         let mut random = stream(seed ^ PARTICLES, particle.id);
         let in_aperture = self.aperture.motion(&mut random);
         let in_image = glow.shape.motion(&mut random);
-        let start = self.diffraction.as_ref().map_or(0, |pattern| pattern.start(&mut random));
+        let start = self.blur.as_ref().map_or(0, |pattern| pattern.start(&mut random));
         let (centre, z_mm) = (particle.place_mm.truncate(), particle.place_mm.z);
         let (half, size) = (self.optics.half_aperture_mm, glow.size_mm * particle.size);
         let [low, high] = self.bounds_px(particle, size);
@@ -137,7 +137,7 @@ impl Instrument {
             let mut random = stream(seed ^ WHITE, (row * cells.columns + column) as u64);
             let in_aperture = self.aperture.motion(&mut random);
             let in_cell = Shape::Square.motion(&mut random);
-            let start = self.diffraction.as_ref().map_or(0, |pattern| pattern.start(&mut random));
+            let start = self.blur.as_ref().map_or(0, |pattern| pattern.start(&mut random));
             let centre = cells.corner_mm + cells.cell_mm * DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
             for first in (0..cells.rays_per_cell).step_by(FLIGHT) {
                 let n = FLIGHT.min(cells.rays_per_cell - first);
@@ -165,7 +165,7 @@ impl Instrument {
             let hit = self.optics.sensor_from_array(DVec2::new(x[i], y[i]), DVec2::new(u[i], v[i]));
             (x[i], y[i]) = (hit.x, hit.y);
         }
-        if let Some(pattern) = &self.diffraction {
+        if let Some(pattern) = &self.blur {
             pattern.deflect(sample, &mut x[..n], &mut y[..n]);
         }
         let corner = DVec2::new(tally.left as f64, tally.top as f64);

@@ -21,6 +21,9 @@ pub fn check(scene: &Scene, camera: &Camera) -> Result<(), Refusal> {
     scene.frames.check()?;
     if let Some(diffraction) = &scene.diffraction {
         within("diffraction.wavelength_mm", diffraction.wavelength_mm, 1e-5..=0.1)?;
+        if camera.blur.is_some_and(|blur| blur.wavelength_nm.is_some()) {
+            return Err(wrong("diffraction and camera.blur.wavelength_nm say the same; wanted one of them"));
+        }
     }
     scene.second_stop.as_ref().map_or(Ok(()), |stop| stop.check(camera))?;
     if let Some(light) = &scene.light {

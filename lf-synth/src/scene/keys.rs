@@ -20,7 +20,7 @@ pub struct Scene {
     pub frame: Frame,
     /// The camera, or the path of its file from the scene's folder.
     pub camera: CameraSource,
-    /// Blur by diffraction at the lenslets.
+    /// Diffraction at the lenslets that the written camera does not know of. `camera.blur` is blur that it knows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffraction: Option<Diffraction>,
     /// A second stop on the axis, which cuts the beam off the axis (cat's-eye vignetting).

@@ -1,0 +1,68 @@
+//! Blur of the image on the sensor: diffraction at the lenslets, and a Gaussian for everything else.
+
+use super::model::Camera;
+use crate::lattice::Layout;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// Blur on the sensor. It acts on the light before the pixels count it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Blur {
+    /// Standard deviation of a Gaussian, px: aberrations of the lenslets, their focus, crosstalk of the pixels.
+    #[serde(default)]
+    pub sigma_px: f64,
+    /// Wavelength of the light, nm, which diffracts at the rim of each lenslet; absent, nothing diffracts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wavelength_nm: Option<f64>,
+}
+
+/// Diffraction pattern of a lenslet on the sensor, which sees the far field of the lenslet's cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Diffraction {
+    /// A square cell: `sinc^2(x / unit) sinc^2(y / unit)` along the axes of the lattice.
+    Square {
+        /// `lambda g / p`, px.
+        unit_px: f64,
+    },
+    /// A hexagonal cell, by the disc of equal area: the Airy pattern `(2 J1(pi r / unit) / (pi r / unit))^2`.
+    Disc {
+        /// `lambda g / diameter`, px.
+        unit_px: f64,
+    },
+}
+
+/// Standard deviation of the Gaussian that fits the middle of a pattern, in its unit.
+const CORE_OF_SQUARE: f64 = 0.38;
+const CORE_OF_DISC: f64 = 0.42;
+
+impl Diffraction {
+    /// Standard deviation of the Gaussian that fits the middle of the pattern, px.
+    pub fn core_px(&self) -> f64 {
+        match self {
+            Self::Square { unit_px } => CORE_OF_SQUARE * unit_px,
+            Self::Disc { unit_px } => CORE_OF_DISC * unit_px,
+        }
+    }
+}
+
+impl Camera {
+    /// The diffraction pattern of a lenslet; None without a wavelength.
+    pub fn diffraction(&self) -> Option<Diffraction> {
+        let wavelength_mm = self.blur?.wavelength_nm? * 1e-6;
+        let per_aperture = wavelength_mm * self.gap_mm() / self.sensor.pixel_pitch_mm;
+        Some(match self.microlenses.layout {
+            Layout::Square => Diffraction::Square { unit_px: per_aperture / self.microlenses.pitch_mm },
+            Layout::Hexagonal => {
+                let diameter_mm = (4.0 / PI * self.lattice().cell_area_mm2()).sqrt();
+                Diffraction::Disc { unit_px: per_aperture / diameter_mm }
+            }
+        })
+    }
+
+    /// Standard deviation of the Gaussian that fits the middle of the whole blur, px; 0 for a sharp camera.
+    pub fn blur_core_px(&self) -> f64 {
+        let diffraction = self.diffraction().map_or(0.0, |pattern| pattern.core_px());
+        self.blur.map_or(0.0, |blur| blur.sigma_px).hypot(diffraction)
+    }
+}
