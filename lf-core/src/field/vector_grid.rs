@@ -18,9 +18,6 @@ pub(super) const CHANNELS: [(&str, &str); 10] = [
     ("count", "1"),
 ];
 
-/// The channels that every file has.
-pub(super) const REQUIRED: [&str; 9] = ["u", "v", "w", "peak", "ratio", "su", "sv", "sw", "flag"];
-
 /// The channel that a file may lack.
 pub(super) const COUNT: &str = "count";
 
