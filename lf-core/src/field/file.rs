@@ -46,7 +46,7 @@ impl Field {
         }
         let refused = |refusal: Refusal| refusal.about(io::output_name(path));
         self.layout.check().map_err(refused)?;
-        for ((name, _), values) in CHANNELS.iter().zip(self.components()) {
+        for ((name, ..), values) in CHANNELS.iter().zip(self.components()) {
             assert_eq!(Some(values.len()), self.layout.checked_len(), "length of component {name}");
         }
         self.check().map_err(refused)?;
@@ -68,7 +68,7 @@ impl Field {
 
     fn to_exr(&self, more: &[Array]) -> std::result::Result<Vec<u8>, Refusal> {
         let [nx, ny, nz] = self.layout.shape;
-        let names = CHANNELS.into_iter().map(|(name, _)| name);
+        let names = CHANNELS.into_iter().map(|(name, ..)| name);
         let (more_names, more): (Vec<String>, Vec<Vec<f32>>) = more.iter().flat_map(Array::parts).unzip();
         let more = more_names.iter().map(String::as_str).zip(more);
         // The library wants values of its own.
@@ -102,7 +102,7 @@ fn head(bytes: &[u8]) -> std::result::Result<(exr::Header, VectorGrid), Refusal>
 fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
     let (header, layout) = head(bytes)?;
     let (has_count, pixels) = (header.channels.iter().any(|name| name == COUNT), header.width * header.height);
-    let names = CHANNELS.iter().map(|(name, _)| *name).filter(|name| has_count || *name != COUNT);
+    let names = CHANNELS.iter().map(|(name, ..)| *name).filter(|name| has_count || *name != COUNT);
     let mut channels = exr::read(bytes, header, &names.collect::<Vec<_>>())?;
     // The count is the last channel.
     channels.resize(CHANNELS.len(), vec![f32::NAN; pixels]);

@@ -41,7 +41,7 @@ impl Node {
 }
 
 /// The bend of one slice.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Bend {
     nodes: Vec<Node>,
     counts: [usize; 2],
@@ -93,16 +93,8 @@ fn fit<const N: usize, const M: usize>(terms: &[[f64; N]], values: &[[f64; M]]) 
 
 /// Coefficients for places of which `scale` is 1.
 fn scaled(terms: [f64; TERMS], scale: f64) -> [f32; TERMS] {
-    let power = |n: usize| {
-        if n < 2 {
-            1
-        } else if n < 5 {
-            2
-        } else {
-            3
-        }
-    };
-    std::array::from_fn(|n| (terms[n] / scale.powi(power(n))) as f32)
+    const POWERS: [i32; TERMS] = [1, 1, 2, 2, 2, 3, 3, 3, 3];
+    std::array::from_fn(|n| (terms[n] / scale.powi(POWERS[n])) as f32)
 }
 
 /// Rays spread over the stop, mm.
@@ -130,16 +122,7 @@ impl Bend {
             let (middle, half) = ends[axis];
             middle + half * ((2 * n + 1) as f64 / counts[axis] as f64 - 1.0)
         };
-        let mut this = Self {
-            nodes: Vec::new(),
-            counts,
-            per_mm: DVec2::ZERO,
-            corner: DVec2::ZERO,
-            alpha,
-            greatest: 0.0,
-            reach: 0.0,
-            widths: [f64::INFINITY, 0.0],
-        };
+        let mut this = Self { counts, alpha, widths: [f64::INFINITY, 0.0], ..Self::default() };
         for n in 0..counts[0] * counts[1] {
             let place = DVec2::new(middle(n % counts[0], 0), middle(n / counts[0], 1));
             this.add(geometry, place, z_mm, &apertures);
