@@ -78,11 +78,11 @@ impl Field {
 }
 
 /// The header of an EXR field and its layout, which fit each other.
-fn head(bytes: &[u8]) -> std::result::Result<(exr::Header, VectorGrid), Refusal> {
+fn head(bytes: &[u8]) -> std::result::Result<(exr::ExrHeader, VectorGrid), Refusal> {
     const WANTED: &str = "wanted a vector field in EXR";
     let found = || if bytes.is_empty() { "empty" } else { "not an EXR by its first bytes" };
     Refusal::unless(Signature::of(bytes) == Some(Signature::Exr), found, WANTED)?;
-    let header = exr::Header::read(bytes)?;
+    let header = exr::ExrHeader::read(bytes)?;
     let Some(text) = header.text(LAYOUT) else {
         let found = format!("an EXR of channels {} without attribute {LAYOUT}", header.channels.join(", "));
         return Err(Refusal::new(found, WANTED));

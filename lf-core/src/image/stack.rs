@@ -108,7 +108,7 @@ fn pages(bytes: &[u8]) -> std::result::Result<Vec<usize>, Refusal> {
 /// Width and height of the image at one of the places that [`pages`] gives.
 fn size(bytes: &[u8], page: usize) -> std::result::Result<[usize; 2], Refusal> {
     match Signature::of(bytes) {
-        Some(Signature::Exr) => exr::Header::read(bytes).map(|header| [header.width, header.height]),
+        Some(Signature::Exr) => exr::ExrHeader::read(bytes).map(|header| [header.width, header.height]),
         Some(Signature::Tiff) => tiff::size(bytes, page),
         Some(Signature::Png) => png::size(bytes),
         _ => Err(no_image(bytes)),

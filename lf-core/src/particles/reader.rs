@@ -69,19 +69,19 @@ pub fn read(text: &str) -> std::result::Result<Vec<Particle>, Refusal> {
     };
     let mut particles = Vec::new();
     for (n, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        particles.push(Line { number: n + 1, text: line, header }.particle()?);
+        particles.push(TableLine { number: n + 1, text: line, header }.particle()?);
     }
     Ok(particles)
 }
 
 /// A line of a table that has a header.
-struct Line<'a> {
+struct TableLine<'a> {
     number: usize,
     text: &'a str,
     header: &'static str,
 }
 
-impl Line<'_> {
+impl TableLine<'_> {
     fn found(&self, what: &str) -> String {
         format!("line {} {what}: '{}'", self.number, self.text)
     }

@@ -1,7 +1,7 @@
 //! The inner loops: spread a voxel's strength over rows of micro-images, gather a voxel's share of them.
 
-use super::hits::{Group, Hit, Hits, List, ROOM};
-use super::images::Layout;
+use super::hits::{Group, Hit, HitList, Hits, ROOM};
+use super::images::MicroLayout;
 use super::patches::{FOUR, Patches};
 use super::walk::Taker;
 use super::wide::WideRow;
@@ -9,7 +9,7 @@ use glam::Vec4;
 
 /// Adds light to micro-images.
 pub(super) struct Spread<'a> {
-    pub(super) layout: Layout,
+    pub(super) layout: MicroLayout,
     pub(super) patches: Option<&'a Patches>,
     pub(super) strengths: &'a [f32],
     pub(super) values: &'a mut [f32],
@@ -17,7 +17,7 @@ pub(super) struct Spread<'a> {
 
 /// Sums what voxels see in micro-images.
 pub(super) struct Gather<'a> {
-    pub(super) layout: Layout,
+    pub(super) layout: MicroLayout,
     pub(super) patches: Option<&'a Patches>,
     pub(super) values: &'a [f32],
     /// Four parts of the sum of each voxel.
@@ -108,8 +108,8 @@ fn fours(column: i32, columns: usize, side: usize) -> (usize, usize) {
 #[inline(always)]
 fn large_rows<'a>(
     patches: &'a Patches,
-    layout: Layout,
-    (list, table): (&'a List, &'a [f32]),
+    layout: MicroLayout,
+    (list, table): (&'a HitList, &'a [f32]),
     number: usize,
 ) -> impl Iterator<Item = (usize, usize, impl Iterator<Item = f32> + 'a)> + 'a {
     let columns = patches.columns;
@@ -127,7 +127,7 @@ fn large_rows<'a>(
 
 /// The parts of the light: the shares of all hits, and the two moments of those that the stop may cut.
 #[inline(always)]
-fn large_parts<'a>(patches: &'a Patches, hits: &'a Hits) -> [(&'a List, &'a [f32]); 3] {
+fn large_parts<'a>(patches: &'a Patches, hits: &'a Hits) -> [(&'a HitList, &'a [f32]); 3] {
     let [by_x, by_y] = &patches.moments;
     [(&hits.all, &patches.shares), (&hits.cut, by_x), (&hits.cut, by_y)]
 }
@@ -163,7 +163,7 @@ impl Spread<'_> {
 
     /// For patches of more columns, part `number` of the light.
     #[inline(always)]
-    fn large(&mut self, patches: &Patches, part: (&List, &[f32]), number: usize) {
+    fn large(&mut self, patches: &Patches, part: (&HitList, &[f32]), number: usize) {
         for (voxel, place, shares) in large_rows(patches, self.layout, part, number) {
             let strength = self.strengths[voxel];
             self.values[place..].iter_mut().zip(shares).for_each(|(value, share)| *value += strength * share);
@@ -247,7 +247,7 @@ impl Gather<'_> {
 
     /// For patches of more columns, part `number` of the light.
     #[inline(always)]
-    fn large(&mut self, patches: &Patches, part: (&List, &[f32]), number: usize) {
+    fn large(&mut self, patches: &Patches, part: (&HitList, &[f32]), number: usize) {
         for (voxel, place, shares) in large_rows(patches, self.layout, part, number) {
             let values = self.values[place..].iter();
             self.sums[voxel].x += values.zip(shares).map(|(value, share)| value * share).sum::<f32>();
