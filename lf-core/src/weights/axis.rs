@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// The optics of one slice of voxels along one axis of the sensor. Lengths are mm unless they are called pixels.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Axis {
+pub(crate) struct AxisOptics {
     pub(crate) alpha: f64,
     pub(crate) beta: f64,
     pub(crate) demagnification: f64,
@@ -58,7 +58,7 @@ impl Span {
     }
 }
 
-impl Axis {
+impl AxisOptics {
     /// The part (low, high) of the aperture whose light can fall within `span`. `t0 = x_m(0) - c` is the chief ray's
     /// place from the lenslet's centre. The part is empty if low >= high.
     pub(super) fn aperture_part(&self, t0: f64, span: &Span) -> (f64, f64) {
@@ -71,7 +71,7 @@ impl Axis {
         (a.min(b).max(-half), a.max(b).min(half))
     }
 
-    /// The pixels that [`Axis::pieces`] can name, and possibly one more at either end.
+    /// The pixels that [`AxisOptics::pieces`] can name, and possibly one more at either end.
     pub(crate) fn pixels_reached(&self, x0: f64, centre: f64, span: &Span) -> Range<u32> {
         let (low, high) = self.aperture_part(x0 - centre, span);
         if low >= high {

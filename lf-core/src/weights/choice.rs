@@ -36,8 +36,8 @@ pub enum Path {
 /// Buffers of [`Weights`]; one a thread.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    pieces: pieces::Buffers,
-    lenslets: lenslets::Buffers,
+    pieces: pieces::PieceBuffers,
+    lenslets: lenslets::LookupBuffers,
 }
 
 impl Weights {

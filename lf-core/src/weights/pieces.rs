@@ -14,7 +14,7 @@ pub struct Pieces {
 
 /// Buffers of a thread.
 #[derive(Debug, Default)]
-pub(super) struct Buffers {
+pub(super) struct PieceBuffers {
     columns: Vec<Piece>,
     rows: Vec<Piece>,
 }
@@ -31,7 +31,7 @@ impl Geometry {
     pub(super) fn visit(
         &self,
         voxel: [usize; 3],
-        Buffers { columns, rows }: &mut Buffers,
+        PieceBuffers { columns, rows }: &mut PieceBuffers,
         wanted: impl Fn(u32) -> bool,
         mut found: impl FnMut(u32, u32, f32),
     ) {

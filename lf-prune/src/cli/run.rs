@@ -53,7 +53,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let counts = [("voxels", plan.voxels()), ("kept", kept as u64)];
         let bytes = plan.bytes(pixels.len(), kept);
         if arguments.estimate {
-            session.tell_estimate(bytes, &counts)?;
+            session.print_estimate(bytes, &counts, &[])?;
             return Ok(Verdict::Done);
         }
         let what = || format!("{kept:.0} voxels kept of a {grid}");

@@ -10,7 +10,7 @@ const WANTED_PACKING: &str = "wanted no compression, LZW, deflate or PackBits";
 
 /// A page that can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct PageLayout {
     pub(super) width: usize,
     pub(super) height: usize,
     /// Samples of a pixel: 1 or 3, and one more for alpha.
@@ -51,7 +51,7 @@ impl Tags<'_> {
     }
 }
 
-impl Layout {
+impl PageLayout {
     /// Reads and checks the tags of a page. Its size is one that a file of `length` bytes can hold.
     pub(super) fn read(tiff: Tiff, directory: usize, length: usize) -> Result<Self, Refusal> {
         let tags = Tags { tiff, directory };

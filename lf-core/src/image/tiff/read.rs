@@ -1,7 +1,7 @@
 //! Reads a TIFF page by page: the library decodes, on tags that it knows.
 
 use super::directory::{MANY, Tiff};
-use super::layout::Layout;
+use super::layout::PageLayout;
 use super::packed::unpacked;
 use super::patched::Patched;
 use crate::image::channel::{Channel, Meaning, grey};
@@ -33,23 +33,23 @@ fn imagej_images(tiff: Tiff, directory: usize) -> Option<usize> {
 /// Size and samples of a page in words, or why it cannot be read.
 pub(in crate::image) fn about(bytes: &[u8], directory: usize) -> String {
     let layout =
-        Tiff::new(bytes).ok_or_else(|| damaged("cut")).and_then(|tiff| Layout::read(tiff, directory, bytes.len()));
+        Tiff::new(bytes).ok_or_else(|| damaged("cut")).and_then(|tiff| PageLayout::read(tiff, directory, bytes.len()));
     layout.map_or_else(|refusal| refusal.found, |layout| layout.about())
 }
 
 /// Width and height of a page.
 pub(in crate::image) fn size(bytes: &[u8], directory: usize) -> Result<[usize; 2], Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
-    Layout::read(tiff, directory, bytes.len()).map(|layout| [layout.width, layout.height])
+    PageLayout::read(tiff, directory, bytes.len()).map(|layout| [layout.width, layout.height])
 }
 
 /// Decodes the page whose directory stands at `directory`, and no other.
 pub(in crate::image) fn page(bytes: &[u8], directory: usize, channel: Option<Channel>) -> Result<Image, Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
-    let layout = Layout::read(tiff, directory, bytes.len())?;
+    let layout = PageLayout::read(tiff, directory, bytes.len())?;
     let page = Page { bytes, tiff, directory, layout };
     let history = page.history();
-    let Layout { width, height, samples, is_colour, is_planar, has_alpha, .. } = layout;
+    let PageLayout { width, height, samples, is_colour, is_planar, has_alpha, .. } = layout;
     let values = match layout.tile {
         Some(tile) => page.tiles(tile)?,
         None => page.block(&Block { size: [width, height], samples, patches: Vec::new() })?,
@@ -71,7 +71,7 @@ struct Page<'a> {
     bytes: &'a [u8],
     tiff: Tiff<'a>,
     directory: usize,
-    layout: Layout,
+    layout: PageLayout,
 }
 
 /// A part that the library decodes at once: all strips of a page, or one tile as if it was a page.
@@ -125,7 +125,7 @@ impl Page<'_> {
     /// Decodes tile by tile. The library itself reads a tile row by row, and then fails on valid LZW: its decoder takes
     /// a short row without new input for the end of the data.
     fn tiles(&self, [across_px, down_px]: [usize; 2]) -> Result<Vec<f32>, Refusal> {
-        let Layout { width, height, is_planar, .. } = self.layout;
+        let PageLayout { width, height, is_planar, .. } = self.layout;
         let [across, down] = [width.div_ceil(across_px), height.div_ceil(down_px)];
         let samples = if is_planar { 1 } else { self.layout.samples };
         let numbers = |tag: Tag| self.tiff.numbers(self.directory, tag.to_u16()).unwrap_or_default();

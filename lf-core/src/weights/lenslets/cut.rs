@@ -1,17 +1,17 @@
 //! A lenslet's image of a voxel that the stop cuts or that lies partly beside the sensor. Where the cell's sides are
 //! slanted, pixels are cut into parts ("fine" pixels).
 
-use super::patch::{LANES, Patches};
+use super::patch::{LANES, LensletPatches};
 use super::slice::{SliceOptics, Spans};
 use crate::weights::{geometry::Geometry, model::RowSet};
 use glam::{DVec2, Vec4};
 
 /// A lenslet and where its image of the voxel is.
-pub(super) struct LensletImage<'a> {
+pub(super) struct CutImage<'a> {
     pub(super) geometry: &'a Geometry,
     pub(super) slice: &'a SliceOptics,
     /// The uncut images, in fine pixels.
-    pub(super) patches: &'a Patches,
+    pub(super) patches: &'a LensletPatches,
     /// Fine pixels of a pixel, a side.
     pub(super) fineness: i32,
     /// Centre of the lenslet, and where the voxel's chief ray meets the array, mm.
@@ -30,7 +30,7 @@ pub(super) struct CutBuffers {
     light: Vec<f32>,
 }
 
-impl LensletImage<'_> {
+impl CutImage<'_> {
     /// [`crate::weights::Weights::runs`] for what the stop lets through and the sensor sees.
     #[inline(always)]
     pub(super) fn cut_runs(

@@ -20,7 +20,7 @@ pub(super) const LANES: usize = 4;
 const LEAST: f64 = 1e-6;
 
 #[derive(Debug, Clone)]
-pub(super) struct Patches {
+pub(super) struct LensletPatches {
     /// Phases of a pixel along an axis, and their logarithm to base 2.
     per_px: f64,
     bits: u32,
@@ -33,7 +33,7 @@ pub(super) struct Patches {
     shares: Vec<f32>,
 }
 
-impl Patches {
+impl LensletPatches {
     /// The patches of a cell in slabs, at `step_mm` a pixel, for a voxel that blurs by `blurs` along x and y.
     pub(super) fn new(slabs: &[Slab], blurs: [Blur; 2], step_mm: f64) -> Self {
         // A square around the blurred cell.

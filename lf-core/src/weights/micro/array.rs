@@ -10,8 +10,8 @@ pub(super) const LANES: usize = 8;
 /// A place, mm, that no ray reaches.
 const NOWHERE: f32 = 1e6;
 
-#[derive(Debug, Clone)]
-pub(crate) struct Array {
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LensletArray {
     /// The centre of lenslet 0 of row 0, and the steps along a row and from row to row in the perfect lattice, mm.
     pub(super) origin: DVec2,
     pub(super) along: DVec2,
@@ -29,7 +29,7 @@ pub(crate) struct Array {
     pub(super) per_mm: Vec<f32>,
     /// px on the sensor that a ray lies beside the place of its stop, for a mm on the array from the lenslet's centre.
     pub(super) refocus: Vec<f32>,
-    /// [`Array::per_mm`] and [`Array::refocus`] where the sensor is nearest to the array and where it is farthest.
+    /// [`LensletArray::per_mm`] and [`LensletArray::refocus`] where the sensor is nearest to the array and where it is farthest.
     pub(super) extremes: [[f64; 2]; 2],
     /// The micro-image's first column and row on the sensor.
     pub(super) column: Vec<i32>,
@@ -53,7 +53,7 @@ pub(crate) struct Array {
     pub(super) slack: f32,
 }
 
-impl Array {
+impl LensletArray {
     pub(super) fn new(optics: &Optics) -> Self {
         let lattice = optics.lattice();
         let [origin, along, across] = lattice.rows_along_x();
@@ -78,24 +78,13 @@ impl Array {
             across,
             first_row,
             length,
-            x: Vec::new(),
-            y: Vec::new(),
-            middle_x: Vec::new(),
-            middle_y: Vec::new(),
-            per_mm: Vec::new(),
-            refocus: Vec::new(),
-            extremes: [[0.0; 2]; 2],
-            column: Vec::new(),
-            row: Vec::new(),
-            side: 0,
-            spans: Vec::new(),
             departure,
-            starts: Vec::new(),
             per_along: (along / along.length_squared()).as_vec2().to_array(),
             per_across: (along.perp() / along.perp_dot(across)).as_vec2().to_array(),
             per_pixel: (1.0 / optics.pixel_pitch_mm) as f32,
             slack: (2.0 * departure / optics.pixel_pitch_mm) as f32,
             apart: (along.perp_dot(across) / along.length()).abs() as f32,
+            ..Self::default()
         };
         this.fill(optics, &first, seen);
         this
@@ -160,7 +149,7 @@ impl Array {
     }
 
     /// px on the sensor for a mm of the stop, for rays of a point whose light spreads by `alpha` on the array, in the
-    /// middle of what [`Array::extremes`] say.
+    /// middle of what [`LensletArray::extremes`] say.
     pub(super) fn usual_slope(&self, alpha: f64) -> f64 {
         let [a, b] = self.extremes.map(|[per_mm, refocus]| per_mm - refocus * alpha);
         0.5 * (a + b)

@@ -1,13 +1,13 @@
 //! Projection and back-projection of voxels by exact weights.
 
-use super::array::Array;
+use super::array::LensletArray;
 use super::bend::Bend;
-use super::images::{self, Layout, MicroImages};
+use super::images::{self, MicroImages, MicroLayout};
 use super::kernel::{Count, Gather, Running, Spread};
 use super::patches::Patches;
 use super::slices::{Light, SliceLight};
 use super::stop::Stop;
-use super::walk::{Beam, Found, Segment, walk};
+use super::walk::{Segment, SliceBeam, WalkBuffers, walk};
 use super::wanted::Wanted;
 use crate::simd::fastest;
 use crate::weights::{bent::Bent, geometry::Geometry, lenslets::Lenslets, model::RowSet};
@@ -32,7 +32,7 @@ const LINE_BYTES: usize = 12;
 #[derive(Debug, Clone)]
 pub struct Micro {
     pub(crate) geometry: Geometry,
-    pub(crate) array: Array,
+    pub(crate) array: LensletArray,
     pub(super) stop: Stop,
     /// Voxels of a block of a line, within which the chief rays' places are linear in x.
     block: usize,
@@ -81,14 +81,14 @@ impl Lines {
 }
 
 /// Buffers of a thread.
-struct Buffers {
+struct ThreadBuffers {
     segment: Segment,
-    found: Found,
+    found: WalkBuffers,
 }
 
-impl Buffers {
+impl ThreadBuffers {
     fn new(side: usize) -> Self {
-        Self { segment: Segment::default(), found: Found::new(side) }
+        Self { segment: Segment::default(), found: WalkBuffers::new(side) }
     }
 }
 
@@ -101,7 +101,7 @@ impl Micro {
     pub(crate) fn new(geometry: Geometry) -> Self {
         let stop = Stop { half_mm: geometry.optics.half_aperture_mm as f32, is_round: geometry.has_round_stop };
         let slices = vec![OnceLock::new(); geometry.grid.shape[2]];
-        let array = Array::new(&geometry.optics);
+        let array = LensletArray::new(&geometry.optics);
         let is_straight = !geometry.optics.has_medium()
             && array.along.y.abs() < 1e-6 * array.along.x
             && geometry.optics.distortion_mm(DVec2::ONE, 0.0) == DVec2::ZERO;
@@ -161,7 +161,7 @@ impl Micro {
         lines: &Lines,
         line: usize,
         segment: &mut Segment,
-        mut work: impl FnMut(&Beam, &Segment, Range<usize>),
+        mut work: impl FnMut(&SliceBeam, &Segment, Range<usize>),
     ) {
         let voxels = lines.voxels(line);
         let ny = self.geometry.grid.shape[1];
@@ -183,7 +183,7 @@ impl Micro {
                 segment.y.push(place.y as f32);
             }
             let node = slice.bend.as_ref().map(|bend| bend.near(0.5 * (from + to)));
-            let beam = Beam { array: &self.array, slice, node, stop: self.stop };
+            let beam = SliceBeam { array: &self.array, slice, node, stop: self.stop };
             work(&beam, segment, first..end);
             first = end;
         }
@@ -204,7 +204,7 @@ impl Micro {
         let MicroImages { layout, values, remainders, .. } = images;
         let layout = *layout;
         values.par_chunks_mut(band * layout.stride).enumerate().for_each_init(
-            || Buffers::new(array.side),
+            || ThreadBuffers::new(array.side),
             |buffers, (n, values)| {
                 values.fill(0.0);
                 let lenslets = n * band..n * band + values.len() / layout.stride;
@@ -219,7 +219,7 @@ impl Micro {
                         if greatest < low || least > high || lines.voxels(line).is_empty() {
                             continue;
                         }
-                        let Buffers { segment, found } = buffers;
+                        let ThreadBuffers { segment, found } = buffers;
                         self.segments(lines, line, segment, |beam, segment, voxels| {
                             let patches = patches(beam.slice);
                             let strengths = &strengths[voxels];
@@ -266,13 +266,13 @@ impl Micro {
         let half = f64::from(self.stop.half_mm) * optics.demagnification / optics.pixel_pitch_mm;
         let per_area = (1.0 / (half * half * if self.stop.is_round { std::f64::consts::PI } else { 4.0 })) as f32;
         runs(lines, strengths).into_par_iter().for_each_init(
-            || Buffers::new(array.side),
+            || ThreadBuffers::new(array.side),
             |buffers, (run_lines, strengths)| {
                 let base = lines.starts[run_lines.start] as usize;
                 let (mut sums, mut weights) = (Vec::new(), Vec::new());
                 let running = &mut Running::new();
                 for line in run_lines {
-                    let Buffers { segment, found } = buffers;
+                    let ThreadBuffers { segment, found } = buffers;
                     self.segments(lines, line, segment, |beam, segment, voxels| {
                         let patches = patches(beam.slice);
                         sums.clear();
@@ -330,11 +330,11 @@ impl Micro {
         let sample: Vec<usize> = lit.iter().step_by(lit.len().div_ceil(SAMPLE).max(1)).copied().collect();
         let step = self.array.side;
         let rows = RowSet { first: 0, step: step as u32 };
-        let layout = Layout::new(&self.array, step);
+        let layout = MicroLayout::new(&self.array, step);
         let remainders = images::remainders(&self.array, step);
         let wanted = Wanted { rows, lenslets: 0..self.array.rows(), layout, remainders: &remainders };
         let count = |line: &usize| {
-            let mut buffers = Buffers::new(self.array.side);
+            let mut buffers = ThreadBuffers::new(self.array.side);
             let (mut weights, mut voxels) = (0, 0);
             self.segments(lines, *line, &mut buffers.segment, |beam, segment, _| {
                 let columns = patches(beam.slice).map_or(step, |patches| patches.columns);
@@ -350,14 +350,14 @@ impl Micro {
     }
 
     /// Foretells the bytes of the tables, the lenslets, and buffers for sets of every `step`-th image row.
-    pub fn foretold_bytes(&self, step: usize) -> u64 {
+    pub fn estimated_bytes(&self, step: usize) -> u64 {
         let slices = self.geometry.grid.shape[2];
         let tables: usize = (0..slices)
             .into_par_iter()
-            .map(|z| SliceLight::foretold_bytes(&self.geometry, &self.array, z, self.bend(z).as_deref()))
+            .map(|z| SliceLight::estimated_bytes(&self.geometry, &self.array, z, self.bend(z).as_deref()))
             .sum();
         let lines = LINE_BYTES * self.geometry.grid.shape[1] * slices;
-        (tables + lines + self.array.bytes() + MicroImages::foretold_bytes(&self.array, step)) as u64
+        (tables + lines + self.array.bytes() + MicroImages::estimated_bytes(&self.array, step)) as u64
     }
 }
 

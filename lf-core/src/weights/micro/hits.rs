@@ -10,7 +10,7 @@ pub(super) const ROOM: usize = FULL + LANES;
 
 /// Rows of patches on rows of micro-images: where each begins.
 #[derive(Debug)]
-pub(super) struct List {
+pub(super) struct HitList {
     pub(super) count: usize,
     /// In the segment.
     pub(super) voxels: [i32; ROOM],
@@ -24,7 +24,7 @@ pub(super) struct List {
     pub(super) columns: [i32; ROOM],
 }
 
-/// A row of a patch on a row of a micro-image; see [`List`].
+/// A row of a patch on a row of a micro-image; see [`HitList`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hit {
     pub(super) voxel: usize,
@@ -33,7 +33,7 @@ pub(super) struct Hit {
     pub(super) part: f32,
 }
 
-impl List {
+impl HitList {
     fn new() -> Self {
         Self {
             count: 0,
@@ -76,9 +76,9 @@ pub(super) struct Group {
 /// Hits of a segment's voxels under the lenslets of a row.
 #[derive(Debug)]
 pub(super) struct Hits {
-    pub(super) all: List,
+    pub(super) all: HitList,
     /// The hits that the stop may cut, which are also among all.
-    pub(super) cut: List,
+    pub(super) cut: HitList,
     /// In groups of the same voxel. Groups have at least one hit.
     groups: [Group; ROOM],
     group_count: usize,
@@ -89,7 +89,7 @@ pub(super) struct Hits {
 
 impl Hits {
     pub(super) fn new() -> Self {
-        let (all, cut) = (List::new(), List::new());
+        let (all, cut) = (HitList::new(), HitList::new());
         let groups = [Group::default(); ROOM];
         Self { all, cut, groups, group_count: 0, lines: [0; ROOM], inside: [0.0; ROOM] }
     }

@@ -1,6 +1,6 @@
 //! Micro-images in the rows of one set: light that voxels send through each lenslet, or values that they look up.
 
-use super::array::{Array, LANES};
+use super::array::{LANES, LensletArray};
 use super::stop::{Stop, StopRow};
 use crate::simd::fastest;
 use crate::weights::model::RowSet;
@@ -13,7 +13,7 @@ pub(super) const ROOM: usize = 8;
 
 /// How the rows of micro-images stand in a buffer.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Layout {
+pub(super) struct MicroLayout {
     /// Pixels of a micro-image, a side.
     pub(super) side: usize,
     /// Values of a part of a row of pixels.
@@ -26,8 +26,8 @@ pub(super) struct Layout {
     pub(super) stride: usize,
 }
 
-impl Layout {
-    pub(super) fn new(array: &Array, step: usize) -> Self {
+impl MicroLayout {
+    pub(super) fn new(array: &LensletArray, step: usize) -> Self {
         let (side, width, slots) = (array.side, array.side + ROOM, array.side.div_ceil(step));
         let image = slots * PARTS * width;
         Self { side, width, slots, image, stride: ROOM + array.length * image }
@@ -50,7 +50,7 @@ impl Layout {
 #[derive(Debug)]
 pub struct MicroImages {
     step: usize,
-    pub(super) layout: Layout,
+    pub(super) layout: MicroLayout,
     pub(super) values: Vec<f32>,
     /// Each micro-image's first row on the sensor, modulo n.
     pub(super) remainders: Vec<i32>,
@@ -65,7 +65,7 @@ struct Pixels {
 }
 
 impl Pixels {
-    fn new(array: &Array, lenslet: usize, width: usize) -> Option<Self> {
+    fn new(array: &LensletArray, lenslet: usize, width: usize) -> Option<Self> {
         let first = array.column[lenslet];
         let from = (-first).max(0) as usize;
         let to = (width as i32 - first).clamp(0, array.side as i32) as usize;
@@ -74,11 +74,11 @@ impl Pixels {
 }
 
 /// Each micro-image's first row on the sensor, modulo `step`.
-pub(super) fn remainders(array: &Array, step: usize) -> Vec<i32> {
+pub(super) fn remainders(array: &LensletArray, step: usize) -> Vec<i32> {
     array.row.iter().map(|row| row.rem_euclid(step as i32)).collect()
 }
 
-fn set_stop(array: &Array, stop: Stop, lenslet: usize, line: usize, row: &mut StopRow) {
+fn set_stop(array: &LensletArray, stop: Stop, lenslet: usize, line: usize, row: &mut StopRow) {
     let middle = [array.middle_x[lenslet], array.middle_y[lenslet]];
     fastest(
         #[inline(always)]
@@ -87,8 +87,8 @@ fn set_stop(array: &Array, stop: Stop, lenslet: usize, line: usize, row: &mut St
 }
 
 impl MicroImages {
-    pub(super) fn new(array: &Array, step: usize) -> Self {
-        let layout = Layout::new(array, step);
+    pub(super) fn new(array: &LensletArray, step: usize) -> Self {
+        let layout = MicroLayout::new(array, step);
         Self { step, layout, values: vec![0.0; layout.stride * array.rows()], remainders: remainders(array, step) }
     }
 
@@ -98,21 +98,21 @@ impl MicroImages {
     }
 
     /// Foretells the bytes of the buffers.
-    pub(super) fn foretold_bytes(array: &Array, step: usize) -> usize {
-        4 * (Layout::new(array, step).stride * array.rows() + array.row.len())
+    pub(super) fn estimated_bytes(array: &LensletArray, step: usize) -> usize {
+        4 * (MicroLayout::new(array, step).stride * array.rows() + array.row.len())
     }
 
     /// Sets the rows of the set in an image of `width` columns and `stride` values a row to the light.
     pub(super) fn add_up(
         &self,
-        array: &Array,
+        array: &LensletArray,
         stop: Stop,
         rows: RowSet,
         width: usize,
         stride: usize,
         image: &mut [f32],
     ) {
-        let Layout { side, width: part, stride: lenslets, .. } = self.layout;
+        let MicroLayout { side, width: part, stride: lenslets, .. } = self.layout;
         let lines = image.par_chunks_mut(stride).enumerate().filter(|(row, _)| rows.holds(*row as u32));
         lines.for_each_init(StopRow::default, |share, (image_row, out)| {
             out.fill(0.0);
@@ -141,7 +141,7 @@ impl MicroImages {
     /// Sets the micro-images to the set's rows of an image, times the stop's shares.
     pub(super) fn look_up(
         &mut self,
-        array: &Array,
+        array: &LensletArray,
         stop: Stop,
         rows: RowSet,
         width: usize,

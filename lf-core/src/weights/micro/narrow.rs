@@ -1,6 +1,6 @@
 //! Where the patches of a voxel fall under eight lenslets of a row.
 
-use super::array::{Array, LANES};
+use super::array::{LANES, LensletArray};
 use super::bend::Node;
 use super::hits::Hits;
 use super::patches::{ACROSS, Patches};
@@ -17,7 +17,7 @@ pub(super) fn floor(value: f32) -> i32 {
 
 /// A slice with a table of patches.
 pub(super) struct Narrow<'a> {
-    pub(super) array: &'a Array,
+    pub(super) array: &'a LensletArray,
     pub(super) slice: &'a SliceLight,
     pub(super) patches: &'a Patches,
     pub(super) stop: Stop,

@@ -2,7 +2,7 @@
 
 use super::array::LANES;
 use super::bend::TERMS;
-use super::hits::{FULL, Hits, List};
+use super::hits::{FULL, HitList, Hits};
 use super::narrow::Narrow;
 use super::patches::ACROSS;
 use std::arch::x86_64::*;
@@ -127,7 +127,7 @@ impl Narrow<'_> {
         let values = _mm256_add_epi32(values, _mm256_and_si256(rows.later, slots));
         let at = hits.all.count;
         assert!(at <= FULL && hits.cut.count <= at);
-        let add = |list: &mut List, set: u32| {
+        let add = |list: &mut HitList, set: u32| {
             let (at, order) = (list.count, load_whole(&FRONT[set as usize & 255], 0));
             let moved = |values: __m256i| _mm256_permutevar8x32_epi32(values, order);
             store_whole(whole(voxel as i32), &mut list.voxels, at);

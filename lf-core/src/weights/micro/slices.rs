@@ -1,6 +1,6 @@
 //! The light of one slice of voxels under a lenslet.
 
-use super::array::Array;
+use super::array::LensletArray;
 use super::bend::Bend;
 use super::patches::{Patches, Shape};
 use super::stop::Stop;
@@ -34,7 +34,7 @@ pub(super) struct SliceLight {
     pub(super) alpha: f32,
     /// mm of the stop for a mm on the array.
     pub(super) per_alpha: f32,
-    /// 1 over the usual slope; see [`Array::usual_slope`].
+    /// 1 over the usual slope; see [`LensletArray::usual_slope`].
     pub(super) per_slope: f32,
     /// Beyond this distance from the chief ray a lenslet's centre is not lit, mm of the array.
     pub(super) reach_mm: f64,
@@ -73,7 +73,7 @@ struct Outline<'a> {
 }
 
 impl<'a> Outline<'a> {
-    fn new(geometry: &'a Geometry, array: &Array, z: usize, bend: Option<&Bend>) -> Self {
+    fn new(geometry: &'a Geometry, array: &LensletArray, z: usize, bend: Option<&Bend>) -> Self {
         let axis = geometry.axis(z, 0);
         let blurs = geometry.blurs(&axis);
         let half = axis.half_aperture;
@@ -143,7 +143,13 @@ impl<'a> Outline<'a> {
 }
 
 impl SliceLight {
-    pub(super) fn new(geometry: &Geometry, array: &Array, stop: Stop, z: usize, bend: Option<Arc<Bend>>) -> Self {
+    pub(super) fn new(
+        geometry: &Geometry,
+        array: &LensletArray,
+        stop: Stop,
+        z: usize,
+        bend: Option<Arc<Bend>>,
+    ) -> Self {
         let outline = Outline::new(geometry, array, z, bend.as_deref());
         let half = geometry.optics.half_aperture_mm;
         let corner = geometry.corner();
@@ -173,12 +179,12 @@ impl SliceLight {
     }
 
     /// Foretells the bytes of a slice.
-    pub(super) fn foretold_bytes(geometry: &Geometry, array: &Array, z: usize, bend: Option<&Bend>) -> usize {
+    pub(super) fn estimated_bytes(geometry: &Geometry, array: &LensletArray, z: usize, bend: Option<&Bend>) -> usize {
         let outline = Outline::new(geometry, array, z, bend);
         let nodes = bend.map_or(0, Bend::bytes);
         if outline.is_wide {
             return nodes;
         }
-        nodes + Patches::foretold_bytes(outline.side_px, outline.classes(), outline.has_moments)
+        nodes + Patches::estimated_bytes(outline.side_px, outline.classes(), outline.has_moments)
     }
 }

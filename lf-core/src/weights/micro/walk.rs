@@ -1,13 +1,13 @@
 //! The lenslets that a segment of voxels lights, and the rows of their patches that fall on wanted image rows.
 
-use super::array::{Array, LANES};
+use super::array::{LANES, LensletArray};
 use super::bend::Node;
 use super::hits::Hits;
 use super::narrow::{Narrow, floor};
 use super::slices::{Light, SliceLight};
 use super::stop::Stop;
 use super::wanted::Wanted;
-use super::wide::{View, WideRow};
+use super::wide::{LensletView, WideRow};
 use crate::simd::Level;
 use crate::weights::model::RowSet;
 
@@ -38,8 +38,8 @@ struct Tops {
 
 impl Tops {
     #[inline(always)]
-    fn new(beam: &Beam, segment: &Segment, first_row: usize, last_row: usize, reach: f32) -> Self {
-        let Beam { array, slice, .. } = *beam;
+    fn new(beam: &SliceBeam, segment: &Segment, first_row: usize, last_row: usize, reach: f32) -> Self {
+        let SliceBeam { array, slice, .. } = *beam;
         let half_px = if let Light::Narrow(patches) = &slice.light { patches.half_px } else { 0.0 };
         let [along_x, along_y] = array.per_along;
         let slant = (along_y / along_x).abs();
@@ -89,7 +89,7 @@ pub(super) struct Reached {
 impl Reached {
     /// For a row of lenslets, and rays that reach so far from the chief ray, mm^2.
     #[inline(always)]
-    fn set(&mut self, array: &Array, row: usize, segment: &Segment, reach2: f32) {
+    fn set(&mut self, array: &LensletArray, row: usize, segment: &Segment, reach2: f32) {
         let [along_x, along_y] = array.per_along;
         let length = 1.0 / (along_x * along_x + along_y * along_y).sqrt();
         let per_length = 1.0 / length;
@@ -120,14 +120,14 @@ impl Reached {
 /// Calls `found(voxel, row of lenslets, first, end)` for the lenslets of each row that a voxel can light.
 #[inline(always)]
 fn rows(
-    beam: &Beam,
+    beam: &SliceBeam,
     segment: &Segment,
     wanted: &Wanted,
     reached: &mut Reached,
     mut found: impl FnMut(usize, usize, usize, usize),
 ) {
     let count = segment.x.len();
-    let Beam { array, slice, stop: Stop { is_round, .. }, .. } = *beam;
+    let SliceBeam { array, slice, stop: Stop { is_round, .. }, .. } = *beam;
     let reach = slice.reach_mm as f32 + array.departure as f32;
     let reach = if is_round { reach } else { std::f32::consts::SQRT_2 * reach };
     let reach_rows = reach / array.apart;
@@ -162,8 +162,8 @@ fn rows(
 
 /// Light of a slice's voxels in one part of the field.
 #[derive(Clone, Copy)]
-pub(super) struct Beam<'a> {
-    pub(super) array: &'a Array,
+pub(super) struct SliceBeam<'a> {
+    pub(super) array: &'a LensletArray,
     pub(super) slice: &'a SliceLight,
     /// How rays bend there; None if they are straight.
     pub(super) node: Option<&'a Node>,
@@ -171,13 +171,13 @@ pub(super) struct Beam<'a> {
 }
 
 /// Buffers of a walk.
-pub(super) struct Found {
+pub(super) struct WalkBuffers {
     hits: Hits,
     row: WideRow,
     reached: Reached,
 }
 
-impl Found {
+impl WalkBuffers {
     /// For micro-images of `side` pixels.
     pub(super) fn new(side: usize) -> Self {
         Self { hits: Hits::new(), row: WideRow::new(side), reached: Reached::default() }
@@ -187,10 +187,10 @@ impl Found {
 /// Finds the light of a segment's voxels.
 #[inline(always)]
 pub(super) fn walk<const WEIGHS: bool>(
-    beam: &Beam,
+    beam: &SliceBeam,
     segment: &Segment,
     wanted: &Wanted,
-    found: &mut Found,
+    found: &mut WalkBuffers,
     taker: &mut impl Taker,
 ) {
     if segment.x.is_empty() {
@@ -202,11 +202,11 @@ pub(super) fn walk<const WEIGHS: bool>(
     }
 }
 
-impl<'a> Beam<'a> {
+impl<'a> SliceBeam<'a> {
     /// The slice's table of patches, as a walk reads it; None where there is none.
     #[inline(always)]
     pub(super) fn narrow(&self, wanted: &'a Wanted<'a>) -> Option<Narrow<'a>> {
-        let Beam { array, slice, node, stop } = *self;
+        let SliceBeam { array, slice, node, stop } = *self;
         let Light::Narrow(patches) = &slice.light else { return None };
         let whole = (stop.half_mm - slice.reach_stop - slice.margin).max(0.0);
         Some(Narrow {
@@ -226,10 +226,10 @@ impl<'a> Beam<'a> {
 
 #[inline(always)]
 fn walk_narrow<const WEIGHS: bool>(
-    beam: &Beam,
+    beam: &SliceBeam,
     segment: &Segment,
     wanted: &Wanted,
-    Found { hits, reached, .. }: &mut Found,
+    WalkBuffers { hits, reached, .. }: &mut WalkBuffers,
     taker: &mut impl Taker,
 ) {
     let Some(narrow) = beam.narrow(wanted) else { return };
@@ -261,13 +261,13 @@ fn walk_narrow<const WEIGHS: bool>(
 
 #[inline(always)]
 fn walk_wide<const WEIGHS: bool>(
-    beam: &Beam,
+    beam: &SliceBeam,
     segment: &Segment,
     wanted: &Wanted,
-    Found { row: out, reached, .. }: &mut Found,
+    WalkBuffers { row: out, reached, .. }: &mut WalkBuffers,
     taker: &mut impl Taker,
 ) {
-    let Beam { array, slice, node, .. } = *beam;
+    let SliceBeam { array, slice, node, .. } = *beam;
     let Light::Wide(wide) = &slice.light else { return };
     let step = wanted.rows.step as i32;
     let reach2 = (slice.reach_mm * slice.reach_mm) as f32;
@@ -284,7 +284,7 @@ fn walk_wide<const WEIGHS: bool>(
                 if beam.stop.is_round && offset[0] * offset[0] + offset[1] * offset[1] > reach2 {
                     continue;
                 }
-                let view = View {
+                let view = LensletView {
                     middle: [array.middle_x[lenslet], array.middle_y[lenslet]],
                     offset,
                     per_mm: array.per_mm[lenslet],

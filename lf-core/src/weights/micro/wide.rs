@@ -18,7 +18,7 @@ const LEAST_ASPECT: f32 = 2e-3;
 
 /// The points no farther than `half` from a line through the middle of the cell, which has the normal (x, y), mm.
 #[derive(Debug, Clone, Copy)]
-struct Strip {
+struct CellStrip {
     x: f32,
     y: f32,
     half: f32,
@@ -26,7 +26,7 @@ struct Strip {
 
 /// How a voxel blurs, as seen on the array, mm.
 #[derive(Debug, Clone, Copy)]
-enum Spread {
+enum WideBlur {
     None,
     /// The width.
     Box(f32),
@@ -37,8 +37,8 @@ enum Spread {
 /// The light of a slice, pixel by pixel.
 #[derive(Debug, Clone)]
 pub(super) struct Wide {
-    strips: Vec<Strip>,
-    spread: Spread,
+    strips: Vec<CellStrip>,
+    spread: WideBlur,
     stop: Stop,
     alpha: f32,
     /// Light of a ray that would run straight reaches no farther from a lenslet's centre, mm.
@@ -50,12 +50,12 @@ pub(super) struct Wide {
 
 /// A lenslet as a voxel sees it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View {
+pub(super) struct LensletView {
     /// The middle of the stop's image, px from the micro-image's first corner.
     pub(super) middle: [f32; 2],
     /// The chief ray's place from the lenslet's centre, mm.
     pub(super) offset: [f32; 2],
-    /// See [`super::array::Array`].
+    /// See [`super::array::LensletArray`].
     pub(super) per_mm: f32,
     pub(super) refocus: f32,
 }
@@ -123,12 +123,12 @@ fn cubic([a, b, c, d]: [f32; 4], places: &Lanes) -> Lanes {
 }
 
 /// The strips of a cell: one for each pair of opposite sides.
-fn strips(geometry: &Geometry) -> Vec<Strip> {
+fn strips(geometry: &Geometry) -> Vec<CellStrip> {
     let corners = geometry.optics.lattice().cell_mm();
     let side = |n: usize| {
         let (from, to) = (corners[n], corners[(n + 1) % corners.len()]);
         let normal = (to - from).perp().normalize();
-        Strip { x: normal.x as f32, y: normal.y as f32, half: normal.dot(from).abs() as f32 }
+        CellStrip { x: normal.x as f32, y: normal.y as f32, half: normal.dot(from).abs() as f32 }
     };
     (0..corners.len() / 2).map(side).collect()
 }
@@ -143,9 +143,9 @@ impl Wide {
         has_moments: bool,
     ) -> Self {
         let spread = match blur {
-            Blur::None => Spread::None,
-            Blur::Box { half } => Spread::Box(2.0 * half as f32),
-            Blur::Gauss { sigma } => Spread::Gauss(sigma as f32),
+            Blur::None => WideBlur::None,
+            Blur::Box { half } => WideBlur::Box(2.0 * half as f32),
+            Blur::Gauss { sigma } => WideBlur::Gauss(sigma as f32),
         };
         let reach = (geometry.corner().max_element() + blur.reach() + greatest_bend) as f32;
         let least_width = (LEAST_WIDTH * geometry.pitch_mm) as f32;
@@ -159,7 +159,7 @@ impl Wide {
 
     /// Whether a row of a micro-image can have light.
     #[inline(always)]
-    pub(super) fn may_light(&self, view: &View, row: usize) -> bool {
+    pub(super) fn may_light(&self, view: &LensletView, row: usize) -> bool {
         let slope = view.per_mm - view.refocus * self.alpha;
         let [_, y0] = view.offset;
         // Rays from the middle of the row; those from its edges lie half a step to either side.
@@ -173,7 +173,7 @@ impl Wide {
     #[inline(always)]
     pub(super) fn row<const WEIGHS: bool>(
         &self,
-        view: &View,
+        view: &LensletView,
         node: Option<&Node>,
         row: usize,
         out: &mut WideRow,
@@ -262,7 +262,7 @@ impl Wide {
 
     /// The pixels of a row that can have light.
     #[inline(always)]
-    fn columns(&self, view: &View, slope: f32, count: usize) -> Range<usize> {
+    fn columns(&self, view: &LensletView, slope: f32, count: usize) -> Range<usize> {
         let [x0, _] = view.offset;
         let ahead = view.middle[0] + view.refocus * x0 - 0.5;
         // A pixel's place in the stop changes by 1 / slope, and on the array by alpha as much.
@@ -277,7 +277,7 @@ impl Wide {
 
     /// The light of a row that passes the stop, by its chord through the middles of the pixels from column `from` on.
     #[inline(always)]
-    fn weight(&self, view: &View, row: usize, from: usize, light: &[f32]) -> f32 {
+    fn weight(&self, view: &LensletView, row: usize, from: usize, light: &[f32]) -> f32 {
         let half = view.per_mm * self.stop.half_mm;
         let away = row as f32 + 0.5 - view.middle[1];
         let chord = match self.stop.is_round {
@@ -290,7 +290,7 @@ impl Wide {
 
     /// The places on the array that a height of a micro-image shows.
     #[inline(always)]
-    fn height(&self, view: &View, node: Option<&Node>, height: f32, per_slope: f32) -> Height {
+    fn height(&self, view: &LensletView, node: Option<&Node>, height: f32, per_slope: f32) -> Height {
         let [x0, y0] = view.offset;
         let v = (view.middle[1] - height + view.refocus * y0) * per_slope;
         let straight = [[x0, self.alpha, 0.0, 0.0], [y0 + self.alpha * v, 0.0, 0.0, 0.0]];
@@ -307,15 +307,15 @@ impl Wide {
     fn shares(&self, half: f32, place: &Lanes, across: &Lanes, down: &Lanes) -> Lanes {
         let both = |n: usize| (across[n] * across[n] + down[n] * down[n]).sqrt();
         match self.spread {
-            Spread::None => lanes(
+            WideBlur::None => lanes(
                 #[inline(always)]
                 |n| inside(place[n], half, self.widths(across[n].abs(), down[n].abs())),
             ),
-            Spread::Box(width) => lanes(
+            WideBlur::Box(width) => lanes(
                 #[inline(always)]
                 |n| inside(place[n], half, self.widths(both(n), width)),
             ),
-            Spread::Gauss(sigma) => lanes(
+            WideBlur::Gauss(sigma) => lanes(
                 #[inline(always)]
                 |n| {
                     let width = 2.0 * (both(n) * both(n) / 12.0 + sigma * sigma).sqrt();
