@@ -5,16 +5,16 @@ use super::drawing::{At, Drawing, rounded};
 use super::palette::{GREY, INK, PAPER};
 use super::text::{figures, round_below};
 
-/// A shorter arrow is a dot, and a shorter hollow one a ring, px.
+/// Length below which an arrow becomes a dot, and a hollow one a ring, px.
 const DOT_PX: f64 = 2.0;
 const RING_PX: f64 = 5.0;
-/// Length of an arrow of the usual length, in distances between arrows; and its largest length, px. The longest arrow then
-/// is as long as that distance, so that no two of one grid meet.
+/// Length of a usual arrow, in distances between arrows, and its upper limit, px. The longest arrow is then as long as
+/// that distance, so that no two of one grid meet.
 const USUAL_STEPS: f64 = 0.62;
 const USUAL_PX: f64 = 80.0;
 /// Longest arrow, in usual lengths.
 const LONGEST: f64 = 1.6;
-/// Least length of the arrow in the key before it is rounded down, px.
+/// Smallest length of the arrow in the key before it is rounded down, px.
 const SAMPLE_PX: f64 = 48.0;
 
 impl Arrows {

@@ -17,7 +17,7 @@ pub fn rounded([x, y]: At) -> Pixel {
 /// A white page with shapes on it. Later shapes cover earlier ones.
 #[derive(Debug, Clone)]
 pub struct Drawing {
-    /// What the drawing shows, for readers who hear it.
+    /// The subject, for readers who listen to the picture.
     pub(super) title: String,
     /// Width and height, px.
     pub(super) size: [i32; 2],
@@ -27,15 +27,25 @@ pub struct Drawing {
 /// A shape and how it is painted.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct DrawnShape {
-    pub form: Form,
+    pub geometry: Geometry,
     pub colour: Colour,
     pub opacity: f32,
-    /// Width of its stroke, px; a shape without one is filled.
-    pub stroke_px: Option<u32>,
+    /// The stroke of its outline; a shape without one is filled.
+    pub stroke: Option<Stroke>,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Stroke {
+    pub width_px: u32,
+    /// None for a solid line.
+    pub dashes: Option<Dashes>,
+}
+
+/// Lengths of a dash, a gap, a dash and a gap, px.
+pub(super) type Dashes = [u8; 4];
+
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Form {
+pub(super) enum Geometry {
     /// The upper left and the lower right corner.
     Rectangle([Pixel; 2]),
     Line(Vec<Pixel>),
@@ -56,6 +66,9 @@ pub(super) struct TextLine {
     pub is_upright: bool,
 }
 
+/// The stroke of frames and rings.
+const THIN: Stroke = Stroke { width_px: 1, dashes: None };
+
 impl Drawing {
     /// A blank page of `[width, height]` px. The title is not drawn: it stands in the file.
     pub fn new(title: impl Into<String>, size: [i32; 2]) -> Self {
@@ -69,17 +82,24 @@ impl Drawing {
 
     /// The outline of a rectangle, 1 px wide.
     pub fn frame(&mut self, corners: [Pixel; 2], colour: Colour) {
-        self.stroke(Form::Rectangle(corners), colour, 1);
+        self.stroke(Geometry::Rectangle(corners), colour, THIN);
     }
 
     /// A translucent rectangle; an opacity of 1 hides everything below it.
     pub fn tint(&mut self, corners: [Pixel; 2], colour: Colour, opacity: f32) {
-        self.fill(Form::Rectangle(corners), colour, opacity);
+        self.fill(Geometry::Rectangle(corners), colour, opacity);
     }
 
     /// A line through places.
     pub fn line(&mut self, places: impl IntoIterator<Item = Pixel>, colour: Colour, width_px: u32) {
-        self.stroke(Form::Line(places.into_iter().collect()), colour, width_px);
+        self.stroke(Geometry::Line(places.into_iter().collect()), colour, Stroke { width_px, dashes: None });
+    }
+
+    /// A line through places; without dashes it is solid.
+    pub(super) fn curve(&mut self, places: &[At], colour: Colour, width_px: u32, dashes: Option<Dashes>) {
+        let mut places: Vec<Pixel> = places.iter().copied().map(rounded).collect();
+        places.dedup();
+        self.stroke(Geometry::Line(places), colour, Stroke { width_px, dashes });
     }
 
     /// A plus sign.
@@ -90,17 +110,17 @@ impl Drawing {
 
     /// A filled polygon; an opacity of 1 hides everything below it.
     pub fn polygon(&mut self, corners: impl IntoIterator<Item = Pixel>, colour: Colour, opacity: f32) {
-        self.fill(Form::Polygon(corners.into_iter().collect()), colour, opacity);
+        self.fill(Geometry::Polygon(corners.into_iter().collect()), colour, opacity);
     }
 
     /// A filled circle.
     pub fn disc(&mut self, centre: Pixel, radius_px: i32, colour: Colour) {
-        self.fill(Form::Circle(centre, radius_px), colour, 1.0);
+        self.fill(Geometry::Circle(centre, radius_px), colour, 1.0);
     }
 
     /// The outline of a circle, 1 px wide.
     pub fn ring(&mut self, centre: Pixel, radius_px: i32, colour: Colour) {
-        self.stroke(Form::Circle(centre, radius_px), colour, 1);
+        self.stroke(Geometry::Circle(centre, radius_px), colour, THIN);
     }
 
     /// A line of text. `place` is its left end, middle or right end, at half its height.
@@ -114,14 +134,14 @@ impl Drawing {
     }
 
     fn letters(&mut self, line: TextLine) {
-        self.fill(Form::Text(line), INK, 1.0);
+        self.fill(Geometry::Text(line), INK, 1.0);
     }
 
-    fn fill(&mut self, form: Form, colour: Colour, opacity: f32) {
-        self.shapes.push(DrawnShape { form, colour, opacity, stroke_px: None });
+    fn fill(&mut self, geometry: Geometry, colour: Colour, opacity: f32) {
+        self.shapes.push(DrawnShape { geometry, colour, opacity, stroke: None });
     }
 
-    fn stroke(&mut self, form: Form, colour: Colour, width_px: u32) {
-        self.shapes.push(DrawnShape { form, colour, opacity: 1.0, stroke_px: Some(width_px) });
+    fn stroke(&mut self, geometry: Geometry, colour: Colour, stroke: Stroke) {
+        self.shapes.push(DrawnShape { geometry, colour, opacity: 1.0, stroke: Some(stroke) });
     }
 }

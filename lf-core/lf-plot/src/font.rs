@@ -1,7 +1,7 @@
 //! The letters of pictures that are not SVG: DejaVu Sans, the font whose widths lay out all pictures.
 
 use lf_core::Refusal;
-use tiny_skia::{Path, PathBuilder};
+use tiny_skia::{Path, PathBuilder, Transform};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 /// A part of DejaVu Sans; its licence is beside it.
@@ -41,51 +41,43 @@ impl Font {
 
     /// The outlines of a text, with y downwards, from the left end of its base line. None if it has only spaces.
     pub fn outline(&self, text: &str) -> Option<Path> {
-        let mut pen = Pen { unit: self.unit, start: 0.0, path: PathBuilder::new() };
+        let mut all = PathBuilder::new();
+        let mut start = 0.0;
         for letter in text.chars() {
             let glyph = self.glyph(letter);
+            let mut pen = Pen(PathBuilder::new());
             self.face.outline_glyph(glyph, &mut pen);
-            pen.start += self.advance(glyph);
+            let placed = Transform::from_row(self.unit, 0.0, 0.0, -self.unit, start, 0.0);
+            if let Some(path) = pen.0.finish().and_then(|path| path.transform(placed)) {
+                all.push_path(&path);
+            }
+            start += self.advance(glyph);
         }
-        pen.path.finish()
+        all.finish()
     }
 }
 
-/// Takes the outline of a letter that starts at `start`.
-struct Pen {
-    unit: f32,
-    start: f32,
-    path: PathBuilder,
-}
-
-impl Pen {
-    fn at(&self, x: f32, y: f32) -> (f32, f32) {
-        (self.start + x * self.unit, -y * self.unit)
-    }
-}
+/// Takes the outline of a letter, in units of the font.
+struct Pen(PathBuilder);
 
 impl OutlineBuilder for Pen {
     fn move_to(&mut self, x: f32, y: f32) {
-        let (x, y) = self.at(x, y);
-        self.path.move_to(x, y);
+        self.0.move_to(x, y);
     }
 
     fn line_to(&mut self, x: f32, y: f32) {
-        let (x, y) = self.at(x, y);
-        self.path.line_to(x, y);
+        self.0.line_to(x, y);
     }
 
     fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
-        let ((x1, y1), (x, y)) = (self.at(x1, y1), self.at(x, y));
-        self.path.quad_to(x1, y1, x, y);
+        self.0.quad_to(x1, y1, x, y);
     }
 
     fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
-        let ((x1, y1), (x2, y2), (x, y)) = (self.at(x1, y1), self.at(x2, y2), self.at(x, y));
-        self.path.cubic_to(x1, y1, x2, y2, x, y);
+        self.0.cubic_to(x1, y1, x2, y2, x, y);
     }
 
     fn close(&mut self) {
-        self.path.close();
+        self.0.close();
     }
 }

@@ -2,8 +2,7 @@
 
 use super::chart::{Mark, Panel, Style};
 use super::drawing::{Drawing, Pixel};
-use super::palette::{EMPTY, GREY, SHADES};
-use super::strokes::{REFERENCE_DASHES, SERIES_DASHES, stroke};
+use super::palette::{EMPTY, GREY, REFERENCE_DASHES, SERIES_DASHES, SHADES};
 use super::text::{Anchor, TEXT_PX, width, wrap};
 use super::view::{Look, Looks, has_many_series, reference_number};
 use super::{arrow::arrow, map};
@@ -93,16 +92,16 @@ impl Symbol {
         let block = [(x, y - 7), (x + SYMBOL, y + 7)];
         match self {
             Self::Line(look, style) => {
-                stroke(drawing, &level, look.colour(), 2, (style == Style::Dashed).then_some(SERIES_DASHES));
+                drawing.curve(&level, look.colour(), 2, (style == Style::Dashed).then_some(SERIES_DASHES));
             }
             Self::Band(look) => drawing.tint(block, look.colour(), 0.2),
             Self::Marker(look) => look.marker(drawing, (x + SYMBOL / 2, y)),
             Self::Steps(look) => {
                 let places = [at(0, 6), at(8, 6), at(8, -6), at(22, -6), at(22, 3), at(SYMBOL, 3)];
-                stroke(drawing, &places, look.colour(), 2, None);
+                drawing.curve(&places, look.colour(), 2, None);
             }
             Self::Reference(n) => {
-                stroke(drawing, &level, GREY, 2, Some(REFERENCE_DASHES[n % REFERENCE_DASHES.len()]));
+                drawing.curve(&level, GREY, 2, Some(REFERENCE_DASHES[n % REFERENCE_DASHES.len()]));
             }
             Self::Region(n) => {
                 drawing.block(block, SHADES[n % SHADES.len()]);

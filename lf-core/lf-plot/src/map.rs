@@ -6,11 +6,11 @@ use super::palette::{EMPTY, INK, map_colours};
 use super::range::{Range, range_of};
 use super::text::{Anchor, LINE, NAME_PX, TEXT_PX, wrap};
 use super::ticks::{TICK, TICK_TEXT, Tick, ticks, widest};
-use super::view::View;
+use super::view::PanelView;
 
-/// Most cells along an axis.
+/// Largest number of cells along an axis.
 const MOST_CELLS: usize = 300;
-/// Most rectangles of one colour. It keeps a picture below a megabyte.
+/// Largest number of rectangles. It keeps a picture below a megabyte.
 const MOST_RECTANGLES: usize = 8000;
 /// Steps of the colours.
 const LEVELS: f64 = 48.0;
@@ -41,7 +41,7 @@ pub(super) fn note(mark: &Mark) -> Option<String> {
 }
 
 /// Draws the cells inside the frame.
-pub(super) fn cells(drawing: &mut Drawing, view: &View, mark: &Mark) {
+pub(super) fn cells(drawing: &mut Drawing, view: &PanelView, mark: &Mark) {
     let Mark::Map { x, y, .. } = mark else { return };
     let Some((blocks, range)) = blocks(mark) else { return };
     let edge = |axis: usize, n: usize| {

@@ -2,16 +2,15 @@
 
 use super::chart::{Mark, Style};
 use super::drawing::{At, Drawing, rounded};
-use super::palette::{GREY, SHADES};
-use super::strokes::{REFERENCE_DASHES, SERIES_DASHES, stroke};
-use super::view::{Look, View, has_many_series, reference_number};
+use super::palette::{GREY, REFERENCE_DASHES, SERIES_DASHES, SHADES};
+use super::view::{Look, PanelView, has_many_series, reference_number};
 use super::{labels::labels, map};
 
-/// Number of marked points of a line, if they only tell it from other lines.
+/// Number of marked points of a line, if they only distinguish it from other lines.
 const FEW_MARKERS: usize = 5;
 
 /// Draws the regions, which lie below the grid lines.
-pub(super) fn regions(drawing: &mut Drawing, view: &View) {
+pub(super) fn regions(drawing: &mut Drawing, view: &PanelView) {
     let regions = view.panel.marks.iter().filter_map(|mark| match mark {
         Mark::Region { x, .. } => Some(x),
         _ => None,
@@ -28,7 +27,7 @@ pub(super) fn regions(drawing: &mut Drawing, view: &View) {
 }
 
 /// Draws all other marks. Returns the number of labels that find no free place.
-pub(super) fn marks(drawing: &mut Drawing, view: &View) -> usize {
+pub(super) fn marks(drawing: &mut Drawing, view: &PanelView) -> usize {
     let marks = &view.panel.marks;
     for mark in marks {
         map::cells(drawing, view, mark);
@@ -37,7 +36,7 @@ pub(super) fn marks(drawing: &mut Drawing, view: &View) -> usize {
         if let Mark::Reference { name, place } = mark {
             let dashes = REFERENCE_DASHES[reference_number(view.panel, name) % REFERENCE_DASHES.len()];
             for part in view.frame.line(&view.reference(place)) {
-                stroke(drawing, &part, GREY, 2, Some(dashes));
+                drawing.curve(&part, GREY, 2, Some(dashes));
             }
         }
     }
@@ -52,7 +51,7 @@ pub(super) fn marks(drawing: &mut Drawing, view: &View) -> usize {
     labels(drawing, view)
 }
 
-fn series(drawing: &mut Drawing, view: &View, mark: &Mark) {
+fn series(drawing: &mut Drawing, view: &PanelView, mark: &Mark) {
     let look = view.looks.look(mark.name());
     let has_many = has_many_series(view.panel);
     match mark {
@@ -86,14 +85,14 @@ fn series(drawing: &mut Drawing, view: &View, mark: &Mark) {
     }
 }
 
-fn line(drawing: &mut Drawing, view: &View, places: &[At], look: Look, style: Style) {
+fn line(drawing: &mut Drawing, view: &PanelView, places: &[At], look: Look, style: Style) {
     let pattern = (style == Style::Dashed).then_some(SERIES_DASHES);
     for part in view.frame.line(places) {
-        stroke(drawing, &part, look.colour(), 2, pattern);
+        drawing.curve(&part, look.colour(), 2, pattern);
     }
 }
 
-fn markers(drawing: &mut Drawing, view: &View, places: &[At], look: Look) {
+fn markers(drawing: &mut Drawing, view: &PanelView, places: &[At], look: Look) {
     for place in places.iter().filter(|place| view.frame.contains(**place)) {
         look.marker(drawing, rounded(*place));
     }
@@ -107,7 +106,7 @@ fn isolated(places: &[At]) -> Vec<At> {
 }
 
 /// A few places along the panel. They differ from look to look, so that markers do not hide each other.
-fn few(view: &View, places: &[At], look: Look) -> Vec<At> {
+fn few(view: &PanelView, places: &[At], look: Look) -> Vec<At> {
     let seen: Vec<At> = places.iter().copied().filter(|place| view.frame.contains(*place)).collect();
     let width = view.frame.high[0] - view.frame.low[0];
     let mut chosen: Vec<At> = Vec::new();
@@ -121,7 +120,7 @@ fn few(view: &View, places: &[At], look: Look) -> Vec<At> {
 }
 
 /// The outline of a histogram, from its foot at the left to its foot at the right.
-fn outline(view: &View, edges: &[f64], values: &[f64]) -> Vec<At> {
+fn outline(view: &PanelView, edges: &[f64], values: &[f64]) -> Vec<At> {
     let foot = |edge: Option<&f64>| edge.map(|edge| view.at_or_below([*edge, 0.0]));
     let bins = edges.windows(2).zip(values);
     let tops = bins.flat_map(|(ends, value)| [ends[0], ends[1]].map(|edge| view.at_or_below([edge, *value])));
@@ -129,7 +128,7 @@ fn outline(view: &View, edges: &[f64], values: &[f64]) -> Vec<At> {
 }
 
 /// The area between the smallest and the largest y. Missing points are gaps; a point between two gaps gets a bar.
-fn band(drawing: &mut Drawing, view: &View, points: &[[f64; 2]], spread: &[[f64; 2]], look: Look) {
+fn band(drawing: &mut Drawing, view: &PanelView, points: &[[f64; 2]], spread: &[[f64; 2]], look: Look) {
     let is_whole = |n: &usize| {
         view.at(points[*n]).into_iter().chain(spread[*n]).all(f64::is_finite) && view.y.share(spread[*n][1]).is_finite()
     };
@@ -149,12 +148,12 @@ fn band(drawing: &mut Drawing, view: &View, points: &[[f64; 2]], spread: &[[f64;
     }
 }
 
-fn bar(drawing: &mut Drawing, view: &View, x: f64, spread: [f64; 2], look: Look) {
+fn bar(drawing: &mut Drawing, view: &PanelView, x: f64, spread: [f64; 2], look: Look) {
     let ends = spread.map(|y| view.at_or_below([x, y]));
     for part in view.frame.line(&ends) {
-        stroke(drawing, &part, look.colour(), 1, None);
+        drawing.curve(&part, look.colour(), 1, None);
     }
     for end in ends.into_iter().filter(|end| view.frame.contains(*end)) {
-        stroke(drawing, &[[end[0] - 3.0, end[1]], [end[0] + 3.0, end[1]]], look.colour(), 1, None);
+        drawing.curve(&[[end[0] - 3.0, end[1]], [end[0] + 3.0, end[1]]], look.colour(), 1, None);
     }
 }

@@ -1,26 +1,26 @@
 //! The outlines of shapes and letters, for pictures that are not SVG.
 
-use super::drawing::{Form, TextLine};
+use super::drawing::{Geometry, TextLine};
 use super::font::Font;
 use super::text::{Anchor, letter_px};
 use tiny_skia::{Path, PathBuilder, Transform};
 
 /// The outline of a shape, px. None if there is nothing to draw.
-pub(super) fn outline(form: &Form, font: &Font) -> Option<Path> {
+pub(super) fn outline(geometry: &Geometry, font: &Font) -> Option<Path> {
     let mut path = PathBuilder::new();
-    let places = match form {
-        Form::Rectangle([(x, y), (right, low)]) => &[(*x, *y), (*right, *y), (*right, *low), (*x, *low)],
-        Form::Line(places) | Form::Polygon(places) => &places[..],
-        Form::Circle((x, y), radius) => {
+    let places = match geometry {
+        Geometry::Rectangle([(x, y), (right, low)]) => &[(*x, *y), (*right, *y), (*right, *low), (*x, *low)],
+        Geometry::Line(places) | Geometry::Polygon(places) => &places[..],
+        Geometry::Circle((x, y), radius) => {
             path.push_circle(*x as f32, *y as f32, *radius as f32);
             return path.finish();
         }
-        Form::Text(line) => return letters(line, font),
+        Geometry::Text(line) => return letters(line, font),
     };
     for (n, (x, y)) in places.iter().enumerate() {
         if n == 0 { path.move_to(*x as f32, *y as f32) } else { path.line_to(*x as f32, *y as f32) }
     }
-    if !matches!(form, Form::Line(_)) {
+    if !matches!(geometry, Geometry::Line(_)) {
         path.close();
     }
     path.finish()

@@ -17,18 +17,18 @@ const NOTE: i32 = 21;
 const FRAMES: [[i32; 2]; 3] = [[640, 400], [440, 300], [370, 260]];
 /// The longer side of a frame that is to scale, px.
 const FRAMES_TO_SCALE: [i32; 3] = [760, 440, 370];
-/// Least width of a page, px, for its title and notes.
-const LEAST_WIDTH: i32 = 640;
+/// Smallest width of a page, px: room for its title and notes.
+const SMALLEST_WIDTH: i32 = 640;
 
-/// Draws a chart. Refuses lists of different lengths and an empty range. Only drawing shows which labels find no
-/// free place. If there are any, the page is drawn again with a note on them.
+/// Draws a chart. Refuses lists of different lengths and an empty range. If labels find no free place, the page is
+/// drawn again with a note that counts them.
 pub fn draw(chart: &Chart) -> Result<Drawing, Refusal> {
     check(chart)?;
     let (drawing, left_out) = page(chart, 0);
     Ok(if left_out == 0 { drawing } else { page(chart, left_out).0 })
 }
 
-/// The page, and the number of labels left out. The notes say that `unlabelled` labels are missing.
+/// The page, and the number of labels left out. A note says that `unlabelled` labels are missing.
 fn page(chart: &Chart, unlabelled: usize) -> (Drawing, usize) {
     // Lay out the panels.
     let columns = chart.columns.clamp(1, chart.panels.len().max(1));
@@ -45,7 +45,7 @@ fn page(chart: &Chart, unlabelled: usize) -> (Drawing, usize) {
     let down: Vec<[i32; 3]> = panels.chunks(columns).map(|row| largest(row.iter().map(PanelLayout::heights))).collect();
     let length =
         |sections: &[[i32; 3]]| sections.iter().flatten().sum::<i32>() + BETWEEN * (sections.len() as i32 - 1).max(0);
-    let width = (2 * EDGE + length(&across)).max(LEAST_WIDTH);
+    let width = (2 * EDGE + length(&across)).max(SMALLEST_WIDTH);
 
     // Title and notes.
     let title = wrap(&chart.title, TITLE_PX, width - 2 * EDGE);
@@ -81,7 +81,7 @@ fn lines(drawing: &mut Drawing, lines: &[String], top: i32, height: i32, size_px
     }
 }
 
-/// The notes of the page itself: everything that is drawn otherwise than asked.
+/// Notes about everything that is not drawn as asked.
 fn own_notes(chart: &Chart, panels: &[PanelLayout], unlabelled: usize) -> Vec<String> {
     let maps = chart.panels.iter().flat_map(|panel| &panel.marks).filter_map(map::note);
     let mut notes = distinct(maps.chain(panels.iter().filter_map(|panel| panel.note.clone())));

@@ -6,8 +6,8 @@ use super::palette::{GRID, INK};
 use super::range::{Range, ranges, stretch};
 use super::text::{Anchor, LINE, NAME_PX, TEXT_PX, figures, width, wrap};
 use super::ticks::{TICK, TICK_TEXT, Tick, ticks, widest};
-use super::view::{Looks, View};
-use super::{key::Key, map, marks, strokes::Frame};
+use super::view::{Looks, PanelView};
+use super::{key::Key, map, marks, px_box::PxBox};
 
 /// Distance from the frame to the colour bar, px.
 const BAR_GAP: i32 = 14;
@@ -71,7 +71,7 @@ impl<'a> PanelLayout<'a> {
     /// Draws it with the upper left corner of its frame at a place. Returns the number of labels left out.
     pub fn draw(&self, drawing: &mut Drawing, [left, top]: [i32; 2]) -> usize {
         let low = [left, top].map(f64::from);
-        let frame = Frame { low, high: [0, 1].map(|axis| low[axis] + f64::from(self.size[axis])) };
+        let frame = PxBox { low, high: [0, 1].map(|axis| low[axis] + f64::from(self.size[axis])) };
         let title_top = top - self.heights()[0];
         for (n, line) in self.title.iter().enumerate() {
             drawing.text(line, (left, title_top + LINE / 2 + n as i32 * LINE), NAME_PX, Anchor::Left);
@@ -88,13 +88,13 @@ impl<'a> PanelLayout<'a> {
     }
 
     /// Draws the grid and the marks, or says that there is no data.
-    fn contents(&self, drawing: &mut Drawing, frame: Frame) -> usize {
+    fn contents(&self, drawing: &mut Drawing, frame: PxBox) -> usize {
         let ([Some(x), Some(y)], true) = (self.ranges, self.has_data()) else {
             let middle = [0, 1].map(|axis| 0.5 * (frame.low[axis] + frame.high[axis]));
             drawing.text("no data", rounded(middle), NAME_PX, Anchor::Middle);
             return 0;
         };
-        let view = View { panel: self.panel, frame, x, y, looks: &self.looks };
+        let view = PanelView { panel: self.panel, frame, x, y, looks: &self.looks };
         marks::regions(drawing, &view);
         for (axis, at, _) in self.tick_places(frame) {
             let end = |corner: At| if axis == 0 { [at, corner[1]] } else { [corner[0], at] };
@@ -103,7 +103,7 @@ impl<'a> PanelLayout<'a> {
         marks::marks(drawing, &view)
     }
 
-    fn ticks(&self, drawing: &mut Drawing, frame: Frame) {
+    fn ticks(&self, drawing: &mut Drawing, frame: PxBox) {
         let (left, bottom, length) = (frame.low[0], frame.high[1], f64::from(TICK));
         for (axis, at, label) in self.tick_places(frame) {
             if axis == 0 {
@@ -117,7 +117,7 @@ impl<'a> PanelLayout<'a> {
     }
 
     /// Axis, place along it in px, and text of every tick.
-    fn tick_places(&self, frame: Frame) -> impl Iterator<Item = (usize, f64, &str)> {
+    fn tick_places(&self, frame: PxBox) -> impl Iterator<Item = (usize, f64, &str)> {
         let [[left, top], [right, bottom]] = [frame.low, frame.high];
         let axes = self.ticks.iter().zip(self.ranges).enumerate();
         axes.filter_map(|(axis, (ticks, range))| Some((axis, ticks, range?))).flat_map(move |(axis, ticks, range)| {

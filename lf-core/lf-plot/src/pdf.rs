@@ -45,21 +45,25 @@ fn content(drawing: &Drawing, opacities: &[f32], font: &Font) -> String {
     let mut text = format!("{POINTS} 0 0 -{POINTS} 0 {} cm\n", POINTS * drawing.size[1] as f32);
     let mut last = None;
     for shape in &drawing.shapes {
-        let Some(path) = outline(&shape.form, font) else { continue };
-        let look = (shape.opacity, shape.colour, shape.stroke_px);
+        let Some(path) = outline(&shape.geometry, font) else { continue };
+        let look = (shape.opacity, shape.colour, shape.stroke);
         if last != Some(look) {
             let state = opacities.iter().position(|opacity| *opacity == shape.opacity).unwrap_or(0);
             let Colour(red, green, blue) = shape.colour;
             let [red, green, blue] = [red, green, blue].map(|part| (f32::from(part) / 2.55).round() * 0.01);
             let _ = write!(text, "/g{state} gs {red} {green} {blue} ");
-            let _ = match shape.stroke_px {
+            let _ = match shape.stroke {
                 None => writeln!(text, "rg"),
-                Some(width) => writeln!(text, "RG {width} w"),
+                Some(stroke) => {
+                    let dashes =
+                        stroke.dashes.map_or(String::new(), |dashes| dashes.map(|px| px.to_string()).join(" "));
+                    writeln!(text, "RG {} w [{dashes}] 0 d", stroke.width_px)
+                }
             };
             last = Some(look);
         }
         write_path(&mut text, &path);
-        text.push_str(if shape.stroke_px.is_none() { "f\n" } else { "S\n" });
+        text.push_str(if shape.stroke.is_none() { "f\n" } else { "S\n" });
     }
     text
 }
@@ -105,7 +109,7 @@ mod tests {
             assert!(text[at..].starts_with(&format!("{} 0 obj\n", n + 1)), "{line}");
         }
         assert!(text.contains("/MediaBox [0 0 30 15]") && text.contains("/ca 0.5"));
-        assert!(text.contains("1 0 0.5 RG 2 w\n0.00 0.00 m 4.00 8.00 l S\n"), "{text}");
+        assert!(text.contains("1 0 0.5 RG 2 w [] 0 d\n0.00 0.00 m 4.00 8.00 l S\n"), "{text}");
         assert!(text.contains("1.00 2.00 m 3.00 2.00 l 3.00 4.00 l 1.00 4.00 l h f\n"), "{text}");
     }
 }

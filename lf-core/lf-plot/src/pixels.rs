@@ -4,7 +4,7 @@ use super::drawing::{Drawing, DrawnShape};
 use super::{font::Font, outline::outline, palette::Colour};
 use lf_core::Refusal;
 use lf_core::image::picture_colour;
-use tiny_skia::{Color, FillRule, Paint, Pixmap, Stroke, Transform};
+use tiny_skia::{Color, FillRule, Paint, Pixmap, Stroke, StrokeDash, Transform};
 
 /// Pixels of the PNG to a pixel of the drawing: fine enough for print.
 const FINER: f32 = 2.0;
@@ -22,15 +22,16 @@ pub(super) fn png(drawing: &Drawing) -> Result<Vec<u8>, Refusal> {
 }
 
 fn paint(pixmap: &mut Pixmap, shape: &DrawnShape, font: &Font) {
-    let Some(path) = outline(&shape.form, font) else { return };
+    let Some(path) = outline(&shape.geometry, font) else { return };
     let mut paint = Paint::default();
     let Colour(red, green, blue) = shape.colour;
     paint.set_color_rgba8(red, green, blue, (255.0 * shape.opacity).round() as u8);
     let finer = Transform::from_scale(FINER, FINER);
-    match shape.stroke_px {
+    match shape.stroke {
         None => pixmap.fill_path(&path, &paint, FillRule::Winding, finer, None),
-        Some(width) => {
-            let stroke = Stroke { width: width as f32, ..Stroke::default() };
+        Some(stroke) => {
+            let dash = stroke.dashes.and_then(|dashes| StrokeDash::new(dashes.map(f32::from).to_vec(), 0.0));
+            let stroke = Stroke { width: stroke.width_px as f32, dash, ..Stroke::default() };
             pixmap.stroke_path(&path, &paint, &stroke, finer, None);
         }
     }

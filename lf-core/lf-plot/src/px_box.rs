@@ -1,16 +1,29 @@
-//! Lines: their parts inside a frame, solid or dashed.
+//! A rectangle on a drawing, and the parts of lines and areas inside it.
 
-use super::drawing::{At, Drawing, rounded};
-use super::palette::Colour;
+use super::drawing::At;
 
-/// The upper left and the lower right corner of a frame, px.
+/// The upper left and the lower right corner, px.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Frame {
+pub(super) struct PxBox {
     pub low: At,
     pub high: At,
 }
 
-impl Frame {
+impl PxBox {
+    pub fn about(at: At, half: At) -> Self {
+        Self { low: [0, 1].map(|axis| at[axis] - half[axis]), high: [0, 1].map(|axis| at[axis] + half[axis]) }
+    }
+
+    pub fn meets(&self, other: &Self) -> bool {
+        (0..2).all(|axis| self.low[axis] < other.high[axis] && other.low[axis] < self.high[axis])
+    }
+
+    /// Whether a place lies inside, not on an edge.
+    pub fn holds(&self, at: At) -> bool {
+        (0..2).all(|axis| self.low[axis] < at[axis] && at[axis] < self.high[axis])
+    }
+
+    /// Whether a place lies inside or on an edge, up to rounding.
     pub fn contains(&self, at: At) -> bool {
         (0..2).all(|axis| (self.low[axis] - 0.01..=self.high[axis] + 0.01).contains(&at[axis]))
     }
@@ -77,59 +90,11 @@ impl Frame {
     }
 }
 
-/// Lengths of a stroke, a gap, a stroke and a gap, px.
-type Dashes = [f64; 4];
-/// Dashes of the references in turn.
-pub(super) const REFERENCE_DASHES: [Dashes; 4] =
-    [[8.0, 5.0, 8.0, 5.0], [2.0, 4.0, 2.0, 4.0], [9.0, 4.0, 2.0, 4.0], [16.0, 6.0, 16.0, 6.0]];
-/// Dashes of a dashed series.
-pub(super) const SERIES_DASHES: Dashes = [7.0, 4.0, 7.0, 4.0];
-
-/// Draws a line through places; without a pattern it is solid.
-pub(super) fn stroke(drawing: &mut Drawing, places: &[At], colour: Colour, width_px: u32, pattern: Option<Dashes>) {
-    for stroke in pattern.map_or_else(|| vec![places.to_vec()], |pattern| dashes(places, pattern)) {
-        let mut places: Vec<_> = stroke.into_iter().map(rounded).collect();
-        places.dedup();
-        drawing.line(places, colour, width_px);
-    }
-}
-
-fn dashes(places: &[At], pattern: Dashes) -> Vec<Vec<At>> {
-    let mut strokes = Vec::new();
-    let (mut phase, mut left) = (0, pattern[0]);
-    let mut stroke: Vec<At> = places.first().into_iter().copied().collect();
-    for pair in places.windows(2) {
-        let along = [0, 1].map(|axis| pair[1][axis] - pair[0][axis]);
-        let length = along[0].hypot(along[1]);
-        let mut done = 0.0;
-        while length - done > left {
-            done += left;
-            let at = [0, 1].map(|axis| pair[0][axis] + along[axis] * done / length);
-            if phase % 2 == 0 {
-                stroke.push(at);
-                strokes.push(std::mem::take(&mut stroke));
-            } else {
-                stroke = vec![at];
-            }
-            phase = (phase + 1) % 4;
-            left = pattern[phase];
-        }
-        left -= length - done;
-        if phase % 2 == 0 {
-            stroke.push(pair[1]);
-        }
-    }
-    if stroke.len() > 1 {
-        strokes.push(stroke);
-    }
-    strokes
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const FRAME: Frame = Frame { low: [0.0, 0.0], high: [10.0, 10.0] };
+    const FRAME: PxBox = PxBox { low: [0.0, 0.0], high: [10.0, 10.0] };
 
     #[test]
     fn a_line_through_the_frame_keeps_its_inside() {
@@ -153,16 +118,5 @@ mod tests {
             .sum();
         assert!((sizes.abs() - 80.0).abs() < 1e-9);
         assert!(FRAME.area(&[[20.0, 2.0], [30.0, 2.0], [25.0, 5.0]]).is_empty());
-    }
-
-    #[test]
-    fn dashes_have_their_length() {
-        let strokes = dashes(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]], [4.0, 2.0, 1.0, 2.0]);
-        let length = |stroke: &Vec<At>| -> f64 {
-            stroke.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum()
-        };
-        let lengths: Vec<f64> = strokes.iter().map(length).collect();
-        assert_eq!(lengths, [4.0, 1.0, 4.0, 1.0, 2.0]);
-        assert_eq!(strokes[2], [[9.0, 0.0], [10.0, 0.0], [10.0, 3.0]]);
     }
 }
