@@ -49,41 +49,20 @@ pub struct Arguments {
     #[arg(long, value_name = "X,Y,Z", value_parser = Pvr::parse, help_heading = VOLUME)]
     pub pvr: Option<Pvr>,
     /// Depth of the volume, mm, from far to near: towards the camera is positive, 0 is in focus
-    #[arg(
-        long,
-        value_name = "Z0,Z1",
-        value_parser = numbers::<2>,
-        allow_hyphen_values = true,
-        required_unless_present = "like",
-        help_heading = VOLUME
-    )]
+    #[arg(long, value_name = "Z0,Z1", required_unless_present = "like", help_heading = VOLUME)]
+    #[arg(value_parser = numbers::<2>, allow_hyphen_values = true)]
     pub depth: Option<[f64; 2]>,
     /// Sides of the volume, mm [default: the part of the focal plane that the sensor sees]
-    #[arg(
-        long,
-        value_name = "X0,X1,Y0,Y1",
-        value_parser = numbers::<4>,
-        allow_hyphen_values = true,
-        help_heading = VOLUME
-    )]
+    #[arg(long, value_name = "X0,X1,Y0,Y1", help_heading = VOLUME)]
+    #[arg(value_parser = numbers::<4>, allow_hyphen_values = true)]
     pub bounds: Option<[f64; 4]>,
     /// Volume (.lfv) whose voxels to take, so that volumes by two cameras can be compared
-    #[arg(
-        long,
-        value_name = "FILE",
-        conflicts_with_all = ["preset", "pvr", "depth", "bounds"],
-        help_heading = VOLUME
-    )]
+    #[arg(long, value_name = "FILE", help_heading = VOLUME)]
+    #[arg(conflicts_with_all = ["preset", "pvr", "depth", "bounds"])]
     pub like: Option<PathBuf>,
     /// Smallest score kept, as a share of the image's brightest pixel. By default it follows the image's light and
     /// noise [default: auto]
-    #[arg(
-        long,
-        value_name = "SHARE|auto",
-        default_value = "auto",
-        hide_default_value = true,
-        help_heading = VOLUME
-    )]
+    #[arg(long, value_name = "SHARE|auto", default_value = "auto", hide_default_value = true, help_heading = VOLUME)]
     pub threshold: String,
     /// Prune tile I of N, of a volume too large for one machine. Tiles are nearly square blocks in x and y, each with
     /// the voxels around it that lf-mart needs. lf-xcorr and `lf-validate quality` take all tiles for the whole volume
@@ -109,9 +88,9 @@ pub struct Arguments {
     /// [default: pixels under a lenslet]
     #[arg(long, value_name = "N", help_heading = EXPERIMENTS, hide = true)]
     pub sections: Option<usize>,
-    /// How the pixels of a voxel become its score [default: geometric]
-    #[arg(long, value_enum, help_heading = EXPERIMENTS, hide = true)]
-    pub score: Option<ScoreName>,
+    /// How the pixels of a voxel become its score
+    #[arg(long, value_enum, default_value_t = ScoreName::Geometric, help_heading = EXPERIMENTS, hide = true)]
+    pub score: ScoreName,
     /// Share of a voxel's pixels that may be darker than the threshold, with --score quantile
     #[arg(long, value_name = "SHARE", default_value_t = 0.1, help_heading = EXPERIMENTS, hide = true)]
     pub quantile: f64,
@@ -184,12 +163,8 @@ impl Arguments {
         [(preset::typed(preset), self.pvr.is_none())]
     }
 
-    fn score(&self) -> ScoreName {
-        self.score.unwrap_or(ScoreName::Geometric)
-    }
-
     pub fn score_about(&self) -> String {
-        match self.score() {
+        match self.score {
             _ if self.keep_all => "nothing: every voxel that can be seen is kept".to_string(),
             ScoreName::Geometric => "the geometric mean of the pixels, each within limits".to_string(),
             ScoreName::Minimum => "the darkest pixel".to_string(),
@@ -217,7 +192,7 @@ impl Arguments {
 
     /// How a voxel is scored.
     pub fn scored_by(&self) -> Score {
-        match self.score() {
+        match self.score {
             ScoreName::Geometric => Score::Geometric,
             ScoreName::Minimum => Score::Share(0.0),
             ScoreName::Quantile => Score::Share(self.quantile),
