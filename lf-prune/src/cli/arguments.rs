@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Support (.lfv), - for standard output [default: -]
     #[arg(short, long, value_name = "FILE", default_value = "-", hide_default_value = true, help_heading = FILES)]
     pub output: PathBuf,
-    /// Defaults between speed and accuracy for the whole chain. Options that you give override them
+    /// Defaults between speed and accuracy for the whole chain; options that you give override them
     #[arg(long, value_parser = Preset::parser(preset::help), help_heading = VOLUME)]
     pub preset: Option<Preset>,
     /// Pixels per voxel along x, y, z. Choose 1 or 2 across, as particle images are about 2 px wide. Along z, `r` is
@@ -64,14 +64,10 @@ pub struct Arguments {
     /// noise [default: auto]
     #[arg(long, value_name = "SHARE|auto", default_value = "auto", hide_default_value = true, help_heading = VOLUME)]
     pub threshold: String,
-    /// Prune tile I of N, of a volume too large for one machine. Tiles are nearly square blocks in x and y, each with
-    /// the voxels around it that lf-mart needs. lf-xcorr and `lf-validate quality` take all tiles for the whole volume
+    /// Prune tile I of N, of a volume too large for one machine: a block in x and y, and the voxels around it that
+    /// lf-mart needs. lf-xcorr and `lf-validate quality` take all tiles for the whole volume
     #[arg(long, value_name = "I/N", value_parser = tile_number, help_heading = MEMORY)]
     pub tile: Option<[usize; 2]>,
-    /// Distance from a tile's block within which pixels count, mm at the focal plane; a larger halo makes the tile's
-    /// edges more accurate [default: eight lenslets and 1.25 times the width of its farthest voxel's beam]
-    #[arg(long, value_name = "MM", requires = "tile", help_heading = MEMORY)]
-    pub halo: Option<f64>,
     /// Only print the memory and voxels of a run, estimated from a few slices: {"memory_bytes", "voxels", "kept"} as
     /// JSON on standard output
     #[arg(long, help_heading = MEMORY)]
@@ -84,6 +80,10 @@ pub struct Arguments {
     /// Frame of --truth that the image shows [default: 0]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, help_heading = CHECKS)]
     pub frame: usize,
+    /// Distance from a tile's block within which pixels count, mm at the focal plane; a larger halo makes the tile's
+    /// edges more accurate [default: eight lenslets and 1.25 times the width of its farthest voxel's beam]
+    #[arg(long, value_name = "MM", requires = "tile", help_heading = EXPERIMENTS, hide = true)]
+    pub halo: Option<f64>,
     /// Sections of the aperture a side, 2 to 64, each a ray of a voxel; fewer sections are faster and keep more
     /// [default: pixels under a lenslet]
     #[arg(long, value_name = "N", help_heading = EXPERIMENTS, hide = true)]
