@@ -2,7 +2,6 @@
 
 use lf_core::Volume;
 use lf_tests::{Call, Workbench};
-use serde_json::Value;
 
 const CALL: &str = "scene/frame-0000.exr -c scene/camera.json --pvr 2,2,20 --depth -5,5";
 
@@ -23,15 +22,12 @@ fn bench() -> Workbench {
     bench
 }
 
-fn counts(bench: &Workbench) -> Value {
-    bench.json("stats.json")["counts"].take()
-}
-
 #[test]
 fn a_scene_is_pruned_to_the_voxels_of_its_particles() {
     let bench = bench();
     bench.done(&format!("{CALL} --truth scene/particles.csv --stats stats.json -o support.lfv -q"));
-    let counts = counts(&bench);
+    let stats = bench.json("stats.json");
+    let counts = &stats["counts"];
     let volume = Volume::open(&bench.path("support.lfv")).unwrap();
     let grid = volume.grid();
     // A pixel is 0.0055 mm, and the magnification of the scene is 1.
@@ -40,15 +36,15 @@ fn a_scene_is_pruned_to_the_voxels_of_its_particles() {
     assert_eq!(counts["lost_particles"], 0);
     assert!(counts["particles"].as_u64().unwrap() > 10, "{counts}");
     let (kept, all) = (counts["kept"].as_u64().unwrap(), grid.len());
-    assert!(kept > 1000 && kept < all / 5, "{kept} of {all}");
-    // The same voxels with another score: any voxel that can be seen.
-    let whole = format!("{CALL} --keep-all --stats stats.json -o whole.lfv -q");
-    bench.done(&whole);
-    assert!(bench.json("stats.json")["counts"]["kept"].as_u64().unwrap() > 4 * kept);
-    // The estimate of the same call, from a few slices.
+    assert!(kept > 4000 && kept < all / 150, "{kept} of {all}");
+    // Keep all voxels that can be seen.
+    bench.done(&format!("{CALL} --keep-all --stats stats.json -o whole.lfv -q"));
+    let seen = bench.json("stats.json")["counts"]["kept"].as_u64().unwrap();
+    assert!(seen > all / 10 * 9, "{seen} of {all}");
+    // Compare with the estimate from a few slices.
     let estimate = bench.done(&format!("{CALL} --estimate")).json();
     let expected = estimate["kept"].as_f64().unwrap();
-    assert!((expected / kept as f64 - 1.0).abs() < 0.5, "{expected} expected, {kept} kept");
+    assert!((expected / kept as f64 - 1.0).abs() < 0.4, "{expected} expected, {kept} kept");
 }
 
 #[test]
@@ -62,9 +58,7 @@ fn calls_without_a_sense_are_refused() {
     refused("-b scene/camera.json", "scene/camera.json");
     bench.refused(&format!("{CALL} -o scene/camera.json"), &["scene/camera.json"]);
     bench.refused("scene/frame-0000.exr -c scene/frame-0000.exr --depth -5,5 -o out.lfv", &["frame-0000.exr"]);
-    let black = ndarray::Array2::zeros((308, 308));
-    bench.image("black.exr", &black);
-    bench.refused("black.exr -c scene/camera.json --depth -5,5 -o out.lfv", &["black"]);
+    refused("-b scene/frame-0000.exr", "no voxel survives pruning: the image is black");
     assert!(!bench.path("out.lfv").exists(), "a refusal leaves no file");
 }
 

@@ -1,6 +1,6 @@
 //! A drawing: a page of shapes in pixels. `svg.rs`, `pixels.rs` and `pdf.rs` write it.
 
-use super::palette::{Colour, INK};
+use super::palette::{Colour, INK, PAPER};
 use super::text::Anchor;
 
 /// A place on a drawing, px: to the right of its left edge and below its upper one.
@@ -72,7 +72,9 @@ const THIN: Stroke = Stroke { width_px: 1, dashes: None };
 impl Drawing {
     /// A blank page of `[width, height]` px. The title is not drawn: it stands in the file.
     pub fn new(title: impl Into<String>, size: [i32; 2]) -> Self {
-        Self { title: title.into(), size, shapes: Vec::new() }
+        let mut drawing = Self { title: title.into(), size, shapes: Vec::new() };
+        drawing.block([(0, 0), (size[0], size[1])], PAPER);
+        drawing
     }
 
     /// A filled rectangle between two corners.

@@ -14,7 +14,7 @@ pub(super) const GREY: Colour = Colour(115, 115, 120);
 pub(super) const GRID: Colour = Colour(232, 232, 236);
 /// Cells of a map without a value.
 pub(super) const EMPTY: Colour = Colour(205, 205, 205);
-/// Inside of hollow arrows.
+/// The page, and the inside of hollow arrows.
 pub(super) const PAPER: Colour = Colour(255, 255, 255);
 /// Regions in turn.
 pub(super) const SHADES: [Colour; 3] = [Colour(250, 240, 205), Colour(222, 236, 247), Colour(236, 228, 240)];

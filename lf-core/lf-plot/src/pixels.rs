@@ -4,7 +4,7 @@ use super::drawing::{Drawing, DrawnShape};
 use super::{font::Font, outline::outline, palette::Colour};
 use lf_core::Refusal;
 use lf_core::image::picture_colour;
-use tiny_skia::{Color, FillRule, Paint, Pixmap, Stroke, StrokeDash, Transform};
+use tiny_skia::{FillRule, Paint, Pixmap, Stroke, StrokeDash, Transform};
 
 /// Pixels of the PNG to a pixel of the drawing: fine enough for print.
 const FINER: f32 = 2.0;
@@ -14,7 +14,6 @@ pub(super) fn png(drawing: &Drawing) -> Result<Vec<u8>, Refusal> {
     let size = drawing.size.map(|side| (FINER * side as f32) as u32);
     let too_large = || Refusal::new(format!("a picture of {} x {} px", size[0], size[1]), "wanted a smaller one");
     let mut pixmap = Pixmap::new(size[0], size[1]).ok_or_else(too_large)?;
-    pixmap.fill(Color::WHITE);
     let font = Font::new()?;
     drawing.shapes.iter().for_each(|shape| paint(&mut pixmap, shape, &font));
     let rgb: Vec<u8> = pixmap.pixels().iter().flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();

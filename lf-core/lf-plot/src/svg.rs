@@ -11,8 +11,7 @@ impl Drawing {
         let ([width, height], title) = (self.size, escaped(&self.title));
         let mut svg = format!(
             "<svg width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
-             xmlns=\"http://www.w3.org/2000/svg\">\n<title>{title}</title>\n\
-             <rect width=\"{width}\" height=\"{height}\" fill=\"#FFFFFF\"/>\n"
+             xmlns=\"http://www.w3.org/2000/svg\">\n<title>{title}</title>\n"
         );
         for shape in &self.shapes {
             write_shape(&mut svg, shape);
