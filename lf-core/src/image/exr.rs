@@ -85,7 +85,7 @@ pub(crate) fn read(bytes: &[u8], header: ExrHeader, names: &[&str]) -> Result<Ve
     names.iter().map(values).collect()
 }
 
-/// The library's failure in words.
+/// Turns a failure of the library into a refusal.
 fn failed(error: ::exr::error::Error) -> Refusal {
     match error {
         ::exr::error::Error::NotSupported(what) => Refusal::new(

@@ -1,4 +1,4 @@
-//! A deserializer of JSON values that can pass over the mistakes already found, so that the next one shows.
+//! A deserializer of JSON values that passes over the mistakes already found, so that the next one is found.
 
 use super::fault::{Fault, Mistake};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};

@@ -47,7 +47,7 @@ pub fn open(path: &Path, session: &Session) -> Result<Vec<Particle>> {
     Ok(particles)
 }
 
-/// Reads a table. Refuses another frame than the tools', and a covariance that is none. Errors give the number of the
+/// Reads a table. Refuses a frame other than the tools' and an impossible covariance. Errors give the number of the
 /// line.
 pub fn read(text: &str) -> std::result::Result<Vec<Particle>, Refusal> {
     if let Some(frame) = frame(text).filter(|frame| *frame != MARK) {

@@ -1,4 +1,4 @@
-//! The head of a NetCDF file in the classic format with 64-bit offsets, and its values.
+//! The header of a NetCDF file in the classic format with 64-bit offsets, and its values.
 //!
 //! Source: "NetCDF Classic Format Specification" of Unidata. A file is a header, then the values of every variable
 //! without the record dimension, then the records: record 0 of each variable that has it, record 1 of each, and so on.
@@ -7,7 +7,7 @@
 use crate::Refusal;
 use std::io::{Result, Write};
 
-/// Number types, as the format numbers them.
+/// Number types and their codes in the format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NumberType {
     Byte = 1,

@@ -1,6 +1,6 @@
-//! Rays from one depth, fast: Snell's law as a polynomial.
+//! Fast rays from one depth: Snell's law as a polynomial.
 //!
-//! Window and medium are the same all around the axis. So the slope of a ray in the air before the lens is `g offset`,
+//! Window and medium are symmetric about the axis. So the slope of a ray in the air before the lens is `g offset`,
 //! where g depends only on the length of the offset between the point and the place on the lens. A polynomial through
 //! a few exact rays gives g.
 
@@ -82,7 +82,7 @@ impl SliceRays {
         ArrayHit { array, alpha: ratio * alpha / (DVec2::ONE - (1.0 - ratio) * alpha) }
     }
 
-    /// The same through a place on the lens.
+    /// The ray of a point through a place on the lens.
     #[inline(always)]
     fn through_lens(&self, object: DVec2, lens: DVec2) -> ArrayHit {
         let offset = lens - object;
