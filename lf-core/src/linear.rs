@@ -87,7 +87,7 @@ pub fn inverse_column(lower: &[f64], size: usize, n: usize) -> Vec<f64> {
 /// Weighted least squares by normal equations: the `x` that minimises the sum of `weight (row . x - value)^2`.
 #[derive(Debug, Clone)]
 pub struct LeastSquares {
-    /// Sum of `weight row row'`, of which the lower triangle is filled.
+    /// Sum of `weight row row'`; the lower triangle is filled.
     pub matrix: Vec<f64>,
     /// Sum of `weight value row`.
     pub right: Vec<f64>,

@@ -1,8 +1,8 @@
 //! `--max-memory`, `estimated_bytes` and the answer to `--estimate`: one sum for all three.
 //!
-//! A tool states how many bytes its work will take, beside those that it holds once its inputs are read. `--estimate`
-//! prints the sum of both, `--stats` records it as `estimated_bytes`, and a sum above the limit is refused before the
-//! work begins.
+//! A tool states how many bytes its work will take, in addition to those that it holds once its inputs are read.
+//! `--estimate` prints the sum of both, `--stats` records it as `estimated_bytes`, and a sum above the limit is refused
+//! before the work begins.
 
 use super::session::Session;
 use crate::{Error, Result, io};
@@ -47,7 +47,7 @@ impl MemoryLimit {
 
 impl Session {
     /// Refuses work that would bring this process above the limit. The error is about `subject`; `what` takes
-    /// `work_bytes` beside the memory in use now, such as `a grid of 9 x 9 x 9 voxels`.
+    /// `work_bytes` in addition to the memory in use now, such as `a grid of 9 x 9 x 9 voxels`.
     pub fn allow_memory(
         &mut self,
         limit: MemoryLimit,

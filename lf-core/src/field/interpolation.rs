@@ -141,7 +141,7 @@ mod tests {
     use super::*;
     use crate::field::REPLACED;
 
-    /// A flow that trilinear interpolation reproduces exactly, but for rounding to f32.
+    /// A flow that trilinear interpolation reproduces to the rounding of f32.
     fn flow([x, y, z]: [f64; 3]) -> [f64; 3] {
         [1.0 + 2.0 * x - y + 0.5 * x * y, 0.1 * x * y * z - z, 3.0 + 0.25 * y * z]
     }

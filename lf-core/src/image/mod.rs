@@ -6,7 +6,7 @@
 //! **Written.** The extension of the name chooses the format. Equal images and histories give equal bytes.
 //!
 //! - EXR, for every extension but the next: one part, one `f32` channel `Y`, linear counts, ZIP1 compression, rows from
-//!   top to bottom, and one text attribute `lf:history` that holds the history as JSON (absent if there is none).
+//!   top to bottom, and one text attribute `lf:history` that holds the history as JSON (absent without history).
 //! - TIFF, for `.tif` and `.tiff`: one page, 16-bit grey, whole counts, not compressed, and the same history in the tag
 //!   `ImageDescription`.
 //!

@@ -23,7 +23,7 @@ impl SharedText {
         self.length.store(text.len(), Relaxed);
     }
 
-    /// Writes the text to standard error, as far as that takes it. Safe in a signal handler.
+    /// Writes the text to standard error and ignores failures. Safe in a signal handler.
     fn print(&self) {
         print(self.start.load(Relaxed), self.length.load(Relaxed));
     }

@@ -8,9 +8,9 @@ pub const REACH_SIGMA: f64 = 4.0;
 /// Slices that are made at a time.
 pub const BATCH: usize = 16;
 
-/// Draws particles as Gaussians of `sigma_vox` voxels, sampled at the voxels' centres. `particle` gives the place, mm, and
-/// the light of each of `count` particles; its Gaussian sums to this light unless the grid's edge cuts it. Returns rising
-/// indices and intensities. Each voxel adds up the particles in their order.
+/// Draws particles as Gaussians of `sigma_vox` voxels, sampled at the voxels' centres. `particle` gives the place, mm,
+/// and the light of each of `count` particles; its Gaussian sums to this light unless the grid's edge cuts it. Returns
+/// rising indices and intensities. Each voxel adds up the particles in their order.
 pub fn draw(
     grid: &Grid,
     sigma_vox: [f64; 3],

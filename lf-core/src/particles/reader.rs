@@ -29,7 +29,7 @@ pub fn history(text: &str) -> History {
     comments(text).filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
-/// Warns of a table that does not name its frame. `name` stands for it.
+/// Warns of a table that does not name its frame. `name` is its name in messages.
 pub fn warn_unmarked(text: &str, name: &str, session: &Session) {
     if frame(text).is_none() {
         session.warn(format!(

@@ -63,7 +63,7 @@ pub(in crate::field) fn write_cf(field: &Field, more: &[Array], out: &mut dyn Wr
 }
 
 /// Writes a series of fields as one NetCDF with the dimension t. `next` gives field `n`; one is in memory at a time.
-/// Refuses a field whose vectors stand at other places, or have another time between their volumes, than the first.
+/// Refuses a field whose vectors have other places or another time between their volumes than the first.
 pub fn save_series(path: &Path, time: &Time, mut next: impl FnMut(usize) -> Result<Field>) -> Result<()> {
     let mut first = Some(next(0)?);
     let layout = first.as_ref().map(|field| field.layout.clone()).unwrap_or_default();

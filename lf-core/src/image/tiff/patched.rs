@@ -1,4 +1,4 @@
-//! A file in memory of which a few bytes read as others.
+//! A file in memory in which a few bytes are replaced as they are read.
 
 use std::io::{Cursor, Read, Result, Seek, SeekFrom};
 

@@ -47,7 +47,7 @@ pub(in crate::image) fn size(bytes: &[u8], directory: usize) -> Result<[usize; 2
     PageLayout::read(tiff, directory, bytes.len()).map(|layout| [layout.width, layout.height])
 }
 
-/// Decodes the page whose directory stands at `directory`, and no other.
+/// Decodes only the page whose directory is at `directory`.
 pub(in crate::image) fn page(bytes: &[u8], directory: usize, channel: Option<Channel>) -> Result<Image, Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
     let layout = PageLayout::read(tiff, directory, bytes.len())?;

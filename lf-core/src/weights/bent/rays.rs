@@ -24,7 +24,7 @@ pub(super) struct SliceRays {
     pupil: Option<Pupil>,
 }
 
-/// An exit pupil beside the lens.
+/// An exit pupil that is not at the lens.
 #[derive(Debug, Clone, Copy)]
 struct Pupil {
     /// Distance from the lens to the array over that from the pupil.
@@ -43,7 +43,7 @@ pub(super) struct ArrayHit {
 }
 
 impl SliceRays {
-    /// The rays from depth `z_mm` of points no farther than `field_mm` from the axis.
+    /// The rays from depth `z_mm`, for points within `field_mm` of the axis.
     pub(super) fn new(optics: &Optics, z_mm: f64, field_mm: f64) -> Self {
         let stop = std::f64::consts::SQRT_2 * optics.half_aperture_mm;
         let ratio = optics.pupil_ratio();

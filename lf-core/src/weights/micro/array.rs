@@ -27,7 +27,8 @@ pub(crate) struct LensletArray {
     pub(super) middle_y: Vec<f32>,
     /// px on the sensor for a mm of the stop.
     pub(super) per_mm: Vec<f32>,
-    /// px on the sensor that a ray lies beside the place of its stop, for a mm on the array from the lenslet's centre.
+    /// Distance on the sensor between a ray and the image of its place in the stop, px for a mm on the array from the
+    /// lenslet's centre.
     pub(super) refocus: Vec<f32>,
     /// `per_mm` and `refocus` where the sensor is nearest to the array, and where it is farthest.
     pub(super) extremes: [[f64; 2]; 2],

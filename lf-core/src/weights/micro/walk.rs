@@ -49,7 +49,7 @@ impl Tops {
             let number = (((segment.x[n] - start_x) * along_x).max(0.0) as usize).min(array.length - LANES - 1);
             let lenslet = row * array.length + number;
             let down = array.y[lenslet] - segment.y[n];
-            // Take straight rays; `slack` covers the bend. Polynomials do not hold for lenslets far beside the beam.
+            // Take straight rays; `slack` covers the bend. Polynomials do not hold for lenslets far from the beam.
             let v = down * slice.per_alpha;
             array.row[lenslet] as f32 + array.middle_y[lenslet] - array.per_mm[lenslet] * v - half_px
         };
