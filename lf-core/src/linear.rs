@@ -7,7 +7,7 @@
 const LANES: usize = 8;
 
 /// Sum of products, in lanes.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
     let (a, b) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
     let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
@@ -36,8 +36,8 @@ pub fn cholesky(matrix: &mut [f64], size: usize, least: f64) -> Option<()> {
     Some(())
 }
 
-/// Replaces the lower triangle of `matrix` by its Cholesky factor L. A pivot below `floor(column, value on the diagonal)`
-/// is raised to it, so that rounding cannot make the rows below it overflow.
+/// Replaces the lower triangle of `matrix` by its Cholesky factor L. Pivots below `floor(column, diagonal value)` are
+/// raised to it, so that rounding cannot make the rows below overflow.
 pub fn cholesky_above(matrix: &mut [f64], size: usize, floor: impl Fn(usize, f64) -> f64) {
     for column in 0..size {
         let own = matrix[column * size + column];
@@ -84,48 +84,13 @@ pub fn inverse_column(lower: &[f64], size: usize, n: usize) -> Vec<f64> {
     column
 }
 
-/// Weighted least squares by normal equations: the `x` that minimises the sum of `weight (row . x - value)^2`.
-#[derive(Debug, Clone)]
-pub struct LeastSquares {
-    /// Sum of `weight row row'`, of which the lower triangle is filled.
-    pub matrix: Vec<f64>,
-    /// Sum of `weight value row`.
-    pub right: Vec<f64>,
-}
-
-impl LeastSquares {
-    /// No equation yet, for `size` unknowns.
-    pub fn new(size: usize) -> Self {
-        Self { matrix: vec![0.0; size * size], right: vec![0.0; size] }
-    }
-
-    /// Adds an equation.
-    #[inline]
-    pub fn add(&mut self, row: &[f64], value: f64, weight: f64) {
-        let size = self.right.len();
-        for (i, a) in row.iter().enumerate() {
-            let weighted = weight * a;
-            self.right[i] += weighted * value;
-            self.matrix[i * size..=i * size + i].iter_mut().zip(row).for_each(|(sum, b)| *sum += weighted * b);
-        }
-    }
-
-    /// The Cholesky factor of the matrix and the solution. None if a pivot is not above `least` times the matrix's value
-    /// there.
-    pub fn solve(mut self, least: f64) -> Option<(Vec<f64>, Vec<f64>)> {
-        cholesky(&mut self.matrix, self.right.len(), least)?;
-        solve(&self.matrix, &mut self.right);
-        Some((self.matrix, self.right))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const SIZE: usize = 21;
 
-    /// Lehmer's matrix, min(i, j) / max(i, j), which is positive definite; its inverse is known and has three diagonals.
+    /// Lehmer's matrix, min(i, j) / max(i, j), is positive definite; its inverse is known and has three diagonals.
     fn lehmer(i: usize, j: usize) -> f64 {
         (i.min(j) + 1) as f64 / (i.max(j) + 1) as f64
     }
@@ -180,21 +145,5 @@ mod tests {
         let mut matrix = [1.0, 0.0, 2.0, 1.0];
         cholesky_above(&mut matrix, 2, |_, own| 0.25 * own);
         assert_eq!(matrix, [1.0, 0.0, 2.0, 0.5]);
-    }
-
-    /// By hand: a line through (0, 0), (1, 1) and, with twice the weight, (2, 1) is 2/11 + 5/11 x.
-    #[test]
-    fn a_weighted_line_by_hand() {
-        let mut equations = LeastSquares::new(2);
-        for (x, y, weight) in [(0.0, 0.0, 1.0), (1.0, 1.0, 1.0), (2.0, 1.0, 2.0)] {
-            equations.add(&[1.0, x], y, weight);
-        }
-        let (lower, line) = equations.solve(1e-12).unwrap();
-        assert!((line[0] - 2.0 / 11.0).abs() < 1e-15 && (line[1] - 5.0 / 11.0).abs() < 1e-15, "{line:?}");
-        // The covariance of the slope: the inverse of [[4, 5], [5, 9]].
-        assert!((inverse_column(&lower, 2, 1)[1] - 4.0 / 11.0).abs() < 1e-15);
-        let mut alike = LeastSquares::new(2);
-        [0.0, 1.0].iter().for_each(|value| alike.add(&[1.0, 3.0], *value, 1.0));
-        assert!(alike.solve(1e-12).is_none());
     }
 }

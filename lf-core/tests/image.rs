@@ -2,7 +2,7 @@
 
 use crate::allocation;
 use image::{ExtendedColorType, ImageEncoder};
-use lf_core::image::{Channel, Image, Stack, open, open_counts, outside_u16, save};
+use lf_core::image::{Channel, Image, Stack, from_bytes, open, open_counts, outside_u16, save};
 use lf_core::{History, history::Step};
 use ndarray::{Array2, array};
 use std::io::Cursor;
@@ -32,7 +32,7 @@ fn saved(name: &str, pixels: &Array2<f32>, history: &History) -> Vec<u8> {
 }
 
 pub fn read(bytes: &[u8]) -> lf_core::Result<Image> {
-    Stack::from_bytes(bytes.to_vec().into(), "frame")?.only(None)
+    from_bytes(bytes, "frame")
 }
 
 pub fn read_channel(bytes: &[u8], channel: Channel) -> Image {
@@ -295,7 +295,7 @@ fn sizes_that_the_file_cannot_hold_allocate_nothing() {
     replace(&mut bytes, &window(5, 3), &window(side, side));
     replace(&mut bytes, &window(5, 3), &window(side, side));
     check_hostile("exr", &bytes);
-    // The same for width and height of a PNG, whose header then needs a new checksum, and of a TIFF.
+    // Width and height of a PNG, whose header then needs a new checksum, and of a TIFF.
     let mut bytes = png(5, 3, &[1; 15], ExtendedColorType::L8);
     bytes[16..20].copy_from_slice(&side.to_be_bytes());
     bytes[20..24].copy_from_slice(&side.to_be_bytes());

@@ -27,17 +27,18 @@ impl Field {
         Self::from_bytes(&io::open(path)?, &io::name(path))
     }
 
-    /// Reads an EXR field from memory as [`Field::open`] does; `name` stands for it in messages.
+    /// Reads an EXR field from memory; `name` stands for it in messages.
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
-    /// Writes EXR, `.vti`, `.nc` (NetCDF) or `.csv` by extension; `-` and a name without extension are EXR. Refuses what [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
+    /// Writes EXR, `.vti`, `.nc` (NetCDF) or `.csv` by extension; `-` and a name without extension are EXR. Refuses
+    /// what [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
         self.save_with(path, &[])
     }
 
-    /// Writes the field as [`Field::save`] does, with more numbers at every vector: channels of the EXR, arrays of the
+    /// Writes the field like [`Field::save`], with more numbers at every vector: channels of the EXR, arrays of the
     /// `.vti`, variables of the `.nc`, columns of the `.csv`. [`Field::open`] reads such a file as the
     /// field alone. Panics if an array is not as long as the layout asks.
     pub fn save_with(&self, path: &Path, more: &[Array]) -> Result<()> {

@@ -73,7 +73,7 @@ pub(crate) fn read(bytes: &[u8], header: ExrHeader, names: &[&str]) -> Result<Ve
     let mut list = image.layer_data.channel_data.list;
     let pixels = header.width * header.height;
     let values = |name: &&str| {
-        let place = list.iter().position(|channel| channel.name.eq(*name));
+        let place = list.iter().position(|channel| channel.name.eq(name));
         let place = place.ok_or_else(|| damaged(format!("channel {name} is missing")))?;
         let values = match list.swap_remove(place).sample_data {
             FlatSamples::F32(samples) => samples,
@@ -85,7 +85,7 @@ pub(crate) fn read(bytes: &[u8], header: ExrHeader, names: &[&str]) -> Result<Ve
     names.iter().map(values).collect()
 }
 
-/// The library's failure in words.
+/// Turns a failure of the library into a refusal.
 fn failed(error: ::exr::error::Error) -> Refusal {
     match error {
         ::exr::error::Error::NotSupported(what) => Refusal::new(

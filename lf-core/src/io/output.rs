@@ -82,7 +82,7 @@ fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()
     outcome.map(|()| file)
 }
 
-/// What a path stands for.
+/// The kind of output that a path names.
 enum OutputPlace {
     /// Standard output.
     Standard,
@@ -93,7 +93,7 @@ enum OutputPlace {
     Replace(PathBuf, Option<Permissions>),
 }
 
-/// Finds out what a path stands for. Opens no device or FIFO: that may wait for a reader.
+/// Determines the kind of output that a path names. Opens no device or FIFO, since that may wait for a reader.
 fn place(path: &Path) -> io::Result<OutputPlace> {
     if is_standard(path) || path == Path::new("/dev/stdout") {
         return if stdout_was_closed() { Err(io::Error::other("closed")) } else { Ok(OutputPlace::Standard) };

@@ -1,4 +1,4 @@
-//! A deserializer of JSON values that can pass over the mistakes already found, so that the next one shows.
+//! A deserializer of JSON values that passes over the mistakes already found, so that the next one is found.
 
 use super::fault::{Fault, Mistake};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
@@ -18,14 +18,14 @@ pub(super) struct Known {
     pub wrong: BTreeSet<String>,
 }
 
-/// Values that stand for a missing key of unknown type.
+/// Number of values that replace a missing key of unknown type.
 pub(super) const STAND_INS: usize = 4;
 
 fn stand_in(number: usize) -> Value {
     [json!(1), json!("x"), json!([1, 1, 1]), json!([1, 1])][number.min(STAND_INS - 1)].clone()
 }
 
-/// The value at a path; `None` stands for a mistake that is passed over, and gives whatever is wanted.
+/// The value at a path; `None` is a mistake that is passed over, and gives a value of any wanted type.
 #[derive(Clone)]
 pub(super) struct Reader<'a> {
     pub value: Option<&'a Value>,

@@ -29,7 +29,7 @@ pub fn history(text: &str) -> History {
     comments(text).filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
-/// Warns of a table that does not name its frame. `name` stands for it.
+/// Warns of a table that does not name its frame. `name` is its name in messages.
 pub fn warn_unmarked(text: &str, name: &str, session: &Session) {
     if frame(text).is_none() {
         session.warn(format!(
@@ -47,7 +47,7 @@ pub fn open(path: &Path, session: &Session) -> Result<Vec<Particle>> {
     Ok(particles)
 }
 
-/// Reads a table. Refuses another frame than the tools', and a covariance that is none. Errors give the number of the
+/// Reads a table. Refuses a frame other than the tools' and an impossible covariance. Errors give the number of the
 /// line.
 pub fn read(text: &str) -> std::result::Result<Vec<Particle>, Refusal> {
     if let Some(frame) = frame(text).filter(|frame| *frame != MARK) {

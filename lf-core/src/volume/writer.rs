@@ -20,7 +20,7 @@ pub fn write(
     write_with(out, grid, indices, columns, history, &Map::new())
 }
 
-/// Writes as [`write()`] does, with header keys beyond the format's own, such as [`extra`](super::Volume::extra).
+/// Writes like [`write()`], with header keys beyond the format's own, such as [`extra`](super::Volume::extra).
 pub fn write_with(
     out: &mut dyn Write,
     grid: &Grid,

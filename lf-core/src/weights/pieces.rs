@@ -1,6 +1,6 @@
 //! Weights of any straight-ray camera: lenslet by lenslet, slab by slab of its cell, integrated where they are used.
 //!
-//! The slow and obvious way, and the oracle of the faster ones. About 0.1 us for each lenslet and slab.
+//! This is the slow and simple way, with which tests compare the faster ones. About 0.1 us for each lenslet and slab.
 
 use super::axis::{Piece, Span};
 use super::{blur::Blur, chords::Chords, geometry::Geometry};

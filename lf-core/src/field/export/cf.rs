@@ -48,14 +48,14 @@ impl Time {
 
 /// Number of the channel `flag`.
 const FLAG: usize = 8;
-/// Variables that say more of u, v and w.
+/// Variables that qualify u, v and w.
 const ANCILLARY: [&str; 3] = ["su flag peak ratio count", "sv flag peak ratio count", "sw flag peak ratio count"];
 
 /// Writes one field, without the dimension t.
 pub(in crate::field) fn write_cf(field: &Field, more: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
     let (mut header, more) = (header(&field.layout, None), parts::all(more));
     let dimensions = header.dimensions.len();
-    header.variables.extend(more.iter().map(|(name, _)| further(name, dimensions)));
+    header.variables.extend(more.iter().map(|(name, _)| additional(name, dimensions)));
     out.write_all(&header.bytes().map_err(Error::other)?)?;
     write_places(&field.layout, out)?;
     write_components(field, out)?;
@@ -63,7 +63,7 @@ pub(in crate::field) fn write_cf(field: &Field, more: &[Array], out: &mut dyn Wr
 }
 
 /// Writes a series of fields as one NetCDF with the dimension t. `next` gives field `n`; one is in memory at a time.
-/// Refuses a field whose vectors stand at other places, or have another time between their volumes, than the first.
+/// Refuses a field whose vectors have other places or another time between their volumes than the first.
 pub fn save_series(path: &Path, time: &Time, mut next: impl FnMut(usize) -> Result<Field>) -> Result<()> {
     let mut first = Some(next(0)?);
     let layout = first.as_ref().map(|field| field.layout.clone()).unwrap_or_default();
@@ -162,8 +162,8 @@ fn component(n: usize, dimensions: usize) -> Variable {
     Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind, attributes }
 }
 
-/// The variable of further numbers at every vector. The end of its name is its unit.
-fn further(name: &str, dimensions: usize) -> Variable {
+/// The variable of additional numbers at every vector. Its name ends with its unit.
+fn additional(name: &str, dimensions: usize) -> Variable {
     let attributes = vec![("long_name", Value::Text(name.to_owned())), ("_FillValue", Value::Floats(vec![f32::NAN]))];
     Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind: NumberType::Float, attributes }
 }

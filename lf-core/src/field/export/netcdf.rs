@@ -1,4 +1,4 @@
-//! The head of a NetCDF file in the classic format with 64-bit offsets, and its values.
+//! The header of a NetCDF file in the classic format with 64-bit offsets, and its values.
 //!
 //! Source: "NetCDF Classic Format Specification" of Unidata. A file is a header, then the values of every variable
 //! without the record dimension, then the records: record 0 of each variable that has it, record 1 of each, and so on.
@@ -7,7 +7,7 @@
 use crate::Refusal;
 use std::io::{Result, Write};
 
-/// Number types, as the format numbers them.
+/// Number types and their codes in the format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NumberType {
     Byte = 1,
@@ -76,7 +76,7 @@ impl NetcdfHeader {
             let found = format!("{size} bytes of {}", variable.name);
             return Err(Refusal::new(found, "wanted less than 4 GiB, the limit of the format"));
         }
-        // Places take as many bytes whatever their value is.
+        // Offsets have a fixed size, so that the header's length does not depend on them.
         let start = self.with_places(&sizes, 0).len() as u64;
         Ok(self.with_places(&sizes, start))
     }
@@ -91,7 +91,7 @@ impl NetcdfHeader {
         self.has_records && dimension == 0
     }
 
-    /// The header of variables whose values stand one after the other from byte `start`.
+    /// The header of variables whose values follow each other from byte `start`.
     fn with_places(&self, sizes: &[u64], start: u64) -> Vec<u8> {
         let mut bytes = b"CDF\x02".to_vec();
         number(&mut bytes, if self.has_records { self.dimensions[0].1 } else { 0 } as u32);

@@ -1,4 +1,4 @@
-//! How a page of a TIFF stores its pixels, by its tags. Names what is valid but not read.
+//! How a page of a TIFF stores its pixels, according to its tags. Valid pages that are not read are refused by name.
 
 use super::directory::Tiff;
 use crate::Refusal;
@@ -159,7 +159,7 @@ fn samples(tags: &Tags, is_colour: bool) -> Result<(u64, bool), Refusal> {
     let samples = tags.one(Tag::SamplesPerPixel).unwrap_or(1);
     let own = if is_colour { 3 } else { 1 };
     let extra = tags.one(Tag::ExtraSamples);
-    // Pictures of the first writers have alpha without a word.
+    // Early writers store alpha without the tag.
     let has_alpha = samples == own + 1 && (matches!(extra, Some(1 | 2)) || (extra.is_none() && is_colour));
     Refusal::unless(samples == own || has_alpha, || format!("{samples} channels"), WANTED)?;
     Ok((samples, has_alpha))

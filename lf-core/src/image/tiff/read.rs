@@ -1,6 +1,6 @@
 //! Reads a TIFF page by page: the library decodes, on tags that it knows.
 
-use super::directory::{MANY, Tiff};
+use super::directory::{MAX_DIRECTORIES, Tiff};
 use super::layout::PageLayout;
 use super::packed::unpacked;
 use super::patched::Patched;
@@ -15,7 +15,11 @@ pub(in crate::image) fn pages(bytes: &[u8]) -> Result<Vec<usize>, Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
     let pages = tiff.directories().ok_or_else(|| damaged("its directories leave the file"))?;
     Refusal::unless(!pages.is_empty(), || "no page", "wanted a TIFF with pages")?;
-    Refusal::unless(pages.len() < MANY, || format!("{MANY} pages or more"), "wanted fewer in one file")?;
+    Refusal::unless(
+        pages.len() < MAX_DIRECTORIES,
+        || format!("{MAX_DIRECTORIES} pages or more"),
+        "wanted fewer in one file",
+    )?;
     if let (1, Some(images)) = (pages.len(), imagej_images(tiff, pages[0])) {
         let found = format!("an ImageJ stack of {images} images in one page");
         return Err(Refusal::new(found, "wanted a page for each image"));
@@ -43,7 +47,7 @@ pub(in crate::image) fn size(bytes: &[u8], directory: usize) -> Result<[usize; 2
     PageLayout::read(tiff, directory, bytes.len()).map(|layout| [layout.width, layout.height])
 }
 
-/// Decodes the page whose directory stands at `directory`, and no other.
+/// Decodes only the page whose directory is at `directory`.
 pub(in crate::image) fn page(bytes: &[u8], directory: usize, channel: Option<Channel>) -> Result<Image, Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
     let layout = PageLayout::read(tiff, directory, bytes.len())?;
@@ -74,13 +78,13 @@ struct Page<'a> {
     layout: PageLayout,
 }
 
-/// A part that the library decodes at once: all strips of a page, or one tile as if it was a page.
+/// A part that the library decodes in one call: all strips of a page, or a tile, which then looks like a page.
 struct Block {
     /// Width and height, px.
     size: [usize; 2],
     /// Samples of a pixel.
     samples: usize,
-    /// Places in the file, and the bytes to read there instead.
+    /// Offsets in the file, and the bytes to read there instead.
     patches: Vec<(usize, Vec<u8>)>,
 }
 
@@ -90,8 +94,8 @@ impl Page<'_> {
         patch.ok_or_else(|| damaged(format!("no tag {}", tag.to_u16())))
     }
 
-    /// Decodes a block. The library reads the page as the first; several samples as bands, so that it drops and converts
-    /// none; packed samples as bytes.
+    /// Decodes a block. Patched bytes make this page the first of the file, several samples bands (the library would
+    /// drop or convert some of them), and packed samples bytes.
     fn block(&self, block: &Block) -> Result<Vec<f32>, Refusal> {
         let Block { size: [width, height], samples, .. } = *block;
         let row = self.layout.row_bytes(width);
@@ -122,7 +126,7 @@ impl Page<'_> {
         }
     }
 
-    /// Decodes tile by tile. The library itself reads a tile row by row, and then fails on valid LZW: its decoder takes
+    /// Decodes tile by tile. The library reads a tile row by row and then fails on valid LZW, because its decoder takes
     /// a short row without new input for the end of the data.
     fn tiles(&self, [across_px, down_px]: [usize; 2]) -> Result<Vec<f32>, Refusal> {
         let PageLayout { width, height, is_planar, .. } = self.layout;
@@ -168,7 +172,7 @@ impl Page<'_> {
     }
 }
 
-/// The library's failure in words.
+/// Turns a failure of the library into a refusal.
 fn failed(error: TiffError) -> Refusal {
     match error {
         TiffError::UnsupportedError(what) => {

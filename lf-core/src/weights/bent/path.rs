@@ -34,7 +34,7 @@ pub(crate) struct Bent {
     /// Half the height of a cell, mm, and its left and right edge from its lowest to its highest line.
     top: f32,
     edges: Vec<[f32; 2]>,
-    /// The farthest that a voxel lies from the axis, mm.
+    /// Largest distance of a voxel from the axis, mm.
     field_mm: f64,
     /// Rays and a cell's shares in each slice, made when first used.
     slices: Vec<OnceLock<Slice>>,
@@ -136,9 +136,11 @@ impl Bent {
         let object = sensor_axes(object);
         let Slice { rays, shares } = self.slice(voxel[2]);
         for section in &self.sections {
+            // Trace the section's rays to the array.
             let hit = rays.through(object, section.middle);
             let alpha = hit.alpha.as_vec2();
             let beam = SectionBeam { array: hit.array + distortion, alpha, per_alpha: alpha.recip() };
+            // Share its light out over the lenslets nearby, and from there over the pixels.
             array.near(
                 beam.array.as_vec2(),
                 shares.half,
@@ -170,8 +172,9 @@ impl Bent {
         [middle_px + slope * Vec2::new(u0, v0), middle_px + slope * Vec2::new(u1, v1)]
     }
 
-    /// The part of a section, from its middle, whose rays fall between two edges of a cell along one axis. If none do,
-    /// the light comes over the cell's blurred edge: then it is the half of the section that is nearer to the cell.
+    /// The part of a section, measured from its middle, whose rays fall between two edges of a cell along one axis. If
+    /// no ray does, the light comes over the cell's blurred edge; this gives the half of the section that is nearer to
+    /// the cell.
     #[inline(always)]
     fn taken(&self, per_alpha: f32, beyond: f32, [low, high]: [f32; 2]) -> (f32, f32) {
         let half = 0.5 * self.side;

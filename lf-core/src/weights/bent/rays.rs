@@ -1,6 +1,6 @@
-//! Rays from one depth, fast: Snell's law as a polynomial.
+//! Fast rays from one depth: Snell's law as a polynomial.
 //!
-//! Window and medium are the same all around the axis. So the slope of a ray in the air before the lens is `g offset`,
+//! Window and medium are symmetric about the axis. So the slope of a ray in the air before the lens is `g offset`,
 //! where g depends only on the length of the offset between the point and the place on the lens. A polynomial through
 //! a few exact rays gives g.
 
@@ -24,7 +24,7 @@ pub(super) struct SliceRays {
     pupil: Option<Pupil>,
 }
 
-/// An exit pupil beside the lens.
+/// An exit pupil that is not at the lens.
 #[derive(Debug, Clone, Copy)]
 struct Pupil {
     /// Distance from the lens to the array over that from the pupil.
@@ -43,7 +43,7 @@ pub(super) struct ArrayHit {
 }
 
 impl SliceRays {
-    /// The rays from depth `z_mm` of points no farther than `field_mm` from the axis.
+    /// The rays from depth `z_mm`, for points within `field_mm` of the axis.
     pub(super) fn new(optics: &Optics, z_mm: f64, field_mm: f64) -> Self {
         let stop = std::f64::consts::SQRT_2 * optics.half_aperture_mm;
         let ratio = optics.pupil_ratio();
@@ -82,7 +82,7 @@ impl SliceRays {
         ArrayHit { array, alpha: ratio * alpha / (DVec2::ONE - (1.0 - ratio) * alpha) }
     }
 
-    /// The same through a place on the lens.
+    /// The ray of a point through a place on the lens.
     #[inline(always)]
     fn through_lens(&self, object: DVec2, lens: DVec2) -> ArrayHit {
         let offset = lens - object;

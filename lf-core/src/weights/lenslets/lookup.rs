@@ -1,7 +1,8 @@
 //! Exact weights of a straight-ray camera whose lattice is not aligned with the pixels.
 //!
-//! A lenslet's image of a voxel is one of the slice's [`LensletPatches`], found by its place among the pixels: to 1/128 px, or
-//! to as little on the array. If the stop cuts the image, `cut.rs` does the rest. The oracle is `pieces.rs`.
+//! A lenslet's image of a voxel is one of the slice's [`LensletPatches`], selected by its place among the pixels to
+//! 1/128 px, or to as little on the array. If the stop cuts the image, `cut.rs` takes over. Tests compare with
+//! `pieces.rs`.
 
 use super::cut::{CutBuffers, CutImage};
 use super::patch::{self, LensletPatches};
@@ -19,7 +20,7 @@ pub struct Lenslets {
     first_row: i64,
     /// The patches of each slice, made when first used.
     patches: Vec<OnceLock<LensletPatches>>,
-    /// The same in fine pixels, [`FINENESS`] a side, for cells with slanted sides that the stop cuts.
+    /// Like `patches`, but in fine pixels, [`FINENESS`] a side: for cells with slanted sides that the stop cuts.
     fine_patches: Vec<OnceLock<LensletPatches>>,
     fineness: i32,
 }
@@ -37,7 +38,7 @@ pub(crate) struct LookupBuffers {
 /// Fine pixels of a pixel, a side; see `cut.rs`. Whole pixels err by 1.2 % of a voxel's light and cost 0.01 of Q.
 const FINENESS: i32 = 2;
 
-/// A lenslet is wholly inside the stop if its cell, widened by this share of the blur, is. Little light lies outside.
+/// A lenslet counts as inside the stop if its cell, widened by this share of the blur, is. Little light lies outside.
 const BLUR_INSIDE: f64 = 0.4;
 
 /// A voxel and the rows asked for.
@@ -108,6 +109,7 @@ impl Lenslets {
         wanted: RowSet,
         mut found: impl FnMut(u32, u32, f32, &[f32]),
     ) {
+        // Reuse the slice's optics and the wanted rows of the last call.
         let z = voxel[2];
         let slice = match &buffers.slice {
             Some(slice) if slice.z == z => *slice,
@@ -128,6 +130,7 @@ impl Lenslets {
             wanted,
             next: &buffers.next,
         };
+        // Look up the image under each lenslet that the voxel lights.
         let lattice = optics.lattice();
         for (j, row) in lattice.rows_within(lattice.perfect(chief_mm), slice.reach + DVec2::splat(slice.spread)) {
             let centres = self.centres_mm(j, &row);

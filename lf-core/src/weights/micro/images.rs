@@ -8,17 +8,17 @@ use rayon::prelude::*;
 
 /// Components of a pixel: the light, and its moments along x and y.
 const PARTS: usize = 3;
-/// Values beside a row of pixels, for a patch that hangs over.
+/// Values beside a row of pixels, for a patch that extends beyond it.
 pub(super) const ROOM: usize = 8;
 
-/// How the rows of micro-images stand in a buffer.
+/// How rows of micro-images are stored in a buffer.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MicroLayout {
     /// Pixels of a micro-image, a side.
     pub(super) side: usize,
     /// Values of a part of a row of pixels.
     pub(super) width: usize,
-    /// Most rows of a micro-image in a set.
+    /// Maximum number of rows of a micro-image in a set.
     pub(super) slots: usize,
     /// Values of a micro-image.
     pub(super) image: usize,
@@ -97,12 +97,13 @@ impl MicroImages {
         self.step
     }
 
-    /// Foretells the bytes of the buffers.
+    /// Predicts the bytes of the buffers.
     pub(super) fn estimated_bytes(array: &LensletArray, step: usize) -> usize {
         4 * (MicroLayout::new(array, step).stride * array.rows() + array.row.len())
     }
 
-    /// Sets the rows of the set in an image of `width` columns and `stride` values a row to the light.
+    /// Sets the rows of the set, in an image of `width` columns and `stride` values a row, to the light of the
+    /// micro-images.
     pub(super) fn add_up(
         &self,
         array: &LensletArray,
@@ -116,6 +117,7 @@ impl MicroImages {
         let lines = image.par_chunks_mut(stride).enumerate().filter(|(row, _)| rows.holds(*row as u32));
         lines.for_each_init(StopRow::default, |share, (image_row, out)| {
             out.fill(0.0);
+            // Find the rows of lenslets whose micro-images cover the image row.
             let holds = |span: &(i32, i32)| span.0 <= image_row as i32 && (image_row as i32) < span.1 + side as i32;
             for (row, _) in array.spans.iter().enumerate().filter(|(_, span)| holds(span)) {
                 let values = &self.values[row * lenslets..][..lenslets];
@@ -126,6 +128,7 @@ impl MicroImages {
                         continue;
                     }
                     let Some(Pixels { from, to, column }) = Pixels::new(array, lenslet, width) else { continue };
+                    // Add the light and its moments, each times the stop's share.
                     set_stop(array, stop, lenslet, line as usize, share);
                     let place = self.layout.place(0, number, line as usize / self.step);
                     let [light, by_x, by_y] = [0, 1, 2].map(|n| &values[place + n * part..][from..to]);
@@ -138,7 +141,7 @@ impl MicroImages {
         });
     }
 
-    /// Sets the micro-images to the set's rows of an image, times the stop's shares.
+    /// Sets the micro-images to the set's rows of an image times the stop's shares.
     pub(super) fn look_up(
         &mut self,
         array: &LensletArray,
@@ -157,6 +160,7 @@ impl MicroImages {
                 for number in 0..array.length - LANES {
                     let lenslet = row * array.length + number;
                     let Some(Pixels { from, to, column }) = Pixels::new(array, lenslet, width) else { continue };
+                    // Find the rows of the micro-image that are in the set.
                     let ahead = (rows.first as i32 - remainders[lenslet]).rem_euclid(step as i32) as usize;
                     for slot in 0..layout.slots {
                         let line = ahead + slot * step;
@@ -164,6 +168,7 @@ impl MicroImages {
                         if line >= layout.side || image_row < 0 || image_row >= height as i32 {
                             continue;
                         }
+                        // Multiply the pixels by the stop's share and its slopes.
                         set_stop(array, stop, lenslet, line, share);
                         let place = layout.place(0, number, slot);
                         let pixels = &image[image_row as usize * stride + column..][..to - from];

@@ -1,10 +1,10 @@
-//! The image rows and the lenslets that a walk is asked for.
+//! The image rows and the lenslets that a walk covers.
 
 use super::images::MicroLayout;
 use crate::weights::model::RowSet;
 use std::ops::Range;
 
-/// The rows asked for.
+/// The rows that a walk covers.
 pub(super) struct Wanted<'a> {
     pub(super) rows: RowSet,
     /// Rows of lenslets.
