@@ -137,8 +137,8 @@ pub enum Mark {
 /// Vectors, drawn as arrows centred on their points; a vector that is not finite is left out. They need linear axes.
 ///
 /// A usual arrow is 0.62 of the distance between arrows long, at most 80 px. Longer arrows are cut to 1.6 times that,
-/// so that no two of one grid meet, and a note under the title counts them. Arrows keep their direction when they are cut,
-/// and in a stretched panel.
+/// so that no two of one grid meet, and a note under the title counts them. Arrows keep their direction when they are
+/// cut, and in a stretched panel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arrows {
     /// Name in the key. If it is empty, the key shows an arrow of a round length with its value and unit.

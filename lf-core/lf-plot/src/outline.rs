@@ -42,3 +42,24 @@ fn letters(line: &TextLine, font: &Font) -> Option<Path> {
         .post_translate(x, y);
     font.outline(&line.text)?.transform(moved)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line of text is as wide upright as it is high level, and its anchor is at its place.
+    #[test]
+    fn texts_stand_at_their_places() {
+        let font = Font::new().unwrap();
+        let bounds = |anchor: Anchor, is_upright: bool| {
+            let line = TextLine { text: "a < b".into(), place: (40, 60), size_px: 20, anchor, is_upright };
+            outline(&Geometry::Text(line), &font).unwrap().bounds()
+        };
+        let [left, middle, right] = [Anchor::Left, Anchor::Middle, Anchor::Right].map(|anchor| bounds(anchor, false));
+        assert!((left.left() - 40.0).abs() < 2.0 && (right.right() - 40.0).abs() < 2.0, "{left:?} {right:?}");
+        assert!((0.5 * (middle.left() + middle.right()) - 40.0).abs() < 1.0 && middle.width() > 40.0, "{middle:?}");
+        let upright = bounds(Anchor::Middle, true);
+        assert!((upright.height() - middle.width()).abs() < 1e-3, "{upright:?}");
+        assert!((0.5 * (upright.top() + upright.bottom()) - 60.0).abs() < 1.0, "{upright:?}");
+    }
+}

@@ -66,3 +66,30 @@ fn escaped(text: &str) -> String {
     let codes = [("&", "&amp;"), ("<", "&lt;"), (">", "&gt;")];
     codes.iter().fold(text.to_owned(), |text, (letter, code)| text.replace(letter, code))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::palette::INK;
+    use super::*;
+
+    #[test]
+    fn every_shape_becomes_its_element() {
+        let mut drawing = Drawing::new("a < b", [40, 20]);
+        drawing.tint([(1, 2), (4, 6)], Colour(255, 128, 0), 0.5);
+        drawing.curve(&[[1.0, 2.0], [1.1, 2.2], [3.0, 4.0]], INK, 2, Some([7, 4, 7, 4]));
+        drawing.ring((9, 8), 2, INK);
+        drawing.upright_text("p & q", (20, 10), 15);
+        let svg = drawing.svg();
+        for line in [
+            "<title>a &lt; b</title>",
+            "<rect x=\"0\" y=\"0\" width=\"40\" height=\"20\" fill=\"#FFFFFF\"/>",
+            "<rect x=\"1\" y=\"2\" width=\"3\" height=\"4\" fill=\"#FF8000\" opacity=\"0.5\"/>",
+            "<polyline fill=\"none\" stroke=\"#191923\" stroke-width=\"2\" stroke-dasharray=\"7 4 7 4\" points=\"1,2 3,4\"/>",
+            "<circle cx=\"9\" cy=\"8\" r=\"2\" fill=\"none\" stroke=\"#191923\" stroke-width=\"1\"/>",
+            "p &amp; q",
+        ] {
+            assert!(svg.lines().any(|found| found == line), "{line} in {svg}");
+        }
+        assert!(svg.contains("text-anchor=\"middle\"") && svg.contains("rotate(270, 20, 10)"), "{svg}");
+    }
+}
