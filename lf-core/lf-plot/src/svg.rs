@@ -82,10 +82,10 @@ mod tests {
         let svg = drawing.svg();
         for line in [
             "<title>a &lt; b</title>",
-            "<rect x=\"0\" y=\"0\" width=\"40\" height=\"20\" fill=\"#FFFFFF\"/>",
-            "<rect x=\"1\" y=\"2\" width=\"3\" height=\"4\" fill=\"#FF8000\" opacity=\"0.5\"/>",
-            "<polyline fill=\"none\" stroke=\"#191923\" stroke-width=\"2\" stroke-dasharray=\"7 4 7 4\" points=\"1,2 3,4\"/>",
-            "<circle cx=\"9\" cy=\"8\" r=\"2\" fill=\"none\" stroke=\"#191923\" stroke-width=\"1\"/>",
+            r##"<rect x="0" y="0" width="40" height="20" fill="#FFFFFF"/>"##,
+            r##"<rect x="1" y="2" width="3" height="4" fill="#FF8000" opacity="0.5"/>"##,
+            r##"<polyline fill="none" stroke="#191923" stroke-width="2" stroke-dasharray="7 4 7 4" points="1,2 3,4"/>"##,
+            r##"<circle cx="9" cy="8" r="2" fill="none" stroke="#191923" stroke-width="1"/>"##,
             "p &amp; q",
         ] {
             assert!(svg.lines().any(|found| found == line), "{line} in {svg}");
