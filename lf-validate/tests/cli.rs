@@ -522,7 +522,7 @@ fn help_lists_what_is_built_and_nothing_else() {
     let output = run(&["--help"], &[] as &[&str]);
     let text = output.text();
     assert_eq!(output.status.code(), Some(0));
-    let scores = ["quality", "elongation", "depth", "displacement", "divergence", "line", "curves", "trade", "info"];
+    let scores = ["quality", "elongation", "depth", "displacement", "divergence", "ensemble", "info"];
     for word in scores.into_iter().chain(["--stats", "--threads"]) {
         assert!(text.contains(word), "{word}");
     }

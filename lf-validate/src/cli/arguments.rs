@@ -1,8 +1,7 @@
 //! The subcommands, and the options that all of them share.
 
 use super::{
-    curves, depth, displacement, divergence, elongation, ensemble, export, info, line, particles, precision, quality,
-    report, trade,
+    depth, displacement, divergence, elongation, ensemble, export, info, particles, precision, quality, report,
 };
 use clap::{Parser, Subcommand};
 use lf_core::cli::{Common, MemoryLimit};
@@ -48,7 +47,4 @@ pub enum Command {
     Info(info::Arguments),
     Export(export::Arguments),
     Report(report::Arguments),
-    Line(line::Arguments),
-    Curves(curves::Arguments),
-    Trade(trade::Arguments),
 }
