@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 /// Volumes, fields and particles in the forms of other programs
 ///
 /// The name of the output chooses the form
-///   volume     .vti (ParaView), .tif (a stack: ImageJ), .npz (numpy), .csv (the voxels that are
-///              stored); one slice is in memory at a time. All tiles of a volume are one volume
-///   field      .nc (NetCDF, CF conventions: xarray, Matlab), .vti, .dat (Tecplot), .csv
+///   volume     .vti (ParaView), .tif (a stack: ImageJ), .csv (the voxels that are stored); one slice
+///              is in memory at a time. All tiles of a volume are one volume
+///   field      .nc (NetCDF, CF conventions: xarray, Matlab), .vti, .csv
 ///              .svg, .png, .pdf: a picture of one layer
 ///   fields     .nc with the dimension t; .vti.series with a .vti each, for ParaView's time slider
 ///   particles  .vtp (ParaView); particles of one number in several frames are a track
@@ -131,10 +131,10 @@ fn unknown(output: &Path, wanted: &str) -> Error {
 }
 
 fn volume(arguments: &Arguments, files: &[&Path], limit: MemoryLimit, session: &mut Session) -> Result<()> {
-    const WANTED: &str = "the name of a .vti, .tif, .npz or .csv for a volume";
+    const WANTED: &str = "the name of a .vti, .tif or .csv for a volume";
     let (output, column) = (&arguments.output, arguments.column.as_deref().unwrap_or("intensity"));
     let end = extension(output);
-    if !["vti", "tif", "tiff", "npz", "csv"].contains(&end.as_str()) {
+    if !["vti", "tif", "tiff", "csv"].contains(&end.as_str()) {
         return Err(unknown(output, WANTED));
     }
     let mut volumes = session.phase("read", |_| JoinedVolume::open_all(files.iter().copied(), column))?;
@@ -151,7 +151,6 @@ fn volume(arguments: &Arguments, files: &[&Path], limit: MemoryLimit, session: &
     session.allow_memory(limit, bytes, whole.name(), || format!("slices of a {}", part.grid()))?;
     session.phase("write", |session| match end.as_str() {
         "vti" => io::save(output, |out| export::write_vti(&part, column, out)),
-        "npz" => io::save(output, |out| export::write_npz(&part, column, out)),
         "csv" => io::save_text(output, |out| export::write_csv(&part, column, out)),
         _ => {
             let samples = samples(arguments, &part, session);
@@ -185,7 +184,7 @@ fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
             session.count("fields", files.len());
             save_series(output, &time, |n| Field::open(files[n]))
         }
-        ("nc" | "vti" | "dat" | "csv", [one]) => {
+        ("nc" | "vti" | "csv", [one]) => {
             let field = read(one, session)?;
             session.count("vectors", field.len());
             session.phase("write", |_| field.save(output))
@@ -202,10 +201,10 @@ fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
             })?;
             lf_plot::save(output, &svg)
         }
-        ("nc" | "vti" | "dat" | "csv" | "svg" | "png" | "pdf", _) => {
+        ("nc" | "vti" | "csv" | "svg" | "png" | "pdf", _) => {
             Err(unknown(output, "a .nc or a .vti.series for several fields"))
         }
-        _ => Err(unknown(output, "the name of a .nc, .vti, .dat, .csv, .vti.series, .svg, .png or .pdf for a field")),
+        _ => Err(unknown(output, "the name of a .nc, .vti, .csv, .vti.series, .svg, .png or .pdf for a field")),
     }
 }
 
