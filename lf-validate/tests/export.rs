@@ -1,9 +1,9 @@
 //! `lf-validate export`: other programs' forms, read back here; tests/exports.rs reads them with Python's libraries.
 
 use crate::workbench::{field, save_field, workbench};
+use lf_core::Grid;
 use lf_core::image::Stack;
 use lf_core::io::Bytes;
-use lf_core::Grid;
 use lf_tests::Workbench;
 use serde_json::Value;
 

@@ -1,9 +1,9 @@
 //! `elongation`: how large reconstructed particles are.
 
-use super::inputs::{light, open_whole, pixel_mm};
+use super::inputs::{light, open_particles, open_whole, pixel_mm};
 use super::limits::{are_at_most, counts, verdict};
 use super::output::{Picture, print};
-use lf_core::{Error, Result, Session, Verdict, Volume, cli::numbers, io, particles};
+use lf_core::{Error, Result, Session, Verdict, Volume, cli::numbers};
 use lf_validate::pictures;
 use lf_validate::scores::elongation::{SizeCounts, elongation};
 use std::path::PathBuf;
@@ -95,14 +95,6 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 /// The places of a table and the volume that belongs to it.
 fn read(pair: &[&PathBuf], frame: usize, session: &Session) -> Result<(Vec<[f64; 3]>, Volume)> {
     let [table, volume] = pair else { unreachable!("clap takes them in pairs") };
-    let text = io::open_text(table)?;
-    let all = particles::read(&text).map_err(|refusal| refusal.about(io::name(table)))?;
-    particles::warn_unmarked(&text, &io::name(table), session);
-    let of_frame = all.iter().filter(|particle| particle.frame == frame);
-    let places: Vec<[f64; 3]> = of_frame.map(|particle| particle.place_mm).collect();
-    if places.is_empty() {
-        let found = format!("no particle of frame {frame} among {}", all.len());
-        return Err(Error::new(io::name(table), found, "wanted a frame that it has"));
-    }
+    let places = open_particles(table, frame, session)?.iter().map(|particle| particle.place_mm).collect();
     Ok((places, open_whole(volume)?))
 }

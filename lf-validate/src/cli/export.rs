@@ -3,7 +3,7 @@
 use lf_core::cli::{MemoryLimit, numbers};
 use lf_core::field::{Cut, Time, VectorGrid, save_series};
 use lf_core::volume::together;
-use lf_core::{Error, Field, JoinedVolume, Refusal, Result, Session, Verdict, io, particles};
+use lf_core::{Error, Field, JoinedVolume, Result, Session, Verdict, io, particles};
 use lf_plot::{FieldPicture, Scalar};
 use lf_validate::export::{self, Cutout, Samples};
 use lf_validate::info::FileKind;
@@ -50,11 +50,12 @@ pub struct Arguments {
     /// .nc and .vti.series: seconds from one field to the next; otherwise fields are numbered
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     every: Option<f64>,
-    /// Pictures: the axis across the layer and its place in mm, as in z=0.5. Without a place, the layer that shows most
-    /// for its uncertainty is drawn [default: z]
+    /// Pictures: the axis across the layer and its place in mm, as in z=0.5. Without a place, the layer with the
+    /// strongest signal for its uncertainty is drawn [default: z]
     #[arg(long, value_name = "AXIS[=MM]")]
     slice: Option<Cut>,
-    /// Pictures: what the colours show: u, v, w, speed, vorticity or uncertainty [default: the component across the layer]
+    /// Pictures: the quantity in colour: u, v, w, speed, vorticity or uncertainty [default: the component across the
+    /// layer]
     #[arg(long, value_name = "NAME")]
     scalar: Option<Scalar>,
     /// Pictures: the ends of the colours, in the unit drawn [default: the range of the field]
@@ -92,28 +93,24 @@ pub fn write(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -
 
 /// Refuses options that would change nothing.
 fn refuse_ignored(kind: FileKind, arguments: &Arguments) -> Result<()> {
-    let is_volume = kind == FileKind::Volume;
-    let is_series = kind == FileKind::Field && ["nc", "series"].contains(&extension(&arguments.output).as_str());
-    let ignored = [
-        ("--column", arguments.column.is_some() && !is_volume, "a volume"),
-        ("--slab", arguments.slab.is_some() && !is_volume, "a volume"),
-        ("--box", arguments.part.is_some() && !is_volume, "a volume"),
-        (
-            "--bits",
-            arguments.bits.is_some() && !(is_volume && extension(&arguments.output).starts_with("tif")),
-            "a .tif",
-        ),
-        ("--every", arguments.every.is_some() && !is_series, "fields in a .nc or a .vti.series"),
-        ("--dt", arguments.dt.is_some() && kind != FileKind::Particles, "particles"),
-    ];
-    let is_picture = kind == FileKind::Field && ["svg", "png", "pdf"].contains(&extension(&arguments.output).as_str());
-    let shown = [
-        ("--slice", arguments.slice.is_some() && !is_picture, "a picture of a field"),
-        ("--scalar", arguments.scalar.is_some() && !is_picture, "a picture of a field"),
-        ("--range", arguments.range.is_some() && !is_picture, "a picture of a field"),
-    ];
-    if let Some((option, _, what)) = ignored.into_iter().chain(shown).find(|(_, is_ignored, _)| *is_ignored) {
-        return Err(Error::new(option, "changes nothing here", format!("wanted it for {what} only")));
+    let end = extension(&arguments.output);
+    let is_field = |ends: &[&str]| kind == FileKind::Field && ends.contains(&end.as_str());
+    let (is_volume, is_picture) = (kind == FileKind::Volume, is_field(&["svg", "png", "pdf"]));
+    let is_stack = is_volume && end.starts_with("tif");
+    for (option, is_given, has_effect, what) in [
+        ("--column", arguments.column.is_some(), is_volume, "a volume"),
+        ("--slab", arguments.slab.is_some(), is_volume, "a volume"),
+        ("--box", arguments.part.is_some(), is_volume, "a volume"),
+        ("--bits", arguments.bits.is_some(), is_stack, "a .tif"),
+        ("--every", arguments.every.is_some(), is_field(&["nc", "series"]), "fields in a .nc or a .vti.series"),
+        ("--dt", arguments.dt.is_some(), kind == FileKind::Particles, "particles"),
+        ("--slice", arguments.slice.is_some(), is_picture, "a picture of a field"),
+        ("--scalar", arguments.scalar.is_some(), is_picture, "a picture of a field"),
+        ("--range", arguments.range.is_some(), is_picture, "a picture of a field"),
+    ] {
+        if is_given && !has_effect {
+            return Err(Error::new(option, "changes nothing here", format!("wanted it for {what} only")));
+        }
     }
     Ok(())
 }
@@ -131,20 +128,19 @@ fn unknown(output: &Path, wanted: &str) -> Error {
 }
 
 fn volume(arguments: &Arguments, files: &[&Path], limit: MemoryLimit, session: &mut Session) -> Result<()> {
-    const WANTED: &str = "the name of a .vti, .tif or .csv for a volume";
     let (output, column) = (&arguments.output, arguments.column.as_deref().unwrap_or("intensity"));
     let end = extension(output);
     if !["vti", "tif", "tiff", "csv"].contains(&end.as_str()) {
-        return Err(unknown(output, WANTED));
+        return Err(unknown(output, "the name of a .vti, .tif or .csv for a volume"));
     }
-    let mut volumes = session.phase("read", |_| JoinedVolume::open_all(files.iter().copied(), column))?;
-    let whole = volumes.remove(0);
-    if let Some(other) = volumes.first() {
+    let volumes = session.phase("read", |_| JoinedVolume::open_all(files.iter().copied(), column))?;
+    if let Some(other) = volumes.get(1) {
         return Err(Error::new(other.name(), "another volume", "wanted one volume at a time, or its tiles"));
     }
-    let [z0, z1] = arguments.slab.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    let whole = &volumes[0];
     let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
-    let part = Cutout::new(&whole, arguments.part.unwrap_or([low, high, low, high, z0, z1]));
+    let [z0, z1] = arguments.slab.unwrap_or([low, high]);
+    let part = Cutout::new(whole, arguments.part.unwrap_or([low, high, low, high, z0, z1]));
     let part = part.map_err(|refusal| refusal.about(whole.name()))?;
     session.count("voxels", part.grid().len());
     let bytes = if end == "csv" { 0.0 } else { part.bytes() };
@@ -159,7 +155,7 @@ fn volume(arguments: &Arguments, files: &[&Path], limit: MemoryLimit, session: &
     })
 }
 
-/// How a stack stores its values. Tells the factor of whole numbers.
+/// How a stack stores its values. Prints the factor of whole numbers.
 fn samples(arguments: &Arguments, part: &Cutout, session: &Session) -> Samples {
     if arguments.bits.as_deref() != Some("16") {
         return Samples::Float;
@@ -173,7 +169,6 @@ fn samples(arguments: &Arguments, part: &Cutout, session: &Session) -> Samples {
 fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
     let output = &arguments.output;
     let end = extension(output);
-    let read = |path: &Path, session: &mut Session| session.phase("read", |_| Field::open(path));
     match (end.as_str(), files) {
         ("series", files) => series(arguments, files, session),
         ("nc", files) if files.len() > 1 || arguments.every.is_some() => {
@@ -185,12 +180,12 @@ fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
             save_series(output, &time, |n| Field::open(files[n]))
         }
         ("nc" | "vti" | "csv", [one]) => {
-            let field = read(one, session)?;
+            let field = session.phase("read", |_| Field::open(one))?;
             session.count("vectors", field.len());
             session.phase("write", |_| field.save(output))
         }
         ("svg" | "png" | "pdf", [one]) => {
-            let field = read(one, session)?;
+            let field = session.phase("read", |_| Field::open(one))?;
             let shown = FieldPicture {
                 cut: arguments.slice.unwrap_or_default(),
                 scalar: arguments.scalar,
@@ -248,8 +243,9 @@ fn table(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resul
         particles::warn_unmarked(&text, &name, session);
         histories.push(particles::history(&text));
     }
-    let empty = || Refusal::new("no particle", "wanted one or more");
-    (!all.is_empty()).then_some(()).ok_or_else(|| empty().about(io::name(files[0])))?;
+    if all.is_empty() {
+        return Err(Error::new(io::name(files[0]), "no particle", "wanted one or more"));
+    }
     session.count("particles", all.len());
     let history = session.history(&together(&histories));
     session.phase("write", |_| io::save(output, |out| export::write_polydata(&all, &history, arguments.dt, out)))

@@ -4,7 +4,7 @@ use super::output::Picture;
 use lf_core::flow::{Flows, Velocity};
 use lf_core::frame::{self, Frame};
 use lf_core::scene::{self, CameraSource, Frames, LitVolume};
-use lf_core::{Camera, Error, Field, Refusal, Result, Session, Tile, Volume, io, json, particles};
+use lf_core::{Camera, Error, Field, Particle, Refusal, Result, Session, Tile, Volume, io, json, particles};
 use lf_validate::info::FileKind;
 use lf_validate::scores::{displacement::TrueDisplacement, displacement::tracks, light::VoxelLight};
 use std::path::{Path, PathBuf};
@@ -27,6 +27,18 @@ pub fn text<'a>(bytes: &'a [u8], name: &str, wanted: &str) -> Result<&'a str> {
         Ok(text) => Ok(text.trim_start_matches('\u{feff}')),
         Err(error) => Err(Error::new(name, format!("byte {} is not part of UTF-8 text", error.valid_up_to()), wanted)),
     }
+}
+
+/// The particles of one frame of a table. Refuses a frame without any.
+pub fn open_particles(file: &Path, frame: usize, session: &Session) -> Result<Vec<Particle>> {
+    let all = particles::open(file, session)?;
+    let count = all.len();
+    let of_frame: Vec<Particle> = all.into_iter().filter(|particle| particle.frame == frame).collect();
+    if of_frame.is_empty() {
+        let found = format!("no particle of frame {frame} among {count}");
+        return Err(Error::new(io::name(file), found, "wanted a frame that it has"));
+    }
+    Ok(of_frame)
 }
 
 /// The light of a volume.

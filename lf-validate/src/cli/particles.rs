@@ -1,6 +1,6 @@
 //! `particles`: particles that were found, against the true ones.
 
-use super::inputs::pixel_mm;
+use super::inputs::{open_particles, pixel_mm};
 use super::limits::{is_at_most, number, share, verdict};
 use super::output::print;
 use lf_core::cli::numbers;
@@ -44,8 +44,8 @@ pub struct Arguments {
     /// Camera, for numbers in pixels
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
-    /// Least box of a match, half its sides: pixels with --camera, else mm [default: 1.5,1.5,1.5 with --camera, else
-    /// uncertainties alone]
+    /// Farthest that a match may be away along each axis if uncertainties do not allow more: pixels with --camera, else
+    /// mm [default: 1.5,1.5,1.5 with --camera, else uncertainties alone]
     #[arg(long = "box", value_name = "X,Y,Z", value_parser = numbers::<3>)]
     least: Option<[f64; 3]>,
     /// Only particles with their place, true or found, in this box, mm
@@ -76,7 +76,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Err(Error::new("--depths", typed.join(","), "wanted rising distances from 0"));
     }
     let (truth, found, pixel_mm) = session.phase("read", |session| {
-        let truth = truth(arguments, session)?;
+        let truth = bounded(open_particles(&arguments.truth, arguments.frame, session)?, arguments.bounds);
         Ok((truth, found(arguments, session)?, pixel_mm(arguments.camera.as_deref())?))
     })?;
     let unit_mm = pixel_mm.unwrap_or(1.0);
@@ -100,18 +100,6 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let rms_px = |axis: usize| score.all.rms_mm(axis).map(|rms| rms / unit_mm);
     let is_near = (0..3).all(|axis| is_at_most(rms_px(axis), arguments.max_rms.map(|limits| limits[axis])));
     Ok(verdict(has_recall && is_near && is_at_most(score.all.ghosts(), arguments.max_ghosts)))
-}
-
-fn truth(arguments: &Arguments, session: &Session) -> Result<Vec<Particle>> {
-    let (file, frame) = (&arguments.truth, arguments.frame);
-    let all = particles::open(file, session)?;
-    let count = all.len();
-    let of_frame: Vec<Particle> = all.into_iter().filter(|particle| particle.frame == frame).collect();
-    if of_frame.is_empty() {
-        let found = format!("no particle of frame {frame} among {count}");
-        return Err(Error::new(io::name(file), found, "wanted a frame that it has"));
-    }
-    Ok(bounded(of_frame, arguments.bounds))
 }
 
 fn found(arguments: &Arguments, session: &Session) -> Result<Vec<Particle>> {

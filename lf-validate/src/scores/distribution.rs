@@ -3,6 +3,12 @@
 use lf_core::statistics::median;
 use serde::ser::SerializeMap;
 
+/// Root of the mean of `squares`. NaN without any.
+pub(crate) fn root_mean(squares: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), square| (sum + square, count + 1.0));
+    (sum / count).sqrt()
+}
+
 /// Statistics of a set of errors about zero. NaN without errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ErrorSpread {

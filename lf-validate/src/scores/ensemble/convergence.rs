@@ -2,6 +2,7 @@
 
 use super::statistics::Ensemble;
 use super::sums::EnsembleSums;
+use crate::scores::distribution::root_mean;
 use serde::Serialize;
 
 /// The share of the mean displacement that its uncertainty should fall to.
@@ -53,8 +54,7 @@ impl ConvergenceLog {
         let change = |snapshot: &Snapshot, c: usize| {
             let differences = snapshot.mean_mm[c].iter().zip(last[c]).map(|(first, all)| f64::from(first - all));
             let known = differences.zip(&all.count).filter(|(d, count)| **count > 0.0 && d.is_finite());
-            let (sum, count) = known.fold((0.0, 0.0), |(sum, n), (d, _)| (sum + d * d, n + 1.0));
-            (sum / count).sqrt()
+            root_mean(known.map(|(d, _)| d * d))
         };
         let step = |snapshot: &Snapshot| ConvergenceStep {
             fields: snapshot.fields,

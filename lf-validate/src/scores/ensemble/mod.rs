@@ -8,4 +8,3 @@ mod sums;
 pub use convergence::{ConvergenceLog, ConvergenceStep, fields_for_1_percent};
 pub use statistics::{Ensemble, EnsembleSummary};
 pub use sums::EnsembleSums;
-pub(crate) use sums::check_layout;
