@@ -53,7 +53,7 @@ pub struct Arguments {
     /// Write the mean (.exr, .csv) or all statistics (.vti). May be given again
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
-    /// Fewest measured vectors of a place with data
+    /// Places with fewer measured vectors have no data
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     least: u32,
     #[command(flatten)]
@@ -64,9 +64,9 @@ pub struct Arguments {
     slice: Option<Cut>,
 }
 
-/// What is printed.
+/// The printed score.
 #[derive(Serialize)]
-struct Report {
+struct EnsembleReport {
     #[serde(flatten)]
     summary: EnsembleSummary,
     convergence: Vec<ConvergenceStep>,
@@ -105,8 +105,8 @@ pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session)
     // A picture that is refused leaves no file behind.
     let picture = arguments.picture.drawn(session, || pictures::ensemble(&ensemble, cut.axis, layer))?;
     session.phase("write", |_| arguments.output.iter().try_for_each(|path| save(&ensemble, path)))?;
-    arguments.picture.save(&picture)?;
-    print(&Report {
+    arguments.picture.save(picture.as_ref())?;
+    print(&EnsembleReport {
         summary: ensemble.summary(),
         convergence: log.finish(&ensemble),
         fields_for_1_percent: fields_for_1_percent(&ensemble),
@@ -133,7 +133,7 @@ fn check_outputs(arguments: &Arguments, inputs: &[&Path], session: &Session) -> 
     Ok(())
 }
 
-/// The same path for all names of a file that may not exist yet.
+/// One path for all names of a file that may not exist yet.
 fn place(path: &Path) -> PathBuf {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = parent.canonicalize().or_else(|_| std::path::absolute(parent)).unwrap_or_else(|_| parent.to_owned());
