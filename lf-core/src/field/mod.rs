@@ -1,4 +1,4 @@
-//! Vector fields: EXR, `.vti`, NetCDF, `.csv`, Tecplot.
+//! Vector fields: EXR, `.vti`, NetCDF, `.csv`.
 //!
 //! In: the bytes of an EXR field. Out: a [`Field`], and files in any of these formats.
 //! Open first: `vectors.rs`, then `vector_grid.rs` for what else the EXR holds.
@@ -22,8 +22,7 @@
 //! A file may hold further channels, such as the vorticity: [`Field::save_with`] writes them and readers ignore them.
 //!
 //! The others are only written: **`.vti`** is VTK image data for ParaView, **`.nc`** is NetCDF for xarray and all that
-//! know the CF conventions, **`.csv`** is text for a spreadsheet, **`.dat`** is Tecplot ASCII. Except for `.nc`, they
-//! also hold the velocity, mm/s, if the time between the volumes is known.
+//! know the CF conventions, **`.csv`** is text for a spreadsheet. Except for `.nc`, they also hold the velocity, mm/s, if the time between the volumes is known.
 
 mod cut;
 mod export;

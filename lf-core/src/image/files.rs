@@ -5,7 +5,7 @@ use super::{
     channel::Channel,
     decode::{Image, counts, damaged, guarded},
     light_field,
-    stack::{self, Stack},
+    stack::Stack,
     tiff,
 };
 use crate::io;
@@ -17,16 +17,6 @@ use std::path::{Path, PathBuf};
 /// several pages if none is named, and colour whose channels differ. Pixels may be negative or not finite.
 pub fn open(path: &Path) -> Result<Image> {
     Stack::open(path)?.only(None)
-}
-
-/// Reads from memory as [`open`] does, for a file `name`.
-pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
-    guarded(|| {
-        let pages = stack::pages(bytes)?;
-        stack::refuse_many(pages.len(), name)?;
-        stack::decode(bytes, pages[0], None)
-    })
-    .map_err(|refusal| refusal.about(name))
 }
 
 /// Reads as [`open`] does, colour by `channel`, and refuses pixels that are NaN, infinite or negative.

@@ -64,7 +64,10 @@ impl Stack {
 
     /// Decodes the image as [`super::open`] does. Refuses several.
     pub fn only(&self, channel: Option<Channel>) -> Result<Image> {
-        refuse_many(self.images(), &self.typed).map_err(|refusal| refusal.about(&self.name))?;
+        let (pages, typed) = (self.images(), &self.typed);
+        let wanted = format!("wanted one of them, {typed}:0 to {typed}:{}", pages - 1);
+        let is_one = Refusal::unless(pages == 1, || pages_are(pages), wanted);
+        is_one.map_err(|refusal| refusal.about(&self.name))?;
         self.decode(0, channel)
     }
 
@@ -93,18 +96,12 @@ impl Stack {
     }
 }
 
-/// Refuses several pages where one image is wanted, of a file typed as `name`.
-pub(super) fn refuse_many(pages: usize, name: &str) -> std::result::Result<(), Refusal> {
-    let wanted = || format!("wanted one of them, {name}:0 to {name}:{}", pages - 1);
-    Refusal::unless(pages == 1, || pages_are(pages), wanted())
-}
-
 fn pages_are(pages: usize) -> String {
     if pages == 1 { "1 page".to_owned() } else { format!("{pages} pages") }
 }
 
 /// Places of the pages of a TIFF. The one image of another format has no place of its own.
-pub(super) fn pages(bytes: &[u8]) -> std::result::Result<Vec<usize>, Refusal> {
+fn pages(bytes: &[u8]) -> std::result::Result<Vec<usize>, Refusal> {
     if Signature::of(bytes) == Some(Signature::Tiff) { tiff::pages(bytes) } else { Ok(vec![0]) }
 }
 
@@ -126,7 +123,7 @@ fn no_image(bytes: &[u8]) -> Refusal {
 }
 
 /// Decodes the image at one of the places that [`pages`] gives. The first bytes tell the format.
-pub(super) fn decode(bytes: &[u8], page: usize, channel: Option<Channel>) -> std::result::Result<Image, Refusal> {
+fn decode(bytes: &[u8], page: usize, channel: Option<Channel>) -> std::result::Result<Image, Refusal> {
     match Signature::of(bytes) {
         Some(Signature::Exr) => light_field::read(bytes, channel),
         Some(Signature::Tiff) => tiff::page(bytes, page, channel),

@@ -44,14 +44,6 @@ pub fn save_text(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()
     write(path, true, fill)
 }
 
-/// The destination of an output.
-enum Target {
-    /// A stream, device or FIFO: written directly.
-    Through(File),
-    /// A plain file: it appears under this name when complete, with the permissions of the file that it replaces.
-    Replace(PathBuf, Option<Permissions>),
-}
-
 fn folder_of(place: &Path) -> &Path {
     place.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
 }
@@ -59,14 +51,8 @@ fn folder_of(place: &Path) -> &Path {
 fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let subject = output_name(path);
     let failed = |error: io::Error| writing(&subject, &error);
-    match target(path).map_err(failed)? {
-        Target::Through(file) => {
-            if !text && file.is_terminal() {
-                return Err(Error::new(subject, "a terminal", "wanted a file or a pipe for binary output (-o FILE)"));
-            }
-            fill_and_flush(file, fill).map_err(failed)?;
-        }
-        Target::Replace(place, old) => {
+    match place(path).map_err(failed)? {
+        Place::Replace(place, old) => {
             let folder = folder_of(&place);
             let (file, draft) = draft::begin(folder).map_err(failed)?;
             let file = fill_and_flush(file, fill).map_err(failed)?;
@@ -76,6 +62,13 @@ fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Resul
             file.sync_all().map_err(failed)?;
             check_inputs()?;
             draft.finish(&file, &place, folder).map_err(failed)?;
+        }
+        stream => {
+            let file = open_stream(&stream, path).map_err(failed)?;
+            if !text && file.is_terminal() {
+                return Err(Error::new(subject, "a terminal", "wanted a file or a pipe for binary output (-o FILE)"));
+            }
+            fill_and_flush(file, fill).map_err(failed)?;
         }
     }
     Ok(())
@@ -89,13 +82,14 @@ fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()
     outcome.map(|()| file)
 }
 
-/// The things that a path stands for.
+/// What a path stands for.
 enum Place {
     /// Standard output.
     Standard,
-    /// A device, a FIFO or an open descriptor.
+    /// A device, a FIFO or an open descriptor, which is written directly.
     Through,
-    /// A plain file, old or new: its path without symbolic links, and its permissions if there is one.
+    /// A plain file: its path without symbolic links, and the permissions of the file that it replaces. The new file
+    /// appears there when it is complete.
     Replace(PathBuf, Option<Permissions>),
 }
 
@@ -127,22 +121,17 @@ fn place(path: &Path) -> io::Result<Place> {
     }
 }
 
-/// Opens what a path stands for, unless it is a plain file.
-fn target(path: &Path) -> io::Result<Target> {
-    match place(path)? {
-        Place::Standard => {
-            io::stdout().flush()?;
-            Ok(Target::Through(standard(io::stdout().as_fd())?))
-        }
-        Place::Through => {
-            let mut file = OpenOptions::new().write(true).open(path)?;
-            if file.metadata()?.is_file() {
-                file.seek(SeekFrom::End(0))?;
-            }
-            Ok(Target::Through(file))
-        }
-        Place::Replace(place, old) => Ok(Target::Replace(place, old)),
+/// Opens standard output, a device, a FIFO or a descriptor.
+fn open_stream(place: &Place, path: &Path) -> io::Result<File> {
+    if let Place::Standard = place {
+        io::stdout().flush()?;
+        return standard(io::stdout().as_fd());
     }
+    let mut file = OpenOptions::new().write(true).open(path)?;
+    if file.metadata()?.is_file() {
+        file.seek(SeekFrom::End(0))?;
+    }
+    Ok(file)
 }
 
 /// Whether a path names an open descriptor. Replacing its file would cut off others that hold it open.

@@ -14,7 +14,7 @@ const MOST: usize = 20;
 
 /// Reads a JSON value as a type. The error is a phrase that names all missing keys, unknown keys and wrong values.
 pub fn read<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
-    T::deserialize(Reader::new(value, &Known::default())).map_err(|_| worded(&mistakes::<T>(value, "")))
+    T::deserialize(Reader::new(value, &Known::default())).map_err(|_| mistakes::<T>(value, "").join(", "))
 }
 
 /// All mistakes of a JSON value that should become a `T`, each as a phrase. `within` is the path of the value in its
@@ -114,11 +114,6 @@ fn phrases(found: Vec<(String, Mistake)>, within: &str) -> Vec<String> {
     let missing: Vec<String> = missing.iter().map(|(path, key)| whole(&member(path, key))).collect();
     let missing = (!missing.is_empty()).then(|| format!("without {}", missing.join(", ")));
     missing.into_iter().chain(others).collect()
-}
-
-/// Phrases between commas.
-fn worded(phrases: &[String]) -> String {
-    phrases.join(", ")
 }
 
 #[cfg(test)]

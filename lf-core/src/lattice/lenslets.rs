@@ -233,6 +233,19 @@ impl Lattice {
     }
 }
 
+/// Where the line at height `y` enters and leaves a convex polygon. An empty chord at 0 if it misses the polygon.
+pub(crate) fn chord(corners: &[DVec2], y: f64) -> [f64; 2] {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (n, &from) in corners.iter().enumerate() {
+        let to = corners[(n + 1) % corners.len()];
+        if (from.y - y) * (to.y - y) <= 0.0 && from.y != to.y {
+            let x = from.x + (to.x - from.x) * (y - from.y) / (to.y - from.y);
+            (low, high) = (low.min(x), high.max(x));
+        }
+    }
+    if low <= high { [low, high] } else { [0.0, 0.0] }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::keys::tests::bent;

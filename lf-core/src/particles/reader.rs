@@ -14,9 +14,6 @@ pub const HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity";
 pub const FITTED_HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity,sx_mm,sy_mm,sz_mm,s_intensity,\
                                  cxx_mm2,cxy_mm2,cxz_mm2,cyy_mm2,cyz_mm2,czz_mm2";
 
-/// Columns of [`HEADER`] and of [`FITTED_HEADER`].
-const COLUMNS: [usize; 2] = [6, 16];
-
 /// The lines before the header, without their `#`.
 fn comments(text: &str) -> impl Iterator<Item = &str> {
     text.lines().map_while(|line| line.trim().strip_prefix('#'))
@@ -99,8 +96,7 @@ impl Line<'_> {
         let (frame, id) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok().filter(|v: &f64| v.is_finite())).collect();
         let numbers = numbers.ok_or_else(|| self.wrong())?;
-        let [columns, fitted_columns] = COLUMNS.map(|columns| columns - 2);
-        let wanted = if self.header == HEADER { columns } else { fitted_columns };
+        let wanted = self.header.split(',').count() - 2;
         let ([x, y, z, intensity, rest @ ..], true) = (&numbers[..], numbers.len() == wanted) else {
             return Err(self.wrong());
         };

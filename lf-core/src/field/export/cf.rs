@@ -6,7 +6,7 @@
 
 use super::netcdf::{Attributes, Header, Kind, Value, Variable, write_bytes, write_doubles, write_floats};
 use super::{parts, vti::Array};
-use crate::field::{vector_grid::VectorGrid, vectors::Field, vectors::NO_DATA};
+use crate::field::{vector_grid::CHANNELS, vector_grid::VectorGrid, vectors::Field, vectors::NO_DATA};
 use crate::{Refusal, Result, frame::MARK, history, io};
 use std::io::{Error, Write};
 use std::path::Path;
@@ -46,19 +46,7 @@ impl Time {
     }
 }
 
-/// Name, unit and meaning of each component.
-const COMPONENTS: [(&str, &str, &str); 10] = [
-    ("u", "mm", "displacement along x"),
-    ("v", "mm", "displacement along y"),
-    ("w", "mm", "displacement along z"),
-    ("peak", "1", "normalised correlation at the peak"),
-    ("ratio", "1", "first to second correlation peak"),
-    ("su", "mm", "standard uncertainty of u"),
-    ("sv", "mm", "standard uncertainty of v"),
-    ("sw", "mm", "standard uncertainty of w"),
-    ("flag", "1", "origin of the vector"),
-    ("count", "1", "particle images in the window"),
-];
+/// Number of the channel `flag`.
 const FLAG: usize = 8;
 /// Variables that say more of u, v and w.
 const ANCILLARY: [&str; 3] = ["su flag peak ratio count", "sv flag peak ratio count", "sw flag peak ratio count"];
@@ -101,9 +89,9 @@ fn check_alike(first: &VectorGrid, other: &VectorGrid, n: usize) -> std::result:
         other.shape == first.shape && other.origin_mm == first.origin_mm && other.spacing_mm == first.spacing_mm;
     let found = || format!("{field} its vectors at other places");
     Refusal::unless(is_alike, found, "wanted the places of the first")?;
-    let told = |layout: &VectorGrid| layout.dt_s.map_or_else(|| "no time".to_owned(), |dt_s| format!("{dt_s} s"));
-    let found = || format!("{field} {} between its volumes", told(other));
-    Refusal::unless(other.dt_s == first.dt_s, found, format!("wanted {} like the first", told(first)))
+    let time = |layout: &VectorGrid| layout.dt_s.map_or_else(|| "no time".to_owned(), |dt_s| format!("{dt_s} s"));
+    let found = || format!("{field} {} between its volumes", time(other));
+    Refusal::unless(other.dt_s == first.dt_s, found, format!("wanted {} like the first", time(first)))
 }
 
 fn write_places(layout: &VectorGrid, out: &mut dyn Write) -> std::io::Result<()> {
@@ -152,13 +140,13 @@ fn header(layout: &VectorGrid, time: Option<&Time>) -> Header {
             attributes: time.attributes(),
         });
     }
-    variables.extend((0..COMPONENTS.len()).map(|n| component(n, dimensions.len())));
+    variables.extend((0..CHANNELS.len()).map(|n| component(n, dimensions.len())));
     Header { dimensions, has_records: time.is_some(), attributes: about(layout), variables }
 }
 
 /// The variable of a component.
 fn component(n: usize, dimensions: usize) -> Variable {
-    let (name, unit, meaning) = COMPONENTS[n];
+    let (name, unit, meaning) = CHANNELS[n];
     let mut attributes: Attributes = vec![("long_name", meaning.into())];
     if n == FLAG {
         attributes.push(("flag_values", Value::Bytes(vec![0, 1, 2])));

@@ -10,7 +10,7 @@ pub(super) const LANES: usize = 8;
 /// A place, mm, that no ray reaches.
 const NOWHERE: f32 = 1e6;
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Array {
     /// The centre of lenslet 0 of row 0, and the steps along a row and from row to row in the perfect lattice, mm.
     pub(super) origin: DVec2,
@@ -78,24 +78,13 @@ impl Array {
             across,
             first_row,
             length,
-            x: Vec::new(),
-            y: Vec::new(),
-            middle_x: Vec::new(),
-            middle_y: Vec::new(),
-            per_mm: Vec::new(),
-            refocus: Vec::new(),
-            extremes: [[0.0; 2]; 2],
-            column: Vec::new(),
-            row: Vec::new(),
-            side: 0,
-            spans: Vec::new(),
             departure,
-            starts: Vec::new(),
             per_along: (along / along.length_squared()).as_vec2().to_array(),
             per_across: (along.perp() / along.perp_dot(across)).as_vec2().to_array(),
             per_pixel: (1.0 / optics.pixel_pitch_mm) as f32,
             slack: (2.0 * departure / optics.pixel_pitch_mm) as f32,
             apart: (along.perp_dot(across) / along.length()).abs() as f32,
+            ..Self::default()
         };
         this.fill(optics, &first, seen);
         this

@@ -3,7 +3,7 @@
 //! A voxel's ray through U meets the array at `chief + alpha U + q(U)`. Over the stop q is a polynomial to the third
 //! power. It changes slowly over the field, so it is fitted to exact rays at a net of places.
 
-use crate::weights::geometry::Geometry;
+use crate::{linear, weights::geometry::Geometry};
 use glam::{DMat2, DVec2};
 
 /// Terms of a polynomial in x and y up to the third power, without a constant: x, y, x^2, xy, y^2, x^3, x^2 y, xy^2, y^3.
@@ -41,7 +41,7 @@ impl Node {
 }
 
 /// The bend of one slice.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Bend {
     nodes: Vec<Node>,
     counts: [usize; 2],
@@ -77,42 +77,24 @@ pub(super) fn cubic_at(terms: &[f32; TERMS], y: f32) -> [f32; 4] {
     [y * (b + y * (e + y * i)), a + y * (d + y * h), c + y * g, f]
 }
 
-/// Least squares of each of `values` by N terms.
+/// Fits each column of `values` by a sum of N terms, by least squares.
 fn fit<const N: usize, const M: usize>(terms: &[[f64; N]], values: &[[f64; M]]) -> [[f64; N]; M] {
-    let mut normal = [[0.0; N]; N];
-    let mut right = [[0.0; M]; N];
+    let (mut normal, mut solutions) = ([[0.0; N]; N], [[0.0; N]; M]);
     for (terms, values) in terms.iter().zip(values) {
-        for (n, term) in terms.iter().enumerate() {
-            normal[n].iter_mut().zip(terms).for_each(|(sum, other)| *sum += term * other);
-            right[n].iter_mut().zip(values).for_each(|(sum, value)| *sum += term * value);
+        for (row, factor) in normal.iter_mut().zip(terms).chain(solutions.iter_mut().zip(values)) {
+            row.iter_mut().zip(terms).for_each(|(sum, term)| *sum += factor * term);
         }
     }
-    // Gauss and Jordan; the matrix is positive.
-    for n in 0..N {
-        let (pivot, of_pivot) =
-            (normal[n].map(|value| value / normal[n][n]), right[n].map(|value| value / normal[n][n]));
-        (normal[n], right[n]) = (pivot, of_pivot);
-        for m in (0..N).filter(|m| *m != n) {
-            let factor = normal[m][n];
-            normal[m].iter_mut().zip(&pivot).for_each(|(value, pivot)| *value -= factor * pivot);
-            right[m].iter_mut().zip(&of_pivot).for_each(|(value, pivot)| *value -= factor * pivot);
-        }
-    }
-    std::array::from_fn(|m| std::array::from_fn(|n| right[n][m]))
+    let normal = normal.as_flattened_mut();
+    linear::cholesky_above(normal, N, |_, _| f64::MIN_POSITIVE);
+    solutions.iter_mut().for_each(|solution| linear::solve(normal, solution));
+    solutions
 }
 
 /// Coefficients for places of which `scale` is 1.
 fn scaled(terms: [f64; TERMS], scale: f64) -> [f32; TERMS] {
-    let power = |n: usize| {
-        if n < 2 {
-            1
-        } else if n < 5 {
-            2
-        } else {
-            3
-        }
-    };
-    std::array::from_fn(|n| (terms[n] / scale.powi(power(n))) as f32)
+    const POWERS: [i32; TERMS] = [1, 1, 2, 2, 2, 3, 3, 3, 3];
+    std::array::from_fn(|n| (terms[n] / scale.powi(POWERS[n])) as f32)
 }
 
 /// Rays spread over the stop, mm.
@@ -140,16 +122,7 @@ impl Bend {
             let (middle, half) = ends[axis];
             middle + half * ((2 * n + 1) as f64 / counts[axis] as f64 - 1.0)
         };
-        let mut this = Self {
-            nodes: Vec::new(),
-            counts,
-            per_mm: DVec2::ZERO,
-            corner: DVec2::ZERO,
-            alpha,
-            greatest: 0.0,
-            reach: 0.0,
-            widths: [f64::INFINITY, 0.0],
-        };
+        let mut this = Self { counts, alpha, widths: [f64::INFINITY, 0.0], ..Self::default() };
         for n in 0..counts[0] * counts[1] {
             let place = DVec2::new(middle(n % counts[0], 0), middle(n / counts[0], 1));
             this.add(geometry, place, z_mm, &apertures);

@@ -6,7 +6,6 @@ use super::patches::{FOUR, Patches};
 use super::walk::Taker;
 use super::wide::WideRow;
 use glam::Vec4;
-use std::ops::Range;
 
 /// Adds light to micro-images.
 pub(super) struct Spread<'a> {
@@ -104,11 +103,26 @@ fn fours(column: i32, columns: usize, side: usize) -> (usize, usize) {
     (first, ((side as i32 - column).max(0) as usize).next_multiple_of(FOUR).min(columns))
 }
 
-/// Shares of these columns of a row of `all` columns, `part` of the way to the next phase.
+/// Rows of large patches, part `number` of the light: the voxel, a place in the micro-images, and the shares from there
+/// on.
 #[inline(always)]
-fn large_row(shares: &[f32], all: usize, columns: Range<usize>, part: f32) -> impl Iterator<Item = f32> + '_ {
-    let (a, b) = (shares, &shares[all..]);
-    a[columns.clone()].iter().zip(&b[columns]).map(move |(a, b)| a + part * (b - a))
+fn large_rows<'a>(
+    patches: &'a Patches,
+    layout: Layout,
+    (list, table): (&'a List, &'a [f32]),
+    number: usize,
+) -> impl Iterator<Item = (usize, usize, impl Iterator<Item = f32> + 'a)> + 'a {
+    let columns = patches.columns;
+    list.with_columns().map(
+        #[inline(always)]
+        move |(Hit { voxel, shares, values, part }, column)| {
+            let (from, to) = fours(column, columns, layout.side);
+            let row = &table[shares..];
+            let [a, b] = [row, &row[columns..]].map(|row| &row[from..to.max(from)]);
+            let shares = a.iter().zip(b).map(move |(a, b)| a + part * (b - a));
+            (voxel, values + from + number * layout.width, shares)
+        },
+    )
 }
 
 /// The parts of the light: the shares of all hits, and the two moments of those that the stop may cut.
@@ -149,12 +163,9 @@ impl Spread<'_> {
 
     /// For patches of more columns, part `number` of the light.
     #[inline(always)]
-    fn large(&mut self, patches: &Patches, (list, table): (&List, &[f32]), number: usize) {
-        let columns = patches.columns;
-        for (Hit { voxel, shares, values, part }, column) in list.with_columns() {
-            let (from, to) = fours(column, columns, self.layout.side);
-            let (place, strength) = (values + from + number * self.layout.width, self.strengths[voxel]);
-            let shares = large_row(&table[shares..], columns, from..to.max(from), part);
+    fn large(&mut self, patches: &Patches, part: (&List, &[f32]), number: usize) {
+        for (voxel, place, shares) in large_rows(patches, self.layout, part, number) {
+            let strength = self.strengths[voxel];
             self.values[place..].iter_mut().zip(shares).for_each(|(value, share)| *value += strength * share);
         }
     }
@@ -236,13 +247,10 @@ impl Gather<'_> {
 
     /// For patches of more columns, part `number` of the light.
     #[inline(always)]
-    fn large(&mut self, patches: &Patches, (list, table): (&List, &[f32]), number: usize) {
-        let columns = patches.columns;
-        for (Hit { voxel, shares, values, part }, column) in list.with_columns() {
-            let (from, to) = fours(column, columns, self.layout.side);
-            let values = &self.values[values + from + number * self.layout.width..];
-            let shares = large_row(&table[shares..], columns, from..to.max(from), part);
-            self.sums[voxel].x += values.iter().zip(shares).map(|(value, share)| value * share).sum::<f32>();
+    fn large(&mut self, patches: &Patches, part: (&List, &[f32]), number: usize) {
+        for (voxel, place, shares) in large_rows(patches, self.layout, part, number) {
+            let values = self.values[place..].iter();
+            self.sums[voxel].x += values.zip(shares).map(|(value, share)| value * share).sum::<f32>();
         }
     }
 }

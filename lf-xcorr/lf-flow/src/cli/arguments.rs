@@ -107,7 +107,7 @@ pub struct Pressure {
     /// A later field of the same flow, for its acceleration in place
     #[arg(requires = "interval")]
     pub next: Option<PathBuf>,
-    /// Where the field with its pressure goes: .exr, .vti, .nc, .csv or .dat; `-` is EXR on standard output
+    /// Where the field with its pressure goes: .exr, .vti, .nc or .csv; `-` is EXR on standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
     /// Density of the fluid, kg/m3
