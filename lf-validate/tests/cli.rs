@@ -193,7 +193,7 @@ fn a_field_without_data_gives_null_a_warning_and_no_pass() {
     assert!(warning.contains("field.exr") && warning.contains("8 without data"), "{warning}");
 }
 
-/// The same errors whether the truth is a field, a scene or particles, by name and through pipes.
+/// A field, a scene and particles as truth give one error, by name and through pipes.
 #[test]
 fn three_truths_agree() {
     let bench = workbench();

@@ -237,7 +237,7 @@ field() {
     "$$bin"lf-validate displacement "$$d/flow.exr" "$$d/field.exr" -c "$$d/camera.json" --quiet > "$$d/error.json"
 }
 
-# keep PICTURE FILE: moves a picture out of $$d; there is none without matplotlib.
+# keep PICTURE FILE: moves a picture out of $$d; without matplotlib it is missing.
 keep() { [ ! -e "$$d/$$1" ] || mv "$$d/$$1" "$$2"; }
 
 # done_ FILE: moves the finished file to the rule's target.

@@ -115,8 +115,8 @@ pub fn particles(bytes: &[u8]) -> bool {
 }
 
 pub fn image(bytes: &[u8]) -> bool {
-    let stack = image::Stack::from_bytes(Bytes::from(bytes.to_vec()), "fuzz");
-    let Ok(image) = image::from_bytes(bytes, "fuzz") else { return stack.is_ok_and(|stack| stack.images() > 1) };
+    let Ok(stack) = image::Stack::from_bytes(Bytes::from(bytes.to_vec()), "fuzz") else { return false };
+    let Ok(image) = stack.only(None) else { return stack.images() > 1 };
     image::clipped_share(image.pixels.view()).about();
     image::noise(image.pixels.view()).about();
     image::outside_u16(&image.pixels).about();

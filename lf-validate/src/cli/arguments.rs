@@ -8,9 +8,9 @@ use lf_core::cli::{Common, MemoryLimit};
 
 /// Results and truths to scores
 ///
-/// A score is one JSON object on standard output; a terminal gets ten lines of it, or all with --full. A number that does not exist, such as an error without vectors, is
-/// null. The help of each subcommand defines its numbers. Exit codes: 0 done, 1 judged and a limit is not kept, 2 could
-/// not do the work.
+/// A score is one JSON object on standard output; a terminal gets ten lines of it, or all with --full. A number that
+/// does not exist, such as an error without vectors, is null. The help of each subcommand defines its numbers. Exit
+/// codes: 0 done, 1 judged and a limit is not kept, 2 could not do the work.
 #[derive(Parser)]
 #[command(
     name = "lf-validate",

@@ -44,8 +44,8 @@ pub struct Arguments {
     /// Camera, for numbers in pixels
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
-    /// Farthest that a match may be away along each axis if uncertainties do not allow more: pixels with --camera, else
-    /// mm [default: 1.5,1.5,1.5 with --camera, else uncertainties alone]
+    /// A match may be this far away along each axis, or farther by its uncertainty: pixels with --camera, else mm
+    /// [default: 1.5,1.5,1.5 with --camera, else uncertainties alone]
     #[arg(long = "box", value_name = "X,Y,Z", value_parser = numbers::<3>)]
     least: Option<[f64; 3]>,
     /// Only particles with their place, true or found, in this box, mm

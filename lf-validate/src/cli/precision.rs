@@ -1,4 +1,4 @@
-//! `precision`: what the image of a camera can tell.
+//! `precision`: how well the image of a camera determines places.
 
 use super::output::{Picture, print};
 use lf_core::cli::numbers;
@@ -48,7 +48,7 @@ pub struct Arguments {
     seed: u64,
 }
 
-/// Pixels of the focal plane in a window if no option tells.
+/// Pixels of the focal plane in a window by default.
 const WINDOW_PX: f64 = 160.0;
 
 /// Prints the bound.

@@ -57,7 +57,7 @@ impl<'a> Cutout<'a> {
         self.grid.shape[0] * self.grid.shape[1]
     }
 
-    /// Most bytes that writing the part slice by slice takes.
+    /// Upper bound of the bytes that writing the part slice by slice takes.
     pub fn bytes(&self) -> f64 {
         let [nx, ny, nz] = self.grid.shape.map(|n| n as f64);
         SLICE_BYTES * nx * ny + PLANE_BYTES * nx.max(ny).max(nz)

@@ -9,7 +9,7 @@ use lf_core::{Field, Refusal};
 
 /// Bytes of the page that fields may take.
 const MOST_BYTES: usize = 3_600_000;
-/// Of more fields this many are read for statistics, spread over the run.
+/// Upper limit of the fields that are read for statistics; they are spread over the run.
 const MOST_FIELDS: usize = 200;
 /// The page offers at most this many fields to choose from.
 const MOST_CHOICES: usize = 12;

@@ -6,7 +6,7 @@ use super::source::Source;
 use lf_core::{Refusal, Result, Volume};
 use lf_plot::{Axis, Chart, Mark, Panel};
 
-/// Of more files this many are read, spread over the run.
+/// Upper limit of the files that are read; they are spread over the run.
 const MOST_FILES: usize = 4;
 /// Volumes with more slices have no curve over depth.
 const MOST_SLICES: usize = 10_000;

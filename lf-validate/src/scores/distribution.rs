@@ -23,6 +23,11 @@ pub(crate) struct ErrorSpread {
 }
 
 impl ErrorSpread {
+    /// Names and values of the numbers.
+    pub fn entries(&self) -> [(&'static str, f64); 4] {
+        [("bias", self.bias), ("rms", self.rms), ("std", self.std), ("median_abs", self.median_abs)]
+    }
+
     /// The bias is known before the standard deviation is summed.
     pub fn of(errors: &[f64]) -> Self {
         let count = errors.len() as f64;

@@ -332,8 +332,8 @@ mod tests {
         assert_eq!(block[0], [0.0; 4]);
     }
 
-    /// Four pixels that depend on one unknown each: the covariance is the inverse of their squares. There is none if no
-    /// pixel depends on an unknown.
+    /// Four pixels that depend on one unknown each: the covariance is the inverse of their squares. It does not exist
+    /// if no pixel depends on an unknown.
     #[test]
     fn a_covariance_by_hand() {
         let pixel = |n: usize, value: f64| (n as u32, std::array::from_fn(|k| if k == n { value } else { 0.0 }));

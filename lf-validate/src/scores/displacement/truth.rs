@@ -36,7 +36,7 @@ impl TrueDisplacement {
 pub(super) struct VectorError {
     /// Measured - true.
     pub error_mm: DVec3,
-    /// Stated standard uncertainty. NaN where there is none.
+    /// Stated standard uncertainty. NaN if none is stated.
     pub stated_mm: DVec3,
     /// Whether the vector was measured. If not, it was replaced, or a neighbour used for interpolation was.
     pub is_measured: bool,

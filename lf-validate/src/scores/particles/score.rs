@@ -61,7 +61,7 @@ impl Accuracy {
         mean(self.errors.iter().map(|(error, _)| error[axis].powi(2))).map(f64::sqrt)
     }
 
-    /// Share of the errors along an axis within so many stated uncertainties. None if none is stated.
+    /// Share of the errors along an axis within `sigmas` stated uncertainties. None without stated uncertainties.
     pub fn within(&self, axis: usize, sigmas: f64) -> Option<f64> {
         let stated = self.errors.iter().filter_map(|(error, std)| Some((error[axis], (*std)?[axis])));
         mean(stated.map(|(error, std)| (error.abs() <= sigmas * std) as u8 as f64))

@@ -52,7 +52,7 @@ pub fn quality(truth: VoxelLight, volume: VoxelLight, regions: [usize; 3]) -> Re
 /// Bytes of a slice or a box: its sums and its numbers.
 const PART_BYTES: usize = size_of::<QualitySums>() + PartScores::BYTES;
 
-/// Most bytes that [`quality`] takes beside the volumes.
+/// Upper bound of the bytes that [`quality`] takes beside the volumes.
 pub fn quality_bytes(grid: &Grid, regions: [usize; 3]) -> f64 {
     let boxes: f64 = regions.iter().map(|count| *count as f64).product();
     let [slice, region] = [size_of::<f64>(), size_of::<[f64; 3]>()].map(|place| (PART_BYTES + place) as f64);
