@@ -332,7 +332,7 @@ fn unusable_truths_are_refused_by_name() {
     assert!(run(&["displacement", "--frames", "0,0"], &[&same, &field]).refusal().contains("against itself"));
     for wrong in ["0", "0,1,2", "0,x", "-1,0"] {
         let typed = format!("--frames={wrong}");
-        assert!(run(&["displacement", &typed], &[&same, &field]).refusal().contains("two frame numbers"), "{wrong}");
+        assert!(run(&["displacement", &typed], &[&same, &field]).refusal().contains("2 whole numbers"), "{wrong}");
     }
 }
 

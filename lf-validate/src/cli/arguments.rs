@@ -36,15 +36,15 @@ pub struct Arguments {
 // Each subcommand's help stands above its own options.
 #[derive(Subcommand)]
 pub enum Command {
-    Quality(quality::Arguments),
-    Elongation(elongation::Arguments),
-    Particles(particles::Arguments),
-    Depth(depth::Arguments),
-    Displacement(displacement::Arguments),
-    Divergence(divergence::Arguments),
-    Ensemble(ensemble::Arguments),
-    Precision(precision::Arguments),
-    Info(info::Arguments),
-    Export(export::Arguments),
-    Report(report::Arguments),
+    Quality(quality::QualityArguments),
+    Elongation(elongation::ElongationArguments),
+    Particles(particles::ParticlesArguments),
+    Depth(depth::DepthArguments),
+    Displacement(displacement::DisplacementArguments),
+    Divergence(divergence::DivergenceArguments),
+    Ensemble(ensemble::EnsembleArguments),
+    Precision(precision::PrecisionArguments),
+    Info(info::InfoArguments),
+    Export(export::ExportArguments),
+    Report(report::ReportArguments),
 }

@@ -34,7 +34,7 @@ use std::path::PathBuf;
   lf-validate elongation scene/particles.csv volume-0000.lfv -c camera.json --plot elongation.svg
   lf-validate elongation scene/particles.csv volume-0001.lfv --frame 1 --max-diameter 4,4,9"
 )]
-pub struct Arguments {
+pub struct ElongationArguments {
     /// True places of the particles (particles.csv): frame,id,x_mm,y_mm,z_mm,intensity
     particles: PathBuf,
     /// The volume to score
@@ -47,23 +47,22 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: usize,
     /// Reach of the search for a particle's brightest voxel, from its true place, voxels
-    #[arg(long, value_name = "X,Y,Z", default_value = "2,2,3", value_parser = numbers::<3>)]
-    search: [f64; 3],
+    #[arg(long, value_name = "X,Y,Z", default_value = "2,2,3", value_parser = counts::<3>)]
+    search: [usize; 3],
     /// Camera, for numbers in pixels
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
     #[command(flatten)]
     picture: Picture,
     /// Exit code 1 when a median diameter along x, y or z is above this, voxels
-    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
+    #[arg(long, help_heading = "Limits", value_name = "X,Y,Z", value_parser = numbers::<3>)]
     max_diameter: Option<[f64; 3]>,
 }
 
 /// Measures the particles of one or more volumes.
-pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &ElongationArguments, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&PathBuf> = [&arguments.particles, &arguments.volume].into_iter().chain(&arguments.and).collect();
     arguments.picture.check(files.iter().copied().chain(&arguments.camera), session)?;
-    let search_vox = counts("--search", arguments.search)?;
     let (pairs, pixel_mm) = session.phase("read", |session| {
         let pairs: Result<Vec<_>> = files.chunks(2).map(|pair| read(pair, arguments.frame, session)).collect();
         Ok((pairs?, pixel_mm(arguments.camera.as_deref())?))
@@ -79,7 +78,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
             Ok((light(volume)?, places.clone()))
         })
         .collect::<Result<Vec<_>>>()?;
-    let score = session.phase("score", |_| Ok(elongation(&volumes, grid, search_vox, pixel_mm)))?;
+    let score = session.phase("score", |_| Ok(elongation(&volumes, grid, arguments.search, pixel_mm)))?;
     let SizeCounts { particles, measured, missed, merged, cut } = score.counts;
     session.count("particles", particles);
     session.count("measured", measured);

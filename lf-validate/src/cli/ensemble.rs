@@ -46,7 +46,7 @@ use std::path::{Path, PathBuf};
   lf-validate ensemble field-0000-0001.exr -o mean.vti -o mean.exr
   lf-validate ensemble field-*.exr --slice y=0 --plot mean.svg"
 )]
-pub struct Arguments {
+pub struct EnsembleArguments {
     /// Fields with their vectors at the same places
     #[arg(required = true)]
     fields: Vec<PathBuf>,
@@ -74,7 +74,7 @@ struct EnsembleReport {
 }
 
 /// Averages fields, read one after another, and writes the statistics.
-pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
+pub fn average(arguments: &EnsembleArguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
     check_outputs(arguments, &inputs, session)?;
     let cut = arguments.slice.unwrap_or_default();
@@ -115,7 +115,7 @@ pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session)
 }
 
 /// Refuses outputs that are inputs, that are named twice, or that cannot be written.
-fn check_outputs(arguments: &Arguments, inputs: &[&Path], session: &Session) -> Result<()> {
+fn check_outputs(arguments: &EnsembleArguments, inputs: &[&Path], session: &Session) -> Result<()> {
     arguments.picture.check(&arguments.fields, session)?;
     for output in &arguments.output {
         if io::is_standard(output) {

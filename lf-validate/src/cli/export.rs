@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
   lf-validate export volume-0000.lfv -o volume.tif --bits 16 --slab -2,2
   lf-validate export field-0000-0001.exr -o field.nc"
 )]
-pub struct Arguments {
+pub struct ExportArguments {
     /// A volume or all its tiles, fields in the order of time, or tables of particles
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -72,7 +72,7 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Writes a file for other programs.
-pub fn write(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
+pub fn write(arguments: &ExportArguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&Path> = arguments.files.iter().map(PathBuf::as_path).collect();
     session.keep_apart(&arguments.output, &files)?;
     io::check_place(&arguments.output)?;
@@ -92,7 +92,7 @@ pub fn write(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -
 }
 
 /// Refuses options that would change nothing.
-fn refuse_ignored(kind: FileKind, arguments: &Arguments) -> Result<()> {
+fn refuse_ignored(kind: FileKind, arguments: &ExportArguments) -> Result<()> {
     let end = extension(&arguments.output);
     let is_field = |ends: &[&str]| kind == FileKind::Field && ends.contains(&end.as_str());
     let (is_volume, is_picture) = (kind == FileKind::Volume, is_field(&["svg", "png", "pdf"]));
@@ -127,7 +127,7 @@ fn unknown(output: &Path, wanted: &str) -> Error {
     Error::new(io::output_name(output), found, format!("wanted {wanted}"))
 }
 
-fn volume(arguments: &Arguments, files: &[&Path], limit: MemoryLimit, session: &mut Session) -> Result<()> {
+fn volume(arguments: &ExportArguments, files: &[&Path], limit: MemoryLimit, session: &mut Session) -> Result<()> {
     let (output, column) = (&arguments.output, arguments.column.as_deref().unwrap_or("intensity"));
     let end = extension(output);
     if !["vti", "tif", "tiff", "csv"].contains(&end.as_str()) {
@@ -156,7 +156,7 @@ fn volume(arguments: &Arguments, files: &[&Path], limit: MemoryLimit, session: &
 }
 
 /// How a stack stores its values. Prints the factor of whole numbers.
-fn samples(arguments: &Arguments, part: &Cutout, session: &Session) -> Samples {
+fn samples(arguments: &ExportArguments, part: &Cutout, session: &Session) -> Samples {
     if arguments.bits.as_deref() != Some("16") {
         return Samples::Float;
     }
@@ -166,7 +166,7 @@ fn samples(arguments: &Arguments, part: &Cutout, session: &Session) -> Samples {
     Samples::Whole(factor)
 }
 
-fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+fn fields(arguments: &ExportArguments, files: &[&Path], session: &mut Session) -> Result<()> {
     let output = &arguments.output;
     let end = extension(output);
     match (end.as_str(), files) {
@@ -204,7 +204,7 @@ fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
 }
 
 /// Writes a `.vti` for every field, NAME-0000.vti and so on, and NAME.vti.series, which lists them with their times.
-fn series(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+fn series(arguments: &ExportArguments, files: &[&Path], session: &mut Session) -> Result<()> {
     let output = &arguments.output;
     let name = output.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let Some(stem) = name.strip_suffix(".vti.series") else {
@@ -230,7 +230,7 @@ fn series(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
     io::save_text(output, |out| writeln!(out, "{text:#}"))
 }
 
-fn table(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+fn table(arguments: &ExportArguments, files: &[&Path], session: &mut Session) -> Result<()> {
     let output = &arguments.output;
     if extension(output) != "vtp" {
         return Err(unknown(output, "the name of a .vtp for particles"));

@@ -56,7 +56,7 @@ const WANTED: &str = "wanted a vector field in EXR, a scene.json or a particles.
 
 /// The keys of a scene that describe how its particles move. Other keys are not read.
 #[derive(serde::Deserialize)]
-struct Motion {
+struct SceneMotion {
     frame: Option<Frame>,
     camera: CameraSource,
     volume: LitVolume,
@@ -100,7 +100,7 @@ pub fn open_truth(
 fn flow(text: &str, file: &Path, name: &str, picture: &Picture, session: &Session) -> Result<TrueDisplacement> {
     let wrong = |found: String| Error::new(name, found, scene::WANTED);
     let value = serde_json::from_str(text).map_err(|error| wrong(format!("not JSON ({error})")))?;
-    let mut motion: Motion = json::read(&value).map_err(wrong)?;
+    let mut motion: SceneMotion = json::read(&value).map_err(wrong)?;
     if motion.frame.is_none() {
         let wanted = format!("wanted \"{}\": \"{}\", with x to the right in the picture", frame::KEY, frame::MARK);
         return Err(Error::new(name, "names no frame, as scenes of lf 0.1.0, which have x to the left", wanted));

@@ -24,7 +24,7 @@ use std::path::PathBuf;
   lf-validate precision camera.json --density 0.5 --noise 0.01
   lf-validate precision camera.json --density 1 --noise 0.02 --depth -3,3 --window-mm 0.5"
 )]
-pub struct Arguments {
+pub struct PrecisionArguments {
     /// Camera (camera.json)
     #[arg(default_value = "-")]
     camera: PathBuf,
@@ -52,7 +52,7 @@ pub struct Arguments {
 const WINDOW_PX: f64 = 160.0;
 
 /// Prints the bound.
-pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &PrecisionArguments, session: &mut Session) -> Result<Verdict> {
     let name = io::name(&arguments.camera);
     Picture::default().check([&arguments.camera], session)?;
     let camera = session.phase("read", |_| Camera::open(&arguments.camera))?;

@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
   lf-validate report . -o report.html
   lf-validate report . -o report.html --white white.exr --title 'A first run'"
 )]
-pub struct Arguments {
+pub struct ReportArguments {
     /// The folder of the run
     folder: PathBuf,
     /// Where the page goes
@@ -43,7 +43,7 @@ pub struct Arguments {
 }
 
 /// Writes the page.
-pub fn write(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
+pub fn write(arguments: &ReportArguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let folder = RunFolder::open(&arguments.folder, limit)?;
     let typed = |file: &PathBuf| file.display().to_string();
     let options = PageOptions {

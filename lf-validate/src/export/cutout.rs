@@ -102,20 +102,18 @@ impl<'a> Cutout<'a> {
         let [nx, _, nz] = self.grid.shape;
         let mut slice = vec![0f32; self.slice_len()];
         let mut done = 0;
-        self.voxels(|[x, y, z], value| {
-            while done < z {
-                visit(&slice)?;
+        let mut finish = |slice: &mut [f32], end: usize| {
+            (std::mem::replace(&mut done, end)..end).try_for_each(|_| {
+                visit(slice)?;
                 slice.fill(0.0);
-                done += 1;
-            }
+                Ok(())
+            })
+        };
+        self.voxels(|[x, y, z], value| {
+            finish(&mut slice, z)?;
             slice[x + nx * y] = value;
             Ok(())
         })?;
-        while done < nz {
-            visit(&slice)?;
-            slice.fill(0.0);
-            done += 1;
-        }
-        Ok(())
+        finish(&mut slice, nz)
     }
 }

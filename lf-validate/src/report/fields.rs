@@ -2,7 +2,7 @@
 
 use super::folder::spread;
 use super::html::Section;
-use super::motion::Motion;
+use super::motion::FieldStatistics;
 use super::packed::{PackedField, bytes};
 use super::source::Source;
 use lf_core::{Field, Refusal};
@@ -41,7 +41,7 @@ pub(super) fn sections(
         view.add("mean of all fields".into(), &field)
             .unwrap_or_else(|refusal| notes.push(refusal.about(file).to_string()));
     }
-    let mut motion: Option<Motion> = None;
+    let mut motion: Option<FieldStatistics> = None;
     let mut history = Vec::new();
     let chosen = spread(files, MOST_FIELDS);
     let mut last = None;
@@ -50,11 +50,11 @@ pub(super) fn sections(
         view.add((*file).to_owned(), &field).unwrap_or_else(|refusal| notes.push(refusal.about(*file).to_string()));
         history = lf_core::history::lines(&field.layout.history);
         let what = format!("statistics of {} vectors", field.len());
-        if let Err(error) = source.allow(Motion::bytes(&field), file, &what) {
+        if let Err(error) = source.allow(FieldStatistics::bytes(&field), file, &what) {
             notes.push(error.to_string());
             continue;
         }
-        let motion = motion.get_or_insert_with(|| Motion::new(&field));
+        let motion = motion.get_or_insert_with(|| FieldStatistics::new(&field));
         if let Err(refusal) = motion.add(&field) {
             notes.push(format!("{}; statistics leave it out", refusal.about(*file)));
             continue;

@@ -1,4 +1,4 @@
-//! Numbers over all fields: kinds of vectors, histograms, and how the mean settles.
+//! Statistics over all fields: kinds of vectors, histograms, and how the mean settles.
 
 use crate::scores::ensemble::EnsembleSums;
 use crate::scores::units::COMPONENTS;
@@ -15,7 +15,7 @@ const LEAST_SPREAD_VOX: f64 = 0.5;
 const REACH: f64 = 4.0;
 
 /// Sums over fields of one layout.
-pub(super) struct Motion {
+pub(super) struct FieldStatistics {
     sums: EnsembleSums,
     voxel_mm: [f64; 3],
     /// Vectors measured, replaced and without data.
@@ -32,7 +32,7 @@ pub(super) struct Motion {
     settling_mm: Vec<[f64; 3]>,
 }
 
-impl Motion {
+impl FieldStatistics {
     pub fn new(first: &Field) -> Self {
         let components = [&first.u, &first.v, &first.w];
         let ends_mm = components.map(|values| {
