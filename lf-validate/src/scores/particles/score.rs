@@ -64,9 +64,13 @@ impl Accuracy {
 
     /// Share of the errors along an axis within `sigmas` stated uncertainties. None without stated uncertainties.
     pub fn within(&self, axis: usize, sigmas: f64) -> Option<f64> {
-        let stated = self.errors.iter().filter_map(|(error, std)| Some((error[axis], (*std)?[axis])));
-        mean(stated.map(|(error, std)| (error.abs() <= sigmas * std) as u8 as f64))
+        within(self.errors.iter().filter_map(|(error, std)| Some((error[axis], (*std)?[axis]))), sigmas)
     }
+}
+
+/// Share of errors within `sigmas` of their standard uncertainty. None without an error.
+fn within(pairs: impl Iterator<Item = (f64, f64)>, sigmas: f64) -> Option<f64> {
+    mean(pairs.map(|(error, std)| (error.abs() <= sigmas * std) as u8 as f64))
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
@@ -98,12 +102,10 @@ impl Serialize for Accuracy {
                 map.serialize_entry(&format!("within_{sigmas}_{name}"), &self.within(axis, sigmas.into()))?;
             }
         }
-        let light = mean(self.light.iter().map(|(error, _)| error * error)).map(f64::sqrt);
-        map.serialize_entry("rms_intensity", &light)?;
+        map.serialize_entry("rms_intensity", &root_mean(self.light.iter().map(|(error, _)| error * error)))?;
         for sigmas in [1.0, 2.0] {
-            let stated = self.light.iter().filter_map(|(error, std)| Some((error, (*std)?)));
-            let share = mean(stated.map(|(error, std)| (error.abs() <= sigmas * std) as u8 as f64));
-            map.serialize_entry(&format!("within_{sigmas}_intensity"), &share)?;
+            let stated = self.light.iter().filter_map(|(error, std)| Some((*error, (*std)?)));
+            map.serialize_entry(&format!("within_{sigmas}_intensity"), &within(stated, sigmas))?;
         }
         map.end()
     }
