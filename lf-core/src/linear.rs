@@ -36,8 +36,8 @@ pub fn cholesky(matrix: &mut [f64], size: usize, least: f64) -> Option<()> {
     Some(())
 }
 
-/// Replaces the lower triangle of `matrix` by its Cholesky factor L. A pivot below `floor(column, value on the diagonal)`
-/// is raised to it, so that rounding cannot make the rows below it overflow.
+/// Replaces the lower triangle of `matrix` by its Cholesky factor L. Pivots below `floor(column, diagonal value)` are
+/// raised to it, so that rounding cannot make the rows below overflow.
 pub fn cholesky_above(matrix: &mut [f64], size: usize, floor: impl Fn(usize, f64) -> f64) {
     for column in 0..size {
         let own = matrix[column * size + column];
@@ -110,8 +110,7 @@ impl LeastSquares {
         }
     }
 
-    /// The Cholesky factor of the matrix and the solution. None if a pivot is not above `least` times the matrix's value
-    /// there.
+    /// The Cholesky factor of the matrix, and the solution. None where [`cholesky`] gives none.
     pub fn solve(mut self, least: f64) -> Option<(Vec<f64>, Vec<f64>)> {
         cholesky(&mut self.matrix, self.right.len(), least)?;
         solve(&self.matrix, &mut self.right);
@@ -125,7 +124,7 @@ mod tests {
 
     const SIZE: usize = 21;
 
-    /// Lehmer's matrix, min(i, j) / max(i, j), which is positive definite; its inverse is known and has three diagonals.
+    /// Lehmer's matrix, min(i, j) / max(i, j), is positive definite; its inverse is known and has three diagonals.
     fn lehmer(i: usize, j: usize) -> f64 {
         (i.min(j) + 1) as f64 / (i.max(j) + 1) as f64
     }

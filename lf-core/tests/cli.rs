@@ -12,7 +12,7 @@ use std::process::{Command, ExitCode, Output, Stdio};
 /// Variable that makes this program the tool.
 const TOOL: &str = "LF_TEST_TOOL";
 
-/// A tool that does what it is told
+/// A tool that does as asked
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {

@@ -37,7 +37,7 @@ fn field() -> Field {
     field
 }
 
-/// The same with 0.5 ms between the volumes: velocities are 2000 times the displacements.
+/// The field with 0.5 ms between the volumes: velocities are 2000 times the displacements.
 fn timed() -> Field {
     let mut field = field();
     field.layout.dt_s = Some(0.0005);

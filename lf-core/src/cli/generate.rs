@@ -1,4 +1,4 @@
-//! `--generate`: man pages and shell completions from the texts of `--help`. Hidden, since only `scripts/man` needs it.
+//! `--generate`: man pages and shell completions from the texts of `--help-all`. Hidden: only `scripts/man` needs it.
 
 use crate::{Error, Result};
 use clap::Command;
@@ -11,7 +11,7 @@ pub(super) const OPTION: &str = "--generate";
 
 const WANTED: &str = "wanted man, bash, zsh, fish or tasks; man TASK for the page of a subcommand";
 
-/// All tools, listed at the end of every page.
+/// All tools; every page lists the others at its end.
 const TOOLS: [&str; 8] =
     ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-fit", "lf-xcorr", "lf-flow", "lf-validate"];
 

@@ -27,17 +27,18 @@ impl Field {
         Self::from_bytes(&io::open(path)?, &io::name(path))
     }
 
-    /// Reads an EXR field from memory as [`Field::open`] does; `name` stands for it in messages.
+    /// Reads an EXR field from memory; `name` stands for it in messages.
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
-    /// Writes EXR, `.vti`, `.nc` (NetCDF) or `.csv` by extension; `-` and a name without extension are EXR. Refuses what [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
+    /// Writes EXR, `.vti`, `.nc` (NetCDF) or `.csv` by extension; `-` and a name without extension are EXR. Refuses
+    /// what [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
         self.save_with(path, &[])
     }
 
-    /// Writes the field as [`Field::save`] does, with more numbers at every vector: channels of the EXR, arrays of the
+    /// Writes the field like [`Field::save`], with more numbers at every vector: channels of the EXR, arrays of the
     /// `.vti`, variables of the `.nc`, columns of the `.csv`. [`Field::open`] reads such a file as the
     /// field alone. Panics if an array is not as long as the layout asks.
     pub fn save_with(&self, path: &Path, more: &[Array]) -> Result<()> {
@@ -78,11 +79,11 @@ impl Field {
 }
 
 /// The header of an EXR field and its layout, which fit each other.
-fn head(bytes: &[u8]) -> std::result::Result<(exr::Header, VectorGrid), Refusal> {
+fn head(bytes: &[u8]) -> std::result::Result<(exr::ExrHeader, VectorGrid), Refusal> {
     const WANTED: &str = "wanted a vector field in EXR";
     let found = || if bytes.is_empty() { "empty" } else { "not an EXR by its first bytes" };
     Refusal::unless(Signature::of(bytes) == Some(Signature::Exr), found, WANTED)?;
-    let header = exr::Header::read(bytes)?;
+    let header = exr::ExrHeader::read(bytes)?;
     let Some(text) = header.text(LAYOUT) else {
         let found = format!("an EXR of channels {} without attribute {LAYOUT}", header.channels.join(", "));
         return Err(Refusal::new(found, WANTED));

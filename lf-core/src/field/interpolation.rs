@@ -4,7 +4,7 @@ use super::vector_grid::VectorGrid;
 use super::vectors::{Field, MEASURED, NO_DATA};
 use glam::DVec3;
 
-/// A place may lie this many spacings outside the outermost vectors: two tools round differently.
+/// A place may lie this many spacings outside the outermost vectors, because tools round differently.
 const ROUNDING: f64 = 1e-6;
 
 /// The cell of a regular grid that holds a place.
@@ -96,8 +96,8 @@ impl VectorGrid {
         (place_mm - DVec3::from(self.origin_mm)) / DVec3::from(self.spacing_mm)
     }
 
-    /// The difference that gives the slope at vector `at` along an axis: between its neighbours, or between one neighbour
-    /// and itself at an end and beside a gap. None without data there or in a neighbour.
+    /// The difference that gives the slope at vector `at` along an axis: between its neighbours, or at an end and
+    /// beside a gap between one neighbour and itself. None if the vector or both neighbours have no data.
     pub fn difference(&self, at: usize, axis: usize, has_data: impl Fn(usize) -> bool) -> Option<Difference> {
         let [before, after] = [-1, 1].map(|step| self.neighbour(at, axis, step).filter(|near| has_data(*near)));
         let steps = [before, after].into_iter().flatten().count();

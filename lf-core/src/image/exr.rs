@@ -11,7 +11,7 @@ use ::exr::prelude::{
 use std::{collections::HashMap, io::Cursor};
 
 /// Header of an EXR, checked before any pixel is decoded.
-pub(crate) struct Header {
+pub(crate) struct ExrHeader {
     pub(crate) width: usize,
     pub(crate) height: usize,
     /// Channel names in the order of the file, which is alphabetical.
@@ -20,7 +20,7 @@ pub(crate) struct Header {
     shared: HashMap<Text, AttributeValue>,
 }
 
-impl Header {
+impl ExrHeader {
     /// Refuses several parts, deep or subsampled data, a crop, and a size that the file cannot hold.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, Refusal> {
         let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(failed)?;
@@ -57,7 +57,7 @@ impl Header {
 }
 
 /// Values of the named channels, in the order of `names`, each in rows from the top.
-pub(crate) fn read(bytes: &[u8], header: Header, names: &[&str]) -> Result<Vec<Vec<f32>>, Refusal> {
+pub(crate) fn read(bytes: &[u8], header: ExrHeader, names: &[&str]) -> Result<Vec<Vec<f32>>, Refusal> {
     let missing: Vec<&str> =
         names.iter().copied().filter(|name| !header.channels.iter().any(|has| has == name)).collect();
     let found = || format!("channels {} without {}", header.channels.join(", "), missing.join(", "));
@@ -85,7 +85,7 @@ pub(crate) fn read(bytes: &[u8], header: Header, names: &[&str]) -> Result<Vec<V
     names.iter().map(values).collect()
 }
 
-/// The library's failure in words.
+/// Turns a failure of the library into a refusal.
 fn failed(error: ::exr::error::Error) -> Refusal {
     match error {
         ::exr::error::Error::NotSupported(what) => Refusal::new(

@@ -15,7 +15,7 @@ const WANTED: &str = "wanted one channel Y, or R, G and B, linear counts";
 const OPAQUE: f32 = 1.0;
 
 pub(super) fn read(bytes: &[u8], channel: Option<Channel>) -> Result<Image, Refusal> {
-    let header = exr::Header::read(bytes)?;
+    let header = exr::ExrHeader::read(bytes)?;
     let meaning = meaning(&header.channels)?;
     let history = match header.text(HISTORY) {
         None => History::new(),

@@ -20,8 +20,8 @@ const LINKS: usize = 40;
 pub fn check_place(path: &Path) -> Result<()> {
     let refused = |error: io::Error| writing(&output_name(path), &error);
     match place(path).map_err(refused)? {
-        Place::Replace(place, _) => draft::begin(folder_of(&place)).map(drop).map_err(refused),
-        Place::Standard | Place::Through => Ok(()),
+        OutputPlace::Replace(place, _) => draft::begin(folder_of(&place)).map(drop).map_err(refused),
+        OutputPlace::Standard | OutputPlace::Through => Ok(()),
     }
 }
 
@@ -52,7 +52,7 @@ fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Resul
     let subject = output_name(path);
     let failed = |error: io::Error| writing(&subject, &error);
     match place(path).map_err(failed)? {
-        Place::Replace(place, old) => {
+        OutputPlace::Replace(place, old) => {
             let folder = folder_of(&place);
             let (file, draft) = draft::begin(folder).map_err(failed)?;
             let file = fill_and_flush(file, fill).map_err(failed)?;
@@ -82,8 +82,8 @@ fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()
     outcome.map(|()| file)
 }
 
-/// What a path stands for.
-enum Place {
+/// The thing that a path stands for.
+enum OutputPlace {
     /// Standard output.
     Standard,
     /// A device, a FIFO or an open descriptor, which is written directly.
@@ -93,25 +93,29 @@ enum Place {
     Replace(PathBuf, Option<Permissions>),
 }
 
-/// Finds out what a path stands for. Opens no device or FIFO: that may wait for a reader.
-fn place(path: &Path) -> io::Result<Place> {
+/// Determines what a path stands for. Opens no device or FIFO, since that may wait for a reader.
+fn place(path: &Path) -> io::Result<OutputPlace> {
     if is_standard(path) || path == Path::new("/dev/stdout") {
-        return if stdout_was_closed() { Err(io::Error::other("closed")) } else { Ok(Place::Standard) };
+        return if stdout_was_closed() { Err(io::Error::other("closed")) } else { Ok(OutputPlace::Standard) };
     }
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => Err(ErrorKind::IsADirectory.into()),
         Ok(found) if found.is_file() && !names_a_descriptor(path) => {
             // Do not replace a file that its owner has made read-only.
             OpenOptions::new().write(true).open(path)?;
-            Ok(Place::Replace(fs::canonicalize(path)?, Some(Permissions::from_mode(found.mode() & 0o7777))))
+            Ok(OutputPlace::Replace(fs::canonicalize(path)?, Some(Permissions::from_mode(found.mode() & 0o7777))))
         }
-        Ok(_) => Ok(Place::Through),
+        Ok(_) => Ok(OutputPlace::Through),
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             let mut place = path.to_owned();
             for _ in 0..LINKS {
                 let Ok(next) = fs::read_link(&place) else {
                     let has_folder = folder_of(&place).is_dir();
-                    return if has_folder { Ok(Place::Replace(place, None)) } else { Err(ErrorKind::NotFound.into()) };
+                    return if has_folder {
+                        Ok(OutputPlace::Replace(place, None))
+                    } else {
+                        Err(ErrorKind::NotFound.into())
+                    };
                 };
                 place = place.parent().unwrap_or(Path::new("")).join(next);
             }
@@ -122,8 +126,8 @@ fn place(path: &Path) -> io::Result<Place> {
 }
 
 /// Opens standard output, a device, a FIFO or a descriptor.
-fn open_stream(place: &Place, path: &Path) -> io::Result<File> {
-    if let Place::Standard = place {
+fn open_stream(place: &OutputPlace, path: &Path) -> io::Result<File> {
+    if let OutputPlace::Standard = place {
         io::stdout().flush()?;
         return standard(io::stdout().as_fd());
     }

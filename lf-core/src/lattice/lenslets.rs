@@ -179,8 +179,8 @@ impl Lattice {
         })
     }
 
-    /// The perfect lattice in rows nearly along x: the centre of one lenslet, the step to the next of its row, which has a
-    /// positive x, and a step to another row, mm.
+    /// The perfect lattice in rows nearly along x: the centre of one lenslet, the step to the next in its row, which
+    /// has a positive x, and the step to another row, mm.
     pub(crate) fn rows_along_x(&self) -> [DVec2; 3] {
         let shift = if self.layout == Layout::Square { 0.0 } else { 0.5 };
         let mut along = self.rotation * DVec2::new(self.pitch_mm, 0.0);

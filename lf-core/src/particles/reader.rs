@@ -47,7 +47,7 @@ pub fn open(path: &Path, session: &Session) -> Result<Vec<Particle>> {
     Ok(particles)
 }
 
-/// Reads a table. Refuses another frame than the tools', and a covariance that is none. Errors give the number of the
+/// Reads a table. Refuses a frame other than the tools' and an impossible covariance. Errors give the number of the
 /// line.
 pub fn read(text: &str) -> std::result::Result<Vec<Particle>, Refusal> {
     if let Some(frame) = frame(text).filter(|frame| *frame != MARK) {
@@ -69,19 +69,19 @@ pub fn read(text: &str) -> std::result::Result<Vec<Particle>, Refusal> {
     };
     let mut particles = Vec::new();
     for (n, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        particles.push(Line { number: n + 1, text: line, header }.particle()?);
+        particles.push(TableLine { number: n + 1, text: line, header }.particle()?);
     }
     Ok(particles)
 }
 
 /// A line of a table that has a header.
-struct Line<'a> {
+struct TableLine<'a> {
     number: usize,
     text: &'a str,
     header: &'static str,
 }
 
-impl Line<'_> {
+impl TableLine<'_> {
     fn found(&self, what: &str) -> String {
         format!("line {} {what}: '{}'", self.number, self.text)
     }

@@ -4,7 +4,7 @@
 //! EXR under the same names. Vectors without data are NaN. The attribute `history` has a line for each step; the
 //! attribute `lf_field` holds the JSON of the EXR's attribute, so that nothing is lost.
 
-use super::netcdf::{Attributes, Header, Kind, Value, Variable, write_bytes, write_doubles, write_floats};
+use super::netcdf::{Attributes, NetcdfHeader, NumberType, Value, Variable, write_bytes, write_doubles, write_floats};
 use super::{parts, vti::Array};
 use crate::field::{vector_grid::CHANNELS, vector_grid::VectorGrid, vectors::Field, vectors::NO_DATA};
 use crate::{Refusal, Result, frame::MARK, history, io};
@@ -48,14 +48,14 @@ impl Time {
 
 /// Number of the channel `flag`.
 const FLAG: usize = 8;
-/// Variables that say more of u, v and w.
+/// Variables that qualify u, v and w.
 const ANCILLARY: [&str; 3] = ["su flag peak ratio count", "sv flag peak ratio count", "sw flag peak ratio count"];
 
 /// Writes one field, without the dimension t.
 pub(in crate::field) fn write_cf(field: &Field, more: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
     let (mut header, more) = (header(&field.layout, None), parts::all(more));
     let dimensions = header.dimensions.len();
-    header.variables.extend(more.iter().map(|(name, _)| further(name, dimensions)));
+    header.variables.extend(more.iter().map(|(name, _)| additional(name, dimensions)));
     out.write_all(&header.bytes().map_err(Error::other)?)?;
     write_places(&field.layout, out)?;
     write_components(field, out)?;
@@ -116,14 +116,14 @@ fn write_components(field: &Field, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-fn header(layout: &VectorGrid, time: Option<&Time>) -> Header {
+fn header(layout: &VectorGrid, time: Option<&Time>) -> NetcdfHeader {
     let [nx, ny, nz] = layout.shape;
     let records = time.map(|time| ("t", time.count()));
     let dimensions: Vec<_> = records.into_iter().chain([("z", nz), ("y", ny), ("x", nx)]).collect();
     let place = |name: &'static str, dimension: usize, axis: &str, meaning: &str| Variable {
         name: name.to_owned(),
         dimensions: vec![dimension],
-        kind: Kind::Double,
+        kind: NumberType::Double,
         attributes: vec![("long_name", meaning.into()), ("units", "mm".into()), ("axis", axis.into())],
     };
     let last = dimensions.len() - 1;
@@ -136,12 +136,12 @@ fn header(layout: &VectorGrid, time: Option<&Time>) -> Header {
         variables.push(Variable {
             name: "t".to_owned(),
             dimensions: vec![0],
-            kind: Kind::Double,
+            kind: NumberType::Double,
             attributes: time.attributes(),
         });
     }
     variables.extend((0..CHANNELS.len()).map(|n| component(n, dimensions.len())));
-    Header { dimensions, has_records: time.is_some(), attributes: about(layout), variables }
+    NetcdfHeader { dimensions, has_records: time.is_some(), attributes: about(layout), variables }
 }
 
 /// The variable of a component.
@@ -158,14 +158,14 @@ fn component(n: usize, dimensions: usize) -> Variable {
     if let Some(others) = ANCILLARY.get(n) {
         attributes.push(("ancillary_variables", (*others).into()));
     }
-    let kind = if n == FLAG { Kind::Byte } else { Kind::Float };
+    let kind = if n == FLAG { NumberType::Byte } else { NumberType::Float };
     Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind, attributes }
 }
 
-/// The variable of further numbers at every vector. The end of its name is its unit.
-fn further(name: &str, dimensions: usize) -> Variable {
+/// The variable of additional numbers at every vector. Its name ends with its unit.
+fn additional(name: &str, dimensions: usize) -> Variable {
     let attributes = vec![("long_name", Value::Text(name.to_owned())), ("_FillValue", Value::Floats(vec![f32::NAN]))];
-    Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind: Kind::Float, attributes }
+    Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind: NumberType::Float, attributes }
 }
 
 /// The attributes of the whole file.

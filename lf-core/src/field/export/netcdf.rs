@@ -1,4 +1,4 @@
-//! The head of a NetCDF file in the classic format with 64-bit offsets, and its values.
+//! The header of a NetCDF file in the classic format with 64-bit offsets, and its values.
 //!
 //! Source: "NetCDF Classic Format Specification" of Unidata. A file is a header, then the values of every variable
 //! without the record dimension, then the records: record 0 of each variable that has it, record 1 of each, and so on.
@@ -7,15 +7,15 @@
 use crate::Refusal;
 use std::io::{Result, Write};
 
-/// Number types, as the format numbers them.
+/// Number types and their codes in the format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum NumberType {
     Byte = 1,
     Float = 5,
     Double = 6,
 }
 
-impl Kind {
+impl NumberType {
     fn bytes(self) -> u64 {
         match self {
             Self::Byte => 1,
@@ -47,12 +47,12 @@ pub(super) type Attributes = Vec<(&'static str, Value)>;
 pub(super) struct Variable {
     pub name: String,
     pub dimensions: Vec<usize>,
-    pub kind: Kind,
+    pub kind: NumberType,
     pub attributes: Attributes,
 }
 
 /// The content of a header.
-pub(super) struct Header {
+pub(super) struct NetcdfHeader {
     /// Name and length of each dimension. The record dimension, if there is one, is the first.
     pub dimensions: Vec<(&'static str, usize)>,
     /// Whether the first dimension is that of the records.
@@ -68,7 +68,7 @@ const DIMENSIONS: u32 = 10;
 const VARIABLES: u32 = 11;
 const ATTRIBUTES: u32 = 12;
 
-impl Header {
+impl NetcdfHeader {
     /// The bytes of the header. Refuses a variable, or a record of it, of 4 GiB or more.
     pub fn bytes(&self) -> std::result::Result<Vec<u8>, Refusal> {
         let sizes: Vec<u64> = self.variables.iter().map(|variable| self.size(variable)).collect();
@@ -144,9 +144,9 @@ fn attributes(bytes: &mut Vec<u8>, attributes: &Attributes) {
         text(bytes, name);
         let (kind, count) = match value {
             Value::Text(text) => (TEXT, text.len()),
-            Value::Bytes(values) => (Kind::Byte as u32, values.len()),
-            Value::Floats(values) => (Kind::Float as u32, values.len()),
-            Value::Doubles(values) => (Kind::Double as u32, values.len()),
+            Value::Bytes(values) => (NumberType::Byte as u32, values.len()),
+            Value::Floats(values) => (NumberType::Float as u32, values.len()),
+            Value::Doubles(values) => (NumberType::Double as u32, values.len()),
         };
         number(bytes, kind);
         number(bytes, count as u32);
@@ -183,14 +183,14 @@ mod tests {
 
     #[test]
     fn a_header_as_the_specification_lays_it_out() {
-        let header = Header {
+        let header = NetcdfHeader {
             dimensions: vec![("x", 3)],
             has_records: false,
             attributes: vec![("a", Value::Floats(vec![1.0]))],
             variables: vec![Variable {
                 name: "vx".to_owned(),
                 dimensions: vec![0],
-                kind: Kind::Byte,
+                kind: NumberType::Byte,
                 attributes: Vec::new(),
             }],
         };
@@ -206,14 +206,14 @@ mod tests {
 
     #[test]
     fn a_variable_of_4_gib_is_refused() {
-        let long = Header {
+        let long = NetcdfHeader {
             dimensions: vec![("x", 1 << 30)],
             has_records: false,
             attributes: Vec::new(),
             variables: vec![Variable {
                 name: "u".to_owned(),
                 dimensions: vec![0],
-                kind: Kind::Float,
+                kind: NumberType::Float,
                 attributes: Vec::new(),
             }],
         };

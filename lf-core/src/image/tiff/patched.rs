@@ -1,4 +1,4 @@
-//! A file in memory that reads as if a few of its bytes were others.
+//! A file in memory of which a few bytes read as others.
 
 use std::io::{Cursor, Read, Result, Seek, SeekFrom};
 

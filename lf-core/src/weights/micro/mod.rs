@@ -27,7 +27,7 @@ mod walk;
 mod wanted;
 mod wide;
 
-pub(crate) use array::Array;
+pub(crate) use array::LensletArray;
 pub(crate) use engine::OneByOne;
 pub use engine::{Lines, Micro};
 pub use images::MicroImages;
