@@ -146,7 +146,8 @@ fn a_written_flow_can_be_followed() {
 #[test]
 fn no_particles_are_black_frames() {
     let made = rendered("frames", &scene("core", &["particles.per_lenslet=0"]), "0", &[]);
-    let image = lf_core::image::from_bytes(&made["frame-0000.exr"], "frame").unwrap();
+    let stack = lf_core::image::Stack::from_bytes(made["frame-0000.exr"].clone().into(), "frame").unwrap();
+    let image = stack.only(None).unwrap();
     assert!(image.pixels.iter().all(|pixel| *pixel == 0.0));
     assert_eq!(made["particles.csv"].iter().filter(|byte| **byte == b'\n').count(), 2);
 }

@@ -84,7 +84,8 @@ const LINES: usize = 10;
 /// A longer list is left out of them.
 const SHORT_LIST: usize = 3;
 
-/// The first numbers of a score, those of the whole before those of its parts and before counts, and how many are left out.
+/// The first numbers of a score, and how many are left out. Numbers of the whole come before those of its parts and
+/// before counts.
 fn brief(score: &Value) -> String {
     let (mut lines, mut lists) = (Vec::new(), 0);
     collect("", 0, score, &mut lines, &mut lists);
