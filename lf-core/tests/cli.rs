@@ -26,6 +26,9 @@ struct Arguments {
     /// The output
     #[arg(short, default_value = "-")]
     output: PathBuf,
+    /// A number that only an experiment changes
+    #[arg(long, value_name = "N", default_value_t = 3, help_heading = "For experiments", hide = true)]
+    trial: usize,
 }
 
 fn tool() -> ExitCode {
@@ -105,6 +108,28 @@ fn help_and_version_are_results() {
     let full = command(&["--help"]).stdout(File::create("/dev/full").unwrap()).output().unwrap();
     let line = "lf-tool: standard output: no space left on device; wanted room for the whole output\n";
     assert_eq!(seen(full), (2, String::new(), line.into()));
+}
+
+fn help_all_shows_what_help_hides() {
+    let mention = "--help-all prints this help with the options for experiments.";
+    for short in ["--help", "-h"] {
+        let (code, out, _) = run(&[short]);
+        assert!(code == 0 && !out.contains("--trial") && out.lines().last() == Some(mention), "{out}");
+    }
+    for words in [&["--help-all"][..], &["no", "--help-all", "-q"]] {
+        let (code, out, err) = run(words);
+        assert!(
+            code == 0 && err.is_empty() && out.contains("For experiments:") && out.contains("--trial <N>"),
+            "{out}"
+        );
+        assert!(out.contains("Print errors only") && !out.contains(mention), "{out}");
+    }
+    for words in [["--generate", "man"], ["--generate", "bash"]] {
+        let (code, out, _) = run(&words);
+        assert!(code == 0 && out.replace('\\', "").contains("--trial") && !out.contains(mention), "{out}");
+    }
+    assert_eq!(run(&["no", "-q", "--trial", "4"]).0, 1);
+    assert_eq!(run(&["no", "-q", "--", "--help-all"]).0, 1);
 }
 
 fn a_slip_is_one_line() {
@@ -317,8 +342,9 @@ fn main() -> ExitCode {
     if std::env::var_os(TOOL).is_some() {
         return tool();
     }
-    let tests: [(&str, fn()); 15] = [
+    let tests: [(&str, fn()); 16] = [
         ("help_and_version_are_results", help_and_version_are_results),
+        ("help_all_shows_what_help_hides", help_all_shows_what_help_hides),
         ("a_slip_is_one_line", a_slip_is_one_line),
         ("outcomes_have_their_codes", outcomes_have_their_codes),
         ("a_panic_is_one_line", a_panic_is_one_line),

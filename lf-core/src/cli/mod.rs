@@ -11,6 +11,7 @@ mod clock;
 mod complaint;
 mod frame_warnings;
 mod generate;
+mod help_all;
 mod lengths;
 mod memory;
 mod progress;

@@ -1,8 +1,8 @@
 //! The whole of a tool's `main`.
 
 use super::complaint::{answer, complain, usage};
-use super::generate;
 use super::session::{Common, Session};
+use super::{generate, help_all};
 use crate::{Result, history::Step, io};
 use std::panic::{self, AssertUnwindSafe};
 use std::{ffi::OsString, io::Write, path::Path, process::ExitCode, sync::Mutex};
@@ -26,7 +26,7 @@ pub enum Verdict {
 static PANIC: Mutex<Option<String>> = Mutex::new(None);
 
 /// The whole of a tool's `main`: parses the command line, runs `body`, and turns its outcome into an exit code. The
-/// first word `--generate` prints a man page or shell completions instead.
+/// first word `--generate` prints a man page or shell completions instead. `--help-all` prints the help of all options.
 pub fn run<A: clap::Parser>(
     tool: &'static str,
     common: impl FnOnce(&A) -> &Common,
@@ -37,11 +37,14 @@ pub fn run<A: clap::Parser>(
     if let [first, words @ ..] = words.as_slice()
         && first == generate::OPTION
     {
-        let told = generate::text(tool, A::command(), words)
+        let told = generate::text(tool, help_all::with_all_shown(A::command()), words)
             .and_then(|text| io::save_text(Path::new("-"), |out| out.write_all(&text)));
         return told.map_or_else(|error| complain(tool, &error.to_string()), |()| ExitCode::SUCCESS);
     }
-    let arguments = match A::try_parse() {
+    let shows_all = help_all::is_wanted(&words);
+    let mut command = if shows_all { help_all::with_all_shown } else { help_all::with_option }(A::command());
+    let parsed = command.try_get_matches_from_mut(std::env::args_os());
+    let arguments = match parsed.and_then(|matches| A::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(error) => return answer(tool, &error, &A::command(), &words),
     };
