@@ -1,6 +1,7 @@
 //! Vectors from their neighbours: the replacement of outliers.
 
 use glam::{DVec3, IVec3};
+use lf_core::linear;
 
 /// The up to 26 neighbours of `node` in a field of `shape`, with the step to each: -1, 0 or 1 along each axis.
 pub(crate) fn neighbours(shape: [usize; 3], node: usize) -> impl Iterator<Item = (usize, DVec3)> {
@@ -45,34 +46,26 @@ pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -
     // Constant: the ridge holds the slope at zero along an axis that the neighbours do not determine. At an edge it
     // reduces the slope by a few per cent, so that rounds of extrapolation stay tame.
     const RIDGE: f64 = 0.1;
-    let (mut matrix, mut right) = ([[0.0; 4]; 4], [DVec3::ZERO; 4]);
+    let (mut matrix, mut right) = ([0.0; 16], [DVec3::ZERO; 4]);
     for (neighbour, step) in neighbours(shape, node) {
         let Some(vector) = vectors[neighbour] else { continue };
         // Weigh a neighbour by one over the square of its distance.
         let row = [1.0, step.x, step.y, step.z];
         let weight = 1.0 / step.length_squared();
         for i in 0..4 {
-            (0..4).for_each(|j| matrix[i][j] += weight * row[i] * row[j]);
+            (0..4).for_each(|j| matrix[4 * i + j] += weight * row[i] * row[j]);
             right[i] += weight * row[i] * vector;
         }
     }
-    if matrix[0][0] == 0.0 {
-        return None;
-    }
-    (1..4).for_each(|i| matrix[i][i] += RIDGE);
-    // Eliminate the slopes upwards, then substitute downwards. The matrix is positive definite.
-    for i in (1..4).rev() {
-        for j in 0..i {
-            let share = matrix[j][i] / matrix[i][i];
-            (0..4).for_each(|k| matrix[j][k] -= share * matrix[i][k]);
-            right[j] -= share * right[i];
-        }
-    }
-    for i in 0..4 {
-        let known: DVec3 = (0..i).map(|j| matrix[i][j] * right[j]).sum();
-        right[i] = (right[i] - known) / matrix[i][i];
-    }
-    Some(Plane { value: right[0], slope: [right[1], right[2], right[3]] })
+    (1..4).for_each(|i| matrix[5 * i] += RIDGE);
+    linear::cholesky(&mut matrix, 4, 0.0)?;
+    let components = [0, 1, 2].map(|c| {
+        let mut plane = right.map(|right| right[c]);
+        linear::solve(&matrix, &mut plane);
+        plane
+    });
+    let [value, slope @ ..] = [0, 1, 2, 3].map(|i| DVec3::from_array(components.map(|plane| plane[i])));
+    Some(Plane { value, slope })
 }
 
 #[cfg(test)]

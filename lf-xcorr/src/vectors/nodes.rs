@@ -87,8 +87,18 @@ impl Nodes {
         self.shape.iter().product()
     }
 
-    /// Every `skip`-th node along each axis; the rest is left at both ends alike.
-    pub fn every(&self, skip: [usize; 3]) -> Self {
+    /// The nodes at most `reach` steps from a node along each axis, x fastest.
+    pub fn around(&self, node: usize, reach: usize) -> impl Iterator<Item = [usize; 3]> + use<> {
+        let steps = self.steps(node);
+        let [x, y, z] =
+            [0, 1, 2].map(|axis| steps[axis].saturating_sub(reach)..(steps[axis] + reach + 1).min(self.shape[axis]));
+        let rows = z.flat_map(move |k| y.clone().map(move |j| (j, k)));
+        rows.flat_map(move |(j, k)| x.clone().map(move |i| [i, j, k]))
+    }
+
+    /// Nodes about `distance` apart: every n-th one, with the remainder left at both ends alike.
+    pub fn apart(&self, distance: DVec3) -> Self {
+        let skip = (distance / self.step).round().to_array().map(|steps| (steps as usize).max(1));
         let count = [0, 1, 2].map(|axis| (self.shape[axis] - 1) / skip[axis] + 1);
         let first = [0, 1, 2].map(|axis| (self.shape[axis] - 1 - (count[axis] - 1) * skip[axis]) / 2);
         let step = self.step * DVec3::from_array(skip.map(|skip| skip as f64));
