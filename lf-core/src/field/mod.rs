@@ -28,10 +28,12 @@
 mod cut;
 mod export;
 mod file;
+mod interpolation;
 mod vector_grid;
 mod vectors;
 
 pub use cut::Cut;
 pub use export::{Array, ImageData, Time, save_arrays, save_series, write_field_data};
+pub use interpolation::{Cell, Difference, Interpolated};
 pub use vector_grid::VectorGrid;
 pub use vectors::{Field, MEASURED, NO_DATA, REPLACED};
