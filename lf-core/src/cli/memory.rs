@@ -62,14 +62,9 @@ impl Session {
         check_memory(limit, work_bytes, subject, what)
     }
 
-    /// Answers `--estimate` with one JSON object on standard output: `memory_bytes`, the peak memory of a run, and
-    /// `counts`. The peak is `work_bytes` plus what the process holds now, with the inputs read.
-    pub fn tell_estimate(&mut self, work_bytes: u64, counts: &[(&str, u64)]) -> Result<()> {
-        self.tell_estimate_with(work_bytes, counts, &[])
-    }
-
-    /// Answers `--estimate` as [`Session::tell_estimate`] does, with `lengths` in mm along x, y, z beside the counts.
-    pub fn tell_estimate_with(
+    /// Prints the answer to `--estimate`: one JSON object with `memory_bytes`, the peak memory of a run, with `counts`, and
+    /// with `lengths` in mm along x, y, z. The peak is `work_bytes` plus what the process holds now, with the inputs read.
+    pub fn print_estimate(
         &mut self,
         work_bytes: u64,
         counts: &[(&str, u64)],
@@ -77,14 +72,10 @@ impl Session {
     ) -> Result<()> {
         let bytes = peak_with(work_bytes as f64);
         self.count("estimated_bytes", bytes);
-        let mut told = json!({"memory_bytes": bytes});
-        for (name, count) in counts {
-            told[name] = json!(count);
-        }
-        for (name, length) in lengths {
-            told[name] = json!(length);
-        }
-        io::save_text(Path::new("-"), |out| writeln!(out, "{told}"))
+        let mut estimate = json!({"memory_bytes": bytes});
+        counts.iter().for_each(|(name, count)| estimate[name] = json!(count));
+        lengths.iter().for_each(|(name, length)| estimate[name] = json!(length));
+        io::save_text(Path::new("-"), |out| writeln!(out, "{estimate}"))
     }
 }
 

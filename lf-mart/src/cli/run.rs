@@ -50,7 +50,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let seconds = session.phase("forecast", |_| Ok(plan.seconds(cli::thread_seconds)))?;
         let seconds = seconds.map(|seconds| ("seconds", seconds.ceil() as u64));
         let counts = [("voxels", support.count() as u64)].into_iter().chain(seconds).collect::<Vec<_>>();
-        session.tell_estimate(bytes, &counts)?;
+        session.print_estimate(bytes, &counts, &[])?;
         return Ok(Verdict::Done);
     }
     session.warn_of_frame(&image, &camera, arguments.background.is_some());

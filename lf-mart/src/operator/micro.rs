@@ -42,7 +42,7 @@ impl<'a> MicroWeights<'a> {
 
     /// Foretells the bytes of everything but the voxels' own.
     pub(super) fn foretold_bytes(micro: &Micro, subsets: usize) -> u64 {
-        micro.foretold_bytes(subsets * parts(subsets))
+        micro.estimated_bytes(subsets * parts(subsets))
     }
 
     /// Measures the shares of all voxels, or of those that the sensor may see in part: the sum that a voxel sees of an even

@@ -57,7 +57,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let counts = [("voxels", plan.voxels()), ("kept", forecast.kept as u64), ("seconds", seconds)];
         let bytes = plan.bytes(pixels.len(), forecast.kept);
         if arguments.estimate {
-            session.tell_estimate(bytes, &counts)?;
+            session.print_estimate(bytes, &counts, &[])?;
             return Ok(Verdict::Done);
         }
         let what = || format!("{:.0} voxels kept of a {grid}", forecast.kept);

@@ -37,7 +37,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let voxels = volumes.iter().map(|volume| volume.indices().len() as u64).sum();
         let (initial_mm, window_mm) = report::windows_mm(&options, &part);
         let lengths = [("initial_mm", initial_mm), ("window_mm", window_mm)];
-        session.tell_estimate_with(plan.bytes(), &[("voxels", voxels)], &lengths)?;
+        session.print_estimate(plan.bytes(), &[("voxels", voxels)], &lengths)?;
         return Ok(Verdict::Done);
     }
     let windows = || format!("{} windows in all passes", plan.windows());

@@ -350,14 +350,14 @@ impl Micro {
     }
 
     /// Foretells the bytes of the tables, the lenslets, and buffers for sets of every `step`-th image row.
-    pub fn foretold_bytes(&self, step: usize) -> u64 {
+    pub fn estimated_bytes(&self, step: usize) -> u64 {
         let slices = self.geometry.grid.shape[2];
         let tables: usize = (0..slices)
             .into_par_iter()
-            .map(|z| SliceLight::foretold_bytes(&self.geometry, &self.array, z, self.bend(z).as_deref()))
+            .map(|z| SliceLight::estimated_bytes(&self.geometry, &self.array, z, self.bend(z).as_deref()))
             .sum();
         let lines = LINE_BYTES * self.geometry.grid.shape[1] * slices;
-        (tables + lines + self.array.bytes() + MicroImages::foretold_bytes(&self.array, step)) as u64
+        (tables + lines + self.array.bytes() + MicroImages::estimated_bytes(&self.array, step)) as u64
     }
 }
 

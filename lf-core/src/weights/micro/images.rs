@@ -98,7 +98,7 @@ impl MicroImages {
     }
 
     /// Foretells the bytes of the buffers.
-    pub(super) fn foretold_bytes(array: &Array, step: usize) -> usize {
+    pub(super) fn estimated_bytes(array: &Array, step: usize) -> usize {
         4 * (Layout::new(array, step).stride * array.rows() + array.row.len())
     }
 

@@ -174,7 +174,7 @@ impl Patches {
     }
 
     /// Foretells the bytes of a table for patches of so many pixels a side, in so many classes.
-    pub(super) fn foretold_bytes(side_px: f64, classes: usize, has_moments: bool) -> usize {
+    pub(super) fn estimated_bytes(side_px: f64, classes: usize, has_moments: bool) -> usize {
         let Size { rows, columns, bits } = Size::new(side_px, classes);
         let lines = classes * (rows << bits);
         4 * lines * (if has_moments { 3 } else { 1 } * (ACROSS + 1) * columns + 1)

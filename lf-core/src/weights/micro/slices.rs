@@ -173,12 +173,12 @@ impl SliceLight {
     }
 
     /// Foretells the bytes of a slice.
-    pub(super) fn foretold_bytes(geometry: &Geometry, array: &Array, z: usize, bend: Option<&Bend>) -> usize {
+    pub(super) fn estimated_bytes(geometry: &Geometry, array: &Array, z: usize, bend: Option<&Bend>) -> usize {
         let outline = Outline::new(geometry, array, z, bend);
         let nodes = bend.map_or(0, Bend::bytes);
         if outline.is_wide {
             return nodes;
         }
-        nodes + Patches::foretold_bytes(outline.side_px, outline.classes(), outline.has_moments)
+        nodes + Patches::estimated_bytes(outline.side_px, outline.classes(), outline.has_moments)
     }
 }

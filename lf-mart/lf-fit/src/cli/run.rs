@@ -25,7 +25,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let work = peak_bytes(&inputs, &options)?;
     let voxels: usize = inputs.iter().map(|input| input.volume.count()).sum();
     if arguments.estimate {
-        session.tell_estimate(work, &[("voxels", voxels as u64)])?;
+        session.print_estimate(work, &[("voxels", voxels as u64)], &[])?;
         return Ok(Verdict::Done);
     }
     session.allow_memory(arguments.memory, work as f64, &inputs[0].name, || format!("a fit to {voxels} voxels"))?;
