@@ -1,21 +1,21 @@
 //! Means over windows, of values that stand on the grid of the vectors.
 //!
-//! A vector is the mean of the flow over its window. The mean leaves out what bends inside it, an error that no
-//! treatment of the vectors takes away.
+//! A vector is the mean of the flow over its window. The mean leaves out what bends inside the window; no treatment of
+//! the vectors removes this error.
 
 use lf_core::VectorGrid;
 
 /// Weights of the places 0, 1, ... steps from a window's centre along an axis: their shares of its length.
 fn weights(layout: &VectorGrid, axis: usize) -> Vec<f64> {
-    let half = (0.5 * layout.window[axis] as f64 * layout.voxel_mm[axis] / layout.spacing_mm[axis]).max(0.5);
+    let half = (0.5 * layout.window_in_spacings(axis)).max(0.5);
     let share = |step: usize| (half - step as f64 + 0.5).clamp(0.0, 1.0) / (2.0 * half);
     let mut weights: Vec<f64> = (0..=half as usize + 1).map(share).collect();
     weights[0] = 1.0 / (2.0 * half);
     weights
 }
 
-/// The mean of `values` over the window of each vector. Beyond the ends of an axis they go on as they came, mirrored in
-/// the last one, so that a slope has no part in the difference.
+/// The mean of `values` over the window of each vector. Beyond the ends of an axis the values continue mirrored in the
+/// last one, so that a slope makes no difference.
 pub(super) fn window_means(layout: &VectorGrid, values: &[f64]) -> Vec<f64> {
     let mut values = values.to_vec();
     for axis in 0..3 {

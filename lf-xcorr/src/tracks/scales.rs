@@ -106,7 +106,8 @@ fn climbed(
         for direction in DIRECTIONS {
             for step in [-std::f64::consts::LN_2, std::f64::consts::LN_2] {
                 loop {
-                    let next = std::array::from_fn(|n| (logs[n] + step * direction[n]).clamp(bounds[n][0], bounds[n][1]));
+                    let next =
+                        std::array::from_fn(|n| (logs[n] + step * direction[n]).clamp(bounds[n][0], bounds[n][1]));
                     let reached = if next == logs { best } else { score(&next) };
                     if reached <= best || reached.is_nan() {
                         break;

@@ -1,6 +1,7 @@
 //! The nodes of a vector field, and values between them.
 
 use glam::DVec3;
+use lf_core::field::Cell;
 
 /// Nodes on a regular grid, x fastest; places are in any one unit of length.
 #[derive(Debug, Clone, Copy)]
@@ -17,7 +18,7 @@ impl Nodes {
     /// The value at a place: trilinear between nodes. Beyond the outermost nodes the gradient continues for up to
     /// [`Nodes::BEYOND`] nodes; farther out the value is constant.
     pub fn at(&self, vectors: &[DVec3], place: DVec3) -> DVec3 {
-        let (corner, stride, fraction) = self.cell(place, Self::BEYOND);
+        let Cell { corner, stride, fraction } = self.cell(place, Self::BEYOND);
         let mix = |from: DVec3, to: DVec3, fraction: f64| from + fraction * (to - from);
         let along_x = |corner: usize| mix(vectors[corner], vectors[corner + stride[0]], fraction[0]);
         let along_y = |corner: usize| mix(along_x(corner), along_x(corner + stride[1]), fraction[1]);
@@ -27,7 +28,7 @@ impl Nodes {
     /// The value at a place by cubic convolution (Keys 1981), which follows curved fields that [`Nodes::at`] would cut
     /// short between nodes. Beyond the outermost nodes the gradient continues as there.
     pub fn curved_at(&self, vectors: &[DVec3], place: DVec3) -> DVec3 {
-        let (corner, _, fraction) = self.cell(place, Self::BEYOND);
+        let Cell { corner, fraction, .. } = self.cell(place, Self::BEYOND);
         let (steps, weights) = (self.steps(corner), fraction.map(cubic));
         let row = |j: i64, k: i64| -> DVec3 {
             (0..4).map(|i| weights[0][i] * self.continued(vectors, [steps[0] as i64 + i as i64 - 1, j, k], 0)).sum()
@@ -56,16 +57,9 @@ impl Nodes {
         }
     }
 
-    /// The nodes around a place and their shares, which add up to 1. Beyond the outermost nodes these are taken.
+    /// The nodes around a place and their trilinear weights, which add up to 1. A place outside counts as on the border.
     pub fn shares(&self, place: DVec3) -> [(usize, f64); 8] {
-        let (corner, stride, fraction) = self.cell(place, 0.0);
-        std::array::from_fn(|upper| {
-            let of_axis = |axis: usize| (upper >> axis & 1 == 1, stride[axis], fraction[axis]);
-            (0..3).map(of_axis).fold((corner, 1.0), |(node, share), (is_upper, stride, fraction)| match is_upper {
-                true => (node + stride, share * fraction),
-                false => (node, share * (1.0 - fraction)),
-            })
-        })
+        self.cell(place, 0.0).corners()
     }
 
     /// The place of a node.
@@ -105,24 +99,9 @@ impl Nodes {
         Self { shape: count, first: self.place(self.index(first)), step }
     }
 
-    /// The lowest node of the cell that holds a place, the distance to the next node along each axis, and how far the
-    /// place is on the way to it. Places are at most `beyond` nodes outside.
-    fn cell(&self, place: DVec3, beyond: f64) -> (usize, [usize; 3], [f64; 3]) {
-        let places = (place - self.first) / self.step;
-        let (mut fraction, mut stride) = ([0.0; 3], [0; 3]);
-        let (mut corner, mut length) = (0, 1);
-        for axis in 0..3 {
-            let n = self.shape[axis];
-            let last = (n - 1) as f64;
-            let place = places[axis].clamp(-beyond, last + beyond);
-            let low = place.clamp(0.0, (last - 1.0).max(0.0)).floor();
-            if n > 1 {
-                (fraction[axis], stride[axis]) = (place - low, length);
-            }
-            corner += low as usize * length;
-            length *= n;
-        }
-        (corner, stride, fraction)
+    /// The cell that holds a place. Places are at most `beyond` nodes outside.
+    fn cell(&self, place: DVec3, beyond: f64) -> Cell {
+        Cell::new(self.shape, (place - self.first) / self.step, beyond)
     }
 }
 

@@ -41,8 +41,8 @@ pub enum Command {
 
 /// Smooth a field by its uncertainties
 ///
-/// Penalised least squares: vectors that are sure stay, uncertain ones follow their neighbours. Each component has the
-/// strength with the least expected error, by its uncertainties and by the errors that overlapping windows share.
+/// Penalised least squares: certain vectors stay, uncertain ones follow their neighbours. Each component is smoothed with
+/// the least expected error, by its uncertainties and by the errors that overlapping windows share.
 /// Replaced and missing vectors are filled and flagged as replaced.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
@@ -51,8 +51,8 @@ pub enum Command {
 pub struct Smooth {
     #[command(flatten)]
     pub files: Files,
-    /// Strengths for u, v and w in place of those with the least expected error; s smooths waves shorter than 2 pi
-    /// s^(1/4) vectors
+    /// Strengths for u, v and w instead of those with the least expected error; s smooths waves shorter than 2 pi s^(1/4)
+    /// vectors
     #[arg(long, value_name = "U,V,W", value_parser = positive)]
     pub strength: Option<[f64; 3]>,
     #[command(flatten)]
@@ -61,8 +61,8 @@ pub struct Smooth {
 
 /// Make a field free of divergence
 ///
-/// Finds the field without divergence that is nearest to the measured one by the stated uncertainties. Of an
-/// incompressible flow, continuity tells w from u and v, which are far more certain. The divergence is the one that
+/// Finds the field without divergence that is nearest to the measured one by the stated uncertainties. In an
+/// incompressible flow, continuity determines w from u and v, which are far more certain. The divergence is the one that
 /// `lf-flow derive` prints: central differences, one-sided at the ends of an axis. Replaced and missing vectors are
 /// filled and flagged as replaced.
 #[derive(clap::Args)]
