@@ -54,7 +54,7 @@ fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]
     let lists_of = |dense: &mut Vec<f32>, z: usize| -> Vec<Vec<(u32, f32)>> {
         dense.resize(shape[0] * shape[1], 0.0);
         planes.iter().for_each(|plane| plane.spread(z, shape, dense));
-        let row = |(y, row)| lit(row, rows.least).filter(|(x, _)| counts([*x as usize, y, z])).collect();
+        let row = |(y, row)| lit(row, rows.threshold).filter(|(x, _)| counts([*x as usize, y, z])).collect();
         let lists = dense.chunks(shape[0]).enumerate().map(row).collect();
         dense.fill(0.0);
         lists
@@ -73,7 +73,7 @@ pub(crate) fn spread_count(rows: &Rows) -> f64 {
         let mut dense = vec![0f32; nx * ny];
         let near = z.saturating_sub(REACH - BEFORE - 1)..(z + BEFORE + 1).min(nz);
         near.for_each(|source| Plane::new(rows, source, |place| place + 0.5).spread(z, rows.shape, &mut dense));
-        lit(&dense, rows.least).count()
+        lit(&dense, rows.threshold).count()
     });
     lit.sum::<usize>() as f64 * nz as f64 / few as f64
 }

@@ -1,4 +1,4 @@
-//! Vectors from their neighbours: the replacement of outliers.
+//! Outliers replaced from their neighbours.
 
 use glam::{DVec3, IVec3};
 use lf_core::linear;
@@ -14,8 +14,8 @@ pub(crate) fn neighbours(shape: [usize; 3], node: usize) -> impl Iterator<Item =
     steps.filter(move |step| is_inside(place + step)).map(move |step| (index(step), step.as_dvec3()))
 }
 
-/// Gives every hole that has neighbours a vector: the value of the least-squares plane through them. Holes inside a
-/// large gap take vectors that an earlier round gave. A hole that no vector can reach stays `None`.
+/// Fills every hole with the value of the least-squares plane through its neighbours. Large gaps are filled in rounds
+/// from their border. A hole that no vector can reach stays `None`.
 pub(crate) fn fill(shape: [usize; 3], vectors: &mut [Option<DVec3>], mut holes: Vec<usize>) {
     while !holes.is_empty() {
         let value = |&hole: &usize| Some((hole, plane(shape, vectors, hole)?.value));
@@ -43,8 +43,8 @@ pub(crate) struct Plane {
 
 /// The least-squares plane through the neighbours of `node`; `None` if it has no neighbour.
 pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -> Option<Plane> {
-    // Constant: the ridge holds the slope at zero along an axis that the neighbours do not determine. At an edge it
-    // reduces the slope by a few per cent, so that rounds of extrapolation stay tame.
+    // Constant: the ridge makes the slope zero along an axis that the neighbours do not determine. At an edge it reduces
+    // the slope by a few per cent, so that repeated extrapolation does not grow.
     const RIDGE: f64 = 0.1;
     let (mut matrix, mut right) = ([0.0; 16], [DVec3::ZERO; 4]);
     for (neighbour, step) in neighbours(shape, node) {

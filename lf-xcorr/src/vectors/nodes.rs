@@ -25,8 +25,8 @@ impl Nodes {
         mix(along_y(corner), along_y(corner + stride[2]), fraction[2])
     }
 
-    /// The value at a place by cubic convolution (Keys 1981), which follows curved fields that [`Nodes::at`] would cut
-    /// short between nodes. Beyond the outermost nodes the gradient continues as there.
+    /// The value at a place by cubic convolution (Keys 1981), which follows curved fields better than [`Nodes::at`] between
+    /// nodes. Beyond the outermost nodes the gradient continues as in [`Nodes::at`].
     pub fn curved_at(&self, vectors: &[DVec3], place: DVec3) -> DVec3 {
         let Cell { corner, fraction, .. } = self.cell(place, Self::BEYOND);
         let (steps, weights) = (self.steps(corner), fraction.map(cubic));
@@ -37,7 +37,7 @@ impl Nodes {
         (0..4).map(|k| weights[2][k] * plane(steps[2] as i64 + k as i64 - 1)).sum()
     }
 
-    /// The value at a node; outside it continues along straight lines, axis by axis.
+    /// The value at a node. Outside the grid it continues along straight lines, axis by axis.
     fn continued(&self, vectors: &[DVec3], node: [i64; 3], axis: usize) -> DVec3 {
         if axis == 3 {
             return vectors[self.index(node.map(|step| step as usize))];
