@@ -1,15 +1,15 @@
-//! Both volumes of a pair, moved half way towards each other along a predicted field, so that equal particles coincide.
+//! Both volumes of a pair, moved half way towards each other along a predicted field, so that their particles coincide.
 //!
 //! Convention: the field is a displacement at midpoints. Light at `a` of the first volume goes to the `m` with `m = a +
-//! d(m) / 2`, light at `b` of the second to the `m` with `m = b - d(m) / 2`. Midpoints that are masked, or that stand
-//! for a place outside the volume, are cut from both volumes alike: a cut in one of them only would pull the peak.
+//! d(m) / 2`, light at `b` of the second to the `m` with `m = b - d(m) / 2`. Midpoints that are masked, or that belong to
+//! a place outside the volume, are cut from both volumes: a cut in one of them only would pull the peak.
 //!
-//! Departure: the usual way interpolates, for every target voxel, the light at the place that it comes from. Here each
-//! lit voxel is spread over the 6 x 6 x 6 voxels around its target with the quintic B-spline. That costs 216 additions
-//! per lit voxel and none per dark one, loses no light, keeps it positive, and moves the first five moments of every
-//! particle image exactly, because the spline reproduces polynomials up to the fifth degree. The remaining error
-//! attracts the peak of particles of 0.75 voxel by less than 0.001 voxel; with the cubic spline it is 0.007, with
-//! straight lines 0.06. The spline adds a variance of 1/2 voxel^2 to a particle image along each axis.
+//! Departure: usually the light of every target voxel is interpolated at the place that it comes from. Here each lit
+//! voxel is spread over the 6 x 6 x 6 voxels around its target with the quintic B-spline. This costs 216 additions per
+//! lit voxel and none per dark one, loses no light, keeps it positive, and moves the first five moments of every particle
+//! image exactly, because the spline reproduces polynomials up to the fifth degree. The remaining error shifts the peak
+//! of particles of 0.75 voxel by less than 0.001 voxel; with the cubic spline it is 0.007, with straight lines 0.06. The
+//! spline adds a variance of 1/2 voxel^2 to a particle image along each axis.
 
 use super::predictor::Predictor;
 use crate::volumes::{Mask, Rows, lit};
@@ -31,10 +31,10 @@ pub(crate) fn matched(pair: [&Rows; 2], field: &Predictor, mask: &Mask) -> [Rows
 }
 
 /// Whether the light at a midpoint counts: it is not masked, and both its places are inside the volume, with a margin
-/// for the light that the spline would have brought from beyond.
+/// for light that the spline would spread from outside.
 fn counts(place: [usize; 3], field: &Predictor, mask: &Mask, shape: [usize; 3]) -> bool {
-    // Constant: most light comes from within 1.5 voxels. The margin is 0 where nothing moves, because there no light is
-    // missing, and at most a tenth of the volume, so that a thin one keeps its middle.
+    // Constant: nearly all light comes from within 1.5 voxels. The margin is 0 where nothing moves, because no light is
+    // missing there, and at most a tenth of the volume, so that a thin one keeps its middle.
     const MARGIN_VOX: f64 = 1.5;
     const MARGIN_SHARE: f64 = 0.1;
     let middle = place.map(|place| place as f64);
@@ -63,7 +63,7 @@ fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]
     Rows::from_lists(shape, &lists.collect::<Vec<_>>())
 }
 
-/// Estimate of a deformed volume's lit voxels, from a few slices. A move by half a voxel spreads light the most.
+/// Estimate of a deformed volume's lit voxels, from a few slices. A move by half a voxel lights the most voxels.
 pub(crate) fn spread_count(rows: &Rows) -> f64 {
     const SLICES: usize = 9;
     let [nx, ny, nz] = rows.shape;
@@ -141,7 +141,7 @@ fn add_to_row(row: &mut [f32], first: i64, value: f32, weights: &[f32; REACH]) {
 
 /// The midpoint of light at `place`.
 fn midpoint(place: DVec3, field: &Predictor, share: f64) -> DVec3 {
-    // The field is a function of the midpoint, which is unknown: iterate. Each round divides the error by 2 / gradient.
+    // The field is a function of the unknown midpoint, so iterate. Each round divides the error by 2 / gradient.
     const ROUNDS: usize = 8;
     const CLOSE_VOX: f64 = 1e-4;
     let mut shift = field.at(place);
