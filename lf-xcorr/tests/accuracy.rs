@@ -19,7 +19,8 @@ fn error(field: &Field, truth: impl Fn([f64; 3]) -> [f64; 3]) -> [[f64; 2]; 3] {
 fn report(name: &str, outcome: &Outcome, error: [[f64; 2]; 3], seconds: f64) {
     let last = outcome.passes.last().unwrap().counts();
     println!(
-        "{name}: bias {:+.4} {:+.4} {:+.4} RMS {:.4} {:.4} {:.4} voxel; {} vectors, {} outliers, {} outside, {} recovered, {} replaced; {seconds:.2} s",
+        "{name}: bias {:+.4} {:+.4} {:+.4} RMS {:.4} {:.4} {:.4} voxel; {} vectors, {} outliers, {} outside, \
+         {} recovered, {} replaced; {seconds:.2} s",
         error[0][0],
         error[1][0],
         error[2][0],

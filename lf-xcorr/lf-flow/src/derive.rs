@@ -1,7 +1,7 @@
 //! Quantities that follow from a field's gradients, each with its uncertainty.
 //!
-//! A slope is the difference of two vectors, which share their errors as far as their windows overlap. The uncertainty of
-//! a nonlinear quantity is the sum, in squares, of the changes that the uncertainty of each gradient makes.
+//! A slope is the difference of two vectors, which share their errors as far as their windows overlap. The uncertainty
+//! of a nonlinear quantity is the sum, in squares, of the changes that the uncertainty of each gradient makes.
 
 use super::errors::Correlated;
 use super::scalars::{divergence, lambda_2, q_criterion, shear, strain, swirl, vorticity};

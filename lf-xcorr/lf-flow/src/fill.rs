@@ -8,8 +8,8 @@ use lf_core::VectorGrid;
 const TOLERANCE: f64 = 1e-6;
 const MAX_STEPS: usize = 2000;
 
-/// `values` with the unknown ones replaced, and the residual if the solver stopped before its goal. Panics if no value is
-/// known.
+/// `values` with the unknown ones replaced, and the residual if the solver stopped before its goal. Panics if no value
+/// is known.
 pub(super) fn fill(layout: &VectorGrid, values: &[f64], is_known: &[bool]) -> (Vec<f64>, Option<f64>) {
     let known = |i: usize| if is_known[i] { values[i] } else { 0.0 };
     let start: Vec<f64> = (0..values.len()).map(known).collect();

@@ -23,7 +23,8 @@ pub struct Measured {
     pub(super) sigma: [Vec<f64>; 3],
     /// Whether a vector is measured.
     pub(super) is_known: Vec<bool>,
-    /// Residual of the solver that fills gaps, over its right side, if it stopped before its goal: the largest of u, v, w.
+    /// Residual of the solver that fills gaps, over its right side, if it stopped before its goal: the largest of u, v,
+    /// w.
     pub unsolved: Option<f64>,
 }
 
@@ -75,8 +76,8 @@ pub(super) fn check_shape(layout: &VectorGrid) -> Result<(), Refusal> {
     Refusal::unless(nx.min(ny).min(nz) > 1, found, "wanted at least two vectors along every axis")
 }
 
-/// Uncertainties of a component wherever there is data, mm: the stated one, or the median of all if a vector states none,
-/// like a replaced one. None if no vector states one.
+/// Uncertainties of a component wherever there is data, mm: the stated one, or the median of all if a vector states
+/// none, like a replaced one. None if no vector states one.
 pub(super) fn stated_mm(field: &Field, c: usize) -> Option<Vec<f64>> {
     let stated = |i: usize| Some(field.uncertainty_mm(i)[c]).filter(|sigma| sigma.is_finite() && *sigma >= 0.0);
     let has_data = |i: &usize| field.flag[*i] != NO_DATA;
@@ -117,8 +118,8 @@ fn usual(sigma: &[f64], is_known: &[bool], layout: &VectorGrid, errors: &Correla
     (0..sigma.len()).map(one).collect()
 }
 
-/// RMS difference of measured values from the mean of their two nearest neighbours that share no data with them. Without
-/// such neighbours, their RMS about the mean.
+/// RMS difference of measured values from the mean of their two nearest neighbours that share no data with them.
+/// Without such neighbours, their RMS about the mean.
 fn distance(field: &Field, values: &[f64], is_known: &[bool], errors: &Correlated) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for i in (0..values.len()).filter(|i| is_known[*i]) {

@@ -21,8 +21,8 @@ const DRAWS: u64 = 16;
 /// Pressure at every vector.
 #[derive(Debug, Clone)]
 pub struct Pressure {
-    /// Pressure and its standard uncertainty, Pa. Pressure is NaN where no acceleration ties a vector to a neighbour; all
-    /// uncertainties are NaN if a component states none.
+    /// Pressure and its standard uncertainty, Pa. Pressure is NaN where no acceleration ties a vector to a neighbour;
+    /// all uncertainties are NaN if a component states none.
     pub arrays: Vec<Array>,
     /// RMS pressure, and RMS of its uncertainty, Pa.
     pub rms_pa: [f64; 2],

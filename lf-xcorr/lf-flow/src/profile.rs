@@ -50,7 +50,8 @@ pub struct Flux {
     pub mean_mm: f64,
     /// Volume through the plane, mm^3 between the two volumes.
     pub flux_mm3: f64,
-    /// Its standard uncertainty, mm^3; None if no vector states one. A vector that states none counts with the usual one.
+    /// Its standard uncertainty, mm^3; None if no vector states one. A vector that states none counts with the usual
+    /// one.
     pub s_flux_mm3: Option<f64>,
     /// Volume a second, mm^3/s; None if the time between the volumes is unknown.
     pub flux_mm3_s: Option<f64>,

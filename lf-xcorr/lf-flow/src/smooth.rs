@@ -45,13 +45,13 @@ pub struct Smoothed {
     pub unsolved: Option<f64>,
 }
 
-/// Constant: the flow that a smoothing leaves out is seen in a weaker smoothing, of this share of its strength. That one
-/// leaves out some of it too, so the variance of the flow is this many times the variance seen. Chosen for coverage
+/// Constant: the flow that a smoothing leaves out is seen in a weaker smoothing, of this share of its strength. That
+/// one leaves out some of it too, so the variance of the flow is this many times the variance seen. Chosen for coverage
 /// (`cargo bench -p lf-flow --bench flows -- choose`).
 const SHOWN: f64 = 0.03;
 const LOST: f64 = 1.5;
-/// Constant: minimum share of a stated variance that counts as scatter, where the flow bends that much or the residual is
-/// small.
+/// Constant: minimum share of a stated variance that counts as scatter, where the flow bends that much or the residual
+/// is small.
 const SCATTER: f64 = 0.25;
 /// Constant: strength that smooths waves shorter than a window of four vectors.
 const LIGHT: f64 = 0.5;
@@ -110,8 +110,8 @@ impl<'a> Component<'a> {
         box_mean(&squares, self.layout.shape, [REACH; 3])
     }
 
-    /// Uncertainties without the part for the flow that bends inside a window. Smoothing does not remove that part, so it
-    /// must not count as noise. The bend is that of the values, lightly smoothed, less the bend of drawn errors. The
+    /// Uncertainties without the part for the flow that bends inside a window. Smoothing does not remove that part, so
+    /// it must not count as noise. The bend is that of the values, lightly smoothed, less the bend of drawn errors. The
     /// residual of the light smoothing limits the rest, because a stated bend can be scatter itself.
     fn scatter(&self, values: &[f64], sigma: &[f64], number: u64) -> Vec<f64> {
         let smoother = self.smoother(LIGHT);
@@ -191,8 +191,8 @@ fn drawn(errors: &Correlated, sigma: &[f64], number: u64) -> Vec<f64> {
 }
 
 impl Component<'_> {
-    /// Square of the flow that windows and smoothing leave out, less what drawn errors make of it: they too pass the weaker
-    /// smoothing and not the stronger.
+    /// Square of the flow that windows and smoothing leave out, less what drawn errors make of it: they too pass the
+    /// weaker smoothing and not the stronger.
     fn left_out(&self, values: &[f64], sigma: &[f64], smoother: &Smoother, number: u64) -> Vec<f64> {
         let shown = self.smoother(SHOWN * smoother.strength);
         let errors = Correlated::new(self.layout);

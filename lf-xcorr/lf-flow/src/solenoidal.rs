@@ -27,8 +27,8 @@ const MAX_STEPS: usize = 5000;
 const DRAWS: u64 = 24;
 const REACH: usize = 1;
 
-/// Constant: below this misfit the errors are smoother than those of windows, and so make less divergence. They need not
-/// be smaller.
+/// Constant: below this misfit the errors are smoother than those of windows, and so make less divergence. They need
+/// not be smaller.
 pub const SMOOTHED: f64 = 0.75;
 
 /// A divergence-free field.

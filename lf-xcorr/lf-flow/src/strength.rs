@@ -5,9 +5,9 @@
 //! smoothing, both in the stated uncertainties. For independent errors P is the trace of the smoother over the number
 //! of data.
 //!
-//! Departure: generalised cross-validation, which divides R by `(1 - P)^2`, does not need the size of the errors, but it
-//! works only if P is small. Windows that overlap share their errors, so nearly all of an error passes a smoother that
-//! keeps the flow, and P is near 1. There cross-validation would smooth the flow away.
+//! Departure: generalised cross-validation, which divides R by `(1 - P)^2`, does not need the size of the errors, but
+//! it works only if P is small. Windows that overlap share their errors, so nearly all of an error passes a smoother
+//! that keeps the flow, and P is near 1. There cross-validation would smooth the flow away.
 
 /// Constant: the weakest strength tried, the factor from one to the next, and the number of them. A strength s smooths
 /// waves shorter than `2 pi s^(1/4)` vectors: the last, 123, waves of 21 vectors, about five windows.

@@ -1,7 +1,7 @@
 //! Values on a grid from the gradients between neighbours, by least squares.
 //!
-//! Two neighbours with data are tied if the gradient along their axis is known at one of them at least. Gaps may cut the
-//! grid into parts without a tie between them. Each part is known up to a constant; its mean is set to 0.
+//! Two neighbours with data are tied if the gradient along their axis is known at one of them at least. Gaps may cut
+//! the grid into parts without a tie between them. Each part is known up to a constant; its mean is set to 0.
 
 use super::conjugate::solve;
 use glam::DVec3;

@@ -85,7 +85,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// What to draw.
+    /// The slice and the colours.
     pub fn content(&self) -> FieldPicture {
         FieldPicture { cut: self.slice.unwrap_or_default(), scalar: self.scalar, range: self.range }
     }
@@ -104,8 +104,8 @@ struct Method {
     /// A pass is repeated until vectors change by less than this, voxels [default: 0.01]
     #[arg(long, hide = true, value_name = "VOXELS")]
     stall: Option<f64>,
-    /// Standard deviation, in windows, of the smoothing of the field that repeats start from; half of it before the last
-    /// pass. Less smoothing follows steeper fields, with more noise
+    /// Standard deviation, in windows, of the smoothing of the field that repeats start from; half of it before the
+    /// last pass. Less smoothing follows steeper fields, with more noise
     #[arg(long, hide = true, value_name = "WINDOWS", default_value_t = Options::SMOOTHING)]
     smoothing: f64,
     /// Sum products voxel by voxel, or by Fourier transforms; auto takes the faster way (see -v)

@@ -46,8 +46,8 @@ impl Tables {
         Ok(Some(Self { names, tables }))
     }
 
-    /// Decides the vectors of a field, and warns of particles that cannot do it well. Without a pair it warns and returns
-    /// None. A pair counts if its midpoint is in the mask of a volume of `grid`.
+    /// Decides the vectors of a field, and warns of particles that cannot do it well. Without a pair it warns and
+    /// returns None. A pair counts if its midpoint is in the mask of a volume of `grid`.
     pub fn decide(&self, field: &Field, mask: &Mask, grid: &Grid, session: &Session) -> Result<Option<Tracks>> {
         let tables: Vec<[&[Particle]; 2]> =
             self.tables.chunks_exact(2).map(|pair| [pair[0].as_slice(), pair[1].as_slice()]).collect();

@@ -13,8 +13,8 @@ const OVERLAP: f64 = 0.75;
 #[derive(clap::Args)]
 #[command(next_help_heading = "Windows")]
 pub struct Windows {
-    /// Interrogation window of the last pass, mm; rounded to voxels, at least 4 [default: nearly a cube that holds about
-    /// ten of the particles found in the volumes]
+    /// Interrogation window of the last pass, mm; rounded to voxels, at least 4 [default: nearly a cube that holds
+    /// about ten of the particles found in the volumes]
     #[arg(long, value_name = "X,Y,Z", value_parser = millimetres, conflicts_with_all = ["window", "pass"])]
     window_mm: Option<[f64; 3]>,
     /// Window of the first pass, mm [default: twice the last, or the volume]

@@ -24,10 +24,10 @@ pub(crate) struct GaussianFit {
 
 /// The peak at the whole shift `at` of a box of `n` shifts; `at` is not on the box's edge.
 ///
-/// Method: a least-squares quadratic through the logarithms, weighted with the square of the score, because the error of
-/// a logarithm is the error of the score over the score. The offset is within one voxel of `at` along each axis. If the
-/// neighbours do not form a peak, the fit takes three points per axis. Promise: a score that is equal at +d and -d gives
-/// an offset of exactly zero.
+/// Method: a least-squares quadratic through the logarithms, weighted with the square of the score, because the error
+/// of a logarithm is the error of the score over the score. The offset is within one voxel of `at` along each axis. If
+/// the neighbours do not form a peak, the fit takes three points per axis. Promise: a score that is equal at +d and -d
+/// gives an offset of exactly zero.
 pub(crate) fn gaussian(score: &[f64], n: [usize; 3], at: [usize; 3]) -> GaussianFit {
     let get = |d: [i32; 3]| {
         let is_inside = (0..3).all(|a| at[a] as i32 + d[a] >= 0 && at[a] as i32 + d[a] < n[a] as i32);

@@ -21,7 +21,7 @@ pub(crate) struct ProductScratch {
 
 /// Two volumes, a cell of midpoints, and the trial shifts.
 #[derive(Clone, Copy)]
-pub(crate) struct Cell<'a> {
+pub(crate) struct CellProducts<'a> {
     pub first: &'a Rows,
     pub second: &'a Rows,
     pub midpoints: &'a [Range<usize>; 3],
@@ -29,7 +29,7 @@ pub(crate) struct Cell<'a> {
 }
 
 /// Adds the products of a cell for every shift.
-pub(crate) fn products(cell: Cell, out: &mut [f64], scratch: &mut ProductScratch) {
+pub(crate) fn products(cell: CellProducts, out: &mut [f64], scratch: &mut ProductScratch) {
     fastest(
         #[inline(always)]
         || match lanes_for(cell.shifts.n[0]) {
@@ -51,7 +51,7 @@ pub(crate) fn lanes_for(n: usize) -> usize {
     }
 }
 
-impl Cell<'_> {
+impl CellProducts<'_> {
     /// Voxels of the first volume along `axis` that any shift pairs with a midpoint of the cell.
     #[inline(always)]
     fn of_first(&self, axis: usize) -> Range<i32> {

@@ -4,7 +4,7 @@ use super::window_grid::WindowGrid;
 use crate::volumes::Rows;
 
 /// Number of lit voxels and of lit rows of every cell, x fastest, and all cells together.
-pub(crate) struct Light {
+pub(crate) struct CellLight {
     pub voxels: Vec<u32>,
     pub rows: Vec<u32>,
     pub total: Spread,
@@ -27,7 +27,7 @@ impl Spread {
     }
 }
 
-impl Light {
+impl CellLight {
     pub fn count(volume: &Rows, windows: &WindowGrid) -> Self {
         let [nx, ny, nz] = windows.axes.each_ref().map(|axis| axis.cells.len());
         let cell_of = [0, 1, 2].map(|axis| {

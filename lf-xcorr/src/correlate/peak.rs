@@ -67,8 +67,8 @@ pub(crate) fn find(pairs: &[Sums], paired: &PairedVoxels) -> Peak {
     Peak::Inside(PeakFit { shift_vox, height, ratio, covariance_vox2: covariance })
 }
 
-/// The score of the second peak: the highest local maximum over 26 neighbours that is no neighbour of `best`. So neither
-/// the flank of a long peak nor the other half of a peak between two shifts is a second peak.
+/// The score of the second peak: the highest local maximum over 26 neighbours that is no neighbour of `best`. So
+/// neither the flank of a long peak nor the other half of a peak between two shifts is a second peak.
 fn second(score: &[f64], shifts: &Shifts, best: usize) -> f64 {
     let [nx, ny, nz] = shifts.n;
     let mut second = 0.0;

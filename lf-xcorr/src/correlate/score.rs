@@ -11,8 +11,8 @@ use std::ops::Range;
 /// the window and both are inside the volume. `n` is their number, or the window's if the outside counts as dark. The
 /// score of a window without light or with even light is 0.
 ///
-/// Reason: if the energy of one fixed window normalises, a particle that the window's edge cuts pushes the peak: bias 0.1
-/// voxel, RMS 0.26 voxel for particles as long as an eighth of the window.
+/// Reason: if the energy of one fixed window normalises, a particle that the window's edge cuts pushes the peak: bias
+/// 0.1 voxel, RMS 0.26 voxel for particles as long as an eighth of the window.
 ///
 /// Each pair of volumes is taken about its own means; numerators and energies of all pairs are summed.
 pub(crate) fn normalised(pairs: &[Sums], paired: &PairedVoxels) -> Vec<f64> {

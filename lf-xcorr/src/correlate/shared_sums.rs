@@ -2,7 +2,7 @@
 //! Discetti & Astarita, Exp. Fluids 53, 2012). Memory: the cells of one layer of windows at a time.
 
 use super::energy::{self, EnergyScratch};
-use super::kernel::{self, Cell, ProductScratch};
+use super::kernel::{self, CellProducts, ProductScratch};
 use super::shifts::{Shifts, back, on, paired_voxels};
 use super::sums::{Sums, channel};
 use super::table::{Table, total, total_in};
@@ -82,8 +82,8 @@ fn blocks<'a>(windows: &'a WindowGrid, search: &'a [Option<Shifts>], pairs: usiz
     blocks
 }
 
-/// The work of [`of_windows`], relative to the work for equal boxes: shifts that cells are summed for, in all blocks. It
-/// is 1 without blocks.
+/// The work of [`of_windows`], relative to the work for equal boxes: shifts that cells are summed for, in all blocks.
+/// It is 1 without blocks.
 pub(crate) fn work(windows: &WindowGrid, search: &[Option<Shifts>], pairs: usize) -> f64 {
     let blocks = blocks(windows, search, pairs);
     if blocks.len() == 1 {
@@ -250,7 +250,11 @@ impl<'a> Sharing<'a> {
             let mut next = || channels.next().expect("a number for each shift in each channel");
             let products = next();
             products.fill(0.0);
-            kernel::products(Cell { first, second, midpoints: &midpoints, shifts: &shifts }, products, &mut scratch.0);
+            kernel::products(
+                CellProducts { first, second, midpoints: &midpoints, shifts: &shifts },
+                products,
+                &mut scratch.0,
+            );
             let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
             let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
             for (rows, ranges) in [(first, of_first), (second, of_second)] {
@@ -346,7 +350,8 @@ mod tests {
         }
     }
 
-    /// Scar: boxes far apart made cells of shifts for both; a search of 36 voxels took 3.5 GB, with an estimate of 21 MB.
+    /// Scar: boxes far apart made cells of shifts for both; a search of 36 voxels took 3.5 GB, with an estimate of 21
+    /// MB.
     #[test]
     fn windows_far_apart_share_nothing_and_keep_their_sums() {
         let mut random = Pcg64Mcg::seed_from_u64(9);

@@ -78,8 +78,8 @@ pub(crate) fn midpoints(cell: &Range<usize>, length: usize, d: i32) -> Range<i32
     from..to.max(from)
 }
 
-/// The voxels of one volume that belong to the midpoints of a cell, for each axis and each shift along it. `offset` of a
-/// shift is the step from the midpoint to the voxel: `-d1` in the first volume, `d2` in the second.
+/// The voxels of one volume that belong to the midpoints of a cell, for each axis and each shift along it. `offset` of
+/// a shift is the step from the midpoint to the voxel: `-d1` in the first volume, `d2` in the second.
 pub(crate) fn paired_voxels(
     cell: &[Range<usize>; 3],
     shape: [usize; 3],

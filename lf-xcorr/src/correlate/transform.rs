@@ -2,12 +2,12 @@
 //!
 //! Convention: `c` is the centre of the box of shifts, rounded down. The window of the first volume is moved by
 //! `-back(c)`, and every shift `d` pairs its voxel `a` with voxel `a + d` of the second volume. A pair with one voxel
-//! outside counts as dark in both. At `d = c` these are the pairs of the direct sums; at other shifts their midpoints are
-//! half of `d - c` away. Use them to find a peak, not to measure it: a vector read off them scatters about twice as much
-//! as one read off direct sums, and exchanging the volumes does not quite negate it.
+//! outside counts as dark in both. At `d = c` these are the pairs of the direct sums; at other shifts their midpoints
+//! are half of `d - c` away. Use them to find a peak, not to measure it: a vector read off them scatters about twice as
+//! much as one read off direct sums, and exchanging the volumes does not quite negate it.
 //!
-//! Promise: nothing wraps round, because the transforms are as long as window and search together. Products have an error
-//! of 1e-12 of the energies. The transforms go axis by axis, and skip rows that are dark or not needed.
+//! Promise: nothing wraps round, because the transforms are as long as window and search together. Products have an
+//! error of 1e-12 of the energies. The transforms go axis by axis, and skip rows that are dark or not needed.
 
 use super::energy::{self, EnergyScratch};
 use super::score::PairedVoxels;

@@ -49,8 +49,8 @@ pub(crate) fn run(
     unreachable!("the options hold at least one pass")
 }
 
-/// The field of the last pass with its uncertainties, and the repeats of the pass. A window without the top of a particle
-/// image shows only the flanks of images beside it, whose peak means nothing. So its vector is replaced.
+/// The field of the last pass with its uncertainties, and the repeats of the pass. A window without the top of a
+/// particle image shows only the flanks of images beside it, whose peak means nothing. So its vector is replaced.
 fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> (Field, Vec<Repeat>) {
     let times = repeats.done.len();
     // The peak of plain volumes is narrower by the variance that the spline adds to both.

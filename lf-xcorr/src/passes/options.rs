@@ -53,15 +53,15 @@ impl Options {
     /// reconstruction takes far less work. On reconstructed pairs every floor from 0 to 0.01 gave equal errors to 0.001
     /// voxel; errors grow from 0.03 on.
     pub const FLOOR: f32 = 1e-3;
-    /// Constant: search of every pass after the first: a voxel (or a bin) for the error of the pass before, one beyond the
-    /// peak for the fit, and the rest for gradients that a coarse window averages.
+    /// Constant: search of every pass after the first: a voxel (or a bin) for the error of the pass before, one beyond
+    /// the peak for the fit, and the rest for gradients that a coarse window averages.
     pub const REFINE: [usize; 3] = [4, 4, 3];
 
     /// Constant: three or four repeats follow every gradient that can be followed.
     pub const REPEATS: usize = 6;
-    /// Constant: repeats sharpen what the smoothed field holds, noise included. At 0.35 a wave of four windows is measured
-    /// to 0.985 (0.90 without repeats) and noise grows by an eighth; at 0.5, 0.97 and by a fifteenth; at 0.25, 0.99 and by
-    /// a quarter.
+    /// Constant: repeats sharpen what the smoothed field holds, noise included. At 0.35 a wave of four windows is
+    /// measured to 0.985 (0.90 without repeats) and noise grows by an eighth; at 0.5, 0.97 and by a fifteenth; at 0.25,
+    /// 0.99 and by a quarter.
     pub const SMOOTHING: f64 = 0.35;
     /// Constant: a change that no correlation of particle images resolves.
     pub const STALL_VOX: f64 = 0.01;

@@ -63,8 +63,8 @@ pub struct PassReport {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// Displacement of the second volume against the first, mm, at the windows' centres. The history is left empty. A
-    /// replaced vector has `peak` and `ratio` 0 and no uncertainty, because nothing was measured. Without data u, v, w are
-    /// NaN too, so that they cannot be read as a displacement of zero.
+    /// replaced vector has `peak` and `ratio` 0 and no uncertainty, because nothing was measured. Without data u, v, w
+    /// are NaN too, so that they cannot be read as a displacement of zero.
     pub field: Field,
     /// One report for each pass.
     pub passes: Vec<PassReport>,

@@ -30,8 +30,8 @@ impl Pass {
         if search <= Self::FINE_SEARCH { 1 } else { search.div_ceil(Self::BINNED_SEARCH).max(2) }
     }
 
-    /// The search of the pass after this one: `usual`, or more after bins, because the error of a pass is up to a bin, and
-    /// the fit of a peak needs one voxel more.
+    /// The search of the pass after this one: `usual`, or more after bins, because the error of a pass is up to a bin,
+    /// and the fit of a peak needs one voxel more.
     pub fn search_after(&self, usual: [usize; 3]) -> [usize; 3] {
         let after_bins = |axis: usize| if self.bin(axis) > 1 { self.bin(axis) + 1 } else { 1 };
         [0, 1, 2].map(|axis| usual[axis].max(after_bins(axis)))

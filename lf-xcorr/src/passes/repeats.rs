@@ -40,8 +40,8 @@ impl<'a> Repeats<'a> {
         Self { pass, volumes, mask, options, predictor, deformed: None, deformed_by: None, vectors, done }
     }
 
-    /// Does pass `number` up to `max` times: until it stalls, or until the `next` pass can follow. The windows of repeats
-    /// that are left out count as done. Refuses volumes without a peak in any window.
+    /// Does pass `number` up to `max` times: until it stalls, or until the `next` pass can follow. The windows of
+    /// repeats that are left out count as done. Refuses volumes without a peak in any window.
     pub fn run(&mut self, number: usize, max: usize, next: Option<&Pass>, watch: Watch) -> Result<(), Refused> {
         let mut done = 0;
         while done < max {

@@ -21,8 +21,8 @@ pub struct Seeding {
 }
 
 impl Seeding {
-    /// The particle images inside `mask`, in voxels of at least `floor` times the volume's brightest. The volume of a pair
-    /// with fewer of them counts, because a particle must be in both to be correlated. Refuses and panics like
+    /// The particle images inside `mask`, in voxels of at least `floor` times the volume's brightest. The volume of a
+    /// pair with fewer of them counts, because a particle must be in both to be correlated. Refuses and panics like
     /// [`crate::Plan::new`].
     pub fn find(pairs: &[[Sparse; 2]], mask: &Mask, floor: f32) -> Result<Self, Refused> {
         let part = Sparse::check_pairs(pairs, mask)?;

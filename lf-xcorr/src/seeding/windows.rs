@@ -5,19 +5,20 @@ use crate::passes::Pass;
 use lf_core::Grid;
 
 /// Constant: number of particle images that a window should hold. On reconstructed volumes of a wave, a jet and a ring
-/// at 0.1 to 1 particles per lenslet, windows of five have up to 1.5 times the error in w, and windows of twenty resolve
-/// less of u. Windows 0.6, 1.6 or 2.5 times as long along z as across are better for some of these flows and worse for
-/// others.
+/// at 0.1 to 1 particles per lenslet, windows of five have up to 1.5 times the error in w, and windows of twenty
+/// resolve less of u. Windows 0.6, 1.6 or 2.5 times as long along z as across are better for some of these flows and
+/// worse for others.
 pub const WANTED_PARTICLES: usize = 10;
 
 /// Minimum length of a chosen window, voxels: the peak and its neighbours.
 const MINIMUM_VOX: usize = 8;
-/// Constant: minimum length of a chosen window, in lengths of a particle image. Shorter windows hold parts of particles.
+/// Constant: minimum length of a chosen window, in lengths of a particle image. Shorter windows hold parts of
+/// particles.
 const MINIMUM_LENGTHS: f64 = 2.0;
 
 impl Seeding {
-    /// The window, in voxels, whose median holds [`WANTED_PARTICLES`] particle images: a cube in mm as far as the volume
-    /// allows, or the whole volume if it holds fewer.
+    /// The window, in voxels, whose median holds [`WANTED_PARTICLES`] particle images: a cube in mm as far as the
+    /// volume allows, or the whole volume if it holds fewer.
     pub fn window(&self) -> [usize; 3] {
         // Constants: number of better estimates; each at most doubles or halves the window's volume.
         const ROUNDS: usize = 12;

@@ -13,7 +13,7 @@
 use super::assemble::{Assembled, assemble};
 use super::fitter::{Fitted, Fitter};
 use super::guess::Guess;
-use super::matching::{Light, Matcher, Pair};
+use super::matching::{LightModel, Matcher, Pair};
 use super::near::Near;
 use super::points::Point;
 use super::priors::PriorField;
@@ -167,7 +167,7 @@ impl<'a> Decision<'a> {
     fn matched(&self, guesses: &[&Guess], before: Option<&[Pair]>) -> Vec<Pair> {
         let pairs_of = |(number, [first, second]): (usize, &[Vec<Point>; 2])| {
             let frames = [first.as_slice(), second.as_slice()];
-            let light = Light::new(frames);
+            let light = LightModel::new(frames);
             let light = before.map_or(light, |pairs| light.seen(pairs));
             let places = || second.iter().map(|point| point.place_mm);
             let low = places().reduce(DVec3::min).unwrap_or_default();

@@ -2,8 +2,8 @@
 //!
 //! Equation, after MacKay (Neural Computation 4, 1992): the variance of a coefficient is the sum of its squares over
 //! windows, divided by the effective number of windows that the pairs determine, `1 - posterior variance / prior
-//! variance` each. The variance of the scatter follows likewise from sums over pairs. Repeating this finds the variances
-//! that make the measured displacements most likely.
+//! variance` each. The variance of the scatter follows likewise from sums over pairs. Repeating this finds the
+//! variances that make the measured displacements most likely.
 
 use super::window_fit::{Priors, Sample, TERMS, UNKNOWNS, WindowFit, distance2, residual_mm};
 use glam::{DMat3, DVec3};

@@ -40,7 +40,7 @@ pub struct Pair {
 
 /// How the light of one particle may differ between the frames.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Light {
+pub(crate) struct LightModel {
     /// Natural logarithm of the second frame's light over the first's.
     log_gain: f64,
     /// Standard deviation of that logarithm from particle to particle.
@@ -49,7 +49,7 @@ pub(crate) struct Light {
     unrelated: f64,
 }
 
-impl Light {
+impl LightModel {
     /// Constant: before pairs are known, the light of a particle may change by half.
     const UNKNOWN: f64 = 0.5;
     /// Constant: minimum spread; lasers and light sheets are no steadier.
@@ -97,7 +97,7 @@ pub(crate) struct Matcher<'a> {
     pub frames: [&'a [Point]; 2],
     /// A pair is judged by the guess that suits it best.
     pub guesses: &'a [&'a Guess],
-    pub light: Light,
+    pub light: LightModel,
     /// Particles in a cubic millimetre of the second frame.
     pub density: f64,
 }

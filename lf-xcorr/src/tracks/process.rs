@@ -1,11 +1,12 @@
 //! A displacement between pairs: Gaussian process regression, which other fields call kriging or optimal interpolation.
 //!
 //! Model (Rasmussen & Williams 2006, chapter 2): the displacement is a constant plus a random field whose values at two
-//! places correlate by Matern's function of order 9/2 of their distance. Order 5/2 takes smooth flows for rough ones and
-//! states too much uncertainty; a Gaussian takes rough ones for smooth ones and states too little. Each component has
-//! its own strength, and all share a length. A pair measures the displacement at its midpoint with the full covariance
-//! of both its places: near the focal plane a particle is certain across a line and uncertain along it, and only the
-//! covariance knows the line. The vector at a place is the mean of the field given the pairs; its covariance follows.
+//! places correlate by Matern's function of order 9/2 of their distance. Order 5/2 takes smooth flows for rough ones
+//! and states too much uncertainty; a Gaussian takes rough ones for smooth ones and states too little. Each component
+//! has its own strength, and all share a length. A pair measures the displacement at its midpoint with the full
+//! covariance of both its places: near the focal plane a particle is certain across a line and uncertain along it, and
+//! only the covariance knows the line. The vector at a place is the mean of the field given the pairs; its covariance
+//! follows.
 
 use glam::{DMat3, DVec3};
 use lf_core::linear::{cholesky, dot, solve_lower};

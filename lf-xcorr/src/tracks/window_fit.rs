@@ -28,7 +28,7 @@ pub(crate) fn basis(place: DVec3) -> [f64; TERMS] {
     [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]
 }
 
-/// What is known of a window before its pairs: variances, mm².
+/// Prior knowledge of a window: variances, mm².
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Priors {
     /// Variance of each coefficient, about zero; the constant's is the square of a window's length.

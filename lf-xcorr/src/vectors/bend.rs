@@ -25,8 +25,9 @@ const NEIGHBOURS: f64 = 0.4;
 /// and vortices (`cargo bench -p lf-xcorr --bench coverage -- choose`).
 const FASTER: f64 = 1.5;
 
-/// Square of the bend in the window of these `voxels`, less the contribution of scatter; it can be negative. `residuals`
-/// are the displacements that the `images` measure, less the mean; `few` enlarges their squares to those of a sample.
+/// Square of the bend in the window of these `voxels`, less the contribution of scatter; it can be negative.
+/// `residuals` are the displacements that the `images` measure, less the mean; `few` enlarges their squares to those of
+/// a sample.
 pub(crate) fn square(voxels: &[Range<usize>; 3], images: &[ImageSums], residuals: &[DVec3], few: f64) -> DVec3 {
     let product: f64 = images.iter().map(|image| image.product).sum();
     let weights: Vec<f64> = images.iter().map(|image| weight(voxels, image)).collect();

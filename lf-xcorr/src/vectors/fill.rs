@@ -36,15 +36,15 @@ pub(crate) fn filled(shape: [usize; 3], mut vectors: Vec<Option<DVec3>>) -> Opti
 }
 
 /// A plane through the neighbours of a node: its value at the node, and its change per node along x, y, z.
-pub(crate) struct Plane {
+pub(crate) struct FittedPlane {
     pub value: DVec3,
     pub slope: [DVec3; 3],
 }
 
 /// The least-squares plane through the neighbours of `node`; `None` if it has no neighbour.
-pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -> Option<Plane> {
-    // Constant: the ridge makes the slope zero along an axis that the neighbours do not determine. At an edge it reduces
-    // the slope by a few per cent, so that repeated extrapolation does not grow.
+pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -> Option<FittedPlane> {
+    // Constant: the ridge makes the slope zero along an axis that the neighbours do not determine. At an edge it
+    // reduces the slope by a few per cent, so that repeated extrapolation does not grow.
     const RIDGE: f64 = 0.1;
     let (mut matrix, mut right) = ([0.0; 16], [DVec3::ZERO; 4]);
     for (neighbour, step) in neighbours(shape, node) {
@@ -65,7 +65,7 @@ pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -
         plane
     });
     let [value, slope @ ..] = [0, 1, 2, 3].map(|i| DVec3::from_array(components.map(|plane| plane[i])));
-    Some(Plane { value, slope })
+    Some(FittedPlane { value, slope })
 }
 
 #[cfg(test)]

@@ -9,9 +9,9 @@ use lf_core::statistics::median;
 pub struct MedianTest {
     /// Largest accepted ratio of a vector's residual to the median residual of its neighbours. The authors' value is 2.
     pub threshold: f64,
-    /// Fluctuation of a good measurement along each axis, voxels. Without it the test would be too strict where neighbours
-    /// agree. The default is the authors' 0.1 px, for a correlation peak of [`MedianTest::WIDTH_VOX`]; a wider peak raises
-    /// it in proportion.
+    /// Fluctuation of a good measurement along each axis, voxels. Without it the test would be too strict where
+    /// neighbours agree. The default is the authors' 0.1 px, for a correlation peak of [`MedianTest::WIDTH_VOX`]; a
+    /// wider peak raises it in proportion.
     pub tolerance_vox: [f64; 3],
 }
 

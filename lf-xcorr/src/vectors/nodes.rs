@@ -25,8 +25,8 @@ impl Nodes {
         mix(along_y(corner), along_y(corner + stride[2]), fraction[2])
     }
 
-    /// The value at a place by cubic convolution (Keys 1981), which follows curved fields better than [`Nodes::at`] between
-    /// nodes. Beyond the outermost nodes the gradient continues as in [`Nodes::at`].
+    /// The value at a place by cubic convolution (Keys 1981), which follows curved fields better than [`Nodes::at`]
+    /// between nodes. Beyond the outermost nodes the gradient continues as in [`Nodes::at`].
     pub fn curved_at(&self, vectors: &[DVec3], place: DVec3) -> DVec3 {
         let Cell { corner, fraction, .. } = self.cell(place, Self::BEYOND);
         let (steps, weights) = (self.steps(corner), fraction.map(cubic));
@@ -57,7 +57,8 @@ impl Nodes {
         }
     }
 
-    /// The nodes around a place and their trilinear weights, which add up to 1. A place outside counts as on the border.
+    /// The nodes around a place and their trilinear weights, which add up to 1. A place outside counts as on the
+    /// border.
     pub fn shares(&self, place: DVec3) -> [(usize, f64); 8] {
         self.cell(place, 0.0).corners()
     }

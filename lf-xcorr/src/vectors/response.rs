@@ -2,12 +2,12 @@
 //!
 //! A window measures the mean of the displacement over itself, noise included. Each repeat subtracts the mean over the
 //! window of the predictor, which is the smoothed field of the repeat before, and adds the predictor at the window's
-//! centre. Let H be the response to the windows' measurements, S the response of the smoothing, and M the response of the
-//! predictor's mean over a window.
+//! centre. Let H be the response to the windows' measurements, S the response of the smoothing, and M the response of
+//! the predictor's mean over a window.
 //!
 //! Equation: `H <- 1 + S (1 - M) H`, starting from 1, at every wave number of the window grid. Waves of a few windows
-//! therefore return to their full height, and noise grows: by the root of the mean of H^2, weighted with the spectrum of
-//! a mean over overlapping windows.
+//! therefore return to their full height, and noise grows: by the root of the mean of H^2, weighted with the spectrum
+//! of a mean over overlapping windows.
 
 use super::evidence::WIDE;
 use super::smooth::{self, smooth};

@@ -1,9 +1,9 @@
 //! The uncertainty of a vector, from the disagreement of the particle images in its window.
 //!
 //! Method, after B. Wieneke, "PIV uncertainty quantification from correlation statistics", Meas. Sci. Technol. 26
-//! (2015): in matched volumes the correlation one voxel to the left equals the one a voxel to the right, and every voxel
-//! adds its own disagreement to their difference. The variances of the parts add up, and the shape of the peak turns
-//! their sum into a displacement.
+//! (2015): in matched volumes the correlation one voxel to the left equals the one a voxel to the right, and every
+//! voxel adds its own disagreement to their difference. The variances of the parts add up, and the shape of the peak
+//! turns their sum into a displacement.
 //!
 //! Equation, along each axis, for a part of the window: `g = ((C+ - C-) / C - (A+ - A-) / 2A - (B+ - B-) / 2B) / 2`.
 //! This is the part's contribution to the slope of the logarithm of the score; C, A and B are the sums of products and
@@ -34,8 +34,8 @@ const FLOOR_VOX: f64 = 0.0008;
 const MIN_IMAGES: f64 = 1.5;
 
 pub(crate) struct Uncertainty {
-    /// Standard uncertainty, voxels. NaN with hardly more than one particle image, and along an axis without a correlation
-    /// peak.
+    /// Standard uncertainty, voxels. NaN with hardly more than one particle image, and along an axis without a
+    /// correlation peak.
     pub std_vox: DVec3,
     /// Particle images of all pairs that have their top in the window.
     pub particles: usize,

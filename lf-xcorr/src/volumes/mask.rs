@@ -11,7 +11,8 @@ pub enum Mask<'a> {
     Everything,
     /// A box of voxels. Windows lie inside it.
     Box([Range<usize>; 3]),
-    /// A set of voxels as strictly rising linear indices of the grid, for example a support. Light elsewhere is ignored.
+    /// A set of voxels as strictly rising linear indices of the grid, for example a support. Light elsewhere is
+    /// ignored.
     Support(&'a [u64]),
 }
 

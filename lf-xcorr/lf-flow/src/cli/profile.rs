@@ -1,6 +1,6 @@
 //! `profile`: lines and planes, written as a table or as JSON.
 
-use super::arguments::Profile;
+use super::arguments::ProfileArguments;
 use super::treat::open;
 use glam::DVec3;
 use lf_core::cli::MemoryLimit;
@@ -11,7 +11,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Writes the line or the plane that is asked for.
-pub fn run(arguments: &Profile, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn run(arguments: &ProfileArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
     session.keep_apart(&arguments.output, &inputs)?;
     io::check_place(&arguments.output)?;

@@ -1,6 +1,6 @@
 //! Tasks that turn a field into a field: read, work, report, write.
 
-use super::arguments::{Derive, Pressure, Smooth, Solenoidal};
+use super::arguments::{DeriveArguments, PressureArguments, SmoothArguments, SolenoidalArguments};
 use super::files::Files;
 use lf_core::cli::MemoryLimit;
 use lf_core::field::{Array, MEASURED};
@@ -52,7 +52,7 @@ pub fn open(path: &Path, task: Task, limit: MemoryLimit, session: &mut Session) 
     Ok(field)
 }
 
-pub fn smooth(arguments: &Smooth, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn smooth(arguments: &SmoothArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     each(&arguments.files, Task::Smooth, limit, session, |field, name, session| {
         let measured = measured(field, name, arguments.sigma.sigma, session)?;
         let found = flow::smooth(field, &measured, arguments.strength);
@@ -73,7 +73,7 @@ pub fn smooth(arguments: &Smooth, limit: MemoryLimit, session: &mut Session) -> 
     })
 }
 
-pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn solenoidal(arguments: &SolenoidalArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     each(&arguments.files, Task::Solenoidal, limit, session, |field, name, session| {
         let measured = measured(field, name, arguments.sigma.sigma, session)?;
         let found = flow::solenoidal(field, &measured);
@@ -107,7 +107,7 @@ pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Sess
     })
 }
 
-pub fn derive(arguments: &Derive, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn derive(arguments: &DeriveArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     each(&arguments.files, Task::Derive, limit, session, |field, name, session| {
         let found = flow::derive(field);
         let [rms, sigma] = found.divergence;
@@ -126,7 +126,7 @@ pub fn derive(arguments: &Derive, limit: MemoryLimit, session: &mut Session) -> 
     })
 }
 
-pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn pressure(arguments: &PressureArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     let inputs: Vec<&Path> =
         [Some(&arguments.field), arguments.next.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
     session.keep_apart(&arguments.output, &inputs)?;

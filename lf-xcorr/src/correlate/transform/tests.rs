@@ -93,7 +93,7 @@ fn dark_stays_dark() {
 
 #[test]
 fn at_the_centre_of_the_box_transforms_pair_as_direct_sums_do() {
-    use crate::correlate::kernel::{self, Cell};
+    use crate::correlate::kernel::{self, CellProducts};
     let shape = [30, 22, 14];
     let mut random = Pcg64Mcg::seed_from_u64(8);
     let (a, b) = (volume(&mut random, shape, 0.2), volume(&mut random, shape, 0.2));
@@ -103,7 +103,7 @@ fn at_the_centre_of_the_box_transforms_pair_as_direct_sums_do() {
         let shifts = Shifts::around(centre, [2, 1, 3]);
         let sums = Transforms::new([12; 3], shifts.n).sums([&a, &b], &window, shifts, &mut TransformScratch::default());
         let mut direct = vec![0.0; shifts.len()];
-        let cell = Cell { first: &a, second: &b, midpoints: &window, shifts: &shifts };
+        let cell = CellProducts { first: &a, second: &b, midpoints: &window, shifts: &shifts };
         kernel::products(cell, &mut direct, &mut kernel::ProductScratch::default());
         let k = shifts.len() / 2;
         assert!((sums.channel(channel::PRODUCT)[k] - direct[k]).abs() < 1e-9 * direct[k]);
