@@ -140,17 +140,17 @@ impl<'a> Component<'a> {
 
     /// Mean product of measured values, in usual uncertainties.
     fn product(&self, some: &[f64], others: &[f64]) -> f64 {
-        self.mean(some, others, |one, other| one * other)
+        self.mean(some, others, |weight, one, other| weight * one * other)
     }
 
     /// Mean square residual of measured values, in usual uncertainties.
     fn residual(&self, values: &[f64], smooth: &[f64]) -> f64 {
-        self.mean(values, smooth, |value, smooth| (value - smooth).powi(2))
+        self.mean(values, smooth, |weight, value, smooth| weight * (value - smooth).powi(2))
     }
 
-    fn mean(&self, some: &[f64], others: &[f64], term: impl Fn(f64, f64) -> f64) -> f64 {
+    fn mean(&self, some: &[f64], others: &[f64], term: impl Fn(f64, f64, f64) -> f64) -> f64 {
         let weighed = some.iter().zip(others).zip(&self.weights);
-        let sum: f64 = weighed.map(|((one, other), weight)| weight * term(*one, *other)).sum();
+        let sum: f64 = weighed.map(|((one, other), weight)| term(*weight, *one, *other)).sum();
         sum / self.weights.iter().filter(|weight| **weight > 0.0).count() as f64
     }
 }

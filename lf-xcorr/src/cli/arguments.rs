@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 ///
 /// Correlates the lit voxels of two volumes in passes, large windows first, and writes a displacement vector in mm for
 /// every window, with its uncertainty and a flag (0 measured, 1 replaced from neighbours, 2 no data). The last pass is
-/// repeated on volumes deformed by the known field until the vectors stand still.
+/// repeated on volumes deformed by the known field until the vectors stop changing.
 #[derive(Parser)]
 #[command(
     name = "lf-xcorr",
@@ -24,14 +24,14 @@ use std::path::{Path, PathBuf};
   lf-xcorr volume-0000.lfv volume-0001.lfv --particles fitted-0000.csv fitted-0001.csv -o field.exr"
 )]
 pub struct Arguments {
-    /// First volume (.lfv); `-` is standard input. All tiles of both volumes: a-*.lfv b-*.lfv
+    /// First volume (.lfv); `-` is standard input. Give all tiles of both volumes: a-*.lfv b-*.lfv
     a: PathBuf,
     /// Second volume
     b: PathBuf,
     /// More files, if volumes are in tiles
     #[arg(value_name = "TILE", hide = true)]
     tiles: Vec<PathBuf>,
-    /// Two more volumes of the same flow, whose correlation is added; repeat for more pairs or tiles
+    /// Two more volumes of the same flow; repeat for more pairs, or for more of their tiles
     #[arg(long, num_args = 2, value_names = ["A", "B"], action = clap::ArgAction::Append)]
     pub and: Vec<PathBuf>,
     /// The particles of both volumes (.csv of lf-fit). The correlation predicts; particles found in both tables decide

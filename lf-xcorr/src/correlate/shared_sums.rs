@@ -250,11 +250,8 @@ impl<'a> Sharing<'a> {
             let mut next = || channels.next().expect("a number for each shift in each channel");
             let products = next();
             products.fill(0.0);
-            kernel::products(
-                CellProducts { first, second, midpoints: &midpoints, shifts: &shifts },
-                products,
-                &mut scratch.0,
-            );
+            let cell = CellProducts { first, second, midpoints: &midpoints, shifts: &shifts };
+            kernel::products(cell, products, &mut scratch.0);
             let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
             let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
             for (rows, ranges) in [(first, of_first), (second, of_second)] {
