@@ -143,10 +143,8 @@ impl Finished<'_> {
         let PassReport { search, bin, .. } = self.outcome.passes[0];
         let field = &self.outcome.field;
         let end_vox = [0, 1, 2].map(|a| (NEAR_END * search[a] as f64).min(search[a] as f64 - bin[a] as f64));
-        let components = [&field.u, &field.v, &field.w];
         let is_near = |i: usize, axis: usize| {
-            let shift_vox = (components[axis][i] as f64 / field.layout.voxel_mm[axis]).abs();
-            shift_vox > end_vox[axis]
+            (field.displacement_mm(i)[axis] / field.layout.voxel_mm[axis]).abs() > end_vox[axis]
         };
         let known: Vec<usize> = (0..field.len()).filter(|&i| field.flag[i] != NO_DATA).collect();
         let near: [usize; 3] = [0, 1, 2].map(|axis| known.iter().filter(|&&i| is_near(i, axis)).count());

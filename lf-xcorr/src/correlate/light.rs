@@ -30,12 +30,10 @@ impl Spread {
 impl CellLight {
     pub fn count(volume: &Rows, windows: &WindowGrid) -> Self {
         let [nx, ny, nz] = windows.axes.each_ref().map(|axis| axis.cells.len());
-        let cell_of = [0, 1, 2].map(|axis| {
-            let mut cell_of = vec![None; volume.shape[axis]];
-            let cells = windows.axes[axis].cells.iter().enumerate();
-            cells.for_each(|(cell, range)| cell_of[range.clone()].fill(Some(cell)));
-            cell_of
-        });
+        let cells_along = |axis: usize| -> Vec<Option<usize>> {
+            (0..volume.shape[axis]).map(|voxel| windows.axes[axis].cell_of(voxel)).collect()
+        };
+        let cell_of = [0, 1, 2].map(cells_along);
         let (mut voxels, mut rows) = (vec![0; nx * ny * nz], vec![0; nx * ny * nz]);
         for z in 0..volume.shape[2] {
             for y in 0..volume.shape[1] {

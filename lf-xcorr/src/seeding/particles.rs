@@ -7,7 +7,6 @@ use crate::vectors::ParticleImages;
 use crate::volumes::{Mask, Rows, Sparse};
 use lf_core::Grid;
 use lf_core::statistics::{median, upper_median};
-use std::ops::Range;
 
 /// The particle images in pairs of volumes that show the same flow.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,15 +53,10 @@ impl Seeding {
 
     /// Particle images in every cell of a window grid.
     fn in_cells(&self, windows: &WindowGrid) -> Vec<u32> {
-        let cell_of = |axis: usize, voxel: usize| {
-            let cells: &[Range<usize>] = &windows.axes[axis].cells;
-            let cell = cells.partition_point(|cell| cell.end <= voxel);
-            cells.get(cell).filter(|cell| cell.contains(&voxel)).map(|_| cell)
-        };
         let mut counts = vec![0; windows.cell_count()];
         let [nx, ny, _] = windows.axes.each_ref().map(|axis| axis.cells.len());
-        for &[x, y, z] in &self.tops {
-            if let (Some(x), Some(y), Some(z)) = (cell_of(0, x), cell_of(1, y), cell_of(2, z)) {
+        for top in &self.tops {
+            if let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(|axis| windows.axes[axis].cell_of(top[axis])) {
                 counts[x + nx * (y + ny * z)] += 1;
             }
         }
