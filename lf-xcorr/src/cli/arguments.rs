@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// Two sparse volumes to a velocity field
 ///
-/// Correlates the lit voxels of two volumes in passes, large windows first, and writes a displacement vector in mm for
-/// every window, with its uncertainty and a flag (0 measured, 1 replaced from neighbours, 2 no data). The last pass is
-/// repeated on volumes deformed by the known field until the vectors stop changing.
+/// Correlates two volumes in passes, large windows first, and writes a displacement vector in mm for every window, with
+/// its uncertainty and a flag (0 measured, 1 replaced from neighbours, 2 no data). Repeats the last pass on deformed
+/// volumes until the vectors stop changing.
 #[derive(Parser)]
 #[command(
     name = "lf-xcorr",
