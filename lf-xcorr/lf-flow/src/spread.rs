@@ -68,16 +68,27 @@ pub(super) fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
 
 /// Means over a box of `reach` values to either side along x, y, z, cut at the ends of the grid.
 pub(super) fn box_mean(values: &[f64], shape: [usize; 3], reach: [usize; 3]) -> Vec<f64> {
+    along_lines(values, shape, |axis, at, line| {
+        let (low, high) = (at.saturating_sub(reach[axis]), (at + reach[axis]).min(shape[axis] - 1));
+        (low..=high).map(line).sum::<f64>() / (high + 1 - low) as f64
+    })
+}
+
+/// Replaces all values along x, then y, then z: `value(axis, at, line)` is the new value at place `at` of a line along the
+/// axis, and `line(n)` the value at its place n.
+pub(super) fn along_lines(
+    values: &[f64],
+    shape: [usize; 3],
+    value: impl Fn(usize, usize, &dyn Fn(usize) -> f64) -> f64,
+) -> Vec<f64> {
     let mut values = values.to_vec();
     for axis in 0..3 {
         let (count, stride): (usize, usize) = (shape[axis], shape[..axis].iter().product());
-        let line = |i: usize| {
+        let one = |i: usize| {
             let at = i / stride % count;
-            let (low, high) = (at.saturating_sub(reach[axis]), (at + reach[axis]).min(count - 1));
-            let first = i - at * stride;
-            (low..=high).map(|n| values[first + n * stride]).sum::<f64>() / (high + 1 - low) as f64
+            value(axis, at, &|n| values[i + n * stride - at * stride])
         };
-        values = (0..values.len()).map(line).collect();
+        values = (0..values.len()).map(one).collect();
     }
     values
 }
