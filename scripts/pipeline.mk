@@ -148,7 +148,7 @@ results := $(or $(flows),$(fields))
 .SECONDARY: $(supports) $(volumes) $(fitted)
 
 # The file of the windows, unless they are set.
-WINDOWS = $(if $(WINDOW_MM)$(filter --window% --pass% --settings%,$(XCORR_FLAGS)),,$(OUT)/windows.txt)
+WINDOWS = $(if $(WINDOW_MM)$(filter --window% --pass%,$(XCORR_FLAGS)),,$(OUT)/windows.txt)
 
 # First as many fields as possible; then the mean of those that exist, and a list of the missing ones.
 dry = $(findstring n,$(firstword -$(MAKEFLAGS)))
@@ -227,7 +227,7 @@ $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 # options.
 flow-of = $(if $(FLOW),$(OUT)/flow-$1.exr)
 fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr $(call flow-of,$(pair))))
-preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
+preset = $(if $(filter lf-prune lf-mart,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 sweeps = $(if $(filter lf-mart,$(notdir $(firstword $(MART)))),--log $(OUT)/volume-$1.sweeps.jsonl)
 
 $(supports): $(OUT)/support-%.lfv: $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
@@ -261,7 +261,7 @@ windows:
 $(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) $$(call fitted-of,$$*) | $(LOG)
 	$(call step,$(XCORR) $(call volumes-of,$*) $(if $(fits),--particles $(call fitted-of,$*)) $(addprefix --initial-mm ,$(INITIAL_MM)) \
 	    $(if $(WINDOWS),$$(cat $(WINDOWS)),$(addprefix --window-mm ,$(WINDOW_MM))) $(addprefix --dt ,$(DT)) \
-	    $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg),$(call flow-of,$*))
+	    $(XCORR_FLAGS) --plot $(@:.exr=.svg),$(call flow-of,$*))
 
 $(flows): $(OUT)/flow-%.exr: $(OUT)/field-%.exr | $(LOG)
 	$(call step,$(TREAT) $(FLOW) $< $(FLOW_FLAGS))

@@ -83,7 +83,7 @@ fn a_smooth_field_that_is_not_solved_is_warned_of() {
     };
     assert!(!said("1,1,100").contains("stopped before its goal"));
     let stiff = said("1e20,1,1");
-    assert!(stiff.contains("smooth field stopped before its goal") && stiff.contains("lesser --strength"), "{stiff}");
+    assert!(stiff.contains("smooth field stopped before its goal") && stiff.contains("smaller --strength"), "{stiff}");
 }
 
 #[test]

@@ -1,25 +1,25 @@
-//! Words of the command line that are more than a number.
+//! Values of options that are more than a number.
 
-use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lf_core::cli::numbers;
+use lf_xcorr::{Deform, Route};
 use std::path::PathBuf;
 
-/// When the volumes are deformed.
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-pub enum When {
-    Auto,
-    Always,
-    Never,
+/// The words of `--deform`.
+pub const DEFORM: [(&str, Deform); 3] = [("auto", Deform::Auto), ("always", Deform::Always), ("never", Deform::Never)];
+
+/// The words of `--route`.
+pub const ROUTE: [(&str, Route); 3] =
+    [("auto", Route::Auto), ("direct", Route::Direct), ("transform", Route::Transform)];
+
+/// A value parser for an option that takes one of these words.
+pub fn one_of<T: Clone + Send + Sync + 'static>(words: [(&'static str, T); 3]) -> impl TypedValueParser<Value = T> {
+    let names = words.each_ref().map(|(name, _)| *name);
+    let value = move |word: String| words.iter().find(|(name, _)| *name == word).expect("a known word").1.clone();
+    PossibleValuesParser::new(names).map(value)
 }
 
-/// How products are summed.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum By {
-    Auto,
-    Direct,
-    Transform,
-}
-
+/// A pass as typed.
 #[derive(Clone, Copy)]
 pub struct TypedPass {
     pub window: [usize; 3],
@@ -27,6 +27,7 @@ pub struct TypedPass {
     pub search: Option<[usize; 3]>,
 }
 
+/// The value of `--mask`.
 #[derive(Clone)]
 pub enum MaskSource {
     /// x0, x1, y0, y1, z0, z1 in mm.
@@ -57,7 +58,7 @@ pub fn typed_pass(text: &str) -> Result<TypedPass, String> {
     Ok(TypedPass { window, overlap, search: words.next().map(whole_triple).transpose()? })
 }
 
-/// Shortest and longest time between two volumes, s: below light's way through a particle, above a year.
+/// Shortest and longest time between two volumes, s: below the time that light takes through a particle, above a year.
 const SECONDS: [f64; 2] = [1e-15, 1e9];
 
 /// A time in seconds.
