@@ -1,6 +1,6 @@
 //! Projection and back-projection over products of profiles, in pieces that fit into a core's cache.
 
-use super::taps::{LitRow, LitRows};
+use super::stencils::{LitRow, LitRows};
 use super::{plane::Plane, profiles::ProfileWeights};
 use lf_core::weights::{Chords, RowSet};
 use rayon::prelude::*;
@@ -15,10 +15,14 @@ impl ProfileWeights {
         lit.clear();
         let at = line * (self.subsets + 1) + rows.first as usize;
         for n in self.row_starts[at] as usize..self.row_starts[at + 1] as usize {
-            let tap = self.row_taps[n];
-            if image_rows.contains(&(tap.row as usize)) {
+            let stencil = self.row_shares[n];
+            if image_rows.contains(&(stencil.row as usize)) {
                 let chords = if self.has_round_stop { self.chords[n] } else { Chords::UNCUT };
-                lit.push(LitRow { start: (tap.row as usize - image_rows.start) * stride, share: tap.share, chords });
+                lit.push(LitRow {
+                    start: (stencil.row as usize - image_rows.start) * stride,
+                    share: stencil.share,
+                    chords,
+                });
             }
         }
     }

@@ -16,7 +16,7 @@ pub(super) struct Four {
 }
 
 /// Buffers of a thread.
-pub(super) struct Lister {
+pub(super) struct RowBuffer {
     scratch: Scratch,
     listed: Vec<Four>,
     /// The weight on each place; 0 between voxels. Empty if a path finds no pixel often.
@@ -24,7 +24,7 @@ pub(super) struct Lister {
     places: Vec<u32>,
 }
 
-impl Lister {
+impl RowBuffer {
     pub(super) fn new(weights: &Weights) -> Self {
         let [width, height] = weights.sensor_px();
         // A lenslet's image of a voxel has each pixel once. Other paths add pixels up piece by piece.
