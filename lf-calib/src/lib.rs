@@ -25,10 +25,10 @@ mod white;
 pub use background::{Background, MeanBackground, SlidingMinimum};
 pub use drift::{Refined, refine, refine_steps};
 pub use frames::{Change, Correction, Factor, HotPixels, Lasers, Sensitivity};
-pub use nominal::{Advice, DataSheet, Liquid, advice, doubts, in_air};
+pub use nominal::{Advice, DataSheet, Liquid, advice, in_air, sheet_warnings};
 pub use target::{
-    Dot, Exposure, MainLensFit, blunder, closer_dots_mm, depths_of_names, depths_of_table, fit_doubts, grid, main_lens,
-    main_lens_steps,
+    Dot, Exposure, MainLensFit, closer_dots_mm, depths_of_names, depths_of_table, fit_warnings, grid, main_lens,
+    main_lens_steps, setup_mistake,
 };
 pub use white::{
     Calibrated, Centre, Fill, ImageLattice, Keep, LATTICE_STEPS, PitchChange, Pupil, Residual, SecondStop, StopWidth,

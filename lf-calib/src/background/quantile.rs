@@ -21,7 +21,7 @@ pub struct Background {
 }
 
 impl Background {
-    /// Bytes of a background of at most this many frames of so many pixels.
+    /// Bytes of a background of at most this many frames of `pixels` pixels.
     pub fn bytes(frames: usize, quantile: f64, pixels: f64) -> f64 {
         size_of::<f32>() as f64 * Self::planes(frames, quantile) as f64 * pixels
     }

@@ -100,7 +100,7 @@ struct FrameFiles {
     /// Files; those through a pipe are held in memory. Others are opened again: the number of mapped files is limited.
     files: Vec<(PathBuf, Option<Stack>)>,
     count: usize,
-    /// Width and height of the first frame, px, if its header tells them.
+    /// Width and height of the first frame, px, if its header has them.
     size: Option<[usize; 2]>,
     sensor: Option<Sensor>,
     channel: Option<Channel>,

@@ -36,7 +36,7 @@ pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdic
     let mut clipped = Clipped::default();
     for ((laser, file), place) in all.iter().zip(&places) {
         let mut frame = session.phase("read", |_| read(arguments, file, &mut sizes))?;
-        clipped.look(file, &frame.pixels);
+        clipped.check(file, &frame.pixels);
         let change = session.phase("correct", |_| Ok(correction.apply(&mut frame.pixels, *laser)))?;
         let history = session.history(&frame.history);
         session.phase("write", |_| image::save(place, &frame.pixels, &history))?;
@@ -66,7 +66,7 @@ struct Clipped {
 }
 
 impl Clipped {
-    fn look(&mut self, file: &Path, frame: &Array2<f32>) {
+    fn check(&mut self, file: &Path, frame: &Array2<f32>) {
         let Some((level, share)) = image::clipped_share(frame.view()).filter(|(_, share)| *share >= CLIPPED) else {
             return;
         };
@@ -88,7 +88,7 @@ impl Clipped {
     }
 }
 
-/// Finds what is to be corrected. Looks at all frames first if they tell it. Says what it found.
+/// Finds what is to be corrected. Reads all frames first if --hot or --equalise needs it. Says what it found.
 fn correction(
     arguments: &FrameArguments,
     all: &[(usize, &PathBuf)],
@@ -111,11 +111,13 @@ fn correction(
     if arguments.hot.is_none() && !arguments.equalise {
         return Ok(correction);
     }
-    let (hot, lasers) = look(arguments, all, sizes, session)?;
+    let (hot, lasers) = first_pass(arguments, all, sizes, session)?;
     if let Some(limit) = arguments.hot {
         let few = || {
-            let wanted =
-                format!("wanted {} or more, so that particles are told from hot pixels", HotPixels::LEAST_FRAMES);
+            let wanted = format!(
+                "wanted {} or more, so that particles and hot pixels can be separated",
+                HotPixels::LEAST_FRAMES
+            );
             Error::new("--hot", format!("{} frames", all.len()), wanted)
         };
         let hot = hot.find(limit).ok_or_else(few)?;
@@ -139,8 +141,8 @@ fn correction(
     Ok(correction)
 }
 
-/// A first look at all frames. Refuses pipes, which can be read only once.
-fn look(
+/// Reads all frames for the first time. Refuses pipes, which can be read only once.
+fn first_pass(
     arguments: &FrameArguments,
     all: &[(usize, &PathBuf)],
     sizes: &mut Sizes,

@@ -20,7 +20,7 @@ impl Changes {
         self.0[parameter as usize] = value;
     }
 
-    /// The same changes, one parameter moved by `step`.
+    /// These changes with one parameter moved by `step`.
     pub fn plus(&self, parameter: Parameter, step: f64) -> Self {
         let mut moved = *self;
         moved.0[parameter as usize] += step;

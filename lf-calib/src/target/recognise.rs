@@ -11,9 +11,9 @@ const NEAR: f64 = 0.3;
 const LARGEST_SCATTER: f64 = 0.1;
 /// Largest stretch or rotation of the target against the stated one.
 const LARGEST_STRETCH: f64 = 0.12;
-/// Fewest dots that are a target.
+/// Smallest number of dots that make a target.
 const FEWEST: usize = 9;
-/// Least share of the dots in view that are found.
+/// Smallest share of the dots in view that must be found.
 const LEAST_SEEN: f64 = 0.5;
 /// Number of peaks about the middle that a first shift is tried on.
 const FIRST: usize = 25;
@@ -37,7 +37,7 @@ impl Affine {
         self.matrix * place + self.shift
     }
 
-    /// Least squares. With few pairs it is only a shift.
+    /// Fits by least squares. With few pairs it is only a shift.
     fn through(pairs: &[(DVec2, DVec2)]) -> Self {
         let count = pairs.len() as f64;
         let from = pairs.iter().map(|pair| pair.0).sum::<DVec2>() / count;

@@ -19,15 +19,15 @@ use nalgebra::{SMatrix, SVector};
 /// Directions in which the rim is searched, and fewest of them that show a rim.
 const ANGLES: usize = 36;
 const FEWEST_ANGLES: usize = 12;
-/// Fewest regions that show how a disc moves over the frame.
+/// Smallest number of regions that shows how a disc moves over the frame.
 const FEWEST_REGIONS: usize = 7;
 /// There are two discs if their misfit is at most this share of one disc's misfit, and at most this share of a.
 const LEAST_GAIN: f64 = 0.6;
 const LARGEST_MISFIT: f64 = 0.03;
-/// Least depth of the cut in the farthest region, px. A smaller one moves no centre by a hundredth of a pixel.
+/// Smallest depth of the cut in the farthest region, px. A smaller one moves no centre by a hundredth of a pixel.
 const LEAST_CUT_PX: f64 = 0.1;
-/// Least displacement of the second disc from the frame's middle to the farthest region: in px, and over its
-/// displacement in the middle. What is the same everywhere is the shape of the lenslets themselves.
+/// Smallest displacement of the second disc from the frame's middle to the farthest region: in px, and over its
+/// displacement in the middle. A displacement that is the same everywhere is the shape of the lenslets themselves.
 const LEAST_SHIFT_PX: f64 = 0.3;
 const LEAST_SHIFT: f64 = 1.0;
 /// Iterations of the search, and of the inner search for the displacement of a region.
@@ -100,7 +100,7 @@ impl TwoStops {
         (is_close && is_shifting && cut > LEAST_CUT_PX).then_some(two)
     }
 
-    /// The same discs with the smaller one as the main stop. The rims do not tell which is which; by convention the
+    /// Swaps the discs so that the smaller one is the main stop. The rims do not show which is which; by convention the
     /// main stop is the smaller one, which alone limits the light on the axis.
     fn by_size(self) -> Self {
         if self.main_px <= self.second_px {
@@ -114,7 +114,7 @@ impl TwoStops {
         self.aside_px + self.slope * place_px
     }
 
-    /// Depth of the second disc's cut into the main one; negative if there is none.
+    /// Depth of the second disc's cut into the main one; negative without a cut.
     pub fn cut_px(&self, place_px: DVec2) -> f64 {
         self.main_px + self.displacement_px(place_px).length() - self.second_px
     }

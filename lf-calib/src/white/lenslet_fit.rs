@@ -7,11 +7,11 @@ use ndarray::ArrayView2;
 
 /// Radius of the window of pixels, in shortest lattice vectors. The rims of discs that touch are well inside.
 const WINDOW: f64 = 0.62;
-/// Least share of the window inside the image. Half a disc at the edge of the frame can still be read.
+/// Smallest share of the window inside the image. Half a disc at the edge of the frame can still be read.
 const LEAST_INSIDE: f64 = 0.7;
 /// Largest distance of a centre from its prediction, in shortest lattice vectors.
 const FARTHEST: f64 = 0.35;
-/// Least share of the window's pixels that a second stop leaves untouched. A third of a rim still gives a centre.
+/// Smallest share of the window's pixels that a second stop leaves untouched. A third of a rim still gives a centre.
 const LEAST_UNTOUCHED: f64 = 0.4;
 
 #[derive(Clone, Copy)]
@@ -80,8 +80,8 @@ fn pixels(
 }
 
 /// Fits floor + gain (1 + shade . x) T(x - centre) to the pixels around `from_px`, with x from `from_px`, by
-/// Gauss-Newton. The shade is given: within one lenslet it cannot be told from a shift. None if the window leaves the
-/// image, if the centre moves too far, or if there is no light.
+/// Gauss-Newton. The shade is given: within one lenslet it cannot be separated from a shift. None if the window leaves
+/// the image, if the centre moves too far, or if there is no light.
 pub(crate) fn fit_lenslet(
     image: ArrayView2<f32>,
     cell: &MeanCell,

@@ -1,6 +1,6 @@
 //! In: white images and a nominal camera. Out: the lattice of lenslet images, a camera with those microlenses, a flat
-//! field. The pitch: `period.rs` estimates it, `perfect_lattice.rs` fits it, `calibrate.rs` gives that of the microlenses.
-//! Open first: `find.rs`, the steps in their order; then `calibrate.rs`.
+//! field. The pitch: `period.rs` estimates it, `perfect_lattice.rs` fits it, `calibrate.rs` gives that of the
+//! microlenses. Open first: `find.rs`, the steps in their order; then `calibrate.rs`.
 
 mod autocorrelation;
 mod basis;

@@ -1,9 +1,9 @@
 //! The round or square part of the mean cell: one brightness profile S(r) about every centre, seen through square
 //! pixels. The distance r is along a line for a round stop, and the larger one of |x| and |y| for a square stop.
 //!
-//! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(r(x - c)). If the pitch is near a whole
-//! number of pixels, all lenslets are sampled alike, but the distances of their pixels from the centre still differ: S
-//! is resolved much finer than a pixel, and the sampling does not move the centre.
+//! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(r(x - c)). If the pitch is near a
+//! whole number of pixels, all lenslets are sampled alike, but the distances of their pixels from the centre still
+//! differ: S is resolved much finer than a pixel, and the sampling does not move the centre.
 
 use super::{basis::shortest, mean_cell::MeanCell};
 use glam::{DMat2, DVec2};
@@ -13,9 +13,10 @@ use rayon::prelude::*;
 
 /// Reach of the profile in shortest lattice vectors: the corner of a square cell, beyond the pixels that are read.
 const REACH: f64 = 0.71;
-/// Least distance between knots, px. With a third of a pixel an unrotated lattice's pitch erred by 1.4e-5, now by 2e-6.
+/// Smallest distance between knots, px. With a third of a pixel an unrotated lattice's pitch erred by 1.4e-5, now by
+/// 2e-6.
 const STEP_PX: f64 = 0.2;
-/// Most knots. More of them would follow the noise of a few large lenslets.
+/// Largest number of knots. More of them would follow the noise of a few large lenslets.
 const MOST_KNOTS: f64 = 64.0;
 /// Samples along each side of a pixel, for the fit and for the table.
 const FIT_SAMPLES: usize = 8;

@@ -30,12 +30,12 @@ const MIDDLE: f64 = 0.65;
 const HALVES: [f64; 2] = [0.1, 0.8];
 const TRIALS: usize = 26;
 const LEAST_HALF_PX: f64 = 0.7;
-/// Least standard deviation of the blur, px: of a disc below that of a pixel, 0.29; of a square without the pixel.
+/// Smallest standard deviation of the blur, px: of a disc below that of a pixel, 0.29; of a square without the pixel.
 const LEAST_SIGMA_PX: [f64; 2] = [0.25, 0.08];
 /// Largest misfit over the light, and largest uncertainty over the width, of a width that is believed.
 const MOST_MISFIT: f64 = 0.15;
 const MOST_UNCERTAIN: f64 = 0.1;
-/// Fewest samples, and the most that the trials are judged by.
+/// Smallest number of samples, and the largest that the trials are judged by.
 const FEWEST: usize = 40;
 const AT_START: usize = 1500;
 /// Iterations of a fit.
@@ -315,7 +315,7 @@ mod tests {
                         let samples = samples(width, basis, Aperture::Circle, profile, noise);
                         let what = format!("{name} {width} {fill} {hexagonal} {noise}");
                         let Some(found) = stop_width(&samples, basis, Aperture::Circle) else {
-                            println!("{what}: cannot tell");
+                            println!("{what}: no width");
                             assert!(name != "even", "{what}");
                             continue;
                         };

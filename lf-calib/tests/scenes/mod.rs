@@ -76,14 +76,14 @@ pub fn discs(camera: &Camera, fill: f64) -> Array2<f32> {
     spots(camera, radius, |corner, _| covered(corner, &[(DVec2::ZERO, radius)]))
 }
 
-/// The same discs, cut by second discs of `second` times their size. A second disc is displaced by `drift` times the
-/// distance of its lenslet image from the middle of the frame.
+/// The discs of [`discs`], cut by second discs of `second` times their size. A second disc is displaced by `drift`
+/// times the distance of its lenslet image from the middle of the frame.
 pub fn cut_discs(camera: &Camera, fill: f64, second: f64, drift: f64) -> Array2<f32> {
     let radius = 0.5 * fill * stop_px(camera);
     spots(camera, radius, |corner, place| covered(corner, &[(DVec2::ZERO, radius), (drift * place, second * radius)]))
 }
 
-/// The same with a square stop, sides along x and y. The covered area is exact.
+/// Like [`discs`], but with a square stop, sides along x and y. The covered area is exact.
 pub fn squares(camera: &Camera, fill: f64) -> Array2<f32> {
     let half = 0.5 * fill * stop_px(camera);
     let side = |corner: f64| ((corner + 1.0).min(half) - corner.max(-half)).max(0.0);

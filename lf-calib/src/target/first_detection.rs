@@ -1,4 +1,4 @@
-//! Looking at an image of a target: which dot is where, and its sub-images.
+//! Finds the dots of a target in an image, and reads their sub-images.
 
 use super::{
     bundle::DotSighting, exposure::Exposure, recognise::no_target, recognise::recognise, recognise::spacing_mm,
@@ -14,12 +14,12 @@ use std::collections::BTreeMap;
 
 /// Cells of a refocused image per spacing of the dots.
 const CELLS: f64 = 32.0;
-/// Least distance between peaks of light, in spacings.
+/// Smallest distance between peaks of light, in spacings.
 const APART: f64 = 0.4;
 /// Peaks of light that show another spacing than that of the dots: their number, and the difference.
 const FEWEST_PEAKS: usize = 9;
 const OTHER_SPACING: f64 = 0.15;
-/// Largest distance of a sub-image from its prediction in the first look, px.
+/// Largest distance of a sub-image from its prediction in the first reading, px.
 const FIRST_PX: f64 = 4.0;
 
 /// Largest distance of a sub-image from the prediction of a located point, px.
@@ -32,7 +32,7 @@ const FACTORS: [f64; 5] = [0.8, 0.9, 1.0, 1.1, 1.22];
 /// Dots whose sub-images are read for it.
 const BLUR_DOTS: usize = 24;
 
-pub(crate) struct FirstLook {
+pub(crate) struct FirstDetection {
     pub sightings: Vec<DotSighting>,
     /// Measured minus stated position of the target across the axis, mm.
     pub shift_mm: DVec2,
@@ -42,14 +42,14 @@ pub(crate) struct FirstLook {
 
 /// Finds the target in an image, with the nominal camera: in an image refocused at its depth, dots are peaks of light.
 /// `shift_mm` is the target's shift if another image has shown it. Refuses an image in which the target is not found.
-pub(crate) fn first_look(
+pub(crate) fn first_detection(
     exposure: &Exposure,
     number: usize,
     ids: &BTreeMap<u64, usize>,
     optics: &Optics,
     half_view_mm: DVec2,
     shift_mm: Option<DVec2>,
-) -> Result<FirstLook, Refusal> {
+) -> Result<FirstDetection, Refusal> {
     let (depth, flat) = (exposure.depth_mm(), exposure.flat_mm());
     let spacing = spacing_mm(&flat).ok_or_else(|| no_target("a table of fewer than 2 dots"))?;
     let lenslet = optics.lattice().row_pitch_mm() / optics.beta(depth);
@@ -84,7 +84,7 @@ pub(crate) fn first_look(
     if sightings.len() < 3 {
         return Err(no_target(format!("{} dots with enough sub-images", sightings.len())));
     }
-    Ok(FirstLook { sightings, shift_mm: found.shift_mm, deeper_mm })
+    Ok(FirstDetection { sightings, shift_mm: found.shift_mm, deeper_mm })
 }
 
 /// Adds the distance between peaks of light to the refusal of a target, if it is clearly not that of the dots.
@@ -98,7 +98,7 @@ fn with_spacing(refusal: Refusal, spacing: f64, peaks: &[DVec2]) -> Refusal {
 }
 
 /// Reads the sub-images of every dot where a camera and a pose of the target predict them.
-pub(crate) fn look_again(
+pub(crate) fn detect_again(
     exposure: &Exposure,
     number: usize,
     ids: &BTreeMap<u64, usize>,
