@@ -1,6 +1,6 @@
 //! The background: what stays in every frame. For each pixel it is the minimum or a low quantile over many frames.
 
-use crate::white::mean::other_size;
+use crate::mean::other_size;
 use lf_core::Refusal;
 use ndarray::Array2;
 use rayon::prelude::*;

@@ -2,7 +2,10 @@
 
 use super::{arguments::LatticeArguments, files::path_from_camera, files::with_history};
 use super::{fill::report_fill, fill::report_pitch};
-use lf_calib::{Calibrated, ImageLattice, Keep, LATTICE_STEPS, WhiteMean, calibrate, find_lattice, flat_field, plot};
+use lf_calib::{
+    Calibrated, ImageLattice, Keep, LATTICE_STEPS, MeanImage, calibrate, check_saturation, find_lattice, flat_field,
+    plot,
+};
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, image, io};
 use ndarray::Array2;
 use serde_json::json;
@@ -81,10 +84,10 @@ fn white(arguments: &LatticeArguments, nominal: &Camera, session: &Session) -> R
         Ok(image)
     };
     let dark = arguments.dark.as_deref().map(read).transpose()?;
-    let mut mean = WhiteMean::default();
+    let mut mean = MeanImage::default();
     for path in &image::frames(&arguments.whites) {
         let image = read(path)?;
-        mean.add(&image).map_err(|refusal| refusal.about(io::name(path)))?;
+        mean.add(&image).and_then(|()| check_saturation(&image)).map_err(|refusal| refusal.about(io::name(path)))?;
         if let Some((level, share)) = image::clipped_share(image.view()).filter(|(_, share)| *share > NOTABLE_CLIPPED) {
             session.warn(format!(
                 "{}: {:.1} % of the pixels are at the highest count, {level}: clipped, or drawn without noise; clipped \

@@ -1,7 +1,7 @@
 //! The corrections of a frame.
 
 use super::hot::{neighbours, repair};
-use crate::white::mean::check_saturation;
+use crate::mean::check_saturation;
 use lf_core::Refusal;
 use lf_core::image::noise;
 use lf_core::statistics::median;

@@ -2,8 +2,8 @@
 //! between light cut off by a narrow window and noise let in by a wide one. A fit of the profile does neither.
 
 use super::spot_profile::SpotProfile;
+use crate::fit::placement::{PlaceFit, PlaceSums, StepLimits, fit_place};
 use glam::DVec2;
-use nalgebra::{Matrix4, Vector4};
 use ndarray::{ArrayView2, s};
 
 /// Gauss-Newton iterations at most. Each squares the error, which starts at some tenths of the width.
@@ -72,54 +72,26 @@ pub(crate) fn fit(image: ArrayView2<f32>, profile: SpotProfile, from_px: DVec2, 
     let profile = profile.usable();
     let reach = profile.reach_px();
     let (rows, columns) = (within(from_px.y, reach, image.nrows())?, within(from_px.x, reach, image.ncols())?);
-    let mut place = from_px;
+    let longest_px = 0.5 * profile.deviation_px();
+    let limits = StepLimits { steps: STEPS, longest_px, small_px: SMALL_STEP_PX, farthest_px };
     let mut along = Vec::with_capacity(columns.len());
-    for step_number in 0..STEPS {
+    let found = fit_place(from_px, &limits, |place| {
         along.clear();
         along.extend(columns.clone().map(|column| profile.share(column as f64 + 0.5 - place.x)));
-        let (mut matrix, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        let mut sums = PlaceSums::default();
         for row in rows.clone() {
             let (across, across_slope) = profile.share(row as f64 + 0.5 - place.y);
             for (column, (value, slope)) in columns.clone().zip(&along) {
                 let pixel = f64::from(image[(row, column)]);
-                if !pixel.is_finite() {
-                    continue;
+                if pixel.is_finite() {
+                    sums.add(value * across, DVec2::new(slope * across, value * across_slope), pixel);
                 }
-                let line = Vector4::new(1.0, value * across, -slope * across, -value * across_slope);
-                matrix.ger(1.0, &line, &line, 1.0);
-                right += pixel * line;
-                count += 1.0;
-                sum += pixel;
-                squares += pixel * pixel;
             }
         }
-        if count < 6.0 {
-            return None;
-        }
-        let factors = matrix.cholesky()?;
-        let solution = factors.solve(&right);
-        let light = solution[1];
-        if light.is_nan() || light <= 0.0 {
-            return None;
-        }
-        let step = DVec2::new(solution[2], solution[3]) / light;
-        // After a long step the linearisation is poor: keep its direction and limit its length.
-        let step = step.clamp_length_max(0.5 * profile.deviation_px());
-        if step.length() < SMALL_STEP_PX || step_number + 1 == STEPS {
-            let left = (squares - solution.dot(&right)).max(0.0);
-            let variance = squares - sum * sum / count;
-            let covariance = factors.inverse() * (left / (count - 4.0));
-            let uncertainty = (0.5 * (covariance[(2, 2)] + covariance[(3, 3)])).sqrt() / light;
-            let explained = if variance > 0.0 { 1.0 - left / variance } else { 0.0 };
-            return Some(SpotFit { place_px: place + step, uncertainty_px: uncertainty, light, explained });
-        }
-        place += step;
-        if !place.is_finite() || place.distance(from_px) > farthest_px {
-            return None;
-        }
-    }
-    None
+        sums
+    })?;
+    let PlaceFit { place_px, gain, spread_px, scatter, explained, .. } = found;
+    Some(SpotFit { place_px, uncertainty_px: spread_px * scatter, light: gain, explained })
 }
 
 /// Light of a spot at a known position above the floor, counts; noise can make it negative. None outside the image.

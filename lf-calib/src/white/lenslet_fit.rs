@@ -1,8 +1,8 @@
 //! One lenslet image, read against the mean cell: its centre, its brightness and the quality of the fit.
 
 use super::{basis::shortest, cats_eye::Untouched, mean_cell::MeanCell};
+use crate::fit::placement::{PlaceFit, PlaceSums, StepLimits, fit_place};
 use glam::{DMat2, DVec2};
-use nalgebra::{Matrix4, Vector4};
 use ndarray::ArrayView2;
 
 /// Radius of the window of pixels, in shortest lattice vectors. The rims of discs that touch are well inside.
@@ -94,47 +94,16 @@ pub(crate) fn fit_lenslet(
     let to_cell = basis_px.inverse();
     let slope_to_px = to_cell.transpose();
     let pixels = pixels(image, from_px, shortest, shade_per_px, untouched)?;
-    let (sum, squares) =
-        pixels.iter().fold((0.0, 0.0), |(sum, squares), (_, count, _)| (sum + count, squares + count * count));
-    let variance = squares - sum * sum / pixels.len() as f64;
-    let mut centre = from_px;
-    let mut fit = None;
-    for _ in 0..8 {
-        let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+    // Gauss-Newton squares the error: after a step of 0.03 px it is far below the noise.
+    let limits = StepLimits { steps: 8, longest_px: 0.12 * shortest, small_px: 0.03, farthest_px: FARTHEST * shortest };
+    let fit = fit_place(from_px, &limits, |centre| {
+        let mut sums = PlaceSums::default();
         for (offset, count, shade) in &pixels {
             let (value, slope) = cell.at(to_cell * (*offset + from_px - centre));
-            let (value, slope) = (shade * value, *shade * (slope_to_px * slope));
-            let line = [1.0, value, -slope.x, -slope.y];
-            for a in 0..4 {
-                for b in 0..=a {
-                    normal[(a, b)] += line[a] * line[b];
-                }
-                right[a] += line[a] * count;
-            }
+            sums.add(shade * value, *shade * (slope_to_px * slope), *count);
         }
-        normal.fill_upper_triangle_with_lower_triangle();
-        let solver = normal.cholesky()?;
-        let solution = solver.solve(&right);
-        let gain = solution[1];
-        if gain <= 0.0 {
-            return None;
-        }
-        let inverse = solver.inverse();
-        let spread_px = f64::sqrt(0.5 * (inverse[(2, 2)] + inverse[(3, 3)])) / gain;
-        let misfit = squares - solution.dot(&right);
-        let step = DVec2::new(solution[2], solution[3]) / gain;
-        // After a long step the linearisation is poor: keep its direction and limit its length.
-        let step = step.clamp_length_max(0.12 * shortest);
-        centre += step;
-        if !centre.is_finite() || centre.distance(from_px) > FARTHEST * shortest {
-            return None;
-        }
-        let explained = if variance > 0.0 { 1.0 - misfit / variance } else { 0.0 };
-        fit = Some(LensletFit { centre_px: centre, floor: solution[0], gain, shade_per_px, spread_px, explained });
-        // Gauss-Newton squares the error: after a step of 0.03 px it is far below the noise.
-        if step.length() < 0.03 {
-            break;
-        }
-    }
-    fit
+        sums
+    })?;
+    let PlaceFit { place_px, floor, gain, spread_px, explained, .. } = fit;
+    Some(LensletFit { centre_px: place_px, floor, gain, shade_per_px, spread_px, explained })
 }
