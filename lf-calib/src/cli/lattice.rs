@@ -7,6 +7,7 @@ use lf_calib::{
     plot,
 };
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, image, io};
+use lf_plot::Drawing;
 use ndarray::Array2;
 use serde_json::json;
 use std::fmt::Write;
@@ -38,14 +39,11 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     let none = || Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
     let flat = |_: &mut Session| flat_field(&white, &calibrated.camera_of_white()).ok_or_else(|| refused(none()));
     let flat_pixels = arguments.vignetting.as_ref().map(|_| session.phase("vignetting", flat)).transpose()?;
-    let draw = |file: &PathBuf| {
-        plot::lattice(&white, &lattice, &calibrated).map_err(|refusal| refusal.about(io::output_name(file)))
-    };
-    let svg = arguments.plot.as_ref().map(draw).transpose()?;
+    let picture = arguments.plot.as_ref().map(|_| plot::lattice(&white, &lattice, &calibrated));
     let flat = arguments.vignetting.clone().or_else(|| nominal.flat_field(&arguments.camera));
     let flat = flat.map(|flat| path_from_camera(&flat, &arguments.output, session)).transpose()?;
     calibrated.camera.vignetting = flat;
-    session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), svg.as_deref(), session))?;
+    session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), picture.as_ref(), session))?;
     // If a file cannot be written, its error is the only line.
     report(&lattice, &calibrated, &nominal, arguments.keep_f_number, session);
     Ok(Verdict::Done)
@@ -109,14 +107,14 @@ fn save(
     arguments: &LatticeArguments,
     calibrated: &Calibrated,
     flat: Option<&Array2<f32>>,
-    svg: Option<&str>,
+    picture: Option<&Drawing>,
     session: &Session,
 ) -> Result<()> {
     if let Some((file, flat)) = arguments.vignetting.as_deref().zip(flat) {
         image::save(file, flat, &session.history(&Vec::new()))?;
     }
-    if let Some((file, svg)) = arguments.plot.as_deref().zip(svg) {
-        lf_plot::save(file, svg)?;
+    if let Some((file, picture)) = arguments.plot.as_deref().zip(picture) {
+        lf_plot::save(file, picture)?;
     }
     if let Some(file) = &arguments.centres {
         io::save_text(file, |out| out.write_all(table(calibrated).as_bytes()))?;

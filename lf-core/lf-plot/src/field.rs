@@ -6,6 +6,7 @@
 //! velocities are drawn, mm/s.
 
 use super::chart::{Arrows, Axis, Chart, Mark};
+use super::drawing::Drawing;
 use super::page::draw;
 use super::slice::{Slice, usual};
 use super::text::short;
@@ -97,8 +98,8 @@ fn worth(field: &Field, through: usize, layer: usize) -> (usize, f64) {
     (count, if doubts > 0.0 { squares / doubts } else { squares })
 }
 
-/// A layer of `field` as an SVG. Refuses a place outside the field; panics if the axis is above 2.
-pub fn field(field: &Field, picture: &FieldPicture) -> Result<String, Refusal> {
+/// Draws a layer of `field`. Refuses a place outside the field; panics if the axis is above 2.
+pub fn field(field: &Field, picture: &FieldPicture) -> Result<Drawing, Refusal> {
     draw(&field_chart(field, picture)?)
 }
 

@@ -1,6 +1,6 @@
 //! Labels beside points, at places where they cover nothing.
 
-use super::canvas::{At, Canvas, rounded};
+use super::drawing::{At, Drawing, rounded};
 use super::text::{Anchor, TEXT_PX, width};
 use super::{chart::Mark, palette::GREY, view::View};
 
@@ -36,7 +36,7 @@ impl LabelBox {
 }
 
 /// Writes the labels of all points. Returns the number of labels that find no free place.
-pub(super) fn labels(canvas: &mut Canvas, view: &View) -> usize {
+pub(super) fn labels(drawing: &mut Drawing, view: &View) -> usize {
     let (points, lines) = obstacles(view);
     let (mut written, mut leaders): (Vec<LabelBox>, Vec<At>) = (Vec::new(), Vec::new());
     let mut left_out = 0;
@@ -59,10 +59,10 @@ pub(super) fn labels(canvas: &mut Canvas, view: &View) -> usize {
         };
         let leader = leader(at, far, &place);
         if let [from, .., to] = leader[..] {
-            canvas.line([from, to].map(rounded), GREY, 1);
+            drawing.line([from, to].map(rounded), GREY, 1);
         }
         let start = [place.low[0], 0.5 * (place.low[1] + place.high[1])];
-        canvas.text(label, rounded(start), TEXT_PX, Anchor::Left);
+        drawing.text(label, rounded(start), TEXT_PX, Anchor::Left);
         leaders.extend(leader);
         written.push(place);
     }

@@ -1,6 +1,6 @@
 //! Pictures of results: SVG, PNG and PDF.
 //!
-//! In: a [`Chart`], which says what is drawn, or strokes on a [`Canvas`]. Out: the text of an SVG, and with [`save`] a file
+//! In: a [`Chart`], which says what is drawn, or strokes on a [`Drawing`]. Out: the text of an SVG, and with [`save`] a file
 //! in the format of its name; the same input gives the same bytes. Open `chart.rs` first, then `page.rs`; `slice.rs` draws
 //! a layer of a grid of vectors, `field.rs` one of a field.
 //!
@@ -10,8 +10,8 @@
 //! Convention: the key above a panel explains its marks; y runs upwards unless its range is given the other way round.
 
 mod arrow;
-mod canvas;
 mod chart;
+mod drawing;
 mod field;
 mod font;
 mod key;
@@ -26,16 +26,16 @@ mod pdf;
 mod pixels;
 mod range;
 mod save;
-mod shapes;
 mod slice;
 mod strokes;
+mod svg;
 mod text;
 mod ticks;
 mod view;
 
 pub use arrow::arrow;
-pub use canvas::{At, Canvas, Pixel, rounded, svg};
 pub use chart::{Arrows, Axis, Chart, Mark, Panel, Place, Style};
+pub use drawing::{At, Drawing, Pixel, rounded};
 pub use field::{FieldPicture, Scalar, field, field_chart, layer};
 pub use page::draw;
 pub use palette::{COLOURS, Colour, INK, grey};

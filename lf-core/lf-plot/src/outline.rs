@@ -1,10 +1,44 @@
-//! Outlines of shapes and letters.
+//! The outlines of shapes and letters, for pictures that are not SVG.
 
-/// A piece of an outline, px.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Piece {
-    Move([f32; 2]),
-    Line([f32; 2]),
-    Curve([[f32; 2]; 3]),
-    Close,
+use super::drawing::{Form, TextLine};
+use super::font::Font;
+use super::text::{Anchor, letter_px};
+use tiny_skia::{Path, PathBuilder, Transform};
+
+/// The outline of a shape, px. None if there is nothing to draw.
+pub(super) fn outline(form: &Form, font: &Font) -> Option<Path> {
+    let mut path = PathBuilder::new();
+    let places = match form {
+        Form::Rectangle([(x, y), (right, low)]) => &[(*x, *y), (*right, *y), (*right, *low), (*x, *low)],
+        Form::Line(places) | Form::Polygon(places) => &places[..],
+        Form::Circle((x, y), radius) => {
+            path.push_circle(*x as f32, *y as f32, *radius as f32);
+            return path.finish();
+        }
+        Form::Text(line) => return letters(line, font),
+    };
+    for (n, (x, y)) in places.iter().enumerate() {
+        if n == 0 { path.move_to(*x as f32, *y as f32) } else { path.line_to(*x as f32, *y as f32) }
+    }
+    if !matches!(form, Form::Line(_)) {
+        path.close();
+    }
+    path.finish()
+}
+
+/// The outlines of a line of text. The base line is half an x-height below its place.
+fn letters(line: &TextLine, font: &Font) -> Option<Path> {
+    let before = match line.anchor {
+        Anchor::Left => 0.0,
+        Anchor::Middle => 0.5,
+        Anchor::Right => 1.0,
+    };
+    let size = letter_px(line.size_px) as f32;
+    let (x, y) = (line.place.0 as f32, line.place.1 as f32);
+    let turn = if line.is_upright { -90.0 } else { 0.0 };
+    let moved = Transform::from_translate(-before * font.width(&line.text), 0.5 * font.x_height())
+        .post_scale(size, size)
+        .post_concat(Transform::from_rotate(turn))
+        .post_translate(x, y);
+    font.outline(&line.text)?.transform(moved)
 }

@@ -1,6 +1,6 @@
 //! Lines: their parts inside a frame, solid or dashed.
 
-use super::canvas::{At, Canvas, rounded};
+use super::drawing::{At, Drawing, rounded};
 use super::palette::Colour;
 
 /// The upper left and the lower right corner of a frame, px.
@@ -86,11 +86,11 @@ pub(super) const REFERENCE_DASHES: [Dashes; 4] =
 pub(super) const SERIES_DASHES: Dashes = [7.0, 4.0, 7.0, 4.0];
 
 /// Draws a line through places; without a pattern it is solid.
-pub(super) fn stroke(canvas: &mut Canvas, places: &[At], colour: Colour, width_px: u32, pattern: Option<Dashes>) {
+pub(super) fn stroke(drawing: &mut Drawing, places: &[At], colour: Colour, width_px: u32, pattern: Option<Dashes>) {
     for stroke in pattern.map_or_else(|| vec![places.to_vec()], |pattern| dashes(places, pattern)) {
         let mut places: Vec<_> = stroke.into_iter().map(rounded).collect();
         places.dedup();
-        canvas.line(places, colour, width_px);
+        drawing.line(places, colour, width_px);
     }
 }
 

@@ -1,7 +1,7 @@
-//! A panel with its place on the canvas, and the looks of its series.
+//! A panel with its place on the drawing, and the looks of its series.
 
-use super::canvas::{At, Canvas, Pixel};
 use super::chart::{Mark, Panel, Place};
+use super::drawing::{At, Drawing, Pixel};
 use super::palette::{COLOURS, Colour};
 use super::{range::Range, strokes::Frame};
 
@@ -15,20 +15,20 @@ impl Look {
     }
 
     /// Draws the marker about a place.
-    pub fn marker(self, canvas: &mut Canvas, (x, y): Pixel) {
+    pub fn marker(self, drawing: &mut Drawing, (x, y): Pixel) {
         let colour = self.colour();
         let shifted = |(right, down): Pixel| (x + right, y + down);
         match (self.0 + self.0 / COLOURS.len()) % 7 {
-            0 => canvas.disc((x, y), 4, colour),
-            1 => canvas.polygon([(-4, -4), (4, -4), (4, 4), (-4, 4)].map(shifted), colour, 1.0),
-            2 => canvas.polygon([(0, -5), (5, 4), (-5, 4)].map(shifted), colour, 1.0),
-            3 => canvas.polygon([(0, -6), (5, 0), (0, 6), (-5, 0)].map(shifted), colour, 1.0),
-            4 => canvas.polygon([(0, 5), (5, -4), (-5, -4)].map(shifted), colour, 1.0),
+            0 => drawing.disc((x, y), 4, colour),
+            1 => drawing.polygon([(-4, -4), (4, -4), (4, 4), (-4, 4)].map(shifted), colour, 1.0),
+            2 => drawing.polygon([(0, -5), (5, 4), (-5, 4)].map(shifted), colour, 1.0),
+            3 => drawing.polygon([(0, -6), (5, 0), (0, 6), (-5, 0)].map(shifted), colour, 1.0),
+            4 => drawing.polygon([(0, 5), (5, -4), (-5, -4)].map(shifted), colour, 1.0),
             5 => {
-                canvas.line([(-4, -4), (4, 4)].map(shifted), colour, 2);
-                canvas.line([(-4, 4), (4, -4)].map(shifted), colour, 2);
+                drawing.line([(-4, -4), (4, 4)].map(shifted), colour, 2);
+                drawing.line([(-4, 4), (4, -4)].map(shifted), colour, 2);
             }
-            _ => canvas.plus((x, y), colour),
+            _ => drawing.plus((x, y), colour),
         }
     }
 }

@@ -113,7 +113,7 @@ pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session)
         arguments.output.iter().try_for_each(|path| save(&found, path))?;
         arguments.more.save(parts, &found)
     })?;
-    arguments.picture.save(&picture)?;
+    arguments.picture.save(picture.as_ref())?;
     print(&told)?;
     Ok(Verdict::Done)
 }

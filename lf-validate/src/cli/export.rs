@@ -197,10 +197,10 @@ fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
                 scalar: arguments.scalar,
                 range: arguments.range,
             };
-            let svg = session.phase("plot", |_| {
+            let drawing = session.phase("plot", |_| {
                 lf_plot::field(&field, &shown).map_err(|refusal| refusal.about(io::output_name(output)))
             })?;
-            lf_plot::save(output, &svg)
+            lf_plot::save(output, &drawing)
         }
         ("nc" | "vti" | "dat" | "csv" | "svg" | "png" | "pdf", _) => {
             Err(unknown(output, "a .nc or a .vti.series for several fields"))

@@ -196,9 +196,9 @@ fn named(refused: Refused, volumes: &[JoinedVolume]) -> Error {
 fn save(outcome: &Outcome, arguments: &Arguments) -> Result<()> {
     outcome.field.save(&arguments.output)?;
     if let Some(path) = &arguments.plot {
-        let svg = lf_plot::field(&outcome.field, &arguments.picture())
+        let drawing = lf_plot::field(&outcome.field, &arguments.picture())
             .map_err(|refusal| refusal.about(io::output_name(path)))?;
-        lf_plot::save(path, &svg)?;
+        lf_plot::save(path, &drawing)?;
     }
     Ok(())
 }
