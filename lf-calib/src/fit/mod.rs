@@ -10,3 +10,4 @@ pub(crate) mod parameter;
 pub(crate) mod placement;
 pub(crate) mod polynomial;
 pub(crate) mod robust;
+pub(crate) mod search;
