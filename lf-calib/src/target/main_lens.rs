@@ -7,8 +7,9 @@
 
 use super::bundle::{Bundle, BundleFit, DotSighting};
 use super::exposure::{Exposure, numbers_by_id};
+use super::first_detection::{TargetImage, detect_again, first_detections};
 use super::selection::{ParameterGroup, select};
-use super::{first_detection::detect_again, first_detection::first_detection, report::MainLensFit, report::report};
+use super::{report::MainLensFit, report::report};
 use crate::points::locate::{NARROWEST, nearest_depths_mm, width_in_lenslets};
 use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
@@ -118,23 +119,11 @@ impl TargetSearch<'_> {
         let half_view = DVec2::from(self.nominal.half_view_mm());
         let used = self.usable(&optics).map_err(|refusal| (None, refusal))?;
         (self.watch)((self.exposures.len() - used.len()) as u64);
-        let mut sightings = Vec::new();
-        let mut shift: Option<DVec2> = None;
-        let mut deeper = Vec::new();
-        for &n in &used {
-            let seen = first_detection(&self.exposures[n], n, &self.ids, &optics, half_view, shift)
-                .map_err(|refusal| (Some(n), refusal))?;
-            shift = Some(seen.shift_mm);
-            deeper.push(seen.deeper_mm);
-            sightings.extend(seen.sightings);
-            (self.watch)(1);
-        }
-        let shift = shift.unwrap_or_default();
-        let mut start = Changes::NONE;
-        start.set(P::TargetX, shift.x);
-        start.set(P::TargetY, shift.y);
-        start.set(P::FocusOffset, deeper.iter().sum::<f64>() / deeper.len() as f64);
-        Ok((sightings, start))
+        first_detections(used.iter().map(|&n| self.image(n, &optics)), half_view, || (self.watch)(1))
+    }
+
+    fn image<'a>(&'a self, number: usize, optics: &'a Optics) -> TargetImage<'a> {
+        TargetImage { exposure: &self.exposures[number], number, ids: &self.ids, optics }
     }
 
     /// Numbers of the images in which a dot lights enough lenslets, nearest to focus first: they help the others.
@@ -175,7 +164,7 @@ impl TargetSearch<'_> {
         for _ in 0..READINGS {
             let (optics, pose) = (Optics::new(&changes.camera(self.nominal)), changes.pose());
             let read = |n| {
-                let seen = detect_again(&self.exposures[n], n, &self.ids, &optics, &pose);
+                let seen = detect_again(self.image(n, &optics), &pose);
                 (self.watch)(1);
                 seen
             };

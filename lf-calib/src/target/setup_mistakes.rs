@@ -6,12 +6,11 @@
 
 use super::bundle::{Bundle, DotSighting};
 use super::exposure::{Dot, Exposure, numbers_by_id};
-use super::first_detection::first_detection;
+use super::first_detection::{TargetImage, first_detections};
 use super::main_lens::{ALWAYS, LARGEST_RMS_PX, LEAST_FOLLOWING};
 use super::recognise::spacing_mm;
 use crate::points::locate::{NARROWEST, width_in_lenslets};
 use crate::points::{sub_images::SHARE, view::PointView};
-use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
 use lf_core::{Camera, Optics, Refusal};
 
@@ -132,18 +131,9 @@ fn fit(exposures: &[Exposure], nominal: &Camera, optics: &Optics) -> Option<f64>
     let ids = numbers_by_id(exposures);
     let spacing = spacing_mm(&exposures[0].flat_mm())?;
     let view = DVec2::from(nominal.half_view_mm()).min(DVec2::splat(FARTHEST * spacing));
-    let mut sightings: Vec<DotSighting> = Vec::new();
-    let (mut shift, mut deeper) = (None, 0.0);
-    for (n, exposure) in exposures.iter().enumerate() {
-        let seen = first_detection(exposure, n, &ids, optics, view, shift).ok()?;
-        shift = Some(seen.shift_mm);
-        deeper += seen.deeper_mm / exposures.len() as f64;
-        sightings.extend(seen.sightings);
-    }
-    let mut start = Changes::NONE;
-    start.set(P::TargetX, shift?.x);
-    start.set(P::TargetY, shift?.y);
-    start.set(P::FocusOffset, deeper);
+    let images = exposures.iter().enumerate();
+    let images = images.map(|(number, exposure)| TargetImage { exposure, number, ids: &ids, optics });
+    let (sightings, start) = first_detections(images, view, || ()).ok()?;
     let bundle = Bundle { nominal, sightings: &sightings, dots: ids.len() };
     let misfit = bundle.fit(&ALWAYS, &start)?.misfit;
     // A regular grid at a wrong depth has some sub-images where another dot's should be: too few.

@@ -61,24 +61,6 @@ impl LensletFit {
     }
 }
 
-/// Offset from `from_px`, px, count and relative gain of the pixels untouched by a second stop. None if too few.
-fn pixels(
-    image: ArrayView2<f32>,
-    from_px: DVec2,
-    shortest_px: f64,
-    shade_per_px: DVec2,
-    untouched: Option<&Untouched>,
-) -> Option<Vec<(DVec2, f64, f64)>> {
-    let (mut seen, mut pixels) = (0, Vec::with_capacity(256));
-    for (pixel, offset) in window(from_px, shortest_px, image.dim())? {
-        seen += 1;
-        if untouched.is_none_or(|untouched| untouched.holds(offset)) {
-            pixels.push((offset, image[pixel] as f64, 1.0 + shade_per_px.dot(offset)));
-        }
-    }
-    (pixels.len() as f64 >= LEAST_UNTOUCHED * seen as f64).then_some(pixels)
-}
-
 /// Fits floor + gain (1 + shade . x) T(x - centre) to the pixels around `from_px`, with x from `from_px`, by
 /// Gauss-Newton. The shade is given: within one lenslet it cannot be separated from a shift. None if the window leaves
 /// the image, if the centre moves too far, or if there is no light.
@@ -93,7 +75,17 @@ pub(crate) fn fit_lenslet(
     let shortest = shortest(basis_px);
     let to_cell = basis_px.inverse();
     let slope_to_px = to_cell.transpose();
-    let pixels = pixels(image, from_px, shortest, shade_per_px, untouched)?;
+    // Offset from `from_px`, px, count and relative gain of the pixels that a second stop leaves.
+    let (mut seen, mut pixels) = (0, Vec::with_capacity(256));
+    for (pixel, offset) in window(from_px, shortest, image.dim())? {
+        seen += 1;
+        if untouched.is_none_or(|untouched| untouched.holds(offset)) {
+            pixels.push((offset, image[pixel] as f64, 1.0 + shade_per_px.dot(offset)));
+        }
+    }
+    if (pixels.len() as f64) < LEAST_UNTOUCHED * seen as f64 {
+        return None;
+    }
     // Gauss-Newton squares the error: after a step of 0.03 px it is far below the noise.
     let limits = StepLimits { steps: 8, longest_px: 0.12 * shortest, small_px: 0.03, farthest_px: FARTHEST * shortest };
     let fit = fit_place(from_px, &limits, |centre| {

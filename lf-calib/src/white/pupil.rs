@@ -37,19 +37,10 @@ impl Pupil {
     }
 
     pub(super) fn checked(self, lattice: &ImageLattice, nominal: &Camera) -> Result<Self, Refusal> {
-        let found = || {
-            format!(
-                "lenslet images {:.4} px apart, of an array of exactly {:.4} px",
-                lattice.pitch_px,
-                nominal.pitch_px()
-            )
-        };
-        Refusal::unless(
-            self.is_possible(nominal),
-            found,
-            "wanted images farther apart than lenslets, or no --keep-pitch",
-        )
-        .map(|()| self)
+        let [images, lenslets] = [lattice.pitch_px, nominal.pitch_px()];
+        let found = || format!("lenslet images {images:.4} px apart, of an array of exactly {lenslets:.4} px");
+        let wanted = "wanted images farther apart than lenslets, or no --keep-pitch";
+        Refusal::unless(self.is_possible(nominal), found, wanted).map(|()| self)
     }
 }
 
