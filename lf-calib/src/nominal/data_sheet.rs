@@ -97,7 +97,7 @@ pub fn in_air(camera: &Camera, index: f64) -> Camera {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
     use glam::DVec2;
     use lf_core::Optics;

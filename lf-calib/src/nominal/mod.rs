@@ -5,7 +5,7 @@
 //! Open first: `data_sheet.rs`; `advice.rs` derives depths, `warnings.rs` compares the parts.
 
 mod advice;
-mod data_sheet;
+pub(crate) mod data_sheet;
 mod warnings;
 
 pub use advice::{Advice, advice};
