@@ -26,8 +26,8 @@ const EXPERIMENTS: &str = "For experiments";
       lf-mart -i scene/frame-0000.exr -c camera.json --method mart --weights drt -o paper.lfv"
 )]
 pub struct Arguments {
-    /// Voxels to solve for (.lfv), as lf-prune writes them; - for standard input
-    #[arg(default_value = "-")]
+    /// Voxels to solve for (.lfv), as lf-prune writes them [default: -, standard input]
+    #[arg(default_value = "-", hide_default_value = true)]
     pub support: PathBuf,
     /// Light-field image (EXR, TIFF, PNG)
     #[arg(short, long, value_name = "FILE", help_heading = FILES)]
@@ -40,41 +40,40 @@ pub struct Arguments {
     pub background: Option<PathBuf>,
     #[command(flatten, next_help_heading = FILES)]
     pub reading: ImageOptions,
-    /// Volume (.lfv) to begin with, on the same grid
-    #[arg(long, value_name = "FILE", help_heading = FILES)]
-    pub start: Option<PathBuf>,
-    /// Volume (.lfv), - for standard output
-    #[arg(short, long, value_name = "FILE", default_value = "-", help_heading = FILES)]
+    /// Volume (.lfv) [default: -, standard output]
+    #[arg(short, long, value_name = "FILE", default_value = "-", hide_default_value = true, help_heading = FILES)]
     pub output: PathBuf,
-    /// Write a line of JSON for each sweep: misfit, change, voxels held, weights touched, seconds since the beginning
+    /// Write a line of JSON for each sweep: misfit, change, voxels held, weights touched, seconds
     #[arg(long, value_name = "FILE", help_heading = FILES)]
     pub log: Option<PathBuf>,
-    /// Defaults between speed and accuracy for the whole chain, with --method subsets. Options that you give override
-    /// them
+    /// Defaults between speed and accuracy for the whole chain; typed options override them
     #[arg(long, value_parser = Preset::parser(preset::help), help_heading = METHOD)]
     pub preset: Option<Preset>,
-    /// How intensities are found
-    #[arg(long, value_enum, default_value_t = MethodName::Subsets, help_heading = METHOD)]
-    pub method: MethodName,
-    /// Largest number of sweeps over all pixels [default: 20; with smart and mlem 100, with mart 30]
+    /// Largest number of sweeps over all pixels [default: 20; --method smart or mlem 100, mart 30]
     #[arg(long, value_name = "N", help_heading = METHOD)]
     pub iterations: Option<usize>,
     /// When to end sooner: stall, if two sweeps lower the misfit (|image - projection| / |image|) by less than a
-    /// hundredth; noise, if the misfit is what the image's noise leaves; at a MISFIT; or never
-    #[arg(long, value_name = "stall|noise|MISFIT|never", default_value = "never", help_heading = METHOD)]
-    pub until: String,
+    /// hundredth; noise, if the misfit is what the image's noise leaves; at a MISFIT; or never [default: never]
+    #[arg(long, value_name = "stall|noise|MISFIT|never", help_heading = METHOD)]
+    pub until: Option<String>,
     /// Shape of the light that a voxel stands for: points give the best vectors, blobs the best Q [default: point]
     #[arg(long, value_enum, help_heading = METHOD)]
     pub basis: Option<BasisName>,
-    /// How weights are computed
-    #[arg(long, value_enum, default_value_t = WeightsName::Exact, help_heading = METHOD)]
-    pub weights: WeightsName,
-    /// Refuse a reconstruction that needs more memory than this, GB
-    #[arg(long, value_name = "GB", default_value_t = 8.0, help_heading = MEMORY)]
+    /// Refuse a reconstruction that needs more memory than this, GB [default: 8]
+    #[arg(long, value_name = "GB", default_value_t = 8.0, hide_default_value = true, help_heading = MEMORY)]
     pub max_memory: f64,
     /// Only print the memory needed, as JSON on standard output: {"memory_bytes", "voxels"}
     #[arg(long, help_heading = MEMORY)]
     pub estimate: bool,
+    /// How intensities are found
+    #[arg(long, value_enum, default_value_t = MethodName::Subsets, help_heading = EXPERIMENTS, hide = true)]
+    pub method: MethodName,
+    /// How weights are computed
+    #[arg(long, value_enum, default_value_t = WeightsName::Exact, help_heading = EXPERIMENTS, hide = true)]
+    pub weights: WeightsName,
+    /// Volume (.lfv) to begin with, on the same grid
+    #[arg(long, value_name = "FILE", help_heading = EXPERIMENTS, hide = true)]
+    pub start: Option<PathBuf>,
     /// Sections along each side of the aperture with --weights drt, 2 to 64; many sections come near the exact weights,
     /// fewer than the pixels under a lenslet are far from them [default: pixels under a lenslet]
     #[arg(long, value_name = "N", help_heading = EXPERIMENTS, hide = true)]
@@ -134,7 +133,7 @@ impl Arguments {
             basis,
             method,
             iterations: self.iterations.unwrap_or(iterations),
-            until: until_from(&self.until, sigma)?,
+            until: until_from(self.until.as_deref().unwrap_or("never"), sigma)?,
             relaxation: self.relaxation.unwrap_or(relaxation),
             floor: self.floor,
             clamp: self.clamp.unwrap_or(clamp),
