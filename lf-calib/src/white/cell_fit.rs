@@ -85,7 +85,7 @@ impl FollowedLattice {
     }
 
     /// A sum over pixels of lenslets. `add` gets a pixel's offset from the smooth lattice and (count - floor) / gain.
-    fn sum_over<T: Send>(
+    pub fn sum_over<T: Send>(
         &self,
         image: ArrayView2<f32>,
         fits: &[(DVec2, LensletFit)],
