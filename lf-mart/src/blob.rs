@@ -133,12 +133,14 @@ impl<'a> Blobs<'a> {
         let [across, down, deep] = &self.bells;
         let reach = down.len() / 2;
         let y_of = |line: usize| (self.lines[line].0 % ny as u64) as usize;
+        // Find the slices whose blobs reach this one, and the rows that they reach.
         let mut sources: Vec<(Range<usize>, f32)> =
             reached(deep, z, nz).map(|(source, share)| (self.lines_of(source), share)).collect();
         let lines = sources.iter().flat_map(|(lines, _)| lines.clone());
         let mut rows: Vec<usize> = lines.flat_map(|line| reached(down, y_of(line), ny).map(|(y, _)| y)).collect();
         rows.sort_unstable();
         rows.dedup();
+        // Sum row after row over the lines of blobs that reach it.
         row.sums.resize(nx, 0.0);
         for y in rows {
             for (lines, depth) in &mut sources {
@@ -204,11 +206,13 @@ pub(crate) fn spread(
         );
         (indices, lights)
     };
+    // Blur slice after slice, and keep what may be above the limit.
     let slices: Vec<(Vec<u64>, Vec<f32>)> = blobs.slices().par_iter().map_init(Row::default, blurred).collect();
     let peak = slices
         .iter()
         .map(|(indices, lights)| brightest(grid, indices.iter().zip(lights), core_vox))
         .fold(0f32, f32::max);
+    // Join the slices without the voxels below the limit, and free each as it is joined.
     let (count, mut freed) = (slices.iter().map(|(indices, _)| indices.len()).sum::<usize>(), 0);
     let (mut indices, mut lights) = (Vec::with_capacity(count), Vec::with_capacity(count));
     for (in_slice, light_of) in slices {

@@ -120,6 +120,7 @@ impl PixelWeights {
         let pixels = problem.image.len();
         let mut starts = vec![0u64; pixels + 1];
         let mut seen = vec![false; problem.indices.len()];
+        // Count the weights on each pixel.
         for_each_voxel(problem, |voxel, weights| {
             seen[voxel] = !weights.is_empty();
             weights.iter().for_each(|(pixel, _)| starts[*pixel as usize + 1] += 1);
@@ -133,6 +134,7 @@ impl PixelWeights {
             let found = format!("{count} weights of {WEIGHT_BYTES} bytes take {bytes:.1} GB");
             return Err(Refusal::new(found, format!("wanted {most} GB at most, as --max-memory allows")));
         }
+        // Make them again, and store each behind the ones of its pixel.
         let mut next = starts.clone();
         let mut weights = vec![Weight { voxel: 0, weight: 0.0 }; count as usize];
         for_each_voxel(problem, |voxel, of_voxel| {
@@ -155,8 +157,10 @@ impl PixelWeights {
             if weights.is_empty() || measured.is_nan() {
                 continue;
             }
+            // Project onto the pixel.
             let projected: f32 = weights.iter().map(|w| w.weight * strengths[w.voxel as usize]).sum();
             misfit.add_pixel(*measured, projected);
+            // Move the strengths of its voxels.
             let ratio = relaxation * (measured.max(dark) / projected.max(dark)).ln();
             for w in weights {
                 let strength = &mut strengths[w.voxel as usize];

@@ -112,9 +112,11 @@ impl<'a> State<'a> {
         let options = self.problem.options;
         let (relaxation, greatest) = (options.relaxation as f32, options.clamp.ln() as f32);
         let is_mlem = options.method == Method::Mlem;
+        // Project the strengths, and compare with the image.
         self.touched += 2.0 * self.weights as f64 / f64::from(rows.step);
         self.operator.project(rows, &self.strengths, &mut self.plane);
         self.misfit.add(&compare(self.problem, rows, &mut self.plane));
+        // Project the ratios back, and move each strength.
         let share = &self.share;
         self.operator.back_project(rows, &self.plane, &mut self.strengths, |voxel, strength, sum, weight| {
             if weight > 0.0 {
@@ -165,6 +167,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
     let mut sweeps: Vec<Sweep> = Vec::new();
     for number in 1..=options.iterations {
         (state.misfit, state.touched) = (Misfit::default(), 0.0);
+        // Move the strengths by one subset of rows after another.
         for subset in subsets::order(subsets) {
             let dim_share = match starts_dense {
                 // A tile may keep weights that the whole volume cannot, and must drop the same voxels.
@@ -174,6 +177,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
             };
             state.step(RowSet { first: subset as u32, step: subsets as u32 }, dim_share);
         }
+        // Report the sweep, and end if it was the last.
         let misfit = state.misfit.value();
         let change = change(&state.momentum.before, &state.strengths);
         let sweep = Sweep { number, misfit, change, voxels: state.indices.len(), weights: state.touched as u64 };
@@ -182,6 +186,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
         if number == options.iterations || problem.is_done(&sweeps, &state.misfit) {
             break;
         }
+        // Keep weights that fit now, and extrapolate the strengths.
         state.operator.end_sweep();
         state.weights = state.operator.weights();
         if has_subsets {

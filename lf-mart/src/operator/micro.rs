@@ -60,6 +60,7 @@ impl<'a> MicroWeights<'a> {
 
     /// Measures the shares of some voxels from one set of rows in `apart`.
     fn measure_shares_of(&mut self, voxels: &[bool], apart: usize) {
+        // Take only these voxels.
         let count = voxels.iter().filter(|voxel| **voxel).count();
         if count == 0 {
             return;
@@ -67,6 +68,7 @@ impl<'a> MicroWeights<'a> {
         let mut lines = self.lines.clone();
         lines.retain(voxels);
         let mut shares = vec![0f32; count];
+        // Project an even image back, from one set of rows in `apart`.
         let [width, height] = self.micro.sensor_px();
         let even = vec![1.0; width * height];
         let sets = self.images.step();
@@ -75,6 +77,7 @@ impl<'a> MicroWeights<'a> {
                 *share += sum;
             });
         }
+        // Scale the sums to all rows.
         let factor = sets as f32 / sets.div_ceil(apart) as f32;
         let places = self.shares.iter_mut().zip(voxels).filter(|(_, voxel)| **voxel);
         places.zip(shares).for_each(|((share, _), measured)| *share = (factor * measured).max(0.0));

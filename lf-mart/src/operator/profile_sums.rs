@@ -33,17 +33,20 @@ impl ProfileWeights {
         let stride = plane.stride;
         let bands = plane.values.par_chunks_mut(self.band * stride).enumerate();
         bands.for_each_init(LitRows::default, |lit, (band, out)| {
+            // Clear the band's rows of this subset.
             let first_row = band * self.band;
             let band_rows = first_row..first_row + out.len() / stride;
             for row in band_rows.clone().filter(|row| rows.holds(*row as u32)) {
                 out[(row - first_row) * stride..][..stride].fill(0.0);
             }
+            // Go through the slices, and through the lines of voxels that reach the band.
             for lines in self.reached[band * self.slices..][..self.slices].iter().cloned() {
                 for line in lines {
                     let voxels = self.lines[line as usize] as usize..self.lines[line as usize + 1] as usize;
                     if voxels.is_empty() {
                         continue;
                     }
+                    // Find the rows that the line lights, then spread each of its voxels onto them.
                     self.lit(line as usize, rows, band_rows.clone(), stride, lit);
                     if lit.rows.is_empty() {
                         continue;
@@ -64,6 +67,7 @@ impl ProfileWeights {
         strengths: &mut [f32],
         update: impl Fn(usize, &mut f32, f32, f32) + Sync,
     ) {
+        // Cut the strengths into runs of whole lines.
         let mut runs: Vec<(usize, usize, &mut [f32])> = Vec::new();
         let (mut rest, mut first) = (strengths, 0);
         for line in 0..self.lines.len() - 1 {
@@ -74,6 +78,7 @@ impl ProfileWeights {
                 (rest, first) = (tail, line + 1);
             }
         }
+        // Gather for each voxel of each run, and update its strength.
         let height = plane.values.len() / plane.stride;
         runs.into_par_iter().for_each_init(LitRows::default, |lit, (first, end, run)| {
             let base = self.lines[first] as usize;

@@ -98,6 +98,7 @@ fn slice_columns(aligned: &Aligned, z: usize, voxels: impl Iterator<Item = usize
 
 impl ProfileWeights {
     pub(crate) fn new(aligned: &Aligned, indices: &[u64], subsets: usize) -> Self {
+        // Find where the voxels of each line begin.
         let [nx, ny, nz] = aligned.grid().shape;
         let has_round_stop = aligned.has_round_stop();
         let start = |line: u64| indices.partition_point(|index| *index < line * nx as u64) as u32;
@@ -125,6 +126,7 @@ impl ProfileWeights {
             reached: Vec::new(),
             scale: aligned.scale() * if has_round_stop { std::f32::consts::FRAC_PI_4 } else { 1.0 },
         };
+        // Append the columns, then make the rows of all lines and the ranges that each band needs.
         this.columns.reserve(slices.iter().map(|(_, columns)| columns));
         for (profiles, columns) in slices {
             let first = this.columns.profiles.len() as u32;
@@ -172,6 +174,7 @@ impl ProfileWeights {
         let has_round_stop = aligned.has_round_stop();
         let stencil = if has_round_stop { size_of::<CutStencil>() } else { size_of::<Stencil>() };
         let row = size_of::<RowShare>() + if has_round_stop { size_of::<Chords>() } else { 0 };
+        // Count the pieces of a middle column and row in some slices.
         let (mut pieces, mut columns, mut rows) = (Vec::new(), 0.0, 0.0);
         let slices: Vec<usize> = (0..nz).step_by(nz.div_ceil(SAMPLE_SLICES)).collect();
         for &z in &slices {
@@ -183,6 +186,7 @@ impl ProfileWeights {
             aligned.rows(ny / 2, z, &mut pieces);
             rows += pieces.len() as f64;
         }
+        // Scale them to all voxels and lines.
         let (columns, rows) = (columns / slices.len() as f64, rows / slices.len() as f64);
         let profiles = (nx as f64 * nz as f64).min(indices.len() as f64);
         let lines = (ny as f64 * nz as f64).min(indices.len() as f64);

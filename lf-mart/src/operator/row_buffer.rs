@@ -45,6 +45,7 @@ impl RowBuffer {
             });
             return listed;
         }
+        // Sum the weights by pixel, and note each pixel once.
         weights.runs(voxel, scratch, RowSet::ALL, |row, first, share, columns| {
             let place = row * stride + first;
             for (place, weight) in (place..).zip(columns).filter(|(_, weight)| **weight > 0.0) {
@@ -55,6 +56,7 @@ impl RowBuffer {
                 *sum += share * weight;
             }
         });
+        // List the pixels in fours by rising place, and clear their sums.
         places.sort_unstable();
         for place in places.drain(..) {
             // A four ends within the padding of its row, where nothing is.

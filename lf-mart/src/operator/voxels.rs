@@ -108,6 +108,7 @@ impl<'a> VoxelWeights<'a> {
         let (weights, indices, kept, stride) = (self.weights, &self.indices, &self.kept, plane.stride);
         let first = |row: usize| if kept.is_some() { row / rows.step as usize * stride } else { row * stride };
         let length = first(plane.values.len() / stride - 1) + stride;
+        // Project each block of voxels onto a plane of its own.
         self.planes.par_iter_mut().enumerate().for_each(|(n, values)| {
             values.resize(length, 0.0);
             let (from, step) = if kept.is_some() { (0, 1) } else { (rows.first as usize, rows.step as usize) };
@@ -121,6 +122,7 @@ impl<'a> VoxelWeights<'a> {
                 None => spread(weights, &indices[voxels.clone()], rows, &strengths[voxels], values, stride),
             }
         });
+        // Add the planes in their order.
         let planes = &self.planes;
         let image_rows = plane.values.par_chunks_mut(stride).enumerate();
         image_rows.filter(|(row, _)| rows.holds(*row as u32)).for_each(|(row, out)| {
