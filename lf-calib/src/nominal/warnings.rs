@@ -12,9 +12,9 @@ const USUAL_PITCH_PX: [f64; 2] = [5.0, 150.0];
 /// Largest error of an equivalent camera, px, that needs no remark.
 const NOTABLE_PX: f64 = 0.05;
 
-/// Parts of a camera by its data sheets that do not fit each other, each with its figure and a remedy. `exact` is the same camera with
-/// the liquid as it is, if the camera stands for one.
-pub fn doubts(camera: &Camera, exact: Option<&Camera>) -> Vec<String> {
+/// Parts of a camera by its data sheets that do not fit each other, each with its figure and a remedy. `exact` is the
+/// same camera with the liquid as it is, if the camera stands for one.
+pub fn sheet_warnings(camera: &Camera, exact: Option<&Camera>) -> Vec<String> {
     [f_numbers(camera), pitch(camera), exact.and_then(|exact| aberration(camera, exact))]
         .into_iter()
         .flatten()
@@ -86,48 +86,52 @@ mod tests {
     use crate::nominal::data_sheet::{DataSheet, Liquid, tests::seed};
     use lf_core::camera::Medium;
 
-    fn told(change: impl FnOnce(&mut DataSheet)) -> Vec<String> {
+    fn warnings_of(change: impl FnOnce(&mut DataSheet)) -> Vec<String> {
         let mut sheet = seed();
         change(&mut sheet);
-        doubts(&sheet.camera(None).unwrap(), None)
+        sheet_warnings(&sheet.camera(None).unwrap(), None)
     }
 
     #[test]
-    fn matched_data_sheets_raise_no_doubt() {
-        assert!(told(|_| ()).is_empty());
+    fn matched_data_sheets_raise_no_warning() {
+        assert!(warnings_of(|_| ()).is_empty());
         let water = seed().camera(Some(&Liquid::InAir { index: 1.333 })).unwrap();
-        assert!(doubts(&water, None).is_empty());
+        assert!(sheet_warnings(&water, None).is_empty());
     }
 
     #[test]
-    fn unmatched_f_numbers_are_told() {
-        let text = told(|sheet| sheet.working_f_number = 3.5).join("");
+    fn unmatched_f_numbers_are_warned_of() {
+        let text = warnings_of(|sheet| sheet.working_f_number = 3.5).join("");
         assert_eq!(
             text,
             "lenslet images overlap: 16.0 px wide on a pitch of 14.0 px, +14 %; a working f-number of 4.00 matches lenslets \
              of 0.077 mm and 0.308 mm focal length"
         );
-        assert!(told(|sheet| sheet.working_f_number = 4.5).join("").starts_with("lenslet images leave gaps: 12.4 px"));
+        assert!(
+            warnings_of(|sheet| sheet.working_f_number = 4.5)
+                .join("")
+                .starts_with("lenslet images leave gaps: 12.4 px")
+        );
         // f/2 on the ring is a working f-number of 4 at m = 1.
-        let text = told(|sheet| sheet.working_f_number = 2.0).join("");
+        let text = warnings_of(|sheet| sheet.working_f_number = 2.0).join("");
         assert!(text.ends_with("if 2 is the number on the lens's ring, give it with --ring"), "{text}");
     }
 
     #[test]
-    fn lenslets_of_two_pixels_are_told() {
-        let text = told(|sheet| (sheet.pitch_mm, sheet.lenslet_focal_length_mm) = (0.011, 0.044)).join("");
+    fn lenslets_of_two_pixels_are_warned_of() {
+        let text = warnings_of(|sheet| (sheet.pitch_mm, sheet.lenslet_focal_length_mm) = (0.011, 0.044)).join("");
         assert_eq!(text, "lenslets are 2 pixels wide, where 5 to 150 are usual: check --pixel and --pitch");
     }
 
     #[test]
-    fn the_aberration_of_a_thick_tank_is_told() {
+    fn the_aberration_of_a_thick_tank_is_warned_of() {
         let through = |f_number: f64| {
             let mut sheet = seed();
             sheet.working_f_number = f_number;
             sheet.lenslet_focal_length_mm = 0.077 * f_number;
             let medium = Medium { index: 1.333, window_z_mm: 180.0, window_thickness_mm: 20.0, window_index: 1.49 };
             let exact = sheet.camera(Some(&Liquid::Exact(medium))).unwrap();
-            doubts(&sheet.camera(Some(&Liquid::InAir { index: 1.333 })).unwrap(), Some(&exact))
+            sheet_warnings(&sheet.camera(Some(&Liquid::InAir { index: 1.333 })).unwrap(), Some(&exact))
         };
         assert!(through(16.0).is_empty(), "{:?}", through(16.0));
         let text = through(4.0).join("");

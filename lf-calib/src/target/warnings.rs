@@ -1,4 +1,4 @@
-//! Doubts about a calibration of the main lens that has succeeded.
+//! Warnings about a calibration of the main lens that has succeeded.
 
 use super::exposure::Exposure;
 use super::recognise::spacing_mm;
@@ -7,24 +7,24 @@ use crate::points::refocus::refocus;
 use glam::DVec2;
 use lf_core::{Camera, Optics};
 
-/// A residual is doubtful from so many times what noise explains, and from so many pixels: a smaller one moves nothing
-/// that is reconstructed.
+/// A residual is warned of if it exceeds both 2 times what noise explains and 0.03 px. A smaller one moves nothing that
+/// is reconstructed.
 const DOUBTFUL_TIMES: f64 = 2.0;
 const DOUBTFUL_PX: f64 = 0.03;
 /// Largest change of a length that a careful data sheet needs.
 const LARGEST_CHANGE: f64 = 0.08;
 /// Peaks of light are closer than dots below this ratio.
 const CLOSER: f64 = 0.75;
-/// Fewest peaks that show a spacing, and cells of the refocused image per spacing.
+/// Smallest number of peaks that shows a spacing, and cells of the refocused image per spacing.
 const FEWEST: usize = 9;
 const CELLS: f64 = 32.0;
 
-/// Doubts about a calibration, each with its figure. Empty if there are none.
-pub fn fit_doubts(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
+/// Warnings about a calibration, each with its figure.
+pub fn fit_warnings(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
     let [_, rms, expected] = found.rms_px;
-    let mut doubts = Vec::new();
+    let mut warnings = Vec::new();
     if rms >= DOUBTFUL_TIMES * expected && rms >= DOUBTFUL_PX {
-        doubts.push(format!(
+        warnings.push(format!(
             "the residual of {rms:.3} px is {:.1} times what the sub-images' noise explains: check for clipped or uneven dots, \
              wrong depths, and a thick window",
             rms / expected
@@ -38,18 +38,18 @@ pub fn fit_doubts(found: &MainLensFit, nominal: &Camera) -> Vec<String> {
     ] {
         let change = value / stated - 1.0;
         if change.abs() > LARGEST_CHANGE {
-            doubts.push(format!(
+            warnings.push(format!(
                 "{name} was found to be {value:.4}, {:+.0} % from the {stated:.4} stated: check the depths, the spacing of the \
                  dots, the liquid and the data sheets",
                 100.0 * change
             ));
         }
     }
-    doubts
+    warnings
 }
 
-/// Distance between the dots that the images show, and that stated, mm, if they are clearly closer than stated. Looks at
-/// the image nearest to focus of those used.
+/// Distance between the dots that the images show, and that stated, mm, if they are clearly closer than stated. Looks
+/// at the image nearest to focus of those used.
 pub fn closer_dots_mm(exposures: &[Exposure], used: &[usize], camera: &Camera) -> Option<[f64; 2]> {
     let nearest =
         used.iter().min_by(|&&a, &&b| exposures[a].depth_mm().abs().total_cmp(&exposures[b].depth_mm().abs()))?;

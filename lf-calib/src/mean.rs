@@ -1,4 +1,4 @@
-//! The mean of several white images.
+//! The mean of several images, and what each of them must satisfy.
 
 use lf_core::{Refusal, image::clipped_share};
 use ndarray::Array2;
@@ -6,21 +6,20 @@ use ndarray::Array2;
 /// Largest share of pixels that are clipped.
 const MOST_SATURATED: f64 = 0.02;
 
-/// White images, summed one after another. Memory does not grow with their number.
+/// Images, summed one after another. Memory does not grow with their number.
 #[derive(Debug, Clone, Default)]
-pub struct WhiteMean {
+pub struct MeanImage {
     sum: Option<Array2<f64>>,
     count: usize,
 }
 
-impl WhiteMean {
-    /// Adds an image of counts. Refuses another size than that of the first image, and a saturated image.
+impl MeanImage {
+    /// Adds an image of counts. Refuses another size than that of the first image.
     pub fn add(&mut self, image: &Array2<f32>) -> Result<(), Refusal> {
         let sum = self.sum.get_or_insert_with(|| Array2::zeros(image.dim()));
         if sum.dim() != image.dim() {
             return Err(other_size(image, sum.dim()));
         }
-        check_saturation(image)?;
         sum.zip_mut_with(image, |sum, &value| *sum += value as f64);
         self.count += 1;
         Ok(())
@@ -42,7 +41,7 @@ pub(crate) fn other_size(image: &Array2<f32>, (height, width): (usize, usize)) -
 }
 
 /// Refuses too many clipped pixels if every count is a whole number: an image that was drawn may have flat tops.
-pub(crate) fn check_saturation(image: &Array2<f32>) -> Result<(), Refusal> {
+pub fn check_saturation(image: &Array2<f32>) -> Result<(), Refusal> {
     let clipped = clipped_share(image.view()).filter(|(_, share)| *share > MOST_SATURATED);
     match clipped {
         Some((level, share)) if image.iter().all(|value| value.fract() == 0.0) => Err(Refusal::new(
@@ -59,14 +58,14 @@ mod tests {
 
     #[test]
     fn the_mean_is_exact_and_sizes_must_match() {
-        let mut white = WhiteMean::default();
-        white.add(&Array2::from_elem((2, 3), 1.0)).unwrap();
-        white.add(&Array2::from_elem((2, 3), 4.0)).unwrap();
-        let refusal = white.add(&Array2::from_elem((3, 2), 1.0)).unwrap_err();
+        let mut mean = MeanImage::default();
+        mean.add(&Array2::from_elem((2, 3), 1.0)).unwrap();
+        mean.add(&Array2::from_elem((2, 3), 4.0)).unwrap();
+        let refusal = mean.add(&Array2::from_elem((3, 2), 1.0)).unwrap_err();
         assert_eq!(refusal.found, "image of 2 x 3 px");
         assert_eq!(refusal.wanted, "wanted 3 x 2 px like the first");
-        assert_eq!(white.mean().unwrap(), Array2::from_elem((2, 3), 2.5));
-        assert!(WhiteMean::default().mean().is_none());
+        assert_eq!(mean.mean().unwrap(), Array2::from_elem((2, 3), 2.5));
+        assert!(MeanImage::default().mean().is_none());
     }
 
     #[test]
@@ -76,12 +75,12 @@ mod tests {
             let clipped = image.mapv(|value| value.min(limit) * scale);
             let share = (800.0 - limit) / 8.0;
             let wanted = format!("saturated: {share:.0} % of the pixels are at {}, the highest count", limit * scale);
-            match WhiteMean::default().add(&clipped) {
+            match check_saturation(&clipped) {
                 Err(refusal) => assert_eq!(refusal.found, wanted),
                 Ok(()) => assert!(share < 2.0, "{limit}"),
             }
-            assert!(WhiteMean::default().add(&clipped.mapv(|value| value * 0.9 + 0.5)).is_ok());
+            assert!(check_saturation(&clipped.mapv(|value| value * 0.9 + 0.5)).is_ok());
         }
-        assert!(WhiteMean::default().add(&image).is_ok());
+        assert!(check_saturation(&image).is_ok());
     }
 }

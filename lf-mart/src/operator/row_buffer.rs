@@ -16,7 +16,7 @@ pub(super) struct Four {
 }
 
 /// Buffers of a thread.
-pub(super) struct Lister {
+pub(super) struct RowBuffer {
     scratch: Scratch,
     listed: Vec<Four>,
     /// The weight on each place; 0 between voxels. Empty if a path finds no pixel often.
@@ -24,7 +24,7 @@ pub(super) struct Lister {
     places: Vec<u32>,
 }
 
-impl Lister {
+impl RowBuffer {
     pub(super) fn new(weights: &Weights) -> Self {
         let [width, height] = weights.sensor_px();
         // A lenslet's image of a voxel has each pixel once. Other paths add pixels up piece by piece.
@@ -45,6 +45,7 @@ impl Lister {
             });
             return listed;
         }
+        // Sum the weights by pixel, and note each pixel once.
         weights.runs(voxel, scratch, RowSet::ALL, |row, first, share, columns| {
             let place = row * stride + first;
             for (place, weight) in (place..).zip(columns).filter(|(_, weight)| **weight > 0.0) {
@@ -55,6 +56,7 @@ impl Lister {
                 *sum += share * weight;
             }
         });
+        // List the pixels in fours by rising place, and clear their sums.
         places.sort_unstable();
         for place in places.drain(..) {
             // A four ends within the padding of its row, where nothing is.

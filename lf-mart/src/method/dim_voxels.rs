@@ -1,4 +1,4 @@
-//! Which voxels of a tile have so little light that they are dropped. Voxels far away may not matter.
+//! Finds the voxels of a tile that have too little light to be kept. Voxels far away may not matter.
 
 use crate::operator::keep;
 use lf_core::Grid;

@@ -1,11 +1,14 @@
-//! Looking at an image of a target: which dot is where, and its sub-images.
+//! Finds the dots of a target in an image, and reads their sub-images.
 
 use super::{
     bundle::DotSighting, exposure::Exposure, recognise::no_target, recognise::recognise, recognise::spacing_mm,
 };
 use crate::points::locate::{FEWEST, locate};
 use crate::points::sub_images::{PointBlur, measure};
-use crate::{fit::changes::TargetPose, points::refocus::refocus, points::view::PointView};
+use crate::{
+    fit::changes::Changes, fit::changes::TargetPose, fit::parameter::Parameter as P, points::refocus::refocus,
+    points::view::PointView,
+};
 use glam::{DVec2, DVec3};
 use lf_core::{Optics, Refusal, statistics::upper_median};
 use ndarray::ArrayView2;
@@ -14,12 +17,12 @@ use std::collections::BTreeMap;
 
 /// Cells of a refocused image per spacing of the dots.
 const CELLS: f64 = 32.0;
-/// Least distance between peaks of light, in spacings.
+/// Smallest distance between peaks of light, in spacings.
 const APART: f64 = 0.4;
 /// Peaks of light that show another spacing than that of the dots: their number, and the difference.
 const FEWEST_PEAKS: usize = 9;
 const OTHER_SPACING: f64 = 0.15;
-/// Largest distance of a sub-image from its prediction in the first look, px.
+/// Largest distance of a sub-image from its prediction in the first reading, px.
 const FIRST_PX: f64 = 4.0;
 
 /// Largest distance of a sub-image from the prediction of a located point, px.
@@ -32,24 +35,54 @@ const FACTORS: [f64; 5] = [0.8, 0.9, 1.0, 1.1, 1.22];
 /// Dots whose sub-images are read for it.
 const BLUR_DOTS: usize = 24;
 
-pub(crate) struct FirstLook {
-    pub sightings: Vec<DotSighting>,
+/// An image of a target and its number among the images, with the numbers of the dots and the camera's optics.
+#[derive(Clone, Copy)]
+pub(crate) struct TargetImage<'a> {
+    pub exposure: &'a Exposure,
+    pub number: usize,
+    pub ids: &'a BTreeMap<u64, usize>,
+    pub optics: &'a Optics,
+}
+
+struct FirstDetection {
+    sightings: Vec<DotSighting>,
     /// Measured minus stated position of the target across the axis, mm.
-    pub shift_mm: DVec2,
+    shift_mm: DVec2,
     /// Median of the measured minus the stated depths, mm.
-    pub deeper_mm: f64,
+    deeper_mm: f64,
+}
+
+/// Finds the target in one image after another, with the nominal camera. Returns the dots seen and the start of a fit.
+/// Calls `done` after each image. An error holds the number of its image.
+pub(crate) fn first_detections<'a>(
+    images: impl Iterator<Item = TargetImage<'a>>,
+    half_view_mm: DVec2,
+    done: impl Fn(),
+) -> Result<(Vec<DotSighting>, Changes), (Option<usize>, Refusal)> {
+    let (mut sightings, mut shift, mut deeper) = (Vec::new(), None, Vec::new());
+    for image in images {
+        let seen = first_detection(image, half_view_mm, shift).map_err(|refusal| (Some(image.number), refusal))?;
+        shift = Some(seen.shift_mm);
+        deeper.push(seen.deeper_mm);
+        sightings.extend(seen.sightings);
+        done();
+    }
+    let shift = shift.unwrap_or_default();
+    let mut start = Changes::NONE;
+    start.set(P::TargetX, shift.x);
+    start.set(P::TargetY, shift.y);
+    start.set(P::FocusOffset, deeper.iter().sum::<f64>() / deeper.len() as f64);
+    Ok((sightings, start))
 }
 
 /// Finds the target in an image, with the nominal camera: in an image refocused at its depth, dots are peaks of light.
 /// `shift_mm` is the target's shift if another image has shown it. Refuses an image in which the target is not found.
-pub(crate) fn first_look(
-    exposure: &Exposure,
-    number: usize,
-    ids: &BTreeMap<u64, usize>,
-    optics: &Optics,
+fn first_detection(
+    target: TargetImage,
     half_view_mm: DVec2,
     shift_mm: Option<DVec2>,
-) -> Result<FirstLook, Refusal> {
+) -> Result<FirstDetection, Refusal> {
+    let TargetImage { exposure, optics, .. } = target;
     let (depth, flat) = (exposure.depth_mm(), exposure.flat_mm());
     let spacing = spacing_mm(&flat).ok_or_else(|| no_target("a table of fewer than 2 dots"))?;
     let lenslet = optics.lattice().row_pitch_mm() / optics.beta(depth);
@@ -78,13 +111,13 @@ pub(crate) fn first_look(
             Some((dot, place))
         })
         .collect();
-    let sightings = sightings(exposure, number, ids, optics, &located, FEWEST);
+    let sightings = sightings(target, &located, FEWEST);
     let mut deeper: Vec<f64> = located.iter().map(|(dot, place)| place.z - exposure.dots[*dot].place_mm[2]).collect();
     let deeper_mm = upper_median(&mut deeper).unwrap_or(0.0);
     if sightings.len() < 3 {
         return Err(no_target(format!("{} dots with enough sub-images", sightings.len())));
     }
-    Ok(FirstLook { sightings, shift_mm: found.shift_mm, deeper_mm })
+    Ok(FirstDetection { sightings, shift_mm: found.shift_mm, deeper_mm })
 }
 
 /// Adds the distance between peaks of light to the refusal of a target, if it is clearly not that of the dots.
@@ -98,27 +131,14 @@ fn with_spacing(refusal: Refusal, spacing: f64, peaks: &[DVec2]) -> Refusal {
 }
 
 /// Reads the sub-images of every dot where a camera and a pose of the target predict them.
-pub(crate) fn look_again(
-    exposure: &Exposure,
-    number: usize,
-    ids: &BTreeMap<u64, usize>,
-    optics: &Optics,
-    pose: &TargetPose,
-) -> Vec<DotSighting> {
-    let places: Vec<DVec3> = exposure.dots.iter().map(|dot| pose.place_mm(DVec3::from(dot.place_mm))).collect();
-    let located: Vec<(usize, DVec3)> = places.into_iter().enumerate().collect();
-    sightings(exposure, number, ids, optics, &located, 1)
+pub(crate) fn detect_again(image: TargetImage, pose: &TargetPose) -> Vec<DotSighting> {
+    let places = image.exposure.dots.iter().map(|dot| pose.place_mm(DVec3::from(dot.place_mm)));
+    sightings(image, &places.enumerate().collect::<Vec<_>>(), 1)
 }
 
 /// Reads the sub-images of dots at known positions, and keeps the dots with at least `fewest` of them.
-fn sightings(
-    exposure: &Exposure,
-    number: usize,
-    ids: &BTreeMap<u64, usize>,
-    optics: &Optics,
-    located: &[(usize, DVec3)],
-    fewest: usize,
-) -> Vec<DotSighting> {
+fn sightings(target: TargetImage, located: &[(usize, DVec3)], fewest: usize) -> Vec<DotSighting> {
+    let TargetImage { exposure, number, ids, optics } = target;
     let image = exposure.pixels.view();
     let places: Vec<DVec3> = located.iter().map(|(_, place)| *place).collect();
     let blur = best_blur(image, optics, &places);

@@ -1,5 +1,5 @@
-//! The light of voxels as the kernels read it: image rows, and column profiles as "taps" of two runs of four columns,
-//! the lanes of the narrowest vector unit.
+//! The light of voxels as the kernels read it: image rows, and column profiles as stencils. A stencil is two runs of
+//! four columns; four are the lanes of the narrowest vector unit.
 
 use lf_core::weights::{Chords, Piece};
 
@@ -35,7 +35,7 @@ impl LitRows {
 
 /// Two runs of four columns and their shares.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Tap {
+pub(super) struct Stencil {
     /// First column of each run.
     pub(super) columns: [u32; 2],
     pub(super) shares: [f32; 8],
@@ -43,7 +43,7 @@ pub(super) struct Tap {
 
 /// Two runs of four columns that a round stop cuts.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct CutTap {
+pub(super) struct CutStencil {
     /// First column of each run.
     pub(super) columns: [u32; 2],
     /// Distance from the middle of the aperture at which the part behind a column begins, mm.
@@ -57,7 +57,7 @@ pub(super) struct CutTap {
 /// Width given to a part without width, mm, such as the chief ray of a section: inside or outside as a whole.
 const LEAST_WIDTH: f32 = 1e-30;
 
-/// A tap that is filled piece by piece.
+/// A stencil that is filled piece by piece.
 pub(super) trait Fill: Copy {
     const EMPTY: Self;
     /// Begins one of the two runs at a column.
@@ -66,7 +66,7 @@ pub(super) trait Fill: Copy {
     fn set(&mut self, lane: usize, piece: &Piece);
 }
 
-impl Fill for Tap {
+impl Fill for Stencil {
     const EMPTY: Self = Self { columns: [0; 2], shares: [0.0; 8] };
 
     fn begin(&mut self, half: usize, column: u32) {
@@ -78,7 +78,7 @@ impl Fill for Tap {
     }
 }
 
-impl Fill for CutTap {
+impl Fill for CutStencil {
     const EMPTY: Self = Self { columns: [0; 2], from: [0.0; 8], width: [0.0; 8], density: [0.0; 8] };
 
     fn begin(&mut self, half: usize, column: u32) {
@@ -108,8 +108,8 @@ pub(super) fn halves(pieces: &[Piece]) -> Vec<Piece> {
     pieces.iter().flat_map(cut).flatten().collect()
 }
 
-/// Appends pieces as taps.
-pub(super) fn fill<T: Fill>(pieces: &[Piece], taps: &mut Vec<T>) {
+/// Appends pieces as stencils.
+pub(super) fn fill<T: Fill>(pieces: &[Piece], stencils: &mut Vec<T>) {
     let (mut column, mut filled, mut half) = (0, [true; 4], 1);
     for piece in pieces {
         let mut lane = piece.pixel.wrapping_sub(column) as usize;
@@ -117,16 +117,16 @@ pub(super) fn fill<T: Fill>(pieces: &[Piece], taps: &mut Vec<T>) {
         if lane >= 4 || filled[lane] {
             (column, filled, half, lane) = (piece.pixel, [false; 4], 1 - half, 0);
             if half == 0 {
-                taps.push(T::EMPTY);
+                stencils.push(T::EMPTY);
             }
-            taps.last_mut().expect("one was begun").begin(half, column);
+            stencils.last_mut().expect("one was begun").begin(half, column);
         }
         filled[lane] = true;
-        taps.last_mut().expect("one was begun").set(4 * half + lane, piece);
+        stencils.last_mut().expect("one was begun").set(4 * half + lane, piece);
     }
 }
 
-impl CutTap {
+impl CutStencil {
     /// The part of each share inside the stop, for half chords at the three nodes of a row.
     #[inline(always)]
     pub(super) fn inside(&self, [a, b, c]: [f32; 3]) -> [f32; 8] {

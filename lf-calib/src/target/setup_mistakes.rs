@@ -1,38 +1,37 @@
-//! Which slip in what was stated explains images that do not fit: other depths, another spacing, a liquid, a target
-//! that was turned or mirrored.
+//! Finds the mistake in the stated setup that explains images which do not fit: other depths, another spacing, a
+//! liquid, a target that was turned or mirrored.
 //!
-//! Two images, the usable ones nearest to focus on either side, are tried with each slip undone. Only the pose of the
+//! Each mistake is undone in turn on two images, the usable ones nearest to focus on either side. Only the pose of the
 //! target and the magnification are free, so that a gap or a focal length cannot hide what is wrong.
 
 use super::bundle::{Bundle, DotSighting};
 use super::exposure::{Dot, Exposure, numbers_by_id};
-use super::look::first_look;
+use super::first_detection::{TargetImage, first_detections};
 use super::main_lens::{ALWAYS, LARGEST_RMS_PX, LEAST_FOLLOWING};
 use super::recognise::spacing_mm;
 use crate::points::locate::{NARROWEST, width_in_lenslets};
 use crate::points::{sub_images::SHARE, view::PointView};
-use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
 use lf_core::{Camera, Optics, Refusal};
 
 /// Index of water.
 const WATER: f64 = 1.333;
-/// Factors of depths and of spacings that people slip by: halves and doubles, diagonals, inches.
+/// Factors by which people err in depths and spacings: halves and doubles, diagonals, inches.
 const DEPTH_FACTORS: [f64; 4] = [1.0 / WATER, WATER, 0.5, 2.0];
 const SPACING_FACTORS: [f64; 6] =
     [0.5, 2.0, std::f64::consts::SQRT_2, std::f64::consts::FRAC_1_SQRT_2, 25.4, 1.0 / 25.4];
-/// A slip is believed if it leaves at most this share of the residual of what was stated.
+/// A mistake is believed if it leaves at most this share of the residual of what was stated.
 const BETTER: f64 = 0.5;
 /// Dots from the middle that are looked for, in spacings.
 const FARTHEST: f64 = 4.5;
-/// Most lenslets across that a dot may light. Beyond, sub-images are many and dim, and take long to read.
+/// Largest number of lenslets across that a dot may light. Beyond, sub-images are many and dim, and take long to read.
 const WIDEST: f64 = 40.0;
 /// Largest depth that is tried, as a share of the distance to the main lens.
 const DEEPEST: f64 = 0.5;
 
-/// A slip that may have been made.
+/// A mistake that may have been made.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Slip {
+enum Mistake {
     None,
     Sign,
     Depths(f64),
@@ -42,8 +41,8 @@ enum Slip {
     Turned(u8),
 }
 
-impl Slip {
-    /// Where a dot is if the slip is undone.
+impl Mistake {
+    /// The place of a dot if the mistake is undone.
     fn undone(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         match self {
             Self::None => [x, y, z],
@@ -57,8 +56,8 @@ impl Slip {
         }
     }
 
-    /// The slip and its remedy in words. The dots are stated to be `spacing` mm apart.
-    fn words(self, rms_px: f64, spacing: f64) -> Refusal {
+    /// The mistake and its remedy as a message. The dots are stated to be `spacing` mm apart.
+    fn message(self, rms_px: f64, spacing: f64) -> Refusal {
         let fits = |how: String| format!("it fits {how}, within {rms_px:.2} px, and not as stated");
         match self {
             Self::Sign | Self::None => Refusal::new(
@@ -93,23 +92,23 @@ impl Slip {
     }
 }
 
-/// The slip that explains images of a target which do not fit, or fit badly, as stated. None if nothing fits better.
-pub fn blunder(exposures: &[Exposure], nominal: &Camera) -> Option<Refusal> {
+/// The mistake that explains images of a target which do not fit, or fit badly, as stated. None if nothing fits better.
+pub fn setup_mistake(exposures: &[Exposure], nominal: &Camera) -> Option<Refusal> {
     let spacing = exposures.iter().find_map(|exposure| spacing_mm(&exposure.flat_mm()))?;
-    let depths = DEPTH_FACTORS.map(Slip::Depths);
-    let spacings = SPACING_FACTORS.map(Slip::Spacing);
-    let others = [Slip::Sign, Slip::Mirrored, Slip::Turned(1), Slip::Turned(2), Slip::Turned(3)];
-    let slips = others.into_iter().chain(depths).chain(spacings);
-    let stated = residual(exposures, nominal, Slip::None).unwrap_or(f64::INFINITY);
-    let judged = slips.filter_map(|slip| Some((residual(exposures, nominal, slip)?, slip)));
-    let (rms_px, slip) = judged.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (rms_px < BETTER * stated).then(|| slip.words(rms_px, spacing))
+    let depths = DEPTH_FACTORS.map(Mistake::Depths);
+    let spacings = SPACING_FACTORS.map(Mistake::Spacing);
+    let others = [Mistake::Sign, Mistake::Mirrored, Mistake::Turned(1), Mistake::Turned(2), Mistake::Turned(3)];
+    let mistakes = others.into_iter().chain(depths).chain(spacings);
+    let stated = residual(exposures, nominal, Mistake::None).unwrap_or(f64::INFINITY);
+    let judged = mistakes.filter_map(|mistake| Some((residual(exposures, nominal, mistake)?, mistake)));
+    let (rms_px, mistake) = judged.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (rms_px < BETTER * stated).then(|| mistake.message(rms_px, spacing))
 }
 
-/// Residual, px, of two images if a slip is undone. None if they do not show the target then.
-fn residual(exposures: &[Exposure], nominal: &Camera, slip: Slip) -> Option<f64> {
+/// Residual, px, of two images if a mistake is undone. None if they do not show the target then.
+fn residual(exposures: &[Exposure], nominal: &Camera, mistake: Mistake) -> Option<f64> {
     let optics = Optics::new(nominal);
-    let depth = |n: usize| slip.undone([0.0, 0.0, exposures[n].depth_mm()])[2];
+    let depth = |n: usize| mistake.undone([0.0, 0.0, exposures[n].depth_mm()])[2];
     let farthest = DEEPEST * nominal.object_distance_mm();
     let is_usable = |n: &usize| {
         let z = depth(*n);
@@ -121,7 +120,7 @@ fn residual(exposures: &[Exposure], nominal: &Camera, slip: Slip) -> Option<f64>
     let beyond = usable.iter().find(|&&n| depth(n).signum() != depth(first).signum());
     let second = *beyond.or_else(|| usable.iter().find(|&&n| depth(n) != depth(first)))?;
     let undone = [first, second].map(|n| {
-        let place = |dot: &Dot| Dot { id: dot.id, place_mm: slip.undone(dot.place_mm) };
+        let place = |dot: &Dot| Dot { id: dot.id, place_mm: mistake.undone(dot.place_mm) };
         Exposure { pixels: exposures[n].pixels.clone(), dots: exposures[n].dots.iter().map(place).collect() }
     });
     fit(&undone, nominal, &optics)
@@ -132,18 +131,9 @@ fn fit(exposures: &[Exposure], nominal: &Camera, optics: &Optics) -> Option<f64>
     let ids = numbers_by_id(exposures);
     let spacing = spacing_mm(&exposures[0].flat_mm())?;
     let view = DVec2::from(nominal.half_view_mm()).min(DVec2::splat(FARTHEST * spacing));
-    let mut sightings: Vec<DotSighting> = Vec::new();
-    let (mut shift, mut deeper) = (None, 0.0);
-    for (n, exposure) in exposures.iter().enumerate() {
-        let seen = first_look(exposure, n, &ids, optics, view, shift).ok()?;
-        shift = Some(seen.shift_mm);
-        deeper += seen.deeper_mm / exposures.len() as f64;
-        sightings.extend(seen.sightings);
-    }
-    let mut start = Changes::NONE;
-    start.set(P::TargetX, shift?.x);
-    start.set(P::TargetY, shift?.y);
-    start.set(P::FocusOffset, deeper);
+    let images = exposures.iter().enumerate();
+    let images = images.map(|(number, exposure)| TargetImage { exposure, number, ids: &ids, optics });
+    let (sightings, start) = first_detections(images, view, || ()).ok()?;
     let bundle = Bundle { nominal, sightings: &sightings, dots: ids.len() };
     let misfit = bundle.fit(&ALWAYS, &start)?.misfit;
     // A regular grid at a wrong depth has some sub-images where another dot's should be: too few.
