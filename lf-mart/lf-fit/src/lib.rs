@@ -1,41 +1,22 @@
-//! In: an image, its camera, and a volume. Out: particles with uncertainties, the size of particles, the camera's
-//! drift. First file to open: `recipe.rs`; then `joint.rs`, the fit of a group, and `changes.rs`.
-//!
-//! The local maxima of the volume are the first particles. All are fitted together to the raw pixels by
-//! Levenberg-Marquardt ([`lf_core::particle_image`] has the model), weighed by the noise. Then particles are dropped,
-//! split and added where the likelihood asks for it.
-//! Several cameras of one moment are fitted together: `together.rs`.
-//!
-//! Sources: iterative particle reconstruction (Wieneke 2013; Jahn, Schanz & Schroeder 2021) and two-pulse
-//! Shake-the-Box (Novara et al. 2023) for the rounds of a fit.
+//! In: images, their cameras, and a volume of each. Out: particles with uncertainties, the size of particles, the drift
+//! of each camera, and the poses of further ones.
+//! First file to open: `stages.rs`.
 
-mod align;
-mod buffers;
-mod candidates;
-mod changes;
-mod cloud;
-mod covariance;
+mod cameras;
 mod draw;
-mod entries;
-mod further;
-mod image;
-mod joint;
-mod local;
 mod memory;
-mod merge;
-mod noise;
-mod normal;
-mod recipe;
-mod shape;
-mod spot;
-mod together;
-mod view;
-mod window;
+mod model;
+mod particle;
+mod search;
+mod shared;
+mod solve;
+mod stages;
 
+pub use cameras::input::CameraInput;
+pub use cameras::noise::{KnownNoise, Noise};
+pub use cameras::shape::{Free, Shape};
+pub use cameras::view::CameraView;
 pub use draw::draw;
-pub use memory::{peak_bytes, together_bytes};
-pub use noise::{Given, Noise};
-pub use recipe::{Fit, FitOptions, Found, Progress, fit};
-pub use shape::{Free, Shape};
-pub use spot::Spot;
-pub use together::{CameraFit, Sight, Together, fit_together};
+pub use memory::estimated_bytes;
+pub use particle::{FoundParticle, Particle};
+pub use stages::{Changes, Fit, FitOptions, Progress, fit};

@@ -3,7 +3,7 @@
 use clap::{Parser, ValueEnum};
 use lf_core::cli::{Common, ImageOptions, MemoryLimit};
 use lf_core::{Error, Result};
-use lf_fit::{FitOptions, Free, Given, Shape};
+use lf_fit::{FitOptions, Free, KnownNoise, Shape};
 use std::path::PathBuf;
 
 /// Image, camera and volume to particles, by a joint fit to the raw pixels
@@ -120,12 +120,12 @@ impl Arguments {
                 return Err(Error::new(option, format!("{value}"), format!("wanted {least} to {most}")));
             }
         }
+        let is_free = |part: Hold| !self.hold.contains(&part);
         Ok(FitOptions {
             shape: Shape { sigma_px: self.size, drift_px: [0.0; 2] },
-            free: Free { size: !self.hold.contains(&Hold::Size), drift: !self.hold.contains(&Hold::Drift) },
-            noise: Given { gain: self.gain, read_variance: self.read_noise.map(|sigma| sigma * sigma) },
+            free: Free { size: is_free(Hold::Size), drift: is_free(Hold::Drift), pose: is_free(Hold::Pose) },
+            noise: KnownNoise { gain: self.gain, read_variance: self.read_noise.map(|sigma| sigma * sigma) },
             rounds: self.rounds,
-            fits_pose: !self.hold.contains(&Hold::Pose),
         })
     }
 }
