@@ -28,11 +28,11 @@ const THREAD_PIXEL: usize = 28;
 const ENTRY: usize = 4 + 4 * UNKNOWNS;
 const NEIGHBOURS: usize = 40;
 const BLOCK: usize = 4 + 4 * UNKNOWNS * UNKNOWNS;
-/// Bytes of a pixel of the sample from which the shape is found, beside those of a window: derivatives before and after
-/// a step.
+/// Bytes of a pixel of the sample from which the shape is found, beside those of a window: derivatives before and
+/// after a step.
 const SAMPLE_PIXEL: usize = 24;
-/// Heap bytes per live byte of particle images; allocations of many sizes fragment it. From runs with 0.1 to 1 particles
-/// a lenslet.
+/// Heap bytes per live byte of particle images; allocations of many sizes fragment it. From runs with 0.1 to 1
+/// particles a lenslet.
 const HEAP: f64 = 2.4;
 /// Like `HEAP`, but for several threads: each has a heap of its own.
 const HEAPS: f64 = 3.0;
@@ -43,8 +43,8 @@ const DEPTHS: usize = 16;
 /// Several cameras find at most this many times the particles of the mean tile in one tile.
 const FULL_TILE: usize = 2;
 
-/// Largest number of bytes that a fit takes beside images and volumes: each camera alone, then all together. Refuses what
-/// [`super::fit`] refuses of a camera or its volume. A refusal comes with the number of its camera.
+/// Largest number of bytes that a fit takes beside images and volumes: each camera alone, then all together. Refuses
+/// what [`super::fit`] refuses of a camera or its volume. A refusal comes with the number of its camera.
 pub fn estimated_bytes(inputs: &[CameraInput], options: &FitOptions) -> Result<u64, (usize, Refusal)> {
     let mut most = 0;
     let (mut views, mut image, mut count) = (Vec::<CameraView>::new(), ImageSize::default(), 0);
@@ -58,48 +58,52 @@ pub fn estimated_bytes(inputs: &[CameraInput], options: &FitOptions) -> Result<u
         let alone = ImageSize::new(&large, grid);
         let in_tile = particles.plan().members.iter().map(Vec::len).max().unwrap_or(0);
         let sample = sample_bytes(&particles, &large, alone);
-        most = most
-            .max(sample.max(tile_bytes(&particles, alone, in_tile)) + frame_bytes(&particles, particles.list.len()));
+        let work = work_bytes(&particles, alone, in_tile).max(sample);
+        most = most.max(held_bytes(&particles, particles.list.len()) + work);
 
         // All together, a particle has an image on each sensor.
         image = image + alone;
         count = count.max(particles.list.len());
-        let mut view = first.clone();
+        let mut view = particles.cameras.views.into_iter().next().expect("a list of one");
         view.pose = Pose::between(inputs[0].camera.pose.as_ref(), view.camera.pose.as_ref());
         views.push(view);
     }
     if let [_, _, ..] = inputs {
         let particles = join(views, Vec::new())?;
         let in_tile = count.min(FULL_TILE * count / particles.tiling().tiles().len());
-        most = most.max(tile_bytes(&particles, image, in_tile) + frame_bytes(&particles, count));
+        most = most.max(held_bytes(&particles, count) + work_bytes(&particles, image, in_tile));
     }
     Ok(most as u64)
 }
 
-/// Bytes of frames and particles.
-fn frame_bytes(particles: &Particles, count: usize) -> usize {
-    let pixels: usize = particles.cameras.views.iter().map(|view| view.image.len()).sum();
-    FRAME_PIXEL * pixels + PARTICLE * count
-}
-
-/// Bytes of work on tiles with up to `in_tile` particles, or on the noise.
-fn tile_bytes(particles: &Particles, image: ImageSize, in_tile: usize) -> usize {
+/// Size of the largest window of a tile, pixels.
+fn window_pixels(windows: &[Vec<Rectangle>]) -> usize {
     let area = |windows: &Vec<Rectangle>| {
         let columns = windows.iter().map(|[low, high]| high[0] - low[0]).max().unwrap_or(0);
         columns * windows.iter().map(|[low, high]| high[1] - low[1]).sum::<usize>()
     };
+    windows.iter().map(area).max().unwrap_or(0)
+}
+
+/// Bytes of frames, particles and the buffers of threads. All tiles are rendered at once, so every thread has buffers.
+fn held_bytes(particles: &Particles, count: usize) -> usize {
+    let windows = particles.plan().windows;
+    let pixels: usize = particles.cameras.views.iter().map(|view| view.image.len()).sum();
+    let buffers = rayon::current_num_threads().min(windows.len()) * THREAD_PIXEL * window_pixels(&windows);
+    FRAME_PIXEL * pixels + PARTICLE * count + buffers
+}
+
+/// Bytes of work on tiles with up to `in_tile` particles, or on the noise. Tiles of one colour are fitted at once.
+fn work_bytes(particles: &Particles, image: ImageSize, in_tile: usize) -> usize {
     let plan = particles.plan();
-    let window = plan.windows.iter().map(area).max().unwrap_or(0);
-    let (tiles, threads) = (plan.windows.len(), rayon::current_num_threads());
     let of_colour = |colour: &usize| plan.colours.iter().filter(|other| *other == colour).count();
     let of_colour = plan.colours.iter().map(of_colour).max().unwrap_or(0);
-
-    // All tiles are rendered at once, so every thread has buffers. It fits tiles of one colour at once.
-    let buffers = threads.min(tiles) * THREAD_PIXEL * window;
-    let fits = of_colour.min(AT_ONCE) * WINDOW_PIXEL * window + threads.min(of_colour) * in_tile * image.fitted_bytes();
-    let renders = tiles.min(AT_ONCE) * WINDOW_PIXEL * window;
+    let window = WINDOW_PIXEL * window_pixels(&plan.windows);
+    let fitted = rayon::current_num_threads().min(of_colour) * in_tile * image.fitted_bytes();
+    let fits = of_colour.min(AT_ONCE) * window + fitted;
+    let renders = plan.windows.len().min(AT_ONCE) * window;
     let noise = particles.cameras.views.iter().map(|view| NOISE_PIXEL * MOST_PIXELS.min(view.image.len())).max();
-    buffers + fits.max(renders).max(noise.unwrap_or(0))
+    fits.max(renders).max(noise.unwrap_or(0))
 }
 
 /// Bytes of the fit of the shape.

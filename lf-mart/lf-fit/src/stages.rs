@@ -342,8 +342,8 @@ impl<'a, 'o> Stages<'a, 'o> {
         }
     }
 
-    /// Runs `work` on the tiles with particles that are awake. Afterwards, those that it changed and those near them are
-    /// awake. Returns the sum of the changes.
+    /// Runs `work` on the tiles with particles that are awake. Afterwards, those that it changed and those near them
+    /// are awake. Returns the sum of the changes.
     fn change(&mut self, work: impl Fn(&mut TileFit) -> Changes + Sync) -> Changes {
         let mut sum = Changes::default();
         let task = |all: &Particles, window: &mut Window, tile: &Tile, members: Members, buffers: &mut FitBuffers| {

@@ -1,4 +1,4 @@
-//! What the fit gets of a camera.
+//! A camera as the fit gets it.
 
 use lf_core::image::Frame;
 use lf_core::{Camera, Grid, Volume};

@@ -113,8 +113,8 @@ impl Noise {
         })
     }
 
-    /// The noise that explains the differences between image and expected counts. Each pair holds the expected counts of
-    /// a lit pixel and the difference. None if too few pixels are lit. A known gain or read noise stays.
+    /// The noise that explains the differences between image and expected counts. Each pair holds the expected counts
+    /// of a lit pixel and the difference. None if too few pixels are lit. A known gain or read noise stays.
     ///
     /// In bins by expected counts, the median of the squares is taken, which missing and wrong particles move little. A
     /// line is fitted through the bins.
@@ -126,7 +126,7 @@ impl Noise {
         let peak = f64::from(pairs[pairs.len() - 1].0);
         let floor = (LEAST_SHARE * peak).powi(2).max(f64::MIN_POSITIVE);
         let bins: Vec<[f64; 2]> = pairs.chunks(pairs.len().div_ceil(BINS)).map(|bin| level(bin, floor)).collect();
-        // Least squares of relative errors, weighted again by the line found before.
+        // Fit the line by relative errors, weighted again by the line found before.
         let mut noise = Self { gain: 0.0, read_variance: bins[0][1] };
         for round in 0..LINE_ROUNDS {
             let weight = |bin: &[f64; 2]| {

@@ -109,7 +109,8 @@ fn words(step: &Progress, seconds: f64) -> (String, Value) {
     (text, line)
 }
 
-/// Shape and noise of a camera, under the names of the statistics. JSON has no infinity: null says that nothing is known.
+/// Shape and noise of a camera, under the names of the statistics. JSON has no infinity: null says that nothing is
+/// known.
 fn statistics(view: &CameraView) -> Value {
     let [size_std, drift_std @ ..] = view.shape_std_px;
     json!({"size_px": view.shape.sigma_px, "drift_px": view.shape.drift_px, "size_std_px": size_std,
@@ -171,12 +172,12 @@ fn write(arguments: &Arguments, first: &CameraInput, found: &Fit, log: &str, ses
     let CameraInput { camera, volume, .. } = first;
     let history = session.history(volume.history());
     if let Some(file) = &arguments.output {
-        let particles: Vec<Particle> = found.particles.iter().map(|found| found.particle).collect();
         let grid = volume.grid();
         let sigma_mm = found.cameras[0].shape.sigma_px * camera.pixel_in_focus_mm();
         let [dx, dy, dz] = grid.spacing_mm;
         let sizes = [sigma_mm / dx, sigma_mm / dy, LENGTH * sigma_mm / dz].map(|size| size.max(LEAST_DRAWN));
-        let (indices, intensity) = fit::draw(grid, &particles, sizes);
+        let place_and_light = |n: usize| (found.particles[n].particle.place_mm, found.particles[n].particle.light);
+        let (indices, intensity) = particles::draw(grid, sizes, found.particles.len(), place_and_light);
         io::save(file, |out| {
             let column = ("intensity", intensity.as_slice());
             volume::write_with(out, grid, &indices, &[column], &history, volume.extra())

@@ -1,4 +1,4 @@
-//! What a thread needs while it fits particles in a window.
+//! Buffers that a thread needs while it fits particles in a window.
 
 use super::entries::Entries;
 use super::particle_image::{COUNTS, ParticleImage};

@@ -1,4 +1,4 @@
-//! In: a list of cameras and a particle. Out: the particle's image with its derivatives, within a window of the sensors.
+//! In: a list of cameras and a particle. Out: the particle's image with its derivatives, in a window of the sensors.
 //! First file to open: `particle_image.rs`.
 
 pub mod buffers;

@@ -34,15 +34,14 @@ pub(crate) struct ParticleImage {
     pixels: Vec<[f32; UNKNOWNS]>,
 }
 
-/// The quantities of the model that an image takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Quantities {
+/// The quantities of the model that are computed for an image.
+pub(crate) enum Quantities<'a> {
     /// The light alone, for trials of places: all derivatives are 0.
     Light,
     /// Light and place.
     Places,
-    /// All, for the unknowns that particles share.
-    All,
+    /// All, which are shown patch by patch: for the unknowns that particles share.
+    All(&'a mut dyn FnMut(Patch, &[[f64; QUANTITIES]])),
 }
 
 /// Lenslets and pixels for which a new image has room.
@@ -66,17 +65,16 @@ struct Target<'a> {
 impl ParticleImage {
     /// Renders a particle.
     pub(crate) fn new(cameras: &Cameras, particle: &Particle, window: &Window, scratch: &mut Scratch) -> Self {
-        Self::render(cameras, particle, window, scratch, Quantities::Places, |_, _| ())
+        Self::render(cameras, particle, window, scratch, Quantities::Places)
     }
 
-    /// Renders `quantities` of a particle in each camera, and shows each patch to `each`.
+    /// Renders some quantities of a particle in each camera.
     pub(crate) fn render(
         cameras: &Cameras,
         particle: &Particle,
         window: &Window,
         scratch: &mut Scratch,
-        quantities: Quantities,
-        mut each: impl FnMut(Patch, &[[f64; QUANTITIES]]),
+        mut quantities: Quantities,
     ) -> Self {
         let (blocks, pixels) = (Vec::with_capacity(BLOCKS), Vec::with_capacity(PIXELS));
         let mut image = Self { rendered: *particle, step: [0.0; 3], factor: 1.0, blocks, pixels };
@@ -87,16 +85,16 @@ impl ParticleImage {
             let Particle { place_mm, light } = view.seen(particle);
             let rotation = view.rotation();
             let target = Target { part, row: window.columns, light, length: light * cameras.pixel_mm(), rotation };
-            let take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
-                image.take(&target, patch, pixels);
-                each(patch, pixels);
-            };
+            let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| image.take(&target, patch, pixels);
             fastest(
                 #[inline(always)]
-                || match quantities {
+                || match &mut quantities {
                     Quantities::Light => view.model.visit_light(place_mm, scratch, take),
                     Quantities::Places => view.model.visit_places(place_mm, scratch, take),
-                    Quantities::All => view.model.visit(place_mm, scratch, take),
+                    Quantities::All(each) => view.model.visit(place_mm, scratch, |patch, pixels| {
+                        take(patch, pixels);
+                        each(patch, pixels);
+                    }),
                 },
             );
         }

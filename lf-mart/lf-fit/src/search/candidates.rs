@@ -96,8 +96,8 @@ mod tests {
         assert!(maxima(&grid, &[], &[]).is_empty());
     }
 
-    /// Scar: the brightest voxel had to be a fiftieth of a bright one; a particle in focus lay in 600 voxels below that,
-    /// and ghosts took its light.
+    /// Scar: the brightest voxel had to be a fiftieth of a bright one; a particle in focus lay in 600 voxels below
+    /// that, and ghosts took its light.
     #[test]
     fn a_particle_spread_thin_is_found_and_a_faint_voxel_is_not() {
         let grid = Grid { shape: [12, 12, 8], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [0.0; 3] };

@@ -251,8 +251,8 @@ impl TileFit<'_, '_> {
         is_kept
     }
 
-    /// Adds candidates that the residual supports: with `all` any, otherwise only those near own particles. Returns their
-    /// number.
+    /// Adds candidates that the residual supports: with `all` any, otherwise only those near own particles. Returns
+    /// their number.
     pub(crate) fn add_candidates(&mut self, candidates: &[Particle], all: bool, criteria: &Criteria) -> usize {
         let mut asked = Vec::new();
         for particle in candidates {
@@ -287,7 +287,7 @@ impl TileFit<'_, '_> {
         count
     }
 
-    /// The matched filter of the residual: the fall of -2 log L by a particle alone, and its light over that of the image.
+    /// The matched filter of the residual: fall of -2 log L by a particle alone, and its light over that of the image.
     fn filter(&self, image: &ParticleImage) -> (f64, f64) {
         let (mut along, mut square) = (0.0, 0.0);
         image.pixels(self.window.columns, |n, pixel| {
@@ -348,7 +348,7 @@ impl TileFit<'_, '_> {
                     let [x0, y0, z0] = particle.place_mm;
                     let there = Particle { place_mm: [x0 + px * x, y0 + px * y, z0 + px * z], ..particle };
                     let (scratch, light) = (&mut self.buffers.scratch, Quantities::Light);
-                    let image = ParticleImage::render(self.cameras, &there, self.window, scratch, light, |_, _| ());
+                    let image = ParticleImage::render(self.cameras, &there, self.window, scratch, light);
                     let level = self.cameras.deviance(self.window, std::iter::once(&image), self.buffers);
                     tried.push((level, [x, y, z], there));
                 }

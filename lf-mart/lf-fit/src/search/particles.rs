@@ -1,4 +1,4 @@
-//! All particles of a frame, and work on them tile by tile: the particles of a tile are fitted together, the others held.
+//! All particles of a frame, and work on them tile by tile: those of a tile are fitted together, the others held.
 
 use super::tiles::{Tile, TilePlan, Tiling};
 use crate::cameras::view::{CameraView, Cameras};
@@ -158,8 +158,8 @@ impl<'a> Particles<'a> {
         self.members().iter().map(|members| members.iter().any(|n| self.is_awake[*n])).collect()
     }
 
-    /// Runs `work` on the wanted tiles, colour by colour, and takes the light that it leaves in the windows. `work` gets a
-    /// window, its tile and the tile's particles; `done` gets the number of the tile and the result.
+    /// Runs `work` on the wanted tiles, colour by colour, and takes the light that it leaves in the windows. `work`
+    /// gets a window, its tile and the tile's particles; `done` gets the number of the tile and the result.
     pub(crate) fn each_tile<T: Send>(
         &mut self,
         is_wanted: impl Fn(usize) -> bool,

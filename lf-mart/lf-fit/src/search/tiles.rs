@@ -1,8 +1,8 @@
 //! Cuts the first sensor into tiles, and finds the window of each tile on all sensors.
 //!
-//! The particles of a tile fill a column along the first camera's axis. Another camera sees this column from the side, as
-//! a strip across its sensor. Each tile has a colour. On no sensor does a pixel get light from two tiles of one colour:
-//! these are fitted at the same time, and the result does not depend on the number of threads.
+//! The particles of a tile fill a column along the first camera's axis. Another camera sees this column from the side,
+//! as a strip across its sensor. Each tile has a colour. On no sensor does a pixel get light from two tiles of one
+//! colour: these are fitted at the same time, and the result does not depend on the number of threads.
 
 use crate::cameras::view::{CameraView, Cameras};
 use crate::model::window::Rectangle;

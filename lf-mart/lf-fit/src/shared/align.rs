@@ -9,8 +9,9 @@ use crate::model::particle_image::{COUNTS, ParticleImage, UNKNOWNS};
 use crate::model::window::Window;
 use crate::search::particles::Particles;
 use crate::solve::covariance::Prior;
-use crate::solve::normal::{cholesky, solve};
+use crate::solve::normal::cholesky;
 use glam::{DMat3, DQuat, DVec3};
+use lf_core::linear::solve;
 use rayon::prelude::*;
 
 /// Unknowns of a further camera: the logarithm of its light, a turn about the axes of its frame, rad, and a shift along
@@ -122,7 +123,7 @@ fn step(particles: &[Seen], camera: usize, cameras: &Cameras, prior: Prior, move
     let mut system: Vec<f64> = (0..size * size).map(|n| matrix[n / size][n % size]).collect();
     cholesky(&mut system, size);
     let mut solved = right[..size].to_vec();
-    solve(&system, size, &mut solved);
+    solve(&system, &mut solved);
     let mut step = [0.0; UNKNOWN];
     step[..size].copy_from_slice(&solved);
     step[0] = step[0].clamp(-LIGHT_STEP, LIGHT_STEP);
@@ -140,11 +141,11 @@ fn schur_complement(by_camera: &[Information], camera: usize, prior: Prior) -> I
     }
     (0..UNKNOWNS).for_each(|n| total[n * UNKNOWNS + n] += prior.0[n].powi(-2));
     cholesky(&mut total, UNKNOWNS);
-    solve(&total, UNKNOWNS, &mut sum);
+    solve(&total, &mut sum);
     let mut rest = Information { fisher: *own, gradient: *gradient };
     for column in 0..UNKNOWNS {
         let mut solved: Vector = std::array::from_fn(|row| own[row][column]);
-        solve(&total, UNKNOWNS, &mut solved);
+        solve(&total, &mut solved);
         (0..UNKNOWNS).for_each(|row| {
             rest.fisher[row][column] -= (0..UNKNOWNS).map(|k| own[row][k] * solved[k]).sum::<f64>();
         });
@@ -153,8 +154,8 @@ fn schur_complement(by_camera: &[Information], camera: usize, prior: Prior) -> I
     rest
 }
 
-/// Derivatives of a particle's place, pixels, and of the logarithm of its light, as the camera sees them, by the unknowns
-/// of the camera.
+/// Derivatives by the camera's unknowns of a particle's place, pixels, and of the logarithm of its light, as the camera
+/// sees them.
 fn effect(view: &CameraView, place: [f64; 3], pixel_mm: f64) -> [[f64; UNKNOWN]; UNKNOWNS] {
     let back = view.pose.matrix().transpose();
     let there = DVec3::from(view.pose.to_camera(place));

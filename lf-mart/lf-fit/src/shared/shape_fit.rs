@@ -1,5 +1,5 @@
-//! Fits the unknowns that all particles share, their size and the drift of the lattice, together with the particles that
-//! a part of one camera's sensor sees.
+//! Fits the unknowns that all particles share, their size and the drift of the lattice. The particles that a part of
+//! one camera's sensor sees are fitted along with them.
 
 use crate::cameras::shape::{Free, SHAPES, Shape};
 use crate::cameras::view::Cameras;
@@ -7,8 +7,10 @@ use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{ParticleImage, Quantities, UNKNOWNS};
 use crate::model::window::{Part, Window};
 use crate::particle::Particle;
-use crate::solve::normal::{DEEP, Normal, cholesky, conjugate_gradients, solve};
+use crate::solve::joint::{DAMPING, LEAST_DAMPING, LESS, MORE};
+use crate::solve::normal::{DEEP, Normal, cholesky, conjugate_gradients};
 use lf_core::Refusal;
+use lf_core::linear::{inverse_column, solve};
 use lf_core::particle_image::{PLACES, Patch, QUANTITIES, Scratch};
 use rayon::prelude::*;
 
@@ -18,16 +20,10 @@ const AT_ONCE: usize = 64;
 const STEP_PX: f64 = 0.1;
 /// Largest number of steps.
 const STEPS: usize = 10;
-/// Damping of the particles while the shape is fitted: its start, its change after a good and after a bad step.
-const DAMPING: f64 = 0.01;
-const LESS: f64 = 0.2;
-const MORE: f64 = 8.0;
-const LEAST_DAMPING: f64 = 1e-6;
 /// The fit ends if a step needs more damping than this.
 const MOST_DAMPING: f64 = 10.0;
 /// The fit ends if every unknown moves by less than this share of its uncertainty.
 const ENOUGH: f64 = 0.2;
-
 /// Number of particles seen by the part of the sensor from which the shape is found, and its smallest side, pixels.
 const SAMPLE: f64 = 200.0;
 const SAMPLE_PX: f64 = 200.0;
@@ -178,7 +174,7 @@ impl<'a> Sample<'a> {
         let Part { left, top, columns, rows, .. } = self.window.parts[0];
         let scale = Shape::scales(cameras.first().camera).map(|scale| particle.light * scale);
         let mut slopes = Vec::new();
-        let take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
+        let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
             for (n, pixel) in pixels.iter().enumerate() {
                 let column = patch.column as usize + n % patch.columns as usize;
                 let row = patch.row as usize + n / patch.columns as usize;
@@ -188,7 +184,7 @@ impl<'a> Sample<'a> {
                 }
             }
         };
-        let image = ParticleImage::render(cameras, particle, &self.window, scratch, Quantities::All, take);
+        let image = ParticleImage::render(cameras, particle, &self.window, scratch, Quantities::All(&mut take));
         (image, slopes)
     }
 
@@ -233,14 +229,12 @@ impl<'a> Sample<'a> {
             }
         }
         cholesky(&mut system, SHAPES);
-        solve(&system, SHAPES, &mut step);
+        solve(&system, &mut step);
         // Move the particles along with the step that is taken.
         step.iter_mut().for_each(|step| *step = step.clamp(-STEP_PX, STEP_PX));
         let std = std::array::from_fn(|a| {
-            let mut unit = [0.0; SHAPES];
-            unit[a] = 1.0;
-            solve(&system, SHAPES, &mut unit);
-            if is_free[a] { unit[a].sqrt() } else { 0.0 }
+            let variance = inverse_column(&system, SHAPES, a)[a];
+            if is_free[a] { variance.sqrt() } else { 0.0 }
         });
         let moves = (0..own.len())
             .map(|n| std::array::from_fn(|k| own[n][k] - (0..SHAPES).map(|a| solved[a][n][k] * step[a]).sum::<f64>()))

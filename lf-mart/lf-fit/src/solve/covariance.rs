@@ -1,7 +1,8 @@
 //! The covariance of a particle: a block of the inverse of the Fisher matrix of the particle and its neighbours.
 
-use super::normal::{Normal, cholesky_above, solve};
+use super::normal::Normal;
 use crate::model::particle_image::UNKNOWNS;
+use lf_core::linear::{cholesky_above, inverse_column};
 
 /// Knowledge before the image is seen: standard deviations in pixels of the focal plane and of the logarithm of the
 /// light. It keeps an uncertainty finite where no pixel determines the unknown.
@@ -33,9 +34,7 @@ fn first_of_inverse(fisher: &[f64], size: usize, prior: Prior) -> [[f64; UNKNOWN
         // The image can only add to the prior.
         cholesky_above(&mut lower, size, |n, _| least(n));
         let found: [[f64; UNKNOWNS]; UNKNOWNS] = std::array::from_fn(|k| {
-            let mut column = vec![0.0; size];
-            column[k] = 1.0;
-            solve(&lower, size, &mut column);
+            let column = inverse_column(&lower, size, k);
             std::array::from_fn(|n| column[n])
         });
         let can_be =

@@ -44,7 +44,8 @@ struct Start {
     damping: f64,
 }
 
-/// A particle is busy if its part in a step lowers -2 log L by more than this. Less moves it by a tenth of its uncertainty.
+/// A particle is busy if its part in a step lowers -2 log L by more than this. Less moves it by a tenth of its
+/// uncertainty.
 const BUSY: f64 = 0.01;
 /// Busy particles go on without the others if they are less than this share.
 const FEW: f64 = 0.6;
@@ -55,10 +56,10 @@ fn fall(gradient: &[f64; UNKNOWNS], step: &[f64; UNKNOWNS]) -> f64 {
 }
 
 /// Damping: its start, its change after a good and after a bad step, and where it ends.
-const DAMPING: f64 = 0.01;
-const LESS: f64 = 0.2;
-const MORE: f64 = 8.0;
-const LEAST_DAMPING: f64 = 1e-6;
+pub(crate) const DAMPING: f64 = 0.01;
+pub(crate) const LESS: f64 = 0.2;
+pub(crate) const MORE: f64 = 8.0;
+pub(crate) const LEAST_DAMPING: f64 = 1e-6;
 const MOST_DAMPING: f64 = 1e4;
 /// Blocks serve another step after one that lowered -2 log L by less than this for each particle.
 const STALE: f64 = 0.3;
@@ -293,8 +294,9 @@ mod tests {
     use crate::cameras::view::tests::{ASIDE, NOISE, PIXEL_MM, Sight, numbers, view, whole};
     use crate::model::particle_image::COUNTS;
     use crate::solve::covariance::{Prior, covariance};
-    use crate::solve::normal::{cholesky, solve};
+    use crate::solve::normal::cholesky;
     use lf_core::camera::Pose;
+    use lf_core::linear::{inverse_column, solve};
 
     const SIZE: usize = 3 * UNKNOWNS;
 
@@ -361,7 +363,7 @@ mod tests {
         for _ in 0..8 {
             let (mut matrix, mut right) = dense(&cameras, &slow, &window);
             cholesky(&mut matrix, SIZE);
-            solve(&matrix, SIZE, &mut right);
+            solve(&matrix, &mut right);
             slow = (0..SIZE).fold(slow, |particles, n| moved(&particles, n, right[n]));
         }
         let mut buffers = FitBuffers::default();
@@ -387,10 +389,7 @@ mod tests {
         let (mut matrix, _) = dense(&cameras, &slow, &window);
         cholesky(&mut matrix, SIZE);
         for k in 0..UNKNOWNS {
-            let mut column = vec![0.0; SIZE];
-            column[UNKNOWNS + k] = 1.0;
-            solve(&matrix, SIZE, &mut column);
-            let wanted = column[UNKNOWNS + k];
+            let wanted = inverse_column(&matrix, SIZE, UNKNOWNS + k)[UNKNOWNS + k];
             assert!((found[k][k] / wanted - 1.0).abs() < 0.02, "unknown {k}: {} for {wanted}", found[k][k]);
         }
     }

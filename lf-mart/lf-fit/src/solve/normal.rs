@@ -2,6 +2,7 @@
 
 use crate::model::buffers::FitBuffers;
 use crate::model::particle_image::{ParticleImage, UNKNOWNS};
+use lf_core::linear::{cholesky_above, solve};
 use lf_core::simd::fastest;
 
 type Vector = [f64; UNKNOWNS];
@@ -232,7 +233,7 @@ impl Normal {
 fn solve_blocks(factors: &[[f64; UNKNOWNS * UNKNOWNS]], right: &[Vector]) -> Vec<Vector> {
     let solved = |(vector, factor): (&Vector, &[f64; UNKNOWNS * UNKNOWNS])| {
         let mut vector = *vector;
-        solve(factor, UNKNOWNS, &mut vector);
+        solve(factor, &mut vector);
         vector
     };
     right.iter().zip(factors).map(solved).collect()
@@ -243,43 +244,11 @@ pub(crate) fn cholesky(matrix: &mut [f64], size: usize) {
     cholesky_above(matrix, size, |_, own| (LEAST * own).max(f64::MIN_POSITIVE));
 }
 
-/// Like [`cholesky`], but with pivots of at least `least(column, value on the diagonal)`. Rounding can push a pivot below its
-/// lower bound; a pivot near 0 then makes the rows below it overflow.
-pub(crate) fn cholesky_above(matrix: &mut [f64], size: usize, least: impl Fn(usize, f64) -> f64) {
-    for column in 0..size {
-        let own = matrix[column * size + column];
-        for row in column..size {
-            let mut sum = matrix[row * size + column];
-            for k in 0..column {
-                sum -= matrix[row * size + k] * matrix[column * size + k];
-            }
-            matrix[row * size + column] =
-                if row == column { sum.max(least(column, own)).sqrt() } else { sum / matrix[column * size + column] };
-        }
-    }
-}
-
-/// Solves `L L' x = b` in place.
-pub(crate) fn solve(lower: &[f64], size: usize, b: &mut [f64]) {
-    for row in 0..size {
-        for k in 0..row {
-            b[row] -= lower[row * size + k] * b[k];
-        }
-        b[row] /= lower[row * size + row];
-    }
-    for row in (0..size).rev() {
-        for k in row + 1..size {
-            b[row] -= lower[k * size + row] * b[k];
-        }
-        b[row] /= lower[row * size + row];
-    }
-}
-
 fn dot(a: &[Vector], b: &[Vector]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()).sum()
 }
 
-/// The step that solves `(F + damping diag F + hold) step = right`, by conjugate gradients with the diagonal blocks as
+/// The step that solves `(F + damping diag F + hold) step = right`, by conjugate gradients. The diagonal blocks are the
 /// preconditioner.
 pub(crate) fn conjugate_gradients(normal: &Normal, right: &[Vector], damping: f64, limits: CgLimits) -> Vec<Vector> {
     let mut step = Vec::new();
