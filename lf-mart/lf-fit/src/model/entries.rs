@@ -1,10 +1,10 @@
-//! Which particles light a pixel, and by how much.
+//! The particles that light each pixel, and by how much.
 
-use super::image::{SpotImage, UNKNOWNS};
+use super::particle_image::{ParticleImage, UNKNOWNS};
 
 /// The particles of each pixel, in the order of the particles.
 #[derive(Debug, Default)]
-pub(super) struct Entries {
+pub(crate) struct Entries {
     /// By pixel: its next entry to take, and the end of its entries.
     runs: Vec<[u32; 2]>,
     owners: Vec<u32>,
@@ -12,20 +12,20 @@ pub(super) struct Entries {
 }
 
 /// The entries of a pixel from that of one particle on.
-pub(super) struct Rest<'a> {
+pub(crate) struct Rest<'a> {
     /// The derivatives of the one.
-    pub(super) by: [f32; UNKNOWNS],
+    pub(crate) by: [f32; UNKNOWNS],
     /// The later particles and their derivatives.
-    pub(super) owners: &'a [u32],
-    pub(super) others: &'a [[f32; UNKNOWNS]],
+    pub(crate) owners: &'a [u32],
+    pub(crate) others: &'a [[f32; UNKNOWNS]],
 }
 
 impl Entries {
-    /// Lists the images. `touched` are their pixels, `counts` tells how often each comes.
+    /// Lists the images. `touched` are their pixels, `counts` holds how often each comes.
     #[inline(always)]
-    pub(super) fn fill<'i>(
+    pub(crate) fn fill<'i>(
         &mut self,
-        images: impl Iterator<Item = &'i SpotImage>,
+        images: impl Iterator<Item = &'i ParticleImage>,
         columns: usize,
         counts: &[u32],
         touched: &[u32],
@@ -65,7 +65,7 @@ impl Entries {
 
     /// Takes the entry of a particle at a pixel; None if it was taken. Particles come in their order.
     #[inline(always)]
-    pub(super) fn take(&mut self, n: usize, owner: u32) -> Option<Rest<'_>> {
+    pub(crate) fn take(&mut self, n: usize, owner: u32) -> Option<Rest<'_>> {
         let [next, end] = &mut self.runs[n];
         let at = *next as usize;
         if *next == *end || self.owners[at] != owner {

@@ -1,7 +1,8 @@
-//! Where particles may be: local maxima of a volume.
+//! The first particles: local maxima of a volume.
 
-use super::spot::Spot;
+use crate::particle::Particle;
 use lf_core::Grid;
+use lf_core::statistics::ranked;
 
 /// Maxima with less light around them than this share of a bright voxel's value are noise. The light of a particle in
 /// focus may lie in hundreds of faint voxels. With a fifth of this, fits take up to three times as long; with twice,
@@ -15,7 +16,7 @@ const BRIGHT: f64 = 0.999;
 const BESIDE: i64 = 1;
 const IN_DEPTH: i64 = 2;
 
-/// A line of voxels beside the one in hand: a step in y and z, and the place in the list reached so far.
+/// A line of voxels beside the current one: a step in y and z, and the place in the list reached so far.
 struct Line {
     dy: i64,
     dz: i64,
@@ -23,19 +24,17 @@ struct Line {
 }
 
 /// The local maxima over 3 x 3 x 3 voxels, at the centroids of 3 x 3 x 5, in the order of their voxels.
-pub(super) fn maxima(grid: &Grid, indices: &[u64], intensity: &[f32]) -> Vec<Spot> {
+pub(crate) fn maxima(grid: &Grid, indices: &[u64], intensity: &[f32]) -> Vec<Particle> {
     let mut bright: Vec<f32> = intensity.iter().copied().filter(|value| *value > 0.0).collect();
-    if bright.is_empty() {
-        return Vec::new();
-    }
-    let at = ((bright.len() as f64 * BRIGHT) as usize).min(bright.len() - 1);
-    let least = LEAST * f64::from(*bright.select_nth_unstable_by(at, f32::total_cmp).1);
+    let at = ((bright.len() as f64 * BRIGHT) as usize).min(bright.len().saturating_sub(1));
+    let Some(value) = ranked(&mut bright, at) else { return Vec::new() };
+    let least = LEAST * f64::from(value);
     let [nx, ny, nz] = grid.shape.map(|n| n as i64);
     let depths = -IN_DEPTH..=IN_DEPTH;
     let mut lines: Vec<Line> = depths.flat_map(|dz| (-BESIDE..=BESIDE).map(move |dy| Line { dy, dz, at: 0 })).collect();
-    let mut spots = Vec::new();
+    let mut particles = Vec::new();
     for (index, &value) in indices.iter().zip(intensity) {
-        // Too faint even if all voxels around it are alike; most voxels end here.
+        // Skip a voxel that is too faint even if all voxels around it are alike. This ends most voxels.
         if f64::from(value) * TAKEN_IN <= least {
             continue;
         }
@@ -72,10 +71,10 @@ pub(super) fn maxima(grid: &Grid, indices: &[u64], intensity: &[f32]) -> Vec<Spo
             let place_mm = std::array::from_fn(|axis| {
                 grid.origin_mm[axis] + grid.spacing_mm[axis] * (vox[axis] as f64 + moment[axis] / sum)
             });
-            spots.push(Spot { place_mm, light: sum });
+            particles.push(Particle { place_mm, light: sum });
         }
     }
-    spots
+    particles
 }
 
 #[cfg(test)]
@@ -89,16 +88,16 @@ mod tests {
         let mut voxels: Vec<(u64, f32)> = lit.iter().map(|(voxel, value)| (grid.index(*voxel), *value)).collect();
         voxels.sort_by_key(|(index, _)| *index);
         let (indices, intensity): (Vec<u64>, Vec<f32>) = voxels.into_iter().unzip();
-        let spots = maxima(&grid, &indices, &intensity);
+        let particles = maxima(&grid, &indices, &intensity);
         // The last two voxels are neighbours in the list only: one ends a row, the other begins the next.
-        assert_eq!(spots.len(), 3);
-        assert!((spots[0].place_mm[0] - 0.225).abs() < 1e-12 && (spots[0].place_mm[2] - 2.25).abs() < 1e-12);
-        assert_eq!([spots[0].light, spots[1].light + spots[2].light], [8.0, 1.5]);
+        assert_eq!(particles.len(), 3);
+        assert!((particles[0].place_mm[0] - 0.225).abs() < 1e-12 && (particles[0].place_mm[2] - 2.25).abs() < 1e-12);
+        assert_eq!([particles[0].light, particles[1].light + particles[2].light], [8.0, 1.5]);
         assert!(maxima(&grid, &[], &[]).is_empty());
     }
 
-    /// Scar: the brightest voxel had to be a fiftieth of a bright one; a particle in focus lay in 600 voxels below that,
-    /// and ghosts took its light.
+    /// Scar: the brightest voxel had to be a fiftieth of a bright one; a particle in focus lay in 600 voxels below
+    /// that, and ghosts took its light.
     #[test]
     fn a_particle_spread_thin_is_found_and_a_faint_voxel_is_not() {
         let grid = Grid { shape: [12, 12, 8], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [0.0; 3] };
@@ -107,7 +106,7 @@ mod tests {
         voxels.extend([([8, 8, 4], 1.0), ([8, 2, 6], 0.1)].map(|(voxel, value)| (grid.index(voxel), value)));
         voxels.sort_by_key(|(index, _)| *index);
         let (indices, intensity): (Vec<u64>, Vec<f32>) = voxels.into_iter().unzip();
-        let lights: Vec<f64> = maxima(&grid, &indices, &intensity).iter().map(|spot| spot.light).collect();
+        let lights: Vec<f64> = maxima(&grid, &indices, &intensity).iter().map(|particle| particle.light).collect();
         // The first voxel of the cube takes in 2 x 2 x 3 of its voxels.
         assert_eq!(lights.len(), 2, "{lights:?}");
         assert!((lights[0] - 0.18).abs() < 1e-6 && lights[1] == 1.0, "{lights:?}");

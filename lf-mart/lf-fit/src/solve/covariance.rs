@@ -1,27 +1,28 @@
-//! How uncertain a particle is: the inverse of the Fisher matrix of it and its neighbours.
+//! The covariance of a particle: a block of the inverse of the Fisher matrix of the particle and its neighbours.
 
-use super::image::UNKNOWNS;
-use super::normal::{Normal, cholesky_above, solve};
+use super::normal::Normal;
+use crate::model::particle_image::UNKNOWNS;
+use lf_core::linear::{cholesky_above, inverse_column};
 
 /// Knowledge before the image is seen: standard deviations in pixels of the focal plane and of the logarithm of the
-/// light. It keeps the uncertainty of what no pixel tells finite.
+/// light. It keeps an uncertainty finite where no pixel determines the unknown.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Prior(pub(super) [f64; UNKNOWNS]);
+pub(crate) struct Prior(pub(crate) [f64; UNKNOWNS]);
 
-/// Largest variance over that of the prior: more is an error of rounding.
+/// Largest variance over that of the prior: a larger one is an error of rounding.
 const MOST: f64 = 1.001;
-/// By this share of itself the diagonal is raised first: rounding in 32 bits.
+/// The diagonal is first raised by this share of itself: rounding in 32 bits.
 const RAISE: f64 = 1e-7;
 
 /// The covariance of the unknowns of the first of `chosen`, the others of them free too, in pixels of the focal plane
 /// and in shares of the light.
-pub(super) fn covariance(normal: &Normal, chosen: &[usize], prior: Prior) -> [[f64; UNKNOWNS]; UNKNOWNS] {
+pub(crate) fn covariance(normal: &Normal, chosen: &[usize], prior: Prior) -> [[f64; UNKNOWNS]; UNKNOWNS] {
     first_of_inverse(&normal.dense(chosen), UNKNOWNS * chosen.len(), prior)
 }
 
-/// The block of the first particle in the inverse of a Fisher matrix and the prior. Sums in 32 bits of pixels that do not
-/// tell many particles apart can say more than is possible, so that an inverse is no covariance. Then the diagonal is
-/// raised until it is one: above rounding, and as little as that takes.
+/// The block of the first particle in the inverse of a Fisher matrix and the prior. Where pixels do not
+/// distinguish many particles, sums in 32 bits can hold more information than is possible, and the inverse is no
+/// covariance. Then the diagonal is raised step by step until it is one.
 fn first_of_inverse(fisher: &[f64], size: usize, prior: Prior) -> [[f64; UNKNOWNS]; UNKNOWNS] {
     let least = |n: usize| prior.0[n % UNKNOWNS].powi(-2);
     let mut raise = 0.0;
@@ -33,9 +34,7 @@ fn first_of_inverse(fisher: &[f64], size: usize, prior: Prior) -> [[f64; UNKNOWN
         // The image can only add to the prior.
         cholesky_above(&mut lower, size, |n, _| least(n));
         let found: [[f64; UNKNOWNS]; UNKNOWNS] = std::array::from_fn(|k| {
-            let mut column = vec![0.0; size];
-            column[k] = 1.0;
-            solve(&lower, size, &mut column);
+            let column = inverse_column(&lower, size, k);
             std::array::from_fn(|n| column[n])
         });
         let can_be =
@@ -51,7 +50,7 @@ fn first_of_inverse(fisher: &[f64], size: usize, prior: Prior) -> [[f64; UNKNOWN
 mod tests {
     use super::*;
 
-    /// Two unknowns that pixels do not tell apart, and rounded sums that say a little more than is possible.
+    /// Two unknowns that pixels do not distinguish, and rounded sums with a little more information than is possible.
     #[test]
     fn a_pivot_below_the_prior_does_not_spread() {
         let matrix = [1e4, 1e4 + 0.04, 500.0, 1e4 + 0.04, 1e4, 500.03, 500.0, 500.03, 1e4];
@@ -65,9 +64,9 @@ mod tests {
         }
     }
 
-    /// Twelve bright particles that three patterns of pixels tell, and sums in 32 bits.
+    /// Twelve bright particles with three patterns of pixels, and sums in 32 bits.
     #[test]
-    fn particles_that_no_pixel_tells_apart_have_finite_uncertainties() {
+    fn particles_that_no_pixel_distinguishes_have_finite_uncertainties() {
         let (particles, prior) = (12, Prior([14.0, 14.0, 2000.0, 1.0]));
         let size = UNKNOWNS * particles;
         let mut fisher = vec![0.0; size * size];

@@ -1,5 +1,9 @@
 //! The noise of a pixel: `variance = gain * expected counts + read variance`.
 
+use lf_core::Refusal;
+use lf_core::statistics::{ranked, upper_median};
+use ndarray::ArrayView2;
+
 /// Noise of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
@@ -9,30 +13,38 @@ pub struct Noise {
     pub read_variance: f64,
 }
 
-/// Variances that the counts change by less than this share are even.
+/// Counts change the variance by less than this share: it counts as constant.
 const LEAST_GAIN: f64 = 1e-6;
 /// Bins of equal numbers of pixels, by expected counts, in which the noise is found.
 const BINS: usize = 24;
-/// Square of a normal variable that half of all are below, over its variance.
+/// Median of the square of a normal variable, over its variance.
 const MEDIAN_OF_SQUARE: f64 = 0.454_936;
-/// Fewest pixels from which noise is found.
+/// Rounds of the weighted fit of a line.
+const LINE_ROUNDS: usize = 6;
+/// Noise is found from at least this number of pixels, and from at most this number.
 const LEAST_PIXELS: usize = 2000;
-/// Noise below this share of the brightest expected pixel cannot be told from the model's own errors.
+pub(crate) const MOST_PIXELS: usize = 2_000_000;
+/// Gain and read noise before any is found, as a share of a usual pixel, which is this share of the peak brightness.
+const FIRST_NOISE: f64 = 0.02;
+const USUAL: f64 = 0.1;
+/// Quantile of the lit pixels that is taken as the peak brightness.
+const BRIGHTEST: f64 = 0.999;
+/// Noise below this share of the brightest expected pixel cannot be distinguished from the model's own errors.
 const LEAST_SHARE: f64 = 1e-4;
 
-/// Pixels that are taken together.
-pub(super) const LANES: usize = 16;
+/// Pixels of one vector step.
+pub(crate) const LANES: usize = 16;
 
 /// Counts of some pixels: seen, expected without a change, and with it.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Lanes {
-    pub(super) seen: [f64; LANES],
-    pub(super) others: [f64; LANES],
-    pub(super) expected: [f64; LANES],
+pub(crate) struct Lanes {
+    pub(crate) seen: [f64; LANES],
+    pub(crate) others: [f64; LANES],
+    pub(crate) expected: [f64; LANES],
 }
 
 /// The natural logarithm of a positive, normal number, to 1e-14: `2 artanh((m - 1) / (m + 1))` of the mantissa. The
-/// library's takes one number at a time.
+/// standard library takes one number at a time.
 #[inline(always)]
 fn logarithm(x: f64) -> f64 {
     // The exponent of x over the root of a half, so that the mantissa is within that root of 1.
@@ -63,13 +75,13 @@ impl Noise {
         (self.gain as f32) * expected.max(0.0) + self.read_variance as f32
     }
 
-    /// -2 log likelihood of pixels with `expected` counts beyond that of those with `others` counts.
+    /// -2 log likelihood of pixels with `expected` counts, minus that with `others` counts.
     ///
     /// Equation: the quasi-likelihood (Wedderburn 1974) with the slope `-2 (seen - expected) / variance`, a shifted
-    /// Poisson distribution. A normal distribution of this variance makes so much of light where none is expected that
-    /// particles are split and moved to cover it.
+    /// Poisson distribution. A normal distribution of this variance would weigh light where none is expected too much:
+    /// particles would be split and moved to cover it.
     #[inline(always)]
-    pub(super) fn deviance(&self, lanes: &Lanes) -> f64 {
+    pub(crate) fn deviance(&self, lanes: &Lanes) -> f64 {
         let (gain, read) = (self.gain, self.read_variance);
         let mut sums = [0.0; LANES];
         for (k, sum) in sums.iter_mut().enumerate() {
@@ -87,10 +99,26 @@ impl Noise {
         sum
     }
 
-    /// Found from what the pixels of windows differ from what is expected there: in bins by expected counts, the median
-    /// of the squares, which missing and wrong particles move little; through the bins a line. None if too few pixels
-    /// are lit. A gain or read noise that is given stays.
-    pub(super) fn found(pairs: &mut [(f32, f32)], given: Given) -> Option<Self> {
+    /// Noise for the first fits, about as large as the errors of the model then. Refuses an image without light.
+    pub(crate) fn first(image: ArrayView2<f32>, known: KnownNoise) -> Result<Self, Refusal> {
+        let rows = image.rows().into_iter().step_by(image.len().div_ceil(MOST_PIXELS));
+        let mut bright: Vec<f32> = rows.flatten().copied().filter(|value| *value > 0.0).collect();
+        let at = ((bright.len() as f64 * BRIGHTEST) as usize).min(bright.len().saturating_sub(1));
+        let refusal = || Refusal::new("no pixel has light", "wanted an image of particles");
+        let peak = ranked(&mut bright, at).map(f64::from).ok_or_else(refusal)?;
+        let read = lf_core::image::noise(image).max(FIRST_NOISE * USUAL * peak);
+        Ok(Self {
+            gain: known.gain.unwrap_or(FIRST_NOISE * peak * USUAL),
+            read_variance: known.read_variance.unwrap_or(read * read),
+        })
+    }
+
+    /// The noise that explains the differences between image and expected counts. Each pair holds the expected counts
+    /// of a lit pixel and the difference. None if too few pixels are lit. A known gain or read noise stays.
+    ///
+    /// In bins by expected counts, the median of the squares is taken, which missing and wrong particles move little. A
+    /// line is fitted through the bins.
+    pub(crate) fn found(pairs: &mut [(f32, f32)], known: KnownNoise) -> Option<Self> {
         if pairs.len() < LEAST_PIXELS {
             return None;
         }
@@ -98,9 +126,9 @@ impl Noise {
         let peak = f64::from(pairs[pairs.len() - 1].0);
         let floor = (LEAST_SHARE * peak).powi(2).max(f64::MIN_POSITIVE);
         let bins: Vec<[f64; 2]> = pairs.chunks(pairs.len().div_ceil(BINS)).map(|bin| level(bin, floor)).collect();
-        // Least squares of relative errors, weighted again by the line found before.
+        // Fit the line by relative errors, weighted again by the line found before.
         let mut noise = Self { gain: 0.0, read_variance: bins[0][1] };
-        for round in 0..6 {
+        for round in 0..LINE_ROUNDS {
             let weight = |bin: &[f64; 2]| {
                 let variance = if round == 0 { bin[1] } else { noise.gain * bin[0] + noise.read_variance };
                 variance.max(floor).powi(-2)
@@ -117,23 +145,23 @@ impl Noise {
             if gain < 0.0 {
                 (gain, read_variance) = (0.0, y / w);
             }
-            if let Some(known) = given.gain {
-                (gain, read_variance) = (known, ((y - known * x) / w).max(0.0));
+            if let Some(held) = known.gain {
+                (gain, read_variance) = (held, ((y - held * x) / w).max(0.0));
             }
-            if let Some(known) = given.read_variance {
-                read_variance = known;
-                gain = given.gain.unwrap_or(((xy - known * x) / xx.max(f64::MIN_POSITIVE)).max(0.0));
+            if let Some(held) = known.read_variance {
+                read_variance = held;
+                gain = known.gain.unwrap_or(((xy - held * x) / xx.max(f64::MIN_POSITIVE)).max(0.0));
             }
-            let read_variance = given.read_variance.filter(|known| *known > 0.0).unwrap_or(read_variance.max(floor));
+            let read_variance = known.read_variance.filter(|held| *held > 0.0).unwrap_or(read_variance.max(floor));
             noise = Self { gain, read_variance };
         }
         Some(noise)
     }
 }
 
-/// Parts of the noise that are known beforehand.
+/// Parts of the noise that are known in advance.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Given {
+pub struct KnownNoise {
     /// Counts of an electron.
     pub gain: Option<f64>,
     /// Variance of a pixel without light, counts^2.
@@ -144,14 +172,8 @@ pub struct Given {
 fn level(bin: &[(f32, f32)], floor: f64) -> [f64; 2] {
     let mean = bin.iter().map(|(expected, _)| f64::from(*expected)).sum::<f64>() / bin.len() as f64;
     let mut squares: Vec<f32> = bin.iter().map(|(_, off)| off * off).collect();
-    let middle = squares.len() / 2;
-    let (_, median, _) = squares.select_nth_unstable_by(middle, f32::total_cmp);
-    [mean, (f64::from(*median) / MEDIAN_OF_SQUARE).max(floor)]
-}
-
-/// Expected counts and difference of the lit ones among pixels, each with what is seen and expected.
-pub(super) fn pairs<'a>(pixels: impl Iterator<Item = (&'a f32, &'a f32)>) -> impl Iterator<Item = (f32, f32)> {
-    pixels.filter(|(seen, light)| !seen.is_nan() && **light > 0.0).map(|(seen, light)| (*light, seen - light))
+    let median = upper_median(&mut squares).map_or(0.0, f64::from);
+    [mean, (median / MEDIAN_OF_SQUARE).max(floor)]
 }
 
 #[cfg(test)]
@@ -201,10 +223,10 @@ mod tests {
                 (expected as f32, off as f32)
             })
             .collect();
-        let noise = Noise::found(&mut pairs, Given::default()).unwrap();
+        let noise = Noise::found(&mut pairs, KnownNoise::default()).unwrap();
         assert!((noise.gain / 0.8 - 1.0).abs() < 0.2 && (noise.read_variance / 9.0 - 1.0).abs() < 0.2, "{noise:?}");
-        let known = Noise::found(&mut pairs, Given { gain: Some(0.8), read_variance: None }).unwrap();
+        let known = Noise::found(&mut pairs, KnownNoise { gain: Some(0.8), read_variance: None }).unwrap();
         assert!(known.gain == 0.8 && (known.read_variance / 9.0 - 1.0).abs() < 0.5, "{known:?}");
-        assert!(Noise::found(&mut pairs[..100], Given::default()).is_none());
+        assert!(Noise::found(&mut pairs[..100], KnownNoise::default()).is_none());
     }
 }

@@ -1,7 +1,8 @@
 //! The normal equations of a group of particles: a block for each particle, and one for each two that share pixels.
 
-use super::buffers::Buffers;
-use super::image::{SpotImage, UNKNOWNS};
+use crate::model::buffers::FitBuffers;
+use crate::model::particle_image::{ParticleImage, UNKNOWNS};
+use lf_core::linear::{cholesky_above, solve};
 use lf_core::simd::fastest;
 
 type Vector = [f64; UNKNOWNS];
@@ -10,8 +11,8 @@ type Beside = [[f32; UNKNOWNS]; UNKNOWNS];
 
 /// Gradient and blocks.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Normal {
-    pub(super) gradient: Vec<Vector>,
+pub(crate) struct Normal {
+    pub(crate) gradient: Vec<Vector>,
     diagonal: Vec<Matrix>,
     /// For each particle the later ones that share pixels with it, and their blocks: those of particle n are from
     /// `firsts[n]` up to `firsts[n + 1]`.
@@ -20,23 +21,24 @@ pub(super) struct Normal {
     blocks: Vec<Beside>,
 }
 
-/// Effort of conjugate gradients.
+/// When conjugate gradients end.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Effort {
+pub(crate) struct CgLimits {
     steps: usize,
-    enough: f64,
+    /// Share of the first residual.
+    residual: f64,
 }
 
-/// Most steps of conjugate gradients, and the share of the first residual at which they end. Blocks make them quick:
-/// particles of a usual density hang together by a few per cent.
-pub(super) const FINE: Effort = Effort { steps: 10, enough: 1e-4 };
+/// Limits for a step of particles. The block preconditioner keeps the steps few: at usual seeding, coupling between
+/// particles is a few per cent.
+pub(crate) const FINE: CgLimits = CgLimits { steps: 10, residual: 1e-4 };
 /// For the answer of the particles to a change of the shape, with which they are closely tied.
-pub(super) const DEEP: Effort = Effort { steps: 30, enough: 1e-8 };
-/// Least diagonal, as a share of the largest of its block: an unknown that no pixel tells stays.
+pub(crate) const DEEP: CgLimits = CgLimits { steps: 30, residual: 1e-8 };
+/// Smallest diagonal, as a share of the largest of its block: an unknown that no pixel determines stays.
 const LEAST: f64 = 1e-12;
 /// Hold on a particle's step, px^-2, and on that of the logarithm of its light: the inverse square of the longest steps
 /// of a fit. A window shows only a sliver of some particles. Without a hold their steps have no bound, and one of them
-/// spoils the step of all. The pixels that tell a particle outweigh it a hundred times.
+/// spoils the step of all. A particle's own pixels usually outweigh the hold a hundred times.
 const HOLD: [f64; UNKNOWNS] = [1.0, 1.0, 1.0 / 400.0, 1.0];
 /// No block yet.
 const NONE: u32 = u32::MAX;
@@ -52,14 +54,14 @@ fn add_product(sum: &mut Beside, column: &[f32; UNKNOWNS], row: &[f32; UNKNOWNS]
 }
 
 #[inline(always)]
-fn gradient(image: &SpotImage, columns: usize, pull: &[f32]) -> Vector {
+fn gradient(image: &ParticleImage, columns: usize, residual: &[f32]) -> Vector {
     let mut sum = [0f64; UNKNOWNS];
     image.lines(
         columns,
         #[inline(always)]
         |start, line| {
-            for (pixel, pull) in line.iter().zip(&pull[start..start + line.len()]) {
-                (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(pull * pixel[k]));
+            for (pixel, residual) in line.iter().zip(&residual[start..start + line.len()]) {
+                (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(residual * pixel[k]));
             }
         },
     );
@@ -67,11 +69,11 @@ fn gradient(image: &SpotImage, columns: usize, pull: &[f32]) -> Vector {
 }
 
 impl Normal {
-    /// From painted and weighed buffers.
-    pub(super) fn new<'i>(
-        images: impl Iterator<Item = &'i SpotImage> + Clone,
+    /// The normal equations from painted and weighted buffers.
+    pub(crate) fn new<'i>(
+        images: impl Iterator<Item = &'i ParticleImage> + Clone,
         columns: usize,
-        buffers: &mut Buffers,
+        buffers: &mut FitBuffers,
     ) -> Self {
         let mut normal = Self::default();
         fastest(
@@ -82,13 +84,17 @@ impl Normal {
     }
 
     #[inline(always)]
-    fn of<'i>(images: impl Iterator<Item = &'i SpotImage> + Clone, columns: usize, buffers: &mut Buffers) -> Self {
-        let Buffers { entries, weight, pull, touched, counts, slots, .. } = buffers;
+    fn of<'i>(
+        images: impl Iterator<Item = &'i ParticleImage> + Clone,
+        columns: usize,
+        buffers: &mut FitBuffers,
+    ) -> Self {
+        let FitBuffers { entries, weight, residual, touched, counts, slots, .. } = buffers;
         entries.fill(images.clone(), columns, counts, touched);
         slots.clear();
         slots.resize(images.clone().count(), NONE);
         let mut normal = Self { firsts: vec![0], ..Self::default() };
-        let Self { others, blocks, firsts, gradient: pulls, diagonal } = &mut normal;
+        let Self { others, blocks, firsts, gradient: gradients, diagonal } = &mut normal;
         for (owner, image) in images.enumerate() {
             let owner = owner as u32;
             let mut block = Beside::default();
@@ -115,22 +121,27 @@ impl Normal {
             let first = firsts[owner as usize];
             others[first..].iter().for_each(|other| slots[*other as usize] = NONE);
             firsts.push(others.len());
-            pulls.push(gradient(image, columns, pull));
+            gradients.push(gradient(image, columns, residual));
             diagonal.push(block.map(|row| row.map(f64::from)));
         }
         normal
     }
 
-    /// Takes another gradient; the blocks stay.
-    pub(super) fn pull<'i>(&mut self, images: impl Iterator<Item = &'i SpotImage>, columns: usize, buffers: &Buffers) {
+    /// Takes the gradient of other buffers; the blocks stay.
+    pub(crate) fn set_gradient<'i>(
+        &mut self,
+        images: impl Iterator<Item = &'i ParticleImage>,
+        columns: usize,
+        buffers: &FitBuffers,
+    ) {
         fastest(
             #[inline(always)]
-            || self.gradient = images.map(|image| gradient(image, columns, &buffers.pull)).collect(),
+            || self.gradient = images.map(|image| gradient(image, columns, &buffers.residual)).collect(),
         );
     }
 
     /// The rows and columns of some particles, dense, in their order.
-    pub(super) fn dense(&self, chosen: &[usize]) -> Vec<f64> {
+    pub(crate) fn dense(&self, chosen: &[usize]) -> Vec<f64> {
         let size = UNKNOWNS * chosen.len();
         let mut matrix = vec![0.0; size * size];
         for (i, &a) in chosen.iter().enumerate() {
@@ -222,66 +233,34 @@ impl Normal {
 fn solve_blocks(factors: &[[f64; UNKNOWNS * UNKNOWNS]], right: &[Vector]) -> Vec<Vector> {
     let solved = |(vector, factor): (&Vector, &[f64; UNKNOWNS * UNKNOWNS])| {
         let mut vector = *vector;
-        solve(factor, UNKNOWNS, &mut vector);
+        solve(factor, &mut vector);
         vector
     };
     right.iter().zip(factors).map(solved).collect()
 }
 
 /// The lower triangle L of `matrix = L L'`; pivots are held above `least` of the matrix's diagonal.
-pub(super) fn cholesky(matrix: &mut [f64], size: usize) {
+pub(crate) fn cholesky(matrix: &mut [f64], size: usize) {
     cholesky_above(matrix, size, |_, own| (LEAST * own).max(f64::MIN_POSITIVE));
-}
-
-/// The same with pivots no less than `least(column, value on the diagonal)`. Rounding can push a pivot below the least
-/// that it can be; a pivot near 0 then makes the rows below it overflow.
-pub(super) fn cholesky_above(matrix: &mut [f64], size: usize, least: impl Fn(usize, f64) -> f64) {
-    for column in 0..size {
-        let own = matrix[column * size + column];
-        for row in column..size {
-            let mut sum = matrix[row * size + column];
-            for k in 0..column {
-                sum -= matrix[row * size + k] * matrix[column * size + k];
-            }
-            matrix[row * size + column] =
-                if row == column { sum.max(least(column, own)).sqrt() } else { sum / matrix[column * size + column] };
-        }
-    }
-}
-
-/// Solves `L L' x = b` in place.
-pub(super) fn solve(lower: &[f64], size: usize, b: &mut [f64]) {
-    for row in 0..size {
-        for k in 0..row {
-            b[row] -= lower[row * size + k] * b[k];
-        }
-        b[row] /= lower[row * size + row];
-    }
-    for row in (0..size).rev() {
-        for k in row + 1..size {
-            b[row] -= lower[k * size + row] * b[k];
-        }
-        b[row] /= lower[row * size + row];
-    }
 }
 
 fn dot(a: &[Vector], b: &[Vector]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()).sum()
 }
 
-/// The step that solves `(F + damping diag F + hold) step = right`, by conjugate gradients with the diagonal blocks as
+/// The step that solves `(F + damping diag F + hold) step = right`, by conjugate gradients. The diagonal blocks are the
 /// preconditioner.
-pub(super) fn conjugate_gradients(normal: &Normal, right: &[Vector], damping: f64, effort: Effort) -> Vec<Vector> {
+pub(crate) fn conjugate_gradients(normal: &Normal, right: &[Vector], damping: f64, limits: CgLimits) -> Vec<Vector> {
     let mut step = Vec::new();
     fastest(
         #[inline(always)]
-        || step = descend(normal, right, damping, effort),
+        || step = descend(normal, right, damping, limits),
     );
     step
 }
 
 #[inline(always)]
-fn descend(normal: &Normal, right: &[Vector], damping: f64, effort: Effort) -> Vec<Vector> {
+fn descend(normal: &Normal, right: &[Vector], damping: f64, limits: CgLimits) -> Vec<Vector> {
     let damped = normal.damped(damping);
     let factors = normal.factors(&damped);
     let precondition = |residual: &[Vector]| solve_blocks(&factors, residual);
@@ -294,8 +273,8 @@ fn descend(normal: &Normal, right: &[Vector], damping: f64, effort: Effort) -> V
     if right.len() == 1 {
         return ahead;
     }
-    for _ in 0..effort.steps {
-        if size <= effort.enough * first || !size.is_normal() {
+    for _ in 0..limits.steps {
+        if size <= limits.residual * first || !size.is_normal() {
             break;
         }
         let mut turned = normal.product(&direction);
@@ -330,16 +309,16 @@ mod tests {
         let pixel = |seed: usize| std::array::from_fn(|k| ((seed * 7 + k * 5) % 11) as f32 - 5.0);
         let line = |start: usize, count: usize, seed: usize| (start, (0..count).map(|n| pixel(seed + n)).collect());
         let images = [
-            SpotImage::by_hand(&[line(0, 3, 1), line(2, 2, 9)]),
-            SpotImage::by_hand(&[line(1, 3, 4)]),
-            SpotImage::by_hand(&[line(3, 1, 20), line(6, 2, 30)]),
+            ParticleImage::by_hand(&[line(0, 3, 1), line(2, 2, 9)]),
+            ParticleImage::by_hand(&[line(1, 3, 4)]),
+            ParticleImage::by_hand(&[line(3, 1, 20), line(6, 2, 30)]),
         ];
-        let mut buffers = Buffers::default();
+        let mut buffers = FitBuffers::default();
         buffers.fit(8);
         buffers.paint(images.iter(), 8);
         let weight = |n: usize| 0.5 + n as f32;
         for n in 0..8 {
-            (buffers.weight[n], buffers.pull[n]) = (weight(n), n as f32 - 2.0);
+            (buffers.weight[n], buffers.residual[n]) = (weight(n), n as f32 - 2.0);
         }
         let normal = Normal::new(images.iter(), 8, &mut buffers);
         let mut jacobian = vec![[0f64; 12]; 8];

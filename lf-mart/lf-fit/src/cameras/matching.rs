@@ -1,45 +1,39 @@
-//! Particles that several cameras found, each alone, as one list.
+//! Matches the particles that several cameras found, each alone, and merges them into one list.
 
-use super::recipe::Found;
-use super::spot::Spot;
+use crate::particle::{FoundParticle, Particle};
 use glam::{DMat3, DVec3};
 use lf_core::camera::Pose;
+use lf_core::statistics::upper_median;
 use rayon::prelude::*;
 
-/// Two are one particle if they lie within this many standard deviations of each other.
+/// Largest distance of a pair, standard deviations.
 const GATE: f64 = 4.0;
-/// Uncertainty of the pose when particles are matched, and the least of a place when two are averaged: pixels of the
-/// focal plane.
+/// Uncertainty of the pose when particles are matched, and the smallest uncertainty of a place when two are averaged:
+/// pixels of the focal plane.
 const POSE_PX: f64 = 2.0;
 const MODEL_PX: f64 = 0.05;
 
 /// A particle in a frame, with the covariance of its place, mm^2.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Placed {
-    pub(super) place: DVec3,
-    pub(super) light: f64,
+pub(crate) struct Placed {
+    place: DVec3,
+    light: f64,
     covariance: DMat3,
 }
 
-impl Placed {
-    fn spot(&self) -> Spot {
-        Spot { place_mm: self.place.to_array(), light: self.light }
-    }
-}
-
 /// The particles that a camera found, in the frame from which `pose` leads to the camera's own.
-pub(super) fn placed(found: &[Found], pose: &Pose) -> Vec<Placed> {
+pub(crate) fn placed(found: &[FoundParticle], pose: &Pose) -> Vec<Placed> {
     let back = pose.matrix().transpose();
-    let one = |found: &Found| {
+    let one = |found: &FoundParticle| {
         let [xx, xy, xz, yy, yz, zz] = found.covariance_mm2;
         let covariance = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
-        let place = DVec3::from(pose.to_common(found.spot.place_mm));
-        Placed { place, light: found.spot.light, covariance: back * covariance * back.transpose() }
+        let place = DVec3::from(pose.to_common(found.particle.place_mm));
+        Placed { place, light: found.particle.light, covariance: back * covariance * back.transpose() }
     };
     found.iter().map(one).collect()
 }
 
-/// Pairs of one particle each, the nearest first: a place in either list.
+/// Pairs of a particle of each list, by their numbers, the nearest first.
 fn pairs(a: &[Placed], b: &[Placed], pixel_mm: f64) -> Vec<(usize, usize)> {
     let floor = DMat3::from_diagonal(DVec3::splat((POSE_PX * pixel_mm).powi(2)));
     let near = |(i, one): (usize, &Placed)| -> Vec<(f64, usize, usize)> {
@@ -62,16 +56,20 @@ fn pairs(a: &[Placed], b: &[Placed], pixel_mm: f64) -> Vec<(usize, usize)> {
     all.into_iter().map(|(_, i, j)| (i, j)).collect()
 }
 
-/// Adds what another camera found. Pairs become one, at the mean that their covariances weigh. Gives the other camera's
-/// light of a particle over that of the list, and the number of pairs; None without pairs.
-pub(super) fn merge(list: &mut Vec<Placed>, other: &[Placed], pixel_mm: f64) -> Option<(f64, usize)> {
+/// Pairs that two lists share.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Shared {
+    /// Light of a particle in the second list over that in the first.
+    pub(crate) light: f64,
+    pub(crate) pairs: usize,
+}
+
+/// Adds the particles that another camera found. Each pair becomes one particle, at the mean weighted by the
+/// covariances. None without pairs.
+pub(crate) fn merge(list: &mut Vec<Placed>, other: &[Placed], pixel_mm: f64) -> Option<Shared> {
     let pairs = pairs(list, other, pixel_mm);
     let mut ratios: Vec<f64> = pairs.iter().map(|(i, j)| other[*j].light / list[*i].light).collect();
-    if ratios.is_empty() {
-        return None;
-    }
-    let middle = ratios.len() / 2;
-    let ratio = *ratios.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let light = upper_median(&mut ratios)?;
     let floor = DMat3::from_diagonal(DVec3::splat((MODEL_PX * pixel_mm).powi(2)));
     let mut is_alone = vec![true; other.len()];
     for (i, j) in &pairs {
@@ -83,13 +81,13 @@ pub(super) fn merge(list: &mut Vec<Placed>, other: &[Placed], pixel_mm: f64) -> 
         own.covariance = covariance;
     }
     let alone = other.iter().zip(is_alone).filter(|(_, is_alone)| *is_alone);
-    list.extend(alone.map(|(placed, _)| Placed { light: placed.light / ratio, ..*placed }));
-    Some((ratio, pairs.len()))
+    list.extend(alone.map(|(placed, _)| Placed { light: placed.light / light, ..*placed }));
+    Some(Shared { light, pairs: pairs.len() })
 }
 
 /// Their places and lights.
-pub(super) fn spots(list: &[Placed]) -> Vec<Spot> {
-    list.iter().map(Placed::spot).collect()
+pub(crate) fn particles(list: &[Placed]) -> Vec<Particle> {
+    list.iter().map(|placed| Particle { place_mm: placed.place.to_array(), light: placed.light }).collect()
 }
 
 #[cfg(test)]
@@ -101,8 +99,8 @@ mod tests {
     fn a_pair_takes_what_each_camera_knows() {
         let pose =
             Pose { rotation: [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]], translation_mm: [0.0, 0.1, 0.0] };
-        let found = |place_mm: [f64; 3], light: f64| Found {
-            spot: Spot { place_mm, light },
+        let found = |place_mm: [f64; 3], light: f64| FoundParticle {
+            particle: Particle { place_mm, light },
             covariance_mm2: [1e-8, 0.0, 0.0, 1e-8, 0.0, 1e-2],
             light_std: 1.0,
         };
@@ -111,8 +109,8 @@ mod tests {
         let [a, b, c] = pose.to_camera(truth);
         let mut list = placed(&[found([x, y, z + 0.1], 100.0), found([2.0, 2.0, 2.0], 90.0)], &Pose::default());
         let other = placed(&[found([5.0, 5.0, 5.0], 40.0), found([a, b, c - 0.1], 50.0)], &pose);
-        assert_eq!(merge(&mut list, &other, 0.0055), Some((0.5, 1)));
-        let merged = spots(&list);
+        assert_eq!(merge(&mut list, &other, 0.0055), Some(Shared { light: 0.5, pairs: 1 }));
+        let merged = particles(&list);
         assert_eq!(merged.len(), 3);
         (0..3).for_each(|k| assert!((merged[0].place_mm[k] - truth[k]).abs() < 1e-5, "{merged:?}"));
         assert_eq!((merged[0].light, merged[2].light), (100.0, 80.0));
