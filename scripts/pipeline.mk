@@ -53,7 +53,8 @@ PVR =
 DEPTH = -5,5
 BOUNDS =
 
-# Speed against accuracy: fast, balanced, accurate (--help of the tools), or nothing for the defaults. The settings below override it.
+# Speed against accuracy: fast, balanced, accurate (--help of lf-prune and lf-mart), or nothing for the defaults. The
+# settings below override it.
 PRESET =
 THRESHOLD =
 ITERATIONS =
@@ -227,12 +228,12 @@ subtract = $(addprefix -b ,$(call background-of,$1))
 $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 	$(call step,$(CALIB) background $(call frames-of,$*) -c $< --quantile $(QUANTILE) $(colour))
 
-# One line per stage. Only our own tools know presets and write a log of their sweeps; a swapped stage does not get the
-# options.
+# One line per stage. Only our own lf-prune and lf-mart know presets, and lf-mart a log of its sweeps; a swapped stage
+# does not get the options.
 flow-of = $(if $(FLOW),$(OUT)/flow-$1.exr)
 given = $(call file-of,$1) $(CAMERA) $(call background-of,$1)
 fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr $(call flow-of,$(pair))))
-preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
+preset = $(if $(filter lf-prune lf-mart,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 sweeps = $(if $(filter lf-mart,$(notdir $(firstword $(MART)))),--log $(OUT)/volume-$1.sweeps.jsonl)
 
 $(supports): $(OUT)/support-%.lfv: $$(call given,$$*) | $(LOG)
@@ -266,7 +267,7 @@ windows:
 $(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) $$(call fitted-of,$$*) | $(LOG)
 	$(call step,$(XCORR) $(call volumes-of,$*) $(if $(fits),--particles $(call fitted-of,$*)) $(addprefix --initial-mm ,$(INITIAL_MM)) \
 	    $(if $(WINDOWS),$$(cat $(WINDOWS)),$(addprefix --window-mm ,$(WINDOW_MM))) $(addprefix --dt ,$(DT)) \
-	    $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg),$(call flow-of,$*))
+	    $(XCORR_FLAGS) --plot $(@:.exr=.svg),$(call flow-of,$*))
 
 $(flows): $(OUT)/flow-%.exr: $(OUT)/field-%.exr | $(LOG)
 	$(call step,$(TREAT) $(FLOW) $< $(FLOW_FLAGS))

@@ -131,3 +131,66 @@ fn a_calibrated_camera_serves_as_the_true_one() {
     assert!((calibrated - with_the_truth).abs() < 5e-3, "{calibrated} against {with_the_truth}");
     assert!(guessed < calibrated - 0.05, "{guessed} against {calibrated}");
 }
+
+/// Particles of one frame of a table: place and, where it is there, its standard uncertainty, mm.
+fn particles(folder: &Folder, name: &str, frame: usize) -> Vec<Vec<f64>> {
+    let text = folder.text(name);
+    let rows = text.lines().skip_while(|line| !line.starts_with("frame,")).skip(1);
+    let rows = rows.map(|line| line.split(',').map(|word| word.parse().unwrap()).collect::<Vec<f64>>());
+    rows.filter(|row| row[0] == frame as f64).map(|row| row[2..].to_vec()).collect()
+}
+
+/// How many pairs of true and found particles lie within 1.5 px or three standard uncertainties of each other along each
+/// axis.
+fn matched(truth: &[Vec<f64>], found: &[Vec<f64>]) -> usize {
+    let mut free: Vec<&Vec<f64>> = found.iter().collect();
+    let is_near = |a: &[f64], b: &[f64]| (0..3).all(|k| (a[k] - b[k]).abs() < (1.5 * 0.0055f64).max(3.0 * b[4 + k]));
+    let mut count = 0;
+    for particle in truth {
+        if let Some(n) = free.iter().position(|other| is_near(particle, other)) {
+            free.swap_remove(n);
+            count += 1;
+        }
+    }
+    count
+}
+
+/// The default chain on noisy frames of a vortex ring: at most twice today's errors.
+#[test]
+fn the_default_chain_keeps_its_figures() {
+    let folder = rendered(
+        "demo",
+        &[
+            "camera.sensor.width=420",
+            "camera.sensor.height=420",
+            "volume.x_mm=[-0.77,0.77]",
+            "volume.y_mm=[-0.77,0.77]",
+            "particles.per_lenslet=0.3",
+            "particles.rays=100000",
+            r#"flow={"kind": "ring", "centre_mm": [0, 0, 0], "axis": [1, 0, 0], "radius_mm": 0.7, "core_mm": 0.5,
+                "displacement_mm": 0.06}"#,
+            "truth=null",
+            r#"sensor_noise={"photon_noise": true, "read_noise_electrons": 3, "dark_counts": 20}"#,
+        ],
+    );
+    folder.run("lf-synth dark scene.json -o dark.exr");
+    let (mut there, mut found, mut both) = (0, 0, 0);
+    for n in 0..2 {
+        let frame = format!("frame-000{n}.exr");
+        let camera = "-c camera.json -b dark.exr";
+        folder.run(&format!("lf-prune {frame} {camera} --depth -5,5 -o support.lfv"));
+        folder.run(&format!("lf-mart support.lfv -i {frame} {camera} -o volume-{n}.lfv"));
+        let output = format!("--frame {n} --particles found-{n}.csv");
+        folder.run(&format!("lf-fit volume-{n}.lfv -i {frame} {camera} {output}"));
+        let [truth, fitted] = ["particles.csv", &format!("found-{n}.csv")].map(|name| particles(&folder, name, n));
+        there += truth.len();
+        found += fitted.len();
+        both += matched(&truth, &fitted);
+    }
+    folder.run("lf-xcorr volume-0.lfv volume-1.lfv --particles found-0.csv found-1.csv -o field.exr");
+    let error = folder.run("lf-validate displacement scene.json field.exr -c camera.json").json();
+    let rms = ["u", "v", "w"].map(|axis| number(&error, &format!("rms_{axis}_px")));
+    let (missed, ghosts) = (there - both, found - both);
+    assert!(missed <= 0 && ghosts <= 0, "of {there} particles {missed} missed, {ghosts} ghosts; RMS {rms:?} px");
+    assert!(rms[0] < 0.55 && rms[1] < 0.36 && rms[2] < 0.7, "RMS {rms:?} px");
+}

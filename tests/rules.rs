@@ -3,3 +3,4 @@
 mod house;
 mod sources;
 mod walls;
+mod words;
