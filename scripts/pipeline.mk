@@ -66,8 +66,8 @@ MART_FLAGS =
 FIT = 1
 FIT_FLAGS =
 
-# FLOW: if set, lf-flow treats every field before the mean: solenoidal (the flow is incompressible: continuity corrects w),
-# or smooth. The fields as measured stay beside them.
+# FLOW: if set, lf-flow treats every field before the mean: solenoidal (the flow is incompressible: continuity corrects
+# w), or smooth. The fields as measured stay beside them.
 FLOW =
 FLOW_FLAGS =
 
@@ -151,7 +151,7 @@ results := $(or $(flows),$(fields))
 .SECONDARY: $(supports) $(volumes) $(fitted)
 
 # The file of the windows, unless they are set.
-WINDOWS = $(if $(WINDOW_MM)$(filter --window% --pass% --settings%,$(XCORR_FLAGS)),,$(OUT)/windows.txt)
+WINDOWS = $(if $(WINDOW_MM)$(filter --window% --pass%,$(XCORR_FLAGS)),,$(OUT)/windows.txt)
 
 # First as many fields as possible; then the mean of those that exist, and a list of the missing ones.
 dry = $(findstring n,$(firstword -$(MAKEFLAGS)))

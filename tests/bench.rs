@@ -8,8 +8,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Runs scripts/studies/bench with the tools of this test and its files under `out`. Without Python: prints why, returns
-/// None.
+/// Runs scripts/studies/bench with the tools of this test and its files under `out`. Without Python: prints why and
+/// returns None.
 fn bench(out: &Path, words: &[&str]) -> Option<Output> {
     if !has_programs(&["python3"]) {
         return None;

@@ -32,7 +32,7 @@ fn the_list_has_every_stage_that_make_runs() {
         let run = planned.lines().filter(is_stage).filter(|line| !line.contains("lf-calib lattice")).count();
         let others = |line: &&Vec<String>| !["calibrate", "windows", "mean"].contains(&line[0].as_str());
         assert_eq!(listed.iter().filter(others).count(), run, "{settings:?}\n{listed:?}\n{planned}");
-        // What a stage needs is there or made by another.
+        // Each stage needs what is there or made by another.
         for needed in listed.iter().flat_map(|line| &line[2..]) {
             let is_made = listed.iter().any(|line| line[1] == *needed);
             assert!(is_made || campaign().join(needed).exists(), "{settings:?}: {needed}\n{listed:?}");

@@ -103,7 +103,7 @@ fn a_vortex_has_the_sign_that_the_camera_sees() {
     assert!(error["rms_u_px"].as_f64().unwrap() < 1.0, "{error}");
 }
 
-/// The same bytes with blanks in place of the mark: a file of lf 0.1.0.
+/// Bytes with blanks in place of the mark: a file of lf 0.1.0.
 fn without_mark(bytes: &[u8]) -> Vec<u8> {
     let mark = b"\"frame\":\"right-handed\",";
     let at = bytes.windows(mark.len()).position(|part| part == mark).expect("a marked file");

@@ -30,7 +30,7 @@ fn reconstructed(folder: &Folder, z: &str, options: &str) -> f64 {
 /// The options with which Q is best; the defaults are best for vectors.
 const BEST_Q: &str = "--basis blob --iterations 60 --until stall";
 
-/// Few particles, away from the focal plane, where one image does not tell the depth. Q is far above what a wrong sign,
+/// Few particles, away from the focal plane, where one image does not show the depth. Q is far above what a wrong sign,
 /// a shift of half a pixel or a lost corner of the aperture would leave.
 #[test]
 fn every_camera_finds_its_particles() {
@@ -140,7 +140,7 @@ fn particles(folder: &Folder, name: &str, frame: usize) -> Vec<Vec<f64>> {
     rows.filter(|row| row[0] == frame as f64).map(|row| row[2..].to_vec()).collect()
 }
 
-/// How many pairs of true and found particles lie within 1.5 px or three standard uncertainties of each other along each
+/// Number of pairs of true and found particles within 1.5 px or three standard uncertainties of each other along each
 /// axis.
 fn matched(truth: &[Vec<f64>], found: &[Vec<f64>]) -> usize {
     let mut free: Vec<&Vec<f64>> = found.iter().collect();

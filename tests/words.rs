@@ -29,9 +29,9 @@ const WORDS: [&str; 9] = [
     concat!("to", "ld"),
     concat!("te", "ll"),
     concat!("te", "lls"),
-    concat!("fore", "told"),
-    concat!("fore", "tell"),
-    concat!("fore", "tells"),
+    concat!("fore", "to", "ld"),
+    concat!("fore", "te", "ll"),
+    concat!("fore", "te", "lls"),
     concat!("le", "st"),
     concat!("there", "of"),
     concat!("hi", "ther"),
@@ -44,12 +44,12 @@ type Offences = BTreeSet<(String, usize, String)>;
 
 /// The words and pairs of a text that are not plain.
 fn found(text: &str) -> Vec<String> {
-    let words: Vec<&str> = text.split(|letter: char| !letter.is_alphanumeric()).filter(|w| !w.is_empty()).collect();
-    let is_banned = |word: &&&str| WORDS.contains(&word.to_lowercase().as_str());
-    let single = words.iter().filter(is_banned).map(|word| word.to_lowercase());
-    // `None` is no word.
+    let words = text.split(|letter: char| !letter.is_alphanumeric()).map(str::to_lowercase);
+    let single = words.filter(|word| WORDS.contains(&word.as_str()));
+    // A name with underscores is one word here. `None` is no word.
+    let whole: Vec<&str> = text.split(|letter: char| !letter.is_alphanumeric() && letter != '_').collect();
     let is_pair = |two: &&[&str]| PAIRS.iter().any(|pair| two[0].to_lowercase() == pair[0] && two[1] == pair[1]);
-    single.chain(words.windows(2).filter(is_pair).map(|two| two.join(" ").to_lowercase())).collect()
+    single.chain(whole.windows(2).filter(is_pair).map(|two| two.join(" ").to_lowercase())).collect()
 }
 
 /// The opening of a comment that is hard to read.
@@ -81,7 +81,7 @@ fn add_comments(offences: &mut Offences, name: &str, text: &str, mark: &str) {
         for word in found(text) {
             add(format!("has `{word}`"));
         }
-        if let Some(opening) = opening(text).filter(|_| !is_inside) {
+        if let Some(opening) = opening(text).filter(|_| !is_inside || !is_alone) {
             add(format!("opens with {opening}"));
         }
         if is_alone && line.chars().count() > COLUMNS {
