@@ -86,7 +86,7 @@ fn stats_are_json_with_the_agreed_keys() {
 }
 
 #[test]
-fn headers_remember_the_run_unless_told_not_to() {
+fn headers_remember_the_run_unless_history_is_off() {
     let samples = Samples::new();
     let info = |output: &Path| {
         String::from_utf8(Call::new("lf-validate").word("info").word(output).run().done().stdout).unwrap()
@@ -128,7 +128,7 @@ fn man_pages_name_every_option() {
             let listed = options(&help);
             assert!(listed.len() > 4, "{name}: {listed:?}");
             listed.iter().for_each(|option| assert!(page.contains(option.as_str()), "{name} has no {option}\n{page}"));
-            assert!(!help.contains("--generate"), "{name} tells users of what only packagers need");
+            assert!(!help.contains("--generate"), "{name} shows users what only packagers need");
         }
     }
 }

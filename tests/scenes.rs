@@ -117,8 +117,8 @@ fn tracks_are_followed() {
     assert!(lines[4].starts_with("1,4,0.3"), "{shown}");
     // Nothing replaces the flow of a run before.
     folder.write("made/flow.exr", "old");
-    let told = folder.run("lf-synth frames scene.json -o made").stderr;
-    assert!(told.contains("warning: made/flow.exr: of another run"), "{told}");
+    let said = folder.run("lf-synth frames scene.json -o made").stderr;
+    assert!(said.contains("warning: made/flow.exr: of another run"), "{said}");
 }
 
 /// A flow.exr written by lf-synth moves particles like the flow itself, within the interpolation between its vectors.

@@ -154,8 +154,8 @@ refused(lambda: lf.write_volume(sys.argv[1], volume))
     assert!(fs::read(&file).unwrap() == bytes);
 }
 
-/// The same sections, but lf-prune scores a voxel at a place up to a quarter of a voxel from its centre. Voxels near the
-/// threshold differ; the reconstruction does not.
+/// prune.py keeps the voxels of lf-prune, which scores a voxel at a place up to a quarter of a voxel from its centre.
+/// Voxels near the threshold differ; the reconstruction does not.
 #[test]
 fn the_numpy_support_is_ours() {
     let turned = ["camera.microlenses.rotation_rad=0.003", "camera.microlenses.offset_mm=[0.011,-0.007]"];

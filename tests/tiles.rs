@@ -60,7 +60,7 @@ fn four_tiles_are_the_whole() {
         let rms = number(folder, line, &format!("rms_{axis}_px"));
         assert!(rms < 1e-3, "{axis}: {rms} px");
     }
-    // The same pair twice gives the same field. A missing tile is refused.
+    // A pair given twice gives the same field. A missing tile is refused.
     let files: Vec<&str> = first.split(' ').chain(second.split(' ')).collect();
     let again: String = files.chunks(2).map(|two| format!("--and {} ", two.join(" "))).collect();
     folder.run(&format!("lf-xcorr {first} {second} {again} {windows} -o twice.exr"));

@@ -85,6 +85,18 @@ fn every_member_is_known_to_these_tests() {
     }
 }
 
+#[test]
+fn every_package_says_what_it_is_and_where() {
+    for package in packages() {
+        for key in ["description", "license", "repository", "rust_version"] {
+            assert!(package[key].as_str().is_some_and(|text| !text.is_empty()), "{} has no {key}", package["name"]);
+        }
+        for key in ["keywords", "categories"] {
+            assert!(package[key].as_array().is_some_and(|list| !list.is_empty()), "{} has no {key}", package["name"]);
+        }
+    }
+}
+
 // A loop over data in the command line is work that the library does not offer.
 #[test]
 fn command_lines_hold_no_loop_over_voxels_or_pixels() {

@@ -8,7 +8,7 @@ use lf_synth::{Scene, particles as tracers, rays, scene};
 use lf_validate::info;
 use serde_json::Value;
 
-/// Most pixels and particles of a scene that is rendered here.
+/// Limit of the pixels and particles of a scene that is rendered here.
 const MOST_PIXELS: usize = 200 * 200;
 const MOST_PARTICLES: f64 = 20.0;
 const MOST_RAYS: usize = 20_000;
