@@ -4,7 +4,7 @@
 #     make -j2 -f scripts/paper/paper.mk burn         make all that is missing (small: half an hour on two cores)
 #     make -f scripts/paper/paper.mk fig8             make one figure: fig4 to fig15, fig17; trade
 #     make -f scripts/paper/paper.mk view             list the pictures, and print the claims as a table
-#     make -f scripts/paper/paper.mk readme           write that table and the tables of the trade into README.md here
+#     make -f scripts/paper/paper.mk measured         write that table and the tables of the trade into scripts/measured/
 #     make -f scripts/paper/paper.mk clean            delete what this SIZE has made
 #     make -j2 -f scripts/paper/paper.mk SIZE=medium  larger volumes, more seeds, more sweeps: hours; SIZE=paper: weeks
 #
@@ -263,7 +263,7 @@ endef
 wave = frames=2 particles.per_lenslet=0.5 'flow={"kind":"wave","case":"$1","omega":$2,"amplitude_px":25,"length_px":1820,"phase_rad":0.785}'
 
 figures = fig4 fig5 fig6 fig7 fig8 fig9 fig10 fig11 fig12 fig13 fig14 fig15 fig17
-.PHONY: burn view readme clean trade claims $(figures)
+.PHONY: burn view measured clean trade claims $(figures)
 burn: trade $(figures) claims
 
 # ---- Figure 4: one particle, seen from above, by three methods ------------------------------------------------------
@@ -733,7 +733,7 @@ $(OUT)/trade.md: $(trade_runs)
 	keep trade.svg $(OUT)/trade.svg
 	done_ trade.md
 
-# ---- Claims, pictures, README ---------------------------------------------------------------------------------------
+# ---- Claims, pictures, tables ---------------------------------------------------------------------------------------
 
 claims: $(OUT)/claims.jsonl
 $(OUT)/claims.jsonl: $(filter-out fig4,$(figures))
@@ -745,24 +745,22 @@ view:
 	ls $(OUT)/*.svg $(OUT)/fig4/*.svg
 	scripts/paper/claims $(OUT) table
 
-# Replaces what stands between the marks of scripts/paper/README.md by what `burn` has measured. Without runs of the
+# Replaces what stands between the marks of scripts/measured/paper-*.md by what `burn` has measured. Without runs of the
 # trade its tables stay.
-page = scripts/paper/README.md
-readme:
-	target=$(OUT)/readme bin=$(BIN) threads=$(THREADS); eval "$$steps"
-	cp $(page) "$$d/README.md"
+measured:
+	target=$(OUT)/measured bin=$(BIN) threads=$(THREADS); eval "$$steps"
 	scripts/paper/claims $(OUT) table > "$$d/claims.md"
 	[ ! -e $(OUT)/trade.md ] || cp $(OUT)/trade.md "$$d"
 	for part in claims trade; do
 	    [ -e "$$d/$$part.md" ] || continue
+	    page=scripts/measured/paper-$$part.md
 	    awk -v part="$$part" -v file="$$d/$$part.md" '
 	        $$0 == "<!-- end of " part " -->" { inside = 0 }
 	        !inside { print }
 	        $$0 ~ "^<!-- " part ":" { inside = found = 1; while ((getline line < file) > 0) print line }
-	        END { if (inside || !found) exit 1 }' "$$d/README.md" > "$$d/next.md"
-	    mv "$$d/next.md" "$$d/README.md"
+	        END { if (inside || !found) exit 1 }' "$$page" > "$$d/next.md"
+	    cat "$$d/next.md" > "$$page"
 	done
-	cat "$$d/README.md" > $(page)
 
 clean:
 	rm -rf $(OUT)
