@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Support (.lfv), - for standard output [default: -]
     #[arg(short, long, value_name = "FILE", default_value = "-", hide_default_value = true, help_heading = FILES)]
     pub output: PathBuf,
-    /// Defaults between speed and accuracy for the whole chain; options that you give override them
+    /// Defaults between speed and accuracy for the whole chain; typed options override them
     #[arg(long, value_parser = Preset::parser(preset::help), help_heading = VOLUME)]
     pub preset: Option<Preset>,
     /// Pixels per voxel along x, y, z. Choose 1 or 2 across, as particle images are about 2 px wide. Along z, `r` is
