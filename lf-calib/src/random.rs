@@ -1,12 +1,9 @@
 //! Pseudo-random numbers for tests.
 
-/// A number from 0 to 1 (SplitMix64).
+/// A number from 0 to 1 of a linear congruential sequence.
 pub(crate) fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 11) as f64 / (1u64 << 53) as f64
 }
 
 /// A number of a nearly normal distribution: twelve uniform ones minus 6.

@@ -161,7 +161,10 @@ impl<'a> Plan<'a> {
         let unit = if peak > 0.0 { peak } else { 1.0 };
         let mut image = image.mapv(|value| (f64::from(value) / unit) as f32);
         if let Some(tile) = &self.options.tile {
-            blind_outside(&mut image, tile.pixels);
+            // Pixels outside the tile's are blind.
+            let is_inside = |axis: usize, place: usize| (tile.pixels[axis][0]..tile.pixels[axis][1]).contains(&place);
+            let outside = image.indexed_iter_mut().filter(|((y, x), _)| !(is_inside(0, *x) && is_inside(1, *y)));
+            outside.for_each(|(_, value)| *value = f32::NAN);
         }
         (image, unit)
     }
@@ -176,14 +179,5 @@ impl<'a> Plan<'a> {
         let even = (light / voxels) as f32;
         let block_vox = [0, 1].map(|axis| (self.block_mm / weights.grid().spacing_mm[axis]).round().max(1.0) as usize);
         Problem { image, unit, even, block_vox, weights, indices, start, options }
-    }
-}
-
-/// Makes the pixels outside these columns and rows, `[from, to)`, blind.
-fn blind_outside(image: &mut Array2<f32>, [columns, rows]: [[usize; 2]; 2]) {
-    for ((row, column), value) in image.indexed_iter_mut() {
-        if !((rows[0]..rows[1]).contains(&row) && (columns[0]..columns[1]).contains(&column)) {
-            *value = f32::NAN;
-        }
     }
 }

@@ -2,15 +2,12 @@
 #![allow(dead_code)]
 
 pub mod points;
-#[path = "../../src/random.rs"]
-pub mod random;
 
 use glam::DVec2;
 use lf_calib::DataSheet;
 use lf_core::camera::{Aperture, Layout};
 use lf_core::{Camera, Optics};
 use ndarray::Array2;
-pub(crate) use random::{normal, uniform};
 
 /// The camera of the simulations with a round stop: lenslets of 14 px whose discs touch.
 pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2]) -> Camera {
@@ -161,6 +158,16 @@ fn covered(corner: DVec2, discs: &[(DVec2, f64)]) -> f64 {
 pub fn noisy(image: &mut Array2<f32>, share: f64) {
     for (n, value) in image.iter_mut().enumerate() {
         let mut state = n as u64 ^ 0x9e37_79b9_7f4a_7c15;
-        *value = (*value as f64 * (1.0 + share * normal(&mut state))).max(0.0) as f32;
+        *value =
+            (*value as f64 * (1.0 + share * ((0..12).map(|_| uniform(&mut state)).sum::<f64>() - 6.0))).max(0.0) as f32;
     }
+}
+
+/// A random number from 0 to 1 (SplitMix64).
+pub fn uniform(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }

@@ -180,11 +180,6 @@ impl Arguments {
         }
         Ok(())
     }
-
-    /// The settings of the preset, as they would be typed, each with whether it holds: typed options override it.
-    pub fn preset_settings(&self, preset: Preset) -> impl Iterator<Item = (String, bool)> {
-        preset::typed(preset).into_iter().zip([self.iterations.is_none()])
-    }
 }
 
 fn until_from(typed: &str, sigma: impl FnOnce() -> f64) -> Result<Until> {

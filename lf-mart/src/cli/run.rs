@@ -1,6 +1,7 @@
 //! Reads image, camera and voxels, reconstructs, and writes the volume.
 
-use super::{arguments::Arguments, misfit, preset::WeightsName};
+use super::preset::{self, WeightsName};
+use super::{arguments::Arguments, misfit};
 use lf_core::cli::MemoryLimit;
 use lf_core::image::{self, Frame};
 use lf_core::{
@@ -19,7 +20,7 @@ pub fn main() -> ExitCode {
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     arguments.options(None, || 0.0)?;
     if let Some(preset) = arguments.preset {
-        session.explain_preset(preset, arguments.preset_settings(preset));
+        session.explain_preset(preset, preset::typed(preset).into_iter().zip([arguments.iterations.is_none()]));
     }
     check_files(arguments, session)?;
     let name = io::name(&arguments.support);

@@ -121,7 +121,7 @@ impl<'a> DensePhase<'a> {
             return None;
         }
         let bytes = Stored::estimated_bytes(weights, indices, *subsets);
-        limits.allow(indices.len(), bytes).then(|| VoxelWeights::kept(weights, indices, *subsets, bytes))
+        limits.allow(indices.len(), bytes).then(|| VoxelWeights::new(weights, indices, *subsets, u64::MAX))
     }
 
     /// Ends a sweep, and returns the weights of all voxels that are left if they are to be kept now.

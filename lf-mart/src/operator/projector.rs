@@ -1,6 +1,6 @@
 //! Projection and back-projection without a matrix, for solvers of your own.
 
-use super::{choice::Operator, plane::Plane, stored::Stored, voxels::VoxelWeights};
+use super::{choice::Operator, plane::Plane, voxels::VoxelWeights};
 use lf_core::{Weights, weights::RowSet};
 use ndarray::{Array2, ArrayView2};
 
@@ -17,11 +17,8 @@ impl<'a> Projector<'a> {
     /// and made at every use otherwise.
     pub fn new(weights: &'a Weights, indices: &[u64], most_bytes: u64) -> Self {
         let [width, height] = weights.sensor_px();
-        let bytes = Stored::estimated_bytes(weights, indices, 1);
-        let operator = match Stored::fits(bytes, most_bytes) {
-            true => Operator::Voxels(VoxelWeights::kept(weights, indices, 1, bytes)),
-            false => Operator::remade(weights, indices),
-        };
+        let kept = VoxelWeights::new(weights, indices, 1, most_bytes);
+        let operator = if kept.kept.is_some() { Operator::Voxels(kept) } else { Operator::remade(weights, indices) };
         Self { operator, plane: Plane::new(width, height), voxels: indices.len(), width }
     }
 

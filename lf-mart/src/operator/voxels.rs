@@ -36,28 +36,12 @@ pub(crate) struct VoxelWeights<'a> {
 }
 
 impl<'a> VoxelWeights<'a> {
+    /// Weights that are kept if they take no more than `most_bytes`.
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, most_bytes: u64) -> Self {
-        let mut this = Self::empty(weights, indices, subsets, most_bytes);
+        let (indices, planes) = (indices.to_vec(), vec![Vec::new(); BLOCKS]);
+        let mut this = Self { weights, subsets, most_bytes, indices, planes, count: 0, kept: None };
         this.keep_if_it_fits();
         this
-    }
-
-    /// Weights that are kept. `bytes` is their size by [`Stored::estimated_bytes`].
-    pub(super) fn kept(weights: &'a Weights, indices: &[u64], subsets: usize, bytes: u64) -> Self {
-        let mut this = Self::empty(weights, indices, subsets, bytes);
-        this.keep(bytes);
-        this
-    }
-
-    fn empty(weights: &'a Weights, indices: &[u64], subsets: usize, most_bytes: u64) -> Self {
-        let planes = vec![Vec::new(); BLOCKS];
-        Self { weights, subsets, most_bytes, indices: indices.to_vec(), planes, count: 0, kept: None }
-    }
-
-    fn keep(&mut self, bytes: u64) {
-        let kept = Stored::new(self.weights, &self.indices, self.subsets, bytes);
-        self.count = kept.count();
-        self.kept = Some(kept);
     }
 
     /// Bytes of kept weights, while they are made, and of the tables that make them.
@@ -69,11 +53,9 @@ impl<'a> VoxelWeights<'a> {
 
     fn keep_if_it_fits(&mut self) {
         let bytes = Stored::estimated_bytes(self.weights, &self.indices, self.subsets);
-        if Stored::fits(bytes, self.most_bytes) {
-            self.keep(bytes);
-        } else {
-            self.count = count_weights(self.weights, &self.indices);
-        }
+        self.kept =
+            Stored::fits(bytes, self.most_bytes).then(|| Stored::new(self.weights, &self.indices, self.subsets, bytes));
+        self.count = self.kept.as_ref().map_or_else(|| count_weights(self.weights, &self.indices), Stored::count);
     }
 
     /// Keeps the weights as soon as those of the voxels held fit.
