@@ -23,13 +23,13 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let inputs = inputs::open(arguments, session)?;
     inputs::check(&inputs, arguments, &outputs(arguments), session)?;
     let volume_name = |n: usize| io::name(&arguments.volume[n]);
-    let bytes = fit::estimated_bytes(&inputs, &options).map_err(|(n, refusal)| refusal.about(&volume_name(n)))?;
+    let bytes = fit::estimated_bytes(&inputs, &options).map_err(|(n, refusal)| refusal.about(volume_name(n)))?;
     let voxels: usize = inputs.iter().map(|input| input.volume.count()).sum();
     if arguments.estimate {
         session.print_estimate(bytes, &[("voxels", voxels as u64)], &[])?;
         return Ok(Verdict::Done);
     }
-    session.allow_memory(arguments.memory, bytes as f64, &volume_name(0), || format!("a fit to {voxels} voxels"))?;
+    session.allow_memory(arguments.memory, bytes as f64, volume_name(0), || format!("a fit to {voxels} voxels"))?;
     for input in &inputs {
         session.warn_of_frame(&input.image, &input.camera, !arguments.background.is_empty());
         session.explain(format!("camera: {}", input.camera.about()));
@@ -87,7 +87,7 @@ fn solve<'a>(
             log.push('\n');
         };
         let files = if inputs.len() == 1 { &arguments.volume } else { &arguments.camera };
-        fit::fit(inputs, options, on_step).map_err(|(n, refusal)| refusal.about(&io::name(&files[n])))
+        fit::fit(inputs, options, on_step).map_err(|(n, refusal)| refusal.about(io::name(&files[n])))
     })?;
     Ok((found, log))
 }
