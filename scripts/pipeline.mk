@@ -53,7 +53,8 @@ PVR =
 DEPTH = -5,5
 BOUNDS =
 
-# Speed against accuracy: fast, balanced, accurate (--help of the tools), or nothing for the defaults. The settings below override it.
+# Speed against accuracy: fast, balanced, accurate (--help of lf-prune and lf-mart), or nothing for the defaults. The
+# settings below override it.
 PRESET =
 THRESHOLD =
 ITERATIONS =
@@ -65,8 +66,8 @@ MART_FLAGS =
 FIT = 1
 FIT_FLAGS =
 
-# FLOW: if set, lf-flow treats every field before the mean: solenoidal (the flow is incompressible: continuity corrects w),
-# or smooth. The fields as measured stay beside them.
+# FLOW: if set, lf-flow treats every field before the mean: solenoidal (the flow is incompressible: continuity corrects
+# w), or smooth. The fields as measured stay beside them.
 FLOW =
 FLOW_FLAGS =
 
@@ -98,8 +99,10 @@ XCORR = $(BIN)lf-xcorr
 TREAT = $(BIN)lf-flow
 
 # RUN: what every recipe line begins with, which sends it to a machine. TRIES: how often one call of make tries a stage.
+# ESTIMATE: if set, a stage makes nothing and prints the memory that it would take.
 RUN =
 TRIES = 1
+ESTIMATE =
 
 # Nothing below needs to change.
 
@@ -144,11 +147,11 @@ fields := $(pairs:%=$(OUT)/field-%.exr)
 flows := $(if $(FLOW),$(pairs:%=$(OUT)/flow-%.exr))
 results := $(or $(flows),$(fields))
 
-.PHONY: all calibrate prune reconstruct fit windows correlate fields flows report
+.PHONY: all calibrate prune reconstruct fit windows correlate fields flows report list
 .SECONDARY: $(supports) $(volumes) $(fitted)
 
 # The file of the windows, unless they are set.
-WINDOWS = $(if $(WINDOW_MM)$(filter --window% --pass% --settings%,$(XCORR_FLAGS)),,$(OUT)/windows.txt)
+WINDOWS = $(if $(WINDOW_MM)$(filter --window% --pass%,$(XCORR_FLAGS)),,$(OUT)/windows.txt)
 
 # First as many fields as possible; then the mean of those that exist, and a list of the missing ones.
 dry = $(findstring n,$(firstword -$(MAKEFLAGS)))
@@ -181,7 +184,8 @@ ifneq ($(MAKECMDGOALS),report)
 # and so are the results made from it, $2. $3 is the option that names the result, if it is not -o.
 log = $(LOG)/$(basename $(notdir $@)).txt
 say = @printf '%s\n' '$(subst ','\'',$(strip $(RUN) $1))'
-step = $(call say,$1 $(or $3,-o) $@); \
+step = $(if $(ESTIMATE),@$(RUN) $1 --threads $(THREADS) --quiet --estimate,$(made))
+made = $(call say,$1 $(or $3,-o) $@); \
     $(RUN) $1 --threads $(THREADS) --stats $(basename $@).stats.json $(or $3,-o) $@ 2> $(log); status=$$?; cat $(log) >&2; \
     [ $$status = 0 ] && echo $@ >> $(LOG)/done.txt || { rm -f $@ $2; exit 2; }
 
@@ -196,7 +200,8 @@ colour = $(addprefix --channel ,$(CHANNEL))
 $(OUT)/camera-lattice.json: $(WHITE) $(NOMINAL) | $(LOG)
 	$(call step,$(CALIB) lattice $(WHITE) -c $(NOMINAL) $(colour))
 
-$(OUT)/camera-volume.json: $(lattice) $(wildcard $(DOTS) $(DOTS:%=%/*)) | $(LOG)
+targets := $(wildcard $(DOTS) $(DOTS:%=%/*))
+$(OUT)/camera-volume.json: $(lattice) $(targets) | $(LOG)
 	$(call step,$(CALIB) volume $(DOTS) $(DOTS_FLAGS) -c $< $(colour))
 
 drifting = $(call each,file-of,$(REFINE)) $(call background-of,$(firstword $(REFINE)))
@@ -223,19 +228,20 @@ subtract = $(addprefix -b ,$(call background-of,$1))
 $(OUT)/background-%.exr: $(NOMINAL) | $(LOG)
 	$(call step,$(CALIB) background $(call frames-of,$*) -c $< --quantile $(QUANTILE) $(colour))
 
-# One line per stage. Only our own tools know presets and write a log of their sweeps; a swapped stage does not get the
-# options.
+# One line per stage. Only our own lf-prune and lf-mart know presets, and lf-mart a log of its sweeps; a swapped stage
+# does not get the options.
 flow-of = $(if $(FLOW),$(OUT)/flow-$1.exr)
+given = $(call file-of,$1) $(CAMERA) $(call background-of,$1)
 fields-of = $(foreach pair,$(pairs),$(if $(filter $1,$(call split,$(pair))),$(OUT)/field-$(pair).exr $(call flow-of,$(pair))))
-preset = $(if $(filter lf-prune lf-mart lf-xcorr,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
+preset = $(if $(filter lf-prune lf-mart,$(notdir $(firstword $1))),$(addprefix --preset ,$(PRESET)))
 sweeps = $(if $(filter lf-mart,$(notdir $(firstword $(MART)))),--log $(OUT)/volume-$1.sweeps.jsonl)
 
-$(supports): $(OUT)/support-%.lfv: $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
+$(supports): $(OUT)/support-%.lfv: $$(call given,$$*) | $(LOG)
 	$(call step,$(PRUNE) $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(addprefix --pvr ,$(PVR)) --depth $(DEPTH) \
 	    $(addprefix --bounds ,$(BOUNDS)) $(call preset,$(PRUNE)) $(addprefix --threshold ,$(THRESHOLD)) $(PRUNE_FLAGS),\
 	    $(OUT)/volume-$*.lfv $(call fields-of,$*))
 
-$(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
+$(volumes): $(OUT)/volume-%.lfv: $(OUT)/support-%.lfv $$(call given,$$*) | $(LOG)
 	$(call step,$(MART) $< -i $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(call preset,$(MART)) \
 	    $(addprefix --iterations ,$(ITERATIONS)) $(call sweeps,$*) $(MART_FLAGS),$(call fields-of,$*))
 	$(if $(TIDY),@rm -f $<)
@@ -244,7 +250,7 @@ volumes-of = $(foreach name,$(call split,$1),$(OUT)/volume-$(name).lfv)
 fitted-of = $(if $(fits),$(foreach name,$(call split,$1),$(OUT)/particles-$(name).csv))
 
 # lf-fit names its table --particles; -o is a volume that is drawn from it.
-$(fitted): $(OUT)/particles-%.csv: $(OUT)/volume-%.lfv $$(call file-of,$$*) $(CAMERA) $$(call background-of,$$*) | $(LOG)
+$(fitted): $(OUT)/particles-%.csv: $(OUT)/volume-%.lfv $$(call given,$$*) | $(LOG)
 	$(call step,$(FITTER) $< -i $(call frame-of,$*) -c $(CAMERA) $(call subtract,$*) $(colour) $(FIT_FLAGS),\
 	    $(call fields-of,$*),--particles)
 
@@ -254,17 +260,32 @@ windows:
 	+@$(if $(dry),,for pair in $(pairs); do \
 	    [ ! -e $(WINDOWS) ] || break; \
 	    volumes="$(OUT)/volume-$${pair%-*}.lfv $(OUT)/volume-$${pair#*-}.lfv"; \
-	    $(again) $$volumes && told=$$($(estimate)) && told=$${told#*\"window_mm\":[} && \
-	        echo "--window-mm $${told%%]*}" > $(WINDOWS).$$$$ && mv $(WINDOWS).$$$$ $(WINDOWS); \
+	    $(again) $$volumes && sides=$$($(estimate)) && sides=$${sides#*\"window_mm\":[} && \
+	        echo "--window-mm $${sides%%]*}" > $(WINDOWS).$$$$ && mv $(WINDOWS).$$$$ $(WINDOWS); \
 	done; [ -e $(WINDOWS) ])
 
 $(fields): $(OUT)/field-%.exr: $$(call volumes-of,$$*) $$(call fitted-of,$$*) | $(LOG)
 	$(call step,$(XCORR) $(call volumes-of,$*) $(if $(fits),--particles $(call fitted-of,$*)) $(addprefix --initial-mm ,$(INITIAL_MM)) \
 	    $(if $(WINDOWS),$$(cat $(WINDOWS)),$(addprefix --window-mm ,$(WINDOW_MM))) $(addprefix --dt ,$(DT)) \
-	    $(call preset,$(XCORR)) $(XCORR_FLAGS) --plot $(@:.exr=.svg),$(call flow-of,$*))
+	    $(XCORR_FLAGS) --plot $(@:.exr=.svg),$(call flow-of,$*))
 
 $(flows): $(OUT)/flow-%.exr: $(OUT)/field-%.exr | $(LOG)
 	$(call step,$(TREAT) $(FLOW) $< $(FLOW_FLAGS))
+
+# The stages as a list for other programs (scripts/Snakefile): stage, what it makes, what it makes that from. The
+# windows are those of the first pair.
+first-pair = $(firstword $(pairs))
+list:
+	$(info calibrate $(CAMERA) $(NOMINAL) $(WHITE) $(targets) $(if $(REFINE),$(drifting)))
+	$(foreach file,$(filter $(OUT)/background-%,$(sort $(call each,background-of,$(names)))),$(info background $(file) $(NOMINAL)))
+	$(foreach name,$(names),$(info prune $(OUT)/support-$(name).lfv $(call given,$(name))))
+	$(foreach name,$(names),$(info mart $(OUT)/volume-$(name).lfv $(OUT)/support-$(name).lfv $(call given,$(name))))
+	$(if $(fits),$(foreach name,$(names),$(info fit $(OUT)/particles-$(name).csv $(OUT)/volume-$(name).lfv $(call given,$(name)))))
+	$(if $(WINDOWS),$(info windows $(WINDOWS) $(call volumes-of,$(first-pair))))
+	$(foreach pair,$(pairs),$(info xcorr $(OUT)/field-$(pair).exr $(call volumes-of,$(pair)) $(call fitted-of,$(pair)) $(WINDOWS)))
+	$(if $(FLOW),$(foreach pair,$(pairs),$(info flow $(OUT)/flow-$(pair).exr $(OUT)/field-$(pair).exr)))
+	$(info mean $(OUT)/report.html $(results))
+	@:
 
 endif
 

@@ -8,13 +8,13 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Runs scripts/studies/bench with the tools of this test and its files under `out`. Without bash: prints why, returns
-/// None.
+/// Runs scripts/studies/bench with the tools of this test and its files under `out`. Without Python: prints why and
+/// returns None.
 fn bench(out: &Path, words: &[&str]) -> Option<Output> {
-    if !has_programs(&["bash", "awk"]) {
+    if !has_programs(&["python3"]) {
         return None;
     }
-    let mut command = Command::new("bash");
+    let mut command = Command::new("python3");
     command.arg(workspace().join("scripts/studies/bench")).args(words).current_dir(out);
     command.env("BIN", path("lf-synth").parent().unwrap()).env("OUT", out).env("COMMIT", "one");
     Some(command.output().unwrap())
@@ -37,7 +37,7 @@ fn a_measurement_goes_on_record_and_a_tool_is_the_same_as_itself() {
         assert!(said.contains("rays/s"), "{said}");
         let is_pair = words.contains(&"--against");
         assert_eq!(said.contains("outputs are the same, byte for byte"), is_pair, "{said}");
-        assert_eq!(said.contains("1 pair, too few to tell"), is_pair, "{said}");
+        assert_eq!(said.contains("1 pair, too few to judge"), is_pair, "{said}");
     }
 
     let lines = record(place.path());

@@ -34,7 +34,7 @@ fn a_particle_on_the_right_and_above_is_there_in_the_picture() {
     scene(&folder, &["frames=1"]);
     folder.run("lf-synth frames scene.json -o .").silent();
     let [column, row] = centroid(&folder, "frame-0000.exr");
-    assert!((column - 100.0).abs() < 7.5 && (row + 50.0).abs() < 7.5, "{column} {row}");
+    assert!((column - 100.0).abs() < 7.5 && (row + 50.0).abs() < 2.0, "{column} {row}");
 }
 
 /// The flow turns anticlockwise about z. So the particle on the right moves up in the picture.
@@ -46,8 +46,8 @@ fn positive_rotation_is_anticlockwise_in_the_picture() {
     folder.run("lf-synth frames scene.json -o .");
     let [before, after] = ["frame-0000.exr", "frame-0001.exr"].map(|name| centroid(&folder, name));
     // 100 px turned by 0.5 rad.
-    assert!((before[0] - 100.0).abs() < 7.5 && before[1].abs() < 7.5, "{before:?}");
-    assert!((after[0] - 87.8).abs() < 7.5 && (after[1] + 47.9).abs() < 7.5, "{after:?}");
+    assert!((before[0] - 100.0).abs() < 7.5 && before[1].abs() < 0.01, "{before:?}");
+    assert!((after[0] - 87.8).abs() < 6.6 && (after[1] + 47.9).abs() < 2.3, "{after:?}");
 }
 
 /// The values of an array of a `.vti`.
@@ -97,13 +97,15 @@ fn a_vortex_has_the_sign_that_the_camera_sees() {
     let vorticity: Vec<f32> = array(&vti, "vorticity").chunks_exact(3).map(|about| about[2]).collect();
     let mean = vorticity.iter().sum::<f32>() / vorticity.len() as f32;
     // A rotation has twice its angle.
-    assert!((mean - 0.06).abs() < 0.01, "{mean}");
+    assert!((mean - 0.06).abs() < 0.0004, "{mean}");
     assert!(String::from_utf8_lossy(&vti).contains("<!-- Frame: right-handed;"));
     let error = folder.run("lf-validate displacement scene.json field.exr -c camera.json").json();
-    assert!(error["rms_u_px"].as_f64().unwrap() < 1.0, "{error}");
+    for (axis, most) in [("u", 0.08), ("v", 0.065), ("w", 0.37)] {
+        assert!(error[format!("rms_{axis}_px")].as_f64().unwrap() < most, "{error}");
+    }
 }
 
-/// The same bytes with blanks in place of the mark: a file of lf 0.1.0.
+/// Bytes with blanks in place of the mark: a file of lf 0.1.0.
 fn without_mark(bytes: &[u8]) -> Vec<u8> {
     let mark = b"\"frame\":\"right-handed\",";
     let at = bytes.windows(mark.len()).position(|part| part == mark).expect("a marked file");

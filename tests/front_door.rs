@@ -86,7 +86,7 @@ fn stats_are_json_with_the_agreed_keys() {
 }
 
 #[test]
-fn headers_remember_the_run_unless_told_not_to() {
+fn headers_remember_the_run_unless_history_is_off() {
     let samples = Samples::new();
     let info = |output: &Path| {
         String::from_utf8(Call::new("lf-validate").word("info").word(output).run().done().stdout).unwrap()
@@ -114,7 +114,7 @@ fn options(help: &str) -> Vec<String> {
 }
 
 #[test]
-fn man_pages_name_every_visible_option() {
+fn man_pages_name_every_option() {
     for tool in tools() {
         let tasks = generated(tool, &["tasks"]);
         let tasks: Vec<&str> = tasks.lines().collect();
@@ -123,12 +123,12 @@ fn man_pages_name_every_visible_option() {
             let page = page.replace("\\-", "-");
             let name = [tool].into_iter().chain(task).collect::<Vec<_>>().join("-");
             assert!(page.contains(&format!("{name} - ")), "{name}\n{page}");
-            let help = Call::new(tool).words(task).word("--help").run().done().stdout;
+            let help = Call::new(tool).words(task).word("--help-all").run().done().stdout;
             let help = String::from_utf8(help).unwrap();
             let listed = options(&help);
             assert!(listed.len() > 4, "{name}: {listed:?}");
             listed.iter().for_each(|option| assert!(page.contains(option.as_str()), "{name} has no {option}\n{page}"));
-            assert!(!help.contains("--generate"), "{name} tells users of what only packagers need");
+            assert!(!help.contains("--generate"), "{name} shows users what only packagers need");
         }
     }
 }

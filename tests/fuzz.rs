@@ -62,11 +62,6 @@ fn exr_frames() {
 }
 
 #[test]
-fn run_records() {
-    run("records", &files::records(), fuzz::json::change, targets::records);
-}
-
-#[test]
 fn other_texts() {
     run("texts", &files::texts(), fuzz::text::change, targets::text);
 }

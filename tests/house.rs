@@ -1,7 +1,6 @@
-//! The rules of the house: no circles of files, short functions, a small main.rs, rooms that say what they hold, plain
-//! comments.
+//! The rules of the house: no circles of files, short functions, a small main.rs, rooms that say what they hold.
 
-use crate::sources::{Source, crates, sources, tools};
+use crate::sources::{Source, all_sources, crates, sources, tools};
 use lf_tests::tools::workspace;
 use proc_macro2::{TokenStream, TokenTree};
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,8 +13,6 @@ use syn::{Attribute, Item, ItemUse, UseTree};
 const FUNCTION_LINES: usize = 80;
 /// Longest main.rs, lines.
 const MAIN_LINES: usize = 29;
-/// First words that make a comment hard to read.
-const OPENINGS: [&str; 6] = ["Of", "That", "Those", "What", "As", "Whose"];
 
 fn parsed(source: &Source) -> syn::File {
     syn::parse_file(&source.text).unwrap_or_else(|error| panic!("{}: {error}", source.path.display()))
@@ -298,13 +295,6 @@ impl<'ast> Visit<'ast> for Functions {
     }
 }
 
-/// All Rust sources of the project: of the crates, their tests and benches, and of this package.
-fn all_sources() -> Vec<Source> {
-    let folders =
-        crates().flat_map(|folder| ["src", "tests", "benches"].map(|part| workspace().join(folder).join(part)));
-    folders.chain([workspace().join("tests")]).flat_map(|folder| sources(&folder)).collect()
-}
-
 #[test]
 fn functions_are_short() {
     let mut long = Vec::new();
@@ -350,29 +340,6 @@ fn a_room_says_what_it_holds_and_its_mod_rs_holds_nothing_else() {
         };
         if source.path.ends_with("mod.rs") && !file.items.iter().all(is_list) {
             wrong.push(format!("{} holds more than modules and re-exports", source.name()));
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-}
-
-/// The text of a comment's line, without its slashes; none for other lines.
-fn comment(line: &str) -> Option<&str> {
-    let text = line.trim_start().strip_prefix("//")?;
-    Some(text.trim_start_matches(['/', '!']).trim())
-}
-
-#[test]
-fn comments_open_with_their_subject() {
-    let mut wrong = Vec::new();
-    for source in all_sources() {
-        let mut is_inside = false;
-        for (n, line) in source.text.lines().enumerate() {
-            let text = comment(line);
-            let first = text.and_then(|text| text.split(|letter: char| !letter.is_alphanumeric()).next());
-            if let Some(word) = first.filter(|word| !is_inside && OPENINGS.contains(word)) {
-                wrong.push(format!("{}:{} opens with {word}", source.name(), n + 1));
-            }
-            is_inside = text.is_some_and(|text| !text.is_empty());
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));

@@ -1,5 +1,5 @@
-//! Limits of memory, and values at the ends of their ranges: refused in one line before the work, or done in the memory
-//! foretold.
+//! Limits of memory, and values at the ends of their ranges: refused in one line before the work, or done in the
+//! estimated memory.
 
 use lf_core::{Grid, Volume};
 use lf_tests::samples::{Kind, Samples};
@@ -49,34 +49,36 @@ fn huge_grids_are_refused_before_they_take_memory() {
     prune(&samples, "--depth -0.2,0.2 --max-memory 0").run().refused("wanted 0.001 to 1000000 GB");
 }
 
-/// Bytes by which a small run may be foretold too high.
+/// Bytes by which the estimate of a small run may be too high.
 const SMALL: f64 = 5e6;
 
-/// Most memory foretold over the memory taken: by one thread, and by several, which need not reach their peaks together.
-const MOST_FORETOLD: [f64; 2] = [1.3, 1.5];
+/// Limits of the estimated memory over the memory taken: by one thread, and by several, which need not reach their
+/// peaks together.
+const HIGHEST_ESTIMATE: [f64; 2] = [1.3, 1.5];
 
-/// Bytes that lf-mart foretells for weights that it keeps once the haze is gone: a fifth of `--max-memory` at most. In the
-/// few sweeps of a test the haze does not go.
+/// Bytes that lf-mart estimates for weights that it keeps once dark voxels are dropped: a fifth of `--max-memory` at
+/// most. In the few sweeps of a test they are not dropped.
 fn later(line: &str) -> f64 {
     if line.starts_with("lf-mart") { 0.2 * MART_GB * 1e9 } else { 0.0 }
 }
 const MART_GB: f64 = 3.0;
 
-/// Runs lines that write `stats.json` with each number of threads. The memory foretold must be at least the memory taken,
-/// and at most [`MOST_FORETOLD`] times as much; small runs may take [`SMALL`] less.
+/// Runs lines that write `stats.json` with each number of threads. The estimated memory must be at least the memory
+/// taken, and at most [`HIGHEST_ESTIMATE`] times as much; small runs may take [`SMALL`] less.
 fn check_memory(folder: &Folder, has_estimate: bool, threads: &[usize], lines: &[&str]) {
     for line in lines {
         for threads in threads {
             let line = format!("{line} -q --threads {threads}");
-            let told = has_estimate.then(|| folder.run(&format!("{line} --estimate")).json()["memory_bytes"].clone());
+            let estimate =
+                has_estimate.then(|| folder.run(&format!("{line} --estimate")).json()["memory_bytes"].clone());
             folder.run(&format!("{line} --stats stats.json"));
             let stats = folder.json("stats.json");
-            let told = told.unwrap_or_else(|| stats["counts"]["estimated_bytes"].clone()).as_f64().unwrap();
+            let estimate = estimate.unwrap_or_else(|| stats["counts"]["estimated_bytes"].clone()).as_f64().unwrap();
             let taken = stats["peak_bytes"].as_f64().unwrap();
-            let most = MOST_FORETOLD[usize::from(*threads > 1)];
+            let most = HIGHEST_ESTIMATE[usize::from(*threads > 1)];
             assert!(
-                taken <= told && told <= most * taken + SMALL + later(&line),
-                "{line}: {told} bytes foretold, {taken} taken"
+                taken <= estimate && estimate <= most * taken + SMALL + later(&line),
+                "{line}: {estimate} bytes estimated, {taken} taken"
             );
         }
     }
@@ -93,7 +95,7 @@ fn move_by_three(folder: &Folder, from: &str, to: &str) {
 }
 
 #[test]
-fn the_memory_foretold_is_the_memory_taken() {
+fn the_estimated_memory_is_the_memory_taken() {
     let folder = Folder::new();
     let noise = r#"sensor_noise={"dark_counts": 100, "read_noise_electrons": 3}"#;
     for side in [1400, 2800] {
@@ -111,7 +113,7 @@ fn the_memory_foretold_is_the_memory_taken() {
         let prune = "lf-prune frame-0000.exr -c camera.json --depth -5,5 --pvr 2,2,20 -o support.lfv";
         check_memory(&folder, true, &[1, 2], &[prune]);
         let mart = format!("lf-mart support.lfv {on_frame} --iterations 2 -o volume.lfv --max-memory {MART_GB}");
-        // On a hexagonal lattice so many voxels take minutes; scripts/studies/memory has them.
+        // On a hexagonal lattice this many voxels take minutes; scripts/studies/memory has them.
         if layout.ends_with("square") {
             check_memory(&folder, true, &[2], &[&format!("{mart} --basis blob"), &mart]);
         }
@@ -131,7 +133,7 @@ fn the_memory_foretold_is_the_memory_taken() {
 }
 
 #[test]
-fn the_memory_of_lf_fit_is_foretold() {
+fn the_memory_of_lf_fit_is_estimated() {
     let folder = Folder::new();
     let noise = r#"sensor_noise={"photon_noise": true, "read_noise_electrons": 3, "dark_counts": 20}"#;
     for layout in ["square", "hexagonal"] {
@@ -167,8 +169,9 @@ fn lists_of_lines_and_slices_count() {
             samples.call(&line).run().refused("wanted 0.1 GB at most, as --max-memory allows");
         }
     }
-    let told = samples.run("lf-mart deep.lfv -i image.exr -c camera.json --estimate").json()["memory_bytes"].as_f64();
-    assert!(told.unwrap() > 1e9);
+    let estimate =
+        samples.run("lf-mart deep.lfv -i image.exr -c camera.json --estimate").json()["memory_bytes"].as_f64();
+    assert!(estimate.unwrap() > 1e9);
 }
 
 #[test]

@@ -30,16 +30,16 @@ fn reconstructed(folder: &Folder, z: &str, options: &str) -> f64 {
 /// The options with which Q is best; the defaults are best for vectors.
 const BEST_Q: &str = "--basis blob --iterations 60 --until stall";
 
-/// Few particles, away from the focal plane, where one image does not tell the depth. Q is far above what a wrong sign,
-/// a shift of half a pixel or a lost corner of the aperture would leave.
+/// Few particles, away from the focal plane, where one image does not show the depth. Q is far above what a wrong sign,
+/// a shift of half a pixel or a lost corner of the aperture would leave; 1 - Q is at most twice today's.
 #[test]
 fn every_camera_finds_its_particles() {
-    for (name, set) in [
-        ("core", ""),
-        ("core-round", ""),
-        ("core-hexagonal", ""),
-        ("core", "camera.microlenses.rotation_rad=0.01"),
-        ("core-round", "camera.microlenses.offset_mm=[0.02,-0.03]"),
+    for (name, set, least) in [
+        ("core", "", 0.952),
+        ("core-round", "", 0.953),
+        ("core-hexagonal", "", 0.981),
+        ("core", "camera.microlenses.rotation_rad=0.01", 0.983),
+        ("core-round", "camera.microlenses.offset_mm=[0.02,-0.03]", 0.973),
     ] {
         let mut keys = SMALL.to_vec();
         keys.push("volume.z_mm=[1,3]");
@@ -49,7 +49,7 @@ fn every_camera_finds_its_particles() {
         }
         let folder = rendered(name, &keys);
         let q = reconstructed(&folder, "1,3", BEST_Q);
-        assert!(q > 0.93, "{name} {set}: Q {q}");
+        assert!(q > least, "{name} {set}: Q {q}");
     }
 }
 
@@ -78,7 +78,7 @@ fn a_reconstruction_is_logged_and_continued() {
     let on = misfits("--start quick.lfv --iterations 20 --until never -o on.lfv");
     assert_eq!(on.len(), 20);
     // Blobs of blobs are wider than the particles, so the start is a little worse than the quick result.
-    assert!(on[0] < quick[0] && on[19] < 0.7 * quick[2], "{quick:?} {on:?}");
+    assert!(on[0] < quick[0] && on[19] < 0.5 * quick[2], "{quick:?} {on:?}");
     let score = folder.run("lf-validate quality truth-0000.lfv on.lfv").json();
     assert!(number(&score, "q") > first + 0.02, "{first} {score}");
     let until = misfits(&format!("--until {} -o until.lfv", quick[1]));
@@ -102,12 +102,12 @@ fn a_uniform_displacement_is_measured() {
     folder.run("lf-xcorr volume-0000.lfv volume-0001.lfv --window 48,48,32 -o field.exr");
     let error = folder.run("lf-validate displacement flow.exr field.exr -c camera.json").json();
     for (key, most) in [
-        ("bias_u_px", 0.1),
-        ("bias_v_px", 0.1),
-        ("bias_w_px", 1.0),
-        ("rms_u_px", 0.6),
-        ("rms_v_px", 0.6),
-        ("rms_w_px", 5.0),
+        ("bias_u_px", 0.09),
+        ("bias_v_px", 0.066),
+        ("bias_w_px", 0.23),
+        ("rms_u_px", 0.35),
+        ("rms_v_px", 0.22),
+        ("rms_w_px", 2.2),
     ] {
         let found = number(&error, key).abs();
         assert!(found < most, "{key} {found}\n{error:#}");
@@ -128,6 +128,69 @@ fn a_calibrated_camera_serves_as_the_true_one() {
     let calibrated = reconstructed(&folder, "-5,5", "");
     folder.write("camera.json", folder.bytes("nominal.json"));
     let guessed = reconstructed(&folder, "-5,5", "");
-    assert!((calibrated - with_the_truth).abs() < 5e-3, "{calibrated} against {with_the_truth}");
-    assert!(guessed < calibrated - 0.05, "{guessed} against {calibrated}");
+    assert!((calibrated - with_the_truth).abs() < 7e-4, "{calibrated} against {with_the_truth}");
+    assert!(guessed < 0.04 * calibrated, "{guessed} against {calibrated}");
+}
+
+/// Particles of one frame of a table: place and, where it is there, its standard uncertainty, mm.
+fn particles(folder: &Folder, name: &str, frame: usize) -> Vec<Vec<f64>> {
+    let text = folder.text(name);
+    let rows = text.lines().skip_while(|line| !line.starts_with("frame,")).skip(1);
+    let rows = rows.map(|line| line.split(',').map(|word| word.parse().unwrap()).collect::<Vec<f64>>());
+    rows.filter(|row| row[0] == frame as f64).map(|row| row[2..].to_vec()).collect()
+}
+
+/// Number of pairs of true and found particles within 1.5 px or three standard uncertainties of each other along each
+/// axis.
+fn matched(truth: &[Vec<f64>], found: &[Vec<f64>]) -> usize {
+    let mut free: Vec<&Vec<f64>> = found.iter().collect();
+    let is_near = |a: &[f64], b: &[f64]| (0..3).all(|k| (a[k] - b[k]).abs() < (1.5 * 0.0055f64).max(3.0 * b[4 + k]));
+    let mut count = 0;
+    for particle in truth {
+        if let Some(n) = free.iter().position(|other| is_near(particle, other)) {
+            free.swap_remove(n);
+            count += 1;
+        }
+    }
+    count
+}
+
+/// The default chain on noisy frames of a vortex ring: at most twice today's errors.
+#[test]
+fn the_default_chain_keeps_its_figures() {
+    let folder = rendered(
+        "demo",
+        &[
+            "camera.sensor.width=420",
+            "camera.sensor.height=420",
+            "volume.x_mm=[-0.77,0.77]",
+            "volume.y_mm=[-0.77,0.77]",
+            "particles.per_lenslet=0.3",
+            "particles.rays=100000",
+            r#"flow={"kind": "ring", "centre_mm": [0, 0, 0], "axis": [1, 0, 0], "radius_mm": 0.7, "core_mm": 0.5,
+                "displacement_mm": 0.06}"#,
+            "truth=null",
+            r#"sensor_noise={"photon_noise": true, "read_noise_electrons": 3, "dark_counts": 20}"#,
+        ],
+    );
+    folder.run("lf-synth dark scene.json -o dark.exr");
+    let (mut there, mut found, mut both) = (0, 0, 0);
+    for n in 0..2 {
+        let frame = format!("frame-000{n}.exr");
+        let camera = "-c camera.json -b dark.exr";
+        folder.run(&format!("lf-prune {frame} {camera} --depth -5,5 -o support.lfv"));
+        folder.run(&format!("lf-mart support.lfv -i {frame} {camera} -o volume-{n}.lfv"));
+        let output = format!("--frame {n} --particles found-{n}.csv");
+        folder.run(&format!("lf-fit volume-{n}.lfv -i {frame} {camera} {output}"));
+        let [truth, fitted] = ["particles.csv", &format!("found-{n}.csv")].map(|name| particles(&folder, name, n));
+        there += truth.len();
+        found += fitted.len();
+        both += matched(&truth, &fitted);
+    }
+    folder.run("lf-xcorr volume-0.lfv volume-1.lfv --particles found-0.csv found-1.csv -o field.exr");
+    let error = folder.run("lf-validate displacement scene.json field.exr -c camera.json").json();
+    let rms = ["u", "v", "w"].map(|axis| number(&error, &format!("rms_{axis}_px")));
+    let (missed, ghosts) = (there - both, found - both);
+    assert!(missed <= 2 && ghosts <= 6, "of {there} particles {missed} missed, {ghosts} ghosts; RMS {rms:?} px");
+    assert!(rms[0] < 0.55 && rms[1] < 0.36 && rms[2] < 0.69, "RMS {rms:?} px");
 }

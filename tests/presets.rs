@@ -7,7 +7,7 @@ use lf_tests::uses::{Use, uses};
 use std::fs;
 
 /// The uses that a preset completes, each with an option that it sets and a value that no preset has.
-const CASES: [(Use, [&str; 2]); 3] = [
+const CASES: [(Use, [&str; 2]); 2] = [
     (
         Use {
             tool: "lf-prune",
@@ -39,21 +39,6 @@ const CASES: [(Use, [&str; 2]); 3] = [
             pipes: true,
         },
         ["--iterations", "2"],
-    ),
-    (
-        Use {
-            tool: "lf-xcorr",
-            words: &[
-                Input(Kind::Volume),
-                Input(Kind::Moved),
-                Plain("--window"),
-                Plain("16,16,8"),
-                Plain("-o"),
-                Output("out.exr"),
-            ],
-            pipes: true,
-        },
-        ["--overlap", "0.25"],
     ),
 ];
 
@@ -98,8 +83,7 @@ fn a_preset_is_its_options_typed_out() {
             assert!(said.contains(&sets), "{sets} not in {said}");
             outcomes.push(bytes);
         }
-        // Fast and accurate are the same for correlation.
-        assert_eq!(outcomes[0] == outcomes[2], case.tool == "lf-xcorr", "{}: fast and accurate", case.tool);
+        assert!(outcomes[0] != outcomes[2], "{}: fast and accurate", case.tool);
     }
 }
 

@@ -117,8 +117,8 @@ fn tracks_are_followed() {
     assert!(lines[4].starts_with("1,4,0.3"), "{shown}");
     // Nothing replaces the flow of a run before.
     folder.write("made/flow.exr", "old");
-    let told = folder.run("lf-synth frames scene.json -o made").stderr;
-    assert!(told.contains("warning: made/flow.exr: of another run"), "{told}");
+    let said = folder.run("lf-synth frames scene.json -o made").stderr;
+    assert!(said.contains("warning: made/flow.exr: of another run"), "{said}");
 }
 
 /// A flow.exr written by lf-synth moves particles like the flow itself, within the interpolation between its vectors.
@@ -146,7 +146,8 @@ fn a_written_flow_can_be_followed() {
 #[test]
 fn no_particles_are_black_frames() {
     let made = rendered("frames", &scene("core", &["particles.per_lenslet=0"]), "0", &[]);
-    let image = lf_core::image::from_bytes(&made["frame-0000.exr"], "frame").unwrap();
+    let stack = lf_core::image::Stack::from_bytes(made["frame-0000.exr"].clone().into(), "frame").unwrap();
+    let image = stack.only(None).unwrap();
     assert!(image.pixels.iter().all(|pixel| *pixel == 0.0));
     assert_eq!(made["particles.csv"].iter().filter(|byte| **byte == b'\n').count(), 2);
 }

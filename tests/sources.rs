@@ -65,3 +65,10 @@ pub fn sources(folder: &Path) -> Vec<Source> {
     found.sort_by(|a, b| a.path.cmp(&b.path));
     found
 }
+
+/// All Rust sources of the project: of the crates, their tests and benches, and of this package.
+pub fn all_sources() -> Vec<Source> {
+    let folders =
+        crates().flat_map(|folder| ["src", "tests", "benches"].map(|part| workspace().join(folder).join(part)));
+    folders.chain([workspace().join("tests")]).flat_map(|folder| sources(&folder)).collect()
+}

@@ -154,8 +154,8 @@ refused(lambda: lf.write_volume(sys.argv[1], volume))
     assert!(fs::read(&file).unwrap() == bytes);
 }
 
-/// The same sections, but lf-prune scores a voxel at a place up to a quarter of a voxel from its centre. Voxels near the
-/// threshold differ; the reconstruction does not.
+/// prune.py keeps the voxels of lf-prune, which scores a voxel at a place up to a quarter of a voxel from its centre.
+/// Voxels near the threshold differ; the reconstruction does not.
 #[test]
 fn the_numpy_support_is_ours() {
     let turned = ["camera.microlenses.rotation_rad=0.003", "camera.microlenses.offset_mm=[0.011,-0.007]"];
@@ -282,4 +282,46 @@ for name, values in field.items():
         done(python);
         assert!(fs::read(&picture).unwrap().starts_with(b"\x89PNG"));
     }
+}
+
+/// Twelve fields of a wave along x that swings in four phases.
+#[test]
+fn phases_lines_and_modes_of_a_swinging_wave() {
+    let Some(mut python) = python(&["numpy", "OpenEXR"]) else { return };
+    let folder = TempDir::new().unwrap();
+    let layout = VectorGrid { shape: [16, 5, 4], spacing_mm: [0.1, 0.2, 0.3], ..VectorGrid::default() };
+    for n in 0..12usize {
+        let mut field = Field::empty(layout.clone());
+        for i in 0..field.len() {
+            let turn = std::f32::consts::TAU * (i % 16) as f32 / 8.0;
+            field.u[i] = 0.5 + 0.02 * [0.0, 1.0, 0.0, -1.0][n % 4] * turn.cos();
+            field.w[i] = 0.1;
+        }
+        field.flag.fill(MEASURED);
+        field.save(&folder.path().join(format!("field-{n:02}.exr"))).unwrap();
+    }
+    python.arg(workspace().join("scripts/examples/ensemble.py")).current_dir(folder.path());
+    python.args((0..12).map(|n| format!("field-{n:02}.exr")));
+    python.args(["--phases", "4", "--along", "x", "--modes", "2", "--parts", "parts"]);
+    let score: Value = serde_json::from_slice(&done(python).stdout).unwrap();
+    let is_near = |pointer: &str, wanted: f64, tolerance: f64| {
+        let found = score.pointer(pointer).and_then(Value::as_f64).unwrap();
+        assert!((found - wanted).abs() < tolerance, "{pointer}: {found} for {wanted}");
+    };
+    // Half of 0.02^2, in half of the phases.
+    let rms = 0.02 * 0.25f64.sqrt();
+    is_near("/phases/coherent_mm/0", rms, 1e-6);
+    is_near("/phases/incoherent_mm/0", 0.0, 1e-9);
+    is_near("/modes/share/0", 1.0, 1e-6);
+    is_near("/modes/rms_mm/0", rms, 1e-6);
+    is_near("/lines/correlation/0/4", -1.0, 1e-6);
+    // Two waves in 1.6 mm. A quarter of the wavelength of 0.8 mm times 2 / pi, by trapezoids.
+    is_near("/lines/wavenumber_1_mm/1", 1.25, 1e-9);
+    let spectrum: Vec<f64> = serde_json::from_value(score["lines"]["spectrum_mm3"][0].clone()).unwrap();
+    assert!((0..8).all(|n| spectrum[n] <= spectrum[1]), "{spectrum:?}");
+    is_near("/lines/length_mm/0", 0.8 / std::f64::consts::TAU, 0.01);
+    let phase = Field::open(&folder.path().join("parts/phase-01.exr")).unwrap();
+    assert!((phase.u[0] - 0.52).abs() < 1e-6 && phase.v[0] == 0.0, "{}", phase.u[0]);
+    let mode = Field::open(&folder.path().join("parts/mode-00.exr")).unwrap();
+    assert!((f64::from(mode.u[0]).abs() / (rms * 2f64.sqrt()) - 1.0).abs() < 1e-5, "{}", mode.u[0]);
 }

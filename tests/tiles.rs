@@ -52,7 +52,7 @@ fn four_tiles_are_the_whole() {
         let line = format!("lf-validate quality whole-{frame}.lfv {tiles}");
         folder.run(&format!("{line} --max-difference 1e-4"));
     }
-    let windows = "--window 64,64,12 --initial 96,96,18";
+    let windows = "--pass 96,96,18 --pass 64,64,12";
     folder.run(&format!("lf-xcorr whole-0000.lfv whole-0001.lfv {windows} -o whole.exr"));
     folder.run(&format!("lf-xcorr {first} {second} {windows} -o tiles.exr"));
     for axis in ["u", "v", "w"] {
@@ -60,7 +60,7 @@ fn four_tiles_are_the_whole() {
         let rms = number(folder, line, &format!("rms_{axis}_px"));
         assert!(rms < 1e-3, "{axis}: {rms} px");
     }
-    // The same pair twice gives the same field. A missing tile is refused.
+    // A pair given twice gives the same field. A missing tile is refused.
     let files: Vec<&str> = first.split(' ').chain(second.split(' ')).collect();
     let again: String = files.chunks(2).map(|two| format!("--and {} ", two.join(" "))).collect();
     folder.run(&format!("lf-xcorr {first} {second} {again} {windows} -o twice.exr"));

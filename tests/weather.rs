@@ -212,8 +212,8 @@ fn without_windows_the_first_good_pair_decides_for_all() {
     let words = fs::read_to_string(out.join("windows.txt")).unwrap();
     let sides = words.strip_prefix("--window-mm ").unwrap().trim();
     let second = ["volume-0002a.lfv", "volume-0002b.lfv"].map(|name| out.join(name));
-    let told = Call::new("lf-xcorr").words(second).words(["--estimate", "-q"]).run().done().text();
-    assert!(told.contains(&format!("\"window_mm\":[{sides}]")), "{told} {words}");
+    let said = Call::new("lf-xcorr").words(second).words(["--estimate", "-q"]).run().done().text();
+    assert!(said.contains(&format!("\"window_mm\":[{sides}]")), "{said} {words}");
 }
 
 #[test]

@@ -31,7 +31,7 @@ fn main() {
 }
 
 fn draw(case: &str, [width, height]: [usize; 2], folder: &Path) {
-    let mut truth = scenes::camera(0, Layout::Hexagonal, 0.15f64.to_radians(), [0.0123, -0.0257]);
+    let mut truth = scenes::camera(width, Layout::Hexagonal, 0.15f64.to_radians(), [0.0123, -0.0257]);
     (truth.sensor.width, truth.sensor.height) = (width, height);
     truth.microlenses.pitch_mm = 14.0127 * truth.sensor.pixel_pitch_mm;
     truth.microlenses.focal_length_mm = 4.0 * truth.microlenses.pitch_mm;

@@ -1,7 +1,7 @@
 //! White images, dot targets and particle frames to a camera that can be trusted.
 //!
 //! 1. [`DataSheet`] gives a camera that has seen nothing yet, and [`advice()`] what it lets one measure.
-//! 2. [`WhiteMean`] averages white images, [`find_lattice`] finds the lattice of the lenslet *images* in the mean.
+//! 2. [`MeanImage`] averages white images, [`find_lattice`] finds the lattice of the lenslet *images* in the mean.
 //! 3. [`calibrate()`] turns that lattice into the microlenses of a camera, and [`flat_field`] gives the camera's flat
 //!    field.
 //! 4. [`main_lens()`] finds the main lens, its distortion and the misalignment from images of a dot target.
@@ -14,6 +14,7 @@ mod background;
 mod drift;
 mod fit;
 mod frames;
+mod mean;
 mod nominal;
 pub mod plot;
 mod points;
@@ -22,15 +23,16 @@ mod random;
 mod target;
 mod white;
 
-pub use background::{Background, MeanBackground, SlidingMinimum};
+pub use background::{Background, SlidingMinimum};
 pub use drift::{Refined, refine, refine_steps};
 pub use frames::{Change, Correction, Factor, HotPixels, Lasers, Sensitivity};
-pub use nominal::{Advice, DataSheet, Liquid, advice, doubts, in_air};
+pub use mean::{MeanImage, check_saturation};
+pub use nominal::{Advice, DataSheet, Liquid, advice, in_air, sheet_warnings};
 pub use target::{
-    Dot, Exposure, MainLensFit, blunder, closer_dots_mm, depths_of_names, depths_of_table, fit_doubts, grid, main_lens,
-    main_lens_steps,
+    Dot, Exposure, MainLensFit, closer_dots_mm, depths_of_names, depths_of_table, fit_warnings, grid, main_lens,
+    main_lens_steps, setup_mistake,
 };
 pub use white::{
     Calibrated, Centre, Fill, ImageLattice, Keep, LATTICE_STEPS, PitchChange, Pupil, Residual, SecondStop, StopWidth,
-    WhiteMean, calibrate, find_lattice, flat_field,
+    calibrate, find_lattice, flat_field,
 };

@@ -23,17 +23,17 @@ fn the_camera_of_the_data_sheets() {
 fn what_is_said_of_a_camera() {
     let bench = workbench();
     let run = bench.run(&format!("{SHEET} --f-number 4"));
-    let told = run.stderr;
+    let text = run.stderr;
     for words in [
         "useful depth: z from -4.4 to 4.3 mm",
         "--pvr 1,1,10 --depth -4.36,4.27",
         "--depths -4.3,-3.1,-1.9,1.9,3.1,4.3",
     ] {
-        assert!(told.contains(words), "{words}: {told}");
+        assert!(text.contains(words), "{words}: {text}");
     }
-    assert!(!told.contains("warning"), "{told}");
-    let told = bench.run(&format!("{SHEET} --f-number 2")).stderr;
-    assert!(told.contains("warning: lenslet images overlap: 28.0 px wide on a pitch of 14.0 px, +100 %"), "{told}");
+    assert!(!text.contains("warning"), "{text}");
+    let text = bench.run(&format!("{SHEET} --f-number 2")).stderr;
+    assert!(text.contains("warning: lenslet images overlap: 28.0 px wide on a pitch of 14.0 px, +100 %"), "{text}");
     let quiet = bench.run(&format!("{SHEET} --ring 2 -q"));
     assert!(quiet.stderr.is_empty(), "{quiet:?}");
     assert_eq!(Camera::from_json(&quiet.text()).unwrap().main_lens.working_f_number, 4.0);
@@ -54,8 +54,8 @@ fn water_gives_a_longer_camera_in_air_or_a_medium() {
     assert_eq!((medium.index, medium.window_z_mm, medium.window_thickness_mm), (1.4, 180.0, 20.0));
     assert_eq!(exact.main_lens.focal_length_mm, 200.0);
     let run = bench.run(&format!("{SHEET} --f-number 4 --water --window 180,20,1.49"));
-    let told = run.stderr;
-    assert!(told.contains("warning: the equivalent camera in air errs by "), "{told}");
+    let text = run.stderr;
+    assert!(text.contains("warning: the equivalent camera in air errs by "), "{text}");
 }
 
 #[test]

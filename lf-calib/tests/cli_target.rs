@@ -132,7 +132,7 @@ fn a_folder_of_images_gives_a_camera() {
     let grid = "volume target/dots-0000.exr target/dots-0001.exr -c camera.json --spacing 0.8 --depths -3.5,3.5";
     let by_grid = bench.run(grid);
     assert!(by_grid.status.success(), "{by_grid:?}");
-    // The same depths from the names, and from a table, of images in a folder.
+    // The names, and a table, of images in a folder give the same depths.
     fs::create_dir(bench.path("named")).unwrap();
     for (n, z) in ["z-3.5", "z+3.5mm"].into_iter().enumerate() {
         fs::copy(bench.path(format!("target/dots-000{n}.exr")), bench.path(format!("named/dots_{z}.exr"))).unwrap();

@@ -113,10 +113,10 @@ fn clipped_frames_are_warned_of_before_they_are_corrected() {
     let clipped = Array2::from_shape_fn((60, 60), |(y, x)| ((y * 60 + x) as f32 % 400.0).min(300.0) + 700.0);
     bench.image("clipped.exr", &clipped);
     bench.image("even.exr", &Array2::from_elem((60, 60), 1000.0));
-    let told = bench.done("frame clipped.exr --flat even.exr -o out").stderr;
+    let text = bench.done("frame clipped.exr --flat even.exr -o out").stderr;
     assert!(
-        told.contains("warning: clipped.exr: 25.0 % of the pixels are clipped, at 1000 counts; 1 frames"),
-        "{told}"
+        text.contains("warning: clipped.exr: 25.0 % of the pixels are clipped, at 1000 counts; 1 frames"),
+        "{text}"
     );
 }
 

@@ -1,6 +1,5 @@
 //! Tests of lf-calib: its library on images whose answer is known, and its command line.
 
-mod blunders;
 mod cli;
 mod cli_nominal;
 mod cli_target;
@@ -11,6 +10,7 @@ mod metamorphic;
 mod refine;
 mod refusals;
 mod scenes;
+mod setup_mistakes;
 mod stop;
 mod volume;
 mod workbench;

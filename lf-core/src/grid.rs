@@ -2,7 +2,7 @@
 
 use crate::Refusal;
 use serde::{Deserialize, Serialize};
-use std::fmt;
+use std::{fmt, ops::Range};
 
 /// A regular grid of voxels in the object frame of [`crate::optics`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -101,6 +101,17 @@ impl Grid {
         self.origin_mm[axis] + i as f64 * self.spacing_mm[axis]
     }
 
+    /// The voxels along each axis that have their centres in a box of x0, x1, y0, y1, z0, z1 mm.
+    pub fn voxels_within(&self, box_mm: [f64; 6]) -> [Range<usize>; 3] {
+        /// Tolerance for rounding: millimetres are rarely whole in binary.
+        const TOLERANCE_VOX: f64 = 1e-6;
+        [0, 1, 2].map(|axis| {
+            let clamp = |voxel: f64| voxel.clamp(0.0, self.shape[axis] as f64) as usize;
+            let [low, high] = [0, 1].map(|side| self.place_vox(axis, box_mm[2 * axis + side]));
+            clamp((low - TOLERANCE_VOX).ceil())..clamp((high + TOLERANCE_VOX).floor() + 1.0)
+        })
+    }
+
     /// Voxel coordinate of a point along `axis`; a whole number is a voxel centre.
     #[inline]
     pub fn place_vox(&self, axis: usize, mm: f64) -> f64 {
@@ -121,6 +132,13 @@ mod tests {
             assert_eq!(grid.index(grid.voxel(index)), index);
         }
         assert!((grid.place_vox(0, grid.centre_mm(0, 3)) - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_box_holds_the_voxels_with_their_centres_in_it() {
+        let grid = Grid { shape: [10, 10, 4], spacing_mm: [0.1, 0.1, 1.0], origin_mm: [0.0; 3] };
+        // 0.1 * 3 is not 0.3 in binary.
+        assert_eq!(grid.voxels_within([0.3, 0.7, -5.0, 5.0, 2.5, 2.9]), [3..8, 0..10, 3..3]);
     }
 
     #[test]

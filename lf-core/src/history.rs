@@ -16,8 +16,8 @@ pub struct Step {
 /// The steps of a file, oldest first.
 pub type History = Vec<Step>;
 
-/// A line for each step, oldest first, for formats that keep a history as text: `lf-mart 0.1.0: a.lfv -i a.exr`. Control
-/// letters become spaces.
+/// A line for each step, oldest first, for formats that hold a history as text: `lf-mart 0.1.0: a.lfv -i a.exr`.
+/// Control characters become spaces.
 pub fn lines(history: &History) -> Vec<String> {
     let plain = |letter: char| if letter.is_control() { ' ' } else { letter };
     let line = |step: &Step| format!("{} {}: {}", step.tool, step.version, step.arguments.join(" "));

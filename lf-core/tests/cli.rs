@@ -12,30 +12,33 @@ use std::process::{Command, ExitCode, Output, Stdio};
 /// Variable that makes this program the tool.
 const TOOL: &str = "LF_TEST_TOOL";
 
-/// A tool that does what it is told
+/// A tool that does as asked
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
     #[command(flatten)]
     common: Common,
-    /// The deed to do
-    deed: String,
+    /// The action
+    action: String,
     /// The input
     #[arg(default_value = "-")]
     input: PathBuf,
     /// The output
     #[arg(short, default_value = "-")]
     output: PathBuf,
+    /// A number that only an experiment changes
+    #[arg(long, value_name = "N", default_value_t = 3, help_heading = "For experiments", hide = true)]
+    trial: usize,
 }
 
 fn tool() -> ExitCode {
-    cli::run("lf-tool", |arguments: &Arguments| &arguments.common, deed)
+    cli::run("lf-tool", |arguments: &Arguments| &arguments.common, act)
 }
 
-fn deed(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+fn act(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     session.say("said");
     session.explain("explained");
-    match arguments.deed.as_str() {
+    match arguments.action.as_str() {
         "no" => return Ok(Verdict::No),
         "fail" => return Err(Error::new("a\nb.exr", "two lines", "wanted one")),
         "panic" => panic!("the floor\ngave way"),
@@ -72,7 +75,7 @@ fn deed(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
             let sum: u64 = bytes.iter().map(|byte| u64::from(*byte)).sum();
             io::save_text(&arguments.output, |out| writeln!(out, "{sum}"))?;
         }
-        other => return Err(Error::new("deed", other, "wanted another")),
+        other => return Err(Error::new("action", other, "wanted another")),
     }
     Ok(Verdict::Done)
 }
@@ -107,8 +110,30 @@ fn help_and_version_are_results() {
     assert_eq!(seen(full), (2, String::new(), line.into()));
 }
 
-fn a_slip_is_one_line() {
-    refused(&[], "the following required arguments were not provided: <DEED>; see 'lf-tool --help'");
+fn help_all_shows_what_help_hides() {
+    let mention = "--help-all prints this help with the options for experiments.";
+    for short in ["--help", "-h"] {
+        let (code, out, _) = run(&[short]);
+        assert!(code == 0 && !out.contains("--trial") && out.lines().last() == Some(mention), "{out}");
+    }
+    for words in [&["--help-all"][..], &["no", "--help-all", "-q"]] {
+        let (code, out, err) = run(words);
+        assert!(
+            code == 0 && err.is_empty() && out.contains("For experiments:") && out.contains("--trial <N>"),
+            "{out}"
+        );
+        assert!(out.contains("Print errors only") && !out.contains(mention), "{out}");
+    }
+    for words in [["--generate", "man"], ["--generate", "bash"]] {
+        let (code, out, _) = run(&words);
+        assert!(code == 0 && out.replace('\\', "").contains("--trial") && !out.contains(mention), "{out}");
+    }
+    assert_eq!(run(&["no", "-q", "--trial", "4"]).0, 1);
+    assert_eq!(run(&["no", "-q", "--", "--help-all"]).0, 1);
+}
+
+fn a_mistake_is_one_line() {
+    refused(&[], "the following required arguments were not provided: <ACTION>; see 'lf-tool --help'");
     refused(
         &["no", "--threads", "x"],
         "invalid value 'x' for '--threads <N>': wanted a whole number of 0 or more; see 'lf-tool --help'",
@@ -233,7 +258,7 @@ fn threads_of_the_environment_have_the_same_limit() {
 fn a_message_has_an_end() {
     let (code, out, err) = run(&[&"x".repeat(100_000), "-q"]);
     assert!(code == 2 && out.is_empty() && err.chars().count() <= 1001, "{}", err.len());
-    assert!(err.starts_with("lf-tool: deed: xxx") && err.ends_with("xxx; wanted another\n"), "{err}");
+    assert!(err.starts_with("lf-tool: action: xxx") && err.ends_with("xxx; wanted another\n"), "{err}");
     let (_, _, err) = run(&["no", "-q", &format!("--{}", "y".repeat(100_000))]);
     assert!(err.chars().count() <= 1001 && err.starts_with("lf-tool: unexpected argument '--yyy"), "{err}");
 }
@@ -304,7 +329,7 @@ fn inputs_that_change_are_noticed() {
 }
 
 fn places_are_tried_before_the_work() {
-    // No file can be made there, whoever asks.
+    // Nobody can make a file there.
     let (code, out, err) = run(&["no", "-q", "--stats", "/proc/stats.json"]);
     assert!(code == 2 && out.is_empty() && err.starts_with("lf-tool: /proc/stats.json: "), "{err}");
     let folder = tempfile::tempdir().unwrap();
@@ -317,9 +342,10 @@ fn main() -> ExitCode {
     if std::env::var_os(TOOL).is_some() {
         return tool();
     }
-    let tests: [(&str, fn()); 15] = [
+    let tests: [(&str, fn()); 16] = [
         ("help_and_version_are_results", help_and_version_are_results),
-        ("a_slip_is_one_line", a_slip_is_one_line),
+        ("help_all_shows_what_help_hides", help_all_shows_what_help_hides),
+        ("a_mistake_is_one_line", a_mistake_is_one_line),
         ("outcomes_have_their_codes", outcomes_have_their_codes),
         ("a_panic_is_one_line", a_panic_is_one_line),
         ("history_can_be_left_out", history_can_be_left_out),

@@ -37,7 +37,7 @@ fn field() -> Field {
     field
 }
 
-/// The same with 0.5 ms between the volumes: velocities are 2000 times the displacements.
+/// The field with 0.5 ms between the volumes: velocities are 2000 times the displacements.
 fn timed() -> Field {
     let mut field = field();
     field.layout.dt_s = Some(0.0005);
@@ -213,7 +213,7 @@ fn an_invalid_field_is_not_written() {
     let refused = bad.save(&path).unwrap_err().to_string();
     assert!(refused.contains("flag 3 at vector [3, 2, 1]"), "{refused}");
     let refused = field().save(&folder.path().join("field.vtk")).unwrap_err().to_string();
-    assert!(refused.contains("the extension .vtk; wanted .exr, .vti, .nc, .csv or .dat"), "{refused}");
+    assert!(refused.contains("the extension .vtk; wanted .exr, .vti, .nc or .csv"), "{refused}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     field().save(Path::new("/dev/null")).unwrap();
 }

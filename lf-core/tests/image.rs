@@ -295,7 +295,7 @@ fn sizes_that_the_file_cannot_hold_allocate_nothing() {
     replace(&mut bytes, &window(5, 3), &window(side, side));
     replace(&mut bytes, &window(5, 3), &window(side, side));
     check_hostile("exr", &bytes);
-    // The same for width and height of a PNG, whose header then needs a new checksum, and of a TIFF.
+    // Width and height of a PNG, whose header then needs a new checksum, and of a TIFF.
     let mut bytes = png(5, 3, &[1; 15], ExtendedColorType::L8);
     bytes[16..20].copy_from_slice(&side.to_be_bytes());
     bytes[20..24].copy_from_slice(&side.to_be_bytes());

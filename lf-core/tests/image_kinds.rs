@@ -166,7 +166,8 @@ fn lzw(bytes: &[u8]) -> Vec<u8> {
     file[start..start + length].to_vec()
 }
 
-/// Scar: the library reads tiles row by row, and its LZW decoder took the short rows at the image's edge for an early end.
+/// Scar: the library reads tiles row by row, and its LZW decoder took the short rows at the image's edge for an early
+/// end.
 #[test]
 fn tiles_beyond_the_edge_may_be_compressed_and_planar() {
     let wanted = Array2::from_shape_fn((37, 53), |(y, x)| if x < 30 { 7.0 } else { ((y * 53 + x) * 31 % 256) as f32 });
@@ -287,7 +288,7 @@ fn valid_kinds_that_are_not_read_are_named() {
     }
 }
 
-/// Three pages of 2 x 1 px with values that tell their page; the second is of a kind that is not read.
+/// Three pages of 2 x 1 px with values that show their page; the second is of a kind that is not read.
 fn stack(folder: &Path, name: &str) -> PathBuf {
     let page = |n: u8, kind: u64| (tags([2, 1], &[8], &[(262, kind)]), vec![vec![10 * n, 10 * n + 1]]);
     let path = folder.join(name);

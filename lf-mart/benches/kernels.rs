@@ -59,12 +59,12 @@ fn seconds(mut work: impl FnMut()) -> f64 {
 }
 
 /// Rows of a sparse matrix: (column, weight).
-struct Stored {
+struct SparseMatrix {
     starts: Vec<usize>,
     weights: Vec<(u32, f32)>,
 }
 
-impl Stored {
+impl SparseMatrix {
     fn new(rows: usize, entries: impl Iterator<Item = (u32, u32, f32)> + Clone) -> Self {
         let mut starts = vec![0; rows + 1];
         for (row, _, _) in entries.clone() {
@@ -108,9 +108,9 @@ fn main() {
         "{:<44} {:>8} {:>14} {:>10} {:>10} {:>10} {:>10}",
         "", "voxels", "weights/voxel", "forward", "back", "forward", "back"
     );
-    // Particles are few voxels here and there. Haze is all voxels of a block, as in a first sweep.
-    let haze = Grid::in_bounds([[-0.25, 0.25], [-0.25, 0.25], [-5.0, 5.0]], [0.011, 0.011, 0.055]).expect("a grid");
-    let block: Vec<u64> = (0..haze.len()).collect();
+    // Particles are few voxels here and there. DensePhase is all voxels of a block, as in a first sweep.
+    let dense = Grid::in_bounds([[-0.25, 0.25], [-0.25, 0.25], [-5.0, 5.0]], [0.011, 0.011, 0.055]).expect("a grid");
+    let block: Vec<u64> = (0..dense.len()).collect();
     for (name, aperture, layout, rotation) in [
         ("square stop, aligned", "square", "square", 0.0),
         ("round stop, aligned", "circle", "square", 0.0),
@@ -118,9 +118,11 @@ fn main() {
         ("round stop, hexagonal lattice turned", "circle", "hexagonal", 0.003),
     ] {
         let camera = camera(aperture, layout, rotation);
-        for (kind, grid, voxels, most_bytes) in
-            [("haze", &haze, &block, 0), ("particles", &grid, &particles, 0), ("kept", &grid, &particles, u64::MAX)]
-        {
+        for (kind, grid, voxels, most_bytes) in [
+            ("dense phase", &dense, &block, 0),
+            ("particles", &grid, &particles, 0),
+            ("kept", &grid, &particles, u64::MAX),
+        ] {
             let name = format!("{name}, {kind}");
             if !name.contains(&words) {
                 continue;
@@ -158,7 +160,7 @@ fn rates(projector: &mut Projector, voxels: usize) -> (f64, [f64; 2]) {
     (weights, [forward, back].map(|seconds| 1e-6 * weights / seconds))
 }
 
-/// The same by a matrix of columns and weights, 8 bytes each.
+/// Rates of a matrix of columns and weights, 8 bytes each.
 fn stored(grid: &Grid, voxels: &[u64]) {
     let choice = Weights::choose(&camera("square", "square", 0.0), grid, Model::Exact, Basis::Point).expect("weights");
     let mut entries: Vec<(u32, u32, f32)> = Vec::new();
@@ -167,8 +169,9 @@ fn stored(grid: &Grid, voxels: &[u64]) {
         let add = |column, row, weight| entries.push((row * 840 + column, n as u32, weight));
         choice.visit(grid.voxel(*index), &mut scratch, |_| true, add);
     }
-    let by_pixel = Stored::new(840 * 840, entries.iter().copied());
-    let by_voxel = Stored::new(voxels.len(), entries.iter().map(|(pixel, voxel, weight)| (*voxel, *pixel, *weight)));
+    let by_pixel = SparseMatrix::new(840 * 840, entries.iter().copied());
+    let by_voxel =
+        SparseMatrix::new(voxels.len(), entries.iter().map(|(pixel, voxel, weight)| (*voxel, *pixel, *weight)));
     let (strengths, image) = (vec![1f32; voxels.len()], vec![1f32; 840 * 840]);
     let forward = seconds(|| {
         black_box(by_pixel.times(&strengths));

@@ -7,7 +7,7 @@ use std::ops::Range;
 /// A blob ends this many standard deviations from its centre. The light left out, 3e-3, is given to the rest.
 const REACH_SIGMA: f64 = 3.0;
 
-/// The brightest of the voxels within `core_vox`, `[from, to)` along x and y; 0 if there is none.
+/// The brightest of the voxels within `core_vox`, `[from, to)` along x and y; 0 if there are no such voxels.
 fn brightest<'a>(grid: &Grid, voxels: impl Iterator<Item = (&'a u64, &'a f32)>, core_vox: [[usize; 2]; 2]) -> f32 {
     let [[x0, x1], [y0, y1]] = core_vox;
     let in_core = |[x, y, _]: [usize; 3]| (x0..x1).contains(&x) && (y0..y1).contains(&y);
@@ -43,7 +43,7 @@ fn reached(bell: &[f32], place: usize, size: usize) -> impl Iterator<Item = (usi
     (first..size).zip(shares.iter().copied())
 }
 
-/// Slices whose reached voxels are counted to foretell those of all.
+/// Slices whose reached voxels are counted to estimate those of all.
 const SAMPLE_SLICES: usize = 8;
 
 /// Times that freed lists are given back to the system while the result grows.
@@ -120,8 +120,8 @@ impl<'a> Blobs<'a> {
         slices
     }
 
-    /// Adds up the light of all blobs in slice `z`, row by row. Calls `found(x, y, light)`: the rows rise, and so do the
-    /// columns of each. The light of a voxel is summed in the order of the blobs.
+    /// Adds up the light of all blobs in slice `z`, row by row. Calls `found(x, y, light)`: the rows rise, and so do
+    /// the columns of each. The light of a voxel is summed in the order of the blobs.
     fn slice(
         &self,
         z: usize,
@@ -133,12 +133,14 @@ impl<'a> Blobs<'a> {
         let [across, down, deep] = &self.bells;
         let reach = down.len() / 2;
         let y_of = |line: usize| (self.lines[line].0 % ny as u64) as usize;
+        // Find the slices whose blobs reach this one, and the rows that they reach.
         let mut sources: Vec<(Range<usize>, f32)> =
             reached(deep, z, nz).map(|(source, share)| (self.lines_of(source), share)).collect();
         let lines = sources.iter().flat_map(|(lines, _)| lines.clone());
         let mut rows: Vec<usize> = lines.flat_map(|line| reached(down, y_of(line), ny).map(|(y, _)| y)).collect();
         rows.sort_unstable();
         rows.dedup();
+        // Sum row after row over the lines of blobs that reach it.
         row.sums.resize(nx, 0.0);
         for y in rows {
             for (lines, depth) in &mut sources {
@@ -155,8 +157,8 @@ impl<'a> Blobs<'a> {
     }
 }
 
-/// Most bytes that [`spread`] takes beside its input: an estimate from a few slices.
-pub(crate) fn foretold_bytes(grid: &Grid, indices: &[u64], sigma_vox: [f64; 3]) -> f64 {
+/// Estimates the largest number of bytes that [`spread`] takes beside its input, from a few slices.
+pub(crate) fn estimated_bytes(grid: &Grid, indices: &[u64], sigma_vox: [f64; 3]) -> f64 {
     let blobs = Blobs::new(grid, indices, sigma_vox);
     let slices = blobs.slices();
     let step = slices.len().div_ceil(SAMPLE_SLICES).max(1);
@@ -204,11 +206,13 @@ pub(crate) fn spread(
         );
         (indices, lights)
     };
+    // Blur slice after slice, and keep what may be above the limit.
     let slices: Vec<(Vec<u64>, Vec<f32>)> = blobs.slices().par_iter().map_init(Row::default, blurred).collect();
     let peak = slices
         .iter()
         .map(|(indices, lights)| brightest(grid, indices.iter().zip(lights), core_vox))
         .fold(0f32, f32::max);
+    // Join the slices without the voxels below the limit, and free each as it is joined.
     let (count, mut freed) = (slices.iter().map(|(indices, _)| indices.len()).sum::<usize>(), 0);
     let (mut indices, mut lights) = (Vec::with_capacity(count), Vec::with_capacity(count));
     for (in_slice, light_of) in slices {
@@ -285,8 +289,9 @@ mod tests {
         let grid = Grid { shape: [1000, 1 << 25, 1 << 25], spacing_mm: [1.0; 3], origin_mm: [0.0; 3] };
         let indices = [grid.index([3, 5, 7]), grid.index([999, (1 << 25) - 1, (1 << 25) - 1])];
         let (found, _) = spread(&grid, &indices, &[1.0; 2], [0.65; 3], 1e-4, [[0, 1000], [0, 1 << 25]]);
-        // By hand: places two off along one axis at most are above 1e-4 of the peak: 27 + 3 * 2 * 9, in a corner 8 + 3 * 4.
+        // By hand: places two off along one axis at most are above 1e-4 of the peak: 27 + 3 * 2 * 9, in a corner 8 + 3
+        // * 4.
         assert!(found.len() == 81 + 20 && found.is_sorted(), "{}", found.len());
-        assert!(foretold_bytes(&grid, &indices, [0.65; 3]) < 1e5);
+        assert!(estimated_bytes(&grid, &indices, [0.65; 3]) < 1e5);
     }
 }

@@ -11,25 +11,20 @@
 //! - `smart` and `mlem` move all voxels by all pixels at once.
 //! - `subsets`, the default, is `smart` over interleaved image rows, one subset of rows after another, with momentum.
 //!
-//! Before the sweeps of `subsets`, passes over coarse voxels drop most voxels that hold no light (`coarse.rs`).
-//!
 //! For a lattice that is aligned with the pixels, all methods except `mart` make weights from profiles where they use
 //! them. For other cameras a matrix is kept if it fits.
 
 mod blob;
-mod coarse;
-mod forecast;
 mod method;
 mod operator;
 mod options;
 mod plan;
 mod reconstruction;
 
-pub use coarse::MOST_PASSES;
 pub use operator::projector;
 pub use options::{Method, Options, Until};
 pub use plan::Plan;
-pub use reconstruction::{Ended, Pass, Reconstruction, Start, Sweep};
+pub use reconstruction::{Ended, Reconstruction, Start, Sweep};
 
 #[cfg(test)]
 mod tests;

@@ -39,23 +39,21 @@ pub struct Options {
     pub basis: Basis,
     /// The method.
     pub method: Method,
-    /// Passes over coarse voxels before the sweeps, [`crate::MOST_PASSES`] at most. With [`Method::Subsets`] and no start.
-    pub passes: usize,
-    /// Most sweeps over all pixels.
+    /// Largest number of sweeps over all pixels.
     pub iterations: usize,
     /// When to end sooner.
     pub until: Until,
     /// Relaxation: the factor mu of the exponent.
     pub relaxation: f64,
-    /// Least brightness of a pixel, as a share of the image's brightest. It keeps logarithms finite, and keeps one dark
-    /// pixel among hundreds from extinguishing a voxel at once.
+    /// Lower limit of a pixel's brightness, as a share of the image's brightest. It keeps logarithms finite, and keeps
+    /// one dark pixel among hundreds from extinguishing a voxel at once.
     pub floor: f64,
     /// Largest factor by which one step changes a strength.
     pub clamp: f64,
     /// Limit of memory, bytes; a reconstruction that needs more is refused.
     pub max_bytes: u64,
     /// The tile that the voxels are; None for a whole volume. A tile must become what it is in the whole volume, so
-    /// nothing may depend on other tiles: spent voxels are found by the strongest voxel near them and not by the
+    /// nothing may depend on other tiles: dim voxels are found by the strongest voxel near them and not by the
     /// strongest of all, momentum is never reset, and only misfits that [`Until`] names end the sweeps. Pixels outside
     /// the tile's are blind.
     pub tile: Option<Tile>,

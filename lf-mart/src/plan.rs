@@ -1,10 +1,8 @@
 //! A reconstruction before it runs: its weights, where they are kept, its memory; and then the run itself.
 
 use crate::blob;
-use crate::coarse::{Cleared, Coarse};
-use crate::forecast::Rates;
 use crate::method::{Problem, row_action, simultaneous};
-use crate::operator::{BLOCKS, Plane, Storage, are_kept};
+use crate::operator::{BLOCKS, Plane, Storage};
 use crate::options::{Method, Options};
 use crate::reconstruction::{Reconstruction, Start, Sweep};
 use lf_core::{Camera, Grid, Refusal, Weights, simd::Level, weights::Basis};
@@ -21,21 +19,18 @@ const BLOCK_LENSLETS: f64 = 4.0;
 /// Voxels of the result below this share of its brightest are not written.
 const LEAST_SHARE: f32 = 1e-4;
 
-/// The same for a tile and the brightest of its core. A voxel that the whole volume writes and a tile does not is then
-/// well below [`LEAST_SHARE`] of the whole volume's brightest, which the tile cannot know.
+/// Like [`LEAST_SHARE`], but for a tile and the brightest of its core. A voxel that the whole volume writes and a tile
+/// does not is then well below [`LEAST_SHARE`] of the whole volume's brightest, which the tile cannot know.
 const LEAST_SHARE_OF_TILE: f32 = 0.5 * LEAST_SHARE;
 
-/// Bytes per voxel of the support, unless weights are stored by pixel: index, profile, strength now and one sweep before,
-/// share, and one byte to drop it.
+/// Bytes per voxel of the support, unless weights are stored by pixel: index, profile, strength now and one sweep
+/// before, share, and one byte to drop it.
 const VOXEL_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 1;
 
-/// Bytes per voxel that weights take which are kept later: its index; and if they come from tables, its share and two sums.
+/// Bytes per voxel that weights take which are kept later: its index; and if they come from tables, its share and two
+/// sums.
 const LATER_BYTES: u64 = 8;
 const TABLE_VOXEL_BYTES: u64 = LATER_BYTES + 4 + 8;
-
-/// Bytes per voxel of the support while coarse passes drop voxels: index, strengths before and after, two places among the
-/// coarse voxels, and two bytes to drop it. The sweeps after them take as much for the half of the voxels that is left.
-const CLEARED_BYTES: u64 = 8 + 4 + 4 + 4 + 4 + 2;
 
 /// Bytes per voxel of the solution: index and strength.
 const SOLVED_BYTES: u64 = 12;
@@ -45,8 +40,6 @@ pub struct Plan<'a> {
     indices: &'a [u64],
     options: &'a Options,
     weights: Weights,
-    /// Done first.
-    passes: Vec<Coarse>,
     storage: Storage,
     bytes: u64,
     /// Side of the blocks of [`Problem::block_vox`], mm.
@@ -64,18 +57,15 @@ impl<'a> Plan<'a> {
         Self::allow(lists, options, || format!("the lists of a {grid}"))?;
         let weights = Weights::choose(camera, grid, options.weights, options.basis)?;
         let subsets = simultaneous::subsets(&weights, options.method);
-        let passes = if options.method == Method::Subsets { options.passes } else { 0 };
-        let passes = Coarse::plan(camera, grid, options, passes);
         let (storage, weight_bytes) = match options.method {
             Method::Mart => (Storage::ByPixel, row_action::weight_bytes(&weights, indices)),
-            _ => Storage::choose(&weights, indices, (subsets, !passes.is_empty()), options.max_bytes),
+            _ => Storage::choose(&weights, indices, subsets, options.max_bytes),
         };
         // Kept weights are projected in blocks, onto the rows of a subset.
         let planes_of_kept = 3 + BLOCKS.div_ceil(subsets) as u64;
         let (voxel_bytes, planes) = match storage {
             Storage::ByPixel => (8, 4),
             Storage::Profiles => (VOXEL_BYTES + LATER_BYTES, planes_of_kept),
-            Storage::Tables if !passes.is_empty() => (CLEARED_BYTES, planes_of_kept),
             Storage::Tables => (VOXEL_BYTES + TABLE_VOXEL_BYTES, planes_of_kept),
             Storage::Kept => (VOXEL_BYTES, planes_of_kept),
             Storage::Remade => (VOXEL_BYTES, 2 + BLOCKS as u64),
@@ -84,17 +74,17 @@ impl<'a> Plan<'a> {
         let plane_bytes = 4 * Plane::stride(width) as u64 * height as u64;
         let bytes = voxel_bytes * indices.len() as u64 + weight_bytes + planes * plane_bytes;
         let lenslet_mm = camera.microlenses.pitch_mm / camera.main_lens.magnification;
-        Ok(Self { indices, options, weights, passes, storage, bytes, block_mm: BLOCK_LENSLETS * lenslet_mm })
+        Ok(Self { indices, options, weights, storage, bytes, block_mm: BLOCK_LENSLETS * lenslet_mm })
     }
 
-    /// Most bytes in use during the sweeps, beside image and support: an estimate from a sample of the voxels and
+    /// Estimated peak of the bytes in use during the sweeps, beside image and support, from a sample of the voxels and
     /// slices. A small estimate may be exceeded by half.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Most bytes that the tool needs beside the image and the support as they were read, for an image of `pixels`
-    /// pixels: sweeps, the image in units of its brightest pixel, and the volume written.
+    /// Estimated peak of the bytes that the tool needs beside the image and the support as they were read, for an image
+    /// of `pixels` pixels: sweeps, the image in units of its brightest pixel, and the volume written.
     pub fn peak_bytes(&self, pixels: usize) -> u64 {
         // The sample errs by a few per cent in the number of weights, and growing lists take more than they hold.
         let is_listed = matches!(self.storage, Storage::Kept | Storage::ByPixel);
@@ -103,32 +93,11 @@ impl<'a> Plan<'a> {
         let voxels = self.indices.len() as u64;
         let written = match self.options.basis {
             Basis::Blob { sigma_px } => {
-                blob::foretold_bytes(self.weights.grid(), self.indices, self.weights.blob_vox(sigma_px)) as u64
+                blob::estimated_bytes(self.weights.grid(), self.indices, self.weights.blob_vox(sigma_px)) as u64
             }
             Basis::Point | Basis::Box => SOLVED_BYTES * voxels,
         };
         sweeps.max(SOLVED_BYTES * voxels + written) + 4 * pixels as u64
-    }
-
-    /// Seconds that the sweeps will take on the threads of this process, from the rates of a few thousand voxels on one
-    /// thread. None if a run is refused. `clock` tells the seconds that its thread has worked. See `forecast.rs` for how far this errs.
-    pub fn seconds(&self, clock: impl Fn() -> f64 + Sync) -> Option<f64> {
-        if self.bytes > self.options.max_bytes {
-            return None;
-        }
-        let Self { weights, indices, options, .. } = self;
-        let subsets = simultaneous::subsets(weights, options.method);
-        let rates = || Rates::measure(weights, indices, subsets, &|| clock());
-        let rates = match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
-            Ok(pool) => pool.install(rates),
-            Err(_) => rates(),
-        };
-        let drops = options.method == Method::Subsets;
-        let is_kept = are_kept(weights, indices, subsets, options.max_bytes);
-        let all = rates.seconds(self.storage, indices.len(), (options.iterations, subsets), drops, is_kept);
-        // The row action goes pixel after pixel.
-        let threads = if options.method == Method::Mart { 1 } else { rayon::current_num_threads() };
-        Some(all / threads as f64)
     }
 
     /// Refuses more bytes than the options allow.
@@ -150,8 +119,8 @@ impl<'a> Plan<'a> {
         format!("weights {}, {storage}: {}", self.weights.path.about(), self.weights.reason)
     }
 
-    /// Solves for the intensities. Pixels that are NaN are blind: they move no voxel. `done` is told of each sweep.
-    /// Refuses to take more memory than the options allow.
+    /// Solves for the intensities. Pixels that are NaN are blind: they move no voxel. `done` is called after each
+    /// sweep. Refuses to take more memory than the options allow.
     pub fn solve(
         &self,
         image: ArrayView2<f32>,
@@ -160,13 +129,7 @@ impl<'a> Plan<'a> {
     ) -> Result<Reconstruction, Refusal> {
         Self::allow(self.peak_bytes(image.len()), self.options, || format!("{} voxels", self.indices.len()))?;
         let (image, unit) = self.scaled(image);
-        let passes = if start.is_none() { &self.passes[..] } else { &[] };
-        let cleared = self.clear(passes, &image, unit);
-        let is_cleared = !cleared.passes.is_empty();
-        let indices = if is_cleared { &cleared.indices } else { self.indices };
-        let first = is_cleared.then_some(cleared.strengths);
-        let problem =
-            Problem { start, cleared: first, ..self.problem(&image, unit, &self.weights, indices, self.options) };
+        let problem = self.problem(&image, unit, start);
         let solved = match self.options.method {
             Method::Mart => row_action::solve(&problem, done)?,
             _ => simultaneous::solve(&problem, done),
@@ -188,76 +151,33 @@ impl<'a> Plan<'a> {
             clipped += usize::from(counts > f64::from(f32::MAX));
             *value = counts.min(f64::from(f32::MAX)) as f32;
         }
-        Ok(Reconstruction {
-            indices,
-            intensity,
-            passes: cleared.passes,
-            sweeps: solved.sweeps,
-            unseen: cleared.unseen + solved.unseen.len(),
-            clipped,
-        })
+        Ok(Reconstruction { indices, intensity, sweeps: solved.sweeps, unseen: solved.unseen.len(), clipped })
     }
 
-    /// The image in units of its brightest pixel, in which no sum is too large or too small for f32; and the unit, counts.
+    /// The image in units of its brightest pixel, in which no sum is too large or too small for f32; and the unit,
+    /// counts.
     fn scaled(&self, image: ArrayView2<f32>) -> (Array2<f32>, f64) {
         let peak = f64::from(image.iter().fold(0f32, |peak, value| peak.max(*value)));
         let unit = if peak > 0.0 { peak } else { 1.0 };
         let mut image = image.mapv(|value| (f64::from(value) / unit) as f32);
         if let Some(tile) = &self.options.tile {
-            blind_outside(&mut image, tile.pixels);
+            // Pixels outside the tile's are blind.
+            let is_inside = |axis: usize, place: usize| (tile.pixels[axis][0]..tile.pixels[axis][1]).contains(&place);
+            let outside = image.indexed_iter_mut().filter(|((y, x), _)| !(is_inside(0, *x) && is_inside(1, *y)));
+            outside.for_each(|(_, value)| *value = f32::NAN);
         }
         (image, unit)
     }
 
-    /// Does coarse passes over the support. Without any it names no voxel.
-    fn clear(&self, passes: &[Coarse], image: &Array2<f32>, unit: f64) -> Cleared {
-        let mut cleared = Cleared::of(if passes.is_empty() { Vec::new() } else { self.indices.to_vec() });
-        let options = Coarse::options(self.options);
-        for pass in passes {
-            let (voxels, first) = pass.begin(&cleared);
-            let problem = self.problem(image, unit, pass.weights(), &voxels, &options);
-            let solved = simultaneous::solve(&Problem { cleared: first, ..problem }, |_| ());
-            pass.end(&mut cleared, voxels.len(), &solved);
-        }
-        cleared
-    }
-
-    /// The problem of some voxels of the weights' grid.
-    fn problem<'p>(
-        &self,
-        image: &'p Array2<f32>,
-        unit: f64,
-        weights: &'p Weights,
-        indices: &'p [u64],
-        options: &'p Options,
-    ) -> Problem<'p> {
+    fn problem<'p>(&'p self, image: &'p Array2<f32>, unit: f64, start: Option<Start<'p>>) -> Problem<'p> {
+        let Self { weights, indices, options, .. } = self;
         let light: f64 = image.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum();
-        let voxels = match &self.options.tile {
+        let voxels = match options.tile {
             Some(_) => KEPT_SHARE * weights.grid().len() as f64,
             None => indices.len().max(1) as f64,
         };
         let even = (light / voxels) as f32;
         let block_vox = [0, 1].map(|axis| (self.block_mm / weights.grid().spacing_mm[axis]).round().max(1.0) as usize);
-        Problem {
-            image,
-            unit,
-            even,
-            block_vox,
-            weights,
-            indices,
-            start: None,
-            cleared: None,
-            support: self.indices.len(),
-            options,
-        }
-    }
-}
-
-/// Makes the pixels outside these columns and rows, `[from, to)`, blind.
-fn blind_outside(image: &mut Array2<f32>, [columns, rows]: [[usize; 2]; 2]) {
-    for ((row, column), value) in image.indexed_iter_mut() {
-        if !((rows[0]..rows[1]).contains(&row) && (columns[0]..columns[1]).contains(&column)) {
-            *value = f32::NAN;
-        }
+        Problem { image, unit, even, block_vox, weights, indices, start, options }
     }
 }

@@ -24,21 +24,6 @@ pub struct Sweep {
     pub weights: u64,
 }
 
-/// A pass over coarse voxels, before the sweeps.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pass {
-    /// Voxels along x, y and z that a coarse voxel joins.
-    pub joined: [usize; 3],
-    /// Coarse voxels.
-    pub voxels: usize,
-    /// Coarse voxels left.
-    pub left: usize,
-    /// Misfit of its last sweep, see [`Sweep::misfit`].
-    pub misfit: f64,
-    /// Weights touched, forward and back.
-    pub weights: u64,
-}
-
 /// A reconstruction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reconstruction {
@@ -46,8 +31,6 @@ pub struct Reconstruction {
     pub indices: Vec<u64>,
     /// Intensity of each, counts: the light that the voxel sends through the aperture.
     pub intensity: Vec<f32>,
-    /// The passes over coarse voxels.
-    pub passes: Vec<Pass>,
     /// The sweeps.
     pub sweeps: Vec<Sweep>,
     /// Support voxels that no pixel sees; they are left out.

@@ -1,20 +1,20 @@
 //! Image and camera to the voxels that may hold light: dense ray tracing with a multiplicative line of sight.
 //!
-//! Data flow: a [`Plan`] takes camera, grid and [`Options`] and knows its memory. [`Plan::prune`] turns the image
-//! into whole-number shades (`score/shades.rs`), adds the shades of each voxel's rays (`score/`), and keeps the voxels
-//! with enough as the [`Support`]. [`Automatic`] finds a threshold from the image.
+//! Data flow: a [`PrunePlan`] takes camera, grid and [`PruneOptions`] and knows its memory. [`PrunePlan::prune`] turns
+//! the image into whole-number shades (`score/shades.rs`), adds the shades of each voxel's rays (`score/`), and keeps
+//! the voxels that are bright enough as the [`Support`]. [`Automatic`] finds a threshold from the image.
 //!
-//! The centre ray of every section of the aperture is traced from every voxel to a pixel. A voxel that held a particle
-//! would light all of these pixels. So a voxel is kept if their product (a mean of logarithms, or the least of them) is
-//! high enough. Source: Shi, Ding, New & Soria (2017), section 2, after Atkinson & Soria (2009).
+//! A ray through the centre of every section of the aperture is traced from every voxel to a pixel. A particle in the
+//! voxel would light all of these pixels. So a voxel is kept if their product (a mean of logarithms, or the smallest of
+//! them) is high enough. Source: Shi, Ding, New & Soria (2017), section 2, after Atkinson & Soria (2009).
 
 mod options;
 mod plan;
 mod score;
 mod threshold;
 
-pub use options::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, Options, Region, Score};
-pub use plan::{Forecast, Plan, Support};
+pub use options::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, PruneOptions, Region, Score};
+pub use plan::{PrunePlan, Support};
 pub use threshold::Automatic;
 
 #[cfg(test)]

@@ -5,41 +5,40 @@ use std::ops::Range;
 /// How the pixels of a voxel become its score.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Score {
-    /// Geometric mean of the pixels, each limited to [`Options::dark`] and [`Options::bright`]. A few dark pixels take
-    /// little from it, and a few bright ones give little.
+    /// Geometric mean of the pixels, each limited to [`PruneOptions::dark`] and [`PruneOptions::bright`]. A few dark or
+    /// bright pixels change it little.
     Geometric,
-    /// Share of the pixels that reach the threshold. A voxel is kept if all but this share do. With 0 the darkest pixel
-    /// decides; a larger share is a low quantile, which a few dead or noisy pixels cannot change.
+    /// Share of the pixels that reach the threshold. A voxel is kept if all but the given share do. With 0 the darkest
+    /// pixel decides; a larger share is a low quantile, which a few dead or noisy pixels cannot change.
     Share(f64),
 }
 
 /// Which voxels are kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct PruneOptions {
     /// How a voxel is scored.
     pub score: Score,
-    /// Least geometric mean, or least brightness of a bright pixel, as a share of the image's brightest.
+    /// Smallest geometric mean kept, or brightness from which a pixel counts as bright; as a share of the image's
+    /// brightest pixel.
     pub threshold: f64,
-    /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest: see
-    /// [`DARK_THRESHOLDS`].
+    /// Lower limit of a pixel's brightness in a geometric mean, as a share of the brightest: see [`DARK_THRESHOLDS`].
     pub dark: f64,
-    /// Most brightness that a pixel counts with in a geometric mean, as a share of the brightest: see
-    /// [`BRIGHT_THRESHOLDS`].
+    /// Upper limit of a pixel's brightness in a geometric mean, as a share of the brightest: see [`BRIGHT_THRESHOLDS`].
     pub bright: f64,
-    /// Keep every voxel that can be seen, for any score.
+    /// Keep every voxel that can be seen, whatever its score.
     pub keep_all: bool,
-    /// Sections of the aperture a side, each a ray of a voxel; None for the pixels under a lenslet. Fewer sections are
-    /// faster and keep more: a voxel has fewer pixels that can speak against it.
+    /// Sections along a side of the aperture, each with one ray of a voxel; None for the number of pixels under a
+    /// lenslet. Fewer sections are faster and keep more voxels, since fewer pixels can rule a voxel out.
     pub sections: Option<usize>,
 }
 
-/// The usual [`Options::dark`], thresholds. Then one dark ray of a voxel takes as much from it as six bright rays give:
-/// a dead pixel or a shadow cannot veto a voxel.
+/// The default [`PruneOptions::dark`], in thresholds. One dark ray of a voxel then costs as much as six bright rays
+/// give, so a dead pixel or a shadow cannot veto a voxel.
 pub const DARK_THRESHOLDS: f64 = 1.0 / 50.0;
 
-/// The usual [`Options::bright`], thresholds. Where particle images overlap, voxels without a particle get some very
-/// bright rays, which must not make up for their dark ones. `scripts/studies/study prune-cameras` shows what these two
-/// limits keep and lose.
+/// The default [`PruneOptions::bright`], in thresholds. Where particle images overlap, voxels without a particle get
+/// some very bright rays, which must not make up for their dark ones. `scripts/studies/study prune-cameras` shows what
+/// these two limits keep and lose.
 pub const BRIGHT_THRESHOLDS: f64 = 2.0;
 
 /// The voxels of a slice that are scored, along x and y.

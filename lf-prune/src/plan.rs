@@ -1,44 +1,43 @@
-//! Pruning before it runs: the views and the memory; then the run itself, and the voxels kept.
+//! Pruning before it runs, with its views and its memory; the run itself; and the voxels kept.
 
-use crate::options::{Options, Region};
+use crate::options::{PruneOptions, Region};
 use crate::score::{Scorer, Sections, Shades, ViewsPlan, thread_bytes};
 use lf_core::{Camera, Grid, Refusal, io, weights::check_depth};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
-use std::sync::{Mutex, PoisonError};
 
-/// Slices that are pruned to foretell how many voxels all slices keep.
+/// Number of slices that are pruned to estimate how many voxels all slices keep.
 const SAMPLE_SLICES: usize = 9;
 
-/// Bytes of a voxel kept in the list of its slice, and in the support: its index and score. The lists are given back
-/// while the support grows.
+/// Bytes of a kept voxel in the list of its slice, and in the support: its index and score. The lists are freed while
+/// the support grows.
 const LISTED_BYTES: f64 = 8.0 + 0.5;
 const KEPT_BYTES: f64 = 12.0 + 0.7;
 
-/// Times that freed lists are given back to the system while the support grows.
+/// Number of times that freed lists are given back to the system while the support grows.
 const RELEASES: usize = 8;
 
 /// Bytes of each slice before any voxel is kept: its region, and the head of its list.
 const HEAD_BYTES: f64 = (size_of::<Region>() + size_of::<Vec<(u32, f32)>>()) as f64;
 
-/// Most voxels of a slice that are pruned to foretell how many are kept.
+/// Largest number of voxels of a slice that are pruned to estimate how many are kept.
 const SAMPLE_VOXELS: usize = 1 << 26;
 
 /// Bytes that a thread holds for each voxel of a slice: the list of voxels kept while it grows.
 const SLICE_BYTES: f64 = 2.0;
 
 /// Pruning that is ready to run.
-pub struct Plan<'a> {
+pub struct PrunePlan<'a> {
     camera: &'a Camera,
     grid: &'a Grid,
     regions: &'a [Region],
-    options: &'a Options,
+    options: &'a PruneOptions,
     sections: Sections,
     views: ViewsPlan,
 }
 
-impl<'a> Plan<'a> {
-    /// Plans the pruning of a region in each slice of `grid`. Scores and indices do not depend on the regions, to the
+impl<'a> PrunePlan<'a> {
+    /// Plans the pruning of one region in each slice of `grid`. The regions change neither scores nor indices, to the
     /// bit. Refuses a grid that is too deep, a slice of 2^32 voxels or more, sections outside
     /// [`lf_core::weights::SECTIONS`], and more views than 32 bits can count. Panics unless each slice has one region,
     /// within the grid.
@@ -46,7 +45,7 @@ impl<'a> Plan<'a> {
         camera: &'a Camera,
         grid: &'a Grid,
         regions: &'a [Region],
-        options: &'a Options,
+        options: &'a PruneOptions,
     ) -> Result<Self, Refusal> {
         check_depth(camera, grid)?;
         let sections = Sections::new(camera, options.sections)?;
@@ -75,10 +74,9 @@ impl<'a> Plan<'a> {
         self.regions.iter().map(|[x, y]| x.len() as u64 * y.len() as u64).sum()
     }
 
-    /// The voxels that [`Plan::prune`] will keep and the time it will take: an estimate from a few slices, which are
-    /// pruned. `clock` tells seconds.
-    pub fn forecast(&self, image: ArrayView2<f32>, clock: impl Fn() -> f64 + Sync) -> Result<Forecast, Refusal> {
-        // The same depth in fewer slices.
+    /// Estimates the number of voxels that [`PrunePlan::prune`] will keep: prunes a few slices.
+    pub fn estimated_kept(&self, image: ArrayView2<f32>) -> Result<f64, Refusal> {
+        // Cover the same depth with fewer slices.
         let nz = self.grid.shape[2];
         let few = nz.min(SAMPLE_SLICES);
         let stretch = nz as f64 / few as f64;
@@ -86,35 +84,29 @@ impl<'a> Plan<'a> {
         grid.shape[2] = few;
         grid.spacing_mm[2] *= stretch;
         grid.origin_mm[2] += 0.5 * (stretch - 1.0) * self.grid.spacing_mm[2];
-        // Huge slices give some lines along x, at another y in each slice.
+        // Take only some lines along x of a huge slice, at another y in each slice.
+        let whole = |slice: usize| &self.regions[((slice as f64 + 0.5) * stretch) as usize];
         let part = |slice: usize| {
-            let [x, y] = self.regions[((slice as f64 + 0.5) * stretch) as usize].clone();
+            let [x, y] = whole(slice).clone();
             let lines = (SAMPLE_VOXELS / x.len().max(1)).clamp(1, y.len().max(1));
             let start = y.start + (y.len() - lines.min(y.len())) * (2 * slice + 1) / (2 * few);
             [x, start..(start + lines).min(y.end)]
         };
         let regions: Vec<Region> = (0..few).map(part).collect();
+        // Prune them, and scale the number kept to the whole volume.
         let area = |[x, y]: &Region| x.len() as f64 * y.len() as f64;
-        let wholes = (0..few).map(|slice| area(&self.regions[((slice as f64 + 0.5) * stretch) as usize])).sum::<f64>();
+        let wholes = (0..few).map(|slice| area(whole(slice))).sum::<f64>();
         let times = wholes / regions.iter().map(area).sum::<f64>().max(1.0);
-        let ends = Mutex::new(Vec::new());
-        let note_end = |_| ends.lock().unwrap_or_else(PoisonError::into_inner).push(clock());
-        let start = clock();
-        let sample = Plan::new(self.camera, &grid, &regions, self.options)?.prune(image, note_end);
-        let ends = ends.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let (ready, last) = (ends.first().copied().unwrap_or(start), ends.last().copied().unwrap_or(start));
-        // The views are made once. Then each thread has its slices.
-        let rounds = |slices: usize| slices.div_ceil(rayon::current_num_threads()) as f64;
-        let seconds = ready - start + times * (last - ready) * rounds(nz) / rounds(few);
-        Ok(Forecast { kept: times * sample.indices.len() as f64 * stretch, seconds })
+        let sample = PrunePlan::new(self.camera, &grid, &regions, self.options)?.prune(image, |_| ());
+        Ok(times * sample.indices.len() as f64 * stretch)
     }
 
-    /// Bytes of the lists of slices: what [`Plan::new`] and [`Plan::prune`] hold of a grid for any region.
+    /// Bytes of the lists of slices: what [`PrunePlan::new`] and [`PrunePlan::prune`] hold of a grid for any region.
     pub fn list_bytes(grid: &Grid) -> f64 {
         HEAD_BYTES * grid.shape[2] as f64
     }
 
-    /// Most bytes in use beside an image of `pixels` pixels, if `kept` voxels are kept.
+    /// Peak bytes in use beside the image of `pixels` pixels, if `kept` voxels are kept.
     pub fn bytes(&self, pixels: usize, kept: f64) -> u64 {
         let pixels = pixels as f64;
         let views = self.views.bytes(self.sections.count());
@@ -126,8 +118,8 @@ impl<'a> Plan<'a> {
     }
 
     /// Scores the voxels against an image of the camera's size and keeps those that may hold light. A pixel that is NaN
-    /// is blind and speaks neither for a voxel nor against it. Sections of the aperture that the image shows as dark do
-    /// not count. `done` is told how many slices are finished: first none, when the views are ready.
+    /// is blind: it counts neither for a voxel nor against it. Sections of the aperture that the image shows as dark do
+    /// not count. `done` gets the number of slices just finished.
     ///
     /// A voxel is scored at a place of a raster that is at most a quarter of a voxel from its centre along each side of
     /// the lattice. It costs some hundred additions of 8 bits, for any camera.
@@ -140,7 +132,6 @@ impl<'a> Plan<'a> {
         let shades = Shades::new(image, peak, sections.count(), self.options);
         let scorer = Scorer::new(&shades, &sections, self.camera, self.grid, &self.views);
         let [nx, ny, nz] = self.grid.shape;
-        done(0);
         let slices: Vec<Vec<(u32, f32)>> =
             (0..nz).into_par_iter().map(|z| scorer.slice(z, &self.regions[z])).inspect(|_| done(1)).collect();
         drop(scorer);
@@ -163,15 +154,6 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Estimates before a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Forecast {
-    /// Number of voxels kept.
-    pub kept: f64,
-    /// Time of [`Plan::prune`].
-    pub seconds: f64,
-}
-
 /// The voxels that pruning keeps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Support {
@@ -184,7 +166,7 @@ pub struct Support {
 }
 
 impl Support {
-    /// (inside, lost): how many of these places lie in `grid`, and how many of them in voxels that are not kept.
+    /// (inside, lost): the number of these places that lie in `grid`, and of those whose voxel is not kept.
     pub fn lost(&self, grid: &Grid, places_mm: &[[f64; 3]]) -> (usize, usize) {
         let (mut inside, mut lost) = (0, 0);
         for place in places_mm {

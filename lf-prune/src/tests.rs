@@ -1,3 +1,5 @@
+//! Pruning against single rays, for every kind of camera.
+
 use super::*;
 use crate::score::{Oracle, Scorer, Sections, Shades, Tolerance, ViewsPlan};
 use glam::DVec2;
@@ -15,20 +17,20 @@ fn camera(aperture: &str, layout: &str, rotation_rad: f64) -> Camera {
     Camera::from_json(&text).unwrap()
 }
 
-const PLAIN: Options =
-    Options { score: Score::Geometric, threshold: 0.05, dark: 1e-6, bright: 1.0, keep_all: false, sections: None };
+const PLAIN: PruneOptions =
+    PruneOptions { score: Score::Geometric, threshold: 0.05, dark: 1e-6, bright: 1.0, keep_all: false, sections: None };
 
 /// Moves the corners by about 3 px.
 const DISTORTION: Distortion = Distortion { radial: [4000.0, 0.0, 0.0], tangential: [0.5, -1.0] };
 
 /// All kinds of score, each with a threshold that keeps some voxels, and another number of sections.
-const RULES: [Options; 6] = [
-    Options { threshold: 0.37, ..PLAIN },
-    Options { score: Score::Share(0.0), threshold: 1e-3, ..PLAIN },
-    Options { score: Score::Share(0.15), threshold: 0.2, ..PLAIN },
-    Options { keep_all: true, ..PLAIN },
-    Options { threshold: 0.37, sections: Some(5), ..PLAIN },
-    Options { threshold: 0.4, dark: 0.1, bright: 0.6, ..PLAIN },
+const RULES: [PruneOptions; 6] = [
+    PruneOptions { threshold: 0.37, ..PLAIN },
+    PruneOptions { score: Score::Share(0.0), threshold: 1e-3, ..PLAIN },
+    PruneOptions { score: Score::Share(0.15), threshold: 0.2, ..PLAIN },
+    PruneOptions { keep_all: true, ..PLAIN },
+    PruneOptions { threshold: 0.37, sections: Some(5), ..PLAIN },
+    PruneOptions { threshold: 0.4, dark: 0.1, bright: 0.6, ..PLAIN },
 ];
 
 fn grid() -> Grid {
@@ -41,9 +43,9 @@ fn whole(grid: &Grid) -> Region {
 }
 
 /// Plans and prunes the whole grid.
-fn prune(image: &Array2<f32>, camera: &Camera, grid: &Grid, options: &Options) -> Result<Support, Refusal> {
+fn prune(image: &Array2<f32>, camera: &Camera, grid: &Grid, options: &PruneOptions) -> Result<Support, Refusal> {
     let regions = vec![whole(grid); grid.shape[2]];
-    Ok(Plan::new(camera, grid, &regions, options)?.prune(image.view(), |_| ()))
+    Ok(PrunePlan::new(camera, grid, &regions, options)?.prune(image.view(), |_| ()))
 }
 
 /// An image of hashed brightness.
@@ -64,19 +66,19 @@ const BENT: Tolerance = Tolerance { array_px: 0.25, sensor_px: 0.01, raster: 0.1
 const DEFOCUSED: Tolerance = Tolerance { sensor_px: 0.2, ..STRAIGHT };
 const ALL_BENT: Tolerance = Tolerance { sensor_px: 0.2, ..BENT };
 
-/// How many voxels were compared, and kept of them.
+/// Numbers of voxels compared, and kept.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Compared {
     all: usize,
     kept: usize,
 }
 
-/// Compares voxels of slices, all but a few of them skipped, with their rays one by one: a voxel is kept, or not, and
-/// has its score, as rays within the tolerance of the exact ones say.
+/// Compares one in 13 voxels of some slices with their rays, traced one by one. Rays within the tolerance of the exact
+/// ones must explain whether a voxel is kept, and its score.
 fn compare(
     image: &Array2<f32>,
     camera: &Camera,
-    options: &Options,
+    options: &PruneOptions,
     grid: &Grid,
     slices: &[usize],
     tolerance: Tolerance,
@@ -120,7 +122,7 @@ fn compare(
 /// The fast way agrees with single rays, and does not keep all voxels. Returns how many it keeps.
 fn kept_as_by_rays(
     camera: &Camera,
-    options: &Options,
+    options: &PruneOptions,
     grids: &[Grid],
     slices: &[usize],
     tolerance: Tolerance,
@@ -131,32 +133,32 @@ fn kept_as_by_rays(
     sum.kept
 }
 
-/// By hand: 4 of 100 pixels at the floor of 1e-6 and the rest at 0.1 have a geometric mean of 10^(-0.96 - 0.24). With
-/// shares, 4 in 100 are dark.
+/// Worked out by hand: 4 of 100 pixels at the floor of 1e-6 and the rest at 0.1 have a geometric mean of
+/// 10^(-0.96 - 0.24). With shares, 4 in 100 are dark.
 #[test]
 fn scores_by_hand() {
     let mut image = Array2::from_elem((10, 10), 0.1f32);
     (0..4).for_each(|n| image[[n, n]] = 0.0);
-    let options = Options { threshold: 0.063, ..PLAIN };
+    let options = PruneOptions { threshold: 0.063, ..PLAIN };
     let sum = |shades: &Shades| shades.values().iter().map(|shade| u32::from(*shade)).sum::<u32>();
     let shades = Shades::new(image.view(), 1.0, 100, &options);
     // A shade is a 255th of ln(1e-6): rounding errs by up to half of it, 2.7 %.
     assert!((f64::from(shades.score(sum(&shades), 100)) / 10f64.powf(-1.2) - 1.0).abs() < 0.028);
     assert!(sum(&shades) as i32 <= shades.most(100, 100));
     // With limits of 0.01 and 0.03 the mean is 0.03^0.96 0.01^0.04, without rounding: all pixels are at a limit.
-    let limited = Options { threshold: 0.028, dark: 0.01, bright: 0.03, ..PLAIN };
+    let limited = PruneOptions { threshold: 0.028, dark: 0.01, bright: 0.03, ..PLAIN };
     let shades = Shades::new(image.view(), 1.0, 100, &limited);
     let mean = 0.03f64.powf(0.96) * 0.01f64.powf(0.04);
     assert!((f64::from(shades.score(sum(&shades), 100)) / mean - 1.0).abs() < 1e-6);
     assert!(sum(&shades) as i32 <= shades.most(100, 100));
-    let options = Options { score: Score::Share(0.04), threshold: 0.1, ..options };
+    let options = PruneOptions { score: Score::Share(0.04), threshold: 0.1, ..options };
     let shades = Shades::new(image.view(), 1.0, 100, &options);
     assert_eq!((sum(&shades), shades.most(100, 100)), (4, 4));
     assert!((shades.score(4, 100) - 0.96).abs() < 1e-6);
     assert_eq!(shades.most(49, 100), -1);
 }
 
-/// One voxel, all over, lights the pixels that separate rays find: it is kept, with few others.
+/// A voxel lights the pixels that separate rays find. It is kept, with few others.
 #[test]
 fn the_voxel_that_lit_the_image_is_kept() {
     let (grid, voxel) = (grid(), [34, 31, 16]);
@@ -167,7 +169,7 @@ fn the_voxel_that_lit_the_image_is_kept() {
         let camera = camera(aperture, layout, rotation);
         let image = lit(&camera, &filled(&[place]), &[200]);
         for score in [Score::Geometric, Score::Share(0.0)] {
-            let options = Options { score, threshold: 1e-3, ..PLAIN };
+            let options = PruneOptions { score, threshold: 1e-3, ..PLAIN };
             let support = prune(&image, &camera, &grid, &options).unwrap();
             assert!(support.indices.contains(&grid.index(voxel)), "{aperture} {layout} {score:?}");
             assert!(support.indices.len() < 2000, "{aperture} {layout} {score:?}: {}", support.indices.len());
@@ -182,8 +184,8 @@ fn black_images_keep_nothing() {
     assert!(support.indices.is_empty());
 }
 
-/// By hand: noise of +-3, a block of light of 100 and one pixel of 200. Then sum I^2 / sum I is near 100, and the
-/// darkest tiles show the noise.
+/// Worked out by hand: noise of +-3, a block of light of 100 and one pixel of 200. Then sum I^2 / sum I is near 100,
+/// and the darkest tiles show the noise.
 #[test]
 fn the_threshold_follows_the_light_and_the_noise() {
     let block = |scale: f32| {
@@ -209,8 +211,8 @@ fn places_are_lost_with_their_voxel() {
     assert_eq!(support.lost(&grid, &[[1.4, 1.6, 3.3], [1.6, 1.6, 3.3], [1.0, 2.0, 3.6]]), (2, 1));
 }
 
-/// For every shape of cell and stop, at the edge of sight, for voxels on the edges of cells, and for voxels larger than
-/// cells. The turns reach beyond a sixth of a turn.
+/// Covers every shape of cell and stop, the edge of sight, voxels on the edges of cells, and voxels larger than cells.
+/// The turns reach beyond a sixth of a turn.
 #[test]
 fn sums_are_the_rays_one_by_one() {
     let grids = [
@@ -234,7 +236,7 @@ fn sums_are_the_rays_one_by_one() {
     assert!(kept.iter().all(|kept| *kept > 0), "{kept:?}");
 }
 
-/// Every block that bends rays, alone and with the others, on either lattice.
+/// Covers every block of the camera that bends rays, alone and with the others, on either lattice.
 #[test]
 fn bent_rays_are_the_rays_one_by_one() {
     let grids = [
@@ -288,7 +290,8 @@ fn far_rays_meet_their_own_lenslets() {
     }
 }
 
-/// Lenslets of 1 px, lenslets wider than the sensor, a sensor of one row, and lenslets beside it; 2 to 64 sections.
+/// Covers lenslets of 1 px, lenslets wider than the sensor, a sensor of one row, and lenslets beside it; 2 to 64
+/// sections.
 #[test]
 fn odd_cameras_are_pruned_as_by_rays() {
     let speckle = speckle();
@@ -314,7 +317,7 @@ fn odd_cameras_are_pruned_as_by_rays() {
             let image = speckle.slice(s![..size.0, ..size.1]).to_owned();
             let grid = Grid::in_bounds([[-0.2, 0.2], [-0.2, 0.2], [-1.0, 1.0]], [0.0055, 0.0173, 0.5]).unwrap();
             for (sections, rule) in [(2, RULES[0]), (2, RULES[2]), (20, RULES[3]), (64, RULES[0])] {
-                let options = Options { sections: Some(sections), ..rule };
+                let options = PruneOptions { sections: Some(sections), ..rule };
                 pruned += compare(&image, &camera, &options, &grid, &[0], tolerance).kept;
             }
         }
@@ -329,7 +332,7 @@ fn voxels_are_scored_within_a_quarter() {
     camera.microlenses.pitch_mm = 0.55;
     camera.microlenses.focal_length_mm = 2.2;
     let grid = Grid::in_bounds([[-0.2, 0.2], [-0.2, 0.2], [-1.0, 1.0]], [0.0055, 0.0055, 0.5]).unwrap();
-    let options = Options { sections: Some(9), ..PLAIN };
+    let options = PruneOptions { sections: Some(9), ..PLAIN };
     let sections = Sections::new(&camera, options.sections).unwrap();
     let image = speckle();
     let shades = Shades::new(image.view(), 1.0, sections.count(), &options);
@@ -344,7 +347,7 @@ fn voxels_are_scored_within_a_quarter() {
 #[test]
 fn frames_without_light_may_be_kept_whole() {
     let (camera, grid) = (camera("circle", "hexagonal", 0.003), grid());
-    let kept = |value: f32, options: &Options| {
+    let kept = |value: f32, options: &PruneOptions| {
         prune(&Array2::from_elem((252, 280), value), &camera, &grid, options).unwrap().indices.len()
     };
     let whole = kept(1.0, &RULES[3]);
@@ -363,8 +366,8 @@ fn volumes_that_reach_too_many_lenslets_are_refused() {
     camera.main_lens.working_f_number = 0.3;
     let grid = Grid::in_bounds([[-0.1, 0.1], [-0.1, 0.1], [-5e5, 0.0]], [0.1, 0.1, 1e5]).unwrap();
     let regions = vec![whole(&grid); grid.shape[2]];
-    let options = Options { sections: Some(64), ..PLAIN };
-    let refusal = Plan::new(&camera, &grid, &regions, &options).err().expect("a refusal").to_string();
+    let options = PruneOptions { sections: Some(64), ..PLAIN };
+    let refusal = PrunePlan::new(&camera, &grid, &regions, &options).err().expect("a refusal").to_string();
     assert!(refusal.contains("rays of a voxel meet lenslets"), "{refusal}");
 }
 
@@ -385,7 +388,7 @@ fn lines_may_leave_the_rows_of_lenslets() {
     for (layout, turn) in [("square", 0.003), ("square", -0.003), ("hexagonal", 0.003), ("hexagonal", -0.02)] {
         let mut camera = camera("square", layout, turn);
         (camera.sensor.width, camera.sensor.height) = (1820, 56);
-        let options = Options { keep_all: true, ..PLAIN };
+        let options = PruneOptions { keep_all: true, ..PLAIN };
         let grid = Grid::in_bounds([[-5.2, 5.2], [-0.3, 0.3], [-1.0, 1.0]], [0.03, 0.007, 0.5]).unwrap();
         let compared = compare(&image, &camera, &options, &grid, &[0, 1, 2, 3], STRAIGHT);
         assert!(compared.kept > 300 && compared.kept < compared.all, "{layout} {turn}: {compared:?}");
@@ -437,7 +440,8 @@ fn dark_sections_veto_no_voxel() {
         for image in [lit(&smaller, &places, &[200]), shadowed(&whole, &camera, |stop| stop.y < 0.0)] {
             for score in [Score::Geometric, Score::Share(0.1)] {
                 let threshold = Automatic::new(image.view(), score).threshold;
-                let options = Options { score, threshold, dark: threshold / 50.0, bright: 2.0 * threshold, ..PLAIN };
+                let options =
+                    PruneOptions { score, threshold, dark: threshold / 50.0, bright: 2.0 * threshold, ..PLAIN };
                 let support = prune(&image, &camera, &grid, &options).unwrap();
                 assert!(support.dark_sections > 10, "{score:?}: {} dark", support.dark_sections);
                 let lost = support.lost(&grid, &places);
@@ -506,7 +510,7 @@ fn lit(camera: &Camera, points_mm: &[[f64; 3]], counts: &[usize]) -> Array2<f32>
 fn sections_of_the_paper_may_be_typed_out() {
     let (image, grid) = (speckle(), Grid { shape: [20, 20, 3], ..grid() });
     for camera in cameras() {
-        let kept = |sections| prune(&image, &camera, &grid, &Options { sections, ..RULES[0] });
+        let kept = |sections| prune(&image, &camera, &grid, &PruneOptions { sections, ..RULES[0] });
         assert_eq!(kept(None).unwrap(), kept(Some(14)).unwrap());
         assert!(kept(None).unwrap() != kept(Some(13)).unwrap());
         assert!([0, 1, 65].iter().all(|sections| kept(Some(*sections)).is_err()));
@@ -525,7 +529,7 @@ fn fewer_sections_lose_no_light() {
         let image = lit(&camera, &filled(&places), &[2, 5, 14, 28, 100]);
         for score in [Score::Geometric, Score::Share(0.0)] {
             let [two, five, paper, many] = [Some(2), Some(5), None, Some(28)].map(|sections| {
-                let options = Options { score, threshold: 1e-3, sections, ..PLAIN };
+                let options = PruneOptions { score, threshold: 1e-3, sections, ..PLAIN };
                 prune(&image, &camera, &grid, &options).unwrap().indices
             });
             for kept in [&two, &five, &paper, &many] {
@@ -559,7 +563,7 @@ fn cores_of_tiles_are_the_whole() {
             for index in 1..=of {
                 let tile = Tile::new(&camera, &wide, index, of, 0.05).unwrap();
                 let regions = tile.held(&camera, &wide);
-                let part = Plan::new(&camera, &wide, &regions, &RULES[0]).unwrap().prune(image.view(), |_| ());
+                let part = PrunePlan::new(&camera, &wide, &regions, &RULES[0]).unwrap().prune(image.view(), |_| ());
                 let (own, held): (Vec<_>, Vec<_>) =
                     scored(&part).into_iter().partition(|(index, _)| tile.owns(wide.voxel(*index)));
                 assert!(held.is_empty() == (of == 1), "{} beside the core of {index} of {of}", held.len());

@@ -7,17 +7,17 @@ use ndarray::ArrayView2;
 pub struct Automatic {
     /// Noise over the brightest pixel.
     pub noise: f64,
-    /// Least geometric mean kept, over the brightest pixel.
+    /// Smallest geometric mean kept, over the brightest pixel.
     pub threshold: f64,
 }
 
 /// Threshold of a geometric mean over the brightness of the light, [`Tones::light`]. In the ready scenes `core` and
-/// `full` the voxel of a particle scores at least a quarter of it, also with noise of 2 % of the brightest pixel. Half
-/// of this value keeps twice the voxels.
+/// `full` the voxel of a particle scores at least a quarter of that brightness, even with noise of 2 % of the brightest
+/// pixel. Half of this value keeps twice the voxels.
 const MEAN_SHARE: f64 = 0.2;
 
-/// The same for a share of the rays, each of which must reach it. At [`MEAN_SHARE`] more than a tenth of the rays of
-/// one particle in six are too dark on turned and hexagonal lattices.
+/// Like [`MEAN_SHARE`], but for a share of the rays, each of which must reach it. At `MEAN_SHARE` one particle in six
+/// would lose more than a tenth of its rays on turned and hexagonal lattices.
 const RAY_SHARE: f64 = 0.06;
 
 impl Automatic {

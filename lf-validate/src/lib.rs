@@ -1,8 +1,7 @@
-//! Results and truths to scores, and runs to curves.
+//! Results and truths to scores.
 //!
 //! - [`scores`]: volumes, fields and the truth in, one struct a score out.
 //! - [`pictures`]: a score in, its chart out.
-//! - [`runs`]: JSON records of many runs in, curves over seeds and the trade of cost against error out.
 //! - [`export`]: a volume or particles in, a file for other programs out.
 //! - [`report`]: the folder of a run in, a page that shows it out.
 //! - [`info`]: the content of a file in, a description of one screen out.
@@ -14,5 +13,4 @@ pub mod export;
 pub mod info;
 pub mod pictures;
 pub mod report;
-pub mod runs;
 pub mod scores;

@@ -193,7 +193,7 @@ fn a_field_without_data_gives_null_a_warning_and_no_pass() {
     assert!(warning.contains("field.exr") && warning.contains("8 without data"), "{warning}");
 }
 
-/// The same errors whether the truth is a field, a scene or particles, by name and through pipes.
+/// A field, a scene and particles as truth give one error, by name and through pipes.
 #[test]
 fn three_truths_agree() {
     let bench = workbench();
@@ -332,7 +332,7 @@ fn unusable_truths_are_refused_by_name() {
     assert!(run(&["displacement", "--frames", "0,0"], &[&same, &field]).refusal().contains("against itself"));
     for wrong in ["0", "0,1,2", "0,x", "-1,0"] {
         let typed = format!("--frames={wrong}");
-        assert!(run(&["displacement", &typed], &[&same, &field]).refusal().contains("two frame numbers"), "{wrong}");
+        assert!(run(&["displacement", &typed], &[&same, &field]).refusal().contains("2 whole numbers"), "{wrong}");
     }
 }
 
@@ -522,7 +522,7 @@ fn help_lists_what_is_built_and_nothing_else() {
     let output = run(&["--help"], &[] as &[&str]);
     let text = output.text();
     assert_eq!(output.status.code(), Some(0));
-    let scores = ["quality", "elongation", "depth", "displacement", "divergence", "line", "curves", "trade", "info"];
+    let scores = ["quality", "elongation", "depth", "displacement", "divergence", "ensemble", "info"];
     for word in scores.into_iter().chain(["--stats", "--threads"]) {
         assert!(text.contains(word), "{word}");
     }

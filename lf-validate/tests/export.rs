@@ -1,10 +1,9 @@
 //! `lf-validate export`: other programs' forms, read back here; tests/exports.rs reads them with Python's libraries.
 
 use crate::workbench::{field, save_field, workbench};
-use lf_core::history::Step;
+use lf_core::Grid;
 use lf_core::image::Stack;
 use lf_core::io::Bytes;
-use lf_core::{Grid, History};
 use lf_tests::Workbench;
 use serde_json::Value;
 
@@ -119,26 +118,11 @@ fn a_huge_sparse_volume_is_written_by_its_voxels_or_refused() {
     bench.refused(&[&["export", "deep.lfv", "-o", "deep.tif"], &limit[..]].concat(), &[&wanted("deep.lfv")]);
     let grid = Grid { shape: [1 << 20, 1 << 20, 2], ..GRID };
     bench.volume("wide.lfv", &grid, &[1], &[("intensity", &[1.0])]);
-    for end in ["vti", "tif", "npz"] {
+    for end in ["vti", "tif"] {
         let output = format!("wide.{end}");
         let words = [&["export", "wide.lfv", "-o", &output], &limit[..]].concat();
         bench.refused(&words, &[&wanted("wide.lfv"), "wanted 0.5 GB at most, as --max-memory allows"]);
     }
-}
-
-#[test]
-fn tecplot_text_has_no_nan_and_names_the_history() {
-    let bench = workbench();
-    let mut field = field([2, 2, 1], |[x, ..]| [x as f32, 0.0, 0.0]);
-    let step = Step { tool: "lf-xcorr".into(), version: "1".into(), arguments: vec!["\"a\"".into()] };
-    field.layout.history = History::from([step]);
-    field.layout.dt_s = Some(0.5);
-    save_field(&bench, "a.exr", &field);
-    bench.done(&["export", "a.exr", "-o", "a.dat"]);
-    let text = bench.text("a.dat");
-    assert!(text.contains("ZONE T = \"field\", I = 2, J = 2, K = 1, DATAPACKING = POINT\n"), "{text}");
-    assert!(text.contains("history_1 = \"lf-xcorr 1: 'a'\"") && text.contains("dt_s = \"0.5\""), "{text}");
-    assert!(text.ends_with("0.5 0.5 0 0.5 0 0 0 0 -1 -1 -1 0 -1 1 0 0\n") && !text.contains("NaN"), "{text}");
 }
 
 #[test]
@@ -188,7 +172,7 @@ fn options_that_change_nothing_and_unknown_forms_are_refused() {
     refused(&["export", "a.lfv", "-o", "a.vti", "--column", "score"], &["only the column `intensity`"]);
     refused(&["export", "a.lfv", "-o", "a.vti", "--bits", "16"], &["--bits: changes nothing here"]);
     refused(&["export", "a.exr", "-o", "a.nc", "--column", "score"], &["--column: changes nothing here"]);
-    for end in ["vti", "dat", "csv", "svg"] {
+    for end in ["vti", "csv", "svg"] {
         let output = format!("a.{end}");
         let wanted = "--every: changes nothing here; wanted it for fields in a .nc or a .vti.series only";
         refused(&["export", "a.exr", "-o", &output, "--every", "1"], &[wanted]);

@@ -96,7 +96,7 @@ fn quality_by_depth_and_region_by_hand() {
     for (typed, wanted) in [
         ("5,1,1", "at least a voxel"),
         ("0,1,1", "--regions"),
-        ("1.5,1,1", "three whole numbers"),
+        ("1.5,1,1", "3 whole numbers"),
         ("-1,1,1", "--regions"),
         ("2,2", "--regions"),
     ] {
@@ -201,8 +201,8 @@ fn elongation_takes_frames_pairs_and_a_search() {
             ["small.lfv", "first volume's grid of 21"],
         ),
         (&["particles.csv", "volume.lfv", "--and", "particles.csv"], ["--and", "2 values required"]),
-        (&["particles.csv", "volume.lfv", "--search", "1,1"], ["--search", "3 numbers"]),
-        (&["particles.csv", "volume.lfv", "--search", "1,1,0.5"], ["--search", "three whole numbers"]),
+        (&["particles.csv", "volume.lfv", "--search", "1,1"], ["--search", "3 whole numbers"]),
+        (&["particles.csv", "volume.lfv", "--search", "1,1,0.5"], ["--search", "3 whole numbers"]),
         (&["cut.csv", "volume.lfv"], ["cut.csv", "line 2"]),
         (&["volume.lfv", "particles.csv"], ["volume.lfv", "wanted"]),
         (&["gone.csv", "volume.lfv"], ["gone.csv", "no such file"]),

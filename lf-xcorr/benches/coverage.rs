@@ -1,8 +1,8 @@
 //! The share of the vectors' errors that their stated uncertainties cover.
 //!
 //! `cargo bench -p lf-xcorr --bench coverage` reports; `-- windows` reports on other windows and longer particles. With
-//! `-- choose` it runs the clouds that the constants of the uncertainties were chosen on; they share no density, no seed
-//! and no turning flow with the report.
+//! `-- choose` it runs the clouds that the constants of the uncertainties were chosen on; they share no density, no
+//! seed and no turning flow with the report.
 
 #[path = "../tests/coverage/mod.rs"]
 mod coverage;

@@ -16,7 +16,7 @@ fn window(bencher: Bencher, side: usize) {
     measure(bencher, pass(side, 0.75, Options::REFINE), 8.0, 0.75, Route::Direct, Deform::Never);
 }
 
-/// The same windows with particles long along z.
+/// Like `window`, but with particles long along z.
 #[divan::bench(args = [16, 24, 32], sample_count = 5)]
 fn long_particles(bencher: Bencher, side: usize) {
     measure(bencher, pass(side, 0.75, Options::REFINE), 8.0, 4.0, Route::Direct, Deform::Never);
@@ -47,7 +47,7 @@ fn apart_direct(bencher: Bencher, particles: usize) {
     measure(bencher, pass(32, 0.0, [16; 3]), particles as f64, 0.75, Route::Direct, Deform::Never);
 }
 
-/// The same by transforms.
+/// Like `apart_direct`, but by transforms.
 #[divan::bench(args = [2, 8, 32, 128], sample_count = 3)]
 fn apart_transforms(bencher: Bencher, particles: usize) {
     measure(bencher, pass(32, 0.0, [16; 3]), particles as f64, 0.75, Route::Transform, Deform::Never);

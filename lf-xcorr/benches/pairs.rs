@@ -1,7 +1,7 @@
 //! Compares ways to make vectors of matched particles.
 //!
-//! `cargo bench -p lf-xcorr --bench pairs` reports root mean square errors in pixels and coverage by way and flow;
-//! `-- choose` runs the flows, densities and seeds that the way and its constants were chosen on. `-- full` times a full
+//! `cargo bench -p lf-xcorr --bench pairs` reports root mean square errors in pixels and coverage by way and flow; `--
+//! choose` runs the flows, densities and seeds that the way and its constants were chosen on. `-- full` times a full
 //! frame: 60,000 particles and 74,000 windows.
 
 #[path = "../tests/coverage/mod.rs"]

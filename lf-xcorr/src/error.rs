@@ -17,7 +17,7 @@ pub enum Side {
     Options,
 }
 
-/// A refusal and the input it is about. The caller knows the name of that input.
+/// A refusal, and the input it is about; the caller knows the input's name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{refusal}")]
 pub struct Refused {

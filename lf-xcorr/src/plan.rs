@@ -16,10 +16,10 @@ pub struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// Plans the correlation of several pairs that show the same flow: their correlations are summed before a peak is
-    /// sought. Every volume counts by its sum of squares, so no pair counts for more by being brighter. Refuses the
-    /// first volume, mask or option that does not fit. Panics without a pair, or if a volume's lengths differ or its
-    /// indices do not rise.
+    /// Plans the correlation of several pairs that show the same flow: their correlations are summed before the search
+    /// for a peak. Every volume is scaled to a sum of squares of 1, so a bright pair weighs no more than a dim one.
+    /// Refuses the first volume, mask or option that does not fit. Panics without a pair, or if a volume's lengths
+    /// differ or its indices do not rise.
     pub fn new(pairs: &'a [[Sparse<'a>; 2]], mask: &'a Mask<'a>, options: &'a Options) -> Result<Self, Refused> {
         let part = Sparse::check_pairs(pairs, mask)?;
         options.check(part.shape)?;
@@ -32,7 +32,7 @@ impl<'a> Plan<'a> {
         8.0 * ny * nz * volumes as f64 + memory::AXIS_BYTES * (nx + ny + nz)
     }
 
-    /// Estimate of the most bytes that [`Plan::correlate`] has in use, without the volumes themselves.
+    /// Estimate of the peak bytes that [`Plan::correlate`] uses, without the volumes themselves.
     pub fn bytes(&self) -> u64 {
         memory::bytes(self.pairs, self.mask, self.options)
     }

@@ -53,7 +53,7 @@ fn other_formats_and_the_picture() {
 fn the_picture_is_of_the_slice_that_was_asked_for() {
     let bench = workbench();
     for (slice, title) in [
-        // Without a place, the layer that shows most: all do alike, so the one in the middle.
+        // Without a place, the layer that shows the largest signal. All show the same, so it is the middle one.
         (&[][..], "z = 5.75 mm (layer 3 of 5)"),
         (&["--slice", "z"], "z = 5.75 mm (layer 3 of 5)"),
         (&["--slice", "z=4"], "z = 4.25 mm (layer 2 of 5)"),
@@ -102,7 +102,7 @@ fn an_invalid_slice_is_refused_in_one_line() {
 }
 
 #[test]
-fn verbose_tells_every_decision() {
+fn verbose_reports_every_decision() {
     let bench = workbench();
     let said = bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], &SMALL[..]].concat()).stderr;
     for words in
@@ -116,7 +116,8 @@ fn verbose_tells_every_decision() {
 fn windows_larger_than_the_volume_are_refused() {
     let bench = workbench();
     bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "--window", "49,40,16"], &["49 x 40 x 16", "48 x 40 x 24"]);
-    bench.refused(&["a.lfv", "b.lfv", "-o", "f.exr", "--initial", "48,41,16", "-q"], &["48 x 41 x 16"]);
+    let first = ["--pass", "48,41,16", "--pass", "24,24,12"];
+    bench.refused(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-q"], &first[..]].concat(), &["48 x 41 x 16"]);
 }
 
 #[test]

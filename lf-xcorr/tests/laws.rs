@@ -221,6 +221,7 @@ fn one_window_and_thin_volumes_work() {
 /// The picture of one layer.
 fn picture(field: &Field, cut: &str) -> Result<String, lf_core::Refusal> {
     lf_plot::field(field, &FieldPicture { cut: cut.parse().unwrap(), ..FieldPicture::default() })
+        .map(|drawing| drawing.svg())
 }
 
 #[test]

@@ -10,23 +10,10 @@ fn field(bench: &Workbench, name: &str) -> Field {
 }
 
 #[test]
-fn passes_can_be_listed_or_named() {
+fn passes_can_be_listed() {
     let bench = workbench();
-    let said = bench
-        .done(&[
-            "a.lfv",
-            "b.lfv",
-            "-o",
-            "f.exr",
-            "-v",
-            "--pass",
-            "48,40,24:0.5:6,6,4",
-            "--pass",
-            "32,32,16",
-            "--pass",
-            "24,24,12:0.75",
-        ])
-        .stderr;
+    let passes = "--pass 48,40,24:0.5:6,6,4 --pass 32,32,16 --pass 24,24,12:0.75";
+    let said = bench.done(&format!("a.lfv b.lfv -o f.exr -v {passes}")).stderr;
     for words in
         ["pass 1: windows of 48 x 40 x 24", "search to 6 x 6 x 4", "pass 2: windows of 32 x 32 x 16", "pass 3.2: "]
     {
@@ -34,14 +21,11 @@ fn passes_can_be_listed_or_named() {
     }
     let layout = field(&bench, "f.exr").layout;
     assert_eq!((layout.window, layout.overlap), ([24, 24, 12], 0.75));
-    bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper"], &["320 x 320 x 32", "48 x 40 x 24"]);
-    bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper-jet"], &["320 x 320 x 64"]);
     for wrong in ["24,24", "24,24,12:x", "24,24,12:0.5:1,1", "24,24,12::", ""] {
         bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--pass", wrong], &["pass"]);
     }
     bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--pass", "24,24,12:nan"], &["overlap NaN"]);
     bench.refused(&["a.lfv", "b.lfv", "--pass", "24,24,12", "--window", "24,24,12"], &["--pass"]);
-    bench.refused(&["a.lfv", "b.lfv", "--pass", "24,24,12", "--settings", "paper"], &["--settings"]);
     assert!(!bench.path("g.exr").exists());
 }
 
@@ -61,16 +45,15 @@ fn windows_in_millimetres_are_windows_in_voxels() {
         assert!(said.contains(&became), "{became} not in {said}");
     }
     let (bytes, said) = given(&["--initial-mm", "3,3,8", "--window-mm", "2.4,2.4,6"]);
-    assert!(bytes == given(&["--initial", "30,30,16", "--window", "24,24,12"]).0);
+    assert!(bytes == given(&["--pass", "30,30,16", "--pass", "24,24,12"]).0);
     assert!(said.contains("initial window of 3 x 3 x 8 mm is 30 x 30 x 16 voxels\n"), "{said}");
     let (bytes, said) = given(&["--window-mm", "2.4,9,0.4"]);
     assert!(bytes == given(&["--window", "24,40,4"]).0);
     assert!(said.contains("warning: window of 2.4 x 9 x 0.4 mm is 24 x 90 x 1 voxels; used 24 x 40 x 4"), "{said}");
 
-    for (option, value) in [("--window", "24,24,12"), ("--initial", "24,24,12"), ("--pass", "24,24,12")] {
+    for option in ["--window", "--pass"] {
         for mm in ["--window-mm", "--initial-mm"] {
-            bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", option, value, mm, "2.4,2.4,6"], &[option, mm]);
-            bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", "--settings", "paper", mm, "2.4,2.4,6"], &[mm]);
+            bench.refused(&["a.lfv", "b.lfv", "-o", "g.exr", option, "24,24,12", mm, "2.4,2.4,6"], &[option, mm]);
         }
     }
     for wrong in ["2.4,2.4", "0,2.4,6", "-1,2.4,6", "nan,2.4,6", "2.4,2.4,inf", ""] {
@@ -83,25 +66,15 @@ fn windows_in_millimetres_are_windows_in_voxels() {
 }
 
 #[test]
-fn passes_with_their_own_overlap_and_those_by_name_keep_it_under_a_preset() {
+fn passes_with_their_own_overlap_keep_it() {
     let bench = workbench();
     let given = |more: &[&'static str]| {
-        let said = bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-v"], more].concat()).stderr;
-        (field(&bench, "f.exr").layout.overlap, said)
+        bench.done(&[&["a.lfv", "b.lfv", "-o", "f.exr", "-q"], more].concat());
+        field(&bench, "f.exr").layout.overlap
     };
-    let (overlap, said) = given(&["--preset", "fast", "--pass", "24,24,12:0.25"]);
-    assert_eq!(overlap, 0.25);
-    assert!(said.contains("the command line replaces its --overlap"), "{said}");
-    let fast = given(&["--preset", "fast", "--window", "24,24,12"]).0;
-    assert_eq!(given(&["--preset", "fast", "--pass", "32,32,16:0.25", "--pass", "24,24,12"]).0, fast);
-
-    let grid = scene::grid([320, 320, 32]);
-    // At random places: a pattern that repeats has peaks of equal height, and none of them is the displacement.
-    let is_lit = |index: &u64| (index.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) % 4999 == 3;
-    let lit: Vec<u64> = (0..grid.len()).filter(is_lit).collect();
-    bench.volume("wide.lfv", &grid, &lit, &[("intensity", &vec![1.0; lit.len()])]);
-    bench.done(&["wide.lfv", "wide.lfv", "-o", "w.exr", "-q", "--preset", "fast", "--settings", "paper"]);
-    assert_eq!(field(&bench, "w.exr").layout.overlap, 0.75);
+    assert_eq!(given(&["--pass", "24,24,12:0.25"]), 0.25);
+    assert_eq!(given(&["--overlap", "0.5", "--pass", "32,32,16:0.25", "--pass", "24,24,12"]), 0.5);
+    assert_eq!(given(&["--window", "24,24,12"]), 0.75);
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn gradients_are_followed() {
     }
 }
 
-/// Stated uncertainties half or twice as large as the true ones: the residuals tell.
+/// The stated uncertainties are half or twice the true ones; the residuals show it.
 #[test]
 fn wrong_covariances_are_found_by_their_residuals() {
     for stated in [0.5, 2.0] {
@@ -130,15 +130,15 @@ fn tables_decide_the_field_and_leave_tracks() {
 }
 
 #[test]
-fn tables_of_which_no_two_particles_are_one_leave_the_correlation() {
+fn tables_without_a_common_particle_leave_the_correlation() {
     let bench = workbench();
     save_tables(&bench);
     std::fs::write(bench.path("far.csv"), format!("{FRAME_LINE}\n{HEADER}\n1,0,500,500,500,1\n")).unwrap();
     bench.run(&[&["a.lfv", "b.lfv", "-o", "plain.exr", "-q"], &SMALL[..]].concat());
     let far = ["a.lfv", "b.lfv", "-o", "far.exr", "--particles", "a.csv", "far.csv", "--tracks", "t.csv"];
-    let told = bench.run(&[&far[..], &SMALL[..]].concat());
+    let run = bench.run(&[&far[..], &SMALL[..]].concat());
     let line = "a.csv, far.csv: no particle of 600 is one of 1 by its place";
-    assert!(told.stderr.contains(line) && told.stderr.contains("by correlation alone"), "{}", told.stderr);
+    assert!(run.stderr.contains(line) && run.stderr.contains("by correlation alone"), "{}", run.stderr);
     let [plain, far] = ["plain.exr", "far.exr"].map(|file| Field::open(&bench.path(file)).unwrap());
     assert_eq!([&plain.u, &plain.v, &plain.w], [&far.u, &far.v, &far.w]);
     assert_eq!(

@@ -41,7 +41,7 @@ fn a_box_is_a_volume_of_its_own() {
     let boxed = field(&[[a.sparse(), b.sparse()]], &Mask::Box(sides.clone()), &options());
     assert!(rms(&boxed) < 0.02, "{}", rms(&boxed));
     assert_eq!(boxed.layout.origin_mm, [20.0 + 2.0 + 15.5, 4.0 + 15.5, 7.5]);
-    // The same voxels alone in a smaller grid.
+    // These voxels alone, in a smaller grid.
     let small = scene::grid([52, 56, 48]);
     let [a, b] = [&a, &b].map(|volume| {
         let mut dense = vec![0f32; small.len() as usize];

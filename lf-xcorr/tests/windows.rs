@@ -53,10 +53,10 @@ fn the_median_window_holds_ten_particles_in_a_cube() {
         bench.done(&["a.lfv", "b.lfv", "-o", "typed.exr", "--window-mm", option]);
         assert!(bench.bytes("chosen.exr") == bench.bytes("typed.exr"), "{option}");
         // So does the estimate.
-        let told = bench.done("a.lfv b.lfv --estimate -q").json();
+        let estimate = bench.done("a.lfv b.lfv --estimate -q").json();
         let sides: Vec<f64> = option.split(',').map(|side| side.parse().unwrap()).collect();
         assert_eq!(
-            told["window_mm"].as_array().unwrap().iter().filter_map(|side| side.as_f64()).collect::<Vec<_>>(),
+            estimate["window_mm"].as_array().unwrap().iter().filter_map(|side| side.as_f64()).collect::<Vec<_>>(),
             sides
         );
     }
@@ -94,7 +94,7 @@ fn a_volume_with_itself_and_frames_in_the_wrong_order_are_warned_of() {
 }
 
 #[test]
-fn a_search_that_is_too_short_and_volumes_that_do_not_agree_are_told_apart() {
+fn a_search_that_is_too_short_and_volumes_that_do_not_agree_have_their_own_warnings() {
     let bench = workbench();
     save_cloud(&bench, ["a.lfv", "b.lfv"], 1.5, [4.6, -0.7, 0.4], [7, 7]);
     let short = ["a.lfv", "b.lfv", "--window", "24,24,12", "--overlap", "0.5", "--search"];

@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import lf
 
 DARK, BRIGHT = 1 / 50, 2  # Limits of a pixel, in thresholds: neither a dark nor a bright pixel must decide alone.
-LIT = 0.4  # Least light of a section, as a share of that of three quarters of the sections.
-SEEN = 0.5  # Least share of a voxel's rays that must meet the sensor.
+LIT = 0.4  # Minimum light of a section, as a share of that of three quarters of the sections.
+SEEN = 0.5  # Minimum share of a voxel's rays that must meet the sensor.
 
 
 def automatic(image):
@@ -34,7 +34,7 @@ def automatic(image):
 
 def lit_sections(image, camera):
     """Centres (U, V), mm, of the sections that let light through: (sections, 2). Every particle lights all sections
-    alike, so the mean over the lenslets' images tells which are dark."""
+    alike, so the mean over the lenslets' images shows which are dark."""
     half = [0.5 * n * camera.pixel_mm + camera.pitch_mm for n in camera.sensor_px]
     x, y = np.meshgrid(*(np.arange(-side, side, 0.5 * camera.pitch_mm) for side in half))
     centres = np.unique(np.round(np.stack(camera.centre_mm(x, y), -1).reshape(-1, 2), 9), axis=0)

@@ -4,14 +4,14 @@
 #     make -j2 -f scripts/paper/paper.mk burn         make all that is missing (small: half an hour on two cores)
 #     make -f scripts/paper/paper.mk fig8             make one figure: fig4 to fig15, fig17; trade
 #     make -f scripts/paper/paper.mk view             list the pictures, and print the claims as a table
-#     make -f scripts/paper/paper.mk readme           write that table and the tables of the trade into README.md here
+#     make -f scripts/paper/paper.mk measured         write that table and the tables of the trade into scripts/measured/
 #     make -f scripts/paper/paper.mk clean            delete what this SIZE has made
 #     make -j2 -f scripts/paper/paper.mk SIZE=medium  larger volumes, more seeds, more sweeps: hours; SIZE=paper: weeks
 #
-# Needs GNU make 3.82 and bash 4.3 or later (macOS comes with older ones). Each run writes one file of JSON lines. One
-# rule makes it, in a temporary folder that is deleted however the rule ends. Every parameter stands in the rule or in
-# the list of its SIZE. Volumes are cubes of lenslets of the ready scene `core` (square stop), the test volume of the
-# paper's section 3.
+# Needs GNU make 3.82 and bash 4.3 or later (macOS comes with older ones), Python 3.9, and matplotlib for pictures of
+# several runs. Each run writes one file of JSON lines. One rule makes it, in a temporary folder that is deleted however
+# the rule ends. Every parameter stands in the rule or in the list of its SIZE. Volumes are cubes of lenslets of the
+# ready scene `core` (square stop), the test volume of the paper's section 3.
 
 SIZE = small
 OUT = out/paper/$(SIZE)
@@ -215,7 +215,7 @@ solve() {
 
 # quality: scores the first volume, in $$d/quality.json. line ...: appends settings and scores to $$d/line.jsonl.
 quality() { "$$bin"lf-validate quality "$$d/truth-0000.lfv" "$$d/volume-0000.lfv" --quiet > "$$d/quality.json"; }
-line() { "$$bin"lf-validate line "$$@" >> "$$d/line.jsonl"; }
+line() { scripts/paper/curves line "$$@" >> "$$d/line.jsonl"; }
 
 # seconds_of FILE: prints the seconds of a run, from its --stats.
 seconds_of() { sed -n 's/^ *"seconds": \([0-9.e-]*\),/\1/p' "$$1"; }
@@ -237,6 +237,9 @@ field() {
     "$$bin"lf-validate displacement "$$d/flow.exr" "$$d/field.exr" -c "$$d/camera.json" --quiet > "$$d/error.json"
 }
 
+# keep PICTURE FILE: moves a picture out of $$d; without matplotlib it is missing.
+keep() { [ ! -e "$$d/$$1" ] || mv "$$d/$$1" "$$2"; }
+
 # done_ FILE: moves the finished file to the rule's target.
 done_() { mv "$$d/$$1" "$$target"; }
 endef
@@ -249,8 +252,8 @@ figure = $(patsubst fig%,%,$(notdir $(@D)))
 # $(call curves,INPUTS,OPTIONS): a picture and its numbers from runs.
 define curves
 $(begin)
-$(BIN)lf-validate curves $1 --plot "$$d/picture.svg" $2 > "$$d/curves.json"
-mv "$$d/picture.svg" $(basename $@).svg
+scripts/paper/curves draw $1 --plot "$$d/picture.svg" $2 > "$$d/curves.json"
+keep picture.svg $(basename $@).svg
 done_ curves.json
 endef
 
@@ -260,11 +263,10 @@ endef
 wave = frames=2 particles.per_lenslet=0.5 'flow={"kind":"wave","case":"$1","omega":$2,"amplitude_px":25,"length_px":1820,"phase_rad":0.785}'
 
 figures = fig4 fig5 fig6 fig7 fig8 fig9 fig10 fig11 fig12 fig13 fig14 fig15 fig17
-.PHONY: burn view readme clean trade claims $(figures)
+.PHONY: burn view measured clean trade claims $(figures)
 burn: trade $(figures) claims
 
-# ---- Figure 4: one particle, seen from above, by three methods
-# ---------------------------------------------------------
+# ---- Figure 4: one particle, seen from above, by three methods ------------------------------------------------------
 
 fig4 := $(foreach m,drt-$(DRT_SWEEPS) mart-$(FIG4_MART) mart-23 ours-60,$(OUT)/fig4/$m.svg)
 fig4: $(fig4)
@@ -278,8 +280,7 @@ $(fig4):
 	$(BIN)lf-validate depth "$$d/volume-0000.lfv" --slab=-2.5025,2.5025 --plot "$$d/depth.svg" > "$$d/depth.json"
 	done_ depth.svg
 
-# ---- Figure 5: diameters of particles
-# ----------------------------------------------------------------------------------
+# ---- Figure 5: diameters of particles -------------------------------------------------------------------------------
 
 fig5 := $(foreach s,$(FIG5_SEEDS),$(foreach m,drt-$(DRT_SWEEPS) mart-23 ours-60,$(OUT)/fig5/$m-$s.lfv))
 fig5: $(OUT)/fig5-x.json $(OUT)/fig5-y.json $(OUT)/fig5-z.json
@@ -361,8 +362,8 @@ $(OUT)/fig6.json: $(fig6)
 	$(call curves,$^,-x iterations -y q --by relaxation --panel method --log-x --y-range 0$(comma)1 --x-name "sweeps" --y-name "Q" \
 	    --title "Fig. 6: quality by sweeps and relaxation$(comma) 0.1 particles a lenslet")
 
-# ---- Figure 7: brightest voxels by depth, after few sweeps and many
-# ----------------------------------------------------- The density is high enough that every slice has particles.
+# ---- Figure 7: brightest voxels by depth, after few sweeps and many -------------------------------------------------
+# The density is high enough that every slice has particles.
 
 fig7 := $(foreach s,$(SEEDS),$(OUT)/fig7/drt-0.5-$s.jsonl $(OUT)/fig7/ours-0.5-$s.jsonl) \
     $(foreach s,$(FIG6_MART_SEEDS),$(OUT)/fig7/mart-1-$s.jsonl)
@@ -391,8 +392,7 @@ $(OUT)/fig7.json: $(fig7)
 	$(call curves,$^,-x z_mm -y peak --by iterations --panel method --x-name "z$(comma) mm" \
 	    --y-name "brightest voxel of a slice$(comma) counts" --title "Fig. 7: brightest voxels by depth and sweeps")
 
-# ---- Figure 8: quality by density
-# --------------------------------------------------------------------------------------
+# ---- Figure 8: quality by density -----------------------------------------------------------------------------------
 
 fig8 := $(foreach s,$(SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(DRT_SWEEPS) ours-60 fit-3,$(OUT)/fig8/$m-$n-$s.jsonl)))
 # MART, and DRT-MART on the same small volume for comparison.
@@ -415,9 +415,8 @@ $(OUT)/fig8.json: $(fig8)
 	$(call curves,$^,-x per_lenslet -y q --by method --y-range 0$(comma)1 --x-name "particles a lenslet" --y-name "Q" \
 	    --title "Fig. 8: quality by density")
 
-# ---- Figure 9: light outside the seeded slab
-# --------------------------------------------------------------------------- Particles lie within 2.5 mm, voxels within
-# 4 mm. `beyond` is light more than 0.2 mm outside, about a particle's depth.
+# ---- Figure 9: light outside the seeded slab ------------------------------------------------------------------------
+# Particles lie within 2.5 mm, voxels within 4 mm. `beyond` is light more than 0.2 mm outside, about a particle's depth.
 
 fig9 := $(foreach s,$(FIG9_SEEDS),$(foreach m,drt-50 ours-60 fit-3,$(OUT)/fig9/$m-$s.lfv))
 fig9_lines := $(foreach m,drt-50 ours-60 fit-3,$(OUT)/fig9/$m.jsonl)
@@ -439,9 +438,8 @@ $(fig9_lines): $(fig9)
 	mv "$$d/depth.svg" $(OUT)/fig9-$(call part,1).svg
 	done_ line.jsonl
 
-# ---- Figure 10: time by density
-# ---------------------------------------------------------------------------------------- All methods run on 4 x 4
-# lenslets and one thread. MART's time does not depend on the density.
+# ---- Figure 10: time by density -------------------------------------------------------------------------------------
+# All methods run on 4 x 4 lenslets and one thread. MART's time does not depend on the density.
 
 fig10 := $(foreach s,$(FIG10_SEEDS),$(foreach n,$(FIG8_DENSITIES),$(foreach m,drt-$(FIG10_DRT) ours-60 fit-3,$(OUT)/fig10/$m-$n-$s.jsonl)))
 fig10 += $(foreach s,$(FIG10_SEEDS),$(foreach n,$(FIG10_MART_DENSITIES),$(OUT)/fig10/mart-$(FIG10_MART)-$n-$s.jsonl))
@@ -466,9 +464,8 @@ $(OUT)/fig10.json: $(fig10)
 	$(call curves,$^,-x per_lenslet -y seconds --by method --log-y --x-name "particles a lenslet" --y-name "seconds$(comma) one thread" \
 	    --title "Fig. 10: time of DRT-MART ($(FIG10_DRT) sweeps)$(comma) MART ($(FIG10_MART))$(comma) ours and lf-fit$(comma) 4 x 4 lenslets")
 
-# ---- Figures 11 and 12: displacement errors by pixels per voxel
-# -------------------------------------------------------- MART is left out: the weights of the smallest volume that
-# holds the windows take 60 GB.
+# ---- Figures 11 and 12: displacement errors by pixels per voxel -----------------------------------------------------
+# MART is left out: the weights of the smallest volume that holds the windows take 60 GB.
 
 pvr11 = 1,1,10 2,2,10 3,3,10
 pvr12 = 1,1,5 1,1,10 1,1,20
@@ -498,14 +495,13 @@ $(fig11) $(fig12):
 	done_ line.jsonl
 
 $(OUT)/fig11.json: $(fig11)
-	$(call curves,$^,-x pdf.x_u -y pdf.u --by pvr --panel method --x-range -1$(comma)1 --x-name "error of u$(comma) px" --y-name "density$(comma) 1/px" \
+	$(call curves,$^,-x pdf.x_u -y pdf.u --by pvr --panel method --x-range=-1$(comma)1 --x-name "error of u$(comma) px" --y-name "density$(comma) 1/px" \
 	    --title "Fig. 11: errors by pixels per voxel in x and y$(comma) Case A1$(comma) a quarter of a cycle")
 $(OUT)/fig12.json: $(fig12)
-	$(call curves,$^,-x pdf.x_w -y pdf.w --by pvr --panel method --x-range -10$(comma)10 --x-name "error of w$(comma) px" --y-name "density$(comma) 1/px" \
+	$(call curves,$^,-x pdf.x_w -y pdf.w --by pvr --panel method --x-range=-10$(comma)10 --x-name "error of w$(comma) px" --y-name "density$(comma) 1/px" \
 	    --title "Fig. 12: errors by pixels per voxel in z$(comma) Case B1$(comma) a quarter of a cycle")
 
-# ---- Figure 13: displacement errors by sweeps
-# --------------------------------------------------------------------------
+# ---- Figure 13: displacement errors by sweeps -----------------------------------------------------------------------
 
 fig13 := $(foreach c,A1 B1,$(foreach s,$(WAVE_SEEDS),$(OUT)/fig13/ours-$c-$s.jsonl $(OUT)/fig13/truth-$c-$s.jsonl) \
     $(foreach s,$(WAVE_DRT_SEEDS),$(OUT)/fig13/drt-$c-$s.jsonl))
@@ -545,8 +541,7 @@ $(OUT)/fig13-u.json $(OUT)/fig13-w.json: $(OUT)/fig13-%.json: $(fig13)
 	$(call curves,$^,-x iterations -y rms_$*_px --by method --panel case --log-x --log-y --x-name sweeps \
 	    --y-name "RMS error of $*$(comma) px" --title "Fig. 13: errors of $* by sweeps$(comma) a quarter of a cycle")
 
-# ---- Figures 14 and 15: displacement errors by gradient
-# ----------------------------------------------------------------
+# ---- Figures 14 and 15: displacement errors by gradient -------------------------------------------------------------
 
 omegas = 0.25 0.5 1 2
 fig14 := $(foreach s,$(WAVE_SEEDS),$(foreach o,$(omegas),$(foreach c,A1 A2 A3 A4,$(OUT)/fig14/$c-$o-$s.jsonl)))
@@ -603,10 +598,9 @@ $(OUT)/fig15.json: $(fig15) $(fig15_fit) $(filter $(OUT)/fig15/%,$(fig14_drt))
 	$(call curves,$^,-x omega -y rms_w_px --by method --panel case --log-x --log-y --x-name "omega$(comma) cycles over 1820 px" \
 	    --y-name "RMS error of w$(comma) px" --title "Fig. 15: errors of w by gradient$(comma) Cases B1 to B4")
 
-# ---- Figure 17: light along z of noisy frames
-# -------------------------------------------------------------------------- The ready scene `tank` without its water:
-# the experiment's lens, uneven particles, noise and background of the sensor, a sheet from -3 to 3 mm. The minimum of
-# each pixel over the frames is subtracted. Voxels lie within 5 mm.
+# ---- Figure 17: light along z of noisy frames -----------------------------------------------------------------------
+# The ready scene `tank` without its water: the experiment's lens, uneven particles, noise and background of the sensor,
+# a sheet from -3 to 3 mm. The minimum of each pixel over the frames is subtracted. Voxels lie within 5 mm.
 
 fig17: $(OUT)/fig17/ours.jsonl
 $(OUT)/fig17/ours.jsonl:
@@ -626,13 +620,12 @@ $(OUT)/fig17/ours.jsonl:
 	mv "$$d/depth.svg" $(OUT)/fig17.svg
 	done_ line.jsonl
 
-# ---- The trade: time, memory and error of the whole chain
-# -------------------------------------------------------------- Errors are those of the field, interpolated to the true
-# particles that fields of every setting reach: more than 0.57 mm from the volume's sides and 0.55 mm from its ends. The
-# flow is an ABC flow of 8 px and 3640 px of wavelength, whose components all vary along all axes. Windows of the last
-# pass are 0.88 mm a side at any voxel size. The base is the default, which is the preset `balanced` too. Each setting
-# changes something of it.
-# Those below `front` change more at once; among them are the presets `fast` and `accurate` and the paper's DRT-MART.
+# ---- The trade: time, memory and error of the whole chain -----------------------------------------------------------
+# Errors are those of the field, interpolated to the true particles that fields of every setting reach: more than 0.57
+# mm from the volume's sides and 0.55 mm from its ends. The flow is an ABC flow of 8 px and 3640 px of wavelength, whose
+# components all vary along all axes. Windows of the last pass are 0.88 mm a side at any voxel size. The base is the
+# default, which is the preset `balanced` too. Each setting changes something of it. Those below `front` change more at
+# once; among them are the presets `fast` and `accurate` and the paper's DRT-MART.
 
 base = pvr=1,1,10 weights=exact basis=point blob=0.65 method=subsets iterations=20 threshold=auto score=geometric sections=14 \
     overlap=0.5 passes=2 deform=auto repeats=3
@@ -684,7 +677,7 @@ trade_names := $(patsubst set.%,%,$(filter set.%,$(.VARIABLES)))
 trade_runs := $(foreach s,$(TRADE_SEEDS),$(foreach n,$(trade_names),$(OUT)/trade/$n-$s.jsonl))
 # The paper's method takes minutes a pair: one seed.
 trade_runs := $(filter-out $(foreach s,$(wordlist 2,99,$(TRADE_SEEDS)),$(OUT)/trade/paper-$s.jsonl),$(trade_runs))
-trade: $(OUT)/trade-w.json
+trade: $(OUT)/trade.md
 
 $(trade_runs):
 	$(begin)
@@ -732,45 +725,42 @@ $(trade_runs):
 	    quality:"$$d/quality.json"
 	done_ line.jsonl
 
-$(OUT)/trade-w.json: $(trade_runs)
+$(OUT)/trade.md: $(trade_runs)
 	$(begin)
-	for axis in u w; do
-	    $(BIN)lf-validate trade $^ --base default --error rms_$${axis}_px --plot "$$d/trade-$$axis.svg" \
-	        --title "Time and error of the chain: $$axis" --cost-name "seconds of a pair, one thread" \
-	        --error-name "RMS error of $$axis, px" > "$$d/trade-$$axis.json"
-	done
-	mv "$$d"/trade-u.* "$$d/trade-w.svg" $(OUT)/
-	done_ trade-w.json
+	scripts/paper/curves trade $^ --base default --show fast,accurate,paper --cost "seconds:seconds of a pair" \
+	    --error "rms_w_px:RMS error of w, px" --error "rms_u_px:RMS error of u, px" --plot "$$d/trade.svg" \
+	    --title "Time and error of the chain, one thread" > "$$d/trade.md"
+	keep trade.svg $(OUT)/trade.svg
+	done_ trade.md
 
-# ---- Claims, pictures, README
-# ------------------------------------------------------------------------------------------
+# ---- Claims, pictures, tables ---------------------------------------------------------------------------------------
 
 claims: $(OUT)/claims.jsonl
 $(OUT)/claims.jsonl: $(filter-out fig4,$(figures))
 	$(begin)
-	BIN=$(BIN) scripts/paper/claims $(OUT) > "$$d/claims.jsonl"
+	scripts/paper/claims $(OUT) > "$$d/claims.jsonl"
 	done_ claims.jsonl
 
 view:
 	ls $(OUT)/*.svg $(OUT)/fig4/*.svg
-	BIN=$(BIN) scripts/paper/claims $(OUT) table
+	scripts/paper/claims $(OUT) table
 
-# Replaces what stands between the marks of scripts/paper/README.md by what `burn` has measured; without runs of the trade
-# its tables stay.
-page = scripts/paper/README.md
-readme:
-	target=$(OUT)/readme bin=$(BIN) threads=$(THREADS); eval "$$steps"
-	cp $(page) "$$d/README.md"
-	for part in claims $(if $(wildcard $(OUT)/trade),trade); do
-	    BIN=$(BIN) scripts/paper/$$part $(OUT) table > "$$d/$$part.md"
+# Replaces what stands between the marks of scripts/measured/paper-*.md by what `burn` has measured. Without runs of the
+# trade its tables stay.
+measured:
+	target=$(OUT)/measured bin=$(BIN) threads=$(THREADS); eval "$$steps"
+	scripts/paper/claims $(OUT) table > "$$d/claims.md"
+	[ ! -e $(OUT)/trade.md ] || cp $(OUT)/trade.md "$$d"
+	for part in claims trade; do
+	    [ -e "$$d/$$part.md" ] || continue
+	    page=scripts/measured/paper-$$part.md
 	    awk -v part="$$part" -v file="$$d/$$part.md" '
 	        $$0 == "<!-- end of " part " -->" { inside = 0 }
 	        !inside { print }
 	        $$0 ~ "^<!-- " part ":" { inside = found = 1; while ((getline line < file) > 0) print line }
-	        END { if (inside || !found) exit 1 }' "$$d/README.md" > "$$d/next.md"
-	    mv "$$d/next.md" "$$d/README.md"
+	        END { if (inside || !found) exit 1 }' "$$page" > "$$d/next.md"
+	    cat "$$d/next.md" > "$$page"
 	done
-	cat "$$d/README.md" > $(page)
 
 clean:
 	rm -rf $(OUT)

@@ -344,12 +344,6 @@ def read_netcdf(path):
         return json.loads(file.lf_field), {name: array.astype(np.float32) for name, array in values.items()}
 
 
-def read_npz(path, column="intensity"):
-    """A `.npz`: values (nz, ny, nx), and the places of the voxels along x, y and z, mm."""
-    with np.load(path) as file:
-        return file[column], [file[name] for name in ("x_mm", "y_mm", "z_mm")]
-
-
 def read_stack(path):
     """A `.tif` as values (nz, ny, nx), y upwards as everywhere here. Needs tifffile."""
     stack = module("tifffile", "to read stacks").imread(path)

@@ -4,7 +4,7 @@
 independent.py DIR LAYOUT TURN STOP DENSITY SEED WIDTH HEIGHT FRAMES: frames, dark frame, camera, true particles.
 independent.py --one DIR LAYOUT TURN STOP X,Y,Z PHOTONS: a frame of one particle without noise.
 independent.py --apart A.exr B.exr PHOTONS: the share of the light that lies elsewhere in A than in B, and the share
-that counting so many photons puts there.
+that counting this many photons puts there.
 
 Nothing here comes from lf-synth or from the weights of lf-core. A photon leaves a Gaussian particle for a random place
 of the stop. The thin lens f sends it to the particle's image, a plane of lenslets stands in its way, the lenslet whose

@@ -197,12 +197,6 @@ pub fn change_png(sound: &[u8], others: &[Vec<u8>], random: &mut Random) -> Vec<
     bytes
 }
 
-pub fn records() -> Vec<Vec<u8>> {
-    let one = json!({"name": "a", "seconds": 1.5, "rms": 0.1, "peak_bytes": 1e6, "seed": 1, "scores": {"q": 0.9, "list": [1, null, 2]}});
-    let other = json!({"name": "b", "seconds": 2.5, "rms": 0.05, "peak_bytes": 2e6, "seed": 2, "scores": {"q": null}});
-    vec![one.to_string().into(), other.to_string().into(), format!("{one}\n{other}\n").into()]
-}
-
 pub fn texts() -> Vec<Vec<u8>> {
     let vti = r#"<?xml version="1.0"?><VTKFile type="ImageData"><ImageData WholeExtent="0 3 0 2 0 6" Origin="0 0 0" Spacing="1 1 1"><Piece Extent="0 3 0 2 0 6"><PointData><DataArray type="Float32" Name="u" format="ascii">1 2 3</DataArray></PointData></Piece></ImageData></VTKFile>"#;
     vec![
@@ -211,5 +205,6 @@ pub fn texts() -> Vec<Vec<u8>> {
         "x_mm,y_mm,z_mm,u_mm\n0,0,0,1\n1,0,0,2\n".into(),
         "<svg width=\"10\" height=\"20\"><title>a</title></svg>".into(),
         "{\"q\": 0.5, \"by_depth\": {\"q\": [1, null]}}".into(),
+        "{\"name\": \"a\", \"seconds\": 1.5}\n{\"name\": \"b\", \"seconds\": null}\n".into(),
     ]
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Most bytes of one allocation, beyond a multiple of the input.
+/// Limit of one allocation in bytes, beyond a multiple of the input.
 const MOST_BYTES: usize = 64 << 20;
 const MOST_TIMES: usize = 1100;
 /// Longest time of one input, and how often a longer one is tried again.
@@ -82,9 +82,9 @@ pub fn run(name: &str, sound: &[Vec<u8>], change: Change, target: fn(&[u8]) -> b
     known.sort();
     QUIET.call_once(|| {
         let usual = panic::take_hook();
-        panic::set_hook(Box::new(move |told| {
+        panic::set_hook(Box::new(move |panic| {
             if !is_of_a_reader() {
-                usual(told);
+                usual(panic);
             }
         }));
         std::thread::spawn(watch);

@@ -5,10 +5,10 @@ use lf_core::io::Bytes;
 use lf_core::weights::{Basis, Model};
 use lf_core::{Camera, Field, Grid, Optics, Tile, Volume, Weights, image, json, particles};
 use lf_synth::{Scene, particles as tracers, rays, scene};
-use lf_validate::{info, runs};
+use lf_validate::info;
 use serde_json::Value;
 
-/// Most pixels and particles of a scene that is rendered here.
+/// Limit of the pixels and particles of a scene that is rendered here.
 const MOST_PIXELS: usize = 200 * 200;
 const MOST_PARTICLES: f64 = 20.0;
 const MOST_RAYS: usize = 20_000;
@@ -115,21 +115,11 @@ pub fn particles(bytes: &[u8]) -> bool {
 }
 
 pub fn image(bytes: &[u8]) -> bool {
-    let stack = image::Stack::from_bytes(Bytes::from(bytes.to_vec()), "fuzz");
-    let Ok(image) = image::from_bytes(bytes, "fuzz") else { return stack.is_ok_and(|stack| stack.images() > 1) };
+    let Ok(stack) = image::Stack::from_bytes(Bytes::from(bytes.to_vec()), "fuzz") else { return false };
+    let Ok(image) = stack.only(None) else { return stack.images() > 1 };
     image::clipped_share(image.pixels.view()).about();
     image::noise(image.pixels.view()).about();
     image::outside_u16(&image.pixels).about();
-    true
-}
-
-pub fn records(bytes: &[u8]) -> bool {
-    let Ok(text) = str::from_utf8(bytes) else { return false };
-    let _ = runs::Entries::scores("fuzz", "scores", text).map(|entries| runs::join(vec![entries]));
-    let Ok(records) = runs::read_records(text, "fuzz") else { return false };
-    let [name, cost, error, memory] = ["name", "seconds", "rms", "peak_bytes"].map(str::to_owned);
-    let keys = runs::trade::TradeKeys { name, cost, error, memory, base: None };
-    let _ = runs::trade::trade(&records, &keys);
     true
 }
 

@@ -163,7 +163,7 @@ impl Ended {
         ended
     }
 
-    /// Asserts a refusal: exit code 2, nothing on standard output, and one line on standard error, besides warnings, that
+    /// Asserts a refusal: exit code 2, nothing on standard output and, besides warnings, one line on standard error. It
     /// begins with the tool's name and names `subject`.
     pub fn refused(self, subject: &str) -> Self {
         let case = format!("{}\n{}\n{}", self.call, self.status, self.stderr);

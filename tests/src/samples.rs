@@ -27,7 +27,7 @@ pub enum Kind {
     Support,
     /// A `.lfv` of light.
     Volume,
-    /// The same light, moved by one voxel.
+    /// The light of `Volume`, moved by one voxel.
     Moved,
     /// A `.lfv` of the light of six particles.
     Few,

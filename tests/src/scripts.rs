@@ -9,8 +9,8 @@ use std::process::{Command, Output};
 /// Whether all programs are installed; says which is missing. `make` must be GNU make.
 pub fn has_programs(programs: &[&str]) -> bool {
     let is_there = |program: &str| {
-        let told = Command::new(program).arg("--version").output();
-        told.is_ok_and(|told| program != "make" || told.stdout.starts_with(b"GNU Make"))
+        let output = Command::new(program).arg("--version").output();
+        output.is_ok_and(|output| program != "make" || output.stdout.starts_with(b"GNU Make"))
     };
     let missing: Vec<&str> = programs.iter().copied().filter(|program| !is_there(program)).collect();
     missing.iter().for_each(|program| eprintln!("{program} is not installed: not tested"));

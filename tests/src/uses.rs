@@ -204,8 +204,6 @@ const USES: &[Use] = &[
             Input(Kind::Moved),
             Plain("--window"),
             Plain("16,16,8"),
-            Plain("--initial"),
-            Plain("24,24,12"),
             Plain("--overlap"),
             Plain("0.5"),
             Plain("-o"),

@@ -1,6 +1,6 @@
 //! The background: what stays in every frame. For each pixel it is the minimum or a low quantile over many frames.
 
-use crate::white::mean::other_size;
+use crate::mean::other_size;
 use lf_core::Refusal;
 use ndarray::Array2;
 use rayon::prelude::*;
@@ -21,7 +21,7 @@ pub struct Background {
 }
 
 impl Background {
-    /// Bytes of a background of at most this many frames of so many pixels.
+    /// Bytes of a background of at most this many frames of `pixels` pixels.
     pub fn bytes(frames: usize, quantile: f64, pixels: f64) -> f64 {
         size_of::<f32>() as f64 * Self::planes(frames, quantile) as f64 * pixels
     }

@@ -1,6 +1,6 @@
 //! The minimum over the frames about each frame, for a background that changes slowly.
 
-use crate::white::mean::other_size;
+use crate::mean::other_size;
 use lf_core::Refusal;
 use ndarray::Array2;
 use std::collections::VecDeque;

@@ -1,6 +1,6 @@
 //! The options of `lf-calib`.
 
-use super::words::{aperture, layout, sensor_px, window};
+use super::parse::{aperture, layout, sensor_px, window};
 use clap::{Args, Parser, Subcommand};
 use lf_core::camera::{Aperture, Layout};
 use lf_core::cli::{self, Common, ImageOptions, MemoryLimit, length_mm};
@@ -84,8 +84,8 @@ pub enum Task {
     ///
     /// Nothing is done unless it is asked for. Corrected frames are EXR of the same names in a folder; the table on
     /// standard output has the mean, the noise where a frame is darkest and the brightest pixel of each, before and
-    /// after. Make backgrounds from the corrected frames, with --equalise one for each laser. The uneven light behind the
-    /// lenslets is not corrected here: `lattice --vignetting` makes the flat field of a camera.
+    /// after. Make backgrounds from the corrected frames, with --equalise one for each laser. The uneven light behind
+    /// the lenslets is not corrected here: `lattice --vignetting` makes the flat field of a camera.
     #[command(after_help = "Examples; the first makes the frames of the others:
   lf-synth scene demo --set frames=6 | lf-synth frames -o raw
   mkdir -p corrected && lf-calib frame raw/frame-*.exr --hot 12 -o corrected
@@ -268,12 +268,12 @@ pub struct FrameArguments {
     /// than a fifth of its usual light are replaced like hot ones if they are alone, and otherwise left as they are
     #[arg(long, value_name = "IMAGE")]
     pub flat: Option<PathBuf>,
-    /// Replace pixels that stand above their neighbours in every frame, by more than K robust standard deviations of all
-    /// pixels, by the median of their neighbours. Needs five frames or more; 12 is a good K
+    /// Replace pixels that stand above their neighbours in every frame, by more than K robust standard deviations of
+    /// all pixels, by the median of their neighbours. Needs five frames or more; 12 is a good K
     #[arg(long, value_name = "K", value_parser = limit)]
     pub hot: Option<f64>,
-    /// Multiply the frames of the second laser, dark level included, so that both have the same light of particles. Needs
-    /// two frames or more of each
+    /// Multiply the frames of the second laser, dark level included, so that both have the same light of particles.
+    /// Needs two frames or more of each
     #[arg(long)]
     pub equalise: bool,
     #[command(flatten)]

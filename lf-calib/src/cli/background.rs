@@ -2,7 +2,7 @@
 
 use super::arguments::BackgroundArguments;
 use super::files::{Sizes, named_in};
-use lf_calib::{Background, MeanBackground, SlidingMinimum};
+use lf_calib::{Background, MeanImage, SlidingMinimum};
 use lf_core::image::{self, Channel, Image, Stack};
 use lf_core::{Camera, Error, History, Refusal, Result, Session, Verdict, camera::Sensor, io};
 use ndarray::Array2;
@@ -36,16 +36,9 @@ pub fn background(arguments: &BackgroundArguments, session: &mut Session) -> Res
     let bytes = if *mean { 2.0 * READ_BYTES * pixels } else { Background::bytes(count, *quantile, pixels) };
     let what = || format!("the {statistic} of {count} frames of {pixels} pixels");
     session.allow_memory(*memory, bytes + READ_BYTES * pixels, "background", what)?;
-    let (used, history, pixels) = if *mean {
-        let mut background = MeanBackground::default();
-        let (used, history) = frames.each(session, |frame| background.add(frame))?;
-        (used, history, background.finish())
-    } else {
-        let mut background = Background::new(count, *quantile);
-        let (used, history) = frames.each(session, |frame| background.add(frame))?;
-        (used, history, background.finish())
-    };
-    let Some(pixels) = pixels else {
+    let (mut sum, mut lowest) = (MeanImage::default(), Background::new(count, *quantile));
+    let (used, history) = frames.each(session, |frame| if *mean { sum.add(frame) } else { lowest.add(frame) })?;
+    let Some(pixels) = (if *mean { sum.mean() } else { lowest.finish() }) else {
         let none = || Error::new(format!("the {count} frames"), "none was read", "wanted at least one");
         return Err(frames.left_out.pop().unwrap_or_else(none));
     };
@@ -100,7 +93,7 @@ struct FrameFiles {
     /// Files; those through a pipe are held in memory. Others are opened again: the number of mapped files is limited.
     files: Vec<(PathBuf, Option<Stack>)>,
     count: usize,
-    /// Width and height of the first frame, px, if its header tells them.
+    /// Width and height of the first frame, px, if its header has them.
     size: Option<[usize; 2]>,
     sensor: Option<Sensor>,
     channel: Option<Channel>,

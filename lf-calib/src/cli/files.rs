@@ -82,7 +82,7 @@ impl Sizes {
         Err(Error::new(io::name(file), format!("image of {found}"), format!("wanted {wanted} like the first")))
     }
 
-    /// Width and height, px, if an image has told them.
+    /// Width and height, px, if an image has been read.
     pub fn first(&self) -> Option<[usize; 2]> {
         self.first
     }

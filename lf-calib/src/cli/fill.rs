@@ -7,9 +7,9 @@ use lf_core::{Camera, Session};
 const NOTABLE_STOP: f64 = 0.03;
 const NOTABLE_FILL: f64 = 0.05;
 
-/// Tells the measured width, and warns if another stop than the camera's, or a fill other than the pitch, shows.
+/// Reports the measured width, and warns if another stop than the camera's, or a fill other than the pitch, shows.
 /// `is_kept`: the nominal f-number was asked for.
-pub fn tell_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session: &Session) {
+pub fn report_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session: &Session) {
     let Some(fill) = fill else {
         session.say(format!(
             "the width of the lenslet images cannot be measured, no clear edge shows: the nominal f-number {} is kept",
@@ -54,8 +54,8 @@ pub fn tell_fill(fill: Option<&Fill>, camera: &Camera, is_kept: bool, session: &
     }
 }
 
-/// Tells the exit pupil, and warns if the pitch is not the nominal one.
-pub fn tell_pitch(calibrated: &Calibrated, nominal: &Camera, session: &Session) {
+/// Reports the exit pupil, and warns if the pitch is not the nominal one.
+pub fn report_pitch(calibrated: &Calibrated, nominal: &Camera, session: &Session) {
     let PitchChange { share, is_notable, implied, pupil } = calibrated.pitch;
     if let Some(pupil) = pupil {
         session.explain(format!(

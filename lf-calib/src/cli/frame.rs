@@ -5,7 +5,6 @@ use super::files::{Sizes, named_in};
 use lf_calib::{Change, Correction, Factor, HotPixels, Lasers, Sensitivity};
 use lf_core::image::{self, Image};
 use lf_core::{Error, Result, Session, Verdict, io};
-use ndarray::Array2;
 use std::path::{Path, PathBuf};
 
 /// Share of clipped pixels from which a frame is warned of, as lf-prune and lf-mart do.
@@ -33,10 +32,11 @@ pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdic
     let correction = correction(arguments, &all, &mut sizes, session)?;
     let progress = session.progress("frames", all.len() as u64);
     let mut rows = vec![row(["frame", "mean", "", "noise", "", "brightest", ""].map(str::to_owned))];
-    let mut clipped = Clipped::default();
+    let mut clipped = Vec::new();
     for ((laser, file), place) in all.iter().zip(&places) {
         let mut frame = session.phase("read", |_| read(arguments, file, &mut sizes))?;
-        clipped.look(file, &frame.pixels);
+        let share = image::clipped_share(frame.pixels.view()).filter(|(_, share)| *share >= CLIPPED);
+        clipped.extend(share.map(|(level, share)| (io::name(file), level, share)));
         let change = session.phase("correct", |_| Ok(correction.apply(&mut frame.pixels, *laser)))?;
         let history = session.history(&frame.history);
         session.phase("write", |_| image::save(place, &frame.pixels, &history))?;
@@ -44,7 +44,7 @@ pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdic
         progress.add(1);
     }
     drop(progress);
-    clipped.warn(session);
+    warn_of_clipped(&clipped, session);
     session.count("frames", all.len());
     session.count("replaced_pixels", correction.replaced.len());
     io::save_text(Path::new("-"), |out| rows.iter().try_for_each(|row| writeln!(out, "{row}")))?;
@@ -57,38 +57,21 @@ fn read(arguments: &FrameArguments, file: &Path, sizes: &mut Sizes) -> Result<Im
     Ok(image)
 }
 
-/// Frames that are clipped. Corrected counts no longer show it to the tools that follow.
-#[derive(Default)]
-struct Clipped {
-    frames: usize,
-    /// Name of the worst, its level in counts, and the share of its pixels.
-    worst: Option<(String, f32, f64)>,
+/// Warns of clipped frames: name, level in counts and share of the pixels. Corrected counts no longer show it to the tools
+/// that follow.
+fn warn_of_clipped(frames: &[(String, f32, f64)], session: &mut Session) {
+    // The first of the worst.
+    let Some((name, level, share)) = frames.iter().rev().max_by(|a, b| a.2.total_cmp(&b.2)) else { return };
+    session.count("clipped_frames", frames.len());
+    session.warn(format!(
+        "{name}: {:.1} % of the pixels are clipped, at {level} counts; {} frames in all: the brightest light is lost, and \
+         corrected frames do not show it; expose less or lower the gain",
+        100.0 * share,
+        frames.len()
+    ));
 }
 
-impl Clipped {
-    fn look(&mut self, file: &Path, frame: &Array2<f32>) {
-        let Some((level, share)) = image::clipped_share(frame.view()).filter(|(_, share)| *share >= CLIPPED) else {
-            return;
-        };
-        self.frames += 1;
-        if self.worst.as_ref().is_none_or(|(.., worst)| share > *worst) {
-            self.worst = Some((io::name(file), level, share));
-        }
-    }
-
-    fn warn(&self, session: &mut Session) {
-        let Some((name, level, share)) = &self.worst else { return };
-        session.count("clipped_frames", self.frames);
-        session.warn(format!(
-            "{name}: {:.1} % of the pixels are clipped, at {level} counts; {} frames in all: the brightest light is lost, \
-             and corrected frames do not show it; expose less or lower the gain",
-            100.0 * share,
-            self.frames
-        ));
-    }
-}
-
-/// Finds what is to be corrected. Looks at all frames first if they tell it. Says what it found.
+/// Finds what is to be corrected. Reads all frames first if --hot or --equalise needs it. Says what it found.
 fn correction(
     arguments: &FrameArguments,
     all: &[(usize, &PathBuf)],
@@ -111,11 +94,13 @@ fn correction(
     if arguments.hot.is_none() && !arguments.equalise {
         return Ok(correction);
     }
-    let (hot, lasers) = look(arguments, all, sizes, session)?;
+    let (hot, lasers) = first_pass(arguments, all, sizes, session)?;
     if let Some(limit) = arguments.hot {
         let few = || {
-            let wanted =
-                format!("wanted {} or more, so that particles are told from hot pixels", HotPixels::LEAST_FRAMES);
+            let wanted = format!(
+                "wanted {} or more, so that particles and hot pixels can be separated",
+                HotPixels::LEAST_FRAMES
+            );
             Error::new("--hot", format!("{} frames", all.len()), wanted)
         };
         let hot = hot.find(limit).ok_or_else(few)?;
@@ -139,8 +124,8 @@ fn correction(
     Ok(correction)
 }
 
-/// A first look at all frames. Refuses pipes, which can be read only once.
-fn look(
+/// Reads all frames for the first time. Refuses pipes, which can be read only once.
+fn first_pass(
     arguments: &FrameArguments,
     all: &[(usize, &PathBuf)],
     sizes: &mut Sizes,

@@ -1,9 +1,13 @@
 //! `lf-calib lattice`: white images and a nominal camera in, a camera with its microlenses out.
 
 use super::{arguments::LatticeArguments, files::path_from_camera, files::with_history};
-use super::{fill::tell_fill, fill::tell_pitch};
-use lf_calib::{Calibrated, ImageLattice, Keep, LATTICE_STEPS, WhiteMean, calibrate, find_lattice, flat_field, plot};
+use super::{fill::report_fill, fill::report_pitch};
+use lf_calib::{
+    Calibrated, ImageLattice, Keep, LATTICE_STEPS, MeanImage, calibrate, check_saturation, find_lattice, flat_field,
+    plot,
+};
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, image, io};
+use lf_plot::Drawing;
 use ndarray::Array2;
 use serde_json::json;
 use std::fmt::Write;
@@ -35,16 +39,13 @@ pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Ve
     let none = || Refusal::new("no pixel is well lit by the nominal f-number", "wanted a white image of this camera");
     let flat = |_: &mut Session| flat_field(&white, &calibrated.camera_of_white()).ok_or_else(|| refused(none()));
     let flat_pixels = arguments.vignetting.as_ref().map(|_| session.phase("vignetting", flat)).transpose()?;
-    let draw = |file: &PathBuf| {
-        plot::lattice(&white, &lattice, &calibrated).map_err(|refusal| refusal.about(io::output_name(file)))
-    };
-    let svg = arguments.plot.as_ref().map(draw).transpose()?;
+    let picture = arguments.plot.as_ref().map(|_| plot::lattice(&white, &lattice, &calibrated));
     let flat = arguments.vignetting.clone().or_else(|| nominal.flat_field(&arguments.camera));
     let flat = flat.map(|flat| path_from_camera(&flat, &arguments.output, session)).transpose()?;
     calibrated.camera.vignetting = flat;
-    session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), svg.as_deref(), session))?;
+    session.phase("write", |session| save(arguments, &calibrated, flat_pixels.as_ref(), picture.as_ref(), session))?;
     // If a file cannot be written, its error is the only line.
-    tell(&lattice, &calibrated, &nominal, arguments.keep_f_number, session);
+    report(&lattice, &calibrated, &nominal, arguments.keep_f_number, session);
     Ok(Verdict::Done)
 }
 
@@ -81,10 +82,10 @@ fn white(arguments: &LatticeArguments, nominal: &Camera, session: &Session) -> R
         Ok(image)
     };
     let dark = arguments.dark.as_deref().map(read).transpose()?;
-    let mut mean = WhiteMean::default();
+    let mut mean = MeanImage::default();
     for path in &image::frames(&arguments.whites) {
         let image = read(path)?;
-        mean.add(&image).map_err(|refusal| refusal.about(io::name(path)))?;
+        mean.add(&image).and_then(|()| check_saturation(&image)).map_err(|refusal| refusal.about(io::name(path)))?;
         if let Some((level, share)) = image::clipped_share(image.view()).filter(|(_, share)| *share > NOTABLE_CLIPPED) {
             session.warn(format!(
                 "{}: {:.1} % of the pixels are at the highest count, {level}: clipped, or drawn without noise; clipped \
@@ -106,14 +107,14 @@ fn save(
     arguments: &LatticeArguments,
     calibrated: &Calibrated,
     flat: Option<&Array2<f32>>,
-    svg: Option<&str>,
+    picture: Option<&Drawing>,
     session: &Session,
 ) -> Result<()> {
     if let Some((file, flat)) = arguments.vignetting.as_deref().zip(flat) {
         image::save(file, flat, &session.history(&Vec::new()))?;
     }
-    if let Some((file, svg)) = arguments.plot.as_deref().zip(svg) {
-        lf_plot::save(file, svg)?;
+    if let Some((file, picture)) = arguments.plot.as_deref().zip(picture) {
+        lf_plot::save(file, picture)?;
     }
     if let Some(file) = &arguments.centres {
         io::save_text(file, |out| out.write_all(table(calibrated).as_bytes()))?;
@@ -132,7 +133,7 @@ fn table(calibrated: &Calibrated) -> String {
     text
 }
 
-fn tell(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, is_kept: bool, session: &mut Session) {
+fn report(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, is_kept: bool, session: &mut Session) {
     session.count("lenslets", lattice.kept());
     session.count("lenslets_rejected", lattice.centres.len() - lattice.kept());
     session.count("lenslets_in_frame", lattice.in_frame);
@@ -159,9 +160,9 @@ fn tell(lattice: &ImageLattice, calibrated: &Calibrated, nominal: &Camera, is_ke
             stop.diameter_px, stop.slope
         ));
     }
-    tell_pitch(calibrated, nominal, session);
+    report_pitch(calibrated, nominal, session);
     if !calibrated.is_ambiguous {
-        tell_fill(calibrated.fill.as_ref(), &calibrated.camera, is_kept, session);
+        report_fill(calibrated.fill.as_ref(), &calibrated.camera, is_kept, session);
     }
     if calibrated.is_ambiguous {
         session.warn(

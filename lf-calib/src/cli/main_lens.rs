@@ -1,7 +1,7 @@
 //! `lf-calib volume`: images of a dot target and a camera in, a camera with its main lens out.
 
 use super::{arguments::VolumeArguments, files::frames, files::save_found, target_images::Target};
-use lf_calib::{Exposure, MainLensFit, blunder, closer_dots_mm, fit_doubts, main_lens_steps};
+use lf_calib::{Exposure, MainLensFit, closer_dots_mm, fit_warnings, main_lens_steps, setup_mistake};
 use lf_core::image::{self, Channel};
 use lf_core::{Camera, Error, Result, Session, Verdict, io, weights::check_depth_mm};
 use ndarray::Array2;
@@ -35,25 +35,25 @@ pub fn main_lens(arguments: &VolumeArguments, session: &mut Session) -> Result<V
     })?;
     let subject = |image: Option<usize>| image.map_or_else(|| "the target".to_string(), |n| io::name(&images[n]));
     let found = session.phase("volume", |session| {
-        let progress = session.progress("looks", main_lens_steps(exposures.len()));
-        Ok(lf_calib::main_lens(&exposures, &nominal, &|looks| progress.add(looks)))
+        let progress = session.progress("readings", main_lens_steps(exposures.len()));
+        Ok(lf_calib::main_lens(&exposures, &nominal, &|readings| progress.add(readings)))
     })?;
     let found = found.or_else(|(image, refusal)| {
-        let slip = session.phase("slips", |_| Ok(blunder(&exposures, &nominal)))?;
-        Err(slip.map_or_else(|| refusal.about(subject(image)), |slip| slip.about("the target")))
+        let mistake = session.phase("mistakes", |_| Ok(setup_mistake(&exposures, &nominal)))?;
+        Err(mistake.map_or_else(|| refusal.about(subject(image)), |mistake| mistake.about("the target")))
     })?;
     save_found(found.camera.clone(), nominal.flat_field(camera), "wanted a target that fits one", output, session)?;
-    tell(&found, exposures.len(), session);
+    report(&found, exposures.len(), session);
     let lists = || target.tables.iter().map(|table| io::name(table)).collect::<String>();
     target.left_out.iter().for_each(|image| {
         session.say(format!("{} is left out: {} does not list it", io::name(image), lists()));
     });
-    warnings.extend(doubts(&found, &exposures, &nominal));
+    warnings.extend(warnings_of(&found, &exposures, &nominal));
     warnings.iter().for_each(|warning| session.warn(warning));
     Ok(Verdict::Done)
 }
 
-fn tell(found: &MainLensFit, images: usize, session: &mut Session) {
+fn report(found: &MainLensFit, images: usize, session: &mut Session) {
     session.count("images", images);
     session.count("images_used", found.used.len());
     session.count("dots", found.dots);
@@ -77,7 +77,7 @@ fn tell(found: &MainLensFit, images: usize, session: &mut Session) {
     let selected = if found.selected.is_empty() { "no other parameter".to_string() } else { found.selected.join(", ") };
     session.explain(format!("besides the target's pose and the magnification the data require {selected}"));
     for (a, b, correlation) in &found.correlated {
-        session.warn(format!("{a} and {b} can hardly be told apart: correlation {correlation:.3}"));
+        session.warn(format!("{a} and {b} can hardly be separated: correlation {correlation:.3}"));
     }
 }
 
@@ -96,15 +96,15 @@ fn clipping(file: &Path, pixels: &Array2<f32>, camera: &Camera, channel: Option<
     }))
 }
 
-/// Warnings of what is doubtful in the camera found, with the slip that explains it if there is one.
-fn doubts(found: &MainLensFit, exposures: &[Exposure], nominal: &Camera) -> Vec<String> {
-    let mut doubts = fit_doubts(found, nominal);
-    let slip = (!doubts.is_empty()).then(|| blunder(exposures, nominal)).flatten();
-    doubts.extend(slip.map(|slip| format!("the target: {}; {}", slip.found, slip.wanted)));
-    doubts.extend(closer_dots_mm(exposures, &found.used, &found.camera).map(|[seen, stated]| {
+/// Warnings about the camera found, and the mistake that explains them if one is found.
+fn warnings_of(found: &MainLensFit, exposures: &[Exposure], nominal: &Camera) -> Vec<String> {
+    let mut warnings = fit_warnings(found, nominal);
+    let mistake = (!warnings.is_empty()).then(|| setup_mistake(exposures, nominal)).flatten();
+    warnings.extend(mistake.map(|mistake| format!("the target: {}; {}", mistake.found, mistake.wanted)));
+    warnings.extend(closer_dots_mm(exposures, &found.used, &found.camera).map(|[seen, stated]| {
         format!(
             "the images show dots {seen:.3} mm apart, and the target is said to have them {stated:.3} mm apart: check the spacing"
         )
     }));
-    doubts
+    warnings
 }

@@ -10,9 +10,9 @@ mod frame;
 mod lattice;
 mod main_lens;
 mod nominal;
+mod parse;
 mod refine;
 mod run;
 mod target_images;
-mod words;
 
 pub use run::run;

@@ -1,7 +1,7 @@
 //! `lf-calib nominal`: data sheets in, a camera and what follows from it out.
 
 use super::{arguments::NominalArguments, files::with_history};
-use lf_calib::{Advice, DataSheet, Liquid, advice, doubts};
+use lf_calib::{Advice, DataSheet, Liquid, advice, sheet_warnings};
 use lf_core::{Camera, Error, Refusal, Result, Session, Verdict, camera::Medium, io};
 use serde_json::json;
 
@@ -23,9 +23,9 @@ pub fn nominal(arguments: &NominalArguments, session: &mut Session) -> Result<Ve
     camera.calibration = Some(json!({"nominal": record(arguments, &advice)}));
     let camera = with_history(camera, session);
     session.phase("write", |_| io::save_text(&arguments.output, |out| out.write_all(camera.to_json().as_bytes())))?;
-    tell(arguments, &camera, &advice, session);
-    for doubt in doubts(&camera, through.as_ref()) {
-        session.warn(doubt);
+    report(arguments, &camera, &advice, session);
+    for warning in sheet_warnings(&camera, through.as_ref()) {
+        session.warn(warning);
     }
     Ok(Verdict::Done)
 }
@@ -77,7 +77,7 @@ fn hundredths(value: f64) -> f64 {
     (100.0 * value).round() / 100.0
 }
 
-fn tell(arguments: &NominalArguments, camera: &Camera, advice: &Advice, session: &Session) {
+fn report(arguments: &NominalArguments, camera: &Camera, advice: &Advice, session: &Session) {
     let list = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let lens = &camera.main_lens;
     if let Some(index) = arguments.water.filter(|_| !arguments.exact) {

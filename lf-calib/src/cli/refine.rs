@@ -30,7 +30,7 @@ pub fn refine(arguments: &RefineArguments, session: &mut Session) -> Result<Verd
         lf_calib::refine(&images, &nominal, *depth, &|steps| progress.add(steps))
             .map_err(|refusal| refusal.about(&subject))
     })?;
-    tell(&found, files.len(), session);
+    report(&found, files.len(), session);
     save_found(found.camera, nominal.flat_field(camera), "wanted particles that fit one", output, session)?;
     Ok(Verdict::Done)
 }
@@ -47,7 +47,7 @@ fn check_depths([low, high]: [f64; 2], camera: &Camera) -> Result<()> {
 /// A lattice that is known less well than this, px, is warned of.
 const VAGUE_PX: f64 = 0.02;
 
-fn tell(found: &Refined, frames: usize, session: &mut Session) {
+fn report(found: &Refined, frames: usize, session: &mut Session) {
     session.count("frames", frames);
     session.count("particles", found.particles);
     let [before, after] = found.disparity_px;

@@ -1,4 +1,5 @@
-//! How far the light of particles is from the middle of the stop, and the equations for the drift that explains it.
+//! Measures how far the light of particles is from the middle of the stop, and sets up the equations for the drift that
+//! explains it.
 
 use super::stop_fill::{StopFill, stop_fill};
 use crate::fit::equations::{NormalEquations, Observation, ParameterEstimate};
@@ -11,9 +12,9 @@ use ndarray::Array2;
 
 /// Blur of the sub-images of a particle, beside that by the lenslets' cells and the pixels, px.
 const BLUR: PointBlur = PointBlur { object_mm: 0.0, sensor_px: 0.3 };
-/// Largest distance of a sub-image from its prediction in the first look, px.
+/// Largest distance of a sub-image from its prediction in the first reading, px.
 const FIRST_PX: f64 = 4.0;
-/// Least share of a particle's sub-images that are seen. A drift of 3 px darkens a quarter of them.
+/// Smallest share of a particle's sub-images that are seen. A drift of 3 px darkens a quarter of them.
 const LEAST_SEEN: f64 = 0.55;
 /// Largest scatter of the sub-images about the point that they come from, px.
 const LARGEST_SCATTER_PX: f64 = 0.35;
@@ -33,7 +34,7 @@ pub(crate) struct IsolatedParticle {
 }
 
 /// Locates a particle again and reads how it fills the stop. None if it cannot be read well.
-pub(crate) fn look(
+pub(crate) fn read_particle(
     frames: &[Array2<f32>],
     optics: &Optics,
     particle: &IsolatedParticle,

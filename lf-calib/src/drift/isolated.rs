@@ -12,7 +12,7 @@ const CELL_PX: f64 = 5.0;
 const STEP_CELLS: f64 = 2.0;
 /// A peak must be the highest within this many cells, in its plane and across all depths.
 const APART_CELLS: f64 = 5.0;
-/// Most particles of a frame.
+/// Largest number of particles of a frame.
 const MOST: usize = 400;
 
 /// A frame's brightest isolated peaks, mm. Depths that light too few lenslets to locate a point are left out.

@@ -2,7 +2,7 @@
 //! and see how their light fills the stop. Shift and turn the lattice, and tilt the sensor, so that it fills the stop
 //! evenly. Repeat with the corrected camera.
 
-use super::disparity::{GROUPS, IsolatedParticle, equations, evident, look, solve_with_stop};
+use super::disparity::{GROUPS, IsolatedParticle, equations, evident, read_particle, solve_with_stop};
 use super::{isolated::isolated_particles, report::Refined, report::report, stop_fill::StopFill};
 use crate::{fit::changes::Changes, fit::equations::ParameterEstimate, fit::parameter::Parameter as P};
 use glam::DVec2;
@@ -10,7 +10,7 @@ use lf_core::{Camera, Optics, Refusal};
 use ndarray::Array2;
 use rayon::prelude::*;
 
-/// Fewest particles that determine a drift.
+/// Smallest number of particles that determines a drift.
 const FEWEST_PARTICLES: usize = 20;
 /// Largest standard uncertainty of the lattice's offset that is accepted, px.
 const LARGEST_UNCERTAINTY_PX: f64 = 0.1;
@@ -39,7 +39,7 @@ pub fn refine(
     let unclear = || Refusal::new("particles in one place", "wanted them all over the frame");
     for round in 0..ROUNDS - 1 {
         let camera = checked_camera(&changes, nominal)?;
-        let seen = look_at_all(frames, &camera, &particles, watch)?;
+        let seen = read_particles(frames, &camera, &particles, watch)?;
         particles = seen.iter().map(|(particle, _)| *particle).collect();
         let equations = equations(&seen, &camera);
         if round >= OFFSET_ROUNDS {
@@ -54,7 +54,7 @@ pub fn refine(
     }
     // The last round changes nothing; it measures what is left, and the uncertainties.
     let camera = checked_camera(&changes, nominal)?;
-    let seen = look_at_all(frames, &camera, &particles, watch)?;
+    let seen = read_particles(frames, &camera, &particles, watch)?;
     let parameters = if free.is_empty() { GROUPS[0] } else { &free };
     let estimate = solve_with_stop(&equations(&seen, &camera), parameters).ok_or_else(unclear)?;
     let offset_px = offset_uncertainty_px(parameters, &estimate, &camera);
@@ -90,14 +90,14 @@ fn checked_camera(changes: &Changes, nominal: &Camera) -> Result<Camera, Refusal
 }
 
 /// Reads every particle again. Refuses too few that can be read.
-fn look_at_all(
+fn read_particles(
     frames: &[Array2<f32>],
     camera: &Camera,
     particles: &[IsolatedParticle],
     watch: &dyn Fn(u64),
 ) -> Result<Vec<(IsolatedParticle, StopFill)>, Refusal> {
     let optics = Optics::new(camera);
-    let seen: Vec<_> = particles.par_iter().filter_map(|particle| look(frames, &optics, particle)).collect();
+    let seen: Vec<_> = particles.par_iter().filter_map(|particle| read_particle(frames, &optics, particle)).collect();
     watch(1);
     if seen.len() < FEWEST_PARTICLES {
         let found = format!("{} isolated bright particles in {} frames", seen.len(), frames.len());

@@ -20,7 +20,7 @@ impl Changes {
         self.0[parameter as usize] = value;
     }
 
-    /// The same changes, one parameter moved by `step`.
+    /// These changes with one parameter moved by `step`.
     pub fn plus(&self, parameter: Parameter, step: f64) -> Self {
         let mut moved = *self;
         moved.0[parameter as usize] += step;
@@ -31,30 +31,9 @@ impl Changes {
     pub fn camera(&self, before: &Camera) -> Camera {
         use Parameter as P;
         let mut camera = before.clone();
-        camera.main_lens.magnification += self.get(P::Magnification);
-        camera.main_lens.focal_length_mm += self.get(P::FocalLength);
-        if self.get(P::Gap) != 0.0 {
-            camera.microlenses.gap_mm = Some(before.gap_mm() + self.get(P::Gap));
-        }
-        if self.get(P::Pupil) != 0.0 {
-            camera.main_lens.pupil_distance_mm = Some(camera.pupil_distance_mm() + self.get(P::Pupil));
-        }
-        let [tilt_x, tilt_y] = [P::TiltX, P::TiltY].map(|p| self.get(p));
-        if tilt_x != 0.0 || tilt_y != 0.0 {
-            let tilt = camera.tilt.get_or_insert(Tilt { x_rad: 0.0, y_rad: 0.0 });
-            tilt.x_rad += tilt_x;
-            tilt.y_rad += tilt_y;
-        }
-        let radial = [P::K1, P::K2, P::K3].map(|p| self.get(p));
-        let tangential = [P::P1, P::P2].map(|p| self.get(p));
-        if radial.iter().chain(&tangential).any(|change| *change != 0.0) {
-            let distortion = camera.distortion.get_or_insert(Distortion { radial: [0.0; 3], tangential: [0.0; 2] });
-            distortion.radial.iter_mut().zip(radial).for_each(|(k, change)| *k += change);
-            distortion.tangential.iter_mut().zip(tangential).for_each(|(p, change)| *p += change);
-        }
-        if let Some(medium) = &mut camera.medium {
-            medium.index += self.get(P::Index);
-            medium.window_z_mm += self.get(P::Window);
+        let is_lattice = |parameter| matches!(parameter, P::LatticeX | P::LatticeY | P::LatticeTurn);
+        for &parameter in Parameter::ALL.iter().filter(|p| self.get(**p) != 0.0 && !is_lattice(**p)) {
+            number_of(&mut camera, parameter).into_iter().for_each(|number| *number += self.get(parameter));
         }
         let drift = Drift {
             shift_mm: DVec2::new(self.get(P::LatticeX), self.get(P::LatticeY)),
@@ -80,27 +59,38 @@ impl Changes {
 
     /// The value for a report: of the camera or, if the parameter does not belong to it, of the target.
     pub fn value(&self, parameter: Parameter, before: &Camera) -> f64 {
-        use Parameter as P;
-        let camera = self.camera(before);
-        let pupil_mm = camera.pupil_distance_mm();
-        let distortion = camera.distortion.unwrap_or(Distortion { radial: [0.0; 3], tangential: [0.0; 2] });
-        match parameter {
-            P::Magnification => camera.main_lens.magnification,
-            P::FocalLength => camera.main_lens.focal_length_mm,
-            P::Gap => before.gap_mm() + self.get(P::Gap),
-            P::Pupil => pupil_mm,
-            P::LatticeX => camera.microlenses.offset_mm[0],
-            P::LatticeY => camera.microlenses.offset_mm[1],
-            P::LatticeTurn => camera.microlenses.rotation_rad,
-            P::TiltX => camera.tilt.map_or(0.0, |tilt| tilt.x_rad),
-            P::TiltY => camera.tilt.map_or(0.0, |tilt| tilt.y_rad),
-            P::K1 | P::K2 | P::K3 => distortion.radial[parameter as usize - P::K1 as usize],
-            P::P1 | P::P2 => distortion.tangential[parameter as usize - P::P1 as usize],
-            P::Index => camera.medium.map_or(1.0, |medium| medium.index),
-            P::Window => camera.medium.map_or(0.0, |medium| medium.window_z_mm),
-            _ => self.get(parameter),
+        match number_of(&mut self.camera(before), parameter) {
+            Some(number) => *number,
+            // A camera without a medium.
+            None if matches!(parameter, Parameter::Index | Parameter::Window) => 0.0,
+            None => self.get(parameter),
         }
     }
+}
+
+/// The number of a camera that a parameter stands for, which is added if it is missing. None for a target's parameter,
+/// and for one of a medium if the camera has none.
+fn number_of(camera: &mut Camera, parameter: Parameter) -> Option<&mut f64> {
+    use Parameter as P;
+    let (gap_mm, pupil_mm) = (camera.gap_mm(), camera.pupil_distance_mm());
+    let Camera { main_lens, microlenses, tilt, distortion, medium, .. } = camera;
+    let (level, straight) = (Tilt { x_rad: 0.0, y_rad: 0.0 }, Distortion { radial: [0.0; 3], tangential: [0.0; 2] });
+    Some(match parameter {
+        P::Magnification => &mut main_lens.magnification,
+        P::FocalLength => &mut main_lens.focal_length_mm,
+        P::Gap => microlenses.gap_mm.get_or_insert(gap_mm),
+        P::Pupil => main_lens.pupil_distance_mm.get_or_insert(pupil_mm),
+        P::LatticeX => &mut microlenses.offset_mm[0],
+        P::LatticeY => &mut microlenses.offset_mm[1],
+        P::LatticeTurn => &mut microlenses.rotation_rad,
+        P::TiltX => &mut tilt.get_or_insert(level).x_rad,
+        P::TiltY => &mut tilt.get_or_insert(level).y_rad,
+        P::K1 | P::K2 | P::K3 => &mut distortion.get_or_insert(straight).radial[parameter as usize - P::K1 as usize],
+        P::P1 | P::P2 => &mut distortion.get_or_insert(straight).tangential[parameter as usize - P::P1 as usize],
+        P::Index => &mut medium.as_mut()?.index,
+        P::Window => &mut medium.as_mut()?.window_z_mm,
+        _ => return None,
+    })
 }
 
 /// Where the target stands in front of the camera.

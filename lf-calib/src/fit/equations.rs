@@ -99,7 +99,7 @@ impl NormalEquations {
         Self { parameters: parameters.to_vec(), sources, deviation, sampling }
     }
 
-    /// The same equations for some of the parameters; the others stay fixed.
+    /// The equations for some of the parameters; the others stay fixed.
     pub fn columns(&self, parameters: &[Parameter]) -> Self {
         let columns: Vec<usize> =
             parameters.iter().filter_map(|p| self.parameters.iter().position(|known| known == p)).collect();
@@ -116,7 +116,7 @@ impl NormalEquations {
         Self { parameters, sources, deviation: self.deviation, sampling }
     }
 
-    /// Solves the equations. None if some parameters cannot be told apart.
+    /// Solves the equations. None if some parameters cannot be separated.
     pub fn solve(&self) -> Option<ParameterEstimate> {
         let size = self.parameters.len();
         let mut normal = DMatrix::<f64>::zeros(size, size);

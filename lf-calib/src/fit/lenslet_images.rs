@@ -1,9 +1,9 @@
 //! Between lenslets and the centres of their images.
 //!
-//! A ray through the middle of the stop (U = 0) is not refracted at a lenslet's centre c. It meets the sensor at
-//! c (1 + g / l), where l is the distance of the exit pupil (s_i in a thin lens) and g the gap along the ray: on a sensor
-//! tilted by slopes t, g = (g_0 + t . c) / (1 - t . c / l). The inverse for an image at x is exact: c = x l / (l + g_0 +
-//! t . x); without tilt c = x / (1 + k).
+//! A ray through the middle of the stop (U = 0) is not refracted at a lenslet's centre c. It meets the sensor at c (1 +
+//! g / l), where l is the distance of the exit pupil (s_i in a thin lens) and g the gap along the ray: on a sensor
+//! tilted by slopes t, g = (g_0 + t . c) / (1 - t . c / l). The inverse for an image at x is exact: c = x l / (l + g_0
+//! + t . x); without tilt c = x / (1 + k).
 
 use glam::DVec2;
 use lf_core::{Camera, Optics};

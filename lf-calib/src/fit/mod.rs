@@ -7,5 +7,7 @@ pub(crate) mod equations;
 pub(crate) mod keep_images;
 pub(crate) mod lenslet_images;
 pub(crate) mod parameter;
+pub(crate) mod placement;
 pub(crate) mod polynomial;
 pub(crate) mod robust;
+pub(crate) mod search;

@@ -72,14 +72,14 @@ impl Polynomial {
         DMat2::from_cols(step(DVec2::X), step(DVec2::Y))
     }
 
-    /// Least squares about the tie points' mean, scaled by their reach. None if they do not span the plane.
+    /// Fits by least squares about the tie points' mean, scaled by their reach. None if they do not span the plane.
     pub fn through(ties: &[TiePoint], degree: usize) -> Option<Self> {
         let middle = ties.iter().map(|tie| tie.0).sum::<DVec2>() / ties.len() as f64;
         let scale = ties.iter().map(|tie| tie.0.distance(middle)).fold(0.0, f64::max);
         Self::about(ties, degree, middle, scale)
     }
 
-    /// Least squares in (place - middle) / scale. None if the tie points do not span the plane.
+    /// Fits by least squares in (place - middle) / scale. None if the tie points do not span the plane.
     pub fn about(ties: &[TiePoint], degree: usize, middle: DVec2, scale: f64) -> Option<Self> {
         let terms = (degree + 1) * (degree + 2) / 2;
         if ties.len() < terms {

@@ -1,7 +1,7 @@
 //! The corrections of a frame.
 
 use super::hot::{neighbours, repair};
-use crate::white::mean::check_saturation;
+use crate::mean::check_saturation;
 use lf_core::Refusal;
 use lf_core::image::noise;
 use lf_core::statistics::median;
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn dark_and_saturated_images_tell_no_sensitivity() {
+    fn dark_and_saturated_images_show_no_sensitivity() {
         let half_dark = Array2::from_shape_fn((8, 8), |(_, x)| if x < 5 { 0.0 } else { 100.0 });
         assert_eq!(Sensitivity::new(&half_dark).unwrap_err().found, "half of its pixels have 0 counts or less");
         let saturated = Array2::from_shape_fn((60, 60), |(y, x)| ((y * 60 + x) as f32 % 400.0).min(300.0) + 700.0);

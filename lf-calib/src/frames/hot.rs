@@ -4,25 +4,25 @@ use lf_core::statistics::{median, robust};
 use ndarray::Array2;
 use rayon::prelude::*;
 
-/// Fewest frames from which hot pixels are told: fewer may show the same particles.
+/// Smallest number of frames that show hot pixels: fewer may show the same particles.
 const LEAST_FRAMES: usize = 5;
 /// Pixels from which the scatter is taken, at most.
 const SAMPLE: usize = 200_000;
 /// Neighbours of a pixel, at most.
 const NEIGHBOURS: usize = 8;
-/// Least height that counts, counts: whole numbers without noise have no scatter.
+/// Smallest height that counts, counts: whole numbers without noise have no scatter.
 const LEAST_COUNTS: f64 = 1.0;
 
 /// The search; frames are added one after another.
 #[derive(Debug, Clone, Default)]
 pub struct HotPixels {
-    /// Least height of each pixel above the median of its neighbours.
+    /// Smallest height of each pixel above the median of its neighbours.
     least: Option<Array2<f32>>,
     frames: usize,
 }
 
 impl HotPixels {
-    /// Fewest frames that must be added.
+    /// Smallest number of frames that must be added.
     pub const LEAST_FRAMES: usize = LEAST_FRAMES;
 
     /// Adds a frame. All have one size.

@@ -12,7 +12,7 @@ const NEAREST_LENSLETS: f64 = 1.2 * NARROWEST;
 const DEPTHS: usize = 3;
 /// The farthest depth over the nearest, at least: magnification and focal length show in how sub-images spread.
 const LEAST_SPREAD: f64 = 2.0;
-/// Least distance of neighbouring dots in one lenslet's image, px, at the farthest depth.
+/// Smallest distance of neighbouring dots in one lenslet's image, px, at the farthest depth.
 const APART_PX: f64 = 4.0;
 /// Dots over the shorter side of the view. More than some hundred dots in all add little.
 const DOTS_ACROSS: f64 = 20.0;
@@ -115,14 +115,14 @@ mod tests {
 
     #[test]
     fn advice_for_the_camera_of_the_simulations() {
-        let told = advice(&seed().camera(None).unwrap());
-        assert_eq!(told.target_mm, [-4.3, -3.1, -1.9, 1.9, 3.1, 4.3]);
-        assert_eq!(told.pixels_per_voxel, [1.0, 1.0, 10.0]);
+        let advised = advice(&seed().camera(None).unwrap());
+        assert_eq!(advised.target_mm, [-4.3, -3.1, -1.9, 1.9, 3.1, 4.3]);
+        assert_eq!(advised.pixels_per_voxel, [1.0, 1.0, 10.0]);
         // k / alpha / 5.5 um: 13.0 px per mm at 4.3 mm, 29.5 px per mm at 1.9 mm. A twentieth of the view is 0.3003 mm.
-        assert_eq!(told.dots_mm, [0.31, 0.067]);
+        assert_eq!(advised.dots_mm, [0.31, 0.067]);
         let wide = advice(&DataSheet { sensor_px: [6600, 4400], ..seed() }.camera(None).unwrap());
         assert_eq!(wide.dots_mm, [1.3, 0.067]);
-        assert!((told.resolution_mm[1] - 0.305).abs() < 0.01, "{:?}", told.resolution_mm);
+        assert!((advised.resolution_mm[1] - 0.305).abs() < 0.01, "{:?}", advised.resolution_mm);
     }
 
     #[test]

@@ -82,8 +82,8 @@ impl DataSheet {
 /// The camera in air that sees the same paraxial rays as a camera before a liquid of this index does.
 ///
 /// In the liquid, a depth Z is Z / n deep for the lens: `beta = s_i / (s_o - Z / n) = n s_i / (n s_o - Z)`. So all
-/// lengths along the axis grow by n: the focal lengths of the lens and of the lenslets, the gap, and the distance of the
-/// exit pupil. The stop keeps its size, so the f-number grows by n too. The magnification is the same.
+/// lengths along the axis grow by n: the focal lengths of the lens and of the lenslets, the gap, and the distance of
+/// the exit pupil. The stop keeps its size, so the f-number grows by n too. The magnification is the same.
 pub fn in_air(camera: &Camera, index: f64) -> Camera {
     let mut camera = camera.clone();
     // Twelve digits: 200 mm times 1.333 are 266.6 mm, and not 266.59999999999997.
@@ -98,7 +98,7 @@ pub fn in_air(camera: &Camera, index: f64) -> Camera {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
     use glam::DVec2;
     use lf_core::Optics;
@@ -136,7 +136,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn slips_of_a_unit_are_judged_as_typed() {
+    fn mistakes_of_a_unit_are_judged_as_typed() {
         let typed = DataSheet { pitch_mm: 77.0, ..seed() };
         let refused = typed.camera(Some(&Liquid::InAir { index: 1.333 })).unwrap_err();
         assert!(refused.found.starts_with("microlenses.pitch_mm is 77 (77 um are 0.077 mm)"), "{refused}");

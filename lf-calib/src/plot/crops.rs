@@ -1,7 +1,7 @@
 //! Magnified pieces of the white image: the four corners and the middle.
 
 use crate::Calibrated;
-use lf_plot::{Anchor, COLOURS, Canvas, Colour, INK, TEXT_PX, grey, rounded};
+use lf_plot::{Anchor, COLOURS, Colour, Drawing, INK, TEXT_PX, grey, rounded};
 use ndarray::{Array2, s};
 
 /// Colours of the centres of lenslets that were kept, and of those that were left out.
@@ -51,31 +51,31 @@ impl Crops {
     }
 
     /// Draws the pieces in a row, with the camera's centres over them.
-    pub fn draw(&self, canvas: &mut Canvas, [left, top]: [i32; 2], white: &Array2<f32>, calibrated: &Calibrated) {
+    pub fn draw(&self, drawing: &mut Drawing, [left, top]: [i32; 2], white: &Array2<f32>, calibrated: &Calibrated) {
         for (n, (name, corner)) in self.corners.iter().enumerate() {
             let place = [left + n as i32 * (SIDE + GAP), top];
-            self.cells(canvas, place, white, *corner);
-            self.centres(canvas, place, *corner, calibrated);
-            canvas.frame([(place[0], place[1]), (place[0] + SIDE, place[1] + SIDE)], INK);
+            self.cells(drawing, place, white, *corner);
+            self.centres(drawing, place, *corner, calibrated);
+            drawing.frame([(place[0], place[1]), (place[0] + SIDE, place[1] + SIDE)], INK);
             let label = format!("{name}, from ({}, {}), {} px", corner[0], corner[1], self.side_px);
-            canvas.text(&label, (place[0], place[1] + SIDE + 13), TEXT_PX, Anchor::Left);
+            drawing.text(&label, (place[0], place[1] + SIDE + 13), TEXT_PX, Anchor::Left);
         }
     }
 
-    fn centres(&self, canvas: &mut Canvas, place: [i32; 2], corner: [usize; 2], calibrated: &Calibrated) {
+    fn centres(&self, drawing: &mut Drawing, place: [i32; 2], corner: [usize; 2], calibrated: &Calibrated) {
         let scale = f64::from(SIDE) / self.side_px as f64;
         for lenslet in &calibrated.residuals {
             let on_piece =
                 [0, 1].map(|axis| (lenslet.place_px[axis] - lenslet.residual_px[axis] - corner[axis] as f64) * scale);
             if on_piece.iter().all(|along| (CROSS..f64::from(SIDE) - CROSS).contains(along)) {
                 let at = [0, 1].map(|axis| f64::from(place[axis]) + on_piece[axis]);
-                canvas.plus(rounded(at), if lenslet.kept { KEPT } else { LEFT_OUT });
+                drawing.plus(rounded(at), if lenslet.kept { KEPT } else { LEFT_OUT });
             }
         }
     }
 
     /// The pixels in grey from the darkest to the brightest; means of blocks beyond [`CELLS`] along a side.
-    fn cells(&self, canvas: &mut Canvas, [left, top]: [i32; 2], white: &Array2<f32>, [x, y]: [usize; 2]) {
+    fn cells(&self, drawing: &mut Drawing, [left, top]: [i32; 2], white: &Array2<f32>, [x, y]: [usize; 2]) {
         let cells = self.side_px.min(CELLS);
         let edge = |cell: usize, whole: usize| cell * whole / cells;
         let mean = |row: usize, column: usize| {
@@ -93,7 +93,7 @@ impl Crops {
             for run in levels.chunk_by(f32::eq) {
                 let end = start + run.len();
                 let [from, to] = [start, end].map(|column| left + edge(column, SIDE as usize) as i32);
-                canvas.block([(from, above), (to, below)], grey(f64::from(run[0] / LEVELS)));
+                drawing.block([(from, above), (to, below)], grey(f64::from(run[0] / LEVELS)));
                 start = end;
             }
         }

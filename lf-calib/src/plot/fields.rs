@@ -3,7 +3,7 @@
 use crate::{Calibrated, ImageLattice};
 use glam::DVec2;
 use lf_core::statistics::ranked;
-use lf_plot::{Anchor, Arrows, Canvas, INK, NAME_PX, TEXT_PX, arrow};
+use lf_plot::{Anchor, Arrows, Drawing, INK, NAME_PX, TEXT_PX, arrow};
 
 /// Distance between the two charts, their total width, and the longer side of one, px.
 const GAP: i32 = 40;
@@ -34,7 +34,7 @@ fn chart_size([columns, rows]: [usize; 2]) -> [i32; 2] {
 }
 
 pub(super) fn draw(
-    canvas: &mut Canvas,
+    drawing: &mut Drawing,
     [left, top]: [i32; 2],
     (rows, columns): (usize, usize),
     measured: &ImageLattice,
@@ -44,35 +44,35 @@ pub(super) fn draw(
     let residual: Vec<Vector> = kept().map(|(lenslet, _)| (lenslet.place_px, lenslet.residual_px)).collect();
     let departure: Vec<Vector> = kept().map(|(lenslet, _)| (lenslet.place_px, lenslet.departure_px)).collect();
     let frame = [columns, rows];
-    chart(canvas, [left, top], frame, "departure of the lenslets from the perfect lattice", &departure);
-    chart(canvas, [left + CHART + GAP, top], frame, "residual: measured minus the camera's", &residual);
+    chart(drawing, [left, top], frame, "departure of the lenslets from the perfect lattice", &departure);
+    chart(drawing, [left + CHART + GAP, top], frame, "residual: measured minus the camera's", &residual);
 }
 
-fn chart(canvas: &mut Canvas, [left, top]: [i32; 2], frame: [usize; 2], name: &str, vectors: &[Vector]) {
-    canvas.text(name, (left, top + 8), NAME_PX, Anchor::Left);
+fn chart(drawing: &mut Drawing, [left, top]: [i32; 2], frame: [usize; 2], name: &str, vectors: &[Vector]) {
+    drawing.text(name, (left, top + 8), NAME_PX, Anchor::Left);
     let (size, top) = (chart_size(frame), top + ABOVE);
-    canvas.frame([(left, top), (left + size[0], top + size[1])], INK);
+    drawing.frame([(left, top), (left + size[0], top + size[1])], INK);
     let size_below = top + size[1] + 13;
-    canvas.text("0", (left, size_below), TEXT_PX, Anchor::Left);
+    drawing.text("0", (left, size_below), TEXT_PX, Anchor::Left);
     let end = format!("x = {} px, y = {} px", frame[0], frame[1]);
-    canvas.text(&end, (left + size[0], size_below), TEXT_PX, Anchor::Right);
+    drawing.text(&end, (left + size[0], size_below), TEXT_PX, Anchor::Right);
 
     let (arrows, lenslets) = means(vectors, frame);
     let key_y = top - 20;
     if arrows.usual <= ROUNDING_PX {
-        return canvas.text("none", (left, key_y), TEXT_PX, Anchor::Left);
+        return drawing.text("none", (left, key_y), TEXT_PX, Anchor::Left);
     }
     // y runs down.
     let per_px = f64::from(size[0]) / frame[0] as f64;
     let px_per_unit = [per_px, -per_px];
-    arrows.draw(canvas, px_per_unit, |[x, y]| Some([f64::from(left) + x * per_px, f64::from(top) + y * per_px]));
+    arrows.draw(drawing, px_per_unit, |[x, y]| Some([f64::from(left) + x * per_px, f64::from(top) + y * per_px]));
     if let Some((length, value)) = arrows.sample(px_per_unit) {
         let start = [left, key_y].map(f64::from);
-        arrow(canvas, start, [start[0] + length, start[1]], false);
+        arrow(drawing, start, [start[0] + length, start[1]], false);
         let each =
             if lenslets < 1.5 { "one lenslet".into() } else { format!("the mean of about {lenslets:.0} lenslets") };
         let text = format!("{value}; an arrow is {each}");
-        canvas.text(&text, (left + length as i32 + 10, key_y), TEXT_PX, Anchor::Left);
+        drawing.text(&text, (left + length as i32 + 10, key_y), TEXT_PX, Anchor::Left);
     }
 }
 

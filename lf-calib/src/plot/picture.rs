@@ -2,8 +2,7 @@
 
 use super::{crops::Crops, crops::KEPT, crops::LEFT_OUT, fields};
 use crate::{Calibrated, ImageLattice};
-use lf_core::Refusal;
-use lf_plot::{Anchor, Canvas, TEXT_PX, svg};
+use lf_plot::{Anchor, Drawing, TEXT_PX};
 use ndarray::Array2;
 
 const TITLE_PX: i32 = 20;
@@ -11,24 +10,23 @@ const TITLE_PX: i32 = 20;
 const MARGIN: i32 = 20;
 const HEADING: i32 = 92;
 
-/// The picture as an SVG, or a failure of the drawing library.
-pub fn lattice(white: &Array2<f32>, measured: &ImageLattice, calibrated: &Calibrated) -> Result<String, Refusal> {
+/// Draws the picture.
+pub fn lattice(white: &Array2<f32>, measured: &ImageLattice, calibrated: &Calibrated) -> Drawing {
     let pieces = Crops::new(white, measured.pitch_px);
     let fields_top = HEADING + pieces.height() + 3 * MARGIN;
     let size = [pieces.width().max(fields::WIDTH) + 2 * MARGIN, fields_top + fields::height(white.dim()) + MARGIN];
-    let (svg, ()) = svg(size, |canvas| {
-        heading(canvas, measured, calibrated);
-        pieces.draw(canvas, [MARGIN, HEADING], white, calibrated);
-        fields::draw(canvas, [MARGIN, fields_top], white.dim(), measured, calibrated);
-    })?;
-    Ok(svg)
+    let mut drawing = Drawing::new("Lenslet images", size);
+    heading(&mut drawing, measured, calibrated);
+    pieces.draw(&mut drawing, [MARGIN, HEADING], white, calibrated);
+    fields::draw(&mut drawing, [MARGIN, fields_top], white.dim(), measured, calibrated);
+    drawing
 }
 
-fn heading(canvas: &mut Canvas, measured: &ImageLattice, calibrated: &Calibrated) {
+fn heading(drawing: &mut Drawing, measured: &ImageLattice, calibrated: &Calibrated) {
     let layout = format!("{:?}", measured.layout).to_lowercase();
     let kept = measured.kept();
     let title = format!("Lenslet images: {layout}, pitch {:.4} px, {kept} lenslets", measured.pitch_px);
-    canvas.text(&title, (MARGIN, 20), TITLE_PX, Anchor::Left);
+    drawing.text(&title, (MARGIN, 20), TITLE_PX, Anchor::Left);
     let departure = match calibrated.degree {
         0 => "a perfect lattice".to_string(),
         degree => {
@@ -36,14 +34,14 @@ fn heading(canvas: &mut Canvas, measured: &ImageLattice, calibrated: &Calibrated
         }
     };
     let fit = format!("{departure}; residual {:.4} px RMS", calibrated.residual_rms_px);
-    canvas.text(&fit, (MARGIN, 47), TEXT_PX, Anchor::Left);
+    drawing.text(&fit, (MARGIN, 47), TEXT_PX, Anchor::Left);
     let left_out = measured.centres.len() - kept;
     let key = [
         (0, KEPT, format!("the camera's centre, lenslet kept ({kept})")),
         (330, LEFT_OUT, format!("lenslet left out ({left_out})")),
     ];
     for (x, colour, name) in key {
-        canvas.plus((MARGIN + x + 6, 70), colour);
-        canvas.text(&name, (MARGIN + x + 20, 70), TEXT_PX, Anchor::Left);
+        drawing.plus((MARGIN + x + 6, 70), colour);
+        drawing.text(&name, (MARGIN + x + 20, 70), TEXT_PX, Anchor::Left);
     }
 }

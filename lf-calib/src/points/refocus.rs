@@ -7,7 +7,7 @@ use ndarray::{Array2, ArrayView2};
 
 /// A pixel counts if it is this many standard deviations of the noise above the ground.
 const ABOVE_NOISE: f64 = 4.0;
-/// Least height of a peak, as a share of the height of bright peaks.
+/// Smallest height of a peak, as a share of the height of bright peaks.
 const LEAST_PEAK: f64 = 0.25;
 /// Bright peaks are at this quantile of all peaks.
 const BRIGHT: f64 = 0.9;
@@ -94,7 +94,7 @@ impl RefocusedImage {
                 continue;
             }
             let around = |at: usize, size: usize, reach: usize| at.saturating_sub(reach)..(at + reach + 1).min(size);
-            // Most pixels fail the test of the eight neighbours, which is cheap.
+            // The test of the eight neighbours is cheap, and most pixels fail it.
             let beside = around(y, rows, 1).all(|v| around(x, columns, 1).all(|u| self.light[(v, u)] <= height));
             let highest = beside
                 && around(y, rows, reach).all(|v| {

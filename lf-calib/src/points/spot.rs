@@ -2,9 +2,10 @@
 //! between light cut off by a narrow window and noise let in by a wide one. A fit of the profile does neither.
 
 use super::spot_profile::SpotProfile;
+use crate::fit::placement::{PlaceFit, PlaceSums, StepLimits, fit_place};
 use glam::DVec2;
-use nalgebra::{Matrix4, Vector4};
 use ndarray::{ArrayView2, s};
+use std::ops::Range;
 
 /// Gauss-Newton iterations at most. Each squares the error, which starts at some tenths of the width.
 const STEPS: usize = 12;
@@ -24,7 +25,7 @@ pub(crate) struct SpotFit {
 }
 
 /// Columns or rows whose middles lie within `reach` of `centre`. None if one of them is outside the image.
-fn within(centre: f64, reach: f64, size: usize) -> Option<std::ops::Range<usize>> {
+fn within(centre: f64, reach: f64, size: usize) -> Option<Range<usize>> {
     let (first, last) = ((centre - reach - 0.5).ceil(), (centre + reach - 0.5).floor());
     (first >= 0.0 && last < size as f64 && last >= first).then(|| first as usize..last as usize + 1)
 }
@@ -72,78 +73,41 @@ pub(crate) fn fit(image: ArrayView2<f32>, profile: SpotProfile, from_px: DVec2, 
     let profile = profile.usable();
     let reach = profile.reach_px();
     let (rows, columns) = (within(from_px.y, reach, image.nrows())?, within(from_px.x, reach, image.ncols())?);
-    let mut place = from_px;
-    let mut along = Vec::with_capacity(columns.len());
-    for step_number in 0..STEPS {
-        along.clear();
-        along.extend(columns.clone().map(|column| profile.share(column as f64 + 0.5 - place.x)));
-        let (mut matrix, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
-        for row in rows.clone() {
-            let (across, across_slope) = profile.share(row as f64 + 0.5 - place.y);
-            for (column, (value, slope)) in columns.clone().zip(&along) {
-                let pixel = f64::from(image[(row, column)]);
-                if !pixel.is_finite() {
-                    continue;
-                }
-                let line = Vector4::new(1.0, value * across, -slope * across, -value * across_slope);
-                matrix.ger(1.0, &line, &line, 1.0);
-                right += pixel * line;
-                count += 1.0;
-                sum += pixel;
-                squares += pixel * pixel;
-            }
-        }
-        if count < 6.0 {
-            return None;
-        }
-        let factors = matrix.cholesky()?;
-        let solution = factors.solve(&right);
-        let light = solution[1];
-        if light.is_nan() || light <= 0.0 {
-            return None;
-        }
-        let step = DVec2::new(solution[2], solution[3]) / light;
-        // After a long step the linearisation is poor: keep its direction and limit its length.
-        let step = step.clamp_length_max(0.5 * profile.deviation_px());
-        if step.length() < SMALL_STEP_PX || step_number + 1 == STEPS {
-            let left = (squares - solution.dot(&right)).max(0.0);
-            let variance = squares - sum * sum / count;
-            let covariance = factors.inverse() * (left / (count - 4.0));
-            let uncertainty = (0.5 * (covariance[(2, 2)] + covariance[(3, 3)])).sqrt() / light;
-            let explained = if variance > 0.0 { 1.0 - left / variance } else { 0.0 };
-            return Some(SpotFit { place_px: place + step, uncertainty_px: uncertainty, light, explained });
-        }
-        place += step;
-        if !place.is_finite() || place.distance(from_px) > farthest_px {
-            return None;
-        }
-    }
-    None
+    let longest_px = 0.5 * profile.deviation_px();
+    let limits = StepLimits { steps: STEPS, longest_px, small_px: SMALL_STEP_PX, farthest_px };
+    let found = fit_place(from_px, &limits, |place| sums(image, profile, place, rows.clone(), columns.clone()))?;
+    let PlaceFit { place_px, gain, spread_px, scatter, explained, .. } = found;
+    Some(SpotFit { place_px, uncertainty_px: spread_px * scatter, light: gain, explained })
 }
 
 /// Light of a spot at a known position above the floor, counts; noise can make it negative. None outside the image.
 pub(crate) fn light(image: ArrayView2<f32>, profile: SpotProfile, place_px: DVec2) -> Option<f64> {
-    let usable = profile.usable();
-    let reach = usable.reach_px();
+    let profile = profile.usable();
+    let reach = profile.reach_px();
     let (rows, columns) = (within(place_px.y, reach, image.nrows())?, within(place_px.x, reach, image.ncols())?);
-    let along: Vec<f64> = columns.clone().map(|column| usable.share(column as f64 + 0.5 - place_px.x).0).collect();
-    let (mut count, mut shares, mut squares, mut sum, mut mixed) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    sums(image, profile, place_px, rows, columns).gain()
+}
+
+/// Sums over the pixels of some rows and columns with a spot at a place. Leaves out pixels that are not finite.
+fn sums(
+    image: ArrayView2<f32>,
+    profile: SpotProfile,
+    place: DVec2,
+    rows: Range<usize>,
+    columns: Range<usize>,
+) -> PlaceSums {
+    let along: Vec<(f64, f64)> = columns.clone().map(|column| profile.share(column as f64 + 0.5 - place.x)).collect();
+    let mut sums = PlaceSums::default();
     for row in rows {
-        let across = usable.share(row as f64 + 0.5 - place_px.y).0;
-        for (column, value) in columns.clone().zip(&along) {
-            let (pixel, value) = (f64::from(image[(row, column)]), value * across);
+        let (across, across_slope) = profile.share(row as f64 + 0.5 - place.y);
+        for (column, (value, slope)) in columns.clone().zip(&along) {
+            let pixel = f64::from(image[(row, column)]);
             if pixel.is_finite() {
-                count += 1.0;
-                shares += value;
-                squares += value * value;
-                sum += pixel;
-                mixed += pixel * value;
+                sums.add(value * across, DVec2::new(slope * across, value * across_slope), pixel);
             }
         }
     }
-    let spread = squares - shares * shares / count;
-    (spread > 0.0).then(|| (mixed - sum * shares / count) / spread)
+    sums
 }
 
 #[cfg(test)]

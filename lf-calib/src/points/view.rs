@@ -137,20 +137,13 @@ pub(crate) fn cell_variance_mm2(optics: &Optics) -> f64 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::nominal::data_sheet::{DataSheet, tests::seed as sheet};
     use lf_core::camera::{Camera, Distortion, Layout, Medium, Tilt};
     use lf_core::lattice::Centres;
-    use serde_json::json;
 
     /// The seed camera of the simulations behind a round stop.
     pub(crate) fn seed(lenslets: usize, layout: Layout) -> Camera {
-        let side = 14 * lenslets;
-        let camera = json!({
-            "sensor": {"width": side, "height": side, "pixel_pitch_mm": 0.0055},
-            "main_lens": {"focal_length_mm": 200, "magnification": 1, "working_f_number": 4, "aperture": "circle"},
-            "microlenses": {"layout": layout, "pitch_mm": 0.077, "focal_length_mm": 0.308, "rotation_rad": 0,
-                            "offset_mm": [0, 0]},
-        });
-        Camera::from_json(&camera.to_string()).unwrap()
+        DataSheet { sensor_px: [14 * lenslets; 2], layout, ..sheet() }.camera(None).unwrap()
     }
 
     #[test]

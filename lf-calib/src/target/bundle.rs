@@ -44,7 +44,7 @@ pub(crate) struct BundleFit {
 pub(crate) struct BundleMisfit {
     /// Root mean square of a coordinate of the sub-images that have weight, px.
     pub rms_px: f64,
-    /// The same from the sub-images' own uncertainties, px.
+    /// The RMS expected from the sub-images' own uncertainties, px.
     pub expected_px: f64,
     /// Sub-images that have weight.
     pub kept: usize,
@@ -95,7 +95,7 @@ impl Bundle<'_> {
         BundleMisfit { rms_px: rms(squares), expected_px: rms(expected), kept, sub_images }
     }
 
-    /// Fits some parameters, from given changes. None if they cannot be told apart or leave the range of a camera.
+    /// Fits some parameters, from given changes. None if they cannot be separated or leave the range of a camera.
     pub fn fit(&self, parameters: &[Parameter], from: &Changes) -> Option<BundleFit> {
         let mut changes = *from;
         let mut scatter = self.scatter(&changes);

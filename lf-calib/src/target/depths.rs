@@ -1,7 +1,7 @@
 //! Depths of a target's images from their names or from a table.
 //!
 //! In a name, the depth is the number after a `z` that no letter precedes: `dots_z-2.70.tif`, `z+4mm.png`, `a_Z=3.tif`.
-//! `=` and `_` may stand between them, the unit is mm or um and mm if there is none. A table is a CSV file with the
+//! `=` and `_` may stand between them, the unit is mm or um and mm without one. A table is a CSV file with the
 //! columns `file` and `depth_mm`.
 
 use lf_core::{Refusal, cli::length_mm};
@@ -41,7 +41,7 @@ pub fn depths_of_names(names: &[String]) -> Result<Vec<f64>, (Option<usize>, Ref
     Ok(depths.iter().map(|depth| depth.depth_mm).collect())
 }
 
-/// A name without the end that tells its format.
+/// A name without the end that names its format.
 fn before_end(name: &str) -> &str {
     let is_format = |end: &str| end.starts_with(|first: char| first.is_ascii_alphabetic());
     name.rsplit_once('.').filter(|(_, end)| is_format(end)).map_or(name, |(stem, _)| stem)

@@ -5,7 +5,7 @@ use lf_core::Camera;
 use ndarray::Array2;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Most dots from the axis along x and along y that [`grid`] gives.
+/// Largest number of dots from the axis along x and along y that [`grid`] gives.
 const MOST_FROM_AXIS: f64 = 200.0;
 
 /// A dot of a target.

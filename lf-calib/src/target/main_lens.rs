@@ -7,23 +7,24 @@
 
 use super::bundle::{Bundle, BundleFit, DotSighting};
 use super::exposure::{Exposure, numbers_by_id};
+use super::first_detection::{TargetImage, detect_again, first_detections};
 use super::selection::{ParameterGroup, select};
-use super::{look::first_look, look::look_again, report::MainLensFit, report::report};
+use super::{report::MainLensFit, report::report};
 use crate::points::locate::{NARROWEST, nearest_depths_mm, width_in_lenslets};
 use crate::{fit::changes::Changes, fit::parameter::Parameter as P};
 use glam::{DVec2, DVec3};
 use lf_core::{Camera, Optics, Refusal};
 use std::collections::BTreeMap;
 
-/// Fewest depths that tell a focus offset from a magnification.
+/// Smallest number of depths that separates a focus offset from a magnification.
 const FEWEST_DEPTHS: usize = 2;
-/// Most sub-images that are fitted. More from the same dots add little.
+/// Largest number of sub-images that are fitted. More from the same dots add little.
 const MOST_SUB_IMAGES: usize = 60_000;
 /// Times that the sub-images are read again with the camera found.
-const LOOKS: usize = 2;
+const READINGS: usize = 2;
 /// Largest root mean square residual of a fit, px.
 pub(super) const LARGEST_RMS_PX: f64 = 0.3;
-/// Least share of the sub-images that follow the fit.
+/// Smallest share of the sub-images that must follow the fit.
 pub(super) const LEAST_FOLLOWING: f64 = 0.5;
 
 /// Always free: the pose of the target (the first six) and the magnification.
@@ -33,12 +34,12 @@ pub(super) const ALWAYS: [P; 7] =
 /// The error of a calibration, with the number of the image that it is about, if there is one.
 type ImageRefusal = (Option<usize>, Refusal);
 
-/// The number of looks at an image that [`main_lens`] reports in all.
+/// The number of readings of an image that [`main_lens`] reports in all.
 pub fn main_lens_steps(images: usize) -> u64 {
-    ((1 + LOOKS) * images) as u64
+    ((1 + READINGS) * images) as u64
 }
 
-/// Calibrates the main lens of a camera. Calls `watch(n)` after n more of the [`main_lens_steps`] looks at an image.
+/// Calibrates the main lens of a camera. Calls `watch(n)` after n more of the [`main_lens_steps`] readings of an image.
 /// The error holds the number of the image that it is about, if there is one.
 /// Refuses fewer than two usable depths, images without the target, and dots where no camera could show them.
 pub fn main_lens(
@@ -48,11 +49,11 @@ pub fn main_lens(
 ) -> Result<MainLensFit, (Option<usize>, Refusal)> {
     let search = TargetSearch { exposures, nominal, ids: numbers_by_id(exposures), watch };
     let groups = groups(nominal);
-    let (sightings, start) = search.first_looks()?;
+    let (sightings, start) = search.first_detections()?;
     let first = search.first_fit(&sightings, &groups, &start).ok_or_else(unsolved)?;
-    let (looks, changes) = search.look_again(&first).ok_or_else(unsolved)?;
+    let (readings, changes) = search.detect_again(&first).ok_or_else(unsolved)?;
 
-    let sightings = thinned(&looks.concat());
+    let sightings = thinned(&readings.concat());
     let bundle = search.bundle(&sightings);
     let (fit, results) = select(&bundle, &ALWAYS, &groups, &changes).ok_or_else(unsolved)?;
     let misfit = fit.misfit;
@@ -63,12 +64,12 @@ pub fn main_lens(
         return Err((None, Refusal::new(found, wanted)));
     }
     let pose_only = bundle.fit(&ALWAYS[..6], &start).map_or_else(|| bundle.misfit(&start), |posed| posed.misfit);
-    let used = (0..exposures.len()).filter(|&n| !looks[n].is_empty()).collect();
+    let used = (0..exposures.len()).filter(|&n| !readings[n].is_empty()).collect();
     Ok(report(nominal, &fit, &results, pose_only, used, &sightings, exposures))
 }
 
 /// Groups of parameters that may be free. With a white image the positions of the lenslets are known. Without one, a
-/// shifted lattice looks like a traverse that moves aside, so only one of the two may be free.
+/// shifted lattice readings like a traverse that moves aside, so only one of the two may be free.
 fn groups(nominal: &Camera) -> Vec<ParameterGroup> {
     let one = |parameters: &'static [P], after: Option<P>| ParameterGroup {
         parameters,
@@ -113,28 +114,16 @@ impl TargetSearch<'_> {
     }
 
     /// Finds the target in every usable image. Returns the dots seen, and the start of the fit.
-    fn first_looks(&self) -> Result<(Vec<DotSighting>, Changes), ImageRefusal> {
+    fn first_detections(&self) -> Result<(Vec<DotSighting>, Changes), ImageRefusal> {
         let optics = Optics::new(self.nominal);
         let half_view = DVec2::from(self.nominal.half_view_mm());
         let used = self.usable(&optics).map_err(|refusal| (None, refusal))?;
         (self.watch)((self.exposures.len() - used.len()) as u64);
-        let mut sightings = Vec::new();
-        let mut shift: Option<DVec2> = None;
-        let mut deeper = Vec::new();
-        for &n in &used {
-            let seen = first_look(&self.exposures[n], n, &self.ids, &optics, half_view, shift)
-                .map_err(|refusal| (Some(n), refusal))?;
-            shift = Some(seen.shift_mm);
-            deeper.push(seen.deeper_mm);
-            sightings.extend(seen.sightings);
-            (self.watch)(1);
-        }
-        let shift = shift.unwrap_or_default();
-        let mut start = Changes::NONE;
-        start.set(P::TargetX, shift.x);
-        start.set(P::TargetY, shift.y);
-        start.set(P::FocusOffset, deeper.iter().sum::<f64>() / deeper.len() as f64);
-        Ok((sightings, start))
+        first_detections(used.iter().map(|&n| self.image(n, &optics)), half_view, || (self.watch)(1))
+    }
+
+    fn image<'a>(&'a self, number: usize, optics: &'a Optics) -> TargetImage<'a> {
+        TargetImage { exposure: &self.exposures[number], number, ids: &self.ids, optics }
     }
 
     /// Numbers of the images in which a dot lights enough lenslets, nearest to focus first: they help the others.
@@ -167,23 +156,23 @@ impl TargetSearch<'_> {
         bundle.fit(&free, start).or_else(|| select(&bundle, &ALWAYS, groups, start).map(|(fit, _)| fit))
     }
 
-    /// Reads the sub-images where the fitted camera predicts them, and fits again, [`LOOKS`] times. Images too near to
-    /// focus before take part: some of their lenslets may be lit as a whole. Returns the last look at each image.
-    fn look_again(&self, first: &BundleFit) -> Option<(Vec<Vec<DotSighting>>, Changes)> {
+    /// Reads the sub-images where the fitted camera predicts them, and fits again, [`READINGS`] times. Images too near
+    /// to focus before take part: some of their lenslets may be lit as a whole. Returns the last reading of each image.
+    fn detect_again(&self, first: &BundleFit) -> Option<(Vec<Vec<DotSighting>>, Changes)> {
         let mut changes = first.changes;
-        let mut looks = Vec::new();
-        for _ in 0..LOOKS {
+        let mut readings = Vec::new();
+        for _ in 0..READINGS {
             let (optics, pose) = (Optics::new(&changes.camera(self.nominal)), changes.pose());
-            let look = |n| {
-                let seen = look_again(&self.exposures[n], n, &self.ids, &optics, &pose);
+            let read = |n| {
+                let seen = detect_again(self.image(n, &optics), &pose);
                 (self.watch)(1);
                 seen
             };
-            looks = (0..self.exposures.len()).map(look).collect::<Vec<_>>();
-            let sightings = thinned(&looks.concat());
+            readings = (0..self.exposures.len()).map(read).collect::<Vec<_>>();
+            let sightings = thinned(&readings.concat());
             changes = self.bundle(&sightings).fit(&first.parameters, &changes)?.changes;
         }
-        Some((looks, changes))
+        Some((readings, changes))
     }
 }
 

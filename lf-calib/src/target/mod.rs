@@ -2,20 +2,20 @@
 //! misalignment, each with its uncertainty.
 //! Open `main_lens.rs` first.
 
-mod blunder;
 mod bundle;
 mod depths;
-mod doubts;
 mod exposure;
-mod look;
+mod first_detection;
 mod main_lens;
 mod recognise;
 mod report;
 mod selection;
+mod setup_mistakes;
+mod warnings;
 
-pub use blunder::blunder;
 pub use depths::{depths_of_names, depths_of_table};
-pub use doubts::{closer_dots_mm, fit_doubts};
 pub use exposure::{Dot, Exposure, grid};
 pub use main_lens::{main_lens, main_lens_steps};
 pub use report::MainLensFit;
+pub use setup_mistakes::setup_mistake;
+pub use warnings::{closer_dots_mm, fit_warnings};

@@ -1,6 +1,6 @@
 //! Finds out which peak of light is which dot of a target.
 
-use crate::fit::polynomial::outer;
+use crate::fit::polynomial::{Polynomial, TiePoint};
 use glam::{DMat2, DVec2};
 use lf_core::{Refusal, statistics::upper_median};
 use std::fmt::Display;
@@ -11,9 +11,11 @@ const NEAR: f64 = 0.3;
 const LARGEST_SCATTER: f64 = 0.1;
 /// Largest stretch or rotation of the target against the stated one.
 const LARGEST_STRETCH: f64 = 0.12;
-/// Fewest dots that are a target.
+/// Smallest number of dots that make a target.
 const FEWEST: usize = 9;
-/// Least share of the dots in view that are found.
+/// Smallest number of pairs that determines an affine map.
+const FEWEST_AFFINE: usize = 6;
+/// Smallest share of the dots in view that must be found.
 const LEAST_SEEN: f64 = 0.5;
 /// Number of peaks about the middle that a first shift is tried on.
 const FIRST: usize = 25;
@@ -26,32 +28,11 @@ pub(crate) struct Recognised {
     pub shift_mm: DVec2,
 }
 
-/// An affine map from dot positions to peak positions.
-struct Affine {
-    matrix: DMat2,
-    shift: DVec2,
-}
-
-impl Affine {
-    fn at(&self, place: DVec2) -> DVec2 {
-        self.matrix * place + self.shift
-    }
-
-    /// Least squares. With few pairs it is only a shift.
-    fn through(pairs: &[(DVec2, DVec2)]) -> Self {
-        let count = pairs.len() as f64;
-        let from = pairs.iter().map(|pair| pair.0).sum::<DVec2>() / count;
-        let to = pairs.iter().map(|pair| pair.1).sum::<DVec2>() / count;
-        let (mut spread, mut mixed) = (DMat2::ZERO, DMat2::ZERO);
-        for (a, b) in pairs {
-            let (a, b) = (*a - from, *b - to);
-            spread += outer(a, a);
-            mixed += outer(b, a);
-        }
-        let whole = pairs.len() >= 6 && spread.determinant() > 1e-3 * (spread.x_axis.x + spread.y_axis.y).powi(2);
-        let matrix = if whole { mixed * spread.inverse() } else { DMat2::IDENTITY };
-        Self { matrix, shift: to - matrix * from }
-    }
+/// The affine map from dots to their peaks by least squares. Few pairs, or pairs in a row, give only a shift.
+fn affine(pairs: &[TiePoint]) -> Polynomial {
+    let shift = || pairs.iter().map(|(dot, peak)| *peak - *dot).sum::<DVec2>() / pairs.len() as f64;
+    let whole = (pairs.len() >= FEWEST_AFFINE).then(|| Polynomial::through(pairs, 1)).flatten();
+    whole.unwrap_or_else(|| Polynomial::affine(shift(), DMat2::IDENTITY))
 }
 
 pub(crate) fn no_target(found: impl Display) -> Refusal {
@@ -92,7 +73,7 @@ pub(crate) fn recognise(
     inner.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
     inner.truncate(FIRST);
     let shift = shift_mm.unwrap_or_else(|| first_shift(dots, &inner, spacing));
-    let mut map = Affine { matrix: DMat2::IDENTITY, shift };
+    let mut map = Polynomial::affine(shift, DMat2::IDENTITY);
     let middle = inner[0] - shift;
     let farthest = dots.iter().map(|dot| dot.distance(middle)).fold(0.0, f64::max);
     let mut radius = 1.6 * spacing;
@@ -102,8 +83,8 @@ pub(crate) fn recognise(
         for _ in 0..2 {
             pairs = pair(dots, peaks, &map, middle, radius, NEAR * spacing);
             if pairs.len() >= 3 {
-                let places: Vec<_> = pairs.iter().map(|&(dot, peak, _)| (dots[dot], peaks[peak])).collect();
-                map = Affine::through(&places);
+                let places: Vec<TiePoint> = pairs.iter().map(|&(dot, peak, _)| (dots[dot], peaks[peak])).collect();
+                map = affine(&places);
             }
         }
         if radius > farthest {
@@ -111,7 +92,7 @@ pub(crate) fn recognise(
         }
         radius *= 1.5;
     }
-    let stretch = map.matrix - DMat2::IDENTITY;
+    let stretch = map.basis_at(middle) - DMat2::IDENTITY;
     let strained = stretch.x_axis.abs().max_element().max(stretch.y_axis.abs().max_element());
     let scatter = (pairs.iter().map(|pair| pair.2 * pair.2).sum::<f64>() / pairs.len().max(1) as f64).sqrt();
     let is_regular = scatter <= LARGEST_SCATTER * spacing && strained <= LARGEST_STRETCH;
@@ -143,7 +124,7 @@ fn first_shift(dots: &[DVec2], inner: &[DVec2], spacing: f64) -> DVec2 {
 fn pair(
     dots: &[DVec2],
     peaks: &[DVec2],
-    map: &Affine,
+    map: &Polynomial,
     middle: DVec2,
     radius: f64,
     near: f64,

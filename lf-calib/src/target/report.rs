@@ -5,7 +5,7 @@ use crate::{fit::changes::Changes, fit::changes::record, fit::parameter::Paramet
 use lf_core::Camera;
 use serde_json::{Map, Value, json};
 
-/// Pairs of parameters with a correlation above this can hardly be told apart.
+/// Pairs of parameters with a correlation above this can hardly be separated.
 const CORRELATED: f64 = 0.95;
 
 /// A calibration of the main lens.
@@ -17,7 +17,7 @@ pub struct MainLensFit {
     pub used: Vec<usize>,
     /// Names of the parameters that the data required, besides the pose and the magnification.
     pub selected: Vec<&'static str>,
-    /// Pairs of parameters that can hardly be told apart: the size of their correlation is above 0.95.
+    /// Pairs of parameters that can hardly be separated: the size of their correlation is above 0.95.
     pub correlated: Vec<(&'static str, &'static str, f64)>,
     /// Number of dots that were seen.
     pub dots: usize,

@@ -1,6 +1,6 @@
 //! Selects the parameters that the data require: backward elimination, then forward selection.
 //!
-//! The fit begins with all parameters that can be told apart. The one with the least evidence is removed, again and
+//! The fit begins with all parameters that can be separated. The one with the least evidence is removed, again and
 //! again; then parameters that have gained enough evidence are added back. A start without parameters would be worse:
 //! one would stand in for another still to come, for example a lean of the target for a tilt of the sensor. Evidence is
 //! what neither the scatter of independent sub-images, nor that from dot to dot, nor sampling explains by chance.
@@ -29,7 +29,7 @@ pub(crate) struct ParameterGroup {
 pub(crate) struct GroupResult {
     pub group: ParameterGroup,
     pub is_free: bool,
-    /// Its evidence, in squared standard deviations. None if it cannot be told from the other parameters.
+    /// Its evidence, in squared standard deviations. None if it cannot be separated from the other parameters.
     pub evidence: Option<f64>,
     /// Change and uncertainty of each parameter: as fitted, or as they would be if the group were free.
     pub values: Vec<(f64, f64)>,

@@ -67,14 +67,9 @@ fn transform(field: &mut Vec<Complex<f64>>, [columns, rows]: [usize; 2], directi
 
 /// The next size without a prime factor above 5.
 fn smooth_size(least: usize) -> usize {
-    fn is_smooth(size: usize) -> bool {
-        size == 1
-            || [2, 3, 5]
-                .into_iter()
-                .find(|factor| size.is_multiple_of(*factor))
-                .is_some_and(|factor| is_smooth(size / factor))
-    }
-    (least..).find(|&size| is_smooth(size)).expect("powers of two have no end")
+    // A size below 2^30 divides the product if its prime factors are 2, 3 and 5.
+    let product = 2u128.pow(30) * 3u128.pow(18) * 5u128.pow(12);
+    (least..).find(|size| product.is_multiple_of(*size as u128)).expect("powers of two have no end")
 }
 
 impl Autocorrelation {

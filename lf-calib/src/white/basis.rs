@@ -8,7 +8,7 @@ pub(crate) fn unit_basis(is_hexagonal: bool) -> DMat2 {
     if is_hexagonal { DMat2::from_cols(DVec2::X, DVec2::new(0.5, 0.75f64.sqrt())) } else { DMat2::IDENTITY }
 }
 
-/// The same lattice by its two shortest vectors: 60 to 90 degrees apart, turned from first to second as from x to y,
+/// Describes a lattice by its two shortest vectors: 60 to 90 degrees apart, turned from first to second as from x to y,
 /// the first as near to x as possible.
 pub(crate) fn reduced(basis: DMat2) -> DMat2 {
     let (mut u, mut v) = (basis.x_axis, basis.y_axis);

@@ -1,6 +1,6 @@
 //! From the lattice of lenslet images to the microlenses of a camera. The image of a lenslet is farther from the axis
 //! than the lenslet ([`crate::fit::lenslet_images`]). The nominal camera gives the factor: a white image alone cannot
-//! tell a small k from a small pitch.
+//! separate a small k from a small pitch.
 
 use super::image_lattice::{Centre, ImageLattice};
 use super::{basis::nearest_offset, basis::nearest_turn, basis::unit_basis, departure::DepartureFit, followed::few};
@@ -24,7 +24,7 @@ pub struct Calibrated {
     pub camera: Camera,
     /// One for each of the lattice's centres.
     pub residuals: Vec<Residual>,
-    /// Degree of the departure from the perfect lattice, 0 if there is none.
+    /// Degree of the departure from the perfect lattice; 0 for a perfect lattice.
     pub degree: usize,
     /// Largest departure at the frame's corners, px.
     pub departure_px: f64,
@@ -54,7 +54,8 @@ impl Calibrated {
 pub struct Keep {
     /// The working f-number: the white image was taken with another stop than the frames.
     pub f_number: bool,
-    /// The pitch of the array, which is then exact. The pitch of the lenslet images gives the distance of the exit pupil.
+    /// The pitch of the array, which is then exact. The pitch of the lenslet images gives the distance of the exit
+    /// pupil.
     pub pitch: bool,
 }
 
@@ -73,9 +74,10 @@ pub struct Residual {
     pub kept: bool,
 }
 
-/// The nominal camera with its lattice replaced by the measured one, and its working f-number if the lenslet images show
-/// another. With [`Keep::pitch`] it gets the distance of the exit pupil instead of a pitch. Offset and rotation are the nearest to the nominal ones that describe the same lattice. The nominal layout
-/// and pitch are not used. Refuses centres that do not span the plane, and a departure too steep for a camera.
+/// The nominal camera with its lattice replaced by the measured one, and its working f-number if the lenslet images
+/// show another. With [`Keep::pitch`] it gets the distance of the exit pupil instead of a pitch. Offset and rotation
+/// are the nearest to the nominal ones that describe the same lattice. The nominal layout and pitch are not used.
+/// Refuses centres that do not span the plane, and a departure too steep for a camera.
 pub fn calibrate(lattice: &ImageLattice, nominal: &Camera, keep: Keep) -> Result<Calibrated, Refusal> {
     let pupil = if keep.pitch { Some(Pupil::of(lattice, nominal).checked(lattice, nominal)?) } else { None };
     let mut given = nominal.clone();
@@ -151,7 +153,7 @@ fn with_lattice(nominal: &Camera, layout: Layout, departure: &DepartureFit) -> C
     camera
 }
 
-/// Whether squares overlap so much that their light does not tell a lenslet from the corner between four.
+/// Whether squares overlap so much that their light does not distinguish a lenslet from the corner between four.
 fn is_ambiguous(camera: &Camera, fill: Option<Fill>) -> bool {
     // Above 1, lenslet images overlap, and a point between lenslets can be as symmetric as a lenslet.
     let nominal_share = camera.demagnification() * camera.aperture_mm() / free_pitch_mm(camera);

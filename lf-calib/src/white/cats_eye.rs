@@ -6,32 +6,31 @@
 //! looks like a smaller pitch. The two discs are fitted to the rims of mean cells of regions of the frame, each with a
 //! free displacement. From then on only pixels are read that the second disc cannot have touched.
 //!
-//! The search is a short Levenberg-Marquardt of our own. Its residuals come from inner searches and are not smooth. On
+//! The search is our own ([`Search`]). Its residuals come from inner searches and are not smooth. On
 //! simulated rims MINPACK's method (crate levenberg-marquardt 0.15) takes twice as long and differs in the fourth digit
 //! of b, which the rims hardly determine.
 
 use super::{mean_cell::MeanCell, rim::rim_px};
-use crate::fit::polynomial::outer;
+use crate::fit::{polynomial::outer, search::Search};
 use glam::{DMat2, DVec2};
 use lf_core::statistics::ranked;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::DVector;
 
 /// Directions in which the rim is searched, and fewest of them that show a rim.
 const ANGLES: usize = 36;
 const FEWEST_ANGLES: usize = 12;
-/// Fewest regions that show how a disc moves over the frame.
+/// Smallest number of regions that shows how a disc moves over the frame.
 const FEWEST_REGIONS: usize = 7;
 /// There are two discs if their misfit is at most this share of one disc's misfit, and at most this share of a.
 const LEAST_GAIN: f64 = 0.6;
 const LARGEST_MISFIT: f64 = 0.03;
-/// Least depth of the cut in the farthest region, px. A smaller one moves no centre by a hundredth of a pixel.
+/// Smallest depth of the cut in the farthest region, px. A smaller one moves no centre by a hundredth of a pixel.
 const LEAST_CUT_PX: f64 = 0.1;
-/// Least displacement of the second disc from the frame's middle to the farthest region: in px, and over its
-/// displacement in the middle. What is the same everywhere is the shape of the lenslets themselves.
+/// Smallest displacement of the second disc from the frame's middle to the farthest region: in px, and over its
+/// displacement in the middle. A displacement that is the same everywhere is the shape of the lenslets themselves.
 const LEAST_SHIFT_PX: f64 = 0.3;
 const LEAST_SHIFT: f64 = 1.0;
-/// Iterations of the search, and of the inner search for the displacement of a region.
-const STEPS: usize = 40;
+/// Iterations of the inner search for the displacement of a region.
 const INNER_STEPS: usize = 4;
 
 /// The rim of the mean cell of a region at `place_px` from the middle of the frame.
@@ -100,7 +99,7 @@ impl TwoStops {
         (is_close && is_shifting && cut > LEAST_CUT_PX).then_some(two)
     }
 
-    /// The same discs with the smaller one as the main stop. The rims do not tell which is which; by convention the
+    /// Swaps the discs so that the smaller one is the main stop. The rims do not show which is which; by convention the
     /// main stop is the smaller one, which alone limits the light on the axis.
     fn by_size(self) -> Self {
         if self.main_px <= self.second_px {
@@ -114,7 +113,7 @@ impl TwoStops {
         self.aside_px + self.slope * place_px
     }
 
-    /// Depth of the second disc's cut into the main one; negative if there is none.
+    /// Depth of the second disc's cut into the main one; negative without a cut.
     pub fn cut_px(&self, place_px: DVec2) -> f64 {
         self.main_px + self.displacement_px(place_px).length() - self.second_px
     }
@@ -163,61 +162,32 @@ impl TwoStops {
         best
     }
 
-    fn parameters(&self) -> SVector<f64, 5> {
-        SVector::from([self.main_px, self.second_px, self.slope, self.aside_px.x, self.aside_px.y])
-    }
-
-    fn of(parameters: SVector<f64, 5>) -> Self {
-        let [main_px, second_px, slope, x, y] = parameters.into();
-        Self { main_px, second_px, slope, aside_px: DVec2::new(x, y) }
-    }
-
-    /// Levenberg-Marquardt on the first `free` parameters. The residual of a region is the root of its sum of squares.
+    /// Searches for the best of the first `free` numbers. The residual of a region is the root of its sum of squares.
     fn improved(self, regions: &[RegionRim], free: usize) -> Self {
-        let residuals_of =
-            |stops: &Self| -> Vec<f64> { regions.iter().map(|region| stops.squares_left(region).sqrt()).collect() };
         let farthest = regions.iter().map(|region| region.place_px.length()).fold(1.0, f64::max);
-        let scale = SVector::<f64, 5>::from([1.0, 1.0, 1.0 / farthest, 1.0, 1.0]);
-        let mut stops = self;
-        let mut residuals = residuals_of(&stops);
-        let mut damping = 1e-2;
-        for _ in 0..STEPS {
-            let slopes: Vec<Vec<f64>> = (0..free)
-                .map(|n| {
-                    let mut moved = stops.parameters();
-                    moved[n] += 1e-3 * scale[n];
-                    let there = residuals_of(&Self::of(moved));
-                    there.iter().zip(&residuals).map(|(there, here)| (there - here) / 1e-3).collect()
-                })
-                .collect();
-            let (mut normal, mut right) = (SMatrix::<f64, 5, 5>::zeros(), SVector::<f64, 5>::zeros());
-            for a in 0..free {
-                for b in 0..free {
-                    normal[(a, b)] = slopes[a].iter().zip(&slopes[b]).map(|(a, b)| a * b).sum();
-                }
-                right[a] = -slopes[a].iter().zip(&residuals).map(|(slope, residual)| slope * residual).sum::<f64>();
+        // A step is in px at the farthest region.
+        let moved = |stops: &Self, step: &DVector<f64>| {
+            let along = |n: usize| step.get(n).copied().unwrap_or(0.0);
+            Self {
+                main_px: stops.main_px + along(0),
+                second_px: stops.second_px + along(1),
+                slope: stops.slope + along(2) / farthest,
+                aside_px: stops.aside_px + DVec2::new(along(3), along(4)),
             }
-            for a in 0..5 {
-                normal[(a, a)] += damping * normal[(a, a)].max(1e-6);
-            }
-            let Some(step) = normal.cholesky().map(|solver| solver.solve(&right)) else { break };
-            let next = Self::of(stops.parameters() + step.component_mul(&scale));
-            let there = residuals_of(&next);
-            let [before, after] = [&residuals, &there].map(|all| all.iter().map(|r| r * r).sum::<f64>());
-            if after.is_finite() && after < before {
-                (stops, residuals) = (next, there);
-                damping = (0.3 * damping).max(1e-9);
-                if before - after < 1e-6 * before {
-                    break;
-                }
-            } else {
-                damping *= 8.0;
-                if damping > 1e6 {
-                    break;
-                }
-            }
-        }
-        stops
+        };
+        let residuals = |stops: &Self| {
+            let left = regions.iter().map(|region| stops.squares_left(region).sqrt());
+            Some(DVector::from_iterator(regions.len(), left))
+        };
+        let slope_steps = vec![1e-3; free];
+        let search = Search {
+            slope_steps: &slope_steps,
+            damping: 1e-2,
+            factors: [0.3, 8.0],
+            least_square: 1e-6,
+            least_gain: 1e-6,
+        };
+        search.run(self, residuals, moved).unwrap_or(self)
     }
 }
 

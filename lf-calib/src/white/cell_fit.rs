@@ -15,7 +15,8 @@ const ROUND_PIXELS: usize = 1 << 16;
 const REMAINDER_PIXELS: usize = 1 << 19;
 /// While the lattice is being followed, the pixels are fewer by this factor.
 const ROUGH: usize = 4;
-/// Least standard deviation of the remainder, over that of the round part. A smaller one is due to sampling and noise.
+/// Smallest standard deviation of the remainder that counts, over that of the round part. A smaller one is due to
+/// sampling and noise.
 const LEAST_REMAINDER: f64 = 0.03;
 /// With a second stop, one in `LEAST_CUT` lenslets gives the cell, those cut least, but at least `FEWEST_UNCUT`.
 const LEAST_CUT: usize = 10;
@@ -29,7 +30,8 @@ impl FollowedLattice {
         Ok(())
     }
 
-    /// The lenslets that a second stop cuts least. A disc seen from one side does not tell its radius from its place.
+    /// The lenslets that a second stop cuts least. A disc seen from one side does not show both its radius and its
+    /// place.
     pub fn least_cut(&self, mut fits: Vec<(DVec2, LensletFit)>, size: (usize, usize)) -> Vec<(DVec2, LensletFit)> {
         let Some(stops) = &self.stops else { return fits };
         let cut = |fit: &(DVec2, LensletFit)| stops.cut_px(fit.1.centre_px - middle_px(size));
@@ -83,7 +85,7 @@ impl FollowedLattice {
     }
 
     /// A sum over pixels of lenslets. `add` gets a pixel's offset from the smooth lattice and (count - floor) / gain.
-    fn sum_over<T: Send>(
+    pub fn sum_over<T: Send>(
         &self,
         image: ArrayView2<f32>,
         fits: &[(DVec2, LensletFit)],

@@ -8,12 +8,13 @@ use std::collections::BTreeMap;
 
 /// Pixels that are averaged. More cost time and gain nothing.
 const PIXELS: usize = 1 << 17;
-/// Side of a bin: a share of the shortest lattice vector, at least and at most so many px.
+/// Side of a bin: a share of the shortest lattice vector, and its limits, px.
 const BIN: f64 = 1.0 / 28.0;
 const BIN_PX: [f64; 2] = [0.25, 0.5];
 /// Distance of the pixels from the centre, in shortest lattice vectors: beyond the corner of a square cell.
 const REACH: f64 = 0.72;
-/// A lenslet is left out if its gain is not within these shares of its neighbours' gain: it is dead, or covered by dust.
+/// A lenslet is left out if its gain is not within these shares of its neighbours' gain: it is dead, or covered by
+/// dust.
 const GAIN: [f64; 2] = [0.6, 1.6];
 
 /// Pixels of one bin.

@@ -26,7 +26,7 @@ const BLOCKS: f64 = 4.0;
 /// Iterations that move the departure's constant term into the origin. Each squares the rest.
 const GAUGE_STEPS: usize = 3;
 
-/// A perfect lattice, and the departure of the lenslets from it: None and degree 0 if there is none.
+/// A perfect lattice, and the departure of the lenslets from it. A perfect array has None and degree 0.
 pub(crate) struct DepartureFit {
     pub perfect: PerfectLattice,
     pub centres: Option<Centres>,

@@ -3,8 +3,8 @@
 use super::image_lattice::ImageLattice;
 use lf_core::{Camera, camera::Aperture};
 
-/// A measured f-number replaces the nominal one only if they differ by more than this share, and by more than so many
-/// standard uncertainties. Otherwise noise would be written into the camera.
+/// A measured f-number replaces the nominal one only if they differ by more than this share, and by more than this
+/// number of standard uncertainties. Otherwise noise would be written into the camera.
 const LEAST_CHANGE: f64 = 0.01;
 const SIGMAS: f64 = 3.0;
 
@@ -55,13 +55,13 @@ impl Fill {
         self.nominal_px / self.measured_px - 1.0
     }
 
-    /// Whether the images show another f-number than the nominal one, beyond doubt.
+    /// Whether the images show another f-number than the nominal one, beyond its uncertainty.
     pub fn is_other_stop(&self) -> bool {
         let apart = (self.measured_px / self.nominal_px - 1.0).abs();
         apart > LEAST_CHANGE && apart > SIGMAS * self.uncertainty_px / self.measured_px
     }
 
-    /// The camera with the stop that the images show, if that differs from the camera's beyond doubt.
+    /// The camera with the stop that the images show, if that differs from the camera's beyond its uncertainty.
     pub(super) fn with_stop(&self, camera: &mut Camera) {
         if self.is_other_stop() {
             camera.main_lens.working_f_number = self.f_number();

@@ -10,7 +10,7 @@ use glam::{DMat2, DVec2};
 use lf_core::{Refusal, camera::Aperture, camera::Layout};
 use ndarray::Array2;
 
-/// Least share of the lenslets in the frame that follow the lattice.
+/// Smallest share of the lenslets in the frame that must follow the lattice.
 const LEAST_FOLLOWING: f64 = 0.5;
 /// Largest scatter about a smooth lattice, and largest strain against a square or hexagonal lattice, over the pitch.
 const LARGEST_SCATTER: f64 = 0.05;

@@ -8,7 +8,7 @@
 use super::followed::{FEWEST, FollowedLattice, few};
 use super::{
     basis::layout_of, basis::shortest, cats_eye::RegionRim, cats_eye::TwoStops, cell_equations::CellEquations,
-    cell_fit::thinned, lenslet_fit::LensletFit, lenslet_fit::window, period::Period, symmetry::centre_of,
+    cell_fit::thinned, lenslet_fit::LensletFit, period::Period, symmetry::centre_of,
 };
 use crate::fit::polynomial::{Polynomial, middle_px};
 use glam::{DMat2, DVec2};
@@ -171,14 +171,8 @@ fn region_rim(followed: &FollowedLattice, image: ArrayView2<f32>, fits: &[(DVec2
     if fits.len() < FEWEST_IN_REGION {
         return None;
     }
-    let mut equations = CellEquations::new(basis);
-    let mut middle = DVec2::ZERO;
-    for (index, fit) in &fits {
-        let centre = followed.smooth.at(*index);
-        middle += (centre - middle_px(image.dim())) / fits.len() as f64;
-        for (pixel, offset) in window(centre, shortest(basis), image.dim()).into_iter().flatten() {
-            equations.add(to_cell * offset, fit.level(image[pixel] as f64, offset));
-        }
-    }
-    RegionRim::of(middle, &equations.solve(false), basis)
+    let add = |equations: &mut CellEquations, offset, value| equations.add(to_cell * offset, value);
+    let equations = followed.sum_over(image, &fits, || CellEquations::new(basis), add, CellEquations::merge);
+    let middle = fits.iter().map(|(index, _)| followed.smooth.at(*index)).sum::<DVec2>() / fits.len() as f64;
+    RegionRim::of(middle - middle_px(image.dim()), &equations.solve(false), basis)
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Number of lenslets from which the smooth lattice may bend: a cubic has ten coefficients.
 const ENOUGH_TO_BEND: usize = 150;
-/// Fewest lenslets that make a lattice.
+/// Smallest number of lenslets that makes a lattice.
 pub(crate) const FEWEST: usize = 12;
 /// A lenslet is read if the mean cell explains at least this share of its pixels' variance.
 const LEAST_EXPLAINED: f64 = 0.3;
@@ -37,7 +37,7 @@ pub(crate) struct FollowedLattice {
     pub radius: f64,
     /// Whether it reaches the corners of the frame. Until then a rough cell is enough.
     pub is_whole: bool,
-    /// Whether it rests on the round part of the cell. Only then can the remainder be told from a wrong centre.
+    /// Whether it rests on the round part of the cell. Only then can the remainder be separated from a wrong centre.
     pub is_settled: bool,
     /// Once it has been seen.
     pub stops: Option<TwoStops>,

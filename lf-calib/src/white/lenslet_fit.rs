@@ -1,17 +1,17 @@
 //! One lenslet image, read against the mean cell: its centre, its brightness and the quality of the fit.
 
 use super::{basis::shortest, cats_eye::Untouched, mean_cell::MeanCell};
+use crate::fit::placement::{PlaceFit, PlaceSums, StepLimits, fit_place};
 use glam::{DMat2, DVec2};
-use nalgebra::{Matrix4, Vector4};
 use ndarray::ArrayView2;
 
 /// Radius of the window of pixels, in shortest lattice vectors. The rims of discs that touch are well inside.
 const WINDOW: f64 = 0.62;
-/// Least share of the window inside the image. Half a disc at the edge of the frame can still be read.
+/// Smallest share of the window inside the image. Half a disc at the edge of the frame can still be read.
 const LEAST_INSIDE: f64 = 0.7;
 /// Largest distance of a centre from its prediction, in shortest lattice vectors.
 const FARTHEST: f64 = 0.35;
-/// Least share of the window's pixels that a second stop leaves untouched. A third of a rim still gives a centre.
+/// Smallest share of the window's pixels that a second stop leaves untouched. A third of a rim still gives a centre.
 const LEAST_UNTOUCHED: f64 = 0.4;
 
 #[derive(Clone, Copy)]
@@ -61,27 +61,9 @@ impl LensletFit {
     }
 }
 
-/// Offset from `from_px`, px, count and relative gain of the pixels untouched by a second stop. None if too few.
-fn pixels(
-    image: ArrayView2<f32>,
-    from_px: DVec2,
-    shortest_px: f64,
-    shade_per_px: DVec2,
-    untouched: Option<&Untouched>,
-) -> Option<Vec<(DVec2, f64, f64)>> {
-    let (mut seen, mut pixels) = (0, Vec::with_capacity(256));
-    for (pixel, offset) in window(from_px, shortest_px, image.dim())? {
-        seen += 1;
-        if untouched.is_none_or(|untouched| untouched.holds(offset)) {
-            pixels.push((offset, image[pixel] as f64, 1.0 + shade_per_px.dot(offset)));
-        }
-    }
-    (pixels.len() as f64 >= LEAST_UNTOUCHED * seen as f64).then_some(pixels)
-}
-
 /// Fits floor + gain (1 + shade . x) T(x - centre) to the pixels around `from_px`, with x from `from_px`, by
-/// Gauss-Newton. The shade is given: within one lenslet it cannot be told from a shift. None if the window leaves the
-/// image, if the centre moves too far, or if there is no light.
+/// Gauss-Newton. The shade is given: within one lenslet it cannot be separated from a shift. None if the window leaves
+/// the image, if the centre moves too far, or if there is no light.
 pub(crate) fn fit_lenslet(
     image: ArrayView2<f32>,
     cell: &MeanCell,
@@ -93,48 +75,27 @@ pub(crate) fn fit_lenslet(
     let shortest = shortest(basis_px);
     let to_cell = basis_px.inverse();
     let slope_to_px = to_cell.transpose();
-    let pixels = pixels(image, from_px, shortest, shade_per_px, untouched)?;
-    let (sum, squares) =
-        pixels.iter().fold((0.0, 0.0), |(sum, squares), (_, count, _)| (sum + count, squares + count * count));
-    let variance = squares - sum * sum / pixels.len() as f64;
-    let mut centre = from_px;
-    let mut fit = None;
-    for _ in 0..8 {
-        let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        for (offset, count, shade) in &pixels {
-            let (value, slope) = cell.at(to_cell * (*offset + from_px - centre));
-            let (value, slope) = (shade * value, *shade * (slope_to_px * slope));
-            let line = [1.0, value, -slope.x, -slope.y];
-            for a in 0..4 {
-                for b in 0..=a {
-                    normal[(a, b)] += line[a] * line[b];
-                }
-                right[a] += line[a] * count;
-            }
-        }
-        normal.fill_upper_triangle_with_lower_triangle();
-        let solver = normal.cholesky()?;
-        let solution = solver.solve(&right);
-        let gain = solution[1];
-        if gain <= 0.0 {
-            return None;
-        }
-        let inverse = solver.inverse();
-        let spread_px = f64::sqrt(0.5 * (inverse[(2, 2)] + inverse[(3, 3)])) / gain;
-        let misfit = squares - solution.dot(&right);
-        let step = DVec2::new(solution[2], solution[3]) / gain;
-        // After a long step the linearisation is poor: keep its direction and limit its length.
-        let step = step.clamp_length_max(0.12 * shortest);
-        centre += step;
-        if !centre.is_finite() || centre.distance(from_px) > FARTHEST * shortest {
-            return None;
-        }
-        let explained = if variance > 0.0 { 1.0 - misfit / variance } else { 0.0 };
-        fit = Some(LensletFit { centre_px: centre, floor: solution[0], gain, shade_per_px, spread_px, explained });
-        // Gauss-Newton squares the error: after a step of 0.03 px it is far below the noise.
-        if step.length() < 0.03 {
-            break;
+    // Offset from `from_px`, px, count and relative gain of the pixels that a second stop leaves.
+    let (mut seen, mut pixels) = (0, Vec::with_capacity(256));
+    for (pixel, offset) in window(from_px, shortest, image.dim())? {
+        seen += 1;
+        if untouched.is_none_or(|untouched| untouched.holds(offset)) {
+            pixels.push((offset, image[pixel] as f64, 1.0 + shade_per_px.dot(offset)));
         }
     }
-    fit
+    if (pixels.len() as f64) < LEAST_UNTOUCHED * seen as f64 {
+        return None;
+    }
+    // Gauss-Newton squares the error: after a step of 0.03 px it is far below the noise.
+    let limits = StepLimits { steps: 8, longest_px: 0.12 * shortest, small_px: 0.03, farthest_px: FARTHEST * shortest };
+    let fit = fit_place(from_px, &limits, |centre| {
+        let mut sums = PlaceSums::default();
+        for (offset, count, shade) in &pixels {
+            let (value, slope) = cell.at(to_cell * (*offset + from_px - centre));
+            sums.add(shade * value, *shade * (slope_to_px * slope), *count);
+        }
+        sums
+    })?;
+    let PlaceFit { place_px, floor, gain, spread_px, explained, .. } = fit;
+    Some(LensletFit { centre_px: place_px, floor, gain, shade_per_px, spread_px, explained })
 }

@@ -54,20 +54,22 @@ impl MeanCell {
     }
 
     pub fn through(knots: [usize; 2], values: &[f64]) -> Self {
-        // Taps of the inverse of (1, 4, 1) / 6: sqrt(3) z^|n|, z = sqrt(3) - 2. After 21 steps they are below 1e-12.
+        // Coefficients of the inverse of (1, 4, 1) / 6: sqrt(3) z^|n|, z = sqrt(3) - 2. After 21 steps they are below
+        // 1e-12.
         let pole = 3f64.sqrt() - 2.0;
-        let taps: Vec<f64> = (-21i32..=21).map(|n| 3f64.sqrt() * pole.powi(n.abs())).collect();
+        let weights: Vec<f64> = (-21i32..=21).map(|n| 3f64.sqrt() * pole.powi(n.abs())).collect();
         let [columns, rows] = knots;
         let along = |values: &[f64], step: &dyn Fn(usize, usize) -> usize| -> Vec<f64> {
             (0..values.len())
-                .map(|knot| taps.iter().enumerate().map(|(tap, weight)| weight * values[step(knot, tap)]).sum())
+                .map(|knot| weights.iter().enumerate().map(|(shift, weight)| weight * values[step(knot, shift)]).sum())
                 .collect()
         };
         // Adding 21 times the side is a whole number of turns and keeps the indices positive.
-        let lines =
-            along(values, &|knot, tap| knot / columns * columns + (knot % columns + 21 * columns + tap - 21) % columns);
+        let lines = along(values, &|knot, shift| {
+            knot / columns * columns + (knot % columns + 21 * columns + shift - 21) % columns
+        });
         let coefficients =
-            along(&lines, &|knot, tap| (knot / columns + 21 * rows + tap - 21) % rows * columns + knot % columns);
+            along(&lines, &|knot, shift| (knot / columns + 21 * rows + shift - 21) % rows * columns + knot % columns);
         Self { knots, coefficients }
     }
 

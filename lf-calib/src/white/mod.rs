@@ -1,6 +1,6 @@
 //! In: white images and a nominal camera. Out: the lattice of lenslet images, a camera with those microlenses, a flat
-//! field. The pitch: `period.rs` estimates it, `perfect_lattice.rs` fits it, `calibrate.rs` gives that of the microlenses.
-//! Open first: `find.rs`, the steps in their order; then `calibrate.rs`.
+//! field. The pitch: `period.rs` estimates it, `perfect_lattice.rs` fits it, `calibrate.rs` gives that of the
+//! microlenses. Open first: `find.rs`, the steps in their order; then `calibrate.rs`.
 
 mod autocorrelation;
 mod basis;
@@ -17,7 +17,6 @@ mod follow;
 mod followed;
 mod image_lattice;
 mod lenslet_fit;
-pub(crate) mod mean;
 mod mean_cell;
 mod perfect_lattice;
 mod period;
@@ -34,5 +33,4 @@ pub use find::find_lattice;
 pub use flat_field::flat_field;
 pub use follow::LATTICE_STEPS;
 pub use image_lattice::{Centre, ImageLattice, SecondStop, StopWidth};
-pub use mean::WhiteMean;
 pub use pupil::{PitchChange, Pupil};

@@ -17,7 +17,8 @@ pub(crate) struct PerfectLattice {
 }
 
 impl PerfectLattice {
-    /// Least squares, (x, y) as complex numbers. `unit` holds the lattice vectors in pitches. None without a pitch.
+    /// Fits by least squares, (x, y) as complex numbers. `unit` holds the lattice vectors in pitches. None without a
+    /// pitch.
     pub fn through(ties: &[TiePoint], unit: DMat2) -> Option<Self> {
         let count = ties.len() as f64;
         if ties.len() < 3 {

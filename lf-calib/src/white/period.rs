@@ -12,7 +12,7 @@ const TILE_PX: usize = 1024;
 /// A peak of at least this share of the highest one is a lattice vector. The peaks of lattice vectors differ only by
 /// noise; between touching hexagonal discs the points at a third of the long diagonal reach 0.3.
 const LATTICE_PEAK: f64 = 0.8;
-/// Least contrast of the periodic part of the image, root mean square over mean. Discs that touch have 0.33 to 0.53.
+/// Smallest contrast of the periodic part of the image, root mean square over mean. Discs that touch have 0.33 to 0.53.
 /// The dark lines between the images of a matched square aperture, 0.01 px wide at a pitch of 14 px, have 0.004.
 const LEAST_CONTRAST: f64 = 0.02;
 

@@ -1,9 +1,9 @@
 //! The round or square part of the mean cell: one brightness profile S(r) about every centre, seen through square
 //! pixels. The distance r is along a line for a round stop, and the larger one of |x| and |y| for a square stop.
 //!
-//! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(r(x - c)). If the pitch is near a whole
-//! number of pixels, all lenslets are sampled alike, but the distances of their pixels from the centre still differ: S
-//! is resolved much finer than a pixel, and the sampling does not move the centre.
+//! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(r(x - c)). If the pitch is near a
+//! whole number of pixels, all lenslets are sampled alike, but the distances of their pixels from the centre still
+//! differ: S is resolved much finer than a pixel, and the sampling does not move the centre.
 
 use super::{basis::shortest, mean_cell::MeanCell};
 use glam::{DMat2, DVec2};
@@ -13,13 +13,13 @@ use rayon::prelude::*;
 
 /// Reach of the profile in shortest lattice vectors: the corner of a square cell, beyond the pixels that are read.
 const REACH: f64 = 0.71;
-/// Least distance between knots, px. With a third of a pixel an unrotated lattice's pitch erred by 1.4e-5, now by 2e-6.
+/// Smallest distance between knots, px. With a third of a pixel an unrotated lattice's pitch erred by 1.4e-5, now by
+/// 2e-6.
 const STEP_PX: f64 = 0.2;
-/// Most knots. More of them would follow the noise of a few large lenslets.
+/// Largest number of knots. More of them would follow the noise of a few large lenslets.
 const MOST_KNOTS: f64 = 64.0;
-/// Samples along each side of a pixel, for the fit and for the table.
-const FIT_SAMPLES: usize = 8;
-const TABLE_SAMPLES: usize = 8;
+/// Samples along each side of a pixel.
+const SAMPLES: usize = 8;
 /// Weight of the profile's curvature and height against its misfit. It only determines what no pixel does.
 const ROUGHNESS: f64 = 1e-6;
 
@@ -76,14 +76,14 @@ impl ProfileEquations {
         self.lenslets.iter().copied().filter(is_near).collect()
     }
 
-    /// Adds a pixel whose centre is at `offset_px` from the lenslet image's centre. `line` is scratch memory.
-    pub fn add(&mut self, offset_px: DVec2, value: f64, line: &mut Vec<f64>) {
+    /// Fills `line` with the share of each unknown in a pixel at `offset_px` from the lenslet image's centre.
+    fn fill(&self, offset_px: DVec2, line: &mut Vec<f64>) {
         line.clear();
         line.resize(self.knots + 1, 0.0);
         line[self.knots] = 1.0;
-        let weight = 1.0 / (FIT_SAMPLES * FIT_SAMPLES) as f64;
+        let weight = 1.0 / (SAMPLES * SAMPLES) as f64;
         let near = self.near(offset_px);
-        for sample in samples(FIT_SAMPLES) {
+        for sample in samples(SAMPLES) {
             for lenslet in &near {
                 let Some((knot, share)) = self.knots_at(offset_px + sample - *lenslet) else { continue };
                 line[knot] += weight * (1.0 - share);
@@ -92,6 +92,11 @@ impl ProfileEquations {
                 }
             }
         }
+    }
+
+    /// Adds a pixel. `line` is scratch memory.
+    pub fn add(&mut self, offset_px: DVec2, value: f64, line: &mut Vec<f64>) {
+        self.fill(offset_px, line);
         let touched: Vec<usize> = (0..=self.knots).filter(|&knot| line[knot] != 0.0).collect();
         for &a in &touched {
             self.right[a] += line[a] * value;
@@ -124,19 +129,11 @@ impl ProfileEquations {
         }
         let profile = self.normal.clone().cholesky()?.solve(&self.right);
         let explained = profile.dot(&self.right);
-        let seen = |offset: DVec2| {
-            let mut sum = 0.0;
-            let near = self.near(offset);
-            for sample in samples(TABLE_SAMPLES) {
-                for lenslet in &near {
-                    let Some((knot, share)) = self.knots_at(offset + sample - *lenslet) else { continue };
-                    let next = if knot + 1 < self.knots { profile[knot + 1] } else { 0.0 };
-                    sum += profile[knot] + share * (next - profile[knot]);
-                }
-            }
-            profile[self.knots] + sum / (TABLE_SAMPLES * TABLE_SAMPLES) as f64
+        let seen = |line: &mut Vec<f64>, place: usize| {
+            self.fill(self.basis_px * MeanCell::place(knots, place), line);
+            line.iter().zip(profile.iter()).map(|(share, value)| share * value).sum()
         };
         let places = 0..knots[0] * knots[1];
-        Some((explained, places.into_par_iter().map(|n| seen(self.basis_px * MeanCell::place(knots, n))).collect()))
+        Some((explained, places.into_par_iter().map_init(Vec::new, seen).collect()))
     }
 }

@@ -4,8 +4,8 @@
 use super::image_lattice::ImageLattice;
 use lf_core::{Camera, Refusal};
 
-/// A measured pitch is notable if it differs from the nominal one by more than this share, and by more than so many
-/// standard uncertainties. Makers state the pitch of an array to a thousandth.
+/// A measured pitch is notable if it differs from the nominal one by more than this share, and by more than this
+/// number of standard uncertainties. Makers state the pitch of an array to a thousandth.
 const NOTABLE: f64 = 2e-3;
 const SIGMAS: f64 = 3.0;
 /// Largest k; see [`Camera::check`].
@@ -28,7 +28,7 @@ impl Pupil {
         Self { distance_mm, uncertainty_mm: (distance_mm * uncertainty / demagnification).abs() }
     }
 
-    /// Whether a pupil can stand there, and whether the image tells the distance at all.
+    /// Whether a pupil can stand there, and whether the image shows the distance at all.
     pub(super) fn is_possible(&self, nominal: &Camera) -> bool {
         let demagnification = nominal.gap_mm() / self.distance_mm;
         demagnification > 0.0
@@ -37,19 +37,10 @@ impl Pupil {
     }
 
     pub(super) fn checked(self, lattice: &ImageLattice, nominal: &Camera) -> Result<Self, Refusal> {
-        let found = || {
-            format!(
-                "lenslet images {:.4} px apart, of an array of exactly {:.4} px",
-                lattice.pitch_px,
-                nominal.pitch_px()
-            )
-        };
-        Refusal::unless(
-            self.is_possible(nominal),
-            found,
-            "wanted images farther apart than lenslets, or no --keep-pitch",
-        )
-        .map(|()| self)
+        let [images, lenslets] = [lattice.pitch_px, nominal.pitch_px()];
+        let found = || format!("lenslet images {images:.4} px apart, of an array of exactly {lenslets:.4} px");
+        let wanted = "wanted images farther apart than lenslets, or no --keep-pitch";
+        Refusal::unless(self.is_possible(nominal), found, wanted).map(|()| self)
     }
 }
 

@@ -1,9 +1,9 @@
 //! The shape of the stop's image under a lenslet: a disc or a square, blurred by a Gaussian.
 //!
 //! The light inside the rim need not be even. It is a sum of even powers of the distance from the centre (disc), or
-//! from the middle line (square), over the half width; outside it is 0. Squares have sides along x and y, and their light
-//! is averaged over the pixel. Discs take the pixel as part of the Gaussian: its standard deviation is 0.29 px. On discs
-//! of 3 px and more this moves the width by less than 0.01 px.
+//! from the middle line (square), over the half width; outside it is 0. Squares have sides along x and y, and their
+//! light is averaged over the pixel. Discs take the pixel as part of the Gaussian: its standard deviation is 0.29 px.
+//! On discs of 3 px and more this moves the width by less than 0.01 px.
 
 use glam::DVec2;
 use lf_core::camera::Aperture;
@@ -135,7 +135,7 @@ fn bessel_i0_scaled(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The same light by summing the Gaussian over a fine grid of points of the shape.
+    /// The light of a [`StopImage`] by summing the Gaussian over a fine grid of points of the shape.
     fn by_points(shape: Aperture, half: f64, sigma: f64, power: i32, at: DVec2) -> f64 {
         if shape == Aperture::Square {
             let pixel = (0..100).map(|n| (DVec2::new((n % 10) as f64, (n / 10) as f64) + 0.5) / 10.0 - 0.5);

@@ -8,6 +8,7 @@
 //! between the two counts towards the uncertainty, because the true light inside is not known.
 
 use super::{basis::shortest, cell_samples::CellSample, image_lattice::StopWidth, stop_image::StopImage};
+use crate::fit::search::Search;
 use glam::{DMat2, DVec2};
 use lf_core::camera::Aperture;
 use nalgebra::{DMatrix, DVector};
@@ -30,16 +31,14 @@ const MIDDLE: f64 = 0.65;
 const HALVES: [f64; 2] = [0.1, 0.8];
 const TRIALS: usize = 26;
 const LEAST_HALF_PX: f64 = 0.7;
-/// Least standard deviation of the blur, px: of a disc below that of a pixel, 0.29; of a square without the pixel.
+/// Smallest standard deviation of the blur, px: of a disc below that of a pixel, 0.29; of a square without the pixel.
 const LEAST_SIGMA_PX: [f64; 2] = [0.25, 0.08];
 /// Largest misfit over the light, and largest uncertainty over the width, of a width that is believed.
 const MOST_MISFIT: f64 = 0.15;
 const MOST_UNCERTAIN: f64 = 0.1;
-/// Fewest samples, and the most that the trials are judged by.
+/// Smallest number of samples, and the largest that the trials are judged by.
 const FEWEST: usize = 40;
 const AT_START: usize = 1500;
-/// Iterations of a fit.
-const STEPS: usize = 40;
 
 /// The width of the stop's image. None if the cell shows no edge that the model can follow.
 pub(crate) fn stop_width(samples: &[CellSample], basis_px: DMat2, shape: Aperture) -> Option<StopWidth> {
@@ -177,49 +176,29 @@ impl<'a> Cell<'a> {
         (light > 0.0).then(|| Residuals { each: levels - lines * solution, light })
     }
 
-    /// Levenberg-Marquardt from a starting edge. None if there is no light.
+    /// Searches from a starting edge. None if there is no light.
     fn fitted(&self, start: Edge, powers: &[i32]) -> Option<Fit> {
-        let mut edge = start;
-        let mut here = self.residuals(edge, powers)?;
-        let mut damping = 1e-3;
-        for _ in 0..STEPS {
-            let slopes = self.slopes(edge, &here, powers)?;
-            let mut normal = slopes.tr_mul(&slopes);
-            (0..2).for_each(|n| normal[(n, n)] *= 1.0 + damping);
-            let Some(solver) = normal.cholesky() else { break };
-            let step = solver.solve(&slopes.tr_mul(&here.each)).map(|step| step.clamp(-0.5, 0.5));
-            let next = [edge[0] - step[0], (edge[1] - step[1]).clamp(-7.0, 4.0)];
-            let there = self.residuals(next, powers).filter(|there| there.squares() < here.squares());
-            let Some(there) = there else {
-                damping *= 10.0;
-                if damping > 1e6 {
-                    break;
-                }
-                continue;
-            };
-            let is_done = here.squares() - there.squares() < 1e-7 * here.squares();
-            (edge, here, damping) = (next, there, damping * 0.2);
-            if is_done {
-                break;
-            }
-        }
-        let slopes = self.slopes(edge, &here, powers)?;
+        let search = Search {
+            slope_steps: &[1e-4, 1e-3],
+            damping: 1e-3,
+            factors: [0.2, 10.0],
+            least_square: 0.0,
+            least_gain: 1e-7,
+        };
+        let residuals = |edge: &Edge| Some(self.residuals(*edge, powers)?.each);
+        let moved = |edge: &Edge, step: &DVector<f64>| {
+            let [half, blur] = [0, 1].map(|n| step[n].clamp(-0.5, 0.5));
+            [edge[0] + half, (edge[1] + blur).clamp(-7.0, 4.0)]
+        };
+        let edge = search.run(start, residuals, moved)?;
+        let here = self.residuals(edge, powers)?;
+        let slopes = search.slopes(&edge, &here.each, residuals, moved)?;
         let normal = slopes.tr_mul(&slopes);
         // A blur at its least value says nothing more about the width.
         let variance = normal.clone().try_inverse().map_or(1.0 / normal[(0, 0)], |inverse| inverse[(0, 0)]);
         let free = self.samples.len().saturating_sub(powers.len() + 3).max(1) as f64;
         let uncertainty_px = (variance * here.squares() / free).sqrt() * edge[0].exp();
         Some(Fit { edge, misfit: here.squares().sqrt() / here.light, uncertainty_px })
-    }
-
-    /// Slopes of the residuals along both parameters.
-    fn slopes(&self, edge: Edge, here: &Residuals, powers: &[i32]) -> Option<DMatrix<f64>> {
-        let along = |n: usize, step: f64| {
-            let mut moved = edge;
-            moved[n] += step;
-            Some((self.residuals(moved, powers)?.each - &here.each) / step)
-        };
-        Some(DMatrix::from_columns(&[along(0, 1e-4)?, along(1, 1e-3)?]))
     }
 }
 
@@ -315,7 +294,7 @@ mod tests {
                         let samples = samples(width, basis, Aperture::Circle, profile, noise);
                         let what = format!("{name} {width} {fill} {hexagonal} {noise}");
                         let Some(found) = stop_width(&samples, basis, Aperture::Circle) else {
-                            println!("{what}: cannot tell");
+                            println!("{what}: no width");
                             assert!(name != "even", "{what}");
                             continue;
                         };

@@ -4,39 +4,28 @@
 pub mod points;
 
 use glam::DVec2;
-use lf_core::camera::{Aperture, Layout, MainLens, Microlenses, Sensor};
+use lf_calib::DataSheet;
+use lf_core::camera::{Aperture, Layout};
 use lf_core::{Camera, Optics};
 use ndarray::Array2;
 
 /// The camera of the simulations with a round stop: lenslets of 14 px whose discs touch.
 pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2]) -> Camera {
-    Camera {
-        frame: Default::default(),
-        sensor: Sensor { width: side, height: side, pixel_pitch_mm: 0.0055 },
-        main_lens: MainLens {
-            focal_length_mm: 200.0,
-            magnification: 1.0,
-            working_f_number: 4.0,
-            aperture: Aperture::Circle,
-            pupil_distance_mm: None,
-        },
-        microlenses: Microlenses {
-            layout,
-            pitch_mm: 0.077,
-            focal_length_mm: 0.308,
-            rotation_rad,
-            offset_mm,
-            gap_mm: None,
-        },
-        distortion: None,
-        tilt: None,
-        medium: None,
-        centres: None,
-        vignetting: None,
-        blur: None,
-        pose: None,
-        calibration: None,
-    }
+    let sheet = DataSheet {
+        sensor_px: [side; 2],
+        pixel_mm: 0.0055,
+        focal_length_mm: 200.0,
+        magnification: 1.0,
+        working_f_number: 4.0,
+        aperture: Aperture::Circle,
+        layout,
+        pitch_mm: 0.077,
+        lenslet_focal_length_mm: 0.308,
+    };
+    let mut camera = sheet.camera(None).unwrap();
+    camera.microlenses.rotation_rad = rotation_rad;
+    camera.microlenses.offset_mm = offset_mm;
+    camera
 }
 
 /// The camera as its data sheet might describe it: the true lens, a lattice that is roughly right.
@@ -77,14 +66,14 @@ pub fn discs(camera: &Camera, fill: f64) -> Array2<f32> {
     spots(camera, radius, |corner, _| covered(corner, &[(DVec2::ZERO, radius)]))
 }
 
-/// The same discs, cut by second discs of `second` times their size. A second disc is displaced by `drift` times the
-/// distance of its lenslet image from the middle of the frame.
+/// The discs of [`discs`], cut by second discs of `second` times their size. A second disc is displaced by `drift`
+/// times the distance of its lenslet image from the middle of the frame.
 pub fn cut_discs(camera: &Camera, fill: f64, second: f64, drift: f64) -> Array2<f32> {
     let radius = 0.5 * fill * stop_px(camera);
     spots(camera, radius, |corner, place| covered(corner, &[(DVec2::ZERO, radius), (drift * place, second * radius)]))
 }
 
-/// The same with a square stop, sides along x and y. The covered area is exact.
+/// Like [`discs`], but with a square stop, sides along x and y. The covered area is exact.
 pub fn squares(camera: &Camera, fill: f64) -> Array2<f32> {
     let half = 0.5 * fill * stop_px(camera);
     let side = |corner: f64| ((corner + 1.0).min(half) - corner.max(-half)).max(0.0);
@@ -168,10 +157,9 @@ fn covered(corner: DVec2, discs: &[(DVec2, f64)]) -> f64 {
 /// Adds noise of standard deviation `share` times the count, with one random stream for each pixel.
 pub fn noisy(image: &mut Array2<f32>, share: f64) {
     for (n, value) in image.iter_mut().enumerate() {
-        // The sum of twelve uniform numbers, minus six, is nearly normal.
         let mut state = n as u64 ^ 0x9e37_79b9_7f4a_7c15;
-        let sum: f64 = (0..12).map(|_| uniform(&mut state)).sum::<f64>() - 6.0;
-        *value = (*value as f64 * (1.0 + share * sum)).max(0.0) as f32;
+        *value =
+            (*value as f64 * (1.0 + share * ((0..12).map(|_| uniform(&mut state)).sum::<f64>() - 6.0))).max(0.0) as f32;
     }
 }
 

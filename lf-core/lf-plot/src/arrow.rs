@@ -1,26 +1,26 @@
 //! Arrows, and the vectors that they stand for.
 
-use super::canvas::{At, Canvas, rounded};
 use super::chart::Arrows;
+use super::drawing::{At, Drawing, rounded};
 use super::palette::{GREY, INK, PAPER};
 use super::text::{figures, round_below};
 
-/// A shorter arrow is a dot, and a shorter hollow one a ring, px.
+/// Length below which an arrow becomes a dot, and a hollow one a ring, px.
 const DOT_PX: f64 = 2.0;
 const RING_PX: f64 = 5.0;
-/// Length of an arrow of the usual length, in distances between arrows; and its largest length, px. The longest arrow then
-/// is as long as that distance, so that no two of one grid meet.
+/// Length of a usual arrow, in distances between arrows, and its upper limit, px. The longest arrow is then as long as
+/// that distance, so that no two of one grid meet.
 const USUAL_STEPS: f64 = 0.62;
 const USUAL_PX: f64 = 80.0;
 /// Longest arrow, in usual lengths.
 const LONGEST: f64 = 1.6;
-/// Least length of the arrow in the key before it is rounded down, px.
+/// Smallest length of the arrow in the key before it is rounded down, px.
 const SAMPLE_PX: f64 = 48.0;
 
 impl Arrows {
     /// Draws the arrows. `px_per_unit` is that of the axes to the right and upwards; `at` is the place of a point, None
     /// outside the frame.
-    pub fn draw(&self, canvas: &mut Canvas, px_per_unit: [f64; 2], at: impl Fn([f64; 2]) -> Option<At>) {
+    pub fn draw(&self, drawing: &mut Drawing, px_per_unit: [f64; 2], at: impl Fn([f64; 2]) -> Option<At>) {
         let px = self.px(px_per_unit);
         for (point, vector) in self.points.iter().zip(&self.vectors) {
             let is_finite = vector.iter().all(|component| component.is_finite());
@@ -28,7 +28,7 @@ impl Arrows {
             let cut = self.excess(vector).max(1.0);
             let half = [0, 1].map(|axis| 0.5 * vector[axis] * px * px_per_unit[axis].signum() / cut);
             let [from, to] = [-1.0, 1.0].map(|sign| [middle[0] + sign * half[0], middle[1] - sign * half[1]]);
-            arrow(canvas, from, to, self.is_hollow);
+            arrow(drawing, from, to, self.is_hollow);
         }
     }
 
@@ -56,16 +56,16 @@ impl Arrows {
 }
 
 /// Draws an arrow between two places, in ink; a hollow one is a grey outline.
-pub fn arrow(canvas: &mut Canvas, from: At, to: At, is_hollow: bool) {
+pub fn arrow(drawing: &mut Drawing, from: At, to: At, is_hollow: bool) {
     let along = [to[0] - from[0], to[1] - from[1]];
     let length = along[0].hypot(along[1]);
     let middle = rounded([0, 1].map(|axis| 0.5 * (from[axis] + to[axis])));
     if is_hollow && length < RING_PX {
-        canvas.disc(middle, 3, PAPER);
-        return canvas.ring(middle, 3, GREY);
+        drawing.disc(middle, 3, PAPER);
+        return drawing.ring(middle, 3, GREY);
     }
     if length < DOT_PX {
-        return canvas.disc(middle, 1, INK);
+        return drawing.disc(middle, 1, INK);
     }
 
     // `point(back, side)` lies `back` px behind the tip and `side` px beside the arrow.
@@ -78,9 +78,9 @@ pub fn arrow(canvas: &mut Canvas, from: At, to: At, is_hollow: bool) {
         let side = [(length, shaft), (head, shaft), (head, barb)].map(|(back, side)| point(back, side));
         let other = [(head, -barb), (head, -shaft), (length, -shaft)].map(|(back, side)| point(back, side));
         let outline: Vec<_> = side.into_iter().chain([rounded(to)]).chain(other).chain([side[0]]).collect();
-        canvas.polygon(outline.clone(), PAPER, 1.0);
-        return canvas.line(outline, GREY, 1);
+        drawing.polygon(outline.clone(), PAPER, 1.0);
+        return drawing.line(outline, GREY, 1);
     }
-    canvas.line([rounded(from), point(head, 0.0)], INK, 1);
-    canvas.polygon([point(head, barb), rounded(to), point(head, -barb)], INK, 1.0);
+    drawing.line([rounded(from), point(head, 0.0)], INK, 1);
+    drawing.polygon([point(head, barb), rounded(to), point(head, -barb)], INK, 1.0);
 }

@@ -76,7 +76,7 @@ pub enum Mark {
         spread: Option<Vec<[f64; 2]>>,
         /// Stroke.
         style: Style,
-        /// Whether every point is marked. If not, a few are, if the panel has several series to be told apart.
+        /// Whether every point is marked. If not, a few are where the panel has several series.
         with_points: bool,
     },
     /// The outline of a histogram; its vertical axis includes zero.
@@ -136,9 +136,9 @@ pub enum Mark {
 
 /// Vectors, drawn as arrows centred on their points; a vector that is not finite is left out. They need linear axes.
 ///
-/// An arrow of the usual length has six tenths of the distance between arrows, or 80 px. Longer arrows are cut to 1.6
-/// times that, so that no two of one grid meet; they keep their direction, and a note under the title counts them. Arrows
-/// keep their direction in a stretched panel, too.
+/// A usual arrow is 0.62 of the distance between arrows long, at most 80 px. Longer arrows are cut to 1.6 times that,
+/// so that no two of one grid meet, and a note under the title counts them. Arrows keep their direction when they are
+/// cut, and in a stretched panel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arrows {
     /// Name in the key. If it is empty, the key shows an arrow of a round length with its value and unit.

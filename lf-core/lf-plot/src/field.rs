@@ -6,6 +6,7 @@
 //! velocities are drawn, mm/s.
 
 use super::chart::{Arrows, Axis, Chart, Mark};
+use super::drawing::Drawing;
 use super::page::draw;
 use super::slice::{Slice, usual};
 use super::text::short;
@@ -17,11 +18,12 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 const COMPONENTS: [&str; 3] = ["u", "v", "w"];
 /// Largest number of arrows along the longer side of the layer.
 const MOST_ARROWS: usize = 47;
-/// Least usual length of an arrow, as a share of the end of the colours: noise about zero must not look like a flow.
+/// Smallest usual length of an arrow, as a share of the end of the colours: noise about zero must not look like a
+/// flow.
 const LEAST_USUAL: f64 = 0.2;
 /// A layer with fewer measured vectors than this share of the fullest layer's is not chosen.
 const FULL: f64 = 0.8;
-/// A layer with this share of the best layer's worth is as good.
+/// A layer with this share of the best layer's signal over noise is as good.
 const GOOD: f64 = 0.8;
 
 /// The scalar behind the colours.
@@ -53,7 +55,7 @@ impl FromStr for Scalar {
     }
 }
 
-/// The choices of a picture of a field.
+/// The plane, the scalar and the range of a picture of a field.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FieldPicture {
     /// The plane. Without a place, the layer is chosen: see [`layer`].
@@ -64,51 +66,53 @@ pub struct FieldPicture {
     pub range: Option<[f64; 2]>,
 }
 
-/// The layer that a cut draws: the nearest to its place, or the one that shows most. That is the layer with the largest
-/// RMS of its vectors over that of their uncertainties, among the layers with nearly as many measured vectors as the
-/// fullest; of layers that are nearly as good, the one nearest to the middle. So it is seldom the focal plane, where w is least certain. Refuses a place outside the field.
+/// The layer that a cut draws: the nearest to its place, or without a place the one that shows most. That is the layer
+/// with the largest RMS of its vectors over the RMS of their uncertainties. Only layers with nearly as many measured
+/// vectors as the fullest compete, and among nearly equal ones the nearest to the middle wins. It is seldom the focal
+/// plane, where w is least certain. Refuses a place outside the field.
 pub fn layer(field: &Field, cut: Cut) -> Result<usize, Refusal> {
     if cut.place_mm.is_some() {
         return cut.layer(&field.layout);
     }
     let layers: Vec<(usize, f64)> =
-        (0..field.layout.shape[cut.axis]).map(|layer| worth(field, cut.axis, layer)).collect();
+        (0..field.layout.shape[cut.axis]).map(|layer| signal_over_noise(field, cut.axis, layer)).collect();
     let fullest = layers.iter().map(|(count, _)| *count).max().unwrap_or(0);
     let is_full = |count: usize| count as f64 >= FULL * fullest as f64;
     let full = |&layer: &usize| fullest > 0 && is_full(layers[layer].0);
     let most = (0..layers.len()).filter(full).map(|layer| layers[layer].1).fold(0.0, f64::max);
-    // Among layers that are nearly as good, take the one nearest to the middle: noise must not send the choice to an end.
+    // Take the one nearest to the middle among nearly equal layers: noise must not send the choice to an end.
     let middle = layers.len() / 2;
     let good = (0..layers.len()).filter(full).filter(|layer| layers[*layer].1 >= GOOD * most);
     let best = good.min_by_key(|layer| layer.abs_diff(middle));
     Ok(best.unwrap_or(middle))
 }
 
-/// Number of measured vectors of a layer, and their worth.
-fn worth(field: &Field, through: usize, layer: usize) -> (usize, f64) {
+/// Number of measured vectors of a layer, and the ratio of their squares to those of their uncertainties. Without
+/// uncertainties it is the sum of the squares.
+fn signal_over_noise(field: &Field, through: usize, layer: usize) -> (usize, f64) {
     let slice = Slice { grid: &field.layout, through, layer };
-    let (mut count, mut squares, mut doubts) = (0, 0.0, 0.0);
+    let (mut count, mut signal, mut noise) = (0, 0.0, 0.0);
     for node in slice.nodes().filter(|node| field.flag[*node] == MEASURED) {
         count += 1;
-        squares += field.displacement_mm(node).length_squared();
+        signal += field.displacement_mm(node).length_squared();
         let stated = field.uncertainty_mm(node).length_squared();
-        doubts += if stated.is_finite() { stated } else { 0.0 };
+        noise += if stated.is_finite() { stated } else { 0.0 };
     }
-    (count, if doubts > 0.0 { squares / doubts } else { squares })
+    (count, if noise > 0.0 { signal / noise } else { signal })
 }
 
-/// A layer of `field` as an SVG. Refuses a place outside the field; panics if the axis is above 2.
-pub fn field(field: &Field, picture: &FieldPicture) -> Result<String, Refusal> {
+/// Draws a layer of `field`. Refuses a place outside the field; panics if the axis is above 2.
+pub fn field(field: &Field, picture: &FieldPicture) -> Result<Drawing, Refusal> {
     draw(&field_chart(field, picture)?)
 }
 
-/// The same as a chart.
+/// Lays out a layer of `field` as a chart. Refuses a place outside the field; panics if the axis is above 2.
 pub fn field_chart(field: &Field, picture: &FieldPicture) -> Result<Chart, Refusal> {
     let (grid, through) = (&field.layout, picture.cut.axis);
     let slice = Slice { grid, through, layer: layer(field, picture.cut)? };
     let across = slice.across();
     let (quantity, unit) = if grid.dt_s.is_some() { ("Velocity", "mm/s") } else { ("Displacement", "mm") };
-    let values = Values { field, factor: grid.dt_s.map_or(1.0, f64::recip) };
+    let values = FieldValues { field, factor: grid.dt_s.map_or(1.0, f64::recip) };
     let in_layer = |node: usize| across.map(|axis| values.component(axis, node));
 
     // A field without a measured vector takes the scales of the replaced ones.
@@ -145,14 +149,14 @@ pub fn field_chart(field: &Field, picture: &FieldPicture) -> Result<Chart, Refus
     Ok(Chart { title, notes: notes(&slice, &colour, counts), columns: 1, panels: vec![panel] })
 }
 
-/// The scalars of a field in the unit drawn.
-struct Values<'a> {
+/// A field in the unit that is drawn.
+struct FieldValues<'a> {
     field: &'a Field,
-    /// From displacement to what is drawn.
+    /// Factor from displacements.
     factor: f64,
 }
 
-impl Values<'_> {
+impl FieldValues<'_> {
     fn component(&self, axis: usize, node: usize) -> f64 {
         f64::from([&self.field.u, &self.field.v, &self.field.w][axis][node]) * self.factor
     }
@@ -173,16 +177,12 @@ impl Values<'_> {
         }
     }
 
-    /// Derivative of a component along an axis, by the neighbours that have data; NaN without any.
+    /// Slope of a component along an axis; NaN without a neighbour that has data.
     fn slope(&self, component: usize, axis: usize, node: usize) -> f64 {
-        let grid = &self.field.layout;
-        let known = |steps: isize| {
-            let there = grid.neighbour(node, axis, steps).filter(|there| self.field.flag[*there] != NO_DATA)?;
-            Some((self.component(component, there), steps as f64))
-        };
-        let here = (self.component(component, node), 0.0);
-        let [(low, from), (high, to)] = [known(-1), known(1)].map(|near| near.unwrap_or(here));
-        (high - low) / ((to - from) * grid.spacing_mm[axis])
+        let found = self.field.layout.difference(node, axis, |node| self.field.flag[node] != NO_DATA);
+        found.map_or(f64::NAN, |found| {
+            (self.component(component, found.high) - self.component(component, found.low)) / found.distance_mm
+        })
     }
 
     fn name(&self, scalar: Scalar, through: usize) -> String {
@@ -212,7 +212,7 @@ impl Values<'_> {
         }
     }
 
-    /// The scale of the colours: the same for all components, whose usual size is `limit`.
+    /// The scale of the colours. All components share one; their usual size is `limit`.
     fn scale(
         &self,
         scalar: Scalar,
@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn a_turn_has_twice_its_angle_as_vorticity_everywhere() {
         let field = turn();
-        let values = Values { field: &field, factor: 1.0 };
+        let values = FieldValues { field: &field, factor: 1.0 };
         assert!((0..field.len()).all(|n| (values.scalar(Scalar::Vorticity, 2, n) - 0.2).abs() < 1e-6));
         let chart = texts(&field, FieldPicture { scalar: Some(Scalar::Vorticity), ..FieldPicture::default() });
         let Mark::Map { scale, .. } = &chart.panels[0].marks[0] else { panic!("the first mark is the map") };

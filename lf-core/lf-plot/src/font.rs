@@ -1,7 +1,7 @@
 //! The letters of pictures that are not SVG: DejaVu Sans, the font whose widths lay out all pictures.
 
-use super::outline::Piece;
 use lf_core::Refusal;
+use tiny_skia::{Path, PathBuilder, Transform};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 /// A part of DejaVu Sans; its licence is beside it.
@@ -39,59 +39,45 @@ impl Font {
         text.chars().map(|letter| self.advance(self.glyph(letter))).sum()
     }
 
-    /// The outlines of a text that starts at the origin of its line, with y upwards, moved by `place`.
-    pub fn outline(&self, text: &str, place: &dyn Fn([f32; 2]) -> [f32; 2]) -> Vec<Piece> {
-        let mut pen = Pen { unit: self.unit, start: 0.0, last: [0.0; 2], place, pieces: Vec::new() };
+    /// The outlines of a text, with y downwards, from the left end of its base line. None if it has only spaces.
+    pub fn outline(&self, text: &str) -> Option<Path> {
+        let mut all = PathBuilder::new();
+        let mut start = 0.0;
         for letter in text.chars() {
             let glyph = self.glyph(letter);
+            let mut pen = Pen(PathBuilder::new());
             self.face.outline_glyph(glyph, &mut pen);
-            pen.start += self.advance(glyph);
+            let placed = Transform::from_row(self.unit, 0.0, 0.0, -self.unit, start, 0.0);
+            if let Some(path) = pen.0.finish().and_then(|path| path.transform(placed)) {
+                all.push_path(&path);
+            }
+            start += self.advance(glyph);
         }
-        pen.pieces
+        all.finish()
     }
 }
 
-/// Takes the outline of a letter that starts at `start`.
-struct Pen<'a> {
-    unit: f32,
-    start: f32,
-    last: [f32; 2],
-    place: &'a dyn Fn([f32; 2]) -> [f32; 2],
-    pieces: Vec<Piece>,
-}
+/// Takes the outline of a letter, in units of the font.
+struct Pen(PathBuilder);
 
-impl Pen<'_> {
-    fn at(&self, x: f32, y: f32) -> [f32; 2] {
-        (self.place)([self.start + x * self.unit, y * self.unit])
-    }
-}
-
-impl OutlineBuilder for Pen<'_> {
+impl OutlineBuilder for Pen {
     fn move_to(&mut self, x: f32, y: f32) {
-        self.last = self.at(x, y);
-        self.pieces.push(Piece::Move(self.last));
+        self.0.move_to(x, y);
     }
 
     fn line_to(&mut self, x: f32, y: f32) {
-        self.last = self.at(x, y);
-        self.pieces.push(Piece::Line(self.last));
+        self.0.line_to(x, y);
     }
 
     fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
-        let (from, handle, to) = (self.last, self.at(x1, y1), self.at(x, y));
-        // A curve of the second degree as one of the third.
-        let two_thirds = |end: [f32; 2]| [0, 1].map(|axis| end[axis] + (handle[axis] - end[axis]) * 2.0 / 3.0);
-        self.pieces.push(Piece::Curve([two_thirds(from), two_thirds(to), to]));
-        self.last = to;
+        self.0.quad_to(x1, y1, x, y);
     }
 
     fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
-        let curve = [self.at(x1, y1), self.at(x2, y2), self.at(x, y)];
-        self.pieces.push(Piece::Curve(curve));
-        self.last = curve[2];
+        self.0.cubic_to(x1, y1, x2, y2, x, y);
     }
 
     fn close(&mut self) {
-        self.pieces.push(Piece::Close);
+        self.0.close();
     }
 }

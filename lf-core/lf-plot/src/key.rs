@@ -1,9 +1,8 @@
 //! The key of a panel, in rows above it.
 
-use super::canvas::{Canvas, Pixel};
 use super::chart::{Mark, Panel, Style};
-use super::palette::{EMPTY, GREY, SHADES};
-use super::strokes::{REFERENCE_DASHES, SERIES_DASHES, stroke};
+use super::drawing::{Drawing, Pixel};
+use super::palette::{EMPTY, GREY, REFERENCE_DASHES, SERIES_DASHES, SHADES};
 use super::text::{Anchor, TEXT_PX, width, wrap};
 use super::view::{Look, Looks, has_many_series, reference_number};
 use super::{arrow::arrow, map};
@@ -65,14 +64,14 @@ impl Key {
     }
 
     /// Draws it with its top left corner at a place.
-    pub fn draw(&self, canvas: &mut Canvas, (left, top): Pixel) {
+    pub fn draw(&self, drawing: &mut Drawing, (left, top): Pixel) {
         for entry in &self.entries {
             let (x, y) = (left + entry.place.0, top + entry.place.1 + ROW / 2);
             for symbol in &entry.symbols {
-                symbol.draw(canvas, (x, y));
+                symbol.draw(drawing, (x, y));
             }
             for (n, line) in entry.lines.iter().enumerate() {
-                canvas.text(line, (x + entry.symbol_width() + GAP, y + n as i32 * ROW), TEXT_PX, Anchor::Left);
+                drawing.text(line, (x + entry.symbol_width() + GAP, y + n as i32 * ROW), TEXT_PX, Anchor::Left);
             }
         }
     }
@@ -87,29 +86,29 @@ impl Entry {
 
 impl Symbol {
     /// Draws it with its left end at a place, which is at half its height.
-    fn draw(self, canvas: &mut Canvas, (x, y): Pixel) {
+    fn draw(self, drawing: &mut Drawing, (x, y): Pixel) {
         let at = |right: i32, down: i32| [f64::from(x + right), f64::from(y + down)];
         let level = [at(0, 0), at(SYMBOL, 0)];
         let block = [(x, y - 7), (x + SYMBOL, y + 7)];
         match self {
             Self::Line(look, style) => {
-                stroke(canvas, &level, look.colour(), 2, (style == Style::Dashed).then_some(SERIES_DASHES));
+                drawing.curve(&level, look.colour(), 2, (style == Style::Dashed).then_some(SERIES_DASHES));
             }
-            Self::Band(look) => canvas.tint(block, look.colour(), 0.2),
-            Self::Marker(look) => look.marker(canvas, (x + SYMBOL / 2, y)),
+            Self::Band(look) => drawing.tint(block, look.colour(), 0.2),
+            Self::Marker(look) => look.marker(drawing, (x + SYMBOL / 2, y)),
             Self::Steps(look) => {
                 let places = [at(0, 6), at(8, 6), at(8, -6), at(22, -6), at(22, 3), at(SYMBOL, 3)];
-                stroke(canvas, &places, look.colour(), 2, None);
+                drawing.curve(&places, look.colour(), 2, None);
             }
             Self::Reference(n) => {
-                stroke(canvas, &level, GREY, 2, Some(REFERENCE_DASHES[n % REFERENCE_DASHES.len()]));
+                drawing.curve(&level, GREY, 2, Some(REFERENCE_DASHES[n % REFERENCE_DASHES.len()]));
             }
             Self::Region(n) => {
-                canvas.block(block, SHADES[n % SHADES.len()]);
-                canvas.frame(block, GREY);
+                drawing.block(block, SHADES[n % SHADES.len()]);
+                drawing.frame(block, GREY);
             }
-            Self::Arrow { length, is_hollow } => arrow(canvas, at(0, 0), at(length, 0), is_hollow),
-            Self::Empty => canvas.block(block, EMPTY),
+            Self::Arrow { length, is_hollow } => arrow(drawing, at(0, 0), at(length, 0), is_hollow),
+            Self::Empty => drawing.block(block, EMPTY),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Labels beside points, at places where they cover nothing.
 
-use super::canvas::{At, Canvas, rounded};
+use super::drawing::{At, Drawing, rounded};
 use super::text::{Anchor, TEXT_PX, width};
-use super::{chart::Mark, palette::GREY, view::View};
+use super::{chart::Mark, palette::GREY, px_box::PxBox, view::PanelView};
 
 /// Height of a label's box, px.
 const HEIGHT: f64 = 16.0;
@@ -14,37 +14,16 @@ const DIRECTIONS: [[f64; 2]; 8] =
 /// Distance between the places of a line that a label must not cover, px.
 const SAMPLE_PX: f64 = 5.0;
 
-/// The rectangle of a label or a marker, by its upper left and its lower right corner.
-#[derive(Clone, Copy)]
-struct LabelBox {
-    low: At,
-    high: At,
-}
-
-impl LabelBox {
-    fn about(at: At, half: At) -> Self {
-        Self { low: [0, 1].map(|axis| at[axis] - half[axis]), high: [0, 1].map(|axis| at[axis] + half[axis]) }
-    }
-
-    fn meets(&self, other: &Self) -> bool {
-        (0..2).all(|axis| self.low[axis] < other.high[axis] && other.low[axis] < self.high[axis])
-    }
-
-    fn holds(&self, at: At) -> bool {
-        (0..2).all(|axis| self.low[axis] < at[axis] && at[axis] < self.high[axis])
-    }
-}
-
 /// Writes the labels of all points. Returns the number of labels that find no free place.
-pub(super) fn labels(canvas: &mut Canvas, view: &View) -> usize {
+pub(super) fn labels(drawing: &mut Drawing, view: &PanelView) -> usize {
     let (points, lines) = obstacles(view);
-    let (mut written, mut leaders): (Vec<LabelBox>, Vec<At>) = (Vec::new(), Vec::new());
+    let (mut written, mut leaders): (Vec<PxBox>, Vec<At>) = (Vec::new(), Vec::new());
     let mut left_out = 0;
     for (at, label) in labelled(view) {
         let wide = f64::from(width(label, TEXT_PX));
         let candidates =
             || DISTANCES.into_iter().flat_map(|far| DIRECTIONS.map(|way| (far, beside(at, far, way, wide))));
-        let is_free = |(far, label): &(f64, LabelBox)| {
+        let is_free = |(far, label): &(f64, PxBox)| {
             view.frame.contains(label.low)
                 && view.frame.contains(label.high)
                 && !points.iter().chain(&written).any(|other| label.meets(other))
@@ -59,10 +38,10 @@ pub(super) fn labels(canvas: &mut Canvas, view: &View) -> usize {
         };
         let leader = leader(at, far, &place);
         if let [from, .., to] = leader[..] {
-            canvas.line([from, to].map(rounded), GREY, 1);
+            drawing.line([from, to].map(rounded), GREY, 1);
         }
         let start = [place.low[0], 0.5 * (place.low[1] + place.high[1])];
-        canvas.text(label, rounded(start), TEXT_PX, Anchor::Left);
+        drawing.text(label, rounded(start), TEXT_PX, Anchor::Left);
         leaders.extend(leader);
         written.push(place);
     }
@@ -70,7 +49,7 @@ pub(super) fn labels(canvas: &mut Canvas, view: &View) -> usize {
 }
 
 /// Places along the leader from a point to its label; none if the label is near.
-fn leader(at: At, far: f64, label: &LabelBox) -> Vec<At> {
+fn leader(at: At, far: f64, label: &PxBox) -> Vec<At> {
     if far <= DISTANCES[1] {
         return Vec::new();
     }
@@ -86,16 +65,16 @@ fn along(from: At, to: At) -> Vec<At> {
 }
 
 /// The box of a label of width `wide` at the distance `far` from a point, in a direction.
-fn beside(at: At, far: f64, [right, down]: [f64; 2], wide: f64) -> LabelBox {
+fn beside(at: At, far: f64, [right, down]: [f64; 2], wide: f64) -> PxBox {
     let mut middle = [at[0] + right * (far + 0.5 * wide), at[1] + down * (far + 0.5 * HEIGHT)];
     // In an oblique direction the label starts beside the point, not above it.
     if right.abs() < 1.0 && right != 0.0 {
         middle[0] = at[0] + right.signum() * (0.7 * far + 0.5 * wide);
     }
-    LabelBox::about(middle, [0.5 * wide, 0.5 * HEIGHT])
+    PxBox::about(middle, [0.5 * wide, 0.5 * HEIGHT])
 }
 
-fn labelled<'a>(view: &'a View) -> impl Iterator<Item = (At, &'a str)> {
+fn labelled<'a>(view: &'a PanelView) -> impl Iterator<Item = (At, &'a str)> {
     let lists = view.panel.marks.iter().filter_map(|mark| match mark {
         Mark::Points { points, labels: Some(labels), .. } => Some(points.iter().zip(labels)),
         _ => None,
@@ -105,7 +84,7 @@ fn labelled<'a>(view: &'a View) -> impl Iterator<Item = (At, &'a str)> {
 }
 
 /// Boxes of points, and places along lines, references and bars.
-fn obstacles(view: &View) -> (Vec<LabelBox>, Vec<At>) {
+fn obstacles(view: &PanelView) -> (Vec<PxBox>, Vec<At>) {
     let (mut boxes, mut lines) = (Vec::new(), Vec::new());
     let mut follow = |ends: &[At]| {
         let parts = view.frame.line(ends);
@@ -116,7 +95,7 @@ fn obstacles(view: &View) -> (Vec<LabelBox>, Vec<At>) {
             Mark::Line { points, .. } => follow(&view.places(points)),
             Mark::Points { points, spread, .. } => {
                 let places = points.iter().map(|point| view.at(*point));
-                boxes.extend(places.filter(|at| view.frame.contains(*at)).map(|at| LabelBox::about(at, [5.0; 2])));
+                boxes.extend(places.filter(|at| view.frame.contains(*at)).map(|at| PxBox::about(at, [5.0; 2])));
                 for (point, ends) in points.iter().zip(spread.iter().flatten()) {
                     follow(&ends.map(|y| view.at_or_below([point[0], y])));
                 }

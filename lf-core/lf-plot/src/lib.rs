@@ -1,17 +1,17 @@
 //! Pictures of results: SVG, PNG and PDF.
 //!
-//! In: a [`Chart`], which says what is drawn, or strokes on a [`Canvas`]. Out: the text of an SVG, and with [`save`] a file
-//! in the format of its name; the same input gives the same bytes. Open `chart.rs` first, then `page.rs`; `slice.rs` draws
-//! a layer of a grid of vectors, `field.rs` one of a field.
+//! In: a [`Chart`], or shapes put on a [`Drawing`]. [`draw`] turns a chart into a drawing. Out: the text of an SVG, or
+//! with [`save`] a file in the format of its name; equal input gives equal bytes. Open `chart.rs` first, then `page.rs`
+//! and `drawing.rs`. `slice.rs` lays out a layer of a grid of vectors, `field.rs` one of a field.
 //!
-//! [`draw`] finds ranges, ticks, keys and margins of a chart. Series differ in colour and in marker, so that they can
-//! be told apart in grey print. A point that is not finite is left out.
+//! [`draw`] finds ranges, ticks, keys and margins of a chart. Series differ in colour and in marker, also in grey
+//! print. A point that is not finite is left out.
 //!
 //! Convention: the key above a panel explains its marks; y runs upwards unless its range is given the other way round.
 
 mod arrow;
-mod canvas;
 mod chart;
+mod drawing;
 mod field;
 mod font;
 mod key;
@@ -24,18 +24,18 @@ mod palette;
 mod panel;
 mod pdf;
 mod pixels;
+mod px_box;
 mod range;
 mod save;
-mod shapes;
 mod slice;
-mod strokes;
+mod svg;
 mod text;
 mod ticks;
 mod view;
 
 pub use arrow::arrow;
-pub use canvas::{At, Canvas, Pixel, rounded, svg};
 pub use chart::{Arrows, Axis, Chart, Mark, Panel, Place, Style};
+pub use drawing::{At, Drawing, Pixel, rounded};
 pub use field::{FieldPicture, Scalar, field, field_chart, layer};
 pub use page::draw;
 pub use palette::{COLOURS, Colour, INK, grey};

@@ -1,16 +1,16 @@
 //! Values over the plane as colours, and the bar that explains them.
 
-use super::canvas::{Canvas, rounded};
 use super::chart::{Axis, Mark, Panel};
+use super::drawing::{Drawing, rounded};
 use super::palette::{EMPTY, INK, map_colours};
 use super::range::{Range, range_of};
 use super::text::{Anchor, LINE, NAME_PX, TEXT_PX, wrap};
 use super::ticks::{TICK, TICK_TEXT, Tick, ticks, widest};
-use super::view::View;
+use super::view::PanelView;
 
-/// Most cells along an axis.
+/// Largest number of cells along an axis.
 const MOST_CELLS: usize = 300;
-/// Most rectangles of one colour. It keeps a picture below a megabyte.
+/// Largest number of rectangles. It keeps a picture below a megabyte.
 const MOST_RECTANGLES: usize = 8000;
 /// Steps of the colours.
 const LEVELS: f64 = 48.0;
@@ -41,7 +41,7 @@ pub(super) fn note(mark: &Mark) -> Option<String> {
 }
 
 /// Draws the cells inside the frame.
-pub(super) fn cells(canvas: &mut Canvas, view: &View, mark: &Mark) {
+pub(super) fn cells(drawing: &mut Drawing, view: &PanelView, mark: &Mark) {
     let Mark::Map { x, y, .. } = mark else { return };
     let Some((blocks, range)) = blocks(mark) else { return };
     let edge = |axis: usize, n: usize| {
@@ -57,7 +57,7 @@ pub(super) fn cells(canvas: &mut Canvas, view: &View, mark: &Mark) {
         };
         let [from, to] = [corner(f64::min), corner(f64::max)];
         if from.0 < to.0 && from.1 < to.1 {
-            canvas.block([from, to], level.map_or(EMPTY, |level| colours(f64::from(level) / LEVELS)));
+            drawing.block([from, to], level.map_or(EMPTY, |level| colours(f64::from(level) / LEVELS)));
         }
     }
 }
@@ -140,22 +140,22 @@ impl<'a> ColourBar<'a> {
     }
 
     /// Draws it with its top left corner at a place.
-    pub fn draw(&self, canvas: &mut Canvas, [left, top]: [i32; 2]) {
+    pub fn draw(&self, drawing: &mut Drawing, [left, top]: [i32; 2]) {
         let (right, height) = (left + BAR, self.height);
         let colours = map_colours(&self.range);
         for y in 0..height {
             let colour = colours(1.0 - (f64::from(y) + 0.5) / f64::from(height));
-            canvas.block([(left, top + y), (right, top + y + 1)], colour);
+            drawing.block([(left, top + y), (right, top + y + 1)], colour);
         }
-        canvas.frame([(left, top), (right, top + height)], INK);
+        drawing.frame([(left, top), (right, top + height)], INK);
         for (value, label) in &self.ticks {
             let y = top + ((1.0 - self.range.share(*value).clamp(0.0, 1.0)) * f64::from(height)).round() as i32;
-            canvas.line([(right, y), (right + TICK, y)], INK, 1);
-            canvas.text(label, (right + TICK_TEXT, y), TEXT_PX, Anchor::Left);
+            drawing.line([(right, y), (right + TICK, y)], INK, 1);
+            drawing.text(label, (right + TICK_TEXT, y), TEXT_PX, Anchor::Left);
         }
         for (n, line) in self.name().iter().enumerate() {
             let x = right + TICK_TEXT + widest(&self.ticks) + NAME_GAP + LINE / 2 + n as i32 * LINE;
-            canvas.upright_text(line, (x, top + height / 2), NAME_PX);
+            drawing.upright_text(line, (x, top + height / 2), NAME_PX);
         }
     }
 }

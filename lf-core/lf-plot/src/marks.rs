@@ -1,17 +1,16 @@
 //! The marks of a panel, from the back to the front.
 
-use super::canvas::{At, Canvas, rounded};
 use super::chart::{Mark, Style};
-use super::palette::{GREY, SHADES};
-use super::strokes::{REFERENCE_DASHES, SERIES_DASHES, stroke};
-use super::view::{Look, View, has_many_series, reference_number};
+use super::drawing::{At, Drawing, rounded};
+use super::palette::{GREY, REFERENCE_DASHES, SERIES_DASHES, SHADES};
+use super::view::{Look, PanelView, has_many_series, reference_number};
 use super::{labels::labels, map};
 
-/// Number of marked points of a line, if they only tell it from other lines.
+/// Number of marked points of a line, if they only distinguish it from other lines.
 const FEW_MARKERS: usize = 5;
 
 /// Draws the regions, which lie below the grid lines.
-pub(super) fn regions(canvas: &mut Canvas, view: &View) {
+pub(super) fn regions(drawing: &mut Drawing, view: &PanelView) {
     let regions = view.panel.marks.iter().filter_map(|mark| match mark {
         Mark::Region { x, .. } => Some(x),
         _ => None,
@@ -23,79 +22,79 @@ pub(super) fn regions(canvas: &mut Canvas, view: &View) {
         }
         let (low, high) = (view.frame.low, view.frame.high);
         let [from, to] = [from.min(to), from.max(to)].map(|share| low[0] + share * (high[0] - low[0]));
-        canvas.block([rounded([from, low[1]]), rounded([to, high[1]])], SHADES[n % SHADES.len()]);
+        drawing.block([rounded([from, low[1]]), rounded([to, high[1]])], SHADES[n % SHADES.len()]);
     }
 }
 
 /// Draws all other marks. Returns the number of labels that find no free place.
-pub(super) fn marks(canvas: &mut Canvas, view: &View) -> usize {
+pub(super) fn marks(drawing: &mut Drawing, view: &PanelView) -> usize {
     let marks = &view.panel.marks;
     for mark in marks {
-        map::cells(canvas, view, mark);
+        map::cells(drawing, view, mark);
     }
     for mark in marks {
         if let Mark::Reference { name, place } = mark {
             let dashes = REFERENCE_DASHES[reference_number(view.panel, name) % REFERENCE_DASHES.len()];
             for part in view.frame.line(&view.reference(place)) {
-                stroke(canvas, &part, GREY, 2, Some(dashes));
+                drawing.curve(&part, GREY, 2, Some(dashes));
             }
         }
     }
     for mark in marks {
         if let Mark::Line { name, points, spread: Some(spread), .. } = mark {
-            band(canvas, view, points, spread, view.looks.look(name));
+            band(drawing, view, points, spread, view.looks.look(name));
         }
     }
     for mark in marks {
-        series(canvas, view, mark);
+        series(drawing, view, mark);
     }
-    labels(canvas, view)
+    labels(drawing, view)
 }
 
-fn series(canvas: &mut Canvas, view: &View, mark: &Mark) {
+fn series(drawing: &mut Drawing, view: &PanelView, mark: &Mark) {
     let look = view.looks.look(mark.name());
     let has_many = has_many_series(view.panel);
     match mark {
         Mark::Line { points, style, with_points, .. } => {
             let places = view.places(points);
-            line(canvas, view, &places, look, *style);
+            line(drawing, view, &places, look, *style);
             match (with_points, has_many) {
-                (true, _) => markers(canvas, view, &places, look),
-                (false, true) => markers(canvas, view, &few(view, &places, look), look),
-                (false, false) => markers(canvas, view, &isolated(&places), look),
+                (true, _) => markers(drawing, view, &places, look),
+                (false, true) => markers(drawing, view, &few(view, &places, look), look),
+                (false, false) => markers(drawing, view, &isolated(&places), look),
             }
         }
         Mark::Steps { edges, values, .. } => {
-            line(canvas, view, &outline(view, edges, values), look, Style::Solid);
+            line(drawing, view, &outline(view, edges, values), look, Style::Solid);
             if has_many {
                 let bins = edges.windows(2).zip(values);
                 let middles: Vec<At> = bins.map(|(ends, value)| view.at([0.5 * (ends[0] + ends[1]), *value])).collect();
-                markers(canvas, view, &few(view, &middles, look), look);
+                markers(drawing, view, &few(view, &middles, look), look);
             }
         }
         Mark::Points { points, spread, .. } => {
             for (point, spread) in points.iter().zip(spread.iter().flatten()) {
-                bar(canvas, view, point[0], *spread, look);
+                bar(drawing, view, point[0], *spread, look);
             }
-            markers(canvas, view, &view.places(points), look);
+            markers(drawing, view, &view.places(points), look);
         }
         Mark::Arrows(arrows) => {
-            arrows.draw(canvas, view.px_per_unit(), |point| Some(view.at(point)).filter(|at| view.frame.contains(*at)))
+            arrows.draw(drawing, view.px_per_unit(), |point| Some(view.at(point)).filter(|at| view.frame.contains(*at)))
         }
         Mark::Reference { .. } | Mark::Region { .. } | Mark::Map { .. } => {}
     }
 }
 
-fn line(canvas: &mut Canvas, view: &View, places: &[At], look: Look, style: Style) {
+fn line(drawing: &mut Drawing, view: &PanelView, places: &[At], look: Look, style: Style) {
     let pattern = (style == Style::Dashed).then_some(SERIES_DASHES);
     for part in view.frame.line(places) {
-        stroke(canvas, &part, look.colour(), 2, pattern);
+        drawing.curve(&part, look.colour(), 2, pattern);
     }
 }
 
-fn markers(canvas: &mut Canvas, view: &View, places: &[At], look: Look) {
+fn markers(drawing: &mut Drawing, view: &PanelView, places: &[At], look: Look) {
     for place in places.iter().filter(|place| view.frame.contains(**place)) {
-        look.marker(canvas, rounded(*place));
+        look.marker(drawing, rounded(*place));
     }
 }
 
@@ -107,7 +106,7 @@ fn isolated(places: &[At]) -> Vec<At> {
 }
 
 /// A few places along the panel. They differ from look to look, so that markers do not hide each other.
-fn few(view: &View, places: &[At], look: Look) -> Vec<At> {
+fn few(view: &PanelView, places: &[At], look: Look) -> Vec<At> {
     let seen: Vec<At> = places.iter().copied().filter(|place| view.frame.contains(*place)).collect();
     let width = view.frame.high[0] - view.frame.low[0];
     let mut chosen: Vec<At> = Vec::new();
@@ -121,7 +120,7 @@ fn few(view: &View, places: &[At], look: Look) -> Vec<At> {
 }
 
 /// The outline of a histogram, from its foot at the left to its foot at the right.
-fn outline(view: &View, edges: &[f64], values: &[f64]) -> Vec<At> {
+fn outline(view: &PanelView, edges: &[f64], values: &[f64]) -> Vec<At> {
     let foot = |edge: Option<&f64>| edge.map(|edge| view.at_or_below([*edge, 0.0]));
     let bins = edges.windows(2).zip(values);
     let tops = bins.flat_map(|(ends, value)| [ends[0], ends[1]].map(|edge| view.at_or_below([edge, *value])));
@@ -129,14 +128,14 @@ fn outline(view: &View, edges: &[f64], values: &[f64]) -> Vec<At> {
 }
 
 /// The area between the smallest and the largest y. Missing points are gaps; a point between two gaps gets a bar.
-fn band(canvas: &mut Canvas, view: &View, points: &[[f64; 2]], spread: &[[f64; 2]], look: Look) {
+fn band(drawing: &mut Drawing, view: &PanelView, points: &[[f64; 2]], spread: &[[f64; 2]], look: Look) {
     let is_whole = |n: &usize| {
         view.at(points[*n]).into_iter().chain(spread[*n]).all(f64::is_finite) && view.y.share(spread[*n][1]).is_finite()
     };
     let kept: Vec<usize> = (0..points.len()).filter(is_whole).collect();
     for part in kept.chunk_by(|one, other| one + 1 == *other) {
         if let [n] = part {
-            bar(canvas, view, points[*n][0], spread[*n], look);
+            bar(drawing, view, points[*n][0], spread[*n], look);
             continue;
         }
         let side = |n: &usize, end: usize| view.at_or_below([points[*n][0], spread[*n][end]]);
@@ -144,17 +143,17 @@ fn band(canvas: &mut Canvas, view: &View, points: &[[f64; 2]], spread: &[[f64; 2
         let outline: Vec<At> = low.chain(part.iter().rev().map(|n| side(n, 1))).collect();
         let places: Vec<_> = view.frame.area(&outline).into_iter().map(rounded).collect();
         if places.len() > 2 {
-            canvas.polygon(places, look.colour(), 0.2);
+            drawing.polygon(places, look.colour(), 0.2);
         }
     }
 }
 
-fn bar(canvas: &mut Canvas, view: &View, x: f64, spread: [f64; 2], look: Look) {
+fn bar(drawing: &mut Drawing, view: &PanelView, x: f64, spread: [f64; 2], look: Look) {
     let ends = spread.map(|y| view.at_or_below([x, y]));
     for part in view.frame.line(&ends) {
-        stroke(canvas, &part, look.colour(), 1, None);
+        drawing.curve(&part, look.colour(), 1, None);
     }
     for end in ends.into_iter().filter(|end| view.frame.contains(*end)) {
-        stroke(canvas, &[[end[0] - 3.0, end[1]], [end[0] + 3.0, end[1]]], look.colour(), 1, None);
+        drawing.curve(&[[end[0] - 3.0, end[1]], [end[0] + 3.0, end[1]]], look.colour(), 1, None);
     }
 }

@@ -1,7 +1,7 @@
 //! A page of panels under a title.
 
-use super::canvas::{Canvas, svg};
 use super::chart::{Chart, Mark, Panel, check};
+use super::drawing::Drawing;
 use super::text::{Anchor, TEXT_PX, TITLE_PX, wrap};
 use super::{map, palette::COLOURS, panel::PanelLayout, view::Looks, view::distinct};
 use lf_core::Refusal;
@@ -17,19 +17,19 @@ const NOTE: i32 = 21;
 const FRAMES: [[i32; 2]; 3] = [[640, 400], [440, 300], [370, 260]];
 /// The longer side of a frame that is to scale, px.
 const FRAMES_TO_SCALE: [i32; 3] = [760, 440, 370];
-/// Least width of a page, px, for its title and notes.
-const LEAST_WIDTH: i32 = 640;
+/// Smallest width of a page, px: room for its title and notes.
+const SMALLEST_WIDTH: i32 = 640;
 
-/// The chart as an SVG. Refuses lists of different lengths and an empty range. Only drawing shows which labels find no
-/// free place. If there are any, the page is drawn again with a note on them.
-pub fn draw(chart: &Chart) -> Result<String, Refusal> {
+/// Draws a chart. Refuses lists of different lengths and an empty range. If labels find no free place, the page is
+/// drawn again with a note that counts them.
+pub fn draw(chart: &Chart) -> Result<Drawing, Refusal> {
     check(chart)?;
-    let (svg, left_out) = page(chart, 0)?;
-    if left_out == 0 { Ok(svg) } else { Ok(page(chart, left_out)?.0) }
+    let (drawing, left_out) = page(chart, 0);
+    Ok(if left_out == 0 { drawing } else { page(chart, left_out).0 })
 }
 
-/// The page, and the number of labels left out. The notes say that `unlabelled` labels are missing.
-fn page(chart: &Chart, unlabelled: usize) -> Result<(String, usize), Refusal> {
+/// The page, and the number of labels left out. A note says that `unlabelled` labels are missing.
+fn page(chart: &Chart, unlabelled: usize) -> (Drawing, usize) {
     // Lay out the panels.
     let columns = chart.columns.clamp(1, chart.panels.len().max(1));
     let kind = columns.min(FRAMES.len()) - 1;
@@ -45,7 +45,7 @@ fn page(chart: &Chart, unlabelled: usize) -> Result<(String, usize), Refusal> {
     let down: Vec<[i32; 3]> = panels.chunks(columns).map(|row| largest(row.iter().map(PanelLayout::heights))).collect();
     let length =
         |sections: &[[i32; 3]]| sections.iter().flatten().sum::<i32>() + BETWEEN * (sections.len() as i32 - 1).max(0);
-    let width = (2 * EDGE + length(&across)).max(LEAST_WIDTH);
+    let width = (2 * EDGE + length(&across)).max(SMALLEST_WIDTH);
 
     // Title and notes.
     let title = wrap(&chart.title, TITLE_PX, width - 2 * EDGE);
@@ -54,21 +54,20 @@ fn page(chart: &Chart, unlabelled: usize) -> Result<(String, usize), Refusal> {
     let notes_top = EDGE / 2 + TITLE * title.len() as i32;
     let heading = notes_top + NOTE * notes.len() as i32 + 14;
 
-    svg([width, heading + length(&down) + EDGE / 2], |canvas| {
-        lines(canvas, &title, EDGE / 2, TITLE, TITLE_PX);
-        lines(canvas, &notes, notes_top, NOTE, TEXT_PX);
-        let mut left_out = 0;
-        let mut top = heading;
-        for (row, panels) in down.iter().zip(panels.chunks(columns)) {
-            let mut left = EDGE;
-            for (column, panel) in across.iter().zip(panels) {
-                left_out += panel.draw(canvas, [left + column[0], top + row[0]]);
-                left += column.iter().sum::<i32>() + BETWEEN;
-            }
-            top += row.iter().sum::<i32>() + BETWEEN;
+    let mut drawing = Drawing::new(&chart.title, [width, heading + length(&down) + EDGE / 2]);
+    lines(&mut drawing, &title, EDGE / 2, TITLE, TITLE_PX);
+    lines(&mut drawing, &notes, notes_top, NOTE, TEXT_PX);
+    let mut left_out = 0;
+    let mut top = heading;
+    for (row, panels) in down.iter().zip(panels.chunks(columns)) {
+        let mut left = EDGE;
+        for (column, panel) in across.iter().zip(panels) {
+            left_out += panel.draw(&mut drawing, [left + column[0], top + row[0]]);
+            left += column.iter().sum::<i32>() + BETWEEN;
         }
-        left_out
-    })
+        top += row.iter().sum::<i32>() + BETWEEN;
+    }
+    (drawing, left_out)
 }
 
 /// The largest of each of three sizes.
@@ -76,13 +75,13 @@ fn largest(sizes: impl Iterator<Item = [i32; 3]>) -> [i32; 3] {
     sizes.fold([0; 3], |most, size| [0, 1, 2].map(|n| most[n].max(size[n])))
 }
 
-fn lines(canvas: &mut Canvas, lines: &[String], top: i32, height: i32, size_px: i32) {
+fn lines(drawing: &mut Drawing, lines: &[String], top: i32, height: i32, size_px: i32) {
     for (n, line) in lines.iter().enumerate() {
-        canvas.text(line, (EDGE, top + height / 2 + n as i32 * height), size_px, Anchor::Left);
+        drawing.text(line, (EDGE, top + height / 2 + n as i32 * height), size_px, Anchor::Left);
     }
 }
 
-/// The notes of the page itself: everything that is drawn otherwise than asked.
+/// Notes about everything that is not drawn as asked.
 fn own_notes(chart: &Chart, panels: &[PanelLayout], unlabelled: usize) -> Vec<String> {
     let maps = chart.panels.iter().flat_map(|panel| &panel.marks).filter_map(map::note);
     let mut notes = distinct(maps.chain(panels.iter().filter_map(|panel| panel.note.clone())));
@@ -98,7 +97,7 @@ fn own_notes(chart: &Chart, panels: &[PanelLayout], unlabelled: usize) -> Vec<St
     let hidden = chart.panels.iter().map(not_positive).sum();
     notes.extend(counted(arrows.sum(), "one arrow", "arrows", "cut short"));
     notes.extend(counted(hidden, "1 point", "points", "at or below 0 not shown on a logarithmic axis"));
-    notes.extend(counted(unlabelled, "1 point", "points", "without a label for want of room"));
+    notes.extend(counted(unlabelled, "1 point", "points", "with no space for a label"));
     notes
 }
 

@@ -1,5 +1,6 @@
-//! The one table of colours. They differ for any eyes and in grey print.
+//! The one table of colours and dashes. They differ for any eyes and in grey print.
 
+use super::drawing::Dashes;
 use super::range::Range;
 
 /// Red, green and blue, 0 to 255.
@@ -13,7 +14,7 @@ pub(super) const GREY: Colour = Colour(115, 115, 120);
 pub(super) const GRID: Colour = Colour(232, 232, 236);
 /// Cells of a map without a value.
 pub(super) const EMPTY: Colour = Colour(205, 205, 205);
-/// Inside of hollow arrows.
+/// The page, and the inside of hollow arrows.
 pub(super) const PAPER: Colour = Colour(255, 255, 255);
 /// Regions in turn.
 pub(super) const SHADES: [Colour; 3] = [Colour(250, 240, 205), Colour(222, 236, 247), Colour(236, 228, 240)];
@@ -29,6 +30,11 @@ pub const COLOURS: [Colour; 7] = [
     Colour(25, 25, 35),
 ];
 
+/// Dashes of the references in turn.
+pub(super) const REFERENCE_DASHES: [Dashes; 4] = [[8, 5, 8, 5], [2, 4, 2, 4], [9, 4, 2, 4], [16, 6, 16, 6]];
+/// Dashes of a dashed series.
+pub(super) const SERIES_DASHES: Dashes = [7, 4, 7, 4];
+
 /// Maps. Source: nine evenly spaced colours of viridis (van der Walt and Smith 2015); linear between them.
 const SEQUENCE: [[f64; 3]; 9] = [
     [68.0, 1.0, 84.0],
@@ -42,8 +48,8 @@ const SEQUENCE: [[f64; 3]; 9] = [
     [253.0, 231.0, 37.0],
 ];
 
-/// Maps of values about 0: blue, white, red. Most colour-blind eyes tell the ends apart, and both are light enough for
-/// ink.
+/// Maps of values about 0: blue, white, red. The ends differ for nearly all colour-blind eyes, and both are light
+/// enough for ink.
 const SIGNED: [[f64; 3]; 7] = [
     [62.0, 118.0, 186.0],
     [126.0, 168.0, 214.0],

@@ -1,13 +1,13 @@
 //! One panel: its size and margins, its axes, title, key and colour bar.
 
-use super::canvas::{At, Canvas, rounded};
 use super::chart::{Mark, Panel};
+use super::drawing::{At, Drawing, rounded};
 use super::palette::{GRID, INK};
 use super::range::{Range, ranges, stretch};
 use super::text::{Anchor, LINE, NAME_PX, TEXT_PX, figures, width, wrap};
 use super::ticks::{TICK, TICK_TEXT, Tick, ticks, widest};
-use super::view::{Looks, View};
-use super::{key::Key, map, marks, strokes::Frame};
+use super::view::{Looks, PanelView};
+use super::{key::Key, map, marks, px_box::PxBox};
 
 /// Distance from the frame to the colour bar, px.
 const BAR_GAP: i32 = 14;
@@ -69,55 +69,55 @@ impl<'a> PanelLayout<'a> {
     }
 
     /// Draws it with the upper left corner of its frame at a place. Returns the number of labels left out.
-    pub fn draw(&self, canvas: &mut Canvas, [left, top]: [i32; 2]) -> usize {
+    pub fn draw(&self, drawing: &mut Drawing, [left, top]: [i32; 2]) -> usize {
         let low = [left, top].map(f64::from);
-        let frame = Frame { low, high: [0, 1].map(|axis| low[axis] + f64::from(self.size[axis])) };
+        let frame = PxBox { low, high: [0, 1].map(|axis| low[axis] + f64::from(self.size[axis])) };
         let title_top = top - self.heights()[0];
         for (n, line) in self.title.iter().enumerate() {
-            canvas.text(line, (left, title_top + LINE / 2 + n as i32 * LINE), NAME_PX, Anchor::Left);
+            drawing.text(line, (left, title_top + LINE / 2 + n as i32 * LINE), NAME_PX, Anchor::Left);
         }
-        self.key.draw(canvas, (left, top - self.key.height - NAME_GAP));
-        let left_out = self.contents(canvas, frame);
-        canvas.frame([rounded(frame.low), rounded(frame.high)], INK);
-        self.ticks(canvas, frame);
-        self.names(canvas, [left, top]);
+        self.key.draw(drawing, (left, top - self.key.height - NAME_GAP));
+        let left_out = self.contents(drawing, frame);
+        drawing.frame([rounded(frame.low), rounded(frame.high)], INK);
+        self.ticks(drawing, frame);
+        self.names(drawing, [left, top]);
         if let Some(bar) = &self.bar {
-            bar.draw(canvas, [left + self.size[0] + BAR_GAP, top]);
+            bar.draw(drawing, [left + self.size[0] + BAR_GAP, top]);
         }
         left_out
     }
 
     /// Draws the grid and the marks, or says that there is no data.
-    fn contents(&self, canvas: &mut Canvas, frame: Frame) -> usize {
+    fn contents(&self, drawing: &mut Drawing, frame: PxBox) -> usize {
         let ([Some(x), Some(y)], true) = (self.ranges, self.has_data()) else {
             let middle = [0, 1].map(|axis| 0.5 * (frame.low[axis] + frame.high[axis]));
-            canvas.text("no data", rounded(middle), NAME_PX, Anchor::Middle);
+            drawing.text("no data", rounded(middle), NAME_PX, Anchor::Middle);
             return 0;
         };
-        let view = View { panel: self.panel, frame, x, y, looks: &self.looks };
-        marks::regions(canvas, &view);
+        let view = PanelView { panel: self.panel, frame, x, y, looks: &self.looks };
+        marks::regions(drawing, &view);
         for (axis, at, _) in self.tick_places(frame) {
             let end = |corner: At| if axis == 0 { [at, corner[1]] } else { [corner[0], at] };
-            canvas.line([frame.low, frame.high].map(|corner| rounded(end(corner))), GRID, 1);
+            drawing.line([frame.low, frame.high].map(|corner| rounded(end(corner))), GRID, 1);
         }
-        marks::marks(canvas, &view)
+        marks::marks(drawing, &view)
     }
 
-    fn ticks(&self, canvas: &mut Canvas, frame: Frame) {
+    fn ticks(&self, drawing: &mut Drawing, frame: PxBox) {
         let (left, bottom, length) = (frame.low[0], frame.high[1], f64::from(TICK));
         for (axis, at, label) in self.tick_places(frame) {
             if axis == 0 {
-                canvas.line([[at, bottom], [at, bottom + length]].map(rounded), INK, 1);
-                canvas.text(label, rounded([at, bottom + 16.0]), TEXT_PX, Anchor::Middle);
+                drawing.line([[at, bottom], [at, bottom + length]].map(rounded), INK, 1);
+                drawing.text(label, rounded([at, bottom + 16.0]), TEXT_PX, Anchor::Middle);
             } else {
-                canvas.line([[left - length, at], [left, at]].map(rounded), INK, 1);
-                canvas.text(label, rounded([left - f64::from(TICK_TEXT), at]), TEXT_PX, Anchor::Right);
+                drawing.line([[left - length, at], [left, at]].map(rounded), INK, 1);
+                drawing.text(label, rounded([left - f64::from(TICK_TEXT), at]), TEXT_PX, Anchor::Right);
             }
         }
     }
 
     /// Axis, place along it in px, and text of every tick.
-    fn tick_places(&self, frame: Frame) -> impl Iterator<Item = (usize, f64, &str)> {
+    fn tick_places(&self, frame: PxBox) -> impl Iterator<Item = (usize, f64, &str)> {
         let [[left, top], [right, bottom]] = [frame.low, frame.high];
         let axes = self.ticks.iter().zip(self.ranges).enumerate();
         axes.filter_map(|(axis, (ticks, range))| Some((axis, ticks, range?))).flat_map(move |(axis, ticks, range)| {
@@ -129,15 +129,15 @@ impl<'a> PanelLayout<'a> {
         })
     }
 
-    fn names(&self, canvas: &mut Canvas, [left, top]: [i32; 2]) {
+    fn names(&self, drawing: &mut Drawing, [left, top]: [i32; 2]) {
         let below = self.ticks_below() + 6;
         for (n, line) in self.names[0].iter().enumerate() {
             let y = top + self.size[1] + below + n as i32 * LINE;
-            canvas.text(line, (left + self.size[0] / 2, y), NAME_PX, Anchor::Middle);
+            drawing.text(line, (left + self.size[0] / 2, y), NAME_PX, Anchor::Middle);
         }
         for (n, line) in self.names[1].iter().enumerate() {
             let x = left - self.widths()[0] + LINE / 2 + n as i32 * LINE;
-            canvas.upright_text(line, (x, top + self.size[1] / 2), NAME_PX);
+            drawing.upright_text(line, (x, top + self.size[1] / 2), NAME_PX);
         }
     }
 

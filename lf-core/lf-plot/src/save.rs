@@ -1,18 +1,17 @@
-//! From the SVG to a file.
+//! From a drawing to a file.
 
-use super::shapes::Drawing;
-use super::{pdf, pixels};
+use super::{drawing::Drawing, pdf::pdf, pixels::png};
 use lf_core::{Result, io};
 use std::path::Path;
 
-/// Writes the SVG of a chart to a file whole or not at all: a PNG or a PDF if its name ends so, else the SVG itself.
-pub fn save(path: &Path, svg: &str) -> Result<()> {
+/// Writes a drawing to a file whole or not at all: as PNG or PDF if its name ends so, else as SVG.
+pub fn save(path: &Path, drawing: &Drawing) -> Result<()> {
     let end = path.extension().map(|end| end.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let drawing = || Drawing::parse(svg).map_err(|refusal| refusal.about(io::output_name(path)));
     let bytes = match end.as_str() {
-        "png" => pixels::png(&drawing()?).map_err(|refusal| refusal.about(io::output_name(path)))?,
-        "pdf" => pdf::pdf(&drawing()?),
-        _ => return io::save_text(path, |out| out.write_all(svg.as_bytes())),
+        "png" => png(drawing),
+        "pdf" => pdf(drawing),
+        _ => return io::save_text(path, |out| out.write_all(drawing.svg().as_bytes())),
     };
+    let bytes = bytes.map_err(|refusal| refusal.about(io::output_name(path)))?;
     io::save(path, |out| out.write_all(&bytes))
 }

@@ -8,11 +8,16 @@ pub const NAME_PX: i32 = 17;
 pub const TEXT_PX: i32 = 15;
 /// Height of a line of a title or of a name, px.
 pub(super) const LINE: i32 = 22;
-/// Constant: the SVG backend divides a height by this to get the size of the letters.
+/// Constant: height of a line of text in sizes of its letters.
 const HEIGHT_PER_SIZE: f64 = 1.24;
 
+/// Size of the letters of a text of this height, px.
+pub(super) fn letter_px(height_px: i32) -> f64 {
+    f64::from(height_px) / HEIGHT_PER_SIZE
+}
+
 /// Which end of a text stands at its place.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Anchor {
     /// Its left end.
     Left,
@@ -35,7 +40,7 @@ pub(super) fn width(text: &str, size_px: i32) -> i32 {
         // Other alphabets and signs.
         _ => 1.0,
     };
-    (text.chars().map(em).sum::<f64>() * f64::from(size_px) / HEIGHT_PER_SIZE).ceil() as i32
+    (text.chars().map(em).sum::<f64>() * letter_px(size_px)).ceil() as i32
 }
 
 /// A text in lines of at most `room_px`, broken between words, or within a word that is longer than a line. An empty

@@ -1,9 +1,9 @@
-//! A panel with its place on the canvas, and the looks of its series.
+//! A panel with its place on the drawing, and the looks of its series.
 
-use super::canvas::{At, Canvas, Pixel};
 use super::chart::{Mark, Panel, Place};
+use super::drawing::{At, Drawing, Pixel};
 use super::palette::{COLOURS, Colour};
-use super::{range::Range, strokes::Frame};
+use super::{px_box::PxBox, range::Range};
 
 /// The look of a chart's n-th series: a colour, and a marker. When the colours begin again, the markers are shifted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,25 +15,25 @@ impl Look {
     }
 
     /// Draws the marker about a place.
-    pub fn marker(self, canvas: &mut Canvas, (x, y): Pixel) {
+    pub fn marker(self, drawing: &mut Drawing, (x, y): Pixel) {
         let colour = self.colour();
         let shifted = |(right, down): Pixel| (x + right, y + down);
         match (self.0 + self.0 / COLOURS.len()) % 7 {
-            0 => canvas.disc((x, y), 4, colour),
-            1 => canvas.polygon([(-4, -4), (4, -4), (4, 4), (-4, 4)].map(shifted), colour, 1.0),
-            2 => canvas.polygon([(0, -5), (5, 4), (-5, 4)].map(shifted), colour, 1.0),
-            3 => canvas.polygon([(0, -6), (5, 0), (0, 6), (-5, 0)].map(shifted), colour, 1.0),
-            4 => canvas.polygon([(0, 5), (5, -4), (-5, -4)].map(shifted), colour, 1.0),
+            0 => drawing.disc((x, y), 4, colour),
+            1 => drawing.polygon([(-4, -4), (4, -4), (4, 4), (-4, 4)].map(shifted), colour, 1.0),
+            2 => drawing.polygon([(0, -5), (5, 4), (-5, 4)].map(shifted), colour, 1.0),
+            3 => drawing.polygon([(0, -6), (5, 0), (0, 6), (-5, 0)].map(shifted), colour, 1.0),
+            4 => drawing.polygon([(0, 5), (5, -4), (-5, -4)].map(shifted), colour, 1.0),
             5 => {
-                canvas.line([(-4, -4), (4, 4)].map(shifted), colour, 2);
-                canvas.line([(-4, 4), (4, -4)].map(shifted), colour, 2);
+                drawing.line([(-4, -4), (4, 4)].map(shifted), colour, 2);
+                drawing.line([(-4, 4), (4, -4)].map(shifted), colour, 2);
             }
-            _ => canvas.plus((x, y), colour),
+            _ => drawing.plus((x, y), colour),
         }
     }
 }
 
-/// The names of the series in order: the n-th name has the n-th [`Look`].
+/// The names of the series. The n-th name has the n-th [`Look`].
 pub(super) struct Looks(pub Vec<String>);
 
 impl Looks {
@@ -59,25 +59,25 @@ pub(super) fn distinct<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
     all.fold(Vec::new(), add)
 }
 
-/// Whether a panel has two series or more, which its markers have to tell apart.
+/// Whether a panel has two series or more, so that markers must distinguish them.
 pub(super) fn has_many_series(panel: &Panel) -> bool {
     Looks::of([panel]).0.len() > 1
 }
 
 /// Maps the values of a panel to pixels.
-pub(super) struct View<'a> {
+pub(super) struct PanelView<'a> {
     pub panel: &'a Panel,
-    pub frame: Frame,
+    pub frame: PxBox,
     pub x: Range,
     pub y: Range,
     pub looks: &'a Looks,
 }
 
-impl View<'_> {
+impl PanelView<'_> {
     /// The place of a point. NaN if an axis has no place for it.
     pub fn at(&self, [x, y]: [f64; 2]) -> At {
         let [x, y] = [self.x.share(x), self.y.share(y)];
-        let Frame { low, high } = self.frame;
+        let PxBox { low, high } = self.frame;
         [low[0] + x * (high[0] - low[0]), high[1] - y * (high[1] - low[1])]
     }
 
@@ -96,7 +96,7 @@ impl View<'_> {
 
     /// Pixels to the right and upwards for one unit along x and along y; both axes are linear.
     pub fn px_per_unit(&self) -> [f64; 2] {
-        let Frame { low, high } = self.frame;
+        let PxBox { low, high } = self.frame;
         [(high[0] - low[0]) / (self.x.last - self.x.first), (high[1] - low[1]) / (self.y.last - self.y.first)]
     }
 

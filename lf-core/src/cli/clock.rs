@@ -1,7 +1,7 @@
-//! The time that a thread works.
+//! Processor time of a thread.
 
-/// Seconds of processor time that this thread has taken. Other work on the machine does not count. Systems that do not
-/// tell it give the time of day.
+/// Seconds of processor time that this thread has taken; other work on the machine does not count. The time of day on
+/// systems that do not report it.
 pub fn thread_seconds() -> f64 {
     #[cfg(unix)]
     {

@@ -3,23 +3,23 @@
 use crate::{Result, io};
 use std::{ffi::OsString, io::Write, path::Path, process::ExitCode};
 
-/// Letters of the longest line. A name, a value or a key of a damaged file may have any length.
-const MOST_LETTERS: usize = 1000;
-/// Letters at its end that a longer text keeps: they say what was wanted.
+/// Maximum length of a line, letters. A name, a value or a key of a damaged file may have any length.
+const MAX_LETTERS: usize = 1000;
+/// Letters kept at the end of a longer text: they say what was wanted.
 const LAST_LETTERS: usize = 300;
 /// Stands for the letters left out.
 const GAP: &str = " [...] ";
 
-/// The text as one line of at most [`MOST_LETTERS`] letters. Control characters in a file name or in a foreign message
+/// The text as one line of at most [`MAX_LETTERS`] letters. Control characters in a file name or in a foreign message
 /// must not break the line.
 pub(super) fn one_line(text: &str) -> String {
     let text = text.trim_end();
     let plain = |letter: char| if letter.is_control() { ' ' } else { letter };
     let count = text.chars().count();
-    if count <= MOST_LETTERS {
+    if count <= MAX_LETTERS {
         return text.chars().map(plain).collect();
     }
-    let first = text.chars().take(MOST_LETTERS - LAST_LETTERS - GAP.len());
+    let first = text.chars().take(MAX_LETTERS - LAST_LETTERS - GAP.len());
     first.chain(GAP.chars()).chain(text.chars().skip(count - LAST_LETTERS)).map(plain).collect()
 }
 
@@ -70,7 +70,7 @@ pub(super) fn answer(tool: &str, error: &clap::Error, command: &clap::Command, t
     }
 }
 
-/// The option and the negative number that it does not take: clap reports the number as an unknown option.
+/// The option and its negative number, which clap reports as an unknown option.
 fn negative(error: &clap::Error, command: &clap::Command, typed: &[OsString]) -> Option<(String, String)> {
     use clap::error::{ContextKind, ContextValue};
     let ContextValue::String(found) = error.get(ContextKind::InvalidArg)? else { return None };
@@ -94,10 +94,10 @@ mod tests {
 
     #[test]
     fn a_long_line_keeps_its_ends() {
-        let whole = format!("name: {}", "x".repeat(MOST_LETTERS - 6));
+        let whole = format!("name: {}", "x".repeat(MAX_LETTERS - 6));
         assert_eq!(one_line(&whole), whole);
         let line = one_line(&format!("name: {}; wanted less", "ü".repeat(100_000)));
-        assert_eq!(line.chars().count(), MOST_LETTERS);
+        assert_eq!(line.chars().count(), MAX_LETTERS);
         assert!(
             line.starts_with("name: ü") && line.contains("ü [...] ü") && line.ends_with("ü; wanted less"),
             "{line}"

@@ -5,17 +5,16 @@ use crate::Camera;
 use crate::image::Frame;
 use crate::light::{Follows, LatticeLight, Tones};
 
-/// Share of clipped pixels from which a frame is warned of. Hot pixels are fewer.
+/// Warn if at least this share of the pixels is clipped. Hot pixels are fewer.
 const CLIPPED: f64 = 1e-3;
 
-/// Brightness of the darkest tenth of the pixels over that of the light from which a background is warned of. Frames of
-/// one particle a lenslet without background have less than 0.01; from 0.2, the threshold of lf-prune, every voxel
-/// stays.
+/// Warn of a background if the darkest tenth of the pixels reaches this share of the light's brightness. Frames of one
+/// particle a lenslet without background have less than 0.01. From 0.2, the threshold of lf-prune, no voxel is removed.
 const BRIGHT_DARKNESS: f64 = 0.15;
 
-/// Brightness of the darkest hundredth of the pixels over that of the light from which a frame without a background is
-/// warned of dark counts. Frames without dark counts have 0, at up to three particles a lenslet; 10 dark counts under
-/// 3 of read noise give 0.004 to 0.012, at one particle a lenslet and a tenth.
+/// Warn of dark counts if no background is subtracted and the darkest hundredth of the pixels exceeds this share of the
+/// light's brightness. Frames without dark counts have 0, at up to three particles a lenslet. With 10 dark counts and a
+/// read noise of 3 it is 0.004 at one particle a lenslet, 0.012 at a tenth.
 const DARK_COUNTS: f64 = 0.004;
 
 impl Session {
@@ -27,8 +26,8 @@ impl Session {
             self.count("clipped_share", share);
             let percent = 100.0 * share;
             self.warn(format!(
-                "{percent:.1} % of the pixels are clipped, at {level} counts: the brightest light is lost, and with it the \
-                 shape of particles; expose less or lower the gain"
+                "{percent:.1} % of the pixels are clipped, at {level} counts: the brightest light is lost, and with it \
+                 the shape of particles; expose less or lower the gain"
             ));
         }
         let darkness = tones.dark / tones.light.max(f64::MIN_POSITIVE);
@@ -37,7 +36,8 @@ impl Session {
                 "the background of -b is not that of this frame; make one from frames of the same run with lf-calib \
                  background"
             } else {
-                "the background is not subtracted, so no voxel is dark; subtract it with -b, lf-calib background makes it"
+                "the background is not subtracted, so no voxel is dark; subtract it with -b, lf-calib background \
+                 makes it"
             };
             self.warn(format!(
                 "the darkest tenth of the image is {:.0} % as bright as its light: {remedy}",
@@ -60,14 +60,15 @@ impl Session {
     fn warn_of_lattice(&mut self, light: &LatticeLight) {
         let LatticeLight { share, share_deviation, shift_px, gain, gain_deviation } = light;
         self.explain(format!(
-            "light follows the lattice by {share:.2} +- {share_deviation:.2} of what the camera's stop predicts; {shift_px:.2} \
-             px aside it follows by {gain:.2} +- {gain_deviation:.2} more"
+            "light follows the lattice by {share:.2} +- {share_deviation:.2} of what the camera's stop predicts; \
+             {shift_px:.2} px aside it follows by {gain:.2} +- {gain_deviation:.2} more"
         ));
         match light.follows() {
             Follows::Camera => (),
             Follows::AnotherLattice => self.warn(format!(
-                "the light does not lie under the camera's lenslets: it follows their lattice by {:.0} % of what it should; \
-                 the camera is another one or not calibrated; take this frame's camera, or calibrate with lf-calib lattice",
+                "the light does not lie under the camera's lenslets: it follows their lattice by {:.0} % of what it \
+                 should; the camera is another one or not calibrated; take this frame's camera, or calibrate with \
+                 lf-calib lattice",
                 100.0 * share.max(0.0)
             )),
             Follows::Moved => self.warn(format!(

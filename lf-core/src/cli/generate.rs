@@ -1,4 +1,4 @@
-//! `--generate`: man pages and shell completions from the texts of `--help`. Hidden, since only `scripts/man` needs it.
+//! `--generate`: man pages and shell completions from the texts of `--help-all`. Hidden: only `scripts/man` needs it.
 
 use crate::{Error, Result};
 use clap::Command;
@@ -11,7 +11,7 @@ pub(super) const OPTION: &str = "--generate";
 
 const WANTED: &str = "wanted man, bash, zsh, fish or tasks; man TASK for the page of a subcommand";
 
-/// All tools, listed at the end of every page.
+/// All tools; every page lists the others at its end.
 const TOOLS: [&str; 8] =
     ["lf-synth", "lf-calib", "lf-prune", "lf-mart", "lf-fit", "lf-xcorr", "lf-flow", "lf-validate"];
 
@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn pages_of_tools_and_of_their_tasks() {
         let command = || {
-            let task = Command::new("deed").about("Does it").after_help("Examples:\n  lf-x deed");
+            let task = Command::new("task").about("Does it").after_help("Examples:\n  lf-x task");
             Command::new("x").version("1").about("Some tool").subcommand(task)
         };
         let text = |words: &[&str]| {
@@ -109,12 +109,12 @@ mod tests {
             text("lf-x", command(), &words).map(|text| String::from_utf8(text).unwrap())
         };
         let page = text(&["man"]).unwrap();
-        assert!(page.contains("lf\\-x \\- Some tool") && page.contains("lf\\-x\\-deed(1)"), "{page}");
-        let page = text(&["man", "deed"]).unwrap();
-        let examples = ".SH EXAMPLES\n.nf\n  lf\\-x deed";
-        assert!(page.contains("lf\\-x\\-deed \\- Does it") && page.contains(examples), "{page}");
-        assert_eq!(text(&["tasks"]).unwrap(), "deed\n");
-        for words in [&[][..], &["csh"], &["man", "word"], &["man", "deed", "deed"]] {
+        assert!(page.contains("lf\\-x \\- Some tool") && page.contains("lf\\-x\\-task(1)"), "{page}");
+        let page = text(&["man", "task"]).unwrap();
+        let examples = ".SH EXAMPLES\n.nf\n  lf\\-x task";
+        assert!(page.contains("lf\\-x\\-task \\- Does it") && page.contains(examples), "{page}");
+        assert_eq!(text(&["tasks"]).unwrap(), "task\n");
+        for words in [&[][..], &["csh"], &["man", "word"], &["man", "task", "task"]] {
             assert!(text(words).is_err(), "{words:?}");
         }
         assert!(text(&["bash"]).unwrap().contains("complete -F"));

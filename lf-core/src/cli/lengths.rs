@@ -1,4 +1,4 @@
-//! Lengths as they are typed: a number in mm, or one with its unit.
+//! Lengths on the command line: a number in mm, or a number with its unit.
 
 /// Units and their lengths in mm; longer names first.
 const UNITS: [(&str, f64); 7] =

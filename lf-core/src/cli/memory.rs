@@ -1,26 +1,26 @@
-//! `--max-memory`, the memory that a run will take, and the answer to `--estimate`: one sum for all three.
+//! `--max-memory`, `estimated_bytes` and the answer to `--estimate`: one sum for all three.
 //!
-//! A tool says how many bytes its work will take beside those that it holds with its inputs read. The sum of both is
-//! what `--estimate` prints, what `--stats` records as `estimated_bytes`, and what is refused above the limit, before
-//! the work takes any of it.
+//! A tool states how many bytes its work will take, in addition to those that it holds once its inputs are read.
+//! `--estimate` prints the sum of both, `--stats` records it as `estimated_bytes`, and a sum above the limit is refused
+//! before the work begins.
 
 use super::session::Session;
 use crate::{Error, Result, io};
 use serde_json::json;
 use std::path::Path;
 
-/// Resident memory of a tool that has read its inputs, bytes; used if the system does not tell.
+/// Resident memory of a tool that has read its inputs, bytes; used if the system does not report it.
 const HELD_BYTES: u64 = 1 << 26;
 /// Bytes that the allocator takes for each byte asked for.
 const WORK_FACTOR: f64 = 1.05;
-/// Bytes of code that the work brings into memory, and bytes of a thread with its stack and its scraps of memory.
+/// Bytes of code that the work loads, and bytes of a thread: its stack and its small allocations.
 const CODE_BYTES: f64 = 3e6;
 const THREAD_BYTES: f64 = 5e5;
 /// The default limit as a share of the machine's memory. The rest is for the system and for files that it keeps.
 const SHARE_OF_MACHINE: f64 = 0.8;
-/// The default limit if the system does not tell its memory, bytes.
+/// The default limit if the system does not report its memory, bytes.
 const USUAL_BYTES: f64 = 8e9;
-/// Least and most limit, GB.
+/// Smallest and largest limit, GB.
 const LIMITS_GB: [f64; 2] = [1e-3, 1e6];
 
 /// The limit of memory; `#[command(flatten)]` it in the arguments of a tool.
@@ -46,8 +46,8 @@ impl MemoryLimit {
 }
 
 impl Session {
-    /// Refuses, as about `subject`, work that would bring this process above the limit. `what` are the things that take
-    /// `work_bytes` beside the memory in use now, such as `a grid of 9 x 9 x 9 voxels`.
+    /// Refuses work that would bring this process above the limit. The error is about `subject`; `what` takes
+    /// `work_bytes` in addition to the memory in use now, such as `a grid of 9 x 9 x 9 voxels`.
     pub fn allow_memory(
         &mut self,
         limit: MemoryLimit,
@@ -62,14 +62,9 @@ impl Session {
         check_memory(limit, work_bytes, subject, what)
     }
 
-    /// Answers `--estimate` with one JSON object on standard output: `memory_bytes`, the peak memory of a run, and
-    /// `counts`. The peak is `work_bytes` plus what the process holds now, with the inputs read.
-    pub fn tell_estimate(&mut self, work_bytes: u64, counts: &[(&str, u64)]) -> Result<()> {
-        self.tell_estimate_with(work_bytes, counts, &[])
-    }
-
-    /// Answers `--estimate` as [`Session::tell_estimate`] does, with `lengths` in mm along x, y, z beside the counts.
-    pub fn tell_estimate_with(
+    /// Prints the answer to `--estimate`: a JSON object with `memory_bytes`, the peak memory of a run, with `counts`,
+    /// and with `lengths` in mm along x, y, z. The peak is `work_bytes` plus the memory held now, with the inputs read.
+    pub fn print_estimate(
         &mut self,
         work_bytes: u64,
         counts: &[(&str, u64)],
@@ -77,19 +72,15 @@ impl Session {
     ) -> Result<()> {
         let bytes = peak_with(work_bytes as f64);
         self.count("estimated_bytes", bytes);
-        let mut told = json!({"memory_bytes": bytes});
-        for (name, count) in counts {
-            told[name] = json!(count);
-        }
-        for (name, length) in lengths {
-            told[name] = json!(length);
-        }
-        io::save_text(Path::new("-"), |out| writeln!(out, "{told}"))
+        let mut estimate = json!({"memory_bytes": bytes});
+        counts.iter().for_each(|(name, count)| estimate[name] = json!(count));
+        lengths.iter().for_each(|(name, length)| estimate[name] = json!(length));
+        io::save_text(Path::new("-"), |out| writeln!(out, "{estimate}"))
     }
 }
 
-/// Refuses as [`Session::allow_memory`] does, and records nothing: for a part of the work that is known early, or for
-/// the most that it may take.
+/// Refuses like [`Session::allow_memory`], but records nothing: for a part of the work that is known early, or for an
+/// upper bound.
 pub fn check_memory(
     limit: MemoryLimit,
     work_bytes: f64,
@@ -105,8 +96,8 @@ pub fn check_memory(
     Err(Error::new(subject, found, format!("wanted {most} GB at most, as --max-memory allows")))
 }
 
-/// The peak memory of the process if work takes so many more bytes. Memory that was freed does not count as held: the
-/// work takes it again.
+/// The peak memory of the process if the work takes `work_bytes` more. Freed memory does not count as held: the work
+/// uses it again.
 fn peak_with(work_bytes: f64) -> u64 {
     io::release_memory();
     let held = status_bytes("VmRSS:").unwrap_or(HELD_BYTES);
@@ -120,15 +111,15 @@ fn gigabytes_of(bytes: u64) -> f64 {
     format!("{:.2e}", 1e-9 * bytes as f64).parse().unwrap_or(f64::INFINITY)
 }
 
-/// Memory of the machine, or of the group of processes that this one belongs to if that has less, bytes.
+/// Memory of the machine, bytes; the limit of this process's control group if that is less.
 fn machine_bytes() -> Option<u64> {
     let read = |file: &str| std::fs::read_to_string(file).ok();
     let own = read("/proc/self/cgroup").unwrap_or_default();
     group_bytes(&own, read).into_iter().chain(table_bytes("/proc/meminfo", "MemTotal:")).min()
 }
 
-/// The least limit of the control groups that a process is in, and of the groups around them, bytes: the limit of a job
-/// stands some levels above its processes. `own` is `/proc/self/cgroup`; `read` gives the text of a file.
+/// The smallest limit of the control groups that a process is in and of their parents, bytes: the limit of a job is set
+/// some levels above its processes. `own` is `/proc/self/cgroup`; `read` gives the text of a file.
 fn group_bytes(own: &str, read: impl Fn(&str) -> Option<String>) -> Option<u64> {
     const ROOTS_OF_ALL: &str = "0::/\n0:memory:/";
     let limit = |file: String| read(&file)?.trim().parse::<u64>().ok();
@@ -149,17 +140,17 @@ fn group_bytes(own: &str, read: impl Fn(&str) -> Option<String>) -> Option<u64> 
     limits.min()
 }
 
-/// Peak resident memory of this process, bytes; None if the system does not tell.
+/// Peak resident memory of this process, bytes; None if the system does not report it.
 pub(super) fn peak_bytes() -> Option<u64> {
     status_bytes("VmHWM:")
 }
 
-/// A value from the system's status of this process, bytes.
+/// A value of `/proc/self/status`, bytes.
 fn status_bytes(key: &str) -> Option<u64> {
     table_bytes("/proc/self/status", key)
 }
 
-/// A value in kB from a table of the system, in bytes.
+/// A value of a file of `/proc` that lists kB, in bytes.
 fn table_bytes(file: &str, key: &str) -> Option<u64> {
     let table = std::fs::read_to_string(file).ok()?;
     let line = table.lines().find_map(|line| line.strip_prefix(key))?;

@@ -2,7 +2,7 @@
 //! `--max-memory`.
 //!
 //! In: a tool's `clap` arguments and its body. Out: an exit code, and one line on standard error for every failure.
-//! Open first: `run.rs`, which holds the whole of a tool's `main`; then `session.rs`, the handle that the body gets.
+//! Open first: `run.rs`, a tool's `main`; then `session.rs`, the handle that the tool's body gets.
 //!
 //! Exit codes: 0 done; 1 judged, and the answer is no; 2 the work could not be done. Every failure ends in one line on
 //! standard error that starts with the tool's name.
@@ -11,6 +11,7 @@ mod clock;
 mod complaint;
 mod frame_warnings;
 mod generate;
+mod help_all;
 mod lengths;
 mod memory;
 mod progress;

@@ -4,7 +4,7 @@ use indicatif::{HumanCount, MultiProgress, ProgressBar, ProgressDrawTarget, Prog
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
-/// Time before the first forecast of the time left.
+/// No forecast of the time left before this time.
 const SETTLED: Duration = Duration::from_secs(2);
 
 /// Standard error: lines and bars that do not overwrite each other.

@@ -1,16 +1,16 @@
-//! The whole of a tool's `main`.
+//! A tool's `main`.
 
 use super::complaint::{answer, complain, usage};
-use super::generate;
 use super::session::{Common, Session};
+use super::{generate, help_all};
 use crate::{Result, history::Step, io};
 use std::panic::{self, AssertUnwindSafe};
 use std::{ffi::OsString, io::Write, path::Path, process::ExitCode, sync::Mutex};
 
 /// Upper limit of `--threads`. Each thread costs a stack; a larger number is a typing error.
-const MOST_THREADS: usize = 1024;
+const MAX_THREADS: usize = 1024;
 
-/// The variable of the environment that rayon takes the number of its workers from.
+/// The environment variable that gives rayon the number of its workers.
 const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
 
 /// How a run ended if nothing failed.
@@ -22,11 +22,11 @@ pub enum Verdict {
     No,
 }
 
-/// Message and place of the last panic.
+/// Message and source location of the last panic.
 static PANIC: Mutex<Option<String>> = Mutex::new(None);
 
-/// The whole of a tool's `main`: parses the command line, runs `body`, and turns its outcome into an exit code. The
-/// first word `--generate` prints a man page or shell completions instead.
+/// A tool's `main`: parses the command line, runs `body`, and turns its outcome into an exit code. The
+/// first word `--generate` prints a man page or shell completions instead. `--help-all` prints the help of all options.
 pub fn run<A: clap::Parser>(
     tool: &'static str,
     common: impl FnOnce(&A) -> &Common,
@@ -37,11 +37,14 @@ pub fn run<A: clap::Parser>(
     if let [first, words @ ..] = words.as_slice()
         && first == generate::OPTION
     {
-        let told = generate::text(tool, A::command(), words)
+        let printed = generate::text(tool, help_all::with_all_shown(A::command()), words)
             .and_then(|text| io::save_text(Path::new("-"), |out| out.write_all(&text)));
-        return told.map_or_else(|error| complain(tool, &error.to_string()), |()| ExitCode::SUCCESS);
+        return printed.map_or_else(|error| complain(tool, &error.to_string()), |()| ExitCode::SUCCESS);
     }
-    let arguments = match A::try_parse() {
+    let shows_all = help_all::is_wanted(&words);
+    let mut command = if shows_all { help_all::with_all_shown } else { help_all::with_option }(A::command());
+    let parsed = command.try_get_matches_from_mut(std::env::args_os());
+    let arguments = match parsed.and_then(|matches| A::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(error) => return answer(tool, &error, &A::command(), &words),
     };
@@ -60,8 +63,8 @@ pub fn run<A: clap::Parser>(
     })
 }
 
-/// Starts the workers: as many as asked for, or for 0 as many as a variable of the environment or the machine says. The
-/// error names the number that is too large.
+/// Starts `typed` workers; for 0, the number in the environment variable, or one a core. The error names a number that
+/// is too large.
 fn start_threads(typed: usize) -> std::result::Result<(), String> {
     let variable = std::env::var(THREADS_VARIABLE).ok().and_then(|value| value.parse::<u64>().ok());
     let (name, count) = match (typed, variable) {
@@ -69,8 +72,8 @@ fn start_threads(typed: usize) -> std::result::Result<(), String> {
         (0, None) => ("--threads", 0),
         (typed, _) => ("--threads", typed as u64),
     };
-    if count > MOST_THREADS as u64 {
-        return Err(format!("{name}: {count}; wanted at most {MOST_THREADS}"));
+    if count > MAX_THREADS as u64 {
+        return Err(format!("{name}: {count}; wanted at most {MAX_THREADS}"));
     }
     let built = rayon::ThreadPoolBuilder::new().num_threads(typed).build_global();
     built.map_err(|error| format!("{name}: {error}; wanted threads that the system can start"))

@@ -1,4 +1,4 @@
-//! The options that every tool has, and the handle that its body gets: messages, progress, history, phases.
+//! The options of every tool, and the handle that a tool's body gets: messages, progress, history, phases.
 
 use super::complaint::one_line;
 use super::progress::{Progress, Screen};
@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Options that mean the same in every tool; `#[command(flatten)]` it at the top of a tool's arguments.
+/// Options of every tool; `#[command(flatten)]` it at the top of a tool's arguments.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
@@ -76,7 +76,7 @@ impl Session {
         self.count(name, before + value as u64);
     }
 
-    /// Records a number for `--stats`, unless a greater one of the same name is recorded.
+    /// Records a number for `--stats`, unless a larger one of that name is recorded.
     pub fn keep_greatest(&mut self, name: &str, value: f64) {
         let before = self.counts.get(name).and_then(Value::as_f64).unwrap_or(f64::NEG_INFINITY);
         self.count(name, value.max(before));

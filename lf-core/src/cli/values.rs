@@ -1,4 +1,4 @@
-//! Values of options: lists of numbers, and `--preset`, the same three sets of measured defaults in every tool.
+//! Values of options: lists of numbers, and `--preset`, three sets of measured defaults.
 
 use super::session::Session;
 use crate::image::Channel;
@@ -31,11 +31,11 @@ fn channels() -> impl TypedValueParser<Value = Channel> {
 /// A set of defaults between speed and accuracy. An option on the command line takes precedence over the preset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Preset {
-    /// Least time.
+    /// Shortest time.
     Fast,
     /// A compromise.
     Balanced,
-    /// Least error.
+    /// Smallest error.
     Accurate,
 }
 
@@ -59,8 +59,8 @@ impl Preset {
         format!("{}; {}", sets.join(" "), self.measured())
     }
 
-    /// Measured time and error with this preset in all three tools, against balanced: geometric means over nine cameras.
-    /// `scripts/studies/presets choose` measures them.
+    /// Time and error with this preset in all tools, relative to balanced: geometric means over nine cameras, measured
+    /// by `scripts/studies/presets choose`.
     fn measured(self) -> &'static str {
         self.of([
             "the chain takes 0.8 of balanced's time, and errs as much on average, 1.3 times as much in w at most",
@@ -78,8 +78,8 @@ impl Preset {
 }
 
 impl Session {
-    /// Tells with `--verbose` what a preset sets: options as on the command line, each with whether it takes effect; an
-    /// option that is typed as well does not.
+    /// Prints with `--verbose` what a preset sets: options as on the command line, each with whether it takes effect.
+    /// An option that is also typed does not.
     pub fn explain_preset(&self, preset: Preset, sets: impl IntoIterator<Item = (String, bool)>) {
         let (used, typed): (Vec<_>, Vec<_>) = sets.into_iter().partition(|(_, is_used)| *is_used);
         let words = |sets: Vec<(String, bool)>| sets.into_iter().map(|(set, _)| set).collect::<Vec<_>>().join(" ");

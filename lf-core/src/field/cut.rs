@@ -1,4 +1,4 @@
-//! The plane in which a picture shows a field.
+//! The plane of a field that a picture shows.
 
 use super::vector_grid::VectorGrid;
 use crate::Refusal;

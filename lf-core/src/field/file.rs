@@ -1,7 +1,7 @@
 //! A field from and to a file.
 
-use super::export::{Array, write_cf, write_csv, write_tecplot, write_vti};
-use super::vector_grid::{CHANNELS, COUNT, REQUIRED, VectorGrid};
+use super::export::{Array, write_cf, write_csv, write_vti};
+use super::vector_grid::{CHANNELS, COUNT, VectorGrid};
 use super::vectors::Field;
 use crate::image::{exr, guarded};
 use crate::io::{self, Signature};
@@ -27,19 +27,19 @@ impl Field {
         Self::from_bytes(&io::open(path)?, &io::name(path))
     }
 
-    /// Reads an EXR field from memory as [`Field::open`] does; `name` stands for it in messages.
+    /// Reads an EXR field from memory; `name` stands for it in messages.
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
         guarded(|| parse(bytes)).map_err(|refusal| refusal.about(name))
     }
 
-    /// Writes EXR, `.vti`, `.nc` (NetCDF), `.csv` or `.dat` (Tecplot) by extension; `-` and a name without extension are
-    /// EXR. Refuses what [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
+    /// Writes EXR, `.vti`, `.nc` (NetCDF) or `.csv` by extension; `-` and a name without extension are EXR. Refuses
+    /// what [`Field::open`] refuses. Panics if a component is not as long as the shape asks.
     pub fn save(&self, path: &Path) -> Result<()> {
         self.save_with(path, &[])
     }
 
-    /// Writes the field as [`Field::save`] does, with more numbers at every vector: channels of the EXR, arrays of the
-    /// `.vti`, variables of the `.nc`, columns of the `.csv` and the `.dat`. [`Field::open`] reads such a file as the
+    /// Writes the field like [`Field::save`], with more numbers at every vector: channels of the EXR, arrays of the
+    /// `.vti`, variables of the `.nc`, columns of the `.csv`. [`Field::open`] reads such a file as the
     /// field alone. Panics if an array is not as long as the layout asks.
     pub fn save_with(&self, path: &Path, more: &[Array]) -> Result<()> {
         for array in more {
@@ -47,7 +47,7 @@ impl Field {
         }
         let refused = |refusal: Refusal| refusal.about(io::output_name(path));
         self.layout.check().map_err(refused)?;
-        for ((name, _), values) in CHANNELS.iter().zip(self.components()) {
+        for ((name, ..), values) in CHANNELS.iter().zip(self.components()) {
             assert_eq!(Some(values.len()), self.layout.checked_len(), "length of component {name}");
         }
         self.check().map_err(refused)?;
@@ -60,9 +60,8 @@ impl Field {
             Some("vti") => io::save(path, |out| write_vti(self, more, out)),
             Some("nc") => io::save(path, |out| write_cf(self, more, out)),
             Some("csv") => io::save_text(path, |out| write_csv(self, more, out)),
-            Some("dat") => io::save_text(path, |out| write_tecplot(self, more, out)),
             Some(other) => {
-                let wanted = "wanted .exr, .vti, .nc, .csv or .dat";
+                let wanted = "wanted .exr, .vti, .nc or .csv";
                 Err(refused(Refusal::new(format!("the extension .{other}"), wanted)))
             }
         }
@@ -70,7 +69,7 @@ impl Field {
 
     fn to_exr(&self, more: &[Array]) -> std::result::Result<Vec<u8>, Refusal> {
         let [nx, ny, nz] = self.layout.shape;
-        let names = CHANNELS.into_iter().map(|(name, _)| name);
+        let names = CHANNELS.into_iter().map(|(name, ..)| name);
         let (more_names, more): (Vec<String>, Vec<Vec<f32>>) = more.iter().flat_map(Array::parts).unzip();
         let more = more_names.iter().map(String::as_str).zip(more);
         // The library wants values of its own.
@@ -80,11 +79,11 @@ impl Field {
 }
 
 /// The header of an EXR field and its layout, which fit each other.
-fn head(bytes: &[u8]) -> std::result::Result<(exr::Header, VectorGrid), Refusal> {
+fn head(bytes: &[u8]) -> std::result::Result<(exr::ExrHeader, VectorGrid), Refusal> {
     const WANTED: &str = "wanted a vector field in EXR";
     let found = || if bytes.is_empty() { "empty" } else { "not an EXR by its first bytes" };
     Refusal::unless(Signature::of(bytes) == Some(Signature::Exr), found, WANTED)?;
-    let header = exr::Header::read(bytes)?;
+    let header = exr::ExrHeader::read(bytes)?;
     let Some(text) = header.text(LAYOUT) else {
         let found = format!("an EXR of channels {} without attribute {LAYOUT}", header.channels.join(", "));
         return Err(Refusal::new(found, WANTED));
@@ -103,13 +102,13 @@ fn head(bytes: &[u8]) -> std::result::Result<(exr::Header, VectorGrid), Refusal>
 
 fn parse(bytes: &[u8]) -> std::result::Result<Field, Refusal> {
     let (header, layout) = head(bytes)?;
-    let [u, v, w, peak, ratio, su, sv, sw, flag, count] = if header.channels.iter().any(|name| name == COUNT) {
-        exr::read(bytes, header, CHANNELS.map(|(name, _)| name))?
-    } else {
-        let [u, v, w, peak, ratio, su, sv, sw, flag] = exr::read(bytes, header, REQUIRED)?;
-        let count = vec![f32::NAN; flag.len()];
-        [u, v, w, peak, ratio, su, sv, sw, flag, count]
-    };
+    let (has_count, pixels) = (header.channels.iter().any(|name| name == COUNT), header.width * header.height);
+    let names = CHANNELS.iter().map(|(name, ..)| *name).filter(|name| has_count || *name != COUNT);
+    let mut channels = exr::read(bytes, header, &names.collect::<Vec<_>>())?;
+    // The count is the last channel.
+    channels.resize(CHANNELS.len(), vec![f32::NAN; pixels]);
+    let channels: [Vec<f32>; CHANNELS.len()] = channels.try_into().expect("one list a channel");
+    let [u, v, w, peak, ratio, su, sv, sw, flag, count] = channels;
     let field = Field { layout, u, v, w, peak, ratio, su, sv, sw, flag, count };
     field.check().map(|()| field)
 }

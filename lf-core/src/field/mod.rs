@@ -1,4 +1,4 @@
-//! Vector fields: EXR, `.vti`, NetCDF, `.csv`, Tecplot.
+//! Vector fields: EXR, `.vti`, NetCDF, `.csv`.
 //!
 //! In: the bytes of an EXR field. Out: a [`Field`], and files in any of these formats.
 //! Open first: `vectors.rs`, then `vector_grid.rs` for what else the EXR holds.
@@ -19,19 +19,21 @@
 //! [`mod@crate::frame`]). A field of nx x ny x nz vectors is an image nx wide and ny nz high; vector (i, j, k)
 //! is the pixel in column i of row k ny + j. A displacement must be finite unless its flag is 2.
 //!
-//! A file may hold further channels, such as the vorticity: [`Field::save_with`] writes them and readers ignore them.
+//! A file may hold more channels, such as the vorticity: [`Field::save_with`] writes them and readers ignore them.
 //!
-//! The others are only written: **`.vti`** is VTK image data for ParaView, **`.nc`** is NetCDF for xarray and all that
-//! know the CF conventions, **`.csv`** is text for a spreadsheet, **`.dat`** is Tecplot ASCII. Except for `.nc`, they
-//! also hold the velocity, mm/s, if the time between the volumes is known.
+//! The other formats are only written: **`.vti`** is VTK image data for ParaView, **`.nc`** is NetCDF for xarray and
+//! other readers of the CF conventions, **`.csv`** is text for a spreadsheet. Except for `.nc`, they also hold the
+//! velocity, mm/s, if the time between the volumes is known.
 
 mod cut;
 mod export;
 mod file;
+mod interpolation;
 mod vector_grid;
 mod vectors;
 
 pub use cut::Cut;
 pub use export::{Array, ImageData, Time, save_arrays, save_series, write_field_data};
+pub use interpolation::{Cell, Difference, Interpolated};
 pub use vector_grid::VectorGrid;
 pub use vectors::{Field, MEASURED, NO_DATA, REPLACED};

@@ -4,22 +4,19 @@ use crate::{Refusal, frame::MARK, history::History};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, json};
 
-/// Names and units of the channels, in the order of the components of a [`super::Field`].
-pub(super) const CHANNELS: [(&str, &str); 10] = [
-    ("u", "mm"),
-    ("v", "mm"),
-    ("w", "mm"),
-    ("peak", "1"),
-    ("ratio", "1"),
-    ("su", "mm"),
-    ("sv", "mm"),
-    ("sw", "mm"),
-    ("flag", "1"),
-    ("count", "1"),
+/// Name, unit and meaning of each channel, in the order of the components of a [`super::Field`].
+pub(super) const CHANNELS: [(&str, &str, &str); 10] = [
+    ("u", "mm", "displacement along x"),
+    ("v", "mm", "displacement along y"),
+    ("w", "mm", "displacement along z"),
+    ("peak", "1", "normalised correlation at the peak"),
+    ("ratio", "1", "first to second correlation peak"),
+    ("su", "mm", "standard uncertainty of u"),
+    ("sv", "mm", "standard uncertainty of v"),
+    ("sw", "mm", "standard uncertainty of w"),
+    ("flag", "1", "origin of the vector"),
+    ("count", "1", "particle images in the window"),
 ];
-
-/// The channels that every file has.
-pub(super) const REQUIRED: [&str; 9] = ["u", "v", "w", "peak", "ratio", "su", "sv", "sw", "flag"];
 
 /// The channel that a file may lack.
 pub(super) const COUNT: &str = "count";
@@ -69,7 +66,7 @@ impl VectorGrid {
     /// The JSON of the attribute `lf:field`: the units of the channels and the frame, which explain the file, and the
     /// layout.
     pub(super) fn to_json(&self) -> String {
-        let units: Map<_, _> = CHANNELS.iter().map(|(name, unit)| ((*name).to_owned(), json!(unit))).collect();
+        let units: Map<_, _> = CHANNELS.iter().map(|(name, unit, _)| ((*name).to_owned(), json!(unit))).collect();
         let mut attribute = json!({"units": units, "frame": MARK});
         for (key, value) in json!(self).as_object().into_iter().flatten() {
             attribute[key] = value.clone();

@@ -81,7 +81,7 @@ impl Flows {
         if let [Flow::Tracks { path }] = self.all() { Some(path) } else { None }
     }
 
-    /// Checks the numbers of all flows. Tracks cannot stand beside other flows.
+    /// Checks the numbers of all flows. Tracks cannot be added to other flows.
     pub fn check(&self) -> Result<(), Refusal> {
         let flows = self.all();
         let fits = flows.len() == 1 || !flows.iter().any(|flow| matches!(flow, Flow::Tracks { .. }));

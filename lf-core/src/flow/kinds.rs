@@ -12,7 +12,7 @@ const MOST: f64 = 1e9;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Flow {
-    /// The same displacement everywhere.
+    /// A uniform displacement.
     Uniform {
         /// Displacement along x, y, z, mm.
         displacement_mm: [f64; 3],

@@ -55,7 +55,7 @@ fn waves_too_short_to_follow_are_refused() {
     assert!(steps <= 1.01 * wanted && steps > 0.3 * wanted, "{steps} {wanted}");
 }
 
-/// The same wave over the paper's length of 1820 px = 10.01 mm, in a smaller volume of 4 mm along x.
+/// One wave over the paper's length of 1820 px = 10.01 mm, in a smaller volume of 4 mm along x.
 #[test]
 fn a_part_of_a_longer_wave() {
     let text =

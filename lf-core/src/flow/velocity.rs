@@ -31,16 +31,17 @@ impl Velocity {
         Self { steps, ..velocity }
     }
 
-    /// Largest change of velocity per distance in a volume, per unit of time, sampled on a regular grid of places. Waves
-    /// shorter than the usual distance show at a finer one.
+    /// Largest change of velocity per distance in a volume, per unit of time, sampled on a regular grid of places. A
+    /// finer distance finds waves shorter than the usual one.
     fn rate(&self, bounds_mm: [[f64; 2]; 3]) -> f64 {
-        // Distance and places of the finer look fit no wave, so that none has all places at its crests.
+        // The golden ratio in the finer distance and its places keeps a wave from having all places at its crests.
         let [usual, fine] =
             [(1e-4, 0.0), (1.618e-8, 0.3819660113)].map(|(share, off)| self.rate_over(share, off, bounds_mm));
         if fine > 2.0 * usual { fine } else { usual }
     }
 
-    /// The same over a share of the volume's least extent, at places `off` of their distance beside the regular ones.
+    /// Like `rate`, but over a share of the volume's smallest extent, at places that are moved by `off` of their
+    /// distance.
     fn rate_over(&self, share: f64, off: f64, bounds_mm: [[f64; 2]; 3]) -> f64 {
         let extent = DVec3::from(bounds_mm.map(|[low, high]| high - low));
         let (step, beside) = (share * extent.min_element(), off / (PLACES - 1) as f64 * extent);

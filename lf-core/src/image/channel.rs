@@ -1,4 +1,4 @@
-//! One value a pixel: grey as it stands, colour with equal channels, or the channel that the user names.
+//! One value a pixel: grey, colour with equal channels, or the channel that the user names.
 
 use super::decode::{array, pixels_are};
 use crate::Refusal;

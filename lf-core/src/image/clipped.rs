@@ -3,26 +3,27 @@
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-/// Number of values below the maximum that an image must have: one of fewer values shows no histogram.
+/// An image must have this many values below the maximum; with fewer, no histogram shows.
 const VALUES: usize = 16;
-/// The maximum is piled up if it stands in so many times as many pixels as each of the next values on average, by so
-/// many standard deviations of that average count, and in `FEWEST` pixels. In a histogram that ends by itself the
-/// maximum stands in fewer pixels than the next values.
+/// Pixels at the maximum count as a pile if they outnumber those at each of the next values, on average, by the factor
+/// `PILE`, by `DEVIATIONS` standard deviations of that average, and if there are at least `FEWEST`. In an unclipped
+/// image the maximum has fewer pixels than the next values.
 const PILE: f64 = 2.0;
 const DEVIATIONS: f64 = 4.0;
 const FEWEST: usize = 8;
 /// Number of the next values.
 const NEXT: usize = 4;
-/// Pixels that one task looks through.
+/// Pixels of a parallel task.
 const CHUNK: usize = 1 << 16;
 
-/// The level at which an image is clipped, counts, and the share of its pixels at that level. None if it is not clipped.
+/// The level, counts, at which an image is clipped and the share of its pixels there. None if it is not clipped.
 ///
 /// A sensor, amplifier or converter that is full gives the same count for all the light beyond it, so the histogram
 /// ends in a pile. No full scale is assumed: counts may be shifted, scaled or floats. Pixels that are not finite do not
-/// count. Hot pixels at full scale count as clipped. An image of 16 values or fewer is never clipped. In a bright
-/// area of little noise (five levels) a tenth of the area must be clipped to be seen. Two kinds are not told apart: a clipped image, and one without any noise whose brightest areas are flat. An image that was averaged,
-/// divided by a flat field, or from which a background was subtracted, has lost the pile: look before that.
+/// count. Hot pixels at full scale count as clipped. An image of 16 values or fewer never counts as clipped. In a
+/// bright area of little noise (five levels), clipping is found from a tenth of the area. A clipped image is not
+/// distinguished from one without noise whose brightest areas are flat. Averaging, division by a flat field and
+/// subtraction of a background destroy the pile: call this before.
 pub fn clipped_share(image: ArrayView2<f32>) -> Option<(f32, f64)> {
     let pixels = image.as_standard_layout();
     let pixels = pixels.as_slice()?;

@@ -4,8 +4,8 @@ use crate::{Error, Refusal, Result as Outcome, history::History};
 use ndarray::Array2;
 use std::panic::{self, AssertUnwindSafe};
 
-/// Most pixel bytes that one byte of a file can stand for. Deflate cannot pass 1032 and LZW stays below 1400, so no
-/// valid file is refused; a header that promises more would make us allocate memory for nothing.
+/// Maximum pixel bytes for a byte of a file. Deflate cannot exceed 1032 and LZW stays below 1400, so no valid file is
+/// refused. Without the limit a damaged header would make us allocate memory for nothing.
 pub(super) const RATIO: u64 = 2048;
 
 /// An image read from a file.
@@ -16,7 +16,7 @@ pub struct Image {
     pub history: History,
 }
 
-/// A decoder's failure in its own words.
+/// A decoder's failure, with its own message.
 pub(super) fn damaged(error: impl std::fmt::Display) -> Refusal {
     Refusal::new(format!("cannot be decoded ({error})"), "wanted a whole, valid file")
 }
@@ -43,7 +43,7 @@ pub(super) fn believable(width: u64, height: u64, bytes_per_pixel: u64, length: 
     Refusal::unless(size <= u128::from(RATIO) * length as u128, found, "wanted a file that holds what its header gives")
 }
 
-/// Runs a decoder. A panic inside it counts as damage of the file.
+/// Runs a decoder. A panic in it counts as a damaged file.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> Result<T, Refusal>) -> Result<T, Refusal> {
     panic::catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err(damaged("the decoder gave up")))
 }

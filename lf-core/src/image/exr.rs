@@ -11,7 +11,7 @@ use ::exr::prelude::{
 use std::{collections::HashMap, io::Cursor};
 
 /// Header of an EXR, checked before any pixel is decoded.
-pub(crate) struct Header {
+pub(crate) struct ExrHeader {
     pub(crate) width: usize,
     pub(crate) height: usize,
     /// Channel names in the order of the file, which is alphabetical.
@@ -20,7 +20,7 @@ pub(crate) struct Header {
     shared: HashMap<Text, AttributeValue>,
 }
 
-impl Header {
+impl ExrHeader {
     /// Refuses several parts, deep or subsampled data, a crop, and a size that the file cannot hold.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, Refusal> {
         let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(failed)?;
@@ -57,8 +57,9 @@ impl Header {
 }
 
 /// Values of the named channels, in the order of `names`, each in rows from the top.
-pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N]) -> Result<[Vec<f32>; N], Refusal> {
-    let missing: Vec<&str> = names.into_iter().filter(|name| !header.channels.iter().any(|has| has == name)).collect();
+pub(crate) fn read(bytes: &[u8], header: ExrHeader, names: &[&str]) -> Result<Vec<Vec<f32>>, Refusal> {
+    let missing: Vec<&str> =
+        names.iter().copied().filter(|name| !header.channels.iter().any(|has| has == name)).collect();
     let found = || format!("channels {} without {}", header.channels.join(", "), missing.join(", "));
     Refusal::unless(missing.is_empty(), found, format!("wanted channels {}", names.join(", ")))?;
     let image = ::exr::prelude::read()
@@ -71,23 +72,20 @@ pub(crate) fn read<const N: usize>(bytes: &[u8], header: Header, names: [&str; N
         .map_err(failed)?;
     let mut list = image.layer_data.channel_data.list;
     let pixels = header.width * header.height;
-    let mut values = names.map(|_| Vec::new());
-    for (name, values) in names.iter().zip(&mut values) {
-        let Some(place) = list.iter().position(|channel| channel.name.eq(name)) else {
-            return Err(damaged(format!("channel {name} is missing")));
-        };
-        *values = match list.swap_remove(place).sample_data {
+    let values = |name: &&str| {
+        let place = list.iter().position(|channel| channel.name.eq(name));
+        let place = place.ok_or_else(|| damaged(format!("channel {name} is missing")))?;
+        let values = match list.swap_remove(place).sample_data {
             FlatSamples::F32(samples) => samples,
             other => other.values_as_f32().collect(),
         };
-        if values.len() != pixels {
-            return Err(damaged(format!("channel {name} has {} of {pixels} values", values.len())));
-        }
-    }
-    Ok(values)
+        let found = || format!("channel {name} has {} of {pixels} values", values.len());
+        if values.len() == pixels { Ok(values) } else { Err(damaged(found())) }
+    };
+    names.iter().map(values).collect()
 }
 
-/// The library's failure in words.
+/// Turns a failure of the library into a refusal.
 fn failed(error: ::exr::error::Error) -> Refusal {
     match error {
         ::exr::error::Error::NotSupported(what) => Refusal::new(

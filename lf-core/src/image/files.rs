@@ -5,7 +5,7 @@ use super::{
     channel::Channel,
     decode::{Image, counts, damaged, guarded},
     light_field,
-    stack::{self, Stack},
+    stack::Stack,
     tiff,
 };
 use crate::io;
@@ -19,23 +19,18 @@ pub fn open(path: &Path) -> Result<Image> {
     Stack::open(path)?.only(None)
 }
 
-/// Reads from memory as [`open`] does, for a file `name`.
+/// Reads from memory like [`open`], for a file `name`.
 pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
-    guarded(|| {
-        let pages = stack::pages(bytes)?;
-        stack::refuse_many(pages.len(), name)?;
-        stack::decode(bytes, pages[0], None)
-    })
-    .map_err(|refusal| refusal.about(name))
+    Stack::from_bytes(bytes.to_vec().into(), name)?.only(None)
 }
 
-/// Reads as [`open`] does, colour by `channel`, and refuses pixels that are NaN, infinite or negative.
+/// Reads like [`open`], colour by `channel`. Refuses pixels that are NaN, infinite or negative.
 pub fn open_counts(path: &Path, channel: Option<Channel>) -> Result<Image> {
     counts(Stack::open(path)?.only(channel)?, &io::name(path))
 }
 
-/// Paths with a multi-page TIFF as its pages, `file.tif:0`, `file.tif:1` and so on. Pipes, and files that cannot be
-/// read, stay as they are.
+/// The paths, with each multi-page TIFF replaced by its pages `file.tif:0`, `file.tif:1` and so on. Pipes and files
+/// that cannot be read stay as they are.
 pub fn frames(paths: &[PathBuf]) -> Vec<PathBuf> {
     let page = |path: &Path, number: usize| {
         let mut name = path.as_os_str().to_owned();
@@ -74,7 +69,8 @@ pub fn open_frame(
     read_frame(path, background, (camera, camera_file), channel, |pixel| pixel.max(0.0))
 }
 
-/// The same, but pixels darker than the background stay below zero: their mean is that of the light, which a fit needs.
+/// Like [`open_frame`], but pixels darker than the background stay negative, so that their mean is that of the light. A
+/// fit needs this.
 pub fn open_signed_frame(
     path: &Path,
     background: Option<&Path>,
@@ -85,7 +81,7 @@ pub fn open_signed_frame(
     read_frame(path, background, (camera, camera_file), channel, |pixel| pixel)
 }
 
-/// `held` makes a pixel of the difference from the background.
+/// `held` turns the difference from the background into a pixel.
 fn read_frame(
     path: &Path,
     background: Option<&Path>,

@@ -15,7 +15,7 @@ const WANTED: &str = "wanted one channel Y, or R, G and B, linear counts";
 const OPAQUE: f32 = 1.0;
 
 pub(super) fn read(bytes: &[u8], channel: Option<Channel>) -> Result<Image, Refusal> {
-    let header = exr::Header::read(bytes)?;
+    let header = exr::ExrHeader::read(bytes)?;
     let meaning = meaning(&header.channels)?;
     let history = match header.text(HISTORY) {
         None => History::new(),
@@ -23,12 +23,9 @@ pub(super) fn read(bytes: &[u8], channel: Option<Channel>) -> Result<Image, Refu
             .map_err(|error| Refusal::new(format!("attribute {HISTORY}: {error}"), "wanted the steps as JSON"))?,
     };
     let size = [header.width, header.height];
-    let planes = match (meaning.is_colour, meaning.opaque) {
-        (false, None) => exr::read(bytes, header, ["Y"])?.to_vec(),
-        (false, Some(_)) => exr::read(bytes, header, ["Y", "A"])?.to_vec(),
-        (true, None) => exr::read(bytes, header, ["R", "G", "B"])?.to_vec(),
-        (true, Some(_)) => exr::read(bytes, header, ["R", "G", "B", "A"])?.to_vec(),
-    };
+    let mut names = if meaning.is_colour { vec!["R", "G", "B"] } else { vec!["Y"] };
+    names.extend(meaning.opaque.map(|_| "A"));
+    let planes = exr::read(bytes, header, &names)?;
     Ok(Image { pixels: grey(size, meaning, channel, |p, s| planes[s][p])?, history })
 }
 

@@ -6,19 +6,19 @@
 //! **Written.** The extension of the name chooses the format. Equal images and histories give equal bytes.
 //!
 //! - EXR, for every extension but the next: one part, one `f32` channel `Y`, linear counts, ZIP1 compression, rows from
-//!   top to bottom, and one text attribute `lf:history` that holds the history as JSON (absent if there is none).
+//!   top to bottom, and one text attribute `lf:history` that holds the history as JSON (absent without history).
 //! - TIFF, for `.tif` and `.tiff`: one page, 16-bit grey, whole counts, not compressed, and the same history in the tag
 //!   `ImageDescription`.
 //!
 //! **Read.** The first bytes choose the format, not the name. Values are taken as they stand: no gamma, no scaling.
 //!
 //! - EXR as above, also with half or whole-number samples and every compression that the library knows.
-//! - TIFF with grey of 8 to 16 bits (packed if the depth is between) or `f32`, 0 is black; classic or BigTIFF, strips or
+//! - TIFF with grey of 8 to 16 bits (packed from 9 to 15) or `f32`, where 0 is black; classic or BigTIFF, strips or
 //!   tiles, plain or compressed by LZW, deflate or PackBits, with a predictor or without. The tag `Orientation` is
 //!   ignored: row 0 is the first stored one.
 //! - PNG with 8-bit or 16-bit samples.
 //!
-//! **Pages.** Each page of a TIFF is an image. `file.tif:3` names page 3 of `file.tif`, counted from 0, unless a file of
+//! **Pages.** Each page of a TIFF is an image. `file.tif:3` is page 3 of `file.tif`, counted from 0, unless a file of
 //! exactly that name exists. Where one image is wanted, a file of several pages is refused.
 //!
 //! **Colour.** RGB in any of these formats is read as grey if its channels are equal in every pixel; otherwise a

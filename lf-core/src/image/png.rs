@@ -11,7 +11,7 @@ use std::io::Cursor;
 /// Memory allowed for chunks other than pixels, bytes.
 const CHUNKS: u64 = 16 << 20;
 
-/// Places of the bit depth and the colour type, which a PNG begins with, and the colour type of grey.
+/// Offsets of the bit depth and the colour type in the header of a PNG, and the colour type of grey.
 const DEPTH: usize = 24;
 const KIND: usize = 25;
 const GREY: u8 = 0;
@@ -58,7 +58,7 @@ pub fn picture(grey: &Array2<u8>) -> Result<Vec<u8>, Refusal> {
     Ok(bytes)
 }
 
-/// A picture in colour as the bytes of a PNG: `size` px wide and high, red, green and blue of each pixel, row 0 at the top.
+/// A picture in colour as the bytes of a PNG; `rgb` has red, green and blue of each pixel, row 0 at the top.
 pub fn picture_colour([width, height]: [u32; 2], rgb: &[u8]) -> Result<Vec<u8>, Refusal> {
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes).write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(damaged)?;

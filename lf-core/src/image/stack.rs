@@ -11,7 +11,7 @@ use std::path::Path;
 /// bytes and no pixels.
 pub struct Stack {
     name: String,
-    /// How the file was typed on a command line.
+    /// The file as typed on the command line.
     typed: String,
     bytes: Bytes,
     /// Places of the pages in the file.
@@ -21,8 +21,8 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// Opens a file and finds its images; `-` is standard input, and `file.tif:3` names one page, from 0. Refuses a TIFF
-    /// without a whole list of pages, and a page that it does not have.
+    /// Opens a file and finds its images; `-` is standard input, and `file.tif:3` is page 3, counted from 0. Refuses a
+    /// TIFF with a damaged list of pages, and a page that does not exist.
     pub fn open(path: &Path) -> Result<Self> {
         let (file, page) = io::split_page(path);
         let mut stack = Self::from_bytes(io::open(file)?, &io::name(file))?;
@@ -62,9 +62,12 @@ impl Stack {
         self.first.map_or_else(|| self.name.clone(), |first| format!("{}:{}", self.name, first + number))
     }
 
-    /// Decodes the image as [`super::open`] does. Refuses several.
+    /// Decodes the only image like [`super::open`]. Refuses several images.
     pub fn only(&self, channel: Option<Channel>) -> Result<Image> {
-        refuse_many(self.images(), &self.typed).map_err(|refusal| refusal.about(&self.name))?;
+        let (pages, typed) = (self.images(), &self.typed);
+        let wanted = format!("wanted one of them, {typed}:0 to {typed}:{}", pages - 1);
+        let is_one = Refusal::unless(pages == 1, || pages_are(pages), wanted);
+        is_one.map_err(|refusal| refusal.about(&self.name))?;
         self.decode(0, channel)
     }
 
@@ -93,25 +96,19 @@ impl Stack {
     }
 }
 
-/// Refuses several pages where one image is wanted, of a file typed as `name`.
-pub(super) fn refuse_many(pages: usize, name: &str) -> std::result::Result<(), Refusal> {
-    let wanted = || format!("wanted one of them, {name}:0 to {name}:{}", pages - 1);
-    Refusal::unless(pages == 1, || pages_are(pages), wanted())
-}
-
 fn pages_are(pages: usize) -> String {
     if pages == 1 { "1 page".to_owned() } else { format!("{pages} pages") }
 }
 
 /// Places of the pages of a TIFF. The one image of another format has no place of its own.
-pub(super) fn pages(bytes: &[u8]) -> std::result::Result<Vec<usize>, Refusal> {
+fn pages(bytes: &[u8]) -> std::result::Result<Vec<usize>, Refusal> {
     if Signature::of(bytes) == Some(Signature::Tiff) { tiff::pages(bytes) } else { Ok(vec![0]) }
 }
 
 /// Width and height of the image at one of the places that [`pages`] gives.
 fn size(bytes: &[u8], page: usize) -> std::result::Result<[usize; 2], Refusal> {
     match Signature::of(bytes) {
-        Some(Signature::Exr) => exr::Header::read(bytes).map(|header| [header.width, header.height]),
+        Some(Signature::Exr) => exr::ExrHeader::read(bytes).map(|header| [header.width, header.height]),
         Some(Signature::Tiff) => tiff::size(bytes, page),
         Some(Signature::Png) => png::size(bytes),
         _ => Err(no_image(bytes)),
@@ -125,8 +122,8 @@ fn no_image(bytes: &[u8]) -> Refusal {
     }
 }
 
-/// Decodes the image at one of the places that [`pages`] gives. The first bytes tell the format.
-pub(super) fn decode(bytes: &[u8], page: usize, channel: Option<Channel>) -> std::result::Result<Image, Refusal> {
+/// Decodes the image at one of the places that [`pages`] gives. The first bytes determine the format.
+fn decode(bytes: &[u8], page: usize, channel: Option<Channel>) -> std::result::Result<Image, Refusal> {
     match Signature::of(bytes) {
         Some(Signature::Exr) => light_field::read(bytes, channel),
         Some(Signature::Tiff) => tiff::page(bytes, page, channel),
@@ -142,7 +139,7 @@ mod tests {
     use ndarray::Array2;
 
     #[test]
-    fn the_header_tells_the_size_that_the_pixels_have() {
+    fn the_header_gives_the_size_of_the_pixels() {
         let pixels = Array2::from_elem((3, 5), 7.0);
         let files =
             [light_field::write(&pixels, None), tiff::write(&pixels, None), picture(&Array2::from_elem((3, 5), 7))];

@@ -40,7 +40,7 @@ impl Bytes {
         Ok(buffer.into())
     }
 
-    /// Whether the bytes are a view of the file and no copy.
+    /// Whether the bytes are mapped from the file, not copied.
     pub fn is_mapped(&self) -> bool {
         matches!(self.storage, Storage::Mapped { .. })
     }

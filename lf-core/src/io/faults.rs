@@ -1,11 +1,11 @@
-//! Faults of the system that would end a tool without a word: an output beyond the limit of file sizes, a mapped input
-//! that is cut short, a standard output that was closed before the start.
+//! Faults of the system that would end a tool without a message: an output beyond the limit of file sizes, a mapped
+//! input that is cut short, a standard output that was closed before the start.
 
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicUsize, Ordering::Relaxed};
 use std::{ffi::c_void, ptr::null_mut};
 
-/// Most mapped inputs that a line about a lost one can name.
-const MOST_MAPS: usize = 1024;
+/// Maximum number of mapped inputs whose loss is reported by name.
+const MAX_MAPS: usize = 1024;
 
 /// The bytes of a text that a signal handler reads.
 struct SharedText {
@@ -23,7 +23,7 @@ impl SharedText {
         self.length.store(text.len(), Relaxed);
     }
 
-    /// Writes the text to standard error, as far as that takes it. Safe in a signal handler.
+    /// Writes the text to standard error and ignores failures. Safe in a signal handler.
     fn print(&self) {
         print(self.start.load(Relaxed), self.length.load(Relaxed));
     }
@@ -41,16 +41,16 @@ struct Map {
     name: SharedText,
 }
 
-static MAPS: [Map; MOST_MAPS] =
-    [const { Map { start: AtomicUsize::new(0), end: AtomicUsize::new(0), name: SharedText::new() } }; MOST_MAPS];
+static MAPS: [Map; MAX_MAPS] =
+    [const { Map { start: AtomicUsize::new(0), end: AtomicUsize::new(0), name: SharedText::new() } }; MAX_MAPS];
 static TOOL: SharedText = SharedText::new();
 static STDOUT_WAS_CLOSED: AtomicBool = AtomicBool::new(false);
 
 /// The rest of the line about a lost input, after its name.
 const LOST: &str = ": cut short while it was read; wanted a file that stays as it is during the run\n";
 
-/// Makes a write beyond the limit of file sizes an error of the write, and the loss of a mapped input a line and exit
-/// code 2. `tool` begins the line.
+/// Makes a write beyond the limit of file sizes fail, and the loss of a mapped input end the process with a line and
+/// exit code 2. The line begins with `tool`.
 pub fn guard(tool: &'static str) {
     TOOL.set(tool);
     // SAFETY: the handler is of the kind that SA_SIGINFO asks for, and calls only what is safe in one.
@@ -68,7 +68,7 @@ pub(super) fn is_guarded() -> bool {
     TOOL.length.load(Relaxed) > 0
 }
 
-/// Answers an access to a page that the file no longer has.
+/// Handles an access to a page that the file no longer has.
 extern "C" fn lost(_: libc::c_int, info: *mut libc::siginfo_t, _: *mut c_void) {
     // SAFETY: the system gives a valid `info`.
     let address = unsafe { (*info).si_addr() } as usize;
@@ -79,7 +79,7 @@ extern "C" fn lost(_: libc::c_int, info: *mut libc::siginfo_t, _: *mut c_void) {
             print(b": ".as_ptr(), 2);
             map.name.print();
             print(LOST.as_ptr(), LOST.len());
-            // SAFETY: ends the process without a look at its memory.
+            // SAFETY: ends the process and touches no memory.
             unsafe { libc::_exit(2) }
         }
         // SAFETY: another cause: the access fails again and ends the process as usual.
@@ -99,7 +99,7 @@ pub fn release_memory() {
     }
 }
 
-/// A mapped input that the line about its loss names. Dropping it forgets the map.
+/// Name of a mapped input, for the line about its loss. Dropping it removes the name.
 pub(super) struct Named {
     entry: Option<&'static Map>,
     _name: Box<str>,

@@ -45,7 +45,7 @@ pub enum Signature {
 }
 
 impl Signature {
-    /// The format that the first bytes belong to; None if they belong to none of these. TIFF includes BigTIFF.
+    /// The format of a file with these first bytes; None for others. TIFF includes BigTIFF.
     pub fn of(bytes: &[u8]) -> Option<Self> {
         match bytes {
             [0x76, 0x2f, 0x31, 0x01, ..] => Some(Self::Exr),

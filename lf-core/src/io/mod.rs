@@ -3,9 +3,9 @@
 //! In: paths; `-` is standard input or standard output. Out: the bytes of an input, and complete output files.
 //! Open first: `input.rs` and `output.rs`.
 //!
-//! A plain file is mapped, whether it is named or redirected with `<`; everything else is read to its end. The reader
-//! cannot tell the two apart. An output appears under its name when it is complete; until then the name keeps its old
-//! content. An input that changes while it is in use is noticed before an output appears.
+//! A plain file is mapped, whether it is named or redirected with `<`; everything else is read to its end. Readers see
+//! no difference. An output appears under its name when it is complete; until then the old file stays. If an input
+//! changes while it is in use, no output appears.
 
 mod bytes;
 mod draft;

@@ -20,8 +20,8 @@ const LINKS: usize = 40;
 pub fn check_place(path: &Path) -> Result<()> {
     let refused = |error: io::Error| writing(&output_name(path), &error);
     match place(path).map_err(refused)? {
-        Place::Replace(place, _) => draft::begin(folder_of(&place)).map(drop).map_err(refused),
-        Place::Standard | Place::Through => Ok(()),
+        OutputPlace::Replace(place, _) => draft::begin(folder_of(&place)).map(drop).map_err(refused),
+        OutputPlace::Standard | OutputPlace::Through => Ok(()),
     }
 }
 
@@ -44,14 +44,6 @@ pub fn save_text(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()
     write(path, true, fill)
 }
 
-/// The destination of an output.
-enum Target {
-    /// A stream, device or FIFO: written directly.
-    Through(File),
-    /// A plain file: it appears under this name when complete, with the permissions of the file that it replaces.
-    Replace(PathBuf, Option<Permissions>),
-}
-
 fn folder_of(place: &Path) -> &Path {
     place.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
 }
@@ -59,14 +51,8 @@ fn folder_of(place: &Path) -> &Path {
 fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let subject = output_name(path);
     let failed = |error: io::Error| writing(&subject, &error);
-    match target(path).map_err(failed)? {
-        Target::Through(file) => {
-            if !text && file.is_terminal() {
-                return Err(Error::new(subject, "a terminal", "wanted a file or a pipe for binary output (-o FILE)"));
-            }
-            fill_and_flush(file, fill).map_err(failed)?;
-        }
-        Target::Replace(place, old) => {
+    match place(path).map_err(failed)? {
+        OutputPlace::Replace(place, old) => {
             let folder = folder_of(&place);
             let (file, draft) = draft::begin(folder).map_err(failed)?;
             let file = fill_and_flush(file, fill).map_err(failed)?;
@@ -76,6 +62,13 @@ fn write(path: &Path, text: bool, fill: impl FnOnce(&mut dyn Write) -> io::Resul
             file.sync_all().map_err(failed)?;
             check_inputs()?;
             draft.finish(&file, &place, folder).map_err(failed)?;
+        }
+        stream => {
+            let file = open_stream(&stream, path).map_err(failed)?;
+            if !text && file.is_terminal() {
+                return Err(Error::new(subject, "a terminal", "wanted a file or a pipe for binary output (-o FILE)"));
+            }
+            fill_and_flush(file, fill).map_err(failed)?;
         }
     }
     Ok(())
@@ -89,35 +82,40 @@ fn fill_and_flush(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()
     outcome.map(|()| file)
 }
 
-/// The things that a path stands for.
-enum Place {
+/// The kind of output that a path names.
+enum OutputPlace {
     /// Standard output.
     Standard,
-    /// A device, a FIFO or an open descriptor.
+    /// A device, a FIFO or an open descriptor, which is written directly.
     Through,
-    /// A plain file, old or new: its path without symbolic links, and its permissions if there is one.
+    /// A plain file: its path without symbolic links, and the permissions of the file that it replaces. The new file
+    /// appears there when it is complete.
     Replace(PathBuf, Option<Permissions>),
 }
 
-/// Finds out what a path stands for. Opens no device or FIFO: that may wait for a reader.
-fn place(path: &Path) -> io::Result<Place> {
+/// Determines the kind of output that a path names. Opens no device or FIFO, since that may wait for a reader.
+fn place(path: &Path) -> io::Result<OutputPlace> {
     if is_standard(path) || path == Path::new("/dev/stdout") {
-        return if stdout_was_closed() { Err(io::Error::other("closed")) } else { Ok(Place::Standard) };
+        return if stdout_was_closed() { Err(io::Error::other("closed")) } else { Ok(OutputPlace::Standard) };
     }
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => Err(ErrorKind::IsADirectory.into()),
         Ok(found) if found.is_file() && !names_a_descriptor(path) => {
             // Do not replace a file that its owner has made read-only.
             OpenOptions::new().write(true).open(path)?;
-            Ok(Place::Replace(fs::canonicalize(path)?, Some(Permissions::from_mode(found.mode() & 0o7777))))
+            Ok(OutputPlace::Replace(fs::canonicalize(path)?, Some(Permissions::from_mode(found.mode() & 0o7777))))
         }
-        Ok(_) => Ok(Place::Through),
+        Ok(_) => Ok(OutputPlace::Through),
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             let mut place = path.to_owned();
             for _ in 0..LINKS {
                 let Ok(next) = fs::read_link(&place) else {
                     let has_folder = folder_of(&place).is_dir();
-                    return if has_folder { Ok(Place::Replace(place, None)) } else { Err(ErrorKind::NotFound.into()) };
+                    return if has_folder {
+                        Ok(OutputPlace::Replace(place, None))
+                    } else {
+                        Err(ErrorKind::NotFound.into())
+                    };
                 };
                 place = place.parent().unwrap_or(Path::new("")).join(next);
             }
@@ -127,22 +125,17 @@ fn place(path: &Path) -> io::Result<Place> {
     }
 }
 
-/// Opens what a path stands for, unless it is a plain file.
-fn target(path: &Path) -> io::Result<Target> {
-    match place(path)? {
-        Place::Standard => {
-            io::stdout().flush()?;
-            Ok(Target::Through(standard(io::stdout().as_fd())?))
-        }
-        Place::Through => {
-            let mut file = OpenOptions::new().write(true).open(path)?;
-            if file.metadata()?.is_file() {
-                file.seek(SeekFrom::End(0))?;
-            }
-            Ok(Target::Through(file))
-        }
-        Place::Replace(place, old) => Ok(Target::Replace(place, old)),
+/// Opens standard output, a device, a FIFO or a descriptor.
+fn open_stream(place: &OutputPlace, path: &Path) -> io::Result<File> {
+    if let OutputPlace::Standard = place {
+        io::stdout().flush()?;
+        return standard(io::stdout().as_fd());
     }
+    let mut file = OpenOptions::new().write(true).open(path)?;
+    if file.metadata()?.is_file() {
+        file.seek(SeekFrom::End(0))?;
+    }
+    Ok(file)
 }
 
 /// Whether a path names an open descriptor. Replacing its file would cut off others that hold it open.

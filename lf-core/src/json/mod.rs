@@ -1,4 +1,4 @@
-//! JSON that people write: every mistake is found at once and named with its remedy.
+//! JSON written by people: all mistakes are reported at once, each with its remedy.
 //!
 //! In: a JSON value and the type it should become. Out: the type, or a phrase that names all missing, unknown and wrong
 //! keys. The types say which keys exist; nothing is listed twice.

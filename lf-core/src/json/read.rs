@@ -6,15 +6,15 @@ use super::suggest::{meant, stem};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// The key that tells which keys an object has.
+/// The key that determines which other keys an object has.
 const TAG: &str = "kind";
 
-/// Most mistakes that are named.
-const MOST: usize = 20;
+/// Maximum number of mistakes that are reported.
+const MAX_MISTAKES: usize = 20;
 
 /// Reads a JSON value as a type. The error is a phrase that names all missing keys, unknown keys and wrong values.
 pub fn read<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
-    T::deserialize(Reader::new(value, &Known::default())).map_err(|_| worded(&mistakes::<T>(value, "")))
+    T::deserialize(Reader::new(value, &Known::default())).map_err(|_| mistakes::<T>(value, "").join(", "))
 }
 
 /// All mistakes of a JSON value that should become a `T`, each as a phrase. `within` is the path of the value in its
@@ -22,7 +22,7 @@ pub fn read<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
 pub fn mistakes<T: DeserializeOwned>(value: &Value, within: &str) -> Vec<String> {
     let mut known = Known::default();
     let mut found: Vec<(String, Mistake)> = Vec::new();
-    while found.len() < MOST {
+    while found.len() < MAX_MISTAKES {
         let Err(Fault { mistake, path }) = T::deserialize(Reader::new(value, &known)) else { break };
         let path = path.unwrap_or_default();
         if !pass_over(&mut known, &path, &mistake) {
@@ -40,13 +40,13 @@ pub fn mistakes<T: DeserializeOwned>(value: &Value, within: &str) -> Vec<String>
 
 /// Makes the reader pass over a mistake. False if it already should.
 fn pass_over(known: &mut Known, path: &str, mistake: &Mistake) -> bool {
-    // Without its kind, nothing is known of an object's other keys.
-    let untold = match mistake {
+    // Without its kind, the other keys of an object are unknown.
+    let unknown = match mistake {
         Mistake::Missing(TAG) => Some(path),
         Mistake::Word(..) => path.strip_suffix(TAG).filter(|path| path.is_empty() || path.ends_with('.')),
         _ => None,
     };
-    if let Some(object) = untold {
+    if let Some(object) = unknown {
         return known.wrong.insert(object.trim_end_matches('.').to_owned());
     }
     match mistake {
@@ -114,11 +114,6 @@ fn phrases(found: Vec<(String, Mistake)>, within: &str) -> Vec<String> {
     let missing: Vec<String> = missing.iter().map(|(path, key)| whole(&member(path, key))).collect();
     let missing = (!missing.is_empty()).then(|| format!("without {}", missing.join(", ")));
     missing.into_iter().chain(others).collect()
-}
-
-/// Phrases between commas.
-fn worded(phrases: &[String]) -> String {
-    phrases.join(", ")
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! A deserializer of JSON values that can pass over the mistakes already found, so that the next one shows.
+//! A deserializer of JSON values that passes over the mistakes already found, so that the next one is found.
 
 use super::fault::{Fault, Mistake};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
@@ -18,14 +18,14 @@ pub(super) struct Known {
     pub wrong: BTreeSet<String>,
 }
 
-/// Values that stand for a missing key of unknown type.
+/// Number of values that replace a missing key of unknown type.
 pub(super) const STAND_INS: usize = 4;
 
 fn stand_in(number: usize) -> Value {
     [json!(1), json!("x"), json!([1, 1, 1]), json!([1, 1])][number.min(STAND_INS - 1)].clone()
 }
 
-/// The value at a path; `None` stands for a mistake that is passed over, and gives whatever is wanted.
+/// The value at a path; `None` is a mistake that is passed over, and gives a value of any wanted type.
 #[derive(Clone)]
 pub(super) struct Reader<'a> {
     pub value: Option<&'a Value>,
@@ -109,9 +109,9 @@ impl<'de> MapAccess<'de> for Entries<'_> {
 }
 
 /// The entries of a list, in turn.
-struct List<'a>(std::vec::IntoIter<Reader<'a>>);
+struct JsonList<'a>(std::vec::IntoIter<Reader<'a>>);
 
-impl<'de> SeqAccess<'de> for List<'_> {
+impl<'de> SeqAccess<'de> for JsonList<'_> {
     type Error = Fault;
 
     fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Read<Option<T::Value>> {
@@ -141,7 +141,7 @@ impl<'de> Deserializer<'de> for Reader<'_> {
             Value::String(text) => visitor.visit_str(text),
             Value::Array(list) => {
                 let entry = |(n, value)| reader.at(Some(value), format!("{}[{n}]", reader.path), 0);
-                let mut entries = List(list.iter().enumerate().map(entry).collect::<Vec<_>>().into_iter());
+                let mut entries = JsonList(list.iter().enumerate().map(entry).collect::<Vec<_>>().into_iter());
                 visitor.visit_seq(&mut entries).and_then(|read| match entries.0.len() {
                     0 => Ok(read),
                     _ => Err(Mistake::Other(format!("has {} entries, more than wanted", list.len())).into()),
@@ -182,14 +182,14 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         if self.value.is_some() {
             return self.deserialize_any(visitor);
         }
-        visitor.visit_seq(List(vec![self; length].into_iter()))
+        visitor.visit_seq(JsonList(vec![self; length].into_iter()))
     }
 
     fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Read<V::Value> {
         if self.value.is_some() {
             self.deserialize_any(visitor)
         } else {
-            visitor.visit_seq(List(Vec::new().into_iter()))
+            visitor.visit_seq(JsonList(Vec::new().into_iter()))
         }
     }
 

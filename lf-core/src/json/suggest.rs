@@ -1,72 +1,31 @@
 //! The key or word that was probably meant.
 
-/// Words that people write, and the word of a file that means the same. A key matches without its unit.
-const SYNONYMS: [(&str, &str); 58] = [
-    ("round", "circle"),
-    ("circular", "circle"),
-    ("disc", "circle"),
-    ("disk", "circle"),
-    ("rect", "square"),
-    ("rectangle", "square"),
-    ("rectangular", "square"),
-    ("quadratic", "square"),
-    ("orthogonal", "square"),
-    ("cartesian", "square"),
-    ("hex", "hexagonal"),
-    ("hexagon", "hexagonal"),
-    ("hexa", "hexagonal"),
-    ("triangular", "hexagonal"),
-    ("f_number", "working_f_number"),
-    ("fnumber", "working_f_number"),
-    ("f_stop", "working_f_number"),
-    ("n_w", "working_f_number"),
-    ("f", "focal_length_mm"),
-    ("focal", "focal_length_mm"),
-    ("focal_length", "focal_length_mm"),
-    ("f_l", "focal_length_mm"),
-    ("m", "magnification"),
-    ("mag", "magnification"),
-    ("stop", "aperture"),
-    ("aperture_shape", "aperture"),
-    ("shape", "aperture"),
-    ("iris", "aperture"),
-    ("pixel", "pixel_pitch_mm"),
-    ("pixel_size", "pixel_pitch_mm"),
-    ("pixel_pitch", "pixel_pitch_mm"),
-    ("pp", "pixel_pitch_mm"),
-    ("columns", "width"),
-    ("cols", "width"),
-    ("rows", "height"),
-    ("nx", "width"),
-    ("ny", "height"),
-    ("width_px", "width"),
-    ("height_px", "height"),
-    ("pitch", "pitch_mm"),
-    ("lenslet_pitch", "pitch_mm"),
-    ("type", "layout"),
-    ("arrangement", "layout"),
-    ("grid", "layout"),
-    ("packing", "layout"),
-    ("lattice", "layout"),
-    ("rotation", "rotation_rad"),
-    ("angle", "rotation_rad"),
-    ("angle_rad", "rotation_rad"),
-    ("turn", "rotation_rad"),
-    ("offset", "offset_mm"),
-    ("origin", "offset_mm"),
-    ("lens", "main_lens"),
-    ("objective", "main_lens"),
-    ("camera_sensor", "sensor"),
-    ("lenslets", "microlenses"),
-    ("mla", "microlenses"),
-    ("microlens_array", "microlenses"),
+/// Words of a file, and the words that people write for them. A key matches without its unit.
+const SYNONYMS: [(&str, &[&str]); 17] = [
+    ("circle", &["round", "circular", "disc", "disk"]),
+    ("square", &["rect", "rectangle", "rectangular", "quadratic", "orthogonal", "cartesian"]),
+    ("hexagonal", &["hex", "hexagon", "hexa", "triangular"]),
+    ("working_f_number", &["f_number", "fnumber", "f_stop", "n_w"]),
+    ("focal_length_mm", &["f", "focal", "focal_length", "f_l"]),
+    ("magnification", &["m", "mag"]),
+    ("aperture", &["stop", "aperture_shape", "shape", "iris"]),
+    ("pixel_pitch_mm", &["pixel", "pixel_size", "pixel_pitch", "pp"]),
+    ("width", &["columns", "cols", "nx", "width_px"]),
+    ("height", &["rows", "ny", "height_px"]),
+    ("pitch_mm", &["pitch", "lenslet_pitch"]),
+    ("layout", &["type", "arrangement", "grid", "packing", "lattice"]),
+    ("rotation_rad", &["rotation", "angle", "angle_rad", "turn"]),
+    ("offset_mm", &["offset", "origin"]),
+    ("main_lens", &["lens", "objective"]),
+    ("sensor", &["camera_sensor"]),
+    ("microlenses", &["lenslets", "mla", "microlens_array"]),
 ];
 
 /// Endings of keys that name a unit.
 const UNITS: [&str; 12] =
     ["_mm", "_um", "_µm", "_micron", "_microns", "_nm", "_cm", "_m", "_rad", "_mrad", "_deg", "_degrees"];
 
-/// Least likeness of two words that may be slips of each other.
+/// Words with at least this likeness may be typing errors of each other.
 const ALIKE: f64 = 0.6;
 
 /// A word in lower case, with one kind of joint between its parts.
@@ -91,8 +50,9 @@ pub(super) fn meant(word: &str, known: &[&'static str]) -> Option<&'static str> 
     let word = plain(word);
     let same = |a: &str, b: &str| a == b || a == stem(b) || stem(a) == stem(b);
     let by_name = known.iter().find(|other| same(&word, other));
-    let synonyms = SYNONYMS.iter().filter(|(name, _)| *name == word || *name == stem(&word)).map(|(_, meant)| *meant);
-    let by_synonym = || synonyms.clone().find_map(|meant| known.iter().find(|other| **other == meant));
+    let is_synonym = |names: &[&str]| names.contains(&word.as_str()) || names.contains(&stem(&word));
+    let synonyms = SYNONYMS.iter().filter(|(_, names)| is_synonym(names));
+    let by_synonym = || synonyms.clone().find_map(|(meant, _)| known.iter().find(|other| *other == meant));
     let by_likeness = || {
         let judged = known.iter().map(|other| (likeness(stem(&word), stem(other)), other));
         judged.filter(|(alike, _)| *alike >= ALIKE).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, other)| other)

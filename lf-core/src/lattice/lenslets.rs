@@ -179,8 +179,8 @@ impl Lattice {
         })
     }
 
-    /// The perfect lattice in rows nearly along x: the centre of one lenslet, the step to the next of its row, which has a
-    /// positive x, and a step to another row, mm.
+    /// The perfect lattice in rows nearly along x: the centre of one lenslet, the step to the next in its row, which
+    /// has a positive x, and the step to another row, mm.
     pub(crate) fn rows_along_x(&self) -> [DVec2; 3] {
         let shift = if self.layout == Layout::Square { 0.0 } else { 0.5 };
         let mut along = self.rotation * DVec2::new(self.pitch_mm, 0.0);
@@ -231,6 +231,19 @@ impl Lattice {
     pub fn cell_area_mm2(&self) -> f64 {
         self.pitch_mm * self.row_pitch_mm()
     }
+}
+
+/// Where the line at height `y` enters and leaves a convex polygon. An empty chord at 0 if it misses the polygon.
+pub(crate) fn chord(corners: &[DVec2], y: f64) -> [f64; 2] {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (n, &from) in corners.iter().enumerate() {
+        let to = corners[(n + 1) % corners.len()];
+        if (from.y - y) * (to.y - y) <= 0.0 && from.y != to.y {
+            let x = from.x + (to.x - from.x) * (y - from.y) / (to.y - from.y);
+            (low, high) = (low.min(x), high.max(x));
+        }
+    }
+    if low <= high { [low, high] } else { [0.0, 0.0] }
 }
 
 #[cfg(test)]

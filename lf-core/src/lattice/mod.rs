@@ -8,3 +8,4 @@ mod lenslets;
 
 pub use keys::{Centres, Layout, MOST_DEGREE, Microlenses, terms};
 pub use lenslets::Lattice;
+pub(crate) use lenslets::chord;

@@ -2,8 +2,8 @@
 //!
 //! Folded into one cell, the light shows the image of the stop: bright inside, dark between the lenslets. The fold is
 //! compared with the one that the camera predicts, in place and at every shift. The lit part of the frame is cut into
-//! blocks, and the scatter of the blocks tells which differences are sure: a frame of ten particles is not asked for
-//! more than it knows.
+//! blocks, and the scatter of the blocks shows which differences are significant, so that a frame of ten particles
+//! gives no false alarm.
 
 use super::tones::{DARKEST, Tones};
 use crate::{Camera, Optics};
@@ -12,7 +12,7 @@ use ndarray::ArrayView2;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Most pixels that are looked at. They are in whole rows, spread evenly over the phases of the lattice.
+/// About this many pixels are examined, in whole rows that are spread evenly over the phases of the lattice.
 const PIXELS: usize = 1 << 20;
 
 /// Bins a side of a fold, and places a side at which the stop and a pixel are sampled for the predicted one.
@@ -24,18 +24,18 @@ const PIXEL_PLACES: usize = 4;
 const BLOCKS: usize = 6;
 const BEYOND: f64 = 0.01;
 
-/// Fewest blocks with light, by the spread of their light.
-const FEWEST_BLOCKS: f64 = 6.0;
+/// Minimum effective number of lit blocks: the light's sum squared over its sum of squares.
+const MIN_BLOCKS: f64 = 6.0;
 
-/// Least relative variance of a predicted fold. A square stop that fills square cells leaves none, so its frames tell
-/// nothing.
-const LEAST_VARIANCE: f64 = 0.01;
+/// Minimum relative variance of a predicted fold. A square stop that fills square cells leaves none, so its frames
+/// cannot be checked.
+const MIN_VARIANCE: f64 = 0.01;
 
 /// Light follows the lattice if it has this share of the contrast that the camera predicts.
 const FOLLOWS: f64 = 0.4;
 
-/// A difference is sure from so many standard deviations.
-const SURE: f64 = 4.5;
+/// A difference of this many standard deviations is significant.
+const SIGNIFICANT: f64 = 4.5;
 
 /// Largest shift of a good camera's light, px.
 const LARGEST_SHIFT_PX: f64 = 0.7;
@@ -43,9 +43,10 @@ const LARGEST_SHIFT_PX: f64 = 0.7;
 /// How the light of a frame lies under the lenslets of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatticeLight {
-    /// Contrast of the fold where the camera puts it, over the predicted one: 1 for the camera's light, 0 for any other.
+    /// Contrast of the fold where the camera predicts it, over the predicted one: 1 for the camera's light, else about
+    /// 0.
     pub share: f64,
-    /// Its standard deviation. Infinite where the frame or the camera cannot tell.
+    /// Its standard deviation. Infinite where the frame or the camera cannot be checked.
     pub share_deviation: f64,
     /// Distance of the light from where the camera's lenslets put it, px.
     pub shift_px: f64,
@@ -58,7 +59,7 @@ pub struct LatticeLight {
 /// Whether the light is that of the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Follows {
-    /// It lies where the camera puts it, or cannot tell.
+    /// It lies where the camera predicts it, or cannot be checked.
     Camera,
     /// It follows another lattice, or none.
     AnotherLattice,
@@ -99,7 +100,7 @@ impl Fold {
         self.bins.iter().map(|light| light / mean - 1.0).collect()
     }
 
-    /// Sum of the light times the pattern that is shifted by so many bins.
+    /// Sum of the light times the pattern, shifted by this many columns and rows of bins.
     fn along(&self, pattern: &[f64], [columns, rows]: [usize; 2]) -> f64 {
         let mut sum = 0.0;
         for row in 0..BINS {
@@ -135,7 +136,7 @@ impl LatticeLight {
         let pattern = predicted(&optics).departures();
         let variance = pattern.iter().map(|value| value * value).sum::<f64>() / pattern.len() as f64;
         let spread = whole.light.powi(2) / blocks.iter().map(|block| block.light.powi(2)).sum::<f64>();
-        if variance < LEAST_VARIANCE || spread < FEWEST_BLOCKS {
+        if variance < MIN_VARIANCE || spread < MIN_BLOCKS {
             let unknown = f64::INFINITY;
             return Some(Self {
                 share: 1.0,
@@ -160,13 +161,13 @@ impl LatticeLight {
     /// Whether the light is that of the camera.
     pub fn follows(&self) -> Follows {
         let is_beside = self.shift_px > LARGEST_SHIFT_PX;
-        let lacks = self.share + SURE * self.share_deviation < FOLLOWS;
-        if is_beside && self.gain > SURE * self.gain_deviation && self.share + self.gain > FOLLOWS {
+        let lacks = self.share + SIGNIFICANT * self.share_deviation < FOLLOWS;
+        if is_beside && self.gain > SIGNIFICANT * self.gain_deviation && self.share + self.gain > FOLLOWS {
             Follows::Moved
-        } else if lacks && (is_beside || self.share < SURE * self.share_deviation) {
+        } else if lacks && (is_beside || self.share < SIGNIFICANT * self.share_deviation) {
             Follows::AnotherLattice
         } else {
-            // A wider stop than the camera's leaves less contrast, in its place.
+            // A stop wider than the camera's leaves less contrast, but at the right place.
             Follows::Camera
         }
     }
@@ -276,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn light_tells_its_camera() {
+    fn light_follows_its_camera() {
         for (aperture, layout, turn) in [
             (Aperture::Circle, Layout::Square, 0.0),
             (Aperture::Circle, Layout::Square, 0.01),
@@ -295,7 +296,7 @@ mod tests {
             let mut other = camera.clone();
             other.microlenses.pitch_mm *= 1.05;
             if aperture == Aperture::Square {
-                // Squares that touch leave no gap, so their light cannot tell where the lattice is.
+                // Squares that touch leave no gap, so their light does not show where the lattice is.
                 assert_eq!(found(&moved).follows(), Follows::Camera);
                 continue;
             }

@@ -1,4 +1,4 @@
-//! Light by the place in the stop that it comes through.
+//! Light by the place in the stop through which it comes.
 //!
 //! A lenslet draws an image of the stop. A particle sends as much light through one part of the stop as through
 //! another, so over all lenslets all parts of an open stop are equally bright: a part that stays dark is closed.
@@ -9,7 +9,7 @@ use glam::DVec2;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-/// Most lenslets that are looked at; they are spread evenly over the array.
+/// About this many lenslets are examined, spread evenly over the array.
 const LENSLETS: usize = 1 << 15;
 
 /// Mean light that comes through each of these places of the stop, counts: the pixels there under all lenslets of which

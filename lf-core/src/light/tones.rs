@@ -2,7 +2,7 @@ use crate::statistics::ranked;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-/// Most pixels that the darkest tenth and hundredth are found from; they are spread evenly over the image.
+/// About this many pixels, spread evenly over the image, give the darkest tenth and hundredth.
 const SAMPLE: usize = 1 << 20;
 
 /// Pixels below this share of the light's brightness count as dark: they may be noise.

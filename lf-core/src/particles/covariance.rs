@@ -18,7 +18,7 @@ pub(super) fn upper(matrix: &DMat3) -> [f64; 6] {
     [x.x, y.x, z.x, y.y, z.y, z.z]
 }
 
-/// The first reason to refuse a covariance and the standard uncertainties beside it.
+/// The first reason to refuse a covariance and the standard uncertainties given with it.
 pub(super) fn fault(matrix: &DMat3, std: DVec3) -> Option<String> {
     let variance = matrix.diagonal();
     if variance.min_element() < 0.0 {
@@ -34,7 +34,7 @@ pub(super) fn fault(matrix: &DMat3, std: DVec3) -> Option<String> {
     let scale = variance.map(|variance| if variance > 0.0 { variance.sqrt().recip() } else { 0.0 });
     let correlation = |a: usize, b: usize| matrix.col(b)[a] * scale[a] * scale[b];
     let [xy, xz, yz] = [correlation(0, 1), correlation(0, 2), correlation(1, 2)];
-    // A covariance beside a variance of 0 is no covariance of anything.
+    // A variable with variance 0 cannot have a covariance.
     let is_lost = |a: usize, b: usize| matrix.col(b)[a] != 0.0 && scale[a] * scale[b] == 0.0;
     let is_definite = [xy, xz, yz].iter().all(|pair| pair.abs() <= 1.0 + ROUNDING)
         && 1.0 + 2.0 * xy * xz * yz - xy * xy - xz * xz - yz * yz >= -ROUNDING;

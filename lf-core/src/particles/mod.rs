@@ -30,10 +30,12 @@
 //! three columns are for readers that need no correlations. Near the focal plane x or y and z correlate by up to 0.99.
 
 mod covariance;
+mod draw;
 mod particle;
 mod reader;
 mod writer;
 
+pub use draw::{BATCH, REACH_SIGMA, draw};
 pub use particle::{Particle, Uncertainty};
 pub use reader::{FITTED_HEADER, FRAME_LINE, HEADER, frame, history, open, read, warn_unmarked};
 pub use writer::write;

@@ -14,9 +14,6 @@ pub const HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity";
 pub const FITTED_HEADER: &str = "frame,id,x_mm,y_mm,z_mm,intensity,sx_mm,sy_mm,sz_mm,s_intensity,\
                                  cxx_mm2,cxy_mm2,cxz_mm2,cyy_mm2,cyz_mm2,czz_mm2";
 
-/// Columns of [`HEADER`] and of [`FITTED_HEADER`].
-const COLUMNS: [usize; 2] = [6, 16];
-
 /// The lines before the header, without their `#`.
 fn comments(text: &str) -> impl Iterator<Item = &str> {
     text.lines().map_while(|line| line.trim().strip_prefix('#'))
@@ -32,7 +29,7 @@ pub fn history(text: &str) -> History {
     comments(text).filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
-/// Warns of a table that does not name its frame. `name` stands for it.
+/// Warns of a table that does not name its frame. `name` is its name in messages.
 pub fn warn_unmarked(text: &str, name: &str, session: &Session) {
     if frame(text).is_none() {
         session.warn(format!(
@@ -50,7 +47,7 @@ pub fn open(path: &Path, session: &Session) -> Result<Vec<Particle>> {
     Ok(particles)
 }
 
-/// Reads a table. Refuses another frame than the tools', and a covariance that is none. Errors give the number of the
+/// Reads a table. Refuses a frame other than the tools' and an impossible covariance. Errors give the number of the
 /// line.
 pub fn read(text: &str) -> std::result::Result<Vec<Particle>, Refusal> {
     if let Some(frame) = frame(text).filter(|frame| *frame != MARK) {
@@ -72,19 +69,19 @@ pub fn read(text: &str) -> std::result::Result<Vec<Particle>, Refusal> {
     };
     let mut particles = Vec::new();
     for (n, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        particles.push(Line { number: n + 1, text: line, header }.particle()?);
+        particles.push(TableLine { number: n + 1, text: line, header }.particle()?);
     }
     Ok(particles)
 }
 
 /// A line of a table that has a header.
-struct Line<'a> {
+struct TableLine<'a> {
     number: usize,
     text: &'a str,
     header: &'static str,
 }
 
-impl Line<'_> {
+impl TableLine<'_> {
     fn found(&self, what: &str) -> String {
         format!("line {} {what}: '{}'", self.number, self.text)
     }
@@ -99,8 +96,7 @@ impl Line<'_> {
         let (frame, id) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok().filter(|v: &f64| v.is_finite())).collect();
         let numbers = numbers.ok_or_else(|| self.wrong())?;
-        let [columns, fitted_columns] = COLUMNS.map(|columns| columns - 2);
-        let wanted = if self.header == HEADER { columns } else { fitted_columns };
+        let wanted = self.header.split(',').count() - 2;
         let ([x, y, z, intensity, rest @ ..], true) = (&numbers[..], numbers.len() == wanted) else {
             return Err(self.wrong());
         };

@@ -24,7 +24,7 @@
 //!   is the centre of voxel (0, 0, 0) in the object frame of [`crate::optics`].
 //! - `columns`: the names of the columns in the order of the file, all different, none empty.
 //! - `checksum`: XXH3-64 (seed 0) of everything after the header, zeros included, as 16 hexadecimal digits.
-//! - `history`: objects `{"tool", "version", "arguments"}`, oldest first; absent if there is none.
+//! - `history`: objects `{"tool", "version", "arguments"}`, oldest first; absent without history.
 //! - `tile`: only in a file that holds a tile of a volume, see [`crate::volume::tile`].
 //! - Other keys are kept for programs that know them: [`crate::volume::Volume::extra`], [`crate::volume::write_with`].
 //!

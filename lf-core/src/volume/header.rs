@@ -29,7 +29,7 @@ pub(super) fn header_text(bytes: &[u8]) -> Result<(&str, usize), Refusal> {
     Ok((text, end))
 }
 
-pub(super) struct Header {
+pub(super) struct VolumeHeader {
     pub count: u64,
     pub grid: Grid,
     pub columns: Vec<String>,
@@ -47,7 +47,7 @@ fn wrong(found: impl Into<String>) -> Refusal {
     Refusal::new(found, WANTED)
 }
 
-impl Header {
+impl VolumeHeader {
     pub fn parse(text: &str) -> Result<Self, Refusal> {
         // Only spaces may pad the header; JSON would allow other blanks.
         let text = text.trim_end_matches(' ');

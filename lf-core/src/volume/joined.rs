@@ -92,7 +92,7 @@ impl JoinedVolume {
         &self.grid
     }
 
-    /// The steps that led to the volume; steps in which the tiles differ stand one after the other.
+    /// The steps that led to the volume; steps in which the tiles differ are all listed.
     pub fn history(&self) -> &History {
         &self.history
     }

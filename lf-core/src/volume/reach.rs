@@ -24,9 +24,9 @@ impl<'a> Reach<'a> {
         Self { grid, optics: Optics::new(camera), camera, axis, across_mm }
     }
 
-    /// Least and greatest place on the sensor, mm, of light from `along_mm` at depth `z_mm`: of its chief ray for `rim`
-    /// 0, with rays through sides and corners of the aperture for 1. A pitch is added on each side, since a ray lands
-    /// within a pitch of its lenslet's image centre.
+    /// Range on the sensor, mm, of light from `along_mm` at depth `z_mm`: of its chief ray for `rim` 0, with rays
+    /// through sides and corners of the aperture for 1. A pitch is added on each side, since a ray lands within a pitch
+    /// of its lenslet's image centre.
     fn ends(&self, along_mm: f64, z_mm: f64, rim: i32) -> [f64; 2] {
         let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
         for across_mm in self.across_mm {

@@ -1,7 +1,7 @@
 //! Reads a `.lfv`: maps the file, checks it, and lends its columns.
 
 use super::format::{Places, first_not_finite, first_not_rising};
-use super::header::{Header, header_text};
+use super::header::{VolumeHeader, header_text};
 use crate::io::{self, Bytes};
 use crate::{Error, Grid, History, Refusal, Result};
 use serde_json::{Map, Value};
@@ -33,7 +33,7 @@ impl Volume {
 
     fn parse(bytes: Bytes, name: &str) -> std::result::Result<Self, Refusal> {
         let (text, header_end) = header_text(&bytes)?;
-        let Header { count, grid, columns, checksum, history, extra } = Header::parse(text)?;
+        let VolumeHeader { count, grid, columns, checksum, history, extra } = VolumeHeader::parse(text)?;
         let places = Places::new(header_end as u64, count, columns.len());
         check_length(places.end, bytes.len())?;
         // From here on every place lies inside the file, so it fits into a `usize`.

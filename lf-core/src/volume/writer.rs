@@ -1,7 +1,7 @@
 //! Writes a `.lfv` in one pass.
 
 use super::format::{ALIGNMENT, KEYS, Places, SIGNATURE, VERSION, first_not_finite, first_not_rising};
-use super::header::Header;
+use super::header::VolumeHeader;
 use crate::{Refusal, grid::Grid, history::History};
 use serde_json::{Map, Value};
 use std::io::Write;
@@ -20,7 +20,7 @@ pub fn write(
     write_with(out, grid, indices, columns, history, &Map::new())
 }
 
-/// Writes as [`write()`] does, with header keys beyond the format's own, such as [`extra`](super::Volume::extra).
+/// Writes like [`write()`], with header keys beyond the format's own, such as [`extra`](super::Volume::extra).
 pub fn write_with(
     out: &mut dyn Write,
     grid: &Grid,
@@ -34,7 +34,7 @@ pub fn write_with(
 
     let mut checksum = Xxh3::new();
     body(indices, columns).for_each(|bytes| checksum.update(bytes));
-    let header = Header {
+    let header = VolumeHeader {
         count: indices.len() as u64,
         grid: grid.clone(),
         columns: columns.iter().map(|(name, _)| (*name).to_owned()).collect(),

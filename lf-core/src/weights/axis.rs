@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// The optics of one slice of voxels along one axis of the sensor. Lengths are mm unless they are called pixels.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Axis {
+pub(crate) struct AxisOptics {
     pub(crate) alpha: f64,
     pub(crate) beta: f64,
     pub(crate) demagnification: f64,
@@ -58,7 +58,7 @@ impl Span {
     }
 }
 
-impl Axis {
+impl AxisOptics {
     /// The part (low, high) of the aperture whose light can fall within `span`. `t0 = x_m(0) - c` is the chief ray's
     /// place from the lenslet's centre. The part is empty if low >= high.
     pub(super) fn aperture_part(&self, t0: f64, span: &Span) -> (f64, f64) {
@@ -71,7 +71,7 @@ impl Axis {
         (a.min(b).max(-half), a.max(b).min(half))
     }
 
-    /// The pixels that [`Axis::pieces`] can name, and possibly one more at either end.
+    /// The pixels that [`AxisOptics::pieces`] can name, and possibly one more at either end.
     pub(crate) fn pixels_reached(&self, x0: f64, centre: f64, span: &Span) -> Range<u32> {
         let (low, high) = self.aperture_part(x0 - centre, span);
         if low >= high {
@@ -109,10 +109,12 @@ impl Axis {
         if low >= high {
             return;
         }
+        // Find the pixels that see this part of the aperture.
         let (zero, slope) = self.sensor_line(x0, centre);
         let (a, b) = (zero - slope * high, zero - slope * low);
         let first = a.min(b).floor().max(0.0) as u32;
         let end = a.max(b).ceil().min(self.pixels as f64) as u32;
+        // Integrate the blurred cell between the places in the aperture that the edges of a pixel show.
         let integral_to = |u: f64| span.ramp(t0 + self.alpha * u) / self.alpha;
         let flat = self.alpha.abs() * (high - low) < 1e-9;
         let at_edge = |pixel: u32| {
@@ -161,6 +163,7 @@ impl Axis {
         let first = ((low + self.half_aperture) / width).floor().max(0.0) as usize;
         let last = (((high + self.half_aperture) / width).ceil() as usize).min(self.sections);
         for section in first..last {
+            // Compute the share of the section's beam on the lenslet.
             let u = -self.half_aperture + (section as f64 + 0.5) * width;
             let (beam, t) = (self.alpha * width, t0 + self.alpha * u);
             let w1 = if beam.abs() < 1e-9 {
@@ -171,6 +174,7 @@ impl Axis {
             if w1 <= LEAST_SHARE {
                 continue;
             }
+            // Share the square about the chief ray out over the pixels.
             let (zero, slope) = self.sensor_line(x0, centre);
             let left = zero - slope * u - 0.5 * self.square;
             let part = left - left.floor();

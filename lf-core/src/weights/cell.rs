@@ -1,7 +1,8 @@
 //! A lenslet's cell as a stack of upright rectangles, so that weights are products even if the cell is no rectangle.
 
 use super::{axis::Span, blur::Blur};
-use crate::{Camera, lattice::Layout};
+use crate::Camera;
+use crate::lattice::{Layout, chord};
 use glam::DVec2;
 
 /// A rectangle of a cell, relative to the lenslet's centre, mm.
@@ -65,20 +66,6 @@ fn polygon_slabs(corners: &[DVec2], pitch: f64) -> Vec<Slab> {
         }
     }
     slabs
-}
-
-/// Where the line at height `y` enters and leaves a convex polygon. An empty chord at 0 if it misses the polygon.
-fn chord(corners: &[DVec2], y: f64) -> [f64; 2] {
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    for (n, &from) in corners.iter().enumerate() {
-        let to = corners[(n + 1) % corners.len()];
-        if (from.y - y) * (to.y - y) <= 0.0 && from.y != to.y {
-            let x = from.x + (to.x - from.x) * (y - from.y) / (to.y - from.y);
-            low = low.min(x);
-            high = high.max(x);
-        }
-    }
-    if low <= high { [low, high] } else { [0.0, 0.0] }
 }
 
 #[cfg(test)]

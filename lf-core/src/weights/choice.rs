@@ -20,7 +20,7 @@ pub struct Weights {
     pub reason: String,
 }
 
-/// A way to make weights, the fastest first. A faster one is another file and another arm.
+/// A way to make weights, the fastest first.
 #[derive(Debug, Clone)]
 pub enum Path {
     /// A square lattice aligned with the pixels: products of column and row profiles.
@@ -36,8 +36,8 @@ pub enum Path {
 /// Buffers of [`Weights`]; one a thread.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    pieces: pieces::Buffers,
-    lenslets: lenslets::Buffers,
+    pieces: pieces::PieceBuffers,
+    lenslets: lenslets::LookupBuffers,
 }
 
 impl Weights {
@@ -72,7 +72,7 @@ impl Weights {
         Ok(Self { path, reason })
     }
 
-    /// Most bytes of the lists of slices that [`Weights::choose`] makes before any weight.
+    /// Upper bound of the bytes of the lists of slices that [`Weights::choose`] makes before any weight.
     pub fn list_bytes(camera: &Camera, grid: &Grid, model: Model) -> u64 {
         let has_lists = model == Model::Exact && camera.aligned().is_none();
         if has_lists { (Micro::LIST_BYTES as u64).saturating_mul(grid.shape[2] as u64) } else { 0 }

@@ -2,7 +2,7 @@
 
 use super::cell::{self, Slab};
 use super::model::{Basis, Model, aperture_sections};
-use super::{axis::Axis, blur::Blur};
+use super::{axis::AxisOptics, blur::Blur};
 use crate::{Camera, Grid, Optics, camera::Aperture, frame::sensor_axes};
 use glam::DVec2;
 
@@ -42,10 +42,10 @@ impl Geometry {
     }
 
     /// The optics of slice `z` along x (0) or y (1) of the sensor.
-    pub(super) fn axis(&self, z: usize, along: usize) -> Axis {
+    pub(super) fn axis(&self, z: usize, along: usize) -> AxisOptics {
         let z_mm = self.grid.centre_mm(2, z);
         let (array_gain, lenslet_gain) = self.optics.gains();
-        let mut axis = Axis {
+        let mut axis = AxisOptics {
             alpha: self.optics.alpha(z_mm),
             beta: self.optics.beta(z_mm),
             demagnification: self.optics.demagnification,
@@ -67,7 +67,7 @@ impl Geometry {
     }
 
     /// How a voxel of the slice of `axis` blurs along x and y, as seen on the array.
-    pub(super) fn blurs(&self, axis: &Axis) -> [Blur; 2] {
+    pub(super) fn blurs(&self, axis: &AxisOptics) -> [Blur; 2] {
         [0, 1].map(|along| {
             let width = axis.beta * self.grid.spacing_mm[along];
             match self.basis {
@@ -98,7 +98,7 @@ impl Geometry {
 
     /// Where the chief ray of a voxel meets the array, mm.
     #[inline(always)]
-    pub(super) fn chief_mm(&self, axis: &Axis, [x, y, z]: [usize; 3]) -> DVec2 {
+    pub(super) fn chief_mm(&self, axis: &AxisOptics, [x, y, z]: [usize; 3]) -> DVec2 {
         let place = DVec2::new(self.grid.centre_mm(0, x), self.grid.centre_mm(1, y));
         -axis.beta * sensor_axes(place) + self.optics.distortion_mm(place, self.grid.centre_mm(2, z))
     }

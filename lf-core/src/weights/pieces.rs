@@ -1,6 +1,6 @@
 //! Weights of any straight-ray camera: lenslet by lenslet, slab by slab of its cell, integrated where they are used.
 //!
-//! The slow and obvious way, and the oracle of the faster ones. About 0.1 us for each lenslet and slab.
+//! This is the slow and simple way, with which tests compare the faster ones. About 0.1 us for each lenslet and slab.
 
 use super::axis::{Piece, Span};
 use super::{blur::Blur, chords::Chords, geometry::Geometry};
@@ -14,7 +14,7 @@ pub struct Pieces {
 
 /// Buffers of a thread.
 #[derive(Debug, Default)]
-pub(super) struct Buffers {
+pub(super) struct PieceBuffers {
     columns: Vec<Piece>,
     rows: Vec<Piece>,
 }
@@ -31,7 +31,7 @@ impl Geometry {
     pub(super) fn visit(
         &self,
         voxel: [usize; 3],
-        Buffers { columns, rows }: &mut Buffers,
+        PieceBuffers { columns, rows }: &mut PieceBuffers,
         wanted: impl Fn(u32) -> bool,
         mut found: impl FnMut(u32, u32, f32),
     ) {

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Weights by column and row.
 type Pixels = BTreeMap<(u32, u32), f64>;
 
-/// A grid about the origin, with voxels of so many pixels.
+/// A grid about the origin, with voxels of `ratio` pixels.
 fn grid(ratio: [f64; 3]) -> Grid {
     let shape = [41, 41, 21];
     let spacing_mm = ratio.map(|r| r * 0.0055);
@@ -142,7 +142,7 @@ fn subsets_of_rows_add_up_to_the_whole() {
 }
 
 /// Total variation distance between a voxel's weights and the pixels hit by rays drawn evenly over the stop and the
-/// basis, and the sampling noise of so many rays.
+/// basis, and the sampling noise of this many rays.
 fn distance_from_rays(camera: &Camera, grid: &Grid, basis: Basis, voxel: [usize; 3], rays: usize) -> (f64, f64) {
     let optics = Optics::new(camera);
     let weights = Weights::choose(camera, grid, Model::Exact, basis).unwrap();

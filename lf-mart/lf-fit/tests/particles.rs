@@ -166,14 +166,14 @@ fn bad_input_is_refused_in_one_line() {
 }
 
 #[test]
-fn memory_is_foretold() {
+fn memory_is_estimated() {
     let bench = bench(&[]);
     let estimate = bench.done(&format!("{CALL} --estimate")).stdout;
-    let told: serde_json::Value = serde_json::from_slice(&estimate).unwrap();
+    let estimated: serde_json::Value = serde_json::from_slice(&estimate).unwrap();
     bench.done(&format!("{CALL} --particles found.csv --stats stats.json"));
     let peak = bench.json("stats.json")["peak_bytes"].as_f64().unwrap();
-    let ratio = told["memory_bytes"].as_f64().unwrap() / peak;
-    assert!((0.95..2.0).contains(&ratio), "{told} for {peak}");
+    let ratio = estimated["memory_bytes"].as_f64().unwrap() / peak;
+    assert!((0.95..2.0).contains(&ratio), "{estimated} for {peak}");
 }
 
 /// The scene, and the same particles before a camera at 90 degrees; volumes of both by lf-prune and lf-mart.
@@ -254,8 +254,8 @@ fn a_pose_is_found_and_lists_that_do_not_agree_are_refused() {
     bench.write("turned.json", turned);
     refused(&BOTH.replace("aside/camera.json", "turned.json"), &["turned.json: pose.rotation"]);
     let estimate = bench.done(&format!("{BOTH} --estimate")).stdout;
-    let told: serde_json::Value = serde_json::from_slice(&estimate).unwrap();
+    let estimated: serde_json::Value = serde_json::from_slice(&estimate).unwrap();
     bench.done(&format!("{BOTH} --particles p.csv --stats stats.json"));
-    let ratio = told["memory_bytes"].as_f64().unwrap() / bench.json("stats.json")["peak_bytes"].as_f64().unwrap();
-    assert!((0.95..2.0).contains(&ratio), "{told}: {ratio}");
+    let ratio = estimated["memory_bytes"].as_f64().unwrap() / bench.json("stats.json")["peak_bytes"].as_f64().unwrap();
+    assert!((0.95..2.0).contains(&ratio), "{estimated}: {ratio}");
 }

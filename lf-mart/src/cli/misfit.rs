@@ -13,7 +13,7 @@ const BAD: f64 = 0.45;
 /// noise, and brighter places have more.
 const BY_NOISE: f64 = 3.0;
 
-/// Sweeps after which a misfit tells if it has not stalled before.
+/// Sweeps after which a misfit is judged even if it has not stalled.
 const SWEEPS: usize = 5;
 
 /// The misfit that noise of `sigma` counts in every pixel leaves.

@@ -1,12 +1,13 @@
 //! Reads image, camera and voxels, reconstructs, and writes the volume.
 
-use super::{arguments::Arguments, misfit, preset::WeightsName};
+use super::preset::{self, WeightsName};
+use super::{arguments::Arguments, misfit};
 use lf_core::cli::MemoryLimit;
 use lf_core::image::{self, Frame};
 use lf_core::{
     Camera, Error, Grid, Result, Session, Tile, Verdict, Volume, cli, io, volume, weights::aperture_sections,
 };
-use lf_mart::{Ended, Options, Pass, Plan, Reconstruction, Start, Sweep, Until};
+use lf_mart::{Ended, Options, Plan, Reconstruction, Start, Sweep, Until};
 use serde_json::json;
 use std::path::Path;
 use std::process::ExitCode;
@@ -19,7 +20,7 @@ pub fn main() -> ExitCode {
 fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     arguments.options(None, || 0.0)?;
     if let Some(preset) = arguments.preset {
-        session.explain_preset(preset, arguments.preset_settings(preset));
+        session.explain_preset(preset, preset::typed(preset).into_iter().zip([arguments.iterations.is_none()]));
     }
     check_files(arguments, session)?;
     let name = io::name(&arguments.support);
@@ -47,10 +48,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         .map_err(|refusal| refusal.about(name.as_str()))?;
     if arguments.estimate {
         let bytes = plan.peak_bytes(image.pixels.len());
-        let seconds = session.phase("forecast", |_| Ok(plan.seconds(cli::thread_seconds)))?;
-        let seconds = seconds.map(|seconds| ("seconds", seconds.ceil() as u64));
-        let counts = [("voxels", support.count() as u64)].into_iter().chain(seconds).collect::<Vec<_>>();
-        session.tell_estimate(bytes, &counts)?;
+        session.print_estimate(bytes, &[("voxels", support.count() as u64)], &[])?;
         return Ok(Verdict::Done);
     }
     session.warn_of_frame(&image, &camera, arguments.background.is_some());
@@ -161,11 +159,6 @@ fn solve(
 }
 
 fn report(solved: &Reconstruction, options: &Options, support: &Volume, session: &mut Session) {
-    for Pass { joined: [x, y, z], voxels, left, misfit, .. } in &solved.passes {
-        session.explain(format!(
-            "a coarse pass, {x} x {y} x {z} voxels in one: misfit {misfit:.4}, {left} of {voxels} coarse voxels left"
-        ));
-    }
     if solved.clipped > 0 {
         session.warn(format!(
             "{} voxels are brighter than {:.1e} counts, the most that a volume can hold, and get that; scale the image down",
@@ -186,9 +179,7 @@ fn report(solved: &Reconstruction, options: &Options, support: &Volume, session:
     session.count("lit_voxels", solved.indices.len());
     session.count("sweeps", sweeps);
     session.count("misfit", misfit);
-    let of_passes: u64 = solved.passes.iter().map(|pass| pass.weights).sum();
-    let of_sweeps: u64 = solved.sweeps.iter().map(|sweep| sweep.weights).sum();
-    session.count("weights_touched", of_passes + of_sweeps);
+    session.count("weights_touched", solved.sweeps.iter().map(|sweep| sweep.weights).sum::<u64>());
     session.explain(format!(
         "{} voxels, {} unseen; misfit {misfit:.4} in the last of {sweeps} sweeps; {} voxels lit",
         support.count(),

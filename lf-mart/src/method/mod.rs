@@ -1,11 +1,11 @@
 //! In: an image, weights, voxels and options. Out: a strength for each voxel still held to have light, and the sweeps.
 //! First file to open: `problem.rs`, then `simultaneous.rs` (`row_action.rs` is the paper's method).
 
+mod dim_voxels;
 mod momentum;
 mod problem;
 pub(crate) mod row_action;
 pub(crate) mod simultaneous;
-mod spent;
 pub(crate) mod subsets;
 
-pub(crate) use problem::{Problem, Solved};
+pub(crate) use problem::Problem;

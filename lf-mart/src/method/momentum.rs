@@ -5,7 +5,7 @@ use super::problem::GREATEST_STRENGTH;
 use rayon::prelude::*;
 
 /// Largest factor by which momentum changes a strength.
-const FARTHEST: f32 = 8.0;
+const MOST_FACTOR: f32 = 8.0;
 
 pub(super) struct Momentum {
     /// Strengths after the sweep before.
@@ -31,7 +31,7 @@ impl Momentum {
         strengths.par_iter_mut().zip(&mut self.before).with_min_len(4096).for_each(|(strength, before)| {
             let now = *strength;
             if beta > 0.0 && now > 0.0 && *before > 0.0 {
-                let carried = (now / *before).powf(beta).clamp(1.0 / FARTHEST, FARTHEST);
+                let carried = (now / *before).powf(beta).clamp(1.0 / MOST_FACTOR, MOST_FACTOR);
                 *strength = (now * carried).min(GREATEST_STRENGTH);
             }
             *before = now;

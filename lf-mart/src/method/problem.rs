@@ -23,19 +23,12 @@ pub(crate) struct Problem<'a> {
     pub(crate) weights: &'a Weights,
     pub(crate) indices: &'a [u64],
     pub(crate) start: Option<Start<'a>>,
-    /// First strengths of the voxels, as coarse passes found them.
-    pub(crate) cleared: Option<Vec<f32>>,
-    /// Voxels of the support, with those that coarse passes dropped.
-    pub(crate) support: usize,
     pub(crate) options: &'a Options,
 }
 
 impl Problem<'_> {
     /// The start's, or an even volume of the image's light.
     pub(super) fn first_strengths(&self) -> Vec<f32> {
-        if let Some(cleared) = &self.cleared {
-            return cleared.clone();
-        }
         let Some(start) = self.start else { return vec![self.even; self.indices.len()] };
         let in_units = |intensity: f32| ((f64::from(intensity) / self.unit) as f32).clamp(0.0, GREATEST_STRENGTH);
         let dim = DIM * start.intensity.iter().fold(0f32, |peak, value| peak.max(in_units(*value)));

@@ -20,8 +20,8 @@ struct Weight {
     weight: f32,
 }
 
-/// Strengths below this become 0. Voxels fade for ever, and their light becomes denormal numbers, which took most of the
-/// time of hundreds of sweeps.
+/// Strengths below this become 0. Voxels fade for ever, and their light becomes denormal numbers, which took most of
+/// the time of hundreds of sweeps.
 const LEAST_STRENGTH: f32 = 1e-25;
 
 /// Voxels whose weights are made at once, to be stored in their order.
@@ -37,7 +37,7 @@ pub(crate) fn weight_bytes(weights: &Weights, indices: &[u64]) -> u64 {
 }
 
 #[derive(Default)]
-struct Buffers {
+struct ProductBuffers {
     scratch: Scratch,
     pieces: Vec<Piece>,
     columns: Vec<(u32, f32)>,
@@ -46,7 +46,7 @@ struct Buffers {
 }
 
 /// The weights of a voxel, each pixel once, by rising pixel: `row * width + column`.
-fn voxel_weights(weights: &Weights, index: u64, buffers: &mut Buffers) -> Vec<(u32, f32)> {
+fn voxel_weights(weights: &Weights, index: u64, buffers: &mut ProductBuffers) -> Vec<(u32, f32)> {
     match &weights.path {
         Path::Aligned(aligned) if !aligned.has_round_stop() => products(aligned, index, buffers),
         _ => merged(weights, index, &mut buffers.scratch),
@@ -55,10 +55,10 @@ fn voxel_weights(weights: &Weights, index: u64, buffers: &mut Buffers) -> Vec<(u
 
 /// Behind a square stop the weights of an aligned camera are the products of a voxel's column shares with its row
 /// shares, each summed over the lenslets.
-fn products(aligned: &Aligned, index: u64, buffers: &mut Buffers) -> Vec<(u32, f32)> {
+fn products(aligned: &Aligned, index: u64, buffers: &mut ProductBuffers) -> Vec<(u32, f32)> {
     let [x, y, z] = aligned.grid().voxel(index);
     let [width, _] = aligned.sensor_px();
-    let Buffers { pieces, columns, rows, shares, .. } = buffers;
+    let ProductBuffers { pieces, columns, rows, shares, .. } = buffers;
     pieces.clear();
     aligned.columns(x, z, pieces);
     summed(pieces, columns);
@@ -107,7 +107,7 @@ fn sum_equal(weights: &mut Vec<(u32, f32)>) {
 }
 
 /// All weights, pixel by pixel.
-struct Stored {
+struct PixelWeights {
     /// Weights on pixel i are `weights[starts[i]..starts[i + 1]]`.
     starts: Vec<u64>,
     weights: Vec<Weight>,
@@ -115,11 +115,12 @@ struct Stored {
     seen: Vec<bool>,
 }
 
-impl Stored {
+impl PixelWeights {
     fn new(problem: &Problem) -> Result<Self, Refusal> {
         let pixels = problem.image.len();
         let mut starts = vec![0u64; pixels + 1];
         let mut seen = vec![false; problem.indices.len()];
+        // Count the weights on each pixel.
         for_each_voxel(problem, |voxel, weights| {
             seen[voxel] = !weights.is_empty();
             weights.iter().for_each(|(pixel, _)| starts[*pixel as usize + 1] += 1);
@@ -133,6 +134,7 @@ impl Stored {
             let found = format!("{count} weights of {WEIGHT_BYTES} bytes take {bytes:.1} GB");
             return Err(Refusal::new(found, format!("wanted {most} GB at most, as --max-memory allows")));
         }
+        // Make them again, and store each behind the ones of its pixel.
         let mut next = starts.clone();
         let mut weights = vec![Weight { voxel: 0, weight: 0.0 }; count as usize];
         for_each_voxel(problem, |voxel, of_voxel| {
@@ -155,8 +157,10 @@ impl Stored {
             if weights.is_empty() || measured.is_nan() {
                 continue;
             }
+            // Project onto the pixel.
             let projected: f32 = weights.iter().map(|w| w.weight * strengths[w.voxel as usize]).sum();
             misfit.add_pixel(*measured, projected);
+            // Move the strengths of its voxels.
             let ratio = relaxation * (measured.max(dark) / projected.max(dark)).ln();
             for w in weights {
                 let strength = &mut strengths[w.voxel as usize];
@@ -174,7 +178,7 @@ fn for_each_voxel(problem: &Problem, mut take: impl FnMut(usize, Vec<(u32, f32)>
     for (run, indices) in problem.indices.chunks(RUN).enumerate() {
         let made: Vec<Vec<(u32, f32)>> = indices
             .par_iter()
-            .map_init(Buffers::default, |buffers, index| voxel_weights(problem.weights, *index, buffers))
+            .map_init(ProductBuffers::default, |buffers, index| voxel_weights(problem.weights, *index, buffers))
             .collect();
         for (n, weights) in made.into_iter().enumerate() {
             take(run * RUN + n, weights);
@@ -183,7 +187,7 @@ fn for_each_voxel(problem: &Problem, mut take: impl FnMut(usize, Vec<(u32, f32)>
 }
 
 pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Result<Solved, Refusal> {
-    let stored = Stored::new(problem)?;
+    let stored = PixelWeights::new(problem)?;
     let mut strengths = problem.first_strengths();
     strengths.iter_mut().zip(&stored.seen).filter(|(_, seen)| !**seen).for_each(|(strength, _)| *strength = 0.0);
     let (voxels, weights) = (problem.indices.len(), 2 * stored.weights.len() as u64);
@@ -221,7 +225,7 @@ mod tests {
             let weights = Weights::choose(camera, &grid, model, basis).unwrap();
             let Path::Aligned(aligned) = &weights.path else { panic!("{}", weights.reason) };
             for index in voxels(&grid) {
-                let mut buffers = Buffers::default();
+                let mut buffers = ProductBuffers::default();
                 let found = products(aligned, index, &mut buffers);
                 let wanted = merged(&weights, index, &mut buffers.scratch);
                 assert!(found.len() >= wanted.len() && found.len() < 2 * wanted.len().max(1), "{model:?} {index}");

@@ -11,24 +11,24 @@
 //! [`subsets`] divides the image rows. Each subset moves all strengths once, so n subsets move them n times a sweep.
 
 use super::problem::{GREATEST_STRENGTH, Misfit, Problem, Solved, change};
-use super::{momentum::Momentum, spent::Neighbourhood, subsets};
+use super::{dim_voxels::Neighbourhood, momentum::Momentum, subsets};
 use crate::operator::{Operator, Plane, keep};
 use crate::{options::Method, reconstruction::Sweep};
 use lf_core::{Weights, weights::RowSet};
 use rayon::prelude::*;
 
-/// A voxel is spent, and dropped, when its strength falls to this share of the strongest. On the `core` scenes this
+/// A voxel is dim, and dropped, when its strength falls to this share of the strongest. On the `core` scenes this
 /// changes Q by less than 3e-4 (upwards).
-const SPENT: f32 = 1e-4;
+const DIM: f32 = 1e-4;
 
-/// The same during the subsets' first sweeps, which clear the haze. On the ready scenes `core` and `full` this takes a
-/// third of the time and changes Q by less than 1e-3.
-const SPENT_AT_FIRST: f32 = 3e-3;
+/// The share during the first sweeps of `subsets`, in which nearly all voxels are still held. On the ready scenes
+/// `core` and `full` this takes a third of the time and changes Q by less than 1e-3.
+const DIM_AT_FIRST: f32 = 3e-3;
 const FIRST_SWEEPS: usize = 2;
 
-/// The same while weights are remade at every use, when each voxel costs most: a quarter of the time again, and less
-/// than 2e-3 of Q.
-const SPENT_WHERE_REMADE: f32 = 1e-2;
+/// The share while weights are remade at every use, when each voxel costs most. It saves three quarters of the time
+/// that is left, and changes Q by less than 2e-3.
+const DIM_WHERE_REMADE: f32 = 1e-2;
 
 /// Turns the projection, in a subset's rows, into what is projected back: ratios, or their logarithms.
 fn compare(problem: &Problem, rows: RowSet, plane: &mut Plane) -> Misfit {
@@ -68,7 +68,7 @@ struct State<'a> {
     /// A subset's share of each voxel's weights. A subset that sees less of a voxel may not move it as far.
     share: Vec<f32>,
     momentum: Momentum,
-    /// For a tile's spent voxels. In a whole volume the strongest voxel decides.
+    /// Finds a tile's dim voxels. In a whole volume the strongest voxel decides.
     neighbourhood: Option<Neighbourhood>,
     /// Misfit of the current sweep.
     misfit: Misfit,
@@ -82,7 +82,7 @@ impl<'a> State<'a> {
     fn new(problem: &'a Problem<'a>, subsets: usize) -> Self {
         let Problem { weights, options, indices, .. } = *problem;
         let (height, width) = problem.image.dim();
-        let operator = Operator::new(weights, indices, subsets, options.max_bytes, problem.support);
+        let operator = Operator::new(weights, indices, subsets, options.max_bytes);
         let mut share = operator.shares();
         let is_unseen = |(index, share): (&u64, &f32)| (*share <= 0.0).then_some(*index);
         let unseen = indices.iter().zip(&share).filter_map(is_unseen).collect();
@@ -108,13 +108,15 @@ impl<'a> State<'a> {
     }
 
     /// Moves all strengths by some image rows.
-    fn step(&mut self, rows: RowSet, spent_share: f32) {
+    fn step(&mut self, rows: RowSet, dim_share: f32) {
         let options = self.problem.options;
         let (relaxation, greatest) = (options.relaxation as f32, options.clamp.ln() as f32);
         let is_mlem = options.method == Method::Mlem;
+        // Project the strengths, and compare with the image.
         self.touched += 2.0 * self.weights as f64 / f64::from(rows.step);
         self.operator.project(rows, &self.strengths, &mut self.plane);
         self.misfit.add(&compare(self.problem, rows, &mut self.plane));
+        // Project the ratios back, and move each strength.
         let share = &self.share;
         self.operator.back_project(rows, &self.plane, &mut self.strengths, |voxel, strength, sum, weight| {
             if weight > 0.0 {
@@ -123,22 +125,22 @@ impl<'a> State<'a> {
                 *strength = (*strength * factor).min(GREATEST_STRENGTH);
             }
         });
-        self.drop_spent(spent_share);
+        self.drop_dim(dim_share);
     }
 
-    /// Drops the voxels below a share of the strongest, as soon as they are many.
-    fn drop_spent(&mut self, spent_share: f32) {
-        // A tile extinguishes its spent voxels at once, because when they are dropped depends on their number.
+    /// Drops the voxels below a share of the strongest, once they are a twentieth of those held.
+    fn drop_dim(&mut self, dim_share: f32) {
+        // A tile extinguishes its dim voxels at once, because when they are dropped depends on their number.
         let least = match &mut self.neighbourhood {
             Some(neighbourhood) => {
-                neighbourhood.extinguish(&mut self.strengths, spent_share);
+                neighbourhood.extinguish(&mut self.strengths, dim_share);
                 0.0
             }
-            None => spent_share * self.strengths.iter().fold(0f32, |peak, strength| peak.max(*strength)),
+            None => dim_share * self.strengths.iter().fold(0f32, |peak, strength| peak.max(*strength)),
         };
-        let spent = self.strengths.iter().filter(|strength| **strength <= least).count();
+        let dim = self.strengths.iter().filter(|strength| **strength <= least).count();
         // Dropping costs a look at each voxel.
-        if spent * 20 > self.indices.len() {
+        if dim * 20 > self.indices.len() {
             let held: Vec<bool> = self.strengths.iter().map(|strength| *strength > least).collect();
             keep(&mut self.indices, &held);
             keep(&mut self.share, &held);
@@ -160,20 +162,22 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
     let options = problem.options;
     let (is_tile, has_subsets) = (options.tile.is_some(), options.method == Method::Subsets);
     let subsets = subsets(problem.weights, options.method);
-    let clears_haze = has_subsets && problem.start.is_none();
+    let starts_dense = has_subsets && problem.start.is_none();
     let mut state = State::new(problem, subsets);
     let mut sweeps: Vec<Sweep> = Vec::new();
     for number in 1..=options.iterations {
         (state.misfit, state.touched) = (Misfit::default(), 0.0);
+        // Move the strengths by one subset of rows after another.
         for subset in subsets::order(subsets) {
-            let spent_share = match clears_haze {
+            let dim_share = match starts_dense {
                 // A tile may keep weights that the whole volume cannot, and must drop the same voxels.
-                true if state.operator.is_remade() && !is_tile => SPENT_WHERE_REMADE,
-                true if number <= FIRST_SWEEPS => SPENT_AT_FIRST,
-                _ => SPENT,
+                true if state.operator.is_remade() && !is_tile => DIM_WHERE_REMADE,
+                true if number <= FIRST_SWEEPS => DIM_AT_FIRST,
+                _ => DIM,
             };
-            state.step(RowSet { first: subset as u32, step: subsets as u32 }, spent_share);
+            state.step(RowSet { first: subset as u32, step: subsets as u32 }, dim_share);
         }
+        // Report the sweep, and end if it was the last.
         let misfit = state.misfit.value();
         let change = change(&state.momentum.before, &state.strengths);
         let sweep = Sweep { number, misfit, change, voxels: state.indices.len(), weights: state.touched as u64 };
@@ -182,6 +186,7 @@ pub(crate) fn solve(problem: &Problem, mut done: impl FnMut(&Sweep)) -> Solved {
         if number == options.iterations || problem.is_done(&sweeps, &state.misfit) {
             break;
         }
+        // Keep weights that fit now, and extrapolate the strengths.
         state.operator.end_sweep();
         state.weights = state.operator.weights();
         if has_subsets {

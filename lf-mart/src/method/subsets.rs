@@ -1,10 +1,10 @@
 //! Ordered subsets: which image rows move the strengths together, and in which order.
 //!
-//! Subset s of n holds the image rows s, s + n, s + 2n and so on. If n is the distance between rows of lenslets, a subset
-//! holds the same row under every lenslet, which sees the volume through one strip of the aperture. Such a subset is a
-//! view from one direction, as in tomography. If n does not fit the lattice, each subset mixes all directions, and a sweep
-//! gains less: on a hexagonal lattice of 14 px (rows 12.1 px apart), five sweeps with n = 14 leave a misfit of 0.069, and
-//! with n = 12 one of 0.044.
+//! Subset s of n holds the image rows s, s + n, s + 2n and so on. If n is the distance between rows of lenslets, a
+//! subset holds the same row under every lenslet, which sees the volume through one strip of the aperture. Such a
+//! subset is a view from one direction, as in tomography. If n does not fit the lattice, each subset mixes all
+//! directions, and a sweep gains less: on a hexagonal lattice of 14 px (rows 12.1 px apart), five sweeps with n = 14
+//! leave a misfit of 0.069, and with n = 12 one of 0.044.
 
 /// The number of subsets is near this where lenslets are small or large: fewer move the strengths too seldom, and with
 /// more a subset sees too little of a voxel in focus.
@@ -18,7 +18,8 @@ pub(crate) fn number(rows_px: f64) -> usize {
     (nearest.round() as usize).max(2)
 }
 
-/// The subsets in an order in which neighbours are far apart: steps of about 0.38 n, the golden section, that reach all.
+/// The subsets in an order in which neighbours are far apart: steps of about 0.38 n, the golden section, that reach
+/// all.
 pub(super) fn order(subsets: usize) -> impl Iterator<Item = usize> {
     let golden = (0.382 * subsets as f64).round() as usize;
     let reaches_all = |step: &usize| *step > 0 && divisor(*step, subsets) == 1;

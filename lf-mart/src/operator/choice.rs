@@ -1,4 +1,4 @@
-//! The one choice of how weights are applied and kept.
+//! Chooses how weights are applied and when they are kept.
 
 use super::voxels::{VoxelWeights, kept_bytes};
 use super::{
@@ -12,13 +12,11 @@ use lf_core::weights::{Path, RowSet};
 
 /// Exact weights are kept once they take no more than this part of the memory allowed, and no more than a part of the
 /// support's voxels is left. In the first sweep this part is small, because most voxels soon go: making their weights
-/// costs more than to clear them. Later a larger part pays, because one more sweep costs as much as keeping. Few are kept
-/// at once.
+/// costs more than to drop the dark ones. Later a larger part pays, because one more sweep costs as much as keeping.
+/// Few are kept at once.
 const KEPT_PART: f64 = 0.2;
 const KEPT_AT_FIRST: f64 = 0.125;
 const KEPT_LATER: f64 = 0.4;
-/// The same after coarse passes. One sweep later so few voxels are left.
-const KEPT_CLEARED: f64 = 0.16;
 const FEW_BYTES: u64 = 1 << 25;
 
 /// Where weights are during the sweeps.
@@ -37,47 +35,37 @@ pub(crate) enum Storage {
 }
 
 impl Storage {
-    /// Foretells [`Operator::new`]: the storage, and the bytes of the weights from a sample of voxels and slices.
-    /// `is_cleared` tells whether coarse passes come first.
-    pub(crate) fn choose(
-        weights: &Weights,
-        indices: &[u64],
-        (subsets, is_cleared): (usize, bool),
-        max_bytes: u64,
-    ) -> (Self, u64) {
-        let bytes = Stored::foretold_bytes(weights, indices, subsets);
-        let kept = |most_bytes| VoxelWeights::foretold_bytes(weights, indices.len(), bytes, most_bytes);
-        let haze = match &weights.path {
-            Path::Aligned(aligned) => (Self::Profiles, ProfileWeights::foretold_bytes(aligned, indices, subsets)),
-            Path::Micro(micro) => (Self::Tables, MicroWeights::foretold_bytes(micro, subsets)),
+    /// Predicts the storage that [`Operator::new`] will choose and its bytes, estimated from sampled voxels and slices.
+    pub(crate) fn choose(weights: &Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> (Self, u64) {
+        let bytes = Stored::estimated_bytes(weights, indices, subsets);
+        let kept = |most_bytes| VoxelWeights::estimated_bytes(weights, indices.len(), bytes, most_bytes);
+        let (storage, dense_bytes) = match &weights.path {
+            Path::Aligned(aligned) => (Self::Profiles, ProfileWeights::estimated_bytes(aligned, indices, subsets)),
+            Path::Micro(micro) => (Self::Tables, MicroWeights::estimated_bytes(micro, subsets)),
             _ => {
                 let most_bytes = kept_bytes(max_bytes);
                 return (if Stored::fits(bytes, most_bytes) { Self::Kept } else { Self::Remade }, kept(most_bytes));
             }
         };
-        let limits = Limits::new(weights, indices.len(), indices.len(), max_bytes);
-        match limits.allow(indices.len(), bytes) {
-            true => (Self::Kept, kept(bytes)),
-            false => {
-                let later = if is_cleared { KEPT_CLEARED } else { KEPT_LATER };
-                let later = ((later * bytes as f64) as u64).max(bytes.min(FEW_BYTES));
-                (haze.0, haze.1 + kept(limits.bytes.min(later)))
-            }
+        let limits = Limits::new(weights, indices.len(), max_bytes);
+        if limits.allow(indices.len(), bytes) {
+            return (Self::Kept, kept(bytes));
         }
+        let later = ((KEPT_LATER * bytes as f64) as u64).max(bytes.min(FEW_BYTES));
+        (storage, dense_bytes + kept(limits.bytes.min(later)))
     }
 }
 
 /// When weights are kept.
-#[derive(Clone, Copy)]
 struct Limits {
     bytes: u64,
-    /// In the first sweep, and later.
+    /// Voxels whose weights are kept in the first sweep, and later.
     voxels: [usize; 2],
     has_swept: bool,
 }
 
 impl Limits {
-    fn new(weights: &Weights, voxels: usize, support: usize, max_bytes: u64) -> Self {
+    fn new(weights: &Weights, voxels: usize, max_bytes: u64) -> Self {
         let is_kept = match &weights.path {
             Path::Aligned(_) => weights.finds_runs(),
             Path::Micro(_) => true,
@@ -86,8 +74,7 @@ impl Limits {
         if !is_kept {
             return Self::never();
         }
-        let later = if voxels < support { KEPT_CLEARED } else { KEPT_LATER };
-        let voxels = [(KEPT_AT_FIRST, voxels), (later, support)].map(|(part, all)| (part * all as f64) as usize);
+        let voxels = [KEPT_AT_FIRST, KEPT_LATER].map(|part| (part * voxels as f64) as usize);
         Self { bytes: (KEPT_PART * max_bytes as f64) as u64, voxels, has_swept: false }
     }
 
@@ -96,7 +83,7 @@ impl Limits {
         Self { bytes: 0, voxels: [0; 2], has_swept: false }
     }
 
-    /// Whether weights of so many voxels, which take so many bytes, are kept.
+    /// Whether the weights of `voxels` voxels, which take `bytes`, are kept.
     fn allow(&self, voxels: usize, bytes: u64) -> bool {
         let most = self.voxels[usize::from(self.has_swept)];
         Stored::fits(bytes, self.bytes) && (voxels <= most || bytes <= FEW_BYTES)
@@ -106,22 +93,22 @@ impl Limits {
 /// The weights of a support's voxels.
 pub(crate) enum Operator<'a> {
     /// For an aligned camera.
-    Profiles(Box<ProfileWeights>, Haze<'a>),
+    Profiles(Box<ProfileWeights>, DensePhase<'a>),
     /// For any other camera: made micro-image by micro-image, until the weights of the voxels still held are kept.
-    Micro(Box<MicroWeights<'a>>, Haze<'a>),
+    Micro(Box<MicroWeights<'a>>, DensePhase<'a>),
     /// Kept voxel by voxel, or made so for the paper's weights and spheres.
     Voxels(VoxelWeights<'a>),
 }
 
-/// All that is needed to keep the weights of the voxels that are left when the haze is gone.
-pub(crate) struct Haze<'a> {
+/// Inputs for storing weights once the first sweeps have dropped the dark voxels.
+pub(crate) struct DensePhase<'a> {
     weights: &'a Weights,
     indices: Vec<u64>,
     subsets: usize,
     limits: Limits,
 }
 
-impl<'a> Haze<'a> {
+impl<'a> DensePhase<'a> {
     /// Weights that are never kept.
     pub(crate) fn forever(weights: &'a Weights, subsets: usize) -> Self {
         Self { weights, indices: Vec::new(), subsets, limits: Limits::never() }
@@ -133,8 +120,8 @@ impl<'a> Haze<'a> {
         if limits.bytes == 0 {
             return None;
         }
-        let bytes = Stored::foretold_bytes(weights, indices, *subsets);
-        limits.allow(indices.len(), bytes).then(|| VoxelWeights::kept(weights, indices, *subsets, bytes))
+        let bytes = Stored::estimated_bytes(weights, indices, *subsets);
+        limits.allow(indices.len(), bytes).then(|| VoxelWeights::new(weights, indices, *subsets, u64::MAX))
     }
 
     /// Ends a sweep, and returns the weights of all voxels that are left if they are to be kept now.
@@ -153,83 +140,61 @@ impl<'a> Haze<'a> {
     }
 }
 
-/// Whether the weights of a part of `indices` are kept after so many sweeps, as [`Operator`] does it; `bytes` are those
-/// of all.
-pub(crate) fn are_kept(
-    weights: &Weights,
-    indices: &[u64],
-    subsets: usize,
-    max_bytes: u64,
-) -> impl Fn(f64, usize) -> bool + use<> {
-    let bytes = Stored::foretold_bytes(weights, indices, subsets) as f64;
-    let mut limits = Limits::new(weights, indices.len(), indices.len(), max_bytes);
-    if limits.bytes == 0 {
-        // The weights of all that are left are kept as soon as they fit.
-        limits = Limits { bytes: kept_bytes(max_bytes), voxels: [indices.len(); 2], has_swept: false };
-    }
-    let count = indices.len() as f64;
-    move |part, sweeps| Limits { has_swept: sweeps > 0, ..limits }.allow((part * count) as usize, (part * bytes) as u64)
-}
-
 impl<'a> Operator<'a> {
     /// For `subsets` interleaved subsets of image rows. Weights are kept if they fit in a part of `max_bytes`.
-    pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64, support: usize) -> Self {
-        let limits = Limits::new(weights, indices.len(), support, max_bytes);
-        let haze = Haze { weights, indices: indices.to_vec(), subsets, limits };
-        match haze.kept() {
+    pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, max_bytes: u64) -> Self {
+        let limits = Limits::new(weights, indices.len(), max_bytes);
+        let dense = DensePhase { weights, indices: indices.to_vec(), subsets, limits };
+        match dense.kept() {
             Some(kept) => Self::Voxels(kept),
-            None => Self::in_haze(haze, indices, kept_bytes(max_bytes)),
+            None => Self::in_dense_phase(dense, indices, kept_bytes(max_bytes)),
         }
     }
 
-    /// Weights that are made at every use, until those of the voxels left are kept. Paths that keep them at once may take
-    /// `most_bytes`.
-    fn in_haze(haze: Haze<'a>, indices: &[u64], most_bytes: u64) -> Self {
-        let Haze { weights, subsets, .. } = haze;
+    /// Weights that are made at every use, until those of the voxels left are kept. Paths that keep them at once may
+    /// take `most_bytes`.
+    fn in_dense_phase(dense: DensePhase<'a>, indices: &[u64], most_bytes: u64) -> Self {
+        let DensePhase { weights, subsets, .. } = dense;
         match &weights.path {
-            Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets)), haze),
-            Path::Micro(micro) => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), haze),
+            Path::Aligned(aligned) => Self::Profiles(Box::new(ProfileWeights::new(aligned, indices, subsets)), dense),
+            Path::Micro(micro) => Self::Micro(Box::new(MicroWeights::new(micro, indices, subsets)), dense),
             _ => Self::Voxels(VoxelWeights::new(weights, indices, subsets, most_bytes)),
         }
     }
 
-    /// Weights that are made at every use.
-    pub(crate) fn remade(weights: &'a Weights, indices: &[u64], subsets: usize) -> Self {
-        Self::in_haze(Haze::forever(weights, subsets), indices, 0)
-    }
-
-    /// Weights that are kept.
-    pub(crate) fn kept(weights: &'a Weights, indices: &[u64], subsets: usize) -> Self {
-        let bytes = Stored::foretold_bytes(weights, indices, subsets);
-        Self::Voxels(VoxelWeights::kept(weights, indices, subsets, bytes))
+    /// Weights that are made at every use, for all rows at once.
+    pub(crate) fn remade(weights: &'a Weights, indices: &[u64]) -> Self {
+        Self::in_dense_phase(DensePhase::forever(weights, 1), indices, 0)
     }
 
     pub(crate) fn retain(&mut self, held: &[bool]) {
         let kept = match self {
-            Self::Micro(weights, haze) => {
+            Self::Micro(weights, dense) => {
                 weights.retain(held);
-                haze.retain(held)
+                dense.retain(held)
             }
-            Self::Profiles(weights, haze) => {
+            Self::Profiles(weights, dense) => {
                 weights.retain(held);
-                haze.retain(held)
+                dense.retain(held)
             }
             Self::Voxels(weights) => {
                 weights.retain(held);
                 None
             }
         };
-        if let Some(kept) = kept {
-            *self = Self::Voxels(kept);
-        }
+        self.switch_to(kept);
     }
 
     /// Ends a sweep. After the first, the weights of more voxels may be kept.
     pub(crate) fn end_sweep(&mut self) {
         let kept = match self {
-            Self::Micro(_, haze) | Self::Profiles(_, haze) => haze.end_sweep(),
+            Self::Micro(_, dense) | Self::Profiles(_, dense) => dense.end_sweep(),
             Self::Voxels(_) => None,
         };
+        self.switch_to(kept);
+    }
+
+    fn switch_to(&mut self, kept: Option<VoxelWeights<'a>>) {
         if let Some(kept) = kept {
             *self = Self::Voxels(kept);
         }

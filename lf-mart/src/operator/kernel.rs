@@ -3,7 +3,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::kernel_avx2;
-use super::taps::{CutTap, LitRows, Tap, fill, halves};
+use super::stencils::{CutStencil, LitRows, Stencil, fill, halves};
 use super::{kernel_portable, plane::PADDING};
 use lf_core::{simd::Level, weights::Piece};
 use std::ops::Range;
@@ -11,8 +11,8 @@ use std::ops::Range;
 /// A column profile.
 #[derive(Debug)]
 pub(super) struct Profile {
-    first_tap: u32,
-    end_tap: u32,
+    first_stencil: u32,
+    end_stencil: u32,
     /// Sum of its shares.
     pub(super) sum: f32,
     /// Number of its shares.
@@ -26,53 +26,59 @@ pub(super) struct ColumnProfiles {
     has_round_stop: bool,
     level: Level,
     pub(super) profiles: Vec<Profile>,
-    taps: Vec<Tap>,
-    cut_taps: Vec<CutTap>,
+    stencils: Vec<Stencil>,
+    cut_stencils: Vec<CutStencil>,
 }
 
 impl ColumnProfiles {
     pub(super) fn new(width: usize, has_round_stop: bool) -> Self {
         let level = Level::detect();
-        Self { width, has_round_stop, level, profiles: Vec::new(), taps: Vec::new(), cut_taps: Vec::new() }
+        Self { width, has_round_stop, level, profiles: Vec::new(), stencils: Vec::new(), cut_stencils: Vec::new() }
     }
 
     /// Appends a profile.
     pub(super) fn push(&mut self, pieces: &[Piece]) {
         assert!(pieces.iter().all(|piece| (piece.pixel as usize) < self.width), "a column outside the image");
-        let first_tap = self.count_taps();
+        let first_stencil = self.count_stencils();
         if self.has_round_stop {
-            fill(&halves(pieces), &mut self.cut_taps);
+            fill(&halves(pieces), &mut self.cut_stencils);
         } else {
-            fill(pieces, &mut self.taps);
+            fill(pieces, &mut self.stencils);
         }
         let sum = pieces.iter().map(|piece| piece.weight).sum();
-        self.profiles.push(Profile { first_tap, end_tap: self.count_taps(), sum, count: pieces.len() as u32 });
+        self.profiles.push(Profile {
+            first_stencil,
+            end_stencil: self.count_stencils(),
+            sum,
+            count: pieces.len() as u32,
+        });
     }
 
-    fn count_taps(&self) -> u32 {
-        (self.taps.len() + self.cut_taps.len()) as u32
+    fn count_stencils(&self) -> u32 {
+        (self.stencils.len() + self.cut_stencils.len()) as u32
     }
 
     pub(super) fn reserve<'a>(&mut self, others: impl Iterator<Item = &'a Self> + Clone) {
         self.profiles.reserve_exact(others.clone().map(|other| other.profiles.len()).sum());
-        self.taps.reserve_exact(others.clone().map(|other| other.taps.len()).sum());
-        self.cut_taps.reserve_exact(others.map(|other| other.cut_taps.len()).sum());
+        self.stencils.reserve_exact(others.clone().map(|other| other.stencils.len()).sum());
+        self.cut_stencils.reserve_exact(others.map(|other| other.cut_stencils.len()).sum());
     }
 
     pub(super) fn append(&mut self, other: Self) {
         let is_alike = other.width == self.width && other.has_round_stop == self.has_round_stop;
         assert!(is_alike, "profiles of another image");
-        let base = self.count_taps();
-        let moved = |p: Profile| Profile { first_tap: base + p.first_tap, end_tap: base + p.end_tap, ..p };
+        let base = self.count_stencils();
+        let moved =
+            |p: Profile| Profile { first_stencil: base + p.first_stencil, end_stencil: base + p.end_stencil, ..p };
         self.profiles.extend(other.profiles.into_iter().map(moved));
-        self.taps.extend(other.taps);
-        self.cut_taps.extend(other.cut_taps);
+        self.stencils.extend(other.stencils);
+        self.cut_stencils.extend(other.cut_stencils);
     }
 
     #[inline(always)]
-    fn taps(&self, number: u32) -> Range<usize> {
+    fn stencils(&self, number: u32) -> Range<usize> {
         let profile = &self.profiles[number as usize];
-        profile.first_tap as usize..profile.end_tap as usize
+        profile.first_stencil as usize..profile.end_stencil as usize
     }
 
     #[inline(always)]
@@ -84,17 +90,17 @@ impl ColumnProfiles {
     #[inline(always)]
     pub(super) fn spread(&self, number: u32, strength: f32, rows: &LitRows, plane: &mut [f32]) {
         self.check(rows, plane);
-        let (taps, rows) = (self.taps(number), rows.rows.as_slice());
+        let (stencils, rows) = (self.stencils(number), rows.rows.as_slice());
         // SAFETY: `push` checked that columns are less than the width, `check` that rows lie in the plane; the machine
         // has the level.
         unsafe {
             match (self.has_round_stop, self.level) {
                 #[cfg(target_arch = "x86_64")]
-                (false, Level::Avx2Fma) => kernel_avx2::spread_whole(plane, strength, rows, &self.taps[taps]),
-                (false, _) => kernel_portable::spread_whole(plane, strength, rows, &self.taps[taps]),
+                (false, Level::Avx2Fma) => kernel_avx2::spread_whole(plane, strength, rows, &self.stencils[stencils]),
+                (false, _) => kernel_portable::spread_whole(plane, strength, rows, &self.stencils[stencils]),
                 #[cfg(target_arch = "x86_64")]
-                (true, Level::Avx2Fma) => kernel_avx2::spread_cut(plane, strength, rows, &self.cut_taps[taps]),
-                (true, _) => kernel_portable::spread_cut(plane, strength, rows, &self.cut_taps[taps]),
+                (true, Level::Avx2Fma) => kernel_avx2::spread_cut(plane, strength, rows, &self.cut_stencils[stencils]),
+                (true, _) => kernel_portable::spread_cut(plane, strength, rows, &self.cut_stencils[stencils]),
             }
         }
     }
@@ -103,16 +109,16 @@ impl ColumnProfiles {
     #[inline(always)]
     pub(super) fn gather(&self, number: u32, rows: &LitRows, plane: &[f32]) -> (f32, f32) {
         self.check(rows, plane);
-        let (taps, rows, sum) = (self.taps(number), rows.rows.as_slice(), self.profiles[number as usize].sum);
+        let (stencils, rows, sum) = (self.stencils(number), rows.rows.as_slice(), self.profiles[number as usize].sum);
         // SAFETY: as in `spread`.
         unsafe {
             match (self.has_round_stop, self.level) {
                 #[cfg(target_arch = "x86_64")]
-                (false, Level::Avx2Fma) => kernel_avx2::gather_whole(plane, rows, &self.taps[taps], sum),
-                (false, _) => kernel_portable::gather_whole(plane, rows, &self.taps[taps], sum),
+                (false, Level::Avx2Fma) => kernel_avx2::gather_whole(plane, rows, &self.stencils[stencils], sum),
+                (false, _) => kernel_portable::gather_whole(plane, rows, &self.stencils[stencils], sum),
                 #[cfg(target_arch = "x86_64")]
-                (true, Level::Avx2Fma) => kernel_avx2::gather_cut(plane, rows, &self.cut_taps[taps]),
-                (true, _) => kernel_portable::gather_cut(plane, rows, &self.cut_taps[taps]),
+                (true, Level::Avx2Fma) => kernel_avx2::gather_cut(plane, rows, &self.cut_stencils[stencils]),
+                (true, _) => kernel_portable::gather_cut(plane, rows, &self.cut_stencils[stencils]),
             }
         }
     }
@@ -120,7 +126,7 @@ impl ColumnProfiles {
 
 #[cfg(test)]
 mod tests {
-    use super::super::taps::LitRow;
+    use super::super::stencils::LitRow;
     use super::*;
     use lf_core::weights::Chords;
 

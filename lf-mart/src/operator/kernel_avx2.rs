@@ -4,10 +4,10 @@
 //! without link-time optimisation.
 //!
 //! # Safety
-//! For all unsafe functions: the start of every row, plus every tap's column, plus 4, lies in the plane. The machine
-//! has AVX2 and FMA.
+//! For all unsafe functions: the start of every row, plus every stencil's column, plus 4, lies in the plane. The
+//! machine has AVX2 and FMA.
 
-use super::taps::{CutTap, LitRow, Tap};
+use super::stencils::{CutStencil, LitRow, Stencil};
 use std::arch::x86_64::*;
 
 /// A row's half chords, each in all lanes.
@@ -33,14 +33,14 @@ fn reach(half: __m256, from: __m256, width: __m256) -> __m256 {
     _mm256_max_ps(_mm256_min_ps(_mm256_sub_ps(half, from), width), _mm256_setzero_ps())
 }
 
-/// See [`CutTap::inside`].
+/// See [`CutStencil::inside`].
 #[inline]
 #[target_feature(enable = "avx2,fma")]
-fn inside(tap: &CutTap, nodes: &[__m256; 3]) -> __m256 {
-    let (from, width) = (eight(&tap.from), eight(&tap.width));
+fn inside(stencil: &CutStencil, nodes: &[__m256; 3]) -> __m256 {
+    let (from, width) = (eight(&stencil.from), eight(&stencil.width));
     let (a, b, c) = (reach(nodes[0], from, width), reach(nodes[1], from, width), reach(nodes[2], from, width));
     let ends = _mm256_mul_ps(_mm256_set1_ps(5.0), _mm256_add_ps(a, c));
-    _mm256_mul_ps(eight(&tap.density), _mm256_fmadd_ps(_mm256_set1_ps(8.0), b, ends))
+    _mm256_mul_ps(eight(&stencil.density), _mm256_fmadd_ps(_mm256_set1_ps(8.0), b, ends))
 }
 
 /// Adds light at two runs of columns of a row.
@@ -68,28 +68,28 @@ unsafe fn values(row: *const f32, columns: [u32; 2]) -> __m256 {
 
 /// See `kernel_portable::spread_whole`.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[Tap]) {
+pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitRow], stencils: &[Stencil]) {
     for row in rows {
         let light = _mm256_set1_ps(row.share * strength);
         let out = plane.as_mut_ptr().wrapping_add(row.start);
-        for tap in taps {
+        for stencil in stencils {
             // SAFETY: as the caller says.
-            unsafe { add(out, tap.columns, _mm256_mul_ps(light, eight(&tap.shares))) };
+            unsafe { add(out, stencil.columns, _mm256_mul_ps(light, eight(&stencil.shares))) };
         }
     }
 }
 
 /// See `kernel_portable::gather_whole`.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], whole: f32) -> (f32, f32) {
+pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], stencils: &[Stencil], whole: f32) -> (f32, f32) {
     let (mut all, mut weight) = (_mm256_setzero_ps(), 0.0);
     for row in rows {
         let mut lanes = _mm256_setzero_ps();
         let from = plane.as_ptr().wrapping_add(row.start);
-        for tap in taps {
+        for stencil in stencils {
             // SAFETY: as the caller says.
-            let values = unsafe { values(from, tap.columns) };
-            lanes = _mm256_fmadd_ps(values, eight(&tap.shares), lanes);
+            let values = unsafe { values(from, stencil.columns) };
+            lanes = _mm256_fmadd_ps(values, eight(&stencil.shares), lanes);
         }
         all = _mm256_fmadd_ps(_mm256_set1_ps(row.share), lanes, all);
         weight += row.share * whole;
@@ -99,29 +99,29 @@ pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], 
 
 /// See `kernel_portable::spread_cut`.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[CutTap]) {
+pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow], stencils: &[CutStencil]) {
     for row in rows {
         let (nodes, light) = (nodes(row), _mm256_set1_ps(row.share * strength));
         let out = plane.as_mut_ptr().wrapping_add(row.start);
-        for tap in taps {
+        for stencil in stencils {
             // SAFETY: as the caller says.
-            unsafe { add(out, tap.columns, _mm256_mul_ps(light, inside(tap, &nodes))) };
+            unsafe { add(out, stencil.columns, _mm256_mul_ps(light, inside(stencil, &nodes))) };
         }
     }
 }
 
 /// See `kernel_portable::gather_cut`.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap]) -> (f32, f32) {
+pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], stencils: &[CutStencil]) -> (f32, f32) {
     let (mut all, mut weight) = (_mm256_setzero_ps(), _mm256_setzero_ps());
     for row in rows {
         let (nodes, share) = (nodes(row), _mm256_set1_ps(row.share));
         let (mut lanes, mut cut) = (_mm256_setzero_ps(), _mm256_setzero_ps());
         let from = plane.as_ptr().wrapping_add(row.start);
-        for tap in taps {
-            let shares = inside(tap, &nodes);
+        for stencil in stencils {
+            let shares = inside(stencil, &nodes);
             // SAFETY: as the caller says.
-            lanes = _mm256_fmadd_ps(unsafe { values(from, tap.columns) }, shares, lanes);
+            lanes = _mm256_fmadd_ps(unsafe { values(from, stencil.columns) }, shares, lanes);
             cut = _mm256_add_ps(cut, shares);
         }
         all = _mm256_fmadd_ps(share, lanes, all);

@@ -1,46 +1,46 @@
 //! The inner loops for any machine, in four lanes: spread a strength onto image rows, gather from them.
 //!
 //! # Safety
-//! For all unsafe functions: the start of every row, plus every tap's column, plus 4, lies in the plane.
+//! For all unsafe functions: the start of every row, plus every stencil's column, plus 4, lies in the plane.
 
-use super::taps::{CutTap, LitRow, Tap};
+use super::stencils::{CutStencil, LitRow, Stencil};
 
 /// Adds a voxel's light to rows of `plane`.
 #[inline(always)]
-pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[Tap]) {
+pub(super) unsafe fn spread_whole(plane: &mut [f32], strength: f32, rows: &[LitRow], stencils: &[Stencil]) {
     for row in rows {
         let light = row.share * strength;
-        for tap in taps {
+        for stencil in stencils {
             // SAFETY: as the caller says.
-            unsafe { add(plane, row.start, tap.columns, light, &tap.shares) };
+            unsafe { add(plane, row.start, stencil.columns, light, &stencil.shares) };
         }
     }
 }
 
-/// The same behind a round stop.
+/// Like [`spread_whole`], but behind a round stop.
 #[inline(always)]
-pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow], taps: &[CutTap]) {
+pub(super) unsafe fn spread_cut(plane: &mut [f32], strength: f32, rows: &[LitRow], stencils: &[CutStencil]) {
     for row in rows {
         let light = row.share * strength;
-        for tap in taps {
+        for stencil in stencils {
             // SAFETY: as the caller says.
-            unsafe { add(plane, row.start, tap.columns, light, &tap.inside(row.chords.nodes)) };
+            unsafe { add(plane, row.start, stencil.columns, light, &stencil.inside(row.chords.nodes)) };
         }
     }
 }
 
-/// A voxel's weighted sum over rows of `plane`, and the sum of the weights. `sum` is the sum of the taps' shares.
+/// A voxel's weighted sum over rows of `plane`, and the sum of the weights. `sum` is the sum of the stencils' shares.
 #[inline(always)]
-pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], sum: f32) -> (f32, f32) {
+pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], stencils: &[Stencil], sum: f32) -> (f32, f32) {
     let (mut all, mut weight) = (0.0, 0.0);
     for row in rows {
         let mut lanes = [0f32; 4];
-        for tap in taps {
+        for stencil in stencils {
             for half in 0..2 {
                 // SAFETY: as the caller says.
-                let values = unsafe { four(plane, row.start + tap.columns[half] as usize) };
+                let values = unsafe { four(plane, row.start + stencil.columns[half] as usize) };
                 for lane in 0..4 {
-                    lanes[lane] += values[lane] * tap.shares[4 * half + lane];
+                    lanes[lane] += values[lane] * stencil.shares[4 * half + lane];
                 }
             }
         }
@@ -50,13 +50,13 @@ pub(super) unsafe fn gather_whole(plane: &[f32], rows: &[LitRow], taps: &[Tap], 
     (all, weight)
 }
 
-/// The same behind a round stop.
+/// Like [`gather_whole`], but behind a round stop.
 #[inline(always)]
-pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap]) -> (f32, f32) {
+pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], stencils: &[CutStencil]) -> (f32, f32) {
     let (mut all, mut weight) = ([0f32; 8], [0f32; 8]);
     for row in rows {
         // SAFETY: as the caller says.
-        unsafe { gather_row(plane, row, taps, &mut all, &mut weight) };
+        unsafe { gather_row(plane, row, stencils, &mut all, &mut weight) };
     }
     (all.iter().sum(), weight.iter().sum())
 }
@@ -65,10 +65,10 @@ pub(super) unsafe fn gather_cut(plane: &[f32], rows: &[LitRow], taps: &[CutTap])
 /// own: with the sums in memory all lanes work at once. Inlined, with the sums in registers, most of the work is done
 /// lane by lane and takes three times as long.
 #[inline(never)]
-unsafe fn gather_row(plane: &[f32], row: &LitRow, taps: &[CutTap], all: &mut [f32; 8], weight: &mut [f32; 8]) {
-    for tap in taps {
-        let shares = tap.inside(row.chords.nodes).map(|share| share * row.share);
-        let [left, right] = tap.columns;
+unsafe fn gather_row(plane: &[f32], row: &LitRow, stencils: &[CutStencil], all: &mut [f32; 8], weight: &mut [f32; 8]) {
+    for stencil in stencils {
+        let shares = stencil.inside(row.chords.nodes).map(|share| share * row.share);
+        let [left, right] = stencil.columns;
         // SAFETY: as the caller says.
         let values = unsafe { [four(plane, row.start + left as usize), four(plane, row.start + right as usize)] };
         for (lane, value) in values.as_flattened().iter().enumerate() {

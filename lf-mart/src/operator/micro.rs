@@ -3,10 +3,10 @@
 use super::plane::{Plane, keep};
 use lf_core::weights::{Lines, Micro, MicroImages, RowSet};
 
-/// Micro-images hold about one row in so many of the image at a time. More rows at a time take more memory.
+/// Image rows are processed in about this number of batches; fewer batches need more memory.
 const ROWS_APART: usize = 14;
 
-/// The shares of voxels that the sensor may see in part come from one set of rows in so many.
+/// The shares of voxels that the sensor may see in part come from one set of rows in three.
 const SHARE_ROWS: usize = 3;
 
 pub(crate) struct MicroWeights<'a> {
@@ -40,13 +40,14 @@ impl<'a> MicroWeights<'a> {
         this
     }
 
-    /// Foretells the bytes of everything but the voxels' own.
-    pub(super) fn foretold_bytes(micro: &Micro, subsets: usize) -> u64 {
-        micro.foretold_bytes(subsets * parts(subsets))
+    /// Estimates the bytes of everything but the voxels' own.
+    pub(super) fn estimated_bytes(micro: &Micro, subsets: usize) -> u64 {
+        micro.estimated_bytes(subsets * parts(subsets))
     }
 
-    /// Measures the shares of all voxels, or of those that the sensor may see in part: the sum that a voxel sees of an even
-    /// image. The others have 1. For a part of the voxels some of the rows are enough, unless a voxel sees nothing in them.
+    /// Measures the shares of all voxels, or of those that the sensor may see in part: the sum that a voxel sees of an
+    /// even image. The others have 1. For a part of the voxels some of the rows are enough, unless a voxel sees nothing
+    /// in them.
     fn measure_shares(&mut self, are_all: bool) {
         let whole = self.micro.are_whole(&self.lines);
         let mut beside: Vec<bool> = whole.iter().map(|whole| are_all || !whole).collect();
@@ -59,6 +60,7 @@ impl<'a> MicroWeights<'a> {
 
     /// Measures the shares of some voxels from one set of rows in `apart`.
     fn measure_shares_of(&mut self, voxels: &[bool], apart: usize) {
+        // Take only these voxels.
         let count = voxels.iter().filter(|voxel| **voxel).count();
         if count == 0 {
             return;
@@ -66,6 +68,7 @@ impl<'a> MicroWeights<'a> {
         let mut lines = self.lines.clone();
         lines.retain(voxels);
         let mut shares = vec![0f32; count];
+        // Project an even image back, from one set of rows in `apart`.
         let [width, height] = self.micro.sensor_px();
         let even = vec![1.0; width * height];
         let sets = self.images.step();
@@ -74,6 +77,7 @@ impl<'a> MicroWeights<'a> {
                 *share += sum;
             });
         }
+        // Scale the sums to all rows.
         let factor = sets as f32 / sets.div_ceil(apart) as f32;
         let places = self.shares.iter_mut().zip(voxels).filter(|(_, voxel)| **voxel);
         places.zip(shares).for_each(|((share, _), measured)| *share = (factor * measured).max(0.0));
@@ -98,8 +102,8 @@ impl<'a> MicroWeights<'a> {
         }
     }
 
-    /// See [`super::Operator::back_project`]. The sum of the weights is exact for all rows. For a part of the rows it is
-    /// rough where the stop cuts a lenslet's light.
+    /// See [`super::Operator::back_project`]. The sum of the weights is exact for all rows. For a part of the rows it
+    /// is rough where the stop cuts a lenslet's light.
     pub(crate) fn back_project(
         &mut self,
         rows: RowSet,
@@ -126,7 +130,7 @@ impl<'a> MicroWeights<'a> {
     }
 }
 
-/// The rows of a set in so many sets.
+/// Splits the rows of a set into `parts` sets.
 fn split(rows: RowSet, parts: usize) -> impl Iterator<Item = RowSet> {
     (0..parts as u32).map(move |n| RowSet { first: rows.first + n * rows.step, step: rows.step * parts as u32 })
 }

@@ -6,19 +6,19 @@ mod kernel;
 #[cfg(target_arch = "x86_64")]
 mod kernel_avx2;
 mod kernel_portable;
-mod lister;
 mod micro;
 mod plane;
 mod profile_sums;
 mod profiles;
 pub mod projector;
+mod row_buffer;
+mod stencils;
 mod stored;
-mod taps;
 mod voxels;
 
 #[cfg(test)]
-pub(crate) use choice::Haze;
-pub(crate) use choice::{Operator, Storage, are_kept};
+pub(crate) use choice::DensePhase;
+pub(crate) use choice::{Operator, Storage};
 #[cfg(test)]
 pub(crate) use micro::MicroWeights;
 pub(crate) use plane::{Plane, keep};

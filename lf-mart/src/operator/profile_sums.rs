@@ -1,6 +1,6 @@
 //! Projection and back-projection over products of profiles, in pieces that fit into a core's cache.
 
-use super::taps::{LitRow, LitRows};
+use super::stencils::{LitRow, LitRows};
 use super::{plane::Plane, profiles::ProfileWeights};
 use lf_core::weights::{Chords, RowSet};
 use rayon::prelude::*;
@@ -15,10 +15,14 @@ impl ProfileWeights {
         lit.clear();
         let at = line * (self.subsets + 1) + rows.first as usize;
         for n in self.row_starts[at] as usize..self.row_starts[at + 1] as usize {
-            let tap = self.row_taps[n];
-            if image_rows.contains(&(tap.row as usize)) {
+            let stencil = self.row_shares[n];
+            if image_rows.contains(&(stencil.row as usize)) {
                 let chords = if self.has_round_stop { self.chords[n] } else { Chords::UNCUT };
-                lit.push(LitRow { start: (tap.row as usize - image_rows.start) * stride, share: tap.share, chords });
+                lit.push(LitRow {
+                    start: (stencil.row as usize - image_rows.start) * stride,
+                    share: stencil.share,
+                    chords,
+                });
             }
         }
     }
@@ -29,17 +33,20 @@ impl ProfileWeights {
         let stride = plane.stride;
         let bands = plane.values.par_chunks_mut(self.band * stride).enumerate();
         bands.for_each_init(LitRows::default, |lit, (band, out)| {
+            // Clear the band's rows of this subset.
             let first_row = band * self.band;
             let band_rows = first_row..first_row + out.len() / stride;
             for row in band_rows.clone().filter(|row| rows.holds(*row as u32)) {
                 out[(row - first_row) * stride..][..stride].fill(0.0);
             }
+            // Go through the slices, and through the lines of voxels that reach the band.
             for lines in self.reached[band * self.slices..][..self.slices].iter().cloned() {
                 for line in lines {
                     let voxels = self.lines[line as usize] as usize..self.lines[line as usize + 1] as usize;
                     if voxels.is_empty() {
                         continue;
                     }
+                    // Find the rows that the line lights, then spread each of its voxels onto them.
                     self.lit(line as usize, rows, band_rows.clone(), stride, lit);
                     if lit.rows.is_empty() {
                         continue;
@@ -60,6 +67,7 @@ impl ProfileWeights {
         strengths: &mut [f32],
         update: impl Fn(usize, &mut f32, f32, f32) + Sync,
     ) {
+        // Cut the strengths into runs of whole lines.
         let mut runs: Vec<(usize, usize, &mut [f32])> = Vec::new();
         let (mut rest, mut first) = (strengths, 0);
         for line in 0..self.lines.len() - 1 {
@@ -70,6 +78,7 @@ impl ProfileWeights {
                 (rest, first) = (tail, line + 1);
             }
         }
+        // Gather for each voxel of each run, and update its strength.
         let height = plane.values.len() / plane.stride;
         runs.into_par_iter().for_each_init(LitRows::default, |lit, (first, end, run)| {
             let base = self.lines[first] as usize;

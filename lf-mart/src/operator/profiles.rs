@@ -1,7 +1,7 @@
 //! The weights of an aligned camera: a column profile for each x and z, a row profile for each line (y, z) of voxels. A
 //! voxel of 1000 weights costs two profiles of 30.
 
-use super::taps::{CutTap, Tap};
+use super::stencils::{CutStencil, Stencil};
 use super::{kernel::ColumnProfiles, plane::keep};
 use lf_core::weights::{Aligned, Chords, Piece};
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// An image row and its share, with the scale of the aperture.
 #[derive(Clone, Copy)]
-pub(super) struct RowTap {
+pub(super) struct RowShare {
     pub(super) row: u32,
     pub(super) share: f32,
 }
@@ -23,12 +23,12 @@ pub(crate) struct ProfileWeights {
     /// Column profile of each support voxel.
     pub(super) profiles: Vec<u32>,
     pub(super) columns: ColumnProfiles,
-    pub(super) row_taps: Vec<RowTap>,
-    /// The cut of each row tap by a round stop.
+    pub(super) row_shares: Vec<RowShare>,
+    /// The cut of each row share by a round stop.
     pub(super) chords: Vec<Chords>,
     /// Sum of each line's row shares, without the scale of the aperture.
     line_sums: Vec<f32>,
-    /// Row taps of a line's subset s are `row_starts[line * (subsets + 1) + s] ..` the next.
+    /// Row shares of a line's subset s are `row_starts[line * (subsets + 1) + s] ..` the next.
     pub(super) row_starts: Vec<u32>,
     /// Image rows of a band.
     pub(super) band: usize,
@@ -38,17 +38,17 @@ pub(crate) struct ProfileWeights {
     scale: f32,
 }
 
-/// Fewest bands of the image, so that there is work for all threads.
+/// The image has at least this number of bands, so that there is work for all threads.
 const LEAST_BANDS: usize = 16;
 /// Values in the rows of a band's subset: 512 kB, a fraction of a core's own cache.
 const CACHED_VALUES: usize = 1 << 17;
-/// Slices whose profiles are counted to foretell the memory of all.
+/// Slices whose profiles are counted to estimate the memory of all.
 const SAMPLE_SLICES: usize = 9;
 
 /// The row profiles of a slice's lines.
 #[derive(Default)]
 struct SliceRows {
-    taps: Vec<RowTap>,
+    stencils: Vec<RowShare>,
     chords: Vec<Chords>,
     starts: Vec<u32>,
     sums: Vec<f32>,
@@ -65,11 +65,11 @@ impl SliceRows {
             }
             pieces.sort_by_key(|piece| piece.pixel as usize % subsets);
             rows.sums.push(pieces.iter().map(|piece| piece.weight).sum());
-            let base = rows.taps.len();
+            let base = rows.stencils.len();
             let before = |subset: usize| pieces.partition_point(|piece| (piece.pixel as usize % subsets) < subset);
             rows.starts.extend((0..=subsets).map(|subset| (base + before(subset)) as u32));
-            let tap = |piece: &Piece| RowTap { row: piece.pixel, share: aligned.scale() * piece.weight };
-            rows.taps.extend(pieces.iter().map(tap));
+            let stencil = |piece: &Piece| RowShare { row: piece.pixel, share: aligned.scale() * piece.weight };
+            rows.stencils.extend(pieces.iter().map(stencil));
             if aligned.has_round_stop() {
                 rows.chords.extend(pieces.iter().map(|piece| aligned.chords(piece)));
             }
@@ -98,6 +98,7 @@ fn slice_columns(aligned: &Aligned, z: usize, voxels: impl Iterator<Item = usize
 
 impl ProfileWeights {
     pub(crate) fn new(aligned: &Aligned, indices: &[u64], subsets: usize) -> Self {
+        // Find where the voxels of each line begin.
         let [nx, ny, nz] = aligned.grid().shape;
         let has_round_stop = aligned.has_round_stop();
         let start = |line: u64| indices.partition_point(|index| *index < line * nx as u64) as u32;
@@ -117,7 +118,7 @@ impl ProfileWeights {
             lines,
             profiles: Vec::with_capacity(indices.len()),
             columns: ColumnProfiles::new(width, has_round_stop),
-            row_taps: Vec::new(),
+            row_shares: Vec::new(),
             chords: Vec::new(),
             line_sums: Vec::new(),
             row_starts: Vec::new(),
@@ -125,6 +126,7 @@ impl ProfileWeights {
             reached: Vec::new(),
             scale: aligned.scale() * if has_round_stop { std::f32::consts::FRAC_PI_4 } else { 1.0 },
         };
+        // Append the columns, then make the rows of all lines and the ranges that each band needs.
         this.columns.reserve(slices.iter().map(|(_, columns)| columns));
         for (profiles, columns) in slices {
             let first = this.columns.profiles.len() as u32;
@@ -142,9 +144,9 @@ impl ProfileWeights {
         let of_slice = |z: usize| SliceRows::new(aligned, z, subsets, |y| lines[ny * z + y] < lines[ny * z + y + 1]);
         let slices: Vec<SliceRows> = (0..nz).into_par_iter().map(of_slice).collect();
         for slice in slices {
-            let first = self.row_taps.len() as u32;
+            let first = self.row_shares.len() as u32;
             self.row_starts.extend(slice.starts.iter().map(|start| first + start));
-            self.row_taps.extend(slice.taps);
+            self.row_shares.extend(slice.stencils);
             self.chords.extend(slice.chords);
             self.line_sums.extend(slice.sums);
         }
@@ -154,9 +156,9 @@ impl ProfileWeights {
         let subsets = self.subsets;
         self.reached = vec![0..0; bands * nz];
         for line in 0..ny * nz {
-            let taps = self.row_starts[line * (subsets + 1)]..self.row_starts[line * (subsets + 1) + subsets];
-            for tap in &self.row_taps[taps.start as usize..taps.end as usize] {
-                let lines = &mut self.reached[tap.row as usize / self.band * nz + line / ny];
+            let stencils = self.row_starts[line * (subsets + 1)]..self.row_starts[line * (subsets + 1) + subsets];
+            for stencil in &self.row_shares[stencils.start as usize..stencils.end as usize] {
+                let lines = &mut self.reached[stencil.row as usize / self.band * nz + line / ny];
                 if lines.start == lines.end {
                     lines.start = line as u32;
                 }
@@ -165,28 +167,30 @@ impl ProfileWeights {
         }
     }
 
-    /// Bytes of the profiles, twice, as while they are brought together, and of the lists of lines and slices: an estimate
-    /// from a sample of the slices.
-    pub(super) fn foretold_bytes(aligned: &Aligned, indices: &[u64], subsets: usize) -> u64 {
+    /// Bytes of the profiles, twice, as while they are brought together, and of the lists of lines and slices: an
+    /// estimate from a sample of the slices.
+    pub(super) fn estimated_bytes(aligned: &Aligned, indices: &[u64], subsets: usize) -> u64 {
         let [nx, ny, nz] = aligned.grid().shape;
         let has_round_stop = aligned.has_round_stop();
-        let tap = if has_round_stop { size_of::<CutTap>() } else { size_of::<Tap>() };
-        let row = size_of::<RowTap>() + if has_round_stop { size_of::<Chords>() } else { 0 };
+        let stencil = if has_round_stop { size_of::<CutStencil>() } else { size_of::<Stencil>() };
+        let row = size_of::<RowShare>() + if has_round_stop { size_of::<Chords>() } else { 0 };
+        // Count the pieces of a middle column and row in some slices.
         let (mut pieces, mut columns, mut rows) = (Vec::new(), 0.0, 0.0);
         let slices: Vec<usize> = (0..nz).step_by(nz.div_ceil(SAMPLE_SLICES)).collect();
         for &z in &slices {
             pieces.clear();
             aligned.columns(nx / 2, z, &mut pieces);
-            // Runs of four are three quarters full, two to a tap.
+            // Runs of four are three quarters full, two to a stencil.
             columns += pieces.len() as f64 / 6.0;
             pieces.clear();
             aligned.rows(ny / 2, z, &mut pieces);
             rows += pieces.len() as f64;
         }
+        // Scale them to all voxels and lines.
         let (columns, rows) = (columns / slices.len() as f64, rows / slices.len() as f64);
         let profiles = (nx as f64 * nz as f64).min(indices.len() as f64);
         let lines = (ny as f64 * nz as f64).min(indices.len() as f64);
-        let bytes = profiles * (columns * tap as f64 + 12.0) + lines * rows * row as f64;
+        let bytes = profiles * (columns * stencil as f64 + 12.0) + lines * rows * row as f64;
         // Every line, lit or not, has its first voxel, the starts of its subsets, and its sum.
         let all_lines = (4 + 2 * (4 * (subsets + 1) + 4)) as f64 * ny as f64 * nz as f64;
         let bands = aligned.sensor_px()[1].min(2 * LEAST_BANDS);

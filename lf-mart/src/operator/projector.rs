@@ -1,6 +1,6 @@
 //! Projection and back-projection without a matrix, for solvers of your own.
 
-use super::{choice::Operator, plane::Plane, stored::Stored};
+use super::{choice::Operator, plane::Plane, voxels::VoxelWeights};
 use lf_core::{Weights, weights::RowSet};
 use ndarray::{Array2, ArrayView2};
 
@@ -17,9 +17,8 @@ impl<'a> Projector<'a> {
     /// and made at every use otherwise.
     pub fn new(weights: &'a Weights, indices: &[u64], most_bytes: u64) -> Self {
         let [width, height] = weights.sensor_px();
-        let is_kept = Stored::fits(Stored::foretold_bytes(weights, indices, 1), most_bytes);
-        let make = if is_kept { Operator::kept } else { Operator::remade };
-        let operator = make(weights, indices, 1);
+        let kept = VoxelWeights::new(weights, indices, 1, most_bytes);
+        let operator = if kept.kept.is_some() { Operator::Voxels(kept) } else { Operator::remade(weights, indices) };
         Self { operator, plane: Plane::new(width, height), voxels: indices.len(), width }
     }
 

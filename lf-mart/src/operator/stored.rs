@@ -3,18 +3,18 @@
 //! A voxel's weights are kept as multiples of a 255th of its greatest weight, four pixels of a row together. What is
 //! rounded off changes a voxel's light by some 0.1 % in total variation; the sum of its weights stays exact.
 
-use super::lister::{Four, LANES, Lister};
 use super::plane::{Plane, keep};
+use super::row_buffer::{Four, LANES, RowBuffer};
 use lf_core::Weights;
 use lf_core::simd::fastest;
 use lf_core::weights::{RowSet, Scratch};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Voxels whose weights are counted to foretell the number of all.
+/// Voxels whose weights are counted to estimate the number of all.
 const SAMPLE: usize = 256;
 
-/// Most runs that are kept: they are counted in 32 bits, and the sample errs by a few per cent.
+/// Largest number of runs that are kept: they are counted in 32 bits, and the sample errs by a few per cent.
 const MOST_RUNS: u64 = u32::MAX as u64 / 10 * 9;
 
 /// Voxels that a thread takes at once, and how often all threads together do so before their lists are joined.
@@ -24,8 +24,8 @@ const BATCH: usize = 32;
 /// Pixels of a row side by side, and the shares of a voxel's light on them.
 #[derive(Debug, Clone, Copy)]
 struct Run {
-    /// From the first pixel of the run before to the first of this one, in [`pack`]ed rows. The first run of a voxel counts
-    /// from the voxel's base.
+    /// From the first pixel of the run before to the first of this one, in [`pack`]ed rows. The first run of a voxel
+    /// counts from the voxel's base.
     step: i16,
     /// In units of the voxel.
     shares: [u8; LANES],
@@ -36,11 +36,12 @@ const RUN_BYTES: u64 = size_of::<Run>() as u64;
 /// 2^23, a float whose neighbours are 1 apart.
 const WHOLE: f32 = 8_388_608.0;
 
-/// Every so many voxels, so that the sample has [`SAMPLE`] at most.
+/// Voxels at equal distances in the list, [`SAMPLE`] at most.
 fn sample(indices: &[u64]) -> Vec<u64> {
     indices.iter().step_by(indices.len().div_ceil(SAMPLE).max(1)).copied().collect()
 }
 
+/// The count of all voxels, from the count of a sample.
 fn of_all(count: usize, sample: &[u64], indices: &[u64]) -> u64 {
     (count as f64 / sample.len().max(1) as f64 * indices.len() as f64) as u64
 }
@@ -126,6 +127,7 @@ impl Part {
     /// Adds a voxel.
     #[inline(always)]
     fn add(&mut self, listed: &[Four], stride: u32) {
+        // Find the voxel's light and its greatest weight, which is 255 units.
         let (mut light, mut most) = ([0f32; LANES], [0f32; LANES]);
         for four in listed {
             for n in 0..LANES {
@@ -142,6 +144,7 @@ impl Part {
         let base = listed.first().map_or(0, |four| four.place / stride / count * stride + four.place % stride);
         self.bases.push(base);
         self.last.fill(base);
+        // Round each four to units and append it to the runs of its row's subset.
         let (mut start, mut packed, mut subset) = (0, 0, 0);
         for Four { place, shares } in listed {
             if !(start..start + stride).contains(place) {
@@ -157,6 +160,7 @@ impl Part {
             let step = step_to(place, last, &mut subset.runs);
             subset.runs.push(Run { step, shares: whole.map(|share| share as u8) });
         }
+        // Choose the unit so that the rounded weights have the voxel's light.
         let all: f32 = self.subsets.iter().map(|subset| subset.sums[voxel]).sum();
         let unit = light / all.max(1.0);
         for subset in &mut self.subsets {
@@ -194,47 +198,48 @@ fn rows_of(values: &[f32], stride: usize, rows: RowSet) -> impl Iterator<Item = 
 pub(super) struct Stored(Part);
 
 impl Stored {
-    /// Foretells the bytes of [`Stored::new`] from a sample of the voxels.
-    pub(super) fn foretold_bytes(weights: &Weights, indices: &[u64], subsets: usize) -> u64 {
+    /// Estimates the bytes of [`Stored::new`] from a sample of the voxels.
+    pub(super) fn estimated_bytes(weights: &Weights, indices: &[u64], subsets: usize) -> u64 {
         let sample = sample(indices);
-        let count = |lister: &mut Lister, index: &u64| lister.list(weights, *index).len();
-        let count: usize = sample.par_iter().map_init(|| Lister::new(weights), count).sum();
+        let count = |row_buffer: &mut RowBuffer, index: &u64| row_buffer.list(weights, *index).len();
+        let count: usize = sample.par_iter().map_init(|| RowBuffer::new(weights), count).sum();
         let runs = of_all(count, &sample, indices);
         runs * RUN_BYTES + indices.len() as u64 * (8 + 8 * subsets as u64)
     }
 
-    /// Whether weights of so many bytes may be kept.
+    /// Whether weights that take `bytes` may be kept.
     pub(super) fn fits(bytes: u64, most_bytes: u64) -> bool {
         bytes <= most_bytes.min(MOST_RUNS * RUN_BYTES)
     }
 
-    /// Most bytes of the lists that [`Stored::new`] joins.
+    /// Upper limit of the bytes of the lists that [`Stored::new`] joins.
     pub(super) fn lists_bytes(bytes: u64, voxels: usize) -> u64 {
         bytes / (voxels as u64).max(1) * (voxels.min(VOXELS * BATCH) as u64)
     }
 
-    /// For weights that are foretold to take so many bytes.
-    pub(super) fn new(weights: &Weights, indices: &[u64], subsets: usize, foretold: u64) -> Self {
+    /// Makes and keeps the weights of the voxels. `estimated` is their size, bytes, by [`Stored::estimated_bytes`].
+    pub(super) fn new(weights: &Weights, indices: &[u64], subsets: usize, estimated: u64) -> Self {
         let stride = Plane::stride(weights.sensor_px()[0]) as u32;
-        let made = |lister: &mut Lister, indices: &[u64]| {
+        let made = |row_buffer: &mut RowBuffer, indices: &[u64]| {
             let mut part = Part::new(subsets);
             fastest(
                 #[inline(always)]
                 || {
                     for index in indices {
-                        part.add(lister.list(weights, *index), stride);
+                        part.add(row_buffer.list(weights, *index), stride);
                     }
                 },
             );
             part
         };
+        // Make the weights batch by batch, so that the lists to be joined stay small.
         let mut all = Part::new(subsets);
-        let runs = (foretold / RUN_BYTES) as usize;
+        let runs = (estimated / RUN_BYTES) as usize;
         all.subsets.iter_mut().for_each(|subset| subset.runs.reserve(runs / subsets));
         for batch in indices.chunks(VOXELS * BATCH) {
             let parts: Vec<Part> = batch
                 .par_chunks(VOXELS)
-                .map_init(|| Lister::new(weights), |lister, indices| made(lister, indices))
+                .map_init(|| RowBuffer::new(weights), |row_buffer, indices| made(row_buffer, indices))
                 .collect();
             let joined = all.subsets.par_iter_mut().enumerate();
             joined.for_each(|(n, subset)| parts.iter().for_each(|part| subset.extend(&part.subsets[n])));
@@ -278,7 +283,8 @@ impl Stored {
         }
     }
 
-    /// The sums, over the pixels of a subset's [`pack`]ed rows, of a voxel's weights times the values and of the weights.
+    /// The sums, over the pixels of a subset's [`pack`]ed rows, of a voxel's weights times the values and of the
+    /// weights.
     #[inline(always)]
     pub(super) fn seen(&self, voxel: usize, rows: RowSet, values: &[f32]) -> (f32, f32) {
         let subset = &self.0.subsets[rows.first as usize];

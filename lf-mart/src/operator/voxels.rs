@@ -36,44 +36,26 @@ pub(crate) struct VoxelWeights<'a> {
 }
 
 impl<'a> VoxelWeights<'a> {
+    /// Weights that are kept if they take no more than `most_bytes`.
     pub(crate) fn new(weights: &'a Weights, indices: &[u64], subsets: usize, most_bytes: u64) -> Self {
-        let mut this = Self::empty(weights, indices, subsets, most_bytes);
+        let (indices, planes) = (indices.to_vec(), vec![Vec::new(); BLOCKS]);
+        let mut this = Self { weights, subsets, most_bytes, indices, planes, count: 0, kept: None };
         this.keep_if_it_fits();
         this
     }
 
-    /// Weights that are kept, and take so many bytes as [`Stored::foretold_bytes`] tells.
-    pub(super) fn kept(weights: &'a Weights, indices: &[u64], subsets: usize, bytes: u64) -> Self {
-        let mut this = Self::empty(weights, indices, subsets, bytes);
-        this.keep(bytes);
-        this
-    }
-
-    fn empty(weights: &'a Weights, indices: &[u64], subsets: usize, most_bytes: u64) -> Self {
-        let planes = vec![Vec::new(); BLOCKS];
-        Self { weights, subsets, most_bytes, indices: indices.to_vec(), planes, count: 0, kept: None }
-    }
-
-    fn keep(&mut self, bytes: u64) {
-        let kept = Stored::new(self.weights, &self.indices, self.subsets, bytes);
-        self.count = kept.count();
-        self.kept = Some(kept);
-    }
-
     /// Bytes of kept weights, while they are made, and of the tables that make them.
-    pub(super) fn foretold_bytes(weights: &Weights, voxels: usize, stored_bytes: u64, most_bytes: u64) -> u64 {
+    pub(super) fn estimated_bytes(weights: &Weights, voxels: usize, stored_bytes: u64, most_bytes: u64) -> u64 {
         // Sooner or later they are kept, when they fit.
         let lists = Stored::lists_bytes(stored_bytes, voxels);
         stored_bytes.min(most_bytes).saturating_add(lists).saturating_add(weights.table_bytes())
     }
 
     fn keep_if_it_fits(&mut self) {
-        let bytes = Stored::foretold_bytes(self.weights, &self.indices, self.subsets);
-        if Stored::fits(bytes, self.most_bytes) {
-            self.keep(bytes);
-        } else {
-            self.count = count_weights(self.weights, &self.indices);
-        }
+        let bytes = Stored::estimated_bytes(self.weights, &self.indices, self.subsets);
+        self.kept =
+            Stored::fits(bytes, self.most_bytes).then(|| Stored::new(self.weights, &self.indices, self.subsets, bytes));
+        self.count = self.kept.as_ref().map_or_else(|| count_weights(self.weights, &self.indices), Stored::count);
     }
 
     /// Keeps the weights as soon as those of the voxels held fit.
@@ -108,6 +90,7 @@ impl<'a> VoxelWeights<'a> {
         let (weights, indices, kept, stride) = (self.weights, &self.indices, &self.kept, plane.stride);
         let first = |row: usize| if kept.is_some() { row / rows.step as usize * stride } else { row * stride };
         let length = first(plane.values.len() / stride - 1) + stride;
+        // Project each block of voxels onto a plane of its own.
         self.planes.par_iter_mut().enumerate().for_each(|(n, values)| {
             values.resize(length, 0.0);
             let (from, step) = if kept.is_some() { (0, 1) } else { (rows.first as usize, rows.step as usize) };
@@ -121,6 +104,7 @@ impl<'a> VoxelWeights<'a> {
                 None => spread(weights, &indices[voxels.clone()], rows, &strengths[voxels], values, stride),
             }
         });
+        // Add the planes in their order.
         let planes = &self.planes;
         let image_rows = plane.values.par_chunks_mut(stride).enumerate();
         image_rows.filter(|(row, _)| rows.holds(*row as u32)).for_each(|(row, out)| {
@@ -165,64 +149,44 @@ impl<'a> VoxelWeights<'a> {
 }
 
 /// Adds the light of voxels to a plane.
-pub(super) fn spread(
-    weights: &Weights,
-    indices: &[u64],
-    rows: RowSet,
-    strengths: &[f32],
-    values: &mut [f32],
-    stride: usize,
-) {
+fn spread(weights: &Weights, indices: &[u64], rows: RowSet, strengths: &[f32], values: &mut [f32], stride: usize) {
     fastest(
         #[inline(always)]
-        || spread_inlined(weights, indices, rows, strengths, values, stride),
+        || {
+            let mut scratch = Scratch::default();
+            for (index, strength) in indices.iter().zip(strengths) {
+                weights.runs(weights.grid().voxel(*index), &mut scratch, rows, |row, first, share, columns| {
+                    let light = share * strength;
+                    let start = row as usize * stride + first as usize;
+                    let values = &mut values[start..start + columns.len()];
+                    for (values, columns) in values.chunks_exact_mut(4).zip(columns.chunks_exact(4)) {
+                        (Vec4::from_slice(values) + light * Vec4::from_slice(columns)).write_to_slice(values);
+                    }
+                });
+            }
+        },
     );
 }
 
 /// For each voxel the sum of a plane's values by its weights, and of its weights.
-pub(super) fn gather(weights: &Weights, indices: &[u64], rows: RowSet, plane: &Plane, sums: &mut [(f32, f32)]) {
+fn gather(weights: &Weights, indices: &[u64], rows: RowSet, plane: &Plane, sums: &mut [(f32, f32)]) {
     fastest(
         #[inline(always)]
-        || gather_inlined(weights, indices, rows, plane, sums),
+        || {
+            let mut scratch = Scratch::default();
+            for (index, sums) in indices.iter().zip(sums) {
+                let (mut sum, mut all) = (Vec4::ZERO, Vec4::ZERO);
+                weights.runs(weights.grid().voxel(*index), &mut scratch, rows, |row, first, share, columns| {
+                    let start = row as usize * plane.stride + first as usize;
+                    let values = &plane.values[start..start + columns.len()];
+                    for (values, columns) in values.chunks_exact(4).zip(columns.chunks_exact(4)) {
+                        let weights = share * Vec4::from_slice(columns);
+                        sum += weights * Vec4::from_slice(values);
+                        all += weights;
+                    }
+                });
+                *sums = (sum.element_sum(), all.element_sum());
+            }
+        },
     );
-}
-
-#[inline(always)]
-fn spread_inlined(
-    weights: &Weights,
-    indices: &[u64],
-    rows: RowSet,
-    strengths: &[f32],
-    values: &mut [f32],
-    stride: usize,
-) {
-    let mut scratch = Scratch::default();
-    for (index, strength) in indices.iter().zip(strengths) {
-        weights.runs(weights.grid().voxel(*index), &mut scratch, rows, |row, first, share, columns| {
-            let light = share * strength;
-            let start = row as usize * stride + first as usize;
-            let values = &mut values[start..start + columns.len()];
-            for (values, columns) in values.chunks_exact_mut(4).zip(columns.chunks_exact(4)) {
-                (Vec4::from_slice(values) + light * Vec4::from_slice(columns)).write_to_slice(values);
-            }
-        });
-    }
-}
-
-#[inline(always)]
-fn gather_inlined(weights: &Weights, indices: &[u64], rows: RowSet, plane: &Plane, sums: &mut [(f32, f32)]) {
-    let mut scratch = Scratch::default();
-    for (index, sums) in indices.iter().zip(sums) {
-        let (mut sum, mut all) = (Vec4::ZERO, Vec4::ZERO);
-        weights.runs(weights.grid().voxel(*index), &mut scratch, rows, |row, first, share, columns| {
-            let start = row as usize * plane.stride + first as usize;
-            let values = &plane.values[start..start + columns.len()];
-            for (values, columns) in values.chunks_exact(4).zip(columns.chunks_exact(4)) {
-                let weights = share * Vec4::from_slice(columns);
-                sum += weights * Vec4::from_slice(values);
-                all += weights;
-            }
-        });
-        *sums = (sum.element_sum(), all.element_sum());
-    }
 }

@@ -3,7 +3,7 @@
 mod extremes;
 mod slow;
 
-use crate::operator::{Haze, MicroWeights, Operator, Plane, ProfileWeights, VoxelWeights};
+use crate::operator::{DensePhase, MicroWeights, Operator, Plane, ProfileWeights, VoxelWeights};
 use crate::{Method, Options, Plan, Reconstruction, Start, Until};
 use lf_core::lattice::Layout;
 use lf_core::weights::{Basis, Model, Path, RowSet, Scratch};
@@ -160,15 +160,15 @@ fn projections_are_the_matrix_and_its_transpose() {
             let [width, height] = weights.sensor_px();
             let voxels = |bytes| Operator::Voxels(VoxelWeights::new(&weights, &indices, SUBSETS, bytes));
             let mut operators = vec![(Way::LookedUp, voxels(0)), (Way::Kept, voxels(u64::MAX))];
-            let haze = Haze::forever(&weights, SUBSETS);
+            let dense = DensePhase::forever(&weights, SUBSETS);
             match &weights.path {
                 Path::Aligned(aligned) => {
                     let profiles = ProfileWeights::new(aligned, &indices, SUBSETS);
-                    operators.push((Way::Slow, Operator::Profiles(Box::new(profiles), haze)));
+                    operators.push((Way::Slow, Operator::Profiles(Box::new(profiles), dense)));
                 }
                 Path::Micro(micro) => {
                     let engine = MicroWeights::new(micro, &indices, SUBSETS);
-                    operators.push((Way::Engine, Operator::Micro(Box::new(engine), haze)));
+                    operators.push((Way::Engine, Operator::Micro(Box::new(engine), dense)));
                 }
                 _ => {}
             }
@@ -213,8 +213,8 @@ fn projections_are_the_matrix_and_its_transpose() {
     }
 }
 
-/// Weights that are kept are the exact ones, rounded to a 255th of the voxel's greatest; their sum is exact. A pixel that
-/// several lenslets light is rounded as often.
+/// Weights that are kept are the exact ones, rounded to a 255th of the voxel's greatest; their sum is exact. A pixel
+/// that several lenslets light is rounded as often.
 #[test]
 fn weights_are_kept_to_a_byte() {
     let indices = voxels(&grid());
@@ -241,7 +241,6 @@ pub(crate) fn options(method: Method, iterations: usize) -> Options {
         weights: Model::Exact,
         basis: Basis::Point,
         method,
-        passes: 0,
         iterations,
         until: Until::Never,
         relaxation,

@@ -5,8 +5,15 @@ use super::pvr::{self, Pvr};
 use clap::Parser;
 use lf_core::cli::{Common, ImageOptions, MemoryLimit, Preset, numbers};
 use lf_core::{Camera, Error, Grid, Refusal, Result, Volume, io, weights::SECTIONS};
-use lf_prune::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, Options, Score};
+use lf_prune::{BRIGHT_THRESHOLDS, DARK_THRESHOLDS, PruneOptions, Score};
 use std::path::PathBuf;
+
+/// Headings of the options.
+const FILES: &str = "Files";
+const VOLUME: &str = "Volume";
+const MEMORY: &str = "Large volumes";
+const CHECKS: &str = "Rendered scenes";
+const EXPERIMENTS: &str = "For experiments";
 
 /// Image and camera to the voxels that may hold light, by dense ray tracing
 #[derive(Parser)]
@@ -21,85 +28,88 @@ use std::path::PathBuf;
 )]
 pub struct Arguments {
     /// Light-field image (EXR, TIFF, PNG), - for standard input
-    #[arg(default_value = "-")]
+    #[arg(default_value = "-", hide_default_value = true)]
     pub image: PathBuf,
     /// Camera (camera.json), as lf-calib writes it
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", help_heading = FILES)]
     pub camera: PathBuf,
     /// Image to subtract first; values below zero become zero
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", help_heading = FILES)]
     pub background: Option<PathBuf>,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = FILES)]
     pub reading: ImageOptions,
+    /// Support (.lfv), - for standard output [default: -]
+    #[arg(short, long, value_name = "FILE", default_value = "-", hide_default_value = true, help_heading = FILES)]
+    pub output: PathBuf,
     /// Defaults between speed and accuracy for the whole chain; typed options override them
-    #[arg(long, value_parser = Preset::parser(preset::help))]
+    #[arg(long, value_parser = Preset::parser(preset::help), help_heading = VOLUME)]
     pub preset: Option<Preset>,
-    /// Pixels per voxel along x, y, z. Choose 1 or 2 across, as particle images are about 2 px wide. Along z, `r` is the
-    /// camera's depth resolution, which -v tells: r/2 puts two voxels into it [default: 1,1,r/2]
-    #[arg(long, value_name = "X,Y,Z", value_parser = Pvr::parse)]
+    /// Pixels per voxel along x, y, z. Choose 1 or 2 across, as particle images are about 2 px wide. Along z, `r` is
+    /// the camera's depth resolution, which -v shows: r/2 puts two voxels into it [default: 1,1,r/2]
+    #[arg(long, value_name = "X,Y,Z", value_parser = Pvr::parse, help_heading = VOLUME)]
     pub pvr: Option<Pvr>,
     /// Depth of the volume, mm, from far to near: towards the camera is positive, 0 is in focus
-    #[arg(long, value_name = "Z0,Z1", value_parser = numbers::<2>, allow_hyphen_values = true, required_unless_present = "like")]
+    #[arg(long, value_name = "Z0,Z1", required_unless_present = "like", help_heading = VOLUME)]
+    #[arg(value_parser = numbers::<2>, allow_hyphen_values = true)]
     pub depth: Option<[f64; 2]>,
     /// Sides of the volume, mm [default: the part of the focal plane that the sensor sees]
-    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X0,X1,Y0,Y1", help_heading = VOLUME)]
+    #[arg(value_parser = numbers::<4>, allow_hyphen_values = true)]
     pub bounds: Option<[f64; 4]>,
     /// Volume (.lfv) whose voxels to take, so that volumes by two cameras can be compared
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["preset", "pvr", "depth", "bounds"])]
+    #[arg(long, value_name = "FILE", help_heading = VOLUME)]
+    #[arg(conflicts_with_all = ["preset", "pvr", "depth", "bounds"])]
     pub like: Option<PathBuf>,
-    /// Sections of the aperture a side, 2 to 64, each a ray of a voxel; fewer sections are faster and keep more
-    /// [default: pixels under a lenslet]
-    #[arg(long, value_name = "N")]
-    pub sections: Option<usize>,
-    /// How the pixels of a voxel become its score [default: geometric]
-    #[arg(long, value_enum)]
-    pub score: Option<ScoreName>,
-    /// Share of a voxel's pixels that may be darker than the threshold, with --score quantile
-    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
-    pub quantile: f64,
-    /// Least score kept, as a share of the image's brightest pixel; auto finds it from the image's light and noise
-    #[arg(long, value_name = "SHARE|auto", default_value = "auto")]
+    /// Smallest score kept, as a share of the image's brightest pixel. By default it follows the image's light and
+    /// noise [default: auto]
+    #[arg(long, value_name = "SHARE|auto", default_value = "auto", hide_default_value = true, help_heading = VOLUME)]
     pub threshold: String,
-    /// Least brightness that a pixel counts with in a geometric mean, as a share of the brightest; a lower one lets
-    /// dark pixels speak louder against a voxel [default: a fiftieth of the threshold]
-    #[arg(long, value_name = "SHARE")]
-    pub dark: Option<f64>,
-    /// Most brightness that a pixel counts with in a geometric mean, as a share of the brightest; a higher one keeps
-    /// more voxels where particle images overlap [default: twice the threshold]
-    #[arg(long, value_name = "SHARE")]
-    pub bright: Option<f64>,
-    /// Prune one of N tiles, I from 1 to N, of a volume too large for one machine. The grid is cut in x and y into
-    /// nearly square blocks; the voxels of one block are kept, and those around it that lf-mart needs. lf-xcorr and
-    /// `lf-validate quality` take all tiles for the whole volume
-    #[arg(long, value_name = "I/N", value_parser = tile_number)]
+    /// Prune tile I of N, of a volume too large for one machine: a block in x and y, and the voxels around it that
+    /// lf-mart needs. lf-xcorr and `lf-validate quality` take all tiles for the whole volume
+    #[arg(long, value_name = "I/N", value_parser = tile_number, help_heading = MEMORY)]
     pub tile: Option<[usize; 2]>,
+    /// Only print the memory and voxels of a run, estimated from a few slices: {"memory_bytes", "voxels", "kept"} as
+    /// JSON on standard output
+    #[arg(long, help_heading = MEMORY)]
+    pub estimate: bool,
+    #[command(flatten, next_help_heading = MEMORY)]
+    pub memory: MemoryLimit,
+    /// particles.csv of the image: report how many of its particles are lost
+    #[arg(long, value_name = "FILE", help_heading = CHECKS)]
+    pub truth: Option<PathBuf>,
+    /// Frame of --truth that the image shows [default: 0]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, help_heading = CHECKS)]
+    pub frame: usize,
     /// Distance from a tile's block within which pixels count, mm at the focal plane; a larger halo makes the tile's
     /// edges more accurate [default: eight lenslets and 1.25 times the width of its farthest voxel's beam]
-    #[arg(long, value_name = "MM", requires = "tile")]
+    #[arg(long, value_name = "MM", requires = "tile", help_heading = EXPERIMENTS, hide = true)]
     pub halo: Option<f64>,
-    /// particles.csv of the image: report how many of its particles are lost
-    #[arg(long, value_name = "FILE")]
-    pub truth: Option<PathBuf>,
-    /// Frame of --truth that the image shows
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub frame: usize,
+    /// Sections of the aperture a side, 2 to 64, each a ray of a voxel; fewer sections are faster and keep more
+    /// [default: pixels under a lenslet]
+    #[arg(long, value_name = "N", help_heading = EXPERIMENTS, hide = true)]
+    pub sections: Option<usize>,
+    /// How the pixels of a voxel become its score
+    #[arg(long, value_enum, default_value_t = ScoreName::Geometric, help_heading = EXPERIMENTS, hide = true)]
+    pub score: ScoreName,
+    /// Share of a voxel's pixels that may be darker than the threshold, with --score quantile
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1, help_heading = EXPERIMENTS, hide = true)]
+    pub quantile: f64,
+    /// Lower limit of a pixel's brightness in a geometric mean, as a share of the brightest; with a lower limit dark
+    /// pixels rule out more voxels [default: a fiftieth of the threshold]
+    #[arg(long, value_name = "SHARE", help_heading = EXPERIMENTS, hide = true)]
+    pub dark: Option<f64>,
+    /// Upper limit of a pixel's brightness in a geometric mean, as a share of the brightest; a higher limit keeps more
+    /// voxels where particle images overlap [default: twice the threshold]
+    #[arg(long, value_name = "SHARE", help_heading = EXPERIMENTS, hide = true)]
+    pub bright: Option<f64>,
     /// Keep every voxel that can be seen: the baseline of plain MART, not a mode to recommend
-    #[arg(long)]
+    #[arg(long, help_heading = EXPERIMENTS, hide = true)]
     pub keep_all: bool,
-    /// Only print the resources needed, from a few slices: {"memory_bytes", "voxels", "kept", "seconds"} as JSON on
-    /// standard output
-    #[arg(long)]
-    pub estimate: bool,
-    #[command(flatten)]
-    pub memory: MemoryLimit,
-    /// Support (.lfv), - for standard output
-    #[arg(short, long, value_name = "FILE", default_value = "-")]
-    pub output: PathBuf,
     #[command(flatten)]
     pub common: Common,
 }
 
-/// Least `--dark`; the logarithms of darker pixels do not add up in whole numbers.
+/// Smallest `--dark`: the logarithms of darker pixels do not add up in whole numbers.
 const LEAST_DARK: f64 = 1e-12;
 
 fn tile_number(text: &str) -> std::result::Result<[usize; 2], String> {
@@ -148,18 +158,13 @@ impl Arguments {
         self.threshold.parse().ok()
     }
 
-    /// The settings of the preset, as they would be typed, each with whether it holds: typed options override it.
-    pub fn preset_settings(&self, preset: Preset) -> impl Iterator<Item = (String, bool)> {
-        let holds = [self.pvr.is_none()];
-        preset::values(preset).typed().into_iter().zip(holds)
-    }
-
-    fn score(&self) -> ScoreName {
-        self.score.unwrap_or(ScoreName::Geometric)
+    /// The settings of the preset, as they would be typed, each with whether it applies: typed options override it.
+    pub fn preset_settings(&self, preset: Preset) -> [(String, bool); 1] {
+        [(preset::typed(preset), self.pvr.is_none())]
     }
 
     pub fn score_about(&self) -> String {
-        match self.score() {
+        match self.score {
             _ if self.keep_all => "nothing: every voxel that can be seen is kept".to_string(),
             ScoreName::Geometric => "the geometric mean of the pixels, each within limits".to_string(),
             ScoreName::Minimum => "the darkest pixel".to_string(),
@@ -173,8 +178,7 @@ impl Arguments {
             let like = self.like.as_deref().expect("clap wants one of them");
             return Ok(Volume::open(like)?.grid().clone());
         };
-        let preset = self.preset.map(|preset| preset::values(preset).pvr);
-        let pvr = self.pvr.or(preset).unwrap_or(pvr::DEFAULT).of(camera);
+        let pvr = self.pvr.or(self.preset.map(preset::pvr)).unwrap_or(pvr::DEFAULT).of(camera);
         let [half_x, half_y] = camera.half_view_mm();
         let [x0, x1, y0, y1] = self.bounds.unwrap_or([-half_x, half_x, -half_y, half_y]);
         Grid::in_bounds([[x0, x1], [y0, y1], depth], camera.voxel_spacing_mm(pvr))
@@ -188,7 +192,7 @@ impl Arguments {
 
     /// How a voxel is scored.
     pub fn scored_by(&self) -> Score {
-        match self.score() {
+        match self.score {
             ScoreName::Geometric => Score::Geometric,
             ScoreName::Minimum => Score::Share(0.0),
             ScoreName::Quantile => Score::Share(self.quantile),
@@ -196,8 +200,8 @@ impl Arguments {
     }
 
     /// The options of pruning, with the threshold as typed or found.
-    pub fn options(&self, threshold: f64) -> Options {
-        Options {
+    pub fn options(&self, threshold: f64) -> PruneOptions {
+        PruneOptions {
             score: self.scored_by(),
             threshold,
             dark: self.dark.unwrap_or(DARK_THRESHOLDS * threshold).max(LEAST_DARK),

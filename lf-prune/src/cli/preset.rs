@@ -1,7 +1,6 @@
-//! The words of `--score`, and the values of `--preset`. Change these here, and nowhere else, when they are measured
-//! again.
+//! The words of `--score`, and the values of `--preset`. These values stand only here.
 
-use super::pvr::{self, Depth, Pvr};
+use super::pvr::{self, Pvr, VoxelDepth};
 use clap::ValueEnum;
 use lf_core::cli::Preset;
 
@@ -15,26 +14,19 @@ pub enum ScoreName {
     Quantile,
 }
 
-/// The values of one preset: pixels per voxel along x, y, z.
-pub struct Values {
-    pub pvr: Pvr,
-}
-
-/// Accurate has finer voxels in depth, where the error is largest: it had the least error of w on every camera that
-/// scripts/studies/presets reports. Larger voxels are much faster, but err two to three times as much.
-pub fn values(preset: Preset) -> Values {
-    let parts = preset.of([2.0, 2.0, 4.0]);
-    Values { pvr: Pvr { depth: Depth::Resolution(parts), ..pvr::DEFAULT } }
-}
-
-impl Values {
-    /// The options, as they would be typed.
-    pub fn typed(&self) -> [String; 1] {
-        [format!("--pvr {}", self.pvr)]
-    }
+/// Pixels per voxel of a preset. Accurate has finer voxels in depth, where the error is largest: it had the smallest
+/// error of w on every camera that scripts/studies/presets reports. Larger voxels are much faster, but err two to three
+/// times as much.
+pub fn pvr(preset: Preset) -> Pvr {
+    Pvr { depth: VoxelDepth::Resolution(preset.of([2.0, 2.0, 4.0])), ..pvr::DEFAULT }
 }
 
 /// The preset's line of the help.
 pub fn help(preset: Preset) -> String {
-    preset.help(&values(preset).typed())
+    preset.help(&[typed(preset)])
+}
+
+/// The options of a preset, as they would be typed.
+pub fn typed(preset: Preset) -> String {
+    format!("--pvr {}", pvr(preset))
 }

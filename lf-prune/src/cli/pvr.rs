@@ -1,4 +1,4 @@
-//! The words of `--pvr`: pixels per voxel, in depth also by the camera's depth resolution.
+//! Parses `--pvr`: pixels per voxel, in depth also relative to the camera's depth resolution.
 
 use lf_core::Camera;
 use std::fmt;
@@ -7,26 +7,26 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pvr {
     pub across: [f64; 2],
-    pub depth: Depth,
+    pub depth: VoxelDepth,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Depth {
+pub enum VoxelDepth {
     Pixels(f64),
     /// The camera's depth resolution over this number.
     Resolution(f64),
 }
 
 /// Two voxels in the camera's depth resolution.
-pub const DEFAULT: Pvr = Pvr { across: [1.0, 1.0], depth: Depth::Resolution(2.0) };
+pub const DEFAULT: Pvr = Pvr { across: [1.0, 1.0], depth: VoxelDepth::Resolution(2.0) };
 
 impl Pvr {
     pub fn parse(text: &str) -> Result<Self, String> {
         let number = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0);
         let depth = |text: &str| match text.trim().strip_prefix('r') {
-            Some("") => Some(Depth::Resolution(1.0)),
-            Some(rest) => rest.strip_prefix('/').and_then(number).map(Depth::Resolution),
-            None => number(text).map(Depth::Pixels),
+            Some("") => Some(VoxelDepth::Resolution(1.0)),
+            Some(rest) => rest.strip_prefix('/').and_then(number).map(VoxelDepth::Resolution),
+            None => number(text).map(VoxelDepth::Pixels),
         };
         let found = match text.split(',').collect::<Vec<_>>()[..] {
             [x, y, z] => number(x).zip(number(y)).zip(depth(z)),
@@ -40,8 +40,8 @@ impl Pvr {
     /// Pixels per voxel for a camera.
     pub fn of(&self, camera: &Camera) -> [f64; 3] {
         let depth = match self.depth {
-            Depth::Pixels(pixels) => pixels,
-            Depth::Resolution(parts) => camera.depth_resolution_px() / parts,
+            VoxelDepth::Pixels(pixels) => pixels,
+            VoxelDepth::Resolution(parts) => camera.depth_resolution_px() / parts,
         };
         [self.across[0], self.across[1], depth]
     }
@@ -51,9 +51,9 @@ impl fmt::Display for Pvr {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let [x, y] = self.across;
         match self.depth {
-            Depth::Pixels(pixels) => write!(f, "{x},{y},{pixels}"),
-            Depth::Resolution(1.0) => write!(f, "{x},{y},r"),
-            Depth::Resolution(parts) => write!(f, "{x},{y},r/{parts}"),
+            VoxelDepth::Pixels(pixels) => write!(f, "{x},{y},{pixels}"),
+            VoxelDepth::Resolution(1.0) => write!(f, "{x},{y},r"),
+            VoxelDepth::Resolution(parts) => write!(f, "{x},{y},r/{parts}"),
         }
     }
 }

@@ -4,10 +4,9 @@ use super::{arguments::Arguments, warnings};
 use lf_core::{
     Camera, Grid, Result, Session, Tile, Verdict, cli, image, io, particles, volume, weights::aperture_sections,
 };
-use lf_prune::{Automatic, Options, Plan, Region, Support};
+use lf_prune::{Automatic, PruneOptions, PrunePlan, Region, Support};
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::Instant;
 
 pub fn main() -> ExitCode {
     cli::run("lf-prune", |arguments: &Arguments| &arguments.common, run)
@@ -33,7 +32,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let flat = camera.flat_field(&arguments.camera);
     session.keep_apart(&arguments.output, &flat.as_deref().into_iter().collect::<Vec<&Path>>())?;
     let grid = arguments.grid(&camera)?;
-    allow(Plan::list_bytes(&grid), arguments, &grid)?;
+    allow(PrunePlan::list_bytes(&grid), arguments, &grid)?;
     session.warn_of_frame(&image, &camera, arguments.background.is_some());
     let found = Automatic::new(pixels, arguments.scored_by());
     let threshold = arguments.typed_threshold().unwrap_or_else(|| explain_threshold(&found, arguments, session));
@@ -42,7 +41,7 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let whole = || vec![[0..grid.shape[0], 0..grid.shape[1]]; grid.shape[2]];
     let regions: Vec<Region> = tile.as_ref().map_or_else(whole, |tile| tile.held(&camera, &grid));
     let refused = |refusal: lf_core::Refusal| refusal.about(arguments.grid_subject());
-    let plan = Plan::new(&camera, &grid, &regions, &options).map_err(refused)?;
+    let plan = PrunePlan::new(&camera, &grid, &regions, &options).map_err(refused)?;
     explain_plan(arguments, &plan, &camera, session);
     if let Some(tile) = &tile {
         explain_tile(tile, session);
@@ -50,17 +49,14 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     allow(plan.bytes(pixels.len(), 0.0) as f64, arguments, &grid)?;
     let may_exceed = allow(plan.bytes(pixels.len(), plan.voxels() as f64) as f64, arguments, &grid).is_err();
     if arguments.estimate || may_exceed {
-        let start = Instant::now();
-        let clock = || start.elapsed().as_secs_f64();
-        let forecast = session.phase("forecast", |_| plan.forecast(pixels, clock).map_err(refused))?;
-        let seconds = forecast.seconds.ceil() as u64;
-        let counts = [("voxels", plan.voxels()), ("kept", forecast.kept as u64), ("seconds", seconds)];
-        let bytes = plan.bytes(pixels.len(), forecast.kept);
+        let kept = session.phase("forecast", |_| plan.estimated_kept(pixels).map_err(refused))?;
+        let counts = [("voxels", plan.voxels()), ("kept", kept as u64)];
+        let bytes = plan.bytes(pixels.len(), kept);
         if arguments.estimate {
-            session.tell_estimate(bytes, &counts)?;
+            session.print_estimate(bytes, &counts, &[])?;
             return Ok(Verdict::Done);
         }
-        let what = || format!("{:.0} voxels kept of a {grid}", forecast.kept);
+        let what = || format!("{kept:.0} voxels kept of a {grid}");
         session.allow_memory(arguments.memory, bytes as f64, arguments.grid_subject(), what)?;
     }
 
@@ -111,32 +107,33 @@ fn explain_tile(tile: &Tile, session: &mut Session) {
     let Tile { index, of, halo_mm, core_vox: [[x0, x1], [y0, y1]], pixels: [[c0, c1], [r0, r1]] } = tile;
     session.count("halo_mm", *halo_mm);
     session.explain(format!(
-        "tile {index} of {of}: voxels {x0} to {x1} along x and {y0} to {y1} along y; with a halo of {halo_mm:.3} mm, columns \
-         {c0} to {c1} and rows {r0} to {r1} of the image, and the voxels that light them"
+        "tile {index} of {of}: voxels {x0} to {x1} along x and {y0} to {y1} along y; with a halo of {halo_mm:.3} mm, \
+         columns {c0} to {c1} and rows {r0} to {r1} of the image, and the voxels that light them"
     ));
 }
 
-fn explain_plan(arguments: &Arguments, plan: &Plan, camera: &Camera, session: &mut Session) {
+fn explain_plan(arguments: &Arguments, plan: &PrunePlan, camera: &Camera, session: &mut Session) {
     let sections = arguments.sections.unwrap_or_else(|| aperture_sections(camera));
     session.count("sections", sections);
     session.explain(format!("camera: {}", camera.about()));
     session.explain(plan.about());
     let depth_px = camera.depth_resolution_px();
     session.explain(format!(
-        "the camera resolves about {depth_px:.0} px in depth (r): --pvr 1,1,r/2 puts two voxels into it, --pvr 2,2,r takes an \
-         eighth of the voxels"
+        "the camera resolves about {depth_px:.0} px in depth (r): --pvr 1,1,r/2 puts two voxels into it, --pvr 2,2,r \
+         takes an eighth of the voxels"
     ));
     session.explain(format!("{sections} x {sections} sections of the aperture, scored by {}", arguments.score_about()));
 }
 
-fn report(support: &Support, plan: &Plan, grid: &Grid, options: &Options, session: &mut Session) {
+fn report(support: &Support, plan: &PrunePlan, grid: &Grid, options: &PruneOptions, session: &mut Session) {
     let (kept, all) = (support.indices.len(), plan.voxels());
     session.count("voxels", all);
     session.count("kept", kept);
     let [nx, ny, nz] = grid.shape;
     let (share, threshold) = (100.0 * kept as f64 / all as f64, 100.0 * options.threshold);
     session.explain(format!(
-        "kept {kept} of {nx} x {ny} x {nz} voxels ({share:.3} %) scoring {threshold:.2} % of the brightest pixel or more"
+        "kept {kept} of {nx} x {ny} x {nz} voxels ({share:.3} %) scoring {threshold:.2} % of the brightest pixel or \
+         more"
     ));
 }
 

@@ -1,39 +1,46 @@
-//! Warnings about a pruning that ran, and the refusal when nothing is left: each with its likely cause and its figure.
+//! Warnings after pruning, and the refusal when nothing is left, each with its likely cause and its figure.
 
 use lf_core::image::Frame;
 use lf_core::light::{Follows, LatticeLight, Tones};
 use lf_core::{Camera, Error, Session, camera::Aperture};
-use lf_prune::{Options, Plan, Support};
+use lf_prune::{PruneOptions, PrunePlan, Support};
 
-/// Share of dark sections from which the stop is warned of.
+/// Share of dark sections above which the user is warned about the stop.
 const DARK_SECTIONS: f64 = 0.05;
 
 /// Share of the voxels that pruning must rule out to be of use.
 const RULED_OUT: f64 = 0.1;
 
-/// How the light fills the stop: `31 of 156 sections ...`.
-fn fill(support: &Support, plan: &Plan, camera: &Camera) -> String {
+/// Describes how the light fills the stop: `31 of 156 sections ...`.
+fn fill(support: &Support, plan: &PrunePlan, camera: &Camera) -> String {
     let (dark, all) = (support.dark_sections, plan.sections());
     let stated = camera.demagnification() * camera.aperture_mm() / camera.sensor.pixel_pitch_mm;
     let lit = stated * (1.0 - f64::from(dark) / f64::from(all)).sqrt();
     let shape = if camera.main_lens.aperture == Aperture::Circle { "disc" } else { "square" };
     format!(
-        "{dark} of {all} sections of the aperture are dark: the light under a lenslet fills a {shape} of {lit:.1} px, the \
-         camera says {stated:.1} px"
+        "{dark} of {all} sections of the aperture are dark: the light under a lenslet fills a {shape} of {lit:.1} px, \
+         the camera says {stated:.1} px"
     )
 }
 
-fn has_dark_sections(support: &Support, plan: &Plan) -> bool {
+fn has_dark_sections(support: &Support, plan: &PrunePlan) -> bool {
     f64::from(support.dark_sections) > DARK_SECTIONS * f64::from(plan.sections())
 }
 
-/// Warns of a stop that is not as the camera says, and of pruning that rules out next to nothing.
-pub fn warn(support: &Support, plan: &Plan, camera: &Camera, options: &Options, noise: f64, session: &mut Session) {
+/// Warns if the stop is not as the camera says, and if pruning rules out next to nothing.
+pub fn warn(
+    support: &Support,
+    plan: &PrunePlan,
+    camera: &Camera,
+    options: &PruneOptions,
+    noise: f64,
+    session: &mut Session,
+) {
     session.count("dark_sections", support.dark_sections);
     if has_dark_sections(support, plan) {
         session.warn(format!(
-            "{}; they are left out here, but lf-mart's weights need the true stop: measure working_f_number with lf-calib \
-             lattice",
+            "{}; they are left out here, but lf-mart's weights need the true stop: measure working_f_number with \
+             lf-calib lattice",
             fill(support, plan, camera)
         ));
     }
@@ -52,7 +59,7 @@ pub fn warn(support: &Support, plan: &Plan, camera: &Camera, options: &Options, 
 }
 
 /// The refusal when no voxel is left.
-pub fn nothing_left(name: String, frame: &Frame, support: &Support, plan: &Plan, camera: &Camera) -> Error {
+pub fn nothing_left(name: String, frame: &Frame, support: &Support, plan: &PrunePlan, camera: &Camera) -> Error {
     let tones = Tones::new(frame.pixels.view());
     let light = LatticeLight::new(frame.pixels.view(), camera, &tones);
     let found = "no voxel survives pruning";

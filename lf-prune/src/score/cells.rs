@@ -3,7 +3,7 @@
 use glam::DVec2;
 use lf_core::{Camera, lattice::Lattice};
 
-/// Corners of a square about the origin, 2 a side.
+/// Corners of a square about the origin with sides of 2.
 pub(super) const CORNERS: [DVec2; 4] = [DVec2::ONE, DVec2::NEG_ONE, DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0)];
 
 pub(super) struct Cells {
@@ -13,18 +13,18 @@ pub(super) struct Cells {
     /// From lenslet to lenslet along i and along j, mm.
     pub(super) sides_mm: [DVec2; 2],
     per_area: f64,
-    pub(super) shape: Shape,
+    pub(super) shape: CellShape,
 }
 
 /// Shape of the cell about a lenslet's centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Shape {
+pub(super) enum CellShape {
     Square,
     /// The sides i and j of the lattice are 60 degrees apart.
     Hexagon,
 }
 
-impl Shape {
+impl CellShape {
     /// Largest distance of a cell's points from its centre along i or j.
     pub(super) fn half(self) -> f64 {
         match self {
@@ -34,10 +34,10 @@ impl Shape {
     }
 }
 
-/// The nearest whole number, of a number less than 2^21.
+/// Rounds a number below 2^21 to the nearest whole number.
 #[inline(always)]
 pub(super) fn round(number: f32) -> i32 {
-    /// Behind the point of numbers near it there are no bits.
+    /// Near this number, f32 has no bits behind the point.
     const WHOLE: f32 = 12_582_912.0;
     (number + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
 }
@@ -52,7 +52,7 @@ pub(super) fn nearest_square(i: f32, j: f32) -> (i32, i32) {
 #[inline(always)]
 pub(super) fn nearest_hexagon(i: f32, j: f32) -> (i32, i32) {
     // In coordinates i, j and k = -i - j a hexagon is a cube seen from a corner. Rounded, the three must still add up
-    // to 0: the one that was rounded most follows the others.
+    // to 0, so the one with the largest rounding error follows from the other two.
     let k = -i - j;
     let (a, b, c) = (round(i), round(j), round(k));
     let (x, y, z) = ((a as f32 - i).abs(), (b as f32 - j).abs(), (c as f32 - k).abs());
@@ -66,7 +66,7 @@ impl Cells {
         let perfect = Camera { centres: None, ..camera.clone() }.lattice();
         let origin_mm = perfect.centre_mm(0, 0);
         let sides_mm = [perfect.centre_mm(1, 0) - origin_mm, perfect.centre_mm(0, 1) - origin_mm];
-        let shape = if perfect.cell_mm().len() == 4 { Shape::Square } else { Shape::Hexagon };
+        let shape = if perfect.cell_mm().len() == 4 { CellShape::Square } else { CellShape::Hexagon };
         Self {
             lattice: camera.lattice(),
             origin_mm,
@@ -100,7 +100,7 @@ impl Cells {
         self.lattice.departed(self.origin_mm + self.step_mm(DVec2::new(f64::from(i), f64::from(j))))
     }
 
-    /// Lattice coordinates that hold all points of the array within `sides_mm` of the axis: least and greatest.
+    /// The smallest and the largest lattice coordinates of the array within `sides_mm` of the axis.
     pub(super) fn bounds(&self, sides_mm: DVec2) -> [DVec2; 2] {
         let places = CORNERS.map(|corner| self.step(corner * sides_mm - self.origin_mm));
         let least = places.iter().fold(DVec2::INFINITY, |least, place| least.min(*place));

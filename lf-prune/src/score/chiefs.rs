@@ -1,7 +1,7 @@
 //! Where the chief rays of a slice's voxels meet the array, as places of a raster on the lattice.
 //!
-//! Rays of straight cameras are linear in the voxel. Otherwise they are traced at the nodes of a mesh that is so fine
-//! that they are linear between.
+//! A straight camera's chief rays are linear in the voxel. Other cameras' are traced at the nodes of a mesh, which is
+//! fine enough for linear interpolation.
 
 use super::cells::Cells;
 use super::walk::Raster;
@@ -10,25 +10,25 @@ use lf_core::{Camera, Grid, Optics};
 
 /// Largest error of a chief ray between the nodes of the mesh, px on the array.
 const LINEAR_PX: f64 = 0.04;
-/// Sides of a mesh, voxels, that are tried.
+/// Sides of the mesh to try, voxels.
 const SIDES: [usize; 7] = [512, 256, 128, 64, 32, 16, 8];
-/// Places a side of a slice at which the mesh is tried.
+/// Places along a side of a slice at which a mesh is tested.
 const TRIED: usize = 9;
-/// Bits of a raster's coordinate behind the point: along the longest line between nodes it errs by a thousandth of a
+/// Bits of a raster coordinate behind the point. Along the longest line between nodes the error is a thousandth of a
 /// place.
 pub(super) const FRACTION: u32 = 18;
-/// Newton steps from a place on the lattice back to a point; the lattice coordinates are nearly linear in the point.
+/// Newton steps from a place on the lattice back to a point. The lattice coordinates are nearly linear in the point.
 const BACK_STEPS: usize = 4;
 
 /// The rays from one slice of voxels to the lattice.
-pub(super) struct SliceRays<'a> {
+pub(super) struct LatticeRays<'a> {
     pub(super) optics: &'a Optics,
     pub(super) cells: &'a Cells,
     pub(super) grid: &'a Grid,
     pub(super) z_mm: f64,
 }
 
-impl<'a> SliceRays<'a> {
+impl<'a> LatticeRays<'a> {
     /// The rays from slice `z`.
     pub(super) fn new(optics: &'a Optics, cells: &'a Cells, grid: &'a Grid, z: usize) -> Self {
         Self { optics, cells, grid, z_mm: grid.centre_mm(2, z) }
@@ -65,7 +65,7 @@ impl<'a> SliceRays<'a> {
         })
     }
 
-    /// The longest side of a mesh, voxels, between whose nodes chief rays are linear.
+    /// The longest side of the mesh, voxels, with chief rays that are linear between the nodes.
     fn mesh_side(&self, camera: &Camera) -> usize {
         let whole = self.grid.shape[0].max(self.grid.shape[1]);
         if camera.medium.is_none() && camera.distortion.is_none() && camera.centres.is_none() {
@@ -89,7 +89,7 @@ impl<'a> SliceRays<'a> {
 /// Chief rays along a line of voxels between two nodes of the mesh: the raster's coordinates along i and j, as whole
 /// numbers with [`FRACTION`] bits behind the point.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Line {
+pub(super) struct ChiefLine {
     /// First voxel.
     x: usize,
     start: [i64; 2],
@@ -97,7 +97,7 @@ pub(super) struct Line {
     step: [i64; 2],
 }
 
-impl Line {
+impl ChiefLine {
     #[inline(always)]
     pub(super) fn at(&self, axis: usize, x: usize) -> i64 {
         self.start[axis] + self.step[axis] * (x - self.x) as i64
@@ -119,7 +119,7 @@ pub(super) struct Chiefs {
 
 impl Chiefs {
     /// `origin` is the lenslet from which the raster's coordinates count.
-    pub(super) fn new(rays: &SliceRays, camera: &Camera, raster: Raster, origin: [i32; 2]) -> Self {
+    pub(super) fn new(rays: &LatticeRays, camera: &Camera, raster: Raster, origin: [i32; 2]) -> Self {
         let side = rays.mesh_side(camera);
         let [columns, rows] = [0, 1].map(|axis| rays.grid.shape[axis].div_ceil(side) + 1);
         let scale = raster.scale();
@@ -131,13 +131,13 @@ impl Chiefs {
         Self { side, columns, nodes: (0..columns * rows).map(node).collect() }
     }
 
-    /// Nodes along x of the mesh beyond `x`: the first voxel that is not on `x`'s line.
+    /// The first voxel beyond `x` that is not on its line: a node of the mesh.
     pub(super) fn line_end(&self, x: usize) -> usize {
         (x / self.side + 1) * self.side
     }
 
     /// The line of voxels that holds voxel (x, y).
-    pub(super) fn line(&self, x: usize, y: usize) -> Line {
+    pub(super) fn line(&self, x: usize, y: usize) -> ChiefLine {
         let (column, row) = (x / self.side, y / self.side);
         let way = (y - row * self.side) as f64 / self.side as f64;
         let node = |column: usize| {
@@ -147,6 +147,6 @@ impl Chiefs {
         let (start, end) = (node(column), node(column + 1));
         let step = (end - start) / self.side as f64;
         let whole = |coordinate: f64| (coordinate * f64::from(1 << FRACTION)).round() as i64;
-        Line { x: column * self.side, start: start.to_array().map(whole), step: step.to_array().map(whole) }
+        ChiefLine { x: column * self.side, start: start.to_array().map(whole), step: step.to_array().map(whole) }
     }
 }

@@ -1,4 +1,4 @@
-//! Scores ray by ray: slow and obvious, to prove the fast way.
+//! Scores ray by ray: slow and obvious, to check the fast way.
 
 use super::cells::CORNERS;
 use super::scorer::Scorer;
@@ -7,18 +7,18 @@ use super::shades::Shades;
 use glam::DVec2;
 use lf_core::{Camera, Optics};
 
-/// How far a ray of the fast way may be from the exact one.
+/// Distance that a ray of the fast way may have from the exact one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance {
     /// On the array, px.
     pub(crate) array_px: f64,
     /// On the sensor, px.
     pub(crate) sensor_px: f64,
-    /// Chief rays so near the edge of a place of the raster may belong to the next place; in places.
+    /// Chief rays closer than this to the edge of a place of the raster may belong to the next place; in places.
     pub(crate) raster: f64,
 }
 
-/// Sums over a voxel's rays, least and most.
+/// Smallest and largest sums over a voxel's rays.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bounds {
     pub(crate) shades: [u32; 2],
@@ -52,7 +52,7 @@ impl<'a> Oracle<'a> {
     }
 
     /// The step on the perfect lattice, mm, from a voxel's chief ray to the place of the raster that stands for it.
-    /// None if it is not sure which place that is.
+    /// None if that place is uncertain.
     pub(crate) fn to_raster_mm(&self, voxel: DVec2, z: usize) -> Option<DVec2> {
         let (rays, scale) = (self.scorer.rays(z), self.scorer.raster().scale());
         let place = rays.chief(voxel);
@@ -62,7 +62,7 @@ impl<'a> Oracle<'a> {
         is_sure.then(|| rays.cells.step_mm((DVec2::splat(0.5) - within) / scale))
     }
 
-    /// Sums over the rays of a voxel, moved to its place of the raster; None if it is not sure which that is.
+    /// Sums over the rays of a voxel, moved to its place of the raster. None if that place is uncertain.
     pub(crate) fn bounds(&self, [x, y]: [usize; 2], z: usize) -> Option<Bounds> {
         let grid = self.scorer.grid();
         let step_mm = self.to_raster_mm(DVec2::new(x as f64, y as f64), z)?;

@@ -1,11 +1,11 @@
 //! Scores the voxels of a slice, one group of lenslets after the other.
 
 use super::cells::Cells;
-use super::chiefs::{Chiefs, FRACTION, Line, SliceRays};
+use super::chiefs::{ChiefLine, Chiefs, FRACTION, LatticeRays};
 use super::sections::Sections;
 use super::shades::Shades;
 use super::sums::add_up;
-use super::views::{LANES, LEAST, Plan, Views};
+use super::views::{LANES, LEAST, Views, ViewsPlan};
 use super::walk::Raster;
 use super::walks::Walks;
 use crate::options::Region;
@@ -15,14 +15,14 @@ use lf_core::{Camera, Grid, Optics, simd};
 /// Voxels of a slice as (x + nx y, score), rising.
 pub(crate) type Kept = Vec<(u32, f32)>;
 
-/// Least places of the raster that a voxel passes along a side of the lattice's cell. With twice as many as with half
-/// as many, `scripts/studies/study prune-cameras` and the full scene keep and lose the same within 0.3 %.
+/// Raster places that a voxel covers along a side of the lattice's cell, or more. With half and with twice as many,
+/// `scripts/studies/study prune-cameras` and the full scene keep and lose the same within 0.3 %.
 const PLACES_PER_VOXEL: f64 = 2.0;
-/// Least and most bits of the raster along a side of the lattice's cell. The coordinates of a voxel within a group of
-/// lenslets must fit 32 bits. The most are enough for voxels down to a 128th of a cell.
+/// Range of the raster's bits along a side of the lattice's cell. The coordinates of a voxel within a group of lenslets
+/// must fit 32 bits. The upper end suffices for voxels down to a 128th of a cell.
 const RASTER_BITS: [u32; 2] = [3, u32::BITS - FRACTION - LANES.ilog2()];
 
-/// Runs are held while their list grows, and once more when they are sorted.
+/// Copies of the runs in memory: while their list grows, and while they are sorted.
 const RUN_COPIES: f64 = 2.5;
 
 /// Scores slices of voxels against an image.
@@ -43,20 +43,20 @@ pub(crate) struct Scorer<'a> {
 
 /// Neighbouring voxels of a line whose chief rays meet one group of lenslets.
 #[derive(Debug, Clone, Copy)]
-struct Run {
-    /// Group of lenslets: rows of the first group of each row, then rows of the second.
+struct VoxelRun {
+    /// Group of lenslets. Groups count along j first: all rows of the first group, then all rows of the second.
     group: u32,
     y: u32,
     x: u32,
     length: u32,
     /// Raster coordinates of the first voxel within the group.
     start: [u32; 2],
-    /// From voxel to voxel; wraps if it falls.
+    /// Change from voxel to voxel; a negative one wraps.
     step: [u32; 2],
 }
 
-impl Run {
-    /// Raster coordinate of voxel `n` within the group, which fits 32 bits: it does not matter if it wraps on the way.
+impl VoxelRun {
+    /// Raster coordinate of voxel `n` within the group. It fits 32 bits, so wrapping on the way does no harm.
     #[inline(always)]
     fn at(&self, axis: usize, n: u32) -> u32 {
         self.start[axis].wrapping_add(self.step[axis].wrapping_mul(n))
@@ -64,11 +64,11 @@ impl Run {
 }
 
 /// Sums of the voxels of one group of lenslets at every place of the raster.
-struct Sums {
+struct GroupSums {
     shades: Vec<u16>,
-    /// Rays that meet the sensor; all of them, unless some may miss it.
+    /// Number of rays that meet the sensor, where `is_beside` holds; elsewhere all rays do.
     seen: Vec<u16>,
-    /// Whether rays may miss the sensor, for lanes of [`LEAST`].
+    /// Whether rays may miss the sensor, for each [`LEAST`] lanes.
     is_beside: [bool; LANES / LEAST],
     /// Places in the sums of a run's voxels.
     places: Vec<u32>,
@@ -76,20 +76,20 @@ struct Sums {
 
 /// The raster for a slice of voxels: a voxel is scored at a place that is at most a quarter of a voxel from its centre
 /// along each side of the lattice.
-fn raster(rays: &SliceRays) -> Raster {
+fn raster(rays: &LatticeRays) -> Raster {
     let [along_x, along_y] = rays.per_voxel();
     let area = along_x.perp_dot(along_y);
-    // Voxels that a step of one cell passes.
+    // Find the voxels that a step of one cell passes.
     let voxels = [DVec2::X, DVec2::Y].map(|side| DVec2::new(side.perp_dot(along_y), along_x.perp_dot(side)) / area);
     let bits = |voxels: DVec2| (PLACES_PER_VOXEL * voxels.abs().max_element()).log2().ceil() as i32;
     let [least, most] = RASTER_BITS.map(|bits| bits as i32);
     Raster { bits: voxels.map(|voxels| bits(voxels).clamp(least, most) as u32) }
 }
 
-/// Bytes that a thread holds for a slice, with up to `voxels` voxels in its region, beside the voxels kept.
-pub(crate) fn thread_bytes(camera: &Camera, grid: &Grid, sections: &Sections, plan: &Plan, voxels: usize) -> f64 {
+/// Bytes that a thread holds for a slice with up to `voxels` voxels in its region, without the voxels kept.
+pub(crate) fn thread_bytes(camera: &Camera, grid: &Grid, sections: &Sections, plan: &ViewsPlan, voxels: usize) -> f64 {
     let (optics, cells) = (Optics::new(camera), Cells::new(camera));
-    let rays = |z: usize| SliceRays::new(&optics, &cells, grid, z);
+    let rays = |z: usize| LatticeRays::new(&optics, &cells, grid, z);
     let middle = rays(grid.shape[2] / 2);
     let (raster, sections_mm) = (raster(&middle), sections.traced_mm());
     let walks = [0, grid.shape[2] / 2, grid.shape[2] - 1]
@@ -100,7 +100,7 @@ pub(crate) fn thread_bytes(camera: &Camera, grid: &Grid, sections: &Sections, pl
     let [along_x, _] = middle.per_voxel();
     let runs = (along_x.x.abs() / LANES as f64 + along_x.y.abs()).min(1.0) * voxels as f64;
     let sums = raster.places() * LANES * 2 * size_of::<u16>();
-    walks + sums as f64 + RUN_COPIES * runs * size_of::<Run>() as f64
+    walks + sums as f64 + RUN_COPIES * runs * size_of::<VoxelRun>() as f64
 }
 
 impl<'a> Scorer<'a> {
@@ -109,10 +109,10 @@ impl<'a> Scorer<'a> {
         sections: &Sections,
         camera: &'a Camera,
         grid: &'a Grid,
-        plan: &Plan,
+        plan: &ViewsPlan,
     ) -> Self {
         let (optics, cells) = (Optics::new(camera), Cells::new(camera));
-        let raster = raster(&SliceRays::new(&optics, &cells, grid, grid.shape[2] / 2));
+        let raster = raster(&LatticeRays::new(&optics, &cells, grid, grid.shape[2] / 2));
         let count = sections.count();
         let most: Vec<i32> = (0..=count).map(|seen| shades.most(seen, count).min(i32::from(u16::MAX))).collect();
         let scores = (0..=most[count as usize]).map(|sum| shades.score(sum as u32, count)).collect();
@@ -131,8 +131,8 @@ impl<'a> Scorer<'a> {
         self.grid
     }
 
-    pub(super) fn rays(&self, z: usize) -> SliceRays<'_> {
-        SliceRays::new(&self.optics, &self.cells, self.grid, z)
+    pub(super) fn rays(&self, z: usize) -> LatticeRays<'_> {
+        LatticeRays::new(&self.optics, &self.cells, self.grid, z)
     }
 
     /// The voxels kept of a region of slice `z`.
@@ -142,8 +142,12 @@ impl<'a> Scorer<'a> {
         let chiefs = Chiefs::new(&rays, self.camera, self.raster, origin);
         let mut walks = Walks::new(&rays, self.camera, &self.sections_mm, self.raster, &self.views.plan);
         let size = self.raster.places() * LANES;
-        let mut sums =
-            Sums { shades: vec![0; size], seen: vec![0; size], is_beside: [false; LANES / LEAST], places: Vec::new() };
+        let mut sums = GroupSums {
+            shades: vec![0; size],
+            seen: vec![0; size],
+            is_beside: [false; LANES / LEAST],
+            places: Vec::new(),
+        };
         let mut kept = Kept::new();
         for runs in self.runs(&chiefs, region).chunk_by(|a, b| a.group == b.group) {
             sums.is_beside = Default::default();
@@ -157,17 +161,17 @@ impl<'a> Scorer<'a> {
         kept
     }
 
-    /// Group along a row of lenslets, and the row.
+    /// The group's place along a row of lenslets, and its row.
     fn place(&self, group: u32) -> [usize; 2] {
         let (_, [_, rows]) = self.views.plan.voxel_lenslets();
         [group as usize / rows, group as usize % rows]
     }
 
     /// The voxels of a region whose rays may meet the sensor, by group of lenslets.
-    fn runs(&self, chiefs: &Chiefs, region: &Region) -> Vec<Run> {
+    fn runs(&self, chiefs: &Chiefs, region: &Region) -> Vec<VoxelRun> {
         let (_, [groups, rows]) = self.views.plan.voxel_lenslets();
         let [i_bits, j_bits] = self.raster.bits;
-        // Bits of a coordinate within a group of lenslets, and within a row.
+        // Count the bits of a coordinate within a group of lenslets, and within a row.
         let bits = [FRACTION + i_bits + LANES.ilog2(), FRACTION + j_bits];
         let mut runs = Vec::new();
         for y in region[1].clone() {
@@ -184,7 +188,7 @@ impl<'a> Scorer<'a> {
                         let step = [line.step(0), line.step(1)].map(|step| step as u32);
                         let group = (group * rows as i64 + row) as u32;
                         let [y, first, length] = [y, x, length].map(|count| count as u32);
-                        runs.push(Run { group, y, x: first, length, start, step });
+                        runs.push(VoxelRun { group, y, x: first, length, start, step });
                     }
                     x += length;
                 }
@@ -194,20 +198,20 @@ impl<'a> Scorer<'a> {
     }
 
     /// The first and the last lane of the voxels of runs.
-    fn lanes(&self, runs: &[Run]) -> [usize; 2] {
+    fn lanes(&self, runs: &[VoxelRun]) -> [usize; 2] {
         let bits = FRACTION + self.raster.bits[0];
         let ends = runs.iter().flat_map(|run| [0, run.length - 1].map(|n| (run.at(0, n) >> bits) as usize));
         ends.fold([LANES, 0], |[least, most], lane| [least.min(lane), most.max(lane)])
     }
 
-    /// The first and the last of these lanes with a voxel some of whose rays may miss the sensor.
+    /// The first and the last of these lanes whose voxels have rays that may miss the sensor.
     fn beside(&self, group: u32, [least, most]: [usize; 2], reach: i32) -> Option<[usize; 2]> {
         let Views { plan, whole, .. } = &self.views;
         let [group, row] = self.place(group);
         let (reach, first) = (reach as usize, plan.reach as usize);
         let row = group * plan.size[1] + first + row;
         let rows = &whole[row - reach..=row + reach];
-        // Lanes from here on are whole, up to there.
+        // Find the first and the last whole lane.
         let start = rows.iter().map(|whole| whole.start).max().unwrap_or(0) + reach;
         let end = rows.iter().map(|whole| whole.end).min().unwrap_or(0).saturating_sub(reach);
         let (left, right) = (first + least < start, first + most >= end);
@@ -219,9 +223,9 @@ impl<'a> Scorer<'a> {
         }
     }
 
-    /// Makes the sums of lanes of a group.
-    fn add_up(&self, group: u32, [least, most]: [usize; 2], walks: &mut Walks, sums: &mut Sums) {
-        let Plan { size: [width, height], reach, .. } = self.views.plan;
+    /// Adds up the shades of lanes of a group.
+    fn add_up(&self, group: u32, [least, most]: [usize; 2], walks: &mut Walks, sums: &mut GroupSums) {
+        let ViewsPlan { size: [width, height], reach, .. } = self.views.plan;
         let [along, row] = self.place(group);
         let walk = walks.of(along * LANES + least, row);
         let line = (along * height + row + reach as usize) * self.views.plan.views(self.sections_mm.len());
@@ -233,8 +237,8 @@ impl<'a> Scorer<'a> {
         }
     }
 
-    /// Keeps voxels of runs that share their group of lenslets.
-    fn keep(&self, runs: &[Run], all: &mut Sums, kept: &mut Kept) {
+    /// Keeps the bright enough voxels of runs that share their group of lenslets.
+    fn keep(&self, runs: &[VoxelRun], all: &mut GroupSums, kept: &mut Kept) {
         let is_beside = all.is_beside.contains(&true);
         let most = self.scores.len();
         for run in runs {
@@ -263,7 +267,7 @@ impl<'a> Scorer<'a> {
     }
 
     /// Finds the place in the sums of each voxel of a run.
-    fn find_places(&self, run: &Run, places: &mut Vec<u32>) {
+    fn find_places(&self, run: &VoxelRun, places: &mut Vec<u32>) {
         let [i_bits, _] = self.raster.bits;
         places.clear();
         places.resize(run.length as usize, 0);
@@ -280,8 +284,8 @@ impl<'a> Scorer<'a> {
     }
 }
 
-/// The runs of each of `groups` groups together, otherwise in their order.
-fn by_group(runs: &[Run], groups: usize) -> Vec<Run> {
+/// Sorts runs by group; runs of one group keep their order.
+fn by_group(runs: &[VoxelRun], groups: usize) -> Vec<VoxelRun> {
     let mut ends = vec![0; groups + 1];
     runs.iter().for_each(|run| ends[run.group as usize + 1] += 1);
     for group in 0..groups {
@@ -296,13 +300,13 @@ fn by_group(runs: &[Run], groups: usize) -> Vec<Run> {
     sorted
 }
 
-/// Voxels from `x` on that share a group of lenslets; `bits` of their coordinates are within a group.
-fn run_length(line: &Line, bits: [u32; 2], x: usize) -> usize {
+/// Number of voxels from `x` on in one group of lenslets; the lowest `bits` of a coordinate count within the group.
+fn run_length(line: &ChiefLine, bits: [u32; 2], x: usize) -> usize {
     let steps = [0, 1].map(|axis| {
         let (step, at) = (line.step(axis), line.at(axis, x));
         let within = at - (at >> bits[axis] << bits[axis]);
         let left = if step < 0 { within + 1 } else { (1 << bits[axis]) - within };
-        // Steps to the first voxel of another group.
+        // Count the steps to the first voxel of another group.
         if step == 0 { i64::MAX } else { (left - 1) / step.abs() + 1 }
     });
     steps[0].min(steps[1]) as usize

@@ -5,7 +5,7 @@ use lf_core::light::{Tones, light_through};
 use lf_core::{Camera, Refusal, camera::Aperture, statistics::ranked, weights::sections};
 use ndarray::ArrayView2;
 
-/// A section below this share of the light of three quarters of the sections is dark. On the scenes of
+/// A section is dark if its light is below this share of the upper quartile of all sections. On the scenes of
 /// `scripts/studies/study prune-cameras` closed sections have at most 0.3 of it, open ones 0.5 or more.
 const LIT_SHARE: f64 = 0.4;
 
@@ -18,9 +18,9 @@ pub(crate) struct Sections {
 }
 
 impl Sections {
-    /// n x n sections, n as asked for or the pixels under a lenslet; n outside [`lf_core::weights::SECTIONS`] is
-    /// refused. A section lies inside the stop if its centre does. A round stop has no corner sections; if they
-    /// counted, every voxel would be pruned.
+    /// n x n sections: `asked`, or the number of pixels under a lenslet. Refuses n outside
+    /// [`lf_core::weights::SECTIONS`]. A section lies inside the stop if its centre does. A round stop has no
+    /// corner sections; if they counted, every voxel would be pruned.
     pub(crate) fn new(camera: &Camera, asked: Option<usize>) -> Result<Self, Refusal> {
         let n = sections(camera, asked)?;
         let half = 0.5 * camera.aperture_mm();
@@ -33,9 +33,8 @@ impl Sections {
         Ok(Self { centres_mm, traced })
     }
 
-    /// The sections that let light through, as the image tells: those with at least [`LIT_SHARE`] of the usual light of
-    /// a section. A smaller stop than the camera says, or a shadow in it, leaves the others dark for every voxel. All
-    /// sections, if the image has no light.
+    /// The sections that let light through in this image, by [`LIT_SHARE`]. A smaller stop than the camera says, or a
+    /// shadow in it, leaves the others dark for every voxel. If the image has no light, all sections count as lit.
     pub(crate) fn lit(&self, image: ArrayView2<f32>, camera: &Camera) -> Self {
         let light = light_through(image, camera, &Tones::new(image), &self.traced_mm());
         let usual = ranked(&mut light.clone(), light.len() * 3 / 4).unwrap_or(0.0);
@@ -44,12 +43,12 @@ impl Sections {
         Self { centres_mm: self.centres_mm.clone(), traced: self.traced.iter().map(is_lit).collect() }
     }
 
-    /// Sections that are traced.
+    /// Number of sections that are traced.
     pub(crate) fn count(&self) -> u32 {
         self.traced.iter().filter(|traced| **traced).count() as u32
     }
 
-    /// Centres of the sections that are traced, mm; those of one v together, u rising.
+    /// Centres of the traced sections, mm, row by row.
     pub(super) fn traced_mm(&self) -> Vec<DVec2> {
         let n = self.centres_mm.len();
         let traced = (0..n * n).filter(|place| self.traced[*place]);

@@ -1,18 +1,18 @@
-//! How dark pixels are, in whole numbers that scores add up; and the rule for keeping a voxel.
+//! Shades: how dark each pixel is, as whole numbers that add up to scores. Also the rule for keeping a voxel.
 
-use crate::options::{Options, Score};
+use crate::options::{PruneOptions, Score};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
 /// A voxel counts as seen if at least this share of the aperture's sections leads to the sensor.
 const SEEN_SHARE: f64 = 0.5;
 
-/// Rounding in a limit, shades.
+/// Tolerance of a limit for rounding, shades.
 const ROUNDING: f64 = 1e-6;
 
 pub(crate) struct Shades<'a> {
     /// Shade of each pixel. For a geometric mean, 0 at the bright limit and `darkest` at the dark limit, linear in the
-    /// logarithm. For a share, 1 below the threshold and 0 above. A blind pixel speaks neither for a voxel nor against.
+    /// logarithm. For a share, 1 below the threshold and 0 above. A blind pixel counts neither for a voxel nor against.
     pub(super) values: Vec<u8>,
     pub(super) width: usize,
     /// Shades from the bright limit to the dark limit.
@@ -22,17 +22,17 @@ pub(crate) struct Shades<'a> {
     /// Shade of the threshold.
     limit: f64,
     peak: f64,
-    options: &'a Options,
+    options: &'a PruneOptions,
 }
 
 impl<'a> Shades<'a> {
     /// `peak` is the brightest pixel. The sum of shades over `sections` fits 16 bits.
-    pub(crate) fn new(image: ArrayView2<f32>, peak: f32, sections: u32, options: &'a Options) -> Self {
+    pub(crate) fn new(image: ArrayView2<f32>, peak: f32, sections: u32, options: &'a PruneOptions) -> Self {
         let peak = if peak > 0.0 { f64::from(peak) } else { 1.0 };
         let (height, width) = image.dim();
         let darkest = f64::from((u32::from(u16::MAX) / sections.max(1)).min(u32::from(u8::MAX)));
         let bright = options.bright.max(options.dark);
-        // Never 0, so that equal limits give equal shades.
+        // Keep the range off 0, so that equal limits give equal shades.
         let range = (options.dark.ln() - bright.ln()).min(-1e-9);
         let shade = |share: f64| darkest / range * (share.ln() - bright.ln());
         let limit = shade(options.threshold.max(options.dark));
@@ -56,8 +56,8 @@ impl<'a> Shades<'a> {
         &self.values
     }
 
-    /// The largest sum of shades with which a voxel is kept, if `seen` of `sections` rays meet the sensor; negative if
-    /// none is.
+    /// The largest sum of shades of a voxel that is kept, if `seen` of `sections` rays meet the sensor. Negative if no
+    /// voxel is kept.
     pub(crate) fn most(&self, seen: u32, sections: u32) -> i32 {
         if f64::from(seen) < SEEN_SHARE * f64::from(sections) {
             return -1;

@@ -4,9 +4,9 @@ use super::views::{LANES, LEAST};
 use super::walk::Walk;
 use lf_core::simd;
 
-/// Makes sums of `views` for the voxels of lenslets at every place of the raster, `[place][lane]`: of the lanes from
-/// `least` to `most`, and those between them and the next multiples of [`LEAST`] or more. `first` is the place of the
-/// first lane's lenslet in the first view. Sums fit 16 bits, and wrap in between.
+/// Adds up `views` for the voxels of lenslets at every place of the raster, `[place][lane]`. It covers the lanes from
+/// `least` to `most`, rounded out to multiples of [`LEAST`] or more. `first` is the place of the first lane's lenslet
+/// in the first view. Final sums fit 16 bits; partial sums may wrap.
 pub(super) fn add_up(walk: &Walk, views: &[u8], first: usize, [least, most]: [usize; 2], sums: &mut [u16]) {
     let start = least / LEAST * LEAST;
     let count = (most + 1 - start).next_power_of_two().max(LEAST);
@@ -51,15 +51,15 @@ fn add_lanes<const COUNT: usize>(walk: &Walk, views: &[u8], first: usize, sums: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::score::walk::Step;
+    use crate::score::walk::RasterStep;
 
-    /// The instructions that every machine has give the same sums as the widest of this one.
+    /// The portable code gives the same sums as this machine's widest instructions.
     #[test]
     fn portable_sums_are_the_same() {
         let views: Vec<u8> = (0..4096u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let places: Vec<i32> = (0..300).map(|n| n * 97 % 3000).collect();
         let changes: Vec<[i32; 2]> = places.windows(2).map(|pair| [pair[0], pair[1]]).collect();
-        let steps = (0..8).map(|place| Step { place, end: place * 37 }).collect();
+        let steps = (0..8).map(|place| RasterStep { place, end: place * 37 }).collect();
         let walk = Walk { reach: 3, start: places, steps, changes };
         for (lanes, [start, count]) in [([0, 63], [0, LANES]), ([17, 40], [16, 32]), ([50, 50], [48, LEAST])] {
             let (mut wide, mut portable) = (vec![0; 8 * LANES], vec![0; 8 * LANES]);
@@ -73,7 +73,7 @@ mod tests {
         }
     }
 
-    /// Any lanes, places and changes give the sums of a plain loop.
+    /// A plain loop gives the same sums, for any lanes, places and changes.
     #[test]
     fn sums_are_those_of_a_plain_loop() {
         const PLACES: u32 = 5;
@@ -87,7 +87,7 @@ mod tests {
             let (one, other) = (below(LANES as u32) as usize, below(LANES as u32) as usize);
             let [least, most] = [one.min(other), one.max(other)];
             let ends: Vec<u32> = (0..PLACES).map(|place| 6 * place + below(6)).collect();
-            let steps = (0..PLACES).zip(&ends).map(|(place, end)| Step { place, end: *end }).collect();
+            let steps = (0..PLACES).zip(&ends).map(|(place, end)| RasterStep { place, end: *end }).collect();
             let start: Vec<i32> = (0..below(40)).map(|_| below(2500) as i32).collect();
             let changes: Vec<[i32; 2]> = (0..ends[4]).map(|_| [below(2500) as i32, below(2500) as i32]).collect();
             let walk = Walk { reach: 3, start, steps, changes };

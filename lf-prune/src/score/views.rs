@@ -1,8 +1,8 @@
 //! The image sorted by section: the shade that each section of the aperture sees through each lenslet.
 //!
-//! A ray's place in its lenslet's cell moves it on the sensor by k times as much, some thousandths of a pixel. So the
-//! rays of one section through one lenslet meet one pixel, from any voxel. With a gap or a tilt they part, and cells are
-//! divided into parts with a view each.
+//! A ray that is moved within its lenslet's cell moves on the sensor by k times as much, some thousandths of a pixel.
+//! So the rays of one section through one lenslet meet one pixel, from any voxel. With a gap or a tilt they part. Then
+//! cells are divided into parts with a view each.
 
 use super::cells::{CORNERS, Cells};
 use super::sections::Sections;
@@ -12,43 +12,43 @@ use lf_core::{Camera, Grid, Optics, Refusal};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Neighbouring lenslets along i whose sums lie together: a group.
+/// Number of neighbouring lenslets along i whose sums lie together: a group.
 pub(super) const LANES: usize = 64;
-/// Least lanes whose sums are made together.
+/// Smallest number of lanes that are added up together.
 pub(super) const LEAST: usize = 16;
 
-/// Most by which rays of one view may part on the sensor, px; a third more between opposite corners of a hexagon.
+/// Largest distance on the sensor between rays of one view, px; a third more between opposite corners of a hexagon.
 const APART_PX: f64 = 0.25;
 
-/// Most parts a side of a cell.
+/// Largest number of parts along a side of a cell.
 const MOST_PARTS: usize = 4;
 
-/// Most lenslets from the chief ray's to another ray's, so that counts of lenslets fit 32 bits. [`Plan::check`] refuses
-/// far fewer.
+/// Largest number of lenslets from the chief ray's to another ray's, so that counts of lenslets fit 32 bits.
+/// [`ViewsPlan::check`] refuses far smaller ones.
 const MOST_REACH: f64 = 1e6;
 
-/// Which lenslets have views, and how many views: known before the image.
+/// The lenslets that have views, and the number of views. Both are known before the image.
 #[derive(Debug, Clone)]
-pub(crate) struct Plan {
+pub(crate) struct ViewsPlan {
     /// First lenslet along i and j.
     pub(super) first: [i32; 2],
     /// Groups of lenslets along i, for each of which the views lie together.
     pub(super) groups: usize,
     /// Lenslets along i that the rays of a group's voxels meet, and rows of lenslets.
     pub(super) size: [usize; 2],
-    /// Most lenslets along i or j from a voxel's own to one that its rays meet.
+    /// Largest number of lenslets along i or j from a voxel's own to another that its rays meet.
     pub(super) reach: i32,
-    /// Parts a side of a cell.
+    /// Number of parts along a side of a cell.
     pub(super) parts: usize,
 }
 
-impl Plan {
+impl ViewsPlan {
     pub(crate) fn new(camera: &Camera, grid: &Grid) -> Self {
         let (optics, cells) = (Optics::new(camera), Cells::new(camera));
         let reach = reach(&optics, &cells, grid);
         let [least, most] = cells.bounds(seen_sides(&optics));
         let along = |axis: usize| (most[axis].ceil() as i32 + reach) - (least[axis].floor() as i32 - reach) + 1;
-        // Voxels of these lenslets may be seen; their rays meet others within reach. Lanes come in groups.
+        // Cover the lenslets of all voxels that may be seen, and those within reach of their rays.
         let beside = 2 * reach as usize;
         Self {
             first: [0, 1].map(|axis| least[axis].floor() as i32 - 2 * reach),
@@ -69,7 +69,7 @@ impl Plan {
         format!("the image is sorted into the views of {sections} sections through {width} x {height} lenslets{parts}")
     }
 
-    /// Refuses more views than 32 bits can tell apart within the reach of a voxel's rays.
+    /// Refuses more views than 32 bits can number within the reach of a voxel's rays.
     pub(crate) fn check(&self, sections: u32) -> Result<(), Refusal> {
         let reach = self.reach as u64;
         let fits = self.views(sections as usize) as u64 * self.size[0] as u64 * (reach + 1) < 1 << 31;
@@ -78,7 +78,7 @@ impl Plan {
         Refusal::unless(fits, found, "wanted a volume less deep or fewer --sections")
     }
 
-    /// Bytes of the views of so many sections, and of the lenslets' centres while the views are made.
+    /// Bytes of the views of `sections` sections, and of the lenslets' centres while the views are made.
     pub(crate) fn bytes(&self, sections: u32) -> f64 {
         let [width, height] = self.size.map(|count| count as f64);
         let lenslet = 2 * self.views(sections as usize) + size_of::<DVec2>();
@@ -91,13 +91,13 @@ impl Plan {
         (self.first.map(|first| first + self.reach), [self.groups, self.size[1] - beside])
     }
 
-    /// Views of one lenslet by so many sections.
+    /// Number of views of one lenslet.
     pub(super) fn views(&self, sections: usize) -> usize {
         sections * self.parts * self.parts
     }
 }
 
-/// Most lenslets from the chief ray's to another ray's, from any voxel.
+/// Largest number of lenslets from the chief ray's to another ray's, from any voxel.
 fn reach(optics: &Optics, cells: &Cells, grid: &Grid) -> i32 {
     let mut most = 0f64;
     for z in [0, grid.shape[2] - 1] {
@@ -121,7 +121,7 @@ fn half_sensor(optics: &Optics) -> DVec2 {
     0.5 * optics.pixel_pitch_mm * DVec2::from(optics.sensor_px.map(|side| side as f64))
 }
 
-/// Half sides of the part of the array that the sensor sees, mm. No ray through a cell beyond meets the sensor.
+/// Half sides of the part of the array that the sensor sees, mm. No ray through a cell beyond it meets the sensor.
 fn seen_sides(optics: &Optics) -> DVec2 {
     let half_sensor = half_sensor(optics);
     let lattice = optics.lattice();
@@ -131,7 +131,7 @@ fn seen_sides(optics: &Optics) -> DVec2 {
     half_sensor + 1.5 * optics.demagnification * optics.half_aperture_mm + cell + departure
 }
 
-/// Parts a side of a cell by which the rays of a view part little on the sensor.
+/// Number of parts along a side of a cell with which the rays of a view stay close together on the sensor.
 fn parts(optics: &Optics, cells: &Cells) -> usize {
     let half_sensor = half_sensor(optics);
     let mut most_mm = 0f64;
@@ -146,21 +146,20 @@ fn parts(optics: &Optics, cells: &Cells) -> usize {
 }
 
 pub(crate) struct Views {
-    pub(super) plan: Plan,
-    /// Group after group of lenslets, row j after row j, section after section, part after part of the cells, and the
-    /// lenslets that the group's rays meet: the shade; 0 beside the sensor. So the views that a voxel needs lie near
-    /// each other, in few pages of memory.
+    pub(super) plan: ViewsPlan,
+    /// Shades by group of lenslets, row j, section, part of the cells, and lenslet that the group's rays meet; 0 beside
+    /// the sensor. In this order the views that a voxel needs lie near each other, in few pages of memory.
     pub(super) shades: Vec<u8>,
-    /// The same: 1 on the sensor, 0 beside it.
+    /// Like `shades`, but 1 on the sensor and 0 beside it.
     pub(super) seen: Vec<u8>,
-    /// Group after group, row after row: the lenslets, from the first, that all sections see on the sensor.
+    /// For each group and row, the lenslets that all sections see on the sensor, counted from the first.
     pub(super) whole: Vec<Range<usize>>,
 }
 
 impl Views {
-    pub(super) fn new(plan: &Plan, shades: &Shades, sections: &Sections, camera: &Camera) -> Self {
+    pub(super) fn new(plan: &ViewsPlan, shades: &Shades, sections: &Sections, camera: &Camera) -> Self {
         let (optics, cells) = (Optics::new(camera), Cells::new(camera));
-        let Plan { first, groups, size: [width, height], parts, .. } = *plan;
+        let ViewsPlan { first, groups, size: [width, height], parts, .. } = *plan;
         let sections_mm = sections.traced_mm();
         let middle = |part: usize| (2.0 * (part as f64 + 0.5) / parts as f64 - 1.0) * cells.shape.half();
         let centre = |n: usize| {

@@ -1,18 +1,18 @@
 //! A walk over all places of the raster in a lenslet's cell, and the sections whose rays change lenslets on the way.
 //!
-//! Which lenslets the rays of a voxel meet, counted from its own, depends on its place in its own lenslet's cell only.
-//! From a place to the next few rays change lenslets, so sums are updated by what changes.
+//! Counted from the voxel's own lenslet, the lenslets that its rays meet depend only on its place in that lenslet's
+//! cell. From one place to the next few rays change lenslets, so sums are updated by these changes.
 
-use super::cells::{Cells, Shape, nearest_hexagon, nearest_square, round};
-use super::views::Plan;
+use super::cells::{CellShape, Cells, nearest_hexagon, nearest_square, round};
+use super::views::ViewsPlan;
 use glam::DVec2;
 use lf_core::simd;
 
-/// Lenslets along i or j from a ray that starts in the cell (0, 0) to (1, 1) to the nearest centre, at most.
+/// Largest number of lenslets along i or j from a ray that starts in the cell (0, 0) to (1, 1) to the nearest centre.
 pub(super) const BESIDE: i32 = 2;
 
-/// The raster: 2^bits places along the sides i and j of a lattice's cell. A place stands for the part of the cell whose
-/// middle it is.
+/// The raster: 2^bits places along the sides i and j of a lattice's cell. A place stands for the part of the cell
+/// around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Raster {
     pub(super) bits: [u32; 2],
@@ -46,7 +46,7 @@ impl Raster {
 
 /// One place of the walk.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Step {
+pub(super) struct RasterStep {
     /// The place on the raster, `n_i + n_j 2^bits_i`.
     pub(super) place: u32,
     /// End of its changes.
@@ -54,11 +54,11 @@ pub(super) struct Step {
 }
 
 pub(super) struct Walk {
-    /// Most lenslets along i or j from the voxel's own to one that its rays meet.
+    /// Largest number of lenslets along i or j from the voxel's own to another that its rays meet.
     pub(super) reach: i32,
-    /// Place of each section's view through its lenslet, from that of the first view through the voxel's own.
+    /// Place of each section's view through its lenslet, counted from the first view through the voxel's own.
     pub(super) start: Vec<i32>,
-    pub(super) steps: Vec<Step>,
+    pub(super) steps: Vec<RasterStep>,
     /// [new, old] places in the views.
     pub(super) changes: Vec<[i32; 2]>,
 }
@@ -69,7 +69,7 @@ struct Rays<'a> {
     beyond: &'a [Vec<f32>; 2],
     /// Place of each section's first view.
     firsts: &'a [i32],
-    shape: Shape,
+    shape: CellShape,
     /// Places from row to row of lenslets, and from view to view.
     strides: [i32; 2],
     parts: i32,
@@ -80,8 +80,8 @@ impl Rays<'_> {
     #[inline(always)]
     fn views(&self, i: f32, j: f32, views: &mut [i32]) {
         match self.shape {
-            Shape::Square => self.views_of(nearest_square, i, j, views),
-            Shape::Hexagon => self.views_of(nearest_hexagon, i, j, views),
+            CellShape::Square => self.views_of(nearest_square, i, j, views),
+            CellShape::Hexagon => self.views_of(nearest_hexagon, i, j, views),
         }
     }
 
@@ -97,7 +97,7 @@ impl Rays<'_> {
             }
             return;
         }
-        // The least and the greatest part, and parts per step of the lattice, from a cell's centre.
+        // Count parts from a cell's centre, and parts per step of the lattice.
         let most = 0.5 * (self.parts - 1) as f32;
         let per_step = 0.5 * self.parts as f32 / self.shape.half() as f32;
         let part = |beyond: f32| round((per_step * beyond).clamp(-most, most) + most);
@@ -112,8 +112,8 @@ impl Rays<'_> {
 
 impl Walk {
     /// For sections whose rays meet the array at `beyond` of the chief ray, lattice coordinates.
-    pub(super) fn new(raster: Raster, beyond: &[DVec2], plan: &Plan, cells: &Cells) -> Self {
-        // A ray beyond all others that were tried for the plan must not leave the views.
+    pub(super) fn new(raster: Raster, beyond: &[DVec2], plan: &ViewsPlan, cells: &Cells) -> Self {
+        // Keep a ray within the views even if it reaches beyond all rays that the plan tried.
         let far = f64::from(plan.reach - BESIDE);
         let beyond: [Vec<f32>; 2] =
             [0, 1].map(|axis| beyond.iter().map(|ray| ray[axis].clamp(-far, far) as f32).collect());
@@ -141,7 +141,7 @@ impl Walk {
                 walk.changes.extend(changed.map(|(new, old)| [*new, *old]));
             }
             std::mem::swap(&mut views, &mut next);
-            walk.steps.push(Step { place: place as u32, end: walk.changes.len() as u32 });
+            walk.steps.push(RasterStep { place: place as u32, end: walk.changes.len() as u32 });
         }
         walk
     }
@@ -151,12 +151,14 @@ impl Walk {
 mod tests {
     use super::*;
 
-    /// The instructions that every machine has find the same views as the widest of this one.
+    /// The portable code finds the same views as this machine's widest instructions.
     #[test]
     fn portable_views_are_the_same() {
         let beyond = [0, 1].map(|axis| (0..200).map(|n| 3.7 * ((n * 37 + axis * 11) as f32).sin()).collect());
         let firsts: Vec<i32> = (0..200).map(|section| section * 900).collect();
-        for (shape, parts) in [(Shape::Square, 1), (Shape::Square, 3), (Shape::Hexagon, 1), (Shape::Hexagon, 4)] {
+        for (shape, parts) in
+            [(CellShape::Square, 1), (CellShape::Square, 3), (CellShape::Hexagon, 1), (CellShape::Hexagon, 4)]
+        {
             let rays = Rays { beyond: &beyond, firsts: &firsts, shape, strides: [180_000, 100], parts };
             for n in 0..50 {
                 let (i, j) = (n as f32 / 50.0, (n * 7 % 50) as f32 / 50.0);

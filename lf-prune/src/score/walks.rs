@@ -1,26 +1,27 @@
-//! The walks of a slice: one, or one for each block of lenslets where the rays of a bundle part otherwise.
+//! The walks of a slice: one, or one for each block of lenslets if the rays of a bundle part differently from place to
+//! place.
 
-use super::chiefs::SliceRays;
-use super::views::{LANES, LEAST, Plan};
-use super::walk::{Raster, Step, Walk};
+use super::chiefs::LatticeRays;
+use super::views::{LANES, LEAST, ViewsPlan};
+use super::walk::{Raster, RasterStep, Walk};
 use glam::DVec2;
 use lf_core::Camera;
 use std::ops::Range;
 
-/// Most that a ray through the stop's rim is moved against the chief ray otherwise than in the middle of its block, px on
-/// the array: less than half of what a voxel of 2 px is moved to its place of the raster. With 0.4 water takes a third
-/// less time.
+/// Largest error of a ray through the stop's rim against its chief ray, px on the array, if the rays in the middle of
+/// its block are used. It is less than half of the step of a voxel of 2 px to its place of the raster. With 0.4 a water
+/// tank takes a third less time.
 const APART_PX: f64 = 0.2;
-/// Blocks along an axis that are tried.
+/// Numbers of blocks along an axis to try.
 const BLOCKS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
-/// Blocks along an axis at which their number is tried.
+/// Blocks along an axis at which a number of blocks is tested.
 const TRIED: usize = 5;
 
 pub(super) struct Walks<'a> {
-    rays: &'a SliceRays<'a>,
+    rays: &'a LatticeRays<'a>,
     sections_mm: &'a [DVec2],
     raster: Raster,
-    plan: &'a Plan,
+    plan: &'a ViewsPlan,
     /// Lanes and rows of a block.
     side: [usize; 2],
     /// The blocks along a row whose walks are known, and their walks, row after row.
@@ -30,11 +31,11 @@ pub(super) struct Walks<'a> {
 
 impl<'a> Walks<'a> {
     pub(super) fn new(
-        rays: &'a SliceRays,
+        rays: &'a LatticeRays,
         camera: &Camera,
         sections_mm: &'a [DVec2],
         raster: Raster,
-        plan: &'a Plan,
+        plan: &'a ViewsPlan,
     ) -> Self {
         let (_, size) = plan.voxel_lenslets();
         let blocks = blocks(rays, camera);
@@ -44,13 +45,13 @@ impl<'a> Walks<'a> {
         Self { rays, sections_mm, raster, plan, side, blocks: 0..0, walks: Vec::new() }
     }
 
-    /// Lanes, of those from `least` to `most` of a group, that share a walk: the first such part after the other.
+    /// Cuts the lanes from `least` to `most` of a group into parts that share a walk.
     pub(super) fn parts(&self, [least, most]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> + use<> {
         let side = self.side[0].min(LANES);
         (least / side..=most / side).map(move |part| [least.max(part * side), most.min((part + 1) * side - 1)])
     }
 
-    /// Blocks along a row whose walks are held: those of a group.
+    /// Number of blocks along a row whose walks are held: those of a group.
     fn held(&self) -> usize {
         (LANES / self.side[0]).max(1)
     }
@@ -59,18 +60,19 @@ impl<'a> Walks<'a> {
     pub(super) fn bytes(&self) -> f64 {
         let (_, size) = self.plan.voxel_lenslets();
         let walks = self.held() * size[1].div_ceil(self.side[1]);
-        // Each ray leaves every part of a cell once on a line of places, a hexagon's half as often again.
+        // Count the changes: on a line of places each ray leaves every part of a cell once, 1.5 times in a hexagon.
         let lines = f64::from(1 << self.raster.bits[1]) + 1.0;
         let changes = 1.5 * lines * (self.sections_mm.len() * self.plan.parts) as f64;
-        walks as f64 * (changes * size_of::<[i32; 2]>() as f64 + (self.raster.places() * size_of::<Step>()) as f64)
+        walks as f64
+            * (changes * size_of::<[i32; 2]>() as f64 + (self.raster.places() * size_of::<RasterStep>()) as f64)
     }
 
-    /// The walk for a lane, counted along all groups, in a row of lenslets. Fastest if groups do not fall.
+    /// The walk for a lane, counted along all groups, in a row of lenslets. It is fastest if groups never decrease.
     pub(super) fn of(&mut self, lane: usize, row: usize) -> &Walk {
         let (block, block_row) = (lane / self.side[0], row / self.side[1]);
         let (_, size) = self.plan.voxel_lenslets();
         if self.walks.is_empty() || !self.blocks.contains(&block) {
-            // All blocks of a group stay, since each row has them all.
+            // Keep all blocks of a group, since each row uses them all.
             let many = self.held();
             let first = block / many * many;
             self.blocks = first..first + many;
@@ -86,7 +88,7 @@ impl<'a> Walks<'a> {
         self.walks[place].as_ref().expect("made above")
     }
 
-    /// The place in voxels that stands for a block: within the grid.
+    /// The place in voxels, within the grid, that stands for a block.
     fn middle(&self, block: usize, row: usize) -> DVec2 {
         let (origin, size) = self.plan.voxel_lenslets();
         if self.side[0] >= size[0] * LANES && self.side[1] >= size[1] {
@@ -100,13 +102,13 @@ impl<'a> Walks<'a> {
 }
 
 /// Lattice coordinates of rays through places of the stop, from the chief ray's.
-fn beyond(rays: &SliceRays, voxel: DVec2, stop_mm: &[DVec2]) -> Vec<DVec2> {
+fn beyond(rays: &LatticeRays, voxel: DVec2, stop_mm: &[DVec2]) -> Vec<DVec2> {
     let chief = rays.chief(voxel);
     stop_mm.iter().map(|stop_mm| rays.place(voxel, *stop_mm) - chief).collect()
 }
 
-/// Blocks along an axis in each of which the rays of a bundle part alike.
-fn blocks(rays: &SliceRays, camera: &Camera) -> usize {
+/// Number of blocks along an axis within which the rays of a bundle part alike.
+fn blocks(rays: &LatticeRays, camera: &Camera) -> usize {
     if camera.medium.is_none() && camera.centres.is_none() {
         return 1;
     }

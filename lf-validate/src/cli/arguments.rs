@@ -1,17 +1,16 @@
 //! The subcommands, and the options that all of them share.
 
 use super::{
-    curves, depth, displacement, divergence, elongation, ensemble, export, info, line, particles, precision, quality,
-    report, trade,
+    depth, displacement, divergence, elongation, ensemble, export, info, particles, precision, quality, report,
 };
 use clap::{Parser, Subcommand};
 use lf_core::cli::{Common, MemoryLimit};
 
 /// Results and truths to scores
 ///
-/// A score is one JSON object on standard output; a terminal gets ten lines of it, or all with --full. A number that does not exist, such as an error without vectors, is
-/// null. The help of each subcommand defines its numbers. Exit codes: 0 done, 1 judged and a limit is not kept, 2 could
-/// not do the work.
+/// A score is one JSON object on standard output; a terminal gets ten lines of it, or all with --full. A number that
+/// does not exist, such as an error without vectors, is null. The help of each subcommand defines its numbers. Exit
+/// codes: 0 done, 1 judged and a limit is not kept, 2 could not do the work.
 #[derive(Parser)]
 #[command(
     name = "lf-validate",
@@ -37,18 +36,15 @@ pub struct Arguments {
 // Each subcommand's help stands above its own options.
 #[derive(Subcommand)]
 pub enum Command {
-    Quality(quality::Arguments),
-    Elongation(elongation::Arguments),
-    Particles(particles::Arguments),
-    Depth(depth::Arguments),
-    Displacement(displacement::Arguments),
-    Divergence(divergence::Arguments),
-    Ensemble(ensemble::Arguments),
-    Precision(precision::Arguments),
-    Info(info::Arguments),
-    Export(export::Arguments),
-    Report(report::Arguments),
-    Line(line::Arguments),
-    Curves(curves::Arguments),
-    Trade(trade::Arguments),
+    Quality(quality::QualityArguments),
+    Elongation(elongation::ElongationArguments),
+    Particles(particles::ParticlesArguments),
+    Depth(depth::DepthArguments),
+    Displacement(displacement::DisplacementArguments),
+    Divergence(divergence::DivergenceArguments),
+    Ensemble(ensemble::EnsembleArguments),
+    Precision(precision::PrecisionArguments),
+    Info(info::InfoArguments),
+    Export(export::ExportArguments),
+    Report(report::ReportArguments),
 }

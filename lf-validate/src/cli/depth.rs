@@ -4,7 +4,7 @@ use super::inputs::{light, open_whole};
 use super::limits::{is_at_most, number, verdict};
 use super::output::{Picture, print};
 use lf_core::cli::{MemoryLimit, numbers};
-use lf_core::{Error, Grid, Result, Session, Verdict};
+use lf_core::{Error, Result, Session, Verdict};
 use lf_validate::pictures;
 use lf_validate::scores::depth::DepthSums;
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ use std::path::PathBuf;
   lf-validate depth volume-000?.lfv --plot depth.svg
   lf-validate depth volume-000?.lfv --slab -4,4 --max-outside 0.3"
 )]
-pub struct Arguments {
+pub struct DepthArguments {
     /// Volumes of one grid
     #[arg(default_value = "-")]
     volumes: Vec<PathBuf>,
@@ -38,20 +38,32 @@ pub struct Arguments {
     #[command(flatten)]
     picture: Picture,
     /// Exit code 1 when outside_share is above SHARE
-    #[arg(long, value_name = "SHARE", value_parser = number, requires = "slab")]
+    #[arg(long, help_heading = "Limits", value_name = "SHARE", value_parser = number, requires = "slab")]
     max_outside: Option<f64>,
 }
 
 /// Scores the light of volumes along z.
-pub fn judge(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &DepthArguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     arguments.picture.check(&arguments.volumes, session)?;
     if let Some([low, high]) = arguments.slab.filter(|[low, high]| low >= high) {
         return Err(Error::new("--slab", format!("{low},{high}"), "wanted the lower depth first"));
     }
     let sums = session.phase("score", |session| {
         let progress = session.progress("volumes", arguments.volumes.len() as u64);
-        let bytes = |grid: &Grid| DepthSums::bytes(grid, arguments.picture.is_asked());
-        add_up(&arguments.volumes, &bytes, limit, session, &|| progress.add(1))
+        let mut sums: Option<DepthSums> = None;
+        // One volume is in memory at a time.
+        for input in &arguments.volumes {
+            let volume = open_whole(input)?;
+            let (grid, name) = (volume.grid(), volume.name());
+            if sums.is_none() {
+                let bytes = DepthSums::bytes(grid, arguments.picture.is_asked());
+                session.allow_memory(limit, bytes, name, || format!("a {grid}"))?;
+            }
+            let sums = sums.get_or_insert_with(|| DepthSums::new(grid));
+            sums.add(light(&volume)?).map_err(|refusal| refusal.about(name))?;
+            progress.add(1);
+        }
+        sums.ok_or_else(|| Error::new("VOLUMES", "none", "wanted at least one"))
     })?;
     let score = sums.score(arguments.slab);
     session.count("volumes", score.volumes);
@@ -61,30 +73,4 @@ pub fn judge(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -
         session.warn("every voxel is dark");
     }
     Ok(verdict(is_at_most(score.outside_share, arguments.max_outside)))
-}
-
-/// Sums over the volumes, with one in memory at a time.
-fn add_up(
-    inputs: &[PathBuf],
-    bytes: &dyn Fn(&Grid) -> f64,
-    limit: MemoryLimit,
-    session: &mut Session,
-    added: &dyn Fn(),
-) -> Result<DepthSums> {
-    let add = |sums: Option<DepthSums>, input: &PathBuf| {
-        let volume = open_whole(input)?;
-        let grid = volume.grid();
-        let mut sums = match sums {
-            Some(sums) => sums,
-            None => {
-                session.allow_memory(limit, bytes(grid), volume.name(), || format!("a {grid}"))?;
-                DepthSums::new(grid)
-            }
-        };
-        sums.add(light(&volume)?).map_err(|refusal| refusal.about(volume.name()))?;
-        added();
-        Ok(Some(sums))
-    };
-    let sums = inputs.iter().try_fold(None, add)?;
-    sums.ok_or_else(|| Error::new("VOLUMES", "none", "wanted at least one"))
 }

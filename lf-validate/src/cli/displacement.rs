@@ -1,6 +1,6 @@
 //! `displacement`: a vector field against the true displacement.
 
-use super::limits::{are_at_most, components, is_at_most, number, share, verdict};
+use super::limits::{are_at_most, components, counts, is_at_most, share, verdict};
 use super::{
     inputs::{open_truth, pixel_mm},
     output::{Picture, print},
@@ -16,8 +16,7 @@ use std::path::PathBuf;
 ///   a field         interpolated to the places of the measured vectors
 ///   scene.json      its steady flow is known everywhere: displacement from frame 0 to frame 1
 ///   particles.csv   its particles move from frame A to frame B; the measured field is interpolated
-///                   to the middle of each path, so that flow structures smaller than a window are
-///                   part of the error
+///                   to the middle of each path: structures below a window are part of the error
 ///
 /// Numbers, for u, v and w, in mm, in vox (the voxels correlated) and, with --camera, in px of the
 /// focal plane
@@ -27,18 +26,16 @@ use std::path::PathBuf;
 ///   outliers        vectors more than 5 robust standard deviations and 0.1 voxel from the median
 ///                   error; all other numbers include them
 ///   measured_only   the same without replaced vectors
-///   pdf             density of the error of each component: `u` holds that of u, per `unit`, for
-///                   bins whose centres are in `x_u`; below_u and above_u are the shares beyond. Bins of 0.05 px up to
-///                   4 px for u and v, of 0.5 px up to 40 px for w; without a camera of 0.05 vox up
-///                   to 4 vox
+///   pdf             density of each component's error: `u`, per `unit`, in bins about `x_u`, with the
+///                   shares beyond, below_u and above_u. Bins of 0.05 px up to 4 px for u and v, of
+///                   0.5 px up to 40 px for w; without a camera of 0.05 vox up to 4 vox
 ///
 /// uncertainty, of measured vectors that state one
 ///   stated          number of these vectors
-///   within_1, within_2
-///                   shares of their errors within one and two stated standard uncertainties;
+///   within_1, _2    shares of their errors within one and two stated standard uncertainties;
 ///                   0.683 and 0.954 for normal errors if the stated uncertainty is right
-///   rms_stated, rms_error
-///                   RMS of the stated uncertainty and of the errors, mm
+///   rms_stated      RMS of the stated uncertainty, mm
+///   rms_error       RMS of these errors, mm
 ///
 /// Counted, but not scored
 ///   no_data         places without data
@@ -52,7 +49,7 @@ use std::path::PathBuf;
   lf-validate displacement scene/flow.exr field-0000-0001.exr -c camera.json --max-rms 0.7,0.2,2
   lf-validate displacement scene/particles.csv field-0000-0001.exr -c camera.json --plot error.svg"
 )]
-pub struct Arguments {
+pub struct DisplacementArguments {
     /// The true displacement: a field, in any layout, a scene.json with a steady flow, or a particles.csv
     truth: PathBuf,
     /// The field to score
@@ -62,30 +59,28 @@ pub struct Arguments {
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
     /// The two frames of a particles.csv that the field was measured from [default: 0,1]
-    #[arg(long, value_name = "A,B", value_parser = frames)]
+    #[arg(long, value_name = "A,B", value_parser = counts::<2>)]
     frames: Option<[usize; 2]>,
     #[command(flatten)]
     picture: Picture,
     /// Exit code 1 when an RMS error is above PX pixels: one number, or three for u,v,w
-    #[arg(long, value_name = "PX", value_parser = number, value_delimiter = ',', requires = "camera")]
-    max_rms: Vec<f64>,
+    #[arg(long, help_heading = "Limits", value_name = "PX", value_parser = components, requires = "camera")]
+    max_rms: Option<[f64; 3]>,
     /// Exit code 1 when a bias is above PX pixels in absolute value: one number, or three for u,v,w
-    #[arg(long, value_name = "PX", value_parser = number, value_delimiter = ',', requires = "camera")]
-    max_bias: Vec<f64>,
+    #[arg(long, help_heading = "Limits", value_name = "PX", value_parser = components, requires = "camera")]
+    max_bias: Option<[f64; 3]>,
     /// Exit code 1 when more than this share of the vectors are outliers, 0 to 1
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, help_heading = "Limits", value_name = "SHARE", value_parser = share)]
     max_outliers: Option<f64>,
     /// Exit code 1 when within_1 of a component is below this share, 0 to 1
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, help_heading = "Limits", value_name = "SHARE", value_parser = share)]
     min_coverage: Option<f64>,
 }
 
 /// Scores a field against the true displacement.
-pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &DisplacementArguments, session: &mut Session) -> Result<Verdict> {
     let inputs = [&arguments.truth, &arguments.field];
     arguments.picture.check(inputs.into_iter().chain(&arguments.camera), session)?;
-    let max_rms_px = components("--max-rms", &arguments.max_rms)?;
-    let max_bias_px = components("--max-bias", &arguments.max_bias)?;
     let (truth, field, pixel_mm) = session.phase("read", |session| {
         let pixel_mm = pixel_mm(arguments.camera.as_deref())?;
         let truth = open_truth(&arguments.truth, arguments.frames, &arguments.picture, session)?;
@@ -104,8 +99,8 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         session.warn(format!("{name}: no vector could be scored: {}", reasons(&score)));
     }
     Ok(verdict(
-        are_at_most(score.all.rms_px(), max_rms_px)
-            && are_at_most(score.all.bias_px().map(|bias| bias.map(f64::abs)), max_bias_px)
+        are_at_most(score.all.rms_px(), arguments.max_rms)
+            && are_at_most(score.all.bias_px().map(|bias| bias.map(f64::abs)), arguments.max_bias)
             && is_at_most(Some(score.all.outlier_share()), arguments.max_outliers)
             && arguments
                 .min_coverage
@@ -122,10 +117,4 @@ fn reasons(score: &Displacement) -> String {
         }
         None => format!("of {places}, {no_data} without data, {outside_truth} outside the truth"),
     }
-}
-
-fn frames(text: &str) -> std::result::Result<[usize; 2], String> {
-    let numbers: Option<Vec<usize>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    let frames = numbers.and_then(|numbers| <[usize; 2]>::try_from(numbers).ok());
-    frames.ok_or_else(|| "wanted two frame numbers with a comma between".to_string())
 }

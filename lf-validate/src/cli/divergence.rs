@@ -41,7 +41,7 @@ use std::path::PathBuf;
   lf-validate divergence field-0000-0001.exr -c camera.json
   lf-xcorr volume-0000.lfv volume-0001.lfv --window 80,80,8 | lf-validate divergence --plot div.svg"
 )]
-pub struct Arguments {
+pub struct DivergenceArguments {
     /// The field to score
     #[arg(default_value = "-")]
     field: PathBuf,
@@ -51,17 +51,16 @@ pub struct Arguments {
     #[command(flatten)]
     picture: Picture,
     /// Exit code 1 when the RMS divergence is above RMS
-    #[arg(long, value_name = "RMS", value_parser = number)]
+    #[arg(long, help_heading = "Limits", value_name = "RMS", value_parser = number)]
     max_divergence: Option<f64>,
     /// Exit code 1 when a component's noise is above PX pixels: one number, or three for u,v,w
-    #[arg(long, value_name = "PX", value_parser = number, value_delimiter = ',', requires = "camera")]
-    max_noise: Vec<f64>,
+    #[arg(long, help_heading = "Limits", value_name = "PX", value_parser = components, requires = "camera")]
+    max_noise: Option<[f64; 3]>,
 }
 
 /// Scores a field without its truth.
-pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &DivergenceArguments, session: &mut Session) -> Result<Verdict> {
     arguments.picture.check([&arguments.field].into_iter().chain(&arguments.camera), session)?;
-    let noise_px = components("--max-noise", &arguments.max_noise)?;
     let (field, pixel_mm) = session.phase("read", |_| {
         let pixel_mm = pixel_mm(arguments.camera.as_deref())?;
         Ok((Field::open(&arguments.field)?, pixel_mm))
@@ -77,5 +76,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
             io::name(&arguments.field)
         ));
     }
-    Ok(verdict(is_at_most(Some(score.rms), arguments.max_divergence) && are_at_most(score.noise.px(), noise_px)))
+    Ok(verdict(
+        is_at_most(Some(score.rms), arguments.max_divergence) && are_at_most(score.noise.px(), arguments.max_noise),
+    ))
 }

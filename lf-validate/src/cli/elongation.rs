@@ -1,9 +1,9 @@
 //! `elongation`: how large reconstructed particles are.
 
-use super::inputs::{light, open_whole, pixel_mm};
+use super::inputs::{light, open_particles, open_whole, pixel_mm};
 use super::limits::{are_at_most, counts, verdict};
 use super::output::{Picture, print};
-use lf_core::{Error, Result, Session, Verdict, Volume, cli::numbers, io, particles};
+use lf_core::{Error, Result, Session, Verdict, Volume, cli::numbers};
 use lf_validate::pictures;
 use lf_validate::scores::elongation::{SizeCounts, elongation};
 use std::path::PathBuf;
@@ -34,7 +34,7 @@ use std::path::PathBuf;
   lf-validate elongation scene/particles.csv volume-0000.lfv -c camera.json --plot elongation.svg
   lf-validate elongation scene/particles.csv volume-0001.lfv --frame 1 --max-diameter 4,4,9"
 )]
-pub struct Arguments {
+pub struct ElongationArguments {
     /// True places of the particles (particles.csv): frame,id,x_mm,y_mm,z_mm,intensity
     particles: PathBuf,
     /// The volume to score
@@ -47,23 +47,22 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: usize,
     /// Reach of the search for a particle's brightest voxel, from its true place, voxels
-    #[arg(long, value_name = "X,Y,Z", default_value = "2,2,3", value_parser = numbers::<3>)]
-    search: [f64; 3],
+    #[arg(long, value_name = "X,Y,Z", default_value = "2,2,3", value_parser = counts::<3>)]
+    search: [usize; 3],
     /// Camera, for numbers in pixels
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
     #[command(flatten)]
     picture: Picture,
     /// Exit code 1 when a median diameter along x, y or z is above this, voxels
-    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
+    #[arg(long, help_heading = "Limits", value_name = "X,Y,Z", value_parser = numbers::<3>)]
     max_diameter: Option<[f64; 3]>,
 }
 
 /// Measures the particles of one or more volumes.
-pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &ElongationArguments, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&PathBuf> = [&arguments.particles, &arguments.volume].into_iter().chain(&arguments.and).collect();
     arguments.picture.check(files.iter().copied().chain(&arguments.camera), session)?;
-    let search_vox = counts("--search", arguments.search)?;
     let (pairs, pixel_mm) = session.phase("read", |session| {
         let pairs: Result<Vec<_>> = files.chunks(2).map(|pair| read(pair, arguments.frame, session)).collect();
         Ok((pairs?, pixel_mm(arguments.camera.as_deref())?))
@@ -79,7 +78,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
             Ok((light(volume)?, places.clone()))
         })
         .collect::<Result<Vec<_>>>()?;
-    let score = session.phase("score", |_| Ok(elongation(&volumes, grid, search_vox, pixel_mm)))?;
+    let score = session.phase("score", |_| Ok(elongation(&volumes, grid, arguments.search, pixel_mm)))?;
     let SizeCounts { particles, measured, missed, merged, cut } = score.counts;
     session.count("particles", particles);
     session.count("measured", measured);
@@ -95,14 +94,6 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
 /// The places of a table and the volume that belongs to it.
 fn read(pair: &[&PathBuf], frame: usize, session: &Session) -> Result<(Vec<[f64; 3]>, Volume)> {
     let [table, volume] = pair else { unreachable!("clap takes them in pairs") };
-    let text = io::open_text(table)?;
-    let all = particles::read(&text).map_err(|refusal| refusal.about(io::name(table)))?;
-    particles::warn_unmarked(&text, &io::name(table), session);
-    let of_frame = all.iter().filter(|particle| particle.frame == frame);
-    let places: Vec<[f64; 3]> = of_frame.map(|particle| particle.place_mm).collect();
-    if places.is_empty() {
-        let found = format!("no particle of frame {frame} among {}", all.len());
-        return Err(Error::new(io::name(table), found, "wanted a frame that it has"));
-    }
+    let places = open_particles(table, frame, session)?.iter().map(|particle| particle.place_mm).collect();
     Ok((places, open_whole(volume)?))
 }

@@ -1,11 +1,13 @@
 //! `ensemble`: many fields of one flow.
 
-use super::ensemble_more as more;
 use super::output::{Picture, print};
 use lf_core::field::{self, Cut};
 use lf_core::{Error, Field, Result, Session, Verdict, cli::MemoryLimit, io};
 use lf_validate::pictures;
-use lf_validate::scores::ensemble::{ConvergenceLog, Ensemble, EnsembleSums};
+use lf_validate::scores::ensemble::{
+    ConvergenceLog, ConvergenceStep, Ensemble, EnsembleSummary, EnsembleSums, fields_for_1_percent,
+};
+use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -36,32 +38,24 @@ use std::path::{Path, PathBuf};
 ///                    number of independent fields after which the uncertainty of the mean is 1 %
 ///                    of the mean displacement
 ///
-/// Printed if asked for
-///   phases           fields a phase, coherent_mm (the means of the phases about the mean) and
-///                    incoherent_mm (fluctuations about the mean of the phase)
-///   lines            of fluctuations along an axis: correlation by distance, its integral length_mm,
-///                    and spectrum_mm3 by wavenumber (cycles a mm); whole lines only
-///   modes            proper orthogonal modes: share of the mean square fluctuation, rms_mm, and the
-///                    amount of the mode in every field
+/// Averages by phase, spectra and orthogonal modes: scripts/examples/ensemble.py.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "Examples, in out/ after scripts/demo:
   lf-validate ensemble field-0000-0001.exr -o mean.vti -o mean.exr
-  lf-validate ensemble field-*.exr --slice y=0 --plot mean.svg --along x"
+  lf-validate ensemble field-*.exr --slice y=0 --plot mean.svg"
 )]
-pub struct Arguments {
+pub struct EnsembleArguments {
     /// Fields with their vectors at the same places
     #[arg(required = true)]
     fields: Vec<PathBuf>,
     /// Write the mean (.exr, .csv) or all statistics (.vti). May be given again
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
-    /// Fewest measured vectors of a place with data
+    /// Places with fewer measured vectors have no data
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     least: u32,
-    #[command(flatten)]
-    more: more::Options,
     #[command(flatten)]
     picture: Picture,
     /// Slice to draw: the axis across it and its place in mm, as in z=0.5; the nearest layer is drawn. Without
@@ -70,56 +64,58 @@ pub struct Arguments {
     slice: Option<Cut>,
 }
 
+/// The printed score.
+#[derive(Serialize)]
+struct EnsembleReport {
+    #[serde(flatten)]
+    summary: EnsembleSummary,
+    convergence: Vec<ConvergenceStep>,
+    fields_for_1_percent: [f64; 3],
+}
+
 /// Averages fields, read one after another, and writes the statistics.
-pub fn average(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
+pub fn average(arguments: &EnsembleArguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
-    arguments.more.check(&inputs)?;
     check_outputs(arguments, &inputs, session)?;
     let cut = arguments.slice.unwrap_or_default();
     let refused = |refusal: lf_core::Refusal| refusal.about("--slice");
     let progress = session.progress("fields", inputs.len() as u64);
     let mut sums: Option<EnsembleSums> = None;
-    let (mut history, mut log, mut phases) = (Vec::new(), ConvergenceLog::default(), None);
+    let (mut history, mut log) = (Vec::new(), ConvergenceLog::default());
     for path in &inputs {
         let field = session.phase("read", |_| Field::open(path))?;
         if sums.is_none() {
             cut.layer(&field.layout).map_err(refused)?;
             history = session.history(&field.layout.history);
-            let bytes = EnsembleSums::bytes(&field.layout)
-                + ConvergenceLog::bytes(field.len(), inputs.len())
-                + arguments.more.bytes(&field.layout, inputs.len());
-            phases = arguments.more.phases(&field.layout);
+            let bytes = EnsembleSums::bytes(&field.layout) + ConvergenceLog::bytes(field.len(), inputs.len());
             session.allow_memory(limit, bytes, io::name(path), || format!("{} places", field.len()))?;
         }
         let sums = sums.get_or_insert_with(|| EnsembleSums::new(&field.layout));
         session.phase("sum", |_| sums.add(&field).map_err(|refusal| refusal.about(io::name(path))))?;
-        log.look(sums);
-        phases.iter_mut().try_for_each(|phases| phases.add(&field)).map_err(|refusal| refusal.about(io::name(path)))?;
+        log.record(sums);
         progress.add(1);
     }
     drop(progress);
     let sums = sums.ok_or_else(|| Error::new("ensemble", "no field", "wanted at least one"))?;
-    let mut found = session.phase("average", |_| Ok(sums.finish(arguments.least)))?;
-    found.mean.layout.history = history;
-    session.count("fields", found.fields);
-    session.count("places", found.mean.len());
-    let layer = lf_plot::layer(&found.mean, cut).map_err(refused)?;
+    let mut ensemble = session.phase("average", |_| Ok(sums.finish(arguments.least)))?;
+    ensemble.mean.layout.history = history;
+    session.count("fields", ensemble.fields);
+    session.count("places", ensemble.mean.len());
+    let layer = lf_plot::layer(&ensemble.mean, cut).map_err(refused)?;
     // A picture that is refused leaves no file behind.
-    let picture = arguments.picture.drawn(session, || pictures::ensemble(&found, cut.axis, layer))?;
-    // The second look at the fields may fail as well.
-    let (told, parts) =
-        session.phase("more", |session| arguments.more.told(&inputs, &found, log, phases, arguments.least, session))?;
-    session.phase("write", |_| {
-        arguments.output.iter().try_for_each(|path| save(&found, path))?;
-        arguments.more.save(parts, &found)
+    let picture = arguments.picture.drawn(session, || pictures::ensemble(&ensemble, cut.axis, layer))?;
+    session.phase("write", |_| arguments.output.iter().try_for_each(|path| save(&ensemble, path)))?;
+    arguments.picture.save(picture.as_ref())?;
+    print(&EnsembleReport {
+        summary: ensemble.summary(),
+        convergence: log.finish(&ensemble),
+        fields_for_1_percent: fields_for_1_percent(&ensemble),
     })?;
-    arguments.picture.save(&picture)?;
-    print(&told)?;
     Ok(Verdict::Done)
 }
 
 /// Refuses outputs that are inputs, that are named twice, or that cannot be written.
-fn check_outputs(arguments: &Arguments, inputs: &[&Path], session: &Session) -> Result<()> {
+fn check_outputs(arguments: &EnsembleArguments, inputs: &[&Path], session: &Session) -> Result<()> {
     arguments.picture.check(&arguments.fields, session)?;
     for output in &arguments.output {
         if io::is_standard(output) {
@@ -128,14 +124,8 @@ fn check_outputs(arguments: &Arguments, inputs: &[&Path], session: &Session) -> 
         session.keep_apart(output, inputs)?;
         io::check_place(output)?;
     }
-    let parts = arguments.more.files(inputs.len());
-    for part in &parts {
-        // A file that does not exist is no input.
-        session.keep_apart(part, if part.exists() { inputs } else { &[] })?;
-    }
-    let picture = arguments.picture.file();
     let mut known = BTreeSet::new();
-    for output in arguments.output.iter().chain(&parts).map(PathBuf::as_path).chain(picture) {
+    for output in arguments.output.iter().map(PathBuf::as_path).chain(arguments.picture.file()) {
         if !known.insert(place(output)) {
             return Err(Error::new(io::output_name(output), "is asked for twice", "wanted another name for each"));
         }
@@ -143,7 +133,7 @@ fn check_outputs(arguments: &Arguments, inputs: &[&Path], session: &Session) -> 
     Ok(())
 }
 
-/// The same path for all names of a file that may not exist yet.
+/// One path for all names of a file that may not exist yet.
 fn place(path: &Path) -> PathBuf {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = parent.canonicalize().or_else(|_| std::path::absolute(parent)).unwrap_or_else(|_| parent.to_owned());

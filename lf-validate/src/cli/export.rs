@@ -3,7 +3,7 @@
 use lf_core::cli::{MemoryLimit, numbers};
 use lf_core::field::{Cut, Time, VectorGrid, save_series};
 use lf_core::volume::together;
-use lf_core::{Error, Field, JoinedVolume, Refusal, Result, Session, Verdict, io, particles};
+use lf_core::{Error, Field, JoinedVolume, Result, Session, Verdict, io, particles};
 use lf_plot::{FieldPicture, Scalar};
 use lf_validate::export::{self, Cutout, Samples};
 use lf_validate::info::FileKind;
@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 /// Volumes, fields and particles in the forms of other programs
 ///
 /// The name of the output chooses the form
-///   volume     .vti (ParaView), .tif (a stack: ImageJ), .npz (numpy), .csv (the voxels that are
-///              stored); one slice is in memory at a time. All tiles of a volume are one volume
-///   field      .nc (NetCDF, CF conventions: xarray, Matlab), .vti, .dat (Tecplot), .csv
+///   volume     .vti (ParaView), .tif (a stack: ImageJ), .csv (the voxels that are stored); one slice
+///              is in memory at a time. All tiles of a volume are one volume
+///   field      .nc (NetCDF, CF conventions: xarray, Matlab), .vti, .csv
 ///              .svg, .png, .pdf: a picture of one layer
 ///   fields     .nc with the dimension t; .vti.series with a .vti each, for ParaView's time slider
 ///   particles  .vtp (ParaView); particles of one number in several frames are a track
@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
   lf-validate export volume-0000.lfv -o volume.tif --bits 16 --slab -2,2
   lf-validate export field-0000-0001.exr -o field.nc"
 )]
-pub struct Arguments {
+pub struct ExportArguments {
     /// A volume or all its tiles, fields in the order of time, or tables of particles
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -50,11 +50,12 @@ pub struct Arguments {
     /// .nc and .vti.series: seconds from one field to the next; otherwise fields are numbered
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     every: Option<f64>,
-    /// Pictures: the axis across the layer and its place in mm, as in z=0.5. Without a place, the layer that shows most
-    /// for its uncertainty is drawn [default: z]
+    /// Pictures: the axis across the layer and its place in mm, as in z=0.5. Without a place, the layer with the
+    /// strongest signal for its uncertainty is drawn [default: z]
     #[arg(long, value_name = "AXIS[=MM]")]
     slice: Option<Cut>,
-    /// Pictures: what the colours show: u, v, w, speed, vorticity or uncertainty [default: the component across the layer]
+    /// Pictures: the quantity in colour: u, v, w, speed, vorticity or uncertainty [default: the component across the
+    /// layer]
     #[arg(long, value_name = "NAME")]
     scalar: Option<Scalar>,
     /// Pictures: the ends of the colours, in the unit drawn [default: the range of the field]
@@ -71,7 +72,7 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Writes a file for other programs.
-pub fn write(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
+pub fn write(arguments: &ExportArguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&Path> = arguments.files.iter().map(PathBuf::as_path).collect();
     session.keep_apart(&arguments.output, &files)?;
     io::check_place(&arguments.output)?;
@@ -91,29 +92,25 @@ pub fn write(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -
 }
 
 /// Refuses options that would change nothing.
-fn refuse_ignored(kind: FileKind, arguments: &Arguments) -> Result<()> {
-    let is_volume = kind == FileKind::Volume;
-    let is_series = kind == FileKind::Field && ["nc", "series"].contains(&extension(&arguments.output).as_str());
-    let ignored = [
-        ("--column", arguments.column.is_some() && !is_volume, "a volume"),
-        ("--slab", arguments.slab.is_some() && !is_volume, "a volume"),
-        ("--box", arguments.part.is_some() && !is_volume, "a volume"),
-        (
-            "--bits",
-            arguments.bits.is_some() && !(is_volume && extension(&arguments.output).starts_with("tif")),
-            "a .tif",
-        ),
-        ("--every", arguments.every.is_some() && !is_series, "fields in a .nc or a .vti.series"),
-        ("--dt", arguments.dt.is_some() && kind != FileKind::Particles, "particles"),
-    ];
-    let is_picture = kind == FileKind::Field && ["svg", "png", "pdf"].contains(&extension(&arguments.output).as_str());
-    let shown = [
-        ("--slice", arguments.slice.is_some() && !is_picture, "a picture of a field"),
-        ("--scalar", arguments.scalar.is_some() && !is_picture, "a picture of a field"),
-        ("--range", arguments.range.is_some() && !is_picture, "a picture of a field"),
-    ];
-    if let Some((option, _, what)) = ignored.into_iter().chain(shown).find(|(_, is_ignored, _)| *is_ignored) {
-        return Err(Error::new(option, "changes nothing here", format!("wanted it for {what} only")));
+fn refuse_ignored(kind: FileKind, arguments: &ExportArguments) -> Result<()> {
+    let end = extension(&arguments.output);
+    let is_field = |ends: &[&str]| kind == FileKind::Field && ends.contains(&end.as_str());
+    let (is_volume, is_picture) = (kind == FileKind::Volume, is_field(&["svg", "png", "pdf"]));
+    let is_stack = is_volume && end.starts_with("tif");
+    for (option, is_given, has_effect, what) in [
+        ("--column", arguments.column.is_some(), is_volume, "a volume"),
+        ("--slab", arguments.slab.is_some(), is_volume, "a volume"),
+        ("--box", arguments.part.is_some(), is_volume, "a volume"),
+        ("--bits", arguments.bits.is_some(), is_stack, "a .tif"),
+        ("--every", arguments.every.is_some(), is_field(&["nc", "series"]), "fields in a .nc or a .vti.series"),
+        ("--dt", arguments.dt.is_some(), kind == FileKind::Particles, "particles"),
+        ("--slice", arguments.slice.is_some(), is_picture, "a picture of a field"),
+        ("--scalar", arguments.scalar.is_some(), is_picture, "a picture of a field"),
+        ("--range", arguments.range.is_some(), is_picture, "a picture of a field"),
+    ] {
+        if is_given && !has_effect {
+            return Err(Error::new(option, "changes nothing here", format!("wanted it for {what} only")));
+        }
     }
     Ok(())
 }
@@ -130,28 +127,26 @@ fn unknown(output: &Path, wanted: &str) -> Error {
     Error::new(io::output_name(output), found, format!("wanted {wanted}"))
 }
 
-fn volume(arguments: &Arguments, files: &[&Path], limit: MemoryLimit, session: &mut Session) -> Result<()> {
-    const WANTED: &str = "the name of a .vti, .tif, .npz or .csv for a volume";
+fn volume(arguments: &ExportArguments, files: &[&Path], limit: MemoryLimit, session: &mut Session) -> Result<()> {
     let (output, column) = (&arguments.output, arguments.column.as_deref().unwrap_or("intensity"));
     let end = extension(output);
-    if !["vti", "tif", "tiff", "npz", "csv"].contains(&end.as_str()) {
-        return Err(unknown(output, WANTED));
+    if !["vti", "tif", "tiff", "csv"].contains(&end.as_str()) {
+        return Err(unknown(output, "the name of a .vti, .tif or .csv for a volume"));
     }
-    let mut volumes = session.phase("read", |_| JoinedVolume::open_all(files.iter().copied(), column))?;
-    let whole = volumes.remove(0);
-    if let Some(other) = volumes.first() {
+    let volumes = session.phase("read", |_| JoinedVolume::open_all(files.iter().copied(), column))?;
+    if let Some(other) = volumes.get(1) {
         return Err(Error::new(other.name(), "another volume", "wanted one volume at a time, or its tiles"));
     }
-    let [z0, z1] = arguments.slab.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    let whole = &volumes[0];
     let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
-    let part = Cutout::new(&whole, arguments.part.unwrap_or([low, high, low, high, z0, z1]));
+    let [z0, z1] = arguments.slab.unwrap_or([low, high]);
+    let part = Cutout::new(whole, arguments.part.unwrap_or([low, high, low, high, z0, z1]));
     let part = part.map_err(|refusal| refusal.about(whole.name()))?;
     session.count("voxels", part.grid().len());
     let bytes = if end == "csv" { 0.0 } else { part.bytes() };
     session.allow_memory(limit, bytes, whole.name(), || format!("slices of a {}", part.grid()))?;
     session.phase("write", |session| match end.as_str() {
         "vti" => io::save(output, |out| export::write_vti(&part, column, out)),
-        "npz" => io::save(output, |out| export::write_npz(&part, column, out)),
         "csv" => io::save_text(output, |out| export::write_csv(&part, column, out)),
         _ => {
             let samples = samples(arguments, &part, session);
@@ -160,8 +155,8 @@ fn volume(arguments: &Arguments, files: &[&Path], limit: MemoryLimit, session: &
     })
 }
 
-/// How a stack stores its values. Tells the factor of whole numbers.
-fn samples(arguments: &Arguments, part: &Cutout, session: &Session) -> Samples {
+/// How a stack stores its values. Prints the factor of whole numbers.
+fn samples(arguments: &ExportArguments, part: &Cutout, session: &Session) -> Samples {
     if arguments.bits.as_deref() != Some("16") {
         return Samples::Float;
     }
@@ -171,10 +166,9 @@ fn samples(arguments: &Arguments, part: &Cutout, session: &Session) -> Samples {
     Samples::Whole(factor)
 }
 
-fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+fn fields(arguments: &ExportArguments, files: &[&Path], session: &mut Session) -> Result<()> {
     let output = &arguments.output;
     let end = extension(output);
-    let read = |path: &Path, session: &mut Session| session.phase("read", |_| Field::open(path));
     match (end.as_str(), files) {
         ("series", files) => series(arguments, files, session),
         ("nc", files) if files.len() > 1 || arguments.every.is_some() => {
@@ -185,32 +179,32 @@ fn fields(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
             session.count("fields", files.len());
             save_series(output, &time, |n| Field::open(files[n]))
         }
-        ("nc" | "vti" | "dat" | "csv", [one]) => {
-            let field = read(one, session)?;
+        ("nc" | "vti" | "csv", [one]) => {
+            let field = session.phase("read", |_| Field::open(one))?;
             session.count("vectors", field.len());
             session.phase("write", |_| field.save(output))
         }
         ("svg" | "png" | "pdf", [one]) => {
-            let field = read(one, session)?;
+            let field = session.phase("read", |_| Field::open(one))?;
             let shown = FieldPicture {
                 cut: arguments.slice.unwrap_or_default(),
                 scalar: arguments.scalar,
                 range: arguments.range,
             };
-            let svg = session.phase("plot", |_| {
+            let drawing = session.phase("plot", |_| {
                 lf_plot::field(&field, &shown).map_err(|refusal| refusal.about(io::output_name(output)))
             })?;
-            lf_plot::save(output, &svg)
+            lf_plot::save(output, &drawing)
         }
-        ("nc" | "vti" | "dat" | "csv" | "svg" | "png" | "pdf", _) => {
+        ("nc" | "vti" | "csv" | "svg" | "png" | "pdf", _) => {
             Err(unknown(output, "a .nc or a .vti.series for several fields"))
         }
-        _ => Err(unknown(output, "the name of a .nc, .vti, .dat, .csv, .vti.series, .svg, .png or .pdf for a field")),
+        _ => Err(unknown(output, "the name of a .nc, .vti, .csv, .vti.series, .svg, .png or .pdf for a field")),
     }
 }
 
 /// Writes a `.vti` for every field, NAME-0000.vti and so on, and NAME.vti.series, which lists them with their times.
-fn series(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+fn series(arguments: &ExportArguments, files: &[&Path], session: &mut Session) -> Result<()> {
     let output = &arguments.output;
     let name = output.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let Some(stem) = name.strip_suffix(".vti.series") else {
@@ -236,7 +230,7 @@ fn series(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resu
     io::save_text(output, |out| writeln!(out, "{text:#}"))
 }
 
-fn table(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Result<()> {
+fn table(arguments: &ExportArguments, files: &[&Path], session: &mut Session) -> Result<()> {
     let output = &arguments.output;
     if extension(output) != "vtp" {
         return Err(unknown(output, "the name of a .vtp for particles"));
@@ -249,8 +243,9 @@ fn table(arguments: &Arguments, files: &[&Path], session: &mut Session) -> Resul
         particles::warn_unmarked(&text, &name, session);
         histories.push(particles::history(&text));
     }
-    let empty = || Refusal::new("no particle", "wanted one or more");
-    (!all.is_empty()).then_some(()).ok_or_else(|| empty().about(io::name(files[0])))?;
+    if all.is_empty() {
+        return Err(Error::new(io::name(files[0]), "no particle", "wanted one or more"));
+    }
     session.count("particles", all.len());
     let history = session.history(&together(&histories));
     session.phase("write", |_| io::save(output, |out| export::write_polydata(&all, &history, arguments.dt, out)))

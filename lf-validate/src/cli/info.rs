@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-validate info camera.json
   lf-prune scene/frame-0000.exr -c camera.json --pvr 4,4,40 --depth -5,5 | lf-validate info")]
-pub struct Arguments {
+pub struct InfoArguments {
     /// The file; file.tif:3 is page 3 of a TIFF
     #[arg(default_value = "-")]
     file: PathBuf,
@@ -21,7 +21,7 @@ pub struct Arguments {
 }
 
 /// Describes a file.
-pub fn describe(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn describe(arguments: &InfoArguments, session: &mut Session) -> Result<Verdict> {
     let file = arguments.file.as_path();
     session.keep_apart(Path::new("-"), &[file])?;
     let channel = arguments.reading.channel;

@@ -4,7 +4,7 @@ use super::output::Picture;
 use lf_core::flow::{Flows, Velocity};
 use lf_core::frame::{self, Frame};
 use lf_core::scene::{self, CameraSource, Frames, LitVolume};
-use lf_core::{Camera, Error, Field, Refusal, Result, Session, Tile, Volume, io, json, particles};
+use lf_core::{Camera, Error, Field, Particle, Refusal, Result, Session, Tile, Volume, io, json, particles};
 use lf_validate::info::FileKind;
 use lf_validate::scores::{displacement::TrueDisplacement, displacement::tracks, light::VoxelLight};
 use std::path::{Path, PathBuf};
@@ -29,6 +29,18 @@ pub fn text<'a>(bytes: &'a [u8], name: &str, wanted: &str) -> Result<&'a str> {
     }
 }
 
+/// The particles of one frame of a table. Refuses a frame without any.
+pub fn open_particles(file: &Path, frame: usize, session: &Session) -> Result<Vec<Particle>> {
+    let all = particles::open(file, session)?;
+    let count = all.len();
+    let of_frame: Vec<Particle> = all.into_iter().filter(|particle| particle.frame == frame).collect();
+    if of_frame.is_empty() {
+        let found = format!("no particle of frame {frame} among {count}");
+        return Err(Error::new(io::name(file), found, "wanted a frame that it has"));
+    }
+    Ok(of_frame)
+}
+
 /// The light of a volume.
 pub fn light(volume: &Volume) -> Result<VoxelLight<'_>> {
     Ok(VoxelLight { grid: volume.grid(), indices: volume.indices(), intensity: volume.require("intensity")? })
@@ -44,7 +56,7 @@ const WANTED: &str = "wanted a vector field in EXR, a scene.json or a particles.
 
 /// The keys of a scene that describe how its particles move. Other keys are not read.
 #[derive(serde::Deserialize)]
-struct Motion {
+struct SceneMotion {
     frame: Option<Frame>,
     camera: CameraSource,
     volume: LitVolume,
@@ -88,7 +100,7 @@ pub fn open_truth(
 fn flow(text: &str, file: &Path, name: &str, picture: &Picture, session: &Session) -> Result<TrueDisplacement> {
     let wrong = |found: String| Error::new(name, found, scene::WANTED);
     let value = serde_json::from_str(text).map_err(|error| wrong(format!("not JSON ({error})")))?;
-    let mut motion: Motion = json::read(&value).map_err(wrong)?;
+    let mut motion: SceneMotion = json::read(&value).map_err(wrong)?;
     if motion.frame.is_none() {
         let wanted = format!("wanted \"{}\": \"{}\", with x to the right in the picture", frame::KEY, frame::MARK);
         return Err(Error::new(name, "names no frame, as scenes of lf 0.1.0, which have x to the left", wanted));

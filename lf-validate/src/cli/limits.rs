@@ -2,36 +2,34 @@
 //!
 //! A number that does not exist keeps no limit.
 
-use lf_core::{Error, Result, Verdict};
+use lf_core::Verdict;
 
 /// Parses a finite number.
-pub fn number(text: &str) -> std::result::Result<f64, String> {
+pub fn number(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "wanted a number".to_string())?;
     if value.is_finite() { Ok(value) } else { Err("wanted a finite number".to_string()) }
 }
 
 /// Parses a share from 0 to 1.
-pub fn share(text: &str) -> std::result::Result<f64, String> {
+pub fn share(text: &str) -> Result<f64, String> {
     let share = number(text)?;
     if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("wanted a share, 0 to 1".to_string()) }
 }
 
-/// Three numbers as whole numbers of voxels or boxes.
-pub fn counts(option: &str, typed: [f64; 3]) -> Result<[usize; 3]> {
-    if typed.iter().all(|number| (0.0..=1e6).contains(number) && number.fract() == 0.0) {
-        return Ok(typed.map(|number| number as usize));
-    }
-    let [x, y, z] = typed;
-    Err(Error::new(option, format!("{x},{y},{z}"), "wanted three whole numbers from 0"))
+/// Parses `N` whole numbers up to a million with commas between.
+pub fn counts<const N: usize>(text: &str) -> Result<[usize; N], String> {
+    let count = |part: &str| part.trim().parse().ok().filter(|count| *count <= 1_000_000);
+    let counts: Option<Vec<usize>> = text.split(',').map(count).collect();
+    let counts = counts.and_then(|counts| <[usize; N]>::try_from(counts).ok());
+    counts.ok_or_else(|| format!("wanted {N} whole numbers from 0 to a million with commas between"))
 }
 
-/// Limits of u, v and w from one number for all or from three. None without a number.
-pub fn components(option: &str, limits: &[f64]) -> Result<Option<[f64; 3]>> {
-    match *limits {
-        [] => Ok(None),
-        [all] => Ok(Some([all; 3])),
-        [u, v, w] => Ok(Some([u, v, w])),
-        _ => Err(Error::new(option, format!("{} numbers", limits.len()), "wanted one, or three for u,v,w")),
+/// Parses limits of u, v and w: one number for all, or three.
+pub fn components(text: &str) -> Result<[f64; 3], String> {
+    match text.split(',').map(number).collect::<Result<Vec<f64>, String>>()?[..] {
+        [all] => Ok([all; 3]),
+        [u, v, w] => Ok([u, v, w]),
+        _ => Err("wanted one number, or three for u,v,w".to_string()),
     }
 }
 

@@ -3,25 +3,20 @@
 //! Open first: `run.rs`; each subcommand has a file of its name, with its options and its help.
 
 mod arguments;
-mod curves;
 mod depth;
 mod displacement;
 mod divergence;
 mod elongation;
 mod ensemble;
-mod ensemble_more;
 mod export;
 mod info;
 mod inputs;
 mod limits;
-mod line;
 mod output;
 mod particles;
 mod precision;
 mod quality;
 mod report;
 mod run;
-mod source;
-mod trade;
 
 pub use run::run;

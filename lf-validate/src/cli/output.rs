@@ -1,7 +1,7 @@
 //! Where a score goes: to standard output as JSON that people read, and into a picture.
 
 use lf_core::{Error, Result, Session, io};
-use lf_plot::Chart;
+use lf_plot::{Chart, Drawing};
 use serde::Serialize;
 use serde_json::Value;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
@@ -43,19 +43,20 @@ impl Picture {
 
     /// Draws and saves the chart if `--plot` is given.
     pub fn draw(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<()> {
-        self.drawn(session, chart).and_then(|svg| self.save(&svg))
+        self.drawn(session, chart).and_then(|drawing| self.save(drawing.as_ref()))
     }
 
-    /// The chart as SVG; empty without `--plot`.
-    pub fn drawn(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<String> {
-        let Some(file) = &self.plot else { return Ok(String::new()) };
-        session.phase("plot", |_| lf_plot::draw(&chart()).map_err(|refusal| refusal.about(io::output_name(file))))
+    /// Draws the chart; None without `--plot`.
+    pub fn drawn(&self, session: &mut Session, chart: impl FnOnce() -> Chart) -> Result<Option<Drawing>> {
+        let Some(file) = &self.plot else { return Ok(None) };
+        session.phase("plot", |_| {
+            lf_plot::draw(&chart()).map(Some).map_err(|refusal| refusal.about(io::output_name(file)))
+        })
     }
 
     /// Saves a chart that was drawn.
-    pub fn save(&self, svg: &str) -> Result<()> {
-        let Some(file) = &self.plot else { return Ok(()) };
-        lf_plot::save(file, svg)
+    pub fn save(&self, drawing: Option<&Drawing>) -> Result<()> {
+        self.plot.iter().zip(drawing).try_for_each(|(file, drawing)| lf_plot::save(file, drawing))
     }
 }
 
@@ -83,7 +84,8 @@ const LINES: usize = 10;
 /// A longer list is left out of them.
 const SHORT_LIST: usize = 3;
 
-/// The first numbers of a score, those of the whole before those of its parts and before counts, and how many are left out.
+/// The first numbers of a score, and how many are left out. Numbers of the whole come before those of its parts and
+/// before counts.
 fn brief(score: &Value) -> String {
     let (mut lines, mut lists) = (Vec::new(), 0);
     collect("", 0, score, &mut lines, &mut lists);

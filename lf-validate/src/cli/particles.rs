@@ -1,6 +1,6 @@
 //! `particles`: particles that were found, against the true ones.
 
-use super::inputs::pixel_mm;
+use super::inputs::{open_particles, pixel_mm};
 use super::limits::{is_at_most, number, share, verdict};
 use super::output::print;
 use lf_core::cli::numbers;
@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
   lf-validate particles scene/particles.csv fitted-0000.csv -c camera.json
   lf-validate particles scene/particles.csv fitted-0001.csv --frame 1 -c camera.json --min-recall 0.97"
 )]
-pub struct Arguments {
+pub struct ParticlesArguments {
     /// The true particles (particles.csv)
     truth: PathBuf,
     /// The particles that were found: one frame, with or without uncertainties
@@ -44,8 +44,8 @@ pub struct Arguments {
     /// Camera, for numbers in pixels
     #[arg(short, long, value_name = "FILE")]
     camera: Option<PathBuf>,
-    /// Least box of a match, half its sides: pixels with --camera, else mm [default: 1.5,1.5,1.5 with --camera, else
-    /// uncertainties alone]
+    /// A match may be this far away along each axis, or farther by its uncertainty: pixels with --camera, else mm
+    /// [default: 1.5,1.5,1.5 with --camera, else uncertainties alone]
     #[arg(long = "box", value_name = "X,Y,Z", value_parser = numbers::<3>)]
     least: Option<[f64; 3]>,
     /// Only particles with their place, true or found, in this box, mm
@@ -56,18 +56,18 @@ pub struct Arguments {
     #[arg(default_value = "0,0.15,0.3,0.5,1,2,3,4,5")]
     depths: Vec<f64>,
     /// Exit code 1 when the recall is below this
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, help_heading = "Limits", value_name = "SHARE", value_parser = share)]
     min_recall: Option<f64>,
     /// Exit code 1 when the share of ghosts is above this
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, help_heading = "Limits", value_name = "SHARE", value_parser = share)]
     max_ghosts: Option<f64>,
     /// Exit code 1 when the RMS error along x, y or z is above this, px; needs --camera
-    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, requires = "camera")]
+    #[arg(long, help_heading = "Limits", value_name = "X,Y,Z", value_parser = numbers::<3>, requires = "camera")]
     max_rms: Option<[f64; 3]>,
 }
 
 /// Scores the particles of one frame.
-pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &ParticlesArguments, session: &mut Session) -> Result<Verdict> {
     let files: Vec<&Path> =
         [&arguments.truth, &arguments.found].into_iter().chain(&arguments.camera).map(PathBuf::as_path).collect();
     session.keep_apart(Path::new("-"), &files)?;
@@ -76,7 +76,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Err(Error::new("--depths", typed.join(","), "wanted rising distances from 0"));
     }
     let (truth, found, pixel_mm) = session.phase("read", |session| {
-        let truth = truth(arguments, session)?;
+        let truth = bounded(open_particles(&arguments.truth, arguments.frame, session)?, arguments.bounds);
         Ok((truth, found(arguments, session)?, pixel_mm(arguments.camera.as_deref())?))
     })?;
     let unit_mm = pixel_mm.unwrap_or(1.0);
@@ -102,19 +102,7 @@ pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     Ok(verdict(has_recall && is_near && is_at_most(score.all.ghosts(), arguments.max_ghosts)))
 }
 
-fn truth(arguments: &Arguments, session: &Session) -> Result<Vec<Particle>> {
-    let (file, frame) = (&arguments.truth, arguments.frame);
-    let all = particles::open(file, session)?;
-    let count = all.len();
-    let of_frame: Vec<Particle> = all.into_iter().filter(|particle| particle.frame == frame).collect();
-    if of_frame.is_empty() {
-        let found = format!("no particle of frame {frame} among {count}");
-        return Err(Error::new(io::name(file), found, "wanted a frame that it has"));
-    }
-    Ok(bounded(of_frame, arguments.bounds))
-}
-
-fn found(arguments: &Arguments, session: &Session) -> Result<Vec<Particle>> {
+fn found(arguments: &ParticlesArguments, session: &Session) -> Result<Vec<Particle>> {
     let all = particles::open(&arguments.found, session)?;
     if let Some(other) = all.iter().find(|particle| particle.frame != all[0].frame) {
         let found = format!("particles of frames {} and {}", all[0].frame, other.frame);

@@ -1,4 +1,4 @@
-//! `precision`: what the image of a camera can tell.
+//! `precision`: how well the image of a camera determines places.
 
 use super::output::{Picture, print};
 use lf_core::cli::numbers;
@@ -24,7 +24,7 @@ use std::path::PathBuf;
   lf-validate precision camera.json --density 0.5 --noise 0.01
   lf-validate precision camera.json --density 1 --noise 0.02 --depth -3,3 --window-mm 0.5"
 )]
-pub struct Arguments {
+pub struct PrecisionArguments {
     /// Camera (camera.json)
     #[arg(default_value = "-")]
     camera: PathBuf,
@@ -48,11 +48,11 @@ pub struct Arguments {
     seed: u64,
 }
 
-/// Pixels of the focal plane in a window if no option tells.
+/// Pixels of the focal plane in a window by default.
 const WINDOW_PX: f64 = 160.0;
 
 /// Prints the bound.
-pub fn judge(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &PrecisionArguments, session: &mut Session) -> Result<Verdict> {
     let name = io::name(&arguments.camera);
     Picture::default().check([&arguments.camera], session)?;
     let camera = session.phase("read", |_| Camera::open(&arguments.camera))?;

@@ -2,7 +2,7 @@
 
 use super::limits::{counts, is_at_most, number, verdict};
 use super::output::{Picture, print};
-use lf_core::cli::{MemoryLimit, numbers};
+use lf_core::cli::MemoryLimit;
 use lf_core::{Error, JoinedVolume, Result, Session, Verdict};
 use lf_validate::pictures;
 use lf_validate::scores::light::VoxelLight;
@@ -37,37 +37,36 @@ const MOST_REGIONS: usize = 1_000_000;
   lf-validate quality scene/truth-0000.lfv volume-0000.lfv --min-q 0.8 --plot quality.svg
   lf-validate quality scene/truth-0000.lfv volume-0000.lfv --regions 1,1,5"
 )]
-pub struct Arguments {
+pub struct QualityArguments {
     /// The true volume
     truth: PathBuf,
     /// The volume to score, or all its tiles (lf-prune --tile) in any order
     #[arg(default_value = "-")]
     volume: Vec<PathBuf>,
     /// Boxes along x, y, z to score one by one [default: 3,3,3, at most one a voxel]
-    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>)]
-    regions: Option<[f64; 3]>,
+    #[arg(long, value_name = "X,Y,Z", value_parser = counts::<3>)]
+    regions: Option<[usize; 3]>,
     #[command(flatten)]
     picture: Picture,
     /// Exit code 1 when q is below Q
-    #[arg(long, value_name = "Q", value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, help_heading = "Limits", value_name = "Q", value_parser = number, allow_negative_numbers = true)]
     min_q: Option<f64>,
     /// Exit code 1 when ghost_share is above SHARE
-    #[arg(long, value_name = "SHARE", value_parser = number)]
+    #[arg(long, help_heading = "Limits", value_name = "SHARE", value_parser = number)]
     max_ghosts: Option<f64>,
     /// Exit code 1 when missed_share is above SHARE
-    #[arg(long, value_name = "SHARE", value_parser = number)]
+    #[arg(long, help_heading = "Limits", value_name = "SHARE", value_parser = number)]
     max_missed: Option<f64>,
     /// Exit code 1 when max_difference is above SHARE
-    #[arg(long, value_name = "SHARE", value_parser = number)]
+    #[arg(long, help_heading = "Limits", value_name = "SHARE", value_parser = number)]
     max_difference: Option<f64>,
 }
 
 /// Scores a volume against the truth.
-pub fn judge(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
+pub fn judge(arguments: &QualityArguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
     let inputs = || [&arguments.truth].into_iter().chain(&arguments.volume);
     arguments.picture.check(inputs(), session)?;
-    let regions = arguments.regions.map(|typed| counts("--regions", typed)).transpose()?;
-    if let Some(regions) = regions.filter(|regions| !(1..=MOST_REGIONS).contains(&regions.iter().product())) {
+    if let Some(regions) = arguments.regions.filter(|regions| !(1..=MOST_REGIONS).contains(&regions.iter().product())) {
         let wanted = format!("wanted 1 to {MOST_REGIONS} boxes in all");
         return Err(Error::new("--regions", format!("{regions:?}"), wanted));
     }
@@ -79,7 +78,7 @@ pub fn judge(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -
     }
     let [truth, volume] = [0, 1].map(|n| &volumes[n]);
     let (true_light, light) = (light(truth), light(volume));
-    let regions = regions.unwrap_or_else(|| truth.grid().shape.map(|voxels| voxels.min(3)));
+    let regions = arguments.regions.unwrap_or_else(|| truth.grid().shape.map(|voxels| voxels.min(3)));
     let bytes = quality_bytes(truth.grid(), regions);
     session.allow_memory(limit, bytes, truth.name(), || format!("a {}", truth.grid()))?;
     let score = session

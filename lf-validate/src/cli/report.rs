@@ -2,7 +2,7 @@
 
 use lf_core::cli::{MemoryLimit, check_memory};
 use lf_core::{Error, Field, Result, Session, Verdict, Volume, image, io};
-use lf_validate::report::{self, Options, Source};
+use lf_validate::report::{self, PageOptions, Source};
 use ndarray::Array2;
 use std::collections::BTreeSet;
 use std::fs;
@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
   lf-validate report . -o report.html
   lf-validate report . -o report.html --white white.exr --title 'A first run'"
 )]
-pub struct Arguments {
+pub struct ReportArguments {
     /// The folder of the run
     folder: PathBuf,
     /// Where the page goes
@@ -43,10 +43,10 @@ pub struct Arguments {
 }
 
 /// Writes the page.
-pub fn write(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
-    let folder = Folder::open(&arguments.folder, limit)?;
+pub fn write(arguments: &ReportArguments, limit: MemoryLimit, session: &mut Session) -> Result<Verdict> {
+    let folder = RunFolder::open(&arguments.folder, limit)?;
     let typed = |file: &PathBuf| file.display().to_string();
-    let options = Options {
+    let options = PageOptions {
         frame: arguments.frame.as_ref().map(typed).or_else(|| folder.frame()),
         white: arguments.white.as_ref().map(typed),
         title: arguments.title.clone().unwrap_or_else(|| folder.heading()),
@@ -67,13 +67,13 @@ pub fn write(arguments: &Arguments, limit: MemoryLimit, session: &mut Session) -
 }
 
 /// The folder of a run.
-struct Folder {
+struct RunFolder {
     path: PathBuf,
     names: BTreeSet<String>,
     limit: MemoryLimit,
 }
 
-impl Folder {
+impl RunFolder {
     /// Lists the files of a folder, and those of `log` in it.
     fn open(path: &Path, limit: MemoryLimit) -> Result<Self> {
         let wanted = "wanted the folder of a run";
@@ -108,7 +108,7 @@ impl Folder {
     }
 }
 
-impl Source for Folder {
+impl Source for RunFolder {
     fn names(&self) -> &BTreeSet<String> {
         &self.names
     }

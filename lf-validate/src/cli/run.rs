@@ -2,8 +2,7 @@
 
 use super::arguments::{Arguments, Command};
 use super::{
-    curves, depth, displacement, divergence, elongation, ensemble, export, info, line, output, particles, precision,
-    quality, report, trade,
+    depth, displacement, divergence, elongation, ensemble, export, info, output, particles, precision, quality, report,
 };
 use lf_core::cli;
 use std::process::ExitCode;
@@ -28,9 +27,6 @@ pub fn run() -> ExitCode {
                 Command::Info(arguments) => info::describe(arguments, session),
                 Command::Export(arguments) => export::write(arguments, limit, session),
                 Command::Report(arguments) => report::write(arguments, limit, session),
-                Command::Line(arguments) => line::join(arguments, session),
-                Command::Curves(arguments) => curves::plot(arguments, session),
-                Command::Trade(arguments) => trade::judge(arguments, session),
             }
         },
     )

@@ -57,7 +57,7 @@ impl<'a> Cutout<'a> {
         self.grid.shape[0] * self.grid.shape[1]
     }
 
-    /// Most bytes that writing the part slice by slice takes.
+    /// Upper bound of the bytes that writing the part slice by slice takes.
     pub fn bytes(&self) -> f64 {
         let [nx, ny, nz] = self.grid.shape.map(|n| n as f64);
         SLICE_BYTES * nx * ny + PLANE_BYTES * nx.max(ny).max(nz)
@@ -102,20 +102,18 @@ impl<'a> Cutout<'a> {
         let [nx, _, nz] = self.grid.shape;
         let mut slice = vec![0f32; self.slice_len()];
         let mut done = 0;
-        self.voxels(|[x, y, z], value| {
-            while done < z {
-                visit(&slice)?;
+        let mut finish = |slice: &mut [f32], end: usize| {
+            (std::mem::replace(&mut done, end)..end).try_for_each(|_| {
+                visit(slice)?;
                 slice.fill(0.0);
-                done += 1;
-            }
+                Ok(())
+            })
+        };
+        self.voxels(|[x, y, z], value| {
+            finish(&mut slice, z)?;
             slice[x + nx * y] = value;
             Ok(())
         })?;
-        while done < nz {
-            visit(&slice)?;
-            slice.fill(0.0);
-            done += 1;
-        }
-        Ok(())
+        finish(&mut slice, nz)
     }
 }

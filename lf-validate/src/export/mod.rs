@@ -5,14 +5,12 @@
 
 mod csv;
 mod cutout;
-mod npz;
 mod polydata;
 mod tiff;
 mod vti;
 
 pub use csv::write_csv;
 pub use cutout::Cutout;
-pub use npz::write_npz;
 pub use polydata::write_polydata;
 pub use tiff::{Samples, write_tiff};
 pub use vti::write_vti;

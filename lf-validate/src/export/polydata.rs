@@ -9,14 +9,14 @@ use std::collections::BTreeMap;
 use std::io::{Result, Write};
 
 /// One array of the file: its type, its name, its components and its bytes.
-struct Array {
+struct VtkArray {
     kind: &'static str,
     name: &'static str,
     components: usize,
     bytes: Vec<u8>,
 }
 
-impl Array {
+impl VtkArray {
     fn floats(name: &'static str, components: usize, values: impl Iterator<Item = f64>) -> Self {
         Self { kind: "Float64", name, components, bytes: values.flat_map(f64::to_le_bytes).collect() }
     }
@@ -32,7 +32,7 @@ impl Array {
 pub fn write_polydata(particles: &[Particle], history: &History, dt_s: Option<f64>, out: &mut dyn Write) -> Result<()> {
     let tracks = tracks(particles);
     let count = particles.len();
-    let points = vec![Array::floats("places_mm", 3, particles.iter().flat_map(|particle| particle.place_mm))];
+    let points = vec![VtkArray::floats("places_mm", 3, particles.iter().flat_map(|particle| particle.place_mm))];
     let numbers = numbers(particles, &tracks);
     let vertices = cells(0..count as u64, (1..=count as u64).collect());
     let mut end = 0;
@@ -50,7 +50,7 @@ pub fn write_polydata(particles: &[Particle], history: &History, dt_s: Option<f6
     let mut offset = 0;
     for (section, arrays) in [("PointData", &numbers), ("Points", &points), ("Verts", &vertices), ("Lines", &lines)] {
         writeln!(out, "<{section}>")?;
-        for Array { kind, name, components, bytes } in arrays {
+        for VtkArray { kind, name, components, bytes } in arrays {
             let about = format!(r#"type="{kind}" Name="{name}" NumberOfComponents="{components}""#);
             writeln!(out, r#"<DataArray {about} format="appended" offset="{offset}"/>"#)?;
             offset += size_of::<u64>() + bytes.len();
@@ -58,7 +58,7 @@ pub fn write_polydata(particles: &[Particle], history: &History, dt_s: Option<f6
         writeln!(out, "</{section}>")?;
     }
     write!(out, "</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_")?;
-    for Array { bytes, .. } in [numbers, points, vertices, lines].iter().flatten() {
+    for VtkArray { bytes, .. } in [numbers, points, vertices, lines].iter().flatten() {
         out.write_all(&(bytes.len() as u64).to_le_bytes())?;
         out.write_all(bytes)?;
     }
@@ -66,8 +66,8 @@ pub fn write_polydata(particles: &[Particle], history: &History, dt_s: Option<f6
 }
 
 /// The tables of a list of cells: the points of all cells, and where each cell ends.
-fn cells(points: impl Iterator<Item = u64>, ends: Vec<u64>) -> Vec<Array> {
-    vec![Array::wholes("connectivity", points), Array::wholes("offsets", ends.into_iter())]
+fn cells(points: impl Iterator<Item = u64>, ends: Vec<u64>) -> Vec<VtkArray> {
+    vec![VtkArray::wholes("connectivity", points), VtkArray::wholes("offsets", ends.into_iter())]
 }
 
 /// The particles of each number that is known in several frames, in the order of the frames.
@@ -82,16 +82,16 @@ fn tracks(particles: &[Particle]) -> Vec<Vec<usize>> {
 }
 
 /// The numbers of every particle.
-fn numbers(particles: &[Particle], tracks: &[Vec<usize>]) -> Vec<Array> {
+fn numbers(particles: &[Particle], tracks: &[Vec<usize>]) -> Vec<VtkArray> {
     let mut arrays = vec![
-        Array::floats("intensity", 1, particles.iter().map(|particle| particle.intensity)),
-        Array::wholes("id", particles.iter().map(|particle| particle.id)),
-        Array::wholes("frame", particles.iter().map(|particle| particle.frame as u64)),
+        VtkArray::floats("intensity", 1, particles.iter().map(|particle| particle.intensity)),
+        VtkArray::wholes("id", particles.iter().map(|particle| particle.id)),
+        VtkArray::wholes("frame", particles.iter().map(|particle| particle.frame as u64)),
     ];
     if !particles.is_empty() && particles.iter().all(|particle| particle.uncertainty.is_some()) {
         let stated = || particles.iter().filter_map(|particle| particle.uncertainty);
-        arrays.push(Array::floats("uncertainty_mm", 3, stated().flat_map(|stated| stated.std_mm().to_array())));
-        arrays.push(Array::floats("uncertainty_intensity", 1, stated().map(|stated| stated.intensity)));
+        arrays.push(VtkArray::floats("uncertainty_mm", 3, stated().flat_map(|stated| stated.std_mm().to_array())));
+        arrays.push(VtkArray::floats("uncertainty_intensity", 1, stated().map(|stated| stated.intensity)));
     }
     if !tracks.is_empty() {
         let mut steps = vec![[f64::NAN; 3]; particles.len()];
@@ -99,7 +99,7 @@ fn numbers(particles: &[Particle], tracks: &[Vec<usize>]) -> Vec<Array> {
             let [from, to] = [pair[0], pair[1]].map(|n| particles[n].place_mm);
             steps[pair[0]] = [0, 1, 2].map(|axis| to[axis] - from[axis]);
         }
-        arrays.insert(0, Array::floats("displacement_mm", 3, steps.into_iter().flatten()));
+        arrays.insert(0, VtkArray::floats("displacement_mm", 3, steps.into_iter().flatten()));
     }
     arrays
 }

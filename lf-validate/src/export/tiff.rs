@@ -31,7 +31,7 @@ const RATIO: u16 = 5;
 const LONG8: u16 = 16;
 
 /// One stack: sizes, and how long its parts are.
-struct Stack<'a> {
+struct TiffStack<'a> {
     part: &'a Cutout<'a>,
     samples: Samples,
     description: String,
@@ -41,7 +41,7 @@ struct Stack<'a> {
 /// A tag: its number, its type, how many values, and the value or its place.
 type Tag = (u16, u16, u64, u64);
 
-impl Stack<'_> {
+impl TiffStack<'_> {
     fn pages(&self) -> u64 {
         self.part.grid().shape[2] as u64
     }
@@ -50,23 +50,11 @@ impl Stack<'_> {
         self.part.slice_len() as u64 * self.samples.bytes()
     }
 
-    fn header_bytes(&self) -> u64 {
-        if self.is_big { 16 } else { 8 }
-    }
-
-    fn tags_bytes(&self, count: u64) -> u64 {
-        if self.is_big { 8 + 20 * count + 8 } else { 2 + 12 * count + 4 }
-    }
-
-    /// Tags of a page: the first has the description as well.
-    fn tag_count(page: u64) -> u64 {
-        if page == 0 { 15 } else { 14 }
-    }
-
-    /// Place of the tags of a page.
+    /// Place of the tags of a page: 15 of the first page, which has the description as well, and 14 of each other.
     fn tags_at(&self, page: u64) -> u64 {
-        let later = self.tags_bytes(Self::tag_count(1));
-        self.header_bytes() + if page == 0 { 0 } else { self.tags_bytes(Self::tag_count(0)) + (page - 1) * later }
+        let bytes = |tags: u64| if self.is_big { 8 + 20 * tags + 8 } else { 2 + 12 * tags + 4 };
+        let header = if self.is_big { 16 } else { 8 };
+        header + if page == 0 { 0 } else { bytes(15) + (page - 1) * bytes(14) }
     }
 
     /// Places of the two resolutions and of the description, which follow the tags.
@@ -154,7 +142,7 @@ impl Stack<'_> {
 
 /// Writes the part as a stack.
 pub fn write_tiff(part: &Cutout, samples: Samples, out: &mut dyn Write) -> Result<()> {
-    let mut stack = Stack { part, samples, description: description(part, samples), is_big: false };
+    let mut stack = TiffStack { part, samples, description: description(part, samples), is_big: false };
     stack.is_big = stack.pixels_at(stack.pages()) > u32::MAX.into();
     if stack.part.grid().shape.iter().any(|n| u32::try_from(*n).is_err()) {
         return Err(Error::other(Refusal::new("more than 2^32 voxels along an axis", "wanted a smaller part")));

@@ -7,7 +7,7 @@ use lf_core::field::{MEASURED, REPLACED};
 use lf_core::{Field, Grid, History, Tile, frame};
 use serde_json::{Map, Value};
 
-/// Most runs of equal pages that are listed.
+/// Further runs of equal pages are counted only.
 const MOST_RUNS: usize = 12;
 
 /// Describes an image of `width` x `height` pixels. `pages`: the name of each page of its file, the image being the

@@ -3,9 +3,9 @@
 use lf_core::{History, history::Step};
 use std::fmt;
 
-/// Most steps of the history shown. Older ones are counted, so that a description fits a screen.
+/// Older steps of the history are counted only, so that a description fits a screen.
 const MOST_STEPS: usize = 8;
-/// Most characters of a text shown: a hostile or broken header must not flood a terminal.
+/// A text is cut after this many characters: a hostile or broken header must not flood a terminal.
 const MOST_CHARACTERS: usize = 400;
 
 /// A title, then lines of a label and a text. Prints aligned, with control characters escaped.

@@ -12,7 +12,7 @@ pub(super) fn short(value: f64) -> String {
     rounded(value, 4)
 }
 
-/// A number to so many figures, without trailing zeros; whole numbers keep all of theirs.
+/// A number to `count` figures, without trailing zeros; whole numbers keep all of theirs.
 fn rounded(value: f64, count: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return if value == 0.0 { "0".into() } else { value.to_string() };

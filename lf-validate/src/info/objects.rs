@@ -36,7 +36,7 @@ fn object(value: &Value) -> Result<Description, Refusal> {
     }
     let known = KNOWN.iter().find(|(keys, _)| keys.iter().all(|key| object.contains_key(*key)));
     // Only records of runs join nested keys with dots.
-    let record = object.keys().any(|key| key.contains('.')).then_some("a run (lf-validate line)");
+    let record = object.keys().any(|key| key.contains('.')).then_some("a run (scripts/paper/curves line)");
     let Some(title) = record.or(known.map(|(_, title)| *title)) else {
         let keys: Vec<&str> = object.keys().take(8).map(String::as_str).collect();
         return Err(refused(format!("JSON with the keys {keys:?}")));
@@ -55,7 +55,7 @@ fn more_keys(about: &mut Description, count: usize) {
 }
 
 /// Keys that identify a kind, and its title.
-const KNOWN: [(&[&str], &str); 10] = [
+const KNOWN: [(&[&str], &str); 8] = [
     (&["tool", "phases"], "statistics of a run (--stats)"),
     (&["q", "ghost_share"], "score of a volume (lf-validate quality)"),
     (&["diameter", "half_maximum"], "score of particles (lf-validate elongation)"),
@@ -63,12 +63,10 @@ const KNOWN: [(&[&str], &str); 10] = [
     (&["measured_only"], "score of a field (lf-validate displacement)"),
     (&["stride", "stride_mm"], "score of a field (lf-validate divergence)"),
     (&["fields", "fluctuation_mm"], "statistics of fields (lf-validate ensemble)"),
-    (&["series", "runs"], "curves of runs (lf-validate curves)"),
-    (&["front", "settings"], "trade of runs (lf-validate trade)"),
     (&["iteration", "misfit"], "a sweep (lf-mart --log)"),
 ];
 
-/// Most lines of a report: with its title and the number of keys left out they fill a screen of 24.
+/// Lines of a report: with its title and the number of keys left out they fill a screen of 24.
 const MOST_LINES: usize = 22;
 
 /// Whether the object has the same number in pixels.
@@ -77,7 +75,7 @@ fn is_given_in_pixels(key: &str, object: &Map<String, Value>) -> bool {
     stem.is_some_and(|stem| object.contains_key(&format!("{stem}_px")))
 }
 
-/// Most keys of records shown.
+/// Further keys of records are counted only.
 const MOST_KEYS: usize = 16;
 
 /// Describes objects one after another, such as a log or runs: their number, and the values of the first and the last.
@@ -96,7 +94,7 @@ fn records(values: &[Value]) -> Result<Description, Refusal> {
     Ok(about)
 }
 
-/// Most characters of a value alone in its line, and of each of two values.
+/// Characters of a value alone in its line, and of each of two values; longer ones are cut.
 const LONGEST: usize = 80;
 const LONGEST_OF_TWO: usize = 36;
 
@@ -151,7 +149,7 @@ mod tests {
         assert_eq!(object(&json!({"name": 1, "b": 2})).unwrap_err().found, "JSON with the keys [\"name\", \"b\"]");
         assert!(object(&json!([1])).is_err());
         assert!(object(&json!({"q": 0.5, "ghost_share": null})).unwrap().title.contains("lf-validate quality"));
-        assert!(object(&json!({"q": 0.5, "by_depth.q": [1]})).unwrap().title.contains("lf-validate line"));
+        assert!(object(&json!({"q": 0.5, "by_depth.q": [1]})).unwrap().title.contains("curves line"));
     }
 
     #[test]

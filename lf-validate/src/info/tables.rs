@@ -6,7 +6,7 @@ use crate::scores::units::AXES;
 use lf_core::{Particle, Refusal, particles::frame, particles::read, statistics::median};
 use std::collections::BTreeMap;
 
-/// Most frames listed one by one. Of more frames the first and the last are listed.
+/// Frames that are listed one by one. If there are more, the first and the last are listed.
 const MOST_FRAMES: usize = 8;
 
 /// Describes the text of a `particles.csv`, with the refusals of [`read`].
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn uncertainties_are_told_by_their_medians() {
+    fn uncertainties_are_given_by_their_medians() {
         let row = |id: u64, sz: f64| format!("0,{id},1,2,3,50,0.001,0.002,{sz},5,1e-6,0,0,4e-6,0,{}\n", sz * sz);
         let rows: String = [0.01, 0.03, 0.7].iter().zip(0..).map(|(sz, id)| row(id, *sz)).collect();
         let description = particles(&format!("{FITTED_HEADER}\n{rows}")).unwrap().to_string();

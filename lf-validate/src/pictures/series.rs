@@ -2,8 +2,8 @@
 
 use lf_plot::Axis;
 
-/// Most points of a curve: a few for each pixel across a picture. Of more, the highest and the lowest of each run are
-/// drawn, which look the same. A volume may have a million slices.
+/// Points of a curve: a few for each pixel across a picture. If there are more, the highest and the lowest of each run
+/// are drawn, which look the same. A volume may have a million slices.
 const MOST_POINTS: usize = 4000;
 
 /// Points of a curve. A missing value is a gap.

@@ -128,14 +128,7 @@ pub fn elongation(score: &Elongation) -> Chart {
     depth.marks.push(Mark::reference("ideal particle, 3 voxels", Place::Horizontal(IDEAL_VOX)));
     panels.push(depth);
     let counts = score.counts;
-    let medians = score
-        .diameter
-        .px
-        .as_ref()
-        .unwrap_or(&score.diameter.vox)
-        .median
-        .map(|median| three_figures(Some(median)))
-        .join(", ");
+    let medians = score.diameter.medians().map(|median| three_figures(Some(median))).join(", ");
     Chart {
         title: "Diameters of reconstructed particles (4 sigma: where a particle falls to exp(-2) of its peak)".into(),
         notes: vec![

@@ -5,7 +5,7 @@ use crate::info;
 use lf_core::Camera;
 use serde_json::Value;
 
-/// Most lines of the table of a calibration step.
+/// Further lines of a calibration step are left out.
 const MOST_LINES: usize = 40;
 
 pub(super) fn section(camera: &Camera) -> Section {

@@ -2,64 +2,68 @@
 
 use super::folder::spread;
 use super::html::Section;
-use super::motion::Motion;
+use super::motion::FieldStatistics;
 use super::packed::{PackedField, bytes};
 use super::source::Source;
 use lf_core::{Field, Refusal};
 
-/// Bytes of the page that fields may take, and the least number of fields that are read for statistics.
+/// Bytes of the page that fields may take.
 const MOST_BYTES: usize = 3_600_000;
+/// Upper limit of the fields that are read for statistics; they are spread over the run.
 const MOST_FIELDS: usize = 200;
-/// Most fields to choose from.
+/// The page offers at most this many fields to choose from.
 const MOST_CHOICES: usize = 12;
 
 /// The controls and the canvas of the view. The script fills them.
 const VIEW: &str = include_str!("page/view.html");
 
-/// The parts of the page that come from the fields.
-pub(super) struct Found {
+/// The parts of the page that come from the fields. They are empty without a field that can be read.
+#[derive(Default)]
+pub(super) struct FieldSections {
     pub view: Option<Section>,
-    pub statistics: Section,
+    pub statistics: Option<Section>,
     /// Lines of the summary at the top.
     pub summary: Vec<(String, String)>,
     /// The steps that led to the last field.
     pub history: Vec<String>,
 }
 
-/// The sections. None without a field that can be read.
+/// Reads the fields and shows them.
 pub(super) fn sections(
     source: &dyn Source,
     files: &[String],
     mean: Option<&str>,
     notes: &mut Vec<String>,
-) -> Option<Found> {
-    let mut view = View { choices: Vec::new(), bytes: 0, is_full: false };
+) -> FieldSections {
+    let mut view = FieldView { choices: Vec::new(), bytes: 0, is_full: false };
     let many = mean.filter(|_| files.len() > 1 || files.is_empty());
     if let Some((file, field)) = many.and_then(|file| Some((file, open(source, file, notes)?))) {
         view.add("mean of all fields".into(), &field)
             .unwrap_or_else(|refusal| notes.push(refusal.about(file).to_string()));
     }
-    let mut motion: Option<Motion> = None;
+    let mut motion: Option<FieldStatistics> = None;
     let mut history = Vec::new();
     let chosen = spread(files, MOST_FIELDS);
-    let mut only = None;
+    let mut last = None;
     for file in &chosen {
         let Some(field) = open(source, file, notes) else { continue };
         view.add((*file).to_owned(), &field).unwrap_or_else(|refusal| notes.push(refusal.about(*file).to_string()));
         history = lf_core::history::lines(&field.layout.history);
         let what = format!("statistics of {} vectors", field.len());
-        if let Err(error) = source.allow(Motion::bytes(&field), file, &what) {
+        if let Err(error) = source.allow(FieldStatistics::bytes(&field), file, &what) {
             notes.push(error.to_string());
             continue;
         }
-        let motion = motion.get_or_insert_with(|| Motion::new(&field));
+        let motion = motion.get_or_insert_with(|| FieldStatistics::new(&field));
         if let Err(refusal) = motion.add(&field) {
             notes.push(format!("{}; statistics leave it out", refusal.about(*file)));
             continue;
         }
-        only = Some(field.layout.clone());
+        last = Some(field.layout.clone());
     }
-    let (Some(motion), Some(layout)) = (motion, only) else { return Some(Found::of_view(view.section()?)) };
+    let (Some(motion), Some(layout)) = (motion, last) else {
+        return FieldSections { view: view.section(), ..FieldSections::default() };
+    };
     let mut statistics = Section::new("statistics", "Statistics");
     let [measured, replaced, no_data] = motion.kinds;
     let total = (measured + replaced + no_data).max(1) as f64;
@@ -97,14 +101,7 @@ pub(super) fn sections(
         ),
         ("time between volumes".to_owned(), layout.dt_s.map_or("not known".into(), |dt_s| format!("{dt_s} s"))),
     ];
-    Some(Found { view: view.section(), statistics, summary, history })
-}
-
-impl Found {
-    fn of_view(view: Section) -> Self {
-        let statistics = Section::new("statistics", "Statistics");
-        Self { view: Some(view), statistics, summary: Vec::new(), history: Vec::new() }
-    }
+    FieldSections { view: view.section(), statistics: Some(statistics), summary, history }
 }
 
 fn open(source: &dyn Source, file: &str, notes: &mut Vec<String>) -> Option<Field> {
@@ -112,15 +109,15 @@ fn open(source: &dyn Source, file: &str, notes: &mut Vec<String>) -> Option<Fiel
 }
 
 /// The fields that the page holds.
-struct View {
+struct FieldView {
     choices: Vec<PackedField>,
     bytes: usize,
     is_full: bool,
 }
 
-impl View {
-    /// Adds a field if there is room; the first is thinned until it fits. Refuses layers that are too many even with one
-    /// vector each.
+impl FieldView {
+    /// Adds a field if there is room. The first is thinned until it fits. Refuses layers that are too many even with
+    /// one vector each.
     fn add(&mut self, name: String, field: &Field) -> Result<(), Refusal> {
         let is_first = self.choices.is_empty();
         if self.choices.len() == MOST_CHOICES || !is_first && self.bytes + bytes(field.len()) > MOST_BYTES {
@@ -182,7 +179,7 @@ mod tests {
 
     #[test]
     fn layers_that_never_fit_are_refused_and_others_are_thinned() {
-        let mut view = View { choices: Vec::new(), bytes: 0, is_full: false };
+        let mut view = FieldView { choices: Vec::new(), bytes: 0, is_full: false };
         let refusal = view.add("deep".into(), &fixtures::field([2, 2, 300_000], |_| [0.0; 3])).unwrap_err();
         assert_eq!(refusal.found, "300000 layers, too many for the page");
         view.add("thin".into(), &fixtures::field([3, 3, 100_000], |_| [0.0; 3])).unwrap();

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// The files that the page looks for. Lists are in the order of the names.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Folder {
+pub(super) struct RunFiles {
     /// `camera.json`, or else the last of the cameras of calibration.
     pub camera: Option<String>,
     /// `support-*.lfv`.
@@ -32,7 +32,7 @@ fn treated(fields: Vec<String>, flows: Vec<String>) -> Vec<String> {
     all.into_values().collect()
 }
 
-impl Folder {
+impl RunFiles {
     /// Sorts the files of a folder.
     pub fn of(names: &BTreeSet<String>) -> Self {
         let matching = |starts: &[&str], end: &str| -> Vec<String> {
@@ -79,9 +79,9 @@ mod tests {
     }
 
     #[test]
-    fn names_tell_what_files_are() {
+    fn names_show_what_files_are() {
         let names = ["camera-lattice.json", "field-a-b.exr", "field-a-b.stats.json", "log/field-a-b.txt", "mean.exr"];
-        let folder = Folder::of(&names.map(str::to_owned).into());
+        let folder = RunFiles::of(&names.map(str::to_owned).into());
         assert_eq!((folder.camera.as_deref(), folder.mean.as_deref()), (Some(names[0]), Some(names[4])));
         assert_eq!([&folder.fields[0], &folder.stats[0], &folder.logs[0]], [names[1], names[2], names[3]]);
         assert!(folder.volumes.is_empty() && folder.supports.is_empty());
@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn flows_stand_in_the_place_of_their_fields() {
         let names = ["field-0001.exr", "field-0002.exr", "field-0003.exr", "flow-0002.exr", "flow-0004.exr"];
-        let folder = Folder::of(&names.map(str::to_owned).into());
+        let folder = RunFiles::of(&names.map(str::to_owned).into());
         assert_eq!(folder.fields, ["field-0001.exr", "flow-0002.exr", "field-0003.exr", "flow-0004.exr"]);
     }
 }

@@ -41,13 +41,13 @@ impl Section {
 
     /// Adds a chart with a line that explains it. A chart that cannot be drawn is left out.
     pub fn chart(&mut self, chart: &Chart, caption: &str) {
-        if let Ok(svg) = draw(chart) {
+        if let Ok(drawing) = draw(chart) {
             // Text stays readable on a narrow screen: there the chart is wider than the screen and scrolls.
             let columns = chart.columns.clamp(1, chart.panels.len().max(1));
             let least_px = if columns > 1 { COLUMN_PX * columns } else { ALONE_PX };
             let label = escape(&chart.title);
             let begin = format!("<svg role=\"img\" aria-label=\"{label}\" style=\"min-width:{least_px}px\" ");
-            let svg = svg.replacen("<svg ", &begin, 1);
+            let svg = drawing.svg().replacen("<svg ", &begin, 1);
             let caption = escape(caption);
             self.content += &format!(
                 "<figure><div class=\"wide\" tabindex=\"0\">{svg}</div><figcaption>{caption}</figcaption></figure>\n"

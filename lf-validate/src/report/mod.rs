@@ -2,7 +2,8 @@
 //!
 //! In: the folder of `scripts/pipeline.mk`, or any folder with files of the tools. Out: the text of a page with its
 //! script, its styles and its pictures inside. Open first: `page.rs`, which puts the sections together; `folder.rs`
-//! says which files are looked for, and a [`Source`] gives them. A file that cannot be read is named on the page and does not stop it.
+//! says which files are looked for, and a [`Source`] gives them. A file that cannot be read is named on the page and
+//! does not stop it.
 
 mod camera;
 mod fields;
@@ -19,5 +20,5 @@ mod volumes;
 mod warnings;
 
 pub use folder::inputs;
-pub use page::{Options, Report, report};
+pub use page::{PageOptions, Report, report};
 pub use source::Source;

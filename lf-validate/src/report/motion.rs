@@ -1,49 +1,43 @@
-//! Numbers over all fields: kinds of vectors, histograms, and how the mean settles.
+//! Statistics over all fields: kinds of vectors, histograms, and how the mean settles.
 
-use crate::scores::ensemble::check_layout;
+use crate::scores::ensemble::EnsembleSums;
 use crate::scores::units::COMPONENTS;
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
-use lf_core::{Field, Refusal, VectorGrid};
+use lf_core::{Field, Refusal};
 use lf_plot::{Axis, Chart, Mark, Panel, Place};
 
-/// Bins of a voxel, and of a histogram of displacements.
+/// Bins of a voxel, and bins of a histogram of displacements.
 const FRACTIONS: usize = 20;
 const BINS: usize = 60;
-/// Least standard deviation of displacements whose fractions are shown, voxels.
+/// Fractions are shown if the standard deviation of the displacements is above this, voxels.
 const LEAST_SPREAD_VOX: f64 = 0.5;
 /// A histogram reaches as far as this many standard deviations of the first field.
 const REACH: f64 = 4.0;
 
-/// Sums over fields of one layout; others are refused.
-pub(super) struct Motion {
-    /// Layout of the first field, and its places.
-    layout: VectorGrid,
-    places: usize,
-    pub fields: usize,
+/// Sums over fields of one layout.
+pub(super) struct FieldStatistics {
+    sums: EnsembleSums,
+    voxel_mm: [f64; 3],
     /// Vectors measured, replaced and without data.
     pub kinds: [usize; 3],
     /// Voxel fractions and displacements of each component, counted.
     fractions: [Vec<f64>; 3],
     bins: [Vec<f64>; 3],
     ends_mm: [[f64; 2]; 3],
-    /// Sum, squares of each component of all measured vectors, mm; and squares of their uncertainties with their number.
+    /// Sum, and sum of squares, of each component of all measured vectors, mm.
     totals: [[f64; 2]; 3],
+    /// Sum of squares of their uncertainties, mm^2, and number of them.
     stated: [[f64; 2]; 3],
-    /// Sums and squares at each place, and the number of measured vectors there.
-    sums: [Vec<f64>; 3],
-    squares: [Vec<f64>; 3],
-    counts: Vec<f64>,
-    /// RMS over the places of the standard uncertainty of the mean after each field from the second, mm.
+    /// Standard uncertainty of the mean after each field from the second, RMS over the places, mm.
     settling_mm: Vec<[f64; 3]>,
 }
 
-impl Motion {
+impl FieldStatistics {
     pub fn new(first: &Field) -> Self {
-        let places = first.len();
         let components = [&first.u, &first.v, &first.w];
         let ends_mm = components.map(|values| {
             let measured: Vec<f64> =
-                (0..places).filter(|n| first.flag[*n] == MEASURED).map(|n| values[n].into()).collect();
+                (0..first.len()).filter(|n| first.flag[*n] == MEASURED).map(|n| values[n].into()).collect();
             let count = measured.len().max(1) as f64;
             let mean = measured.iter().sum::<f64>() / count;
             let spread = (measured.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
@@ -52,87 +46,69 @@ impl Motion {
         });
         let zeros = |count: usize| [(); 3].map(|()| vec![0.0; count]);
         Self {
-            layout: first.layout.clone(),
-            places,
-            fields: 0,
+            sums: EnsembleSums::new(&first.layout),
+            voxel_mm: first.layout.voxel_mm,
             kinds: [0; 3],
             fractions: zeros(FRACTIONS),
             bins: zeros(BINS),
             ends_mm,
             totals: [[0.0; 2]; 3],
             stated: [[0.0; 2]; 3],
-            sums: zeros(places),
-            squares: zeros(places),
-            counts: vec![0.0; places],
             settling_mm: Vec::new(),
         }
     }
 
     /// Bytes of the sums over fields like this one.
     pub fn bytes(field: &Field) -> f64 {
-        const SUMS: usize = 7;
-        (SUMS * size_of::<f64>() * field.len()) as f64
+        EnsembleSums::bytes(&field.layout)
     }
 
     /// Adds a field. Refuses a layout other than that of the first.
     pub fn add(&mut self, field: &Field) -> Result<(), Refusal> {
-        check_layout(&self.layout, &field.layout)?;
-        self.fields += 1;
+        self.sums.add(field)?;
         let all = [(&field.u, &field.su), (&field.v, &field.sv), (&field.w, &field.sw)];
-        for n in 0..self.places {
+        for n in 0..field.len() {
             let kind = [MEASURED, REPLACED, NO_DATA].iter().position(|kind| *kind == field.flag[n]).unwrap_or(2);
             self.kinds[kind] += 1;
             if kind > 0 {
                 continue;
             }
-            self.counts[n] += 1.0;
             for (c, (values, stated)) in all.into_iter().enumerate() {
-                self.count(c, n, f64::from(values[n]), f64::from(stated[n]));
+                self.count(c, f64::from(values[n]), f64::from(stated[n]));
             }
         }
-        if self.fields > 1 {
-            self.settling_mm.push([0, 1, 2].map(|c| self.uncertainty_mm(c)));
+        if self.sums.fields() > 1 {
+            self.settling_mm.push(self.sums.uncertainty_mm());
         }
         Ok(())
     }
 
-    fn count(&mut self, c: usize, place: usize, value: f64, stated: f64) {
+    fn count(&mut self, c: usize, value: f64, stated: f64) {
         let bin = |share: f64, bins: usize| ((share * bins as f64) as usize).min(bins - 1);
         let [low, high] = self.ends_mm[c];
         let share = (value - low) / (high - low);
         if (0.0..=1.0).contains(&share) {
             self.bins[c][bin(share, BINS)] += 1.0;
         }
-        if self.layout.voxel_mm[c] > 0.0 {
-            self.fractions[c][bin((value / self.layout.voxel_mm[c]).rem_euclid(1.0), FRACTIONS)] += 1.0;
+        if self.voxel_mm[c] > 0.0 {
+            self.fractions[c][bin((value / self.voxel_mm[c]).rem_euclid(1.0), FRACTIONS)] += 1.0;
         }
         self.totals[c] = [self.totals[c][0] + value, self.totals[c][1] + value * value];
         if stated.is_finite() {
             self.stated[c] = [self.stated[c][0] + stated * stated, self.stated[c][1] + 1.0];
         }
-        self.sums[c][place] += value;
-        self.squares[c][place] += value * value;
     }
 
-    /// RMS over the places of the standard uncertainty of the mean, mm.
-    fn uncertainty_mm(&self, c: usize) -> f64 {
-        let (mut sum, mut places) = (0.0, 0.0);
-        for n in (0..self.places).filter(|n| self.counts[*n] > 1.0) {
-            let (count, mean) = (self.counts[n], self.sums[c][n] / self.counts[n]);
-            let variance = ((self.squares[c][n] / count - mean * mean).max(0.0)) * count / (count - 1.0);
-            sum += variance / count;
-            places += 1.0;
-        }
-        if places > 0.0 { (sum / places).sqrt() } else { f64::NAN }
+    /// Mean and standard deviation of a component over all measured vectors, mm.
+    fn mean_and_spread(&self, c: usize) -> [f64; 2] {
+        let [mean, square] = self.totals[c].map(|sum| sum / self.kinds[0].max(1) as f64);
+        [mean, (square - mean * mean).max(0.0).sqrt()]
     }
 
     /// Mean, standard deviation and RMS stated uncertainty of each component, mm: a row of text each.
     pub fn rows(&self) -> Vec<Vec<String>> {
-        let count = self.kinds[0].max(1) as f64;
         let row = |c: usize| {
-            let [sum, squares] = self.totals[c];
-            let mean = sum / count;
-            let spread = (squares / count - mean * mean).max(0.0).sqrt();
+            let [mean, spread] = self.mean_and_spread(c);
             let [stated, number] = self.stated[c];
             let stated = if number > 0.0 { format!("{:.5}", (stated / number).sqrt()) } else { "-".into() };
             vec![COMPONENTS[c].to_owned(), format!("{mean:.5}"), format!("{spread:.5}"), stated]
@@ -166,12 +142,9 @@ impl Motion {
         Chart { title, notes: Vec::new(), columns: 3, panels }
     }
 
-    /// Whether displacements spread over voxels, so that their fractions can tell of peak locking.
+    /// Whether displacements spread over voxels, so that their fractions show peak locking.
     fn spans_voxels(&self, c: usize) -> bool {
-        let count = self.kinds[0].max(1) as f64;
-        let [sum, squares] = self.totals[c];
-        let spread = (squares / count - (sum / count).powi(2)).max(0.0).sqrt();
-        self.layout.voxel_mm[c] > 0.0 && spread > LEAST_SPREAD_VOX * self.layout.voxel_mm[c]
+        self.voxel_mm[c] > 0.0 && self.mean_and_spread(c)[1] > LEAST_SPREAD_VOX * self.voxel_mm[c]
     }
 
     /// Standard uncertainty of the mean against the number of fields. None for fewer than three fields.

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// Bytes of a vector on the page: seven numbers, three quarters as many again for text.
 const BYTES: f64 = 13.0 * 4.0 / 3.0;
-/// Largest whole number of the script's lists; the least number of 16 bits stands for a missing value.
+/// Largest whole number of the script's lists. The lowest number of 16 bits stands for a missing value.
 const LARGEST: f32 = 32000.0;
 
 /// Whole numbers of 16 bits in little-endian base64, and the value of 1.
@@ -31,7 +31,7 @@ pub(super) struct PackedField {
     flags: String,
 }
 
-/// Bytes that a field of so many vectors takes on the page.
+/// Bytes that a field takes on the page.
 pub(super) fn bytes(vectors: usize) -> usize {
     (BYTES * vectors as f64) as usize + 500
 }

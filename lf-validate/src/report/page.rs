@@ -1,6 +1,7 @@
 //! The page: its sections in the order of the chain.
 
-use super::folder::Folder;
+use super::fields::FieldSections;
+use super::folder::RunFiles;
 use super::html::{Section, escape};
 use super::source::Source;
 use super::{camera, fields, frames, particles, stages, volumes, warnings};
@@ -11,9 +12,9 @@ const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 const SCRIPT: &str = include_str!("page/page.js");
 
-/// Wishes that the names of the files do not tell.
+/// Choices that the names of the files do not show.
 #[derive(Debug, Clone, Default)]
-pub struct Options {
+pub struct PageOptions {
     /// A raw frame.
     pub frame: Option<String>,
     /// A white image.
@@ -22,7 +23,7 @@ pub struct Options {
     pub title: String,
 }
 
-/// A page, and what was said on it.
+/// A page, and what is on it.
 pub struct Report {
     /// The text of the file.
     pub html: String,
@@ -35,24 +36,20 @@ pub struct Report {
 }
 
 /// The page of a run. Refuses a folder without any file of one.
-pub fn report(source: &dyn Source, options: &Options) -> Result<Report, Refusal> {
-    let folder = Folder::of(source.names());
+pub fn report(source: &dyn Source, options: &PageOptions) -> Result<Report, Refusal> {
+    let folder = RunFiles::of(source.names());
     let wanted = "wanted the folder of a run, with fields, volumes, particles or a camera";
-    Refusal::unless(folder != Folder::default(), || "no file of a run", wanted)?;
+    Refusal::unless(folder != RunFiles::default(), || "no file of a run", wanted)?;
     let mut unread = Vec::new();
     let camera = folder.camera.as_deref().and_then(|file| {
         let read = source.text(file).and_then(|text| Camera::from_json(&text).map_err(|refusal| refusal.about(file)));
         read.map_err(|error| unread.push(error.to_string())).ok()
     });
     let noise = options.frame.as_deref().and_then(|frame| noise_share(source, frame));
-    let found = fields::sections(source, &folder.fields, folder.mean.as_deref(), &mut unread);
+    let FieldSections { view, statistics, mut summary, history } =
+        fields::sections(source, &folder.fields, folder.mean.as_deref(), &mut unread);
     let stages = stages::section(source, &folder.stats, &mut unread);
     let images = [("Raw frame", options.frame.as_deref()), ("White image", options.white.as_deref())];
-    let (mut summary, mut commands, mut view, mut statistics) = (Vec::new(), Vec::new(), None, None);
-    if let Some(found) = found {
-        (summary, commands) = (found.summary, found.history);
-        (view, statistics) = (found.view, Some(found.statistics));
-    }
     summary.extend(counts(&folder));
     let mut timing = None;
     if let Some((section, seconds, peak_bytes)) = stages {
@@ -62,14 +59,14 @@ pub fn report(source: &dyn Source, options: &Options) -> Result<Report, Refusal>
     let particles = particles::section(source, &folder.particles, camera.as_ref(), noise, &mut unread);
     let sections: Vec<Section> = [
         view,
-        statistics.filter(|section| !section.content.is_empty()),
+        statistics,
         particles,
         volumes::reconstruction(source, &folder.volumes, &folder.records, &mut unread),
         volumes::pruning(source, &folder.supports, &mut unread),
         frames::section(source, images, camera.as_ref(), &mut unread),
         camera.as_ref().map(camera::section),
         timing,
-        commands_section(&commands),
+        commands(&history),
     ]
     .into_iter()
     .flatten()
@@ -86,14 +83,14 @@ fn noise_share(source: &dyn Source, frame: &str) -> Option<f64> {
     (brightest > 0.0).then(|| noise(pixels.view()) / f64::from(brightest))
 }
 
-/// Lines of the summary that the names alone tell.
-fn counts(folder: &Folder) -> Vec<(String, String)> {
+/// Lines of the summary that follow from the names alone.
+fn counts(folder: &RunFiles) -> Vec<(String, String)> {
     let lists = [("volumes", &folder.volumes), ("tables of particles", &folder.particles)];
     let known = lists.into_iter().filter(|(_, files)| !files.is_empty());
     known.map(|(label, files)| (label.to_owned(), files.len().to_string())).collect()
 }
 
-fn commands_section(commands: &[String]) -> Option<Section> {
+fn commands(commands: &[String]) -> Option<Section> {
     let mut section = Section::new("commands", "Commands");
     section.details("The commands that made the last field, oldest first", commands);
     (!commands.is_empty()).then_some(section)

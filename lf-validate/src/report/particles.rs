@@ -15,7 +15,7 @@ const WINDOW_PX: f64 = 160.0;
 /// Standard deviation of a particle, pixels of the focal plane: that of the bound.
 const SIGMA_PX: f64 = 0.75;
 
-/// Least noise of a frame for a bound, as a share of the brightest pixel: that of rounding to 12 bits.
+/// A frame with less noise has no bound: rounding to 12 bits, as a share of the brightest pixel.
 const LEAST_NOISE: f64 = 7e-5;
 
 /// The section. `noise`: standard deviation of a pixel's noise as a share of the brightest pixel, if a frame is known.
@@ -80,8 +80,7 @@ pub(super) fn section(
         let mut panel = Panel::new("", Axis::new("z, mm"), Axis::log(format!("uncertainty of {letter}, \u{b5}m")));
         panel.marks.push(Mark::line("stated, median", points));
         if let Some(bound) = &bound {
-            let values = if axis == 0 { &bound.by_depth.sx_mm } else { &bound.by_depth.sz_mm };
-            let places = bound.by_depth.z_mm.iter().zip(values);
+            let places = bound.by_depth.z_mm.iter().zip(&bound.by_depth.deviations.mm[axis]);
             let curve = places.map(|(z, value)| [*z, 1e3 * value.unwrap_or(f64::NAN)]);
             panel.marks.push(Mark::dashed("bound of any method", curve.collect()));
         }
@@ -98,7 +97,7 @@ fn density(camera: &Camera, particles: f64) -> f64 {
     particles * camera.lattice().cell_area_mm2() / (width * height)
 }
 
-/// The Cramer-Rao bound of this camera, density and noise. None if it cannot be told.
+/// The Cramer-Rao bound of this camera, density and noise. None if it cannot be computed.
 fn bound(camera: &Camera, per_lenslet: f64, noise: f64, depth_mm: [f64; 2]) -> Option<Precision> {
     let experiment = Experiment {
         per_lenslet: per_lenslet.clamp(1e-3, 10.0),

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 const MOST_RUNS: usize = 60;
 
 /// One `--stats` file.
-struct Run {
+struct StageRun {
     stage: String,
     name: String,
     seconds: f64,
@@ -31,10 +31,10 @@ pub(super) fn section(source: &dyn Source, stats: &[String], notes: &mut Vec<Str
         return None;
     }
     let mut section = Section::new("stages", "Time and memory");
-    let mut by_stage = BTreeMap::<&str, Vec<&Run>>::new();
+    let mut by_stage = BTreeMap::<&str, Vec<&StageRun>>::new();
     runs.iter().for_each(|run| by_stage.entry(&run.stage).or_default().push(run));
     let megabytes = |bytes: Option<f64>| bytes.map_or("-".into(), |bytes| format!("{:.0}", 1e-6 * bytes));
-    let peak = |runs: &[&Run]| runs.iter().filter_map(|run| run.peak_bytes).reduce(f64::max);
+    let peak = |runs: &[&StageRun]| runs.iter().filter_map(|run| run.peak_bytes).reduce(f64::max);
     let rows: Vec<Vec<String>> = by_stage
         .iter()
         .map(|(stage, runs)| {
@@ -58,14 +58,14 @@ pub(super) fn section(source: &dyn Source, stats: &[String], notes: &mut Vec<Str
     Some((section, seconds, peak(&runs.iter().collect::<Vec<_>>()).unwrap_or(0.0)))
 }
 
-fn read(source: &dyn Source, file: &str) -> Option<Run> {
+fn read(source: &dyn Source, file: &str) -> Option<StageRun> {
     let value: Value = serde_json::from_str(&source.text(file).ok()?).ok()?;
     let name = file.trim_end_matches(".stats.json").to_owned();
     let mut phases: Vec<(&String, f64)> =
         value["phases"].as_object()?.iter().filter_map(|(phase, seconds)| Some((phase, seconds.as_f64()?))).collect();
     phases.sort_by(|one, other| other.1.total_cmp(&one.1));
     let slowest = phases.iter().take(3).map(|(phase, seconds)| format!("{phase} {seconds:.2} s"));
-    Some(Run {
+    Some(StageRun {
         stage: value["tool"].as_str()?.to_owned(),
         name,
         seconds: value["seconds"].as_f64()?,

@@ -6,9 +6,9 @@ use super::source::Source;
 use lf_core::{Refusal, Result, Volume};
 use lf_plot::{Axis, Chart, Mark, Panel};
 
-/// Most files that are read, spread over the run.
+/// Upper limit of the files that are read; they are spread over the run.
 const MOST_FILES: usize = 4;
-/// Most slices that a curve over depth shows.
+/// Volumes with more slices have no curve over depth.
 const MOST_SLICES: usize = 10_000;
 
 /// Voxels that pruning kept, by depth. None without supports.

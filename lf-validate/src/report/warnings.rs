@@ -4,15 +4,15 @@ use super::html::escape;
 use super::source::Source;
 use std::collections::BTreeMap;
 
-/// Most different lines that are shown.
+/// Further lines are counted and not shown.
 const MOST_LINES: usize = 30;
 
-/// Lines of the logs that warn or tell of a failure, each with the logs that have it.
+/// Lines of the logs that warn or report a failure, each with the logs that have it.
 pub(super) fn lines(source: &dyn Source, logs: &[String]) -> Vec<(String, Vec<String>)> {
     let mut found = BTreeMap::<String, Vec<String>>::new();
     let mut order = Vec::new();
     for log in logs.iter().filter(|log| !["log/done.txt", "log/missing.txt"].contains(&log.as_str())) {
-        for line in source.text(log).unwrap_or_default().lines().filter(|line| speaks_up(line)) {
+        for line in source.text(log).unwrap_or_default().lines().filter(|line| is_warning(line)) {
             let files = found.entry(line.to_owned()).or_insert_with(|| {
                 order.push(line.to_owned());
                 Vec::new()
@@ -24,12 +24,12 @@ pub(super) fn lines(source: &dyn Source, logs: &[String]) -> Vec<(String, Vec<St
 }
 
 /// Whether a line of a tool warns, or is its refusal: `tool: file: found; wanted ...`.
-fn speaks_up(line: &str) -> bool {
+fn is_warning(line: &str) -> bool {
     line.contains(": warning: ") || (line.starts_with("lf-") && line.contains("; wanted "))
 }
 
-/// The box at the top of the page. `own` are lines about this page: files that could not be read. Without logs it is not
-/// known whether a stage warned.
+/// The box at the top of the page. `own` are lines about this page: files that could not be read. Without logs it is
+/// not known whether a stage warned.
 pub(super) fn list(lines: &[(String, Vec<String>)], own: &[String], has_logs: bool) -> String {
     if lines.is_empty() && own.is_empty() {
         let text = if has_logs { "No stage warned." } else { "No logs: whether a stage warned is not known." };
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_lines_are_told_once_with_their_logs() {
+    fn equal_lines_are_shown_once_with_their_logs() {
         let warning = "lf-mart: warning: <dark>";
         let logs = Logs(vec![
             ("log/a.txt", format!("lf-mart: kept 5\n{warning}\n")),

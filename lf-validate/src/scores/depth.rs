@@ -59,8 +59,8 @@ pub struct Depth {
 const SLICE_BYTES: f64 = 8.0 + 8.0 + 8.0 + 16.0 + 8.0;
 
 impl DepthSums {
-    /// Most bytes that sums over volumes of a grid, and their score, take.
-    /// A picture needs the section in another order.
+    /// Upper bound of the bytes of sums over volumes of a grid, and of their score. A picture needs the section in
+    /// another order.
     pub fn bytes(grid: &Grid, is_drawn: bool) -> f64 {
         let [nx, _, nz] = grid.shape.map(|count| count as f64);
         let sections = if is_drawn { 2.0 } else { 1.0 };

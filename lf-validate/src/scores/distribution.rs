@@ -3,6 +3,12 @@
 use lf_core::statistics::median;
 use serde::ser::SerializeMap;
 
+/// Root of the mean of `squares`. NaN without any.
+pub(crate) fn root_mean(squares: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), square| (sum + square, count + 1.0));
+    (sum / count).sqrt()
+}
+
 /// Statistics of a set of errors about zero. NaN without errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ErrorSpread {
@@ -17,6 +23,11 @@ pub(crate) struct ErrorSpread {
 }
 
 impl ErrorSpread {
+    /// Names and values of the numbers.
+    pub fn entries(&self) -> [(&'static str, f64); 4] {
+        [("bias", self.bias), ("rms", self.rms), ("std", self.std), ("median_abs", self.median_abs)]
+    }
+
     /// The bias is known before the standard deviation is summed.
     pub fn of(errors: &[f64]) -> Self {
         let count = errors.len() as f64;

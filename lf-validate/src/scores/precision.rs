@@ -1,17 +1,17 @@
 //! The Cramer-Rao bound of particles' places, and of the vectors made of them.
 
+use super::units::{AXES, COMPONENTS};
 use glam::{DMat3, DVec3};
 use lf_core::particle_image::{ParticleModel, Scratch};
-use lf_core::{Camera, Refusal};
-use nalgebra::{Cholesky, DMatrix};
+use lf_core::{Camera, Refusal, linear};
 use ndarray::Array2;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use std::collections::HashMap;
 
-/// An experiment to be.
+/// A planned experiment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Experiment {
     /// Particles for each lenslet that the lit volume covers at the focal plane.
@@ -39,26 +39,17 @@ pub struct Precision {
     pub windows: Windows,
 }
 
-/// Medians over the particles of slabs of equal depth; null where there is none, and where the image does not tell the
-/// place of half of them.
+/// Medians over the particles of slabs of equal depth. Null for a slab without particles, and where the image does not
+/// determine the place of half of them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ByDepth {
     /// Middles of the slabs, mm.
     pub z_mm: Vec<f64>,
     /// Particles.
     pub count: Vec<usize>,
-    /// Standard deviation of x, px.
-    pub sx_px: Vec<Option<f64>>,
-    /// Standard deviation of y, px.
-    pub sy_px: Vec<Option<f64>>,
-    /// Standard deviation of z, px.
-    pub sz_px: Vec<Option<f64>>,
-    /// Standard deviation of x, mm.
-    pub sx_mm: Vec<Option<f64>>,
-    /// Standard deviation of y, mm.
-    pub sy_mm: Vec<Option<f64>>,
-    /// Standard deviation of z, mm.
-    pub sz_mm: Vec<Option<f64>>,
+    /// Standard deviations of x, y and z.
+    #[serde(flatten)]
+    pub deviations: Deviations,
 }
 
 /// Root mean squares over windows with three particles or more.
@@ -70,52 +61,68 @@ pub struct Windows {
     pub z_mm: Vec<f64>,
     /// Particles in a window, mean.
     pub particles: Vec<Option<f64>>,
-    /// Standard deviation of u, the displacement along x between two frames, px.
-    pub su_px: Vec<Option<f64>>,
-    /// Standard deviation of v, px.
-    pub sv_px: Vec<Option<f64>>,
-    /// Standard deviation of w, px.
-    pub sw_px: Vec<Option<f64>>,
-    /// Standard deviation of u, mm.
-    pub su_mm: Vec<Option<f64>>,
-    /// Standard deviation of v, mm.
-    pub sv_mm: Vec<Option<f64>>,
-    /// Standard deviation of w, mm.
-    pub sw_mm: Vec<Option<f64>>,
+    /// Standard deviations of u, v and w, the displacement between two frames.
+    #[serde(flatten)]
+    pub deviations: Deviations,
+}
+
+/// Standard deviations by slab along three axes. Serialises to `sx_px` and so on, then `sx_mm` and so on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Deviations {
+    /// Names of the axes.
+    pub names: [&'static str; 3],
+    /// The standard deviations, mm.
+    pub mm: [Vec<Option<f64>>; 3],
+    /// A pixel at the focal plane, mm.
+    pub pixel_mm: f64,
+}
+
+impl Serialize for Deviations {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let units = [("px", self.pixel_mm), ("mm", 1.0)];
+        serializer.collect_map(units.into_iter().flat_map(|(unit, length_mm)| {
+            self.names.iter().zip(&self.mm).map(move |(name, values)| {
+                let in_unit = values.iter().map(|value| value.map(|mm| mm / length_mm));
+                (format!("s{name}_{unit}"), in_unit.collect::<Vec<_>>())
+            })
+        }))
+    }
 }
 
 const SLABS: usize = 10;
-/// Particles that the statistics want, and most clouds that are drawn for them.
+/// Particles wanted in the statistics, and the number of samples after which they are drawn no longer.
 const WANTED: usize = 600;
-const CLOUDS: usize = 12;
+const SAMPLES: usize = 12;
 /// Neighbours within these pixels of the focal plane are free too: 0.995 of the bound with all free.
 const NEIGHBOURS_PX: f64 = 28.0;
-/// Windows tried in each slab of each cloud.
+/// Windows tried in each slab of each sample.
 const WINDOWS: usize = 16;
-/// Fewest particles in a window.
+/// Windows with fewer particles are left out.
 const LEAST: usize = 3;
 /// Unknowns of a particle: place and light.
 const UNKNOWNS: usize = 4;
 
+/// Pixels of a particle's image, rising, and the derivatives of their light by its unknowns.
 type Pixels = Vec<(u32, [f64; UNKNOWNS])>;
 
-/// A particle of a cloud.
+/// A particle of a sample.
 struct Member {
     place: DVec3,
     pixels: Pixels,
     /// Whether it is in the statistics.
     counts: bool,
-    /// Covariance of its place, mm^2; None if the image does not tell it.
+    /// Covariance of its place, mm^2. None if the image does not determine it.
     covariance: Option<DMat3>,
 }
 
-/// Particles at random places, and how far from the axis they are in the statistics, mm.
-struct Cloud {
+/// Particles at random places.
+struct Sample {
     members: Vec<Member>,
+    /// Particles nearer to the axis than this along x and y are in the statistics.
     inner_mm: f64,
 }
 
-impl Cloud {
+impl Sample {
     fn counted(&self) -> impl Iterator<Item = &Member> {
         self.members.iter().filter(|member| member.counts)
     }
@@ -126,25 +133,25 @@ pub fn precision(camera: &Camera, experiment: &Experiment) -> Result<Precision, 
     let px = camera.pixel_in_focus_mm();
     let model = ParticleModel::new(camera, experiment.sigma_px * px, experiment.depth_mm)?;
     let mut random = Pcg64Mcg::seed_from_u64(experiment.seed);
-    let mut clouds: Vec<Cloud> = Vec::new();
-    let counted = |clouds: &[Cloud]| clouds.iter().flat_map(Cloud::counted).count();
-    while clouds.len() < CLOUDS && counted(&clouds) < WANTED {
-        clouds.push(cloud(camera, &model, experiment, &mut random)?);
+    let mut samples: Vec<Sample> = Vec::new();
+    let counted = |samples: &[Sample]| samples.iter().flat_map(Sample::counted).count();
+    while samples.len() < SAMPLES && counted(&samples) < WANTED {
+        samples.push(sample(camera, &model, experiment, &mut random)?);
     }
     Ok(Precision {
-        particles: counted(&clouds),
-        by_depth: by_depth(&clouds, experiment, px),
-        windows: windows(&clouds, experiment, px, &mut random),
+        particles: counted(&samples),
+        by_depth: by_depth(&samples, experiment, px),
+        windows: windows(&samples, experiment, px, &mut random),
     })
 }
 
 /// Particles at random places about the axis, those of the inner part with their covariance.
-fn cloud(
+fn sample(
     camera: &Camera,
     model: &ParticleModel,
     experiment: &Experiment,
     random: &mut Pcg64Mcg,
-) -> Result<Cloud, Refusal> {
+) -> Result<Sample, Refusal> {
     let px = camera.pixel_in_focus_mm();
     let [low, high] = experiment.depth_mm;
     let view = camera.half_view_mm();
@@ -185,7 +192,7 @@ fn cloud(
     };
     let covariances: Vec<Option<DMat3>> = members.par_iter().enumerate().map(bound).collect();
     members.iter_mut().zip(covariances).for_each(|(member, covariance)| member.covariance = covariance);
-    Ok(Cloud { members, inner_mm: inner })
+    Ok(Sample { members, inner_mm: inner })
 }
 
 /// Light and its derivatives by place, 1/mm, by rising pixel.
@@ -204,46 +211,34 @@ fn image(model: &ParticleModel, place: DVec3, width: usize, scratch: &mut Scratc
     pixels
 }
 
-/// The covariance of the place of a particle, the places and lights of it and of others being unknown. None if the image
-/// does not tell them.
+/// The covariance of a particle's place, where its own place and light and those of `others` are unknown. None if the
+/// image does not determine them.
 fn covariance(own: &Pixels, others: &[&Pixels], variance: f64) -> Option<DMat3> {
+    /// A pivot below this share of its diagonal means that the image does not determine an unknown.
     const LEAST_PIVOT: f64 = 1e-12;
-    // The place comes last, so that the end of the Cholesky factor alone tells it.
+    // Put the place last: the end of the Cholesky factor then determines its covariance.
     let group: Vec<&Pixels> = others.iter().copied().chain([own]).collect();
     let size = UNKNOWNS * group.len();
     let order = |n: usize| (n + 1) % UNKNOWNS;
-    let mut fisher = DMatrix::<f64>::zeros(size, size);
+    // Sum the Fisher information; the factorisation reads its lower triangle only.
+    let mut fisher = vec![0.0; size * size];
     for (a, first) in group.iter().enumerate() {
         for (b, second) in group.iter().enumerate().skip(a) {
             let block = shared(first, second);
             for i in 0..UNKNOWNS {
                 for k in 0..UNKNOWNS {
-                    // Below the diagonal: the factorisation reads no more.
-                    fisher[(b * UNKNOWNS + order(k), a * UNKNOWNS + order(i))] = block[i][k] / variance;
+                    let (row, column) = (b * UNKNOWNS + order(k), a * UNKNOWNS + order(i));
+                    fisher[row * size + column] = block[i][k] / variance;
                 }
             }
         }
     }
-    // Scaled to a diagonal of 1.
-    let scale: Vec<f64> = (0..size).map(|n| fisher[(n, n)].sqrt().recip()).collect();
-    if scale.iter().any(|scale| !scale.is_finite()) {
-        return None;
-    }
-    for column in 0..size {
-        for row in column..size {
-            fisher[(row, column)] *= scale[row] * scale[column];
-        }
-    }
-    let factor = Cholesky::new(fisher)?.unpack();
-    if (0..size).any(|n| factor[(n, n)].powi(2) < LEAST_PIVOT) {
-        return None;
-    }
-    let at = |n: usize| size - 3 + n;
-    let end = DMat3::from_cols_array(&std::array::from_fn(|n| factor[(at(n % 3), at(n / 3))]));
-    let inverse = end.inverse();
-    let covariance = inverse.transpose() * inverse;
-    let scaled = |n: usize| covariance.to_cols_array()[n] * scale[at(n % 3)] * scale[at(n / 3)];
-    Some(DMat3::from_cols_array(&std::array::from_fn(scaled)))
+    linear::cholesky(&mut fisher, size, LEAST_PIVOT)?;
+    // Invert the last three rows and columns of the factor.
+    let end = |row: usize, column: usize| fisher[(size - 3 + row) * size + size - 3 + column];
+    let lower = DMat3::from_cols_array(&std::array::from_fn(|n| if n % 3 < n / 3 { 0.0 } else { end(n % 3, n / 3) }));
+    let inverse = lower.inverse();
+    Some(inverse.transpose() * inverse)
 }
 
 /// Sums over shared pixels of the products of derivatives.
@@ -267,46 +262,40 @@ fn middle(experiment: &Experiment, n: usize) -> f64 {
     low + (high - low) * (n as f64 + 0.5) / SLABS as f64
 }
 
-fn by_depth(clouds: &[Cloud], experiment: &Experiment, px: f64) -> ByDepth {
+fn by_depth(samples: &[Sample], experiment: &Experiment, px: f64) -> ByDepth {
     let [low, high] = experiment.depth_mm;
     let mut slabs: Vec<[Vec<f64>; 3]> = (0..SLABS).map(|_| Default::default()).collect();
-    for member in clouds.iter().flat_map(Cloud::counted) {
+    for member in samples.iter().flat_map(Sample::counted) {
         let n = ((member.place.z - low) / (high - low) * SLABS as f64) as usize;
         for axis in 0..3 {
             let deviation = |covariance: DMat3| covariance.col(axis)[axis].max(0.0).sqrt();
-            // A particle that the image does not tell is not known at all.
+            // A particle that the image does not determine has no bound.
             slabs[n.min(SLABS - 1)][axis].push(member.covariance.map_or(f64::INFINITY, deviation));
         }
     }
-    let medians = |axis: usize| -> Vec<Option<f64>> {
+    let medians = |axis: usize| {
         let median = |slab: &[Vec<f64>; 3]| lf_core::statistics::upper_median(&mut slab[axis].clone());
         slabs.iter().map(|slab| median(slab).filter(|median| median.is_finite())).collect()
     };
-    let in_px = |axis: usize| medians(axis).into_iter().map(|median| median.map(|mm| mm / px)).collect();
     ByDepth {
         z_mm: (0..SLABS).map(|n| middle(experiment, n)).collect(),
         count: slabs.iter().map(|slab| slab[0].len()).collect(),
-        sx_px: in_px(0),
-        sy_px: in_px(1),
-        sz_px: in_px(2),
-        sx_mm: medians(0),
-        sy_mm: medians(1),
-        sz_mm: medians(2),
+        deviations: Deviations { names: AXES, mm: [0, 1, 2].map(medians), pixel_mm: px },
     }
 }
 
 /// A window's displacement is the weighted mean over its particles, each with twice its covariance.
-fn windows(clouds: &[Cloud], experiment: &Experiment, px: f64, random: &mut Pcg64Mcg) -> Windows {
+fn windows(samples: &[Sample], experiment: &Experiment, px: f64, random: &mut Pcg64Mcg) -> Windows {
     let side = experiment.window_mm;
     let mut sums = vec![(0usize, 0usize, DVec3::ZERO); SLABS];
-    for cloud in clouds {
+    for sample in samples {
         for (n, sum) in sums.iter_mut().enumerate() {
             for _ in 0..WINDOWS {
                 // A window stays among the particles that are in the statistics.
-                let mut aside = || (cloud.inner_mm - 0.5 * side) * (2.0 * random.random::<f64>() - 1.0);
+                let mut aside = || (sample.inner_mm - 0.5 * side) * (2.0 * random.random::<f64>() - 1.0);
                 let centre = DVec3::new(aside(), aside(), middle(experiment, n));
                 let inside = |member: &&Member| (member.place - centre).abs().max_element() < 0.5 * side;
-                let covariances: Vec<DMat3> = cloud.counted().filter(inside).filter_map(|m| m.covariance).collect();
+                let covariances: Vec<DMat3> = sample.counted().filter(inside).filter_map(|m| m.covariance).collect();
                 if covariances.len() < LEAST {
                     continue;
                 }
@@ -318,19 +307,13 @@ fn windows(clouds: &[Cloud], experiment: &Experiment, px: f64, random: &mut Pcg6
             }
         }
     }
-    let rms = |axis: usize, unit: f64| -> Vec<Option<f64>> {
-        sums.iter().map(|(count, _, sum)| (*count > 0).then(|| (sum[axis] / *count as f64).sqrt() / unit)).collect()
-    };
+    let mean = |sum: f64, count: usize| (count > 0).then(|| sum / count as f64);
+    let rms = |axis: usize| sums.iter().map(|(count, _, sum)| mean(sum[axis], *count).map(f64::sqrt)).collect();
     Windows {
         side_mm: side,
         z_mm: (0..SLABS).map(|n| middle(experiment, n)).collect(),
-        particles: sums.iter().map(|(count, all, _)| (*count > 0).then(|| *all as f64 / *count as f64)).collect(),
-        su_px: rms(0, px),
-        sv_px: rms(1, px),
-        sw_px: rms(2, px),
-        su_mm: rms(0, 1.0),
-        sv_mm: rms(1, 1.0),
-        sw_mm: rms(2, 1.0),
+        particles: sums.iter().map(|(count, all, _)| mean(*all as f64, *count)).collect(),
+        deviations: Deviations { names: COMPONENTS, mm: [0, 1, 2].map(rms), pixel_mm: px },
     }
 }
 
@@ -338,7 +321,7 @@ fn windows(clouds: &[Cloud], experiment: &Experiment, px: f64, random: &mut Pcg6
 mod tests {
     use super::*;
 
-    /// By hand: two pixels, each tells another combination of two unknowns of two particles apart.
+    /// By hand: of three pixels the two particles share one.
     #[test]
     fn shared_pixels_alone_count() {
         let a: Pixels = vec![(3, [1.0, 0.0, 0.0, 2.0]), (7, [0.0, 1.0, 0.0, 1.0])];
@@ -349,8 +332,8 @@ mod tests {
         assert_eq!(block[0], [0.0; 4]);
     }
 
-    /// Four pixels that each tell one unknown: the covariance is the inverse of their squares. An unknown that no pixel
-    /// tells has none.
+    /// Four pixels that depend on one unknown each: the covariance is the inverse of their squares. It does not exist
+    /// if no pixel depends on an unknown.
     #[test]
     fn a_covariance_by_hand() {
         let pixel = |n: usize, value: f64| (n as u32, std::array::from_fn(|k| if k == n { value } else { 0.0 }));
@@ -360,8 +343,8 @@ mod tests {
         assert!(super::covariance(&alone[..3].to_vec(), &[], 4.0).is_none());
     }
 
-    /// By hand: pixels 0 and 1 tell x, with the information 2. A neighbour that shares no pixel takes nothing from it. A
-    /// neighbour whose x changes pixel 0 as much makes that pixel count half.
+    /// By hand: pixels 0 and 1 depend on x, with the information 2. A neighbour that shares no pixel takes nothing from
+    /// it. A neighbour whose x changes pixel 0 as much makes that pixel count half.
     #[test]
     fn neighbours_take_what_they_share() {
         let own: Pixels = vec![
@@ -400,8 +383,8 @@ mod tests {
         };
         for (blind, wanted) in [(1, Some(1.0)), (2, None)] {
             let members = (0..4).map(|n| member(n, n < blind)).collect();
-            let found = by_depth(&[Cloud { members, inner_mm: 1.0 }], &experiment, 1.0);
-            assert_eq!((found.count[0], found.sx_mm[0]), (4, wanted));
+            let found = by_depth(&[Sample { members, inner_mm: 1.0 }], &experiment, 1.0);
+            assert_eq!((found.count[0], found.deviations.mm[0][0]), (4, wanted));
         }
     }
 }

@@ -1,41 +1,36 @@
 //! Means over windows, of values that stand on the grid of the vectors.
 //!
-//! A vector is the mean of the flow over its window. The mean leaves out what bends inside it, an error that no
-//! treatment of the vectors takes away.
+//! A vector is the mean of the flow over its window. The mean leaves out what bends inside the window; no treatment of
+//! the vectors removes this error.
 
+use super::spread::along_lines;
 use lf_core::VectorGrid;
 
 /// Weights of the places 0, 1, ... steps from a window's centre along an axis: their shares of its length.
 fn weights(layout: &VectorGrid, axis: usize) -> Vec<f64> {
-    let half = (0.5 * layout.window[axis] as f64 * layout.voxel_mm[axis] / layout.spacing_mm[axis]).max(0.5);
+    let half = (0.5 * layout.window_in_spacings(axis)).max(0.5);
     let share = |step: usize| (half - step as f64 + 0.5).clamp(0.0, 1.0) / (2.0 * half);
     let mut weights: Vec<f64> = (0..=half as usize + 1).map(share).collect();
     weights[0] = 1.0 / (2.0 * half);
     weights
 }
 
-/// The mean of `values` over the window of each vector. Beyond the ends of an axis they go on as they came, mirrored in
-/// the last one, so that a slope has no part in the difference.
+/// The mean of `values` over the window of each vector. Beyond the ends of an axis the values continue mirrored in the
+/// last one, so that a slope makes no difference.
 pub(super) fn window_means(layout: &VectorGrid, values: &[f64]) -> Vec<f64> {
-    let mut values = values.to_vec();
-    for axis in 0..3 {
-        let weights = weights(layout, axis);
-        let (count, stride): (usize, usize) = (layout.shape[axis], layout.shape[..axis].iter().product());
-        let mean = |i: usize| {
-            let at = i / stride % count;
-            let first = i - at * stride;
-            let value = |place: usize| values[first + place.min(count - 1) * stride];
-            let before = |step: usize| if step <= at { value(at - step) } else { 2.0 * value(0) - value(step - at) };
-            let after = |step: usize| match (count - 1).checked_sub(at + step) {
-                Some(_) => value(at + step),
-                None => 2.0 * value(count - 1) - value((2 * (count - 1)).saturating_sub(at + step)),
-            };
-            let sides = weights.iter().enumerate().skip(1).map(|(step, weight)| weight * (before(step) + after(step)));
-            weights[0] * values[i] + sides.sum::<f64>()
+    let weights = [0, 1, 2].map(|axis| weights(layout, axis));
+    along_lines(values, layout.shape, |axis, at, line| {
+        let last = layout.shape[axis] - 1;
+        let value = |place: usize| line(place.min(last));
+        let before = |step: usize| if step <= at { value(at - step) } else { 2.0 * value(0) - value(step - at) };
+        let after = |step: usize| match last.checked_sub(at + step) {
+            Some(_) => value(at + step),
+            None => 2.0 * value(last) - value((2 * last).saturating_sub(at + step)),
         };
-        values = (0..values.len()).map(mean).collect();
-    }
-    values
+        let sides = weights[axis].iter().enumerate().skip(1);
+        let sides = sides.map(|(step, weight)| weight * (before(step) + after(step)));
+        weights[axis][0] * line(at) + sides.sum::<f64>()
+    })
 }
 
 #[cfg(test)]

@@ -1,13 +1,14 @@
 //! Quantities that follow from a field's gradients, each with its uncertainty.
 //!
-//! A slope is the difference of two vectors, whose errors are shared as far as their windows overlap. Uncertainties of
-//! numbers that are not linear are the changes that each gradient's standard uncertainty makes, added in squares.
+//! A slope is the difference of two vectors, which share their errors as far as their windows overlap. The uncertainty
+//! of a nonlinear quantity is the sum, in squares, of the changes that the uncertainty of each gradient makes.
 
 use super::errors::Correlated;
 use super::scalars::{divergence, lambda_2, q_criterion, shear, strain, swirl, vorticity};
+use super::spread::rms;
 use glam::{DMat3, DVec3};
-use lf_core::field::{Array, NO_DATA};
-use lf_core::{Field, VectorGrid};
+use lf_core::Field;
+use lf_core::field::{Array, Difference, NO_DATA};
 use rayon::prelude::*;
 
 /// Numbers at every vector: quantities, then their uncertainties.
@@ -32,28 +33,16 @@ struct Gradient {
     sigma: DMat3,
 }
 
-/// The two vectors whose difference is the slope at a vector along an axis, and 1 / their distance, 1/mm. They are its
-/// neighbours, or a neighbour and itself at an end and beside a gap. None without data there or in a neighbour.
-pub(super) fn slope(
-    layout: &VectorGrid,
-    has_data: impl Fn(usize) -> bool,
-    at: usize,
-    axis: usize,
-) -> Option<(usize, usize, f64)> {
-    let [before, after] = [-1, 1].map(|step| layout.neighbour(at, axis, step).filter(|near| has_data(*near)));
-    let steps = [before, after].into_iter().flatten().count();
-    let factor = 1.0 / (steps as f64 * layout.spacing_mm[axis]);
-    (steps > 0 && has_data(at)).then(|| (before.unwrap_or(at), after.unwrap_or(at), factor))
-}
-
 /// The gradient of the displacement at a vector: slopes between its neighbours, or from one neighbour and itself at an
 /// end and beside a gap. NaN along an axis without a neighbour.
 fn gradient(field: &Field, errors: &Correlated, at: usize) -> Gradient {
     let has_data = |n: usize| field.flag[n] != NO_DATA;
     let mut found = Gradient { value: DMat3::NAN, sigma: DMat3::NAN };
     for axis in 0..3 {
-        let Some((low, high, factor)) = slope(&field.layout, has_data, at, axis) else { continue };
-        let steps = if low == at || high == at { 1 } else { 2 };
+        let Some(Difference { low, high, steps, distance_mm }) = field.layout.difference(at, axis, has_data) else {
+            continue;
+        };
+        let factor = 1.0 / distance_mm;
         let [s, t] = [low, high].map(|n| field.uncertainty_mm(n));
         let variance = s * s + t * t - 2.0 * errors.between(axis, steps) * s * t;
         *found.value.col_mut(axis) = factor * (field.displacement_mm(high) - field.displacement_mm(low));
@@ -85,13 +74,8 @@ pub fn derive(field: &Field) -> Derived {
     };
     let all: Vec<([f64; NUMBERS], [f64; NUMBERS])> = (0..field.len()).into_par_iter().map(at).collect();
     let is_whole = |values: &[f64; NUMBERS]| values.iter().all(|value| value.is_finite());
-    let rms = |numbers: &dyn Fn(usize) -> f64| {
-        let finite = (0..all.len()).map(numbers).filter(|number| number.is_finite());
-        let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), number| (sum + number * number, count + 1.0));
-        (sum / count).sqrt()
-    };
     Derived {
-        divergence: [rms(&|i| all[i].0[3]), rms(&|i| all[i].1[3])],
+        divergence: [rms(all.iter().map(|(values, _)| values[3])), rms(all.iter().map(|(_, sigma)| sigma[3]))],
         places: all.iter().filter(|(values, _)| is_whole(values)).count(),
         arrays: arrays(&all, field.layout.dt_s.is_some()),
     }

@@ -8,20 +8,18 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
-/// How the errors of neighbouring vectors hang together.
+/// How the errors of neighbouring vectors are correlated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Correlated {
     shape: [usize; 3],
-    /// Vectors from one to the next that shares no data with it, along x, y, z.
+    /// Distance, in vectors along x, y, z, to the next vector that shares no data.
     pub width: [usize; 3],
 }
 
 impl Correlated {
     pub fn new(layout: &VectorGrid) -> Self {
-        let covered = |axis: usize| {
-            let vectors = layout.window[axis] as f64 * layout.voxel_mm[axis] / layout.spacing_mm[axis];
-            (vectors.round() as usize).clamp(1, layout.shape[axis].max(1))
-        };
+        let covered =
+            |axis: usize| (layout.window_in_spacings(axis).round() as usize).clamp(1, layout.shape[axis].max(1));
         Self { shape: layout.shape, width: [0, 1, 2].map(covered) }
     }
 

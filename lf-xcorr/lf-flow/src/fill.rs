@@ -1,15 +1,15 @@
-//! Gaps filled with the least rough continuation of the measured values.
+//! Gaps filled with the smoothest continuation of the measured values.
 
 use super::conjugate::solve;
 use super::roughness::Roughness;
 use lf_core::VectorGrid;
 
-/// Constant: residual at which the solver stops, and its most steps.
+/// Constant: residual at which the solver stops, and its maximum number of steps.
 const TOLERANCE: f64 = 1e-6;
-const MOST: usize = 2000;
+const MAX_STEPS: usize = 2000;
 
-/// `values` with those that are not known replaced, and the residual if the solver stopped before its goal. Panics if
-/// no value is known.
+/// `values` with the unknown ones replaced, and the residual if the solver stopped before its goal. Panics if no value
+/// is known.
 pub(super) fn fill(layout: &VectorGrid, values: &[f64], is_known: &[bool]) -> (Vec<f64>, Option<f64>) {
     let known = |i: usize| if is_known[i] { values[i] } else { 0.0 };
     let start: Vec<f64> = (0..values.len()).map(known).collect();
@@ -18,15 +18,15 @@ pub(super) fn fill(layout: &VectorGrid, values: &[f64], is_known: &[bool]) -> (V
     if count == values.len() {
         return (start, None);
     }
-    // About their mean, so that a value far from all others tends to it.
+    // Solve for differences from the mean, so that values far from all known ones tend to it.
     let mean = start.iter().sum::<f64>() / count as f64;
     let roughness = Roughness::new(layout.shape);
     let masked = |out: &mut [f64]| {
         out.iter_mut().zip(is_known).filter(|(_, known)| **known).for_each(|(value, _)| *value = 0.0);
     };
-    let about: Vec<f64> = (0..values.len()).map(|i| if is_known[i] { values[i] - mean } else { 0.0 }).collect();
+    let known: Vec<f64> = (0..values.len()).map(|i| if is_known[i] { values[i] - mean } else { 0.0 }).collect();
     let mut right = vec![0.0; values.len()];
-    roughness.add(-1.0, &about, &mut right);
+    roughness.add(-1.0, &known, &mut right);
     masked(&mut right);
     let diagonal = roughness.diagonal();
     let apply = |x: &[f64], out: &mut [f64]| {
@@ -37,9 +37,9 @@ pub(super) fn fill(layout: &VectorGrid, values: &[f64], is_known: &[bool]) -> (V
     let precondition = |x: &[f64], out: &mut [f64]| {
         out.iter_mut().zip(x.iter().zip(&diagonal)).for_each(|(out, (x, diagonal))| *out = x / diagonal);
     };
-    let found = solve(apply, precondition, &right, vec![0.0; values.len()], TOLERANCE, MOST);
+    let found = solve(apply, precondition, &right, vec![0.0; values.len()], TOLERANCE, MAX_STEPS);
     let filled = (0..values.len()).map(|i| if is_known[i] { values[i] } else { mean + found.values[i] }).collect();
-    (filled, found.unsolved(TOLERANCE))
+    (filled, found.unsolved)
 }
 
 #[cfg(test)]
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_too_long_for_the_solver_is_told() {
+    fn a_gap_too_long_for_the_solver_is_reported() {
         let layout = VectorGrid { shape: [6000, 2, 2], spacing_mm: [1.0; 3], ..VectorGrid::default() };
         let is_known: Vec<bool> = (0..24_000).map(|i| [0, 1, 5999].contains(&(i % 6000))).collect();
         let values: Vec<f64> = (0..24_000).map(|i| f64::from(i % 7)).collect();

@@ -1,11 +1,10 @@
-//! The gradients of pressure that the accelerations of one field or of two ask for.
+//! Gradients of the pressure, from the accelerations in one field or two.
 
-use super::derive::slope;
 use super::errors::Correlated;
 use super::measured::stated_mm;
 use glam::DVec3;
 use lf_core::Field;
-use lf_core::field::NO_DATA;
+use lf_core::field::{Difference, NO_DATA};
 use rayon::prelude::*;
 
 /// Pascal a millimetre from kg/m^3 times mm/s^2.
@@ -62,8 +61,8 @@ impl<'a> Forces<'a> {
         self.sigma.iter().flatten().enumerate().map(draw).collect()
     }
 
-    /// Gradient of the pressure at every vector, Pa/mm, with `errors` in mm added to each field. NaN where a slope along
-    /// an axis is not known.
+    /// Gradient of the pressure at every vector, Pa/mm, with `errors` in mm added to each field. NaN where a slope is
+    /// unknown.
     pub fn at(&self, errors: &[Vec<DVec3>]) -> Vec<DVec3> {
         let PressureOptions { density, dt_s, interval_s } = *self.options;
         let layout = &self.fields[0].layout;
@@ -79,8 +78,10 @@ impl<'a> Forces<'a> {
                 Some(interval_s) => (moved(1, i) - moved(0, i)) / (dt_s * interval_s),
                 None => DVec3::ZERO,
             };
-            let carried = |axis: usize| match slope(layout, |i| self.has_data(i), i, axis) {
-                Some((low, high, factor)) => velocity[i][axis] * factor * (velocity[high] - velocity[low]),
+            let carried = |axis: usize| match layout.difference(i, axis, |i| self.has_data(i)) {
+                Some(Difference { low, high, distance_mm, .. }) => {
+                    velocity[i][axis] * (1.0 / distance_mm) * (velocity[high] - velocity[low])
+                }
                 None => DVec3::NAN,
             };
             -PASCAL * density * (local + carried(0) + carried(1) + carried(2))

@@ -1,4 +1,4 @@
-//! Fields that are flows: what is done with a measured field before it is averaged or shown.
+//! Measured fields to flows: what is done with a field before it is averaged or shown.
 //!
 //! In: a [`lf_core::Field`] with stated uncertainties. Out: a field that is smooth or free of divergence, gradients,
 //! pressure, values along a line and through a plane, each with its uncertainty.

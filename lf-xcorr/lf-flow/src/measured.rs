@@ -2,7 +2,7 @@
 
 use super::errors::Correlated;
 use super::fill::fill;
-use super::spread::box_mean;
+use super::spread::{box_mean, rms};
 use lf_core::field::{MEASURED, NO_DATA, REPLACED};
 use lf_core::statistics::median;
 use lf_core::{Field, Refusal, VectorGrid};
@@ -10,20 +10,20 @@ use lf_core::{Field, Refusal, VectorGrid};
 /// Standard uncertainties of u, v and w, mm, for fields that state none.
 pub type TypedSigma = Option<[f64; 3]>;
 
-/// Constant: a stated uncertainty counts as at least this share of the median one. Smaller ones are luck.
-const LEAST: f64 = 0.05;
+/// Constant: a stated uncertainty counts as at least this share of the median one. Smaller ones are chance.
+const MINIMUM_SHARE: f64 = 0.05;
 
 /// Three components on the whole grid.
 #[derive(Debug, Clone)]
 pub struct Measured {
     /// u, v, w, mm. Gaps hold a smooth continuation of the measured vectors.
     pub(super) values: [Vec<f64>; 3],
-    /// Standard uncertainties, mm: usual ones of a window. Those of filled vectors are how far a vector is from its
+    /// Standard uncertainties, mm: means over a window. A filled vector has the usual difference of a vector from its
     /// neighbours a window away.
     pub(super) sigma: [Vec<f64>; 3],
     /// Whether a vector is measured.
     pub(super) is_known: Vec<bool>,
-    /// Residual of the solver that fills gaps over its right side, if it stopped before its goal: the greatest of u, v,
+    /// Residual of the solver that fills gaps, over its right side, if it stopped before its goal: the largest of u, v,
     /// w.
     pub unsolved: Option<f64>,
 }
@@ -59,11 +59,11 @@ impl Measured {
     }
 
     /// A field of new values and uncertainties. Vectors that were not measured are flagged as replaced.
-    pub(super) fn field(&self, of: &Field, values: &[Vec<f64>; 3], sigma: &[Vec<f64>; 3]) -> Field {
+    pub(super) fn field(&self, of: &Field, values: [&Vec<f64>; 3], sigma: [&Vec<f64>; 3]) -> Field {
         let stored = |values: &Vec<f64>| values.iter().map(|value| *value as f32).collect::<Vec<f32>>();
         let mut field = of.clone();
-        [field.u, field.v, field.w] = [0, 1, 2].map(|c| stored(&values[c]));
-        [field.su, field.sv, field.sw] = [0, 1, 2].map(|c| stored(&sigma[c]));
+        [field.u, field.v, field.w] = values.map(stored);
+        [field.su, field.sv, field.sw] = sigma.map(stored);
         field.flag = self.is_known.iter().map(|known| if *known { MEASURED } else { REPLACED }).collect();
         field
     }
@@ -76,8 +76,8 @@ pub(super) fn check_shape(layout: &VectorGrid) -> Result<(), Refusal> {
     Refusal::unless(nx.min(ny).min(nz) > 1, found, "wanted at least two vectors along every axis")
 }
 
-/// Uncertainties of a component wherever there is data, mm: the stated one, or the median of all where a vector states
-/// none, as a replaced one. None if no vector states one.
+/// Uncertainties of a component wherever there is data, mm: the stated one, or the median of all if a vector states
+/// none, like a replaced one. None if no vector states one.
 pub(super) fn stated_mm(field: &Field, c: usize) -> Option<Vec<f64>> {
     let stated = |i: usize| Some(field.uncertainty_mm(i)[c]).filter(|sigma| sigma.is_finite() && *sigma >= 0.0);
     let has_data = |i: &usize| field.flag[*i] != NO_DATA;
@@ -99,13 +99,14 @@ fn sigma(stated: &[f32], typed: Option<f64>, is_known: &[bool]) -> Result<Vec<f6
     let usual = if usual > 0.0 { usual } else { typed.unwrap_or(f64::NAN) };
     let wanted = "wanted su, sv and sw, or --sigma with the uncertainties of u, v and w in mm";
     Refusal::unless(usual > 0.0, || "measured vectors without uncertainties", wanted)?;
-    let one =
-        |value: &f32| if is_stated(value) { f64::from(*value).max(LEAST * usual) } else { typed.unwrap_or(usual) };
+    let one = |value: &f32| {
+        if is_stated(value) { f64::from(*value).max(MINIMUM_SHARE * usual) } else { typed.unwrap_or(usual) }
+    };
     Ok(stated.iter().map(one).collect())
 }
 
-/// Uncertainties by the mean variance of the measured vectors over a window. A single one, from the scatter of some ten
-/// particles, is itself uncertain by a quarter, and as a weight it favours vectors whose particles agree by chance.
+/// Uncertainties by the mean variance of the measured vectors over a window. The scatter of about ten particles gives a
+/// single uncertainty to a quarter only; as a weight it would favour vectors whose particles agree by chance.
 fn usual(sigma: &[f64], is_known: &[bool], layout: &VectorGrid, errors: &Correlated) -> Vec<f64> {
     let reach = errors.width.map(|width| (width / 2).max(1));
     let mean = |value: &dyn Fn(usize) -> f64| {
@@ -117,8 +118,8 @@ fn usual(sigma: &[f64], is_known: &[bool], layout: &VectorGrid, errors: &Correla
     (0..sigma.len()).map(one).collect()
 }
 
-/// RMS distance of measured values from the middle of their two neighbours that share no data with them. Without such
-/// neighbours, their RMS about the mean.
+/// RMS difference of measured values from the mean of their two nearest neighbours that share no data with them.
+/// Without such neighbours, their RMS about the mean.
 fn distance(field: &Field, values: &[f64], is_known: &[bool], errors: &Correlated) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for i in (0..values.len()).filter(|i| is_known[*i]) {
@@ -136,5 +137,5 @@ fn distance(field: &Field, values: &[f64], is_known: &[bool], errors: &Correlate
     }
     let all = known(values, is_known);
     let mean = all.iter().sum::<f64>() / all.len() as f64;
-    (all.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / all.len() as f64).sqrt()
+    rms(all.iter().map(|value| value - mean))
 }

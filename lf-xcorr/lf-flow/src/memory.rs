@@ -17,7 +17,7 @@ pub enum Task {
         /// Whether there is a second field.
         has_next: bool,
     },
-    /// [`super::profile`] at so many places, and their table.
+    /// [`super::profile`] at places along a line, and their table.
     Profile {
         /// Places along the line.
         points: usize,
@@ -27,11 +27,11 @@ pub enum Task {
 }
 
 impl Task {
-    /// Most bytes that the task takes for a field beside the field itself, its result as an EXR included. Other forms
-    /// take less. Measured by `scripts/studies/memory lf-flow`.
+    /// Peak bytes that the task takes for a field, beside the field itself, with its result as an EXR. Other forms take
+    /// less. Measured by `scripts/studies/memory lf-flow`.
     pub fn bytes(self, field: &Field) -> f64 {
         let threads = rayon::current_num_threads();
-        let at_once = |most: usize| threads.min(most) as f64;
+        let at_once = |tasks: usize| threads.min(tasks) as f64;
         let batch = BATCH as usize;
         let vectors = field.len() as f64;
         match self {

@@ -1,7 +1,7 @@
 //! A preconditioner for smoothing: exact where weights depend on z alone.
 //!
 //! Equation: the matrix is `W + s K`, with weights W, strength s and the roughness `K = Kx + Ky + Kz`. Uncertainties of
-//! a light-field camera depend on depth far more than on x and y, so W's means over planes across z stand for W here.
+//! a light-field camera depend on depth far more than on x and y, so W's means over planes across z replace W here.
 //! The modes of Kx and Ky then separate, and each pair of modes leaves a matrix with two bands along z:
 //! `w(z) + s (kx + ky) + s Kz`.
 
@@ -80,6 +80,7 @@ impl Planes {
     /// Solves for `right`; `work` has its size.
     pub fn solve(&self, bands: &Bands, right: &[f64], out: &mut [f64], work: &mut [f64]) {
         let Self { shape: [nx, ..], x, y } = self;
+        // Go to the modes along x and y, solve along z, and go back.
         multiply(&x.rows, x.count, 1, right, work);
         multiply(&y.rows, y.count, *nx, work, out);
         bands.solve(out);

@@ -7,38 +7,37 @@
 
 use super::forces::{Forces, PressureOptions};
 use super::measured::check_shape;
-use super::spread::BATCH;
+use super::spread::{in_batches, rms};
 use super::ties::Ties;
 use lf_core::field::Array;
 use lf_core::{Field, Refusal};
-use rayon::prelude::*;
 
 /// Constant: residual at which the solver stops, for the pressure and for drawn errors.
 const TOLERANCE: f64 = 1e-7;
 const TOLERANCE_OF_ERRORS: f64 = 1e-3;
-/// Constant: sets of errors that are drawn for the uncertainty.
+/// Constant: number of sets of errors drawn for the uncertainty.
 const DRAWS: u64 = 16;
 
 /// Pressure at every vector.
 #[derive(Debug, Clone)]
 pub struct Pressure {
     /// Pressure and its standard uncertainty, Pa. Pressure is NaN where no acceleration ties a vector to a neighbour;
-    /// its uncertainty is also NaN if a component states none.
+    /// all uncertainties are NaN if a component states none.
     pub arrays: Vec<Array>,
     /// RMS pressure, and RMS of its uncertainty, Pa.
     pub rms_pa: [f64; 2],
-    /// RMS of the part of the pressure's gradient that no pressure has, over the RMS of the gradient.
+    /// RMS of the part of the gradient that no pressure can have, over the RMS of the gradient.
     pub misfit: f64,
     /// Vectors with a pressure.
     pub places: usize,
-    /// Parts of the field that no acceleration ties to each other. The mean of each is 0.
+    /// Number of parts of the field without a tie between them. The mean of each is 0.
     pub parts: usize,
     /// Residual of the solver over its right side, if it stopped before its goal.
     pub unsolved: Option<f64>,
 }
 
-/// The pressure of a steady flow from one field, or in the middle between two. Refuses a second field with its vectors
-/// at other places, fewer than two vectors along an axis, and vectors none of which has slopes along every axis.
+/// The pressure of a steady flow from one field, or in the middle between two. Refuses a second field with vectors at
+/// other places, fewer than two vectors along an axis, and a field without a vector that has slopes along every axis.
 pub fn pressure(first: &Field, second: Option<&Field>, options: &PressureOptions) -> Result<Pressure, Refusal> {
     if let Some(second) = second {
         let (a, b) = (&first.layout, &second.layout);
@@ -53,18 +52,13 @@ pub fn pressure(first: &Field, second: Option<&Field>, options: &PressureOptions
     Refusal::unless(ties.parts > 0, || "no vector with neighbours along x, y and z", wanted)?;
     let found = ties.fit(&force, TOLERANCE);
     let sigma = uncertainty(&forces, &ties, &found.values);
-    let rms = |values: &[f64]| {
-        let known = values.iter().filter(|value| value.is_finite());
-        let (sum, count) = known.fold((0.0, 0.0), |(sum, n), value| (sum + value * value, n + 1.0));
-        (sum / count).sqrt()
-    };
     let stored = |values: &[f64]| values.iter().map(|value| *value as f32).collect::<Vec<f32>>();
     Ok(Pressure {
         arrays: vec![
             Array::scalars("pressure_pa", &stored(&found.values)),
             Array::scalars("s_pressure_pa", &stored(&sigma)),
         ],
-        rms_pa: [rms(&found.values), rms(&sigma)],
+        rms_pa: [&found.values, &sigma].map(|values| rms(values.iter().copied())),
         misfit: found.misfit,
         places: ties.count(),
         parts: ties.parts,
@@ -79,12 +73,8 @@ fn uncertainty(forces: &Forces, ties: &Ties, values: &[f64]) -> Vec<f64> {
     }
     let drawn = |n: u64| ties.fit(&forces.at(&forces.draw(n)), TOLERANCE_OF_ERRORS).values;
     let mut squares = vec![0.0; values.len()];
-    // A batch at a time bounds the memory.
-    for first in (0..DRAWS).step_by(BATCH as usize) {
-        let batch: Vec<Vec<f64>> = (first..DRAWS.min(first + BATCH)).into_par_iter().map(drawn).collect();
-        for drawn in &batch {
-            squares.iter_mut().zip(drawn.iter().zip(values)).for_each(|(sum, (a, b))| *sum += (a - b).powi(2));
-        }
-    }
+    in_batches(DRAWS, drawn, |drawn| {
+        squares.iter_mut().zip(drawn.iter().zip(values)).for_each(|(sum, (a, b))| *sum += (a - b).powi(2));
+    });
     squares.into_iter().map(|sum| (sum / DRAWS as f64).sqrt()).collect()
 }

@@ -26,43 +26,15 @@ pub fn profile(field: &Field, from: DVec3, to: DVec3, points: usize) -> Vec<Prof
     let at = |n: usize| {
         let share = if points > 1 { n as f64 / (points - 1) as f64 } else { 0.0 };
         let place_mm = from + share * (to - from);
-        let (displacement_mm, uncertainty_mm) = interpolated(field, place_mm).unwrap_or((DVec3::NAN, DVec3::NAN));
-        Profile { distance_mm: share * (to - from).length(), place_mm, displacement_mm, uncertainty_mm }
+        let found = field.interpolate(place_mm);
+        Profile {
+            distance_mm: share * (to - from).length(),
+            place_mm,
+            displacement_mm: found.map_or(DVec3::NAN, |found| found.displacement_mm),
+            uncertainty_mm: found.map_or(DVec3::NAN, |found| found.uncertainty_mm),
+        }
     };
     (0..points).map(at).collect()
-}
-
-/// Displacement and uncertainty at a place; none outside the outermost vectors and beside vectors without data.
-fn interpolated(field: &Field, place_mm: DVec3) -> Option<(DVec3, DVec3)> {
-    /// Rounding may put an end of a line this many spacings outside.
-    const ROUNDING: f64 = 1e-6;
-    let layout = &field.layout;
-    let steps = (place_mm - DVec3::from(layout.origin_mm)) / DVec3::from(layout.spacing_mm);
-    let mut low = [0; 3];
-    let mut share = [0.0; 3];
-    for axis in 0..3 {
-        let last = (layout.shape[axis] - 1) as f64;
-        if !(-ROUNDING..=last + ROUNDING).contains(&steps[axis]) {
-            return None;
-        }
-        let step = steps[axis].clamp(0.0, last);
-        let floor = step.floor().min((last - 1.0).max(0.0));
-        (low[axis], share[axis]) = (floor as usize, step - floor);
-    }
-    let (mut sum, mut sigma) = (DVec3::ZERO, DVec3::ZERO);
-    for corner in 0..8usize {
-        let upper = [corner & 1, corner >> 1 & 1, corner >> 2];
-        let weight: f64 = (0..3).map(|a| if upper[a] == 1 { share[a] } else { 1.0 - share[a] }).product();
-        if weight > 0.0 {
-            let i = layout.index(std::array::from_fn(|a| low[a] + upper[a]));
-            if field.flag[i] == NO_DATA {
-                return None;
-            }
-            sum += weight * field.displacement_mm(i);
-            sigma += weight * field.uncertainty_mm(i);
-        }
-    }
-    Some((sum, sigma))
 }
 
 /// Flux through a plane of vectors.
@@ -78,9 +50,10 @@ pub struct Flux {
     pub mean_mm: f64,
     /// Volume through the plane, mm^3 between the two volumes.
     pub flux_mm3: f64,
-    /// Its standard uncertainty, mm^3; none if no vector states one. Vectors that state none count with the usual one.
+    /// Its standard uncertainty, mm^3; None if no vector states one. A vector that states none counts with the usual
+    /// one.
     pub s_flux_mm3: Option<f64>,
-    /// Volume a second, mm^3/s; none if the time between the volumes is unknown.
+    /// Volume a second, mm^3/s; None if the time between the volumes is unknown.
     pub flux_mm3_s: Option<f64>,
     /// Its standard uncertainty, mm^3/s.
     pub s_flux_mm3_s: Option<f64>,
@@ -97,7 +70,7 @@ pub fn flux(field: &Field, cut: Cut) -> Result<Flux, Refusal> {
     let across: Vec<usize> = (0..3).filter(|axis| *axis != cut.axis).collect();
     let cell_mm2: f64 = across.iter().map(|axis| layout.spacing_mm[*axis]).product();
     let sum: f64 = known.iter().map(|i| field.displacement_mm(*i)[cut.axis]).sum();
-    // Errors that windows share add up: the correlations of a vector with all others sum to the windows' width.
+    // Windows share their errors: the correlations of a vector with all others add up to the windows' width.
     let errors = Correlated::new(layout);
     let together: f64 = across.iter().map(|axis| errors.width[*axis] as f64).product();
     let sum_of_squares = |sigma: Vec<f64>| known.iter().map(|i| sigma[*i].powi(2)).sum::<f64>();

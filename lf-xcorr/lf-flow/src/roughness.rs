@@ -1,9 +1,9 @@
 //! The roughness of values on a grid: the sum of squares of their second differences along each axis.
 //!
-//! A small share of the squares of first differences holds values near each other where nothing is measured for long.
-//! Differences are taken in steps, since windows cover about as many steps along every axis.
+//! A small share of the squares of first differences keeps values near each other in long gaps. Differences are per
+//! step, since windows cover about as many steps along every axis.
 
-/// Constant: share of first differences. It matters only beyond some ten steps from the nearest measured vector.
+/// Constant: share of first differences. It matters only more than about ten steps from the nearest measured vector.
 const SLOPE_SHARE: f64 = 1e-4;
 
 /// Roughness of values on a grid of this shape.

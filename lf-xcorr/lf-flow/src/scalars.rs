@@ -1,4 +1,4 @@
-//! Numbers that a velocity gradient gives: strength of strain and rotation, and criteria for vortices.
+//! Scalars of a velocity gradient: strength of strain and rotation, and criteria for vortices.
 //!
 //! Convention: column j of a gradient is the derivative of (u, v, w) along axis j.
 

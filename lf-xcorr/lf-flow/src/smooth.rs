@@ -11,21 +11,21 @@ use super::errors::Correlated;
 use super::measured::Measured;
 use super::planes::Planes;
 use super::roughness::Roughness;
-use super::spread::{Spread, box_mean};
+use super::spread::{Spread, box_mean, rms};
 use super::strength;
 use lf_core::statistics::median;
 use lf_core::{Field, VectorGrid};
 use rayon::prelude::*;
 
-/// Constant: residual at which the solver stops, and its most steps.
+/// Constant: residual at which the solver stops, for the field and for scores, and its maximum number of steps.
 const TOLERANCE: f64 = 1e-5;
 const TOLERANCE_OF_SCORES: f64 = 1e-3;
-const MOST: usize = 3000;
-/// Constant: vectors of drawn errors in all, and the fewest and most sets of them. What a smoothing leaves is alike over
-/// many vectors: small fields need many sets.
+const MAX_STEPS: usize = 3000;
+/// Constant: number of error vectors drawn in all, and the minimum and maximum number of sets. Many vectors average out
+/// what a smoothing leaves, so small fields need many sets.
 const DRAWN: u64 = 200_000;
 const DRAWS: (u64, u64) = (4, 24);
-/// Constant: sets of errors of which the flow that is left out is told.
+/// Constant: number of sets of errors that correct the estimate of the flow that is left out.
 const BENT_DRAWS: u64 = 2;
 /// Constant: reach of means of squares, in vectors.
 const REACH: usize = 2;
@@ -45,15 +45,15 @@ pub struct Smoothed {
     pub unsolved: Option<f64>,
 }
 
-/// Constant: the strength of the smoothing that shows the flow that is left out, over the one that leaves it out; and
-/// that flow, as a variance, over the part that shows, which has lost some of it too. Chosen for coverage
-/// (`cargo bench -p lf-xcorr --bench flows -- choose`).
+/// Constant: the flow that a smoothing leaves out is seen in a weaker smoothing, of this share of its strength. That
+/// one leaves out some of it too, so the variance of the flow is this many times the variance seen. Chosen for coverage
+/// (`cargo bench -p lf-flow --bench flows -- choose`).
 const SHOWN: f64 = 0.03;
 const LOST: f64 = 1.5;
-/// Constant: the least share of a stated variance that is scatter, where the flow bends as much as it states, and the
-/// least to which a small residual lowers it.
+/// Constant: minimum share of a stated variance that counts as scatter, where the flow bends that much or the residual
+/// is small.
 const SCATTER: f64 = 0.25;
-/// Constant: a strength that smooths waves shorter than a window of four vectors.
+/// Constant: strength that smooths waves shorter than a window of four vectors.
 const LIGHT: f64 = 0.5;
 
 /// One component.
@@ -82,11 +82,11 @@ impl Smoother<'_> {
         };
         let mut work = vec![0.0; values.len()];
         let precondition = |x: &[f64], out: &mut [f64]| planes.solve(&self.bands, x, out, &mut work);
-        solve(apply, precondition, &right, start, tolerance, MOST)
+        solve(apply, precondition, &right, start, tolerance, MAX_STEPS)
     }
 
-    /// The part of the flow that windows and smoothing leave out, as a square, a mean over neighbours. The values, far
-    /// less smoothed, stand for the flow.
+    /// Square of the flow that windows and smoothing leave out, as a mean over neighbours. The weaker smoothing `shown`
+    /// stands for the flow.
     fn lost(&self, values: &[f64], shown: &Smoother) -> Vec<f64> {
         let flow = shown.apply(values, values.to_vec(), TOLERANCE_OF_SCORES).values;
         let seen = window_means(self.component.layout, &flow);
@@ -104,16 +104,15 @@ impl<'a> Component<'a> {
         Self { layout, roughness: Roughness::new(layout.shape), planes, weights }
     }
 
-    /// Squares of differences, means over neighbours.
+    /// Squares of differences, as means over neighbours.
     fn difference(&self, some: &[f64], others: &[f64]) -> Vec<f64> {
         let squares: Vec<f64> = some.iter().zip(others).map(|(some, other)| (some - other).powi(2)).collect();
         box_mean(&squares, self.layout.shape, [REACH; 3])
     }
 
-    /// Uncertainties without the part for the flow that bends inside a window, which is no scatter: smoothing does not
-    /// take it away, and it must not pass for noise. The bend is that of the values, lightly smoothed, less the bend of
-    /// drawn errors. What is left is no larger than the residual of the light smoothing says: a stated bend that is
-    /// scatter itself makes uncertainties too large.
+    /// Uncertainties without the part for the flow that bends inside a window. Smoothing does not remove that part, so
+    /// it must not count as noise. The bend is that of the values, lightly smoothed, less the bend of drawn errors. The
+    /// residual of the light smoothing limits the rest, because a stated bend can be scatter itself.
     fn scatter(&self, values: &[f64], sigma: &[f64], number: u64) -> Vec<f64> {
         let smoother = self.smoother(LIGHT);
         let errors = Correlated::new(self.layout);
@@ -139,23 +138,25 @@ impl<'a> Component<'a> {
         Smoother { component: self, strength, bands: self.planes.bands(&self.weights, strength) }
     }
 
-    /// Mean product of errors before and after the smoothing, as [`Component::residual`] counts.
-    fn product(&self, before: &[f64], after: &[f64]) -> f64 {
-        let weighed = before.iter().zip(after).zip(&self.weights);
-        let sum: f64 = weighed.map(|((before, after), weight)| weight * before * after).sum();
-        sum / self.weights.iter().filter(|weight| **weight > 0.0).count() as f64
+    /// Mean product of measured values, in usual uncertainties.
+    fn product(&self, some: &[f64], others: &[f64]) -> f64 {
+        self.mean(some, others, |weight, one, other| weight * one * other)
     }
 
     /// Mean square residual of measured values, in usual uncertainties.
     fn residual(&self, values: &[f64], smooth: &[f64]) -> f64 {
-        let weighed = values.iter().zip(smooth).zip(&self.weights);
-        let sum: f64 = weighed.map(|((value, smooth), weight)| weight * (value - smooth).powi(2)).sum();
+        self.mean(values, smooth, |weight, value, smooth| weight * (value - smooth).powi(2))
+    }
+
+    fn mean(&self, some: &[f64], others: &[f64], term: impl Fn(f64, f64, f64) -> f64) -> f64 {
+        let weighed = some.iter().zip(others).zip(&self.weights);
+        let sum: f64 = weighed.map(|((one, other), weight)| term(*weight, *one, *other)).sum();
         sum / self.weights.iter().filter(|weight| **weight > 0.0).count() as f64
     }
 }
 
-/// One component smoothed.
-struct Found {
+/// A component after smoothing.
+struct SmoothComponent {
     values: Vec<f64>,
     sigma: Vec<f64>,
     strength: f64,
@@ -172,15 +173,11 @@ pub fn smooth(field: &Field, measured: &Measured, typed: Option<[f64; 3]>) -> Sm
         let scatter = component(sigma).scatter(&measured.values[c], sigma, 2000 + c as u64);
         component(&scatter).smooth(&measured.values[c], &scatter, 1000 + c as u64, typed.map(|typed| typed[c]))
     };
-    let found: Vec<Found> = (0..3usize).into_par_iter().map(one).collect();
-    let change = |c: usize| {
-        let changes = found[c].values.iter().zip(&measured.values[c]).map(|(after, before)| (after - before).powi(2));
-        (changes.sum::<f64>() / found[c].values.len() as f64).sqrt()
-    };
-    let [values, sigma] = [|found: &Found| found.values.clone(), |found: &Found| found.sigma.clone()]
-        .map(|of| [0, 1, 2].map(|c| of(&found[c])));
+    let found: Vec<SmoothComponent> = (0..3usize).into_par_iter().map(one).collect();
+    let [values, sigma] = [[0, 1, 2].map(|c| &found[c].values), [0, 1, 2].map(|c| &found[c].sigma)];
+    let change = |c: usize| rms(values[c].iter().zip(&measured.values[c]).map(|(after, before)| after - before));
     Smoothed {
-        field: measured.field(field, &values, &sigma),
+        field: measured.field(field, values, sigma),
         strength: [0, 1, 2].map(|c| found[c].strength),
         change_mm: [0, 1, 2].map(change),
         misfit: [0, 1, 2].map(|c| found[c].misfit),
@@ -194,8 +191,8 @@ fn drawn(errors: &Correlated, sigma: &[f64], number: u64) -> Vec<f64> {
 }
 
 impl Component<'_> {
-    /// The flow that windows and smoothing leave out, as a square. Errors that pass the weaker smoothing are smoothed
-    /// away too; they are no flow.
+    /// Square of the flow that windows and smoothing leave out, less what drawn errors make of it: they too pass the
+    /// weaker smoothing and not the stronger.
     fn left_out(&self, values: &[f64], sigma: &[f64], smoother: &Smoother, number: u64) -> Vec<f64> {
         let shown = self.smoother(SHOWN * smoother.strength);
         let errors = Correlated::new(self.layout);
@@ -206,8 +203,9 @@ impl Component<'_> {
         of_values.iter().enumerate().map(|(i, of_values)| (of_values - mean(i)).max(0.0)).collect()
     }
 
-    /// Smooths values of these standard uncertainties; `number` names the errors that are drawn.
-    fn smooth(&self, values: &[f64], sigma: &[f64], number: u64, typed: Option<f64>) -> Found {
+    /// Smooths values of these standard uncertainties; `number` is the seed of the errors drawn.
+    fn smooth(&self, values: &[f64], sigma: &[f64], number: u64, typed: Option<f64>) -> SmoothComponent {
+        // Find the strength with the least expected error.
         let errors = Correlated::new(self.layout);
         let noise = drawn(&errors, sigma, number);
         let (mut of_values, mut of_noise) = (values.to_vec(), noise.clone());
@@ -221,10 +219,9 @@ impl Component<'_> {
         };
         let strength = typed.unwrap_or_else(|| strength::best(&mut score));
         let smoother = self.smoother(strength);
-        let solution = smoother.apply(values, of_values, TOLERANCE);
-        let unsolved = solution.unsolved(TOLERANCE);
-        let smooth = solution.values;
+        let Solution { values: smooth, unsolved, .. } = smoother.apply(values, of_values, TOLERANCE);
 
+        // Estimate from drawn errors what is left of the uncertainty.
         let treat = |[drawn]: [Vec<f64>; 1]| {
             let left = smoother.apply(&drawn, drawn.clone(), TOLERANCE_OF_SCORES).values;
             let residual = self.residual(&drawn, &left);
@@ -237,6 +234,6 @@ impl Component<'_> {
         let left = |i: usize| (sigma[i] * sigma[i] * shares[i] + LOST * lost[i]).sqrt();
         let sigma = (0..sigma.len()).map(left).collect();
         let misfit = (self.residual(values, &smooth) / expected).sqrt();
-        Found { values: smooth, sigma, strength, misfit, unsolved }
+        SmoothComponent { values: smooth, sigma, strength, misfit, unsolved }
     }
 }

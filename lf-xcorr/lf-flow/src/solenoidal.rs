@@ -2,8 +2,8 @@
 //!
 //! Equation: the field u' without divergence, `D u' = 0`, whose `sum ((u' - u) / sigma)^2` over all vectors and
 //! components is least. With the variances S that is `u' = u - S D' lambda` and `D S D' lambda = D u` (after de Silva,
-//! Philip & Marusic, Exp. Fluids 54, 2013, with the weights of Azijli & Dwight, Exp. Fluids 56, 2015). w, which is the
-//! least certain by far, moves most: continuity tells it from u and v.
+//! Philip & Marusic, Exp. Fluids 54, 2013, with the weights of Azijli & Dwight, Exp. Fluids 56, 2015). w is by far the
+//! least certain and changes most: continuity determines it from u and v.
 //!
 //! D is the divergence of `slopes.rs`, at every vector. The normal matrix is applied, never stored.
 
@@ -13,22 +13,22 @@ use super::errors::Correlated;
 use super::lines::lines;
 use super::measured::Measured;
 use super::slopes::Slopes;
-use super::spread::Spread;
+use super::spread::{Spread, rms};
 use lf_core::Field;
 
-/// Constant: residual of the solver for the field; what is left of the divergence is this share of it.
+/// Constant: residual of the solver for the field, the share of the divergence that is left.
 const TOLERANCE: f64 = 1e-7;
 /// Constant: residual of the solver for drawn errors, whose squares matter to a per cent.
 const TOLERANCE_OF_ERRORS: f64 = 1e-3;
-/// Constant: most steps of the solver. A full field takes about a hundred.
-const MOST: usize = 5000;
-/// Constant: sets of errors that are drawn, and reach of the mean of their squares, in vectors. The share of the
-/// variance that is left is then known to some 10 %.
+/// Constant: maximum number of steps of the solver. A full field takes about a hundred.
+const MAX_STEPS: usize = 5000;
+/// Constant: number of sets of errors drawn, and reach of the mean of their squares, in vectors. The share of the
+/// variance that is left is then known to about 10 %.
 const DRAWS: u64 = 24;
 const REACH: usize = 1;
 
-/// Constant: a misfit below this tells that errors are smoother than those of windows, which make less divergence. They
-/// need not be smaller.
+/// Constant: below this misfit the errors are smoother than those of windows, and so make less divergence. They need
+/// not be smaller.
 pub const SMOOTHED: f64 = 0.75;
 
 /// A divergence-free field.
@@ -71,7 +71,7 @@ impl Projection {
     }
 
     /// `S D' lambda`, component by component.
-    fn pull(&self, lambda: &[f64], out: &mut [Vec<f64>; 3]) {
+    fn correction(&self, lambda: &[f64], out: &mut [Vec<f64>; 3]) {
         for (axis, out) in out.iter_mut().enumerate() {
             out.fill(0.0);
             self.slopes.add_transposed(axis, lambda, out);
@@ -79,26 +79,25 @@ impl Projection {
         }
     }
 
-    /// The components without their divergence, the solver's account, and `sum ((u' - u) / sigma)^2`.
+    /// The components without their divergence, the solver's solution, and `sum ((u' - u) / sigma)^2`.
     fn project(&self, mut components: [Vec<f64>; 3], tolerance: f64) -> ([Vec<f64>; 3], Solution, f64) {
         let count = components[0].len();
         let mut right = vec![0.0; count];
         self.slopes.divergence(&components, &mut right);
-        let mut pulled: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; count]);
+        let mut correction: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; count]);
         let apply = |lambda: &[f64], out: &mut [f64]| {
-            self.pull(lambda, &mut pulled);
-            self.slopes.divergence(&pulled, out);
+            self.correction(lambda, &mut correction);
+            self.slopes.divergence(&correction, out);
         };
         let precondition = |rest: &[f64], out: &mut [f64]| {
             out.copy_from_slice(rest);
             self.lines.solve(out);
         };
-        let solution = solve(apply, precondition, &right, vec![0.0; count], tolerance, MOST);
+        let solution = solve(apply, precondition, &right, vec![0.0; count], tolerance, MAX_STEPS);
         let misfit = dot(&solution.values, &right);
-        let mut pulled: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; count]);
-        self.pull(&solution.values, &mut pulled);
-        for (values, pulled) in components.iter_mut().zip(&pulled) {
-            values.iter_mut().zip(pulled).for_each(|(value, pulled)| *value -= pulled);
+        self.correction(&solution.values, &mut correction);
+        for (values, correction) in components.iter_mut().zip(&correction) {
+            values.iter_mut().zip(correction).for_each(|(value, correction)| *value -= correction);
         }
         (components, solution, misfit)
     }
@@ -127,25 +126,21 @@ pub fn solenoidal(field: &Field, measured: &Measured) -> Solenoidal {
 
     let shares = [0, 1, 2].map(|c| spreads[c].shares(field.layout.shape, [REACH; 3]));
     let misfit = (misfit / expected).sqrt();
-    // The misfit tells how right the uncertainty of the least certain component is, which nearly all divergence is of.
+    // Nearly all divergence comes from the least certain component, so the misfit corrects its uncertainty.
     let left = |c: usize| -> Vec<f64> {
         let factor = if c == problem.axis && misfit > SMOOTHED { misfit } else { 1.0 };
         measured.sigma[c].iter().zip(&shares[c]).map(|(sigma, share)| factor * sigma * share.sqrt()).collect()
     };
     let change = |c: usize| rms(values[c].iter().zip(&measured.values[c]).map(|(after, before)| after - before));
-    let found = measured.field(field, &values, &[0, 1, 2].map(left));
+    let sigma = [0, 1, 2].map(left);
+    let found = measured.field(field, values.each_ref(), sigma.each_ref());
     Solenoidal {
         divergence: [before, problem.rms_divergence(&values)],
         change_mm: [0, 1, 2].map(change),
         misfit,
         left: [0, 1, 2].map(|c| shares[c].iter().sum::<f64>() / shares[c].len() as f64),
         steps: solution.steps,
-        unsolved: solution.unsolved(TOLERANCE),
+        unsolved: solution.unsolved,
         field: found,
     }
-}
-
-fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = values.len() as f64;
-    (values.map(|value| value * value).sum::<f64>() / count).sqrt()
 }

@@ -1,4 +1,4 @@
-//! How much of the error is left after a treatment that is linear: errors drawn at random go through it too.
+//! How much of the error a linear treatment leaves: errors drawn at random go through the same treatment.
 
 use super::errors::Correlated;
 use rayon::prelude::*;
@@ -13,8 +13,8 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    /// Draws `draws` sets of errors. `treat` turns errors, mm, into those that are left and a number, whose mean over
-    /// the draws is given too. Draws run in parallel and are added in order.
+    /// Draws `draws` sets of errors. `treat` turns errors, mm, into those that are left and a number; the mean of that
+    /// number over the draws is returned too.
     pub fn new<const N: usize>(
         errors: &Correlated,
         sigma: [&[f64]; N],
@@ -30,14 +30,10 @@ impl Spread {
         let mut sums: [Self; N] =
             sigma.map(|sigma| Self { before: vec![0.0; sigma.len()], after: vec![0.0; sigma.len()] });
         let mut number = 0.0;
-        // A batch at a time bounds the memory.
-        for first in (0..draws).step_by(BATCH as usize) {
-            let batch: Vec<_> = (first..draws.min(first + BATCH)).into_par_iter().map(draw).collect();
-            for (drawn, left, one) in &batch {
-                number += one / draws as f64;
-                sums.iter_mut().enumerate().for_each(|(c, sums)| sums.add(&drawn[c], &left[c], sigma[c]));
-            }
-        }
+        in_batches(draws, draw, |(drawn, left, one)| {
+            number += one / draws as f64;
+            sums.iter_mut().enumerate().for_each(|(c, sums)| sums.add(&drawn[c], &left[c], sigma[c]));
+        });
         (sums, number)
     }
 
@@ -55,18 +51,44 @@ impl Spread {
     }
 }
 
+/// Makes `draws` draws in parallel, and adds them in order. A batch at a time bounds the memory.
+pub(super) fn in_batches<T: Send>(draws: u64, draw: impl Fn(u64) -> T + Sync, mut add: impl FnMut(T)) {
+    for first in (0..draws).step_by(BATCH as usize) {
+        let batch: Vec<T> = (first..draws.min(first + BATCH)).into_par_iter().map(&draw).collect();
+        batch.into_iter().for_each(&mut add);
+    }
+}
+
+/// Root mean square of the numbers that are finite.
+pub(super) fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
+    let finite = numbers.filter(|number| number.is_finite());
+    let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), number| (sum + number * number, count + 1.0));
+    (sum / count).sqrt()
+}
+
 /// Means over a box of `reach` values to either side along x, y, z, cut at the ends of the grid.
 pub(super) fn box_mean(values: &[f64], shape: [usize; 3], reach: [usize; 3]) -> Vec<f64> {
+    along_lines(values, shape, |axis, at, line| {
+        let (low, high) = (at.saturating_sub(reach[axis]), (at + reach[axis]).min(shape[axis] - 1));
+        (low..=high).map(line).sum::<f64>() / (high + 1 - low) as f64
+    })
+}
+
+/// Replaces all values along x, then y, then z: `value(axis, at, line)` is the new value at place `at` of a line along the
+/// axis, and `line(n)` the value at its place n.
+pub(super) fn along_lines(
+    values: &[f64],
+    shape: [usize; 3],
+    value: impl Fn(usize, usize, &dyn Fn(usize) -> f64) -> f64,
+) -> Vec<f64> {
     let mut values = values.to_vec();
     for axis in 0..3 {
         let (count, stride): (usize, usize) = (shape[axis], shape[..axis].iter().product());
-        let line = |i: usize| {
+        let one = |i: usize| {
             let at = i / stride % count;
-            let (low, high) = (at.saturating_sub(reach[axis]), (at + reach[axis]).min(count - 1));
-            let first = i - at * stride;
-            (low..=high).map(|n| values[first + n * stride]).sum::<f64>() / (high + 1 - low) as f64
+            value(axis, at, &|n| values[i + n * stride - at * stride])
         };
-        values = (0..values.len()).map(line).collect();
+        values = (0..values.len()).map(one).collect();
     }
     values
 }

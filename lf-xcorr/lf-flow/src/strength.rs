@@ -5,24 +5,23 @@
 //! smoothing, both in the stated uncertainties. For independent errors P is the trace of the smoother over the number
 //! of data.
 //!
-//! Departure: generalised cross-validation, which divides R by `(1 - P)^2`, does without the size of the errors, but
-//! only where P is small. Windows that overlap share their errors, so nearly all of an error passes a smoother that
-//! keeps the flow, and P is near 1. There cross-validation smooths the flow away.
+//! Departure: generalised cross-validation, which divides R by `(1 - P)^2`, does not need the size of the errors, but
+//! it works only if P is small. Windows that overlap share their errors, so nearly all of an error passes a smoother
+//! that keeps the flow, and P is near 1. There cross-validation would smooth the flow away.
 
-/// Constant: the least strength tried, the factor from one to the next, and how many at most. A strength s smooths
-/// waves of less than `2 pi s^(1/4)` vectors: the last, 123, those of 21,
-/// some five windows.
+/// Constant: the weakest strength tried, the factor from one to the next, and the number of them. A strength s smooths
+/// waves shorter than `2 pi s^(1/4)` vectors: the last, 123, waves of 21 vectors, about five windows.
 const FIRST: f64 = 0.03;
 const FACTOR: f64 = 4.0;
-const MOST: usize = 7;
+const TRIALS: usize = 7;
 
-/// The strength with the least score, by a parabola through the three about it. `score` is asked for rising strengths
-/// and may start from its last solution.
+/// The strength with the lowest score, by a parabola through the three scores around it. `score` is called with rising
+/// strengths and may start from its last solution.
 pub(super) fn best(mut score: impl FnMut(f64) -> f64) -> f64 {
     let mut scores: Vec<f64> = Vec::new();
-    for n in 0..MOST {
+    for n in 0..TRIALS {
         scores.push(score(FIRST * FACTOR.powi(n as i32)));
-        // Two rises in turn end the search.
+        // Stop after two rises in a row.
         if let [.., a, b, c] = scores.as_slice()
             && a < b
             && b < c
@@ -51,7 +50,7 @@ mod tests {
             let found = best(|strength| 1.0 + (strength / wanted).ln().powi(2));
             assert!((found / wanted).ln().abs() < 1e-9, "{found} for {wanted}");
         }
-        // No smoothing helps, or any does.
+        // No smoothing helps, and any smoothing helps.
         assert!(best(|strength| strength) < 2.0 * FIRST);
         assert!((best(|strength| 1.0 / strength) / 122.88 - 1.0).abs() < 1e-9);
     }

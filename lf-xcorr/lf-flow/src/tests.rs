@@ -88,7 +88,7 @@ fn array<'a>(arrays: &'a [Array], name: &str) -> &'a [f32] {
 }
 
 #[test]
-fn continuity_tells_w_from_u_and_v() {
+fn continuity_determines_w_from_u_and_v() {
     let truth = field([20, 18, 14], abc(0.02, 6.0));
     let mut noisy = truth.clone();
     disturb(&mut noisy);
@@ -100,15 +100,15 @@ fn continuity_tells_w_from_u_and_v() {
     assert!((found.misfit - 1.0).abs() < 0.15, "{}", found.misfit);
     let covered = covered(&found.field, &truth);
     assert!(covered.iter().all(|share| (0.6..0.76).contains(share)), "{covered:?}");
-    // A flow that is none is told.
+    // A field that is no incompressible flow is reported.
     let swelling = field([12, 11, 10], |place| 0.02 * place);
     let found = solenoidal(&swelling, &Measured::new(&swelling, None).unwrap());
     assert!(found.misfit > 3.0, "{}", found.misfit);
 }
 
-/// The divergence tells how right the uncertainty of w is, and says nothing of u and v.
+/// The divergence shows how right the uncertainty of w is, and shows nothing about u and v.
 #[test]
-fn an_uncertainty_of_w_that_is_too_large_is_mended() {
+fn an_uncertainty_of_w_that_is_too_large_is_corrected() {
     let mut right = field([20, 18, 14], abc(0.02, 6.0));
     disturb(&mut right);
     let mut wide = right.clone();
@@ -121,7 +121,7 @@ fn an_uncertainty_of_w_that_is_too_large_is_mended() {
 }
 
 #[test]
-fn a_field_smoothed_before_is_told_by_its_little_divergence() {
+fn a_field_smoothed_before_is_seen_by_its_small_divergence() {
     let mut noisy = field([20, 18, 14], abc(0.02, 6.0));
     disturb(&mut noisy);
     let before = smooth(&noisy, &Measured::new(&noisy, None).unwrap(), None).field;
@@ -171,7 +171,7 @@ fn smoothing_takes_noise_and_keeps_the_flow() {
     assert!(covered.iter().all(|share| (0.58..0.8).contains(share)), "{covered:?}");
 }
 
-/// The residual tells how large errors are: uncertainties that are too large do not smooth the flow away.
+/// The residual shows how large errors are: uncertainties that are too large do not smooth the flow away.
 #[test]
 fn an_uncertainty_that_is_too_large_smooths_no_more() {
     let truth = field([22, 20, 16], abc(0.02, 6.0));
@@ -200,9 +200,9 @@ fn a_plane_without_errors_stays_and_is_uncertain() {
     assert!(sigma.into_iter().all(|sigma| (0.05..1.0).contains(&(f64::from(*sigma) / SIGMA))));
 }
 
-/// A strength beyond all digits leaves nothing solved, and that is told.
+/// With a huge strength rounding stops the solver, and that is reported.
 #[test]
-fn a_smoothing_that_does_not_converge_is_told() {
+fn a_smoothing_that_does_not_converge_is_reported() {
     let mut noisy = field([12, 11, 10], abc(0.02, 6.0));
     disturb(&mut noisy);
     let measured = Measured::new(&noisy, None).unwrap();

@@ -1,14 +1,14 @@
 //! Values on a grid from the gradients between neighbours, by least squares.
 //!
-//! Neighbours with data are tied where the gradient along their axis is known at one of them at least. Gaps may cut the
-//! grid into parts that nothing ties; each part is known up to a constant, and its mean is 0.
+//! Two neighbours with data are tied if the gradient along their axis is known at one of them at least. Gaps may cut
+//! the grid into parts without a tie between them. Each part is known up to a constant; its mean is set to 0.
 
-use super::conjugate::{Solution, solve};
+use super::conjugate::solve;
 use glam::DVec3;
 use lf_core::VectorGrid;
 
-/// Constant: most steps of the solver.
-const MOST: usize = 5000;
+/// Constant: maximum number of steps of the solver.
+const MAX_STEPS: usize = 5000;
 
 /// Pairs of neighbours that are tied.
 pub(super) struct Ties {
@@ -18,19 +18,19 @@ pub(super) struct Ties {
     is_tied: Vec<[bool; 3]>,
     /// Sum of 1 / distance^2 over the tied neighbours of a vector.
     diagonal: Vec<f64>,
-    /// Number of the part of each vector from 1 on; 0 for a vector that nothing ties.
+    /// Number of the part of each vector, from 1; 0 for a vector without a tie.
     part: Vec<u32>,
-    /// How many parts there are.
+    /// Number of parts.
     pub parts: usize,
 }
 
 /// Values that gradients give.
 pub(super) struct Fitted {
-    /// Values; NaN where nothing ties a vector.
+    /// Values; NaN at vectors without a tie.
     pub values: Vec<f64>,
-    /// RMS of the part of the gradients that no values have, over the RMS of the gradients.
+    /// RMS of the part of the gradients that no values can have, over the RMS of the gradients.
     pub misfit: f64,
-    /// See [`Solution::unsolved`].
+    /// See [`super::conjugate::Solution::unsolved`].
     pub unsolved: Option<f64>,
 }
 
@@ -104,13 +104,7 @@ impl Ties {
         let spacing = self.spacing_mm;
         let between = |i: usize, j: usize, axis: usize| match [gradients[i][axis], gradients[j][axis]] {
             [a, b] if a.is_finite() && b.is_finite() => 0.5 * (a + b),
-            [a, b] => {
-                if a.is_finite() {
-                    a
-                } else {
-                    b
-                }
-            }
+            [a, b] => [a, b][usize::from(!a.is_finite())],
         };
         let mut right = vec![0.0; gradients.len()];
         self.pairs(|i, j, axis| {
@@ -130,8 +124,7 @@ impl Ties {
             let shares = rest.iter().zip(&self.diagonal).map(|(rest, d)| if *d > 0.0 { rest / d } else { 0.0 });
             out.iter_mut().zip(shares).for_each(|(out, share)| *out = share);
         };
-        let found: Solution = solve(apply, precondition, &right, vec![0.0; gradients.len()], tolerance, MOST);
-        let unsolved = found.unsolved(tolerance);
+        let found = solve(apply, precondition, &right, vec![0.0; gradients.len()], tolerance, MAX_STEPS);
         let (mut values, [mut rest, mut all]) = (found.values, [0.0; 2]);
         self.pairs(|i, j, axis| {
             let wanted = between(i, j, axis);
@@ -139,10 +132,10 @@ impl Ties {
             all += wanted.powi(2);
         });
         self.centre(&mut values);
-        Fitted { values, misfit: if all > 0.0 { (rest / all).sqrt() } else { 0.0 }, unsolved }
+        Fitted { values, misfit: if all > 0.0 { (rest / all).sqrt() } else { 0.0 }, unsolved: found.unsolved }
     }
 
-    /// Makes the mean of each part 0, and values that nothing ties NaN.
+    /// Makes the mean of each part 0, and values of vectors without a tie NaN.
     fn centre(&self, values: &mut [f64]) {
         let mut sums = vec![(0.0, 0.0); self.parts + 1];
         for (part, value) in self.part.iter().zip(values.iter()) {

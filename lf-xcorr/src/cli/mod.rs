@@ -5,13 +5,12 @@
 //! Open `run.rs` first.
 
 mod arguments;
+mod parse;
 mod particles;
-mod preset;
 mod report;
 mod run;
 mod warnings;
 mod windows;
-mod words;
 
 pub use arguments::Arguments;
 pub use run::run;

@@ -1,4 +1,4 @@
-//! The particles that decide the vectors: read, used, told, and written as tracks.
+//! The particles that decide the vectors: read, used, reported, and written as tracks.
 
 use super::arguments::Arguments;
 use glam::DVec3;
@@ -7,11 +7,11 @@ use lf_core::{Error, Field, Grid, Particle, Result, Session, io};
 use lf_xcorr::{Mask, Pair, Tracks, TracksReport, decide};
 use std::path::Path;
 
-/// Constant: fewer partners than this share of the particles of the smaller table are few.
+/// Constant: warn if fewer than this share of the smaller table's particles have a partner.
 const FEW: f64 = 0.7;
-/// Constant: residuals this many times as large as the covariances say are large.
+/// Constant: warn if residuals are this many times as large as the covariances say.
 const LARGE: f64 = 1.5;
-/// Constant: share of the windows that may be blind or empty without a warning.
+/// Constant: warn if more than this share of the windows is blind or empty.
 const MANY: f64 = 0.2;
 
 /// The particles of the first and of the second volume of every pair.
@@ -21,8 +21,8 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// Reads the tables of `pairs` pairs of volumes; None if none is given. Refuses other numbers of tables, and a table
-    /// of several frames or of none.
+    /// Reads the tables of `pairs` pairs of volumes; None if no table is given. Refuses another number of tables, and a
+    /// table of several frames or without particles.
     pub fn read(arguments: &Arguments, pairs: usize, session: &Session) -> Result<Option<Self>> {
         let files = &arguments.particles;
         if files.is_empty() {
@@ -46,8 +46,8 @@ impl Tables {
         Ok(Some(Self { names, tables }))
     }
 
-    /// Decides the vectors of a field, and warns of particles that cannot do it well; None, with a warning, if no two
-    /// particles are one. Pairs count whose midpoint is in the mask of a volume of `grid`.
+    /// Decides the vectors of a field, and warns of particles that cannot do it well. Without a pair it warns and
+    /// returns None. A pair counts if its midpoint is in the mask of a volume of `grid`.
     pub fn decide(&self, field: &Field, mask: &Mask, grid: &Grid, session: &Session) -> Result<Option<Tracks>> {
         let tables: Vec<[&[Particle]; 2]> =
             self.tables.chunks_exact(2).map(|pair| [pair[0].as_slice(), pair[1].as_slice()]).collect();
@@ -73,14 +73,14 @@ impl Tables {
         if (right as f64) < FEW * fewer as f64 {
             let share = 100.0 * right as f64 / fewer as f64;
             lines.push(format!(
-                "{right} of {fewer} particles ({share:.0} %) found their partner; many may be false or leave the volume: \
-                 check that both tables belong to these volumes, or fit them again with fewer false ones"
+                "{right} of {fewer} particles ({share:.0} %) found their partner; many may be false or leave the \
+                 volume: check that both tables belong to these volumes, or fit them again with fewer false ones"
             ));
         }
         if misfit > LARGE {
             lines.push(format!(
-                "pairs scatter {misfit:.1} times as much as their uncertainties say, and stated uncertainties are as much \
-                 larger; check the camera and the noise that the particles were fitted with"
+                "pairs scatter {misfit:.1} times as much as their uncertainties say, so stated uncertainties are \
+                 enlarged; check the camera and the noise that the particles were fitted with"
             ));
         }
         let (lost, all) = (blind + empty, measured + blind + empty);
@@ -120,15 +120,15 @@ fn keeps(mask: &Mask, grid: &Grid, place_mm: DVec3) -> bool {
     is_inside && indices.binary_search(&grid.index(voxel.map(|place| place as usize))).is_ok()
 }
 
-/// Tells counts for `--stats` and a line for `--verbose`.
-pub fn tell(report: &TracksReport, session: &mut Session) {
+/// Reports counts for `--stats` and a line for `--verbose`.
+pub fn report(report: &TracksReport, session: &mut Session) {
     let TracksReport { particles: [first, second], pairs, wrong, measured, blind, empty, misfit } = *report;
     let counts = [("particles_a", first), ("particles_b", second), ("particle_pairs", pairs)];
     let windows = [("pairs_wrong", wrong), ("windows_blind", blind), ("windows_without_pairs", empty)];
     counts.into_iter().chain(windows).for_each(|(name, count)| session.count(name, count));
     session.explain(format!(
-        "{pairs} pairs of {first} and {second} particles, of which {wrong} contradict their neighbours, decide {measured} \
-         windows; {blind} are blind, {empty} have no pair; residuals are {misfit:.2} of the uncertainties"
+        "{pairs} pairs of {first} and {second} particles, of which {wrong} contradict their neighbours, decide \
+         {measured} windows; {blind} are blind, {empty} have no pair; residuals are {misfit:.2} of the uncertainties"
     ));
 }
 

@@ -4,8 +4,8 @@ use lf_core::field::{MEASURED, NO_DATA, REPLACED};
 use lf_core::{Grid, Session};
 use lf_xcorr::{Choice, Deform, Options, Outcome, Pass, PassReport, Reason, Repeat, Seeding, sides_mm, triple};
 
-/// Tells how every pass went.
-pub fn tell(outcome: &Outcome, options: &Options, session: &mut Session) {
+/// Reports how every pass went.
+pub fn report(outcome: &Outcome, options: &Options, session: &mut Session) {
     for (number, pass) in outcome.passes.iter().enumerate() {
         session.explain(pass_line(number + 1, pass));
         for (again, repeat) in pass.repeats.iter().enumerate() {
@@ -30,12 +30,12 @@ pub fn windows_mm(options: &Options, part: &Grid) -> ([f64; 3], [f64; 3]) {
     (mm(options.passes.first()), mm(options.passes.last()))
 }
 
-/// A length with five digits, which stands for the same number of voxels.
+/// A length with five digits, which is enough to give the same number of voxels again.
 fn rounded(mm: f64) -> f64 {
     format!("{mm:.4e}").parse().expect("a number that was printed")
 }
 
-/// Tells the windows that were chosen from the particles.
+/// The windows that were chosen from the particles.
 pub fn chosen_windows(seeding: &Seeding, options: &Options) -> String {
     let last = options.passes.last().expect("a plan has a pass");
     let (_, [x, y, z]) = windows_mm(options, &seeding.part);

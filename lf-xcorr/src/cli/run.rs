@@ -1,6 +1,6 @@
 //! A run of lf-xcorr: read the volumes, plan, correlate, write the field.
 
-use super::{arguments::Arguments, particles, particles::Tables, report, warnings, words::MaskSource};
+use super::{arguments::Arguments, parse::MaskSource, particles, particles::Tables, report, warnings};
 use lf_core::{
     Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, simd::Level, volume::together,
 };
@@ -21,15 +21,14 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     let whole = || names(&volumes, " and ");
     let lists = Plan::list_bytes(&part, volumes.len());
     cli::check_memory(arguments.memory, lists, whole(), || format!("a {part}"))?;
-    let cut = arguments.slice.unwrap_or_default();
-    check_slice(cut, &mask, &part, volumes[0].name())?;
+    check_slice(arguments.picture.slice.unwrap_or_default(), &mask, &part, volumes[0].name())?;
     let pairs = pairs(&volumes);
-    let seeding = session.phase("choose", |_| seeding(arguments, &pairs, &mask).map_err(named))?;
+    let find = || Seeding::find(&pairs, &mask, arguments.floor());
+    let seeding = session.phase("choose", |_| arguments.windows.are_chosen().then(find).transpose().map_err(named))?;
     let options = arguments.options(&part, seeding.as_ref().map(Seeding::window));
     let plan = Plan::new(&pairs, &mask, &options).map_err(named)?;
 
-    arguments.explain_preset(session);
-    arguments.windows.tell_millimetres(&part, session);
+    arguments.windows.report_millimetres(&part, session);
     if let Some(seeding) = &seeding {
         session.say(report::chosen_windows(seeding, &options));
     }
@@ -38,7 +37,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         let voxels = volumes.iter().map(|volume| volume.indices().len() as u64).sum();
         let (initial_mm, window_mm) = report::windows_mm(&options, &part);
         let lengths = [("initial_mm", initial_mm), ("window_mm", window_mm)];
-        session.tell_estimate_with(plan.bytes(), &[("voxels", voxels)], &lengths)?;
+        session.print_estimate(plan.bytes(), &[("voxels", voxels)], &lengths)?;
         return Ok(Verdict::Done);
     }
     let windows = || format!("{} windows in all passes", plan.windows());
@@ -55,14 +54,14 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     if let Some(tables) = &tables {
         let decide = |session: &mut Session| tables.decide(&outcome.field, &mask, volumes[0].grid(), session);
         if let Some(tracks) = session.phase("particles", decide)? {
-            particles::tell(&tracks.report, session);
+            particles::report(&tracks.report, session);
             (outcome.field, pairs) = (tracks.field, tracks.pairs);
         }
     }
     let histories = volumes.iter().map(JoinedVolume::history).chain(support.as_ref().map(Volume::history));
     outcome.field.layout.history = session.history(&together(histories));
     outcome.field.layout.dt_s = arguments.dt;
-    report::tell(&outcome, &options, session);
+    report::report(&outcome, &options, session);
     warnings::about(&outcome, &options, &part).into_iter().for_each(|line| session.warn(line));
     session.phase("write", |_| {
         save(&outcome, arguments)?;
@@ -80,25 +79,17 @@ fn check_outputs(arguments: &Arguments, session: &Session) -> Result<()> {
         return Err(Error::new(option, format!("changes nothing: {why}"), "wanted it left out"));
     }
     let inputs = arguments.inputs();
-    session.keep_apart(&arguments.output, &inputs)?;
-    io::check_place(&arguments.output)?;
-    if let Some(tracks) = &arguments.tracks {
-        io::check_place(tracks)?;
-        session.keep_apart(tracks, &inputs)?;
-        let others = [Some(&arguments.output), arguments.plot.as_ref()];
-        if others.into_iter().flatten().any(|other| tracks == other || io::same_file(tracks, other)) {
-            return Err(Error::new(
-                io::output_name(tracks),
-                "is another output and the --tracks file",
-                "wanted two files",
-            ));
-        }
-    }
-    if let Some(plot) = &arguments.plot {
-        io::check_picture(plot)?;
-        session.keep_apart(plot, &inputs)?;
-        if plot == &arguments.output || io::same_file(plot, &arguments.output) {
-            return Err(Error::new(io::output_name(plot), "is the output and the --plot file", "wanted two files"));
+    let plot = arguments.picture.plot.as_ref();
+    let outputs =
+        [("output", Some(&arguments.output)), ("--plot file", plot), ("--tracks file", arguments.tracks.as_ref())];
+    for (n, (name, path)) in outputs.into_iter().enumerate() {
+        let Some(path) = path else { continue };
+        session.keep_apart(path, &inputs)?;
+        if Some(path) == plot { io::check_picture(path) } else { io::check_place(path) }?;
+        let is_same = |other: &PathBuf| path == other || io::same_file(path, other);
+        if let Some((other, _)) = outputs[..n].iter().find(|(_, other)| other.is_some_and(is_same)) {
+            let found = format!("is the {other} and the {name}");
+            return Err(Error::new(io::output_name(path), found, "wanted two files"));
         }
     }
     Ok(())
@@ -164,12 +155,6 @@ fn check_slice(cut: Cut, mask: &Mask, part: &Grid, name: &str) -> Result<()> {
     cut.check(bounds_mm, whose).map_err(|refusal| refusal.about(name))
 }
 
-/// The particles in the volumes, if windows are to be chosen from them.
-fn seeding(arguments: &Arguments, pairs: &[[Sparse; 2]], mask: &Mask) -> std::result::Result<Option<Seeding>, Refused> {
-    let is_asked = arguments.windows.are_chosen();
-    is_asked.then(|| Seeding::find(pairs, mask, arguments.floor())).transpose()
-}
-
 /// The light of the volumes, pair by pair.
 fn pairs<'a>(volumes: &'a [JoinedVolume]) -> Vec<[Sparse<'a>; 2]> {
     let sparse = |volume: &'a JoinedVolume| Sparse {
@@ -195,10 +180,10 @@ fn named(refused: Refused, volumes: &[JoinedVolume]) -> Error {
 /// Writes the field and its picture. The field is kept if the slice is inside the volume but outside the smaller field.
 fn save(outcome: &Outcome, arguments: &Arguments) -> Result<()> {
     outcome.field.save(&arguments.output)?;
-    if let Some(path) = &arguments.plot {
-        let svg = lf_plot::field(&outcome.field, &arguments.picture())
+    if let Some(path) = &arguments.picture.plot {
+        let drawing = lf_plot::field(&outcome.field, &arguments.picture.content())
             .map_err(|refusal| refusal.about(io::output_name(path)))?;
-        lf_plot::save(path, &svg)?;
+        lf_plot::save(path, &drawing)?;
     }
     Ok(())
 }

@@ -5,19 +5,19 @@ use lf_core::field::{NO_DATA, REPLACED};
 use lf_core::{Grid, JoinedVolume};
 use lf_xcorr::{Options, Outcome, PassReport, WANTED_PARTICLES, near_cube, sides_mm, triple};
 
-/// Constant: fewer particles than this in the median window are too few. Five pairs of particles find their peak in
+/// Constant: warn if the median window holds fewer particles than this. Five pairs of particles find their peak in
 /// nineteen windows of twenty (Raffel et al., Particle Image Velocimetry, 2018, after Keane & Adrian 1992).
 const FEW: usize = 5;
-/// Constant: longest side over shortest side, in mm, of a window that is far from a cube.
+/// Constant: warn if the longest side of a window, in mm, is more than this many times the shortest.
 const FAR_FROM_CUBE: f64 = 3.0;
-/// Constant: share of the vectors that may be replaced without a warning.
+/// Constant: warn if more than this share of the vectors is replaced.
 const MANY_REPLACED: f64 = 0.2;
-/// Constant: a displacement is near the end of the first search from this share of it on, or a bin before it, because a
-/// peak at the end itself is not found.
+/// Constant: a displacement is near the end of the first search beyond this share of it, or less than a bin before its
+/// end. A peak at the end itself is not found.
 const NEAR_END: f64 = 0.9;
-/// Constant: share of the vectors that may be near the end of the search without a warning.
+/// Constant: warn if more than this share of the vectors is near the end of the search.
 const SOME: f64 = 0.01;
-/// Constant: least mean correlation of volumes that hold the same particles. Reconstructed pairs reach 0.9, pairs of
+/// Constant: minimum mean correlation of volumes that hold the same particles. Reconstructed pairs reach 0.9, pairs of
 /// different flows 0.1.
 const SAME_PARTICLES: f64 = 0.3;
 /// Constant: a change of the displacement across a window, in voxels, that few windows follow.
@@ -37,7 +37,7 @@ fn about_pair(first: &JoinedVolume, second: &JoinedVolume) -> Option<String> {
         .then(|| format!("{a} seems to be later than {b}; if it is, exchange them, or all vectors point backwards"))
 }
 
-/// Whether two names differ in a number only, or in one letter, and it falls from `first` to `second`.
+/// Whether two names differ in one number or one letter only, which falls from `first` to `second`.
 fn is_later(first: &str, second: &str) -> bool {
     let is_same = |(a, b): &(char, char)| a == b;
     let head = first.chars().zip(second.chars()).take_while(is_same).count();
@@ -62,7 +62,7 @@ fn is_later(first: &str, second: &str) -> bool {
 
 /// Warnings about the field of a volume of `part`.
 pub fn about(outcome: &Outcome, options: &Options, part: &Grid) -> Vec<String> {
-    let run = Run { outcome, options, part };
+    let run = Finished { outcome, options, part };
     let mut lines = vec![run.few_particles(), run.far_from_cubes()];
     // Volumes of other particles have their peaks anywhere, also at the end of the search.
     match run.other_particles() {
@@ -72,13 +72,14 @@ pub fn about(outcome: &Outcome, options: &Options, part: &Grid) -> Vec<String> {
     lines.into_iter().flatten().collect()
 }
 
-struct Run<'a> {
+/// A finished run.
+struct Finished<'a> {
     outcome: &'a Outcome,
     options: &'a Options,
     part: &'a Grid,
 }
 
-impl Run<'_> {
+impl Finished<'_> {
     fn last(&self) -> &PassReport {
         self.outcome.passes.last().expect("a run has a pass")
     }
@@ -137,16 +138,13 @@ impl Run<'_> {
         })
     }
 
-    /// Share of the vectors whose displacement comes near the end of the first search along some axis, and the search
-    /// that would leave room for them.
+    /// Warns of displacements near the end of the first search, and names a search that leaves room for them.
     fn near_end(&self) -> Option<String> {
         let PassReport { search, bin, .. } = self.outcome.passes[0];
         let field = &self.outcome.field;
         let end_vox = [0, 1, 2].map(|a| (NEAR_END * search[a] as f64).min(search[a] as f64 - bin[a] as f64));
-        let components = [&field.u, &field.v, &field.w];
         let is_near = |i: usize, axis: usize| {
-            let shift_vox = (components[axis][i] as f64 / field.layout.voxel_mm[axis]).abs();
-            shift_vox > end_vox[axis]
+            (field.displacement_mm(i)[axis] / field.layout.voxel_mm[axis]).abs() > end_vox[axis]
         };
         let known: Vec<usize> = (0..field.len()).filter(|&i| field.flag[i] != NO_DATA).collect();
         let near: [usize; 3] = [0, 1, 2].map(|axis| known.iter().filter(|&&i| is_near(i, axis)).count());
@@ -168,7 +166,7 @@ impl Run<'_> {
         })
     }
 
-    /// If the volumes do not hold the same particles.
+    /// Warns if the volumes do not hold the same particles.
     fn other_particles(&self) -> Option<String> {
         let correlation = self.last().repeats.last().map_or(f64::NAN, |repeat| repeat.correlation);
         let search = triple(self.outcome.passes[0].search);
@@ -214,7 +212,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_tell_the_order_of_frames() {
+    fn names_show_the_order_of_frames() {
         for (first, second, wanted) in [
             ("volume-0001.lfv", "volume-0000.lfv", true),
             ("volume-0000.lfv", "volume-0001.lfv", false),

@@ -1,23 +1,24 @@
 //! The time that a pass would take by direct sums and by Fourier transforms.
 //!
-//! Promise: one look at every lit voxel and a table of cells. If the light is spread evenly, the ratio of the two times
-//! is within a factor of 2 of the measured one. Departure: every window is taken to be searched about the same shift;
-//! where neighbours differ, direct sums take longer, because a cell is summed over all shifts of its windows.
+//! Promise: the estimate reads every lit voxel once and keeps a table of cells. If the light is spread evenly, the
+//! ratio of the two times is within a factor of 2 of the measured one. Departure: all windows count as searched about
+//! the same shift. Where neighbours differ, direct sums take longer, because a cell is summed over all shifts of its
+//! windows.
 
 use super::window_grid::{WindowAxis, WindowGrid};
-use super::{kernel::lanes_for, light::Light, transform::Transforms};
+use super::{kernel::lanes_for, light::CellLight, transform::Transforms};
 use crate::volumes::Rows;
 
 /// Estimates the time of a pass from the light of a pair in the cells of a window grid. Seconds are of one core.
 pub(crate) struct Estimate<'a> {
-    light: [Light; 2],
+    light: [CellLight; 2],
     shape: [usize; 3],
     windows: &'a WindowGrid,
 }
 
 impl<'a> Estimate<'a> {
     pub fn new(pair: [&Rows; 2], windows: &'a WindowGrid) -> Self {
-        Self { light: pair.map(|rows| Light::count(rows, windows)), shape: pair[0].shape, windows }
+        Self { light: pair.map(|rows| CellLight::count(rows, windows)), shape: pair[0].shape, windows }
     }
 
     /// By products of lit voxels, shared between windows; every window is searched within `radius`.
@@ -88,15 +89,14 @@ fn seconds(counts: &[f64], ns: &[f64]) -> f64 {
 }
 
 /// Constant: nanoseconds of a multiplication of the products; of a pair of rows; of a voxel, of a row and shift along
-/// x, and of an addition of the energies; of a shift that one set of sums hands to the next; and the extra time of the
-/// last for each doubling of the shifts above 512, as the sums leave the caches. Fitted to `benches/routes.rs` on one
-/// core of a Xeon (Sapphire Rapids, AVX2 code) at 0.1 % to 100 % of light, windows of 16 to 64 and radii of 4 to 16:
-/// 0.6 to 1.4 of the measured times. If the constants are wrong, the slower way is taken; vectors are read off direct
-/// sums either way.
+/// x, and of an addition of the energies; of a shift that is added from one set of sums to the next; and the extra time
+/// of the last for each doubling of the shifts above 512, as the sums leave the caches. Fitted to `benches/routes.rs`
+/// on one core of a Xeon (Sapphire Rapids, AVX2 code) at 0.1 % to 100 % of light, windows of 16 to 64 and radii of 4 to
+/// 16: 0.6 to 1.4 of the measured times. Wrong constants cost time only; vectors are read off direct sums either way.
 const DIRECT_NS: [f64; 7] = [0.21, 8.6, 1.0, 44.0, 0.16, 4.8, 1.3];
 
 /// Constant: nanoseconds of an operation of the transforms, of an element of a row of the energies, of a lit voxel and
-/// of a shift. Fitted as [`DIRECT_NS`].
+/// of a shift. Fitted like [`DIRECT_NS`].
 const TRANSFORM_NS: [f64; 4] = [0.089, 3.1, 0.9, 9.5];
 
 /// Shifts along x that a vector holds, and vectors that hold `n` of them.

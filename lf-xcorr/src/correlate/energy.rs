@@ -1,16 +1,16 @@
 //! Sums of one volume and of its squares, over the voxels that each trial shift pairs, by running sums.
 //!
 //! Cost: about (voxels of the lit rows + lit rows x shifts along x + planes x shifts along x and y + shifts) additions.
-//! Promise: a sum is the difference of two running sums, good to 1e-15 of the whole region's sum. It is never negative,
-//! and exactly 0 if there is no light.
+//! Promise: a sum is the difference of two running sums, with an error of 1e-15 of the whole region's sum. It is never
+//! negative, and exactly 0 without light.
 
 use super::{shifts::hull, sums::zeros};
 use crate::volumes::Rows;
 use std::ops::Range;
 
-/// Buffers kept from window to window; they need not be clean.
+/// Buffers reused from window to window; their contents do not matter.
 #[derive(Debug, Default)]
-pub(crate) struct Scratch {
+pub(crate) struct EnergyScratch {
     /// Running along a row, for each voxel: sum, sum of squares.
     along_x: Vec<[f64; 2]>,
     /// Running over rows: sums for each shift along x, then squares.
@@ -22,7 +22,7 @@ pub(crate) struct Scratch {
 
 /// Writes the sum and the sum of squares for every shift to `out`. Shift (kx, ky, kz) sums the box `ranges[0][kx]` x
 /// `ranges[1][ky]` x `ranges[2][kz]`.
-pub(crate) fn sums(rows: &Rows, ranges: &[Vec<Range<i32>>; 3], mut out: [&mut [f64]; 2], scratch: &mut Scratch) {
+pub(crate) fn sums(rows: &Rows, ranges: &[Vec<Range<i32>>; 3], mut out: [&mut [f64]; 2], scratch: &mut EnergyScratch) {
     let [nx, ny, _] = ranges.each_ref().map(Vec::len);
     let [hull_x, hull_y, hull_z] = ranges.each_ref().map(|ranges| hull(ranges));
     out.iter_mut().for_each(|sums| sums.fill(0.0));
@@ -41,10 +41,10 @@ fn sum_plane(
     z: i32,
     ranges: &[Vec<Range<i32>>; 3],
     [hull_x, hull_y]: [&Range<i32>; 2],
-    scratch: &mut Scratch,
+    scratch: &mut EnergyScratch,
 ) -> bool {
     let [nx, ny, _] = ranges.each_ref().map(Vec::len);
-    let Scratch { along_x, along_y, plane, .. } = scratch;
+    let EnergyScratch { along_x, along_y, plane, .. } = scratch;
     zeros(plane, 2 * nx * ny);
     zeros(along_y, 2 * nx);
     let mut is_lit = false;
@@ -83,8 +83,8 @@ fn run_along(x: &[u32], value: &[f32], hull: &Range<i32>, out: &mut Vec<[f64; 2]
     out.resize(hull.len() + 1, up_to);
 }
 
-/// Carries the running sums over to the ranges: subtracts them from every range that starts at `place`, adds them to
-/// every range that ends there. `running` holds the sums, then the squares.
+/// Subtracts the running sums from every range that starts at `place`, and adds them to every range that ends there.
+/// `running` holds the sums, then the squares.
 #[inline]
 fn take(ranges: &[Range<i32>], place: i32, running: &[f64], [sum, squares]: [&mut [f64]; 2]) {
     let n = running.len() / 2;
@@ -110,7 +110,7 @@ mod tests {
     fn running_sums_are_the_sums() {
         let mut random = Pcg64Mcg::seed_from_u64(5);
         let shape = [17, 9, 6];
-        let mut scratch = Scratch::default();
+        let mut scratch = EnergyScratch::default();
         for trial in 0..60 {
             let lit = [0.01, 0.1, 1.0][trial % 3];
             let mut voxel = || if random.random::<f64>() < lit { random.random::<f32>() + 1e-3 } else { 0.0 };

@@ -5,6 +5,7 @@
 //! tilted peak, which three one-dimensional fits would misplace.
 
 use glam::DVec3;
+use lf_core::linear::{cholesky, solve};
 
 /// Constant: an axis is fitted over two shifts each way, not one, if the score two shifts off on both sides is above
 /// this fraction of the peak. Particles long along z have a broad peak, whose neighbours differ by less than noise.
@@ -23,10 +24,10 @@ pub(crate) struct GaussianFit {
 
 /// The peak at the whole shift `at` of a box of `n` shifts; `at` is not on the box's edge.
 ///
-/// Method: a least-squares quadratic through the logarithms, weighted by the square of the score, because the error of
-/// a logarithm is the error of the score over the score. The offset is within one voxel of `at` on each axis. If the
-/// neighbours do not form a peak, the fit falls back to three points per axis. Promise: a score that is the same at +d
-/// and -d gives an offset of exactly zero.
+/// Method: a least-squares quadratic through the logarithms, weighted with the square of the score, because the error
+/// of a logarithm is the error of the score over the score. The offset is within one voxel of `at` along each axis. If
+/// the neighbours do not form a peak, the fit takes three points per axis. Promise: a score that is equal at +d and -d
+/// gives an offset of exactly zero.
 pub(crate) fn gaussian(score: &[f64], n: [usize; 3], at: [usize; 3]) -> GaussianFit {
     let get = |d: [i32; 3]| {
         let is_inside = (0..3).all(|a| at[a] as i32 + d[a] >= 0 && at[a] as i32 + d[a] < n[a] as i32);
@@ -38,8 +39,8 @@ pub(crate) fn gaussian(score: &[f64], n: [usize; 3], at: [usize; 3]) -> Gaussian
         let off = |d: i32| get(along(axis, d));
         if off(-2).min(off(2)) > BROAD * top { 2 } else { 1 }
     });
-    let quadratic = normal_equations(get, top, reach).and_then(solve).and_then(vertex);
-    let (offset, gain, covariance) = quadratic.unwrap_or_else(|| three_points_per_axis(get, top));
+    let fitted = quadratic(get, top, reach).and_then(vertex);
+    let (offset, gain, covariance) = fitted.unwrap_or_else(|| three_points_per_axis(get, top));
     GaussianFit { offset: offset.into(), height: top * gain.exp(), covariance }
 }
 
@@ -55,18 +56,16 @@ fn terms([x, y, z]: [f64; 3]) -> [f64; TERMS] {
     [1.0, x * x, y * y, z * z, x * y, x * z, y * z, x, y, z]
 }
 
-/// Matrix and right-hand side; the lower triangle of the matrix is filled.
-type Normal = ([[f64; TERMS]; TERMS], [f64; TERMS]);
-
-/// The weighted normal equations. Points are taken in opposite pairs, so that a symmetric peak has exactly no odd part.
-fn normal_equations(get: impl Fn([i32; 3]) -> f64, top: f64, reach: [i32; 3]) -> Option<Normal> {
+/// The terms by weighted normal equations; `None` if too few points have weight. Points are taken in opposite pairs, so
+/// that the odd terms of a symmetric peak are exactly zero.
+fn quadratic(get: impl Fn([i32; 3]) -> f64, top: f64, reach: [i32; 3]) -> Option<[f64; TERMS]> {
     let weight_and_value = |d: [i32; 3]| {
         let share = get(d) / top;
         if share > 0.0 { (share * share, share * share * share.ln()) } else { (0.0, 0.0) }
     };
-    let (mut matrix, mut right) = ([[0.0; TERMS]; TERMS], [0.0; TERMS]);
+    let (mut matrix, mut right) = ([0.0; TERMS * TERMS], [0.0; TERMS]);
     // The peak itself has weight 1 and logarithm 0.
-    matrix[0][0] = 1.0;
+    matrix[0] = 1.0;
     for z in 0..=reach[2] {
         for y in if z == 0 { 0 } else { -reach[1] }..=reach[1] {
             for x in if z == 0 && y == 0 { 1 } else { -reach[0] }..=reach[0] {
@@ -76,38 +75,16 @@ fn normal_equations(get: impl Fn([i32; 3]) -> f64, top: f64, reach: [i32; 3]) ->
                 let value = [plus.1 + minus.1, plus.1 - minus.1];
                 for i in 0..TERMS {
                     for j in 0..=i {
-                        matrix[i][j] += row[i] * row[j] * weight[((i < EVEN) != (j < EVEN)) as usize];
+                        matrix[TERMS * i + j] += row[i] * row[j] * weight[((i < EVEN) != (j < EVEN)) as usize];
                     }
                     right[i] += row[i] * value[(i >= EVEN) as usize];
                 }
             }
         }
     }
-    right.iter().all(|value| value.is_finite()).then_some((matrix, right))
-}
-
-/// Solves by Cholesky factors; `None` if too few points have weight.
-fn solve((mut matrix, mut right): Normal) -> Option<[f64; TERMS]> {
-    for i in 0..TERMS {
-        let whole = matrix[i][i];
-        for j in 0..=i {
-            let sum: f64 = matrix[i][j] - (0..j).map(|k| matrix[i][k] * matrix[j][k]).sum::<f64>();
-            if i > j {
-                matrix[i][j] = sum / matrix[j][j];
-            } else if sum > 1e-10 * whole {
-                matrix[i][i] = sum.sqrt();
-            } else {
-                return None;
-            }
-        }
-    }
-    for i in 0..TERMS {
-        right[i] = (right[i] - (0..i).map(|k| matrix[i][k] * right[k]).sum::<f64>()) / matrix[i][i];
-    }
-    for i in (0..TERMS).rev() {
-        right[i] = (right[i] - (i + 1..TERMS).map(|k| matrix[k][i] * right[k]).sum::<f64>()) / matrix[i][i];
-    }
-    Some(right)
+    cholesky(&mut matrix, TERMS, 1e-10)?;
+    solve(&matrix, &mut right);
+    right.iter().all(|value| value.is_finite()).then_some(right)
 }
 
 /// Place of the top, the logarithm of its height over the score at the whole shift, and the covariance.

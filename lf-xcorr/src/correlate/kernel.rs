@@ -10,10 +10,10 @@ use crate::volumes::Rows;
 use lf_core::simd::fastest;
 use std::ops::Range;
 
-/// Buffers kept from cell to cell; they need not be clean.
+/// Buffers reused from cell to cell; their contents do not matter.
 #[derive(Debug, Default)]
-pub(crate) struct Scratch {
-    /// The second volume's voxels around the cell, dense; rows are padded to whole vectors.
+pub(crate) struct ProductScratch {
+    /// The second volume's voxels around the cell as a dense box; rows are padded to whole vectors.
     dense: Vec<f64>,
     /// Whether a row of `dense` holds light.
     is_lit: Vec<bool>,
@@ -21,7 +21,7 @@ pub(crate) struct Scratch {
 
 /// Two volumes, a cell of midpoints, and the trial shifts.
 #[derive(Clone, Copy)]
-pub(crate) struct Cell<'a> {
+pub(crate) struct CellProducts<'a> {
     pub first: &'a Rows,
     pub second: &'a Rows,
     pub midpoints: &'a [Range<usize>; 3],
@@ -29,7 +29,7 @@ pub(crate) struct Cell<'a> {
 }
 
 /// Adds the products of a cell for every shift.
-pub(crate) fn products(cell: Cell, out: &mut [f64], scratch: &mut Scratch) {
+pub(crate) fn products(cell: CellProducts, out: &mut [f64], scratch: &mut ProductScratch) {
     fastest(
         #[inline(always)]
         || match lanes_for(cell.shifts.n[0]) {
@@ -51,7 +51,7 @@ pub(crate) fn lanes_for(n: usize) -> usize {
     }
 }
 
-impl Cell<'_> {
+impl CellProducts<'_> {
     /// Voxels of the first volume along `axis` that any shift pairs with a midpoint of the cell.
     #[inline(always)]
     fn of_first(&self, axis: usize) -> Range<i32> {
@@ -59,7 +59,7 @@ impl Cell<'_> {
         self.clipped(axis, cell.start as i32 - back(shifts.high(axis)), cell.end as i32 - back(shifts.low[axis]))
     }
 
-    /// The same of the second volume.
+    /// Voxels of the second volume along `axis` that any shift pairs with a midpoint of the cell.
     #[inline(always)]
     fn of_second(&self, axis: usize) -> Range<i32> {
         let (cell, shifts) = (&self.midpoints[axis], self.shifts);
@@ -83,7 +83,7 @@ impl Cell<'_> {
 
     /// Adds the products, `L` shifts along x at a time.
     #[inline(always)]
-    fn add<const L: usize>(&self, out: &mut [f64], scratch: &mut Scratch) {
+    fn add<const L: usize>(&self, out: &mut [f64], scratch: &mut ProductScratch) {
         let [ax, ay, az] = [0, 1, 2].map(|axis| self.of_first(axis));
         let [by, bz] = [1, 2].map(|axis| self.of_second(axis));
         if [&ax, &ay, &az, &by, &bz].iter().any(|range| range.is_empty()) {
@@ -91,7 +91,7 @@ impl Cell<'_> {
         }
         let shifts = self.shifts;
         let width = ax.len() + shifts.n[0].div_ceil(L) * L;
-        self.lay_out(ax.start + shifts.low[0], width, [&by, &bz], scratch);
+        self.fill_dense(ax.start + shifts.low[0], width, [&by, &bz], scratch);
 
         // Multiply every lit row of the first volume with every lit row of the second that a shift pairs with it.
         for z in az {
@@ -115,10 +115,10 @@ impl Cell<'_> {
         }
     }
 
-    /// Lays the second volume out densely, in rows of `width` voxels from `start` on: the column that the lowest shift
-    /// pairs with the first column of the first volume.
+    /// Writes the second volume as a dense box, in rows of `width` voxels from `start` on: the column that the lowest
+    /// shift pairs with the first column of the first volume.
     #[inline(always)]
-    fn lay_out(&self, start: i32, width: usize, [by, bz]: [&Range<i32>; 2], scratch: &mut Scratch) {
+    fn fill_dense(&self, start: i32, width: usize, [by, bz]: [&Range<i32>; 2], scratch: &mut ProductScratch) {
         zeros(&mut scratch.dense, width * by.len() * bz.len());
         scratch.is_lit.clear();
         for z in bz.clone() {
@@ -149,7 +149,7 @@ impl Cell<'_> {
 struct FirstRow<'a> {
     x: &'a [u32],
     value: &'a [f32],
-    /// Entries that have their midpoint in the cell at every shift along x.
+    /// Entries whose midpoint is in the cell at every shift along x.
     whole: Range<usize>,
     /// The x that the dense rows count from.
     origin: i32,
@@ -179,7 +179,7 @@ impl FirstRow<'_> {
         out.iter_mut().zip(&sum).for_each(|(out, sum)| *out += sum);
     }
 
-    /// Adds a voxel that has its midpoint outside the cell at some shifts.
+    /// Adds a voxel whose midpoint is outside the cell at some shifts.
     #[inline(always)]
     fn masked<const L: usize>(&self, entry: usize, dense: &[f64], low: i32, sum: &mut [f64; L]) {
         let x = self.x[entry] as i32;

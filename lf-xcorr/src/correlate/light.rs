@@ -4,7 +4,7 @@ use super::window_grid::WindowGrid;
 use crate::volumes::Rows;
 
 /// Number of lit voxels and of lit rows of every cell, x fastest, and all cells together.
-pub(crate) struct Light {
+pub(crate) struct CellLight {
     pub voxels: Vec<u32>,
     pub rows: Vec<u32>,
     pub total: Spread,
@@ -27,15 +27,13 @@ impl Spread {
     }
 }
 
-impl Light {
+impl CellLight {
     pub fn count(volume: &Rows, windows: &WindowGrid) -> Self {
         let [nx, ny, nz] = windows.axes.each_ref().map(|axis| axis.cells.len());
-        let cell_of = [0, 1, 2].map(|axis| {
-            let mut cell_of = vec![None; volume.shape[axis]];
-            let cells = windows.axes[axis].cells.iter().enumerate();
-            cells.for_each(|(cell, range)| cell_of[range.clone()].fill(Some(cell)));
-            cell_of
-        });
+        let cells_along = |axis: usize| -> Vec<Option<usize>> {
+            (0..volume.shape[axis]).map(|voxel| windows.axes[axis].cell_of(voxel)).collect()
+        };
+        let cell_of = [0, 1, 2].map(cells_along);
         let (mut voxels, mut rows) = (vec![0; nx * ny * nz], vec![0; nx * ny * nz]);
         for z in 0..volume.shape[2] {
             for y in 0..volume.shape[1] {

@@ -1,12 +1,12 @@
 //! The correlation peak of every window of a pass.
 
 use super::peak::{self, Peak};
-use super::transform::{Scratch, Transforms};
+use super::transform::{TransformScratch, Transforms};
 use super::{score::PairedVoxels, shared_sums, shifts::Shifts, sums::Sums, window_grid::WindowGrid};
 use crate::volumes::Rows;
 use rayon::prelude::*;
 
-/// Is called with the number of windows that are done since the last call.
+/// A function that is called with the number of windows done since the last call.
 pub(crate) type Watch<'a> = &'a (dyn Fn(u64) + Sync);
 
 /// How the products of a window are summed.
@@ -19,8 +19,8 @@ pub(crate) enum Summation {
 
 /// Finds the peak of every node that has a box of shifts to search, in the score summed over all `pairs`.
 ///
-/// In a dark volume the outside counts as dark, so that a shift by whole voxels stays exact. In a volume that
-/// `is_full`, with light everywhere, that would be an edge that both windows share; there the outside does not count.
+/// In a dark volume the outside counts as dark, so that a shift by whole voxels stays exact. In a volume that `is_full`
+/// of light this would be an edge that both windows share, so there the outside does not count.
 pub(crate) fn measure(
     pairs: &[[&Rows; 2]],
     windows: &WindowGrid,
@@ -43,7 +43,7 @@ pub(crate) fn measure(
             found(sums, if is_full { inside() } else { whole(shifts) })
         }),
         Summation::Transform(transforms) => {
-            let peak_of = |scratch: &mut Scratch, node: usize| {
+            let peak_of = |scratch: &mut TransformScratch, node: usize| {
                 let (shifts, voxels) = (search[node]?, windows.voxels(node));
                 let sums_of = |pair: &[&Rows; 2]| transforms.sums(*pair, &voxels, shifts, scratch);
                 let sums: Vec<Sums> = pairs.iter().map(sums_of).collect();

@@ -36,11 +36,11 @@ pub(crate) struct PeakFit {
     pub covariance_vox2: [[f64; 3]; 3],
 }
 
-/// Constant: the ratio if no second peak rises above a thousandth of the first. It keeps every ratio finite.
+/// Constant: largest ratio, so that it is finite without a second peak.
 const RATIO_LIMIT: f64 = 1e3;
 
-/// Constant: a second peak is as high as the first if it is no lower than this share of it. Flanks of particle images that
-/// a window's side cuts have one shape at many places, and intensities of 24 bits tell such peaks apart by less.
+/// Constant: a second peak of more than this share of the first is as high. Flanks of particle images that a window's
+/// side cuts have one shape at many places, and such peaks differ by less, because intensities have 24 bits.
 const TIE: f64 = 1.0 - 1e-6;
 
 /// Finds the peak in the sums of a window; `pairs` holds the sums of each pair of volumes.
@@ -67,9 +67,8 @@ pub(crate) fn find(pairs: &[Sums], paired: &PairedVoxels) -> Peak {
     Peak::Inside(PeakFit { shift_vox, height, ratio, covariance_vox2: covariance })
 }
 
-/// The score of the second peak: the highest shift that none of its 26 neighbours exceeds and that is no neighbour of
-/// `best`. The flank of a long peak is therefore no second peak, however far it reaches, nor is the other half of a peak
-/// between two shifts.
+/// The score of the second peak: the highest local maximum over 26 neighbours that is no neighbour of `best`. So
+/// neither the flank of a long peak nor the other half of a peak between two shifts is a second peak.
 fn second(score: &[f64], shifts: &Shifts, best: usize) -> f64 {
     let [nx, ny, nz] = shifts.n;
     let mut second = 0.0;

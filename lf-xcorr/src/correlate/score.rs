@@ -8,11 +8,11 @@ use std::ops::Range;
 ///
 /// Equation: `(S_ab - S_a S_b / n) / sqrt((S_aa - S_a^2 / n) (S_bb - S_b^2 / n))`. It is at most 1, and 1 only if the
 /// two windows are equal up to gain and offset. The sums run over the voxels that the shift pairs: their midpoint is in
-/// the window and both are inside the volume. `n` is their number, or the window's if the outside counts as dark. A
-/// window without light, or with even light, scores 0.
+/// the window and both are inside the volume. `n` is their number, or the window's if the outside counts as dark. The
+/// score of a window without light or with even light is 0.
 ///
-/// Reason: normalising with the energy of one fixed window instead lets a particle that is cut by the window's edge
-/// push the peak: 0.1 voxel of bias and 0.26 RMS on particles as long as an eighth of the window.
+/// Reason: if the energy of one fixed window normalises, a particle that the window's edge cuts pushes the peak: bias
+/// 0.1 voxel, RMS 0.26 voxel for particles as long as an eighth of the window.
 ///
 /// Each pair of volumes is taken about its own means; numerators and energies of all pairs are summed.
 pub(crate) fn normalised(pairs: &[Sums], paired: &PairedVoxels) -> Vec<f64> {
@@ -55,7 +55,7 @@ impl PairedVoxels {
     }
 }
 
-/// The sum of squares about the mean; 0 if it is no more than rounding.
+/// The sum of squares about the mean; 0 if it is only rounding.
 #[inline]
 fn energy(sum: f64, squares: f64, n: f64) -> f64 {
     let energy = squares - sum * sum / n;

@@ -1,19 +1,20 @@
 //! The sums of every window, from the sums of cells that overlapping windows share (a sparse direct correlation after
 //! Discetti & Astarita, Exp. Fluids 53, 2012). Memory: the cells of one layer of windows at a time.
 
-use super::kernel::{self, Cell};
+use super::energy::{self, EnergyScratch};
+use super::kernel::{self, CellProducts, ProductScratch};
 use super::shifts::{Shifts, back, on, paired_voxels};
 use super::sums::{Sums, channel};
 use super::table::{Table, total, total_in};
-use super::{energy, window_grid::WindowGrid};
+use super::window_grid::WindowGrid;
 use crate::volumes::Rows;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Whether direct sums fit into [`MOST_BYTES`].
+/// Whether direct sums fit into [`MAX_BYTES`].
 pub(crate) fn fit(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> bool {
-    bytes(windows, radius, pairs) <= MOST_BYTES
+    bytes(windows, radius, pairs) <= MAX_BYTES
 }
 
 /// Bytes of the sums of `pairs` pairs within `radius`: the cells of one layer of windows, their columns and rows.
@@ -24,28 +25,28 @@ pub(crate) fn bytes(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f
     (x.cells.len() * y.cells.len() * layers * pairs) as f64 * shifts * (channel::COUNT * size_of::<f64>()) as f64
 }
 
-/// Constant: most bytes of sums over those for equal boxes of shifts. Each window has its own prediction, and a cell is
-/// summed for the shifts of all its windows. In a smooth flow few boxes differ, by a voxel.
+/// Constant: maximum bytes of sums over those for equal boxes of shifts. Each window has its own prediction, and a cell
+/// is summed for the shifts of all its windows. In a smooth flow few boxes differ, by a voxel.
 const APART: f64 = 1.25;
 
-/// Most bytes that [`of_windows`] takes for boxes of `radius` at most. Where the boxes of all windows would take more
-/// than [`MOST_BYTES`], the windows are done in blocks.
+/// Maximum bytes that [`of_windows`] uses for boxes of up to `radius`. If the boxes of all windows would take more than
+/// [`MAX_BYTES`], the windows are done in blocks.
 pub(crate) fn budget(windows: &WindowGrid, radius: [usize; 3], pairs: usize) -> f64 {
-    (APART * bytes(windows, radius, pairs)).min(MOST_BYTES)
+    (APART * bytes(windows, radius, pairs)).min(MAX_BYTES)
 }
 
-/// Constant: most memory for direct sums; a pass that needs more is done by transforms. The paper's windows take a
-/// fiftieth of it; a machine that holds the paper's volumes has it.
-pub(crate) const MOST_BYTES: f64 = 4e9;
+/// Constant: maximum memory for direct sums; a pass that needs more is done by transforms. The paper's windows take a
+/// fiftieth of it, and a machine that holds the paper's volumes has it.
+pub(crate) const MAX_BYTES: f64 = 4e9;
 
 /// Windows along x, y, z.
 type Block = [Range<usize>; 3];
 
 /// `each(node, sums)` for every node that has a box of shifts, with the sums of each pair.
 ///
-/// Windows that share a cell need its sums for the shifts of both. Where their boxes lie far apart, cells take more
-/// than the [`budget`]; then the windows are done in blocks. Cells at the border of blocks are summed in each of them.
-/// The sums are the same to the bit.
+/// Windows that share a cell need its sums for the shifts of both. If their boxes lie far apart, cells take more than
+/// the [`budget`], and the windows are done in blocks. Cells at the border of blocks are summed in each of them. Blocks
+/// change no bit of the sums.
 pub(crate) fn of_windows<T: Send>(
     pairs: &[[&Rows; 2]],
     windows: &WindowGrid,
@@ -66,13 +67,13 @@ pub(crate) fn of_windows<T: Send>(
 
 /// The blocks that [`of_windows`] does one after the other.
 fn blocks<'a>(windows: &'a WindowGrid, search: &'a [Option<Shifts>], pairs: usize) -> Vec<Sharing<'a>> {
-    let most_bytes = most_bytes(windows, search, pairs);
+    let max_bytes = max_bytes(windows, search, pairs);
     let mut open = vec![Sharing::whole(windows, search)];
     let mut blocks = Vec::new();
     while let Some(sharing) = open.pop() {
         // The sums of a single window are within the budget.
         let is_one = sharing.block.iter().all(|side| side.len() <= 1);
-        if is_one || sharing.held_bytes(pairs) <= most_bytes {
+        if is_one || sharing.held_bytes(pairs) <= max_bytes {
             blocks.push(sharing);
         } else {
             open.extend(halves(sharing.block).map(|half| Sharing::new(windows, search, half)));
@@ -81,8 +82,8 @@ fn blocks<'a>(windows: &'a WindowGrid, search: &'a [Option<Shifts>], pairs: usiz
     blocks
 }
 
-/// The work of [`of_windows`] over that for boxes that are all alike: shifts that cells are summed for, in all blocks.
-/// 1 if the windows are done at once.
+/// The work of [`of_windows`], relative to the work for equal boxes: shifts that cells are summed for, in all blocks.
+/// It is 1 without blocks.
 pub(crate) fn work(windows: &WindowGrid, search: &[Option<Shifts>], pairs: usize) -> f64 {
     let blocks = blocks(windows, search, pairs);
     if blocks.len() == 1 {
@@ -93,8 +94,8 @@ pub(crate) fn work(windows: &WindowGrid, search: &[Option<Shifts>], pairs: usize
     shifts / (windows.cell_count() * widest) as f64
 }
 
-/// Most bytes of a block: the [`budget`] for the widest box.
-fn most_bytes(windows: &WindowGrid, search: &[Option<Shifts>], pairs: usize) -> f64 {
+/// Maximum bytes of a block: the [`budget`] for the widest box.
+fn max_bytes(windows: &WindowGrid, search: &[Option<Shifts>], pairs: usize) -> f64 {
     let widest = |axis: usize| search.iter().flatten().map(|shifts| shifts.n[axis] / 2).max().unwrap_or(0);
     budget(windows, [0, 1, 2].map(widest), pairs)
 }
@@ -242,14 +243,15 @@ impl<'a> Sharing<'a> {
         let boxes = gather(across, down, |cx, cy| {
             self.hull([x.users[cx].clone(), y.users[cy].clone(), z.users[layer].clone()])
         });
-        let fill = |scratch: &mut (kernel::Scratch, energy::Scratch), place: usize, shifts: Shifts, out: &mut [f64]| {
+        let fill = |scratch: &mut (ProductScratch, EnergyScratch), place: usize, shifts: Shifts, out: &mut [f64]| {
             let (cx, cy) = (across.start + place % across.len(), down.start + place / across.len());
             let midpoints = [x.cells[cx].clone(), y.cells[cy].clone(), z.cells[layer].clone()];
             let mut channels = out.chunks_exact_mut(shifts.len());
             let mut next = || channels.next().expect("a number for each shift in each channel");
             let products = next();
             products.fill(0.0);
-            kernel::products(Cell { first, second, midpoints: &midpoints, shifts: &shifts }, products, &mut scratch.0);
+            let cell = CellProducts { first, second, midpoints: &midpoints, shifts: &shifts };
+            kernel::products(cell, products, &mut scratch.0);
             let of_first = paired_voxels(&midpoints, first.shape, &shifts, |d| -back(d));
             let of_second = paired_voxels(&midpoints, first.shape, &shifts, on);
             for (rows, ranges) in [(first, of_first), (second, of_second)] {
@@ -345,7 +347,8 @@ mod tests {
         }
     }
 
-    /// Scar: boxes far apart made cells of shifts for both; a search of 36 voxels held 3.5 GB where 21 MB were estimated.
+    /// Scar: boxes far apart made cells of shifts for both; a search of 36 voxels took 3.5 GB, with an estimate of 21
+    /// MB.
     #[test]
     fn windows_far_apart_share_nothing_and_keep_their_sums() {
         let mut random = Pcg64Mcg::seed_from_u64(9);

@@ -1,9 +1,8 @@
 //! Boxes of trial shifts, and the voxels that shifts pair.
 //!
 //! Convention: a trial shift `d` is a whole number of voxels, split as `d1 = floor(d / 2)`, `d2 = d - d1`. Midpoint `x`
-//! pairs voxel `x - d1` of the first volume with voxel `x + d2` of the second. A window therefore measures where the
-//! particles are half way (second order in time), and swapping the volumes turns `d` into `-d` with the very same
-//! pairs.
+//! pairs voxel `x - d1` of the first volume with voxel `x + d2` of the second. So a window measures where the particles
+//! are half way (second order in time), and exchanging the volumes turns `d` into `-d` with exactly these pairs.
 
 use std::ops::Range;
 
@@ -79,7 +78,7 @@ pub(crate) fn midpoints(cell: &Range<usize>, length: usize, d: i32) -> Range<i32
     from..to.max(from)
 }
 
-/// The voxels of one volume that the midpoints of a cell stand for, for each axis and each shift along it. `offset` of
+/// The voxels of one volume that belong to the midpoints of a cell, for each axis and each shift along it. `offset` of
 /// a shift is the step from the midpoint to the voxel: `-d1` in the first volume, `d2` in the second.
 pub(crate) fn paired_voxels(
     cell: &[Range<usize>; 3],

@@ -42,7 +42,7 @@ impl Sums {
     }
 }
 
-/// Sums that lie elsewhere.
+/// Sums in borrowed memory.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SumsView<'a> {
     pub shifts: Shifts,

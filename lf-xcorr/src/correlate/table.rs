@@ -16,7 +16,7 @@ pub(crate) struct Table {
 
 impl Table {
     /// Calls `fill(scratch, place, shifts, numbers)` for every place that has a box. The numbers may hold anything.
-    /// `room` is the memory of another table that is done with: to ask the system for memory takes longer than to sum.
+    /// `room` is the memory of a table that is no longer needed: allocating takes longer than summing.
     pub fn new<S: Default + Send>(
         boxes: Vec<Option<Shifts>>,
         room: Vec<f64>,
@@ -53,13 +53,13 @@ impl Table {
     }
 }
 
-/// `room` with `len` numbers, and room for hardly more.
+/// `room` with `len` numbers, and hardly more capacity.
 fn sized(mut room: Vec<f64>, len: usize) -> Vec<f64> {
     room.truncate(len);
     if room.capacity() > len + len / 8 {
         room.shrink_to(len);
     }
-    // The system moves a large piece of memory without copying it, and keeps its pages.
+    // The system enlarges a large piece of memory without copying it.
     room.reserve_exact(len - room.len());
     room.resize(len, 0.0);
     room
@@ -97,7 +97,7 @@ mod tests {
         Shifts::around([0; 3], [radius; 3])
     }
 
-    /// The number of a place everywhere; what the room held shines through where nothing is written.
+    /// The number of a place everywhere. What the room held is seen where nothing is written.
     fn table(boxes: Vec<Option<Shifts>>, room: Vec<f64>) -> Table {
         Table::new(boxes, room, |(), place, _, numbers| numbers.fill(place as f64))
     }
@@ -113,7 +113,7 @@ mod tests {
         }
     }
 
-    /// Scar: buffers that small boxes gave back grew with every larger box, and all were as large as the largest.
+    /// Scar: buffers of small boxes grew with every larger box until all were as large as the largest.
     #[test]
     fn a_table_keeps_hardly_more_memory_than_its_numbers_take() {
         let mut room = Vec::new();

@@ -2,16 +2,17 @@
 //!
 //! Convention: `c` is the centre of the box of shifts, rounded down. The window of the first volume is moved by
 //! `-back(c)`, and every shift `d` pairs its voxel `a` with voxel `a + d` of the second volume. A pair with one voxel
-//! outside counts as dark in both. At `d = c` these are the pairs of the direct sums; at other shifts the sums stand
-//! half of `d - c` away. Use them to find a peak, not to measure it: a vector read off them scatters about twice as
-//! much as one read off direct sums, and swapping the volumes does not quite negate it.
+//! outside counts as dark in both. At `d = c` these are the pairs of the direct sums; at other shifts their midpoints
+//! are half of `d - c` away. Use them to find a peak, not to measure it: a vector read off them scatters about twice as
+//! much as one read off direct sums, and exchanging the volumes does not quite negate it.
 //!
-//! Promise: nothing wraps round, because the transforms are as long as window and search together. Products are good to
-//! 1e-12 of the energies. The transforms go axis by axis, without rows that are dark or that nobody reads.
+//! Promise: nothing wraps round, because the transforms are as long as window and search together. Products have an
+//! error of 1e-12 of the energies. The transforms go axis by axis, and skip rows that are dark or not needed.
 
+use super::energy::{self, EnergyScratch};
+use super::score::PairedVoxels;
 use super::shifts::{Shifts, back};
 use super::sums::{Sums, channel, zeros};
-use super::{energy, score::PairedVoxels};
 use crate::volumes::Rows;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use rustfft::num_complex::Complex;
@@ -36,9 +37,9 @@ pub(crate) struct Transforms {
     inverse: [Arc<dyn Fft<f64>>; 2],
 }
 
-/// Buffers kept from window to window; they need not be clean.
+/// Buffers reused from window to window; their contents do not matter.
 #[derive(Debug, Default)]
-pub(crate) struct Scratch {
+pub(crate) struct TransformScratch {
     /// Spectra of the two volumes along x and y: `[kx][z][ky]`.
     flat: [Vec<Complex<f64>>; 2],
     /// One kx of the two spectra along all axes: `[ky][kz]`.
@@ -48,7 +49,7 @@ pub(crate) struct Scratch {
     /// One row along x.
     real: Vec<f64>,
     work: Vec<Complex<f64>>,
-    energy: energy::Scratch,
+    energy: EnergyScratch,
 }
 
 impl Transforms {
@@ -74,7 +75,7 @@ impl Transforms {
         [first, second]: [&Rows; 2],
         window: &[Range<usize>; 3],
         shifts: Shifts,
-        scratch: &mut Scratch,
+        scratch: &mut TransformScratch,
     ) -> Sums {
         assert_eq!(window.each_ref().map(Range::len), self.window, "a window of the prepared size");
         assert_eq!(shifts.n, self.n_shifts, "as many shifts as prepared");
@@ -100,8 +101,8 @@ impl Transforms {
         let extent = extent(self.window, self.n_shifts);
         let squares_of_second = self.flatten(second, start_of_second, extent, 1, scratch);
         if squares_of_first > 0.0 && squares_of_second > 0.0 {
-            let least = ROUNDING * (squares_of_first * squares_of_second).sqrt();
-            self.correlate(least, sums.channel_mut(channel::PRODUCT), scratch);
+            let threshold = ROUNDING * (squares_of_first * squares_of_second).sqrt();
+            self.correlate(threshold, sums.channel_mut(channel::PRODUCT), scratch);
         }
         sums
     }
@@ -137,9 +138,16 @@ impl Transforms {
     }
 
     /// Transforms the box of `n` voxels at `start` along x and y, and returns the sum of its squares.
-    fn flatten(&self, volume: &Rows, start: [i32; 3], n: [usize; 3], which: usize, scratch: &mut Scratch) -> f64 {
+    fn flatten(
+        &self,
+        volume: &Rows,
+        start: [i32; 3],
+        n: [usize; 3],
+        which: usize,
+        scratch: &mut TransformScratch,
+    ) -> f64 {
         let (half, [nx, ny, _]) = (self.half(), self.size);
-        let Scratch { flat, rows, real, work, .. } = scratch;
+        let TransformScratch { flat, rows, real, work, .. } = scratch;
         let flat = &mut flat[which];
         zeros(flat, half * n[2] * ny);
         zeros(work, self.forward_x.get_scratch_len().max(self.forward[0].get_inplace_scratch_len()));
@@ -182,12 +190,12 @@ impl Transforms {
         squares
     }
 
-    /// Writes the products of the two flattened boxes for every shift; a product below `least` becomes 0.
-    fn correlate(&self, least: f64, out: &mut [f64], scratch: &mut Scratch) {
+    /// Writes the products of the two flattened boxes for every shift; a product below `threshold` becomes 0.
+    fn correlate(&self, threshold: f64, out: &mut [f64], scratch: &mut TransformScratch) {
         let (half, [nx, ny, nz]) = (self.half(), self.size);
         let depth = [self.window[2], extent(self.window, self.n_shifts)[2]];
         let [mx, my, mz] = self.n_shifts;
-        let Scratch { flat, slab, rows, real, work, .. } = scratch;
+        let TransformScratch { flat, slab, rows, real, work, .. } = scratch;
         let lengths = [&self.forward[1], &self.inverse[1], &self.inverse[0]].map(|fft| fft.get_inplace_scratch_len());
         zeros(work, lengths.into_iter().fold(self.inverse_x.get_scratch_len(), usize::max));
         rows.resize(half * my * mz, Complex::ZERO);
@@ -220,7 +228,7 @@ impl Transforms {
             self.inverse_x.process_with_scratch(row, real, work).expect("prepared lengths");
             for (out, &product) in out.iter_mut().zip(real.iter()) {
                 let product = scale * product;
-                *out = if product < least { 0.0 } else { product };
+                *out = if product < threshold { 0.0 } else { product };
             }
         }
     }
@@ -236,8 +244,8 @@ fn extent(window: [usize; 3], n_shifts: [usize; 3]) -> [usize; 3] {
     std::array::from_fn(|axis| window[axis] + n_shifts[axis] - 1)
 }
 
-/// The smallest multiple of `factor`, at least `least`, that has no prime factor above 5.
-fn smooth_length(least: usize, factor: usize) -> usize {
+/// The smallest multiple of `factor`, at least `length`, that has no prime factor above 5.
+fn smooth_length(length: usize, factor: usize) -> usize {
     let is_smooth = |n: &usize| {
         let without = |mut n: usize, prime: usize| {
             while n.is_multiple_of(prime) {
@@ -247,7 +255,7 @@ fn smooth_length(least: usize, factor: usize) -> usize {
         };
         [2, 3, 5].into_iter().fold(*n, without) == 1
     };
-    (least.div_ceil(factor)..).map(|n| n * factor).find(is_smooth).expect("powers of 2 are endless")
+    (length.div_ceil(factor)..).map(|n| n * factor).find(is_smooth).expect("powers of 2 are endless")
 }
 
 fn copy<'a, T: Copy + 'a>(to: impl Iterator<Item = &'a mut T>, from: impl Iterator<Item = &'a T>) {

@@ -46,6 +46,12 @@ impl WindowAxis {
         self.starts.len()
     }
 
+    /// The cell that holds a voxel; `None` for a voxel outside all windows.
+    pub fn cell_of(&self, voxel: usize) -> Option<usize> {
+        let cell = self.cells.partition_point(|cell| cell.end <= voxel);
+        self.cells.get(cell).is_some_and(|range| range.contains(&voxel)).then_some(cell)
+    }
+
     /// Centre of window `k`, voxels; a whole number is a voxel centre.
     pub fn centre_vox(&self, k: usize) -> f64 {
         self.starts[k] as f64 + (self.window as f64 - 1.0) / 2.0

@@ -30,7 +30,8 @@ pub struct Choice {
     pub transform_s: f64,
 }
 
-/// Constant: radius of a search about a displacement known to a voxel, bins: one for its error, one for the fit.
+/// Constant: radius of a search about a displacement that is known to one voxel, bins: one for its error, one for the
+/// fit.
 pub(crate) const CLOSE: [usize; 3] = [2, 2, 2];
 
 impl Choice {

@@ -1,15 +1,15 @@
-//! Both volumes of a pair, moved half way towards each other along a predicted field, so that equal particles coincide.
+//! Both volumes of a pair, moved half way towards each other along a predicted field, so that their particles coincide.
 //!
 //! Convention: the field is a displacement at midpoints. Light at `a` of the first volume goes to the `m` with `m = a +
-//! d(m) / 2`, light at `b` of the second to the `m` with `m = b - d(m) / 2`. Midpoints that are masked, or that stand
-//! for a place outside the volume, are cut from both volumes alike: a cut in one of them only would pull the peak.
+//! d(m) / 2`, light at `b` of the second to the `m` with `m = b - d(m) / 2`. Midpoints that are masked, or that belong
+//! to a place outside the volume, are cut from both volumes: a cut in one of them only would pull the peak.
 //!
-//! Departure: the usual way interpolates, for every target voxel, the light at the place that it comes from. Here each
-//! lit voxel is spread over the 6 x 6 x 6 voxels around its target with the quintic B-spline. That costs 216 additions
-//! per lit voxel and none per dark one, loses no light, keeps it positive, and moves the first five moments of every
-//! particle image exactly, because the spline reproduces polynomials up to the fifth degree. The remaining error
-//! attracts the peak of particles of 0.75 voxel by less than 0.001 voxel; with the cubic spline it is 0.007, with
-//! straight lines 0.06. The spline adds a variance of 1/2 voxel^2 to a particle image along each axis.
+//! Departure: usually the light of every target voxel is interpolated at the place that it comes from. Here each lit
+//! voxel is spread over the 6 x 6 x 6 voxels around its target with the quintic B-spline. This costs 216 additions per
+//! lit voxel and none per dark one, loses no light, keeps it positive, and moves the first five moments of every
+//! particle image exactly, because the spline reproduces polynomials up to the fifth degree. The remaining error shifts
+//! the peak of particles of 0.75 voxel by less than 0.001 voxel; with the cubic spline it is 0.007, with straight lines
+//! 0.06. The spline adds a variance of 1/2 voxel^2 to a particle image along each axis.
 
 use super::predictor::Predictor;
 use crate::volumes::{Mask, Rows, lit};
@@ -31,10 +31,10 @@ pub(crate) fn matched(pair: [&Rows; 2], field: &Predictor, mask: &Mask) -> [Rows
 }
 
 /// Whether the light at a midpoint counts: it is not masked, and both its places are inside the volume, with a margin
-/// for the light that the spline would have brought from beyond.
+/// for light that the spline would spread from outside.
 fn counts(place: [usize; 3], field: &Predictor, mask: &Mask, shape: [usize; 3]) -> bool {
-    // Constant: most light comes from within 1.5 voxels. The margin is 0 where nothing moves, because there no light is
-    // missing, and at most a tenth of the volume, so that a thin one keeps its middle.
+    // Constant: nearly all light comes from within 1.5 voxels. The margin is 0 where nothing moves, because no light is
+    // missing there, and at most a tenth of the volume, so that a thin one keeps its middle.
     const MARGIN_VOX: f64 = 1.5;
     const MARGIN_SHARE: f64 = 0.1;
     let middle = place.map(|place| place as f64);
@@ -49,12 +49,12 @@ fn counts(place: [usize; 3], field: &Predictor, mask: &Mask, shape: [usize; 3]) 
 /// The light of `rows` at the midpoints: `share` 0.5 for a first volume, -0.5 for a second.
 fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]) -> bool + Sync)) -> Rows {
     let shape = rows.shape;
-    let plane = |z: usize| Plane::new(rows, z, |place| midpoint(place, field, share));
-    let planes: Vec<Plane> = (0..shape[2]).into_par_iter().map(plane).collect();
+    let plane = |z: usize| MovedPlane::new(rows, z, |place| midpoint(place, field, share));
+    let planes: Vec<MovedPlane> = (0..shape[2]).into_par_iter().map(plane).collect();
     let lists_of = |dense: &mut Vec<f32>, z: usize| -> Vec<Vec<(u32, f32)>> {
         dense.resize(shape[0] * shape[1], 0.0);
         planes.iter().for_each(|plane| plane.spread(z, shape, dense));
-        let row = |(y, row)| lit(row, rows.least).filter(|(x, _)| counts([*x as usize, y, z])).collect();
+        let row = |(y, row)| lit(row, rows.threshold).filter(|(x, _)| counts([*x as usize, y, z])).collect();
         let lists = dense.chunks(shape[0]).enumerate().map(row).collect();
         dense.fill(0.0);
         lists
@@ -63,7 +63,7 @@ fn moved(rows: &Rows, field: &Predictor, share: f64, counts: &(dyn Fn([usize; 3]
     Rows::from_lists(shape, &lists.collect::<Vec<_>>())
 }
 
-/// Estimate of a deformed volume's lit voxels, from a few slices. A move by half a voxel spreads light the most.
+/// Estimate of a deformed volume's lit voxels, from a few slices. A move by half a voxel lights the most voxels.
 pub(crate) fn spread_count(rows: &Rows) -> f64 {
     const SLICES: usize = 9;
     let [nx, ny, nz] = rows.shape;
@@ -72,21 +72,21 @@ pub(crate) fn spread_count(rows: &Rows) -> f64 {
         let z = ((n as f64 + 0.5) * nz as f64 / few as f64) as usize;
         let mut dense = vec![0f32; nx * ny];
         let near = z.saturating_sub(REACH - BEFORE - 1)..(z + BEFORE + 1).min(nz);
-        near.for_each(|source| Plane::new(rows, source, |place| place + 0.5).spread(z, rows.shape, &mut dense));
-        lit(&dense, rows.least).count()
+        near.for_each(|source| MovedPlane::new(rows, source, |place| place + 0.5).spread(z, rows.shape, &mut dense));
+        lit(&dense, rows.threshold).count()
     });
     lit.sum::<usize>() as f64 * nz as f64 / few as f64
 }
 
 /// The targets of one plane of lit voxels.
-struct Plane {
+struct MovedPlane {
     /// Target, voxels, and intensity.
     light: Vec<(Vec3, f32)>,
     /// Planes that the light reaches.
     reach: Range<usize>,
 }
 
-impl Plane {
+impl MovedPlane {
     fn new(rows: &Rows, z: usize, target: impl Fn(DVec3) -> DVec3) -> Self {
         let [_, ny, nz] = rows.shape;
         let target = |x: u32, y: usize| target(DVec3::new(x as f64, y as f64, z as f64)).as_vec3();
@@ -141,7 +141,7 @@ fn add_to_row(row: &mut [f32], first: i64, value: f32, weights: &[f32; REACH]) {
 
 /// The midpoint of light at `place`.
 fn midpoint(place: DVec3, field: &Predictor, share: f64) -> DVec3 {
-    // The field is a function of the midpoint, which is unknown: iterate. Each round divides the error by 2 / gradient.
+    // The field is a function of the unknown midpoint, so iterate. Each round divides the error by 2 / gradient.
     const ROUNDS: usize = 8;
     const CLOSE_VOX: f64 = 1e-4;
     let mut shift = field.at(place);

@@ -1,4 +1,4 @@
-//! The memory that a correlation will take, estimated before it begins.
+//! Estimate of the memory that a correlation takes.
 
 use super::choice::CLOSE;
 use super::options::{Deform, Options, Route};
@@ -8,11 +8,11 @@ use crate::volumes::{Mask, Rows, Sparse};
 
 /// Bytes of a lit voxel in [`Rows`]: x and intensity.
 const LIT: f64 = 8.0;
-/// Bytes of a lit voxel in the lists that a deformed volume is put together from; they may grow to twice their length.
+/// Bytes of a lit voxel in the lists that make a deformed volume; they may grow to twice their length.
 const LISTED: f64 = 16.0;
-/// Bytes of a lit voxel that is about to be moved: target and intensity.
+/// Bytes of a lit voxel before it is moved: target and intensity.
 const MOVED: f64 = 16.0;
-/// Bytes of a voxel lit in either of two matched volumes, while particle images are sought.
+/// Bytes of a voxel lit in either of two matched volumes, during the search for particle images.
 const OVERLAID: f64 = 40.0;
 /// Number of voxels lit in either of two matched volumes, over the number lit in one.
 const EITHER: f64 = 1.3;
@@ -24,8 +24,8 @@ const CELL: f64 = 600.0;
 /// Bytes of a window: its vectors of this repeat and the last, their statistics, and the headers of its sums.
 const WINDOW: f64 = 400.0;
 
-/// Estimate of the most bytes in use during the correlation, without the volumes themselves. It looks at a few slices
-/// of the first pair. Expects input that has been checked.
+/// Estimate of the peak bytes of a correlation, without the volumes themselves, from a few slices of the first pair.
+/// Expects input that has been checked.
 pub(crate) fn bytes(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> u64 {
     let first = Rows::new(&pairs[0][0], mask, options.floor);
     let [nx, ny, nz] = first.shape;
@@ -44,13 +44,13 @@ pub(crate) fn bytes(pairs: &[[Sparse; 2]], mask: &Mask, options: &Options) -> u6
     let moving = one * (spread * LISTED + MOVED) + 4.0 * (nx * ny * rayon::current_num_threads()) as f64;
     let overlaid = OVERLAID * EITHER * one * spread.max(1.0);
 
-    // Volumes are moved, then correlated. At the end they lie on each other, and particle images are sought in cells.
+    // Take the maximum over three phases: volumes are moved, volumes are correlated, particle images are sought.
     let held = if options.deform == Deform::Never { 0.0 } else { deformed };
-    let most = |of_pass: &dyn Fn(usize) -> f64| (0..options.passes.len()).map(of_pass).fold(0.0, f64::max);
+    let peak = |of_pass: &dyn Fn(usize) -> f64| (0..options.passes.len()).map(of_pass).fold(0.0, f64::max);
     let grid = |number: usize| options.passes[number].binned(first.shape, options.is_last(number)).windows();
-    let sums = most(&|number| pass_bytes(options, number, first.shape, pairs.len(), lit));
-    let windows = most(&|number| WINDOW * grid(number).count() as f64);
-    let cells = most(&|number| CELL * grid(number).cell_count() as f64);
+    let sums = peak(&|number| pass_bytes(options, number, first.shape, pairs.len(), lit));
+    let windows = peak(&|number| WINDOW * grid(number).count() as f64);
+    let cells = peak(&|number| CELL * grid(number).cell_count() as f64);
     let phases = [deformed + moving, held + sums, deformed + overlaid + cells];
     (plain + windows + phases.into_iter().fold(0.0, f64::max)) as u64
 }

@@ -1,4 +1,4 @@
-//! The passes of a run, coarse to fine; the last one is repeated on deformed volumes until its vectors stand still.
+//! The passes of a run, coarse to fine; the last one is repeated on deformed volumes until its vectors stop changing.
 //!
 //! In: pairs of volumes, a mask, options, all of them checked.
 //! Out: the field, and a report of every pass.

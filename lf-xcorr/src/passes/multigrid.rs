@@ -8,8 +8,8 @@ use crate::{correlate::Watch, error::Refused};
 use glam::DVec3;
 use lf_core::{Field, Grid, io};
 
-/// Constant: factor on the smoothing of every pass but the last. Large windows have less noise to smooth away, and more
-/// of the field to lose.
+/// Constant: factor on the smoothing of every pass but the last. Large windows have less noise, and smoothing over them
+/// loses more of the field.
 const COARSE_SMOOTHING: f64 = 0.5;
 
 /// Correlates pairs inside `mask`, a part of the volume with the grid `part`. Expects input that has been checked.
@@ -22,11 +22,11 @@ pub(crate) fn run(
 ) -> Result<Outcome, Refused> {
     let rows = |mask: &Mask| -> Vec<[Rows; 2]> {
         let rows = |volume: &Sparse| Rows::new(volume, mask, options.floor);
-        // No pair of several may count for more by being brighter.
+        // If there are several pairs, a bright one must not weigh more than a dim one.
         let one = |volume: &Sparse| if pairs.len() > 1 { rows(volume).of_unit_energy() } else { rows(volume) };
         pairs.iter().map(|pair| pair.each_ref().map(one)).collect()
     };
-    // A support masks plain volumes as they are, and deformed volumes after their light has been moved.
+    // A support masks plain volumes at once, and deformed volumes after their light has moved.
     let volumes = rows(&mask.without_support());
     let masked = if let Mask::Support(_) = mask { Some(rows(mask)) } else { None };
     let plain = masked.as_ref().unwrap_or(&volumes);
@@ -37,7 +37,7 @@ pub(crate) fn run(
         let smoothing = if is_last { options.smoothing } else { COARSE_SMOOTHING * options.smoothing };
         let prepared = PreparedPass::new(plain, pass.binned(part.shape, is_last), smoothing);
         let mut repeats = Repeats::new(&prepared, &volumes, mask, options, known.take());
-        repeats.run(number, options.most_repeats(number), next, watch)?;
+        repeats.run(number, options.max_repeats(number), next, watch)?;
         if is_last {
             let (field, done) = finish(&prepared, repeats, part);
             reports.push(PassReport::new(&prepared, done));
@@ -49,11 +49,11 @@ pub(crate) fn run(
     unreachable!("the options hold at least one pass")
 }
 
-/// The field of the last pass with its uncertainties, and the repeats of the pass. A window without the top of any
-/// particle image shows only the flanks of images beside it, whose peak means nothing: its vector is replaced.
+/// The field of the last pass with its uncertainties, and the repeats of the pass. A window without the top of a
+/// particle image shows only the flanks of images beside it, whose peak means nothing. So its vector is replaced.
 fn finish(pass: &PreparedPass, mut repeats: Repeats, part: &Grid) -> (Field, Vec<Repeat>) {
     let times = repeats.done.len();
-    // The peak of volumes that were not deformed is narrower by the variance that the spline adds to both.
+    // The peak of plain volumes is narrower by the variance that the spline adds to both.
     let is_plain = repeats.deformed_by.is_none();
     let widened_vox2 = if is_plain { 2.0 * SPLINE_VARIANCE_VOX2 } else { 0.0 };
     let matched = repeats.matched();

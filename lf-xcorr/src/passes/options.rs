@@ -8,18 +8,18 @@ use crate::{correlate::shared_sums, vectors::MedianTest};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Deform {
     /// In repeats of a pass. The first time only if the displacement changes by more across a window than the pass
-    /// searches; otherwise the first time is not misled by errors of the pass before.
+    /// searches; otherwise errors of the pass before do not mislead the first time.
     Auto,
     /// Whenever a field is known.
     Always,
-    /// Never: windows move by whole voxels, no pass is repeated. Uncertainties still lay the volumes on each other.
+    /// Never: windows move by whole voxels, no pass is repeated. Only the uncertainties are found in deformed volumes.
     Never,
 }
 
 /// How products are summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Route {
-    /// By the way that is estimated to be faster, pass by pass.
+    /// The way that is estimated to be faster, pass by pass.
     Auto,
     /// Lit voxel by lit voxel; overlapping windows share sums.
     Direct,
@@ -38,7 +38,7 @@ pub struct Options {
     pub median_test: MedianTest,
     /// When the volumes are deformed.
     pub deform: Deform,
-    /// Most times that the last pass is done, at least 1.
+    /// The last pass is done at most this often, at least once.
     pub repeats: usize,
     /// The last pass is repeated until the root mean square change of the vectors is below this, voxels.
     pub stall_vox: f64,
@@ -49,25 +49,25 @@ pub struct Options {
 }
 
 impl Options {
-    /// Constant: a voxel under a thousandth of the peak holds a millionth of its energy; without such voxels a
-    /// reconstruction with haze takes far less work. On reconstructed pairs every floor from 0 to 0.01 gave the same
-    /// error to 0.001 voxel; 0.03 begins to cost.
+    /// Constant: a voxel below a thousandth of the peak holds a millionth of its energy; without such voxels a dense
+    /// reconstruction takes far less work. On reconstructed pairs every floor from 0 to 0.01 gave equal errors to 0.001
+    /// voxel; errors grow from 0.03 on.
     pub const FLOOR: f32 = 1e-3;
-    /// Constant: search of every pass after the first: a voxel (or a bin) for the error of the first pass, one beyond
+    /// Constant: search of every pass after the first: a voxel (or a bin) for the error of the pass before, one beyond
     /// the peak for the fit, and the rest for gradients that a coarse window averages.
     pub const REFINE: [usize; 3] = [4, 4, 3];
 
-    /// Constant: gradients that can be followed at all are followed in three or four repeats.
+    /// Constant: three or four repeats follow every gradient that can be followed.
     pub const REPEATS: usize = 6;
-    /// Constant: repeats sharpen all that the smoothed field still holds, noise included. At 0.35 a wave of four
-    /// windows is measured to 0.985 (0.90 without repeats) and noise grows by an eighth; at 0.5, 0.97 and by a
-    /// fifteenth; at 0.25, 0.99 and by a quarter.
+    /// Constant: repeats sharpen what the smoothed field holds, noise included. At 0.35 a wave of four windows is
+    /// measured to 0.985 (0.90 without repeats) and noise grows by an eighth; at 0.5, 0.97 and by a fifteenth; at 0.25,
+    /// 0.99 and by a quarter.
     pub const SMOOTHING: f64 = 0.35;
     /// Constant: a change that no correlation of particle images resolves.
     pub const STALL_VOX: f64 = 0.01;
 
-    const MOST_REPEATS: usize = 100;
-    /// Constant: most times that a pass before the last is done, if the next one could not follow it.
+    const MAX_REPEATS: usize = 100;
+    /// Constant: a pass before the last is done at most this often, if the next one could not follow it.
     const COARSE_REPEATS: usize = 4;
 
     /// These passes, and the defaults for everything else.
@@ -99,8 +99,8 @@ impl Options {
         number + 1 == self.passes.len()
     }
 
-    /// Most times that pass `number`, counted from 0, is done.
-    pub(crate) fn most_repeats(&self, number: usize) -> usize {
+    /// How often pass `number`, counted from 0, is done at most.
+    pub(crate) fn max_repeats(&self, number: usize) -> usize {
         match (self.deform, self.is_last(number)) {
             (Deform::Never, _) => 1,
             (_, true) => self.repeats,
@@ -112,7 +112,7 @@ impl Options {
     /// options that [`Options::check`] accepts.
     pub fn windows(&self, shape: [usize; 3]) -> u64 {
         let windows = |number: usize| self.passes[number].binned(shape, self.is_last(number)).windows().count();
-        (0..self.passes.len()).map(|number| self.most_repeats(number) * windows(number)).sum::<usize>() as u64
+        (0..self.passes.len()).map(|number| self.max_repeats(number) * windows(number)).sum::<usize>() as u64
     }
 
     /// Refuses the first number that does not fit a volume of `shape`.
@@ -125,7 +125,7 @@ impl Options {
             ((0.0..1.0).contains(&floor), format!("floor {floor}"), "wanted a fraction of the peak, 0 to below 1"),
             (can_pass, "a median test that no vector passes".into(), "wanted a threshold and tolerances above 0"),
             (
-                (1..=Self::MOST_REPEATS).contains(&repeats),
+                (1..=Self::MAX_REPEATS).contains(&repeats),
                 format!("{repeats} repeats of the last pass"),
                 "wanted 1 to 100",
             ),
@@ -157,7 +157,7 @@ impl Options {
         let found =
             format!("search {} in windows {} takes {:.0} GB directly", triple(search), triple(window), bytes / 1e9);
         let wanted = "wanted a shorter search, less overlap, a pass before it, or transforms";
-        first_refusal([(self.route != Route::Direct || bytes <= shared_sums::MOST_BYTES, found, wanted)])
+        first_refusal([(self.route != Route::Direct || bytes <= shared_sums::MAX_BYTES, found, wanted)])
     }
 }
 

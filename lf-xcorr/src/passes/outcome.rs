@@ -55,16 +55,16 @@ pub struct PassReport {
     pub lit: [usize; 2],
     /// Windows along x, y, z.
     pub nodes: [usize; 3],
-    /// Each time that the pass was done.
+    /// One entry for each time that the pass was done.
     pub repeats: Vec<Repeat>,
 }
 
 /// The field, and how it came about.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Displacement of the second volume against the first, mm, at the windows' centres. The history is left empty.
-    /// A replaced vector has `peak` and `ratio` 0 and no uncertainty, because nothing was measured. Without data u, v,
-    /// w are NaN too, so that they cannot pass for a displacement of zero.
+    /// Displacement of the second volume against the first, mm, at the windows' centres. The history is left empty. A
+    /// replaced vector has `peak` and `ratio` 0 and no uncertainty, because nothing was measured. Without data u, v, w
+    /// are NaN too, so that they cannot be read as a displacement of zero.
     pub field: Field,
     /// One report for each pass.
     pub passes: Vec<PassReport>,

@@ -30,8 +30,8 @@ impl Pass {
         if search <= Self::FINE_SEARCH { 1 } else { search.div_ceil(Self::BINNED_SEARCH).max(2) }
     }
 
-    /// The search of the pass after this one: `usual`, or more after bins, because the error of a pass is up to a bin
-    /// and the fit of a peak needs a voxel beyond.
+    /// The search of the pass after this one: `usual`, or more after bins, because the error of a pass is up to a bin,
+    /// and the fit of a peak needs one voxel more.
     pub fn search_after(&self, usual: [usize; 3]) -> [usize; 3] {
         let after_bins = |axis: usize| if self.bin(axis) > 1 { self.bin(axis) + 1 } else { 1 };
         [0, 1, 2].map(|axis| usual[axis].max(after_bins(axis)))
@@ -46,8 +46,8 @@ impl Pass {
         BinnedPass { shape, pass: Self { window, search, ..*self }, bin }
     }
 
-    /// Constant: widest search, in bins, of a pass that bins: every pass but the last. Time and memory grow with the
-    /// number of trial shifts, (2 x 8 + 1)^3 at most; the next pass recovers the detail that bins blur.
+    /// Constant: widest search in bins. Only the last pass does not bin. Time and memory grow with the number of trial
+    /// shifts, (2 x 8 + 1)^3 at most; the next pass recovers the detail that bins blur.
     pub const BINNED_SEARCH: usize = 8;
     /// Constant: widest search without bins. Bins of two voxels cost an eighth, and the next pass finds what they miss.
     pub const FINE_SEARCH: usize = 5;

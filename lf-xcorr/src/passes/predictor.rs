@@ -14,7 +14,7 @@ pub(crate) struct Predictor {
 }
 
 impl Predictor {
-    /// Constant: a fiftieth of the nodes may change more. That much noise makes of a uniform field.
+    /// Constant: share of the nodes that may change more, because noise alone does that to a uniform field.
     const CALM: f64 = 0.02;
 
     /// Fills holes and smooths over `smoothing` nodes ([`smoothed_by_evidence`]). `None` if no vector was measured.

@@ -1,4 +1,4 @@
-//! A pass, done until its vectors stand still.
+//! A pass, done until its vectors stop changing.
 
 use super::options::{Deform, Options};
 use super::pass::{Pass, triple};
@@ -22,7 +22,7 @@ pub(crate) struct Repeats<'a> {
     pub predictor: Option<Predictor>,
     /// The field that the last repeat deformed the volumes by, if it deformed them.
     pub deformed_by: Option<Predictor>,
-    /// These volumes. They are missing if a later repeat found less.
+    /// These volumes; None if a later repeat was worse and released them.
     deformed: Option<Vec<[Rows; 2]>>,
     pub vectors: Vec<Vector>,
     pub done: Vec<Repeat>,
@@ -40,11 +40,11 @@ impl<'a> Repeats<'a> {
         Self { pass, volumes, mask, options, predictor, deformed: None, deformed_by: None, vectors, done }
     }
 
-    /// Does pass `number` up to `most` times: until it stalls, or until the `next` pass can follow. The windows of
+    /// Does pass `number` up to `max` times: until it stalls, or until the `next` pass can follow. The windows of
     /// repeats that are left out count as done. Refuses volumes without a peak in any window.
-    pub fn run(&mut self, number: usize, most: usize, next: Option<&Pass>, watch: Watch) -> Result<(), Refused> {
+    pub fn run(&mut self, number: usize, max: usize, next: Option<&Pass>, watch: Watch) -> Result<(), Refused> {
         let mut done = 0;
-        while done < most {
+        while done < max {
             done += 1;
             let has_changed = self.repeat(watch);
             let can_follow = |next: &Pass| !is_too_steep(self.change_across(next), next);
@@ -52,7 +52,7 @@ impl<'a> Repeats<'a> {
                 break;
             }
         }
-        watch(((most - done) * self.pass.windows.count()) as u64);
+        watch(((max - done) * self.pass.windows.count()) as u64);
         if self.done.is_empty() {
             let search = triple(self.options.passes[number].search);
             let found = format!("no peak within {search} voxels in any window of pass {}", number + 1);
@@ -95,9 +95,9 @@ impl<'a> Repeats<'a> {
             choice,
             counts,
         };
-        // A vector that deformation moved out of sight stays as it was before.
-        let out_of_sight = vectors.iter_mut().zip(&self.vectors).filter(|(vector, _)| **vector == Vector::NoData);
-        out_of_sight.for_each(|(vector, before)| *vector = *before);
+        // Keep the vector of the repeat before where deformation left no data.
+        let lost = vectors.iter_mut().zip(&self.vectors).filter(|(vector, _)| **vector == Vector::NoData);
+        lost.for_each(|(vector, before)| *vector = *before);
         let is_worse = self.is_worse(&repeat, heights.len());
         let Some(predictor) = self.pass.predictor(&vectors).filter(|_| !is_worse) else { return false };
         self.deformed_by = field.cloned();
@@ -112,14 +112,14 @@ impl<'a> Repeats<'a> {
         const WORSE: f64 = 0.02;
         self.done.last().is_some_and(|before| {
             let has_fewer = count * 10 < self.vectors.iter().filter_map(Vector::fit).count() * 9;
-            // Deformed and plain volumes correlate differently, so only two deformed repeats are compared.
+            // Deformed and plain volumes correlate differently, so compare deformed repeats only.
             has_fewer || (before.deformed && repeat.correlation + WORSE < before.correlation)
         })
     }
 
     /// Whether the vectors changed little, or no less than the time before.
     fn has_stalled(&self) -> bool {
-        // Constant: a change above this fraction of the one before leads nowhere.
+        // Constant: the pass does not converge if the change stays above this fraction of the one before.
         const NO_LESS: f64 = 0.9;
         let [.., before, last] = self.done.as_slice() else { return false };
         last.change_vox < self.options.stall_vox || last.change_vox > NO_LESS * before.change_vox
@@ -142,14 +142,14 @@ impl<'a> Repeats<'a> {
 
     fn deform(&self, field: &Predictor) -> Vec<[Rows; 2]> {
         let deform = |pair: &[Rows; 2]| matched(pair.each_ref(), field, self.mask).map(|rows| self.pass.in_bins(rows));
-        // Volumes have no use for the memory of sums, and sums have none for the lists that volumes are made from.
+        // Sums and deformed volumes need pieces of memory of different sizes: return them to the system in between.
         io::release_memory();
         let deformed = self.volumes.iter().map(deform).collect();
         io::release_memory();
         deformed
     }
 
-    /// The volumes laid on each other by the measured field, or by the last repeat if it deformed them.
+    /// The volumes deformed onto each other by the measured field, or by the last repeat if it deformed them.
     pub fn matched(&mut self) -> Vec<[Rows; 2]> {
         match (self.deformed.take(), self.deformed_by.as_ref().or(self.predictor.as_ref())) {
             (Some(pairs), _) => pairs,

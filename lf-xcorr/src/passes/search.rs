@@ -13,13 +13,13 @@ use lf_core::statistics::upper_median;
 pub(crate) struct Guide<'a> {
     /// The shifts are searched about this field; about zero without one.
     pub predictor: Option<&'a Predictor>,
-    /// The vectors of the time before, if the search is close about them.
+    /// The vectors of the repeat before, if the search is close to them.
     pub known: Option<&'a [Vector]>,
     pub route: Route,
     pub test: &'a MedianTest,
 }
 
-/// Searches every window: measures, validates, takes the second peak where the first fails, replaces the rest.
+/// Searches every window: measures, tests, takes the second peak where the first fails, replaces the rest.
 pub(crate) fn search(
     pass: &PreparedPass,
     volumes: &Volumes,
@@ -79,7 +79,7 @@ pub(crate) fn search(
     (vectors, counts, choice)
 }
 
-/// The test with the tolerance for the usual width of the peaks along each axis.
+/// The test with a tolerance for the median width of the peaks along each axis.
 fn scaled(test: &MedianTest, fits: &[Option<PeakFit>]) -> MedianTest {
     let tolerance = |axis: usize| {
         let width = |fit: &PeakFit| fit.covariance_vox2[axis][axis].sqrt();
@@ -102,7 +102,7 @@ fn shift_at(field: Option<&Predictor>, pass: &PreparedPass, node: usize) -> DVec
     field.map_or(DVec3::ZERO, |field| field.at(pass.centre_vox(node)))
 }
 
-/// The peak that a window had before. Transforms search equally far everywhere, so they cannot look close about it.
+/// The peak that a window had before. None for transforms, which search equally far everywhere.
 fn known<'a>(guide: &Guide<'a>, is_transform: bool, node: usize) -> Option<&'a PeakFit> {
     guide.known.filter(|_| !is_transform).and_then(|vectors| vectors[node].fit())
 }
@@ -127,7 +127,7 @@ impl<'a> Search<'a> {
         Shifts::around(centre.to_array().map(|d| d as i32), radius)
     }
 
-    /// The boxes of all windows: close to known vectors, elsewhere as far from the prediction as the pass searches.
+    /// The boxes of all windows: close to known vectors, otherwise as far from the prediction as the pass searches.
     fn boxes(&self, guide: &Guide, is_transform: bool) -> Vec<Option<Shifts>> {
         let predicted = |node: usize| shift_at(guide.predictor, self.pass, node);
         let box_of = |node: usize| match known(guide, is_transform, node) {
@@ -146,7 +146,7 @@ impl<'a> Search<'a> {
             self.read_off_direct_sums(&mut peaks);
         }
         for (node, peak) in peaks.iter_mut().enumerate() {
-            // A close search sees no second peak: keep the ratio of the time before.
+            // A close search sees no second peak: keep the ratio of the repeat before.
             if let (Peak::Inside(fit), Some(before)) = (peak, known(guide, is_transform, node)) {
                 fit.ratio = before.ratio;
             }
@@ -154,7 +154,7 @@ impl<'a> Search<'a> {
         peaks
     }
 
-    /// Measures the peaks that transforms found again by direct sums, because there both windows move with every shift.
+    /// Measures the peaks that transforms found again by direct sums, in which both windows move with every shift.
     fn read_off_direct_sums(&self, peaks: &mut [Peak]) {
         let found: Vec<Option<DVec3>> = peaks.iter().map(|peak| peak.fit().map(|fit| fit.shift_vox)).collect();
         let nodes: Vec<usize> = (0..peaks.len()).collect();

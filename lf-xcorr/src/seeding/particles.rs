@@ -1,4 +1,4 @@
-//! The particle images that are seen in volumes.
+//! The particle images in volumes.
 
 use crate::correlate::WindowGrid;
 use crate::error::Refused;
@@ -7,7 +7,6 @@ use crate::vectors::ParticleImages;
 use crate::volumes::{Mask, Rows, Sparse};
 use lf_core::Grid;
 use lf_core::statistics::{median, upper_median};
-use std::ops::Range;
 
 /// The particle images in pairs of volumes that show the same flow.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,9 +20,9 @@ pub struct Seeding {
 }
 
 impl Seeding {
-    /// The particle images inside `mask`, in voxels of at least `floor` times the volume's brightest. Of each pair the
-    /// volume with fewer of them counts, because a particle must be in both to be correlated. Refuses and panics as
-    /// [`crate::Plan::new`] does.
+    /// The particle images inside `mask`, in voxels of at least `floor` times the volume's brightest. The volume of a
+    /// pair with fewer of them counts, because a particle must be in both to be correlated. Refuses and panics like
+    /// [`crate::Plan::new`].
     pub fn find(pairs: &[[Sparse; 2]], mask: &Mask, floor: f32) -> Result<Self, Refused> {
         let part = Sparse::check_pairs(pairs, mask)?;
         let (mut tops, mut lengths) = (Vec::new(), [Vec::new(), Vec::new(), Vec::new()]);
@@ -43,7 +42,7 @@ impl Seeding {
         Ok(Self { part, tops, length_vox: lengths.map(|mut lengths| median(&mut lengths)) })
     }
 
-    /// Particle images of the median window of a pass. Windows without any do not count. 0 if there is none at all.
+    /// Number of particle images in the median window of a pass, among the windows that have any; otherwise 0.
     pub fn in_median_window(&self, pass: &Pass) -> usize {
         let windows = pass.windows(self.part.shape);
         let cells = self.in_cells(&windows);
@@ -54,15 +53,10 @@ impl Seeding {
 
     /// Particle images in every cell of a window grid.
     fn in_cells(&self, windows: &WindowGrid) -> Vec<u32> {
-        let cell_of = |axis: usize, voxel: usize| {
-            let cells: &[Range<usize>] = &windows.axes[axis].cells;
-            let cell = cells.partition_point(|cell| cell.end <= voxel);
-            cells.get(cell).filter(|cell| cell.contains(&voxel)).map(|_| cell)
-        };
         let mut counts = vec![0; windows.cell_count()];
         let [nx, ny, _] = windows.axes.each_ref().map(|axis| axis.cells.len());
-        for &[x, y, z] in &self.tops {
-            if let (Some(x), Some(y), Some(z)) = (cell_of(0, x), cell_of(1, y), cell_of(2, z)) {
+        for top in &self.tops {
+            if let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(|axis| windows.axes[axis].cell_of(top[axis])) {
                 counts[x + nx * (y + ny * z)] += 1;
             }
         }
@@ -70,8 +64,8 @@ impl Seeding {
     }
 }
 
-/// Length along `axis` of the particle image with this top, from where it falls to half its peak on one side to where
-/// it does on the other, voxels. Between voxels its light is linear.
+/// Full width at half maximum, along `axis`, of the particle image with this top, voxels. Its light is linear between
+/// voxels.
 fn length(rows: &Rows, top: [usize; 3], axis: usize) -> f64 {
     let light = |offset: i64| -> f64 {
         let mut place = top.map(|place| place as i64);

@@ -4,29 +4,31 @@ use super::particles::Seeding;
 use crate::passes::Pass;
 use lf_core::Grid;
 
-/// Constant: particle images that a window should hold. On reconstructed volumes of a wave, a jet and a ring at 0.1 to
-/// 1 particles per lenslet, windows of five err up to half as much again in w, and those of twenty resolve less of u.
-/// Windows 0.6, 1.6 or 2.5 times as long along z as across serve some of these flows better and others worse.
+/// Constant: number of particle images that a window should hold. On reconstructed volumes of a wave, a jet and a ring
+/// at 0.1 to 1 particles per lenslet, windows of five have up to 1.5 times the error in w, and windows of twenty
+/// resolve less of u. Windows 0.6, 1.6 or 2.5 times as long along z as across are better for some of these flows and
+/// worse for others.
 pub const WANTED_PARTICLES: usize = 10;
 
-/// Least length of a chosen window, voxels: the peak and its neighbours.
-const LEAST_VOX: usize = 8;
-/// Constant: least length of a chosen window, in lengths of a particle image. Shorter windows hold parts of particles.
-const LEAST_LENGTHS: f64 = 2.0;
+/// Minimum length of a chosen window, voxels: the peak and its neighbours.
+const MINIMUM_VOX: usize = 8;
+/// Constant: minimum length of a chosen window, in lengths of a particle image. Shorter windows hold parts of
+/// particles.
+const MINIMUM_LENGTHS: f64 = 2.0;
 
 impl Seeding {
-    /// The window, in voxels, whose median holds [`WANTED_PARTICLES`] particle images: a cube in mm as far as the volume
-    /// allows. The whole volume if it holds no more than that.
+    /// The window, in voxels, whose median holds [`WANTED_PARTICLES`] particle images: a cube in mm as far as the
+    /// volume allows, or the whole volume if it holds fewer.
     pub fn window(&self) -> [usize; 3] {
-        // Constants: rounds of better estimates, each of which at most doubles or halves the window's volume.
+        // Constants: number of better estimates; each at most doubles or halves the window's volume.
         const ROUNDS: usize = 12;
         const STEP: [f64; 2] = [0.5, 2.0];
         let part_mm3: f64 = sides_mm(&self.part, self.part.shape).iter().product();
         let mut wanted_mm3 = part_mm3 * (WANTED_PARTICLES as f64 / self.tops.len().max(1) as f64).min(1.0);
-        let least = self.length_vox.map(|length| ((LEAST_LENGTHS * length).ceil() as usize).max(LEAST_VOX));
+        let shortest = self.length_vox.map(|length| ((MINIMUM_LENGTHS * length).ceil() as usize).max(MINIMUM_VOX));
         let mut best = (f64::INFINITY, self.part.shape);
         for _ in 0..ROUNDS {
-            let window = cuboid(&self.part, wanted_mm3, least);
+            let window = cuboid(&self.part, wanted_mm3, shortest);
             let count = self.in_median_window(&Pass { window, overlap: 0.5, search: [1; 3] });
             let ratio = WANTED_PARTICLES as f64 / (count as f64).max(0.5);
             if ratio.ln().abs() < best.0 {
@@ -44,14 +46,15 @@ impl Seeding {
 /// The window of about `mm3` cubic millimetres that is nearest to a cube in a volume of `part`, in voxels. No side is
 /// shorter than 8 voxels, or longer than the volume.
 pub fn near_cube(part: &Grid, mm3: f64) -> [usize; 3] {
-    cuboid(part, mm3, [LEAST_VOX; 3])
+    cuboid(part, mm3, [MINIMUM_VOX; 3])
 }
 
-/// The same as [`near_cube`], with a least number of voxels along each axis.
-fn cuboid(part: &Grid, mm3: f64, least: [usize; 3]) -> [usize; 3] {
-    let range_mm = |axis: usize| {
-        let most = part.shape[axis];
-        [least[axis].min(most), most].map(|voxels| voxels as f64 * part.spacing_mm[axis])
+/// Like [`near_cube`], but with a minimum number of voxels along each axis.
+fn cuboid(part: &Grid, mm3: f64, shortest: [usize; 3]) -> [usize; 3] {
+    let fitted_mm = |axis: usize, side_mm: f64| {
+        let longest = part.shape[axis];
+        let [low, high] = [shortest[axis].min(longest), longest].map(|voxels| voxels as f64 * part.spacing_mm[axis]);
+        side_mm.clamp(low, high)
     };
     // Axes on which a cube is too short or too long are fixed; the others share the rest.
     let mut fixed_mm = [None; 3];
@@ -59,17 +62,13 @@ fn cuboid(part: &Grid, mm3: f64, least: [usize; 3]) -> [usize; 3] {
         let rest_mm3 = mm3 / fixed_mm.iter().flatten().product::<f64>();
         let free = fixed_mm.iter().filter(|side: &&Option<f64>| side.is_none()).count();
         let side = rest_mm3.powf(1.0 / free.max(1) as f64);
-        let misfit =
-            (0..3).find(|&axis| fixed_mm[axis].is_none() && side.clamp(range_mm(axis)[0], range_mm(axis)[1]) != side);
-        match misfit {
-            Some(axis) => fixed_mm[axis] = Some(side.clamp(range_mm(axis)[0], range_mm(axis)[1])),
-            None => {
-                return [0, 1, 2].map(|axis| {
-                    let voxels = (fixed_mm[axis].unwrap_or(side) / part.spacing_mm[axis]).round() as usize;
-                    voxels.max(least[axis]).min(part.shape[axis])
-                });
-            }
-        }
+        let Some(axis) = (0..3).find(|&axis| fixed_mm[axis].is_none() && fitted_mm(axis, side) != side) else {
+            return [0, 1, 2].map(|axis| {
+                let voxels = (fixed_mm[axis].unwrap_or(side) / part.spacing_mm[axis]).round() as usize;
+                voxels.max(shortest[axis]).min(part.shape[axis])
+            });
+        };
+        fixed_mm[axis] = Some(fitted_mm(axis, side));
     }
 }
 

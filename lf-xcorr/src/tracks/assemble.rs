@@ -9,13 +9,13 @@ use lf_core::field::{MEASURED, NO_DATA, REPLACED};
 use lf_core::statistics::{NORMAL_PER_MAD, median};
 use rayon::prelude::*;
 
-/// Constant: a window is blind if its uncertainty is this many times the usual one of its neighbours and their usual
-/// departure from a smooth field together. Then they tell its vector better than its own pairs.
+/// Constant: a window is blind if its uncertainty is this many times the usual uncertainty of its neighbours and their
+/// usual departure from a smooth field together. Then they determine its vector better than its own pairs.
 const BLIND: f64 = 3.0;
-/// Constant: nodes on each side whose vectors are usual for a node.
+/// Constant: reach of the usual uncertainty and departure, in nodes.
 const NEAR: usize = 3;
 
-/// A field, and how many of its windows are what.
+/// A field, and the number of its windows by verdict.
 pub(crate) struct Assembled {
     pub field: Field,
     pub measured: usize,
@@ -25,7 +25,7 @@ pub(crate) struct Assembled {
 
 enum Verdict {
     Measured(Fitted),
-    /// Its own pairs know little; the vector, mm, is mostly that of its neighbours.
+    /// Its own pairs are too uncertain; the vector, mm, is mostly that of its neighbours.
     Blind(DVec3),
     /// The vector of the pairs around, mm; None far from all pairs.
     Empty(Option<DVec3>),
@@ -76,11 +76,8 @@ fn difference(fit: &Fitted, smooth: DVec3) -> (DVec3, DVec3) {
 
 /// The usual square of the differences around a node, and their usual variance, by medians over [`NEAR`] nodes.
 fn usual(nodes: &Nodes, node: usize, differences: &[Option<(DVec3, DVec3)>]) -> (DVec3, DVec3) {
-    let steps = nodes.steps(node);
-    let near = |axis: usize| steps[axis].saturating_sub(NEAR)..(steps[axis] + NEAR + 1).min(nodes.shape[axis]);
-    let rows = near(2).flat_map(|k| near(1).map(move |j| (j, k)));
-    let all = rows.flat_map(|(j, k)| near(0).map(move |i| nodes.index([i, j, k])));
-    let near: Vec<(DVec3, DVec3)> = all.filter_map(|node| differences[node]).collect();
+    let near = nodes.around(node, NEAR).filter_map(|near| differences[nodes.index(near)]);
+    let near: Vec<(DVec3, DVec3)> = near.collect();
     let middle = |value: &dyn Fn(&(DVec3, DVec3)) -> f64| median(&mut near.iter().map(value).collect::<Vec<f64>>());
     let std = [0, 1, 2].map(|c| NORMAL_PER_MAD * middle(&|(difference, _)| difference[c].abs()));
     let variance = [0, 1, 2].map(|c| middle(&|(_, variance)| variance[c]));

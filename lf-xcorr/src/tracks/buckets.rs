@@ -1,4 +1,4 @@
-//! Places in cubes, so that the ones inside a box are found without a look at all of them.
+//! Places sorted into cubes, so that a search in a box looks at few of them.
 
 use glam::DVec3;
 
@@ -24,7 +24,7 @@ impl Buckets {
         let long: Vec<f64> = extent.to_array().into_iter().filter(|length| *length > 0.0).collect();
         let volume: f64 = long.iter().product();
         let side = (volume * EACH / places.len().max(1) as f64).powf(1.0 / long.len().max(1) as f64);
-        // A cloud that is thin along one axis still gets no more cubes than places.
+        // A cloud that is thin along one axis gets no more cubes than places along another.
         let side = side.max(extent.max_element() / places.len().max(1) as f64).max(f64::MIN_POSITIVE);
         let shape = extent.to_array().map(|length| (length / side) as usize + 1);
         let mut buckets = Self { places, low, side, shape, start: Vec::new(), members: Vec::new() };

@@ -1,59 +1,41 @@
-//! From a field that predicts and particles to a field that they decide.
+//! From a field that predicts, and particles, to a field that the particles decide.
 //!
-//! 1. Particles are matched about the correlation's field ([`super::matching`]).
-//! 2. Windows twice as long are fitted to their pairs ([`super::window_fit`]), under priors found in all of them
+//! 1. Match particles about the correlation's field ([`super::matching`]).
+//! 2. Fit windows twice as long to their pairs ([`super::window_fit`]), under priors found in all of them
 //!    ([`super::priors`]). This is the next guess: sharper than the correlation's where that is blind.
-//! 3. Particles are matched about it too, and it is made again from the better pairs.
-//! 4. The pairs themselves tell over what distance and how much the flow changes, place by place ([`super::scales`]).
-//!    Pairs that their neighbours contradict are left out ([`super::near`]).
-//! 5. The vector of a window is the likeliest displacement at its centre, given the nearest pairs
+//! 3. Match particles about this guess too, and make it again from the better pairs.
+//! 4. Estimate from the pairs over what distance and how much the flow changes, place by place ([`super::scales`]).
+//!    Leave out pairs that their neighbours contradict ([`super::near`]).
+//! 5. Take as the vector of a window the likeliest displacement at its centre, given the nearest pairs
 //!    ([`super::process`]). Windows with very many pairs are fitted to these alone, as in step 2.
-//! 6. Windows that know less than their neighbours are replaced ([`super::assemble`]).
+//! 6. Replace windows that know less than their neighbours ([`super::assemble`]).
 
 use super::assemble::{Assembled, assemble};
 use super::fitter::{Fitted, Fitter};
 use super::guess::Guess;
-use super::matching::{Light, Match, Matcher};
+use super::matching::{LightModel, Matcher, Pair};
 use super::near::Near;
 use super::points::Point;
 use super::priors::PriorField;
 use crate::vectors::{Nodes, filled};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use lf_core::statistics::quantile;
 use lf_core::{Field, Particle, Refusal};
 use rayon::prelude::*;
 
-/// Constant: the correlation's stated uncertainties count this many times as large in a search for partners. Near the
-/// focal plane they cover half of its errors.
+/// Constant: factor on the correlation's stated uncertainties in a search for partners. Near the focal plane they cover
+/// half of its errors.
 const DOUBT: f64 = 2.0;
-/// Constant: the least of them, voxels.
-const LEAST_VOX: f64 = 0.25;
-/// Constant: the windows of the guess over the windows of the field. Half as long again leaves noise of the same pairs
-/// in the guess, and longer ones flatten the flow.
+/// Constant: minimum uncertainty of the correlation in that search, voxels.
+const MINIMUM_VOX: f64 = 0.25;
+/// Constant: length of the guess's windows over the field's. At 1.5 the noise of the same pairs stays in the guess;
+/// beyond 2 the flow is flattened.
 const LONGER: f64 = 2.0;
-/// Constant: windows with more pairs are fitted by polynomials; the nearest pairs alone would waste most of them.
+/// Constant: windows with more pairs are fitted by polynomials, because the nearest pairs alone would waste the others.
 const MANY: usize = 40;
-
-/// Constant: the scatter of single particles over the usual one around them, as a variance. It is greatest in shear
-/// layers and vortex cores, narrower than the windows that tell the usual one.
+/// Constant: largest scatter of single particles over the usual one around them, as a variance. It occurs in shear
+/// layers and vortex cores, which are narrower than the windows that determine the usual one.
 const STEEP: f64 = 10.0;
-
-/// A particle that was found in both frames.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pair {
-    /// Number of the pair of tables, from 0.
-    pub tables: usize,
-    /// Line of the particle in the first and in the second table, from 0.
-    pub particles: [usize; 2],
-    /// Half way between both places, mm.
-    pub middle_mm: DVec3,
-    /// From the first to the second place, mm.
-    pub shift_mm: DVec3,
-    /// Covariance of the displacement, mm².
-    pub covariance_mm2: DMat3,
-    /// Probability that the pair is right, by the motion around it.
-    pub chance: f64,
-}
 
 /// How a field came about from particles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,11 +48,11 @@ pub struct TracksReport {
     pub wrong: usize,
     /// Windows that pairs decide.
     pub measured: usize,
-    /// Windows with pairs that know too little, and were replaced.
+    /// Windows whose pairs are too uncertain; they were replaced.
     pub blind: usize,
     /// Windows without a pair.
     pub empty: usize,
-    /// Standard deviation of the pairs' residuals over the one that their covariances say: median over the field.
+    /// Standard deviation of the pairs' residuals over the one that their covariances state: median over the field.
     pub misfit: f64,
 }
 
@@ -86,55 +68,34 @@ pub struct Tracks {
     pub report: TracksReport,
 }
 
-/// Decides the vectors of `field` by the particles of `tables`, first and second frame of each pair. Pairs count whose
-/// midpoint, mm, `keeps`. Refuses tables of which no two particles are one.
+/// Decides the vectors of `field` by the particles of `tables`, first and second frame of each pair. A pair counts if
+/// `keeps` is true for its midpoint, mm. Refuses tables without a single pair.
 pub fn decide(
     field: &Field,
     tables: &[[&[Particle]; 2]],
     keeps: &(dyn Fn(DVec3) -> bool + Sync),
 ) -> Result<Tracks, Refusal> {
-    let run = Run::new(field, tables, keeps);
+    let run = Decision::new(field, tables, keeps);
     let first = run.first_guess();
-    let found = run.matched(&[&first], None);
+    let pairs = run.matched(&[&first], None);
     let count = |side: usize| tables.iter().map(|pair| pair[side].len()).sum::<usize>();
     let particles = [count(0), count(1)];
     Refusal::unless(
-        !found.all.is_empty(),
+        !pairs.is_empty(),
         || format!("no particle of {} is one of {} by its place", particles[0], particles[1]),
         "wanted the particles of both volumes, in millimetres of the same frame",
     )?;
-    let (guess, _) = run.next_guess(&found.all, &first);
-    let found = run.matched(&[&first, &guess], Some(&found.all));
-    let (guess, misfits) = run.next_guess(&found.all, &guess);
-    let (fits, wrong, misfit) = run.fits(&found.all, &guess, &misfits);
+    let (guess, _) = run.next_guess(&pairs, &first);
+    let pairs = run.matched(&[&first, &guess], Some(&pairs));
+    let (guess, misfits) = run.next_guess(&pairs, &guess);
+    let (fits, wrong, misfit) = run.fits(&pairs, &guess, &misfits);
     let Assembled { field, measured, blind, empty } = assemble(field, &run.nodes, &fits, &guess);
-    let report = TracksReport { particles, pairs: found.all.len(), wrong, measured, blind, empty, misfit };
-    Ok(Tracks { field, pairs: found.pairs(), report })
-}
-
-/// The pairs of all tables.
-struct Found {
-    all: Vec<Match>,
-    /// Where each pair of tables begins.
-    start: Vec<usize>,
-}
-
-impl Found {
-    fn pairs(&self) -> Vec<Pair> {
-        let pair = |(n, found): (usize, &Match)| Pair {
-            tables: self.start.partition_point(|start| *start <= n) - 1,
-            particles: [found.first, found.second],
-            middle_mm: found.middle_mm,
-            shift_mm: found.shift_mm,
-            covariance_mm2: found.covariance_mm2,
-            chance: found.chance,
-        };
-        self.all.iter().enumerate().map(pair).collect()
-    }
+    let report = TracksReport { particles, pairs: pairs.len(), wrong, measured, blind, empty, misfit };
+    Ok(Tracks { field, pairs, report })
 }
 
 /// A field, particles, and the windows between them.
-struct Run<'a> {
+struct Decision<'a> {
     field: &'a Field,
     tables: Vec<[Vec<Point>; 2]>,
     keeps: &'a (dyn Fn(DVec3) -> bool + Sync),
@@ -142,7 +103,7 @@ struct Run<'a> {
     half_mm: DVec3,
 }
 
-impl<'a> Run<'a> {
+impl<'a> Decision<'a> {
     fn new(field: &'a Field, tables: &[[&[Particle]; 2]], keeps: &'a (dyn Fn(DVec3) -> bool + Sync)) -> Self {
         let layout = &field.layout;
         let voxel_mm = DVec3::from(layout.voxel_mm);
@@ -153,7 +114,7 @@ impl<'a> Run<'a> {
         Self { field, tables, keeps, nodes, half_mm }
     }
 
-    /// The correlation's field, with holes filled. Vectors without an uncertainty have that of the worst.
+    /// The correlation's field, with holes filled. A vector without an uncertainty gets a large one.
     fn first_guess(&self) -> Guess {
         const WORST: f64 = 0.9;
         let voxel_mm = DVec3::from(self.field.layout.voxel_mm);
@@ -167,7 +128,7 @@ impl<'a> Run<'a> {
         }));
         let variance = |std: DVec3| {
             let std = DVec3::from_array([0, 1, 2].map(|c| if std[c].is_finite() { std[c] } else { worst[c] }));
-            (DOUBT * std).powf(2.0) + (LEAST_VOX * voxel_mm).powf(2.0)
+            (DOUBT * std).powf(2.0) + (MINIMUM_VOX * voxel_mm).powf(2.0)
         };
         Guess {
             nodes: self.nodes,
@@ -179,9 +140,8 @@ impl<'a> Run<'a> {
 
     /// The displacement by pairs in longer windows, half a window of the field apart; without pairs it stays as before.
     /// Also how far their residuals agree with the covariances.
-    fn next_guess(&self, pairs: &[Match], before: &Guess) -> (Guess, PriorField) {
-        let apart = (self.half_mm / self.nodes.step).round().to_array();
-        let nodes = self.nodes.every(apart.map(|steps| (steps as usize).max(1)));
+    fn next_guess(&self, pairs: &[Pair], before: &Guess) -> (Guess, PriorField) {
+        let nodes = self.nodes.apart(self.half_mm);
         let fitter = Fitter::new(pairs, nodes, LONGER * self.half_mm, None);
         let priors = PriorField::new(&fitter);
         let fit = |node: usize| {
@@ -204,28 +164,25 @@ impl<'a> Run<'a> {
     }
 
     /// The pairs of all tables about guesses; `before` are those that are known already.
-    fn matched(&self, guesses: &[&Guess], before: Option<&[Match]>) -> Found {
-        let mut found = Found { all: Vec::new(), start: Vec::new() };
-        for [first, second] in &self.tables {
+    fn matched(&self, guesses: &[&Guess], before: Option<&[Pair]>) -> Vec<Pair> {
+        let pairs_of = |(number, [first, second]): (usize, &[Vec<Point>; 2])| {
             let frames = [first.as_slice(), second.as_slice()];
-            let light = Light::new(frames);
+            let light = LightModel::new(frames);
             let light = before.map_or(light, |pairs| light.seen(pairs));
             let places = || second.iter().map(|point| point.place_mm);
             let low = places().reduce(DVec3::min).unwrap_or_default();
             let extent = places().reduce(DVec3::max).unwrap_or_default() - low;
             let density = second.len() as f64 / extent.max(self.half_mm).element_product();
-            let pairs = Matcher { frames, guesses, light, density }.pairs();
-            found.start.push(found.all.len());
-            found.all.extend(pairs.into_iter().filter(|pair| (self.keeps)(pair.middle_mm)));
-        }
-        found
+            Matcher { tables: number, frames, guesses, light, density }.pairs()
+        };
+        let pairs = self.tables.iter().enumerate().flat_map(pairs_of);
+        pairs.filter(|pair| (self.keeps)(pair.middle_mm)).collect()
     }
 
-    /// The vector of every window by the pairs nearest to it, None far from all pairs; how many pairs are wrong; and
+    /// The vector of every window by the pairs nearest to it, None far from all pairs; the number of wrong pairs; and
     /// the misfit. `misfits`, of longer windows, are for windows with very many pairs.
-    fn fits(&self, pairs: &[Match], guess: &Guess, misfits: &PriorField) -> (Vec<Option<Fitted>>, usize, f64) {
-        let windows = (2.0 * self.half_mm / self.nodes.step).round().to_array();
-        let nodes = self.nodes.every(windows.map(|steps| (steps as usize).max(1)));
+    fn fits(&self, pairs: &[Pair], guess: &Guess, misfits: &PriorField) -> (Vec<Option<Fitted>>, usize, f64) {
+        let nodes = self.nodes.apart(2.0 * self.half_mm);
         let near = Near::new(pairs);
         let scales = near.scales(nodes);
         let near = near.without_wrong(&scales);

@@ -1,16 +1,15 @@
-//! Sums over windows that tell the variances of the priors.
+//! Sums over windows that determine the variances of the priors.
 //!
 //! Equation, after MacKay (Neural Computation 4, 1992): the variance of a coefficient is the sum of its squares over
-//! windows, divided by the number of them that the pairs decide, `1 - posterior variance / prior variance`. The
-//! scatter's is the same over pairs. Repeated, this finds the variances that make the measured displacements most
-//! likely.
+//! windows, divided by the effective number of windows that the pairs determine, `1 - posterior variance / prior
+//! variance` each. The variance of the scatter follows likewise from sums over pairs. Repeating this finds the
+//! variances that make the measured displacements most likely.
 
-use super::normal::MOST;
-use super::window_fit::{Priors, Sample, TERMS, WindowFit, distance2, residual_mm};
+use super::window_fit::{Priors, Sample, TERMS, UNKNOWNS, WindowFit, distance2, residual_mm};
 use glam::{DMat3, DVec3};
 
 /// Numbers in a set of priors: a variance for each coefficient, then the scatter's three, then the misfit.
-pub(crate) const NUMBERS: usize = MOST + 4;
+pub(crate) const NUMBERS: usize = UNKNOWNS + 4;
 
 impl Priors {
     pub fn to_numbers(self) -> [f64; NUMBERS] {
@@ -27,7 +26,7 @@ impl Priors {
     }
 }
 
-/// Numerators and denominators of the numbers of a set of priors. Nothing is told where both are 0.
+/// Numerators and denominators of the numbers of a set of priors; both are 0 where nothing is known.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Evidence {
     pub above: [f64; NUMBERS],
@@ -57,7 +56,7 @@ impl Evidence {
             let uncertain = of_prediction(sample, &inverse);
             let inner = *precision * uncertain * *precision;
             for c in 0..3 {
-                let (variance, n) = (priors.scatter[c], MOST + c);
+                let (variance, n) = (priors.scatter[c], UNKNOWNS + c);
                 evidence.above[n] += weight * (variance * rest[c]).powi(2);
                 evidence.below[n] += weight * variance * (precision.col(c)[c] - inner.col(c)[c]).max(0.0);
             }
@@ -78,7 +77,7 @@ impl Evidence {
 }
 
 /// Covariance of the polynomial at a sample, mm².
-fn of_prediction(sample: &Sample, inverse: &[[f64; MOST]]) -> DMat3 {
+fn of_prediction(sample: &Sample, inverse: &[Vec<f64>]) -> DMat3 {
     let mut sum = [[0.0; 3]; 3];
     for (t, value) in sample.basis.iter().enumerate() {
         for (c, row) in sum.iter_mut().enumerate() {

@@ -1,12 +1,12 @@
 //! The pairs around every window, and the fits of all windows.
 
-use super::{buckets::Buckets, guess::Guess, matching::Match, window_fit::*};
+use super::{buckets::Buckets, guess::Guess, matching::Pair, window_fit::*};
 use crate::vectors::Nodes;
 use glam::{DMat3, DVec3};
 
 /// Pairs, windows, and the displacement that the fits start from.
 pub(crate) struct Fitter<'a> {
-    pub pairs: &'a [Match],
+    pub pairs: &'a [Pair],
     pub nodes: Nodes,
     /// Half a window, mm.
     pub half_mm: DVec3,
@@ -17,8 +17,8 @@ pub(crate) struct Fitter<'a> {
 
 impl<'a> Fitter<'a> {
     /// Without a guess the fits start from no motion.
-    pub fn new(pairs: &'a [Match], nodes: Nodes, half_mm: DVec3, guess: Option<&Guess>) -> Self {
-        let rest = |pair: &Match| pair.shift_mm - guess.map_or(DVec3::ZERO, |guess| guess.shift_mm(pair.middle_mm));
+    pub fn new(pairs: &'a [Pair], nodes: Nodes, half_mm: DVec3, guess: Option<&Guess>) -> Self {
+        let rest = |pair: &Pair| pair.shift_mm - guess.map_or(DVec3::ZERO, |guess| guess.shift_mm(pair.middle_mm));
         let buckets = Buckets::new(pairs.iter().map(|pair| pair.middle_mm).collect());
         Self { rest_mm: pairs.iter().map(rest).collect(), pairs, nodes, half_mm, buckets }
     }
@@ -26,7 +26,7 @@ impl<'a> Fitter<'a> {
     /// The pairs in the window about a place.
     pub fn samples(&self, centre_mm: DVec3) -> Vec<Sample> {
         let sample = |n: usize| {
-            let Match { middle_mm, covariance_mm2, chance, .. } = self.pairs[n];
+            let Pair { middle_mm, covariance_mm2, chance, .. } = self.pairs[n];
             let basis = basis((middle_mm - centre_mm) / self.half_mm);
             Sample { basis, rest_mm: self.rest_mm[n], covariance_mm2, chance }
         };
@@ -42,8 +42,8 @@ impl<'a> Fitter<'a> {
         (pairs > 0).then(|| Fitted { shift_mm: fit.terms[0], covariance_mm2, pairs })
     }
 
-    /// Least variance that means anything, mm².
-    pub fn least_mm2(&self) -> f64 {
+    /// Minimum variance; below it rounding dominates, mm².
+    pub fn minimum_mm2(&self) -> f64 {
         1e-12 * self.half_mm.max_element().powi(2)
     }
 }

@@ -24,7 +24,7 @@ impl Guess {
         self.nodes.shares(middle_mm).iter().map(|(node, share)| *share * self.variance_mm2[*node]).sum()
     }
 
-    /// Whether particles decided the guess at a place, or at least the greater part of it.
+    /// Whether particles decided more than half of the guess at a place.
     pub fn is_decided(&self, middle_mm: DVec3) -> bool {
         let shares = self.nodes.shares(middle_mm);
         shares.iter().filter(|(node, _)| self.is_decided[*node]).map(|(_, share)| share).sum::<f64>() > 0.5
@@ -32,7 +32,7 @@ impl Guess {
 
     /// The midpoint of a particle at `place_mm`, before (`side` 1) or after (-1) its displacement.
     pub fn middle_mm(&self, place_mm: DVec3, side: f64) -> DVec3 {
-        // A second look takes the displacement where the midpoint is.
+        // The first estimate of the midpoint gives a better displacement.
         let near = place_mm + 0.5 * side * self.shift_mm(place_mm);
         place_mm + 0.5 * side * self.shift_mm(near)
     }

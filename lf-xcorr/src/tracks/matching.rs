@@ -1,10 +1,10 @@
 //! Which particle of the first frame is which of the second.
 //!
-//! Equation: a pair stands for one particle with the likelihood `N(r; A + B + G) / density`, times the ratio of the
-//! probability of its two lights under one particle and under two. r is the displacement less the guess at the
-//! midpoint, A and B are the covariances of both places, G is the guess's. N is the normal density, so a candidate that
-//! is uncertain has less of it than one that is sure and near. Pairs must be each other's best, and more likely than
-//! everything else that either of them could be.
+//! Equation: the likelihood that a pair is one particle is `N(r; A + B + G) / density`, times the ratio of the
+//! probabilities of its two lights under one particle and under two. r is the displacement less the guess at the
+//! midpoint, A and B are the covariances of both places, G is the guess's. N is the normal density, so an uncertain
+//! candidate counts less than a certain one that is near. The particles of a pair must be each other's best, and the
+//! pair must be more likely than all their other possibilities together.
 
 use super::{buckets::Buckets, guess::Guess, points::Point};
 use glam::{DMat3, DVec3};
@@ -12,44 +12,48 @@ use lf_core::statistics::{median, robust};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Constant: standard deviations that a gate reaches along each axis, and its square for a Mahalanobis distance.
+/// Constant: size of a gate in standard deviations, along each axis and as a Mahalanobis distance.
 const GATE: f64 = 5.0;
-/// Constant: share of the particles that are expected in one frame only.
+/// Constant: expected share of the particles that are in one frame only.
 const ALONE: f64 = 0.05;
 /// Constant: a pair must be at least this likely.
 const LIKELY: f64 = 0.5;
 
-/// Two particles that are one.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Match {
-    pub first: usize,
-    pub second: usize,
+/// A particle that was found in both frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pair {
+    /// Number of the pair of tables, from 0.
+    pub tables: usize,
+    /// Line of the particle in the first and in the second table, from 0.
+    pub particles: [usize; 2],
+    /// Half way between both places, mm.
     pub middle_mm: DVec3,
+    /// From the first to the second place, mm.
     pub shift_mm: DVec3,
     /// Covariance of the displacement, mm².
     pub covariance_mm2: DMat3,
-    /// Probability that the pair is right.
+    /// Probability that the pair is right, by the motion around it.
     pub chance: f64,
     /// Second light over the first, as a natural logarithm.
-    pub log_gain: f64,
+    pub(crate) log_gain: f64,
 }
 
 /// How the light of one particle may differ between the frames.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Light {
+pub(crate) struct LightModel {
     /// Natural logarithm of the second frame's light over the first's.
     log_gain: f64,
     /// Standard deviation of that logarithm from particle to particle.
     log_spread: f64,
-    /// Variance of the logarithm's difference between particles that have nothing to do with each other.
+    /// Variance of the logarithm's difference between two unrelated particles.
     unrelated: f64,
 }
 
-impl Light {
+impl LightModel {
     /// Constant: before pairs are known, the light of a particle may change by half.
     const UNKNOWN: f64 = 0.5;
-    /// Constant: least spread; lasers and sheets are no steadier.
-    const LEAST: f64 = 0.05;
+    /// Constant: minimum spread; lasers and light sheets are no steadier.
+    const MINIMUM: f64 = 0.05;
 
     pub fn new(frames: [&[Point]; 2]) -> Self {
         let lights = frames.map(|points| {
@@ -66,16 +70,14 @@ impl Light {
         }
     }
 
-    /// The same with gain and spread of known pairs.
-    pub fn seen(self, pairs: &[Match]) -> Self {
+    /// Like `self`, with gain and spread of known pairs.
+    pub fn seen(self, pairs: &[Pair]) -> Self {
         let gains: Vec<f64> = pairs.iter().map(|pair| pair.log_gain).filter(|gain| gain.is_finite()).collect();
-        match gains.is_empty() {
-            true => self,
-            false => {
-                let (log_gain, spread) = robust(&gains);
-                Self { log_gain, log_spread: spread.max(Self::LEAST), ..self }
-            }
+        if gains.is_empty() {
+            return self;
         }
+        let (log_gain, spread) = robust(&gains);
+        Self { log_gain, log_spread: spread.max(Self::MINIMUM), ..self }
     }
 
     /// Logarithm of the probability of a change of light in one particle over that in two.
@@ -90,39 +92,42 @@ impl Light {
 
 /// Two frames and what is known of the motion between them.
 pub(crate) struct Matcher<'a> {
+    /// Number of the pair of tables.
+    pub tables: usize,
     pub frames: [&'a [Point]; 2],
     /// A pair is judged by the guess that suits it best.
     pub guesses: &'a [&'a Guess],
-    pub light: Light,
+    pub light: LightModel,
     /// Particles in a cubic millimetre of the second frame.
     pub density: f64,
 }
 
 impl Matcher<'_> {
     /// The pairs, by rising number of the first particle.
-    pub fn pairs(&self) -> Vec<Match> {
+    pub fn pairs(&self) -> Vec<Pair> {
         let all = self.candidates();
-        let likelihood = |(pair, log): &(Match, f64)| (pair.first, pair.second, log.exp());
+        let likelihood = |(pair, log): &(Pair, f64)| (pair.particles, log.exp());
         let mut sums = self.frames.map(|points| vec![ALONE; points.len()]);
         let mut best = self.frames.map(|points| vec![(0.0, usize::MAX); points.len()]);
-        for (n, (first, second, likelihood)) in all.iter().map(likelihood).enumerate() {
-            for (side, point) in [first, second].into_iter().enumerate() {
+        for (n, (particles, likelihood)) in all.iter().map(likelihood).enumerate() {
+            for (side, point) in particles.into_iter().enumerate() {
                 sums[side][point] += likelihood;
                 if likelihood > best[side][point].0 {
                     best[side][point] = (likelihood, n);
                 }
             }
         }
-        let chosen = |(n, (pair, log)): (usize, &(Match, f64))| {
-            let is_best = best[0][pair.first].1 == n && best[1][pair.second].1 == n;
-            let chance = log.exp() / sums[0][pair.first].max(sums[1][pair.second]);
-            (is_best && chance > LIKELY).then_some(Match { chance, ..*pair })
+        let chosen = |(n, (pair, log)): (usize, &(Pair, f64))| {
+            let [first, second] = pair.particles;
+            let is_best = best[0][first].1 == n && best[1][second].1 == n;
+            let chance = log.exp() / sums[0][first].max(sums[1][second]);
+            (is_best && chance > LIKELY).then_some(Pair { chance, ..*pair })
         };
         all.iter().enumerate().filter_map(chosen).collect()
     }
 
     /// All pairs inside the gates, with the logarithm of their likelihood.
-    fn candidates(&self) -> Vec<(Match, f64)> {
+    fn candidates(&self) -> Vec<(Pair, f64)> {
         let mut all = Vec::new();
         for guess in self.guesses {
             all.extend(self.near(0, guess));
@@ -133,8 +138,8 @@ impl Matcher<'_> {
         all.into_par_iter().filter_map(|[first, second]| self.candidate(first as usize, second as usize)).collect()
     }
 
-    /// For each particle of one frame, those of the other inside its box. A sure particle has a small box and an
-    /// uncertain one a large box, so either finds the other if both boxes are asked.
+    /// For each particle of one frame, those of the other inside its box. A certain particle has a small box and an
+    /// uncertain one a large box, so a pair is found if both sides are searched.
     fn near(&self, side: usize, guess: &Guess) -> Vec<[u32; 2]> {
         let [own, other] = [self.frames[side], self.frames[1 - side]];
         let usual = DVec3::from_array([0, 1, 2].map(|axis| {
@@ -151,16 +156,16 @@ impl Matcher<'_> {
         own.par_iter().enumerate().flat_map_iter(near_point).collect()
     }
 
-    fn candidate(&self, n: usize, m: usize) -> Option<(Match, f64)> {
+    fn candidate(&self, n: usize, m: usize) -> Option<(Pair, f64)> {
         let (first, second) = (&self.frames[0][n], &self.frames[1][m]);
         let (shift, middle) = (second.place_mm - first.place_mm, 0.5 * (first.place_mm + second.place_mm));
         let covariance = first.covariance_mm2 + second.covariance_mm2;
         let density =
             |guess: &&Guess| log_density(shift - guess.shift_mm(middle), covariance, guess.variance_mm2(middle));
         let log_density = self.guesses.iter().filter_map(density).max_by(f64::total_cmp)?;
-        let pair = Match {
-            first: n,
-            second: m,
+        let pair = Pair {
+            tables: self.tables,
+            particles: [n, m],
             middle_mm: middle,
             shift_mm: shift,
             covariance_mm2: covariance,
@@ -175,7 +180,7 @@ impl Matcher<'_> {
 fn log_density(rest_mm: DVec3, covariance_mm2: DMat3, guess_mm2: DVec3) -> Option<f64> {
     let total = covariance_mm2 + DMat3::from_diagonal(guess_mm2);
     let distance2 = rest_mm.dot(total.inverse() * rest_mm);
-    // A covariance that rounding has made singular gives no distance.
+    // Rounding can make a covariance singular; then there is no distance.
     let log_density = -0.5 * (distance2 + total.determinant().ln() + 3.0 * TAU.ln());
     (distance2 < GATE * GATE && log_density.is_finite()).then_some(log_density)
 }

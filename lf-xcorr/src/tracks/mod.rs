@@ -10,13 +10,14 @@ mod decide;
 mod evidence;
 mod fitter;
 mod guess;
+mod log_field;
 mod matching;
 mod near;
-mod normal;
 mod points;
 mod priors;
 mod process;
 mod scales;
 mod window_fit;
 
-pub use decide::{Pair, Tracks, TracksReport, decide};
+pub use decide::{Tracks, TracksReport, decide};
+pub use matching::Pair;

@@ -1,7 +1,7 @@
-//! The pairs nearest to a place, and the displacement that they tell there.
+//! The pairs nearest to a place, and the displacement that they determine there.
 
 use super::buckets::Buckets;
-use super::matching::Match;
+use super::matching::Pair;
 use super::process::{Process, Sites};
 use super::scales::{ScaleField, Usual};
 use crate::vectors::Nodes;
@@ -9,17 +9,17 @@ use glam::{DMat3, DVec3};
 use lf_core::statistics::{median, quantile};
 use rayon::prelude::*;
 
-/// Constant: pairs that tell a vector, and pairs that tell the scales.
+/// Constant: number of pairs that determine a vector, and of pairs that determine the scales.
 const PAIRS: usize = 24;
 const PAIRS_OF_SCALES: usize = 30;
-/// Constant: squared Mahalanobis distance from what its neighbours say from which a pair is wrong.
+/// Constant: a pair is wrong beyond this squared Mahalanobis distance from the displacement that its neighbours give.
 const WRONG: f64 = 25.0;
 /// Constant: quantiles between which pairs are counted for their density.
 const INNER: [f64; 2] = [0.01, 0.99];
 
-/// Pairs that can be asked for a vector at any place.
+/// Pairs that give a vector at any place.
 pub(crate) struct Near<'a> {
-    pairs: &'a [Match],
+    pairs: &'a [Pair],
     /// Numbers of the pairs that are trusted, and their places.
     trusted: Vec<usize>,
     buckets: Buckets,
@@ -28,7 +28,7 @@ pub(crate) struct Near<'a> {
 
 impl<'a> Near<'a> {
     /// All pairs.
-    pub fn new(pairs: &'a [Match]) -> Self {
+    pub fn new(pairs: &'a [Pair]) -> Self {
         let extent = DVec3::from_array([0, 1, 2].map(|axis| {
             let mut places: Vec<f64> = pairs.iter().map(|pair| pair.middle_mm[axis]).collect();
             let [low, high] = INNER.map(|share| quantile(&mut places, share));
@@ -39,7 +39,7 @@ impl<'a> Near<'a> {
         Self::of(pairs, (0..pairs.len()).collect(), Usual { apart: apart.max(uncertain), uncertain })
     }
 
-    fn of(pairs: &'a [Match], trusted: Vec<usize>, usual: Usual) -> Self {
+    fn of(pairs: &'a [Pair], trusted: Vec<usize>, usual: Usual) -> Self {
         let buckets = Buckets::new(trusted.iter().map(|n| pairs[*n].middle_mm).collect());
         Self { pairs, trusted, buckets, usual }
     }

@@ -3,8 +3,8 @@
 use glam::{DMat3, DVec3};
 use lf_core::Particle;
 
-/// Constant: least standard uncertainty of a place, voxels. Exact particles would have infinite weight.
-const LEAST_VOX: f64 = 1e-3;
+/// Constant: minimum standard uncertainty of a place, voxels. Exact particles would have infinite weight.
+const MINIMUM_VOX: f64 = 1e-3;
 
 /// Constant: standard uncertainty of a place without one, voxels, as centroids of reconstructed particles have it. The
 /// residuals of the pairs scale the vectors' uncertainties.
@@ -23,7 +23,7 @@ pub(crate) struct Point {
 impl Point {
     /// A particle without uncertainties counts as uncertain by [`UNSTATED_VOX`] along each axis.
     pub fn new(particle: &Particle, voxel_mm: DVec3) -> Self {
-        let floor = (LEAST_VOX * voxel_mm) * (LEAST_VOX * voxel_mm);
+        let floor = (MINIMUM_VOX * voxel_mm) * (MINIMUM_VOX * voxel_mm);
         let known = particle.uncertainty;
         let unstated = (UNSTATED_VOX * voxel_mm) * (UNSTATED_VOX * voxel_mm);
         let covariance = known.map_or(DMat3::from_diagonal(unstated), |known| known.covariance_mm2);

@@ -2,14 +2,16 @@
 //!
 //! Model (Rasmussen & Williams 2006, chapter 2): the displacement is a constant plus a random field whose values at two
 //! places correlate by Matern's function of order 9/2 of their distance. Order 5/2 takes smooth flows for rough ones
-//! and states too much; a Gaussian takes rough ones for smooth ones and states too little. Each component has a strength
-//! of its own, and all share a length. A pair measures the displacement at its midpoint with the full covariance of both
-//! its places: near the focal plane a particle is sure across a line and blind along it, and only the covariance knows
-//! the line. The vector at a place is the mean of the field given the pairs, and its covariance follows.
+//! and states too much uncertainty; a Gaussian takes rough ones for smooth ones and states too little. Each component
+//! has its own strength, and all share a length. A pair measures the displacement at its midpoint with the full
+//! covariance of both its places: near the focal plane a particle is certain across a line and uncertain along it, and
+//! only the covariance knows the line. The vector at a place is the mean of the field given the pairs; its covariance
+//! follows.
 
 use glam::{DMat3, DVec3};
+use lf_core::linear::{cholesky, dot, solve_lower};
 
-/// Pairs that tell the displacement near them.
+/// Pairs that determine the displacement near them.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sites {
     pub places: Vec<DVec3>,
@@ -24,7 +26,7 @@ pub(crate) struct Scales {
     pub length: f64,
     /// Standard deviation of each component about the constant.
     pub strength: DVec3,
-    /// Standard deviation of the pairs over the one that their covariances say.
+    /// Standard deviation of the pairs, relative to the one that their covariances state.
     pub misfit: f64,
 }
 
@@ -50,43 +52,6 @@ fn matern(distance: f64, length: f64) -> f64 {
     (1.0 + s * (1.0 + s * (3.0 / 7.0 + s * (2.0 / 21.0 + s / 105.0)))) * (-s).exp()
 }
 
-/// The sum of products, in lanes.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const LANES: usize = 8;
-    let mut sums = [0.0; LANES];
-    let (a, b) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a.zip(b) {
-        sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
-    }
-    sums.iter().sum::<f64>() + rest
-}
-
-/// Replaces the lower half of a symmetric matrix of `count` rows by its factor L; None if it is not positive definite.
-fn factor(matrix: &mut [f64], count: usize) -> Option<()> {
-    for i in 0..count {
-        let (above, below) = matrix.split_at_mut(i * count);
-        let row = &mut below[..=i];
-        for (j, other) in above.chunks_exact(count).enumerate() {
-            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
-        }
-        let pivot = row[i] - dot(&row[..i], &row[..i]);
-        if pivot <= 0.0 || pivot.is_nan() {
-            return None;
-        }
-        row[i] = pivot.sqrt();
-    }
-    Some(())
-}
-
-/// Solves `L x = b` in place.
-fn solve(lower: &[f64], b: &mut [f64]) {
-    let count = b.len();
-    for (i, row) in lower.chunks_exact(count).enumerate() {
-        b[i] = (b[i] - dot(&row[..i], &b[..i])) / row[i];
-    }
-}
-
 impl<'a> Process<'a> {
     /// None if rounding leaves no solution.
     pub fn new(sites: &'a Sites, scales: Scales) -> Option<Self> {
@@ -106,12 +71,12 @@ impl<'a> Process<'a> {
                 lower[start..start + 3].iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
             }
         }
-        factor(&mut lower, count)?;
+        cholesky(&mut lower, count, 0.0)?;
         let mut rest: Vec<f64> = sites.shifts.iter().flat_map(|shift| shift.to_array()).collect();
-        solve(&lower, &mut rest);
+        solve_lower(&lower, &mut rest);
         let constants = [0, 1, 2].map(|c| {
             let mut column: Vec<f64> = (0..count).map(|n| if n % 3 == c { 1.0 } else { 0.0 }).collect();
-            solve(&lower, &mut column);
+            solve_lower(&lower, &mut column);
             column
         });
         let inverse = products(&constants, &constants);
@@ -140,7 +105,7 @@ impl<'a> Process<'a> {
         let columns = [0, 1, 2].map(|c| {
             let value = |n: usize| if n % 3 == c { alike[n / 3] * variance[c] } else { 0.0 };
             let mut column: Vec<f64> = (0..count).map(value).collect();
-            solve(&self.lower, &mut column);
+            solve_lower(&self.lower, &mut column);
             column
         });
         let known = DVec3::from_array(columns.each_ref().map(|column| dot(column, &self.rest)));
@@ -180,7 +145,7 @@ mod tests {
 
     /// Exact pairs are met, and far from all of them the field is the constant with its own strength.
     #[test]
-    fn exact_pairs_are_met_and_far_ones_forgotten() {
+    fn exact_pairs_are_met_and_far_ones_do_not_count() {
         let wave = |place: DVec3| DVec3::new((2.0 * place.x).sin(), place.y, 0.5);
         let places: Vec<DVec3> =
             (0..27).map(|n| 0.4 * DVec3::new((n % 3) as f64, (n / 3 % 3) as f64, (n / 9) as f64)).collect();
@@ -192,7 +157,7 @@ mod tests {
         assert!(process.at(DVec3::splat(50.0)).1.diagonal().min_element() > 1.0);
     }
 
-    /// Two particles are each sure across a line only, one along x and one along z. Together they know both.
+    /// Each of two particles is certain across its own line only. Together they determine the whole displacement.
     #[test]
     fn lines_that_cross_give_a_point() {
         let wanted = DVec3::new(1e-3, 2e-3, -5e-3);

@@ -1,5 +1,6 @@
 //! How a flow changes, place by place, found in the pairs themselves: the scales that make them most likely.
 
+use super::log_field::LogField;
 use super::process::{Process, Scales, Sites};
 use crate::vectors::Nodes;
 use glam::DVec3;
@@ -7,21 +8,21 @@ use lf_core::statistics::median;
 use rayon::prelude::*;
 
 /// Constant: distance over which a flow is expected to change, in mean distances of pairs, and the spread of its
-/// natural logarithm. It matters where a few pairs tell little.
+/// natural logarithm. It matters where there are few pairs.
 const LENGTH: f64 = 2.5;
 const SPREAD: f64 = 1.0;
-/// Constant: least and most length, in mean distances of pairs.
+/// Constant: minimum and maximum length, in mean distances of pairs.
 const LENGTHS: [f64; 2] = [0.35, 11.2];
 /// Constant: spread of the natural logarithm of the misfit, and its bounds.
 const MISFIT_SPREAD: f64 = 0.35;
 const MISFITS: [f64; 2] = [0.25, 8.0];
-/// Constant: most strength over the spread of the displacements.
+/// Constant: maximum strength over the spread of the displacements.
 const STRONGEST: f64 = 64.0;
-/// Constant: most passes over all ways.
+/// Constant: maximum number of passes over all directions.
 const PASSES: usize = 6;
-/// Constant: ways in which length and strengths change together, in powers. A smooth flow is as likely with a longer
-/// length and more strength: the ridge is followed along its own direction.
-const WAYS: [[f64; NUMBERS]; 10] = [
+/// Constant: directions in which length and strengths change together, in powers. A smooth flow is as likely with a
+/// longer length and more strength, so the search also follows this ridge along its own direction.
+const DIRECTIONS: [[f64; NUMBERS]; 10] = [
     [1.0, 0.0, 0.0, 0.0, 0.0],
     [0.0, 1.0, 0.0, 0.0, 0.0],
     [0.0, 0.0, 1.0, 0.0, 0.0],
@@ -38,11 +39,7 @@ const WAYS: [[f64; NUMBERS]; 10] = [
 const NUMBERS: usize = 5;
 
 /// Scales on a grid of windows.
-pub(crate) struct ScaleField {
-    nodes: Nodes,
-    /// Natural logarithms of length, strengths and misfit.
-    logs: Vec<[f64; NUMBERS]>,
-}
+pub(crate) struct ScaleField(LogField<NUMBERS>);
 
 /// The measures of all pairs, mm.
 #[derive(Debug, Clone, Copy)]
@@ -57,49 +54,44 @@ impl ScaleField {
     /// `near` gives the pairs about a place.
     pub fn new(nodes: Nodes, usual: Usual, near: impl Fn(DVec3) -> Sites + Sync) -> Self {
         let of_node = |node: usize| likeliest(&near(nodes.place(node)), usual);
-        Self { nodes, logs: (0..nodes.count()).into_par_iter().map(of_node).collect() }
+        Self(LogField { nodes, logs: (0..nodes.count()).into_par_iter().map(of_node).collect() })
     }
 
     /// The misfit: the median of all nodes.
     pub fn misfit(&self) -> f64 {
-        median(&mut self.logs.iter().map(|logs| logs[NUMBERS - 1].exp()).collect::<Vec<f64>>())
+        median(&mut self.0.logs.iter().map(|logs| logs[NUMBERS - 1].exp()).collect::<Vec<f64>>())
     }
 
-    /// The scales at a place: linear between nodes in the logarithm.
+    /// The scales at a place.
     pub fn at(&self, place_mm: DVec3) -> Scales {
-        let mut sums = [0.0; NUMBERS];
-        for (node, share) in self.nodes.shares(place_mm) {
-            sums.iter_mut().zip(&self.logs[node]).for_each(|(sum, log)| *sum += share * log);
-        }
-        scales(&sums)
+        scales(self.0.at(place_mm))
     }
 }
 
-fn scales(logs: &[f64; NUMBERS]) -> Scales {
-    let [length, x, y, z, misfit] = logs.map(f64::exp);
+fn scales([length, x, y, z, misfit]: [f64; NUMBERS]) -> Scales {
     Scales { length, strength: DVec3::new(x, y, z), misfit }
 }
 
-/// The scales under which the displacements are most likely, way by way in factors of two.
+/// The scales under which the displacements are most likely, found direction by direction in factors of two.
 fn likeliest(sites: &Sites, usual: Usual) -> [f64; NUMBERS] {
     let count = sites.shifts.len().max(1) as f64;
     let mean = sites.shifts.iter().sum::<DVec3>() / count;
     let spread = (sites.shifts.iter().map(|shift| (*shift - mean).powf(2.0)).sum::<DVec3>() / count).map(f64::sqrt);
-    let least = usual.uncertain.ln();
+    let low = usual.uncertain.ln();
     let lengths = LENGTHS.map(|length| (length * usual.apart).ln());
-    let most = (STRONGEST * spread.max_element()).ln().max(least);
+    let high = (STRONGEST * spread.max_element()).ln().max(low);
     let score = |logs: &[f64; NUMBERS]| {
         let far = ((logs[0] - (LENGTH * usual.apart).ln()) / SPREAD).hypot(logs[NUMBERS - 1] / MISFIT_SPREAD);
-        Process::new(sites, scales(logs))
+        Process::new(sites, scales(logs.map(f64::exp)))
             .map_or(f64::NEG_INFINITY, |process| process.log_likelihood() - 0.5 * far * far)
     };
-    let start = spread.to_array().map(|spread| spread.ln().clamp(least, most));
+    let start = spread.to_array().map(|spread| spread.ln().clamp(low, high));
     let length = (LENGTH * usual.apart).ln();
-    let bounds = [lengths, [least, most], [least, most], [least, most], MISFITS.map(f64::ln)];
-    // A flow that changes much, and one that stands still while its pairs scatter more than they say.
-    let starts = [[length, start[0], start[1], start[2], 0.0], [length, least, least, least, std::f64::consts::LN_2]];
-    let [(changing, one), (still, other)] = starts.map(|start| climbed(start, bounds, &score));
-    if other > one { still } else { changing }
+    let bounds = [lengths, [low, high], [low, high], [low, high], MISFITS.map(f64::ln)];
+    // Start from a flow that changes much, and from an even one whose pairs scatter more than they state.
+    let starts = [[length, start[0], start[1], start[2], 0.0], [length, low, low, low, std::f64::consts::LN_2]];
+    let [(changing, one), (even, other)] = starts.map(|start| climbed(start, bounds, &score));
+    if other > one { even } else { changing }
 }
 
 /// The likeliest scales that can be reached from a start, and their score.
@@ -111,10 +103,11 @@ fn climbed(
     let mut best = score(&logs);
     for _ in 0..PASSES {
         let before = best;
-        for way in WAYS {
+        for direction in DIRECTIONS {
             for step in [-std::f64::consts::LN_2, std::f64::consts::LN_2] {
                 loop {
-                    let next = std::array::from_fn(|n| (logs[n] + step * way[n]).clamp(bounds[n][0], bounds[n][1]));
+                    let next =
+                        std::array::from_fn(|n| (logs[n] + step * direction[n]).clamp(bounds[n][0], bounds[n][1]));
                     let reached = if next == logs { best } else { score(&next) };
                     if reached <= best || reached.is_nan() {
                         break;
@@ -139,7 +132,7 @@ mod tests {
 
     /// A shear along x in noise: its component is strong and long, the others are weak.
     #[test]
-    fn a_shear_is_told_from_noise() {
+    fn a_shear_is_distinguished_from_noise() {
         let mut random = Pcg64Mcg::seed_from_u64(4);
         let mut place = || DVec3::from_array([(); 3].map(|()| random.random::<f64>() - 0.5));
         let mut sites = Sites::default();
@@ -153,7 +146,7 @@ mod tests {
         let [length, x, y, z, _] = likeliest(&sites, usual);
         assert!(x > y + 2.0 && x > z + 2.0 && length.exp() > 0.8, "{length} {x} {y} {z}");
         assert!(y.exp() < 6e-4 && z.exp() < 6e-4, "{y} {z}");
-        // Covariances that say a quarter of the variance.
+        // Covariances that state a quarter of the variance.
         sites.covariances.iter_mut().for_each(|covariance| *covariance *= 0.25);
         let misfit = likeliest(&sites, usual)[NUMBERS - 1].exp();
         assert!((1.4..2.9).contains(&misfit), "{misfit}");

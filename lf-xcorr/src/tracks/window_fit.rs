@@ -1,23 +1,25 @@
 //! The displacement in a window, by least squares over the pairs inside it.
 //!
-//! Model: the displacement less the guess is a polynomial of the place, up to the second degree, plus a scatter that the
-//! polynomial does not follow. Each pair counts with the inverse of its full covariance plus the scatter's: near the
-//! focal plane a particle is sure across a line and blind along it, and only the covariance knows the line.
+//! Model: the displacement less the guess is a polynomial of the place, up to the second degree, plus a scatter that
+//! the polynomial does not follow. The weight of a pair is the inverse of its full covariance plus the scatter's: near
+//! the focal plane a particle is certain across a line and uncertain along it, and only the covariance knows the line.
 //!
-//! A window holds five to ten pairs and the polynomial has ten terms of three components. So each coefficient but the
+//! A window holds five to ten pairs, and the polynomial has ten terms of three components. So each coefficient but the
 //! constant has a prior of mean zero, whose variance [`super::priors`] finds in the field itself: where the flow does
-//! not bend, the terms vanish and cost nothing.
+//! not bend, the terms vanish and add no uncertainty.
 //!
 //! Pairs that do not fit lose their weight by the probability that they are wrong, in a mixture with an even density.
 
-use super::normal::{Factor, MOST, Normal};
 use glam::{DMat3, DVec3};
+use lf_core::linear;
 
-/// Terms of a polynomial of the second degree; each has three components.
-pub(crate) const TERMS: usize = MOST / 3;
+/// Terms of a polynomial of the second degree.
+pub(crate) const TERMS: usize = 10;
+/// Coefficients: three components of each term.
+pub(crate) const UNKNOWNS: usize = 3 * TERMS;
 
-/// Constant: squared Mahalanobis distance at which a pair is as likely wrong as right: one of fifty is wrong and then
-/// lies anywhere in a gate of five standard deviations, 2 ln(49 x 33).
+/// Constant: squared Mahalanobis distance at which a pair is as likely wrong as right. One pair of fifty is wrong, and
+/// then lies anywhere in a gate of five standard deviations: 2 ln(49 x 33).
 const EVEN_ODDS: f64 = 15.0;
 
 /// The terms at a place in half windows from the centre.
@@ -26,7 +28,7 @@ pub(crate) fn basis(place: DVec3) -> [f64; TERMS] {
     [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]
 }
 
-/// Variances, mm², that a window's pairs are weighed against.
+/// Prior knowledge of a window: variances, mm².
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Priors {
     /// Variance of each coefficient, about zero; the constant's is the square of a window's length.
@@ -55,14 +57,15 @@ pub(crate) struct WindowFit {
     pub weights: Vec<f64>,
     /// Inverse covariance of each sample with the scatter, 1 / mm².
     pub precisions: Vec<DMat3>,
-    factor: Factor,
+    /// Cholesky factor of the normal equations.
+    lower: Vec<f64>,
 }
 
 impl WindowFit {
     /// None without samples.
     pub fn new(samples: &[Sample], priors: &Priors) -> Option<Self> {
-        // Constants: weights that change by less than this stand still, and most rounds.
-        const STILL: f64 = 0.05;
+        // Constants: rounds end when weights change by less than this, or after this many.
+        const STALL: f64 = 0.05;
         const ROUNDS: usize = 8;
         if samples.is_empty() {
             return None;
@@ -70,7 +73,7 @@ impl WindowFit {
         let scatter = DMat3::from_diagonal(priors.scatter);
         let precisions: Vec<DMat3> = samples.iter().map(|sample| (sample.covariance_mm2 + scatter).inverse()).collect();
         let mut weights: Vec<f64> = samples.iter().map(|sample| sample.chance).collect();
-        let (mut terms, mut factor) = solve(samples, &precisions, &weights, priors)?;
+        let (mut terms, mut lower) = solve(samples, &precisions, &weights, priors)?;
         for _ in 1..ROUNDS {
             let weight = |(sample, precision): (&Sample, &DMat3)| {
                 let distance2 = distance2(sample, precision, &terms) / priors.misfit;
@@ -79,25 +82,23 @@ impl WindowFit {
             let better: Vec<f64> = samples.iter().zip(&precisions).map(weight).collect();
             let change = better.iter().zip(&weights).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             weights = better;
-            if change < STILL {
+            if change < STALL {
                 break;
             }
-            (terms, factor) = solve(samples, &precisions, &weights, priors)?;
+            (terms, lower) = solve(samples, &precisions, &weights, priors)?;
         }
-        Some(Self { terms, weights, precisions, factor })
+        Some(Self { terms, weights, precisions, lower })
     }
 
     /// Covariance of the displacement at the centre, mm².
     pub fn covariance_mm2(&self) -> DMat3 {
-        DMat3::from_cols_array_2d(&[0, 1, 2].map(|component| {
-            let column = self.factor.inverse_column(component);
-            [column[0], column[1], column[2]]
-        }))
+        let column = |n: usize| DVec3::from_slice(&linear::inverse_column(&self.lower, UNKNOWNS, n));
+        DMat3::from_cols(column(0), column(1), column(2))
     }
 
     /// Covariance of all coefficients, by columns.
-    pub fn covariances(&self) -> Vec<[f64; MOST]> {
-        (0..MOST).map(|n| self.factor.inverse_column(n)).collect()
+    pub fn covariances(&self) -> Vec<Vec<f64>> {
+        (0..UNKNOWNS).map(|n| linear::inverse_column(&self.lower, UNKNOWNS, n)).collect()
     }
 }
 
@@ -118,17 +119,16 @@ fn solve(
     precisions: &[DMat3],
     weights: &[f64],
     priors: &Priors,
-) -> Option<([DVec3; TERMS], Factor)> {
-    let mut normal = Normal { count: MOST, matrix: [[0.0; MOST]; MOST] };
-    let mut right = [0.0; MOST];
+) -> Option<([DVec3; TERMS], Vec<f64>)> {
+    let (mut matrix, mut right) = (vec![0.0; UNKNOWNS * UNKNOWNS], [0.0; UNKNOWNS]);
     for ((sample, precision), weight) in samples.iter().zip(precisions).zip(weights) {
         let precision = *weight * *precision;
-        let pull = (precision * sample.rest_mm).to_array();
+        let weighted = (precision * sample.rest_mm).to_array();
         let rows = precision.to_cols_array_2d();
         for (t, value) in sample.basis.iter().enumerate() {
-            (0..3).for_each(|c| right[3 * t + c] += value * pull[c]);
+            (0..3).for_each(|c| right[3 * t + c] += value * weighted[c]);
             for (c, row) in rows.iter().enumerate() {
-                let line = &mut normal.matrix[3 * t + c];
+                let line = &mut matrix[UNKNOWNS * (3 * t + c)..][..UNKNOWNS];
                 for (s, other) in sample.basis[..=t].iter().enumerate() {
                     let product = value * other;
                     (0..3).for_each(|d| line[3 * s + d] += product * row[d]);
@@ -137,11 +137,11 @@ fn solve(
         }
     }
     for (t, variance) in priors.terms.iter().enumerate() {
-        (0..3).for_each(|c| normal.matrix[3 * t + c][3 * t + c] += variance[c].recip());
+        (0..3).for_each(|c| matrix[(UNKNOWNS + 1) * (3 * t + c)] += variance[c].recip());
     }
-    let factor = normal.factor()?;
-    factor.solve(&mut right);
-    Some((std::array::from_fn(|t| DVec3::from_slice(&right[3 * t..])), factor))
+    linear::cholesky(&mut matrix, UNKNOWNS, 0.0)?;
+    linear::solve(&matrix, &mut right);
+    Some((std::array::from_fn(|t| DVec3::from_slice(&right[3 * t..])), matrix))
 }
 
 #[cfg(test)]
@@ -169,7 +169,7 @@ mod tests {
         assert!(WindowFit::new(&[], &priors(1e-14)).is_none());
     }
 
-    /// Two particles are each sure across a line only, one along x and one along z. Together they know both.
+    /// Each of two particles is certain across its own line only. Together they determine the whole displacement.
     #[test]
     fn lines_that_cross_give_a_point() {
         let wanted = DVec3::new(1e-3, 2e-3, -5e-3);

@@ -1,15 +1,15 @@
 //! The part of a flow that bends inside a window, from the places of its particle images.
 //!
-//! A vector is the displacement at its window's centre, but a window measures the mean over its particle images. On
-//! volumes laid on each other by a predictor, the images show the rest of the flow, r. A gradient of r has no mean over
-//! a window; what bends has one, and its error does not fall with the number of images: `r(centre) - mean(r)`.
+//! A vector is the displacement at its window's centre, but a window measures the mean over its particle images. In
+//! volumes deformed by a predictor, the images show the rest of the flow, r. The mean of a gradient of r over a window
+//! is 0. What bends has a mean, and its error does not fall with the number of images: `r(centre) - mean(r)`.
 //!
 //! Equation: `B = sum of q(x) e`, with `q(x) = 15/4 sum over axes of (1/3 - x_a^2)` at places x from -1 to 1 across the
 //! window, and e the residual displacements of the images, times their shares. This is the value at the centre of the
 //! quadratic through images spread evenly, less their mean: the mean of q is 0, that of q x_a^2 is -1/3.
 //!
-//! Scatter makes B too: the sum of the squares of q e, so that much is subtracted from B squared. That leaves little of
-//! one window, so means are taken over neighbouring windows.
+//! Scatter contributes to B too: the sum of the squares of q e, which is subtracted from B squared. The difference is
+//! noisy for one window, so it is averaged over neighbouring windows.
 
 use super::image_sums::ImageSums;
 use super::{fill::filled, smooth::smooth};
@@ -25,8 +25,9 @@ const NEIGHBOURS: f64 = 0.4;
 /// and vortices (`cargo bench -p lf-xcorr --bench coverage -- choose`).
 const FASTER: f64 = 1.5;
 
-/// Square of the bend in the window of these `voxels`, less what scatter makes of it, which can be more. `residuals`
-/// are the displacements that the `images` ask for, less the mean; `few` enlarges their squares to those of a sample.
+/// Square of the bend in the window of these `voxels`, less the contribution of scatter; it can be negative.
+/// `residuals` are the displacements that the `images` measure, less the mean; `few` enlarges their squares to those of
+/// a sample.
 pub(crate) fn square(voxels: &[Range<usize>; 3], images: &[ImageSums], residuals: &[DVec3], few: f64) -> DVec3 {
     let product: f64 = images.iter().map(|image| image.product).sum();
     let weights: Vec<f64> = images.iter().map(|image| weight(voxels, image)).collect();
@@ -54,7 +55,7 @@ fn weight(voxels: &[Range<usize>; 3], image: &ImageSums) -> f64 {
     (0..3).map(term).sum()
 }
 
-/// Mean square of the bend about every window, from the squares of the windows that have one.
+/// Mean square of the bend around every window, from the squares of the windows that have one.
 pub(crate) fn mean_squares(windows: &WindowGrid, squares: Vec<Option<DVec3>>) -> Vec<DVec3> {
     let Some(squares) = filled(windows.shape(), squares) else { return vec![DVec3::ZERO; windows.count()] };
     let nodes = windows.axes.each_ref().map(|axis| NEIGHBOURS * axis.window as f64 / axis.step as f64);

@@ -1,12 +1,12 @@
 //! How much of a measured field's shape is flow, and how much is noise.
 //!
-//! A predictor hands its noise to the next repeat, which sharpens it. A component is therefore smoothed narrowly only
-//! where it varies more over a window or two than the noise seen at shorter lengths would. Elsewhere the smoothing is
-//! three times as wide. A steep u then does not make the measurement of a uniform w worse.
+//! A predictor passes its noise to the next repeat, which sharpens it. A component is therefore smoothed narrowly only
+//! where it varies more over one or two windows than noise would, by the noise seen at shorter lengths. Elsewhere the
+//! smoothing is three times as wide. So a steep u does not make the measurement of a uniform w worse.
 //!
 //! Equation: with N the narrowly and W the widely smoothed field, the result is `W + s (N - W)`, `s = 1 - D q / E`
-//! between 0 and 1. E and q are the local means of `(N - W)^2` and of `(f - N)^2`; D is the ratio E / q for noise of
-//! the windows, times [`DOUBT`]. This is Wiener's filter, with the noise measured at lengths at which there is no flow.
+//! between 0 and 1. E and q are the local means of `(N - W)^2` and of `(f - N)^2`; D is the ratio E / q for the noise
+//! of windows, times [`DOUBT`]. This is Wiener's filter, with the noise measured at lengths at which there is no flow.
 
 use super::smooth::smooth;
 use glam::DVec3;
@@ -14,12 +14,12 @@ use glam::DVec3;
 /// Constant: width of the wide smoothing over that of the narrow one.
 pub(crate) const WIDE: f64 = 3.0;
 
-/// Constant: local means are of some twenty independent windows; noise exceeds its mean by half in one place of a
-/// hundred.
+/// Constant: a local mean averages about twenty independent windows, so noise exceeds its mean by half in one place of
+/// a hundred.
 const DOUBT: f64 = 1.5;
 
-/// Smooths `field` as above, over `smoothing` nodes where there is evidence. Returns the field and, for each node and
-/// component, the fraction `s` of the narrow smoothing. `noise_ratio` is E / q of noise.
+/// Smooths `field` by the equation above, with a narrow width of `smoothing` nodes. Returns the field and, for each
+/// node and component, the fraction `s` of the narrow smoothing. `noise_ratio` is E / q of noise.
 pub(crate) fn smoothed_by_evidence(
     shape: [usize; 3],
     field: &[DVec3],

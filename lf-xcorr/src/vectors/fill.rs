@@ -1,6 +1,7 @@
-//! Vectors from their neighbours: the replacement of outliers.
+//! Outliers replaced from their neighbours.
 
 use glam::{DVec3, IVec3};
+use lf_core::linear;
 
 /// The up to 26 neighbours of `node` in a field of `shape`, with the step to each: -1, 0 or 1 along each axis.
 pub(crate) fn neighbours(shape: [usize; 3], node: usize) -> impl Iterator<Item = (usize, DVec3)> {
@@ -13,8 +14,8 @@ pub(crate) fn neighbours(shape: [usize; 3], node: usize) -> impl Iterator<Item =
     steps.filter(move |step| is_inside(place + step)).map(move |step| (index(step), step.as_dvec3()))
 }
 
-/// Gives every hole that has neighbours a vector: the value of the least-squares plane through them. Holes inside a
-/// large gap take vectors that an earlier round gave. A hole that no vector can reach stays `None`.
+/// Fills every hole with the value of the least-squares plane through its neighbours. Large gaps are filled in rounds
+/// from their border. A hole that no vector can reach stays `None`.
 pub(crate) fn fill(shape: [usize; 3], vectors: &mut [Option<DVec3>], mut holes: Vec<usize>) {
     while !holes.is_empty() {
         let value = |&hole: &usize| Some((hole, plane(shape, vectors, hole)?.value));
@@ -35,44 +36,36 @@ pub(crate) fn filled(shape: [usize; 3], mut vectors: Vec<Option<DVec3>>) -> Opti
 }
 
 /// A plane through the neighbours of a node: its value at the node, and its change per node along x, y, z.
-pub(crate) struct Plane {
+pub(crate) struct FittedPlane {
     pub value: DVec3,
     pub slope: [DVec3; 3],
 }
 
 /// The least-squares plane through the neighbours of `node`; `None` if it has no neighbour.
-pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -> Option<Plane> {
-    // Constant: the ridge holds the slope at zero along an axis that the neighbours do not determine. At an edge it
-    // reduces the slope by a few per cent, so that rounds of extrapolation stay tame.
+pub(crate) fn plane(shape: [usize; 3], vectors: &[Option<DVec3>], node: usize) -> Option<FittedPlane> {
+    // Constant: the ridge makes the slope zero along an axis that the neighbours do not determine. At an edge it
+    // reduces the slope by a few per cent, so that repeated extrapolation does not grow.
     const RIDGE: f64 = 0.1;
-    let (mut matrix, mut right) = ([[0.0; 4]; 4], [DVec3::ZERO; 4]);
+    let (mut matrix, mut right) = ([0.0; 16], [DVec3::ZERO; 4]);
     for (neighbour, step) in neighbours(shape, node) {
         let Some(vector) = vectors[neighbour] else { continue };
         // Weigh a neighbour by one over the square of its distance.
         let row = [1.0, step.x, step.y, step.z];
         let weight = 1.0 / step.length_squared();
         for i in 0..4 {
-            (0..4).for_each(|j| matrix[i][j] += weight * row[i] * row[j]);
+            (0..4).for_each(|j| matrix[4 * i + j] += weight * row[i] * row[j]);
             right[i] += weight * row[i] * vector;
         }
     }
-    if matrix[0][0] == 0.0 {
-        return None;
-    }
-    (1..4).for_each(|i| matrix[i][i] += RIDGE);
-    // Eliminate the slopes upwards, then substitute downwards. The matrix is positive definite.
-    for i in (1..4).rev() {
-        for j in 0..i {
-            let share = matrix[j][i] / matrix[i][i];
-            (0..4).for_each(|k| matrix[j][k] -= share * matrix[i][k]);
-            right[j] -= share * right[i];
-        }
-    }
-    for i in 0..4 {
-        let known: DVec3 = (0..i).map(|j| matrix[i][j] * right[j]).sum();
-        right[i] = (right[i] - known) / matrix[i][i];
-    }
-    Some(Plane { value: right[0], slope: [right[1], right[2], right[3]] })
+    (1..4).for_each(|i| matrix[5 * i] += RIDGE);
+    linear::cholesky(&mut matrix, 4, 0.0)?;
+    let components = [0, 1, 2].map(|c| {
+        let mut plane = right.map(|right| right[c]);
+        linear::solve(&matrix, &mut plane);
+        plane
+    });
+    let [value, slope @ ..] = [0, 1, 2, 3].map(|i| DVec3::from_array(components.map(|plane| plane[i])));
+    Some(FittedPlane { value, slope })
 }
 
 #[cfg(test)]

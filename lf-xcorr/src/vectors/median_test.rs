@@ -9,9 +9,9 @@ use lf_core::statistics::median;
 pub struct MedianTest {
     /// Largest accepted ratio of a vector's residual to the median residual of its neighbours. The authors' value is 2.
     pub threshold: f64,
-    /// Fluctuation of a good measurement along each axis, voxels. It keeps a calm neighbourhood from being too strict.
-    /// The default is the authors' 0.1 px, for a correlation peak of [`MedianTest::WIDTH_VOX`]; a wider peak raises it
-    /// in proportion.
+    /// Fluctuation of a good measurement along each axis, voxels. Without it the test would be too strict where
+    /// neighbours agree. The default is the authors' 0.1 px, for a correlation peak of [`MedianTest::WIDTH_VOX`]; a
+    /// wider peak raises it in proportion.
     pub tolerance_vox: [f64; 3],
 }
 
@@ -21,8 +21,8 @@ impl Default for MedianTest {
     }
 }
 
-/// Constant: with fewer neighbours than this a median says nothing, and a vector is left as it is.
-const FEWEST: usize = 4;
+/// Constant: with fewer neighbours a median means nothing, and every vector passes.
+const MIN_NEIGHBOURS: usize = 4;
 
 impl MedianTest {
     /// Standard deviation of the correlation peak of ideal particle images of 0.75 voxel: 0.75 sqrt(2).
@@ -35,10 +35,10 @@ impl MedianTest {
         vectors.iter().enumerate().map(fails).collect()
     }
 
-    /// Whether `vector` would pass at `node`, either as it is or with the neighbours' own gradient taken out.
+    /// Whether `vector` passes at `node`, either as it is or with the gradient of the neighbours subtracted.
     ///
-    /// Departure: the authors have no second trial. At a field's edge all neighbours are on one side, and there a
-    /// uniform gradient of 0.3 voxel per node fails the test as printed.
+    /// Departure: the authors have no second trial. At a field's edge all neighbours are on one side, and a uniform
+    /// gradient of 0.3 voxel per node would fail the test there.
     pub(crate) fn passes(&self, shape: [usize; 3], vectors: &[Option<DVec3>], node: usize, vector: DVec3) -> bool {
         let agrees = |slope: [DVec3; 3]| {
             let moved = |(near, step): (usize, DVec3)| {
@@ -59,7 +59,7 @@ impl MedianTest {
             values.iter_mut().for_each(|value| *value = (*value - middle).abs());
             (vector[axis] - middle).abs() <= self.threshold * (median(&mut values) + self.tolerance_vox[axis])
         };
-        near.len() < FEWEST || (0..3).all(agrees)
+        near.len() < MIN_NEIGHBOURS || (0..3).all(agrees)
     }
 }
 

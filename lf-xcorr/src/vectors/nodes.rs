@@ -1,6 +1,7 @@
 //! The nodes of a vector field, and values between them.
 
 use glam::DVec3;
+use lf_core::field::Cell;
 
 /// Nodes on a regular grid, x fastest; places are in any one unit of length.
 #[derive(Debug, Clone, Copy)]
@@ -17,17 +18,17 @@ impl Nodes {
     /// The value at a place: trilinear between nodes. Beyond the outermost nodes the gradient continues for up to
     /// [`Nodes::BEYOND`] nodes; farther out the value is constant.
     pub fn at(&self, vectors: &[DVec3], place: DVec3) -> DVec3 {
-        let (corner, stride, fraction) = self.cell(place, Self::BEYOND);
+        let Cell { corner, stride, fraction } = self.cell(place, Self::BEYOND);
         let mix = |from: DVec3, to: DVec3, fraction: f64| from + fraction * (to - from);
         let along_x = |corner: usize| mix(vectors[corner], vectors[corner + stride[0]], fraction[0]);
         let along_y = |corner: usize| mix(along_x(corner), along_x(corner + stride[1]), fraction[1]);
         mix(along_y(corner), along_y(corner + stride[2]), fraction[2])
     }
 
-    /// The value at a place by cubic convolution (Keys 1981), which follows curved fields that [`Nodes::at`] would cut
-    /// short between nodes. Beyond the outermost nodes the gradient continues as there.
+    /// The value at a place by cubic convolution (Keys 1981), which follows curved fields better than [`Nodes::at`]
+    /// between nodes. Beyond the outermost nodes the gradient continues as in [`Nodes::at`].
     pub fn curved_at(&self, vectors: &[DVec3], place: DVec3) -> DVec3 {
-        let (corner, _, fraction) = self.cell(place, Self::BEYOND);
+        let Cell { corner, fraction, .. } = self.cell(place, Self::BEYOND);
         let (steps, weights) = (self.steps(corner), fraction.map(cubic));
         let row = |j: i64, k: i64| -> DVec3 {
             (0..4).map(|i| weights[0][i] * self.continued(vectors, [steps[0] as i64 + i as i64 - 1, j, k], 0)).sum()
@@ -36,7 +37,7 @@ impl Nodes {
         (0..4).map(|k| weights[2][k] * plane(steps[2] as i64 + k as i64 - 1)).sum()
     }
 
-    /// The value at a node; outside it continues along straight lines, axis by axis.
+    /// The value at a node. Outside the grid it continues along straight lines, axis by axis.
     fn continued(&self, vectors: &[DVec3], node: [i64; 3], axis: usize) -> DVec3 {
         if axis == 3 {
             return vectors[self.index(node.map(|step| step as usize))];
@@ -56,16 +57,10 @@ impl Nodes {
         }
     }
 
-    /// The nodes around a place and their shares, which add up to 1. Beyond the outermost nodes these are taken.
+    /// The nodes around a place and their trilinear weights, which add up to 1. A place outside counts as on the
+    /// border.
     pub fn shares(&self, place: DVec3) -> [(usize, f64); 8] {
-        let (corner, stride, fraction) = self.cell(place, 0.0);
-        std::array::from_fn(|upper| {
-            let of_axis = |axis: usize| (upper >> axis & 1 == 1, stride[axis], fraction[axis]);
-            (0..3).map(of_axis).fold((corner, 1.0), |(node, share), (is_upper, stride, fraction)| match is_upper {
-                true => (node + stride, share * fraction),
-                false => (node, share * (1.0 - fraction)),
-            })
-        })
+        self.cell(place, 0.0).corners()
     }
 
     /// The place of a node.
@@ -87,32 +82,27 @@ impl Nodes {
         self.shape.iter().product()
     }
 
-    /// Every `skip`-th node along each axis; the rest is left at both ends alike.
-    pub fn every(&self, skip: [usize; 3]) -> Self {
+    /// The nodes at most `reach` steps from a node along each axis, x fastest.
+    pub fn around(&self, node: usize, reach: usize) -> impl Iterator<Item = [usize; 3]> + use<> {
+        let steps = self.steps(node);
+        let [x, y, z] =
+            [0, 1, 2].map(|axis| steps[axis].saturating_sub(reach)..(steps[axis] + reach + 1).min(self.shape[axis]));
+        let rows = z.flat_map(move |k| y.clone().map(move |j| (j, k)));
+        rows.flat_map(move |(j, k)| x.clone().map(move |i| [i, j, k]))
+    }
+
+    /// Nodes about `distance` apart: every n-th one, with the remainder left at both ends alike.
+    pub fn apart(&self, distance: DVec3) -> Self {
+        let skip = (distance / self.step).round().to_array().map(|steps| (steps as usize).max(1));
         let count = [0, 1, 2].map(|axis| (self.shape[axis] - 1) / skip[axis] + 1);
         let first = [0, 1, 2].map(|axis| (self.shape[axis] - 1 - (count[axis] - 1) * skip[axis]) / 2);
         let step = self.step * DVec3::from_array(skip.map(|skip| skip as f64));
         Self { shape: count, first: self.place(self.index(first)), step }
     }
 
-    /// The lowest node of the cell that holds a place, the distance to the next node along each axis, and how far the
-    /// place is on the way to it. Places are at most `beyond` nodes outside.
-    fn cell(&self, place: DVec3, beyond: f64) -> (usize, [usize; 3], [f64; 3]) {
-        let places = (place - self.first) / self.step;
-        let (mut fraction, mut stride) = ([0.0; 3], [0; 3]);
-        let (mut corner, mut length) = (0, 1);
-        for axis in 0..3 {
-            let n = self.shape[axis];
-            let last = (n - 1) as f64;
-            let place = places[axis].clamp(-beyond, last + beyond);
-            let low = place.clamp(0.0, (last - 1.0).max(0.0)).floor();
-            if n > 1 {
-                (fraction[axis], stride[axis]) = (place - low, length);
-            }
-            corner += low as usize * length;
-            length *= n;
-        }
-        (corner, stride, fraction)
+    /// The cell that holds a place. Places are at most `beyond` nodes outside.
+    fn cell(&self, place: DVec3, beyond: f64) -> Cell {
+        Cell::new(self.shape, (place - self.first) / self.step, beyond)
     }
 }
 

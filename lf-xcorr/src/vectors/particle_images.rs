@@ -1,4 +1,4 @@
-//! The particle images in two volumes that lie on each other.
+//! The particle images in two matched volumes.
 
 use crate::volumes::Rows;
 use rayon::prelude::*;
@@ -30,8 +30,8 @@ pub(crate) struct Voxel {
 }
 
 impl ParticleImages {
-    /// Constant: a local maximum counts as a particle image from this fraction of sum v^3 / sum v^2 on, which is half
-    /// the peak of a Gaussian. Ripples and haze of a reconstruction stay below.
+    /// Constant: a local maximum counts as a particle image above this fraction of sum v^3 / sum v^2, which is half the
+    /// peak of a Gaussian. Ripples and the dense phase of a reconstruction stay below.
     const COUNTS: f64 = 0.2;
 
     pub fn new(pair: [&Rows; 2]) -> Self {
@@ -64,16 +64,16 @@ impl ParticleImages {
         climb(&mut top_of);
         let powers = (0..top_of.len()).map(|voxel| self.brightness(voxel) as f64);
         let (squares, cubes) = powers.fold((0.0, 0.0), |(two, three), v| (two + v * v, three + v * v * v));
-        let least = if squares > 0.0 { (Self::COUNTS * cubes / squares) as f32 } else { 0.0 };
+        let threshold = if squares > 0.0 { (Self::COUNTS * cubes / squares) as f32 } else { 0.0 };
         let mut number = vec![0u32; top_of.len()];
         for voxel in (0..top_of.len()).filter(|&voxel| top_of[voxel] as usize == voxel) {
             number[voxel] = self.tops.len() as u32;
-            self.tops.push((voxel as u32, self.brightness(voxel) >= least));
+            self.tops.push((voxel as u32, self.brightness(voxel) >= threshold));
         }
         self.image = top_of.into_iter().map(|top| number[top as usize]).collect();
     }
 
-    /// For each voxel of row (y, z), the brightest of it and its 26 neighbours; the last one of several equals.
+    /// For each voxel of row (y, z), the brightest among itself and its 26 neighbours; the last one of several equals.
     fn brightest_neighbours(&self, y: usize, z: usize) -> Vec<u32> {
         let [_, ny, nz] = self.lit.shape;
         let near = |place: usize, n: usize| place.saturating_sub(1)..(place + 2).min(n);

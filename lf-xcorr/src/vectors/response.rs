@@ -1,13 +1,13 @@
 //! The response of windows and repeats to waves and to noise.
 //!
 //! A window measures the mean of the displacement over itself, noise included. Each repeat subtracts the mean over the
-//! window of the predictor, which is the smoothed field of the time before, and adds the predictor at the window's
-//! centre. Let H be the response to the windows' measurements, S that of the smoothing, and M that of the mean of the
-//! predictor over a window.
+//! window of the predictor, which is the smoothed field of the repeat before, and adds the predictor at the window's
+//! centre. Let H be the response to the windows' measurements, S the response of the smoothing, and M the response of
+//! the predictor's mean over a window.
 //!
 //! Equation: `H <- 1 + S (1 - M) H`, starting from 1, at every wave number of the window grid. Waves of a few windows
-//! therefore return to their full height, and noise grows: by the root of the mean of H^2 over the spectrum of a mean
-//! over windows that overlap.
+//! therefore return to their full height, and noise grows: by the root of the mean of H^2, weighted with the spectrum
+//! of a mean over overlapping windows.
 
 use super::evidence::WIDE;
 use super::smooth::{self, smooth};
@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 pub(crate) struct Noise {
     /// Factor by which the scatter of a component grows.
     pub gain: f64,
-    /// Fraction of the scatter that [`unresolved`] takes for unresolved flow.
+    /// Fraction of the scatter that [`unresolved`] counts as unresolved flow.
     pub taken_for_unresolved: f64,
 }
 
@@ -63,8 +63,8 @@ fn each_wave(windows: &WindowGrid, smoothing: DVec3, mut visit: impl FnMut([f64;
     }
 }
 
-/// An estimate of the part of a field that windows do not measure in volumes that were not deformed: the true field
-/// minus the means over windows. The field has no holes.
+/// Estimate of the part of a field that windows do not measure in plain volumes: the true field minus its means over
+/// windows. The field has no holes.
 ///
 /// Equation: the windows give `M f` of the truth `f`. The missing part is `(1 - M) / M` times the measured field; 1 / M
 /// is taken as 1 + (1 - M).

@@ -1,20 +1,20 @@
-//! How uncertain a vector is, from how the particle images of its window disagree.
+//! The uncertainty of a vector, from the disagreement of the particle images in its window.
 //!
 //! Method, after B. Wieneke, "PIV uncertainty quantification from correlation statistics", Meas. Sci. Technol. 26
-//! (2015): once the two volumes lie on each other, the correlation at one voxel to the left equals that at one voxel to
-//! the right, and every voxel adds its own disagreement to their difference. The variances of the parts add up, and the
-//! shape of the peak turns their sum into a displacement.
+//! (2015): in matched volumes the correlation one voxel to the left equals the one a voxel to the right, and every
+//! voxel adds its own disagreement to their difference. The variances of the parts add up, and the shape of the peak
+//! turns their sum into a displacement.
 //!
 //! Equation, along each axis, for a part of the window: `g = ((C+ - C-) / C - (A+ - A-) / 2A - (B+ - B-) / 2B) / 2`.
 //! This is the part's contribution to the slope of the logarithm of the score; C, A and B are the sums of products and
-//! squares of the whole window. The displacement that the part asks for is the peak's covariance times g.
+//! squares of the whole window. The displacement that the part measures is the peak's covariance times g.
 //!
-//! Departure: the parts are particle images inside the window. The author takes pixels and finds a correlation length
-//! from them. A light-field particle is long, bright and rare: its voxels disagree together, and a window holds ten
+//! Departure: the parts are particle images inside the window. The author takes pixels and estimates their correlation
+//! length. A light-field particle is long, bright and rare: its voxels disagree together, and a window holds ten
 //! particles. The variance of the window's mean is n / (n - 1) times the sum of squares about the mean, with the
 //! effective number n = (sum of shares)^2 / sum of squared shares. Repeats make it grow ([`super::response`]).
 //!
-//! Two things that no scatter shows are added in squares: the part of the flow that bends inside a window
+//! Two contributions that scatter does not show are added in squares: the part of the flow that bends inside a window
 //! ([`super::bend`]), and a floor.
 
 use super::image_sums::{ImageSums, images_of_cells, joined};
@@ -30,12 +30,12 @@ const FEW: f64 = 0.5;
 
 /// Constant: the error that deformation's spline and the fit leave on particles of 0.75 voxel without any noise.
 const FLOOR_VOX: f64 = 0.0008;
-/// Constant: fewer effective particle images than this have no spread to speak of.
-const FEWEST: f64 = 1.5;
+/// Constant: minimum number of effective particle images that have a spread.
+const MIN_IMAGES: f64 = 1.5;
 
 pub(crate) struct Uncertainty {
-    /// Standard uncertainty, voxels. NaN if hardly more than one particle image matters, and along an axis on which the
-    /// correlation has no peak.
+    /// Standard uncertainty, voxels. NaN with hardly more than one particle image, and along an axis without a
+    /// correlation peak.
     pub std_vox: DVec3,
     /// Particle images of all pairs that have their top in the window.
     pub particles: usize,
@@ -45,7 +45,7 @@ pub(crate) struct Uncertainty {
 pub(crate) struct Measured<'a> {
     pub windows: &'a WindowGrid,
     pub vectors: &'a [Vector],
-    /// Part of each displacement that the windows are too large to resolve, voxels, if the volumes were not deformed.
+    /// Part of each displacement that the windows are too large to resolve, voxels, if the volumes are plain.
     pub unresolved_vox: Option<Vec<DVec3>>,
     /// Fraction of the narrow smoothing in the predictor that repeats started from, by node and component.
     pub narrow_share: &'a [DVec3],
@@ -64,7 +64,7 @@ struct Scatter {
 }
 
 impl Measured<'_> {
-    /// The uncertainty of every vector; `matched` are the pairs laid on each other.
+    /// The uncertainty of every vector; `matched` are the pairs deformed onto each other.
     pub fn uncertainties(&self, matched: &[[Rows; 2]]) -> Vec<Uncertainty> {
         let cells = images_of_cells(matched, self.windows);
         let of_window = |node: usize| {
@@ -81,10 +81,10 @@ impl Measured<'_> {
         scatters.iter().zip(bends).enumerate().map(total).collect()
     }
 
-    /// Square of the part of a displacement in volumes that were not deformed that the window is too large to resolve.
+    /// Square of the part of a displacement that the window is too large to resolve, in plain volumes.
     fn unresolved_vox2(&self, node: usize, scatter: &Scatter) -> DVec3 {
         let Some(unresolved) = &self.unresolved_vox else { return DVec3::ZERO };
-        // Scatter looks like unresolved flow: subtract that much again.
+        // Scatter looks like unresolved flow: subtract its contribution.
         let noise = self.noise.taken_for_unresolved * scatter.std_vox;
         (unresolved[node] * unresolved[node] - noise * noise).max(DVec3::ZERO)
     }
@@ -97,18 +97,18 @@ impl Measured<'_> {
         let shares = images.iter().map(|image| image.product / sum.product);
         let count = shares.clone().map(|share| share * share).sum::<f64>().recip();
         let peak = WindowPeak::new(images, &sum, self.windows, fit, self.widened_vox2);
-        if !(count > FEWEST && peak.squares[0] > 0.0 && peak.squares[1] > 0.0) {
+        if !(count > MIN_IMAGES && peak.squares[0] > 0.0 && peak.squares[1] > 0.0) {
             return unknown;
         }
 
-        // The displacements that the images ask for, less their shares of the whole window's.
+        // Take the displacements that the images measure, less their shares of the whole window's.
         let whole = peak.displacement(&sum);
         let residuals = images.iter().zip(shares).map(|(image, share)| peak.displacement(image) - share * whole);
         let residuals: Vec<DVec3> = residuals.collect();
         let variance = residuals.iter().map(|residual| residual * residual).sum::<DVec3>();
         let few = 1.0 + FEW / (count - 1.0);
         let known = DVec3::from_array(peak.has_slope.map(|has_slope| if has_slope { 1.0 } else { f64::NAN }));
-        // A widely smoothed predictor brings no noise back.
+        // A widely smoothed predictor returns no noise.
         let gain = 1.0 + self.narrow_share[node] * (self.noise.gain - 1.0);
         let std_vox = gain * few * (variance * count / (count - 1.0)).map(f64::sqrt) * known;
         let bend_vox2 = bend::square(&self.windows.voxels(node), images, &residuals, count / (count - 1.0));
@@ -151,7 +151,7 @@ impl WindowPeak {
         Self { squares, products, covariance: DMat3::from_cols_array_2d(&covariance), has_slope }
     }
 
-    /// The displacement that a part of the window asks for, voxels.
+    /// The displacement that a part of the window measures, voxels.
     fn displacement(&self, part: &ImageSums) -> DVec3 {
         let [first, second] = part.flux;
         let slope =

@@ -11,7 +11,8 @@ pub enum Mask<'a> {
     Everything,
     /// A box of voxels. Windows lie inside it.
     Box([Range<usize>; 3]),
-    /// A set of voxels as strictly rising linear indices of the grid, for example a support. Light elsewhere is dark.
+    /// A set of voxels as strictly rising linear indices of the grid, for example a support. Light elsewhere is
+    /// ignored.
     Support(&'a [u64]),
 }
 
@@ -57,8 +58,8 @@ impl Mask<'_> {
         }
     }
 
-    /// The mask with a support taken as everything. Volumes that are to be deformed keep the light outside the support,
-    /// because it may move inside.
+    /// The mask without a support. Volumes keep the light outside the support until they are deformed, because it may
+    /// move inside.
     pub(crate) fn without_support(&self) -> Self {
         match self {
             Self::Support(_) => Self::Everything,

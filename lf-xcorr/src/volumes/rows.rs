@@ -8,8 +8,8 @@ use std::ops::Range;
 #[derive(Debug, Clone)]
 pub(crate) struct Rows<T = f32> {
     pub shape: [usize; 3],
-    /// Voxels below this intensity are dark: the floor times the peak of the whole volume.
-    pub least: f32,
+    /// Minimum intensity of a lit voxel: the floor times the peak of the whole volume.
+    pub threshold: f32,
     start: Vec<usize>,
     pub x: Vec<u32>,
     /// Intensity, or intensities, of each entry.
@@ -19,10 +19,10 @@ pub(crate) struct Rows<T = f32> {
 impl<T: Copy> Rows<T> {
     pub fn with_capacity(shape: [usize; 3], count: usize) -> Self {
         let start = Vec::with_capacity(shape[1] * shape[2] + 1);
-        Self { shape, least: 0.0, start, x: Vec::with_capacity(count), value: Vec::with_capacity(count) }
+        Self { shape, threshold: 0.0, start, x: Vec::with_capacity(count), value: Vec::with_capacity(count) }
     }
 
-    /// Closes every row before `row`.
+    /// Ends every row before `row`.
     pub fn open_row(&mut self, row: usize) {
         if self.start.len() <= row {
             self.start.resize(row + 1, self.x.len());
@@ -70,18 +70,19 @@ impl<T: Copy> Rows<T> {
 }
 
 impl Rows {
-    /// The voxels of `volume` inside `mask` of at least `floor` times its peak, counted from the mask's corner. Intensities
-    /// are scaled by a power of two, which changes no digit, so that the peak is 1 to 2 and no sum leaves the range of f32.
+    /// The voxels of `volume` inside `mask` of at least `floor` times its peak, counted from the mask's corner.
+    /// Intensities are scaled by a power of two, which is exact, so that the peak is 1 to 2 and no sum leaves the range
+    /// of f32.
     pub fn new(volume: &Sparse, mask: &Mask, floor: f32) -> Self {
         let grid = volume.grid;
         let sides = mask.sides(grid.shape);
         let shape = sides.each_ref().map(Range::len);
         let gain = f64::from(volume.peak()).log2().floor().max(-200.0).exp2().recip();
         let scaled = |value: f32| (f64::from(value) * gain) as f32;
-        let least = (floor * scaled(volume.peak())).max(f32::MIN_POSITIVE);
-        let mut rows = Self { least, ..Self::with_capacity(shape, volume.indices.len()) };
+        let threshold = (floor * scaled(volume.peak())).max(f32::MIN_POSITIVE);
+        let mut rows = Self { threshold, ..Self::with_capacity(shape, volume.indices.len()) };
         let lit = volume.indices.iter().zip(volume.intensity.iter().map(|value| scaled(*value)));
-        for (&index, value) in lit.filter(|(_, value)| *value >= least) {
+        for (&index, value) in lit.filter(|(_, value)| *value >= threshold) {
             let voxel = grid.voxel(index);
             if mask.holds(index, voxel) {
                 let [x, y, z]: [usize; 3] = std::array::from_fn(|a| voxel[a] - sides[a].start);
@@ -110,16 +111,16 @@ impl Rows {
         Self::from_lists(shape, &dense.chunks(shape[0]).map(|row| lit(row, 0.0).collect()).collect::<Vec<_>>())
     }
 
-    /// The same light, scaled to a sum of squares of 1.
+    /// These rows, scaled to a sum of squares of 1.
     pub fn of_unit_energy(mut self) -> Self {
         let energy: f64 = self.value.iter().map(|&value| (value as f64).powi(2)).sum();
         let gain = if energy > 0.0 { energy.sqrt().recip() } else { 1.0 };
         self.value.iter_mut().for_each(|value| *value = (*value as f64 * gain) as f32);
-        self.least = (self.least as f64 * gain) as f32;
+        self.threshold = (self.threshold as f64 * gain) as f32;
         self
     }
 
-    /// The same light summed into bins of `bin` voxels; the last bin of an axis may reach beyond the volume.
+    /// These rows summed into bins of `bin` voxels; the last bin of an axis may reach beyond the volume.
     pub fn binned(&self, bin: [usize; 3]) -> Self {
         let shape: [usize; 3] = std::array::from_fn(|axis| self.shape[axis].div_ceil(bin[axis]));
         let in_row = |row: usize| {
@@ -138,7 +139,7 @@ impl Rows {
     }
 }
 
-/// The voxels of a dense row that have light, and no less than `least`: x and intensity.
-pub(crate) fn lit(row: &[f32], least: f32) -> impl Iterator<Item = (u32, f32)> + '_ {
-    (0..).zip(row.iter().copied()).filter(move |(_, value)| *value > 0.0 && *value >= least)
+/// The voxels of a dense row with light of at least `threshold`: x and intensity.
+pub(crate) fn lit(row: &[f32], threshold: f32) -> impl Iterator<Item = (u32, f32)> + '_ {
+    (0..).zip(row.iter().copied()).filter(move |(_, value)| *value > 0.0 && *value >= threshold)
 }

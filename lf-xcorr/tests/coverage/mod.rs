@@ -37,20 +37,20 @@ impl Cloud {
 
 pub const WORN: Wear = Wear { jitter_vox: [0.1, 0.1, 0.2], lost: 0.1, flicker: 0.3 };
 
-/// Displacements with a greatest change of so many voxels in 32 voxels.
+/// Displacements by their largest change, in voxels per 32 voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Flow {
     /// u rises along y and w along x.
     Shear(f64),
     /// A rotation of the whole volume about z.
     Rotation(f64),
-    /// Vortices in x and y with a period of so many windows.
+    /// Vortices in x and y; their period in windows, and the change.
     Vortices(f64, f64),
-    /// A wave of u along z with a period of so many windows.
+    /// A wave of u along z; its period in windows, and the change.
     Wave(f64, f64),
-    /// A jet along z with a Gaussian profile; its standard deviation in windows.
+    /// A jet along z with a Gaussian profile; its standard deviation in windows, and the change.
     Jet(f64, f64),
-    /// A vortex ring about z; the standard deviation of its core in windows.
+    /// A vortex ring about z; the standard deviation of its core in windows, and the change.
     Ring(f64, f64),
 }
 

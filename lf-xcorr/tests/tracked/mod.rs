@@ -1,4 +1,5 @@
-//! Particles as a plenoptic camera knows them, in two frames of a flow, and a field that predicts as a correlation does.
+//! Particles as a plenoptic camera knows them, in two frames of a flow, and a field that predicts as a correlation
+//! does.
 //!
 //! The covariances are the Cramer-Rao bounds of single particles behind a thin lens with a square stop (f/4, m = 1) and
 //! a square lattice in line: exact light of a Gaussian particle per lenslet and pixel. The light of a particle is a
@@ -147,7 +148,8 @@ impl Lab {
         VOXEL_MM * DVec3::from_array(self.flow.at(place_vox.to_array()))
     }
 
-    /// The particles found in both frames: of fifty one is missed, and one of fifty is a ghost. Also their true numbers.
+    /// The particles found in both frames. One of fifty is missed, and one of fifty is a ghost. `id` is the true
+    /// number.
     pub fn tables(&self) -> [Vec<Particle>; 2] {
         let mut random = Pcg64Mcg::seed_from_u64(self.seed);
         let lenslets = 4.0 * HALF_MM.x * HALF_MM.y / (PITCH * PITCH);

@@ -4,9 +4,9 @@
 //! EXR under the same names. Vectors without data are NaN. The attribute `history` has a line for each step; the
 //! attribute `lf_field` holds the JSON of the EXR's attribute, so that nothing is lost.
 
-use super::netcdf::{Attributes, Header, Kind, Value, Variable, write_bytes, write_doubles, write_floats};
+use super::netcdf::{Attributes, NetcdfHeader, NumberType, Value, Variable, write_bytes, write_doubles, write_floats};
 use super::{parts, vti::Array};
-use crate::field::{vector_grid::VectorGrid, vectors::Field, vectors::NO_DATA};
+use crate::field::{vector_grid::CHANNELS, vector_grid::VectorGrid, vectors::Field, vectors::NO_DATA};
 use crate::{Refusal, Result, frame::MARK, history, io};
 use std::io::{Error, Write};
 use std::path::Path;
@@ -46,28 +46,16 @@ impl Time {
     }
 }
 
-/// Name, unit and meaning of each component.
-const COMPONENTS: [(&str, &str, &str); 10] = [
-    ("u", "mm", "displacement along x"),
-    ("v", "mm", "displacement along y"),
-    ("w", "mm", "displacement along z"),
-    ("peak", "1", "normalised correlation at the peak"),
-    ("ratio", "1", "first to second correlation peak"),
-    ("su", "mm", "standard uncertainty of u"),
-    ("sv", "mm", "standard uncertainty of v"),
-    ("sw", "mm", "standard uncertainty of w"),
-    ("flag", "1", "origin of the vector"),
-    ("count", "1", "particle images in the window"),
-];
+/// Number of the channel `flag`.
 const FLAG: usize = 8;
-/// Variables that say more of u, v and w.
+/// Variables that qualify u, v and w.
 const ANCILLARY: [&str; 3] = ["su flag peak ratio count", "sv flag peak ratio count", "sw flag peak ratio count"];
 
 /// Writes one field, without the dimension t.
 pub(in crate::field) fn write_cf(field: &Field, more: &[Array], out: &mut dyn Write) -> std::io::Result<()> {
     let (mut header, more) = (header(&field.layout, None), parts::all(more));
     let dimensions = header.dimensions.len();
-    header.variables.extend(more.iter().map(|(name, _)| further(name, dimensions)));
+    header.variables.extend(more.iter().map(|(name, _)| additional(name, dimensions)));
     out.write_all(&header.bytes().map_err(Error::other)?)?;
     write_places(&field.layout, out)?;
     write_components(field, out)?;
@@ -75,7 +63,7 @@ pub(in crate::field) fn write_cf(field: &Field, more: &[Array], out: &mut dyn Wr
 }
 
 /// Writes a series of fields as one NetCDF with the dimension t. `next` gives field `n`; one is in memory at a time.
-/// Refuses a field whose vectors stand at other places, or have another time between their volumes, than the first.
+/// Refuses a field whose vectors have other places or another time between their volumes than the first.
 pub fn save_series(path: &Path, time: &Time, mut next: impl FnMut(usize) -> Result<Field>) -> Result<()> {
     let mut first = Some(next(0)?);
     let layout = first.as_ref().map(|field| field.layout.clone()).unwrap_or_default();
@@ -101,9 +89,9 @@ fn check_alike(first: &VectorGrid, other: &VectorGrid, n: usize) -> std::result:
         other.shape == first.shape && other.origin_mm == first.origin_mm && other.spacing_mm == first.spacing_mm;
     let found = || format!("{field} its vectors at other places");
     Refusal::unless(is_alike, found, "wanted the places of the first")?;
-    let told = |layout: &VectorGrid| layout.dt_s.map_or_else(|| "no time".to_owned(), |dt_s| format!("{dt_s} s"));
-    let found = || format!("{field} {} between its volumes", told(other));
-    Refusal::unless(other.dt_s == first.dt_s, found, format!("wanted {} like the first", told(first)))
+    let time = |layout: &VectorGrid| layout.dt_s.map_or_else(|| "no time".to_owned(), |dt_s| format!("{dt_s} s"));
+    let found = || format!("{field} {} between its volumes", time(other));
+    Refusal::unless(other.dt_s == first.dt_s, found, format!("wanted {} like the first", time(first)))
 }
 
 fn write_places(layout: &VectorGrid, out: &mut dyn Write) -> std::io::Result<()> {
@@ -128,14 +116,14 @@ fn write_components(field: &Field, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-fn header(layout: &VectorGrid, time: Option<&Time>) -> Header {
+fn header(layout: &VectorGrid, time: Option<&Time>) -> NetcdfHeader {
     let [nx, ny, nz] = layout.shape;
     let records = time.map(|time| ("t", time.count()));
     let dimensions: Vec<_> = records.into_iter().chain([("z", nz), ("y", ny), ("x", nx)]).collect();
     let place = |name: &'static str, dimension: usize, axis: &str, meaning: &str| Variable {
         name: name.to_owned(),
         dimensions: vec![dimension],
-        kind: Kind::Double,
+        kind: NumberType::Double,
         attributes: vec![("long_name", meaning.into()), ("units", "mm".into()), ("axis", axis.into())],
     };
     let last = dimensions.len() - 1;
@@ -148,17 +136,17 @@ fn header(layout: &VectorGrid, time: Option<&Time>) -> Header {
         variables.push(Variable {
             name: "t".to_owned(),
             dimensions: vec![0],
-            kind: Kind::Double,
+            kind: NumberType::Double,
             attributes: time.attributes(),
         });
     }
-    variables.extend((0..COMPONENTS.len()).map(|n| component(n, dimensions.len())));
-    Header { dimensions, has_records: time.is_some(), attributes: about(layout), variables }
+    variables.extend((0..CHANNELS.len()).map(|n| component(n, dimensions.len())));
+    NetcdfHeader { dimensions, has_records: time.is_some(), attributes: about(layout), variables }
 }
 
 /// The variable of a component.
 fn component(n: usize, dimensions: usize) -> Variable {
-    let (name, unit, meaning) = COMPONENTS[n];
+    let (name, unit, meaning) = CHANNELS[n];
     let mut attributes: Attributes = vec![("long_name", meaning.into())];
     if n == FLAG {
         attributes.push(("flag_values", Value::Bytes(vec![0, 1, 2])));
@@ -170,14 +158,14 @@ fn component(n: usize, dimensions: usize) -> Variable {
     if let Some(others) = ANCILLARY.get(n) {
         attributes.push(("ancillary_variables", (*others).into()));
     }
-    let kind = if n == FLAG { Kind::Byte } else { Kind::Float };
+    let kind = if n == FLAG { NumberType::Byte } else { NumberType::Float };
     Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind, attributes }
 }
 
-/// The variable of further numbers at every vector. The end of its name is its unit.
-fn further(name: &str, dimensions: usize) -> Variable {
+/// The variable of additional numbers at every vector. Its name ends with its unit.
+fn additional(name: &str, dimensions: usize) -> Variable {
     let attributes = vec![("long_name", Value::Text(name.to_owned())), ("_FillValue", Value::Floats(vec![f32::NAN]))];
-    Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind: Kind::Float, attributes }
+    Variable { name: name.to_owned(), dimensions: (0..dimensions).collect(), kind: NumberType::Float, attributes }
 }
 
 /// The attributes of the whole file.

@@ -1,4 +1,4 @@
-//! The head of a NetCDF file in the classic format with 64-bit offsets, and its values.
+//! The header of a NetCDF file in the classic format with 64-bit offsets, and its values.
 //!
 //! Source: "NetCDF Classic Format Specification" of Unidata. A file is a header, then the values of every variable
 //! without the record dimension, then the records: record 0 of each variable that has it, record 1 of each, and so on.
@@ -7,15 +7,15 @@
 use crate::Refusal;
 use std::io::{Result, Write};
 
-/// Number types, as the format numbers them.
+/// Number types and their codes in the format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum NumberType {
     Byte = 1,
     Float = 5,
     Double = 6,
 }
 
-impl Kind {
+impl NumberType {
     fn bytes(self) -> u64 {
         match self {
             Self::Byte => 1,
@@ -47,12 +47,12 @@ pub(super) type Attributes = Vec<(&'static str, Value)>;
 pub(super) struct Variable {
     pub name: String,
     pub dimensions: Vec<usize>,
-    pub kind: Kind,
+    pub kind: NumberType,
     pub attributes: Attributes,
 }
 
 /// The content of a header.
-pub(super) struct Header {
+pub(super) struct NetcdfHeader {
     /// Name and length of each dimension. The record dimension, if there is one, is the first.
     pub dimensions: Vec<(&'static str, usize)>,
     /// Whether the first dimension is that of the records.
@@ -68,7 +68,7 @@ const DIMENSIONS: u32 = 10;
 const VARIABLES: u32 = 11;
 const ATTRIBUTES: u32 = 12;
 
-impl Header {
+impl NetcdfHeader {
     /// The bytes of the header. Refuses a variable, or a record of it, of 4 GiB or more.
     pub fn bytes(&self) -> std::result::Result<Vec<u8>, Refusal> {
         let sizes: Vec<u64> = self.variables.iter().map(|variable| self.size(variable)).collect();
@@ -76,7 +76,7 @@ impl Header {
             let found = format!("{size} bytes of {}", variable.name);
             return Err(Refusal::new(found, "wanted less than 4 GiB, the limit of the format"));
         }
-        // Places take as many bytes whatever their value is.
+        // Offsets have a fixed size, so that the header's length does not depend on them.
         let start = self.with_places(&sizes, 0).len() as u64;
         Ok(self.with_places(&sizes, start))
     }
@@ -91,7 +91,7 @@ impl Header {
         self.has_records && dimension == 0
     }
 
-    /// The header of variables whose values stand one after the other from byte `start`.
+    /// The header of variables whose values follow each other from byte `start`.
     fn with_places(&self, sizes: &[u64], start: u64) -> Vec<u8> {
         let mut bytes = b"CDF\x02".to_vec();
         number(&mut bytes, if self.has_records { self.dimensions[0].1 } else { 0 } as u32);
@@ -144,9 +144,9 @@ fn attributes(bytes: &mut Vec<u8>, attributes: &Attributes) {
         text(bytes, name);
         let (kind, count) = match value {
             Value::Text(text) => (TEXT, text.len()),
-            Value::Bytes(values) => (Kind::Byte as u32, values.len()),
-            Value::Floats(values) => (Kind::Float as u32, values.len()),
-            Value::Doubles(values) => (Kind::Double as u32, values.len()),
+            Value::Bytes(values) => (NumberType::Byte as u32, values.len()),
+            Value::Floats(values) => (NumberType::Float as u32, values.len()),
+            Value::Doubles(values) => (NumberType::Double as u32, values.len()),
         };
         number(bytes, kind);
         number(bytes, count as u32);
@@ -183,14 +183,14 @@ mod tests {
 
     #[test]
     fn a_header_as_the_specification_lays_it_out() {
-        let header = Header {
+        let header = NetcdfHeader {
             dimensions: vec![("x", 3)],
             has_records: false,
             attributes: vec![("a", Value::Floats(vec![1.0]))],
             variables: vec![Variable {
                 name: "vx".to_owned(),
                 dimensions: vec![0],
-                kind: Kind::Byte,
+                kind: NumberType::Byte,
                 attributes: Vec::new(),
             }],
         };
@@ -206,14 +206,14 @@ mod tests {
 
     #[test]
     fn a_variable_of_4_gib_is_refused() {
-        let long = Header {
+        let long = NetcdfHeader {
             dimensions: vec![("x", 1 << 30)],
             has_records: false,
             attributes: Vec::new(),
             variables: vec![Variable {
                 name: "u".to_owned(),
                 dimensions: vec![0],
-                kind: Kind::Float,
+                kind: NumberType::Float,
                 attributes: Vec::new(),
             }],
         };

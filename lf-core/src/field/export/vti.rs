@@ -76,7 +76,7 @@ impl ImageData<'_> {
         writeln!(out, r#"<?xml version="1.0"?>"#)?;
         writeln!(out, r#"<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">"#)?;
         let dt = self.dt_s.map_or("not known".into(), |dt_s| format!("{dt_s} s"));
-        let units = "places in mm; an array's is the end of its name, mm_s for mm/s, and 1 where there is none.";
+        let units = "places in mm; an array's is the end of its name, mm_s for mm/s, and 1 for a name without one.";
         writeln!(out, "<!-- Units: {units} -->")?;
         writeln!(out, "<!-- Frame: {MARK}; x right and y up in the picture, z towards the camera. -->")?;
         writeln!(out, "<!-- Time between the volumes: {dt}. -->")?;

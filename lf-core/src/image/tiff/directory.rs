@@ -1,7 +1,7 @@
 //! The directories of a TIFF, and the whole numbers in their tags. Classic and BigTIFF, in both byte orders.
 
-/// Most directories that are followed; also bounds a cyclic chain.
-pub(super) const MANY: usize = 100_000;
+/// Maximum number of directories that are followed; also ends a cyclic chain.
+pub(super) const MAX_DIRECTORIES: usize = 100_000;
 
 /// A TIFF in memory. Every place is an offset from its first byte.
 #[derive(Clone, Copy)]
@@ -37,13 +37,13 @@ impl<'a> Tiff<'a> {
         if self.is_big { 8 } else { 4 }
     }
 
-    /// Places of the directories, at most [`MANY`]. None if the chain leaves the file, or if a tag claims more bytes
-    /// than the file has: the library would allocate them before it checks.
+    /// Places of the directories, at most [`MAX_DIRECTORIES`]. None if the chain leaves the file, or if a tag claims
+    /// more bytes than the file has: the library would allocate them before it checks.
     pub(super) fn directories(&self) -> Option<Vec<usize>> {
         let (counter, word, entry) = self.widths();
         let mut directory = self.number(self.first(), word)?;
         let mut all = Vec::new();
-        while directory != 0 && all.len() < MANY {
+        while directory != 0 && all.len() < MAX_DIRECTORIES {
             let entries = self.number(directory, counter)?;
             let start = directory.checked_add(counter)?;
             for i in 0..entries {

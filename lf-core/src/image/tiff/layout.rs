@@ -1,4 +1,4 @@
-//! How a page of a TIFF stores its pixels, by its tags. Names what is valid but not read.
+//! How a page of a TIFF stores its pixels, according to its tags. Valid pages that are not read are refused by name.
 
 use super::directory::Tiff;
 use crate::Refusal;
@@ -10,7 +10,7 @@ const WANTED_PACKING: &str = "wanted no compression, LZW, deflate or PackBits";
 
 /// A page that can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct PageLayout {
     pub(super) width: usize,
     pub(super) height: usize,
     /// Samples of a pixel: 1 or 3, and one more for alpha.
@@ -51,7 +51,7 @@ impl Tags<'_> {
     }
 }
 
-impl Layout {
+impl PageLayout {
     /// Reads and checks the tags of a page. Its size is one that a file of `length` bytes can hold.
     pub(super) fn read(tiff: Tiff, directory: usize, length: usize) -> Result<Self, Refusal> {
         let tags = Tags { tiff, directory };
@@ -159,7 +159,7 @@ fn samples(tags: &Tags, is_colour: bool) -> Result<(u64, bool), Refusal> {
     let samples = tags.one(Tag::SamplesPerPixel).unwrap_or(1);
     let own = if is_colour { 3 } else { 1 };
     let extra = tags.one(Tag::ExtraSamples);
-    // Pictures of the first writers have alpha without a word.
+    // Early writers store alpha without the tag.
     let has_alpha = samples == own + 1 && (matches!(extra, Some(1 | 2)) || (extra.is_none() && is_colour));
     Refusal::unless(samples == own || has_alpha, || format!("{samples} channels"), WANTED)?;
     Ok((samples, has_alpha))

@@ -1,4 +1,4 @@
-//! A file in memory that reads as if a few of its bytes were others.
+//! A file in memory in which a few bytes are replaced as they are read.
 
 use std::io::{Cursor, Read, Result, Seek, SeekFrom};
 

@@ -1,7 +1,7 @@
 //! Reads a TIFF page by page: the library decodes, on tags that it knows.
 
-use super::directory::{MANY, Tiff};
-use super::layout::Layout;
+use super::directory::{MAX_DIRECTORIES, Tiff};
+use super::layout::PageLayout;
 use super::packed::unpacked;
 use super::patched::Patched;
 use crate::image::channel::{Channel, Meaning, grey};
@@ -15,7 +15,11 @@ pub(in crate::image) fn pages(bytes: &[u8]) -> Result<Vec<usize>, Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
     let pages = tiff.directories().ok_or_else(|| damaged("its directories leave the file"))?;
     Refusal::unless(!pages.is_empty(), || "no page", "wanted a TIFF with pages")?;
-    Refusal::unless(pages.len() < MANY, || format!("{MANY} pages or more"), "wanted fewer in one file")?;
+    Refusal::unless(
+        pages.len() < MAX_DIRECTORIES,
+        || format!("{MAX_DIRECTORIES} pages or more"),
+        "wanted fewer in one file",
+    )?;
     if let (1, Some(images)) = (pages.len(), imagej_images(tiff, pages[0])) {
         let found = format!("an ImageJ stack of {images} images in one page");
         return Err(Refusal::new(found, "wanted a page for each image"));
@@ -33,23 +37,23 @@ fn imagej_images(tiff: Tiff, directory: usize) -> Option<usize> {
 /// Size and samples of a page in words, or why it cannot be read.
 pub(in crate::image) fn about(bytes: &[u8], directory: usize) -> String {
     let layout =
-        Tiff::new(bytes).ok_or_else(|| damaged("cut")).and_then(|tiff| Layout::read(tiff, directory, bytes.len()));
+        Tiff::new(bytes).ok_or_else(|| damaged("cut")).and_then(|tiff| PageLayout::read(tiff, directory, bytes.len()));
     layout.map_or_else(|refusal| refusal.found, |layout| layout.about())
 }
 
 /// Width and height of a page.
 pub(in crate::image) fn size(bytes: &[u8], directory: usize) -> Result<[usize; 2], Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
-    Layout::read(tiff, directory, bytes.len()).map(|layout| [layout.width, layout.height])
+    PageLayout::read(tiff, directory, bytes.len()).map(|layout| [layout.width, layout.height])
 }
 
-/// Decodes the page whose directory stands at `directory`, and no other.
+/// Decodes only the page whose directory is at `directory`.
 pub(in crate::image) fn page(bytes: &[u8], directory: usize, channel: Option<Channel>) -> Result<Image, Refusal> {
     let tiff = Tiff::new(bytes).ok_or_else(|| damaged("its header is cut"))?;
-    let layout = Layout::read(tiff, directory, bytes.len())?;
+    let layout = PageLayout::read(tiff, directory, bytes.len())?;
     let page = Page { bytes, tiff, directory, layout };
     let history = page.history();
-    let Layout { width, height, samples, is_colour, is_planar, has_alpha, .. } = layout;
+    let PageLayout { width, height, samples, is_colour, is_planar, has_alpha, .. } = layout;
     let values = match layout.tile {
         Some(tile) => page.tiles(tile)?,
         None => page.block(&Block { size: [width, height], samples, patches: Vec::new() })?,
@@ -71,16 +75,16 @@ struct Page<'a> {
     bytes: &'a [u8],
     tiff: Tiff<'a>,
     directory: usize,
-    layout: Layout,
+    layout: PageLayout,
 }
 
-/// A part that the library decodes at once: all strips of a page, or one tile as if it was a page.
+/// A part that the library decodes in one call: all strips of a page, or a tile, which then looks like a page.
 struct Block {
     /// Width and height, px.
     size: [usize; 2],
     /// Samples of a pixel.
     samples: usize,
-    /// Places in the file, and the bytes to read there instead.
+    /// Offsets in the file, and the bytes to read there instead.
     patches: Vec<(usize, Vec<u8>)>,
 }
 
@@ -90,8 +94,8 @@ impl Page<'_> {
         patch.ok_or_else(|| damaged(format!("no tag {}", tag.to_u16())))
     }
 
-    /// Decodes a block. The library reads the page as the first; several samples as bands, so that it drops and converts
-    /// none; packed samples as bytes.
+    /// Decodes a block. Patched bytes make this page the first of the file, several samples bands (the library would
+    /// drop or convert some of them), and packed samples bytes.
     fn block(&self, block: &Block) -> Result<Vec<f32>, Refusal> {
         let Block { size: [width, height], samples, .. } = *block;
         let row = self.layout.row_bytes(width);
@@ -122,10 +126,10 @@ impl Page<'_> {
         }
     }
 
-    /// Decodes tile by tile. The library itself reads a tile row by row, and then fails on valid LZW: its decoder takes
+    /// Decodes tile by tile. The library reads a tile row by row and then fails on valid LZW, because its decoder takes
     /// a short row without new input for the end of the data.
     fn tiles(&self, [across_px, down_px]: [usize; 2]) -> Result<Vec<f32>, Refusal> {
-        let Layout { width, height, is_planar, .. } = self.layout;
+        let PageLayout { width, height, is_planar, .. } = self.layout;
         let [across, down] = [width.div_ceil(across_px), height.div_ceil(down_px)];
         let samples = if is_planar { 1 } else { self.layout.samples };
         let numbers = |tag: Tag| self.tiff.numbers(self.directory, tag.to_u16()).unwrap_or_default();
@@ -168,7 +172,7 @@ impl Page<'_> {
     }
 }
 
-/// The library's failure in words.
+/// Turns a failure of the library into a refusal.
 fn failed(error: TiffError) -> Refusal {
     match error {
         TiffError::UnsupportedError(what) => {

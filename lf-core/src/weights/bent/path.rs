@@ -8,7 +8,7 @@ use super::rays::SliceRays;
 use super::shares::CellShares;
 use crate::frame::sensor_axes;
 use crate::weights::geometry::Geometry;
-use crate::weights::micro::Array;
+use crate::weights::micro::LensletArray;
 use crate::{Optics, simd::fastest};
 use glam::{DVec2, Vec2};
 use std::{ops::Range, sync::OnceLock};
@@ -34,7 +34,7 @@ pub(crate) struct Bent {
     /// Half the height of a cell, mm, and its left and right edge from its lowest to its highest line.
     top: f32,
     edges: Vec<[f32; 2]>,
-    /// The farthest that a voxel lies from the axis, mm.
+    /// Largest distance of a voxel from the axis, mm.
     field_mm: f64,
     /// Rays and a cell's shares in each slice, made when first used.
     slices: Vec<OnceLock<Slice>>,
@@ -55,7 +55,7 @@ struct Slice {
 }
 
 /// A section's rays from one voxel, which are straight.
-struct Beam {
+struct SectionBeam {
     /// Where the ray through the middle of the section meets the array, mm.
     array: DVec2,
     /// Spread on the array per length of the aperture, and 1 over it.
@@ -111,7 +111,7 @@ impl Bent {
     /// camera's lenslets.
     pub(crate) fn visit(
         &self,
-        array: &Array,
+        array: &LensletArray,
         voxel: [usize; 3],
         wanted: impl Fn(u32) -> bool,
         mut found: impl FnMut(u32, u32, f32),
@@ -125,7 +125,7 @@ impl Bent {
     #[inline(always)]
     fn visit_inlined(
         &self,
-        array: &Array,
+        array: &LensletArray,
         voxel: [usize; 3],
         wanted: &impl Fn(u32) -> bool,
         found: &mut impl FnMut(u32, u32, f32),
@@ -136,9 +136,11 @@ impl Bent {
         let object = sensor_axes(object);
         let Slice { rays, shares } = self.slice(voxel[2]);
         for section in &self.sections {
+            // Trace the section's rays to the array.
             let hit = rays.through(object, section.middle);
             let alpha = hit.alpha.as_vec2();
-            let beam = Beam { array: hit.array + distortion, alpha, per_alpha: alpha.recip() };
+            let beam = SectionBeam { array: hit.array + distortion, alpha, per_alpha: alpha.recip() };
+            // Share its light out over the lenslets nearby, and from there over the pixels.
             array.near(
                 beam.array.as_vec2(),
                 shares.half,
@@ -161,7 +163,7 @@ impl Bent {
     /// centre, and its middle the sensor at `middle_px`; from there the place changes by `slope`, px for a mm of the
     /// aperture.
     #[inline(always)]
-    fn image_px(&self, beam: &Beam, beyond: Vec2, middle_px: Vec2, slope: Vec2) -> [Vec2; 2] {
+    fn image_px(&self, beam: &SectionBeam, beyond: Vec2, middle_px: Vec2, slope: Vec2) -> [Vec2; 2] {
         // The lenslet takes what lies between the cell's edges, at the height of the middle of this.
         let (v0, v1) = self.taken(beam.per_alpha.y, beyond.y, [-self.top, self.top]);
         let height = beyond.y + beam.alpha.y * 0.5 * (v0 + v1);
@@ -170,8 +172,9 @@ impl Bent {
         [middle_px + slope * Vec2::new(u0, v0), middle_px + slope * Vec2::new(u1, v1)]
     }
 
-    /// The part of a section, from its middle, whose rays fall between two edges of a cell along one axis. If none do,
-    /// the light comes over the cell's blurred edge: then it is the half of the section that is nearer to the cell.
+    /// The part of a section, measured from its middle, whose rays fall between two edges of a cell along one axis. If
+    /// no ray does, the light comes over the cell's blurred edge; this gives the half of the section that is nearer to
+    /// the cell.
     #[inline(always)]
     fn taken(&self, per_alpha: f32, beyond: f32, [low, high]: [f32; 2]) -> (f32, f32) {
         let half = 0.5 * self.side;

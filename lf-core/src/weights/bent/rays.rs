@@ -1,6 +1,6 @@
-//! Rays from one depth, fast: Snell's law as a polynomial.
+//! Fast rays from one depth: Snell's law as a polynomial.
 //!
-//! Window and medium are the same all around the axis. So the slope of a ray in the air before the lens is `g offset`,
+//! Window and medium are symmetric about the axis. So the slope of a ray in the air before the lens is `g offset`,
 //! where g depends only on the length of the offset between the point and the place on the lens. A polynomial through
 //! a few exact rays gives g.
 
@@ -24,7 +24,7 @@ pub(super) struct SliceRays {
     pupil: Option<Pupil>,
 }
 
-/// An exit pupil beside the lens.
+/// An exit pupil that is not at the lens.
 #[derive(Debug, Clone, Copy)]
 struct Pupil {
     /// Distance from the lens to the array over that from the pupil.
@@ -35,7 +35,7 @@ struct Pupil {
 
 /// A ray on the array.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Hit {
+pub(super) struct ArrayHit {
     /// Where it meets the array, mm.
     pub(super) array: DVec2,
     /// Spread on the array per length of the aperture, along x and y.
@@ -43,7 +43,7 @@ pub(super) struct Hit {
 }
 
 impl SliceRays {
-    /// The rays from depth `z_mm` of points no farther than `field_mm` from the axis.
+    /// The rays from depth `z_mm`, for points within `field_mm` of the axis.
     pub(super) fn new(optics: &Optics, z_mm: f64, field_mm: f64) -> Self {
         let stop = std::f64::consts::SQRT_2 * optics.half_aperture_mm;
         let ratio = optics.pupil_ratio();
@@ -71,20 +71,20 @@ impl SliceRays {
     /// The ray of a point at `object` (along the sensor's axes, mm) through a place in the aperture, mm, without
     /// distortion.
     #[inline(always)]
-    pub(super) fn through(&self, object: DVec2, aperture: DVec2) -> Hit {
+    pub(super) fn through(&self, object: DVec2, aperture: DVec2) -> ArrayHit {
         let Some(Pupil { ratio, fall }) = self.pupil else { return self.through_lens(object, aperture) };
         let mut lens = aperture;
         for _ in 0..PUPIL_STEPS {
             let hit = self.through_lens(object, lens).array;
             lens += fall * (ratio * aperture + (1.0 - ratio) * hit - lens);
         }
-        let Hit { array, alpha } = self.through_lens(object, lens);
-        Hit { array, alpha: ratio * alpha / (DVec2::ONE - (1.0 - ratio) * alpha) }
+        let ArrayHit { array, alpha } = self.through_lens(object, lens);
+        ArrayHit { array, alpha: ratio * alpha / (DVec2::ONE - (1.0 - ratio) * alpha) }
     }
 
-    /// The same through a place on the lens.
+    /// The ray of a point through a place on the lens.
     #[inline(always)]
-    fn through_lens(&self, object: DVec2, lens: DVec2) -> Hit {
+    fn through_lens(&self, object: DVec2, lens: DVec2) -> ArrayHit {
         let offset = lens - object;
         let square = offset.length_squared();
         let (mut g, mut growth) = (self.terms[TERMS - 1], 0.0);
@@ -92,7 +92,7 @@ impl SliceRays {
             growth = growth * (square - node) + g;
             g = g * (square - node) + term;
         }
-        Hit {
+        ArrayHit {
             array: self.by_lens * lens + self.by_slope * g * offset,
             alpha: DVec2::splat(self.by_lens + self.by_slope * g) + 2.0 * self.by_slope * growth * (offset * offset),
         }

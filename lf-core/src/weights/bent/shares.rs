@@ -19,7 +19,7 @@ pub(super) struct CellShares {
 impl CellShares {
     /// For beams whose rays spread by `alpha`, through sections of side `side`, mm, in slice `z`.
     pub(super) fn new(geometry: &Geometry, z: usize, side: f64, alpha: f64) -> Self {
-        // A beam's width matters little beside the cell's.
+        // The beam is much narrower than the cell, so its width may be rounded up.
         let beam = (0.5 * side * alpha.abs()).max(1e-3 * geometry.pitch_mm);
         let blurs = geometry.blurs(&geometry.axis(z, 0));
         let half = geometry.corner() + beam + DVec2::from(blurs.map(Blur::reach));

@@ -1,17 +1,17 @@
 //! A lenslet's image of a voxel that the stop cuts or that lies partly beside the sensor. Where the cell's sides are
 //! slanted, pixels are cut into parts ("fine" pixels).
 
-use super::patch::{LANES, Patches};
+use super::patch::{LANES, LensletPatches};
 use super::slice::{SliceOptics, Spans};
 use crate::weights::{geometry::Geometry, model::RowSet};
 use glam::{DVec2, Vec4};
 
 /// A lenslet and where its image of the voxel is.
-pub(super) struct LensletImage<'a> {
+pub(super) struct CutImage<'a> {
     pub(super) geometry: &'a Geometry,
     pub(super) slice: &'a SliceOptics,
     /// The uncut images, in fine pixels.
-    pub(super) patches: &'a Patches,
+    pub(super) patches: &'a LensletPatches,
     /// Fine pixels of a pixel, a side.
     pub(super) fineness: i32,
     /// Centre of the lenslet, and where the voxel's chief ray meets the array, mm.
@@ -30,7 +30,7 @@ pub(super) struct CutBuffers {
     light: Vec<f32>,
 }
 
-impl LensletImage<'_> {
+impl CutImage<'_> {
     /// [`crate::weights::Weights::runs`] for what the stop lets through and the sensor sees.
     #[inline(always)]
     pub(super) fn cut_runs(
@@ -43,13 +43,14 @@ impl LensletImage<'_> {
         let Self { geometry, slice, patches, fineness, centre, chief, place_px, rows: (low, high) } = *self;
         let per_px = f64::from(fineness);
         let (beyond, corner) = (chief - centre, slice.corner);
-        // The fine pixel edge that U = 0 meets.
+        // Find the patch, in fine pixels.
+        // Zero is the fine pixel edge that U = 0 meets.
         let axis_px = (slice.axis.lenslet_gain * centre + slice.axis.array_gain * chief) * slice.per_pixel;
         let zero = per_px * (axis_px + geometry.optics.middle_px());
         let (first_x, phase_x) = patches.split(per_px * place_px.x);
         let (first_y, phase_y) = patches.split(per_px * place_px.y);
         let patch = patches.at(phase_x, phase_y);
-        // First and end fine column, fine row and image row.
+        // Limit columns and rows to the stop's image, the sensor and the patch.
         let (stop_x, stop_y) = (slice.stop_pixels(zero.x, per_px), slice.stop_pixels(zero.y, per_px));
         let left = first_x.max(stop_x.0).max(0);
         let right = first_x + patches.columns as i32;
@@ -59,6 +60,7 @@ impl LensletImage<'_> {
         if left >= right || low >= high {
             return;
         }
+        // Prepare the aperture behind the rows, and behind the columns if the cell is upright.
         let first_pixel = left / fineness;
         let pixels = ((right - 1) / fineness + 1 - first_pixel) as usize;
         let per_slope = slice.per_slope / per_px;
@@ -72,15 +74,17 @@ impl LensletImage<'_> {
         if !is_slanted {
             spans_behind(spans, [-corner.x, corner.x]);
         }
-        // The aperture behind four fine rows: half chords of the stop at three nodes, and middles.
+        // Keep the aperture behind four fine rows: half chords of the stop at three nodes, and middles.
         let (mut four, mut nodes, mut middles) = (i32::MIN, [Vec4::ZERO; 3], Vec4::ZERO);
         let mut row = next[low as usize];
         while row < high as u32 {
+            // Add the fine rows of the image row.
             light.clear();
             light.resize(pixels.next_multiple_of(LANES), 0.0);
             let start = row as i32 * fineness;
             for fine_row in start.max(low_fine)..(start + fineness).min(high_fine) {
                 let lane = (fine_row - first_y) as usize % LANES;
+                // Look at the next four fine rows.
                 if fine_row - lane as i32 != four {
                     four = fine_row - lane as i32;
                     let behind = down.spans(four);
@@ -89,10 +93,11 @@ impl LensletImage<'_> {
                     middles = behind.middles();
                 }
                 if is_slanted {
-                    // The cell has another width at each height.
+                    // Take the width of the cell at this height.
                     let height = beyond.y + slice.axis.alpha * f64::from(middles[lane]);
                     spans_behind(spans, geometry.edges_at(height));
                 }
+                // Cut the row of the patch by the stop.
                 let start = (fine_row - first_y) as usize * patches.columns + (left - first_x) as usize;
                 let shares = &patch[start..start + (right - left) as usize];
                 self.add_row(shares, left, nodes.map(|node| node[lane]), spans, light);

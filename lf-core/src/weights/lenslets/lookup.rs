@@ -1,10 +1,11 @@
 //! Exact weights of a straight-ray camera whose lattice is not aligned with the pixels.
 //!
-//! A lenslet's image of a voxel is one of the slice's [`Patches`], found by its place among the pixels: to 1/128 px, or
-//! to as little on the array. If the stop cuts the image, `cut.rs` does the rest. The oracle is `pieces.rs`.
+//! A lenslet's image of a voxel is one of the slice's [`LensletPatches`], selected by its place among the pixels to
+//! 1/128 px, or to as little on the array. If the stop cuts the image, `cut.rs` takes over. Tests compare with
+//! `pieces.rs`.
 
-use super::cut::{CutBuffers, LensletImage};
-use super::patch::{self, Patches};
+use super::cut::{CutBuffers, CutImage};
+use super::patch::{self, LensletPatches};
 use super::slice::SliceOptics;
 use crate::weights::{geometry::Geometry, model::RowSet};
 use glam::DVec2;
@@ -18,15 +19,15 @@ pub struct Lenslets {
     rows: Vec<(i64, Vec<DVec2>)>,
     first_row: i64,
     /// The patches of each slice, made when first used.
-    patches: Vec<OnceLock<Patches>>,
-    /// The same in fine pixels, [`FINENESS`] a side, for cells with slanted sides that the stop cuts.
-    fine_patches: Vec<OnceLock<Patches>>,
+    patches: Vec<OnceLock<LensletPatches>>,
+    /// Like `patches`, but in fine pixels, [`FINENESS`] a side: for cells with slanted sides that the stop cuts.
+    fine_patches: Vec<OnceLock<LensletPatches>>,
     fineness: i32,
 }
 
 /// Buffers of a thread, for the slice and the rows last asked for.
 #[derive(Debug, Default)]
-pub(crate) struct Buffers {
+pub(crate) struct LookupBuffers {
     slice: Option<SliceOptics>,
     wanted: Option<RowSet>,
     /// For each row the first wanted at or after it.
@@ -37,14 +38,14 @@ pub(crate) struct Buffers {
 /// Fine pixels of a pixel, a side; see `cut.rs`. Whole pixels err by 1.2 % of a voxel's light and cost 0.01 of Q.
 const FINENESS: i32 = 2;
 
-/// A lenslet is wholly inside the stop if its cell, widened by this share of the blur, is. Little light lies outside.
+/// A lenslet counts as inside the stop if its cell, widened by this share of the blur, is. Little light lies outside.
 const BLUR_INSIDE: f64 = 0.4;
 
 /// A voxel and the rows asked for.
 struct Request<'a> {
     lenslets: &'a Lenslets,
     slice: &'a SliceOptics,
-    patches: &'a Patches,
+    patches: &'a LensletPatches,
     chief_mm: DVec2,
     /// The chief ray's part of the place of a patch's middle, px.
     chief_px: DVec2,
@@ -54,7 +55,7 @@ struct Request<'a> {
 
 impl Lenslets {
     /// Bytes of a slice before its tables are made.
-    pub(crate) const LIST_BYTES: usize = 2 * size_of::<OnceLock<Patches>>();
+    pub(crate) const LIST_BYTES: usize = 2 * size_of::<OnceLock<LensletPatches>>();
 
     pub(crate) fn new(geometry: Geometry) -> Self {
         let optics = &geometry.optics;
@@ -84,30 +85,31 @@ impl Lenslets {
     }
 
     #[inline(always)]
-    fn patches(&self, slice: &SliceOptics) -> &Patches {
+    fn patches(&self, slice: &SliceOptics) -> &LensletPatches {
         self.patches[slice.z].get_or_init(|| self.new_patches(slice, slice.step_mm))
     }
 
     #[inline(always)]
-    fn fine_patches(&self, slice: &SliceOptics) -> &Patches {
+    fn fine_patches(&self, slice: &SliceOptics) -> &LensletPatches {
         if self.fineness == 1 {
             return self.patches(slice);
         }
         self.fine_patches[slice.z].get_or_init(|| self.new_patches(slice, slice.step_mm / f64::from(self.fineness)))
     }
 
-    fn new_patches(&self, slice: &SliceOptics, step_mm: f64) -> Patches {
-        Patches::new(&self.geometry.slabs, self.geometry.blurs(&slice.axis), step_mm)
+    fn new_patches(&self, slice: &SliceOptics, step_mm: f64) -> LensletPatches {
+        LensletPatches::new(&self.geometry.slabs, self.geometry.blurs(&slice.axis), step_mm)
     }
 
     #[inline(always)]
     pub(crate) fn runs(
         &self,
         voxel: [usize; 3],
-        buffers: &mut Buffers,
+        buffers: &mut LookupBuffers,
         wanted: RowSet,
         mut found: impl FnMut(u32, u32, f32, &[f32]),
     ) {
+        // Reuse the slice's optics and the wanted rows of the last call.
         let z = voxel[2];
         let slice = match &buffers.slice {
             Some(slice) if slice.z == z => *slice,
@@ -128,6 +130,7 @@ impl Lenslets {
             wanted,
             next: &buffers.next,
         };
+        // Look up the image under each lenslet that the voxel lights.
         let lattice = optics.lattice();
         for (j, row) in lattice.rows_within(lattice.perfect(chief_mm), slice.reach + DVec2::splat(slice.spread)) {
             let centres = self.centres_mm(j, &row);
@@ -197,7 +200,7 @@ impl Request<'_> {
         }
         let (patches, fineness) = (lenslets.fine_patches(slice), lenslets.fineness);
         let (chief, rows) = (self.chief_mm, (low, high));
-        let image = LensletImage { geometry, slice, patches, fineness, centre, chief, place_px, rows };
+        let image = CutImage { geometry, slice, patches, fineness, centre, chief, place_px, rows };
         image.cut_runs(cut, next, wanted, found);
     }
 }

@@ -7,5 +7,5 @@ mod lookup;
 mod patch;
 mod slice;
 
-pub(super) use lookup::Buffers;
 pub use lookup::Lenslets;
+pub(super) use lookup::LookupBuffers;

@@ -7,20 +7,20 @@
 
 use crate::weights::{axis::Span, blur::Blur, cell::Slab};
 
-/// Most fractions of a pixel along an axis that the table distinguishes: a place is then right to 1/128 px.
-const MOST_PHASES: usize = 64;
-/// Most shares in the patches of a slice, as long as there are phases to save: 256 KiB. Patches are larger nearer
-/// focus, where the steps on the array are smaller in proportion.
-const ROOM: usize = 1 << 16;
+/// Maximum number of phases of a pixel along an axis; with it, places are right to 1/128 px.
+const MAX_PHASES: usize = 64;
+/// Maximum number of shares in the patches of a slice, 256 KiB: larger tables get fewer phases. Patches are larger
+/// nearer focus, where the steps on the array are smaller in proportion.
+const MAX_SHARES: usize = 1 << 16;
 /// Bytes of a slice's patches, except nearest focus.
-pub(super) const SLICE_BYTES: usize = ROOM * size_of::<f32>();
+pub(super) const SLICE_BYTES: usize = MAX_SHARES * size_of::<f32>();
 /// A row of shares is padded to a multiple of this.
 pub(super) const LANES: usize = 4;
 /// Shares below this fraction of the largest possible are 0.
 const LEAST: f64 = 1e-6;
 
 #[derive(Debug, Clone)]
-pub(super) struct Patches {
+pub(super) struct LensletPatches {
     /// Phases of a pixel along an axis, and their logarithm to base 2.
     per_px: f64,
     bits: u32,
@@ -33,7 +33,7 @@ pub(super) struct Patches {
     shares: Vec<f32>,
 }
 
-impl Patches {
+impl LensletPatches {
     /// The patches of a cell in slabs, at `step_mm` a pixel, for a voxel that blurs by `blurs` along x and y.
     pub(super) fn new(slabs: &[Slab], blurs: [Blur; 2], step_mm: f64) -> Self {
         // A square around the blurred cell.
@@ -42,8 +42,8 @@ impl Patches {
         let half_px = reaches.fold(0.0, f64::max) / step_mm;
         let rows = (2.0 * half_px + 1.0).ceil() as usize;
         let columns = rows.next_multiple_of(LANES);
-        let mut phases = MOST_PHASES;
-        while phases > 1 && phases * phases * rows * columns > ROOM {
+        let mut phases = MAX_PHASES;
+        while phases > 1 && phases * phases * rows * columns > MAX_SHARES {
             phases /= 2;
         }
         // Integrate along each axis, for every phase and slab.

@@ -1,6 +1,6 @@
 //! The optics of one slice, as a lenslet's image of a voxel needs them: the aperture behind its pixels.
 
-use crate::weights::{axis::Axis, blur::Blur, chords::OUTER_NODE, geometry::Geometry};
+use crate::weights::{axis::AxisOptics, blur::Blur, chords::OUTER_NODE, geometry::Geometry};
 use glam::{DVec2, Vec4};
 
 /// Smallest step, as a fraction of the voxel's footprint on the array; nearer focus counts as focus.
@@ -13,10 +13,10 @@ const LEAST_WIDTH: Vec4 = Vec4::splat(1e-20);
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SliceOptics {
     pub(super) z: usize,
-    pub(super) axis: Axis,
+    pub(super) axis: AxisOptics,
     /// Change of the place on the array from one pixel's edge to the next, mm; never 0.
     pub(super) step_mm: f64,
-    /// px per mm of aperture, with the sign of [`Axis::sensor_line`].
+    /// px per mm of aperture, with the sign of [`AxisOptics::sensor_line`].
     slope: f64,
     pub(super) per_slope: f64,
     per_alpha: f64,
@@ -46,7 +46,7 @@ impl SliceOptics {
         let step_mm = (axis.alpha / slope).abs().clamp(LEAST_STEP * size_mm, LARGEST_STEP * size_mm);
         // The alpha that belongs to this step: not 0 even in focus, with the sign of the true one.
         let alpha = (step_mm * slope.abs()).copysign(axis.alpha);
-        let axis = Axis { alpha, ..axis };
+        let axis = AxisOptics { alpha, ..axis };
         let per_pixel = 1.0 / axis.pixel_pitch;
         let whole = 2.0 * axis.half_aperture * alpha;
         Self {

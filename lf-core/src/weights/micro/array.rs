@@ -4,20 +4,20 @@ use crate::Optics;
 use glam::{DVec2, Vec2};
 use std::ops::Range;
 
-/// Lenslets that a kernel reads at once. A row has so many more at its end, which no light reaches.
+/// Lenslets that a kernel reads at once. Each row is padded by this many lenslets, which no light reaches.
 pub(super) const LANES: usize = 8;
 
-/// A place, mm, that no ray reaches.
+/// Coordinate of a padding lenslet, mm: no ray reaches it.
 const NOWHERE: f32 = 1e6;
 
-#[derive(Debug, Clone)]
-pub(crate) struct Array {
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LensletArray {
     /// The centre of lenslet 0 of row 0, and the steps along a row and from row to row in the perfect lattice, mm.
     pub(super) origin: DVec2,
     pub(super) along: DVec2,
     pub(super) across: DVec2,
     pub(super) first_row: i64,
-    /// Lenslets of a row, with those that no light reaches.
+    /// Lenslets of a row, with the padding.
     pub(super) length: usize,
     /// Centres, mm.
     pub(super) x: Vec<f32>,
@@ -27,18 +27,19 @@ pub(crate) struct Array {
     pub(super) middle_y: Vec<f32>,
     /// px on the sensor for a mm of the stop.
     pub(super) per_mm: Vec<f32>,
-    /// px on the sensor that a ray lies beside the place of its stop, for a mm on the array from the lenslet's centre.
+    /// Distance on the sensor between a ray and the image of its place in the stop, px for a mm on the array from the
+    /// lenslet's centre.
     pub(super) refocus: Vec<f32>,
-    /// [`Array::per_mm`] and [`Array::refocus`] where the sensor is nearest to the array and where it is farthest.
+    /// `per_mm` and `refocus` where the sensor is nearest to the array, and where it is farthest.
     pub(super) extremes: [[f64; 2]; 2],
     /// The micro-image's first column and row on the sensor.
     pub(super) column: Vec<i32>,
     pub(super) row: Vec<i32>,
     /// Pixels of a micro-image, a side.
     pub(super) side: usize,
-    /// Least and greatest first row of the micro-images of a row of lenslets.
+    /// For each row of lenslets, the range of the first rows of its micro-images.
     pub(super) spans: Vec<(i32, i32)>,
-    /// No lenslet departs farther from the perfect lattice along an axis, mm.
+    /// Upper bound of a lenslet's departure from the perfect lattice along an axis, mm.
     pub(super) departure: f64,
     /// The centre of each row's first lenslet in the perfect lattice, mm.
     pub(super) starts: Vec<[f32; 2]>,
@@ -49,17 +50,17 @@ pub(crate) struct Array {
     pub(super) apart: f32,
     /// Pixels for a mm on the sensor.
     pub(super) per_pixel: f32,
-    /// Farther than this the images of neighbours do not depart from those of a perfect lattice, px.
+    /// Upper bound of the departure of a lenslet's image from that of a perfect lattice, px.
     pub(super) slack: f32,
 }
 
-impl Array {
+impl LensletArray {
     pub(super) fn new(optics: &Optics) -> Self {
         let lattice = optics.lattice();
         let [origin, along, across] = lattice.rows_along_x();
         let stop = 2.0 * optics.demagnification * optics.half_aperture_mm;
         let half = optics.pixel_pitch_mm * optics.middle_px() + DVec2::splat(stop + along.length());
-        // Departures are largest somewhere; look at a net of places.
+        // Sample the departures on a net of places, with a margin for what lies between them.
         let net = (0..81).map(|n| half * DVec2::new((n % 9) as f64 / 4.0 - 1.0, (n / 9) as f64 / 4.0 - 1.0));
         let departure =
             net.map(|place| (lattice.departed(place) - place).abs().max_element()).fold(0.0, f64::max) * 1.5;
@@ -78,24 +79,13 @@ impl Array {
             across,
             first_row,
             length,
-            x: Vec::new(),
-            y: Vec::new(),
-            middle_x: Vec::new(),
-            middle_y: Vec::new(),
-            per_mm: Vec::new(),
-            refocus: Vec::new(),
-            extremes: [[0.0; 2]; 2],
-            column: Vec::new(),
-            row: Vec::new(),
-            side: 0,
-            spans: Vec::new(),
             departure,
-            starts: Vec::new(),
             per_along: (along / along.length_squared()).as_vec2().to_array(),
             per_across: (along.perp() / along.perp_dot(across)).as_vec2().to_array(),
             per_pixel: (1.0 / optics.pixel_pitch_mm) as f32,
             slack: (2.0 * departure / optics.pixel_pitch_mm) as f32,
             apart: (along.perp_dot(across) / along.length()).abs() as f32,
+            ..Self::default()
         };
         this.fill(optics, &first, seen);
         this
@@ -159,8 +149,8 @@ impl Array {
         far - near > 1e-9 * near
     }
 
-    /// px on the sensor for a mm of the stop, for rays of a point whose light spreads by `alpha` on the array, in the
-    /// middle of what [`Array::extremes`] say.
+    /// px on the sensor for a mm of the stop, for rays of a point whose light spreads by `alpha` on the array: the mean
+    /// of both extremes.
     pub(super) fn usual_slope(&self, alpha: f64) -> f64 {
         let [a, b] = self.extremes.map(|[per_mm, refocus]| per_mm - refocus * alpha);
         0.5 * (a + b)
@@ -207,9 +197,9 @@ impl Array {
     }
 }
 
-/// The whole numbers from 0 up to `count` within `reach` of `middle`, and perhaps one more.
+/// The integers from 0 up to `count` within `reach` of `middle`, and perhaps one more.
 #[inline(always)]
 fn whole(middle: f32, reach: f32, count: usize) -> Range<usize> {
-    // A cast rounds down, and stops at 0.
+    // A cast rounds down and saturates at 0.
     (middle - reach + 0.999) as usize..((middle + reach + 1.001) as usize).min(count)
 }

@@ -3,18 +3,18 @@
 //! A voxel's ray through U meets the array at `chief + alpha U + q(U)`. Over the stop q is a polynomial to the third
 //! power. It changes slowly over the field, so it is fitted to exact rays at a net of places.
 
-use crate::weights::geometry::Geometry;
+use crate::{linear, weights::geometry::Geometry};
 use glam::{DMat2, DVec2};
 
-/// Terms of a polynomial in x and y up to the third power, without a constant: x, y, x^2, xy, y^2, x^3, x^2 y, xy^2, y^3.
+/// Terms of a cubic polynomial in x and y without a constant: x, y, x^2, xy, y^2, x^3, x^2 y, xy^2, y^3.
 pub(super) const TERMS: usize = 9;
 
 /// Rays a side of the square around the stop at which a polynomial is fitted.
 const RAYS: usize = 9;
-/// Distance between the nodes of the net, mm of the array; and the fewest and the most of them along an axis.
+/// Distance between the nodes of the net, mm of the array; and the range of their number along an axis.
 const APART_MM: f64 = 1.5;
 const NODES: [usize; 2] = [3, 40];
-/// Rays beyond the stop still count, so that the polynomials hold for lenslets beside the beam.
+/// Polynomials are fitted up to this many half apertures, so that they hold for lenslets beside the beam.
 const BEYOND: f64 = 1.2;
 
 /// The bend near one place of the field.
@@ -22,39 +22,39 @@ const BEYOND: f64 = 1.2;
 pub(super) struct Node {
     /// q along x and y, mm, from the place in the stop, mm.
     pub(super) departure: [[f32; TERMS]; 2],
-    /// The place in the stop along x and y, mm, whose ray meets the array so far from the chief ray, mm.
+    /// The inverse: the place in the stop along x and y, mm, from the distance on the array to the chief ray, mm.
     pub(super) inverse: [[f32; TERMS]; 2],
-    /// The width of a patch over that of straight rays: its constant, and its changes by x, y and x^2 + y^2 in the stop.
+    /// Width of a patch over that of straight rays: its constant, and its slopes by x, y and x^2 + y^2 in the stop.
     pub(super) width: [f32; 4],
 }
 
 impl Node {
-    /// The place in the stop, mm, whose ray meets the array at (x, y) from the chief ray, mm, where straight rays spread
-    /// by `alpha`.
+    /// The place in the stop, mm, whose ray meets the array at (x, y) from the chief ray, mm. Straight rays spread by
+    /// `alpha`.
     #[inline(always)]
     pub(super) fn aperture(&self, alpha: f32, per_alpha: f32, x: f32, y: f32) -> (f32, f32) {
         let (u, v) = (value(&self.inverse[0], x, y), value(&self.inverse[1], x, y));
-        // The inverse is rough; a step by what is left of the distance makes it a few times better.
+        // Improve the approximate inverse by one Newton step: straight rays give the slope.
         let hit = [alpha * u + value(&self.departure[0], u, v), alpha * v + value(&self.departure[1], u, v)];
         (u + per_alpha * (x - hit[0]), v + per_alpha * (y - hit[1]))
     }
 }
 
 /// The bend of one slice.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Bend {
     nodes: Vec<Node>,
     counts: [usize; 2],
-    /// Nodes for a mm of the array, from its lower corner.
+    /// Nodes for a mm of the array, counted from `corner`.
     per_mm: DVec2,
     corner: DVec2,
     /// Spread on the array per length of the aperture on the axis.
     pub(super) alpha: f64,
-    /// q is nowhere greater, mm.
+    /// Largest q, mm.
     pub(super) greatest: f64,
-    /// Rays through the stop meet the array no farther from the chief ray, mm.
+    /// Largest distance on the array between a ray through the stop and the chief ray, mm.
     pub(super) reach: f64,
-    /// Least and greatest width of a patch over that of straight rays.
+    /// Range of the width of a patch over that of straight rays.
     pub(super) widths: [f64; 2],
 }
 
@@ -77,42 +77,24 @@ pub(super) fn cubic_at(terms: &[f32; TERMS], y: f32) -> [f32; 4] {
     [y * (b + y * (e + y * i)), a + y * (d + y * h), c + y * g, f]
 }
 
-/// Least squares of each of `values` by N terms.
+/// Fits each column of `values` by a sum of N terms, by least squares.
 fn fit<const N: usize, const M: usize>(terms: &[[f64; N]], values: &[[f64; M]]) -> [[f64; N]; M] {
-    let mut normal = [[0.0; N]; N];
-    let mut right = [[0.0; M]; N];
+    let (mut normal, mut solutions) = ([[0.0; N]; N], [[0.0; N]; M]);
     for (terms, values) in terms.iter().zip(values) {
-        for (n, term) in terms.iter().enumerate() {
-            normal[n].iter_mut().zip(terms).for_each(|(sum, other)| *sum += term * other);
-            right[n].iter_mut().zip(values).for_each(|(sum, value)| *sum += term * value);
+        for (row, factor) in normal.iter_mut().zip(terms).chain(solutions.iter_mut().zip(values)) {
+            row.iter_mut().zip(terms).for_each(|(sum, term)| *sum += factor * term);
         }
     }
-    // Gauss and Jordan; the matrix is positive.
-    for n in 0..N {
-        let (pivot, of_pivot) =
-            (normal[n].map(|value| value / normal[n][n]), right[n].map(|value| value / normal[n][n]));
-        (normal[n], right[n]) = (pivot, of_pivot);
-        for m in (0..N).filter(|m| *m != n) {
-            let factor = normal[m][n];
-            normal[m].iter_mut().zip(&pivot).for_each(|(value, pivot)| *value -= factor * pivot);
-            right[m].iter_mut().zip(&of_pivot).for_each(|(value, pivot)| *value -= factor * pivot);
-        }
-    }
-    std::array::from_fn(|m| std::array::from_fn(|n| right[n][m]))
+    let normal = normal.as_flattened_mut();
+    linear::cholesky_above(normal, N, |_, _| f64::MIN_POSITIVE);
+    solutions.iter_mut().for_each(|solution| linear::solve(normal, solution));
+    solutions
 }
 
-/// Coefficients for places of which `scale` is 1.
+/// Coefficients for places in mm, from those for places in units of `scale` mm.
 fn scaled(terms: [f64; TERMS], scale: f64) -> [f32; TERMS] {
-    let power = |n: usize| {
-        if n < 2 {
-            1
-        } else if n < 5 {
-            2
-        } else {
-            3
-        }
-    };
-    std::array::from_fn(|n| (terms[n] / scale.powi(power(n))) as f32)
+    const POWERS: [i32; TERMS] = [1, 1, 2, 2, 2, 3, 3, 3, 3];
+    std::array::from_fn(|n| (terms[n] / scale.powi(POWERS[n])) as f32)
 }
 
 /// Rays spread over the stop, mm.
@@ -140,16 +122,7 @@ impl Bend {
             let (middle, half) = ends[axis];
             middle + half * ((2 * n + 1) as f64 / counts[axis] as f64 - 1.0)
         };
-        let mut this = Self {
-            nodes: Vec::new(),
-            counts,
-            per_mm: DVec2::ZERO,
-            corner: DVec2::ZERO,
-            alpha,
-            greatest: 0.0,
-            reach: 0.0,
-            widths: [f64::INFINITY, 0.0],
-        };
+        let mut this = Self { counts, alpha, widths: [f64::INFINITY, 0.0], ..Self::default() };
         for n in 0..counts[0] * counts[1] {
             let place = DVec2::new(middle(n % counts[0], 0), middle(n / counts[0], 1));
             this.add(geometry, place, z_mm, &apertures);
@@ -162,20 +135,25 @@ impl Bend {
         this
     }
 
+    /// Fits the polynomials of a node to exact rays.
     fn add(&mut self, geometry: &Geometry, place: DVec2, z_mm: f64, apertures: &[DVec2]) {
         let optics = &geometry.optics;
         let range = BEYOND * optics.half_aperture_mm;
         let chief = optics.array_from_object(place, z_mm, DVec2::ZERO);
+        // Trace rays through the stop.
         let hits: Vec<DVec2> =
             apertures.iter().map(|aperture| optics.array_from_object(place, z_mm, *aperture) - chief).collect();
+        // Fit the departure from straight rays by the place in the stop.
         let by_stop: Vec<[f64; TERMS]> = apertures.iter().map(|aperture| powers(*aperture / range)).collect();
         let bends: Vec<[f64; 2]> =
             hits.iter().zip(apertures).map(|(hit, aperture)| (*hit - self.alpha * *aperture).to_array()).collect();
         let departure = fit(&by_stop, &bends).map(|terms| scaled(terms, range));
+        // Fit the place in the stop by the hit on the array.
         let farthest = hits.iter().fold(1e-12f64, |most, hit| most.max(hit.length()));
         let by_hit: Vec<[f64; TERMS]> = hits.iter().map(|hit| powers(*hit / farthest)).collect();
         let places: Vec<[f64; 2]> = apertures.iter().map(|aperture| aperture.to_array()).collect();
         let inverse = fit(&by_hit, &places).map(|terms| scaled(terms, farthest));
+        // Fit the width of a patch by the place in the stop.
         let widths: Vec<[f64; 1]> = apertures.iter().map(|aperture| [self.width(&departure, *aperture)]).collect();
         let terms: Vec<[f64; 4]> = apertures
             .iter()
@@ -184,6 +162,7 @@ impl Bend {
         let [width] = fit(&terms, &widths);
         let scales = [1.0, range, range, range * range];
         let width = std::array::from_fn(|n| (width[n] / scales[n]) as f32);
+        // Keep the extremes of the slice.
         let within = |aperture: &DVec2| aperture.abs().max_element() <= optics.half_aperture_mm;
         let bends = bends.iter().zip(apertures).filter(|(_, aperture)| within(aperture));
         self.greatest = bends.fold(self.greatest, |most, (bend, _)| most.max(DVec2::from(*bend).length()));

@@ -1,13 +1,13 @@
 //! Projection and back-projection of voxels by exact weights.
 
-use super::array::Array;
+use super::array::LensletArray;
 use super::bend::Bend;
-use super::images::{self, Layout, MicroImages};
-use super::kernel::{Count, Gather, Running, Spread};
+use super::images::{self, MicroImages, MicroLayout};
+use super::kernel::{Count, Gather, RunningSums, Spread};
 use super::patches::Patches;
 use super::slices::{Light, SliceLight};
 use super::stop::Stop;
-use super::walk::{Beam, Found, Segment, walk};
+use super::walk::{Segment, SliceBeam, WalkBuffers, walk};
 use super::wanted::Wanted;
 use crate::simd::fastest;
 use crate::weights::{bent::Bent, geometry::Geometry, lenslets::Lenslets, model::RowSet};
@@ -18,12 +18,13 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-/// Fewest bands of lenslet rows, so that there is work for all threads; and the fewest rows of one.
+/// Lenslet rows are processed in about this many bands, so that there is work for all threads; a band has at least
+/// `MIN_ROWS`.
 const BANDS: usize = 16;
-const LEAST_ROWS: usize = 4;
-/// Voxels that one thread takes at a time when it gathers.
+const MIN_ROWS: usize = 4;
+/// Voxels of a parallel task of the back-projection.
 const RUN: usize = 4096;
-/// Lines whose weights are counted to foretell those of all.
+/// Lines whose weights are counted to estimate those of all.
 const SAMPLE: usize = 64;
 /// Bytes of a line, see [`Lines`].
 const LINE_BYTES: usize = 12;
@@ -32,9 +33,9 @@ const LINE_BYTES: usize = 12;
 #[derive(Debug, Clone)]
 pub struct Micro {
     pub(crate) geometry: Geometry,
-    pub(crate) array: Array,
+    pub(crate) array: LensletArray,
     pub(super) stop: Stop,
-    /// Voxels of a block of a line, within which the chief rays' places are linear in x.
+    /// Voxels of a block of a line. Within a block the chief rays' places are taken as linear in x.
     block: usize,
     slices: Vec<OnceLock<SliceLight>>,
     /// How rays bend in each slice, found when first used.
@@ -42,12 +43,12 @@ pub struct Micro {
     pub(crate) one_by_one: OneByOne,
 }
 
-/// The way to make a voxel's weights one by one, to keep them.
+/// How a voxel's weights are made one by one, to store them.
 #[derive(Debug, Clone)]
 pub(crate) enum OneByOne {
-    /// If rays are straight.
+    /// For straight rays.
     Lenslets(Lenslets),
-    /// If rays bend, or the sensor is tilted.
+    /// For bent rays or a tilted sensor.
     Bent(Bent),
 }
 
@@ -58,12 +59,12 @@ pub struct Lines {
     starts: Vec<u32>,
     /// Their places along x.
     x: Vec<u32>,
-    /// Least and greatest y of the chief rays of each line, mm.
+    /// Range of y of the chief rays of each line, mm.
     y_mm: Vec<[f32; 2]>,
 }
 
 impl Lines {
-    /// Keeps the voxels that are held.
+    /// Drops the voxels that are not held.
     pub fn retain(&mut self, held: &[bool]) {
         let mut each = held.iter();
         self.x.retain(|_| *each.next().expect("one for each"));
@@ -81,19 +82,19 @@ impl Lines {
 }
 
 /// Buffers of a thread.
-struct Buffers {
+struct ThreadBuffers {
     segment: Segment,
-    found: Found,
+    found: WalkBuffers,
 }
 
-impl Buffers {
+impl ThreadBuffers {
     fn new(side: usize) -> Self {
-        Self { segment: Segment::default(), found: Found::new(side) }
+        Self { segment: Segment::default(), found: WalkBuffers::new(side) }
     }
 }
 
 impl Micro {
-    /// Most bytes of a slice before its tables are made.
+    /// Upper bound of the bytes of a slice before its tables are made.
     pub(crate) const LIST_BYTES: usize = size_of::<OnceLock<SliceLight>>()
         + size_of::<OnceLock<Arc<Bend>>>()
         + if Lenslets::LIST_BYTES > Bent::LIST_BYTES { Lenslets::LIST_BYTES } else { Bent::LIST_BYTES };
@@ -101,7 +102,8 @@ impl Micro {
     pub(crate) fn new(geometry: Geometry) -> Self {
         let stop = Stop { half_mm: geometry.optics.half_aperture_mm as f32, is_round: geometry.has_round_stop };
         let slices = vec![OnceLock::new(); geometry.grid.shape[2]];
-        let array = Array::new(&geometry.optics);
+        let array = LensletArray::new(&geometry.optics);
+        // Straight rays on a lattice along x without distortion need no blocks.
         let is_straight = !geometry.optics.has_medium()
             && array.along.y.abs() < 1e-6 * array.along.x
             && geometry.optics.distortion_mm(DVec2::ONE, 0.0) == DVec2::ZERO;
@@ -161,7 +163,7 @@ impl Micro {
         lines: &Lines,
         line: usize,
         segment: &mut Segment,
-        mut work: impl FnMut(&Beam, &Segment, Range<usize>),
+        mut work: impl FnMut(&SliceBeam, &Segment, Range<usize>),
     ) {
         let voxels = lines.voxels(line);
         let ny = self.geometry.grid.shape[1];
@@ -171,8 +173,10 @@ impl Micro {
         let size = self.block;
         let mut first = voxels.start;
         while first < voxels.end {
+            // Take the voxels of the next block.
             let block = lines.x[first] as usize / size * size;
             let end = first + lines.x[first..voxels.end].iter().take_while(|x| (**x as usize) < block + size).count();
+            // Interpolate where their chief rays meet the array.
             let (from, to) = (chief(block), chief(block + size));
             let step = (to - from) / size as f64;
             segment.x.clear();
@@ -182,8 +186,9 @@ impl Micro {
                 segment.x.push(place.x as f32);
                 segment.y.push(place.y as f32);
             }
+            // Take the bend of the rays at the middle of the block.
             let node = slice.bend.as_ref().map(|bend| bend.near(0.5 * (from + to)));
-            let beam = Beam { array: &self.array, slice, node, stop: self.stop };
+            let beam = SliceBeam { array: &self.array, slice, node, stop: self.stop };
             work(&beam, segment, first..end);
             first = end;
         }
@@ -199,27 +204,30 @@ impl Micro {
         (image, stride): (&mut [f32], usize),
     ) {
         let array = &self.array;
-        let band = (array.rows() / BANDS).max(LEAST_ROWS);
+        let band = (array.rows() / BANDS).max(MIN_ROWS);
         let ny = self.geometry.grid.shape[1];
         let MicroImages { layout, values, remainders, .. } = images;
         let layout = *layout;
         values.par_chunks_mut(band * layout.stride).enumerate().for_each_init(
-            || Buffers::new(array.side),
+            || ThreadBuffers::new(array.side),
             |buffers, (n, values)| {
                 values.fill(0.0);
+                // Start a band of lenslet rows.
                 let lenslets = n * band..n * band + values.len() / layout.stride;
                 let wanted = Wanted { rows, lenslets, layout, remainders };
                 for z in 0..self.slices.len() {
                     if lines.starts[z * ny] == lines.starts[(z + 1) * ny] {
                         continue;
                     }
+                    // Skip slices without voxels, and lines whose light misses the band.
                     let [low, high] = self.seen_mm(&wanted.lenslets, self.slice(z));
                     for line in z * ny..(z + 1) * ny {
                         let [least, greatest] = lines.y_mm[line];
                         if greatest < low || least > high || lines.voxels(line).is_empty() {
                             continue;
                         }
-                        let Buffers { segment, found } = buffers;
+                        // Spread the strengths of the line's voxels over the micro-images of the band.
+                        let ThreadBuffers { segment, found } = buffers;
                         self.segments(lines, line, segment, |beam, segment, voxels| {
                             let patches = patches(beam.slice);
                             let strengths = &strengths[voxels];
@@ -233,10 +241,11 @@ impl Micro {
                 }
             },
         );
+        // Multiply by the stop and add the micro-images up to the image.
         images.add_up(array, self.stop, rows, self.sensor_px()[0], stride, image);
     }
 
-    /// Least and greatest y of chief rays, mm, whose light can reach these rows of lenslets.
+    /// Range of y of the chief rays, mm, whose light can reach these rows of lenslets.
     fn seen_mm(&self, rows: &Range<usize>, slice: &SliceLight) -> [f32; 2] {
         let array = &self.array;
         let last = (array.length - 1) as f32 * array.along.y as f32;
@@ -248,7 +257,7 @@ impl Micro {
     }
 
     /// Calls `update(j, strength, sum_i w_ij v_i, sum_i w_ij)` on every voxel's value, i over the set's rows of an
-    /// image of `stride` values a row. The last sum is rough where the stop cuts.
+    /// image of `stride` values a row. The last sum is approximate where the stop cuts.
     pub fn back_project<T: Send>(
         &self,
         lines: &Lines,
@@ -259,20 +268,23 @@ impl Micro {
         update: impl Fn(usize, &mut T, f32, f32) + Sync,
     ) {
         let array = &self.array;
+        // Multiply the image by the stop, lenslet by lenslet.
         images.look_up(array, self.stop, rows, self.sensor_px()[0], stride, image);
         let MicroImages { layout, values, remainders, .. } = &*images;
         let wanted = Wanted { rows, lenslets: 0..array.rows(), layout: *layout, remainders };
         let optics = &self.geometry.optics;
+        // Weights are summed in units of the stop's area.
         let half = f64::from(self.stop.half_mm) * optics.demagnification / optics.pixel_pitch_mm;
         let per_area = (1.0 / (half * half * if self.stop.is_round { std::f64::consts::PI } else { 4.0 })) as f32;
+        // Gather the sums of each voxel, a run of lines at a time.
         runs(lines, strengths).into_par_iter().for_each_init(
-            || Buffers::new(array.side),
+            || ThreadBuffers::new(array.side),
             |buffers, (run_lines, strengths)| {
                 let base = lines.starts[run_lines.start] as usize;
                 let (mut sums, mut weights) = (Vec::new(), Vec::new());
-                let running = &mut Running::new();
+                let running = &mut RunningSums::new();
                 for line in run_lines {
-                    let Buffers { segment, found } = buffers;
+                    let ThreadBuffers { segment, found } = buffers;
                     self.segments(lines, line, segment, |beam, segment, voxels| {
                         let patches = patches(beam.slice);
                         sums.clear();
@@ -326,15 +338,17 @@ impl Micro {
 
     /// Pixels that a voxel of `lines` lights, each as often as lenslets send light there: the mean of a sample.
     pub fn weights_per_voxel(&self, lines: &Lines) -> f64 {
+        // Choose lines with voxels, evenly spread.
         let lit: Vec<usize> = (0..lines.starts.len() - 1).filter(|line| !lines.voxels(*line).is_empty()).collect();
         let sample: Vec<usize> = lit.iter().step_by(lit.len().div_ceil(SAMPLE).max(1)).copied().collect();
+        // Count in one set of rows, in which each micro-image has a single row.
         let step = self.array.side;
         let rows = RowSet { first: 0, step: step as u32 };
-        let layout = Layout::new(&self.array, step);
+        let layout = MicroLayout::new(&self.array, step);
         let remainders = images::remainders(&self.array, step);
         let wanted = Wanted { rows, lenslets: 0..self.array.rows(), layout, remainders: &remainders };
         let count = |line: &usize| {
-            let mut buffers = Buffers::new(self.array.side);
+            let mut buffers = ThreadBuffers::new(self.array.side);
             let (mut weights, mut voxels) = (0, 0);
             self.segments(lines, *line, &mut buffers.segment, |beam, segment, _| {
                 let columns = patches(beam.slice).map_or(step, |patches| patches.columns);
@@ -349,15 +363,15 @@ impl Micro {
         weights as f64 / voxels.max(1) as f64
     }
 
-    /// Foretells the bytes of the tables, the lenslets, and buffers for sets of every `step`-th image row.
-    pub fn foretold_bytes(&self, step: usize) -> u64 {
+    /// Predicts the bytes of the tables, the lenslets, and buffers for sets of every `step`-th image row.
+    pub fn estimated_bytes(&self, step: usize) -> u64 {
         let slices = self.geometry.grid.shape[2];
         let tables: usize = (0..slices)
             .into_par_iter()
-            .map(|z| SliceLight::foretold_bytes(&self.geometry, &self.array, z, self.bend(z).as_deref()))
+            .map(|z| SliceLight::estimated_bytes(&self.geometry, &self.array, z, self.bend(z).as_deref()))
             .sum();
         let lines = LINE_BYTES * self.geometry.grid.shape[1] * slices;
-        (tables + lines + self.array.bytes() + MicroImages::foretold_bytes(&self.array, step)) as u64
+        (tables + lines + self.array.bytes() + MicroImages::estimated_bytes(&self.array, step)) as u64
     }
 }
 
@@ -365,7 +379,7 @@ fn patches(slice: &SliceLight) -> Option<&Patches> {
     if let Light::Narrow(patches) = &slice.light { Some(patches) } else { None }
 }
 
-/// Runs of lines with some thousand voxels each, and their strengths.
+/// Runs of lines with at least [`RUN`] voxels each, and their strengths.
 fn runs<'a, T>(lines: &Lines, strengths: &'a mut [T]) -> Vec<(Range<usize>, &'a mut [T])> {
     let mut runs = Vec::new();
     let (mut rest, mut first) = (strengths, 0);

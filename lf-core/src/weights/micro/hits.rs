@@ -3,20 +3,20 @@
 use super::array::LANES;
 use super::patches::Patches;
 
-/// Hits are used when so many are there. Then the loops over them are long and well foreseen by the processor.
+/// Hits are used when there are this many, so that the loops over them are long and their branches predictable.
 pub(super) const FULL: usize = 96;
-/// Places for as many, and for what eight more lenslets may add.
+/// Room for these, and for the hits that eight more lenslets may add.
 pub(super) const ROOM: usize = FULL + LANES;
 
 /// Rows of patches on rows of micro-images: where each begins.
 #[derive(Debug)]
-pub(super) struct List {
+pub(super) struct HitList {
     pub(super) count: usize,
-    /// In the segment.
+    /// Voxel in the segment.
     pub(super) voxels: [i32; ROOM],
-    /// In the table of patches.
+    /// Offset in the table of patches.
     pub(super) shares: [i32; ROOM],
-    /// In the micro-images.
+    /// Offset in the micro-images.
     pub(super) values: [i32; ROOM],
     /// The part of the way to the next phase across.
     pub(super) parts: [f32; ROOM],
@@ -24,7 +24,7 @@ pub(super) struct List {
     pub(super) columns: [i32; ROOM],
 }
 
-/// A row of a patch on a row of a micro-image; see [`List`].
+/// A row of a patch on a row of a micro-image; see [`HitList`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hit {
     pub(super) voxel: usize,
@@ -33,7 +33,7 @@ pub(super) struct Hit {
     pub(super) part: f32,
 }
 
-impl List {
+impl HitList {
     fn new() -> Self {
         Self {
             count: 0,
@@ -45,7 +45,7 @@ impl List {
         }
     }
 
-    /// Each of them.
+    /// All hits.
     #[inline(always)]
     pub(super) fn iter(&self) -> impl Iterator<Item = Hit> + '_ {
         let all = self.voxels.iter().zip(&self.shares).zip(&self.values).zip(&self.parts).take(self.count);
@@ -57,18 +57,18 @@ impl List {
         })
     }
 
-    /// Each of them, and the column of the micro-image where the patch begins.
+    /// All hits, each with the column of the micro-image where its patch begins.
     #[inline(always)]
     pub(super) fn with_columns(&self) -> impl Iterator<Item = (Hit, i32)> + '_ {
         self.iter().zip(self.columns)
     }
 }
 
-/// Hits of one voxel under eight lenslets: they end here.
+/// End of the hits of one voxel under eight lenslets.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Group {
     pub(super) voxel: usize,
-    /// In all hits, and in those that the stop may cut.
+    /// End in all hits, and in those that the stop may cut.
     pub(super) end: usize,
     pub(super) end_cut: usize,
 }
@@ -76,25 +76,25 @@ pub(super) struct Group {
 /// Hits of a segment's voxels under the lenslets of a row.
 #[derive(Debug)]
 pub(super) struct Hits {
-    pub(super) all: List,
+    pub(super) all: HitList,
     /// The hits that the stop may cut, which are also among all.
-    pub(super) cut: List,
-    /// In groups of the same voxel. Groups have at least one hit.
+    pub(super) cut: HitList,
+    /// Groups of one voxel each, with at least one hit.
     groups: [Group; ROOM],
     group_count: usize,
-    /// For each hit the row of the table, and roughly the part of its light that passes the stop.
+    /// For each hit, the row of the table and approximately the share of its light that passes the stop.
     pub(super) lines: [i32; ROOM],
     pub(super) inside: [f32; ROOM],
 }
 
 impl Hits {
     pub(super) fn new() -> Self {
-        let (all, cut) = (List::new(), List::new());
+        let (all, cut) = (HitList::new(), HitList::new());
         let groups = [Group::default(); ROOM];
         Self { all, cut, groups, group_count: 0, lines: [0; ROOM], inside: [0.0; ROOM] }
     }
 
-    /// Whether it is time to use them.
+    /// Whether the hits should be used.
     #[inline(always)]
     pub(super) fn are_full(&self) -> bool {
         self.all.count > FULL
@@ -111,7 +111,7 @@ impl Hits {
         &self.groups[..self.group_count]
     }
 
-    /// For each hit, roughly the sum of its weights times the stop's area in pixels.
+    /// For each hit, approximately the sum of its weights times the stop's area in pixels.
     #[inline(always)]
     pub(super) fn weights<'a>(&'a self, patches: &'a Patches) -> impl Iterator<Item = f32> + 'a {
         let all = self.lines.iter().zip(&self.inside).take(self.all.count);

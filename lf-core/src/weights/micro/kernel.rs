@@ -1,16 +1,15 @@
 //! The inner loops: spread a voxel's strength over rows of micro-images, gather a voxel's share of them.
 
-use super::hits::{Group, Hit, Hits, List, ROOM};
-use super::images::Layout;
+use super::hits::{Group, Hit, HitList, Hits, ROOM};
+use super::images::MicroLayout;
 use super::patches::{FOUR, Patches};
-use super::walk::Taker;
+use super::walk::LightSink;
 use super::wide::WideRow;
 use glam::Vec4;
-use std::ops::Range;
 
 /// Adds light to micro-images.
 pub(super) struct Spread<'a> {
-    pub(super) layout: Layout,
+    pub(super) layout: MicroLayout,
     pub(super) patches: Option<&'a Patches>,
     pub(super) strengths: &'a [f32],
     pub(super) values: &'a mut [f32],
@@ -18,25 +17,25 @@ pub(super) struct Spread<'a> {
 
 /// Sums what voxels see in micro-images.
 pub(super) struct Gather<'a> {
-    pub(super) layout: Layout,
+    pub(super) layout: MicroLayout,
     pub(super) patches: Option<&'a Patches>,
     pub(super) values: &'a [f32],
     /// Four parts of the sum of each voxel.
     pub(super) sums: &'a mut [Vec4],
-    /// Roughly the sum of its weights times the stop's area in pixels.
+    /// Approximately the sum of each voxel's weights times the stop's area in pixels.
     pub(super) weights: &'a mut [f32],
-    pub(super) running: &'a mut Running,
+    pub(super) running: &'a mut RunningSums,
 }
 
-/// Sums that run on from hit to hit, all and cut ones, and their weights; the first is 0.
+/// Sums that run on over hits: over all, over those that the stop may cut, and of their weights. The first is 0.
 #[derive(Debug)]
-pub(super) struct Running {
+pub(super) struct RunningSums {
     all: [Vec4; ROOM + 1],
     cut: [Vec4; ROOM + 1],
     weights: [f32; ROOM + 1],
 }
 
-impl Running {
+impl RunningSums {
     pub(super) fn new() -> Self {
         Self { all: [Vec4::ZERO; ROOM + 1], cut: [Vec4::ZERO; ROOM + 1], weights: [0.0; ROOM + 1] }
     }
@@ -49,13 +48,13 @@ pub(super) struct Count {
     pub(super) weights: usize,
 }
 
-impl Taker for Count {
+impl LightSink for Count {
     #[inline(always)]
-    fn take(&mut self, hits: &Hits) {
+    fn add_hits(&mut self, hits: &Hits) {
         self.weights += self.columns * hits.all.count;
     }
 
-    fn wide(&mut self, _: usize, _: &WideRow, _: usize, _: usize) {
+    fn add_row(&mut self, _: usize, _: &WideRow, _: usize, _: usize) {
         self.weights += self.columns;
     }
 }
@@ -63,21 +62,21 @@ impl Taker for Count {
 /// Four values.
 ///
 /// # Safety
-/// `place + 4` values there are.
+/// There are `place + 4` values.
 #[inline(always)]
 unsafe fn four(values: &[f32], place: usize) -> Vec4 {
     debug_assert!(place + FOUR <= values.len());
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's promise.
     Vec4::from_array(unsafe { values.as_ptr().add(place).cast::<[f32; FOUR]>().read() })
 }
 
-/// Four shares, `part` of the way from one phase to the next, which stands `columns` behind.
+/// Four shares, interpolated by `part` from one phase to the next, which is stored `columns` behind.
 ///
 /// # Safety
-/// `place + columns + 4` shares there are.
+/// There are `place + columns + 4` shares.
 #[inline(always)]
 unsafe fn between(shares: &[f32], place: usize, columns: usize, part: f32) -> Vec4 {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's promise.
     unsafe {
         let (a, b) = (four(shares, place), four(shares, place + columns));
         a + part * (b - a)
@@ -87,10 +86,10 @@ unsafe fn between(shares: &[f32], place: usize, columns: usize, part: f32) -> Ve
 /// Adds to four values.
 ///
 /// # Safety
-/// `place + 4` values there are.
+/// There are `place + 4` values.
 #[inline(always)]
 unsafe fn add(values: &mut [f32], place: usize, light: Vec4) {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's promise.
     unsafe {
         let sum = four(values, place) + light;
         values.as_mut_ptr().add(place).cast::<[f32; FOUR]>().write(sum.to_array());
@@ -104,27 +103,43 @@ fn fours(column: i32, columns: usize, side: usize) -> (usize, usize) {
     (first, ((side as i32 - column).max(0) as usize).next_multiple_of(FOUR).min(columns))
 }
 
-/// Shares of these columns of a row of `all` columns, `part` of the way to the next phase.
+/// Rows of large patches, part `number` of the light: the voxel, a place in the micro-images, and the shares from there
+/// on.
 #[inline(always)]
-fn large_row(shares: &[f32], all: usize, columns: Range<usize>, part: f32) -> impl Iterator<Item = f32> + '_ {
-    let (a, b) = (shares, &shares[all..]);
-    a[columns.clone()].iter().zip(&b[columns]).map(move |(a, b)| a + part * (b - a))
+fn large_rows<'a>(
+    patches: &'a Patches,
+    layout: MicroLayout,
+    (list, table): (&'a HitList, &'a [f32]),
+    number: usize,
+) -> impl Iterator<Item = (usize, usize, impl Iterator<Item = f32> + 'a)> + 'a {
+    let columns = patches.columns;
+    list.with_columns().map(
+        #[inline(always)]
+        move |(Hit { voxel, shares, values, part }, column)| {
+            let (from, to) = fours(column, columns, layout.side);
+            let row = &table[shares..];
+            let [a, b] = [row, &row[columns..]].map(|row| &row[from..to.max(from)]);
+            let shares = a.iter().zip(b).map(move |(a, b)| a + part * (b - a));
+            (voxel, values + from + number * layout.width, shares)
+        },
+    )
 }
 
-/// The parts of the light: the shares of all hits, and the two moments of those that the stop may cut.
+/// The parts of the light: shares of all hits, and two moments of the hits that the stop may cut.
 #[inline(always)]
-fn large_parts<'a>(patches: &'a Patches, hits: &'a Hits) -> [(&'a List, &'a [f32]); 3] {
+fn large_parts<'a>(patches: &'a Patches, hits: &'a Hits) -> [(&'a HitList, &'a [f32]); 3] {
     let [by_x, by_y] = &patches.moments;
     [(&hits.all, &patches.shares), (&hits.cut, by_x), (&hits.cut, by_y)]
 }
 
 impl Spread<'_> {
-    /// For patches of N fours, which have room beside the micro-image.
+    /// For patches of N times four columns, which fit beside the micro-image.
     #[inline(always)]
     fn narrow<const N: usize>(&mut self, patches: &Patches, hits: &Hits) {
         let width = self.layout.width;
-        // SAFETY: hits name rows of the table and places in the micro-images that have room for a row of 8.
+        // SAFETY: hits refer to rows of the table and to places in the micro-images with room for a row of 8.
         unsafe {
+            // Add the light of all hits.
             for Hit { voxel, shares, values, part } in hits.all.iter() {
                 let strength = *self.strengths.get_unchecked(voxel);
                 for n in 0..N {
@@ -132,6 +147,7 @@ impl Spread<'_> {
                     add(self.values, values + n * FOUR, strength * shares);
                 }
             }
+            // Add the moments of those that the stop may cut.
             for Hit { voxel, shares, values, part } in hits.cut.iter() {
                 let strength = *self.strengths.get_unchecked(voxel);
                 for n in 0..N {
@@ -149,20 +165,17 @@ impl Spread<'_> {
 
     /// For patches of more columns, part `number` of the light.
     #[inline(always)]
-    fn large(&mut self, patches: &Patches, (list, table): (&List, &[f32]), number: usize) {
-        let columns = patches.columns;
-        for (Hit { voxel, shares, values, part }, column) in list.with_columns() {
-            let (from, to) = fours(column, columns, self.layout.side);
-            let (place, strength) = (values + from + number * self.layout.width, self.strengths[voxel]);
-            let shares = large_row(&table[shares..], columns, from..to.max(from), part);
+    fn large(&mut self, patches: &Patches, part: (&HitList, &[f32]), number: usize) {
+        for (voxel, place, shares) in large_rows(patches, self.layout, part, number) {
+            let strength = self.strengths[voxel];
             self.values[place..].iter_mut().zip(shares).for_each(|(value, share)| *value += strength * share);
         }
     }
 }
 
-impl Taker for Spread<'_> {
+impl LightSink for Spread<'_> {
     #[inline(always)]
-    fn take(&mut self, hits: &Hits) {
+    fn add_hits(&mut self, hits: &Hits) {
         let Some(patches) = self.patches else { return };
         match patches.columns {
             4 => self.narrow::<1>(patches, hits),
@@ -172,7 +185,7 @@ impl Taker for Spread<'_> {
     }
 
     #[inline(always)]
-    fn wide(&mut self, voxel: usize, row: &WideRow, parts: usize, values: usize) {
+    fn add_row(&mut self, voxel: usize, row: &WideRow, parts: usize, values: usize) {
         let strength = self.strengths[voxel];
         let (from, parts) = row.parts(parts);
         for (n, part) in parts.enumerate() {
@@ -183,16 +196,17 @@ impl Taker for Spread<'_> {
 }
 
 impl Gather<'_> {
-    /// For patches of N fours, which have room beside the micro-image.
+    /// For patches of N times four columns, which fit beside the micro-image.
     ///
-    /// Sums run on from hit to hit, and a voxel's sum is the difference between the ends of its group: sums that each
-    /// wait for the one before to be written would take twice the time.
+    /// Sums run on from hit to hit, and a voxel's sum is the difference between the ends of its group. Summing voxel by
+    /// voxel in memory takes twice the time.
     #[inline(always)]
     fn narrow<const N: usize>(&mut self, patches: &Patches, hits: &Hits) {
         let width = self.layout.width;
-        let Running { all: sums, cut: cut_sums, .. } = &mut *self.running;
-        // SAFETY: hits name rows of the table, and places in the micro-images that have room for a row of 8.
+        let RunningSums { all: sums, cut: cut_sums, .. } = &mut *self.running;
+        // SAFETY: hits refer to rows of the table and to places in the micro-images with room for a row of 8.
         unsafe {
+            // Sum the products of light and image over all hits.
             let mut sum = Vec4::ZERO;
             for (Hit { shares, values, part, .. }, out) in hits.all.iter().zip(&mut sums[1..]) {
                 for n in 0..N {
@@ -201,6 +215,7 @@ impl Gather<'_> {
                 }
                 *out = sum;
             }
+            // Sum those of the moments over the hits that the stop may cut.
             let mut sum = Vec4::ZERO;
             for (Hit { shares, values, part, .. }, out) in hits.cut.iter().zip(&mut cut_sums[1..]) {
                 for n in 0..N {
@@ -212,6 +227,7 @@ impl Gather<'_> {
                 *out = sum;
             }
         }
+        // Add to each voxel the difference between the ends of its group.
         let (mut from, mut from_cut) = (0, 0);
         for Group { voxel, end, end_cut } in hits.groups() {
             self.sums[*voxel] += sums[*end] - sums[from] + cut_sums[*end_cut] - cut_sums[from_cut];
@@ -236,20 +252,17 @@ impl Gather<'_> {
 
     /// For patches of more columns, part `number` of the light.
     #[inline(always)]
-    fn large(&mut self, patches: &Patches, (list, table): (&List, &[f32]), number: usize) {
-        let columns = patches.columns;
-        for (Hit { voxel, shares, values, part }, column) in list.with_columns() {
-            let (from, to) = fours(column, columns, self.layout.side);
-            let values = &self.values[values + from + number * self.layout.width..];
-            let shares = large_row(&table[shares..], columns, from..to.max(from), part);
-            self.sums[voxel].x += values.iter().zip(shares).map(|(value, share)| value * share).sum::<f32>();
+    fn large(&mut self, patches: &Patches, part: (&HitList, &[f32]), number: usize) {
+        for (voxel, place, shares) in large_rows(patches, self.layout, part, number) {
+            let values = self.values[place..].iter();
+            self.sums[voxel].x += values.zip(shares).map(|(value, share)| value * share).sum::<f32>();
         }
     }
 }
 
-impl Taker for Gather<'_> {
+impl LightSink for Gather<'_> {
     #[inline(always)]
-    fn take(&mut self, hits: &Hits) {
+    fn add_hits(&mut self, hits: &Hits) {
         let Some(patches) = self.patches else { return };
         match patches.columns {
             4 => self.narrow::<1>(patches, hits),
@@ -260,7 +273,7 @@ impl Taker for Gather<'_> {
     }
 
     #[inline(always)]
-    fn wide(&mut self, voxel: usize, row: &WideRow, parts: usize, values: usize) {
+    fn add_row(&mut self, voxel: usize, row: &WideRow, parts: usize, values: usize) {
         let (from, parts) = row.parts(parts);
         for (n, part) in parts.enumerate() {
             let values = &self.values[values + from + n * self.layout.width..];

@@ -1,6 +1,6 @@
 //! Where the patches of a voxel fall under eight lenslets of a row.
 
-use super::array::{Array, LANES};
+use super::array::{LANES, LensletArray};
 use super::bend::Node;
 use super::hits::Hits;
 use super::patches::{ACROSS, Patches};
@@ -17,14 +17,14 @@ pub(super) fn floor(value: f32) -> i32 {
 
 /// A slice with a table of patches.
 pub(super) struct Narrow<'a> {
-    pub(super) array: &'a Array,
+    pub(super) array: &'a LensletArray,
     pub(super) slice: &'a SliceLight,
     pub(super) patches: &'a Patches,
     pub(super) stop: Stop,
     pub(super) per_reach: f32,
-    /// Within this squared distance from the middle of the stop a lenslet's light is whole, mm^2.
+    /// Within this squared distance from the middle of the stop a lenslet's light passes uncut, mm^2.
     pub(super) whole2: f32,
-    /// Beyond this squared distance it is nothing, mm^2.
+    /// Beyond this squared distance no light passes, mm^2.
     pub(super) farthest2: f32,
     pub(super) wanted: &'a Wanted<'a>,
     /// How rays bend near the segment; None if they are straight.
@@ -34,8 +34,8 @@ pub(super) struct Narrow<'a> {
 }
 
 impl Narrow<'_> {
-    /// Adds the hits of a voxel, (number in the segment, x, y), under eight lenslets of a row from `number` on: in one of
-    /// the set's rows or in all.
+    /// Adds the hits of a voxel (its number in the segment, x, y) under eight lenslets of a row, from `number` on: in
+    /// one row of the set or in all rows.
     #[inline(always)]
     pub(super) fn eight<const WEIGHS: bool>(
         &self,
@@ -56,7 +56,7 @@ impl Narrow<'_> {
         hits.end_group(voxel.0);
     }
 
-    /// The slow way, for any machine.
+    /// The portable way: lenslet by lenslet.
     #[inline(always)]
     fn eight_portable(
         &self,
@@ -72,6 +72,7 @@ impl Narrow<'_> {
         let first = row * array.length + number;
         for n in 0..LANES.min(end - number) {
             let lenslet = first + n;
+            // Find the place in the stop that the lenslet's centre shows, and the patch's middle on the micro-image.
             let (across_mm, down_mm) = (array.x[lenslet] - x0, array.y[lenslet] - y0);
             let (u, v) = match self.node {
                 None => (across_mm * slice.per_alpha, down_mm * slice.per_alpha),
@@ -79,11 +80,14 @@ impl Narrow<'_> {
             };
             let scale = array.per_mm[lenslet];
             let (x, y) = (array.middle_x[lenslet] - scale * u, array.middle_y[lenslet] - scale * v);
+            // Estimate the share of the light that passes the stop.
             let far2 = if stop.is_round { u * u + v * v } else { u.abs().max(v.abs()).powi(2) };
             let inside = ((stop.half_mm * stop.half_mm - far2) * self.per_reach + 0.5).clamp(0.0, 1.0);
+            // Split the patch's first corner into pixels and phases.
             let places = (x - patches.half_px) * ACROSS as f32;
             let (across, down) = (floor(places), floor((y - patches.half_px) * patches.per_px));
             let (column, top) = (across >> ACROSS.ilog2(), down >> patches.bits);
+            // Find the row of the patch that falls on the wanted row.
             let ahead = wanted.rows.first as i32 - wanted.remainders[lenslet];
             let ahead = if ahead < 0 { ahead + step } else { ahead };
             let slot = slot.map_or(i32::from(ahead < top), |slot| slot as i32);
@@ -95,6 +99,7 @@ impl Narrow<'_> {
                 && column > -(patches.columns as i32)
                 && column < array.side as i32;
             if is_valid {
+                // Store the hit, also among those that the stop may cut.
                 let mask = (1 << patches.bits) - 1;
                 let place = wanted.layout.place(row - wanted.lenslets.start, number + n, slot as usize) as i32;
                 let phase = (self.class(lenslet, u, v) << patches.bits) | (down & mask);

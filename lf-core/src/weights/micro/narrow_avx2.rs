@@ -2,12 +2,12 @@
 
 use super::array::LANES;
 use super::bend::TERMS;
-use super::hits::{FULL, Hits, List};
+use super::hits::{FULL, HitList, Hits};
 use super::narrow::Narrow;
 use super::patches::ACROSS;
 use std::arch::x86_64::*;
 
-/// For each set of eight lanes, the lanes that are in it, moved to the front.
+/// For each subset of eight lanes, its lanes in order: moves them to the front.
 static FRONT: [[i32; LANES]; 256] = {
     let mut table = [[0; LANES]; 256];
     let mut set = 0;
@@ -87,7 +87,7 @@ struct Rows {
 }
 
 impl Narrow<'_> {
-    /// The same as [`Narrow::eight_portable`].
+    /// Does what [`Narrow::eight_portable`] does, for eight lenslets at once.
     #[inline]
     #[target_feature(enable = "avx2")]
     pub(super) fn eight_avx2<const WEIGHS: bool>(
@@ -102,15 +102,18 @@ impl Narrow<'_> {
         let Self { array, patches, wanted, .. } = *self;
         let whole = |value: i32| _mm256_set1_epi32(value);
         let first = row * array.length + number;
+        // Find the places of the patches, in pixels and phases, and the rows that fall on the wanted row.
         let eight = self.places(first, x0, y0);
         let bits = _mm_cvtsi32_si128(patches.bits as i32);
         let across = below(eight.across);
         let parts = _mm256_sub_ps(eight.across, _mm256_cvtepi32_ps(across));
         let column = _mm256_sra_epi32(across, _mm_cvtsi32_si128(ACROSS.ilog2() as i32));
         let rows = self.rows(first, slot, _mm256_sra_epi32(eight.down, bits));
+        // Select the lanes that have light there, and those that the stop may cut.
         let lanes = (1u32 << (end - number).min(LANES)) - 1;
         let valid = self.valid(&eight, &rows, column) & lanes;
         let cut = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(eight.far2, _mm256_set1_ps(self.whole2))) as u32;
+        // Compute the offsets in the table of patches.
         let phase = _mm256_and_si256(eight.down, whole((1 << patches.bits) - 1));
         let phase = match patches.classes {
             1 => phase,
@@ -120,14 +123,16 @@ impl Narrow<'_> {
         let shares = _mm256_mullo_epi32(lines, whole(ACROSS as i32 + 1));
         let shares = _mm256_add_epi32(shares, _mm256_and_si256(across, whole(ACROSS as i32 - 1)));
         let shares = _mm256_mullo_epi32(shares, whole(patches.columns as i32));
+        // Compute the offsets in the micro-images.
         let place = wanted.layout.place(row - wanted.lenslets.start, number, 0) as i32;
         let images = _mm256_mullo_epi32(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), whole(wanted.layout.image as i32));
         let values = _mm256_add_epi32(images, _mm256_add_epi32(whole(place), column));
         let slots = whole((slot.unwrap_or(1) * wanted.layout.slot()) as i32);
         let values = _mm256_add_epi32(values, _mm256_and_si256(rows.later, slots));
+        // Append the selected lanes to the lists.
         let at = hits.all.count;
         assert!(at <= FULL && hits.cut.count <= at);
-        let add = |list: &mut List, set: u32| {
+        let add = |list: &mut HitList, set: u32| {
             let (at, order) = (list.count, load_whole(&FRONT[set as usize & 255], 0));
             let moved = |values: __m256i| _mm256_permutevar8x32_epi32(values, order);
             store_whole(whole(voxel as i32), &mut list.voxels, at);
@@ -231,7 +236,7 @@ impl Narrow<'_> {
         _mm256_cvtps_epi32(_mm256_min_ps(_mm256_max_ps(class, all(0.0)), all((patches.classes - 1) as f32)))
     }
 
-    /// Roughly the part of the light that passes the stop.
+    /// Approximately the share of the light that passes the stop.
     #[inline]
     #[target_feature(enable = "avx2")]
     fn inside(&self, far2: __m256) -> __m256 {

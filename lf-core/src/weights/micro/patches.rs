@@ -5,14 +5,15 @@ use crate::weights::{axis::Span, blur::Blur, cell::Slab};
 /// Columns come in fours, or in eights where they are more.
 pub(super) const FOUR: usize = 4;
 
-/// Down the rows a place is right to the patch's side over twice as many, and to a pixel over twice the most phases.
+/// A place down the rows is right to the patch's side over twice this many, or to a pixel over twice the phases.
 const STEPS_PER_SIDE: f64 = 160.0;
-const MOST_PHASES: u32 = 128;
-/// Across, the table is linear between so many phases of a pixel.
+const MAX_PHASES: u32 = 128;
+/// Phases of a pixel across; the table is linear between them.
 pub(super) const ACROSS: usize = 8;
-/// Tables of several classes hold no more shares if at least so many phases down are left, as a power of 2.
-const MOST_SHARES: usize = 120_000;
-const FEWEST_BITS: u32 = 4;
+/// Maximum number of shares in tables of several classes, which then have fewer phases down: but at least 2 to the
+/// power of `MIN_BITS`.
+const MAX_SHARES: usize = 120_000;
+const MIN_BITS: u32 = 4;
 /// Parts of a pixel over which moments are summed.
 const PARTS: usize = 4;
 
@@ -21,20 +22,19 @@ pub(super) struct Patches {
     /// Phases of a pixel down, and their logarithm to base 2.
     pub(super) per_px: f32,
     pub(super) bits: u32,
-    /// The patch begins at the pixel this far before its middle, px.
+    /// The patch begins at the pixel that lies this far before its middle, px.
     pub(super) half_px: f32,
     /// Rows and columns of a patch; columns are a multiple of [`FOUR`].
     pub(super) rows: usize,
     pub(super) columns: usize,
-    /// The width of the first class of patches over the usual width, and classes for a change by 1. A class is a width
-    /// of patches. Only rays that bend, or a tilted sensor, have more than one.
+    /// A class is a width of patches: the width of the first class over the usual width, and classes per change by 1.
+    /// Only bent rays or a tilted sensor need more than one.
     pub(super) least_width: f32,
     pub(super) per_width: f32,
     pub(super) classes: usize,
     /// Class, phase down, row, phase across, column: the share of a pixel that the patch fills.
     pub(super) shares: Vec<f32>,
-    /// The same of the moments along x, and then of those along y: part, and the rest as above. Empty if they do not
-    /// matter.
+    /// Tables like `shares` of the moments along x, and along y. Empty if moments do not matter.
     pub(super) moments: [Vec<f32>; 2],
     /// Class, phase down, row: the sum of a row's shares.
     pub(super) row_sums: Vec<f32>,
@@ -60,7 +60,7 @@ fn profile(span: &Span, middle: f64, pixels: usize, shape: &Shape) -> (Vec<f32>,
         .unzip()
 }
 
-/// A patch: a cell in slabs, for a voxel that blurs by `blurs` along x and y.
+/// The shape of a patch: a cell in slabs, for a voxel that blurs by `blurs` along x and y.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shape<'a> {
     pub(super) slabs: &'a [Slab],
@@ -94,14 +94,14 @@ struct Size {
 }
 
 impl Size {
-    /// For patches of so many pixels a side, in so many classes.
+    /// For patches of `side_px` a side, in a number of classes.
     fn new(side_px: f64, classes: usize) -> Self {
         let rows = (side_px + 1.0).ceil() as usize;
         let wanted = (STEPS_PER_SIDE / side_px).log2().ceil().max(0.0) as u32;
         let columns = rows.next_multiple_of(FOUR);
-        let fits = |bits: &u32| classes * (rows << bits) * (ACROSS + 1) * columns <= MOST_SHARES;
-        let most = (FEWEST_BITS..=MOST_PHASES.ilog2()).rev().find(fits).unwrap_or(FEWEST_BITS);
-        Self { rows, columns, bits: wanted.min(if classes > 1 { most } else { MOST_PHASES.ilog2() }) }
+        let fits = |bits: &u32| classes * (rows << bits) * (ACROSS + 1) * columns <= MAX_SHARES;
+        let most = (MIN_BITS..=MAX_PHASES.ilog2()).rev().find(fits).unwrap_or(MIN_BITS);
+        Self { rows, columns, bits: wanted.min(if classes > 1 { most } else { MAX_PHASES.ilog2() }) }
     }
 }
 
@@ -136,10 +136,12 @@ impl Patches {
         this
     }
 
+    /// Fills the table of a class: products of profiles across and down, for each slab of the cell.
     fn fill(&mut self, class: usize, shape: &Shape) {
         let (phases, columns) = (1usize << self.bits, self.columns);
         let spans = shape.spans();
         let half_px = f64::from(self.half_px);
+        // Integrate each slab along both axes, for every phase.
         let profiles = |pixels: usize, along: usize, phases: &[f64]| -> Vec<Vec<(Vec<f32>, Vec<f32>)>> {
             let of_phase = |phase: &f64| {
                 let of_span = |span: &[Span; 2]| profile(&span[along], half_px + phase, pixels, shape);
@@ -151,6 +153,7 @@ impl Patches {
         let places_down: Vec<f64> = (0..phases).map(|n| (n as f64 + 0.5) / phases as f64).collect();
         let (profiles_across, profiles_down) =
             (profiles(columns, 0, &places_across), profiles(self.rows, 1, &places_down));
+        // Multiply, and add the slabs.
         let scale = shape.scale as f32;
         for (n, down) in profiles_down.iter().enumerate() {
             for (m, across_profiles) in profiles_across.iter().enumerate() {
@@ -173,8 +176,8 @@ impl Patches {
         }
     }
 
-    /// Foretells the bytes of a table for patches of so many pixels a side, in so many classes.
-    pub(super) fn foretold_bytes(side_px: f64, classes: usize, has_moments: bool) -> usize {
+    /// Predicts the bytes of a table for patches of `side_px` a side, in a number of classes.
+    pub(super) fn estimated_bytes(side_px: f64, classes: usize, has_moments: bool) -> usize {
         let Size { rows, columns, bits } = Size::new(side_px, classes);
         let lines = classes * (rows << bits);
         4 * lines * (if has_moments { 3 } else { 1 } * (ACROSS + 1) * columns + 1)

@@ -1,6 +1,6 @@
 //! The light of one slice of voxels under a lenslet.
 
-use super::array::Array;
+use super::array::LensletArray;
 use super::bend::Bend;
 use super::patches::{Patches, Shape};
 use super::stop::Stop;
@@ -9,22 +9,24 @@ use crate::weights::{blur::Blur, geometry::Geometry};
 use glam::DVec2;
 use std::sync::Arc;
 
-/// A patch is no wider than this, px; nearer focus counts as so far from it.
+/// Maximum width of a patch, px; a voxel nearer to focus counts as one at this width.
 const WIDEST_PX: f64 = 2000.0;
-/// Patches wider than so many images of the stop have no table: then an edge seldom crosses the image.
+/// Patches wider than this many images of the stop have no table, since an edge seldom crosses the image.
 const WIDE: f64 = 2.0;
-/// Neither have patches of rays that bend by more than this part of the beam's half width: they are distorted too. But
-/// a pixel must show a small part of a cell, so patches of square and of other cells must have so many px.
+/// Patches of rays that bend by more than this part of the beam's half width have no table either, since they are
+/// distorted. But a pixel must show a small part of a cell, so patches need at least `MIN_WIDE_PX`: of square cells,
+/// and of others.
 const BENT: f64 = 0.2;
-const LEAST_WIDE_PX: [f64; 2] = [1.6, 2.6];
-/// Moments of patches wider than this part of the stop's image change less than half a per cent of the light.
+const MIN_WIDE_PX: [f64; 2] = [1.6, 2.6];
+/// Moments matter for patches narrower than this part of the stop's image; for others they change less than half a per
+/// cent of the light.
 const MOMENTS: f64 = 0.45;
 /// They also matter if the sensor stands so far from the lenslets' focus that light at a cell's rim lies farther than
 /// this from its place on the stop's image, px.
 const SHIFT_PX: f64 = 0.05;
-/// Classes of patches differ by so many px in width, and there are no more than these.
+/// Classes of patches differ by this width, px; and the maximum number of classes.
 const CLASS_PX: f64 = 0.1;
-const MOST_CLASSES: usize = 24;
+const MAX_CLASSES: usize = 24;
 
 #[derive(Debug, Clone)]
 pub(super) struct SliceLight {
@@ -34,13 +36,13 @@ pub(super) struct SliceLight {
     pub(super) alpha: f32,
     /// mm of the stop for a mm on the array.
     pub(super) per_alpha: f32,
-    /// 1 over the usual slope; see [`Array::usual_slope`].
+    /// 1 over the usual slope; see [`LensletArray::usual_slope`].
     pub(super) per_slope: f32,
-    /// Beyond this distance from the chief ray a lenslet's centre is not lit, mm of the array.
+    /// Lenslets whose centres lie farther than this from the chief ray are dark, mm of the array.
     pub(super) reach_mm: f64,
-    /// The farthest that light through a lenslet passes the stop from the ray through the lenslet's centre, mm.
+    /// Largest distance in the stop between light through a lenslet and the ray through the lenslet's centre, mm.
     pub(super) reach_stop: f32,
-    /// Bent rays through lenslets of a row lie no farther from those of straight rays, px.
+    /// Upper bound of the distance between bent and straight rays through the lenslets of a row, px.
     pub(super) slack: f32,
     /// A pixel, mm of the stop.
     pub(super) margin: f32,
@@ -59,21 +61,21 @@ struct Outline<'a> {
     geometry: &'a Geometry,
     blurs: [Blur; 2],
     alpha: f64,
-    /// For the lenslets where the sensor is nearest to the array, and where it is farthest: px of the sensor for a mm of
-    /// the stop, and the same for this slice's rays through all of a lenslet.
+    /// px of the sensor for a mm of the stop, where the sensor is nearest to the array and where it is farthest: for
+    /// rays through a lenslet's centre, and for this slice's rays through all of a lenslet.
     per_mm: [f64; 2],
     slope: [f64; 2],
-    /// Least and greatest width of a patch by the bend of rays, and by all, over the usual width.
+    /// Range of the width of a patch over the usual width: by the bend of rays alone, and in all.
     by_bend: [f64; 2],
     widths: [f64; 2],
-    /// The greatest side, px.
+    /// Largest side, px.
     side_px: f64,
     is_wide: bool,
     has_moments: bool,
 }
 
 impl<'a> Outline<'a> {
-    fn new(geometry: &'a Geometry, array: &Array, z: usize, bend: Option<&Bend>) -> Self {
+    fn new(geometry: &'a Geometry, array: &LensletArray, z: usize, bend: Option<&Bend>) -> Self {
         let axis = geometry.axis(z, 0);
         let blurs = geometry.blurs(&axis);
         let half = axis.half_aperture;
@@ -90,7 +92,7 @@ impl<'a> Outline<'a> {
         let widths = [low * by_bend[0], high * by_bend[1]];
         let side_px = wide_mm * (usual / alpha).abs();
         let stop_px = 2.0 * half * usual.abs();
-        let least_px = LEAST_WIDE_PX[usize::from(geometry.slabs.len() > 1)];
+        let least_px = MIN_WIDE_PX[usize::from(geometry.slabs.len() > 1)];
         let is_bent = side_px > least_px && bend.is_some_and(|bend| bend.greatest > BENT * (bend.alpha * half).abs());
         let shift = (0..2).map(|n| (per_mm[n] / slope[n] - 1.0).abs()).fold(0.0, f64::max);
         let is_shifted = corner * (usual / alpha).abs() * shift > SHIFT_PX;
@@ -111,7 +113,7 @@ impl<'a> Outline<'a> {
     fn classes(&self) -> usize {
         let [least, most] = self.widths;
         let classes = ((most - least) * self.side_px / CLASS_PX).ceil() as usize + 1;
-        if most - least < 1e-6 { 1 } else { classes.clamp(2, MOST_CLASSES) }
+        if most - least < 1e-6 { 1 } else { classes.clamp(2, MAX_CLASSES) }
     }
 
     /// The shapes of all classes, and the change of the width from one to the next.
@@ -121,7 +123,7 @@ impl<'a> Outline<'a> {
         let step = if classes > 1 { (most - least) / (classes - 1) as f64 } else { 1.0 };
         let shape = |class: usize| {
             let width = least + step * class as f64;
-            // The light of a pixel does not depend on the bend. With both, the bend counts.
+            // The light of a pixel does not depend on the bend. If rays bend and the sensor is tilted, take the bend.
             let is_bent = self.by_bend[0] < self.by_bend[1];
             let slope = if is_bent { usual } else { usual * width };
             let part = if is_bent || self.slope[0] == self.slope[1] {
@@ -143,7 +145,13 @@ impl<'a> Outline<'a> {
 }
 
 impl SliceLight {
-    pub(super) fn new(geometry: &Geometry, array: &Array, stop: Stop, z: usize, bend: Option<Arc<Bend>>) -> Self {
+    pub(super) fn new(
+        geometry: &Geometry,
+        array: &LensletArray,
+        stop: Stop,
+        z: usize,
+        bend: Option<Arc<Bend>>,
+    ) -> Self {
         let outline = Outline::new(geometry, array, z, bend.as_deref());
         let half = geometry.optics.half_aperture_mm;
         let corner = geometry.corner();
@@ -172,13 +180,13 @@ impl SliceLight {
         }
     }
 
-    /// Foretells the bytes of a slice.
-    pub(super) fn foretold_bytes(geometry: &Geometry, array: &Array, z: usize, bend: Option<&Bend>) -> usize {
+    /// Predicts the bytes of a slice.
+    pub(super) fn estimated_bytes(geometry: &Geometry, array: &LensletArray, z: usize, bend: Option<&Bend>) -> usize {
         let outline = Outline::new(geometry, array, z, bend);
         let nodes = bend.map_or(0, Bend::bytes);
         if outline.is_wide {
             return nodes;
         }
-        nodes + Patches::foretold_bytes(outline.side_px, outline.classes(), outline.has_moments)
+        nodes + Patches::estimated_bytes(outline.side_px, outline.classes(), outline.has_moments)
     }
 }

@@ -1,7 +1,7 @@
 //! The image of the stop under a lenslet: the share of each pixel that lies inside, and how it changes over the pixel.
 
-/// Heights of a pixel at which its chord of the stop is taken, from its middle, and their weights: Gauss and Legendre's
-/// four.
+/// Heights from the middle of a pixel at which the chord of the stop is taken, and their weights: Gauss-Legendre with
+/// four nodes.
 const NODES: [(f32, f32); 4] = [
     (-0.430_568_16, 0.173_927_42),
     (-0.169_990_52, 0.326_072_58),
@@ -34,6 +34,7 @@ impl StopRow {
             values.resize(side, 0.0);
         }
         let (share, by_x, by_y) = (&mut self.share[..side], &mut self.by_x[..side], &mut self.by_y[..side]);
+        // Integrate the chords of the stop over the height of the row.
         for (height, weight) in NODES {
             let away = row as f32 + 0.5 + height - middle[1];
             let chord = match is_round {
@@ -51,7 +52,7 @@ impl StopRow {
                 by_y[n] += inside * height;
             }
         }
-        // A linear share that is least in squares has 12 times the moment as its slope.
+        // The least-squares slope of a share over a pixel is 12 times its first moment.
         let per_area = 1.0 / (half * half * if is_round { std::f32::consts::PI } else { 4.0 });
         for n in 0..side {
             share[n] *= per_area;

@@ -2,7 +2,7 @@
 
 use super::hits::{Hit, Hits};
 use super::narrow::Narrow;
-use super::walk::Beam;
+use super::walk::SliceBeam;
 use super::wanted::Wanted;
 use super::{Micro, images};
 use crate::camera::{Aperture, Camera, Distortion, Medium, Tilt, tests::seed};
@@ -239,7 +239,7 @@ fn portable_code_finds_the_same_hits() {
         for (name, camera) in blocks(stop, Layout::Hexagonal) {
             let micro = micro(&camera, Basis::Point);
             let (array, remainders) = (&micro.array, images::remainders(&micro.array, STEP as usize));
-            let layout = images::Layout::new(array, STEP as usize);
+            let layout = images::MicroLayout::new(array, STEP as usize);
             for (rows, slot) in sets().take(5).flat_map(|rows| [None, Some(0), Some(1)].map(|slot| (rows, slot))) {
                 let wanted = Wanted { rows, lenslets: 0..array.rows(), layout, remainders: &remainders };
                 let (mut hits, mut portable, mut found) = (Hits::new(), Hits::new(), 0);
@@ -247,7 +247,7 @@ fn portable_code_finds_the_same_hits() {
                     let slice = micro.slice(n * 7 % 21);
                     let (x, y) = ((n * 37 % 101) as f32 * 0.001 - 0.05, (n * 53 % 97) as f32 * 0.001 - 0.05);
                     let node = slice.bend.as_ref().map(|bend| bend.near(DVec2::new(f64::from(x), f64::from(y))));
-                    let beam = Beam { array, slice, node, stop: micro.stop };
+                    let beam = SliceBeam { array, slice, node, stop: micro.stop };
                     let Some(narrow) = beam.narrow(&wanted) else { continue };
                     let (row, number) = (n % array.rows(), n * 11 % (array.length - 16));
                     hits.clear();

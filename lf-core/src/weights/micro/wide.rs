@@ -1,7 +1,8 @@
-//! Light pixel by pixel: where a patch is wider than a table can hold, or where rays bend too much for one.
+//! Light pixel by pixel, for patches that are too wide for a table and for rays that bend too much for one.
 //!
-//! The corners of a pixel show places of the stop, and rays from there meet the array near the lenslet. A cell is what
-//! lies within two or three strips. So a pixel's share is the product of the shares of its footprint in each strip.
+//! The corners of a pixel show places of the stop, and rays from there meet the array near the lenslet: this quadrangle
+//! is the pixel's footprint. A cell is the intersection of two or three strips. So a pixel's share is the product of
+//! the shares of its footprint in each strip.
 
 use super::bend::{Node, cubic_at};
 use super::stop::Stop;
@@ -9,16 +10,17 @@ use crate::weights::{blur::Blur, geometry::Geometry};
 use glam::DVec2;
 use std::ops::Range;
 
-/// Pixels beside those whose middles can have light: their footprints reach farther, and more so where rays bend.
+/// Pixels added on each side of those whose middles can have light: their footprints reach farther, and more where rays
+/// bend.
 const BESIDE_PX: f32 = 1.0;
-/// A footprint is no narrower than this part of a cell.
-const LEAST_WIDTH: f64 = 1e-4;
-/// Neither is it narrower than this part of its own length, for the sake of rounding.
-const LEAST_ASPECT: f32 = 2e-3;
+/// Minimum width of a footprint as a fraction of a cell.
+const MIN_WIDTH: f64 = 1e-4;
+/// Minimum width as a fraction of its length; below it f32 rounding dominates.
+const MIN_ASPECT: f32 = 2e-3;
 
-/// The points no farther than `half` from a line through the middle of the cell, which has the normal (x, y), mm.
+/// The points within `half` of a line through the middle of the cell with the normal (x, y), mm.
 #[derive(Debug, Clone, Copy)]
-struct Strip {
+struct CellStrip {
     x: f32,
     y: f32,
     half: f32,
@@ -26,7 +28,7 @@ struct Strip {
 
 /// How a voxel blurs, as seen on the array, mm.
 #[derive(Debug, Clone, Copy)]
-enum Spread {
+enum WideBlur {
     None,
     /// The width.
     Box(f32),
@@ -37,11 +39,11 @@ enum Spread {
 /// The light of a slice, pixel by pixel.
 #[derive(Debug, Clone)]
 pub(super) struct Wide {
-    strips: Vec<Strip>,
-    spread: Spread,
+    strips: Vec<CellStrip>,
+    spread: WideBlur,
     stop: Stop,
     alpha: f32,
-    /// Light of a ray that would run straight reaches no farther from a lenslet's centre, mm.
+    /// Light of a straight ray reaches at most this far from a lenslet's centre, mm.
     reach: f32,
     least_width: f32,
     /// Whether moments matter.
@@ -50,17 +52,17 @@ pub(super) struct Wide {
 
 /// A lenslet as a voxel sees it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View {
+pub(super) struct LensletView {
     /// The middle of the stop's image, px from the micro-image's first corner.
     pub(super) middle: [f32; 2],
     /// The chief ray's place from the lenslet's centre, mm.
     pub(super) offset: [f32; 2],
-    /// See [`super::array::Array`].
+    /// See [`super::array::LensletArray`].
     pub(super) per_mm: f32,
     pub(super) refocus: f32,
 }
 
-/// Pixels that are worked on at once.
+/// Pixels that are processed at once.
 const LANES: usize = 8;
 type Lanes = [f32; LANES];
 
@@ -71,7 +73,7 @@ pub(super) struct WideRow {
     columns: Range<usize>,
     /// With room for [`LANES`] beyond the last pixel.
     parts: [Vec<f32>; 3],
-    /// Roughly the sum of the weights times the stop's area in pixels.
+    /// Approximately the sum of the weights times the stop's area in pixels.
     pub(super) weight: f32,
 }
 
@@ -88,8 +90,8 @@ impl WideRow {
     }
 }
 
-/// A height on a micro-image: the places on the array that it shows, x and y, mm from the lenslet's centre, as cubics in
-/// the place along x in the stop, mm.
+/// A height on a micro-image: the places on the array that it shows, x and y in mm from the lenslet's centre, as cubics
+/// in the place along x in the stop, mm.
 #[derive(Clone, Copy)]
 struct Height([[f32; 4]; 2]);
 
@@ -103,7 +105,7 @@ impl Height {
     }
 }
 
-/// Eight values. The library's way to make an array is not compiled for the widest vectors.
+/// Eight values. `array::from_fn` would not be compiled for the widest vectors.
 #[inline(always)]
 fn lanes(value: impl Fn(usize) -> f32) -> Lanes {
     let mut all = [0.0; LANES];
@@ -123,12 +125,12 @@ fn cubic([a, b, c, d]: [f32; 4], places: &Lanes) -> Lanes {
 }
 
 /// The strips of a cell: one for each pair of opposite sides.
-fn strips(geometry: &Geometry) -> Vec<Strip> {
+fn strips(geometry: &Geometry) -> Vec<CellStrip> {
     let corners = geometry.optics.lattice().cell_mm();
     let side = |n: usize| {
         let (from, to) = (corners[n], corners[(n + 1) % corners.len()]);
         let normal = (to - from).perp().normalize();
-        Strip { x: normal.x as f32, y: normal.y as f32, half: normal.dot(from).abs() as f32 }
+        CellStrip { x: normal.x as f32, y: normal.y as f32, half: normal.dot(from).abs() as f32 }
     };
     (0..corners.len() / 2).map(side).collect()
 }
@@ -143,23 +145,23 @@ impl Wide {
         has_moments: bool,
     ) -> Self {
         let spread = match blur {
-            Blur::None => Spread::None,
-            Blur::Box { half } => Spread::Box(2.0 * half as f32),
-            Blur::Gauss { sigma } => Spread::Gauss(sigma as f32),
+            Blur::None => WideBlur::None,
+            Blur::Box { half } => WideBlur::Box(2.0 * half as f32),
+            Blur::Gauss { sigma } => WideBlur::Gauss(sigma as f32),
         };
         let reach = (geometry.corner().max_element() + blur.reach() + greatest_bend) as f32;
-        let least_width = (LEAST_WIDTH * geometry.pitch_mm) as f32;
+        let least_width = (MIN_WIDTH * geometry.pitch_mm) as f32;
         Self { strips: strips(geometry), spread, stop, alpha: alpha as f32, reach, least_width, has_moments }
     }
 
-    /// Parts of a pixel's light that matter: the light, or moments too.
+    /// Number of parts of a pixel's light: the light alone, or moments too.
     pub(super) fn parts(&self) -> usize {
         if self.has_moments { 3 } else { 1 }
     }
 
     /// Whether a row of a micro-image can have light.
     #[inline(always)]
-    pub(super) fn may_light(&self, view: &View, row: usize) -> bool {
+    pub(super) fn may_light(&self, view: &LensletView, row: usize) -> bool {
         let slope = view.per_mm - view.refocus * self.alpha;
         let [_, y0] = view.offset;
         // Rays from the middle of the row; those from its edges lie half a step to either side.
@@ -168,26 +170,29 @@ impl Wide {
         place.abs() < self.reach * slope.abs() + 0.5 * self.alpha.abs()
     }
 
-    /// Sets the light of a row of a micro-image; false if there is none. Moments are those of light that lies in the
+    /// Sets the light of a row of a micro-image; false if the row is dark. Moments are those of light that lies in the
     /// middle of its pixel.
     #[inline(always)]
     pub(super) fn row<const WEIGHS: bool>(
         &self,
-        view: &View,
+        view: &LensletView,
         node: Option<&Node>,
         row: usize,
         out: &mut WideRow,
     ) -> bool {
         let slope = view.per_mm - view.refocus * self.alpha;
         let per_slope = if slope.abs() < 1e-12 { 0.0 } else { 1.0 / slope };
+        // Find the pixels that can have light.
         let WideRow { columns, parts, weight } = out;
         *columns = self.columns(view, slope, parts[0].len() - LANES);
+        // Find the places on the array that the row's upper edge, middle and lower edge show.
         let height = row as f32;
         let heights = [
             self.height(view, node, height, per_slope),
             self.height(view, node, height + 0.5, per_slope),
             self.height(view, node, height + 1.0, per_slope),
         ];
+        // Compute the light of eight pixels at a time, from the places in the stop of their edges and middles.
         let first = (view.middle[0] + view.refocus * view.offset[0]) * per_slope;
         let density = (view.per_mm * per_slope) * (view.per_mm * per_slope);
         let edge = |at: f32| {
@@ -212,8 +217,8 @@ impl Wide {
         brightest > 0.0
     }
 
-    /// The light of eight pixels, and its moments. `heights` are those of the pixels' upper edge, middle and lower edge.
-    /// `edges` are the places along x in the stop of their left edges, middles and right edges.
+    /// The light of eight pixels, and its moments. The heights are those of the pixels' upper edge, middle and lower
+    /// edge, the lanes the places along x in the stop of their left edges, middles and right edges.
     #[inline(always)]
     fn eight(
         &self,
@@ -223,13 +228,14 @@ impl Wide {
         refocus: f32,
     ) -> [Lanes; 3] {
         let mut light = [density; LANES];
-        // First where the light of a pixel lies: from its middle, and from there to the place on the stop's image.
+        // Start with the shift of the light from a pixel's middle to its place on the stop's image.
         let [mut by_x, mut by_y] = [cubic(middle.0[0], centre), cubic(middle.0[1], centre)];
         for n in 0..LANES {
             by_x[n] *= -refocus;
             by_y[n] *= -refocus;
         }
         for strip in &self.strips {
+            // Measure the footprint across the strip: its place, and its two sides.
             let (above, below) = (upper.along(strip.x, strip.y), lower.along(strip.x, strip.y));
             let (a, b) = (cubic(above, left), cubic(above, right));
             let (c, d) = (cubic(below, left), cubic(below, right));
@@ -239,13 +245,14 @@ impl Wide {
                 across[n] = 0.5 * (b[n] - a[n] + d[n] - c[n]);
                 down[n] = 0.5 * (c[n] - a[n] + d[n] - b[n]);
             }
+            // Multiply the light by the footprint's share in the strip.
             let share = self.shares(strip.half, &place, &across, &down);
             for n in 0..LANES {
                 light[n] *= share[n];
             }
+            // Move the middle of the light: an edge that leaves a share s of a pixel moves it by (1 - s) / 2.
             if self.has_moments {
                 for n in 0..LANES {
-                    // An edge that leaves a share s of a pixel moves the middle of its light by (1 - s) / 2.
                     let length2 = greater(across[n] * across[n] + down[n] * down[n], 1e-30);
                     let moved = 0.5f32.copysign(-place[n]) * (1.0 - share[n]) / length2.sqrt();
                     by_x[n] += moved * across[n];
@@ -253,6 +260,7 @@ impl Wide {
                 }
             }
         }
+        // Turn the middles into moments.
         for n in 0..LANES {
             by_x[n] *= light[n];
             by_y[n] *= light[n];
@@ -262,7 +270,7 @@ impl Wide {
 
     /// The pixels of a row that can have light.
     #[inline(always)]
-    fn columns(&self, view: &View, slope: f32, count: usize) -> Range<usize> {
+    fn columns(&self, view: &LensletView, slope: f32, count: usize) -> Range<usize> {
         let [x0, _] = view.offset;
         let ahead = view.middle[0] + view.refocus * x0 - 0.5;
         // A pixel's place in the stop changes by 1 / slope, and on the array by alpha as much.
@@ -275,9 +283,10 @@ impl Wide {
         (low.ceil().max(0.0) as usize).min(count)..((high.floor() + 1.0).max(0.0) as usize).min(count)
     }
 
-    /// The light of a row that passes the stop, by its chord through the middles of the pixels from column `from` on.
+    /// The light of a row that passes the stop, by the stop's chord at the middle of the row; `light` begins at column
+    /// `from`.
     #[inline(always)]
-    fn weight(&self, view: &View, row: usize, from: usize, light: &[f32]) -> f32 {
+    fn weight(&self, view: &LensletView, row: usize, from: usize, light: &[f32]) -> f32 {
         let half = view.per_mm * self.stop.half_mm;
         let away = row as f32 + 0.5 - view.middle[1];
         let chord = match self.stop.is_round {
@@ -290,7 +299,7 @@ impl Wide {
 
     /// The places on the array that a height of a micro-image shows.
     #[inline(always)]
-    fn height(&self, view: &View, node: Option<&Node>, height: f32, per_slope: f32) -> Height {
+    fn height(&self, view: &LensletView, node: Option<&Node>, height: f32, per_slope: f32) -> Height {
         let [x0, y0] = view.offset;
         let v = (view.middle[1] - height + view.refocus * y0) * per_slope;
         let straight = [[x0, self.alpha, 0.0, 0.0], [y0 + self.alpha * v, 0.0, 0.0, 0.0]];
@@ -302,20 +311,20 @@ impl Wide {
         Height([add(0), add(1)])
     }
 
-    /// The shares within `half` of 0 of footprints with their middles at `place` and these widths along their two sides.
+    /// The shares of footprints within `half` of 0, for footprints at `place` with the sides `across` and `down`.
     #[inline(always)]
     fn shares(&self, half: f32, place: &Lanes, across: &Lanes, down: &Lanes) -> Lanes {
         let both = |n: usize| (across[n] * across[n] + down[n] * down[n]).sqrt();
         match self.spread {
-            Spread::None => lanes(
+            WideBlur::None => lanes(
                 #[inline(always)]
                 |n| inside(place[n], half, self.widths(across[n].abs(), down[n].abs())),
             ),
-            Spread::Box(width) => lanes(
+            WideBlur::Box(width) => lanes(
                 #[inline(always)]
                 |n| inside(place[n], half, self.widths(both(n), width)),
             ),
-            Spread::Gauss(sigma) => lanes(
+            WideBlur::Gauss(sigma) => lanes(
                 #[inline(always)]
                 |n| {
                     let width = 2.0 * (both(n) * both(n) / 12.0 + sigma * sigma).sqrt();
@@ -328,11 +337,11 @@ impl Wide {
     #[inline(always)]
     fn widths(&self, a: f32, b: f32) -> [f32; 2] {
         let most = greater(greater(a, b), self.least_width);
-        [most, greater(lesser(a, b), LEAST_ASPECT * most)]
+        [most, greater(lesser(a, b), MIN_ASPECT * most)]
     }
 }
 
-/// The greater of two numbers in one instruction, for lack of a look at NaN.
+/// The greater of two numbers, in one instruction because NaN is not handled.
 #[inline(always)]
 fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }

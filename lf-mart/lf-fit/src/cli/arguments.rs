@@ -3,8 +3,13 @@
 use clap::{Parser, ValueEnum};
 use lf_core::cli::{Common, ImageOptions, MemoryLimit};
 use lf_core::{Error, Result};
-use lf_fit::{FitOptions, Free, Given, Shape};
+use lf_fit::{FitOptions, Free, KnownNoise, Shape};
 use std::path::PathBuf;
+
+/// Headings of the help.
+const FIT: &str = "Fit";
+const OUTPUT: &str = "Output";
+const EXPERIMENTS: &str = "For experiments";
 
 /// Image, camera and volume to particles, by a joint fit to the raw pixels
 #[derive(Parser)]
@@ -15,60 +20,65 @@ use std::path::PathBuf;
     after_help = "Examples, in out/ after scripts/demo:
   lf-fit volume-0000.lfv -i scene/frame-0000.exr -c camera.json --particles particles-0000.csv
   lf-mart support-0000.lfv -i scene/frame-0000.exr -c camera.json |
-      lf-fit -i scene/frame-0000.exr -c camera.json --particles particles.csv -o drawn.lfv --log steps.jsonl"
+      lf-fit -i scene/frame-0000.exr -c camera.json --particles particles.csv -o drawn.lfv"
 )]
 pub struct Arguments {
-    /// Volume (.lfv), as lf-mart writes it: its local maxima are the first particles; - for standard input; one for
-    /// each camera
+    /// Volume (.lfv) of lf-mart, whose local maxima are the first particles; one for each camera
     #[arg(default_value = "-")]
     pub volume: Vec<PathBuf>,
     /// Light-field image (EXR, TIFF, PNG); again for each further camera of the same moment
     #[arg(short, long, value_name = "FILE", required = true)]
     pub image: Vec<PathBuf>,
-    /// Camera (camera.json), as lf-calib writes it; again for each image, with a 'pose'. Particles are written in the
-    /// frame of the first
+    /// Camera (camera.json) of lf-calib; again for each image, with a 'pose'. Particles are written in the frame of the
+    /// first
     #[arg(short, long, value_name = "FILE", required = true)]
     pub camera: Vec<PathBuf>,
-    /// Image to subtract first; values below zero stay, so that dark pixels keep their mean; none, or one for each image
+    /// Image to subtract first; none, or one for each image. Values below zero stay, so that dark pixels keep their
+    /// mean
     #[arg(short, long, value_name = "FILE")]
     pub background: Vec<PathBuf>,
     #[command(flatten)]
     pub reading: ImageOptions,
-    /// Standard deviation of a particle, pixels at the focal plane (pixel pitch over magnification): where its fit begins
-    #[arg(long, value_name = "PX", default_value_t = 0.65)]
-    pub size: f64,
-    /// Shared by all particles and not fitted: their size, the drift of the camera's lattice, or the poses of further
-    /// cameras
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "size,drift,pose")]
-    pub hold: Vec<Hold>,
-    /// Counts of an electron: a pixel's variance rises by this with each count [default: found from the image]
-    #[arg(long, value_name = "COUNTS")]
-    pub gain: Option<f64>,
-    /// Standard deviation of a pixel without light, counts [default: found from the image]
-    #[arg(long, value_name = "COUNTS")]
-    pub read_noise: Option<f64>,
-    /// Most rounds of dropping, splitting and adding particles
-    #[arg(long, value_name = "N", default_value_t = 5)]
-    pub rounds: usize,
-    /// Number of the frame in the table
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub frame: usize,
-    /// Camera (camera.json) with the lattice, and the pose of a further camera, where the fit finds them; none, or one for
-    /// each camera
-    #[arg(long, value_name = "FILE")]
-    pub camera_out: Vec<PathBuf>,
-    /// Write one line of JSON for each step: particles, changes, misfit, size, drift, noise, seconds since the beginning
-    #[arg(long, value_name = "FILE")]
-    pub log: Option<PathBuf>,
     /// Only print the resources needed: {"memory_bytes", "voxels"} as JSON on standard output
     #[arg(long)]
     pub estimate: bool,
+    /// First standard deviation of a particle, pixels at the focal plane (pixel pitch over magnification)
+    #[arg(long, value_name = "PX", default_value_t = 0.65, help_heading = FIT)]
+    pub size: f64,
+    /// Shared by all particles and not fitted: their size, the drift of the lattice, or the poses of further cameras
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        value_name = "size,drift,pose",
+        hide_possible_values = true,
+        help_heading = FIT
+    )]
+    pub hold: Vec<Hold>,
+    /// Counts of an electron: a pixel's variance rises by this with each count [default: found from the image]
+    #[arg(long, value_name = "COUNTS", help_heading = FIT)]
+    pub gain: Option<f64>,
+    /// Standard deviation of a pixel without light, counts [default: found from the image]
+    #[arg(long, value_name = "COUNTS", help_heading = FIT)]
+    pub read_noise: Option<f64>,
+    /// Largest number of rounds of dropping, splitting and adding particles
+    #[arg(long, value_name = "N", default_value_t = 5, help_heading = EXPERIMENTS, hide = true)]
+    pub rounds: usize,
     /// Particles (.csv) with their uncertainties, - for standard output
-    #[arg(long, value_name = "FILE", default_value = "-")]
+    #[arg(long, value_name = "FILE", default_value = "-", help_heading = OUTPUT)]
     pub particles: PathBuf,
-    /// Volume (.lfv) on the same grid in which each particle is drawn as a Gaussian, - for standard output
-    #[arg(short, long, value_name = "FILE")]
+    /// Number of the frame in the table
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = OUTPUT)]
+    pub frame: usize,
+    /// Volume (.lfv) on the same grid with a Gaussian for each particle, - for standard output
+    #[arg(short, long, value_name = "FILE", help_heading = OUTPUT)]
     pub output: Option<PathBuf>,
+    /// Camera (camera.json) with the lattice, and the pose of a further camera, as found; none, or one for each camera
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub camera_out: Vec<PathBuf>,
+    /// Write one line of JSON for each step: particles, changes, misfit, size, drift, noise, seconds
+    #[arg(long, value_name = "FILE", help_heading = EXPERIMENTS, hide = true)]
+    pub log: Option<PathBuf>,
     #[command(flatten)]
     pub memory: MemoryLimit,
     #[command(flatten)]
@@ -120,12 +130,12 @@ impl Arguments {
                 return Err(Error::new(option, format!("{value}"), format!("wanted {least} to {most}")));
             }
         }
+        let is_free = |part: Hold| !self.hold.contains(&part);
         Ok(FitOptions {
             shape: Shape { sigma_px: self.size, drift_px: [0.0; 2] },
-            free: Free { size: !self.hold.contains(&Hold::Size), drift: !self.hold.contains(&Hold::Drift) },
-            noise: Given { gain: self.gain, read_variance: self.read_noise.map(|sigma| sigma * sigma) },
+            free: Free { size: is_free(Hold::Size), drift: is_free(Hold::Drift), pose: is_free(Hold::Pose) },
+            noise: KnownNoise { gain: self.gain, read_variance: self.read_noise.map(|sigma| sigma * sigma) },
             rounds: self.rounds,
-            fits_pose: !self.hold.contains(&Hold::Pose),
         })
     }
 }

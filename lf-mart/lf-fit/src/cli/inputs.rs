@@ -1,49 +1,29 @@
 //! The cameras of a fit with their images and volumes.
 
 use super::arguments::Arguments;
-use lf_core::image::{self, Frame};
+use lf_core::image;
 use lf_core::volume::Tile;
-use lf_core::{Camera, Error, Grid, Result, Session, Volume, io};
-use lf_fit::Sight;
+use lf_core::{Camera, Error, Result, Session, Volume, io};
+use lf_fit::CameraInput;
 use std::path::Path;
 
-/// A camera, its image, and the volume that was made of it.
-pub struct Input {
-    pub camera: Camera,
-    pub image: Frame,
-    pub volume: Volume,
-    /// Name of the volume for messages.
-    pub name: String,
-    /// Name of the camera for messages.
-    pub camera_name: String,
-}
-
-impl Input {
-    pub fn voxels(&self) -> (&Grid, &[u64], &[f32]) {
-        (self.volume.grid(), self.volume.indices(), self.volume.column("intensity").unwrap_or_default())
-    }
-
-    pub fn sight(&self) -> Sight<'_> {
-        Sight { camera: &self.camera, image: self.image.pixels.view(), volume: self.voxels() }
-    }
-}
-
 /// Reads the files of all cameras. Their numbers must agree.
-pub fn open(arguments: &Arguments, session: &mut Session) -> Result<Vec<Input>> {
+pub fn open(arguments: &Arguments, session: &mut Session) -> Result<Vec<CameraInput>> {
     let one = |n: usize| {
         let file = &arguments.camera[n];
         let camera = Camera::open(file)?;
         let (background, channel) = (arguments.background.get(n).map(|file| file.as_path()), arguments.reading.channel);
         let image = image::open_signed_frame(&arguments.image[n], background, &camera, file, channel)?;
         let volume = Volume::open(&arguments.volume[n])?;
-        Ok(Input { camera, image, volume, name: io::name(&arguments.volume[n]), camera_name: io::name(file) })
+        Ok(CameraInput { camera, image, volume })
     };
     session.phase("read", |_| (0..arguments.image.len()).map(one).collect())
 }
 
 /// Refuses outputs that overwrite the flat field of a camera, volumes that cannot be fitted, and dark images.
-pub fn check(inputs: &[Input], arguments: &Arguments, outputs: &[&Path], session: &Session) -> Result<()> {
-    for (n, Input { camera, image, volume, name, .. }) in inputs.iter().enumerate() {
+pub fn check(inputs: &[CameraInput], arguments: &Arguments, outputs: &[&Path], session: &Session) -> Result<()> {
+    for (n, CameraInput { camera, image, volume }) in inputs.iter().enumerate() {
+        let name = &io::name(&arguments.volume[n]);
         let flat = camera.flat_field(&arguments.camera[n]);
         let flat: Vec<&Path> = flat.as_deref().into_iter().collect();
         outputs.iter().try_for_each(|output| session.keep_apart(output, &flat))?;

@@ -1,12 +1,12 @@
 //! Reads images, cameras and volumes, fits, and writes particles, volume, cameras and log.
 
 use super::arguments::Arguments;
-use super::inputs::{self, Input};
+use super::inputs;
 use glam::DMat3;
 use lf_core::camera::Pose;
-use lf_core::particles::{self, Particle, Uncertainty};
+use lf_core::particles::{self, Uncertainty};
 use lf_core::{Camera, Error, Result, Session, Verdict, cli, io, volume};
-use lf_fit::{self as fit, CameraFit, Fit, FitOptions, Found, Noise, Progress, Sight, Spot, Together};
+use lf_fit::{self as fit, CameraInput, CameraView, Changes, Fit, FitOptions, FoundParticle, Particle, Progress};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::ExitCode;
@@ -22,31 +22,22 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
     check_files(arguments, session)?;
     let inputs = inputs::open(arguments, session)?;
     inputs::check(&inputs, arguments, &outputs(arguments), session)?;
-    let work = peak_bytes(&inputs, &options)?;
+    let volume_name = |n: usize| io::name(&arguments.volume[n]);
+    let bytes = fit::estimated_bytes(&inputs, &options).map_err(|(n, refusal)| refusal.about(volume_name(n)))?;
     let voxels: usize = inputs.iter().map(|input| input.volume.count()).sum();
     if arguments.estimate {
-        session.tell_estimate(work, &[("voxels", voxels as u64)])?;
+        session.print_estimate(bytes, &[("voxels", voxels as u64)], &[])?;
         return Ok(Verdict::Done);
     }
-    session.allow_memory(arguments.memory, work as f64, &inputs[0].name, || format!("a fit to {voxels} voxels"))?;
+    session.allow_memory(arguments.memory, bytes as f64, volume_name(0), || format!("a fit to {voxels} voxels"))?;
     for input in &inputs {
         session.warn_of_frame(&input.image, &input.camera, !arguments.background.is_empty());
         session.explain(format!("camera: {}", input.camera.about()));
     }
-    let (found, log) = solve(&inputs, &options, session)?;
-    report(&found.fit, &options, session);
-    report_cameras(&found, &inputs, session);
-    session.phase("write", |session| write(arguments, &inputs, &found, &log, session))?;
+    let (found, log) = solve(arguments, &inputs, &options, session)?;
+    report(arguments, &found, session);
+    session.phase("write", |session| write(arguments, &inputs[0], &found, &log, session))?;
     Ok(Verdict::Done)
-}
-
-/// Bytes that the fit takes.
-fn peak_bytes(inputs: &[Input], options: &FitOptions) -> Result<u64> {
-    if let [input] = inputs {
-        return fit::peak_bytes(&input.camera, input.voxels(), options).map_err(|refusal| refusal.about(&input.name));
-    }
-    let sights: Vec<Sight> = inputs.iter().map(Input::sight).collect();
-    fit::together_bytes(&sights, options).map_err(|(n, refusal)| refusal.about(&inputs[n].name))
 }
 
 /// The files to write.
@@ -75,36 +66,36 @@ fn check_files(arguments: &Arguments, session: &Session) -> Result<()> {
     Ok(())
 }
 
-/// Fits; gives the particles, the cameras if there are several, and the log of the steps.
-fn solve(inputs: &[Input], options: &FitOptions, session: &mut Session) -> Result<(Together, String)> {
+/// Fits. Returns the particles with their cameras, and the log of the steps.
+fn solve<'a>(
+    arguments: &Arguments,
+    inputs: &'a [CameraInput],
+    options: &FitOptions,
+    session: &mut Session,
+) -> Result<(Fit<'a>, String)> {
     let mut log = String::new();
     let found = session.phase("fit", |session| {
         let began = Instant::now();
-        let mut told = |camera: Option<usize>, step: &Progress| {
-            let (text, mut line) = told(step, began.elapsed().as_secs_f64());
-            let name = camera.map(|n| &inputs[n].camera_name);
-            session.explain(name.map_or(String::new(), |name| format!("{name}: ")) + &text);
+        let on_step = |step: &Progress| {
+            let (text, mut line) = words(step, began.elapsed().as_secs_f64());
+            let name = step.camera.map(|n| io::name(&arguments.camera[n]));
+            session.explain(name.as_ref().map_or(String::new(), |name| format!("{name}: ")) + &text);
             if let Some(name) = name {
                 line["camera"] = json!(name);
             }
             log += &line.to_string();
             log.push('\n');
         };
-        if let [input] = inputs {
-            let view = input.image.pixels.view();
-            let fitted = fit::fit(&input.camera, view, input.voxels(), options, |step| told(None, step));
-            let fit = fitted.map_err(|refusal| refusal.about(&input.name))?;
-            return Ok(Together { fit, cameras: Vec::new() });
-        }
-        let sights: Vec<Sight> = inputs.iter().map(Input::sight).collect();
-        fit::fit_together(&sights, options, told).map_err(|(n, refusal)| refusal.about(&inputs[n].camera_name))
+        let files = if inputs.len() == 1 { &arguments.volume } else { &arguments.camera };
+        fit::fit(inputs, options, on_step).map_err(|(n, refusal)| refusal.about(io::name(&files[n])))
     })?;
     Ok((found, log))
 }
 
-/// A step in words and as a line of the log.
-fn told(step: &Progress, seconds: f64) -> (String, Value) {
-    let Progress { what, particles, changes: [dropped, split, added], gain, misfit, shape, noise } = *step;
+/// A step in words, and as a line of the log.
+fn words(step: &Progress, seconds: f64) -> (String, Value) {
+    let Progress { what, particles, changes: Changes { dropped, split, added, gain }, misfit, shape, noise, .. } =
+        *step;
     let [x, y] = shape.drift_px;
     let read = noise.read_variance.sqrt();
     let text = format!(
@@ -118,58 +109,50 @@ fn told(step: &Progress, seconds: f64) -> (String, Value) {
     (text, line)
 }
 
-fn report(found: &Fit, options: &FitOptions, session: &mut Session) {
-    let [x, y] = found.shape.drift_px;
+/// Shape and noise of a camera, under the names of the statistics. JSON has no infinity: null says that nothing is
+/// known.
+fn statistics(view: &CameraView) -> Value {
+    let [size_std, drift_std @ ..] = view.shape_std_px;
+    json!({"size_px": view.shape.sigma_px, "drift_px": view.shape.drift_px, "size_std_px": size_std,
+        "drift_std_px": drift_std, "gain_counts": view.noise.gain,
+        "read_noise_counts": view.noise.read_variance.sqrt()})
+}
+
+/// Counts and warns of what was found.
+fn report(arguments: &Arguments, found: &Fit, session: &mut Session) {
     session.count("particles", found.particles.len());
-    session.count("size_px", found.shape.sigma_px);
-    session.count("drift_px", json!([x, y]));
-    // JSON has no infinity: null says that nothing is known.
-    let [size, dx, dy] = found.shape_std_px;
-    session.count("size_std_px", json!(size));
-    session.count("drift_std_px", json!([dx, dy]));
     session.count("chi2", found.misfit);
-    session.count("gain_counts", found.noise.gain);
-    session.count("read_noise_counts", found.noise.read_variance.sqrt());
-    if options.free.drift && x.hypot(y) > DRIFT_PX {
-        session.warn(drifted("", [x, y]));
+    for (name, value) in statistics(&found.cameras[0]).as_object().into_iter().flatten() {
+        session.count(name, value.clone());
     }
-}
-
-fn drifted(camera: &str, [x, y]: [f64; 2]) -> String {
-    format!(
-        "{camera}the lattice has drifted by ({x:.3}, {y:.3}) px against the camera; the fit allows for it; run lf-calib refine, \
-         or write the camera with --camera-out"
-    )
-}
-
-/// Says what was found of each camera.
-fn report_cameras(found: &Together, inputs: &[Input], session: &mut Session) {
-    let first = found.cameras.first().map_or(0, |camera| camera.particles);
     let mut lines = Vec::new();
-    for (n, (camera, input)) in found.cameras.iter().zip(inputs).enumerate() {
-        let CameraFit { shape, shape_std_px: [size, dx, dy], noise, light, pose, particles, shared } = camera;
-        let Noise { gain, read_variance } = noise;
-        lines.push(json!({"camera": input.camera_name, "size_px": shape.sigma_px, "drift_px": shape.drift_px,
-            "size_std_px": size, "drift_std_px": [dx, dy], "gain_counts": gain,
-            "read_noise_counts": read_variance.sqrt(), "light": light, "particles_alone": particles}));
-        if n == 0 {
-            continue;
-        }
-        lines[n]["shared"] = json!(shared);
-        lines[n]["pose"] = json!(pose);
+    for (n, view) in found.cameras.iter().enumerate() {
+        let (name, mut line) = (io::name(&arguments.camera[n]), statistics(view));
+        let CameraView { shape, light, pose, particles_alone, shared, .. } = view;
+        line["camera"] = json!(name);
+        line["light"] = json!(light);
+        line["particles_alone"] = json!(particles_alone);
         let [x, y] = shape.drift_px;
         if x.hypot(y) > DRIFT_PX {
-            session.warn(drifted(&format!("{}: ", input.camera_name), [x, y]));
-        }
-        if (*shared as f64) < SHARED * first.min(*particles) as f64 {
+            let camera = if n == 0 { String::new() } else { format!("{name}: ") };
             session.warn(format!(
-                "{}: finds {particles} particles alone, and {shared} of them where a camera before it finds one: its pose \
-                 may be wrong",
-                input.camera_name
+                "{camera}the lattice has drifted by ({x:.3}, {y:.3}) px against the camera; the fit allows for it; run \
+                 lf-calib refine, or write the camera with --camera-out"
             ));
         }
+        if n > 0 {
+            line["shared"] = json!(shared);
+            line["pose"] = json!(pose);
+            if (*shared as f64) < SHARED * found.cameras[0].particles_alone.min(*particles_alone) as f64 {
+                session.warn(format!(
+                    "{name}: finds {particles_alone} particles alone, and {shared} of them where a camera before it finds \
+                     one: its pose may be wrong"
+                ));
+            }
+        }
+        lines.push(line);
     }
-    if !lines.is_empty() {
+    if lines.len() > 1 {
         session.count("cameras", Value::Array(lines));
     }
 }
@@ -182,33 +165,32 @@ const SHARED: f64 = 0.3;
 
 /// Length of a drawn particle along z over its width: that of the truth of lf-synth.
 const LENGTH: f64 = 10.0;
-/// Least standard deviation of a drawn particle, voxels: a smaller one falls between them.
+/// Smallest standard deviation of a drawn particle, voxels: a smaller one falls between them.
 const LEAST_DRAWN: f64 = 0.3;
 
-fn write(arguments: &Arguments, inputs: &[Input], found: &Together, log: &str, session: &mut Session) -> Result<()> {
-    let (Input { camera, volume, .. }, cameras, found) = (&inputs[0], &found.cameras, &found.fit);
+fn write(arguments: &Arguments, first: &CameraInput, found: &Fit, log: &str, session: &mut Session) -> Result<()> {
+    let CameraInput { camera, volume, .. } = first;
     let history = session.history(volume.history());
     if let Some(file) = &arguments.output {
-        let spots: Vec<Spot> = found.particles.iter().map(|found| found.spot).collect();
         let grid = volume.grid();
-        let sigma_mm = found.shape.sigma_px * camera.pixel_in_focus_mm();
+        let sigma_mm = found.cameras[0].shape.sigma_px * camera.pixel_in_focus_mm();
         let [dx, dy, dz] = grid.spacing_mm;
         let sizes = [sigma_mm / dx, sigma_mm / dy, LENGTH * sigma_mm / dz].map(|size| size.max(LEAST_DRAWN));
-        let (indices, intensity) = fit::draw(grid, &spots, sizes);
+        let place_and_light = |n: usize| (found.particles[n].particle.place_mm, found.particles[n].particle.light);
+        let (indices, intensity) = particles::draw(grid, sizes, found.particles.len(), place_and_light);
         io::save(file, |out| {
             let column = ("intensity", intensity.as_slice());
             volume::write_with(out, grid, &indices, &[column], &history, volume.extra())
         })?;
     }
     let comments: Vec<String> = history.iter().map(|step| json!(step).to_string()).collect();
-    let table: Vec<Particle> =
-        found.particles.iter().enumerate().map(|(id, found)| particle(arguments.frame, id, found)).collect();
+    let rows = found.particles.iter().enumerate().map(|(id, found)| row(arguments.frame, id, found));
+    let table: Vec<particles::Particle> = rows.collect();
     io::save_text(&arguments.particles, |out| particles::write(out, &comments, &table))?;
-    for (n, file) in arguments.camera_out.iter().enumerate() {
-        let shape = cameras.get(n).map_or(&found.shape, |found| &found.shape);
-        let mut moved = shape.camera(&inputs[n].camera);
+    for (n, (file, view)) in arguments.camera_out.iter().zip(&found.cameras).enumerate() {
+        let mut moved = view.shape.camera(view.camera);
         if n > 0 {
-            moved.pose = Some(posed(camera, &cameras[n].pose));
+            moved.pose = Some(posed(camera, &view.pose));
         }
         io::save_text(file, |out| writeln!(out, "{}", moved.to_json()))?;
     }
@@ -218,7 +200,7 @@ fn write(arguments: &Arguments, inputs: &[Input], found: &Together, log: &str, s
     }
 }
 
-/// The pose of a camera to which `from_first` leads from the frame of the first.
+/// The pose of a camera in the common frame, from its pose in the frame of the first.
 fn posed(first: &Camera, from_first: &Pose) -> Pose {
     let first = first.pose.unwrap_or_default();
     let rows = (from_first.matrix() * first.matrix()).transpose();
@@ -226,9 +208,11 @@ fn posed(first: &Camera, from_first: &Pose) -> Pose {
     Pose { rotation, translation_mm: from_first.to_camera(first.translation_mm) }
 }
 
-fn particle(frame: usize, id: usize, found: &Found) -> Particle {
+/// A row of the table of particles.
+fn row(frame: usize, id: usize, found: &FoundParticle) -> particles::Particle {
     let [xx, xy, xz, yy, yz, zz] = found.covariance_mm2;
     let covariance_mm2 = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
     let uncertainty = Some(Uncertainty { covariance_mm2, intensity: found.light_std });
-    Particle { frame, id: id as u64, place_mm: found.spot.place_mm, intensity: found.spot.light, uncertainty }
+    let Particle { place_mm, light } = found.particle;
+    particles::Particle { frame, id: id as u64, place_mm, intensity: light, uncertainty }
 }

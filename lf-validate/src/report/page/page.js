@@ -5,7 +5,7 @@
   if (!holder) return;
   const fields = JSON.parse(holder.textContent);
   const get = (id) => document.getElementById(id);
-  const canvas = get("view"), told = get("told"), place = get("place");
+  const canvas = get("view"), reading = get("reading"), place = get("place");
   const AXES = ["x", "y", "z"], NAMES = ["u", "v", "w"];
   const SIGNED = [[62, 118, 186], [126, 168, 214], [192, 213, 234], [248, 247, 244], [247, 208, 188], [230, 150, 124], [202, 86, 70]];
   const RISING = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128], [94, 201, 98],
@@ -213,7 +213,7 @@
     place.textContent = "layer " + (layer + 1) + " of " + field.shape[through] + ", " + AXES[through] + " = " + short(mm) + " mm";
     const counted = counts[MEASURED] + " measured, " + counts[REPLACED] + " replaced (hollow arrows), " + counts[NO_DATA] +
       " without data (grey, crossed out)";
-    told.textContent = counted + ". Point at the picture to read a vector.";
+    reading.textContent = counted + ". Point at the picture to read a vector.";
     view = { field, data, through, across, layer, cell, left, top, inner, height, nx, ny, at, counted };
   }
   function arrow(pen, x, y, dx, dy, isHollow) {
@@ -252,7 +252,7 @@
     const i = Math.floor((event.clientX - box.left - view.left) / cell[0]);
     const j = Math.floor((view.top + view.height - (event.clientY - box.top)) / cell[1]);
     if (i < 0 || j < 0 || i >= view.nx || j >= view.ny) {
-      told.textContent = view.counted + ". Point at the picture to read a vector.";
+      reading.textContent = view.counted + ". Point at the picture to read a vector.";
       return;
     }
     const there = view.at(i, j), n = index(field, there);
@@ -262,7 +262,7 @@
       const spread = data.uncertainty[c][n];
       return name + " " + short(data.vector[c][n]) + (isFinite(spread) ? " \u00b1 " + short(spread) : "");
     });
-    told.textContent = where + " mm: " + (known(data, n) ? values.join(", ") + " " + field.unit + " (" + kind + ")" : kind);
+    reading.textContent = where + " mm: " + (known(data, n) ? values.join(", ") + " " + field.unit + " (" + kind + ")" : kind);
   }
 
   // The layer that shows most: the largest vectors for their uncertainty, among the layers with nearly as many measured

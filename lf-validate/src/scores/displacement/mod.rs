@@ -4,7 +4,6 @@
 
 mod compare;
 mod statistics;
-mod trilinear;
 mod truth;
 
 pub use compare::{Displacement, ParticleCounts, displacement};

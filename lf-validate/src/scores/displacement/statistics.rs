@@ -66,16 +66,12 @@ impl Serialize for ErrorSummary {
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("vectors", &self.vectors)?;
         map.serialize_entry("outliers", &self.outliers)?;
+        let spreads = self.spread_mm.map(|spread| spread.entries());
         for (unit, per_mm) in &self.units {
-            for (name, number) in [
-                ("bias", (|spread| spread.bias) as fn(&ErrorSpread) -> f64),
-                ("rms", |spread| spread.rms),
-                ("std", |spread| spread.std),
-                ("median_abs", |spread| spread.median_abs),
-            ] {
-                for axis in 0..3 {
-                    let key = format!("{name}_{}_{unit}", COMPONENTS[axis]);
-                    map.serialize_entry(&key, &(number(&self.spread_mm[axis]) / per_mm[axis]))?;
+            for n in 0..spreads[0].len() {
+                for (axis, spread) in spreads.iter().enumerate() {
+                    let (name, number_mm) = spread[n];
+                    map.serialize_entry(&format!("{name}_{}_{unit}", COMPONENTS[axis]), &(number_mm / per_mm[axis]))?;
                 }
             }
         }

@@ -1,6 +1,5 @@
 //! The true displacement, and the errors of a field against it.
 
-use super::trilinear::interpolate;
 use glam::DVec3;
 use lf_core::field::{MEASURED, NO_DATA};
 use lf_core::{Field, Particle, Refusal, flow::Velocity};
@@ -37,7 +36,7 @@ impl TrueDisplacement {
 pub(super) struct VectorError {
     /// Measured - true.
     pub error_mm: DVec3,
-    /// Stated standard uncertainty. NaN where there is none.
+    /// Stated standard uncertainty. NaN if none is stated.
     pub stated_mm: DVec3,
     /// Whether the vector was measured. If not, it was replaced, or a neighbour used for interpolation was.
     pub is_measured: bool,
@@ -54,7 +53,7 @@ pub(super) fn errors(truth: &TrueDisplacement, field: &Field) -> (Vec<VectorErro
     };
     let (errors, wanted): (Vec<VectorError>, usize) = match truth {
         TrueDisplacement::Field(truth) => {
-            let known = |at| Some(error(at, interpolate(truth, field.place_mm(at).into())?.vector_mm));
+            let known = |at| Some(error(at, truth.interpolate(field.place_mm(at).into())?.displacement_mm));
             (with_data().filter_map(known).collect(), with_data().count())
         }
         TrueDisplacement::Flow { velocity, interval } => {
@@ -64,9 +63,9 @@ pub(super) fn errors(truth: &TrueDisplacement, field: &Field) -> (Vec<VectorErro
         }
         TrueDisplacement::Tracks(tracks) => {
             let known = |(place, expected): (&DVec3, &DVec3)| {
-                let found = interpolate(field, *place)?;
-                let error_mm = found.vector_mm - *expected;
-                Some(VectorError { error_mm, stated_mm: found.stated_mm, is_measured: found.is_measured })
+                let found = field.interpolate(*place)?;
+                let error_mm = found.displacement_mm - *expected;
+                Some(VectorError { error_mm, stated_mm: found.uncertainty_mm, is_measured: found.is_measured })
             };
             let pairs = tracks.mid_mm.iter().zip(&tracks.displacement_mm);
             (pairs.filter_map(known).collect(), tracks.mid_mm.len())

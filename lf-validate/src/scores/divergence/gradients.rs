@@ -56,10 +56,7 @@ pub struct Divergence {
 fn stride(layout: &VectorGrid) -> [usize; 3] {
     // Rounding of the product may exceed a whole number by this much.
     const ROUNDING: f64 = 1e-6;
-    [0, 1, 2].map(|axis| {
-        let covered = layout.window[axis] as f64 * layout.voxel_mm[axis] / layout.spacing_mm[axis];
-        (covered - ROUNDING).ceil().max(1.0) as usize
-    })
+    [0, 1, 2].map(|axis| (layout.window_in_spacings(axis) - ROUNDING).ceil().max(1.0) as usize)
 }
 
 /// Divergence and noise of `field`, by differences over a `stride` to either side. `pixel_mm`: size of a pixel at the

@@ -6,7 +6,7 @@ use lf_core::{Field, field::MEASURED};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-/// Fewest third differences along an axis. From this many the robust standard deviation is known to 12 %.
+/// An axis with fewer third differences is not used: from this many the robust standard deviation is known to 12 %.
 const LEAST_DIFFERENCES: usize = 100;
 
 /// A third difference f0 - 3 f1 + 3 f2 - f3 of independent errors has the variance (1 + 9 + 9 + 1) sigma^2.

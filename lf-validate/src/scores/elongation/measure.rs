@@ -111,13 +111,14 @@ mod tests {
             let place = [10.0 + 0.137 * f64::from(n), 12.0 - 0.093 * f64::from(n), 14.0 + 0.211 * f64::from(n)];
             let found = score(&blobs(&[(place, [0.75, 0.75, 2.5])], 1e-9), &[place]);
             assert_eq!((found.counts.particles, found.counts.measured), (1, 1));
-            let px = found.diameter.px.unwrap();
+            let px = found.diameter.medians();
             for (axis, wanted) in [(0, 3.0), (1, 3.0), (2, 100.0)] {
-                assert!((px.median[axis] - wanted).abs() < 1e-4 * wanted, "{place:?}: {px:?}");
+                assert!((px[axis] - wanted).abs() < 1e-4 * wanted, "{place:?}: {px:?}");
             }
             let half = 2.0 * (2.0 * 2f64.ln()).sqrt();
-            assert!((found.half_maximum.mm.median[2] - 2.5 * half).abs() < 1e-3);
-            assert!((found.half_maximum.vox.median[0] - 0.75 * half).abs() < 1e-4);
+            let mm = serde_json::to_value(&found.half_maximum).unwrap()["median_z_mm"].as_f64().unwrap();
+            assert!((mm - 2.5 * half).abs() < 1e-3);
+            assert!((found.half_maximum.median_vox()[0] - 0.75 * half).abs() < 1e-4);
         }
     }
 
@@ -126,7 +127,7 @@ mod tests {
         let index = grid().index([10, 10, 10]);
         let found = score(&(vec![index], vec![7.0]), &[[10.0; 3]]);
         let wanted = 2.0 * 2.0 / (2.0 * 1e4f64.ln()).sqrt();
-        assert!((found.diameter.vox.median[0] - wanted).abs() < 1e-9 && (wanted - 0.93).abs() < 0.01);
+        assert!((found.diameter.median_vox()[0] - wanted).abs() < 1e-9 && (wanted - 0.93).abs() < 0.01);
     }
 
     // MART leaves light along z that ends in a plateau and not as a Gaussian: three equal voxels have no curvature.
@@ -136,7 +137,7 @@ mod tests {
         let held: Vec<u64> = (9..=13).map(|z| grid.index([10, 10, z])).collect();
         let found = score(&(held, vec![1.0; 5]), &[[10.0, 10.0, 11.0]]);
         let end = 2.0 / (2.0 * 1e4f64.ln()).sqrt();
-        assert!((found.diameter.vox.median[2] - (4.0 + 2.0 * end)).abs() < 1e-9);
+        assert!((found.diameter.median_vox()[2] - (4.0 + 2.0 * end)).abs() < 1e-9);
     }
 
     #[test]
@@ -168,7 +169,7 @@ mod tests {
     fn the_search_climbs_to_a_peak_beside_it() {
         let (place, seen) = ([10.0, 10.0, 10.0], [10.0, 10.0, 15.0]);
         let found = score(&blobs(&[(seen, [0.75, 0.75, 3.0])], 1e-6), &[place]);
-        assert!((found.diameter.vox.median[2] - 12.0).abs() < 1e-3);
+        assert!((found.diameter.median_vox()[2] - 12.0).abs() < 1e-3);
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 use crate::scores::units::AXES;
 use lf_core::{Grid, statistics::quantile};
-use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 /// Diameter of the ideal particle, voxels.
@@ -60,21 +59,14 @@ pub struct SizeCounts {
     pub cut: usize,
 }
 
-/// Percentiles of a width in each unit. In JSON one key for each percentile, axis and unit: `median_x_vox`.
+/// Percentiles of a width along x, y and z; NaN without particles. In JSON one key for each percentile, axis and unit:
+/// `median_x_vox`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Widths {
-    pub vox: Percentiles,
-    pub mm: Percentiles,
-    /// None without a camera.
-    pub px: Option<Percentiles>,
-}
-
-/// Percentiles of a width along x, y and z. NaN without particles.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Percentiles {
-    pub median: [f64; 3],
-    pub p10: [f64; 3],
-    pub p90: [f64; 3],
+    /// Names of the percentiles, and their values in voxels.
+    percentiles_vox: [(&'static str, [f64; 3]); 3],
+    /// The units, and the side of a voxel in them. `px` only with a camera.
+    units: Vec<(&'static str, [f64; 3])>,
 }
 
 /// Share of the particles in each bin of [`BIN_VOX`].
@@ -109,7 +101,7 @@ pub(crate) struct DiametersByDepth {
 impl Elongation {
     /// Medians of the diameter along x, y and z. NaN without particles.
     pub fn medians_vox(&self) -> [f64; 3] {
-        self.diameter.vox.median
+        self.diameter.median_vox()
     }
 }
 
@@ -120,30 +112,30 @@ impl Widths {
         for width in widths_vox {
             (0..3).for_each(|axis| along[axis].push(width[axis]));
         }
-        let mut percentiles = |unit: [f64; 3]| {
-            let mut at = |share| [0, 1, 2].map(|axis| quantile(&mut along[axis], share) * unit[axis]);
-            Percentiles { median: at(0.5), p10: at(0.1), p90: at(0.9) }
-        };
-        Self {
-            vox: percentiles([1.0; 3]),
-            mm: percentiles(voxel_mm),
-            px: pixel_mm.map(|pixel| percentiles(voxel_mm.map(|voxel| voxel / pixel))),
-        }
+        let percentile = |(name, share)| (name, [0, 1, 2].map(|axis| quantile(&mut along[axis], share)));
+        let mut units = vec![("vox", [1.0; 3]), ("mm", voxel_mm)];
+        units.extend(pixel_mm.map(|pixel| ("px", voxel_mm.map(|voxel| voxel / pixel))));
+        Self { percentiles_vox: [("median", 0.5), ("p10", 0.1), ("p90", 0.9)].map(percentile), units }
+    }
+
+    pub(super) fn median_vox(&self) -> [f64; 3] {
+        self.percentiles_vox[0].1
+    }
+
+    /// Medians along x, y and z, in pixels with a camera, else in voxels.
+    pub fn medians(&self) -> [f64; 3] {
+        let unit = self.units.iter().find(|(name, _)| *name == "px").unwrap_or(&self.units[0]).1;
+        [0, 1, 2].map(|axis| self.median_vox()[axis] * unit[axis])
     }
 }
 
 impl Serialize for Widths {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        for (unit, widths) in [("vox", Some(&self.vox)), ("mm", Some(&self.mm)), ("px", self.px.as_ref())] {
-            let Some(Percentiles { median, p10, p90 }) = widths else { continue };
-            for (name, values) in [("median", median), ("p10", p10), ("p90", p90)] {
-                for (axis, value) in AXES.iter().zip(values) {
-                    map.serialize_entry(&format!("{name}_{axis}_{unit}"), value)?;
-                }
-            }
-        }
-        map.end()
+        serializer.collect_map(self.units.iter().flat_map(|(unit, voxel)| {
+            self.percentiles_vox.iter().flat_map(move |(name, values)| {
+                (0..3).map(move |axis| (format!("{name}_{}_{unit}", AXES[axis]), values[axis] * voxel[axis]))
+            })
+        }))
     }
 }
 

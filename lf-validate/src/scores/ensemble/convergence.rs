@@ -1,7 +1,8 @@
-//! How statistics settle with the number of fields, which tells how many are enough.
+//! How statistics settle with the number of fields, which shows how many are enough.
 
 use super::statistics::Ensemble;
 use super::sums::EnsembleSums;
+use crate::scores::distribution::root_mean;
 use serde::Serialize;
 
 /// The share of the mean displacement that its uncertainty should fall to.
@@ -38,8 +39,8 @@ impl ConvergenceLog {
         12.0 * places as f64 * (fields.max(1).ilog2() + 1) as f64
     }
 
-    /// Looks at sums after a field was added; keeps those after 2, 4, 8, ... fields.
-    pub fn look(&mut self, sums: &EnsembleSums) {
+    /// Keeps the statistics after 2, 4, 8, ... fields. Expects the sums after every field.
+    pub fn record(&mut self, sums: &EnsembleSums) {
         let fields = sums.fields();
         if fields > 1 && fields.is_power_of_two() {
             let (mean_mm, fluctuation_mm) = (sums.mean_mm(), sums.fluctuation_mm());
@@ -53,8 +54,7 @@ impl ConvergenceLog {
         let change = |snapshot: &Snapshot, c: usize| {
             let differences = snapshot.mean_mm[c].iter().zip(last[c]).map(|(first, all)| f64::from(first - all));
             let known = differences.zip(&all.count).filter(|(d, count)| **count > 0.0 && d.is_finite());
-            let (sum, count) = known.fold((0.0, 0.0), |(sum, n), (d, _)| (sum + d * d, n + 1.0));
-            (sum / count).sqrt()
+            root_mean(known.map(|(d, _)| d * d))
         };
         let step = |snapshot: &Snapshot| ConvergenceStep {
             fields: snapshot.fields,
@@ -67,7 +67,7 @@ impl ConvergenceLog {
 
 /// Number of fields after which the uncertainty of the mean is 1 % of the mean displacement, both RMS over the places,
 /// if fields are independent. NaN without a displacement or without an uncertainty.
-pub fn enough(all: &Ensemble) -> [f64; 3] {
+pub fn fields_for_1_percent(all: &Ensemble) -> [f64; 3] {
     let [displacement, uncertainty] = [all.displacement_mm(), all.uncertainty_mm()];
     let one = |c: usize| {
         let fields = all.fields as f64 * (uncertainty[c] / (ENOUGH * displacement[c])).powi(2);
@@ -89,7 +89,7 @@ mod tests {
             disturb(&mut one, [0.01, 0.02, 0.04], seed);
             let sums = sums.get_or_insert_with(|| EnsembleSums::new(&one.layout));
             sums.add(&one).unwrap();
-            log.look(sums);
+            log.record(sums);
         }
         let all = sums.unwrap().finish(1);
         let steps = log.finish(&all);
@@ -102,7 +102,7 @@ mod tests {
             assert!((step.fluctuation_mm[1] / 0.02 - 1.0).abs() < 0.05, "{step:?}");
         }
         // 0.01 / sqrt(100) is 1 % of 0.1; 0.04 needs 400 fields for 0.002.
-        let [u, v, w] = enough(&all);
+        let [u, v, w] = fields_for_1_percent(&all);
         assert!((u / 100.0 - 1.0).abs() < 0.06 && (w / 400.0 - 1.0).abs() < 0.06 && v > 1000.0, "{u} {v} {w}");
     }
 }

@@ -1,5 +1,6 @@
 //! The statistics of many fields, the numbers printed about them and the arrays written for ParaView.
 
+use crate::scores::distribution::root_mean;
 use lf_core::Field;
 use lf_core::field::{Array, NO_DATA};
 use serde::Serialize;
@@ -70,8 +71,12 @@ impl Ensemble {
         self.rms([&self.mean.su, &self.mean.sv, &self.mean.sw])
     }
 
+    /// Root mean square of the finite values at places with data.
     fn rms(&self, components: [&Vec<f32>; 3]) -> [f64; 3] {
-        components.map(|values| root_mean_square(values, &self.mean.flag))
+        components.map(|values| {
+            let with_data = values.iter().zip(&self.mean.flag).filter(|(_, flag)| **flag != NO_DATA);
+            root_mean(with_data.filter(|(value, _)| value.is_finite()).map(|(value, _)| f64::from(*value).powi(2)))
+        })
     }
 
     pub(crate) fn vorticity_unit(&self) -> &'static str {
@@ -104,13 +109,6 @@ impl Ensemble {
     }
 }
 
-/// Root mean square of the finite values at places with data.
-fn root_mean_square(values: &[f32], flag: &[f32]) -> f64 {
-    let known = values.iter().zip(flag).filter(|(value, flag)| **flag != NO_DATA && value.is_finite());
-    let (sum, count) = known.fold((0.0, 0.0), |(sum, n), (value, _)| (sum + f64::from(*value).powi(2), n + 1.0));
-    (sum / count).sqrt()
-}
-
 /// Curl of the displacement, divided by the time between the volumes if it is known.
 pub(super) fn vorticity(field: &Field) -> [Vec<f32>; 3] {
     let time = field.layout.dt_s.unwrap_or(1.0);
@@ -122,16 +120,8 @@ pub(super) fn vorticity(field: &Field) -> [Vec<f32>; 3] {
     })
 }
 
-/// Derivative of a component along an axis at a place with data: from its two neighbours, or from one neighbour and
-/// itself. NaN without data or without a neighbour.
+/// Derivative of a component along an axis. NaN without data there or in a neighbour.
 fn slope(field: &Field, values: &[f32], axis: usize, i: usize) -> f64 {
-    let has_data = |n: &usize| field.flag[*n] != NO_DATA;
-    if !has_data(&i) {
-        return f64::NAN;
-    }
-    let [before, after] = [-1, 1].map(|step| field.layout.neighbour(i, axis, step).filter(has_data));
-    let steps = [before, after].into_iter().flatten().count() as f64;
-    let (low, high) = (before.unwrap_or(i), after.unwrap_or(i));
-    // Without a neighbour this is 0 / 0.
-    (f64::from(values[high]) - f64::from(values[low])) / (steps * field.layout.spacing_mm[axis])
+    let found = field.layout.difference(i, axis, |n| field.flag[n] != NO_DATA);
+    found.map_or(f64::NAN, |found| (f64::from(values[found.high]) - f64::from(values[found.low])) / found.distance_mm)
 }

@@ -4,6 +4,7 @@
 //! Fields are added one after another, and none is kept.
 
 use super::statistics::{Ensemble, vorticity};
+use crate::scores::distribution::root_mean;
 use crate::scores::units::AXES;
 use lf_core::{Field, Refusal, VectorGrid, field::MEASURED};
 
@@ -32,7 +33,7 @@ pub struct EnsembleSums {
 const PLACE_BYTES: f64 = 100.0 + 150.0 + 100.0;
 
 impl EnsembleSums {
-    /// Most bytes that sums over fields of a layout, and their statistics, take.
+    /// Upper bound of the bytes of sums over fields of a layout, and of their statistics.
     pub fn bytes(layout: &VectorGrid) -> f64 {
         PLACE_BYTES * layout.shape.iter().map(|count| *count as f64).product::<f64>()
     }
@@ -75,7 +76,7 @@ impl EnsembleSums {
     }
 
     /// Number of fields added.
-    pub(super) fn fields(&self) -> usize {
+    pub(crate) fn fields(&self) -> usize {
         self.fields
     }
 
@@ -85,15 +86,22 @@ impl EnsembleSums {
         self.mean.each_ref().map(|mean| mean.iter().zip(&self.count).map(known).collect())
     }
 
+    /// RMS over the places with two vectors or more of a number that follows from variance and count of a component.
+    fn rms(&self, square: impl Fn(f64, f64) -> f64) -> [f64; 3] {
+        [0, 1, 2].map(|c| {
+            let known = self.moments[c].iter().zip(&self.count).filter(|(_, count)| **count > 1);
+            root_mean(known.map(|(moment, count)| square(moment / f64::from(count - 1), f64::from(*count))))
+        })
+    }
+
     /// RMS fluctuations so far, over the places with two vectors or more, mm.
     pub(super) fn fluctuation_mm(&self) -> [f64; 3] {
-        let variance = |c: usize| {
-            let known = self.moments[c].iter().zip(&self.count).filter(|(_, count)| **count > 1);
-            let each = known.map(|(moment, count)| moment / f64::from(count - 1));
-            let (sum, places) = each.fold((0.0, 0.0), |(sum, n), variance| (sum + variance, n + 1.0));
-            sum / places
-        };
-        [0, 1, 2].map(|c| variance(c).sqrt())
+        self.rms(|variance, _| variance)
+    }
+
+    /// RMS over these places of the standard uncertainty of the mean so far, mm.
+    pub(crate) fn uncertainty_mm(&self) -> [f64; 3] {
+        self.rms(|variance, count| variance / count)
     }
 
     /// The statistics of places with at least `least` measured vectors. Other places have no data.
@@ -124,7 +132,7 @@ impl EnsembleSums {
 }
 
 /// Refuses a layout with vectors at other places, or with another time between the volumes.
-pub(crate) fn check_layout(first: &VectorGrid, other: &VectorGrid) -> Result<(), Refusal> {
+fn check_layout(first: &VectorGrid, other: &VectorGrid) -> Result<(), Refusal> {
     let refused = |found: String, wanted: String| Err(Refusal::new(found, format!("wanted {wanted} like the first")));
     if first.shape != other.shape {
         let text = |layout: &VectorGrid| layout.shape.map(|n| n.to_string()).join(" x ");

@@ -1,6 +1,7 @@
 //! Recall, ghosts, errors and coverage.
 
 use super::matches::matches;
+use crate::scores::distribution::{ErrorSpread, root_mean};
 use crate::scores::units::AXES;
 use lf_core::Particle;
 use lf_core::statistics::median;
@@ -61,11 +62,15 @@ impl Accuracy {
         mean(self.errors.iter().map(|(error, _)| error[axis].powi(2))).map(f64::sqrt)
     }
 
-    /// Share of the errors along an axis within so many stated uncertainties. None if none is stated.
+    /// Share of the errors along an axis within `sigmas` stated uncertainties. None without stated uncertainties.
     pub fn within(&self, axis: usize, sigmas: f64) -> Option<f64> {
-        let stated = self.errors.iter().filter_map(|(error, std)| Some((error[axis], (*std)?[axis])));
-        mean(stated.map(|(error, std)| (error.abs() <= sigmas * std) as u8 as f64))
+        within(self.errors.iter().filter_map(|(error, std)| Some((error[axis], (*std)?[axis]))), sigmas)
     }
+}
+
+/// Share of errors within `sigmas` of their standard uncertainty. None without an error.
+fn within(pairs: impl Iterator<Item = (f64, f64)>, sigmas: f64) -> Option<f64> {
+    mean(pairs.map(|(error, std)| (error.abs() <= sigmas * std) as u8 as f64))
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
@@ -84,32 +89,23 @@ impl Serialize for Accuracy {
         map.serialize_entry("recall", &self.recall())?;
         map.serialize_entry("ghosts", &self.ghosts())?;
         for (axis, name) in AXES.iter().enumerate() {
+            let errors: Vec<f64> = self.errors.iter().map(|(error, _)| error[axis]).collect();
+            let ErrorSpread { bias, rms, median_abs, .. } = ErrorSpread::of(&errors);
+            let stated = root_mean(self.errors.iter().filter_map(|(_, std)| Some((*std)?[axis].powi(2))));
             let units = [("mm", Some(1.0)), ("px", self.pixel_mm)];
-            for (unit, length) in units.into_iter().filter_map(|(unit, length)| Some((unit, length?))) {
-                let in_unit = |value: Option<f64>| value.map(|value| value / length);
-                let bias = mean(self.errors.iter().map(|(error, _)| error[axis]));
-                let mut sizes: Vec<f64> = self.errors.iter().map(|(error, _)| error[axis].abs()).collect();
-                let middle = (!sizes.is_empty()).then(|| median(&mut sizes));
-                let stated = mean(self.errors.iter().filter_map(|(_, std)| Some((*std)?[axis].powi(2))));
-                for (what, value) in [
-                    ("rms", self.rms_mm(axis)),
-                    ("bias", bias),
-                    ("median_abs", middle),
-                    ("rms_stated", stated.map(f64::sqrt)),
-                ] {
-                    map.serialize_entry(&format!("{what}_{name}_{unit}"), &in_unit(value))?;
+            for (unit, length_mm) in units.into_iter().filter_map(|(unit, length)| Some((unit, length?))) {
+                for (what, mm) in [("rms", rms), ("bias", bias), ("median_abs", median_abs), ("rms_stated", stated)] {
+                    map.serialize_entry(&format!("{what}_{name}_{unit}"), &(mm / length_mm))?;
                 }
             }
             for sigmas in [1, 2] {
                 map.serialize_entry(&format!("within_{sigmas}_{name}"), &self.within(axis, sigmas.into()))?;
             }
         }
-        let light = mean(self.light.iter().map(|(error, _)| error * error)).map(f64::sqrt);
-        map.serialize_entry("rms_intensity", &light)?;
+        map.serialize_entry("rms_intensity", &root_mean(self.light.iter().map(|(error, _)| error * error)))?;
         for sigmas in [1.0, 2.0] {
-            let stated = self.light.iter().filter_map(|(error, std)| Some((error, (*std)?)));
-            let share = mean(stated.map(|(error, std)| (error.abs() <= sigmas * std) as u8 as f64));
-            map.serialize_entry(&format!("within_{sigmas}_intensity"), &share)?;
+            let stated = self.light.iter().filter_map(|(error, std)| Some((*error, (*std)?)));
+            map.serialize_entry(&format!("within_{sigmas}_intensity"), &within(stated, sigmas))?;
         }
         map.end()
     }

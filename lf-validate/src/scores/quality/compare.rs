@@ -31,12 +31,14 @@ pub fn quality(truth: VoxelLight, volume: VoxelLight, regions: [usize; 3]) -> Re
     let mut boxes = Array3::from_elem([nz, ny, nx], QualitySums::default());
     for_each_pair(truth, volume, |index, e0, e1| {
         let voxel = grid.voxel(index);
-        slices[voxel[2]].add(e0, e1);
+        let sums = QualitySums::of(e0, e1);
+        slices[voxel[2]].add(&sums);
         let [i, j, k] = [0, 1, 2].map(|axis| voxel[axis] * regions[axis] / grid.shape[axis]);
-        boxes[[k, j, i]].add(e0, e1);
+        boxes[[k, j, i]].add(&sums);
     });
     // The whole is the sum of the slices, in the order of z.
-    let whole = slices.iter().fold(QualitySums::default(), QualitySums::with);
+    let mut whole = QualitySums::default();
+    slices.iter().for_each(|slice| whole.add(slice));
     let by_depth = QualityByDepth {
         z_mm: (0..grid.shape[2]).map(|k| grid.centre_mm(2, k)).collect(),
         scores: PartScores::of(&slices),
@@ -52,7 +54,7 @@ pub fn quality(truth: VoxelLight, volume: VoxelLight, regions: [usize; 3]) -> Re
 /// Bytes of a slice or a box: its sums and its numbers.
 const PART_BYTES: usize = size_of::<QualitySums>() + PartScores::BYTES;
 
-/// Most bytes that [`quality`] takes beside the volumes.
+/// Upper bound of the bytes that [`quality`] takes beside the volumes.
 pub fn quality_bytes(grid: &Grid, regions: [usize; 3]) -> f64 {
     let boxes: f64 = regions.iter().map(|count| *count as f64).product();
     let [slice, region] = [size_of::<f64>(), size_of::<[f64; 3]>()].map(|place| (PART_BYTES + place) as f64);

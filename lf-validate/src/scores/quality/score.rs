@@ -71,12 +71,12 @@ impl PartScores {
     /// Every list is made in its full length: one that grows may take twice its bytes.
     pub(super) fn of<'a>(all: impl IntoIterator<Item = &'a QualitySums> + Copy) -> Self {
         Self {
-            q: list(all, |sums| (sums.truth_square > 0.0).then(|| sums.score().q)),
+            q: list(all, |sums| sums.has_truth().then(|| sums.score().q)),
             scale: list(all, |sums| sums.score().scale),
             ghost_share: list(all, |sums| sums.score().ghost_share),
             missed_share: list(all, |sums| sums.score().missed_share),
-            truth_sum: list(all, |sums| sums.truth),
-            volume_sum: list(all, |sums| sums.volume),
+            truth_sum: list(all, |sums| sums.score().truth_sum),
+            volume_sum: list(all, |sums| sums.score().volume_sum),
         }
     }
 
@@ -88,86 +88,63 @@ fn list<'a, T>(all: impl IntoIterator<Item = &'a QualitySums>, number: impl Fn(&
     all.into_iter().map(number).collect()
 }
 
-/// Sums over a set of voxels: the whole grid, a slice or a box.
+/// Sums over a set of voxels: the whole grid, a slice or a box. E0 is the truth, E1 the volume.
 #[derive(Debug, Clone, Default)]
 pub(super) struct QualitySums {
-    product: f64,
-    truth_square: f64,
-    volume_square: f64,
-    truth: f64,
-    volume: f64,
-    truth_size: f64,
-    volume_size: f64,
-    ghost: f64,
-    missed: f64,
-    difference: f64,
-    truth_peak: f64,
-    truth_voxels: u64,
-    volume_voxels: u64,
-    shared_voxels: u64,
+    /// Sums of E1 E0, E0^2, E1^2, E0, E1, |E0|, |E1|, of |E1| where E0 is 0, and of |E0| where E1 is 0.
+    sums: [f64; 9],
+    /// Largest |E1 - E0| and |E0|.
+    largest: [f64; 2],
+    /// Voxels that are not 0: of the truth, of the volume, of both.
+    voxels: [u64; 3],
 }
 
 impl QualitySums {
-    /// Adds a voxel: its true intensity and its reconstructed one.
+    /// One voxel.
     #[inline]
-    pub fn add(&mut self, e0: f64, e1: f64) {
-        self.product += e0 * e1;
-        self.truth_square += e0 * e0;
-        self.volume_square += e1 * e1;
-        self.truth += e0;
-        self.volume += e1;
-        self.truth_size += e0.abs();
-        self.volume_size += e1.abs();
-        self.difference = self.difference.max((e1 - e0).abs());
-        self.truth_peak = self.truth_peak.max(e0.abs());
+    pub fn of(e0: f64, e1: f64) -> Self {
         let (true_light, light) = (e0 != 0.0, e1 != 0.0);
-        self.truth_voxels += u64::from(true_light);
-        self.volume_voxels += u64::from(light);
-        self.shared_voxels += u64::from(true_light && light);
-        if !true_light {
-            self.ghost += e1.abs();
-        }
-        if !light {
-            self.missed += e0.abs();
+        let ghost = if true_light { 0.0 } else { e1.abs() };
+        let missed = if light { 0.0 } else { e0.abs() };
+        Self {
+            sums: [e0 * e1, e0 * e0, e1 * e1, e0, e1, e0.abs(), e1.abs(), ghost, missed],
+            largest: [(e1 - e0).abs(), e0.abs()],
+            voxels: [true_light, light, true_light && light].map(u64::from),
         }
     }
 
-    /// Sums over two sets of voxels together.
-    pub fn with(self, other: &Self) -> Self {
-        Self {
-            product: self.product + other.product,
-            truth_square: self.truth_square + other.truth_square,
-            volume_square: self.volume_square + other.volume_square,
-            truth: self.truth + other.truth,
-            volume: self.volume + other.volume,
-            truth_size: self.truth_size + other.truth_size,
-            volume_size: self.volume_size + other.volume_size,
-            ghost: self.ghost + other.ghost,
-            missed: self.missed + other.missed,
-            difference: self.difference.max(other.difference),
-            truth_peak: self.truth_peak.max(other.truth_peak),
-            truth_voxels: self.truth_voxels + other.truth_voxels,
-            volume_voxels: self.volume_voxels + other.volume_voxels,
-            shared_voxels: self.shared_voxels + other.shared_voxels,
-        }
+    /// Adds other voxels.
+    #[inline]
+    pub fn add(&mut self, other: &Self) {
+        self.sums.iter_mut().zip(other.sums).for_each(|(sum, more)| *sum += more);
+        self.largest.iter_mut().zip(other.largest).for_each(|(largest, more)| *largest = largest.max(more));
+        self.voxels.iter_mut().zip(other.voxels).for_each(|(count, more)| *count += more);
+    }
+
+    /// Whether the truth has light.
+    fn has_truth(&self) -> bool {
+        self.voxels[0] > 0
     }
 
     pub fn score(&self) -> VolumeScore {
+        let [product, truth_square, volume_square, truth_sum, volume_sum, truth_size, volume_size, ghost, missed] =
+            self.sums;
+        let ([difference, truth_peak], [truth_voxels, volume_voxels, shared_voxels]) = (self.largest, self.voxels);
         // None if the whole is 0.
         let ratio = |part: f64, whole: f64| (whole > 0.0).then(|| part / whole);
         // The root of each sum: the product of the sums may overflow. Only rounding brings Q above 1.
-        let norm = self.truth_square.sqrt() * self.volume_square.sqrt();
+        let norm = truth_square.sqrt() * volume_square.sqrt();
         VolumeScore {
-            q: ratio(self.product, norm).map_or(0.0, |q| q.clamp(-1.0, 1.0)),
-            scale: ratio(self.product, self.volume_square),
-            ghost_share: ratio(self.ghost, self.volume_size),
-            missed_share: ratio(self.missed, self.truth_size),
-            max_difference: ratio(self.difference, self.truth_peak),
-            truth_voxels: self.truth_voxels,
-            volume_voxels: self.volume_voxels,
-            shared_voxels: self.shared_voxels,
-            truth_sum: self.truth,
-            volume_sum: self.volume,
+            q: ratio(product, norm).map_or(0.0, |q| q.clamp(-1.0, 1.0)),
+            scale: ratio(product, volume_square),
+            ghost_share: ratio(ghost, volume_size),
+            missed_share: ratio(missed, truth_size),
+            max_difference: ratio(difference, truth_peak),
+            truth_voxels,
+            volume_voxels,
+            shared_voxels,
+            truth_sum,
+            volume_sum,
         }
     }
 }

@@ -32,26 +32,26 @@ pub struct Arguments {
 // Each subcommand's help stands above its own options.
 #[derive(Subcommand)]
 pub enum Command {
-    Smooth(Smooth),
-    Solenoidal(Solenoidal),
-    Derive(Derive),
-    Pressure(Pressure),
-    Profile(Profile),
+    Smooth(SmoothArguments),
+    Solenoidal(SolenoidalArguments),
+    Derive(DeriveArguments),
+    Pressure(PressureArguments),
+    Profile(ProfileArguments),
 }
 
 /// Smooth a field by its uncertainties
 ///
-/// Penalised least squares: vectors that are sure stay, uncertain ones follow their neighbours. Each component has the
-/// strength with the least expected error, by its uncertainties and by the errors that overlapping windows share.
-/// Replaced and missing vectors are filled and flagged as replaced.
+/// Penalised least squares: certain vectors stay, uncertain ones follow their neighbours. Each component is smoothed
+/// with the least expected error, by its uncertainties and by the errors that overlapping windows share. Replaced and
+/// missing vectors are filled and flagged as replaced.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow smooth field-0000-0001.exr -o smooth.exr
   lf-flow smooth field-0000-0001.exr --strength 1,1,100 -o smooth.vti")]
-pub struct Smooth {
+pub struct SmoothArguments {
     #[command(flatten)]
     pub files: Files,
-    /// Strengths for u, v and w in place of those with the least expected error; s smooths waves shorter than 2 pi
+    /// Strengths for u, v and w instead of those with the least expected error; s smooths waves shorter than 2 pi
     /// s^(1/4) vectors
     #[arg(long, value_name = "U,V,W", value_parser = positive)]
     pub strength: Option<[f64; 3]>,
@@ -61,15 +61,15 @@ pub struct Smooth {
 
 /// Make a field free of divergence
 ///
-/// Finds the field without divergence that is nearest to the measured one by the stated uncertainties. Of an
-/// incompressible flow, continuity tells w from u and v, which are far more certain. The divergence is the one that
-/// `lf-flow derive` prints: central differences, one-sided at the ends of an axis. Replaced and missing vectors are
-/// filled and flagged as replaced.
+/// Finds the field without divergence that is nearest to the measured one by the stated uncertainties. In an
+/// incompressible flow, continuity determines w from u and v, which are far more certain. The divergence is the one
+/// that `lf-flow derive` prints: central differences, one-sided at the ends of an axis. Replaced and missing vectors
+/// are filled and flagged as replaced.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow solenoidal field-0000-0001.exr -o flow.exr
   lf-xcorr volume-0000.lfv volume-0001.lfv | lf-flow solenoidal -o flow.vti")]
-pub struct Solenoidal {
+pub struct SolenoidalArguments {
     #[command(flatten)]
     pub files: Files,
     #[command(flatten)]
@@ -86,7 +86,7 @@ pub struct Solenoidal {
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow derive field-0000-0001.exr -o vortices.vti
   lf-flow solenoidal field-0000-0001.exr | lf-flow derive -o vortices.csv")]
-pub struct Derive {
+pub struct DeriveArguments {
     #[command(flatten)]
     pub files: Files,
 }
@@ -100,14 +100,14 @@ pub struct Derive {
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow pressure field-0000-0001.exr --density 998 --dt 0.001 -o pressure.vti
   lf-flow solenoidal field-0000-0001.exr | lf-flow pressure --density 998 --dt 0.001 -o pressure.exr")]
-pub struct Pressure {
+pub struct PressureArguments {
     /// The field (.exr); `-` is standard input
     #[arg(default_value = "-")]
     pub field: PathBuf,
     /// A later field of the same flow, for its acceleration in place
     #[arg(requires = "interval")]
     pub next: Option<PathBuf>,
-    /// Where the field with its pressure goes: .exr, .vti, .nc, .csv or .dat; `-` is EXR on standard output
+    /// Where the field with its pressure goes: .exr, .vti, .nc or .csv; `-` is EXR on standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
     /// Density of the fluid, kg/m3
@@ -131,7 +131,7 @@ pub struct Pressure {
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow profile field-0000-0001.exr --from -0.5,0,0 --to 0.5,0,0 -o line.csv
   lf-flow profile field-0000-0001.exr --plane z=0")]
-pub struct Profile {
+pub struct ProfileArguments {
     /// Fields (.exr); `-` is standard input
     #[arg(default_value = "-")]
     pub fields: Vec<PathBuf>,

@@ -21,7 +21,7 @@ pub struct Files {
     /// Fields (.exr); `-` is standard input
     #[arg(default_value = "-")]
     fields: Vec<PathBuf>,
-    /// Where the result goes: .exr, .vti, .nc, .csv or .dat; `-` is EXR on standard output. For several fields a
+    /// Where the result goes: .exr, .vti, .nc or .csv; `-` is EXR on standard output. For several fields a
     /// folder, which gets a file of each field's name
     #[arg(short, long, value_name = "FILE|FOLDER", default_value = "-")]
     output: PathBuf,

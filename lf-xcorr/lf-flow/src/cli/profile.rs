@@ -1,6 +1,6 @@
 //! `profile`: lines and planes, written as a table or as JSON.
 
-use super::arguments::Profile;
+use super::arguments::ProfileArguments;
 use super::treat::open;
 use glam::DVec3;
 use lf_core::cli::MemoryLimit;
@@ -11,7 +11,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Writes the line or the plane that is asked for.
-pub fn run(arguments: &Profile, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn run(arguments: &ProfileArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     let inputs: Vec<&Path> = arguments.fields.iter().map(PathBuf::as_path).collect();
     session.keep_apart(&arguments.output, &inputs)?;
     io::check_place(&arguments.output)?;
@@ -41,7 +41,7 @@ fn line(
             return Err(Error::new(
                 name,
                 found,
-                "wanted a line between vectors of the field; lf-validate info tells where they are",
+                "wanted a line between vectors of the field; lf-validate info shows where they are",
             ));
         }
         let quoted = if name.contains([',', '"']) { format!("\"{}\"", name.replace('"', "\"\"")) } else { name };
@@ -58,11 +58,11 @@ fn planes(inputs: &[&Path], plane: Cut, limit: MemoryLimit, session: &mut Sessio
     let one = |path: &Path, session: &mut Session| {
         let field = open(path, Task::Flux, limit, session)?;
         let flux = flow::flux(&field, plane).map_err(|refusal| refusal.about(io::name(path)))?;
-        let mut told = json!({"field": io::name(path)});
+        let mut plane = json!({"field": io::name(path)});
         for (key, value) in json!(flux).as_object().into_iter().flatten() {
-            told[key] = value.clone();
+            plane[key] = value.clone();
         }
-        Ok(told)
+        Ok(plane)
     };
     let planes: Vec<_> = inputs.iter().map(|path| one(path, session)).collect::<Result<_>>()?;
     Ok(format!("{:#}\n", json!({"planes": planes})))

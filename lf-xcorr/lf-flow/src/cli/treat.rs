@@ -1,6 +1,6 @@
-//! Tasks that turn a field into a field: read, work, tell, write.
+//! Tasks that turn a field into a field: read, work, report, write.
 
-use super::arguments::{Derive, Pressure, Smooth, Solenoidal};
+use super::arguments::{DeriveArguments, PressureArguments, SmoothArguments, SolenoidalArguments};
 use super::files::Files;
 use lf_core::cli::MemoryLimit;
 use lf_core::field::{Array, MEASURED};
@@ -8,17 +8,17 @@ use lf_core::{Error, Field, Result, Session, io};
 use lf_flow::{self as flow, Measured, PressureOptions, Task};
 use std::path::Path;
 
-/// Constant: above this misfit to the stated uncertainties, warn. Errors of the shape of windows alone stay below it.
+/// Constant: warn above this misfit to the stated uncertainties. Errors correlated like windows stay below it.
 const MISFIT: f64 = 1.5;
-/// Constant: above this share of filled vectors, warn.
+/// Constant: warn above this share of filled vectors.
 const FILLED: f64 = 0.2;
-/// Constant: above this share of accelerations without a pressure, warn.
+/// Constant: warn above this share of accelerations without a pressure.
 const UNEXPLAINED: f64 = 0.5;
 
 /// Remedy for a solver that does not reach its goal.
 const FEWER_GAPS: &str = "larger windows, which leave fewer gaps, or a smaller volume";
 
-/// A field, what is written beside its vectors, and the line that tells what was done once it is written.
+/// A field, the arrays to write with its vectors, and the line to print once it is written.
 type Treated = (Field, Vec<Array>, String);
 
 /// Treats every field, one after another.
@@ -34,10 +34,10 @@ fn each(
     for (input, output) in &jobs {
         let name = io::name(input);
         let field = open(input, task, limit, session)?;
-        let (mut found, more, told) = session.phase("work", |session| treat(&field, &name, session))?;
+        let (mut found, more, line) = session.phase("work", |session| treat(&field, &name, session))?;
         found.layout.history = session.history(&field.layout.history);
         session.phase("write", |_| found.save_with(output, &more))?;
-        session.say(format!("{name}: {told}"));
+        session.say(format!("{name}: {line}"));
         progress.add(1);
     }
     session.count("fields", jobs.len());
@@ -52,34 +52,34 @@ pub fn open(path: &Path, task: Task, limit: MemoryLimit, session: &mut Session) 
     Ok(field)
 }
 
-pub fn smooth(arguments: &Smooth, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn smooth(arguments: &SmoothArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     each(&arguments.files, Task::Smooth, limit, session, |field, name, session| {
         let measured = measured(field, name, arguments.sigma.sigma, session)?;
         let found = flow::smooth(field, &measured, arguments.strength);
         let [u, v, w] = found.strength.map(short);
-        let told = format!("strength {u}, {v}, {w}; u, v, w moved by {}", lengths(found.change_mm));
-        warn_unsolved(found.unsolved, "the smooth field", "a lesser --strength, or larger windows", name, session);
+        let line = format!("strength {u}, {v}, {w}; u, v, w moved by {}", lengths(found.change_mm));
+        warn_unsolved(found.unsolved, "the smooth field", "a smaller --strength, or larger windows", name, session);
         for (component, misfit) in ["u", "v", "w"].into_iter().zip(found.misfit) {
             session.keep_greatest(&format!("misfit_{component}"), misfit);
             if misfit > MISFIT {
                 session.warn(format!(
                     "{name}: {component} departs from the smooth field {misfit:.1} times as much as its uncertainty \
                      says; the flow is finer than the windows or the uncertainty too small; take smaller windows or a \
-                     lesser --strength"
+                     smaller --strength"
                 ));
             }
         }
-        Ok((found.field, Vec::new(), told))
+        Ok((found.field, Vec::new(), line))
     })
 }
 
-pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn solenoidal(arguments: &SolenoidalArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     each(&arguments.files, Task::Solenoidal, limit, session, |field, name, session| {
         let measured = measured(field, name, arguments.sigma.sigma, session)?;
         let found = flow::solenoidal(field, &measured);
         let [before, after] = found.divergence;
         let moved = lengths(found.change_mm);
-        let told = format!("divergence RMS {before:.1e} before, {after:.1e} after; u, v, w moved by {moved}");
+        let line = format!("divergence RMS {before:.1e} before, {after:.1e} after; u, v, w moved by {moved}");
         let [u, v, w] = found.left.map(|left| 100.0 * left.sqrt());
         session.explain(format!(
             "{name}: {} steps; misfit {:.2}; {u:.0}, {v:.0} and {w:.0} % of the uncertainty of u, v, w is left",
@@ -103,17 +103,17 @@ pub fn solenoidal(arguments: &Solenoidal, limit: MemoryLimit, session: &mut Sess
                 found.misfit
             ));
         }
-        Ok((found.field, Vec::new(), told))
+        Ok((found.field, Vec::new(), line))
     })
 }
 
-pub fn derive(arguments: &Derive, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn derive(arguments: &DeriveArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     each(&arguments.files, Task::Derive, limit, session, |field, name, session| {
         let found = flow::derive(field);
         let [rms, sigma] = found.divergence;
         let unit = if field.layout.dt_s.is_some() { "1/s" } else { "a frame" };
         let stated = if sigma.is_finite() { format!(", uncertain by {sigma:.1e}") } else { String::new() };
-        let told = format!("divergence RMS {rms:.1e} {unit}{stated}; {} vectors with gradients", found.places);
+        let line = format!("divergence RMS {rms:.1e} {unit}{stated}; {} vectors with gradients", found.places);
         session.add("places", found.places);
         if found.places == 0 {
             let [x, y, z] = field.layout.shape;
@@ -122,11 +122,11 @@ pub fn derive(arguments: &Derive, limit: MemoryLimit, session: &mut Session) -> 
                  vectors along every axis"
             ));
         }
-        Ok((field.clone(), found.arrays, told))
+        Ok((field.clone(), found.arrays, line))
     })
 }
 
-pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session) -> Result<()> {
+pub fn pressure(arguments: &PressureArguments, limit: MemoryLimit, session: &mut Session) -> Result<()> {
     let inputs: Vec<&Path> =
         [Some(&arguments.field), arguments.next.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
     session.keep_apart(&arguments.output, &inputs)?;
@@ -149,7 +149,7 @@ pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session)
     let found = session.phase("work", pressure)?;
     let [rms, sigma] = found.rms_pa;
     let stated = if sigma > 0.0 { format!(", uncertain by {sigma:.1e} Pa") } else { String::new() };
-    let told = format!("{name}: pressure RMS {rms:.3e} Pa{stated}; misfit {:.2} of its gradient", found.misfit);
+    let line = format!("{name}: pressure RMS {rms:.3e} Pa{stated}; misfit {:.2} of its gradient", found.misfit);
     session.count("misfit", found.misfit);
     session.count("places", found.places);
     warn_unsolved(found.unsolved, "the pressure", FEWER_GAPS, &name, session);
@@ -171,7 +171,7 @@ pub fn pressure(arguments: &Pressure, limit: MemoryLimit, session: &mut Session)
     written.layout.dt_s = Some(dt_s);
     written.layout.history = session.history(&field.layout.history);
     session.phase("write", |_| written.save_with(&arguments.output, &found.arrays))?;
-    session.say(told);
+    session.say(line);
     Ok(())
 }
 
@@ -196,7 +196,7 @@ fn measured(field: &Field, name: &str, sigma: Option<[f64; 3]>, session: &mut Se
     Ok(measured)
 }
 
-/// Warns of a solver that stopped with this residual before its goal.
+/// Warns of a solver that stopped before its goal, with this residual.
 fn warn_unsolved(unsolved: Option<f64>, what: &str, remedy: &str, name: &str, session: &Session) {
     if let Some(residual) = unsolved {
         session.warn(format!(

@@ -38,7 +38,7 @@ fn light_is_counted_by_hand() {
     }
     let rows = Rows::of_dense(shape, &dense);
     let windows = WindowGrid::new(shape, [4, 4, 2], [2, 2, 1]);
-    let light = Light::count(&rows, &windows);
+    let light = CellLight::count(&rows, &windows);
     assert_eq!(light.voxels, [3, 1, 0, 0]);
     assert_eq!(light.rows, [2, 1, 0, 0]);
     assert_eq!(light.of_cell(0, [2.0, 4.0, 2.0]).lit(2.0), 0.25);

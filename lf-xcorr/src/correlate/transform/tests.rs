@@ -37,7 +37,7 @@ fn the_oracle_agrees_with_a_case_solved_by_hand() {
 #[test]
 fn transforms_give_the_oracles_sums() {
     let mut random = Pcg64Mcg::seed_from_u64(11);
-    let mut scratch = Scratch::default();
+    let mut scratch = TransformScratch::default();
     for (shape, window, n_shifts, lit) in [
         ([16, 14, 12], [8, 8, 8], [9, 9, 7], 0.02),
         ([16, 14, 12], [8, 8, 8], [9, 9, 7], 1.0),
@@ -78,7 +78,7 @@ fn dark_stays_dark() {
     let window = [20..36, 4..20, 4..20];
     let (a, b) = (Rows::of_dense(shape, &a), Rows::of_dense(shape, &b));
     let transforms = Transforms::new([16; 3], shifts.n);
-    let sums = transforms.sums([&a, &b], &window, shifts, &mut Scratch::default());
+    let sums = transforms.sums([&a, &b], &window, shifts, &mut TransformScratch::default());
     for (k, &product) in sums.channel(channel::PRODUCT).iter().enumerate() {
         let meets = shifts.low[0] + ((k % shifts.n[0]) as i32) < 0;
         assert_eq!(product > 0.0, meets, "shift {k}: {product}");
@@ -86,14 +86,14 @@ fn dark_stays_dark() {
     // If either volume is dark, every product is 0.
     let dark = Rows::of_dense(shape, &[0.0; 40 * 24 * 24]);
     for (a, b) in [(&a, &dark), (&dark, &b)] {
-        let sums = transforms.sums([a, b], &window, shifts, &mut Scratch::default());
+        let sums = transforms.sums([a, b], &window, shifts, &mut TransformScratch::default());
         assert!(sums.channel(channel::PRODUCT).iter().all(|&product| product == 0.0));
     }
 }
 
 #[test]
 fn at_the_centre_of_the_box_transforms_pair_as_direct_sums_do() {
-    use crate::correlate::kernel::{self, Cell};
+    use crate::correlate::kernel::{self, CellProducts};
     let shape = [30, 22, 14];
     let mut random = Pcg64Mcg::seed_from_u64(8);
     let (a, b) = (volume(&mut random, shape, 0.2), volume(&mut random, shape, 0.2));
@@ -101,10 +101,10 @@ fn at_the_centre_of_the_box_transforms_pair_as_direct_sums_do() {
     let window = [8..20, 0..12, 2..14];
     for centre in [[0, 0, 0], [3, -3, 1], [-5, 4, -2]] {
         let shifts = Shifts::around(centre, [2, 1, 3]);
-        let sums = Transforms::new([12; 3], shifts.n).sums([&a, &b], &window, shifts, &mut Scratch::default());
+        let sums = Transforms::new([12; 3], shifts.n).sums([&a, &b], &window, shifts, &mut TransformScratch::default());
         let mut direct = vec![0.0; shifts.len()];
-        let cell = Cell { first: &a, second: &b, midpoints: &window, shifts: &shifts };
-        kernel::products(cell, &mut direct, &mut kernel::Scratch::default());
+        let cell = CellProducts { first: &a, second: &b, midpoints: &window, shifts: &shifts };
+        kernel::products(cell, &mut direct, &mut kernel::ProductScratch::default());
         let k = shifts.len() / 2;
         assert!((sums.channel(channel::PRODUCT)[k] - direct[k]).abs() < 1e-9 * direct[k]);
     }

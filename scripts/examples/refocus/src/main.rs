@@ -8,10 +8,10 @@
 //! How to begin:
 //!
 //! 1. Copy this folder, change the `name` in its `Cargo.toml`, and add it to `members` in the workspace's. Outside the
-//!    workspace, name lf-core by its path (`lf-core = { path = "../lf/lf-core" }`) and the other crates by their versions.
-//! 2. Keep files and words in `cli.rs`. [`lf_core::cli::run`] brings exit codes, errors of one line, `--threads`, `--stats`,
-//!    `--quiet` and `--verbose`. [`lf_core::volume::write`] and [`lf_core::io::save`] write a file whole or not at all, with
-//!    the history of how it was made.
+//!    workspace, name lf-core by its path (`lf-core = { path = "../lf/lf-core" }`), other crates by their versions.
+//! 2. Keep files and words in `cli.rs`. [`lf_core::cli::run`] brings exit codes, errors of one line, `--threads`,
+//!    `--stats`, `--quiet` and `--verbose`. [`lf_core::volume::write`] and [`lf_core::io::save`] write a file whole or
+//!    not at all, with the history of how it was made.
 //! 3. Put the work into `lib.rs`, where a test can reach it: slices and arrays in, owned values out.
 //!
 //! `scripts/pipeline.mk` shows the options that the stage must take.

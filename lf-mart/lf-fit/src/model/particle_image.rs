@@ -1,0 +1,221 @@
+//! The image of a particle on the sensors of all cameras, within a window, with the derivatives that the fit needs.
+
+use super::window::{Part, Window};
+use crate::cameras::view::Cameras;
+use crate::particle::Particle;
+use lf_core::particle_image::{Patch, QUANTITIES, Scratch};
+use lf_core::simd::fastest;
+
+/// Numbers of a pixel: the derivatives of its counts by x, y and z in pixels of the focal plane and by the logarithm of
+/// the light. The last one is the counts.
+pub(crate) const UNKNOWNS: usize = 4;
+/// The counts among the numbers of a pixel.
+pub(crate) const COUNTS: usize = 3;
+
+/// Pixels of one lenslet.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    /// First pixel in the window.
+    start: u32,
+    columns: u16,
+    rows: u16,
+}
+
+/// The image of a particle.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ParticleImage {
+    /// The particle when it was rendered.
+    pub(crate) rendered: Particle,
+    /// How far the counts have been moved since, pixels of the focal plane.
+    step: [f64; 3],
+    /// Light over that when it was rendered.
+    factor: f64,
+    blocks: Vec<Block>,
+    pixels: Vec<[f32; UNKNOWNS]>,
+}
+
+/// The quantities of the model that are computed for an image.
+pub(crate) enum Quantities<'a> {
+    /// The light alone, for trials of places: all derivatives are 0.
+    Light,
+    /// Light and place.
+    Places,
+    /// All, which are shown patch by patch: for the unknowns that particles share.
+    All(&'a mut dyn FnMut(Patch, &[[f64; QUANTITIES]])),
+}
+
+/// Lenslets and pixels for which a new image has room.
+const BLOCKS: usize = 128;
+const PIXELS: usize = 1024;
+/// Lenslets are left out if all their pixels have less than this share of a particle's light.
+const LEAST_SHARE: f64 = 1e-7;
+
+/// A part of the window, and how numbers of a camera's model become those of an image.
+struct Target<'a> {
+    part: &'a Part,
+    /// Length of the window's rows.
+    row: usize,
+    /// Factors of the light and of the derivatives by the place.
+    light: f64,
+    length: f64,
+    /// From the frame of the camera to that of the first one.
+    rotation: Option<&'a [[f64; 3]; 3]>,
+}
+
+impl ParticleImage {
+    /// Renders a particle.
+    pub(crate) fn new(cameras: &Cameras, particle: &Particle, window: &Window, scratch: &mut Scratch) -> Self {
+        Self::render(cameras, particle, window, scratch, Quantities::Places)
+    }
+
+    /// Renders some quantities of a particle in each camera.
+    pub(crate) fn render(
+        cameras: &Cameras,
+        particle: &Particle,
+        window: &Window,
+        scratch: &mut Scratch,
+        mut quantities: Quantities,
+    ) -> Self {
+        let (blocks, pixels) = (Vec::with_capacity(BLOCKS), Vec::with_capacity(PIXELS));
+        let mut image = Self { rendered: *particle, step: [0.0; 3], factor: 1.0, blocks, pixels };
+        for (view, part) in cameras.views.iter().zip(&window.parts) {
+            if part.rows == 0 || part.columns == 0 {
+                continue;
+            }
+            let Particle { place_mm, light } = view.seen(particle);
+            let rotation = view.rotation();
+            let target = Target { part, row: window.columns, light, length: light * cameras.pixel_mm(), rotation };
+            let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| image.take(&target, patch, pixels);
+            fastest(
+                #[inline(always)]
+                || match &mut quantities {
+                    Quantities::Light => view.model.visit_light(place_mm, scratch, take),
+                    Quantities::Places => view.model.visit_places(place_mm, scratch, take),
+                    Quantities::All(each) => view.model.visit(place_mm, scratch, |patch, pixels| {
+                        take(patch, pixels);
+                        each(patch, pixels);
+                    }),
+                },
+            );
+        }
+        // Many images are held at once.
+        image.blocks.shrink_to_fit();
+        image.pixels.shrink_to_fit();
+        image
+    }
+
+    /// Whether the pixels of a lenslet have so little light that they are left out.
+    #[inline(always)]
+    pub(crate) fn is_out(pixels: &[[f64; QUANTITIES]]) -> bool {
+        pixels.iter().all(|pixel| pixel[0] < LEAST_SHARE)
+    }
+
+    /// Bytes of an image with this number of lenslets and pixels.
+    pub(crate) fn bytes(lenslets: usize, pixels: usize) -> usize {
+        lenslets * size_of::<Block>() + pixels * size_of::<[f32; UNKNOWNS]>()
+    }
+
+    /// An image of single lines: first pixel and numbers.
+    #[cfg(test)]
+    pub(crate) fn by_hand(lines: &[(usize, Vec<[f32; UNKNOWNS]>)]) -> Self {
+        let block =
+            |(start, pixels): &(usize, Vec<_>)| Block { start: *start as u32, columns: pixels.len() as u16, rows: 1 };
+        let pixels = lines.iter().flat_map(|(_, pixels)| pixels.iter().copied()).collect();
+        Self { factor: 1.0, blocks: lines.iter().map(block).collect(), pixels, ..Self::default() }
+    }
+
+    /// The image after a small step from where it was rendered, by its derivatives, with another light.
+    pub(crate) fn moved(&self, particle: &Particle, step: [f64; 3]) -> Self {
+        let factor = particle.light / self.rendered.light;
+        let scale = (factor / self.factor) as f32;
+        let more: [f32; 3] = std::array::from_fn(|k| (step[k] - self.step[k]) as f32);
+        let mut image =
+            Self { rendered: self.rendered, step, factor, blocks: self.blocks.clone(), pixels: self.pixels.clone() };
+        for pixel in &mut image.pixels {
+            let [x, y, z, counts] = *pixel;
+            let counts = counts + ((x * more[0] + y * more[1]) + z * more[2]);
+            *pixel = [x * scale, y * scale, z * scale, counts * scale];
+        }
+        image
+    }
+
+    /// Takes the part of a patch that lies within the window.
+    #[inline(always)]
+    fn take(&mut self, target: &Target, patch: Patch, pixels: &[[f64; QUANTITIES]]) {
+        let Target { part, row: row_length, light, length, rotation } = *target;
+        let within = |first: u32, count: u32, low: usize, size: usize| {
+            let from = (first as usize).clamp(low, low + size);
+            (from, ((first + count) as usize).clamp(from, low + size))
+        };
+        let (left, right) = within(patch.column, patch.columns, part.left, part.columns);
+        let (top, bottom) = within(patch.row, patch.rows, part.top, part.rows);
+        if left >= right || top >= bottom || Self::is_out(pixels) {
+            return;
+        }
+        let start = part.start + (top - part.top) * row_length + left - part.left;
+        let (columns, rows) = ((right - left) as u16, (bottom - top) as u16);
+        self.blocks.push(Block { start: start as u32, columns, rows });
+        let numbers = |[x, y, z]: [f64; 3], pixel: &[f64; QUANTITIES]| {
+            [length * x, length * y, length * z, light * pixel[0]].map(|value| value as f32)
+        };
+        for row in top..bottom {
+            let first = (row - patch.row as usize) * patch.columns as usize + left - patch.column as usize;
+            let line = pixels[first..first + right - left].iter();
+            // The chain rule. An identity costs nothing.
+            match rotation {
+                None => self.pixels.extend(line.map(|pixel| numbers([pixel[1], pixel[2], pixel[3]], pixel))),
+                Some([a, b, c]) => self.pixels.extend(line.map(|pixel| {
+                    let along = |k: usize| a[k] * pixel[1] + b[k] * pixel[2] + c[k] * pixel[3];
+                    numbers([along(0), along(1), along(2)], pixel)
+                })),
+            }
+        }
+    }
+
+    /// Calls `each(place in the window, numbers)` for all pixels. A pixel may come more than once.
+    #[inline(always)]
+    pub(crate) fn pixels(&self, columns: usize, mut each: impl FnMut(usize, &[f32; UNKNOWNS])) {
+        self.lines(
+            columns,
+            #[inline(always)]
+            |start, line| {
+                for (n, pixel) in line.iter().enumerate() {
+                    each(start + n, pixel);
+                }
+            },
+        );
+    }
+
+    /// Calls `each(first place in the window, numbers of the pixels)` line by line.
+    #[inline(always)]
+    pub(crate) fn lines(&self, columns: usize, mut each: impl FnMut(usize, &[[f32; UNKNOWNS]])) {
+        let mut rest = self.pixels.as_slice();
+        for block in &self.blocks {
+            for row in 0..block.rows as usize {
+                let (line, behind) = rest.split_at(block.columns as usize);
+                each(block.start as usize + row * columns, line);
+                rest = behind;
+            }
+        }
+    }
+
+    /// Adds `sign` times the particle's light to a window.
+    pub(crate) fn add_to(&self, light: &mut [f32], columns: usize, sign: f32) {
+        self.lines(columns, |start, line| {
+            for (light, pixel) in light[start..start + line.len()].iter_mut().zip(line) {
+                *light += sign * pixel[COUNTS];
+            }
+        });
+    }
+
+    /// Whether the window sees nothing of it.
+    pub(crate) fn is_dark(&self) -> bool {
+        self.pixels.is_empty()
+    }
+
+    /// Scales the light.
+    pub(crate) fn scale(&mut self, factor: f32) {
+        self.factor *= f64::from(factor);
+        self.pixels.iter_mut().for_each(|pixel| pixel.iter_mut().for_each(|value| *value *= factor));
+    }
+}

@@ -1,0 +1,6 @@
+//! In: the particles and their cameras. Out: the unknowns that all particles share: size and drift of one camera, light
+//! and pose of a further one.
+//! First file to open: `shape_fit.rs`.
+
+pub mod align;
+pub mod shape_fit;

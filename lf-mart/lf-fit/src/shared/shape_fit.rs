@@ -1,0 +1,275 @@
+//! Fits the unknowns that all particles share, their size and the drift of the lattice. The particles that a part of
+//! one camera's sensor sees are fitted along with them.
+
+use crate::cameras::shape::{Free, SHAPES, Shape};
+use crate::cameras::view::Cameras;
+use crate::model::buffers::FitBuffers;
+use crate::model::particle_image::{ParticleImage, Quantities, UNKNOWNS};
+use crate::model::window::{Part, Window};
+use crate::particle::Particle;
+use crate::solve::joint::{DAMPING, LEAST_DAMPING, LESS, MORE};
+use crate::solve::normal::{DEEP, Normal, cholesky, conjugate_gradients};
+use lf_core::Refusal;
+use lf_core::linear::{inverse_column, solve};
+use lf_core::particle_image::{PLACES, Patch, QUANTITIES, Scratch};
+use rayon::prelude::*;
+
+/// Particles that are rendered before their derivatives are added up; bounds the memory.
+const AT_ONCE: usize = 64;
+/// Longest step, pixels.
+const STEP_PX: f64 = 0.1;
+/// Largest number of steps.
+const STEPS: usize = 10;
+/// The fit ends if a step needs more damping than this.
+const MOST_DAMPING: f64 = 10.0;
+/// The fit ends if every unknown moves by less than this share of its uncertainty.
+const ENOUGH: f64 = 0.2;
+/// Number of particles seen by the part of the sensor from which the shape is found, and its smallest side, pixels.
+const SAMPLE: f64 = 200.0;
+const SAMPLE_PX: f64 = 200.0;
+/// The shape's fit leaves out pixels where the light of particles near focus exceeds this share of the noise, and those
+/// where the image differs by more than this number of standard deviations: particles may be missing there.
+const STRAY: f32 = 0.5;
+const OUTLIER: f32 = 8.0;
+/// The shape's fit leaves out particles nearer to focus than this share of the scan's depths.
+const TOO_NEAR: f64 = 0.6;
+
+/// The result of a fit of the shape.
+pub(crate) struct FoundShape {
+    pub(crate) shape: Shape,
+    /// Standard uncertainties of the size and of both drifts, pixels.
+    pub(crate) std_px: [f64; SHAPES],
+    /// Whether the last step was below the uncertainty.
+    pub(crate) is_settled: bool,
+}
+
+/// A part of one camera's sensor, and the particles that it sees. Pixels of the window that are left out are blind. Its
+/// light is that of the particles that are held.
+pub(crate) struct Sample<'a> {
+    /// A list of the one camera.
+    cameras: Cameras<'a>,
+    window: Window,
+    particles: Vec<Particle>,
+    free: Free,
+}
+
+/// Side of a square, px, that holds about [`SAMPLE`] of the frame's `particles`.
+pub(crate) fn sample_side(size: [usize; 2], particles: usize, reach_px: usize) -> usize {
+    let area = (size[0] * size[1]) as f64 / particles.max(1) as f64;
+    ((SAMPLE * area).sqrt() - 2.0 * reach_px as f64).max(SAMPLE_PX) as usize
+}
+
+impl<'a> Sample<'a> {
+    /// The middle of the first camera's sensor. None if it sees no particle.
+    pub(crate) fn new(
+        cameras: &Cameras<'a>,
+        particles: &[Particle],
+        reach_px: usize,
+        free: Free,
+    ) -> Result<Option<Self>, Refusal> {
+        let view = cameras.first();
+        let own = Cameras { views: vec![view.reshaped(view.shape, view.depth_mm)?] };
+
+        // Cut out the middle of the sensor, with a margin that its particles may light.
+        let size = view.size();
+        let side = sample_side(size, particles.len(), reach_px);
+        let part = size.map(|whole| [whole.saturating_sub(side) / 2, (whole + side.min(whole)).div_ceil(2)]);
+        let low = part.map(|[low, _]| low.saturating_sub(reach_px));
+        let high = [0, 1].map(|axis| (part[axis][1] + reach_px).min(size[axis]));
+        let mut window = Window::cut(&cameras.views[..1], &[[low, high]]);
+
+        // Hold the particles near focus, unless they are the majority.
+        let sees = |particle: &&Particle| {
+            let place = view.model.chief_px(particle.place_mm);
+            let reach = view.model.reach_px(particle.place_mm[2]);
+            (0..2).all(|axis| place[axis] > part[axis][0] as f64 - reach && place[axis] < part[axis][1] as f64 + reach)
+        };
+        let too_near = TOO_NEAR * view.near_focus_mm();
+        let seen: Vec<Particle> = particles.iter().filter(sees).copied().collect();
+        let is_near = |particle: &Particle| particle.place_mm[2].abs() < too_near;
+        let (near, far): (Vec<Particle>, Vec<Particle>) = seen.iter().partition(|particle| is_near(particle));
+        let (held, particles) = if far.len() > near.len() { (near, far) } else { (Vec::new(), seen) };
+        let mut stray = vec![0f32; window.seen.len()];
+        let mut scratch = Scratch::default();
+        for particle in &held {
+            let image = ParticleImage::new(&own, particle, &window, &mut scratch);
+            image.add_to(&mut stray, window.columns, 1.0);
+        }
+
+        // Leave out the margin, the light of what is held, and outliers.
+        for (n, (light, stray)) in window.light.iter_mut().zip(&stray).enumerate() {
+            let place = [low[0] + n % window.columns, low[1] + n / window.columns];
+            let is_beyond = (0..2).any(|axis| !(part[axis][0]..part[axis][1]).contains(&place[axis]));
+            let noise = view.noise.variance(*light).sqrt();
+            let seen = &mut window.seen[n];
+            if is_beyond || *stray > STRAY * noise || (*seen - *light).abs() > OUTLIER * noise {
+                *seen = f32::NAN;
+            }
+            *light = *stray;
+        }
+        Ok((!particles.is_empty()).then_some(Self { cameras: own, window, particles, free }))
+    }
+
+    /// Fits shape and particles.
+    pub(crate) fn fit(mut self) -> Result<FoundShape, Refusal> {
+        let mut buffers = FitBuffers::default();
+        let mut state = self.state(&self.cameras, &mut buffers);
+        let mut damping = DAMPING;
+        let mut std = [f64::INFINITY; SHAPES];
+        let mut is_settled = false;
+        for _ in 0..STEPS {
+            let Step { shape: step, moves, std: found } = self.step(&state, damping, &mut buffers);
+            if !step.iter().all(|step| step.is_finite()) {
+                damping *= MORE;
+                continue;
+            }
+            std = found;
+
+            // Take the step, with a model of the new shape.
+            let view = self.cameras.first();
+            let next_cameras = Cameras { views: vec![view.reshaped(view.shape.moved(step), view.depth_mm)?] };
+            let old = self.particles.clone();
+            self.particles = old.iter().zip(&moves).map(|(one, step)| next_cameras.moved(one, step)).collect();
+            let next = self.state(&next_cameras, &mut buffers);
+            let gain = state.deviance - next.deviance;
+            is_settled = step.iter().zip(&std).all(|(step, std)| step.abs() <= ENOUGH * std);
+
+            // Keep a step that helps. Otherwise, try a shorter one.
+            if gain > 0.0 {
+                (self.cameras, state) = (next_cameras, next);
+                damping = (damping * LESS).max(LEAST_DAMPING);
+            } else {
+                self.particles = old;
+                damping *= MORE;
+            }
+            if is_settled || damping > MOST_DAMPING {
+                break;
+            }
+        }
+        Ok(FoundShape { shape: self.cameras.first().shape, std_px: std, is_settled })
+    }
+
+    /// Renders the particles.
+    fn state(&self, cameras: &Cameras, buffers: &mut FitBuffers) -> State {
+        let mut by_shape = vec![[0f32; SHAPES]; self.window.seen.len()];
+        let mut images = Vec::with_capacity(self.particles.len());
+        for particles in self.particles.chunks(AT_ONCE) {
+            let rendered: Vec<(ParticleImage, Vec<Slopes>)> = particles
+                .par_iter()
+                .map_init(Scratch::default, |scratch, particle| self.render(cameras, particle, scratch))
+                .collect();
+            for (image, pixels) in rendered {
+                for (n, slopes) in pixels {
+                    (0..SHAPES).for_each(|k| by_shape[n as usize][k] += slopes[k]);
+                }
+                images.push(image);
+            }
+        }
+        let deviance = cameras.deviance(&self.window, images.iter(), buffers);
+        State { images, by_shape, deviance }
+    }
+
+    /// The image of a particle, and the derivatives of its counts by the shape, by pixel of the window.
+    fn render(&self, cameras: &Cameras, particle: &Particle, scratch: &mut Scratch) -> (ParticleImage, Vec<Slopes>) {
+        let Part { left, top, columns, rows, .. } = self.window.parts[0];
+        let scale = Shape::scales(cameras.first().camera).map(|scale| particle.light * scale);
+        let mut slopes = Vec::new();
+        let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
+            for (n, pixel) in pixels.iter().enumerate() {
+                let column = patch.column as usize + n % patch.columns as usize;
+                let row = patch.row as usize + n / patch.columns as usize;
+                if (left..left + columns).contains(&column) && (top..top + rows).contains(&row) {
+                    let at = (row - top) * columns + column - left;
+                    slopes.push((at as u32, std::array::from_fn(|k| (scale[k] * pixel[PLACES + k]) as f32)));
+                }
+            }
+        };
+        let image = ParticleImage::render(cameras, particle, &self.window, scratch, Quantities::All(&mut take));
+        (image, slopes)
+    }
+
+    /// The step of the shape and those of the particles, from equations of the shape bordered by the particles'.
+    fn step(&self, state: &State, damping: f64, buffers: &mut FitBuffers) -> Step {
+        let columns = self.window.columns;
+        buffers.paint(state.images.iter(), columns);
+        self.cameras.weigh(&self.window, buffers);
+        let normal = Normal::new(state.images.iter(), columns, buffers);
+        // Sum up the equations of the shape, and those that mix it with each particle.
+        let mut matrix = [[0f64; SHAPES]; SHAPES];
+        let mut gradient = [0f64; SHAPES];
+        for n in &buffers.touched {
+            let n = *n as usize;
+            let slopes = state.by_shape[n].map(f64::from);
+            for a in 0..SHAPES {
+                gradient[a] += slopes[a] * f64::from(buffers.residual[n]);
+                (0..SHAPES).for_each(|b| matrix[a][b] += f64::from(buffers.weight[n]) * slopes[a] * slopes[b]);
+            }
+        }
+        let mixed: [Vec<[f64; UNKNOWNS]>; SHAPES] = std::array::from_fn(|a| self.mixed(state, a, buffers));
+        // Eliminate the particles.
+        let own = conjugate_gradients(&normal, &normal.gradient, damping, DEEP);
+        // Unfinished solutions make the shape's steps shorter, never longer.
+        let solved: [Vec<[f64; UNKNOWNS]>; SHAPES] =
+            std::array::from_fn(|a| conjugate_gradients(&normal, &mixed[a], damping, DEEP));
+        buffers.wipe();
+        let dot = |a: &[[f64; UNKNOWNS]], b: &[[f64; UNKNOWNS]]| -> f64 {
+            a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
+        };
+        let is_free = self.free.shapes();
+        let mut system = [0f64; SHAPES * SHAPES];
+        let mut step = [0f64; SHAPES];
+        for a in 0..SHAPES {
+            step[a] = if is_free[a] { gradient[a] - dot(&mixed[a], &own) } else { 0.0 };
+            for b in 0..SHAPES {
+                system[a * SHAPES + b] = match (is_free[a] && is_free[b], a == b) {
+                    (true, _) => matrix[a][b] - dot(&mixed[a], &solved[b]),
+                    (false, true) => 1.0,
+                    (false, false) => 0.0,
+                };
+            }
+        }
+        cholesky(&mut system, SHAPES);
+        solve(&system, &mut step);
+        // Move the particles along with the step that is taken.
+        step.iter_mut().for_each(|step| *step = step.clamp(-STEP_PX, STEP_PX));
+        let std = std::array::from_fn(|a| {
+            let variance = inverse_column(&system, SHAPES, a)[a];
+            if is_free[a] { variance.sqrt() } else { 0.0 }
+        });
+        let moves = (0..own.len())
+            .map(|n| std::array::from_fn(|k| own[n][k] - (0..SHAPES).map(|a| solved[a][n][k] * step[a]).sum::<f64>()))
+            .collect();
+        Step { shape: step, moves, std }
+    }
+
+    /// Products of the derivatives by one part of the shape with those of each particle.
+    fn mixed(&self, state: &State, part: usize, buffers: &FitBuffers) -> Vec<[f64; UNKNOWNS]> {
+        let one = |image: &ParticleImage| {
+            let mut sum = [0f64; UNKNOWNS];
+            image.pixels(self.window.columns, |n, pixel| {
+                let weighed = buffers.weight[n] * state.by_shape[n][part];
+                (0..UNKNOWNS).for_each(|k| sum[k] += f64::from(weighed * pixel[k]));
+            });
+            sum
+        };
+        state.images.iter().map(one).collect()
+    }
+}
+
+/// A pixel of the window, and the derivatives of its counts by the shape.
+type Slopes = (u32, [f32; SHAPES]);
+
+/// A step of the shape, those of the particles, and the standard uncertainties of the shape.
+struct Step {
+    shape: [f64; SHAPES],
+    moves: Vec<[f64; UNKNOWNS]>,
+    std: [f64; SHAPES],
+}
+
+/// A rendered sample.
+struct State {
+    images: Vec<ParticleImage>,
+    /// Derivatives of each pixel's counts by the shape.
+    by_shape: Vec<[f32; SHAPES]>,
+    deviance: f64,
+}

@@ -1,0 +1,434 @@
+//! The recipe of the fit: from images and volumes to particles, over a list of cameras.
+//!
+//! Each camera is fitted alone first. Where there are several, a second fit of the same stages begins at the particles
+//! that they found, with all cameras in its list. Where two cameras look along different axes, the depth of one is
+//! sideways for the other: matched particles begin where both agree.
+
+use crate::cameras::input::CameraInput;
+use crate::cameras::matching;
+use crate::cameras::noise::{KnownNoise, Noise};
+use crate::cameras::shape::{Free, Shape};
+use crate::cameras::view::{BEYOND_PX, CameraView, Cameras, depths_mm};
+use crate::model::buffers::FitBuffers;
+use crate::model::window::Window;
+use crate::particle::{FoundParticle, Particle};
+use crate::search::candidates;
+use crate::search::changes::Criteria;
+use crate::search::particles::{Members, Particles};
+use crate::search::tile_fit::{Changed, TileFit};
+use crate::search::tiles::Tile;
+use crate::shared::align::align;
+use crate::shared::shape_fit::Sample;
+use crate::solve::covariance::Prior;
+use crate::solve::joint::StopRule;
+use lf_core::Refusal;
+use lf_core::camera::Pose;
+
+/// The options of a fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitOptions {
+    /// The first shape.
+    pub shape: Shape,
+    /// The shared unknowns that are fitted.
+    pub free: Free,
+    /// Known parts of the noise.
+    pub noise: KnownNoise,
+    /// Largest number of rounds of drop, split and add.
+    pub rounds: usize,
+}
+
+/// Changes that were kept.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Changes {
+    /// Particles that were dropped.
+    pub dropped: usize,
+    /// Particles that were split.
+    pub split: usize,
+    /// Particles that were added, or moved by a scan.
+    pub added: usize,
+    /// Fall of -2 log L.
+    pub gain: f64,
+}
+
+/// A step of the fit, for reports.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Progress {
+    /// The number of the camera that is fitted alone. None if all are fitted.
+    pub camera: Option<usize>,
+    /// Name of the step.
+    pub what: &'static str,
+    /// Number of particles.
+    pub particles: usize,
+    /// The changes by the step.
+    pub changes: Changes,
+    /// Mean squared difference over variance where light is expected.
+    pub misfit: f64,
+    /// Size and drift of the first camera.
+    pub shape: Shape,
+    /// Noise of the first camera.
+    pub noise: Noise,
+}
+
+/// The result of a fit.
+#[derive(Debug, Clone)]
+pub struct Fit<'a> {
+    /// The particles in the frame of the first camera, by rising rows of their chief rays' tiles.
+    pub particles: Vec<FoundParticle>,
+    /// The cameras, the first one first.
+    pub cameras: Vec<CameraView<'a>>,
+    /// Mean squared difference over variance where light is expected.
+    pub misfit: f64,
+}
+
+/// Differences between the stages of one camera and those of several.
+#[derive(Debug)]
+struct Schedule {
+    /// Number of passes over the tiles that share the light out among the first particles.
+    light_passes: usize,
+    /// Names of the first fits of all particles. They end earlier if the shared unknowns are settled.
+    first_fits: &'static [&'static str],
+    /// Name of a round, and the smallest number of rounds.
+    round: &'static str,
+    least_rounds: usize,
+    /// Name of the last change.
+    last_change: &'static str,
+    /// Whether the last change scans. It takes long, and several cameras have no blind depths.
+    scans: bool,
+}
+
+const ALONE: Schedule = Schedule {
+    light_passes: 2,
+    first_fits: &["first fit", "fit", "fit"],
+    round: "round",
+    least_rounds: 2,
+    last_change: "scan",
+    scans: true,
+};
+const TOGETHER: Schedule = Schedule {
+    light_passes: 1,
+    first_fits: &["first fit together", "fit together"],
+    round: "round together",
+    least_rounds: 1,
+    last_change: "pairs together",
+    scans: false,
+};
+
+/// Rounds of expectation maximisation in a pass, and the light of the faintest particle that is kept, in medians.
+const LIGHT_ROUNDS: usize = 15;
+const FAINTEST: f64 = 0.02;
+/// Steps of a fit of all particles: of the first ones, of one in a round, and of the last one.
+const FIRST_STEPS: usize = 3;
+const ROUND_STEPS: usize = 6;
+const LAST_STEPS: usize = 8;
+/// A step of a tile that lowers -2 log L by less than this for each particle is the last.
+const SWEEP_GAIN: f64 = 0.03;
+/// Smallest fall of -2 log L for another particle: five standard deviations.
+const GAIN: f64 = 25.0;
+/// Number of rounds that try again the candidates that were not kept.
+const ADD_ROUNDS: usize = 2;
+/// Rounds end when they change less than this share of the particles.
+const QUIET: f64 = 0.005;
+
+/// Fits particles to the images of one or several cameras. Calls `on_step` after each step. A refusal comes with the
+/// number of its camera.
+///
+/// Refuses a volume without maxima, an image without light, and what [`lf_core::particle_image::ParticleModel::new`]
+/// refuses.
+pub fn fit<'a>(
+    inputs: &'a [CameraInput],
+    options: &FitOptions,
+    mut on_step: impl FnMut(&Progress),
+) -> Result<Fit<'a>, (usize, Refusal)> {
+    let mut alone = Vec::new();
+    for (n, input) in inputs.iter().enumerate() {
+        let fitted = start_alone(input, options).and_then(|particles| {
+            let camera = (inputs.len() > 1).then_some(n);
+            Stages::new(particles, camera, options, &ALONE, &mut on_step).run()
+        });
+        alone.push(fitted.map_err(|refusal| (n, refusal))?);
+    }
+    if alone.len() == 1 {
+        return Ok(alone.remove(0));
+    }
+    let particles = start_together(alone)?;
+    let held = FitOptions { free: Free { size: false, drift: false, ..options.free }, ..*options };
+    Stages::new(particles, None, &held, &TOGETHER, &mut on_step).run().map_err(|refusal| (0, refusal))
+}
+
+/// One camera and the maxima of its volume.
+pub(crate) fn start_alone<'a>(input: &'a CameraInput, options: &FitOptions) -> Result<Particles<'a>, Refusal> {
+    // Find the candidates.
+    let (camera, image) = (&input.camera, &input.image.pixels);
+    let (grid, indices, intensity) = input.voxels();
+    let mut list = candidates::maxima(grid, indices, intensity);
+    Refusal::unless(!list.is_empty(), || "no voxel is brighter than its neighbours", "wanted a volume of particles")?;
+
+    // Scale their light to the image. That of the volume has no fixed scale.
+    let seen: f64 = image.iter().filter(|v| !v.is_nan()).map(|v| f64::from(v.max(0.0))).sum();
+    let sum: f64 = list.iter().map(|particle| particle.light).sum();
+    list.iter_mut().for_each(|particle| particle.light *= seen / sum);
+    let noise = Noise::first(image.view(), options.noise)?;
+    let view = CameraView::new(camera, image, options.shape, depths_mm(camera, grid), noise)?;
+    Particles::new(Cameras { views: vec![view] }, list)
+}
+
+/// All cameras, and the particles that each found alone, merged.
+fn start_together(alone: Vec<Fit>) -> Result<Particles, (usize, Refusal)> {
+    // Merge the particles in the frame of the first camera.
+    let (first, pixel_mm) = (alone[0].cameras[0].camera, alone[0].cameras[0].pixel_mm);
+    let mut list = matching::placed(&alone[0].particles, &Pose::default());
+    let mut views = Vec::new();
+    for (n, Fit { particles, cameras, .. }) in alone.into_iter().enumerate() {
+        let mut view = cameras.into_iter().next().expect("a fit has a camera");
+        view.particles_alone = particles.len();
+        if n > 0 {
+            view.pose = Pose::between(first.pose.as_ref(), view.camera.pose.as_ref());
+            let other = matching::placed(&particles, &view.pose);
+            let lost =
+                || Refusal::new("shares no particle with the cameras before it", "wanted the pose of the camera");
+            let shared = matching::merge(&mut list, &other, pixel_mm).ok_or_else(|| (n, lost()))?;
+            (view.light, view.shared) = (shared.light, shared.pairs);
+        }
+        views.push(view);
+    }
+
+    // Widen the depths of each camera to those of all particles.
+    let list = matching::particles(&list);
+    join(views, list)
+}
+
+/// Cameras that see particles together. Each sees the depths of its own volume and those of the particles.
+pub(crate) fn join<'a>(mut views: Vec<CameraView<'a>>, list: Vec<Particle>) -> Result<Particles<'a>, (usize, Refusal)> {
+    let beyond = BEYOND_PX * views[0].pixel_mm;
+    for (n, view) in views.iter_mut().enumerate() {
+        let depth_mm = list.iter().fold(view.depth_mm, |[low, high], particle| {
+            let z = view.pose.to_camera(particle.place_mm)[2];
+            [low.min(z - beyond), high.max(z + beyond)]
+        });
+        let expected = std::mem::take(&mut view.expected);
+        *view = view.reshaped(view.shape, depth_mm).map_err(|refusal| (n, refusal))?;
+        view.expected = expected;
+    }
+    Particles::new(Cameras { views }, list).map_err(|refusal| (0, refusal))
+}
+
+/// A fit at work.
+struct Stages<'a, 'o> {
+    particles: Particles<'a>,
+    /// The number of the camera that is fitted alone.
+    camera: Option<usize>,
+    options: &'o FitOptions,
+    schedule: &'static Schedule,
+    on_step: &'o mut dyn FnMut(&Progress),
+    prior: Prior,
+    /// Candidates that were not kept.
+    candidates: Vec<Particle>,
+    /// Whether the shape has moved since all particles were fitted.
+    is_stale: bool,
+}
+
+impl<'a, 'o> Stages<'a, 'o> {
+    fn new(
+        particles: Particles<'a>,
+        camera: Option<usize>,
+        options: &'o FitOptions,
+        schedule: &'static Schedule,
+        on_step: &'o mut dyn FnMut(&Progress),
+    ) -> Self {
+        let first = particles.cameras.first();
+        let (pitch_px, [low, high]) = (first.camera.pitch_px(), first.depth_mm);
+        let prior = Prior([pitch_px, pitch_px, (high - low) / first.pixel_mm, 1.0]);
+        Self { particles, camera, options, schedule, on_step, prior, candidates: Vec::new(), is_stale: false }
+    }
+
+    /// The stages in their order.
+    fn run(mut self) -> Result<Fit<'a>, Refusal> {
+        let Schedule { first_fits, round: name, least_rounds, .. } = *self.schedule;
+        self.share_light();
+        align(&mut self.particles, self.prior, false);
+        for what in first_fits {
+            self.fit(what, FIRST_STEPS);
+            self.find_noise();
+            let is_settled = self.fit_shape()?;
+            self.align();
+            if is_settled && self.is_alone() {
+                break;
+            }
+        }
+        self.particles.wake_where(|_| true);
+        for round in 0..self.options.rounds {
+            let changes = self.round(round);
+            self.find_noise();
+            self.align();
+            self.report(name, changes);
+            let count = changes.dropped + changes.split + changes.added;
+            if round + 1 >= least_rounds && (count as f64) < QUIET * self.particles.list.len() as f64 {
+                break;
+            }
+        }
+        self.fit_shape()?;
+        if self.is_stale {
+            self.fit("fit", ROUND_STEPS);
+        }
+        self.last_change();
+        self.find_noise();
+        self.align();
+        Ok(self.end())
+    }
+
+    /// Whether the list has one camera.
+    fn is_alone(&self) -> bool {
+        self.particles.cameras.views.len() == 1
+    }
+
+    /// Shares the light of the images out among the candidates, and drops the faint ones.
+    fn share_light(&mut self) {
+        let particles = &mut self.particles;
+        particles.render();
+        for _ in 0..self.schedule.light_passes {
+            particles.share_light(LIGHT_ROUNDS);
+        }
+        let least = FAINTEST * particles.usual_light();
+        let (kept, faint) = particles.list.iter().partition(|particle| particle.light > least);
+        self.candidates = faint;
+        particles.set(kept);
+        particles.render();
+    }
+
+    /// Fits all particles.
+    fn fit(&mut self, what: &'static str, steps: usize) {
+        let gain = self.particles.sweep(StopRule { steps, gain: SWEEP_GAIN });
+        self.is_stale = false;
+        self.report(what, Changes { gain, ..Changes::default() });
+    }
+
+    /// Fits the shape of the first camera. Returns whether the fit came to its end.
+    fn fit_shape(&mut self) -> Result<bool, Refusal> {
+        let Particles { cameras, list, reach_px, .. } = &self.particles;
+        if !self.options.free.shapes().contains(&true) {
+            return Ok(true);
+        }
+        let Some(sample) = Sample::new(cameras, list, *reach_px, self.options.free)? else { return Ok(true) };
+        let found = sample.fit()?;
+        if found.shape.is_beyond(&cameras.first().shape, found.std_px) {
+            self.particles.is_whole.fill(false);
+            self.is_stale = true;
+        }
+        self.particles.cameras.views[0].set_shape(found.shape, found.std_px)?;
+        self.particles.render();
+        self.report("size and drift", Changes::default());
+        Ok(found.is_settled)
+    }
+
+    /// Fits light and pose of further cameras.
+    fn align(&mut self) {
+        align(&mut self.particles, self.prior, self.options.free.pose);
+    }
+
+    fn find_noise(&mut self) {
+        for view in &mut self.particles.cameras.views {
+            view.noise = Noise::found(&mut view.noise_pairs(), self.options.noise).unwrap_or(view.noise);
+        }
+    }
+
+    fn criteria(&self) -> Criteria {
+        let first = self.particles.cameras.first();
+        Criteria {
+            gain: GAIN * self.particles.cameras.misfit().max(1.0),
+            usual_light: self.particles.usual_light(),
+            lenslet_px: first.camera.pitch_px(),
+            near_mm: first.near_focus_mm(),
+            prior: self.prior,
+        }
+    }
+
+    /// Runs `work` on the tiles with particles that are awake. Afterwards, those that it changed and those near them
+    /// are awake. Returns the sum of the changes.
+    fn change(&mut self, work: impl Fn(&mut TileFit) -> Changes + Sync) -> Changes {
+        let mut sum = Changes::default();
+        let task = |all: &Particles, window: &mut Window, tile: &Tile, members: Members, buffers: &mut FitBuffers| {
+            let mut tile_fit = TileFit::new(all, window, tile, members, buffers);
+            let done = work(&mut tile_fit);
+            (done, tile_fit.changed())
+        };
+        let is_awake = self.particles.tiles_awake();
+        let mut places = vec![Vec::new(); is_awake.len()];
+        self.particles.each_tile(
+            |n| is_awake[n],
+            task,
+            |all, n, (done, mut changed): (Changes, Changed)| {
+                places[n] = std::mem::take(&mut changed.places);
+                sum.dropped += done.dropped;
+                sum.split += done.split;
+                sum.added += done.added;
+                sum.gain += done.gain;
+                all.take(&changed);
+            },
+        );
+        self.particles.forget();
+        self.particles.wake_near(&places);
+        if !self.is_alone() {
+            // Further cameras see tiles behind each other, and their poses move between rounds.
+            let has_changed = sum.dropped + sum.split + sum.added > 0;
+            self.particles.wake_where(|_| has_changed);
+        }
+        sum
+    }
+
+    /// Drop, split, add.
+    fn round(&mut self, round: usize) -> Changes {
+        let criteria = self.criteria();
+        let candidates = self.candidates_by_tile(round < ADD_ROUNDS);
+        // A round fits the particles that are awake first.
+        self.is_stale &= self.particles.is_awake.contains(&false);
+        self.change(|tile| {
+            let gain = tile.fit(StopRule { steps: ROUND_STEPS, gain: SWEEP_GAIN });
+            let dropped = tile.drop_weak(&criteria, false);
+            let split = tile.split(&criteria);
+            let added = tile.add_candidates(&candidates[tile.place], round == 0, &criteria);
+            Changes { dropped, split, added, gain }
+        })
+    }
+
+    /// Candidates that were not kept, by tile. Empty unless they are `asked`.
+    fn candidates_by_tile(&self, asked: bool) -> Vec<Vec<Particle>> {
+        let tiling = self.particles.tiling();
+        let mut by_tile = vec![Vec::new(); tiling.tiles().len()];
+        for particle in self.candidates.iter().filter(|_| asked) {
+            by_tile[tiling.tile_of(&self.particles.cameras, particle)].push(*particle);
+        }
+        by_tile
+    }
+
+    /// One camera: scans near focus and drops what that makes spare. Several: drops pairs, and fits all again.
+    fn last_change(&mut self) {
+        let criteria = self.criteria();
+        let (rounds, scans) = (self.options.rounds, self.schedule.scans);
+        self.particles.wake_where(|_| true);
+        let changes = self.change(|tile| {
+            // A scan takes long: without rounds, drop noise first.
+            let weak = if scans && rounds == 0 { tile.drop_weak(&criteria, false) } else { 0 };
+            let added = if scans { tile.scan(&criteria) } else { 0 };
+            let dropped = weak + tile.drop_weak(&criteria, true);
+            let rule = StopRule { steps: LAST_STEPS, gain: SWEEP_GAIN };
+            let gain = if scans { 0.0 } else { tile.fit(rule) };
+            Changes { dropped, split: 0, added, gain }
+        });
+        self.report(self.schedule.last_change, changes);
+    }
+
+    fn report(&mut self, what: &'static str, changes: Changes) {
+        let Particles { cameras, list, .. } = &self.particles;
+        let CameraView { shape, noise, .. } = *cameras.first();
+        let (camera, misfit) = (self.camera, cameras.misfit());
+        (self.on_step)(&Progress { camera, what, particles: list.len(), changes, misfit, shape, noise });
+    }
+
+    /// Fits all particles to the end, and finds all uncertainties.
+    fn end(mut self) -> Fit<'a> {
+        self.fit("last fit", LAST_STEPS);
+        self.particles.wake_where(|_| true);
+        let (particles, misfit) = (self.particles.uncertainties(self.prior), self.particles.cameras.misfit());
+        Fit { particles, cameras: self.particles.cameras.views, misfit }
+    }
+}

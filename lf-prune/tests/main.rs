@@ -1,0 +1,3 @@
+//! Black-box tests of lf-prune: a rendered scene pruned to its particles, and the command line.
+
+mod support;

@@ -1,0 +1,76 @@
+//! The support of a rendered scene, refusals, and the same bytes for any number of threads.
+
+use lf_core::Volume;
+use lf_tests::{Call, Workbench};
+
+const CALL: &str = "scene/frame-0000.exr -c scene/camera.json --pvr 2,2,20 --depth -5,5";
+
+/// A frame of a small scene.
+fn bench() -> Workbench {
+    let bench = Workbench::new(env!("CARGO_BIN_EXE_lf-prune"));
+    let small = [
+        "camera.sensor.width=308",
+        "camera.sensor.height=308",
+        "volume.x_mm=[-0.385,0.385]",
+        "volume.y_mm=[-0.385,0.385]",
+        "particles.per_lenslet=0.3",
+        "particles.rays=20000",
+        "frames=1",
+    ];
+    bench.scene("demo", &small);
+    Call::new("lf-synth").within(bench.root()).words(["frames", "scene.json", "-o", "scene"]).run().done();
+    bench
+}
+
+#[test]
+fn a_scene_is_pruned_to_the_voxels_of_its_particles() {
+    let bench = bench();
+    bench.done(&format!("{CALL} --truth scene/particles.csv --stats stats.json -o support.lfv -q"));
+    let stats = bench.json("stats.json");
+    let counts = &stats["counts"];
+    let volume = Volume::open(&bench.path("support.lfv")).unwrap();
+    let grid = volume.grid();
+    // A pixel is 0.0055 mm, and the magnification of the scene is 1.
+    assert_eq!(grid.spacing_mm.map(|side| (1e6 * side).round() * 1e-6), [0.011, 0.011, 0.11]);
+    assert_eq!(counts["voxels"], grid.len());
+    assert_eq!(counts["lost_particles"], 0);
+    assert!(counts["particles"].as_u64().unwrap() > 10, "{counts}");
+    let (kept, all) = (counts["kept"].as_u64().unwrap(), grid.len());
+    assert!(kept > 4000 && kept < all / 150, "{kept} of {all}");
+    // Keep all voxels that can be seen.
+    bench.done(&format!("{CALL} --keep-all --stats stats.json -o whole.lfv -q"));
+    let seen = bench.json("stats.json")["counts"]["kept"].as_u64().unwrap();
+    assert!(seen > all / 10 * 9, "{seen} of {all}");
+    // Compare with the estimate from a few slices.
+    let estimate = bench.done(&format!("{CALL} --estimate")).json();
+    let expected = estimate["kept"].as_f64().unwrap();
+    assert!((expected / kept as f64 - 1.0).abs() < 0.4, "{expected} expected, {kept} kept");
+}
+
+#[test]
+fn calls_without_a_sense_are_refused() {
+    let bench = bench();
+    let refused = |words: &str, message: &str| bench.refused(&format!("{CALL} {words} -o out.lfv"), &[message]);
+    refused("--bounds 1,0,0,1", "--bounds: 1,0,0,1; wanted the lower number of each side first");
+    refused("--threshold 2", "--threshold: 2; wanted a share, 0 to 1");
+    refused("--sections 1", "--sections: 1; wanted 2 to 64");
+    refused("--tile 5/4", "--tile");
+    refused("-b scene/camera.json", "scene/camera.json");
+    bench.refused(&format!("{CALL} -o scene/camera.json"), &["scene/camera.json"]);
+    bench.refused("scene/frame-0000.exr -c scene/frame-0000.exr --depth -5,5 -o out.lfv", &["frame-0000.exr"]);
+    refused("-b scene/frame-0000.exr", "no voxel survives pruning: the image is black");
+    assert!(!bench.path("out.lfv").exists(), "a refusal leaves no file");
+}
+
+#[test]
+fn threads_and_pipes_change_no_byte() {
+    let bench = bench();
+    for words in ["", "--tile 2/4", "--score quantile --sections 7"] {
+        let run = |threads: u32, output: &str| bench.done(&format!("{CALL} {words} --threads {threads} -q {output}"));
+        let one = run(1, "").stdout;
+        assert!(one.len() > 10_000, "{words}: {} bytes", one.len());
+        assert!(run(4, "").stdout == one, "{words}");
+        run(4, "-o support.lfv");
+        assert!(bench.bytes("support.lfv") == one, "{words}");
+    }
+}
