@@ -9,6 +9,9 @@
 //! the frame and its signs are in [`crate::optics`]. Directions in a camera (the lattice's turn and offset, tilt,
 //! distortion, centres) are along the sensor's axes: x along the columns, y along the rows, downwards.
 //!
+//! `blur` is light that a sharp camera would put elsewhere: [`Blur`]. lf-synth renders it, and the images of particles
+//! have it; the weights of voxels do not.
+//!
 //! `frame` is `right-handed` in every file that the tools write. A camera without it is read too, so that a data sheet
 //! may be typed in without it and cameras of lf 0.1.0 keep their worth: no key depends on where X points.
 //!

@@ -46,6 +46,9 @@ pub(super) struct Mean {
     /// Second derivatives: xx, xy, yy.
     pub(super) curve: [f64; 3],
     pub(super) by_size: f64,
+    /// Derivatives of slope and curvature by the size of the spot; 0 where they are not asked for.
+    pub(super) slope_by_size: [f64; 2],
+    pub(super) curve_by_size: [f64; 3],
 }
 
 /// How the blur widens a particle's spot on the array.
@@ -80,6 +83,11 @@ impl SensorBlur {
         let sigma_px = camera.blur_core_px();
         let share = Halo::new(camera).map_or(1.0, |halo| halo.middle_share());
         (sigma_px > 0.0).then(|| Self { sigma_px, share, bell: Bell::new() })
+    }
+
+    /// Pixels beyond a sharp image that light reaches.
+    pub(super) fn reach_px(&self) -> f64 {
+        REACH * self.sigma_px
     }
 
     /// The spot of a particle on the array, widened by the blur. `px_by_stop` is how many pixels a millimetre of the
@@ -151,9 +159,9 @@ impl<T: Listed> LensletImage<'_, T> {
                 let hit = |x: &Place| self.beam.hit(DVec2::new(x.u, y.u), half) - line.centre;
                 scratch.hits.extend(scratch.points[0].iter().map(hit));
             }
-            T::means_at(&tables.share, more_mm, scratch);
+            T::means_at::<N>(&tables.share, more_mm, scratch);
         } else {
-            T::means(tables, more_mm, widened.has_pixel, scratch);
+            T::means::<N>(tables, more_mm, widened.has_pixel, scratch);
         }
 
         // Multiply it by the share that the stop lets through.
@@ -241,13 +249,26 @@ impl Pixel {
         if N <= PLACES {
             return;
         }
-        out[4] = share * mean.by_size * widened.by_spot;
+        // The bump moves and narrows with the size of the spot, through both derivatives of the logarithm.
+        let per_level = 1.0 / mean.level;
+        let slope_by = (DVec2::from(mean.slope_by_size) - mean.by_size * slope) * per_level;
+        let [xx_by, _, yy_by] = mean.curve_by_size.map(|curve| curve * per_level);
+        let [raw_xx, _, raw_yy] = mean.curve.map(|curve| curve * per_level);
+        let curve_by = DVec2::new(
+            alpha.x * alpha.x * (xx_by - raw_xx * mean.by_size * per_level - 2.0 * slope.x * slope_by.x),
+            alpha.y * alpha.y * (yy_by - raw_yy * mean.by_size * per_level - 2.0 * slope.y * slope_by.y),
+        );
+        let by_bump =
+            inside.by_middle.dot(kernel * alpha * slope_by) + inside.by_variance.dot(kernel * kernel * curve_by);
+        let by_size = share * mean.by_size + level * by_bump;
+        out[4] = by_size * widened.by_spot;
+        out[3] += (by_size - share * mean.by_size) * widened.by_alpha;
         out[5] = by(x.x_by[2], 0.0, DVec2::new(x.u_by[2], 0.0));
         out[6] = by(0.0, y.x_by[2], DVec2::new(0.0, y.u_by[2]));
         let kernel_by = 2.0 * blur.sigma_px * per_slope * per_slope;
         let variance_by = kernel_by * (1.0 + 2.0 * kernel * curve);
         let by_inside = inside.by_middle.dot(kernel_by * alpha * slope) + inside.by_variance.dot(variance_by);
-        out[7] = share * mean.by_size * widened.by_blur + level * by_inside;
+        out[7] = by_size * widened.by_blur + level * by_inside;
     }
 
     /// The share of a normal bump that lies inside the stop; None if that is nothing.

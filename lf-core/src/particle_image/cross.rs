@@ -43,19 +43,24 @@ impl Cross {
     }
 }
 
+/// Value, slope and curvature, then their derivatives by the size.
+pub(super) type LineJet = [f64; 6];
+
 impl Line {
-    /// Value, slope, curvature and derivative by the size at a place.
+    /// Value, slope and curvature at a place, and their derivatives by the size.
     #[inline(always)]
-    pub(super) fn jet(&self, x: f64, more: f64) -> [f64; 4] {
+    pub(super) fn jet(&self, x: f64, more: f64) -> LineJet {
         let stencil = Stencil::new((x - self.low) * self.per_step, self.per_step, self.values.len());
         let (values, by_size) = (&self.values[stencil.first..][..4], &self.by_size[stencil.first..][..4]);
-        let mut jet = [0.0; 4];
+        let mut jet = [0.0; 6];
         for k in 0..4 {
             let value = values[k] + more * by_size[k];
             for order in 0..3 {
                 jet[order] += stencil.weights[order][k] * value;
             }
-            jet[3] += stencil.weights[0][k] * by_size[k];
+            for order in 0..3 {
+                jet[3 + order] += stencil.weights[order][k] * by_size[k];
+            }
         }
         jet
     }

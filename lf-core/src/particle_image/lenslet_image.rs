@@ -4,14 +4,14 @@ use super::axis::Axis;
 use super::beam::Beam;
 use super::blurred::Mean;
 use super::cell_surface::{REACH_SIGMA, Tables};
-use super::cross::{Cross, Read};
+use super::cross::{Cross, LineJet, Read};
 use super::factor::Factor;
 use super::lenslet_lines::LensletLine;
 use super::means;
 use super::place::{Place, width};
 use super::rim::{self, Side, Strip, Way};
 use super::share::Shared;
-use super::spline::{Spline, Stencil, Taps};
+use super::spline::{Jet, Spline, Stencil, Taps};
 use super::table::Table;
 use super::view::View;
 use glam::DVec2;
@@ -60,12 +60,12 @@ pub(super) trait Listed: Table {
 
     /// Fills the scratch's means: the cell's share over each pixel between the scratch's edges, or at its middle if the
     /// tables have the pixel's width already.
-    fn means(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch)
+    fn means<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch)
     where
         Self: Sized;
 
     /// The same at the scratch's hits on the array.
-    fn means_at(share: &Self, more_mm: f64, scratch: &mut Scratch);
+    fn means_at<const N: usize>(share: &Self, more_mm: f64, scratch: &mut Scratch);
 
     /// Adds the light up, pixel by pixel.
     fn integrate<const N: usize>(image: &LensletImage<'_, Self>, scratch: &mut Scratch, cut: Cut)
@@ -80,13 +80,13 @@ impl Listed for Spline {
     }
 
     #[inline(always)]
-    fn means(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
-        means::by_surface(tables, more_mm, has_pixel, scratch);
+    fn means<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+        means::by_surface::<N>(tables, more_mm, has_pixel, scratch);
     }
 
     #[inline(always)]
-    fn means_at(share: &Self, more_mm: f64, scratch: &mut Scratch) {
-        means::by_surface_at(share, more_mm, scratch);
+    fn means_at<const N: usize>(share: &Self, more_mm: f64, scratch: &mut Scratch) {
+        means::by_surface_at::<N>(share, more_mm, scratch);
     }
 
     #[inline(always)]
@@ -113,13 +113,13 @@ impl Listed for Cross {
     }
 
     #[inline(always)]
-    fn means(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
-        means::by_lines(tables, more_mm, has_pixel, scratch);
+    fn means<const N: usize>(tables: &Tables<Self>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+        means::by_lines::<N>(tables, more_mm, has_pixel, scratch);
     }
 
     #[inline(always)]
-    fn means_at(share: &Self, more_mm: f64, scratch: &mut Scratch) {
-        means::by_lines_at(share, more_mm, scratch);
+    fn means_at<const N: usize>(share: &Self, more_mm: f64, scratch: &mut Scratch) {
+        means::by_lines_at::<N>(share, more_mm, scratch);
     }
 
     #[inline(always)]
@@ -139,9 +139,9 @@ pub struct Scratch {
     pub(super) points: [Vec<Place>; 2],
     pub(super) means: Vec<Mean>,
     pub(super) hits: Vec<DVec2>,
-    pub(super) jets: [Vec<[f64; 4]>; 2],
+    pub(super) jets: [Vec<LineJet>; 2],
     pub(super) stencils: Vec<Stencil>,
-    pub(super) corners: [Vec<[f64; 7]>; 2],
+    pub(super) corners: [Vec<Jet>; 2],
     pub(super) factors: [Vec<Factor>; 2],
     pub(super) shared: Shared,
     taps: Lists<Taps>,

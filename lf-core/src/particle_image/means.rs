@@ -2,14 +2,19 @@
 
 use super::blurred::Mean;
 use super::cell_surface::Tables;
-use super::cross::Cross;
+use super::cross::{Cross, LineJet};
 use super::lenslet_image::Scratch;
-use super::spline::Spline;
+use super::spline::{Jet, Spline};
 
 /// For a cell of any shape. The mean is the second difference of the integral at the pixel's corners, or the share at
 /// its middle.
 #[inline(always)]
-pub(super) fn by_surface(tables: &Tables<Spline>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+pub(super) fn by_surface<const N: usize>(
+    tables: &Tables<Spline>,
+    more_mm: f64,
+    has_pixel: bool,
+    scratch: &mut Scratch,
+) {
     let Tables { share, integral, .. } = tables;
     let Scratch { edges, points, means, stencils, corners, .. } = scratch;
     means.clear();
@@ -17,7 +22,7 @@ pub(super) fn by_surface(tables: &Tables<Spline>, more_mm: f64, has_pixel: bool,
     if has_pixel {
         stencils.extend(points[0].iter().map(|point| share.stencil(0, point.x)));
         for y in points[1].iter().map(|point| share.stencil(1, point.x)) {
-            means.extend(stencils.iter().map(|x| mean(share.jet(x, &y, more_mm))));
+            means.extend(stencils.iter().map(|x| mean(share.jet::<N>(x, &y, more_mm))));
         }
         return;
     }
@@ -27,7 +32,7 @@ pub(super) fn by_surface(tables: &Tables<Spline>, more_mm: f64, has_pixel: bool,
         std::mem::swap(above, below);
         let y = integral.stencil(1, edge.x);
         below.clear();
-        below.extend(stencils.iter().map(|x| integral.jet(x, &y, more_mm)));
+        below.extend(stencils.iter().map(|x| integral.jet::<N>(x, &y, more_mm)));
         if row == 0 {
             continue;
         }
@@ -41,13 +46,14 @@ pub(super) fn by_surface(tables: &Tables<Spline>, more_mm: f64, has_pixel: bool,
 }
 
 #[inline(always)]
-fn mean([level, x, y, xx, xy, yy, by_size]: [f64; 7]) -> Mean {
-    Mean { level, slope: [x, y], curve: [xx, xy, yy], by_size }
+fn mean([level, x, y, xx, xy, yy, by_size, x_by, y_by, xx_by, xy_by, yy_by]: Jet) -> Mean {
+    let (slope_by_size, curve_by_size) = ([x_by, y_by], [xx_by, xy_by, yy_by]);
+    Mean { level, slope: [x, y], curve: [xx, xy, yy], by_size, slope_by_size, curve_by_size }
 }
 
 /// For a rectangle along the axes: a factor along x times one along y.
 #[inline(always)]
-pub(super) fn by_lines(tables: &Tables<Cross>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
+pub(super) fn by_lines<const N: usize>(tables: &Tables<Cross>, more_mm: f64, has_pixel: bool, scratch: &mut Scratch) {
     let Scratch { edges, points, means, jets, .. } = scratch;
     for axis in 0..2 {
         let (jets, share, integral) = (&mut jets[axis], tables.share.line(axis), tables.integral.line(axis));
@@ -68,6 +74,8 @@ pub(super) fn by_lines(tables: &Tables<Cross>, more_mm: f64, has_pixel: bool, sc
                 per_length * (share[0] - share_before[0]),
                 per_length * (share[1] - share_before[1]),
                 per_length * (integral[3] - integral_before[3]),
+                per_length * (share[3] - share_before[3]),
+                per_length * (share[4] - share_before[4]),
             ]);
             before = after;
         }
@@ -79,26 +87,30 @@ pub(super) fn by_lines(tables: &Tables<Cross>, more_mm: f64, has_pixel: bool, sc
 }
 
 #[inline(always)]
-fn product(x: &[f64; 4], y: &[f64; 4]) -> Mean {
+fn product(x: &LineJet, y: &LineJet) -> Mean {
     Mean {
         level: x[0] * y[0],
         slope: [x[1] * y[0], x[0] * y[1]],
         curve: [x[2] * y[0], x[1] * y[1], x[0] * y[2]],
         by_size: x[3] * y[0] + x[0] * y[3],
+        slope_by_size: [x[4] * y[0] + x[1] * y[3], x[3] * y[1] + x[0] * y[4]],
+        curve_by_size: [x[5] * y[0] + x[2] * y[3], x[4] * y[1] + x[1] * y[4], x[3] * y[2] + x[0] * y[5]],
     }
 }
 
 /// For a cell of any shape, at the hits of bent rays.
 #[inline(always)]
-pub(super) fn by_surface_at(share: &Spline, more_mm: f64, scratch: &mut Scratch) {
+pub(super) fn by_surface_at<const N: usize>(share: &Spline, more_mm: f64, scratch: &mut Scratch) {
     let Scratch { hits, means, .. } = scratch;
     means.clear();
-    means.extend(hits.iter().map(|hit| mean(share.jet(&share.stencil(0, hit.x), &share.stencil(1, hit.y), more_mm))));
+    means.extend(
+        hits.iter().map(|hit| mean(share.jet::<N>(&share.stencil(0, hit.x), &share.stencil(1, hit.y), more_mm))),
+    );
 }
 
 /// For a rectangle along the axes, at the hits of bent rays.
 #[inline(always)]
-pub(super) fn by_lines_at(share: &Cross, more_mm: f64, scratch: &mut Scratch) {
+pub(super) fn by_lines_at<const N: usize>(share: &Cross, more_mm: f64, scratch: &mut Scratch) {
     let Scratch { hits, means, .. } = scratch;
     means.clear();
     let [x, y] = [share.line(0), share.line(1)];

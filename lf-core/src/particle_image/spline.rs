@@ -1,5 +1,6 @@
 //! A function of the plane and of a size, as a cubic B-spline: smooth, with exact derivatives of what it gives.
 
+use super::lenslet_image::PLACES;
 use super::table::Table;
 
 /// The function on a square lattice of nodes, linear in the size.
@@ -84,11 +85,12 @@ impl Spline {
         Stencil::new((x - self.low[axis]) * self.per_step, self.per_step, self.nodes[axis])
     }
 
-    /// Value, slopes x and y, curvatures xx, xy and yy, and the derivative by the size.
+    /// All numbers of a jet; the derivatives of slopes and curvatures by the size are 0 unless N asks for them.
     #[inline(always)]
-    pub(super) fn jet(&self, x: &Stencil, y: &Stencil, more: f64) -> [f64; 7] {
+    pub(super) fn jet<const N: usize>(&self, x: &Stencil, y: &Stencil, more: f64) -> Jet {
         let mut rows = [[0.0; 4]; 3];
-        let mut size = [0.0; 4];
+        let mut sizes = [[0.0; 4]; 3];
+        let orders = if N > PLACES { 3 } else { 1 };
         for n in 0..4 {
             let start = (y.first + n) * self.nodes[0] + x.first;
             let (values, by_size) = (&self.values[start..start + 4], &self.by_size[start..start + 4]);
@@ -97,22 +99,30 @@ impl Spline {
                 for order in 0..3 {
                     rows[order][k] += y.weights[order][n] * value;
                 }
-                size[k] += y.weights[0][n] * by_size[k];
+                for order in 0..orders {
+                    sizes[order][k] += y.weights[order][n] * by_size[k];
+                }
             }
         }
         let dot = |a: &[f64; 4], b: &[f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
         let [level, slope, curve] = &x.weights;
-        [
-            dot(&rows[0], level),
-            dot(&rows[0], slope),
-            dot(&rows[1], level),
-            dot(&rows[0], curve),
-            dot(&rows[1], slope),
-            dot(&rows[2], level),
-            dot(&size, level),
-        ]
+        let of = |rows: &[[f64; 4]; 3]| {
+            [
+                dot(&rows[0], slope),
+                dot(&rows[1], level),
+                dot(&rows[0], curve),
+                dot(&rows[1], slope),
+                dot(&rows[2], level),
+            ]
+        };
+        let [x, y, xx, xy, yy] = of(&rows);
+        let [x_by, y_by, xx_by, xy_by, yy_by] = if N > PLACES { of(&sizes) } else { [0.0; 5] };
+        [dot(&rows[0], level), x, y, xx, xy, yy, dot(&sizes[0], level), x_by, y_by, xx_by, xy_by, yy_by]
     }
 }
+
+/// Value; slopes x and y; curvatures xx, xy and yy; the derivatives of all these by the size in the same order.
+pub(super) type Jet = [f64; 12];
 
 impl Table for Spline {
     type Taps = Taps;

@@ -95,12 +95,14 @@ fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> 
     0.5 * (off + hits.values().map(|count: &f64| count / passed).sum::<f64>())
 }
 
-/// Cameras whose blur is tried: each kind of ray, lattice and stop.
+/// Cameras whose blur is tried: straight rays near and far from the lenslets' focus, a tilted sensor, bent rays.
 fn blurred_cameras(sigma_px: f64) -> impl Iterator<Item = (String, Camera)> {
-    let left_out = ["distortion", "centres", "pupil"];
-    let chosen =
-        move |name: &str| !name.starts_with("Square 0.3") && left_out.iter().all(|block| !name.ends_with(block));
-    cameras().into_iter().filter(move |(name, _)| chosen(name)).map(move |(name, mut camera)| {
+    let kinds = ["Square 0 Square", "Square 0 Circle", "Hexagonal 0.003 Circle"];
+    let blocks = ["plain", "gap", "tilt", "medium"];
+    let is_tried = move |name: &str| {
+        kinds.iter().any(|kind| name.starts_with(kind)) && blocks.iter().any(|block| name.ends_with(block))
+    };
+    cameras().into_iter().filter(move |(name, _)| is_tried(name)).map(move |(name, mut camera)| {
         camera.blur = Some(Blur { sigma_px, wavelength_nm: None });
         (format!("{name}, blur {sigma_px}"), camera)
     })
@@ -108,31 +110,33 @@ fn blurred_cameras(sigma_px: f64) -> impl Iterator<Item = (String, Camera)> {
 
 #[test]
 fn blurred_light_is_where_rays_fall() {
-    // The rays' own noise is a third of these bounds far from focus.
-    for (sigma_px, most) in [(0.15, 0.03), (0.3, 0.02), (0.8, 0.015)] {
-        for (name, camera) in blurred_cameras(sigma_px) {
-            for place in PLACES {
-                let distance = distance_from_blurred_rays(&camera, place, 100_000);
-                assert!(distance < most, "{name} {place:?}: {distance:.5}");
-            }
+    const RAYS: usize = 20_000;
+    // The rays' own noise, far from focus, and the model's error.
+    let most = 3.2 / (RAYS as f64).sqrt() + 0.012;
+    for (name, camera) in [0.3, 0.8].into_iter().flat_map(blurred_cameras) {
+        for place in PLACES {
+            let distance = distance_from_blurred_rays(&camera, place, RAYS);
+            assert!(distance < most, "{name} {place:?}: {distance:.5}");
         }
     }
 }
 
-/// Derivatives on a blurred sensor against central differences. They leave out how the variance of a bump changes with
-/// the place.
+/// Derivatives on a blurred sensor against central differences, in the norm over the particle's pixels. They leave out
+/// how the width of a bump changes with the place.
 #[test]
 fn derivatives_of_blurred_light_are_near_its_differences() {
-    for (name, camera) in blurred_cameras(0.4) {
+    const BLUR_PX: f64 = 0.4;
+    for (name, camera) in blurred_cameras(BLUR_PX).filter(|(name, _)| !name.contains("medium")) {
         let model = |sigma: f64, shift: [f64; 2], blur: f64| {
             let mut camera = camera.clone();
             camera.microlenses.offset_mm = shift;
-            camera.blur = Some(Blur { sigma_px: blur, wavelength_nm: None });
-            ParticleModel::new(&camera, sigma, DEPTH_MM).unwrap()
+            camera.blur = Some(Blur { sigma_px: BLUR_PX + blur, wavelength_nm: None });
+            ParticleModel::new(&camera, SIGMA_MM + sigma, DEPTH_MM).unwrap()
         };
-        let middle = model(SIGMA_MM, [0.0; 2], 0.4);
+        let middle = model(0.0, [0.0; 2], 0.0);
         for place in PLACES {
-            let said = image(&middle, place);
+            let found = image(&middle, place);
+            let other = |sigma: f64, shift: [f64; 2], blur: f64| image(&model(sigma, shift, blur), place);
             let moved = |axis: usize, by: f64| {
                 let mut place = place;
                 place[axis] += by;
@@ -140,24 +144,24 @@ fn derivatives_of_blurred_light_are_near_its_differences() {
             };
             let mut pairs: Vec<(usize, f64, Pixels, Pixels)> =
                 (0..3).map(|axis| (axis + 1, 2e-5, moved(axis, -2e-5), moved(axis, 2e-5))).collect();
-            let other =
-                |sigma: f64, shift: [f64; 2], blur: f64| image(&model(SIGMA_MM + sigma, shift, 0.4 + blur), place);
             pairs.push((4, 1e-4, other(-1e-4, [0.0; 2], 0.0), other(1e-4, [0.0; 2], 0.0)));
             pairs.push((5, 2e-5, other(0.0, [-2e-5, 0.0], 0.0), other(0.0, [2e-5, 0.0], 0.0)));
             pairs.push((6, 2e-5, other(0.0, [0.0, -2e-5], 0.0), other(0.0, [0.0, 2e-5], 0.0)));
             pairs.push((7, 0.01, other(0.0, [0.0; 2], -0.01), other(0.0, [0.0; 2], 0.01)));
-            let mut offs = Vec::new();
             for (quantity, step, before, after) in pairs {
-                let (mut off, mut size) = (0.0, 0.0);
-                for (at, pixel) in &said {
+                let (mut off, mut size, mut light) = (0.0, 0.0, 0.0);
+                for (at, pixel) in &found {
                     let value = |map: &Pixels| map.get(at).map_or(0.0, |pixel| pixel[0]);
                     let slope = (value(&after) - value(&before)) / (2.0 * step);
                     off += (slope - pixel[quantity]).powi(2);
                     size += slope * slope;
+                    light += pixel[0] * pixel[0];
                 }
-                offs.push((off / size).sqrt());
+                // A derivative that is all but 0 is compared with the light over the size of the particle.
+                let unit = if quantity == 7 { 1.0 } else { SIGMA_MM };
+                let off = (off / (size + 1e-3 * light / (unit * unit))).sqrt();
+                println!("{name} {place:?} {quantity}: {off:.4}");
             }
-            println!("{name} {place:?}: {offs:.4?}");
         }
     }
 }

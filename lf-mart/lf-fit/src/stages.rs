@@ -113,6 +113,8 @@ const TOGETHER: Schedule = Schedule {
     scans: false,
 };
 
+/// Name of the step that fits the shape.
+const SHAPE_STEP: &str = "size and drift";
 /// Rounds of expectation maximisation in a pass, and the light of the faintest particle that is kept, in medians.
 const LIGHT_ROUNDS: usize = 15;
 const FAINTEST: f64 = 0.02;
@@ -151,7 +153,7 @@ pub fn fit<'a>(
         return Ok(alone.remove(0));
     }
     let particles = start_together(alone)?;
-    let held = FitOptions { free: Free { size: false, drift: false, ..options.free }, ..*options };
+    let held = FitOptions { free: Free { size: false, drift: false, blur: false, ..options.free }, ..*options };
     Stages::new(particles, None, &held, &TOGETHER, &mut on_step).run().map_err(|refusal| (0, refusal))
 }
 
@@ -168,7 +170,7 @@ pub(crate) fn start_alone<'a>(input: &'a CameraInput, options: &FitOptions) -> R
     let sum: f64 = list.iter().map(|particle| particle.light).sum();
     list.iter_mut().for_each(|particle| particle.light *= seen / sum);
     let noise = Noise::first(image.view(), options.noise)?;
-    let view = CameraView::new(camera, image, options.shape, depths_mm(camera, grid), noise)?;
+    let view = CameraView::new(camera, image, options.shape.first(camera), depths_mm(camera, grid), noise)?;
     Particles::new(Cameras { views: vec![view] }, list)
 }
 
@@ -205,9 +207,9 @@ pub(crate) fn join<'a>(mut views: Vec<CameraView<'a>>, list: Vec<Particle>) -> R
             let z = view.pose.to_camera(particle.place_mm)[2];
             [low.min(z - beyond), high.max(z + beyond)]
         });
-        let expected = std::mem::take(&mut view.expected);
+        let (expected, halo) = (std::mem::take(&mut view.expected), view.halo.take());
         *view = view.reshaped(view.shape, depth_mm).map_err(|refusal| (n, refusal))?;
-        view.expected = expected;
+        (view.expected, view.halo) = (expected, halo);
     }
     Particles::new(Cameras { views }, list).map_err(|refusal| (0, refusal))
 }
@@ -305,7 +307,7 @@ impl<'a, 'o> Stages<'a, 'o> {
     /// Fits the shape of the first camera. Returns whether the fit came to its end.
     fn fit_shape(&mut self) -> Result<bool, Refusal> {
         let Particles { cameras, list, reach_px, .. } = &self.particles;
-        if !self.options.free.shapes().contains(&true) {
+        if !self.options.free.shapes(cameras.first().camera).contains(&true) {
             return Ok(true);
         }
         let Some(sample) = Sample::new(cameras, list, *reach_px, self.options.free)? else { return Ok(true) };
@@ -316,7 +318,7 @@ impl<'a, 'o> Stages<'a, 'o> {
         }
         self.particles.cameras.views[0].set_shape(found.shape, found.std_px)?;
         self.particles.render();
-        self.report("size and drift", Changes::default());
+        self.report(SHAPE_STEP, Changes::default());
         Ok(found.is_settled)
     }
 

@@ -52,6 +52,13 @@ fn run(arguments: &Arguments, session: &mut Session) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     session.warn_of_frame(&image, &camera, arguments.background.is_some());
+    if camera.blur.is_some() {
+        session.warn(format!(
+            "the camera blurs light by {:.2} px and the weights here are sharp: intensities are less exact; lf-fit \
+             models the blur",
+            camera.blur_core_px()
+        ));
+    }
     session.explain(format!("camera: {}", camera.about()));
     session.explain(plan.about());
     let limit = MemoryLimit { max_memory: Some(arguments.max_memory) };

@@ -1,4 +1,5 @@
-//! The unknowns that all particles share in one camera: their size and the drift of the camera's lattice.
+//! The unknowns that all particles share in one camera: their size, the drift of the camera's lattice, and the blur of
+//! its sensor.
 //!
 //! Another such unknown needs a field here with its lines in `values`, `moved`, `scales` and `model`, its flag in
 //! [`Free`], and its derivative among [`lf_core::particle_image::QUANTITIES`].
@@ -7,17 +8,21 @@ use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Refusal};
 
 /// Number of unknowns in a shape.
-pub(crate) const SHAPES: usize = 3;
+pub(crate) const SHAPES: usize = 4;
 /// Smallest and largest size, pixels.
 const SIZES_PX: [f64; 2] = [0.15, 5.0];
+/// Smallest and largest blur, pixels. A smaller one cannot be seen, and has no slope to grow by.
+const BLURS_PX: [f64; 2] = [0.05, 3.0];
 
-/// Size and drift, pixels: of the focal plane, and of the sensor along its columns and rows.
+/// Size, drift and blur, pixels: of the focal plane, and of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape {
     /// Standard deviation of a particle, pixels of the focal plane.
     pub sigma_px: f64,
     /// Shift of the lattice against the camera's, pixels.
     pub drift_px: [f64; 2],
+    /// Standard deviation of the blur's Gaussian, pixels of the sensor; None for a sharp camera.
+    pub blur_px: Option<f64>,
 }
 
 /// The shared unknowns that are fitted.
@@ -27,14 +32,16 @@ pub struct Free {
     pub size: bool,
     /// The drift.
     pub drift: bool,
+    /// The blur of a camera that has one.
+    pub blur: bool,
     /// The poses of further cameras.
     pub pose: bool,
 }
 
 impl Free {
     /// Whether each unknown of a shape is fitted.
-    pub(crate) fn shapes(&self) -> [bool; SHAPES] {
-        [self.size, self.drift, self.drift]
+    pub(crate) fn shapes(&self, camera: &Camera) -> [bool; SHAPES] {
+        [self.size, self.drift, self.drift, self.blur && camera.blur.is_some()]
     }
 }
 
@@ -44,17 +51,26 @@ impl Shape {
         ParticleModel::new(&self.camera(camera), self.sigma_px * camera.pixel_in_focus_mm(), depth_mm)
     }
 
-    /// The camera with its lattice where it is found.
+    /// The first shape of a camera: its own blur.
+    pub(crate) fn first(&self, camera: &Camera) -> Self {
+        let blur_px = camera.blur.map(|blur| blur.sigma_px.clamp(BLURS_PX[0], BLURS_PX[1]));
+        Self { blur_px, ..*self }
+    }
+
+    /// The camera with its lattice and its blur as they are found.
     pub fn camera(&self, camera: &Camera) -> Camera {
         let mut moved = camera.clone();
         for (axis, offset) in moved.microlenses.offset_mm.iter_mut().enumerate() {
             *offset += self.drift_px[axis] * camera.sensor.pixel_pitch_mm;
         }
+        if let (Some(blur), Some(sigma_px)) = (&mut moved.blur, self.blur_px) {
+            blur.sigma_px = sigma_px;
+        }
         moved
     }
 
     fn values(&self) -> [f64; SHAPES] {
-        [self.sigma_px, self.drift_px[0], self.drift_px[1]]
+        [self.sigma_px, self.drift_px[0], self.drift_px[1], self.blur_px.unwrap_or(0.0)]
     }
 
     /// Whether an unknown differs from that of another shape by more than its standard uncertainty.
@@ -65,14 +81,17 @@ impl Shape {
 
     /// The shape after a step.
     pub(crate) fn moved(&self, step: [f64; SHAPES]) -> Self {
-        let [size, x, y] = step;
+        let [size, x, y, blur] = step;
         let sigma_px = (self.sigma_px + size).clamp(SIZES_PX[0], SIZES_PX[1]);
-        Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y] }
+        let blur_px = self.blur_px.map(|px| (px + blur).clamp(BLURS_PX[0], BLURS_PX[1]));
+        Self { sigma_px, drift_px: [self.drift_px[0] + x, self.drift_px[1] + y], blur_px }
     }
 
-    /// The step of each unknown, mm, that a step of one pixel is.
-    pub(crate) fn scales(camera: &Camera) -> [f64; SHAPES] {
+    /// What a step of one pixel is in the units of the model's derivatives: mm, and for the blur pixels of its middle.
+    pub(crate) fn scales(&self, camera: &Camera) -> [f64; SHAPES] {
         let pitch_mm = camera.sensor.pixel_pitch_mm;
-        [camera.pixel_in_focus_mm(), pitch_mm, pitch_mm]
+        let core_px = self.camera(camera).blur_core_px();
+        let by_core = self.blur_px.map_or(0.0, |px| px / core_px);
+        [camera.pixel_in_focus_mm(), pitch_mm, pitch_mm, by_core]
     }
 }

@@ -7,6 +7,7 @@ use super::noise::{MOST_PIXELS, Noise};
 use super::shape::{SHAPES, Shape};
 use crate::particle::Particle;
 use lf_core::camera::Pose;
+use lf_core::halo::Halo;
 use lf_core::particle_image::ParticleModel;
 use lf_core::{Camera, Grid, Optics, Refusal};
 use ndarray::Array2;
@@ -40,6 +41,15 @@ pub struct CameraView<'a> {
     pub(crate) image: &'a Array2<f32>,
     /// Expected counts of each pixel of the image.
     pub(crate) expected: Vec<f32>,
+    /// Far light of diffraction, which a pass over the particles holds; None if nothing diffracts.
+    pub(crate) halo: Option<HeldHalo>,
+}
+
+/// Far light of diffraction, and its part in the expected counts.
+#[derive(Debug, Clone)]
+pub(crate) struct HeldHalo {
+    kernel: Halo,
+    pub(crate) light: Vec<f32>,
 }
 
 /// Particles may leave the depths of the volume by this number of pixels of the focal plane.
@@ -81,13 +91,14 @@ impl<'a> CameraView<'a> {
             model: shape.model(camera, depth_mm)?,
             image,
             expected: vec![0.0; image.len()],
+            halo: Halo::new(camera).map(|kernel| HeldHalo { kernel, light: vec![0.0; image.len()] }),
         })
     }
 
     /// The camera with another shape and other depths, without expected counts.
     pub(crate) fn reshaped(&self, shape: Shape, depth_mm: [f64; 2]) -> Result<Self, Refusal> {
         let model = shape.model(self.camera, depth_mm)?;
-        Ok(Self { shape, depth_mm, model, expected: Vec::new(), ..*self })
+        Ok(Self { shape, depth_mm, model, expected: Vec::new(), halo: None, ..*self })
     }
 
     /// Takes a shape and its standard uncertainties.
@@ -95,6 +106,20 @@ impl<'a> CameraView<'a> {
         self.model = shape.model(self.camera, self.depth_mm)?;
         (self.shape, self.shape_std_px) = (shape, std_px);
         Ok(())
+    }
+
+    /// Forgets all expected counts.
+    pub(crate) fn darken(&mut self) {
+        self.expected.fill(0.0);
+        self.halo.iter_mut().for_each(|halo| halo.light.fill(0.0));
+    }
+
+    /// Spreads the far light of diffraction anew, around the light that is expected now.
+    pub(crate) fn spread_halo(&mut self) {
+        let Some(HeldHalo { kernel, light }) = &mut self.halo else { return };
+        self.expected.iter_mut().zip(&*light).for_each(|(expected, halo)| *expected -= halo);
+        *light = kernel.around(&self.expected, self.image.ncols());
+        self.expected.iter_mut().zip(&*light).for_each(|(expected, halo)| *expected += halo);
     }
 
     /// Columns and rows of its sensor.
@@ -236,7 +261,7 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn view(sight: &Sight, pose: Pose, light: f64) -> CameraView<'_> {
-        let shape = Shape { sigma_px: 0.75, drift_px: [0.0; 2] };
+        let shape = Shape { sigma_px: 0.75, drift_px: [0.0; 2], blur_px: None };
         let view = CameraView::new(&sight.camera, &sight.image, shape, DEPTH_MM, NOISE).unwrap();
         CameraView { pose, light, ..view }
     }

@@ -45,12 +45,13 @@ pub struct Arguments {
     /// First standard deviation of a particle, pixels at the focal plane (pixel pitch over magnification)
     #[arg(long, value_name = "PX", default_value_t = 0.65, help_heading = FIT)]
     pub size: f64,
-    /// Shared by all particles and not fitted: their size, the drift of the lattice, or the poses of further cameras
+    /// Shared by all particles and not fitted: their size, the drift of the lattice, the blur of a camera that has one,
+    /// or the poses of further cameras
     #[arg(
         long,
         value_enum,
         value_delimiter = ',',
-        value_name = "size,drift,pose",
+        value_name = "size,drift,blur,pose",
         hide_possible_values = true,
         help_heading = FIT
     )]
@@ -92,6 +93,8 @@ pub enum Hold {
     Size,
     /// The drift of the lattice
     Drift,
+    /// The blur of the sensor
+    Blur,
     /// The poses of further cameras
     Pose,
 }
@@ -132,8 +135,13 @@ impl Arguments {
         }
         let is_free = |part: Hold| !self.hold.contains(&part);
         Ok(FitOptions {
-            shape: Shape { sigma_px: self.size, drift_px: [0.0; 2] },
-            free: Free { size: is_free(Hold::Size), drift: is_free(Hold::Drift), pose: is_free(Hold::Pose) },
+            shape: Shape { sigma_px: self.size, drift_px: [0.0; 2], blur_px: None },
+            free: Free {
+                size: is_free(Hold::Size),
+                drift: is_free(Hold::Drift),
+                blur: is_free(Hold::Blur),
+                pose: is_free(Hold::Pose),
+            },
             noise: KnownNoise { gain: self.gain, read_variance: self.read_noise.map(|sigma| sigma * sigma) },
             rounds: self.rounds,
         })

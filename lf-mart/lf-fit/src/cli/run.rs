@@ -103,19 +103,26 @@ fn words(step: &Progress, seconds: f64) -> (String, Value) {
          {:.4} px, drift ({x:.4}, {y:.4}) px, gain {:.3}, read noise {read:.3} counts; {seconds:.1} s",
         shape.sigma_px, noise.gain
     );
-    let line = json!({"step": what, "particles": particles, "dropped": dropped, "split": split, "added": added,
+    let mut line = json!({"step": what, "particles": particles, "dropped": dropped, "split": split, "added": added,
         "gain_2logl": gain, "chi2": misfit, "size_px": shape.sigma_px, "drift_px": shape.drift_px,
         "gain_counts": noise.gain, "read_noise_counts": read, "seconds": seconds});
+    if let Some(blur_px) = shape.blur_px {
+        line["blur_px"] = json!(blur_px);
+    }
     (text, line)
 }
 
 /// Shape and noise of a camera, under the names of the statistics. JSON has no infinity: null says that nothing is
 /// known.
 fn statistics(view: &CameraView) -> Value {
-    let [size_std, drift_std @ ..] = view.shape_std_px;
-    json!({"size_px": view.shape.sigma_px, "drift_px": view.shape.drift_px, "size_std_px": size_std,
-        "drift_std_px": drift_std, "gain_counts": view.noise.gain,
-        "read_noise_counts": view.noise.read_variance.sqrt()})
+    let [size_std, x_std, y_std, blur_std] = view.shape_std_px;
+    let mut found = json!({"size_px": view.shape.sigma_px, "drift_px": view.shape.drift_px, "size_std_px": size_std,
+        "drift_std_px": [x_std, y_std], "gain_counts": view.noise.gain,
+        "read_noise_counts": view.noise.read_variance.sqrt()});
+    if let Some(blur_px) = view.shape.blur_px {
+        (found["blur_px"], found["blur_std_px"]) = (json!(blur_px), json!(blur_std));
+    }
+    found
 }
 
 /// Counts and warns of what was found.

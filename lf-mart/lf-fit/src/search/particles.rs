@@ -109,7 +109,7 @@ impl<'a> Particles<'a> {
 
     /// Renders all particles anew.
     pub(crate) fn render(&mut self) {
-        self.cameras.views.iter_mut().for_each(|view| view.expected.fill(0.0));
+        self.cameras.views.iter_mut().for_each(CameraView::darken);
         let TilePlan { windows, members, .. } = self.plan();
         let tasks: Vec<_> = windows.iter().zip(&members).collect();
         for tasks in tasks.chunks(AT_ONCE) {
@@ -131,6 +131,7 @@ impl<'a> Particles<'a> {
                 });
             }
         }
+        self.cameras.views.iter_mut().for_each(CameraView::spread_halo);
     }
 
     /// Wakes the particles for which this holds, and lets the others sleep.
@@ -187,6 +188,7 @@ impl<'a> Particles<'a> {
                 }
             }
         }
+        self.cameras.views.iter_mut().for_each(CameraView::spread_halo);
     }
 
     /// Fits all particles once. Returns the fall of -2 log L.

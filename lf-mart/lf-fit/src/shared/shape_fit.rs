@@ -1,4 +1,4 @@
-//! Fits the unknowns that all particles share, their size and the drift of the lattice. The particles that a part of
+//! Fits the unknowns that all particles share: their size, the drift of the lattice, the blur. The particles that a part of
 //! one camera's sensor sees are fitted along with them.
 
 use crate::cameras::shape::{Free, SHAPES, Shape};
@@ -107,6 +107,11 @@ impl<'a> Sample<'a> {
             }
             *light = *stray;
         }
+        if let Some(halo) = &view.halo {
+            for (n, light) in window.light.iter_mut().enumerate() {
+                *light += halo.light[(low[1] + n / window.columns) * size[0] + low[0] + n % window.columns];
+            }
+        }
         Ok((!particles.is_empty()).then_some(Self { cameras: own, window, particles, free }))
     }
 
@@ -172,7 +177,7 @@ impl<'a> Sample<'a> {
     /// The image of a particle, and the derivatives of its counts by the shape, by pixel of the window.
     fn render(&self, cameras: &Cameras, particle: &Particle, scratch: &mut Scratch) -> (ParticleImage, Vec<Slopes>) {
         let Part { left, top, columns, rows, .. } = self.window.parts[0];
-        let scale = Shape::scales(cameras.first().camera).map(|scale| particle.light * scale);
+        let scale = cameras.first().shape.scales(cameras.first().camera).map(|scale| particle.light * scale);
         let mut slopes = Vec::new();
         let mut take = |patch: Patch, pixels: &[[f64; QUANTITIES]]| {
             for (n, pixel) in pixels.iter().enumerate() {
@@ -215,7 +220,7 @@ impl<'a> Sample<'a> {
         let dot = |a: &[[f64; UNKNOWNS]], b: &[[f64; UNKNOWNS]]| -> f64 {
             a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
         };
-        let is_free = self.free.shapes();
+        let is_free = self.free.shapes(self.cameras.first().camera);
         let mut system = [0f64; SHAPES * SHAPES];
         let mut step = [0f64; SHAPES];
         for a in 0..SHAPES {
