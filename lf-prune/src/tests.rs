@@ -58,9 +58,9 @@ fn speckle() -> Array2<f32> {
 
 /// Rays of straight cameras err by rounding on the array, and on the sensor by k times a cell.
 const STRAIGHT: Tolerance = Tolerance { array_px: 0.002, sensor_px: 0.01, raster: 0.002 };
-/// Distortion moves a voxel's rays alike; its chief rays err by 0.04 px.
+/// Distortion moves all rays of a voxel by the same amount; the chief rays are off by 0.04 px.
 const DISTORTED: Tolerance = Tolerance { array_px: 0.045, sensor_px: 0.01, raster: 0.1 };
-/// Bent rays err on the array by 0.2 px against their chief ray.
+/// Bent rays are off on the array by 0.2 px against their chief ray.
 const BENT: Tolerance = Tolerance { array_px: 0.25, sensor_px: 0.01, raster: 0.1 };
 /// With a gap or a tilt a view stands for rays that part on the sensor.
 const DEFOCUSED: Tolerance = Tolerance { sensor_px: 0.2, ..STRAIGHT };
