@@ -142,7 +142,7 @@ fn scores_by_hand() {
     let options = PruneOptions { threshold: 0.063, ..PLAIN };
     let sum = |shades: &Shades| shades.values().iter().map(|shade| u32::from(*shade)).sum::<u32>();
     let shades = Shades::new(image.view(), 1.0, 100, &options);
-    // A shade is a 255th of ln(1e-6): rounding errs by up to half of it, 2.7 %.
+    // A shade is a 255th of ln(1e-6): rounding is off by up to half of it, 2.7 %.
     assert!((f64::from(shades.score(sum(&shades), 100)) / 10f64.powf(-1.2) - 1.0).abs() < 0.028);
     assert!(sum(&shades) as i32 <= shades.most(100, 100));
     // With limits of 0.01 and 0.03 the mean is 0.03^0.96 0.01^0.04, without rounding: all pixels are at a limit.
