@@ -56,7 +56,7 @@ fn speckle() -> Array2<f32> {
     })
 }
 
-/// Rays of straight cameras err by rounding on the array, and on the sensor by k times a cell.
+/// Rays of straight cameras are off by rounding on the array, and by k times a cell on the sensor.
 const STRAIGHT: Tolerance = Tolerance { array_px: 0.002, sensor_px: 0.01, raster: 0.002 };
 /// Distortion moves all rays of a voxel by the same amount; the chief rays are off by 0.04 px.
 const DISTORTED: Tolerance = Tolerance { array_px: 0.045, sensor_px: 0.01, raster: 0.1 };
@@ -296,8 +296,8 @@ fn far_rays_meet_their_own_lenslets() {
 fn odd_cameras_are_pruned_as_by_rays() {
     let speckle = speckle();
     let mut pruned = 0;
-    // Under large lenslets the rays of one section part on the sensor, by k times a cell, and views err by half a part,
-    // along both sides of a hexagonal lattice at once.
+    // Under large lenslets the rays of one section part on the sensor, by k times a cell. Views are then off by half a
+    // part, along both sides of a hexagonal lattice at once.
     let odd = [
         (1.0, (40, 40), 0.01),
         (1.7, (64, 1), 0.01),
