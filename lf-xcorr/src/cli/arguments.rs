@@ -73,7 +73,7 @@ pub struct Picture {
     /// Draw a slice of the field: colours show the component through the plane, arrows the others
     #[arg(long, value_name = "FILE.svg|.png|.pdf")]
     pub plot: Option<PathBuf>,
-    /// The axis across the slice, and its place in mm: z=0.5 [default: z, at the strongest signal]
+    /// The axis across the slice, and its place in mm: z=0.5 [default: z, strongest layer]
     #[arg(long, value_name = "AXIS[=MM]", requires = "plot")]
     pub slice: Option<Cut>,
     /// Colours show u, v, w, speed, vorticity or uncertainty instead
