@@ -55,7 +55,7 @@ fn water_gives_a_longer_camera_in_air_or_a_medium() {
     assert_eq!(exact.main_lens.focal_length_mm, 200.0);
     let run = bench.run(&format!("{SHEET} --f-number 4 --water --window 180,20,1.49"));
     let text = run.stderr;
-    assert!(text.contains("warning: the equivalent camera in air errs by "), "{text}");
+    assert!(text.contains("warning: the equivalent camera in air is off by "), "{text}");
 }
 
 #[test]

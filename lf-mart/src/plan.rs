@@ -86,7 +86,7 @@ impl<'a> Plan<'a> {
     /// Estimated peak of the bytes that the tool needs beside the image and the support as they were read, for an image
     /// of `pixels` pixels: sweeps, the image in units of its brightest pixel, and the volume written.
     pub fn peak_bytes(&self, pixels: usize) -> u64 {
-        // The sample errs by a few per cent in the number of weights, and growing lists take more than they hold.
+        // The sample is off by a few per cent in the number of weights, and growing lists take more than they hold.
         let is_listed = matches!(self.storage, Storage::Kept | Storage::ByPixel);
         let sweeps = if is_listed { self.bytes / 4 * 5 } else { self.bytes };
         // The solution and what is written.

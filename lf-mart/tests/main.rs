@@ -29,8 +29,8 @@ fn sweeps(bench: &Workbench, name: &str) -> Vec<Value> {
     bench.text(name).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-/// The voxels of the truth explain the frame on every lattice and behind every stop, with the same bytes for any number of
-/// threads.
+/// The voxels of the truth explain the frame on every lattice and behind every stop. The bytes do not depend on the
+/// number of threads.
 #[test]
 fn the_true_voxels_explain_the_frame() {
     for keys in [

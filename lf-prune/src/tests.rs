@@ -56,11 +56,11 @@ fn speckle() -> Array2<f32> {
     })
 }
 
-/// Rays of straight cameras err by rounding on the array, and on the sensor by k times a cell.
+/// Rays of straight cameras are off by rounding on the array, and by k times a cell on the sensor.
 const STRAIGHT: Tolerance = Tolerance { array_px: 0.002, sensor_px: 0.01, raster: 0.002 };
-/// Distortion moves a voxel's rays alike; its chief rays err by 0.04 px.
+/// Distortion moves all rays of a voxel by the same amount; the chief rays are off by 0.04 px.
 const DISTORTED: Tolerance = Tolerance { array_px: 0.045, sensor_px: 0.01, raster: 0.1 };
-/// Bent rays err on the array by 0.2 px against their chief ray.
+/// Bent rays are off on the array by 0.2 px against their chief ray.
 const BENT: Tolerance = Tolerance { array_px: 0.25, sensor_px: 0.01, raster: 0.1 };
 /// With a gap or a tilt a view stands for rays that part on the sensor.
 const DEFOCUSED: Tolerance = Tolerance { sensor_px: 0.2, ..STRAIGHT };
@@ -142,7 +142,7 @@ fn scores_by_hand() {
     let options = PruneOptions { threshold: 0.063, ..PLAIN };
     let sum = |shades: &Shades| shades.values().iter().map(|shade| u32::from(*shade)).sum::<u32>();
     let shades = Shades::new(image.view(), 1.0, 100, &options);
-    // A shade is a 255th of ln(1e-6): rounding errs by up to half of it, 2.7 %.
+    // A shade is a 255th of ln(1e-6): rounding is off by up to half of it, 2.7 %.
     assert!((f64::from(shades.score(sum(&shades), 100)) / 10f64.powf(-1.2) - 1.0).abs() < 0.028);
     assert!(sum(&shades) as i32 <= shades.most(100, 100));
     // With limits of 0.01 and 0.03 the mean is 0.03^0.96 0.01^0.04, without rounding: all pixels are at a limit.
@@ -296,8 +296,8 @@ fn far_rays_meet_their_own_lenslets() {
 fn odd_cameras_are_pruned_as_by_rays() {
     let speckle = speckle();
     let mut pruned = 0;
-    // Under large lenslets the rays of one section part on the sensor, by k times a cell, and views err by half a part,
-    // along both sides of a hexagonal lattice at once.
+    // Under large lenslets the rays of one section part on the sensor, by k times a cell. Views are then off by half a
+    // part, along both sides of a hexagonal lattice at once.
     let odd = [
         (1.0, (40, 40), 0.01),
         (1.7, (64, 1), 0.01),

@@ -16,29 +16,29 @@ const ENCODED_BYTES: [f64; 2] = [4.1, 2.6];
 /// Bytes of a vector of the exact displacement: its place, its numbers in memory, and the file.
 const VECTOR_BYTES: f64 = 24.0 + 24.0 + 37.0 + 2.0 * 40.0;
 
-/// Bytes to save an image of so many pixels.
+/// Bytes to save an image of `pixels` pixels.
 fn save_bytes(pixels: f64, noise: Option<&SensorNoise>) -> f64 {
     let is_noisy = noise.is_some_and(|noise| noise.bits.is_none());
     pixels * (SAVED_BYTES + ENCODED_BYTES[usize::from(!is_noisy)])
 }
 
-/// Most bytes that a white image takes.
+/// Peak bytes of a white image.
 pub fn white(instrument: &Instrument, cells: &WhiteCells, noise: Option<&SensorNoise>) -> f64 {
     white_bytes(instrument, cells).max(dark(instrument, noise))
 }
 
-/// Most bytes that an image without rays takes.
+/// Peak bytes of an image without rays.
 pub fn dark(instrument: &Instrument, noise: Option<&SensorNoise>) -> f64 {
     save_bytes(instrument.pixels(), noise)
 }
 
-/// Most bytes that a measurement of the noise takes: an image, its mean so far, and the next one.
+/// Peak bytes of a measurement of the noise: an image, its mean so far, and the next one.
 pub fn measured_noise(instrument: &Instrument) -> f64 {
     instrument.pixels() * (4.0 + 8.0 + 4.0)
 }
 
-/// Most bytes that a series of `frames` images of particles takes, with the lists of particles that are kept for its
-/// table, beside the particles themselves. `all` are those of one frame.
+/// Peak bytes of a series of `frames` images of particles, with the lists of particles that are kept for its table.
+/// The particles themselves, `all` in one frame, are not counted.
 pub fn frames(
     instrument: &Instrument,
     all: &[Particle],

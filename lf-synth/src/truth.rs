@@ -60,8 +60,8 @@ pub fn volume(grid: &Grid, particles: &[Particle], sigma_vox: f64) -> (Vec<u64>,
 /// Slices that are made at a time.
 const BATCH: usize = 16;
 
-/// Most bytes that [`volume`] takes for so many particles: the lit voxels, the particles of each slice, and a batch
-/// of slices.
+/// Peak bytes of [`volume`] for a number of particles: the lit voxels, the particles of each slice, and a batch of
+/// slices.
 pub fn bytes(grid: &Grid, particles: f64, sigma_vox: f64) -> f64 {
     let side = 2.0 * REACH_SIGMA * sigma_vox + 1.0;
     let lit = |axis: usize| side.min(grid.shape[axis] as f64);

@@ -530,7 +530,7 @@ fn help_lists_what_is_built_and_nothing_else() {
     run(&["elongation"], &[] as &[&str]).refusal();
 }
 
-/// By hand: two of three are found within 1.5 px, one of three is a ghost, z errs by 1 px and 0 with a stated 0.8 px.
+/// By hand: two of three are found within 1.5 px, one of three is a ghost, z is off by 1 px and 0 with a stated 0.8 px.
 #[test]
 fn particles_by_hand_and_what_is_refused() {
     let bench = workbench();

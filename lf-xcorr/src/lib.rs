@@ -15,7 +15,7 @@
 //! pass is repeated on volumes deformed by the known field, until the vectors stop changing.
 //!
 //! - Only lit voxels cost time, and each only once: windows that overlap share the sums of their common cells (after
-//!   Discetti & Astarita, Exp. Fluids 53, 2012). Where Fourier transforms of each window should be faster, they find
+//!   Discetti & Astarita, Exp. Fluids, 2012). Where Fourier transforms of each window should be faster, they find
 //!   the peak, and direct sums measure its place.
 //! - Both windows move: each volume takes half of a trial shift, so a vector stands where it was measured. With direct
 //!   sums, exchanging the volumes negates the field exactly.
@@ -23,10 +23,10 @@
 //!   edges, gain and long particles do not pull the peak. The fit is a three-dimensional Gaussian that may be tilted.
 //! - Deformation sends each lit voxel to the midpoint of the predicted displacement, spread with a quintic spline. The
 //!   predictor follows gradients where there is evidence of them.
-//! - Vectors that fail the normalised median test (Westerweel & Scarano, Exp. Fluids 39, 2005) are searched again;
+//! - Vectors that fail the normalised median test (Westerweel & Scarano, Exp. Fluids, 2005) are searched again;
 //!   those that still fail are replaced and flagged. A window without light gives no data, never a silent zero.
 //! - Standard uncertainties come from the disagreement of the particle images in a window (after Wieneke, Meas. Sci.
-//!   Technol. 26, 2015), and from how much the flow bends inside windows, by the places of the images.
+//!   Technol., 2015), and from how much the flow bends inside windows, by the places of the images.
 //! - Windows can be chosen from the particles found: [`Seeding`].
 //!
 //! ```

@@ -19,7 +19,7 @@ fn decided(lab: &Lab) -> (Tracks, Field, [Vec<Particle>; 2]) {
     (tracks, field, tables)
 }
 
-/// The correlation's w errs by 4 px near the focal plane. Uniform motion at 0.5 particles per lenslet must come to
+/// The correlation's w is off by 4 px near the focal plane. Uniform motion at 0.5 particles per lenslet must come to
 /// 0.25 px, also there, and stated uncertainties must cover 68 % of the errors.
 #[test]
 fn particles_are_right_where_the_correlation_is_not() {

@@ -12,7 +12,7 @@ phases  coherent_mm: RMS of the phases' means about the mean of all; incoherent_
 lines   correlation by distance_mm, over the RMS at both ends; length_mm, its integral up to the first zero;
         spectrum_mm3 by wavenumber_1_mm (cycles a mm), one-sided, from whole lines under a Hann window: its sum times
         the step of the wavenumber is the variance
-modes   by the method of snapshots (Sirovich, Q. Appl. Math. 45, 1987): share of the mean square fluctuation, rms_mm,
+modes   by the method of snapshots (Sirovich, Q. Appl. Math., 1987): share of the mean square fluctuation, rms_mm,
         and the amount of the mode in every field, of mean square 1
 
 The mean is that of measured vectors; fluctuations are those of all vectors with data. All fields are held in memory.

@@ -1,10 +1,10 @@
-# The paper's figures and claims, measured with these tools: S. Shi, J. Ding, T. H. New & J. Soria, Exp. Fluids 58:78
-# (2017). From the root of the repository, with the tools on the PATH or BIN=target/release/:
+# The paper's figures and claims, measured with these tools: S. Shi, J. Ding, T. H. New & J. Soria, Exp. Fluids
+# (2017). Run it from the root of the repository, with the tools on the PATH or BIN=target/release/:
 #
 #     make -j2 -f scripts/paper/paper.mk burn         make all that is missing (small: half an hour on two cores)
 #     make -f scripts/paper/paper.mk fig8             make one figure: fig4 to fig15, fig17; trade
 #     make -f scripts/paper/paper.mk view             list the pictures, and print the claims as a table
-#     make -f scripts/paper/paper.mk measured         write that table and the tables of the trade into scripts/measured/
+#     make -f scripts/paper/paper.mk measured         write that table and those of the trade into scripts/measured/
 #     make -f scripts/paper/paper.mk clean            delete what this SIZE has made
 #     make -j2 -f scripts/paper/paper.mk SIZE=medium  larger volumes, more seeds, more sweeps: hours; SIZE=paper: weeks
 #

@@ -42,11 +42,12 @@ pub enum Task {
     ///
     /// The images give the layout, pitch, rotation, offset and smooth departures of the lattice, and the working
     /// f-number from the width of the lenslet images. The nominal camera gives the rest of the main lens, the microlens
-    /// focal length, the pixels and everything else in its file. Several offsets and
-    /// rotations describe the same lattice; the ones nearest to the nominal camera are written.
+    /// focal length, the pixels and everything else in its file. Several offsets and rotations describe the same
+    /// lattice; the ones nearest to the nominal camera are written.
     #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-calib lattice white.exr -c nominal.json -o calibrated.json --plot lattice.svg
-  lf-synth white scene/scene.json | lf-calib lattice -c nominal.json --vignetting flat.exr -o flat.json")]
+  lf-synth white scene/scene.json |
+      lf-calib lattice -c nominal.json --vignetting flat.exr -o flat.json")]
     Lattice(LatticeArguments),
     /// Find the main lens, its distortion and its misalignment from a dot target at known depths
     ///
@@ -82,7 +83,7 @@ pub enum Task {
     Background(BackgroundArguments),
     /// Correct raw frames: sensitivity of the pixels, hot pixels, lasers of different light
     ///
-    /// Nothing is done unless it is asked for. Corrected frames are EXR of the same names in a folder; the table on
+    /// Only what is asked for is corrected. Corrected frames are EXR of the same names in a folder; the table on
     /// standard output has the mean, the noise where a frame is darkest and the brightest pixel of each, before and
     /// after. Make backgrounds from the corrected frames, with --equalise one for each laser. The uneven light behind
     /// the lenslets is not corrected here: `lattice --vignetting` makes the flat field of a camera.
@@ -132,14 +133,14 @@ pub struct NominalArguments {
     #[arg(long, value_name = "INDEX", num_args = 0..=1, default_missing_value = "1.333")]
     pub water: Option<f64>,
     /// With --water: distance from the plane in focus to the window, the window's thickness and its index, such as
-    /// 180,20,1.49. Warns if the camera in air errs too much
+    /// 180,20,1.49. Warns if the camera in air is off by too much
     #[arg(long, value_name = "DISTANCE,THICKNESS,INDEX", value_parser = window, requires = "water")]
     pub window: Option<[f64; 3]>,
     /// With --water and --window: write a camera with the exact rays through window and liquid, which lf-prune and
     /// lf-mart follow slowly
     #[arg(long, requires = "window")]
     pub exact: bool,
-    /// Camera by its data sheets, camera.json, - for standard output
+    /// Camera that follows from the data sheets, camera.json, - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
 }
@@ -215,7 +216,7 @@ pub struct RefineArguments {
     /// Camera to correct, camera.json
     #[arg(short, long, value_name = "FILE")]
     pub camera: PathBuf,
-    /// Particles are searched between these depths, mm
+    /// Search for particles between these depths, mm
     #[arg(long, value_name = "Z0,Z1", value_parser = cli::numbers::<2>, allow_hyphen_values = true)]
     pub depth: [f64; 2],
     /// Background image, subtracted from each frame

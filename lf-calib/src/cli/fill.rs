@@ -3,7 +3,7 @@
 use lf_calib::{Calibrated, Fill, PitchChange};
 use lf_core::{Camera, Session};
 
-/// A measured f-number, or a fill of the pitch, is warned of from this difference on.
+/// Warn from this relative difference on: of the measured f-number, and of the fill of the pitch.
 const NOTABLE_STOP: f64 = 0.03;
 const NOTABLE_FILL: f64 = 0.05;
 

@@ -7,7 +7,7 @@ use lf_core::image::{self, Image};
 use lf_core::{Error, Result, Session, Verdict, io};
 use std::path::{Path, PathBuf};
 
-/// Share of clipped pixels from which a frame is warned of, as lf-prune and lf-mart do.
+/// Warn from this share of clipped pixels in a frame on, like lf-prune and lf-mart.
 const CLIPPED: f64 = 1e-3;
 
 pub fn frame(arguments: &FrameArguments, session: &mut Session) -> Result<Verdict> {
@@ -57,8 +57,8 @@ fn read(arguments: &FrameArguments, file: &Path, sizes: &mut Sizes) -> Result<Im
     Ok(image)
 }
 
-/// Warns of clipped frames: name, level in counts and share of the pixels. Corrected counts no longer show it to the tools
-/// that follow.
+/// Warns of clipped frames: name, level in counts and share of the pixels. The tools that follow cannot see it: the
+/// corrected counts no longer show the level.
 fn warn_of_clipped(frames: &[(String, f32, f64)], session: &mut Session) {
     // The first of the worst.
     let Some((name, level, share)) = frames.iter().rev().max_by(|a, b| a.2.total_cmp(&b.2)) else { return };

@@ -13,7 +13,7 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Share of clipped pixels that is warned of.
+/// Warn from this share of clipped pixels on.
 const NOTABLE_CLIPPED: f64 = 0.005;
 
 pub fn lattice(arguments: &LatticeArguments, session: &mut Session) -> Result<Verdict> {

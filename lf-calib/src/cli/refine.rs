@@ -44,7 +44,7 @@ fn check_depths([low, high]: [f64; 2], camera: &Camera) -> Result<()> {
     check_depth_mm(camera, high).map_err(|refusal| Error::new("--depth", refusal.found, wanted))
 }
 
-/// A lattice that is known less well than this, px, is warned of.
+/// Warn if the uncertainty of the lattice is larger than this, px.
 const VAGUE_PX: f64 = 0.02;
 
 fn report(found: &Refined, frames: usize, session: &mut Session) {

@@ -21,8 +21,8 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Searches from `start` for the least squares of the residuals, which an impossible place does not have. `moved` gives
-    /// the place that a step leads to. None if `start` or a place beside it has no residuals.
+    /// Minimizes the sum of the squared residuals, from `start`. An impossible place has no residuals. `moved` returns
+    /// the place that a step leads to. None if `start` or a place beside it is impossible.
     pub fn run<P: Clone>(
         &self,
         start: P,

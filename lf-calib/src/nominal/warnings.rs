@@ -73,8 +73,8 @@ fn aberration(camera: &Camera, exact: &Camera) -> Option<String> {
     let error = lit.iter().map(|lit| lit.place_px.distance(there.place_px(lit.lenslet))).fold(0.0, f64::max);
     (error > NOTABLE_PX).then(|| {
         format!(
-            "the equivalent camera in air errs by {error:.2} px at the rim of the stop, {:.1} mm from focus: use --exact, or \
-             stop the lens down",
+            "the equivalent camera in air is off by {error:.2} px at the rim of the stop, {:.1} mm from focus: use --exact, \
+             or stop the lens down",
             depth.abs()
         )
     })
@@ -135,6 +135,6 @@ mod tests {
         };
         assert!(through(16.0).is_empty(), "{:?}", through(16.0));
         let text = through(4.0).join("");
-        assert!(text.starts_with("the equivalent camera in air errs by "), "{text}");
+        assert!(text.starts_with("the equivalent camera in air is off by "), "{text}");
     }
 }

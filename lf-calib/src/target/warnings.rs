@@ -7,8 +7,8 @@ use crate::points::refocus::refocus;
 use glam::DVec2;
 use lf_core::{Camera, Optics};
 
-/// A residual is warned of if it exceeds both 2 times what noise explains and 0.03 px. A smaller one moves nothing that
-/// is reconstructed.
+/// Warn if the residual exceeds both 2 times what noise explains and 0.03 px. A smaller one has no effect on a
+/// reconstruction.
 const DOUBTFUL_TIMES: f64 = 2.0;
 const DOUBTFUL_PX: f64 = 0.03;
 /// Largest change of a length that a careful data sheet needs.

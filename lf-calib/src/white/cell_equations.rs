@@ -4,8 +4,9 @@
 use super::mean_cell::{MeanCell, knots_of, splines, wrapped};
 use glam::{DMat2, DVec2};
 
-/// Knots per pixel of the fitted surface, and their fewest and most along a side. More would follow a sharp rim better,
-/// but at a pitch near a whole number of pixels all discs are sampled alike, and the centre is left undetermined.
+/// Knots per pixel of the fitted surface, and the smallest and largest number along a side. More would follow a sharp
+/// rim better. But at a pitch near a whole number of pixels all discs are sampled at the same places, and then the
+/// images would not determine the centre.
 const KNOTS_PER_PX: f64 = 1.0;
 const KNOTS: [usize; 2] = [8, 32];
 /// Weight of the surface's roughness against its misfit. It only determines the surface where no pixel falls.

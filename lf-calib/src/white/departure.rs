@@ -79,7 +79,7 @@ impl DepartureFit {
 }
 
 /// The number of correlated residuals that count as one: the variance of the means of blocks of lenslets over that of
-/// independent residuals, at least 1. Neighbours err alike where the lattice beats with the pixels.
+/// independent residuals, at least 1. Neighbours have similar errors where the lattice beats with the pixels.
 fn correlation_factor(residuals: impl Iterator<Item = (DVec2, DVec2)> + Clone) -> f64 {
     let lenslets = residuals.clone().count() as f64;
     let side = BLOCK.min((lenslets.sqrt() / BLOCKS).floor()).max(1.0);

@@ -2,8 +2,8 @@
 //! pixels. The distance r is along a line for a round stop, and the larger one of |x| and |y| for a square stop.
 //!
 //! A pixel at x sees the mean, over its square, of base + sum over lenslets of S(r(x - c)). If the pitch is near a
-//! whole number of pixels, all lenslets are sampled alike, but the distances of their pixels from the centre still
-//! differ: S is resolved much finer than a pixel, and the sampling does not move the centre.
+//! whole number of pixels, all lenslets are sampled at the same places, but the distances of their pixels from the
+//! centre still differ: S is resolved much finer than a pixel, and the sampling does not move the centre.
 
 use super::{basis::shortest, mean_cell::MeanCell};
 use glam::{DMat2, DVec2};

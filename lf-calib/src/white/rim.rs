@@ -21,7 +21,7 @@ pub(crate) fn rim_px(cell: &MeanCell, basis_px: DMat2, angles: impl Iterator<Ite
     let rays: Vec<Vec<f64>> = angles
         .map(|angle| (0..=steps).map(|n| level(DVec2::from_angle(angle) * (n as f64 * STEP * shortest))).collect())
         .collect();
-    // A disc that is worth reading covers a quarter of the pitch.
+    // A disc that can be measured covers at least a quarter of the pitch.
     let inner: Vec<f64> = rays.iter().flat_map(|ray| ray[..(0.25 / STEP) as usize].to_vec()).collect();
     let rough = inner.iter().sum::<f64>() / inner.len() as f64;
     let dark = rays.iter().flatten().copied().fold(f64::INFINITY, f64::min);

@@ -10,7 +10,7 @@ use lf_core::camera::Aperture;
 
 /// Reach of the blur in standard deviations.
 const REACH: f64 = 5.0;
-/// Steps of the table for each standard deviation. Linear interpolation errs by a thousandth of the light.
+/// Steps of the table for each standard deviation. Linear interpolation is off by a thousandth of the light.
 const PER_SIGMA: f64 = 8.0;
 /// Intervals of Simpson's rule over twice the reach. The integral over the blur is exact to 1e-6.
 const INTERVALS: usize = 48;

@@ -9,10 +9,11 @@ use lf_core::camera::{Aperture, Layout};
 use lf_core::{Camera, Optics};
 use ndarray::Array2;
 
-/// The camera of the simulations with a round stop: lenslets of 14 px whose discs touch.
+/// The camera of the simulations with a round stop: lenslets of 14 px whose discs touch. Side 0 stands for a size that
+/// the caller sets.
 pub fn camera(side: usize, layout: Layout, rotation_rad: f64, offset_mm: [f64; 2]) -> Camera {
     let sheet = DataSheet {
-        sensor_px: [side; 2],
+        sensor_px: [side.max(1); 2],
         pixel_mm: 0.0055,
         focal_length_mm: 200.0,
         magnification: 1.0,

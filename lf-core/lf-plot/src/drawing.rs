@@ -1,6 +1,6 @@
 //! A drawing: a page of shapes in pixels. `svg.rs`, `pixels.rs` and `pdf.rs` write it.
 
-use super::palette::{Colour, INK, PAPER};
+use super::palette::{Colour, Dashes, INK, PAPER};
 use super::text::Anchor;
 
 /// A place on a drawing, px: to the right of its left edge and below its upper one.
@@ -40,9 +40,6 @@ pub(super) struct Stroke {
     /// None for a solid line.
     pub dashes: Option<Dashes>,
 }
-
-/// Lengths of a dash, a gap, a dash and a gap, px.
-pub(super) type Dashes = [u8; 4];
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Geometry {

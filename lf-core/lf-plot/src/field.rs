@@ -66,8 +66,8 @@ pub struct FieldPicture {
     pub range: Option<[f64; 2]>,
 }
 
-/// The layer that a cut draws: the nearest to its place, or without a place the one that shows most. That is the layer
-/// with the largest RMS of its vectors over the RMS of their uncertainties. Only layers with nearly as many measured
+/// The layer that a cut draws: the nearest to its place, or without a place the one with the strongest signal: the
+/// largest RMS of its vectors over the RMS of their uncertainties. Only layers with nearly as many measured
 /// vectors as the fullest compete, and among nearly equal ones the nearest to the middle wins. It is seldom the focal
 /// plane, where w is least certain. Refuses a place outside the field.
 pub fn layer(field: &Field, cut: Cut) -> Result<usize, Refusal> {

@@ -1,11 +1,13 @@
 //! The one table of colours and dashes. They differ for any eyes and in grey print.
 
-use super::drawing::Dashes;
 use super::range::Range;
 
 /// Red, green and blue, 0 to 255.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour(pub u8, pub u8, pub u8);
+
+/// Lengths of a dash, a gap, a dash and a gap, px.
+pub(super) type Dashes = [u8; 4];
 
 /// Text, frames, arrows.
 pub const INK: Colour = Colour(25, 25, 35);

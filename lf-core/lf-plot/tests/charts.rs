@@ -312,7 +312,7 @@ fn y_runs_up_in_a_layer_across_z() {
     };
     let slice = Slice { grid: &grid, through: 2, layer: 0 };
     let mut panel = slice.panel("", Axis::symmetric("w, mm", 2.0), vec![1.0; 9]);
-    // The vectors at the largest y point to the right and up, those at the least y to the right and down.
+    // The vectors at the largest y point to the right and up, those at the smallest y to the right and down.
     let vector = |node: usize| [[1.0, -1.0], [f64::NAN; 2], [1.0, 1.0]][node / 3];
     panel.marks.push(Mark::Arrows(Arrows { unit: "mm".into(), ..slice.arrows(20, vector) }));
     let shafts = shafts(&drawn("upright", &chart("Layer", 1, vec![panel])));

@@ -63,7 +63,7 @@ impl Preset {
     /// by `scripts/studies/presets choose`.
     fn measured(self) -> &'static str {
         self.of([
-            "the chain takes 0.8 of balanced's time, and errs as much on average, 1.3 times as much in w at most",
+            "the chain takes 0.8 of balanced's time; errors are the same on average, at most 1.3 times as large in w",
             "between the two",
             "2.1 times balanced's time; 0.8 of its error in u, 0.7 in w",
         ])

@@ -11,7 +11,7 @@ pub struct Velocity {
     steps: Option<f64>,
 }
 
-/// Integration steps in a unit of time: at least this many, and this many times the largest rate. A step h errs by
+/// Integration steps in a unit of time: at least this many, and this many times the largest rate. A step h is off by
 /// (rate h)^5 / 120 of the displacement, here 3e-7; the error in the fastest of the paper's waves is below 1e-6 px.
 const STEPS: f64 = 8.0;
 

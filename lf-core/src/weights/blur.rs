@@ -19,7 +19,7 @@ const REACH_SIGMA: f64 = 4.0;
 const STEPS_PER_SIGMA: f64 = 128.0;
 
 /// `(z Phi(z) + phi(z), Phi(z))` for z from -REACH_SIGMA in steps of 1 / STEPS_PER_SIGMA. Phi is the truncated normal
-/// distribution. Linear interpolation errs by at most 3e-6 sigma.
+/// distribution. Linear interpolation is off by at most 3e-6 sigma.
 static NORMAL: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
     let count = (2.0 * REACH_SIGMA * STEPS_PER_SIGMA) as usize + 2;
     let h = 1.0 / STEPS_PER_SIGMA;

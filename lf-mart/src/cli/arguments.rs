@@ -85,7 +85,8 @@ pub struct Arguments {
     /// Factor of the exponent; the paper uses 2 to 2.5 with mart [default: 1.5; with smart and mlem 1, with mart 2.5]
     #[arg(long, value_name = "MU", help_heading = EXPERIMENTS, hide = true)]
     pub relaxation: Option<f64>,
-    /// Brightness of a dark pixel, as a share of the brightest; keeps one dark pixel from putting out a voxel at once
+    /// Brightness that dark pixels count with, as a share of the brightest, so that one dark pixel does not set a voxel
+    /// to zero at once
     #[arg(long, value_name = "SHARE", default_value_t = 1e-4, help_heading = EXPERIMENTS, hide = true)]
     pub floor: f64,
     /// Largest factor by which the update of one subset changes an intensity [default: 20, with mart 1e6]

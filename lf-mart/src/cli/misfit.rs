@@ -32,7 +32,7 @@ pub fn judge(solved: &Reconstruction, options: &Options, image: ArrayView2<f32>,
     let against = if allowed > 0.0 {
         format!("{:.1} times what the image's noise allows ({allowed:.3})", last.misfit / allowed)
     } else {
-        "and the image shows no noise, so the model alone errs".to_string()
+        "none of which is noise".to_string()
     };
     let misfit = last.misfit;
     session.explain(format!("misfit {misfit:.3}, {against}; up to twice the noise, or 0.35, is good"));

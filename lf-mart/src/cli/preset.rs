@@ -36,7 +36,7 @@ pub enum MethodName {
 }
 
 /// The sweeps of a preset. Balanced and accurate have the default's; lf-prune makes accurate's voxels finer in depth.
-/// With fewer than fast's, w errs by more than 1.3 times the default's error on some cameras.
+/// With fewer than fast's, the error of w is more than 1.3 times the default's on some cameras.
 pub fn iterations(preset: Preset) -> usize {
     preset.of([10, 20, 20])
 }

@@ -14,7 +14,7 @@ use std::ops::Range;
 /// Voxels whose weights are counted to estimate the number of all.
 const SAMPLE: usize = 256;
 
-/// Largest number of runs that are kept: they are counted in 32 bits, and the sample errs by a few per cent.
+/// Largest number of runs that are kept: they are counted in 32 bits, and the sample is off by a few per cent.
 const MOST_RUNS: u64 = u32::MAX as u64 / 10 * 9;
 
 /// Voxels that a thread takes at once, and how often all threads together do so before their lists are joined.

@@ -14,7 +14,7 @@ pub(crate) const BLOCKS: usize = 8;
 const RUN: usize = 1 << 12;
 
 /// Weights are kept once they take no more than this part of the memory allowed: the rest is for voxels and images, and
-/// for a sample that errs by a quarter. Making them anew takes ten to a hundred times as long.
+/// for a sample that is off by a quarter. Making them anew takes ten to a hundred times as long.
 const KEPT_PART: f64 = 0.6;
 
 pub(super) fn kept_bytes(max_bytes: u64) -> u64 {

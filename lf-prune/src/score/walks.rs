@@ -107,7 +107,7 @@ fn beyond(rays: &LatticeRays, voxel: DVec2, stop_mm: &[DVec2]) -> Vec<DVec2> {
     stop_mm.iter().map(|stop_mm| rays.place(voxel, *stop_mm) - chief).collect()
 }
 
-/// Number of blocks along an axis within which the rays of a bundle part alike.
+/// Number of blocks along an axis. Within a block the rays of every bundle spread in the same way.
 fn blocks(rays: &LatticeRays, camera: &Camera) -> usize {
     if camera.medium.is_none() && camera.centres.is_none() {
         return 1;

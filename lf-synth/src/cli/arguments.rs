@@ -71,8 +71,8 @@ pub enum Task {
 pub struct FramesArguments {
     #[command(flatten)]
     pub source: SceneSource,
-    /// Folder for frame-0000.exr ..., particles.csv, camera.json, and last scene-used.json; if the scene has a truth, also
-    /// for truth-0000.lfv ... and flow.exr (from the first frame to the second)
+    /// Folder for frame-0000.exr ..., particles.csv, camera.json and scene-used.json, which is written last; if the
+    /// scene has a truth, also for truth-0000.lfv ... and flow.exr (from the first frame to the second)
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// File format of the frames

@@ -60,7 +60,7 @@ pub fn render(arguments: &FramesArguments, session: &mut Session) -> Result<()> 
         save_image(&folder.join(file_of_frame(frame)), &image.pixels, session)?;
         drop(image);
         if *measure_noise && frame == 0 {
-            tell_noise(&instrument, &seen, &glow, seed, session)?;
+            report_noise(&instrument, &seen, &glow, seed, session)?;
         }
         if let Some((truth, grid)) = &truth {
             let (indices, intensity) = session.phase("truth", |_| Ok(truth::volume(grid, &lit, truth.sigma_vox)))?;
@@ -135,8 +135,14 @@ fn tracks(file: &Path, times: &[f64], session: &Session) -> Result<Tracers> {
     Ok(Tracers::Given(times.iter().map(|time| frames[*time as usize].clone()).collect()))
 }
 
-/// Measures the noise of the ray tracing and says it.
-fn tell_noise(instrument: &Instrument, lit: &[Particle], glow: &Glow, seed: u64, session: &mut Session) -> Result<()> {
+/// Measures and reports the noise of the ray tracing.
+fn report_noise(
+    instrument: &Instrument,
+    lit: &[Particle],
+    glow: &Glow,
+    seed: u64,
+    session: &mut Session,
+) -> Result<()> {
     let noise = session.phase("measure noise", |_| Ok(rays::measure_noise(instrument, lit, glow, seed)))?;
     let percent = 100.0 * noise;
     session.say(format!("ray noise {percent:.2} % of the brightest pixel, by {} particles", rays::NOISE_SAMPLE));

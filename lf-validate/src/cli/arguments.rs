@@ -10,7 +10,7 @@ use lf_core::cli::{Common, MemoryLimit};
 ///
 /// A score is one JSON object on standard output; a terminal gets ten lines of it, or all with --full. A number that
 /// does not exist, such as an error without vectors, is null. The help of each subcommand defines its numbers. Exit
-/// codes: 0 done, 1 judged and a limit is not kept, 2 could not do the work.
+/// codes: 0 done, 1 scored, but a limit is not kept, 2 could not do the work.
 #[derive(Parser)]
 #[command(
     name = "lf-validate",
@@ -24,7 +24,7 @@ use lf_core::cli::{Common, MemoryLimit};
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
-    /// Print the whole score on a terminal, too; without it a terminal gets ten lines
+    /// Print the whole score on a terminal, not only ten lines of it
     #[arg(long, global = true)]
     pub full: bool,
     #[command(flatten)]

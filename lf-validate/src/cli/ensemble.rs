@@ -59,7 +59,7 @@ pub struct EnsembleArguments {
     #[command(flatten)]
     picture: Picture,
     /// Slice to draw: the axis across it and its place in mm, as in z=0.5; the nearest layer is drawn. Without
-    /// a place, the layer that shows most for its uncertainty is drawn [default: z]
+    /// a place, the layer with the strongest signal for its uncertainty is drawn [default: z]
     #[arg(long, value_name = "AXIS[=MM]")]
     slice: Option<Cut>,
 }

@@ -29,7 +29,7 @@ const MOST_REGIONS: usize = 1_000_000;
 ///   by_depth        the same for each slice across z, at z_mm
 ///   by_region       the same for boxes that divide the grid, at centre_mm, x fastest
 ///
-/// A share without light to take it of is null.
+/// A share is null if there is no light at all.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,

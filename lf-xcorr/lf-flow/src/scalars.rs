@@ -40,13 +40,13 @@ pub(super) fn q_criterion(gradient: &DMat3) -> f64 {
     0.5 * (square(&spin(gradient)) - square(&strain(gradient)))
 }
 
-/// Lambda-2 of Jeong & Hussain (J. Fluid Mech. 285, 1995): the middle eigenvalue of `S^2 + W^2`; below 0 in a vortex.
+/// Lambda-2 of Jeong & Hussain (J. Fluid Mech., 1995): the middle eigenvalue of `S^2 + W^2`; below 0 in a vortex.
 pub(super) fn lambda_2(gradient: &DMat3) -> f64 {
     let (strain, spin) = (strain(gradient), spin(gradient));
     middle_eigenvalue(&(strain * strain + spin * spin))
 }
 
-/// Swirling strength of Zhou et al. (J. Fluid Mech. 387, 1999): the imaginary part of the complex eigenvalues, 0 if all
+/// Swirling strength of Zhou et al. (J. Fluid Mech., 1999): the imaginary part of the complex eigenvalues, 0 if all
 /// are real.
 pub(super) fn swirl(gradient: &DMat3) -> f64 {
     // The characteristic polynomial about a third of the trace: t^3 + p t + q.

@@ -1,7 +1,7 @@
 //! A field smoothed by penalised least squares.
 //!
 //! Equation: each component is the `u'` with the least `sum ((u' - u) / sigma)^2 + strength / s^2 * roughness(u')`,
-//! with s the usual sigma (Garcia, Comput. Stat. Data Anal. 54, 2010, with weights that are stated, and free ends).
+//! with s the usual sigma (Garcia, Comput. Stat. Data Anal., 2010, with weights that are stated, and free ends).
 //! Each component has a strength of its own: w is far less certain than u and v.
 
 use super::bands::Bands;

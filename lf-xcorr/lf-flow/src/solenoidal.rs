@@ -2,7 +2,7 @@
 //!
 //! Equation: the field u' without divergence, `D u' = 0`, whose `sum ((u' - u) / sigma)^2` over all vectors and
 //! components is least. With the variances S that is `u' = u - S D' lambda` and `D S D' lambda = D u` (after de Silva,
-//! Philip & Marusic, Exp. Fluids 54, 2013, with the weights of Azijli & Dwight, Exp. Fluids 56, 2015). w is by far the
+//! Philip & Marusic, Exp. Fluids, 2013, with the weights of Azijli & Dwight, Exp. Fluids, 2015). w is by far the
 //! least certain and changes most: continuity determines it from u and v.
 //!
 //! D is the divergence of `slopes.rs`, at every vector. The normal matrix is applied, never stored.

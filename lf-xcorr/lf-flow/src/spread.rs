@@ -74,8 +74,8 @@ pub(super) fn box_mean(values: &[f64], shape: [usize; 3], reach: [usize; 3]) -> 
     })
 }
 
-/// Replaces all values along x, then y, then z: `value(axis, at, line)` is the new value at place `at` of a line along the
-/// axis, and `line(n)` the value at its place n.
+/// Replaces all values along x, then y, then z. `value(axis, at, line)` returns the new value at place `at` of a line
+/// along the axis; `line(n)` is the old value at place n.
 pub(super) fn along_lines(
     values: &[f64],
     shape: [usize; 3],

@@ -1,7 +1,7 @@
 //! The strength of a smoothing: the one with the least expected error.
 //!
-//! Equation: `R + 2 P` estimates the mean square error of the smooth field, up to a constant (Mallows, Technometrics
-//! 15, 1973). R is the mean square residual of the data and P the mean product of drawn errors before and after the
+//! Equation: `R + 2 P` estimates the mean square error of the smooth field, up to a constant (Mallows, Technometrics,
+//! 1973). R is the mean square residual of the data and P the mean product of drawn errors before and after the
 //! smoothing, both in the stated uncertainties. For independent errors P is the trace of the smoother over the number
 //! of data.
 //!

@@ -41,10 +41,10 @@ pub struct Arguments {
     /// Write the particles found in both tables, for lf-synth and lf-validate displacement
     #[arg(long, value_name = "FILE.csv", requires = "particles")]
     pub tracks: Option<PathBuf>,
-    /// The field: .exr, .vti, .nc, .csv or .dat; `-`, the default, is EXR on standard output
+    /// The field: .exr, .vti, .nc or .csv; `-`, the default, is EXR on standard output
     #[arg(short, long, value_name = "FILE", default_value = "-", hide_default_value = true)]
     pub output: PathBuf,
-    /// Time between the volumes, seconds; adds velocities to .vti, .csv, .dat and the picture
+    /// Time between the volumes, seconds; adds velocities to .vti, .csv and the picture
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub dt: Option<f64>,
     /// Correlate a part of the volume: a box in mm (x0,x1,y0,y1,z0,z1) that windows lie in, or the voxels of a .lfv of
@@ -73,7 +73,7 @@ pub struct Picture {
     /// Draw a slice of the field: colours show the component through the plane, arrows the others
     #[arg(long, value_name = "FILE.svg|.png|.pdf")]
     pub plot: Option<PathBuf>,
-    /// The axis across the slice, and its place in mm: z=0.5 [default: z, where it shows most]
+    /// The axis across the slice, and its place in mm: z=0.5 [default: z, strongest layer]
     #[arg(long, value_name = "AXIS[=MM]", requires = "plot")]
     pub slice: Option<Cut>,
     /// Colours show u, v, w, speed, vorticity or uncertainty instead

@@ -1,5 +1,5 @@
 //! The sums of every window, from the sums of cells that overlapping windows share (a sparse direct correlation after
-//! Discetti & Astarita, Exp. Fluids 53, 2012). Memory: the cells of one layer of windows at a time.
+//! Discetti & Astarita, Exp. Fluids, 2012). Memory: the cells of one layer of windows at a time.
 
 use super::energy::{self, EnergyScratch};
 use super::kernel::{self, CellProducts, ProductScratch};

@@ -1,8 +1,8 @@
 //! Sums over windows that determine the variances of the priors.
 //!
-//! Equation, after MacKay (Neural Computation 4, 1992): the variance of a coefficient is the sum of its squares over
+//! Equation, after MacKay (Neural Computation, 1992): the variance of a coefficient is the sum of its squares over
 //! windows, divided by the effective number of windows that the pairs determine, `1 - posterior variance / prior
-//! variance` each. The variance of the scatter follows likewise from sums over pairs. Repeating this finds the
+//! variance` each. The variance of the scatter follows in the same way from sums over pairs. Repeating this finds the
 //! variances that make the measured displacements most likely.
 
 use super::window_fit::{Priors, Sample, TERMS, UNKNOWNS, WindowFit, distance2, residual_mm};

@@ -4,7 +4,7 @@ use super::fill::{neighbours, plane};
 use glam::DVec3;
 use lf_core::statistics::median;
 
-/// The normalised median test (Westerweel & Scarano, Exp. Fluids 39, 2005) over the 26 neighbours.
+/// The normalised median test (Westerweel & Scarano, Exp. Fluids, 2005) over the 26 neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MedianTest {
     /// Largest accepted ratio of a vector's residual to the median residual of its neighbours. The authors' value is 2.

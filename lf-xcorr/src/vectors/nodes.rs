@@ -91,7 +91,7 @@ impl Nodes {
         rows.flat_map(move |(j, k)| x.clone().map(move |i| [i, j, k]))
     }
 
-    /// Nodes about `distance` apart: every n-th one, with the remainder left at both ends alike.
+    /// Nodes about `distance` apart: every n-th one, with the remainder split evenly between both ends.
     pub fn apart(&self, distance: DVec3) -> Self {
         let skip = (distance / self.step).round().to_array().map(|steps| (steps as usize).max(1));
         let count = [0, 1, 2].map(|axis| (self.shape[axis] - 1) / skip[axis] + 1);

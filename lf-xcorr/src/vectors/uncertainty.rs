@@ -1,6 +1,6 @@
 //! The uncertainty of a vector, from the disagreement of the particle images in its window.
 //!
-//! Method, after B. Wieneke, "PIV uncertainty quantification from correlation statistics", Meas. Sci. Technol. 26
+//! Method, after B. Wieneke, "PIV uncertainty quantification from correlation statistics", Meas. Sci. Technol.
 //! (2015): in matched volumes the correlation one voxel to the left equals the one a voxel to the right, and every
 //! voxel adds its own disagreement to their difference. The variances of the parts add up, and the shape of the peak
 //! turns their sum into a displacement.

@@ -13,7 +13,7 @@ use crate::{Optics, simd::fastest};
 use glam::{DVec2, Vec2};
 use std::{ops::Range, sync::OnceLock};
 
-/// Sections of the aperture for each pixel under a lenslet: 1 errs by 2 to 4 % of a voxel's light, 2 by 1 %.
+/// Sections of the aperture for each pixel under a lenslet: 1 is off by 2 to 4 % of a voxel's light, 2 by 1 %.
 const SECTIONS_PER_PIXEL: usize = 2;
 /// Points a side at which a section is tested against a round stop.
 const POINTS: usize = 8;

@@ -7,7 +7,7 @@
 use crate::Optics;
 use glam::DVec2;
 
-/// Exact rays through which the polynomial passes: it errs by less than 1e-9 of g within 0.2 rad of the axis.
+/// Exact rays through which the polynomial passes: it is off by less than 1e-9 of g within 0.2 rad of the axis.
 const TERMS: usize = 6;
 /// Newton's steps to the place on the lens of a ray through an exit pupil; each leaves a hundredth of the error.
 const PUPIL_STEPS: usize = 4;

@@ -35,7 +35,7 @@ pub(crate) struct LookupBuffers {
     cut: CutBuffers,
 }
 
-/// Fine pixels of a pixel, a side; see `cut.rs`. Whole pixels err by 1.2 % of a voxel's light and cost 0.01 of Q.
+/// Fine pixels of a pixel, a side; see `cut.rs`. Whole pixels are off by 1.2 % of a voxel's light and cost 0.01 of Q.
 const FINENESS: i32 = 2;
 
 /// A lenslet counts as inside the stop if its cell, widened by this share of the blur, is. Little light lies outside.

@@ -45,8 +45,8 @@ pub struct Arguments {
     /// First standard deviation of a particle, pixels at the focal plane (pixel pitch over magnification)
     #[arg(long, value_name = "PX", default_value_t = 0.65, help_heading = FIT)]
     pub size: f64,
-    /// Shared by all particles and not fitted: their size, the drift of the lattice, the blur of a camera that has one,
-    /// or the poses of further cameras
+    /// Keep as given instead of fitting: the size of particles, the drift of the lattice, the blur of a camera that has
+    /// one, or the poses of further cameras
     #[arg(
         long,
         value_enum,

@@ -380,7 +380,7 @@ mod tests {
             }
             assert!((fast.light / slow.light - 1.0).abs() < 1e-4);
         }
-        // Covariances, without a prior worth the name.
+        // Covariances, with a prior too weak to matter.
         fitted.images.iter().for_each(|image| image.add_to(&mut window.light, window.columns, 1.0));
         buffers.paint(fitted.images.iter(), window.columns);
         cameras.weigh_whole(&window, &mut buffers);

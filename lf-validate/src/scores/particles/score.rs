@@ -163,7 +163,7 @@ mod tests {
         Particle { frame: 0, id: 0, place_mm, intensity, uncertainty: None }
     }
 
-    /// By hand: two of three are found, one of three is a ghost, z errs by 3 and -1 with stated 2 and 2.
+    /// By hand: two of three are found, one of three is a ghost, z is off by 3 and -1 with stated 2 and 2.
     #[test]
     fn a_score_by_hand() {
         let truth = [at([0.0; 3], 10.0), at([1.0, 0.0, 10.0], 20.0), at([2.0, 0.0, -20.0], 10.0)];
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(value["ghosts"], json!(1.0 / 3.0));
         assert_eq!([&value["rms_z_mm"], &value["bias_z_px"]], [&json!(5f64.sqrt()), &json!(2.0)]);
         assert_eq!([&value["within_1_z"], &value["within_2_z"]], [&json!(0.5), &json!(1.0)]);
-        // Gains 2.2 and 1.9: about 2.05 the light errs by 0.15 / 2.05, more than 2 / 20.5 and 2 / 41 twice.
+        // Gains 2.2 and 1.9: about 2.05 the light is off by 0.15 / 2.05, more than 2 / 20.5 and 2 / 41 twice.
         assert!((score.gain - 2.05).abs() < 1e-12);
         assert!((value["rms_intensity"].as_f64().unwrap() - 0.15 / 2.05).abs() < 1e-12);
         assert_eq!([&value["within_1_intensity"], &value["within_2_intensity"]], [&json!(0.5), &json!(1.0)]);

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Departure: the paper's Eq. 2 prints one sum under the root. The measure meant is the normalised correlation of
-//! Elsinga et al. 2006, Exp. Fluids 41:933, with two sums. Only with two does a volume score 1 against itself.
+//! Elsinga et al. 2006, Exp. Fluids, with two sums. Only with two does a volume score 1 against itself.
 //!
 //! Voxels that a file does not hold are zero. A stored zero counts as a voxel that is not held.
 

@@ -41,9 +41,9 @@ pub enum Command {
 
 /// Smooth a field by its uncertainties
 ///
-/// Penalised least squares: certain vectors stay, uncertain ones follow their neighbours. Each component is smoothed
-/// with the least expected error, by its uncertainties and by the errors that overlapping windows share. Replaced and
-/// missing vectors are filled and flagged as replaced.
+/// Penalised least squares: certain vectors stay, uncertain ones follow their neighbours. Each component gets the
+/// strength with the smallest expected error, by its uncertainties and the errors that overlapping windows share.
+/// Replaced and missing vectors are filled and flagged as replaced.
 #[derive(clap::Args)]
 #[command(after_help = "Examples, in out/ after scripts/demo:
   lf-flow smooth field-0000-0001.exr -o smooth.exr
@@ -51,7 +51,7 @@ pub enum Command {
 pub struct SmoothArguments {
     #[command(flatten)]
     pub files: Files,
-    /// Strengths for u, v and w instead of those with the least expected error; s smooths waves shorter than 2 pi
+    /// Strengths for u, v and w instead of those with the smallest expected error; s smooths waves shorter than 2 pi
     /// s^(1/4) vectors
     #[arg(long, value_name = "U,V,W", value_parser = positive)]
     pub strength: Option<[f64; 3]>,

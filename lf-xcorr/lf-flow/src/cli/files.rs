@@ -12,7 +12,6 @@ pub enum Form {
     Vti,
     Nc,
     Csv,
-    Dat,
 }
 
 /// Fields, and where their results go.
