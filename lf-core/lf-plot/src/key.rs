@@ -18,7 +18,6 @@ const ROW: i32 = 20;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Symbol {
     Line(Look, Style),
-    Band(Look),
     Marker(Look),
     Steps(Look),
     Reference(usize),
@@ -94,7 +93,6 @@ impl Symbol {
             Self::Line(look, style) => {
                 drawing.curve(&level, look.colour(), 2, (style == Style::Dashed).then_some(SERIES_DASHES));
             }
-            Self::Band(look) => drawing.tint(block, look.colour(), 0.2),
             Self::Marker(look) => look.marker(drawing, (x + SYMBOL / 2, y)),
             Self::Steps(look) => {
                 let places = [at(0, 6), at(8, 6), at(8, -6), at(22, -6), at(22, 3), at(SYMBOL, 3)];
@@ -123,13 +121,10 @@ fn entries(panel: &Panel, looks: &Looks, px_per_unit: [f64; 2]) -> Vec<Entry> {
         let has_many = has_many_series(panel);
         let name = mark.name().to_owned();
         let (name, symbols) = match mark {
-            Mark::Line { spread, style, with_points, .. } => {
-                let band = spread.as_ref().map(|_| Symbol::Band(look));
-                let line = Symbol::Line(look, *style);
-                (name, band.into_iter().chain([line]).chain(marker(*with_points || has_many)).collect())
+            Mark::Line { style, .. } => {
+                (name, [Symbol::Line(look, *style)].into_iter().chain(marker(has_many)).collect())
             }
             Mark::Steps { .. } => (name, [Symbol::Steps(look)].into_iter().chain(marker(has_many)).collect()),
-            Mark::Points { .. } => (name, vec![Symbol::Marker(look)]),
             Mark::Reference { name: known, .. } => (name, vec![Symbol::Reference(reference_number(panel, known))]),
             Mark::Region { .. } => {
                 regions += 1;
@@ -153,9 +148,7 @@ fn add(entries: &mut Vec<Entry>, name: String, symbols: Vec<Symbol>) {
     if name.is_empty() {
         return;
     }
-    let is_series = |symbols: &[Symbol]| {
-        matches!(symbols.first(), Some(Symbol::Line(..) | Symbol::Band(_) | Symbol::Marker(_) | Symbol::Steps(_)))
-    };
+    let is_series = |symbols: &[Symbol]| matches!(symbols.first(), Some(Symbol::Line(..) | Symbol::Steps(_)));
     let is_known = |entry: &&mut Entry| {
         entry.name == name && (entry.symbols == symbols || is_series(&entry.symbols) && is_series(&symbols))
     };

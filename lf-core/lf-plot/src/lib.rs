@@ -15,7 +15,6 @@ mod drawing;
 mod field;
 mod font;
 mod key;
-mod labels;
 mod map;
 mod marks;
 mod outline;
