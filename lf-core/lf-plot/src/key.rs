@@ -2,7 +2,7 @@
 
 use super::chart::{Mark, Panel, Style};
 use super::drawing::{Drawing, Pixel};
-use super::palette::{EMPTY, GREY, REFERENCE_DASHES, SERIES_DASHES, SHADES};
+use super::palette::{EMPTY, GREY, REFERENCE_DASHES, SERIES_DASHES, SHADE};
 use super::text::{Anchor, TEXT_PX, width, wrap};
 use super::view::{Look, Looks, has_many_series, reference_number};
 use super::{arrow::arrow, map};
@@ -21,7 +21,7 @@ enum Symbol {
     Marker(Look),
     Steps(Look),
     Reference(usize),
-    Region(usize),
+    Region,
     Arrow { length: i32, is_hollow: bool },
     Empty,
 }
@@ -101,8 +101,8 @@ impl Symbol {
             Self::Reference(n) => {
                 drawing.curve(&level, GREY, 2, Some(REFERENCE_DASHES[n % REFERENCE_DASHES.len()]));
             }
-            Self::Region(n) => {
-                drawing.block(block, SHADES[n % SHADES.len()]);
+            Self::Region => {
+                drawing.block(block, SHADE);
                 drawing.frame(block, GREY);
             }
             Self::Arrow { length, is_hollow } => arrow(drawing, at(0, 0), at(length, 0), is_hollow),
@@ -114,7 +114,6 @@ impl Symbol {
 /// The entries of a panel's marks. Each name has one entry with the symbols of all its marks.
 fn entries(panel: &Panel, looks: &Looks, px_per_unit: [f64; 2]) -> Vec<Entry> {
     let mut entries = Vec::new();
-    let mut regions = 0;
     for mark in &panel.marks {
         let look = looks.look(mark.name());
         let marker = |is_marked: bool| is_marked.then_some(Symbol::Marker(look));
@@ -126,10 +125,7 @@ fn entries(panel: &Panel, looks: &Looks, px_per_unit: [f64; 2]) -> Vec<Entry> {
             }
             Mark::Steps { .. } => (name, [Symbol::Steps(look)].into_iter().chain(marker(has_many)).collect()),
             Mark::Reference { name: known, .. } => (name, vec![Symbol::Reference(reference_number(panel, known))]),
-            Mark::Region { .. } => {
-                regions += 1;
-                (name, vec![Symbol::Region(regions - 1)])
-            }
+            Mark::Region { .. } => (name, vec![Symbol::Region]),
             Mark::Arrows(arrows) => {
                 let sample = if name.is_empty() { arrows.sample(px_per_unit) } else { Some((f64::from(ARROW), name)) };
                 let Some((length, name)) = sample else { continue };

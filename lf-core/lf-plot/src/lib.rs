@@ -35,7 +35,7 @@ mod view;
 pub use arrow::arrow;
 pub use chart::{Arrows, Axis, Chart, Mark, Panel, Place, Style};
 pub use drawing::{At, Drawing, Pixel, rounded};
-pub use field::{FieldPicture, Scalar, field, field_chart, layer};
+pub use field::{FieldPicture, Scalar, field, layer};
 pub use page::draw;
 pub use palette::{COLOURS, Colour, INK, grey};
 pub use save::save;

@@ -3,7 +3,7 @@
 use super::chart::{Mark, Style};
 use super::drawing::{At, Drawing, rounded};
 use super::map;
-use super::palette::{GREY, REFERENCE_DASHES, SERIES_DASHES, SHADES};
+use super::palette::{GREY, REFERENCE_DASHES, SERIES_DASHES, SHADE};
 use super::view::{Look, PanelView, has_many_series, reference_number};
 
 /// Number of marked points of a line, if they only distinguish it from other lines.
@@ -15,14 +15,14 @@ pub(super) fn regions(drawing: &mut Drawing, view: &PanelView) {
         Mark::Region { x, .. } => Some(x),
         _ => None,
     });
-    for (n, x) in regions.enumerate() {
+    for x in regions {
         let [from, to] = x.map(|x| if x.is_finite() { view.x.share(x).clamp(0.0, 1.0) } else { f64::NAN });
         if from.is_nan() || to.is_nan() || from == to {
             continue;
         }
         let (low, high) = (view.frame.low, view.frame.high);
         let [from, to] = [from.min(to), from.max(to)].map(|share| low[0] + share * (high[0] - low[0]));
-        drawing.block([rounded([from, low[1]]), rounded([to, high[1]])], SHADES[n % SHADES.len()]);
+        drawing.block([rounded([from, low[1]]), rounded([to, high[1]])], SHADE);
     }
 }
 

@@ -16,7 +16,6 @@ mod memory;
 mod progress;
 mod run;
 mod session;
-mod stats;
 mod values;
 
 pub use lengths::length_mm;
