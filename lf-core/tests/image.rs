@@ -2,7 +2,7 @@
 
 use crate::allocation;
 use image::{ExtendedColorType, ImageEncoder};
-use lf_core::image::{Channel, Image, Stack, from_bytes, open, open_counts, outside_u16, save};
+use lf_core::image::{Channel, Image, Stack, open, open_counts, outside_u16, save};
 use lf_core::{History, history::Step};
 use ndarray::{Array2, array};
 use std::io::Cursor;
@@ -32,7 +32,7 @@ fn saved(name: &str, pixels: &Array2<f32>, history: &History) -> Vec<u8> {
 }
 
 pub fn read(bytes: &[u8]) -> lf_core::Result<Image> {
-    from_bytes(bytes, "frame")
+    Stack::from_bytes(bytes.to_vec().into(), "frame")?.only(None)
 }
 
 pub fn read_channel(bytes: &[u8], channel: Channel) -> Image {

@@ -78,9 +78,9 @@ pub fn arrow(drawing: &mut Drawing, from: At, to: At, is_hollow: bool) {
         let side = [(length, shaft), (head, shaft), (head, barb)].map(|(back, side)| point(back, side));
         let other = [(head, -barb), (head, -shaft), (length, -shaft)].map(|(back, side)| point(back, side));
         let outline: Vec<_> = side.into_iter().chain([rounded(to)]).chain(other).chain([side[0]]).collect();
-        drawing.polygon(outline.clone(), PAPER, 1.0);
+        drawing.polygon(outline.clone(), PAPER);
         return drawing.line(outline, GREY, 1);
     }
     drawing.line([rounded(from), point(head, 0.0)], INK, 1);
-    drawing.polygon([point(head, barb), rounded(to), point(head, -barb)], INK, 1.0);
+    drawing.polygon([point(head, barb), rounded(to), point(head, -barb)], INK);
 }

@@ -62,22 +62,19 @@ pub enum Place {
     Curve(Vec<[f64; 2]>),
 }
 
-/// Something drawn in a panel. A mark with a name has an entry in the key. Lines, steps and points of one name share
+/// Something drawn in a panel. A mark with a name has an entry in the key. Lines and steps of one name share
 /// colour, marker and entry. If a chart has at most seven such names, a name has the same look in all panels.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mark {
-    /// Points joined in order; a point that is not finite leaves a gap.
+    /// Points joined in order; a point that is not finite leaves a gap. A few points are marked where the panel has
+    /// several series.
     Line {
         /// Name in the key; may be empty.
         name: String,
         /// Points (x, y).
         points: Vec<[f64; 2]>,
-        /// Smallest and largest y at each point, drawn as a translucent band.
-        spread: Option<Vec<[f64; 2]>>,
         /// Stroke.
         style: Style,
-        /// Whether every point is marked. If not, a few are where the panel has several series.
-        with_points: bool,
     },
     /// The outline of a histogram; its vertical axis includes zero.
     Steps {
@@ -87,18 +84,6 @@ pub enum Mark {
         edges: Vec<f64>,
         /// Height of each bin.
         values: Vec<f64>,
-    },
-    /// Points that are not joined.
-    Points {
-        /// Name in the key; may be empty.
-        name: String,
-        /// Points (x, y).
-        points: Vec<[f64; 2]>,
-        /// Smallest and largest y at each point, drawn as a bar.
-        spread: Option<Vec<[f64; 2]>>,
-        /// A label beside each point. Labels that find no free place are left out, and a note under the title counts
-        /// them.
-        labels: Option<Vec<String>>,
     },
     /// A value to compare with, dashed and grey. References of the same name share their dashes and their entry in the
     /// key.
@@ -197,24 +182,19 @@ impl Panel {
 }
 
 impl Mark {
-    /// A solid line without marked points.
+    /// A solid line.
     pub fn line(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
-        Self::Line { name: name.into(), points, spread: None, style: Style::Solid, with_points: false }
+        Self::Line { name: name.into(), points, style: Style::Solid }
     }
 
-    /// A dashed line without marked points.
+    /// A dashed line.
     pub fn dashed(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
-        Self::Line { name: name.into(), points, spread: None, style: Style::Dashed, with_points: false }
+        Self::Line { name: name.into(), points, style: Style::Dashed }
     }
 
     /// The outline of a histogram.
     pub fn steps(name: impl Into<String>, edges: Vec<f64>, values: Vec<f64>) -> Self {
         Self::Steps { name: name.into(), edges, values }
-    }
-
-    /// Points without spread or labels.
-    pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
-        Self::Points { name: name.into(), points, spread: None, labels: None }
     }
 
     /// A value to compare with.
@@ -226,7 +206,6 @@ impl Mark {
         match self {
             Self::Line { name, .. }
             | Self::Steps { name, .. }
-            | Self::Points { name, .. }
             | Self::Reference { name, .. }
             | Self::Region { name, .. }
             | Self::Arrows(Arrows { name, .. }) => name,
@@ -236,7 +215,7 @@ impl Mark {
 
     /// Whether it has a colour of its own.
     pub(super) fn is_series(&self) -> bool {
-        matches!(self, Self::Line { .. } | Self::Steps { .. } | Self::Points { .. })
+        matches!(self, Self::Line { .. } | Self::Steps { .. })
     }
 }
 
@@ -266,11 +245,6 @@ fn check_mark(mark: &Mark) -> Result<(), Refusal> {
         false => Err(Refusal::new(format!("'{}' has {found} {items}", mark.name()), format!("wanted {wanted}"))),
     };
     match mark {
-        Mark::Line { points, spread: Some(spread), .. } => agree(spread.len(), "spreads", points.len()),
-        Mark::Points { points, spread, labels, .. } => {
-            agree(spread.as_ref().map_or(points.len(), Vec::len), "spreads", points.len())?;
-            agree(labels.as_ref().map_or(points.len(), Vec::len), "labels", points.len())
-        }
         Mark::Steps { edges, values, .. } => {
             agree(edges.len(), "edges", if values.is_empty() { edges.len() } else { values.len() + 1 })
         }
@@ -283,6 +257,6 @@ fn check_mark(mark: &Mark) -> Result<(), Refusal> {
             Err(Refusal::new(format!("a map over x {x:?} and y {y:?}"), "wanted edges that differ"))
         }
         Mark::Arrows(arrows) => agree(arrows.vectors.len(), "vectors", arrows.points.len()),
-        Mark::Line { spread: None, .. } | Mark::Reference { .. } | Mark::Region { .. } => Ok(()),
+        Mark::Line { .. } | Mark::Reference { .. } | Mark::Region { .. } => Ok(()),
     }
 }

@@ -29,7 +29,6 @@ pub struct Drawing {
 pub(super) struct DrawnShape {
     pub geometry: Geometry,
     pub colour: Colour,
-    pub opacity: f32,
     /// The stroke of its outline; a shape without one is filled.
     pub stroke: Option<Stroke>,
 }
@@ -76,17 +75,12 @@ impl Drawing {
 
     /// A filled rectangle between two corners.
     pub fn block(&mut self, corners: [Pixel; 2], colour: Colour) {
-        self.tint(corners, colour, 1.0);
+        self.fill(Geometry::Rectangle(corners), colour);
     }
 
     /// The outline of a rectangle, 1 px wide.
     pub fn frame(&mut self, corners: [Pixel; 2], colour: Colour) {
         self.stroke(Geometry::Rectangle(corners), colour, THIN);
-    }
-
-    /// A translucent rectangle; an opacity of 1 hides everything below it.
-    pub fn tint(&mut self, corners: [Pixel; 2], colour: Colour, opacity: f32) {
-        self.fill(Geometry::Rectangle(corners), colour, opacity);
     }
 
     /// A line through places.
@@ -107,14 +101,14 @@ impl Drawing {
         self.line([(x, y - 5), (x, y + 5)], colour, 2);
     }
 
-    /// A filled polygon; an opacity of 1 hides everything below it.
-    pub fn polygon(&mut self, corners: impl IntoIterator<Item = Pixel>, colour: Colour, opacity: f32) {
-        self.fill(Geometry::Polygon(corners.into_iter().collect()), colour, opacity);
+    /// A filled polygon.
+    pub fn polygon(&mut self, corners: impl IntoIterator<Item = Pixel>, colour: Colour) {
+        self.fill(Geometry::Polygon(corners.into_iter().collect()), colour);
     }
 
     /// A filled circle.
     pub fn disc(&mut self, centre: Pixel, radius_px: i32, colour: Colour) {
-        self.fill(Geometry::Circle(centre, radius_px), colour, 1.0);
+        self.fill(Geometry::Circle(centre, radius_px), colour);
     }
 
     /// The outline of a circle, 1 px wide.
@@ -133,14 +127,14 @@ impl Drawing {
     }
 
     fn letters(&mut self, line: TextLine) {
-        self.fill(Geometry::Text(line), INK, 1.0);
+        self.fill(Geometry::Text(line), INK);
     }
 
-    fn fill(&mut self, geometry: Geometry, colour: Colour, opacity: f32) {
-        self.shapes.push(DrawnShape { geometry, colour, opacity, stroke: None });
+    fn fill(&mut self, geometry: Geometry, colour: Colour) {
+        self.shapes.push(DrawnShape { geometry, colour, stroke: None });
     }
 
     fn stroke(&mut self, geometry: Geometry, colour: Colour, stroke: Stroke) {
-        self.shapes.push(DrawnShape { geometry, colour, opacity: 1.0, stroke: Some(stroke) });
+        self.shapes.push(DrawnShape { geometry, colour, stroke: Some(stroke) });
     }
 }

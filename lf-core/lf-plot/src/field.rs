@@ -11,11 +11,9 @@ use super::page::draw;
 use super::slice::{Slice, usual};
 use super::text::short;
 use lf_core::Refusal;
-use lf_core::field::{Cut, Field, MEASURED, NO_DATA, REPLACED};
+use lf_core::field::{AXES, COMPONENTS, Cut, Field, MEASURED, NO_DATA, REPLACED};
 use std::str::FromStr;
 
-const AXES: [&str; 3] = ["x", "y", "z"];
-const COMPONENTS: [&str; 3] = ["u", "v", "w"];
 /// Largest number of arrows along the longer side of the layer.
 const MOST_ARROWS: usize = 47;
 /// Smallest usual length of an arrow, as a share of the end of the colours: noise about zero must not look like a
@@ -107,7 +105,7 @@ pub fn field(field: &Field, picture: &FieldPicture) -> Result<Drawing, Refusal> 
 }
 
 /// Lays out a layer of `field` as a chart. Refuses a place outside the field; panics if the axis is above 2.
-pub fn field_chart(field: &Field, picture: &FieldPicture) -> Result<Chart, Refusal> {
+fn field_chart(field: &Field, picture: &FieldPicture) -> Result<Chart, Refusal> {
     let (grid, through) = (&field.layout, picture.cut.axis);
     let slice = Slice { grid, through, layer: layer(field, picture.cut)? };
     let across = slice.across();

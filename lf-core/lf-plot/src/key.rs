@@ -2,7 +2,7 @@
 
 use super::chart::{Mark, Panel, Style};
 use super::drawing::{Drawing, Pixel};
-use super::palette::{EMPTY, GREY, REFERENCE_DASHES, SERIES_DASHES, SHADES};
+use super::palette::{EMPTY, GREY, REFERENCE_DASHES, SERIES_DASHES, SHADE};
 use super::text::{Anchor, TEXT_PX, width, wrap};
 use super::view::{Look, Looks, has_many_series, reference_number};
 use super::{arrow::arrow, map};
@@ -18,11 +18,10 @@ const ROW: i32 = 20;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Symbol {
     Line(Look, Style),
-    Band(Look),
     Marker(Look),
     Steps(Look),
     Reference(usize),
-    Region(usize),
+    Region,
     Arrow { length: i32, is_hollow: bool },
     Empty,
 }
@@ -94,7 +93,6 @@ impl Symbol {
             Self::Line(look, style) => {
                 drawing.curve(&level, look.colour(), 2, (style == Style::Dashed).then_some(SERIES_DASHES));
             }
-            Self::Band(look) => drawing.tint(block, look.colour(), 0.2),
             Self::Marker(look) => look.marker(drawing, (x + SYMBOL / 2, y)),
             Self::Steps(look) => {
                 let places = [at(0, 6), at(8, 6), at(8, -6), at(22, -6), at(22, 3), at(SYMBOL, 3)];
@@ -103,8 +101,8 @@ impl Symbol {
             Self::Reference(n) => {
                 drawing.curve(&level, GREY, 2, Some(REFERENCE_DASHES[n % REFERENCE_DASHES.len()]));
             }
-            Self::Region(n) => {
-                drawing.block(block, SHADES[n % SHADES.len()]);
+            Self::Region => {
+                drawing.block(block, SHADE);
                 drawing.frame(block, GREY);
             }
             Self::Arrow { length, is_hollow } => arrow(drawing, at(0, 0), at(length, 0), is_hollow),
@@ -116,25 +114,18 @@ impl Symbol {
 /// The entries of a panel's marks. Each name has one entry with the symbols of all its marks.
 fn entries(panel: &Panel, looks: &Looks, px_per_unit: [f64; 2]) -> Vec<Entry> {
     let mut entries = Vec::new();
-    let mut regions = 0;
     for mark in &panel.marks {
         let look = looks.look(mark.name());
         let marker = |is_marked: bool| is_marked.then_some(Symbol::Marker(look));
         let has_many = has_many_series(panel);
         let name = mark.name().to_owned();
         let (name, symbols) = match mark {
-            Mark::Line { spread, style, with_points, .. } => {
-                let band = spread.as_ref().map(|_| Symbol::Band(look));
-                let line = Symbol::Line(look, *style);
-                (name, band.into_iter().chain([line]).chain(marker(*with_points || has_many)).collect())
+            Mark::Line { style, .. } => {
+                (name, [Symbol::Line(look, *style)].into_iter().chain(marker(has_many)).collect())
             }
             Mark::Steps { .. } => (name, [Symbol::Steps(look)].into_iter().chain(marker(has_many)).collect()),
-            Mark::Points { .. } => (name, vec![Symbol::Marker(look)]),
             Mark::Reference { name: known, .. } => (name, vec![Symbol::Reference(reference_number(panel, known))]),
-            Mark::Region { .. } => {
-                regions += 1;
-                (name, vec![Symbol::Region(regions - 1)])
-            }
+            Mark::Region { .. } => (name, vec![Symbol::Region]),
             Mark::Arrows(arrows) => {
                 let sample = if name.is_empty() { arrows.sample(px_per_unit) } else { Some((f64::from(ARROW), name)) };
                 let Some((length, name)) = sample else { continue };
@@ -153,9 +144,7 @@ fn add(entries: &mut Vec<Entry>, name: String, symbols: Vec<Symbol>) {
     if name.is_empty() {
         return;
     }
-    let is_series = |symbols: &[Symbol]| {
-        matches!(symbols.first(), Some(Symbol::Line(..) | Symbol::Band(_) | Symbol::Marker(_) | Symbol::Steps(_)))
-    };
+    let is_series = |symbols: &[Symbol]| matches!(symbols.first(), Some(Symbol::Line(..) | Symbol::Steps(_)));
     let is_known = |entry: &&mut Entry| {
         entry.name == name && (entry.symbols == symbols || is_series(&entry.symbols) && is_series(&symbols))
     };

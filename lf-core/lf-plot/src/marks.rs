@@ -2,9 +2,9 @@
 
 use super::chart::{Mark, Style};
 use super::drawing::{At, Drawing, rounded};
-use super::palette::{GREY, REFERENCE_DASHES, SERIES_DASHES, SHADES};
+use super::map;
+use super::palette::{GREY, REFERENCE_DASHES, SERIES_DASHES, SHADE};
 use super::view::{Look, PanelView, has_many_series, reference_number};
-use super::{labels::labels, map};
 
 /// Number of marked points of a line, if they only distinguish it from other lines.
 const FEW_MARKERS: usize = 5;
@@ -15,19 +15,19 @@ pub(super) fn regions(drawing: &mut Drawing, view: &PanelView) {
         Mark::Region { x, .. } => Some(x),
         _ => None,
     });
-    for (n, x) in regions.enumerate() {
+    for x in regions {
         let [from, to] = x.map(|x| if x.is_finite() { view.x.share(x).clamp(0.0, 1.0) } else { f64::NAN });
         if from.is_nan() || to.is_nan() || from == to {
             continue;
         }
         let (low, high) = (view.frame.low, view.frame.high);
         let [from, to] = [from.min(to), from.max(to)].map(|share| low[0] + share * (high[0] - low[0]));
-        drawing.block([rounded([from, low[1]]), rounded([to, high[1]])], SHADES[n % SHADES.len()]);
+        drawing.block([rounded([from, low[1]]), rounded([to, high[1]])], SHADE);
     }
 }
 
-/// Draws all other marks. Returns the number of labels that find no free place.
-pub(super) fn marks(drawing: &mut Drawing, view: &PanelView) -> usize {
+/// Draws all other marks.
+pub(super) fn marks(drawing: &mut Drawing, view: &PanelView) {
     let marks = &view.panel.marks;
     for mark in marks {
         map::cells(drawing, view, mark);
@@ -41,28 +41,19 @@ pub(super) fn marks(drawing: &mut Drawing, view: &PanelView) -> usize {
         }
     }
     for mark in marks {
-        if let Mark::Line { name, points, spread: Some(spread), .. } = mark {
-            band(drawing, view, points, spread, view.looks.look(name));
-        }
-    }
-    for mark in marks {
         series(drawing, view, mark);
     }
-    labels(drawing, view)
 }
 
 fn series(drawing: &mut Drawing, view: &PanelView, mark: &Mark) {
     let look = view.looks.look(mark.name());
     let has_many = has_many_series(view.panel);
     match mark {
-        Mark::Line { points, style, with_points, .. } => {
+        Mark::Line { points, style, .. } => {
             let places = view.places(points);
             line(drawing, view, &places, look, *style);
-            match (with_points, has_many) {
-                (true, _) => markers(drawing, view, &places, look),
-                (false, true) => markers(drawing, view, &few(view, &places, look), look),
-                (false, false) => markers(drawing, view, &isolated(&places), look),
-            }
+            let marked = if has_many { few(view, &places, look) } else { isolated(&places) };
+            markers(drawing, view, &marked, look);
         }
         Mark::Steps { edges, values, .. } => {
             line(drawing, view, &outline(view, edges, values), look, Style::Solid);
@@ -71,12 +62,6 @@ fn series(drawing: &mut Drawing, view: &PanelView, mark: &Mark) {
                 let middles: Vec<At> = bins.map(|(ends, value)| view.at([0.5 * (ends[0] + ends[1]), *value])).collect();
                 markers(drawing, view, &few(view, &middles, look), look);
             }
-        }
-        Mark::Points { points, spread, .. } => {
-            for (point, spread) in points.iter().zip(spread.iter().flatten()) {
-                bar(drawing, view, point[0], *spread, look);
-            }
-            markers(drawing, view, &view.places(points), look);
         }
         Mark::Arrows(arrows) => {
             arrows.draw(drawing, view.px_per_unit(), |point| Some(view.at(point)).filter(|at| view.frame.contains(*at)))
@@ -125,35 +110,4 @@ fn outline(view: &PanelView, edges: &[f64], values: &[f64]) -> Vec<At> {
     let bins = edges.windows(2).zip(values);
     let tops = bins.flat_map(|(ends, value)| [ends[0], ends[1]].map(|edge| view.at_or_below([edge, *value])));
     foot(edges.first()).into_iter().chain(tops).chain(foot(edges.last())).collect()
-}
-
-/// The area between the smallest and the largest y. Missing points are gaps; a point between two gaps gets a bar.
-fn band(drawing: &mut Drawing, view: &PanelView, points: &[[f64; 2]], spread: &[[f64; 2]], look: Look) {
-    let is_whole = |n: &usize| {
-        view.at(points[*n]).into_iter().chain(spread[*n]).all(f64::is_finite) && view.y.share(spread[*n][1]).is_finite()
-    };
-    let kept: Vec<usize> = (0..points.len()).filter(is_whole).collect();
-    for part in kept.chunk_by(|one, other| one + 1 == *other) {
-        if let [n] = part {
-            bar(drawing, view, points[*n][0], spread[*n], look);
-            continue;
-        }
-        let side = |n: &usize, end: usize| view.at_or_below([points[*n][0], spread[*n][end]]);
-        let low = part.iter().map(|n| side(n, 0));
-        let outline: Vec<At> = low.chain(part.iter().rev().map(|n| side(n, 1))).collect();
-        let places: Vec<_> = view.frame.area(&outline).into_iter().map(rounded).collect();
-        if places.len() > 2 {
-            drawing.polygon(places, look.colour(), 0.2);
-        }
-    }
-}
-
-fn bar(drawing: &mut Drawing, view: &PanelView, x: f64, spread: [f64; 2], look: Look) {
-    let ends = spread.map(|y| view.at_or_below([x, y]));
-    for part in view.frame.line(&ends) {
-        drawing.curve(&part, look.colour(), 1, None);
-    }
-    for end in ends.into_iter().filter(|end| view.frame.contains(*end)) {
-        drawing.curve(&[[end[0] - 3.0, end[1]], [end[0] + 3.0, end[1]]], look.colour(), 1, None);
-    }
 }

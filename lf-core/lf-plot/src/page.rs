@@ -20,16 +20,10 @@ const FRAMES_TO_SCALE: [i32; 3] = [760, 440, 370];
 /// Smallest width of a page, px: room for its title and notes.
 const SMALLEST_WIDTH: i32 = 640;
 
-/// Draws a chart. Refuses lists of different lengths and an empty range. If labels find no free place, the page is
-/// drawn again with a note that counts them.
+/// Draws a chart. Refuses lists of different lengths and an empty range.
 pub fn draw(chart: &Chart) -> Result<Drawing, Refusal> {
     check(chart)?;
-    let (drawing, left_out) = page(chart, 0);
-    Ok(if left_out == 0 { drawing } else { page(chart, left_out).0 })
-}
 
-/// The page, and the number of labels left out. A note says that `unlabelled` labels are missing.
-fn page(chart: &Chart, unlabelled: usize) -> (Drawing, usize) {
     // Lay out the panels.
     let columns = chart.columns.clamp(1, chart.panels.len().max(1));
     let kind = columns.min(FRAMES.len()) - 1;
@@ -49,7 +43,7 @@ fn page(chart: &Chart, unlabelled: usize) -> (Drawing, usize) {
 
     // Title and notes.
     let title = wrap(&chart.title, TITLE_PX, width - 2 * EDGE);
-    let notes = chart.notes.iter().cloned().chain(own_notes(chart, &panels, unlabelled));
+    let notes = chart.notes.iter().cloned().chain(own_notes(chart, &panels));
     let notes: Vec<String> = notes.flat_map(|note| wrap(&note, TEXT_PX, width - 2 * EDGE)).collect();
     let notes_top = EDGE / 2 + TITLE * title.len() as i32;
     let heading = notes_top + NOTE * notes.len() as i32 + 14;
@@ -57,17 +51,16 @@ fn page(chart: &Chart, unlabelled: usize) -> (Drawing, usize) {
     let mut drawing = Drawing::new(&chart.title, [width, heading + length(&down) + EDGE / 2]);
     lines(&mut drawing, &title, EDGE / 2, TITLE, TITLE_PX);
     lines(&mut drawing, &notes, notes_top, NOTE, TEXT_PX);
-    let mut left_out = 0;
     let mut top = heading;
     for (row, panels) in down.iter().zip(panels.chunks(columns)) {
         let mut left = EDGE;
         for (column, panel) in across.iter().zip(panels) {
-            left_out += panel.draw(&mut drawing, [left + column[0], top + row[0]]);
+            panel.draw(&mut drawing, [left + column[0], top + row[0]]);
             left += column.iter().sum::<i32>() + BETWEEN;
         }
         top += row.iter().sum::<i32>() + BETWEEN;
     }
-    (drawing, left_out)
+    Ok(drawing)
 }
 
 /// The largest of each of three sizes.
@@ -82,7 +75,7 @@ fn lines(drawing: &mut Drawing, lines: &[String], top: i32, height: i32, size_px
 }
 
 /// Notes about everything that is not drawn as asked.
-fn own_notes(chart: &Chart, panels: &[PanelLayout], unlabelled: usize) -> Vec<String> {
+fn own_notes(chart: &Chart, panels: &[PanelLayout]) -> Vec<String> {
     let maps = chart.panels.iter().flat_map(|panel| &panel.marks).filter_map(map::note);
     let mut notes = distinct(maps.chain(panels.iter().filter_map(|panel| panel.note.clone())));
     let arrows = chart.panels.iter().flat_map(|panel| &panel.marks).map(|mark| match mark {
@@ -97,14 +90,13 @@ fn own_notes(chart: &Chart, panels: &[PanelLayout], unlabelled: usize) -> Vec<St
     let hidden = chart.panels.iter().map(not_positive).sum();
     notes.extend(counted(arrows.sum(), "one arrow", "arrows", "cut short"));
     notes.extend(counted(hidden, "1 point", "points", "at or below 0 not shown on a logarithmic axis"));
-    notes.extend(counted(unlabelled, "1 point", "points", "with no space for a label"));
     notes
 }
 
 /// Number of a panel's points that only a logarithmic axis leaves out.
 fn not_positive(panel: &Panel) -> usize {
     let points = panel.marks.iter().filter_map(|mark| match mark {
-        Mark::Line { points, .. } | Mark::Points { points, .. } => Some(points),
+        Mark::Line { points, .. } => Some(points),
         _ => None,
     });
     let is_hidden = |point: &&[f64; 2]| {

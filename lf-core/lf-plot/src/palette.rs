@@ -18,8 +18,8 @@ pub(super) const GRID: Colour = Colour(232, 232, 236);
 pub(super) const EMPTY: Colour = Colour(205, 205, 205);
 /// The page, and the inside of hollow arrows.
 pub(super) const PAPER: Colour = Colour(255, 255, 255);
-/// Regions in turn.
-pub(super) const SHADES: [Colour; 3] = [Colour(250, 240, 205), Colour(222, 236, 247), Colour(236, 228, 240)];
+/// Regions.
+pub(super) const SHADE: Colour = Colour(250, 240, 205);
 
 /// Series in turn. Source: the colours of Okabe and Ito (2008) without yellow, which is faint on white.
 pub const COLOURS: [Colour; 7] = [

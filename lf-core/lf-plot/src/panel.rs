@@ -68,8 +68,8 @@ impl<'a> PanelLayout<'a> {
         if self.ticks[0].is_empty() { 8 } else { 28 }
     }
 
-    /// Draws it with the upper left corner of its frame at a place. Returns the number of labels left out.
-    pub fn draw(&self, drawing: &mut Drawing, [left, top]: [i32; 2]) -> usize {
+    /// Draws it with the upper left corner of its frame at a place.
+    pub fn draw(&self, drawing: &mut Drawing, [left, top]: [i32; 2]) {
         let low = [left, top].map(f64::from);
         let frame = PxBox { low, high: [0, 1].map(|axis| low[axis] + f64::from(self.size[axis])) };
         let title_top = top - self.heights()[0];
@@ -77,22 +77,21 @@ impl<'a> PanelLayout<'a> {
             drawing.text(line, (left, title_top + LINE / 2 + n as i32 * LINE), NAME_PX, Anchor::Left);
         }
         self.key.draw(drawing, (left, top - self.key.height - NAME_GAP));
-        let left_out = self.contents(drawing, frame);
+        self.contents(drawing, frame);
         drawing.frame([rounded(frame.low), rounded(frame.high)], INK);
         self.ticks(drawing, frame);
         self.names(drawing, [left, top]);
         if let Some(bar) = &self.bar {
             bar.draw(drawing, [left + self.size[0] + BAR_GAP, top]);
         }
-        left_out
     }
 
     /// Draws the grid and the marks, or says that there is no data.
-    fn contents(&self, drawing: &mut Drawing, frame: PxBox) -> usize {
+    fn contents(&self, drawing: &mut Drawing, frame: PxBox) {
         let ([Some(x), Some(y)], true) = (self.ranges, self.has_data()) else {
             let middle = [0, 1].map(|axis| 0.5 * (frame.low[axis] + frame.high[axis]));
             drawing.text("no data", rounded(middle), NAME_PX, Anchor::Middle);
-            return 0;
+            return;
         };
         let view = PanelView { panel: self.panel, frame, x, y, looks: &self.looks };
         marks::regions(drawing, &view);
@@ -100,7 +99,7 @@ impl<'a> PanelLayout<'a> {
             let end = |corner: At| if axis == 0 { [at, corner[1]] } else { [corner[0], at] };
             drawing.line([frame.low, frame.high].map(|corner| rounded(end(corner))), GRID, 1);
         }
-        marks::marks(drawing, &view)
+        marks::marks(drawing, &view);
     }
 
     fn ticks(&self, drawing: &mut Drawing, frame: PxBox) {
@@ -145,7 +144,7 @@ impl<'a> PanelLayout<'a> {
     fn has_data(&self) -> bool {
         let holds = |[x, y]: &[f64; 2]| self.panel.x.holds(*x) && self.panel.y.holds(*y);
         self.panel.marks.iter().any(|mark| match mark {
-            Mark::Line { points, .. } | Mark::Points { points, .. } => points.iter().any(holds),
+            Mark::Line { points, .. } => points.iter().any(holds),
             Mark::Arrows(arrows) => arrows.points.iter().any(holds),
             Mark::Steps { values, .. } => values.iter().any(|value| value.is_finite()),
             Mark::Map { .. } => map::scale(mark).is_some(),

@@ -1,7 +1,7 @@
 //! A drawing as PDF of one page, with text as outlines.
 //!
-//! Source: ISO 32000-1. The file has a catalogue, a list of pages, one page with the opacities that it uses, and its
-//! content. A table of where each object begins ends it.
+//! Source: ISO 32000-1. The file has a catalogue, a list of pages, one page, and its content. A table of where each
+//! object begins ends it.
 
 use super::drawing::Drawing;
 use super::{font::Font, outline::outline, palette::Colour};
@@ -14,18 +14,14 @@ const POINTS: f32 = 0.75;
 
 /// The drawing as a PDF. Equal drawings give equal bytes.
 pub(super) fn pdf(drawing: &Drawing) -> Result<Vec<u8>, Refusal> {
-    let mut opacities: Vec<f32> = drawing.shapes.iter().map(|shape| shape.opacity).collect();
-    opacities.sort_by(f32::total_cmp);
-    opacities.dedup();
     let [width, height] = drawing.size.map(|side| POINTS * side as f32);
-    let states: String = opacities.iter().enumerate().map(|(n, a)| format!("/g{n} << /ca {a} /CA {a} >> ")).collect();
-    let content = content(drawing, &opacities, &Font::new()?);
+    let content = content(drawing, &Font::new()?);
     let objects = [
         "<< /Type /Catalog /Pages 2 0 R >>".to_owned(),
         "<< /Type /Pages /Kids [3 0 R] /Count 1 >>".to_owned(),
         format!(
             "<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width} {height}] /Contents 4 0 R /Resources << /ExtGState << \
-             {states}>> >> >>"
+             /g0 << /ca 1 /CA 1 >> >> >> >>"
         ),
         format!("<< /Length {} >>\nstream\n{content}endstream", content.len()),
     ];
@@ -41,17 +37,16 @@ pub(super) fn pdf(drawing: &Drawing) -> Result<Vec<u8>, Refusal> {
 }
 
 /// The drawing commands, in pixels with y downwards.
-fn content(drawing: &Drawing, opacities: &[f32], font: &Font) -> String {
+fn content(drawing: &Drawing, font: &Font) -> String {
     let mut text = format!("{POINTS} 0 0 -{POINTS} 0 {} cm\n", POINTS * drawing.size[1] as f32);
     let mut last = None;
     for shape in &drawing.shapes {
         let Some(path) = outline(&shape.geometry, font) else { continue };
-        let look = (shape.opacity, shape.colour, shape.stroke);
+        let look = (shape.colour, shape.stroke);
         if last != Some(look) {
-            let state = opacities.iter().position(|opacity| *opacity == shape.opacity).unwrap_or(0);
             let Colour(red, green, blue) = shape.colour;
             let [red, green, blue] = [red, green, blue].map(|part| (f32::from(part) / 2.55).round() * 0.01);
-            let _ = write!(text, "/g{state} gs {red} {green} {blue} ");
+            let _ = write!(text, "/g0 gs {red} {green} {blue} ");
             let _ = match shape.stroke {
                 None => writeln!(text, "rg"),
                 Some(stroke) => {
@@ -100,7 +95,7 @@ mod tests {
     fn the_table_of_a_pdf_points_at_its_objects() {
         let mut drawing = Drawing::new("", [40, 20]);
         drawing.line([(0, 0), (4, 8)], Colour(255, 0, 128), 2);
-        drawing.tint([(1, 2), (3, 4)], Colour(0, 0, 0), 0.5);
+        drawing.block([(1, 2), (3, 4)], Colour(0, 0, 0));
         let text = String::from_utf8(pdf(&drawing).unwrap()).unwrap();
         let start: usize = text.rsplit("startxref\n").next().unwrap().lines().next().unwrap().parse().unwrap();
         assert!(text[start..].starts_with("xref\n0 5\n"));
@@ -108,7 +103,7 @@ mod tests {
             let at: usize = line[..10].parse().unwrap();
             assert!(text[at..].starts_with(&format!("{} 0 obj\n", n + 1)), "{line}");
         }
-        assert!(text.contains("/MediaBox [0 0 30 15]") && text.contains("/ca 0.5"));
+        assert!(text.contains("/MediaBox [0 0 30 15]"));
         assert!(text.contains("1 0 0.5 RG 2 w [] 0 d\n0.00 0.00 m 4.00 8.00 l S\n"), "{text}");
         assert!(text.contains("1.00 2.00 m 3.00 2.00 l 3.00 4.00 l 1.00 4.00 l h f\n"), "{text}");
     }

@@ -24,7 +24,7 @@ fn paint(pixmap: &mut Pixmap, shape: &DrawnShape, font: &Font) {
     let Some(path) = outline(&shape.geometry, font) else { return };
     let mut paint = Paint::default();
     let Colour(red, green, blue) = shape.colour;
-    paint.set_color_rgba8(red, green, blue, (255.0 * shape.opacity).round() as u8);
+    paint.set_color_rgba8(red, green, blue, 255);
     let finer = Transform::from_scale(FINER, FINER);
     match shape.stroke {
         None => pixmap.fill_path(&path, &paint, FillRule::Winding, finer, None),

@@ -1,4 +1,4 @@
-//! A rectangle on a drawing, and the parts of lines and areas inside it.
+//! A rectangle on a drawing, and the parts of lines inside it.
 
 use super::drawing::At;
 
@@ -10,19 +10,6 @@ pub(super) struct PxBox {
 }
 
 impl PxBox {
-    pub fn about(at: At, half: At) -> Self {
-        Self { low: [0, 1].map(|axis| at[axis] - half[axis]), high: [0, 1].map(|axis| at[axis] + half[axis]) }
-    }
-
-    pub fn meets(&self, other: &Self) -> bool {
-        (0..2).all(|axis| self.low[axis] < other.high[axis] && other.low[axis] < self.high[axis])
-    }
-
-    /// Whether a place lies inside, not on an edge.
-    pub fn holds(&self, at: At) -> bool {
-        (0..2).all(|axis| self.low[axis] < at[axis] && at[axis] < self.high[axis])
-    }
-
     /// Whether a place lies inside or on an edge, up to rounding.
     pub fn contains(&self, at: At) -> bool {
         (0..2).all(|axis| (self.low[axis] - 0.01..=self.high[axis] + 0.01).contains(&at[axis]))
@@ -66,28 +53,6 @@ impl PxBox {
         }
         parts
     }
-
-    /// The part of an area inside the frame, by the method of Sutherland and Hodgman.
-    pub fn area(&self, places: &[At]) -> Vec<At> {
-        let mut kept = places.to_vec();
-        for (axis, edge, sign) in
-            [(0, self.low[0], 1.0), (0, self.high[0], -1.0), (1, self.low[1], 1.0), (1, self.high[1], -1.0)]
-        {
-            let whole = std::mem::take(&mut kept);
-            let inside = |at: &At| sign * (at[axis] - edge) >= 0.0;
-            for (n, at) in whole.iter().enumerate() {
-                let before = &whole[(n + whole.len() - 1) % whole.len()];
-                if inside(before) != inside(at) {
-                    let share = (edge - before[axis]) / (at[axis] - before[axis]);
-                    kept.push([0, 1].map(|a| before[a] + share * (at[a] - before[a])));
-                }
-                if inside(at) {
-                    kept.push(*at);
-                }
-            }
-        }
-        kept
-    }
 }
 
 #[cfg(test)]
@@ -105,18 +70,5 @@ mod tests {
         assert!(parts.iter().flatten().all(|at| FRAME.contains(*at)));
         let gap = [[1.0, 1.0], [2.0, 2.0], [f64::NAN, 3.0], [4.0, 4.0], [5.0, 4.0]];
         assert_eq!(FRAME.line(&gap), [[[1.0, 1.0], [2.0, 2.0]], [[4.0, 4.0], [5.0, 4.0]]]);
-    }
-
-    #[test]
-    fn an_area_keeps_its_inside() {
-        let area = FRAME.area(&[[-5.0, 2.0], [15.0, 2.0], [15.0, 20.0], [-5.0, 20.0]]);
-        let sizes: f64 = (0..area.len())
-            .map(|n| {
-                let [a, b] = [area[n], area[(n + 1) % area.len()]];
-                0.5 * (a[0] * b[1] - b[0] * a[1])
-            })
-            .sum();
-        assert!((sizes.abs() - 80.0).abs() < 1e-9);
-        assert!(FRAME.area(&[[20.0, 2.0], [30.0, 2.0], [25.0, 5.0]]).is_empty());
     }
 }

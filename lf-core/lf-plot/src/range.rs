@@ -113,11 +113,9 @@ fn range(panel: &Panel, which: usize, seen: &dyn Fn(f64) -> bool) -> Option<Rang
 /// The values of a mark that have to fit on the axis.
 fn values(mark: &Mark, panel: &Panel, which: usize, seen: &dyn Fn(f64) -> bool) -> Vec<f64> {
     match mark {
-        Mark::Line { points, spread, .. } | Mark::Points { points, spread, .. } => {
-            let is_shown = |[x, y]: &[f64; 2]| panel.x.holds(*x) && panel.y.holds(*y) && seen(*x);
-            let seen_points = points.iter().enumerate().filter(|(_, point)| is_shown(point));
-            let spread_at = |n: usize| spread.as_ref().filter(|_| which == 1).map(|spread| spread[n]);
-            seen_points.flat_map(|(n, point)| spread_at(n).into_iter().flatten().chain([point[which]])).collect()
+        Mark::Line { points, .. } => {
+            let is_shown = |[x, y]: &&[f64; 2]| panel.x.holds(*x) && panel.y.holds(*y) && seen(*x);
+            points.iter().filter(is_shown).map(|point| point[which]).collect()
         }
         Mark::Steps { edges, .. } if which == 0 => edges.clone(),
         Mark::Steps { edges, values, .. } => {

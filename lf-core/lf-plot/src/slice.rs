@@ -2,9 +2,9 @@
 
 use super::chart::{Arrows, Axis, Mark, Panel};
 use super::range::stretch;
-use lf_core::{field::VectorGrid, statistics::quantile};
+use lf_core::field::{AXES, VectorGrid};
+use lf_core::statistics::quantile;
 
-const AXES: [&str; 3] = ["x", "y", "z"];
 /// Share of the values that colours and arrows show whole, so that a few wild ones do not make the rest pale and short.
 const USUAL: f64 = 0.98;
 

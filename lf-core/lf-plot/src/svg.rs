@@ -30,9 +30,6 @@ fn write_shape(svg: &mut String, shape: &DrawnShape) {
     if let Some([dash, gap, other, last]) = shape.stroke.and_then(|stroke| stroke.dashes) {
         let _ = write!(paint, " stroke-dasharray=\"{dash} {gap} {other} {last}\"");
     }
-    if shape.opacity < 1.0 {
-        let _ = write!(paint, " opacity=\"{}\"", shape.opacity);
-    }
     let _ = match &shape.geometry {
         Geometry::Rectangle([(x, y), (right, low)]) => {
             let [width, height] = [right - x, low - y];
@@ -75,7 +72,7 @@ mod tests {
     #[test]
     fn every_shape_becomes_its_element() {
         let mut drawing = Drawing::new("a < b", [40, 20]);
-        drawing.tint([(1, 2), (4, 6)], Colour(255, 128, 0), 0.5);
+        drawing.block([(1, 2), (4, 6)], Colour(255, 128, 0));
         drawing.curve(&[[1.0, 2.0], [1.1, 2.2], [3.0, 4.0]], INK, 2, Some([7, 4, 7, 4]));
         drawing.ring((9, 8), 2, INK);
         drawing.upright_text("p & q", (20, 10), 15);
@@ -83,7 +80,7 @@ mod tests {
         for line in [
             "<title>a &lt; b</title>",
             r##"<rect x="0" y="0" width="40" height="20" fill="#FFFFFF"/>"##,
-            r##"<rect x="1" y="2" width="3" height="4" fill="#FF8000" opacity="0.5"/>"##,
+            r##"<rect x="1" y="2" width="3" height="4" fill="#FF8000"/>"##,
             r##"<polyline fill="none" stroke="#191923" stroke-width="2" stroke-dasharray="7 4 7 4" points="1,2 3,4"/>"##,
             r##"<circle cx="9" cy="8" r="2" fill="none" stroke="#191923" stroke-width="1"/>"##,
             "p &amp; q",

@@ -20,10 +20,10 @@ impl Look {
         let shifted = |(right, down): Pixel| (x + right, y + down);
         match (self.0 + self.0 / COLOURS.len()) % 7 {
             0 => drawing.disc((x, y), 4, colour),
-            1 => drawing.polygon([(-4, -4), (4, -4), (4, 4), (-4, 4)].map(shifted), colour, 1.0),
-            2 => drawing.polygon([(0, -5), (5, 4), (-5, 4)].map(shifted), colour, 1.0),
-            3 => drawing.polygon([(0, -6), (5, 0), (0, 6), (-5, 0)].map(shifted), colour, 1.0),
-            4 => drawing.polygon([(0, 5), (5, -4), (-5, -4)].map(shifted), colour, 1.0),
+            1 => drawing.polygon([(-4, -4), (4, -4), (4, 4), (-4, 4)].map(shifted), colour),
+            2 => drawing.polygon([(0, -5), (5, 4), (-5, 4)].map(shifted), colour),
+            3 => drawing.polygon([(0, -6), (5, 0), (0, 6), (-5, 0)].map(shifted), colour),
+            4 => drawing.polygon([(0, 5), (5, -4), (-5, -4)].map(shifted), colour),
             5 => {
                 drawing.line([(-4, -4), (4, 4)].map(shifted), colour, 2);
                 drawing.line([(-4, 4), (4, -4)].map(shifted), colour, 2);

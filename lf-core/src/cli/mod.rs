@@ -7,7 +7,6 @@
 //! Exit codes: 0 done; 1 judged, and the answer is no; 2 the work could not be done. Every failure ends in one line on
 //! standard error that starts with the tool's name.
 
-mod clock;
 mod complaint;
 mod frame_warnings;
 mod generate;
@@ -17,10 +16,8 @@ mod memory;
 mod progress;
 mod run;
 mod session;
-mod stats;
 mod values;
 
-pub use clock::thread_seconds;
 pub use lengths::length_mm;
 pub use memory::{MemoryLimit, check_memory};
 pub use progress::Progress;

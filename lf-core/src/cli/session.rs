@@ -1,10 +1,11 @@
 //! The options of every tool, and the handle that a tool's body gets: messages, progress, history, phases.
 
 use super::complaint::one_line;
+use super::memory::peak_bytes;
 use super::progress::{Progress, Screen};
 use crate::history::{History, Step};
 use crate::{Error, Result, io};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -32,9 +33,9 @@ pub struct Session {
     keeps_history: bool,
     screen: Screen,
     pub(super) common: Common,
-    pub(super) started: Instant,
-    pub(super) phases: Vec<(String, f64)>,
-    pub(super) counts: Map<String, Value>,
+    started: Instant,
+    phases: Vec<(String, f64)>,
+    counts: Map<String, Value>,
 }
 
 impl Session {
@@ -104,6 +105,22 @@ impl Session {
     /// Prints `tool: warning: ...` on standard error, unless `--quiet`.
     pub fn warn(&self, line: impl AsRef<str>) {
         self.say(format!("warning: {}", line.as_ref()));
+    }
+
+    /// Writes the file of `--stats`; does nothing without it.
+    pub(super) fn save_stats(&self) -> Result<()> {
+        let Some(path) = &self.common.stats else { return Ok(()) };
+        let phases: Map<_, _> = self.phases.iter().map(|(name, seconds)| (name.clone(), json!(seconds))).collect();
+        let stats = json!({
+            "tool": self.step.tool,
+            "version": self.step.version,
+            "threads": rayon::current_num_threads(),
+            "seconds": self.started.elapsed().as_secs_f64(),
+            "phases": phases,
+            "peak_bytes": peak_bytes(),
+            "counts": self.counts,
+        });
+        io::save_text(path, |out| writeln!(out, "{stats:#}"))
     }
 
     fn print(&self, line: &str) {

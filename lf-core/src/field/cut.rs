@@ -4,7 +4,10 @@ use super::vector_grid::VectorGrid;
 use crate::Refusal;
 use std::str::FromStr;
 
-const AXES: [&str; 3] = ["x", "y", "z"];
+/// The letters of the axes.
+pub const AXES: [&str; 3] = ["x", "y", "z"];
+/// The letters of the components of a vector along the axes.
+pub const COMPONENTS: [&str; 3] = ["u", "v", "w"];
 
 /// A plane normal to one axis of a field. As text: `z` (the middle) or `z=0.5` (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -32,7 +32,7 @@ mod interpolation;
 mod vector_grid;
 mod vectors;
 
-pub use cut::Cut;
+pub use cut::{AXES, COMPONENTS, Cut};
 pub use export::{Array, ImageData, Time, save_arrays, save_series, write_field_data};
 pub use interpolation::{Cell, Difference, Interpolated};
 pub use vector_grid::VectorGrid;

@@ -19,11 +19,6 @@ pub fn open(path: &Path) -> Result<Image> {
     Stack::open(path)?.only(None)
 }
 
-/// Reads from memory like [`open`], for a file `name`.
-pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Image> {
-    Stack::from_bytes(bytes.to_vec().into(), name)?.only(None)
-}
-
 /// Reads like [`open`], colour by `channel`. Refuses pixels that are NaN, infinite or negative.
 pub fn open_counts(path: &Path, channel: Option<Channel>) -> Result<Image> {
     counts(Stack::open(path)?.only(channel)?, &io::name(path))

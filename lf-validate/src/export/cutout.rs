@@ -9,9 +9,6 @@ const SLICE_BYTES: f64 = 8.0;
 /// Bytes of a slice in the head of a stack, or of a place in an axis.
 const PLANE_BYTES: f64 = 300.0;
 
-/// Tolerance in voxels; millimetres are rarely whole in binary.
-const TOLERANCE_VOX: f64 = 1e-6;
-
 /// The voxels of a volume that have their centres in a box.
 pub struct Cutout<'a> {
     volume: &'a JoinedVolume,
@@ -23,11 +20,7 @@ impl<'a> Cutout<'a> {
     /// The part in `box_mm`: x0, x1, y0, y1, z0, z1. Refuses a box without a voxel.
     pub fn new(volume: &'a JoinedVolume, box_mm: [f64; 6]) -> std::result::Result<Self, Refusal> {
         let whole = volume.grid();
-        let voxels = [0, 1, 2].map(|axis| {
-            let clamp = |voxel: f64| voxel.clamp(0.0, whole.shape[axis] as f64) as usize;
-            let [low, high] = [0, 1].map(|side| whole.place_vox(axis, box_mm[2 * axis + side]));
-            clamp((low - TOLERANCE_VOX).ceil())..clamp((high + TOLERANCE_VOX).floor() + 1.0)
-        });
+        let voxels = whole.voxels_within(box_mm);
         if let Some(axis) = (0..3).find(|axis| voxels[*axis].is_empty()) {
             let [low, high] = [box_mm[2 * axis], box_mm[2 * axis + 1]];
             let found = format!("no voxel has its centre in {} from {low} to {high} mm", ["x", "y", "z"][axis]);

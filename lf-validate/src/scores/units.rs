@@ -1,7 +1,6 @@
 //! Axes, components and the units of errors.
 
-pub(crate) const COMPONENTS: [&str; 3] = ["u", "v", "w"];
-pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
+pub(crate) use lf_core::field::{AXES, COMPONENTS};
 
 /// Name of a unit and its length along each axis, mm.
 pub(crate) type Unit = (&'static str, [f64; 3]);

@@ -5,7 +5,6 @@ use lf_core::{
     Error, Grid, JoinedVolume, Result, Session, Verdict, Volume, cli, field::Cut, io, simd::Level, volume::together,
 };
 use lf_xcorr::{Mask, Outcome, Plan, Refused, Seeding, Side, Sparse};
-use std::ops::Range;
 use std::path::PathBuf;
 
 /// The column of a volume that is correlated.
@@ -126,7 +125,7 @@ fn support(arguments: &Arguments) -> Result<Option<Volume>> {
 fn mask<'a>(arguments: &Arguments, support: Option<&'a Volume>, first: &JoinedVolume) -> Result<Mask<'a>> {
     let grid = first.grid();
     match (&arguments.mask, support) {
-        (Some(MaskSource::Box(box_mm)), _) => Ok(Mask::Box(voxels_in(*box_mm, grid))),
+        (Some(MaskSource::Box(box_mm)), _) => Ok(Mask::Box(grid.voxels_within(*box_mm))),
         (_, Some(support)) if !support.grid().agrees_with(grid) => {
             let wanted = format!("wanted the grid of {}, {grid}", first.name());
             Err(Error::new(support.name(), format!("a grid of {}", support.grid()), wanted))
@@ -134,17 +133,6 @@ fn mask<'a>(arguments: &Arguments, support: Option<&'a Volume>, first: &JoinedVo
         (_, Some(support)) => Ok(Mask::Support(support.indices())),
         _ => Ok(Mask::Everything),
     }
-}
-
-/// The voxels that have their centres in a box of x0, x1, y0, y1, z0, z1 mm.
-fn voxels_in(box_mm: [f64; 6], grid: &Grid) -> [Range<usize>; 3] {
-    // Tolerance for rounding: millimetres are rarely whole in binary.
-    const TOLERANCE_VOX: f64 = 1e-6;
-    [0, 1, 2].map(|axis| {
-        let clamp = |voxel: f64| voxel.clamp(0.0, grid.shape[axis] as f64) as usize;
-        let [low, high] = [0, 1].map(|side| grid.place_vox(axis, box_mm[2 * axis + side]));
-        clamp((low - TOLERANCE_VOX).ceil())..clamp((high + TOLERANCE_VOX).floor() + 1.0)
-    })
 }
 
 /// Refuses a slice outside the part of the volume `name` that is correlated.

@@ -24,7 +24,6 @@ mod patches;
 mod slices;
 mod stop;
 mod walk;
-mod wanted;
 mod wide;
 
 pub(crate) use array::LensletArray;

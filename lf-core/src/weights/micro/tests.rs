@@ -2,8 +2,7 @@
 
 use super::hits::{Hit, Hits};
 use super::narrow::Narrow;
-use super::walk::SliceBeam;
-use super::wanted::Wanted;
+use super::walk::{SliceBeam, Wanted};
 use super::{Micro, images};
 use crate::camera::{Aperture, Camera, Distortion, Medium, Tilt, tests::seed};
 use crate::lattice::{Centres, Layout};
