@@ -119,7 +119,8 @@ impl StraightRays {
         self.chief_mm(object_mm) + self.alpha * aperture_mm
     }
 
-    /// The same of the ray through the middle of the aperture. It is linear in the place, so it maps steps as well.
+    /// Where the ray through the middle of the aperture meets the array. This is linear in the place, so it maps steps as
+    /// well.
     #[inline(always)]
     pub fn chief_mm(&self, object_mm: DVec2) -> DVec2 {
         -self.beta * sensor_axes(object_mm)
@@ -248,7 +249,7 @@ impl Optics {
         g * offset
     }
 
-    /// The same of the ray that passes `aperture_mm` and meets the array at `array_mm`, without distortion.
+    /// Slope behind the lens of the ray that passes `aperture_mm` and meets the array at `array_mm`, without distortion.
     #[inline(always)]
     pub fn slope_from_array(&self, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let lens_mm = self.lens_mm(array_mm, aperture_mm);
@@ -268,7 +269,7 @@ impl Optics {
         lens_mm * lens + self.image_distance_mm * self.slope(object_mm, z_mm, lens_mm)
     }
 
-    /// The same of a ray that passes `aperture_mm` of an exit pupil.
+    /// Where a ray that passes `aperture_mm` of an exit pupil meets the array.
     #[inline(never)]
     fn array_from_pupil(&self, object_mm: DVec2, z_mm: f64, aperture_mm: DVec2, ratio: f64) -> DVec2 {
         // Newton's method for h = r V + (1 - r) y_m(h); near the axis y_m changes by alpha h.
@@ -313,7 +314,8 @@ impl Optics {
         self.sensor_through(self.lattice.nearest_centre_mm(array_mm), array_mm, aperture_mm)
     }
 
-    /// The same through the lenslet with centre `centre`, even if the ray meets the array outside that lenslet's cell.
+    /// Like [`Self::sensor_from_array`], but through the lenslet with centre `centre`, even if the ray meets the array
+    /// outside that lenslet's cell.
     #[inline(always)]
     pub fn sensor_through(&self, centre: DVec2, array_mm: DVec2, aperture_mm: DVec2) -> DVec2 {
         let Some(plane) = &self.sensor_plane else {
@@ -336,8 +338,8 @@ impl Optics {
         self.pixel_pitch_mm * self.middle_px() + self.demagnification * self.half_aperture_mm
     }
 
-    /// The centres, mm, of the lenslets within `reach_mm` of a point of the array, without those that the sensor does not
-    /// see; a few more of both.
+    /// The centres, mm, of the lenslets that lie within `reach_mm` of a point of the array and that the sensor sees, and a
+    /// few more.
     pub(crate) fn lenslets_seen(&self, point_mm: DVec2, reach_mm: DVec2) -> impl Iterator<Item = DVec2> + '_ {
         // A gap that grows across the sensor makes the images of the stop up to twice as wide.
         let seen = self.seen_mm() + self.demagnification * self.half_aperture_mm + self.lattice.period_y_mm();

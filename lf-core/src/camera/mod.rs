@@ -15,8 +15,8 @@
 //! `frame` is `right-handed` in every file that the tools write. A camera without it is read too, so that a data sheet
 //! may be typed in without it and cameras of lf 0.1.0 keep their worth: no key depends on where X points.
 //!
-//! `pose` says where a camera stands among others: [`Pose`]. Every tool works in the frame of the camera that it is given,
-//! whatever its pose. Only lf-fit with several cameras, and lf-synth, which puts a posed camera into its scene, read it.
+//! `pose` says where a camera stands among others: [`Pose`]. Every tool works in the frame of its own camera, whatever
+//! the pose. Only lf-fit with several cameras reads it, and lf-synth, which puts a posed camera into its scene.
 //!
 //! | symbol | key | derived here |
 //! | --- | --- | --- |

@@ -17,7 +17,8 @@ const LIKELY_FOCAL_MM: [f64; 2] = [2.0, 2000.0];
 /// Magnification, and image distance over the stop's diameter.
 const MAGNIFICATION: [f64; 2] = [1e-4, 1000.0];
 const F_NUMBER: [f64; 2] = [0.3, 1000.0];
-/// Least focal length of the main lens over its diameter f (1 + m) / N: 0.5 takes all light in air, 0.36 with the best oil.
+/// Smallest focal length of the main lens over its diameter f (1 + m) / N: 0.5 takes all light in air, 0.36 with the
+/// best oil.
 const LEAST_LENS_F_NUMBER: f64 = 0.3;
 /// Distance of the exit pupil over the image distance: long for lenses that are telecentric towards the sensor.
 const PUPIL: [f64; 2] = [0.1, 1e4];

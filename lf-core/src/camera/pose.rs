@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 /// A rigid motion from the common frame to the camera's own: `place in the camera = rotation * place + translation`.
 ///
-/// The camera's own frame is that of [`crate::optics`]: its origin lies on the axis in the focal plane, Z points towards
-/// the camera.
+/// The camera's own frame is that of [`crate::optics`]: its origin lies on the axis in the focal plane, and Z points
+/// towards the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pose {

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! The mean M of H over K is exact: it is the sharp cell's mean over the pixel, from tables for a spot of variance
-//! `spot^2 + (alpha b)^2`, where b is the blur in the stop. The product H K is a small bump. Its middle and its variance
+//! `spot^2 + (alpha b)^2`, where b is the blur in the stop. The product H K is a small bump. Its middle and variance
 //! follow from M (`v` is the variance of K):
 //!
 //! ```text
@@ -194,7 +194,7 @@ fn lit(axis: &Axis, alpha: f64, half: f64, reach: f64, sigma_px: f64) -> Option<
     (first < end).then_some((first, end))
 }
 
-/// What all pixels of a lenslet have in common.
+/// Numbers that all pixels of a lenslet share.
 struct Pixel {
     half: f64,
     alpha: DVec2,

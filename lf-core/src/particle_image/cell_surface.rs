@@ -30,7 +30,7 @@ pub(super) struct Tables<T> {
 pub(super) const REACH_SIGMA: f64 = 4.0;
 /// Nodes of the tables for each standard deviation. The tables err by 1e-6 of the light.
 const NODES_PER_SIGMA: f64 = 4.0;
-/// The same along a line.
+/// [`NODES_PER_SIGMA`] along a line.
 const NODES_PER_SIGMA_OF_LINES: f64 = 8.0;
 /// Nodes beyond the reach, so that the ends of the spline do not matter.
 const MARGIN: f64 = 8.0;

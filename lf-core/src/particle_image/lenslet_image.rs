@@ -64,7 +64,7 @@ pub(super) trait Listed: Table {
     where
         Self: Sized;
 
-    /// The same at the scratch's hits on the array.
+    /// Like `means`, but at the scratch's hits on the array.
     fn means_at<const N: usize>(share: &Self, more_mm: f64, scratch: &mut Scratch);
 
     /// Adds the light up, pixel by pixel.
@@ -152,14 +152,14 @@ pub struct Scratch {
 
 /// Pixels whose width on the array is below this many standard deviations of the spot are integrated by points.
 pub(super) const BY_POINTS: f64 = 0.5;
-/// The same if the rays bend.
+/// [`BY_POINTS`] for rays that bend.
 const BY_POINTS_BENT: f64 = 0.75;
 /// Gauss-Legendre with two nodes: their places in the interval.
 pub(super) const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 /// Where the mean over a pixel is taken, pixels at the rim are cut until they are no wider than this share of the
 /// stop's half side.
 const FINE_IN_STOP: f64 = 0.16;
-/// Most parts of a pixel a side.
+/// Largest number of parts of a pixel a side.
 const FINEST: f64 = 4.0;
 
 impl Scratch {
@@ -374,8 +374,8 @@ impl<T: Listed> LensletImage<'_, T> {
         *T::lists(scratch) = taps;
     }
 
-    /// Adds up a pixel that the rim of a round stop crosses, strip by strip in both ways. `each(light, strip, way)` adds a
-    /// strip's part to the light and returns the strip's whole light.
+    /// Adds up a pixel that the rim of a round stop crosses, strip by strip in both ways. `each(light, strip, way)` adds
+    /// a strip's part to the light and returns the strip's whole light.
     #[inline(always)]
     fn add_strips(
         &self,
@@ -444,7 +444,7 @@ impl<T: Listed> LensletImage<'_, T> {
         );
     }
 
-    /// The same by two by two points of each strip.
+    /// Like `by_strips`, but with two by two points of each strip instead of the integral.
     #[inline(always)]
     fn by_strip_points<const N: usize>(&self, light: &mut [f64; QUANTITIES], x: &[Place], y: &[Place], cut: Cut) {
         let Cut { alpha, centre, .. } = cut;
@@ -629,7 +629,7 @@ impl Cut {
         [column, row]: [usize; 2],
         pixels: &mut [[f64; QUANTITIES]],
     ) {
-        // Most lenslets have whole pixels; divisions take long.
+        // Nearly all lenslets have whole pixels, and divisions take long.
         let [column, row] = if self.parts == 1 { [column, row] } else { [column / self.parts, row / self.parts] };
         let pixel = &mut pixels[row * self.columns + column];
         for n in 0..N {

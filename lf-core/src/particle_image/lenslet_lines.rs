@@ -49,7 +49,7 @@ impl LensletLines {
         }
     }
 
-    /// Fewest pixels that a millimetre of the stop covers under any lenslet, in light of this spread.
+    /// Smallest number of pixels that a millimetre of the stop covers under any lenslet, in light of this spread.
     pub(super) fn fewest_px_by_stop(&self, alpha: f64) -> f64 {
         let lines = self.rows.iter().flat_map(|(_, row)| row);
         lines.fold(f64::INFINITY, |fewest, line| fewest.min((line.kappa - line.gamma * alpha).abs().min_element()))

@@ -26,9 +26,9 @@ pub struct ParticleModel {
 
 /// Ratio of the sizes of neighbouring tables. Between two tables the model is linear in the size; it errs by 2e-4.
 const TABLE_RATIO: f64 = 1.04;
-/// The same for a blurred camera, whose spots grow much with the distance from focus.
+/// [`TABLE_RATIO`] for a blurred camera, whose spots grow much with the distance from focus.
 const BLURRED_TABLE_RATIO: f64 = 1.08;
-/// A blurred spot is never wider than that through a stop of so many pixels under a lenslet.
+/// Smallest width of the stop under a lenslet, px, for which the tables are wide enough.
 const LEAST_PX_BY_STOP: f64 = 2.0;
 /// Spots smaller than this are drawn at this size, pixel pitches on the array.
 const LEAST_SPOT_PX: f64 = 0.05;
@@ -109,7 +109,7 @@ impl ParticleModel {
         (self.alpha_by_z * step_mm).abs() * self.view.optics.half_aperture_mm / self.view.optics.pixel_pitch_mm
     }
 
-    /// Most pixels between the chief ray of a particle at depth `z_mm` and a pixel that it lights.
+    /// Largest distance from the chief ray of a particle at depth `z_mm` to a pixel that it lights, px.
     pub fn reach_px(&self, z_mm: f64) -> f64 {
         let beam = self.tracer.beam(&self.view.optics, [0.0, 0.0, z_mm]);
         let spot = REACH_SIGMA * beam.beta * self.sigma_mm;
@@ -127,8 +127,8 @@ impl ParticleModel {
         self.visit_all::<QUANTITIES>(place_mm, scratch, found);
     }
 
-    /// The same with the first [`PLACES`] quantities only, in less time. The derivative by z leaves out that the spot
-    /// grows towards the camera, a ten-thousandth of it.
+    /// Like [`Self::visit`], but with the first [`PLACES`] quantities only, in less time. The derivative by z leaves out
+    /// that the spot grows towards the camera, a ten-thousandth of it.
     #[inline(always)]
     pub fn visit_places(
         &self,
@@ -139,7 +139,7 @@ impl ParticleModel {
         self.visit_all::<PLACES>(place_mm, scratch, found);
     }
 
-    /// The same with the share of light only: the other quantities are 0.
+    /// Like [`Self::visit`], but with the share of light only: the other quantities are 0.
     #[inline(always)]
     pub fn visit_light(
         &self,

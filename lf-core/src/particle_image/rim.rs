@@ -44,8 +44,8 @@ pub(super) struct Strip {
     pub(super) along: [Place; 2],
 }
 
-/// Near the diagonal of the stop strips run along both axes, and their shares change over this part of the distance from
-/// the middle.
+/// Near the diagonal of the stop, strips run along both axes, and their shares change over this part of the distance
+/// from the middle.
 const TURNING: f64 = 0.05;
 
 /// One of the two ways to cut a pixel.

@@ -26,7 +26,7 @@ fn image(model: &ParticleModel, place: [f64; 3]) -> Pixels {
     map
 }
 
-/// Total variation distance between the model's light and the pixels hit by rays, and the noise of so many rays.
+/// Total variation distance between the model's light and the pixels hit by rays, and the noise of this number of rays.
 fn distance_from_rays(camera: &Camera, place: [f64; 3], rays: usize) -> (f64, f64) {
     let optics = Optics::new(camera);
     let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
@@ -56,7 +56,7 @@ fn distance_from_rays(camera: &Camera, place: [f64; 3], rays: usize) -> (f64, f6
     (0.5 * off, (lit as f64 / passed).sqrt() * 0.1)
 }
 
-/// The same on a blurred sensor: every ray spreads a Gaussian over the pixels.
+/// Like [`distance_from_rays`] on a blurred sensor, where every ray spreads a Gaussian over the pixels.
 fn distance_from_blurred_rays(camera: &Camera, place: [f64; 3], rays: usize) -> f64 {
     let optics = Optics::new(camera);
     let model = ParticleModel::new(camera, SIGMA_MM, DEPTH_MM).unwrap();
@@ -257,7 +257,7 @@ fn derivatives_are_those_of_the_light() {
                     4 => 0.02,
                     // Where an edge of a pixel meets the edge of the stop, the slope changes within the difference.
                     5 | 6 if !middle.view.has_round_stop => 0.05,
-                    // The same where a cell ends upon the rim.
+                    // The slope changes where a cell ends upon the rim, too.
                     5 | 6 => 5e-3,
                     _ => 5e-4,
                 };

@@ -1,5 +1,5 @@
-//! Blur on the sensor: diffraction by a lenslet's rim, and a Gaussian. A sensor at the focal length sees the far field of
-//! the lenslet's cell.
+//! Blur on the sensor: diffraction by a lenslet's rim, and a Gaussian. A sensor at the focal length sees the far field
+//! of the lenslet's cell.
 
 use glam::DVec2;
 use lf_core::{Camera, camera::Layout};
@@ -41,7 +41,7 @@ const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 const MOST_OF_DIFFRACTION: f64 = 4.0;
 const MOST_OF_GAUSSIAN: f64 = 4.0;
 
-/// Steps of another sequence, which shares no rational multiple with the first: roots of 2 and 3, less their whole parts.
+/// Steps of another sequence, independent of the first: roots of 2 and 3, less their whole parts.
 const GAUSSIAN_STEP: [f64; 2] = [0.414_213_562_373_095_1, 0.732_050_807_568_877_2];
 
 /// Maps the unit square to the pattern.

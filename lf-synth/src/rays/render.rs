@@ -53,8 +53,8 @@ pub fn frame(
     Rendered { pixels, emitted, arrived, rays: cast_rays }
 }
 
-/// Renders an evenly lit aperture through every lenslet of the sensor. `done` is called with the number of rows of cells
-/// finished since its last call.
+/// Renders an evenly lit aperture through every lenslet of the sensor. `done` is called with the number of rows of
+/// cells finished since its last call.
 pub fn white(instrument: &Instrument, cells: &WhiteCells, seed: u64, done: impl Fn(u64) + Sync) -> Rendered {
     let samples = Samples::new(cells.rays_per_cell, instrument.aperture, Shape::Square);
     let rows: Vec<usize> = (0..cells.rows).collect();
@@ -69,7 +69,7 @@ pub fn white(instrument: &Instrument, cells: &WhiteCells, seed: u64, done: impl 
     Rendered { pixels, emitted, arrived, rays: (cells.columns * cells.rows * cells.rays_per_cell) as u64 }
 }
 
-/// Most bytes that [`frame`] takes: the image, a table of samples, and a batch of tallies.
+/// Largest number of bytes that [`frame`] takes: the image, a table of samples, and a batch of tallies.
 pub fn frame_bytes(instrument: &Instrument, particles: &[Particle], glow: &Glow) -> f64 {
     let rays = particles.iter().map(|particle| glow.rays.of_intensity(particle.intensity)).max().unwrap_or(0);
     let mut tallies: Vec<f64> = tallies_px(instrument, particles, glow).collect();
@@ -77,7 +77,7 @@ pub fn frame_bytes(instrument: &Instrument, particles: &[Particle], glow: &Glow)
     rendered_bytes(instrument, rays, tallies.iter().take(BATCH).sum())
 }
 
-/// Most bytes that [`white`] takes.
+/// Largest number of bytes that [`white`] takes.
 pub fn white_bytes(instrument: &Instrument, cells: &WhiteCells) -> f64 {
     rendered_bytes(instrument, cells.rays_per_cell, BATCH.min(cells.rows) as f64 * instrument.row_px(cells))
 }
@@ -92,8 +92,8 @@ fn tallies_px<'a>(instrument: &'a Instrument, particles: &'a [Particle], glow: &
     particles.iter().map(|particle| instrument.tally_px(particle, glow))
 }
 
-/// Casts the rays of many sources and adds up their tallies, of at most `most_px` pixels, in order. Returns the image and
-/// the counts that arrived.
+/// Casts the rays of many sources and adds up their tallies, of at most `most_px` pixels, in order. Returns the image
+/// and the counts that arrived.
 fn collect<T: Sync>(
     [width, height]: [usize; 2],
     sources: &[T],

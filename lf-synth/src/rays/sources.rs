@@ -18,7 +18,7 @@ pub struct Glow {
 /// Number of rays that a particle sends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RayCount {
-    /// The same for all particles.
+    /// One number for all particles.
     Fixed(u32),
     /// Scaled with the brightness, so that all particles have the same noise in counts.
     Scaled {

@@ -16,7 +16,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// An empty tally with room for so many pixels: it need not grow, which would leave memory behind.
+    /// An empty tally with room for this number of pixels: it need not grow, which would leave memory behind.
     pub fn with_capacity(pixels: f64) -> Self {
         Self { rays: Vec::with_capacity(pixels.ceil() as usize), ..Self::default() }
     }
