@@ -90,7 +90,7 @@ impl Halo {
                 let Some(from) = (y + dy).checked_sub(reach).filter(|from| *from < height) else { continue };
                 let line = &light[from * width..(from + 1) * width];
                 for (dx, tap) in taps.iter().enumerate() {
-                    let (left, right) = (reach.saturating_sub(dx), (width + reach - dx).min(width));
+                    let (left, right) = (reach.saturating_sub(dx), (width + reach).saturating_sub(dx).min(width));
                     if left >= right {
                         continue;
                     }
